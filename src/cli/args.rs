@@ -1,0 +1,461 @@
+//! The arguments of every command, as the contract has them.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::str::FromStr;
+
+use clap::error::ErrorKind;
+use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use glam::DVec3;
+
+use crate::error::Error;
+
+/// Flies through the inside of the colon of a CT scan. Research software, not for diagnosis.
+#[derive(Parser, Debug)]
+#[command(name = "colvis", version, args_conflicts_with_subcommands = true, max_term_width = 120)]
+pub struct Args {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// Without a command: `fly`.
+    #[command(flatten)]
+    pub fly: FlyArgs,
+    #[command(flatten)]
+    pub global: Global,
+}
+
+/// Options that every command takes.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub struct Global {
+    /// Threads to use (all cores if left out)
+    #[arg(long, global = true, value_name = "N", value_parser = count)]
+    pub threads: Option<usize>,
+    /// HU where the wall's opacity starts and is full
+    #[arg(long, global = true, value_name = "LO,HI", allow_hyphen_values = true)]
+    pub wall: Option<Pair>,
+    /// Voxel spacing in mm, for inputs that carry none (a folder of PNG slices)
+    #[arg(long, global = true, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub spacing: Option<Triple>,
+    /// HU of black and white, for inputs that carry no HU
+    #[arg(long, global = true, value_name = "LO,HI", allow_hyphen_values = true)]
+    pub hu: Option<Pair>,
+    /// Which DICOM series of a folder to take
+    #[arg(long, global = true, value_name = "N", value_parser = count)]
+    pub series: Option<usize>,
+    /// Resample over missing DICOM slices instead of refusing them
+    #[arg(long, global = true)]
+    pub allow_gaps: bool,
+    /// View angle over the image's shorter side, degrees (90 if left out)
+    #[arg(long, global = true, value_name = "D", allow_hyphen_values = true)]
+    pub fov: Option<f64>,
+    /// Seed of the phantom
+    #[arg(long, global = true, value_name = "N")]
+    pub seed: Option<u64>,
+}
+
+/// The commands.
+#[derive(Subcommand, Debug)]
+pub enum Command {
+    /// Flies through the colon, in a window or headless
+    Fly(FlyArgs),
+    /// Renders a list of poses
+    Render(RenderArgs),
+    /// Writes the colon's lumen as a mask
+    Segment(SegmentArgs),
+    /// Writes the colon's centerline
+    Centerline(CenterlineArgs),
+    /// Writes a synthetic colon with its ground truth
+    Phantom(PhantomArgs),
+    /// Says what is in an input, as JSON
+    Info(InfoArgs),
+    /// Says what a flight would run and build, what it leaves out, and why
+    Explain(ExplainArgs),
+    /// Tentacles and mines in two dimensions
+    Plane(PlaneArgs),
+    /// Measures error against run time
+    Report(ReportArgs),
+}
+
+/// `fly`'s arguments.
+#[derive(ClapArgs, Clone, Debug, Default)]
+pub struct FlyArgs {
+    /// A scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices; the embedded phantom if left out
+    pub input: Option<PathBuf>,
+    /// Fly without a window
+    #[arg(long)]
+    pub headless: bool,
+    /// Who steers
+    #[arg(long, value_enum)]
+    pub guide: Option<GuideName>,
+    /// Where to start: rectum, cecum or X,Y,Z in mm LPS
+    #[arg(long, value_name = "P", allow_hyphen_values = true)]
+    pub from: Option<Point>,
+    /// Where to arrive
+    #[arg(long, value_name = "P", allow_hyphen_values = true)]
+    pub to: Option<Point>,
+    /// Swap the ends
+    #[arg(long)]
+    pub reverse: bool,
+    /// Simulated seconds at the most (600 headless)
+    #[arg(long, value_name = "S", allow_hyphen_values = true)]
+    pub seconds: Option<f64>,
+    /// Frames per simulated second of a recording (30)
+    #[arg(long, value_name = "F", allow_hyphen_values = true)]
+    pub fps: Option<f64>,
+    /// Image size (1024x1024)
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// Image quality (high)
+    #[arg(long, value_enum)]
+    pub quality: Option<QualityName>,
+    /// Which renderer (default)
+    #[arg(long, value_enum)]
+    pub preset: Option<PresetName>,
+    /// Where to record: a folder (ends in /), .gif or .mp4
+    #[arg(long, value_name = "OUT")]
+    pub record: Option<String>,
+    /// Where to log each simulation step, as JSON lines
+    #[arg(long, value_name = "F.jsonl")]
+    pub log: Option<PathBuf>,
+    /// Where to write what the flight took
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+    /// Add the share of the wall that was seen to the stats
+    #[arg(long)]
+    pub coverage: bool,
+    /// Keep the operator's input
+    #[arg(long, value_name = "F")]
+    pub record_input: Option<PathBuf>,
+    /// Repeat an operator's input
+    #[arg(long, value_name = "F")]
+    pub replay: Option<PathBuf>,
+    /// Repeat a flight's log
+    #[arg(long, value_name = "LOG")]
+    pub play: Option<PathBuf>,
+    /// Speed of --play relative to the flight's own
+    #[arg(long, value_name = "R", requires = "play", allow_hyphen_values = true)]
+    pub rate: Option<f64>,
+    /// A scene file: plugins and settings
+    #[arg(long, value_name = "S.toml")]
+    pub scene: Option<PathBuf>,
+}
+
+/// `render`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct RenderArgs {
+    /// A scan
+    pub input: PathBuf,
+    /// The poses, as JSON
+    #[arg(long, value_name = "P.json")]
+    pub poses: PathBuf,
+    /// The folder for the images
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Image size (1024x1024)
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// Image quality (high)
+    #[arg(long, value_enum)]
+    pub quality: Option<QualityName>,
+    /// Which renderer (default)
+    #[arg(long, value_enum)]
+    pub preset: Option<PresetName>,
+    /// Samples a pixel
+    #[arg(long, value_name = "N", value_parser = count)]
+    pub samples: Option<usize>,
+    /// Render every frame on its own
+    #[arg(long)]
+    pub no_reuse: bool,
+    /// Write the depth too, as NumPy files
+    #[arg(long)]
+    pub depth: bool,
+    /// Where to write what the frames took
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
+/// `segment`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct SegmentArgs {
+    /// A scan
+    pub input: PathBuf,
+    /// The mask: 0 outside, 1 gas, 2 tagged fluid
+    #[arg(long, value_name = "MASK")]
+    pub out: PathBuf,
+    /// Where to write volumes and bounds
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
+/// `centerline`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct CenterlineArgs {
+    /// A scan
+    #[arg(required_unless_present = "mask")]
+    pub input: Option<PathBuf>,
+    /// A mask of the lumen instead of a scan
+    #[arg(long, value_name = "M.nii.gz")]
+    pub mask: Option<PathBuf>,
+    /// The line: .json, .csv or .mrk.json
+    #[arg(long, value_name = "F")]
+    pub out: PathBuf,
+    /// Where to start
+    #[arg(long, value_name = "P", allow_hyphen_values = true)]
+    pub from: Option<Point>,
+    /// Where to end
+    #[arg(long, value_name = "P", allow_hyphen_values = true)]
+    pub to: Option<Point>,
+    /// Where to write length and times
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
+/// `phantom`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct PhantomArgs {
+    /// The volume; the format follows the ending
+    #[arg(long, value_name = "V.nii.gz")]
+    pub out: PathBuf,
+    /// Where to write the ground truth
+    #[arg(long, value_name = "T.json")]
+    pub truth: Option<PathBuf>,
+    /// small, standard or large
+    #[arg(long, value_enum, default_value = "standard")]
+    pub size: PhantomSize,
+    /// What it has
+    #[arg(long, value_enum, value_delimiter = ',', default_value = "folds,polyps,noise")]
+    pub with: Vec<PhantomFeature>,
+}
+
+/// `info`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct InfoArgs {
+    /// A scan
+    pub input: PathBuf,
+}
+
+/// `explain`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct ExplainArgs {
+    #[command(flatten)]
+    pub fly: FlyArgs,
+    /// As JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `plane`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct PlaneArgs {
+    /// A drawn lumen
+    pub lumen: Option<PathBuf>,
+    /// Without a window
+    #[arg(long)]
+    pub headless: bool,
+    /// The picture: .png or .gif
+    #[arg(long, value_name = "F")]
+    pub out: Option<PathBuf>,
+}
+
+/// `report`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct ReportArgs {
+    /// Which report
+    #[arg(value_enum)]
+    pub subject: ReportSubject,
+    /// The folder
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Under a minute
+    #[arg(long)]
+    pub quick: bool,
+    /// Steps of the perforation test
+    #[arg(long, value_name = "N")]
+    pub steps: Option<u64>,
+}
+
+/// Who steers.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum GuideName {
+    Tentacles,
+    Potential,
+    Path,
+    Manual,
+}
+
+/// Image quality.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum QualityName {
+    High,
+    Low,
+    Adaptive,
+    Reference,
+}
+
+/// Which renderer.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum PresetName {
+    Default,
+    Colvis,
+    Lean,
+}
+
+/// The phantom's sizes.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum PhantomSize {
+    Small,
+    Standard,
+    Large,
+}
+
+/// What a phantom can have.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum PhantomFeature {
+    Folds,
+    Polyps,
+    Fluid,
+    Bridges,
+    Noise,
+}
+
+/// Subjects of a report.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum ReportSubject {
+    Render,
+    Gradients,
+    Scenes,
+    Dynamics,
+    Fields,
+    Perforation,
+    All,
+}
+
+/// A point of the colon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Point {
+    Rectum,
+    Cecum,
+    /// World, mm LPS.
+    World(DVec3),
+}
+
+impl FromStr for Point {
+    type Err = String;
+
+    fn from_str(s: &str) -> Result<Self, String> {
+        match s {
+            "rectum" => Ok(Self::Rectum),
+            "cecum" => Ok(Self::Cecum),
+            _ => {
+                Ok(Self::World(s.parse::<Triple>().map_err(|e| format!("neither rectum nor cecum nor X,Y,Z: {e}"))?.0))
+            }
+        }
+    }
+}
+
+/// Two finite numbers, `A,B`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pair(pub f64, pub f64);
+
+impl FromStr for Pair {
+    type Err = String;
+
+    fn from_str(s: &str) -> Result<Self, String> {
+        let [a, b] = numbers(s)?;
+        Ok(Self(a, b))
+    }
+}
+
+/// Three finite numbers, `X,Y,Z`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triple(pub DVec3);
+
+impl FromStr for Triple {
+    type Err = String;
+
+    fn from_str(s: &str) -> Result<Self, String> {
+        numbers(s).map(|n| Self(DVec3::from_array(n)))
+    }
+}
+
+/// Image size in pixels, `WxH`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    pub width: usize,
+    pub height: usize,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(s: &str) -> Result<Self, String> {
+        let (w, h) = s.split_once(['x', 'X']).ok_or("is not WxH")?;
+        let side = |t: &str| t.trim().parse::<usize>().map_err(|e| format!("{t:?}: {e}"));
+        let (width, height) = (side(w)?, side(h)?);
+        if !(1..=16384).contains(&width) || !(1..=16384).contains(&height) {
+            return Err("a side must be 1 to 16384 pixels".to_owned());
+        }
+        Ok(Self { width, height })
+    }
+}
+
+fn numbers<const N: usize>(s: &str) -> Result<[f64; N], String> {
+    let mut out = [0.0; N];
+    let mut parts = s.split(',');
+    for o in &mut out {
+        let t = parts.next().ok_or_else(|| format!("needs {N} numbers"))?.trim();
+        *o = t.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| format!("{t:?} is not a finite number"))?;
+    }
+    if parts.next().is_some() { Err(format!("needs {N} numbers, no more")) } else { Ok(out) }
+}
+
+fn count(s: &str) -> Result<usize, String> {
+    s.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "must be a whole number from 1 to 4096".to_owned())
+}
+
+/// Prints help as it is, anything else as the one line that the contract asks for.
+pub fn refuse(e: &clap::Error) -> ExitCode {
+    if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
+        // A closed pipe (`colvis --help | head -1`) is no failure.
+        let _ = e.print();
+        return ExitCode::SUCCESS;
+    }
+    let text = e.render().to_string();
+    let why: Vec<&str> = text
+        .lines()
+        .map(str::trim)
+        .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more"))
+        .filter(|l| !l.is_empty() && !l.starts_with("tip:"))
+        .collect();
+    let why = why.join(" ");
+    let error = Error::usage("command line", why.strip_prefix("error: ").unwrap_or(&why), "see colvis --help");
+    eprintln!("error: {error}");
+    ExitCode::from(error.kind as u8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Args::command().debug_assert();
+    }
+
+    #[test]
+    fn no_command_is_fly_and_points_may_begin_with_a_minus() {
+        let a = Args::try_parse_from(["colvis", "scan.nii", "--headless", "--from", "-1,2,-3.5"]).unwrap();
+        assert!(a.command.is_none() && a.fly.headless);
+        assert_eq!(a.fly.from, Some(Point::World(DVec3::new(-1.0, 2.0, -3.5))));
+        let a = Args::try_parse_from(["colvis", "fly", "--to", "cecum", "--wall", "-800,-500"]).unwrap();
+        assert!(matches!(a.command, Some(Command::Fly(f)) if f.to == Some(Point::Cecum)));
+        assert!(Args::try_parse_from(["colvis", "--size", "0x5"]).is_err());
+        assert!(Args::try_parse_from(["colvis", "--from", "1,2,nan"]).is_err());
+    }
+}

@@ -1,0 +1,7 @@
+//! The command line of colvis.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    colvis::cli::main()
+}

@@ -1,0 +1,3 @@
+//! Small mathematics that several concepts share.
+
+pub mod hash;

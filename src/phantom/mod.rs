@@ -1,0 +1,1 @@
+//! A synthetic colon whose value, gradient and anatomy are known at every point.

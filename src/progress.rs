@@ -1,0 +1,60 @@
+//! How far a long piece of work has come, shared between the worker and whoever shows it, and the way to cancel it.
+
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+
+use crate::error::{Error, Result};
+
+/// Progress of one job; cheap to update from any thread. Share it in an `Arc` (or a `&'static`).
+#[derive(Debug, Default)]
+pub struct Progress {
+    stage: Mutex<String>,
+    done: AtomicU64,
+    total: AtomicU64,
+    cancelled: AtomicBool,
+}
+
+impl Progress {
+    /// A job that has not begun.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Begins a stage of `total` units (bytes, slices, …; 0 where it is not known), named as the user reads it.
+    pub fn stage(&self, name: &str, total: u64) {
+        *self.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = name.to_owned();
+        self.done.store(0, Relaxed);
+        self.total.store(total, Relaxed);
+    }
+
+    /// Counts `n` finished units.
+    ///
+    /// # Errors
+    /// When the job was cancelled: the worker gives up, leaving nothing half done.
+    pub fn advance(&self, n: u64) -> Result<()> {
+        self.done.fetch_add(n, Relaxed);
+        self.check()
+    }
+
+    /// # Errors
+    /// When the job was cancelled.
+    pub fn check(&self) -> Result<()> {
+        if self.is_cancelled() { Err(Error::cancelled(self.snapshot().0)) } else { Ok(()) }
+    }
+
+    /// Asks the worker to stop.
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Relaxed);
+    }
+
+    /// Whether [`Progress::cancel`] was called.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Relaxed)
+    }
+
+    /// Stage, units done, units in all (0 where it is not known).
+    pub fn snapshot(&self) -> (String, u64, u64) {
+        let stage = self.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
+        (stage, self.done.load(Relaxed), self.total.load(Relaxed))
+    }
+}

@@ -1,0 +1,141 @@
+//! Where voxels lie in the patient.
+
+use glam::{DAffine3, DMat3, DVec3};
+
+/// A regular grid in the world: `world = origin + direction · (spacing ∘ index)`, mm, LPS.
+///
+/// `direction` has unit columns. It may be left- or right-handed, and oblique (a tilted gantry), but never singular.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    dims: [usize; 3],
+    spacing: DVec3,
+    origin: DVec3,
+    direction: DMat3,
+    to_world: DAffine3,
+    to_voxel: DAffine3,
+}
+
+impl Grid {
+    /// A grid of `dims` voxels, `spacing` in mm, `origin` (centre of voxel 0,0,0) in mm LPS, `direction` with the world
+    /// directions of the three index axes as columns (they are normalised here).
+    ///
+    /// # Errors
+    /// Says in a few words what is wrong: no voxels, more than can be addressed, spacing that is not positive and
+    /// finite, an origin that is not finite, a direction that is singular or not finite.
+    pub fn new(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self, String> {
+        if dims.contains(&0) {
+            return Err(format!("has no voxels (dims {dims:?})"));
+        }
+        let count = dims.iter().try_fold(1usize, |n, &d| n.checked_mul(d)).filter(|&n| n <= isize::MAX as usize / 8);
+        if count.is_none() || dims.iter().any(|&d| d > i32::MAX as usize) {
+            return Err(format!("dims {dims:?} are more than can be addressed"));
+        }
+        if !spacing.is_finite() || spacing.min_element() <= 0.0 {
+            return Err(format!("spacing {spacing} mm is not positive and finite"));
+        }
+        if spacing.min_element() < 1e-6 || spacing.max_element() > 1e6 {
+            return Err(format!("spacing {spacing} mm is not that of a body"));
+        }
+        if !origin.is_finite() || origin.abs().max_element() > 1e9 {
+            return Err(format!("origin {origin} mm is not a place"));
+        }
+        let columns = [direction.x_axis, direction.y_axis, direction.z_axis].map(|c| c.normalize_or_zero());
+        let direction = DMat3::from_cols(columns[0], columns[1], columns[2]);
+        if !direction.is_finite() || direction.determinant().abs() < 1e-3 {
+            return Err("direction is singular".to_owned());
+        }
+        let to_world = DAffine3::from_mat3_translation(direction * DMat3::from_diagonal(spacing), origin);
+        let to_voxel = to_world.inverse();
+        Ok(Self { dims, spacing, origin, direction, to_world, to_voxel })
+    }
+
+    /// Voxels along each index axis.
+    pub fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// Distance between neighbouring voxels along each index axis, mm.
+    pub fn spacing(&self) -> DVec3 {
+        self.spacing
+    }
+
+    /// The smallest spacing, mm: the `h` of the opacity formula and the unit of steps along a ray.
+    pub fn min_spacing(&self) -> f64 {
+        self.spacing.min_element()
+    }
+
+    /// Centre of voxel (0, 0, 0), mm LPS.
+    pub fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// World directions of the index axes, as unit columns.
+    pub fn direction(&self) -> DMat3 {
+        self.direction
+    }
+
+    /// Number of voxels.
+    #[expect(clippy::len_without_is_empty, reason = "a grid is never empty")]
+    pub fn len(&self) -> usize {
+        self.dims[0] * self.dims[1] * self.dims[2]
+    }
+
+    /// Voxel coordinates to world, mm LPS.
+    pub fn to_world(&self) -> &DAffine3 {
+        &self.to_world
+    }
+
+    /// World, mm LPS, to voxel coordinates.
+    pub fn to_voxel(&self) -> &DAffine3 {
+        &self.to_voxel
+    }
+
+    /// World position of a (fractional) voxel index.
+    pub fn world(&self, voxel: DVec3) -> DVec3 {
+        self.to_world.transform_point3(voxel)
+    }
+
+    /// (Fractional) voxel index of a world position.
+    pub fn voxel(&self, world: DVec3) -> DVec3 {
+        self.to_voxel.transform_point3(world)
+    }
+
+    /// Volume of one voxel, ml.
+    pub fn voxel_ml(&self) -> f64 {
+        self.to_world.matrix3.determinant().abs() / 1000.0
+    }
+
+    /// Linear index of a voxel within the grid.
+    #[inline]
+    pub fn index(&self, i: usize, j: usize, k: usize) -> usize {
+        i + self.dims[0] * (j + self.dims[1] * k)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn world_and_voxel_are_inverse() {
+        let d = DMat3::from_cols(DVec3::NEG_X, DVec3::new(0.0, 0.8, 0.6), DVec3::new(0.0, -0.6, 0.8));
+        let g = Grid::new([4, 5, 6], DVec3::new(0.3, 0.7, 10.0), DVec3::new(-10.0, 20.0, 30.0), d).unwrap();
+        let p = DVec3::new(1.25, 3.5, 4.75);
+        assert!((g.voxel(g.world(p)) - p).length() < 1e-12);
+        assert!((g.world(DVec3::X) - g.origin() - DVec3::new(-0.3, 0.0, 0.0)).length() < 1e-12);
+        assert!((g.voxel_ml() - 0.3 * 0.7 * 10.0 / 1000.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn refuses_what_is_no_grid() {
+        let ok = |dims, s: DVec3, d| Grid::new(dims, s, DVec3::ZERO, d);
+        let one = DVec3::ONE;
+        assert!(ok([0, 1, 1], one, DMat3::IDENTITY).is_err());
+        assert!(ok([usize::MAX, 2, 2], one, DMat3::IDENTITY).is_err());
+        for s in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(ok([2; 3], DVec3::new(1.0, s, 1.0), DMat3::IDENTITY).is_err());
+        }
+        assert!(ok([2; 3], one, DMat3::ZERO).is_err());
+        assert!(ok([2; 3], one, DMat3::from_cols(DVec3::X, DVec3::X, DVec3::Z)).is_err());
+    }
+}

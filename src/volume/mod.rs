@@ -1,0 +1,53 @@
+//! A scan: Hounsfield units on a regular grid, and where that grid lies in the patient.
+
+mod grid;
+pub mod io;
+
+pub use grid::Grid;
+
+/// The value of everything outside a volume or outside the scanner's field of view, HU.
+pub const AIR_HU: i16 = -1024;
+
+/// A CT volume: one `i16` HU for each voxel, x fastest, then y, then z.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Volume {
+    grid: Grid,
+    data: Vec<i16>,
+}
+
+impl Volume {
+    /// A volume of `data` on `grid`.
+    ///
+    /// # Panics
+    /// When the number of values is not the grid's; readers check that before.
+    pub fn new(grid: Grid, data: Vec<i16>) -> Self {
+        assert_eq!(grid.len(), data.len(), "a volume's values must match its grid");
+        Self { grid, data }
+    }
+
+    /// The grid.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// All values, HU, x fastest.
+    pub fn data(&self) -> &[i16] {
+        &self.data
+    }
+
+    /// Size of the values in memory.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.data.as_slice())
+    }
+
+    /// Value of a voxel, HU; [`AIR_HU`] outside the grid.
+    #[inline]
+    pub fn get(&self, i: i64, j: i64, k: i64) -> i16 {
+        let [nx, ny, nz] = self.grid.dims();
+        if (i as u64) < nx as u64 && (j as u64) < ny as u64 && (k as u64) < nz as u64 {
+            self.data[i as usize + nx * (j as usize + ny * k as usize)]
+        } else {
+            AIR_HU
+        }
+    }
+}
