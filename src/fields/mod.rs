@@ -1,1 +1,5 @@
-//! fields
+//! What is computed from a volume for navigation, each only when a scene asks for it.
+
+pub mod clearance;
+
+pub use clearance::{Clearance, ClearanceFinder};
