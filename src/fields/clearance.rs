@@ -248,7 +248,9 @@ mod tests {
             let centre = DVec3::new(17.0, 25.0, 29.0);
             let v = volume(dims, spacing, |p| -650.0 + 200.0 * ((p - centre).length() - 15.0));
             let f = ClearanceFinder::new(v, -650.0, 12.0);
-            for (offset, want) in [(DVec3::X * 9.0, 6.0), (DVec3::new(3.0, -8.0, 4.0), 15.0 - 89f64.sqrt()), (DVec3::Z * 14.0, 1.0)] {
+            for (offset, want) in
+                [(DVec3::X * 9.0, 6.0), (DVec3::new(3.0, -8.0, 4.0), 15.0 - 89f64.sqrt()), (DVec3::Z * 14.0, 1.0)]
+            {
                 let c = f.at(centre + offset);
                 assert!((c.mm - want).abs() < 0.12, "{spacing} {offset}: {} for {want}", c.mm);
                 assert!(c.toward.dot(offset.normalize()) > 0.99);
