@@ -1,0 +1,176 @@
+//! Which pieces of gas are colon: outside air, what lies around the patient, and lungs are told apart by place and
+//! texture.
+
+use rayon::prelude::*;
+
+use super::frame::Frame;
+use super::runs::{Rows, Run};
+use crate::volume::Volume;
+
+/// A piece of gas smaller than this share of the largest one is not kept, unless it is [`AMPLE_ML`].
+const LEAST_SHARE: f64 = 0.05;
+/// Gas of this volume is kept however large the largest piece is: a part of the colon between two collapsed ones, ml.
+const AMPLE_ML: f64 = 15.0;
+/// Bubbles below this are never kept beside a larger piece, ml.
+const BUBBLE_ML: f64 = 0.1;
+/// No more pieces than this are kept (the largest).
+const MOST: usize = 32;
+/// Tissue that gas inside the body has around it on every side, mm: more than the shell of a table, less than skin and
+/// muscle of a lean patient.
+const ENCLOSING_MM: f64 = 6.0;
+/// At or below this a voxel is no tissue, HU: between fat (−120) and lung.
+const TISSUE_HU: i16 = -300;
+/// How much brighter than the scan's own gas lung is at least, in the median, HU. Even emphysema seldom comes nearer.
+const LUNG_ABOVE_GAS: i32 = 70;
+/// The same for gas that reaches the scan's superior end, where lungs are to be expected.
+const LUNG_ABOVE_GAS_AT_TOP: i32 = 45;
+/// The gas of a scan without a darker one is taken to be at most this bright, HU.
+const GAS_AT_MOST: i32 = -950;
+/// Voxels of a piece from which the surroundings are looked at.
+const PROBES: usize = 160;
+
+/// What is known of one component.
+#[derive(Clone, Copy, Debug, Default)]
+struct Piece {
+    voxels: u64,
+    /// On a face of the grid that is neither the superior nor the inferior one.
+    on_side: bool,
+    on_top: bool,
+}
+
+/// The components that are colon as far as can be told, by volume, the largest first (ties by label).
+pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<u32> {
+    let pieces = survey(rows, components, frame);
+    let ml = |c: u32| pieces[c as usize].voxels as f64 * volume.grid().voxel_ml();
+    let mut inside: Vec<u32> = (0..components as u32).filter(|&c| !pieces[c as usize].on_side).collect();
+    inside.sort_by_key(|&c| (std::cmp::Reverse(pieces[c as usize].voxels), c));
+    // Bubbles by the thousand need no closer look: the largest piece that passes decides what is kept.
+    inside.truncate(8 * MOST);
+    let samples = sample(rows, &inside, components);
+    let looked: Vec<Option<i32>> = inside
+        .par_iter()
+        .zip(&samples)
+        .map(|(_, probes)| is_enclosed(volume, frame, probes).then(|| median(volume, probes)))
+        .collect();
+    let seen: Vec<(u32, i32)> = inside.iter().zip(looked).filter_map(|(&c, m)| Some((c, m?))).collect();
+    let ample = |&&(c, _): &&(u32, i32)| ml(c) >= AMPLE_ML;
+    let darkest = seen.iter().filter(ample).map(|s| s.1).min().or_else(|| seen.iter().map(|s| s.1).min());
+    let gas = darkest.unwrap_or(GAS_AT_MOST).min(GAS_AT_MOST);
+    let mut kept: Vec<u32> = seen
+        .into_iter()
+        .filter(|&(c, median)| {
+            let margin = if pieces[c as usize].on_top { LUNG_ABOVE_GAS_AT_TOP } else { LUNG_ABOVE_GAS };
+            median - gas <= margin
+        })
+        .map(|s| s.0)
+        .collect();
+    if let Some(&largest) = kept.first() {
+        let least = (ml(largest) * LEAST_SHARE).min(AMPLE_ML).max(BUBBLE_ML);
+        kept.retain(|&c| c == largest || ml(c) >= least);
+    }
+    kept.truncate(MOST);
+    kept
+}
+
+/// Whether a component reaches a lateral face of the grid, as outside air does.
+pub(super) fn is_outside(rows: &Rows, component: u32, frame: Frame) -> bool {
+    let dims = rows.dims();
+    rows.iter().any(|(j, k, r)| r.label == component && faces(dims, frame, j, k, r).0)
+}
+
+fn survey(rows: &Rows, components: usize, frame: Frame) -> Vec<Piece> {
+    let mut pieces = vec![Piece::default(); components];
+    let dims = rows.dims();
+    for (j, k, r) in rows.iter() {
+        let p = &mut pieces[r.label as usize];
+        p.voxels += u64::from(r.len());
+        let (side, top) = faces(dims, frame, j, k, r);
+        p.on_side |= side;
+        p.on_top |= top;
+    }
+    pieces
+}
+
+/// Whether a run reaches a lateral face, and whether it reaches the superior one.
+fn faces(dims: [usize; 3], frame: Frame, j: usize, k: usize, r: Run) -> (bool, bool) {
+    let up = frame.superior;
+    let low = [r.start == 0, j == 0, k == 0];
+    let high = [r.end as usize == dims[0], j + 1 == dims[1], k + 1 == dims[2]];
+    let side = (0..3).any(|a| a != up.axis && (low[a] || high[a]));
+    (side, if up.sign > 0 { high[up.axis] } else { low[up.axis] })
+}
+
+/// Voxels of each of the `chosen` components, spread evenly over its voxels.
+fn sample(rows: &Rows, chosen: &[u32], components: usize) -> Vec<Vec<[i64; 3]>> {
+    const NONE: u32 = u32::MAX;
+    let mut place = vec![NONE; components];
+    for (n, &c) in chosen.iter().enumerate() {
+        place[c as usize] = n as u32;
+    }
+    let mut voxels = vec![0u64; chosen.len()];
+    for r in rows.runs().iter().filter(|r| place[r.label as usize] != NONE) {
+        voxels[place[r.label as usize] as usize] += u64::from(r.len());
+    }
+    let mut out = vec![Vec::new(); chosen.len()];
+    let mut passed = vec![0u64; chosen.len()];
+    for (j, k, r) in rows.iter().filter(|(_, _, r)| place[r.label as usize] != NONE) {
+        let n = place[r.label as usize] as usize;
+        // Probe p sits in the middle of the p-th of PROBES equal shares of the component's voxels.
+        let at = |p: usize| (2 * p as u64 + 1) * voxels[n] / (2 * PROBES as u64);
+        while out[n].len() < PROBES && at(out[n].len()) < passed[n] + u64::from(r.len()) {
+            let i = i64::from(r.start) + at(out[n].len()).saturating_sub(passed[n]) as i64;
+            out[n].push([i, j as i64, k as i64]);
+        }
+        passed[n] += u64::from(r.len());
+    }
+    out
+}
+
+fn median(volume: &Volume, probes: &[[i64; 3]]) -> i32 {
+    let mut values: Vec<i16> = probes.iter().map(|p| volume.get(p[0], p[1], p[2])).collect();
+    values.sort_unstable();
+    i32::from(values[values.len() / 2])
+}
+
+/// Whether most probes have tissue around them: in the axial plane, in all of eight directions but one.
+fn is_enclosed(volume: &Volume, frame: Frame, probes: &[[i64; 3]]) -> bool {
+    const COMPASS: [(f64, f64); 8] =
+        [(1.0, 0.0), (0.7, 0.7), (0.0, 1.0), (-0.7, 0.7), (-1.0, 0.0), (-0.7, -0.7), (0.0, -1.0), (0.7, -0.7)];
+    let spacing = volume.grid().spacing();
+    let (a, b) = (frame.left.axis, frame.posterior.axis);
+    let step_mm = spacing[a].min(spacing[b]);
+    let enclosed = probes
+        .iter()
+        .filter(|p| {
+            let walled = COMPASS.iter().filter(|(u, v)| {
+                let mut step = [0.0; 3];
+                step[a] = u * step_mm / spacing[a];
+                step[b] = v * step_mm / spacing[b];
+                is_walled(volume, p, step, step_mm)
+            });
+            walled.count() + 1 >= COMPASS.len()
+        })
+        .count();
+    !probes.is_empty() && 5 * enclosed >= 3 * probes.len()
+}
+
+/// Whether the way from `from` by `step` (voxels, `step_mm` long) leads through enough tissue, or through tissue to the
+/// grid's end.
+fn is_walled(volume: &Volume, from: &[i64; 3], step: [f64; 3], step_mm: f64) -> bool {
+    let dims = volume.grid().dims();
+    let (mut tissue, mut last) = (0.0, false);
+    for n in 1.. {
+        let p: [i64; 3] = std::array::from_fn(|x| from[x] + (step[x] * f64::from(n)).round() as i64);
+        if (0..3).any(|x| p[x] < 0 || p[x] >= dims[x] as i64) {
+            return last;
+        }
+        last = volume.get(p[0], p[1], p[2]) > TISSUE_HU;
+        if last {
+            tissue += step_mm;
+            if tissue >= ENCLOSING_MM {
+                return true;
+            }
+        }
+    }
+    false
+}

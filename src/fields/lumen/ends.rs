@@ -1,0 +1,173 @@
+//! The two ends of each piece of gas, and how far apart they are along it.
+
+use glam::DVec3;
+
+use super::graph::{Graph, Node, Ways};
+use super::runs::Rows;
+use crate::volume::Grid;
+
+/// Clearance that an end must have so that the tube of a catheter is none, mm. Where all is narrower, anything goes.
+const END_CLEARANCE_MM: f64 = 3.5;
+/// How far an end is moved from the tip into the wider lumen, mm.
+const INWARD_MM: f64 = 25.0;
+/// An inscribed ball is not measured beyond this radius, mm.
+const BALL_MM: f64 = 40.0;
+
+/// The ends of one piece of gas.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ends {
+    pub at: [DVec3; 2],
+    pub length_mm: f64,
+}
+
+/// Finds the ends of the gas of `label`: twice the farthest place from the one found before (a double sweep), along ways
+/// that keep clear of walls, so that a pocket between two folds is nearer than the end behind it.
+pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Option<Ends> {
+    let nodes: Vec<u32> = graph.of_label(label).collect();
+    let clearance = |n: u32| graph.nodes[n as usize].clearance;
+    let widest = nodes.iter().copied().reduce(|a, b| if clearance(b) > clearance(a) { b } else { a })?;
+    let roomy: Vec<u32> = nodes.iter().copied().filter(|&n| clearance(n) >= END_CLEARANCE_MM).collect();
+    let eligible = if roomy.is_empty() { nodes } else { roomy };
+    let farthest = |ways: &Ways| {
+        let length = |n: u32| Some(ways.length[n as usize]).filter(|l| l.is_finite()).unwrap_or(-1.0);
+        eligible.iter().copied().reduce(|a, b| if length(b) > length(a) { b } else { a })
+    };
+    let first = farthest(&graph.ways(widest))?;
+    let second = farthest(&graph.ways(first))?;
+    let second = inward(graph, second);
+    let back = graph.ways(second);
+    let first = inward(graph, farthest(&back)?);
+    let mut way = vec![graph.nodes[first as usize].centre];
+    let mut n = first;
+    while back.before[n as usize] != n {
+        n = back.before[n as usize];
+        way.push(graph.nodes[n as usize].centre);
+    }
+    let at = [first, second].map(|n| centred(grid, rows, &graph.nodes[n as usize]));
+    Some(Ends { at, length_mm: smooth_length(&way) })
+}
+
+/// Climbs from a tip to where the lumen is widest near it.
+fn inward(graph: &Graph, tip: u32) -> u32 {
+    let node = |n: u32| &graph.nodes[n as usize];
+    let mut at = tip;
+    loop {
+        let near = graph.neighbours(at).iter().flat_map(|&m| graph.neighbours(m).iter().copied().chain([m]));
+        let next = near
+            .filter(|&m| node(m).centre.distance(node(tip).centre) <= INWARD_MM)
+            .fold(at, |best, m| if node(m).clearance > node(best).clearance { m } else { best });
+        if next == at {
+            return at;
+        }
+        at = next;
+    }
+}
+
+/// Length of a way without the zigzag of the cells: each point is replaced by the mean of five.
+fn smooth_length(way: &[DVec3]) -> f64 {
+    let smooth = |n: usize| {
+        let reach = 2.min(n).min(way.len() - 1 - n);
+        way[n - reach..=n + reach].iter().sum::<DVec3>() / (2 * reach + 1) as f64
+    };
+    (1..way.len()).map(|n| smooth(n).distance(smooth(n - 1))).sum()
+}
+
+/// The voxel near a node's centre where the inscribed ball is largest among its neighbours, by steps that halve.
+fn centred(grid: &Grid, rows: &Rows, node: &Node) -> DVec3 {
+    let Some(mut at) = nearest(grid, rows, node.centre, BALL_MM, |l| l == node.label).map(|n| n.1) else {
+        return node.centre;
+    };
+    let mut best = ball(grid, rows, at, node.label);
+    let voxel_mm = grid.spacing();
+    let mut step_mm = 4.0;
+    while step_mm >= grid.min_spacing() {
+        let step = (DVec3::splat(step_mm) / voxel_mm).round();
+        let start = at;
+        for n in 0..27 {
+            let way = DVec3::new(f64::from(n % 3 - 1), f64::from(n / 3 % 3 - 1), f64::from(n / 9 - 1));
+            let to = to_index(grid.voxel(start) + way * step);
+            if rows.find(to[0], to[1], to[2]).is_some_and(|r| r.label == node.label) {
+                let to = grid.world(DVec3::new(to[0] as f64, to[1] as f64, to[2] as f64));
+                let r = ball(grid, rows, to, node.label);
+                if r > best {
+                    (at, best) = (to, r);
+                }
+            }
+        }
+        if at == start {
+            step_mm /= 2.0;
+        }
+    }
+    at
+}
+
+/// The voxel that holds (fractional) voxel coordinates.
+pub(super) fn to_index(voxel: DVec3) -> [i64; 3] {
+    // `as` saturates, so a place far outside stays outside.
+    voxel.to_array().map(|x| x.round() as i64)
+}
+
+/// Distance, mm, from the centre of the gas voxel at `world` to the nearest voxel centre that is not gas of `label`.
+fn ball(grid: &Grid, rows: &Rows, world: DVec3, label: u32) -> f64 {
+    let [i, j, k] = to_index(grid.voxel(world));
+    let spacing = grid.spacing();
+    let mut best = BALL_MM;
+    for dk in outward((BALL_MM / spacing.z) as i64) {
+        let z = dk as f64 * spacing.z;
+        if z.abs() >= best {
+            break;
+        }
+        for dj in outward((BALL_MM / spacing.y) as i64) {
+            let yz = z.hypot(dj as f64 * spacing.y);
+            if yz >= best {
+                break;
+            }
+            let run = rows.find(i, j + dj, k + dk).filter(|r| r.label == label);
+            let gap = run.map_or(0, |r| (i - i64::from(r.start) + 1).min(i64::from(r.end) - i));
+            best = best.min(yz.hypot(gap as f64 * spacing.x));
+        }
+    }
+    best
+}
+
+/// 0, 1, −1, 2, −2, …, ±n.
+fn outward(n: i64) -> impl Iterator<Item = i64> {
+    (0..=2 * n).map(|a| if a % 2 == 1 { a / 2 + 1 } else { -(a / 2) })
+}
+
+/// The nearest voxel within `within_mm` of a label that `of` accepts: its label and centre.
+pub(super) fn nearest(
+    grid: &Grid,
+    rows: &Rows,
+    world: DVec3,
+    within_mm: f64,
+    of: impl Fn(u32) -> bool,
+) -> Option<(u32, DVec3)> {
+    if !world.is_finite() || within_mm.is_nan() || within_mm < 0.0 {
+        return None;
+    }
+    let centre = grid.voxel(world);
+    let dims = rows.dims();
+    // How far a distance in the world reaches along an index: the length of that row of the inverse matrix.
+    let inverse = grid.to_voxel().matrix3.transpose();
+    let reach = |a: usize| inverse.col(a).length() * within_mm;
+    let span = |a: usize| {
+        let (lo, hi) = ((centre[a] - reach(a)).ceil().max(0.0), (centre[a] + reach(a)).floor());
+        lo as usize..(hi + 1.0).clamp(0.0, dims[a] as f64) as usize
+    };
+    let mut best: Option<(u32, DVec3)> = None;
+    let mut best_mm = within_mm;
+    for k in span(2) {
+        for j in span(1) {
+            for r in rows.row(j, k).iter().filter(|r| of(r.label)) {
+                let i = centre.x.round().clamp(f64::from(r.start), f64::from(r.end - 1));
+                let p = grid.world(DVec3::new(i, j as f64, k as f64));
+                let d = p.distance(world);
+                if d < best_mm || (best.is_none() && d <= best_mm) {
+                    (best, best_mm) = (Some((r.label, p)), d);
+                }
+            }
+        }
+    }
+    best
+}

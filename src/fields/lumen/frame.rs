@@ -1,0 +1,76 @@
+//! Which way the patient lies in the grid.
+
+use crate::volume::Grid;
+
+/// An index axis and the way along it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Way {
+    /// 0, 1 or 2: i, j or k.
+    pub axis: usize,
+    /// 1 where the index grows this way, −1 where it falls.
+    pub sign: i64,
+}
+
+impl Way {
+    pub fn back(self) -> Self {
+        Self { sign: -self.sign, ..self }
+    }
+
+    /// One voxel this way.
+    pub fn step(self) -> [i64; 3] {
+        let mut s = [0; 3];
+        s[self.axis] = self.sign;
+        s
+    }
+}
+
+/// The index ways that come nearest to the patient's axes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Frame {
+    pub left: Way,
+    pub posterior: Way,
+    pub superior: Way,
+}
+
+impl Frame {
+    /// Matches each index axis with one world axis so that together they agree best, however the grid is stored.
+    pub fn of(grid: &Grid) -> Self {
+        let d = grid.direction();
+        let toward = |axis: usize, world: usize| d.col(axis)[world];
+        const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+        let agreement = |o: &[usize; 3]| (0..3).map(|w| toward(o[w], w).abs()).sum::<f64>();
+        let mut best = ORDERS[0];
+        for o in ORDERS {
+            if agreement(&o) > agreement(&best) + 1e-9 {
+                best = o;
+            }
+        }
+        let way = |w: usize| Way { axis: best[w], sign: if toward(best[w], w) < 0.0 { -1 } else { 1 } };
+        Self { left: way(0), posterior: way(1), superior: way(2) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DMat3, DVec3};
+
+    #[test]
+    fn ways_follow_the_direction_matrix() {
+        // i runs to superior, j to the right, k to anterior, all tilted a little.
+        let d = DMat3::from_cols(DVec3::new(0.1, 0.0, 1.0), DVec3::new(-1.0, 0.2, 0.0), DVec3::new(0.0, -1.0, 0.2));
+        let f = Frame::of(&Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, d).unwrap());
+        assert_eq!(f.left, Way { axis: 1, sign: -1 });
+        assert_eq!(f.posterior, Way { axis: 2, sign: -1 });
+        assert_eq!(f.superior, Way { axis: 0, sign: 1 });
+    }
+
+    #[test]
+    fn an_axis_between_two_of_the_patients_takes_one_of_them() {
+        let d = DMat3::from_cols(DVec3::new(1.0, 1.0, 0.0), DVec3::new(-1.0, 1.0, 0.0), DVec3::Z);
+        let f = Frame::of(&Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, d).unwrap());
+        let mut axes = [f.left.axis, f.posterior.axis, f.superior.axis];
+        axes.sort_unstable();
+        assert_eq!(axes, [0, 1, 2]);
+    }
+}

@@ -1,0 +1,227 @@
+//! The colon's interior: from HU to gas and tagged fluid, in segments from rectum to cecum.
+//!
+//! Gas is what lies at or below the wall's middle ([`GAS_HU`]). Connected gas is found at [`CORE_HU`], where a thin wall
+//! between two loops still parts them, and then grown to the wall's middle. Outside air, what lies around the patient and
+//! lungs are recognised by place and texture; see `choose`. Everything is kept as runs along the index x axis: no field of
+//! the volume's size is made.
+
+mod choose;
+mod ends;
+mod frame;
+mod graph;
+mod grow;
+mod order;
+mod runs;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::volume::{Grid, Volume};
+use frame::Frame;
+use graph::Graph;
+use order::{Body, Link};
+use runs::Rows;
+
+/// At or below this a voxel is gas, HU: the middle of the wall's opacity ramp.
+pub const GAS_HU: i16 = -650;
+/// At or below this gas connects, HU: the foot of the opacity ramp. A wall of one voxel between two loops is blurred to
+/// something in between, and must not let the camera through.
+pub const CORE_HU: i16 = -800;
+/// How many voxels the gas may grow from its core to the wall's middle.
+const GROWTH: usize = 3;
+/// A point of the lumen is looked for this far from the one given, mm.
+const SNAP_MM: f64 = 5.0;
+/// A segment to fly through is at least this long, mm …
+const FLYABLE_MM: f64 = 150.0;
+/// … and holds at least this much gas, ml.
+const FLYABLE_ML: f64 = 20.0;
+
+/// A connected piece of the colon's gas, with the fluid that lies in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// Gas, ml.
+    pub ml: f64,
+    /// Tagged fluid, ml. A pool that several segments share counts for the one with the longest interface.
+    pub fluid_ml: f64,
+    /// Least and greatest world coordinates of its gas voxels' centres, mm.
+    pub bounds_mm: [DVec3; 2],
+    /// The rectal end, then the cecal one: centres of good inscribed balls within the gas near the lumen's two ends,
+    /// world, mm.
+    pub ends: [DVec3; 2],
+    /// Other segments that tagged fluid joins to this one.
+    pub joined_to: Vec<usize>,
+    /// Length from end to end along the lumen, mm: coarse, within about a tenth.
+    pub length_mm: f64,
+}
+
+/// The colon's interior.
+#[derive(Clone, Debug)]
+pub struct Lumen {
+    /// From rectum to cecum where [`Lumen::ordered`], else by volume, the largest first.
+    pub segments: Vec<Segment>,
+    /// Whether the segments form a chain from rectum to cecum that can be trusted.
+    pub ordered: bool,
+    grid: Grid,
+    gas: Rows,
+}
+
+/// Finds the colon's gas, its segments, their ends and order. No seed is needed. A scan without any has no segments, which
+/// is no error.
+///
+/// # Errors
+/// When cancelled, or when the volume cannot be addressed.
+pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {
+    progress.stage("finding the colon", volume.grid().dims()[2] as u64);
+    let frame = Frame::of(volume.grid());
+    let (rows, components) = runs::components_below(volume, CORE_HU, progress)?;
+    let chosen = choose::colon(volume, &rows, components, frame);
+    let core = rows.select(|c| chosen.iter().position(|&o| o == c).map(|n| n as u32));
+    drop(rows);
+    lumen(volume, core, chosen.len(), progress)
+}
+
+/// The gas that contains `world` (mm), or comes within 5 mm of it, whatever its size, as a lumen of one segment with its
+/// ends. None where there is no gas, or only the air outside the patient.
+///
+/// # Errors
+/// When cancelled, or when the volume cannot be addressed.
+pub fn gas_at(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Option<Lumen>> {
+    progress.stage("finding the gas at the given point", volume.grid().dims()[2] as u64);
+    let frame = Frame::of(volume.grid());
+    let (rows, _) = runs::components_below(volume, CORE_HU, progress)?;
+    let Some((label, _)) = ends::nearest(volume.grid(), &rows, world, SNAP_MM, |_| true) else { return Ok(None) };
+    if choose::is_outside(&rows, label, frame) {
+        return Ok(None);
+    }
+    let core = rows.select(|c| (c == label).then_some(0));
+    drop(rows);
+    lumen(volume, core, 1, progress).map(Some)
+}
+
+/// A lumen of the cores labelled 0 to `count` − 1, the largest first.
+fn lumen(volume: &Volume, core: Rows, count: usize, progress: &Progress) -> Result<Lumen> {
+    let grid = volume.grid();
+    let graph = Graph::of(grid, &core);
+    let gas = grow::grow(volume, core, GAS_HU, GROWTH, progress)?;
+    let found: Vec<Option<ends::Ends>> = (0..count as u32)
+        .into_par_iter()
+        .map(|label| {
+            progress.check()?;
+            Ok(ends::ends(grid, &gas, &graph, label))
+        })
+        .collect::<Result<_>>()?;
+    drop(graph);
+    let mut segments = measured(grid, &gas, count);
+    for (s, e) in segments.iter_mut().zip(found) {
+        // Every component has voxels, hence nodes, hence ends.
+        if let Some(e) = e {
+            (s.ends, s.length_mm) = (e.at, e.length_mm);
+        }
+    }
+    let lowest = segments.iter().map(|s| s.bounds_mm[0].z).fold(f64::INFINITY, f64::min);
+    let links: Vec<Link> = segments
+        .iter()
+        .map(|s| Link { ends: s.ends, length_mm: s.length_mm, joined_to: s.joined_to.clone() })
+        .collect();
+    let order = order::order(&links, &Body::of(volume, lowest));
+    let mut place = vec![0u32; count];
+    for (n, &(s, _)) in order.chain.iter().enumerate() {
+        place[s] = n as u32;
+    }
+    let segments = order
+        .chain
+        .iter()
+        .map(|&(s, swapped)| {
+            let mut segment = segments[s].clone();
+            if swapped {
+                segment.ends.swap(0, 1);
+            }
+            segment.joined_to = segment.joined_to.iter().map(|&o| place[o] as usize).collect();
+            segment.joined_to.sort_unstable();
+            segment
+        })
+        .collect();
+    let gas = gas.select(|label| Some(place[label as usize]));
+    Ok(Lumen { segments, ordered: order.trusted, grid: grid.clone(), gas })
+}
+
+/// Volume and bounds of each label.
+fn measured(grid: &Grid, gas: &Rows, count: usize) -> Vec<Segment> {
+    let none = Segment {
+        ml: 0.0,
+        fluid_ml: 0.0,
+        bounds_mm: [DVec3::INFINITY, DVec3::NEG_INFINITY],
+        ends: [DVec3::ZERO; 2],
+        joined_to: Vec::new(),
+        length_mm: 0.0,
+    };
+    let mut segments = vec![none; count];
+    let mut voxels = vec![0u64; count];
+    for (j, k, r) in gas.iter() {
+        let s = &mut segments[r.label as usize];
+        voxels[r.label as usize] += u64::from(r.len());
+        for i in [r.start, r.end - 1] {
+            let p = grid.world(DVec3::new(f64::from(i), j as f64, k as f64));
+            s.bounds_mm = [s.bounds_mm[0].min(p), s.bounds_mm[1].max(p)];
+        }
+    }
+    for (s, n) in segments.iter_mut().zip(voxels) {
+        s.ml = n as f64 * grid.voxel_ml();
+    }
+    segments
+}
+
+impl Lumen {
+    /// The segment whose gas holds a place (world, mm).
+    pub fn segment_at(&self, world: DVec3) -> Option<usize> {
+        let [i, j, k] = ends::to_index(self.grid.voxel(world));
+        self.gas.find(i, j, k).map(|r| r.label as usize)
+    }
+
+    /// The centre (world, mm) of the gas voxel nearest to a place, and its segment, if one is within `within_mm`.
+    pub fn nearest_gas(&self, world: DVec3, within_mm: f64) -> Option<(usize, DVec3)> {
+        ends::nearest(&self.grid, &self.gas, world, within_mm, |_| true).map(|(s, p)| (s as usize, p))
+    }
+
+    /// One byte for each voxel, x fastest: 0 outside, 1 gas, 2 tagged fluid.
+    pub fn mask(&self) -> Vec<u8> {
+        let mut out = vec![0; self.grid.len()];
+        for (j, k, r) in self.gas.iter() {
+            let row = self.grid.index(0, j, k);
+            out[row + r.start as usize..row + r.end as usize].fill(1);
+        }
+        out
+    }
+
+    /// The segment with the most gas.
+    pub fn largest(&self) -> Option<usize> {
+        (0..self.segments.len()).reduce(|a, b| if self.segments[b].ml > self.segments[a].ml { b } else { a })
+    }
+
+    /// The largest segment, if it is a colon to fly through: long, and well filled with gas.
+    pub fn main_segment(&self) -> Option<usize> {
+        self.largest().filter(|&s| self.segments[s].length_mm >= FLYABLE_MM && self.segments[s].ml >= FLYABLE_ML)
+    }
+
+    /// Whether there is a colon to fly through without being told where.
+    pub fn is_flyable(&self) -> bool {
+        self.main_segment().is_some()
+    }
+
+    /// All gas, ml.
+    pub fn gas_ml(&self) -> f64 {
+        self.segments.iter().map(|s| s.ml).sum()
+    }
+
+    /// All tagged fluid, ml.
+    pub fn fluid_ml(&self) -> f64 {
+        self.segments.iter().map(|s| s.fluid_ml).sum()
+    }
+
+    /// Size in memory.
+    pub fn bytes(&self) -> usize {
+        self.gas.bytes() + self.segments.capacity() * size_of::<Segment>()
+    }
+}

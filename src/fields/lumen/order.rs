@@ -1,0 +1,138 @@
+//! From rectum to cecum: which end is which, and which segment follows which.
+
+use glam::DVec3;
+
+use crate::volume::{Grid, Volume};
+
+/// Segments beyond this many (by volume) are not put in order.
+const ORDERED_AT_MOST: usize = 9;
+/// What a millimetre between two segments costs where tagged fluid joins them.
+const FLUID_GAP: f64 = 0.3;
+/// How far right of the midline the cecum lies at least, for the order to be trusted, mm.
+const CECUM_RIGHT_MM: f64 = 20.0;
+/// How far from the midline the rectum lies at most, for the order to be trusted, mm.
+const RECTUM_ASIDE_MM: f64 = 60.0;
+/// The widest gap between two segments for the order to be trusted, mm.
+const WIDEST_GAP_MM: f64 = 150.0;
+/// The least length from end to end for the order to be trusted, mm.
+const LEAST_COLON_MM: f64 = 400.0;
+
+/// Where the patient is, world, mm LPS.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Body {
+    /// Mean place of the tissue: its x is near the midline.
+    pub centre: DVec3,
+    /// The lowest gas of the colon (z).
+    pub lowest: f64,
+}
+
+impl Body {
+    /// Measures the tissue on every eighth voxel of every eighth row.
+    pub fn of(volume: &Volume, lowest: f64) -> Self {
+        let grid: &Grid = volume.grid();
+        let [nx, ny, nz] = grid.dims();
+        // At least about 16 samples along each axis, so that a small volume is measured too.
+        let stride = [nx, ny, nz].map(|n| (n / 16).clamp(1, 8));
+        let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+        for k in (0..nz).step_by(stride[2]) {
+            for j in (0..ny).step_by(stride[1]) {
+                for i in (0..nx).step_by(stride[0]) {
+                    if (-150..=300).contains(&volume.data()[grid.index(i, j, k)]) {
+                        sum += DVec3::new(i as f64, j as f64, k as f64);
+                        count += 1.0;
+                    }
+                }
+            }
+        }
+        let middle = (DVec3::new(nx as f64, ny as f64, nz as f64) - 1.0) / 2.0;
+        Self { centre: grid.world(if count > 0.0 { sum / count } else { middle }), lowest }
+    }
+
+    /// How unlike the rectum's a place is, mm: high, aside, or anterior.
+    fn unlike_rectum(&self, p: DVec3) -> f64 {
+        (p.z - self.lowest) + (p.x - self.centre.x).abs() + 0.5 * (self.centre.y - p.y).max(0.0)
+    }
+
+    /// How unlike the cecum's a place is, mm: not on the right, or high.
+    fn unlike_cecum(&self, p: DVec3) -> f64 {
+        (p.x - self.centre.x + 2.0 * CECUM_RIGHT_MM).max(0.0) + 0.3 * (p.z - self.lowest)
+    }
+}
+
+/// What the order is found from: a segment's ends, in whatever order, its length, and what fluid joins it to.
+#[derive(Clone, Debug)]
+pub(super) struct Link {
+    pub ends: [DVec3; 2],
+    pub length_mm: f64,
+    pub joined_to: Vec<usize>,
+}
+
+/// An order of segments.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Order {
+    /// (segment, whether its ends must be swapped so that the rectal one comes first).
+    pub chain: Vec<(usize, bool)>,
+    /// Whether the chain is one from rectum to cecum that can be trusted.
+    pub trusted: bool,
+}
+
+/// The cheapest chain of the segments (given by volume, the largest first) from rectum to cecum: each is passed once, in
+/// either direction; the first end's place, the gaps, and the last end's place cost. Exact, by dynamic programming over
+/// subsets (Held and Karp 1962).
+pub(super) fn order(links: &[Link], body: &Body) -> Order {
+    let n = links.len().min(ORDERED_AT_MOST);
+    let entry = |s: usize, swapped: bool| links[s].ends[usize::from(swapped)];
+    let exit = |s: usize, swapped: bool| links[s].ends[usize::from(!swapped)];
+    let gap = |a: usize, b: usize, from: DVec3, to: DVec3| {
+        from.distance(to) * if links[a].joined_to.contains(&b) { FLUID_GAP } else { 1.0 }
+    };
+    // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the state before.
+    let states = 2 * n;
+    let mut best = vec![(f64::INFINITY, usize::MAX); (1 << n) * states];
+    for s in 0..states {
+        best[(1 << (s / 2)) * states + s] = (body.unlike_rectum(entry(s / 2, s % 2 == 1)), usize::MAX);
+    }
+    for set in 1..1usize << n {
+        for s in (0..states).filter(|s| set >> (s / 2) & 1 == 1) {
+            let cost = best[set * states + s].0;
+            for t in (0..states).filter(|t| set >> (t / 2) & 1 == 0) {
+                let c = cost + gap(s / 2, t / 2, exit(s / 2, s % 2 == 1), entry(t / 2, t % 2 == 1));
+                let to = &mut best[(set | 1 << (t / 2)) * states + t];
+                if c < to.0 {
+                    *to = (c, s);
+                }
+            }
+        }
+    }
+    let mut chain = Vec::new();
+    let mut set = (1usize << n) - 1;
+    let total = |s: usize| best[set * states + s].0 + body.unlike_cecum(exit(s / 2, s % 2 == 1));
+    let mut at = (0..states).reduce(|a, b| if total(b) < total(a) { b } else { a });
+    while let Some(s) = at {
+        chain.push((s / 2, s % 2 == 1));
+        at = Some(best[set * states + s].1).filter(|&b| b != usize::MAX);
+        set &= !(1 << (s / 2));
+    }
+    chain.reverse();
+    let trusted = n == links.len() && is_colon(links, &chain, body);
+    if !trusted {
+        chain.sort_by_key(|c| c.0);
+    }
+    let rest =
+        (n..links.len()).map(|s| (s, body.unlike_rectum(links[s].ends[1]) < body.unlike_rectum(links[s].ends[0])));
+    chain.extend(rest);
+    Order { chain, trusted }
+}
+
+fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
+    let end = |c: &(usize, bool), last: bool| links[c.0].ends[usize::from(c.1 != last)];
+    let (Some(first), Some(last)) = (chain.first(), chain.last()) else { return false };
+    let (rectum, cecum) = (end(first, false), end(last, true));
+    let gaps: Vec<f64> = chain.windows(2).map(|w| end(&w[0], true).distance(end(&w[1], false))).collect();
+    let length = links.iter().map(|l| l.length_mm).sum::<f64>() + gaps.iter().sum::<f64>();
+    (rectum.x - body.centre.x).abs() <= RECTUM_ASIDE_MM
+        && rectum.z <= cecum.z
+        && cecum.x <= body.centre.x - CECUM_RIGHT_MM
+        && gaps.iter().all(|&g| g <= WIDEST_GAP_MM)
+        && length >= LEAST_COLON_MM
+}

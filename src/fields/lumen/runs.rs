@@ -1,0 +1,355 @@
+//! Sets of voxels as runs along the index x axis, and their connected components.
+//!
+//! A lumen of millions of voxels is a few hundred thousand runs, so nothing here is ever as large as the volume.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// Voxels `start..end` of one row, all of the same `label`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Run {
+    pub start: u32,
+    pub end: u32,
+    pub label: u32,
+}
+
+impl Run {
+    pub fn len(self) -> u32 {
+        self.end - self.start
+    }
+
+    pub fn range(self) -> Range<usize> {
+        self.start as usize..self.end as usize
+    }
+}
+
+/// Runs in the order of their voxels, found by row. Runs of a row are disjoint and ascending.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Rows {
+    dims: [usize; 3],
+    /// Where each row begins in `runs`; one entry more than there are rows.
+    offsets: Vec<u32>,
+    runs: Vec<Run>,
+}
+
+impl Rows {
+    /// Joins the rows of slices given in order, each as (length of every row, runs).
+    ///
+    /// # Errors
+    /// When the runs are too many to be numbered with 32 bits.
+    pub fn from_slices(dims: [usize; 3], slices: Vec<(Vec<u32>, Vec<Run>)>) -> Result<Self> {
+        let total: usize = slices.iter().map(|s| s.1.len()).sum();
+        if u32::try_from(total).is_err() {
+            return Err(Error::input("volume", "is too large and too noisy to be segmented", "crop or resample it"));
+        }
+        let mut rows =
+            Self { dims, offsets: Vec::with_capacity(dims[1] * dims[2] + 1), runs: Vec::with_capacity(total) };
+        rows.offsets.push(0);
+        let mut at = 0;
+        for (lengths, runs) in slices {
+            for n in lengths {
+                at += n;
+                rows.offsets.push(at);
+            }
+            rows.runs.extend(runs);
+        }
+        Ok(rows)
+    }
+
+    pub fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// The runs of row (j, k).
+    pub fn row(&self, j: usize, k: usize) -> &[Run] {
+        &self.runs[self.row_range(j, k)]
+    }
+
+    /// Where the runs of row (j, k) are among all runs.
+    pub fn row_range(&self, j: usize, k: usize) -> Range<usize> {
+        let r = j + self.dims[1] * k;
+        self.offsets[r] as usize..self.offsets[r + 1] as usize
+    }
+
+    pub fn runs(&self) -> &[Run] {
+        &self.runs
+    }
+
+    /// All runs with their row: (j, k, run).
+    pub fn iter(&self) -> impl Iterator<Item = (usize, usize, Run)> + '_ {
+        (0..self.dims[2])
+            .flat_map(move |k| (0..self.dims[1]).map(move |j| (j, k)))
+            .flat_map(move |(j, k)| self.row(j, k).iter().map(move |&r| (j, k, r)))
+    }
+
+    /// The run that holds voxel (i, j, k); none for a voxel outside the grid.
+    pub fn find(&self, i: i64, j: i64, k: i64) -> Option<Run> {
+        let [nx, ny, nz] = self.dims;
+        if (i as u64) >= nx as u64 || (j as u64) >= ny as u64 || (k as u64) >= nz as u64 {
+            return None;
+        }
+        let row = self.row(j as usize, k as usize);
+        let at = row.partition_point(|r| i64::from(r.end) <= i);
+        row.get(at).copied().filter(|r| i64::from(r.start) <= i)
+    }
+
+    /// The runs whose label `keep` maps to a new one, relabelled; the others are dropped.
+    pub fn select(&self, keep: impl Fn(u32) -> Option<u32>) -> Self {
+        let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
+        out.offsets.push(0);
+        for row in self.offsets.windows(2) {
+            let kept = self.runs[row[0] as usize..row[1] as usize]
+                .iter()
+                .filter_map(|r| keep(r.label).map(|label| Run { label, ..*r }));
+            out.runs.extend(kept);
+            out.offsets.push(out.runs.len() as u32);
+        }
+        out.runs.shrink_to_fit();
+        out
+    }
+
+    /// Size in memory.
+    pub fn bytes(&self) -> usize {
+        self.offsets.capacity() * size_of::<u32>() + self.runs.capacity() * size_of::<Run>()
+    }
+}
+
+/// Union-find whose roots are the smallest members, so that the outcome depends on no order of work.
+#[derive(Debug, Default)]
+pub(super) struct Sets {
+    parent: Vec<u32>,
+}
+
+impl Sets {
+    pub fn new(n: usize) -> Self {
+        Self { parent: (0..n as u32).collect() }
+    }
+
+    pub fn find(&mut self, mut a: u32) -> u32 {
+        while self.parent[a as usize] != a {
+            let up = self.parent[self.parent[a as usize] as usize];
+            self.parent[a as usize] = up;
+            a = up;
+        }
+        a
+    }
+
+    pub fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.find(a), self.find(b));
+        if a != b {
+            self.parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+
+    /// The set of every member, numbered from 0 in the order of first members, and how many there are.
+    pub fn numbered(mut self) -> (Vec<u32>, usize) {
+        let mut count = 0;
+        for a in 0..self.parent.len() {
+            // A root is smaller than its members, so it was numbered before them; until then it is its own parent.
+            let p = self.parent[a] as usize;
+            self.parent[a] = if p == a {
+                count += 1;
+                count - 1
+            } else {
+                self.parent[p]
+            };
+        }
+        (self.parent, count as usize)
+    }
+}
+
+/// Calls `f(a, b)` for the indices of every two runs of rows `a` and `b` that share an x.
+pub(super) fn touching(a: &[Run], b: &[Run], mut f: impl FnMut(usize, usize)) {
+    let (mut i, mut j) = (0, 0);
+    while i < a.len() && j < b.len() {
+        if a[i].start < b[j].end && b[j].start < a[i].end {
+            f(i, j);
+        }
+        if a[i].end <= b[j].end {
+            i += 1;
+        } else {
+            j += 1;
+        }
+    }
+}
+
+/// The voxels at or below `limit` HU with their 6-connected components as labels (numbered from 0 in the order of
+/// their first voxels), and the number of components.
+///
+/// Slices are scanned and joined within themselves in parallel, then joined to each other in order.
+pub(super) fn components_below(volume: &Volume, limit: i16, progress: &Progress) -> Result<(Rows, usize)> {
+    let dims @ [nx, ny, nz] = volume.grid().dims();
+    if u32::try_from(nx).is_err() {
+        return Err(Error::input("volume", format!("a row of {nx} voxels is too long"), "crop it"));
+    }
+    let scanned: Vec<_> = (0..nz)
+        .into_par_iter()
+        .map(|k| {
+            let mut runs = Vec::new();
+            let mut lengths = Vec::with_capacity(ny);
+            for row in volume.data()[k * nx * ny..][..nx * ny].chunks_exact(nx) {
+                let before = runs.len();
+                scan_row(row, limit, &mut runs);
+                lengths.push((runs.len() - before) as u32);
+            }
+            progress.advance(1)?;
+            Ok((lengths, runs))
+        })
+        .collect::<Result<_>>()?;
+    let mut rows = Rows::from_slices(dims, scanned)?;
+    let slice_starts: Vec<usize> = (0..=nz).map(|k| rows.offsets[k * ny] as usize).collect();
+    // Within a slice a union-find of its own: disjoint pieces of one array, whose roots stay within their slice.
+    let mut sets = Sets::new(rows.runs.len());
+    let mut pieces = Vec::with_capacity(nz);
+    let mut rest = sets.parent.as_mut_slice();
+    for w in slice_starts.windows(2) {
+        let (piece, tail) = rest.split_at_mut(w[1] - w[0]);
+        pieces.push(piece);
+        rest = tail;
+    }
+    pieces.into_par_iter().enumerate().for_each(|(k, piece)| {
+        let base = slice_starts[k];
+        let mut own = Sets::new(piece.len());
+        for j in 1..ny {
+            let (a, b) = (rows.row_range(j - 1, k), rows.row_range(j, k));
+            touching(&rows.runs[a.clone()], &rows.runs[b.clone()], |x, y| {
+                own.join((a.start - base + x) as u32, (b.start - base + y) as u32);
+            });
+        }
+        for (to, from) in piece.iter_mut().zip(own.parent) {
+            *to = base as u32 + from;
+        }
+    });
+    for k in 1..nz {
+        progress.check()?;
+        for j in 0..ny {
+            let (a, b) = (rows.row_range(j, k - 1), rows.row_range(j, k));
+            touching(&rows.runs[a.clone()], &rows.runs[b.clone()], |x, y| {
+                sets.join((a.start + x) as u32, (b.start + y) as u32);
+            });
+        }
+    }
+    let (labels, count) = sets.numbered();
+    for (run, label) in rows.runs.iter_mut().zip(labels) {
+        run.label = label;
+    }
+    Ok((rows, count))
+}
+
+/// Appends the runs of a row's values at or below `limit`.
+fn scan_row(row: &[i16], limit: i16, runs: &mut Vec<Run>) {
+    let mut start = None;
+    for (block, values) in row.chunks(64).enumerate() {
+        let base = (block * 64) as u32;
+        let inside = values.iter().enumerate().fold(0u64, |m, (x, &v)| m | (u64::from(v <= limit) << x));
+        // Bit x of `edges` is set where voxel x differs from the one before it.
+        let mut edges = inside ^ ((inside << 1) | u64::from(start.is_some()));
+        if values.len() < 64 {
+            edges &= (1 << values.len()) - 1;
+        }
+        while edges != 0 {
+            let x = base + edges.trailing_zeros();
+            edges &= edges - 1;
+            match start.take() {
+                None => start = Some(x),
+                Some(s) => runs.push(Run { start: s, end: x, label: 0 }),
+            }
+        }
+    }
+    if let Some(s) = start {
+        runs.push(Run { start: s, end: row.len() as u32, label: 0 });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::Grid;
+    use glam::{DMat3, DVec3};
+    use proptest::prelude::*;
+
+    fn volume(dims: [usize; 3], data: Vec<i16>) -> Volume {
+        Volume::new(Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap(), data)
+    }
+
+    /// Components by flooding voxel after voxel, numbered by their first voxels.
+    fn flooded(v: &Volume, limit: i16) -> Vec<Option<u32>> {
+        let [nx, ny, nz] = v.grid().dims();
+        let mut out = vec![None; v.data().len()];
+        let mut next = 0;
+        for seed in 0..out.len() {
+            if v.data()[seed] > limit || out[seed].is_some() {
+                continue;
+            }
+            let mut open = vec![seed];
+            out[seed] = Some(next);
+            while let Some(at) = open.pop() {
+                let (i, j, k) = (at % nx, at / nx % ny, at / nx / ny);
+                let mut visit = |ok: bool, to: usize| {
+                    if ok && v.data()[to] <= limit && out[to].is_none() {
+                        out[to] = Some(next);
+                        open.push(to);
+                    }
+                };
+                visit(i > 0, at.wrapping_sub(1));
+                visit(i + 1 < nx, at + 1);
+                visit(j > 0, at.wrapping_sub(nx));
+                visit(j + 1 < ny, at + nx);
+                visit(k > 0, at.wrapping_sub(nx * ny));
+                visit(k + 1 < nz, at + nx * ny);
+            }
+            next += 1;
+        }
+        out
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(60))]
+
+        #[test]
+        fn components_are_those_of_a_flood(
+            nx in prop::sample::select(vec![1usize, 2, 7, 63, 64, 65, 130]), ny in 1usize..7, nz in 1usize..7,
+            seed: u64, share in 0.05f64..0.95,
+        ) {
+            let data = (0..nx * ny * nz)
+                .map(|n| if crate::math::hash::uniform(seed, n as u64) < share { -900 } else { 0 })
+                .collect();
+            let v = volume([nx, ny, nz], data);
+            let (rows, count) = components_below(&v, -800, &Progress::new()).unwrap();
+            let expected = flooded(&v, -800);
+            let mut got = vec![None; v.data().len()];
+            for (j, k, r) in rows.iter() {
+                for i in r.range() {
+                    got[v.grid().index(i, j, k)] = Some(r.label);
+                }
+            }
+            prop_assert_eq!(&got, &expected);
+            prop_assert_eq!(count, expected.iter().flatten().max().map_or(0, |&m| m as usize + 1));
+            for (n, e) in expected.iter().enumerate() {
+                let found = rows.find((n % nx) as i64, (n / nx % ny) as i64, (n / nx / ny) as i64).map(|r| r.label);
+                prop_assert_eq!(found, *e);
+            }
+        }
+    }
+
+    #[test]
+    fn a_voxel_outside_the_grid_is_in_no_run() {
+        let (rows, _) = components_below(&volume([2, 2, 2], vec![-1000; 8]), -800, &Progress::new()).unwrap();
+        assert!(rows.find(0, 0, 0).is_some());
+        for p in [(-1, 0, 0), (2, 0, 0), (0, -1, 0), (0, 2, 0), (0, 0, -1), (0, 0, 2), (i64::MIN, i64::MAX, 0)] {
+            assert!(rows.find(p.0, p.1, p.2).is_none());
+        }
+    }
+
+    #[test]
+    fn a_cancelled_job_gives_up() {
+        let progress = Progress::new();
+        progress.cancel();
+        assert!(components_below(&volume([2, 2, 2], vec![-1000; 8]), -800, &progress).is_err());
+    }
+}
