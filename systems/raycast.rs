@@ -22,7 +22,9 @@ pub fn cast_picture(scan: Single<&RaySpace>, camera: Single<(&Pose, &mut Picture
     let Picture { fov_degrees, settings, frame, work } = &mut *picture;
     let attitude = pose.attitude;
     // A pose is always orthonormal and finite, so the view is always valid.
-    if let Ok(view) = View::new(pose.position, attitude.forward, attitude.up, *fov_degrees, frame.width(), frame.height()) {
+    if let Ok(view) =
+        View::new(pose.position, attitude.forward, attitude.up, *fov_degrees, frame.width(), frame.height())
+    {
         *work = render(&scan.0, &view, settings, frame);
     }
 }

@@ -82,12 +82,22 @@ impl FlightApp {
             app.world.entity_mut(camera).insert(Picture {
                 fov_degrees: i.fov_degrees,
                 settings: i.settings,
-                frame: Frame::new(i.width, i.height),
+                frame: Frame::new(i.width, i.height, false),
                 work: Work::default(),
             });
         }
-        let mut flight =
-            Self { app, scene, space, lumen, plan, camera, scan, coming: VecDeque::new(), acted: None, flown: Vec::new() };
+        let mut flight = Self {
+            app,
+            scene,
+            space,
+            lumen,
+            plan,
+            camera,
+            scan,
+            coming: VecDeque::new(),
+            acted: None,
+            flown: Vec::new(),
+        };
         flight.rebuild()?;
         flight.set_out();
         Ok(flight)
@@ -140,8 +150,7 @@ impl FlightApp {
     /// Puts the camera at the start of the plan.
     fn set_out(&mut self) {
         let attitude = plan::first_attitude(&self.space, self.plan.start, self.plan.goal);
-        let clearance_mm =
-            self.app.world.get::<Walls>(self.scan).map_or(0.0, |w| w.0.at(self.plan.start).mm);
+        let clearance_mm = self.app.world.get::<Walls>(self.scan).map_or(0.0, |w| w.0.at(self.plan.start).mm);
         self.app.world.entity_mut(self.camera).insert((
             Pose { position: self.plan.start, attitude },
             Heading(attitude.forward),
@@ -341,6 +350,11 @@ impl FlightApp {
     /// The volume made ready for rays.
     pub fn space(&self) -> &Space {
         &self.space
+    }
+
+    /// Whether anything in the scene casts rays.
+    pub fn needs_rays(&self) -> bool {
+        self.app.world.get::<RaySpace>(self.scan).is_some()
     }
 
     /// The application, for explanations.

@@ -5,8 +5,8 @@ use glam::DVec3;
 use crate::dynamics::Attitude;
 use crate::dynamics::tentacles::directions;
 use crate::error::{Error, Result};
-use crate::fields::lumen::{self, Lumen, Segment};
 use crate::fields::ClearanceFinder;
+use crate::fields::lumen::{self, Lumen, Segment};
 use crate::progress::Progress;
 use crate::render::{Space, first_crossing};
 
@@ -108,10 +108,9 @@ pub fn plan(space: &Space, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress:
 /// # Errors
 /// Status 4 when the segment is too narrow for the body.
 pub fn through_segment(space: &Space, lumen: &Lumen, number: usize, reverse: bool, radius_mm: f64) -> Result<Plan> {
-    let segment = lumen
-        .segments
-        .get(number)
-        .ok_or_else(|| Error::incomplete("segment", format!("there is no segment {number}"), "choose one that there is"))?;
+    let segment = lumen.segments.get(number).ok_or_else(|| {
+        Error::incomplete("segment", format!("there is no segment {number}"), "choose one that there is")
+    })?;
     let wish = Wish { reverse, ..Wish::default() };
     finish(space, (Some(number), segment), None, &wish, lumen, radius_mm, Vec::new())
 }

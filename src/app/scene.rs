@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::components::App;
 use crate::components::app::Plugin;
+use crate::dynamics::Body;
 use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::TentacleSettings;
-use crate::dynamics::Body;
 use crate::error::{Error, Result};
 use crate::systems;
 
@@ -115,9 +115,9 @@ impl Scene {
     /// Status 2 as above.
     pub fn parse(text: &str) -> Result<Self> {
         let mend = "name known plugins and settings";
-        let file: SceneFile = toml::from_str(text)
-            .map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
-        let mut scene = Self { mines: None, watch: None, body: file.body, tentacles: file.tentacles, ..Self::default() };
+        let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
+        let mut scene =
+            Self { mines: None, watch: None, body: file.body, tentacles: file.tentacles, ..Self::default() };
         let mut guides = Vec::new();
         for plugin in &file.plugins {
             match plugin.as_str() {

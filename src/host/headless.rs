@@ -46,7 +46,12 @@ pub struct FrameStats {
 /// # Errors
 /// Status 5 when an output cannot be written; status 4 when interrupted. What was logged and recorded until then is
 /// there, whole.
-pub fn fly(flight: &mut FlightApp, seconds: f64, outputs: &Outputs, progress: &Arc<Progress>) -> Result<Vec<FrameStats>> {
+pub fn fly(
+    flight: &mut FlightApp,
+    seconds: f64,
+    outputs: &Outputs,
+    progress: &Arc<Progress>,
+) -> Result<Vec<FrameStats>> {
     let mut log = outputs.log.as_deref().map(Whole::create).transpose()?;
     let size = flight.camera::<Picture>().map(|p| (p.frame.width(), p.frame.height()));
     let mut recorder = match (&outputs.record, size) {
@@ -111,11 +116,7 @@ fn picture(flight: &mut FlightApp, recorder: Option<&mut Recorder>) -> Result<Fr
     Ok(FrameStats { ms, rays: p.work.rays, samples: p.work.samples, reused: p.work.reused })
 }
 
-fn write_lines(
-    log: Option<&mut Whole>,
-    lines: &[crate::components::output::LogLine],
-    outputs: &Outputs,
-) -> Result<()> {
+fn write_lines(log: Option<&mut Whole>, lines: &[crate::components::output::LogLine], outputs: &Outputs) -> Result<()> {
     let (Some(file), Some(path)) = (log, &outputs.log) else { return Ok(()) };
     for line in lines {
         serde_json::to_writer(&mut *file, line)

@@ -23,7 +23,12 @@ pub fn write_png(path: &Path, frame: &Frame) -> Result<()> {
             image::codecs::png::CompressionType::Fast,
             image::codecs::png::FilterType::Adaptive,
         )
-        .write_image(&frame.rgb(), frame.width() as u32, frame.height() as u32, ExtendedColorType::Rgb8)
+        .write_image(
+            frame.pixels().as_flattened(),
+            frame.width() as u32,
+            frame.height() as u32,
+            ExtendedColorType::Rgb8,
+        )
         .map_err(std::io::Error::other)
     })
 }
@@ -105,7 +110,11 @@ impl Recorder {
             .stdin(Stdio::piped())
             .spawn()
             .map_err(|e| {
-                Error::output(&path, format!("ffmpeg cannot be run ({e})"), "install ffmpeg, or record a .gif or a folder/")
+                Error::output(
+                    &path,
+                    format!("ffmpeg cannot be run ({e})"),
+                    "install ffmpeg, or record a .gif or a folder/",
+                )
             })?;
         Ok(Self::Video { child, part, path })
     }
@@ -122,16 +131,15 @@ impl Recorder {
                 Ok(())
             }
             Self::Gif { encoder, path, delay, .. } => {
-                let image = image::RgbaImage::from_raw(frame.width() as u32, frame.height() as u32, frame.rgba())
+                let rgba = frame.pixels().iter().flat_map(|p| [p[0], p[1], p[2], 255]).collect();
+                let image = image::RgbaImage::from_raw(frame.width() as u32, frame.height() as u32, rgba)
                     .ok_or_else(|| Error::fault("recording", "image of the wrong size", "report it"))?;
-                encoder
-                    .encode_frame(image::Frame::from_parts(image, 0, 0, *delay))
-                    .map_err(|e| failed(path, &e))
+                encoder.encode_frame(image::Frame::from_parts(image, 0, 0, *delay)).map_err(|e| failed(path, &e))
             }
             Self::Video { child, path, .. } => child
                 .stdin
                 .as_mut()
-                .map_or(Ok(()), |pipe| pipe.write_all(&frame.rgb()))
+                .map_or(Ok(()), |pipe| pipe.write_all(frame.pixels().as_flattened()))
                 .map_err(|e| output::cannot(path, &e)),
         }
     }
@@ -147,7 +155,10 @@ impl Recorder {
                 // The encoder writes the file's end when it is dropped.
                 drop(encoder);
                 let whole = file.0.lock().map(|mut f| f.take()).unwrap_or_default();
-                whole.map_or_else(|| Err(Error::output(&path, "could not be written", "choose another place")), Whole::finish)
+                whole.map_or_else(
+                    || Err(Error::output(&path, "could not be written", "choose another place")),
+                    Whole::finish,
+                )
             }
             Self::Video { mut child, part, path } => {
                 drop(child.stdin.take());

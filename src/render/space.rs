@@ -70,6 +70,11 @@ impl Space {
     }
 
     /// The voxels.
+    pub fn shared_volume(&self) -> Arc<Volume> {
+        Arc::clone(&self.volume)
+    }
+
+    /// The voxels.
     pub fn volume(&self) -> &Volume {
         &self.volume
     }
