@@ -21,16 +21,16 @@ pub fn log_step(
     clock: Res<Clock>,
     guide: Res<GuideName>,
     mut log: ResMut<FlightLog>,
-    camera: Single<(&Pose, &Velocity, &Contact, &Flight)>,
+    camera: Single<(&Pose, &Flight, Option<&Velocity>, Option<&Contact>)>,
 ) {
-    let (pose, velocity, contact, flight) = camera.into_inner();
+    let (pose, flight, velocity, contact) = camera.into_inner();
     log.0.push(LogLine {
         t: (clock.tick + 1) as f64 / f64::from(clock.hz),
         position: pose.position.to_array(),
         forward: pose.attitude.forward.to_array(),
         up: pose.attitude.up.to_array(),
-        velocity: velocity.0.to_array(),
-        clearance_mm: contact.clearance_mm,
+        velocity: velocity.map_or([0.0; 3], |v| v.0.to_array()),
+        clearance_mm: contact.map_or(0.0, |c| c.clearance_mm),
         state: flight.state,
         guide: guide.0.to_owned(),
     });

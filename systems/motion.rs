@@ -37,11 +37,10 @@ pub fn sum_forces(
     if let Some(g) = guide {
         total += g.wall;
         if !guide_rests {
-            total += g.thrust * hand.map_or(1.0, |h| h.speed);
+            // Mines steer; they must not make the flight faster than it is meant to be.
+            let drive = g.thrust + mines.map_or(DVec3::ZERO, |m| m.0);
+            total += drive.clamp_length_max(g.limit) * hand.map_or(1.0, |h| h.speed);
         }
-    }
-    if let (Some(m), false) = (mines, guide_rests) {
-        total += m.0;
     }
     sum.0 = if total.is_finite() { total } else { DVec3::ZERO };
 }

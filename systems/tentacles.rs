@@ -47,7 +47,8 @@ pub fn guide_by_tentacles(
         &tentacles.settings,
         body.0.drag_per_s,
     );
-    *guide = GuideThrust { thrust: s.thrust, wall: s.wall, way: s.way };
+    let limit = tentacles.settings.cruise_mm_s * body.0.drag_per_s;
+    *guide = GuideThrust { thrust: s.thrust, limit, wall: s.wall, way: s.way };
     tentacles.ahead_mm = s.ahead_mm;
     // A goal in plain sight draws the camera, as the paper's D_t does; behind a wall it does not.
     if let Some(goal) = goal
@@ -55,6 +56,7 @@ pub fn guide_by_tentacles(
         && first_crossing(&scan.0, pose.position, way, pose.position.distance(goal.at)).is_none()
     {
         guide.thrust = thrust;
+        guide.limit = thrust.length();
         guide.way = way;
     }
 }

@@ -38,10 +38,8 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     let mut built = vec![
         Built { part: "volume (16 bit)", bytes: space.volume().bytes() },
         Built { part: "lumen (runs)", bytes: flight.lumen().bytes() },
+        Built { part: "homogeneous-region flags", bytes: space.bytes() },
     ];
-    if flight.needs_rays() {
-        built.push(Built { part: "homogeneous-region flags", bytes: space.bytes() });
-    }
     if let Some(t) = flight.camera::<Tentacles>() {
         built.push(Built { part: "tentacles", bytes: t.bytes() });
     }

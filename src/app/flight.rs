@@ -74,7 +74,6 @@ impl FlightApp {
             .world
             .spawn((
                 Pose { position: plan.start, attitude: plan::first_attitude(&space, plan.start, plan.goal) },
-                Body(scene.body),
                 Flight::default(),
             ))
             .id();
@@ -108,29 +107,32 @@ impl FlightApp {
     fn rebuild(&mut self) -> Result<()> {
         self.app.clear_systems();
         self.scene.plug_into(&mut self.app)?;
-        let guided = self.scene.guide == Guide::Tentacles;
+        let (moves, feels) = (self.scene.guide.is_some(), self.scene.feels());
         let world = &mut self.app.world;
         let mut scan = world.entity_mut(self.scan);
-        if !scan.contains::<Walls>() {
+        if moves && !scan.contains::<Walls>() {
             let iso = self.space.wall().iso() as f32;
             scan.insert(Walls(ClearanceFinder::new(self.space.shared_volume(), iso, CLEARANCE_MM)));
         }
-        if guided || self.scene.picture {
+        if feels || self.scene.picture {
             scan.insert(RaySpace(self.space.clone()));
         } else {
             scan.remove::<RaySpace>();
         }
         let mut camera = world.entity_mut(self.camera);
-        match (guided, camera.contains::<Tentacles>()) {
+        if moves {
+            camera.insert_if_new(Body(self.scene.body));
+        }
+        match (feels, camera.contains::<Tentacles>()) {
             (true, false) => drop(camera.insert(Tentacles::new(self.scene.tentacles))),
             (false, true) => drop(camera.remove::<(Tentacles, GuideThrust)>()),
             _ => {}
         }
-        match self.scene.mines.filter(|_| guided) {
+        match self.scene.mines.filter(|_| feels) {
             Some(settings) => drop(camera.insert(MineField { settings, mines: Mines::default() })),
             None => drop(camera.remove::<(MineField, MinePush)>()),
         }
-        match self.scene.watch {
+        match self.scene.watch.filter(|_| moves) {
             Some(settings) => {
                 camera.insert(Watch { settings, monitor: Monitor::default(), escaping_until: None });
                 camera.insert(Goal {
@@ -141,7 +143,7 @@ impl FlightApp {
             }
             None => drop(camera.remove::<(Watch, Goal)>()),
         }
-        if self.scene.operator && !camera.contains::<Hand>() {
+        if self.scene.operator && moves && !camera.contains::<Hand>() {
             camera.insert(Hand::default());
         }
         self.app.build()
@@ -150,13 +152,20 @@ impl FlightApp {
     /// Puts the camera at the start of the plan.
     fn set_out(&mut self) {
         let attitude = plan::first_attitude(&self.space, self.plan.start, self.plan.goal);
-        let clearance_mm = self.app.world.get::<Walls>(self.scan).map_or(0.0, |w| w.0.at(self.plan.start).mm);
+        self.app
+            .world
+            .entity_mut(self.camera)
+            .insert((Pose { position: self.plan.start, attitude }, Flight::default()));
+        self.rest(self.plan.start, attitude.forward);
+    }
+
+    /// Brings the body, if there is one, to rest at a place, heading along `forward`.
+    fn rest(&mut self, position: DVec3, forward: DVec3) {
+        let Some(clearance_mm) = self.app.world.get::<Walls>(self.scan).map(|w| w.0.at(position).mm) else { return };
         self.app.world.entity_mut(self.camera).insert((
-            Pose { position: self.plan.start, attitude },
-            Heading(attitude.forward),
+            Heading(forward),
             Velocity::default(),
             Contact { clearance_mm, blocked: false },
-            Flight::default(),
         ));
     }
 
@@ -202,7 +211,7 @@ impl FlightApp {
                 let guide = Guide::named(&name).ok_or_else(|| {
                     crate::error::Error::usage("guide", format!("there is no {name:?}"), "choose tentacles or manual")
                 })?;
-                self.scene.guide = guide;
+                self.scene.guide = Some(guide);
                 self.rebuild()?;
                 self.resume();
             }
@@ -313,12 +322,8 @@ impl FlightApp {
             return false;
         }
         let attitude = crate::dynamics::Attitude::new(forward, up);
-        self.app.world.entity_mut(self.camera).insert((
-            Pose { position, attitude },
-            Heading(attitude.forward),
-            Velocity::default(),
-            Contact { clearance_mm: fits, blocked: false },
-        ));
+        self.app.world.entity_mut(self.camera).insert(Pose { position, attitude });
+        self.rest(position, attitude.forward);
         true
     }
 
@@ -350,11 +355,6 @@ impl FlightApp {
     /// The volume made ready for rays.
     pub fn space(&self) -> &Space {
         &self.space
-    }
-
-    /// Whether anything in the scene casts rays.
-    pub fn needs_rays(&self) -> bool {
-        self.app.world.get::<RaySpace>(self.scan).is_some()
     }
 
     /// The application, for explanations.

@@ -127,7 +127,12 @@ fn finish(
     let walls = ClearanceFinder::new(space.shared_volume(), space.wall().iso() as f32, SNAP_MM + radius_mm + 1.0);
     let [mut first, mut last] = segment.ends;
     let to_rectum = wish.to == Some(Place::Rectum) || (wish.from == Some(Place::Cecum) && wish.to.is_none());
-    if wish.reverse != to_rectum {
+    // With only a goal given, the flight starts at the end that is further from it.
+    let far = match (wish.from, wish.to) {
+        (None, Some(Place::World(to))) => to.distance(first) < to.distance(last),
+        _ => false,
+    };
+    if wish.reverse != (to_rectum || far) {
         std::mem::swap(&mut first, &mut last);
     }
     let mut falls_short = None;

@@ -47,8 +47,8 @@ impl Guide {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scene {
-    /// Who steers.
-    pub guide: Guide,
+    /// Who steers; without a guide the camera stays where it is.
+    pub guide: Option<Guide>,
     /// The camera's body.
     pub body: Body,
     /// Sensory rays; used by the guide `tentacles` alone.
@@ -71,7 +71,7 @@ pub struct Scene {
 impl Default for Scene {
     fn default() -> Self {
         Self {
-            guide: Guide::Tentacles,
+            guide: Some(Guide::Tentacles),
             body: Body::default(),
             tentacles: TentacleSettings::default(),
             mines: Some(MineSettings::default()),
@@ -123,6 +123,7 @@ impl Scene {
             match plugin.as_str() {
                 "mines" => scene.mines = Some(file.mines),
                 "watch" => scene.watch = Some(file.watch),
+                "render" => scene.picture = true,
                 name => match Guide::named(name) {
                     Some(guide) => guides.push(guide),
                     None => return Err(Error::usage("scene", format!("there is no plugin {name:?}"), mend)),
@@ -130,8 +131,9 @@ impl Scene {
             }
         }
         match guides[..] {
-            [guide] => scene.guide = guide,
-            _ => return Err(Error::usage("scene", format!("names {} guides", guides.len()), "name exactly one guide")),
+            [] => scene.guide = None,
+            [guide] => scene.guide = Some(guide),
+            _ => return Err(Error::usage("scene", format!("names {} guides", guides.len()), "name one guide at most")),
         }
         scene.check()?;
         Ok(scene)
@@ -174,34 +176,54 @@ impl Scene {
         Ok(())
     }
 
+    /// Whether the camera has tentacles.
+    pub fn feels(&self) -> bool {
+        self.guide == Some(Guide::Tentacles)
+    }
+
+    /// Whether the flight is watched.
+    pub fn watches(&self) -> bool {
+        self.watch.is_some() && self.guide.is_some()
+    }
+
     /// Adds the plugins of the scene to an application, and notes what it goes without.
     ///
     /// # Errors
     /// When two plugins want the same slot.
     pub fn plug_into(&self, app: &mut App) -> Result<()> {
-        let plugins = Guide::ALL.iter().find(|g| g.0 == self.guide).map_or(&[][..], |g| g.2);
-        for &plugin in plugins {
-            app.add(plugin)?;
+        match self.guide {
+            None => app.leave_out("guide", "the scene names none: the camera stays where it is"),
+            Some(guide) => {
+                let plugins = Guide::ALL.iter().find(|g| g.0 == guide).map_or(&[][..], |g| g.2);
+                for &plugin in plugins {
+                    app.add(plugin)?;
+                }
+            }
         }
-        let guided = self.guide != Guide::Manual;
-        if !guided {
-            app.leave_out("tentacles", "the operator steers: nothing has to be felt");
+        if self.feels() {
+            if self.mines.is_some() {
+                app.add(systems::mines::plugin)?;
+            } else {
+                app.leave_out("mines", "the scene names none");
+            }
+        } else {
+            app.leave_out("tentacles", "no guide feels its way");
+            app.leave_out("mines", "no guide that they could push on");
         }
-        match (guided, self.mines.is_some()) {
-            (true, true) => drop(app.add(systems::mines::plugin)?),
-            (true, false) => app.leave_out("mines", "the scene names none"),
-            (false, _) => app.leave_out("mines", "no guide that they could push on"),
+        if self.guide.is_some() {
+            app.add(systems::motion::plugin)?;
+        } else {
+            app.leave_out("motion", "nothing moves the camera");
         }
-        if self.watch.is_some() {
+        if self.watches() {
             app.add(systems::watch::plugin)?;
         } else {
-            app.leave_out("watch", "the scene names none");
+            app.leave_out("watch", "the scene names none, or no guide that it could watch");
         }
-        app.add(systems::motion::plugin)?;
-        if self.operator {
+        if self.operator && self.guide.is_some() {
             app.add(systems::operator::plugin)?;
         } else {
-            app.leave_out("operator", "neither a window nor a recorded input");
+            app.leave_out("operator", "neither a window nor a recorded input, or nothing that moves");
         }
         if self.log {
             app.add(systems::log::plugin)?;
@@ -229,9 +251,10 @@ mod tests {
         let s = Scene::parse("plugins = [\"tentacles\"]\n[tentacles]\ncount = 64\n").unwrap();
         assert!(s.mines.is_none() && s.watch.is_none() && s.tentacles.count == 64);
         let s = Scene::parse("plugins = [\"manual\", \"watch\"]").unwrap();
-        assert!(s.guide == Guide::Manual && s.watch.is_some());
+        assert!(s.guide == Some(Guide::Manual) && s.watch.is_some());
+        let s = Scene::parse("plugins = [\"render\"]").unwrap();
+        assert!(s.guide.is_none() && s.picture);
         for bad in [
-            "plugins = []",
             "plugins = [\"tentacles\", \"manual\"]",
             "plugins = [\"warp\"]",
             "plugins = [\"tentacles\"]\n[body]\nmass_g = 0",

@@ -95,9 +95,9 @@ fn guide(args: &FlyArgs) -> Result<Option<Guide>> {
 pub fn scene(args: &FlyArgs, windowed: bool) -> Result<Scene> {
     let mut scene = args.scene.as_deref().map_or_else(|| Ok(Scene::default()), Scene::read)?;
     if let Some(g) = guide(args)? {
-        scene.guide = g;
+        scene.guide = Some(g);
     }
-    scene.picture = windowed || args.record.is_some();
+    scene.picture |= windowed || args.record.is_some();
     scene.log = args.log.is_some();
     scene.operator = windowed || args.replay.is_some() || args.record_input.is_some();
     scene.check()?;

@@ -7,7 +7,6 @@ use crate::dynamics;
 
 /// Where the camera is and where it looks.
 #[derive(Component, Clone, Copy, Debug)]
-#[require(Velocity, Acceleration, Contact, Heading)]
 pub struct Pose {
     /// World, mm.
     pub position: DVec3,
@@ -15,8 +14,9 @@ pub struct Pose {
     pub attitude: dynamics::Attitude,
 }
 
-/// The body that must not touch the wall.
+/// The body that must not touch the wall. A camera without one does not move.
 #[derive(Component, Clone, Copy, Debug)]
+#[require(Velocity, Acceleration, Contact, Heading)]
 pub struct Body(pub dynamics::Body);
 
 /// Velocity, world mm/s.

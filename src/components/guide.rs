@@ -11,6 +11,8 @@ use crate::dynamics::tentacles::{TentacleSettings, directions};
 pub struct GuideThrust {
     /// Acceleration along the way, world mm/s². Taken back while the operator's hand is on or the flight is paused.
     pub thrust: DVec3,
+    /// The thrust and the mines together are held to this, mm/s²: what drag balances at cruise speed.
+    pub limit: f64,
     /// Acceleration that keeps off the wall, world mm/s². Acts always.
     pub wall: DVec3,
     /// Unit direction of the way on, world; zero where the guide knows none. The view turns there.
