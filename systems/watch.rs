@@ -10,10 +10,13 @@ use crate::components::flight::{Flight, Goal, State, Watch};
 use crate::components::guide::{MineField, Tentacles};
 use crate::components::input::Hand;
 use crate::components::{App, FlightSystems};
+use crate::dynamics::monitor::Trouble;
 use crate::error::Result;
 
 /// A dead end within this of the lumen's other end means that the flight set out the wrong way, mm.
 const WRONG_END_MM: f64 = 40.0;
+/// So much of the way is looked through for it: the camera may have left the dead end before that was certain, mm.
+const WRONG_END_BACK_MM: f64 = 120.0;
 /// The guide looks for another way for so long, s, and so often in one flight.
 const ESCAPE_S: f64 = 4.0;
 const ESCAPES: u32 = 6;
@@ -60,16 +63,19 @@ pub fn watch_flight(
     let settings = watch.settings;
     let Some(trouble) = watch.monitor.follow(pose.position, clock.dt(), &settings) else { return };
     flight.place = pose.position;
-    let wrong_end = goal.is_some_and(|g| pose.position.distance(g.other_end) < WRONG_END_MM);
-    let turn_round = flight.turns == 0 && wrong_end && watch.monitor.way_mm() > WRONG_END_MM;
-    if turn_round {
+    let was_at = |end: DVec3| watch.monitor.last_mm(WRONG_END_BACK_MM).any(|p| p.distance(end) < WRONG_END_MM);
+    let wrong_end = goal.is_some_and(|g| was_at(g.other_end)) && watch.monitor.way_mm() > WRONG_END_MM;
+    if flight.turns == 0 && wrong_end {
         flight.turns += 1;
         // Everything flown so far may, and must, be flown again.
         watch.monitor.restart();
         if let Some(m) = mines.as_mut() {
             m.mines.clear();
         }
-        heading.0 = longest_free(tentacles, -heading.0);
+        // A camera that was noticed on its way back has the right heading already.
+        if trouble != Trouble::TurnedBack {
+            heading.0 = longest_free(tentacles, -heading.0);
+        }
     } else if flight.escapes < ESCAPES && watch.escaping_until.is_none() {
         flight.escapes += 1;
         watch.escaping_until = Some(clock.tick + (ESCAPE_S * f64::from(clock.hz)) as u64);

@@ -77,6 +77,11 @@ impl Monitor {
         &self.trail
     }
 
+    /// The last points of the trail, over `mm` of the way, latest first; world mm.
+    pub fn last_mm(&self, mm: f64) -> impl Iterator<Item = DVec3> + '_ {
+        self.trail.iter().rev().take((mm / TRAIL_STEP_MM).ceil() as usize).copied()
+    }
+
     /// Begins anew, as after a turn or when the operator took over: what was flown so far may be flown again.
     pub fn restart(&mut self) {
         *self = Self::default();
