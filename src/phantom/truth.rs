@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Phantom;
 use super::profile::WALL_HU;
-use super::shape::{Polyp, REACH};
+use super::shape::{DEEP, Polyp};
 
 /// The ground truth of a phantom.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,7 +69,7 @@ impl Phantom {
         for k in knots {
             (lo, hi) = (lo.min(*k), hi.max(*k));
         }
-        let most = (0..knots.len()).map(|i| self.reach_of_knot(i)).fold(0.0, f64::max) - REACH;
+        let most = self.reach.iter().fold(0.0, |a: f64, b| a.max(*b)) - DEEP;
         let edge = CELL * BRICK as f64;
         let first = lo - DVec3::splat(most);
         let bricks = ((hi + DVec3::splat(most) - first) / edge).ceil();
@@ -78,15 +78,14 @@ impl Phantom {
             for by in 0..bricks.y as i64 {
                 for bx in 0..bricks.x as i64 {
                     let corner = first + DVec3::new(bx as f64, by as f64, bz as f64) * edge;
-                    near.clear();
-                    self.knots_near(corner + DVec3::splat(0.5 * edge), 0.87 * edge, &mut near);
+                    self.runs_near(corner + DVec3::splat(0.5 * edge), 0.87 * edge, &mut near);
                     if near.is_empty() {
                         continue;
                     }
                     for c in 0..BRICK.pow(3) {
                         let cell = DVec3::new((c % 8) as f64, (c / 8 % 8) as f64, (c / 64) as f64);
                         let p = corner + (cell + DVec3::splat(0.5)) * CELL;
-                        let d = self.distances_among(p, near.iter().copied()).wall;
+                        let d = self.distances_among(p, &near).0.wall;
                         sum += (0.5 - d / CELL).clamp(0.0, 1.0);
                     }
                 }

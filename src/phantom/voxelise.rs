@@ -1,5 +1,7 @@
 //! From the analytic body to voxels, on any grid.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -15,7 +17,7 @@ const BRICK: usize = 8;
 /// Work space of one slab.
 #[derive(Default)]
 struct Scratch {
-    knots: Vec<usize>,
+    runs: Vec<Range<usize>>,
 }
 
 impl Phantom {
@@ -61,10 +63,10 @@ impl Phantom {
             reach
         };
         let centre = grid.world(corner + half);
-        scratch.knots.clear();
-        self.knots_near(centre, reach, &mut scratch.knots);
-        let body = if scratch.knots.is_empty() { Some(self.body.sample(centre)) } else { None };
-        let constant = body.filter(|s| s.constant_mm > reach).map(|s| s.hu);
+        self.runs_near(centre, reach, &mut scratch.runs);
+        let centre_sample = self.body.sample(centre);
+        let body = (centre_sample.constant_mm > reach).then_some(centre_sample.hu);
+        let constant = body.filter(|_| scratch.runs.is_empty());
         for k in 0..size[2] {
             for j in 0..size[1] {
                 let start = first[0] + nx * (first[1] + j + ny * k);
@@ -72,9 +74,13 @@ impl Phantom {
                 for (i, voxel) in out[start..start + size[0]].iter_mut().enumerate() {
                     let hu = constant.unwrap_or_else(|| {
                         let p = grid.world(corner + DVec3::new(i as f64, j as f64, k as f64));
-                        self.value_among(p, scratch.knots.iter().copied())
+                        if scratch.runs.is_empty() {
+                            self.body.value(p)
+                        } else {
+                            self.value_among(p, &scratch.runs, body)
+                        }
                     });
-                    *voxel = (hu + self.noise(index + i as u64)).round() as i16;
+                    *voxel = (hu + self.noise(index + i as u64) + 0.5).floor() as i16;
                 }
             }
         }
