@@ -69,10 +69,19 @@ impl Paint {
             self.hu = mix(self.hu, hu, smooth_step(-self.edge, self.edge, d));
         }
     }
+}
 
-    fn sample(&self) -> Sample {
-        Sample { hu: self.hu, constant_mm: self.free.max(0.0) }
-    }
+/// What a region depends on; what is left out lies outside of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Near {
+    /// A bit for each organ.
+    organs: u32,
+    lungs: bool,
+    spine: bool,
+}
+
+impl Near {
+    const ALL: Self = Self { organs: (1 << ORGANS.len()) - 1, lungs: true, spine: true };
 }
 
 /// The body of an anatomy of some scale, with edges blurred over a few tenths of a millimetre.
@@ -100,17 +109,33 @@ impl Body {
 
     /// The value at `p` (world, mm) without the colon, HU.
     pub fn value(&self, p: DVec3) -> f64 {
-        self.evaluate::<false>(p).hu
+        self.paint(p, Near::ALL).hu
     }
 
-    /// The value at `p` (world, mm) without the colon, and how far about it nothing changes.
+    /// As [`Body::value`], given what is near.
+    pub fn value_among(&self, p: DVec3, near: Near) -> f64 {
+        self.paint(p, near).hu
+    }
+
+    /// The value at `p` and how far about it nothing changes.
     pub fn sample(&self, p: DVec3) -> Sample {
-        self.evaluate::<true>(p)
+        let paint = self.paint(p, Near::ALL);
+        Sample { hu: paint.hu, constant_mm: paint.free.max(0.0) }
     }
 
-    /// The layers from the outside in, each over the ones before. With `BOUND` every layer's distance is computed for the
-    /// constant surroundings; without, layers out of reach are passed over.
-    fn evaluate<const BOUND: bool>(&self, p: DVec3) -> Sample {
+    /// What places within `reach` mm of `centre` depend on.
+    pub fn near(&self, centre: DVec3, reach: f64) -> Near {
+        let (o, more) = (centre / self.scale, (reach + 2.0 * self.sigma) / self.scale);
+        let touches = |organ: &Organ, more: f64| organ.depth(o) > -more;
+        let organs = (0..ORGANS.len()).filter(|&i| touches(&ORGANS[i], more)).fold(0, |bits, i| bits | 1 << i);
+        let lungs = LUNGS.iter().any(|l| touches(l, more + DIAPHRAGM_MM / self.scale));
+        // A generous box about the spine.
+        let spine = o.x.abs() < 30.0 + more && o.y > 54.0 - more;
+        Near { organs, lungs, spine }
+    }
+
+    /// The layers from the outside in, each over the ones before.
+    fn paint(&self, p: DVec3, near: Near) -> Paint {
         let (o, scale, edge) = (p / self.scale, self.scale, 2.0 * self.sigma);
         let q = o - CENTRE;
         let mut paint = Paint { hu: GAS, edge, free: f64::INFINITY };
@@ -120,32 +145,31 @@ impl Body {
             let tray = (q.y - 141.0 - 0.0006 * q.x * q.x) * scale;
             paint.over((5.0 * scale - tray.abs()) / 1.04, -720.0);
             paint.free = paint.free.min(-skin - edge);
-            return paint.sample();
+            return paint;
         }
         paint.over(skin, 15.0);
         paint.over(skin - 2.0, FAT);
         paint.over(skin - 13.0 * scale, 55.0);
         paint.over(skin - 22.0 * scale, FAT);
-        for organ in &ORGANS {
-            if BOUND || organ.touches(o, edge / scale) {
-                paint.over((organ.depth(o) * scale).min(skin - 7.0 * scale), organ.hu);
-            }
+        let mut left = near.organs;
+        while left != 0 {
+            let organ = &ORGANS[left.trailing_zeros() as usize];
+            left &= left - 1;
+            paint.over((organ.depth(o) * scale).min(skin - 7.0 * scale), organ.hu);
         }
-        if BOUND || (o.x.abs() < 32.0 && o.y > 52.0) {
+        if near.spine {
             self.spine(o, &mut paint);
         }
-        for (i, lung) in LUNGS.iter().enumerate() {
-            if BOUND || lung.touches(o, (edge + DIAPHRAGM_MM) / scale) {
-                let d = lung.depth(o) * scale;
-                paint.over(d + DIAPHRAGM_MM, 50.0);
-                let inside = d > -edge;
-                paint.over(d, lung.hu + if inside { self.lung_texture(p, i as u64) } else { 0.0 });
-                if inside {
-                    paint.free = 0.0;
-                }
+        for (i, lung) in LUNGS.iter().enumerate().filter(|_| near.lungs) {
+            let d = lung.depth(o) * scale;
+            paint.over(d + DIAPHRAGM_MM, 50.0);
+            let inside = d > -edge;
+            paint.over(d, lung.hu + if inside { self.lung_texture(p, i as u64) } else { 0.0 });
+            if inside {
+                paint.free = 0.0;
             }
         }
-        paint.sample()
+        paint
     }
 
     /// The vertebral column: bodies with a dense shell, discs between them, a spinous process behind; in the pelvis it
@@ -177,13 +201,6 @@ impl Body {
 }
 
 impl Organ {
-    /// Whether `o` lies within the surface or at most `more` (in the adult's mm) of depth outside.
-    #[inline]
-    fn touches(&self, o: DVec3, more: f64) -> bool {
-        let limit = 1.0 + more / self.shortest;
-        ((o - self.centre) * self.inverse).length_squared() < limit * limit
-    }
-
     /// Depth below the surface, in the adult's mm; a lower bound of the distance, exact along the shortest half axis.
     fn depth(&self, o: DVec3) -> f64 {
         (1.0 - ((o - self.centre) * self.inverse).length()) * self.shortest
@@ -214,8 +231,9 @@ mod tests {
             let u = |k| hash::uniform(3, 8 * n + k);
             let p = DVec3::new(360.0 * u(0) - 180.0, 360.0 * u(1) - 180.0, 400.0 * u(2) - 200.0);
             let s = body.sample(p);
-            assert_eq!(s.hu.to_bits(), body.value(p).to_bits(), "what is passed over changes nothing");
             let step = DVec3::new(u(3) - 0.5, u(4) - 0.5, u(5) - 0.5).normalize_or_zero();
+            let near = body.near(p + step * 4.0, 4.1);
+            assert_eq!(s.hu.to_bits(), body.value_among(p, near).to_bits(), "what is left out changes nothing: {p}");
             let q = body.sample(p + step * s.constant_mm.min(50.0) * 0.999);
             assert!((q.hu - s.hu).abs() < 1e-9, "{p}: {s:?}, {q:?}");
         }

@@ -179,7 +179,7 @@ impl Phantom {
 
     /// The noise-free value at a place (world, mm LPS), HU.
     pub fn value(&self, world: DVec3) -> f64 {
-        self.value_among(world, &[self.all_knots()], None)
+        self.value_among(world, &[self.all_knots()], |p| self.body.value(p))
     }
 
     /// The gradient of [`Phantom::value`], HU/mm, world directions.
@@ -190,7 +190,7 @@ impl Phantom {
         const H: f64 = 1e-3;
         let mut runs = Vec::new();
         self.runs_near(world, 4.0 * H, &mut runs);
-        let f = |d: DVec3| self.value_among(world + d, &runs, None);
+        let f = |d: DVec3| self.value_among(world + d, &runs, |p| self.body.value(p));
         let along = |axis: DVec3| {
             let (a, b) = (axis * H, axis * (2.0 * H));
             (8.0 * (f(a) - f(-a)) - (f(b) - f(-b))) / (12.0 * H)
@@ -244,8 +244,8 @@ impl Phantom {
         (all, s)
     }
 
-    /// The value of a place, given the runs of knots that matter, and the body's value where that is known.
-    fn value_among(&self, p: DVec3, runs: &[Range<usize>], body: Option<f64>) -> f64 {
+    /// The value of a place, given the runs of knots that matter and what the body has there.
+    fn value_among(&self, p: DVec3, runs: &[Range<usize>], body: impl Fn(DVec3) -> f64) -> f64 {
         let (d, s) = self.distances_among(p, runs);
         let tissue = tissue_share(d.wall, self.sigma);
         let inside = if tissue < 1.0 { self.content(p, s) } else { GAS };
@@ -255,7 +255,7 @@ impl Phantom {
         // The wall is about 3 mm thick; fat of the mesentery fades into what lies there.
         let layer = smooth_step(2.0, 4.0, d.plain);
         let outside = if layer > 0.0 {
-            let body = body.unwrap_or_else(|| self.body.value(p));
+            let body = body(p);
             let fat = mix(FAT, body, smooth_step(4.0, DEEP, d.plain));
             mix(TISSUE, fat, layer)
         } else {

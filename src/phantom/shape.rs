@@ -223,8 +223,8 @@ impl Surface {
             return near;
         }
         let gradient = near.normal * (1.0 - share) + far.normal * share;
-        // Opposite faces that meet have no gradient; there the union needs no distance.
-        let length = gradient.length().max(0.4);
+        // Faces that meet at a right angle need the most; in an undercut the distance may be too short, never too long.
+        let length = gradient.length().max(0.7);
         Self { d: smooth_max(self.d, other.d, k) / length, normal: gradient / length }
     }
 }

@@ -274,3 +274,18 @@ fn the_embedded_phantom_is_cancelled_when_asked() {
     println!("embedded phantom: {:?}, {:?}", start.elapsed(), volume.grid().dims());
     assert!((8_000_000..12_000_000).contains(&volume.data().len()));
 }
+
+#[test]
+fn the_wall_has_no_jumps() {
+    for size in [Size::Small, Size::Standard] {
+        for seed in 1..=3 {
+            let phantom = Phantom::new(&Settings { size, seed, bridges: true, ..Settings::default() });
+            let step = DVec3::new(1.0, -2.0, 1.5) * 1e-5;
+            for n in 0..20_000 {
+                let p = place(&phantom, n, 30.0);
+                let (a, b) = (phantom.wall(p), phantom.wall(p + step));
+                assert!(a.abs() > 2.0 || (a - b).abs() < 3.0 * step.length(), "{size:?} {seed} {p}: {a}, {b}");
+            }
+        }
+    }
+}

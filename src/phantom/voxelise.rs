@@ -66,20 +66,15 @@ impl Phantom {
         self.runs_near(centre, reach, &mut scratch.runs);
         let centre_sample = self.body.sample(centre);
         let body = (centre_sample.constant_mm > reach).then_some(centre_sample.hu);
-        let constant = body.filter(|_| scratch.runs.is_empty());
+        let near = self.body.near(centre, reach);
+        let body = |p: DVec3| body.unwrap_or_else(|| self.body.value_among(p, near));
         for k in 0..size[2] {
             for j in 0..size[1] {
                 let start = first[0] + nx * (first[1] + j + ny * k);
                 let index = grid.index(first[0], first[1] + j, first[2] + k) as u64;
                 for (i, voxel) in out[start..start + size[0]].iter_mut().enumerate() {
-                    let hu = constant.unwrap_or_else(|| {
-                        let p = grid.world(corner + DVec3::new(i as f64, j as f64, k as f64));
-                        if scratch.runs.is_empty() {
-                            self.body.value(p)
-                        } else {
-                            self.value_among(p, &scratch.runs, body)
-                        }
-                    });
+                    let p = grid.world(corner + DVec3::new(i as f64, j as f64, k as f64));
+                    let hu = if scratch.runs.is_empty() { body(p) } else { self.value_among(p, &scratch.runs, body) };
                     *voxel = (hu + self.noise(index + i as u64) + 0.5).floor() as i16;
                 }
             }
