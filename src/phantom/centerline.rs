@@ -95,6 +95,8 @@ pub struct Foot {
     pub offset: DVec3,
     /// Its length.
     pub rho: f64,
+    /// Along the axis, towards the cecum, a unit vector.
+    pub tangent: DVec3,
     /// How many mm across the place one mm of arc length is: 1 − offset · curvature vector.
     pub stretch: f64,
 }
@@ -195,6 +197,15 @@ impl Centerline {
         j.d1.cross(j.d2).length() / j.d1.length().powi(3)
     }
 
+    /// The angle φ of a foot's offset.
+    #[inline]
+    pub fn angle(&self, foot: &Foot) -> f64 {
+        let n = self.normals.jet(foot.s).at;
+        // Neither vector's length matters, and the tangent's share of the normal is all that must go.
+        let normal = n - foot.tangent * n.dot(foot.tangent);
+        foot.offset.dot(foot.tangent.cross(normal)).atan2(foot.offset.dot(normal))
+    }
+
     /// The frame at s.
     #[inline]
     pub fn frame(&self, s: f64) -> Frame {
@@ -262,7 +273,7 @@ impl Centerline {
         }
         let offset = p - j.at;
         let stretch = (j.d1.length_squared() - offset.dot(j.d2)).max(0.2);
-        Foot { s, offset, rho: offset.length(), stretch }
+        Foot { s, offset, rho: offset.length(), tangent: j.d1.normalize(), stretch }
     }
 }
 

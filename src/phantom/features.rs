@@ -128,7 +128,11 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
     let count = 5;
     (0..count)
         .map(|i| {
-            let s = end * (f64::from(i) + 0.5) / f64::from(count) + draw.within(-20.0, 20.0);
+            // Of some places the one that is farthest from the folds, so that the strand stands free.
+            let middle = end * (f64::from(i) + 0.5) / f64::from(count);
+            let free = |s: f64| shape.folds.iter().map(|f| (f.s - s).abs()).fold(f64::INFINITY, f64::min);
+            let s = (0..12).map(|_| middle + draw.within(-20.0, 20.0)).max_by(|a, b| free(*a).total_cmp(&free(*b)));
+            let s = s.unwrap_or(middle);
             let phi = draw.within(0.0, TAU);
             // The chord passes the axis at half the radius or more, so that it never bars the way.
             let across = draw.within(75f64, 110.0).to_radians();
@@ -136,7 +140,7 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
                 let frame = shape.axis.frame(s);
                 frame.at + frame.direction(phi) * (shape.radius(s, phi) + 1.5)
             };
-            let slant = draw.within(-4.0, 4.0);
+            let slant = draw.within(-2.0, 2.0);
             let what = Bridge {
                 from: place(s - slant, phi),
                 to: place(s + slant, phi + across),

@@ -155,8 +155,7 @@ impl Shape {
     /// The distances of `p` to the part of the colon about one of its feet.
     pub fn distances(&self, p: DVec3, foot: &Foot) -> Distances {
         let near = self.axis.profile(foot.s).radius.0;
-        let frame = self.axis.frame(foot.s);
-        let phi = frame.angle(foot.offset);
+        let phi = self.axis.angle(foot);
         let r = self.plain(foot.s, phi);
         // Near the axis the angle means little; the distance there is beyond what anything depends on.
         let arm = foot.rho.max(0.3 * near);
@@ -167,11 +166,13 @@ impl Shape {
         if plain >= DEEP {
             return Distances { wall: DEEP, plain: DEEP, normal: outward };
         }
-        let here = Here { foot, phi, arm, outward, along: frame.tangent, around: frame.tangent.cross(outward) };
+        let here = Here { foot, phi, arm, outward, along: foot.tangent, around: foot.tangent.cross(outward) };
         let normal = (outward - here.along * by_s - here.around * by_phi) / steep;
         let mut surface = Surface { d: plain, normal };
-        let first = self.folds.partition_point(|f| f.s < foot.s - WINDOW);
-        for fold in self.folds[first..].iter().take_while(|f| f.s <= foot.s + WINDOW) {
+        // Deeper in the tissue than a fold is thick it changes nothing.
+        let folds = if plain < 5.0 { &self.folds[..] } else { &[] };
+        let first = folds.partition_point(|f| f.s < foot.s - WINDOW);
+        for fold in folds[first..].iter().take_while(|f| f.s <= foot.s + WINDOW) {
             if let Some(other) = fold.surface(&here) {
                 surface = surface.join(other, FILLET[0]);
             }

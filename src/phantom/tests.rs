@@ -129,6 +129,11 @@ fn the_true_volume_is_the_voxels() {
     let (counted, truth) = (count as f64 * grid.voxel_ml(), phantom.truth());
     assert!((counted / truth.lumen_ml - 1.0).abs() < 0.01, "{counted} ml, {} ml", truth.lumen_ml);
     assert_eq!(truth.centerline.len(), truth.radius_mm.len());
+    let json = serde_json::to_value(&truth).unwrap();
+    assert_eq!(json["wall_hu"], -650);
+    assert!(json["length_mm"].as_f64() == Some(truth.length_mm) && json["lumen_ml"].is_f64());
+    assert_eq!(json["centerline"][3][2].as_f64(), Some(truth.centerline[3].z));
+    assert!(json["polyps"][0]["position"][2].is_f64() && json["polyps"][0]["diameter_mm"].is_f64());
     assert!(truth.centerline[0].z < -70.0 && truth.centerline.last().unwrap().x < -40.0, "rectum low, cecum right");
 }
 
@@ -256,10 +261,11 @@ fn fluid_lies_behind_a_horizontal_level_and_is_closed_in() {
 #[test]
 fn bridges_cross_the_lumen_and_leave_the_axis_free() {
     let phantom = quiet(Size::Standard);
+    let without = Phantom::new(&Settings { bridges: false, ..*phantom.settings() });
     assert_eq!(phantom.shape.bridges.len(), 5);
     for b in &phantom.shape.bridges {
         let middle = 0.5 * (b.what.from + b.what.to);
-        assert!(phantom.wall(middle) > 0.0, "{b:?}");
+        assert!(phantom.wall(middle) > 0.0 && without.wall(middle) < -1.0, "{b:?}");
         assert!(phantom.nearest(middle).unwrap().rho > 4.0, "{b:?}");
     }
 }

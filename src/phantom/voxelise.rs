@@ -75,7 +75,7 @@ impl Phantom {
                 for (i, voxel) in out[start..start + size[0]].iter_mut().enumerate() {
                     let p = grid.world(corner + DVec3::new(i as f64, j as f64, k as f64));
                     let hu = if scratch.runs.is_empty() { body(p) } else { self.value_among(p, &scratch.runs, body) };
-                    *voxel = (hu + self.noise(index + i as u64) + 0.5).floor() as i16;
+                    *voxel = round(hu + self.noise(index + i as u64));
                 }
             }
         }
@@ -85,4 +85,10 @@ impl Phantom {
     fn noise(&self, index: u64) -> f64 {
         if self.settings.noise { super::NOISE_HU * hash::normal(self.noise_seed, index) } else { 0.0 }
     }
+}
+
+/// The nearest whole HU of a value well within their range, halves upwards: a cast cuts off towards zero, so the value is
+/// made positive first. (A plain `round` is a call of the mathematics library for each voxel.)
+fn round(hu: f64) -> i16 {
+    ((hu + 32_768.5) as i32 - 32_768) as i16
 }
