@@ -47,16 +47,21 @@ impl Phantom {
         let axis = &self.shape.axis;
         let count = axis.length().round() as usize;
         let s = |i: usize| axis.length() * i as f64 / count as f64;
-        let mut polyps: Vec<_> = self.shape.polyps.clone();
-        polyps.sort_by(|a, b| a.s.total_cmp(&b.s));
         Truth {
             centerline: (0..=count).map(|i| axis.frame(s(i)).at).collect(),
             radius_mm: (0..=count).map(|i| axis.profile(s(i)).radius.0).collect(),
             length_mm: axis.length(),
             lumen_ml: self.lumen_ml(),
-            polyps: polyps.iter().map(|p| p.what.into()).collect(),
+            polyps: self.polyps(),
             wall_hu: WALL_HU as i32,
         }
+    }
+
+    /// The polyps, in the order of the centerline.
+    pub fn polyps(&self) -> Vec<TruePolyp> {
+        let mut polyps = self.shape.polyps.clone();
+        polyps.sort_by(|a, b| a.s.total_cmp(&b.s));
+        polyps.iter().map(|p| p.what.into()).collect()
     }
 
     /// Volume within the wall, ml: cells of 0.9 mm, those on the wall counted by the share that the plane at the wall's
