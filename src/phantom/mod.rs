@@ -185,7 +185,8 @@ impl Phantom {
     /// The gradient of [`Phantom::value`], HU/mm, world directions.
     ///
     /// Five-point central differences of the double-precision value, 1 µm apart: the truncation error is
-    /// h⁴·f⁗′/30, below 10⁻⁹ of the wall's own gradient, and rounding leaves some 10⁻⁸ HU/mm.
+    /// h⁴·f⁗′/30, below 10⁻⁹ of the wall's own gradient; what the search for the nearest point of the axis leaves is below
+    /// 10⁻² HU/mm (the wall's own gradient is some 700).
     pub fn gradient(&self, world: DVec3) -> DVec3 {
         const H: f64 = 1e-3;
         let mut runs = Vec::new();
