@@ -1,6 +1,8 @@
 //! The colon's axis: from anatomical control points to a smooth curve with frames, and the way back from a place to its
 //! nearest points on the curve.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::spline::{Spline, b_spline};
@@ -28,7 +30,7 @@ const fn station(at: [f64; 3], radius: f64, triangle: f64, spacing: f64) -> Stat
 /// From rectum to cecum.
 const STATIONS: [Station; 29] = [
     // Rectum, along the sacrum.
-    station([2.0, 52.0, -160.0], 18.0, 0.0, 1.6),
+    station([2.0, 52.0, -156.5], 18.0, 0.0, 1.6),
     station([0.0, 74.0, -128.0], 22.0, 0.0, 1.6),
     station([-3.0, 80.0, -88.0], 21.0, 0.0, 1.5),
     station([2.0, 62.0, -54.0], 17.0, 0.0, 1.2),
@@ -44,12 +46,12 @@ const STATIONS: [Station; 29] = [
     station([112.0, 58.0, -40.0], 15.5, 0.02, 1.0),
     station([117.0, 62.0, 10.0], 16.0, 0.03, 1.0),
     station([115.0, 60.0, 60.0], 16.5, 0.03, 1.0),
-    station([113.0, 58.0, 106.0], 17.5, 0.04, 1.0),
+    station([114.0, 58.0, 104.0], 17.5, 0.04, 1.0),
     // Splenic flexure.
-    station([104.0, 40.0, 146.0], 18.0, 0.05, 1.0),
-    station([78.0, -2.0, 152.0], 18.0, 0.06, 1.0),
+    station([106.0, 40.0, 138.0], 18.0, 0.05, 1.0),
+    station([80.0, -2.0, 142.0], 18.0, 0.06, 1.0),
     // Transverse, sagging in front.
-    station([62.0, -46.0, 116.0], 17.5, 0.07, 1.0),
+    station([62.0, -46.0, 112.0], 17.5, 0.07, 1.0),
     station([44.0, -72.0, 66.0], 17.5, 0.07, 1.0),
     station([6.0, -80.0, 34.0], 18.0, 0.07, 1.0),
     station([-36.0, -78.0, 44.0], 18.5, 0.07, 1.0),
@@ -93,6 +95,8 @@ pub struct Foot {
     pub offset: DVec3,
     /// Its length.
     pub rho: f64,
+    /// Along the axis, towards the cecum, a unit vector.
+    pub tangent: DVec3,
     /// How many mm across the place one mm of arc length is: 1 − offset · curvature vector.
     pub stretch: f64,
 }
@@ -193,6 +197,15 @@ impl Centerline {
         j.d1.cross(j.d2).length() / j.d1.length().powi(3)
     }
 
+    /// The angle φ of a foot's offset.
+    #[inline]
+    pub fn angle(&self, foot: &Foot) -> f64 {
+        let n = self.normals.jet(foot.s).at;
+        // Neither vector's length matters, and the tangent's share of the normal is all that must go.
+        let normal = n - foot.tangent * n.dot(foot.tangent);
+        foot.offset.dot(foot.tangent.cross(normal)).atan2(foot.offset.dot(normal))
+    }
+
     /// The frame at s.
     #[inline]
     pub fn frame(&self, s: f64) -> Frame {
@@ -203,29 +216,42 @@ impl Centerline {
         Frame { at: j.at, tangent, normal, binormal: tangent.cross(normal) }
     }
 
-    /// The knots within `reach(i)` mm of `centre`, appended to `out` in order.
-    pub fn knots_near(&self, centre: DVec3, reach: impl Fn(usize) -> f64, out: &mut Vec<usize>) {
+    /// The runs of knots that lie within `more` mm plus their own entry of `reach` of `centre`.
+    pub fn runs_near(&self, centre: DVec3, more: f64, reach: &[f64], out: &mut Vec<Range<usize>>) {
+        out.clear();
         for (i, c) in self.knots().iter().enumerate() {
-            if (centre - *c).length_squared() <= reach(i).powi(2) {
-                out.push(i);
+            let r = more + reach[i];
+            if (centre - *c).length_squared() <= r * r {
+                match out.last_mut() {
+                    Some(run) if run.end == i => run.end = i + 1,
+                    _ => out.push(i..i + 1),
+                }
             }
         }
     }
 
-    /// The foot that belongs to knot `i` if that knot is nearer to `p` than both its neighbours.
-    ///
-    /// Newton's method on (p − c(s)) · c'(s) = 0, from the parabola through the three knots' squared distances; it ends
-    /// at the curve's ends where the foot would lie beyond them (the caps).
+    /// Calls `found` with the feet of `p`: one for each knot of `run` that is nearer than both its neighbours and within
+    /// its entry of `reach`, mm.
     #[inline]
-    pub fn foot(&self, p: DVec3, i: usize) -> Option<Foot> {
+    pub fn feet(&self, p: DVec3, run: Range<usize>, reach: &[f64], mut found: impl FnMut(Foot)) {
         let knots = self.knots();
-        let far = |i: usize| (p - knots[i]).length_squared();
-        let here = far(i);
-        let before = if i > 0 { far(i - 1) } else { f64::INFINITY };
-        let after = if i + 1 < knots.len() { far(i + 1) } else { f64::INFINITY };
-        if before < here || after <= here {
-            return None;
+        let far = |i: usize| knots.get(i).map_or(f64::INFINITY, |c| (p - *c).length_squared());
+        let mut before = if run.start > 0 { far(run.start - 1) } else { f64::INFINITY };
+        let mut here = far(run.start);
+        for i in run {
+            let after = far(i + 1);
+            if before >= here && here < after && here <= reach[i] * reach[i] {
+                found(self.foot(p, i, [before, here, after]));
+            }
+            (before, here) = (here, after);
         }
+    }
+
+    /// The foot that belongs to knot `i`, given the squared distances of that knot and its neighbours.
+    ///
+    /// Newton's method on (p − c(s)) · c'(s) = 0, from the parabola through the three squared distances; it ends at the
+    /// curve's ends where the foot would lie beyond them (the caps).
+    fn foot(&self, p: DVec3, i: usize, [before, here, after]: [f64; 3]) -> Foot {
         let h = self.curve.step();
         let mut s = i as f64 * h;
         if before.is_finite() && after.is_finite() {
@@ -240,13 +266,14 @@ impl Centerline {
             let moved = next - s;
             s = next;
             j = self.curve.jet(s);
-            if moved.abs() < 1e-8 {
+            // What is left is below moved² · curvature, 10⁻⁹ mm.
+            if moved.abs() < 1e-4 {
                 break;
             }
         }
         let offset = p - j.at;
         let stretch = (j.d1.length_squared() - offset.dot(j.d2)).max(0.2);
-        Some(Foot { s, offset, rho: offset.length(), stretch })
+        Foot { s, offset, rho: offset.length(), tangent: j.d1.normalize(), stretch }
     }
 }
 
@@ -307,8 +334,14 @@ mod tests {
             let s = 2.0 + (c.length() - 4.0) * hash::uniform(1, n);
             let f = c.frame(s);
             let p = f.at + f.direction(6.0 * hash::uniform(2, n)) * (1.0 + 12.0 * hash::uniform(3, n));
-            let best =
-                (0..c.knots().len()).filter_map(|i| c.foot(p, i)).min_by(|a, b| a.rho.total_cmp(&b.rho)).unwrap();
+            let mut best: Option<Foot> = None;
+            let reach = vec![40.0; c.knots().len()];
+            c.feet(p, 0..c.knots().len(), &reach, |f| {
+                if best.is_none_or(|b| f.rho < b.rho) {
+                    best = Some(f);
+                }
+            });
+            let best = best.unwrap();
             assert!((best.s - s).abs() < 1e-6, "{} for {s}", best.s);
         }
     }

@@ -6,7 +6,7 @@ use super::centerline::Centerline;
 use super::shape::{Attached, Bridge, Fold, Polyp, Shape};
 use crate::math::hash;
 
-/// No fold and no polyp comes nearer to the axis than this, mm.
+/// No fold and no polyp comes nearer to the axis than this, mm (fillets between two of them may take 0.9 of it).
 pub const CHANNEL_MM: f64 = 6.0;
 
 /// Numbers drawn one after the other from a stream of their own.
@@ -96,9 +96,10 @@ fn place_polyps(shape: &Shape, seed: u64) -> Vec<Attached<Polyp>> {
     let count = if end > 1000.0 { 9 } else { 6 };
     (0..count)
         .map(|i| {
-            let share = i as f64 / (count - 1) as f64;
+            let last = f64::from(count - 1);
+            let share = f64::from(i) / last;
             // From 4 to 12 mm, in mixed order along the colon.
-            let wanted = 4.0 + 8.0 * ((i * 4) % count) as f64 / (count - 1) as f64;
+            let wanted = 4.0 + 8.0 * f64::from((i * 4) % count) / last;
             let mut best = (f64::INFINITY, sessile(shape, 0.5 * end, 0.0, 4.0));
             for _ in 0..40 {
                 let s = 40.0 + (end - 80.0) * share + draw.within(-25.0, 25.0);
@@ -128,7 +129,11 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
     let count = 5;
     (0..count)
         .map(|i| {
-            let s = end * (f64::from(i) + 0.5) / f64::from(count) + draw.within(-20.0, 20.0);
+            // Of some places the one that is farthest from the folds, so that the strand stands free.
+            let middle = end * (f64::from(i) + 0.5) / f64::from(count);
+            let free = |s: f64| shape.folds.iter().map(|f| (f.s - s).abs()).fold(f64::INFINITY, f64::min);
+            let s = (0..12).map(|_| middle + draw.within(-20.0, 20.0)).max_by(|a, b| free(*a).total_cmp(&free(*b)));
+            let s = s.unwrap_or(middle);
             let phi = draw.within(0.0, TAU);
             // The chord passes the axis at half the radius or more, so that it never bars the way.
             let across = draw.within(75f64, 110.0).to_radians();
@@ -136,7 +141,7 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
                 let frame = shape.axis.frame(s);
                 frame.at + frame.direction(phi) * (shape.radius(s, phi) + 1.5)
             };
-            let slant = draw.within(-4.0, 4.0);
+            let slant = draw.within(-2.0, 2.0);
             let what = Bridge {
                 from: place(s - slant, phi),
                 to: place(s + slant, phi + across),

@@ -15,6 +15,9 @@ mod tests;
 mod truth;
 mod voxelise;
 
+use std::f64::consts::PI;
+use std::ops::Range;
+
 use glam::{DMat3, DVec3};
 
 use crate::error::Result;
@@ -25,7 +28,7 @@ use body::Body;
 use centerline::{Centerline, Foot};
 use features::Pool;
 use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, smooth_min, smooth_step, tissue_share};
-use shape::{Attached, Distances, REACH, Shape};
+use shape::{Attached, DEEP, Distances, Shape};
 
 pub use shape::Polyp;
 pub use truth::{TruePolyp, Truth};
@@ -80,6 +83,8 @@ pub struct Phantom {
     shape: Shape,
     body: Body,
     pools: Vec<Pool>,
+    /// For each knot of the axis, within which distance places depend on it, mm.
+    reach: Vec<f64>,
     sigma: f64,
     noise_seed: u64,
 }
@@ -104,9 +109,13 @@ impl Phantom {
             Size::Large => 0.26,
         };
         let pools = if settings.fluid { features::pools(&shape) } else { Vec::new() };
+        // A place whose foot is half a knot away is a little farther from the knot than from the foot.
+        let reach = (0..shape.axis.knots().len())
+            .map(|i| shape.largest_radius(i as f64 * shape.axis.knot_step()) + DEEP + 1.5)
+            .collect();
         let seed = settings.seed;
         let body = Body::new(scale, sigma, hash::bits(seed, 0xB0D7));
-        Self { settings: *settings, shape, body, pools, sigma, noise_seed: hash::bits(seed, 0x4015E) }
+        Self { settings: *settings, shape, body, pools, reach, sigma, noise_seed: hash::bits(seed, 0x4015E) }
     }
 
     /// The same body with exactly the given polyps, made by [`Phantom::polyp_at`] or placed by hand on the wall.
@@ -130,7 +139,7 @@ impl Phantom {
     /// The grid that belongs to the size, axes along the patient's (LPS), the body in its middle.
     pub fn grid(&self) -> Grid {
         let (dims, spacing) = match self.settings.size {
-            Size::Small => ([230, 186, 256], DVec3::splat(0.9)),
+            Size::Small => ([230, 186, 272], DVec3::splat(0.9)),
             Size::Standard => ([512, 512, 400], DVec3::new(0.7, 0.7, 1.0)),
             Size::Large => ([1024, 1024, 800], DVec3::new(0.35, 0.35, 0.5)),
         };
@@ -170,19 +179,19 @@ impl Phantom {
 
     /// The noise-free value at a place (world, mm LPS), HU.
     pub fn value(&self, world: DVec3) -> f64 {
-        self.value_among(world, 0..self.shape.axis.knots().len())
+        self.value_among(world, &[self.all_knots()], |p| self.body.value(p))
     }
 
     /// The gradient of [`Phantom::value`], HU/mm, world directions.
     ///
     /// Five-point central differences of the double-precision value, 1 µm apart: the truncation error is
-    /// h⁴·f⁗′/30, below 10⁻⁹ of the wall's own gradient, and rounding leaves some 10⁻⁸ HU/mm.
+    /// h⁴·f⁗′/30, below 10⁻⁹ of the wall's own gradient; what the search for the nearest point of the axis leaves is below
+    /// 10⁻² HU/mm (the wall's own gradient is some 700).
     pub fn gradient(&self, world: DVec3) -> DVec3 {
         const H: f64 = 1e-3;
-        let reach = 4.0 * H;
-        let mut near = Vec::new();
-        self.knots_near(world, reach, &mut near);
-        let f = |d: DVec3| self.value_among(world + d, near.iter().copied());
+        let mut runs = Vec::new();
+        self.runs_near(world, 4.0 * H, &mut runs);
+        let f = |d: DVec3| self.value_among(world + d, &runs, |p| self.body.value(p));
         let along = |axis: DVec3| {
             let (a, b) = (axis * H, axis * (2.0 * H));
             (8.0 * (f(a) - f(-a)) - (f(b) - f(-b))) / (12.0 * H)
@@ -191,53 +200,54 @@ impl Phantom {
     }
 
     /// Signed distance to the lumen's wall, mm, negative in gas and fluid, positive in tissue, to first order near the
-    /// wall and saturated at ±8 mm. It is 0 exactly where the value is −650 HU against gas; towards the axis it is
+    /// wall and saturated at −8 and 6 mm. It is 0 exactly where the value is −650 HU against gas; towards the axis it is
     /// continuous but for the axis itself, where it is deep in its saturation or the lumen narrow.
     pub fn wall(&self, world: DVec3) -> f64 {
-        self.distances_among(world, 0..self.shape.axis.knots().len()).wall
+        self.distances_among(world, &[self.all_knots()]).0.wall
     }
 
-    /// The point of the axis nearest to a place within a wall's reach.
+    /// The point of the axis nearest to a place, if the place is within reach of the colon.
     fn nearest(&self, p: DVec3) -> Option<Foot> {
-        let axis = &self.shape.axis;
-        (0..axis.knots().len()).filter_map(|i| axis.foot(p, i)).min_by(|a, b| a.rho.total_cmp(&b.rho))
-    }
-
-    /// Within this distance of a knot places may depend on the colon, mm.
-    fn reach_of_knot(&self, i: usize) -> f64 {
-        let axis = &self.shape.axis;
-        // A foot lies within one and a half knots of the knot it belongs to.
-        self.shape.largest_radius(i as f64 * axis.knot_step()) + REACH + 2.0 + 1.5 * axis.knot_step()
-    }
-
-    /// The knots that places within `reach` mm of `centre` may depend on, appended to `out`.
-    fn knots_near(&self, centre: DVec3, reach: f64, out: &mut Vec<usize>) {
-        self.shape.axis.knots_near(centre, |i| reach + self.reach_of_knot(i), out);
-    }
-
-    /// The distances of a place, given the knots that matter. Where two loops are near, their lumens are joined by a
-    /// smooth minimum, which changes nothing at a wall.
-    fn distances_among(&self, p: DVec3, knots: impl Iterator<Item = usize>) -> Distances {
-        self.loops_among(p, knots).0
-    }
-
-    /// The distances and the arc length of the loop that the place is deepest in.
-    fn loops_among(&self, p: DVec3, knots: impl Iterator<Item = usize>) -> (Distances, f64) {
-        let mut all = Distances { wall: REACH, plain: REACH };
-        let (mut deepest, mut s) = (f64::INFINITY, 0.0);
-        for foot in knots.filter_map(|i| self.shape.axis.foot(p, i)) {
-            let d = self.shape.distances(p, &foot);
-            if d.wall < deepest {
-                (deepest, s) = (d.wall, foot.s);
+        let mut best: Option<Foot> = None;
+        self.shape.axis.feet(p, self.all_knots(), &self.reach, |f| {
+            if best.is_none_or(|b| f.rho < b.rho) {
+                best = Some(f);
             }
-            all.wall = smooth_min(all.wall, d.wall, LOOP_BLEND);
-            all.plain = all.plain.min(d.plain);
+        });
+        best
+    }
+
+    fn all_knots(&self) -> Range<usize> {
+        0..self.shape.axis.knots().len()
+    }
+
+    /// The runs of knots that places within `more` mm of `centre` depend on.
+    fn runs_near(&self, centre: DVec3, more: f64, out: &mut Vec<Range<usize>>) {
+        self.shape.axis.runs_near(centre, more, &self.reach, out);
+    }
+
+    /// The distances of a place, and the arc length of the loop that it is deepest in, given the runs of knots that
+    /// matter. Where two loops are near, their lumens are joined by a smooth minimum, which changes nothing at a wall.
+    fn distances_among(&self, p: DVec3, runs: &[Range<usize>]) -> (Distances, f64) {
+        let mut all = Distances { wall: DEEP, plain: DEEP, normal: DVec3::ZERO };
+        let (mut deepest, mut s) = (f64::INFINITY, 0.0);
+        for run in runs {
+            self.shape.axis.feet(p, run.clone(), &self.reach, |foot| {
+                let d = self.shape.distances(p, &foot);
+                if d.wall < deepest {
+                    (deepest, s) = (d.wall, foot.s);
+                    all.normal = d.normal;
+                }
+                all.wall = smooth_min(all.wall, d.wall, LOOP_BLEND);
+                all.plain = all.plain.min(d.plain);
+            });
         }
         (all, s)
     }
 
-    fn value_among(&self, p: DVec3, knots: impl Iterator<Item = usize>) -> f64 {
-        let (d, s) = self.loops_among(p, knots);
+    /// The value of a place, given the runs of knots that matter and what the body has there.
+    fn value_among(&self, p: DVec3, runs: &[Range<usize>], body: impl Fn(DVec3) -> f64) -> f64 {
+        let (d, s) = self.distances_among(p, runs);
         let tissue = tissue_share(d.wall, self.sigma);
         let inside = if tissue < 1.0 { self.content(p, s) } else { GAS };
         if tissue <= 0.0 {
@@ -246,8 +256,8 @@ impl Phantom {
         // The wall is about 3 mm thick; fat of the mesentery fades into what lies there.
         let layer = smooth_step(2.0, 4.0, d.plain);
         let outside = if layer > 0.0 {
-            let body = self.body.sample(p).hu;
-            let fat = mix(FAT, body, smooth_step(4.0, REACH, d.plain));
+            let body = body(p);
+            let fat = mix(FAT, body, smooth_step(4.0, DEEP, d.plain));
             mix(TISSUE, fat, layer)
         } else {
             TISSUE
@@ -264,27 +274,25 @@ impl Phantom {
     }
 }
 
-/// Whether no two loops of the axis come nearer than their walls and 4 mm of tissue, and no bend is so tight that the
-/// wall would fold over itself.
+/// Whether no two loops' walls come nearer than 4 mm, and no bend is so tight that the wall would fold over itself.
 fn has_room(axis: &Centerline) -> bool {
-    axis_clearance(axis) >= 4.0
-        && (0..axis.knots().len()).all(|i| {
-            let s = i as f64 * axis.knot_step();
-            axis.curvature(s) * axis.profile(s).radius.0 < 0.72
-        })
+    let tight = |i: usize| {
+        let s = i as f64 * axis.knot_step();
+        axis.curvature(s) * axis.profile(s).radius.0 > 0.72
+    };
+    loop_clearance(axis) >= 4.0 && !(0..axis.knots().len()).any(tight)
 }
 
-/// The least tissue between the walls of two loops, mm.
-fn axis_clearance(axis: &Centerline) -> f64 {
+/// The least tissue between the plain walls of two loops, mm.
+fn loop_clearance(axis: &Centerline) -> f64 {
     let knots = axis.knots();
-    let radius: Vec<f64> =
-        (0..knots.len()).map(|i| 1.08 * axis.profile(i as f64 * axis.knot_step()).radius.0).collect();
+    let radius: Vec<f64> = (0..knots.len()).map(|i| shape::largest(axis, i as f64 * axis.knot_step())).collect();
     let mut least = f64::INFINITY;
     for i in 0..knots.len() {
         for j in i + 1..knots.len() {
-            // A half circle of the tightest bend is no other loop.
+            // Within a half circle about a bend's inner wall it is the same loop.
             let along = (j - i) as f64 * axis.knot_step();
-            if along > 3.2 * (radius[i] + radius[j]) * 0.5 + 20.0 {
+            if along > PI * 0.5 * (radius[i] + radius[j]) + 20.0 {
                 least = least.min((knots[i] - knots[j]).length() - radius[i] - radius[j]);
             }
         }

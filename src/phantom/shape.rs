@@ -11,11 +11,17 @@ use glam::DVec3;
 use super::centerline::{Centerline, Foot};
 use super::profile::smooth_max;
 
-/// Distances saturate here, mm: nothing depends on the wall farther away, and features need not be looked for.
+/// Distances in the lumen saturate here, mm: nothing depends on the wall farther away, and features need not be looked
+/// for.
 pub const REACH: f64 = 8.0;
+/// Distances in the tissue saturate here, mm.
+pub const DEEP: f64 = 6.0;
 
+/// Arc length from a place within which features may matter, mm (more than [`REACH`]: in a bend's inner side arcs are
+/// longer than distances).
+const WINDOW: f64 = 30.0;
 /// The plain wall leaves the mean radius by at most this share of it (and [`TAENIA_MM`]).
-const BULGE: f64 = 0.14;
+const BULGE: f64 = 0.16;
 /// Height of the taeniae's bands, mm.
 const TAENIA_MM: f64 = 0.8;
 /// Over this length the cross-section becomes round towards the caps, mm.
@@ -80,6 +86,9 @@ pub struct Distances {
     pub wall: f64,
     /// To the plain wall without folds, polyps and bridges.
     pub plain: f64,
+    /// The wall's unit normal, into the tissue, in closed form: exact on the plain wall, on polyps and bridges, to first
+    /// order in the fillets (a few degrees).
+    pub normal: DVec3,
 }
 
 /// The lumen's shape about its axis.
@@ -110,7 +119,7 @@ struct Radius {
 impl Shape {
     /// The largest radius that the plain wall has about s, mm.
     pub fn largest_radius(&self, s: f64) -> f64 {
-        self.axis.profile(s).radius.0 * (1.0 + BULGE)
+        largest(&self.axis, s)
     }
 
     /// Radius of the plain wall at arc length `s` and angle `phi`, mm.
@@ -129,7 +138,7 @@ impl Shape {
         let between_phi = 1.5 * s3;
         let band = (1.0 - between).powi(8);
         let band_phi = -8.0 * (1.0 - between).powi(7) * between_phi;
-        let row = &self.rows[(theta.rem_euclid(TAU) / (TAU / 3.0)) as usize % 3];
+        let row = &self.rows[((theta / TAU - (theta / TAU).floor()) * 3.0) as usize % 3];
         let (sac, sac_s) = sacculation(row, s);
         let haustra = 0.14 * between * between;
         // A share of the radius, and a height.
@@ -146,38 +155,86 @@ impl Shape {
     /// The distances of `p` to the part of the colon about one of its feet.
     pub fn distances(&self, p: DVec3, foot: &Foot) -> Distances {
         let near = self.axis.profile(foot.s).radius.0;
-        if foot.rho > near * (1.0 + BULGE) + REACH + 2.0 {
-            return Distances { wall: REACH, plain: REACH };
-        }
-        let phi = self.axis.frame(foot.s).angle(foot.offset);
+        let phi = self.axis.angle(foot);
         let r = self.plain(foot.s, phi);
         // Near the axis the angle means little; the distance there is beyond what anything depends on.
         let arm = foot.rho.max(0.3 * near);
-        let slope = (r.by_s / foot.stretch).hypot(r.by_phi / arm);
-        let plain = (foot.rho - r.at) / 1f64.hypot(slope);
-        let mut wall = plain;
-        let window = 30.0;
-        let first = self.folds.partition_point(|f| f.s < foot.s - window);
-        for fold in self.folds[first..].iter().take_while(|f| f.s <= foot.s + window) {
-            if let Some(d) = fold.distance(foot, phi, arm) {
-                wall = smooth_max(wall, d, FILLET[0]);
+        let (by_s, by_phi) = (r.by_s / foot.stretch, r.by_phi / arm);
+        let steep = (1.0 + by_s * by_s + by_phi * by_phi).sqrt();
+        let plain = (foot.rho - r.at) / steep;
+        let outward = foot.offset / foot.rho.max(1e-9);
+        if plain >= DEEP {
+            return Distances { wall: DEEP, plain: DEEP, normal: outward };
+        }
+        let here = Here { foot, phi, arm, outward, along: foot.tangent, around: foot.tangent.cross(outward) };
+        let normal = (outward - here.along * by_s - here.around * by_phi) / steep;
+        let mut surface = Surface { d: plain, normal };
+        // Deeper in the tissue than a fold is thick it changes nothing.
+        let folds = if plain < 5.0 { &self.folds[..] } else { &[] };
+        let first = folds.partition_point(|f| f.s < foot.s - WINDOW);
+        for fold in folds[first..].iter().take_while(|f| f.s <= foot.s + WINDOW) {
+            if let Some(other) = fold.surface(&here) {
+                surface = surface.join(other, FILLET[0]);
             }
         }
-        for polyp in self.polyps.iter().filter(|a| (a.s - foot.s).abs() < window) {
-            let d = 0.5 * polyp.what.diameter_mm - (p - polyp.what.position).length();
-            wall = smooth_max(wall, d, FILLET[1]);
+        for polyp in self.polyps.iter().filter(|a| (a.s - foot.s).abs() < WINDOW) {
+            surface = surface.join(Surface::about(polyp.what.position, 0.5 * polyp.what.diameter_mm, p), FILLET[1]);
         }
-        for bridge in self.bridges.iter().filter(|a| (a.s - foot.s).abs() < window) {
-            wall = smooth_max(wall, bridge.what.distance(p), FILLET[2]);
+        for bridge in self.bridges.iter().filter(|a| (a.s - foot.s).abs() < WINDOW) {
+            surface = surface.join(bridge.what.surface(p), FILLET[2]);
         }
-        Distances { wall: wall.clamp(-REACH, REACH), plain: plain.min(REACH) }
+        Distances { wall: surface.d.clamp(-REACH, DEEP), plain, normal: surface.normal }
+    }
+}
+
+/// A place in the tube's own coordinates.
+struct Here<'a> {
+    foot: &'a Foot,
+    phi: f64,
+    /// Distance from the axis, not less than what an angle can be multiplied by.
+    arm: f64,
+    /// Unit vectors away from the axis, along it, and around it (growing φ).
+    outward: DVec3,
+    along: DVec3,
+    around: DVec3,
+}
+
+/// A signed distance (mm, positive in tissue) and its gradient, a unit vector, both to first order.
+#[derive(Clone, Copy)]
+struct Surface {
+    d: f64,
+    normal: DVec3,
+}
+
+impl Surface {
+    /// A ball of tissue.
+    fn about(centre: DVec3, radius: f64, p: DVec3) -> Self {
+        let away = p - centre;
+        let length = away.length();
+        Self { d: radius - length, normal: -away / length.max(1e-9) }
+    }
+
+    /// The union of two bodies of tissue with a fillet of `k` mm ([`smooth_max`]), divided by its gradient's length so
+    /// that it stays a distance within the fillet.
+    fn join(self, other: Self, k: f64) -> Self {
+        let h = (k - (self.d - other.d).abs()).max(0.0);
+        let share = h / (2.0 * k);
+        let (near, far) = if self.d >= other.d { (self, other) } else { (other, self) };
+        if h <= 0.0 {
+            return near;
+        }
+        let gradient = near.normal * (1.0 - share) + far.normal * share;
+        // Faces that meet at a right angle need the most; in an undercut the distance may be too short, never too long.
+        let length = gradient.length().max(0.7);
+        Self { d: smooth_max(self.d, other.d, k) / length, normal: gradient / length }
     }
 }
 
 impl Fold {
-    /// Angle from the fold's middle, in (−π, π].
+    /// Angle from the fold's middle, within ±π.
     fn off_middle(&self, phi: f64) -> f64 {
-        (phi - self.phi + PI).rem_euclid(TAU) - PI
+        let delta = phi - self.phi;
+        delta - TAU * (delta / TAU).round()
     }
 
     /// How far the fold stands out at angle `phi`, mm; negative beyond its ends, where it lies buried in the wall.
@@ -186,37 +243,51 @@ impl Fold {
         self.depth * (1.0 - u * u)
     }
 
-    /// Signed distance into the fold's tissue, mm, `None` where it is more than [`REACH`] away.
-    fn distance(&self, foot: &Foot, phi: f64, arm: f64) -> Option<f64> {
-        let along = foot.s - self.s;
+    /// The fold's surface, `None` where it is more than [`REACH`] away.
+    fn surface(&self, here: &Here<'_>) -> Option<Surface> {
+        let foot = here.foot;
+        let off = foot.s - self.s;
         let wander = self.slant.abs() + self.bow.abs();
         let half = 0.5 * self.thickness;
         // The line on the wall is at least this far off, whatever the angle (its slope shortens by a fifth at most).
-        if (along.abs() - wander) * foot.stretch * 0.8 > REACH + half {
+        if (off.abs() - wander) * foot.stretch * 0.8 > REACH + half {
             return None;
         }
-        let delta = self.off_middle(phi);
+        let delta = self.off_middle(here.phi);
         let u = delta / self.half_width;
         let height = self.depth * (1.0 - u * u);
         if height < -REACH {
             return None;
         }
+        // Across the plate.
         let (sin, cos) = delta.sin_cos();
         let line = self.slant * sin + self.bow * (1.0 - cos);
-        let line_phi = self.slant * cos + self.bow * sin;
-        let across = (along - line) / (1.0 / foot.stretch).hypot(line_phi / arm);
-        let edge_phi = 2.0 * self.depth * u / self.half_width;
-        let beyond = (foot.rho - (self.radius - height) - half) / 1f64.hypot(edge_phi / arm);
-        Some(half - across.hypot(beyond.min(0.0)))
+        let (by_s, by_phi) = (1.0 / foot.stretch, (self.slant * cos + self.bow * sin) / here.arm);
+        let steep = (by_s * by_s + by_phi * by_phi).sqrt();
+        let across = (off - line) / steep;
+        let across_normal = (here.along * by_s - here.around * by_phi) / steep;
+        // Beyond the centre of the edge's half circle.
+        let by_phi = 2.0 * self.depth * u / self.half_width / here.arm;
+        let steep = (1.0 + by_phi * by_phi).sqrt();
+        let beyond = ((foot.rho - (self.radius - height) - half) / steep).min(0.0);
+        let beyond_normal = (here.outward - here.around * by_phi) / steep;
+        let length = (across * across + beyond * beyond).sqrt();
+        let normal = -(across_normal * across + beyond_normal * beyond) / length.max(1e-9);
+        Some(Surface { d: half - length, normal })
     }
 }
 
 impl Bridge {
-    fn distance(&self, p: DVec3) -> f64 {
+    fn surface(&self, p: DVec3) -> Surface {
         let axis = self.to - self.from;
         let t = ((p - self.from).dot(axis) / axis.length_squared()).clamp(0.0, 1.0);
-        0.5 * self.diameter_mm - (p - self.from - axis * t).length()
+        Surface::about(self.from + axis * t, 0.5 * self.diameter_mm, p)
     }
+}
+
+/// The largest radius that the plain wall has about s, mm.
+pub fn largest(axis: &Centerline, s: f64) -> f64 {
+    axis.profile(s).radius.0 * (1.0 + BULGE)
 }
 
 /// 0 at a row's constrictions, 1 midway between them, with its derivative.

@@ -112,7 +112,7 @@ mod tests {
     #[test]
     fn the_spline_is_smooth_to_the_second_derivative_and_meets_its_ends() {
         let points: Vec<DVec3> =
-            (0..12).map(|i| DVec3::new((i * i % 7) as f64, (i % 3) as f64, f64::from(i))).collect();
+            (0..12).map(|i| DVec3::new(f64::from(i * i % 7), f64::from(i % 3), f64::from(i))).collect();
         let s = Spline::new(1.5, points.clone(), DVec3::X, DVec3::Y);
         for (i, p) in points.iter().enumerate() {
             let x = 1.5 * i as f64;

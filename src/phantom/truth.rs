@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Phantom;
 use super::profile::WALL_HU;
-use super::shape::{Polyp, REACH};
+use super::shape::{DEEP, Polyp};
 
 /// The ground truth of a phantom.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,16 +47,21 @@ impl Phantom {
         let axis = &self.shape.axis;
         let count = axis.length().round() as usize;
         let s = |i: usize| axis.length() * i as f64 / count as f64;
-        let mut polyps: Vec<_> = self.shape.polyps.clone();
-        polyps.sort_by(|a, b| a.s.total_cmp(&b.s));
         Truth {
             centerline: (0..=count).map(|i| axis.frame(s(i)).at).collect(),
             radius_mm: (0..=count).map(|i| axis.profile(s(i)).radius.0).collect(),
             length_mm: axis.length(),
             lumen_ml: self.lumen_ml(),
-            polyps: polyps.iter().map(|p| p.what.into()).collect(),
+            polyps: self.polyps(),
             wall_hu: WALL_HU as i32,
         }
+    }
+
+    /// The polyps, in the order of the centerline.
+    pub fn polyps(&self) -> Vec<TruePolyp> {
+        let mut polyps = self.shape.polyps.clone();
+        polyps.sort_by(|a, b| a.s.total_cmp(&b.s));
+        polyps.iter().map(|p| p.what.into()).collect()
     }
 
     /// Volume within the wall, ml: cells of 0.9 mm, those on the wall counted by the share that the plane at the wall's
@@ -69,7 +74,7 @@ impl Phantom {
         for k in knots {
             (lo, hi) = (lo.min(*k), hi.max(*k));
         }
-        let most = (0..knots.len()).map(|i| self.reach_of_knot(i)).fold(0.0, f64::max) - REACH;
+        let most = self.reach.iter().fold(0.0, |a: f64, b| a.max(*b)) - DEEP;
         let edge = CELL * BRICK as f64;
         let first = lo - DVec3::splat(most);
         let bricks = ((hi + DVec3::splat(most) - first) / edge).ceil();
@@ -78,15 +83,14 @@ impl Phantom {
             for by in 0..bricks.y as i64 {
                 for bx in 0..bricks.x as i64 {
                     let corner = first + DVec3::new(bx as f64, by as f64, bz as f64) * edge;
-                    near.clear();
-                    self.knots_near(corner + DVec3::splat(0.5 * edge), 0.87 * edge, &mut near);
+                    self.runs_near(corner + DVec3::splat(0.5 * edge), 0.87 * edge, &mut near);
                     if near.is_empty() {
                         continue;
                     }
                     for c in 0..BRICK.pow(3) {
                         let cell = DVec3::new((c % 8) as f64, (c / 8 % 8) as f64, (c / 64) as f64);
                         let p = corner + (cell + DVec3::splat(0.5)) * CELL;
-                        let d = self.distances_among(p, near.iter().copied()).wall;
+                        let d = self.distances_among(p, &near).0.wall;
                         sum += (0.5 - d / CELL).clamp(0.0, 1.0);
                     }
                 }
