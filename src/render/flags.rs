@@ -81,6 +81,11 @@ impl Flags {
         self.empty[i + self.bricks[0] * (j + self.bricks[1] * k)]
     }
 
+    /// Bricks along each axis.
+    pub fn bricks(&self) -> [usize; 3] {
+        self.bricks
+    }
+
     /// Memory of all flags.
     pub fn bytes(&self) -> usize {
         size_of_val(self.bits.as_slice()) + size_of_val(self.empty.as_slice())

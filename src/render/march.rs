@@ -48,6 +48,16 @@ pub struct Ray {
     pub direction: Vec3,
     /// Number of samples.
     pub count: u32,
+    /// So many samples on, a place may be half a voxel away along an axis; all before are nearer.
+    pub near: u32,
+}
+
+/// The nearest whole number to each coordinate, between 0 and 2²² and even if two are as near: the bits of a float
+/// beside 2²³ count in ones. Much cheaper than a cast, which must mind what does not fit.
+#[inline(always)]
+pub fn round(q: Vec3) -> [i32; 3] {
+    const SHIFT: f32 = (1 << 23) as f32;
+    (q + SHIFT).to_array().map(|c| (c.to_bits() & 0x7F_FFFF) as i32)
 }
 
 impl Ray {
@@ -70,6 +80,8 @@ impl Ray {
             inverse: along.recip().abs().copysign(along),
             direction: direction.as_vec3(),
             count: count.min(MAX_SAMPLES) as u32,
+            // A thousandth less than half a voxel, for the rounding of places.
+            near: 1 + (0.499 / along.abs().max_element()).min(1e3) as u32,
         })
     }
 

@@ -1,7 +1,9 @@
 //! Which samples of a ray need not be looked at.
 
+use glam::Vec3;
+
 use super::flags::{BRICK_SHIFT, Flags};
-use super::march::Ray;
+use super::march::{Ray, round};
 use super::sampler::nearest;
 use super::space::Space;
 
@@ -33,11 +35,11 @@ pub struct Leap<'a, const VOXELS: bool> {
 impl<'a, const VOXELS: bool> Leap<'a, VOXELS> {
     /// Leaps by the flags of `space`.
     pub fn new(space: &'a Space) -> Self {
-        Self { space, flags: space.flags(), last: space.volume().grid().dims().map(|n| n as u32) }
+        Self { space, flags: space.flags(), last: space.flags().bricks().map(|n| n as u32 - 1) }
     }
 
     #[inline(always)]
-    fn is_empty_voxel(&self, q: glam::Vec3) -> bool {
+    fn is_empty_voxel(&self, q: Vec3) -> bool {
         let volume = self.space.volume();
         let dims = volume.grid().dims();
         let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
@@ -47,21 +49,39 @@ impl<'a, const VOXELS: bool> Leap<'a, VOXELS> {
             && self.flags.homogeneous(i, j, k)
             && volume.data()[volume.grid().index(i, j, k)] <= self.flags.empty_up_to()
     }
+
+    /// The brick that `q` lies in, or one that it touches.
+    #[inline(always)]
+    fn brick(&self, q: Vec3) -> [u32; 3] {
+        let [i, j, k] = round(q * BRICK + 0.5).map(|b| (b.max(1) - 1) as u32);
+        [i.min(self.last[0]), j.min(self.last[1]), k.min(self.last[2])]
+    }
 }
+
+/// Bricks in a voxel's length.
+const BRICK: f32 = 1.0 / (1 << BRICK_SHIFT) as f32;
 
 impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
     #[inline(always)]
     fn next(&self, ray: &Ray, mut n: u32) -> u32 {
         while n < ray.count {
-            let q = ray.at(n);
-            let [x, y, z] = [q.x as u32, q.y as u32, q.z as u32];
-            let brick = [x.min(self.last[0]), y.min(self.last[1]), z.min(self.last[2])].map(|c| c >> BRICK_SHIFT);
+            let brick = self.brick(ray.at(n));
+            let exit = leave(ray, brick, n);
             if self.flags.empty_brick(brick[0] as usize, brick[1] as usize, brick[2] as usize) {
-                n = leave(ray, brick, n);
-            } else if VOXELS && self.is_empty_voxel(q) {
-                n += 1;
-            } else {
+                n = exit;
+                continue;
+            }
+            if !VOXELS {
                 break;
+            }
+            let end = exit.min(ray.count);
+            while n < end {
+                if !self.is_empty_voxel(ray.at(n)) {
+                    return n;
+                }
+                // The whole neighbourhood is empty, out to a voxel from its centre, and the place is within half of
+                // one; so are all samples less than the other half away.
+                n += ray.near;
             }
         }
         n
@@ -75,7 +95,7 @@ fn leave(ray: &Ray, brick: [u32; 3], n: u32) -> u32 {
     let mut exit = f32::INFINITY;
     for a in 0..3 {
         let ahead = u32::from(ray.along[a].is_sign_positive());
-        let plane = ((brick[a] + ahead) << BRICK_SHIFT) as f32;
+        let plane = ((brick[a] + ahead) << BRICK_SHIFT) as i32 as f32;
         // 0 · ∞ is no exit: `min` passes over the NaN.
         exit = exit.min((plane - ray.from[a]) * ray.inverse[a]);
     }
