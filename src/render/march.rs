@@ -42,8 +42,10 @@ pub struct Ray {
     pub from: Vec3,
     /// From one sample to the next, voxels.
     pub along: Vec3,
-    /// 1 / `along`, infinite where that is 0.
+    /// The plane p of an axis is met after p · `inverse` + `offset` samples: 1 / `along`, 0 where the ray keeps its place.
     pub inverse: Vec3,
+    /// −`from` / `along`, infinite where the ray keeps its place.
+    pub offset: Vec3,
     /// World direction, of unit length.
     pub direction: Vec3,
     /// Number of samples.
@@ -65,8 +67,7 @@ impl Ray {
     /// misses the volume.
     pub fn new(space: &Space, origin: DVec3, direction: DVec3, step: Step) -> Option<Self> {
         let grid = space.volume().grid();
-        let from = grid.voxel(origin);
-        let (enter, exit) = clip(grid.dims(), from, grid.to_voxel().transform_vector3(direction))?;
+        let (enter, exit) = clip(grid.dims(), grid.voxel(origin), grid.to_voxel().transform_vector3(direction))?;
         let first = (enter / step.mm - 0.5).ceil().max(0.0);
         let count = (exit / step.mm - 0.5).floor() - first + 1.0;
         if count < 1.0 {
@@ -74,10 +75,14 @@ impl Ray {
         }
         let start = grid.voxel(origin + direction * ((first + 0.5) * step.mm)) + DVec3::ONE;
         let along = (grid.to_voxel().transform_vector3(direction) * step.mm).as_vec3();
+        let from = start.as_vec3();
+        // Less than this moves a place by a hundredth of a voxel at the end of the longest ray.
+        let moves = along.abs().cmpgt(Vec3::splat(1e-9));
         Some(Self {
-            from: start.as_vec3(),
+            from,
             along,
-            inverse: along.recip().abs().copysign(along),
+            inverse: Vec3::select(moves, along.recip(), Vec3::ZERO),
+            offset: Vec3::select(moves, -from / along, Vec3::INFINITY),
             direction: direction.as_vec3(),
             count: count.min(MAX_SAMPLES) as u32,
             // A thousandth less than half a voxel, for the rounding of places.
