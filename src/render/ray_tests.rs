@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, IVec3};
 use proptest::prelude::*;
 
 use super::*;
@@ -87,7 +87,7 @@ fn no_crack_along_axes_faces_edges_and_corners() {
     let s = space([21; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p == DVec3::splat(10.0) { 1000.0 } else { -1000.0 });
     let centre = s.volume().grid().world(DVec3::splat(10.0));
     for n in 0..27 {
-        let d = DVec3::new((n % 3 - 1) as f64, (n / 3 % 3 - 1) as f64, (n / 9 - 1) as f64);
+        let d = IVec3::new(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1).as_dvec3();
         if d == DVec3::ZERO {
             continue;
         }
