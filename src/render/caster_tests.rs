@@ -279,3 +279,14 @@ fn a_frame_that_fits_keeps_its_memory() {
     assert_eq!((frame.pixels().as_ptr(), frame.depth().unwrap().as_ptr()), (pixels, depth));
     assert_eq!((frame.width(), frame.height()), (30, 20));
 }
+
+#[test]
+fn rays_of_a_pixel_are_spread_over_it() {
+    assert_eq!(within_pixel(0, 1), (0.5, 0.5));
+    for count in [2u32, 4, 9, 16, 61] {
+        let points: Vec<_> = (0..count).map(|n| within_pixel(n, count)).collect();
+        let mean = |f: fn(&(f64, f64)) -> f64| points.iter().map(f).sum::<f64>() / f64::from(count);
+        assert!((mean(|p| p.0) - 0.5).abs() < 1e-9 && (mean(|p| p.1) - 0.5).abs() < 0.35 / f64::from(count).sqrt());
+        assert!(points.iter().all(|p| p.0 > 0.0 && p.0 < 1.0 && p.1 >= 0.0 && p.1 < 1.0));
+    }
+}

@@ -31,7 +31,7 @@ impl Step {
         let diagonal = (DVec3::from_array(dims) * grid.spacing()).length() * 2.0;
         let least = (diagonal / grid.min_spacing() / MAX_SAMPLES).log2().ceil() as i32;
         let power = power.max(least);
-        Self { power, mm: grid.min_spacing() * f64::from(power).exp2() }
+        Self { power, mm: grid.min_spacing() * 2f64.powi(power) }
     }
 }
 
