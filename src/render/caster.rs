@@ -162,9 +162,10 @@ impl<S: Sampler, K: Skipper, C: Classifier> Caster<'_, S, K, C> {
     #[inline(always)]
     fn cast(&self, ray: &Ray, samples: &mut u64) -> Vec3 {
         let (mut light, mut through) = (Vec3::ZERO, 1.0f32);
+        let mut walk = self.skipper.start(ray);
         let mut n = 0;
         loop {
-            n = self.skipper.next(ray, n);
+            n = self.skipper.next(&mut walk, ray, n);
             if n >= ray.count {
                 break;
             }

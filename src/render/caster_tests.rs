@@ -53,14 +53,15 @@ fn unskipped(space: &Space, view: &View, settings: &Settings) -> Frame {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(60))]
+    #![proptest_config(ProptestConfig::with_cases(100))]
     #[test]
     fn skipping_changes_no_bit(
         dims in prop::array::uniform3(1usize..60), seed: u64, share in prop_oneof![Just(0.0), 0.0..0.002f64, 0.0..0.1f64],
         from in prop::array::uniform3(-0.3..1.3f64), to in prop::array::uniform3(0.0..1.0f64), quality in 0..4usize,
-        fov in 20.0..150.0f64,
+        fov in 20.0..150.0f64, wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -500.0)), Just((-999.5, 40.0))],
     ) {
         let s = specks(dims, seed, share);
+        let s = Space::new(Arc::new(s.volume().clone()), Wall::new(wall.0, wall.1).unwrap());
         let grid = s.volume().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(std::array::from_fn(|a| q[a] * dims[a] as f64)));
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, fov, 24, 16).unwrap();
@@ -278,4 +279,15 @@ fn a_frame_that_fits_keeps_its_memory() {
     render(&s, &view, &Settings::default(), &mut frame);
     assert_eq!((frame.pixels().as_ptr(), frame.depth().unwrap().as_ptr()), (pixels, depth));
     assert_eq!((frame.width(), frame.height()), (30, 20));
+}
+
+#[test]
+fn rays_of_a_pixel_are_spread_over_it() {
+    assert_eq!(within_pixel(0, 1), (0.5, 0.5));
+    for count in [2u32, 4, 9, 16, 61] {
+        let points: Vec<_> = (0..count).map(|n| within_pixel(n, count)).collect();
+        let mean = |f: fn(&(f64, f64)) -> f64| points.iter().map(f).sum::<f64>() / f64::from(count);
+        assert!((mean(|p| p.0) - 0.5).abs() < 1e-9 && (mean(|p| p.1) - 0.5).abs() < 0.35 / f64::from(count).sqrt());
+        assert!(points.iter().all(|p| p.0 > 0.0 && p.0 < 1.0 && p.1 >= 0.0 && p.1 < 1.0));
+    }
 }

@@ -54,11 +54,10 @@ impl Flags {
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
         let mut flags = Self { dims, words, bits, bricks, empty: Vec::new(), lo: classes.lo };
         let mut empty = vec![false; bricks.iter().product()];
-        empty.par_chunks_mut(bricks[0] * bricks[1]).enumerate().for_each(|(bz, layer)| {
-            for (n, e) in layer.iter_mut().enumerate() {
-                *e = flags.brick_is_empty(volume, [n % bricks[0], n / bricks[0], bz]);
-            }
-        });
+        empty.par_chunks_mut(bricks[0]).enumerate().for_each_init(
+            || vec![0; words],
+            |all, (n, row)| flags.empty_bricks(volume, n % bricks[1], n / bricks[1], all, row),
+        );
         flags.empty = empty;
         flags
     }
@@ -75,10 +74,16 @@ impl Flags {
         self.lo
     }
 
-    /// Whether nothing is to be seen in brick (`i`, `j`, `k`); brick `b` of an axis holds cells `8b − 1` to `8b + 6`.
+    /// Whether nothing is to be seen in brick `n` of the list (x fastest), or there is no such brick; brick `b` of an axis
+    /// holds cells `8b − 1` to `8b + 6`.
     #[inline]
-    pub fn empty_brick(&self, i: usize, j: usize, k: usize) -> bool {
-        self.empty[i + self.bricks[0] * (j + self.bricks[1] * k)]
+    pub fn empty_brick(&self, n: isize) -> bool {
+        self.empty.get(n as usize).is_none_or(|&e| e)
+    }
+
+    /// Bricks along each axis.
+    pub fn bricks(&self) -> [usize; 3] {
+        self.bricks
     }
 
     /// Memory of all flags.
@@ -86,21 +91,30 @@ impl Flags {
         size_of_val(self.bits.as_slice()) + size_of_val(self.empty.as_slice())
     }
 
-    fn brick_is_empty(&self, volume: &Volume, brick: [usize; 3]) -> bool {
-        let range = |axis: usize| {
-            let first = brick[axis] << BRICK_SHIFT;
-            first.saturating_sub(1)..(first + (1 << BRICK_SHIFT)).min(self.dims[axis])
+    /// Finds the empty bricks of a whole row of them at once. `all` is room for a row of flags.
+    fn empty_bricks(&self, volume: &Volume, by: usize, bz: usize, all: &mut [u64], row: &mut [bool]) {
+        // The voxels that the cells of brick b touch, 8b − 1 to 8b + 7, as far as there are such.
+        let range = |b: usize, n: usize| {
+            let first = b << BRICK_SHIFT;
+            first.saturating_sub(1)..(first + (1 << BRICK_SHIFT)).min(n)
         };
-        let (x, y, z) = (range(0), range(1), range(2));
+        let (y, z) = (range(by, self.dims[1]), range(bz, self.dims[2]));
+        all.fill(u64::MAX);
         for k in z.clone() {
             for j in y.clone() {
-                if !x.clone().all(|i| self.homogeneous(i, j, k)) {
-                    return false;
+                let at = (k * self.dims[1] + j) * self.words;
+                for (all, word) in all.iter_mut().zip(&self.bits[at..at + self.words]) {
+                    *all &= word;
                 }
             }
         }
-        // Flagged neighbours share voxels, so the whole brick is of one class, and one voxel tells which.
-        volume.data()[volume.grid().index(x.start, y.start, z.start)] <= self.lo
+        for (b, empty) in row.iter_mut().enumerate() {
+            let mut x = range(b, self.dims[0]);
+            let first = x.start;
+            // Flagged neighbours share voxels, so the whole brick is of one class, and one voxel tells which.
+            *empty = x.all(|i| all[i / 64] >> (i % 64) & 1 != 0)
+                && volume.data()[volume.grid().index(first, y.start, z.start)] <= self.lo;
+        }
     }
 }
 
@@ -166,17 +180,27 @@ fn slice_masks(volume: &Volume, c: Classes, k: usize, words: usize, rows: &mut [
 /// A bit for each of up to 64 values.
 #[inline(always)]
 fn mask(values: &[i16], test: impl Fn(i16) -> bool) -> u64 {
-    let mut word = 0;
-    let (eights, rest) = values.as_chunks::<8>();
-    for (n, eight) in eights.iter().enumerate() {
-        // Eight bytes of 0 or 1; the product gathers their lowest bits in its top byte.
-        let bytes = u64::from_le_bytes(eight.map(|v| u8::from(test(v))));
-        word |= (bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56) << (8 * n);
+    let Some(values) = values.first_chunk::<64>() else {
+        return values.iter().enumerate().fold(0, |word, (n, &v)| word | u64::from(test(v)) << n);
+    };
+    // Eight values at a time, the tests of the k-th eight in bits k: whole vectors, turned round once at the end.
+    let mut eights = [0u16; 8];
+    for k in 0..8 {
+        for i in 0..8 {
+            eights[i] |= if test(values[8 * k + i]) { 1 << k } else { 0 };
+        }
     }
-    for (n, &v) in rest.iter().enumerate() {
-        word |= u64::from(test(v)) << (8 * eights.len() + n);
+    transpose(u64::from_le_bytes(eights.map(|e| e as u8)))
+}
+
+/// An 8×8 matrix of bits, turned round its diagonal (Warren, Hacker's Delight, section 7-3): bit `8i + k` goes to
+/// `8k + i`.
+fn transpose(mut x: u64) -> u64 {
+    for (shift, half) in [(7, 0x00AA_00AA_00AA_00AA), (14, 0x0000_CCCC_0000_CCCC), (28, 0x0000_0000_F0F0_F0F0)] {
+        let swapped = (x ^ (x >> shift)) & half;
+        x ^= swapped ^ (swapped << shift);
     }
-    word
+    x
 }
 
 /// Each bit becomes the and of itself and its two neighbours in a row of `n` bits; `outside` is the class of air.
@@ -238,10 +262,20 @@ mod tests {
             for k in 0..nz { for j in 0..ny { for i in 0..nx {
                 prop_assert_eq!(flags.homogeneous(i, j, k), naive(&v, wall, i, j, k), "{} {} {}", i, j, k);
             }}}
-            for b in 0..flags.empty.len() {
+            for n in 0..flags.empty.len() {
                 let [bx, by, _] = flags.bricks;
-                let b = [b % bx, b / bx % by, b / bx / by];
-                if flags.empty_brick(b[0], b[1], b[2]) {
+                let b = [n % bx, n / bx % by, n / bx / by];
+                let mut around = (0..729).map(|m| {
+                    let at = |a: usize, o: usize| (8 * b[a] + o).checked_sub(1).filter(|&c| c < [nx, ny, nz][a]);
+                    match (at(0, m % 9), at(1, m / 9 % 9), at(2, m / 81)) {
+                        (Some(i), Some(j), Some(k)) => {
+                            flags.homogeneous(i, j, k) && f32::from(v.get(i as i64, j as i64, k as i64)) <= wall.lo()
+                        }
+                        _ => true,
+                    }
+                });
+                prop_assert_eq!(flags.empty_brick(n as isize), around.all(|e| e));
+                if flags.empty_brick(n as isize) {
                     for k in -2..=8 { for j in -2..=8 { for i in -2..=8 {
                         let at = |a: usize, o: i64| (8 * b[a]) as i64 + o;
                         prop_assert!(f32::from(v.get(at(0, i), at(1, j), at(2, k))) <= wall.lo());

@@ -1,4 +1,4 @@
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, IVec3};
 
 use super::*;
 use crate::math::hash;
@@ -23,11 +23,11 @@ fn naive(volume: &Volume, p: DVec3, spacing: DVec3) -> (DVec3, f64) {
     let t = p - base;
     let (mut gradient, mut density) = (DVec3::ZERO, 0.0);
     for n in 0..8 {
-        let corner = DVec3::new((n & 1) as f64, (n >> 1 & 1) as f64, (n >> 2) as f64);
+        let corner = IVec3::new(n & 1, n >> 1 & 1, n >> 2).as_dvec3();
         let share: f64 = (0..3).map(|a| if corner[a] == 1.0 { t[a] } else { 1.0 - t[a] }).product();
         let (mut wfx, mut wxx, mut wf, mut w_all) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0);
         for o in 0..27 {
-            let offset = DVec3::new((o % 3 - 1) as f64, (o / 3 % 3 - 1) as f64, (o / 9 - 1) as f64);
+            let offset = IVec3::new(o % 3 - 1, o / 3 % 3 - 1, o / 9 - 1).as_dvec3();
             if offset == DVec3::ZERO {
                 continue;
             }
@@ -95,8 +95,8 @@ fn erf(x: f64) -> f64 {
     }
     let (mut term, mut sum) = (x, x);
     for n in 1..80 {
-        term *= -x * x / n as f64;
-        sum += term / (2 * n + 1) as f64;
+        term *= -x * x / f64::from(n);
+        sum += term / f64::from(2 * n + 1);
     }
     sum * 2.0 / std::f64::consts::PI.sqrt()
 }

@@ -31,7 +31,7 @@ impl Step {
         let diagonal = (DVec3::from_array(dims) * grid.spacing()).length() * 2.0;
         let least = (diagonal / grid.min_spacing() / MAX_SAMPLES).log2().ceil() as i32;
         let power = power.max(least);
-        Self { power, mm: grid.min_spacing() * f64::from(power).exp2() }
+        Self { power, mm: grid.min_spacing() * 2f64.powi(power) }
     }
 }
 
@@ -42,12 +42,24 @@ pub struct Ray {
     pub from: Vec3,
     /// From one sample to the next, voxels.
     pub along: Vec3,
-    /// 1 / `along`, infinite where that is 0.
+    /// The plane p of an axis is met after p · `inverse` + `offset` samples: 1 / `along`, 0 where the ray keeps its place.
     pub inverse: Vec3,
+    /// −`from` / `along`, infinite where the ray keeps its place.
+    pub offset: Vec3,
     /// World direction, of unit length.
     pub direction: Vec3,
     /// Number of samples.
     pub count: u32,
+    /// So many samples on, a place may be half a voxel away along an axis; all before are nearer.
+    pub near: u32,
+}
+
+/// The nearest whole number to each coordinate, between 0 and 2²² and even if two are as near: the bits of a float
+/// beside 2²³ count in ones. Much cheaper than a cast, which must mind what does not fit.
+#[inline(always)]
+pub fn round(q: Vec3) -> [i32; 3] {
+    const SHIFT: f32 = (1 << 23) as f32;
+    (q + SHIFT).to_array().map(|c| (c.to_bits() & 0x7F_FFFF) as i32)
 }
 
 impl Ray {
@@ -55,8 +67,7 @@ impl Ray {
     /// misses the volume.
     pub fn new(space: &Space, origin: DVec3, direction: DVec3, step: Step) -> Option<Self> {
         let grid = space.volume().grid();
-        let from = grid.voxel(origin);
-        let (enter, exit) = clip(grid.dims(), from, grid.to_voxel().transform_vector3(direction))?;
+        let (enter, exit) = clip(grid.dims(), grid.voxel(origin), grid.to_voxel().transform_vector3(direction))?;
         let first = (enter / step.mm - 0.5).ceil().max(0.0);
         let count = (exit / step.mm - 0.5).floor() - first + 1.0;
         if count < 1.0 {
@@ -64,12 +75,18 @@ impl Ray {
         }
         let start = grid.voxel(origin + direction * ((first + 0.5) * step.mm)) + DVec3::ONE;
         let along = (grid.to_voxel().transform_vector3(direction) * step.mm).as_vec3();
+        let from = start.as_vec3();
+        // Less than this moves a place by a hundredth of a voxel at the end of the longest ray.
+        let moves = along.abs().cmpgt(Vec3::splat(1e-9));
         Some(Self {
-            from: start.as_vec3(),
+            from,
             along,
-            inverse: along.recip().abs().copysign(along),
+            inverse: Vec3::select(moves, along.recip(), Vec3::ZERO),
+            offset: Vec3::select(moves, -from / along, Vec3::INFINITY),
             direction: direction.as_vec3(),
             count: count.min(MAX_SAMPLES) as u32,
+            // A thousandth less than half a voxel, for the rounding of places.
+            near: 1 + (0.499 / along.abs().max_element()).min(1e3) as u32,
         })
     }
 

@@ -1,8 +1,9 @@
 //! Rays through a scan: how far the wall is, and the picture of it (the paper's section 2.2).
 //!
-//! The parts can be exchanged one by one, and are put together at compile time: a [`sampler`] says what a place is
-//! like, a [`skip`]per which samples need not be looked at, a [`shade`]r what the wall looks like; [`caster`] joins them
-//! along each [`march`]ing ray. [`ray`] finds where a ray meets the wall, exactly and without a picture.
+//! A ray caster is put together from parts that know nothing of each other, chosen at compile time: a
+//! [`Sampler`](sampler::Sampler) says what a place is like, a [`Skipper`](skip::Skipper) which samples need not be
+//! looked at, a [`Shader`](shade::Shader) what the wall looks like; [`caster`] joins them along each
+//! [`Ray`](march::Ray). Apart from pictures, [`ray`] finds where a ray meets the wall, exactly.
 
 pub mod camera;
 pub mod caster;

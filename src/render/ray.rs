@@ -99,8 +99,11 @@ pub(crate) fn clip(dims: [usize; 3], from: DVec3, along: DVec3) -> Option<(f64, 
 struct Walk<'a> {
     space: &'a Space,
     iso: f64,
+    /// The least whole HU at the wall or above.
+    wall: i16,
     from: DVec3,
     along: DVec3,
+    inverse: DVec3,
     last: [i64; 3],
     step: [i64; 3],
 }
@@ -109,7 +112,8 @@ impl<'a> Walk<'a> {
     fn new(space: &'a Space, from: DVec3, along: DVec3) -> Self {
         let last = space.volume().grid().dims().map(|n| n as i64 - 1);
         let step = from_fn(|a| if along[a].abs() < STILL { 0 } else { along[a].signum() as i64 });
-        Self { space, iso: space.wall().iso(), from, along, last, step }
+        let iso = space.wall().iso();
+        Self { space, iso, wall: iso.ceil() as i16, from, along, inverse: along.recip(), last, step }
     }
 
     /// Distance to the first crossing within `end`. Each turn moves on by at least one cell and none ever moves back,
@@ -117,15 +121,17 @@ impl<'a> Walk<'a> {
     fn run(&self, end: f64, cells: &mut u64) -> Option<f64> {
         let mut cell: [i64; 3] = from_fn(|a| (self.from[a].floor() as i64).clamp(-1, self.last[a]));
         let mut t = 0.0;
+        let mut planes = self.planes(&cell, &cell);
+        let bricks = self.space.flags().bricks().map(|n| n as i64);
         loop {
             *cells += 1;
             let brick = cell.map(|c| (c + 1) >> BRICK_SHIFT);
-            let [bx, by, bz] = brick.map(|b| b as usize);
             let (axis, next);
-            if self.space.flags().empty_brick(bx, by, bz) {
+            let index = brick[0] + bricks[0] * (brick[1] + bricks[1] * brick[2]);
+            if self.space.flags().empty_brick(index as isize) {
                 let first = brick.map(|b| (b << BRICK_SHIFT) - 1);
                 let last = first.map(|c| c + (1 << BRICK_SHIFT) - 1);
-                (axis, next) = self.leave(&first, &last);
+                (axis, next) = nearest(&self.planes(&first, &last));
                 for a in 0..3 {
                     if self.step[a] == 0 {
                         continue;
@@ -135,12 +141,14 @@ impl<'a> Walk<'a> {
                     cell[a] = if self.step[a] > 0 { here.max(cell[a]) } else { here.min(cell[a]) };
                 }
                 cell[axis] = if self.step[axis] > 0 { last[axis] + 1 } else { first[axis] - 1 };
+                planes = self.planes(&cell, &cell);
             } else {
-                (axis, next) = self.leave(&cell, &cell);
+                (axis, next) = nearest(&planes);
                 if let Some(hit) = self.cross(cell, t, next.min(end)) {
                     return Some(hit.min(end));
                 }
                 cell[axis] += self.step[axis];
+                planes[axis] = self.plane(axis, cell[axis], cell[axis]);
             }
             t = t.max(next);
             if t >= end || cell[axis] < -1 || cell[axis] > self.last[axis] {
@@ -149,18 +157,18 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The axis along which the ray leaves the cells `first` to `last`, and the distance at which it does.
+    /// Distance at which the ray leaves the cells `first` to `last` along an axis.
     #[inline(always)]
-    fn leave(&self, first: &[i64; 3], last: &[i64; 3]) -> (usize, f64) {
-        let mut best = (0, f64::INFINITY);
-        for a in 0..3 {
-            let plane = if self.step[a] > 0 { last[a] + 1 } else { first[a] };
-            let t = (plane as f64 - self.from[a]) / self.along[a];
-            if self.step[a] != 0 && t < best.1 {
-                best = (a, t);
-            }
+    fn plane(&self, axis: usize, first: i64, last: i64) -> f64 {
+        match self.step[axis] {
+            0 => f64::INFINITY,
+            s => ((if s > 0 { last + 1 } else { first }) as f64 - self.from[axis]) * self.inverse[axis],
         }
-        best
+    }
+
+    #[inline(always)]
+    fn planes(&self, first: &[i64; 3], last: &[i64; 3]) -> [f64; 3] {
+        from_fn(|a| self.plane(a, first[a], last[a]))
     }
 
     /// First crossing within a cell, between the distances `t` and `until` of its entry and exit.
@@ -168,7 +176,7 @@ impl<'a> Walk<'a> {
     fn cross(&self, base: [i64; 3], t: f64, until: f64) -> Option<f64> {
         let corners = corners(self.space.volume(), base);
         // The walk stays in air before the wall, so nearly all cells end here.
-        if corners.iter().all(|&c| f64::from(c) < self.iso) {
+        if corners.iter().all(|&c| c < self.wall) {
             return None;
         }
         let length = (until - t).max(0.0);
@@ -176,6 +184,14 @@ impl<'a> Walk<'a> {
         let [d, c, b, a] = Cell::new(corners).along(enter, self.along * length);
         first_root([d - self.iso, c, b, a]).map(|s| t + s * length)
     }
+}
+
+/// The axis whose plane is met first, and where.
+#[inline(always)]
+fn nearest(planes: &[f64; 3]) -> (usize, f64) {
+    let xy = if planes[1] < planes[0] { 1 } else { 0 };
+    let axis = if planes[2] < planes[xy] { 2 } else { xy };
+    (axis, planes[axis])
 }
 
 /// The eight corners of the cell at `base`: x fastest, then y, then z.

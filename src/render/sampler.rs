@@ -6,6 +6,7 @@ use glam::{DVec3, Vec3};
 use crate::volume::AIR_HU;
 
 use super::gradient::{Fit, Regression, Weighting, block};
+use super::march::round;
 use super::space::Space;
 
 /// How voxels are turned into values between them. Places are grown voxel coordinates (see [`super::march`]).
@@ -47,17 +48,18 @@ fn regression(space: &Space) -> Regression {
     Regression::new(spacing, Weighting::InverseSquare)
 }
 
-/// The cell that `q` lies in, counted from cell −1, and the place within it.
+/// A cell that `q` lies in, counted from cell −1, and the place within it, 0 to 1. On the plane between two cells,
+/// either is as good.
 #[inline(always)]
 fn split(q: Vec3) -> ([i32; 3], Vec3) {
-    let cell = q.to_array().map(|c| c as i32);
+    let cell = round(q + 0.5).map(|c| c - 1);
     (cell, q - Vec3::from_array(cell.map(|c| c as f32)))
 }
 
-/// The nearest voxel to `q`, counted from voxel −1.
+/// The nearest voxel to `q`, counted from voxel −1; of two as near the even one.
 #[inline(always)]
 pub(crate) fn nearest(q: Vec3) -> [i32; 3] {
-    (q + 0.5).to_array().map(|c| c as i32)
+    round(q)
 }
 
 impl Sampler for Trilinear<'_> {

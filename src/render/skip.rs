@@ -1,5 +1,7 @@
 //! Which samples of a ray need not be looked at.
 
+use glam::{Vec3, Vec3A};
+
 use super::flags::{BRICK_SHIFT, Flags};
 use super::march::Ray;
 use super::sampler::nearest;
@@ -8,16 +10,26 @@ use super::space::Space;
 /// Leaps over samples whose opacity is 0. It may only leave out such samples, so that the picture is the same bit for
 /// bit with any skipper.
 pub trait Skipper: Sync {
+    /// Where a ray has come to.
+    type Walk;
+
+    /// Begins a ray.
+    fn start(&self, ray: &Ray) -> Self::Walk;
+
     /// The first sample from `n` on that may be seen; the ray's count or more where there is none.
-    fn next(&self, ray: &Ray, n: u32) -> u32;
+    fn next(&self, walk: &mut Self::Walk, ray: &Ray, n: u32) -> u32;
 }
 
 /// Leaves out nothing: brute force.
 pub struct Everything;
 
 impl Skipper for Everything {
+    type Walk = ();
+
+    fn start(&self, _: &Ray) {}
+
     #[inline(always)]
-    fn next(&self, _: &Ray, n: u32) -> u32 {
+    fn next(&self, (): &mut (), _: &Ray, n: u32) -> u32 {
         n
     }
 }
@@ -27,17 +39,55 @@ impl Skipper for Everything {
 pub struct Leap<'a, const VOXELS: bool> {
     space: &'a Space,
     flags: &'a Flags,
-    last: [u32; 3],
+}
+
+/// A ray on its way from brick to brick (Amanatides and Woo 1987), without branches: it waits for results, not for work.
+pub struct Bricks {
+    /// The planes ahead, grown voxel coordinates.
+    planes: Vec3A,
+    /// From a plane to the next.
+    step: Vec3A,
+    /// At how many samples the planes ahead are met.
+    meets: Vec3A,
+    inverse: Vec3A,
+    offset: Vec3A,
+    /// The brick's place in the list of bricks.
+    brick: isize,
+    /// By how much that changes for each set of axes along which the walk moves on (bit 0: x, …).
+    strides: [isize; 8],
+    /// Samples from here on lie in later bricks.
+    exit: u32,
+}
+
+impl Bricks {
+    /// How many samples of the ray lie before the next plane, rounded towards more or fewer by more than the errors of
+    /// f32.
+    #[inline(always)]
+    fn samples_before(ahead: f32, more: bool) -> u32 {
+        let slack = 0.01 + ahead * 1e-6;
+        ((if more { ahead + slack } else { ahead - slack }) as u32).saturating_add(1)
+    }
+
+    /// Moves on by one brick and returns after how many samples.
+    #[inline(always)]
+    fn advance(&mut self) -> f32 {
+        let t = self.meets.min_element();
+        let now = self.meets.cmple(Vec3A::splat(t));
+        self.planes += Vec3A::select(now, self.step, Vec3A::ZERO);
+        self.meets = self.planes * self.inverse + self.offset;
+        self.brick += self.strides[now.bitmask() as usize & 7];
+        t
+    }
 }
 
 impl<'a, const VOXELS: bool> Leap<'a, VOXELS> {
     /// Leaps by the flags of `space`.
     pub fn new(space: &'a Space) -> Self {
-        Self { space, flags: space.flags(), last: space.volume().grid().dims().map(|n| n as u32) }
+        Self { space, flags: space.flags() }
     }
 
     #[inline(always)]
-    fn is_empty_voxel(&self, q: glam::Vec3) -> bool {
+    fn is_empty_voxel(&self, q: Vec3) -> bool {
         let volume = self.space.volume();
         let dims = volume.grid().dims();
         let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
@@ -50,34 +100,64 @@ impl<'a, const VOXELS: bool> Leap<'a, VOXELS> {
 }
 
 impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
-    #[inline(always)]
-    fn next(&self, ray: &Ray, mut n: u32) -> u32 {
-        while n < ray.count {
-            let q = ray.at(n);
-            let [x, y, z] = [q.x as u32, q.y as u32, q.z as u32];
-            let brick = [x.min(self.last[0]), y.min(self.last[1]), z.min(self.last[2])].map(|c| c >> BRICK_SHIFT);
-            if self.flags.empty_brick(brick[0] as usize, brick[1] as usize, brick[2] as usize) {
-                n = leave(ray, brick, n);
-            } else if VOXELS && self.is_empty_voxel(q) {
-                n += 1;
-            } else {
-                break;
-            }
-        }
-        n
-    }
-}
+    type Walk = Bricks;
 
-/// The first sample after `n` that may lie outside the brick. The rounding of distances is less than what is taken off;
-/// that of places is covered by the empty voxels that lie around every empty brick.
-#[inline(always)]
-fn leave(ray: &Ray, brick: [u32; 3], n: u32) -> u32 {
-    let mut exit = f32::INFINITY;
-    for a in 0..3 {
-        let ahead = u32::from(ray.along[a].is_sign_positive());
-        let plane = ((brick[a] + ahead) << BRICK_SHIFT) as f32;
-        // 0 · ∞ is no exit: `min` passes over the NaN.
-        exit = exit.min((plane - ray.from[a]) * ray.inverse[a]);
+    #[inline(always)]
+    fn start(&self, ray: &Ray) -> Bricks {
+        const EDGE: f32 = (1 << BRICK_SHIFT) as f32;
+        let bricks = self.flags.bricks().map(|n| n as i32);
+        let from = (ray.from / EDGE).to_array().map(|c| c as i32);
+        let b: [i32; 3] = std::array::from_fn(|a| from[a].clamp(0, bricks[a] - 1));
+        let forward = ray.inverse.cmpge(Vec3::ZERO);
+        let b_f = Vec3::new(b[0] as f32, b[1] as f32, b[2] as f32);
+        let planes = Vec3A::from((b_f + Vec3::select(forward, Vec3::ONE, Vec3::ZERO)) * EDGE);
+        let (inverse, offset) = (Vec3A::from(ray.inverse), Vec3A::from(ray.offset));
+        let index =
+            |v: [i32; 3]| v[0] as isize + bricks[0] as isize * (v[1] as isize + bricks[1] as isize * v[2] as isize);
+        let sign: [i32; 3] = std::array::from_fn(|a| if forward.test(a) { 1 } else { -1 });
+        let mut walk = Bricks {
+            planes,
+            step: Vec3A::from(Vec3::select(forward, Vec3::splat(EDGE), Vec3::splat(-EDGE))),
+            meets: planes * inverse + offset,
+            inverse,
+            offset,
+            brick: index(b),
+            strides: std::array::from_fn(|set| {
+                index(std::array::from_fn(|a| if set >> a & 1 == 1 { sign[a] } else { 0 }))
+            }),
+            exit: 0,
+        };
+        if !self.flags.empty_brick(walk.brick) {
+            walk.exit = Bricks::samples_before(walk.meets.min_element(), true);
+        }
+        walk
     }
-    ((exit * (1.0 - 1e-6) - 0.01) as u32).saturating_add(1).max(n + 1)
+
+    #[inline(always)]
+    fn next(&self, walk: &mut Bricks, ray: &Ray, mut n: u32) -> u32 {
+        let count = ray.count as f32;
+        loop {
+            let end = walk.exit.min(ray.count);
+            while n < end {
+                if !VOXELS || !self.is_empty_voxel(ray.at(n)) {
+                    return n;
+                }
+                // The whole neighbourhood is empty, out to a voxel from its centre, and the place is within half of
+                // one; so are all samples less than the other half away.
+                n += ray.near;
+            }
+            // On to the next brick in which something may be seen.
+            let entry = loop {
+                let t = walk.advance();
+                if t >= count {
+                    return ray.count;
+                }
+                if !self.flags.empty_brick(walk.brick) {
+                    break t;
+                }
+            };
+            n = n.max(Bricks::samples_before(entry, false));
+            walk.exit = Bricks::samples_before(walk.meets.min_element(), true);
+        }
+    }
 }
