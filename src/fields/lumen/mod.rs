@@ -7,6 +7,7 @@
 
 mod choose;
 mod ends;
+mod fluid;
 mod frame;
 mod graph;
 mod grow;
@@ -65,6 +66,7 @@ pub struct Lumen {
     pub ordered: bool,
     grid: Grid,
     gas: Rows,
+    fluid: Rows,
 }
 
 /// Finds the colon's gas, its segments, their ends and order. No seed is needed. A scan without any has no segments, which
@@ -74,12 +76,13 @@ pub struct Lumen {
 /// When cancelled, or when the volume cannot be addressed.
 pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {
     progress.stage("finding the colon", volume.grid().dims()[2] as u64);
+
     let frame = Frame::of(volume.grid());
     let (rows, components) = runs::components_below(volume, CORE_HU, progress)?;
     let chosen = choose::colon(volume, &rows, components, frame);
     let core = rows.select(|c| chosen.iter().position(|&o| o == c).map(|n| n as u32));
     drop(rows);
-    lumen(volume, core, chosen.len(), progress)
+    lumen(volume, core, chosen.len(), frame, progress)
 }
 
 /// The gas that contains `world` (mm), or comes within 5 mm of it, whatever its size, as a lumen of one segment with its
@@ -97,23 +100,35 @@ pub fn gas_at(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Opti
     }
     let core = rows.select(|c| (c == label).then_some(0));
     drop(rows);
-    lumen(volume, core, 1, progress).map(Some)
+    lumen(volume, core, 1, frame, progress).map(Some)
 }
 
 /// A lumen of the cores labelled 0 to `count` − 1, the largest first.
-fn lumen(volume: &Volume, core: Rows, count: usize, progress: &Progress) -> Result<Lumen> {
+fn lumen(volume: &Volume, core: Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Lumen> {
     let grid = volume.grid();
-    let graph = Graph::of(grid, &core);
+    let graph = Graph::of(grid, &core, progress)?;
     let gas = grow::grow(volume, core, GAS_HU, GROWTH, progress)?;
-    let found: Vec<Option<ends::Ends>> = (0..count as u32)
-        .into_par_iter()
-        .map(|label| {
-            progress.check()?;
-            Ok(ends::ends(grid, &gas, &graph, label))
-        })
-        .collect::<Result<_>>()?;
+    let (found, fluid) = rayon::join(
+        || {
+            (0..count as u32)
+                .into_par_iter()
+                .map(|label| {
+                    progress.check()?;
+                    Ok(ends::ends(grid, &gas, &graph, label))
+                })
+                .collect::<Result<Vec<_>>>()
+        },
+        || fluid::find(volume, &gas, count, frame, progress),
+    );
+    let (found, fluid) = (found?, fluid?);
     drop(graph);
     let mut segments = measured(grid, &gas, count);
+    for r in fluid.rows.runs() {
+        segments[r.label as usize].fluid_ml += f64::from(r.len()) * grid.voxel_ml();
+    }
+    for (s, joined) in segments.iter_mut().zip(fluid.joined) {
+        s.joined_to = joined;
+    }
     for (s, e) in segments.iter_mut().zip(found) {
         // Every component has voxels, hence nodes, hence ends.
         if let Some(e) = e {
@@ -143,8 +158,8 @@ fn lumen(volume: &Volume, core: Rows, count: usize, progress: &Progress) -> Resu
             segment
         })
         .collect();
-    let gas = gas.select(|label| Some(place[label as usize]));
-    Ok(Lumen { segments, ordered: order.trusted, grid: grid.clone(), gas })
+    let [gas, fluid] = [gas, fluid.rows].map(|rows| rows.select(|label| Some(place[label as usize])));
+    Ok(Lumen { segments, ordered: order.trusted, grid: grid.clone(), gas, fluid })
 }
 
 /// Volume and bounds of each label.
@@ -188,9 +203,11 @@ impl Lumen {
     /// One byte for each voxel, x fastest: 0 outside, 1 gas, 2 tagged fluid.
     pub fn mask(&self) -> Vec<u8> {
         let mut out = vec![0; self.grid.len()];
-        for (j, k, r) in self.gas.iter() {
-            let row = self.grid.index(0, j, k);
-            out[row + r.start as usize..row + r.end as usize].fill(1);
+        for (value, rows) in [(1, &self.gas), (2, &self.fluid)] {
+            for (j, k, r) in rows.iter() {
+                let row = self.grid.index(0, j, k);
+                out[row + r.start as usize..row + r.end as usize].fill(value);
+            }
         }
         out
     }
@@ -222,6 +239,6 @@ impl Lumen {
 
     /// Size in memory.
     pub fn bytes(&self) -> usize {
-        self.gas.bytes() + self.segments.capacity() * size_of::<Segment>()
+        self.gas.bytes() + self.fluid.bytes() + self.segments.capacity() * size_of::<Segment>()
     }
 }
