@@ -34,8 +34,8 @@ pub const CORE_HU: i16 = -800;
 const GROWTH: usize = 3;
 /// A point of the lumen is looked for this far from the one given, mm.
 const SNAP_MM: f64 = 5.0;
-/// A segment to fly through is at least this long, mm …
-const FLYABLE_MM: f64 = 150.0;
+/// A segment to fly through is at least this long, mm, unless it is part of a colon that is known from rectum to cecum …
+const FLYABLE_MM: f64 = 250.0;
 /// … and holds at least this much gas, ml.
 const FLYABLE_ML: f64 = 20.0;
 
@@ -76,7 +76,6 @@ pub struct Lumen {
 /// When cancelled, or when the volume cannot be addressed.
 pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {
     progress.stage("finding the colon", volume.grid().dims()[2] as u64);
-
     let frame = Frame::of(volume.grid());
     let (rows, components) = runs::components_below(volume, CORE_HU, progress)?;
     let chosen = choose::colon(volume, &rows, components, frame);
@@ -219,7 +218,8 @@ impl Lumen {
 
     /// The largest segment, if it is a colon to fly through: long, and well filled with gas.
     pub fn main_segment(&self) -> Option<usize> {
-        self.largest().filter(|&s| self.segments[s].length_mm >= FLYABLE_MM && self.segments[s].ml >= FLYABLE_ML)
+        let is_long = |s: usize| self.ordered || self.segments[s].length_mm >= FLYABLE_MM;
+        self.largest().filter(|&s| is_long(s) && self.segments[s].ml >= FLYABLE_ML)
     }
 
     /// Whether there is a colon to fly through without being told where.
