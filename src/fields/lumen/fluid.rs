@@ -110,38 +110,13 @@ fn columns(volume: &Volume, gas: &Rows, frame: Frame, down: Way, progress: &Prog
             };
             for j in 0..ny {
                 for r in gas.row(j, k) {
-                    below(gas, *r, j, k, down, &mut visit);
+                    gas.beyond(*r, j, k, down, |at| visit(at, r.label));
                 }
             }
             Ok(out)
         })
         .collect::<Result<_>>()?;
     Ok(slices.concat())
-}
-
-/// Calls `visit` for the voxels next to a run's on the way down that are no gas.
-fn below(gas: &Rows, r: Run, j: usize, k: usize, down: Way, visit: &mut impl FnMut([i64; 3], u32)) {
-    let dims = gas.dims();
-    if down.axis == 0 {
-        let i = if down.sign > 0 { i64::from(r.end) } else { i64::from(r.start) - 1 };
-        // A run may be followed at once by one of another label.
-        if i >= 0 && i < dims[0] as i64 && gas.find(i, j as i64, k as i64).is_none() {
-            visit([i, j as i64, k as i64], r.label);
-        }
-        return;
-    }
-    let [_, dj, dk] = down.step();
-    let (j, k) = (j as i64 + dj, k as i64 + dk);
-    if j < 0 || k < 0 || j >= dims[1] as i64 || k >= dims[2] as i64 {
-        return;
-    }
-    let mut next = r.start;
-    let row = gas.row(j as usize, k as usize);
-    for other in row[row.partition_point(|o| o.end <= r.start)..].iter().take_while(|o| o.start < r.end) {
-        (next..other.start).for_each(|i| visit([i64::from(i), j, k], r.label));
-        next = other.end;
-    }
-    (next..r.end).for_each(|i| visit([i64::from(i), j, k], r.label));
 }
 
 /// Keeps the columns that at least `least` others of their label and slice share the level with; sorts them.

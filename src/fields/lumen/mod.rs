@@ -12,6 +12,7 @@ mod frame;
 mod graph;
 mod grow;
 mod order;
+mod residue;
 mod runs;
 
 use glam::DVec3;
@@ -24,6 +25,8 @@ use frame::Frame;
 use graph::Graph;
 use order::{Body, Link};
 use runs::Rows;
+
+pub use residue::{Remnant, Residue, residue};
 
 /// At or below this a voxel is gas, HU: the middle of the wall's opacity ramp.
 pub const GAS_HU: i16 = -650;
