@@ -14,6 +14,8 @@ mod grow;
 mod order;
 mod residue;
 mod runs;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -16,6 +16,10 @@ const THIN_MM: f64 = 5.0;
 /// A voxel along this many of the thirteen lines through its neighbours is thin if it belongs to a rod: a rod is long
 /// along one line, or between two, a sheet (a fold) along four.
 const THIN_LINES: usize = 11;
+/// How much thicker than at its thinnest a rod may look along a line …
+const THIN_RATIO: f64 = 2.2;
+/// … and how much more for the voxels' own size, mm.
+const THIN_SLACK_MM: f64 = 0.8;
 /// A bridge is at least this long, mm.
 const BRIDGE_MM: f64 = 3.0;
 /// An island is at least this large, ml: a single noisy voxel is none …
@@ -212,29 +216,35 @@ fn thin_gaps(lumen: &Lumen, k: usize, most_x: u32, most_y: f64) -> Vec<[i64; 3]>
     out.into_iter().map(|[j, i]| [i, j, k as i64]).collect()
 }
 
-/// The thirteen lines with how many voxels make a thin run along each.
-struct Steps([([i64; 3], i64); 13]);
+/// The thirteen lines with the length of a step along each, mm.
+struct Steps([([i64; 3], f64); 13]);
 
 impl Steps {
     fn new(grid: &Grid) -> Self {
-        Self(LINES.map(|line| {
-            let mm = (DVec3::from_array(line.map(|x| x as f64)) * grid.spacing()).length();
-            (line, (THIN_MM / mm) as i64)
-        }))
+        Self(LINES.map(|line| (line, (DVec3::from_array(line.map(|x| x as f64)) * grid.spacing()).length())))
     }
 
-    /// Whether the tissue about a voxel is thin, with gas at both ends, along nearly all lines.
+    /// Whether the tissue about a voxel is thin, with gas at both ends, along nearly all lines. Thin is relative to
+    /// where it is thinnest: a line at an angle φ to a rod of thickness t runs through t / sin φ of it, and at φ to a
+    /// sheet's normal through t / cos φ, so that of a sheet, thin as it may be, nearly half of all lines see much.
     fn is_rod(&self, volume: &Volume, p: [i64; 3]) -> bool {
-        let mut thick = 0;
-        for &(line, most) in &self.0 {
+        let mut runs = [f64::INFINITY; 13];
+        let mut endless = 0;
+        for (run, &(line, step_mm)) in runs.iter_mut().zip(&self.0) {
             let gas = |n: i64| volume.get(p[0] + line[0] * n, p[1] + line[1] * n, p[2] + line[2] * n) <= GAS_HU;
-            let thin = (1..=most).find(|&n| gas(n)).is_some_and(|n| (1..=most - n + 1).any(|m| gas(-m)));
-            thick += usize::from(!thin);
-            if thick > LINES.len() - THIN_LINES {
+            let most = (THIN_MM / step_mm) as i64;
+            let ends = (1..=most).find(|&n| gas(n)).and_then(|n| (1..=most - n + 1).find(|&m| gas(-m)).map(|m| n + m));
+            match ends {
+                Some(n) => *run = (n - 1) as f64 * step_mm,
+                None => endless += 1,
+            }
+            if endless > LINES.len() - THIN_LINES {
                 return false;
             }
         }
-        true
+        let thinnest = runs.iter().copied().fold(f64::INFINITY, f64::min);
+        let limit = THIN_RATIO * thinnest + THIN_SLACK_MM;
+        runs.iter().filter(|&&run| run <= limit).count() >= THIN_LINES
     }
 }
 
