@@ -1,1 +1,9 @@
-//! app
+//! Scenes and flights: which plugins make up a flight, and the flight itself over the two schedules.
+
+pub mod explain;
+pub mod flight;
+pub mod plan;
+pub mod scene;
+
+pub use flight::FlightApp;
+pub use scene::{Guide, Scene};

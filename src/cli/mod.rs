@@ -1,8 +1,12 @@
 //! The command line: arguments to calls, results to files and exit status.
 
 pub mod args;
+mod explain;
+mod fly;
 mod info;
 mod phantom;
+mod prepare;
+mod render;
 mod segment;
 
 use std::process::ExitCode;
@@ -51,6 +55,22 @@ fn run(args: Args) -> Result<()> {
         Some(Command::Info(a)) => info::run(&a, &global, &progress),
         Some(Command::Phantom(a)) => phantom::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
-        _ => Err(Error::not_built("this command")),
+        Some(Command::Fly(a)) => fly::run(&a, &global, &progress),
+        Some(Command::Render(a)) => render::run(&a, &global, &progress),
+        Some(Command::Explain(a)) => explain::run(&a, &global, &progress),
+        Some(Command::Centerline(_)) => Err(Error::not_built("centerline")),
+        Some(Command::Plane(_)) => Err(Error::not_built("plane")),
+        Some(Command::Report(_)) => Err(Error::not_built("report")),
+        None => fly::run(&args.fly, &global, &progress),
+    }
+}
+
+/// Writes to standard output; a reader that has seen enough (`colvis … | head -1`) is no failure.
+fn print(write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> Result<()> {
+    match write(&mut std::io::stdout().lock()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::new(crate::error::Kind::Output, "standard output", e.to_string(), "free some space"))
+        }
+        _ => Ok(()),
     }
 }

@@ -1,1 +1,15 @@
-//! components
+//! What the entities of a flight carry, and the sockets that systems plug into.
+//!
+//! There is one scan entity ([`scan`]) and one camera entity ([`camera`], [`guide`], [`flight`]). A component that no
+//! plugin asked for is on no entity.
+
+pub mod app;
+pub mod camera;
+pub mod clock;
+pub mod flight;
+pub mod guide;
+pub mod input;
+pub mod output;
+pub mod scan;
+
+pub use app::{App, FlightSystems, LeftOut, Slot};

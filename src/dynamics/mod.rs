@@ -1,1 +1,15 @@
-//! dynamics
+//! How the camera moves: forces on a small body with drag, and a step that cannot pass through the wall.
+//!
+//! Equation of motion (paper, section 3.1.1): `P′(t) = −∇V(x) − k_t P(t) + F_user(t)`, with `P = m v`. In
+//! *tentacles and mines* (section 3.2) `−∇V` is replaced by what the sensory rays and the mines exert.
+
+pub mod advance;
+pub mod attitude;
+pub mod body;
+pub mod mines;
+pub mod monitor;
+pub mod tentacles;
+
+pub use advance::{Advance, advance};
+pub use attitude::Attitude;
+pub use body::Body;

@@ -1,3 +1,7 @@
-//! What is derived from a scan: where the lumen is, and what can be said about every place in it.
+//! What is computed from a volume for navigation, each only when a scene asks for it.
 
+pub mod clearance;
 pub mod lumen;
+
+pub use clearance::{Clearance, ClearanceFinder};
+pub use lumen::Lumen;

@@ -1,1 +1,5 @@
-//! host
+//! What drives a flight: nobody's screen, or a window.
+
+pub mod headless;
+pub mod record;
+pub mod terminal;

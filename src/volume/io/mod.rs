@@ -1,8 +1,24 @@
 //! Reading and writing scans.
+//!
+//! One file for each format; what they share is [`raw`] (bytes to HU), [`source`] (voxels from a part of a file, never
+//! more memory than the file's own size class), [`frame`] (headers to grids) and [`text`] (text headers).
+
+mod deflate;
+mod frame;
+mod metaimage;
+mod nifti;
+mod nrrd;
+mod padding;
+mod raw;
+mod source;
+mod text;
+mod write;
 
 use std::path::Path;
 
 use glam::DVec3;
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -30,34 +46,105 @@ pub struct Loaded {
     pub notes: Vec<String>,
 }
 
+/// The inputs that can be read, for messages.
+const SUPPORTED: &str = "give NIfTI (.nii, .nii.gz), MetaImage (.mha, .mhd), NRRD (.nrrd, .nhdr), DICOM (a file or a \
+                         folder) or a folder of PNG slices";
+
+/// What an input is, told by its content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Nifti,
+    MetaImage,
+    Nrrd,
+}
+
 /// Reads any supported input.
 ///
 /// # Errors
 /// Status 3 with what is wrong with the input; status 4 when cancelled.
-pub fn load(path: &Path, _options: &LoadOptions, _progress: &Progress) -> Result<Loaded> {
-    Err(Error::file(path, "no reader takes it", "give a NIfTI, MetaImage, NRRD, DICOM or PNG input"))
+pub fn load(path: &Path, _options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
+    let (volume, mut notes) = match detect(path)? {
+        Format::Nifti => nifti::load(path, progress),
+        Format::MetaImage => metaimage::load(path, progress),
+        Format::Nrrd => nrrd::load(path, progress),
+    }?;
+    let volume = padding::to_air(volume, &mut notes);
+    Ok(Loaded { volume, notes })
+}
+
+fn detect(path: &Path) -> Result<Format> {
+    let head = source::head(path, 4096)?;
+    if head.is_empty() {
+        return Err(Error::file(path, "is empty", SUPPORTED));
+    }
+    if nrrd::recognises(&head) {
+        Ok(Format::Nrrd)
+    } else if nifti::recognises(&head) {
+        Ok(Format::Nifti)
+    } else if metaimage::recognises(&head) {
+        Ok(Format::MetaImage)
+    } else {
+        Err(Error::file(path, "is of no supported format", SUPPORTED))
+    }
 }
 
 /// What is in an input, as the `info` command prints it.
 ///
 /// # Errors
 /// As [`load`].
-pub fn info(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<serde_json::Value> {
-    load(path, options, progress).map(|_| serde_json::json!({}))
+pub fn info(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Value> {
+    inspect(path, options, progress).map(|(value, _)| value)
+}
+
+/// [`info`] with the notes of reading the input.
+///
+/// # Errors
+/// As [`load`].
+pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<(Value, Vec<String>)> {
+    let loaded = load(path, options, progress)?;
+    Ok((Value::Object(describe(&loaded.volume)), loaded.notes))
+}
+
+/// The part of `info` that every format has.
+fn describe(volume: &Volume) -> Map<String, Value> {
+    let grid = volume.grid();
+    let (low, high) = volume
+        .data()
+        .par_chunks(1 << 18)
+        .map(|c| c.iter().fold((i16::MAX, i16::MIN), |(lo, hi), v| (lo.min(*v), hi.max(*v))))
+        .reduce(|| (i16::MAX, i16::MIN), |a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let mut map = Map::new();
+    let mut put = |key: &str, value: Value| map.insert(key.to_owned(), value);
+    put("dims", json!(grid.dims()));
+    put("spacing_mm", json!(grid.spacing().to_array()));
+    put("origin_mm", json!(grid.origin().to_array()));
+    put("direction", json!(grid.direction().transpose().to_cols_array()));
+    put("hu_range", json!([low, high]));
+    put("bytes", json!(volume.bytes()));
+    map
+}
+
+/// The note about voxels that were not finite.
+fn strange_note(count: usize) -> Option<String> {
+    (count > 0).then(|| format!("{count} voxels are not finite and were taken as air"))
 }
 
 /// Writes a scan; the format follows the ending (.nii, .nii.gz, .mhd, .mha, .nrrd, .nhdr).
 ///
 /// # Errors
-/// Status 2 for an unknown ending, 5 when it cannot be written.
-pub fn save(path: &Path, _volume: &Volume, _progress: &Progress) -> Result<()> {
-    Err(Error::not_built(path.display().to_string()))
+/// Status 2 for an unknown ending, 4 when cancelled, 5 when it cannot be written.
+pub fn save(path: &Path, volume: &Volume, progress: &Progress) -> Result<()> {
+    write::write(path, volume.grid(), write::Voxels::Scan(volume.data()), progress)
 }
 
 /// Writes a label mask (one byte for each voxel, x fastest) on `grid`; the format follows the ending.
 ///
 /// # Errors
-/// As [`save`].
-pub fn save_mask(path: &Path, _grid: &Grid, _mask: &[u8], _progress: &Progress) -> Result<()> {
-    Err(Error::not_built(path.display().to_string()))
+/// As [`save`]; status 1 when the mask is not of the grid's size.
+pub fn save_mask(path: &Path, grid: &Grid, mask: &[u8], progress: &Progress) -> Result<()> {
+    if mask.len() != grid.len() {
+        let why = format!("{} labels for {} voxels", mask.len(), grid.len());
+        return Err(Error::fault(path.display().to_string(), why, "report this fault"));
+    }
+    write::write(path, grid, write::Voxels::Labels(mask), progress)
 }

@@ -1,0 +1,86 @@
+//! What a flight runs and builds, and what it leaves out and why.
+
+use serde::Serialize;
+
+use crate::app::FlightApp;
+use crate::components::LeftOut;
+use crate::components::guide::{MineField, Tentacles};
+use crate::components::output::Picture;
+
+/// Something that a flight keeps in memory.
+#[derive(Clone, Debug, Serialize)]
+pub struct Built {
+    /// The part.
+    pub part: &'static str,
+    /// Its size.
+    pub bytes: usize,
+}
+
+/// An explanation of a flight.
+#[derive(Clone, Debug, Serialize)]
+pub struct Explanation {
+    /// Systems of a simulation step, in the order they run.
+    pub step: Vec<String>,
+    /// Systems of a frame, in the order they run.
+    pub frame: Vec<String>,
+    /// Components that entities carry.
+    pub components: Vec<String>,
+    /// What is in memory.
+    pub built: Vec<Built>,
+    /// What is not, and why.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Explains a flight as it stands.
+pub fn explain(flight: &FlightApp) -> Explanation {
+    let [step, frame] = flight.app().systems();
+    let space = flight.space();
+    let mut built = vec![
+        Built { part: "volume (16 bit)", bytes: space.volume().bytes() },
+        Built { part: "lumen (runs)", bytes: flight.lumen().bytes() },
+        Built { part: "homogeneous-region flags", bytes: space.bytes() },
+    ];
+    if let Some(t) = flight.camera::<Tentacles>() {
+        built.push(Built { part: "tentacles", bytes: t.bytes() });
+    }
+    if let Some(m) = flight.camera::<MineField>() {
+        built.push(Built { part: "mines", bytes: m.settings.kept * size_of::<glam::DVec3>() });
+    }
+    if let Some(p) = flight.camera::<Picture>() {
+        built.push(Built { part: "picture", bytes: p.frame.width() * p.frame.height() * 3 });
+    }
+    Explanation {
+        step,
+        frame,
+        components: flight.app().components_in_use(),
+        built,
+        left_out: flight.app().left_out().to_vec(),
+    }
+}
+
+impl Explanation {
+    /// As a person reads it.
+    pub fn text(&self) -> String {
+        let mut s = String::from("runs in each simulation step:\n");
+        let list = |s: &mut String, names: &[String]| {
+            for (n, name) in names.iter().enumerate() {
+                s.push_str(&format!("  {}. {name}\n", n + 1));
+            }
+            if names.is_empty() {
+                s.push_str("  nothing\n");
+            }
+        };
+        list(&mut s, &self.step);
+        s.push_str("runs in each frame:\n");
+        list(&mut s, &self.frame);
+        s.push_str("in memory:\n");
+        for b in &self.built {
+            s.push_str(&format!("  {:28} {:>14} bytes\n", b.part, b.bytes));
+        }
+        s.push_str("left out:\n");
+        for l in &self.left_out {
+            s.push_str(&format!("  {:28} {}\n", l.part, l.why));
+        }
+        s
+    }
+}

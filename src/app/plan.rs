@@ -1,0 +1,251 @@
+//! From a lumen and the points that were asked for to a start and a goal.
+
+use glam::DVec3;
+
+use crate::dynamics::Attitude;
+use crate::dynamics::tentacles::directions;
+use crate::error::{Error, Result};
+use crate::fields::ClearanceFinder;
+use crate::fields::lumen::{self, Lumen, Segment};
+use crate::progress::Progress;
+use crate::render::{Space, first_crossing};
+
+/// A point outside the lumen is taken to it within this, mm.
+const SNAP_MM: f64 = 5.0;
+/// With `--to` the camera has arrived within this, mm.
+const ARRIVED_MM: f64 = 3.0;
+/// Rays that measure the surroundings of an end.
+const PROBES: usize = 512;
+
+/// A place of the colon that was asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// The rectal end.
+    Rectum,
+    /// The cecal end.
+    Cecum,
+    /// World, mm.
+    World(DVec3),
+}
+
+/// What was asked for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Wish {
+    /// Start.
+    pub from: Option<Place>,
+    /// Goal.
+    pub to: Option<Place>,
+    /// Swap the ends.
+    pub reverse: bool,
+}
+
+/// A flight to be flown.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Where it starts, world mm.
+    pub start: DVec3,
+    /// Where it ends, world mm.
+    pub goal: DVec3,
+    /// Arrived within this of the goal, mm.
+    pub within_mm: f64,
+    /// The lumen's end that is not the goal, world mm.
+    pub other_end: DVec3,
+    /// Coarse length of the segment, mm, for showing how far the flight has come.
+    pub length_mm: f64,
+    /// The segment's number, where it is one of the lumen's.
+    pub segment: Option<usize>,
+    /// Where the goal asked for lies beyond the gas that this flight can reach: what to say at its end.
+    pub falls_short: Option<String>,
+    /// What there is to say to the user.
+    pub notes: Vec<String>,
+}
+
+/// Plans the flight that `wish` asks for. Without points it goes through the largest segment.
+///
+/// # Errors
+/// Status 4 when there is no colon to fly, a point is outside the lumen, or the lumen is too narrow for the body.
+pub fn plan(space: &Space, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress: &Progress) -> Result<Plan> {
+    let mut notes = Vec::new();
+    if let Some(Place::World(from)) = wish.from {
+        let found = lumen.nearest_gas(from, SNAP_MM).map(|(s, p)| (Some(s), lumen.segments[s].clone(), p));
+        let found = match found {
+            Some(f) => f,
+            // Gas of any size that is no part of the colon as it was found: the operator wants to be there.
+            None => lumen::gas_at(space.volume(), from, progress)?
+                .and_then(|l| l.nearest_gas(from, SNAP_MM).map(|(s, p)| (None, l.segments[s].clone(), p)))
+                .ok_or_else(|| outside("--from", from))?,
+        };
+        let (number, segment, gas) = found;
+        // The voxel's centre only where the point itself is not in gas.
+        let inside = f64::from(crate::render::value(space, from)) < space.wall().iso();
+        let at = if inside { from } else { gas };
+        if !inside {
+            notes.push(format!("--from {} lies outside the lumen; taken to {}", triple(from), triple(gas)));
+        }
+        return finish(space, (number, &segment), Some(at), wish, lumen, radius_mm, notes);
+    }
+    if !lumen.is_flyable() {
+        return Err(no_colon(lumen));
+    }
+    let last = lumen.segments.len() - 1;
+    let main = lumen.main_segment().unwrap_or(0);
+    let named = |place| match place {
+        Place::Rectum if lumen.ordered => 0,
+        Place::Cecum if lumen.ordered => last,
+        _ => main,
+    };
+    let number = match (wish.from, wish.to) {
+        (Some(p), _) => named(p),
+        (None, Some(Place::World(to))) => lumen.nearest_gas(to, SNAP_MM).ok_or_else(|| outside("--to", to))?.0,
+        (None, Some(p)) => named(p),
+        (None, None) => main,
+    };
+    finish(space, (Some(number), &lumen.segments[number]), None, wish, lumen, radius_mm, notes)
+}
+
+/// Plans the flight through one segment, from its rectal end or, reversed, to it.
+///
+/// # Errors
+/// Status 4 when the segment is too narrow for the body.
+pub fn through_segment(space: &Space, lumen: &Lumen, number: usize, reverse: bool, radius_mm: f64) -> Result<Plan> {
+    let segment = lumen.segments.get(number).ok_or_else(|| {
+        Error::incomplete("segment", format!("there is no segment {number}"), "choose one that there is")
+    })?;
+    let wish = Wish { reverse, ..Wish::default() };
+    finish(space, (Some(number), segment), None, &wish, lumen, radius_mm, Vec::new())
+}
+
+fn finish(
+    space: &Space,
+    (number, segment): (Option<usize>, &Segment),
+    from: Option<DVec3>,
+    wish: &Wish,
+    lumen: &Lumen,
+    radius_mm: f64,
+    mut notes: Vec<String>,
+) -> Result<Plan> {
+    let walls = ClearanceFinder::new(space.shared_volume(), space.wall().iso() as f32, SNAP_MM + radius_mm + 1.0);
+    let [mut first, mut last] = segment.ends;
+    let to_rectum = wish.to == Some(Place::Rectum) || (wish.from == Some(Place::Cecum) && wish.to.is_none());
+    // With only a goal given, the flight starts at the end that is further from it.
+    let far = match (wish.from, wish.to) {
+        (None, Some(Place::World(to))) => to.distance(first) < to.distance(last),
+        _ => false,
+    };
+    if wish.reverse != (to_rectum || far) {
+        std::mem::swap(&mut first, &mut last);
+    }
+    let mut falls_short = None;
+    let (goal, within_mm) = match wish.to {
+        Some(Place::World(to)) => {
+            let (s, p) = lumen
+                .nearest_gas(to, SNAP_MM)
+                .map(|(s, p)| (Some(s), p))
+                .or_else(|| number.is_none().then_some((None, to)))
+                .ok_or_else(|| outside("--to", to))?;
+            if s == number {
+                let inside = f64::from(crate::render::value(space, to)) < space.wall().iso();
+                if !inside {
+                    notes.push(format!("--to {} lies outside the lumen; taken to {}", triple(to), triple(p)));
+                }
+                (if inside { to } else { p }, ARRIVED_MM)
+            } else {
+                falls_short = Some(format!("--to {} lies in another gas segment", triple(to)));
+                (last, end_radius(space, last) * 0.5)
+            }
+        }
+        _ => (last, (end_radius(space, last) * 0.5).max(1.0)),
+    };
+    let other = |end: &str| format!("the {end} lies in another gas segment");
+    match wish.to {
+        Some(Place::Cecum) if lumen.ordered && number.is_some_and(|n| n + 1 < lumen.segments.len()) => {
+            falls_short = Some(other("cecum"));
+        }
+        Some(Place::Rectum) if lumen.ordered && number.is_some_and(|n| n > 0) => falls_short = Some(other("rectum")),
+        _ => {}
+    }
+    let wanted = from.unwrap_or(first);
+    let start = roomy(&walls, wanted, radius_mm).ok_or_else(|| {
+        Error::incomplete(
+            format!("start {}", triple(wanted)),
+            format!("the lumen there is narrower than the camera ({radius_mm} mm)"),
+            "choose another start with --from X,Y,Z",
+        )
+    })?;
+    Ok(Plan {
+        start,
+        goal,
+        within_mm,
+        other_end: first,
+        length_mm: segment.length_mm,
+        segment: number,
+        falls_short,
+        notes,
+    })
+}
+
+/// The nearest place within [`SNAP_MM`] at which the body fits, looked for on a lattice in order of distance.
+fn roomy(walls: &ClearanceFinder, at: DVec3, radius: f64) -> Option<DVec3> {
+    const STEP: f64 = 0.5;
+    let n = (SNAP_MM / STEP) as i32;
+    let mut offsets: Vec<DVec3> = (-n..=n)
+        .flat_map(|z| (-n..=n).flat_map(move |y| (-n..=n).map(move |x| (x, y, z))))
+        .map(|(x, y, z)| DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * STEP)
+        .filter(|o| o.length() <= SNAP_MM)
+        .collect();
+    // A stable sort: ties stay in lattice order, the same every time.
+    offsets.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    offsets.into_iter().map(|o| at + o).find(|&p| walls.at(p).mm > radius + 0.1)
+}
+
+/// Radius of the ball around a lumen's end, mm: the shortest of many rays.
+fn end_radius(space: &Space, at: DVec3) -> f64 {
+    directions(PROBES).into_iter().map(|d| first_crossing(space, at, d, 60.0).unwrap_or(60.0)).fold(60.0, f64::min)
+}
+
+/// The first heading: towards a goal in plain sight, else the longest free direction. The view's up is the patient's
+/// front, so that fluid lies at the bottom of the image of a patient on the back.
+pub fn first_attitude(space: &Space, start: DVec3, goal: DVec3) -> Attitude {
+    let to = goal - start;
+    let seen = to.length() > 1.0 && first_crossing(space, start, to.normalize(), to.length()).is_none();
+    let forward = if seen {
+        to
+    } else {
+        // The first of equals, so that the choice never depends on rounding further on.
+        let mut best = (f64::NEG_INFINITY, DVec3::Z);
+        for d in directions(PROBES) {
+            let free = first_crossing(space, start, d, 300.0).unwrap_or(300.0);
+            if free > best.0 {
+                best = (free, d);
+            }
+        }
+        best.1
+    };
+    Attitude::new(forward, DVec3::NEG_Y)
+}
+
+/// What is said where no colon was found, with what was.
+pub fn no_colon(lumen: &Lumen) -> Error {
+    let found = match lumen.largest().map(|s| &lumen.segments[s]) {
+        None => "no gas in the body that looks like a colon's".to_owned(),
+        Some(s) => format!("the largest gas in the body is {:.0} ml and {:.0} mm long", s.ml, s.length_mm),
+    };
+    Error::incomplete(
+        "no colon to fly through",
+        format!("{found} (an unprepared or collapsed colon?)"),
+        "start in any gas with --from X,Y,Z",
+    )
+}
+
+fn outside(option: &str, at: DVec3) -> Error {
+    Error::incomplete(
+        format!("{option} {}", triple(at)),
+        format!("no lumen within {SNAP_MM} mm"),
+        "give a point inside the gas, in mm LPS",
+    )
+}
+
+/// A point as it is typed on the command line.
+pub fn triple(p: DVec3) -> String {
+    format!("{:.1},{:.1},{:.1}", p.x, p.y, p.z)
+}

@@ -1,0 +1,269 @@
+//! A scene: the plugins of a flight and their settings, from a file or from defaults.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::components::App;
+use crate::components::app::Plugin;
+use crate::dynamics::Body;
+use crate::dynamics::mines::MineSettings;
+use crate::dynamics::monitor::MonitorSettings;
+use crate::dynamics::tentacles::TentacleSettings;
+use crate::error::{Error, Result};
+use crate::systems;
+
+/// Who steers. Each is one plugin over the same body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Guide {
+    /// Tentacles, and mines if the scene has them.
+    #[default]
+    Tentacles,
+    /// The operator alone.
+    Manual,
+}
+
+impl Guide {
+    /// Every guide there is, with its name on the command line and its plugins. A new navigation method is one more
+    /// line here.
+    pub const ALL: [(Self, &'static str, &'static [Plugin]); 2] = [
+        (Self::Tentacles, "tentacles", &[systems::sense::plugin, systems::tentacles::plugin]),
+        (Self::Manual, "manual", &[systems::manual::plugin]),
+    ];
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|g| g.0 == self).map_or("", |g| g.1)
+    }
+
+    /// The guide of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|g| g.1 == name).map(|g| g.0)
+    }
+}
+
+/// What a flight is made of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scene {
+    /// Who steers; without a guide the camera stays where it is.
+    pub guide: Option<Guide>,
+    /// The camera's body.
+    pub body: Body,
+    /// Sensory rays; used by the guide `tentacles` alone.
+    pub tentacles: TentacleSettings,
+    /// Mines behind the camera; a scene with `mines = false` has none.
+    pub mines: Option<MineSettings>,
+    /// Notices when the flight gets nowhere.
+    pub watch: Option<MonitorSettings>,
+    /// Whether images are traced: asked for by a window or a recording.
+    #[serde(skip)]
+    pub picture: bool,
+    /// Whether steps are written down.
+    #[serde(skip)]
+    pub log: bool,
+    /// Whether an operator can take part: a window, or a recorded input.
+    #[serde(skip)]
+    pub operator: bool,
+}
+
+impl Default for Scene {
+    fn default() -> Self {
+        Self {
+            guide: Some(Guide::Tentacles),
+            body: Body::default(),
+            tentacles: TentacleSettings::default(),
+            mines: Some(MineSettings::default()),
+            watch: Some(MonitorSettings::default()),
+            picture: false,
+            log: false,
+            operator: false,
+        }
+    }
+}
+
+/// A scene as it stands in a file: a list of plugins, and settings for them.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneFile {
+    plugins: Vec<String>,
+    #[serde(default)]
+    body: Body,
+    #[serde(default)]
+    tentacles: TentacleSettings,
+    #[serde(default)]
+    mines: MineSettings,
+    #[serde(default)]
+    watch: MonitorSettings,
+}
+
+impl Scene {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// Status 3 when it cannot be read, status 2 when it is no scene or a setting in it makes no sense.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| Error::file(path, format!("cannot be read ({e})"), "give a scene file"))?;
+        Self::parse(&text).map_err(|e| Error::usage(path.display().to_string(), e.to_string(), "see assets/scenes"))
+    }
+
+    /// Reads a scene from the text of its file.
+    ///
+    /// # Errors
+    /// Status 2 as above.
+    pub fn parse(text: &str) -> Result<Self> {
+        let mend = "name known plugins and settings";
+        let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
+        let mut scene =
+            Self { mines: None, watch: None, body: file.body, tentacles: file.tentacles, ..Self::default() };
+        let mut guides = Vec::new();
+        for plugin in &file.plugins {
+            match plugin.as_str() {
+                "mines" => scene.mines = Some(file.mines),
+                "watch" => scene.watch = Some(file.watch),
+                "render" => scene.picture = true,
+                name => match Guide::named(name) {
+                    Some(guide) => guides.push(guide),
+                    None => return Err(Error::usage("scene", format!("there is no plugin {name:?}"), mend)),
+                },
+            }
+        }
+        match guides[..] {
+            [] => scene.guide = None,
+            [guide] => scene.guide = Some(guide),
+            _ => return Err(Error::usage("scene", format!("names {} guides", guides.len()), "name one guide at most")),
+        }
+        scene.check()?;
+        Ok(scene)
+    }
+
+    /// # Errors
+    /// Status 2 for a setting that makes no sense.
+    pub fn check(&self) -> Result<()> {
+        self.body.check()?;
+        let t = &self.tentacles;
+        let positive = [
+            ("tentacles.reach_mm", t.reach_mm),
+            ("tentacles.wall_mm", t.wall_mm),
+            ("tentacles.cruise_mm_s", t.cruise_mm_s),
+            ("tentacles.mine_cone", t.mine_cone),
+            ("mines.spacing_mm", self.mines.map_or(1.0, |m| m.spacing_mm)),
+            ("mines.reach_mm", self.mines.map_or(1.0, |m| m.reach_mm)),
+            ("watch.window_s", self.watch.map_or(1.0, |w| w.window_s)),
+        ];
+        let not_negative = [
+            ("tentacles.wall_push", t.wall_push),
+            ("tentacles.agreement", t.agreement),
+            ("mines.push", self.mines.map_or(0.0, |m| m.push)),
+        ];
+        let bad = |(name, value): (&str, f64), what: &str| {
+            Err(Error::usage(name, format!("is {value}"), format!("give a finite number {what}")))
+        };
+        if let Some(&p) = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0)) {
+            return bad(p, "above 0");
+        }
+        if let Some(&p) = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0)) {
+            return bad(p, "of at least 0");
+        }
+        if !(3..=4096).contains(&t.count) {
+            return bad(("tentacles.count", t.count as f64), "from 3 to 4096");
+        }
+        if self.mines.is_some_and(|m| m.kept > 100_000) {
+            return bad(("mines.kept", self.mines.map_or(0.0, |m| m.kept as f64)), "up to 100000");
+        }
+        Ok(())
+    }
+
+    /// Whether the camera has tentacles.
+    pub fn feels(&self) -> bool {
+        self.guide == Some(Guide::Tentacles)
+    }
+
+    /// Whether the flight is watched.
+    pub fn watches(&self) -> bool {
+        self.watch.is_some() && self.guide.is_some()
+    }
+
+    /// Adds the plugins of the scene to an application, and notes what it goes without.
+    ///
+    /// # Errors
+    /// When two plugins want the same slot.
+    pub fn plug_into(&self, app: &mut App) -> Result<()> {
+        match self.guide {
+            None => app.leave_out("guide", "the scene names none: the camera stays where it is"),
+            Some(guide) => {
+                let plugins = Guide::ALL.iter().find(|g| g.0 == guide).map_or(&[][..], |g| g.2);
+                for &plugin in plugins {
+                    app.add(plugin)?;
+                }
+            }
+        }
+        if self.feels() {
+            if self.mines.is_some() {
+                app.add(systems::mines::plugin)?;
+            } else {
+                app.leave_out("mines", "the scene names none");
+            }
+        } else {
+            app.leave_out("tentacles", "no guide feels its way");
+            app.leave_out("mines", "no guide that they could push on");
+        }
+        if self.guide.is_some() {
+            app.add(systems::motion::plugin)?;
+        } else {
+            app.leave_out("motion", "nothing moves the camera");
+        }
+        if self.watches() {
+            app.add(systems::watch::plugin)?;
+        } else {
+            app.leave_out("watch", "the scene names none, or no guide that it could watch");
+        }
+        if self.operator && self.guide.is_some() {
+            app.add(systems::operator::plugin)?;
+        } else {
+            app.leave_out("operator", "neither a window nor a recorded input, or nothing that moves");
+        }
+        if self.log {
+            app.add(systems::log::plugin)?;
+        } else {
+            app.leave_out("log", "no --log was asked for");
+        }
+        if self.picture {
+            app.add(systems::raycast::plugin)?;
+        } else {
+            app.leave_out("picture", "neither a window nor a recording: no ray is cast for an image");
+        }
+        app.leave_out("wall distance field", "no part of the scene asks for it: clearances are exact and local");
+        app.leave_out("target distance field", "no part of the scene asks for it: mines take its place");
+        app.leave_out("centerline", "no part of the scene asks for it");
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_names_its_plugins() {
+        let s = Scene::parse("plugins = [\"tentacles\"]\n[tentacles]\ncount = 64\n").unwrap();
+        assert!(s.mines.is_none() && s.watch.is_none() && s.tentacles.count == 64);
+        let s = Scene::parse("plugins = [\"manual\", \"watch\"]").unwrap();
+        assert!(s.guide == Some(Guide::Manual) && s.watch.is_some());
+        let s = Scene::parse("plugins = [\"render\"]").unwrap();
+        assert!(s.guide.is_none() && s.picture);
+        for bad in [
+            "plugins = [\"tentacles\", \"manual\"]",
+            "plugins = [\"warp\"]",
+            "plugins = [\"tentacles\"]\n[body]\nmass_g = 0",
+            "plugins = [\"tentacles\"]\n[body]\nmass_g = nan",
+            "plugins = [\"tentacles\"]\n[tentacles]\ncount = 2",
+            "plugins = [\"tentacles\"]\nspeed = 2",
+            "plugins",
+        ] {
+            assert!(Scene::parse(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! `colvis explain`.
+
+use std::io::Write;
+use std::sync::Arc;
+
+use crate::app::explain::explain;
+use crate::app::{FlightApp, plan};
+use crate::cli::args::{ExplainArgs, Global};
+use crate::cli::prepare::{self, Timings};
+use crate::cli::{fly, print};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+
+/// Builds the flight that `fly` would fly with the same options and says what it is made of.
+///
+/// # Errors
+/// As `fly`'s preparation.
+pub fn run(args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+    fly::check(&args.fly)?;
+    let scene = fly::scene(&args.fly, !args.fly.headless && cfg!(feature = "window"))?;
+    let image = scene.picture.then(|| fly::image_settings(&args.fly, global)).transpose()?;
+    let mut timings = Timings::default();
+    let space = prepare::space(args.fly.input.as_deref(), global, &mut timings, progress)?;
+    let lumen = Arc::new(prepare::lumen(space.volume(), &mut timings, progress)?);
+    let plan = plan::plan(&space, &lumen, &fly::wish(&args.fly), scene.body.radius_mm, progress)?;
+    let flight = FlightApp::new(space, lumen, plan, scene, image)?;
+    let explanation = explain(&flight);
+    let text = if args.json {
+        serde_json::to_string_pretty(&explanation).map_err(|e| Error::fault("explain", e.to_string(), "report it"))?
+    } else {
+        explanation.text()
+    };
+    print(|out| writeln!(out, "{}", text.trim_end()))
+}

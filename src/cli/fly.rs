@@ -1,0 +1,244 @@
+//! `colvis fly`, and `colvis` without a command.
+
+use std::io::BufRead;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::json;
+
+use crate::app::flight::ImageSettings;
+use crate::app::plan::{self, Place, Wish, triple};
+use crate::app::{FlightApp, Guide, Scene};
+use crate::cli::args::{FlyArgs, Global, GuideName, Point, PresetName, Size};
+use crate::cli::prepare::{self, Timings, say};
+use crate::components::flight::State;
+use crate::components::input::Act;
+use crate::error::{Error, Result};
+use crate::host::headless::{self, Outputs};
+use crate::host::terminal::Bar;
+use crate::output;
+use crate::progress::Progress;
+
+/// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
+const HEADLESS_SECONDS: f64 = 600.0;
+
+/// Runs the command.
+///
+/// # Errors
+/// As the contract has them.
+pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+    check(args)?;
+    if args.headless {
+        return fly_headless(args, global, progress);
+    }
+    #[cfg(any())]
+    {
+        if crate::host::window::has_display() {
+            return crate::host::window::run(args, global, progress);
+        }
+        eprintln!("no display: flying headless");
+    }
+    #[cfg(not(feature = "window"))]
+    eprintln!("built without a window: flying headless");
+    let mut args = args.clone();
+    if args.record.is_none() && args.log.is_none() {
+        output::make_folder(Path::new("flight"))?;
+        args.record = Some("flight/flight.gif".to_owned());
+        args.log = Some(PathBuf::from("flight/flight.jsonl"));
+        let result = fly_with(&args, global, progress, true);
+        eprintln!("see flight/flight.gif and flight/flight.jsonl");
+        return result;
+    }
+    fly_headless(&args, global, progress)
+}
+
+/// Refuses what is not built and what makes no sense, before anything is read.
+///
+/// # Errors
+/// Status 2.
+pub fn check(args: &FlyArgs) -> Result<()> {
+    if args.coverage {
+        return Err(Error::not_built("--coverage"));
+    }
+    if args.play.is_some() {
+        return Err(Error::not_built("--play"));
+    }
+    if let Some(p @ (PresetName::Colvis | PresetName::Lean)) = args.preset {
+        return Err(Error::not_built(format!("--preset {p:?}").to_lowercase()));
+    }
+    for (name, value) in [("--seconds", args.seconds), ("--fps", args.fps)] {
+        if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
+            return Err(Error::usage(name, format!("{v} is not above 0"), "give a positive number"));
+        }
+    }
+    if args.fps.is_some_and(|f| f > 120.0) {
+        return Err(Error::usage("--fps", "there are 120 simulation steps a second", "give at most 120"));
+    }
+    guide(args)?;
+    prepare::quality(args.quality).map(drop)
+}
+
+fn guide(args: &FlyArgs) -> Result<Option<Guide>> {
+    match args.guide {
+        None => Ok(None),
+        Some(GuideName::Tentacles) => Ok(Some(Guide::Tentacles)),
+        Some(GuideName::Manual) => Ok(Some(Guide::Manual)),
+        Some(GuideName::Potential) => Err(Error::not_built("--guide potential")),
+        Some(GuideName::Path) => Err(Error::not_built("--guide path")),
+    }
+}
+
+/// The scene that the arguments ask for; options win over the scene file.
+///
+/// # Errors
+/// Status 2 for a scene that makes no sense.
+pub fn scene(args: &FlyArgs, windowed: bool) -> Result<Scene> {
+    let mut scene = args.scene.as_deref().map_or_else(|| Ok(Scene::default()), Scene::read)?;
+    if let Some(g) = guide(args)? {
+        scene.guide = Some(g);
+    }
+    scene.picture |= windowed || args.record.is_some();
+    scene.log = args.log.is_some();
+    scene.operator = windowed || args.replay.is_some() || args.record_input.is_some();
+    scene.check()?;
+    Ok(scene)
+}
+
+/// Start and goal that the arguments ask for.
+pub fn wish(args: &FlyArgs) -> Wish {
+    let place = |p: Point| match p {
+        Point::Rectum => Place::Rectum,
+        Point::Cecum => Place::Cecum,
+        Point::World(w) => Place::World(w),
+    };
+    Wish { from: args.from.map(place), to: args.to.map(place), reverse: args.reverse }
+}
+
+/// How images are to be made.
+///
+/// # Errors
+/// Status 2 for a view angle that is none.
+pub fn image_settings(args: &FlyArgs, global: &Global) -> Result<ImageSettings> {
+    let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
+    Ok(ImageSettings {
+        width: size.width,
+        height: size.height,
+        fov_degrees: prepare::fov(global)?,
+        settings: prepare::quality(args.quality)?,
+    })
+}
+
+fn fly_headless(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+    fly_with(args, global, progress, false)
+}
+
+/// Flies; `short` makes the recording a small, quick one of the whole way.
+fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bool) -> Result<()> {
+    let scene = scene(args, false)?;
+    let mut image = scene.picture.then(|| image_settings(args, global)).transpose()?;
+    if let (Some(i), true) = (&mut image, short && args.size.is_none()) {
+        (i.width, i.height) = (320, 320);
+    }
+    let bar = Bar::show(progress);
+    let mut timings = Timings::default();
+    let space = prepare::space(args.input.as_deref(), global, &mut timings, progress)?;
+    let lumen = Arc::new(prepare::lumen(space.volume(), &mut timings, progress)?);
+    let plan = timings.time("plan_s", || plan::plan(&space, &lumen, &wish(args), scene.body.radius_mm, progress))?;
+    for note in &plan.notes {
+        say(note);
+    }
+    let mut flight = timings.time("scene_s", || FlightApp::new(space, lumen, plan, scene, image))?;
+    if let Some(path) = &args.replay {
+        flight.replay(read_acts(path)?);
+    }
+    if args.record_input.is_some() {
+        flight.record_acts();
+    }
+    // One image each half second of the way, shown at twelve a second, is a short film of the whole.
+    let outputs = Outputs {
+        record: args.record.clone(),
+        fps: if short { args.fps.unwrap_or(2.5) } else { args.fps.unwrap_or(30.0) },
+        shown_fps: short.then_some(12.0),
+        log: args.log.clone(),
+    };
+    let flown = headless::fly(&mut flight, args.seconds.unwrap_or(HEADLESS_SECONDS), &outputs, progress);
+    drop(bar);
+    // Stats and recorded input stand for what was flown, whether or not it came to a good end.
+    let frames = match &flown {
+        Ok(frames) => frames.clone(),
+        Err(_) => Vec::new(),
+    };
+    if let Some(path) = &args.stats {
+        output::write_json(path, &stats(&flight, &timings, &frames))?;
+    }
+    if let Some(path) = &args.record_input {
+        write_acts(path, flight.acts())?;
+    }
+    flown?;
+    report(&flight);
+    headless::outcome(&flight)
+}
+
+/// Says how the flight ended.
+fn report(flight: &FlightApp) {
+    let f = flight.flight();
+    let s = flight.clock().seconds();
+    match f.state {
+        State::Arrived => eprintln!("arrived at {} after {:.0} mm in {s:.1} s", triple(f.place), f.length_mm),
+        State::Ended => eprintln!("time is over after {:.0} mm in {s:.1} s", f.length_mm),
+        State::Flying | State::Operator => {}
+    }
+    if let Some(text) = headless::unflown_text(flight) {
+        eprintln!("{text}");
+    }
+}
+
+fn stats(flight: &FlightApp, timings: &Timings, frames: &[headless::FrameStats]) -> serde_json::Value {
+    let f = flight.flight();
+    let mut m = prepare::stats_head(timings);
+    m.insert("frames".to_owned(), json!(frames));
+    m.insert("state".to_owned(), json!(f.state));
+    m.insert("reason".to_owned(), json!(f.reason));
+    m.insert("place_mm".to_owned(), json!(flight.pose().position.to_array()));
+    m.insert("length_mm".to_owned(), json!(f.length_mm));
+    m.insert("seconds".to_owned(), json!(flight.clock().seconds()));
+    m.insert("turns".to_owned(), json!(f.turns));
+    m.insert("escapes".to_owned(), json!(f.escapes));
+    let unflown: Vec<_> = flight.unflown().into_iter().map(|(_, ml)| json!({ "ml": ml })).collect();
+    m.insert("unflown".to_owned(), json!(unflown));
+    m.into()
+}
+
+/// Reads an operator's recorded input: one [`Act`] a line.
+fn read_acts(path: &Path) -> Result<Vec<Act>> {
+    let mend = "give a file that --record-input wrote";
+    let file = std::fs::File::open(path).map_err(|e| Error::file(path, format!("cannot be read ({e})"), mend))?;
+    let mut acts: Vec<Act> = Vec::new();
+    for (n, line) in std::io::BufReader::new(file).lines().enumerate() {
+        let line = line.map_err(|e| Error::file(path, format!("cannot be read ({e})"), mend))?;
+        if line.trim().is_empty() {
+            continue;
+        }
+        let act: Act =
+            serde_json::from_str(&line).map_err(|e| Error::file(path, format!("line {}: {e}", n + 1), mend))?;
+        if acts.last().is_some_and(|last| last.tick > act.tick) {
+            return Err(Error::file(path, format!("line {}: goes back in time", n + 1), mend));
+        }
+        acts.push(act);
+    }
+    Ok(acts)
+}
+
+/// Writes an operator's input, one [`Act`] a line.
+///
+/// # Errors
+/// Status 5 when it cannot be written.
+pub fn write_acts(path: &Path, acts: &[Act]) -> Result<()> {
+    output::write_whole(path, |w| {
+        for act in acts {
+            serde_json::to_writer(&mut *w, act)?;
+            w.write_all(b"\n")?;
+        }
+        Ok(())
+    })
+}

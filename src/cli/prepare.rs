@@ -1,0 +1,153 @@
+//! What several commands do first: read the scan, make it ready for rays, find the colon; with how long each took.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde_json::{Map, Value, json};
+
+use crate::cli::args::{Global, QualityName};
+use crate::error::{Error, Result};
+use crate::fields::{Lumen, lumen};
+use crate::phantom::{self, Phantom};
+use crate::progress::Progress;
+use crate::render::{Quality, Settings, Space, Wall};
+use crate::volume::Volume;
+use crate::volume::io::{self, LoadOptions};
+
+/// Wall clock of the parts of a preparation, disjoint, in the order they were done.
+#[derive(Clone, Debug, Default)]
+pub struct Timings(Vec<(&'static str, f64)>);
+
+impl Timings {
+    /// Does a part and keeps how long it took, under `name` (ends in `_s`).
+    ///
+    /// # Errors
+    /// What the part fails with.
+    pub fn time<T>(&mut self, name: &'static str, part: impl FnOnce() -> Result<T>) -> Result<T> {
+        let begun = Instant::now();
+        let result = part();
+        self.0.push((name, begun.elapsed().as_secs_f64()));
+        result
+    }
+
+    /// As the stats have it.
+    pub fn json(&self) -> Value {
+        Value::Object(self.0.iter().map(|&(n, s)| (n.to_owned(), json!(s))).collect::<Map<_, _>>())
+    }
+}
+
+/// The options of reading an input.
+pub fn load_options(global: &Global) -> LoadOptions {
+    LoadOptions {
+        spacing: global.spacing.map(|s| s.0),
+        hu: global.hu.map(|p| (p.0, p.1)),
+        series: global.series,
+        allow_gaps: global.allow_gaps,
+    }
+}
+
+/// The ramp that `--wall` asks for.
+///
+/// # Errors
+/// Status 2 when it is none.
+pub fn wall(global: &Global) -> Result<Wall> {
+    global.wall.map_or(Ok(Wall::default()), |p| Wall::new(p.0 as f32, p.1 as f32))
+}
+
+/// The view angle that `--fov` asks for, degrees.
+///
+/// # Errors
+/// Status 2 when it is not between 0 and 180.
+pub fn fov(global: &Global) -> Result<f64> {
+    let fov = global.fov.unwrap_or(90.0);
+    if fov > 0.0 && fov < 180.0 {
+        Ok(fov)
+    } else {
+        Err(Error::usage("--fov", format!("{fov} degrees is not between 0 and 180"), "give an angle such as 90"))
+    }
+}
+
+/// The renderer's settings that a quality on the command line stands for.
+///
+/// # Errors
+/// Status 2 for what is not built yet.
+pub fn quality(name: Option<QualityName>) -> Result<Settings> {
+    match name.unwrap_or(QualityName::High) {
+        QualityName::High => Ok(Settings::new(Quality::High)),
+        QualityName::Low => Ok(Settings::new(Quality::Low)),
+        QualityName::Reference => Ok(Settings::new(Quality::Reference)),
+        QualityName::Adaptive => Err(Error::not_built("--quality adaptive")),
+    }
+}
+
+/// Reads the input, or makes the embedded phantom where there is none; says what there is to say about it.
+///
+/// # Errors
+/// Status 3 when it cannot be read, 4 when interrupted.
+pub fn load(input: Option<&Path>, global: &Global, progress: &Progress) -> Result<Volume> {
+    let Some(path) = input else {
+        let seed = global.seed.unwrap_or(1);
+        let phantom = Phantom::new(&phantom::Settings { size: phantom::Size::Small, seed, ..Default::default() });
+        return phantom.voxelise(&phantom.grid(), progress);
+    };
+    let loaded = io::load(path, &load_options(global), progress)?;
+    for note in &loaded.notes {
+        say(note);
+    }
+    Ok(loaded.volume)
+}
+
+/// A scan that rays can be cast in.
+///
+/// # Errors
+/// As [`load`]; status 2 for a wall that is none.
+pub fn space(input: Option<&Path>, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Space> {
+    let wall = wall(global)?;
+    let volume = Arc::new(timings.time("load_s", || load(input, global, progress))?);
+    timings.time("flags_s", || Ok(Space::new(volume, wall)))
+}
+
+/// The colon in a scan that can be flown through.
+///
+/// # Errors
+/// Status 4 for a volume of one voxel or one slice, or when interrupted.
+pub fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
+    check_thick(volume)?;
+    timings.time("lumen_s", || lumen::find(volume, progress))
+}
+
+/// # Errors
+/// Status 4 for a volume of one voxel or one slice.
+pub fn check_thick(volume: &Volume) -> Result<()> {
+    let dims = volume.grid().dims();
+    if dims.iter().any(|&d| d < 2) {
+        let why = format!("has {}×{}×{} voxels: no lumen can be found in one slice", dims[0], dims[1], dims[2]);
+        return Err(Error::incomplete("volume", why, "give the whole scan; info and render take this one"));
+    }
+    Ok(())
+}
+
+/// Prints a note for the user.
+pub fn say(note: &str) {
+    eprintln!("note: {}", note.replace(char::is_control, " "));
+}
+
+/// The head of every stats file.
+pub fn stats_head(timings: &Timings) -> Map<String, Value> {
+    let mut m = Map::new();
+    m.insert("threads".to_owned(), json!(rayon::current_num_threads()));
+    m.insert("simd".to_owned(), json!("scalar"));
+    m.insert("peak_rss_bytes".to_owned(), json!(peak_rss_bytes()));
+    m.insert("prepare".to_owned(), timings.json());
+    m
+}
+
+/// The most memory the program has had at once, as the system tells (Linux); 0 where it does not.
+pub fn peak_rss_bytes() -> u64 {
+    std::fs::read_to_string("/proc/self/status")
+        .ok()
+        .and_then(|s| s.lines().find_map(|l| l.strip_prefix("VmHWM:").map(str::to_owned)))
+        .and_then(|l| l.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
+        .map_or(0, |kib| kib * 1024)
+}

@@ -1,0 +1,114 @@
+//! `colvis render`.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+use serde::Deserialize;
+use serde_json::json;
+
+use crate::cli::args::{Global, PresetName, RenderArgs, Size};
+use crate::cli::prepare::{self, Timings};
+use crate::error::{Error, Result};
+use crate::host::headless::FrameStats;
+use crate::host::record::write_png;
+use crate::host::terminal::Bar;
+use crate::output;
+use crate::progress::Progress;
+use crate::render::{Frame, View, render};
+
+/// A list of poses, as `--poses` takes it. Other programs' extra fields are none of our business.
+#[derive(Deserialize)]
+struct Poses {
+    fov_degrees: Option<f64>,
+    poses: Vec<Pose>,
+}
+
+#[derive(Deserialize)]
+struct Pose {
+    position: [f64; 3],
+    forward: [f64; 3],
+    up: [f64; 3],
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// As the contract has them.
+pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+    if let Some(p @ (PresetName::Colvis | PresetName::Lean)) = args.preset {
+        return Err(Error::not_built(format!("--preset {p:?}").to_lowercase()));
+    }
+    let mut settings = prepare::quality(args.quality)?;
+    settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;
+    let poses = read(&args.poses)?;
+    let fov = match global.fov {
+        Some(_) => prepare::fov(global)?,
+        None => poses.fov_degrees.unwrap_or(90.0),
+    };
+    let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
+    let views: Vec<View> = poses
+        .poses
+        .iter()
+        .enumerate()
+        .map(|(n, p)| {
+            let [position, forward, up] = [p.position, p.forward, p.up].map(DVec3::from_array);
+            View::new(position, forward, up, fov, size.width, size.height)
+                .map_err(|e| Error::file(&args.poses, format!("pose {n}: {}: {}", e.what, e.why), e.mend))
+        })
+        .collect::<Result<_>>()?;
+    output::make_folder(&args.out)?;
+    let bar = Bar::show(progress);
+    let mut timings = Timings::default();
+    let space = prepare::space(Some(&args.input), global, &mut timings, progress)?;
+    let mut frame = Frame::new(size.width, size.height, args.depth);
+    let mut frames = Vec::with_capacity(views.len());
+    progress.stage("rendering", views.len() as u64);
+    for (n, view) in views.iter().enumerate() {
+        let begun = Instant::now();
+        let work = render(&space, view, &settings, &mut frame);
+        let ms = begun.elapsed().as_secs_f64() * 1e3;
+        frames.push(FrameStats { ms, rays: work.rays, samples: work.samples, reused: work.reused });
+        write_png(&args.out.join(format!("{n:04}.png")), &frame)?;
+        if let Some(depth) = frame.depth() {
+            write_npy(&args.out.join(format!("{n:04}.npy")), depth, size)?;
+        }
+        progress.advance(1)?;
+    }
+    drop(bar);
+    if let Some(path) = &args.stats {
+        let mut m = prepare::stats_head(&timings);
+        m.insert("frames".to_owned(), json!(frames));
+        output::write_json(path, &m)?;
+    }
+    Ok(())
+}
+
+fn read(path: &Path) -> Result<Poses> {
+    let mend = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
+    let text = std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read ({e})"), mend))?;
+    let poses: Poses = serde_json::from_slice(&text).map_err(|e| Error::file(path, e.to_string(), mend))?;
+    if let Some(fov) = poses.fov_degrees.filter(|f| !(*f > 0.0 && *f < 180.0)) {
+        return Err(Error::file(path, format!("fov_degrees {fov} is not between 0 and 180"), mend));
+    }
+    Ok(poses)
+}
+
+/// Writes a depth image (mm, row 0 on top) as a NumPy array of float32 H×W, format 1.0.
+fn write_npy(path: &Path, depth: &[f32], size: Size) -> Result<()> {
+    output::write_whole(path, |w| {
+        let shape = format!("({}, {})", size.height, size.width);
+        let mut head = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
+        // The format asks for a header that ends on a multiple of 64 bytes with a line break.
+        while (10 + head.len() + 1) % 64 != 0 {
+            head.push(' ');
+        }
+        head.push('\n');
+        w.write_all(b"\x93NUMPY\x01\x00")?;
+        w.write_all(&(head.len() as u16).to_le_bytes())?;
+        w.write_all(head.as_bytes())?;
+        let bytes: Vec<u8> = depth.iter().flat_map(|d| d.to_le_bytes()).collect();
+        w.write_all(&bytes)
+    })
+}

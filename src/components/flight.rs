@@ -1,0 +1,60 @@
+//! Where a flight is going and how it stands.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+
+use crate::dynamics::monitor::{Monitor, MonitorSettings};
+
+/// How a flight stands, as the log has it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// On the way.
+    #[default]
+    Flying,
+    /// At its goal.
+    Arrived,
+    /// The guide calls for the operator.
+    Operator,
+    /// The simulated time is over.
+    Ended,
+}
+
+/// How the flight stands, why and where.
+#[derive(Component, Clone, Debug, Default)]
+pub struct Flight {
+    /// State.
+    pub state: State,
+    /// Why help is called for; empty otherwise.
+    pub reason: String,
+    /// Where that was, world mm.
+    pub place: DVec3,
+    /// Way flown, mm.
+    pub length_mm: f64,
+    /// Number of times the camera turned round at a dead end.
+    pub turns: u32,
+    /// Number of places at which the guide looked for another way.
+    pub escapes: u32,
+}
+
+/// Where the flight ends.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct Goal {
+    /// World mm.
+    pub at: DVec3,
+    /// The camera has arrived within this of `at`, mm.
+    pub within_mm: f64,
+    /// The lumen's other end: a dead end there means that the flight set out the wrong way. World mm.
+    pub other_end: DVec3,
+}
+
+/// Notices when a flight gets nowhere.
+#[derive(Component, Clone, Debug)]
+pub struct Watch {
+    /// Settings.
+    pub settings: MonitorSettings,
+    /// What it has seen.
+    pub monitor: Monitor,
+    /// While the guide looks for another way: until this tick.
+    pub escaping_until: Option<u64>,
+}

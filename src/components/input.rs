@@ -1,0 +1,78 @@
+//! The operator's hand.
+
+use std::collections::VecDeque;
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// One act of the operator, as it is recorded and replayed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Command {
+    /// Pushes along right, up, forward of the view, each −1 to 1, until the next `Push`.
+    Push([f64; 3]),
+    /// Turns about up (to the right), right (upwards) and forward (clockwise), each −1 to 1, until the next `Turn`.
+    Turn([f64; 3]),
+    /// Turns the view once, degrees to the right and upwards (a mouse move).
+    Look([f64; 2]),
+    /// Stops to look around, or goes on.
+    Pause(bool),
+    /// Cruise speed as a multiple of the scene's.
+    Speed(f64),
+    /// Swaps the ends and turns round.
+    Reverse,
+    /// Hands over to another guide.
+    Guide(String),
+    /// Flies another segment of the lumen, counted from 0, from the end nearer to the rectum.
+    Segment(usize),
+    /// Takes the flight up again after the guide called for help.
+    Resume,
+}
+
+/// A command and the step before which it acts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Act {
+    /// Step.
+    pub tick: u64,
+    /// What the operator did.
+    pub command: Command,
+}
+
+/// Commands for the coming step, in order.
+#[derive(Resource, Default, Debug)]
+pub struct Inbox(pub VecDeque<Command>);
+
+/// What the operator's hand asks for now.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct Hand {
+    /// Right, up, forward, each −1 to 1.
+    pub push: DVec3,
+    /// Yaw, pitch, roll, each −1 to 1.
+    pub turn: DVec3,
+    /// Whether the flight is paused.
+    pub paused: bool,
+    /// Multiple of the scene's cruise speed.
+    pub speed: f64,
+    /// Until this tick the hand counts as on: the guide does not thrust.
+    pub on_until: u64,
+    /// Until this tick the view is the operator's: it does not turn back to the way.
+    pub looking_until: u64,
+    /// Acceleration from the push, world mm/s².
+    pub acceleration: DVec3,
+}
+
+impl Default for Hand {
+    fn default() -> Self {
+        Self {
+            push: DVec3::ZERO,
+            turn: DVec3::ZERO,
+            paused: false,
+            speed: 1.0,
+            on_until: 0,
+            looking_until: 0,
+            acceleration: DVec3::ZERO,
+        }
+    }
+}

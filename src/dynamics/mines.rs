@@ -1,0 +1,115 @@
+//! Mines: points laid behind the camera that push it on, so that it does not turn back (paper, section 3.2).
+
+use std::collections::VecDeque;
+
+use glam::DVec3;
+
+/// How mines are laid and how they push.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MineSettings {
+    /// How many of the last mines are kept.
+    pub kept: usize,
+    /// Way between two mines, mm.
+    pub spacing_mm: f64,
+    /// A mine further than this from the camera does not push, mm.
+    pub reach_mm: f64,
+    /// Push of a mine at distance 0 as an acceleration, mm/s²; it falls linearly to 0 at the reach.
+    pub push: f64,
+}
+
+impl Default for MineSettings {
+    fn default() -> Self {
+        Self { kept: 12, spacing_mm: 8.0, reach_mm: 25.0, push: 60.0 }
+    }
+}
+
+/// The mines that are still kept, oldest first.
+#[derive(Clone, Debug, Default)]
+pub struct Mines {
+    points: VecDeque<DVec3>,
+    last: Option<DVec3>,
+}
+
+impl Mines {
+    /// Follows the camera (world mm); lays a mine at where it was when it has come `spacing_mm` further.
+    pub fn follow(&mut self, camera: DVec3, settings: &MineSettings) {
+        match self.last {
+            None => self.last = Some(camera),
+            Some(last) if last.distance(camera) >= settings.spacing_mm => {
+                self.points.push_back(last);
+                self.last = Some(camera);
+            }
+            Some(_) => {}
+        }
+        while self.points.len() > settings.kept {
+            self.points.pop_front();
+        }
+    }
+
+    /// Forgets all mines, as at a turn.
+    pub fn clear(&mut self) {
+        self.points.clear();
+        self.last = None;
+    }
+
+    /// World positions, mm, oldest first.
+    pub fn iter(&self) -> impl Iterator<Item = DVec3> + '_ {
+        self.points.iter().copied()
+    }
+
+    /// How many are kept now.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether none is kept.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// The acceleration (mm/s²) that the mines exert at a world point: each is the source of the potential
+    /// `push · reach/2 · (1 − d/reach)²` within its reach.
+    pub fn push(&self, at: DVec3, settings: &MineSettings) -> DVec3 {
+        self.iter()
+            .map(|m| {
+                let away = at - m;
+                let d = away.length();
+                away.normalize_or_zero() * (settings.push * (1.0 - d / settings.reach_mm).max(0.0))
+            })
+            .sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn laid_behind_and_the_last_few_kept() {
+        let s = MineSettings { kept: 3, spacing_mm: 5.0, ..MineSettings::default() };
+        let mut m = Mines::default();
+        for x in 0..100 {
+            m.follow(DVec3::X * f64::from(x), &s);
+        }
+        let xs: Vec<f64> = m.iter().map(|p| p.x).collect();
+        assert_eq!(xs, [80.0, 85.0, 90.0]);
+        assert!(m.push(DVec3::X * 99.0, &s).x > 0.0, "they push on");
+        assert_eq!(m.push(DVec3::X * 300.0, &s), DVec3::ZERO);
+        assert!(m.push(DVec3::X * 90.0, &s).is_finite(), "on a mine");
+    }
+
+    #[test]
+    fn push_is_the_potentials_slope() {
+        let s = MineSettings::default();
+        let mut m = Mines::default();
+        m.follow(DVec3::ZERO, &s);
+        m.follow(DVec3::X * 10.0, &s);
+        let v = |p: DVec3| s.push * s.reach_mm / 2.0 * (1.0 - p.length() / s.reach_mm).max(0.0).powi(2);
+        let (p, h) = (DVec3::new(4.0, -3.0, 7.0), 1e-5);
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            let slope = (v(p + axis * h) - v(p - axis * h)) / (2.0 * h);
+            assert!((m.push(p, &s).dot(axis) + slope).abs() < 1e-6);
+        }
+    }
+}

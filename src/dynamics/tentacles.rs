@@ -1,0 +1,196 @@
+//! Tentacles: sensory rays in all directions that tell the camera how far the wall is (paper, section 3.2).
+
+use glam::DVec3;
+
+use crate::dynamics::mines::{MineSettings, Mines};
+
+/// How the camera feels its way.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TentacleSettings {
+    /// Number of sensory rays, at least 3.
+    pub count: usize,
+    /// Length of a ray that meets no wall, mm.
+    pub reach_mm: f64,
+    /// The wall repels within this distance, mm: the paper's `p`.
+    pub wall_mm: f64,
+    /// Strength of the wall's repulsion, mm/s²: the paper's `C_s`, as an acceleration.
+    pub wall_push: f64,
+    /// Speed along a straight lumen, mm/s.
+    pub cruise_mm_s: f64,
+    /// How much a direction counts that agrees with the present heading: the weight is `((1 + cos)/2)^agreement`.
+    pub agreement: f64,
+    /// Half-width of the cone around a mine in which a direction counts less, rad.
+    pub mine_cone: f64,
+}
+
+impl Default for TentacleSettings {
+    fn default() -> Self {
+        Self {
+            count: 128,
+            reach_mm: 150.0,
+            wall_mm: 10.0,
+            wall_push: 60.0,
+            cruise_mm_s: 30.0,
+            agreement: 2.0,
+            mine_cone: 0.6,
+        }
+    }
+}
+
+/// `count` unit vectors spread evenly over the sphere: a Fibonacci lattice (González, *Measurement of areas on a sphere
+/// using Fibonacci and latitude–longitude lattices*, 2010), point-symmetric in its statistics and the same every time.
+pub fn directions(count: usize) -> Vec<DVec3> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    (0..count)
+        .map(|i| {
+            let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            let (s, c) = (golden * i as f64).sin_cos();
+            DVec3::new(r * c, r * s, z)
+        })
+        .collect()
+}
+
+/// What the tentacles tell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steering {
+    /// Acceleration of the guide's thrust, mm/s²: along the way on, sized so that drag holds it at cruise speed.
+    pub thrust: DVec3,
+    /// Acceleration away from near walls, mm/s².
+    pub wall: DVec3,
+    /// Unit vector of the way on; zero where every direction is closed.
+    pub way: DVec3,
+    /// The shortest tentacle: the paper's equivalent of `D_s`, mm.
+    pub nearest_mm: f64,
+    /// The longest tentacle that leads neither back nor to a mine, mm.
+    pub ahead_mm: f64,
+}
+
+/// Reads the tentacles (`directions` and their `lengths` in mm) at world place `at`, with the present unit `heading`
+/// (zero if there is none yet) and drag `k_t`. `trail` is further ground that the way must not lead over again.
+///
+/// The way on is the mean of all directions, weighted by length², by agreement with the heading, and against mines; the
+/// wall's repulsion is the slope of the paper's `C_s (p/D_s − 1)²` with each tentacle taken as a `D_s` along its own
+/// direction.
+pub fn steer(
+    (directions, lengths): (&[DVec3], &[f64]),
+    at: DVec3,
+    heading: DVec3,
+    mines: Option<(&Mines, &MineSettings)>,
+    trail: &[DVec3],
+    settings: &TentacleSettings,
+    drag_per_s: f64,
+) -> Steering {
+    let mut pull = DVec3::ZERO;
+    let mut wall = DVec3::ZERO;
+    let mut nearest = f64::INFINITY;
+    let mut ahead: f64 = 0.0;
+    let p = settings.wall_mm;
+    for (&d, &length) in directions.iter().zip(lengths) {
+        nearest = nearest.min(length);
+        let agrees =
+            if heading == DVec3::ZERO { 1.0 } else { ((1.0 + heading.dot(d)) / 2.0).max(0.0).powf(settings.agreement) };
+        let open = mines.map_or(1.0, |(m, _)| openness(d, length, at, m.iter(), settings.mine_cone))
+            * openness(d, length, at, trail.iter().copied(), settings.mine_cone);
+        pull += d * (length * length * agrees * open);
+        if open > 0.5 && heading.dot(d) > -0.5 {
+            ahead = ahead.max(length);
+        }
+        if length < p {
+            // The slope grows without bound at the wall; the body's radius keeps the length from 0, and the floor does
+            // where a scene has a body without a radius.
+            let l = length.max(0.25);
+            wall -= d * ((p / l - 1.0) * (p / l) * (p / l) / p);
+        }
+    }
+    let way = pull.normalize_or_zero();
+    let n = directions.len().max(1) as f64;
+    // Slow down where the way bends away from the heading, so that the view can follow.
+    let pace = if heading == DVec3::ZERO { 1.0 } else { 0.3 + 0.7 * heading.dot(way).max(0.0) };
+    Steering {
+        thrust: way * (settings.cruise_mm_s * drag_per_s * pace),
+        wall: wall * (2.0 * p * settings.wall_push / n),
+        way,
+        nearest_mm: nearest,
+        ahead_mm: ahead,
+    }
+}
+
+/// The thrust and the unit way straight towards a goal that is near: full cruise speed until 15 mm before it, slower
+/// from there. `None` beyond 60 mm, or at the goal.
+pub fn approach(at: DVec3, goal: DVec3, settings: &TentacleSettings, drag_per_s: f64) -> Option<(DVec3, DVec3)> {
+    let to = goal - at;
+    let distance = to.length();
+    if !(1e-6..60.0).contains(&distance) {
+        return None;
+    }
+    let way = to / distance;
+    Some((way * (settings.cruise_mm_s * drag_per_s * (distance / 15.0).min(1.0)), way))
+}
+
+/// How much a direction is free of mines: near 0 where it points at one that the tentacle could touch.
+fn openness(direction: DVec3, length: f64, at: DVec3, mines: impl Iterator<Item = DVec3>, cone: f64) -> f64 {
+    let mut open = 1.0;
+    for m in mines {
+        let to = m - at;
+        let distance = to.length();
+        if distance > length + 10.0 || distance < 1e-6 {
+            continue;
+        }
+        let angle = direction.angle_between(to);
+        open *= 1.0 - (-0.5 * (angle / cone).powi(2)).exp();
+    }
+    open
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn directions_are_spread_evenly() {
+        for n in [3, 64, 1000] {
+            let d = directions(n);
+            let mean: DVec3 = d.iter().copied().sum::<DVec3>() / n as f64;
+            assert!(d.iter().all(|v| (v.length() - 1.0).abs() < 1e-12));
+            assert!(mean.length() < 0.35 / (n as f64).sqrt() + 0.1, "{n}: {mean}");
+        }
+    }
+
+    /// In a straight tube the way on is along it, the wall pushes to the middle, and a mine behind decides which way.
+    #[test]
+    fn follows_a_tube() {
+        let s = TentacleSettings::default();
+        let d = directions(256);
+        let at = DVec3::new(3.0, 0.0, 0.0);
+        let lengths: Vec<f64> = d
+            .iter()
+            .map(|d| {
+                // Ray from `at` to the cylinder of radius 8 around z.
+                let (a, b) = (d.x * d.x + d.y * d.y, at.x * d.x + at.y * d.y);
+                let t = (-b + (b * b - a * (at.x * at.x + at.y * at.y - 64.0)).sqrt()) / a.max(1e-12);
+                t.min(s.reach_mm)
+            })
+            .collect();
+        let st = steer((&d, &lengths), at, DVec3::Z, None, &[], &s, 6.0);
+        assert!(st.way.z > 0.95 && st.wall.x < 0.0 && st.wall.z.abs() < 0.3 * st.wall.x.abs());
+        assert!((st.nearest_mm - 5.0).abs() < 0.2);
+        let mut mines = Mines::default();
+        let ms = MineSettings::default();
+        mines.follow(DVec3::new(0.0, 0.0, 10.0), &ms);
+        mines.follow(DVec3::new(0.0, 0.0, 20.0), &ms);
+        let st = steer((&d, &lengths), at, DVec3::ZERO, Some((&mines, &ms)), &[], &s, 6.0);
+        assert!(st.way.z < -0.5, "away from the mine: {}", st.way);
+    }
+
+    #[test]
+    fn three_tentacles_and_walls_at_distance_zero_stay_finite() {
+        let s = TentacleSettings { count: 3, ..TentacleSettings::default() };
+        let d = directions(3);
+        for l in [[0.0; 3], [0.0, 150.0, 1e-12], [150.0; 3]] {
+            let st = steer((&d, &l), DVec3::ZERO, DVec3::X, None, &[], &s, 6.0);
+            assert!(st.thrust.is_finite() && st.wall.is_finite());
+        }
+    }
+}

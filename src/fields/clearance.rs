@@ -1,0 +1,311 @@
+//! The exact distance from a point to the nearest wall, found among the voxels around it: what makes perforation
+//! impossible, without any field.
+//!
+//! The wall is where the trilinearly interpolated volume reaches the iso value, and the volume's border: what was not
+//! scanned cannot be flown. A trilinear function takes its extremes over an axis-aligned box at the box's corners, so a
+//! box has no wall exactly when all eight corners lie below iso, and a corner that does not is itself a point of the
+//! wall. Branch and bound over the cells between voxels, and inside them over halved boxes, therefore encloses the
+//! distance as tightly as asked; here within [`TOLERANCE_MM`].
+
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+
+use crate::volume::Volume;
+
+/// How much less than the true distance [`Clearance::mm`] may be.
+pub const TOLERANCE_MM: f64 = 0.05;
+
+/// Distance to the nearest wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clearance {
+    /// Never more than the true distance, and at most [`TOLERANCE_MM`] less where it is below the search's limit; 0 in
+    /// tissue and outside the volume.
+    pub mm: f64,
+    /// Unit world vector towards the nearest wall; zero where none was found within the limit, or in the wall.
+    pub toward: DVec3,
+}
+
+/// Finds clearances in one volume.
+#[derive(Clone, Debug)]
+pub struct ClearanceFinder {
+    volume: Arc<Volume>,
+    iso: f32,
+    limit: f64,
+    spacing: DVec3,
+    /// Voxel axes (unit columns) in the world.
+    axes: DMat3,
+    /// Smallest singular value of `axes`: 1 for orthogonal axes. A sheared grid's distances are bounded from below by
+    /// this much of the distance along its axes taken as orthogonal.
+    shrink: f64,
+    /// Rows of cells (offsets in y and z from the cell of the point) by rising least distance, mm².
+    rows: Vec<(f64, i32, i32)>,
+}
+
+impl ClearanceFinder {
+    /// A finder for the wall at `iso` HU that looks `limit_mm` far.
+    pub fn new(volume: Arc<Volume>, iso: f32, limit_mm: f64) -> Self {
+        let spacing = volume.grid().spacing();
+        let axes = volume.grid().direction();
+        let limit = limit_mm.clamp(0.1, 100.0);
+        let reach = |s: f64| (limit / s).ceil() as i32 + 1;
+        let (ry, rz) = (reach(spacing.y), reach(spacing.z));
+        let gap = |d: i32, s: f64| f64::from((d.abs() - 1).max(0)) * s;
+        let mut rows: Vec<_> = (-rz..=rz)
+            .flat_map(|dz| (-ry..=ry).map(move |dy| (dy, dz)))
+            .map(|(dy, dz)| (gap(dy, spacing.y).powi(2) + gap(dz, spacing.z).powi(2), dy, dz))
+            .filter(|r| r.0 < limit * limit)
+            .collect();
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+        Self { shrink: smallest_singular_value(axes), volume, iso, limit, spacing, axes, rows }
+    }
+
+    /// How far the finder looks, mm.
+    pub fn limit_mm(&self) -> f64 {
+        self.limit * self.shrink
+    }
+
+    /// Memory of the finder beside the volume.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.rows.as_slice())
+    }
+
+    /// Clearance of a world point. Not-a-number counts as outside.
+    pub fn at(&self, world: DVec3) -> Clearance {
+        let none = Clearance { mm: 0.0, toward: DVec3::ZERO };
+        let dims = self.volume.grid().dims();
+        let last = DVec3::new(dims[0] as f64 - 1.0, dims[1] as f64 - 1.0, dims[2] as f64 - 1.0);
+        let u = self.volume.grid().voxel(world);
+        if !(u.cmpge(DVec3::ZERO).all() && u.cmple(last).all()) || last.min_element() < 1.0 {
+            return none;
+        }
+        // Everything below is in mm along the voxel axes, relative to the point.
+        let mut best = Best { mm2: self.limit * self.limit, at: DVec3::ZERO };
+        for axis in 0..3 {
+            let mut unit = DVec3::ZERO;
+            unit[axis] = self.spacing[axis];
+            best.offer(-unit * u[axis]);
+            best.offer(unit * (last[axis] - u[axis]));
+        }
+        let base = u.floor().min(last - 1.0);
+        let fraction = u - base;
+        let base = base.as_i64vec3();
+        for &(least, dy, dz) in &self.rows {
+            if least >= best.mm2 {
+                break;
+            }
+            let (j, k) = (base.y + i64::from(dy), base.z + i64::from(dz));
+            if j < 0 || k < 0 || j + 2 > dims[1] as i64 || k + 2 > dims[2] as i64 {
+                continue;
+            }
+            let y = (f64::from(dy) - fraction.y) * self.spacing.y;
+            let z = (f64::from(dz) - fraction.z) * self.spacing.z;
+            let off = gap2(y, self.spacing.y) + gap2(z, self.spacing.z);
+            if off < best.mm2 {
+                self.scan_row(base.x, fraction.x, j as usize, k as usize, (y, z, off), &mut best);
+            }
+        }
+        if best.mm2 == 0.0 {
+            return none;
+        }
+        let mm = best.mm2.sqrt();
+        let found = best.at != DVec3::ZERO;
+        let slack = if found { TOLERANCE_MM } else { 0.0 };
+        let toward = (self.axes * best.at).normalize_or_zero();
+        Clearance { mm: (mm - slack).max(0.0) * self.shrink, toward }
+    }
+
+    /// Looks through one row of cells for walls nearer than `best`. `y`, `z`: offset of the row's low corner, mm; `off`:
+    /// the square of the row's distance from the point across x.
+    fn scan_row(&self, base: i64, fraction: f64, j: usize, k: usize, (y, z, off): (f64, f64, f64), best: &mut Best) {
+        let [nx, ny, _] = self.volume.grid().dims();
+        let data = self.volume.data();
+        let start = |dj: usize, dk: usize| nx * (j + dj + ny * (k + dk));
+        let rows = [start(0, 0), start(1, 0), start(0, 1), start(1, 1)].map(|s| &data[s..s + nx]);
+        let column = |i: usize| rows[0][i].max(rows[1][i]).max(rows[2][i]).max(rows[3][i]);
+        // A voxel reaches iso when its integer value does.
+        let wall = f64::from(self.iso).ceil() as i32;
+        let s = self.spacing.x;
+        let reach = ((best.mm2 - off).sqrt() / s) + 1.0;
+        let at = base as f64 + fraction;
+        let lo = (at - reach).floor().max(0.0) as usize;
+        let hi = ((at + reach).ceil() as usize).min(nx - 2);
+        let mut left = i32::from(column(lo));
+        for i in lo..=hi {
+            let right = i32::from(column(i + 1));
+            if left.max(right) >= wall {
+                let x = (i as f64 - at) * s;
+                if off + gap2(x, s) < best.mm2 {
+                    let v = std::array::from_fn(|c| f64::from(rows[c >> 1][i + (c & 1)]));
+                    let low = DVec3::new(x, y, z);
+                    refine(&v, f64::from(self.iso), low, low + self.spacing, best);
+                }
+            }
+            left = right;
+        }
+    }
+}
+
+/// The nearest wall point known so far, as an offset in mm along the voxel axes.
+struct Best {
+    mm2: f64,
+    at: DVec3,
+}
+
+impl Best {
+    fn offer(&mut self, at: DVec3) {
+        let d = at.length_squared();
+        if d < self.mm2 {
+            *self = Self { mm2: d, at };
+        }
+    }
+}
+
+/// Square of the distance from 0 to the interval `[a, a + s]`.
+fn gap2(a: f64, s: f64) -> f64 {
+    let g = if a > 0.0 { a } else { (-(a + s)).max(0.0) };
+    g * g
+}
+
+/// Halves the box `[lo, hi]` (corner values `v`, x fastest) until no part of it can hold a wall that is nearer than
+/// `best` by more than the tolerance.
+fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
+    let near = DVec3::ZERO.clamp(lo, hi).length();
+    if near * near >= best.mm2 || v.iter().all(|&x| x < iso) {
+        return;
+    }
+    for (c, &x) in v.iter().enumerate() {
+        if x >= iso {
+            let pick = |bit: usize, a: f64, b: f64| if c >> bit & 1 == 1 { b } else { a };
+            best.offer(DVec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z)));
+        }
+    }
+    // A little below the tolerance, so that the sum of this bound and rounding stays within it.
+    if near + 0.9 * TOLERANCE_MM >= best.mm2.sqrt() {
+        return;
+    }
+    let extent = hi - lo;
+    let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { usize::from(extent.z > extent.y) + 1 };
+    let bit = 1 << axis;
+    let mut middle = *v;
+    for c in 0..8 {
+        middle[c] = 0.5 * (v[c & !bit] + v[c | bit]);
+    }
+    let cut = 0.5 * (lo[axis] + hi[axis]);
+    let half = |upper: bool| {
+        let values = std::array::from_fn(|c| if (c & bit != 0) == upper { v[c] } else { middle[c] });
+        let (mut a, mut b) = (lo, hi);
+        *(if upper { &mut a[axis] } else { &mut b[axis] }) = cut;
+        (values, a, b)
+    };
+    // The half on the point's side first: it tightens the bound for the other.
+    let upper_first = cut < 0.0;
+    for upper in [upper_first, !upper_first] {
+        let (values, a, b) = half(upper);
+        refine(&values, iso, a, b, best);
+    }
+}
+
+/// Smallest singular value of a matrix with unit columns, from below: 1 when they are orthogonal.
+fn smallest_singular_value(m: DMat3) -> f64 {
+    let g = m.transpose() * m;
+    let off = (g.x_axis.y.abs() + g.x_axis.z.abs()).max(g.y_axis.x.abs() + g.y_axis.z.abs());
+    let off = off.max(g.z_axis.x.abs() + g.z_axis.y.abs());
+    if off < 1e-5 {
+        return 1.0;
+    }
+    // Gershgorin's bound on the smallest eigenvalue of MᵀM; for strong shear, the exact product bound det / max².
+    let gershgorin = 1.0 - off;
+    let by_determinant = (m.determinant() / 3.0).powi(2);
+    gershgorin.max(by_determinant).max(1e-12).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::Grid;
+    use proptest::prelude::*;
+
+    fn volume(dims: [usize; 3], spacing: DVec3, f: impl Fn(DVec3) -> f64) -> Arc<Volume> {
+        let grid = Grid::new(dims, spacing, DVec3::new(-5.0, 3.0, 7.0), DMat3::IDENTITY).unwrap();
+        let mut data = Vec::with_capacity(grid.len());
+        for k in 0..dims[2] {
+            for j in 0..dims[1] {
+                for i in 0..dims[0] {
+                    let p = grid.world(DVec3::new(i as f64, j as f64, k as f64));
+                    data.push(f(p).round().clamp(-2000.0, 3000.0) as i16);
+                }
+            }
+        }
+        Arc::new(Volume::new(grid, data))
+    }
+
+    /// A ball of gas with a linear edge, for which the trilinear surface is close to the sphere.
+    #[test]
+    fn distance_to_a_sphere() {
+        for spacing in [DVec3::ONE, DVec3::new(0.5, 0.8, 1.1)] {
+            let dims = [0, 1, 2].map(|a| (44.0 / spacing[a]) as usize);
+            let centre = DVec3::new(17.0, 25.0, 29.0);
+            let v = volume(dims, spacing, |p| -650.0 + 200.0 * ((p - centre).length() - 15.0));
+            let f = ClearanceFinder::new(v, -650.0, 12.0);
+            for (offset, want) in
+                [(DVec3::X * 9.0, 6.0), (DVec3::new(3.0, -8.0, 4.0), 15.0 - 89f64.sqrt()), (DVec3::Z * 14.0, 1.0)]
+            {
+                let c = f.at(centre + offset);
+                assert!((c.mm - want).abs() < 0.12, "{spacing} {offset}: {} for {want}", c.mm);
+                assert!(c.toward.dot(offset.normalize()) > 0.99);
+            }
+            assert_eq!(f.at(centre + DVec3::X * 16.0).mm, 0.0);
+            let far = f.at(centre);
+            assert!(far.mm == 12.0 && far.toward == DVec3::ZERO, "beyond the limit it is a lower bound");
+        }
+    }
+
+    #[test]
+    fn border_and_nonsense() {
+        let v = volume([20, 20, 20], DVec3::ONE, |_| -1000.0);
+        let f = ClearanceFinder::new(Arc::clone(&v), -650.0, 12.0);
+        let c = f.at(v.grid().world(DVec3::new(3.0, 10.0, 9.0)));
+        assert!((c.mm - 3.0).abs() <= TOLERANCE_MM && c.toward == DVec3::NEG_X);
+        for p in [DVec3::NAN, DVec3::splat(1e300), v.grid().world(DVec3::splat(-0.1)), DVec3::INFINITY] {
+            assert_eq!(f.at(p).mm, 0.0);
+        }
+        for dims in [[1, 1, 1], [5, 5, 1]] {
+            let v = volume(dims, DVec3::ONE, |_| -1000.0);
+            assert_eq!(ClearanceFinder::new(Arc::clone(&v), -650.0, 12.0).at(v.grid().origin()).mm, 0.0);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// Against a fine lattice of points of the trilinear field: never above the truth, close below it.
+        #[test]
+        fn encloses_the_brute_force_distance(values in prop::collection::vec(-1000i16..200, 125), x in 0.5f64..3.5, y in 0.5f64..3.5, z in 0.5f64..3.5) {
+            let spacing = DVec3::new(0.4, 0.7, 1.3);
+            let grid = Grid::new([5; 3], spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+            let v = Arc::new(Volume::new(grid, values));
+            let f = ClearanceFinder::new(Arc::clone(&v), -650.0, 12.0);
+            let p = DVec3::new(x, y, z) * spacing;
+            let n = 40;
+            let value = |u: DVec3| {
+                let b = u.floor().min(DVec3::splat(3.0));
+                let t = u - b;
+                let g = |di: i64, dj: i64, dk: i64| f64::from(v.get(b.x as i64 + di, b.y as i64 + dj, b.z as i64 + dk));
+                let l = |a: f64, b: f64, t: f64| a + (b - a) * t;
+                let plane = |dk| l(l(g(0, 0, dk), g(1, 0, dk), t.x), l(g(0, 1, dk), g(1, 1, dk), t.x), t.y);
+                l(plane(0), plane(1), t.z)
+            };
+            let mut brute = f64::INFINITY;
+            for k in 0..=n { for j in 0..=n { for i in 0..=n {
+                let u = DVec3::new(i as f64, j as f64, k as f64) * (4.0 / n as f64);
+                if value(u) >= -650.0 || [i, j, k].iter().any(|&e| e == 0 || e == n) {
+                    brute = brute.min((u * spacing - p).length());
+                }
+            }}}
+            let c = f.at(p);
+            let diagonal = (spacing * (4.0 / n as f64)).length();
+            prop_assert!(c.mm <= brute + 1e-9, "{} above {brute}", c.mm);
+            prop_assert!(c.mm >= brute - TOLERANCE_MM - diagonal || value(p / spacing) >= -650.0, "{} far below {brute}", c.mm);
+        }
+    }
+}

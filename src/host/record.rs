@@ -1,0 +1,206 @@
+//! Recordings: numbered PNGs, a GIF, or an MP4 through an `ffmpeg` on the path.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Stdio};
+use std::sync::{Arc, Mutex};
+
+use image::codecs::gif::{GifEncoder, Repeat};
+use image::{Delay, ExtendedColorType, ImageEncoder};
+
+use crate::error::{Error, Result};
+use crate::output::{self, Whole};
+use crate::render::Frame;
+
+/// Writes one image as PNG, whole or not at all.
+///
+/// # Errors
+/// Status 5 when it cannot be written.
+pub fn write_png(path: &Path, frame: &Frame) -> Result<()> {
+    output::write_whole(path, |w| {
+        image::codecs::png::PngEncoder::new_with_quality(
+            w,
+            image::codecs::png::CompressionType::Fast,
+            image::codecs::png::FilterType::Adaptive,
+        )
+        .write_image(
+            frame.pixels().as_flattened(),
+            frame.width() as u32,
+            frame.height() as u32,
+            ExtendedColorType::Rgb8,
+        )
+        .map_err(std::io::Error::other)
+    })
+}
+
+/// A recording under way.
+pub enum Recorder {
+    /// `0000.png`, … in a folder.
+    Folder {
+        /// The folder.
+        folder: PathBuf,
+        /// Images written.
+        count: usize,
+    },
+    /// An animated GIF.
+    Gif {
+        /// The encoder over the file being written.
+        encoder: Box<GifEncoder<Shared>>,
+        /// The same file, to finish it when the encoder has written its end.
+        file: Shared,
+        /// What the file will be called.
+        path: PathBuf,
+        /// Time of an image in the animation.
+        delay: Delay,
+    },
+    /// A video encoded by another program.
+    Video {
+        /// The encoder.
+        child: Child,
+        /// The file it writes.
+        part: tempfile::TempPath,
+        /// What the file will be called.
+        path: PathBuf,
+    },
+}
+
+impl Recorder {
+    /// Begins a recording to `out` (ends in `/`, `.gif` or `.mp4`) of images of the given size, shown at `fps`.
+    ///
+    /// # Errors
+    /// Status 2 for another ending, status 5 when it cannot be written or there is no `ffmpeg`.
+    pub fn create(out: &str, (width, height): (usize, usize), fps: f64) -> Result<Self> {
+        let path = PathBuf::from(out);
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        if out.ends_with('/') {
+            output::make_folder(&path)?;
+            return Ok(Self::Folder { folder: path, count: 0 });
+        }
+        match ending.as_deref() {
+            Some("gif") => {
+                let file = Shared(Arc::new(Mutex::new(Some(Whole::create(&path)?))));
+                let mut encoder = GifEncoder::new_with_speed(file.clone(), 10);
+                encoder.set_repeat(Repeat::Infinite).map_err(|e| failed(&path, &e))?;
+                let delay = Delay::from_numer_denom_ms((100_000.0 / fps).round() as u32, 100);
+                Ok(Self::Gif { encoder: Box::new(encoder), file, path, delay })
+            }
+            Some("mp4") => Self::video(path, (width, height), fps),
+            _ => Err(Error::usage(
+                format!("--record {out}"),
+                "ends neither in / nor in .gif nor in .mp4",
+                "name a folder with a / at its end, a .gif or an .mp4",
+            )),
+        }
+    }
+
+    fn video(path: PathBuf, (width, height): (usize, usize), fps: f64) -> Result<Self> {
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let part = tempfile::Builder::new()
+            .prefix(".colvis-")
+            .suffix(".mp4")
+            .tempfile_in(folder)
+            .map_err(|e| output::cannot(&path, &e))?
+            .into_temp_path();
+        let child = std::process::Command::new("ffmpeg")
+            .args(["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
+            .args(["-s", &format!("{width}x{height}"), "-r", &fps.to_string(), "-i", "-"])
+            // Chroma is halved in each direction, so the sides must be even.
+            .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"])
+            .arg(&*part)
+            .stdin(Stdio::piped())
+            .spawn()
+            .map_err(|e| {
+                Error::output(
+                    &path,
+                    format!("ffmpeg cannot be run ({e})"),
+                    "install ffmpeg, or record a .gif or a folder/",
+                )
+            })?;
+        Ok(Self::Video { child, part, path })
+    }
+
+    /// Adds an image.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn add(&mut self, frame: &Frame) -> Result<()> {
+        match self {
+            Self::Folder { folder, count } => {
+                write_png(&folder.join(format!("{count:04}.png")), frame)?;
+                *count += 1;
+                Ok(())
+            }
+            Self::Gif { encoder, path, delay, .. } => {
+                let rgba = frame.pixels().iter().flat_map(|p| [p[0], p[1], p[2], 255]).collect();
+                let image = image::RgbaImage::from_raw(frame.width() as u32, frame.height() as u32, rgba)
+                    .ok_or_else(|| Error::fault("recording", "image of the wrong size", "report it"))?;
+                encoder.encode_frame(image::Frame::from_parts(image, 0, 0, *delay)).map_err(|e| failed(path, &e))
+            }
+            Self::Video { child, path, .. } => child
+                .stdin
+                .as_mut()
+                .map_or(Ok(()), |pipe| pipe.write_all(frame.pixels().as_flattened()))
+                .map_err(|e| output::cannot(path, &e)),
+        }
+    }
+
+    /// Finishes the recording: only now does a GIF or a video get its name.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn finish(self) -> Result<()> {
+        match self {
+            Self::Folder { .. } => Ok(()),
+            Self::Gif { encoder, file, path, .. } => {
+                // The encoder writes the file's end when it is dropped.
+                drop(encoder);
+                let whole = file.0.lock().map(|mut f| f.take()).unwrap_or_default();
+                whole.map_or_else(
+                    || Err(Error::output(&path, "could not be written", "choose another place")),
+                    Whole::finish,
+                )
+            }
+            Self::Video { mut child, part, path } => {
+                drop(child.stdin.take());
+                let done = child.wait().map_err(|e| output::cannot(&path, &e))?;
+                if !done.success() {
+                    return Err(Error::output(&path, format!("ffmpeg failed ({done})"), "record a .gif or a folder/"));
+                }
+                part.persist(&path).map_err(|e| output::cannot(&path, &e.error))
+            }
+        }
+    }
+}
+
+/// A file that an encoder writes to and that somebody else finishes. A write that failed takes it away for good.
+#[derive(Clone)]
+pub struct Shared(Arc<Mutex<Option<Whole>>>);
+
+impl Shared {
+    fn with<T>(&self, f: impl FnOnce(&mut Whole) -> std::io::Result<T>) -> std::io::Result<T> {
+        let gone = || std::io::Error::other("the file could not be written before");
+        let mut file = self.0.lock().map_err(|_| gone())?;
+        let result = f(file.as_mut().ok_or_else(gone)?);
+        if result.is_err() {
+            *file = None;
+        }
+        result
+    }
+}
+
+impl Write for Shared {
+    fn write(&mut self, buf: &[u8]) -> std::io::Result<usize> {
+        self.with(|f| f.write(buf))
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.with(Write::flush)
+    }
+}
+
+fn failed(path: &Path, e: &image::ImageError) -> Error {
+    match e {
+        image::ImageError::IoError(e) => output::cannot(path, e),
+        e => Error::output(path, e.to_string(), "choose another place"),
+    }
+}

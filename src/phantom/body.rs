@@ -1,0 +1,188 @@
+//! What lies about the colon: the abdomen's shells and organs, the spine, the bases of the lungs, the air outside.
+
+use glam::DVec3;
+
+use super::profile::{FAT, GAS, mix, smooth_step};
+use crate::math::hash;
+
+/// An ellipsoid of one value.
+struct Organ {
+    centre: DVec3,
+    semi: DVec3,
+    hu: f64,
+}
+
+const fn organ(centre: [f64; 3], semi: [f64; 3], hu: f64) -> Organ {
+    Organ { centre: DVec3::from_array(centre), semi: DVec3::from_array(semi), hu }
+}
+
+/// In the adult's mm, later ones over earlier ones: liver, spleen, stomach's wall, kidneys, psoas muscles, aorta, vena
+/// cava, bladder, iliac muscles.
+const ORGANS: [Organ; 13] = [
+    organ([-62.0, -2.0, 168.0], [84.0, 86.0, 52.0], 62.0),
+    organ([112.0, 58.0, 182.0], [30.0, 40.0, 34.0], 50.0),
+    organ([40.0, -34.0, 178.0], [46.0, 44.0, 30.0], 42.0),
+    organ([58.0, 60.0, 70.0], [26.0, 24.0, 56.0], 36.0),
+    organ([-60.0, 62.0, 58.0], [26.0, 24.0, 54.0], 36.0),
+    organ([38.0, 70.0, -30.0], [20.0, 20.0, 110.0], 55.0),
+    organ([-38.0, 70.0, -30.0], [20.0, 20.0, 110.0], 55.0),
+    organ([10.0, 42.0, 90.0], [10.0, 10.0, 160.0], 45.0),
+    organ([-16.0, 44.0, 90.0], [11.0, 9.0, 160.0], 42.0),
+    organ([0.0, -8.0, -176.0], [38.0, 36.0, 26.0], 8.0),
+    organ([92.0, 84.0, -100.0], [34.0, 26.0, 80.0], 55.0),
+    organ([-92.0, 84.0, -100.0], [34.0, 26.0, 80.0], 55.0),
+    organ([0.0, 122.0, -30.0], [58.0, 14.0, 260.0], 52.0),
+];
+
+/// The two lungs' bases; the diaphragm is a shell about them.
+const LUNGS: [Organ; 2] =
+    [organ([84.0, 24.0, 226.0], [56.0, 72.0, 38.0], -860.0), organ([-84.0, 24.0, 228.0], [56.0, 72.0, 38.0], -860.0)];
+
+const CENTRE: DVec3 = DVec3::new(0.0, 5.0, 0.0);
+/// Half axes of the skin across and front to back, mm.
+const HALF: [f64; 2] = [164.0, 128.0];
+
+/// The body of an anatomy of some scale, with edges blurred over a few tenths of a millimetre.
+#[derive(Clone, Debug)]
+pub struct Body {
+    scale: f64,
+    sigma: f64,
+    seed: u64,
+}
+
+/// A value and how far about it nothing changes.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// HU.
+    pub hu: f64,
+    /// Within this distance the value is the same, mm (0: not known).
+    pub constant_mm: f64,
+}
+
+impl Body {
+    /// A body of `scale` (1 is an adult) with edges of `sigma` mm.
+    pub fn new(scale: f64, sigma: f64, seed: u64) -> Self {
+        Self { scale, sigma, seed }
+    }
+
+    /// The value at `p` (world, mm) without the colon.
+    pub fn sample(&self, p: DVec3) -> Sample {
+        let edge = 2.0 * self.sigma;
+        let q = p / self.scale - CENTRE;
+        let mut free = f64::INFINITY;
+        // Where `d` passes from below 0 to above the value becomes `hu`; `d` never changes faster than the place.
+        let mut over = |value: f64, d: f64, hu: f64| {
+            free = free.min(d.abs() - edge);
+            mix(value, hu, smooth_step(-edge, edge, d))
+        };
+        let skin = (1.0 - (q.x / HALF[0]).hypot(q.y / HALF[1])) * HALF[0].min(HALF[1]) * self.scale;
+        // The table: a shallow tray under the back.
+        let table = (q.y - 132.0 - 0.0006 * q.x * q.x) * self.scale;
+        if skin < -edge {
+            let slab = 5.0 * self.scale - (table - 9.0 * self.scale).abs();
+            // The tray's surface is at most this much steeper than the y axis.
+            let hu = over(GAS, slab / 1.04, -720.0);
+            return Sample { hu, constant_mm: free.min(-skin - edge).max(0.0) };
+        }
+        let mut hu = over(GAS, skin, 15.0);
+        hu = over(hu, skin - 2.0, FAT);
+        let flank = 13.0 * self.scale;
+        hu = over(hu, skin - flank, 55.0);
+        hu = over(hu, skin - flank - 9.0 * self.scale, FAT);
+        let o = p / self.scale;
+        for organ in &ORGANS {
+            hu = over(hu, organ.depth(o) * self.scale, organ.hu);
+        }
+        hu = self.spine(hu, o, &mut over);
+        for (i, lung) in LUNGS.iter().enumerate() {
+            let d = lung.depth(o) * self.scale;
+            hu = over(hu, d + 3.5, 50.0);
+            let texture = if d > -edge { self.lung_texture(p, i as u64) } else { 0.0 };
+            hu = over(hu, d, lung.hu + texture);
+            if d > -edge {
+                free = 0.0;
+                return Sample { hu, constant_mm: free };
+            }
+        }
+        Sample { hu, constant_mm: free.max(0.0) }
+    }
+
+    /// The vertebral column: bodies with a dense shell, discs between them, a spinous process behind; in the pelvis it
+    /// recedes as the sacrum does.
+    fn spine(&self, hu: f64, o: DVec3, over: &mut impl FnMut(f64, f64, f64) -> f64) -> f64 {
+        let back = smooth_step(-10.0, -110.0, o.z);
+        let y = o.y - mix(84.0, 124.0, back);
+        let radius = mix(23.0, 14.0, back);
+        // The shift changes by at most 0.6 mm a mm of z, the radius by less than 0.14.
+        let steep = 1.3 / self.scale;
+        let d = (radius - o.x.hypot(y * 1.2) / 1.2) / steep;
+        let behind = (0.9 - (o.x / 7.0).hypot((y - 27.0) / 18.0)) * 7.0 / steep;
+        let mut hu = over(hu, behind, 330.0);
+        hu = over(hu, d, 430.0);
+        hu = over(hu, d - 2.5 * self.scale, 190.0);
+        // A disc every 34 mm, 9 mm high.
+        let z = (o.z / 34.0).rem_euclid(1.0) - 0.5;
+        let disc = (4.5 - 34.0 * z.abs()) * self.scale;
+        over(hu, disc.min(d + 0.5 * self.scale), 90.0)
+    }
+
+    /// Vessels in the lung: bright branching ridges over a dark ground, with a standard deviation of some 70 HU.
+    fn lung_texture(&self, p: DVec3, side: u64) -> f64 {
+        let seed = hash::bits(self.seed, 0x1046 + side);
+        let ridge = 1.0 - (2.0 * lattice(seed, p / 9.0) - 1.0).abs() * 3.0;
+        let fine = lattice(seed ^ 1, p / 3.1) - 0.5;
+        220.0 * ridge.max(0.0).powi(2) + 150.0 * fine - 40.0
+    }
+}
+
+impl Organ {
+    /// Depth below the surface, in the adult's mm; a lower bound of the distance, exact along the shortest half axis.
+    fn depth(&self, o: DVec3) -> f64 {
+        (1.0 - ((o - self.centre) / self.semi).length()) * self.semi.min_element()
+    }
+}
+
+/// Value noise in [0, 1) on the unit lattice, C2.
+fn lattice(seed: u64, p: DVec3) -> f64 {
+    let cell = p.floor();
+    let t = p - cell;
+    let w = t * t * t * (t * (t * 6.0 - DVec3::splat(15.0)) + DVec3::splat(10.0));
+    let corner = |dx: i64, dy: i64, dz: i64| {
+        let index = |c: f64, d: i64| ((c as i64 + d) as u64) & 0xF_FFFF;
+        hash::uniform(seed, index(cell.x, dx) | index(cell.y, dy) << 20 | index(cell.z, dz) << 40)
+    };
+    let edge = |dy, dz| mix(corner(0, dy, dz), corner(1, dy, dz), w.x);
+    mix(mix(edge(0, 0), edge(1, 0), w.y), mix(edge(0, 1), edge(1, 1), w.y), w.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_called_constant_is() {
+        let body = Body::new(1.0, 0.5, 1);
+        for n in 0..4000u64 {
+            let u = |k| hash::uniform(3, 8 * n + k);
+            let p = DVec3::new(360.0 * u(0) - 180.0, 360.0 * u(1) - 180.0, 400.0 * u(2) - 200.0);
+            let s = body.sample(p);
+            let step = DVec3::new(u(3) - 0.5, u(4) - 0.5, u(5) - 0.5).normalize_or_zero();
+            let q = body.sample(p + step * s.constant_mm.min(50.0) * 0.999);
+            assert!((q.hu - s.hu).abs() < 1e-9, "{p}: {s:?}, {q:?}");
+        }
+    }
+
+    #[test]
+    fn the_lung_is_rougher_than_gas() {
+        let body = Body::new(1.0, 0.5, 1);
+        let n = 4000;
+        let at = |i: u64| {
+            let u = |k| hash::uniform(5, 4 * i + k) - 0.5;
+            body.sample(DVec3::new(84.0 + 50.0 * u(0), 24.0 + 60.0 * u(1), 206.0 + 14.0 * u(2))).hu
+        };
+        let mean = (0..n).map(at).sum::<f64>() / n as f64;
+        let sd = ((0..n).map(|i| (at(i) - mean).powi(2)).sum::<f64>() / n as f64).sqrt();
+        assert!((-900.0..-800.0).contains(&mean), "mean {mean}");
+        assert!((55.0..90.0).contains(&sd), "sd {sd}");
+    }
+}

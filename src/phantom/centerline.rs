@@ -1,0 +1,315 @@
+//! The colon's axis: from anatomical control points to a smooth curve with frames, and the way back from a place to its
+//! nearest points on the curve.
+
+use glam::DVec3;
+
+use super::spline::{Spline, b_spline};
+use crate::math::hash;
+
+/// Distance of the curve's knots, mm (roughly: a whole number of them makes the length).
+const KNOT_MM: f64 = 4.0;
+
+/// An anatomical control point of the full-sized colon.
+struct Station {
+    /// World, mm LPS, the body's middle being the origin.
+    at: [f64; 3],
+    /// Mean radius of the lumen, mm.
+    radius: f64,
+    /// How triangular the cross-section is (a share of the radius).
+    triangle: f64,
+    /// Spacing of the folds relative to the usual one.
+    spacing: f64,
+}
+
+const fn station(at: [f64; 3], radius: f64, triangle: f64, spacing: f64) -> Station {
+    Station { at, radius, triangle, spacing }
+}
+
+/// From rectum to cecum.
+const STATIONS: [Station; 29] = [
+    // Rectum, along the sacrum.
+    station([2.0, 52.0, -160.0], 18.0, 0.0, 1.6),
+    station([0.0, 74.0, -128.0], 22.0, 0.0, 1.6),
+    station([-3.0, 80.0, -88.0], 21.0, 0.0, 1.5),
+    station([2.0, 62.0, -54.0], 17.0, 0.0, 1.2),
+    // Sigmoid: up and to the right, forward and down, to the left.
+    station([-20.0, 24.0, -38.0], 14.0, 0.01, 1.0),
+    station([-42.0, -14.0, -58.0], 13.0, 0.01, 1.0),
+    station([-36.0, -52.0, -98.0], 13.0, 0.01, 1.0),
+    station([4.0, -66.0, -126.0], 13.5, 0.01, 1.0),
+    station([50.0, -48.0, -138.0], 13.0, 0.01, 1.0),
+    station([84.0, -6.0, -122.0], 13.5, 0.01, 1.0),
+    station([102.0, 38.0, -88.0], 14.5, 0.02, 1.0),
+    // Descending.
+    station([112.0, 58.0, -40.0], 15.5, 0.02, 1.0),
+    station([117.0, 62.0, 10.0], 16.0, 0.03, 1.0),
+    station([115.0, 60.0, 60.0], 16.5, 0.03, 1.0),
+    station([113.0, 58.0, 106.0], 17.5, 0.04, 1.0),
+    // Splenic flexure.
+    station([104.0, 40.0, 146.0], 18.0, 0.05, 1.0),
+    station([78.0, -2.0, 152.0], 18.0, 0.06, 1.0),
+    // Transverse, sagging in front.
+    station([62.0, -46.0, 116.0], 17.5, 0.07, 1.0),
+    station([44.0, -72.0, 66.0], 17.5, 0.07, 1.0),
+    station([6.0, -80.0, 34.0], 18.0, 0.07, 1.0),
+    station([-36.0, -78.0, 44.0], 18.5, 0.07, 1.0),
+    station([-66.0, -60.0, 80.0], 18.5, 0.06, 1.0),
+    // Hepatic flexure.
+    station([-86.0, -16.0, 106.0], 19.0, 0.05, 1.0),
+    station([-104.0, 30.0, 100.0], 19.5, 0.04, 1.0),
+    // Ascending.
+    station([-114.0, 54.0, 58.0], 20.5, 0.04, 1.0),
+    station([-117.0, 60.0, 8.0], 21.5, 0.04, 1.0),
+    station([-114.0, 54.0, -40.0], 23.0, 0.03, 1.1),
+    // Cecum.
+    station([-104.0, 40.0, -80.0], 25.0, 0.02, 1.2),
+    station([-94.0, 24.0, -104.0], 24.0, 0.0, 1.2),
+];
+
+/// Slow functions along the axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Profile {
+    /// Mean radius, mm, and its derivative in s.
+    pub radius: (f64, f64),
+    /// Triangularity (a share of the radius) and its derivative in s.
+    pub triangle: (f64, f64),
+}
+
+/// The curve, parametrised by arc length s in mm from the rectal end.
+#[derive(Clone, Debug)]
+pub struct Centerline {
+    curve: Spline,
+    normals: Spline,
+    /// x: mean radius, y: triangularity, z: relative spacing of the folds.
+    profile: Spline,
+}
+
+/// A point of the axis that is locally nearest to a place.
+#[derive(Clone, Copy, Debug)]
+pub struct Foot {
+    /// Arc length, mm.
+    pub s: f64,
+    /// From the axis to the place, mm, world.
+    pub offset: DVec3,
+    /// Its length.
+    pub rho: f64,
+    /// How many mm across the place one mm of arc length is: 1 − offset · curvature vector.
+    pub stretch: f64,
+}
+
+/// The axis' own directions at a place: unit vectors, right-handed.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    /// The axis' point, world mm.
+    pub at: DVec3,
+    /// Along the axis, towards the cecum.
+    pub tangent: DVec3,
+    /// Where the angle φ is 0; it does not rotate about the axis.
+    pub normal: DVec3,
+    /// Where φ is 90°.
+    pub binormal: DVec3,
+}
+
+impl Frame {
+    /// The unit direction of angle φ.
+    pub fn direction(&self, phi: f64) -> DVec3 {
+        self.normal * phi.cos() + self.binormal * phi.sin()
+    }
+
+    /// The angle φ of a direction.
+    pub fn angle(&self, direction: DVec3) -> f64 {
+        direction.dot(self.binormal).atan2(direction.dot(self.normal))
+    }
+}
+
+impl Centerline {
+    /// The axis for an anatomy of `scale` (1 is an adult), `radius` mapping an adult's radius to this one's, and the
+    /// control points moved at random by up to `jitter` mm (of the adult).
+    pub fn new(scale: f64, radius: impl Fn(f64) -> f64, jitter: f64, seed: u64) -> Self {
+        let draw = |i: usize, k: u64| 2.0 * hash::uniform(seed, 16 * i as u64 + k) - 1.0;
+        let places: Vec<DVec3> = (STATIONS.iter().enumerate())
+            .map(|(i, s)| (DVec3::from_array(s.at) + jitter * DVec3::new(draw(i, 0), draw(i, 1), draw(i, 2))) * scale)
+            .collect();
+        let profile: Vec<DVec3> = (STATIONS.iter().enumerate())
+            .map(|(i, s)| DVec3::new(radius(s.radius) * (1.0 + 0.008 * jitter * draw(i, 3)), s.triangle, s.spacing))
+            .collect();
+        // Arc length over the B-spline's own parameter, by short chords.
+        const FINE: usize = 128;
+        let count = (places.len() - 1) * FINE;
+        let fine: Vec<DVec3> = (0..=count).map(|i| b_spline(&places, i as f64 / FINE as f64, false)).collect();
+        let mut length = vec![0.0; count + 1];
+        for i in 0..count {
+            length[i + 1] = length[i] + (fine[i + 1] - fine[i]).length();
+        }
+        let knots = (length[count] / KNOT_MM).round() as usize;
+        let step = length[count] / knots as f64;
+        let mut j = 0;
+        let (mut points, mut along) = (Vec::with_capacity(knots + 1), Vec::with_capacity(knots + 1));
+        for i in 0..=knots {
+            let s = (i as f64 * step).min(length[count]);
+            while j + 1 < count && length[j + 1] < s {
+                j += 1;
+            }
+            let u = (j as f64 + ((s - length[j]) / (length[j + 1] - length[j])).clamp(0.0, 1.0)) / FINE as f64;
+            points.push(b_spline(&places, u, false));
+            along.push(b_spline(&profile, u, true));
+        }
+        let (first, last) = ((fine[1] - fine[0]).normalize(), (fine[count] - fine[count - 1]).normalize());
+        let curve = Spline::new(step, points, first, last);
+        let normals = transport(&curve);
+        Self { curve, normals, profile: Spline::new(step, along, DVec3::ZERO, DVec3::ZERO) }
+    }
+
+    /// Length between the centres of the two end caps, mm.
+    pub fn length(&self) -> f64 {
+        self.curve.end()
+    }
+
+    /// The knots of the curve, world mm.
+    pub fn knots(&self) -> &[DVec3] {
+        self.curve.points()
+    }
+
+    /// Arc length between knots, mm.
+    pub fn knot_step(&self) -> f64 {
+        self.curve.step()
+    }
+
+    /// Mean radius and triangularity at s.
+    #[inline]
+    pub fn profile(&self, s: f64) -> Profile {
+        let j = self.profile.jet(s);
+        Profile { radius: (j.at.x, j.d1.x), triangle: (j.at.y, j.d1.y) }
+    }
+
+    /// Spacing of the folds at s, relative to the usual one.
+    pub fn fold_spacing(&self, s: f64) -> f64 {
+        self.profile.jet(s).at.z
+    }
+
+    /// Curvature at s, 1/mm.
+    pub fn curvature(&self, s: f64) -> f64 {
+        let j = self.curve.jet(s);
+        j.d1.cross(j.d2).length() / j.d1.length().powi(3)
+    }
+
+    /// The frame at s.
+    #[inline]
+    pub fn frame(&self, s: f64) -> Frame {
+        let j = self.curve.jet(s);
+        let tangent = j.d1.normalize();
+        let n = self.normals.jet(s).at;
+        let normal = (n - tangent * n.dot(tangent)).normalize();
+        Frame { at: j.at, tangent, normal, binormal: tangent.cross(normal) }
+    }
+
+    /// The knots within `reach(i)` mm of `centre`, appended to `out` in order.
+    pub fn knots_near(&self, centre: DVec3, reach: impl Fn(usize) -> f64, out: &mut Vec<usize>) {
+        for (i, c) in self.knots().iter().enumerate() {
+            if (centre - *c).length_squared() <= reach(i).powi(2) {
+                out.push(i);
+            }
+        }
+    }
+
+    /// The foot that belongs to knot `i` if that knot is nearer to `p` than both its neighbours.
+    ///
+    /// Newton's method on (p − c(s)) · c'(s) = 0, from the parabola through the three knots' squared distances; it ends
+    /// at the curve's ends where the foot would lie beyond them (the caps).
+    #[inline]
+    pub fn foot(&self, p: DVec3, i: usize) -> Option<Foot> {
+        let knots = self.knots();
+        let far = |i: usize| (p - knots[i]).length_squared();
+        let here = far(i);
+        let before = if i > 0 { far(i - 1) } else { f64::INFINITY };
+        let after = if i + 1 < knots.len() { far(i + 1) } else { f64::INFINITY };
+        if before < here || after <= here {
+            return None;
+        }
+        let h = self.curve.step();
+        let mut s = i as f64 * h;
+        if before.is_finite() && after.is_finite() {
+            s += 0.5 * h * (before - after) / (before - 2.0 * here + after);
+        }
+        let (lo, hi) = ((s - 1.5 * h).max(0.0), (s + 1.5 * h).min(self.length()));
+        let mut j = self.curve.jet(s);
+        for _ in 0..6 {
+            let w = p - j.at;
+            let slope = j.d1.length_squared() - w.dot(j.d2);
+            let next = (s + w.dot(j.d1) / slope.max(0.1)).clamp(lo, hi);
+            let moved = next - s;
+            s = next;
+            j = self.curve.jet(s);
+            if moved.abs() < 1e-8 {
+                break;
+            }
+        }
+        let offset = p - j.at;
+        let stretch = (j.d1.length_squared() - offset.dot(j.d2)).max(0.2);
+        Some(Foot { s, offset, rho: offset.length(), stretch })
+    }
+}
+
+/// Normals that do not rotate about the curve, by the double reflection method (Wang, Jüttler, Zheng, Liu 2008),
+/// starting from the direction that faces anterior.
+fn transport(curve: &Spline) -> Spline {
+    let step = curve.step();
+    let count = curve.points().len();
+    let tangent = |i: usize| curve.jet(i as f64 * step).d1.normalize();
+    let mut t = tangent(0);
+    let mut n = (DVec3::NEG_Y - t * DVec3::NEG_Y.dot(t)).normalize();
+    let mut normals = vec![n];
+    for i in 1..count {
+        let v1 = curve.points()[i] - curve.points()[i - 1];
+        let c1 = v1.length_squared();
+        let (n_l, t_l) = (n - v1 * (2.0 / c1 * v1.dot(n)), t - v1 * (2.0 / c1 * v1.dot(t)));
+        t = tangent(i);
+        let v2 = t - t_l;
+        let c2 = v2.length_squared();
+        n = if c2 > 1e-24 { n_l - v2 * (2.0 / c2 * v2.dot(n_l)) } else { n_l };
+        n = (n - t * n.dot(t)).normalize();
+        normals.push(n);
+    }
+    let slope = |i: usize, n: DVec3| {
+        let j = curve.jet(i as f64 * step);
+        -j.d1 * n.dot(j.d2)
+    };
+    let (first, last) = (slope(0, normals[0]), slope(count - 1, n));
+    Spline::new(step, normals, first, last)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis() -> Centerline {
+        Centerline::new(1.0, |r| r, 3.0, 5)
+    }
+
+    #[test]
+    fn the_parameter_is_arc_length_and_frames_do_not_rotate() {
+        let c = axis();
+        let mut s = 0.5;
+        while s < c.length() - 1.0 {
+            let j = c.curve.jet(s);
+            assert!((j.d1.length() - 1.0).abs() < 2e-3, "{s}: {}", j.d1.length());
+            let (a, b) = (c.frame(s), c.frame(s + 0.01));
+            assert!(((b.normal - a.normal).dot(a.binormal) / 0.01).abs() < 2e-3, "rotation at {s}");
+            assert!((a.tangent.cross(a.normal) - a.binormal).length() < 1e-12);
+            s += 3.7;
+        }
+    }
+
+    #[test]
+    fn the_foot_is_where_the_place_was_put() {
+        let c = axis();
+        for n in 0..400 {
+            let s = 2.0 + (c.length() - 4.0) * hash::uniform(1, n);
+            let f = c.frame(s);
+            let p = f.at + f.direction(6.0 * hash::uniform(2, n)) * (1.0 + 12.0 * hash::uniform(3, n));
+            let best =
+                (0..c.knots().len()).filter_map(|i| c.foot(p, i)).min_by(|a, b| a.rho.total_cmp(&b.rho)).unwrap();
+            assert!((best.s - s).abs() < 1e-6, "{} for {s}", best.s);
+        }
+    }
+}

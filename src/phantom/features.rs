@@ -1,0 +1,213 @@
+//! Where folds, polyps, bridges and fluid go: drawn from the seed, within the room that a flight needs.
+
+use std::f64::consts::TAU;
+
+use super::centerline::Centerline;
+use super::shape::{Attached, Bridge, Fold, Polyp, Shape};
+use crate::math::hash;
+
+/// No fold and no polyp comes nearer to the axis than this, mm.
+pub const CHANNEL_MM: f64 = 6.0;
+
+/// Numbers drawn one after the other from a stream of their own.
+struct Stream {
+    seed: u64,
+    next: u64,
+}
+
+impl Stream {
+    fn new(seed: u64, stream: u64) -> Self {
+        Self { seed: hash::bits(seed, 0xC010_0000 + stream), next: 0 }
+    }
+
+    fn within(&mut self, lo: f64, hi: f64) -> f64 {
+        self.next += 1;
+        lo + (hi - lo) * hash::uniform(self.seed, self.next)
+    }
+}
+
+/// The colon's wall with the features asked for.
+pub fn shape(axis: Centerline, seed: u64, folds: bool, polyps: bool, bridges: bool) -> Shape {
+    let taenia = Stream::new(seed, 0).within(0.0, TAU);
+    let rows = [0, 1, 2].map(|row| constrictions(&axis, seed, row));
+    let mut shape = Shape { axis, taenia, rows, folds: Vec::new(), polyps: Vec::new(), bridges: Vec::new() };
+    if folds {
+        shape.folds = place_folds(&shape, seed);
+    }
+    if polyps {
+        shape.polyps = place_polyps(&shape, seed);
+    }
+    if bridges {
+        shape.bridges = place_bridges(&shape, seed);
+    }
+    shape
+}
+
+/// Arc lengths of a row's constrictions, from 0 to the axis' length: 20 to 30 mm apart in a wide colon, staggered
+/// against the other rows.
+fn constrictions(axis: &Centerline, seed: u64, row: usize) -> Vec<f64> {
+    let mut draw = Stream::new(seed, 1 + row as u64);
+    let end = axis.length();
+    let gap = |s: f64, x: f64| x * axis.fold_spacing(s) * (axis.profile(s).radius.0 / 16.5).clamp(0.72, 1.0);
+    let mut all = vec![0.0];
+    let mut s = 15.0 + gap(0.0, 25.0) / 3.0 * row as f64 + draw.within(0.0, 4.0);
+    while s < end - 18.0 {
+        all.push(s);
+        s += gap(s, draw.within(20.0, 30.0));
+    }
+    all.push(end);
+    all
+}
+
+/// The angle midway between the taeniae of a row.
+fn middle(shape: &Shape, row: usize) -> f64 {
+    shape.taenia + TAU / 3.0 * (row as f64 + 0.5)
+}
+
+fn place_folds(shape: &Shape, seed: u64) -> Vec<Fold> {
+    let mut folds = Vec::new();
+    for (row, constrictions) in shape.rows.iter().enumerate() {
+        let mut draw = Stream::new(seed, 8 + row as u64);
+        for &s in &constrictions[1..constrictions.len() - 1] {
+            let radius = shape.axis.profile(s).radius.0;
+            let phi = middle(shape, row) + draw.within(-0.12, 0.12);
+            let half_width = draw.within(60f64, 75.0).to_radians();
+            let deep = (radius * draw.within(0.36, 0.52)).clamp(6.0, 11.0).min(radius - CHANNEL_MM);
+            let thickness = draw.within(2.6, 3.2);
+            let lean = 0.15 * radius;
+            let (slant, bow) = (draw.within(-lean, lean), draw.within(-lean, lean));
+            folds.push(Fold { s, phi, half_width, depth: deep, thickness, radius, slant, bow });
+        }
+    }
+    folds.sort_by(|a, b| a.s.total_cmp(&b.s));
+    folds
+}
+
+/// A polyp that sits on the plain wall at arc length `s` and angle `phi`, its centre within the lumen by 0.35 radii.
+pub fn sessile(shape: &Shape, s: f64, phi: f64, diameter_mm: f64) -> Attached<Polyp> {
+    let frame = shape.axis.frame(s);
+    let rho = shape.radius(s, phi) - 0.175 * diameter_mm;
+    Attached { s, what: Polyp { position: frame.at + frame.direction(phi) * rho, diameter_mm } }
+}
+
+fn place_polyps(shape: &Shape, seed: u64) -> Vec<Attached<Polyp>> {
+    let mut draw = Stream::new(seed, 16);
+    let end = shape.axis.length();
+    let count = if end > 1000.0 { 9 } else { 6 };
+    (0..count)
+        .map(|i| {
+            let share = i as f64 / (count - 1) as f64;
+            // From 4 to 12 mm, in mixed order along the colon.
+            let wanted = 4.0 + 8.0 * ((i * 4) % count) as f64 / (count - 1) as f64;
+            let mut best = (f64::INFINITY, sessile(shape, 0.5 * end, 0.0, 4.0));
+            for _ in 0..40 {
+                let s = 40.0 + (end - 80.0) * share + draw.within(-25.0, 25.0);
+                let phi = middle(shape, draw.within(0.0, 3.0) as usize) + draw.within(-0.6, 0.6);
+                let radius = shape.radius(s, phi);
+                let diameter = wanted.min((radius - CHANNEL_MM) / 0.675);
+                // Room to the folds nearby, in the polyp's own radii: it should be seen, not buried.
+                let room = shape
+                    .folds
+                    .iter()
+                    .filter(|f| f.height(phi) > 0.0)
+                    .map(|f| (f.s - s).abs() - 0.5 * diameter)
+                    .fold(f64::INFINITY, f64::min);
+                let fault = (2.0 - room).max(0.0) + 3.0 * (wanted - diameter);
+                if fault < best.0 {
+                    best = (fault, sessile(shape, s, phi, diameter));
+                }
+            }
+            best.1
+        })
+        .collect()
+}
+
+fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
+    let mut draw = Stream::new(seed, 24);
+    let end = shape.axis.length();
+    let count = 5;
+    (0..count)
+        .map(|i| {
+            let s = end * (f64::from(i) + 0.5) / f64::from(count) + draw.within(-20.0, 20.0);
+            let phi = draw.within(0.0, TAU);
+            // The chord passes the axis at half the radius or more, so that it never bars the way.
+            let across = draw.within(75f64, 110.0).to_radians();
+            let place = |s: f64, phi: f64| {
+                let frame = shape.axis.frame(s);
+                frame.at + frame.direction(phi) * (shape.radius(s, phi) + 1.5)
+            };
+            let slant = draw.within(-4.0, 4.0);
+            let what = Bridge {
+                from: place(s - slant, phi),
+                to: place(s + slant, phi + across),
+                diameter_mm: draw.within(1.0, 2.0),
+            };
+            Attached { s, what }
+        })
+        .collect()
+}
+
+/// A pool of tagged fluid: a stretch of the colon that is filled up to a horizontal level (supine: the patient's back is
+/// down).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pool {
+    /// Where it begins, mm of arc length.
+    pub from: f64,
+    /// Where it ends. At both ends the whole lumen lies above the level, or the colon is closed.
+    pub to: f64,
+    /// World y of the surface, mm: fluid lies posterior of it.
+    pub level: f64,
+}
+
+/// The pools of a colon: every place of its back wall that is lower than its surroundings holds fluid, up to the lowest
+/// saddle and to 36 % of the lumen's height at the most.
+pub fn pools(shape: &Shape) -> Vec<Pool> {
+    const STEP: f64 = 1.0;
+    let count = (shape.axis.length() / STEP) as usize + 1;
+    let s = |i: usize| (i as f64 * STEP).min(shape.axis.length());
+    // The lowest and the highest the lumen may reach about each arc length, and where fluid may stand.
+    let place: Vec<(f64, f64)> =
+        (0..count).map(|i| (shape.axis.frame(s(i)).at.y, shape.largest_radius(s(i)))).collect();
+    let bottom = |i: usize| place[i].0 + place[i].1;
+    let highest = |i: usize| place[i].0 + place[i].1 * (1.0 - 2.0 * 0.36);
+    // Margin at the ends beyond which blur carries nothing, mm.
+    let margin = 4.0;
+    let mut order: Vec<usize> = (0..count)
+        .filter(|&i| (i == 0 || bottom(i) > bottom(i - 1)) && (i + 1 == count || bottom(i) >= bottom(i + 1)))
+        .collect();
+    order.sort_by(|&a, &b| bottom(b).total_cmp(&bottom(a)).then(a.cmp(&b)));
+    let mut pools: Vec<Pool> = Vec::new();
+    for lowest in order {
+        let mut level = highest(lowest);
+        // Raising y lowers the surface; the stretch then only shrinks, so this ends.
+        let (from, to) = loop {
+            let mut from = lowest;
+            while from > 0 && bottom(from) > level - margin {
+                from -= 1;
+            }
+            let mut to = lowest;
+            while to + 1 < count && bottom(to) > level - margin {
+                to += 1;
+            }
+            let needed = (from..=to).filter(|&i| bottom(i) > level).map(highest).fold(level, f64::max);
+            let spills = (from..=to).any(|i| bottom(i) > bottom(lowest) + 1e-9);
+            if needed > level {
+                level = needed;
+            } else if spills {
+                level += 0.5;
+            } else {
+                break (from, to);
+            }
+            if level > bottom(lowest) - 3.0 {
+                break (lowest, lowest);
+            }
+        };
+        let pool = Pool { from: s(from), to: s(to), level };
+        let overlaps = pools.iter().any(|p| pool.from < p.to && p.from < pool.to);
+        if to - from > 10 && !overlaps {
+            pools.push(pool);
+        }
+    }
+    pools.sort_by(|a, b| a.from.total_cmp(&b.from));
+    pools
+}

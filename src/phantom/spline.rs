@@ -1,0 +1,136 @@
+//! Cubic splines: the B-spline that smooths the anatomy's control points, and the interpolating spline on uniform knots
+//! that everything is evaluated from.
+
+use glam::DVec3;
+
+/// A uniform cubic B-spline's value at `u` spans from the first control point; `u` runs from 0 to `points.len() - 1`.
+///
+/// The curve starts at the first and ends at the last control point. `mirror` chooses what lies beyond the ends: the
+/// reflection of the curve through its end (no curvature there: for places), or its mirror image (no slope there: for
+/// quantities along the curve).
+pub fn b_spline(points: &[DVec3], u: f64, mirror: bool) -> DVec3 {
+    let last = points.len() - 1;
+    let at = |i: isize| {
+        let beyond = |end: DVec3, inner: DVec3| if mirror { inner } else { 2.0 * end - inner };
+        if i < 0 {
+            beyond(points[0], points[1])
+        } else if i as usize > last {
+            beyond(points[last], points[last - 1])
+        } else {
+            points[i as usize]
+        }
+    };
+    let span = (u.floor() as isize).clamp(0, last as isize - 1);
+    let t = u - span as f64;
+    let (t2, t3) = (t * t, t * t * t);
+    let w = [(1.0 - t).powi(3), 3.0 * t3 - 6.0 * t2 + 4.0, -3.0 * t3 + 3.0 * t2 + 3.0 * t + 1.0, t3];
+    (0..4).map(|k| at(span - 1 + k as isize) * w[k]).sum::<DVec3>() / 6.0
+}
+
+/// A C2 cubic spline through given points on uniform knots, in Hermite form.
+#[derive(Clone, Debug)]
+pub struct Spline {
+    step: f64,
+    points: Vec<DVec3>,
+    slopes: Vec<DVec3>,
+}
+
+/// A spline's value with its first and second derivative.
+#[derive(Clone, Copy, Debug)]
+pub struct Jet {
+    /// Value.
+    pub at: DVec3,
+    /// First derivative.
+    pub d1: DVec3,
+    /// Second derivative.
+    pub d2: DVec3,
+}
+
+impl Spline {
+    /// The spline through `points`, `step` apart in the parameter, with the two end slopes given.
+    ///
+    /// The inner slopes make the second derivative continuous: m₋ + 4m + m₊ = 3(p₊ − p₋)/step, a tridiagonal system
+    /// solved by Thomas's algorithm.
+    pub fn new(step: f64, points: Vec<DVec3>, first: DVec3, last: DVec3) -> Self {
+        let n = points.len();
+        let mut slopes = vec![DVec3::ZERO; n];
+        let mut upper = vec![0.0; n];
+        slopes[0] = first;
+        slopes[n - 1] = last;
+        for i in 1..n - 1 {
+            let right = 3.0 * (points[i + 1] - points[i - 1]) / step;
+            let pivot = 1.0 / (4.0 - upper[i - 1]);
+            upper[i] = pivot;
+            slopes[i] = (right - slopes[i - 1]) * pivot;
+        }
+        for i in (1..n - 1).rev() {
+            let next = slopes[i + 1];
+            slopes[i] -= upper[i] * next;
+        }
+        Self { step, points, slopes }
+    }
+
+    /// The points it passes through.
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// Distance of the knots in the parameter.
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// Parameter of the last knot.
+    pub fn end(&self) -> f64 {
+        self.step * (self.points.len() - 1) as f64
+    }
+
+    /// Value and derivatives at `s`, which is clamped to the knots' range.
+    #[inline]
+    pub fn jet(&self, s: f64) -> Jet {
+        let x = (s / self.step).clamp(0.0, (self.points.len() - 1) as f64);
+        let i = (x as usize).min(self.points.len() - 2);
+        let t = x - i as f64;
+        let h = self.step;
+        let (p, q) = (self.points[i], self.points[i + 1]);
+        let (m, n) = (self.slopes[i] * h, self.slopes[i + 1] * h);
+        // p + m t + c t² + e t³
+        let c = 3.0 * (q - p) - 2.0 * m - n;
+        let e = 2.0 * (p - q) + m + n;
+        Jet {
+            at: p + t * (m + t * (c + t * e)),
+            d1: (m + t * (2.0 * c + t * 3.0 * e)) / h,
+            d2: (2.0 * c + 6.0 * t * e) / (h * h),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_spline_is_smooth_to_the_second_derivative_and_meets_its_ends() {
+        let points: Vec<DVec3> =
+            (0..12).map(|i| DVec3::new((i * i % 7) as f64, (i % 3) as f64, f64::from(i))).collect();
+        let s = Spline::new(1.5, points.clone(), DVec3::X, DVec3::Y);
+        for (i, p) in points.iter().enumerate() {
+            let x = 1.5 * i as f64;
+            assert!((s.jet(x).at - *p).length() < 1e-12);
+            let (a, b) = (s.jet(x - 1e-9), s.jet(x + 1e-9));
+            assert!((a.d1 - b.d1).length() < 1e-6 && (a.d2 - b.d2).length() < 1e-6, "knot {i}");
+        }
+        assert!((s.jet(0.0).d1 - DVec3::X).length() < 1e-12 && (s.jet(s.end()).d1 - DVec3::Y).length() < 1e-12);
+        let (x, h) = (4.3, 1e-5);
+        let d1 = (s.jet(x + h).at - s.jet(x - h).at) / (2.0 * h);
+        assert!((d1 - s.jet(x).d1).length() < 1e-8);
+    }
+
+    #[test]
+    fn a_straight_b_spline_stays_straight() {
+        let points: Vec<DVec3> = (0..5).map(|i| DVec3::new(f64::from(i), 2.0 * f64::from(i), 0.0)).collect();
+        for u in [0.0, 0.3, 1.0, 2.7, 4.0] {
+            assert!((b_spline(&points, u, false) - DVec3::new(u, 2.0 * u, 0.0)).length() < 1e-12);
+        }
+    }
+}

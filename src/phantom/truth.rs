@@ -1,0 +1,100 @@
+//! What is known of a phantom, as the command line writes it.
+
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::Phantom;
+use super::profile::WALL_HU;
+use super::shape::{Polyp, REACH};
+
+/// The ground truth of a phantom.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// Points of the axis from rectum to cecum, about 1 mm apart, world mm LPS. Both ends are centres of the rounded end
+    /// walls.
+    pub centerline: Vec<DVec3>,
+    /// Mean radius of the lumen, without folds, at each point, mm.
+    pub radius_mm: Vec<f64>,
+    /// Length of the axis, mm.
+    pub length_mm: f64,
+    /// Volume within the wall, gas and fluid, ml.
+    pub lumen_ml: f64,
+    /// The polyps, in the order of the centerline.
+    pub polyps: Vec<TruePolyp>,
+    /// The wall's iso-value, HU.
+    pub wall_hu: i32,
+}
+
+/// A polyp as the truth has it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TruePolyp {
+    /// Centre of the ball, world mm LPS.
+    pub position: DVec3,
+    /// Its diameter, mm.
+    pub diameter_mm: f64,
+}
+
+impl From<Polyp> for TruePolyp {
+    fn from(p: Polyp) -> Self {
+        Self { position: p.position, diameter_mm: p.diameter_mm }
+    }
+}
+
+impl Phantom {
+    /// The ground truth.
+    pub fn truth(&self) -> Truth {
+        let axis = &self.shape.axis;
+        let count = axis.length().round() as usize;
+        let s = |i: usize| axis.length() * i as f64 / count as f64;
+        let mut polyps: Vec<_> = self.shape.polyps.clone();
+        polyps.sort_by(|a, b| a.s.total_cmp(&b.s));
+        Truth {
+            centerline: (0..=count).map(|i| axis.frame(s(i)).at).collect(),
+            radius_mm: (0..=count).map(|i| axis.profile(s(i)).radius.0).collect(),
+            length_mm: axis.length(),
+            lumen_ml: self.lumen_ml(),
+            polyps: polyps.iter().map(|p| p.what.into()).collect(),
+            wall_hu: WALL_HU as i32,
+        }
+    }
+
+    /// Volume within the wall, ml: cells of 0.9 mm, those on the wall counted by the share that the plane at the wall's
+    /// distance cuts off.
+    fn lumen_ml(&self) -> f64 {
+        const CELL: f64 = 0.9;
+        const BRICK: i64 = 8;
+        let knots = self.shape.axis.knots();
+        let (mut lo, mut hi) = (knots[0], knots[0]);
+        for k in knots {
+            (lo, hi) = (lo.min(*k), hi.max(*k));
+        }
+        let most = (0..knots.len()).map(|i| self.reach_of_knot(i)).fold(0.0, f64::max) - REACH;
+        let edge = CELL * BRICK as f64;
+        let first = lo - DVec3::splat(most);
+        let bricks = ((hi + DVec3::splat(most) - first) / edge).ceil();
+        let layer = |bz: i64| {
+            let (mut near, mut sum) = (Vec::new(), 0.0);
+            for by in 0..bricks.y as i64 {
+                for bx in 0..bricks.x as i64 {
+                    let corner = first + DVec3::new(bx as f64, by as f64, bz as f64) * edge;
+                    near.clear();
+                    self.knots_near(corner + DVec3::splat(0.5 * edge), 0.87 * edge, &mut near);
+                    if near.is_empty() {
+                        continue;
+                    }
+                    for c in 0..BRICK.pow(3) {
+                        let cell = DVec3::new((c % 8) as f64, (c / 8 % 8) as f64, (c / 64) as f64);
+                        let p = corner + (cell + DVec3::splat(0.5)) * CELL;
+                        let d = self.distances_among(p, near.iter().copied()).wall;
+                        sum += (0.5 - d / CELL).clamp(0.0, 1.0);
+                    }
+                }
+            }
+            sum
+        };
+        // Each layer is summed in its own order and the layers in theirs: the same for any number of threads.
+        let layers: Vec<f64> = (0..bricks.z as i64).into_par_iter().map(layer).collect();
+        layers.iter().sum::<f64>() * CELL.powi(3) / 1000.0
+    }
+}

@@ -1,0 +1,87 @@
+//! From the analytic body to voxels, on any grid.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::Phantom;
+use crate::error::Result;
+use crate::math::hash;
+use crate::progress::Progress;
+use crate::volume::{Grid, Volume};
+
+/// Edge of the bricks that are looked at as a whole, voxels.
+const BRICK: usize = 8;
+
+/// Work space of one slab.
+#[derive(Default)]
+struct Scratch {
+    knots: Vec<usize>,
+}
+
+impl Phantom {
+    /// The body sampled at the voxels' centres of `grid`, with noise where the settings have it.
+    ///
+    /// The grid may be anisotropic, oblique and flipped. The values do not depend on the number of threads.
+    ///
+    /// # Errors
+    /// Only when cancelled through `progress`.
+    pub fn voxelise(&self, grid: &Grid, progress: &Progress) -> Result<Volume> {
+        let [nx, ny, nz] = grid.dims();
+        let mut data = vec![0i16; grid.len()];
+        progress.stage("phantom", nz as u64);
+        data.par_chunks_mut(nx * ny * BRICK).enumerate().try_for_each_init(
+            Scratch::default,
+            |scratch, (slab, out)| {
+                let k0 = slab * BRICK;
+                let depth = out.len() / (nx * ny);
+                for j0 in (0..ny).step_by(BRICK) {
+                    for i0 in (0..nx).step_by(BRICK) {
+                        let size = [BRICK.min(nx - i0), BRICK.min(ny - j0), depth];
+                        self.fill(grid, [i0, j0, k0], size, out, scratch);
+                    }
+                }
+                progress.advance(depth as u64)
+            },
+        )?;
+        Ok(Volume::new(grid.clone(), data))
+    }
+
+    /// Fills one brick of the slab `out`, whose first slice is the brick's.
+    fn fill(&self, grid: &Grid, first: [usize; 3], size: [usize; 3], out: &mut [i16], scratch: &mut Scratch) {
+        let [nx, ny, _] = grid.dims();
+        let corner = DVec3::new(first[0] as f64, first[1] as f64, first[2] as f64);
+        let half = DVec3::new(size[0] as f64 - 1.0, size[1] as f64 - 1.0, size[2] as f64 - 1.0) * 0.5;
+        let m = grid.to_world().matrix3;
+        // Half of a (possibly slanted) brick's longest diagonal.
+        let reach = (half.x * m.x_axis.length()) + (half.y * m.y_axis.length()) + (half.z * m.z_axis.length());
+        let reach = if m.x_axis.dot(m.y_axis).abs() + m.y_axis.dot(m.z_axis).abs() + m.z_axis.dot(m.x_axis).abs() < 1e-9
+        {
+            (m * half).length()
+        } else {
+            reach
+        };
+        let centre = grid.world(corner + half);
+        scratch.knots.clear();
+        self.knots_near(centre, reach, &mut scratch.knots);
+        let body = if scratch.knots.is_empty() { Some(self.body.sample(centre)) } else { None };
+        let constant = body.filter(|s| s.constant_mm > reach).map(|s| s.hu);
+        for k in 0..size[2] {
+            for j in 0..size[1] {
+                let start = first[0] + nx * (first[1] + j + ny * k);
+                let index = grid.index(first[0], first[1] + j, first[2] + k) as u64;
+                for (i, voxel) in out[start..start + size[0]].iter_mut().enumerate() {
+                    let hu = constant.unwrap_or_else(|| {
+                        let p = grid.world(corner + DVec3::new(i as f64, j as f64, k as f64));
+                        self.value_among(p, scratch.knots.iter().copied())
+                    });
+                    *voxel = (hu + self.noise(index + i as u64)).round() as i16;
+                }
+            }
+        }
+    }
+
+    /// The noise of a voxel, HU.
+    fn noise(&self, index: u64) -> f64 {
+        if self.settings.noise { super::NOISE_HU * hash::normal(self.noise_seed, index) } else { 0.0 }
+    }
+}

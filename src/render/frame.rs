@@ -1,0 +1,81 @@
+//! A picture, and what it took to make it.
+
+/// A rendered picture, row 0 on top. Reuse it: rendering into a frame of the right size allocates nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frame {
+    width: usize,
+    height: usize,
+    pixels: Vec<[u8; 3]>,
+    depth: Option<Vec<f32>>,
+}
+
+impl Frame {
+    /// A black picture of `width` × `height` pixels, with each pixel's depth if `depth`.
+    pub fn new(width: usize, height: usize, depth: bool) -> Self {
+        let n = width * height;
+        Self { width, height, pixels: vec![[0; 3]; n], depth: depth.then(|| vec![f32::INFINITY; n]) }
+    }
+
+    /// Pixels in a row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Red, green and blue of each pixel, row by row.
+    pub fn pixels(&self) -> &[[u8; 3]] {
+        &self.pixels
+    }
+
+    /// Distance in mm from the camera to the wall for each pixel, row by row; infinite where there is none. Only where
+    /// the frame was made with depth.
+    pub fn depth(&self) -> Option<&[f32]> {
+        self.depth.as_deref()
+    }
+
+    /// Makes the frame `width` × `height`, keeping its memory where that suffices.
+    pub fn resize(&mut self, width: usize, height: usize) {
+        if (self.width, self.height) != (width, height) {
+            (self.width, self.height) = (width, height);
+            self.pixels.resize(width * height, [0; 3]);
+            if let Some(depth) = &mut self.depth {
+                depth.resize(width * height, f32::INFINITY);
+            }
+        }
+    }
+
+    pub(super) fn buffers(&mut self) -> (&mut [[u8; 3]], Option<&mut [f32]>) {
+        (&mut self.pixels, self.depth.as_deref_mut())
+    }
+}
+
+/// What a picture took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Rays cast for the image; those for depth are not counted.
+    pub rays: u64,
+    /// Samples looked at along them.
+    pub samples: u64,
+    /// Rays that an earlier picture shortened or spared.
+    pub reused: u64,
+}
+
+impl std::ops::Add for Work {
+    type Output = Self;
+
+    fn add(self, o: Self) -> Self {
+        Self { rays: self.rays + o.rays, samples: self.samples + o.samples, reused: self.reused + o.reused }
+    }
+}
+
+/// Peak signal-to-noise ratio of two pictures of the same size in dB, over all colours; infinite if they are equal.
+pub fn psnr(a: &Frame, b: &Frame) -> f64 {
+    let square = |(a, b): (&u8, &u8)| u64::from(a.abs_diff(*b)).pow(2);
+    let sum: u64 = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened()).map(square).sum();
+    let mean = sum as f64 / a.pixels.as_flattened().len() as f64;
+    10.0 * (255.0 * 255.0 / mean).log10()
+}

@@ -1,0 +1,56 @@
+//! How good a picture is asked for.
+
+/// The level of detail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Quality {
+    /// Trilinear values and interpolated regressions, empty space skipped.
+    #[default]
+    High,
+    /// The nearest voxel for everything, empty space skipped.
+    Low,
+    /// As high, by brute force: fine steps, nothing skipped. What everything else is measured against.
+    Reference,
+}
+
+/// What opacity is looked up by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Classification {
+    /// The sampled HU, as the contract has it.
+    #[default]
+    Value,
+    /// The filtered density D of the regression, as the paper has it.
+    Filtered,
+}
+
+/// Settings of the ray caster. The wall's ramp is part of the [`Space`](super::Space), whose flags depend on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// The level of detail.
+    pub quality: Quality,
+    /// What opacity is looked up by.
+    pub classification: Classification,
+    /// The camera's sensitivity: a ray ends when less than this share of light (1 − A) comes from beyond.
+    pub sensitivity: f32,
+    /// Δs = h · 2^`step_power`, h the smallest spacing.
+    pub step_power: i32,
+    /// Rays for each pixel, at least 1.
+    pub samples_per_pixel: u32,
+}
+
+impl Settings {
+    /// The settings that a quality stands for.
+    pub fn new(quality: Quality) -> Self {
+        let (sensitivity, step_power) = match quality {
+            Quality::High => (1.0 / 512.0, -1),
+            Quality::Low => (1.0 / 128.0, 0),
+            Quality::Reference => (1e-5, -3),
+        };
+        Self { quality, classification: Classification::Value, sensitivity, step_power, samples_per_pixel: 1 }
+    }
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self::new(Quality::High)
+    }
+}

@@ -1,0 +1,197 @@
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+use proptest::prelude::*;
+
+use super::*;
+use crate::math::hash;
+use crate::render::Wall;
+use crate::volume::Grid;
+
+fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> Space {
+    let grid = Grid::new(dims, spacing, DVec3::new(-3.0, 5.0, 7.0), direction).unwrap();
+    let mut data = Vec::new();
+    for k in 0..dims[2] {
+        for j in 0..dims[1] {
+            for i in 0..dims[0] {
+                data.push(f(DVec3::new(i as f64, j as f64, k as f64)).round() as i16);
+            }
+        }
+    }
+    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+}
+
+/// Tiny steps, and bisection where the sign changes: what [`first_crossing`] must agree with.
+fn by_steps(space: &Space, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
+    let grid = space.volume().grid();
+    let iso = space.wall().iso();
+    let f = |t: f64| trilinear(space.volume(), grid.voxel(origin + direction * t)) - iso;
+    if f(0.0) >= 0.0 {
+        return Some(0.0);
+    }
+    let dt = grid.min_spacing() / 400.0;
+    let (mut a, mut b) = (0.0, dt);
+    while f(b) < 0.0 {
+        if b > max_mm {
+            return None;
+        }
+        (a, b) = (b, b + dt);
+    }
+    for _ in 0..60 {
+        let m = 0.5 * (a + b);
+        if f(m) >= 0.0 { b = m } else { a = m }
+    }
+    (b <= max_mm).then_some(b)
+}
+
+fn rotation(seed: u64) -> DMat3 {
+    let u = |n| hash::uniform(seed, n) * 6.0 - 3.0;
+    let r = DMat3::from_euler(glam::EulerRot::XYZ, u(100), u(101), u(102));
+    if hash::uniform(seed, 103) < 0.5 { r * DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0)) } else { r }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+    #[test]
+    fn agrees_with_tiny_steps(
+        dims in prop::array::uniform3(1usize..20), seed: u64, share in 0.0..0.2f64,
+        from in prop::array::uniform3(-0.6..1.6f64), to in prop::array::uniform3(-0.1..1.1f64), tall in 0.3..4.0f64,
+    ) {
+        let s = space(dims, DVec3::new(0.7, 0.6, tall), rotation(seed), |p| {
+            let n = (p.x + 32.0 * (p.y + 32.0 * p.z)) as u64;
+            if hash::uniform(seed, n) < share { -900.0 + 1000.0 * hash::uniform(!seed, n) } else { -1000.0 }
+        });
+        let grid = s.volume().grid();
+        let at = |q: [f64; 3]| grid.world(DVec3::from_array(from_fn(|a| q[a] * dims[a] as f64)));
+        let (origin, target) = (at(from), at(to));
+        prop_assume!((target - origin).length() > 1e-3);
+        let direction = (target - origin).normalize();
+        let (exact, stepped) = (first_crossing(&s, origin, direction, 200.0), by_steps(&s, origin, direction, 200.0));
+        match (exact, stepped) {
+            (None, None) => {}
+            (Some(e), Some(b)) if (e - b).abs() < 1e-6 => {}
+            // A graze between two steps is what stepping misses; it must be a touch of the wall all the same.
+            (Some(e), _) => {
+                prop_assert!(stepped.is_none_or(|b| e < b), "{e} is later than {stepped:?}");
+                let v = trilinear(s.volume(), grid.voxel(origin + direction * e));
+                prop_assert!((v + 650.0).abs() < 1e-4, "no wall at {e}: {v}");
+            }
+            (None, Some(b)) => prop_assert!(false, "missed the wall at {b}"),
+        }
+    }
+}
+
+/// Looks from all sides along axes, faces, edges and diagonals at one voxel of wall.
+#[test]
+fn no_crack_along_axes_faces_edges_and_corners() {
+    let s = space([21; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p == DVec3::splat(10.0) { 1000.0 } else { -1000.0 });
+    let centre = s.volume().grid().world(DVec3::splat(10.0));
+    for n in 0..27 {
+        let d = DVec3::new((n % 3 - 1) as f64, (n / 3 % 3 - 1) as f64, (n / 9 - 1) as f64);
+        if d == DVec3::ZERO {
+            continue;
+        }
+        let d = d.normalize();
+        for nudge in [0.0, -0.0, 1e-17, -1e-17, f64::MIN_POSITIVE / 8.0, -f64::MIN_POSITIVE / 8.0] {
+            let e = d + DVec3::splat(nudge) * (DVec3::ONE - d.abs().signum());
+            for away in [8.0, 30.0, 1e5] {
+                let hit = first_crossing(&s, centre - d * away, e, f64::INFINITY);
+                let value = value(&s, centre - d * away + d * hit.unwrap());
+                assert!((value + 650.0).abs() < 0.01, "{d} {nudge} {away}: {value} at {hit:?}");
+                assert!((away - hit.unwrap()) < 1.8);
+                assert_eq!(first_crossing(&s, centre - d * away, -e, f64::INFINITY), None);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_thin_sheet_is_never_missed() {
+    // One voxel of wall, only just: its crossing is 1/350 voxel wide.
+    let s = space([32; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x == 20.0 { -649.0 } else { -1000.0 });
+    let grid = s.volume().grid();
+    for n in 0..500 {
+        let u = |k| hash::uniform(n, k);
+        let origin = grid.world(DVec3::new(18.0 * u(0), 1.0 + 29.0 * u(1), 1.0 + 29.0 * u(2)));
+        let target = grid.world(DVec3::new(20.0, 1.0 + 29.0 * u(3), 1.0 + 29.0 * u(4)));
+        let hit = first_crossing(&s, origin, target - origin, 100.0).unwrap();
+        let along = (target - origin).length();
+        let across = (target.x - origin.x) / along;
+        assert!((hit * across - ((target.x - origin.x) - 1.0 / 351.0)).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn touching_counts() {
+    // An edge of voxels exactly at the wall, passed along a neighbouring axis: the value only just reaches it.
+    let s = space([9; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x == 4.0 && p.y == 4.0 { -650.0 } else { -1000.0 });
+    let grid = s.volume().grid();
+    let hit = first_crossing(&s, grid.world(DVec3::new(1.0, 4.0, 3.0)), DVec3::X, 20.0).unwrap();
+    assert!((hit - 3.0).abs() < 1e-9);
+    assert_eq!(first_crossing(&s, grid.world(DVec3::new(1.0, 4.0, 3.0)), DVec3::X, 2.9), None);
+    let diagonal = first_crossing(&s, grid.world(DVec3::new(3.0, 3.0, 3.0)), DVec3::new(1.0, 1.0, 0.5), 20.0).unwrap();
+    assert!((diagonal - 1.5).abs() < 1e-6, "{diagonal}");
+}
+
+#[test]
+fn inside_and_outside() {
+    let tissue = space([4; 3], DVec3::ONE, DMat3::IDENTITY, |_| 40.0);
+    let grid = tissue.volume().grid();
+    let c = grid.world(DVec3::splat(1.5));
+    assert_eq!(first_crossing(&tissue, c, DVec3::X, 1.0), Some(0.0));
+    // From −1024 one voxel outside to 40 at the border.
+    let enter = (-650.0 + 1024.0) / 1064.0 - 1.0;
+    let hit = first_crossing(&tissue, c - DVec3::X * 11.5, DVec3::X, 100.0).unwrap();
+    assert!((hit - (10.0 + enter)).abs() < 1e-9);
+    assert_eq!(first_crossing(&tissue, c - DVec3::X * 11.5, DVec3::X, 5.0), None);
+    assert_eq!(first_crossing(&tissue, c - DVec3::X * 11.5, DVec3::Y, 100.0), None);
+    let air = space([3; 3], DVec3::ONE, DMat3::IDENTITY, |_| -1000.0);
+    assert_eq!(first_crossing(&air, c, DVec3::X, f64::INFINITY), None);
+    for dims in [[1, 1, 1], [2, 1, 1], [1, 2, 70]] {
+        let s = space(dims, DVec3::new(0.3, 0.3, 10.0), DMat3::IDENTITY, |_| 40.0);
+        let c = s.volume().grid().world(DVec3::ZERO);
+        let hit = first_crossing(&s, c - DVec3::Z * 100.0, DVec3::Z, 1e3).unwrap();
+        assert!((hit - (100.0 + 10.0 * enter)).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn what_is_no_ray_has_no_crossing() {
+    let s = space([4; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x < 2.0 { -1000.0 } else { 0.0 });
+    let c = s.volume().grid().world(DVec3::ZERO);
+    let nan = DVec3::new(f64::NAN, 0.0, 0.0);
+    assert_eq!(first_crossing(&s, nan, DVec3::X, 9.0), None);
+    assert_eq!(first_crossing(&s, c, nan, 9.0), None);
+    assert_eq!(first_crossing(&s, c, DVec3::ZERO, 9.0), None);
+    assert_eq!(first_crossing(&s, c, DVec3::splat(f64::INFINITY), 9.0), None);
+    assert_eq!(first_crossing(&s, c, DVec3::X, f64::NAN), None);
+    assert_eq!(first_crossing(&s, c, DVec3::X, -1.0), None);
+    assert_eq!(first_crossing(&s, DVec3::splat(1e300), DVec3::X, f64::INFINITY), None);
+    assert_eq!(value(&s, nan), -1024.0);
+    assert_eq!(value(&s, DVec3::splat(-1e300)), -1024.0);
+    // Directions of any length are the same direction.
+    let hit = first_crossing(&s, c, DVec3::X, 9.0).unwrap();
+    for scale in [1e-310, 1e-12, 1e12, 1e308] {
+        assert_eq!(first_crossing(&s, c, DVec3::X * scale, 9.0), Some(hit));
+    }
+}
+
+#[test]
+fn a_sphere_lies_where_it_is() {
+    let r = 20.0;
+    let s = space([64; 3], DVec3::new(0.8, 0.8, 0.8), rotation(3), |p| {
+        (-1000.0 + 1050.0 * (((p - DVec3::splat(31.3)).length() - r) / 2.0 + 1.0 / 3.0).clamp(0.0, 1.0)).round()
+    });
+    let grid = s.volume().grid();
+    let origin = grid.world(DVec3::splat(31.3) + DVec3::new(5.0, -3.0, 2.0));
+    let centre = grid.world(DVec3::splat(31.3));
+    let mut cells = 0;
+    for n in 0..2000 {
+        let u = |k| hash::normal(n, k);
+        let d = DVec3::new(u(0), u(1), u(2)).normalize();
+        let hit = first_crossing_counted(&s, origin, d, 100.0, &mut cells).unwrap();
+        let off = ((origin + d * hit - centre).length() - r * 0.8).abs() / 0.8;
+        assert!(off < 0.1, "{off}");
+    }
+    assert!(cells > 2000 && cells < 2000 * 120, "{cells}");
+}

@@ -1,0 +1,152 @@
+//! What a place in the volume is like: its value and the fit around it, interpolated (high detail) or of the nearest
+//! voxel (low detail).
+
+use glam::{DVec3, Vec3};
+
+use crate::volume::AIR_HU;
+
+use super::gradient::{Fit, Regression, Weighting, block};
+use super::space::Space;
+
+/// How voxels are turned into values between them. Places are grown voxel coordinates (see [`super::march`]).
+pub trait Sampler: Sync {
+    /// HU at `q`.
+    fn value(&self, q: Vec3) -> f32;
+    /// The 4D regression at `q`.
+    fn fit(&self, q: Vec3) -> Fit;
+}
+
+/// High detail: trilinear values, and the regressions of the eight nearest voxels interpolated.
+pub struct Trilinear<'a> {
+    space: &'a Space,
+    regression: Regression,
+}
+
+/// Low detail: everything is that of the nearest voxel.
+pub struct Nearest<'a> {
+    space: &'a Space,
+    regression: Regression,
+}
+
+impl<'a> Trilinear<'a> {
+    /// A sampler of `space`.
+    pub fn new(space: &'a Space) -> Self {
+        Self { space, regression: regression(space) }
+    }
+}
+
+impl<'a> Nearest<'a> {
+    /// A sampler of `space`.
+    pub fn new(space: &'a Space) -> Self {
+        Self { space, regression: regression(space) }
+    }
+}
+
+fn regression(space: &Space) -> Regression {
+    let spacing: DVec3 = space.volume().grid().spacing();
+    Regression::new(spacing, Weighting::InverseSquare)
+}
+
+/// The cell that `q` lies in, counted from cell −1, and the place within it.
+#[inline(always)]
+fn split(q: Vec3) -> ([i32; 3], Vec3) {
+    let cell = q.to_array().map(|c| c as i32);
+    (cell, q - Vec3::from_array(cell.map(|c| c as f32)))
+}
+
+/// The nearest voxel to `q`, counted from voxel −1.
+#[inline(always)]
+pub(crate) fn nearest(q: Vec3) -> [i32; 3] {
+    (q + 0.5).to_array().map(|c| c as i32)
+}
+
+impl Sampler for Trilinear<'_> {
+    #[inline(always)]
+    fn value(&self, q: Vec3) -> f32 {
+        let (cell, t) = split(q);
+        let [a, b, c, d, e, f, g, h] = corners(self.space, cell);
+        let mix = |a: i16, b: i16, t: f32| {
+            let a = f32::from(a);
+            a + (f32::from(b) - a) * t
+        };
+        let (ab, cd, ef, gh) = (mix(a, b, t.x), mix(c, d, t.x), mix(e, f, t.x), mix(g, h, t.x));
+        let (near, far) = (ab + (cd - ab) * t.y, ef + (gh - ef) * t.y);
+        near + (far - near) * t.z
+    }
+
+    #[inline(always)]
+    fn fit(&self, q: Vec3) -> Fit {
+        let (cell, t) = split(q);
+        self.regression.fit(&block(self.space.volume(), cell.map(|c| c - 2)), t)
+    }
+}
+
+impl Sampler for Nearest<'_> {
+    #[inline(always)]
+    fn value(&self, q: Vec3) -> f32 {
+        let volume = self.space.volume();
+        let dims = volume.grid().dims();
+        let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
+        let inside = i < dims[0] && j < dims[1] && k < dims[2];
+        f32::from(if inside { volume.data()[volume.grid().index(i, j, k)] } else { AIR_HU })
+    }
+
+    #[inline(always)]
+    fn fit(&self, q: Vec3) -> Fit {
+        self.regression.fit(&block(self.space.volume(), nearest(q).map(|c| c - 2)), Vec3::ZERO)
+    }
+}
+
+/// The corners of a cell counted from cell −1: x fastest, then y, then z; air outside the volume.
+#[inline(always)]
+fn corners(space: &Space, cell: [i32; 3]) -> [i16; 8] {
+    let volume = space.volume();
+    let dims = volume.grid().dims();
+    let inside = |a: usize| cell[a] >= 1 && (cell[a] as usize) < dims[a];
+    if inside(0) && inside(1) && inside(2) {
+        let [i, j, k] = cell.map(|c| c as usize - 1);
+        let n = volume.grid().index(i, j, k);
+        let (row, slice) = (dims[0], dims[0] * dims[1]);
+        let data = volume.data();
+        let pair = |n: usize| data[n..n + 2].first_chunk().copied().unwrap_or([AIR_HU; 2]);
+        let ([a, b], [c, d]) = (pair(n), pair(n + row));
+        let ([e, f], [g, h]) = (pair(n + slice), pair(n + slice + row));
+        [a, b, c, d, e, f, g, h]
+    } else {
+        let [i, j, k] = cell.map(|c| i64::from(c) - 1);
+        std::array::from_fn(|n| {
+            let n = n as i64;
+            volume.get(i + (n & 1), j + (n >> 1 & 1), k + (n >> 2))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DMat3;
+
+    use super::*;
+    use crate::math::hash;
+    use crate::render::{Wall, ray};
+    use crate::volume::{Grid, Volume};
+
+    #[test]
+    fn samples_are_those_of_the_exact_ray() {
+        let grid = Grid::new([5, 4, 6], DVec3::new(0.5, 0.7, 1.0), DVec3::ONE, DMat3::IDENTITY).unwrap();
+        let data = (0..grid.len() as u64).map(|n| (2000.0 * hash::uniform(1, n)) as i16 - 1000).collect();
+        let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+        for n in 0..3000 {
+            let u = |k| hash::uniform(n, k);
+            let q = Vec3::new(6.0 * u(0) as f32, 5.0 * u(1) as f32, 7.0 * u(2) as f32);
+            let exact = ray::trilinear(space.volume(), q.as_dvec3() - 1.0);
+            assert!((f64::from(Trilinear::new(&space).value(q)) - exact).abs() < 0.02, "{q}");
+            let voxel = (q - 0.5).floor();
+            let near = space.volume().get(voxel.x as i64, voxel.y as i64, voxel.z as i64);
+            assert_eq!(Nearest::new(&space).value(q), f32::from(near), "{q}");
+            let (low, high) = (Nearest::new(&space).fit(q), Trilinear::new(&space).fit(voxel + 1.0));
+            assert!((low.gradient - high.gradient).length() < 1e-3);
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Bytes of any element type to Hounsfield units.
+
+use rayon::prelude::*;
+
+use crate::volume::AIR_HU;
+
+/// The type of one stored voxel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Element {
+    U8,
+    I8,
+    U16,
+    I16,
+    U32,
+    I32,
+    U64,
+    I64,
+    F32,
+    F64,
+}
+
+impl Element {
+    /// Bytes of one voxel.
+    pub fn size(self) -> usize {
+        match self {
+            Self::U8 | Self::I8 => 1,
+            Self::U16 | Self::I16 => 2,
+            Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
+        }
+    }
+}
+
+/// How stored voxels become HU: `HU = slope · stored + intercept`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Encoding {
+    /// Type of a stored voxel.
+    pub element: Element,
+    /// Whether the most significant byte comes first.
+    pub big_endian: bool,
+    /// HU for each stored unit.
+    pub slope: f64,
+    /// HU of a stored zero.
+    pub intercept: f64,
+}
+
+/// Voxels that one task converts; small enough to share the work of one buffer among threads.
+const PIECE: usize = 1 << 16;
+
+impl Encoding {
+    /// Voxels that are HU as they stand.
+    pub fn plain(element: Element, big_endian: bool) -> Self {
+        Self { element, big_endian, slope: 1.0, intercept: 0.0 }
+    }
+
+    /// Converts as many voxels as `out` holds, rounding to the nearest HU (halves away from zero) and clamping to
+    /// `i16`; values that are not finite become [`AIR_HU`]. Returns how many those were.
+    pub fn convert(&self, bytes: &[u8], out: &mut [i16]) -> usize {
+        let size = self.element.size();
+        // Copying two-byte integers is as fast as memory; only the rest is worth sharing.
+        let cheap = size <= 2 && self.is_identity();
+        if cheap || out.len() <= PIECE {
+            return self.convert_piece(bytes, out);
+        }
+        // The sum of counts does not depend on the order in which threads finish.
+        bytes.par_chunks(PIECE * size).zip(out.par_chunks_mut(PIECE)).map(|(b, o)| self.convert_piece(b, o)).sum()
+    }
+
+    fn is_identity(&self) -> bool {
+        self.slope == 1.0 && self.intercept == 0.0
+    }
+
+    fn convert_piece(&self, bytes: &[u8], out: &mut [i16]) -> usize {
+        macro_rules! integer {
+            ($t:ty) => {{
+                let clamp = |v: $t| i16::try_from(v).unwrap_or(if v > 0 { i16::MAX } else { i16::MIN });
+                match (self.is_identity(), self.big_endian) {
+                    (true, false) => each(bytes, out, |b| clamp(<$t>::from_le_bytes(b))),
+                    (true, true) => each(bytes, out, |b| clamp(<$t>::from_be_bytes(b))),
+                    (false, false) => self.scaled(bytes, out, |b| <$t>::from_le_bytes(b) as f64),
+                    (false, true) => self.scaled(bytes, out, |b| <$t>::from_be_bytes(b) as f64),
+                }
+            }};
+        }
+        macro_rules! float {
+            ($t:ty) => {
+                if self.big_endian {
+                    self.scaled(bytes, out, |b| f64::from(<$t>::from_be_bytes(b)))
+                } else {
+                    self.scaled(bytes, out, |b| f64::from(<$t>::from_le_bytes(b)))
+                }
+            };
+        }
+        match self.element {
+            Element::U8 => integer!(u8),
+            Element::I8 => integer!(i8),
+            Element::U16 => integer!(u16),
+            Element::I16 => integer!(i16),
+            Element::U32 => integer!(u32),
+            Element::I32 => integer!(i32),
+            Element::U64 => integer!(u64),
+            Element::I64 => integer!(i64),
+            Element::F32 => float!(f32),
+            Element::F64 => float!(f64),
+        }
+    }
+
+    fn scaled<const N: usize>(&self, bytes: &[u8], out: &mut [i16], value: impl Fn([u8; N]) -> f64) -> usize {
+        let mut strange = 0;
+        for (o, b) in out.iter_mut().zip(bytes.as_chunks::<N>().0) {
+            let hu = value(*b) * self.slope + self.intercept;
+            strange += usize::from(!hu.is_finite());
+            *o = to_hu(hu);
+        }
+        strange
+    }
+}
+
+/// The nearest `i16` HU; [`AIR_HU`] for what is not finite.
+#[inline]
+pub fn to_hu(hu: f64) -> i16 {
+    // A float-to-integer cast saturates, which is the clamp.
+    if hu.is_finite() { (hu + 0.5f64.copysign(hu)) as i16 } else { AIR_HU }
+}
+
+fn each<const N: usize>(bytes: &[u8], out: &mut [i16], value: impl Fn([u8; N]) -> i16) -> usize {
+    for (o, b) in out.iter_mut().zip(bytes.as_chunks::<N>().0) {
+        *o = value(*b);
+    }
+    0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn one(element: Element, bytes: &[u8], slope: f64, intercept: f64) -> (i16, usize) {
+        let mut out = [0];
+        let le = Encoding { element, big_endian: false, slope, intercept };
+        let n = le.convert(bytes, &mut out);
+        let mut reversed = bytes.to_vec();
+        reversed.reverse();
+        let mut other = [0];
+        let be = Encoding { big_endian: true, ..le };
+        assert_eq!(be.convert(&reversed, &mut other), n);
+        assert_eq!(out, other, "both byte orders must agree");
+        (out[0], n)
+    }
+
+    #[test]
+    fn every_type_clamps_and_rounds() {
+        assert_eq!(one(Element::U8, &[200], 1.0, 0.0).0, 200);
+        assert_eq!(one(Element::I8, &[200], 1.0, 0.0).0, -56);
+        assert_eq!(one(Element::U16, &65000u16.to_le_bytes(), 1.0, 0.0).0, i16::MAX);
+        assert_eq!(one(Element::U16, &1000u16.to_le_bytes(), 1.0, -1024.0).0, -24);
+        assert_eq!(one(Element::I32, &(-70000i32).to_le_bytes(), 1.0, 0.0).0, i16::MIN);
+        assert_eq!(one(Element::U32, &u32::MAX.to_le_bytes(), 1.0, 0.0).0, i16::MAX);
+        assert_eq!(one(Element::I64, &i64::MIN.to_le_bytes(), 1.0, 0.0).0, i16::MIN);
+        assert_eq!(one(Element::U64, &u64::MAX.to_le_bytes(), 1.0, 0.0).0, i16::MAX);
+        assert_eq!(one(Element::F32, &(-2.5f32).to_le_bytes(), 1.0, 0.0).0, -3);
+        assert_eq!(one(Element::F64, &1e300f64.to_le_bytes(), 1.0, 0.0).0, i16::MAX);
+        assert_eq!(one(Element::F64, &3.0f64.to_le_bytes(), 0.5, 0.25).0, 2);
+    }
+
+    #[test]
+    fn what_is_not_finite_is_air_and_counted() {
+        for v in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert_eq!(one(Element::F32, &v.to_le_bytes(), 1.0, 0.0), (AIR_HU, 1));
+        }
+        assert_eq!(one(Element::U64, &u64::MAX.to_le_bytes(), 1e300, 0.0), (AIR_HU, 1), "overflow of the scale");
+    }
+
+    proptest! {
+        #[test]
+        fn pieces_do_not_show(values in proptest::collection::vec(-40000i32..40000, 1..200), slope in 0.1f64..4.0) {
+            let e = Encoding { element: Element::I32, big_endian: false, slope, intercept: -7.0 };
+            let many: Vec<i32> = values.iter().copied().cycle().take(PIECE * 2 + 77).collect();
+            let bytes: Vec<u8> = many.iter().flat_map(|v| v.to_le_bytes()).collect();
+            let mut out = vec![0; many.len()];
+            prop_assert_eq!(e.convert(&bytes, &mut out), 0);
+            for (v, o) in many.iter().zip(&out) {
+                let hu = f64::from(*v) * slope - 7.0;
+                prop_assert!((f64::from(*o) - hu.clamp(-32768.0, 32767.0)).abs() <= 0.5 + 1e-9);
+            }
+        }
+    }
+}

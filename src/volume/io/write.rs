@@ -1,0 +1,182 @@
+//! Writing scans and masks.
+
+use std::ffi::OsString;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::deflate::{self, BLOCK};
+use super::{metaimage, nifti, nrrd};
+use crate::error::{Error, Kind, Result};
+use crate::output::{Whole, cannot};
+use crate::progress::Progress;
+use crate::volume::Grid;
+
+/// The voxels to write.
+#[derive(Clone, Copy)]
+pub enum Voxels<'a> {
+    /// HU.
+    Scan(&'a [i16]),
+    /// Labels of a mask.
+    Labels(&'a [u8]),
+}
+
+impl Voxels<'_> {
+    fn bytes(self) -> usize {
+        match self {
+            Self::Scan(v) => size_of_val(v),
+            Self::Labels(v) => v.len(),
+        }
+    }
+
+    fn blocks(self) -> usize {
+        self.bytes().div_ceil(BLOCK)
+    }
+
+    /// The little-endian bytes of one block.
+    fn block(self, k: usize) -> Vec<u8> {
+        let (from, to) = (k * BLOCK, self.bytes().min((k + 1) * BLOCK));
+        match self {
+            Self::Scan(v) => v[from / 2..to / 2].iter().flat_map(|x| x.to_le_bytes()).collect(),
+            Self::Labels(v) => v[from..to].to_vec(),
+        }
+    }
+}
+
+enum Format {
+    Nifti { gzip: bool },
+    Mha,
+    Mhd,
+    Nrrd,
+    Nhdr,
+}
+
+fn format(path: &Path) -> Result<Format> {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let known = [
+        (".nii.gz", Format::Nifti { gzip: true }),
+        (".nii", Format::Nifti { gzip: false }),
+        (".mha", Format::Mha),
+        (".mhd", Format::Mhd),
+        (".nrrd", Format::Nrrd),
+        (".nhdr", Format::Nhdr),
+    ];
+    known
+        .into_iter()
+        .find(|(ending, _)| name.ends_with(ending) && name.len() > ending.len())
+        .map(|(_, f)| f)
+        .ok_or_else(|| {
+            Error::usage(
+                path.display().to_string(),
+                "its ending names no format that can be written",
+                "end it in .nii, .nii.gz, .mha, .mhd, .nrrd or .nhdr",
+            )
+        })
+}
+
+/// Writes voxels on a grid in the format that the path's ending names; each file whole or not at all.
+///
+/// # Errors
+/// Status 2 for an unknown ending, 4 when cancelled, 5 when it cannot be written.
+pub fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progress) -> Result<()> {
+    let format = format(path)?;
+    let labels = matches!(voxels, Voxels::Labels(_));
+    progress.stage("writing", voxels.bytes() as u64);
+    let nifti = || {
+        nifti::header(grid, labels)
+            .map_err(|why| Error::new(Kind::Output, path.display().to_string(), why, "write .nrrd or .mha instead"))
+    };
+    match format {
+        Format::Nifti { gzip: true } => one(path, |w| packed(w, &nifti()?, voxels, progress)),
+        Format::Nifti { gzip: false } => one(path, |w| plain(w, &nifti()?, voxels, progress)),
+        Format::Mha => one(path, |w| {
+            plain(w, metaimage::header(grid, labels, "LOCAL").as_bytes(), voxels, progress).map_err(Fail::from)
+        }),
+        Format::Nrrd => one(path, |w| {
+            w.write_all(nrrd::header(grid, labels, None).as_bytes())?;
+            packed(w, &[], voxels, progress)
+        }),
+        Format::Mhd => {
+            let (data, name) = beside(path, "raw")?;
+            let header = metaimage::header(grid, labels, &name);
+            two(path, header.as_bytes(), &data, |w| plain(w, &[], voxels, progress))
+        }
+        Format::Nhdr => {
+            let (data, name) = beside(path, "raw.gz")?;
+            let header = nrrd::header(grid, labels, Some(&name));
+            two(path, header.as_bytes(), &data, |w| packed(w, &[], voxels, progress))
+        }
+    }
+}
+
+/// The data file beside a header, and its name as the header tells it.
+fn beside(path: &Path, ending: &str) -> Result<(PathBuf, String)> {
+    let mut name: OsString = path.file_stem().unwrap_or_default().to_owned();
+    name.push(".");
+    name.push(ending);
+    let text = name.to_str().filter(|n| !n.contains(['\n', '\r', '%']) && n.trim() == *n).map(str::to_owned);
+    let text = text.ok_or_else(|| Error::output(path, "its name cannot stand in a header", "choose a plain name"))?;
+    Ok((path.with_file_name(name), text))
+}
+
+/// A failure of either kind; both end as the program's own.
+enum Fail {
+    Own(Error),
+    Io(io::Error),
+}
+
+impl From<Error> for Fail {
+    fn from(e: Error) -> Self {
+        Self::Own(e)
+    }
+}
+
+impl From<io::Error> for Fail {
+    fn from(e: io::Error) -> Self {
+        Self::Io(e)
+    }
+}
+
+impl Fail {
+    fn about(self, path: &Path) -> Error {
+        match self {
+            Self::Own(e) => e,
+            Self::Io(e) => cannot(path, &e),
+        }
+    }
+}
+
+fn one(path: &Path, fill: impl FnOnce(&mut Whole) -> std::result::Result<(), Fail>) -> Result<()> {
+    let mut file = Whole::create(path)?;
+    fill(&mut file).map_err(|e| e.about(path))?;
+    file.finish()
+}
+
+/// A header and its data: both are complete before either appears, the data first.
+fn two(
+    path: &Path,
+    header: &[u8],
+    data: &Path,
+    fill: impl FnOnce(&mut Whole) -> std::result::Result<(), Fail>,
+) -> Result<()> {
+    let mut first = Whole::create(data)?;
+    let mut second = Whole::create(path)?;
+    fill(&mut first).map_err(|e| e.about(data))?;
+    second.write_all(header).map_err(|e| cannot(path, &e))?;
+    first.finish()?;
+    second.finish()
+}
+
+fn plain(sink: &mut dyn Write, header: &[u8], voxels: Voxels, progress: &Progress) -> std::result::Result<(), Fail> {
+    sink.write_all(header)?;
+    for k in 0..voxels.blocks() {
+        let block = voxels.block(k);
+        sink.write_all(&block)?;
+        progress.advance(block.len() as u64)?;
+    }
+    Ok(())
+}
+
+fn packed(sink: &mut dyn Write, header: &[u8], voxels: Voxels, progress: &Progress) -> std::result::Result<(), Fail> {
+    let make = |k: usize| voxels.block(k);
+    Ok(deflate::gzip(sink, header, voxels.blocks(), &make, progress)?)
+}

@@ -1,0 +1,149 @@
+//! What the tests of reading and writing share: headers built byte by byte, and small volumes.
+
+use std::path::PathBuf;
+
+use colvis::progress::Progress;
+use colvis::volume::io::{self, LoadOptions, Loaded};
+use colvis::volume::{Grid, Volume};
+use glam::{DMat3, DVec3};
+
+/// Where the test data is, if it is there.
+pub fn data(name: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("COLVIS_TEST_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
+    let path = folder.join(name);
+    if path.exists() {
+        Some(path)
+    } else {
+        eprintln!("skipped: {name} is not in the test data");
+        None
+    }
+}
+
+/// Loads with default options.
+pub fn load(path: &std::path::Path) -> colvis::error::Result<Loaded> {
+    io::load(path, &LoadOptions::default(), &Progress::new())
+}
+
+/// A NIfTI-1 file of which every field can be changed.
+#[derive(Clone)]
+pub struct Nifti {
+    pub big: bool,
+    pub version: u8,
+    pub dim: [i64; 8],
+    pub datatype: i16,
+    pub bitpix: i16,
+    pub pixdim: [f64; 8],
+    pub vox_offset: f64,
+    pub slope: f64,
+    pub inter: f64,
+    pub units: u8,
+    pub qform_code: i16,
+    pub sform_code: i16,
+    pub quatern: [f64; 3],
+    pub qoffset: [f64; 3],
+    pub srow: [[f64; 4]; 3],
+    pub magic: &'static [u8],
+    /// Voxels as they stand in the file.
+    pub data: Vec<u8>,
+}
+
+impl Nifti {
+    /// 4×3×2 `i16` voxels 0, 1, 2, …, sform only.
+    pub fn small() -> Self {
+        Self {
+            big: false,
+            version: 1,
+            dim: [3, 4, 3, 2, 1, 1, 1, 1],
+            datatype: 4,
+            bitpix: 16,
+            pixdim: [1.0, 0.5, 0.75, 2.0, 0.0, 0.0, 0.0, 0.0],
+            vox_offset: 352.0,
+            slope: 0.0,
+            inter: 0.0,
+            units: 2,
+            qform_code: 0,
+            sform_code: 1,
+            quatern: [0.0; 3],
+            qoffset: [0.0; 3],
+            srow: [[-0.5, 0.0, 0.0, 10.0], [0.0, -0.75, 0.0, 20.0], [0.0, 0.0, 2.0, 30.0]],
+            magic: b"n+1\0",
+            data: (0..24i16).flat_map(i16::to_le_bytes).collect(),
+        }
+    }
+
+    /// The file.
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut out = self.header();
+        out.extend(&self.data);
+        out
+    }
+
+    /// The header, up to `vox_offset` where that is sensible.
+    pub fn header(&self) -> Vec<u8> {
+        let one = self.version == 1;
+        let mut h = vec![0u8; if one { 352 } else { 544 }];
+        let big = self.big;
+        let mut put = |o: usize, b: &[u8]| {
+            let mut b = b.to_vec();
+            if big {
+                b.reverse();
+            }
+            h[o..o + b.len()].copy_from_slice(&b);
+        };
+        if one {
+            put(0, &348i32.to_le_bytes());
+            self.dim.iter().enumerate().for_each(|(k, d)| put(40 + 2 * k, &(*d as i16).to_le_bytes()));
+            put(70, &self.datatype.to_le_bytes());
+            put(72, &self.bitpix.to_le_bytes());
+            self.pixdim.iter().enumerate().for_each(|(k, d)| put(76 + 4 * k, &(*d as f32).to_le_bytes()));
+            put(108, &(self.vox_offset as f32).to_le_bytes());
+            put(112, &(self.slope as f32).to_le_bytes());
+            put(116, &(self.inter as f32).to_le_bytes());
+            put(123, &[self.units]);
+            put(252, &self.qform_code.to_le_bytes());
+            put(254, &self.sform_code.to_le_bytes());
+            let rest = self.quatern.iter().chain(&self.qoffset).chain(self.srow.iter().flatten());
+            rest.enumerate().for_each(|(k, d)| put(256 + 4 * k, &(*d as f32).to_le_bytes()));
+            h[344..344 + self.magic.len()].copy_from_slice(self.magic);
+        } else {
+            put(0, &540i32.to_le_bytes());
+            put(12, &self.datatype.to_le_bytes());
+            put(14, &self.bitpix.to_le_bytes());
+            self.dim.iter().enumerate().for_each(|(k, d)| put(16 + 8 * k, &d.to_le_bytes()));
+            self.pixdim.iter().enumerate().for_each(|(k, d)| put(104 + 8 * k, &d.to_le_bytes()));
+            put(168, &(self.vox_offset as i64).to_le_bytes());
+            put(176, &self.slope.to_le_bytes());
+            put(184, &self.inter.to_le_bytes());
+            put(344, &i32::from(self.qform_code).to_le_bytes());
+            put(348, &i32::from(self.sform_code).to_le_bytes());
+            let rest = self.quatern.iter().chain(&self.qoffset).chain(self.srow.iter().flatten());
+            rest.enumerate().for_each(|(k, d)| put(352 + 8 * k, &d.to_le_bytes()));
+            put(500, &i32::from(self.units).to_le_bytes());
+            h[4..4 + self.magic.len()].copy_from_slice(self.magic);
+        }
+        h
+    }
+}
+
+/// gzip.
+pub fn gz(bytes: &[u8]) -> Vec<u8> {
+    use std::io::Write;
+    let mut e = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    e.write_all(bytes).unwrap();
+    e.finish().unwrap()
+}
+
+/// zlib.
+pub fn zlib(bytes: &[u8]) -> Vec<u8> {
+    use std::io::Write;
+    let mut e = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::fast());
+    e.write_all(bytes).unwrap();
+    e.finish().unwrap()
+}
+
+/// A volume whose values tell their place.
+pub fn ramp(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Volume {
+    let grid = Grid::new(dims, spacing, origin, direction).unwrap();
+    let data = (0..grid.len()).map(|i| (i as i64 * 37 % 3000 - 1000) as i16).collect();
+    Volume::new(grid, data)
+}
