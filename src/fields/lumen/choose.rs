@@ -47,10 +47,13 @@ pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Fram
     // Bubbles by the thousand need no closer look: the largest piece that passes decides what is kept.
     inside.truncate(8 * MOST);
     let samples = sample(rows, &inside, components);
-    let looked: Vec<Option<i32>> = inside
+    let looked: Vec<Option<i32>> = samples
         .par_iter()
-        .zip(&samples)
-        .map(|(_, probes)| is_enclosed(volume, frame, probes).then(|| median(volume, probes)))
+        .map(|probes| {
+            let median = median(volume, probes);
+            // Brighter than lung can be, however dark the scan's gas is: no need to look around.
+            (median <= GAS_AT_MOST + LUNG_ABOVE_GAS && is_enclosed(volume, frame, probes)).then_some(median)
+        })
         .collect();
     let seen: Vec<(u32, i32)> = inside.iter().zip(looked).filter_map(|(&c, m)| Some((c, m?))).collect();
     let ample = |&&(c, _): &&(u32, i32)| ml(c) >= AMPLE_ML;

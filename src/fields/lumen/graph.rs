@@ -5,10 +5,14 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::ops::Range;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::runs::{Rows, Run, Sets, touching};
+use crate::error::Result;
+use crate::progress::Progress;
 use crate::volume::Grid;
 
 /// Least side of a cell, mm.
@@ -45,54 +49,97 @@ pub(super) struct Ways {
     pub before: Vec<u32>,
 }
 
-impl Graph {
-    /// The map of labelled gas.
-    pub fn of(grid: &Grid, rows: &Rows) -> Self {
-        let side: [usize; 3] = std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1));
-        let (cut, offsets) = cut(rows, side[0] as u32);
-        let [_, ny, nz] = rows.dims();
-        let row = |j: usize, k: usize| offsets[j + ny * k] as usize..offsets[j + ny * k + 1] as usize;
-        let mut sets = Sets::new(cut.len());
-        let mut contacts: Vec<(u32, u32)> = Vec::new();
-        for k in 0..nz {
-            for j in 0..ny {
-                let here = row(j, k);
-                for (a, pair) in cut[here.clone()].windows(2).enumerate() {
-                    if pair[0].end == pair[1].start && pair[0].label == pair[1].label {
-                        contacts.push(((here.start + a) as u32, (here.start + a + 1) as u32));
-                    }
+/// What a run of Dijkstra's algorithm finds.
+#[derive(Debug)]
+struct Spread {
+    cost: Vec<f64>,
+    /// The node before every node.
+    before: Vec<u32>,
+    /// The nodes in the order they were reached.
+    settled: Vec<u32>,
+}
+
+/// The sum of a node's voxel indices, how many they are, and their label.
+type Sum = (DVec3, u32, u32);
+
+/// One layer of cells.
+#[derive(Debug, Default)]
+struct Slab {
+    sums: Vec<Sum>,
+    /// Pairs of its own nodes that touch, each once.
+    links: Vec<(u32, u32)>,
+    /// Its first and its last slice, whose runs are labelled with the slab's nodes.
+    faces: [Slice; 2],
+}
+
+/// The cut runs of a slice, and where each row begins.
+#[derive(Clone, Debug, Default)]
+struct Slice {
+    runs: Vec<Run>,
+    offsets: Vec<usize>,
+}
+
+impl Slice {
+    fn row(&self, j: usize) -> &[Run] {
+        &self.runs[self.offsets[j]..self.offsets[j + 1]]
+    }
+
+    /// Runs cut at every `side` voxels, labelled with their number counted from `first`.
+    fn cut(rows: &Rows, k: usize, side: u32, first: u32) -> Self {
+        let mut out = Self { runs: Vec::new(), offsets: vec![0] };
+        for j in 0..rows.dims()[1] {
+            for r in rows.row(j, k) {
+                let mut start = r.start;
+                while start < r.end {
+                    let end = ((start / side + 1) * side).min(r.end);
+                    out.runs.push(Run { start, end, label: first + out.runs.len() as u32 });
+                    start = end;
                 }
-                let beside = [
-                    (j > 0).then(|| (row(j - 1, k), (j - 1) / side[1] == j / side[1])),
-                    (k > 0).then(|| (row(j, k - 1), (k - 1) / side[2] == k / side[2])),
-                ];
-                for (other, same) in beside.into_iter().flatten() {
-                    touching(&cut[other.clone()], &cut[here.clone()], |a, b| {
-                        if cut[other.start + a].label != cut[here.start + b].label {
-                            return;
-                        }
-                        // Pieces were cut at cell sides, so two that overlap in x lie in the same column of cells.
-                        let (a, b) = ((other.start + a) as u32, (here.start + b) as u32);
-                        if same {
-                            sets.join(a, b);
-                        } else {
-                            contacts.push((a, b));
-                        }
+            }
+            out.offsets.push(out.runs.len());
+        }
+        out
+    }
+}
+
+impl Graph {
+    /// The map of labelled gas, in which runs of different labels never touch.
+    pub fn of(grid: &Grid, rows: &Rows, progress: &Progress) -> Result<Self> {
+        let side: [usize; 3] = std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1));
+        let [_, ny, nz] = rows.dims();
+        let slabs: Vec<Slab> = (0..nz.div_ceil(side[2]))
+            .into_par_iter()
+            .map(|s| {
+                progress.check()?;
+                Ok(slab(rows, side, s * side[2]..((s + 1) * side[2]).min(nz)))
+            })
+            .collect::<Result<_>>()?;
+        let mut sums: Vec<Sum> = Vec::with_capacity(slabs.iter().map(|s| s.sums.len()).sum());
+        let mut links = Vec::new();
+        let mut below: Option<(u32, Slice)> = None;
+        for slab in slabs {
+            let base = sums.len() as u32;
+            links.extend(slab.links.iter().map(|&(a, b)| (base + a, base + b)));
+            let [first, last] = slab.faces;
+            if let Some((base_below, below)) = &below {
+                for j in 0..ny {
+                    touching(below.row(j), first.row(j), |a, b| {
+                        links.push((base_below + below.row(j)[a].label, base + first.row(j)[b].label));
                     });
                 }
             }
+            below = Some((base, last));
+            sums.extend(slab.sums);
         }
-        let (of_piece, count) = sets.numbered();
-        let mut graph =
-            Self::linked(count, contacts.iter().map(|&(a, b)| (of_piece[a as usize], of_piece[b as usize])));
-        drop(contacts);
-        graph.measure(grid, side, &of_piece, &cut, &offsets, ny);
-        graph
+        let mut graph = Self::linked(sums.len(), &links);
+        drop(links);
+        graph.measure(grid, side, sums);
+        Ok(graph)
     }
 
-    fn linked(count: usize, contacts: impl Iterator<Item = (u32, u32)>) -> Self {
-        let mut links: Vec<(u32, u32)> = contacts.flat_map(|(a, b)| [(a, b), (b, a)]).collect();
-        links.sort_unstable();
+    fn linked(count: usize, links: &[(u32, u32)]) -> Self {
+        let mut links: Vec<(u32, u32)> = links.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
+        links.par_sort_unstable();
         links.dedup();
         let mut first = vec![0; count + 1];
         for l in &links {
@@ -105,19 +152,7 @@ impl Graph {
     }
 
     /// Fills in centres and clearances.
-    fn measure(&mut self, grid: &Grid, side: [usize; 3], of_piece: &[u32], cut: &[Run], offsets: &[u32], ny: usize) {
-        let count = self.first.len() - 1;
-        let mut sums = vec![(DVec3::ZERO, 0u32, 0u32); count];
-        for (r, w) in offsets.windows(2).enumerate() {
-            let (j, k) = ((r % ny) as f64, (r / ny) as f64);
-            for n in w[0]..w[1] {
-                let (p, s) = (cut[n as usize], &mut sums[of_piece[n as usize] as usize]);
-                let middle = f64::from(p.start + p.end - 1) / 2.0;
-                s.0 += DVec3::new(middle, j, k) * f64::from(p.len());
-                s.1 += p.len();
-                s.2 = p.label;
-            }
-        }
+    fn measure(&mut self, grid: &Grid, side: [usize; 3], sums: Vec<Sum>) {
         let full = side.iter().product::<usize>() as f64;
         let half = (0..3).map(|a| side[a] as f64 * grid.spacing()[a]).fold(f64::MAX, f64::min) / 2.0;
         // A node that does not fill its cell has the wall in it; how much of the cell it fills says how near.
@@ -130,8 +165,8 @@ impl Graph {
             })
             .collect();
         let walls: Vec<(u32, f64)> =
-            (0..count as u32).map(|n| (n, self.nodes[n as usize].clearance)).filter(|w| w.1.is_finite()).collect();
-        let distance = self.spread(&walls, |_, _| 1.0).0;
+            (0u32..).zip(&self.nodes).map(|(n, node)| (n, node.clearance)).filter(|w| w.1.is_finite()).collect();
+        let distance = self.spread(&walls, |_, _| 1.0).cost;
         for (node, d) in self.nodes.iter_mut().zip(distance) {
             node.clearance = if d.is_finite() { d } else { half };
         }
@@ -152,7 +187,7 @@ impl Graph {
             let clear = (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance) / 2.0;
             1.0 + (NARROW_MM / clear.max(0.5)).powi(2)
         };
-        let (_, before, settled) = self.spread_ordered(&[(start, 0.0)], weight);
+        let Spread { before, settled, .. } = self.spread(&[(start, 0.0)], weight);
         let mut length = vec![f64::INFINITY; self.nodes.len()];
         for n in settled {
             let b = before[n as usize];
@@ -162,14 +197,9 @@ impl Graph {
         Ways { length, before }
     }
 
-    fn spread(&self, from: &[(u32, f64)], weight: impl Fn(u32, u32) -> f64) -> (Vec<f64>, Vec<u32>) {
-        let (cost, before, _) = self.spread_ordered(from, weight);
-        (cost, before)
-    }
-
-    /// Dijkstra's algorithm over neighbours and their neighbours, so that a way may run diagonally through cells:
-    /// costs, the nodes before, and the nodes in the order they were reached. Ties go to the smaller node.
-    fn spread_ordered(&self, from: &[(u32, f64)], weight: impl Fn(u32, u32) -> f64) -> (Vec<f64>, Vec<u32>, Vec<u32>) {
+    /// Dijkstra's algorithm over neighbours and their neighbours, so that a way may run diagonally through cells. Ties
+    /// go to the smaller node.
+    fn spread(&self, from: &[(u32, f64)], weight: impl Fn(u32, u32) -> f64) -> Spread {
         let count = self.nodes.len();
         let mut cost = vec![f64::INFINITY; count];
         let mut before: Vec<u32> = (0..count as u32).collect();
@@ -205,33 +235,63 @@ impl Graph {
                 }
             }
         }
-        (cost, before, settled)
-    }
-
-    /// Size in memory.
-    pub fn bytes(&self) -> usize {
-        self.nodes.capacity() * size_of::<Node>() + (self.first.capacity() + self.neighbours.capacity()) * 4
+        Spread { cost, before, settled }
     }
 }
 
-/// Runs cut at every `side` voxels, and where each row begins.
-fn cut(rows: &Rows, side: u32) -> (Vec<Run>, Vec<u32>) {
-    let [_, ny, nz] = rows.dims();
-    let mut out = Vec::new();
-    let mut offsets = Vec::with_capacity(ny * nz + 1);
-    offsets.push(0);
-    for k in 0..nz {
+/// The layer of cells that consists of the slices `ks`.
+fn slab(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> Slab {
+    let ny = rows.dims()[1];
+    let mut slices: Vec<Slice> = Vec::with_capacity(ks.len());
+    let mut count = 0;
+    for k in ks.clone() {
+        slices.push(Slice::cut(rows, k, side[0] as u32, count));
+        count += slices[slices.len() - 1].runs.len() as u32;
+    }
+    let mut sets = Sets::new(count as usize);
+    let mut contacts: Vec<(u32, u32)> = Vec::new();
+    for (n, slice) in slices.iter().enumerate() {
         for j in 0..ny {
-            for r in rows.row(j, k) {
-                let mut start = r.start;
-                while start < r.end {
-                    let end = ((start / side + 1) * side).min(r.end);
-                    out.push(Run { start, end, ..*r });
-                    start = end;
-                }
+            let here = slice.row(j);
+            contacts.extend(here.windows(2).filter(|w| w[0].end == w[1].start).map(|w| (w[0].label, w[1].label)));
+            // Runs were cut at cell sides, so two that share an x lie in the same column of cells.
+            if n > 0 {
+                let other = slices[n - 1].row(j);
+                touching(other, here, |a, b| sets.join(other[a].label, here[b].label));
             }
-            offsets.push(out.len() as u32);
+            if j > 0 {
+                let other = slice.row(j - 1);
+                let same = (j - 1) / side[1] == j / side[1];
+                touching(other, here, |a, b| {
+                    let (a, b) = (other[a].label, here[b].label);
+                    if same { sets.join(a, b) } else { contacts.push((a, b)) }
+                });
+            }
         }
     }
-    (out, offsets)
+    let (node, nodes) = sets.numbered();
+    let mut sums: Vec<Sum> = vec![(DVec3::ZERO, 0, 0); nodes];
+    for (k, slice) in ks.zip(&mut slices) {
+        for j in 0..ny {
+            for n in slice.offsets[j]..slice.offsets[j + 1] {
+                let run = &mut slice.runs[n];
+                run.label = node[run.label as usize];
+                let sum = &mut sums[run.label as usize];
+                let middle = f64::from(run.start + run.end - 1) / 2.0;
+                sum.0 += DVec3::new(middle, j as f64, k as f64) * f64::from(run.len());
+                sum.1 += run.len();
+                sum.2 = rows.find(i64::from(run.start), j as i64, k as i64).map_or(0, |r| r.label);
+            }
+        }
+    }
+    let mut links: Vec<(u32, u32)> = contacts
+        .iter()
+        .map(|&(a, b)| (node[a as usize], node[b as usize]))
+        .map(|(a, b)| (a.min(b), a.max(b)))
+        .collect();
+    links.sort_unstable();
+    links.dedup();
+    let last = slices.pop().unwrap_or_default();
+    let first = if slices.is_empty() { last.clone() } else { slices.swap_remove(0) };
+    Slab { sums, links, faces: [first, last] }
 }

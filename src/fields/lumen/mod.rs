@@ -7,11 +7,15 @@
 
 mod choose;
 mod ends;
+mod fluid;
 mod frame;
 mod graph;
 mod grow;
 mod order;
+mod residue;
 mod runs;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -24,6 +28,8 @@ use graph::Graph;
 use order::{Body, Link};
 use runs::Rows;
 
+pub use residue::{Remnant, Residue, residue};
+
 /// At or below this a voxel is gas, HU: the middle of the wall's opacity ramp.
 pub const GAS_HU: i16 = -650;
 /// At or below this gas connects, HU: the foot of the opacity ramp. A wall of one voxel between two loops is blurred to
@@ -33,8 +39,8 @@ pub const CORE_HU: i16 = -800;
 const GROWTH: usize = 3;
 /// A point of the lumen is looked for this far from the one given, mm.
 const SNAP_MM: f64 = 5.0;
-/// A segment to fly through is at least this long, mm …
-const FLYABLE_MM: f64 = 150.0;
+/// A segment to fly through is at least this long, mm, unless it is part of a colon that is known from rectum to cecum …
+const FLYABLE_MM: f64 = 250.0;
 /// … and holds at least this much gas, ml.
 const FLYABLE_ML: f64 = 20.0;
 
@@ -65,6 +71,7 @@ pub struct Lumen {
     pub ordered: bool,
     grid: Grid,
     gas: Rows,
+    fluid: Rows,
 }
 
 /// Finds the colon's gas, its segments, their ends and order. No seed is needed. A scan without any has no segments, which
@@ -79,7 +86,7 @@ pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {
     let chosen = choose::colon(volume, &rows, components, frame);
     let core = rows.select(|c| chosen.iter().position(|&o| o == c).map(|n| n as u32));
     drop(rows);
-    lumen(volume, core, chosen.len(), progress)
+    lumen(volume, core, chosen.len(), frame, progress)
 }
 
 /// The gas that contains `world` (mm), or comes within 5 mm of it, whatever its size, as a lumen of one segment with its
@@ -97,23 +104,35 @@ pub fn gas_at(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Opti
     }
     let core = rows.select(|c| (c == label).then_some(0));
     drop(rows);
-    lumen(volume, core, 1, progress).map(Some)
+    lumen(volume, core, 1, frame, progress).map(Some)
 }
 
 /// A lumen of the cores labelled 0 to `count` − 1, the largest first.
-fn lumen(volume: &Volume, core: Rows, count: usize, progress: &Progress) -> Result<Lumen> {
+fn lumen(volume: &Volume, core: Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Lumen> {
     let grid = volume.grid();
-    let graph = Graph::of(grid, &core);
+    let graph = Graph::of(grid, &core, progress)?;
     let gas = grow::grow(volume, core, GAS_HU, GROWTH, progress)?;
-    let found: Vec<Option<ends::Ends>> = (0..count as u32)
-        .into_par_iter()
-        .map(|label| {
-            progress.check()?;
-            Ok(ends::ends(grid, &gas, &graph, label))
-        })
-        .collect::<Result<_>>()?;
+    let (found, fluid) = rayon::join(
+        || {
+            (0..count as u32)
+                .into_par_iter()
+                .map(|label| {
+                    progress.check()?;
+                    Ok(ends::ends(grid, &gas, &graph, label))
+                })
+                .collect::<Result<Vec<_>>>()
+        },
+        || fluid::find(volume, &gas, count, frame, progress),
+    );
+    let (found, fluid) = (found?, fluid?);
     drop(graph);
     let mut segments = measured(grid, &gas, count);
+    for r in fluid.rows.runs() {
+        segments[r.label as usize].fluid_ml += f64::from(r.len()) * grid.voxel_ml();
+    }
+    for (s, joined) in segments.iter_mut().zip(fluid.joined) {
+        s.joined_to = joined;
+    }
     for (s, e) in segments.iter_mut().zip(found) {
         // Every component has voxels, hence nodes, hence ends.
         if let Some(e) = e {
@@ -143,8 +162,8 @@ fn lumen(volume: &Volume, core: Rows, count: usize, progress: &Progress) -> Resu
             segment
         })
         .collect();
-    let gas = gas.select(|label| Some(place[label as usize]));
-    Ok(Lumen { segments, ordered: order.trusted, grid: grid.clone(), gas })
+    let [gas, fluid] = [gas, fluid.rows].map(|rows| rows.select(|label| Some(place[label as usize])));
+    Ok(Lumen { segments, ordered: order.trusted, grid: grid.clone(), gas, fluid })
 }
 
 /// Volume and bounds of each label.
@@ -188,9 +207,11 @@ impl Lumen {
     /// One byte for each voxel, x fastest: 0 outside, 1 gas, 2 tagged fluid.
     pub fn mask(&self) -> Vec<u8> {
         let mut out = vec![0; self.grid.len()];
-        for (j, k, r) in self.gas.iter() {
-            let row = self.grid.index(0, j, k);
-            out[row + r.start as usize..row + r.end as usize].fill(1);
+        for (value, rows) in [(1, &self.gas), (2, &self.fluid)] {
+            for (j, k, r) in rows.iter() {
+                let row = self.grid.index(0, j, k);
+                out[row + r.start as usize..row + r.end as usize].fill(value);
+            }
         }
         out
     }
@@ -202,7 +223,8 @@ impl Lumen {
 
     /// The largest segment, if it is a colon to fly through: long, and well filled with gas.
     pub fn main_segment(&self) -> Option<usize> {
-        self.largest().filter(|&s| self.segments[s].length_mm >= FLYABLE_MM && self.segments[s].ml >= FLYABLE_ML)
+        let is_long = |s: usize| self.ordered || self.segments[s].length_mm >= FLYABLE_MM;
+        self.largest().filter(|&s| is_long(s) && self.segments[s].ml >= FLYABLE_ML)
     }
 
     /// Whether there is a colon to fly through without being told where.
@@ -222,6 +244,6 @@ impl Lumen {
 
     /// Size in memory.
     pub fn bytes(&self) -> usize {
-        self.gas.bytes() + self.segments.capacity() * size_of::<Segment>()
+        self.gas.bytes() + self.fluid.bytes() + self.segments.capacity() * size_of::<Segment>()
     }
 }

@@ -17,11 +17,16 @@ const WIDEST_GAP_MM: f64 = 150.0;
 /// The least length from end to end for the order to be trusted, mm.
 const LEAST_COLON_MM: f64 = 400.0;
 
+/// The rectum lies within this share of the scanned body's height, from below, for the order to be trusted.
+const RECTUM_HEIGHT: f64 = 0.4;
+
 /// Where the patient is, world, mm LPS.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Body {
     /// Mean place of the tissue: its x is near the midline.
     pub centre: DVec3,
+    /// Least and greatest z of the tissue.
+    pub span: [f64; 2],
     /// The lowest gas of the colon (z).
     pub lowest: f64,
 }
@@ -34,18 +39,21 @@ impl Body {
         // At least about 16 samples along each axis, so that a small volume is measured too.
         let stride = [nx, ny, nz].map(|n| (n / 16).clamp(1, 8));
         let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+        let mut span = [f64::INFINITY, f64::NEG_INFINITY];
         for k in (0..nz).step_by(stride[2]) {
             for j in (0..ny).step_by(stride[1]) {
                 for i in (0..nx).step_by(stride[0]) {
                     if (-150..=300).contains(&volume.data()[grid.index(i, j, k)]) {
-                        sum += DVec3::new(i as f64, j as f64, k as f64);
+                        let p = grid.world(DVec3::new(i as f64, j as f64, k as f64));
+                        span = [span[0].min(p.z), span[1].max(p.z)];
+                        sum += p;
                         count += 1.0;
                     }
                 }
             }
         }
         let middle = (DVec3::new(nx as f64, ny as f64, nz as f64) - 1.0) / 2.0;
-        Self { centre: grid.world(if count > 0.0 { sum / count } else { middle }), lowest }
+        Self { centre: if count > 0.0 { sum / count } else { grid.world(middle) }, span, lowest }
     }
 
     /// How unlike the rectum's a place is, mm: high, aside, or anterior.
@@ -132,6 +140,7 @@ fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
     let length = links.iter().map(|l| l.length_mm).sum::<f64>() + gaps.iter().sum::<f64>();
     (rectum.x - body.centre.x).abs() <= RECTUM_ASIDE_MM
         && rectum.z <= cecum.z
+        && rectum.z <= body.span[0] + RECTUM_HEIGHT * (body.span[1] - body.span[0])
         && cecum.x <= body.centre.x - CECUM_RIGHT_MM
         && gaps.iter().all(|&g| g <= WIDEST_GAP_MM)
         && length >= LEAST_COLON_MM

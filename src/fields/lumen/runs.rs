@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::frame::Way;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -98,19 +99,67 @@ impl Rows {
         row.get(at).copied().filter(|r| i64::from(r.start) <= i)
     }
 
+    /// Calls `visit` for the voxels that follow the given run of row (j, k) one step `way` on and are in no run.
+    pub fn beyond(&self, r: Run, j: usize, k: usize, way: Way, mut visit: impl FnMut([i64; 3])) {
+        let [nx, ny, nz] = self.dims;
+        let [di, dj, dk] = way.step();
+        if di != 0 {
+            let i = if di > 0 { i64::from(r.end) } else { i64::from(r.start) - 1 };
+            // Another run, of another label, may follow at once.
+            if (0..nx as i64).contains(&i) && self.find(i, j as i64, k as i64).is_none() {
+                visit([i, j as i64, k as i64]);
+            }
+            return;
+        }
+        let (j, k) = (j as i64 + dj, k as i64 + dk);
+        if !(0..ny as i64).contains(&j) || !(0..nz as i64).contains(&k) {
+            return;
+        }
+        let row = self.row(j as usize, k as usize);
+        let mut next = r.start;
+        for other in row[row.partition_point(|o| o.end <= r.start)..].iter().take_while(|o| o.start < r.end) {
+            (next..other.start).for_each(|i| visit([i64::from(i), j, k]));
+            next = other.end;
+        }
+        (next..r.end).for_each(|i| visit([i64::from(i), j, k]));
+    }
+
     /// The runs whose label `keep` maps to a new one, relabelled; the others are dropped.
     pub fn select(&self, keep: impl Fn(u32) -> Option<u32>) -> Self {
+        self.pick(|_, r| keep(r.label))
+    }
+
+    /// The runs that `keep`, given a run's number and the run, maps to a new label.
+    pub fn pick(&self, keep: impl Fn(usize, Run) -> Option<u32>) -> Self {
         let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
         out.offsets.push(0);
         for row in self.offsets.windows(2) {
-            let kept = self.runs[row[0] as usize..row[1] as usize]
-                .iter()
-                .filter_map(|r| keep(r.label).map(|label| Run { label, ..*r }));
+            let kept = (row[0] as usize..row[1] as usize).filter_map(|n| {
+                let run = self.runs[n];
+                keep(n, run).map(|label| Run { label, ..run })
+            });
             out.runs.extend(kept);
             out.offsets.push(out.runs.len() as u32);
         }
         out.runs.shrink_to_fit();
         out
+    }
+
+    /// The 26-connected component of every run, and how many there are. The runs of each row must be separate.
+    pub fn components_by_corners(&self) -> (Vec<u32>, usize) {
+        let [_, ny, nz] = self.dims;
+        let mut sets = Sets::new(self.runs.len());
+        for (j, k) in (0..nz).flat_map(|k| (0..ny).map(move |j| (j, k))) {
+            let here = self.row_range(j, k);
+            let below = (k > 0).then(|| j.saturating_sub(1)..(j + 2).min(ny)).into_iter().flatten().map(|j| (j, k - 1));
+            for (j, k) in below.chain((j > 0).then(|| (j - 1, k))) {
+                let other = self.row_range(j, k);
+                near(&self.runs[other.clone()], &self.runs[here.clone()], 1, |a, b| {
+                    sets.join((other.start + a) as u32, (here.start + b) as u32);
+                });
+            }
+        }
+        sets.numbered()
     }
 
     /// Size in memory.
@@ -164,10 +213,16 @@ impl Sets {
 }
 
 /// Calls `f(a, b)` for the indices of every two runs of rows `a` and `b` that share an x.
-pub(super) fn touching(a: &[Run], b: &[Run], mut f: impl FnMut(usize, usize)) {
+pub(super) fn touching(a: &[Run], b: &[Run], f: impl FnMut(usize, usize)) {
+    near(a, b, 0, f);
+}
+
+/// The same for runs that share an x or, where `slack` is 1, lie corner to corner. Then the runs of each row must be
+/// separate.
+pub(super) fn near(a: &[Run], b: &[Run], slack: u32, mut f: impl FnMut(usize, usize)) {
     let (mut i, mut j) = (0, 0);
     while i < a.len() && j < b.len() {
-        if a[i].start < b[j].end && b[j].start < a[i].end {
+        if a[i].start < b[j].end + slack && b[j].start < a[i].end + slack {
             f(i, j);
         }
         if a[i].end <= b[j].end {
@@ -246,7 +301,12 @@ fn scan_row(row: &[i16], limit: i16, runs: &mut Vec<Run>) {
     let mut start = None;
     for (block, values) in row.chunks(64).enumerate() {
         let base = (block * 64) as u32;
-        let inside = values.iter().enumerate().fold(0u64, |m, (x, &v)| m | (u64::from(v <= limit) << x));
+        // Most blocks are all of a kind, which counting tells faster than collecting bits does.
+        let inside = match values.iter().map(|&v| u16::from(v <= limit)).sum::<u16>() {
+            0 => 0,
+            64 => u64::MAX,
+            _ => values.iter().enumerate().fold(0, |m, (x, &v)| m | (u64::from(v <= limit) << x)),
+        };
         // Bit x of `edges` is set where voxel x differs from the one before it.
         let mut edges = inside ^ ((inside << 1) | u64::from(start.is_some()));
         if values.len() < 64 {

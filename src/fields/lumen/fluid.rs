@@ -1,0 +1,388 @@
+//! Tagged fluid: what is bright below a level surface of the gas.
+//!
+//! Gravity pulls towards the patient's back or front, whichever side the level surfaces are on. Neighbouring columns with
+//! one level make a pool; a pool's own brightness gives the threshold between it and the wall. From there the fluid is
+//! flooded, never above its level, through what is bright *and* has bright neighbours, so that it runs neither through a
+//! blurred wall into the tagged small bowel nor into bone.
+
+use std::collections::VecDeque;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::GAS_HU;
+use super::frame::{Frame, Way};
+use super::runs::{Rows, Run, Sets, touching};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::volume::{Grid, Volume};
+
+/// Brighter than this may be tagged, HU: above muscle, organs and most vessels.
+const BRIGHT_HU: i16 = 180;
+/// The wall's own brightness, HU; half-way from it to the fluid's is where the fluid ends.
+const WALL_HU: i32 = 60;
+/// Thickest partial-volume layer between gas and fluid, mm (three voxels at least).
+const BLUR_MM: f64 = 3.0;
+/// Narrowest piece of a level surface, across the patient, mm.
+const LEVEL_MM: f64 = 6.0;
+/// Least area of a pool's surface, mm².
+const SURFACE_MM2: f64 = 60.0;
+/// How many times more level surface there must be on one side than on the other to know which way is down.
+const SURE: usize = 3;
+/// How deep fluid is taken below its surface where it is too thin to flood, mm.
+const FILM_MM: f64 = 5.0;
+/// Fluid is not followed farther than this from its surface, mm.
+const FAR_MM: f64 = 160.0;
+/// A passage narrower than about twice this is not flooded through, mm.
+const PASSAGE_MM: f64 = 1.2;
+/// No colon holds a pool of more, ml: beyond this the flood has leaked, and only what lies under the surface counts.
+const POOL_ML: f64 = 400.0;
+
+/// Tagged fluid and what it joins.
+#[derive(Debug)]
+pub(super) struct Fluid {
+    /// Labelled with the segment it is counted for.
+    pub rows: Rows,
+    /// For each segment the others that share a pool with it.
+    pub joined: Vec<Vec<usize>>,
+}
+
+/// A voxel below the gas, with fluid a few voxels further down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Column {
+    /// Along the patient's axis, across, and the level: voxel indices.
+    slice: u32,
+    across: u32,
+    level: u32,
+    label: u32,
+    /// Voxels from here down to the first bright one.
+    depth: u32,
+    hu: i16,
+}
+
+/// Finds the fluid below gas of `count` labels.
+pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Fluid> {
+    let sides = [frame.posterior, frame.posterior.back()];
+    let mut found = Vec::with_capacity(2);
+    for down in sides {
+        let mut columns = columns(volume, gas, frame, down, progress)?;
+        let least = (LEVEL_MM / volume.grid().spacing()[frame.left.axis]).ceil().max(3.0) as usize;
+        keep_level(&mut columns, least);
+        found.push((down, columns));
+    }
+    found.sort_by_key(|f| std::cmp::Reverse(f.1.len()));
+    let sure = found[0].1.len() >= SURE * found[1].1.len();
+    let (down, columns) = found.swap_remove(0);
+    let pools = if sure { pools(volume.grid(), frame, columns) } else { Vec::new() };
+    let mut flood = Flood::new(volume, gas, frame, down, pools.len());
+    for (n, pool) in pools.iter().enumerate() {
+        progress.check()?;
+        flood.pool(n as u32, pool);
+    }
+    flood.finish(&pools, count)
+}
+
+/// Columns of fluid under gas.
+fn columns(volume: &Volume, gas: &Rows, frame: Frame, down: Way, progress: &Progress) -> Result<Vec<Column>> {
+    let [_, ny, nz] = gas.dims();
+    let step = down.step();
+    let spacing = volume.grid().spacing()[down.axis];
+    let blur = (BLUR_MM / spacing).ceil().max(3.0) as i64;
+    let look = (BLUR_MM / spacing).ceil().max(1.0) as i64;
+    let slices: Vec<Vec<Column>> = (0..nz)
+        .into_par_iter()
+        .map(|k| {
+            progress.check()?;
+            let mut out = Vec::new();
+            let mut visit = |at: [i64; 3], label: u32| {
+                let hu = |n: i64| volume.get(at[0] + step[0] * n, at[1] + step[1] * n, at[2] + step[2] * n);
+                let Some(depth) = (0..blur).find(|&n| hu(n) > BRIGHT_HU) else { return };
+                let hu = (depth..=depth + look).map(hu).max().unwrap_or(BRIGHT_HU);
+                let along = |w: Way| at[w.axis] as u32;
+                out.push(Column {
+                    slice: along(frame.superior),
+                    across: along(frame.left),
+                    level: along(down),
+                    label,
+                    depth: depth as u32,
+                    hu,
+                });
+            };
+            for j in 0..ny {
+                for r in gas.row(j, k) {
+                    gas.beyond(*r, j, k, down, |at| visit(at, r.label));
+                }
+            }
+            Ok(out)
+        })
+        .collect::<Result<_>>()?;
+    Ok(slices.concat())
+}
+
+/// Keeps the columns that at least `least` others of their label and slice share the level with; sorts them.
+fn keep_level(columns: &mut Vec<Column>, least: usize) {
+    let key = |c: &Column| (c.label, c.slice, c.level);
+    columns.sort_unstable_by_key(|c| (key(c), c.across));
+    let mut kept = Vec::new();
+    for group in columns.chunk_by(|a, b| key(a) == key(b)) {
+        if group.len() >= least {
+            kept.extend_from_slice(group);
+        }
+    }
+    kept.sort_unstable();
+    *columns = kept;
+}
+
+/// Columns that lie side by side at one level.
+#[derive(Debug)]
+struct Pool {
+    columns: Vec<Column>,
+    /// The fluid's brightness, HU.
+    hu: i32,
+    label: u32,
+}
+
+fn pools(grid: &Grid, frame: Frame, columns: Vec<Column>) -> Vec<Pool> {
+    let mut sets = Sets::new(columns.len());
+    for (n, c) in columns.iter().enumerate() {
+        // A neighbour may be missing where a bubble floats on the fluid: look two voxels far.
+        for (ds, da) in [(0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0)] {
+            let (slice, across) = (c.slice + ds, i64::from(c.across) + da);
+            let from = columns.partition_point(|o| (o.slice, i64::from(o.across)) < (slice, across));
+            for (m, o) in columns.iter().enumerate().skip(from) {
+                if (o.slice, i64::from(o.across)) != (slice, across) {
+                    break;
+                }
+                if o.label == c.label && o.level.abs_diff(c.level) <= 2 {
+                    sets.join(n as u32, m as u32);
+                }
+            }
+        }
+    }
+    let (of, count) = sets.numbered();
+    let mut grouped = vec![Vec::new(); count];
+    for (c, set) in columns.into_iter().zip(of) {
+        grouped[set as usize].push(c);
+    }
+    let cell = grid.spacing()[frame.left.axis] * grid.spacing()[frame.superior.axis];
+    let mut pools: Vec<Pool> = grouped
+        .into_iter()
+        .filter(|g| g.len() as f64 * cell >= SURFACE_MM2)
+        .map(|columns| {
+            let mut hu: Vec<i16> = columns.iter().map(|c| c.hu).collect();
+            hu.sort_unstable();
+            Pool { hu: i32::from(hu[hu.len() / 2]), label: columns[0].label, columns }
+        })
+        .collect();
+    pools.sort_by_key(|p| (std::cmp::Reverse(p.columns.len()), p.columns[0]));
+    pools
+}
+
+/// The flood's state over all pools.
+struct Flood<'a> {
+    volume: &'a Volume,
+    gas: &'a Rows,
+    frame: Frame,
+    down: Way,
+    /// How far neighbours must be bright, voxels along each index axis.
+    reach: [i64; 3],
+    /// One bit for each voxel: taken by some pool.
+    taken: Vec<u64>,
+    /// The voxels of the pool that is being flooded.
+    voxels: Vec<u64>,
+    /// Runs of the pools before, labelled with their pool, and the rows they lie in.
+    runs: Vec<(u64, Run)>,
+    /// Voxels that a pool wanted below its own surface and another had taken: the two are one.
+    met: Vec<([i64; 3], u32)>,
+}
+
+impl<'a> Flood<'a> {
+    fn new(volume: &'a Volume, gas: &'a Rows, frame: Frame, down: Way, pools: usize) -> Self {
+        let reach = volume.grid().spacing().to_array().map(|s| (PASSAGE_MM / s).round().min(3.0) as i64);
+        let bits = if pools == 0 { 0 } else { volume.grid().len().div_ceil(64) };
+        Self {
+            volume,
+            gas,
+            frame,
+            down,
+            reach,
+            taken: vec![0; bits],
+            voxels: Vec::new(),
+            runs: Vec::new(),
+            met: Vec::new(),
+        }
+    }
+
+    fn pool(&mut self, id: u32, pool: &Pool) {
+        let threshold = ((WALL_HU + pool.hu) / 2).max(i32::from(BRIGHT_HU)) as i16;
+        let grid = self.volume.grid();
+        let step = self.down.step();
+        // Depth below the patient's uppermost point in the world, so that a tilted grid has level surfaces too.
+        let pull =
+            if (grid.to_world().matrix3.col(self.down.axis) * self.down.sign as f64).y < 0.0 { -1.0 } else { 1.0 };
+        let depth = |p: [i64; 3]| pull * grid.world(place(p)).y;
+        let surface = pool.columns.iter().map(|c| depth(self.index(c))).fold(f64::INFINITY, f64::min) - 1e-6;
+        let rim = 1 + self.reach[0].max(self.reach[1]).max(self.reach[2]);
+        let mut open = VecDeque::new();
+        for c in &pool.columns {
+            let at = self.index(c);
+            let film = i64::from(c.depth) + (FILM_MM / grid.spacing()[self.down.axis]) as i64;
+            for n in 0..=film {
+                let p: [i64; 3] = std::array::from_fn(|a| at[a] + step[a] * n);
+                if n > i64::from(c.depth) && self.hu(p) <= threshold {
+                    break;
+                }
+                if !self.take(p) {
+                    self.met.push((p, id));
+                    break;
+                }
+                if self.is_core(p, threshold) {
+                    open.push_back((p, 0.0, rim));
+                }
+            }
+        }
+        let under_surface = self.voxels.len();
+        let limit = (POOL_ML / grid.voxel_ml()) as usize;
+        let spacing = grid.spacing();
+        while let Some((p, far, left)) = open.pop_front() {
+            for axis in 0..3 {
+                for sign in [-1, 1] {
+                    let mut q = p;
+                    q[axis] += sign;
+                    let far = far + spacing[axis];
+                    if self.hu(q) <= threshold || self.is_taken(q) || far > FAR_MM || depth(q) < surface {
+                        continue;
+                    }
+                    // Beyond the core only its rim is taken, as wide as the core keeps from what is not bright.
+                    let left = if self.is_core(q, threshold) { rim } else { left - 1 };
+                    if self.take(q) && left > 0 {
+                        open.push_back((q, far, left));
+                    }
+                }
+            }
+            if self.voxels.len() > limit {
+                for &v in &self.voxels[under_surface..] {
+                    self.taken[v as usize / 64] &= !(1 << (v % 64));
+                }
+                self.voxels.truncate(under_surface);
+                break;
+            }
+        }
+        self.compress(id);
+    }
+
+    /// Turns the voxels of a pool into runs.
+    fn compress(&mut self, id: u32) {
+        let nx = self.gas.dims()[0] as u64;
+        self.voxels.sort_unstable();
+        let first = self.runs.len();
+        for &v in &self.voxels {
+            let (row, x) = (v / nx, (v % nx) as u32);
+            match self.runs[first..].last_mut().filter(|(r, run)| *r == row && run.end == x) {
+                Some((_, run)) => run.end += 1,
+                None => self.runs.push((row, Run { start: x, end: x + 1, label: id })),
+            }
+        }
+        self.voxels.clear();
+    }
+
+    /// The voxel just below the gas of a column.
+    fn index(&self, c: &Column) -> [i64; 3] {
+        let mut at = [0; 3];
+        at[self.frame.superior.axis] = i64::from(c.slice);
+        at[self.frame.left.axis] = i64::from(c.across);
+        at[self.down.axis] = i64::from(c.level);
+        at
+    }
+
+    fn hu(&self, p: [i64; 3]) -> i16 {
+        self.volume.get(p[0], p[1], p[2])
+    }
+
+    /// Whether a voxel and its neighbours are brighter than `threshold`.
+    fn is_core(&self, p: [i64; 3], threshold: i16) -> bool {
+        self.hu(p) > threshold
+            && (0..3).all(|axis| {
+                (1..=self.reach[axis]).all(|n| {
+                    [n, -n].iter().all(|d| {
+                        let mut q = p;
+                        q[axis] += d;
+                        self.hu(q) > threshold
+                    })
+                })
+            })
+    }
+
+    /// Takes a voxel for a pool; false where it is gas, outside, or taken before.
+    fn take(&mut self, p: [i64; 3]) -> bool {
+        let Some(v) = self.linear(p) else { return false };
+        // Only what is dark enough can be gas: the search is seldom needed.
+        let is_gas = || self.hu(p) <= GAS_HU && self.gas.find(p[0], p[1], p[2]).is_some();
+        if self.is_taken(p) || is_gas() {
+            return false;
+        }
+        self.taken[v / 64] |= 1 << (v % 64);
+        self.voxels.push(v as u64);
+        true
+    }
+
+    fn is_taken(&self, p: [i64; 3]) -> bool {
+        self.linear(p).is_some_and(|v| self.taken[v / 64] >> (v % 64) & 1 == 1)
+    }
+
+    fn linear(&self, p: [i64; 3]) -> Option<usize> {
+        let dims = self.gas.dims();
+        let inside = (0..3).all(|a| p[a] >= 0 && p[a] < dims[a] as i64);
+        inside.then(|| self.volume.grid().index(p[0] as usize, p[1] as usize, p[2] as usize))
+    }
+}
+
+impl Flood<'_> {
+    /// Joins the pools that touch.
+    fn finish(mut self, pools: &[Pool], count: usize) -> Result<Fluid> {
+        drop(self.taken);
+        self.runs.sort_unstable_by_key(|(row, run)| (*row, run.start));
+        let dims @ [_, ny, nz] = self.gas.dims();
+        let mut slices: Vec<(Vec<u32>, Vec<Run>)> = vec![(vec![0; ny], Vec::new()); nz];
+        for (row, run) in self.runs {
+            let (lengths, runs) = &mut slices[row as usize / ny];
+            lengths[row as usize % ny] += 1;
+            runs.push(run);
+        }
+        let rows = Rows::from_slices(dims, slices)?;
+        let mut sets = Sets::new(pools.len());
+        for (p, id) in self.met {
+            if let Some(r) = rows.find(p[0], p[1], p[2]) {
+                sets.join(r.label, id);
+            }
+        }
+        for k in 0..nz {
+            for j in 0..ny {
+                let row = rows.row(j, k);
+                for w in row.windows(2).filter(|w| w[0].end == w[1].start) {
+                    sets.join(w[0].label, w[1].label);
+                }
+                let beside = [(j > 0).then(|| rows.row(j - 1, k)), (k > 0).then(|| rows.row(j, k - 1))];
+                for other in beside.into_iter().flatten() {
+                    touching(other, row, |a, b| sets.join(other[a].label, row[b].label));
+                }
+            }
+        }
+        // Pools were numbered by the size of their surface, so the first of a set has the largest.
+        let roots: Vec<usize> = (0..pools.len() as u32).map(|p| sets.find(p) as usize).collect();
+        let mut joined = vec![Vec::new(); count];
+        for (p, &root) in roots.iter().enumerate() {
+            for (q, _) in roots.iter().enumerate().filter(|o| *o.1 == root) {
+                let (a, b) = (pools[p].label as usize, pools[q].label as usize);
+                if a != b && !joined[a].contains(&b) {
+                    joined[a].push(b);
+                }
+            }
+        }
+        Ok(Fluid { rows: rows.select(|pool| Some(pools[roots[pool as usize]].label)), joined })
+    }
+}
+
+fn place(p: [i64; 3]) -> DVec3 {
+    DVec3::new(p[0] as f64, p[1] as f64, p[2] as f64)
+}
