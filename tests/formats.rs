@@ -1,5 +1,6 @@
 //! Every writer against every reader, and every form of header against what it means.
 
+#[expect(dead_code, reason = "other tests use the rest of it")]
 mod support;
 
 use colvis::progress::Progress;
