@@ -78,6 +78,8 @@ fn files() {
         ("text.txt", b"hello, this is no scan\n".to_vec(), "give NIfTI"),
         ("image.png", b"\x89PNG\r\n\x1a\n_______".to_vec(), "single PNG"),
         ("short.gz", vec![0x1f, 0x8b, 8], "ends early"),
+        ("other.gz", gz(b"some text that is no scan"), "packs no NIfTI"),
+        ("packed.nrrd.gz", gz(&nrrd("short", "short", raw)), "packs no NIfTI"),
         ("noise.nii.gz", [&[0x1f, 0x8b, 8, 0][..], &[0x77; 300]].concat(), "damaged"),
         // NIfTI.
         ("head.nii", small.bytes()[..300].to_vec(), "bytes of a header of 348"),
@@ -95,7 +97,7 @@ fn files() {
         ("huge.nii", nifti(huge), "54000000000000 bytes"),
         ("huge.nii.gz", gz(&nifti(huge)), "ends early"),
         ("overflow.nii", nifti(|n| { n.version = 2; n.magic = b"n+2\0\r\n\x1a\n"; n.vox_offset = 544.0; n.dim = [3, i64::MAX, 4, 4, 1, 1, 1, 1]; }), "overflow"),
-        ("lie.nii.gz", gz(&[Nifti { dim: [3, 1000, 1000, 400, 1, 1, 1, 1], ..small.clone() }.header(), vec![0; 1 << 20]].concat()), "ends early"),
+        ("lie.nii.gz", gz(&[Nifti { dim: [3, 1000, 1000, 400, 1, 1, 1, 1], ..small }.header(), vec![0; 1 << 20]].concat()), "ends early"),
         ("rgb.nii", nifti(|n| { n.datatype = 128; n.bitpix = 24; }), "RGB"),
         ("complex.nii", nifti(|n| { n.datatype = 32; n.bitpix = 64; }), "complex"),
         ("type.nii", nifti(|n| n.datatype = 999), "datatype 999"),
@@ -111,6 +113,7 @@ fn files() {
         ("sform-flat.nii", nifti(|n| n.srow = [[1.0, 1.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]), "direction is singular"),
         ("sform-nan.nii", nifti(|n| n.srow[0][3] = f64::NAN), "origin"),
         ("quaternion.nii", nifti(|n| { n.sform_code = 0; n.qform_code = 1; n.quatern = [1.0, 1.0, 1.0]; }), "no rotation"),
+        ("quaternion-nan.nii", nifti(|n| { n.qform_code = 1; n.quatern[0] = f64::NAN; }), "no rotation"),
         ("units.nii", nifti(|n| n.units = 5), "no unit of length"),
         ("inter.nii", nifti(|n| { n.slope = 1.0; n.inter = f64::INFINITY; }), "scl_inter is inf"),
         ("pair.nii", nifti(|n| n.magic = b"ni1\0"), "does not exist"),
@@ -191,11 +194,12 @@ fn dicom() {
         ("pixels.dcm", image.bytes()[..image.bytes().len() - 7].to_vec(), "ends early"),
         ("deflated.dcm", deflated, "ends early"),
         ("lie.dcm", lie.bytes(), "ends early"),
-        ("lie-rle.dcm", Slice { syntax: dicom::RLE, packed: Some(vec![0; 80]), ..lie.clone() }.bytes(), "cannot hold"),
+        ("lie-rle.dcm", Slice { syntax: dicom::RLE, packed: Some(vec![0; 80]), ..lie }.bytes(), "cannot hold"),
         ("mpeg.dcm", coded("1.2.840.10008.1.2.4.102", &[0; 64]).bytes(), "MPEG-4"),
         ("unknown.dcm", coded("1.2.3", &[0; 64]).bytes(), "transfer syntax 1.2.3"),
         ("rle.dcm", coded(dicom::RLE, &[9; 80]).bytes(), "damaged"),
         ("jpeg.dcm", coded(dicom::JPEG_LOSSLESS, b"not a jpeg").bytes(), "does not begin"),
+        ("jpeg-8.dcm", coded(dicom::JPEG_LOSSLESS, b"\xff\xd8\xff\xc3\0\x0b\x08\0\x04\0\x06\x01\x01\x11\0").bytes(), "8 bits"),
         ("jpegls.dcm", coded(dicom::JPEG_LS, b"\xff\xd8\xff\xf7\0\x0b\x10\0\x04\0\x06\x01\x01\x11\0").bytes(), "damaged"),
         ("j2k.dcm", coded("1.2.840.10008.1.2.4.90", &[0xFF; 64]).bytes(), "does not begin"),
         ("rgb.dcm", Slice { samples: 3, photometric: "RGB", ..at(0.0) }.bytes(), "colours"),
@@ -261,7 +265,7 @@ fn folders_and_places() {
         use std::os::unix::fs::PermissionsExt;
         let secret = here.join("secret.nii");
         std::fs::write(&secret, Nifti::small().bytes()).unwrap();
-        std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0)).unwrap();
+        std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0o000)).unwrap();
         // The superuser may read everything.
         if std::fs::File::open(&secret).is_err() {
             refused(here, &["info", "secret.nii"], 3, "permission denied");

@@ -200,8 +200,14 @@ fn written(name: &str) -> Vec<u8> {
 fn nifti() {
     let n = support::Nifti::small();
     let second = support::Nifti { version: 2, magic: b"n+2\0\r\n\x1a\n", vox_offset: 544.0, ..n.clone() };
-    let float =
-        support::Nifti { datatype: 16, bitpix: 32, data: vec![0x3F; 96], qform_code: 1, sform_code: 0, ..n.clone() };
+    let float = support::Nifti {
+        datatype: 16,
+        bitpix: 32,
+        data: vec![0x3F; 96],
+        qform_code: 1,
+        sform_code: 0,
+        ..support::Nifti::small()
+    };
     let big = support::Nifti { big: true, slope: 2.0, ..n.clone() };
     fuzz("a.nii", &[n.bytes(), second.bytes(), float.bytes(), big.bytes(), written("a.nii")]);
 }

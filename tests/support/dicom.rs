@@ -155,7 +155,7 @@ impl Slice {
         };
         match packed {
             Some(p) if [EXPLICIT, IMPLICIT, BIG, DEFLATED].contains(&self.syntax) => {
-                body.bytes(0x7FE0, 0x0010, b"OW", &p)
+                body.bytes(0x7FE0, 0x0010, b"OW", &p);
             }
             Some(mut p) => {
                 p.resize(p.len().next_multiple_of(2), 0);

@@ -115,6 +115,13 @@ fn detect(path: &Path, progress: &Progress) -> Result<Format> {
     let head = source::head(path, 4096)?;
     if head.is_empty() {
         Err(Error::file(path, "is empty", SUPPORTED))
+    } else if source::is_gzip(path)? {
+        // Of all formats NIfTI alone is packed as a whole.
+        if nifti::recognises(&head) {
+            Ok(Format::Nifti)
+        } else {
+            Err(Error::file(path, "is gzip that packs no NIfTI", "unpack it first"))
+        }
     } else if nrrd::recognises(&head) {
         Ok(Format::Nrrd)
     } else if folder::is_dicom(&head) {

@@ -84,6 +84,9 @@ pub fn check_expansion(file: &FileHead) -> Result<()> {
     Ok(())
 }
 
+/// A slice and where its HU go.
+type Target<'a> = (&'a Slice, &'a mut [i16]);
+
 /// Decodes `slices`, one after the other, into `out`. Returns how many voxels were padding.
 ///
 /// # Errors
@@ -92,7 +95,7 @@ pub fn decode(slices: &[Slice], out: &mut [i16], progress: &Progress) -> Result<
     let first = &slices[0].file;
     let voxels = usize::from(first.rows) * usize::from(first.cols);
     // The frames of one file stand together, so that the file is read once.
-    let mut groups: Vec<(Arc<FileHead>, Vec<(&Slice, &mut [i16])>)> = Vec::new();
+    let mut groups: Vec<(Arc<FileHead>, Vec<Target>)> = Vec::new();
     for (slice, target) in slices.iter().zip(out.chunks_mut(voxels)) {
         match groups.last_mut() {
             Some((file, frames)) if Arc::ptr_eq(file, &slice.file) => frames.push((slice, target)),
@@ -104,7 +107,7 @@ pub fn decode(slices: &[Slice], out: &mut [i16], progress: &Progress) -> Result<
     results.into_iter().sum()
 }
 
-fn decode_file(file: &FileHead, frames: Vec<(&Slice, &mut [i16])>, progress: &Progress) -> Result<usize> {
+fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Result<usize> {
     progress.check()?;
     let path = file.path.as_path();
     let voxels = usize::from(file.rows) * usize::from(file.cols);
@@ -199,12 +202,16 @@ fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Vec<u8>> {
     // The code stream has a size of its own, by which a decoder allocates.
     if codec != Codec::Rle {
         let wanted = (u32::from(file.cols), u32::from(file.rows));
-        match coded_size(codec, packed) {
-            Some(coded) if coded == wanted => {}
-            Some((x, y)) => {
-                return Err(damaged(format!("is coded as {x}×{y} where the header has {}×{}", wanted.0, wanted.1)));
-            }
-            None => return Err(damaged("does not begin as its transfer syntax says".to_owned())),
+        let coded =
+            coded(codec, packed).ok_or_else(|| damaged("does not begin as its transfer syntax says".to_owned()))?;
+        if coded.size != wanted {
+            let (x, y) = coded.size;
+            return Err(damaged(format!("is coded as {x}×{y} where the header has {}×{}", wanted.0, wanted.1)));
+        }
+        // JPEG's decoder gives a byte or two for each sample as the code stream has it, whatever the header says.
+        if codec == Codec::Jpeg && (coded.bits > 8) != (file.bits.allocated > 8) {
+            let why = format!("is coded in {} bits where the header allocates {}", coded.bits, file.bits.allocated);
+            return Err(damaged(why));
         }
     }
     let outcome = fenced(|| match codec {
@@ -299,8 +306,15 @@ fn minimal_object(file: &FileHead, packed: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Width and height that a code stream of one component declares.
-fn coded_size(codec: Codec, packed: &[u8]) -> Option<(u32, u32)> {
+/// What a code stream of one component declares.
+struct Coded {
+    /// Width and height.
+    size: (u32, u32),
+    /// Bits of a sample.
+    bits: u8,
+}
+
+fn coded(codec: Codec, packed: &[u8]) -> Option<Coded> {
     let short = |at: usize| Some(u16::from_be_bytes(packed.get(at..at + 2)?.try_into().ok()?));
     let long = |at: usize| Some(u32::from_be_bytes(packed.get(at..at + 4)?.try_into().ok()?));
     if codec == Codec::Jpeg2000 {
@@ -310,13 +324,11 @@ fn coded_size(codec: Codec, packed: &[u8]) -> Option<(u32, u32)> {
         let field = |k: usize| long(siz + 4 + 4 * k);
         let (x, y, x0, y0) = (field(0)?, field(1)?, field(2)?, field(3)?);
         let (tile_x, tile_y) = (field(4)?, field(5)?);
-        let size = (x.checked_sub(x0)?, y.checked_sub(y0)?);
         let tiles = u64::from(x).div_ceil(u64::from(tile_x.max(1))) * u64::from(y).div_ceil(u64::from(tile_y.max(1)));
-        let components = short(siz + 36)?;
-        let depth = (packed.get(siz + 38)? & 0x7F) + 1;
-        let plain = packed.get(siz + 39..siz + 41)? == [1, 1];
-        return (components == 1 && depth <= 16 && plain && tile_x > 0 && tile_y > 0 && tiles <= MOST_TILES)
-            .then_some(size);
+        let bits = (packed.get(siz + 38)? & 0x7F) + 1;
+        let plain = short(siz + 36)? == 1 && packed.get(siz + 39..siz + 41)? == [1, 1];
+        let possible = plain && bits <= 16 && tile_x > 0 && tile_y > 0 && tiles <= MOST_TILES;
+        return possible.then_some(Coded { size: (x.checked_sub(x0)?, y.checked_sub(y0)?), bits });
     }
     // JPEG and JPEG-LS: segments up to the start of a frame (T.81, annex B).
     if !packed.starts_with(&[0xFF, 0xD8]) {
@@ -327,8 +339,9 @@ fn coded_size(codec: Codec, packed: &[u8]) -> Option<(u32, u32)> {
         match packed.get(at..at + 2)? {
             [0xFF, 0xFF] => at += 1,
             [0xFF, 0xC0..=0xC3 | 0xC5..=0xC7 | 0xC9..=0xCB | 0xCD..=0xCF | 0xF7] => {
-                let components = packed.get(at + 9)?;
-                return (*components == 1).then_some((short(at + 7)?.into(), short(at + 5)?.into()));
+                let one = *packed.get(at + 9)? == 1;
+                let size = (short(at + 7)?.into(), short(at + 5)?.into());
+                return one.then_some(Coded { size, bits: *packed.get(at + 4)? });
             }
             [0xFF, _] => at += 2 + usize::from(short(at + 2)?),
             _ => return None,
