@@ -6,6 +6,7 @@
 mod dataset;
 mod fence;
 mod pixels;
+mod rle;
 mod slice;
 mod stack;
 

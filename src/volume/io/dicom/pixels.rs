@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::dataset::{self, Fault};
 use super::fence::fenced;
+use super::rle;
 use super::slice::{FileHead, Slice};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -216,6 +217,7 @@ fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Vec<u8>> {
     }
     let outcome = fenced(|| match codec {
         Codec::JpegLs => by_jpegls(file, packed),
+        Codec::Rle => rle::unpack(packed, size / sample, sample),
         _ => by_registry(file, packed),
     });
     let samples = outcome

@@ -223,10 +223,11 @@ fn layout(input: &Path, along: &[f64]) -> Result<Layout> {
         .map(|(after, s)| Gap { after, missing: *s as usize - 1 })
         .collect();
     let spacing = (along[along.len() - 1] - along[0]) / total;
-    let regular = along
-        .iter()
-        .zip(&slots)
-        .all(|(t, slot)| (t - along[0] - slot * spacing).abs() <= UNEVEN.0 * spacing + UNEVEN.1.min(0.4 * spacing));
+    let room = |shares: f64| UNEVEN.0 * spacing + (shares * UNEVEN.1).min(0.4 * spacing);
+    // Each slice near its place, and each distance near what it should be (two roundings may add up there).
+    let placed = along.iter().zip(&slots).all(|(t, slot)| (t - along[0] - slot * spacing).abs() <= room(1.0));
+    let spaced = distances.iter().zip(&steps).all(|(d, s)| (d - s * spacing).abs() <= room(2.0));
+    let regular = placed && spaced;
     if regular {
         return Ok(Layout { slots, gaps, uneven: None });
     }
