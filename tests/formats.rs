@@ -1,5 +1,6 @@
 //! Every writer against every reader, and every form of header against what it means.
 
+#[expect(dead_code, reason = "other tests use the rest of it")]
 mod support;
 
 use colvis::progress::Progress;
@@ -314,6 +315,55 @@ fn data_files_stay_in_the_headers_folder() {
             }
         }
     }
+}
+
+fn slices(write: impl Fn(&std::path::Path), options: &io::LoadOptions) -> io::Loaded {
+    let dir = tempfile::tempdir().unwrap();
+    write(dir.path());
+    io::load(dir.path(), options, &Progress::new()).unwrap()
+}
+
+#[test]
+fn png_slices() {
+    let spacing = Some(DVec3::new(0.5, 0.75, 2.0));
+    let options = io::LoadOptions { spacing, hu: Some((-1000.0, 1000.0)), ..io::LoadOptions::default() };
+    // Eight bits; names in natural order, the first most inferior; rows to posterior, columns to the left.
+    let eight = |dir: &std::path::Path| {
+        for k in [9u8, 10, 11] {
+            let mut slice = image::GrayImage::new(5, 4);
+            slice.put_pixel(3, 1, image::Luma([k]));
+            slice.put_pixel(0, 0, image::Luma([255]));
+            slice.save(dir.join(format!("s{k}.png"))).unwrap();
+        }
+    };
+    let loaded = slices(eight, &options);
+    let g = loaded.volume.grid();
+    assert_eq!((g.dims(), g.world(DVec3::ONE) - g.origin()), ([5, 4, 3], DVec3::new(0.5, 0.75, 2.0)));
+    for (k, grey) in [9.0, 10.0, 11.0].into_iter().enumerate() {
+        assert_eq!(loaded.volume.get(3, 1, k as i64), (-1000.0 + 2000.0 * grey / 255.0f64).round() as i16);
+        assert_eq!((loaded.volume.get(0, 0, k as i64), loaded.volume.get(4, 3, k as i64)), (1000, -1000));
+    }
+    assert!(loaded.notes.is_empty());
+    // Sixteen bits keep their depth; colours are taken by their luma.
+    let sixteen = |dir: &std::path::Path| {
+        let slice = image::ImageBuffer::<image::Luma<u16>, _>::from_vec(2, 1, vec![0, 30000]).unwrap();
+        slice.save(dir.join("a.png")).unwrap();
+    };
+    let full = io::LoadOptions { hu: Some((0.0, 65535.0 / 4.0)), ..options.clone() };
+    assert_eq!(slices(sixteen, &full).volume.data(), [0, 7500]);
+    let colour = |dir: &std::path::Path| {
+        image::RgbImage::from_pixel(2, 2, image::Rgb([255, 255, 255])).save(dir.join("a.png")).unwrap();
+    };
+    assert_eq!(slices(colour, &options).volume.data(), [1000; 4]);
+    // Without --hu the histogram decides, and says so.
+    let body = |dir: &std::path::Path| {
+        image::GrayImage::from_fn(64, 64, |x, _| image::Luma([if x < 20 { 10 } else { 180 }]))
+            .save(dir.join("a.png"))
+            .unwrap();
+    };
+    let loaded = slices(body, &io::LoadOptions { spacing, ..io::LoadOptions::default() });
+    assert!((loaded.volume.get(5, 5, 0) + 1000).abs() < 20 && (loaded.volume.get(40, 5, 0) - 40).abs() < 20);
+    assert!(loaded.notes[0].contains("carries no HU"), "{:?}", loaded.notes);
 }
 
 #[test]

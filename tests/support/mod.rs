@@ -1,5 +1,8 @@
 //! What the tests of reading and writing share: headers built byte by byte, and small volumes.
 
+#[cfg(feature = "dicom")]
+pub mod dicom;
+
 use std::path::PathBuf;
 
 use colvis::progress::Progress;

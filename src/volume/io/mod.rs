@@ -4,17 +4,22 @@
 //! more memory than the file's own size class), [`frame`] (headers to grids) and [`text`] (text headers).
 
 mod deflate;
+#[cfg(feature = "dicom")]
+mod dicom;
+mod folder;
 mod frame;
 mod metaimage;
 mod nifti;
+mod normalise;
 mod nrrd;
 mod padding;
+mod png;
 mod raw;
 mod source;
 mod text;
 mod write;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -51,38 +56,82 @@ const SUPPORTED: &str = "give NIfTI (.nii, .nii.gz), MetaImage (.mha, .mhd), NRR
                          folder) or a folder of PNG slices";
 
 /// What an input is, told by its content.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Nifti,
     MetaImage,
     Nrrd,
+    Dicom(Vec<PathBuf>),
+    Png(Vec<PathBuf>),
 }
 
 /// Reads any supported input.
 ///
 /// # Errors
 /// Status 3 with what is wrong with the input; status 4 when cancelled.
-pub fn load(path: &Path, _options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
-    let (volume, mut notes) = match detect(path)? {
+pub fn load(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
+    read(path, options, false, progress).map(|(loaded, _)| loaded)
+}
+
+/// Reads an input, with what only its format tells.
+fn read(
+    path: &Path,
+    options: &LoadOptions,
+    any_modality: bool,
+    progress: &Progress,
+) -> Result<(Loaded, Map<String, Value>)> {
+    let mut facts = Map::new();
+    let (volume, mut notes) = match detect(path, progress)? {
         Format::Nifti => nifti::load(path, progress),
         Format::MetaImage => metaimage::load(path, progress),
         Format::Nrrd => nrrd::load(path, progress),
+        Format::Png(files) => png::load(path, &files, options, progress),
+        #[cfg(feature = "dicom")]
+        Format::Dicom(files) => {
+            let read = dicom::load(path, &files, options, any_modality, progress)?;
+            facts = read.facts;
+            Ok((read.volume, read.notes))
+        }
+        #[cfg(not(feature = "dicom"))]
+        Format::Dicom(_) => {
+            let _ = any_modality;
+            facts.clear();
+            Err(Error::file(path, "is DICOM, which this build leaves out", "build it with the feature \"dicom\""))
+        }
     }?;
-    let volume = padding::to_air(volume, &mut notes);
-    Ok(Loaded { volume, notes })
+    // Values of other modalities are not HU; none of them means padding.
+    let volume =
+        if facts.get("modality").is_some_and(|m| m != "CT") { volume } else { padding::to_air(volume, &mut notes) };
+    Ok((Loaded { volume, notes }, facts))
 }
 
-fn detect(path: &Path) -> Result<Format> {
+fn detect(path: &Path, progress: &Progress) -> Result<Format> {
+    let meta = std::fs::metadata(path).map_err(|e| source::unreadable(path, &e))?;
+    if meta.is_dir() {
+        return Ok(match folder::open(path, progress)? {
+            folder::Folder::Dicom(files) => Format::Dicom(files),
+            folder::Folder::Png(files) => Format::Png(files),
+        });
+    }
     let head = source::head(path, 4096)?;
     if head.is_empty() {
-        return Err(Error::file(path, "is empty", SUPPORTED));
-    }
-    if nrrd::recognises(&head) {
+        Err(Error::file(path, "is empty", SUPPORTED))
+    } else if source::is_gzip(path)? {
+        // Of all formats NIfTI alone is packed as a whole.
+        if nifti::recognises(&head) {
+            Ok(Format::Nifti)
+        } else {
+            Err(Error::file(path, "is gzip that packs no NIfTI", "unpack it first"))
+        }
+    } else if nrrd::recognises(&head) {
         Ok(Format::Nrrd)
+    } else if folder::is_dicom(&head) {
+        Ok(Format::Dicom(vec![path.to_owned()]))
     } else if nifti::recognises(&head) {
         Ok(Format::Nifti)
     } else if metaimage::recognises(&head) {
         Ok(Format::MetaImage)
+    } else if png::recognises(&head) {
+        Err(Error::file(path, "is a single PNG", "give the folder of all its slices"))
     } else {
         Err(Error::file(path, "is of no supported format", SUPPORTED))
     }
@@ -101,8 +150,10 @@ pub fn info(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<V
 /// # Errors
 /// As [`load`].
 pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<(Value, Vec<String>)> {
-    let loaded = load(path, options, progress)?;
-    Ok((Value::Object(describe(&loaded.volume)), loaded.notes))
+    let (loaded, facts) = read(path, options, true, progress)?;
+    let mut map = describe(&loaded.volume);
+    map.extend(facts);
+    Ok((Value::Object(map), loaded.notes))
 }
 
 /// The part of `info` that every format has.

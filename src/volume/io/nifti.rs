@@ -316,28 +316,39 @@ fn grid(path: &Path, c: &Common, dims: [usize; 3], notes: &mut Vec<String>) -> R
             return Err(Error::file(path, format!("xyzt_units {other} is no unit of length"), "correct the header"));
         }
     };
+    let spacing = DVec3::from_array(pixdim) * mm;
+    let rotation = if c.qform_code > 0 { Some(rotation(path, c)?) } else { None };
     if c.sform_code > 0 {
         let column = |k: usize| DVec3::new(c.srow[0][k], c.srow[1][k], c.srow[2][k]) * mm;
         let steps = RAS_LPS * DMat3::from_cols(column(0), column(1), column(2));
-        return frame::from_steps(path, dims, steps, RAS_LPS * column(3));
+        let grid = frame::from_steps(path, dims, steps, RAS_LPS * column(3))?;
+        if ((grid.spacing() - spacing) / spacing).abs().max_element() > 0.01 {
+            notes.push(format!("pixdim {spacing} mm differs from the sform's {} mm, which is taken", grid.spacing()));
+        }
+        return Ok(grid);
     }
-    let spacing = DVec3::from_array(pixdim) * mm;
-    if c.qform_code > 0 {
-        let v = DVec3::from_array(c.quatern);
-        let square = v.length_squared();
-        if !square.is_finite() || square > 1.001 {
-            return Err(Error::file(path, format!("quaternion {:?} is no rotation", c.quatern), "correct the header"));
-        }
-        let rotation = DQuat::from_xyzw(v.x, v.y, v.z, (1.0 - square).max(0.0).sqrt()).normalize();
-        let mut direction = DMat3::from_quat(rotation);
-        // pixdim[0] is qfac: -1 flips the third axis.
-        if c.pixdim[0] < 0.0 {
-            direction.z_axis = -direction.z_axis;
-        }
-        return frame::grid(path, dims, spacing, RAS_LPS * (c.qoffset * mm), RAS_LPS * direction);
+    if let Some(rotation) = rotation {
+        return frame::grid(path, dims, spacing, RAS_LPS * (c.qoffset * mm), RAS_LPS * rotation);
     }
     notes.push("says nothing about orientation: x is taken to the left, y to posterior, z to superior".to_owned());
     frame::grid(path, dims, spacing, DVec3::ZERO, DMat3::IDENTITY)
+}
+
+/// The qform's direction: a quaternion, of which the real part is left out, and qfac.
+fn rotation(path: &Path, c: &Common) -> Result<DMat3> {
+    let v = DVec3::from_array(c.quatern);
+    let square = v.length_squared();
+    // Single precision leaves a little more than one.
+    if !square.is_finite() || square > 1.001 {
+        return Err(Error::file(path, format!("quaternion {:?} is no rotation", c.quatern), "correct the header"));
+    }
+    let q = DQuat::from_xyzw(v.x, v.y, v.z, (1.0 - square).max(0.0).sqrt()).normalize();
+    let mut direction = DMat3::from_quat(q);
+    // pixdim[0] is qfac: -1 turns the third axis round.
+    if c.pixdim[0] < 0.0 {
+        direction.z_axis = -direction.z_axis;
+    }
+    Ok(direction)
 }
 
 /// The 352 bytes of a NIfTI-1 header for `grid`, little-endian, of `i16` voxels or of `u8` labels.

@@ -72,13 +72,13 @@ impl Encoding {
 
     fn convert_piece(&self, bytes: &[u8], out: &mut [i16]) -> usize {
         macro_rules! integer {
-            ($t:ty) => {{
+            ($t:ty, $wide:expr) => {{
                 let clamp = |v: $t| i16::try_from(v).unwrap_or(if v > 0 { i16::MAX } else { i16::MIN });
                 match (self.is_identity(), self.big_endian) {
                     (true, false) => each(bytes, out, |b| clamp(<$t>::from_le_bytes(b))),
                     (true, true) => each(bytes, out, |b| clamp(<$t>::from_be_bytes(b))),
-                    (false, false) => self.scaled(bytes, out, |b| <$t>::from_le_bytes(b) as f64),
-                    (false, true) => self.scaled(bytes, out, |b| <$t>::from_be_bytes(b) as f64),
+                    (false, false) => self.scaled(bytes, out, |b| $wide(<$t>::from_le_bytes(b))),
+                    (false, true) => self.scaled(bytes, out, |b| $wide(<$t>::from_be_bytes(b))),
                 }
             }};
         }
@@ -92,14 +92,14 @@ impl Encoding {
             };
         }
         match self.element {
-            Element::U8 => integer!(u8),
-            Element::I8 => integer!(i8),
-            Element::U16 => integer!(u16),
-            Element::I16 => integer!(i16),
-            Element::U32 => integer!(u32),
-            Element::I32 => integer!(i32),
-            Element::U64 => integer!(u64),
-            Element::I64 => integer!(i64),
+            Element::U8 => integer!(u8, f64::from),
+            Element::I8 => integer!(i8, f64::from),
+            Element::U16 => integer!(u16, f64::from),
+            Element::I16 => integer!(i16, f64::from),
+            Element::U32 => integer!(u32, f64::from),
+            Element::I32 => integer!(i32, f64::from),
+            Element::U64 => integer!(u64, |v: u64| v as f64),
+            Element::I64 => integer!(i64, |v: i64| v as f64),
             Element::F32 => float!(f32),
             Element::F64 => float!(f64),
         }

@@ -88,9 +88,7 @@ pub fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progress) -> R
     match format {
         Format::Nifti { gzip: true } => one(path, |w| packed(w, &nifti()?, voxels, progress)),
         Format::Nifti { gzip: false } => one(path, |w| plain(w, &nifti()?, voxels, progress)),
-        Format::Mha => one(path, |w| {
-            plain(w, metaimage::header(grid, labels, "LOCAL").as_bytes(), voxels, progress).map_err(Fail::from)
-        }),
+        Format::Mha => one(path, |w| plain(w, metaimage::header(grid, labels, "LOCAL").as_bytes(), voxels, progress)),
         Format::Nrrd => one(path, |w| {
             w.write_all(nrrd::header(grid, labels, None).as_bytes())?;
             packed(w, &[], voxels, progress)

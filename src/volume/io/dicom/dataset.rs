@@ -1,0 +1,357 @@
+//! The elements of a DICOM data set, walked over bytes that are already in memory.
+//!
+//! Every length is checked against what is there before it is used, so that a header's lie costs nothing; the walk
+//! stops at the pixel data, of which only the place is kept. Encodings are those of PS3.5, section 7 and annex A.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::io::Read;
+
+/// Group and element.
+pub type Tag = (u16, u16);
+
+const PIXEL_DATA: Tag = (0x7FE0, 0x0010);
+const ITEM: Tag = (0xFFFE, 0xE000);
+const ITEM_END: Tag = (0xFFFE, 0xE00D);
+const SEQUENCE_END: Tag = (0xFFFE, 0xE0DD);
+const TRANSFER_SYNTAX: Tag = (0x0002, 0x0010);
+/// The length that says "until the delimiter".
+const UNDEFINED: u32 = u32::MAX;
+/// Values longer than this (curves, look-up tables, private blobs) are passed over.
+const LONGEST_VALUE: usize = 1 << 16;
+/// How deep sequences may lie in each other.
+const DEEPEST: u32 = 12;
+/// The most that a deflated data set may unpack to.
+const MOST_UNPACKED: u64 = 1 << 30;
+
+/// Why a walk failed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The bytes end inside an element; more of the file may mend it.
+    Short,
+    /// It cannot be mended.
+    Bad(String),
+}
+
+/// Explicit or implicit value representation, and byte order.
+#[derive(Clone, Copy)]
+struct Form {
+    explicit: bool,
+    big: bool,
+}
+
+/// One item: plain values and nested sequences.
+#[derive(Clone, Debug, Default)]
+pub struct Item {
+    values: BTreeMap<Tag, Vec<u8>>,
+    sequences: BTreeMap<Tag, Vec<Item>>,
+    big: bool,
+}
+
+impl Item {
+    /// The text of an element, without padding; `None` where absent or empty.
+    pub fn text(&self, tag: Tag) -> Option<String> {
+        let bytes = self.values.get(&tag)?;
+        let text = String::from_utf8_lossy(bytes);
+        let text = text.trim_matches(['\0', ' ']);
+        (!text.is_empty()).then(|| text.to_owned())
+    }
+
+    /// The numbers of a decimal or integer string.
+    pub fn decimals(&self, tag: Tag) -> Option<Vec<f64>> {
+        self.text(tag)?.split('\\').map(|t| t.trim().parse().ok()).collect()
+    }
+
+    /// The first of the numbers of a decimal or integer string.
+    pub fn decimal(&self, tag: Tag) -> Option<f64> {
+        self.decimals(tag)?.first().copied()
+    }
+
+    /// An unsigned short.
+    pub fn short(&self, tag: Tag) -> Option<u16> {
+        let b: [u8; 2] = self.values.get(&tag)?.get(..2)?.try_into().ok()?;
+        Some(if self.big { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) })
+    }
+
+    /// The items of a sequence.
+    pub fn items(&self, tag: Tag) -> &[Item] {
+        self.sequences.get(&tag).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// Where pixel data lies in the (inflated) bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelPlace {
+    /// Its first byte.
+    pub offset: usize,
+    /// Its length; `None` for encapsulated fragments.
+    pub length: Option<usize>,
+}
+
+/// The elements of a file up to its pixel data.
+#[derive(Clone, Debug)]
+pub struct DataSet {
+    /// The data set itself.
+    pub root: Item,
+    /// UID of the transfer syntax.
+    pub syntax: String,
+    /// The pixel data, if there is any.
+    pub pixels: Option<PixelPlace>,
+}
+
+/// Walks a file's bytes. With a deflated transfer syntax the inflated bytes, which the pixel data's place refers to,
+/// come back too; else `bytes` itself.
+///
+/// # Errors
+/// [`Fault::Short`] when `bytes` end inside an element.
+pub fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
+    let start = if bytes.get(128..132) == Some(b"DICM") { 132 } else { 0 };
+    let mut meta = Walk { bytes, at: start, form: Form { explicit: true, big: false }, pixels: None };
+    let mut head = Item::default();
+    while meta.peek_group()? == Some(2) {
+        meta.element(&mut head, 0)?;
+    }
+    let syntax = head.text(TRANSFER_SYNTAX).ok_or_else(|| Fault::Bad("names no transfer syntax".to_owned()))?;
+    let form = match syntax.as_str() {
+        "1.2.840.10008.1.2" => Form { explicit: false, big: false },
+        "1.2.840.10008.1.2.2" => Form { explicit: true, big: true },
+        _ => Form { explicit: true, big: false },
+    };
+    let body = if syntax == "1.2.840.10008.1.2.1.99" {
+        let mut out = Vec::new();
+        let packed = bytes.get(meta.at..).unwrap_or_default();
+        let most = MOST_UNPACKED.min(1040 * packed.len() as u64);
+        match flate2::read::DeflateDecoder::new(packed).take(most).read_to_end(&mut out) {
+            Ok(_) => Cow::Owned(out),
+            Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => return Err(Fault::Short),
+            Err(e) => return Err(Fault::Bad(format!("its deflated data is damaged ({e})"))),
+        }
+    } else {
+        Cow::Borrowed(bytes)
+    };
+    let at = if matches!(body, Cow::Owned(_)) { 0 } else { meta.at };
+    let mut walk = Walk { bytes: &body, at, form, pixels: None };
+    let mut root = Item { big: form.big, ..Item::default() };
+    while walk.pixels.is_none() && walk.peek_group()?.is_some() {
+        walk.element(&mut root, 0)?;
+    }
+    let pixels = walk.pixels;
+    Ok((DataSet { root, syntax, pixels }, body))
+}
+
+struct Walk<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    form: Form,
+    pixels: Option<PixelPlace>,
+}
+
+impl<'a> Walk<'a> {
+    fn take(&mut self, n: usize) -> Result<&'a [u8], Fault> {
+        let end = self.at.checked_add(n).ok_or(Fault::Short)?;
+        let taken = self.bytes.get(self.at..end).ok_or(Fault::Short)?;
+        self.at = end;
+        Ok(taken)
+    }
+
+    fn u16(&mut self) -> Result<u16, Fault> {
+        let b = self.take(2)?;
+        Ok(if self.form.big { u16::from_be_bytes([b[0], b[1]]) } else { u16::from_le_bytes([b[0], b[1]]) })
+    }
+
+    fn u32(&mut self) -> Result<u32, Fault> {
+        let b = self.take(4)?;
+        let b = [b[0], b[1], b[2], b[3]];
+        Ok(if self.form.big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
+    }
+
+    fn tag(&mut self) -> Result<Tag, Fault> {
+        Ok((self.u16()?, self.u16()?))
+    }
+
+    /// The group of the next element; `None` at the end.
+    fn peek_group(&mut self) -> Result<Option<u16>, Fault> {
+        if self.at >= self.bytes.len() {
+            return Ok(None);
+        }
+        let at = self.at;
+        let group = self.u16();
+        self.at = at;
+        group.map(Some)
+    }
+
+    /// Value representation and length of the element whose tag was read.
+    fn representation(&mut self) -> Result<([u8; 2], u32), Fault> {
+        if !self.form.explicit {
+            return Ok(([0, 0], self.u32()?));
+        }
+        let vr = self.take(2)?;
+        let vr = [vr[0], vr[1]];
+        if !vr.iter().all(u8::is_ascii_uppercase) {
+            return Err(Fault::Bad(format!("is damaged at byte {} (no value representation)", self.at)));
+        }
+        let long =
+            [b"OB", b"OW", b"OF", b"OD", b"OL", b"OV", b"SQ", b"UN", b"UT", b"UC", b"UR", b"SV", b"UV"].contains(&&vr);
+        if long {
+            self.u16()?;
+            Ok((vr, self.u32()?))
+        } else {
+            Ok((vr, u32::from(self.u16()?)))
+        }
+    }
+
+    fn element(&mut self, into: &mut Item, depth: u32) -> Result<(), Fault> {
+        let tag = self.tag()?;
+        let (vr, length) = self.representation()?;
+        if tag == PIXEL_DATA && depth == 0 {
+            let length = (length != UNDEFINED).then_some(length as usize);
+            self.pixels = Some(PixelPlace { offset: self.at, length });
+            return Ok(());
+        }
+        // A value of unknown representation and undefined length is a sequence in implicit form (PS3.5, 6.2.2).
+        let sequence = &vr == b"SQ" || length == UNDEFINED || (&vr == b"\0\0" && self.looks_like_items(length));
+        if !sequence {
+            let value = self.take(length as usize)?;
+            if value.len() <= LONGEST_VALUE && tag.0 % 2 == 0 {
+                into.values.insert(tag, value.to_vec());
+            }
+            return Ok(());
+        }
+        if depth >= DEEPEST {
+            return Err(Fault::Bad("nests sequences too deeply".to_owned()));
+        }
+        let outer = self.form;
+        if &vr == b"UN" {
+            self.form = Form { explicit: false, big: false };
+        }
+        let items = self.sequence(length, depth)?;
+        self.form = outer;
+        if tag.0 % 2 == 0 {
+            into.sequences.insert(tag, items);
+        }
+        Ok(())
+    }
+
+    /// Implicit form does not tell sequences from values; an item's tag at the beginning does.
+    fn looks_like_items(&self, length: u32) -> bool {
+        length >= 8 && self.bytes.get(self.at..self.at.saturating_add(4)) == Some(&[0xFE, 0xFF, 0x00, 0xE0])
+    }
+
+    /// Where a part of known length ends, which must lie within the bytes.
+    fn end_of(&self, length: u32) -> Result<usize, Fault> {
+        if length == UNDEFINED {
+            return Ok(usize::MAX);
+        }
+        self.at.checked_add(length as usize).filter(|e| *e <= self.bytes.len()).ok_or(Fault::Short)
+    }
+
+    fn sequence(&mut self, length: u32, depth: u32) -> Result<Vec<Item>, Fault> {
+        let end = self.end_of(length)?;
+        let mut items = Vec::new();
+        while self.at < end {
+            match self.tag()? {
+                ITEM => {
+                    let length = self.u32()?;
+                    items.push(self.item(length, depth)?);
+                }
+                SEQUENCE_END => {
+                    self.u32()?;
+                    return Ok(items);
+                }
+                _ => return Err(Fault::Bad(format!("is damaged at byte {} (no item in a sequence)", self.at))),
+            }
+        }
+        Ok(items)
+    }
+
+    fn item(&mut self, length: u32, depth: u32) -> Result<Item, Fault> {
+        let end = self.end_of(length)?;
+        let mut item = Item { big: self.form.big, ..Item::default() };
+        while self.at < end {
+            let at = self.at;
+            if self.tag()? == ITEM_END {
+                self.u32()?;
+                break;
+            }
+            self.at = at;
+            self.element(&mut item, depth + 1)?;
+        }
+        Ok(item)
+    }
+}
+
+/// The fragments of encapsulated pixel data, without the offset table before them (PS3.5, A.4).
+///
+/// # Errors
+/// [`Fault::Short`] when the data ends inside a fragment.
+pub fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault> {
+    let mut walk = Walk { bytes, at: offset, form: Form { explicit: true, big: false }, pixels: None };
+    let mut out = Vec::new();
+    loop {
+        match walk.tag()? {
+            ITEM => {
+                let length = walk.u32()?;
+                out.push(walk.take(length as usize)?);
+            }
+            SEQUENCE_END => break,
+            _ => return Err(Fault::Bad("has no fragment where one is expected".to_owned())),
+        }
+    }
+    if out.is_empty() {
+        return Err(Fault::Bad("has no offset table before its fragments".to_owned()));
+    }
+    out.remove(0);
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(syntax: &str, body: &[u8]) -> Vec<u8> {
+        let mut uid = syntax.as_bytes().to_vec();
+        uid.resize(uid.len().next_multiple_of(2), 0);
+        let mut f = vec![0; 128];
+        f.extend(b"DICM\x02\0\x10\0UI");
+        f.extend((uid.len() as u16).to_le_bytes());
+        f.extend(uid);
+        f.extend(body);
+        f
+    }
+
+    #[test]
+    fn a_length_beyond_the_file_is_short_and_allocates_nothing() {
+        for length in [5u32, 1 << 20, u32::MAX - 1] {
+            let mut body = b"\x08\0\x05\0UN\0\0".to_vec();
+            body.extend(length.to_le_bytes());
+            body.extend(b"abcd");
+            assert_eq!(parse(&file("1.2.840.10008.1.2.1", &body)).unwrap_err(), Fault::Short);
+        }
+    }
+
+    #[test]
+    fn nested_sequences_of_both_lengths() {
+        // SQ (0008,1140) of undefined length holding an item of undefined length with a value and another SQ of
+        // defined length.
+        let mut body = b"\x08\0\x40\x11SQ\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\xff\xff\xff\xff".to_vec();
+        body.extend(b"\x28\0\x10\0US\x02\0\x07\0");
+        body.extend(b"\x08\0\x41\x11SQ\0\0\x10\0\0\0\xfe\xff\x00\xe0\x08\0\0\0\x10\0\x10\0LO\0\0");
+        body.extend(b"\xfe\xff\x0d\xe0\0\0\0\0\xfe\xff\xdd\xe0\0\0\0\0");
+        body.extend(b"\xe0\x7f\x10\0OW\0\0\x02\0\0\0ab");
+        let bytes = file("1.2.840.10008.1.2.1", &body);
+        let (set, _) = parse(&bytes).unwrap();
+        let items = set.root.items((0x0008, 0x1140));
+        assert_eq!(items[0].short((0x0028, 0x0010)), Some(7));
+        assert_eq!(items[0].items((0x0008, 0x1141)).len(), 1);
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+    }
+
+    #[test]
+    fn deep_nesting_is_refused() {
+        let mut body = Vec::new();
+        for _ in 0..100 {
+            body.extend(b"\x08\0\x40\x11SQ\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\xff\xff\xff\xff");
+        }
+        assert!(matches!(parse(&file("1.2.840.10008.1.2.1", &body)), Err(Fault::Bad(_))));
+    }
+}

@@ -1,0 +1,228 @@
+//! DICOM: one file, or a folder of slices.
+//!
+//! [`dataset`] walks a file's elements, [`slice`] keeps what matters of them, [`stack`] orders slices in space and
+//! [`pixels`] turns stored values into HU.
+
+mod dataset;
+mod fence;
+mod pixels;
+mod rle;
+mod slice;
+mod stack;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde_json::{Map, Value, json};
+
+use self::slice::Slice;
+use self::stack::{Gap, Stack};
+use super::{LoadOptions, source};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// A scan, its notes, and what `info` says about DICOM beyond every format's facts.
+pub struct Read {
+    /// The scan.
+    pub volume: Volume,
+    /// Warnings.
+    pub notes: Vec<String>,
+    /// `modality`, `patient_position`, `slice_gaps`, `series`.
+    pub facts: Map<String, Value>,
+}
+
+/// How many slices make a series the one that is meant, where others are shorter.
+const FEW_SLICES: usize = 10;
+
+/// Reads the series that is meant from `files` of `input`. With `any_modality`, values need not be HU.
+///
+/// # Errors
+/// Status 3 where no series can be chosen, is incomplete, or holds what cannot be read; 4 when cancelled.
+pub fn load(
+    input: &Path,
+    files: &[PathBuf],
+    options: &LoadOptions,
+    any_modality: bool,
+    progress: &Progress,
+) -> Result<Read> {
+    progress.stage("reading headers", files.len() as u64);
+    let slices: Vec<Result<Vec<Slice>>> = files
+        .par_iter()
+        .map(|f| {
+            progress.advance(1)?;
+            slice::read(f)
+        })
+        .collect();
+    let mut series = into_series(slices.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten());
+    if series.is_empty() {
+        return Err(Error::file(input, "holds no DICOM image", "give a CT series"));
+    }
+    let mut notes = Vec::new();
+    let chosen = choose(input, &series, options.series, &mut notes)?;
+    let list = list(&series, chosen);
+    let slices = series.swap_remove(chosen);
+    let (modality, patient_position) = (slices[0].modality.clone(), slices[0].patient_position.clone());
+    if modality != "CT" && !any_modality {
+        return Err(Error::file(input, format!("its modality is {modality}, whose values are not HU"), "give a CT"));
+    }
+    for s in &slices {
+        pixels::check_syntax(&s.file)?;
+    }
+    let stack = stack::stack(input, slices)?;
+    refuse_gaps(input, &stack, options.allow_gaps)?;
+    let mut facts = Map::new();
+    facts.insert("modality".to_owned(), json!(modality));
+    facts.insert("patient_position".to_owned(), json!(patient_position));
+    let gaps: Vec<Value> = stack.gaps.iter().map(|g| json!({ "after_slice": g.after, "missing": g.missing })).collect();
+    facts.insert("slice_gaps".to_owned(), json!(gaps));
+    facts.insert("series".to_owned(), list);
+    notes.extend(stack.notes.iter().cloned());
+    let volume = volume(input, stack, &mut notes, progress)?;
+    Ok(Read { volume, notes, facts })
+}
+
+/// Groups slices by series, in the stable order that `--series` counts: by number, then UID. Localizers stand apart
+/// from the slices that they were taken for.
+fn into_series(slices: impl Iterator<Item = Slice>) -> Vec<Vec<Slice>> {
+    let mut map: BTreeMap<(i64, String, bool), Vec<Slice>> = BTreeMap::new();
+    for s in slices {
+        map.entry((s.series_number.unwrap_or(i64::MAX), s.series.clone(), s.localizer)).or_default().push(s);
+    }
+    map.into_values().collect()
+}
+
+fn choose(input: &Path, series: &[Vec<Slice>], asked: Option<usize>, notes: &mut Vec<String>) -> Result<usize> {
+    if let Some(n) = asked {
+        return match n.checked_sub(1).filter(|k| *k < series.len()) {
+            Some(k) => Ok(k),
+            None => Err(Error::file(
+                input,
+                format!("has no series {n}, only {}: {}", series.len(), words(series)),
+                "choose one with --series N",
+            )),
+        };
+    }
+    if series.len() == 1 {
+        return Ok(0);
+    }
+    let long = |s: &Vec<Slice>| s[0].modality == "CT" && !s[0].localizer && s.len() > FEW_SLICES;
+    let mut candidates = series.iter().enumerate().filter(|(_, s)| long(s));
+    match (candidates.next(), candidates.next()) {
+        (Some((k, s)), None) => {
+            let (n, all) = (k + 1, series.len());
+            notes.push(format!(
+                "series {n} of {all} was taken, the only CT with more than {FEW_SLICES} slices ({})",
+                s.len()
+            ));
+            Ok(k)
+        }
+        _ => Err(Error::file(
+            input,
+            format!("holds {} series: {}", series.len(), words(series)),
+            "choose one with --series N",
+        )),
+    }
+}
+
+/// The series in words, for messages.
+fn words(series: &[Vec<Slice>]) -> String {
+    let one = |(k, s): (usize, &Vec<Slice>)| {
+        let f = &s[0].file;
+        let kind = if s[0].localizer { " localizer" } else { "" };
+        format!("{} = {}{kind}, {} slices of {}×{}", k + 1, s[0].modality, s.len(), f.cols, f.rows)
+    };
+    series.iter().enumerate().map(one).collect::<Vec<_>>().join("; ").replace(';', ",")
+}
+
+/// The series as `info` lists them.
+fn list(series: &[Vec<Slice>], chosen: usize) -> Value {
+    let one = |(k, s): (usize, &Vec<Slice>)| {
+        json!({
+            "series": k + 1,
+            "number": s[0].series_number,
+            "modality": s[0].modality,
+            "slices": s.len(),
+            "columns": s[0].file.cols,
+            "rows": s[0].file.rows,
+            "chosen": k == chosen,
+        })
+    };
+    series.iter().enumerate().map(one).collect()
+}
+
+fn refuse_gaps(input: &Path, stack: &Stack, allowed: bool) -> Result<()> {
+    if allowed {
+        return Ok(());
+    }
+    let mend = "export the whole series, or resample over it with --allow-gaps";
+    if let Some(text) = gaps_in_words(&stack.gaps) {
+        return Err(Error::file(input, format!("slices are missing: {text}"), mend));
+    }
+    if let Some((least, most)) = stack.uneven {
+        return Err(Error::file(input, format!("its slices are {least:.3} to {most:.3} mm apart"), mend));
+    }
+    Ok(())
+}
+
+fn gaps_in_words(gaps: &[Gap]) -> Option<String> {
+    let one = |g: &Gap| format!("{} after slice {}", g.missing, g.after);
+    match gaps {
+        [] => None,
+        [some @ .., _] if some.len() >= 8 => {
+            let total: usize = gaps.iter().map(|g| g.missing).sum();
+            Some(format!("{total} in {} places, the first {}", gaps.len(), one(&gaps[0])))
+        }
+        _ => Some(gaps.iter().map(one).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+fn volume(input: &Path, stack: Stack, notes: &mut Vec<String>, progress: &Progress) -> Result<Volume> {
+    let slice = usize::from(stack.slices[0].file.rows) * usize::from(stack.slices[0].file.cols);
+    let count = slice.checked_mul(stack.slices.len()).filter(|n| n / slice == stack.slices.len());
+    let count = count.ok_or_else(|| Error::file(input, "is more than can be addressed", "give fewer slices"))?;
+    for s in stack.slices.iter().filter(|s| s.file.pixels.length.is_none()) {
+        pixels::check_expansion(&s.file)?;
+    }
+    source::check_memory(input, count.max(stack.grid.len()))?;
+    let mut data = Vec::new();
+    source::reserve(input, &mut data, count)?;
+    data.resize(count, 0);
+    progress.stage("reading", stack.slices.len() as u64);
+    pixels::decode(&stack.slices, &mut data, progress)?;
+    if stack.slices.iter().any(|s| s.file.inverted) {
+        notes.push("is MONOCHROME1: low values are meant to be shown bright; HU are what they are".to_owned());
+    }
+    if stack.gaps.is_empty() && stack.uneven.is_none() {
+        return Ok(Volume::new(stack.grid, data));
+    }
+    if let Some(text) = gaps_in_words(&stack.gaps) {
+        notes.push(format!("slices are missing ({text}) and were interpolated"));
+    }
+    if let Some((least, most)) = stack.uneven {
+        notes.push(format!("slices are {least:.3} to {most:.3} mm apart and were resampled evenly"));
+    }
+    let mut even = Vec::new();
+    source::reserve(input, &mut even, stack.grid.len())?;
+    even.resize(stack.grid.len(), 0);
+    even.par_chunks_mut(slice).enumerate().try_for_each(|(k, out)| {
+        progress.check()?;
+        interpolate(&stack.slots, &data, k as f64, out);
+        Ok(())
+    })?;
+    Ok(Volume::new(stack.grid, even))
+}
+
+/// A slice at `slot` by linear interpolation between its neighbours.
+fn interpolate(slots: &[f64], data: &[i16], slot: f64, out: &mut [i16]) {
+    let n = out.len();
+    let above = slots.partition_point(|s| *s < slot).min(slots.len() - 1);
+    let below = above.saturating_sub(1);
+    let width = slots[above] - slots[below];
+    let t = if width > 0.0 { ((slot - slots[below]) / width).clamp(0.0, 1.0) } else { 0.0 };
+    let (a, b) = (&data[below * n..][..n], &data[above * n..][..n]);
+    for ((o, a), b) in out.iter_mut().zip(a).zip(b) {
+        *o = super::raw::to_hu(f64::from(*a) * (1.0 - t) + f64::from(*b) * t);
+    }
+}

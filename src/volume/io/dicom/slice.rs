@@ -1,0 +1,313 @@
+//! One slice of a series: what its header says.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::dataset::{self, DataSet, Fault, Item, PixelPlace, Tag};
+use crate::error::{Error, Result};
+use crate::volume::io::source;
+
+const SOP_CLASS: Tag = (0x0008, 0x0016);
+const IMAGE_TYPE: Tag = (0x0008, 0x0008);
+const MODALITY: Tag = (0x0008, 0x0060);
+const THICKNESS: Tag = (0x0018, 0x0050);
+const BETWEEN: Tag = (0x0018, 0x0088);
+const PATIENT_POSITION: Tag = (0x0018, 0x5100);
+const SERIES_UID: Tag = (0x0020, 0x000E);
+const SERIES_NUMBER: Tag = (0x0020, 0x0011);
+const POSITION: Tag = (0x0020, 0x0032);
+const ORIENTATION: Tag = (0x0020, 0x0037);
+const SAMPLES: Tag = (0x0028, 0x0002);
+const PHOTOMETRIC: Tag = (0x0028, 0x0004);
+const FRAMES: Tag = (0x0028, 0x0008);
+const ROWS: Tag = (0x0028, 0x0010);
+const COLUMNS: Tag = (0x0028, 0x0011);
+const PIXEL_SPACING: Tag = (0x0028, 0x0030);
+const ALLOCATED: Tag = (0x0028, 0x0100);
+const STORED: Tag = (0x0028, 0x0101);
+const HIGH_BIT: Tag = (0x0028, 0x0102);
+const REPRESENTATION: Tag = (0x0028, 0x0103);
+const PADDING: Tag = (0x0028, 0x0120);
+const PADDING_LIMIT: Tag = (0x0028, 0x0121);
+const INTERCEPT: Tag = (0x0028, 0x1052);
+const SLOPE: Tag = (0x0028, 0x1053);
+/// Functional groups of an enhanced multi-frame image (PS3.3, C.7.6.16).
+const SHARED: Tag = (0x5200, 0x9229);
+const PER_FRAME: Tag = (0x5200, 0x9230);
+const PLANE_POSITION: Tag = (0x0020, 0x9113);
+const PLANE_ORIENTATION: Tag = (0x0020, 0x9116);
+const PIXEL_MEASURES: Tag = (0x0028, 0x9110);
+const TRANSFORMATION: Tag = (0x0028, 0x9145);
+
+/// The header of a file is looked for in its first bytes before the whole file is read.
+const FIRST_BYTES: u64 = 1 << 16;
+/// More rows or columns than any scanner has.
+const LONGEST_SIDE: u16 = 16384;
+
+/// How stored bits make a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bits {
+    /// Bits of a sample in the file: 8 or 16.
+    pub allocated: u16,
+    /// Bits that hold the value.
+    pub stored: u16,
+    /// The highest of them.
+    pub high: u16,
+    /// Whether the value is signed.
+    pub signed: bool,
+}
+
+/// What all frames of a file share.
+#[derive(Clone, Debug)]
+pub struct FileHead {
+    /// The file.
+    pub path: PathBuf,
+    /// UID of the transfer syntax.
+    pub syntax: String,
+    /// Where the pixel data lies.
+    pub pixels: PixelPlace,
+    /// Number of frames.
+    pub frames: u32,
+    /// Rows and columns.
+    pub rows: u16,
+    /// Columns.
+    pub cols: u16,
+    /// Bits of a sample.
+    pub bits: Bits,
+    /// Lowest and highest stored value that stands for padding.
+    pub padding: Option<(i32, i32)>,
+    /// Whether low values are shown bright; the values themselves mean the same.
+    pub inverted: bool,
+}
+
+/// One slice: a file, or one frame of it.
+#[derive(Clone, Debug)]
+pub struct Slice {
+    /// The file it is in.
+    pub file: Arc<FileHead>,
+    /// Which frame of the file.
+    pub frame: u32,
+    /// UID of its series.
+    pub series: String,
+    /// Number of its series.
+    pub series_number: Option<i64>,
+    /// CT, MR, …
+    pub modality: String,
+    /// HFS, FFP, …
+    pub patient_position: Option<String>,
+    /// Whether it is a localizer (a scout view) among the slices.
+    pub localizer: bool,
+    /// World direction of rising column index, and of rising row index.
+    pub axes: Option<[DVec3; 2]>,
+    /// World position of the first pixel's centre, mm LPS.
+    pub position: Option<DVec3>,
+    /// Distance of columns, of rows, mm.
+    pub spacing: Option<[f64; 2]>,
+    /// Distance to the next slice or thickness, mm, as far as the header tells.
+    pub depth: Option<f64>,
+    /// HU for each stored unit.
+    pub slope: f64,
+    /// HU of a stored zero.
+    pub intercept: f64,
+}
+
+/// The slices of a file: none if it is DICOM without an image.
+///
+/// # Errors
+/// Status 3 with what is wrong with its header.
+pub fn read(path: &Path) -> Result<Vec<Slice>> {
+    let (_, len) = source::open(path)?;
+    let bad = |why: String| Error::file(path, why, "export it again");
+    let mut bytes = head(path, FIRST_BYTES.min(len))?;
+    let (set, room) = loop {
+        match dataset::parse(&bytes) {
+            Ok((set, body)) => {
+                // Past the bytes at hand the file goes on, unless the body was inflated.
+                let room = if matches!(body, std::borrow::Cow::Owned(_)) { body.len() as u64 } else { len };
+                break (set, room);
+            }
+            Err(Fault::Short) if (bytes.len() as u64) < len => bytes = head(path, (16 * bytes.len() as u64).min(len))?,
+            Err(Fault::Short) => return Err(bad("ends early, inside its header".to_owned())),
+            Err(Fault::Bad(why)) => return Err(bad(why)),
+        }
+    };
+    slices(path, &set, room)
+}
+
+fn head(path: &Path, bytes: u64) -> Result<Vec<u8>> {
+    use std::io::Read;
+    let (file, _) = source::open(path)?;
+    let mut out = Vec::new();
+    file.take(bytes).read_to_end(&mut out).map_err(|e| source::unreadable(path, &e))?;
+    Ok(out)
+}
+
+fn slices(path: &Path, set: &DataSet, room: u64) -> Result<Vec<Slice>> {
+    let root = &set.root;
+    let Some(pixels) = set.pixels else { return Ok(Vec::new()) };
+    // Anonymised files may have lost it; those without one are taken for one series.
+    let series = root.text(SERIES_UID).unwrap_or_default();
+    let file = Arc::new(file_head(path, set, pixels, room)?);
+    let image_type = root.text(IMAGE_TYPE).unwrap_or_default();
+    let ct = ["1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.2.1"];
+    let by_class = root.text(SOP_CLASS).filter(|c| ct.contains(&c.as_str())).map(|_| "CT".to_owned());
+    let base = Slice {
+        frame: 0,
+        series,
+        series_number: root.decimal(SERIES_NUMBER).map(|n| n as i64),
+        modality: root.text(MODALITY).or(by_class).unwrap_or_else(|| "unknown".to_owned()),
+        patient_position: root.text(PATIENT_POSITION),
+        localizer: image_type.split('\\').any(|t| t == "LOCALIZER"),
+        axes: None,
+        position: None,
+        spacing: None,
+        depth: None,
+        slope: 1.0,
+        intercept: 0.0,
+        file,
+    };
+    let mut out = Vec::new();
+    for frame in 0..base.file.frames {
+        let mut slice = Slice { frame, ..base.clone() };
+        // What a frame says wins over what all frames share, and that over the top of the data set.
+        slice.fill(path, root)?;
+        let groups = [root.items(SHARED).first(), root.items(PER_FRAME).get(frame as usize)];
+        for group in groups.into_iter().flatten() {
+            for tag in [PLANE_POSITION, PLANE_ORIENTATION, PIXEL_MEASURES, TRANSFORMATION] {
+                if let Some(item) = group.items(tag).first() {
+                    slice.fill(path, item)?;
+                }
+            }
+        }
+        if base.file.frames > 1 && root.items(PER_FRAME).get(frame as usize).is_none() {
+            return Err(Error::file(
+                path,
+                format!("has {} frames without a place for each", base.file.frames),
+                "export it as single slices or as Enhanced CT",
+            ));
+        }
+        out.push(slice);
+    }
+    Ok(out)
+}
+
+impl Slice {
+    /// Takes over what an item says about place and values.
+    fn fill(&mut self, path: &Path, item: &Item) -> Result<()> {
+        let numbers = |tag: Tag, name: &str, n: usize| match item.text(tag) {
+            None => Ok(None),
+            Some(text) => item
+                .decimals(tag)
+                .filter(|v| v.len() == n && v.iter().all(|x| x.is_finite()))
+                .map(Some)
+                .ok_or_else(|| wrong(path, name, &text, &format!("{n} finite numbers"))),
+        };
+        if let Some(p) = numbers(POSITION, "ImagePositionPatient", 3)? {
+            self.position = Some(DVec3::new(p[0], p[1], p[2]));
+        }
+        if let Some(o) = numbers(ORIENTATION, "ImageOrientationPatient", 6)? {
+            let (x, y) = (DVec3::new(o[0], o[1], o[2]), DVec3::new(o[3], o[4], o[5]));
+            if (x.length() - 1.0).abs() > 0.01 || (y.length() - 1.0).abs() > 0.01 || x.dot(y).abs() > 0.01 {
+                return Err(wrong(
+                    path,
+                    "ImageOrientationPatient",
+                    &format!("{o:?}"),
+                    "two unit vectors at right angles",
+                ));
+            }
+            self.axes = Some([x.normalize(), y.normalize()]);
+        }
+        if let Some(s) = numbers(PIXEL_SPACING, "PixelSpacing", 2)? {
+            super::super::frame::check_spacing(path, "PixelSpacing", &s)?;
+            // The attribute names the distance of rows first.
+            self.spacing = Some([s[1], s[0]]);
+        }
+        let depth = item.decimal(BETWEEN).or_else(|| item.decimal(THICKNESS));
+        self.depth = depth.filter(|d| d.is_finite() && *d > 0.0).or(self.depth);
+        if let Some(s) = numbers(SLOPE, "RescaleSlope", 1)? {
+            if s[0] == 0.0 {
+                return Err(wrong(path, "RescaleSlope", "0", "a slope"));
+            }
+            self.slope = s[0];
+        }
+        if let Some(i) = numbers(INTERCEPT, "RescaleIntercept", 1)? {
+            self.intercept = i[0];
+        }
+        Ok(())
+    }
+}
+
+fn wrong(path: &Path, name: &str, value: &str, wanted: &str) -> Error {
+    let value: String = value.chars().take(60).collect();
+    Error::file(path, format!("{name} is {value:?}, not {wanted}"), "export it again")
+}
+
+fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Result<FileHead> {
+    let root = &set.root;
+    let need = |tag: Tag, name: &str| {
+        root.short(tag).ok_or_else(|| Error::file(path, format!("has no {name}"), "export it again"))
+    };
+    let (rows, cols) = (need(ROWS, "Rows")?, need(COLUMNS, "Columns")?);
+    if rows == 0 || cols == 0 || rows > LONGEST_SIDE || cols > LONGEST_SIDE {
+        return Err(Error::file(path, format!("has {cols} columns and {rows} rows"), "export it again"));
+    }
+    let samples = root.short(SAMPLES).unwrap_or(1);
+    let photometric = root.text(PHOTOMETRIC).unwrap_or_else(|| "MONOCHROME2".to_owned());
+    if samples != 1 || !photometric.starts_with("MONOCHROME") {
+        return Err(Error::file(path, format!("holds colours ({photometric}), not HU"), "give slices of grey values"));
+    }
+    let allocated = need(ALLOCATED, "BitsAllocated")?;
+    let stored = root.short(STORED).unwrap_or(allocated);
+    let high = root.short(HIGH_BIT).unwrap_or(stored.saturating_sub(1));
+    if !(allocated == 8 || allocated == 16)
+        || stored == 0
+        || stored > allocated
+        || high >= allocated
+        || high + 1 < stored
+    {
+        return Err(Error::file(
+            path,
+            format!("has {stored} of {allocated} bits with {high} as the highest"),
+            "export it with 8 or 16 bits",
+        ));
+    }
+    let frames = match root.text(FRAMES) {
+        None => 1,
+        Some(t) => t
+            .parse()
+            .ok()
+            .filter(|n| (1..=100_000).contains(n))
+            .ok_or_else(|| wrong(path, "NumberOfFrames", &t, "1 to 100000"))?,
+    };
+    let signed = root.short(REPRESENTATION).unwrap_or(0) == 1;
+    let stored_value = |v: u16| if signed { i32::from(v as i16) } else { i32::from(v) };
+    let padding = root.short(PADDING).map(|p| {
+        let a = stored_value(p);
+        let b = root.short(PADDING_LIMIT).map_or(a, stored_value);
+        (a.min(b), a.max(b))
+    });
+    if let Some(length) = pixels.length {
+        let needed = u64::from(rows) * u64::from(cols) * u64::from(allocated / 8) * u64::from(frames);
+        let there = room.saturating_sub(pixels.offset as u64).min(length as u64);
+        if there < needed {
+            return Err(Error::file(
+                path,
+                format!("its pixel data ends early: {needed} bytes are declared, {there} are there"),
+                "copy or export it again",
+            ));
+        }
+    }
+    Ok(FileHead {
+        path: path.to_owned(),
+        syntax: set.syntax.clone(),
+        pixels,
+        frames,
+        rows,
+        cols,
+        bits: Bits { allocated, stored, high, signed },
+        padding,
+        inverted: photometric == "MONOCHROME1",
+    })
+}

@@ -1,0 +1,273 @@
+//! From slices to a regular stack: sorting, duplicates, gaps, a tilted gantry.
+
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+
+use super::pixels;
+use super::slice::Slice;
+use crate::error::{Error, Result};
+use crate::volume::Grid;
+use crate::volume::io::frame;
+
+/// Slices nearer than this lie at the same place, mm.
+const SAME_PLACE: f64 = 1e-3;
+/// How far slices may lie beside the line through the first and the last, mm.
+const SIDEWAYS: f64 = 0.5;
+/// How far a slice may be from its place in a regular stack: a share of the spacing, and what rounding of the written
+/// positions to a tenth of a millimetre can do.
+const UNEVEN: (f64, f64) = (0.1, 0.06);
+
+/// Slices that are missing between two that are there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gap {
+    /// Index of the last slice before the gap, among those that are there, from 0.
+    pub after: usize,
+    /// How many are missing.
+    pub missing: usize,
+}
+
+/// Slices in order, and the regular grid that they lie on or can be resampled to.
+#[derive(Debug)]
+pub struct Stack {
+    /// From the first to the last along the normal.
+    pub slices: Vec<Slice>,
+    /// The grid, missing slices included.
+    pub grid: Grid,
+    /// Where each slice lies on the grid's third axis; whole numbers unless spacing is uneven.
+    pub slots: Vec<f64>,
+    /// Missing slices.
+    pub gaps: Vec<Gap>,
+    /// The smallest and largest distance of neighbours where spacing is uneven, mm.
+    pub uneven: Option<(f64, f64)>,
+    /// What there is to say.
+    pub notes: Vec<String>,
+}
+
+/// Sorts slices of one series and finds their grid.
+///
+/// # Errors
+/// Status 3 where slices disagree in size, orientation or spacing, lie at the same place, or tell no place.
+pub fn stack(input: &Path, mut slices: Vec<Slice>) -> Result<Stack> {
+    let mut notes = Vec::new();
+    agree(&slices)?;
+    let first = slices[0].clone();
+    let spacing = in_plane(input, &first, &mut notes)?;
+    if slices.len() == 1 {
+        return single(first, spacing, notes);
+    }
+    let axes = first.axes.ok_or_else(|| untold(&first, "ImageOrientationPatient"))?;
+    let normal = axes[0].cross(axes[1]);
+    for s in &slices {
+        if s.position.is_none() {
+            return Err(untold(s, "ImagePositionPatient"));
+        }
+    }
+    let place = |s: &Slice| s.position.unwrap_or_default();
+    slices.sort_by(|a, b| {
+        let along = |s: &Slice| place(s).dot(normal);
+        along(a).total_cmp(&along(b)).then_with(|| a.file.path.cmp(&b.file.path)).then(a.frame.cmp(&b.frame))
+    });
+    let slices = without_duplicates(slices, normal, &mut notes)?;
+    if slices.len() == 1 {
+        return single(slices.into_iter().next().unwrap_or(first), spacing, notes);
+    }
+    let along: Vec<f64> = slices.iter().map(|s| place(s).dot(normal)).collect();
+    let layout = layout(input, &along)?;
+    let last_slot = layout.slots.last().copied().unwrap_or(1.0).round().max(1.0);
+    let (from, to) = (place(&slices[0]), place(&slices[slices.len() - 1]));
+    let step = (to - from) / last_slot;
+    for (s, slot) in slices.iter().zip(&layout.slots) {
+        // Along the step uneven spacing is allowed here; beside it nothing is.
+        let off = place(s) - (from + step * *slot);
+        let beside = off - off.dot(normal) / step.dot(normal) * step;
+        if beside.length() > SIDEWAYS {
+            return Err(Error::file(
+                &s.file.path,
+                format!("lies {:.2} mm beside the line of the other slices", beside.length()),
+                "export the series again",
+            ));
+        }
+    }
+    let direction = DMat3::from_cols(axes[0], axes[1], step);
+    let dims = [first.file.cols.into(), first.file.rows.into(), last_slot as usize + 1];
+    let steps = DVec3::new(spacing[0], spacing[1], step.length());
+    let grid = frame::grid(input, dims, steps, from, direction)?;
+    let tilt = step.normalize().dot(normal).clamp(-1.0, 1.0).acos().to_degrees();
+    if tilt > 0.1 {
+        notes.push(format!("the gantry is tilted by {tilt:.1} degrees; the grid is oblique"));
+    }
+    Ok(Stack { slices, grid, slots: layout.slots, gaps: layout.gaps, uneven: layout.uneven, notes })
+}
+
+fn untold(s: &Slice, name: &str) -> Error {
+    Error::file(&s.file.path, format!("has no {name}"), "export it with its geometry")
+}
+
+fn in_plane(input: &Path, s: &Slice, notes: &mut Vec<String>) -> Result<[f64; 2]> {
+    match s.spacing {
+        Some(spacing) => Ok(spacing),
+        // What is no CT (info takes any modality) may be a projection without a spacing in the patient.
+        None if s.modality != "CT" => {
+            notes.push("tells no PixelSpacing: 1 mm is taken".to_owned());
+            Ok([1.0; 2])
+        }
+        None => Err(Error::file(input, "has no PixelSpacing", "export it with its geometry")),
+    }
+}
+
+/// Refuses slices that cannot be of one volume.
+fn agree(slices: &[Slice]) -> Result<()> {
+    let a = &slices[0];
+    for b in slices {
+        let differs = |what: &str, x: String, y: String| {
+            Error::file(
+                &b.file.path,
+                format!("its {what} is {y} where the series' first slice has {x}"),
+                "take the slices of another scan out of the series",
+            )
+        };
+        if (a.file.rows, a.file.cols) != (b.file.rows, b.file.cols) {
+            let size = |s: &Slice| format!("{}×{}", s.file.cols, s.file.rows);
+            return Err(differs("size", size(a), size(b)));
+        }
+        let turned = match (a.axes, b.axes) {
+            (Some(p), Some(q)) => (p[0] - q[0]).length() > 1e-3 || (p[1] - q[1]).length() > 1e-3,
+            (p, q) => p.is_some() != q.is_some(),
+        };
+        if turned {
+            let text = |s: &Slice| s.axes.map_or("untold".to_owned(), |[x, y]| format!("{x} {y}"));
+            return Err(differs("orientation", text(a), text(b)));
+        }
+        let stretched = match (a.spacing, b.spacing) {
+            (Some(p), Some(q)) => p.iter().zip(q).any(|(p, q)| (p - q).abs() > 1e-3 * p),
+            (p, q) => p.is_some() != q.is_some(),
+        };
+        if stretched {
+            return Err(differs("spacing", format!("{:?} mm", a.spacing), format!("{:?} mm", b.spacing)));
+        }
+    }
+    Ok(())
+}
+
+fn single(slice: Slice, spacing: [f64; 2], mut notes: Vec<String>) -> Result<Stack> {
+    let axes = slice.axes.unwrap_or_else(|| {
+        notes.push("tells no orientation: rows run to the left, columns to posterior".to_owned());
+        [DVec3::X, DVec3::Y]
+    });
+    let depth = slice.depth.unwrap_or_else(|| {
+        notes.push("tells no thickness: 1 mm is taken".to_owned());
+        1.0
+    });
+    let direction = DMat3::from_cols(axes[0], axes[1], axes[0].cross(axes[1]));
+    let dims = [slice.file.cols.into(), slice.file.rows.into(), 1];
+    let steps = DVec3::new(spacing[0], spacing[1], depth);
+    let grid = frame::grid(&slice.file.path, dims, steps, slice.position.unwrap_or_default(), direction)?;
+    Ok(Stack { slices: vec![slice], grid, slots: vec![0.0], gaps: Vec::new(), uneven: None, notes })
+}
+
+/// Drops copies of a slice; refuses different slices at the same place.
+fn without_duplicates(slices: Vec<Slice>, normal: DVec3, notes: &mut Vec<String>) -> Result<Vec<Slice>> {
+    let mut out: Vec<Slice> = Vec::with_capacity(slices.len());
+    for s in slices {
+        if let Some(last) = out.last() {
+            let apart = (s.position.unwrap_or_default() - last.position.unwrap_or_default()).dot(normal);
+            if apart.abs() < SAME_PLACE {
+                let (one, two) = (&last.file.path, &s.file.path);
+                if !pixels::same_pixels(last, &s)? {
+                    return Err(Error::file(
+                        two,
+                        format!("duplicates the place of {} with other values", one.display()),
+                        "keep one of the two slices",
+                    ));
+                }
+                notes.push(format!("{} duplicates {} and was left out", two.display(), one.display()));
+                continue;
+            }
+        }
+        out.push(s);
+    }
+    Ok(out)
+}
+
+struct Layout {
+    slots: Vec<f64>,
+    gaps: Vec<Gap>,
+    uneven: Option<(f64, f64)>,
+}
+
+/// Places on a regular grid for slices at `along` (mm, rising).
+fn layout(input: &Path, along: &[f64]) -> Result<Layout> {
+    let distances: Vec<f64> = along.windows(2).map(|w| w[1] - w[0]).collect();
+    let mut sorted = distances.clone();
+    sorted.sort_by(f64::total_cmp);
+    // The lower median: the usual distance, even where nearly half the neighbours have a gap between them.
+    let usual = sorted[(sorted.len() - 1) / 2];
+    let steps: Vec<f64> = distances.iter().map(|d| (d / usual).round().max(1.0)).collect();
+    let total: f64 = steps.iter().sum();
+    if !total.is_finite() || total > 4.0 * along.len() as f64 + 16.0 {
+        return Err(Error::file(
+            input,
+            format!("its {} slices are spread over the room of {total} (usual distance {usual} mm)", along.len()),
+            "export the whole series",
+        ));
+    }
+    let mut slots = vec![0.0];
+    for s in &steps {
+        slots.push(slots[slots.len() - 1] + s);
+    }
+    let gaps = steps
+        .iter()
+        .enumerate()
+        .filter(|(_, s)| **s > 1.0)
+        .map(|(after, s)| Gap { after, missing: *s as usize - 1 })
+        .collect();
+    let spacing = (along[along.len() - 1] - along[0]) / total;
+    let room = |shares: f64| UNEVEN.0 * spacing + (shares * UNEVEN.1).min(0.4 * spacing);
+    // Each slice near its place, and each distance near what it should be (two roundings may add up there).
+    let placed = along.iter().zip(&slots).all(|(t, slot)| (t - along[0] - slot * spacing).abs() <= room(1.0));
+    let spaced = distances.iter().zip(&steps).all(|(d, s)| (d - s * spacing).abs() <= room(2.0));
+    let regular = placed && spaced;
+    if regular {
+        return Ok(Layout { slots, gaps, uneven: None });
+    }
+    let length = along[along.len() - 1] - along[0];
+    let count = (length / usual).round().max(1.0);
+    let slots = along.iter().map(|t| (t - along[0]) / length * count).collect();
+    Ok(Layout { slots, gaps, uneven: Some((sorted[0], sorted[sorted.len() - 1])) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lay(along: &[f64]) -> Layout {
+        layout(Path::new("x"), along).unwrap()
+    }
+
+    #[test]
+    fn rounded_positions_are_regular() {
+        // 0.625 mm written with one decimal.
+        let along: Vec<f64> = (0..200).map(|k| (f64::from(k) * 6.25).round() / 10.0).collect();
+        let l = lay(&along);
+        assert!(l.uneven.is_none() && l.gaps.is_empty());
+        assert_eq!(l.slots[199], 199.0);
+    }
+
+    #[test]
+    fn gaps_are_found_where_they_are() {
+        let along: Vec<f64> =
+            (0..30).filter(|k| ![7, 20, 21].contains(k)).map(|k| -40.0 + 2.5 * f64::from(k)).collect();
+        let l = lay(&along);
+        assert_eq!(l.gaps, [Gap { after: 6, missing: 1 }, Gap { after: 18, missing: 2 }]);
+        assert!(l.uneven.is_none());
+        assert_eq!(l.slots[26], 29.0);
+    }
+
+    #[test]
+    fn uneven_spacing_is_found() {
+        let l = lay(&[0.0, 1.0, 2.0, 3.3, 4.3, 5.3]);
+        assert!(l.uneven.is_some());
+        assert!(layout(Path::new("x"), &[0.0, 1.0, 2.0, 1e6]).is_err());
+    }
+}

@@ -1,0 +1,129 @@
+//! Folders of slices: DICOM or PNG, told by the files' content.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::source;
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+
+/// How deep folders are looked into.
+const DEEPEST: usize = 8;
+/// More files than any scan has.
+const MOST_FILES: usize = 200_000;
+
+/// What a folder holds, in natural order of names.
+pub enum Folder {
+    /// DICOM files, from all folders below.
+    Dicom(Vec<PathBuf>),
+    /// PNG slices of this very folder.
+    Png(Vec<PathBuf>),
+}
+
+/// Looks into a folder.
+///
+/// # Errors
+/// Status 3 when it is empty, unreadable or holds neither.
+pub fn open(path: &Path, progress: &Progress) -> Result<Folder> {
+    progress.stage("looking into the folder", 0);
+    let mut files = Vec::new();
+    collect(path, DEEPEST, &mut files, progress)?;
+    let (mut dicom, mut png) = (Vec::new(), Vec::new());
+    for file in &files {
+        progress.advance(1)?;
+        let mut head = Vec::new();
+        let (opened, _) = source::open(file)?;
+        opened.take(132).read_to_end(&mut head).map_err(|e| source::unreadable(file, &e))?;
+        if is_dicom(&head) {
+            dicom.push(file.clone());
+        } else if super::png::recognises(&head) && file.parent() == Some(path) {
+            png.push(file.clone());
+        }
+    }
+    if !dicom.is_empty() {
+        return Ok(Folder::Dicom(dicom));
+    }
+    if !png.is_empty() {
+        return Ok(Folder::Png(png));
+    }
+    let scan = files.iter().find(|f| {
+        let name = f.to_string_lossy().to_ascii_lowercase();
+        [".nii", ".nii.gz", ".mha", ".mhd", ".nrrd", ".nhdr"].iter().any(|e| name.ends_with(e))
+    });
+    Err(match (scan, files.len()) {
+        (Some(file), _) => {
+            Error::file(path, "is a folder without slices (DICOM or PNG)", format!("name the file: {}", file.display()))
+        }
+        (None, 0) => Error::file(path, "is an empty folder", "give a folder of DICOM or PNG slices"),
+        (None, n) => {
+            Error::file(path, format!("is a folder of {n} files, none of them DICOM or PNG"), super::SUPPORTED)
+        }
+    })
+}
+
+/// Whether the bytes begin a DICOM file (with the 128-byte preamble, or straight with its meta group).
+pub fn is_dicom(head: &[u8]) -> bool {
+    head.get(128..132) == Some(b"DICM") || head.starts_with(b"\x02\0\0\0UL")
+}
+
+fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>, progress: &Progress) -> Result<()> {
+    progress.check()?;
+    let fail = |e: std::io::Error| source::unreadable(path, &e);
+    let mut entries = std::fs::read_dir(path).map_err(fail)?.collect::<std::io::Result<Vec<_>>>().map_err(fail)?;
+    entries.sort_by(|a, b| {
+        natural(&a.file_name().to_string_lossy(), &b.file_name().to_string_lossy())
+            .then_with(|| a.file_name().cmp(&b.file_name()))
+    });
+    for entry in entries {
+        let path = entry.path();
+        // A link to a folder is not followed: it may lead round in a circle.
+        let kind = entry.file_type().map_err(fail)?;
+        if kind.is_dir() {
+            if depth > 0 {
+                collect(&path, depth - 1, files, progress)?;
+            }
+        } else if kind.is_file() || (kind.is_symlink() && path.is_file()) {
+            if files.len() >= MOST_FILES {
+                let why = format!("is file {MOST_FILES} of the folder");
+                return Err(Error::file(&path, why, "give the folder of one scan"));
+            }
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Names with numbers in them by the numbers' value: `s2` before `s10`.
+fn natural(a: &str, b: &str) -> std::cmp::Ordering {
+    let (mut a, mut b) = (a, b);
+    loop {
+        let (Some(x), Some(y)) = (a.chars().next(), b.chars().next()) else { return a.len().cmp(&b.len()) };
+        if x.is_ascii_digit() && y.is_ascii_digit() {
+            let split = |s: &str| s.find(|c: char| !c.is_ascii_digit()).unwrap_or(s.len());
+            let ((m, rest_a), (n, rest_b)) = (a.split_at(split(a)), b.split_at(split(b)));
+            let (m, n) = (m.trim_start_matches('0'), n.trim_start_matches('0'));
+            let order = m.len().cmp(&n.len()).then_with(|| m.cmp(n));
+            if order.is_ne() {
+                return order;
+            }
+            (a, b) = (rest_a, rest_b);
+        } else {
+            if x != y {
+                return x.cmp(&y);
+            }
+            (a, b) = (&a[x.len_utf8()..], &b[y.len_utf8()..]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::natural;
+
+    #[test]
+    fn numbers_count_by_value() {
+        let mut names = ["s10.png", "s2.png", "s010a.png", "a.png", "s1.png", "s99999999999999999999999.png"];
+        names.sort_by(|a, b| natural(a, b));
+        assert_eq!(names, ["a.png", "s1.png", "s2.png", "s10.png", "s010a.png", "s99999999999999999999999.png"]);
+    }
+}

@@ -1,0 +1,124 @@
+//! A folder of PNG slices, which carry neither spacing nor HU.
+
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec3};
+use image::codecs::png::PngDecoder;
+use image::{ColorType, DynamicImage, ImageDecoder};
+use rayon::prelude::*;
+
+use super::{LoadOptions, frame, normalise, source};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// Longest side of a slice.
+const LONGEST_SIDE: u32 = 16384;
+
+/// Whether the bytes begin a PNG.
+pub fn recognises(head: &[u8]) -> bool {
+    head.starts_with(b"\x89PNG\r\n\x1a\n")
+}
+
+/// Reads the slices, of which the first is the most inferior; rows run to posterior, columns to the patient's left.
+///
+/// # Errors
+/// Status 3 for slices that differ or are damaged, and without a spacing; 4 when cancelled.
+pub fn load(
+    input: &Path,
+    files: &[PathBuf],
+    options: &LoadOptions,
+    progress: &Progress,
+) -> Result<(Volume, Vec<String>)> {
+    let spacing = options.spacing.ok_or_else(|| {
+        Error::file(input, "is a folder of PNG slices, which carry no voxel spacing", "give it with --spacing X,Y,Z")
+    })?;
+    frame::check_spacing(input, "--spacing", &spacing.to_array())?;
+    let (width, height, deep) = size(&files[0])?;
+    let dims = [width as usize, height as usize, files.len()];
+    let grid = frame::grid(input, dims, spacing, DVec3::ZERO, DMat3::IDENTITY)?;
+    let samples = if deep { 2 } else { 1 };
+    let most: u64 = files.iter().filter_map(|f| f.metadata().ok()).map(|m| m.len()).sum::<u64>().saturating_mul(1040);
+    if (grid.len() as u64).saturating_mul(samples) > most {
+        return Err(Error::file(input, format!("its files are too small for dims {dims:?}"), "export them again"));
+    }
+    source::check_memory(input, grid.len())?;
+    let mut data = Vec::new();
+    source::reserve(input, &mut data, grid.len())?;
+    data.resize(grid.len(), 0);
+    progress.stage("reading", files.len() as u64);
+    let results: Vec<Result<bool>> = files
+        .par_iter()
+        .zip(data.par_chunks_mut(dims[0] * dims[1]))
+        .map(|(file, out)| {
+            progress.check()?;
+            let deep = decode(file, (width, height), out)?;
+            progress.advance(1)?;
+            Ok(deep)
+        })
+        .collect();
+    let deep = results.into_iter().collect::<Result<Vec<_>>>()?;
+    if deep.iter().any(|d| *d != deep[0]) {
+        return Err(Error::file(input, "mixes slices of 8 and of 16 bits", "export them alike"));
+    }
+    let mut notes = Vec::new();
+    match options.hu {
+        Some((black, white)) => normalise::linear(&mut data, black, white),
+        None => notes.push(normalise::by_histogram(&mut data)),
+    }
+    Ok((Volume::new(grid, data), notes))
+}
+
+fn damaged(path: &Path, e: &image::ImageError) -> Error {
+    if let image::ImageError::IoError(io) = e
+        && io.kind() != std::io::ErrorKind::UnexpectedEof
+    {
+        return source::unreadable(path, io);
+    }
+    Error::file(path, format!("is a damaged PNG ({e})"), "export it again")
+}
+
+fn decoder(path: &Path) -> Result<PngDecoder<BufReader<std::fs::File>>> {
+    let (file, _) = source::open(path)?;
+    let mut limits = image::Limits::default();
+    limits.max_image_width = Some(LONGEST_SIDE);
+    limits.max_image_height = Some(LONGEST_SIDE);
+    PngDecoder::with_limits(BufReader::new(file), limits).map_err(|e| damaged(path, &e))
+}
+
+/// Width, height, and whether samples have 16 bits.
+fn size(path: &Path) -> Result<(u32, u32, bool)> {
+    let d = decoder(path)?;
+    let (w, h) = d.dimensions();
+    Ok((w, h, is_deep(d.color_type())))
+}
+
+fn is_deep(color: ColorType) -> bool {
+    matches!(color, ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16)
+}
+
+/// Grey values of one slice, 0 to 65535 (eight bits are spread over that range), stored less 32768.
+fn decode(path: &Path, wanted: (u32, u32), out: &mut [i16]) -> Result<bool> {
+    let (_, len) = source::open(path)?;
+    let d = decoder(path)?;
+    let found = d.dimensions();
+    if found != wanted {
+        let why = format!("is {}×{} where the first slice is {}×{}", found.0, found.1, wanted.0, wanted.1);
+        return Err(Error::file(path, why, "give slices of equal size"));
+    }
+    let deep = is_deep(d.color_type());
+    if d.total_bytes() > len.saturating_mul(1040) {
+        return Err(Error::file(path, format!("is too small for {}×{}", found.0, found.1), "export it again"));
+    }
+    let image = DynamicImage::from_decoder(d).map_err(|e| damaged(path, &e))?;
+    let mut put = |values: &mut dyn Iterator<Item = u16>| {
+        out.iter_mut().zip(values).for_each(|(o, v)| *o = (i32::from(v) - 32768) as i16);
+    };
+    if deep {
+        put(&mut image.into_luma16().into_raw().into_iter());
+    } else {
+        put(&mut image.into_luma8().into_raw().into_iter().map(|v| u16::from(v) * 257));
+    }
+    Ok(deep)
+}
