@@ -349,7 +349,7 @@ fn png_slices() {
         let slice = image::ImageBuffer::<image::Luma<u16>, _>::from_vec(2, 1, vec![0, 30000]).unwrap();
         slice.save(dir.join("a.png")).unwrap();
     };
-    let full = io::LoadOptions { hu: Some((0.0, 65535.0 / 4.0)), ..options.clone() };
+    let full = io::LoadOptions { spacing, hu: Some((0.0, 65535.0 / 4.0)), ..io::LoadOptions::default() };
     assert_eq!(slices(sixteen, &full).volume.data(), [0, 7500]);
     let colour = |dir: &std::path::Path| {
         image::RgbImage::from_pixel(2, 2, image::Rgb([255, 255, 255])).save(dir.join("a.png")).unwrap();

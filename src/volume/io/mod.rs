@@ -60,6 +60,7 @@ enum Format {
     Nifti,
     MetaImage,
     Nrrd,
+    #[cfg_attr(not(feature = "dicom"), expect(dead_code, reason = "such a build refuses DICOM"))]
     Dicom(Vec<PathBuf>),
     Png(Vec<PathBuf>),
 }
