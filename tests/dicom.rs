@@ -124,6 +124,18 @@ fn every_transfer_syntax_gives_the_same_values() {
 }
 
 #[test]
+fn frames_of_an_enhanced_image_are_slices() {
+    let reference = plain(&stack(12)).volume;
+    let enhanced = plain(&[Slice::enhanced()]).volume;
+    assert_eq!((enhanced.data(), enhanced.grid()), (reference.data(), reference.grid()));
+    let deflated = plain(&[Slice { syntax: dicom::DEFLATED, ..Slice::enhanced() }]).volume;
+    assert_eq!(deflated.data(), reference.data());
+    let mut fewer = Slice::enhanced();
+    fewer.places.pop();
+    assert!(refusal(&[fewer]).contains("without a place for each"));
+}
+
+#[test]
 fn bits_slope_and_padding() {
     // Twelve bits in the middle of sixteen, unsigned, an overlay bit above and noise below.
     let shifted = Slice {

@@ -1,7 +1,7 @@
 //! Reading and writing scans.
 //!
-//! One file for each format; what they share is [`raw`] (bytes to HU), [`source`] (voxels from a part of a file, never
-//! more memory than the file's own size class), [`frame`] (headers to grids) and [`text`] (text headers).
+//! One file for each format; what they share is `raw` (bytes to HU), `source` (voxels from a part of a file, never
+//! more memory than the file's own size class), `frame` (headers to grids) and `text` (text headers).
 
 mod deflate;
 #[cfg(feature = "dicom")]
