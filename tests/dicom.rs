@@ -269,6 +269,15 @@ fn series_are_told_apart_and_chosen() {
 }
 
 #[test]
+fn what_cannot_be_used_matters_only_where_it_is_chosen() {
+    let report = Slice { samples: 3, photometric: "RGB", ..other_series(1, "1.7", 9, "CT")[0].clone() };
+    let slices = [stack(12), vec![report]].concat();
+    assert_eq!(plain(&slices).volume.grid().dims()[2], 12);
+    let e = read(&slices, &LoadOptions { series: Some(2), ..LoadOptions::default() }).unwrap_err();
+    assert!(e.why.contains("colours"), "{e}");
+}
+
+#[test]
 fn only_ct_has_hu_and_info_takes_any() {
     let mr = other_series(12, "1.9", 3, "MR");
     assert!(refusal(&mr).contains("modality is MR"));
