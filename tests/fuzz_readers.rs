@@ -317,6 +317,17 @@ mod dicom {
 }
 
 #[test]
+fn a_scan_needs_little_more_than_itself() {
+    let Some(path) = support::data("ctc_prone.nii.gz") else { return };
+    let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let before = NOW.load(Relaxed);
+    MOST.store(before, Relaxed);
+    let volume = support::load(&path).unwrap().volume;
+    let most = MOST.load(Relaxed) - before;
+    assert!(most as f64 <= 1.2 * volume.bytes() as f64, "{most} bytes for {}", volume.bytes());
+}
+
+#[test]
 fn findings_stay_mended() {
     let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let dir = tempfile::tempdir().unwrap();
