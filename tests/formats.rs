@@ -234,6 +234,10 @@ fn metaimage_forms() {
     let aliases = MHA.replace("Offset", "Position").replace("TransformMatrix", "Orientation");
     let bytes = [format!("{aliases}ElementDataFile = LOCAL\n").as_bytes(), &le].concat();
     assert_eq!(read("any.name", &bytes).unwrap().volume, reference);
+    // No spacing at all is said.
+    let untold = MHA.replace("ElementSpacing = 0.5 0.75 2\n", "");
+    let loaded = read("a.mha", &[format!("{untold}ElementDataFile = LOCAL\n").as_bytes(), &le].concat()).unwrap();
+    assert_eq!((loaded.volume.grid().spacing(), loaded.notes.len()), (DVec3::ONE, 1));
     // Two dimensions, and the size of an element in place of the spacing.
     let flat = "NDims = 2\nDimSize = 4 6\nElementSize = 0.5 0.75\nElementType = MET_SHORT\nElementDataFile = LOCAL\n";
     let v = read("a.mha", &[flat.as_bytes(), &le].concat()).unwrap().volume;
