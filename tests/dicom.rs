@@ -124,6 +124,18 @@ fn every_transfer_syntax_gives_the_same_values() {
 }
 
 #[test]
+fn frames_of_an_enhanced_image_are_slices() {
+    let reference = plain(&stack(12)).volume;
+    let enhanced = plain(&[Slice::enhanced()]).volume;
+    assert_eq!((enhanced.data(), enhanced.grid()), (reference.data(), reference.grid()));
+    let deflated = plain(&[Slice { syntax: dicom::DEFLATED, ..Slice::enhanced() }]).volume;
+    assert_eq!(deflated.data(), reference.data());
+    let mut fewer = Slice::enhanced();
+    fewer.places.pop();
+    assert!(refusal(&[fewer]).contains("without a place for each"));
+}
+
+#[test]
 fn bits_slope_and_padding() {
     // Twelve bits in the middle of sixteen, unsigned, an overlay bit above and noise below.
     let shifted = Slice {
@@ -254,6 +266,15 @@ fn series_are_told_apart_and_chosen() {
     assert_eq!(read(&two, &options).unwrap().volume.grid().dims()[2], 12);
     let e = read(&two, &LoadOptions { series: Some(3), ..LoadOptions::default() }).unwrap_err();
     assert!(e.why.contains("has no series 3"));
+}
+
+#[test]
+fn what_cannot_be_used_matters_only_where_it_is_chosen() {
+    let report = Slice { samples: 3, photometric: "RGB", ..other_series(1, "1.7", 9, "CT")[0].clone() };
+    let slices = [stack(12), vec![report]].concat();
+    assert_eq!(plain(&slices).volume.grid().dims()[2], 12);
+    let e = read(&slices, &LoadOptions { series: Some(2), ..LoadOptions::default() }).unwrap_err();
+    assert!(e.why.contains("colours"), "{e}");
 }
 
 #[test]

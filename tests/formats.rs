@@ -19,7 +19,7 @@ fn same_place(a: &Volume, b: &Volume, tolerance: f64) -> bool {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
     fn what_is_written_is_read(
         dims in [1usize..7, 1usize..7, 1usize..7],
@@ -234,6 +234,10 @@ fn metaimage_forms() {
     let aliases = MHA.replace("Offset", "Position").replace("TransformMatrix", "Orientation");
     let bytes = [format!("{aliases}ElementDataFile = LOCAL\n").as_bytes(), &le].concat();
     assert_eq!(read("any.name", &bytes).unwrap().volume, reference);
+    // No spacing at all is said.
+    let untold = MHA.replace("ElementSpacing = 0.5 0.75 2\n", "");
+    let loaded = read("a.mha", &[format!("{untold}ElementDataFile = LOCAL\n").as_bytes(), &le].concat()).unwrap();
+    assert_eq!((loaded.volume.grid().spacing(), loaded.notes.len()), (DVec3::ONE, 1));
     // Two dimensions, and the size of an element in place of the spacing.
     let flat = "NDims = 2\nDimSize = 4 6\nElementSize = 0.5 0.75\nElementType = MET_SHORT\nElementDataFile = LOCAL\n";
     let v = read("a.mha", &[flat.as_bytes(), &le].concat()).unwrap().volume;
@@ -349,7 +353,7 @@ fn png_slices() {
         let slice = image::ImageBuffer::<image::Luma<u16>, _>::from_vec(2, 1, vec![0, 30000]).unwrap();
         slice.save(dir.join("a.png")).unwrap();
     };
-    let full = io::LoadOptions { hu: Some((0.0, 65535.0 / 4.0)), ..options.clone() };
+    let full = io::LoadOptions { spacing, hu: Some((0.0, 65535.0 / 4.0)), ..io::LoadOptions::default() };
     assert_eq!(slices(sixteen, &full).volume.data(), [0, 7500]);
     let colour = |dir: &std::path::Path| {
         image::RgbImage::from_pixel(2, 2, image::Rgb([255, 255, 255])).save(dir.join("a.png")).unwrap();
@@ -367,9 +371,17 @@ fn png_slices() {
 }
 
 #[test]
-fn the_real_scan_loads_within_its_own_size() {
+fn the_real_scan_survives_a_round_trip() {
     let Some(path) = support::data("ctc_prone.nii.gz") else { return };
+    let began = std::time::Instant::now();
     let v = load(&path).unwrap().volume;
+    let loaded = began.elapsed();
     assert_eq!(v.grid().dims(), [512, 512, 430]);
     assert!((v.grid().spacing() - DVec3::new(0.675781, 0.675781, 1.0)).length() < 1e-5);
+    let dir = tempfile::tempdir().unwrap();
+    let copy = dir.path().join("copy.nii.gz");
+    io::save(&copy, &v, &Progress::new()).unwrap();
+    eprintln!("load {loaded:.2?}, load and save {:.2?}", began.elapsed());
+    let back = load(&copy).unwrap().volume;
+    assert!(back.data() == v.data() && same_place(&back, &v, 1e-3));
 }

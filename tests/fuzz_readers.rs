@@ -72,10 +72,12 @@ fn allowance(input: &[u8]) -> usize {
 /// How long one read may take.
 const SLOWEST: Duration = Duration::from_secs(5);
 
-/// Reads one input and says what is wrong with how that went.
+/// Reads one input and says what is wrong with how that went. A PNG is read as the folder that it is in.
 fn trial(path: &Path, input: &[u8]) -> Result<bool, String> {
     std::fs::write(path, input).map_err(|e| e.to_string())?;
-    let options = LoadOptions { allow_gaps: true, ..LoadOptions::default() };
+    let is_png = path.extension().is_some_and(|e| e == "png");
+    let path = path.parent().filter(|_| is_png).unwrap_or(path);
+    let options = LoadOptions { allow_gaps: true, spacing: is_png.then_some(DVec3::ONE), ..LoadOptions::default() };
     let before = NOW.load(Relaxed);
     MOST.store(before, Relaxed);
     let began = Instant::now();
@@ -253,6 +255,18 @@ fn nrrd() {
     fuzz("a.nrrd", &[written("a.nrrd"), with("encoding: raw\n", &[1; 48]), skipped, with("encoding: ascii\n", text)]);
 }
 
+#[test]
+fn png() {
+    let encode = |image: image::DynamicImage| {
+        let mut out = std::io::Cursor::new(Vec::new());
+        image.write_to(&mut out, image::ImageFormat::Png).unwrap();
+        out.into_inner()
+    };
+    let grey = image::GrayImage::from_fn(9, 8, |x, y| image::Luma([(20 * x + y) as u8]));
+    let deep = image::ImageBuffer::<image::Luma<u16>, _>::from_fn(9, 8, |x, y| image::Luma([(5000 * x + y) as u16]));
+    fuzz("a.png", &[encode(grey.into()), encode(deep.into())]);
+}
+
 #[cfg(feature = "dicom")]
 mod dicom {
     use super::{fuzz, support};
@@ -265,6 +279,11 @@ mod dicom {
     #[test]
     fn uncompressed() {
         fuzz("a.dcm", &[seed(dicom::EXPLICIT), seed(dicom::IMPLICIT), seed(dicom::BIG), seed(dicom::DEFLATED)]);
+    }
+
+    #[test]
+    fn enhanced() {
+        fuzz("enhanced.dcm", &[Slice::enhanced().bytes()]);
     }
 
     #[test]
@@ -295,6 +314,17 @@ mod dicom {
         };
         fuzz("j2k.dcm", &[slice.bytes()]);
     }
+}
+
+#[test]
+fn a_scan_needs_little_more_than_itself() {
+    let Some(path) = support::data("ctc_prone.nii.gz") else { return };
+    let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let before = NOW.load(Relaxed);
+    MOST.store(before, Relaxed);
+    let volume = support::load(&path).unwrap().volume;
+    let most = MOST.load(Relaxed) - before;
+    assert!(most as f64 <= 1.2 * volume.bytes() as f64, "{most} bytes for {}", volume.bytes());
 }
 
 #[test]

@@ -29,7 +29,7 @@ fn volumes() -> [Volume; 3] {
     let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -0.2, 2.0));
     let mirror = DMat3::from_cols(turn.x_axis, -turn.y_axis, turn.z_axis);
     [DMat3::IDENTITY, turn, mirror]
-        .map(|d| support::ramp([33, 21, 14], DVec3::new(0.7, 0.8, 2.5), DVec3::new(-100.0, 50.5, -700.25), d))
+        .map(|d| support::ramp([65, 43, 14], DVec3::new(0.7, 0.8, 2.5), DVec3::new(-100.0, 50.5, -700.25), d))
 }
 
 fn expected(folder: &Path, volume: &Volume) {

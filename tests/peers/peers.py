@@ -1,9 +1,12 @@
 """The other side of tests/peers.rs: independent readers and writers (SimpleITK, nibabel, pydicom).
 
+For more of DICOM's codecs: pyjpegls, pylibjpeg-openjpeg, imagecodecs.
+
     python peers.py check FOLDER    reads a.* and mask.nii.gz in FOLDER and compares them with expected.json
     python peers.py write FOLDER    writes the volume of expected.json in every form that peers can write
 """
 
+import importlib.util
 import json
 import sys
 from pathlib import Path
@@ -12,6 +15,17 @@ import nibabel
 import numpy
 import pydicom
 import SimpleITK
+
+SYNTAXES = [None, pydicom.uid.RLELossless]
+for module, syntax in {
+    "jpeg_ls": pydicom.uid.JPEGLSLossless,
+    "openjpeg": pydicom.uid.JPEG2000Lossless,
+    "imagecodecs": pydicom.uid.JPEGLosslessSV1,
+}.items():
+    if importlib.util.find_spec(module):
+        SYNTAXES.append(syntax)
+if pydicom.uid.JPEGLosslessSV1 in SYNTAXES:
+    import imagecodecs
 
 LPS_RAS = numpy.diag([-1.0, -1.0, 1.0, 1.0])
 
@@ -141,8 +155,14 @@ def by_pydicom(path, grid, facts, k):
     d.PixelSpacing, d.SliceThickness = [f"{y:.10g}", f"{x:.10g}"], "1"
     d.RescaleIntercept, d.RescaleSlope = "-1024", "1"
     d.PixelData = (volume(facts)[k] + 1024).astype(numpy.uint16).tobytes()
-    if k % 2:
-        d.compress(pydicom.uid.RLELossless)
+    # Each slice by the next of the codecs that are installed.
+    syntax = SYNTAXES[k % len(SYNTAXES)]
+    if syntax == pydicom.uid.JPEGLosslessSV1:
+        d.PixelData = pydicom.encaps.encapsulate([imagecodecs.ljpeg_encode(volume(facts)[k].view(numpy.uint16) + 1024)])
+        d["PixelData"].VR = "OB"
+        d.file_meta.TransferSyntaxUID = syntax
+    elif syntax:
+        d.compress(syntax)
     pydicom.dcmwrite(path, d, enforce_file_format=True)
 
 

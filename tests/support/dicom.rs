@@ -36,6 +36,8 @@ pub struct Slice {
     pub padding: Option<u16>,
     pub padding_limit: Option<u16>,
     pub frames: Option<&'static str>,
+    /// Places of the frames of an enhanced image, in functional groups (explicit, little-endian forms only).
+    pub places: Vec<[f64; 3]>,
     /// Stored samples, in their low bits.
     pub pixels: Vec<u16>,
     /// Bytes to take the place of the packed pixels.
@@ -68,6 +70,7 @@ impl Slice {
             padding: None,
             padding_limit: None,
             frames: None,
+            places: Vec::new(),
             pixels: (0..24).map(|i| (1000 + 24 * z as i64 + i) as u16).collect(),
             packed: None,
         }
@@ -120,6 +123,9 @@ impl Slice {
         }
         body.text(0x0028, 0x1052, b"DS", self.intercept);
         body.text(0x0028, 0x1053, b"DS", self.slope);
+        if !self.places.is_empty() {
+            self.functional_groups(&mut body);
+        }
         self.pixel_data(&mut body);
         let mut out = vec![0; 128];
         out.extend(b"DICM");
@@ -138,6 +144,35 @@ impl Slice {
         }
         out.extend(body.out);
         out
+    }
+
+    /// One item for each frame, sequences and items of undefined length, each with a PlanePositionSequence of known one.
+    fn functional_groups(&self, body: &mut Writer) {
+        body.out.extend(b"\x00\x52\x30\x92SQ\0\0\xff\xff\xff\xff");
+        for place in &self.places {
+            let mut inner = Writer { out: Vec::new(), big: false, explicit: true };
+            let text = place.iter().map(f64::to_string).collect::<Vec<_>>().join("\\");
+            inner.text(0x0020, 0x0032, b"DS", &text);
+            body.out.extend(b"\xfe\xff\x00\xe0\xff\xff\xff\xff\x20\0\x13\x91SQ\0\0");
+            body.out.extend((inner.out.len() as u32 + 8).to_le_bytes());
+            body.out.extend(b"\xfe\xff\x00\xe0");
+            body.out.extend((inner.out.len() as u32).to_le_bytes());
+            body.out.extend(inner.out);
+            body.out.extend(b"\xfe\xff\x0d\xe0\0\0\0\0");
+        }
+        body.out.extend(b"\xfe\xff\xdd\xe0\0\0\0\0");
+    }
+
+    /// Twelve frames of an enhanced image, from top to bottom.
+    pub fn enhanced() -> Self {
+        let frames = || (0..12).rev().map(|k| Self::at(2.5 * f64::from(k)));
+        Self {
+            position: None,
+            frames: Some("12"),
+            places: frames().filter_map(|s| s.position).collect(),
+            pixels: frames().flat_map(|s| s.pixels).collect(),
+            ..Self::at(0.0)
+        }
     }
 
     fn pixel_data(&self, body: &mut Writer) {

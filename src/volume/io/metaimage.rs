@@ -85,11 +85,13 @@ pub fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
     let head = source::head(path, text::MAX_HEADER)?;
     let tags = tags(path, &head)?;
     let axes = axes(&tags)?;
-    let grid = grid(&tags, axes)?;
+    let mut notes = Vec::new();
+    let grid = grid(&tags, axes, &mut notes)?;
     let encoding = encoding(&tags)?;
     let section = section(&tags, &grid, &encoding)?;
     let (data, strange) = section.read(grid.len(), &encoding, progress)?;
-    Ok((Volume::new(grid, data), super::strange_note(strange).into_iter().collect()))
+    notes.extend(super::strange_note(strange));
+    Ok((Volume::new(grid, data), notes))
 }
 
 fn axes(t: &Tags) -> Result<usize> {
@@ -105,7 +107,7 @@ fn axes(t: &Tags) -> Result<usize> {
     }
 }
 
-fn grid(t: &Tags, axes: usize) -> Result<Grid> {
+fn grid(t: &Tags, axes: usize, notes: &mut Vec<String>) -> Result<Grid> {
     let path = t.path;
     let (key, value) =
         t.get(&["DimSize"]).ok_or_else(|| Error::file(path, "its header has no DimSize", "export it again"))?;
@@ -125,6 +127,9 @@ fn grid(t: &Tags, axes: usize) -> Result<Grid> {
             frame::check_spacing(path, name, &s)?;
             spacing = s;
         }
+    }
+    if t.get(&["ElementSize", "ElementSpacing"]).is_none() {
+        notes.push("tells no spacing: 1 mm is taken".to_owned());
     }
     let origin = t.vector(&["Offset", "Position", "Origin"], solid, 0.0)?.unwrap_or([0.0; 3]);
     let direction = match t.get(&["TransformMatrix", "Orientation", "Rotation"]) {

@@ -1,7 +1,7 @@
 //! Reading and writing scans.
 //!
-//! One file for each format; what they share is [`raw`] (bytes to HU), [`source`] (voxels from a part of a file, never
-//! more memory than the file's own size class), [`frame`] (headers to grids) and [`text`] (text headers).
+//! One file for each format; what they share is `raw` (bytes to HU), `source` (voxels from a part of a file, never
+//! more memory than the file's own size class), `frame` (headers to grids) and `text` (text headers).
 
 mod deflate;
 #[cfg(feature = "dicom")]
@@ -60,6 +60,7 @@ enum Format {
     Nifti,
     MetaImage,
     Nrrd,
+    #[cfg_attr(not(feature = "dicom"), expect(dead_code, reason = "such a build refuses DICOM"))]
     Dicom(Vec<PathBuf>),
     Png(Vec<PathBuf>),
 }

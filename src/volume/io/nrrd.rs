@@ -179,6 +179,9 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
     if told && axes.iter().any(|a| a.spacing.is_none() && a.step.is_none()) {
         return Err(Error::file(path, "spacings has NaN, which is not positive and finite", "correct the header"));
     }
+    if axes.iter().any(|a| a.step.is_none() && a.spacing.is_none()) {
+        notes.push("tells no spacing: 1 mm is taken".to_owned());
+    }
     let unit = [DVec3::X, DVec3::Y, DVec3::Z];
     let step = |k: usize| axes.get(k).map_or(unit[k], |a| a.step.unwrap_or(unit[k] * a.spacing.unwrap_or(1.0)));
     let steps = [step(0), step(1), step(2)];

@@ -5,8 +5,8 @@ use std::str::FromStr;
 
 use crate::error::{Error, Result};
 
-/// The longest text header that is read, bytes.
-pub const MAX_HEADER: u64 = 1 << 16;
+/// The longest text header that is read, bytes: some writers keep whole protocols in it.
+pub const MAX_HEADER: u64 = 1 << 20;
 
 /// Exactly `N` numbers (or anything else that parses) separated by white space.
 pub fn exactly<T: FromStr + Copy, const N: usize>(value: &str) -> Option<[T; N]> {

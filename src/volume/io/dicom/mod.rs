@@ -68,6 +68,9 @@ pub fn load(
         return Err(Error::file(input, format!("its modality is {modality}, whose values are not HU"), "give a CT"));
     }
     for s in &slices {
+        if let Some(fault) = &s.fault {
+            return Err(fault.clone());
+        }
         pixels::check_syntax(&s.file)?;
     }
     let stack = stack::stack(input, slices)?;

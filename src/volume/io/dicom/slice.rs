@@ -111,12 +111,14 @@ pub struct Slice {
     pub slope: f64,
     /// HU of a stored zero.
     pub intercept: f64,
+    /// Why it cannot be used; that matters only if its series is chosen (a report in colours lies beside many a scan).
+    pub fault: Option<Error>,
 }
 
-/// The slices of a file: none if it is DICOM without an image.
+/// The slices of a file: none if it is DICOM without an image. One with a `fault` stands for what cannot be used.
 ///
 /// # Errors
-/// Status 3 with what is wrong with its header.
+/// Status 3 where not even its series can be told.
 pub fn read(path: &Path) -> Result<Vec<Slice>> {
     let (_, len) = source::open(path)?;
     let bad = |why: String| Error::file(path, why, "export it again");
@@ -133,7 +135,7 @@ pub fn read(path: &Path) -> Result<Vec<Slice>> {
             Err(Fault::Bad(why)) => return Err(bad(why)),
         }
     };
-    slices(path, &set, room)
+    Ok(slices(path, &set, room))
 }
 
 fn head(path: &Path, bytes: u64) -> Result<Vec<u8>> {
@@ -144,18 +146,20 @@ fn head(path: &Path, bytes: u64) -> Result<Vec<u8>> {
     Ok(out)
 }
 
-fn slices(path: &Path, set: &DataSet, room: u64) -> Result<Vec<Slice>> {
+fn slices(path: &Path, set: &DataSet, room: u64) -> Vec<Slice> {
     let root = &set.root;
-    let Some(pixels) = set.pixels else { return Ok(Vec::new()) };
-    // Anonymised files may have lost it; those without one are taken for one series.
-    let series = root.text(SERIES_UID).unwrap_or_default();
-    let file = Arc::new(file_head(path, set, pixels, room)?);
+    let Some(pixels) = set.pixels else { return Vec::new() };
+    let (file, fault) = match file_head(path, set, pixels, room) {
+        Ok(file) => (file, None),
+        Err(fault) => (unusable(path, set, pixels), Some(fault)),
+    };
     let image_type = root.text(IMAGE_TYPE).unwrap_or_default();
     let ct = ["1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.2.1"];
     let by_class = root.text(SOP_CLASS).filter(|c| ct.contains(&c.as_str())).map(|_| "CT".to_owned());
     let base = Slice {
         frame: 0,
-        series,
+        // Anonymised files may have lost it; those without one are taken for one series.
+        series: root.text(SERIES_UID).unwrap_or_default(),
         series_number: root.decimal(SERIES_NUMBER).map(|n| n as i64),
         modality: root.text(MODALITY).or(by_class).unwrap_or_else(|| "unknown".to_owned()),
         patient_position: root.text(PATIENT_POSITION),
@@ -166,34 +170,39 @@ fn slices(path: &Path, set: &DataSet, room: u64) -> Result<Vec<Slice>> {
         depth: None,
         slope: 1.0,
         intercept: 0.0,
-        file,
+        fault,
+        file: Arc::new(file),
     };
-    let mut out = Vec::new();
-    for frame in 0..base.file.frames {
-        let mut slice = Slice { frame, ..base.clone() };
-        // What a frame says wins over what all frames share, and that over the top of the data set.
+    if base.fault.is_some() {
+        return vec![base];
+    }
+    let frames: Result<Vec<Slice>> = (0..base.file.frames).map(|k| base.frame(path, root, k)).collect();
+    frames.unwrap_or_else(|fault| vec![Slice { fault: Some(fault), ..base }])
+}
+
+impl Slice {
+    /// One frame: what it says itself wins over what all frames share, and that over the top of the data set.
+    fn frame(&self, path: &Path, root: &Item, frame: u32) -> Result<Self> {
+        let mut slice = Self { frame, ..self.clone() };
         slice.fill(path, root)?;
-        let groups = [root.items(SHARED).first(), root.items(PER_FRAME).get(frame as usize)];
-        for group in groups.into_iter().flatten() {
+        let own = root.items(PER_FRAME).get(frame as usize);
+        if self.file.frames > 1 && own.is_none() {
+            return Err(Error::file(
+                path,
+                format!("has {} frames without a place for each", self.file.frames),
+                "export it as single slices or as Enhanced CT",
+            ));
+        }
+        for group in root.items(SHARED).first().into_iter().chain(own) {
             for tag in [PLANE_POSITION, PLANE_ORIENTATION, PIXEL_MEASURES, TRANSFORMATION] {
                 if let Some(item) = group.items(tag).first() {
                     slice.fill(path, item)?;
                 }
             }
         }
-        if base.file.frames > 1 && root.items(PER_FRAME).get(frame as usize).is_none() {
-            return Err(Error::file(
-                path,
-                format!("has {} frames without a place for each", base.file.frames),
-                "export it as single slices or as Enhanced CT",
-            ));
-        }
-        out.push(slice);
+        Ok(slice)
     }
-    Ok(out)
-}
 
-impl Slice {
     /// Takes over what an item says about place and values.
     fn fill(&mut self, path: &Path, item: &Item) -> Result<()> {
         let numbers = |tag: Tag, name: &str, n: usize| match item.text(tag) {
@@ -242,6 +251,21 @@ impl Slice {
 fn wrong(path: &Path, name: &str, value: &str, wanted: &str) -> Error {
     let value: String = value.chars().take(60).collect();
     Error::file(path, format!("{name} is {value:?}, not {wanted}"), "export it again")
+}
+
+/// What is known of a file that cannot be used.
+fn unusable(path: &Path, set: &DataSet, pixels: PixelPlace) -> FileHead {
+    FileHead {
+        path: path.to_owned(),
+        syntax: set.syntax.clone(),
+        pixels,
+        frames: 1,
+        rows: set.root.short(ROWS).unwrap_or(0),
+        cols: set.root.short(COLUMNS).unwrap_or(0),
+        bits: Bits { allocated: 16, stored: 16, high: 15, signed: false },
+        padding: None,
+        inverted: false,
+    }
 }
 
 fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Result<FileHead> {
