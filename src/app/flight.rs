@@ -107,7 +107,7 @@ impl FlightApp {
     fn rebuild(&mut self) -> Result<()> {
         self.app.clear_systems();
         self.scene.plug_into(&mut self.app)?;
-        let (moves, feels) = (self.scene.guide.is_some(), self.scene.feels());
+        let (moves, feels) = (self.scene.moves(), self.scene.feels());
         let world = &mut self.app.world;
         let mut scan = world.entity_mut(self.scan);
         if moves && !scan.contains::<Walls>() {
@@ -121,11 +121,11 @@ impl FlightApp {
         }
         let mut camera = world.entity_mut(self.camera);
         if moves {
-            camera.insert_if_new(Body(self.scene.body));
+            camera.insert_if_new((Body(self.scene.body), GuideThrust::default()));
         }
         match (feels, camera.contains::<Tentacles>()) {
             (true, false) => drop(camera.insert(Tentacles::new(self.scene.tentacles))),
-            (false, true) => drop(camera.remove::<(Tentacles, GuideThrust)>()),
+            (false, true) => drop(camera.remove::<Tentacles>()),
             _ => {}
         }
         match self.scene.mines.filter(|_| feels) {
@@ -212,6 +212,7 @@ impl FlightApp {
                     crate::error::Error::usage("guide", format!("there is no {name:?}"), "choose tentacles or manual")
                 })?;
                 self.scene.guide = Some(guide);
+                self.scene.own_guide = None;
                 self.rebuild()?;
                 self.resume();
             }

@@ -43,12 +43,22 @@ impl Guide {
     }
 }
 
+/// A navigation method from outside this crate, in place of a [`Guide`].
+#[derive(Clone, Copy, Debug)]
+pub struct OwnGuide {
+    /// Its plugins; one of them fills [`Slot::Guide`](crate::components::Slot).
+    pub plugins: &'static [Plugin],
+    /// Whether it wants tentacles on the camera (and mines, if the scene has them).
+    pub feels: bool,
+}
+
 /// What a flight is made of.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Debug)]
 pub struct Scene {
     /// Who steers; without a guide the camera stays where it is.
     pub guide: Option<Guide>,
+    /// Somebody else's navigation method; takes the place of `guide`.
+    pub own_guide: Option<OwnGuide>,
     /// The camera's body.
     pub body: Body,
     /// Sensory rays; used by the guide `tentacles` alone.
@@ -58,13 +68,10 @@ pub struct Scene {
     /// Notices when the flight gets nowhere.
     pub watch: Option<MonitorSettings>,
     /// Whether images are traced: asked for by a window or a recording.
-    #[serde(skip)]
     pub picture: bool,
     /// Whether steps are written down.
-    #[serde(skip)]
     pub log: bool,
     /// Whether an operator can take part: a window, or a recorded input.
-    #[serde(skip)]
     pub operator: bool,
 }
 
@@ -72,6 +79,7 @@ impl Default for Scene {
     fn default() -> Self {
         Self {
             guide: Some(Guide::Tentacles),
+            own_guide: None,
             body: Body::default(),
             tentacles: TentacleSettings::default(),
             mines: Some(MineSettings::default()),
@@ -178,12 +186,17 @@ impl Scene {
 
     /// Whether the camera has tentacles.
     pub fn feels(&self) -> bool {
-        self.guide == Some(Guide::Tentacles)
+        self.own_guide.map_or(self.guide == Some(Guide::Tentacles), |own| own.feels)
+    }
+
+    /// Whether anything moves the camera.
+    pub fn moves(&self) -> bool {
+        self.own_guide.is_some() || self.guide.is_some()
     }
 
     /// Whether the flight is watched.
     pub fn watches(&self) -> bool {
-        self.watch.is_some() && self.guide.is_some()
+        self.watch.is_some() && self.moves()
     }
 
     /// Adds the plugins of the scene to an application, and notes what it goes without.
@@ -191,14 +204,13 @@ impl Scene {
     /// # Errors
     /// When two plugins want the same slot.
     pub fn plug_into(&self, app: &mut App) -> Result<()> {
-        match self.guide {
-            None => app.leave_out("guide", "the scene names none: the camera stays where it is"),
-            Some(guide) => {
-                let plugins = Guide::ALL.iter().find(|g| g.0 == guide).map_or(&[][..], |g| g.2);
-                for &plugin in plugins {
-                    app.add(plugin)?;
-                }
-            }
+        let plugins = match (self.own_guide, self.guide) {
+            (Some(own), _) => own.plugins,
+            (None, Some(guide)) => Guide::ALL.iter().find(|g| g.0 == guide).map_or(&[][..], |g| g.2),
+            (None, None) => &[],
+        };
+        for &plugin in plugins {
+            app.add(plugin)?;
         }
         if self.feels() {
             if self.mines.is_some() {
@@ -210,9 +222,10 @@ impl Scene {
             app.leave_out("tentacles", "no guide feels its way");
             app.leave_out("mines", "no guide that they could push on");
         }
-        if self.guide.is_some() {
+        if self.moves() {
             app.add(systems::motion::plugin)?;
         } else {
+            app.leave_out("guide", "the scene names none: the camera stays where it is");
             app.leave_out("motion", "nothing moves the camera");
         }
         if self.watches() {
@@ -220,7 +233,7 @@ impl Scene {
         } else {
             app.leave_out("watch", "the scene names none, or no guide that it could watch");
         }
-        if self.operator && self.guide.is_some() {
+        if self.operator && self.moves() {
             app.add(systems::operator::plugin)?;
         } else {
             app.leave_out("operator", "neither a window nor a recorded input, or nothing that moves");

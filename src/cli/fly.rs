@@ -42,12 +42,9 @@ pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<
     eprintln!("built without a window: flying headless");
     let mut args = args.clone();
     if args.record.is_none() && args.log.is_none() {
-        output::make_folder(Path::new("flight"))?;
         args.record = Some("flight/flight.gif".to_owned());
         args.log = Some(PathBuf::from("flight/flight.jsonl"));
-        let result = fly_with(&args, global, progress, true);
-        eprintln!("see flight/flight.gif and flight/flight.jsonl");
-        return result;
+        return fly_with(&args, global, progress, true);
     }
     fly_headless(&args, global, progress)
 }
@@ -147,6 +144,9 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
     for note in &plan.notes {
         say(note);
     }
+    if short {
+        output::make_folder(Path::new("flight"))?;
+    }
     let mut flight = timings.time("scene_s", || FlightApp::new(space, lumen, plan, scene, image))?;
     if let Some(path) = &args.replay {
         flight.replay(read_acts(path)?);
@@ -176,6 +176,9 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
     }
     flown?;
     report(&flight);
+    if short {
+        eprintln!("see flight/flight.gif and flight/flight.jsonl");
+    }
     headless::outcome(&flight)
 }
 

@@ -1,0 +1,140 @@
+//! Flights by tentacles and mines from end to end, against the phantom's truth and on a real scan.
+
+mod flying;
+
+use colvis::app::Scene;
+use colvis::app::plan::{Place, Wish};
+use colvis::components::flight::State;
+use colvis::components::output::LogLine;
+use colvis::fields::clearance::TOLERANCE_MM;
+use colvis::phantom::{Settings, Size};
+use colvis::render::value;
+use flying::{data, flight, fly, judge, phantom, run};
+use glam::DVec3;
+
+fn logged() -> Scene {
+    Scene { log: true, ..Scene::default() }
+}
+
+/// From rectum to cecum: at least 97 % of the centerline passed, at most half the radius away from it.
+fn end_to_end(settings: &Settings) {
+    let (volume, truth) = phantom(settings);
+    let mut flight = flight(volume, logged(), &Wish::default());
+    let log = fly(&mut flight, 120.0);
+    let f = flight.flight();
+    assert_eq!(f.state, State::Arrived, "{}", f.reason);
+    let course = judge(&log, &truth);
+    println!("{settings:?}: {course:?}, {:.0} of {:.0} mm", f.length_mm, truth.length_mm);
+    assert!(course.passed >= 0.97 && course.offset <= 0.5, "{course:?}");
+    assert!(course.clearance_mm >= 1.5 - TOLERANCE_MM, "{course:?}");
+    let start = DVec3::from_array(log[0].position);
+    let [rectum, cecum] = [0, truth.centerline.len() - 1].map(|i| DVec3::from(truth.centerline[i]));
+    assert!(start.distance(rectum) < start.distance(cecum), "it starts at the rectum");
+    // Everything logged lies inside the lumen.
+    for line in &log {
+        assert!(value(flight.space(), DVec3::from_array(line.position)) < -650.0, "{line:?}");
+    }
+}
+
+#[test]
+fn small_phantom() {
+    end_to_end(&Settings { size: Size::Small, ..Settings::default() });
+}
+
+#[test]
+fn standard_phantoms_1_to_5() {
+    for seed in 1..=5 {
+        end_to_end(&Settings { seed, ..Settings::default() });
+    }
+}
+
+#[test]
+fn with_fluid_and_bridges() {
+    end_to_end(&Settings { size: Size::Small, fluid: true, bridges: true, seed: 2, ..Settings::default() });
+}
+
+#[test]
+fn the_wrong_way_first_then_turned_round() {
+    let settings = Settings { size: Size::Small, ..Settings::default() };
+    let (volume, truth) = phantom(&settings);
+    // From many places on the way, to both ends: sooner or later the longest free direction is the wrong one.
+    let mut turned = 0;
+    for part in 1..6 {
+        let from = DVec3::from(truth.centerline[truth.centerline.len() * part / 6]);
+        for to in [Place::Rectum, Place::Cecum] {
+            let wish = Wish { from: Some(Place::World(from)), to: Some(to), reverse: false };
+            let mut flight = flight(volume.clone(), logged(), &wish);
+            fly(&mut flight, 200.0);
+            let f = flight.flight();
+            assert_eq!(f.state, State::Arrived, "from {from} to {to:?}: {}", f.reason);
+            turned += f.turns;
+        }
+    }
+    assert!(turned > 0, "at least one flight must have turned round");
+}
+
+#[test]
+fn a_goal_is_reached_within_three_millimetres() {
+    let (volume, truth) = phantom(&Settings { size: Size::Small, ..Settings::default() });
+    let to = DVec3::from(truth.centerline[truth.centerline.len() / 2]);
+    let mut flight = flight(volume, logged(), &Wish { to: Some(Place::World(to)), ..Wish::default() });
+    let log = fly(&mut flight, 120.0);
+    assert_eq!(flight.flight().state, State::Arrived);
+    assert!(DVec3::from_array(log[log.len() - 1].position).distance(to) <= 3.0);
+}
+
+#[test]
+fn few_tentacles_are_as_safe_as_many() {
+    let (volume, _) = phantom(&Settings { size: Size::Small, ..Settings::default() });
+    for count in [3, 8, 64, 300] {
+        let mut scene = logged();
+        scene.tentacles.count = count;
+        let mut flight = flight(volume.clone(), scene, &Wish::default());
+        let log = fly(&mut flight, 60.0);
+        let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
+        assert!(least >= 1.5 - TOLERANCE_MM, "{count} tentacles: {least}");
+        let f = flight.flight();
+        if count >= 8 {
+            assert_eq!(f.state, State::Arrived, "{count} tentacles: {}", f.reason);
+        } else {
+            // The paper's least number need not find the way, but it must end, and say why.
+            assert!(f.state == State::Arrived || !f.reason.is_empty(), "{f:?}");
+        }
+    }
+}
+
+#[test]
+fn real_scan_end_to_end() {
+    let Some(scan) = data("ctc_prone.nii.gz") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let log = dir.path().join("f.jsonl");
+    let stats = dir.path().join("s.json");
+    let scan = scan.to_str().unwrap();
+    let out = run(&["fly", scan, "--headless", "--log", log.to_str().unwrap(), "--stats", stats.to_str().unwrap()], 0);
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(said.contains("2 more: "), "the segments not flown are named: {said}");
+    let lines: Vec<LogLine> =
+        std::fs::read_to_string(&log).unwrap().lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    let last = &lines[lines.len() - 1];
+    assert_eq!(last.state, State::Arrived);
+    assert!(lines.iter().all(|l| l.clearance_mm >= 1.5 - TOLERANCE_MM));
+    let ends = [DVec3::new(131.0, -64.0, -126.0), DVec3::new(-90.0, -103.0, -258.0)];
+    for (line, end) in [(&lines[0], ends[0]), (last, ends[1])] {
+        assert!(DVec3::from_array(line.position).distance(end) < 30.0, "{line:?} near {end}");
+    }
+    let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&stats).unwrap()).unwrap();
+    assert_eq!(stats["state"], "arrived");
+    assert_eq!(stats["unflown"].as_array().unwrap().len(), 2);
+    assert!(stats["prepare"]["load_s"].as_f64().unwrap() > 0.0 && stats["peak_rss_bytes"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn no_colon_to_fly() {
+    let Some(scan) = data("abdomen_unprepared.nii.gz") else { return };
+    let out = run(&["fly", scan.to_str().unwrap(), "--headless"], 4);
+    assert!(String::from_utf8_lossy(&out.stderr).contains("no colon to fly through"));
+    let dir = tempfile::tempdir().unwrap();
+    let mask = dir.path().join("m.nii.gz");
+    run(&["segment", scan.to_str().unwrap(), "--out", mask.to_str().unwrap()], 0);
+    assert!(mask.exists(), "segment still writes what there is");
+}

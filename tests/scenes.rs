@@ -1,0 +1,106 @@
+//! What a scene does not ask for is neither scheduled nor in memory.
+
+mod flying;
+
+use std::sync::OnceLock;
+
+use colvis::app::Scene;
+use colvis::app::explain::{Explanation, explain};
+use colvis::app::plan::Wish;
+use colvis::phantom::{Settings, Size};
+use colvis::volume::Volume;
+use flying::{flight, phantom, run};
+
+fn shipped(name: &str) -> Scene {
+    Scene::read(&std::path::Path::new("assets/scenes").join(name)).unwrap()
+}
+
+fn explained(scene: Scene) -> Explanation {
+    static VOLUME: OnceLock<Volume> = OnceLock::new();
+    let volume = VOLUME.get_or_init(|| phantom(&Settings { size: Size::Small, ..Settings::default() }).0);
+    explain(&flight(volume.clone(), scene, &Wish::default()))
+}
+
+#[test]
+fn four_scenes_four_schedules() {
+    let scenes = ["tentacles.toml", "tentacles-without-mines.toml", "manual.toml", "render.toml"];
+    let all: Vec<Explanation> = scenes.iter().map(|s| explained(shipped(s))).collect();
+    for (i, a) in all.iter().enumerate() {
+        for b in &all[..i] {
+            assert_ne!((&a.step, &a.frame), (&b.step, &b.frame));
+        }
+    }
+    // (scene, system or component, is there)
+    let has = |n: usize, name: &str| {
+        let scheduled = all[n].step.iter().chain(&all[n].frame).any(|s| s.contains(name));
+        let carried = all[n].components.iter().any(|c| c == name);
+        scheduled || carried
+    };
+    let table = [
+        ("cast_tentacles", [true, true, false, false]),
+        ("Tentacles", [true, true, false, false]),
+        ("lay_mines", [true, false, false, false]),
+        ("MineField", [true, false, false, false]),
+        ("MinePush", [true, false, false, false]),
+        ("move_body", [true, true, true, false]),
+        ("Body", [true, true, true, false]),
+        ("Walls", [true, true, true, false]),
+        ("watch_flight", [true, true, true, false]),
+        ("cast_picture", [false, false, false, true]),
+        ("RaySpace", [true, true, false, true]),
+        ("take_commands", [false, false, false, false]),
+        ("Hand", [false, false, false, false]),
+        ("log_step", [false, false, false, false]),
+    ];
+    for (name, wanted) in table {
+        for (n, want) in wanted.into_iter().enumerate() {
+            assert_eq!(has(n, name), want, "{name} in {}: {:?} {:?}", scenes[n], all[n].step, all[n].components);
+        }
+    }
+    // Whatever is not there is told with a reason.
+    let left_out = |n: usize| -> Vec<&str> { all[n].left_out.iter().map(|l| l.part).collect() };
+    assert!(left_out(1).contains(&"mines") && left_out(2).contains(&"tentacles") && left_out(3).contains(&"motion"));
+    for n in 0..4 {
+        assert!(left_out(n).contains(&"centerline") && left_out(n).contains(&"wall distance field"));
+        assert!(all[n].left_out.iter().all(|l| !l.why.is_empty()));
+    }
+    assert!(left_out(0).contains(&"picture"), "without a window or a recording no ray is cast for an image");
+}
+
+#[test]
+fn a_guide_is_changed_in_flight_and_its_parts_go() {
+    use colvis::components::guide::{MineField, Tentacles};
+    use colvis::components::input::Command;
+    let (volume, _) = phantom(&Settings { size: Size::Small, ..Settings::default() });
+    let mut f = flight(volume, Scene { operator: true, log: true, ..Scene::default() }, &Wish::default());
+    for _ in 0..120 {
+        f.step().unwrap();
+    }
+    let before = f.pose().position;
+    f.act(Command::Guide("manual".to_owned())).unwrap();
+    assert!(f.camera::<Tentacles>().is_none() && f.camera::<MineField>().is_none());
+    assert_eq!(f.pose().position, before, "the camera stays where it was");
+    for _ in 0..240 {
+        f.step().unwrap();
+    }
+    assert!(f.take_log().last().unwrap().velocity.iter().all(|v| v.abs() < 0.1), "it drifts to rest");
+    f.act(Command::Guide("tentacles".to_owned())).unwrap();
+    for _ in 0..240 {
+        f.step().unwrap();
+    }
+    assert!(f.pose().position.distance(before) > 20.0, "and the guide goes on");
+    assert!(f.act(Command::Guide("warp".to_owned())).is_err());
+}
+
+#[test]
+fn the_program_explains() {
+    let scene = |s| ["explain", "--headless", "--json", "--scene", s].map(str::to_owned);
+    let outputs = ["assets/scenes/tentacles.toml", "assets/scenes/render.toml"].map(|s| {
+        let args = scene(s);
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        let out = run(&args, 0);
+        serde_json::from_slice::<serde_json::Value>(&out.stdout).unwrap()
+    });
+    assert_ne!(outputs[0]["step"], outputs[1]["step"]);
+    assert!(outputs[0]["built"].as_array().unwrap().iter().all(|b| b["bytes"].is_u64()));
+}
