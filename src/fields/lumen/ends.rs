@@ -47,15 +47,16 @@ pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Optio
     Some(Ends { at, length_mm: smooth_length(&way) })
 }
 
-/// Climbs from a tip to where the lumen is widest near it.
+/// Climbs from a tip to where the lumen is wide near it: what is won in clearance is worth five times the way.
 fn inward(graph: &Graph, tip: u32) -> u32 {
     let node = |n: u32| &graph.nodes[n as usize];
+    let away = |n: u32| node(n).centre.distance(node(tip).centre);
+    let worth = |n: u32| node(n).clearance - 0.2 * away(n);
     let mut at = tip;
     loop {
         let near = graph.neighbours(at).iter().flat_map(|&m| graph.neighbours(m).iter().copied().chain([m]));
-        let next = near
-            .filter(|&m| node(m).centre.distance(node(tip).centre) <= INWARD_MM)
-            .fold(at, |best, m| if node(m).clearance > node(best).clearance { m } else { best });
+        let next =
+            near.filter(|&m| away(m) <= INWARD_MM).fold(at, |best, m| if worth(m) > worth(best) { m } else { best });
         if next == at {
             return at;
         }

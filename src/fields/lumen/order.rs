@@ -15,7 +15,7 @@ const RECTUM_ASIDE_MM: f64 = 60.0;
 /// The widest gap between two segments for the order to be trusted, mm.
 const WIDEST_GAP_MM: f64 = 150.0;
 /// The least length from end to end for the order to be trusted, mm.
-const LEAST_COLON_MM: f64 = 400.0;
+const LEAST_COLON_MM: f64 = 200.0;
 
 /// The rectum lies within this share of the scanned body's height, from below, for the order to be trusted.
 const RECTUM_HEIGHT: f64 = 0.4;

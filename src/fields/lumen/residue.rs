@@ -16,10 +16,16 @@ const THIN_MM: f64 = 5.0;
 /// A voxel along this many of the thirteen lines through its neighbours is thin if it belongs to a rod: a rod is long
 /// along one line, or between two, a sheet (a fold) along four.
 const THIN_LINES: usize = 11;
+/// Voxels with this many belong to a rod if they touch others that are surely its own.
+const NEARLY_THIN_LINES: usize = 10;
 /// How much thicker than at its thinnest a rod may look along a line …
 const THIN_RATIO: f64 = 2.2;
 /// … and how much more for the voxels' own size, mm.
-const THIN_SLACK_MM: f64 = 0.8;
+const THIN_SLACK_MM: f64 = 0.5;
+/// Fewer voxels that are surely of a rod make none.
+const SURE_VOXELS: usize = 4;
+/// At most this share of a bridge's voxels touches other tissue: only its ends do, the rim of a fold does all along.
+const ATTACHED_SHARE: f64 = 0.5;
 /// A bridge is at least this long, mm.
 const BRIDGE_MM: f64 = 3.0;
 /// An island is at least this large, ml: a single noisy voxel is none …
@@ -72,8 +78,6 @@ pub fn residue(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Re
     progress.stage("marking bridges and islands", volume.grid().dims()[2] as u64);
     let loose = islands(lumen, progress)?;
     let rods = rods(volume, lumen, &loose, progress)?;
-    let (set, _) = rods.components_by_corners();
-    let rods = rods.pick(|n, _| Some(set[n]));
     let bridges = gather(volume.grid(), &rods).filter(|m| m.length_mm >= BRIDGE_MM);
     let islands = gather(volume.grid(), &loose).filter(|m| (ISLAND_LEAST_ML..=ISLAND_MOST_ML).contains(&m.ml));
     Ok(Residue { bridges: largest_first(bridges), islands: largest_first(islands) })
@@ -160,37 +164,71 @@ fn complement(covered: [&[Run]; 2], nx: u32, out: &mut Vec<Run>) {
     }
 }
 
-/// The voxels that belong to rods, as runs.
+/// The voxels that belong to rods, labelled by rod.
 fn rods(volume: &Volume, lumen: &Lumen, loose: &Rows, progress: &Progress) -> Result<Rows> {
     let dims @ [_, ny, nz] = lumen.gas.dims();
     let grid = volume.grid();
     let steps = Steps::new(grid);
-    let found: Vec<Vec<[i64; 3]>> = (0..nz)
+    let found: Vec<(Vec<[i64; 3]>, Vec<[i64; 3]>)> = (0..nz)
         .into_par_iter()
         .map(|k| {
             progress.check()?;
-            let mut candidates = thin_gaps(lumen, k, (THIN_MM / grid.spacing().x) as u32, THIN_MM / grid.spacing().y);
-            candidates.retain(|&p| loose.find(p[0], p[1], p[2]).is_none() && steps.is_rod(volume, p));
-            Ok(candidates)
-        })
-        .collect::<Result<_>>()?;
-    let slices = found.iter().map(|voxels| {
-        let mut runs: Vec<Run> = Vec::new();
-        let mut lengths = vec![0; ny];
-        for p in voxels {
-            let x = p[0] as u32;
-            let length = &mut lengths[p[1] as usize];
-            match runs.last_mut().filter(|r| *length > 0 && r.end == x) {
-                Some(last) => last.end += 1,
-                None => {
-                    runs.push(Run { start: x, end: x + 1, label: 0 });
-                    *length += 1;
+            let (mut sure, mut likely) = (Vec::new(), Vec::new());
+            for p in thin_gaps(lumen, k, (THIN_MM / grid.spacing().x) as u32, THIN_MM / grid.spacing().y) {
+                let thin = steps.thin_lines(volume, p);
+                if thin >= NEARLY_THIN_LINES && loose.find(p[0], p[1], p[2]).is_none() {
+                    likely.push(p);
+                    if thin >= THIN_LINES {
+                        sure.push(p);
+                    }
                 }
             }
+            Ok((sure, likely))
+        })
+        .collect::<Result<_>>()?;
+    let rows = Rows::from_slices(dims, found.iter().map(|f| slice_runs(&f.1, ny)).collect())?;
+    let (set, count) = rows.components_by_corners();
+    let labelled = rows.pick(|n, _| Some(set[n]));
+    let mut sure = vec![0; count];
+    for p in found.iter().flat_map(|f| &f.0) {
+        if let Some(r) = labelled.find(p[0], p[1], p[2]) {
+            sure[r.label as usize] += 1;
         }
-        (lengths, runs)
-    });
-    Rows::from_slices(dims, slices.collect())
+    }
+    let mut size = vec![(0.0, 0.0); count];
+    for (j, k, r) in labelled.iter() {
+        let of_rod = &mut size[r.label as usize];
+        let attached = r.range().filter(|&i| is_attached(volume, &labelled, [i as i64, j as i64, k as i64])).count();
+        *of_rod = (of_rod.0 + f64::from(r.len()), of_rod.1 + attached as f64);
+    }
+    let is_bridge = |rod: usize| sure[rod] >= SURE_VOXELS && size[rod].1 <= ATTACHED_SHARE * size[rod].0;
+    Ok(labelled.select(|rod| is_bridge(rod as usize).then_some(rod)))
+}
+
+/// Whether one of a voxel's 26 neighbours is tissue that belongs to no rod.
+fn is_attached(volume: &Volume, rods: &Rows, p: [i64; 3]) -> bool {
+    LINES.iter().flat_map(|l| [*l, l.map(|x| -x)]).any(|l| {
+        let [i, j, k]: [i64; 3] = std::array::from_fn(|a| p[a] + l[a]);
+        volume.get(i, j, k) > GAS_HU && rods.find(i, j, k).is_none()
+    })
+}
+
+/// The runs of a slice's voxels (in order), as [`Rows::from_slices`] takes them.
+fn slice_runs(voxels: &[[i64; 3]], ny: usize) -> (Vec<u32>, Vec<Run>) {
+    let mut runs: Vec<Run> = Vec::new();
+    let mut lengths = vec![0; ny];
+    for p in voxels {
+        let x = p[0] as u32;
+        let length = &mut lengths[p[1] as usize];
+        match runs.last_mut().filter(|r| *length > 0 && r.end == x) {
+            Some(last) => last.end += 1,
+            None => {
+                runs.push(Run { start: x, end: x + 1, label: 0 });
+                *length += 1;
+            }
+        }
+    }
+    (lengths, runs)
 }
 
 /// The voxels of slice `k` that lie, along x or along y, in a gap of the gas no longer than the given number of voxels:
@@ -224,10 +262,12 @@ impl Steps {
         Self(LINES.map(|line| (line, (DVec3::from_array(line.map(|x| x as f64)) * grid.spacing()).length())))
     }
 
-    /// Whether the tissue about a voxel is thin, with gas at both ends, along nearly all lines. Thin is relative to
-    /// where it is thinnest: a line at an angle φ to a rod of thickness t runs through t / sin φ of it, and at φ to a
-    /// sheet's normal through t / cos φ, so that of a sheet, thin as it may be, nearly half of all lines see much.
-    fn is_rod(&self, volume: &Volume, p: [i64; 3]) -> bool {
+    /// Along how many lines the tissue about a voxel is thin, with gas at both ends.
+    ///
+    /// Thin is relative to where it is nearly thinnest, the fourth of the thirteen: a line at an angle φ to a rod of
+    /// thickness t runs through t / sin φ of it, so that only lines within some 25° of the rod, one or two, see much
+    /// more; at φ to a sheet's normal it runs through t / cos φ, and a third of all lines see much more.
+    fn thin_lines(&self, volume: &Volume, p: [i64; 3]) -> usize {
         let mut runs = [f64::INFINITY; 13];
         let mut endless = 0;
         for (run, &(line, step_mm)) in runs.iter_mut().zip(&self.0) {
@@ -238,17 +278,17 @@ impl Steps {
                 Some(n) => *run = (n - 1) as f64 * step_mm,
                 None => endless += 1,
             }
-            if endless > LINES.len() - THIN_LINES {
-                return false;
+            if endless > LINES.len() - NEARLY_THIN_LINES {
+                return 0;
             }
         }
-        let thinnest = runs.iter().copied().fold(f64::INFINITY, f64::min);
-        let limit = THIN_RATIO * thinnest + THIN_SLACK_MM;
-        runs.iter().filter(|&&run| run <= limit).count() >= THIN_LINES
+        runs.sort_by(f64::total_cmp);
+        let limit = THIN_RATIO * runs[3] + THIN_SLACK_MM;
+        runs.iter().filter(|&&run| run <= limit).count()
     }
 }
 
-/// Place and size of each label, from 0 on.
+/// Place and size of each label that there is.
 fn gather(grid: &Grid, rows: &Rows) -> impl Iterator<Item = Remnant> {
     let count = rows.runs().iter().map(|r| r.label as usize + 1).max().unwrap_or(0);
     let mut found = vec![(DVec3::ZERO, 0.0, DVec3::INFINITY, DVec3::NEG_INFINITY); count];
@@ -260,7 +300,7 @@ fn gather(grid: &Grid, rows: &Rows) -> impl Iterator<Item = Remnant> {
         (f.2, f.3) = (f.2.min(first), f.3.max(last));
     }
     let (spacing, voxel_ml, to_world) = (grid.spacing(), grid.voxel_ml(), *grid.to_world());
-    found.into_iter().map(move |(sum, voxels, low, high)| Remnant {
+    found.into_iter().filter(|f| f.1 > 0.0).map(move |(sum, voxels, low, high)| Remnant {
         at: to_world.transform_point3(sum / voxels),
         ml: voxels * voxel_ml,
         length_mm: ((high - low) * spacing).length(),

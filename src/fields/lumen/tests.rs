@@ -1,10 +1,13 @@
 //! Bodies made for one question each, and the scans of the data folder.
 
+use std::path::PathBuf;
+
 use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::math::hash;
 
+/// HU.
 const GAS: f64 = -1000.0;
 const TISSUE: f64 = 40.0;
 
@@ -125,7 +128,7 @@ fn flipped_and_permuted_grids_give_the_same_colon() {
         assert!((s.ml - e.ml).abs() < 1e-6 * e.ml, "{axes:?} {signs:?}: {} ml", s.ml);
         for n in 0..2 {
             assert!(s.bounds_mm[n].distance(e.bounds_mm[n]) < 1e-6);
-            assert!(s.ends[n].distance(e.ends[n]) < 8.0, "{axes:?} {signs:?}: {} is not {}", s.ends[n], e.ends[n]);
+            assert!(s.ends[n].distance(e.ends[n]) < 12.0, "{axes:?} {signs:?}: {} is not {}", s.ends[n], e.ends[n]);
         }
         assert!((s.length_mm - e.length_mm).abs() < 0.1 * e.length_mm);
     }
@@ -309,4 +312,88 @@ fn threads_change_nothing() {
         })
     });
     assert_eq!(one, two);
+}
+
+/// A file of the data folder; says so where it is absent.
+fn data(name: &str) -> Option<Volume> {
+    let folder = std::env::var_os("COLVIS_TEST_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
+    let path = folder.join(name);
+    if !path.exists() {
+        eprintln!("skipped: {} is absent", path.display());
+        return None;
+    }
+    Some(crate::volume::io::load(&path, &Default::default(), &Progress::new()).unwrap().volume)
+}
+
+#[test]
+fn the_prone_scan_has_three_segments_in_order() {
+    let Some(volume) = data("ctc_prone.nii.gz") else { return };
+    let lumen = found(&volume);
+    assert!(lumen.ordered && lumen.is_flyable());
+    // At the core's threshold they hold 281, 183 and 2479 ml; the surface lies at a brighter one.
+    let ml: Vec<f64> = lumen.segments.iter().map(|s| s.ml).collect();
+    assert_eq!(ml.len(), 3, "{ml:?}");
+    for (ml, expected) in ml.into_iter().zip([292.0, 192.0, 2560.0]) {
+        assert!((ml - expected).abs() < 0.02 * expected, "{ml} is not {expected}");
+    }
+    let main = &lumen.segments[2];
+    assert_eq!(lumen.main_segment(), Some(2));
+    assert!(main.ends[0].distance(DVec3::new(131.0, -64.0, -126.0)) < 20.0, "{:?}", main.ends);
+    assert!(main.ends[1].distance(DVec3::new(-90.0, -103.0, -258.0)) < 45.0, "{:?}", main.ends);
+    assert!((780.0..1000.0).contains(&main.length_mm), "{}", main.length_mm);
+    // Fluid separates neighbours and nothing else.
+    let joined: Vec<&[usize]> = lumen.segments.iter().map(|s| s.joined_to.as_slice()).collect();
+    assert_eq!(joined, [&[1][..], &[0, 2], &[1]]);
+    let share = lumen.fluid_ml() / (lumen.gas_ml() + lumen.fluid_ml());
+    assert!((0.08..0.20).contains(&share), "{share}");
+    // Lung bases, outside air, tagged small bowel and the pelvis.
+    let mask = lumen.mask();
+    let value = |p: DVec3| {
+        let [i, j, k] = volume.grid().voxel(p).round().to_array().map(|x| x as usize);
+        mask[volume.grid().index(i, j, k)]
+    };
+    let not =
+        [[-80.0, 20.0, -25.0], [80.0, 20.0, -25.0], [0.0, 120.0, -200.0], [-60.0, -130.0, -337.0], [90.0, 0.0, -337.0]];
+    for p in not {
+        assert_eq!(value(DVec3::from_array(p)), 0, "{p:?}");
+    }
+    let residue = residue(&volume, &lumen, &Progress::new()).unwrap();
+    assert!(residue.bridges.len() < 40, "{}", residue.bridges.len());
+}
+
+#[test]
+fn an_unprepared_abdomen_is_no_colon_to_fly() {
+    let Some(volume) = data("abdomen_unprepared.nii.gz") else { return };
+    let lumen = found(&volume);
+    assert!(!lumen.is_flyable() && !lumen.ordered, "{:?}", lumen.segments);
+    // There is gas all the same, and it can be asked for.
+    let inside = lumen.segments[0].ends[0];
+    let one = gas_at(&volume, inside, &Progress::new()).unwrap().unwrap();
+    holds_together(&volume, &one);
+    assert_eq!(one.segments.len(), 1);
+    // Alone it grows into the blur that it otherwise shares with its neighbours.
+    let [alone, among] = [one.segments[0].ml, lumen.segments[0].ml];
+    assert!(alone >= among && alone < 1.1 * among, "{alone} {among}");
+}
+
+#[test]
+fn the_phantom_is_one_lumen_from_rectum_to_cecum() {
+    use crate::phantom::{Phantom, Settings, Size};
+    for (fluid, bridges) in [(false, false), (true, true)] {
+        let phantom = Phantom::new(&Settings { size: Size::Small, fluid, bridges, ..Settings::default() });
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let lumen = found(&volume);
+        let truth = phantom.truth();
+        let ml = lumen.gas_ml() + lumen.fluid_ml();
+        assert!(lumen.ordered && lumen.is_flyable());
+        assert!((ml - truth.lumen_ml).abs() < 0.02 * truth.lumen_ml, "{ml} is not {} ml", truth.lumen_ml);
+        assert_eq!(lumen.fluid_ml() > 0.0, fluid);
+        let ends = [lumen.segments[0].ends[0], lumen.segments[lumen.segments.len() - 1].ends[1]];
+        let last = truth.centerline.len() - 1;
+        for (end, at) in ends.into_iter().zip([truth.centerline[0], truth.centerline[last]]) {
+            assert!(end.distance(at) < 8.0, "{end} is not {at}");
+        }
+        let length = lumen.segments.iter().map(|s| s.length_mm).sum::<f64>();
+        assert!((length - truth.length_mm).abs() < 0.1 * truth.length_mm, "{length} is not {} mm", truth.length_mm);
+    }
 }
