@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use super::directions::Directions;
 use super::keys::{Deed, Hands};
 use super::overlay::{Mood, Readings};
+use super::refine::{Order, Refiner, Traced, Use, WakeUp};
 use super::resolution::Resolution;
 use super::screenshot;
 use super::way::Way;
@@ -23,10 +24,11 @@ use crate::render::{Frame, Quality};
 /// Steps between two images at the most: a slower machine flies slower.
 const STEPS: u32 = 10;
 /// A resting camera is left alone after so many steps without motion.
-const QUIET_STEPS: u32 = 60;
-/// Slower than this is rest, mm/s; and closer than this is the same place, mm.
-const REST_MM_S: f64 = 0.05;
-const SAME_MM: f64 = 1e-3;
+const QUIET_STEPS: u32 = 40;
+/// Slower than this is rest, mm/s: what is left is a long drift away from the wall. Closer than this is the same place,
+/// mm.
+const REST_MM_S: f64 = 0.3;
+const SAME_MM: f64 = 4e-3;
 /// A camera at rest for so long gets finer images.
 const REFINE_AFTER: Duration = Duration::from_millis(180);
 /// Figures change so often at the most, to be readable.
@@ -38,11 +40,18 @@ const FASTER: f64 = 1.15;
 
 /// What an image was made of: nothing has to be traced again as long as it is the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Traced {
+struct Shown {
     pose: Pose,
     size: (usize, usize),
     window: (usize, usize),
     quality: Quality,
+}
+
+impl Shown {
+    /// Whether it shows what `pose` sees in a window.
+    fn shows(&self, pose: &Pose, window: (usize, usize), quality: Quality) -> bool {
+        self.window == window && self.quality == quality && same(&self.pose, pose)
+    }
 }
 
 /// A flight with its operator.
@@ -57,7 +66,10 @@ pub struct Cockpit {
     look: [f64; 2],
     way: Way,
     resolution: Resolution,
-    traced: Option<Traced>,
+    shown: Option<Shown>,
+    /// The image of a camera at rest, finer than the flight's own.
+    fine: Option<Frame>,
+    refiner: Refiner,
     moved: Instant,
     frames: Vec<FrameStats>,
     figures: Figures,
@@ -77,10 +89,16 @@ struct Figures {
 
 impl Cockpit {
     /// The operator of `flight`, whose place along the way is `along_mm`.
-    pub fn new(flight: FlightApp, along_mm: f64) -> Self {
+    ///
+    /// `wake` is called from another thread when a finer image is there.
+    ///
+    /// # Errors
+    /// Status 1 when the system gives no threads.
+    pub fn new(flight: FlightApp, along_mm: f64, wake: WakeUp) -> Result<Self> {
         let now = Instant::now();
         let way = Way::new(flight.plan().length_mm, flight.flight().length_mm).at(along_mm);
-        Self {
+        let refiner = Refiner::new(flight.space().clone(), wake)?;
+        Ok(Self {
             flight,
             accumulator: Accumulator::default(),
             simulated: None,
@@ -90,13 +108,15 @@ impl Cockpit {
             look: [0.0; 2],
             way,
             resolution: Resolution::default(),
-            traced: None,
+            shown: None,
+            fine: None,
+            refiner,
             moved: now,
             frames: Vec::new(),
             figures: Figures { since: now, count: 0, ms: 0.0, text: Default::default(), stale: true },
             message: None,
             help: false,
-        }
+        })
     }
 
     /// The flight.
@@ -121,7 +141,8 @@ impl Cockpit {
 
     /// The image as it was last traced.
     pub fn image(&self) -> Option<&Frame> {
-        self.traced.and_then(|_| self.flight.camera::<Picture>()).map(|p| &p.frame)
+        self.shown?;
+        self.fine.as_ref().or_else(|| self.flight.camera::<Picture>().map(|p| &p.frame))
     }
 
     /// Says something for a moment.
@@ -137,8 +158,8 @@ impl Cockpit {
     /// When something is to be done although the flight rests: a finer image, a message to be taken away.
     pub fn next(&self, window: (usize, usize)) -> Option<Instant> {
         let refine = self
-            .traced
-            .filter(|t| t.window == window && Resolution::finer(t.size, window).is_some())
+            .shown
+            .filter(|s| !self.refiner.is_busy() && Resolution::finer(s.size, window).is_some())
             .map(|_| self.moved + REFINE_AFTER);
         let message = self.message.as_ref().map(|m| m.1);
         let figures = self.figures.stale.then_some(self.figures.since + READ_EVERY);
@@ -218,6 +239,7 @@ impl Cockpit {
             Deed::Help => self.help = !self.help,
             Deed::Fullscreen | Deed::Quit => {}
         }
+        self.quiet = 0;
         self.figures.stale = true;
     }
 
@@ -231,7 +253,10 @@ impl Cockpit {
 
     fn next_segment(&mut self, now: Instant) {
         let count = self.flight.lumen().segments.len();
-        let next = self.flight.plan().segment.map_or(0, |n| n + 1) % count.max(1);
+        // The next that was not flown, or where there is none the next of all.
+        let here = self.flight.plan().segment.map_or(0, |n| n + 1);
+        let unflown = self.flight.unflown();
+        let next = unflown.iter().find(|s| s.0 >= here).or(unflown.first()).map_or(here % count.max(1), |s| s.0);
         if count == 0 || self.flight.plan().segment == Some(next) {
             self.say("there is no other segment", now);
             return;
@@ -251,21 +276,35 @@ impl Cockpit {
         }
     }
 
-    fn screenshot(&mut self, window: (usize, usize), now: Instant) {
-        let pose = self.flight.pose();
-        let Some(picture) = self.flight.camera::<Picture>() else { return };
-        let fov = picture.fov_degrees;
-        match screenshot::take(self.flight.space(), &pose, picture, window, Path::new(".")) {
+    fn screenshot(&mut self, (width, height): (usize, usize), now: Instant) {
+        if let Some(order) = Order::of(&self.flight, (width.max(1), height.max(1)), Use::Save) {
+            self.refiner.begin(order);
+            self.say("saving the image", now);
+        }
+    }
+
+    /// Saves a screenshot and prints its pose.
+    fn save(&mut self, traced: &Traced, now: Instant) {
+        match screenshot::save(&traced.frame, Path::new(".")) {
             Ok(path) => {
                 let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+                let pose = screenshot::pose_json(&traced.order.pose, traced.order.fov_degrees);
                 // Who reads the poses may have gone; the picture is there.
-                let _ = writeln!(std::io::stdout(), "{}", screenshot::pose_json(&pose, fov));
+                let _ = writeln!(std::io::stdout(), "{pose}");
                 self.say(format!("saved {name}"), now);
             }
             Err(e) => self.say(e.to_string(), now),
         }
-        // Real time went on meanwhile; the flight does not make up for it.
-        self.simulated = None;
+    }
+
+    /// Saves the screenshots that are still being traced, at the end.
+    pub fn save_the_rest(&mut self) {
+        while let Some(traced) = self.refiner.wait() {
+            match traced {
+                Ok(t) if t.order.what_for == Use::Save => self.save(&t, Instant::now()),
+                _ => {}
+            }
+        }
     }
 
     /// Simulates up to `now`.
@@ -308,40 +347,87 @@ impl Cockpit {
         self.quiet = if left_alone && still && !self.flight.is_replaying() { self.quiet.saturating_add(1) } else { 0 };
     }
 
-    /// Traces an image for a window of the given size if there is one to be had that differs from the last; whether
-    /// there was.
-    pub fn trace(&mut self, window: (usize, usize), now: Instant) -> bool {
+    /// Sees to it that there is an image for a window of the given size; whether it is another than before.
+    ///
+    /// # Errors
+    /// Status 1 when an image cannot be made: a fault of the program.
+    pub fn trace(&mut self, window: (usize, usize), now: Instant) -> Result<bool> {
+        let mut finer = self.collect(window, now)?;
         if window.0 == 0 || window.1 == 0 {
-            return false;
+            return Ok(false);
         }
         let pose = self.flight.pose();
-        let Some(quality) = self.flight.camera::<Picture>().map(|p| p.settings.quality) else { return false };
-        let last = self.traced.filter(|t| t.window == window && t.quality == quality && same(&t.pose, &pose));
-        let size = match last {
+        let Some(quality) = self.quality() else { return Ok(false) };
+        match self.shown.filter(|s| s.shows(&pose, window, quality)) {
             None => {
                 self.moved = now;
-                self.resolution.moving(window)
+                self.fine = None;
+                let size = self.resolution.moving(window);
+                let ms = self.trace_now(size);
+                self.resolution.measured(size.0 * size.1, ms);
+                self.shown = Some(Shown { pose, size, window, quality });
+                finer = true;
             }
-            Some(t) => match Resolution::finer(t.size, window) {
-                Some(finer) if now >= self.moved + REFINE_AFTER => finer,
-                _ => return false,
-            },
-        };
+            Some(shown) if now >= self.moved + REFINE_AFTER && !self.refiner.is_busy() => {
+                let next = Resolution::finer(shown.size, window);
+                if let Some(order) = next.and_then(|size| Order::of(&self.flight, size, Use::Show)) {
+                    self.refiner.begin(order);
+                }
+            }
+            Some(_) => {}
+        }
+        Ok(finer)
+    }
+
+    /// Traces the flight's own picture; how long that took, ms.
+    fn trace_now(&mut self, (width, height): (usize, usize)) -> f64 {
         if let Some(mut picture) = self.flight.camera_mut::<Picture>() {
-            picture.frame.resize(size.0, size.1);
+            picture.frame.resize(width, height);
         }
         let begun = Instant::now();
         self.flight.frame();
         let ms = begun.elapsed().as_secs_f64() * 1e3;
-        self.resolution.measured(size.0 * size.1, ms);
         if let Some(w) = self.flight.camera::<Picture>().map(|p| p.work) {
-            self.frames.push(FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused });
+            self.count(FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused });
         }
+        ms
+    }
+
+    /// Takes the images that were traced in the background; whether one is to be shown.
+    fn collect(&mut self, window: (usize, usize), now: Instant) -> Result<bool> {
+        let mut finer = false;
+        while let Some(traced) = self.refiner.take() {
+            let traced = traced?;
+            if traced.order.what_for == Use::Save {
+                self.save(&traced, now);
+                continue;
+            }
+            let order = traced.order;
+            // The camera may have moved on meanwhile.
+            let here = self.flight.pose();
+            let quality = order.settings.quality;
+            if self.quality() != Some(quality) || !same(&order.pose, &here) {
+                continue;
+            }
+            if let Some(shown) = self.shown.as_mut().filter(|s| s.shows(&here, window, quality)) {
+                shown.size = order.size;
+                self.fine = Some(traced.frame);
+                self.count(traced.stats);
+                finer = true;
+            }
+        }
+        Ok(finer)
+    }
+
+    fn count(&mut self, stats: FrameStats) {
+        self.frames.push(stats);
         self.figures.count += 1;
-        self.figures.ms += ms;
+        self.figures.ms += stats.ms;
         self.figures.stale = true;
-        self.traced = Some(Traced { pose, size, window, quality });
-        true
+    }
+
+    fn quality(&self) -> Option<Quality> {
+        self.flight.camera::<Picture>().map(|p| p.settings.quality)
     }
 
     /// What there is to say now.
@@ -395,15 +481,16 @@ impl Cockpit {
         }
         if f.count > 0 {
             let fps = f64::from(f.count) / elapsed.as_secs_f64().max(1e-3);
-            let size = self.traced.map_or((0, 0), |t| t.size);
-            let rate = if elapsed > READ_EVERY * 4 { String::new() } else { format!(", {fps:.0} fps") };
+            let size = self.shown.map_or((0, 0), |s| s.size);
+            // A rate tells nothing of a picture that stands still.
+            let rate = if self.fine.is_some() { String::new() } else { format!(", {fps:.0} fps") };
             f.text[0] = format!("{:.0} ms{rate} ({}x{})", f.ms / f64::from(f.count), size.0, size.1);
         }
         (f.count, f.ms, f.since, f.stale) = (0, 0.0, now, false);
         let speed = self.flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());
         let clearance = self.flight.camera::<Contact>().map_or(0.0, |c| c.clearance_mm);
         let cruise = self.flight.scene().tentacles.cruise_mm_s * self.hand().speed;
-        let quality = self.flight.camera::<Picture>().map_or(Quality::High, |p| p.settings.quality);
+        let quality = self.quality().unwrap_or_default();
         self.figures.text[1] = format!("speed {speed:.0} mm/s (cruise {cruise:.0})");
         // Beyond the finder's reach a clearance is a lower bound.
         let bound = if clearance > 10.0 { "over 10".to_owned() } else { format!("{clearance:.1}") };

@@ -11,6 +11,7 @@ mod loading;
 mod log;
 mod overlay;
 mod painter;
+mod refine;
 mod resolution;
 mod screenshot;
 mod session;

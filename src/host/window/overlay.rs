@@ -91,11 +91,7 @@ fn font(size: f32) -> FontId {
     FontId::proportional(size)
 }
 
-/// Text with a shadow, so that it can be read over anything.
 fn text(p: &Painter, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) -> Rect {
-    for offset in [vec2(1.0, 1.0), vec2(-1.0, 1.0), vec2(1.0, -1.0), vec2(-1.0, -1.0)] {
-        p.text(at + offset, align, text, font(size), Color32::from_black_alpha(150));
-    }
     p.text(at, align, text, font(size), colour)
 }
 
@@ -152,19 +148,25 @@ fn flight(p: &Painter, area: Rect, r: &Readings) {
     let inner = area.shrink(MARGIN);
     // A small window shows the bar and the directions first, and leaves out what takes room.
     let roomy = inner.width() > 380.0 && inner.height() > 260.0;
-    // The foot: a bar for the way, the keys and the line that must not be missing.
-    let track = Rect::from_min_size(pos2(inner.min.x, inner.max.y - 8.0), vec2(inner.width(), 8.0));
+    // The foot: the keys, the line that must not be missing, and a bar for the way.
+    let row = p.layout_no_wrap(DISCLAIMER.to_owned(), font(TEXT), SOFT).size();
+    let fits_beside = inner.width() > row.x * 2.0;
+    let rows = 1.0 + f32::from(u8::from(roomy)) + f32::from(u8::from(!fits_beside));
+    let track = Rect::from_min_size(pos2(inner.min.x, area.max.y - 14.0), vec2(inner.width(), 8.0));
+    let foot = track.min.y - 4.0 - rows * row.y;
+    p.rect_filled(Rect::from_min_max(pos2(area.min.x, foot - 4.0), area.max), 0.0, BACKING);
     bar(p, track, f64::from(r.per_mille) / 1000.0);
-    let mut foot = track.min.y - 4.0;
-    let below = |p: &Painter, y: f32, left: &str, right: &str| {
-        let a = text(p, pos2(inner.min.x, y), Align2::LEFT_BOTTOM, left, TEXT, INK);
-        text(p, pos2(inner.max.x, y), Align2::RIGHT_BOTTOM, right, TEXT, SOFT);
-        a.min.y
-    };
-    foot = below(p, foot, &r.place, DISCLAIMER) - 2.0;
-    if roomy {
-        foot = text(p, pos2(inner.min.x, foot), Align2::LEFT_BOTTOM, SHORT_HELP, TEXT, SOFT).min.y - 2.0;
+    let low = track.min.y - 3.0;
+    text(p, pos2(inner.min.x, low), Align2::LEFT_BOTTOM, &r.place, TEXT, INK);
+    if fits_beside {
+        text(p, pos2(inner.max.x, low), Align2::RIGHT_BOTTOM, DISCLAIMER, TEXT, SOFT);
+    } else {
+        text(p, pos2(inner.min.x, low - row.y), Align2::LEFT_BOTTOM, DISCLAIMER, TEXT, SOFT);
     }
+    if roomy {
+        text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, SHORT_HELP, TEXT, SOFT);
+    }
+    let foot = foot - 8.0;
     let mut head: Vec<(&str, f32, Color32)> = vec![(&r.state, 17.0, r.mood.colour())];
     head.extend(r.more.iter().map(|l| (l.as_str(), TEXT, INK)));
     let figures = r.figures.iter().take(if roomy { usize::MAX } else { 3 });
@@ -179,7 +181,7 @@ fn flight(p: &Painter, area: Rect, r: &Readings) {
     label(p, pos2(inner.max.x, middle.y), Align2::RIGHT_CENTER, &d.right);
     label(p, pos2(middle.x.max(panel.max.x + LABEL), inner.min.y), Align2::CENTER_TOP, &d.top);
     label(p, pos2(middle.x, foot), Align2::CENTER_BOTTOM, &d.bottom);
-    label(p, inner.right_top(), Align2::RIGHT_TOP, &format!("to {}", d.ahead));
+    label(p, inner.right_top(), Align2::RIGHT_TOP, &format!("ahead {}", d.ahead));
 
     if let Some(m) = &r.message {
         let wrap = inner.width() * 0.8;
@@ -217,7 +219,7 @@ fn help(p: &Painter, area: Rect) {
     };
     let (keys, words, gap) = (column(true), column(false), size * 1.5);
     let rect = Rect::from_center_size(area.center(), Vec2::new(keys + gap + words + 28.0, rows * row + 24.0));
-    p.rect_filled(rect, 8.0, Color32::from_black_alpha(225));
+    p.rect_filled(rect, 8.0, Color32::from_black_alpha(245));
     for (n, (key, what)) in HELP.iter().enumerate() {
         let y = rect.min.y + 12.0 + n as f32 * row;
         let x = rect.min.x + 14.0;

@@ -5,31 +5,20 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::components::camera::Pose;
-use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::host::record::write_png;
-use crate::render::{Frame, Space, View, render};
+use crate::render::Frame;
 
 /// So many screenshots find a name in one folder.
 const NAMES: u32 = 10_000;
 
-/// Renders `pose` at the window's full resolution and saves it in `folder` under a name that is free, which is returned.
+/// Saves an image in `folder` under a name that is free, which is returned.
 ///
 /// # Errors
 /// Status 5 when it cannot be written, or no name is left.
-pub fn take(
-    space: &Space,
-    pose: &Pose,
-    picture: &Picture,
-    (width, height): (usize, usize),
-    folder: &Path,
-) -> Result<PathBuf> {
-    let a = pose.attitude;
-    let view = View::new(pose.position, a.forward, a.up, picture.fov_degrees, width.max(1), height.max(1))?;
-    let mut frame = Frame::new(view.width(), view.height(), false);
-    render(space, &view, &picture.settings, &mut frame);
+pub fn save(frame: &Frame, folder: &Path) -> Result<PathBuf> {
     let path = free_name(folder)?;
-    write_png(&path, &frame)?;
+    write_png(&path, frame)?;
     Ok(path)
 }
 

@@ -20,6 +20,7 @@ use super::loading::Loading;
 use super::log::Log;
 use super::overlay::Content;
 use super::painter::Painter;
+use super::refine::WakeUp;
 use super::session::{self, Session};
 use super::{Launch, Resume};
 use crate::app::FlightApp;
@@ -41,6 +42,8 @@ const NOTCH: f64 = 40.0;
 pub enum Wake {
     /// The loading is over.
     Loaded,
+    /// A finer image is there.
+    Refined,
     /// The user has interrupted the program.
     Interrupted,
 }
@@ -67,6 +70,8 @@ pub struct Shell {
     painted: Option<Content>,
     /// When the next picture is due at the earliest.
     due: Instant,
+    /// Whether the program itself asked for the next picture.
+    asked: bool,
     modifiers: ModifiersState,
     cursor: Option<PhysicalPosition<f64>>,
     dragging: bool,
@@ -78,6 +83,7 @@ pub struct Shell {
     session: Option<PathBuf>,
     finish: Option<Box<dyn FnOnce(&FlightApp, &[FrameStats]) -> Result<()>>>,
     progress: Arc<Progress>,
+    refined: WakeUp,
     outcome: Result<()>,
 }
 
@@ -87,16 +93,19 @@ impl Shell {
     /// # Errors
     /// Status 1 when the system gives no thread.
     pub fn new(launch: Launch, progress: &Arc<Progress>, proxy: EventLoopProxy<Wake>) -> Result<Self> {
+        let done = proxy.clone();
         let loading = Loading::start(launch.prepare, progress, move || {
             // There is nobody to wake when the window is gone.
-            let _ = proxy.send_event(Wake::Loaded);
+            let _ = done.send_event(Wake::Loaded);
         })?;
+        let refined: WakeUp = Arc::new(move || drop(proxy.send_event(Wake::Refined)));
         Ok(Self {
             stage: Stage::Loading(loading),
             screen: None,
             painter: Painter::new(),
             painted: None,
             due: Instant::now(),
+            asked: false,
             modifiers: ModifiersState::empty(),
             cursor: None,
             dragging: false,
@@ -108,6 +117,7 @@ impl Shell {
             session: None,
             finish: Some(launch.finish),
             progress: Arc::clone(progress),
+            refined,
             outcome: Ok(()),
         })
     }
@@ -119,7 +129,8 @@ impl Shell {
     pub fn end(mut self) -> Result<()> {
         let stage = std::mem::replace(&mut self.stage, Stage::Over);
         match stage {
-            Stage::Flying(cockpit) => {
+            Stage::Flying(mut cockpit) => {
+                cockpit.save_the_rest();
                 let flight = cockpit.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
                 if let Some(path) = self.session.take() {
@@ -186,7 +197,7 @@ impl Shell {
             Some(left) => left.take_up(&mut flight, self.resume == Resume::Everything)?,
             None => None,
         };
-        let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0));
+        let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.refined))?;
         if along.is_some() {
             cockpit.say("going on where you left (E starts from the end)", Instant::now());
         }
@@ -212,9 +223,8 @@ impl Shell {
                     c.perform(deed, window, now);
                 }
             }
-            _ => return,
+            _ => {}
         }
-        self.ask_for_picture();
     }
 
     fn switch_fullscreen(&self) {
@@ -224,7 +234,10 @@ impl Shell {
         }
     }
 
-    fn ask_for_picture(&self) {
+    fn ask_for_picture(&mut self) {
+        self.asked = true;
+        // A window that is hidden may never be drawn: it must not be asked again at once.
+        self.due = Instant::now() + FRAME;
         if let Some(s) = &self.screen {
             s.window.request_redraw();
         }
@@ -243,7 +256,7 @@ impl Shell {
                 if let Some(log) = &mut self.log {
                     log.add(cockpit.flight_mut().take_log())?;
                 }
-                changed |= cockpit.trace(size, now);
+                changed |= cockpit.trace(size, now)?;
                 Content::Flight(Box::new(cockpit.readings(now)))
             }
             Stage::Over => return Ok(()),
@@ -331,6 +344,7 @@ impl ApplicationHandler<Wake> for Shell {
                 }
                 self.ask_for_picture();
             }
+            Wake::Refined => self.ask_for_picture(),
             Wake::Interrupted => {
                 if matches!(self.stage, Stage::Flying(_)) {
                     self.fail(Error::cancelled("flight"), events);
@@ -346,8 +360,9 @@ impl ApplicationHandler<Wake> for Shell {
         match event {
             WindowEvent::CloseRequested => self.quit(events),
             WindowEvent::RedrawRequested => {
-                // The system asks for it too, when the window was covered, so it is always shown anew.
-                if let Err(e) = self.picture(self.due > now) {
+                // Where the system asks, the window was covered and has lost its picture.
+                let anew = !std::mem::take(&mut self.asked);
+                if let Err(e) = self.picture(anew) {
                     self.fail(e, events);
                 } else if self.time_is_over() {
                     self.quit(events);
@@ -372,7 +387,6 @@ impl ApplicationHandler<Wake> for Shell {
                 let size = self.window_size();
                 if let (Stage::Flying(c), Some(last), true) = (&mut self.stage, self.cursor, self.dragging) {
                     c.drag((position.x - last.x, position.y - last.y), size);
-                    self.ask_for_picture();
                 }
                 self.cursor = Some(position);
             }
@@ -385,7 +399,6 @@ impl ApplicationHandler<Wake> for Shell {
                         },
                         now,
                     );
-                    self.ask_for_picture();
                 }
             }
             _ => {}
