@@ -75,6 +75,8 @@ pub struct Cockpit {
     figures: Figures,
     message: Option<(String, Instant)>,
     help: bool,
+    /// Whether there is something new to say although the flight rests.
+    attention: bool,
 }
 
 /// Frame time and rate, averaged over a moment.
@@ -116,6 +118,7 @@ impl Cockpit {
             figures: Figures { since: now, count: 0, ms: 0.0, text: Default::default(), stale: true },
             message: None,
             help: false,
+            attention: false,
         })
     }
 
@@ -148,6 +151,7 @@ impl Cockpit {
     /// Says something for a moment.
     pub fn say(&mut self, text: impl Into<String>, now: Instant) {
         self.message = Some((text.into(), now + MESSAGE));
+        self.attention = true;
     }
 
     /// Whether nothing will change until the operator does something.
@@ -163,7 +167,8 @@ impl Cockpit {
             .map(|_| self.moved + REFINE_AFTER);
         let message = self.message.as_ref().map(|m| m.1);
         let figures = self.figures.stale.then_some(self.figures.since + READ_EVERY);
-        [refine, message, figures].into_iter().flatten().min()
+        let attention = self.attention.then_some(self.figures.since);
+        [refine, message, figures, attention].into_iter().flatten().min()
     }
 
     /// Sends the flight a command. One that cannot be followed is said, and changes nothing.
@@ -239,7 +244,7 @@ impl Cockpit {
             Deed::Help => self.help = !self.help,
             Deed::Fullscreen | Deed::Quit => {}
         }
-        self.quiet = 0;
+        self.attention = true;
         self.figures.stale = true;
     }
 
@@ -433,6 +438,7 @@ impl Cockpit {
     /// What there is to say now.
     pub fn readings(&mut self, now: Instant) -> Readings {
         self.read_figures(now);
+        self.attention = false;
         let flight = self.flight.flight();
         let (state, mood) = self.state(&flight.state);
         let mut more = Vec::new();
@@ -454,7 +460,8 @@ impl Cockpit {
             figures: self.figures.text.to_vec(),
             directions: Directions::of(&self.flight.pose().attitude),
             per_mille: (self.way.share() * 1000.0).round() as u32,
-            place: format!("{:.0} of about {:.0} mm", (along / 5.0).round() * 5.0, (length / 10.0).round() * 10.0),
+            // The length is coarse: digits that it does not have are not shown.
+            place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),
             help: self.help,
         }

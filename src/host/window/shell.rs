@@ -98,7 +98,9 @@ impl Shell {
             // There is nobody to wake when the window is gone.
             let _ = done.send_event(Wake::Loaded);
         })?;
-        let refined: WakeUp = Arc::new(move || drop(proxy.send_event(Wake::Refined)));
+        let refined: WakeUp = Arc::new(move || {
+            let _ = proxy.send_event(Wake::Refined);
+        });
         Ok(Self {
             stage: Stage::Loading(loading),
             screen: None,
