@@ -203,9 +203,15 @@ impl FlightApp {
     /// When a command asks for something that there is not.
     pub fn act(&mut self, command: Command) -> Result<()> {
         let tick = self.clock().tick;
+        self.follow(command.clone())?;
+        // Only what was followed: a replay must not stop at what was refused.
         if let Some(acted) = &mut self.acted {
-            acted.push(Act { tick, command: command.clone() });
+            acted.push(Act { tick, command });
         }
+        Ok(())
+    }
+
+    fn follow(&mut self, command: Command) -> Result<()> {
         match command {
             Command::Guide(name) => {
                 let guide = Guide::named(&name).ok_or_else(|| {
@@ -228,6 +234,18 @@ impl FlightApp {
             Command::Segment(number) => {
                 self.note_flown();
                 self.plan = plan::through_segment(&self.space, &self.lumen, number, false, self.scene.body.radius_mm)?;
+                self.rebuild()?;
+                self.set_out();
+            }
+            Command::OtherEnd => {
+                let number = self.plan.segment.ok_or_else(|| {
+                    crate::error::Error::incomplete("other end", "not known of this gas", "turn round instead")
+                })?;
+                let reverse = !self.is_reversed();
+                let radius = self.scene.body.radius_mm;
+                let plan = plan::through_segment(&self.space, &self.lumen, number, reverse, radius)?;
+                self.note_flown();
+                self.plan = plan;
                 self.rebuild()?;
                 self.set_out();
             }
@@ -260,6 +278,11 @@ impl FlightApp {
     /// Replays acts in the steps they were made in.
     pub fn replay(&mut self, acts: Vec<Act>) {
         self.coming = acts.into();
+    }
+
+    /// Whether acts are still to be replayed.
+    pub fn is_replaying(&self) -> bool {
+        !self.coming.is_empty()
     }
 
     /// Keeps every act from here on.
@@ -341,6 +364,14 @@ impl FlightApp {
     /// The plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
+    }
+
+    /// Whether the flight goes to its segment's rectal end.
+    pub fn is_reversed(&self) -> bool {
+        self.plan.segment.and_then(|n| self.lumen.segments.get(n)).is_some_and(|s| {
+            let [rectal, cecal] = s.ends;
+            self.plan.goal.distance(rectal) < self.plan.goal.distance(cecal)
+        })
     }
 
     /// The scene.

@@ -184,6 +184,11 @@ impl Scene {
         Ok(())
     }
 
+    /// The guide's name as the operator reads it.
+    pub fn guide_name(&self) -> &'static str {
+        if self.own_guide.is_some() { "own" } else { self.guide.map_or("none", Guide::name) }
+    }
+
     /// Whether the camera has tentacles.
     pub fn feels(&self) -> bool {
         self.own_guide.map_or(self.guide == Some(Guide::Tentacles), |own| own.feels)

@@ -3,6 +3,8 @@
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+#[cfg(feature = "window")]
+use std::sync::{Mutex, PoisonError};
 
 use serde_json::json;
 
@@ -16,6 +18,8 @@ use crate::components::input::Act;
 use crate::error::{Error, Result};
 use crate::host::headless::{self, Outputs};
 use crate::host::terminal::Bar;
+#[cfg(feature = "window")]
+use crate::host::window::{self, Resume};
 use crate::output;
 use crate::progress::Progress;
 
@@ -31,10 +35,10 @@ pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<
     if args.headless {
         return fly_headless(args, global, progress);
     }
-    #[cfg(any())]
+    #[cfg(feature = "window")]
     {
-        if crate::host::window::has_display() {
-            return crate::host::window::run(args, global, progress);
+        if let Some(display) = window::Display::open() {
+            return fly_in_window(args, global, progress, display);
         }
         eprintln!("no display: flying headless");
     }
@@ -125,6 +129,83 @@ pub fn image_settings(args: &FlyArgs, global: &Global) -> Result<ImageSettings> 
     })
 }
 
+/// Flies in a window.
+#[cfg(feature = "window")]
+fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, display: window::Display) -> Result<()> {
+    if args.record.is_some() {
+        return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
+    }
+    let scene = scene(args, true)?;
+    let image = image_settings(args, global)?;
+    let acts = args.replay.as_deref().map(read_acts).transpose()?;
+    let repeatable = args.replay.is_some() || args.record_input.is_some();
+    let placed = args.from.is_some() || args.to.is_some() || args.reverse;
+    let resume = match (repeatable, placed, args.guide.is_some() || args.scene.is_some()) {
+        (true, ..) => Resume::Never,
+        (_, true, _) => Resume::Nothing,
+        (.., true) => Resume::Place,
+        _ => Resume::Everything,
+    };
+    let timings = Arc::new(Mutex::new(Timings::default()));
+    let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
+    let prepare: window::Prepare = Box::new(move |progress| {
+        let mut timings = Timings::default();
+        let args = &prepare_args;
+        let mut flight = prepared(args, &prepare_global, scene, Some(image), &mut timings, progress)?;
+        if let Some(acts) = acts {
+            flight.replay(acts);
+        }
+        if args.record_input.is_some() {
+            flight.record_acts();
+        }
+        *kept.lock().unwrap_or_else(PoisonError::into_inner) = timings;
+        Ok(flight)
+    });
+    let finish_args = args.clone();
+    let finish = Box::new(move |flight: &FlightApp, frames: &[headless::FrameStats]| {
+        let timings = timings.lock().unwrap_or_else(PoisonError::into_inner);
+        leave(&finish_args, flight, &timings, frames)
+    });
+    let launch = window::Launch {
+        prepare,
+        finish,
+        size: args.size.map(|s| (s.width, s.height)),
+        log: args.log.clone(),
+        seconds: args.seconds,
+        resume,
+    };
+    window::run(display, launch, progress)
+}
+
+/// Reads the scan and makes the flight.
+fn prepared(
+    args: &FlyArgs,
+    global: &Global,
+    scene: Scene,
+    image: Option<ImageSettings>,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<FlightApp> {
+    let space = prepare::space(args.input.as_deref(), global, timings, progress)?;
+    let lumen = Arc::new(prepare::lumen(space.volume(), timings, progress)?);
+    let plan = timings.time("plan_s", || plan::plan(&space, &lumen, &wish(args), scene.body.radius_mm, progress))?;
+    for note in &plan.notes {
+        say(note);
+    }
+    timings.time("scene_s", || FlightApp::new(space, lumen, plan, scene, image))
+}
+
+/// Writes what stands for what was flown, whether or not it came to a good end: stats and the operator's input.
+fn leave(args: &FlyArgs, flight: &FlightApp, timings: &Timings, frames: &[headless::FrameStats]) -> Result<()> {
+    if let Some(path) = &args.stats {
+        output::write_json(path, &stats(flight, timings, frames))?;
+    }
+    if let Some(path) = &args.record_input {
+        write_acts(path, flight.acts())?;
+    }
+    Ok(())
+}
+
 fn fly_headless(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     fly_with(args, global, progress, false)
 }
@@ -138,16 +219,10 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
     }
     let bar = Bar::show(progress);
     let mut timings = Timings::default();
-    let space = prepare::space(args.input.as_deref(), global, &mut timings, progress)?;
-    let lumen = Arc::new(prepare::lumen(space.volume(), &mut timings, progress)?);
-    let plan = timings.time("plan_s", || plan::plan(&space, &lumen, &wish(args), scene.body.radius_mm, progress))?;
-    for note in &plan.notes {
-        say(note);
-    }
+    let mut flight = prepared(args, global, scene, image, &mut timings, progress)?;
     if short {
         output::make_folder(Path::new("flight"))?;
     }
-    let mut flight = timings.time("scene_s", || FlightApp::new(space, lumen, plan, scene, image))?;
     if let Some(path) = &args.replay {
         flight.replay(read_acts(path)?);
     }
@@ -163,17 +238,7 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
     };
     let flown = headless::fly(&mut flight, args.seconds.unwrap_or(HEADLESS_SECONDS), &outputs, progress);
     drop(bar);
-    // Stats and recorded input stand for what was flown, whether or not it came to a good end.
-    let frames = match &flown {
-        Ok(frames) => frames.clone(),
-        Err(_) => Vec::new(),
-    };
-    if let Some(path) = &args.stats {
-        output::write_json(path, &stats(&flight, &timings, &frames))?;
-    }
-    if let Some(path) = &args.record_input {
-        write_acts(path, flight.acts())?;
-    }
+    leave(args, &flight, &timings, flown.as_deref().unwrap_or(&[]))?;
     flown?;
     report(&flight);
     if short {

@@ -6,7 +6,7 @@ use glam::DVec3;
 use crate::dynamics;
 
 /// Where the camera is and where it looks.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// World, mm.
     pub position: DVec3,

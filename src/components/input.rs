@@ -26,6 +26,8 @@ pub enum Command {
     Guide(String),
     /// Flies another segment of the lumen, counted from 0, from the end nearer to the rectum.
     Segment(usize),
+    /// Sets out anew in the same segment, from the end that the flight was going to.
+    OtherEnd,
     /// Takes the flight up again after the guide called for help.
     Resume,
 }

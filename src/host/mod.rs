@@ -3,3 +3,5 @@
 pub mod headless;
 pub mod record;
 pub mod terminal;
+#[cfg(feature = "window")]
+pub mod window;

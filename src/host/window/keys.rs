@@ -1,0 +1,209 @@
+//! What keys mean.
+
+use winit::keyboard::{Key, NamedKey};
+
+/// What a key stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Something for as long as the key is held.
+    Hold(Hold),
+    /// Something once.
+    Do(Deed),
+}
+
+/// What a held key steers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Hold {
+    /// Along the view.
+    Forward,
+    /// Against the view.
+    Back,
+    /// To the left, sideways.
+    Left,
+    /// To the right, sideways.
+    Right,
+    /// Upwards.
+    Up,
+    /// Downwards.
+    Down,
+    /// Turns the view to the left.
+    TurnLeft,
+    /// Turns the view to the right.
+    TurnRight,
+    /// Turns the view upwards.
+    TurnUp,
+    /// Turns the view downwards.
+    TurnDown,
+}
+
+/// What a key does once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Deed {
+    /// Stops to look around, or goes on.
+    Pause,
+    /// Flies faster.
+    Faster,
+    /// Flies slower.
+    Slower,
+    /// Hands over to the next guide.
+    Guide,
+    /// High or low detail.
+    Detail,
+    /// Turns round and flies back.
+    Reverse,
+    /// Flies the next segment.
+    Next,
+    /// Sets out from the other end.
+    OtherEnd,
+    /// Saves the image.
+    Screenshot,
+    /// Shows or hides the keys.
+    Help,
+    /// Fills the screen, or not.
+    Fullscreen,
+    /// Ends the program.
+    Quit,
+}
+
+/// One short line of help, shown always.
+pub const SHORT_HELP: &str = "H keys   Space stop   W A S D fly   drag to look   R back   Q quit";
+
+/// All keys, as the help shows them.
+pub const HELP: [(&str, &str); 13] = [
+    ("Space", "stop and look around, go on"),
+    ("W S, Up Down", "fly forward, back"),
+    ("A D", "fly to the left, right"),
+    ("PageUp PageDown", "fly up, down"),
+    ("drag, Left Right, Home End", "look around"),
+    ("+ -, wheel", "faster, slower"),
+    ("R, B, Backspace", "turn round and fly back"),
+    ("N, E", "next segment, from the other end"),
+    ("G", "guide: tentacles or by hand"),
+    ("L", "detail: high or low"),
+    ("P, F12", "screenshot, and its pose"),
+    ("F, H", "full screen, this help"),
+    ("Q, Esc", "quit"),
+];
+
+/// What a key stands for, whatever the case of its letter.
+pub fn action(key: &Key) -> Option<Action> {
+    use Action::{Do, Hold as Held};
+    Some(match key {
+        Key::Named(named) => match named {
+            NamedKey::ArrowUp => Held(Hold::Forward),
+            NamedKey::ArrowDown => Held(Hold::Back),
+            NamedKey::ArrowLeft => Held(Hold::TurnLeft),
+            NamedKey::ArrowRight => Held(Hold::TurnRight),
+            NamedKey::PageUp => Held(Hold::Up),
+            NamedKey::PageDown => Held(Hold::Down),
+            NamedKey::Home => Held(Hold::TurnUp),
+            NamedKey::End => Held(Hold::TurnDown),
+            NamedKey::Space => Do(Deed::Pause),
+            NamedKey::Backspace => Do(Deed::Reverse),
+            NamedKey::F12 => Do(Deed::Screenshot),
+            NamedKey::Escape => Do(Deed::Quit),
+            _ => return None,
+        },
+        Key::Character(text) => match text.to_lowercase().as_str() {
+            "w" => Held(Hold::Forward),
+            "s" => Held(Hold::Back),
+            "a" => Held(Hold::Left),
+            "d" => Held(Hold::Right),
+            " " => Do(Deed::Pause),
+            "b" | "r" => Do(Deed::Reverse),
+            "+" | "=" => Do(Deed::Faster),
+            "-" | "_" => Do(Deed::Slower),
+            "g" => Do(Deed::Guide),
+            "l" => Do(Deed::Detail),
+            "n" => Do(Deed::Next),
+            "e" => Do(Deed::OtherEnd),
+            "p" => Do(Deed::Screenshot),
+            "h" | "?" => Do(Deed::Help),
+            "f" => Do(Deed::Fullscreen),
+            "q" => Do(Deed::Quit),
+            _ => return None,
+        },
+        _ => return None,
+    })
+}
+
+/// The keys that are held down.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Hands(Vec<Hold>);
+
+impl Hands {
+    /// A key goes down; whether that is news (a held key repeats).
+    pub fn press(&mut self, hold: Hold) -> bool {
+        let new = !self.0.contains(&hold);
+        if new {
+            self.0.push(hold);
+        }
+        new
+    }
+
+    /// A key goes up; whether it was down.
+    pub fn release(&mut self, hold: Hold) -> bool {
+        let before = self.0.len();
+        self.0.retain(|h| *h != hold);
+        self.0.len() != before
+    }
+
+    /// All keys go up; whether any was down.
+    pub fn let_go(&mut self) -> bool {
+        let any = !self.0.is_empty();
+        self.0.clear();
+        any
+    }
+
+    fn axis(&self, plus: Hold, minus: Hold) -> f64 {
+        f64::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)))
+    }
+
+    /// The push that they ask for: right, up, forward.
+    pub fn push(&self) -> [f64; 3] {
+        [self.axis(Hold::Right, Hold::Left), self.axis(Hold::Up, Hold::Down), self.axis(Hold::Forward, Hold::Back)]
+    }
+
+    /// The turn that they ask for: to the right, upwards, clockwise.
+    pub fn turn(&self) -> [f64; 3] {
+        [self.axis(Hold::TurnRight, Hold::TurnLeft), self.axis(Hold::TurnUp, Hold::TurnDown), 0.0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn character(c: &str) -> Option<Action> {
+        action(&Key::Character(c.into()))
+    }
+
+    #[test]
+    fn letters_of_either_case() {
+        for (lower, upper) in [("w", "W"), ("g", "G"), ("q", "Q"), ("p", "P")] {
+            assert!(character(lower).is_some());
+            assert_eq!(character(lower), character(upper));
+        }
+        assert_eq!(character("q"), Some(Action::Do(Deed::Quit)));
+        assert_eq!(character("ß"), None);
+        assert_eq!(action(&Key::Named(NamedKey::Escape)), Some(Action::Do(Deed::Quit)));
+        assert_eq!(action(&Key::Named(NamedKey::Backspace)), character("R"));
+        assert_eq!(action(&Key::Named(NamedKey::Shift)), None);
+    }
+
+    #[test]
+    fn held_keys_add_up_and_opposites_cancel() {
+        let mut h = Hands::default();
+        assert!(h.press(Hold::Forward) && !h.press(Hold::Forward));
+        assert!(h.press(Hold::Left));
+        assert_eq!(h.push(), [-1.0, 0.0, 1.0]);
+        h.press(Hold::Back);
+        assert_eq!(h.push(), [-1.0, 0.0, 0.0]);
+        assert!(h.release(Hold::Back) && !h.release(Hold::Back));
+        h.press(Hold::TurnRight);
+        h.press(Hold::TurnUp);
+        assert_eq!(h.turn(), [1.0, 1.0, 0.0]);
+        assert!(h.let_go() && !h.let_go());
+        assert_eq!((h.push(), h.turn()), ([0.0; 3], [0.0; 3]));
+    }
+}

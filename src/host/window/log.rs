@@ -1,0 +1,93 @@
+//! Writes the steps of a flight down as it is flown.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use crate::components::flight::State;
+use crate::components::output::LogLine;
+use crate::error::Result;
+use crate::output::{Whole, cannot};
+
+/// A log under way. It appears when it is finished.
+pub struct Log {
+    path: PathBuf,
+    file: Whole,
+    /// The newest line: the last one carries the flight's final state, so it waits for the next.
+    last: Option<LogLine>,
+}
+
+impl Log {
+    /// Begins a log.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn create(path: &Path) -> Result<Self> {
+        Ok(Self { path: path.to_owned(), file: Whole::create(path)?, last: None })
+    }
+
+    /// Adds steps.
+    ///
+    /// # Errors
+    /// Status 5 when they cannot be written.
+    pub fn add(&mut self, lines: Vec<LogLine>) -> Result<()> {
+        for line in lines {
+            if let Some(before) = self.last.replace(line) {
+                self.write(&before)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Ends the log with the flight's final state.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn finish(mut self, state: State) -> Result<()> {
+        if let Some(mut last) = self.last.take() {
+            last.state = state;
+            self.write(&last)?;
+        }
+        self.file.finish()
+    }
+
+    fn write(&mut self, line: &LogLine) -> Result<()> {
+        serde_json::to_writer(&mut self.file, line)
+            .map_err(std::io::Error::from)
+            .and_then(|()| self.file.write_all(b"\n"))
+            .map_err(|e| cannot(&self.path, &e))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(t: f64) -> LogLine {
+        LogLine {
+            t,
+            position: [0.0; 3],
+            forward: [0.0, 1.0, 0.0],
+            up: [0.0, 0.0, 1.0],
+            velocity: [0.0; 3],
+            clearance_mm: 5.0,
+            state: State::Flying,
+            guide: "manual".to_owned(),
+        }
+    }
+
+    #[test]
+    fn the_last_line_has_the_final_state() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("f.jsonl");
+        let mut log = Log::create(&path).unwrap();
+        log.add(vec![line(0.0), line(1.0)]).unwrap();
+        log.add(Vec::new()).unwrap();
+        log.add(vec![line(2.0)]).unwrap();
+        assert!(!path.exists(), "not before it is whole");
+        log.finish(State::Operator).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let lines: Vec<LogLine> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+        assert_eq!(lines.iter().map(|l| l.t).collect::<Vec<_>>(), [0.0, 1.0, 2.0]);
+        assert_eq!(lines.iter().map(|l| l.state).collect::<Vec<_>>(), [State::Flying, State::Flying, State::Operator]);
+    }
+}

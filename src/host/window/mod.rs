@@ -1,0 +1,113 @@
+//! The interactive window: a picture of the flight, the operator's keys and mouse, and what there is to say.
+//!
+//! Nothing else in the program knows of winit, softbuffer or egui. The flight is the same [`FlightApp`] that flies without
+//! a window: what the operator does reaches it as [commands](crate::components::input::Command), so that it can be kept
+//! and repeated.
+
+mod cockpit;
+mod directions;
+mod keys;
+mod loading;
+mod log;
+mod overlay;
+mod painter;
+mod refine;
+mod resolution;
+mod screenshot;
+mod session;
+mod shell;
+mod upscale;
+mod way;
+
+use std::panic::{self, AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use winit::event_loop::EventLoop;
+
+use crate::app::FlightApp;
+use crate::error::{Error, Result};
+use crate::host::headless::FrameStats;
+use crate::progress::Progress;
+pub use loading::Prepare;
+use shell::{Shell, Wake};
+
+/// How often an interrupt is looked for.
+const INTERRUPT: Duration = Duration::from_millis(50);
+
+/// What a window is to show.
+pub struct Launch {
+    /// Makes the flight; called on another thread while the window shows how far it has come.
+    pub prepare: Prepare,
+    /// Called with the flight and what its images took when the window is closed, after the log was written.
+    pub finish: Box<dyn FnOnce(&FlightApp, &[FrameStats]) -> Result<()>>,
+    /// Size of the window in pixels; a usual one if none.
+    pub size: Option<(usize, usize)>,
+    /// Where steps are logged.
+    pub log: Option<PathBuf>,
+    /// The window closes after so many simulated seconds.
+    pub seconds: Option<f64>,
+    /// What is taken up from the last time that this scan was open.
+    pub resume: Resume,
+}
+
+/// What is taken up from the last time that a scan was open.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resume {
+    /// Place, speed and guide.
+    Everything,
+    /// Place and speed: the guide was chosen on the command line.
+    Place,
+    /// Nothing, but the place is kept for the next time.
+    Nothing,
+    /// Nothing, and nothing is kept either: a flight that repeats another, or that is to be repeated.
+    Never,
+}
+
+/// A display on which a window can be opened.
+pub struct Display(EventLoop<Wake>);
+
+impl Display {
+    /// The display of this session; none where there is none, or where it cannot be used. To be asked for once, on the
+    /// program's first thread.
+    pub fn open() -> Option<Self> {
+        let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
+        if cfg!(all(unix, not(target_os = "macos")))
+            && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].map(set).contains(&true)
+        {
+            return None;
+        }
+        // Where a system library or an extension of the X server is missing, winit panics instead of failing. There is
+        // no display to use then, and the flight goes on without one.
+        let hook = panic::take_hook();
+        panic::set_hook(Box::new(|_| {}));
+        let made = catch_unwind(AssertUnwindSafe(|| EventLoop::with_user_event().build().ok()));
+        panic::set_hook(hook);
+        made.ok().flatten().map(Self)
+    }
+}
+
+/// Opens a window and flies until it is closed.
+///
+/// # Errors
+/// What the preparation, the outputs or `finish` fail with; status 4 when interrupted or cancelled while loading. Outputs
+/// are whole in any case.
+pub fn run(display: Display, launch: Launch, progress: &Arc<Progress>) -> Result<()> {
+    let proxy = display.0.create_proxy();
+    let (interrupted, wake) = (Arc::clone(progress), proxy.clone());
+    // The event loop sleeps while nothing happens, so somebody else has to look. The thread ends with the program.
+    let watcher = std::thread::Builder::new().name("interrupt".to_owned()).spawn(move || {
+        while !interrupted.is_cancelled() {
+            std::thread::sleep(INTERRUPT);
+        }
+        // There is nobody to wake when the window is gone.
+        let _ = wake.send_event(Wake::Interrupted);
+    });
+    watcher.map_err(|e| Error::fault("window", e.to_string(), "close other programs"))?;
+    let mut shell = Shell::new(launch, progress, proxy)?;
+    let looped = display.0.run_app(&mut shell);
+    // Logs and the like first: they are to be whole even if the display went away.
+    shell.end()?;
+    looped.map_err(|e| Error::fault("window", e.to_string(), "use --headless"))
+}

@@ -1,0 +1,229 @@
+//! What a window says over its image, and how it is laid out.
+
+use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Vec2, pos2, vec2};
+
+use super::directions::Directions;
+use super::keys::{HELP, SHORT_HELP};
+
+/// Shown always.
+const DISCLAIMER: &str = "Research software. Not for diagnosis.";
+const MARGIN: f32 = 10.0;
+const TEXT: f32 = 14.0;
+const LABEL: f32 = 20.0;
+const INK: Color32 = Color32::from_rgb(240, 240, 240);
+const SOFT: Color32 = Color32::from_rgb(190, 196, 204);
+const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
+const BACKING: Color32 = Color32::from_black_alpha(165);
+
+/// How urgent a state is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mood {
+    /// All goes by itself.
+    Well,
+    /// The operator has stopped or taken over.
+    Waiting,
+    /// Something is to be done.
+    Calling,
+}
+
+impl Mood {
+    fn colour(self) -> Color32 {
+        match self {
+            Self::Well => Color32::from_rgb(120, 220, 140),
+            Self::Waiting => Color32::from_rgb(255, 214, 102),
+            Self::Calling => Color32::from_rgb(255, 128, 112),
+        }
+    }
+}
+
+/// What a window shows.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Content {
+    /// The scan is being read.
+    Loading {
+        /// What is being done.
+        stage: String,
+        /// 0 to 1; none where it is not known.
+        share: Option<f64>,
+    },
+    /// It could not be read.
+    Failed {
+        /// Why.
+        text: String,
+    },
+    /// The flight.
+    Flight(Box<Readings>),
+}
+
+/// What is known of a flight at a moment, as it is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Readings {
+    /// How the flight stands.
+    pub state: String,
+    /// How urgent that is.
+    pub mood: Mood,
+    /// More about it: why help is called for, what is left to fly.
+    pub more: Vec<String>,
+    /// Frame time, speed, clearance and the like, one a line.
+    pub figures: Vec<String>,
+    /// The patient's directions.
+    pub directions: Directions,
+    /// Place along the way, per mille.
+    pub per_mille: u32,
+    /// The same in words.
+    pub place: String,
+    /// Something that just happened.
+    pub message: Option<String>,
+    /// Whether all keys are listed.
+    pub help: bool,
+}
+
+/// Draws `content` over an area given in points.
+pub fn draw(p: &Painter, area: Rect, content: &Content) {
+    match content {
+        Content::Loading { stage, share } => loading(p, area, stage, *share),
+        Content::Failed { text } => failed(p, area, text),
+        Content::Flight(readings) => flight(p, area, readings),
+    }
+}
+
+fn font(size: f32) -> FontId {
+    FontId::proportional(size)
+}
+
+fn text(p: &Painter, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) -> Rect {
+    p.text(at, align, text, font(size), colour)
+}
+
+fn bar(p: &Painter, rect: Rect, share: f64) {
+    p.rect_filled(rect, 3.0, Color32::from_black_alpha(190));
+    let width = rect.width() * share.clamp(0.0, 1.0) as f32;
+    p.rect_filled(Rect::from_min_size(rect.min, vec2(width, rect.height())), 3.0, ACCENT);
+}
+
+/// Lines in a box: the corner `at` of the box is the one that `align` names.
+fn lines(p: &Painter, at: Pos2, align: Align2, wrap: f32, list: &[(&str, f32, Color32)]) -> Rect {
+    let pad = vec2(8.0, 6.0);
+    let galleys: Vec<_> =
+        list.iter().map(|&(t, size, colour)| p.layout(t.to_owned(), font(size), colour, wrap.max(40.0))).collect();
+    let width = galleys.iter().map(|g| g.size().x).fold(0.0, f32::max);
+    let height: f32 = galleys.iter().map(|g| g.size().y).sum();
+    let rect = align.anchor_size(at, vec2(width, height) + pad * 2.0);
+    p.rect_filled(rect, 5.0, BACKING);
+    let mut y = rect.min.y + pad.y;
+    for (galley, &(_, _, colour)) in galleys.into_iter().zip(list) {
+        let down = galley.size().y;
+        p.galley(pos2(rect.min.x + pad.x, y), galley, colour);
+        y += down;
+    }
+    rect
+}
+
+fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
+    let centre = area.center();
+    let stage = if stage.is_empty() { "starting" } else { stage };
+    let percent = share.map_or_else(String::new, |s| format!("   {:.0} %", s * 100.0));
+    text(p, centre - vec2(0.0, 24.0), Align2::CENTER_CENTER, &format!("{stage}{percent}"), 18.0, INK);
+    let size = vec2((area.width() * 0.6).min(480.0), 10.0);
+    let rect = Rect::from_center_size(centre + vec2(0.0, 4.0), size);
+    p.rect_filled(rect, 3.0, Color32::from_gray(50));
+    if let Some(s) = share {
+        bar(p, rect, s);
+    }
+    text(p, centre + vec2(0.0, 34.0), Align2::CENTER_CENTER, "Esc cancels", TEXT, SOFT);
+    text(p, area.center_bottom() - vec2(0.0, MARGIN), Align2::CENTER_BOTTOM, DISCLAIMER, TEXT, SOFT);
+}
+
+fn failed(p: &Painter, area: Rect, why: &str) {
+    let wrap = (area.width() * 0.85 - 16.0).min(720.0);
+    let list = [
+        ("This scan cannot be flown.", 20.0, Mood::Calling.colour()),
+        (why, 16.0, INK),
+        ("Esc closes the window.", TEXT, SOFT),
+    ];
+    lines(p, area.center(), Align2::CENTER_CENTER, wrap, &list);
+}
+
+fn flight(p: &Painter, area: Rect, r: &Readings) {
+    let inner = area.shrink(MARGIN);
+    // A small window shows the bar and the directions first, and leaves out what takes room.
+    let roomy = inner.width() > 380.0 && inner.height() > 260.0;
+    // The foot: the keys, the line that must not be missing, and a bar for the way.
+    let row = p.layout_no_wrap(DISCLAIMER.to_owned(), font(TEXT), SOFT).size();
+    let fits_beside = inner.width() > row.x * 2.0;
+    let rows = 1.0 + f32::from(u8::from(roomy)) + f32::from(u8::from(!fits_beside));
+    let track = Rect::from_min_size(pos2(inner.min.x, area.max.y - 14.0), vec2(inner.width(), 8.0));
+    let foot = track.min.y - 4.0 - rows * row.y;
+    p.rect_filled(Rect::from_min_max(pos2(area.min.x, foot - 4.0), area.max), 0.0, BACKING);
+    bar(p, track, f64::from(r.per_mille) / 1000.0);
+    let low = track.min.y - 3.0;
+    text(p, pos2(inner.min.x, low), Align2::LEFT_BOTTOM, &r.place, TEXT, INK);
+    if fits_beside {
+        text(p, pos2(inner.max.x, low), Align2::RIGHT_BOTTOM, DISCLAIMER, TEXT, SOFT);
+    } else {
+        text(p, pos2(inner.min.x, low - row.y), Align2::LEFT_BOTTOM, DISCLAIMER, TEXT, SOFT);
+    }
+    if roomy {
+        text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, SHORT_HELP, TEXT, SOFT);
+    }
+    let foot = foot - 8.0;
+    let mut head: Vec<(&str, f32, Color32)> = vec![(&r.state, 17.0, r.mood.colour())];
+    head.extend(r.more.iter().map(|l| (l.as_str(), TEXT, INK)));
+    let figures = r.figures.iter().take(if roomy { usize::MAX } else { 3 });
+    head.extend(figures.map(|l| (l.as_str(), TEXT, INK)));
+    let panel = lines(p, inner.min, Align2::LEFT_TOP, (inner.width() * 0.42).min(340.0), &head);
+
+    let d = &r.directions;
+    // Beside the panel and above the foot, so that no label lies under either.
+    let middle = pos2(area.center().x, (area.min.y + foot) * 0.5);
+    let left_y = middle.y.max(panel.max.y + LABEL);
+    label(p, pos2(inner.min.x, left_y), Align2::LEFT_CENTER, &d.left);
+    label(p, pos2(inner.max.x, middle.y), Align2::RIGHT_CENTER, &d.right);
+    label(p, pos2(middle.x.max(panel.max.x + LABEL), inner.min.y), Align2::CENTER_TOP, &d.top);
+    label(p, pos2(middle.x, foot), Align2::CENTER_BOTTOM, &d.bottom);
+    label(p, inner.right_top(), Align2::RIGHT_TOP, &format!("ahead {}", d.ahead));
+
+    if let Some(m) = &r.message {
+        let wrap = inner.width() * 0.8;
+        lines(
+            p,
+            pos2(area.center().x, area.min.y + area.height() * 0.3),
+            Align2::CENTER_CENTER,
+            wrap,
+            &[(m, 16.0, INK)],
+        );
+    }
+    if r.help {
+        help(p, area);
+    }
+}
+
+fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
+    let size = p.layout_no_wrap(name.to_owned(), font(LABEL), INK).size();
+    let rect = align.anchor_size(at, size + vec2(12.0, 2.0));
+    p.rect_filled(rect, 4.0, Color32::from_black_alpha(120));
+    text(p, rect.center(), Align2::CENTER_CENTER, name, LABEL, Color32::from_rgb(255, 236, 150));
+}
+
+fn help(p: &Painter, area: Rect) {
+    let rows = HELP.len() as f32;
+    // As large as fits: all keys are shown in the smallest window.
+    let size = (area.height() / (rows * 1.6)).min((area.width() - 40.0) / 30.0).clamp(6.0, 16.0);
+    let row = size * 1.35;
+    let column = |keys: bool| {
+        let widths = HELP.iter().map(|h| {
+            let t = if keys { h.0 } else { h.1 };
+            p.layout_no_wrap(t.to_owned(), font(size), INK).size().x
+        });
+        widths.fold(0.0, f32::max)
+    };
+    let (keys, words, gap) = (column(true), column(false), size * 1.5);
+    let rect = Rect::from_center_size(area.center(), Vec2::new(keys + gap + words + 28.0, rows * row + 24.0));
+    p.rect_filled(rect, 8.0, Color32::from_black_alpha(245));
+    for (n, (key, what)) in HELP.iter().enumerate() {
+        let y = rect.min.y + 12.0 + n as f32 * row;
+        let x = rect.min.x + 14.0;
+        p.text(pos2(x, y), Align2::LEFT_TOP, key, font(size), Mood::Waiting.colour());
+        p.text(pos2(x + keys + gap, y), Align2::LEFT_TOP, what, font(size), INK);
+    }
+}

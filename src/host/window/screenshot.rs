@@ -1,0 +1,55 @@
+//! Saves the image of a pose, without anything over it.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::components::camera::Pose;
+use crate::error::{Error, Result};
+use crate::host::record::write_png;
+use crate::render::Frame;
+
+/// So many screenshots find a name in one folder.
+const NAMES: u32 = 10_000;
+
+/// Saves an image in `folder` under a name that is free, which is returned.
+///
+/// # Errors
+/// Status 5 when it cannot be written, or no name is left.
+pub fn save(frame: &Frame, folder: &Path) -> Result<PathBuf> {
+    let path = free_name(folder)?;
+    write_png(&path, frame)?;
+    Ok(path)
+}
+
+fn free_name(folder: &Path) -> Result<PathBuf> {
+    (1..NAMES)
+        .map(|n| folder.join(format!("colvis-{n:04}.png")))
+        .find(|p| p.symlink_metadata().is_err())
+        .ok_or_else(|| Error::output(folder, "is full of screenshots", "move them elsewhere"))
+}
+
+/// A pose as `render --poses` takes it, on one line.
+pub fn pose_json(pose: &Pose, fov_degrees: f64) -> String {
+    let one = json!({
+        "position": pose.position.to_array(),
+        "forward": pose.attitude.forward.to_array(),
+        "up": pose.attitude.up.to_array(),
+    });
+    json!({ "fov_degrees": fov_degrees, "poses": [one] }).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_free() {
+        let dir = tempfile::tempdir().unwrap();
+        let first = free_name(dir.path()).unwrap();
+        std::fs::write(&first, "x").unwrap();
+        let second = free_name(dir.path()).unwrap();
+        assert_ne!(first, second);
+        assert!(second.ends_with("colvis-0002.png"));
+    }
+}

@@ -1,0 +1,236 @@
+//! Where a flight was left, so that a scan opened again goes on from there.
+//!
+//! A session is a small JSON file in the platform's folder for such things. Its name is a hash of the scan's grid and
+//! voxels; neither it nor what it holds says whose scan it is.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::app::FlightApp;
+use crate::components::flight::State;
+use crate::components::input::{Command, Hand};
+use crate::error::{Error, Result};
+use crate::math::hash;
+use crate::output;
+use crate::volume::Volume;
+
+/// So many voxels, evenly spread, stand for all.
+const SAMPLED: usize = 1 << 16;
+/// The present form of the file.
+const VERSION: u32 = 1;
+/// No session of ours is larger, bytes.
+const MOST_BYTES: u64 = 64 << 10;
+
+/// Where a flight was left.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Session {
+    version: u32,
+    /// World, mm.
+    position: [f64; 3],
+    /// Unit view direction.
+    forward: [f64; 3],
+    /// Unit up direction.
+    up: [f64; 3],
+    /// Segment of the lumen.
+    segment: usize,
+    /// Whether it was flown towards its rectal end.
+    reversed: bool,
+    /// Who steered.
+    guide: String,
+    /// Multiple of the cruise speed.
+    speed: f64,
+    /// Place along the way, mm.
+    along_mm: f64,
+}
+
+impl Session {
+    /// Of a flight that is on its way; one that has arrived, or that flies outside the colon, is not taken up again.
+    pub fn of(flight: &FlightApp, along_mm: f64) -> Option<Self> {
+        let segment = flight.plan().segment?;
+        if flight.flight().state == State::Arrived {
+            return None;
+        }
+        let pose = flight.pose();
+        Some(Self {
+            version: VERSION,
+            position: pose.position.to_array(),
+            forward: pose.attitude.forward.to_array(),
+            up: pose.attitude.up.to_array(),
+            segment,
+            reversed: flight.is_reversed(),
+            guide: flight.scene().guide_name().to_owned(),
+            speed: flight.camera::<Hand>().map_or(1.0, |h| h.speed),
+            along_mm,
+        })
+    }
+
+    /// Takes a flight that has just begun to where this one was left, `with_guide` also to who steered it. Returns the
+    /// place along the way, mm; none if the camera cannot be there (another `--wall`, say): then it starts anew.
+    ///
+    /// # Errors
+    /// When the flight refuses a segment or guide.
+    pub fn take_up(&self, flight: &mut FlightApp, with_guide: bool) -> Result<Option<f64>> {
+        let [position, forward, up] = [self.position, self.forward, self.up].map(DVec3::from_array);
+        if !flight.place(position, forward, up) {
+            return Ok(None);
+        }
+        if flight.plan().segment != Some(self.segment) {
+            flight.act(Command::Segment(self.segment))?;
+        }
+        if flight.is_reversed() != self.reversed {
+            flight.act(Command::Reverse)?;
+        }
+        if with_guide && flight.scene().guide_name() != self.guide {
+            flight.act(Command::Guide(self.guide.clone()))?;
+        }
+        flight.act(Command::Speed(self.speed))?;
+        // Another segment sets out from its end.
+        flight.place(position, forward, up);
+        Ok(Some(self.along_mm))
+    }
+
+    /// Reads a session; none where there is none.
+    ///
+    /// # Errors
+    /// Status 3 where there is a file that is none.
+    pub fn read(path: &Path) -> Result<Option<Self>> {
+        let bad = |why: String| Error::file(path, why, "it is left alone; the flight starts anew");
+        match std::fs::metadata(path) {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(bad(format!("cannot be read ({e})"))),
+            Ok(m) if !m.is_file() || m.len() > MOST_BYTES => return Err(bad("is no session".to_owned())),
+            Ok(_) => {}
+        }
+        let text = std::fs::read(path).map_err(|e| bad(format!("cannot be read ({e})")))?;
+        let session: Self = serde_json::from_slice(&text).map_err(|e| bad(e.to_string()))?;
+        if session.version != VERSION {
+            return Err(bad(format!("has version {}, not {VERSION}", session.version)));
+        }
+        Ok(Some(session))
+    }
+
+    /// Writes the session of a flight, or removes the one that there was where the flight has none.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn keep(session: Option<&Self>, path: &Path) -> Result<()> {
+        let Some(session) = session else {
+            return match std::fs::remove_file(path) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(output::cannot(path, &e)),
+                _ => Ok(()),
+            };
+        };
+        if let Some(folder) = path.parent() {
+            output::make_folder(folder)?;
+        }
+        output::write_json(path, session)
+    }
+}
+
+/// The file for the sessions of a scan; none on a system that names no folder for it.
+pub fn file(volume: &Volume) -> Option<PathBuf> {
+    let name = format!("{:016x}.json", key(volume));
+    folder(|name| std::env::var_os(name).map(PathBuf::from)).map(|f| f.join("colvis").join("sessions").join(name))
+}
+
+/// The platform's folder for what a program remembers, from its environment. A relative path in it is to be ignored.
+fn folder(variable: impl Fn(&str) -> Option<PathBuf>) -> Option<PathBuf> {
+    let absolute = |name: &str| variable(name).filter(|p| p.is_absolute());
+    let home = |rest: &str| absolute("HOME").map(|h| h.join(rest));
+    if cfg!(windows) {
+        absolute("LOCALAPPDATA")
+    } else if cfg!(target_os = "macos") {
+        absolute("XDG_STATE_HOME").or_else(|| home("Library/Application Support"))
+    } else {
+        absolute("XDG_STATE_HOME").or_else(|| home(".local/state"))
+    }
+}
+
+/// A hash of the grid and of voxels spread over the volume.
+fn key(volume: &Volume) -> u64 {
+    let (grid, data) = (volume.grid(), volume.data());
+    let [nx, ny, nz] = grid.dims().map(|d| d as u64);
+    let geometry = grid.to_world().to_cols_array().map(f64::to_bits);
+    let stride = data.len().div_ceil(SAMPLED).max(1);
+    // Each number is mixed with all before it.
+    let mut key = 0;
+    for n in [nx, ny, nz].into_iter().chain(geometry).chain(data.iter().step_by(stride).map(|&v| v as u64)) {
+        key = hash::bits(key, n);
+    }
+    key
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::volume::Grid;
+    use glam::DMat3;
+
+    fn session() -> Session {
+        Session {
+            version: VERSION,
+            position: [1.5, -2.25, 1e-3],
+            forward: [0.0, 1.0, 0.0],
+            up: [0.0, 0.0, 1.0],
+            segment: 2,
+            reversed: true,
+            guide: "manual".to_owned(),
+            speed: 1.25,
+            along_mm: 310.5,
+        }
+    }
+
+    #[test]
+    fn what_is_kept_is_read_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a").join("b.json");
+        assert_eq!(Session::read(&path).unwrap(), None);
+        Session::keep(Some(&session()), &path).unwrap();
+        assert_eq!(Session::read(&path).unwrap(), Some(session()));
+        Session::keep(None, &path).unwrap();
+        Session::keep(None, &path).unwrap();
+        assert_eq!(Session::read(&path).unwrap(), None);
+    }
+
+    #[test]
+    fn what_is_no_session_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s.json");
+        for text in ["", "{", "[]", "{\"version\": 1}", "null"] {
+            std::fs::write(&path, text).unwrap();
+            assert!(Session::read(&path).is_err(), "{text}");
+        }
+        let other = Session { version: 99, ..session() };
+        Session::keep(Some(&other), &path).unwrap();
+        assert!(Session::read(&path).is_err());
+        assert!(Session::read(dir.path()).is_err(), "a folder");
+    }
+
+    #[test]
+    fn a_scan_has_a_key_of_its_own() {
+        let volume = |origin: f64, changed: i16| {
+            let grid = Grid::new([8, 8, 8], DVec3::ONE, DVec3::new(origin, 0.0, 0.0), DMat3::IDENTITY).unwrap();
+            let mut data = vec![-1000; 512];
+            data[77] = changed;
+            Volume::new(grid, data)
+        };
+        assert_eq!(key(&volume(0.0, 5)), key(&volume(0.0, 5)));
+        assert_ne!(key(&volume(0.0, 5)), key(&volume(0.0, -5)));
+        assert_ne!(key(&volume(0.0, 5)), key(&volume(1.0, 5)));
+    }
+
+    #[test]
+    fn relative_folders_are_ignored() {
+        let with = |list: &'static [(&str, &str)]| {
+            folder(move |name| list.iter().find(|v| v.0 == name).map(|v| PathBuf::from(v.1)))
+        };
+        assert_eq!(with(&[]), None);
+        if cfg!(target_os = "linux") {
+            assert_eq!(with(&[("XDG_STATE_HOME", "x"), ("HOME", "/h")]), Some(PathBuf::from("/h/.local/state")));
+            assert_eq!(with(&[("XDG_STATE_HOME", "/s"), ("HOME", "/h")]), Some(PathBuf::from("/s")));
+        }
+    }
+}

@@ -1,0 +1,419 @@
+//! The window itself: the system's events in, pictures out.
+
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use softbuffer::{Context, Surface};
+use winit::application::ApplicationHandler;
+use winit::dpi::{LogicalSize, PhysicalPosition, PhysicalSize, Size};
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy, OwnedDisplayHandle};
+use winit::keyboard::ModifiersState;
+use winit::window::{Fullscreen, Window, WindowId};
+
+use super::cockpit::Cockpit;
+use super::keys::{Action, Deed, action};
+use super::loading::Loading;
+use super::log::Log;
+use super::overlay::Content;
+use super::painter::Painter;
+use super::refine::WakeUp;
+use super::session::{self, Session};
+use super::{Launch, Resume};
+use crate::app::FlightApp;
+use crate::error::{Error, Result};
+use crate::host::headless::FrameStats;
+use crate::progress::Progress;
+
+/// Time between two pictures at the least: about 60 a second.
+const FRAME: Duration = Duration::from_micros(16_600);
+/// Time between two pictures while loading.
+const LOADING: Duration = Duration::from_millis(60);
+/// Size of a window where none is asked for, in points.
+const USUAL: LogicalSize<f64> = LogicalSize::new(1024.0, 768.0);
+/// Pixels of a smooth scroll that count as a notch.
+const NOTCH: f64 = 40.0;
+
+/// What wakes the event loop from other threads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wake {
+    /// The loading is over.
+    Loaded,
+    /// A finer image is there.
+    Refined,
+    /// The user has interrupted the program.
+    Interrupted,
+}
+
+enum Stage {
+    Loading(Loading),
+    Failed(Error),
+    Flying(Box<Cockpit>),
+    /// Nothing is shown any more.
+    Over,
+}
+
+struct Screen {
+    window: Rc<Window>,
+    surface: Surface<OwnedDisplayHandle, Rc<Window>>,
+}
+
+/// The program as the system's event loop knows it.
+pub struct Shell {
+    stage: Stage,
+    screen: Option<Screen>,
+    painter: Painter,
+    /// What the picture shows: painted again only when it differs.
+    painted: Option<Content>,
+    /// When the next picture is due at the earliest.
+    due: Instant,
+    /// Whether the program itself asked for the next picture.
+    asked: bool,
+    modifiers: ModifiersState,
+    cursor: Option<PhysicalPosition<f64>>,
+    dragging: bool,
+    log_path: Option<PathBuf>,
+    log: Option<Log>,
+    seconds: Option<f64>,
+    size: Option<(usize, usize)>,
+    resume: Resume,
+    session: Option<PathBuf>,
+    finish: Option<Box<dyn FnOnce(&FlightApp, &[FrameStats]) -> Result<()>>>,
+    progress: Arc<Progress>,
+    refined: WakeUp,
+    outcome: Result<()>,
+}
+
+impl Shell {
+    /// Begins to load.
+    ///
+    /// # Errors
+    /// Status 1 when the system gives no thread.
+    pub fn new(launch: Launch, progress: &Arc<Progress>, proxy: EventLoopProxy<Wake>) -> Result<Self> {
+        let done = proxy.clone();
+        let loading = Loading::start(launch.prepare, progress, move || {
+            // There is nobody to wake when the window is gone.
+            let _ = done.send_event(Wake::Loaded);
+        })?;
+        let refined: WakeUp = Arc::new(move || {
+            let _ = proxy.send_event(Wake::Refined);
+        });
+        Ok(Self {
+            stage: Stage::Loading(loading),
+            screen: None,
+            painter: Painter::new(),
+            painted: None,
+            due: Instant::now(),
+            asked: false,
+            modifiers: ModifiersState::empty(),
+            cursor: None,
+            dragging: false,
+            log_path: launch.log,
+            log: None,
+            seconds: launch.seconds,
+            size: launch.size,
+            resume: launch.resume,
+            session: None,
+            finish: Some(launch.finish),
+            progress: Arc::clone(progress),
+            refined,
+            outcome: Ok(()),
+        })
+    }
+
+    /// Writes what the flight leaves behind, once the window is closed.
+    ///
+    /// # Errors
+    /// The first of what went wrong.
+    pub fn end(mut self) -> Result<()> {
+        let stage = std::mem::replace(&mut self.stage, Stage::Over);
+        match stage {
+            Stage::Flying(mut cockpit) => {
+                cockpit.save_the_rest();
+                let flight = cockpit.flight();
+                let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
+                if let Some(path) = self.session.take() {
+                    let session = Session::of(flight, cockpit.along_mm());
+                    if let Err(e) = Session::keep(session.as_ref(), &path) {
+                        eprintln!("note: the place of this flight is not kept: {e}");
+                    }
+                }
+                let finished = self.finish.take().map_or(Ok(()), |f| f(flight, cockpit.frames()));
+                self.outcome.and(logged).and(finished)
+            }
+            Stage::Failed(e) => Err(e),
+            // Closed while loading: the worker gives up by itself, and leaves nothing behind.
+            Stage::Loading(_) => Err(Error::cancelled("loading")),
+            Stage::Over => self.outcome,
+        }
+    }
+
+    fn fail(&mut self, e: Error, events: &ActiveEventLoop) {
+        if self.outcome.is_ok() {
+            self.outcome = Err(e);
+        }
+        events.exit();
+    }
+
+    fn quit(&mut self, events: &ActiveEventLoop) {
+        if matches!(self.stage, Stage::Loading(_)) {
+            self.progress.cancel();
+        }
+        events.exit();
+    }
+
+    /// The window's size in pixels.
+    fn window_size(&self) -> (usize, usize) {
+        self.screen.as_ref().map_or((0, 0), |s| {
+            let size = s.window.inner_size();
+            (size.width as usize, size.height as usize)
+        })
+    }
+
+    /// The loading is over: takes off, or shows why not.
+    fn take_off(&mut self) -> Result<()> {
+        let Stage::Loading(loading) = std::mem::replace(&mut self.stage, Stage::Over) else { return Ok(()) };
+        let mut flight = match loading.finish() {
+            Ok(flight) => flight,
+            Err(e) if self.progress.is_cancelled() => return Err(e),
+            Err(e) => {
+                self.stage = Stage::Failed(e);
+                return Ok(());
+            }
+        };
+        self.log = self.log_path.as_deref().map(Log::create).transpose()?;
+        if self.resume != Resume::Never {
+            self.session = session::file(flight.space().volume());
+        }
+        let left = match (&self.session, self.resume) {
+            (Some(path), Resume::Everything | Resume::Place) => Session::read(path).unwrap_or_else(|e| {
+                eprintln!("note: {e}");
+                None
+            }),
+            _ => None,
+        };
+        let along = match left {
+            Some(left) => left.take_up(&mut flight, self.resume == Resume::Everything)?,
+            None => None,
+        };
+        let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.refined))?;
+        if along.is_some() {
+            cockpit.say("going on where you left (E starts from the end)", Instant::now());
+        }
+        self.stage = Stage::Flying(Box::new(cockpit));
+        Ok(())
+    }
+
+    fn key(&mut self, event: &KeyEvent, events: &ActiveEventLoop) {
+        let now = Instant::now();
+        let pressed = event.state == ElementState::Pressed;
+        // Ctrl-C and the like are not ours; a key that goes up is let go of in any case.
+        let chord = self.modifiers.intersects(ModifiersState::CONTROL | ModifiersState::ALT | ModifiersState::SUPER);
+        let Some(action) = action(&event.logical_key).filter(|_| !pressed || !chord) else { return };
+        let window = self.window_size();
+        match (action, &mut self.stage) {
+            (Action::Do(Deed::Quit), _) if pressed => self.quit(events),
+            (Action::Do(Deed::Fullscreen), _) if pressed && !event.repeat => self.switch_fullscreen(),
+            (Action::Hold(hold), Stage::Flying(c)) => {
+                c.steer(|hands| if pressed { hands.press(hold) } else { hands.release(hold) }, now);
+            }
+            (Action::Do(deed), Stage::Flying(c)) if pressed => {
+                if !event.repeat || matches!(deed, Deed::Faster | Deed::Slower) {
+                    c.perform(deed, window, now);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn switch_fullscreen(&self) {
+        if let Some(s) = &self.screen {
+            let full = s.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
+            s.window.set_fullscreen(full);
+        }
+    }
+
+    fn ask_for_picture(&mut self) {
+        self.asked = true;
+        // A window that is hidden may never be drawn: it must not be asked again at once.
+        self.due = Instant::now() + FRAME;
+        if let Some(s) = &self.screen {
+            s.window.request_redraw();
+        }
+    }
+
+    /// Flies on to now, and shows the picture if it differs from the one that is shown, or if `anew`.
+    fn picture(&mut self, anew: bool) -> Result<()> {
+        let now = Instant::now();
+        let size = self.window_size();
+        let mut changed = anew;
+        let content = match &mut self.stage {
+            Stage::Loading(loading) => loading.content(),
+            Stage::Failed(e) => Content::Failed { text: e.to_string() },
+            Stage::Flying(cockpit) => {
+                cockpit.advance(now)?;
+                if let Some(log) = &mut self.log {
+                    log.add(cockpit.flight_mut().take_log())?;
+                }
+                changed |= cockpit.trace(size, now)?;
+                Content::Flight(Box::new(cockpit.readings(now)))
+            }
+            Stage::Over => return Ok(()),
+        };
+        let period = if matches!(self.stage, Stage::Loading(_)) { LOADING } else { FRAME };
+        self.due = now + period;
+        let (Some(screen), Some(width), Some(height)) =
+            (&mut self.screen, NonZeroU32::new(size.0 as u32), NonZeroU32::new(size.1 as u32))
+        else {
+            // Minimised: the flight goes on, there is nothing to paint on.
+            return Ok(());
+        };
+        if !changed && self.painted.as_ref() == Some(&content) {
+            return Ok(());
+        }
+        let image = match &self.stage {
+            Stage::Flying(cockpit) => cockpit.image(),
+            _ => None,
+        };
+        self.painter.paint(size, screen.window.scale_factor() as f32, image, &content);
+        let show = |screen: &mut Screen, painter: &Painter| {
+            screen.surface.resize(width, height)?;
+            let mut buffer = screen.surface.buffer_mut()?;
+            painter.copy_to(&mut buffer);
+            screen.window.pre_present_notify();
+            buffer.present()
+        };
+        show(screen, &self.painter).map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
+        self.painted = Some(content);
+        Ok(())
+    }
+
+    /// Whether the flight's time is over.
+    fn time_is_over(&mut self) -> bool {
+        match (&mut self.stage, self.seconds) {
+            (Stage::Flying(c), Some(s)) if c.flight().clock().seconds() >= s => {
+                c.flight_mut().end();
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// When there is something to do next without the operator; none to sleep until they do something.
+    fn next(&self) -> Option<Instant> {
+        match &self.stage {
+            Stage::Loading(_) => Some(self.due),
+            Stage::Flying(c) if c.rests() => c.next(self.window_size()).map(|t| t.max(self.due)),
+            Stage::Flying(_) => Some(self.due),
+            Stage::Failed(_) | Stage::Over => None,
+        }
+    }
+}
+
+impl ApplicationHandler<Wake> for Shell {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.screen.is_some() {
+            return;
+        }
+        let size = self.size.map_or(Size::Logical(USUAL), |(w, h)| PhysicalSize::new(w as u32, h as u32).into());
+        let attributes = Window::default_attributes()
+            .with_title("colvis")
+            .with_inner_size(size)
+            .with_min_inner_size(LogicalSize::new(160.0, 120.0));
+        let made = events.create_window(attributes).map_err(|e| e.to_string()).and_then(|window| {
+            let window = Rc::new(window);
+            let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;
+            let surface = Surface::new(&context, Rc::clone(&window)).map_err(|e| e.to_string())?;
+            Ok(Screen { window, surface })
+        });
+        match made {
+            Ok(screen) => {
+                screen.window.request_redraw();
+                self.screen = Some(screen);
+            }
+            Err(why) => self.fail(Error::fault("window", why, "use --headless"), events),
+        }
+    }
+
+    fn user_event(&mut self, events: &ActiveEventLoop, wake: Wake) {
+        match wake {
+            Wake::Loaded => {
+                if let Err(e) = self.take_off() {
+                    self.fail(e, events);
+                }
+                self.ask_for_picture();
+            }
+            Wake::Refined => self.ask_for_picture(),
+            Wake::Interrupted => {
+                if matches!(self.stage, Stage::Flying(_)) {
+                    self.fail(Error::cancelled("flight"), events);
+                } else {
+                    events.exit();
+                }
+            }
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let now = Instant::now();
+        match event {
+            WindowEvent::CloseRequested => self.quit(events),
+            WindowEvent::RedrawRequested => {
+                // Where the system asks, the window was covered and has lost its picture.
+                let anew = !std::mem::take(&mut self.asked);
+                if let Err(e) = self.picture(anew) {
+                    self.fail(e, events);
+                } else if self.time_is_over() {
+                    self.quit(events);
+                }
+            }
+            WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
+                self.painted = None;
+                self.ask_for_picture();
+            }
+            WindowEvent::KeyboardInput { event, .. } => self.key(&event, events),
+            WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
+            WindowEvent::Focused(false) => {
+                self.dragging = false;
+                if let Stage::Flying(c) = &mut self.stage {
+                    c.steer(super::keys::Hands::let_go, now);
+                }
+            }
+            WindowEvent::MouseInput { button: MouseButton::Left, state, .. } => {
+                self.dragging = state == ElementState::Pressed;
+            }
+            WindowEvent::CursorMoved { position, .. } => {
+                let size = self.window_size();
+                if let (Stage::Flying(c), Some(last), true) = (&mut self.stage, self.cursor, self.dragging) {
+                    c.drag((position.x - last.x, position.y - last.y), size);
+                }
+                self.cursor = Some(position);
+            }
+            WindowEvent::MouseWheel { delta, .. } => {
+                if let Stage::Flying(c) = &mut self.stage {
+                    c.hurry(
+                        match delta {
+                            MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
+                            MouseScrollDelta::PixelDelta(p) => p.y / NOTCH,
+                        },
+                        now,
+                    );
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
+        if matches!(cause, StartCause::ResumeTimeReached { .. }) {
+            self.ask_for_picture();
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        events.set_control_flow(self.next().map_or(ControlFlow::Wait, ControlFlow::WaitUntil));
+    }
+}

@@ -1,0 +1,223 @@
+//! The window on a virtual X server: what it shows, what the keys do, and what it leaves behind.
+#![cfg(all(feature = "window", target_os = "linux"))]
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use colvis::components::output::LogLine;
+use glam::DVec3;
+use image::RgbImage;
+
+const SIZE: (u32, u32) = (640, 480);
+const PATIENCE: Duration = Duration::from_secs(180);
+/// The camera's radius, mm.
+const RADIUS_MM: f64 = 1.5;
+
+/// A program that is ended when the test is over, however it ends.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Running {
+    fn wait(&mut self) -> ExitStatus {
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = self.0.try_wait().unwrap() {
+                return status;
+            }
+            assert!(begun.elapsed() < PATIENCE, "it does not end");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn output(&mut self) -> (String, String) {
+        let (mut out, mut err) = (String::new(), String::new());
+        self.0.stdout.take().unwrap().read_to_string(&mut out).unwrap();
+        self.0.stderr.take().unwrap().read_to_string(&mut err).unwrap();
+        (out, err)
+    }
+}
+
+struct Screen {
+    _server: Running,
+    display: String,
+}
+
+impl Screen {
+    /// A virtual screen; none where the tools for it are missing.
+    fn open() -> Option<Self> {
+        for tool in ["Xvfb", "xdotool", "import"] {
+            let path = std::env::var_os("PATH")?;
+            if !std::env::split_paths(&path).any(|p| p.join(tool).is_file()) {
+                println!("skipped: there is no {tool}");
+                return None;
+            }
+        }
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0"])
+            .arg(format!("{}x{}x24", SIZE.0, SIZE.1))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        let server = Running(server);
+        assert!(!number.trim().is_empty(), "Xvfb has no display");
+        Some(Self { _server: server, display: format!(":{}", number.trim()) })
+    }
+
+    fn tool(&self, name: &str, args: &[&str]) -> Vec<u8> {
+        Command::new(name).args(args).env("DISPLAY", &self.display).output().unwrap().stdout
+    }
+
+    fn key(&self, key: &str) {
+        self.tool("xdotool", &["key", key]);
+    }
+
+    fn shot(&self) -> RgbImage {
+        let png = self.tool("import", &["-silent", "-window", "root", "png:-"]);
+        image::load_from_memory(&png).unwrap().to_rgb8()
+    }
+
+    /// Waits for a picture that `wanted` likes.
+    fn shot_when(&self, what: &str, mut wanted: impl FnMut(&RgbImage) -> bool) -> RgbImage {
+        let begun = Instant::now();
+        loop {
+            let shot = self.shot();
+            if wanted(&shot) {
+                return shot;
+            }
+            assert!(begun.elapsed() < PATIENCE, "the window never shows {what}");
+            std::thread::sleep(Duration::from_millis(300));
+        }
+    }
+
+    fn fly(&self, folder: &Path, log: &str) -> Running {
+        let child = Command::new(env!("CARGO_BIN_EXE_colvis"))
+            .args(["fly", "--size", &format!("{}x{}", SIZE.0, SIZE.1), "--log", log])
+            .env("DISPLAY", &self.display)
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("WAYLAND_SOCKET")
+            .env("XDG_STATE_HOME", folder.join("state"))
+            .current_dir(folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let running = Running(child);
+        self.shot_when("the flight", flies);
+        let window = String::from_utf8(self.tool("xdotool", &["search", "--name", "colvis"])).unwrap();
+        // There is no window manager that would give it the keys.
+        self.tool("xdotool", &["windowfocus", "--sync", window.lines().next().unwrap()]);
+        running
+    }
+}
+
+fn share(image: &RgbImage, of: impl Fn([u8; 3]) -> bool) -> f64 {
+    let n = image.pixels().filter(|p| of(p.0)).count();
+    n as f64 / f64::from(image.width() * image.height())
+}
+
+/// The colour of the bar for the way.
+fn is_bar([r, g, b]: [u8; 3]) -> bool {
+    r < 140 && (160..220).contains(&g) && b > 240
+}
+
+/// The lumen's pink, red first, and the overlay.
+fn flies(image: &RgbImage) -> bool {
+    let pink = share(image, |[r, g, b]| r > 60 && r > g + g / 4 && g >= b);
+    pink > 0.2 && share(image, is_bar) > 0.0
+}
+
+fn log(folder: &Path, name: &str) -> Vec<LogLine> {
+    let text = fs::read_to_string(folder.join(name)).unwrap();
+    assert!(text.ends_with('\n'), "a whole last line");
+    text.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
+}
+
+fn place(line: &LogLine) -> DVec3 {
+    DVec3::from_array(line.position)
+}
+
+#[test]
+fn a_flight_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+
+    // It flies by itself, and says so.
+    let mut window = screen.fly(folder, "first.jsonl");
+    let shot = screen.shot();
+    let panel = image::imageops::crop_imm(&shot, 0, 0, 200, 110).to_image();
+    assert!(share(&panel, |p| p.iter().all(|&c| c > 200)) > 0.01, "figures in the corner");
+    let foot = image::imageops::crop_imm(&shot, 320, 440, 320, 25).to_image();
+    assert!(share(&foot, |p| p.iter().all(|&c| c > 150)) > 0.01, "the line on diagnosis");
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(screen.shot().pixels().ne(shot.pixels()), "it moves");
+
+    // Paused, it comes to rest, refined; the saved image is what was shown, but for the overlay.
+    screen.key("space");
+    let mut before = None;
+    screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
+    screen.key("p");
+    let saved = folder.join("colvis-0001.png");
+    screen.shot_when("that it is saved", |_| saved.exists());
+    let image = image::open(&saved).unwrap().to_rgb8();
+    assert_eq!(image.dimensions(), SIZE);
+    assert_eq!(share(&image, is_bar), 0.0, "no overlay on what is saved");
+    let middle = |i: &RgbImage| image::imageops::crop_imm(i, 220, 200, 200, 150).to_image();
+    screen.shot_when("what is saved", |shot| middle(shot).pixels().eq(middle(&image).pixels()));
+
+    // By hand, forwards, then back with the guide.
+    screen.key("g");
+    screen.key("space");
+    screen.tool("xdotool", &["keydown", "Up"]);
+    std::thread::sleep(Duration::from_secs(1));
+    screen.tool("xdotool", &["keyup", "Up"]);
+    screen.key("g");
+    screen.key("r");
+    std::thread::sleep(Duration::from_secs(2));
+    screen.key("q");
+    let status = window.wait();
+    let (out, err) = window.output();
+    assert!(status.success(), "{status}: {err}");
+    assert_eq!(err, "");
+
+    // The log is whole, the pose that was printed is in it, and nobody went through a wall.
+    let lines = log(folder, "first.jsonl");
+    let pose: serde_json::Value = serde_json::from_str(out.trim()).unwrap();
+    assert_eq!(pose["fov_degrees"], 90.0);
+    let at: [f64; 3] = serde_json::from_value(pose["poses"][0]["position"].clone()).unwrap();
+    let nearest = lines.iter().map(|l| place(l).distance(DVec3::from_array(at))).fold(f64::INFINITY, f64::min);
+    assert!(nearest < 1e-9, "{nearest} mm");
+    assert!(lines.windows(2).all(|w| w[1].t > w[0].t));
+    assert!(lines.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
+    let steered: Vec<&str> = lines.iter().map(|l| l.guide.as_str()).fold(Vec::new(), |mut list, g| {
+        if list.last() != Some(&g) {
+            list.push(g);
+        }
+        list
+    });
+    assert_eq!(steered, ["tentacles", "manual", "tentacles"]);
+
+    // Opened again, it goes on from there; interrupted, everything is still written.
+    let mut window = screen.fly(folder, "second.jsonl");
+    Command::new("kill").args(["-INT", &window.0.id().to_string()]).status().unwrap();
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert_eq!(status.code(), Some(4));
+    assert!(err.starts_with("error: ") && err.lines().count() == 1, "{err}");
+    let again = log(folder, "second.jsonl");
+    let gap = place(&again[0]).distance(place(&lines[lines.len() - 1]));
+    assert!(gap < 1.0, "{gap} mm from where it was left");
+}
