@@ -68,7 +68,7 @@ pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Fram
         .map(|s| s.0)
         .collect();
     if let Some(&largest) = kept.first() {
-        let least = (ml(largest) * LEAST_SHARE).min(AMPLE_ML).max(BUBBLE_ML);
+        let least = (ml(largest) * LEAST_SHARE).clamp(BUBBLE_ML, AMPLE_ML);
         kept.retain(|&c| c == largest || ml(c) >= least);
     }
     kept.truncate(MOST);

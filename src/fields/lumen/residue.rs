@@ -61,6 +61,9 @@ pub struct Remnant {
     pub length_mm: f64,
 }
 
+/// Voxel indices.
+type Voxels = Vec<[i64; 3]>;
+
 /// What stands in the gas.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Residue {
@@ -169,7 +172,7 @@ fn rods(volume: &Volume, lumen: &Lumen, loose: &Rows, progress: &Progress) -> Re
     let dims @ [_, ny, nz] = lumen.gas.dims();
     let grid = volume.grid();
     let steps = Steps::new(grid);
-    let found: Vec<(Vec<[i64; 3]>, Vec<[i64; 3]>)> = (0..nz)
+    let found: Vec<(Voxels, Voxels)> = (0..nz)
         .into_par_iter()
         .map(|k| {
             progress.check()?;
