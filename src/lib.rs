@@ -27,5 +27,10 @@ pub mod progress;
 pub mod render;
 pub mod volume;
 
+#[expect(
+    clippy::needless_pass_by_value,
+    clippy::type_complexity,
+    reason = "a system takes its parameters by value, and its queries are types that list what it touches"
+)]
 #[path = "../systems/mod.rs"]
 pub mod systems;

@@ -28,7 +28,7 @@ fn end_to_end(settings: &Settings) {
     assert!(course.passed >= 0.97 && course.offset <= 0.5, "{course:?}");
     assert!(course.clearance_mm >= 1.5 - TOLERANCE_MM, "{course:?}");
     let start = DVec3::from_array(log[0].position);
-    let [rectum, cecum] = [0, truth.centerline.len() - 1].map(|i| DVec3::from(truth.centerline[i]));
+    let [rectum, cecum] = [0, truth.centerline.len() - 1].map(|i| truth.centerline[i]);
     assert!(start.distance(rectum) < start.distance(cecum), "it starts at the rectum");
     // Everything logged lies inside the lumen.
     for line in &log {
@@ -60,7 +60,7 @@ fn the_wrong_way_first_then_turned_round() {
     // From many places on the way, to both ends: sooner or later the longest free direction is the wrong one.
     let mut turned = 0;
     for part in 1..6 {
-        let from = DVec3::from(truth.centerline[truth.centerline.len() * part / 6]);
+        let from = truth.centerline[truth.centerline.len() * part / 6];
         for to in [Place::Rectum, Place::Cecum] {
             let wish = Wish { from: Some(Place::World(from)), to: Some(to), reverse: false };
             let mut flight = flight(volume.clone(), logged(), &wish);
@@ -76,7 +76,7 @@ fn the_wrong_way_first_then_turned_round() {
 #[test]
 fn a_goal_is_reached_within_three_millimetres() {
     let (volume, truth) = phantom(&Settings { size: Size::Small, ..Settings::default() });
-    let to = DVec3::from(truth.centerline[truth.centerline.len() / 2]);
+    let to = truth.centerline[truth.centerline.len() / 2];
     let mut flight = flight(volume, logged(), &Wish { to: Some(Place::World(to)), ..Wish::default() });
     let log = fly(&mut flight, 120.0);
     assert_eq!(flight.flight().state, State::Arrived);

@@ -60,9 +60,9 @@ fn four_scenes_four_schedules() {
     // Whatever is not there is told with a reason.
     let left_out = |n: usize| -> Vec<&str> { all[n].left_out.iter().map(|l| l.part).collect() };
     assert!(left_out(1).contains(&"mines") && left_out(2).contains(&"tentacles") && left_out(3).contains(&"motion"));
-    for n in 0..4 {
+    for (n, e) in all.iter().enumerate() {
         assert!(left_out(n).contains(&"centerline") && left_out(n).contains(&"wall distance field"));
-        assert!(all[n].left_out.iter().all(|l| !l.why.is_empty()));
+        assert!(e.left_out.iter().all(|l| !l.why.is_empty()));
     }
     assert!(left_out(0).contains(&"picture"), "without a window or a recording no ray is cast for an image");
 }

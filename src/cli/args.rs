@@ -14,11 +14,13 @@ use crate::error::Error;
 #[derive(Parser, Debug)]
 #[command(name = "colvis", version, args_conflicts_with_subcommands = true, max_term_width = 120)]
 pub struct Args {
+    /// What to do; `fly` if left out.
     #[command(subcommand)]
     pub command: Option<Command>,
     /// Without a command: `fly`.
     #[command(flatten)]
     pub fly: FlyArgs,
+    /// Options of every command.
     #[command(flatten)]
     pub global: Global,
 }
@@ -236,6 +238,7 @@ pub struct InfoArgs {
 /// `explain`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct ExplainArgs {
+    /// The flight to explain.
     #[command(flatten)]
     pub fly: FlyArgs,
     /// As JSON
@@ -277,9 +280,13 @@ pub struct ReportArgs {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum GuideName {
+    /// Tentacles and mines.
     Tentacles,
+    /// Wall and target distance fields.
     Potential,
+    /// A planned path.
     Path,
+    /// The operator.
     Manual,
 }
 
@@ -287,9 +294,13 @@ pub enum GuideName {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum QualityName {
+    /// Trilinear.
     High,
+    /// Nearest voxel.
     Low,
+    /// What the speed allows.
     Adaptive,
+    /// Brute force, to measure against.
     Reference,
 }
 
@@ -297,8 +308,11 @@ pub enum QualityName {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum PresetName {
+    /// The best there is.
     Default,
+    /// The paper's own combination.
     Colvis,
+    /// The least memory.
     Lean,
 }
 
@@ -306,8 +320,11 @@ pub enum PresetName {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum PhantomSize {
+    /// Quick, some 0.7 m of colon.
     Small,
+    /// An adult's colon at the resolution of a scan.
     Standard,
+    /// The same at twice the resolution.
     Large,
 }
 
@@ -315,10 +332,15 @@ pub enum PhantomSize {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum PhantomFeature {
+    /// Haustral folds.
     Folds,
+    /// Polyps of known size.
     Polyps,
+    /// Tagged fluid with a horizontal level.
     Fluid,
+    /// Thin strands across the lumen.
     Bridges,
+    /// Noise of the scanner.
     Noise,
 }
 
@@ -326,19 +348,28 @@ pub enum PhantomFeature {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum ReportSubject {
+    /// Ray casting.
     Render,
+    /// Gradient estimators.
     Gradients,
+    /// What leaving out saves.
     Scenes,
+    /// Integrators.
     Dynamics,
+    /// Distances and centerlines.
     Fields,
+    /// Random steps against the wall.
     Perforation,
+    /// All of them.
     All,
 }
 
 /// A point of the colon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Point {
+    /// The rectal end.
     Rectum,
+    /// The cecal end.
     Cecum,
     /// World, mm LPS.
     World(DVec3),
@@ -386,7 +417,9 @@ impl FromStr for Triple {
 /// Image size in pixels, `WxH`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
+    /// Pixels across.
     pub width: usize,
+    /// Pixels down.
     pub height: usize,
 }
 

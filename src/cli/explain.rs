@@ -1,6 +1,5 @@
 //! `colvis explain`.
 
-use std::io::Write;
 use std::sync::Arc;
 
 use crate::app::explain::explain;

@@ -38,7 +38,8 @@ impl Attitude {
         let angle = self.forward.angle_between(target);
         let share = if tau > 0.0 { 1.0 - (-dt / tau).exp() } else { 1.0 };
         let turn = (angle * share).min(rate * dt);
-        if !(turn > 1e-9) {
+        // Also where an angle is no number.
+        if turn.is_nan() || turn <= 1e-9 {
             return;
         }
         // Straight behind: any axis does; about `up` keeps the horizon.

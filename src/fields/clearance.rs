@@ -286,7 +286,7 @@ mod tests {
             let v = Arc::new(Volume::new(grid, values));
             let f = ClearanceFinder::new(Arc::clone(&v), -650.0, 12.0);
             let p = DVec3::new(x, y, z) * spacing;
-            let n = 40;
+            let n = 40i32;
             let value = |u: DVec3| {
                 let b = u.floor().min(DVec3::splat(3.0));
                 let t = u - b;
@@ -297,13 +297,13 @@ mod tests {
             };
             let mut brute = f64::INFINITY;
             for k in 0..=n { for j in 0..=n { for i in 0..=n {
-                let u = DVec3::new(i as f64, j as f64, k as f64) * (4.0 / n as f64);
+                let u = DVec3::new(f64::from(i), f64::from(j), f64::from(k)) * (4.0 / f64::from(n));
                 if value(u) >= -650.0 || [i, j, k].iter().any(|&e| e == 0 || e == n) {
                     brute = brute.min((u * spacing - p).length());
                 }
             }}}
             let c = f.at(p);
-            let diagonal = (spacing * (4.0 / n as f64)).length();
+            let diagonal = (spacing * (4.0 / f64::from(n))).length();
             prop_assert!(c.mm <= brute + 1e-9, "{} above {brute}", c.mm);
             prop_assert!(c.mm >= brute - TOLERANCE_MM - diagonal || value(p / spacing) >= -650.0, "{} far below {brute}", c.mm);
         }

@@ -1,5 +1,9 @@
 //! What several tests of flights share.
-#![expect(dead_code, reason = "each test takes what it needs")]
+#![allow(
+    dead_code,
+    clippy::allow_attributes,
+    reason = "each test takes what it needs, and one of them may need everything"
+)]
 
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -84,7 +88,7 @@ pub struct Course {
 
 /// Judges a flight by the truth.
 pub fn judge(log: &[LogLine], truth: &Truth) -> Course {
-    let line: Vec<DVec3> = truth.centerline.iter().map(|&p| DVec3::from(p)).collect();
+    let line: Vec<DVec3> = truth.centerline.clone();
     let radius = &truth.radius_mm;
     let places: Vec<DVec3> = log.iter().map(|l| DVec3::from_array(l.position)).collect();
     let nearest = |p: DVec3, all: &[DVec3]| {
