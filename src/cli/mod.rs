@@ -15,6 +15,7 @@ use std::sync::Arc;
 use clap::Parser;
 
 use crate::error::{Error, Result};
+use crate::host::terminal::Bar;
 use crate::progress::Progress;
 use args::{Args, Command};
 
@@ -51,6 +52,11 @@ fn run(args: Args) -> Result<()> {
             .build_global()
             .map_err(|e| Error::fault("--threads", e.to_string(), "use fewer threads"))?;
     }
+    // A flight shows its own progress: a window, or a bar that goes before the last word.
+    let _bar = match args.command {
+        Some(Command::Info(_) | Command::Phantom(_) | Command::Segment(_)) => Some(Bar::show(&progress)),
+        _ => None,
+    };
     match args.command {
         Some(Command::Info(a)) => info::run(&a, &global, &progress),
         Some(Command::Phantom(a)) => phantom::run(&a, &global, &progress),

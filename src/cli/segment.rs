@@ -1,40 +1,18 @@
 //! `colvis segment`.
 
-use std::time::Instant;
-
 use glam::DVec3;
 use serde::Serialize;
+use serde_json::json;
 
 use crate::cli::args::{Global, SegmentArgs};
-use crate::error::{Error, Result};
+use crate::cli::prepare::{self, Timings};
+use crate::error::Result;
 use crate::fields::lumen::{self, Lumen, Remnant};
 use crate::output;
 use crate::progress::Progress;
-use crate::volume::io::{self, LoadOptions};
+use crate::volume::io;
 
-/// What `--stats` holds. Places are world, mm LPS.
-#[derive(Serialize)]
-struct Stats {
-    threads: usize,
-    simd: &'static str,
-    peak_rss_bytes: u64,
-    prepare: Prepare,
-    /// Gas and fluid together.
-    lumen_ml: f64,
-    fluid_ml: f64,
-    ordered: bool,
-    segments: Vec<Part>,
-    bridges: Vec<Mark>,
-    islands: Vec<Mark>,
-}
-
-#[derive(Serialize)]
-struct Prepare {
-    load_s: f64,
-    lumen_s: f64,
-    residue_s: f64,
-}
-
+/// A segment in the stats. Places are world, mm LPS.
 #[derive(Serialize)]
 struct Part {
     ml: f64,
@@ -45,6 +23,7 @@ struct Part {
     joined_to: Vec<usize>,
 }
 
+/// A bridge or an island in the stats.
 #[derive(Serialize)]
 struct Mark {
     position: DVec3,
@@ -58,60 +37,36 @@ struct Mark {
 /// Status 3 when the input cannot be read, 4 when it is too flat to have an interior or the work is interrupted, 5 when
 /// an output cannot be written.
 pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
-    let begin = Instant::now();
-    let options = LoadOptions {
-        spacing: global.spacing.map(|s| s.0),
-        hu: global.hu.map(|h| (h.0, h.1)),
-        series: global.series,
-        allow_gaps: global.allow_gaps,
-    };
-    let loaded = io::load(&args.input, &options, progress)?;
-    for note in &loaded.notes {
-        eprintln!("note: {note}");
-    }
-    let load_s = begin.elapsed().as_secs_f64();
-    let volume = loaded.volume;
-    if volume.grid().dims().contains(&1) {
-        return Err(Error::incomplete(
-            args.input.display().to_string(),
-            format!("is flat (dims {:?}): it has no interior", volume.grid().dims()),
-            "give a volume of several slices",
-        ));
-    }
-    let begin = Instant::now();
-    let lumen = lumen::find(&volume, progress)?;
-    let lumen_s = begin.elapsed().as_secs_f64();
+    let mut timings = Timings::default();
+    let volume = timings.time("load_s", || prepare::load(Some(&args.input), global, progress))?;
+    let lumen = prepare::lumen(&volume, &mut timings, progress)?;
     // Bridges and islands are only told in the stats.
-    let marked = match &args.stats {
-        Some(path) => {
-            let begin = Instant::now();
-            let residue = lumen::residue(&volume, &lumen, progress)?;
-            Some((path, residue, begin.elapsed().as_secs_f64()))
-        }
+    let residue = match &args.stats {
+        Some(_) => Some(timings.time("residue_s", || lumen::residue(&volume, &lumen, progress))?),
         None => None,
     };
     let grid = volume.grid().clone();
     drop(volume);
     io::save_mask(&args.out, &grid, &lumen.mask(), progress)?;
-    if let Some((path, residue, residue_s)) = marked {
-        let marks = |found: &[Remnant]| {
-            found.iter().map(|m| Mark { position: m.at, ml: m.ml, length_mm: m.length_mm }).collect()
-        };
-        let stats = Stats {
-            threads: rayon::current_num_threads(),
-            simd: "scalar",
-            peak_rss_bytes: peak_rss_bytes(),
-            prepare: Prepare { load_s, lumen_s, residue_s },
-            lumen_ml: lumen.gas_ml() + lumen.fluid_ml(),
-            fluid_ml: lumen.fluid_ml(),
-            ordered: lumen.ordered,
-            segments: parts(&lumen),
-            bridges: marks(&residue.bridges),
-            islands: marks(&residue.islands),
-        };
+    if let (Some(path), Some(residue)) = (&args.stats, residue) {
+        let mut stats = prepare::stats_head(&timings);
+        for (name, value) in [
+            ("lumen_ml", json!(lumen.gas_ml() + lumen.fluid_ml())),
+            ("fluid_ml", json!(lumen.fluid_ml())),
+            ("ordered", json!(lumen.ordered)),
+            ("segments", json!(parts(&lumen))),
+            ("bridges", json!(marks(&residue.bridges))),
+            ("islands", json!(marks(&residue.islands))),
+        ] {
+            stats.insert(name.to_owned(), value);
+        }
         output::write_json(path, &stats)?;
     }
     Ok(())
+}
+
+fn marks(found: &[Remnant]) -> Vec<Mark> {
+    found.iter().map(|m| Mark { position: m.at, ml: m.ml, length_mm: m.length_mm }).collect()
 }
 
 fn parts(lumen: &Lumen) -> Vec<Part> {
@@ -124,12 +79,4 @@ fn parts(lumen: &Lumen) -> Vec<Part> {
         joined_to: s.joined_to.clone(),
     };
     lumen.segments.iter().map(part).collect()
-}
-
-/// The most memory the process has held, bytes; 0 where the system does not tell.
-fn peak_rss_bytes() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
-    let kib = line.and_then(|l| l.split_whitespace().next()).and_then(|n| n.parse::<u64>().ok());
-    kib.unwrap_or(0) * 1024
 }
