@@ -14,7 +14,7 @@ use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
 use crate::components::guide::{GuideThrust, MineField, MinePush, Tentacles};
 use crate::components::input::{Act, Command, Hand, Inbox};
-use crate::components::output::{FlightLog, LogLine, Picture};
+use crate::components::output::{FlightLog, GuideName, LogLine, Picture};
 use crate::components::scan::{RaySpace, Scan, Walls};
 use crate::dynamics::mines::Mines;
 use crate::dynamics::monitor::Monitor;
@@ -70,13 +70,7 @@ impl FlightApp {
         let mut app = App::new();
         app.world.insert_resource(Clock::default());
         let scan = app.world.spawn(Scan(space.shared_volume())).id();
-        let camera = app
-            .world
-            .spawn((
-                Pose { position: plan.start, attitude: plan::first_attitude(&space, plan.start, plan.goal) },
-                Flight::default(),
-            ))
-            .id();
+        let camera = app.world.spawn(Flight::default()).id();
         if let Some(i) = image {
             app.world.entity_mut(camera).insert(Picture {
                 fov_degrees: i.fov_degrees,
@@ -106,6 +100,7 @@ impl FlightApp {
     /// not need is removed.
     fn rebuild(&mut self) -> Result<()> {
         self.app.clear_systems();
+        self.app.world.insert_resource(GuideName("none"));
         self.scene.plug_into(&mut self.app)?;
         let (moves, feels) = (self.scene.moves(), self.scene.feels());
         let world = &mut self.app.world;
@@ -223,8 +218,9 @@ impl FlightApp {
                 self.resume();
             }
             Command::Reverse => {
-                std::mem::swap(&mut self.plan.goal, &mut self.plan.other_end);
-                self.plan.within_mm = self.plan.within_mm.max(3.0);
+                let plan = &mut self.plan;
+                std::mem::swap(&mut plan.goal, &mut plan.other_end);
+                std::mem::swap(&mut plan.within_mm, &mut plan.other_within_mm);
                 self.rebuild()?;
                 if let Some(mut heading) = self.app.world.get_mut::<Heading>(self.camera) {
                     heading.0 = -heading.0;

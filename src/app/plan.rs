@@ -50,6 +50,8 @@ pub struct Plan {
     pub within_mm: f64,
     /// The lumen's end that is not the goal, world mm.
     pub other_end: DVec3,
+    /// Arrived within this of the other end, mm, for a flight that is turned round.
+    pub other_within_mm: f64,
     /// Coarse length of the segment, mm, for showing how far the flight has come.
     pub length_mm: f64,
     /// The segment's number, where it is one of the lumen's.
@@ -151,10 +153,10 @@ fn finish(
                 (if inside { to } else { p }, ARRIVED_MM)
             } else {
                 falls_short = Some(format!("--to {} lies in another gas segment", triple(to)));
-                (last, end_radius(space, last) * 0.5)
+                (last, end_reach(space, last))
             }
         }
-        _ => (last, (end_radius(space, last) * 0.5).max(1.0)),
+        _ => (last, end_reach(space, last)),
     };
     let other = |end: &str| format!("the {end} lies in another gas segment");
     match wish.to {
@@ -177,6 +179,7 @@ fn finish(
         goal,
         within_mm,
         other_end: first,
+        other_within_mm: end_reach(space, first),
         length_mm: segment.length_mm,
         segment: number,
         falls_short,
@@ -198,9 +201,12 @@ fn roomy(walls: &ClearanceFinder, at: DVec3, radius: f64) -> Option<DVec3> {
     offsets.into_iter().map(|o| at + o).find(|&p| walls.at(p).mm > radius + 0.1)
 }
 
-/// Radius of the ball around a lumen's end, mm: the shortest of many rays.
-fn end_radius(space: &Space, at: DVec3) -> f64 {
-    directions(PROBES).into_iter().map(|d| first_crossing(space, at, d, 60.0).unwrap_or(60.0)).fold(60.0, f64::min)
+/// How near to the centre of the ball at a lumen's end is arrived, mm: half the ball's radius (the shortest of many
+/// rays), for the end wall is then within one and a half radii.
+fn end_reach(space: &Space, at: DVec3) -> f64 {
+    let radius =
+        directions(PROBES).into_iter().map(|d| first_crossing(space, at, d, 60.0).unwrap_or(60.0)).fold(60.0, f64::min);
+    (0.5 * radius).max(1.0)
 }
 
 /// The first heading: towards a goal in plain sight, else the longest free direction. The view's up is the patient's
