@@ -320,7 +320,7 @@ impl ApplicationHandler<Wake> for Shell {
         let attributes = Window::default_attributes()
             .with_title("colvis")
             .with_inner_size(size)
-            .with_min_inner_size(LogicalSize::new(160.0, 120.0));
+            .with_min_inner_size(LogicalSize::new(320.0, 240.0));
         let made = events.create_window(attributes).map_err(|e| e.to_string()).and_then(|window| {
             let window = Rc::new(window);
             let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;
