@@ -314,7 +314,7 @@ impl Cockpit {
     /// Status 1 when an image cannot be made: a fault of the program.
     pub fn trace(&mut self, window: (usize, usize), now: Instant) -> Result<bool> {
         let changed = self.sight.trace(&mut self.flight, window, now)?;
-        for traced in self.sight.to_save() {
+        for traced in self.sight.take_to_save() {
             self.save(&traced, now);
         }
         Ok(changed)
@@ -329,7 +329,7 @@ impl Cockpit {
         let mut more = Vec::new();
         match flight.state {
             State::Operator => {
-                more.push(flight.reason.clone());
+                more.push(flight.reason);
                 more.push("Fly on by hand, or R back, N next segment.".to_owned());
             }
             State::Arrived => {

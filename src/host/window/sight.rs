@@ -98,7 +98,7 @@ impl Sight {
     }
 
     /// Images that are ready to be saved.
-    pub fn to_save(&mut self) -> Vec<Traced> {
+    pub fn take_to_save(&mut self) -> Vec<Traced> {
         std::mem::take(&mut self.to_save)
     }
 
@@ -107,7 +107,7 @@ impl Sight {
         while let Some(traced) = self.refiner.wait() {
             self.to_save.extend(traced.ok().filter(|t| t.order.what_for == Use::Save));
         }
-        self.to_save()
+        self.take_to_save()
     }
 
     /// Changes between high and low detail; the new one.
