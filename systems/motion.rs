@@ -33,8 +33,10 @@ pub fn sum_forces(
     let (mut sum, flight, hand, guide, mines) = camera.into_inner();
     let hand_on = hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
     let guide_rests = hand_on || flight.state != State::Flying;
+    // Stopped to look around: drag alone brings the body to rest, and nothing shifts it then.
+    let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
     let mut total = hand.map_or(DVec3::ZERO, |h| h.acceleration);
-    if let Some(g) = guide {
+    if let (Some(g), false) = (guide, stopped) {
         total += g.wall;
         if !guide_rests {
             // Mines steer; they must not make the flight faster than it is meant to be.

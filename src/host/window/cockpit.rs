@@ -5,88 +5,53 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::directions::Directions;
+use super::figures::{Figures, detail};
 use super::keys::{Deed, Hands};
 use super::overlay::{Mood, Readings};
-use super::refine::{Order, Refiner, Traced, Use, WakeUp};
-use super::resolution::Resolution;
+use super::refine::{Traced, WakeUp};
 use super::screenshot;
+use super::sight::Sight;
 use super::way::Way;
 use crate::app::{FlightApp, Guide};
-use crate::components::camera::{Contact, Pose, Velocity};
+use crate::components::camera::Velocity;
 use crate::components::clock::Accumulator;
 use crate::components::flight::State;
 use crate::components::input::{Command, Hand};
 use crate::components::output::Picture;
 use crate::error::Result;
 use crate::host::headless::{self, FrameStats};
-use crate::render::{Frame, Quality};
+use crate::render::Frame;
 
 /// Steps between two images at the most: a slower machine flies slower.
 const STEPS: u32 = 10;
 /// A resting camera is left alone after so many steps without motion.
 const QUIET_STEPS: u32 = 40;
-/// Slower than this is rest, mm/s: what is left is a long drift away from the wall. Closer than this is the same place,
-/// mm.
+/// Slower than this is rest, mm/s: what is left is a long drift away from the wall.
 const REST_MM_S: f64 = 0.3;
-const SAME_MM: f64 = 4e-3;
-/// A camera at rest for so long gets finer images.
-const REFINE_AFTER: Duration = Duration::from_millis(180);
-/// Figures change so often at the most, to be readable.
-const READ_EVERY: Duration = Duration::from_millis(250);
 /// A message stays so long.
 const MESSAGE: Duration = Duration::from_millis(2500);
 /// One press of a key, or one notch of the wheel, changes the speed by this factor.
 const FASTER: f64 = 1.15;
 
-/// What an image was made of: nothing has to be traced again as long as it is the same.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Shown {
-    pose: Pose,
-    size: (usize, usize),
-    window: (usize, usize),
-    quality: Quality,
-}
-
-impl Shown {
-    /// Whether it shows what `pose` sees in a window.
-    fn shows(&self, pose: &Pose, window: (usize, usize), quality: Quality) -> bool {
-        self.window == window && self.quality == quality && same(&self.pose, pose)
-    }
-}
-
 /// A flight with its operator.
 pub struct Cockpit {
     flight: FlightApp,
     accumulator: Accumulator,
+    start: Instant,
     /// Until when the flight was simulated; none after a rest.
     simulated: Option<Instant>,
     quiet: u32,
     hands: Hands,
     sent: ([f64; 3], [f64; 3]),
     look: [f64; 2],
+    notches: f64,
     way: Way,
-    resolution: Resolution,
-    shown: Option<Shown>,
-    /// The image of a camera at rest, finer than the flight's own.
-    fine: Option<Frame>,
-    refiner: Refiner,
-    moved: Instant,
-    frames: Vec<FrameStats>,
+    sight: Sight,
     figures: Figures,
     message: Option<(String, Instant)>,
     help: bool,
     /// Whether there is something new to say although the flight rests.
     attention: bool,
-}
-
-/// Frame time and rate, averaged over a moment.
-#[derive(Clone, Debug)]
-struct Figures {
-    since: Instant,
-    count: u32,
-    ms: f64,
-    text: [String; 4],
-    stale: bool,
 }
 
 impl Cockpit {
@@ -99,23 +64,20 @@ impl Cockpit {
     pub fn new(flight: FlightApp, along_mm: f64, wake: WakeUp) -> Result<Self> {
         let now = Instant::now();
         let way = Way::new(flight.plan().length_mm, flight.flight().length_mm).at(along_mm);
-        let refiner = Refiner::new(flight.space().clone(), wake)?;
+        let sight = Sight::new(flight.space().clone(), wake)?;
         Ok(Self {
             flight,
             accumulator: Accumulator::default(),
+            start: now,
             simulated: None,
             quiet: 0,
             hands: Hands::default(),
             sent: Default::default(),
             look: [0.0; 2],
+            notches: 0.0,
             way,
-            resolution: Resolution::default(),
-            shown: None,
-            fine: None,
-            refiner,
-            moved: now,
-            frames: Vec::new(),
-            figures: Figures { since: now, count: 0, ms: 0.0, text: Default::default(), stale: true },
+            sight,
+            figures: Figures::new(now),
             message: None,
             help: false,
             attention: false,
@@ -134,7 +96,7 @@ impl Cockpit {
 
     /// What the images took.
     pub fn frames(&self) -> &[FrameStats] {
-        &self.frames
+        self.sight.frames()
     }
 
     /// Place along the way, mm.
@@ -144,8 +106,7 @@ impl Cockpit {
 
     /// The image as it was last traced.
     pub fn image(&self) -> Option<&Frame> {
-        self.shown?;
-        self.fine.as_ref().or_else(|| self.flight.camera::<Picture>().map(|p| &p.frame))
+        self.sight.image(&self.flight)
     }
 
     /// Says something for a moment.
@@ -161,14 +122,9 @@ impl Cockpit {
 
     /// When something is to be done although the flight rests: a finer image, a message to be taken away.
     pub fn next(&self, window: (usize, usize)) -> Option<Instant> {
-        let refine = self
-            .shown
-            .filter(|s| !self.refiner.is_busy() && Resolution::finer(s.size, window).is_some())
-            .map(|_| self.moved + REFINE_AFTER);
         let message = self.message.as_ref().map(|m| m.1);
-        let figures = self.figures.stale.then_some(self.figures.since + READ_EVERY);
-        let attention = self.attention.then_some(self.figures.since);
-        [refine, message, figures, attention].into_iter().flatten().min()
+        let attention = self.attention.then_some(self.start);
+        [self.sight.next(window), message, self.figures.next(), attention].into_iter().flatten().min()
     }
 
     /// Sends the flight a command. One that cannot be followed is said, and changes nothing.
@@ -203,8 +159,13 @@ impl Cockpit {
         self.quiet = 0;
     }
 
-    /// Changes the speed by so many notches.
-    pub fn hurry(&mut self, notches: f64, now: Instant) {
+    /// Changes the speed by so many notches, before the next step.
+    pub fn hurry(&mut self, notches: f64) {
+        self.notches += notches;
+        self.quiet = 0;
+    }
+
+    fn change_speed(&mut self, notches: f64, now: Instant) {
         let speed = (self.hand().speed * FASTER.powf(notches)).clamp(0.1, 5.0);
         self.act(Command::Speed(speed), now);
         let cruise = self.flight.scene().tentacles.cruise_mm_s * speed;
@@ -222,8 +183,8 @@ impl Cockpit {
                 let paused = !self.hand().paused;
                 self.act(Command::Pause(paused), now);
             }
-            Deed::Faster => self.hurry(1.0, now),
-            Deed::Slower => self.hurry(-1.0, now),
+            Deed::Faster => self.hurry(1.0),
+            Deed::Slower => self.hurry(-1.0),
             Deed::Guide => {
                 let next =
                     if self.flight.scene().guide == Some(Guide::Manual) { Guide::Tentacles } else { Guide::Manual };
@@ -241,20 +202,21 @@ impl Cockpit {
                 self.act(Command::OtherEnd, now);
                 self.set_out();
             }
-            Deed::Screenshot => self.screenshot(window, now),
+            Deed::Screenshot => {
+                self.sight.order_to_save(&self.flight, window);
+                self.say("saving the image", now);
+            }
             Deed::Help => self.help = !self.help,
             Deed::Fullscreen | Deed::Quit => {}
         }
         self.attention = true;
-        self.figures.stale = true;
+        self.figures.touch();
     }
 
     fn switch_detail(&mut self, now: Instant) {
-        let Some(mut picture) = self.flight.camera_mut::<Picture>() else { return };
-        let quality = if picture.settings.quality == Quality::Low { Quality::High } else { Quality::Low };
-        picture.settings.quality = quality;
-        self.resolution.forget();
-        self.say(format!("detail: {}", detail(quality)), now);
+        if let Some(quality) = self.sight.switch_detail(&mut self.flight) {
+            self.say(format!("detail: {}", detail(quality)), now);
+        }
     }
 
     fn next_segment(&mut self, now: Instant) {
@@ -282,13 +244,6 @@ impl Cockpit {
         }
     }
 
-    fn screenshot(&mut self, (width, height): (usize, usize), now: Instant) {
-        if let Some(order) = Order::of(&self.flight, (width.max(1), height.max(1)), Use::Save) {
-            self.refiner.begin(order);
-            self.say("saving the image", now);
-        }
-    }
-
     /// Saves a screenshot and prints its pose.
     fn save(&mut self, traced: &Traced, now: Instant) {
         match screenshot::save(&traced.frame, Path::new(".")) {
@@ -305,11 +260,8 @@ impl Cockpit {
 
     /// Saves the screenshots that are still being traced, at the end.
     pub fn save_the_rest(&mut self) {
-        while let Some(traced) = self.refiner.wait() {
-            match traced {
-                Ok(t) if t.order.what_for == Use::Save => self.save(&t, Instant::now()),
-                _ => {}
-            }
+        for traced in self.sight.all_to_save() {
+            self.save(&traced, Instant::now());
         }
     }
 
@@ -324,6 +276,10 @@ impl Cockpit {
         if self.look != [0.0; 2] {
             let look = std::mem::take(&mut self.look);
             self.act(Command::Look(look), now);
+        }
+        if self.notches != 0.0 {
+            let notches = std::mem::take(&mut self.notches);
+            self.change_speed(notches, now);
         }
         if self.rests() {
             self.simulated = None;
@@ -359,94 +315,23 @@ impl Cockpit {
     /// # Errors
     /// Status 1 when an image cannot be made: a fault of the program.
     pub fn trace(&mut self, window: (usize, usize), now: Instant) -> Result<bool> {
-        let mut finer = self.collect(window, now)?;
-        if window.0 == 0 || window.1 == 0 {
-            return Ok(false);
+        let changed = self.sight.trace(&mut self.flight, window, now)?;
+        for traced in self.sight.take_to_save() {
+            self.save(&traced, now);
         }
-        let pose = self.flight.pose();
-        let Some(quality) = self.quality() else { return Ok(false) };
-        match self.shown.filter(|s| s.shows(&pose, window, quality)) {
-            None => {
-                self.moved = now;
-                self.fine = None;
-                let size = self.resolution.moving(window);
-                let ms = self.trace_now(size);
-                self.resolution.measured(size.0 * size.1, ms);
-                self.shown = Some(Shown { pose, size, window, quality });
-                finer = true;
-            }
-            Some(shown) if now >= self.moved + REFINE_AFTER && !self.refiner.is_busy() => {
-                let next = Resolution::finer(shown.size, window);
-                if let Some(order) = next.and_then(|size| Order::of(&self.flight, size, Use::Show)) {
-                    self.refiner.begin(order);
-                }
-            }
-            Some(_) => {}
-        }
-        Ok(finer)
-    }
-
-    /// Traces the flight's own picture; how long that took, ms.
-    fn trace_now(&mut self, (width, height): (usize, usize)) -> f64 {
-        if let Some(mut picture) = self.flight.camera_mut::<Picture>() {
-            picture.frame.resize(width, height);
-        }
-        let begun = Instant::now();
-        self.flight.frame();
-        let ms = begun.elapsed().as_secs_f64() * 1e3;
-        if let Some(w) = self.flight.camera::<Picture>().map(|p| p.work) {
-            self.count(FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused });
-        }
-        ms
-    }
-
-    /// Takes the images that were traced in the background; whether one is to be shown.
-    fn collect(&mut self, window: (usize, usize), now: Instant) -> Result<bool> {
-        let mut finer = false;
-        while let Some(traced) = self.refiner.take() {
-            let traced = traced?;
-            if traced.order.what_for == Use::Save {
-                self.save(&traced, now);
-                continue;
-            }
-            let order = traced.order;
-            // The camera may have moved on meanwhile.
-            let here = self.flight.pose();
-            let quality = order.settings.quality;
-            if self.quality() != Some(quality) || !same(&order.pose, &here) {
-                continue;
-            }
-            if let Some(shown) = self.shown.as_mut().filter(|s| s.shows(&here, window, quality)) {
-                shown.size = order.size;
-                self.fine = Some(traced.frame);
-                self.count(traced.stats);
-                finer = true;
-            }
-        }
-        Ok(finer)
-    }
-
-    fn count(&mut self, stats: FrameStats) {
-        self.frames.push(stats);
-        self.figures.count += 1;
-        self.figures.ms += stats.ms;
-        self.figures.stale = true;
-    }
-
-    fn quality(&self) -> Option<Quality> {
-        self.flight.camera::<Picture>().map(|p| p.settings.quality)
+        Ok(changed)
     }
 
     /// What there is to say now.
     pub fn readings(&mut self, now: Instant) -> Readings {
-        self.read_figures(now);
+        let figures = self.figures.read(&self.flight, &self.sight, now).to_vec();
         self.attention = false;
         let flight = self.flight.flight();
         let (state, mood) = self.state(&flight.state);
         let mut more = Vec::new();
         match flight.state {
             State::Operator => {
-                more.push(flight.reason.clone());
+                more.push(flight.reason);
                 more.push("Fly on by hand, or R back, N next segment.".to_owned());
             }
             State::Arrived => {
@@ -459,7 +344,7 @@ impl Cockpit {
             state,
             mood,
             more,
-            figures: self.figures.text.to_vec(),
+            figures,
             directions: Directions::of(&self.flight.pose().attitude),
             per_mille: (self.way.share() * 1000.0).round() as u32,
             // The length is coarse: digits that it does not have are not shown.
@@ -481,45 +366,8 @@ impl Cockpit {
         };
         (text.to_owned(), mood)
     }
-
-    fn read_figures(&mut self, now: Instant) {
-        let f = &mut self.figures;
-        let elapsed = now.saturating_duration_since(f.since);
-        if !f.stale || (elapsed < READ_EVERY && !f.text[0].is_empty()) {
-            return;
-        }
-        if f.count > 0 {
-            let fps = f64::from(f.count) / elapsed.as_secs_f64().max(1e-3);
-            let size = self.shown.map_or((0, 0), |s| s.size);
-            // A rate tells nothing of a picture that stands still.
-            let rate = if self.fine.is_some() { String::new() } else { format!(", {fps:.0} fps") };
-            f.text[0] = format!("{:.0} ms{rate} ({}x{})", f.ms / f64::from(f.count), size.0, size.1);
-        }
-        (f.count, f.ms, f.since, f.stale) = (0, 0.0, now, false);
-        let speed = self.flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());
-        let clearance = self.flight.camera::<Contact>().map_or(0.0, |c| c.clearance_mm);
-        let cruise = self.flight.scene().tentacles.cruise_mm_s * self.hand().speed;
-        let quality = self.quality().unwrap_or_default();
-        self.figures.text[1] = format!("speed {speed:.0} mm/s (cruise {cruise:.0})");
-        // Beyond the finder's reach a clearance is a lower bound.
-        let bound = if clearance > 10.0 { "over 10".to_owned() } else { format!("{clearance:.1}") };
-        self.figures.text[2] = format!("clearance {bound} mm");
-        self.figures.text[3] = format!("guide {}, detail {}", self.flight.scene().guide_name(), detail(quality));
-    }
 }
 
-fn detail(quality: Quality) -> &'static str {
-    match quality {
-        Quality::High => "high",
-        Quality::Low => "low",
-        Quality::Reference => "reference",
-    }
-}
-
-/// Whether two poses make the same image, as far as one can see.
-fn same(a: &Pose, b: &Pose) -> bool {
-    let near = |a: glam::DVec3, b: glam::DVec3, by: f64| a.distance(b) < by;
-    near(a.position, b.position, SAME_MM)
-        && near(a.attitude.forward, b.attitude.forward, 1e-5)
-        && near(a.attitude.up, b.attitude.up, 1e-5)
-}
+#[cfg(test)]
+#[path = "cockpit_tests.rs"]
+mod tests;

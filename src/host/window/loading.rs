@@ -74,7 +74,7 @@ mod tests {
             p.advance(1)?;
             Err(Error::input("scan", "wrong", "another"))
         });
-        let loading = Loading::start(prepare, &progress, move || drop(tell.send(()))).unwrap();
+        let loading = Loading::start(prepare, &progress, move || tell.send(()).unwrap()).unwrap();
         told.recv_timeout(Duration::from_secs(10)).unwrap();
         assert_eq!(loading.content(), Content::Loading { stage: "reading".to_owned(), share: Some(0.25) });
         assert_eq!(loading.finish().map(drop).unwrap_err().kind as i32, 3);

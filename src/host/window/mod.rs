@@ -6,6 +6,7 @@
 
 mod cockpit;
 mod directions;
+mod figures;
 mod keys;
 mod loading;
 mod log;
@@ -16,6 +17,7 @@ mod resolution;
 mod screenshot;
 mod session;
 mod shell;
+mod sight;
 mod upscale;
 mod way;
 
@@ -36,12 +38,15 @@ use shell::{Shell, Wake};
 /// How often an interrupt is looked for.
 const INTERRUPT: Duration = Duration::from_millis(50);
 
+/// What is done with a flight and what its images took.
+pub type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats]) -> Result<()>>;
+
 /// What a window is to show.
 pub struct Launch {
     /// Makes the flight; called on another thread while the window shows how far it has come.
     pub prepare: Prepare,
-    /// Called with the flight and what its images took when the window is closed, after the log was written.
-    pub finish: Box<dyn FnOnce(&FlightApp, &[FrameStats]) -> Result<()>>,
+    /// Called when the window is closed, after the log was written.
+    pub finish: Finish,
     /// Size of the window in pixels; a usual one if none.
     pub size: Option<(usize, usize)>,
     /// Where steps are logged.

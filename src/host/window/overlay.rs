@@ -169,9 +169,10 @@ fn flight(p: &Painter, area: Rect, r: &Readings) {
     let foot = foot - 8.0;
     let mut head: Vec<(&str, f32, Color32)> = vec![(&r.state, 17.0, r.mood.colour())];
     head.extend(r.more.iter().map(|l| (l.as_str(), TEXT, INK)));
-    let figures = r.figures.iter().take(if roomy { usize::MAX } else { 3 });
+    let figures = r.figures.iter().take(if roomy { usize::MAX } else { 1 });
     head.extend(figures.map(|l| (l.as_str(), TEXT, INK)));
-    let panel = lines(p, inner.min, Align2::LEFT_TOP, (inner.width() * 0.42).min(340.0), &head);
+    let panel =
+        lines(p, inner.min, Align2::LEFT_TOP, (inner.width() * if roomy { 0.42 } else { 0.6 }).min(340.0), &head);
 
     let d = &r.directions;
     // Beside the panel and above the foot, so that no label lies under either.
@@ -181,7 +182,9 @@ fn flight(p: &Painter, area: Rect, r: &Readings) {
     label(p, pos2(inner.max.x, middle.y), Align2::RIGHT_CENTER, &d.right);
     label(p, pos2(middle.x.max(panel.max.x + LABEL), inner.min.y), Align2::CENTER_TOP, &d.top);
     label(p, pos2(middle.x, foot), Align2::CENTER_BOTTOM, &d.bottom);
-    label(p, inner.right_top(), Align2::RIGHT_TOP, &format!("ahead {}", d.ahead));
+    if roomy {
+        label(p, inner.right_top(), Align2::RIGHT_TOP, &format!("ahead {}", d.ahead));
+    }
 
     if let Some(m) = &r.message {
         let wrap = inner.width() * 0.8;

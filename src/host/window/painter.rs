@@ -54,6 +54,7 @@ impl Painter {
 
     fn lay_out(&mut self, scale: f32, content: &Content) {
         let (width, height) = self.size;
+        let scale = scale * shrink(width as f32 / scale, height as f32 / scale);
         let area = Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / scale);
         let mut input = RawInput { screen_rect: Some(area), ..RawInput::default() };
         input.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(scale);
@@ -72,6 +73,11 @@ impl Painter {
             }
         }
     }
+}
+
+/// How much smaller than usual text is in a window of so many points, for it to leave some of the image free.
+fn shrink(width: f32, height: f32) -> f32 {
+    (width / 420.0).min(height / 300.0).clamp(0.7, 1.0)
 }
 
 #[cfg(test)]

@@ -22,10 +22,8 @@ use super::overlay::Content;
 use super::painter::Painter;
 use super::refine::WakeUp;
 use super::session::{self, Session};
-use super::{Launch, Resume};
-use crate::app::FlightApp;
+use super::{Finish, Launch, Resume};
 use crate::error::{Error, Result};
-use crate::host::headless::FrameStats;
 use crate::progress::Progress;
 
 /// Time between two pictures at the least: about 60 a second.
@@ -81,7 +79,7 @@ pub struct Shell {
     size: Option<(usize, usize)>,
     resume: Resume,
     session: Option<PathBuf>,
-    finish: Option<Box<dyn FnOnce(&FlightApp, &[FrameStats]) -> Result<()>>>,
+    finish: Option<Finish>,
     progress: Arc<Progress>,
     refined: WakeUp,
     outcome: Result<()>,
@@ -220,11 +218,11 @@ impl Shell {
             (Action::Hold(hold), Stage::Flying(c)) => {
                 c.steer(|hands| if pressed { hands.press(hold) } else { hands.release(hold) }, now);
             }
-            (Action::Do(deed), Stage::Flying(c)) if pressed => {
-                if !event.repeat || matches!(deed, Deed::Faster | Deed::Slower) {
-                    c.perform(deed, window, now);
-                }
+            // Of what is done once, only the speed goes on changing while a key is held.
+            (Action::Do(deed @ (Deed::Faster | Deed::Slower)), Stage::Flying(c)) if pressed => {
+                c.perform(deed, window, now);
             }
+            (Action::Do(deed), Stage::Flying(c)) if pressed && !event.repeat => c.perform(deed, window, now),
             _ => {}
         }
     }
@@ -322,7 +320,7 @@ impl ApplicationHandler<Wake> for Shell {
         let attributes = Window::default_attributes()
             .with_title("colvis")
             .with_inner_size(size)
-            .with_min_inner_size(LogicalSize::new(160.0, 120.0));
+            .with_min_inner_size(LogicalSize::new(320.0, 240.0));
         let made = events.create_window(attributes).map_err(|e| e.to_string()).and_then(|window| {
             let window = Rc::new(window);
             let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;
@@ -394,13 +392,10 @@ impl ApplicationHandler<Wake> for Shell {
             }
             WindowEvent::MouseWheel { delta, .. } => {
                 if let Stage::Flying(c) = &mut self.stage {
-                    c.hurry(
-                        match delta {
-                            MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
-                            MouseScrollDelta::PixelDelta(p) => p.y / NOTCH,
-                        },
-                        now,
-                    );
+                    c.hurry(match delta {
+                        MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
+                        MouseScrollDelta::PixelDelta(p) => p.y / NOTCH,
+                    });
                 }
             }
             _ => {}

@@ -1,0 +1,131 @@
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+
+use super::*;
+use crate::app::flight::ImageSettings;
+use crate::app::plan::Plan;
+use crate::app::scene::Scene;
+use crate::fields::lumen;
+use crate::progress::Progress;
+use crate::render::{Quality, Settings, Space, Wall};
+use crate::volume::{Grid, Volume};
+
+const WINDOW: (usize, usize) = (96, 72);
+/// Time between two pictures.
+const FRAME: Duration = Duration::from_millis(20);
+
+/// A flight along y through a square tube of 20 mm.
+fn cockpit(guide: Guide) -> Cockpit {
+    let grid = Grid::new([32, 80, 32], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let gas = |n: usize| {
+        let (i, j, k) = (n % 32, n / 32 % 80, n / (32 * 80));
+        (6..26).contains(&i) && (4..76).contains(&j) && (6..26).contains(&k)
+    };
+    let data = (0..32 * 80 * 32).map(|n| if gas(n) { -1000 } else { 40 }).collect();
+    let volume = Arc::new(Volume::new(grid, data));
+    let lumen = Arc::new(lumen::find(&volume, &Progress::new()).unwrap());
+    let plan = Plan {
+        start: DVec3::new(16.0, 14.0, 16.0),
+        goal: DVec3::new(16.0, 70.0, 16.0),
+        within_mm: 3.0,
+        other_end: DVec3::new(16.0, 8.0, 16.0),
+        other_within_mm: 3.0,
+        length_mm: 60.0,
+        segment: None,
+        falls_short: None,
+        notes: Vec::new(),
+    };
+    let scene = Scene { guide: Some(guide), picture: true, operator: true, ..Scene::default() };
+    let image = ImageSettings { width: 8, height: 8, fov_degrees: 90.0, settings: Settings::new(Quality::High) };
+    let flight = FlightApp::new(Space::new(volume, Wall::default()), lumen, plan, scene, Some(image)).unwrap();
+    Cockpit::new(flight, 0.0, Arc::new(|| {})).unwrap()
+}
+
+/// Flies on for `frames` pictures; how many of them were new.
+fn fly(c: &mut Cockpit, now: &mut Instant, frames: usize) -> usize {
+    let mut new = 0;
+    for _ in 0..frames {
+        *now += FRAME;
+        c.advance(*now).unwrap();
+        new += usize::from(c.trace(WINDOW, *now).unwrap());
+    }
+    new
+}
+
+#[test]
+fn a_still_scene_is_refined_and_then_left_alone() {
+    let (mut c, mut now) = (cockpit(Guide::Manual), Instant::now());
+    assert!(fly(&mut c, &mut now, 1) == 1 && c.image().unwrap().width() < WINDOW.0);
+    fly(&mut c, &mut now, 60);
+    assert!(c.rests());
+    let begun = Instant::now();
+    while c.image().unwrap().width() < WINDOW.0 {
+        fly(&mut c, &mut now, 1);
+        assert!(begun.elapsed() < Duration::from_secs(60));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert_eq!(c.image().unwrap().height(), WINDOW.1);
+    c.readings(now + Duration::from_secs(1));
+    assert_eq!(c.next(WINDOW), None, "nothing to wake up for");
+    let (ticks, frames) = (c.flight().clock().tick, c.frames().len());
+    assert_eq!(fly(&mut c, &mut now, 50), 0);
+    assert_eq!((c.flight().clock().tick, c.frames().len()), (ticks, frames), "neither simulated nor traced");
+    // A word about something wakes it up to say it, and nothing is traced for that.
+    c.perform(Deed::Help, WINDOW, now);
+    assert!(c.next(WINDOW).is_some_and(|t| t <= now) && c.readings(now).help);
+    assert_eq!(fly(&mut c, &mut now, 1), 0);
+    // A look does move the picture.
+    c.drag((9.0, 0.0), WINDOW);
+    assert!(fly(&mut c, &mut now, 3) > 0);
+}
+
+#[test]
+fn a_slow_machine_flies_slower_and_does_not_fall_behind() {
+    let (mut c, now) = (cockpit(Guide::Tentacles), Instant::now());
+    c.advance(now).unwrap();
+    assert_eq!(c.flight().clock().tick, 0, "no time has gone by");
+    c.advance(now + Duration::from_millis(50)).unwrap();
+    assert_eq!(c.flight().clock().tick, 6);
+    c.advance(now + Duration::from_secs(60)).unwrap();
+    assert_eq!(c.flight().clock().tick, 6 + u64::from(STEPS));
+}
+
+#[test]
+fn aided_flight_starts_by_itself_and_stops_for_the_operator() {
+    let (mut c, mut now) = (cockpit(Guide::Tentacles), Instant::now());
+    let start = c.flight().pose().position;
+    fly(&mut c, &mut now, 40);
+    assert!(c.flight().pose().position.distance(start) > 2.0);
+    assert_eq!(c.readings(now).state, "flying");
+    c.perform(Deed::Pause, WINDOW, now);
+    fly(&mut c, &mut now, 150);
+    assert!(c.rests());
+    assert_eq!(c.readings(now).state, "paused");
+    // The hand wins over the pause, and never goes through the wall.
+    c.steer(|h| h.press(super::super::keys::Hold::Forward), now);
+    fly(&mut c, &mut now, 250);
+    let at = c.flight().pose().position;
+    assert!(at.cmpge(DVec3::splat(5.0)).all() && at.y <= 76.0, "{at}");
+    assert!(c.flight().camera::<crate::components::camera::Contact>().unwrap().clearance_mm >= 1.5 - 1e-6);
+    c.steer(Hands::let_go, now);
+    fly(&mut c, &mut now, 150);
+    assert!(c.rests());
+}
+
+#[test]
+fn what_there_is_not_is_said_and_changes_nothing() {
+    let (mut c, mut now) = (cockpit(Guide::Tentacles), Instant::now());
+    fly(&mut c, &mut now, 2);
+    let pose = c.flight().pose();
+    c.perform(Deed::OtherEnd, WINDOW, now);
+    assert!(c.readings(now).message.is_some_and(|m| m.contains("other end")));
+    assert_eq!(c.flight().pose(), pose);
+    c.perform(Deed::Detail, WINDOW, now);
+    assert_eq!(c.readings(now).message.as_deref(), Some("detail: low"));
+    for _ in 0..60 {
+        c.perform(Deed::Faster, WINDOW, now);
+    }
+    fly(&mut c, &mut now, 2);
+    assert_eq!(c.hand().speed, 5.0, "there is a limit");
+}

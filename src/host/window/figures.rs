@@ -1,0 +1,79 @@
+//! Frame time, speed and clearance, averaged over a moment and changing seldom enough to be read.
+
+use std::time::{Duration, Instant};
+
+use super::sight::{Sight, quality_of};
+use crate::app::FlightApp;
+use crate::components::camera::{Contact, Velocity};
+use crate::components::input::Hand;
+use crate::render::Quality;
+
+/// Figures change so often at the most.
+const READ_EVERY: Duration = Duration::from_millis(250);
+
+/// Figures of a flight as they are shown.
+#[derive(Clone, Debug)]
+pub struct Figures {
+    since: Instant,
+    /// Images counted already.
+    counted: usize,
+    lines: [String; 4],
+    stale: bool,
+}
+
+impl Figures {
+    /// None yet.
+    pub fn new(now: Instant) -> Self {
+        Self { since: now, counted: 0, lines: Default::default(), stale: true }
+    }
+
+    /// Something has changed.
+    pub fn touch(&mut self) {
+        self.stale = true;
+    }
+
+    /// When they are to be read again; none if nothing has changed.
+    pub fn next(&self) -> Option<Instant> {
+        self.stale.then_some(self.since + READ_EVERY)
+    }
+
+    /// The figures, one a line, read anew if it is time.
+    pub fn read(&mut self, flight: &FlightApp, sight: &Sight, now: Instant) -> &[String] {
+        self.stale |= sight.frames().len() > self.counted;
+        let elapsed = now.saturating_duration_since(self.since);
+        if !self.stale || (elapsed < READ_EVERY && !self.lines[0].is_empty()) {
+            return &self.lines;
+        }
+        let new = sight.frames().get(self.counted..).unwrap_or_default();
+        if !new.is_empty() {
+            let (width, height) = sight.size();
+            let count = new.len() as f64;
+            let ms = new.iter().map(|f| f.ms).sum::<f64>() / count;
+            let fps = count / elapsed.as_secs_f64().max(1e-3);
+            // A rate tells nothing of a picture that stands still.
+            let rate = if sight.is_still() { String::new() } else { format!(", {fps:.0} fps") };
+            self.lines[0] = format!("{ms:.0} ms{rate} ({width}x{height})");
+        }
+        (self.counted, self.since, self.stale) = (sight.frames().len(), now, false);
+        let hand: Hand = flight.camera().copied().unwrap_or_default();
+        let speed = flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());
+        let cruise = flight.scene().tentacles.cruise_mm_s * hand.speed;
+        self.lines[1] = format!("speed {speed:.0} mm/s (cruise {cruise:.0})");
+        let clearance = flight.camera::<Contact>().map_or(0.0, |c| c.clearance_mm);
+        // Beyond the finder's reach a clearance is a lower bound.
+        let bound = if clearance > 10.0 { "over 10".to_owned() } else { format!("{clearance:.1}") };
+        self.lines[2] = format!("clearance {bound} mm");
+        let quality = quality_of(flight).unwrap_or_default();
+        self.lines[3] = format!("guide {}, detail {}", flight.scene().guide_name(), detail(quality));
+        &self.lines
+    }
+}
+
+/// The name of a detail.
+pub fn detail(quality: Quality) -> &'static str {
+    match quality {
+        Quality::High => "high",
+        Quality::Low => "low",
+        Quality::Reference => "reference",
+    }
+}
