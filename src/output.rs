@@ -8,7 +8,8 @@ use crate::error::{Error, Kind, Result};
 
 /// A file being written: a temporary one beside its target, renamed on [`Whole::finish`] and removed when dropped before.
 ///
-/// A target that exists and is no regular file (`/dev/stdout`, a pipe) is written to directly, never replaced.
+/// A symbolic link is followed. A target that exists and is no regular file, or that is reached through `/dev` or
+/// `/proc` (`/dev/stdout`), is written to directly, never replaced. A file that is replaced keeps its permissions.
 pub struct Whole {
     path: PathBuf,
     sink: BufWriter<Sink>,
@@ -41,10 +42,14 @@ impl Whole {
     /// # Errors
     /// Status 5 when the folder is missing, not writable, or `path` is a folder.
     pub fn create(path: &Path) -> Result<Self> {
-        let sink = match std::fs::metadata(path) {
+        let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+        let special = is_special(&absolute);
+        let existing = std::fs::metadata(path);
+        let path = &std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let sink = match &existing {
             Ok(m) if m.is_dir() => return Err(Error::output(path, "is a folder", "name a file")),
-            Ok(m) if !m.is_file() => {
-                Sink::Direct(File::options().write(true).open(path).map_err(|e| cannot(path, &e))?)
+            Ok(m) if !m.is_file() || special => {
+                Sink::Direct(File::options().write(true).open(&absolute).map_err(|e| cannot(path, &e))?)
             }
             _ => {
                 let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -54,7 +59,8 @@ impl Whole {
                 {
                     use std::os::unix::fs::PermissionsExt;
                     // The usual permissions (the umask still applies), not the owner-only ones of a temporary file.
-                    builder.permissions(std::fs::Permissions::from_mode(0o666));
+                    let mode = existing.as_ref().map_or(0o666, |m| m.permissions().mode() & 0o777);
+                    builder.permissions(std::fs::Permissions::from_mode(mode));
                 }
                 Sink::Temporary(builder.tempfile_in(folder).map_err(|e| cannot(path, &e))?)
             }
@@ -126,7 +132,53 @@ pub fn cannot(path: &Path, e: &io::Error) -> Error {
         io::ErrorKind::StorageFull => "free some space, or choose another disk",
         _ => "choose another place",
     };
-    Error::new(Kind::Output, path.display().to_string(), format!("cannot be written ({e})"), mend)
+    Error::new(Kind::Output, path.display().to_string(), format!("cannot be written ({})", plain(e)), mend)
+}
+
+/// Whether a path leads through the system's own folders of devices.
+fn is_special(absolute: &Path) -> bool {
+    ["/dev", "/proc"].iter().any(|root| absolute.starts_with(root))
+}
+
+/// What the system says of a failure, without the name of a temporary file and without its number.
+pub fn plain(e: &io::Error) -> String {
+    // A wrapped error carries the path it happened at, which is none that the user knows.
+    let code = e.raw_os_error().or_else(|| {
+        let mut source: Option<&(dyn std::error::Error + 'static)> = e.get_ref().map(|inner| inner as _);
+        std::iter::from_fn(|| {
+            let inner = source?;
+            source = inner.source();
+            Some(inner.downcast_ref::<io::Error>().and_then(io::Error::raw_os_error))
+        })
+        .find_map(|code| code)
+    });
+    let text = code.map_or_else(|| e.to_string(), |code| io::Error::from_raw_os_error(code).to_string());
+    text.split(" (os error").next().unwrap_or(&text).to_lowercase()
+}
+
+/// Refuses outputs that would overwrite an input or each other, and folders that are not there, before any work is
+/// done.
+///
+/// # Errors
+/// Status 2 for two of the same name, status 5 for a folder that is missing.
+pub fn check_targets(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
+    let place = |p: &Path| {
+        let absolute = std::path::absolute(p).unwrap_or_else(|_| p.to_owned());
+        if is_special(&absolute) { absolute } else { std::fs::canonicalize(p).unwrap_or(absolute) }
+    };
+    let mut taken: Vec<PathBuf> = inputs.iter().map(|p| place(p)).collect();
+    for &path in outputs {
+        let at = place(path);
+        if taken.contains(&at) && !is_special(&at) {
+            let why = "is named for two things, of which one would overwrite the other";
+            return Err(Error::usage(path.display().to_string(), why, "give each a name of its own"));
+        }
+        if at.parent().is_some_and(|f| !f.is_dir()) {
+            return Err(Error::output(path, "cannot be written (its folder is not there)", "make the folder first"));
+        }
+        taken.push(at);
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -146,6 +198,33 @@ mod tests {
         assert_eq!(e.kind, Kind::Output);
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "no temporary file stays behind");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_followed_and_permissions_are_kept() {
+        use std::os::unix::fs::PermissionsExt;
+        let dir = tempfile::tempdir().unwrap();
+        let (file, link) = (dir.path().join("file"), dir.path().join("link"));
+        std::fs::write(&file, "old").unwrap();
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write_whole(&link, |w| w.write_all(b"new")).unwrap();
+        assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "new");
+        assert_eq!(std::fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o600);
+    }
+
+    #[test]
+    fn targets_that_collide_are_refused_before_any_work() {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |n: &str| dir.path().join(n);
+        std::fs::write(at("scan"), "x").unwrap();
+        let check = |o: &[&Path]| check_targets(&[&at("scan")], o).map_err(|e| e.kind);
+        assert_eq!(check(&[&at("a"), &at("b")]), Ok(()));
+        assert_eq!(check(&[&at("scan")]), Err(Kind::Usage));
+        assert_eq!(check(&[&at("a"), &at("a")]), Err(Kind::Usage));
+        assert_eq!(check(&[&at("none/a")]), Err(Kind::Output));
     }
 
     #[test]

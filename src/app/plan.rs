@@ -127,16 +127,7 @@ fn finish(
     mut notes: Vec<String>,
 ) -> Result<Plan> {
     let walls = ClearanceFinder::new(space.shared_volume(), space.wall().iso() as f32, SNAP_MM + radius_mm + 1.0);
-    let [mut first, mut last] = segment.ends;
-    let to_rectum = wish.to == Some(Place::Rectum) || (wish.from == Some(Place::Cecum) && wish.to.is_none());
-    // With only a goal given, the flight starts at the end that is further from it.
-    let far = match (wish.from, wish.to) {
-        (None, Some(Place::World(to))) => to.distance(first) < to.distance(last),
-        _ => false,
-    };
-    if wish.reverse != (to_rectum || far) {
-        std::mem::swap(&mut first, &mut last);
-    }
+    let (first, last) = ends_of(segment, wish);
     let mut falls_short = None;
     let (goal, within_mm) = match wish.to {
         Some(Place::World(to)) => {
@@ -152,18 +143,18 @@ fn finish(
                 }
                 (if inside { to } else { p }, ARRIVED_MM)
             } else {
-                falls_short = Some(format!("--to {} lies in another gas segment", triple(to)));
+                falls_short = Some(format!("--to {} lies in another gas segment{}", triple(to), begins(lumen, s)));
                 (last, end_reach(space, last))
             }
         }
         _ => (last, end_reach(space, last)),
     };
-    let other = |end: &str| format!("the {end} lies in another gas segment");
-    match wish.to {
-        Some(Place::Cecum) if lumen.ordered && number.is_some_and(|n| n + 1 < lumen.segments.len()) => {
-            falls_short = Some(other("cecum"));
+    let other = |end: &str, next| format!("the {end} lies in another gas segment{}", begins(lumen, Some(next)));
+    match (wish.to, number) {
+        (Some(Place::Cecum), Some(n)) if lumen.ordered && n + 1 < lumen.segments.len() => {
+            falls_short = Some(other("cecum", n + 1));
         }
-        Some(Place::Rectum) if lumen.ordered && number.is_some_and(|n| n > 0) => falls_short = Some(other("rectum")),
+        (Some(Place::Rectum), Some(n)) if lumen.ordered && n > 0 => falls_short = Some(other("rectum", n - 1)),
         _ => {}
     }
     let wanted = from.unwrap_or(first);
@@ -185,6 +176,34 @@ fn finish(
         falls_short,
         notes,
     })
+}
+
+/// The segment's end at which the flight starts (where no point is given) and the one at which it ends.
+fn ends_of(segment: &Segment, wish: &Wish) -> (DVec3, DVec3) {
+    let [rectal, cecal] = segment.ends;
+    let end = |place| match place {
+        Some(Place::Rectum) => Some(rectal),
+        Some(Place::Cecum) => Some(cecal),
+        _ => None,
+    };
+    let other = |end: DVec3| if end == rectal { cecal } else { rectal };
+    let (first, last) = match (end(wish.from), end(wish.to), wish.to) {
+        (Some(first), Some(last), _) => (first, last),
+        (Some(first), None, _) => (first, other(first)),
+        (None, Some(last), _) => (other(last), last),
+        // With only a goal given, the flight starts at the end that is further from it.
+        (None, None, Some(Place::World(to))) if wish.from.is_none() && to.distance(rectal) < to.distance(cecal) => {
+            (cecal, rectal)
+        }
+        _ => (rectal, cecal),
+    };
+    if wish.reverse { (last, first) } else { (first, last) }
+}
+
+/// Where another segment begins, for the operator to set out from.
+fn begins(lumen: &Lumen, number: Option<usize>) -> String {
+    let segment = number.and_then(|n| lumen.segments.get(n));
+    segment.map_or_else(String::new, |s| format!(", which reaches from {} to {}", triple(s.ends[0]), triple(s.ends[1])))
 }
 
 /// The nearest place within [`SNAP_MM`] at which the body fits, looked for on a lattice in order of distance.

@@ -112,8 +112,9 @@ impl Scene {
     /// # Errors
     /// Status 3 when it cannot be read, status 2 when it is no scene or a setting in it makes no sense.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| Error::file(path, format!("cannot be read ({e})"), "give a scene file"))?;
+        let text = std::fs::read_to_string(path).map_err(|e| {
+            Error::file(path, format!("cannot be read ({})", crate::output::plain(&e)), "give a scene file")
+        })?;
         Self::parse(&text).map_err(|e| Error::usage(path.display().to_string(), e.to_string(), "see assets/scenes"))
     }
 

@@ -1,11 +1,12 @@
 //! The arguments of every command, as the contract has them.
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::str::FromStr;
 
 use clap::error::ErrorKind;
-use clap::{Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use clap::{Args as ClapArgs, CommandFactory, Parser, Subcommand, ValueEnum};
 use glam::DVec3;
 
 use crate::error::Error;
@@ -379,7 +380,7 @@ impl FromStr for Point {
     type Err = String;
 
     fn from_str(s: &str) -> Result<Self, String> {
-        match s {
+        match s.to_ascii_lowercase().as_str() {
             "rectum" => Ok(Self::Rectum),
             "cecum" => Ok(Self::Cecum),
             _ => {
@@ -451,6 +452,29 @@ fn count(s: &str) -> Result<usize, String> {
     s.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "must be a whole number from 1 to 4096".to_owned())
 }
 
+/// Global options may stand before the command too. clap would take the command for an input there, as `colvis INPUT` is
+/// a flight; so the command is moved to the front.
+pub fn command_first(args: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut args: Vec<OsString> = args.collect();
+    let mut at = 1;
+    while let Some(arg) = args.get(at).and_then(|a| a.to_str()) {
+        let takes_value = ["--threads", "--wall", "--spacing", "--hu", "--series", "--fov", "--seed"];
+        let name = arg.split('=').next().unwrap_or(arg);
+        if takes_value.contains(&name) {
+            at += if arg.contains('=') { 1 } else { 2 };
+        } else if arg == "--allow-gaps" {
+            at += 1;
+        } else {
+            break;
+        }
+    }
+    let is_command = |a: &OsString| Args::command().get_subcommands().any(|c| a.as_os_str() == c.get_name());
+    if at > 1 && args.get(at).is_some_and(is_command) {
+        args[1..=at].rotate_right(1);
+    }
+    args
+}
+
 /// Prints help as it is, anything else as the one line that the contract asks for.
 pub fn refuse(e: &clap::Error) -> ExitCode {
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
@@ -474,11 +498,23 @@ pub fn refuse(e: &clap::Error) -> ExitCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_definition_is_consistent() {
         Args::command().debug_assert();
+    }
+
+    #[test]
+    fn global_options_may_come_first() {
+        let parse = |line: &str| {
+            let args = command_first(line.split(' ').map(OsString::from));
+            Args::try_parse_from(args).unwrap()
+        };
+        let a = parse("colvis --threads 1 --wall=-900,-400 segment v.nii --out m.nii");
+        assert!(matches!(a.command, Some(Command::Segment(_))) && a.global.threads == Some(1));
+        assert!(a.global.wall == Some(Pair(-900.0, -400.0)));
+        let a = parse("colvis --threads 2 scan.nii --headless");
+        assert!(a.command.is_none() && a.fly.headless && a.global.threads == Some(2));
     }
 
     #[test]

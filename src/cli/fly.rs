@@ -15,7 +15,7 @@ use crate::cli::args::{FlyArgs, Global, GuideName, Point, PresetName, Size};
 use crate::cli::prepare::{self, Timings, say};
 use crate::components::flight::State;
 use crate::components::input::Act;
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
 use crate::host::headless::{self, Outputs};
 use crate::host::terminal::Bar;
 #[cfg(feature = "window")]
@@ -32,6 +32,7 @@ const HEADLESS_SECONDS: f64 = 600.0;
 /// As the contract has them.
 pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     check(args)?;
+    check_files(args)?;
     if args.headless {
         return fly_headless(args, global, progress);
     }
@@ -72,11 +73,26 @@ pub fn check(args: &FlyArgs) -> Result<()> {
             return Err(Error::usage(name, format!("{v} is not above 0"), "give a positive number"));
         }
     }
+    let film = args.record.as_ref().is_some_and(|r| r.to_lowercase().ends_with(".gif"));
+    if film && args.fps.is_some_and(|f| f > 50.0) {
+        return Err(Error::usage("--fps", "a GIF shows at most 50 images a second", "record a folder/ or an .mp4"));
+    }
     if args.fps.is_some_and(|f| f > 120.0) {
         return Err(Error::usage("--fps", "there are 120 simulation steps a second", "give at most 120"));
     }
     guide(args)?;
     prepare::quality(args.quality).map(drop)
+}
+
+/// Refuses an input that is not there and outputs that cannot be, before any work is done.
+fn check_files(args: &FlyArgs) -> Result<()> {
+    if let Some(input) = args.input.as_deref().filter(|i| !i.exists()) {
+        return Err(Error::file(input, "does not exist", "check the name, or see colvis --help for the commands"));
+    }
+    let record = args.record.as_ref().filter(|r| !r.ends_with('/')).map(PathBuf::from);
+    let inputs = [&args.input, &args.replay, &args.scene].into_iter().filter_map(|f| f.as_deref());
+    let outputs = [&args.log, &args.stats, &args.record_input, &record].into_iter().filter_map(|f| f.as_deref());
+    output::check_targets(&inputs.collect::<Vec<_>>(), &outputs.collect::<Vec<_>>())
 }
 
 fn guide(args: &FlyArgs) -> Result<Option<Guide>> {
@@ -206,6 +222,25 @@ fn leave(args: &FlyArgs, flight: &FlightApp, timings: &Timings, frames: &[headle
     Ok(())
 }
 
+/// What is left of a flight that could not set out: an empty log, and stats that say why.
+fn leave_unflown(args: &FlyArgs, timings: &Timings, why: &Error) -> Result<()> {
+    if why.kind != Kind::Incomplete {
+        return Ok(());
+    }
+    if let Some(path) = &args.log {
+        output::write_whole(path, |_| Ok(()))?;
+    }
+    if let Some(path) = &args.stats {
+        let mut m = prepare::stats_head(timings);
+        m.insert("frames".to_owned(), json!([]));
+        m.insert("state".to_owned(), json!(State::Operator));
+        m.insert("reason".to_owned(), json!(format!("{}: {}", why.what, why.why)));
+        m.insert("length_mm".to_owned(), json!(0.0));
+        output::write_json(path, &m)?;
+    }
+    Ok(())
+}
+
 fn fly_headless(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     fly_with(args, global, progress, false)
 }
@@ -219,7 +254,16 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
     }
     let bar = Bar::show(progress);
     let mut timings = Timings::default();
-    let mut flight = prepared(args, global, scene, image, &mut timings, progress)?;
+    let mut flight = match prepared(args, global, scene, image, &mut timings, progress) {
+        Ok(flight) => flight,
+        Err(e) => {
+            leave_unflown(args, &timings, &e)?;
+            return Err(e);
+        }
+    };
+    if !flight.scene().moves() {
+        say("nothing in the scene moves the camera: it stays where it is");
+    }
     if short {
         output::make_folder(Path::new("flight"))?;
     }
@@ -280,10 +324,11 @@ fn stats(flight: &FlightApp, timings: &Timings, frames: &[headless::FrameStats])
 /// Reads an operator's recorded input: one [`Act`] a line.
 fn read_acts(path: &Path) -> Result<Vec<Act>> {
     let mend = "give a file that --record-input wrote";
-    let file = std::fs::File::open(path).map_err(|e| Error::file(path, format!("cannot be read ({e})"), mend))?;
+    let file = std::fs::File::open(path)
+        .map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend))?;
     let mut acts: Vec<Act> = Vec::new();
     for (n, line) in std::io::BufReader::new(file).lines().enumerate() {
-        let line = line.map_err(|e| Error::file(path, format!("cannot be read ({e})"), mend))?;
+        let line = line.map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend))?;
         if line.trim().is_empty() {
             continue;
         }

@@ -21,7 +21,7 @@ use args::{Args, Command};
 
 /// Runs the program and returns its exit status. Every failure prints exactly one line beginning `error: `.
 pub fn main() -> ExitCode {
-    let args = match Args::try_parse() {
+    let args = match Args::try_parse_from(args::command_first(std::env::args_os())) {
         Ok(args) => args,
         Err(e) => return args::refuse(&e),
     };

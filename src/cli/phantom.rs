@@ -1,5 +1,7 @@
 //! `colvis phantom`.
 
+use std::path::{Path, PathBuf};
+
 use crate::cli::args::{Global, PhantomArgs, PhantomFeature, PhantomSize};
 use crate::error::Result;
 use crate::output;
@@ -12,6 +14,8 @@ use crate::volume::io;
 /// # Errors
 /// Status 2 for an ending that no writer takes, 4 when cancelled, 5 when an output cannot be written.
 pub fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
+    let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.truth).map(PathBuf::as_path).collect();
+    output::check_targets(&[], &outputs)?;
     let has = |feature| args.with.contains(&feature);
     let phantom = Phantom::new(&Settings {
         size: match args.size {

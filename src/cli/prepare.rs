@@ -91,7 +91,20 @@ pub fn load(input: Option<&Path>, global: &Global, progress: &Progress) -> Resul
         let phantom = Phantom::new(&phantom::Settings { size: phantom::Size::Small, seed, ..Default::default() });
         return phantom.voxelise(&phantom.grid(), progress);
     };
+    if let Some(h) = global.hu.filter(|h| h.0 >= h.1) {
+        return Err(Error::usage("--hu", format!("{} HU is not below {} HU", h.0, h.1), "give black,white"));
+    }
+    if let Some(s) = global.spacing.map(|s| s.0).filter(|s| s.min_element() <= 0.0) {
+        return Err(Error::usage("--spacing", format!("{s} mm is not above 0"), "give three sizes in mm"));
+    }
     let loaded = io::load(path, &load_options(global), progress)?;
+    let own = loaded.volume.grid().spacing();
+    if global.spacing.is_some_and(|s| s.0 != own) {
+        say(&format!("--spacing is not used: the scan has its own, {own} mm"));
+    }
+    if global.hu.is_some() && path.is_file() {
+        say("--hu is not used: the scan holds HU");
+    }
     for note in &loaded.notes {
         say(note);
     }

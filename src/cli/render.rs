@@ -87,7 +87,8 @@ pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Resu
 
 fn read(path: &Path) -> Result<Poses> {
     let mend = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
-    let text = std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read ({e})"), mend))?;
+    let text =
+        std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend))?;
     let poses: Poses = serde_json::from_slice(&text).map_err(|e| Error::file(path, e.to_string(), mend))?;
     if let Some(fov) = poses.fov_degrees.filter(|f| !(*f > 0.0 && *f < 180.0)) {
         return Err(Error::file(path, format!("fov_degrees {fov} is not between 0 and 180"), mend));

@@ -1,5 +1,7 @@
 //! `colvis segment`.
 
+use std::path::{Path, PathBuf};
+
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::json;
@@ -37,6 +39,8 @@ struct Mark {
 /// Status 3 when the input cannot be read, 4 when it is too flat to have an interior or the work is interrupted, 5 when
 /// an output cannot be written.
 pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
+    let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
+    output::check_targets(&[&args.input], &outputs)?;
     let mut timings = Timings::default();
     let volume = timings.time("load_s", || prepare::load(Some(&args.input), global, progress))?;
     let lumen = prepare::lumen(&volume, &mut timings, progress)?;

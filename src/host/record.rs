@@ -50,8 +50,10 @@ pub enum Recorder {
         file: Shared,
         /// What the file will be called.
         path: PathBuf,
-        /// Time of an image in the animation.
-        delay: Delay,
+        /// Images a second.
+        fps: f64,
+        /// Images written.
+        count: u64,
     },
     /// A video encoded by another program.
     Video {
@@ -81,8 +83,7 @@ impl Recorder {
                 let file = Shared(Arc::new(Mutex::new(Some(Whole::create(&path)?))));
                 let mut encoder = GifEncoder::new_with_speed(file.clone(), 10);
                 encoder.set_repeat(Repeat::Infinite).map_err(|e| failed(&path, &e))?;
-                let delay = Delay::from_numer_denom_ms((100_000.0 / fps).round() as u32, 100);
-                Ok(Self::Gif { encoder: Box::new(encoder), file, path, delay })
+                Ok(Self::Gif { encoder: Box::new(encoder), file, path, fps, count: 0 })
             }
             Some("mp4") => Self::video(path, (width, height), fps),
             _ => Err(Error::usage(
@@ -130,11 +131,15 @@ impl Recorder {
                 *count += 1;
                 Ok(())
             }
-            Self::Gif { encoder, path, delay, .. } => {
+            Self::Gif { encoder, path, fps, count, .. } => {
+                // A GIF counts hundredths of a second: what rounding takes from one image the next gets.
+                let until = |n: u64| (n as f64 * 100.0 / *fps).round() as u32;
+                let delay = Delay::from_numer_denom_ms((until(*count + 1) - until(*count)) * 10, 1);
+                *count += 1;
                 let rgba = frame.pixels().iter().flat_map(|p| [p[0], p[1], p[2], 255]).collect();
                 let image = image::RgbaImage::from_raw(frame.width() as u32, frame.height() as u32, rgba)
                     .ok_or_else(|| Error::fault("recording", "image of the wrong size", "report it"))?;
-                encoder.encode_frame(image::Frame::from_parts(image, 0, 0, *delay)).map_err(|e| failed(path, &e))
+                encoder.encode_frame(image::Frame::from_parts(image, 0, 0, delay)).map_err(|e| failed(path, &e))
             }
             Self::Video { child, path, .. } => child
                 .stdin
