@@ -31,9 +31,11 @@ pub fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<(
         seed: global.seed.unwrap_or(1),
     });
     let volume = phantom.voxelise(&phantom.grid(), progress)?;
+    let truth = args.truth.as_ref().map(|path| (path, phantom.truth()));
+    progress.check()?;
     io::save(&args.out, &volume, progress)?;
-    match &args.truth {
-        Some(path) => output::write_json(path, &phantom.truth()),
+    match truth {
+        Some((path, truth)) => output::write_json(path, &truth),
         None => Ok(()),
     }
 }
