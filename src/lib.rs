@@ -9,6 +9,28 @@
 //! the entities carry, `systems` (the folder beside `src`) one file for each scheduled system, `app` the plugins and the
 //! schedule, `host` what drives it: a window, or nobody.
 //!
+//! How far the wall is from a place, along a ray and to any side:
+//!
+//! ```
+//! use std::sync::Arc;
+//! use colvis::fields::ClearanceFinder;
+//! use colvis::render::{Space, Wall, first_crossing};
+//! use colvis::volume::{Grid, Volume};
+//! use glam::{DMat3, DVec3};
+//!
+//! // Gas, and from x = 10 mm on tissue.
+//! let grid = Grid::new([21, 21, 21], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)?;
+//! let data = (0..grid.len()).map(|n| if n % 21 < 10 { -1000 } else { 50 }).collect();
+//! let volume = Arc::new(Volume::new(grid, data));
+//! let space = Space::new(Arc::clone(&volume), Wall::default());
+//! let eye = DVec3::new(5.0, 10.0, 10.0);
+//! let ahead = first_crossing(&space, eye, DVec3::X, 100.0).expect("a wall");
+//! assert!((ahead - 4.333).abs() < 0.001, "−650 HU lies a third of the way from −1000 to 50");
+//! let clearance = ClearanceFinder::new(volume, -650.0, 12.0).at(eye);
+//! assert!(clearance.mm <= ahead && clearance.mm > ahead - 0.1 && clearance.toward.x > 0.99);
+//! # Ok::<(), String>(())
+//! ```
+//!
 //! Frames and units: *world* is the patient's frame, millimetres, LPS (x to the patient's left, y to posterior,
 //! z to superior). *Voxel* coordinates are fractional indices; an integer index is a voxel's centre. Values are
 //! Hounsfield units.

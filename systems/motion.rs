@@ -83,7 +83,8 @@ pub fn turn_view(
     if flight.state != State::Flying || hand.is_some_and(|h| h.paused || clock.tick < h.looking_until.max(h.on_until)) {
         return;
     }
-    // Between where the body goes and where the guide wants to go: neither lags in bends nor twitches at folds.
-    let target = heading.0 + guide.way;
+    // Where the guide sees the lumen open, with a little of where the body goes, so that the view does not twitch when two
+    // openings are alike.
+    let target = heading.0 * 0.25 + guide.way;
     pose.attitude.turn_towards(target, VIEW_S, VIEW_RATE, clock.dt());
 }

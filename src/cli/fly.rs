@@ -316,7 +316,11 @@ fn stats(flight: &FlightApp, timings: &Timings, frames: &[headless::FrameStats])
     m.insert("seconds".to_owned(), json!(flight.clock().seconds()));
     m.insert("turns".to_owned(), json!(f.turns));
     m.insert("escapes".to_owned(), json!(f.escapes));
-    let unflown: Vec<_> = flight.unflown().into_iter().map(|(_, ml)| json!({ "ml": ml })).collect();
+    let unflown: Vec<_> = flight
+        .unflown()
+        .into_iter()
+        .map(|(n, ml)| json!({ "ml": ml, "ends_mm": flight.lumen().segments[n].ends }))
+        .collect();
     m.insert("unflown".to_owned(), json!(unflown));
     m.into()
 }

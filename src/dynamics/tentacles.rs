@@ -61,6 +61,8 @@ pub struct Steering {
     pub wall: DVec3,
     /// Unit vector of the way on; zero where every direction is closed.
     pub way: DVec3,
+    /// Unit vector to where the lumen opens furthest along the way: where to look; zero where every direction is closed.
+    pub look: DVec3,
     /// The shortest tentacle: the paper's equivalent of `D_s`, mm.
     pub nearest_mm: f64,
     /// The longest tentacle that leads neither back nor to a mine, mm.
@@ -83,6 +85,7 @@ pub fn steer(
     drag_per_s: f64,
 ) -> Steering {
     let mut pull = DVec3::ZERO;
+    let mut look = DVec3::ZERO;
     let mut wall = DVec3::ZERO;
     let mut nearest = f64::INFINITY;
     let mut ahead: f64 = 0.0;
@@ -94,6 +97,8 @@ pub fn steer(
         let open = mines.map_or(1.0, |(m, _)| openness(d, length, at, m.iter(), settings.mine_cone))
             * openness(d, length, at, trail.iter().copied(), settings.mine_cone);
         pull += d * (length * length * agrees * open);
+        // A higher power picks the deepest opening instead of the mean of all.
+        look += d * (length.powi(4) * agrees * open);
         if open > 0.5 && heading.dot(d) > -0.5 {
             ahead = ahead.max(length);
         }
@@ -112,6 +117,7 @@ pub fn steer(
         thrust: way * (settings.cruise_mm_s * drag_per_s * pace),
         wall: wall * (2.0 * p * settings.wall_push / n),
         way,
+        look: look.normalize_or_zero(),
         nearest_mm: nearest,
         ahead_mm: ahead,
     }
