@@ -11,6 +11,7 @@ use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::TentacleSettings;
 use crate::error::{Error, Result};
+use crate::render::{Classification, Settings};
 use crate::systems;
 
 /// Who steers. Each is one plugin over the same body.
@@ -52,6 +53,28 @@ pub struct OwnGuide {
     pub feels: bool,
 }
 
+/// What a scene says about its images; the quality's own settings hold where it says nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RenderSettings {
+    /// The camera's sensitivity: a ray ends when less than this share of light comes from beyond, 0 to 1.
+    pub sensitivity: Option<f32>,
+    /// Whether opacity is looked up by the regression's filtered density, as the paper has it, instead of by the
+    /// trilinear value.
+    pub filtered_density: bool,
+}
+
+impl RenderSettings {
+    /// A quality's settings with what the scene says in their place.
+    pub fn apply(&self, settings: Settings) -> Settings {
+        Settings {
+            sensitivity: self.sensitivity.unwrap_or(settings.sensitivity),
+            classification: if self.filtered_density { Classification::Filtered } else { settings.classification },
+            ..settings
+        }
+    }
+}
+
 /// What a flight is made of.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -67,6 +90,8 @@ pub struct Scene {
     pub mines: Option<MineSettings>,
     /// Notices when the flight gets nowhere.
     pub watch: Option<MonitorSettings>,
+    /// How images are traced.
+    pub render: RenderSettings,
     /// Whether images are traced: asked for by a window or a recording.
     pub picture: bool,
     /// Whether steps are written down.
@@ -84,6 +109,7 @@ impl Default for Scene {
             tentacles: TentacleSettings::default(),
             mines: Some(MineSettings::default()),
             watch: Some(MonitorSettings::default()),
+            render: RenderSettings::default(),
             picture: false,
             log: false,
             operator: false,
@@ -104,6 +130,8 @@ struct SceneFile {
     mines: MineSettings,
     #[serde(default)]
     watch: MonitorSettings,
+    #[serde(default)]
+    render: RenderSettings,
 }
 
 impl Scene {
@@ -125,8 +153,14 @@ impl Scene {
     pub fn parse(text: &str) -> Result<Self> {
         let mend = "name known plugins and settings";
         let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
-        let mut scene =
-            Self { mines: None, watch: None, body: file.body, tentacles: file.tentacles, ..Self::default() };
+        let mut scene = Self {
+            mines: None,
+            watch: None,
+            body: file.body,
+            tentacles: file.tentacles,
+            render: file.render,
+            ..Self::default()
+        };
         let mut guides = Vec::new();
         for plugin in &file.plugins {
             match plugin.as_str() {
@@ -175,6 +209,9 @@ impl Scene {
         }
         if let Some(&p) = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0)) {
             return bad(p, "of at least 0");
+        }
+        if let Some(s) = self.render.sensitivity.filter(|s| !(*s > 0.0 && *s < 1.0)) {
+            return bad(("render.sensitivity", f64::from(s)), "between 0 and 1");
         }
         if !(3..=4096).contains(&t.count) {
             return bad(("tentacles.count", t.count as f64), "from 3 to 4096");
@@ -280,6 +317,7 @@ mod tests {
             "plugins = [\"tentacles\"]\n[body]\nmass_g = nan",
             "plugins = [\"tentacles\"]\n[tentacles]\ncount = 2",
             "plugins = [\"tentacles\"]\nspeed = 2",
+            "plugins = [\"render\"]\n[render]\nsensitivity = 1.5",
             "plugins",
         ] {
             assert!(Scene::parse(bad).is_err(), "{bad}");

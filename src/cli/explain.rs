@@ -17,7 +17,7 @@ use crate::progress::Progress;
 pub fn run(args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     fly::check(&args.fly)?;
     let scene = fly::scene(&args.fly, !args.fly.headless && cfg!(feature = "window"))?;
-    let image = scene.picture.then(|| fly::image_settings(&args.fly, global)).transpose()?;
+    let image = scene.picture.then(|| fly::image_settings(&args.fly, global, &scene)).transpose()?;
     let mut timings = Timings::default();
     let space = prepare::space(args.fly.input.as_deref(), global, &mut timings, progress)?;
     let lumen = Arc::new(prepare::lumen(space.volume(), &mut timings, progress)?);

@@ -135,13 +135,13 @@ pub fn wish(args: &FlyArgs) -> Wish {
 ///
 /// # Errors
 /// Status 2 for a view angle that is none.
-pub fn image_settings(args: &FlyArgs, global: &Global) -> Result<ImageSettings> {
+pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene) -> Result<ImageSettings> {
     let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
     Ok(ImageSettings {
         width: size.width,
         height: size.height,
         fov_degrees: prepare::fov(global)?,
-        settings: prepare::quality(args.quality)?,
+        settings: scene.render.apply(prepare::quality(args.quality)?),
     })
 }
 
@@ -152,7 +152,7 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
         return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
     }
     let scene = scene(args, true)?;
-    let image = image_settings(args, global)?;
+    let image = image_settings(args, global, &scene)?;
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
     let repeatable = args.replay.is_some() || args.record_input.is_some();
     let placed = args.from.is_some() || args.to.is_some() || args.reverse;
@@ -248,7 +248,7 @@ fn fly_headless(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Re
 /// Flies; `short` makes the recording a small, quick one of the whole way.
 fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bool) -> Result<()> {
     let scene = scene(args, false)?;
-    let mut image = scene.picture.then(|| image_settings(args, global)).transpose()?;
+    let mut image = scene.picture.then(|| image_settings(args, global, &scene)).transpose()?;
     if let (Some(i), true) = (&mut image, short && args.size.is_none()) {
         (i.width, i.height) = (320, 320);
     }
