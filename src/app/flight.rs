@@ -19,6 +19,7 @@ use crate::components::scan::{RaySpace, Scan, Walls};
 use crate::dynamics::mines::Mines;
 use crate::dynamics::monitor::Monitor;
 use crate::error::Result;
+use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{ClearanceFinder, Lumen};
 use crate::render::{Frame, Settings, Space, Work};
 
@@ -338,7 +339,7 @@ impl FlightApp {
     /// Puts the camera somewhere (a flight taken up where it was left); refused where the body does not fit.
     pub fn place(&mut self, position: DVec3, forward: DVec3, up: DVec3) -> bool {
         let fits = self.app.world.get::<Walls>(self.scan).map_or(0.0, |w| w.0.at(position).mm);
-        if fits <= self.scene.body.radius_mm {
+        if fits <= self.scene.body.radius_mm + TOLERANCE_MM {
             return false;
         }
         let attitude = crate::dynamics::Attitude::new(forward, up);

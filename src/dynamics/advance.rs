@@ -8,12 +8,15 @@
 
 use glam::DVec3;
 
-use crate::fields::ClearanceFinder;
+use crate::fields::clearance::TOLERANCE_MM;
+use crate::fields::{Clearance, ClearanceFinder};
 
 /// At most so many clearances are asked for in one step; what is left of the displacement then is not moved.
 const MAX_MOVES: usize = 16;
 /// Within this much of touching, mm, the part of the motion that goes into the wall is taken out and the rest slides.
 const SKIN_MM: f64 = 0.05;
+/// The longest single move along the wall, mm.
+const CREEP_MM: f64 = 0.1;
 
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +31,7 @@ pub struct Advance {
 
 /// Moves a sphere of `radius` mm from `position` by `displacement` (world, mm) as far as the wall allows.
 ///
+/// The body keeps the finder's tolerance beyond its radius, so that clearances as they are told never fall below it.
 /// Where it begins in the wall or too near to it, only motion that raises the clearance is allowed. A displacement that
 /// is not finite does not move it.
 pub fn advance(walls: &ClearanceFinder, position: DVec3, displacement: DVec3, radius: f64) -> Advance {
@@ -41,49 +45,43 @@ pub fn advance(walls: &ClearanceFinder, position: DVec3, displacement: DVec3, ra
         if length < 1e-9 {
             break;
         }
-        let free = clearance.mm - radius;
-        if free <= 0.0 {
-            let Some(next) = outwards(walls, at, rest, clearance.mm) else {
-                blocked = Some(clearance.toward);
-                break;
-            };
-            rest -= next - at;
-            at = next;
-            clearance = walls.at(at);
-            continue;
-        }
+        let free = clearance.mm - radius - TOLERANCE_MM;
         if length <= free {
             at += rest;
             break;
         }
-        let into = rest.dot(clearance.toward);
-        if free < SKIN_MM && into > 0.0 {
-            blocked = Some(clearance.toward);
-            // Slide, and leave the skin a little on the way so that the next moves are not infinitesimal.
-            let slide = rest - clearance.toward * into;
-            rest = slide - clearance.toward * (0.1 * slide.length());
-            if rest.length() < 1e-9 {
-                break;
-            }
+        if free >= SKIN_MM {
+            let step = rest * (free / length);
+            at += step;
+            rest -= step;
+            clearance = walls.at(at);
+            continue;
         }
-        let step = rest * (free / rest.length()).min(1.0);
-        at += step;
-        rest -= step;
-        clearance = walls.at(at);
+        let into = rest.dot(clearance.toward).max(0.0);
+        if into > 0.0 {
+            blocked = Some(clearance.toward);
+        }
+        let along = rest - clearance.toward * into;
+        let Some((next, there)) = creep(walls, at, clearance, along, radius) else { break };
+        rest = along * (1.0 - next.distance(at) / along.length()).max(0.0);
+        (at, clearance) = (next, there);
     }
     Advance { position: at, blocked, clearance_mm: first.mm }
 }
 
-/// From a place that is too near to the wall: a move along `rest`, or straight away from the wall, that raises the
-/// clearance.
-fn outwards(walls: &ClearanceFinder, at: DVec3, rest: DVec3, clearance: f64) -> Option<DVec3> {
-    let length = rest.length().min(0.5);
-    let away = -walls.at(at).toward;
-    [rest.normalize_or_zero(), away]
-        .into_iter()
-        .filter(|d| d.dot(rest) > 0.0)
-        .map(|d| at + d * length)
-        .find(|&next| walls.at(next).mm > clearance)
+/// A short move along the wall that the body touches, leaning away from it as much as it must. It is tried, not bounded:
+/// with a clearance of `c₀` at its beginning and `c₁` at its end, a move of length `l` keeps at least `(c₀ + c₁ − l)/2`.
+/// From a place that is too near to the wall, any such move that raises the clearance.
+fn creep(walls: &ClearanceFinder, at: DVec3, here: Clearance, along: DVec3, radius: f64) -> Option<(DVec3, Clearance)> {
+    let direction = along.try_normalize()?;
+    let length = along.length().min(CREEP_MM);
+    [0.0, 0.1, 0.5, 2.0].into_iter().find_map(|lean| {
+        let next = at + (direction - here.toward * lean).normalize() * length;
+        let there = walls.at(next);
+        let keeps = there.mm >= radius && here.mm + there.mm - length >= 2.0 * radius;
+        let raises = here.mm < radius && there.mm > here.mm;
+        (keeps || raises).then_some((next, there))
+    })
 }
 
 #[cfg(test)]
@@ -132,7 +130,7 @@ mod tests {
                 let parts = if a.blocked.is_none() { 8 } else { 1 };
                 for p in 0..parts {
                     let c = walls.at(at.lerp(from, f64::from(p) / 8.0)).mm;
-                    assert!(c >= radius - crate::fields::clearance::TOLERANCE_MM - 1e-9, "step {n}: {c}");
+                    assert!(c >= radius - 1e-9, "step {n}: {c}");
                 }
             }
         }
@@ -157,7 +155,8 @@ mod tests {
         let near = axis + DVec3::Y * 6.9;
         let before = walls.at(near).mm;
         assert!(before < 1.5);
-        assert_eq!(advance(&walls, near, DVec3::Y * 0.3, 1.5).position, near);
+        let pushed = advance(&walls, near, DVec3::Y * 0.3, 1.5).position;
+        assert!(walls.at(pushed).mm >= before && pushed.y <= near.y + 0.1, "not further into the wall: {pushed}");
         let out = advance(&walls, near, DVec3::NEG_Y * 0.3, 1.5).position;
         assert!(walls.at(out).mm > before);
         let inside = axis + DVec3::Y * 15.0;
