@@ -14,6 +14,8 @@ pub struct Built {
     pub part: &'static str,
     /// Its size.
     pub bytes: usize,
+    /// Who needs it.
+    pub needed_by: &'static str,
 }
 
 /// An explanation of a flight.
@@ -36,18 +38,26 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     let [step, frame] = flight.app().systems();
     let space = flight.space();
     let mut built = vec![
-        Built { part: "volume (16 bit)", bytes: space.volume().bytes() },
-        Built { part: "lumen (runs)", bytes: flight.lumen().bytes() },
-        Built { part: "homogeneous-region flags", bytes: space.bytes() },
+        Built { part: "volume (16 bit)", bytes: space.volume().bytes(), needed_by: "everything" },
+        Built { part: "lumen (runs)", bytes: flight.lumen().bytes(), needed_by: "start and end of the flight" },
+        Built {
+            part: "homogeneous-region flags",
+            bytes: space.bytes(),
+            needed_by: "rays: the first heading, tentacles, images",
+        },
     ];
     if let Some(t) = flight.camera::<Tentacles>() {
-        built.push(Built { part: "tentacles", bytes: t.bytes() });
+        built.push(Built { part: "tentacles", bytes: t.bytes(), needed_by: "the guide" });
     }
     if let Some(m) = flight.camera::<MineField>() {
-        built.push(Built { part: "mines", bytes: m.settings.kept * size_of::<glam::DVec3>() });
+        built.push(Built { part: "mines", bytes: m.settings.kept * size_of::<glam::DVec3>(), needed_by: "the guide" });
     }
     if let Some(p) = flight.camera::<Picture>() {
-        built.push(Built { part: "picture", bytes: p.frame.width() * p.frame.height() * 3 });
+        built.push(Built {
+            part: "picture",
+            bytes: p.frame.width() * p.frame.height() * 3,
+            needed_by: "a window or a recording",
+        });
     }
     Explanation {
         step,
@@ -75,7 +85,7 @@ impl Explanation {
         list(&mut s, &self.frame);
         s.push_str("in memory:\n");
         for b in &self.built {
-            s.push_str(&format!("  {:28} {:>14} bytes\n", b.part, b.bytes));
+            s.push_str(&format!("  {:28} {:>12} bytes  {}\n", b.part, b.bytes, b.needed_by));
         }
         s.push_str("left out:\n");
         for l in &self.left_out {
