@@ -3,12 +3,13 @@
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::str::FromStr;
 
 use clap::error::ErrorKind;
 use clap::{Args as ClapArgs, CommandFactory, Parser, Subcommand, ValueEnum};
-use glam::DVec3;
 
+pub use crate::cli::values::{Pair, Point, Size, Triple};
+
+use crate::cli::values::count;
 use crate::error::Error;
 
 /// Flies through the inside of the colon of a CT scan. Research software, not for diagnosis.
@@ -365,93 +366,6 @@ pub enum ReportSubject {
     All,
 }
 
-/// A point of the colon.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Point {
-    /// The rectal end.
-    Rectum,
-    /// The cecal end.
-    Cecum,
-    /// World, mm LPS.
-    World(DVec3),
-}
-
-impl FromStr for Point {
-    type Err = String;
-
-    fn from_str(s: &str) -> Result<Self, String> {
-        match s.to_ascii_lowercase().as_str() {
-            "rectum" => Ok(Self::Rectum),
-            "cecum" => Ok(Self::Cecum),
-            _ => {
-                Ok(Self::World(s.parse::<Triple>().map_err(|e| format!("neither rectum nor cecum nor X,Y,Z: {e}"))?.0))
-            }
-        }
-    }
-}
-
-/// Two finite numbers, `A,B`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pair(pub f64, pub f64);
-
-impl FromStr for Pair {
-    type Err = String;
-
-    fn from_str(s: &str) -> Result<Self, String> {
-        let [a, b] = numbers(s)?;
-        Ok(Self(a, b))
-    }
-}
-
-/// Three finite numbers, `X,Y,Z`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Triple(pub DVec3);
-
-impl FromStr for Triple {
-    type Err = String;
-
-    fn from_str(s: &str) -> Result<Self, String> {
-        numbers(s).map(|n| Self(DVec3::from_array(n)))
-    }
-}
-
-/// Image size in pixels, `WxH`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Pixels across.
-    pub width: usize,
-    /// Pixels down.
-    pub height: usize,
-}
-
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(s: &str) -> Result<Self, String> {
-        let (w, h) = s.split_once(['x', 'X']).ok_or("is not WxH")?;
-        let side = |t: &str| t.trim().parse::<usize>().map_err(|e| format!("{t:?}: {e}"));
-        let (width, height) = (side(w)?, side(h)?);
-        if !(1..=16384).contains(&width) || !(1..=16384).contains(&height) {
-            return Err("a side must be 1 to 16384 pixels".to_owned());
-        }
-        Ok(Self { width, height })
-    }
-}
-
-fn numbers<const N: usize>(s: &str) -> Result<[f64; N], String> {
-    let mut out = [0.0; N];
-    let mut parts = s.split(',');
-    for o in &mut out {
-        let t = parts.next().ok_or_else(|| format!("needs {N} numbers"))?.trim();
-        *o = t.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| format!("{t:?} is not a finite number"))?;
-    }
-    if parts.next().is_some() { Err(format!("needs {N} numbers, no more")) } else { Ok(out) }
-}
-
-fn count(s: &str) -> Result<usize, String> {
-    s.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "must be a whole number from 1 to 4096".to_owned())
-}
-
 /// Global options may stand before the command too. clap would take the command for an input there, as `colvis INPUT` is
 /// a flight; so the command is moved to the front.
 pub fn command_first(args: impl Iterator<Item = OsString>) -> Vec<OsString> {
@@ -497,6 +411,8 @@ pub fn refuse(e: &clap::Error) -> ExitCode {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     #[test]

@@ -8,6 +8,7 @@ mod phantom;
 mod prepare;
 mod render;
 mod segment;
+mod values;
 
 use std::process::ExitCode;
 use std::sync::Arc;
