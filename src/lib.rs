@@ -47,6 +47,7 @@ pub mod output;
 pub mod phantom;
 pub mod progress;
 pub mod render;
+pub mod report;
 pub mod surface;
 pub mod volume;
 

@@ -58,7 +58,7 @@ fn the_picture_is_near_that_of_the_rays() {
 fn no_hole_from_anywhere_in_the_gas() {
     // Closed by its border, so that every ray ends.
     let grid = Grid::new([12; 3], DVec3::new(0.5, 0.7, 1.5), DVec3::ZERO, DMat3::IDENTITY).unwrap();
-    let border = |i: usize| [i % 12, i / 12 % 12, i / 144].iter().any(|&c| c < 2 || c > 9);
+    let border = |i: usize| [i % 12, i / 12 % 12, i / 144].iter().any(|c| !(2..=9).contains(c));
     let data = (0..grid.len())
         .map(|i| {
             if border(i) || hash::uniform(5, i as u64) < 0.12 {
