@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 /// Size of a plot, pixels.
 const SIZE: (u32, u32) = (1000, 620);
 /// Pixels around the plotting area: left, right, top, bottom.
-const MARGIN: [i32; 4] = [84, 22, 56, 62];
+const MARGIN: [i32; 4] = [84, 22, 78, 62];
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
 pub(super) const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
@@ -53,6 +53,8 @@ pub struct Plot {
     pub x: String,
     /// What y is, with its unit.
     pub y: String,
+    /// Whether the front is marked.
+    pub front: bool,
     /// What is shown. Points that a logarithm does not take are left out of the picture, not of the CSV.
     pub series: Vec<Series>,
 }
@@ -112,7 +114,7 @@ impl Plot {
         let grey = RGBColor(90, 90, 90);
         let (left, right) = (MARGIN[0], SIZE.0 as i32 - MARGIN[1]);
         let (top, bottom) = (MARGIN[2], SIZE.1 as i32 - MARGIN[3]);
-        put(&self.title, (left, 6), 18, &BLACK, Pos::new(HPos::Left, VPos::Top))?;
+        put(&self.title, (left, 6), 20, &BLACK, Pos::new(HPos::Left, VPos::Top))?;
         let x = Axis::over(self.shown().map(|(_, p)| p.x), [left, right]);
         let y = Axis::over(self.shown().map(|(_, p)| p.y), [bottom, top]);
         let line = |a: (i32, i32), b: (i32, i32), colour: RGBColor| {
@@ -122,28 +124,29 @@ impl Plot {
             let at = x.at(v);
             line((at, top), (at, bottom), RGBColor(228, 228, 228))?;
             if labelled {
-                put(&number(v), (at, bottom + 8), 13, &grey, Pos::new(HPos::Center, VPos::Top))?;
+                put(&number(v), (at, bottom + 8), 15, &grey, Pos::new(HPos::Center, VPos::Top))?;
             }
         }
         for (v, labelled) in y.ticks() {
             let at = y.at(v);
             line((left, at), (right, at), RGBColor(228, 228, 228))?;
             if labelled {
-                put(&number(v), (left - 8, at), 13, &grey, Pos::new(HPos::Right, VPos::Center))?;
+                put(&number(v), (left - 8, at), 15, &grey, Pos::new(HPos::Right, VPos::Center))?;
             }
         }
         root.draw(&Rectangle::new([(left, top), (right, bottom)], grey.stroke_width(1))).map_err(text)?;
-        put(&self.x, ((left + right) / 2, SIZE.1 as i32 - 12), 15, &BLACK, Pos::new(HPos::Center, VPos::Bottom))?;
-        let upwards = ("sans-serif", 15).into_font().transform(FontTransform::Rotate270).color(&BLACK);
+        put(&self.x, ((left + right) / 2, SIZE.1 as i32 - 12), 17, &BLACK, Pos::new(HPos::Center, VPos::Bottom))?;
+        let upwards = ("sans-serif", 17).into_font().transform(FontTransform::Rotate270).color(&BLACK);
         let upwards = upwards.pos(Pos::new(HPos::Center, VPos::Top));
         root.draw(&Text::new(self.y.clone(), (10, (top + bottom) / 2), upwards)).map_err(text)?;
         self.legend(|s, at, colour| {
             root.draw(&Circle::new((at.0, at.1), 5, colour.filled())).map_err(text)?;
-            put(s, (at.0 + 10, at.1), 13, &BLACK, Pos::new(HPos::Left, VPos::Center))
+            put(s, (at.0 + 10, at.1), 15, &BLACK, Pos::new(HPos::Left, VPos::Center))
         })?;
         let place = |p: &Point| (x.at(p.x), y.at(p.y));
-        let front: Vec<(i32, i32)> = self.front().iter().map(|&(a, b)| (x.at(a), y.at(b))).collect();
-        root.draw(&PathElement::new(front, RGBColor(190, 190, 190).stroke_width(7))).map_err(text)?;
+        let front = if self.front { self.front() } else { Vec::new() };
+        let front: Vec<(i32, i32)> = front.iter().map(|&(a, b)| (x.at(a), y.at(b))).collect();
+        root.draw(&PathElement::new(front, RGBColor(216, 216, 216).stroke_width(7))).map_err(text)?;
         for (n, s) in self.series.iter().enumerate().filter(|(_, s)| s.line) {
             let points: Vec<_> = self.shown().filter(|(k, _)| *k == n).map(|(_, p)| place(p)).collect();
             root.draw(&PathElement::new(points, COLOURS[n % COLOURS.len()].stroke_width(2))).map_err(text)?;
@@ -164,27 +167,31 @@ impl Plot {
         Ok(())
     }
 
-    /// Places the legend's entries in rows above the plot, the front's last.
+    /// Places the legend's entries in rows above the plot, that of the front at the end.
     fn legend(
         &self,
         mut put: impl FnMut(&str, (i32, i32), RGBColor) -> std::result::Result<(), String>,
     ) -> std::result::Result<(), String> {
-        let mut at = (MARGIN[0] + 6, 42);
+        let mut at = (MARGIN[0] + 6, 40);
         let named = self.series.iter().enumerate().map(|(n, s)| (s.name.as_str(), COLOURS[n % COLOURS.len()]));
-        for (name, colour) in named.chain([("no other point is better in both", RGBColor(190, 190, 190))]) {
+        let front = self.front.then_some(("no other point is better in both", RGBColor(216, 216, 216)));
+        for (name, colour) in named.chain(front) {
+            if at.0 + width(name, 14) > SIZE.0 as i32 {
+                at = (MARGIN[0] + 6, at.1 + 20);
+            }
             put(name, at, colour)?;
-            at.0 += 32 + width(name, 13);
+            at.0 += 32 + width(name, 14);
         }
         Ok(())
     }
 }
 
 /// Size of the points' names, pixels.
-const LABEL: i32 = 12;
+const LABEL: i32 = 14;
 
 /// About how wide a text is, pixels: the fonts are the reader's, so this is an estimate on the wide side.
 fn width(s: &str, px: i32) -> i32 {
-    s.chars().count() as i32 * px * 56 / 100
+    s.chars().count() as i32 * px * 50 / 100
 }
 
 fn around((x, y): (i32, i32), by: i32) -> [i32; 4] {
@@ -238,19 +245,18 @@ impl Axis {
         self.pixels[0] + (t * f64::from(self.pixels[1] - self.pixels[0])).round() as i32
     }
 
-    /// Where lines are drawn, and whether they are labelled: 1, 2 and 5 of each decade, or decades alone where there are
-    /// many.
+    /// Where lines are drawn, and whether they are labelled: 1, 2 and 5 of each decade, all where those are few, decades
+    /// alone where there are many.
     fn ticks(&self) -> Vec<(f64, bool)> {
         let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
         let wide = last - first > 5;
         let every = ((last - first) / 10).max(1);
-        (first..=last)
-            .flat_map(|d| (1..10).map(move |m| (d, m)))
-            .map(|(d, m)| {
-                (f64::from(m) * 10f64.powi(d), if wide { m == 1 && d % every == 0 } else { [1, 2, 5].contains(&m) })
-            })
-            .filter(|&(v, labelled)| v >= self.low && v <= self.high && (labelled || !wide))
-            .collect()
+        let all = (first..=last).flat_map(|d| (1..10).map(move |m| (d, m)));
+        let inside =
+            all.map(|(d, m)| (d, m, f64::from(m) * 10f64.powi(d))).filter(|t| t.2 >= self.low && t.2 <= self.high);
+        let inside: Vec<(i32, i32, f64)> = inside.filter(|t| !wide || (t.1 == 1 && t.0 % every == 0)).collect();
+        let few = inside.iter().filter(|t| [1, 2, 5].contains(&t.1)).count() < 3;
+        inside.into_iter().map(|(_, m, v)| (v, few || [1, 2, 5].contains(&m))).collect()
     }
 }
 
@@ -270,7 +276,7 @@ mod tests {
     fn plot(points: &[(f64, f64)]) -> Plot {
         let points = points.iter().enumerate().map(|(n, &(x, y))| Point { x, y, name: format!("p{n}") }).collect();
         let series = vec![Series { name: "one".to_owned(), points, line: true }];
-        Plot { title: "a <plot>".to_owned(), x: "time / ms".to_owned(), y: "error".to_owned(), series }
+        Plot { title: "a <plot>".to_owned(), x: "time / ms".to_owned(), y: "error".to_owned(), front: true, series }
     }
 
     #[test]
@@ -307,7 +313,7 @@ mod tests {
         for values in [vec![3.0, 4.0], vec![1e-3, 1e5], vec![0.02], vec![]] {
             let axis = Axis::over(values.into_iter(), [0, 900]);
             let ticks = axis.ticks();
-            assert!(ticks.iter().filter(|t| t.1).count() >= 1 && ticks.len() < 80);
+            assert!(ticks.iter().any(|t| t.1) && ticks.len() < 80);
             assert!(ticks.iter().all(|t| (0..=900).contains(&axis.at(t.0))));
         }
         assert_eq!([number(0.02), number(5.0), number(200.0), number(1e-7)], ["0.02", "5", "200", "1e-7"]);

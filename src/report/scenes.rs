@@ -21,6 +21,8 @@ use super::table::{Cell, Table};
 
 /// Steps between two looks at the clock.
 const CHUNK: usize = 24;
+/// Bytes of a MiB.
+const MIB: f64 = 1_048_576.0;
 /// The volume, which every scene has: the first of what is built.
 const VOLUME: usize = 1;
 
@@ -172,7 +174,7 @@ fn write(
         "The same flight with different scenes, in turns: the median of a simulation step and, where there is a picture, of a \
          frame of {pixels} × {pixels} pixels. Bytes are what explain tells, beside the volume of {:.1} MiB. \
          \"everything\" is the default flight with a picture, a log and an operator.",
-        volume as f64 / f64::from(1 << 20)
+        volume as f64 / MIB
     ));
     let findings = findings(full, &parts);
     for f in &findings {
@@ -212,13 +214,14 @@ fn write(
         "What a part saves is a difference of two medians: one near 0 is within their scatter and may be negative.",
     );
     let points = |all: &[&Cost]| {
-        all.iter().map(|c| Point { x: c.bytes, y: c.step_us, name: c.name.clone() }).collect::<Vec<_>>()
+        all.iter().map(|c| Point { x: c.bytes / MIB, y: c.step_us, name: c.name.clone() }).collect::<Vec<_>>()
     };
     let series = |name: &str, all: &[&Cost]| Series { name: name.to_owned(), points: points(all), line: false };
     let plot = Plot {
         title: "A simulation step against memory".to_owned(),
-        x: "memory beside the volume / bytes".to_owned(),
+        x: "memory beside the volume / MiB".to_owned(),
         y: "step / µs".to_owned(),
+        front: false,
         series: vec![series("scenes", &whole), series("everything but one part", &parts)],
     };
     page.plot("steps", &plot, "Less is better in both.")?;

@@ -31,11 +31,14 @@ pub struct Corner {
 }
 
 impl Screen {
+    #[inline]
     fn corner(&self, p: Vec3) -> Corner {
         let inverse = 1.0 / p.z;
         let at = |c: f32, middle: f32| {
             let pixels = (c * inverse * self.focal + middle).clamp(-FAR_OFF, FAR_OFF);
-            (f64::from(pixels) * SUB as f64).round() as i64
+            // Rounded by cutting off what is never negative: much cheaper than a call of round.
+            const SHIFT: f64 = FAR_OFF as f64 * SUB as f64;
+            (f64::from(pixels) * SUB as f64 + (SHIFT + 0.5)) as i64 - SHIFT as i64
         };
         Corner { at: [at(p.x, self.middle[0]), at(p.y, self.middle[1])], inverse }
     }

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DMat3, DVec3, Mat3A, Vec3, Vec3A};
 use rayon::prelude::*;
 
 use super::clip::{Corner, Screen};
@@ -42,8 +42,10 @@ struct Seen {
 struct Eye {
     /// From the mesh's origin, mm.
     at: DVec3,
+    /// The same; places keep a thousandth of a voxel within a patient.
+    near_at: Vec3A,
     /// Rows: right, down, ahead.
-    turn: DMat3,
+    turn: Mat3A,
     screen: Screen,
     size: [usize; 2],
 }
@@ -52,17 +54,20 @@ impl Eye {
     fn new(view: &View, mesh: &Mesh, near: f32) -> Self {
         let size = [view.width(), view.height()];
         let focal = 0.5 * size[0].min(size[1]) as f64 / (0.5 * view.fov_degrees().to_radians()).tan();
+        let at = view.position() - mesh.origin();
         Self {
-            at: view.position() - mesh.origin(),
-            turn: DMat3::from_cols(view.right(), -view.up(), view.forward()).transpose(),
+            at,
+            near_at: at.as_vec3a(),
+            turn: Mat3A::from(DMat3::from_cols(view.right(), -view.up(), view.forward()).transpose().as_mat3()),
             screen: Screen { focal: focal as f32, middle: size.map(|n| 0.5 * n as f32), near },
             size,
         }
     }
 
     /// Camera coordinates of a vertex.
+    #[inline(always)]
     fn see(&self, place: Vec3) -> Vec3 {
-        (self.turn * (place.as_dvec3() - self.at)).as_vec3()
+        (self.turn * (Vec3A::from(place) - self.near_at)).into()
     }
 
     /// The tiles that a block may touch; none if it is out of view.

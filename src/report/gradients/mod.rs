@@ -139,6 +139,7 @@ fn write(lines: &[Line], times: &[Vec<f64>], folder: &Path) -> Result<Vec<String
                 title: format!("Gradients of {what}, {shape}, noise 0 to 100 HU"),
                 x: "time of one gradient / ns".to_owned(),
                 y: "mean angular error / degrees".to_owned(),
+                front: false,
                 series: series.collect(),
             };
             let file = format!("{}-{}", if wall { "walls" } else { "marschner-lobb" }, ["cubic", "1-1-3"][number]);

@@ -210,7 +210,7 @@ fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'stati
                 None => series.push(Series { name: m.method.family.to_owned(), points: vec![point], line: false }),
             }
         }
-        Plot { title: format!("{}: {what}", s.title), x: x.to_owned(), y: y.to_owned(), series }
+        Plot { title: format!("{}: {what}", s.title), x: x.to_owned(), y: y.to_owned(), front: true, series }
     };
     let volume = s.space.volume().bytes() as f64;
     let time = "median frame / ms";
@@ -218,7 +218,8 @@ fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'stati
         (
             "error",
             plot("error against time", time, "RMS error, all frames / grey levels", &|m| (median(&m.ms), m.rms())),
-            "40 dB are 2.55 grey levels, 45 dB 1.43. The reference itself has no error and is not on the plot.",
+            "40 dB are 2.55 grey levels, 45 dB 1.43. The reference itself has no error and is not on the plot; rays of its own step \
+             (h/8) share the error of that step.",
         ),
         (
             "worst",
