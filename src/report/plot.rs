@@ -202,7 +202,7 @@ fn around((x, y): (i32, i32), by: i32) -> [i32; 4] {
 fn free_place(name: &str, (x, y): (i32, i32), within: [i32; 4], taken: &mut Vec<[i32; 4]>) -> (i32, i32) {
     let (w, h) = (width(name, LABEL) / 2, LABEL / 2 + 1);
     let beside = w + 10;
-    let candidates = (0..14).flat_map(|ring| {
+    let candidates = (0..30).flat_map(|ring| {
         let up = 12 + 13 * ring;
         let mut places = vec![(0, -up), (0, up), (w, -up), (-w, -up), (w, up), (-w, up)];
         if ring == 0 {

@@ -13,7 +13,7 @@ use crate::render::sampler::{Sampler, Trilinear};
 use crate::volume::Volume;
 
 /// Cells along a block's edge, a divisor of 64.
-const BLOCK: usize = 8;
+const BLOCK: usize = 4;
 
 /// See [`Mesh::new`].
 pub(super) fn extract(space: &Space) -> Result<Mesh> {

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use crate::error::Result;
 use crate::render::Space;
 
-/// Triangles that lie together: those of 8×8×8 cells, with a ball around them.
+/// Triangles that lie together: those of 4×4×4 cells, with a ball around them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
     /// Centre of the ball, mm in the world's directions from the mesh's origin.

@@ -146,8 +146,7 @@ impl Rasteriser {
 
     /// Draws a tile from the blocks that may touch it, nearest first.
     fn draw(&self, eye: &Eye, seen: &[Seen], list: &[u32], [tx, ty]: [usize; 2]) -> Tile {
-        let mut tile = Tile::new(tx * TILE, ty * TILE);
-        let [width, height] = [TILE.min(eye.size[0] - tx * TILE), TILE.min(eye.size[1] - ty * TILE)];
+        let mut tile = Tile::new(tx * TILE, ty * TILE, [eye.size[0] - tx * TILE, eye.size[1] - ty * TILE]);
         let mut farthest = f32::INFINITY;
         for &n in list {
             let s = &seen[n as usize];
@@ -163,7 +162,7 @@ impl Rasteriser {
                 changed |= tile.draw(&out, n, id);
             }
             if changed {
-                farthest = tile.farthest(width, height);
+                farthest = tile.farthest();
             }
         }
         tile

@@ -45,7 +45,7 @@ fn the_picture_is_near_that_of_the_rays() {
         let pairs = rays.pixels().as_flattened().iter().zip(mesh.pixels().as_flattened());
         let mut apart: Vec<u8> = pairs.map(|(a, b)| a.abs_diff(*b)).collect();
         apart.sort_unstable();
-        assert!(apart[apart.len() / 2] <= 2, "{} levels in the median", apart[apart.len() / 2]);
+        assert!(apart[apart.len() / 2] <= 3, "{} levels in the median", apart[apart.len() / 2]);
         let (a, b) = (rays.depth().unwrap(), mesh.depth().unwrap());
         let off = a.iter().zip(b).filter(|(a, b)| (**a - **b).abs() > 0.2).count();
         assert!(off * 100 < a.len(), "{off} of {} depths are off by more than a quarter voxel", a.len());

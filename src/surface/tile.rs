@@ -6,7 +6,7 @@
 use super::clip::{Corner, SUB};
 
 /// Pixels along a tile's edge.
-pub const TILE: usize = 32;
+pub const TILE: usize = 64;
 /// No triangle.
 pub const NONE: u32 = u32::MAX;
 
@@ -15,6 +15,10 @@ pub struct Tile {
     /// The screen's pixel in the tile's corner.
     left: i64,
     top: i64,
+    /// Its pixels on the screen, across and down.
+    size: [usize; 2],
+    /// Pixels without a triangle.
+    open: usize,
     inverse: [f32; TILE * TILE],
     triangle: [u32; TILE * TILE],
     /// Depth tests made.
@@ -22,11 +26,14 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A tile without triangles whose corner is the pixel (`left`, `top`).
-    pub fn new(left: usize, top: usize) -> Self {
+    /// A tile without triangles whose corner is the pixel (`left`, `top`), with so many pixels on the screen.
+    pub fn new(left: usize, top: usize, size: [usize; 2]) -> Self {
+        let size = size.map(|n| n.min(TILE));
         Self {
             left: left as i64,
             top: top as i64,
+            size,
+            open: size[0] * size[1],
             inverse: [0.0; TILE * TILE],
             triangle: [NONE; TILE * TILE],
             tests: 0,
@@ -38,11 +45,13 @@ impl Tile {
         self.triangle[y * TILE + x]
     }
 
-    /// What is farther than this (z, mm) cannot be seen in the first `width` × `height` pixels; infinite while one is open.
-    pub fn farthest(&self, width: usize, height: usize) -> f32 {
-        let rows = self.inverse.chunks_exact(TILE).take(height);
-        let least = rows.flat_map(|r| &r[..width]).fold(f32::INFINITY, |m, &i| m.min(i));
-        1.0 / least
+    /// What is farther than this (z, mm) cannot be seen; infinite while a pixel is open.
+    pub fn farthest(&self) -> f32 {
+        if self.open > 0 {
+            return f32::INFINITY;
+        }
+        let rows = self.inverse.chunks_exact(TILE).take(self.size[1]);
+        1.0 / rows.flat_map(|r| &r[..self.size[0]]).fold(f32::INFINITY, |m, &i| m.min(i))
     }
 
     /// Draws the convex polygon of the first `n` corners of triangle `id`. Returns whether a pixel has changed.
@@ -71,7 +80,7 @@ impl Tile {
             let (low, high) = (c[0].at[a].min(c[1].at[a]).min(c[2].at[a]), c[0].at[a].max(c[1].at[a]).max(c[2].at[a]));
             let low = (low - SUB / 2 + SUB - 1).div_euclid(SUB) - first;
             let high = (high - SUB / 2).div_euclid(SUB) - first;
-            (low.max(0), high.min(TILE as i64 - 1))
+            (low.max(0), high.min(self.size[a] as i64 - 1))
         };
         let (x, y) = (range(0, self.left), range(1, self.top));
         if x.0 > x.1 || y.0 > y.1 {
@@ -96,6 +105,7 @@ impl Tile {
                     let at = (j as usize) * TILE + i as usize;
                     self.tests += 1;
                     if inverse > self.inverse[at] {
+                        self.open -= usize::from(self.triangle[at] == NONE);
                         self.inverse[at] = inverse;
                         self.triangle[at] = id;
                         changed = true;
@@ -130,7 +140,7 @@ mod tests {
             let rim = [[lo, lo], [snap(u(2)), lo], [hi, lo], [hi, snap(u(3))], [hi, hi], [lo, hi], [lo, snap(u(4))]];
             let mut count = [0; TILE * TILE];
             for k in 0..rim.len() {
-                let mut tile = Tile::new(0, 0);
+                let mut tile = Tile::new(0, 0, [TILE; 2]);
                 let corner = |at| Corner { at, inverse: 1.0 };
                 let c = [corner(middle), corner(rim[k]), corner(rim[(k + 1) % rim.len()]), corner([0, 0])];
                 tile.draw(&c, 3, 7);
@@ -145,19 +155,19 @@ mod tests {
     #[test]
     fn the_nearer_triangle_wins_in_any_order() {
         let big = |inverse: [f32; 3]| {
-            let at = [[-SUB, -SUB], [100 * SUB, -SUB], [-SUB, 100 * SUB]];
+            let at = [[-SUB, -SUB], [200 * SUB, -SUB], [-SUB, 200 * SUB]];
             let c = |k: usize| Corner { at: at[k], inverse: inverse[k] };
             [c(0), c(1), c(2), c(0)]
         };
         let draw = |order: [u32; 2]| {
-            let mut tile = Tile::new(0, 0);
+            let mut tile = Tile::new(0, 0, [TILE; 2]);
             for id in order {
                 tile.draw(&big(if id == 1 { [0.5; 3] } else { [0.2, 0.9, 0.9] }), 3, id);
             }
-            assert!(tile.farthest(TILE, TILE).is_finite());
+            assert!(tile.farthest().is_finite());
             tile.triangle
         };
         assert_eq!(draw([1, 2]), draw([2, 1]));
-        assert_eq!(Tile::new(0, 0).farthest(TILE, TILE), f32::INFINITY);
+        assert_eq!(Tile::new(0, 0, [TILE; 2]).farthest(), f32::INFINITY);
     }
 }
