@@ -18,14 +18,21 @@ pub fn introduction(page: &mut Page, extent: &Extent) {
     page.text(&format!(
         "Frames of {0} × {0} pixels, {1} threads, {2} poses along a headless flight and {3} after jumps and sudden turns \
          among them. All methods render a pose in turn before the next one comes; one that keeps something between \
-         frames first renders the {4} frames of the flight before it. Times are without depth and after a warm-up. Errors \
-         are against the reference: rays with steps of an eighth of the smallest spacing (h), nothing skipped.",
+         frames first renders the {4} frames of the flight before it. Times are without depth and after a warm-up; p99 of \
+         fewer than a hundred frames is the slowest of them. Errors are against the reference: rays with steps of an \
+         eighth of the smallest spacing (h), nothing skipped.",
         extent.pixels,
         rayon::current_num_threads(),
         extent.along,
         extent.jumps,
         extent.lead
     ));
+    if !extent.quick {
+        page.text(
+            "How far the reference itself is from rays without a step is about what \"brute h/16\", with half its step, differs \
+             from it.",
+        );
+    }
     page.text(
         "Filtered density classifies by the regression's D as the paper does, and more samples a pixel smooth edges: both aim \
          at another picture than the reference, so their difference is no error, and they stand in the tables alone. Wall \
