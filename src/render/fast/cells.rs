@@ -102,7 +102,7 @@ fn at_corners(r: &Regression, block: &Block) -> [[Vec4; 2]; 3] {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DVec3};
+    use glam::{DMat3, DVec3, Vec3};
 
     use super::*;
     use crate::math::hash;
