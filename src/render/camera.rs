@@ -104,6 +104,11 @@ impl View {
         self.height
     }
 
+    /// Side of a pixel in the plane at distance 1.
+    pub fn pixel(&self) -> f64 {
+        self.pixel
+    }
+
     /// World direction, of unit length, through the centre of the pixel in column `x` of row `y`.
     pub fn ray(&self, x: usize, y: usize) -> DVec3 {
         self.ray_at(x as f64 + 0.5, y as f64 + 0.5)

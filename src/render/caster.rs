@@ -12,7 +12,7 @@ use super::frame::{Frame, Work};
 use super::march::{Ray, Step};
 use super::quality::{Classification, Quality, Settings};
 use super::ray::first_crossing;
-use super::sampler::{Nearest, Sampler, Trilinear, nearest};
+use super::sampler::{Nearest, Sampler, Trilinear};
 use super::shade::{Headlight, Shader};
 use super::skip::{Everything, Leap, Skipper};
 use super::space::Space;
@@ -189,10 +189,7 @@ impl<S: Sampler, K: Skipper, C: Classifier> Caster<'_, S, K, C> {
     /// The gradient at a place that is not empty: none in a homogeneous region.
     #[inline(always)]
     fn gradient(&self, q: Vec3) -> Vec3 {
-        let dims = self.space.volume().grid().dims();
-        let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
-        let inside = i < dims[0] && j < dims[1] && k < dims[2];
-        if inside && self.space.flags().homogeneous(i, j, k) { Vec3::ZERO } else { self.sampler.fit(q).gradient }
+        if self.space.homogeneous_near(q) { Vec3::ZERO } else { self.sampler.fit(q).gradient }
     }
 }
 

@@ -177,6 +177,14 @@ fn slice_masks(volume: &Volume, c: Classes, k: usize, words: usize, rows: &mut [
     }
 }
 
+/// Writes a bit for each value of a row, set where it lies above `lo`; words beyond the row become 0.
+pub(super) fn above(row: &[i16], lo: i16, words: &mut [u64]) {
+    words.fill(0);
+    for (values, word) in row.chunks(64).zip(words) {
+        *word = mask(values, |v| v > lo);
+    }
+}
+
 /// A bit for each of up to 64 values.
 #[inline(always)]
 fn mask(values: &[i16], test: impl Fn(i16) -> bool) -> u64 {

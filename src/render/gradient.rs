@@ -43,11 +43,11 @@ pub type Block = [[Vec4; 4]; 4];
 #[derive(Clone, Copy, Debug)]
 pub struct Regression {
     /// For A: indexed by whether |z| is 1, then |y|.
-    a: [[f32; 2]; 2],
+    pub(super) a: [[f32; 2]; 2],
     /// For B: whether |x| is 1, then |z|.
-    b: [[f32; 2]; 2],
+    pub(super) b: [[f32; 2]; 2],
     /// For C: whether |x| is 1, then |y|.
-    c: [[f32; 2]; 2],
+    pub(super) c: [[f32; 2]; 2],
     /// For D: whether |x| is 1, then |z|, then |y|.
     d: [[[f32; 2]; 2]; 2],
 }

@@ -7,6 +7,7 @@
 
 pub mod camera;
 pub mod caster;
+pub mod fast;
 pub mod flags;
 pub mod frame;
 pub mod gradient;

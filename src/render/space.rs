@@ -2,10 +2,13 @@
 
 use std::sync::Arc;
 
+use glam::Vec3;
+
 use crate::error::{Error, Result};
 use crate::volume::Volume;
 
 use super::flags::Flags;
+use super::sampler::nearest;
 
 /// The ramp of opacity over HU: nothing is seen up to `lo`, everything is opaque from `hi`, linear between.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,6 +90,14 @@ impl Space {
     /// Where rays may leap.
     pub fn flags(&self) -> &Flags {
         &self.flags
+    }
+
+    /// Whether the neighbourhood of the voxel nearest to `q` (voxel coordinates plus one) is flagged as homogeneous.
+    #[inline(always)]
+    pub(super) fn homogeneous_near(&self, q: Vec3) -> bool {
+        let dims = self.volume.grid().dims();
+        let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
+        i < dims[0] && j < dims[1] && k < dims[2] && self.flags.homogeneous(i, j, k)
     }
 
     /// Memory beside the voxels.

@@ -6,7 +6,7 @@ use super::space::Wall;
 
 /// Values so little above the ramp's foot are still empty, HU: the rounding of interpolated values must not lend
 /// opacity to a neighbourhood that is flagged as empty, so that skipping it changes no bit of the picture.
-const FOOT: f32 = 0.01;
+pub(super) const FOOT: f32 = 0.01;
 
 /// Opacity of one step along a ray.
 ///

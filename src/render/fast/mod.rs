@@ -1,0 +1,76 @@
+//! The ray caster for flights: sixteen rays at once, leaping in bundles, shaded cell by cell.
+
+mod beam;
+mod cells;
+mod lanes;
+mod lattice;
+mod occupancy;
+mod packet;
+mod picture;
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use fearless_simd::Level;
+
+use super::{Direct, Frame, Renderer, Settings, Space, View, Work};
+use cells::Cells;
+use occupancy::Occupancy;
+use packet::Rays;
+use picture::Lattice;
+
+/// Which pixels get a ray of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Pixels {
+    /// Those that the rays around do not tell of.
+    #[default]
+    Needed,
+    /// All.
+    All,
+}
+
+/// Renders one space by packets of rays.
+pub struct Fast {
+    space: Space,
+    settings: Settings,
+    pixels: Pixels,
+    occupancy: Arc<Occupancy>,
+    /// A cache for each thread.
+    cells: Vec<Mutex<Cells>>,
+    lattice: Lattice,
+    level: Level,
+    direct: Direct,
+}
+
+impl Fast {
+    /// Prepares `space`: one parallel pass over its voxels.
+    pub fn new(space: &Space, settings: Settings, pixels: Pixels) -> Self {
+        Self::with_level(space, settings, pixels, Level::new())
+    }
+
+    /// As [`Fast::new`], on a given SIMD level.
+    pub fn with_level(space: &Space, settings: Settings, pixels: Pixels, level: Level) -> Self {
+        let occupancy = Arc::new(Occupancy::new(space.volume(), space.wall()));
+        let cells = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
+        let direct = Direct::new(space, settings);
+        Self { space: space.clone(), settings, pixels, occupancy, cells, lattice: Lattice::default(), level, direct }
+    }
+}
+
+impl Renderer for Fast {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        let Some(rays) = Rays::new(&self.space, &self.occupancy, view, &self.settings) else {
+            return self.direct.render(view, frame);
+        };
+        frame.resize(view.width(), view.height());
+        let (pixels, _) = frame.buffers();
+        match self.pixels {
+            Pixels::Needed => self.lattice.render(&rays, view, pixels, &self.cells, self.level),
+            Pixels::All => picture::every_pixel(&rays, view, pixels, &self.cells, self.level),
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        let cells = self.cells.iter().map(|c| c.lock().unwrap_or_else(PoisonError::into_inner).bytes());
+        self.space.bytes() + self.occupancy.bytes() + self.lattice.bytes() + cells.sum::<usize>()
+    }
+}

@@ -1,0 +1,439 @@
+//! Sixteen rays at once, from their first sample to their light.
+//!
+//! The recurrence is that of [`caster`](crate::render::caster): L ← L + (1 − A)·C, (1 − A) ← (1 − A)(1 − a). Three things are
+//! different.
+//!
+//! **Steps.** The volume is sampled at t = k·Δs, and between two samples the value is taken as linear (pre-integration,
+//! Engel, Kraus and Ertl 2001): each step is composed of two half steps at its quarter and three quarters. Values are
+//! smooth on the scale of a voxel, so that this is as good as half steps with samples of their own.
+//!
+//! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value, both
+//! weighted by what each half step adds: the gradient is looked at once, not at each sample. A passage ends where a step
+//! adds nothing, or after [`PASSAGE`] steps.
+//!
+//! **Empty space.** All rays have come equally far, so that the bundle leaps as one ([`Beam`]). Samples lie on the same
+//! lattice whatever is leapt over, so leaping changes no bit of the picture.
+
+use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
+use glam::{DVec3, Vec3};
+
+use super::beam::Beam;
+use super::cells::{Cells, Source};
+use super::lanes::{Voxels, interpolate};
+use super::occupancy::Occupancy;
+use crate::render::camera::View;
+use crate::render::gradient::{Regression, Weighting, to_world};
+use crate::render::march::Step;
+use crate::render::quality::Settings;
+use crate::render::sampler::{Sampler, Trilinear};
+use crate::render::shade::{AMBIENT, DIFFUSE};
+use crate::render::space::Space;
+use crate::render::transfer::{FOOT, PALETTE_HU};
+
+/// A passage through the wall is shaded in pieces of so many steps.
+const PASSAGE: f32 = 3.0;
+/// A camera farther away than this is left to double precision, voxels.
+const FAR: f64 = 1e4;
+/// An axis along which a step moves less than this is not moved along, voxels: a million steps make a thousandth.
+const STILL: f32 = 1e-9;
+
+/// What all rays of a picture have in common.
+pub struct Rays<'a> {
+    space: &'a Space,
+    voxels: Voxels<'a>,
+    occupancy: &'a Occupancy,
+    source: Source<'a>,
+    scalar: Trilinear<'a>,
+    /// The camera, grown voxel coordinates.
+    origin: Vec3,
+    /// The step along the axis of view, and its change along the picture's right and top: voxels.
+    step: [Vec3; 3],
+    /// The same as world directions.
+    world: [Vec3; 3],
+    /// Side of a pixel at distance 1.
+    pixel: f32,
+    centre: [f32; 2],
+    /// Border of the grown volume.
+    border: Vec3,
+    foot: f32,
+    lo: f32,
+    scale: f32,
+    /// Halvings of the step's opacity: a step of h is two half steps.
+    power: i32,
+    sensitivity: f32,
+    limit: f32,
+}
+
+/// What came of sixteen rays.
+#[derive(Clone, Copy, Default)]
+pub struct Light {
+    /// Brightness, weighted by what came through, 0 to 1.
+    pub bright: [f32; 16],
+    /// Brightness × HU above the palette's first.
+    pub tone: [f32; 16],
+    /// Share of light that would still come from beyond.
+    pub through: [f32; 16],
+    /// Mean place of what is seen, steps from the camera, weighted as the light is (not divided by it).
+    pub depth: [f32; 16],
+    /// Lanes whose light comes from more than one passage.
+    pub mixed: u16,
+    /// Samples taken.
+    pub samples: u32,
+}
+
+impl<'a> Rays<'a> {
+    /// Prepares the rays of `view`; `None` where they need what this caster does not have: two voxels along each axis, no
+    /// more voxels than an `i32` counts, a camera within ten thousand voxels.
+    pub fn new(space: &'a Space, occupancy: &'a Occupancy, view: &View, settings: &Settings) -> Option<Self> {
+        let volume = space.volume();
+        let grid = volume.grid();
+        let voxels = Voxels::new(volume)?;
+        let origin = grid.voxel(view.position()) + DVec3::ONE;
+        if origin.abs().max_element() > FAR {
+            return None;
+        }
+        // Two half steps to a step.
+        let power = settings.step_power + 1;
+        let step = Step::new(space, power);
+        let per_step = [view.forward(), view.right(), view.up()]
+            .map(|d| (grid.to_voxel().transform_vector3(d) * step.mm).as_vec3());
+        let wall = space.wall();
+        let dims = grid.dims().map(|n| (n + 1) as f32);
+        Some(Self {
+            space,
+            voxels,
+            occupancy,
+            source: Source::new(volume, Regression::new(grid.spacing(), Weighting::InverseSquare), to_world(volume)),
+            scalar: Trilinear::new(space),
+            origin: origin.as_vec3(),
+            step: per_step,
+            world: [view.forward(), view.right(), view.up()].map(DVec3::as_vec3),
+            pixel: view.pixel() as f32,
+            centre: [0.5 * view.width() as f32, 0.5 * view.height() as f32],
+            border: Vec3::from_array(dims),
+            foot: wall.lo() + FOOT,
+            lo: wall.lo(),
+            scale: 1.0 / (wall.hi() - wall.lo()),
+            power: step.power,
+            sensitivity: settings.sensitivity,
+            limit: (1 << 22) as f32,
+        })
+    }
+
+    /// A step, voxels of the smallest spacing.
+    pub fn step(&self) -> f32 {
+        2f32.powi(self.power)
+    }
+
+    /// Casts the rays through the points (`x`, `y`) of the picture, in pixels from its top left corner.
+    ///
+    /// A function of its own on each level, not inlined where it is called: it is large.
+    #[inline(never)]
+    pub fn cast<S: Simd>(&self, simd: S, x: &[f32; 16], y: &[f32; 16], cells: &mut Cells, light: &mut Light) {
+        simd.vectorize(
+            #[inline(always)]
+            || *light = self.trace(simd, f32x16::load_array_ref(simd, x), f32x16::load_array_ref(simd, y), cells),
+        );
+    }
+
+    #[inline(always)]
+    fn trace<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>, cells: &mut Cells) -> Light {
+        let (u, v) = ((x - self.centre[0]) * self.pixel, (y - self.centre[1]) * -self.pixel);
+        let one = f32x16::splat(simd, 1.0);
+        let zero = f32x16::splat(simd, 0.0);
+        let shrink = one / (one + u * u + v * v).sqrt();
+        let ray = Lanes { along: self.turn(self.step, u, v, shrink), world: self.turn(self.world, u, v, shrink) };
+
+        // Where the rays enter and leave the grown volume, steps.
+        let (mut enter, mut exit) = (zero, f32x16::splat(simd, self.limit));
+        for a in 0..3 {
+            let along = ray.along[a];
+            let moves = along.abs().simd_gt(STILL);
+            let inverse = one / moves.select(along, one);
+            let (near, far) = (inverse * -self.origin[a], inverse * (self.border[a] - self.origin[a]));
+            let within = self.origin[a] >= 0.0 && self.origin[a] <= self.border[a];
+            let still = if within { self.limit } else { -1.0 };
+            enter = enter.max(moves.select(near.min(far), zero));
+            exit = exit.min(moves.select(near.max(far), f32x16::splat(simd, still)));
+        }
+        let last = exit.floor();
+        let mut active = exit.simd_ge(enter);
+        let mut light = Sums {
+            bright: zero,
+            tone: zero,
+            depth: zero,
+            through: one,
+            weight: zero,
+            place: zero,
+            value: zero,
+            passages: zero,
+        };
+        let mut samples = 0;
+        if active.any_true() {
+            let beam = ray.beam(self.origin);
+            let end = active.select(last, zero).reduce_max();
+            let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min();
+            let mut k = beam.next(self.occupancy, first, end + 1.0).floor();
+            let mut v0 = self.value(simd, &ray, k);
+            let within_wall = k == 0.0 && v0[0] > self.foot;
+            samples += 16;
+            let mut open = f32x16::splat(simd, 0.0).simd_gt(1.0);
+            while k < end + 1.0 {
+                let v1 = self.value(simd, &ray, k + 1.0);
+                samples += 16;
+                let difference = v1 - v0;
+                let (early, late) = (v0 + difference * 0.25, v0 + difference * 0.75);
+                let seen = active & early.max(late).simd_gt(self.foot);
+                if seen.any_true() {
+                    let fresh = light.weight.simd_gt(zero);
+                    let long = (zero + k - PASSAGE).simd_gt(light.place / fresh.select(light.weight, one));
+                    let ended = seen & fresh & (!open | long);
+                    if ended.any_true() {
+                        self.flush(simd, &ray, ended, &mut light, cells, within_wall);
+                    }
+                    let (t0, t1) = (self.through(simd, early), self.through(simd, late));
+                    let kept = light.through * t0;
+                    let (w0, w1) = (light.through - kept, kept - kept * t1);
+                    let (w0, w1) = (seen.select(w0, zero), seen.select(w1, zero));
+                    light.weight += w0 + w1;
+                    light.place += w0 * (k + 0.25) + w1 * (k + 0.75);
+                    light.value += w0 * self.tone(simd, early) + w1 * self.tone(simd, late);
+                    light.through = seen.select(kept * t1, light.through);
+                }
+                open = seen;
+                k += 1.0;
+                v0 = v1;
+                active = active & light.through.simd_ge(self.sensitivity) & (zero + k).simd_le(last);
+                if !active.any_true() {
+                    break;
+                }
+                if !(active & v0.simd_gt(self.foot)).any_true() {
+                    let next = beam.next(self.occupancy, k, end + 1.0).floor();
+                    if next > k {
+                        k = next;
+                        v0 = self.value(simd, &ray, k);
+                        samples += 16;
+                        open = f32x16::splat(simd, 0.0).simd_gt(1.0);
+                    }
+                }
+            }
+            let rest = light.weight.simd_gt(zero);
+            if rest.any_true() {
+                self.flush(simd, &ray, rest, &mut light, cells, within_wall);
+            }
+        }
+        Light {
+            bright: light.bright.to_array(),
+            tone: light.tone.to_array(),
+            through: light.through.to_array(),
+            depth: light.depth.to_array(),
+            mixed: light.passages.simd_gt(1.5).to_bitmask() as u16,
+            samples,
+        }
+    }
+
+    #[inline(always)]
+    fn turn<S: Simd>(&self, [f, r, t]: [Vec3; 3], u: f32x16<S>, v: f32x16<S>, shrink: f32x16<S>) -> [f32x16<S>; 3] {
+        [(u * r.x + v * t.x + f.x) * shrink, (u * r.y + v * t.y + f.y) * shrink, (u * r.z + v * t.z + f.z) * shrink]
+    }
+
+    /// Trilinear HU of all rays at `k`.
+    #[inline(always)]
+    fn value<S: Simd>(&self, simd: S, ray: &Lanes<S>, k: f32) -> f32x16<S> {
+        let q = ray.at(self.origin, k);
+        let (cell, t) = split(q);
+        let mut value = interpolate(simd, self.voxels.corners(simd, cell), t);
+        let last = self.voxels.last();
+        let low = cell[0].min(cell[1]).min(cell[2]).simd_lt(1);
+        let outside = low | cell[0].simd_gt(last[0]) | cell[1].simd_gt(last[1]) | cell[2].simd_gt(last[2]);
+        if outside.any_true() {
+            self.at_border(&mut value, q, outside.to_bitmask());
+        }
+        value
+    }
+
+    /// Values at and beyond the volume's border, one by one.
+    #[inline(never)]
+    fn at_border<S: Simd>(&self, value: &mut f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) {
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let q = Vec3::new(q[0][n], q[1][n], q[2][n]);
+            let near = q.clamp(Vec3::ZERO, self.border);
+            value[n] = self.scalar.value(near);
+        }
+    }
+
+    /// What a half step at the value `hu` lets through.
+    #[inline(always)]
+    fn through<S: Simd>(&self, simd: S, hu: f32x16<S>) -> f32x16<S> {
+        let one = f32x16::splat(simd, 1.0);
+        let a = ((hu - self.lo) * self.scale).min(one);
+        let mut t = hu.simd_gt(self.foot).select(one - a, one);
+        for _ in self.power..1 {
+            t = t.sqrt();
+        }
+        for _ in 1..self.power {
+            t = t * t;
+        }
+        t
+    }
+
+    /// HU above the palette's first.
+    #[inline(always)]
+    fn tone<S: Simd>(&self, simd: S, hu: f32x16<S>) -> f32x16<S> {
+        let [low, high] = PALETTE_HU;
+        let zero = f32x16::splat(simd, 0.0);
+        (hu - low).max(zero).min(f32x16::splat(simd, high - low))
+    }
+
+    /// Shades the passages of the rays in `mask` and begins new ones.
+    #[inline(never)]
+    fn flush<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Lanes<S>,
+        mask: mask32x16<S>,
+        light: &mut Sums<S>,
+        cells: &mut Cells,
+        within_wall: bool,
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.shade(simd, ray, mask, light, cells, within_wall),
+        );
+    }
+
+    #[inline(always)]
+    fn shade<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Lanes<S>,
+        mask: mask32x16<S>,
+        light: &mut Sums<S>,
+        cells: &mut Cells,
+        within_wall: bool,
+    ) {
+        let zero = f32x16::splat(simd, 0.0);
+        let one = f32x16::splat(simd, 1.0);
+        let weight = mask.select(light.weight, one);
+        let k = light.place / weight;
+        let q = ray.at_each(self.origin, k);
+        let (cell, t) = split(q);
+        let g = self.gradient(simd, mask, cell, t, cells);
+        let dot = g[0] * ray.world[0] + g[1] * ray.world[1] + g[2] * ray.world[2];
+        let square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
+        // A thousandth of an HU per mm is the rounding of a flat region.
+        let steep = square.simd_gt(1e-6);
+        let mut facing = steep.select((dot / steep.select(square, one).sqrt()).max(zero), one);
+        if within_wall {
+            self.face_camera(&mut facing, q, mask.to_bitmask());
+        }
+        let shade = facing * DIFFUSE + AMBIENT;
+        light.bright += mask.select(light.weight * shade, zero);
+        light.tone += mask.select(light.value * shade, zero);
+        light.depth += mask.select(light.place, zero);
+        light.passages += mask.select(one, zero);
+        light.weight = mask.select(zero, light.weight);
+        light.place = mask.select(zero, light.place);
+        light.value = mask.select(zero, light.value);
+    }
+
+    /// In a homogeneous region the gradient points at the camera: only a camera within the wall sees one.
+    #[inline(never)]
+    fn face_camera<S: Simd>(&self, facing: &mut f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) {
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            if self.space.homogeneous_near(Vec3::new(q[0][n], q[1][n], q[2][n])) {
+                facing[n] = 1.0;
+            }
+        }
+    }
+
+    /// The world gradient at the places `t` of the cells: cell by cell, since neighbouring rays share them.
+    #[inline(always)]
+    fn gradient<S: Simd>(
+        &self,
+        simd: S,
+        mask: mask32x16<S>,
+        cell: [i32x16<S>; 3],
+        t: [f32x16<S>; 3],
+        cells: &mut Cells,
+    ) -> [f32x16<S>; 3] {
+        let [nx, ny, _] = self.voxels.last();
+        let key = cell[0] + (cell[1] + cell[2] * (ny + 2)) * (nx + 2);
+        let mut lanes = mask.to_bitmask();
+        let mut g = [f32x16::splat(simd, 0.0); 3];
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            let same = key.simd_eq(key[n]);
+            lanes &= !same.to_bitmask();
+            let corners = cells.get(&self.source, key[n], [cell[0][n], cell[1][n], cell[2][n]]);
+            for a in 0..3 {
+                let k = &corners[a];
+                let low = t[0] * k[1] + k[0] + (t[0] * k[4] + k[2]) * t[1];
+                let high = t[0] * k[5] + k[3] + (t[0] * k[7] + k[6]) * t[1];
+                g[a] = same.select(low + high * t[2], g[a]);
+            }
+        }
+        g
+    }
+}
+
+/// The directions of sixteen rays.
+struct Lanes<S: Simd> {
+    /// A step, voxels.
+    along: [f32x16<S>; 3],
+    /// World direction, of unit length.
+    world: [f32x16<S>; 3],
+}
+
+impl<S: Simd> Lanes<S> {
+    /// The rays' places `k` steps from `origin`.
+    #[inline(always)]
+    fn at(&self, origin: Vec3, k: f32) -> [f32x16<S>; 3] {
+        let [x, y, z] = self.along;
+        [x * k + origin.x, y * k + origin.y, z * k + origin.z]
+    }
+
+    /// As [`Lanes::at`], each ray with its own `k`.
+    #[inline(always)]
+    fn at_each(&self, origin: Vec3, k: f32x16<S>) -> [f32x16<S>; 3] {
+        let [x, y, z] = self.along;
+        [x * k + origin.x, y * k + origin.y, z * k + origin.z]
+    }
+
+    #[inline(always)]
+    fn beam(&self, origin: Vec3) -> Beam {
+        let [x, y, z] = &self.along;
+        let low = Vec3::new(x.reduce_min(), y.reduce_min(), z.reduce_min());
+        let high = Vec3::new(x.reduce_max(), y.reduce_max(), z.reduce_max());
+        Beam::new(origin, low, high)
+    }
+}
+
+/// What sixteen rays have gathered; weights are shares of the light that reaches the camera.
+struct Sums<S: Simd> {
+    bright: f32x16<S>,
+    tone: f32x16<S>,
+    depth: f32x16<S>,
+    /// 1 − A.
+    through: f32x16<S>,
+    /// Of the passage that is under way: its weight, and that times place and value.
+    weight: f32x16<S>,
+    place: f32x16<S>,
+    value: f32x16<S>,
+    /// Number of passages that have been shaded.
+    passages: f32x16<S>,
+}
+
+/// Cells (counted from cell −1) and the places within them, 0 to 1.
+#[inline(always)]
+fn split<S: Simd>(q: [f32x16<S>; 3]) -> ([i32x16<S>; 3], [f32x16<S>; 3]) {
+    // Not by `map`: closures do not inherit the level's instructions.
+    let floor = [q[0].floor(), q[1].floor(), q[2].floor()];
+    let place = [q[0] - floor[0], q[1] - floor[1], q[2] - floor[2]];
+    let cell = [floor[0].to_int(), floor[1].to_int(), floor[2].to_int()];
+    (cell, place)
+}
