@@ -53,7 +53,7 @@ pub struct Stop {
     pub jump: bool,
     /// The frame that is measured.
     pub pose: Pose,
-    /// The frames of the flight before it, oldest first; none after a jump.
+    /// The frames before it, oldest first: those of the flight; after a jump that of the pose before.
     pub lead: Vec<Pose>,
 }
 
@@ -110,7 +110,8 @@ impl Flown {
             let pose = at((u(0) * last as f64) as usize);
             let pose = turned(pose, n, u(1));
             let place = ((n + 1) * stops.len() / (jumps + 1) + n).min(stops.len());
-            stops.insert(place, Stop { jump: true, pose, lead: Vec::new() });
+            let before = place.checked_sub(1).map(|n| stops[n].pose);
+            stops.insert(place, Stop { jump: true, pose, lead: before.into_iter().collect() });
         }
         stops
     }
@@ -159,8 +160,8 @@ mod tests {
             assert!(gaps.len() == 4 && gaps.windows(2).all(|w| (w[1] - w[0] - 1.0).abs() < 1e-9), "1 mm a frame");
         }
         assert!(!stops[0].jump && !stops[7].jump, "jumps lie within the flight");
-        for s in jumps {
-            assert!(s.lead.is_empty() && s.pose.forward.x < 0.8);
+        for (n, s) in stops.iter().enumerate().filter(|(_, s)| s.jump) {
+            assert!(s.lead == [stops[n - 1].pose] && s.pose.forward.x < 0.8);
             assert!((s.pose.forward.length() - 1.0).abs() < 1e-9 && s.pose.forward.dot(s.pose.up).abs() < 1e-9);
         }
         assert_eq!(stops, flown(1201).stops(6, 2, 3));

@@ -165,7 +165,9 @@ impl<'a> Running<'a> {
                 }
             }
         } else if self.measured.faults.last().is_none_or(|f| f.ms < SLOW_MS) {
-            self.renderer.render(&view, &mut frame);
+            // Not the pose itself: a cache would know all of it.
+            let before = stop.lead.last().unwrap_or(&stop.pose).view(extent.fov_degrees, extent.pixels)?;
+            self.renderer.render(&before, &mut frame);
         }
         let (ms, work) = timed(self.renderer.as_mut(), &view, &mut frame);
         let displaced = self.displaced(stop, extent, &view, truth)?;
