@@ -94,6 +94,11 @@ impl View {
         self.fov_degrees
     }
 
+    /// Side of a pixel in the plane at distance 1 from the camera.
+    pub fn pixel(&self) -> f64 {
+        self.pixel
+    }
+
     /// Pixels in a row.
     pub fn width(&self) -> usize {
         self.width

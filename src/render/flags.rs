@@ -25,15 +25,15 @@ pub struct Flags {
     dims: [usize; 3],
     /// 64-bit words in a row of flags.
     words: usize,
+    /// A bit for each voxel; none where only bricks are kept.
     bits: Vec<u64>,
+    classes: Classes,
     bricks: [usize; 3],
     empty: Vec<bool>,
-    /// Greatest voxel value that is empty.
-    lo: i16,
 }
 
 /// The values that are empty (`≤ lo`) and opaque (`≥ hi`), as whole HU.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Classes {
     lo: i16,
     hi: i16,
@@ -52,7 +52,7 @@ impl Flags {
             flag_slab(volume, classes, n * SLAB, words, slab);
         });
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
-        let mut flags = Self { dims, words, bits, bricks, empty: Vec::new(), lo: classes.lo };
+        let mut flags = Self { dims, words, bits, classes, bricks, empty: Vec::new() };
         let mut empty = vec![false; bricks.iter().product()];
         empty.par_chunks_mut(bricks[0]).enumerate().for_each_init(
             || vec![0; words],
@@ -62,16 +62,40 @@ impl Flags {
         flags
     }
 
-    /// Whether the neighbourhood of voxel (`i`, `j`, `k`) lies wholly in one class.
+    /// The same bricks without the bits: 1/512 byte a voxel instead of 1/8. [`Flags::homogeneous`] then looks at the
+    /// voxels themselves.
+    pub fn without_bits(mut self) -> Self {
+        self.bits = Vec::new();
+        self
+    }
+
+    /// Whether there is a bit for each voxel.
+    pub fn has_bits(&self) -> bool {
+        !self.bits.is_empty()
+    }
+
+    /// Whether the neighbourhood of voxel (`i`, `j`, `k`) of the `volume` that was flagged lies wholly in one class.
     #[inline]
-    pub fn homogeneous(&self, i: usize, j: usize, k: usize) -> bool {
-        self.bits[(k * self.dims[1] + j) * self.words + i / 64] >> (i % 64) & 1 != 0
+    pub fn homogeneous(&self, volume: &Volume, i: usize, j: usize, k: usize) -> bool {
+        match self.bits.get((k * self.dims[1] + j) * self.words + i / 64) {
+            Some(word) => word >> (i % 64) & 1 != 0,
+            None => self.look(volume, [i, j, k].map(|c| c as i64)),
+        }
+    }
+
+    /// [`Flags::homogeneous`] from the voxels.
+    fn look(&self, volume: &Volume, [i, j, k]: [i64; 3]) -> bool {
+        let Classes { lo, hi } = self.classes;
+        let around = |test: &dyn Fn(i16) -> bool| {
+            (-1..=1).all(|z| (-1..=1).all(|y| (-1..=1).all(|x| test(volume.get(i + x, j + y, k + z)))))
+        };
+        around(&|v| v <= lo) || around(&|v| v >= hi)
     }
 
     /// Greatest voxel value that is empty, HU.
     #[inline]
     pub fn empty_up_to(&self) -> i16 {
-        self.lo
+        self.classes.lo
     }
 
     /// Whether nothing is to be seen in brick `n` of the list (x fastest), or there is no such brick; brick `b` of an axis
@@ -113,7 +137,7 @@ impl Flags {
             let first = x.start;
             // Flagged neighbours share voxels, so the whole brick is of one class, and one voxel tells which.
             *empty = x.all(|i| all[i / 64] >> (i % 64) & 1 != 0)
-                && volume.data()[volume.grid().index(first, y.start, z.start)] <= self.lo;
+                && volume.data()[volume.grid().index(first, y.start, z.start)] <= self.classes.lo;
         }
     }
 }
@@ -259,8 +283,10 @@ mod tests {
                 if hash::uniform(seed, n as u64) < share { -650 } else { inside }
             });
             let flags = Flags::new(&v, wall);
+            let bare = flags.clone().without_bits();
             for k in 0..nz { for j in 0..ny { for i in 0..nx {
-                prop_assert_eq!(flags.homogeneous(i, j, k), naive(&v, wall, i, j, k), "{} {} {}", i, j, k);
+                prop_assert_eq!(flags.homogeneous(&v, i, j, k), naive(&v, wall, i, j, k), "{} {} {}", i, j, k);
+                prop_assert_eq!(bare.homogeneous(&v, i, j, k), flags.homogeneous(&v, i, j, k));
             }}}
             for n in 0..flags.empty.len() {
                 let [bx, by, _] = flags.bricks;
@@ -269,7 +295,7 @@ mod tests {
                     let at = |a: usize, o: usize| (8 * b[a] + o).checked_sub(1).filter(|&c| c < [nx, ny, nz][a]);
                     match (at(0, m % 9), at(1, m / 9 % 9), at(2, m / 81)) {
                         (Some(i), Some(j), Some(k)) => {
-                            flags.homogeneous(i, j, k) && f32::from(v.get(i as i64, j as i64, k as i64)) <= wall.lo()
+                            flags.homogeneous(&v, i, j, k) && f32::from(v.get(i as i64, j as i64, k as i64)) <= wall.lo()
                         }
                         _ => true,
                     }

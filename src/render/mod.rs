@@ -5,15 +5,20 @@
 //! looked at, a [`Shader`](shade::Shader) what the wall looks like; [`caster`] joins them along each
 //! [`Ray`](march::Ray). Apart from pictures, [`ray`] finds where a ray meets the wall, exactly.
 
+pub mod begin;
+pub mod bytes;
 pub mod camera;
 pub mod caster;
+pub mod classify;
 pub mod flags;
 pub mod frame;
 pub mod gradient;
+pub mod leap;
 pub mod march;
 pub mod quality;
 pub mod ray;
 pub mod renderer;
+pub mod reuse;
 pub mod sampler;
 pub mod shade;
 pub mod skip;
