@@ -19,7 +19,10 @@ pub fn run(args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Res
     let scene = fly::scene(&args.fly, !args.fly.headless && cfg!(feature = "window"))?;
     let image = scene.picture.then(|| fly::image_settings(&args.fly, global, &scene)).transpose()?;
     let mut timings = Timings::default();
-    let space = prepare::space(args.fly.input.as_deref(), global, &mut timings, progress)?;
+    let space = {
+        let preset = prepare::preset(args.fly.preset, scene.render.preset);
+        prepare::space(args.fly.input.as_deref(), global, preset, &mut timings, progress)?
+    };
     let lumen = Arc::new(prepare::lumen(space.volume(), &mut timings, progress)?);
     let plan = plan::plan(&space, &lumen, &fly::wish(&args.fly), scene.body.radius_mm, progress)?;
     let flight = FlightApp::new(space, lumen, plan, scene, image)?;

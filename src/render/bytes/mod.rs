@@ -13,7 +13,13 @@ use rayon::prelude::*;
 use crate::volume::{AIR_HU, Grid};
 
 use super::Wall;
+use super::begin::Begin;
+use super::caster::Shot;
+use super::classify::{ByDensity, ByValue};
+use super::quality::{Classification, Quality, Settings};
+use super::reuse::Scenery;
 use super::space::Space;
+use super::{Frame, View, Work};
 
 pub use sampler::{ByteNearest, ByteTrilinear};
 pub use skip::{ByteLeap, ByteSurroundings};
@@ -138,6 +144,54 @@ fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [
         for row in rows.chunks_exact(nx).take((j + reach + 1).min(ny)).skip(j.saturating_sub(reach)) {
             out.iter_mut().zip(row).for_each(|(o, r)| *o &= r);
         }
+    }
+}
+
+/// Pictures through the volume of 7 + 1 bits. The 16-bit voxels are only asked for a picture's depth.
+pub struct ByteScenery {
+    space: Space,
+    bytes: ByteVolume,
+}
+
+impl ByteScenery {
+    /// Looks at `bytes`, which were made from `space`.
+    pub fn new(space: &Space, bytes: ByteVolume) -> Self {
+        Self { space: space.clone(), bytes }
+    }
+}
+
+impl Scenery for ByteScenery {
+    type Clear<'a> = ByteSurroundings<'a>;
+
+    fn space(&self) -> &Space {
+        &self.space
+    }
+
+    fn clear(&self) -> ByteSurroundings<'_> {
+        ByteSurroundings { bytes: &self.bytes }
+    }
+
+    fn image<B: Begin>(
+        &self,
+        view: &View,
+        settings: &Settings,
+        begin: &B,
+        kept: &mut [B::Kept],
+        frame: &mut Frame,
+    ) -> Work {
+        let shot = Shot { space: &self.space, view, settings };
+        let (high, low) = (ByteTrilinear::new(&self.space, &self.bytes), ByteNearest::new(&self.space, &self.bytes));
+        let leap = ByteLeap::new(&self.bytes);
+        match (settings.quality, settings.classification) {
+            (Quality::Low, Classification::Value) => shot.image(&low, &leap, &ByValue, begin, kept, frame),
+            (Quality::Low, Classification::Filtered) => shot.image(&low, &leap, &ByDensity, begin, kept, frame),
+            (_, Classification::Value) => shot.image(&high, &leap, &ByValue, begin, kept, frame),
+            (_, Classification::Filtered) => shot.image(&high, &leap, &ByDensity, begin, kept, frame),
+        }
+    }
+
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        vec![("homogeneous-region flags", self.space.bytes()), ("volume (7 + 1 bit)", self.bytes.bytes())]
     }
 }
 

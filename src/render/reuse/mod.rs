@@ -12,7 +12,7 @@ pub mod prove;
 
 use glam::{DVec3, Vec3};
 
-use super::begin::Begin;
+use super::begin::{Anew, Begin};
 use super::caster::Shot;
 use super::classify::{ByDensity, ByValue, Classifier};
 use super::leap::{BrickWalls, Clearance, SLACK, Surroundings};
@@ -69,8 +69,32 @@ pub trait Scenery: Send + Sync {
         frame: &mut Frame,
     ) -> Work;
 
-    /// Memory beside the 16-bit voxels.
-    fn bytes(&self) -> usize;
+    /// Memory beside the 16-bit voxels, by what it is for.
+    fn parts(&self) -> Vec<(&'static str, usize)>;
+}
+
+/// Renders every picture on its own.
+pub struct Plain<S> {
+    scenery: S,
+    settings: Settings,
+}
+
+impl<S: Scenery> Plain<S> {
+    /// Renders `scenery` by `settings`.
+    pub fn new(scenery: S, settings: Settings) -> Self {
+        Self { scenery, settings }
+    }
+}
+
+impl<S: Scenery> Renderer for Plain<S> {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        let mut kept = vec![(); view.width() * view.height()];
+        self.scenery.image(view, &self.settings, &Anew, &mut kept, frame)
+    }
+
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        self.scenery.parts()
+    }
 }
 
 /// The 16-bit voxels, with the wall's distance per brick.
@@ -108,8 +132,8 @@ impl Scenery for Words {
         Shot { space: &self.space, view, settings }.plain(begin, kept, frame)
     }
 
-    fn bytes(&self) -> usize {
-        self.space.bytes() + self.bricks.bytes()
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        vec![("homogeneous-region flags", self.space.bytes()), ("wall distance per brick", self.bricks.bytes())]
     }
 }
 
@@ -210,9 +234,11 @@ impl<S: Scenery, R: Rule> Renderer for Reusing<S, R> {
         work
     }
 
-    fn bytes(&self) -> usize {
+    fn parts(&self) -> Vec<(&'static str, usize)> {
         let spare = self.spare.0.capacity() * size_of::<R>() + self.spare.2.capacity() * size_of::<f32>();
-        self.scenery.bytes() + self.known.as_ref().map_or(0, Known::bytes) + spare
+        let mut parts = self.scenery.parts();
+        parts.push(("frame cache", self.known.as_ref().map_or(0, Known::bytes) + spare));
+        parts
     }
 }
 
