@@ -25,6 +25,9 @@ pub mod skip;
 pub mod space;
 pub mod transfer;
 
+#[cfg(test)]
+mod extremes_tests;
+
 pub use camera::View;
 pub use caster::render;
 pub use frame::{Frame, Work, psnr};

@@ -98,12 +98,16 @@ fn block(bytes: &ByteVolume, first: [i32; 3]) -> Block {
     if inside(0) && inside(1) && inside(2) {
         let n = bytes.grid.index(first[0] as usize, first[1] as usize, first[2] as usize);
         let (row, slice) = (dims[0], dims[0] * dims[1]);
-        std::array::from_fn(|z| {
-            std::array::from_fn(|y| {
+        let mut all = [[Vec4::ZERO; 4]; 4];
+        for (z, plane) in all.iter_mut().enumerate() {
+            for (y, four) in plane.iter_mut().enumerate() {
                 let at = n + z * slice + y * row;
-                bytes.data[at..at + 4].first_chunk().map_or(Vec4::ZERO, |v: &[u8; 4]| codes(*v))
-            })
-        })
+                if let Some(v) = bytes.data[at..at + 4].first_chunk() {
+                    *four = codes(*v);
+                }
+            }
+        }
+        all
     } else {
         let [i, j, k] = first.map(|c| c + 1);
         let row =
@@ -134,7 +138,8 @@ impl Sampler for ByteTrilinear<'_> {
         above as f32 * (self.decode.scale / (1 << (3 * PLACE_BITS)) as f32) + self.lo
     }
 
-    #[inline(always)]
+    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    #[inline(never)]
     fn fit(&self, q: Vec3) -> Fit {
         let (cell, t) = split(q);
         self.decode.fit(self.regression.fit(&block(self.bytes, cell.map(|c| c - 2)), t))
@@ -152,7 +157,8 @@ impl Sampler for ByteNearest<'_> {
         f32::from(self.bytes.get(nearest(q)) & CODE) * self.decode.scale + self.decode.offset
     }
 
-    #[inline(always)]
+    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    #[inline(never)]
     fn fit(&self, q: Vec3) -> Fit {
         self.decode.fit(self.regression.fit(&block(self.bytes, nearest(q).map(|c| c - 2)), Vec3::ZERO))
     }
