@@ -82,13 +82,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         let why = "the preset lean does without: rays leap from brick to brick".to_owned();
         left_out.push(LeftOut { part: "a flag for each voxel", why });
     }
-    Explanation {
-        step,
-        frame,
-        components: flight.app().components_in_use(),
-        built,
-        left_out,
-    }
+    Explanation { step, frame, components: flight.app().components_in_use(), built, left_out }
 }
 
 impl Explanation {

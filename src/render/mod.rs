@@ -13,6 +13,7 @@ pub mod classify;
 pub mod flags;
 pub mod frame;
 pub mod gradient;
+pub mod gradients;
 pub mod leap;
 pub mod march;
 pub mod quality;

@@ -44,6 +44,11 @@ impl<'a> Trilinear<'a> {
     pub fn new(space: &'a Space) -> Self {
         Self { space, regression: regression(space) }
     }
+
+    /// What is sampled.
+    pub fn space(&self) -> &'a Space {
+        self.space
+    }
 }
 
 impl<'a> Nearest<'a> {

@@ -71,7 +71,7 @@ impl Space {
 
     /// As [`Space::new`] with the least memory: bricks to leap by, but no bit for each voxel.
     pub fn lean(volume: Arc<Volume>, wall: Wall) -> Self {
-        let flags = Arc::new(Flags::new(&volume, wall).without_bits());
+        let flags = Arc::new(Flags::bricks_only(&volume, wall));
         Self { volume, wall, flags }
     }
 

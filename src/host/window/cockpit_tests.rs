@@ -37,7 +37,13 @@ fn cockpit(guide: Guide) -> Cockpit {
         notes: Vec::new(),
     };
     let scene = Scene { guide: Some(guide), picture: true, operator: true, ..Scene::default() };
-    let image = ImageSettings { width: 8, height: 8, fov_degrees: 90.0, settings: Settings::new(Quality::High), preset: Preset::Default };
+    let image = ImageSettings {
+        width: 8,
+        height: 8,
+        fov_degrees: 90.0,
+        settings: Settings::new(Quality::High),
+        preset: Preset::Default,
+    };
     let flight = FlightApp::new(Space::new(volume, Wall::default()), lumen, plan, scene, Some(image)).unwrap();
     Cockpit::new(flight, 0.0, Arc::new(|| {})).unwrap()
 }
