@@ -68,15 +68,14 @@ pub fn explain(flight: &FlightApp) -> Explanation {
             built.extend(own.map(|(part, bytes)| Built { part, bytes, needed_by }).collect::<Vec<_>>());
         }
         None => {
-            left_out.push(LeftOut {
-                part: "frame cache",
-                why: "no picture, or a preset that keeps nothing between frames".to_owned(),
-            });
+            let picture = flight.camera::<Picture>().filter(|_| flight.scene().picture);
+            let why = picture.map_or("there is no picture", |_| "the preset keeps nothing between frames");
+            left_out.push(LeftOut { part: "frame cache", why: why.to_owned() });
             left_out.push(LeftOut { part: "volume (7 + 1 bit)", why: "only the preset colvis samples it".to_owned() });
         }
     }
     for part in ["wall distance per voxel", "gradients ahead of time", "gradient cache"] {
-        left_out.push(LeftOut { part, why: "no preset asks for it: measured, it costs more than it saves".to_owned() });
+        left_out.push(LeftOut { part, why: "no preset asks for it".to_owned() });
     }
     if !space.flags().has_bits() {
         let why = "the preset lean does without: rays leap from brick to brick".to_owned();

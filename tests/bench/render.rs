@@ -2,7 +2,7 @@
 //!
 //! On the analytic phantom (small), one view from the middle of its centerline, 256×256; on the machine's own number of
 //! threads. A part's name is the line's second half, so `cargo bench --bench render -- leaping` compares leaping alone.
-#![allow(missing_docs, reason = "criterion_group makes a public function without a comment")]
+#![expect(missing_docs, reason = "criterion_group makes a public function without a comment")]
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -71,10 +71,11 @@ fn parts(c: &mut Criterion) {
 
     let mut group = c.benchmark_group("sampling of 20 000 places");
     let values = |f: &dyn Fn(Vec3) -> f32| places.iter().map(|&q| f(q)).sum::<f32>();
-    group.bench_function("nearest, 16 bits", |b| b.iter(|| values(&|q| Nearest::new(s).value(q))));
+    let (low, low_bytes) = (Nearest::new(s), ByteNearest::new(s, &one));
+    group.bench_function("nearest, 16 bits", |b| b.iter(|| values(&|q| low.value(q))));
     let high = Trilinear::new(s);
     group.bench_function("trilinear, 16 bits", |b| b.iter(|| values(&|q| high.value(q))));
-    group.bench_function("nearest, 7 + 1 bits", |b| b.iter(|| values(&|q| ByteNearest::new(s, &one).value(q))));
+    group.bench_function("nearest, 7 + 1 bits", |b| b.iter(|| values(&|q| low_bytes.value(q))));
     group.bench_function("trilinear, 7 + 1 bits, fixed point", |b| b.iter(|| values(&|q| bytes.value(q))));
     group.bench_function("trilinear, 7 + 1 bits, floats", |b| b.iter(|| values(&|q| bytes.value_in_floats(q))));
     group.finish();
