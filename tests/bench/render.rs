@@ -1,6 +1,6 @@
 //! What each part of the ray caster takes: sampling, leaping, gradients, whole frames. `cargo bench --bench render`.
 //!
-//! On the analytic phantom (small), one view from the middle of its centerline, 256×256; on the machine's own number of
+//! On the analytic phantom (small), one view from the middle of its centerline, 512×512; on the machine's own number of
 //! threads. A part's name is the line's second half, so `cargo bench --bench render -- leaping` compares leaping alone.
 #![expect(missing_docs, reason = "criterion_group makes a public function without a comment")]
 
@@ -24,7 +24,7 @@ use colvis::render::{Frame, Preset, Quality, Renderer, Settings, Space, View, Wa
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};
 
-const SIDE: usize = 256;
+const SIDE: usize = 512;
 
 /// The phantom, and the views of a flight along its centerline, 1 mm apart.
 fn scene() -> (Space, Vec<View>) {
@@ -125,7 +125,8 @@ fn parts(c: &mut Criterion) {
     let mut group = c.benchmark_group("ten frames of a flight");
     group.sample_size(10);
     let low = Settings::new(Quality::Low);
-    let makes: [(&str, &dyn Fn() -> Box<dyn Renderer>); 7] = [
+    type Make<'a> = &'a dyn Fn() -> Box<dyn Renderer>;
+    let makes: [(&str, Make<'_>); 7] = [
         ("high", &|| renderer(s, settings, Preset::Default, false)),
         ("high, reusing", &|| Box::new(Reusing::<_, f32>::new(Words::new(s), settings, Refresh::Staggered(16)))),
         ("high, the paper's rule", &|| {

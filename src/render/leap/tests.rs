@@ -35,7 +35,7 @@ proptest! {
         let mut cells: Vec<u8> = (0..count).map(|n| if marked(n) { 0 } else { FAR }).collect();
         chessboard(&mut cells, dims, edge);
         let at = |n: usize| [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]];
-        for n in 0..count {
+        for (n, &cell) in cells.iter().enumerate() {
             let p = at(n);
             let to_marked = (0..count).filter(|&m| marked(m)).map(|m| {
                 let o = at(m);
@@ -43,7 +43,7 @@ proptest! {
             });
             let outside = (0..3).map(|a| (p[a] + 1).min(dims[a] - p[a])).min().filter(|_| edge);
             let want = to_marked.chain(outside).min().map_or(FAR, |d| d.min(255) as u8);
-            prop_assert_eq!(cells[n], want, "{:?}", p);
+            prop_assert_eq!(cell, want, "{:?}", p);
         }
     }
 
