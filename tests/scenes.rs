@@ -48,6 +48,7 @@ fn four_scenes_four_schedules() {
         ("watch_flight", [true, true, true, false]),
         ("cast_picture", [false, false, false, true]),
         ("RaySpace", [true, true, false, true]),
+        ("FrameCache", [false, false, false, false]),
         ("take_commands", [false, false, false, false]),
         ("Hand", [false, false, false, false]),
         ("log_step", [false, false, false, false]),
@@ -103,4 +104,26 @@ fn the_program_explains() {
     });
     assert_ne!(outputs[0]["step"], outputs[1]["step"]);
     assert!(outputs[0]["built"].as_array().unwrap().iter().all(|b| b["bytes"].is_u64()));
+}
+
+#[test]
+fn a_frame_cache_is_there_where_the_preset_reuses() {
+    let explain = |preset: &str| {
+        let args = ["explain", "--headless", "--json", "--scene", "assets/scenes/render.toml", "--size", "48x32"];
+        let out = run(&[&args[..], &["--preset", preset]].concat(), 0);
+        serde_json::from_slice::<serde_json::Value>(&out.stdout).unwrap()
+    };
+    let has = |e: &serde_json::Value, list: &str, part: &str| {
+        e[list].as_array().unwrap().iter().any(|b| b == part || b["part"] == part)
+    };
+    let all = ["default", "colvis", "lean"].map(explain);
+    for (n, keeps) in [false, true, false].into_iter().enumerate() {
+        assert_eq!(has(&all[n], "components", "FrameCache"), keeps);
+        for part in ["volume (7 + 1 bit)", "frame cache"] {
+            assert_eq!((has(&all[n], "built", part), has(&all[n], "left_out", part)), (keeps, !keeps), "{part}");
+        }
+        assert_eq!(has(&all[n], "left_out", "a flag for each voxel"), n == 2);
+    }
+    let cache = all[1]["built"].as_array().unwrap().iter().find(|b| b["part"] == "frame cache").unwrap();
+    assert!(cache["bytes"].as_u64().unwrap() >= 48 * 32 * 16);
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::app::FlightApp;
 use crate::components::LeftOut;
 use crate::components::guide::{MineField, Tentacles};
-use crate::components::output::Picture;
+use crate::components::output::{FrameCache, Picture};
 
 /// Something that a flight keeps in memory.
 #[derive(Clone, Debug, Serialize)]
@@ -59,13 +59,29 @@ pub fn explain(flight: &FlightApp) -> Explanation {
             needed_by: "a window or a recording",
         });
     }
-    Explanation {
-        step,
-        frame,
-        components: flight.app().components_in_use(),
-        built,
-        left_out: flight.app().left_out().to_vec(),
+    let mut left_out = flight.app().left_out().to_vec();
+    match flight.camera::<FrameCache>() {
+        Some(cache) => {
+            // The flags are told above: everything that casts rays needs them.
+            let own = cache.renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0));
+            let needed_by = "the picture's preset";
+            built.extend(own.map(|(part, bytes)| Built { part, bytes, needed_by }).collect::<Vec<_>>());
+        }
+        None => {
+            let picture = flight.camera::<Picture>().filter(|_| flight.scene().picture);
+            let why = picture.map_or("there is no picture", |_| "the preset keeps nothing between frames");
+            left_out.push(LeftOut { part: "frame cache", why: why.to_owned() });
+            left_out.push(LeftOut { part: "volume (7 + 1 bit)", why: "only the preset colvis samples it".to_owned() });
+        }
     }
+    for part in ["wall distance per voxel", "gradients ahead of time", "gradient cache"] {
+        left_out.push(LeftOut { part, why: "no preset asks for it".to_owned() });
+    }
+    if !space.flags().has_bits() {
+        let why = "the preset lean does without: rays leap from brick to brick".to_owned();
+        left_out.push(LeftOut { part: "a flag for each voxel", why });
+    }
+    Explanation { step, frame, components: flight.app().components_in_use(), built, left_out }
 }
 
 impl Explanation {

@@ -14,14 +14,14 @@ use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
 use crate::components::guide::{GuideThrust, MineField, MinePush, Tentacles};
 use crate::components::input::{Act, Command, Hand, Inbox};
-use crate::components::output::{FlightLog, GuideName, LogLine, Picture};
+use crate::components::output::{FlightLog, FrameCache, GuideName, LogLine, Picture};
 use crate::components::scan::{RaySpace, Scan, Walls};
 use crate::dynamics::mines::Mines;
 use crate::dynamics::monitor::Monitor;
 use crate::error::Result;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{ClearanceFinder, Lumen};
-use crate::render::{Frame, Settings, Space, Work};
+use crate::render::{Frame, Preset, Settings, Space, Work, renderer};
 
 /// How far clearances are exact, mm; the contract asks for 10.
 const CLEARANCE_MM: f64 = 11.0;
@@ -37,6 +37,8 @@ pub struct ImageSettings {
     pub fov_degrees: f64,
     /// The renderer's settings.
     pub settings: Settings,
+    /// Which renderer.
+    pub preset: Preset,
 }
 
 /// What a host drives: the same for a window and headless.
@@ -76,6 +78,7 @@ impl FlightApp {
             app.world.entity_mut(camera).insert(Picture {
                 fov_degrees: i.fov_degrees,
                 settings: i.settings,
+                preset: i.preset,
                 frame: Frame::new(i.width, i.height, false),
                 work: Work::default(),
             });
@@ -138,6 +141,16 @@ impl FlightApp {
                 });
             }
             None => drop(camera.remove::<(Watch, Goal)>()),
+        }
+        // Only a preset that keeps something asks for a cache.
+        let kept = camera.get::<Picture>().filter(|_| self.scene.picture).map(|p| (p.settings, p.preset));
+        match (kept.filter(|(s, p)| renderer::keeps(s, *p)), camera.contains::<FrameCache>()) {
+            (Some((settings, preset)), false) => {
+                let renderer = renderer(&self.space, settings, preset, true);
+                camera.insert(FrameCache { renderer, settings });
+            }
+            (None, true) => drop(camera.remove::<FrameCache>()),
+            _ => {}
         }
         if self.scene.operator && moves && !camera.contains::<Hand>() {
             camera.insert(Hand::default());

@@ -11,7 +11,7 @@ use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::TentacleSettings;
 use crate::error::{Error, Result};
-use crate::render::{Classification, Settings};
+use crate::render::{Classification, Preset, Settings};
 use crate::systems;
 
 /// Who steers. Each is one plugin over the same body.
@@ -62,6 +62,8 @@ pub struct RenderSettings {
     /// Whether opacity is looked up by the regression's filtered density, as the paper has it, instead of by the
     /// trilinear value.
     pub filtered_density: bool,
+    /// Which renderer: `default`, `colvis` or `lean`; the command line's `--preset` wins.
+    pub preset: Preset,
 }
 
 impl RenderSettings {
@@ -309,7 +311,9 @@ mod tests {
         let s = Scene::parse("plugins = [\"manual\", \"watch\"]").unwrap();
         assert!(s.guide == Some(Guide::Manual) && s.watch.is_some());
         let s = Scene::parse("plugins = [\"render\"]").unwrap();
-        assert!(s.guide.is_none() && s.picture);
+        assert!(s.guide.is_none() && s.picture && s.render.preset == Preset::Default);
+        let s = Scene::parse("plugins = [\"render\"]\n[render]\npreset = \"colvis\"").unwrap();
+        assert_eq!(s.render.preset, Preset::Colvis);
         for bad in [
             "plugins = [\"tentacles\", \"manual\"]",
             "plugins = [\"warp\"]",
@@ -318,6 +322,7 @@ mod tests {
             "plugins = [\"tentacles\"]\n[tentacles]\ncount = 2",
             "plugins = [\"tentacles\"]\nspeed = 2",
             "plugins = [\"render\"]\n[render]\nsensitivity = 1.5",
+            "plugins = [\"render\"]\n[render]\npreset = \"best\"",
             "plugins",
         ] {
             assert!(Scene::parse(bad).is_err(), "{bad}");

@@ -11,7 +11,7 @@ use serde_json::json;
 use crate::app::flight::ImageSettings;
 use crate::app::plan::{self, Place, Wish, triple};
 use crate::app::{FlightApp, Guide, Scene};
-use crate::cli::args::{FlyArgs, Global, GuideName, Point, PresetName, Size};
+use crate::cli::args::{FlyArgs, Global, GuideName, Point, Size};
 use crate::cli::prepare::{self, Timings, say};
 use crate::components::flight::State;
 use crate::components::input::Act;
@@ -64,9 +64,6 @@ pub fn check(args: &FlyArgs) -> Result<()> {
     }
     if args.play.is_some() {
         return Err(Error::not_built("--play"));
-    }
-    if let Some(p @ (PresetName::Colvis | PresetName::Lean)) = args.preset {
-        return Err(Error::not_built(format!("--preset {p:?}").to_lowercase()));
     }
     for (name, value) in [("--seconds", args.seconds), ("--fps", args.fps)] {
         if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
@@ -142,6 +139,7 @@ pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene) -> Result<
         height: size.height,
         fov_degrees: prepare::fov(global)?,
         settings: scene.render.apply(prepare::quality(args.quality)?),
+        preset: prepare::preset(args.preset, scene.render.preset),
     })
 }
 
@@ -202,7 +200,8 @@ fn prepared(
     timings: &mut Timings,
     progress: &Progress,
 ) -> Result<FlightApp> {
-    let space = prepare::space(args.input.as_deref(), global, timings, progress)?;
+    let preset = prepare::preset(args.preset, scene.render.preset);
+    let space = prepare::space(args.input.as_deref(), global, preset, timings, progress)?;
     let lumen = Arc::new(prepare::lumen(space.volume(), timings, progress)?);
     let plan = timings.time("plan_s", || plan::plan(&space, &lumen, &wish(args), scene.body.radius_mm, progress))?;
     for note in &plan.notes {

@@ -6,12 +6,12 @@ use std::time::Instant;
 
 use serde_json::{Map, Value, json};
 
-use crate::cli::args::{Global, QualityName};
+use crate::cli::args::{Global, PresetName, QualityName};
 use crate::error::{Error, Result};
 use crate::fields::{Lumen, lumen};
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
-use crate::render::{Quality, Settings, Space, Wall};
+use crate::render::{Preset, Quality, Settings, Space, Wall};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
 
@@ -81,6 +81,16 @@ pub fn quality(name: Option<QualityName>) -> Result<Settings> {
     }
 }
 
+/// The renderer that `--preset` asks for, or else the scene.
+pub fn preset(name: Option<PresetName>, scene: Preset) -> Preset {
+    match name {
+        Some(PresetName::Default) => Preset::Default,
+        Some(PresetName::Colvis) => Preset::Colvis,
+        Some(PresetName::Lean) => Preset::Lean,
+        None => scene,
+    }
+}
+
 /// Reads the input, or makes the embedded phantom where there is none; says what there is to say about it.
 ///
 /// # Errors
@@ -115,10 +125,17 @@ pub fn load(input: Option<&Path>, global: &Global, progress: &Progress) -> Resul
 ///
 /// # Errors
 /// As [`load`]; status 2 for a wall that is none.
-pub fn space(input: Option<&Path>, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Space> {
+pub fn space(
+    input: Option<&Path>,
+    global: &Global,
+    preset: Preset,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<Space> {
     let wall = wall(global)?;
     let volume = Arc::new(timings.time("load_s", || load(input, global, progress))?);
-    timings.time("flags_s", || Ok(Space::new(volume, wall)))
+    let make = if preset == Preset::Lean { Space::lean } else { Space::new };
+    timings.time("flags_s", || Ok(make(volume, wall)))
 }
 
 /// The colon in a scan that can be flown through.

@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::json;
 
-use crate::cli::args::{Global, PresetName, RenderArgs, Size};
+use crate::cli::args::{Global, RenderArgs, Size};
 use crate::cli::prepare::{self, Timings};
 use crate::error::{Error, Result};
 use crate::host::headless::FrameStats;
@@ -16,7 +16,7 @@ use crate::host::record::write_png;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
-use crate::render::{Frame, View, render};
+use crate::render::{Frame, Preset, View, renderer};
 
 /// A list of poses, as `--poses` takes it. Other programs' extra fields are none of our business.
 #[derive(Deserialize)]
@@ -37,9 +37,7 @@ struct Pose {
 /// # Errors
 /// As the contract has them.
 pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
-    if let Some(p @ (PresetName::Colvis | PresetName::Lean)) = args.preset {
-        return Err(Error::not_built(format!("--preset {p:?}").to_lowercase()));
-    }
+    let preset = prepare::preset(args.preset, Preset::Default);
     let mut settings = prepare::quality(args.quality)?;
     settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;
     let poses = read(&args.poses)?;
@@ -61,13 +59,14 @@ pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Resu
     output::make_folder(&args.out)?;
     let bar = Bar::show(progress);
     let mut timings = Timings::default();
-    let space = prepare::space(Some(&args.input), global, &mut timings, progress)?;
+    let space = prepare::space(Some(&args.input), global, preset, &mut timings, progress)?;
+    let mut renderer = timings.time("renderer_s", || Ok(renderer(&space, settings, preset, !args.no_reuse)))?;
     let mut frame = Frame::new(size.width, size.height, args.depth);
     let mut frames = Vec::with_capacity(views.len());
     progress.stage("rendering", views.len() as u64);
     for (n, view) in views.iter().enumerate() {
         let begun = Instant::now();
-        let work = render(&space, view, &settings, &mut frame);
+        let work = renderer.render(view, &mut frame);
         let ms = begun.elapsed().as_secs_f64() * 1e3;
         frames.push(FrameStats { ms, rays: work.rays, samples: work.samples, reused: work.reused });
         write_png(&args.out.join(format!("{n:04}.png")), &frame)?;

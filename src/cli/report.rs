@@ -10,7 +10,7 @@ use crate::host::terminal::Bar;
 use crate::output;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
-use crate::render::Space;
+use crate::render::{Preset, Space};
 use crate::report::render::{Extent, Subject};
 use crate::report::{gradients, render, scenes};
 
@@ -82,7 +82,7 @@ fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<V
         vec![Subject { name: "phantom".to_owned(), title, space: phantom(args.quick, global, progress)? }];
     match &args.scan {
         Some(scan) => {
-            let space = prepare::space(Some(scan), global, &mut Timings::default(), progress)?;
+            let space = prepare::space(Some(scan), global, Preset::Default, &mut Timings::default(), progress)?;
             prepare::check_thick(space.volume())?;
             // Only the file's name: a path may tell of a patient.
             let title = scan.file_name().map_or_else(|| "Scan".to_owned(), |n| n.to_string_lossy().into_owned());

@@ -4,7 +4,7 @@ use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::components::flight::State;
-use crate::render::{Frame, Settings, Work};
+use crate::render::{Frame, Preset, Renderer, Settings, Work};
 
 /// One simulation step, as a line of the log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,8 +42,20 @@ pub struct Picture {
     pub fov_degrees: f64,
     /// Renderer's settings.
     pub settings: Settings,
+    /// Which renderer.
+    pub preset: Preset,
     /// The image.
     pub frame: Frame,
     /// What the last image took.
     pub work: Work,
+}
+
+/// A renderer with what it keeps from one image to the next. Only on a camera whose preset keeps anything; without it
+/// each image is traced from the scan alone.
+#[derive(Component)]
+pub struct FrameCache {
+    /// The renderer.
+    pub renderer: Box<dyn Renderer>,
+    /// What it was made for.
+    pub settings: Settings,
 }

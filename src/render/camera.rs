@@ -94,6 +94,11 @@ impl View {
         self.fov_degrees
     }
 
+    /// Side of a pixel in the plane at distance 1 from the camera.
+    pub fn pixel(&self) -> f64 {
+        self.pixel
+    }
+
     /// Pixels in a row.
     pub fn width(&self) -> usize {
         self.width
@@ -102,11 +107,6 @@ impl View {
     /// Rows.
     pub fn height(&self) -> usize {
         self.height
-    }
-
-    /// Side of a pixel in the plane at distance 1.
-    pub fn pixel(&self) -> f64 {
-        self.pixel
     }
 
     /// World direction, of unit length, through the centre of the pixel in column `x` of row `y`.

@@ -7,7 +7,9 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::begin::{Anew, Begin};
 use super::camera::View;
+use super::classify::{ByDensity, ByValue, Classifier};
 use super::frame::{Frame, Work};
 use super::march::{Ray, Step};
 use super::quality::{Classification, Quality, Settings};
@@ -19,116 +21,130 @@ use super::space::Space;
 use super::transfer::Ramp;
 
 /// Rows of a task and of a tile.
-const TILE_ROWS: usize = 16;
+pub(super) const TILE_ROWS: usize = 16;
 /// Columns of a tile: neighbouring rays visit the same voxels while they are in the cache.
 const TILE_COLUMNS: usize = 32;
 
 /// Renders `view` of `space` into `frame` (made to fit if it does not), on all of rayon's threads. The same bytes for
 /// every number of threads.
 pub fn render(space: &Space, view: &View, settings: &Settings, frame: &mut Frame) -> Work {
-    let (high, low) = (Trilinear::new(space), Nearest::new(space));
-    let (voxels, bricks) = (Leap::<true>::new(space), Leap::<false>::new(space));
-    match (settings.quality, settings.classification) {
-        (Quality::High, Classification::Value) => image(space, view, settings, (&high, &voxels, ByValue), frame),
-        (Quality::High, Classification::Filtered) => image(space, view, settings, (&high, &bricks, ByDensity), frame),
-        (Quality::Low, Classification::Value) => image(space, view, settings, (&low, &voxels, ByValue), frame),
-        (Quality::Low, Classification::Filtered) => image(space, view, settings, (&low, &bricks, ByDensity), frame),
-        (Quality::Reference, Classification::Value) => {
-            image(space, view, settings, (&high, &Everything, ByValue), frame)
-        }
-        (Quality::Reference, Classification::Filtered) => {
-            image(space, view, settings, (&high, &Everything, ByDensity), frame)
-        }
+    let shot = Shot { space, view, settings };
+    if settings.quality == Quality::Reference {
+        let high = Trilinear::new(space);
+        let mut kept = vec![(); view.width() * view.height()];
+        return match settings.classification {
+            Classification::Value => shot.image(&high, &Everything, &ByValue, &Anew, &mut kept, frame),
+            Classification::Filtered => shot.image(&high, &Everything, &ByDensity, &Anew, &mut kept, frame),
+        };
     }
+    shot.plain(&Anew, &mut vec![(); view.width() * view.height()], frame)
 }
 
-/// What opacity is looked up by, with the gradient where it comes for nothing.
-trait Classifier: Sync {
-    fn look<S: Sampler>(&self, sampler: &S, q: Vec3) -> (f32, Option<Vec3>);
-}
-
-/// [`Classification::Value`].
-struct ByValue;
-
-impl Classifier for ByValue {
-    #[inline(always)]
-    fn look<S: Sampler>(&self, sampler: &S, q: Vec3) -> (f32, Option<Vec3>) {
-        (sampler.value(q), None)
-    }
-}
-
-/// [`Classification::Filtered`].
-struct ByDensity;
-
-impl Classifier for ByDensity {
-    #[inline(always)]
-    fn look<S: Sampler>(&self, sampler: &S, q: Vec3) -> (f32, Option<Vec3>) {
-        let fit = sampler.fit(q);
-        (fit.density, Some(fit.gradient))
-    }
+/// A picture to be made: whereof, whence, how.
+#[derive(Clone, Copy)]
+pub struct Shot<'a> {
+    /// What is to be seen.
+    pub space: &'a Space,
+    /// Whence.
+    pub view: &'a View,
+    /// How.
+    pub settings: &'a Settings,
 }
 
 /// The parts of a ray caster put together.
-struct Caster<'a, S, K, C> {
-    space: &'a Space,
-    view: &'a View,
+struct Caster<'a, S, K, C, B> {
+    shot: Shot<'a>,
     sampler: &'a S,
     skipper: &'a K,
-    classifier: C,
+    classifier: &'a C,
+    begin: &'a B,
     shader: Headlight,
     ramp: Ramp,
     step: Step,
-    sensitivity: f32,
     samples_per_pixel: u32,
 }
 
-/// Casts a whole picture with the given sampler, skipper and classifier.
-fn image<S: Sampler, K: Skipper, C: Classifier>(
-    space: &Space,
-    view: &View,
-    settings: &Settings,
-    (sampler, skipper, classifier): (&S, &K, C),
-    frame: &mut Frame,
-) -> Work {
-    let step = Step::new(space, settings.step_power);
-    let caster = Caster {
-        space,
-        view,
-        sampler,
-        skipper,
-        classifier,
-        shader: Headlight::new(space),
-        ramp: Ramp::new(space.wall(), step.power),
-        step,
-        sensitivity: settings.sensitivity,
-        samples_per_pixel: settings.samples_per_pixel.max(1),
-    };
-    frame.resize(view.width(), view.height());
-    let (pixels, depth) = frame.buffers();
-    let band = TILE_ROWS * view.width();
-    if let Some(depth) = depth {
-        depth.par_chunks_mut(band).enumerate().for_each(|(n, band)| {
-            tiles(view.width(), n, band, |x, y, out| {
-                let hit = first_crossing(space, view.position(), view.ray(x, y), f64::INFINITY);
-                *out = hit.map_or(f32::INFINITY, |t| t as f32);
-            });
-        });
+impl Shot<'_> {
+    /// The picture by the 16-bit voxels and the flags.
+    pub fn plain<B: Begin>(&self, begin: &B, kept: &mut [B::Kept], frame: &mut Frame) -> Work {
+        let (high, low) = (Trilinear::new(self.space), Nearest::new(self.space));
+        let (voxels, bricks) = (Leap::<true>::new(self.space), Leap::<false>::new(self.space));
+        // Without a bit for each voxel it is quicker to sample than to look at 27 voxels.
+        let bits = self.space.flags().has_bits();
+        match (self.settings.quality, self.settings.classification) {
+            (Quality::Low, Classification::Value) if bits => self.image(&low, &voxels, &ByValue, begin, kept, frame),
+            (Quality::Low, Classification::Value) => self.image(&low, &bricks, &ByValue, begin, kept, frame),
+            (Quality::Low, Classification::Filtered) => self.image(&low, &bricks, &ByDensity, begin, kept, frame),
+            (_, Classification::Value) if bits => self.image(&high, &voxels, &ByValue, begin, kept, frame),
+            (_, Classification::Value) => self.image(&high, &bricks, &ByValue, begin, kept, frame),
+            (_, Classification::Filtered) => self.image(&high, &bricks, &ByDensity, begin, kept, frame),
+        }
     }
-    let bands = pixels.par_chunks_mut(band).enumerate().map(|(n, band)| {
-        let mut work = Work::default();
-        tiles(view.width(), n, band, |x, y, out| *out = caster.pixel(x, y, &mut work));
-        work
-    });
-    bands.reduce(Work::default, |a, b| a + b)
+
+    /// Casts the whole picture with the given parts. `kept` has a place for each pixel.
+    pub fn image<S: Sampler, K: Skipper, C: Classifier, B: Begin>(
+        &self,
+        sampler: &S,
+        skipper: &K,
+        classifier: &C,
+        begin: &B,
+        kept: &mut [B::Kept],
+        frame: &mut Frame,
+    ) -> Work {
+        let Self { space, view, settings } = *self;
+        let step = Step::new(space, settings.step_power);
+        let caster = Caster {
+            shot: *self,
+            sampler,
+            skipper,
+            classifier,
+            begin,
+            shader: Headlight::new(space),
+            ramp: Ramp::new(space.wall(), step.power),
+            step,
+            samples_per_pixel: settings.samples_per_pixel.max(1),
+        };
+        frame.resize(view.width(), view.height());
+        let (pixels, depth) = frame.buffers();
+        let band = TILE_ROWS * view.width();
+        if let Some(depth) = depth {
+            depths(space, view, depth);
+        }
+        let bands = pixels.par_chunks_mut(band).zip(kept.par_chunks_mut(band)).enumerate().map(|(n, (band, kept))| {
+            let mut work = Work::default();
+            tiles(view.width(), n, band, kept, |x, y, out, kept| *out = caster.pixel(x, y, kept, &mut work));
+            work
+        });
+        bands.reduce(Work::default, |a, b| a + b)
+    }
 }
 
-/// Calls `each` for the pixels of the `n`-th band of rows, tile by tile.
-fn tiles<T>(width: usize, n: usize, band: &mut [T], mut each: impl FnMut(usize, usize, &mut T)) {
+/// Fills in the exact distance to the wall of every pixel of `view`, mm.
+pub(super) fn depths(space: &Space, view: &View, depth: &mut [f32]) {
+    let band = TILE_ROWS * view.width();
+    depth.par_chunks_mut(band).enumerate().for_each(|(n, band)| {
+        tiles(view.width(), n, band, &mut vec![(); band.len()], |x, y, out, ()| {
+            let hit = first_crossing(space, view.position(), view.ray(x, y), f64::INFINITY);
+            *out = hit.map_or(f32::INFINITY, |t| t as f32);
+        });
+    });
+}
+
+/// Calls `each` for the pixels of the `n`-th band of rows, and for what belongs to them, tile by tile.
+fn tiles<T, U>(
+    width: usize,
+    n: usize,
+    band: &mut [T],
+    beside: &mut [U],
+    mut each: impl FnMut(usize, usize, &mut T, &mut U),
+) {
     for left in (0..width).step_by(TILE_COLUMNS) {
         let right = (left + TILE_COLUMNS).min(width);
-        for (row, pixels) in band.chunks_exact_mut(width).enumerate() {
-            for (x, out) in (left..right).zip(&mut pixels[left..right]) {
-                each(x, n * TILE_ROWS + row, out);
+        let rows = band.chunks_exact_mut(width).zip(beside.chunks_exact_mut(width));
+        for (row, (pixels, beside)) in rows.enumerate() {
+            let pixels = pixels[left..right].iter_mut().zip(&mut beside[left..right]);
+            for (x, (out, beside)) in (left..right).zip(pixels) {
+                each(x, n * TILE_ROWS + row, out, beside);
             }
         }
     }
@@ -144,26 +160,36 @@ fn within_pixel(n: u32, count: u32) -> (f64, f64) {
     (n / f64::from(count), (n * 0.618_033_988_749_894_9).fract())
 }
 
-impl<S: Sampler, K: Skipper, C: Classifier> Caster<'_, S, K, C> {
-    fn pixel(&self, x: usize, y: usize, work: &mut Work) -> [u8; 3] {
+impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
+    fn pixel(&self, x: usize, y: usize, kept: &mut B::Kept, work: &mut Work) -> [u8; 3] {
+        let Shot { space, view, .. } = self.shot;
         let mut light = Vec3::ZERO;
+        *kept = B::Kept::default();
         for n in 0..self.samples_per_pixel {
             let (u, v) = within_pixel(n, self.samples_per_pixel);
-            let direction = self.view.ray_at(x as f64 + u, y as f64 + v);
+            let direction = view.ray_at(x as f64 + u, y as f64 + v);
             work.rays += 1;
-            if let Some(ray) = Ray::new(self.space, self.view.position(), direction, self.step) {
-                light += self.cast(&ray, &mut work.samples);
+            if let Some(ray) = Ray::new(space, view.position(), direction, self.step) {
+                let (start, reused) = self.begin.begin(x, y, &ray, kept);
+                work.reused += u64::from(reused);
+                let (radiance, first) = self.cast(&ray, start, &mut work.samples);
+                work.misled += u64::from(self.begin.seen(x, y, &ray, first, kept));
+                light += radiance;
             }
         }
         (light / self.samples_per_pixel as f32).to_array().map(|c| (c * 255.0 + 0.5) as u8)
     }
 
-    /// The radiance that comes along a ray.
+    /// The radiance that comes along a ray from sample `n` on, and the first sample that was not empty; the ray's count
+    /// if none was.
     #[inline(always)]
-    fn cast(&self, ray: &Ray, samples: &mut u64) -> Vec3 {
+    fn cast(&self, ray: &Ray, mut n: u32, samples: &mut u64) -> (Vec3, u32) {
         let (mut light, mut through) = (Vec3::ZERO, 1.0f32);
-        let mut walk = self.skipper.start(ray);
-        let mut n = 0;
+        let mut first = ray.count;
+        if n >= ray.count {
+            return (light, first);
+        }
+        let mut walk = self.skipper.start(ray, n);
         loop {
             n = self.skipper.next(&mut walk, ray, n);
             if n >= ray.count {
@@ -174,22 +200,17 @@ impl<S: Sampler, K: Skipper, C: Classifier> Caster<'_, S, K, C> {
             let (hu, gradient) = self.classifier.look(self.sampler, q);
             let a = self.ramp.opacity(hu);
             if a > 0.0 {
-                let gradient = gradient.unwrap_or_else(|| self.gradient(q));
+                first = first.min(n);
+                let gradient = gradient.unwrap_or_else(|| self.sampler.gradient(q));
                 light += self.shader.colour(hu, gradient, ray.direction) * (through * a);
                 through *= 1.0 - a;
-                if through < self.sensitivity {
+                if through < self.shot.settings.sensitivity {
                     break;
                 }
             }
             n += 1;
         }
-        light
-    }
-
-    /// The gradient at a place that is not empty: none in a homogeneous region.
-    #[inline(always)]
-    fn gradient(&self, q: Vec3) -> Vec3 {
-        if self.space.homogeneous_near(q) { Vec3::ZERO } else { self.sampler.fit(q).gradient }
+        (light, first)
     }
 }
 

@@ -43,11 +43,12 @@ fn shoot(space: &Space, view: &View, settings: &Settings) -> (Frame, Work) {
 fn unskipped(space: &Space, view: &View, settings: &Settings) -> Frame {
     let mut frame = Frame::new(1, 1, true);
     let (high, low) = (Trilinear::new(space), Nearest::new(space));
+    let (shot, all, mut kept) = (Shot { space, view, settings }, &Everything, vec![(); view.width() * view.height()]);
     match (settings.quality, settings.classification) {
-        (Quality::Low, Classification::Value) => image(space, view, settings, (&low, &Everything, ByValue), &mut frame),
-        (Quality::Low, _) => image(space, view, settings, (&low, &Everything, ByDensity), &mut frame),
-        (_, Classification::Value) => image(space, view, settings, (&high, &Everything, ByValue), &mut frame),
-        (..) => image(space, view, settings, (&high, &Everything, ByDensity), &mut frame),
+        (Quality::Low, Classification::Value) => shot.image(&low, all, &ByValue, &Anew, &mut kept, &mut frame),
+        (Quality::Low, _) => shot.image(&low, all, &ByDensity, &Anew, &mut kept, &mut frame),
+        (_, Classification::Value) => shot.image(&high, all, &ByValue, &Anew, &mut kept, &mut frame),
+        (..) => shot.image(&high, all, &ByDensity, &Anew, &mut kept, &mut frame),
     };
     frame
 }

@@ -25,15 +25,15 @@ pub struct Flags {
     dims: [usize; 3],
     /// 64-bit words in a row of flags.
     words: usize,
+    /// A bit for each voxel; none where only bricks are kept.
     bits: Vec<u64>,
+    classes: Classes,
     bricks: [usize; 3],
     empty: Vec<bool>,
-    /// Greatest voxel value that is empty.
-    lo: i16,
 }
 
 /// The values that are empty (`≤ lo`) and opaque (`≥ hi`), as whole HU.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Classes {
     lo: i16,
     hi: i16,
@@ -42,36 +42,78 @@ struct Classes {
 impl Flags {
     /// Flags of `volume` for the classes of `wall`, in parallel.
     pub fn new(volume: &Volume, wall: Wall) -> Self {
-        // `Wall` keeps its bounds within ±32767, so both roundings fit.
-        let classes = Classes { lo: wall.lo().floor() as i16, hi: wall.hi().ceil() as i16 };
-        let dims = volume.grid().dims();
-        let words = dims[0].div_ceil(64);
-        let plane = words * dims[1];
-        let mut bits = vec![0u64; plane * dims[2]];
-        bits.par_chunks_mut(plane * SLAB).enumerate().for_each(|(n, slab)| {
-            flag_slab(volume, classes, n * SLAB, words, slab);
+        let mut flags = Self::unfilled(volume, wall);
+        let (words, bricks) = (flags.words, flags.bricks);
+        let plane = words * flags.dims[1];
+        flags.bits = vec![0u64; plane * flags.dims[2]];
+        flags.bits.par_chunks_mut(plane * SLAB).enumerate().for_each(|(n, slab)| {
+            flag_slab(volume, flags.classes, n * SLAB, words, slab);
         });
-        let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
-        let mut flags = Self { dims, words, bits, bricks, empty: Vec::new(), lo: classes.lo };
         let mut empty = vec![false; bricks.iter().product()];
         empty.par_chunks_mut(bricks[0]).enumerate().for_each_init(
             || vec![0; words],
-            |all, (n, row)| flags.empty_bricks(volume, n % bricks[1], n / bricks[1], all, row),
+            |all, (n, row)| flags.empty_bricks(volume, (&flags.bits, 0), [n % bricks[1], n / bricks[1]], all, row),
         );
         flags.empty = empty;
         flags
     }
 
-    /// Whether the neighbourhood of voxel (`i`, `j`, `k`) lies wholly in one class.
+    /// The same bricks without the bits: 1/512 byte a voxel instead of 1/8, at no time more than a few layers of bits.
+    /// [`Flags::homogeneous`] then looks at the voxels themselves.
+    pub fn bricks_only(volume: &Volume, wall: Wall) -> Self {
+        let mut flags = Self::unfilled(volume, wall);
+        let [bx, by, bz] = flags.bricks;
+        let plane = flags.words * flags.dims[1];
+        let mut empty = vec![false; bx * by * bz];
+        empty.par_chunks_mut(bx * by).enumerate().for_each(|(b, layer)| {
+            let slices = voxels_of(b, flags.dims[2]);
+            let mut bits = vec![0u64; plane * slices.len()];
+            flag_slab(volume, flags.classes, slices.start, flags.words, &mut bits);
+            let mut all = vec![0; flags.words];
+            for (n, row) in layer.chunks_mut(bx).enumerate() {
+                flags.empty_bricks(volume, (&bits, slices.start), [n, b], &mut all, row);
+            }
+        });
+        flags.empty = empty;
+        flags
+    }
+
+    /// Flags of which nothing is known yet.
+    fn unfilled(volume: &Volume, wall: Wall) -> Self {
+        // `Wall` keeps its bounds within ±32767, so both roundings fit.
+        let classes = Classes { lo: wall.lo().floor() as i16, hi: wall.hi().ceil() as i16 };
+        let dims = volume.grid().dims();
+        let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
+        Self { dims, words: dims[0].div_ceil(64), bits: Vec::new(), classes, bricks, empty: Vec::new() }
+    }
+
+    /// Whether there is a bit for each voxel.
+    pub fn has_bits(&self) -> bool {
+        !self.bits.is_empty()
+    }
+
+    /// Whether the neighbourhood of voxel (`i`, `j`, `k`) of the `volume` that was flagged lies wholly in one class.
     #[inline]
-    pub fn homogeneous(&self, i: usize, j: usize, k: usize) -> bool {
-        self.bits[(k * self.dims[1] + j) * self.words + i / 64] >> (i % 64) & 1 != 0
+    pub fn homogeneous(&self, volume: &Volume, i: usize, j: usize, k: usize) -> bool {
+        match self.bits.get((k * self.dims[1] + j) * self.words + i / 64) {
+            Some(word) => word >> (i % 64) & 1 != 0,
+            None => self.look(volume, [i, j, k].map(|c| c as i64)),
+        }
+    }
+
+    /// [`Flags::homogeneous`] from the voxels.
+    fn look(&self, volume: &Volume, [i, j, k]: [i64; 3]) -> bool {
+        let Classes { lo, hi } = self.classes;
+        let around = |test: &dyn Fn(i16) -> bool| {
+            (-1..=1).all(|z| (-1..=1).all(|y| (-1..=1).all(|x| test(volume.get(i + x, j + y, k + z)))))
+        };
+        around(&|v| v <= lo) || around(&|v| v >= hi)
     }
 
     /// Greatest voxel value that is empty, HU.
     #[inline]
     pub fn empty_up_to(&self) -> i16 {
-        self.lo
+        self.classes.lo
     }
 
     /// Whether nothing is to be seen in brick `n` of the list (x fastest), or there is no such brick; brick `b` of an axis
@@ -91,31 +133,40 @@ impl Flags {
         size_of_val(self.bits.as_slice()) + size_of_val(self.empty.as_slice())
     }
 
-    /// Finds the empty bricks of a whole row of them at once. `all` is room for a row of flags.
-    fn empty_bricks(&self, volume: &Volume, by: usize, bz: usize, all: &mut [u64], row: &mut [bool]) {
-        // The voxels that the cells of brick b touch, 8b − 1 to 8b + 7, as far as there are such.
-        let range = |b: usize, n: usize| {
-            let first = b << BRICK_SHIFT;
-            first.saturating_sub(1)..(first + (1 << BRICK_SHIFT)).min(n)
-        };
-        let (y, z) = (range(by, self.dims[1]), range(bz, self.dims[2]));
+    /// Finds the empty bricks of a whole row of them at once, number `by` and `bz` along y and z, by the `bits` from
+    /// slice `first` on. `all` is room for a row of flags.
+    fn empty_bricks(
+        &self,
+        volume: &Volume,
+        (bits, first): (&[u64], usize),
+        [by, bz]: [usize; 2],
+        all: &mut [u64],
+        row: &mut [bool],
+    ) {
+        let (y, z) = (voxels_of(by, self.dims[1]), voxels_of(bz, self.dims[2]));
         all.fill(u64::MAX);
         for k in z.clone() {
             for j in y.clone() {
-                let at = (k * self.dims[1] + j) * self.words;
-                for (all, word) in all.iter_mut().zip(&self.bits[at..at + self.words]) {
+                let at = ((k - first) * self.dims[1] + j) * self.words;
+                for (all, word) in all.iter_mut().zip(&bits[at..at + self.words]) {
                     *all &= word;
                 }
             }
         }
         for (b, empty) in row.iter_mut().enumerate() {
-            let mut x = range(b, self.dims[0]);
+            let mut x = voxels_of(b, self.dims[0]);
             let first = x.start;
             // Flagged neighbours share voxels, so the whole brick is of one class, and one voxel tells which.
             *empty = x.all(|i| all[i / 64] >> (i % 64) & 1 != 0)
-                && volume.data()[volume.grid().index(first, y.start, z.start)] <= self.lo;
+                && volume.data()[volume.grid().index(first, y.start, z.start)] <= self.classes.lo;
         }
     }
+}
+
+/// The voxels that the cells of brick `b` touch along an axis, 8b − 1 to 8b + 7, as far as there are such.
+fn voxels_of(b: usize, n: usize) -> std::ops::Range<usize> {
+    let first = b << BRICK_SHIFT;
+    first.saturating_sub(1)..(first + (1 << BRICK_SHIFT)).min(n)
 }
 
 /// The masks of one slice, one for each class, after the and over each voxel's 3×3 neighbours in the slice.
@@ -267,8 +318,11 @@ mod tests {
                 if hash::uniform(seed, n as u64) < share { -650 } else { inside }
             });
             let flags = Flags::new(&v, wall);
+            let bare = Flags::bricks_only(&v, wall);
+            prop_assert!(!bare.has_bits() && bare.empty == flags.empty);
             for k in 0..nz { for j in 0..ny { for i in 0..nx {
-                prop_assert_eq!(flags.homogeneous(i, j, k), naive(&v, wall, i, j, k), "{} {} {}", i, j, k);
+                prop_assert_eq!(flags.homogeneous(&v, i, j, k), naive(&v, wall, i, j, k), "{} {} {}", i, j, k);
+                prop_assert_eq!(bare.homogeneous(&v, i, j, k), flags.homogeneous(&v, i, j, k));
             }}}
             for n in 0..flags.empty.len() {
                 let [bx, by, _] = flags.bricks;
@@ -277,7 +331,7 @@ mod tests {
                     let at = |a: usize, o: usize| (8 * b[a] + o).checked_sub(1).filter(|&c| c < [nx, ny, nz][a]);
                     match (at(0, m % 9), at(1, m / 9 % 9), at(2, m / 81)) {
                         (Some(i), Some(j), Some(k)) => {
-                            flags.homogeneous(i, j, k) && f32::from(v.get(i as i64, j as i64, k as i64)) <= wall.lo()
+                            flags.homogeneous(&v, i, j, k) && f32::from(v.get(i as i64, j as i64, k as i64)) <= wall.lo()
                         }
                         _ => true,
                     }

@@ -63,13 +63,20 @@ pub struct Work {
     pub samples: u64,
     /// Rays that an earlier picture shortened or spared.
     pub reused: u64,
+    /// Rays whose start an earlier picture suggested too late by the paper's own rule, and which were put right.
+    pub misled: u64,
 }
 
 impl std::ops::Add for Work {
     type Output = Self;
 
     fn add(self, o: Self) -> Self {
-        Self { rays: self.rays + o.rays, samples: self.samples + o.samples, reused: self.reused + o.reused }
+        Self {
+            rays: self.rays + o.rays,
+            samples: self.samples + o.samples,
+            reused: self.reused + o.reused,
+            misled: self.misled + o.misled,
+        }
     }
 }
 

@@ -124,12 +124,17 @@ pub fn block(volume: &Volume, first: [i32; 3]) -> Block {
         let n = volume.grid().index(first[0] as usize, first[1] as usize, first[2] as usize);
         let (row, slice) = (dims[0], dims[0] * dims[1]);
         let data = volume.data();
-        std::array::from_fn(|z| {
-            std::array::from_fn(|y| {
+        // Loops, not closures: within the loop of a ray the optimiser may give up on the latter.
+        let mut all = [[Vec4::ZERO; 4]; 4];
+        for (z, plane) in all.iter_mut().enumerate() {
+            for (y, four) in plane.iter_mut().enumerate() {
                 let at = n + z * slice + y * row;
-                data[at..at + 4].first_chunk().map_or(Vec4::ZERO, |v: &[i16; 4]| Vec4::from_array(v.map(f32::from)))
-            })
-        })
+                if let Some(v) = data[at..at + 4].first_chunk::<4>() {
+                    *four = Vec4::from_array(v.map(f32::from));
+                }
+            }
+        }
+        all
     } else {
         let [i, j, k] = first.map(i64::from);
         let at = |x, y, z| f32::from(volume.get(i + x, j + y as i64, k + z as i64));

@@ -50,6 +50,12 @@ pub struct Ray {
     pub direction: Vec3,
     /// Number of samples.
     pub count: u32,
+    /// Distance of sample 0 from the camera, mm.
+    pub start_mm: f32,
+    /// Samples for each mm.
+    pub per_mm: f32,
+    /// Whether the camera is within the grown volume: then sample 0 is the first from the camera on.
+    pub inside: bool,
     /// So many samples on, a place may be half a voxel away along an axis; all before are nearer.
     pub near: u32,
 }
@@ -85,6 +91,9 @@ impl Ray {
             offset: Vec3::select(moves, -from / along, Vec3::INFINITY),
             direction: direction.as_vec3(),
             count: count.min(MAX_SAMPLES) as u32,
+            start_mm: ((first + 0.5) * step.mm) as f32,
+            per_mm: (1.0 / step.mm) as f32,
+            inside: first == 0.0 && enter == 0.0,
             // A thousandth less than half a voxel, for the rounding of places.
             near: 1 + (0.499 / along.abs().max_element()).min(1e3) as u32,
         })
@@ -94,5 +103,17 @@ impl Ray {
     #[inline(always)]
     pub fn at(&self, n: u32) -> Vec3 {
         self.from + self.along * n as f32
+    }
+
+    /// Place at `mm` from the camera, grown voxel coordinates.
+    #[inline(always)]
+    pub fn at_mm(&self, mm: f32) -> Vec3 {
+        self.from + self.along * ((mm - self.start_mm) * self.per_mm)
+    }
+
+    /// Distance of sample `n` from the camera, mm.
+    #[inline(always)]
+    pub fn mm(&self, n: u32) -> f32 {
+        self.start_mm + n as f32 / self.per_mm
     }
 }

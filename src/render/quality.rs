@@ -22,6 +22,20 @@ pub enum Classification {
     Filtered,
 }
 
+/// Which combination of parts renders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Preset {
+    /// The best there is.
+    #[default]
+    Default,
+    /// The paper's own: 7 + 1 bits a voxel, classification by filtered density, the homogeneous-region flag, the nearest
+    /// voxel at low detail and trilinear at high, frame-to-frame reuse by the paper's rule with key frames.
+    Colvis,
+    /// The least memory: bricks to leap by, no flag for each voxel, nothing kept between frames.
+    Lean,
+}
+
 /// Settings of the ray caster. The wall's ramp is part of the [`Space`](super::Space), whose flags depend on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {

@@ -15,6 +15,16 @@ pub trait Sampler: Sync {
     fn value(&self, q: Vec3) -> f32;
     /// The 4D regression at `q`.
     fn fit(&self, q: Vec3) -> Fit;
+    /// The gradient at a place that is not empty, HU/mm along the index axes: 0 in a homogeneous region.
+    fn gradient(&self, q: Vec3) -> Vec3;
+}
+
+/// Whether the voxel nearest to `q` is flagged as homogeneous.
+#[inline(always)]
+pub(super) fn is_homogeneous(space: &Space, q: Vec3) -> bool {
+    let dims = space.volume().grid().dims();
+    let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
+    i < dims[0] && j < dims[1] && k < dims[2] && space.flags().homogeneous(space.volume(), i, j, k)
 }
 
 /// High detail: trilinear values, and the regressions of the eight nearest voxels interpolated.
@@ -34,6 +44,11 @@ impl<'a> Trilinear<'a> {
     pub fn new(space: &'a Space) -> Self {
         Self { space, regression: regression(space) }
     }
+
+    /// What is sampled.
+    pub fn space(&self) -> &'a Space {
+        self.space
+    }
 }
 
 impl<'a> Nearest<'a> {
@@ -43,7 +58,7 @@ impl<'a> Nearest<'a> {
     }
 }
 
-fn regression(space: &Space) -> Regression {
+pub(super) fn regression(space: &Space) -> Regression {
     let spacing: DVec3 = space.volume().grid().spacing();
     Regression::new(spacing, Weighting::InverseSquare)
 }
@@ -51,7 +66,7 @@ fn regression(space: &Space) -> Regression {
 /// A cell that `q` lies in, counted from cell −1, and the place within it, 0 to 1. On the plane between two cells,
 /// either is as good.
 #[inline(always)]
-fn split(q: Vec3) -> ([i32; 3], Vec3) {
+pub(super) fn split(q: Vec3) -> ([i32; 3], Vec3) {
     let cell = round(q + 0.5).map(|c| c - 1);
     (cell, q - Vec3::from_array(cell.map(|c| c as f32)))
 }
@@ -81,6 +96,11 @@ impl Sampler for Trilinear<'_> {
         let (cell, t) = split(q);
         self.regression.fit(&block(self.space.volume(), cell.map(|c| c - 2)), t)
     }
+
+    #[inline(always)]
+    fn gradient(&self, q: Vec3) -> Vec3 {
+        if is_homogeneous(self.space, q) { Vec3::ZERO } else { self.fit(q).gradient }
+    }
 }
 
 impl Sampler for Nearest<'_> {
@@ -96,6 +116,11 @@ impl Sampler for Nearest<'_> {
     #[inline(always)]
     fn fit(&self, q: Vec3) -> Fit {
         self.regression.fit(&block(self.space.volume(), nearest(q).map(|c| c - 2)), Vec3::ZERO)
+    }
+
+    #[inline(always)]
+    fn gradient(&self, q: Vec3) -> Vec3 {
+        if is_homogeneous(self.space, q) { Vec3::ZERO } else { self.fit(q).gradient }
     }
 }
 

@@ -13,8 +13,8 @@ pub trait Skipper: Sync {
     /// Where a ray has come to.
     type Walk;
 
-    /// Begins a ray.
-    fn start(&self, ray: &Ray) -> Self::Walk;
+    /// Begins a ray at sample `n`, which is one of its samples.
+    fn start(&self, ray: &Ray, n: u32) -> Self::Walk;
 
     /// The first sample from `n` on that may be seen; the ray's count or more where there is none.
     fn next(&self, walk: &mut Self::Walk, ray: &Ray, n: u32) -> u32;
@@ -26,7 +26,7 @@ pub struct Everything;
 impl Skipper for Everything {
     type Walk = ();
 
-    fn start(&self, _: &Ray) {}
+    fn start(&self, _: &Ray, _: u32) {}
 
     #[inline(always)]
     fn next(&self, (): &mut (), _: &Ray, n: u32) -> u32 {
@@ -85,28 +85,29 @@ impl<'a, const VOXELS: bool> Leap<'a, VOXELS> {
     pub fn new(space: &'a Space) -> Self {
         Self { space, flags: space.flags() }
     }
+}
 
-    #[inline(always)]
-    fn is_empty_voxel(&self, q: Vec3) -> bool {
-        let volume = self.space.volume();
-        let dims = volume.grid().dims();
-        let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
-        i < dims[0]
-            && j < dims[1]
-            && k < dims[2]
-            && self.flags.homogeneous(i, j, k)
-            && volume.data()[volume.grid().index(i, j, k)] <= self.flags.empty_up_to()
-    }
+/// Whether the nearest voxel to `q` and its 26 neighbours are empty.
+#[inline(always)]
+pub(super) fn is_empty_voxel(space: &Space, q: Vec3) -> bool {
+    let volume = space.volume();
+    let dims = volume.grid().dims();
+    let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
+    i < dims[0]
+        && j < dims[1]
+        && k < dims[2]
+        && volume.data()[volume.grid().index(i, j, k)] <= space.flags().empty_up_to()
+        && space.flags().homogeneous(volume, i, j, k)
 }
 
 impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
     type Walk = Bricks;
 
     #[inline(always)]
-    fn start(&self, ray: &Ray) -> Bricks {
+    fn start(&self, ray: &Ray, n: u32) -> Bricks {
         const EDGE: f32 = (1 << BRICK_SHIFT) as f32;
         let bricks = self.flags.bricks().map(|n| n as i32);
-        let from = (ray.from / EDGE).to_array().map(|c| c as i32);
+        let from = (ray.at(n) / EDGE).to_array().map(|c| c as i32);
         let b: [i32; 3] = std::array::from_fn(|a| from[a].clamp(0, bricks[a] - 1));
         let forward = ray.inverse.cmpge(Vec3::ZERO);
         let b_f = Vec3::new(b[0] as f32, b[1] as f32, b[2] as f32);
@@ -139,7 +140,7 @@ impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
         loop {
             let end = walk.exit.min(ray.count);
             while n < end {
-                if !VOXELS || !self.is_empty_voxel(ray.at(n)) {
+                if !VOXELS || !is_empty_voxel(self.space, ray.at(n)) {
                     return n;
                 }
                 // The whole neighbourhood is empty, out to a voxel from its centre, and the place is within half of

@@ -2,13 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
-
 use crate::error::{Error, Result};
 use crate::volume::Volume;
 
 use super::flags::Flags;
-use super::sampler::nearest;
 
 /// The ramp of opacity over HU: nothing is seen up to `lo`, everything is opaque from `hi`, linear between.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,6 +69,12 @@ impl Space {
         Self { volume, wall, flags }
     }
 
+    /// As [`Space::new`] with the least memory: bricks to leap by, but no bit for each voxel.
+    pub fn lean(volume: Arc<Volume>, wall: Wall) -> Self {
+        let flags = Arc::new(Flags::bricks_only(&volume, wall));
+        Self { volume, wall, flags }
+    }
+
     /// The voxels.
     pub fn shared_volume(&self) -> Arc<Volume> {
         Arc::clone(&self.volume)
@@ -90,14 +93,6 @@ impl Space {
     /// Where rays may leap.
     pub fn flags(&self) -> &Flags {
         &self.flags
-    }
-
-    /// Whether the neighbourhood of the voxel nearest to `q` (voxel coordinates plus one) is flagged as homogeneous.
-    #[inline(always)]
-    pub(super) fn homogeneous_near(&self, q: Vec3) -> bool {
-        let dims = self.volume.grid().dims();
-        let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
-        i < dims[0] && j < dims[1] && k < dims[2] && self.flags.homogeneous(i, j, k)
     }
 
     /// Memory beside the voxels.

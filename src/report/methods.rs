@@ -1,9 +1,14 @@
 //! What `report render` compares. A new method is one more line here.
 
+use super::parts::With;
 use crate::error::Result;
 use crate::render::fast::{Fast, Pixels};
 use crate::render::flags::Flags;
-use crate::render::{Classification, Direct, Quality, Renderer, Settings, Space};
+use crate::render::gradients::{GradientVolume, Stored};
+use crate::render::leap::VoxelWalls;
+use crate::render::reuse::paper::Trace;
+use crate::render::reuse::{Refresh, Reusing, Rule, Words};
+use crate::render::{Classification, Direct, Preset, Quality, Renderer, Settings, Space, renderer};
 use crate::surface::{Mesh, Rasteriser};
 
 /// A way to make pictures.
@@ -46,6 +51,22 @@ fn filtered(space: &Space) -> Result<Box<dyn Renderer>> {
     Ok(Box::new(Direct::new(space, settings)))
 }
 
+const KEEPS: Traits = Traits { keeps: true, ..PLAIN };
+
+/// Packets of rays with samples every h · 2^(`step_power` + 1).
+fn packets(space: &Space, step_power: i32, pixels: Pixels) -> Result<Box<dyn Renderer>> {
+    Ok(Box::new(Fast::new(space, Settings { step_power, ..Settings::default() }, pixels)))
+}
+
+fn reusing<R: Rule + 'static>(space: &Space, refresh: Refresh) -> Result<Box<dyn Renderer>> {
+    Ok(Box::new(Reusing::<_, R>::new(Words::new(space), Settings::default(), refresh)))
+}
+
+fn lean(space: &Space) -> Result<Box<dyn Renderer>> {
+    let space = Space::lean(space.shared_volume(), space.wall());
+    Ok(renderer(&space, Settings::default(), Preset::Lean, true))
+}
+
 /// What all others are measured against.
 pub const REFERENCE: Method = Method {
     name: "reference h/8",
@@ -74,6 +95,19 @@ pub const METHODS: &[Method] = &[
     Method { name: "2 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 2), traits: OTHER },
     Method { name: "4 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 4), traits: OTHER },
     Method { name: "16 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 16), traits: OTHER },
+    Method { name: "wall distance, voxels", family: "one acceleration", make: |s| Ok(Box::new(With::voxels(s))), traits: PLAIN },
+    Method { name: "wall distance, bricks", family: "one acceleration", make: |s| Ok(Box::new(With::bricks(s))), traits: PLAIN },
+    Method { name: "stored gradients", family: "one acceleration", make: |s| Ok(Box::new(With::stored(s))), traits: PLAIN },
+    Method { name: "gradient cache", family: "one acceleration", make: |s| Ok(Box::new(With::cache(s))), traits: PLAIN },
+    Method { name: "reuse, staggered", family: "one acceleration", make: |s| reusing::<f32>(s, Refresh::Staggered(16)), traits: KEEPS },
+    Method { name: "reuse, paper's rule", family: "one acceleration", make: |s| reusing::<Trace>(s, Refresh::KeyFrames(10)), traits: KEEPS },
+    Method { name: "preset colvis", family: "filtered density", make: |s| Ok(renderer(s, Settings::default(), Preset::Colvis, true)), traits: Traits { other_picture: true, ..KEEPS } },
+    Method { name: "preset lean", family: "flags, trilinear", make: lean, traits: PLAIN },
+    Method { name: "packets h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::All), traits: PLAIN },
+    Method { name: "packets h", family: "packets of rays", make: |s| packets(s, -1, Pixels::All), traits: PLAIN },
+    Method { name: "packets 2h", family: "packets of rays", make: |s| packets(s, 0, Pixels::All), traits: PLAIN },
+    Method { name: "default", family: "packets of rays", make: |s| packets(s, -1, Pixels::Needed), traits: PLAIN },
+    Method { name: "default h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::Needed), traits: PLAIN },
     Method { name: "marching cubes", family: "indirect", make: |s| Ok(Box::new(Rasteriser::new(s)?)), traits: Traits { own_depth: true, ..PLAIN } },
 ];
 
@@ -105,6 +139,8 @@ pub struct Preparation {
 #[rustfmt::skip]
 pub const PREPARATIONS: &[Preparation] = &[
     Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.volume(), s.wall()).bytes()) },
+    Preparation { name: "wall distance per voxel", role: Role::Field, build: |s| Ok(VoxelWalls::new(s).bytes()) },
+    Preparation { name: "gradients near the wall", role: Role::Gradients, build: |s| Ok(GradientVolume::new(s, Stored::NearWall).bytes()) },
     Preparation { name: "marching cubes mesh", role: Role::Surface, build: |s| Ok(Mesh::new(s)?.bytes()) },
 ];
 

@@ -7,6 +7,7 @@ pub mod gradients;
 pub mod image;
 pub mod methods;
 pub mod page;
+mod parts;
 pub mod plot;
 pub mod render;
 pub mod scenes;

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::fields::{Lumen, lumen};
 use crate::progress::Progress;
 use crate::render::flags::Flags;
-use crate::render::{Settings, Space};
+use crate::render::{Preset, Settings, Space};
 
 use super::median;
 use super::page::Page;
@@ -114,7 +114,8 @@ impl Running {
     fn new(name: String, space: &Space, lumen: &Arc<Lumen>, plan: &Plan, scene: &Scene, pixels: usize) -> Result<Self> {
         let picture = scene.picture;
         let settings = scene.render.apply(Settings::default());
-        let image = ImageSettings { width: pixels, height: pixels, fov_degrees: 90.0, settings };
+        let image =
+            ImageSettings { width: pixels, height: pixels, fov_degrees: 90.0, settings, preset: Preset::Default };
         let mut scene_ms = Vec::new();
         let make = || {
             let image = picture.then(|| image.clone());

@@ -141,7 +141,7 @@ impl Rasteriser {
         if let Some(depth) = depth {
             depth.fill(0.0);
         }
-        Work { rays, samples: 0, reused: 0 }
+        Work { rays, ..Work::default() }
     }
 
     /// Draws a tile from the blocks that may touch it, nearest first.
@@ -245,7 +245,7 @@ impl Renderer for Rasteriser {
         work.reduce(Work::default, |a, b| a + b)
     }
 
-    fn bytes(&self) -> usize {
-        self.mesh.bytes()
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        vec![("mesh", self.mesh.bytes())]
     }
 }

@@ -8,7 +8,7 @@ use crate::app::plan::Plan;
 use crate::app::scene::Scene;
 use crate::fields::lumen;
 use crate::progress::Progress;
-use crate::render::{Quality, Settings, Space, Wall};
+use crate::render::{Preset, Quality, Settings, Space, Wall};
 use crate::volume::{Grid, Volume};
 
 const WINDOW: (usize, usize) = (96, 72);
@@ -37,7 +37,13 @@ fn cockpit(guide: Guide) -> Cockpit {
         notes: Vec::new(),
     };
     let scene = Scene { guide: Some(guide), picture: true, operator: true, ..Scene::default() };
-    let image = ImageSettings { width: 8, height: 8, fov_degrees: 90.0, settings: Settings::new(Quality::High) };
+    let image = ImageSettings {
+        width: 8,
+        height: 8,
+        fov_degrees: 90.0,
+        settings: Settings::new(Quality::High),
+        preset: Preset::Default,
+    };
     let flight = FlightApp::new(Space::new(volume, Wall::default()), lumen, plan, scene, Some(image)).unwrap();
     Cockpit::new(flight, 0.0, Arc::new(|| {})).unwrap()
 }

@@ -12,6 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fearless_simd::Level;
 
+use super::caster::depths;
 use super::{Direct, Frame, Renderer, Settings, Space, View, Work};
 use cells::Cells;
 use occupancy::Occupancy;
@@ -62,15 +63,23 @@ impl Renderer for Fast {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());
-        let (pixels, _) = frame.buffers();
+        let (pixels, depth) = frame.buffers();
+        if let Some(depth) = depth {
+            depths(&self.space, view, depth);
+        }
         match self.pixels {
             Pixels::Needed => self.lattice.render(&rays, view, pixels, &self.cells, self.level),
             Pixels::All => picture::every_pixel(&rays, view, pixels, &self.cells, self.level),
         }
     }
 
-    fn bytes(&self) -> usize {
+    fn parts(&self) -> Vec<(&'static str, usize)> {
         let cells = self.cells.iter().map(|c| c.lock().unwrap_or_else(PoisonError::into_inner).bytes());
-        self.space.bytes() + self.occupancy.bytes() + self.lattice.bytes() + cells.sum::<usize>()
+        vec![
+            ("homogeneous-region flags", self.space.bytes()),
+            ("cells that may be seen, and distances of bricks", self.occupancy.bytes()),
+            ("gradient cache", cells.sum()),
+            ("rays of the lattice", self.lattice.bytes()),
+        ]
     }
 }

@@ -7,13 +7,14 @@
 //! everything within one voxel of the cell, along each axis, is empty: enough for a bundle of rays one voxel thick to
 //! either side.
 //!
-//! The distance is the chessboard distance in bricks (Rosenfeld and Pfaltz 1968), found by two passes over the bricks;
+//! The distance is the chessboard distance in bricks ([`chessboard`]);
 //! all bricks nearer than it are empty, so a bundle may leap to where it leaves their cube. The bits take 1/16 of the
 //! 16-bit volume, the distances 1/128.
 
 use rayon::prelude::*;
 
 use crate::render::flags::above;
+use crate::render::leap::chessboard::{FAR, chessboard};
 use crate::render::space::Wall;
 use crate::volume::{AIR_HU, Volume};
 
@@ -44,7 +45,8 @@ impl Occupancy {
         bits.par_chunks_mut(layer * SLAB).enumerate().for_each(|(n, out)| {
             Slab::new(volume, lo, bricks).fill(n * SLAB, out);
         });
-        let distance = distances(bricks, &bits);
+        let mut distance: Vec<u8> = bits.iter().map(|&b| if b == 0 { FAR } else { 0 }).collect();
+        chessboard(&mut distance, bricks, false);
         Self { bricks, bits, distance }
     }
 
@@ -164,47 +166,6 @@ fn spread(voxels: &[u64], cells: &mut [u64]) {
         let here = voxels[w];
         *to = here | here << 1 | here << 2 | left >> 63 | left >> 62 | here >> 1 | right << 63;
     }
-}
-
-/// Chessboard distances in two passes: from the neighbours before, then from those behind.
-fn distances(bricks: [usize; 3], bits: &[u64]) -> Vec<u8> {
-    let [nx, ny, nz] = bricks;
-    let mut d: Vec<u8> = bits.iter().map(|&b| if b == 0 { u8::MAX } else { 0 }).collect();
-    let mut near = vec![u8::MAX; nx + 2];
-    let mut pass = |backwards: bool| {
-        for n in 0..ny * nz {
-            let n = if backwards { ny * nz - 1 - n } else { n };
-            let (y, z) = ((n % ny) as isize, (n / ny) as isize);
-            let before = if backwards { 1 } else { -1 };
-            near.fill(u8::MAX);
-            for (dy, dz) in [(before, 0), (-1, before), (0, before), (1, before)] {
-                let (y, z) = (y + dy, z + dz);
-                if (0..ny as isize).contains(&y) && (0..nz as isize).contains(&z) {
-                    let row = (z as usize * ny + y as usize) * nx;
-                    for (near, &d) in near[1..=nx].iter_mut().zip(&d[row..row + nx]) {
-                        *near = (*near).min(d);
-                    }
-                }
-            }
-            let row = &mut d[n * nx..(n + 1) * nx];
-            for (x, d) in row.iter_mut().enumerate() {
-                *d = (*d).min(near[x].min(near[x + 1]).min(near[x + 2]).saturating_add(1));
-            }
-            let mut last = u8::MAX;
-            let mut follow = |d: &mut u8| {
-                *d = (*d).min(last.saturating_add(1));
-                last = *d;
-            };
-            if backwards {
-                row.iter_mut().rev().for_each(&mut follow);
-            } else {
-                row.iter_mut().for_each(&mut follow);
-            }
-        }
-    };
-    pass(false);
-    pass(true);
-    d
 }
 
 #[cfg(test)]

@@ -25,13 +25,13 @@ use crate::render::camera::View;
 use crate::render::gradient::{Regression, Weighting, to_world};
 use crate::render::march::Step;
 use crate::render::quality::Settings;
-use crate::render::sampler::{Sampler, Trilinear};
+use crate::render::sampler::{Sampler, Trilinear, is_homogeneous};
 use crate::render::shade::{AMBIENT, DIFFUSE};
 use crate::render::space::Space;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
 /// A passage through the wall is shaded in pieces of so many steps.
-const PASSAGE: f32 = 3.0;
+const PASSAGE: f32 = 1.0;
 /// A camera farther away than this is left to double precision, voxels.
 const FAR: f64 = 1e4;
 /// An axis along which a step moves less than this is not moved along, voxels: a million steps make a thousandth.
@@ -345,7 +345,7 @@ impl<'a> Rays<'a> {
         while lanes != 0 {
             let n = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
-            if self.space.homogeneous_near(Vec3::new(q[0][n], q[1][n], q[2][n])) {
+            if is_homogeneous(self.space, Vec3::new(q[0][n], q[1][n], q[2][n])) {
                 facing[n] = 1.0;
             }
         }

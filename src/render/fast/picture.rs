@@ -3,7 +3,7 @@
 use std::array::from_fn;
 use std::sync::{Mutex, PoisonError};
 
-use fearless_simd::{Fallback, Level, Simd, f32x16, i32x16, prelude::*};
+use fearless_simd::{Level, Simd, f32x16, i32x16, prelude::*};
 use rayon::prelude::*;
 
 use super::cells::Cells;
@@ -15,8 +15,8 @@ use crate::render::{View, Work};
 /// Side of a packet, rays.
 const SIDE: usize = 4;
 
-/// Does something on the SIMD level that is there: AVX-512, AVX2 or NEON, else in scalars. The levels between would take
-/// their time to compile and are of no processor that is still about.
+/// Does something on the SIMD level that is there: AVX-512, AVX2 or NEON, else on what every processor of the kind has.
+/// More levels would take long to compile, for processors that are hardly about.
 macro_rules! on_level {
     ($level:expr, $simd:ident => $part:expr) => {
         match $level {
@@ -26,10 +26,14 @@ macro_rules! on_level {
             Level::Avx2($simd) => $part,
             #[cfg(target_arch = "aarch64")]
             Level::Neon($simd) => $part,
-            _ => {
-                let $simd = Fallback::new();
-                $part
-            }
+            _ => match Level::baseline() {
+                #[cfg(target_arch = "x86_64")]
+                Level::Sse2($simd) => $part,
+                #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+                Level::Fallback($simd) => $part,
+                // Every processor of these two kinds has the level above.
+                _ => {}
+            },
         }
     };
 }
@@ -78,7 +82,7 @@ fn fill<S: Simd>(simd: S, light: &Light, left: usize, width: usize, band: &mut [
         },
     );
     let rays = SIDE.min(width - left) * (band.len() / width);
-    Work { rays: rays as u64, samples: u64::from(light.samples), reused: 0 }
+    Work { rays: rays as u64, samples: u64::from(light.samples), ..Work::default() }
 }
 
 /// The rays through the corners and centres of a picture's blocks.
@@ -160,7 +164,7 @@ fn keep(light: &Light, step: f32, left: usize, stride: usize, points: &mut [Poin
     for n in 0..SIDE * SIDE {
         points[n / SIDE * stride + left + n % SIDE] = Point::new(light, n, step);
     }
-    Work { rays: (SIDE * SIDE) as u64, samples: u64::from(light.samples), reused: 0 }
+    Work { rays: (SIDE * SIDE) as u64, samples: u64::from(light.samples), ..Work::default() }
 }
 
 /// Fills a block's pixels from its rays.

@@ -79,7 +79,7 @@ fn costs(space: &Space, preparations: &[Preparation], progress: &Progress) -> Re
 /// The share of voxels that lie near a wall: those whose neighbourhood is not all of one class.
 fn near_wall(space: &Space) -> f64 {
     let [nx, ny, nz] = space.volume().grid().dims();
-    let row = |j: usize, k: usize| (0..nx).filter(|&i| !space.flags().homogeneous(i, j, k)).count();
+    let row = |j: usize, k: usize| (0..nx).filter(|&i| !space.flags().homogeneous(space.volume(), i, j, k)).count();
     let count: usize = (0..nz).map(|k| (0..ny).map(|j| row(j, k)).sum::<usize>()).sum();
     count as f64 / space.volume().grid().len() as f64
 }

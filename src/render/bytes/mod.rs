@@ -1,0 +1,199 @@
+//! The paper's volume of eight bits a voxel (section 2.2): seven for the value, and one that says whether the voxel's
+//! surroundings are homogeneous.
+//!
+//! The 128 codes cover the values that matter: `lo` of the wall's ramp is code 32 and `hi` is code 74, so a code stands
+//! for (hi − lo)/42 HU, 7.1 HU by default, from −1028 to −122 HU; what lies beyond is the nearest code. Within, a value
+//! is off by half of that at the most ([`ByteVolume::error_hu`]). No empty voxel gets a code that is not empty.
+
+pub mod sampler;
+pub mod skip;
+
+use rayon::prelude::*;
+
+use crate::volume::{AIR_HU, Grid};
+
+use super::Wall;
+use super::begin::Begin;
+use super::caster::Shot;
+use super::classify::{ByDensity, ByValue};
+use super::quality::{Classification, Quality, Settings};
+use super::reuse::Scenery;
+use super::space::Space;
+use super::{Frame, View, Work};
+
+pub use sampler::{ByteNearest, ByteTrilinear};
+pub use skip::{ByteLeap, ByteSurroundings};
+
+/// The greatest code that is empty: that of the ramp's `lo`.
+pub const EMPTY: u8 = 32;
+/// The least code that is opaque: that of the ramp's `hi`.
+pub const OPAQUE: u8 = 74;
+/// The bit that says that a voxel's surroundings are homogeneous.
+const FLAG: u8 = 0x80;
+/// The bits of the value.
+const CODE: u8 = 0x7F;
+/// Slices of a task.
+const SLAB: usize = 16;
+
+/// A volume of 7 + 1 bits a voxel: half of the 16-bit volume.
+pub struct ByteVolume {
+    grid: Grid,
+    wall: Wall,
+    /// The flag is set where all voxels up to so many away are of one class, empty or opaque.
+    reach: usize,
+    data: Vec<u8>,
+    air: u8,
+}
+
+/// HU for each code.
+fn unit(wall: Wall) -> f32 {
+    (wall.hi() - wall.lo()) / f32::from(OPAQUE - EMPTY)
+}
+
+/// The code of a value.
+#[inline(always)]
+fn code(hu: i16, wall: Wall, per_hu: f32) -> u8 {
+    // A cast to an integer stops at its bounds.
+    (((f32::from(hu) - wall.lo()) * per_hu + (f32::from(EMPTY) + 0.5)) as u8).min(CODE)
+}
+
+/// 1 for an empty code, 2 for an opaque one, 0 between: equal where two of them and-ed are not 0.
+#[inline(always)]
+fn class(code: u8) -> u8 {
+    u8::from(code <= EMPTY) | u8::from(code >= OPAQUE) << 1
+}
+
+impl ByteVolume {
+    /// The codes and flags of `space`, in parallel. Flags look at voxels up to `reach` away: what a sample is made of
+    /// decides how many must be homogeneous for it to be skipped (1 for values, 2 for regressions).
+    pub fn new(space: &Space, reach: usize) -> Self {
+        let (volume, wall) = (space.volume(), space.wall());
+        let per_hu = 1.0 / unit(wall);
+        let data = volume.data().par_iter().with_min_len(1 << 16).map(|&v| code(v, wall, per_hu)).collect();
+        let air = code(AIR_HU, wall, per_hu);
+        let mut bytes = Self { grid: volume.grid().clone(), wall, reach, data, air };
+        bytes.flag();
+        bytes
+    }
+
+    /// Sets the flags.
+    fn flag(&mut self) {
+        let [nx, ny, nz] = self.grid.dims();
+        let (plane, reach, air) = (nx * ny, self.reach, class(self.air));
+        // Slab by slab, so that the classes of a whole volume are never in memory.
+        let depth = SLAB * rayon::current_num_threads().max(1);
+        for first in (0..nz).step_by(depth) {
+            let count = depth.min(nz - first);
+            let low = first.saturating_sub(reach);
+            let high = (first + count + reach).min(nz);
+            let mut planes = vec![0u8; (high - low) * plane];
+            planes.par_chunks_mut(plane).enumerate().for_each_init(
+                || vec![0u8; plane],
+                |rows, (n, out)| {
+                    let slice = &self.data[(low + n) * plane..(low + n + 1) * plane];
+                    and_within_slice(slice, nx, reach, air, rows, out);
+                },
+            );
+            self.data[first * plane..(first + count) * plane].par_chunks_mut(plane).enumerate().for_each(
+                |(n, slice)| {
+                    let k = first + n;
+                    let outside = k < reach || k + reach >= nz;
+                    let mut all = vec![if outside { air } else { 3 }; plane];
+                    for z in k.saturating_sub(reach)..(k + reach + 1).min(nz) {
+                        all.iter_mut().zip(&planes[(z - low) * plane..]).for_each(|(a, b)| *a &= b);
+                    }
+                    slice.iter_mut().zip(&all).for_each(|(v, &a)| *v |= if a != 0 { FLAG } else { 0 });
+                },
+            );
+        }
+    }
+
+    /// The byte of a voxel counted from voxel −1; air outside.
+    #[inline(always)]
+    fn get(&self, [i, j, k]: [i32; 3]) -> u8 {
+        let [nx, ny, nz] = self.grid.dims();
+        let [i, j, k] = [i, j, k].map(|c| c.wrapping_sub(1) as usize);
+        if i < nx && j < ny && k < nz { self.data[i + nx * (j + ny * k)] } else { self.air }
+    }
+
+    /// By how much a value between −1028 and −122 HU (by default) is off at the most, HU.
+    pub fn error_hu(&self) -> f32 {
+        0.5 * unit(self.wall)
+    }
+
+    /// Memory.
+    pub fn bytes(&self) -> usize {
+        self.data.len()
+    }
+}
+
+/// Ands the classes of each voxel's neighbours up to `reach` away within its slice; `air` is the class outside. The
+/// flags of the slice may be set already.
+fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [u8], out: &mut [u8]) {
+    let ny = slice.len() / nx;
+    let mut classes = vec![air; nx + 2 * reach];
+    for (row, and) in slice.chunks_exact(nx).zip(rows.chunks_exact_mut(nx)) {
+        classes[reach..reach + nx].iter_mut().zip(row).for_each(|(c, &v)| *c = class(v & CODE));
+        and.copy_from_slice(&classes[..nx]);
+        for by in 1..=2 * reach {
+            and.iter_mut().zip(&classes[by..]).for_each(|(a, c)| *a &= c);
+        }
+    }
+    for (j, out) in out.chunks_exact_mut(nx).enumerate() {
+        out.fill(if j < reach || j + reach >= ny { air } else { 3 });
+        for row in rows.chunks_exact(nx).take((j + reach + 1).min(ny)).skip(j.saturating_sub(reach)) {
+            out.iter_mut().zip(row).for_each(|(o, r)| *o &= r);
+        }
+    }
+}
+
+/// Pictures through the volume of 7 + 1 bits. The 16-bit voxels are only asked for a picture's depth.
+pub struct ByteScenery {
+    space: Space,
+    bytes: ByteVolume,
+}
+
+impl ByteScenery {
+    /// Looks at `bytes`, which were made from `space`.
+    pub fn new(space: &Space, bytes: ByteVolume) -> Self {
+        Self { space: space.clone(), bytes }
+    }
+}
+
+impl Scenery for ByteScenery {
+    type Clear<'a> = ByteSurroundings<'a>;
+
+    fn space(&self) -> &Space {
+        &self.space
+    }
+
+    fn clear(&self) -> ByteSurroundings<'_> {
+        ByteSurroundings { bytes: &self.bytes }
+    }
+
+    fn image<B: Begin>(
+        &self,
+        view: &View,
+        settings: &Settings,
+        begin: &B,
+        kept: &mut [B::Kept],
+        frame: &mut Frame,
+    ) -> Work {
+        let shot = Shot { space: &self.space, view, settings };
+        let (high, low) = (ByteTrilinear::new(&self.space, &self.bytes), ByteNearest::new(&self.space, &self.bytes));
+        let leap = ByteLeap::new(&self.bytes);
+        match (settings.quality, settings.classification) {
+            (Quality::Low, Classification::Value) => shot.image(&low, &leap, &ByValue, begin, kept, frame),
+            (Quality::Low, Classification::Filtered) => shot.image(&low, &leap, &ByDensity, begin, kept, frame),
+            (_, Classification::Value) => shot.image(&high, &leap, &ByValue, begin, kept, frame),
+            (_, Classification::Filtered) => shot.image(&high, &leap, &ByDensity, begin, kept, frame),
+        }
+    }
+
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        vec![("homogeneous-region flags", self.space.bytes()), ("volume (7 + 1 bit)", self.bytes.bytes())]
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,170 @@
+//! Sampling the volume of 7 + 1 bits: the nearest voxel, or between eight of them in fixed point.
+
+use glam::{Vec3, Vec4};
+
+use crate::render::gradient::{Block, Fit, Regression};
+use crate::render::sampler::{Sampler, nearest, regression, split};
+use crate::render::space::Space;
+
+use super::{ByteVolume, CODE, EMPTY, FLAG, unit};
+
+/// Codes to HU: `value = scale · code + offset`.
+#[derive(Clone, Copy)]
+struct Decode {
+    scale: f32,
+    offset: f32,
+}
+
+impl Decode {
+    fn new(bytes: &ByteVolume) -> Self {
+        let scale = unit(bytes.wall);
+        Self { scale, offset: bytes.wall.lo() - scale * f32::from(EMPTY) }
+    }
+
+    fn fit(self, fit: Fit) -> Fit {
+        Fit { gradient: fit.gradient * self.scale, density: fit.density * self.scale + self.offset }
+    }
+}
+
+/// High detail: trilinear values, in fixed point, and interpolated regressions.
+pub struct ByteTrilinear<'a> {
+    bytes: &'a ByteVolume,
+    decode: Decode,
+    lo: f32,
+    regression: Regression,
+}
+
+/// Low detail: everything is that of the nearest voxel.
+pub struct ByteNearest<'a> {
+    bytes: &'a ByteVolume,
+    decode: Decode,
+    regression: Regression,
+}
+
+impl<'a> ByteTrilinear<'a> {
+    /// A sampler of `bytes`, which were made from `space`.
+    pub fn new(space: &Space, bytes: &'a ByteVolume) -> Self {
+        Self { bytes, decode: Decode::new(bytes), lo: bytes.wall.lo(), regression: regression(space) }
+    }
+
+    /// The value in floating point, to compare with.
+    pub fn value_in_floats(&self, q: Vec3) -> f32 {
+        let (cell, t) = split(q);
+        let c = corners(self.bytes, cell).map(f32::from);
+        let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        let (near, far) = (
+            mix(mix(c[0], c[1], t.x), mix(c[2], c[3], t.x), t.y),
+            mix(mix(c[4], c[5], t.x), mix(c[6], c[7], t.x), t.y),
+        );
+        mix(near, far, t.z) * self.decode.scale + self.decode.offset
+    }
+}
+
+impl<'a> ByteNearest<'a> {
+    /// A sampler of `bytes`, which were made from `space`.
+    pub fn new(space: &Space, bytes: &'a ByteVolume) -> Self {
+        Self { bytes, decode: Decode::new(bytes), regression: regression(space) }
+    }
+}
+
+/// The codes at the corners of a cell counted from cell −1: x fastest, then y, then z.
+#[inline(always)]
+fn corners(bytes: &ByteVolume, cell: [i32; 3]) -> [u8; 8] {
+    let dims = bytes.grid.dims();
+    let inside = |a: usize| cell[a] >= 1 && (cell[a] as usize) < dims[a];
+    let all = if inside(0) && inside(1) && inside(2) {
+        let [i, j, k] = cell.map(|c| c as usize - 1);
+        let n = bytes.grid.index(i, j, k);
+        let (row, slice) = (dims[0], dims[0] * dims[1]);
+        let pair = |n: usize| bytes.data[n..n + 2].first_chunk().copied().unwrap_or([bytes.air; 2]);
+        let ([a, b], [c, d]) = (pair(n), pair(n + row));
+        let ([e, f], [g, h]) = (pair(n + slice), pair(n + slice + row));
+        [a, b, c, d, e, f, g, h]
+    } else {
+        std::array::from_fn(|n| {
+            let n = n as i32;
+            bytes.get([cell[0] + (n & 1), cell[1] + (n >> 1 & 1), cell[2] + (n >> 2)])
+        })
+    };
+    all.map(|v| v & CODE)
+}
+
+/// The codes of 4×4×4 voxels from `first` on, counted from voxel 0.
+#[inline(always)]
+fn block(bytes: &ByteVolume, first: [i32; 3]) -> Block {
+    let dims = bytes.grid.dims();
+    let inside = |a: usize| first[a] >= 0 && first[a] as usize + 4 <= dims[a];
+    let codes = |v: [u8; 4]| Vec4::from_array(v.map(|v| f32::from(v & CODE)));
+    if inside(0) && inside(1) && inside(2) {
+        let n = bytes.grid.index(first[0] as usize, first[1] as usize, first[2] as usize);
+        let (row, slice) = (dims[0], dims[0] * dims[1]);
+        let mut all = [[Vec4::ZERO; 4]; 4];
+        for (z, plane) in all.iter_mut().enumerate() {
+            for (y, four) in plane.iter_mut().enumerate() {
+                let at = n + z * slice + y * row;
+                if let Some(v) = bytes.data[at..at + 4].first_chunk() {
+                    *four = codes(*v);
+                }
+            }
+        }
+        all
+    } else {
+        let [i, j, k] = first.map(|c| c + 1);
+        let row =
+            |y: usize, z: usize| codes(std::array::from_fn(|x| bytes.get([i + x as i32, j + y as i32, k + z as i32])));
+        std::array::from_fn(|z| std::array::from_fn(|y| row(y, z)))
+    }
+}
+
+#[inline(always)]
+fn is_homogeneous(bytes: &ByteVolume, q: Vec3) -> bool {
+    bytes.get(nearest(q)) & FLAG != 0
+}
+
+/// Places within a cell have eight bits in fixed point: with seven bits of value the sum of three products fits 31 bits.
+const PLACE_BITS: i32 = 8;
+
+impl Sampler for ByteTrilinear<'_> {
+    #[inline(always)]
+    fn value(&self, q: Vec3) -> f32 {
+        let (cell, t) = split(q);
+        let [x, y, z] = (t * (1 << PLACE_BITS) as f32 + 0.5).to_array().map(|t| t as i32);
+        let c = corners(self.bytes, cell).map(i32::from);
+        let mix = |a: i32, b: i32, t: i32| (a << PLACE_BITS) + (b - a) * t;
+        let near = mix(mix(c[0], c[1], x), mix(c[2], c[3], x), y);
+        let far = mix(mix(c[4], c[5], x), mix(c[6], c[7], x), y);
+        // Counted from the ramp's foot, so that what is empty stays so exactly.
+        let above = mix(near, far, z) - (i32::from(EMPTY) << (3 * PLACE_BITS));
+        above as f32 * (self.decode.scale / (1 << (3 * PLACE_BITS)) as f32) + self.lo
+    }
+
+    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    #[inline(never)]
+    fn fit(&self, q: Vec3) -> Fit {
+        let (cell, t) = split(q);
+        self.decode.fit(self.regression.fit(&block(self.bytes, cell.map(|c| c - 2)), t))
+    }
+
+    #[inline(always)]
+    fn gradient(&self, q: Vec3) -> Vec3 {
+        if is_homogeneous(self.bytes, q) { Vec3::ZERO } else { self.fit(q).gradient }
+    }
+}
+
+impl Sampler for ByteNearest<'_> {
+    #[inline(always)]
+    fn value(&self, q: Vec3) -> f32 {
+        f32::from(self.bytes.get(nearest(q)) & CODE) * self.decode.scale + self.decode.offset
+    }
+
+    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    #[inline(never)]
+    fn fit(&self, q: Vec3) -> Fit {
+        self.decode.fit(self.regression.fit(&block(self.bytes, nearest(q).map(|c| c - 2)), Vec3::ZERO))
+    }
+
+    #[inline(always)]
+    fn gradient(&self, q: Vec3) -> Vec3 {
+        if is_homogeneous(self.bytes, q) { Vec3::ZERO } else { self.fit(q).gradient }
+    }
+}

@@ -1,0 +1,265 @@
+//! Extreme cases for rays, over every renderer there is: a new one is one more line in [`RENDERERS`].
+//!
+//! What must hold of each picture: no NaN (a colour cast from NaN is 0, so a wall would be black), no endless loop (as
+//! many samples as a ray's length has steps, at the most), no crack (not black where the wall closes all round), and no
+//! wall missed that is thicker than a voxel.
+//!
+//! Why none is missed: a scanner's voxel is the mean over its box, so of a wall that is h thick or more (h the smallest
+//! spacing) the voxels whose centres are within h/2 of its middle are tissue by half at least, −475 HU of −1000 to 50,
+//! and so is every trilinear value within h/4 of the middle: opaque. Steps of h/2 (high) or less put a sample there,
+//! whatever the angle: a slanted ray is within for longer. The nearest voxel (low) may be √3/2 h away from the sample, and
+//! the sample h/2 from the middle, so low detail is sure of walls from 2.75 h on alone:
+//! [`slabs_thicker_than_a_voxel_stop_every_ray`].
+
+use std::sync::Arc;
+
+use fearless_simd::Level;
+use glam::{DMat3, DQuat, DVec3};
+
+use super::fast::{Fast, Pixels};
+use super::reuse::paper::Trace;
+use super::reuse::{Refresh, Reusing, Words};
+use super::*;
+use crate::math::hash;
+use crate::volume::{Grid, Volume};
+
+type Make = fn(&Space, Settings) -> Box<dyn Renderer>;
+
+/// Every renderer. Those of one `Same` make the same bytes as the first.
+const RENDERERS: [(&str, Make); 9] = [
+    ("direct", |s, q| Box::new(Direct::new(s, q))),
+    ("lean", |s, q| renderer(&Space::lean(s.shared_volume(), s.wall()), q, Preset::Lean, true)),
+    ("reusing", |s, q| Box::new(Reusing::<_, f32>::new(Words::new(s), q, Refresh::Staggered(16)))),
+    ("paper's rule", |s, q| Box::new(Reusing::<_, Trace>::new(Words::new(s), q, Refresh::KeyFrames(10)))),
+    ("colvis", |s, q| renderer(s, q, Preset::Colvis, true)),
+    ("colvis without reuse", |s, q| renderer(s, q, Preset::Colvis, false)),
+    ("default", |s, q| renderer(s, q, Preset::Default, true)),
+    ("packets", |s, q| Box::new(Fast::new(s, q, Pixels::All))),
+    ("packets at the lowest level", |s, q| Box::new(Fast::with_level(s, q, Pixels::All, Level::baseline()))),
+];
+
+const QUALITIES: [Quality; 3] = [Quality::High, Quality::Low, Quality::Reference];
+
+fn space(dims: [usize; 3], spacing: DVec3, origin: DVec3, f: impl Fn(DVec3) -> f64) -> Space {
+    let grid = Grid::new(dims, spacing, origin, DMat3::IDENTITY).unwrap();
+    let place =
+        |n: usize| DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
+    let data = (0..grid.len()).map(|n| f(place(n)).round() as i16).collect();
+    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+}
+
+/// A closed cavity, in voxels.
+fn cavity(centre: DVec3, radii: DVec3) -> impl Fn(DVec3) -> f64 {
+    move |p| {
+        let out = (((p - centre) / radii).length() - 1.0) * radii.min_element();
+        -1000.0 + 1050.0 * (out / 2.0 + 0.4).clamp(0.0, 1.0)
+    }
+}
+
+/// Renders the view twice, the second time with whatever was kept of the first, and checks what holds of any picture.
+fn look(name: &str, r: &mut dyn Renderer, space: &Space, view: &View, settings: &Settings) -> Frame {
+    let mut frame = Frame::new(1, 1, true);
+    let first = r.render(view, &mut frame);
+    let alone = frame.clone();
+    let again = r.render(view, &mut frame);
+    assert!(frame == alone, "{name}: the same view again is another picture: {view:?}");
+    let (grid, step) = (space.volume().grid(), march::Step::new(space, settings.step_power).mm);
+    let diagonal = (DVec3::from_array(grid.dims().map(|n| (n + 1) as f64)) * grid.spacing()).length();
+    // Packets of rays and their lattice reach beyond the picture.
+    let rays = ((view.width() + 12) * (view.height() + 12)) as f64 * f64::from(settings.samples_per_pixel);
+    let bound = (diagonal / step + 2.0) * rays;
+    for work in [first, again] {
+        assert!(work.samples as f64 <= bound && work.reused <= work.rays, "{name}: {work:?} of {bound}");
+    }
+    assert!(frame.depth().unwrap().iter().all(|d| *d >= 0.0), "{name}: a depth is no number");
+    frame
+}
+
+/// Views along axes, faces, edges and corners and at odd angles, and the narrowest and widest.
+fn views(at: DVec3, size: usize) -> Vec<View> {
+    let one = |v: [f64; 3]| DVec3::from_array(v);
+    let mut forwards = vec![one([0.3, -0.8, 0.52]), one([1.0, 1e-7, -1e-7]), one([1.0, 1.0 + 1e-9, 1.0])];
+    for n in 0..27 {
+        let v = DVec3::new(f64::from(n % 3) - 1.0, f64::from(n / 3 % 3) - 1.0, f64::from(n / 9) - 1.0);
+        if v != DVec3::ZERO {
+            forwards.push(v);
+        }
+    }
+    forwards
+        .iter()
+        .enumerate()
+        .map(|(n, &f)| View::new(at, f, DVec3::Z, [90.0, 1.0, 170.0, 60.0][n % 4], size, size).unwrap())
+        .collect()
+}
+
+#[test]
+fn no_view_of_any_volume_breaks_a_renderer() {
+    let (one, thick, zero) = (DVec3::ONE, DVec3::new(0.3, 0.3, 10.0), DVec3::ZERO);
+    let lumen = |p: DVec3| if p.x == 5.0 && p.y == 5.0 { -1000.0 } else { 40.0 };
+    let noise = |p: DVec3| 2000.0 * hash::uniform(7, (p.x + 31.0 * (p.y + 31.0 * p.z)) as u64) - 1024.0;
+    let volumes = [
+        ("one voxel", space([1; 3], one, zero, |_| 40.0)),
+        ("two voxels", space([2, 1, 1], one, zero, |p| -1000.0 + 1040.0 * p.x)),
+        ("eight voxels", space([2; 3], thick, zero, |p| -1000.0 * p.x)),
+        ("flat", space([24, 24, 1], thick, zero, |p| -1000.0 + 50.0 * p.x)),
+        ("all air", space([20; 3], one, zero, |_| -1000.0)),
+        ("all tissue", space([20; 3], one, zero, |_| 40.0)),
+        ("one-voxel lumen", space([11, 11, 30], one, zero, lumen)),
+        (
+            "thick slices",
+            space([24, 24, 8], thick, zero, cavity(DVec3::new(12.0, 12.0, 4.0), DVec3::new(10.0, 10.0, 3.0))),
+        ),
+        ("noise", space([17, 19, 23], one, zero, noise)),
+        ("extreme values", space([9; 3], one, zero, |p| if p.x > 4.0 { 32767.0 } else { -32768.0 })),
+        ("extreme spacing", space([20; 3], DVec3::new(1e-6, 1.0, 1e6), zero, |p| -1000.0 + 100.0 * p.y)),
+        (
+            "3 m away",
+            space([20; 3], one, DVec3::new(3000.0, -3000.0, 3000.0), cavity(DVec3::splat(9.5), DVec3::splat(7.0))),
+        ),
+    ];
+    for (volume, s) in &volumes {
+        let grid = s.volume().grid();
+        let dims = DVec3::from_array(grid.dims().map(|n| n as f64));
+        // A voxel's centre, a cell's, the wall, a corner of the volume, just out of it, and far from it.
+        for at in [(dims * 0.5).floor(), (dims * 0.5).floor() + 0.5, dims * 0.15, zero, dims, dims * -2.0] {
+            for quality in QUALITIES {
+                let settings = Settings::new(quality);
+                // The reference looks at everything, so it looks at fewer views.
+                let every = if quality == Quality::Reference { 7 } else { 2 };
+                let mut pictures: Vec<Vec<Frame>> = Vec::new();
+                for (name, make) in RENDERERS {
+                    let mut r = make(s, settings);
+                    let looks = views(grid.world(at), 7).into_iter().step_by(every);
+                    let name = format!("{name}, {volume}, {at}, {quality:?}");
+                    pictures.push(looks.map(|v| look(&name, &mut *r, s, &v, &settings)).collect());
+                }
+                for same in 1..4 {
+                    assert!(pictures[same] == pictures[0], "{}, {volume}, {at}, {quality:?}", RENDERERS[same].0);
+                }
+                assert!(pictures[5] == pictures[4], "colvis, {volume}, {at}, {quality:?}");
+                assert!(pictures[8] == pictures[7], "packets at the lowest level, {volume}, {at}, {quality:?}");
+            }
+        }
+    }
+}
+
+/// Nowhere black, as the reference is nowhere: the wall closes all round.
+#[test]
+fn a_closed_wall_has_no_crack() {
+    let far = DVec3::new(3000.0, -2999.5, 3000.25);
+    for (spacing, origin, radii) in [
+        (DVec3::ONE, DVec3::ZERO, DVec3::splat(12.0)),
+        (DVec3::ONE, far, DVec3::splat(12.0)),
+        (DVec3::new(0.3, 0.3, 10.0), DVec3::ZERO, DVec3::new(12.0, 12.0, 4.0)),
+        (DVec3::new(0.7, 0.7, 1.0), DVec3::ZERO, DVec3::new(2.0, 13.0, 13.0)),
+    ] {
+        let centre = (radii + 3.0).ceil();
+        let dims = (centre * 2.0).to_array().map(|n| n as usize + 1);
+        let s = space(dims, spacing, origin, cavity(centre, radii));
+        for from in [centre, centre + 0.5, centre + DVec3::new(0.0, 0.0, 0.85 * radii.z)] {
+            for quality in QUALITIES {
+                let settings = Settings::new(quality);
+                for (name, make) in RENDERERS {
+                    let mut r = make(&s, settings);
+                    let every = if quality == Quality::Reference { 8 } else { 3 };
+                    for view in views(s.volume().grid().world(from), 25).into_iter().step_by(every) {
+                        let frame = look(name, &mut *r, &s, &view, &settings);
+                        let black = frame.pixels().iter().filter(|p| p[0] < 15).count();
+                        assert_eq!(black, 0, "{name}, {spacing}, {from}, {quality:?}: {view:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A slab of 1.05 voxels (of 2.75 for low detail), as a scanner sees it, at every angle to the grid and to the rays.
+#[test]
+fn slabs_thicker_than_a_voxel_stop_every_ray() {
+    let n = 36;
+    let centre = DVec3::splat(0.5 * f64::from(n - 1));
+    for tilt in 0..12 {
+        let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.13 * f64::from(tilt), 0.21 * f64::from(tilt), 0.0);
+        let normal = turn * DVec3::X;
+        let offset = 0.37 * f64::from(tilt % 3);
+        // The share of a voxel's box that is in the slab, by 5³ points in it.
+        let share = |p: DVec3, thickness: f64| {
+            let within = |m: i32| {
+                let o = DVec3::new(f64::from(m % 5), f64::from(m / 5 % 5), f64::from(m / 25)) * 0.2 - 0.4;
+                ((p + o - centre).dot(normal) - 5.0 - offset).abs() <= 0.5 * thickness
+            };
+            (0..125).filter(|&m| within(m)).count() as f64 / 125.0
+        };
+        for quality in QUALITIES {
+            let thickness = if quality == Quality::Low { 2.75 } else { 1.05 };
+            let s = space([n as usize; 3], DVec3::ONE, DVec3::ZERO, |p| -1000.0 + 1050.0 * share(p, thickness));
+            let settings = Settings::new(quality);
+            for (name, make) in RENDERERS {
+                let mut r = make(&s, settings);
+                for (u, fov) in [(0.0, 40.0), (0.4, 30.0), (1.0, 10.0)] {
+                    let aim = (normal + turn * DVec3::Y * u).normalize();
+                    let view = View::new(s.volume().grid().world(centre), aim, turn * DVec3::Z, fov, 31, 31).unwrap();
+                    let frame = look(name, &mut *r, &s, &view, &settings);
+                    for (at, p) in frame.pixels().iter().enumerate() {
+                        let ray = view.ray(at % 31, at / 31);
+                        let hit = centre + ray * ((5.0 + offset) / ray.dot(normal));
+                        let within = (hit - centre).abs().max_element() < 0.5 * f64::from(n) - 4.0;
+                        assert!(!within || p[0] > 8, "{name}, {quality:?}, tilt {tilt}, pixel {at}: {p:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Opacity 1, nearly none and none at all; steps from a hundredth of a voxel to a hundred.
+#[test]
+fn any_opacity_and_any_step() {
+    let centre = DVec3::splat(10.0);
+    let base = space([21; 3], DVec3::ONE, DVec3::ZERO, cavity(centre, DVec3::splat(7.0)));
+    let at = base.volume().grid().world(centre);
+    let walls = [(-800.0, -500.0), (-1000.0, -999.0), (-999.9, 32767.0), (32766.0, 32767.0), (-32767.0, -32766.0)];
+    for (lo, hi) in walls {
+        let s = Space::new(base.shared_volume(), Wall::new(lo, hi).unwrap());
+        for step_power in [-7, -4, -1, 0, 3, 7] {
+            for sensitivity in [0.0, 1e-7, 1.0 / 512.0, 0.999] {
+                let settings = Settings { step_power, sensitivity, ..Settings::default() };
+                let pictures = RENDERERS.map(|(name, make)| {
+                    let mut r = make(&s, settings);
+                    let views = views(at, 5).into_iter().step_by(9);
+                    views.map(|v| look(name, &mut *r, &s, &v, &settings)).collect::<Vec<_>>()
+                });
+                for same in 1..4 {
+                    assert!(pictures[same] == pictures[0], "{}, {lo}, {hi}, {step_power}", RENDERERS[same].0);
+                }
+                let black = |f: &Frame| f.pixels().iter().all(|p| *p == [0; 3]);
+                if (lo, hi) == (32766.0, 32767.0) {
+                    assert!(pictures.iter().flatten().all(black), "nothing is that dense");
+                }
+                // A longer first step may lead out of the volume.
+                if (lo, hi) == (-32767.0, -32766.0) && step_power <= 0 {
+                    assert!(pictures.iter().flatten().all(|f| f.pixels().iter().all(|p| p[0] > 200)), "all is opaque");
+                }
+            }
+        }
+    }
+}
+
+/// An opacity of 1e-7 a step adds up over many steps, as the formula has it: nothing is lost to rounding for good.
+#[test]
+fn a_faint_opacity_adds_up() {
+    // 1e-4 of the ramp of h, in steps of h/1024: 1e-7 a step.
+    let s = space([65, 9, 9], DVec3::ONE, DVec3::ZERO, |_| -500.0);
+    let s = Space::new(s.shared_volume(), Wall::new(-503.2767, 32263.0).unwrap());
+    let from = s.volume().grid().world(DVec3::new(0.0, 4.0, 4.0));
+    let view = View::new(from, DVec3::X, DVec3::Z, 1.0, 1, 1).unwrap();
+    let bright = |step_power: i32| {
+        let settings = Settings { step_power, sensitivity: 0.0, ..Settings::default() };
+        let mut frame = Frame::default();
+        renderer(&s, settings, Preset::Default, true).render(&view, &mut frame);
+        frame.pixels()[0]
+    };
+    // 64 voxels of 1e-4 each are 0.64 % of the light: about one grey level of 255, for any step.
+    let (fine, coarse) = (bright(-10), bright(-1));
+    assert!(fine[0] > 0 && coarse[0] > 0 && fine[0].abs_diff(coarse[0]) <= 1, "{fine:?} {coarse:?}");
+}

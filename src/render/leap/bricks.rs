@@ -1,0 +1,115 @@
+//! The wall's distance at every brick of 8×8×8 cells: a byte each, 1/1024 of the 16-bit volume.
+
+use glam::Vec3;
+
+use crate::render::march::Ray;
+use crate::render::skip::{Skipper, is_empty_voxel};
+use crate::render::space::Space;
+
+use super::chessboard::{FAR, chessboard};
+use super::{Clearance, EDGE};
+
+/// For each brick the number of bricks, by chessboard moves, to the nearest one in which something may be seen; 0 there.
+pub struct BrickWalls {
+    bricks: [usize; 3],
+    distance: Vec<u8>,
+}
+
+impl BrickWalls {
+    /// Distances between the bricks of `space`'s flags. Outside them is air: where that is not empty, no brick at the
+    /// border is.
+    pub fn new(space: &Space) -> Self {
+        let flags = space.flags();
+        let bricks = flags.bricks();
+        let count: usize = bricks.iter().product();
+        let mut distance: Vec<u8> = (0..count).map(|n| if flags.empty_brick(n as isize) { FAR } else { 0 }).collect();
+        chessboard(&mut distance, bricks, false);
+        Self { bricks, distance }
+    }
+
+    /// Distance of the brick that `q` lies in, and the brick's first corner; 0 outside the volume.
+    #[inline(always)]
+    fn at(&self, q: Vec3) -> (u8, Vec3) {
+        let b = (q / EDGE).to_array().map(|c| c as usize);
+        let [nx, ny, nz] = self.bricks;
+        let inside = q.cmpge(Vec3::ZERO).all() && b[0] < nx && b[1] < ny && b[2] < nz;
+        let distance = if inside { self.distance[b[0] + nx * (b[1] + ny * b[2])] } else { 0 };
+        (distance, Vec3::new(b[0] as f32, b[1] as f32, b[2] as f32) * EDGE)
+    }
+
+    /// Memory.
+    pub fn bytes(&self) -> usize {
+        self.distance.len()
+    }
+}
+
+impl Clearance for BrickWalls {
+    #[inline(always)]
+    fn around(&self, q: Vec3) -> f32 {
+        let (distance, corner) = self.at(q);
+        if distance == 0 {
+            return 0.0;
+        }
+        // Within the box of empty bricks around this one, and two voxels beyond it, nothing is to be seen.
+        let inner = (q - corner).min(corner + EDGE - q).min_element().max(0.0);
+        EDGE * f32::from(distance - 1) + inner + 2.0
+    }
+}
+
+/// Leaps from box to box of empty bricks; with `VOXELS` also over single voxels flagged as empty, as
+/// [`Leap`](crate::render::skip::Leap) does.
+pub struct BrickLeap<'a, const VOXELS: bool> {
+    space: &'a Space,
+    walls: &'a BrickWalls,
+}
+
+impl<'a, const VOXELS: bool> BrickLeap<'a, VOXELS> {
+    /// Leaps by `walls`, which are those of `space`.
+    pub fn new(space: &'a Space, walls: &'a BrickWalls) -> Self {
+        Self { space, walls }
+    }
+}
+
+/// Samples before the ray leaves the box from `low` to `high` (grown voxel coordinates).
+#[inline(always)]
+fn leaves(ray: &Ray, low: Vec3, high: Vec3) -> f32 {
+    let ahead = Vec3::select(ray.inverse.cmpge(Vec3::ZERO), high, low);
+    (ahead * ray.inverse + ray.offset).min_element()
+}
+
+impl<const VOXELS: bool> Skipper for BrickLeap<'_, VOXELS> {
+    /// The samples before this one may be seen.
+    type Walk = u32;
+
+    #[inline(always)]
+    fn start(&self, _: &Ray, _: u32) -> u32 {
+        0
+    }
+
+    #[inline(always)]
+    fn next(&self, seen_until: &mut u32, ray: &Ray, mut n: u32) -> u32 {
+        while n < ray.count {
+            let q = ray.at(n);
+            if n >= *seen_until {
+                let (distance, corner) = self.walls.at(q);
+                if distance == 0 {
+                    // At least this sample; a few more in the next brick do no harm.
+                    let end = leaves(ray, corner, corner + EDGE);
+                    *seen_until = (end.clamp(0.0, 4e9) as u32).max(n) + 1;
+                } else {
+                    let margin = EDGE * f32::from(distance - 1);
+                    let end = leaves(ray, corner - margin, corner + EDGE + margin);
+                    // Not the last one before the plane, whose rounding might lie beyond it.
+                    let slack = 0.01 + end * 1e-6;
+                    n = ((end - slack).clamp(0.0, 4e9) as u32).max(n) + 1;
+                    continue;
+                }
+            }
+            if !VOXELS || !is_empty_voxel(self.space, q) {
+                return n;
+            }
+            n += ray.near;
+        }
+        n
+    }
+}

@@ -1,0 +1,311 @@
+//! Frame-to-frame acceleration (the paper's section 2.2) that is never wrong.
+//!
+//! The camera moves little between pictures, so most of what a ray passes was seen to be empty in the last one.
+//! [`known`] says which part of each new ray is proven to be so, for any motion with six degrees of freedom; what is not
+//! proven is traced anew. [`prove`] finds along each ray what the next picture may rely on. [`paper`] has the paper's own
+//! rule, a guess that is cut back to what is proven. Rays only ever leave out samples of opacity 0 that lie on the same
+//! lattice as all others, so a picture is the same bit for bit with and without reuse.
+
+pub mod known;
+pub mod paper;
+pub mod prove;
+
+use glam::{DVec3, Vec3};
+
+use super::begin::{Anew, Begin};
+use super::caster::Shot;
+use super::classify::{ByDensity, ByValue, Classifier};
+use super::leap::{BrickWalls, Clearance, SLACK, Surroundings};
+use super::march::Ray;
+use super::quality::{Classification, Settings};
+use super::renderer::Renderer;
+use super::space::Space;
+use super::{Frame, View, Work};
+use known::{Bounds, Empty, Known, Motion};
+use paper::Trace;
+use prove::Pyramid;
+
+/// When pictures are made without the last one's help.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refresh {
+    /// Every so many pictures (the paper's key frames): from scratch.
+    KeyFrames(u32),
+    /// A part in so many of each picture, another one each time, so that no single picture pays for all.
+    Staggered(u32),
+}
+
+impl Refresh {
+    /// Whether picture `n` is made from scratch.
+    fn is_key_frame(self, n: u32) -> bool {
+        matches!(self, Self::KeyFrames(every) if n.is_multiple_of(every.max(1)))
+    }
+
+    /// Whether picture `n` makes its coarse block number `block` from scratch.
+    fn is_stale(self, n: u32, block: usize) -> bool {
+        matches!(self, Self::Staggered(parts) if block as u32 % parts.max(1) == n % parts.max(1))
+    }
+}
+
+/// What pictures are cast through, with the clearance that their emptiness is proven by.
+pub trait Scenery: Send + Sync {
+    /// Tells the surroundings of a place.
+    type Clear<'a>: Clearance
+    where
+        Self: 'a;
+
+    /// The space that rays are cast in.
+    fn space(&self) -> &Space;
+
+    /// What tells the surroundings.
+    fn clear(&self) -> Self::Clear<'_>;
+
+    /// Casts a picture.
+    fn image<B: Begin>(
+        &self,
+        view: &View,
+        settings: &Settings,
+        begin: &B,
+        kept: &mut [B::Kept],
+        frame: &mut Frame,
+    ) -> Work;
+
+    /// Memory beside the 16-bit voxels, by what it is for.
+    fn parts(&self) -> Vec<(&'static str, usize)>;
+}
+
+/// Renders every picture on its own.
+pub struct Plain<S> {
+    scenery: S,
+    settings: Settings,
+}
+
+impl<S: Scenery> Plain<S> {
+    /// Renders `scenery` by `settings`.
+    pub fn new(scenery: S, settings: Settings) -> Self {
+        Self { scenery, settings }
+    }
+}
+
+impl<S: Scenery> Renderer for Plain<S> {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        let mut kept = vec![(); view.width() * view.height()];
+        self.scenery.image(view, &self.settings, &Anew, &mut kept, frame)
+    }
+
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        self.scenery.parts()
+    }
+}
+
+/// The 16-bit voxels, with the wall's distance per brick.
+pub struct Words {
+    space: Space,
+    bricks: BrickWalls,
+}
+
+impl Words {
+    /// Prepares `space`.
+    pub fn new(space: &Space) -> Self {
+        Self { space: space.clone(), bricks: BrickWalls::new(space) }
+    }
+}
+
+impl Scenery for Words {
+    type Clear<'a> = Surroundings<'a>;
+
+    fn space(&self) -> &Space {
+        &self.space
+    }
+
+    fn clear(&self) -> Surroundings<'_> {
+        Surroundings { space: &self.space, bricks: &self.bricks }
+    }
+
+    fn image<B: Begin>(
+        &self,
+        view: &View,
+        settings: &Settings,
+        begin: &B,
+        kept: &mut [B::Kept],
+        frame: &mut Frame,
+    ) -> Work {
+        Shot { space: &self.space, view, settings }.plain(begin, kept, frame)
+    }
+
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        vec![("homogeneous-region flags", self.space.bytes()), ("wall distance per brick", self.bricks.bytes())]
+    }
+}
+
+/// What a way of reuse keeps of each pixel, and how it lets a ray begin.
+pub trait Rule: Copy + Default + Empty + Send + Sync {
+    /// How far a ray begins at the most, mm.
+    fn begin(known: &Known<Self>, motion: &Motion, x: usize, y: usize, ray: &Ray) -> f32;
+    /// Keeps how far the pyramid is empty.
+    fn keep_empty(&mut self, mm: f32);
+    /// Keeps where the ray first met something.
+    fn keep_first(&mut self, mm: f32);
+}
+
+/// Six degrees of freedom: a ray begins where the proof ends.
+impl Rule for f32 {
+    #[inline(always)]
+    fn begin(_: &Known<Self>, _: &Motion, _: usize, _: usize, _: &Ray) -> f32 {
+        Self::INFINITY
+    }
+
+    #[inline(always)]
+    fn keep_empty(&mut self, mm: f32) {
+        *self = self.max(mm);
+    }
+
+    fn keep_first(&mut self, _: f32) {}
+}
+
+/// The paper's rule.
+impl Rule for Trace {
+    fn begin(known: &Known<Self>, motion: &Motion, x: usize, y: usize, ray: &Ray) -> f32 {
+        paper::guess(known, motion, x, y, ray)
+    }
+
+    fn keep_empty(&mut self, mm: f32) {
+        self.empty_mm = self.empty_mm.max(mm);
+    }
+
+    fn keep_first(&mut self, mm: f32) {
+        // The nearest of the pixel's rays.
+        self.first_mm = if self.first_mm == 0.0 { mm } else { self.first_mm.min(mm) };
+    }
+}
+
+/// Renders with what the last picture tells.
+pub struct Reusing<S, R> {
+    scenery: S,
+    settings: Settings,
+    refresh: Refresh,
+    known: Option<Known<R>>,
+    /// Memory of the picture before that, to be filled again.
+    spare: (Vec<R>, Vec<f32>, Vec<f32>),
+    pictures: u32,
+}
+
+impl<S: Scenery, R: Rule> Reusing<S, R> {
+    /// Renders `scenery` by `settings`.
+    pub fn new(scenery: S, settings: Settings, refresh: Refresh) -> Self {
+        Self { scenery, settings, refresh, known: None, spare: (Vec::new(), Vec::new(), Vec::new()), pictures: 0 }
+    }
+
+    fn reach(&self) -> f32 {
+        match self.settings.classification {
+            Classification::Value => ByValue::REACH,
+            Classification::Filtered => ByDensity::REACH,
+        }
+    }
+}
+
+impl<S: Scenery, R: Rule> Renderer for Reusing<S, R> {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        let space = self.scenery.space();
+        let free = free_mm(space, &self.scenery.clear(), view.position(), self.reach());
+        let (mut kept, coarse, mm) = std::mem::take(&mut self.spare);
+        kept.resize(view.width() * view.height(), R::default());
+        let known = self.known.take();
+        let (n, refresh) = (self.pictures, self.refresh);
+        let last = known.as_ref().filter(|_| !refresh.is_key_frame(n)).map(|known| {
+            let motion = Motion::new(&known.view, view);
+            let bounds = Bounds::new(known, &motion, free, |block| refresh.is_stale(n, block), mm);
+            (known, motion, bounds)
+        });
+        let clear = self.scenery.clear();
+        let pyramid = Pyramid::new(space, view, self.settings.samples_per_pixel, self.reach());
+        let begin = FromLast {
+            clear,
+            pyramid,
+            forward: view.forward().as_vec3(),
+            free: free as f32,
+            last: last.as_ref().map(|(k, m, b)| (*k, m, b)),
+        };
+        let work = self.scenery.image(view, &self.settings, &begin, &mut kept, frame);
+        let mm = last.map_or_else(Vec::new, |(_, _, bounds)| bounds.into_mm());
+        let (spare, _) = known.map_or_else(Default::default, Known::into_parts);
+        self.known = Some(Known::new(*view, kept, coarse));
+        self.spare = (spare, Vec::new(), mm);
+        self.pictures = self.pictures.wrapping_add(1);
+        work
+    }
+
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        let spare = self.spare.0.capacity() * size_of::<R>() + self.spare.2.capacity() * size_of::<f32>();
+        let mut parts = self.scenery.parts();
+        parts.push(("frame cache", self.known.as_ref().map_or(0, Known::bytes) + spare));
+        parts
+    }
+}
+
+/// How far samples are empty all round a place, mm.
+fn free_mm(space: &Space, clear: &impl Clearance, world: DVec3, reach: f32) -> f64 {
+    let grid = space.volume().grid();
+    let q = grid.voxel(world) + DVec3::ONE;
+    let inside = (0..3).all(|a| q[a] > 0.0 && q[a] < (grid.dims()[a] + 1) as f64);
+    if !inside {
+        return 0.0;
+    }
+    let free = clear.around(Vec3::new(q.x as f32, q.y as f32, q.z as f32)) - reach - SLACK;
+    f64::from(free.max(0.0)) * prove::mm_per_voxel(space)
+}
+
+/// Rays begin where the last picture lets them.
+struct FromLast<'a, C, R> {
+    clear: C,
+    pyramid: Pyramid,
+    forward: Vec3,
+    /// So much is empty all round the camera, mm.
+    free: f32,
+    last: Option<(&'a Known<R>, &'a Motion, &'a Bounds)>,
+}
+
+impl<C: Clearance, R: Rule> FromLast<'_, C, R> {
+    /// The proven bound of a pixel, mm, and where the rule lets its ray begin.
+    #[inline(always)]
+    fn told(&self, x: usize, y: usize, ray: &Ray) -> (f32, f32) {
+        match self.last {
+            Some((known, motion, bounds)) => (bounds.at(x, y), R::begin(known, motion, x, y, ray)),
+            None => (self.free, f32::INFINITY),
+        }
+    }
+}
+
+impl<C: Clearance, R: Rule> Begin for FromLast<'_, C, R> {
+    type Kept = R;
+
+    #[inline(always)]
+    fn begin(&self, x: usize, y: usize, ray: &Ray, kept: &mut R) -> (u32, bool) {
+        if !ray.inside {
+            return (0, false);
+        }
+        let (proven, wished) = self.told(x, y, ray);
+        let from = proven.min(wished.max(self.free));
+        let cos = ray.direction.dot(self.forward).max(1e-6);
+        let empty = self.pyramid.empty_mm(&self.clear, ray, cos, from);
+        kept.keep_empty(empty.max(proven.min(ray.mm(ray.count))));
+        // Samples nearer than that are empty. A hundredth of a step is more than rounding.
+        let n = ((empty - ray.start_mm) * ray.per_mm - 0.01).floor() + 1.0;
+        (n.max(0.0) as u32, from > self.free)
+    }
+
+    #[inline(always)]
+    fn seen(&self, x: usize, y: usize, ray: &Ray, first: u32, kept: &mut R) -> bool {
+        let mm = ray.mm(first);
+        kept.keep_first(mm);
+        match self.last {
+            Some((known, motion, _)) if first < ray.count => {
+                let wished = R::begin(known, motion, x, y, ray);
+                wished.is_finite() && wished > mm
+            }
+            _ => false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

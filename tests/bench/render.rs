@@ -1,0 +1,150 @@
+//! What each part of the ray caster takes: sampling, leaping, gradients, whole frames. `cargo bench --bench render`.
+//!
+//! On the analytic phantom (small), one view from the middle of its centerline, 512×512; on the machine's own number of
+//! threads. A part's name is the line's second half, so `cargo bench --bench render -- leaping` compares leaping alone.
+#![expect(missing_docs, reason = "criterion_group makes a public function without a comment")]
+
+use std::hint::black_box;
+use std::sync::Arc;
+
+use colvis::math::hash;
+use colvis::phantom::{Phantom, Settings as PhantomSettings, Size};
+use colvis::progress::Progress;
+use colvis::render::begin::Anew;
+use colvis::render::bytes::{ByteNearest, ByteTrilinear, ByteVolume};
+use colvis::render::caster::Shot;
+use colvis::render::classify::{ByDensity, ByValue};
+use colvis::render::gradients::{GradientCache, GradientVolume, Stored, WithCache, WithStored};
+use colvis::render::leap::{BrickLeap, BrickWalls, VoxelLeap, VoxelWalls};
+use colvis::render::reuse::paper::Trace;
+use colvis::render::reuse::{Refresh, Reusing, Words};
+use colvis::render::sampler::{Nearest, Sampler, Trilinear};
+use colvis::render::skip::{Everything, Leap};
+use colvis::render::{Frame, Preset, Quality, Renderer, Settings, Space, View, Wall, renderer};
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::{DVec3, Vec3};
+
+const SIDE: usize = 512;
+
+/// The phantom, and the views of a flight along its centerline, 1 mm apart.
+fn scene() -> (Space, Vec<View>) {
+    let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed: 1, ..Default::default() });
+    let volume = phantom.voxelise(&phantom.grid(), &Progress::default()).expect("a phantom");
+    let line = phantom.truth().centerline;
+    let at = |n: usize| line[n];
+    let (from, to) = (at(line.len() / 2), at(line.len() / 2 + 8));
+    let ahead = (to - from).normalize();
+    let view = |n: i32| View::new(from + ahead * f64::from(n), ahead, DVec3::Z, 90.0, SIDE, SIDE).expect("a view");
+    (Space::new(Arc::new(volume), Wall::default()), (0..10).map(view).collect())
+}
+
+/// Places near the wall, as rays visit them.
+fn places(space: &Space) -> Vec<Vec3> {
+    let dims = space.volume().grid().dims();
+    let place =
+        |n: u64| Vec3::from_array(std::array::from_fn(|a| (dims[a] as f64 * hash::uniform(n, a as u64)) as f32));
+    let near = |q: &Vec3| {
+        let [i, j, k] = (*q - 1.0).max(Vec3::ZERO).to_array().map(|c| c as usize);
+        !space.flags().homogeneous(space.volume(), i, j, k)
+    };
+    (0..200_000).map(place).filter(near).flat_map(|q| (0..8).map(move |n| q + 0.3 * n as f32)).take(20_000).collect()
+}
+
+fn parts(c: &mut Criterion) {
+    let (space, views) = scene();
+    let s = &space;
+    let places = places(s);
+    let one = ByteVolume::new(s, 1);
+    let bytes = ByteTrilinear::new(s, &one);
+    let cache = GradientCache::new(s);
+    let stored = GradientVolume::new(s, Stored::NearWall);
+    println!(
+        "bytes: volume {}, flags {}, 7 + 1 bits {}, wall distance per voxel {}, per brick {}, gradients {}, cache {}",
+        s.volume().bytes(),
+        s.bytes(),
+        one.bytes(),
+        VoxelWalls::new(s).bytes(),
+        BrickWalls::new(s).bytes(),
+        stored.bytes(),
+        cache.bytes()
+    );
+
+    let mut group = c.benchmark_group("sampling of 20 000 places");
+    let values = |f: &dyn Fn(Vec3) -> f32| places.iter().map(|&q| f(q)).sum::<f32>();
+    let (low, low_bytes) = (Nearest::new(s), ByteNearest::new(s, &one));
+    group.bench_function("nearest, 16 bits", |b| b.iter(|| values(&|q| low.value(q))));
+    let high = Trilinear::new(s);
+    group.bench_function("trilinear, 16 bits", |b| b.iter(|| values(&|q| high.value(q))));
+    group.bench_function("nearest, 7 + 1 bits", |b| b.iter(|| values(&|q| low_bytes.value(q))));
+    group.bench_function("trilinear, 7 + 1 bits, fixed point", |b| b.iter(|| values(&|q| bytes.value(q))));
+    group.bench_function("trilinear, 7 + 1 bits, floats", |b| b.iter(|| values(&|q| bytes.value_in_floats(q))));
+    group.finish();
+
+    let mut group = c.benchmark_group("gradients at 20 000 places");
+    let fits = |f: &dyn Fn(Vec3) -> Vec3| places.iter().map(|&q| f(q)).sum::<Vec3>();
+    group.bench_function("computed", |b| b.iter(|| fits(&|q| high.gradient(q))));
+    let (with_stored, with_cache) = (WithStored::new(s, &stored), WithCache::new(s, &cache));
+    group.bench_function("ahead of time", |b| b.iter(|| fits(&|q| with_stored.gradient(q))));
+    group.bench_function("cached", |b| b.iter(|| fits(&|q| with_cache.gradient(q))));
+    group.finish();
+
+    let mut group = c.benchmark_group("preparing");
+    group.sample_size(10);
+    group.bench_function("flags", |b| b.iter(|| Space::new(s.shared_volume(), s.wall())));
+    group.bench_function("7 + 1 bits", |b| b.iter(|| ByteVolume::new(s, 2)));
+    group.bench_function("wall distance per voxel", |b| b.iter(|| VoxelWalls::new(s)));
+    group.bench_function("wall distance per brick", |b| b.iter(|| BrickWalls::new(s)));
+    group.bench_function("gradients near the wall", |b| b.iter(|| GradientVolume::new(s, Stored::NearWall)));
+    group.finish();
+
+    let settings = Settings::default();
+    let shot = Shot { space: s, view: &views[0], settings: &settings };
+    let (mut kept, mut frame) = (vec![(); SIDE * SIDE], Frame::default());
+    let (walls, boxes) = (VoxelWalls::new(s), BrickWalls::new(s));
+    let mut group = c.benchmark_group("leaping, a frame");
+    group.sample_size(20);
+    macro_rules! frame {
+        ($name:expr, $sampler:expr, $skipper:expr, $classifier:expr) => {
+            group.bench_function($name, |b| {
+                b.iter(|| black_box(shot.image($sampler, $skipper, $classifier, &Anew, &mut kept, &mut frame)))
+            });
+        };
+    }
+    frame!("nothing", &high, &Everything, &ByValue);
+    frame!("bricks", &high, &Leap::<false>::new(s), &ByValue);
+    frame!("bricks and flags", &high, &Leap::<true>::new(s), &ByValue);
+    frame!("wall distance per brick", &high, &BrickLeap::<false>::new(s, &boxes), &ByValue);
+    frame!("wall distance per brick, and flags", &high, &BrickLeap::<true>::new(s, &boxes), &ByValue);
+    frame!("wall distance per voxel", &high, &VoxelLeap::<1>::new(&walls), &ByValue);
+    frame!("gradients ahead of time", &with_stored, &Leap::<true>::new(s), &ByValue);
+    frame!("gradients cached", &with_cache, &Leap::<true>::new(s), &ByValue);
+    frame!("filtered density, wall distance per voxel", &high, &VoxelLeap::<2>::new(&walls), &ByDensity);
+    frame!("filtered density ahead of time, the same", &with_stored, &VoxelLeap::<2>::new(&walls), &ByDensity);
+    group.finish();
+
+    let mut group = c.benchmark_group("ten frames of a flight");
+    group.sample_size(10);
+    let low = Settings::new(Quality::Low);
+    type Make<'a> = &'a dyn Fn() -> Box<dyn Renderer>;
+    let makes: [(&str, Make<'_>); 7] = [
+        ("high", &|| renderer(s, settings, Preset::Default, false)),
+        ("high, reusing", &|| Box::new(Reusing::<_, f32>::new(Words::new(s), settings, Refresh::Staggered(16)))),
+        ("high, the paper's rule", &|| {
+            Box::new(Reusing::<_, Trace>::new(Words::new(s), settings, Refresh::KeyFrames(10)))
+        }),
+        ("low", &|| renderer(s, low, Preset::Default, false)),
+        ("colvis", &|| renderer(s, settings, Preset::Colvis, true)),
+        ("colvis without reuse", &|| renderer(s, settings, Preset::Colvis, false)),
+        ("lean", &|| renderer(&Space::lean(s.shared_volume(), s.wall()), settings, Preset::Lean, true)),
+    ];
+    for (name, make) in makes {
+        let mut renderer = make();
+        group.bench_function(name, |b| {
+            b.iter(|| views.iter().map(|v| renderer.render(v, &mut frame).samples).sum::<u64>());
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, parts);
+criterion_main!(benches);
