@@ -87,8 +87,6 @@ pub const METHODS: &[Method] = &[
     Method { name: "high h/2", family: "flags, trilinear", make: |s| direct(s, Quality::High, -1, 1), traits: PLAIN },
     Method { name: "high h", family: "flags, trilinear", make: |s| direct(s, Quality::High, 0, 1), traits: PLAIN },
     Method { name: "high 2h", family: "flags, trilinear", make: |s| direct(s, Quality::High, 1, 1), traits: PLAIN },
-    Method { name: "packets", family: "packets of rays", make: |s| Ok(Box::new(Fast::new(s, Settings::default(), Pixels::Needed))), traits: PLAIN },
-    Method { name: "packets, all pixels", family: "packets of rays", make: |s| Ok(Box::new(Fast::new(s, Settings::default(), Pixels::All))), traits: PLAIN },
     Method { name: "low h/2", family: "flags, nearest voxel", make: |s| direct(s, Quality::Low, -1, 1), traits: PLAIN },
     Method { name: "low h", family: "flags, nearest voxel", make: |s| direct(s, Quality::Low, 0, 1), traits: PLAIN },
     Method { name: "filtered h/2", family: "filtered density", make: filtered, traits: OTHER },
