@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::fields::{Lumen, lumen};
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
+use crate::render::fast::simd_level;
 use crate::render::{Preset, Quality, Settings, Space, Wall};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
@@ -167,7 +168,7 @@ pub fn say(note: &str) {
 pub fn stats_head(timings: &Timings) -> Map<String, Value> {
     let mut m = Map::new();
     m.insert("threads".to_owned(), json!(rayon::current_num_threads()));
-    m.insert("simd".to_owned(), json!("scalar"));
+    m.insert("simd".to_owned(), json!(simd_level()));
     m.insert("peak_rss_bytes".to_owned(), json!(peak_rss_bytes()));
     m.insert("prepare".to_owned(), timings.json());
     m

@@ -19,6 +19,22 @@ use occupancy::Occupancy;
 use packet::Rays;
 use picture::Lattice;
 
+/// The name of the SIMD level that packets of rays use on this machine.
+pub fn simd_level() -> &'static str {
+    match Level::new() {
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512(_) => "avx512",
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2(_) => "avx2",
+        #[cfg(target_arch = "x86_64")]
+        _ => "sse2",
+        #[cfg(target_arch = "aarch64")]
+        _ => "neon",
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        _ => "scalar",
+    }
+}
+
 /// Which pixels get a ray of their own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Pixels {
