@@ -77,8 +77,7 @@ pub fn check(args: &FlyArgs) -> Result<()> {
     if args.fps.is_some_and(|f| f > 120.0) {
         return Err(Error::usage("--fps", "there are 120 simulation steps a second", "give at most 120"));
     }
-    guide(args)?;
-    prepare::quality(args.quality).map(drop)
+    guide(args).map(drop)
 }
 
 /// Refuses an input that is not there and outputs that cannot be, before any work is done.
@@ -138,7 +137,7 @@ pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene) -> Result<
         width: size.width,
         height: size.height,
         fov_degrees: prepare::fov(global)?,
-        settings: scene.render.apply(prepare::quality(args.quality)?),
+        settings: scene.render.apply(prepare::quality(args.quality)),
         preset: prepare::preset(args.preset, scene.render.preset),
     })
 }

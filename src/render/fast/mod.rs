@@ -55,6 +55,20 @@ impl Fast {
         let direct = Direct::new(space, settings);
         Self { space: space.clone(), settings, pixels, occupancy, cells, lattice: Lattice::default(), level, direct }
     }
+
+    /// Another renderer of the same space, which shares what was prepared.
+    pub fn beside(&self, settings: Settings) -> Self {
+        Self {
+            space: self.space.clone(),
+            settings,
+            pixels: self.pixels,
+            occupancy: Arc::clone(&self.occupancy),
+            cells: self.cells.iter().map(|_| Mutex::default()).collect(),
+            lattice: Lattice::default(),
+            level: self.level,
+            direct: Direct::new(&self.space, settings),
+        }
+    }
 }
 
 impl Renderer for Fast {

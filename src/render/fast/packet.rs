@@ -109,7 +109,7 @@ impl<'a> Rays<'a> {
             step: per_step,
             world: [view.forward(), view.right(), view.up()].map(DVec3::as_vec3),
             pixel: view.pixel() as f32,
-            centre: [0.5 * view.width() as f32, 0.5 * view.height() as f32],
+            centre: view.centre().map(|c| c as f32),
             border: Vec3::from_array(dims),
             foot: wall.lo() + FOOT,
             lo: wall.lo(),
