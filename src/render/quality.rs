@@ -6,7 +6,7 @@ pub enum Quality {
     /// Trilinear values and interpolated regressions, empty space skipped.
     #[default]
     High,
-    /// Empty space skipped, a ray for four pixels where packets of rays render; else the nearest voxel for everything.
+    /// Empty space skipped, a ray for nine pixels where packets of rays render; else the nearest voxel for everything.
     Low,
     /// As high, by brute force: fine steps, nothing skipped. What everything else is measured against.
     Reference,

@@ -1,10 +1,10 @@
 //! A way to make pictures, with whatever it keeps from one to the next.
 
-use super::adaptive::Adaptive;
+use super::adaptive::{Adaptive, Fine};
 use super::bytes::{ByteScenery, ByteVolume};
 use super::caster;
 use super::fast::{Fast, Pixels};
-use super::half::Half;
+use super::low::Low;
 use super::quality::{Classification, Preset, Quality};
 use super::reuse::paper::Trace;
 use super::reuse::{Plain, Refresh, Reusing};
@@ -57,7 +57,7 @@ pub fn renderer(space: &Space, settings: Settings, preset: Preset, reuse: bool) 
     }
     if is_fast(&settings, preset) {
         return match settings.quality {
-            Quality::Low => Box::new(Half::new(space, settings)),
+            Quality::Low => Box::new(Low::new(space, settings)),
             _ => Box::new(Fast::new(space, settings, Pixels::Needed)),
         };
     }
@@ -80,14 +80,12 @@ fn adaptive(space: &Space, settings: Settings, preset: Preset, reuse: bool) -> B
     let fine = Adaptive::fine(moving);
     if let (Some(fine), true) = (fine, is_fast(&moving, preset)) {
         let fast = Fast::new(space, moving, Pixels::Needed);
-        let fine = Box::new(fast.beside(fine));
-        return Box::new(Adaptive::new(space, Box::new(fast), Some(fine)));
+        let fine = fast.beside(fine);
+        return Box::new(Adaptive::new(space, Box::new(fast), Some(Fine::Packets(fine))));
     }
-    let fine = fine.map(|fine| -> Box<dyn Renderer> {
-        match preset {
-            Preset::Default if is_fast(&fine, preset) => Box::new(Fast::new(space, fine, Pixels::Needed)),
-            _ => Box::new(Direct::new(space, fine)),
-        }
+    let fine = fine.map(|fine| match is_fast(&fine, preset) {
+        true => Fine::Packets(Fast::new(space, fine, Pixels::Needed)),
+        false => Fine::Rays(Direct::new(space, fine)),
     });
     Box::new(Adaptive::new(space, renderer(space, moving, preset, reuse), fine))
 }

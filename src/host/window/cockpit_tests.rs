@@ -73,13 +73,13 @@ fn a_still_scene_is_refined_and_then_left_alone() {
     }
     assert_eq!(c.image().unwrap().height(), WINDOW.1);
     c.readings(now + Duration::from_secs(1));
-    assert_eq!(c.next(WINDOW), None, "nothing to wake up for");
+    assert_eq!(c.next(), None, "nothing to wake up for");
     let (ticks, frames) = (c.flight().clock().tick, c.frames().len());
     assert_eq!(fly(&mut c, &mut now, 50), 0);
     assert_eq!((c.flight().clock().tick, c.frames().len()), (ticks, frames), "neither simulated nor traced");
     // A word about something wakes it up to say it, and nothing is traced for that.
     c.perform(Deed::Help, WINDOW, now);
-    assert!(c.next(WINDOW).is_some_and(|t| t <= now) && c.readings(now).help);
+    assert!(c.next().is_some_and(|t| t <= now) && c.readings(now).help);
     assert_eq!(fly(&mut c, &mut now, 1), 0);
     // A look does move the picture.
     c.drag((9.0, 0.0), WINDOW);

@@ -19,10 +19,10 @@ const MARGIN: [f64; 2] = [1.08, 1.35];
 const NEW: f64 = 0.25;
 /// What the dearest picture was is forgotten by this share with each one.
 const FORGET: f64 = 0.004;
-/// Samples a pixel of a picture before any was made.
-const FIRST: f64 = 8.0;
+/// What a pixel costs before any was made, in samples.
+const FIRST: f64 = 12.0;
 
-/// What a picture cost.
+/// What a picture cost, rays counted as samples too ([`cost`](super::cost)).
 #[derive(Clone, Copy, Debug)]
 struct Cost {
     /// Samples for each pixel of the shown picture.

@@ -16,26 +16,53 @@ mod still;
 
 use super::caster::depths;
 use super::enlarge::enlarge;
+use super::fast::Fast;
 use super::quality::{Quality, Settings};
 use super::renderer::Detail;
-use super::{Frame, Renderer, Space, View, Work};
+use super::{Direct, Frame, Renderer, Space, View, Work};
 use flow::Probes;
 use level::Governor;
 use still::{Means, Still};
 
 pub use still::SAMPLES;
 
-/// Samples of a picture where nobody says otherwise: what two cores take in a sixtieth of a second or less.
-pub const BUDGET: u64 = 6_000_000;
+/// What a picture may cost where nobody says otherwise, in samples: what two cores of today take in a sixtieth of a second.
+pub const BUDGET: u64 = 5_000_000;
+/// A ray costs as much as so many samples, beside its own: to be set up, shaded and shown.
+const RAY: u64 = 8;
 /// A picture that would move by no more pixels than this since it was begun is at rest.
 const REST: f64 = 0.5;
+
+/// What a picture cost, in samples.
+pub fn cost(work: &Work) -> u64 {
+    work.samples.saturating_add(work.rays.saturating_mul(RAY))
+}
+
+/// What makes samples of the reference, one a pixel.
+pub enum Fine {
+    /// Packets of rays, which can be cast for some blocks of a picture alone.
+    Packets(Fast),
+    /// One ray after the other.
+    Rays(Direct),
+}
+
+impl Fine {
+    /// Renders a sample for each pixel, or for those of the `wanted` blocks if it can.
+    fn render(&mut self, view: &View, frame: &mut Frame, wanted: Option<&[bool]>) -> Work {
+        match (self, wanted) {
+            (Self::Packets(fast), Some(wanted)) => fast.render_blocks(view, frame, wanted),
+            (Self::Packets(fast), None) => fast.render(view, frame),
+            (Self::Rays(direct), _) => direct.render(view, frame),
+        }
+    }
+}
 
 /// Follows the need with two renderers of the same space.
 pub struct Adaptive {
     space: Space,
     moving: Box<dyn Renderer>,
     /// Makes samples of the reference; none at a quality that does not ask for it.
-    fine: Option<Box<dyn Renderer>>,
+    fine: Option<Fine>,
     budget: u64,
     governor: Governor,
     /// Of the last view that was another.
@@ -50,7 +77,7 @@ pub struct Adaptive {
 
 impl Adaptive {
     /// Follows the need by `moving`, and at rest by `fine`, which makes one sample a pixel.
-    pub fn new(space: &Space, moving: Box<dyn Renderer>, fine: Option<Box<dyn Renderer>>) -> Self {
+    pub fn new(space: &Space, moving: Box<dyn Renderer>, fine: Option<Fine>) -> Self {
         Self {
             space: space.clone(),
             moving,
@@ -94,7 +121,7 @@ impl Adaptive {
             enlarge(&self.small, &mut self.last);
             work
         };
-        self.governor.took(work.samples, size.0 * size.1);
+        self.governor.took(cost(&work), size.0 * size.1);
         self.probes = Some(Probes::new(&self.space, view));
         frame.show(&self.last);
         work
@@ -106,7 +133,7 @@ impl Adaptive {
             self.resting = true;
             self.still.begin(&self.last, self.traced == size);
         }
-        let means = Means { sharp: &mut *self.moving, fine: self.fine.as_deref_mut().map(|f| f as &mut dyn Renderer) };
+        let means = Means { sharp: &mut *self.moving, fine: self.fine.as_mut() };
         let work = self.still.go_on(view, means, self.budget);
         if self.still.is_done(false) {
             self.traced = size;
@@ -135,9 +162,9 @@ impl Renderer for Adaptive {
         let pixels = |f: &Frame| f.pixels().len() * 3;
         let mut parts = self.moving.parts();
         // What both share is told once.
-        let fine = self.fine.iter().flat_map(|f| f.parts());
-        let own = fine.filter(|p| matches!(p.0, "gradient cache" | "rays of the lattice")).map(|p| p.1).sum();
-        parts.push(("refinement: rays", own));
+        if let Some(Fine::Packets(fast)) = &self.fine {
+            parts.push(("refinement: rays", fast.own_bytes()));
+        }
         parts.push(("refinement: pictures", self.still.bytes() + pixels(&self.small) + pixels(&self.last)));
         parts
     }
