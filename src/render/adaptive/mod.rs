@@ -179,3 +179,6 @@ impl Renderer for Adaptive {
         Some(Detail { size: self.traced, samples, best })
     }
 }
+
+#[cfg(test)]
+mod tests;
