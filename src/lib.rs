@@ -2,8 +2,8 @@
 //!
 //! Who may use whom, from the bottom up (nothing points the other way):
 //!
-//! `error`, `progress`, `math` ← `volume`, `phantom`, `fields`, `dynamics` ← `render` ← `components` ← `systems`
-//! ← `app` ← `host` ← `cli`.
+//! `error`, `progress`, `math` ← `volume`, `phantom`, `fields`, `dynamics` ← `render` ← `surface`, `components` ←
+//! `systems` ← `app` ← `host`, `report` ← `cli`.
 //!
 //! Everything up to `render` is plain functions and data that know no entity-component-system. `components` holds what
 //! the entities carry, `systems` (the folder beside `src`) one file for each scheduled system, `app` the plugins and the
@@ -47,6 +47,8 @@ pub mod output;
 pub mod phantom;
 pub mod progress;
 pub mod render;
+pub mod report;
+pub mod surface;
 pub mod volume;
 
 #[expect(

@@ -13,7 +13,7 @@ fn what_is_not_built_says_so() {
         &["fly", "--headless", "--play", "x.jsonl"],
         &["centerline", "x.nii.gz", "--out", "c.json"],
         &["plane", "--headless"],
-        &["report", "render", "--out", "r"],
+        &["report", "fields", "--out", "r"],
     ] {
         let out = run(args, 2);
         assert!(String::from_utf8_lossy(&out.stderr).contains("not built yet"), "{args:?}");

@@ -273,6 +273,9 @@ pub struct ReportArgs {
     /// Under a minute
     #[arg(long)]
     pub quick: bool,
+    /// A scan to report on beside the phantom (`render`)
+    #[arg(long, value_name = "F")]
+    pub scan: Option<PathBuf>,
     /// Steps of the perforation test
     #[arg(long, value_name = "N")]
     pub steps: Option<u64>,

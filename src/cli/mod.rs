@@ -7,6 +7,7 @@ mod info;
 mod phantom;
 mod prepare;
 mod render;
+mod report;
 mod segment;
 mod values;
 
@@ -67,7 +68,7 @@ fn run(args: Args) -> Result<()> {
         Some(Command::Explain(a)) => explain::run(&a, &global, &progress),
         Some(Command::Centerline(_)) => Err(Error::not_built("centerline")),
         Some(Command::Plane(_)) => Err(Error::not_built("plane")),
-        Some(Command::Report(_)) => Err(Error::not_built("report")),
+        Some(Command::Report(a)) => report::run(&a, &global, &progress),
         None => fly::run(&args.fly, &global, &progress),
     }
 }

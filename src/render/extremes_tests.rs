@@ -25,17 +25,18 @@ use crate::volume::{Grid, Volume};
 
 type Make = fn(&Space, Settings) -> Box<dyn Renderer>;
 
-/// Every renderer. Those of one `Same` make the same bytes as the first.
-const RENDERERS: [(&str, Make); 9] = [
-    ("direct", |s, q| Box::new(Direct::new(s, q))),
-    ("lean", |s, q| renderer(&Space::lean(s.shared_volume(), s.wall()), q, Preset::Lean, true)),
-    ("reusing", |s, q| Box::new(Reusing::<_, f32>::new(Words::new(s), q, Refresh::Staggered(16)))),
-    ("paper's rule", |s, q| Box::new(Reusing::<_, Trace>::new(Words::new(s), q, Refresh::KeyFrames(10)))),
-    ("colvis", |s, q| renderer(s, q, Preset::Colvis, true)),
-    ("colvis without reuse", |s, q| renderer(s, q, Preset::Colvis, false)),
-    ("default", |s, q| renderer(s, q, Preset::Default, true)),
-    ("packets", |s, q| Box::new(Fast::new(s, q, Pixels::All))),
-    ("packets at the lowest level", |s, q| Box::new(Fast::with_level(s, q, Pixels::All, Level::baseline()))),
+/// Every renderer, with the rays that it casts at once. The first four make the same bytes as each other, and so do the two
+/// of `colvis` and the two that give every pixel a ray of a packet.
+const RENDERERS: [(&str, usize, Make); 9] = [
+    ("direct", 1, |s, q| Box::new(Direct::new(s, q))),
+    ("lean", 1, |s, q| renderer(&Space::lean(s.shared_volume(), s.wall()), q, Preset::Lean, true)),
+    ("reusing", 1, |s, q| Box::new(Reusing::<_, f32>::new(Words::new(s), q, Refresh::Staggered(16)))),
+    ("paper's rule", 1, |s, q| Box::new(Reusing::<_, Trace>::new(Words::new(s), q, Refresh::KeyFrames(10)))),
+    ("colvis", 1, |s, q| renderer(s, q, Preset::Colvis, true)),
+    ("colvis without reuse", 1, |s, q| renderer(s, q, Preset::Colvis, false)),
+    ("default", 16, |s, q| renderer(s, q, Preset::Default, true)),
+    ("packets", 16, |s, q| Box::new(Fast::new(s, q, Pixels::All))),
+    ("packets at the lowest level", 16, |s, q| Box::new(Fast::with_level(s, q, Pixels::All, Level::baseline()))),
 ];
 
 const QUALITIES: [Quality; 3] = [Quality::High, Quality::Low, Quality::Reference];
@@ -57,7 +58,7 @@ fn cavity(centre: DVec3, radii: DVec3) -> impl Fn(DVec3) -> f64 {
 }
 
 /// Renders the view twice, the second time with whatever was kept of the first, and checks what holds of any picture.
-fn look(name: &str, r: &mut dyn Renderer, space: &Space, view: &View, settings: &Settings) -> Frame {
+fn look(name: &str, lanes: usize, r: &mut dyn Renderer, space: &Space, view: &View, settings: &Settings) -> Frame {
     let mut frame = Frame::new(1, 1, true);
     let first = r.render(view, &mut frame);
     let alone = frame.clone();
@@ -65,10 +66,13 @@ fn look(name: &str, r: &mut dyn Renderer, space: &Space, view: &View, settings: 
     assert!(frame == alone, "{name}: the same view again is another picture: {view:?}");
     let (grid, step) = (space.volume().grid(), march::Step::new(space, settings.step_power).mm);
     let diagonal = (DVec3::from_array(grid.dims().map(|n| (n + 1) as f64)) * grid.spacing()).length();
-    // Packets of rays and their lattice reach beyond the picture.
-    let rays = ((view.width() + 12) * (view.height() + 12)) as f64 * f64::from(settings.samples_per_pixel);
-    let bound = (diagonal / step + 2.0) * rays;
+    // Renderers of single rays cast one for each sample of a pixel. Packets count every lane of a step as a sample, also
+    // those that lie beside the picture or have ended, but only some of them as rays: their bound is as many times looser,
+    // and still shows that none goes on for ever.
+    let pixels = view.width() * view.height() * settings.samples_per_pixel as usize;
     for work in [first, again] {
+        let rays = if lanes == 1 { pixels } else { lanes * work.rays as usize };
+        let bound = (diagonal / step + 2.0) * rays as f64;
         assert!(work.samples as f64 <= bound && work.reused <= work.rays, "{name}: {work:?} of {bound}");
     }
     assert!(frame.depth().unwrap().iter().all(|d| *d >= 0.0), "{name}: a depth is no number");
@@ -127,11 +131,11 @@ fn no_view_of_any_volume_breaks_a_renderer() {
                 // The reference looks at everything, so it looks at fewer views.
                 let every = if quality == Quality::Reference { 7 } else { 2 };
                 let mut pictures: Vec<Vec<Frame>> = Vec::new();
-                for (name, make) in RENDERERS {
+                for (name, lanes, make) in RENDERERS {
                     let mut r = make(s, settings);
                     let looks = views(grid.world(at), 7).into_iter().step_by(every);
                     let name = format!("{name}, {volume}, {at}, {quality:?}");
-                    pictures.push(looks.map(|v| look(&name, &mut *r, s, &v, &settings)).collect());
+                    pictures.push(looks.map(|v| look(&name, lanes, &mut *r, s, &v, &settings)).collect());
                 }
                 for same in 1..4 {
                     assert!(pictures[same] == pictures[0], "{}, {volume}, {at}, {quality:?}", RENDERERS[same].0);
@@ -159,11 +163,11 @@ fn a_closed_wall_has_no_crack() {
         for from in [centre, centre + 0.5, centre + DVec3::new(0.0, 0.0, 0.85 * radii.z)] {
             for quality in QUALITIES {
                 let settings = Settings::new(quality);
-                for (name, make) in RENDERERS {
+                for (name, lanes, make) in RENDERERS {
                     let mut r = make(&s, settings);
                     let every = if quality == Quality::Reference { 8 } else { 3 };
                     for view in views(s.volume().grid().world(from), 25).into_iter().step_by(every) {
-                        let frame = look(name, &mut *r, &s, &view, &settings);
+                        let frame = look(name, lanes, &mut *r, &s, &view, &settings);
                         let black = frame.pixels().iter().filter(|p| p[0] < 15).count();
                         assert_eq!(black, 0, "{name}, {spacing}, {from}, {quality:?}: {view:?}");
                     }
@@ -194,12 +198,12 @@ fn slabs_thicker_than_a_voxel_stop_every_ray() {
             let thickness = if quality == Quality::Low { 2.75 } else { 1.05 };
             let s = space([n as usize; 3], DVec3::ONE, DVec3::ZERO, |p| -1000.0 + 1050.0 * share(p, thickness));
             let settings = Settings::new(quality);
-            for (name, make) in RENDERERS {
+            for (name, lanes, make) in RENDERERS {
                 let mut r = make(&s, settings);
                 for (u, fov) in [(0.0, 40.0), (0.4, 30.0), (1.0, 10.0)] {
                     let aim = (normal + turn * DVec3::Y * u).normalize();
                     let view = View::new(s.volume().grid().world(centre), aim, turn * DVec3::Z, fov, 31, 31).unwrap();
-                    let frame = look(name, &mut *r, &s, &view, &settings);
+                    let frame = look(name, lanes, &mut *r, &s, &view, &settings);
                     for (at, p) in frame.pixels().iter().enumerate() {
                         let ray = view.ray(at % 31, at / 31);
                         let hit = centre + ray * ((5.0 + offset) / ray.dot(normal));
@@ -224,10 +228,10 @@ fn any_opacity_and_any_step() {
         for step_power in [-7, -4, -1, 0, 3, 7] {
             for sensitivity in [0.0, 1e-7, 1.0 / 512.0, 0.999] {
                 let settings = Settings { step_power, sensitivity, ..Settings::default() };
-                let pictures = RENDERERS.map(|(name, make)| {
+                let pictures = RENDERERS.map(|(name, lanes, make)| {
                     let mut r = make(&s, settings);
                     let views = views(at, 5).into_iter().step_by(9);
-                    views.map(|v| look(name, &mut *r, &s, &v, &settings)).collect::<Vec<_>>()
+                    views.map(|v| look(name, lanes, &mut *r, &s, &v, &settings)).collect::<Vec<_>>()
                 });
                 for same in 1..4 {
                     assert!(pictures[same] == pictures[0], "{}, {lo}, {hi}, {step_power}", RENDERERS[same].0);

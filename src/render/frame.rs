@@ -54,7 +54,8 @@ impl Frame {
         self.pixels.copy_from_slice(&other.pixels);
     }
 
-    pub(super) fn buffers(&mut self) -> (&mut [[u8; 3]], Option<&mut [f32]>) {
+    /// Pixels and, where there is any, depth, to be drawn into.
+    pub fn buffers(&mut self) -> (&mut [[u8; 3]], Option<&mut [f32]>) {
         (&mut self.pixels, self.depth.as_deref_mut())
     }
 }

@@ -18,15 +18,15 @@ use super::packet::Light;
 /// Side of a block, pixels.
 pub const BLOCK: usize = 4;
 /// By how much the centre may differ from the corners' mean: brightness, 0 to 1.
-const BRIGHTNESS: f32 = 0.008;
+const BRIGHTNESS: f32 = 0.016;
 /// The most that brightness may change over a block.
-const CONTRAST: f32 = 0.2;
+const CONTRAST: f32 = 0.5;
 /// By how much the centre's depth may differ, voxels (the smallest spacing).
-const DEPTH: f32 = 0.1;
+const DEPTH: f32 = 0.15;
 /// The most that depth may change over a block, voxels.
-const SLOPE: f32 = 1.0;
+const SLOPE: f32 = 3.0;
 /// The largest side of a block, voxels.
-const SIDE: f32 = 0.75;
+const SIDE: f32 = 2.0;
 /// A ray has ended in the wall when no more than this comes from beyond.
 const OPAQUE: f32 = 0.02;
 

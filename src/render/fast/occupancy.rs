@@ -2,18 +2,18 @@
 //! brick in which a bit is set.
 //!
 //! Cells are counted from the border of the volume grown by a voxel of air, as in [`march`](crate::render::march): cell g of an
-//! axis lies between the voxels g − 1 and g, so that n voxels have n + 1 cells. A cell's bit is set when any voxel at a
-//! corner of it **or of one of its 26 neighbours** lies above the ramp's foot. A bit that is not set therefore tells that
-//! everything within one voxel of the cell, along each axis, is empty: enough for a bundle of rays one voxel thick to
-//! either side.
+//! axis lies between the voxels g − 1 and g, so that n voxels have n + 1 cells. A cell's bit is set when the
+//! voxel at one of its eight corners lies above the ramp's foot; where it is not set every trilinear value in the cell is
+//! empty.
 //!
-//! The distance is the chessboard distance in bricks (Rosenfeld and Pfaltz 1968), found by two passes over the bricks;
+//! The distance is the chessboard distance in bricks ([`chessboard`]);
 //! all bricks nearer than it are empty, so a bundle may leap to where it leaves their cube. The bits take 1/16 of the
 //! 16-bit volume, the distances 1/128.
 
 use rayon::prelude::*;
 
 use crate::render::flags::above;
+use crate::render::leap::chessboard::{FAR, chessboard};
 use crate::render::space::Wall;
 use crate::volume::{AIR_HU, Volume};
 
@@ -34,7 +34,7 @@ pub struct Occupancy {
 }
 
 impl Occupancy {
-    /// The cells of `volume` near values above `wall`'s foot, in parallel and in time linear in the voxels.
+    /// The cells of `volume` with a corner above `wall`'s foot, in parallel and in time linear in the voxels.
     pub fn new(volume: &Volume, wall: Wall) -> Self {
         let lo = wall.lo().floor() as i16;
         let dims = volume.grid().dims();
@@ -44,7 +44,8 @@ impl Occupancy {
         bits.par_chunks_mut(layer * SLAB).enumerate().for_each(|(n, out)| {
             Slab::new(volume, lo, bricks).fill(n * SLAB, out);
         });
-        let distance = distances(bricks, &bits);
+        let mut distance: Vec<u8> = bits.iter().map(|&b| if b == 0 { FAR } else { 0 }).collect();
+        chessboard(&mut distance, bricks, false);
         Self { bricks, bits, distance }
     }
 
@@ -57,6 +58,32 @@ impl Occupancy {
     #[inline(always)]
     pub fn bits(&self, n: usize) -> u64 {
         self.bits.get(n).copied().unwrap_or(u64::MAX)
+    }
+
+    /// Whether a bit is set between the cells `first` and `last`, both included, which must be within the bricks and not
+    /// more than five apart along x.
+    #[inline(always)]
+    pub fn any(&self, first: [i32; 3], last: [i32; 3]) -> bool {
+        let [nx, ny, _] = self.bricks;
+        let (left, right) = (first[0] as usize >> BRICK_SHIFT, last[0] as usize >> BRICK_SHIFT);
+        // The bits of the row's cells, in the brick to the left and in that to the right.
+        let from = 15u64 << (first[0] & 3) & 15;
+        let until = 15u64 >> (3 - (last[0] & 3));
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
+                let row = nx * ((y as usize >> BRICK_SHIFT) + ny * (z as usize >> BRICK_SHIFT));
+                let shift = 4 * (y & 3) + 16 * (z & 3);
+                let found = if left == right {
+                    self.bits(row + left) >> shift & from & until
+                } else {
+                    self.bits(row + left) >> shift & from | self.bits(row + right) >> shift & until
+                };
+                if found != 0 {
+                    return true;
+                }
+            }
+        }
+        false
     }
 
     /// The distance of brick `n` of the list, bricks.
@@ -90,16 +117,16 @@ impl<'a> Slab<'a> {
         let [nx, ny, nz] = self.volume.grid().dims();
         let rows = self.bricks[1] << BRICK_SHIFT;
         let plane = rows * self.words;
-        // Slices of voxels in a ring: four of them are or-ed to a layer of cells.
-        let mut ring = vec![vec![0u64; plane]; 4];
-        let mut raw = vec![0u64; self.words * (ny + 4)];
+        // Two slices of voxels are or-ed to a layer of cells.
+        let mut ring = vec![vec![0u64; plane]; 2];
+        let mut raw = vec![0u64; self.words * (ny + 2)];
         let mut slice = |k: isize, to: &mut Vec<u64>| {
-            // Two rows of air before, and two after.
+            // A row of air before, and one after.
             if (0..nz as isize).contains(&k) {
                 let data = &self.volume.data()[nx * ny * k as usize..nx * ny * (k as usize + 1)];
                 raw.fill(0);
                 let mut scratch = vec![0u64; self.words];
-                for (row, to) in data.chunks_exact(nx).zip(raw[2 * self.words..].chunks_exact_mut(self.words)) {
+                for (row, to) in data.chunks_exact(nx).zip(raw[self.words..].chunks_exact_mut(self.words)) {
                     above(row, self.lo, &mut scratch);
                     spread(&scratch, to);
                 }
@@ -109,7 +136,7 @@ impl<'a> Slab<'a> {
                 for (j, to) in to.chunks_exact_mut(self.words).enumerate() {
                     for (w, to) in to.iter_mut().enumerate() {
                         let at = |r: usize| raw.get((j + r) * self.words + w).copied().unwrap_or(0);
-                        *to = at(0) | at(1) | at(2) | at(3);
+                        *to = at(0) | at(1);
                     }
                 }
             } else {
@@ -117,19 +144,17 @@ impl<'a> Slab<'a> {
             }
         };
         let z0 = (first << BRICK_SHIFT) as isize;
-        for k in -2..1 {
-            slice(z0 + k, &mut ring[(k + 2) as usize]);
-        }
+        slice(z0 - 1, &mut ring[0]);
         for (b, layer) in out.chunks_exact_mut(self.bricks[0] * self.bricks[1]).enumerate() {
             for z in 0..4 {
                 let n = 4 * b + z;
-                slice(z0 + n as isize + 1, &mut ring[(n + 3) % 4]);
+                slice(z0 + n as isize, &mut ring[(n + 1) % 2]);
                 for y in 0..rows {
                     let bricks = &mut layer[(y >> 2) * self.bricks[0]..][..self.bricks[0]];
                     let shift = 16 * z + 4 * (y & 3);
                     for w in 0..self.words {
                         let at = y * self.words + w;
-                        let word = ring[0][at] | ring[1][at] | ring[2][at] | ring[3][at];
+                        let word = ring[0][at] | ring[1][at];
                         if word == 0 {
                             continue;
                         }
@@ -145,8 +170,8 @@ impl<'a> Slab<'a> {
     /// Sets the cells around the volume, where air itself is not empty.
     fn close(&self, raw: &mut [u64], nx: usize, ny: usize) {
         for (j, row) in raw.chunks_exact_mut(self.words).enumerate() {
-            if (2..ny + 2).contains(&j) {
-                for x in [0, 1].into_iter().chain(nx - 1..self.words * 64) {
+            if (1..=ny).contains(&j) {
+                for x in [0].into_iter().chain(nx..self.words * 64) {
                     row[x / 64] |= 1 << (x % 64);
                 }
             } else {
@@ -156,55 +181,12 @@ impl<'a> Slab<'a> {
     }
 }
 
-/// From the bits of voxels to those of cells along a row: cell g is near the voxels g − 2 to g + 1.
+/// From the bits of voxels to those of cells along a row: cell g lies between the voxels g − 1 and g.
 fn spread(voxels: &[u64], cells: &mut [u64]) {
     for (w, to) in cells.iter_mut().enumerate() {
         let left = if w > 0 { voxels[w - 1] } else { 0 };
-        let right = voxels.get(w + 1).copied().unwrap_or(0);
-        let here = voxels[w];
-        *to = here | here << 1 | here << 2 | left >> 63 | left >> 62 | here >> 1 | right << 63;
+        *to = voxels[w] | voxels[w] << 1 | left >> 63;
     }
-}
-
-/// Chessboard distances in two passes: from the neighbours before, then from those behind.
-fn distances(bricks: [usize; 3], bits: &[u64]) -> Vec<u8> {
-    let [nx, ny, nz] = bricks;
-    let mut d: Vec<u8> = bits.iter().map(|&b| if b == 0 { u8::MAX } else { 0 }).collect();
-    let mut near = vec![u8::MAX; nx + 2];
-    let mut pass = |backwards: bool| {
-        for n in 0..ny * nz {
-            let n = if backwards { ny * nz - 1 - n } else { n };
-            let (y, z) = ((n % ny) as isize, (n / ny) as isize);
-            let before = if backwards { 1 } else { -1 };
-            near.fill(u8::MAX);
-            for (dy, dz) in [(before, 0), (-1, before), (0, before), (1, before)] {
-                let (y, z) = (y + dy, z + dz);
-                if (0..ny as isize).contains(&y) && (0..nz as isize).contains(&z) {
-                    let row = (z as usize * ny + y as usize) * nx;
-                    for (near, &d) in near[1..=nx].iter_mut().zip(&d[row..row + nx]) {
-                        *near = (*near).min(d);
-                    }
-                }
-            }
-            let row = &mut d[n * nx..(n + 1) * nx];
-            for (x, d) in row.iter_mut().enumerate() {
-                *d = (*d).min(near[x].min(near[x + 1]).min(near[x + 2]).saturating_add(1));
-            }
-            let mut last = u8::MAX;
-            let mut follow = |d: &mut u8| {
-                *d = (*d).min(last.saturating_add(1));
-                last = *d;
-            };
-            if backwards {
-                row.iter_mut().rev().for_each(&mut follow);
-            } else {
-                row.iter_mut().for_each(&mut follow);
-            }
-        }
-    };
-    pass(false);
-    pass(true);
-    d
 }
 
 #[cfg(test)]
@@ -231,8 +213,8 @@ mod tests {
             let o = Occupancy::new(&volume, Wall::new(lo, -500.0).unwrap());
             let [bx, by, bz] = o.bricks();
             for z in 0..=nz { for y in 0..=ny { for x in 0..=nx {
-                let near = (0..64).any(|n| {
-                    let [i, j, k] = [x + (n & 3), y + (n >> 2 & 3), z + (n >> 4)].map(|c| c as i64 - 2);
+                let near = (0..8).any(|n| {
+                    let [i, j, k] = [x + (n & 1), y + (n >> 1 & 1), z + (n >> 2)].map(|c| c as i64 - 1);
                     f32::from(volume.get(i, j, k)) > lo
                 });
                 let bits = o.bits(x / 4 + bx * (y / 4 + by * (z / 4)));

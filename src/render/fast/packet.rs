@@ -130,22 +130,21 @@ impl<'a> Rays<'a> {
 
     /// Casts the rays through the points (`x`, `y`) of the picture, in pixels from its top left corner.
     ///
-    /// A function of its own on each level, not inlined where it is called: it is large.
+    /// Nothing may be met before `from` steps. A function of its own on each level, not inlined where it is called: it is
+    /// large.
     #[inline(never)]
-    pub fn cast<S: Simd>(&self, simd: S, x: &[f32; 16], y: &[f32; 16], cells: &mut Cells, light: &mut Light) {
+    pub fn cast<S: Simd>(&self, simd: S, [x, y]: [&[f32; 16]; 2], from: f32, cells: &mut Cells, light: &mut Light) {
         simd.vectorize(
             #[inline(always)]
-            || *light = self.trace(simd, f32x16::load_array_ref(simd, x), f32x16::load_array_ref(simd, y), cells),
+            || *light = self.trace(simd, f32x16::load_array_ref(simd, x), f32x16::load_array_ref(simd, y), from, cells),
         );
     }
 
     #[inline(always)]
-    fn trace<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>, cells: &mut Cells) -> Light {
-        let (u, v) = ((x - self.centre[0]) * self.pixel, (y - self.centre[1]) * -self.pixel);
+    fn trace<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>, from: f32, cells: &mut Cells) -> Light {
         let one = f32x16::splat(simd, 1.0);
         let zero = f32x16::splat(simd, 0.0);
-        let shrink = one / (one + u * u + v * v).sqrt();
-        let ray = Lanes { along: self.turn(self.step, u, v, shrink), world: self.turn(self.world, u, v, shrink) };
+        let ray = self.lanes(simd, x, y);
 
         // Where the rays enter and leave the grown volume, steps.
         let (mut enter, mut exit) = (zero, f32x16::splat(simd, self.limit));
@@ -173,14 +172,15 @@ impl<'a> Rays<'a> {
         };
         let mut samples = 0;
         if active.any_true() {
-            let beam = ray.beam(self.origin);
+            let beam = ray.beam(self.origin, 0.0);
             let end = active.select(last, zero).reduce_max();
-            let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min();
+            let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min().max(from);
             let mut k = beam.next(self.occupancy, first, end + 1.0).floor();
             let mut v0 = self.value(simd, &ray, k);
             let within_wall = k == 0.0 && v0[0] > self.foot;
             samples += 16;
             let mut open = f32x16::splat(simd, 0.0).simd_gt(1.0);
+            let mut ask = k + 2.0;
             while k < end + 1.0 {
                 let v1 = self.value(simd, &ray, k + 1.0);
                 samples += 16;
@@ -212,7 +212,8 @@ impl<'a> Rays<'a> {
                 if !active.any_true() {
                     break;
                 }
-                if !(active & v0.simd_gt(self.foot)).any_true() {
+                // Where the bundle could not leap it is near a wall, and asking again at once would be of no use.
+                if k >= ask && !(active & v0.simd_gt(self.foot)).any_true() {
                     let next = beam.next(self.occupancy, k, end + 1.0).floor();
                     if next > k {
                         k = next;
@@ -220,6 +221,7 @@ impl<'a> Rays<'a> {
                         samples += 16;
                         open = f32x16::splat(simd, 0.0).simd_gt(1.0);
                     }
+                    ask = k + 2.0;
                 }
             }
             let rest = light.weight.simd_gt(zero);
@@ -237,6 +239,35 @@ impl<'a> Rays<'a> {
         }
     }
 
+    /// How many steps no ray through the square of `side` pixels with the top left corner (`x`, `y`) meets anything.
+    #[inline(never)]
+    pub fn start<S: Simd>(&self, simd: S, x: f32, y: f32, side: f32) -> f32 {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let apart = side / 3.0;
+                let n: [f32; 16] = std::array::from_fn(|n| n as f32);
+                let n = f32x16::load_array_ref(simd, &n);
+                let row = (n * 0.25).floor();
+                let ray = self.lanes(simd, (n - row * 4.0) * apart + x, row * apart + y);
+                // Between two rays that are an angle δ apart a direction bulges by δ²/8 at the most, along two axes of
+                // the picture; the steps are longest along an axis of the finest spacing.
+                let angle = (apart * self.pixel).min(2.0);
+                let longest = self.step[0].abs().max(self.step[1].abs()).max(self.step[2].abs()).max_element();
+                ray.beam(self.origin, 0.5 * angle * angle * longest).next(self.occupancy, 0.0, self.limit)
+            },
+        )
+    }
+
+    /// The rays through the points (`x`, `y`) of the picture.
+    #[inline(always)]
+    fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Lanes<S> {
+        let one = f32x16::splat(simd, 1.0);
+        let (u, v) = ((x - self.centre[0]) * self.pixel, (y - self.centre[1]) * -self.pixel);
+        let shrink = one / (one + u * u + v * v).sqrt();
+        Lanes { along: self.turn(self.step, u, v, shrink), world: self.turn(self.world, u, v, shrink) }
+    }
+
     #[inline(always)]
     fn turn<S: Simd>(&self, [f, r, t]: [Vec3; 3], u: f32x16<S>, v: f32x16<S>, shrink: f32x16<S>) -> [f32x16<S>; 3] {
         [(u * r.x + v * t.x + f.x) * shrink, (u * r.y + v * t.y + f.y) * shrink, (u * r.z + v * t.z + f.z) * shrink]
@@ -247,26 +278,27 @@ impl<'a> Rays<'a> {
     fn value<S: Simd>(&self, simd: S, ray: &Lanes<S>, k: f32) -> f32x16<S> {
         let q = ray.at(self.origin, k);
         let (cell, t) = split(q);
-        let mut value = interpolate(simd, self.voxels.corners(simd, cell), t);
+        let value = interpolate(simd, self.voxels.corners(simd, cell), t);
         let last = self.voxels.last();
         let low = cell[0].min(cell[1]).min(cell[2]).simd_lt(1);
         let outside = low | cell[0].simd_gt(last[0]) | cell[1].simd_gt(last[1]) | cell[2].simd_gt(last[2]);
         if outside.any_true() {
-            self.at_border(&mut value, q, outside.to_bitmask());
+            return self.at_border(simd, value, q, outside.to_bitmask());
         }
         value
     }
 
     /// Values at and beyond the volume's border, one by one.
     #[inline(never)]
-    fn at_border<S: Simd>(&self, value: &mut f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) {
+    fn at_border<S: Simd>(&self, simd: S, value: f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) -> f32x16<S> {
+        let mut all = value.to_array();
         while lanes != 0 {
             let n = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
             let q = Vec3::new(q[0][n], q[1][n], q[2][n]);
-            let near = q.clamp(Vec3::ZERO, self.border);
-            value[n] = self.scalar.value(near);
+            all[n] = self.scalar.value(q.clamp(Vec3::ZERO, self.border));
         }
+        all.simd_into(simd)
     }
 
     /// What a half step at the value `hu` lets through.
@@ -409,11 +441,11 @@ impl<S: Simd> Lanes<S> {
     }
 
     #[inline(always)]
-    fn beam(&self, origin: Vec3) -> Beam {
+    fn beam(&self, origin: Vec3, margin: f32) -> Beam {
         let [x, y, z] = &self.along;
         let low = Vec3::new(x.reduce_min(), y.reduce_min(), z.reduce_min());
         let high = Vec3::new(x.reduce_max(), y.reduce_max(), z.reduce_max());
-        Beam::new(origin, low, high)
+        Beam::new(origin, low - margin, high + margin)
     }
 }
 

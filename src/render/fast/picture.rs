@@ -44,12 +44,13 @@ fn with_cells<T>(all: &[Mutex<Cells>], part: impl FnOnce(&mut Cells) -> T) -> T 
     part(&mut all[thread].lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// A packet of rays `apart` pixels from each other, the first through the centre of pixel (`x`, `y`).
+/// A packet of rays `apart` pixels from each other, the first through the centre of pixel (`x`, `y`); nothing may be met
+/// before `from` steps.
 #[inline(always)]
-fn packet<S: Simd>(simd: S, rays: &Rays<'_>, x: usize, y: usize, apart: usize, cells: &mut Cells) -> Light {
+fn packet<S: Simd>(simd: S, rays: &Rays<'_>, [x, y]: [usize; 2], apart: usize, from: f32, cells: &mut Cells) -> Light {
     let at = |first: usize, n: usize| (first + n * apart) as f32 + 0.5;
     let mut light = Light::default();
-    rays.cast(simd, &from_fn(|n| at(x, n % SIDE)), &from_fn(|n| at(y, n / SIDE)), cells, &mut light);
+    rays.cast(simd, [&from_fn(|n| at(x, n % SIDE)), &from_fn(|n| at(y, n / SIDE))], from, cells, &mut light);
     light
 }
 
@@ -70,7 +71,7 @@ pub fn pixels_of(
             let mut work = Work::default();
             on_level!(level, simd => {
                 for left in (0..width).step_by(SIDE).filter(|left| is_wanted(n * across + left / SIDE)) {
-                    let light = packet(simd, rays, left, n * SIDE, 1, cells);
+                    let light = packet(simd, rays, [left, n * SIDE], 1, 0.0, cells);
                     work = work + fill(simd, &light, left, width, band);
                 }
             });
@@ -101,6 +102,8 @@ pub struct Lattice {
     stride: usize,
     corners: Vec<Point>,
     centres: Vec<Point>,
+    /// How many steps nothing is met by any ray among those of a packet of the lattice.
+    starts: Vec<f32>,
 }
 
 impl Lattice {
@@ -118,17 +121,20 @@ impl Lattice {
         let rows = (height.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
         self.corners.resize(self.stride * rows, Point::default());
         self.centres.resize(self.stride * rows, Point::default());
+        self.starts.resize(self.stride / SIDE * rows / SIDE, 0.0);
         let stride = self.stride;
         let groups = self.corners.par_chunks_mut(stride * SIDE).zip(self.centres.par_chunks_mut(stride * SIDE));
-        let first = groups.enumerate().map(|(n, (corners, centres))| {
+        let groups = groups.zip(self.starts.par_chunks_mut(stride / SIDE));
+        let first = groups.enumerate().map(|(n, ((corners, centres), starts))| {
             with_cells(cells, |cells| {
                 let mut work = Work::default();
                 on_level!(level, simd => {
-                    for left in (0..stride).step_by(SIDE) {
+                    for (left, start) in (0..stride).step_by(SIDE).zip(starts) {
                         let (x, y) = (left * BLOCK, n * SIDE * BLOCK);
-                        let light = packet(simd, rays, x, y, BLOCK, cells);
+                        *start = rays.start(simd, x as f32, y as f32, (SIDE * BLOCK) as f32);
+                        let light = packet(simd, rays, [x, y], BLOCK, *start, cells);
                         work = work + keep(&light, rays.step(), left, stride, corners);
-                        let light = packet(simd, rays, x + BLOCK / 2, y + BLOCK / 2, BLOCK, cells);
+                        let light = packet(simd, rays, [x + BLOCK / 2, y + BLOCK / 2], BLOCK, *start, cells);
                         work = work + keep(&light, rays.step(), left, stride, centres);
                     }
                 });
@@ -136,7 +142,7 @@ impl Lattice {
             })
         });
         let first = first.reduce(Work::default, |a, b| a + b);
-        let (corners, centres) = (&self.corners, &self.centres);
+        let (corners, centres, starts) = (&self.corners, &self.centres, &self.starts);
         let side = view.pixel() as f32 * BLOCK as f32;
         let bands = pixels.par_chunks_mut(width * BLOCK).enumerate().map(|(n, band)| {
             with_cells(cells, |cells| {
@@ -144,6 +150,7 @@ impl Lattice {
                 on_level!(level, simd => {
                     for left in (0..width).step_by(BLOCK) {
                         let at = n * stride + left / BLOCK;
+                        let at_start = n / SIDE * (stride / SIDE) + left / BLOCK / SIDE;
                         let block = Block {
                             corners: [corners[at], corners[at + 1], corners[at + stride], corners[at + stride + 1]],
                             centre: centres[at],
@@ -151,7 +158,7 @@ impl Lattice {
                         if block.is_smooth(side) {
                             interpolate(simd, &block, left, width, band);
                         } else {
-                            let light = packet(simd, rays, left, n * BLOCK, 1, cells);
+                            let light = packet(simd, rays, [left, n * BLOCK], 1, starts[at_start], cells);
                             work = work + fill(simd, &light, left, width, band);
                         }
                     }
@@ -164,7 +171,7 @@ impl Lattice {
 
     /// Memory taken.
     pub fn bytes(&self) -> usize {
-        (self.corners.len() + self.centres.len()) * size_of::<Point>()
+        (self.corners.len() + self.centres.len()) * size_of::<Point>() + size_of_val(self.starts.as_slice())
     }
 }
 

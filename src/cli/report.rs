@@ -1,0 +1,102 @@
+//! `colvis report`.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::cli::args::{Global, ReportArgs, ReportSubject};
+use crate::cli::prepare::{self, Timings, say};
+use crate::error::{Error, Result};
+use crate::host::terminal::Bar;
+use crate::output;
+use crate::phantom::{self, Phantom};
+use crate::progress::Progress;
+use crate::render::{Preset, Space};
+use crate::report::render::{Extent, Subject};
+use crate::report::{gradients, render, scenes};
+
+/// The reports that are built, with their names.
+const BUILT: [(ReportSubject, &str); 3] =
+    [(ReportSubject::Render, "render"), (ReportSubject::Gradients, "gradients"), (ReportSubject::Scenes, "scenes")];
+/// Those that are not.
+const NOT_BUILT: [(ReportSubject, &str); 3] = [
+    (ReportSubject::Dynamics, "dynamics"),
+    (ReportSubject::Fields, "fields"),
+    (ReportSubject::Perforation, "perforation"),
+];
+
+/// Runs the command.
+///
+/// # Errors
+/// As the contract has them.
+pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+    if let Some((_, name)) = NOT_BUILT.iter().find(|(s, _)| *s == args.subject) {
+        return Err(Error::not_built(format!("report {name}")));
+    }
+    prepare::wall(global)?;
+    prepare::fov(global)?;
+    if let Some(scan) = args.scan.as_deref().filter(|s| !s.exists()) {
+        return Err(Error::file(scan, "does not exist", "check the name"));
+    }
+    output::make_folder(&args.out)?;
+    let findings = {
+        let _bar = Bar::show(progress);
+        let mut findings = Vec::new();
+        for (subject, name) in BUILT {
+            let all = args.subject == ReportSubject::All;
+            if all || subject == args.subject {
+                let folder = if all { args.out.join(name) } else { args.out.clone() };
+                findings.extend(one(subject, args, global, &folder, progress)?);
+                findings.push(format!("see {}", folder.join("report.html").display()));
+            }
+        }
+        findings
+    };
+    if args.subject == ReportSubject::All {
+        say(&format!("not built yet in this release: {}", NOT_BUILT.map(|(_, name)| name).join(", ")));
+    }
+    super::print(|out| findings.iter().try_for_each(|f| writeln!(out, "{f}")))
+}
+
+fn one(
+    subject: ReportSubject,
+    args: &ReportArgs,
+    global: &Global,
+    folder: &Path,
+    progress: &Progress,
+) -> Result<Vec<String>> {
+    match subject {
+        ReportSubject::Render => {
+            let extent = Extent::new(args.quick, prepare::fov(global)?);
+            render::report(&subjects(args, global, progress)?, &extent, folder, progress)
+        }
+        ReportSubject::Gradients => gradients::report(args.quick, folder, progress),
+        _ => scenes::report(&phantom(args.quick, global, progress)?, args.quick, folder, progress),
+    }
+}
+
+/// The phantom, and the scan where one is given.
+fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<Vec<Subject>> {
+    let size = if args.quick { "small" } else { "standard" };
+    let title = format!("Phantom ({size}, seed {})", global.seed.unwrap_or(1));
+    let mut subjects =
+        vec![Subject { name: "phantom".to_owned(), title, space: phantom(args.quick, global, progress)? }];
+    match &args.scan {
+        Some(scan) => {
+            let space = prepare::space(Some(scan), global, Preset::Default, &mut Timings::default(), progress)?;
+            prepare::check_thick(space.volume())?;
+            // Only the file's name: a path may tell of a patient.
+            let title = scan.file_name().map_or_else(|| "Scan".to_owned(), |n| n.to_string_lossy().into_owned());
+            subjects.push(Subject { name: "scan".to_owned(), title, space });
+        }
+        None => say("only the phantom is reported on; --scan F adds a scan"),
+    }
+    Ok(subjects)
+}
+
+fn phantom(small: bool, global: &Global, progress: &Progress) -> Result<Space> {
+    let size = if small { phantom::Size::Small } else { phantom::Size::Standard };
+    let settings = phantom::Settings { size, seed: global.seed.unwrap_or(1), ..phantom::Settings::default() };
+    let phantom = Phantom::new(&settings);
+    let volume = phantom.voxelise(&phantom.grid(), progress)?;
+    Ok(Space::new(Arc::new(volume), prepare::wall(global)?))
+}

@@ -1,0 +1,169 @@
+//! The poses that methods are compared at: along a real flight, and after sudden turns and jumps.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+
+use crate::app::plan::{self, Wish};
+use crate::app::{FlightApp, Scene};
+use crate::components::flight::State;
+use crate::components::output::LogLine;
+use crate::error::{Error, Result};
+use crate::fields::lumen;
+use crate::math::hash;
+use crate::progress::Progress;
+use crate::render::{Space, View};
+
+/// Simulated seconds of a flight at the most.
+const SECONDS: f64 = 600.0;
+/// Frames a simulated second.
+const FPS: f64 = 30.0;
+
+/// Where a camera stands and looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// World mm.
+    pub position: DVec3,
+    /// World.
+    pub forward: DVec3,
+    /// World.
+    pub up: DVec3,
+}
+
+impl Pose {
+    fn of(line: &LogLine) -> Self {
+        let [position, forward, up] = [line.position, line.forward, line.up].map(DVec3::from_array);
+        Self { position, forward, up }
+    }
+
+    /// A square view from here.
+    ///
+    /// # Errors
+    /// Never for a pose from a flight's log.
+    pub fn view(&self, fov_degrees: f64, pixels: usize) -> Result<View> {
+        View::new(self.position, self.forward, self.up, fov_degrees, pixels, pixels)
+    }
+}
+
+/// A pose that is measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stop {
+    /// Whether the camera comes here by a jump or a sudden turn.
+    pub jump: bool,
+    /// The frame that is measured.
+    pub pose: Pose,
+    /// The frames of the flight before it, oldest first; none after a jump.
+    pub lead: Vec<Pose>,
+}
+
+/// A flight that was flown.
+#[derive(Clone, Debug)]
+pub struct Flown {
+    /// Its log, a line for each step.
+    pub log: Vec<LogLine>,
+    /// Steps a second.
+    pub hz: f64,
+    /// How it ended.
+    pub state: State,
+}
+
+/// Flies through the largest segment of the colon in `space` as `colvis fly --headless` does.
+///
+/// # Errors
+/// Status 4 where there is no colon to fly, or when interrupted.
+pub fn fly(space: &Space, progress: &Progress) -> Result<Flown> {
+    let lumen = Arc::new(lumen::find(space.volume(), progress)?);
+    let scene = Scene { log: true, ..Scene::default() };
+    let plan = plan::plan(space, &lumen, &Wish::default(), scene.body.radius_mm, progress)?;
+    let mut flight = FlightApp::new(space.clone(), lumen, plan, scene, None)?;
+    let hz = f64::from(flight.clock().hz);
+    progress.stage("flying", (flight.plan().length_mm / flight.scene().tentacles.cruise_mm_s * hz * 1.3) as u64);
+    let mut log = Vec::new();
+    while flight.flight().state == State::Flying && flight.clock().seconds() < SECONDS {
+        flight.step()?;
+        log.append(&mut flight.take_log());
+        progress.advance(1)?;
+    }
+    if log.is_empty() {
+        return Err(Error::incomplete("flight", "has no step", "give a scan with a colon"));
+    }
+    Ok(Flown { log, hz, state: flight.flight().state })
+}
+
+impl Flown {
+    /// `along` poses spread evenly over the flight, each after `lead` frames of it, and among them `jumps` to other places
+    /// of it, in an order and with turns that are random but always the same.
+    pub fn stops(&self, along: usize, jumps: usize, lead: usize) -> Vec<Stop> {
+        let last = self.log.len() - 1;
+        let at = |n: usize| Pose::of(&self.log[n.min(last)]);
+        let frame = (self.hz / FPS).round().max(1.0) as usize;
+        let mut stops: Vec<Stop> = (0..along)
+            .map(|n| {
+                let here = (last as f64 * (n as f64 + 0.5) / along as f64).round() as usize;
+                let lead = (1..=lead).rev().map(|k| at(here.saturating_sub(k * frame))).collect();
+                Stop { jump: false, pose: at(here), lead }
+            })
+            .collect();
+        for n in 0..jumps {
+            let u = |k: u64| hash::uniform(0x7EA0 + n as u64, k);
+            let pose = at((u(0) * last as f64) as usize);
+            let pose = turned(pose, n, u(1));
+            let place = ((n + 1) * stops.len() / (jumps + 1) + n).min(stops.len());
+            stops.insert(place, Stop { jump: true, pose, lead: Vec::new() });
+        }
+        stops
+    }
+}
+
+/// Turned right round, aside, upwards or about the view, by the number; then by up to 20° more.
+fn turned(pose: Pose, n: usize, more: f64) -> Pose {
+    let right = pose.forward.cross(pose.up).normalize_or(DVec3::X);
+    let (axis, angle) = match n % 4 {
+        0 => (pose.up, PI),
+        1 => (pose.up, 0.5 * PI),
+        2 => (right, 0.5 * PI),
+        _ => (pose.forward, 0.75 * PI),
+    };
+    let turn = DQuat::from_axis_angle(axis.normalize_or(DVec3::Z), angle + (more - 0.5) * 0.7);
+    Pose { forward: turn * pose.forward, up: turn * pose.up, ..pose }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flown(n: usize) -> Flown {
+        let line = |k: usize| LogLine {
+            t: k as f64 / 120.0,
+            position: [k as f64 * 0.25, 0.0, 0.0],
+            forward: [1.0, 0.0, 0.0],
+            up: [0.0, 0.0, 1.0],
+            velocity: [30.0, 0.0, 0.0],
+            clearance_mm: 5.0,
+            state: State::Flying,
+            guide: "tentacles".to_owned(),
+        };
+        Flown { log: (0..n).map(line).collect(), hz: 120.0, state: State::Arrived }
+    }
+
+    #[test]
+    fn stops_are_spread_and_follow_frames_of_the_flight() {
+        let stops = flown(1201).stops(6, 2, 3);
+        assert_eq!(stops.len(), 8);
+        let (jumps, along): (Vec<_>, Vec<_>) = stops.iter().partition(|s| s.jump);
+        assert_eq!((jumps.len(), along.len()), (2, 6));
+        for (n, s) in along.iter().enumerate() {
+            assert!((s.pose.position.x - (25.0 + 50.0 * n as f64)).abs() < 1e-9);
+            let gaps = s.lead.iter().chain([&s.pose]).map(|p| p.position.x).collect::<Vec<_>>();
+            assert!(gaps.len() == 4 && gaps.windows(2).all(|w| (w[1] - w[0] - 1.0).abs() < 1e-9), "1 mm a frame");
+        }
+        assert!(!stops[0].jump && !stops[7].jump, "jumps lie within the flight");
+        for s in jumps {
+            assert!(s.lead.is_empty() && s.pose.forward.x < 0.8);
+            assert!((s.pose.forward.length() - 1.0).abs() < 1e-9 && s.pose.forward.dot(s.pose.up).abs() < 1e-9);
+        }
+        assert_eq!(stops, flown(1201).stops(6, 2, 3));
+        assert_eq!(flown(1).stops(3, 1, 2).len(), 4, "a flight of one step still has poses");
+    }
+}

@@ -1,0 +1,161 @@
+//! What `report render` compares. A new method is one more line here.
+
+use super::parts::With;
+use crate::error::Result;
+use crate::render::fast::{Fast, Pixels};
+use crate::render::flags::Flags;
+use crate::render::gradients::{GradientVolume, Stored};
+use crate::render::leap::VoxelWalls;
+use crate::render::reuse::paper::Trace;
+use crate::render::reuse::{Refresh, Reusing, Rule, Words};
+use crate::render::{Classification, Direct, Preset, Quality, Renderer, Settings, Space, renderer};
+use crate::surface::{Mesh, Rasteriser};
+
+/// A way to make pictures.
+#[derive(Clone, Copy)]
+pub struct Method {
+    /// Its name in plots and tables.
+    pub name: &'static str,
+    /// Methods of one family have one colour.
+    pub family: &'static str,
+    /// Makes it ready for a scan.
+    pub make: fn(&Space) -> Result<Box<dyn Renderer>>,
+    /// What there is to know of it.
+    pub traits: Traits,
+}
+
+/// What a report must know of a method.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traits {
+    /// It keeps something from one frame to the next.
+    pub keeps: bool,
+    /// Its depth is its own, not that of the exact crossings.
+    pub own_depth: bool,
+    /// It aims at another picture than the reference does: its difference is no error.
+    pub other_picture: bool,
+    /// So slow that a quick report leaves it out.
+    pub slow: bool,
+}
+
+const PLAIN: Traits = Traits { keeps: false, own_depth: false, other_picture: false, slow: false };
+const OTHER: Traits = Traits { other_picture: true, ..PLAIN };
+
+/// The ray caster of a quality with steps of h · 2^`step_power` and some samples a pixel.
+fn direct(space: &Space, quality: Quality, step_power: i32, samples_per_pixel: u32) -> Result<Box<dyn Renderer>> {
+    let settings = Settings { step_power, samples_per_pixel, ..Settings::new(quality) };
+    Ok(Box::new(Direct::new(space, settings)))
+}
+
+fn filtered(space: &Space) -> Result<Box<dyn Renderer>> {
+    let settings = Settings { classification: Classification::Filtered, ..Settings::default() };
+    Ok(Box::new(Direct::new(space, settings)))
+}
+
+const KEEPS: Traits = Traits { keeps: true, ..PLAIN };
+
+/// Packets of rays with samples every h · 2^(`step_power` + 1).
+fn packets(space: &Space, step_power: i32, pixels: Pixels) -> Result<Box<dyn Renderer>> {
+    Ok(Box::new(Fast::new(space, Settings { step_power, ..Settings::default() }, pixels)))
+}
+
+fn reusing<R: Rule + 'static>(space: &Space, refresh: Refresh) -> Result<Box<dyn Renderer>> {
+    Ok(Box::new(Reusing::<_, R>::new(Words::new(space), Settings::default(), refresh)))
+}
+
+fn lean(space: &Space) -> Result<Box<dyn Renderer>> {
+    let space = Space::lean(space.shared_volume(), space.wall());
+    Ok(renderer(&space, Settings::default(), Preset::Lean, true))
+}
+
+/// What all others are measured against.
+pub const REFERENCE: Method = Method {
+    name: "reference h/8",
+    family: "nothing skipped",
+    make: |s| direct(s, Quality::Reference, -3, 1),
+    traits: PLAIN,
+};
+
+/// All methods.
+#[rustfmt::skip]
+pub const METHODS: &[Method] = &[
+    Method { name: "brute h/16", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -4, 1), traits: Traits { slow: true, ..PLAIN } },
+    Method { name: "brute h/4", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -2, 1), traits: PLAIN },
+    Method { name: "brute h/2", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -1, 1), traits: PLAIN },
+    Method { name: "brute h", family: "nothing skipped", make: |s| direct(s, Quality::Reference, 0, 1), traits: PLAIN },
+    Method { name: "high h/8", family: "flags, trilinear", make: |s| direct(s, Quality::High, -3, 1), traits: PLAIN },
+    Method { name: "high h/4", family: "flags, trilinear", make: |s| direct(s, Quality::High, -2, 1), traits: PLAIN },
+    Method { name: "high h/2", family: "flags, trilinear", make: |s| direct(s, Quality::High, -1, 1), traits: PLAIN },
+    Method { name: "high h", family: "flags, trilinear", make: |s| direct(s, Quality::High, 0, 1), traits: PLAIN },
+    Method { name: "high 2h", family: "flags, trilinear", make: |s| direct(s, Quality::High, 1, 1), traits: PLAIN },
+    Method { name: "low h/2", family: "flags, nearest voxel", make: |s| direct(s, Quality::Low, -1, 1), traits: PLAIN },
+    Method { name: "low h", family: "flags, nearest voxel", make: |s| direct(s, Quality::Low, 0, 1), traits: PLAIN },
+    Method { name: "filtered h/2", family: "filtered density", make: filtered, traits: OTHER },
+    Method { name: "2 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 2), traits: OTHER },
+    Method { name: "4 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 4), traits: OTHER },
+    Method { name: "16 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 16), traits: OTHER },
+    Method { name: "wall distance, voxels", family: "one acceleration", make: |s| Ok(Box::new(With::voxels(s))), traits: PLAIN },
+    Method { name: "wall distance, bricks", family: "one acceleration", make: |s| Ok(Box::new(With::bricks(s))), traits: PLAIN },
+    Method { name: "stored gradients", family: "one acceleration", make: |s| Ok(Box::new(With::stored(s))), traits: PLAIN },
+    Method { name: "gradient cache", family: "one acceleration", make: |s| Ok(Box::new(With::cache(s))), traits: PLAIN },
+    Method { name: "reuse, staggered", family: "one acceleration", make: |s| reusing::<f32>(s, Refresh::Staggered(16)), traits: KEEPS },
+    Method { name: "reuse, paper's rule", family: "one acceleration", make: |s| reusing::<Trace>(s, Refresh::KeyFrames(10)), traits: KEEPS },
+    Method { name: "preset colvis", family: "filtered density", make: |s| Ok(renderer(s, Settings::default(), Preset::Colvis, true)), traits: Traits { other_picture: true, ..KEEPS } },
+    Method { name: "preset lean", family: "flags, trilinear", make: lean, traits: PLAIN },
+    Method { name: "packets h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::All), traits: PLAIN },
+    Method { name: "packets h", family: "packets of rays", make: |s| packets(s, -1, Pixels::All), traits: PLAIN },
+    Method { name: "packets 2h", family: "packets of rays", make: |s| packets(s, 0, Pixels::All), traits: PLAIN },
+    Method { name: "default", family: "packets of rays", make: |s| packets(s, -1, Pixels::Needed), traits: PLAIN },
+    Method { name: "default h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::Needed), traits: PLAIN },
+    Method { name: "marching cubes", family: "indirect", make: |s| Ok(Box::new(Rasteriser::new(s)?)), traits: Traits { own_depth: true, ..PLAIN } },
+];
+
+/// What a preparation is to the paper's claims.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The homogeneous-region flag.
+    Flag,
+    /// The distance to the wall for each voxel: the potential field.
+    Field,
+    /// Gradients and densities ahead of time.
+    Gradients,
+    /// The indirect method's surface.
+    Surface,
+}
+
+/// Something that is built from the voxels before the first frame.
+#[derive(Clone, Copy)]
+pub struct Preparation {
+    /// Its name in tables.
+    pub name: &'static str,
+    /// What it stands for.
+    pub role: Role,
+    /// Builds it and returns how many bytes it takes.
+    pub build: fn(&Space) -> Result<usize>,
+}
+
+/// All preparations. One that the paper's claims compare with is one more line here; a claim without it is not told.
+#[rustfmt::skip]
+pub const PREPARATIONS: &[Preparation] = &[
+    Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.volume(), s.wall()).bytes()) },
+    Preparation { name: "wall distance per voxel", role: Role::Field, build: |s| Ok(VoxelWalls::new(s).bytes()) },
+    Preparation { name: "gradients near the wall", role: Role::Gradients, build: |s| Ok(GradientVolume::new(s, Stored::NearWall).bytes()) },
+    Preparation { name: "marching cubes mesh", role: Role::Surface, build: |s| Ok(Mesh::new(s)?.bytes()) },
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_families_fit_the_colours() {
+        let mut names: Vec<&str> = METHODS.iter().chain([&REFERENCE]).map(|m| m.name).collect();
+        let count = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), count);
+        let mut families: Vec<&str> = METHODS.iter().map(|m| m.family).collect();
+        families.sort_unstable();
+        families.dedup();
+        assert!(families.len() <= super::super::plot::COLOURS.len());
+    }
+}

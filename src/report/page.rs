@@ -1,0 +1,126 @@
+//! A report: one self-contained HTML page, and the CSV of each plot and table beside it.
+
+use std::path::{Path, PathBuf};
+
+use super::plot::Plot;
+use super::table::{Table, escape};
+use crate::error::Result;
+use crate::output;
+
+const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;max-width:1080px;margin:2em auto;padding:0 1em;color:#222}\
+table{border-collapse:collapse;margin:1em 0;font-size:13px}th,td{padding:3px 9px;border-bottom:1px solid #ddd;\
+text-align:left;vertical-align:top}th{background:#f4f4f4}td.n{text-align:right;font-variant-numeric:tabular-nums}\
+svg,img{max-width:100%;height:auto}figure{margin:1em 0}figcaption{font-size:13px;color:#555}\
+p.finding{background:#f2f7f2;border-left:4px solid #4a4;padding:.6em 1em}";
+
+/// A page in the making.
+pub struct Page {
+    folder: PathBuf,
+    title: String,
+    body: String,
+}
+
+impl Page {
+    /// A page `report.html` in `folder`, which is made.
+    ///
+    /// # Errors
+    /// Status 5 when the folder cannot be made.
+    pub fn new(folder: &Path, title: &str) -> Result<Self> {
+        output::make_folder(folder)?;
+        Ok(Self { folder: folder.to_owned(), title: title.to_owned(), body: String::new() })
+    }
+
+    /// Begins a section.
+    pub fn section(&mut self, title: &str) {
+        self.body.push_str(&format!("<h2>{}</h2>\n", escape(title)));
+    }
+
+    /// A paragraph of plain text.
+    pub fn text(&mut self, text: &str) {
+        self.body.push_str(&format!("<p>{}</p>\n", escape(text)));
+    }
+
+    /// What was found.
+    pub fn finding(&mut self, text: &str) {
+        self.body.push_str(&format!("<p class=finding>{}</p>\n", escape(text)));
+    }
+
+    /// A table, and `name.csv` beside the page.
+    ///
+    /// # Errors
+    /// Status 5 when the CSV cannot be written.
+    pub fn table(&mut self, name: &str, table: &Table) -> Result<()> {
+        self.body.push_str(&table.html());
+        self.csv(name, table)
+    }
+
+    /// A plot with what it shows in words; its numbers go to `name.csv`.
+    ///
+    /// # Errors
+    /// Status 5 when the CSV cannot be written, status 1 when the plot cannot be drawn.
+    pub fn plot(&mut self, name: &str, plot: &Plot, caption: &str) -> Result<()> {
+        let figure = format!("<figure>\n{}\n<figcaption>{}</figcaption></figure>\n", plot.svg()?, escape(caption));
+        self.body.push_str(&figure);
+        self.csv(name, &plot.table())
+    }
+
+    /// `name.csv` alone.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn csv(&self, name: &str, table: &Table) -> Result<()> {
+        let path = self.folder.join(format!("{name}.csv"));
+        output::write_whole(&path, |w| w.write_all(table.csv().as_bytes()))
+    }
+
+    /// A PNG, embedded, under a line that opens it.
+    pub fn picture(&mut self, png: &[u8], caption: &str) {
+        let caption = escape(caption);
+        self.body.push_str(&format!(
+            "<details><summary>{caption}</summary><img alt=\"{caption}\" src=\"data:image/png;base64,{}\"></details>\n",
+            base64(png)
+        ));
+    }
+
+    /// Writes the page.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn finish(self) -> Result<()> {
+        output::write_whole(&self.folder.join("report.html"), |w| {
+            let title = escape(&self.title);
+            write!(
+                w,
+                "<!DOCTYPE html>\n<html lang=en><meta charset=utf-8><title>{title}</title><style>{STYLE}</style>\n\
+                 <h1>{title}</h1>\n{}</html>\n",
+                self.body
+            )
+        })
+    }
+}
+
+/// Base64 (RFC 4648).
+fn base64(bytes: &[u8]) -> String {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let word = (0..3).fold(0u32, |word, n| word << 8 | u32::from(chunk.get(n).copied().unwrap_or(0)));
+        for n in 0..4 {
+            let digit = DIGITS[(word >> (18 - 6 * n) & 63) as usize] as char;
+            out.push(if n <= chunk.len() { digit } else { '=' });
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_is_that_of_the_rfc() {
+        for (plain, coded) in [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")] {
+            assert_eq!(base64(plain.as_bytes()), coded);
+        }
+    }
+}

@@ -1,0 +1,321 @@
+//! Work-precision plots: both axes logarithmic, the Pareto front marked, every point named.
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::table::{Cell, Table};
+use crate::error::{Error, Result};
+
+/// Size of a plot, pixels.
+const SIZE: (u32, u32) = (1000, 620);
+/// Pixels around the plotting area: left, right, top, bottom.
+const MARGIN: [i32; 4] = [84, 22, 78, 62];
+/// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
+pub(super) const COLOURS: [RGBColor; 8] = [
+    RGBColor(0, 114, 178),
+    RGBColor(213, 94, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(230, 159, 0),
+    RGBColor(86, 180, 233),
+    RGBColor(120, 94, 60),
+    RGBColor(0, 0, 0),
+];
+
+/// A measured point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// Across, above 0.
+    pub x: f64,
+    /// Upwards, above 0.
+    pub y: f64,
+    /// Its name in the plot and the CSV.
+    pub name: String,
+}
+
+/// Points of one colour.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Its name in the legend and the CSV.
+    pub name: String,
+    /// Its points, in the order of a line through them.
+    pub points: Vec<Point>,
+    /// Whether a line is drawn through them.
+    pub line: bool,
+}
+
+/// A plot of y over x, less being better in both.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plot {
+    /// Above the plot.
+    pub title: String,
+    /// What x is, with its unit.
+    pub x: String,
+    /// What y is, with its unit.
+    pub y: String,
+    /// Whether the front is marked.
+    pub front: bool,
+    /// What is shown. Points that a logarithm does not take are left out of the picture, not of the CSV.
+    pub series: Vec<Series>,
+}
+
+impl Plot {
+    /// The points as a table: series, name, x, y, and whether none is better in both.
+    pub fn table(&self) -> Table {
+        let mut t = Table::new(&["series", "name", &self.x, &self.y, "on_front"]);
+        let front = self.front();
+        for s in &self.series {
+            for p in &s.points {
+                let on = front.contains(&(p.x, p.y));
+                let cells = [Cell::Number(p.x, 4), Cell::Number(p.y, 4), if on { "yes" } else { "no" }.into()];
+                t.row([s.name.as_str().into(), p.name.as_str().into()].into_iter().chain(cells).collect());
+            }
+        }
+        t
+    }
+
+    fn shown(&self) -> impl Iterator<Item = (usize, &Point)> {
+        let can = |v: f64| v.is_finite() && v > 0.0;
+        let each = self.series.iter().enumerate().flat_map(|(n, s)| s.points.iter().map(move |p| (n, p)));
+        each.filter(move |(_, p)| can(p.x) && can(p.y))
+    }
+
+    /// The points that none betters in both, from left to right.
+    fn front(&self) -> Vec<(f64, f64)> {
+        let mut all: Vec<(f64, f64)> = self.shown().map(|(_, p)| (p.x, p.y)).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let mut least = f64::INFINITY;
+        all.retain(|&(_, y)| {
+            let better = y < least;
+            least = least.min(y);
+            better
+        });
+        all
+    }
+
+    /// The plot as an SVG element.
+    ///
+    /// # Errors
+    /// Status 1 when it cannot be drawn.
+    pub fn svg(&self) -> Result<String> {
+        let mut svg = String::new();
+        self.draw(&mut svg).map_err(|e| Error::fault("plot", e, "report it"))?;
+        Ok(svg)
+    }
+
+    fn draw(&self, svg: &mut String) -> std::result::Result<(), String> {
+        let text = |e: DrawingAreaErrorKind<_>| format!("{e:?}");
+        let root = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+        root.fill(&WHITE).map_err(text)?;
+        let put = |s: &str, at: (i32, i32), px: i32, colour: &RGBColor, pos: Pos| {
+            let style = ("sans-serif", px).into_font().color(colour).pos(pos);
+            root.draw(&Text::new(s.to_owned(), at, style)).map_err(text)
+        };
+        let grey = RGBColor(90, 90, 90);
+        let (left, right) = (MARGIN[0], SIZE.0 as i32 - MARGIN[1]);
+        let (top, bottom) = (MARGIN[2], SIZE.1 as i32 - MARGIN[3]);
+        put(&self.title, (left, 6), 20, &BLACK, Pos::new(HPos::Left, VPos::Top))?;
+        let x = Axis::over(self.shown().map(|(_, p)| p.x), [left, right]);
+        let y = Axis::over(self.shown().map(|(_, p)| p.y), [bottom, top]);
+        let line = |a: (i32, i32), b: (i32, i32), colour: RGBColor| {
+            root.draw(&PathElement::new(vec![a, b], colour.stroke_width(1))).map_err(text)
+        };
+        for (v, labelled) in x.ticks() {
+            let at = x.at(v);
+            line((at, top), (at, bottom), RGBColor(228, 228, 228))?;
+            if labelled {
+                put(&number(v), (at, bottom + 8), 15, &grey, Pos::new(HPos::Center, VPos::Top))?;
+            }
+        }
+        for (v, labelled) in y.ticks() {
+            let at = y.at(v);
+            line((left, at), (right, at), RGBColor(228, 228, 228))?;
+            if labelled {
+                put(&number(v), (left - 8, at), 15, &grey, Pos::new(HPos::Right, VPos::Center))?;
+            }
+        }
+        root.draw(&Rectangle::new([(left, top), (right, bottom)], grey.stroke_width(1))).map_err(text)?;
+        put(&self.x, ((left + right) / 2, SIZE.1 as i32 - 12), 17, &BLACK, Pos::new(HPos::Center, VPos::Bottom))?;
+        let upwards = ("sans-serif", 17).into_font().transform(FontTransform::Rotate270).color(&BLACK);
+        let upwards = upwards.pos(Pos::new(HPos::Center, VPos::Top));
+        root.draw(&Text::new(self.y.clone(), (10, (top + bottom) / 2), upwards)).map_err(text)?;
+        self.legend(|s, at, colour| {
+            root.draw(&Circle::new((at.0, at.1), 5, colour.filled())).map_err(text)?;
+            put(s, (at.0 + 10, at.1), 15, &BLACK, Pos::new(HPos::Left, VPos::Center))
+        })?;
+        let place = |p: &Point| (x.at(p.x), y.at(p.y));
+        let front = if self.front { self.front() } else { Vec::new() };
+        let front: Vec<(i32, i32)> = front.iter().map(|&(a, b)| (x.at(a), y.at(b))).collect();
+        root.draw(&PathElement::new(front, RGBColor(216, 216, 216).stroke_width(7))).map_err(text)?;
+        for (n, s) in self.series.iter().enumerate().filter(|(_, s)| s.line) {
+            let points: Vec<_> = self.shown().filter(|(k, _)| *k == n).map(|(_, p)| place(p)).collect();
+            root.draw(&PathElement::new(points, COLOURS[n % COLOURS.len()].stroke_width(2))).map_err(text)?;
+            debug_assert!(!s.name.is_empty());
+        }
+        let mut taken: Vec<[i32; 4]> = self.shown().map(|(_, p)| around(place(p), 7)).collect();
+        for (n, p) in self.shown() {
+            let colour = COLOURS[n % COLOURS.len()];
+            root.draw(&Circle::new(place(p), 5, colour.filled())).map_err(text)?;
+            let at = free_place(&p.name, place(p), [left, top, right, bottom], &mut taken);
+            if (at.0 - place(p).0).abs() > 60 + 4 * p.name.chars().count() as i32 || (at.1 - place(p).1).abs() > 24 {
+                line(place(p), at, RGBColor(170, 170, 170))?;
+            }
+            put(&p.name, at, LABEL, &colour, Pos::new(HPos::Center, VPos::Center))?;
+        }
+        root.present().map_err(text)?;
+        drop(root);
+        Ok(())
+    }
+
+    /// Places the legend's entries in rows above the plot, that of the front at the end.
+    fn legend(
+        &self,
+        mut put: impl FnMut(&str, (i32, i32), RGBColor) -> std::result::Result<(), String>,
+    ) -> std::result::Result<(), String> {
+        let mut at = (MARGIN[0] + 6, 40);
+        let named = self.series.iter().enumerate().map(|(n, s)| (s.name.as_str(), COLOURS[n % COLOURS.len()]));
+        let front = self.front.then_some(("no other point is better in both", RGBColor(216, 216, 216)));
+        for (name, colour) in named.chain(front) {
+            if at.0 + width(name, 14) > SIZE.0 as i32 {
+                at = (MARGIN[0] + 6, at.1 + 20);
+            }
+            put(name, at, colour)?;
+            at.0 += 32 + width(name, 14);
+        }
+        Ok(())
+    }
+}
+
+/// Size of the points' names, pixels.
+const LABEL: i32 = 14;
+
+/// About how wide a text is, pixels: the fonts are the reader's, so this is an estimate on the wide side.
+fn width(s: &str, px: i32) -> i32 {
+    s.chars().count() as i32 * px * 50 / 100
+}
+
+fn around((x, y): (i32, i32), by: i32) -> [i32; 4] {
+    [x - by, y - by, x + by, y + by]
+}
+
+/// A place for a point's name, nearby, where it covers nothing, and takes it. The nearest where there is none.
+fn free_place(name: &str, (x, y): (i32, i32), within: [i32; 4], taken: &mut Vec<[i32; 4]>) -> (i32, i32) {
+    let (w, h) = (width(name, LABEL) / 2, LABEL / 2 + 1);
+    let beside = w + 10;
+    let candidates = (0..30).flat_map(|ring| {
+        let up = 12 + 13 * ring;
+        let mut places = vec![(0, -up), (0, up), (w, -up), (-w, -up), (w, up), (-w, up)];
+        if ring == 0 {
+            places.splice(0..0, [(beside, 0), (-beside, 0)]);
+        } else {
+            places.extend([(beside, -13 * ring), (beside, 13 * ring), (-beside, -13 * ring), (-beside, 13 * ring)]);
+        }
+        places.into_iter().map(move |(dx, dy)| (x + dx, y + dy))
+    });
+    let room = |&(cx, cy): &(i32, i32)| {
+        let b = [cx - w, cy - h, cx + w, cy + h];
+        let inside = b[0] >= within[0] + 2 && b[1] >= within[1] + 2 && b[2] <= within[2] - 2 && b[3] <= within[3] - 2;
+        inside && !taken.iter().any(|t| b[0] < t[2] && t[0] < b[2] && b[1] < t[3] && t[1] < b[3])
+    };
+    let at = candidates.into_iter().find(room).unwrap_or((x + beside, y));
+    taken.push([at.0 - w, at.1 - h, at.0 + w, at.1 + h]);
+    at
+}
+
+/// A logarithmic axis.
+struct Axis {
+    low: f64,
+    high: f64,
+    pixels: [i32; 2],
+}
+
+impl Axis {
+    /// An axis with room for all `values` (above 0); one decade where there are none.
+    fn over(values: impl Iterator<Item = f64>, pixels: [i32; 2]) -> Self {
+        let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
+        if low > high {
+            return Self { low: 1.0, high: 10.0, pixels };
+        }
+        let room = (high / low).powf(0.08).max(1.25);
+        Self { low: low / room, high: high * room, pixels }
+    }
+
+    fn at(&self, v: f64) -> i32 {
+        let t = (v / self.low).ln() / (self.high / self.low).ln();
+        self.pixels[0] + (t * f64::from(self.pixels[1] - self.pixels[0])).round() as i32
+    }
+
+    /// Where lines are drawn, and whether they are labelled: 1, 2 and 5 of each decade, all where those are few, decades
+    /// alone where there are many.
+    fn ticks(&self) -> Vec<(f64, bool)> {
+        let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
+        let wide = last - first > 5;
+        let every = ((last - first) / 10).max(1);
+        let all = (first..=last).flat_map(|d| (1..10).map(move |m| (d, m)));
+        let inside =
+            all.map(|(d, m)| (d, m, f64::from(m) * 10f64.powi(d))).filter(|t| t.2 >= self.low && t.2 <= self.high);
+        let inside: Vec<(i32, i32, f64)> = inside.filter(|t| !wide || (t.1 == 1 && t.0 % every == 0)).collect();
+        let few = inside.iter().filter(|t| [1, 2, 5].contains(&t.1)).count() < 3;
+        inside.into_iter().map(|(_, m, v)| (v, few || [1, 2, 5].contains(&m))).collect()
+    }
+}
+
+/// A tick's number as people write it.
+fn number(v: f64) -> String {
+    if !(1e-3..1e6).contains(&v) {
+        return format!("{v:.0e}");
+    }
+    let digits = (-v.log10().floor()).max(0.0) as usize;
+    format!("{v:.digits$}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plot(points: &[(f64, f64)]) -> Plot {
+        let points = points.iter().enumerate().map(|(n, &(x, y))| Point { x, y, name: format!("p{n}") }).collect();
+        let series = vec![Series { name: "one".to_owned(), points, line: true }];
+        Plot { title: "a <plot>".to_owned(), x: "time / ms".to_owned(), y: "error".to_owned(), front: true, series }
+    }
+
+    #[test]
+    fn the_front_is_what_none_betters() {
+        let p = plot(&[(1.0, 5.0), (2.0, 2.0), (3.0, 3.0), (4.0, 1.0), (0.5, 9.0), (4.0, 7.0)]);
+        assert_eq!(p.front(), vec![(0.5, 9.0), (1.0, 5.0), (2.0, 2.0), (4.0, 1.0)]);
+        assert_eq!(p.table().csv().matches(",yes").count(), 4);
+    }
+
+    #[test]
+    fn a_plot_is_svg_with_its_words_and_without_what_no_logarithm_takes() {
+        let svg = plot(&[(1.0, 5.0), (2.0, 0.0), (f64::INFINITY, 3.0), (20.0, 1.0)]).svg().unwrap();
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
+        for word in ["a &lt;plot&gt;", "time / ms", "p0", "p3", "one"] {
+            assert!(svg.contains(word), "{word}");
+        }
+        assert!(!svg.contains("p1") && !svg.contains("p2") && !svg.contains("NaN"));
+        assert!(plot(&[]).svg().is_ok() && plot(&[(3.0, 3.0)]).svg().is_ok());
+    }
+
+    #[test]
+    fn names_do_not_cover_each_other() {
+        let mut taken = vec![around((100, 100), 7), around((104, 103), 7)];
+        for _ in 0..12 {
+            let before = taken.clone();
+            free_place("a name", (100, 100), [0, 0, 1000, 600], &mut taken);
+            let b = taken[taken.len() - 1];
+            assert!(!before.iter().any(|t| b[0] < t[2] && t[0] < b[2] && b[1] < t[3] && t[1] < b[3]));
+        }
+    }
+
+    #[test]
+    fn ticks_lie_on_the_axis() {
+        for values in [vec![3.0, 4.0], vec![1e-3, 1e5], vec![0.02], vec![]] {
+            let axis = Axis::over(values.into_iter(), [0, 900]);
+            let ticks = axis.ticks();
+            assert!(ticks.iter().any(|t| t.1) && ticks.len() < 80);
+            assert!(ticks.iter().all(|t| (0..=900).contains(&axis.at(t.0))));
+        }
+        assert_eq!([number(0.02), number(5.0), number(200.0), number(1e-7)], ["0.02", "5", "200", "1e-7"]);
+    }
+}

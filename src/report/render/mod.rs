@@ -1,0 +1,81 @@
+//! `report render`: each method's error against its time, and the paper's claims by name.
+
+mod claims;
+mod measure;
+mod pages;
+#[cfg(test)]
+mod tests;
+
+use std::path::Path;
+
+use crate::components::flight::State;
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::render::Space;
+
+use super::flight;
+use super::methods::{METHODS, Method};
+use super::page::Page;
+
+pub use measure::{Fault, Measured};
+
+/// A scan that is reported on.
+pub struct Subject {
+    /// Begins the names of its files.
+    pub name: String,
+    /// As a person reads it.
+    pub title: String,
+    /// The scan.
+    pub space: Space,
+}
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Extent {
+    /// Pixels along each side.
+    pub pixels: usize,
+    /// View angle, degrees.
+    pub fov_degrees: f64,
+    /// Poses along the flight.
+    pub along: usize,
+    /// Jumps and sudden turns among them.
+    pub jumps: usize,
+    /// Frames of the flight before each pose, for methods that keep something between frames.
+    pub lead: usize,
+    /// Whether slow methods are left out.
+    pub quick: bool,
+}
+
+impl Extent {
+    /// The whole report, or what fits a minute.
+    pub fn new(quick: bool, fov_degrees: f64) -> Self {
+        if quick {
+            Self { pixels: 256, fov_degrees, along: 6, jumps: 2, lead: 3, quick }
+        } else {
+            Self { pixels: 512, fov_degrees, along: 24, jumps: 8, lead: 4, quick }
+        }
+    }
+}
+
+/// Measures every method in every subject and writes the report into `folder`. Returns what was found, a sentence each.
+///
+/// # Errors
+/// Status 4 where a subject cannot be flown or when interrupted, 5 when a file cannot be written.
+pub fn report(subjects: &[Subject], extent: &Extent, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+    let methods: Vec<Method> = METHODS.iter().copied().filter(|m| !(extent.quick && m.traits.slow)).collect();
+    let mut page = Page::new(folder, "colvis: error against run time of the renderers")?;
+    pages::introduction(&mut page, extent);
+    let mut findings = Vec::new();
+    for s in subjects {
+        let flown = flight::fly(&s.space, progress)?;
+        let stops = flown.stops(extent.along, extent.jumps, extent.lead);
+        let measured = measure::measure(&s.space, &methods, &stops, extent, progress)?;
+        let claims = claims::claims(&s.space, &measured, progress)?;
+        findings.extend(pages::subject(&mut page, s, &measured, &claims)?);
+        if flown.state != State::Arrived {
+            page.text("The flight did not arrive; the poses lie on the part of the way that was flown.");
+        }
+    }
+    page.finish()?;
+    Ok(findings)
+}

@@ -1,0 +1,320 @@
+//! The report's words, tables and plots.
+
+use crate::error::Result;
+use crate::report::image::{WHITE_ERROR, error_map, rms};
+use crate::report::page::Page;
+use crate::report::plot::{Plot, Point, Series};
+use crate::report::table::{Cell, Table};
+use crate::report::{mean, median, quantile};
+
+use super::claims::Claims;
+use super::{Extent, Measured, Subject};
+
+/// Longest side of a picture in an error map, pixels.
+const PANEL: usize = 256;
+
+/// What is shown and how it was measured.
+pub fn introduction(page: &mut Page, extent: &Extent) {
+    page.text(&format!(
+        "Frames of {0} × {0} pixels, {1} threads, {2} poses along a headless flight and {3} after jumps and sudden turns \
+         among them. All methods render a pose in turn before the next one comes; one that keeps something between \
+         frames first renders the {4} frames of the flight before it. Times are without depth and after a warm-up; p99 of \
+         fewer than a hundred frames is the slowest of them. Errors are against the reference: rays with steps of an \
+         eighth of the smallest spacing (h), nothing skipped.",
+        extent.pixels,
+        rayon::current_num_threads(),
+        extent.along,
+        extent.jumps,
+        extent.lead
+    ));
+    if !extent.quick {
+        page.text(
+            "How far the reference itself is from rays without a step is about what \"brute h/16\", with half its step, differs \
+             from it.",
+        );
+    }
+    page.text(
+        "Filtered density classifies by the regression's D as the paper does, and more samples a pixel smooth edges: both aim \
+         at another picture than the reference, so their difference is no error, and they stand in the tables alone. Wall \
+         distance is compared for methods whose depth is their own; all others take the exact crossings.",
+    );
+}
+
+/// A subject's section. Returns its finding.
+pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Claims) -> Result<Vec<String>> {
+    let volume = s.space.volume();
+    let dims = volume.grid().dims();
+    page.section(&s.title);
+    page.text(&format!(
+        "{} × {} × {} voxels of {:.2} × {:.2} × {:.2} mm, {:.0} MiB at 16 bits.",
+        dims[0],
+        dims[1],
+        dims[2],
+        volume.grid().spacing().x,
+        volume.grid().spacing().y,
+        volume.grid().spacing().z,
+        mib(volume.bytes())
+    ));
+    let findings = vec![finding(s, measured), indirect(s, measured)];
+    for f in findings.iter().filter(|f| !f.is_empty()) {
+        page.finding(f);
+    }
+    let name = |what: &str| format!("{}-{what}", s.name);
+    page.table(&name("methods"), &methods(measured, volume.bytes()))?;
+    page.csv(&name("frames"), &frames(measured))?;
+    for (what, plot, caption) in plots(s, measured) {
+        page.plot(&name(what), &plot, caption)?;
+    }
+    let kept = reuse(measured);
+    if !kept.is_empty() {
+        page.text(
+            "The error of reuse apart from that of sampling: each frame against one that a fresh renderer makes of the same \
+             pose, and the fresh one against the reference.",
+        );
+        page.table(&name("reuse"), &kept)?;
+    }
+    page.section(&format!("{}: the paper's claims", s.title));
+    let mut t = Table::new(&["paper", "measured"]);
+    for c in &claims.claims {
+        t.row(vec![c.paper.into(), c.measured.as_str().into()]);
+    }
+    page.table(&name("claims"), &t)?;
+    page.table(&name("preparations"), &preparations(s, claims))?;
+    page.section(&format!("{}: worst frames", s.title));
+    page.text(&format!(
+        "Reference, method, and the greatest of the three colours' errors: black 0, white {WHITE_ERROR} levels and more. The CSV \
+         {}.csv has every frame.",
+        name("frames")
+    ));
+    for m in measured {
+        if let Some((stop, reference, frame)) = &m.worst {
+            let caption = format!("{}: pose {stop}, {:.1} dB", m.method.name, m.worst_psnr());
+            page.picture(&error_map(reference, frame, PANEL), &caption);
+        }
+    }
+    Ok(findings.into_iter().filter(|f| !f.is_empty()).collect())
+}
+
+fn mib(bytes: usize) -> f64 {
+    bytes as f64 / f64::from(1 << 20)
+}
+
+fn number(v: f64, digits: usize) -> Cell {
+    if v.is_nan() { Cell::None } else { Cell::Number(v, digits) }
+}
+
+fn all<T>(m: &Measured, f: impl Fn(&super::Fault) -> T) -> Vec<T> {
+    m.faults.iter().map(f).collect()
+}
+
+/// Share of displaced walls over all frames; none where depth is not the method's own.
+fn displaced(m: &Measured) -> Option<f64> {
+    let shares: Vec<f64> = m.faults.iter().filter_map(|f| f.displaced).collect();
+    (!shares.is_empty()).then(|| mean(&shares))
+}
+
+fn methods(measured: &[Measured], volume: usize) -> Table {
+    let mut t = Table::new(&[
+        "method",
+        "family",
+        "PSNR mean / dB",
+        "PSNR worst / dB",
+        "SSIM mean",
+        "SSIM worst",
+        "walls off by > h/4 / %",
+        "frame median / ms",
+        "frame p99 / ms",
+        "after a jump, median / ms",
+        "samples a ray",
+        "memory / 16-bit volume",
+        "made ready in / s",
+    ]);
+    for m in measured {
+        let ssim = all(m, |f| f.ssim);
+        t.row(vec![
+            m.method.name.into(),
+            m.method.family.into(),
+            number(mean(&m.psnr()), 1),
+            number(m.worst_psnr(), 1),
+            number(mean(&ssim), 4),
+            number(ssim.iter().copied().fold(1.0, f64::min), 4),
+            displaced(m).map(|s| number(100.0 * s, 3)).into(),
+            number(median(&m.ms), 1),
+            number(quantile(&m.ms, 0.99), 1),
+            number(median(&m.jump_ms), 1),
+            number(mean(&all(m, |f| f.samples)), 2),
+            number(m.bytes as f64 / volume as f64, 3),
+            number(m.prepare_s, 3),
+        ]);
+    }
+    t
+}
+
+fn frames(measured: &[Measured]) -> Table {
+    let mut t = Table::new(&[
+        "method",
+        "pose",
+        "jump",
+        "psnr_db",
+        "ssim",
+        "displaced",
+        "ms",
+        "samples_per_ray",
+        "reuse_psnr_db",
+        "sampling_psnr_db",
+    ]);
+    for m in measured {
+        for f in &m.faults {
+            let part = |k: usize| -> Cell { f.reuse.map(|r| number(r[k], 1)).into() };
+            t.row(vec![
+                m.method.name.into(),
+                number(f.stop as f64, 0),
+                if f.jump { "yes" } else { "no" }.into(),
+                number(f.psnr, 1),
+                number(f.ssim, 4),
+                f.displaced.map(|d| number(d, 4)).into(),
+                number(f.ms, 1),
+                number(f.samples, 2),
+                part(0),
+                part(1),
+            ]);
+        }
+    }
+    t
+}
+
+fn reuse(measured: &[Measured]) -> Table {
+    let mut t = Table::new(&["method", "part", "PSNR mean / dB", "PSNR worst / dB"]);
+    for m in measured.iter().filter(|m| m.method.traits.keeps) {
+        for (k, part) in ["reuse", "sampling"].into_iter().enumerate() {
+            let db: Vec<f64> = m.faults.iter().filter_map(|f| f.reuse).map(|r| r[k]).collect();
+            let least = db.iter().copied().fold(f64::INFINITY, f64::min);
+            t.row(vec![m.method.name.into(), part.into(), number(mean(&db), 1), number(least, 1)]);
+        }
+    }
+    t
+}
+
+fn preparations(s: &Subject, claims: &Claims) -> Table {
+    let mut t = Table::new(&["built before the first frame", "time / s", "memory / MiB", "memory / 16-bit volume"]);
+    for c in &claims.costs {
+        let share = c.bytes as f64 / s.space.volume().bytes() as f64;
+        t.row(vec![c.name.into(), number(c.seconds, 4), number(mib(c.bytes), 1), number(share, 3)]);
+    }
+    t
+}
+
+/// The plots: name, plot, caption.
+fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'static str)> {
+    let compared: Vec<&Measured> = measured.iter().filter(|m| !m.method.traits.other_picture).collect();
+    let plot = |what: &str, x: &str, y: &str, at: &dyn Fn(&Measured) -> (f64, f64)| {
+        let mut series: Vec<Series> = Vec::new();
+        for m in &compared {
+            let (x, y) = at(m);
+            let point = Point { x, y, name: m.method.name.to_owned() };
+            match series.iter_mut().find(|s| s.name == m.method.family) {
+                Some(s) => s.points.push(point),
+                None => series.push(Series { name: m.method.family.to_owned(), points: vec![point], line: false }),
+            }
+        }
+        Plot { title: format!("{}: {what}", s.title), x: x.to_owned(), y: y.to_owned(), front: true, series }
+    };
+    let volume = s.space.volume().bytes() as f64;
+    let time = "median frame / ms";
+    let mut all = vec![
+        (
+            "error",
+            plot("error against time", time, "RMS error, all frames / grey levels", &|m| (median(&m.ms), m.rms())),
+            "40 dB are 2.55 grey levels, 45 dB 1.43. The reference itself has no error and is not on the plot; rays of its own step \
+             (h/8) share the error of that step.",
+        ),
+        (
+            "worst",
+            plot(
+                "worst frame against slowest frames",
+                "p99 frame / ms",
+                "RMS error, worst frame / grey levels",
+                &|m| (quantile(&m.ms, 0.99), rms(m.worst_psnr())),
+            ),
+            "The frame with the least PSNR of each method, poses after jumps included.",
+        ),
+        (
+            "ssim",
+            plot("structural error against time", time, "1 − mean SSIM", &|m| {
+                (median(&m.ms), 1.0 - mean(&all(m, |f| f.ssim)))
+            }),
+            "What SSIM misses of 1.",
+        ),
+        (
+            "memory",
+            plot("memory against time", time, "memory beside the voxels / 16-bit volume", &|m| {
+                (median(&m.ms), m.bytes as f64 / volume)
+            }),
+            "Methods without memory of their own are not on the plot. The flags are counted for every ray caster.",
+        ),
+    ];
+    if compared.iter().any(|m| displaced(m).is_some()) {
+        all.push((
+            "distance",
+            plot("wall distance against time", time, "walls off by more than h/4 / %", &|m| {
+                (median(&m.ms), displaced(m).map_or(0.0, |d| 100.0 * d))
+            }),
+            "Methods whose depth is their own.",
+        ));
+    }
+    all
+}
+
+/// Which method is the fastest that is good enough, in numbers.
+fn finding(s: &Subject, measured: &[Measured]) -> String {
+    let Some(reference) = measured.first() else { return String::new() };
+    let compared = || measured.iter().skip(1).filter(|m| !m.method.traits.other_picture);
+    let faster = |a: &&Measured, b: &&Measured| median(&a.ms).total_cmp(&median(&b.ms));
+    match compared().filter(|m| m.worst_psnr() >= 40.0).min_by(faster) {
+        Some(m) => format!(
+            "{}: the fastest method whose every frame keeps 40 dB is {}, with a median of {:.1} ms a frame, {:.0} times faster \
+             than the reference ({:.0} ms), at {:.1} dB in the worst frame and {:.1} samples a ray.",
+            s.title,
+            m.method.name,
+            median(&m.ms),
+            median(&reference.ms) / median(&m.ms),
+            median(&reference.ms),
+            m.worst_psnr(),
+            mean(&all(m, |f| f.samples))
+        ),
+        None => {
+            let best = compared().max_by(|a, b| a.worst_psnr().total_cmp(&b.worst_psnr()));
+            best.map_or_else(String::new, |m| {
+                format!(
+                    "{}: no method keeps 40 dB in every frame; the nearest, {}, has {:.1} dB in its worst and takes {:.1} ms.",
+                    s.title,
+                    m.method.name,
+                    m.worst_psnr(),
+                    median(&m.ms)
+                )
+            })
+        }
+    }
+}
+
+/// How the surface does.
+fn indirect(s: &Subject, measured: &[Measured]) -> String {
+    let Some(m) = measured.iter().find(|m| m.method.family == "indirect") else { return String::new() };
+    let faster = |a: &&Measured, b: &&Measured| median(&a.ms).total_cmp(&median(&b.ms));
+    let rays =
+        measured.iter().filter(|m| m.method.family == "flags, trilinear" && m.worst_psnr() >= 40.0).min_by(faster);
+    let beside = rays.map_or_else(String::new, |r| {
+        format!(", {:.2} times the time of {}", median(&m.ms) / median(&r.ms), r.method.name)
+    });
+    format!(
+        "{}: {} takes {:.2} s to build and {:.2} times the 16-bit volume's memory, draws a frame in {:.1} ms{beside}, and has \
+         {:.1} dB in its worst frame with {:.2} % of the pixels' walls off by more than a quarter voxel.",
+        s.title,
+        m.method.name,
+        m.prepare_s,
+        m.bytes as f64 / s.space.volume().bytes() as f64,
+        median(&m.ms),
+        m.worst_psnr(),
+        100.0 * displaced(m).unwrap_or(f64::NAN)
+    )
+}

@@ -1,0 +1,108 @@
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+
+use super::*;
+use crate::error::Result as Outcome;
+use crate::render::{Direct, Frame, Renderer, Settings, View, Wall, Work};
+use crate::report::flight::{Pose, Stop};
+use crate::report::methods::{REFERENCE, Traits};
+use crate::volume::{Grid, Volume};
+
+/// Shows the frame before the one asked for: the worst that reuse can do.
+struct Late(Direct, Option<Frame>);
+
+impl Renderer for Late {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        let work = self.0.render(view, frame);
+        let now = frame.clone();
+        if let Some(last) = self.1.replace(now) {
+            frame.buffers().0.copy_from_slice(last.pixels());
+        }
+        work
+    }
+
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        vec![("nothing", self.0.bytes())]
+    }
+}
+
+fn late(space: &Space) -> Outcome<Box<dyn Renderer>> {
+    Ok(Box::new(Late(Direct::new(space, Settings::default()), None)))
+}
+
+fn tube() -> Space {
+    let n = 40;
+    let grid = Grid::new([n; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let data = (0..n * n * n)
+        .map(|i| {
+            let (x, y, z) = ((i % n) as f64 - 19.5, (i / n % n) as f64 - 19.5, (i / n / n) as f64);
+            (-650.0 + 150.0 * (x.hypot(y) - 9.0 - 2.0 * (0.5 * z).sin())).clamp(-1000.0, 40.0) as i16
+        })
+        .collect();
+    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+}
+
+fn stops() -> Vec<Stop> {
+    let pose = |x: f64, z: f64, forward| Pose { position: DVec3::new(x, 19.0, z), forward, up: DVec3::Y };
+    vec![
+        Stop {
+            jump: false,
+            pose: pose(19.0, 12.0, DVec3::Z),
+            lead: vec![pose(18.0, 10.0, DVec3::Z), pose(18.5, 11.0, DVec3::Z)],
+        },
+        Stop { jump: true, pose: pose(22.0, 25.0, DVec3::X), lead: vec![] },
+    ]
+}
+
+const EXTENT: Extent = Extent { pixels: 40, fov_degrees: 90.0, along: 1, jumps: 1, lead: 2, quick: true };
+
+#[test]
+fn the_reference_has_no_error_and_a_finer_step_has_less() {
+    let methods: Vec<Method> = METHODS.iter().copied().filter(|m| m.name != "16 samples").collect();
+    let all = measure::measure(&tube(), &methods, &stops(), &EXTENT, &Progress::new()).unwrap();
+    assert_eq!(all.len(), methods.len() + 1);
+    let of = |name: &str| all.iter().find(|m| m.method.name == name).unwrap();
+    let reference = of(REFERENCE.name);
+    assert!(reference.faults.iter().all(|f| f.psnr == f64::INFINITY && (f.ssim - 1.0).abs() < 1e-12));
+    assert!(reference.worst.is_none() && reference.rms() == 0.0);
+    assert!(of("brute h/16").rms() < of("brute h/4").rms() && of("brute h/4").rms() < of("brute h").rms());
+    // The flags leave out nothing that is seen; the early end of a ray is all that tells them apart.
+    assert!((of("high h").rms() - of("brute h").rms()).abs() < 0.5);
+    assert!(of("high h").faults[0].samples < of("brute h").faults[0].samples);
+    assert!(of("low h").worst_psnr() < of("high h/2").worst_psnr());
+    for m in &all {
+        assert_eq!((m.ms.len(), m.jump_ms.len(), m.faults.len()), (1, 1, 2), "{}", m.method.name);
+        assert!(m.faults.iter().all(|f| f.ms > 0.0 && f.ssim <= 1.0 && f.reuse.is_none()));
+        assert_eq!(m.faults[0].displaced.is_some(), m.method.traits.own_depth, "{}", m.method.name);
+    }
+    let mesh = of("marching cubes");
+    assert!(mesh.faults.iter().all(|f| f.displaced.unwrap() < 0.05) && mesh.worst_psnr() > 20.0 && mesh.bytes > 0);
+}
+
+#[test]
+fn reuse_is_told_apart_from_sampling() {
+    let make = late;
+    let traits = Traits { keeps: true, ..Traits::default() };
+    let methods = [Method { name: "late", family: "flags, trilinear", make, traits }, METHODS[6]];
+    assert_eq!(METHODS[6].name, "high h/2");
+    let all = measure::measure(&tube(), &methods, &stops(), &EXTENT, &Progress::new()).unwrap();
+    let (late, plain) = (&all[1], &all[2]);
+    assert_eq!(late.ms.len(), 2, "the frame before, but for the first, and the frame itself");
+    for (f, p) in late.faults.iter().zip(&plain.faults) {
+        let [reuse, sampling] = f.reuse.unwrap();
+        assert!(reuse < 35.0 && f.psnr < 35.0, "the last frame is not this one: {reuse} {}", f.psnr);
+        assert!((sampling - p.psnr).abs() < 1e-9, "a fresh renderer has the error of sampling alone");
+    }
+    // It is named by the claims, with a method of its family that keeps nothing.
+    let claims = claims::claims(&tube(), &all, &Progress::new()).unwrap();
+    assert!(claims.claims.iter().any(|c| c.paper.contains("reuse") && c.measured.contains("late takes")));
+}
+
+#[test]
+fn claims_without_their_methods_are_not_told() {
+    let claims = claims::claims(&tube(), &[], &Progress::new()).unwrap();
+    assert_eq!(claims.claims.len(), 1, "{:?}", claims.claims);
+    assert!(claims.claims[0].measured.contains("% of the voxels"));
+    assert!(claims.costs.iter().all(|c| c.seconds > 0.0 && c.bytes > 0));
+}

@@ -1,0 +1,299 @@
+//! `report scenes`: what leaving out saves, in bytes and milliseconds.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::app::explain::explain;
+use crate::app::flight::ImageSettings;
+use crate::app::plan::{self, Plan, Wish};
+use crate::app::{FlightApp, Guide, Scene};
+use crate::error::Result;
+use crate::fields::{Lumen, lumen};
+use crate::progress::Progress;
+use crate::render::flags::Flags;
+use crate::render::{Preset, Settings, Space};
+
+use super::median;
+use super::page::Page;
+use super::plot::{Plot, Point, Series};
+use super::table::{Cell, Table};
+
+/// Steps between two looks at the clock.
+const CHUNK: usize = 24;
+/// Bytes of a MiB.
+const MIB: f64 = 1_048_576.0;
+/// The volume, which every scene has: the first of what is built.
+const VOLUME: usize = 1;
+
+/// The scenes that are shipped, by their files' names.
+const SHIPPED: [(&str, &str); 4] = [
+    ("tentacles", include_str!("../../assets/scenes/tentacles.toml")),
+    ("tentacles-without-mines", include_str!("../../assets/scenes/tentacles-without-mines.toml")),
+    ("manual", include_str!("../../assets/scenes/manual.toml")),
+    ("render", include_str!("../../assets/scenes/render.toml")),
+];
+
+/// What can be left out of a scene that has everything.
+type LeaveOut = fn(&mut Scene);
+const PARTS: [(&str, LeaveOut); 6] = [
+    ("picture", |s| s.picture = false),
+    ("mines", |s| s.mines = None),
+    ("watch", |s| s.watch = None),
+    ("log", |s| s.log = false),
+    ("operator", |s| s.operator = false),
+    ("tentacles (flown by hand)", |s| s.guide = Some(Guide::Manual)),
+];
+
+/// A scene at work.
+struct Running {
+    name: String,
+    flight: FlightApp,
+    picture: bool,
+    scene_ms: Vec<f64>,
+    step_us: Vec<f64>,
+    frame_ms: Vec<f64>,
+    bytes: usize,
+    systems: usize,
+}
+
+/// What a scene costs.
+#[derive(Clone, Debug)]
+struct Cost {
+    name: String,
+    bytes: f64,
+    step_us: f64,
+    /// None without a picture.
+    frame_ms: Option<f64>,
+    scene_ms: f64,
+    systems: usize,
+}
+
+/// Measures and writes the report into `folder`. Returns what was found, a sentence each.
+///
+/// # Errors
+/// Status 4 when the scan cannot be flown or when interrupted, 5 when a file cannot be written.
+pub fn report(space: &Space, quick: bool, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+    let (rounds, pixels) = if quick { (12, 256) } else { (60, 512) };
+    let begun = Instant::now();
+    let flags = Flags::new(space.volume(), space.wall());
+    let flags_s = begun.elapsed().as_secs_f64();
+    let begun = Instant::now();
+    let lumen = Arc::new(lumen::find(space.volume(), progress)?);
+    let lumen_s = begun.elapsed().as_secs_f64();
+    let default = Scene::default();
+    let plan = plan::plan(space, &lumen, &Wish::default(), default.body.radius_mm, progress)?;
+    let full = Scene { picture: true, log: true, operator: true, ..Scene::default() };
+    let mut scenes = vec![("default".to_owned(), default), ("everything".to_owned(), full.clone())];
+    for (name, text) in SHIPPED {
+        scenes.push((name.to_owned(), Scene::parse(text)?));
+    }
+    for (part, leave_out) in PARTS {
+        let mut scene = full.clone();
+        leave_out(&mut scene);
+        scenes.push((format!("without {part}"), scene));
+    }
+    let mut running = Vec::new();
+    for (name, scene) in scenes {
+        running.push(Running::new(name, space, &lumen, &plan, &scene, pixels)?);
+    }
+    progress.stage("measuring scenes", rounds as u64);
+    for n in 0..rounds {
+        for k in 0..running.len() {
+            let k = (k + n) % running.len();
+            running[k].round()?;
+        }
+        progress.advance(1)?;
+    }
+    let costs: Vec<Cost> = running.iter().map(Running::cost).collect();
+    let built = [("homogeneous-region flags", flags.bytes(), flags_s), ("lumen (runs)", lumen.bytes(), lumen_s)];
+    write(&costs, &built, space.volume().bytes(), pixels, folder)
+}
+
+impl Running {
+    fn new(name: String, space: &Space, lumen: &Arc<Lumen>, plan: &Plan, scene: &Scene, pixels: usize) -> Result<Self> {
+        let picture = scene.picture;
+        let settings = scene.render.apply(Settings::default());
+        let image =
+            ImageSettings { width: pixels, height: pixels, fov_degrees: 90.0, settings, preset: Preset::Default };
+        let mut scene_ms = Vec::new();
+        let make = || {
+            let image = picture.then(|| image.clone());
+            FlightApp::new(space.clone(), Arc::clone(lumen), plan.clone(), scene.clone(), image)
+        };
+        for _ in 0..3 {
+            let begun = Instant::now();
+            drop(make()?);
+            scene_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        }
+        let flight = make()?;
+        let told = explain(&flight);
+        let bytes = told.built.iter().skip(VOLUME).map(|b| b.bytes).sum();
+        let systems = told.step.len() + told.frame.len();
+        Ok(Self { name, flight, picture, scene_ms, step_us: Vec::new(), frame_ms: Vec::new(), bytes, systems })
+    }
+
+    /// Some steps, and a frame where there is a picture.
+    fn round(&mut self) -> Result<()> {
+        let begun = Instant::now();
+        for _ in 0..CHUNK {
+            self.flight.step()?;
+        }
+        self.step_us.push(begun.elapsed().as_secs_f64() * 1e6 / CHUNK as f64);
+        drop(self.flight.take_log());
+        if self.picture {
+            let begun = Instant::now();
+            self.flight.frame();
+            self.frame_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        }
+        Ok(())
+    }
+
+    fn cost(&self) -> Cost {
+        Cost {
+            name: self.name.clone(),
+            bytes: self.bytes as f64,
+            step_us: median(&self.step_us),
+            frame_ms: self.picture.then(|| median(&self.frame_ms)),
+            scene_ms: median(&self.scene_ms),
+            systems: self.systems,
+        }
+    }
+}
+
+fn write(
+    costs: &[Cost],
+    built: &[(&str, usize, f64)],
+    volume: usize,
+    pixels: usize,
+    folder: &Path,
+) -> Result<Vec<String>> {
+    let (whole, parts): (Vec<&Cost>, Vec<&Cost>) = costs.iter().partition(|c| !c.name.starts_with("without "));
+    let Some(full) = whole.iter().find(|c| c.name == "everything") else { return Ok(Vec::new()) };
+    let mut page = Page::new(folder, "colvis: what leaving out saves")?;
+    page.text(&format!(
+        "The same flight with different scenes, in turns: the median of a simulation step and, where there is a picture, of a \
+         frame of {pixels} × {pixels} pixels. Bytes are what explain tells, beside the volume of {:.1} MiB. \
+         \"everything\" is the default flight with a picture, a log and an operator.",
+        volume as f64 / MIB
+    ));
+    let findings = findings(full, &parts);
+    for f in &findings {
+        page.finding(f);
+    }
+    page.section("Scenes");
+    let mut t = Table::new(&["scene", "systems", "bytes", "step / µs", "frame / ms", "scene made in / ms"]);
+    for c in &whole {
+        t.row(vec![
+            c.name.as_str().into(),
+            Cell::Number(c.systems as f64, 0),
+            Cell::Number(c.bytes, 0),
+            Cell::Number(c.step_us, 1),
+            c.frame_ms.map(|ms| Cell::Number(ms, 2)).into(),
+            Cell::Number(c.scene_ms, 3),
+        ]);
+    }
+    page.table("scenes", &t)?;
+    page.section("What each part left out of everything saves");
+    let mut t = Table::new(&["left out", "systems", "bytes", "step / µs", "frame / ms", "scene made in / ms"]);
+    for c in &parts {
+        let frame = match (full.frame_ms, c.frame_ms) {
+            (Some(a), b) => Some(Cell::Number(a - b.unwrap_or(0.0), 2)),
+            _ => None,
+        };
+        t.row(vec![
+            c.name.trim_start_matches("without ").into(),
+            Cell::Number(full.systems as f64 - c.systems as f64, 0),
+            Cell::Number(full.bytes - c.bytes, 0),
+            Cell::Number(full.step_us - c.step_us, 1),
+            frame.into(),
+            Cell::Number(full.scene_ms - c.scene_ms, 3),
+        ]);
+    }
+    page.table("parts", &t)?;
+    page.text(
+        "What a part saves is a difference of two medians: one near 0 is within their scatter and may be negative.",
+    );
+    let points = |all: &[&Cost]| {
+        all.iter().map(|c| Point { x: c.bytes / MIB, y: c.step_us, name: c.name.clone() }).collect::<Vec<_>>()
+    };
+    let series = |name: &str, all: &[&Cost]| Series { name: name.to_owned(), points: points(all), line: false };
+    let plot = Plot {
+        title: "A simulation step against memory".to_owned(),
+        x: "memory beside the volume / MiB".to_owned(),
+        y: "step / µs".to_owned(),
+        front: false,
+        series: vec![series("scenes", &whole), series("everything but one part", &parts)],
+    };
+    page.plot("steps", &plot, "Less is better in both.")?;
+    page.section("Built before the first step");
+    let mut t = Table::new(&["part", "bytes", "share of the volume", "time / s"]);
+    for &(part, bytes, s) in built {
+        let share = Cell::Number(bytes as f64 / volume as f64, 4);
+        t.row(vec![part.into(), Cell::Number(bytes as f64, 0), share, Cell::Number(s, 4)]);
+    }
+    page.table("built", &t)?;
+    page.finish()?;
+    Ok(findings)
+}
+
+/// Two sentences of what the numbers say.
+fn findings(full: &Cost, parts: &[&Cost]) -> Vec<String> {
+    let saves = |c: &Cost| full.step_us - c.step_us;
+    let part = |c: &Cost| c.name.trim_start_matches("without ").to_owned();
+    let Some(step) = parts.iter().max_by(|a, b| saves(a).total_cmp(&saves(b))) else { return Vec::new() };
+    let Some(memory) = parts.iter().min_by(|a, b| a.bytes.total_cmp(&b.bytes)) else { return Vec::new() };
+    let picture = full.frame_ms.map_or_else(String::new, |ms| {
+        format!("A scene without a picture spares {ms:.1} ms a frame, {:.0} steps' worth. ", 1e3 * ms / full.step_us)
+    });
+    vec![
+        format!(
+            "Of {:.0} µs that a step of everything takes, leaving out {} saves the most, {:.0} µs.",
+            full.step_us,
+            part(step),
+            saves(step)
+        ),
+        format!(
+            "{picture}The most memory, {:.0} of {:.0} bytes, is saved by leaving out {}.",
+            full.bytes - memory.bytes,
+            full.bytes,
+            part(memory)
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shipped_scenes_are_those_of_the_folder() {
+        let mut files: Vec<String> = std::fs::read_dir("assets/scenes")
+            .unwrap()
+            .map(|e| e.unwrap().path().file_stem().unwrap().to_str().unwrap().to_owned())
+            .collect();
+        files.sort();
+        let mut shipped = SHIPPED.map(|s| s.0);
+        shipped.sort_unstable();
+        assert_eq!(files, shipped);
+        assert!(SHIPPED.iter().all(|s| Scene::parse(s.1).is_ok()));
+    }
+
+    #[test]
+    fn findings_follow_the_numbers() {
+        let cost = |name: &str, bytes: f64, step_us: f64| Cost {
+            name: name.to_owned(),
+            bytes,
+            step_us,
+            frame_ms: Some(5.0),
+            scene_ms: 1.0,
+            systems: 4,
+        };
+        let (a, b) = (cost("without a", 90.0, 40.0), cost("without b", 50.0, 95.0));
+        let f = findings(&cost("everything", 100.0, 100.0), &[&a, &b]);
+        assert!(f[0].contains("leaving out a saves the most, 60 µs"), "{}", f[0]);
+        assert!(
+            f[1].contains("5.0 ms a frame, 50 steps") && f[1].contains("50 of 100 bytes") && f[1].ends_with("out b.")
+        );
+    }
+}

@@ -1,0 +1,120 @@
+//! Tables of numbers, as CSV and as HTML.
+
+use std::fmt::Write;
+
+/// A cell.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Cell {
+    /// Words.
+    Text(String),
+    /// A number; digits after the point where a person reads it.
+    Number(f64, usize),
+    /// Not measured.
+    None,
+}
+
+impl From<&str> for Cell {
+    fn from(s: &str) -> Self {
+        Self::Text(s.to_owned())
+    }
+}
+
+impl From<String> for Cell {
+    fn from(s: String) -> Self {
+        Self::Text(s)
+    }
+}
+
+impl From<Option<Cell>> for Cell {
+    fn from(c: Option<Cell>) -> Self {
+        c.unwrap_or(Self::None)
+    }
+}
+
+/// A table; units are part of the columns' names.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Table {
+    columns: Vec<String>,
+    rows: Vec<Vec<Cell>>,
+}
+
+impl Table {
+    /// A table without rows.
+    pub fn new(columns: &[&str]) -> Self {
+        Self { columns: columns.iter().map(|&c| c.to_owned()).collect(), rows: Vec::new() }
+    }
+
+    /// Adds a row, a cell for each column.
+    pub fn row(&mut self, cells: Vec<Cell>) {
+        debug_assert_eq!(cells.len(), self.columns.len());
+        self.rows.push(cells);
+    }
+
+    /// Whether there is nothing in it.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// Comma-separated (RFC 4180), numbers in full; `inf` is infinite, an empty field not measured.
+    pub fn csv(&self) -> String {
+        let quote = |s: &str| {
+            if s.contains([',', '"', '\n', '\r']) { format!("\"{}\"", s.replace('"', "\"\"")) } else { s.to_owned() }
+        };
+        let mut out = self.columns.iter().map(|c| quote(c)).collect::<Vec<_>>().join(",") + "\n";
+        for row in &self.rows {
+            let cells: Vec<String> = row
+                .iter()
+                .map(|c| match c {
+                    Cell::Text(t) => quote(t),
+                    Cell::Number(v, _) => format!("{v}"),
+                    Cell::None => String::new(),
+                })
+                .collect();
+            out.push_str(&cells.join(","));
+            out.push('\n');
+        }
+        out
+    }
+
+    /// As HTML.
+    pub fn html(&self) -> String {
+        let mut out = String::from("<table><tr>");
+        for c in &self.columns {
+            let _ = write!(out, "<th>{}</th>", escape(c));
+        }
+        out.push_str("</tr>\n");
+        for row in &self.rows {
+            out.push_str("<tr>");
+            for cell in row {
+                let _ = match cell {
+                    Cell::Text(t) => write!(out, "<td>{}</td>", escape(t)),
+                    Cell::Number(v, _) if v.is_infinite() => write!(out, "<td class=n>∞</td>"),
+                    Cell::Number(v, digits) => write!(out, "<td class=n>{v:.digits$}</td>"),
+                    Cell::None => write!(out, "<td class=n>–</td>"),
+                };
+            }
+            out.push_str("</tr>\n");
+        }
+        out + "</table>\n"
+    }
+}
+
+/// Text that HTML shows as it is.
+pub fn escape(s: &str) -> String {
+    s.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn csv_keeps_numbers_and_quotes_words() {
+        let mut t = Table::new(&["a, b", "n"]);
+        t.row(vec!["say \"x\"".into(), Cell::Number(0.1234567, 2)]);
+        t.row(vec!["<i>".into(), Cell::Number(f64::INFINITY, 2)]);
+        t.row(vec!["none".into(), Cell::None]);
+        assert_eq!(t.csv(), "\"a, b\",n\n\"say \"\"x\"\"\",0.1234567\n<i>,inf\nnone,\n");
+        assert!(t.html().contains("&lt;i&gt;") && t.html().contains("0.12") && t.html().contains('∞'));
+    }
+}

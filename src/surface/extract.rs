@@ -1,0 +1,166 @@
+//! Marching cubes over a volume.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::cases;
+use super::mesh::{Block, Mesh, Normal};
+use super::signs::{Numbers, Signs};
+use crate::error::{Error, Result};
+use crate::render::Space;
+use crate::render::gradient::to_world;
+use crate::render::sampler::{Sampler, Trilinear};
+use crate::volume::Volume;
+
+/// Cells along a block's edge, a divisor of 64.
+const BLOCK: usize = 4;
+
+/// See [`Mesh::new`].
+pub(super) fn extract(space: &Space) -> Result<Mesh> {
+    let (volume, iso) = (space.volume(), space.wall().iso());
+    let signs = Signs::new(volume, iso);
+    let numbers = Numbers::new(&signs);
+    // Some two triangles a vertex, five at the most.
+    if numbers.total() > u64::from(u32::MAX / 5) {
+        let why = format!("its wall has {} vertices, more than 32 bits count", numbers.total());
+        return Err(Error::incomplete("surface", why, "resample the scan"));
+    }
+    let (places, normals) = vertices(space, &signs, &numbers);
+    let (triangles, blocks) = triangles(volume, iso, &signs, &numbers, &places);
+    Ok(Mesh { origin: volume.grid().origin(), places, normals, triangles, blocks })
+}
+
+/// Value of a grown voxel, HU.
+fn value(volume: &Volume, [x, y, z]: [usize; 3]) -> f64 {
+    f64::from(volume.get(x as i64 - 1, y as i64 - 1, z as i64 - 1))
+}
+
+/// A vertex for each crossed edge: where the value between the two voxels, which is linear, is that of the wall.
+fn vertices(space: &Space, signs: &Signs, numbers: &Numbers) -> (Vec<Vec3>, Vec<Normal>) {
+    let (volume, iso) = (space.volume(), space.wall().iso());
+    let total = numbers.total() as usize;
+    let mut places = vec![Vec3::ZERO; total];
+    let mut normals = vec![Normal::NONE; total];
+    let sampler = Trilinear::new(space);
+    let turn = to_world(volume);
+    let mut planes = Vec::with_capacity(signs.dims[2]);
+    let (mut rest, mut rest_normals) = (&mut places[..], &mut normals[..]);
+    for z in 0..signs.dims[2] {
+        let n = numbers.before_plane(signs, z + 1) - numbers.before_plane(signs, z);
+        let (plane, after) = rest.split_at_mut(n);
+        let (plane_normals, after_normals) = rest_normals.split_at_mut(n);
+        planes.push((z, plane, plane_normals));
+        (rest, rest_normals) = (after, after_normals);
+    }
+    planes.into_par_iter().for_each(|(z, places, normals)| {
+        let mut out = places.iter_mut().zip(normals);
+        for (y, axis, w) in
+            (0..signs.dims[1]).flat_map(|y| (0..3).flat_map(move |axis| (0..signs.words()).map(move |w| (y, axis, w))))
+        {
+            let mut crossed = signs.crossed(axis, y, z, w);
+            while crossed != 0 {
+                let from = [64 * w + crossed.trailing_zeros() as usize, y, z];
+                crossed &= crossed - 1;
+                let mut to = from;
+                to[axis] += 1;
+                let (a, b) = (value(volume, from), value(volume, to));
+                let mut q = DVec3::from_array(from.map(|c| c as f64));
+                q[axis] += (iso - a) / (b - a);
+                if let Some((place, normal)) = out.next() {
+                    *place = volume.grid().to_world().transform_vector3(q - 1.0).as_vec3();
+                    *normal = Normal::new(turn * sampler.fit(q.as_vec3()).gradient);
+                }
+            }
+        }
+    });
+    (places, normals)
+}
+
+/// The triangles, block by block.
+fn triangles(
+    volume: &Volume,
+    iso: f64,
+    signs: &Signs,
+    numbers: &Numbers,
+    places: &[Vec3],
+) -> (Vec<[u32; 3]>, Vec<Block>) {
+    let cells = signs.dims.map(|n| n - 1);
+    let blocks = cells.map(|n| n.div_ceil(BLOCK));
+    // A mirrored grid turns every triangle round.
+    let mirrored = volume.grid().direction().determinant() < 0.0;
+    let rows: Vec<(Vec<[u32; 3]>, Vec<Block>)> = (0..blocks[1] * blocks[2])
+        .into_par_iter()
+        .map(|row| {
+            let first = [0, row % blocks[1] * BLOCK, row / blocks[1] * BLOCK];
+            let mut triangles = Vec::new();
+            let mut found = Vec::new();
+            for bx in 0..blocks[0] {
+                let begun = triangles.len();
+                let corner = [bx * BLOCK, first[1], first[2]];
+                block(volume, iso, signs, numbers, corner, mirrored, &mut triangles);
+                if triangles.len() > begun {
+                    let (centre, radius) = ball(&triangles[begun..], places);
+                    let count = (triangles.len() - begun) as u32;
+                    found.push(Block { centre, radius, first: begun as u32, count });
+                }
+            }
+            (triangles, found)
+        })
+        .collect();
+    let mut all = Vec::with_capacity(rows.iter().map(|r| r.0.len()).sum());
+    let mut all_blocks = Vec::with_capacity(rows.iter().map(|r| r.1.len()).sum());
+    for (triangles, blocks) in rows {
+        let before = all.len() as u32;
+        all.extend(triangles);
+        all_blocks.extend(blocks.into_iter().map(|b| Block { first: b.first + before, ..b }));
+    }
+    (all, all_blocks)
+}
+
+/// The triangles of the block of cells from `first` on.
+fn block(
+    volume: &Volume,
+    iso: f64,
+    signs: &Signs,
+    numbers: &Numbers,
+    first: [usize; 3],
+    mirrored: bool,
+    out: &mut Vec<[u32; 3]>,
+) {
+    let end = |a: usize| (first[a] + BLOCK).min(signs.dims[a] - 1);
+    for z in first[2]..end(2) {
+        for y in first[1]..end(1) {
+            let mixed = signs.mixed(y, z, first[0] / 64) >> (first[0] % 64) & ((1 << BLOCK) - 1);
+            for x in (0..BLOCK).filter(|x| mixed >> x & 1 == 1).map(|x| first[0] + x) {
+                let solid = signs.corners(x, y, z);
+                let ambiguous = cases::ambiguous_faces(solid);
+                let mut joined = 0;
+                if ambiguous != 0 {
+                    let corner = |c: usize| [x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)];
+                    let above = std::array::from_fn(|c| value(volume, corner(c)) - iso);
+                    for face in (0..6).filter(|f| ambiguous >> f & 1 == 1) {
+                        joined |= u8::from(cases::is_joined(face, &above)) << face;
+                    }
+                }
+                for &edges in cases::triangles(solid, joined) {
+                    let [a, b, c] = edges.map(|e| {
+                        let (axis, low) = cases::place(e);
+                        numbers.of(signs, axis, [x + low[0], y + low[1], z + low[2]])
+                    });
+                    out.push(if mirrored { [a, c, b] } else { [a, b, c] });
+                }
+            }
+        }
+    }
+}
+
+/// A ball around triangles.
+fn ball(triangles: &[[u32; 3]], places: &[Vec3]) -> (Vec3, f32) {
+    let all = || triangles.as_flattened().iter().map(|&v| places[v as usize]);
+    let (low, high) =
+        all().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p: Vec3| (low.min(p), high.max(p)));
+    let centre = 0.5 * (low + high);
+    let square = all().map(|p| p.distance_squared(centre)).fold(0.0, f32::max);
+    // A little more, for the rounding.
+    (centre, square.sqrt() * 1.0001 + 1e-6)
+}

@@ -1,0 +1,150 @@
+//! Which voxels are solid, as bits, and which of the edges between voxels the wall crosses.
+//!
+//! Places are *grown* voxel coordinates: voxel coordinates plus one, so that a layer of air lies about the volume. The
+//! vertices of the mesh are the crossed edges, numbered plane by plane, row by row, along x, y, z: a vertex's number is
+//! the count of crossed edges before it, which counting bits finds without any table of the volume's size.
+
+use rayon::prelude::*;
+
+use crate::volume::{AIR_HU, Volume};
+
+/// A bit for each grown voxel.
+pub(super) struct Signs {
+    /// Grown voxels along each axis.
+    pub dims: [usize; 3],
+    /// 64-bit words in a row.
+    words: usize,
+    bits: Vec<u64>,
+}
+
+impl Signs {
+    /// Solid is what is at least `iso` HU.
+    pub fn new(volume: &Volume, iso: f64) -> Self {
+        let [nx, ny, nz] = volume.grid().dims();
+        let dims = [nx + 2, ny + 2, nz + 2];
+        let words = dims[0].div_ceil(64);
+        let least = iso.ceil().clamp(-32768.0, 32767.0) as i16;
+        let solid_air = f64::from(AIR_HU) >= iso;
+        let air = |n: usize| if solid_air { u64::MAX >> (64 - n) } else { 0 };
+        let mut bits = vec![0u64; words * dims[1] * dims[2]];
+        bits.par_chunks_mut(words).enumerate().for_each(|(row, bits)| {
+            let (y, z) = (row % dims[1], row / dims[1]);
+            for (w, b) in bits.iter_mut().enumerate() {
+                *b = air((dims[0] - 64 * w).min(64));
+            }
+            if !(1..=ny).contains(&y) || !(1..=nz).contains(&z) {
+                return;
+            }
+            let first = volume.grid().index(0, y - 1, z - 1);
+            for (x, &v) in volume.data()[first..first + nx].iter().enumerate() {
+                let (w, bit) = ((x + 1) / 64, (x + 1) % 64);
+                bits[w] = bits[w] & !(1 << bit) | u64::from(v >= least) << bit;
+            }
+        });
+        Self { dims, words, bits }
+    }
+
+    /// Words in a row.
+    pub fn words(&self) -> usize {
+        self.words
+    }
+
+    fn row(&self, y: usize, z: usize) -> &[u64] {
+        let at = (y + self.dims[1] * z) * self.words;
+        &self.bits[at..at + self.words]
+    }
+
+    /// Bits of word `w` of a row, each moved down by one voxel.
+    fn ahead(&self, y: usize, z: usize, w: usize) -> u64 {
+        let row = self.row(y, z);
+        row[w] >> 1 | row.get(w + 1).map_or(0, |next| next << 63)
+    }
+
+    /// Bits of word `w` that stand for a voxel with another one ahead along x.
+    fn inner(&self, w: usize) -> u64 {
+        let n = (self.dims[0] - 1).saturating_sub(64 * w);
+        if n >= 64 { u64::MAX } else { (1 << n) - 1 }
+    }
+
+    /// Edges along `axis` from the voxels of word `w` of row (`y`, `z`) that the wall crosses.
+    pub fn crossed(&self, axis: usize, y: usize, z: usize, w: usize) -> u64 {
+        let here = self.row(y, z)[w];
+        match axis {
+            0 => (here ^ self.ahead(y, z, w)) & self.inner(w),
+            1 if y + 1 < self.dims[1] => here ^ self.row(y + 1, z)[w],
+            2 if z + 1 < self.dims[2] => here ^ self.row(y, z + 1)[w],
+            _ => 0,
+        }
+    }
+
+    /// Cells from the voxels of word `w` of row (`y`, `z`) whose corners are not all alike. `y` and `z` have a next row.
+    pub fn mixed(&self, y: usize, z: usize, w: usize) -> u64 {
+        let rows = [(y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1)];
+        let (mut any, mut all) = (0, u64::MAX);
+        for (y, z) in rows {
+            let (here, ahead) = (self.row(y, z)[w], self.ahead(y, z, w));
+            any |= here | ahead;
+            all &= here & ahead;
+        }
+        any & !all & self.inner(w)
+    }
+
+    /// The solid corners of the cell at a grown voxel, bit c for corner c.
+    pub fn corners(&self, x: usize, y: usize, z: usize) -> u8 {
+        let pair = |y: usize, z: usize| {
+            let row = self.row(y, z);
+            let bit = |x: usize| (row[x / 64] >> (x % 64) & 1) as u8;
+            bit(x) | bit(x + 1) << 1
+        };
+        pair(y, z) | pair(y + 1, z) << 2 | pair(y, z + 1) << 4 | pair(y + 1, z + 1) << 6
+    }
+}
+
+/// Numbers of the vertices: for each row and axis the number before its first, and for each word how many precede it in
+/// the row.
+pub(super) struct Numbers {
+    words: usize,
+    rows: Vec<u64>,
+    before: Vec<u32>,
+}
+
+impl Numbers {
+    /// Counts the crossed edges.
+    pub fn new(signs: &Signs) -> Self {
+        let words = signs.words();
+        let rows = signs.dims[1] * signs.dims[2];
+        let mut before = vec![0u32; rows * 3 * words];
+        let mut totals = vec![0u64; rows * 3 + 1];
+        before.par_chunks_mut(words).zip(totals[1..].par_iter_mut()).enumerate().for_each(|(n, (before, total))| {
+            let (axis, y, z) = (n % 3, n / 3 % signs.dims[1], n / 3 / signs.dims[1]);
+            let mut count = 0;
+            for (w, b) in before.iter_mut().enumerate() {
+                *b = count;
+                count += signs.crossed(axis, y, z, w).count_ones();
+            }
+            *total = u64::from(count);
+        });
+        for n in 1..totals.len() {
+            totals[n] += totals[n - 1];
+        }
+        Self { words, rows: totals, before }
+    }
+
+    /// How many vertices there are.
+    pub fn total(&self) -> u64 {
+        self.rows.last().copied().unwrap_or(0)
+    }
+
+    /// How many vertices come before plane `z`.
+    pub fn before_plane(&self, signs: &Signs, z: usize) -> usize {
+        self.rows[3 * signs.dims[1] * z] as usize
+    }
+
+    /// The number of the vertex on the crossed edge along `axis` from a grown voxel.
+    pub fn of(&self, signs: &Signs, axis: usize, [x, y, z]: [usize; 3]) -> u32 {
+        let row = 3 * (y + signs.dims[1] * z) + axis;
+        let (w, bit) = (x / 64, x % 64);
+        let within = signs.crossed(axis, y, z, w) & ((1 << bit) - 1);
+        self.rows[row] as u32 + self.before[row * self.words + w] + within.count_ones()
+    }
+}
