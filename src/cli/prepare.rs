@@ -70,15 +70,12 @@ pub fn fov(global: &Global) -> Result<f64> {
 }
 
 /// The renderer's settings that a quality on the command line stands for.
-///
-/// # Errors
-/// Status 2 for what is not built yet.
-pub fn quality(name: Option<QualityName>) -> Result<Settings> {
+pub fn quality(name: Option<QualityName>) -> Settings {
     match name.unwrap_or(QualityName::High) {
-        QualityName::High => Ok(Settings::new(Quality::High)),
-        QualityName::Low => Ok(Settings::new(Quality::Low)),
-        QualityName::Reference => Ok(Settings::new(Quality::Reference)),
-        QualityName::Adaptive => Err(Error::not_built("--quality adaptive")),
+        QualityName::High => Settings::new(Quality::High),
+        QualityName::Low => Settings::new(Quality::Low),
+        QualityName::Reference => Settings::new(Quality::Reference),
+        QualityName::Adaptive => Settings { adaptive: true, ..Settings::new(Quality::High) },
     }
 }
 
