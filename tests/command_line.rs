@@ -11,7 +11,6 @@ fn what_is_not_built_says_so() {
         &["fly", "--headless", "--guide", "path"],
         &["fly", "--headless", "--coverage"],
         &["fly", "--headless", "--play", "x.jsonl"],
-        &["fly", "--headless", "--quality", "adaptive"],
         &["centerline", "x.nii.gz", "--out", "c.json"],
         &["plane", "--headless"],
         &["report", "fields", "--out", "r"],
@@ -119,6 +118,13 @@ fn a_render_of_two_poses_and_their_depth() {
     let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at("s.json")).unwrap()).unwrap();
     let frames = stats["frames"].as_array().unwrap();
     assert!(frames.len() == 2 && frames.iter().all(|f| f["rays"] == 2400 && f["ms"].as_f64().unwrap() > 0.0));
+    // The same place again and again: it is refined, and then nothing is left to do.
+    let still = serde_json::json!({ "poses": vec![poses[0].clone(); 12] });
+    std::fs::write(at("still.json"), still.to_string()).unwrap();
+    let args = ["render", &at("v.nii.gz"), "--poses", &at("still.json"), "--out", &at("o3"), "--size", "60x40"];
+    run(&[&args[..], &["--quality", "adaptive", "--stats", &at("s3.json")]].concat(), 0);
+    let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at("s3.json")).unwrap()).unwrap();
+    assert!(stats["frames"][0]["rays"].as_u64().unwrap() > 0 && stats["frames"][11]["rays"] == 0);
     std::fs::write(at("bad.json"), r#"{"poses": [{"position": [0,0,0], "forward": [0,0,0], "up": [0,1,0]}]}"#).unwrap();
     run(&["render", &at("v.nii.gz"), "--poses", &at("bad.json"), "--out", &at("o2")], 3);
 }

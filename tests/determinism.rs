@@ -42,6 +42,20 @@ fn one_thread_and_two_fly_and_draw_the_same() {
     assert_eq!(outputs[0].1, outputs[1].1, "images");
 }
 
+#[test]
+fn detail_follows_the_need_without_a_clock() {
+    let outputs = ["1", "2"].map(|threads| {
+        let dir = tempfile::tempdir().unwrap();
+        let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+        let args = ["fly", "--headless", "--quality", "adaptive", "--seconds", "2", "--fps", "4", "--size", "320x240"];
+        let status = colvis().args(args).args(["--threads", threads, "--record", &at("images/")]).status().unwrap();
+        assert!(status.success());
+        files(&dir.path().join("images"))
+    });
+    assert_eq!(outputs[0].len(), 9);
+    assert!(outputs[0] == outputs[1], "images");
+}
+
 /// An operator who does everything there is, wildly: the same input gives the same flight, and never a perforation.
 #[test]
 fn a_wild_operator_is_repeated_and_never_perforates() {

@@ -104,7 +104,7 @@ impl Screen {
 
     fn fly(&self, folder: &Path, log: &str) -> Running {
         let child = Command::new(env!("CARGO_BIN_EXE_colvis"))
-            .args(["fly", "--size", &format!("{}x{}", SIZE.0, SIZE.1), "--log", log])
+            .args(["fly", "--size", &format!("{}x{}", SIZE.0, SIZE.1), "--log", log, "--stats", "stats.json"])
             .env("DISPLAY", &self.display)
             .env_remove("WAYLAND_DISPLAY")
             .env_remove("WAYLAND_SOCKET")
@@ -192,6 +192,12 @@ fn a_flight_in_a_window() {
     let (out, err) = window.output();
     assert!(status.success(), "{status}: {err}");
     assert_eq!(err, "");
+
+    // What the pictures took, and what it took to present them.
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
+    let [median, p99] = ["median", "p99"].map(|of| stats["present_ms"][of].as_f64().unwrap());
+    println!("presenting {}x{}: {median:.2} ms, 99 % within {p99:.2} ms", SIZE.0, SIZE.1);
+    assert!(median > 0.0 && median <= p99 && stats["frames"].as_array().unwrap().len() > 10);
 
     // The log is whole, the pose that was printed is in it, and nobody went through a wall.
     let lines = log(folder, "first.jsonl");

@@ -77,8 +77,7 @@ pub fn check(args: &FlyArgs) -> Result<()> {
     if args.fps.is_some_and(|f| f > 120.0) {
         return Err(Error::usage("--fps", "there are 120 simulation steps a second", "give at most 120"));
     }
-    guide(args)?;
-    prepare::quality(args.quality).map(drop)
+    guide(args).map(drop)
 }
 
 /// Refuses an input that is not there and outputs that cannot be, before any work is done.
@@ -138,7 +137,7 @@ pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene) -> Result<
         width: size.width,
         height: size.height,
         fov_degrees: prepare::fov(global)?,
-        settings: scene.render.apply(prepare::quality(args.quality)?),
+        settings: scene.render.apply(prepare::quality(args.quality)),
         preset: prepare::preset(args.preset, scene.render.preset),
     })
 }
@@ -150,7 +149,9 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
         return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
     }
     let scene = scene(args, true)?;
-    let image = image_settings(args, global, &scene)?;
+    let mut image = image_settings(args, global, &scene)?;
+    // Whatever the quality: an operator cannot fly by pictures that come late.
+    image.settings.adaptive = true;
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
     let repeatable = args.replay.is_some() || args.record_input.is_some();
     let placed = args.from.is_some() || args.to.is_some() || args.reverse;
@@ -176,10 +177,15 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
         Ok(flight)
     });
     let finish_args = args.clone();
-    let finish = Box::new(move |flight: &FlightApp, frames: &[headless::FrameStats]| {
-        let timings = timings.lock().unwrap_or_else(PoisonError::into_inner);
-        leave(&finish_args, flight, &timings, frames)
-    });
+    let finish =
+        Box::new(move |flight: &FlightApp, frames: &[headless::FrameStats], present: Option<window::PresentMs>| {
+            let timings = timings.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut stats = stats(flight, &timings, frames);
+            if let (Some(present), Some(m)) = (present, stats.as_object_mut()) {
+                m.insert("present_ms".to_owned(), json!(present));
+            }
+            leave(&finish_args, flight, &stats)
+        });
     let launch = window::Launch {
         prepare,
         finish,
@@ -211,9 +217,9 @@ fn prepared(
 }
 
 /// Writes what stands for what was flown, whether or not it came to a good end: stats and the operator's input.
-fn leave(args: &FlyArgs, flight: &FlightApp, timings: &Timings, frames: &[headless::FrameStats]) -> Result<()> {
+fn leave(args: &FlyArgs, flight: &FlightApp, stats: &serde_json::Value) -> Result<()> {
     if let Some(path) = &args.stats {
-        output::write_json(path, &stats(flight, timings, frames))?;
+        output::write_json(path, stats)?;
     }
     if let Some(path) = &args.record_input {
         write_acts(path, flight.acts())?;
@@ -281,7 +287,7 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
     };
     let flown = headless::fly(&mut flight, args.seconds.unwrap_or(HEADLESS_SECONDS), &outputs, progress);
     drop(bar);
-    leave(args, &flight, &timings, flown.as_deref().unwrap_or(&[]))?;
+    leave(args, &flight, &stats(&flight, &timings, flown.as_deref().unwrap_or(&[])))?;
     flown?;
     report(&flight);
     if short {

@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::fields::{Lumen, lumen};
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
+use crate::render::fast::simd_level;
 use crate::render::{Preset, Quality, Settings, Space, Wall};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
@@ -69,15 +70,12 @@ pub fn fov(global: &Global) -> Result<f64> {
 }
 
 /// The renderer's settings that a quality on the command line stands for.
-///
-/// # Errors
-/// Status 2 for what is not built yet.
-pub fn quality(name: Option<QualityName>) -> Result<Settings> {
+pub fn quality(name: Option<QualityName>) -> Settings {
     match name.unwrap_or(QualityName::High) {
-        QualityName::High => Ok(Settings::new(Quality::High)),
-        QualityName::Low => Ok(Settings::new(Quality::Low)),
-        QualityName::Reference => Ok(Settings::new(Quality::Reference)),
-        QualityName::Adaptive => Err(Error::not_built("--quality adaptive")),
+        QualityName::High => Settings::new(Quality::High),
+        QualityName::Low => Settings::new(Quality::Low),
+        QualityName::Reference => Settings::new(Quality::Reference),
+        QualityName::Adaptive => Settings { adaptive: true, ..Settings::new(Quality::High) },
     }
 }
 
@@ -167,7 +165,7 @@ pub fn say(note: &str) {
 pub fn stats_head(timings: &Timings) -> Map<String, Value> {
     let mut m = Map::new();
     m.insert("threads".to_owned(), json!(rayon::current_num_threads()));
-    m.insert("simd".to_owned(), json!("scalar"));
+    m.insert("simd".to_owned(), json!(simd_level()));
     m.insert("peak_rss_bytes".to_owned(), json!(peak_rss_bytes()));
     m.insert("prepare".to_owned(), timings.json());
     m

@@ -38,7 +38,7 @@ struct Pose {
 /// As the contract has them.
 pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     let preset = prepare::preset(args.preset, Preset::Default);
-    let mut settings = prepare::quality(args.quality)?;
+    let mut settings = prepare::quality(args.quality);
     settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;
     let poses = read(&args.poses)?;
     let fov = match global.fov {

@@ -1,5 +1,7 @@
 //! Where the camera stands, and the ray through each pixel.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::error::{Error, Result};
@@ -19,6 +21,8 @@ pub struct View {
     height: usize,
     /// Side of a pixel in the plane at distance 1.
     pixel: f64,
+    /// The point of the image that `forward` meets, pixels from its top left corner.
+    centre: [f64; 2],
 }
 
 impl View {
@@ -66,7 +70,26 @@ impl View {
             .unwrap_or(DVec3::X)
             .normalize();
         let pixel = 2.0 * (0.5 * fov_degrees.to_radians()).tan() / width.min(height) as f64;
-        Ok(Self { position, forward, right, up: right.cross(forward), fov_degrees, width, height, pixel })
+        let (up, centre) = (right.cross(forward), [0.5 * width as f64, 0.5 * height as f64]);
+        Ok(Self { position, forward, right, up, fov_degrees, width, height, pixel, centre })
+    }
+
+    /// The image's `rows` as an image of their own, each ray moved by `shift` pixels to the right and downwards. As many
+    /// rows as there are at the most, and at least one.
+    pub fn strip(&self, rows: Range<usize>, [right, down]: [f64; 2]) -> Self {
+        let first = rows.start.min(self.height - 1);
+        let height = rows.end.min(self.height).saturating_sub(first).max(1);
+        let [x, y] = self.centre;
+        Self { height, centre: [x - right, y - first as f64 - down], ..*self }
+    }
+
+    /// The same image in `width` × `height` pixels (at least one each).
+    pub fn resized(&self, width: usize, height: usize) -> Self {
+        let (width, height) = (width.max(1), height.max(1));
+        let [x, y] = self.centre;
+        let (across, down) = (width as f64 / self.width as f64, height as f64 / self.height as f64);
+        let pixel = self.pixel / if self.width <= self.height { across } else { down };
+        Self { width, height, pixel, centre: [x * across, y * down], ..*self }
     }
 
     /// The camera's place, world, mm.
@@ -99,6 +122,12 @@ impl View {
         self.pixel
     }
 
+    /// The point of the image that [`View::forward`] meets, in pixels from its top left corner: the middle, but for a
+    /// [`View::strip`].
+    pub fn centre(&self) -> [f64; 2] {
+        self.centre
+    }
+
     /// Pixels in a row.
     pub fn width(&self) -> usize {
         self.width
@@ -116,7 +145,7 @@ impl View {
 
     /// World direction, of unit length, through the point (`x`, `y`) of the image, in pixels from its top left corner.
     pub fn ray_at(&self, x: f64, y: f64) -> DVec3 {
-        let (x, y) = (x - 0.5 * self.width as f64, 0.5 * self.height as f64 - y);
+        let (x, y) = (x - self.centre[0], self.centre[1] - y);
         (self.forward + (self.right * x + self.up * y) * self.pixel).normalize()
     }
 }
@@ -149,6 +178,18 @@ mod tests {
             };
             assert!(top.dot(bottom).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn strips_and_sizes_are_of_the_same_image() {
+        let v = view(DVec3::X, DVec3::Z, 80, 60);
+        let strip = v.strip(16..40, [0.25, -0.125]);
+        assert_eq!((strip.width(), strip.height()), (80, 24));
+        assert!((strip.ray(7, 3) - v.ray_at(7.75, 19.375)).length() < 1e-15);
+        assert_eq!(v.strip(48..100, [0.0; 2]).height(), 12);
+        let small = v.resized(40, 30);
+        assert!((small.ray_at(10.0, 20.0) - v.ray_at(20.0, 40.0)).length() < 1e-15);
+        assert_eq!(v.strip(0..60, [0.0; 2]), v);
     }
 
     #[test]

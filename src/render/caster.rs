@@ -152,7 +152,7 @@ fn tiles<T, U>(
 
 /// Where ray `n` of `count` passes through a pixel, each coordinate 0 to 1: the centre for one ray, else the points of
 /// a lattice along the golden ratio, which are evenly spread for every count.
-fn within_pixel(n: u32, count: u32) -> (f64, f64) {
+pub(super) fn within_pixel(n: u32, count: u32) -> (f64, f64) {
     if count == 1 {
         return (0.5, 0.5);
     }

@@ -48,6 +48,12 @@ impl Frame {
         }
     }
 
+    /// Takes over the pixels of a picture of the same size, or becomes one; a depth of its own is left alone.
+    pub fn show(&mut self, other: &Self) {
+        self.resize(other.width, other.height);
+        self.pixels.copy_from_slice(&other.pixels);
+    }
+
     /// Pixels and, where there is any, depth, to be drawn into.
     pub fn buffers(&mut self) -> (&mut [[u8; 3]], Option<&mut [f32]>) {
         (&mut self.pixels, self.depth.as_deref_mut())

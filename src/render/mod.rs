@@ -5,17 +5,20 @@
 //! looked at, a [`Shader`](shade::Shader) what the wall looks like; [`caster`] joins them along each
 //! [`Ray`](march::Ray). Apart from pictures, [`ray`] finds where a ray meets the wall, exactly.
 
+pub mod adaptive;
 pub mod begin;
 pub mod bytes;
 pub mod camera;
 pub mod caster;
 pub mod classify;
+pub mod enlarge;
 pub mod fast;
 pub mod flags;
 pub mod frame;
 pub mod gradient;
 pub mod gradients;
 pub mod leap;
+pub mod low;
 pub mod march;
 pub mod quality;
 pub mod ray;
@@ -35,5 +38,5 @@ pub use caster::render;
 pub use frame::{Frame, Work, psnr};
 pub use quality::{Classification, Preset, Quality, Settings};
 pub use ray::{first_crossing, first_crossing_counted, value};
-pub use renderer::{Direct, Renderer, renderer};
+pub use renderer::{Detail, Direct, Renderer, renderer};
 pub use space::{Space, Wall};

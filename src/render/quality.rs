@@ -6,7 +6,7 @@ pub enum Quality {
     /// Trilinear values and interpolated regressions, empty space skipped.
     #[default]
     High,
-    /// The nearest voxel for everything, empty space skipped.
+    /// Empty space skipped, a ray for nine pixels where packets of rays render; else the nearest voxel for everything.
     Low,
     /// As high, by brute force: fine steps, nothing skipped. What everything else is measured against.
     Reference,
@@ -49,6 +49,9 @@ pub struct Settings {
     pub step_power: i32,
     /// Rays for each pixel, at least 1.
     pub samples_per_pixel: u32,
+    /// Whether detail follows the need: coarser while the camera moves fast or pictures cost too much, and up to the
+    /// reference at rest ([`adaptive`](super::adaptive)).
+    pub adaptive: bool,
 }
 
 impl Settings {
@@ -59,7 +62,8 @@ impl Settings {
             Quality::Low => (1.0 / 128.0, 0),
             Quality::Reference => (1e-5, -3),
         };
-        Self { quality, classification: Classification::Value, sensitivity, step_power, samples_per_pixel: 1 }
+        let classification = Classification::Value;
+        Self { quality, classification, sensitivity, step_power, samples_per_pixel: 1, adaptive: false }
     }
 }
 

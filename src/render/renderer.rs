@@ -1,8 +1,10 @@
 //! A way to make pictures, with whatever it keeps from one to the next.
 
+use super::adaptive::{Adaptive, Fine};
 use super::bytes::{ByteScenery, ByteVolume};
 use super::caster;
 use super::fast::{Fast, Pixels};
+use super::low::Low;
 use super::quality::{Classification, Preset, Quality};
 use super::reuse::paper::Trace;
 use super::reuse::{Plain, Refresh, Reusing};
@@ -22,6 +24,25 @@ pub trait Renderer: Send + Sync {
 
     /// What that memory is for, and how much of it.
     fn parts(&self) -> Vec<(&'static str, usize)>;
+
+    /// Lets each picture from now on take about so many samples. Only renderers whose detail follows the need listen.
+    fn set_budget(&mut self, _samples: u64) {}
+
+    /// How detailed the last picture is, where that follows the need.
+    fn detail(&self) -> Option<Detail> {
+        None
+    }
+}
+
+/// How detailed a picture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Detail {
+    /// Pixels that were traced, before the picture was stretched.
+    pub size: (usize, usize),
+    /// Samples of the reference that each pixel has.
+    pub samples: u32,
+    /// Whether the same view rendered again would be no better.
+    pub best: bool,
 }
 
 /// Pictures from one key frame to the next in the paper's own combination.
@@ -31,8 +52,14 @@ const KEY_FRAMES: u32 = 10;
 ///
 /// The reference is the same in every preset: it is what they are measured against.
 pub fn renderer(space: &Space, settings: Settings, preset: Preset, reuse: bool) -> Box<dyn Renderer> {
+    if settings.adaptive {
+        return adaptive(space, settings, preset, reuse);
+    }
     if is_fast(&settings, preset) {
-        return Box::new(Fast::new(space, settings, Pixels::Needed));
+        return match settings.quality {
+            Quality::Low => Box::new(Low::new(space, settings)),
+            _ => Box::new(Fast::new(space, settings, Pixels::Needed)),
+        };
     }
     if settings.quality == Quality::Reference || preset != Preset::Colvis {
         return Box::new(Direct::new(space, settings));
@@ -46,16 +73,33 @@ pub fn renderer(space: &Space, settings: Settings, preset: Preset, reuse: bool) 
     }
 }
 
+/// A renderer whose detail follows the need. Its moving pictures are those of the preset, and at rest it comes to the
+/// reference, which is the same in every preset.
+fn adaptive(space: &Space, settings: Settings, preset: Preset, reuse: bool) -> Box<dyn Renderer> {
+    let moving = Settings { adaptive: false, ..settings };
+    let fine = Adaptive::fine(moving);
+    if let (Some(fine), true) = (fine, is_fast(&moving, preset)) {
+        let fast = Fast::new(space, moving, Pixels::Needed);
+        let fine = fast.beside(fine);
+        return Box::new(Adaptive::new(space, Box::new(fast), Some(Fine::Packets(fine))));
+    }
+    let fine = fine.map(|fine| match is_fast(&fine, preset) {
+        true => Fine::Packets(Fast::new(space, fine, Pixels::Needed)),
+        false => Fine::Rays(Direct::new(space, fine)),
+    });
+    Box::new(Adaptive::new(space, renderer(space, moving, preset, reuse), fine))
+}
+
 /// Whether [`renderer`] makes something that keeps structures of its own: where it does not, a picture needs nothing but
 /// the space.
 pub fn keeps(settings: &Settings, preset: Preset) -> bool {
-    is_fast(settings, preset) || settings.quality != Quality::Reference && preset == Preset::Colvis
+    settings.adaptive || is_fast(settings, preset) || settings.quality != Quality::Reference && preset == Preset::Colvis
 }
 
 /// Whether packets of rays render it: they know one ray a pixel, trilinear and classified by value.
 fn is_fast(settings: &Settings, preset: Preset) -> bool {
     let plain = settings.classification == Classification::Value && settings.samples_per_pixel <= 1;
-    preset == Preset::Default && settings.quality == Quality::High && plain
+    preset == Preset::Default && settings.quality != Quality::Reference && plain
 }
 
 /// The ray caster of [`caster::render`]: nothing is kept between frames.

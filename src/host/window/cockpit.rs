@@ -8,7 +8,7 @@ use super::directions::Directions;
 use super::figures::{Figures, detail};
 use super::keys::{Deed, Hands};
 use super::overlay::{Mood, Readings};
-use super::refine::{Traced, WakeUp};
+use super::saver::{Traced, WakeUp};
 use super::screenshot;
 use super::sight::Sight;
 use super::way::Way;
@@ -57,7 +57,7 @@ pub struct Cockpit {
 impl Cockpit {
     /// The operator of `flight`, whose place along the way is `along_mm`.
     ///
-    /// `wake` is called from another thread when a finer image is there.
+    /// `wake` is called from another thread when an image is ready to be saved.
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
@@ -99,6 +99,11 @@ impl Cockpit {
         self.sight.frames()
     }
 
+    /// Learns what presentations take, ms.
+    pub fn presented(&mut self, ms: f64) {
+        self.sight.presented(ms);
+    }
+
     /// Place along the way, mm.
     pub fn along_mm(&self) -> f64 {
         self.way.along_mm()
@@ -121,10 +126,11 @@ impl Cockpit {
     }
 
     /// When something is to be done although the flight rests: a finer image, a message to be taken away.
-    pub fn next(&self, window: (usize, usize)) -> Option<Instant> {
+    pub fn next(&self) -> Option<Instant> {
         let message = self.message.as_ref().map(|m| m.1);
         let attention = self.attention.then_some(self.start);
-        [self.sight.next(window), message, self.figures.next(), attention].into_iter().flatten().min()
+        let finer = self.sight.is_refining(&self.flight).then_some(self.start);
+        [finer, message, self.figures.next(), attention].into_iter().flatten().min()
     }
 
     /// Sends the flight a command. One that cannot be followed is said, and changes nothing.
@@ -315,7 +321,7 @@ impl Cockpit {
     /// # Errors
     /// Status 1 when an image cannot be made: a fault of the program.
     pub fn trace(&mut self, window: (usize, usize), now: Instant) -> Result<bool> {
-        let changed = self.sight.trace(&mut self.flight, window, now)?;
+        let changed = self.sight.trace(&mut self.flight, window)?;
         for traced in self.sight.take_to_save() {
             self.save(&traced, now);
         }
@@ -324,7 +330,7 @@ impl Cockpit {
 
     /// What there is to say now.
     pub fn readings(&mut self, now: Instant) -> Readings {
-        let figures = self.figures.read(&self.flight, &self.sight, now).to_vec();
+        let figures = self.figures.read(&self.flight, &self.sight, &self.way, now).to_vec();
         self.attention = false;
         let flight = self.flight.flight();
         let (state, mood) = self.state(&flight.state);
@@ -346,7 +352,7 @@ impl Cockpit {
             more,
             figures,
             directions: Directions::of(&self.flight.pose().attitude),
-            per_mille: (self.way.share() * 1000.0).round() as u32,
+            per_mille: self.figures.per_mille(),
             // The length is coarse: digits that it does not have are not shown.
             place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),

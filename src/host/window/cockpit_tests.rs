@@ -41,7 +41,7 @@ fn cockpit(guide: Guide) -> Cockpit {
         width: 8,
         height: 8,
         fov_degrees: 90.0,
-        settings: Settings::new(Quality::High),
+        settings: Settings { adaptive: true, ..Settings::new(Quality::High) },
         preset: Preset::Default,
     };
     let flight = FlightApp::new(Space::new(volume, Wall::default()), lumen, plan, scene, Some(image)).unwrap();
@@ -62,24 +62,26 @@ fn fly(c: &mut Cockpit, now: &mut Instant, frames: usize) -> usize {
 #[test]
 fn a_still_scene_is_refined_and_then_left_alone() {
     let (mut c, mut now) = (cockpit(Guide::Manual), Instant::now());
-    assert!(fly(&mut c, &mut now, 1) == 1 && c.image().unwrap().width() < WINDOW.0);
+    assert_eq!(fly(&mut c, &mut now, 1), 1);
+    assert!(c.sight.is_refining(&c.flight) && c.next().is_some());
     fly(&mut c, &mut now, 60);
     assert!(c.rests());
     let begun = Instant::now();
-    while c.image().unwrap().width() < WINDOW.0 {
+    while c.sight.is_refining(&c.flight) {
         fly(&mut c, &mut now, 1);
         assert!(begun.elapsed() < Duration::from_secs(60));
-        std::thread::sleep(Duration::from_millis(2));
     }
-    assert_eq!(c.image().unwrap().height(), WINDOW.1);
+    let image = c.image().unwrap();
+    assert_eq!((image.width(), image.height()), WINDOW);
+    assert_eq!(c.sight.detail(&c.flight).unwrap().samples, crate::render::adaptive::SAMPLES);
     c.readings(now + Duration::from_secs(1));
-    assert_eq!(c.next(WINDOW), None, "nothing to wake up for");
+    assert_eq!(c.next(), None, "nothing to wake up for");
     let (ticks, frames) = (c.flight().clock().tick, c.frames().len());
     assert_eq!(fly(&mut c, &mut now, 50), 0);
     assert_eq!((c.flight().clock().tick, c.frames().len()), (ticks, frames), "neither simulated nor traced");
     // A word about something wakes it up to say it, and nothing is traced for that.
     c.perform(Deed::Help, WINDOW, now);
-    assert!(c.next(WINDOW).is_some_and(|t| t <= now) && c.readings(now).help);
+    assert!(c.next().is_some_and(|t| t <= now) && c.readings(now).help);
     assert_eq!(fly(&mut c, &mut now, 1), 0);
     // A look does move the picture.
     c.drag((9.0, 0.0), WINDOW);
@@ -134,4 +136,26 @@ fn what_there_is_not_is_said_and_changes_nothing() {
     }
     fly(&mut c, &mut now, 2);
     assert_eq!(c.hand().speed, 5.0, "there is a limit");
+}
+
+#[test]
+fn a_screenshot_is_what_is_shown_or_what_was_seen() {
+    let (mut c, mut now) = (cockpit(Guide::Manual), Instant::now());
+    fly(&mut c, &mut now, 60);
+    while c.sight.is_refining(&c.flight) {
+        fly(&mut c, &mut now, 1);
+    }
+    c.sight.order_to_save(&c.flight, WINDOW);
+    let saved = c.sight.take_to_save();
+    assert!(saved.len() == 1 && Some(&saved[0].frame) == c.image());
+    // A camera that has moved on before its image was good enough.
+    c.drag((30.0, 0.0), WINDOW);
+    fly(&mut c, &mut now, 1);
+    let pose = c.flight().pose();
+    c.sight.order_to_save(&c.flight, WINDOW);
+    c.drag((30.0, 0.0), WINDOW);
+    fly(&mut c, &mut now, 1);
+    let saved = c.sight.all_to_save();
+    assert_eq!(saved.len(), 1);
+    assert_eq!((saved[0].order.pose, saved[0].frame.width(), saved[0].frame.height()), (pose, WINDOW.0, WINDOW.1));
 }

@@ -2,7 +2,8 @@
 
 use std::time::{Duration, Instant};
 
-use super::sight::{Sight, quality_of};
+use super::sight::{Sight, quality_of, refined};
+use super::way::Way;
 use crate::app::FlightApp;
 use crate::components::camera::{Contact, Velocity};
 use crate::components::input::Hand;
@@ -18,13 +19,15 @@ pub struct Figures {
     /// Images counted already.
     counted: usize,
     lines: [String; 4],
+    /// Place along the way, per mille.
+    per_mille: u32,
     stale: bool,
 }
 
 impl Figures {
     /// None yet.
     pub fn new(now: Instant) -> Self {
-        Self { since: now, counted: 0, lines: Default::default(), stale: true }
+        Self { since: now, counted: 0, lines: Default::default(), per_mille: 0, stale: true }
     }
 
     /// Something has changed.
@@ -37,8 +40,13 @@ impl Figures {
         self.stale.then_some(self.since + READ_EVERY)
     }
 
+    /// Place along the way when the figures were read, per mille: like them it changes seldom, for each change is painted.
+    pub fn per_mille(&self) -> u32 {
+        self.per_mille
+    }
+
     /// The figures, one a line, read anew if it is time.
-    pub fn read(&mut self, flight: &FlightApp, sight: &Sight, now: Instant) -> &[String] {
+    pub fn read(&mut self, flight: &FlightApp, sight: &Sight, way: &Way, now: Instant) -> &[String] {
         self.stale |= sight.frames().len() > self.counted;
         let elapsed = now.saturating_duration_since(self.since);
         if !self.stale || (elapsed < READ_EVERY && !self.lines[0].is_empty()) {
@@ -46,14 +54,16 @@ impl Figures {
         }
         let new = sight.frames().get(self.counted..).unwrap_or_default();
         if !new.is_empty() {
-            let (width, height) = sight.size();
             let count = new.len() as f64;
             let ms = new.iter().map(|f| f.ms).sum::<f64>() / count;
             let fps = count / elapsed.as_secs_f64().max(1e-3);
+            let detail = sight.detail(flight);
+            let (width, height) = detail.map_or((0, 0), |d| d.size);
             // A rate tells nothing of a picture that stands still.
-            let rate = if sight.is_still() { String::new() } else { format!(", {fps:.0} fps") };
-            self.lines[0] = format!("{ms:.0} ms{rate} ({width}x{height})");
+            let rate = detail.and_then(refined).unwrap_or_else(|| format!("{fps:.0} fps"));
+            self.lines[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");
         }
+        self.per_mille = (way.share() * 1000.0).round() as u32;
         (self.counted, self.since, self.stale) = (sight.frames().len(), now, false);
         let hand: Hand = flight.camera().copied().unwrap_or_default();
         let speed = flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());

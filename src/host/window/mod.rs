@@ -4,21 +4,22 @@
 //! a window: what the operator does reaches it as [commands](crate::components::input::Command), so that it can be kept
 //! and repeated.
 
+mod budget;
 mod cockpit;
 mod directions;
 mod figures;
 mod keys;
+mod layer;
 mod loading;
 mod log;
 mod overlay;
 mod painter;
-mod refine;
-mod resolution;
+mod presented;
+mod saver;
 mod screenshot;
 mod session;
 mod shell;
 mod sight;
-mod upscale;
 mod way;
 
 use std::panic::{self, AssertUnwindSafe, catch_unwind};
@@ -33,13 +34,14 @@ use crate::error::{Error, Result};
 use crate::host::headless::FrameStats;
 use crate::progress::Progress;
 pub use loading::Prepare;
+pub use presented::PresentMs;
 use shell::{Shell, Wake};
 
 /// How often an interrupt is looked for.
 const INTERRUPT: Duration = Duration::from_millis(50);
 
-/// What is done with a flight and what its images took.
-pub type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats]) -> Result<()>>;
+/// What is done with a flight, what its images took, and what it took to present them.
+pub type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats], Option<PresentMs>) -> Result<()>>;
 
 /// What a window is to show.
 pub struct Launch {

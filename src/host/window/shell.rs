@@ -14,20 +14,20 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy, OwnedDispl
 use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
 
+use super::budget::FRAME;
 use super::cockpit::Cockpit;
 use super::keys::{Action, Deed, action};
 use super::loading::Loading;
 use super::log::Log;
 use super::overlay::Content;
 use super::painter::Painter;
-use super::refine::WakeUp;
+use super::presented::Presented;
+use super::saver::WakeUp;
 use super::session::{self, Session};
 use super::{Finish, Launch, Resume};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-/// Time between two pictures at the least: about 60 a second.
-const FRAME: Duration = Duration::from_micros(16_600);
 /// Time between two pictures while loading.
 const LOADING: Duration = Duration::from_millis(60);
 /// Size of a window where none is asked for, in points.
@@ -40,8 +40,8 @@ const NOTCH: f64 = 40.0;
 pub enum Wake {
     /// The loading is over.
     Loaded,
-    /// A finer image is there.
-    Refined,
+    /// An image is ready to be saved.
+    Saveable,
     /// The user has interrupted the program.
     Interrupted,
 }
@@ -81,7 +81,8 @@ pub struct Shell {
     session: Option<PathBuf>,
     finish: Option<Finish>,
     progress: Arc<Progress>,
-    refined: WakeUp,
+    saveable: WakeUp,
+    presented: Presented,
     outcome: Result<()>,
 }
 
@@ -96,8 +97,8 @@ impl Shell {
             // There is nobody to wake when the window is gone.
             let _ = done.send_event(Wake::Loaded);
         })?;
-        let refined: WakeUp = Arc::new(move || {
-            let _ = proxy.send_event(Wake::Refined);
+        let saveable: WakeUp = Arc::new(move || {
+            let _ = proxy.send_event(Wake::Saveable);
         });
         Ok(Self {
             stage: Stage::Loading(loading),
@@ -117,7 +118,8 @@ impl Shell {
             session: None,
             finish: Some(launch.finish),
             progress: Arc::clone(progress),
-            refined,
+            saveable,
+            presented: Presented::default(),
             outcome: Ok(()),
         })
     }
@@ -139,7 +141,8 @@ impl Shell {
                         eprintln!("note: the place of this flight is not kept: {e}");
                     }
                 }
-                let finished = self.finish.take().map_or(Ok(()), |f| f(flight, cockpit.frames()));
+                let finished =
+                    self.finish.take().map_or(Ok(()), |f| f(flight, cockpit.frames(), self.presented.summary()));
                 self.outcome.and(logged).and(finished)
             }
             Stage::Failed(e) => Err(e),
@@ -197,7 +200,7 @@ impl Shell {
             Some(left) => left.take_up(&mut flight, self.resume == Resume::Everything)?,
             None => None,
         };
-        let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.refined))?;
+        let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable))?;
         if along.is_some() {
             cockpit.say("going on where you left (E starts from the end)", Instant::now());
         }
@@ -276,15 +279,20 @@ impl Shell {
             Stage::Flying(cockpit) => cockpit.image(),
             _ => None,
         };
-        self.painter.paint(size, screen.window.scale_factor() as f32, image, &content);
-        let show = |screen: &mut Screen, painter: &Painter| {
+        let finished = Instant::now();
+        let show = |screen: &mut Screen, painter: &mut Painter| {
             screen.surface.resize(width, height)?;
+            let scale = screen.window.scale_factor() as f32;
             let mut buffer = screen.surface.buffer_mut()?;
-            painter.copy_to(&mut buffer);
+            painter.paint(size, scale, image, &content, &mut buffer);
             screen.window.pre_present_notify();
             buffer.present()
         };
-        show(screen, &self.painter).map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
+        show(screen, &mut self.painter).map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
+        if let Stage::Flying(cockpit) = &mut self.stage {
+            self.presented.took(finished.elapsed().as_secs_f64() * 1e3);
+            cockpit.presented(self.presented.usual_ms());
+        }
         self.painted = Some(content);
         Ok(())
     }
@@ -304,7 +312,7 @@ impl Shell {
     fn next(&self) -> Option<Instant> {
         match &self.stage {
             Stage::Loading(_) => Some(self.due),
-            Stage::Flying(c) if c.rests() => c.next(self.window_size()).map(|t| t.max(self.due)),
+            Stage::Flying(c) if c.rests() => c.next().map(|t| t.max(self.due)),
             Stage::Flying(_) => Some(self.due),
             Stage::Failed(_) | Stage::Over => None,
         }
@@ -344,7 +352,7 @@ impl ApplicationHandler<Wake> for Shell {
                 }
                 self.ask_for_picture();
             }
-            Wake::Refined => self.ask_for_picture(),
+            Wake::Saveable => self.ask_for_picture(),
             Wake::Interrupted => {
                 if matches!(self.stage, Stage::Flying(_)) {
                     self.fail(Error::cancelled("flight"), events);

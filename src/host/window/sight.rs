@@ -1,27 +1,25 @@
-//! The image of a flight for a window: coarse while it moves, finer and finer when it stands still, and never traced
-//! again while it is the same.
+//! The image of a flight for a window: as detailed as the frame time allows while it moves, refined when it stands still,
+//! and never traced again when it is as good as it gets.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::refine::{Order, Refiner, Traced, Use, WakeUp};
-use super::resolution::Resolution;
+use super::budget::FrameBudget;
+use super::saver::{Order, Saver, Traced, WakeUp};
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
-use crate::components::output::Picture;
+use crate::components::output::{FrameCache, Picture};
 use crate::error::Result;
 use crate::host::headless::FrameStats;
-use crate::render::{Frame, Quality, Space};
+use crate::render::adaptive::{SAMPLES, cost};
+use crate::render::{Detail, Frame, Quality, Settings, Space};
 
 /// Closer than this is the same place, mm.
-const SAME_MM: f64 = 4e-3;
-/// A camera at rest for so long gets finer images.
-const REFINE_AFTER: Duration = Duration::from_millis(180);
+const SAME_MM: f64 = 1e-3;
 
 /// What an image was made of: nothing has to be traced again as long as it is the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shown {
     pose: Pose,
-    size: (usize, usize),
     window: (usize, usize),
     quality: Quality,
 }
@@ -35,30 +33,31 @@ impl Shown {
 
 /// What the operator sees.
 pub struct Sight {
-    resolution: Resolution,
+    budget: FrameBudget,
     shown: Option<Shown>,
-    /// The image of a camera at rest, finer than the flight's own.
-    fine: Option<Frame>,
-    refiner: Refiner,
-    moved: Instant,
+    saver: Saver,
     frames: Vec<FrameStats>,
     to_save: Vec<Traced>,
+    /// The image under way is to be saved when it is as good as it gets.
+    waiting: Option<Order>,
+    /// What presentations take, ms.
+    present_ms: f64,
 }
 
 impl Sight {
-    /// No image yet. `wake` is called from another thread when a finer one is there.
+    /// No image yet. `wake` is called from another thread when one is ready to be saved.
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
     pub fn new(space: Space, wake: WakeUp) -> Result<Self> {
         Ok(Self {
-            resolution: Resolution::default(),
+            budget: FrameBudget::default(),
             shown: None,
-            fine: None,
-            refiner: Refiner::new(space, wake)?,
-            moved: Instant::now(),
+            saver: Saver::new(space, wake)?,
             frames: Vec::new(),
             to_save: Vec::new(),
+            waiting: None,
+            present_ms: 0.0,
         })
     }
 
@@ -67,33 +66,36 @@ impl Sight {
         &self.frames
     }
 
+    /// Learns what presentations take, ms.
+    pub fn presented(&mut self, ms: f64) {
+        self.present_ms = ms;
+    }
+
     /// The image as it was last traced.
-    pub fn image<'a>(&'a self, flight: &'a FlightApp) -> Option<&'a Frame> {
+    pub fn image<'a>(&self, flight: &'a FlightApp) -> Option<&'a Frame> {
         self.shown?;
-        self.fine.as_ref().or_else(|| flight.camera::<Picture>().map(|p| &p.frame))
+        flight.camera::<Picture>().map(|p| &p.frame)
     }
 
-    /// Pixels of the image.
-    pub fn size(&self) -> (usize, usize) {
-        self.shown.map_or((0, 0), |s| s.size)
+    /// How detailed the image is.
+    pub fn detail(&self, flight: &FlightApp) -> Option<Detail> {
+        self.shown?;
+        flight.camera::<FrameCache>().and_then(|c| c.renderer.detail())
     }
 
-    /// Whether the image is that of a camera at rest.
-    pub fn is_still(&self) -> bool {
-        self.fine.is_some()
+    /// Whether a still image is to be made better.
+    pub fn is_refining(&self, flight: &FlightApp) -> bool {
+        self.detail(flight).is_some_and(|d| !d.best)
     }
 
-    /// When a finer image is to be begun; none if there is none to come, or one is under way.
-    pub fn next(&self, window: (usize, usize)) -> Option<Instant> {
-        self.shown
-            .filter(|s| !self.refiner.is_busy() && Resolution::finer(s.size, window).is_some())
-            .map(|_| self.moved + REFINE_AFTER)
-    }
-
-    /// Traces an image to be saved, of the given size, in the background.
-    pub fn order_to_save(&mut self, flight: &FlightApp, (width, height): (usize, usize)) {
-        if let Some(order) = Order::of(flight, (width.max(1), height.max(1)), Use::Save) {
-            self.refiner.begin(order);
+    /// Has the image of a window of the given size saved: what is shown when it is as good as it gets, or if the camera
+    /// moves on before, one of its own.
+    pub fn order_to_save(&mut self, flight: &FlightApp, window: (usize, usize)) {
+        let Some(order) = Order::of(flight, window) else { return };
+        let here = self.shown.is_some_and(|s| s.shows(&order.pose, window, order.settings.quality));
+        match self.image(flight).filter(|_| here && !self.is_refining(flight)) {
+            Some(frame) => self.to_save.push(Traced { order, frame: frame.clone() }),
+            None => self.waiting = Some(order),
         }
     }
 
@@ -104,18 +106,23 @@ impl Sight {
 
     /// Images to be saved, waiting for those under way.
     pub fn all_to_save(&mut self) -> Vec<Traced> {
-        while let Some(traced) = self.refiner.wait() {
-            self.to_save.extend(traced.ok().filter(|t| t.order.what_for == Use::Save));
+        if let Some(order) = self.waiting.take() {
+            self.saver.begin(order);
+        }
+        while let Some(traced) = self.saver.wait() {
+            self.to_save.extend(traced.ok());
         }
         self.take_to_save()
     }
 
     /// Changes between high and low detail; the new one.
     pub fn switch_detail(&mut self, flight: &mut FlightApp) -> Option<Quality> {
+        let scene = flight.scene().render;
         let mut picture = flight.camera_mut::<Picture>()?;
         let quality = if picture.settings.quality == Quality::Low { Quality::High } else { Quality::Low };
-        picture.settings.quality = quality;
-        self.resolution.forget();
+        let adaptive = picture.settings.adaptive;
+        picture.settings = Settings { adaptive, ..scene.apply(Settings::new(quality)) };
+        self.budget.forget();
         Some(quality)
     }
 
@@ -123,82 +130,68 @@ impl Sight {
     ///
     /// # Errors
     /// Status 1 when an image cannot be made: a fault of the program.
-    pub fn trace(&mut self, flight: &mut FlightApp, window: (usize, usize), now: Instant) -> Result<bool> {
-        let mut finer = self.collect(flight, window)?;
+    pub fn trace(&mut self, flight: &mut FlightApp, window: (usize, usize)) -> Result<bool> {
+        while let Some(traced) = self.saver.take() {
+            self.to_save.push(traced?);
+        }
         if window.0 == 0 || window.1 == 0 {
             return Ok(false);
         }
         let pose = flight.pose();
         let Some(quality) = quality_of(flight) else { return Ok(false) };
-        match self.shown.filter(|s| s.shows(&pose, window, quality)) {
-            None => {
-                self.moved = now;
-                self.fine = None;
-                let size = self.resolution.moving(window);
-                let ms = self.trace_now(flight, size);
-                self.resolution.measured(size.0 * size.1, ms);
-                self.shown = Some(Shown { pose, size, window, quality });
-                finer = true;
-            }
-            Some(shown) if now >= self.moved + REFINE_AFTER && !self.refiner.is_busy() => {
-                let next = Resolution::finer(shown.size, window);
-                if let Some(order) = next.and_then(|size| Order::of(flight, size, Use::Show)) {
-                    self.refiner.begin(order);
-                }
-            }
-            Some(_) => {}
+        let rest = self.shown.is_some_and(|s| s.shows(&pose, window, quality));
+        if rest && !self.is_refining(flight) {
+            return Ok(false);
         }
-        Ok(finer)
+        self.save_waiting(flight, rest);
+        self.trace_now(flight, window, rest);
+        if rest {
+            self.save_waiting(flight, true);
+        } else {
+            self.shown = Some(Shown { pose, window, quality });
+        }
+        Ok(true)
     }
 
-    /// Traces the flight's own picture; how long that took, ms.
-    fn trace_now(&mut self, flight: &mut FlightApp, (width, height): (usize, usize)) -> f64 {
+    /// Sees to an image that waits to be saved, while the camera is at rest or has moved on.
+    fn save_waiting(&mut self, flight: &FlightApp, rest: bool) {
+        let Some(order) = self.waiting else { return };
+        if !rest && self.shown.is_some_and(|s| !same(&s.pose, &flight.pose())) {
+            self.saver.begin(order);
+        } else if let Some(frame) = self.image(flight).filter(|_| rest && !self.is_refining(flight)) {
+            self.to_save.push(Traced { order, frame: frame.clone() });
+        } else {
+            return;
+        }
+        self.waiting = None;
+    }
+
+    /// Traces the flight's own picture.
+    fn trace_now(&mut self, flight: &mut FlightApp, (width, height): (usize, usize), rest: bool) {
+        let begun = Instant::now();
+        if let Some(mut cache) = flight.camera_mut::<FrameCache>() {
+            cache.renderer.set_budget(self.budget.samples(rest, self.present_ms));
+        }
         if let Some(mut picture) = flight.camera_mut::<Picture>() {
             picture.frame.resize(width, height);
         }
-        let begun = Instant::now();
         flight.frame();
         let ms = begun.elapsed().as_secs_f64() * 1e3;
         if let Some(w) = flight.camera::<Picture>().map(|p| p.work) {
-            self.count(FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused });
+            self.budget.took(rest, cost(&w), ms);
+            self.frames.push(FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused });
         }
-        ms
-    }
-
-    /// Takes the images that were traced in the background; whether one is to be shown.
-    fn collect(&mut self, flight: &FlightApp, window: (usize, usize)) -> Result<bool> {
-        let mut finer = false;
-        while let Some(traced) = self.refiner.take() {
-            let traced = traced?;
-            if traced.order.what_for == Use::Save {
-                self.to_save.push(traced);
-                continue;
-            }
-            let order = traced.order;
-            // The camera may have moved on meanwhile.
-            let here = flight.pose();
-            let quality = order.settings.quality;
-            if quality_of(flight) != Some(quality) || !same(&order.pose, &here) {
-                continue;
-            }
-            if let Some(shown) = self.shown.as_mut().filter(|s| s.shows(&here, window, quality)) {
-                shown.size = order.size;
-                self.fine = Some(traced.frame);
-                self.count(traced.stats);
-                finer = true;
-            }
-        }
-        Ok(finer)
-    }
-
-    fn count(&mut self, stats: FrameStats) {
-        self.frames.push(stats);
     }
 }
 
 /// The detail of a flight's images.
 pub fn quality_of(flight: &FlightApp) -> Option<Quality> {
     flight.camera::<Picture>().map(|p| p.settings.quality)
+}
+
+/// How far an image is refined, as it is shown: "9 of 16 samples".
+pub fn refined(detail: Detail) -> Option<String> {
+    (detail.samples > 0).then(|| format!("{} of {SAMPLES} samples", detail.samples.min(SAMPLES)))
 }
 
 /// Whether two poses make the same image, as far as one can see.

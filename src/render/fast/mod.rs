@@ -15,9 +15,26 @@ use fearless_simd::Level;
 use super::caster::depths;
 use super::{Direct, Frame, Renderer, Settings, Space, View, Work};
 use cells::Cells;
+pub use lattice::BLOCK;
 use occupancy::Occupancy;
 use packet::Rays;
 use picture::Lattice;
+
+/// The name of the SIMD level that packets of rays use on this machine.
+pub fn simd_level() -> &'static str {
+    match Level::new() {
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx512(_) => "avx512",
+        #[cfg(target_arch = "x86_64")]
+        Level::Avx2(_) => "avx2",
+        #[cfg(target_arch = "x86_64")]
+        _ => "sse2",
+        #[cfg(target_arch = "aarch64")]
+        _ => "neon",
+        #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+        _ => "scalar",
+    }
+}
 
 /// Which pixels get a ray of their own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -55,6 +72,36 @@ impl Fast {
         let direct = Direct::new(space, settings);
         Self { space: space.clone(), settings, pixels, occupancy, cells, lattice: Lattice::default(), level, direct }
     }
+
+    /// Another renderer of the same space, which shares what was prepared.
+    pub fn beside(&self, settings: Settings) -> Self {
+        Self {
+            space: self.space.clone(),
+            settings,
+            pixels: self.pixels,
+            occupancy: Arc::clone(&self.occupancy),
+            cells: self.cells.iter().map(|_| Mutex::default()).collect(),
+            lattice: Lattice::default(),
+            level: self.level,
+            direct: Direct::new(&self.space, settings),
+        }
+    }
+
+    /// Memory taken by what is not shared with those [beside](Fast::beside), bytes.
+    pub fn own_bytes(&self) -> usize {
+        let cells = self.cells.iter().map(|c| c.lock().unwrap_or_else(PoisonError::into_inner).bytes());
+        cells.sum::<usize>() + self.lattice.bytes()
+    }
+
+    /// As [`Renderer::render`], with a ray for every pixel of the blocks of [`BLOCK`] × [`BLOCK`] pixels that are `wanted`,
+    /// row by row of blocks; what `frame` holds elsewhere is not told.
+    pub fn render_blocks(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
+        let Some(rays) = Rays::new(&self.space, &self.occupancy, view, &self.settings) else {
+            return self.direct.render(view, frame);
+        };
+        frame.resize(view.width(), view.height());
+        picture::pixels_of(&rays, view, frame.buffers().0, &self.cells, self.level, Some(wanted))
+    }
 }
 
 impl Renderer for Fast {
@@ -69,7 +116,7 @@ impl Renderer for Fast {
         }
         match self.pixels {
             Pixels::Needed => self.lattice.render(&rays, view, pixels, &self.cells, self.level),
-            Pixels::All => picture::every_pixel(&rays, view, pixels, &self.cells, self.level),
+            Pixels::All => picture::pixels_of(&rays, view, pixels, &self.cells, self.level, None),
         }
     }
 

@@ -58,6 +58,8 @@ pub struct Rays<'a> {
     foot: f32,
     lo: f32,
     scale: f32,
+    /// What a piece of a passage counts for, where one of a voxel counts as a passage of its own.
+    piece: f32,
     /// Halvings of the step's opacity: a step of h is two half steps.
     power: i32,
     sensitivity: f32,
@@ -75,7 +77,7 @@ pub struct Light {
     pub through: [f32; 16],
     /// Mean place of what is seen, steps from the camera, weighted as the light is (not divided by it).
     pub depth: [f32; 16],
-    /// Lanes whose light comes from more than one passage.
+    /// Lanes whose light comes from more than one passage, or from a passage of several voxels.
     pub mixed: u16,
     /// Samples taken.
     pub samples: u32,
@@ -109,11 +111,12 @@ impl<'a> Rays<'a> {
             step: per_step,
             world: [view.forward(), view.right(), view.up()].map(DVec3::as_vec3),
             pixel: view.pixel() as f32,
-            centre: [0.5 * view.width() as f32, 0.5 * view.height() as f32],
+            centre: view.centre().map(|c| c as f32),
             border: Vec3::from_array(dims),
             foot: wall.lo() + FOOT,
             lo: wall.lo(),
             scale: 1.0 / (wall.hi() - wall.lo()),
+            piece: 2f32.powi(step.power).min(1.0),
             power: step.power,
             sensitivity: settings.sensitivity,
             limit: (1 << 22) as f32,
@@ -189,6 +192,8 @@ impl<'a> Rays<'a> {
                     let long = (zero + k - PASSAGE).simd_gt(light.place / fresh.select(light.weight, one));
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
+                        let counts = open.select(f32x16::splat(simd, self.piece), one);
+                        light.passages += ended.select(counts, zero);
                         self.flush(simd, &ray, ended, &mut light, cells, within_wall);
                     }
                     let (t0, t1) = (self.through(simd, early), self.through(simd, late));
@@ -229,7 +234,7 @@ impl<'a> Rays<'a> {
             tone: light.tone.to_array(),
             through: light.through.to_array(),
             depth: light.depth.to_array(),
-            mixed: light.passages.simd_gt(1.5).to_bitmask() as u16,
+            mixed: light.passages.simd_gt(0.5).to_bitmask() as u16,
             samples,
         }
     }
@@ -365,7 +370,6 @@ impl<'a> Rays<'a> {
         light.bright += mask.select(light.weight * shade, zero);
         light.tone += mask.select(light.value * shade, zero);
         light.depth += mask.select(light.place, zero);
-        light.passages += mask.select(one, zero);
         light.weight = mask.select(zero, light.weight);
         light.place = mask.select(zero, light.place);
         light.value = mask.select(zero, light.value);
@@ -456,7 +460,7 @@ struct Sums<S: Simd> {
     weight: f32x16<S>,
     place: f32x16<S>,
     value: f32x16<S>,
-    /// Number of passages that have been shaded.
+    /// Number of passages before the one that is under way.
     passages: f32x16<S>,
 }
 

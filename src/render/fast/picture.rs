@@ -54,14 +54,23 @@ fn packet<S: Simd>(simd: S, rays: &Rays<'_>, [x, y]: [usize; 2], apart: usize, f
     light
 }
 
-/// A ray for every pixel.
-pub fn every_pixel(rays: &Rays<'_>, view: &View, pixels: &mut [[u8; 3]], cells: &[Mutex<Cells>], level: Level) -> Work {
+/// A ray for every pixel, or for those of the `wanted` packets, row by row of packets.
+pub fn pixels_of(
+    rays: &Rays<'_>,
+    view: &View,
+    pixels: &mut [[u8; 3]],
+    cells: &[Mutex<Cells>],
+    level: Level,
+    wanted: Option<&[bool]>,
+) -> Work {
     let width = view.width();
+    let across = width.div_ceil(SIDE);
+    let is_wanted = |n: usize| wanted.is_none_or(|w| w.get(n).copied().unwrap_or(true));
     let bands = pixels.par_chunks_mut(width * SIDE).enumerate().map(|(n, band)| {
         with_cells(cells, |cells| {
             let mut work = Work::default();
             on_level!(level, simd => {
-                for left in (0..width).step_by(SIDE) {
+                for left in (0..width).step_by(SIDE).filter(|left| is_wanted(n * across + left / SIDE)) {
                     let light = packet(simd, rays, [left, n * SIDE], 1, 0.0, cells);
                     work = work + fill(simd, &light, left, width, band);
                 }

@@ -115,7 +115,7 @@ impl Motion {
     #[inline]
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
         let side = self.new.pixel();
-        let (a, b) = ((x - 0.5 * self.new.width() as f64) * side, (0.5 * self.new.height() as f64 - y) * side);
+        let (a, b) = ((x - self.new.centre()[0]) * side, (self.new.centre()[1] - y) * side);
         self.axes[0] + self.axes[1] * a + self.axes[2] * b
     }
 
@@ -123,7 +123,7 @@ impl Motion {
     #[inline]
     pub fn project(&self, p: DVec3) -> [f64; 2] {
         let scale = 1.0 / (p.x * self.old.pixel());
-        [0.5 * self.old.width() as f64 + p.y * scale, 0.5 * self.old.height() as f64 - p.z * scale]
+        [self.old.centre()[0] + p.y * scale, self.old.centre()[1] - p.z * scale]
     }
 
     /// The block's box in the old image (pixels, `[first, last]` in x and y) from `from` mm on.

@@ -1,9 +1,7 @@
-//! Traces images besides the flight: the fine image of a camera at rest, and screenshots, which may take longer than the
-//! operator wants to wait for an answer to a key.
+//! Traces screenshots of a moving camera besides the flight: the operator does not want to wait for them.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::time::Instant;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -11,19 +9,9 @@ use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::host::headless::FrameStats;
-use crate::render::{Frame, Settings, Space, View, render};
+use crate::render::{Frame, Preset, Settings, Space, View, renderer};
 
-/// What an image is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Use {
-    /// To be shown.
-    Show,
-    /// To be saved.
-    Save,
-}
-
-/// An image to be traced.
+/// An image to be saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
     /// Whence.
@@ -34,27 +22,26 @@ pub struct Order {
     pub fov_degrees: f64,
     /// How.
     pub settings: Settings,
-    /// What for.
-    pub what_for: Use,
+    /// By which renderer.
+    pub preset: Preset,
 }
 
 impl Order {
-    /// The image of a flight's camera as it is now, in another size.
-    pub fn of(flight: &FlightApp, size: (usize, usize), what_for: Use) -> Option<Self> {
+    /// The image of a flight's camera as it is now, in a size of at least a pixel: whole, whatever detail the flight itself
+    /// can afford.
+    pub fn of(flight: &FlightApp, (width, height): (usize, usize)) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
-        let (fov_degrees, settings) = (picture.fov_degrees, picture.settings);
-        Some(Self { pose: flight.pose(), size, fov_degrees, settings, what_for })
+        let settings = Settings { adaptive: false, ..picture.settings };
+        let (fov_degrees, preset) = (picture.fov_degrees, picture.preset);
+        Some(Self { pose: flight.pose(), size: (width.max(1), height.max(1)), fov_degrees, settings, preset })
     }
 
     fn trace(&self, space: &Space) -> Result<Traced> {
-        let begun = Instant::now();
         let (a, (width, height)) = (self.pose.attitude, self.size);
         let view = View::new(self.pose.position, a.forward, a.up, self.fov_degrees, width, height)?;
         let mut frame = Frame::new(width, height, false);
-        let w = render(space, &view, &self.settings, &mut frame);
-        let ms = begun.elapsed().as_secs_f64() * 1e3;
-        let stats = FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused };
-        Ok(Traced { order: *self, frame, stats })
+        renderer(space, self.settings, self.preset, false).render(&view, &mut frame);
+        Ok(Traced { order: *self, frame })
     }
 }
 
@@ -64,26 +51,23 @@ pub struct Traced {
     pub order: Order,
     /// The image.
     pub frame: Frame,
-    /// What it took.
-    pub stats: FrameStats,
 }
 
+/// A [`Saver`]'s thread calls this after each image.
+pub type WakeUp = Arc<dyn Fn() + Send + Sync>;
+
 /// Traces images in the background.
-pub struct Refiner {
+pub struct Saver {
     /// Threads of their own: in the common pool, images of the flight would have to wait for these.
     pool: ThreadPool,
     space: Space,
     wake: WakeUp,
-    sender: Sender<(Use, Result<Traced>)>,
-    receiver: Receiver<(Use, Result<Traced>)>,
-    showing: usize,
-    saving: usize,
+    sender: Sender<Result<Traced>>,
+    receiver: Receiver<Result<Traced>>,
+    coming: usize,
 }
 
-/// A [`Refiner`]'s thread calls this after each image.
-pub type WakeUp = Arc<dyn Fn() + Send + Sync>;
-
-impl Refiner {
+impl Saver {
     /// Traces in `space`, and calls `wake` when an image is there.
     ///
     /// # Errors
@@ -91,50 +75,38 @@ impl Refiner {
     pub fn new(space: Space, wake: WakeUp) -> Result<Self> {
         let pool = ThreadPoolBuilder::new()
             .num_threads(rayon::current_num_threads())
-            .thread_name(|n| format!("refine {n}"))
+            .thread_name(|n| format!("screenshot {n}"))
             .build()
             .map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads"))?;
         let (sender, receiver) = channel();
-        Ok(Self { pool, space, wake, sender, receiver, showing: 0, saving: 0 })
-    }
-
-    /// Whether an image to be shown is being traced.
-    pub fn is_busy(&self) -> bool {
-        self.showing > 0
+        Ok(Self { pool, space, wake, sender, receiver, coming: 0 })
     }
 
     /// Begins an image.
     pub fn begin(&mut self, order: Order) {
         let (space, sender, wake) = (self.space.clone(), self.sender.clone(), Arc::clone(&self.wake));
-        *self.count(order.what_for) += 1;
+        self.coming += 1;
         self.pool.spawn(move || {
             // Whoever ordered it may have gone.
-            let _ = sender.send((order.what_for, order.trace(&space)));
+            let _ = sender.send(order.trace(&space));
             wake();
         });
     }
 
-    fn count(&mut self, what_for: Use) -> &mut usize {
-        match what_for {
-            Use::Show => &mut self.showing,
-            Use::Save => &mut self.saving,
-        }
-    }
-
     /// An image that has become ready since the last call.
     pub fn take(&mut self) -> Option<Result<Traced>> {
-        let (what_for, traced) = self.receiver.try_recv().ok()?;
-        *self.count(what_for) -= 1;
+        let traced = self.receiver.try_recv().ok()?;
+        self.coming -= 1;
         Some(traced)
     }
 
-    /// Waits for the next image if one that is to be saved is still to come.
+    /// Waits for the next image if one is still to come.
     pub fn wait(&mut self) -> Option<Result<Traced>> {
-        if self.saving == 0 {
+        if self.coming == 0 {
             return None;
         }
-        let (what_for, traced) = self.receiver.recv().ok()?;
-        *self.count(what_for) -= 1;
+        let traced = self.receiver.recv().ok()?;
+        self.coming -= 1;
         Some(traced)
     }
 }
@@ -157,15 +129,14 @@ mod tests {
             size: (30, 20),
             fov_degrees: 90.0,
             settings: Settings::new(Quality::High),
-            what_for: Use::Save,
+            preset: Preset::Default,
         };
-        let mut refiner = Refiner::new(space.clone(), Arc::new(|| {})).unwrap();
-        assert!(refiner.wait().is_none(), "nothing was ordered");
-        refiner.begin(order);
-        assert!(!refiner.is_busy(), "nothing is to be shown");
-        let traced = refiner.wait().unwrap().unwrap();
+        let mut saver = Saver::new(space.clone(), Arc::new(|| {})).unwrap();
+        assert!(saver.wait().is_none(), "nothing was ordered");
+        saver.begin(order);
+        let traced = saver.wait().unwrap().unwrap();
         assert_eq!(traced.frame, order.trace(&space).unwrap().frame);
-        assert_eq!(traced.stats.rays, 600);
-        assert!(refiner.take().is_none() && refiner.wait().is_none());
+        assert!(traced.frame.pixels().iter().any(|p| p[0] > 60));
+        assert!(saver.take().is_none() && saver.wait().is_none());
     }
 }

@@ -1,0 +1,167 @@
+//! A picture that lies over another: the few pixels that are not clear, ready to be blended.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::render::Frame;
+
+/// Rows of a task.
+const ROWS: usize = 32;
+
+/// A pixel as a window's painter makes it: blue, green, red, multiplied by the fourth, alpha.
+pub type Bgra = [u8; 4];
+
+/// Pixels side by side.
+#[derive(Clone, Debug)]
+struct Run {
+    /// Where they are in their row.
+    columns: Range<usize>,
+    /// Where they are in [`Layer::pixels`].
+    first: usize,
+}
+
+/// The pixels of a layer that are not clear.
+#[derive(Clone, Debug, Default)]
+pub struct Layer {
+    /// For each row, its runs.
+    rows: Vec<Vec<Run>>,
+    /// `0xAARRGGBB`, colours multiplied by alpha.
+    pixels: Vec<u32>,
+}
+
+impl Layer {
+    /// What is not clear of a canvas of `width` pixels a row.
+    pub fn of(canvas: &[Bgra], width: usize) -> Self {
+        let mut layer = Self::default();
+        for row in canvas.chunks_exact(width.max(1)) {
+            let mut runs: Vec<Run> = Vec::new();
+            let mut x = 0;
+            while let Some(start) = row[x..].iter().position(|p| *p != [0; 4]).map(|n| x + n) {
+                let end = row[start..].iter().position(|p| *p == [0; 4]).map_or(row.len(), |n| start + n);
+                runs.push(Run { columns: start..end, first: layer.pixels.len() });
+                // No colour above alpha, so that no sum of two overflows.
+                layer.pixels.extend(
+                    row[start..end].iter().map(|&[b, g, r, a]| u32::from_le_bytes([b.min(a), g.min(a), r.min(a), a])),
+                );
+                x = end;
+            }
+            layer.rows.push(runs);
+        }
+        layer
+    }
+
+    /// Lays it over row `y` of a picture of `0x00RRGGBB`.
+    fn cover(&self, y: usize, out: &mut [u32]) {
+        for run in self.rows.get(y).into_iter().flatten() {
+            let over = &self.pixels[run.first..][..run.columns.len()];
+            for (out, &over) in out[run.columns.clone()].iter_mut().zip(over) {
+                *out = blend(*out, over);
+            }
+        }
+    }
+}
+
+/// `over + under · (1 − alpha)`, two colours at a time.
+#[inline(always)]
+fn blend(under: u32, over: u32) -> u32 {
+    const TWO: u32 = 0x00ff_00ff;
+    let clear = 255 - (over >> 24);
+    // x / 255, rounded, is (x + 128 + ((x + 128) >> 8)) >> 8.
+    let part = |two: u32| {
+        let x = two * clear + 0x0080_0080;
+        ((x + ((x >> 8) & TWO)) >> 8) & TWO
+    };
+    let (red_blue, green) = (part(under & TWO), part((under >> 8) & TWO));
+    (over & 0x00ff_ffff) + red_blue + ((green & 0xff) << 8)
+}
+
+/// Fills `out`, `0x00RRGGBB` and `width` pixels a row, with `image` (black where there is none of that size) and the layer
+/// over it.
+pub fn compose(image: Option<&Frame>, layer: &Layer, out: &mut [u32], width: usize) {
+    if width == 0 {
+        return;
+    }
+    let height = out.len() / width;
+    let image = image.filter(|i| (i.width(), i.height()) == (width, height));
+    out.par_chunks_mut(ROWS * width).enumerate().for_each(|(band, out)| {
+        match image {
+            Some(image) => copy(&image.pixels()[band * ROWS * width..][..out.len()], out),
+            None => out.fill(0),
+        }
+        for (n, row) in out.chunks_exact_mut(width).enumerate() {
+            layer.cover(band * ROWS + n, row);
+        }
+    });
+}
+
+/// Red, green and blue to `0x00RRGGBB`: four pixels are twelve bytes, read as words.
+fn copy(pixels: &[[u8; 3]], out: &mut [u32]) {
+    let (four, rest) = pixels.as_chunks::<4>();
+    let (out_four, out_rest) = out.as_chunks_mut::<4>();
+    for (out, four) in out_four.iter_mut().zip(four) {
+        let b = four.as_flattened();
+        *out = [
+            u32::from_be_bytes([b[0], b[1], b[2], b[3]]) >> 8,
+            u32::from_be_bytes([b[3], b[4], b[5], b[6]]) >> 8,
+            u32::from_be_bytes([b[6], b[7], b[8], b[9]]) >> 8,
+            u32::from_be_bytes([b[8], b[9], b[10], b[11]]) & 0x00ff_ffff,
+        ];
+    }
+    for (out, &[r, g, b]) in out_rest.iter_mut().zip(rest) {
+        *out = u32::from_be_bytes([0, r, g, b]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blending_is_that_of_each_colour() {
+        for alpha in [0u32, 1, 77, 128, 254, 255] {
+            for c in [0u32, 1, 100, 254, 255] {
+                let over = (c * alpha).div_ceil(255).min(alpha);
+                for under in [0u32, 3, 128, 255] {
+                    let out =
+                        blend(under << 16 | (255 - under) << 8 | under, alpha << 24 | over << 16 | over << 8 | over);
+                    let one = |u: u32| over + (f64::from(u * (255 - alpha)) / 255.0).round() as u32;
+                    let expected = one(under) << 16 | one(255 - under) << 8 | one(under);
+                    assert_eq!(out, expected, "{under} under {over} of {alpha}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn only_what_is_not_clear_is_laid_over() {
+        let mut canvas = vec![[0u8; 4]; 40 * 70];
+        canvas[40 * 33 + 5..40 * 33 + 9].fill([10, 20, 30, 255]);
+        canvas[40 * 69 + 39] = [0, 0, 100, 128];
+        let layer = Layer::of(&canvas, 40);
+        assert_eq!(layer.pixels.len(), 5);
+        let mut out = vec![9; 40 * 70];
+        compose(None, &layer, &mut out, 40);
+        for (n, &p) in out.iter().enumerate() {
+            let expected = match n {
+                1325..1329 => 0x001e_140a,
+                2799 => 0x0064_0000,
+                _ => 0,
+            };
+            assert_eq!(p, expected, "{n}");
+        }
+        compose(None, &layer, &mut [], 0);
+    }
+
+    #[test]
+    fn red_stays_red() {
+        for n in 1..9 {
+            let pixels: Vec<[u8; 3]> = (0..n).map(|n| [200 + n, 100 + n, n]).collect();
+            let mut out = vec![0; pixels.len()];
+            copy(&pixels, &mut out);
+            for (o, &[r, g, b]) in out.iter().zip(&pixels) {
+                assert_eq!(*o, u32::from(r) << 16 | u32::from(g) << 8 | u32::from(b));
+            }
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! How fast a picture moves: the image flow of what is seen.
+
+use glam::DVec3;
+
+use crate::render::ray::first_crossing;
+use crate::render::{Space, View};
+
+/// Points along each side of the picture that are followed.
+const SIDE: usize = 5;
+/// Where there is no wall, what is seen is so far away, mm.
+const FAR_MM: f64 = 1e6;
+
+/// A few points of the wall that a view shows, to be found again in the next one.
+#[derive(Clone, Debug)]
+pub struct Probes {
+    view: View,
+    /// World, mm, and where each is in the picture, pixels.
+    points: Vec<(DVec3, [f64; 2])>,
+}
+
+impl Probes {
+    /// Follows what `view` shows of `space`: one exact ray for each of 25 points.
+    pub fn new(space: &Space, view: &View) -> Self {
+        let place = |n: usize, length: usize| (n as f64 + 0.5) / SIDE as f64 * length as f64;
+        let point = |n: usize| {
+            let at = [place(n % SIDE, view.width()), place(n / SIDE, view.height())];
+            let direction = view.ray_at(at[0], at[1]);
+            let depth = first_crossing(space, view.position(), direction, FAR_MM).unwrap_or(FAR_MM);
+            (view.position() + direction * depth, at)
+        };
+        Self { view: *view, points: (0..SIDE * SIDE).map(point).collect() }
+    }
+
+    /// The view that they were seen in.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
+    /// By how many pixels the picture moves from that view to the view `to`: a quarter of the points move farther. Where
+    /// they are out of sight, or the picture is of another size or angle, it is infinite: a cut.
+    pub fn flow(&self, to: &View) -> f64 {
+        let shape = |v: &View| (v.width(), v.height(), v.fov_degrees());
+        if *to == self.view {
+            return 0.0;
+        }
+        if shape(to) != shape(&self.view) {
+            return f64::INFINITY;
+        }
+        let mut moved: Vec<f64> = self.points.iter().map(|&(p, at)| distance(to, p, at)).collect();
+        moved.sort_by(f64::total_cmp);
+        moved[moved.len() * 3 / 4]
+    }
+}
+
+/// Pixels between the place `at` and the one where `view` shows `point`; infinite where that is behind the camera.
+fn distance(view: &View, point: DVec3, at: [f64; 2]) -> f64 {
+    let p = point - view.position();
+    let ahead = p.dot(view.forward());
+    if ahead <= 1e-3 * p.length() {
+        // A camera that is right at the wall sees it where it was.
+        return if p == DVec3::ZERO { 0.0 } else { f64::INFINITY };
+    }
+    let scale = 1.0 / (ahead * view.pixel());
+    let [x, y] = view.centre();
+    (x + p.dot(view.right()) * scale - at[0]).hypot(y - p.dot(view.up()) * scale - at[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DMat3, DQuat};
+
+    use super::*;
+    use crate::render::Wall;
+    use crate::volume::{Grid, Volume};
+
+    /// A wall at x = 50 mm.
+    fn wall() -> Space {
+        let grid = Grid::new([64, 64, 64], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let data = (0..64 * 64 * 64).map(|n| if n % 64 > 50 { 0 } else { -1000 }).collect();
+        Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+    }
+
+    fn view(at: DVec3, forward: DVec3) -> View {
+        View::new(at, forward, DVec3::Z, 90.0, 200, 200).unwrap()
+    }
+
+    #[test]
+    fn it_is_that_of_the_wall_that_is_seen() {
+        let (space, at) = (wall(), DVec3::new(30.0, 32.0, 32.0));
+        let probes = Probes::new(&space, &view(at, DVec3::X));
+        assert_eq!(probes.flow(&view(at, DVec3::X)), 0.0);
+        // A pixel covers 0.01 of the distance of about 20.3 mm.
+        let sideways = probes.flow(&view(at + DVec3::Y * 2.0, DVec3::X));
+        assert!((sideways - 200.0 / 20.3).abs() < 0.5, "{sideways}");
+        let forward = probes.flow(&view(at + DVec3::X, DVec3::X));
+        assert!(forward > 2.0 && forward < sideways, "{forward}");
+        let turned = probes.flow(&view(at, DQuat::from_rotation_z(0.1) * DVec3::X));
+        assert!(turned > 9.0 && turned < 20.0, "{turned}");
+    }
+
+    #[test]
+    fn cuts_are_infinite() {
+        let (space, at) = (wall(), DVec3::new(30.0, 32.0, 32.0));
+        let v = view(at, DVec3::X);
+        let probes = Probes::new(&space, &v);
+        assert_eq!(probes.flow(&view(at, DVec3::NEG_X)), f64::INFINITY);
+        assert_eq!(probes.flow(&v.resized(201, 200)), f64::INFINITY);
+        // Outside and within the wall nothing is NaN.
+        for from in [DVec3::splat(-1e3), DVec3::new(60.0, 32.0, 32.0), DVec3::splat(1e8)] {
+            let probes = Probes::new(&space, &view(from, DVec3::X));
+            assert!(!probes.flow(&view(from + DVec3::Y, DVec3::X)).is_nan());
+        }
+    }
+}

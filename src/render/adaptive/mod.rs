@@ -1,0 +1,184 @@
+//! Detail that follows the need (the paper's plan of detail relative to speed).
+//!
+//! **In motion** a picture is traced at a part of its resolution and stretched: as finely as its budget of samples and its
+//! image flow allow ([`level`], [`flow`]). What an earlier picture took predicts what the next will take.
+//!
+//! **At rest** it is made sharp first, and then refined to the reference, 16 samples a pixel at the reference's steps
+//! and sensitivity, a part with every picture that is asked for, within the same budget ([`still`]). When that is done, no
+//! ray is cast any more.
+//!
+//! There is no clock here: a budget is a number of samples. Who has a clock turns it into samples by what samples have
+//! taken; who has none gets the same pictures every time.
+
+mod flow;
+mod level;
+mod still;
+
+use super::caster::depths;
+use super::enlarge::enlarge;
+use super::fast::Fast;
+use super::quality::{Quality, Settings};
+use super::renderer::Detail;
+use super::{Direct, Frame, Renderer, Space, View, Work};
+use flow::Probes;
+use level::Governor;
+use still::{Means, Still};
+
+pub use still::SAMPLES;
+
+/// What a picture may cost where nobody says otherwise, in samples: what two cores of today take in a sixtieth of a second.
+pub const BUDGET: u64 = 5_000_000;
+/// A ray costs as much as so many samples, beside its own: to be set up, shaded and shown.
+const RAY: u64 = 8;
+/// A picture that would move by no more pixels than this since it was begun is at rest.
+const REST: f64 = 0.5;
+
+/// What a picture cost, in samples.
+pub fn cost(work: &Work) -> u64 {
+    work.samples.saturating_add(work.rays.saturating_mul(RAY))
+}
+
+/// What makes samples of the reference, one a pixel.
+pub enum Fine {
+    /// Packets of rays, which can be cast for some blocks of a picture alone.
+    Packets(Fast),
+    /// One ray after the other.
+    Rays(Direct),
+}
+
+impl Fine {
+    /// Renders a sample for each pixel, or for those of the `wanted` blocks if it can.
+    fn render(&mut self, view: &View, frame: &mut Frame, wanted: Option<&[bool]>) -> Work {
+        match (self, wanted) {
+            (Self::Packets(fast), Some(wanted)) => fast.render_blocks(view, frame, wanted),
+            (Self::Packets(fast), None) => fast.render(view, frame),
+            (Self::Rays(direct), _) => direct.render(view, frame),
+        }
+    }
+}
+
+/// Follows the need with two renderers of the same space.
+pub struct Adaptive {
+    space: Space,
+    moving: Box<dyn Renderer>,
+    /// Makes samples of the reference; none at a quality that does not ask for it.
+    fine: Option<Fine>,
+    budget: u64,
+    governor: Governor,
+    /// Of the last view that was another.
+    probes: Option<Probes>,
+    small: Frame,
+    still: Still,
+    resting: bool,
+    /// The last picture of a moving camera: a camera that stops begins with it.
+    last: Frame,
+    traced: (usize, usize),
+}
+
+impl Adaptive {
+    /// Follows the need by `moving`, and at rest by `fine`, which makes one sample a pixel.
+    pub fn new(space: &Space, moving: Box<dyn Renderer>, fine: Option<Fine>) -> Self {
+        Self {
+            space: space.clone(),
+            moving,
+            fine,
+            budget: BUDGET,
+            governor: Governor::default(),
+            probes: None,
+            small: Frame::default(),
+            still: Still::default(),
+            resting: false,
+            last: Frame::default(),
+            traced: (0, 0),
+        }
+    }
+
+    /// The settings of [`Adaptive`]'s finest samples, for pictures by `settings`; none where those do not go so far.
+    pub fn fine(settings: Settings) -> Option<Settings> {
+        let Settings { sensitivity, step_power, .. } = Settings::new(Quality::Reference);
+        let fine = Settings {
+            quality: Quality::High,
+            sensitivity,
+            step_power,
+            samples_per_pixel: 1,
+            adaptive: false,
+            ..settings
+        };
+        (settings.quality != Quality::Low).then_some(fine)
+    }
+
+    fn in_motion(&mut self, view: &View, flow: f64, frame: &mut Frame) -> Work {
+        self.resting = false;
+        let size = (view.width(), view.height());
+        let (width, height) = self.governor.next(size, flow, self.budget);
+        self.traced = (width, height);
+        let work = if self.traced == size {
+            // Not into `frame`: its depth is seen to by the caller.
+            self.moving.render(view, &mut self.last)
+        } else {
+            let work = self.moving.render(&view.resized(width, height), &mut self.small);
+            self.last.resize(view.width(), view.height());
+            enlarge(&self.small, &mut self.last);
+            work
+        };
+        self.governor.took(cost(&work), size.0 * size.1);
+        self.probes = Some(Probes::new(&self.space, view));
+        frame.show(&self.last);
+        work
+    }
+
+    fn at_rest(&mut self, view: &View, frame: &mut Frame) -> Work {
+        let size = (view.width(), view.height());
+        if !self.resting {
+            self.resting = true;
+            self.still.begin(&self.last, self.traced == size);
+        }
+        let means = Means { sharp: &mut *self.moving, fine: self.fine.as_mut() };
+        let work = self.still.go_on(view, means, self.budget);
+        if self.still.is_done(false) {
+            self.traced = size;
+        }
+        frame.show(self.still.shown());
+        work
+    }
+}
+
+impl Renderer for Adaptive {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        // A camera at rest may tremble: its picture stays that of the view that it came to rest at.
+        let rest = self.probes.as_ref().map(|p| (p.flow(view), *p.view()));
+        let work = match rest {
+            Some((flow, of)) if flow <= REST => self.at_rest(&of, frame),
+            Some((flow, _)) => self.in_motion(view, flow, frame),
+            None => self.in_motion(view, f64::INFINITY, frame),
+        };
+        if let Some(depth) = frame.buffers().1 {
+            depths(&self.space, view, depth);
+        }
+        work
+    }
+
+    fn parts(&self) -> Vec<(&'static str, usize)> {
+        let pixels = |f: &Frame| f.pixels().len() * 3;
+        let mut parts = self.moving.parts();
+        // What both share is told once.
+        if let Some(Fine::Packets(fast)) = &self.fine {
+            parts.push(("refinement: rays", fast.own_bytes()));
+        }
+        parts.push(("refinement: pictures", self.still.bytes() + pixels(&self.small) + pixels(&self.last)));
+        parts
+    }
+
+    fn set_budget(&mut self, samples: u64) {
+        self.budget = samples;
+    }
+
+    fn detail(&self) -> Option<Detail> {
+        let best = self.resting && self.still.is_done(self.fine.is_some());
+        let samples = if self.resting { self.still.samples() } else { 0 };
+        Some(Detail { size: self.traced, samples, best })
+    }
+}
+
+#[cfg(test)]
+mod tests;

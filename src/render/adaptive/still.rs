@@ -1,0 +1,219 @@
+//! The picture of a camera at rest: sharp at first, then better with every pass, until it is the reference.
+
+use rayon::prelude::*;
+
+use super::{Fine, cost};
+use crate::render::caster::within_pixel;
+use crate::render::fast::BLOCK;
+use crate::render::{Frame, Renderer, View, Work};
+
+/// Samples a pixel of the finished picture.
+pub const SAMPLES: u32 = 16;
+/// Rows of the strips that a pass is made in are a multiple of this, and of a block's.
+const ROWS: usize = 4 * BLOCK;
+/// Passes that take a sample of every pixel. The others go on where these have differed: samples that are alike have no more
+/// to tell.
+const EVERYWHERE: u32 = 4;
+/// A sample that differs from those before it by no more grey levels is alike.
+const RESTLESS: u8 = 2;
+/// What a pixel of a sharp pass, of a fine one, and of one for some blocks alone costs before any was made, in samples.
+const FIRST: [f64; 3] = [12.0, 24.0, 12.0];
+/// Predictions are taken for so much larger than they are.
+const MARGIN: f64 = 1.15;
+
+/// A picture that is being refined, pass by pass and strip by strip.
+#[derive(Default)]
+pub struct Still {
+    /// What is to be shown.
+    shown: Frame,
+    /// Sum of each pixel's samples.
+    sums: Vec<[u16; 3]>,
+    /// For each block, by how many grey levels a sample differed from those before it.
+    unrest: Vec<u8>,
+    /// The blocks of a strip that another sample is worth its cost in.
+    wanted: Vec<bool>,
+    strip: Frame,
+    /// The pass under way: 0 makes the picture sharp, the others take a sample a pixel each.
+    pass: u32,
+    /// The first row that it has not come to.
+    row: usize,
+    /// What a pixel of the last strips of each kind of pass cost, in samples.
+    cost: Option<[f64; 3]>,
+}
+
+/// What a picture is refined with.
+pub struct Means<'a> {
+    /// Makes the picture that was sought all along.
+    pub sharp: &'a mut dyn Renderer,
+    /// Makes one of its samples; none if it is as good as it gets when it is sharp.
+    pub fine: Option<&'a mut Fine>,
+}
+
+impl Still {
+    /// Begins with `picture`; whether all of its pixels were traced.
+    pub fn begin(&mut self, picture: &Frame, sharp: bool) {
+        self.shown.show(picture);
+        (self.pass, self.row) = (u32::from(sharp), 0);
+    }
+
+    /// The picture as it is.
+    pub fn shown(&self) -> &Frame {
+        &self.shown
+    }
+
+    /// Samples of the reference that pixels have.
+    pub fn samples(&self) -> u32 {
+        self.pass.saturating_sub(1)
+    }
+
+    /// Whether the picture is as good as it gets, with fine passes or without.
+    pub fn is_done(&self, fine: bool) -> bool {
+        self.pass > if fine { SAMPLES } else { 0 }
+    }
+
+    /// Goes on with the picture of `view` for `budget` samples, or for one strip if that takes more.
+    pub fn go_on(&mut self, view: &View, mut means: Means<'_>, budget: u64) -> Work {
+        let mut all = Work::default();
+        let mut expected = self.cost.unwrap_or(FIRST);
+        let fine = means.fine.is_some();
+        while !self.is_done(fine) {
+            let kind = match self.pass {
+                0 => 0,
+                1..=EVERYWHERE => 1,
+                _ => 2,
+            };
+            let left = budget.saturating_sub(cost(&all)) as f64;
+            let affordable = (left / (expected[kind] * MARGIN * view.width() as f64)) as usize / ROWS * ROWS;
+            if affordable == 0 && all != Work::default() {
+                break;
+            }
+            let end = self.row.saturating_add(affordable.max(ROWS)).min(view.height());
+            let shift = if kind == 0 { [0.0; 2] } else { place(self.pass - 1) };
+            let part = view.strip(self.row..end, shift);
+            self.choose(&part, kind);
+            let work = match &mut means.fine {
+                Some(fine) if kind > 0 => fine.render(&part, &mut self.strip, (kind == 2).then_some(&self.wanted)),
+                _ => means.sharp.render(&part, &mut self.strip),
+            };
+            // Strips differ: the dearer of two tells more of the next.
+            let now = cost(&work) as f64 / (part.width() * part.height()) as f64;
+            expected[kind] = now.max(0.75 * expected[kind]);
+            self.take(kind, view);
+            all = all + work;
+            self.row = end;
+            if end == view.height() {
+                (self.pass, self.row) = (self.pass + 1, 0);
+            }
+        }
+        self.cost = Some(expected);
+        all
+    }
+
+    /// Marks the blocks of a strip that get a sample: all of them at first, then those whose samples differ.
+    fn choose(&mut self, part: &View, kind: usize) {
+        let (across, down) = (part.width().div_ceil(BLOCK), part.height().div_ceil(BLOCK));
+        let first = self.row / BLOCK * across;
+        self.unrest.resize((first + across * down).max(self.unrest.len()), 0);
+        if self.pass <= 1 {
+            self.unrest[first..first + across * down].fill(0);
+        }
+        self.wanted.clear();
+        self.wanted.extend(self.unrest[first..first + across * down].iter().map(|&u| kind < 2 || u > RESTLESS));
+    }
+
+    /// Puts a finished strip into the picture.
+    fn take(&mut self, kind: usize, view: &View) {
+        let (width, pixels) = (view.width(), self.strip.pixels());
+        let first = self.row * width;
+        let shown = &mut self.shown.buffers().0[first..first + pixels.len()];
+        if kind == 0 {
+            shown.copy_from_slice(pixels);
+            return;
+        }
+        self.sums.resize(width * view.height(), [0; 3]);
+        let sums = &mut self.sums[first..first + pixels.len()];
+        let across = width.div_ceil(BLOCK);
+        let unrest = &mut self.unrest[self.row / BLOCK * across..];
+        let (anew, share) = (self.pass == 1, 1.0 / self.pass as f32);
+        let rows = shown.par_chunks_mut(BLOCK * width).zip(sums.par_chunks_mut(BLOCK * width));
+        let rows = rows.zip(pixels.par_chunks(BLOCK * width));
+        let blocks = unrest.par_chunks_mut(across).zip(self.wanted.par_chunks(across));
+        rows.zip(blocks).for_each(|(((shown, sums), pixels), (unrest, wanted))| {
+            let rows = shown.chunks_mut(width).zip(sums.chunks_mut(width)).zip(pixels.chunks(width));
+            for ((shown, sums), pixels) in rows {
+                let columns = shown.chunks_mut(BLOCK).zip(sums.chunks_mut(BLOCK)).zip(pixels.chunks(BLOCK));
+                let wanted = columns.zip(unrest.iter_mut().zip(wanted)).filter(|b| *b.1.1);
+                for (((shown, sums), pixels), (unrest, _)) in wanted {
+                    let all = shown.as_flattened_mut().iter_mut().zip(sums.as_flattened_mut());
+                    for ((shown, sum), &new) in all.zip(pixels.as_flattened()) {
+                        if anew {
+                            *sum = 0;
+                        } else {
+                            *unrest = (*unrest).max(shown.abs_diff(new));
+                        }
+                        *sum += u16::from(new);
+                        *shown = (f32::from(*sum) * share + 0.5) as u8;
+                    }
+                }
+            }
+        });
+    }
+
+    /// Memory taken, bytes.
+    pub fn bytes(&self) -> usize {
+        let pixels = |f: &Frame| f.pixels().len() * 3;
+        pixels(&self.shown)
+            + pixels(&self.strip)
+            + self.sums.len() * size_of::<[u16; 3]>()
+            + self.unrest.len()
+            + self.wanted.len()
+    }
+}
+
+/// Where the rays of sample `n` pass through their pixels, from the pixels' centres, pixels to the right and downwards:
+/// the points of the reference, in an order whose mean stays near the centre, so that a picture does not drift while it is
+/// refined.
+fn place(n: u32) -> [f64; 2] {
+    let mut left: Vec<[f64; 2]> = (0..SAMPLES)
+        .map(|n| {
+            let (u, v) = within_pixel(n, SAMPLES);
+            [u - 0.5, v - 0.5]
+        })
+        .collect();
+    let mut sum = [0.0; 2];
+    for _ in 0..n.min(SAMPLES - 1) {
+        let next = nearest(&left, sum);
+        let [x, y] = left.swap_remove(next);
+        sum = [sum[0] + x, sum[1] + y];
+    }
+    left[nearest(&left, sum)]
+}
+
+/// The point that brings the sum of all nearest to the centre.
+fn nearest(points: &[[f64; 2]], sum: [f64; 2]) -> usize {
+    let far = |p: &[f64; 2]| (sum[0] + p[0]).hypot(sum[1] + p[1]);
+    let of_two = |a: usize, b: usize| if far(&points[b]) < far(&points[a]) { b } else { a };
+    (0..points.len()).reduce(of_two).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_those_of_the_reference_and_stay_about_the_centre() {
+        let mut all: Vec<[f64; 2]> = (0..SAMPLES).map(place).collect();
+        let mut sum = [0.0; 2];
+        for (n, p) in all.iter().enumerate() {
+            sum = [sum[0] + p[0], sum[1] + p[1]];
+            let off = sum[0].hypot(sum[1]) / (n + 1) as f64;
+            assert!(off < 0.3 / (n + 1) as f64 + 0.1, "{n}: {off} pixels");
+        }
+        let mut reference: Vec<[f64; 2]> =
+            (0..SAMPLES).map(|n| within_pixel(n, SAMPLES)).map(|(u, v)| [u - 0.5, v - 0.5]).collect();
+        let order = |a: &[f64; 2], b: &[f64; 2]| a[0].total_cmp(&b[0]);
+        all.sort_by(order);
+        reference.sort_by(order);
+        assert_eq!(all, reference);
+    }
+}

@@ -1,0 +1,161 @@
+use std::sync::Arc;
+
+use glam::{DQuat, DVec3};
+
+use super::*;
+use crate::phantom::{self, Phantom};
+use crate::progress::Progress;
+use crate::render::{Preset, Wall, psnr, renderer};
+
+const SIDE: usize = 96;
+
+/// A small colon, and the poses of its centerline.
+fn colon() -> (Space, Vec<DVec3>) {
+    let phantom = Phantom::new(&phantom::Settings { size: phantom::Size::Small, ..Default::default() });
+    let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+    let line = phantom.truth().centerline;
+    (Space::new(Arc::new(volume), Wall::default()), line)
+}
+
+fn adaptive(space: &Space, quality: Quality) -> Box<dyn Renderer> {
+    renderer(space, Settings { adaptive: true, ..Settings::new(quality) }, Preset::Default, true)
+}
+
+fn view(at: DVec3, forward: DVec3) -> View {
+    View::new(at, forward, DVec3::Z, 90.0, SIDE, SIDE).unwrap()
+}
+
+/// A flight along the line with a sudden turn now and then.
+fn flight(line: &[DVec3], pictures: usize) -> Vec<View> {
+    let mut turned = 0.0f64;
+    (0..pictures)
+        .map(|n| {
+            let at = 40 + n * (line.len() - 100) / pictures;
+            if n % 23 == 11 {
+                turned += 1.9;
+            }
+            view(line[at], DQuat::from_rotation_z(turned) * (line[at + 8] - line[at]))
+        })
+        .collect()
+}
+
+#[test]
+fn a_flight_with_sudden_turns_keeps_its_budget() {
+    let (space, line) = colon();
+    for budget in [20_000, 60_000, 150_000] {
+        let mut r = adaptive(&space, Quality::High);
+        r.set_budget(budget);
+        let mut frame = Frame::new(SIDE, SIDE, false);
+        let views = flight(&line, 400);
+        let costs: Vec<u64> = views.iter().map(|v| cost(&r.render(v, &mut frame))).collect();
+        let over = costs[1..].iter().filter(|c| **c > budget).count();
+        let mean = costs.iter().sum::<u64>() as f64 / costs.len() as f64;
+        println!("budget {budget}: {over} of {} above it, {:.2} of it used", costs.len() - 1, mean / budget as f64);
+        assert!(over * 100 <= costs.len(), "{over} above {budget}");
+        assert!(frame.pixels().iter().any(|p| p[0] > 40), "there is a picture");
+    }
+}
+
+#[test]
+fn the_same_on_one_thread_and_on_two() {
+    let (space, line) = colon();
+    let make = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut r = adaptive(&space, Quality::High);
+            r.set_budget(60_000);
+            let mut frame = Frame::new(SIDE, SIDE, false);
+            let mut all = Vec::new();
+            for v in flight(&line, 30) {
+                // It rests for a moment at each place.
+                for _ in 0..3 {
+                    all.push((r.render(&v, &mut frame), frame.pixels().to_vec(), r.detail()));
+                }
+            }
+            all
+        })
+    };
+    let (one, two, again) = (make(1), make(2), make(2));
+    assert!(one == two && two == again);
+}
+
+#[test]
+fn at_rest_it_becomes_the_reference_and_stops() {
+    let (space, line) = colon();
+    let v = view(line[60], line[70] - line[60]);
+    let settings = Settings { samples_per_pixel: SAMPLES, ..Settings::new(Quality::Reference) };
+    let mut reference = Frame::default();
+    Direct::new(&space, settings).render(&v, &mut reference);
+    for (preset, budget) in [(Preset::Default, 40_000), (Preset::Default, u64::MAX), (Preset::Lean, 400_000)] {
+        let settings = Settings { adaptive: true, ..Settings::default() };
+        let mut r = renderer(&space, settings, preset, true);
+        r.set_budget(budget);
+        let mut frame = Frame::new(SIDE, SIDE, false);
+        let mut pictures = 0;
+        let mut quality = Vec::new();
+        while !r.detail().is_some_and(|d| d.best) {
+            let work = r.render(&v, &mut frame);
+            assert!(work.rays > 0, "it stops before it says so");
+            pictures += 1;
+            assert!(pictures < 2000, "{preset:?}: no end");
+            quality.push(psnr(&frame, &reference));
+        }
+        let (first, last) = (quality[0], *quality.last().unwrap());
+        println!("{preset:?}, budget {budget}: {pictures} pictures, {first:.1} to {last:.1} dB");
+        assert!(last >= 45.0, "{last} dB");
+        let done = frame.clone();
+        // A camera that trembles by a hundredth of a millimetre is at rest.
+        for tremble in [0.0, 0.01] {
+            let again = view(line[60] + DVec3::X * tremble, line[70] - line[60]);
+            assert_eq!((r.render(&again, &mut frame), &frame), (Work::default(), &done));
+        }
+    }
+}
+
+#[test]
+fn what_moves_on_begins_anew() {
+    let (space, line) = colon();
+    let mut r = adaptive(&space, Quality::High);
+    r.set_budget(100_000);
+    let mut frame = Frame::new(SIDE, SIDE, true);
+    let first = view(line[60], line[70] - line[60]);
+    let small = View::new(line[60], line[70] - line[60], DVec3::Z, 90.0, 60, 40).unwrap();
+    let elsewhere = view(line[150], line[160] - line[150]);
+    for next in [small, elsewhere, first] {
+        for _ in 0..4 {
+            r.render(&first, &mut frame);
+        }
+        assert!(r.detail().unwrap().samples < SAMPLES);
+        r.render(&next, &mut frame);
+        assert_eq!((frame.width(), frame.height()), (next.width(), next.height()));
+        r.set_budget(u64::MAX);
+        let (mut alone, mut fresh) = (Frame::new(1, 1, true), adaptive(&space, Quality::High));
+        fresh.set_budget(u64::MAX);
+        for _ in 0..2 {
+            r.render(&next, &mut frame);
+            fresh.render(&next, &mut alone);
+        }
+        assert!(r.detail().unwrap().best);
+        assert!(psnr(&frame, &alone) > 50.0, "nothing of the old picture is left");
+        assert_eq!(frame.depth(), alone.depth());
+        r.set_budget(100_000);
+    }
+}
+
+#[test]
+fn low_detail_is_cheaper_and_rests_when_it_is_sharp() {
+    let (space, line) = colon();
+    let v = view(line[60], line[70] - line[60]);
+    let works = [Quality::High, Quality::Low].map(|quality| {
+        let mut r = renderer(&space, Settings::new(quality), Preset::Default, true);
+        r.render(&v, &mut Frame::default())
+    });
+    assert!(cost(&works[1]) * 2 < cost(&works[0]), "{works:?}");
+    let (mut r, mut frame) = (adaptive(&space, Quality::Low), Frame::default());
+    r.set_budget(1);
+    r.render(&v, &mut frame);
+    r.set_budget(u64::MAX);
+    assert_ne!(r.render(&v, &mut frame), Work::default());
+    assert!(r.detail().unwrap().best);
+    assert_eq!(r.render(&v, &mut frame), Work::default());
+}
