@@ -5,8 +5,8 @@
 //! its own ray. What must hold ([`Block::is_smooth`]):
 //!
 //! - all five rays end in the wall after a single passage, or all five meet nothing;
-//! - the block is smaller than a voxel where it lies, so that the scan has nothing to show between the rays that they
-//!   do not show themselves;
+//! - the block is no larger than two voxels where it lies, so that its rays are no farther apart than the finest waves
+//!   that the scan can hold are long: it has little to show between them;
 //! - inverse depth, which is linear over a plane, and brightness are those of the corners' mean at the centre, and the
 //!   corners are not twisted.
 //!
