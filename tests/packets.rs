@@ -40,7 +40,10 @@ fn every_picture_is_as_good_as_the_reference_whatever_came_before() {
         reference.render(view, &mut exact);
         let db = psnr(&fast, &exact);
         let share = work.rays as f64 / (SIDE * SIDE) as f64;
-        println!("picture {n}: {db:.1} dB, {share:.2} rays a pixel, {:.1} samples a ray", work.samples as f64 / work.rays as f64);
+        println!(
+            "picture {n}: {db:.1} dB, {share:.2} rays a pixel, {:.1} samples a ray",
+            work.samples as f64 / work.rays as f64
+        );
         assert!(db >= 40.0, "picture {n}: {db}");
     }
 }
