@@ -303,7 +303,7 @@ pub enum QualityName {
     High,
     /// Nearest voxel.
     Low,
-    /// What the speed allows.
+    /// What budget and speed allow; at rest, up to the reference.
     Adaptive,
     /// Brute force, to measure against.
     Reference,

@@ -13,6 +13,8 @@ const LEAST: f64 = 0.25;
 /// noticed, to be early is not.
 const SLOWER: f64 = 0.4;
 const FASTER: f64 = 0.1;
+/// A picture tells of samples so many times slower than was thought at the most.
+const HICCUP: f64 = 3.0;
 /// What a sample takes before any was measured, ns.
 const FIRST_NS: f64 = 10.0;
 
@@ -44,7 +46,8 @@ impl FrameBudget {
             return;
         }
         let known = &mut self.sample_ns[usize::from(rest)];
-        let now = ms * 1e6 / samples as f64;
+        // A hiccup of the machine must not blur what follows.
+        let now = (ms * 1e6 / samples as f64).min(HICCUP * *known);
         *known += (now - *known) * if now > *known { SLOWER } else { FASTER };
         *known = known.clamp(1e-2, 1e9);
     }
