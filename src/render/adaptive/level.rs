@@ -146,7 +146,7 @@ mod tests {
         assert_eq!(sizes[0], (256, 192), "no haste afterwards");
         sizes.dedup();
         assert_eq!(sizes, [(256, 192), (384, 288), (512, 384), (768, 576), (1024, 768)]);
-        assert_eq!(fly(&mut g, 1, f64::INFINITY, 1.0, 5_000_000), [SHOWN], "a cut is no motion");
+        assert_eq!(fly(&mut g, 1, f64::INFINITY, 1.0, 50_000_000), [SHOWN], "a cut is no motion");
     }
 
     #[test]
