@@ -60,22 +60,24 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         });
     }
     let mut left_out = flight.app().left_out().to_vec();
-    match flight.camera::<FrameCache>() {
-        Some(cache) => {
-            // The flags are told above: everything that casts rays needs them.
-            let own = cache.renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0));
-            let needed_by = "the picture's preset";
-            built.extend(own.map(|(part, bytes)| Built { part, bytes, needed_by }).collect::<Vec<_>>());
-        }
-        None => {
-            let picture = flight.camera::<Picture>().filter(|_| flight.scene().picture);
-            let why = picture.map_or("there is no picture", |_| "the preset keeps nothing between frames");
-            left_out.push(LeftOut { part: "frame cache", why: why.to_owned() });
-            left_out.push(LeftOut { part: "volume (7 + 1 bit)", why: "only the preset colvis samples it".to_owned() });
-        }
+    if let Some(cache) = flight.camera::<FrameCache>() {
+        // The flags are told above: everything that casts rays needs them.
+        let own = cache.renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0));
+        let needed_by = "the picture's preset";
+        built.extend(own.map(|(part, bytes)| Built { part, bytes, needed_by }).collect::<Vec<_>>());
     }
-    for part in ["wall distance per voxel", "gradients ahead of time", "gradient cache"] {
-        left_out.push(LeftOut { part, why: "no preset asks for it".to_owned() });
+    let pictures = flight.camera::<Picture>().is_some() && flight.scene().picture;
+    let other = |why| if pictures { why } else { "there is no picture" };
+    for (part, why) in [
+        ("frame cache", other("only the preset colvis keeps bounds from frame to frame")),
+        ("volume (7 + 1 bit)", other("only the preset colvis samples it")),
+        ("gradient cache", other("only the default preset shades cell by cell")),
+        ("wall distance per voxel", "no preset asks for it"),
+        ("gradients ahead of time", "no preset asks for it"),
+    ] {
+        if !built.iter().any(|b| b.part == part) {
+            left_out.push(LeftOut { part, why: why.to_owned() });
+        }
     }
     if !space.flags().has_bits() {
         let why = "the preset lean does without: rays leap from brick to brick".to_owned();
