@@ -48,7 +48,7 @@ fn four_scenes_four_schedules() {
         ("watch_flight", [true, true, true, false]),
         ("cast_picture", [false, false, false, true]),
         ("RaySpace", [true, true, false, true]),
-        ("FrameCache", [false, false, false, true]),
+        ("FrameCache", [false, false, false, false]),
         ("take_commands", [false, false, false, false]),
         ("Hand", [false, false, false, false]),
         ("log_step", [false, false, false, false]),
