@@ -13,6 +13,9 @@ use crate::host::headless::FrameStats;
 use crate::render::adaptive::{SAMPLES, cost};
 use crate::render::{Detail, Frame, Quality, Settings, Space};
 
+/// What each shown pixel costs whatever is traced, in samples: it is stretched from a coarser picture, and copied.
+const SHOWING: u64 = 1;
+
 /// Closer than this is the same place, mm.
 const SAME_MM: f64 = 1e-3;
 
@@ -169,8 +172,10 @@ impl Sight {
     /// Traces the flight's own picture.
     fn trace_now(&mut self, flight: &mut FlightApp, (width, height): (usize, usize), rest: bool) {
         let begun = Instant::now();
+        // Were it left out, a coarse picture, which is mostly stretching, would make samples look slow and stay coarse.
+        let showing = (width * height) as u64 * SHOWING;
         if let Some(mut cache) = flight.camera_mut::<FrameCache>() {
-            cache.renderer.set_budget(self.budget.samples(rest, self.present_ms));
+            cache.renderer.set_budget(self.budget.samples(rest, self.present_ms).saturating_sub(showing));
         }
         if let Some(mut picture) = flight.camera_mut::<Picture>() {
             picture.frame.resize(width, height);
@@ -178,7 +183,9 @@ impl Sight {
         flight.frame();
         let ms = begun.elapsed().as_secs_f64() * 1e3;
         if let Some(w) = flight.camera::<Picture>().map(|p| p.work) {
-            self.budget.took(rest, cost(&w), ms);
+            if cost(&w) > 0 {
+                self.budget.took(rest, cost(&w) + showing, ms);
+            }
             self.frames.push(FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused });
         }
     }
