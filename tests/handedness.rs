@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use colvis::phantom::{Phantom, Settings, Size};
 use colvis::progress::Progress;
-use colvis::render::{Frame, Quality, Space, View, Wall, psnr, render};
+use colvis::render::{self, Frame, Preset, Quality, Space, View, Wall, psnr, renderer};
 use colvis::volume::{Grid, Volume, io};
 use glam::{DMat3, DVec3};
 use support::{Nifti, load};
@@ -97,7 +97,11 @@ impl Eye {
         let space = Space::new(Arc::new(volume), Wall::default());
         let view = View::new(self.position, self.forward, DVec3::NEG_Y, 90.0, SIDE, SIDE).unwrap();
         let mut frame = Frame::new(SIDE, SIDE, true);
-        render(&space, &view, &colvis::render::Settings::new(Quality::Reference), &mut frame);
+        render::render(&space, &view, &render::Settings::new(Quality::Reference), &mut frame);
+        // What is flown with must not be turned round either.
+        let mut flown = Frame::default();
+        renderer(&space, render::Settings::default(), Preset::Default, true).render(&view, &mut flown);
+        assert!(psnr(&flown, &frame) >= 40.0, "the default renderer: {:.1} dB", psnr(&flown, &frame));
         frame
     }
 
