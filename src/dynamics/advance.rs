@@ -3,13 +3,13 @@
 //! The distance to the wall is 1-Lipschitz: within a displacement of `c − r` from a point of clearance `c`, every point
 //! keeps a clearance of at least `r`. So the body moves by at most that, asks again, and so on (conservative
 //! advancement, Mirtich 1996; the same idea as sphere tracing, Hart 1996). The guarantee rests on
-//! [`ClearanceFinder::at`] never telling more than the truth, and on nothing else: neither the number of tentacles, nor
+//! [`Clearances::clearance`] never telling more than the truth, and on nothing else: neither the number of tentacles, nor
 //! the size of the force or of the step.
 
 use glam::DVec3;
 
 use crate::fields::clearance::TOLERANCE_MM;
-use crate::fields::{Clearance, ClearanceFinder};
+use crate::fields::{Clearance, Clearances};
 
 /// At most so many clearances are asked for in one step; what is left of the displacement then is not moved.
 const MAX_MOVES: usize = 16;
@@ -34,11 +34,11 @@ pub struct Advance {
 /// The body keeps the finder's tolerance beyond its radius, so that clearances as they are told never fall below it.
 /// Where it begins in the wall or too near to it, only motion that raises the clearance is allowed. A displacement that
 /// is not finite does not move it.
-pub fn advance(walls: &ClearanceFinder, position: DVec3, displacement: DVec3, radius: f64) -> Advance {
+pub fn advance(walls: &impl Clearances, position: DVec3, displacement: DVec3, radius: f64) -> Advance {
     let mut rest = if displacement.is_finite() { displacement } else { DVec3::ZERO };
     let mut at = position;
     let mut blocked = None;
-    let first = walls.at(at);
+    let first = walls.clearance(at);
     let mut clearance = first;
     for _ in 0..MAX_MOVES {
         let length = rest.length();
@@ -54,7 +54,7 @@ pub fn advance(walls: &ClearanceFinder, position: DVec3, displacement: DVec3, ra
             let step = rest * (free / length);
             at += step;
             rest -= step;
-            clearance = walls.at(at);
+            clearance = walls.clearance(at);
             continue;
         }
         let into = rest.dot(clearance.toward).max(0.0);
@@ -72,12 +72,12 @@ pub fn advance(walls: &ClearanceFinder, position: DVec3, displacement: DVec3, ra
 /// A short move along the wall that the body touches, leaning away from it as much as it must. It is tried, not bounded:
 /// with a clearance of `c₀` at its beginning and `c₁` at its end, a move of length `l` keeps at least `(c₀ + c₁ − l)/2`.
 /// From a place that is too near to the wall, any such move that raises the clearance.
-fn creep(walls: &ClearanceFinder, at: DVec3, here: Clearance, along: DVec3, radius: f64) -> Option<(DVec3, Clearance)> {
+fn creep(walls: &impl Clearances, at: DVec3, here: Clearance, along: DVec3, radius: f64) -> Option<(DVec3, Clearance)> {
     let direction = along.try_normalize()?;
     let length = along.length().min(CREEP_MM);
     [0.0, 0.1, 0.5, 2.0].into_iter().find_map(|lean| {
         let next = at + (direction - here.toward * lean).normalize() * length;
-        let there = walls.at(next);
+        let there = walls.clearance(next);
         let keeps = there.mm >= radius && here.mm + there.mm - length >= 2.0 * radius;
         let raises = here.mm < radius && there.mm > here.mm;
         (keeps || raises).then_some((next, there))
@@ -91,6 +91,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::fields::ClearanceFinder;
     use crate::math::hash;
     use crate::volume::{Grid, Volume};
 

@@ -26,6 +26,18 @@ pub struct Clearance {
     pub toward: DVec3,
 }
 
+/// Whatever tells how far the nearest wall is: the socket of [`crate::dynamics::advance()`].
+pub trait Clearances: Sync {
+    /// Clearance of a world point (mm), never more than the truth; 0 in the wall and for what is not finite.
+    fn clearance(&self, at: DVec3) -> Clearance;
+}
+
+impl Clearances for ClearanceFinder {
+    fn clearance(&self, at: DVec3) -> Clearance {
+        self.at(at)
+    }
+}
+
 /// Finds clearances in one volume.
 #[derive(Clone, Debug)]
 pub struct ClearanceFinder {

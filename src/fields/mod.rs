@@ -2,6 +2,8 @@
 
 pub mod clearance;
 pub mod lumen;
+pub mod sample;
 
-pub use clearance::{Clearance, ClearanceFinder};
+pub use clearance::{Clearance, ClearanceFinder, Clearances};
 pub use lumen::Lumen;
+pub use sample::{Distance, Sample};

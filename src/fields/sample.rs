@@ -1,0 +1,20 @@
+//! What a distance field tells at a place: the socket between fields and the potential that is built on them.
+
+use glam::{DMat3, DVec3};
+
+/// A distance with its first and second derivatives at a place, in the world frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// Distance, mm.
+    pub mm: f64,
+    /// Its gradient, dimensionless; of length 1 for a distance away from its ridges.
+    pub gradient: DVec3,
+    /// Its second derivatives, 1/mm; symmetric.
+    pub hessian: DMat3,
+}
+
+/// A scalar field of distances over the world: to the wall (D_s) or to the target (D_t).
+pub trait Distance: Sync {
+    /// The sample at a world point (mm); `None` where the field is not defined, and for what is not finite.
+    fn sample(&self, at: DVec3) -> Option<Sample>;
+}
