@@ -12,17 +12,19 @@ use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::{Preset, Space};
 use crate::report::render::{Extent, Subject};
-use crate::report::{gradients, render, scenes};
+use crate::report::{fields, gradients, render, scenes};
+use crate::volume::Volume;
 
 /// The reports that are built, with their names.
-const BUILT: [(ReportSubject, &str); 3] =
-    [(ReportSubject::Render, "render"), (ReportSubject::Gradients, "gradients"), (ReportSubject::Scenes, "scenes")];
-/// Those that are not.
-const NOT_BUILT: [(ReportSubject, &str); 3] = [
-    (ReportSubject::Dynamics, "dynamics"),
+const BUILT: [(ReportSubject, &str); 4] = [
+    (ReportSubject::Render, "render"),
+    (ReportSubject::Gradients, "gradients"),
+    (ReportSubject::Scenes, "scenes"),
     (ReportSubject::Fields, "fields"),
-    (ReportSubject::Perforation, "perforation"),
 ];
+/// Those that are not.
+const NOT_BUILT: [(ReportSubject, &str); 2] =
+    [(ReportSubject::Dynamics, "dynamics"), (ReportSubject::Perforation, "perforation")];
 
 /// Runs the command.
 ///
@@ -70,23 +72,37 @@ fn one(
             render::report(&subjects(args, global, progress)?, &extent, folder, progress)
         }
         ReportSubject::Gradients => gradients::report(args.quick, folder, progress),
+        ReportSubject::Fields => {
+            let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;
+            fields::report(args.quick, global.seed.unwrap_or(1), scan, folder, progress)
+        }
         _ => scenes::report(&phantom(args.quick, global, progress)?, args.quick, folder, progress),
     }
+}
+
+/// A scan with its title.
+fn scan(path: &Path, global: &Global, progress: &Progress) -> Result<(String, Volume)> {
+    let volume = prepare::load(Some(path), global, progress)?;
+    prepare::check_thick(&volume)?;
+    Ok((title(path), volume))
+}
+
+/// Only the file's name: a path may tell of a patient.
+fn title(path: &Path) -> String {
+    path.file_name().map_or_else(|| "Scan".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
 /// The phantom, and the scan where one is given.
 fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<Vec<Subject>> {
     let size = if args.quick { "small" } else { "standard" };
-    let title = format!("Phantom ({size}, seed {})", global.seed.unwrap_or(1));
+    let named = format!("Phantom ({size}, seed {})", global.seed.unwrap_or(1));
     let mut subjects =
-        vec![Subject { name: "phantom".to_owned(), title, space: phantom(args.quick, global, progress)? }];
+        vec![Subject { name: "phantom".to_owned(), title: named, space: phantom(args.quick, global, progress)? }];
     match &args.scan {
         Some(scan) => {
             let space = prepare::space(Some(scan), global, Preset::Default, &mut Timings::default(), progress)?;
             prepare::check_thick(space.volume())?;
-            // Only the file's name: a path may tell of a patient.
-            let title = scan.file_name().map_or_else(|| "Scan".to_owned(), |n| n.to_string_lossy().into_owned());
-            subjects.push(Subject { name: "scan".to_owned(), title, space });
+            subjects.push(Subject { name: "scan".to_owned(), title: title(scan), space });
         }
         None => say("only the phantom is reported on; --scan F adds a scan"),
     }

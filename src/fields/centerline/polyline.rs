@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 
-use crate::fields::WallDistance;
+use crate::fields::{Distance, WallDistance};
+
+/// How strongly a line that is pulled straight leans away from walls: mm a round at a distance of 1 mm.
+pub(super) const LEAN: f64 = 0.4;
 
 /// Whether every voxel that the straight way from `a` to `b` (world, mm) passes through is of the lumen.
 pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
@@ -90,13 +93,14 @@ pub(super) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
 }
 
 /// Pulls a free line straight and towards the middle of the lumen: each point goes to the mean of its neighbours and up
-/// the distance to the wall where it is narrow, as long as both ways to its neighbours stay free. The ends stay.
-pub(super) fn tightened(walls: &WallDistance, line: &mut [DVec3], rounds: usize) {
+/// the distance to the wall where it is narrow (by `lean` mm a round at a distance of 1 mm), as long as both ways to its
+/// neighbours stay free. The ends stay.
+pub(super) fn tightened(walls: &WallDistance, line: &mut [DVec3], rounds: usize, lean: f64) {
     for _ in 0..rounds {
         for n in 1..line.len().saturating_sub(1) {
             let (before, here, after) = (line[n - 1], line[n], line[n + 1]);
-            let uphill =
-                crate::fields::Distance::sample(walls, here).map_or(DVec3::ZERO, |s| s.gradient * LEAN / s.mm.max(1.0));
+            let slope = if lean > 0.0 { walls.sample(here) } else { None };
+            let uphill = slope.map_or(DVec3::ZERO, |s| s.gradient * lean / s.mm.max(1.0));
             let full = 0.5 * (before + after) + uphill;
             let to = [1.0, 0.5, 0.2].map(|share| here.lerp(full, share));
             if let Some(to) = to.into_iter().find(|&p| is_free(walls, before, p) && is_free(walls, p, after)) {
@@ -105,6 +109,3 @@ pub(super) fn tightened(walls: &WallDistance, line: &mut [DVec3], rounds: usize)
         }
     }
 }
-
-/// How strongly a line that is pulled straight leans away from walls: mm a round at a distance of 1 mm.
-const LEAN: f64 = 0.4;

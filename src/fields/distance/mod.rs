@@ -3,8 +3,9 @@
 //! The wall's places are where grid edges between a voxel of the lumen and one outside cross the iso value, by linear
 //! interpolation (half-way on a mask); the distance to these is exact (see `transform`). They are samples of the wall, so
 //! the distance to them is not less than that to the interpolated wall itself, and more by at most the diagonal of a voxel;
-//! right beside the wall the plane through the neighbouring samples takes their place, and the error is some hundredths of
-//! a voxel (see the tests). It is negative in the shell.
+//! right beside the wall the plane through the neighbouring samples takes their place. Against spheres the error is 0.02
+//! of a voxel in the mean, and 0.4 at most, at voxels that see the wall along a diagonal, past their own edges (see the
+//! tests). It is negative in the shell.
 //!
 //! Between voxels it is a cubic B-spline with the distances as its coefficients: twice continuously differentiable, exact
 //! where the distance is linear, and a mean of distances, so that it never swings. Its weights have the second moment
@@ -14,6 +15,7 @@
 //! On a sheared grid (a tilted gantry stored as such) distances are measured along the axes as if they were orthogonal,
 //! and scaled by their least stretch: a lower bound of the distance.
 
+pub mod compare;
 pub(in crate::fields) mod spline;
 #[cfg(test)]
 mod tests;
