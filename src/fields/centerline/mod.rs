@@ -32,6 +32,8 @@ const TIGHTEN: usize = 12;
 const EVEN: usize = 4;
 /// What a way loses for each mm that its end is drawn back from the lumen's tip: see [`last_ball`].
 const INWARD: f64 = 0.3;
+/// The lumen's tip is looked for within this of where an end is known to be, mm.
+const TIP_MM: f64 = 40.0;
 /// The last ball is looked for within this of the tip, mm.
 const INWARD_MM: f64 = 45.0;
 
@@ -158,7 +160,8 @@ impl Planner<'_> {
     fn route(&self, from: End, to: End) -> Result<Option<Centerline>> {
         let walls = self.walls;
         let (start, goal) = (voxel_of(walls, from.place())?, voxel_of(walls, to.place())?);
-        let Some(mut line) = self.way(start, goal)? else { return Ok(None) };
+        let Some((start, goal, nodes)) = self.tips((from, start), (to, goal)) else { return Ok(None) };
+        let Some(mut line) = self.way(start, goal, &nodes)? else { return Ok(None) };
         self.progress.check()?;
         if let [first, .., last] = &mut line[..] {
             (*first, *last) = (from.within(walls, start), to.within(walls, goal));
@@ -181,22 +184,47 @@ impl Planner<'_> {
         Ok(Some(finished(walls, &polyline::resampled(walls, &line, STEP_MM))))
     }
 
-    /// A way inside the lumen, if there is one, world, mm.
-    fn way(&self, start: [i64; 3], goal: [i64; 3]) -> Result<Option<Vec<DVec3>>> {
+    /// A way inside the lumen, if there is one, world, mm; `nodes` lead from the start's to the goal's.
+    fn way(&self, start: [i64; 3], goal: [i64; 3], nodes: &[u32]) -> Result<Option<Vec<DVec3>>> {
         let walls = self.walls;
-        let world = |way: Option<Vec<[i64; 3]>>| way.map(|w| w.into_iter().map(|v| walls.world(v)).collect());
+        let world = |way: Vec<[i64; 3]>| way.into_iter().map(|v| walls.world(v)).collect();
         match self.method {
-            Method::PenalisedPath | Method::Cells => Ok(world(self.over_cells(start, goal))),
-            Method::PeelOnion => peel::peeled(walls, start, goal, self.progress).map(world),
+            Method::PenalisedPath | Method::Cells => Ok(Some(world(self.cells.voxels(nodes, start, goal)))),
+            Method::PeelOnion => Ok(peel::peeled(walls, start, goal, self.progress)?.map(world)),
             Method::Roadmap => roadmap::way(walls, start, goal, self.progress),
         }
     }
 
-    /// A way of voxels from face to face.
-    fn over_cells(&self, start: [i64; 3], goal: [i64; 3]) -> Option<Vec<[i64; 3]>> {
-        let (a, b) = (self.cells.node_at(start)?, self.cells.node_at(goal)?);
-        let ways = self.cells.ways(a, Some(b), narrow);
-        ways.length[b as usize].is_finite().then(|| self.cells.voxels(&self.cells.way(&ways, b), start, goal))
+    /// The ends with those that are tips moved to the place near them that is farthest along the lumen from the other end,
+    /// and the nodes of the way between them; none where there is no way.
+    fn tips(
+        &self,
+        (from, start): (End, [i64; 3]),
+        (to, goal): (End, [i64; 3]),
+    ) -> Option<([i64; 3], [i64; 3], Vec<u32>)> {
+        let cells = self.cells;
+        let (a, b) = (cells.node_at(start)?, cells.node_at(goal)?);
+        let search = |from: u32, to: u32, end: End| {
+            let ways = cells.ways(from, matches!(end, End::At(_)).then_some(to), narrow);
+            let near = (0..cells.nodes.len() as u32).filter(|&n| {
+                matches!(end, End::Tip(p) if cells.place(n).distance(p) < TIP_MM) && ways.length[n as usize].is_finite()
+            });
+            let farthest = near.fold(to, |m, n| if ways.length[n as usize] > ways.length[m as usize] { n } else { m });
+            (ways, farthest)
+        };
+        let (ways, tip) = search(a, b, to);
+        if !ways.length[b as usize].is_finite() {
+            return None;
+        }
+        let goal = if tip == b { goal } else { cells.nodes[tip as usize].widest };
+        if matches!(from, End::At(_)) {
+            return Some((start, goal, cells.way(&ways, tip)));
+        }
+        let (back, first) = search(tip, a, from);
+        let start = if first == a { start } else { cells.nodes[first as usize].widest };
+        let mut nodes = cells.way(&back, first);
+        nodes.reverse();
+        Some((start, goal, nodes))
     }
 
     /// The connected piece of the lumen that a place lies in.

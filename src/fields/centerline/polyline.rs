@@ -4,6 +4,8 @@ use glam::DVec3;
 
 use crate::fields::{Distance, WallDistance};
 
+/// Two crossings this near each other along a way, as a share of it, are one.
+const TIE: f64 = 1e-9;
 /// How strongly a line that is pulled straight leans away from walls: mm a round at a distance of 1 mm.
 pub(super) const LEAN: f64 = 0.4;
 
@@ -31,11 +33,25 @@ pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
             return false;
         }
         let t = [cross(0, at[0]), cross(1, at[1]), cross(2, at[2])];
-        let axis = if t[0] <= t[1] && t[0] <= t[2] { 0 } else { 1 + usize::from(t[2] < t[1]) };
-        if t[axis] > 1.0 {
+        let next = t[0].min(t[1]).min(t[2]);
+        if next > 1.0 {
             break;
         }
-        at[axis] += if way[axis] > 0.0 { 1 } else { -1 };
+        // Where the way passes through an edge or a corner, all voxels that meet there count: a part of the way, rounded
+        // otherwise, may pass on either side.
+        let crossed: [bool; 3] = std::array::from_fn(|a| t[a] - next < TIE);
+        for sides in 1..8 {
+            if (0..3).all(|a| sides >> a & 1 == 0 || crossed[a]) {
+                let beside =
+                    std::array::from_fn(|a| at[a] + if sides >> a & 1 == 1 { way[a].signum() as i64 } else { 0 });
+                if !walls.is_inside(beside) {
+                    return false;
+                }
+            }
+        }
+        for a in (0..3).filter(|&a| crossed[a]) {
+            at[a] += way[a].signum() as i64;
+        }
     }
     walls.is_inside(end)
 }

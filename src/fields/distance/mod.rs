@@ -83,15 +83,10 @@ impl WallDistance {
     fn build(grid: &Grid, inside: VoxelSet, hu: Option<(&[i16], i16)>, progress: &Progress) -> Result<Self> {
         let set = inside.dilated(SHELL).ok_or_else(too_many)?;
         let walls = Walls { inside: &inside, hu };
-        let mut values = transform::distances(&walls, &set, grid.spacing().to_array(), progress)?;
         let shrink = smallest_singular_value(grid.direction());
         // A lumen without any wall fills a mask's whole grid; nothing says how far its wall is then, but the grid's size.
         let most = (grid.spacing() * DVec3::from_array(grid.dims().map(|n| n as f64))).length();
-        set.for_each(|n, [i, j, k]| {
-            let d = (f64::from(values[n]).min(most) * shrink) as f32;
-            let is_inside = inside.contains([i as i64, j as i64, k as i64]);
-            values[n] = if is_inside { d } else { -d.max(f32::MIN_POSITIVE) };
-        });
+        let values = transform::distances(&walls, &set, grid.spacing().to_array(), (shrink, most), progress)?;
         let excess = if hu.is_some() { grid.spacing().length() } else { 0.0 };
         Ok(Self { grid: grid.clone(), voxels: inside.len(), set, values, shrink, excess })
     }
