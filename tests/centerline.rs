@@ -103,7 +103,10 @@ fn formats_and_directions() {
     io::save(Path::new(&at("v.nii.gz")), &volume, &Progress::new()).unwrap();
     let line = |out: &str, more: &[&str]| run(&[&["centerline", &at("v.nii.gz"), "--out", &at(out)], more].concat(), 0);
     line("c.json", &[]);
-    line("c.csv", &["--threads", "1"]);
+    line("one.json", &["--threads", "1"]);
+    let same = std::fs::read(at("one.json")).unwrap() == std::fs::read(at("c.json")).unwrap();
+    assert!(same, "the same bytes on one thread");
+    line("c.csv", &[]);
     line("c.mrk.json", &["--from", "rectum", "--to", "cecum"]);
     line("back.json", &["--from", "cecum"]);
     let there = points(&json(Path::new(&at("c.json"))));
@@ -115,13 +118,15 @@ fn formats_and_directions() {
         .map(|l| l.split(',').map(|x| x.parse().unwrap()).collect::<Vec<f64>>())
         .map(|r| DVec3::new(r[0], r[1], r[2]))
         .collect();
-    assert_eq!(rows, there, "the same line on one thread");
+    assert_eq!(rows.len(), there.len());
+    // Readers may round the last digit differently.
+    assert!(rows.iter().zip(&there).all(|(a, b)| a.distance(*b) < 1e-9));
     let curve = json(Path::new(&at("c.mrk.json")));
     let curve = &curve["markups"][0];
     assert_eq!((curve["type"].as_str(), curve["coordinateSystem"].as_str()), (Some("Curve"), Some("LPS")));
     let controls = curve["controlPoints"].as_array().unwrap();
     assert_eq!(controls.len(), there.len());
-    assert_eq!(serde_json::from_value::<DVec3>(controls[7]["position"].clone()).unwrap(), there[7]);
+    assert!(serde_json::from_value::<DVec3>(controls[7]["position"].clone()).unwrap().distance(there[7]) < 1e-9);
     let back = points(&json(Path::new(&at("back.json"))));
     assert!(back[0].distance(*there.last().unwrap()) < 3.0 && back.last().unwrap().distance(there[0]) < 3.0);
     // Between two places of the line, and from one to the end that is farther along.
