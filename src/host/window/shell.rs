@@ -14,7 +14,6 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy, OwnedDispl
 use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
 
-use super::budget::FRAME;
 use super::cockpit::Cockpit;
 use super::keys::{Action, Deed, action};
 use super::loading::Loading;
@@ -27,6 +26,7 @@ use super::session::{self, Session};
 use super::{Finish, Launch, Resume};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
+use crate::render::adaptive::FRAME;
 
 /// Time between two pictures while loading.
 const LOADING: Duration = Duration::from_millis(60);
