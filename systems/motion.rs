@@ -11,10 +11,9 @@ use crate::components::input::Hand;
 use crate::components::scan::Walls;
 use crate::components::{App, FlightSystems};
 use crate::dynamics::advance;
+use crate::dynamics::heading::follow_velocity;
 use crate::error::Result;
 
-/// Time constant with which the heading follows the velocity, s.
-const HEADING_S: f64 = 0.25;
 /// Time constant with which the view follows the way, s, and its greatest rate, rad/s.
 const VIEW_S: f64 = 0.45;
 const VIEW_RATE: f64 = 1.8;
@@ -65,12 +64,7 @@ pub fn move_body(
     flight.length_mm += moved.position.distance(pose.position);
     pose.position = moved.position;
     *contact = Contact { clearance_mm: walls.0.at(moved.position).mm, blocked: moved.blocked.is_some() };
-    // Slow drifting says nothing about where the flight is going.
-    if velocity.0.length() > 2.0 {
-        let share = 1.0 - (-dt / HEADING_S).exp();
-        let towards = velocity.0.normalize();
-        heading.0 = (heading.0 + (towards - heading.0) * share).try_normalize().unwrap_or(towards);
-    }
+    heading.0 = follow_velocity(heading.0, velocity.0, dt);
 }
 
 /// Turns the view towards the way on, unless the operator looks around.

@@ -19,6 +19,10 @@ pub struct GuideThrust {
     pub way: DVec3,
 }
 
+/// On a camera whose guide moves it by itself: its flight is watched. A guide that leaves all to the operator has none.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Automatic;
+
 /// Sensory rays and what they last told.
 #[derive(Component, Clone, Debug)]
 #[require(GuideThrust)]

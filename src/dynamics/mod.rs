@@ -6,9 +6,12 @@
 pub mod advance;
 pub mod attitude;
 pub mod body;
+pub mod heading;
 pub mod mines;
 pub mod monitor;
+pub mod rescue;
 pub mod tentacles;
+pub mod trap;
 
 pub use advance::{Advance, advance};
 pub use attitude::Attitude;
