@@ -13,6 +13,7 @@ use colvis::fields::Clearances;
 use colvis::fields::lumen::gas_at;
 use colvis::math::hash;
 use colvis::plane::drawing::{Drawing, MM_PER_PIXEL};
+use colvis::plane::flight::HZ;
 use colvis::plane::shipped::{DRAWINGS, named};
 use colvis::plane::{Flight, Settings, State};
 use colvis::progress::Progress;
@@ -32,8 +33,8 @@ const KNOWN: [(&str, Option<Trap>, u32, u64); 10] = [
     ("pocket", Some(Trap::BlindEnd), 1, 0x8c48_2923_489e_f8fd),
     ("ring", Some(Trap::Circling), 2, 0xb6c7_64b4_c98a_b559),
     ("touching", None, 0, 0x7503_36a8_d21e_32c8),
-    ("bridge", None, 0, 0x1da8_8394_2248_715b),
-    ("polyp", None, 0, 0x8036_7355_1327_4faf),
+    ("bridge", None, 1, 0x829f_a187_d129_d644),
+    ("polyp", None, 1, 0x0244_ee69_d6d8_f135),
     ("neck", Some(Trap::Narrow), 1, 0x4763_1dcc_6a47_1ed6),
     ("spiral", None, 0, 0x4ffc_81bb_bdff_1293),
 ];
@@ -56,7 +57,6 @@ fn fly(drawing: Drawing, settings: Settings) -> Flown {
     let mut flight = Flight::new(drawing, settings).expect("a flight");
     let began = flight.clearance_mm();
     let (mut traps, mut was) = (Vec::new(), None);
-    let mut turned = Vec::new();
     while flight.state() == State::Flying {
         flight.step();
         let clearance = flight.clearance_mm();
@@ -66,14 +66,13 @@ fn fly(drawing: Drawing, settings: Settings) -> Flown {
         );
         let trap = flight.rescue().trap();
         if let Some((kind, at)) = trap.filter(|_| trap != was) {
-            // The trap began when the camera last came near the place, or last was there before it turned back.
+            // It was in the trap from when it came near the place, or, where it turned back, from when it left again.
             let places = flight.places();
-            let away = |p: &DVec3| p.distance(at) > 6.0;
-            let now = places.len();
-            let left = places.iter().rposition(|p| !away(p)).unwrap_or(now);
-            let came = places[..left].iter().rposition(away).unwrap_or(0);
-            turned.push(left);
-            traps.push((flight.seconds(), kind, at, (now - came) as f64 / 120.0));
+            let near = |p: &DVec3| p.distance(at) <= 6.0;
+            let last_near = places.iter().rposition(near).unwrap_or(0);
+            let came = places[..last_near].iter().rposition(|p| !near(p)).unwrap_or(0);
+            let since = if last_near + 1 == places.len() { came } else { last_near };
+            traps.push((flight.seconds(), kind, at, (places.len() - since) as f64 / f64::from(HZ)));
         }
         was = trap;
     }
@@ -98,6 +97,7 @@ fn ten_lumens_come_out_as_known() {
             flight.position().y,
             flight.places().iter().map(|p| flight.walls().clearance(*p).mm).fold(f64::INFINITY, f64::min),
         );
+        assert!(traps.iter().all(|t| t.3 <= 2.0), "{name}: noticed too late: {traps:?}");
         let state = if want.is_some() { State::Operator } else { State::Arrived };
         if flight.state() != state || got != (want, escapes, code) {
             wrong.push(name);

@@ -1,7 +1,8 @@
 //! What is done about a trap: another way is looked for, then the way back, then the operator is called.
 //!
 //! - Where the lumen is open ahead (a local minimum, a bridge, a polyp, dithering, circling), the guide sets off anew along
-//!   the longest tentacle ahead, and for some seconds its whole trail is forbidden ground, not only the last few mines.
+//!   the longest tentacle ahead; for some seconds it shies less from the wall, holds its heading, and its whole trail is
+//!   forbidden ground, not only the last few mines.
 //! - Where it is closed (a blind end, a neck too narrow), or where the first does not help, the mines are cleared and the
 //!   guide flies back along its trail until a side way opens that it has not flown; new mines behind it keep it from going
 //!   in again. A dead end near the lumen's other end only means that the flight set out the wrong way.
@@ -12,6 +13,7 @@ use std::collections::VecDeque;
 use glam::DVec3;
 
 use super::monitor::{Monitor, MonitorSettings, Trouble};
+use super::tentacles::TentacleSettings;
 use super::trap::{Felt, Trap, recognise};
 
 /// A dead end within this of the lumen's other end means that the flight set out the wrong way, mm.
@@ -21,6 +23,9 @@ const WRONG_END_BACK_MM: f64 = 120.0;
 /// The guide looks for another way for so long, s, and so often in one flight.
 const ASIDE_S: f64 = 4.0;
 const ESCAPES: u32 = 6;
+/// Past something, this much of the wall's push, and at least this agreement with the heading.
+const BOLD_PUSH: f64 = 0.1;
+const BOLD_AGREEMENT: f64 = 8.0;
 /// On the way back, ground this far from the trail is new, in units of [`MonitorSettings::visited_mm`]; so much way over it
 /// ends the way back, mm.
 const NEW_GROUND: f64 = 1.5;
@@ -118,6 +123,19 @@ impl Rescue {
     /// The operator took over: what was flown so far may be flown again, and nothing counts against the guide.
     pub fn restart(&mut self) {
         *self = Self { turns: self.turns, ..Self::default() };
+    }
+
+    /// How the guide feels its way now: while it looks for a way past something, it holds its heading more and shies less
+    /// of the wall, so that a gap that is wide enough for the body is not too narrow for the guide.
+    pub fn temper(&self, settings: &TentacleSettings) -> TentacleSettings {
+        let mut s = *settings;
+        // One that goes round and round is not held up by a wall.
+        let held_up = self.because.is_some_and(|(trap, _)| trap != Trap::Circling);
+        if held_up && matches!(self.course, Course::Aside(_)) {
+            s.wall_push *= BOLD_PUSH;
+            s.agreement = s.agreement.max(BOLD_AGREEMENT);
+        }
+        s
     }
 
     /// Takes the camera's place (world mm) after a step of `dt` seconds, what it felt there if its guide feels, and the

@@ -165,6 +165,7 @@ impl Flight {
         let Settings { body, tentacles, mines, watch, seconds } = self.settings.clone();
         self.feel(at);
         let laid = mines.as_ref().map(|m| (&self.mines, m));
+        let tentacles = self.rescue.temper(&tentacles);
         let feelers = (&self.directions[..], &self.lengths[..]);
         let s = steer(feelers, at, self.heading, laid, self.rescue.forbidden(), &tentacles, body.drag_per_s);
         let (mut thrust, mut limit) = (s.thrust, tentacles.cruise_mm_s * body.drag_per_s);

@@ -118,15 +118,15 @@ pub fn draw(name: &str) -> RgbImage {
             .lumen(&[(16.0, 38.0), (60.0, 36.0), (90.0, 50.0), (120.0, 36.0), (164.0, 38.0)], 9.0)
             .lumen(&[(16.0, 92.0), (60.0, 84.0), (90.0, 67.0), (120.0, 84.0), (164.0, 92.0)], 9.0)
             .from_to((18.0, 38.0), (160.0, 38.0)),
-        // A strand that stands in the middle of the view.
+        // A strand that stands in the middle of the view: the forces balance before it.
         "bridge" => Canvas::new(180.0, 60.0)
             .lumen(&[(18.0, 30.0), (162.0, 30.0)], 12.0)
-            .wall(&[(90.0, 25.0), (90.0, 35.0)], 1.0)
+            .wall(&[(90.0, 24.0), (90.0, 36.0)], 1.0)
             .from_to((20.0, 30.0), (158.0, 30.0)),
-        // A polyp on a broad base that leaves less than half of the lumen.
+        // A polyp on a broad base that leaves a quarter of the lumen.
         "polyp" => Canvas::new(180.0, 60.0)
             .lumen(&[(16.0, 30.0), (164.0, 30.0)], 11.0)
-            .wall(&[(92.0, 44.0), (92.0, 43.0)], 13.0)
+            .wall(&[(92.0, 38.0), (92.0, 37.0)], 13.0)
             .from_to((18.0, 30.0), (160.0, 30.0)),
         "neck" => Canvas::new(180.0, 60.0)
             .lumen(&[(16.0, 30.0), (76.0, 30.0)], 10.0)
