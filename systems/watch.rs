@@ -3,7 +3,7 @@
 
 use bevy_ecs::prelude::*;
 
-use crate::components::camera::{Body, Heading, Pose};
+use crate::components::camera::{Body, Contact, Heading, Pose};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
 use crate::components::guide::{Automatic, MineField, Tentacles};
@@ -12,6 +12,9 @@ use crate::components::{App, FlightSystems};
 use crate::dynamics::rescue::Order;
 use crate::dynamics::trap::Felt;
 use crate::error::Result;
+
+/// The operator is called when the body was stuck in the wall for so long, s: a guide may need a moment to push it out.
+const STUCK_S: f64 = 0.5;
 
 /// Adds the watch to the scene.
 pub fn plugin(app: &mut App) -> Result<()> {
@@ -25,6 +28,7 @@ pub fn watch_flight(
     camera: Single<(
         &Pose,
         &Body,
+        &Contact,
         &mut Flight,
         &mut Watch,
         &mut Heading,
@@ -35,7 +39,7 @@ pub fn watch_flight(
         Option<&mut MineField>,
     )>,
 ) {
-    let (pose, body, mut flight, mut watch, mut heading, automatic, goal, hand, tentacles, mut mines) =
+    let (pose, body, contact, mut flight, mut watch, mut heading, automatic, goal, hand, tentacles, mut mines) =
         camera.into_inner();
     if flight.state != State::Flying {
         return;
@@ -45,6 +49,13 @@ pub fn watch_flight(
     {
         flight.state = State::Arrived;
         flight.place = pose.position;
+        return;
+    }
+    if f64::from(contact.stuck_steps) * clock.dt() >= STUCK_S && !hand.is_some_and(|h| clock.tick < h.on_until) {
+        flight.state = State::Operator;
+        flight.place = pose.position;
+        flight.reason =
+            "the camera is in the wall, or the lumen is narrower than it is, and no way out was found".to_owned();
         return;
     }
     // Without a guide that moves the camera there is nothing to watch, nor while the operator has it.

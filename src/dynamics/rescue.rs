@@ -292,6 +292,31 @@ mod tests {
         assert!(place.distance(DVec3::X * 90.0) < 6.0);
     }
 
+    /// In a local minimum it sets off along the longest tentacle ahead, bolder, over no ground that it knows, for a while.
+    #[test]
+    fn a_local_minimum_is_left_boldly() {
+        let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::NEG_X];
+        let felt =
+            Felt { directions: &directions, lengths: &[80.0, 10.0, 10.0, 90.0], heading: DVec3::X, radius_mm: 1.5 };
+        let (mut r, s) = (Rescue::default(), TentacleSettings::default());
+        let mut told = None;
+        for n in 0..(12.0 / DT) as usize {
+            // Gets away half a second or so after it was noticed.
+            let t = n as f64 * DT;
+            let at = DVec3::X * 30.0 * if t < 5.2 { t.min(3.0) } else { t - 2.2 };
+            let order = r.follow(at, DT, Some(&felt), None, &MonitorSettings::default());
+            if order != Order::GoOn {
+                assert_eq!(order, Order::SetOff { heading: Some(DVec3::X), clear_mines: false });
+                assert!(told.is_none(), "once");
+                told = Some(t);
+                assert!(r.temper(&s).wall_push < 0.2 * s.wall_push && r.forbidden().0.len() > 40);
+                assert_eq!(r.trap().map(|t| t.0), Some(Trap::LocalMinimum));
+            }
+        }
+        assert!(told.is_some_and(|t| t < 5.0), "{told:?}");
+        assert!(r.temper(&s) == s && r.forbidden().0.is_empty() && r.trap().is_none() && r.escapes() == 1);
+    }
+
     #[test]
     fn the_wrong_end_is_turned_round_at_once() {
         let end = DVec3::X * 95.0;

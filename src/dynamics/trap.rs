@@ -67,15 +67,17 @@ const SIDE: f64 = 0.5;
 const CLOSED: (f64, f64) = (1.6, 2.5);
 /// What lies in the view is an obstacle where it is nearer than this share of what lies beyond it.
 const NEAR: f64 = 0.5;
+/// A tentacle of this share of the longest is another way.
+const LONG: f64 = 0.6;
 /// Longer than the gap that a body of its radius needs, mm: tentacles are apart and walls are rough.
 const SLACK_MM: f64 = 0.5;
 
 impl Felt<'_> {
-    fn ahead(&self) -> impl Iterator<Item = (DVec3, f64)> + '_ {
+    fn ahead(&self) -> impl Iterator<Item = (DVec3, f64)> + Clone + '_ {
         self.all().filter(|(d, _)| self.heading.dot(*d) > AHEAD)
     }
 
-    fn all(&self) -> impl Iterator<Item = (DVec3, f64)> + '_ {
+    fn all(&self) -> impl Iterator<Item = (DVec3, f64)> + Clone + '_ {
         self.directions.iter().copied().zip(self.lengths.iter().copied())
     }
 
@@ -109,14 +111,16 @@ impl Felt<'_> {
         if length <= 2.0 * self.radius_mm || wide <= CLOSED.0 || (wide <= CLOSED.1 && !is_hidden) || wide.is_nan() {
             return Trap::BlindEnd;
         }
-        if self.is_narrow(way, length) {
+        // Beside a bridge the longest tentacle may graze it while another has room.
+        let ways = self.ahead().filter(|(_, l)| *l >= LONG * length);
+        if ways.clone().all(|(d, l)| self.is_narrow(d, l)) {
             return Trap::Narrow;
         }
         if !is_hidden {
             return Trap::LocalMinimum;
         }
         let way_aside = (way - self.heading * self.heading.dot(way)).normalize_or_zero();
-        let other_side = self.ahead().any(|(d, l)| l * NEAR > front && d.dot(way_aside) < -0.2);
+        let other_side = self.ahead().any(|(d, l)| l >= LONG * length && d.dot(way_aside) < -0.2);
         if other_side { Trap::Bridge } else { Trap::Obstacle }
     }
 
@@ -129,7 +133,7 @@ impl Felt<'_> {
             ((0.0..0.5 * length).contains(&along) && off.length() < self.radius_mm + SLACK_MM).then_some(off)
         };
         let near: Vec<DVec3> = self.all().filter_map(hits).collect();
-        near.iter().enumerate().any(|(i, a)| near[..i].iter().any(|b| a.dot(*b) < 0.0))
+        near.iter().enumerate().any(|(i, a)| near[..i].iter().any(|b| a.dot(*b) < -0.5 * a.length() * b.length()))
     }
 }
 
@@ -166,7 +170,7 @@ mod tests {
             (&tube, Trap::LocalMinimum),
             (&|p| tube(p) && (p.x < 4.0 || p.x > 6.0 || p.y.abs().max(p.z.abs()) < 1.2), Trap::Narrow),
             (&|p| tube(p) && !((5.0..6.5).contains(&p.x) && p.y.abs() < 3.0), Trap::Bridge),
-            (&|p| tube(p) && !((p - DVec3::new(9.0, 10.0, 0.0)).length() < 12.0), Trap::Obstacle),
+            (&|p| tube(p) && !((p - DVec3::new(12.0, 10.0, 0.0)).length() < 12.0), Trap::Obstacle),
         ];
         for (inside, want) in drawn {
             for all in [circle(128), directions(1024)] {

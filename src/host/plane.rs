@@ -15,6 +15,8 @@ const SIZE: (usize, usize) = (800, 800);
 /// A film has a picture each so many steps, and shows so many a second: two and a half times as fast as it was flown.
 const STEPS: usize = 24;
 const FPS: f64 = 12.5;
+/// From so many pixels on, half as many pictures.
+const MANY_PIXELS: usize = 1 << 20;
 
 /// What is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,9 +59,11 @@ pub fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Result<()> {
         Film::Picture => None,
         Film::Film => Some(Recorder::create(&out.to_string_lossy(), size, FPS)?),
     };
+    // A film of a large drawing has fewer pictures.
+    let every = STEPS * (size.0 * size.1).div_ceil(MANY_PIXELS);
     let mut steps = 0;
     while flight.state() == State::Flying {
-        if let Some(r) = recorder.as_mut().filter(|_| steps % STEPS == 0) {
+        if let Some(r) = recorder.as_mut().filter(|_| steps % every == 0) {
             painter.paint(flight, Show::default(), scale, &mut frame);
             r.add(&frame)?;
         }

@@ -12,14 +12,14 @@ use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::rescue::{Order, Rescue};
 use crate::dynamics::tentacles::{TentacleSettings, approach, circle, steer};
 use crate::dynamics::trap::{Felt, Trap};
-use crate::dynamics::{Body, advance};
+use crate::dynamics::{Attitude, Body, Motion, Turning, step};
 use crate::error::{Error, Result};
 use crate::fields::Clearances;
 
 /// Simulation steps a second.
 pub const HZ: u32 = 120;
 /// How far walls are looked for, mm.
-const LIMIT_MM: f64 = 100.0;
+const LIMIT_MM: f64 = 40.0;
 /// Longest view for the first heading, mm.
 const VIEW_MM: f64 = 300.0;
 
@@ -69,7 +69,7 @@ pub struct Flight {
     lengths: Vec<f64>,
     mines: Mines,
     rescue: Rescue,
-    velocity: DVec3,
+    motion: Motion,
     heading: DVec3,
     places: Vec<DVec3>,
     state: State,
@@ -95,7 +95,7 @@ impl Flight {
             settings,
             mines: Mines::default(),
             rescue: Rescue::default(),
-            velocity: DVec3::ZERO,
+            motion: Motion::at_rest(DVec3::ZERO, Attitude::new(DVec3::X, DVec3::Z)),
             heading: DVec3::ZERO,
             places: Vec::new(),
             state: State::Flying,
@@ -126,7 +126,7 @@ impl Flight {
         self.places = vec![at];
         self.mines.clear();
         self.rescue = Rescue::default();
-        self.velocity = DVec3::ZERO;
+        self.motion = Motion::at_rest(at, Attitude::new(DVec3::X, DVec3::Z));
         self.state = State::Flying;
         self.call = None;
         self.length_mm = 0.0;
@@ -180,14 +180,13 @@ impl Flight {
             push = self.mines.push(at, m);
         }
         let force = ((thrust + push).clamp_length_max(limit) + s.wall) * body.mass_g;
-        let (v, displacement) = body.step(self.velocity, force, dt);
-        let moved = advance(&self.walls, at, displacement, body.radius_mm);
-        // Inelastic: what went into the wall is gone.
-        self.velocity = moved.blocked.map_or(v, |into| v - into * v.dot(into).max(0.0));
-        self.heading = follow_velocity(self.heading, self.velocity, dt);
-        self.length_mm += moved.position.distance(at);
-        self.places.push(moved.position);
-        self.watch(moved.position, dt, &watch);
+        let moved = step(body.integrator.method(), &body, &self.motion, &force, &Turning::FREE, &self.walls, dt);
+        self.motion = moved.motion;
+        let now = self.motion.position;
+        self.heading = follow_velocity(self.heading, self.motion.momentum / body.mass_g, dt);
+        self.length_mm += now.distance(at);
+        self.places.push(now);
+        self.watch(now, dt, &watch);
         if self.state == State::Flying && self.seconds() >= seconds {
             self.state = State::Ended;
         }

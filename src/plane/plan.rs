@@ -37,7 +37,9 @@ pub struct Plan {
 pub fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
     let drawing = walls.drawing();
     let mut notes = Vec::new();
-    let fits = |p: DVec3| walls.clearance(p).mm > radius_mm + ROOM_MM;
+    // Looking no further than the body needs makes the sweeps quick.
+    let near = Walls::new(drawing.clone(), radius_mm + 1.0);
+    let fits = |p: DVec3| near.clearance(p).mm > radius_mm + ROOM_MM;
     // Two sweeps: the furthest place from any place of a way is one of its ends.
     let furthest = |from: DVec3| reach(walls, from, &fits);
     let start = match drawing.start {

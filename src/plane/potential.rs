@@ -1,6 +1,8 @@
 //! The potential that tentacles and mines stand for, over a whole drawing (paper, sections 3.1.1 and 3.2):
 //! `C_s (p/D_s − 1)²` where `0 < D_s < p`, and for each mine `push · reach/2 · (1 − d/reach)²` within its reach.
 
+use rayon::prelude::*;
+
 use super::drawing::{MM_PER_PIXEL, pixel_centre};
 use super::flight::Settings;
 use super::walls::Walls;
@@ -20,12 +22,13 @@ impl Potential {
     pub fn new(walls: &Walls, settings: &Settings) -> Self {
         let (w, h) = (walls.drawing().width(), walls.drawing().height());
         let (p, strength) = (settings.tentacles.wall_mm, settings.tentacles.wall_push);
-        let wall: Vec<f32> = (0..w * h)
-            .map(|n| {
-                let d = walls.clearance(pixel_centre(n % w, n / w)).mm;
-                if d <= 0.0 { f32::INFINITY } else { (strength * (p / d - 1.0).max(0.0).powi(2)) as f32 }
-            })
-            .collect();
+        // Beyond `p` the potential is 0: no need to look further.
+        let near = Walls::new(walls.drawing().clone(), p);
+        let value = |n: usize| {
+            let d = near.clearance(pixel_centre(n % w, n / w)).mm;
+            if d <= 0.0 { f32::INFINITY } else { (strength * (p / d - 1.0).max(0.0).powi(2)) as f32 }
+        };
+        let wall: Vec<f32> = (0..w * h).into_par_iter().with_min_len(1 << 12).map(value).collect();
         Self { width: w, now: wall.clone(), wall }
     }
 

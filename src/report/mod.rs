@@ -9,6 +9,7 @@ pub mod image;
 pub mod methods;
 pub mod page;
 mod parts;
+pub mod perforation;
 pub mod plot;
 pub mod render;
 pub mod scenes;

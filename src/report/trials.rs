@@ -11,7 +11,7 @@ use crate::components::clock::Clock;
 use crate::components::flight::State;
 use crate::error::Result;
 use crate::fields::{Lumen, lumen};
-use crate::phantom::{Phantom, Settings, Truth};
+use crate::phantom::{Phantom, Settings, Size, Truth};
 use crate::progress::Progress;
 use crate::render::{Space, Wall};
 
@@ -58,6 +58,15 @@ impl Course {
         let plan = plan::plan(&self.space, &self.lumen, &wish, Scene::default().body.radius_mm, progress)?;
         Ok(Self { space: self.space.clone(), lumen: Arc::clone(&self.lumen), plan, truth: self.truth.clone() })
     }
+}
+
+/// The courses that small studies are flown on: small phantoms with folds, polyps and noise, six or, `quick`, two.
+///
+/// # Errors
+/// As [`Course::new`].
+pub fn small_phantoms(quick: bool, progress: &Progress) -> Result<Vec<Course>> {
+    let seeds = 1..=if quick { 2 } else { 6 };
+    seeds.map(|seed| Course::phantom(&Settings { size: Size::Small, seed, ..Settings::default() }, progress)).collect()
 }
 
 /// What came of a flight.

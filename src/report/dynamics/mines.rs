@@ -5,6 +5,7 @@ use crate::dynamics::mines::MineSettings;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::report::mean;
+use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
 use crate::report::trials::{self, Course};
 
@@ -17,34 +18,61 @@ const SECONDS: f64 = 120.0;
 
 /// What one choice of mines brings.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Laid {
+struct Laid {
     /// Which.
-    pub settings: MineSettings,
+    settings: MineSettings,
     /// What of it is not the default.
-    pub changed: &'static str,
+    changed: &'static str,
     /// Share of the flights that arrive.
-    pub arrived: f64,
+    arrived: f64,
     /// Mean number of places at which a flight looked for another way.
-    pub escapes: f64,
+    escapes: f64,
     /// Mean time of those that arrive, s.
-    pub seconds: f64,
+    seconds: f64,
 }
 
-/// Flies the courses with each choice.
+/// The study.
 ///
 /// # Errors
-/// Status 4 when interrupted.
-pub fn study(courses: &[Course], progress: &Progress) -> Result<Vec<Laid>> {
+/// As the report's.
+pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let courses = trials::small_phantoms(quick, progress)?;
+    let laid = measure(&courses, quick, progress)?;
+    let d = MineSettings::default();
+    page.text(&format!(
+        "The same {} phantoms with other mines, one thing changed at a time from the default: {} mines, {} mm apart, that reach \
+         {} mm. A flight without mines still keeps to its heading; what mines add is that it does not turn back where the lumen \
+         looks shorter ahead than behind.",
+        courses.len(),
+        d.kept,
+        d.spacing_mm,
+        d.reach_mm
+    ));
+    page.table("mines", &table(&laid))?;
+    let good = |changed: &str, value: &dyn Fn(&MineSettings) -> f64| {
+        let arrive = laid.iter().filter(|l| l.changed == changed && l.arrived >= 1.0);
+        let values: Vec<String> = arrive.map(|l| value(&l.settings).to_string()).collect();
+        if values.is_empty() { "none".to_owned() } else { values.join(", ") }
+    };
+    Ok(vec![format!(
+        "Every flight arrives with {} mines kept, with {} mm between them, and with a reach of {} mm.",
+        good("number", &|s| s.kept as f64),
+        good("spacing", &|s| s.spacing_mm),
+        good("reach", &|s| s.reach_mm)
+    )])
+}
+
+/// Flies the courses with each choice; `quick`: with every third.
+fn measure(courses: &[Course], quick: bool, progress: &Progress) -> Result<Vec<Laid>> {
     let d = MineSettings::default();
     let choices: Vec<(&str, MineSettings)> = (KEPT.map(|kept| ("number", MineSettings { kept, ..d })).into_iter())
         .chain(SPACING_MM.map(|spacing_mm| ("spacing", MineSettings { spacing_mm, ..d })))
         .chain(REACH_MM.map(|reach_mm| ("reach", MineSettings { reach_mm, ..d })))
         .collect();
-    progress.stage("mines", choices.len() as u64);
     let measure = |(changed, settings): (&'static str, MineSettings)| {
         let scene = Scene { mines: Some(settings), ..Scene::default() };
         let flown = courses.iter().map(|c| trials::fly(c, &scene, SECONDS)).collect::<Result<Vec<_>>>()?;
-        progress.advance(1)?;
+        progress.check()?;
         let arrived: Vec<f64> = flown.iter().filter(|t| t.arrived()).map(|t| t.seconds).collect();
         Ok(Laid {
             settings,
@@ -54,11 +82,11 @@ pub fn study(courses: &[Course], progress: &Progress) -> Result<Vec<Laid>> {
             seconds: mean(&arrived),
         })
     };
-    choices.into_iter().map(measure).collect()
+    choices.into_iter().enumerate().filter(|(n, _)| !quick || n % 3 == 0).map(|c| measure(c.1)).collect()
 }
 
 /// As a table.
-pub fn table(laid: &[Laid]) -> Table {
+fn table(laid: &[Laid]) -> Table {
     let mut table = Table::new(&[
         "changed",
         "mines kept",

@@ -9,13 +9,15 @@ use crate::fields::ClearanceFinder;
 use crate::math::hash;
 use crate::progress::Progress;
 use crate::render::first_crossing;
+use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 use crate::report::trials::{self, Course};
 use crate::report::{mean, median, quantile};
 
-/// The numbers of tentacles.
-pub const COUNTS: [usize; 11] = [3, 4, 6, 8, 16, 32, 64, 128, 256, 512, 1024];
+/// The numbers of tentacles, and those of a quick report.
+const COUNTS: [usize; 11] = [3, 4, 6, 8, 16, 32, 64, 128, 256, 512, 1024];
+const QUICK: [usize; 5] = [3, 8, 32, 128, 1024];
 /// Places at which is sensed, on each course.
 const PLACES: u64 = 200;
 /// How far exact clearances are looked for, mm: wider than any half of the lumen.
@@ -25,27 +27,52 @@ const SECONDS: f64 = 120.0;
 
 /// What one number of tentacles brings.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sensed {
+struct Sensed {
     /// How many.
-    pub count: usize,
+    count: usize,
     /// Sensed less exact distance to the wall, mm: median and 95th percentile. Never negative: a ray cannot be shorter.
-    pub error_mm: (f64, f64),
+    error_mm: (f64, f64),
     /// Angle between the shortest tentacle and the direction to the nearest wall, degrees: median.
-    pub angle_degrees: f64,
+    angle_degrees: f64,
     /// Share of the flights that arrive.
-    pub arrived: f64,
+    arrived: f64,
     /// Mean distance from the centerline of those, as a share of the local radius.
-    pub offset: f64,
+    offset: f64,
     /// Wall clock of a step, µs.
-    pub step_us: f64,
+    step_us: f64,
 }
 
-/// Measures [`COUNTS`] on the given courses (phantoms: places are drawn around the true centerline).
+/// The study.
 ///
 /// # Errors
-/// Status 4 when interrupted.
-pub fn study(courses: &[Course], progress: &Progress) -> Result<Vec<Sensed>> {
-    progress.stage("tentacles", COUNTS.len() as u64);
+/// As the report's.
+pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let courses = trials::small_phantoms(quick, progress)?;
+    let sensed = measure(&courses, quick, progress)?;
+    page.text(&format!(
+        "Flights of {} small phantoms (folds, polyps, noise) with so many tentacles, and what the shortest of them tells at \
+         places all over the lumen beside the exact clearance: D_s is never sensed too short, and its error falls with the \
+         angle between two tentacles. A step is the whole simulation step, the exact clearances of the body included.",
+        courses.len()
+    ));
+    page.table("tentacles", &table(&sensed))?;
+    page.plot("tentacles-error", &plot(&sensed), "A point is a number of tentacles.")?;
+    let least = sensed.iter().rev().take_while(|s| s.arrived >= 1.0).last();
+    let default = TentacleSettings::default().count;
+    let at = sensed.iter().find(|s| s.count == default);
+    let told = |s: &Sensed| {
+        let (median, most) = s.error_mm;
+        format!("{} sense D_s {median:.2} mm too long (95 %: {most:.2} mm), {:.0}° off", s.count, s.angle_degrees)
+    };
+    let needed = least.map_or_else(
+        || "No number of tentacles brings every flight to its end.".to_owned(),
+        |s| format!("From {} tentacles on every flight arrives.", s.count),
+    );
+    Ok(vec![at.map_or_else(|| needed.clone(), |s| format!("{needed} The default's {}.", told(s)))])
+}
+
+/// Measures [`COUNTS`] (`quick`: [`QUICK`]) on phantoms, whose places are drawn around the true centerline.
+fn measure(courses: &[Course], quick: bool, progress: &Progress) -> Result<Vec<Sensed>> {
     let measure = |&count: &usize| {
         let (mut errors, mut angles) = (Vec::new(), Vec::new());
         for course in courses {
@@ -55,7 +82,7 @@ pub fn study(courses: &[Course], progress: &Progress) -> Result<Vec<Sensed>> {
         scene.tentacles.count = count;
         let flown = courses.iter().map(|c| trials::fly(c, &scene, SECONDS)).collect::<Result<Vec<_>>>()?;
         let arrived: Vec<_> = flown.iter().filter(|t| t.arrived()).collect();
-        progress.advance(1)?;
+        progress.check()?;
         Ok(Sensed {
             count,
             error_mm: (median(&errors), quantile(&errors, 0.95)),
@@ -65,7 +92,7 @@ pub fn study(courses: &[Course], progress: &Progress) -> Result<Vec<Sensed>> {
             step_us: median(&flown.iter().map(|t| t.step_us).collect::<Vec<_>>()),
         })
     };
-    COUNTS.iter().map(measure).collect()
+    COUNTS.iter().filter(|c| !quick || QUICK.contains(c)).map(measure).collect()
 }
 
 /// Compares what tentacles sense with the exact clearance at places around the centerline.
@@ -92,7 +119,7 @@ fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<
 }
 
 /// As a table.
-pub fn table(sensed: &[Sensed]) -> Table {
+fn table(sensed: &[Sensed]) -> Table {
     let mut table = Table::new(&[
         "tentacles",
         "error of D_s, median (mm)",
@@ -117,7 +144,7 @@ pub fn table(sensed: &[Sensed]) -> Table {
 }
 
 /// Error of the sensed distance against the time of a step.
-pub fn plot(sensed: &[Sensed]) -> Plot {
+fn plot(sensed: &[Sensed]) -> Plot {
     let series = |name: &str, value: &dyn Fn(&Sensed) -> f64| Series {
         name: name.to_owned(),
         points: sensed.iter().map(|s| Point { name: s.count.to_string(), x: s.step_us, y: value(s) }).collect(),
