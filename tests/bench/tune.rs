@@ -2,7 +2,7 @@
 //! everything on and on real scans. Prints CSV: `assets/tuning/tentacles.csv` is what it printed.
 //!
 //! ```sh
-//! cargo bench --bench tune -- SCAN.nii.gz … > tune.csv     # phantoms 1 to 10, and the scans both ways
+//! cargo bench --bench tune -- SCAN.nii.gz … > tune.csv     # the scans both ways, then phantoms 1 to 10
 //! cargo bench --bench tune -- --seeds 1,2 --around 0       # fewer seeds, nothing but one change at a time
 //! ```
 
@@ -86,7 +86,8 @@ fn main() {
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let value = |name: &str| args.iter().position(|a| a == name).and_then(|i| args.get(i + 1));
     let number = |s: &str| s.parse::<u64>().unwrap_or_else(|_| panic!("{s} is no number"));
-    let seeds: Vec<u64> = value("--seeds").map_or((1..=10).collect(), |s| s.split(',').map(number).collect());
+    let list = |s: &String| s.split(',').filter(|n| !n.is_empty()).map(number).collect();
+    let seeds: Vec<u64> = value("--seeds").map_or((1..=10).collect(), list);
     let around = value("--around").map_or(AROUND, |s| number(s));
     let is_scan = |i: usize| !args[i].starts_with("--") && (i == 0 || !args[i - 1].starts_with("--"));
     let scans = (0..args.len()).filter(|&i| is_scan(i)).map(|i| args[i].clone());
@@ -106,7 +107,7 @@ fn main() {
         (name, course.expect("a colon"))
     };
     // One volume at a time.
-    for (name, there) in seeds.iter().map(phantom).chain(scans.map(scan)) {
+    for (name, there) in scans.map(scan).chain(seeds.iter().map(phantom)) {
         let back = there.truth.is_none().then(|| there.reversed(&progress).expect("a way back"));
         for (way, course) in [("", Some(&there)), (" reversed", back.as_ref())] {
             let Some(course) = course else { continue };
