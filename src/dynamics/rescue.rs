@@ -34,6 +34,8 @@ const NEW_GROUND_MM: f64 = 20.0;
 const TRAIL_COUNTS: f64 = 0.1;
 /// Back within this of the trail's first point there is no other way, mm.
 const START_MM: f64 = 8.0;
+/// So much way within a box of half of it is wandering about in one place, mm.
+const WANDERED_MM: f64 = 80.0;
 /// What was felt is kept for the last places, this far apart, mm.
 const NOTES: usize = 64;
 const NOTE_MM: f64 = 2.0;
@@ -176,7 +178,8 @@ impl Rescue {
         let Some(alarm) = alarm else { return Order::GoOn };
         let kind = match alarm.trouble {
             Trouble::Stuck => felt.map(Felt::kind),
-            _ => self.noted(alarm.place),
+            Trouble::TurnedBack => self.noted(alarm.place),
+            Trouble::Dithering | Trouble::Circling => self.noted(alarm.place).filter(|_| self.is_in_one_place()),
         };
         let trap = recognise(alarm.trouble, kind);
         let turned = alarm.trouble == Trouble::TurnedBack;
@@ -246,6 +249,14 @@ impl Rescue {
     fn was_at_wrong_end(&self, other_end: Option<DVec3>) -> bool {
         let was_at = |end: DVec3| self.monitor.last_mm(WRONG_END_BACK_MM).any(|p| p.distance(end) < WRONG_END_MM);
         self.monitor.way_mm() > WRONG_END_MM && other_end.is_some_and(was_at)
+    }
+
+    /// Whether it has been wandering about in one place, instead of round something larger.
+    fn is_in_one_place(&self) -> bool {
+        let bounds = |(l, h): (DVec3, DVec3), p: DVec3| (l.min(p), h.max(p));
+        let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) = self.monitor.last_mm(WANDERED_MM).fold(none, bounds);
+        (high - low).length() < 0.5 * WANDERED_MM
     }
 
     /// What kind of place the one nearest to `place` was.

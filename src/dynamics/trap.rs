@@ -140,6 +140,8 @@ impl Felt<'_> {
 /// The trap that a trouble stands for, by what was felt where it began.
 pub fn recognise(trouble: Trouble, felt: Option<Trap>) -> Trap {
     match (trouble, felt) {
+        // It wanders about before something.
+        (Trouble::Dithering | Trouble::Circling, Some(t @ (Trap::BlindEnd | Trap::Narrow))) => t,
         (Trouble::Dithering, _) => Trap::Dithering,
         (Trouble::Circling, _) => Trap::Circling,
         (Trouble::Stuck, felt) => felt.unwrap_or(Trap::Stuck),
