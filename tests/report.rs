@@ -103,9 +103,19 @@ fn renderers_are_reported() {
         title: format!("Subject {name}"),
         space,
     });
-    let extent = Extent { pixels: 48, fov_degrees: 90.0, along: 2, jumps: 1, lead: 2, quick: true };
+    let extent = Extent {
+        pixels: 48,
+        fov_degrees: 90.0,
+        along: 2,
+        jumps: 1,
+        lead: 2,
+        sides: &[32, 64],
+        moving: 8,
+        stops: 1,
+        quick: true,
+    };
     let findings = report(&subjects, &extent, dir.path(), &Progress::new()).unwrap();
-    assert_eq!(findings.len(), 4, "{findings:?}");
+    assert_eq!(findings.len(), 7, "{findings:?}");
     let html = page(dir.path(), 10);
     let (columns, methods) = csv(&dir.path().join("a-methods.csv"));
     for c in ["method", "PSNR worst / dB", "SSIM worst", "frame median / ms", "frame p99 / ms", "samples a ray"] {
