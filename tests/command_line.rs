@@ -12,7 +12,6 @@ fn what_is_not_built_says_so() {
         &["fly", "--headless", "--coverage"],
         &["fly", "--headless", "--play", "x.jsonl"],
         &["centerline", "x.nii.gz", "--out", "c.json"],
-        &["plane", "--headless"],
         &["report", "fields", "--out", "r"],
     ] {
         let out = run(args, 2);

@@ -14,6 +14,7 @@ pub mod plot;
 pub mod render;
 pub mod scenes;
 pub mod table;
+pub mod trials;
 
 /// The value below which the share `p` (0 to 1) of `values` lies: nearest rank; not-a-number where there are none.
 pub fn quantile(values: &[f64], p: f64) -> f64 {
