@@ -274,7 +274,7 @@ pub struct ReportArgs {
     /// Under a minute
     #[arg(long)]
     pub quick: bool,
-    /// A scan to report on beside the phantom (`render`)
+    /// A scan to report on beside the phantom (`render`, `fields`)
     #[arg(long, value_name = "F")]
     pub scan: Option<PathBuf>,
     /// Steps of the perforation test

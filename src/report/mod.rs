@@ -3,6 +3,7 @@
 //! Timings are medians of frames that different methods render in turn, so that a busy machine slows all of them alike.
 
 pub mod dynamics;
+pub mod fields;
 pub mod flight;
 pub mod gradients;
 pub mod image;
