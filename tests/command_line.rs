@@ -11,8 +11,6 @@ fn what_is_not_built_says_so() {
         &["fly", "--headless", "--guide", "path"],
         &["fly", "--headless", "--coverage"],
         &["fly", "--headless", "--play", "x.jsonl"],
-        &["plane", "--headless"],
-        &["report", "dynamics", "--out", "r"],
     ] {
         let out = run(args, 2);
         assert!(String::from_utf8_lossy(&out.stderr).contains("not built yet"), "{args:?}");

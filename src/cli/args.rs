@@ -251,12 +251,13 @@ pub struct ExplainArgs {
 /// `plane`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct PlaneArgs {
-    /// A drawn lumen
+    /// A drawn lumen: a PNG (bright is lumen, dark is wall, red the start, green the goal; half a millimetre a pixel), or
+    /// one of bends, straight, fork, pocket, ring, touching, bridge, polyp, neck, spiral (bends)
     pub lumen: Option<PathBuf>,
     /// Without a window
     #[arg(long)]
     pub headless: bool,
-    /// The picture: .png or .gif
+    /// The picture: .png, or .gif for all of the flight
     #[arg(long, value_name = "F")]
     pub out: Option<PathBuf>,
 }

@@ -12,28 +12,24 @@ use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::{Preset, Space};
 use crate::report::render::{Extent, Subject};
-use crate::report::{fields, gradients, render, scenes};
+use crate::report::{dynamics, fields, gradients, perforation, render, scenes};
 use crate::volume::Volume;
 
-/// The reports that are built, with their names.
-const BUILT: [(ReportSubject, &str); 4] = [
+/// The reports, with their names.
+const ALL: [(ReportSubject, &str); 6] = [
     (ReportSubject::Render, "render"),
     (ReportSubject::Gradients, "gradients"),
     (ReportSubject::Scenes, "scenes"),
+    (ReportSubject::Dynamics, "dynamics"),
     (ReportSubject::Fields, "fields"),
+    (ReportSubject::Perforation, "perforation"),
 ];
-/// Those that are not.
-const NOT_BUILT: [(ReportSubject, &str); 2] =
-    [(ReportSubject::Dynamics, "dynamics"), (ReportSubject::Perforation, "perforation")];
 
 /// Runs the command.
 ///
 /// # Errors
 /// As the contract has them.
 pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
-    if let Some((_, name)) = NOT_BUILT.iter().find(|(s, _)| *s == args.subject) {
-        return Err(Error::not_built(format!("report {name}")));
-    }
     prepare::wall(global)?;
     prepare::fov(global)?;
     if let Some(scan) = args.scan.as_deref().filter(|s| !s.exists()) {
@@ -43,7 +39,7 @@ pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Resu
     let findings = {
         let _bar = Bar::show(progress);
         let mut findings = Vec::new();
-        for (subject, name) in BUILT {
+        for (subject, name) in ALL {
             let all = args.subject == ReportSubject::All;
             if all || subject == args.subject {
                 let folder = if all { args.out.join(name) } else { args.out.clone() };
@@ -53,9 +49,6 @@ pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Resu
         }
         findings
     };
-    if args.subject == ReportSubject::All {
-        say(&format!("not built yet in this release: {}", NOT_BUILT.map(|(_, name)| name).join(", ")));
-    }
     super::print(|out| findings.iter().try_for_each(|f| writeln!(out, "{f}")))
 }
 
@@ -72,6 +65,11 @@ fn one(
             render::report(&subjects(args, global, progress)?, &extent, folder, progress)
         }
         ReportSubject::Gradients => gradients::report(args.quick, folder, progress),
+        ReportSubject::Dynamics => dynamics::report(args.quick, folder, progress),
+        ReportSubject::Perforation => {
+            let steps = args.steps.unwrap_or(if args.quick { 20_000 } else { 1_000_000 });
+            perforation::report(steps, global.seed.unwrap_or(1), folder, progress)
+        }
         ReportSubject::Fields => {
             let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;
             fields::report(args.quick, global.seed.unwrap_or(1), scan, folder, progress)

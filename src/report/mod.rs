@@ -2,6 +2,7 @@
 //!
 //! Timings are medians of frames that different methods render in turn, so that a busy machine slows all of them alike.
 
+pub mod dynamics;
 pub mod fields;
 pub mod flight;
 pub mod gradients;
@@ -9,10 +10,12 @@ pub mod image;
 pub mod methods;
 pub mod page;
 mod parts;
+pub mod perforation;
 pub mod plot;
 pub mod render;
 pub mod scenes;
 pub mod table;
+pub mod trials;
 
 /// The value below which the share `p` (0 to 1) of `values` lies: nearest rank; not-a-number where there are none.
 pub fn quantile(values: &[f64], p: f64) -> f64 {
