@@ -8,8 +8,10 @@ pub mod attitude;
 pub mod body;
 pub mod mines;
 pub mod monitor;
+pub mod route;
 pub mod tentacles;
 
 pub use advance::{Advance, advance};
 pub use attitude::Attitude;
 pub use body::Body;
+pub use route::Route;
