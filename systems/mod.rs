@@ -7,7 +7,7 @@
 //! | `tentacles` | `Guide` | steers by tentacles and mines |
 //! | `manual` | `Guide` | leaves the steering to the operator |
 //! | `mines` | `Force` | mines are laid and push |
-//! | `motion` | `Integrate` | sums the forces, moves the body, turns the view |
+//! | `motion` | `Integrate` | sums the forces, moves and turns the rigid body |
 //! | `watch` | `Watch` | arrival and trouble |
 //! | `log` | `Log` | writes down the step |
 //! | `raycast` | `RayCast` | traces the image |

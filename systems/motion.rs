@@ -1,27 +1,33 @@
-//! The equation of motion: sums the forces, moves the body as far as the wall allows, turns the view.
+//! The equations of motion: sums the forces, moves the rigid body as far as the wall allows, and turns it with its view.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
-use crate::components::camera::{Acceleration, Body, Contact, Heading, Pose, Velocity};
+use crate::components::camera::{Acceleration, Body, Contact, Heading, Pose, Spin, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, State};
-use crate::components::guide::{GuideThrust, MinePush};
+use crate::components::guide::{GuideThrust, MinePush, PotentialField};
 use crate::components::input::Hand;
 use crate::components::scan::Walls;
 use crate::components::{App, FlightSystems};
-use crate::dynamics::advance;
+use crate::dynamics::rigid::orientation;
+use crate::dynamics::{Motion, Potential, PotentialForce, Turning, step};
 use crate::error::Result;
+use crate::fields::Distance;
 
 /// Time constant with which the heading follows the velocity, s.
 const HEADING_S: f64 = 0.25;
-/// Time constant with which the view follows the way, s, and its greatest rate, rad/s.
+/// How far the view lags behind the way, s, and its greatest rate, rad/s.
 const VIEW_S: f64 = 0.45;
 const VIEW_RATE: f64 = 1.8;
+/// How promptly the view follows the operator's hand, and comes to rest without it, 1/s.
+const HAND_TURN_PER_S: f64 = 15.0;
+/// A view that turns slower than this, and by nobody's will, is at rest, rad/s.
+const STILL_RAD_S: f64 = 1e-6;
 
 /// Adds motion to the camera.
 pub fn plugin(app: &mut App) -> Result<()> {
-    app.add_systems(FlightSystems::Integrate, (sum_forces, move_body, turn_view).chain());
+    app.add_systems(FlightSystems::Integrate, (sum_forces, move_body).chain());
     Ok(())
 }
 
@@ -47,44 +53,64 @@ pub fn sum_forces(
     sum.0 = if total.is_finite() { total } else { DVec3::ZERO };
 }
 
-/// One step of the body, clamped to free space.
+/// One step of the rigid body, clamped to free space.
 pub fn move_body(
     clock: Res<Clock>,
     walls: Single<&Walls>,
-    camera: Single<(&mut Pose, &mut Velocity, &mut Heading, &mut Contact, &mut Flight, &Acceleration, &Body)>,
+    camera: Single<(
+        (&mut Pose, &mut Velocity, &mut Spin, &mut Heading, &mut Contact, &mut Flight),
+        (&Acceleration, &Body),
+        (Option<&GuideThrust>, Option<&PotentialField>, Option<&Hand>),
+    )>,
 ) {
-    let (mut pose, mut velocity, mut heading, mut contact, mut flight, acceleration, body) = camera.into_inner();
-    let dt = clock.dt();
-    let (v, displacement) = body.0.step(velocity.0, acceleration.0 * body.0.mass_g, dt);
-    let moved = advance(&walls.0, pose.position, displacement, body.0.radius_mm);
-    velocity.0 = match moved.blocked {
-        // Inelastic: what went into the wall is gone.
-        Some(into) => v - into * v.dot(into).max(0.0),
-        None => v,
+    let (moving, (acceleration, body), (guide, field, hand)) = camera.into_inner();
+    let (mut pose, mut velocity, mut spin, mut heading, mut contact, mut flight) = moving;
+    let (body, dt) = (&body.0, clock.dt());
+    let before = Motion {
+        position: pose.position,
+        momentum: velocity.0 * body.mass_g,
+        orientation: orientation(pose.attitude),
+        angular: spin.0,
     };
-    flight.length_mm += moved.position.distance(pose.position);
-    pose.position = moved.position;
-    *contact = Contact { clearance_mm: walls.0.at(moved.position).mm, blocked: moved.blocked.is_some() };
+    let guided = flight.state == State::Flying && !hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
+    let looking = hand.is_some_and(|h| clock.tick < h.looking_until);
+    let turning = match guide.filter(|g| guided && !looking && g.way != DVec3::ZERO) {
+        // Where the guide sees the lumen open, with a little of where the body goes, so that the view does not twitch
+        // when two openings are alike.
+        Some(guide) => Turning::towards(heading.0 * 0.25 + guide.way, VIEW_S, VIEW_RATE),
+        None => Turning::by_hand(hand.map_or(DVec3::ZERO, |h| h.turning), HAND_TURN_PER_S),
+    };
+    let push = acceleration.0 * body.mass_g;
+    let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
+    let method = body.integrator.method();
+    let moved = match field.filter(|_| !stopped) {
+        Some(f) => {
+            let pace = if guided { hand.map_or(1.0, |h| h.speed) } else { 0.0 };
+            let potential = Potential { target_force: f.potential.target_force * pace, ..f.potential };
+            let target = f.target.as_deref().filter(|_| guided).map(|t| t as &dyn Distance);
+            let forces = PotentialForce { potential, wall: Some(&*f.wall), target, push };
+            step(method, body, &before, &forces, &turning, &walls.0, dt)
+        }
+        None => step(method, body, &before, &push, &turning, &walls.0, dt),
+    };
+    let after = moved.motion;
+    velocity.0 = after.momentum / body.mass_g;
+    // What has come to rest stays there to the last bit, so that a still picture is not rendered again.
+    let rate = body.inertia().rate(after.angular, after.orientation * DVec3::Z);
+    let still = turning.target == DVec3::ZERO && turning.push == DVec3::ZERO && rate.length() < STILL_RAD_S;
+    spin.0 = if still { DVec3::ZERO } else { after.angular };
+    let attitude = if still { pose.attitude } else { after.attitude() };
+    flight.length_mm += after.position.distance(before.position);
+    *pose = Pose { position: after.position, attitude };
+    *contact = Contact {
+        clearance_mm: walls.0.at(after.position).mm,
+        blocked: moved.advance.blocked.is_some(),
+        stuck_steps: if moved.advance.stuck { contact.stuck_steps.saturating_add(1) } else { 0 },
+    };
     // Slow drifting says nothing about where the flight is going.
     if velocity.0.length() > 2.0 {
         let share = 1.0 - (-dt / HEADING_S).exp();
         let towards = velocity.0.normalize();
         heading.0 = (heading.0 + (towards - heading.0) * share).try_normalize().unwrap_or(towards);
     }
-}
-
-/// Turns the view towards the way on, unless the operator looks around.
-pub fn turn_view(
-    clock: Res<Clock>,
-    camera: Single<(&mut Pose, &Heading, &Flight, Option<&GuideThrust>, Option<&Hand>)>,
-) {
-    let (mut pose, heading, flight, guide, hand) = camera.into_inner();
-    let Some(guide) = guide.filter(|g| g.way != DVec3::ZERO) else { return };
-    if flight.state != State::Flying || hand.is_some_and(|h| h.paused || clock.tick < h.looking_until.max(h.on_until)) {
-        return;
-    }
-    // Where the guide sees the lumen open, with a little of where the body goes, so that the view does not twitch when two
-    // openings are alike.
-    let target = heading.0 * 0.25 + guide.way;
-    pose.attitude.turn_towards(target, VIEW_S, VIEW_RATE, clock.dt());
 }

@@ -27,7 +27,7 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Applies the commands due in this step and the turn that is held.
+/// Applies the commands due in this step, and says what the hand that is held asks for.
 pub fn take_commands(
     clock: Res<Clock>,
     mut inbox: ResMut<Inbox>,
@@ -65,15 +65,12 @@ pub fn take_commands(
             _ => {}
         }
     }
+    let frame = pose.attitude;
+    let turn = hand.turn * TURN_RATE;
+    hand.turning = frame.right() * turn.y - frame.up * turn.x + frame.forward * turn.z;
     if hand.turn != DVec3::ZERO {
-        let angle = hand.turn * (TURN_RATE * clock.dt());
-        let frame = pose.attitude;
-        pose.attitude.rotate(frame.up, -angle.x);
-        pose.attitude.rotate(frame.right(), angle.y);
-        pose.attitude.rotate(frame.forward, angle.z);
         hand.looking_until = after(LOOK_S);
     }
-    let frame = pose.attitude;
     let push = frame.right() * hand.push.x + frame.up * hand.push.y + frame.forward * hand.push.z;
     hand.acceleration = push * (PUSH_MM_S * body.0.drag_per_s * hand.speed.max(0.3));
     if push != DVec3::ZERO {

@@ -4,7 +4,7 @@
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
-use crate::components::camera::{Heading, Pose};
+use crate::components::camera::{Contact, Heading, Pose};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
 use crate::components::guide::{MineField, Tentacles};
@@ -20,6 +20,8 @@ const WRONG_END_BACK_MM: f64 = 120.0;
 /// The guide looks for another way for so long, s, and so often in one flight.
 const ESCAPE_S: f64 = 4.0;
 const ESCAPES: u32 = 6;
+/// The operator is called when the body was stuck in the wall for so long, s: a guide may need a moment to push it out.
+const STUCK_S: f64 = 0.5;
 
 /// Adds the watch to the scene.
 pub fn plugin(app: &mut App) -> Result<()> {
@@ -32,6 +34,7 @@ pub fn watch_flight(
     clock: Res<Clock>,
     camera: Single<(
         &Pose,
+        &Contact,
         &mut Flight,
         &mut Watch,
         &mut Heading,
@@ -41,7 +44,7 @@ pub fn watch_flight(
         Option<&mut MineField>,
     )>,
 ) {
-    let (pose, mut flight, mut watch, mut heading, goal, hand, tentacles, mut mines) = camera.into_inner();
+    let (pose, contact, mut flight, mut watch, mut heading, goal, hand, tentacles, mut mines) = camera.into_inner();
     if flight.state != State::Flying {
         return;
     }
@@ -50,6 +53,13 @@ pub fn watch_flight(
     {
         flight.state = State::Arrived;
         flight.place = pose.position;
+        return;
+    }
+    if f64::from(contact.stuck_steps) * clock.dt() >= STUCK_S && !hand.is_some_and(|h| clock.tick < h.on_until) {
+        flight.state = State::Operator;
+        flight.place = pose.position;
+        flight.reason =
+            "the camera is in the wall, or the lumen is narrower than it is, and no way out was found".to_owned();
         return;
     }
     // Without a guide that moves the camera there is nothing to watch, nor while the operator has it.

@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::app::plan::{self, Plan};
 use crate::app::scene::{Guide, Scene};
 use crate::components::App;
-use crate::components::camera::{Body, Contact, Heading, Pose, Velocity};
+use crate::components::camera::{Body, Contact, Heading, Pose, Spin, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
 use crate::components::guide::{GuideThrust, MineField, MinePush, Tentacles};
@@ -174,7 +174,8 @@ impl FlightApp {
         self.app.world.entity_mut(self.camera).insert((
             Heading(forward),
             Velocity::default(),
-            Contact { clearance_mm, blocked: false },
+            Spin::default(),
+            Contact { clearance_mm, ..Contact::default() },
         ));
     }
 

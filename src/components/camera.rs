@@ -16,12 +16,16 @@ pub struct Pose {
 
 /// The body that must not touch the wall. A camera without one does not move.
 #[derive(Component, Clone, Copy, Debug)]
-#[require(Velocity, Acceleration, Contact, Heading)]
+#[require(Velocity, Spin, Acceleration, Contact, Heading)]
 pub struct Body(pub dynamics::Body);
 
 /// Velocity, world mm/s.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Velocity(pub DVec3);
+
+/// Angular momentum about the body's centre, world g·mm²/s.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Spin(pub DVec3);
 
 /// The sum of all forces divided by the mass, world mm/s².
 #[derive(Component, Clone, Copy, Debug, Default)]
@@ -38,4 +42,6 @@ pub struct Contact {
     pub clearance_mm: f64,
     /// Whether a wall stopped the last step.
     pub blocked: bool,
+    /// Steps in a row in which the body was in the wall, or nearer to it than its radius, and no way out was found.
+    pub stuck_steps: u32,
 }

@@ -1,10 +1,14 @@
 //! What guides feel and decide.
 
+use std::sync::Arc;
+
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
+use crate::dynamics::Potential;
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::dynamics::tentacles::{TentacleSettings, directions};
+use crate::fields::Distance;
 
 /// What the guide wants: the socket between any navigation method and the forces.
 #[derive(Component, Clone, Copy, Debug, Default)]
@@ -17,6 +21,23 @@ pub struct GuideThrust {
     pub wall: DVec3,
     /// Unit direction of the way on, world; zero where the guide knows none. The view turns there.
     pub way: DVec3,
+}
+
+/// A field of distances that a guide shares with the step.
+pub type Field = Arc<dyn Distance + Send + Sync>;
+
+/// The paper's `V(x)`: acts on the body beside [`GuideThrust`], and as a force that varies within a step, so that an
+/// implicit method knows its stiffness. The target's pull is taken back while the operator's hand is on; the wall's push
+/// acts always.
+#[derive(Component, Clone)]
+#[require(GuideThrust)]
+pub struct PotentialField {
+    /// `C_t`, `C_s`, `p`.
+    pub potential: Potential,
+    /// `D_s`.
+    pub wall: Field,
+    /// `D_t`; none while there is no target.
+    pub target: Option<Field>,
 }
 
 /// Sensory rays and what they last told.

@@ -63,6 +63,8 @@ pub struct Hand {
     pub looking_until: u64,
     /// Acceleration from the push, world mm/s².
     pub acceleration: DVec3,
+    /// Angular velocity that the turn asks for, world rad/s.
+    pub turning: DVec3,
 }
 
 impl Default for Hand {
@@ -75,6 +77,7 @@ impl Default for Hand {
             on_until: 0,
             looking_until: 0,
             acceleration: DVec3::ZERO,
+            turning: DVec3::ZERO,
         }
     }
 }

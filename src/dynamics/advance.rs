@@ -27,6 +27,8 @@ pub struct Advance {
     pub blocked: Option<DVec3>,
     /// Clearance before the step, mm.
     pub clearance_mm: f64,
+    /// Whether the body is in the wall or too near to it, and was not moved, as nothing that it tried raised the clearance.
+    pub stuck: bool,
 }
 
 /// Moves a sphere of `radius` mm from `position` by `displacement` (world, mm) as far as the wall allows.
@@ -35,6 +37,17 @@ pub struct Advance {
 /// Where it begins in the wall or too near to it, only motion that raises the clearance is allowed. A displacement that
 /// is not finite does not move it.
 pub fn advance(walls: &impl Clearances, position: DVec3, displacement: DVec3, radius: f64) -> Advance {
+    sweep(walls, position, displacement, radius, &mut |_, _| {})
+}
+
+/// [`advance()`], telling each straight piece of the way, from its beginning to its end.
+pub fn sweep(
+    walls: &impl Clearances,
+    position: DVec3,
+    displacement: DVec3,
+    radius: f64,
+    piece: &mut dyn FnMut(DVec3, DVec3),
+) -> Advance {
     let mut rest = if displacement.is_finite() { displacement } else { DVec3::ZERO };
     let mut at = position;
     let mut blocked = None;
@@ -47,11 +60,13 @@ pub fn advance(walls: &impl Clearances, position: DVec3, displacement: DVec3, ra
         }
         let free = clearance.mm - radius - TOLERANCE_MM;
         if length <= free {
+            piece(at, at + rest);
             at += rest;
             break;
         }
         if free >= SKIN_MM {
             let step = rest * (free / length);
+            piece(at, at + step);
             at += step;
             rest -= step;
             clearance = walls.clearance(at);
@@ -63,23 +78,29 @@ pub fn advance(walls: &impl Clearances, position: DVec3, displacement: DVec3, ra
         }
         let along = rest - clearance.toward * into;
         let Some((next, there)) = creep(walls, at, clearance, along, radius) else { break };
+        piece(at, next);
         rest = along * (1.0 - next.distance(at) / along.length()).max(0.0);
         (at, clearance) = (next, there);
     }
-    Advance { position: at, blocked, clearance_mm: first.mm }
+    let stuck = first.mm < radius && at == position;
+    Advance { position: at, blocked, clearance_mm: first.mm, stuck }
 }
 
 /// A short move along the wall that the body touches, leaning away from it as much as it must. It is tried, not bounded:
 /// with a clearance of `c₀` at its beginning and `c₁` at its end, a move of length `l` keeps at least `(c₀ + c₁ − l)/2`.
-/// From a place that is too near to the wall, any such move that raises the clearance.
+/// From a place that is too near to the wall, any such move that raises the clearance and crosses no wall on its way;
+/// from within a wall or from its very surface, where nothing can be crossed that is not left, any that raises it.
 fn creep(walls: &impl Clearances, at: DVec3, here: Clearance, along: DVec3, radius: f64) -> Option<(DVec3, Clearance)> {
     let direction = along.try_normalize()?;
-    let length = along.length().min(CREEP_MM);
+    // Near to a wall so short that the clearances at both ends can tell that the way between them is free.
+    let short = if here.mm > 0.0 { CREEP_MM.min(here.mm) } else { CREEP_MM };
+    let length = along.length().min(short);
     [0.0, 0.1, 0.5, 2.0].into_iter().find_map(|lean| {
         let next = at + (direction - here.toward * lean).normalize() * length;
         let there = walls.clearance(next);
         let keeps = there.mm >= radius && here.mm + there.mm - length >= 2.0 * radius;
-        let raises = here.mm < radius && there.mm > here.mm;
+        let crosses = here.mm > 0.0 && here.mm + there.mm <= length;
+        let raises = here.mm < radius && there.mm > here.mm && !crosses;
         (keeps || raises).then_some((next, there))
     })
 }

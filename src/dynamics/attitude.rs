@@ -1,4 +1,4 @@
-//! Where the camera looks: it turns towards the way ahead at a bounded rate, without rolling more than it must.
+//! Where the camera looks: an orthonormal view frame.
 
 use glam::{DQuat, DVec3};
 
@@ -30,23 +30,6 @@ impl Attitude {
         self.forward.cross(self.up)
     }
 
-    /// Turns towards `target` for `dt` seconds: the angle left decays with the time constant `tau`, no faster than
-    /// `rate` rad/s. The turn is about `forward × target`, so the frame is parallel-transported along the flight (a
-    /// rotation-minimising frame). An exact exponential, so no step is too large for it.
-    pub fn turn_towards(&mut self, target: DVec3, tau: f64, rate: f64, dt: f64) {
-        let Some(target) = target.try_normalize() else { return };
-        let angle = self.forward.angle_between(target);
-        let share = if tau > 0.0 { 1.0 - (-dt / tau).exp() } else { 1.0 };
-        let turn = (angle * share).min(rate * dt);
-        // Also where an angle is no number.
-        if turn.is_nan() || turn <= 1e-9 {
-            return;
-        }
-        // Straight behind: any axis does; about `up` keeps the horizon.
-        let axis = self.forward.cross(target).try_normalize().unwrap_or(self.up);
-        self.rotate(axis, turn);
-    }
-
     /// Rotates by `angle` rad about a unit world axis.
     pub fn rotate(&mut self, axis: DVec3, angle: f64) {
         let q = DQuat::from_axis_angle(axis, angle);
@@ -70,19 +53,5 @@ mod tests {
             assert!((a.forward.length() - 1.0).abs() < 1e-12 && (a.up.length() - 1.0).abs() < 1e-12, "{a:?}");
             assert!(a.forward.dot(a.up).abs() < 1e-12);
         }
-    }
-
-    #[test]
-    fn turns_at_a_bounded_rate_and_arrives() {
-        let mut a = Attitude::new(DVec3::X, DVec3::Z);
-        let before = a.forward;
-        a.turn_towards(DVec3::NEG_X, 0.1, 2.0, 0.01);
-        assert!((a.forward.angle_between(before) - 0.02).abs() < 1e-9);
-        for _ in 0..600 {
-            a.turn_towards(DVec3::NEG_X, 0.1, 2.0, 0.01);
-        }
-        assert!(a.forward.angle_between(DVec3::NEG_X) < 1e-6 && a.up.angle_between(DVec3::Z) < 1e-6);
-        a.turn_towards(DVec3::Y, 0.1, 1e9, 1e9);
-        assert!(a.forward.angle_between(DVec3::Y) < 1e-6, "a huge step does not overshoot");
     }
 }

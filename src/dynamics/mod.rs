@@ -6,12 +6,22 @@
 pub mod advance;
 pub mod attitude;
 pub mod body;
+pub mod forces;
+pub mod integrators;
 pub mod mines;
 pub mod monitor;
+pub mod potential;
+pub mod rigid;
 pub mod route;
+pub mod step;
 pub mod tentacles;
 
 pub use advance::{Advance, advance};
 pub use attitude::Attitude;
 pub use body::Body;
+pub use forces::{Forces, PotentialForce};
+pub use integrators::Integrator;
+pub use potential::Potential;
+pub use rigid::{Motion, Turning};
 pub use route::Route;
+pub use step::{Step, step};

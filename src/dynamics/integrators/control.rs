@@ -1,0 +1,93 @@
+//! Steps of a size that an embedded method chooses by its own error.
+
+use super::{Effort, ExponentialEuler, Method, Phase, System};
+
+/// Control of the step's parts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Control {
+    /// Error allowed in one part: mm or rad, and mm/s or rad/s; relative to the speed above 1 mm/s or rad/s.
+    pub tolerance: f64,
+    /// At most so many parts in one step, those thrown away included; the rest is one step of [`ExponentialEuler`].
+    pub most_parts: u32,
+}
+
+/// One part: where the method comes to, and the difference to its embedded companion.
+pub(super) type Part<'a> = dyn FnMut(f64, Phase, f64, &mut Effort) -> (Phase, Phase) + 'a;
+
+impl Control {
+    /// Steps over `h` s by parts of a size with error `≈ tolerance`, the error's order being `order`.
+    ///
+    /// PI control (Gustafsson 1991; Hairer and Wanner, *Solving ODEs II*, IV.2):
+    /// `h′ = 0.9 h ε^(−0.7/q) ε₋₁^(0.4/q)` with the scaled error `ε`, the one before `ε₋₁` and `q = order`; by at most 5
+    /// up and 5 down, and not up after a part that was thrown away.
+    pub(super) fn steps(
+        &self,
+        system: &dyn System,
+        start: Phase,
+        h: f64,
+        order: f64,
+        effort: &mut Effort,
+        part: &mut Part<'_>,
+    ) -> Phase {
+        let b = system.mobility();
+        let (mut t, mut y, mut size) = (0.0, start, h);
+        let (mut before, mut thrown) = (1.0f64, false);
+        for _ in 0..self.most_parts {
+            let last = t + size >= h * (1.0 - 1e-12);
+            let length = if last { h - t } else { size };
+            let (next, difference) = part(t, y, length, effort);
+            effort.parts += 1;
+            let speed = (b * y.w).length().max((b * next.w).length()).max(1.0);
+            let scaled = Phase { u: difference.u, w: difference.w * (1.0 / speed) };
+            let error = scaled.norm(b) / self.tolerance;
+            if error <= 1.0 && next.is_finite() {
+                if last {
+                    return next;
+                }
+                (t, y) = (t + length, next);
+                let grow = 0.9 * error.max(1e-8).powf(-0.7 / order) * before.powf(0.4 / order);
+                size = length * grow.clamp(0.2, if thrown { 1.0 } else { 5.0 });
+                (before, thrown) = (error.max(1e-4), false);
+            } else {
+                // Also where the error is no number.
+                let shrink = if error.is_finite() { 0.9 * error.powf(-1.0 / order) } else { 0.1 };
+                size = length * shrink.clamp(0.1, 0.9);
+                thrown = true;
+                // Smaller would no longer be felt by the time.
+                if size < 1e-14 * h {
+                    break;
+                }
+            }
+        }
+        effort.cut_short = true;
+        ExponentialEuler.step(&From { system, t }, y, h - t, effort)
+    }
+}
+
+/// A system whose time begins later.
+struct From<'a> {
+    system: &'a dyn System,
+    t: f64,
+}
+
+impl System for From<'_> {
+    fn rate(&self, t: f64, y: Phase) -> Phase {
+        self.system.rate(self.t + t, y)
+    }
+
+    fn jacobian(&self, t: f64, y: Phase) -> super::Blocks {
+        self.system.jacobian(self.t + t, y)
+    }
+
+    fn time_rate(&self, t: f64, y: Phase, scale: f64) -> Phase {
+        self.system.time_rate(self.t + t, y, scale)
+    }
+
+    fn drag(&self) -> f64 {
+        self.system.drag()
+    }
+
+    fn mobility(&self) -> glam::DMat3 {
+        self.system.mobility()
+    }
+}

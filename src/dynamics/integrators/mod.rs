@@ -1,0 +1,175 @@
+//! Ways to step an equation of motion, interchangeable, and side by side for the report to choose among.
+//!
+//! | name | order | implicit | stable step for `x″ = −ω² x − k x′` |
+//! |---|---|---|---|
+//! | `explicit-euler` | 1 | no | none without drag; `h < k/ω²` with a little |
+//! | `semi-implicit-euler` | 1 | no | `h < 2/ω` |
+//! | `rk4` | 4 | no | `h < 2.83/ω` |
+//! | `dormand-prince` | 5(4), adaptive | no | it takes as many as it needs, up to a bound |
+//! | `implicit-midpoint` | 2 | yes | every `h` (A-stable) |
+//! | `backward-euler` | 1 | yes | every `h` (L-stable) |
+//! | `rosenbrock` | 3 | linearly | every `h` (L-stable) |
+//! | `exponential-euler` | 1 | no | `h ≲ 1/ω`; every `h` in the drag |
+//!
+//! A [`Method`] steps a [`System`] of two vectors, `u` (place or angle) and `w` (momentum): the translation and the
+//! rotation of a rigid body are one such system each, and each gets its own error control and its own Newton iteration.
+
+mod control;
+mod dormand_prince;
+mod euler;
+mod exponential;
+mod newton;
+mod phase;
+mod rk4;
+mod rosenbrock;
+
+use serde::{Deserialize, Serialize};
+
+pub use control::Control;
+pub use dormand_prince::DormandPrince;
+pub use euler::{ExplicitEuler, SemiImplicitEuler};
+pub use exponential::ExponentialEuler;
+pub use newton::{BackwardEuler, ImplicitMidpoint};
+pub use phase::{Blocks, Phase};
+pub use rk4::Rk4;
+pub use rosenbrock::{Rosenbrock, RosenbrockAdaptive};
+
+use glam::DMat3;
+
+/// `u′, w′` as a function of time and state, with its derivatives. Time runs from 0 at the beginning of the step.
+pub trait System {
+    /// `(u′, w′)` at time `t` s.
+    fn rate(&self, t: f64, y: Phase) -> Phase;
+
+    /// Its derivative by the state.
+    fn jacobian(&self, t: f64, y: Phase) -> Blocks;
+
+    /// Its derivative by time, where it has one; `scale` is a time over which it changes little, s.
+    fn time_rate(&self, _t: f64, _y: Phase, _scale: f64) -> Phase {
+        Phase::default()
+    }
+
+    /// `k` of the part `−k w` of `w′`, 1/s.
+    fn drag(&self) -> f64;
+
+    /// `∂u′/∂w` at the beginning of the step: turns momenta into velocities.
+    fn mobility(&self) -> DMat3;
+}
+
+/// What a step took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Effort {
+    /// Evaluations of the force or torque.
+    pub rates: u32,
+    /// Evaluations of its derivative.
+    pub jacobians: u32,
+    /// Parts into which the step was cut, those thrown away included.
+    pub parts: u32,
+    /// Whether a bound was reached (of parts or of Newton's iterations), so that the rest was taken by a cheap method.
+    pub cut_short: bool,
+}
+
+impl Effort {
+    /// Adds another step's.
+    pub fn add(&mut self, other: Self) {
+        self.rates += other.rates;
+        self.jacobians += other.jacobians;
+        self.parts += other.parts;
+        self.cut_short |= other.cut_short;
+    }
+}
+
+/// One step of a system.
+pub trait Method: Sync {
+    /// The state `h` s after `y`. Always ends, after a bounded number of evaluations. What overflows is the caller's to
+    /// notice ([`Phase::is_finite`]).
+    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase;
+
+    /// Order of convergence for smooth forces.
+    fn order(&self) -> u32;
+}
+
+/// A system that counts what is asked of it.
+pub(crate) struct Counted<'a> {
+    system: &'a dyn System,
+    effort: &'a mut Effort,
+}
+
+impl<'a> Counted<'a> {
+    pub(crate) fn new(system: &'a dyn System, effort: &'a mut Effort) -> Self {
+        Self { system, effort }
+    }
+
+    pub(crate) fn rate(&mut self, t: f64, y: Phase) -> Phase {
+        self.effort.rates += 1;
+        self.system.rate(t, y)
+    }
+
+    pub(crate) fn jacobian(&mut self, t: f64, y: Phase) -> Blocks {
+        self.effort.jacobians += 1;
+        self.system.jacobian(t, y)
+    }
+}
+
+/// The methods by name, as a scene file has them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Integrator {
+    /// To show why not.
+    ExplicitEuler,
+    /// The velocity first, then the place with it.
+    SemiImplicitEuler,
+    /// The classical method of four stages.
+    Rk4,
+    /// Adaptive, explicit.
+    DormandPrince,
+    /// Conserves energy nearly, stable for every step.
+    ImplicitMidpoint,
+    /// Damps what it does not resolve.
+    BackwardEuler,
+    /// Linearly implicit: no iteration.
+    Rosenbrock,
+    /// Exact in the drag, the force held.
+    #[default]
+    ExponentialEuler,
+}
+
+impl Integrator {
+    /// All of them, with their names.
+    pub const ALL: [(Self, &'static str); 8] = [
+        (Self::ExplicitEuler, "explicit-euler"),
+        (Self::SemiImplicitEuler, "semi-implicit-euler"),
+        (Self::Rk4, "rk4"),
+        (Self::DormandPrince, "dormand-prince"),
+        (Self::ImplicitMidpoint, "implicit-midpoint"),
+        (Self::BackwardEuler, "backward-euler"),
+        (Self::Rosenbrock, "rosenbrock"),
+        (Self::ExponentialEuler, "exponential-euler"),
+    ];
+
+    /// The method, with its settings for a flight.
+    pub fn method(self) -> &'static dyn Method {
+        const FLIGHT: DormandPrince = DormandPrince(Control { tolerance: 1e-4, most_parts: 256 });
+        match self {
+            Self::ExplicitEuler => &ExplicitEuler,
+            Self::SemiImplicitEuler => &SemiImplicitEuler,
+            Self::Rk4 => &Rk4,
+            Self::DormandPrince => &FLIGHT,
+            Self::ImplicitMidpoint => &ImplicitMidpoint,
+            Self::BackwardEuler => &BackwardEuler,
+            Self::Rosenbrock => &Rosenbrock,
+            Self::ExponentialEuler => &ExponentialEuler,
+        }
+    }
+
+    /// Its name in a scene file.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|i| i.0 == self).map_or("", |i| i.1)
+    }
+}
+
+#[cfg(test)]
+mod tests;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,106 @@
+//! Implicit methods, solved by Newton's iteration with the analytic Hessian of the potential.
+
+use super::{Counted, Effort, Method, Phase, System};
+
+/// At most so many iterations, each with so many halvings of its step at the most.
+const ITERATIONS: u32 = 20;
+const HALVINGS: u32 = 8;
+/// A step that cannot be solved is halved so often.
+const DEPTH: u32 = 4;
+
+/// `y₁ = y₀ + h f(y₁)`. Order 1, L-stable: what a step does not resolve is damped away, in the drag as at the wall.
+pub struct BackwardEuler;
+
+/// `y₁ = y₀ + h f((y₀ + y₁)/2)`. Order 2, A-stable, symplectic: without drag the energy of a smooth well does not drift
+/// (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, VI.4). What it does not resolve rings on undamped.
+pub struct ImplicitMidpoint;
+
+impl Method for BackwardEuler {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
+        step(system, y, 0.0, h, 1.0, DEPTH, effort)
+    }
+
+    fn order(&self) -> u32 {
+        1
+    }
+}
+
+impl Method for ImplicitMidpoint {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
+        step(system, y, 0.0, h, 0.5, DEPTH, effort)
+    }
+
+    fn order(&self) -> u32 {
+        2
+    }
+}
+
+/// `Y = y₀ + g h f(t + g h, Y)` and `y₁ = y₀ + (Y − y₀)/g`, by halves where Newton's iteration fails; where that does
+/// not help either, by the linearly implicit Euler method, `(I − h J) (y₁ − y₀) = h f(y₀)`.
+fn step(system: &dyn System, y: Phase, t: f64, h: f64, g: f64, depth: u32, effort: &mut Effort) -> Phase {
+    effort.parts += 1;
+    match solve(system, y, t + g * h, g * h, effort) {
+        Ok(middle) => y + (middle - y) * (1.0 / g),
+        Err(NoSolution) if depth > 0 => {
+            let half = step(system, y, t, 0.5 * h, g, depth - 1, effort);
+            step(system, half, t + 0.5 * h, 0.5 * h, g, depth - 1, effort)
+        }
+        Err(NoSolution) => {
+            effort.cut_short = true;
+            let mut f = Counted::new(system, effort);
+            let rate = f.rate(t, y);
+            let linear = f.jacobian(t, y).shifted(h).map(|solver| y + solver.solve(rate * h));
+            // Without a solution of that either, the beginning: what is left of the step is not moved.
+            linear.filter(Phase::is_finite).unwrap_or(y)
+        }
+    }
+}
+
+/// Newton's iteration did not come to an end within its bounds.
+struct NoSolution;
+
+/// Newton's iteration for `r(Y) = Y − y₀ − s f(t, Y) = 0` from `y₀` on: `(I − s J) δ = −r`, with the step halved until
+/// the residual falls (Deuflhard, *Newton Methods for Nonlinear Problems*, 3.3). Bounded in every loop.
+fn solve(system: &dyn System, start: Phase, t: f64, s: f64, effort: &mut Effort) -> Result<Phase, NoSolution> {
+    let b = system.mobility();
+    let mut f = Counted::new(system, effort);
+    // In mm (or rad): an error of the momentum is what it moves within the step.
+    let size = |r: Phase| Phase { u: r.u, w: r.w * s }.norm(b);
+    let residual = |f: &mut Counted<'_>, y: Phase| {
+        let r = y - start - f.rate(t, y) * s;
+        (r, size(r))
+    };
+    let mut y = start;
+    let (mut r, mut least) = residual(&mut f, y);
+    for _ in 0..ITERATIONS {
+        let Some(solver) = f.jacobian(t, y).shifted(s) else { break };
+        let delta = solver.solve(r * -1.0);
+        if !delta.is_finite() {
+            break;
+        }
+        let enough = 1e-12 * (1.0 + y.u.length() + size(y));
+        let mut share = 1.0;
+        let mut better = None;
+        for _ in 0..=HALVINGS {
+            let to = y + delta * share;
+            let (there, left) = residual(&mut f, to);
+            if left <= (1.0 - 1e-4 * share) * least || (left.is_finite() && left <= enough) {
+                better = Some((to, there, left));
+                break;
+            }
+            share *= 0.5;
+        }
+        let Some((to, there, left)) = better else {
+            // Nothing is left to gain but rounding.
+            if size(delta) <= 1e3 * enough {
+                return Ok(y);
+            }
+            break;
+        };
+        (y, r, least) = (to, there, left);
+        if share == 1.0 && (size(delta) <= enough || least <= enough) {
+            return Ok(y);
+        }
+    }
+    Err(NoSolution)
+}

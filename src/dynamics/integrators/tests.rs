@@ -1,0 +1,238 @@
+//! Every method against known solutions, and driven past reason.
+
+use std::cell::Cell;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use super::*;
+use crate::dynamics::body::Body;
+use crate::dynamics::forces::Forces;
+use crate::dynamics::rigid::{Motion, Turning, free};
+use crate::dynamics::step;
+
+/// A pendulum in each direction: smooth, nonlinear, with a fixed derivative nowhere.
+struct Waves;
+
+impl Forces for Waves {
+    fn force(&self, at: DVec3) -> DVec3 {
+        -DVec3::new(at.x.sin() * 4.0, (2.0 * at.y).sin() * 3.0 + at.x * at.y, at.z.sinh() + 0.3 * at.x)
+    }
+
+    fn slope(&self, at: DVec3) -> DMat3 {
+        DMat3::from_cols(
+            DVec3::new(-4.0 * at.x.cos(), -at.y, -0.3),
+            DVec3::new(0.0, -6.0 * (2.0 * at.y).cos() - at.x, 0.0),
+            DVec3::new(0.0, 0.0, -at.z.cosh()),
+        )
+    }
+}
+
+fn start() -> Motion {
+    Motion {
+        position: DVec3::new(0.7, -0.3, 0.5),
+        momentum: DVec3::new(1.0, 0.4, -0.6),
+        orientation: free::exp(DVec3::new(0.5, -0.2, 0.9)),
+        angular: DVec3::new(0.8, -1.1, 0.5),
+    }
+}
+
+fn body() -> Body {
+    let cylinder = (Some(1.0), Some(1.0));
+    Body {
+        drag_per_s: 1.3,
+        mass_g: 2.0,
+        cylinder_radius_mm: cylinder.0,
+        cylinder_length_mm: cylinder.1,
+        ..Body::default()
+    }
+}
+
+fn fly(method: &dyn Method, turning: &Turning, seconds: f64, steps: u32) -> Motion {
+    let h = seconds / f64::from(steps);
+    (0..steps).fold(start(), |m, _| step::integrate(method, &body(), &m, &Waves, turning, h).0)
+}
+
+/// A step of the fifth order without control.
+struct Fixed5;
+
+impl Method for Fixed5 {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
+        DormandPrince::fixed(system, y, h, effort)
+    }
+    fn order(&self) -> u32 {
+        5
+    }
+}
+
+/// Halving the step divides the error by two to the power of the order, in place and in angle.
+#[test]
+fn orders_are_those_of_theory() {
+    let turning =
+        Turning { push: DVec3::new(0.4, -0.3, 0.8), ..Turning::towards(DVec3::new(1.0, 0.4, -0.5), 0.8, 2.0) };
+    let reference = fly(&Fixed5, &turning, 2.0, 4000);
+    let all: [(&str, &dyn Method, u32); 8] = [
+        ("explicit-euler", &ExplicitEuler, 1280),
+        ("semi-implicit-euler", &SemiImplicitEuler, 1280),
+        ("exponential-euler", &ExponentialEuler, 1280),
+        ("backward-euler", &BackwardEuler, 1280),
+        ("implicit-midpoint", &ImplicitMidpoint, 160),
+        ("rosenbrock", &Rosenbrock, 160),
+        ("rk4", &Rk4, 80),
+        ("dormand-prince", &Fixed5, 40),
+    ];
+    for (name, method, steps) in all {
+        let errors = [steps, 2 * steps].map(|n| {
+            let end = fly(method, &turning, 2.0, n);
+            let turned = (end.orientation * reference.orientation.conjugate()).to_scaled_axis().length();
+            [end.position.distance(reference.position), turned.min(std::f64::consts::TAU - turned)]
+        });
+        for (n, what) in ["position", "orientation"].into_iter().enumerate() {
+            let order = (errors[0][n] / errors[1][n]).log2();
+            println!("{name}, {what}: order {order:.2}, error {:.1e}", errors[1][n]);
+            assert!((order - f64::from(method.order())).abs() < 0.2, "{name}, {what}: {order} ({errors:?})");
+        }
+    }
+}
+
+#[test]
+fn adaptive_methods_keep_their_tolerance() {
+    let turning = Turning::towards(DVec3::new(1.0, 0.4, -0.5), 0.8, 2.0);
+    let reference = fly(&Fixed5, &turning, 2.0, 4000);
+    for tolerance in [1e-3, 1e-5, 1e-7] {
+        let control = Control { tolerance, most_parts: 2000 };
+        for method in [&DormandPrince(control) as &dyn Method, &RosenbrockAdaptive(control)] {
+            let end = fly(method, &turning, 2.0, 4);
+            let error = end.position.distance(reference.position);
+            assert!(error < 30.0 * tolerance, "{error} for {tolerance}");
+        }
+    }
+}
+
+/// A well so stiff that no explicit step of this size could follow.
+#[test]
+fn implicit_methods_are_stable_where_explicit_ones_are_not() {
+    struct Spring(f64);
+    impl Forces for Spring {
+        fn force(&self, at: DVec3) -> DVec3 {
+            at * -self.0
+        }
+        fn slope(&self, _: DVec3) -> DMat3 {
+            DMat3::IDENTITY * -self.0
+        }
+    }
+    let body = Body { drag_per_s: 1.0, ..Body::default() };
+    for omega in [1e2, 1e5, 1e9] {
+        for (integrator, name) in Integrator::ALL {
+            let mut m = Motion { angular: DVec3::ZERO, ..start() };
+            for _ in 0..200 {
+                m = step::integrate(integrator.method(), &body, &m, &Spring(omega * omega), &Turning::FREE, 0.1).0;
+            }
+            use Integrator::{BackwardEuler as B, ImplicitMidpoint as M, Rosenbrock as R};
+            if matches!(integrator, B | M | R) {
+                assert!(m.position.length() < 2.0, "{name}: {}", m.position);
+            } else if integrator != Integrator::DormandPrince {
+                assert!(m.position.length() > 1e3 || !m.position.is_finite(), "{name} is told to be unstable here");
+            }
+        }
+    }
+}
+
+/// The numbers of the issue, each with each. Nothing hangs: evaluations are bounded.
+#[test]
+fn past_reason_everything_stays_finite() {
+    struct Wall<'a>(f64, &'a Cell<u64>);
+    // Cells are not for threads, forces are: the count is of one thread.
+    struct Forced(f64);
+    impl Forces for Forced {
+        fn force(&self, at: DVec3) -> DVec3 {
+            DVec3::splat(1e9) - at * self.0
+        }
+        fn slope(&self, _: DVec3) -> DMat3 {
+            DMat3::IDENTITY * -self.0
+        }
+    }
+    let count = Cell::new(0);
+    let wall = Wall(0.0, &count);
+    for (integrator, name) in Integrator::ALL {
+        for dt in [1e-6, 1.0 / 120.0, 1.0, 10.0] {
+            for mass_g in [1e-6, 1.0, 1e6] {
+                for c_s in [1e-9, 1.0, 1e9] {
+                    for (r, l) in [(1.0, 2.0), (1e-6, 2.9), (1.49, 1e-6)] {
+                        let body = Body {
+                            mass_g,
+                            cylinder_radius_mm: Some(r),
+                            cylinder_length_mm: Some(l),
+                            ..Body::default()
+                        };
+                        body.check().unwrap();
+                        let j = body.inertia();
+                        let q = start().orientation;
+                        let spin = j.momentum(DVec3::new(0.6, 0.0, 0.8) * 1e4, q * DVec3::Z);
+                        let mut m = Motion { orientation: q, angular: spin, ..start() };
+                        for turning in [
+                            Turning::towards(DVec3::Y, 0.45, 1.8),
+                            Turning { push: DVec3::splat(1e9), ..Turning::FREE },
+                        ] {
+                            for _ in 0..3 {
+                                let (next, effort) =
+                                    step::integrate(integrator.method(), &body, &m, &Forced(c_s), &turning, dt);
+                                assert!(next.is_finite(), "{name} {dt} {mass_g} {c_s} {r}x{l}: {next:?}");
+                                assert!((next.orientation.length() - 1.0).abs() < 1e-9);
+                                assert!(effort.rates < 20_000, "{name}: {effort:?}");
+                                wall.1.set(wall.1.get() + u64::from(effort.rates));
+                                m = Motion { position: start().position, ..next };
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert!(wall.0 == 0.0 && count.get() > 0);
+}
+
+#[test]
+fn free_bodies_keep_their_momenta() {
+    let body = Body { drag_per_s: 0.0, ..body() };
+    let j = body.inertia();
+    for (integrator, name) in Integrator::ALL {
+        let mut m =
+            Motion { angular: j.momentum(DVec3::new(1e4, 2e3, -5e3), start().orientation * DVec3::Z), ..start() };
+        let begun = m;
+        let energy = |m: &Motion| j.energy(m.angular, m.orientation * DVec3::Z);
+        for _ in 0..1000 {
+            m = step::integrate(integrator.method(), &body, &m, &DVec3::ZERO, &Turning::FREE, 1.0 / 120.0).0;
+        }
+        assert!((m.momentum - begun.momentum).length() < 1e-12 * begun.momentum.length(), "{name}");
+        assert!((m.angular - begun.angular).length() < 1e-12 * begun.angular.length(), "{name}");
+        assert!((energy(&m) / energy(&begun) - 1.0).abs() < 1e-9, "{name}: {}", energy(&m) / energy(&begun));
+        let exact = free::turn(begun.orientation, begun.angular, &j, 0.0, 1000.0 / 120.0);
+        let angle = m.orientation.angle_between(exact);
+        assert!(angle < 1e-6, "{name}: {angle}");
+    }
+}
+
+#[test]
+fn the_view_arrives_without_overshoot_and_the_horizon_stays() {
+    for (integrator, name) in Integrator::ALL {
+        for dt in [1.0 / 120.0, 0.05] {
+            let body = Body::default();
+            let mut m = Motion { angular: DVec3::ZERO, orientation: DQuat::IDENTITY, ..start() };
+            let target = m.orientation * DVec3::new(1.0, 0.0, 0.3).normalize();
+            let turning = Turning::towards(target, 0.45, 1.8);
+            let (mut last, mut fastest) = (f64::INFINITY, 0.0f64);
+            for _ in 0..(8.0 / dt) as usize {
+                let before = m.orientation * DVec3::Z;
+                m = step::integrate(integrator.method(), &body, &m, &DVec3::ZERO, &turning, dt).0;
+                let view = m.orientation * DVec3::Z;
+                fastest = fastest.max(before.angle_between(view) / dt);
+                let left = view.angle_between(target);
+                assert!(left < last + 1e-6, "{name}: it comes nearer in each step");
+                last = left.max(1e-6);
+            }
+            assert!(last < 1e-3 && fastest < 1.9, "{name} {dt}: {last} rad left, {fastest} rad/s");
+            // The target lies level: up stays up.
+            assert!((m.orientation * DVec3::Y).dot(DVec3::Y) > 1.0 - 1e-9, "{name}");
+        }
+    }
+}
