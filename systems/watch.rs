@@ -4,10 +4,10 @@
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
-use crate::components::camera::{Contact, Heading, Pose};
+use crate::components::camera::{Body, Contact, Heading, Pose};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
-use crate::components::guide::{MineField, Tentacles};
+use crate::components::guide::{GuideThrust, MineField, Planned, Tentacles};
 use crate::components::input::Hand;
 use crate::components::{App, FlightSystems};
 use crate::dynamics::monitor::Trouble;
@@ -22,6 +22,10 @@ const ESCAPE_S: f64 = 4.0;
 const ESCAPES: u32 = 6;
 /// The operator is called when the body was stuck in the wall for so long, s: a guide may need a moment to push it out.
 const STUCK_S: f64 = 0.5;
+
+/// A plan is narrow where it leaves the body no more than this on each side, mm; looked for so far ahead, mm.
+const NARROW_MM: f64 = 0.5;
+const NARROW_AHEAD_MM: f64 = 15.0;
 
 /// Adds the watch to the scene.
 pub fn plugin(app: &mut App) -> Result<()> {
@@ -40,11 +44,12 @@ pub fn watch_flight(
         &mut Heading,
         Option<&Goal>,
         Option<&Hand>,
-        Option<&Tentacles>,
+        (Option<&GuideThrust>, Option<&Tentacles>, Option<&Planned>, Option<&Body>),
         Option<&mut MineField>,
     )>,
 ) {
-    let (pose, contact, mut flight, mut watch, mut heading, goal, hand, tentacles, mut mines) = camera.into_inner();
+    let (pose, contact, mut flight, mut watch, mut heading, goal, hand, guides, mut mines) = camera.into_inner();
+    let (guide, tentacles, planned, body) = guides;
     if flight.state != State::Flying {
         return;
     }
@@ -63,7 +68,7 @@ pub fn watch_flight(
         return;
     }
     // Without a guide that moves the camera there is nothing to watch, nor while the operator has it.
-    if tentacles.is_none() || hand.is_some_and(|h| h.paused || clock.tick < h.on_until) {
+    if guide.is_none_or(|g| g.limit <= 0.0) || hand.is_some_and(|h| h.paused || clock.tick < h.on_until) {
         watch.monitor.restart();
         return;
     }
@@ -75,7 +80,8 @@ pub fn watch_flight(
     flight.place = pose.position;
     let was_at = |end: DVec3| watch.monitor.last_mm(WRONG_END_BACK_MM).any(|p| p.distance(end) < WRONG_END_MM);
     let wrong_end = goal.is_some_and(|g| was_at(g.other_end)) && watch.monitor.way_mm() > WRONG_END_MM;
-    if flight.turns == 0 && wrong_end {
+    // Only who feels their way can set out the wrong way.
+    if flight.turns == 0 && wrong_end && tentacles.is_some() {
         flight.turns += 1;
         // Everything flown so far may, and must, be flown again.
         watch.monitor.restart();
@@ -93,8 +99,19 @@ pub fn watch_flight(
         heading.0 = DVec3::ZERO;
     } else {
         flight.state = State::Operator;
-        flight.reason = trouble.text().to_owned();
+        flight.reason = planned
+            .and_then(|p| narrow(p, body.map_or(0.0, |b| b.0.radius_mm)))
+            .unwrap_or_else(|| trouble.text().to_owned());
     }
+}
+
+/// Whether a plan leads where the body does not fit, as the operator reads it.
+fn narrow(planned: &Planned, radius_mm: f64) -> Option<String> {
+    let ahead = (0..(NARROW_AHEAD_MM as i32)).map(|n| planned.route.clearance(planned.s_mm + f64::from(n)));
+    let least = ahead.fold(f64::INFINITY, f64::min);
+    (least < radius_mm + NARROW_MM).then(|| {
+        format!("the way ahead narrows to {:.1} mm across, the camera has {:.1} mm", 2.0 * least, 2.0 * radius_mm)
+    })
 }
 
 fn longest_free(tentacles: Option<&Tentacles>, fallback: DVec3) -> DVec3 {

@@ -21,8 +21,8 @@ pub struct Pilot {
     /// Time of the plan, and time itself, since it was taken up, s.
     time: f64,
     since: f64,
-    /// What the body was off the plan then, mm, and how fast it went off it, mm/s.
-    off: [DVec3; 2],
+    /// What the body was off the plan then, mm, how fast it went off it, mm/s, and its acceleration off it, mm/s².
+    off: [DVec3; 3],
     /// That is gone after so long, s.
     join_s: f64,
     /// Multiple of the plan's speed, as it is now.
@@ -41,12 +41,12 @@ pub struct Order {
 }
 
 impl Pilot {
-    /// Takes up the route at `s` mm with a body at `position` (world mm) with `velocity` (world mm/s), flown at `rate`
-    /// times the plan's speed.
+    /// Takes up the route at `s` mm with a body at `position` (world mm) with `velocity` (world mm/s) and `acceleration`
+    /// (world mm/s²), flown at `rate` times the plan's speed.
     pub fn join(
         route: &Route,
         s: f64,
-        (position, velocity): (DVec3, DVec3),
+        [position, velocity, acceleration]: [DVec3; 3],
         rate: f64,
         settings: &PathSettings,
     ) -> Self {
@@ -59,7 +59,11 @@ impl Pilot {
         let by_place = (5.8 * off.length() / JOIN_MM_S2).sqrt();
         let by_speed = 4.0 * w.length() / JOIN_MM_S2;
         let join_s = JOIN_S.max(by_place).max(by_speed.min(2.0)).min(4.0);
-        Self { profile, time: 0.0, since: 0.0, off: [off, w], join_s, rate, s: begin.s }
+        let mut pilot = Self { profile, time: 0.0, since: 0.0, off: [off, w, DVec3::ZERO], join_s, rate, s: begin.s };
+        let [.., planned] = pilot.wanted(route);
+        // What stopped at a wall has no acceleration to go on with.
+        pilot.off[2] = (acceleration - planned).clamp_length_max(4.0 * JOIN_MM_S2);
+        pilot
     }
 
     /// Place along the route, mm.
@@ -73,19 +77,25 @@ impl Pilot {
     }
 
     /// What the body is off the plan, `u = t/T` after it was taken up: `d(u)`, `ḋ`, `d̈`. The quintic Hermite polynomial
-    /// from `(d₀, w, 0)` to rest at 0.
+    /// from `(d₀, w, b)` to rest at 0: place, speed and acceleration go on from what they were.
     fn offset(&self) -> [DVec3; 3] {
-        let [d, w] = self.off;
+        let [d, w, b] = self.off;
         let big = self.join_s;
         let u = self.since / big;
         if u >= 1.0 {
             return [DVec3::ZERO; 3];
         }
-        let w = w * big;
+        let (w, b) = (w * big, b * (big * big / 2.0));
         let (u2, u3) = (u * u, u * u * u);
-        let place = d * (1.0 - u3 * (10.0 - 15.0 * u + 6.0 * u2)) + w * (u - u3 * (6.0 - 8.0 * u + 3.0 * u2));
-        let speed = d * (-30.0 * u2 * (1.0 - 2.0 * u + u2)) + w * (1.0 - u2 * (18.0 - 32.0 * u + 15.0 * u2));
-        let bent = d * (-60.0 * u * (1.0 - 3.0 * u + 2.0 * u2)) + w * (-u * (36.0 - 96.0 * u + 60.0 * u2));
+        let place = d * (1.0 - u3 * (10.0 - 15.0 * u + 6.0 * u2))
+            + w * (u - u3 * (6.0 - 8.0 * u + 3.0 * u2))
+            + b * (u2 * (1.0 - 3.0 * u + 3.0 * u2 - u3));
+        let speed = d * (-30.0 * u2 * (1.0 - 2.0 * u + u2))
+            + w * (1.0 - u2 * (18.0 - 32.0 * u + 15.0 * u2))
+            + b * (u * (2.0 - 9.0 * u + 12.0 * u2 - 5.0 * u3));
+        let bent = d * (-60.0 * u * (1.0 - 3.0 * u + 2.0 * u2))
+            + w * (-u * (36.0 - 96.0 * u + 60.0 * u2))
+            + b * (2.0 - 18.0 * u + 36.0 * u2 - 20.0 * u3);
         [place, speed / big, bent / (big * big)]
     }
 
@@ -157,13 +167,15 @@ mod tests {
         rate: f64,
         seconds: f64,
     ) -> (Vec<DVec3>, Vec<DVec3>) {
-        let body = Body::default();
+        let k = Body::default().drag_per_s;
         let (mut x, mut v) = start;
         let (mut xs, mut vs) = (vec![x], vec![v]);
         for _ in 0..(seconds / DT) as usize {
-            let order = pilot.order(route, (x, v), body.drag_per_s, rate, DT).expect("nothing holds it");
-            let (v1, dx) = body.step(v, order.acceleration * body.mass_g, DT);
-            (x, v) = (x + dx, v1);
+            let order = pilot.order(route, (x, v), k, rate, DT).expect("nothing holds it");
+            // Exact for an acceleration that is held: v' = a − k v.
+            let (rest, decay) = (order.acceleration / k, (-k * DT).exp());
+            x += rest * DT + (v - rest) * ((1.0 - decay) / k);
+            v = rest + (v - rest) * decay;
             xs.push(x);
             vs.push(v);
         }
@@ -183,7 +195,7 @@ mod tests {
         let (route, set) = (route(), PathSettings::default());
         for rate in [0.5, 1.0, 2.0] {
             let start = (route.place(0.0), DVec3::ZERO);
-            let mut pilot = Pilot::join(&route, 0.0, start, rate, &set);
+            let mut pilot = Pilot::join(&route, 0.0, [start.0, start.1, DVec3::ZERO], rate, &set);
             let seconds = pilot.profile.seconds() / rate + 1.0;
             let (x, v) = fly(&mut pilot, &route, start, rate, seconds);
             let off = x.iter().map(|p| route.nearest(*p).first().map_or(9.0, |&s| route.place(s).distance(*p)));
@@ -210,7 +222,7 @@ mod tests {
         ] {
             let start = (route.place(s) + off, v);
             let near = route.nearest(start.0)[0];
-            let mut pilot = Pilot::join(&route, near, start, 1.0, &set);
+            let mut pilot = Pilot::join(&route, near, [start.0, start.1, start.1 * -6.0], 1.0, &set);
             let (x, vs) = fly(&mut pilot, &route, start, 1.0, 6.0);
             let end = x[x.len() - 1];
             assert!(route.place(route.nearest(end)[0]).distance(end) < 0.1, "back on the line");
@@ -229,10 +241,10 @@ mod tests {
     fn held_fast_is_noticed_and_nonsense_is_survived() {
         let (route, set) = (route(), PathSettings::default());
         let start = (route.place(50.0), DVec3::ZERO);
-        let mut pilot = Pilot::join(&route, 50.0, start, 1.0, &set);
+        let mut pilot = Pilot::join(&route, 50.0, [start.0, start.1, DVec3::ZERO], 1.0, &set);
         assert!((0..600).any(|_| pilot.order(&route, start, 6.0, 1.0, DT).is_none()), "it hangs");
         for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e9] {
-            let mut p = Pilot::join(&route, bad, (DVec3::ZERO, DVec3::splat(bad)), bad, &set);
+            let mut p = Pilot::join(&route, bad, [DVec3::ZERO, DVec3::splat(bad), DVec3::splat(bad)], bad, &set);
             for _ in 0..100 {
                 if let Some(o) = p.order(&route, start, 6.0, bad, DT) {
                     assert!(o.acceleration.is_finite() && o.s.is_finite());

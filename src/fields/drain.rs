@@ -1,0 +1,42 @@
+//! A scan whose tagged fluid is taken as free, so that what it joins is flown as one.
+
+use super::Lumen;
+use crate::volume::Volume;
+
+/// What takes the fluid's place, HU: gas.
+const GAS: i16 = -1000;
+
+/// The volume with gas in place of the lumen's tagged fluid. The blurred layer between gas and fluid belongs to the fluid,
+/// so that no film is left between them; the wall under the fluid stays as it is.
+pub fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
+    let grid = volume.grid();
+    let mut data = volume.data().to_vec();
+    for (j, k, r) in lumen.fluid().iter() {
+        let row = grid.index(0, j, k);
+        data[row + r.start as usize..row + r.end as usize].fill(GAS);
+    }
+    Volume::new(grid.clone(), data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fields::lumen;
+    use crate::phantom::{Phantom, Settings, Size};
+    use crate::progress::Progress;
+
+    #[test]
+    fn fluid_becomes_gas_and_parts_nothing() {
+        let phantom = Phantom::new(&Settings { size: Size::Small, fluid: true, seed: 3, ..Settings::default() });
+        let progress = Progress::new();
+        let volume = phantom.voxelise(&phantom.grid(), &progress).unwrap();
+        let before = lumen::find(&volume, &progress).unwrap();
+        assert!(before.fluid_ml() > 5.0, "{} ml", before.fluid_ml());
+        let after = lumen::find(&drained(&volume, &before), &progress).unwrap();
+        assert!(after.segments.len() <= before.segments.len());
+        let [was, is] = [before.gas_ml() + before.fluid_ml(), after.gas_ml() + after.fluid_ml()];
+        println!("{was:.1} ml of gas and fluid, {is:.1} ml when drained");
+        assert!((is / was - 1.0).abs() < 0.05 && after.fluid_ml() < 0.1 * before.fluid_ml());
+        assert_eq!(after.segments.len(), 1);
+    }
+}
