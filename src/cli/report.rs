@@ -12,17 +12,18 @@ use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::{Preset, Space};
 use crate::report::render::{Extent, Subject};
-use crate::report::{gradients, render, scenes};
+use crate::report::{dynamics, gradients, perforation, render, scenes};
 
 /// The reports that are built, with their names.
-const BUILT: [(ReportSubject, &str); 3] =
-    [(ReportSubject::Render, "render"), (ReportSubject::Gradients, "gradients"), (ReportSubject::Scenes, "scenes")];
-/// Those that are not.
-const NOT_BUILT: [(ReportSubject, &str); 3] = [
+const BUILT: [(ReportSubject, &str); 5] = [
+    (ReportSubject::Render, "render"),
+    (ReportSubject::Gradients, "gradients"),
+    (ReportSubject::Scenes, "scenes"),
     (ReportSubject::Dynamics, "dynamics"),
-    (ReportSubject::Fields, "fields"),
     (ReportSubject::Perforation, "perforation"),
 ];
+/// Those that are not.
+const NOT_BUILT: [(ReportSubject, &str); 1] = [(ReportSubject::Fields, "fields")];
 
 /// Runs the command.
 ///
@@ -70,6 +71,11 @@ fn one(
             render::report(&subjects(args, global, progress)?, &extent, folder, progress)
         }
         ReportSubject::Gradients => gradients::report(args.quick, folder, progress),
+        ReportSubject::Dynamics => dynamics::report(args.quick, folder, progress),
+        ReportSubject::Perforation => {
+            let steps = args.steps.unwrap_or(if args.quick { 20_000 } else { 1_000_000 });
+            perforation::report(steps, global.seed.unwrap_or(1), folder, progress)
+        }
         _ => scenes::report(&phantom(args.quick, global, progress)?, args.quick, folder, progress),
     }
 }

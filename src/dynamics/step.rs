@@ -1,6 +1,8 @@
 //! One step of the rigid body: integrated by whichever method, and moved as far as the wall allows.
 
-use super::advance::{Advance, advance};
+use glam::DVec3;
+
+use super::advance::{Advance, sweep};
 use super::body::Body;
 use super::forces::Forces;
 use super::integrators::{Effort, Method, Phase};
@@ -22,7 +24,7 @@ pub struct Step {
 
 /// Moves a body by `dt` seconds under `forces` and `turning`, both as they are at the beginning of the step.
 ///
-/// The displacement goes through [`advance()`], whatever the method told: perforation is impossible by construction. What
+/// The displacement goes through [`super::advance()`], whatever the method told: perforation is impossible by construction. What
 /// of the momentum went into the wall is gone (inelastic). A method that overflows leaves the body where it is, at rest;
 /// a `dt` that is not positive and finite does not move it.
 pub fn step(
@@ -34,14 +36,29 @@ pub fn step(
     walls: &impl Clearances,
     dt: f64,
 ) -> Step {
+    step_told(method, body, motion, forces, turning, walls, dt, &mut |_, _| {})
+}
+
+/// [`step()`], telling each straight piece of the way (world mm), from its beginning to its end.
+#[expect(clippy::too_many_arguments, reason = "those of `step`, and who is told")]
+pub fn step_told(
+    method: &dyn Method,
+    body: &Body,
+    motion: &Motion,
+    forces: &dyn Forces,
+    turning: &Turning,
+    walls: &impl Clearances,
+    dt: f64,
+    piece: &mut dyn FnMut(DVec3, DVec3),
+) -> Step {
     let (mut next, effort) = integrate(method, body, motion, forces, turning, dt);
-    let advance = advance(walls, motion.position, next.position - motion.position, body.radius_mm);
+    let advance = sweep(walls, motion.position, next.position - motion.position, body.radius_mm, piece);
     next.position = advance.position;
     if let Some(into) = advance.blocked {
         next.momentum -= into * next.momentum.dot(into).max(0.0);
     }
     if advance.stuck {
-        next.momentum = glam::DVec3::ZERO;
+        next.momentum = DVec3::ZERO;
     }
     Step { motion: next, advance, effort }
 }
@@ -70,9 +87,9 @@ pub fn integrate(
 pub fn translate(method: &dyn Method, body: &Body, motion: &Motion, forces: &dyn Forces, dt: f64) -> (Motion, Effort) {
     let mut effort = Effort::default();
     let system = Translation { forces, origin: motion.position, mass_g: body.mass_g, drag: body.drag_per_s };
-    let y = method.step(&system, Phase { u: glam::DVec3::ZERO, w: motion.momentum }, dt, &mut effort);
+    let y = method.step(&system, Phase { u: DVec3::ZERO, w: motion.momentum }, dt, &mut effort);
     let next = Motion { position: motion.position + y.u, momentum: y.w, ..*motion };
-    let halted = Motion { momentum: glam::DVec3::ZERO, ..*motion };
+    let halted = Motion { momentum: DVec3::ZERO, ..*motion };
     (if next.is_finite() { next } else { halted }, effort)
 }
 
@@ -84,6 +101,6 @@ pub fn turn(method: &dyn Method, body: &Body, motion: &Motion, turning: &Turning
     effort.rates += system.beside.get();
     let (orientation, angular) = system.read(dt, y);
     let next = Motion { orientation, angular, ..*motion };
-    let halted = Motion { angular: glam::DVec3::ZERO, ..*motion };
+    let halted = Motion { angular: DVec3::ZERO, ..*motion };
     (if next.is_finite() { next } else { halted }, effort)
 }

@@ -2,12 +2,14 @@
 //!
 //! Timings are medians of frames that different methods render in turn, so that a busy machine slows all of them alike.
 
+pub mod dynamics;
 pub mod flight;
 pub mod gradients;
 pub mod image;
 pub mod methods;
 pub mod page;
 mod parts;
+pub mod perforation;
 pub mod plot;
 pub mod render;
 pub mod scenes;

@@ -170,6 +170,3 @@ impl Integrator {
 
 #[cfg(test)]
 mod tests;
-
-#[cfg(test)]
-mod tests;

@@ -1,0 +1,113 @@
+//! What it costs that no step can pass through the wall: accuracy and time.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::contenders::FIXED;
+use super::precision::{TUBE, errors, forces, start, turning};
+use super::tube::Tube;
+use crate::dynamics::advance;
+use crate::dynamics::integrators::{Method, Rosenbrock};
+use crate::dynamics::rigid::Motion;
+use crate::dynamics::step::{integrate, step};
+use crate::dynamics::{Body, PotentialForce};
+use crate::error::Result;
+use crate::fields::ClearanceFinder;
+use crate::phantom::{Phantom, Settings, Size};
+use crate::progress::Progress;
+use crate::report::page::Page;
+use crate::report::table::{Cell, Table};
+use crate::report::{median, quantile};
+
+/// How long the flights are, s.
+const SECONDS: f64 = 2.0;
+
+/// The study.
+///
+/// # Errors
+/// As the report's.
+pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    page.text(
+        "Two flights of two seconds, each against itself in steps of 1/7680 s. Free: that of the soft wall above, which \
+         touches nothing. Pushed: the operator pushes towards the wall so hard that without the clamp the camera would be \
+         outside, and the camera slides along it. The clamp is told exact distances.",
+    );
+    let mut t = Table::new(&[
+        "method",
+        "step / s",
+        "free: error without clamp / mm",
+        "free: with clamp / mm",
+        "pushed: error with clamp / mm",
+        "pushed: deepest in the wall without clamp / mm",
+    ]);
+    let free = fly(&Rosenbrock, DVec3::ZERO, 1.0 / 7680.0, false).0;
+    let push = DVec3::new(1500.0, 300.0, 0.0);
+    let pushed = fly(&Rosenbrock, push, 1.0 / 7680.0, true).0;
+    let mut added = 0.0f64;
+    for (name, method) in FIXED {
+        for hz in [15.0, 30.0, 120.0, 480.0] {
+            let h = 1.0 / hz;
+            let [off, on] = [false, true].map(|clamp| errors(&fly(method, DVec3::ZERO, h, clamp).0, &free)[0]);
+            added = added.max(on - off);
+            let slid = errors(&fly(method, push, h, true).0, &pushed)[0];
+            let deepest = fly(method, push, h, false).1;
+            let cells = [h, off, on, slid, deepest].map(|v| Cell::Number(v, 4));
+            t.row(std::iter::once(name.into()).chain(cells).collect());
+        }
+        progress.check()?;
+    }
+    page.table("clamp", &t)?;
+    let [free_us, touching_us] = clamp_times(quick, progress)?;
+    Ok(vec![format!(
+        "In free flight the clamp adds at most {added:.0e} mm to any method's error at any of these steps, as a step \
+         within the free distance is taken whole; it takes {free_us:.0} µs a step in mid-lumen of a phantom and \
+         {touching_us:.0} µs while pushed against its wall (medians, exact clearances of the voxels around the body)."
+    )])
+}
+
+/// Where a flight ends, and how deep it was in the wall, mm.
+fn fly(method: &dyn Method, push: DVec3, h: f64, clamp: bool) -> (Motion, f64) {
+    let body = Body::default();
+    let force = PotentialForce { push, ..forces(100.0) };
+    let turn = turning();
+    let mut m = start(&body);
+    let mut deepest = 0.0f64;
+    for _ in 0..(SECONDS / h).round() as u32 {
+        m = if clamp {
+            step(method, &body, &m, &force, &turn, &TUBE, h).motion
+        } else {
+            integrate(method, &body, &m, &force, &turn, h).0
+        };
+        deepest = deepest.max(depth(&TUBE, m.position));
+    }
+    (m, deepest)
+}
+
+fn depth(tube: &Tube, at: DVec3) -> f64 {
+    (tube.across(at).length() + Body::default().radius_mm - tube.radius).max(0.0)
+}
+
+/// Time of the clamp in the middle of a phantom's lumen and against its wall, µs.
+fn clamp_times(quick: bool, progress: &Progress) -> Result<[f64; 2]> {
+    let phantom = Phantom::new(&Settings { size: Size::Small, ..Settings::default() });
+    let truth = phantom.truth();
+    let walls = ClearanceFinder::new(Arc::new(phantom.voxelise(&phantom.grid(), progress)?), -650.0, 11.0);
+    let places: Vec<DVec3> = truth.centerline.iter().copied().step_by(if quick { 40 } else { 10 }).collect();
+    let time = |from: &dyn Fn(DVec3) -> DVec3, by: DVec3| {
+        let times: Vec<f64> = places
+            .iter()
+            .map(|&p| {
+                let at = from(p);
+                let begun = Instant::now();
+                std::hint::black_box(advance(&walls, at, by, 1.5));
+                begun.elapsed().as_secs_f64() * 1e6
+            })
+            .collect();
+        // A busy machine only adds.
+        quantile(&times, 0.25).min(median(&times))
+    };
+    let touching = |p: DVec3| advance(&walls, p, DVec3::new(0.0, 1.0, 0.3) * 100.0, 1.5).position;
+    Ok([time(&|p| p, DVec3::new(0.1, 0.2, 0.1)), time(&touching, DVec3::new(0.0, 0.25, 0.1))])
+}

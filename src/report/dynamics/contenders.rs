@@ -1,0 +1,37 @@
+//! The methods that are compared.
+
+use crate::dynamics::integrators::{
+    BackwardEuler, Control, DormandPrince, Effort, ExplicitEuler, ExponentialEuler, ImplicitMidpoint, Method, Phase,
+    Rk4, Rosenbrock, RosenbrockAdaptive, SemiImplicitEuler, System,
+};
+
+/// A method of fixed steps. A new one is one more line.
+pub const FIXED: [(&str, &dyn Method); 8] = [
+    ("explicit Euler", &ExplicitEuler),
+    ("semi-implicit Euler", &SemiImplicitEuler),
+    ("exponential Euler", &ExponentialEuler),
+    ("backward Euler", &BackwardEuler),
+    ("implicit midpoint", &ImplicitMidpoint),
+    ("Rosenbrock ROS34PW2", &Rosenbrock),
+    ("RK4", &Rk4),
+    ("Dormand–Prince 5(4), fixed", &Fifth),
+];
+
+/// An adaptive method at a tolerance.
+pub const ADAPTIVE: [(&str, fn(Control) -> Box<dyn Method>); 2] = [
+    ("Dormand–Prince 5(4), adaptive", |c| Box::new(DormandPrince(c))),
+    ("Rosenbrock ROS34PW2, adaptive", |c| Box::new(RosenbrockAdaptive(c))),
+];
+
+/// Dormand and Prince's fifth order without control.
+pub struct Fifth;
+
+impl Method for Fifth {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
+        DormandPrince::fixed(system, y, h, effort)
+    }
+
+    fn order(&self) -> u32 {
+        5
+    }
+}

@@ -1,0 +1,294 @@
+//! Error in place and orientation against a reference solution, over time and over evaluations; the order measured.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::contenders::{ADAPTIVE, FIXED};
+use super::reference::{Solver, solve};
+use super::tube::{Tube, WayLeft};
+use crate::dynamics::integrators::{Control, Effort, Method};
+use crate::dynamics::rigid::{Motion, Turning, orientation};
+use crate::dynamics::step::integrate;
+use crate::dynamics::{Attitude, Body, Potential, PotentialForce};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::report::median;
+use crate::report::page::Page;
+use crate::report::plot::{Plot, Point, Series};
+use crate::report::table::{Cell, Table};
+
+/// How long the flight is, s.
+const SECONDS: f64 = 2.0;
+/// The adaptive methods report so often, as a flight's steps would make them, s.
+const OUTER: f64 = 0.25;
+/// Below this, mm or rad, errors are those of the reference.
+const FLOOR: f64 = 2e-9;
+/// Above this, mm or rad, the order says nothing.
+const CEILING: f64 = 0.2;
+
+/// A flight that is measured.
+pub(super) struct Case {
+    pub(super) name: &'static str,
+    pub(super) wall_energy: f64,
+}
+
+const CASES: [Case; 2] =
+    [Case { name: "soft wall", wall_energy: 100.0 }, Case { name: "stiff wall", wall_energy: 1e6 }];
+
+/// The tube of all flights, its kink rounded over a voxel.
+pub(super) const TUBE: Tube = Tube { radius: 15.0, bend: 50.0, rounding: 0.7 };
+/// What is left of the way in it.
+pub(super) const WAY: WayLeft = WayLeft { tube: TUBE, end: 3.0 };
+
+/// The force of a case. Its reach spans the tube, so that every derivative exists everywhere on the way.
+pub(super) fn forces(wall_energy: f64) -> PotentialForce<'static> {
+    let potential = Potential { wall_energy, reach_mm: 20.0, ..Potential::default() };
+    PotentialForce { potential, wall: Some(&TUBE), target: Some(&WAY), push: DVec3::ZERO }
+}
+
+/// Where the flights begin: off the axis, moving, and with a slow tumble.
+pub(super) fn start(body: &Body) -> Motion {
+    let position = TUBE.place(0.0, 1.0, -0.6);
+    let q = orientation(Attitude::new(DVec3::Z, DVec3::Y));
+    let angular = body.inertia().momentum(DVec3::new(0.5, -0.4, 1.2), q * DVec3::Z);
+    Motion { position, momentum: DVec3::new(-2.0, 3.0, 20.0) * body.mass_g, orientation: q, angular }
+}
+
+/// What turns the view on the flights.
+pub(super) fn turning() -> Turning {
+    Turning::towards(TUBE.along(TUBE.place(1.0, 0.0, 0.0)) + DVec3::Y * 0.3, 0.45, 1.8)
+}
+
+/// One flight by one method.
+struct Run {
+    case: usize,
+    method: &'static str,
+    order: u32,
+    adaptive: bool,
+    /// Step, s, or tolerance.
+    setting: f64,
+    position: f64,
+    orientation: f64,
+    microseconds: f64,
+    rates: f64,
+    cut_short: bool,
+}
+
+/// The study.
+///
+/// # Errors
+/// As the report's.
+pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let body = Body::default();
+    let (begun, turn) = (start(&body), turning());
+    let mut runs = Vec::new();
+    let mut apart = 0.0f64;
+    for (number, case) in CASES.iter().enumerate() {
+        let force = forces(case.wall_energy);
+        let ends = [Solver::Bdf, Solver::Tsit45].map(|s| solve(s, &body, &begun, &force, &turn, &[SECONDS]));
+        let [bdf, tsit] = ends;
+        let (bdf, tsit) = (bdf?[0], tsit?[0]);
+        let between = errors(&bdf, &tsit);
+        apart = apart.max(between[0]).max(between[1]);
+        let doublings = if quick { 8 } else { 11 };
+        for (name, method) in FIXED {
+            for k in 0..doublings {
+                let steps = 30u32 << k;
+                let run = measure(number, method, SECONDS / f64::from(steps), steps, &tsit, quick);
+                runs.push(Run { method: name, order: method.order(), ..run });
+            }
+            progress.check()?;
+        }
+        for (name, make) in ADAPTIVE {
+            for k in 1..if quick { 7 } else { 10 } {
+                let tolerance = 10f64.powi(-k);
+                let method = make(Control { tolerance, most_parts: 100_000 });
+                let run = measure(number, &*method, OUTER, (SECONDS / OUTER) as u32, &tsit, quick);
+                runs.push(Run { method: name, order: method.order(), adaptive: true, setting: tolerance, ..run });
+            }
+            progress.check()?;
+        }
+    }
+    write(&runs, page, apart)
+}
+
+fn measure(case: usize, method: &dyn Method, h: f64, steps: u32, truth: &Motion, quick: bool) -> Run {
+    let body = Body::default();
+    let (force, turn) = (forces(CASES[case].wall_energy), turning());
+    let mut times = Vec::new();
+    let mut end = start(&body);
+    let mut effort = Effort::default();
+    for _ in 0..if quick { 1 } else { 3 } {
+        let begun = Instant::now();
+        (end, effort) = (start(&body), Effort::default());
+        for _ in 0..steps {
+            let (next, took) = integrate(method, &body, &end, &force, &turn, h);
+            end = next;
+            effort.add(took);
+        }
+        times.push(begun.elapsed().as_secs_f64() * 1e6);
+    }
+    let [position, orientation] = errors(&end, truth);
+    Run {
+        case,
+        method: "",
+        order: 0,
+        adaptive: false,
+        setting: h,
+        position,
+        orientation,
+        microseconds: median(&times),
+        rates: f64::from(effort.rates + effort.jacobians),
+        cut_short: effort.cut_short,
+    }
+}
+
+/// Distance in mm and angle in rad.
+pub(super) fn errors(a: &Motion, b: &Motion) -> [f64; 2] {
+    let turn = a.orientation * b.orientation.normalize().conjugate();
+    // Both signs of a quaternion are the same turn; the sine resolves small angles.
+    let angle = 2.0 * turn.xyz().length().atan2(turn.w.abs());
+    [a.position.distance(b.position), angle]
+}
+
+/// The order seen between successive halvings, from the finest pair that the reference resolves.
+fn measured_order(runs: &[&Run], error: impl Fn(&Run) -> f64, times: f64) -> Option<f64> {
+    let pairs = runs.windows(2).rev();
+    let resolved = |r: &Run| error(r) > FLOOR * times && error(r) < CEILING;
+    pairs.filter(|p| resolved(p[0]) && resolved(p[1])).map(|p| (error(p[0]) / error(p[1])).log2()).next()
+}
+
+fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
+    page.text(&format!(
+        "Flights of {SECONDS} s in a bent tube of radius {} mm, the kink of D_s rounded over {} mm. The reference is \
+         diffsol's Tsitouras 5(4) at a tolerance of 1e-13 in other coordinates (the quaternion itself); its BDF at 1e-11 \
+         ends within {apart:.0e} mm and rad of it. Evaluations are those of forces, torques and their derivatives.",
+        TUBE.radius, TUBE.rounding
+    ));
+    let names: Vec<&'static str> = FIXED.iter().map(|f| f.0).chain(ADAPTIVE.iter().map(|a| a.0)).collect();
+    for (number, case) in CASES.iter().enumerate() {
+        let kinds: [(&str, &str, &str, fn(&Run) -> f64, fn(&Run) -> f64); 3] = [
+            ("position-time", "time of the flight / µs", "error in position / mm", |r| r.microseconds, |r| r.position),
+            (
+                "orientation-time",
+                "time of the flight / µs",
+                "error in orientation / rad",
+                |r| r.microseconds,
+                |r| r.orientation,
+            ),
+            ("position-evaluations", "evaluations", "error in position / mm", |r| r.rates, |r| r.position),
+        ];
+        for (file, x, y, across, up) in kinds {
+            let series = names.iter().map(|&name| Series {
+                name: name.to_owned(),
+                points: runs
+                    .iter()
+                    .filter(|r| r.case == number && r.method == name && up(r) < 1e3)
+                    .enumerate()
+                    // Every fourth is named, the others would only hide each other.
+                    .map(|(n, r)| Point {
+                        x: across(r),
+                        y: up(r).max(1e-12),
+                        name: if n % 4 == 0 { setting(r) } else { String::new() },
+                    })
+                    .collect(),
+                line: true,
+            });
+            let plot = Plot {
+                title: format!("{}: {y} over {x}", case.name),
+                x: x.to_owned(),
+                y: y.to_owned(),
+                front: true,
+                series: series.collect(),
+            };
+            let file = format!("{}-{file}", case.name.replace(' ', "-"));
+            page.plot(
+                &file,
+                &plot,
+                "Named by step or tolerance; the grey band is the front that none betters in both.",
+            )?;
+        }
+    }
+    let mut t = Table::new(&["wall", "method", "theory", "order in position", "order in orientation"]);
+    let mut worst = (0.0f64, String::new());
+    let mut orders = 0;
+    for (name, method) in FIXED {
+        let mine: Vec<&Run> = runs.iter().filter(|r| r.case == 0 && r.method == name).collect();
+        let seen = [measured_order(&mine, |r| r.position, 5.0), measured_order(&mine, |r| r.orientation, 5.0)];
+        for order in seen.iter().flatten() {
+            orders += 1;
+            let off = (order - f64::from(method.order())).abs();
+            if off >= worst.0 {
+                worst = (off, format!("{name}, {order:.2}"));
+            }
+        }
+        let cell = |o: Option<f64>| o.map_or(Cell::None, |o| Cell::Number(o, 2));
+        let cells = vec![
+            CASES[0].name.into(),
+            name.into(),
+            Cell::Number(f64::from(method.order()), 0),
+            cell(seen[0]),
+            cell(seen[1]),
+        ];
+        t.row(cells);
+    }
+    page.table("orders", &t)?;
+    let mut t = Table::new(&[
+        "wall",
+        "method",
+        "step / s or tolerance",
+        "error in position / mm",
+        "error in orientation / rad",
+        "time / µs",
+        "evaluations",
+        "bound reached",
+    ]);
+    for r in runs {
+        t.row(vec![
+            CASES[r.case].name.into(),
+            r.method.into(),
+            Cell::Number(r.setting, 6),
+            Cell::Number(r.position, 10),
+            Cell::Number(r.orientation, 10),
+            Cell::Number(r.microseconds, 1),
+            Cell::Number(r.rates, 0),
+            if r.cut_short { "yes" } else { "no" }.into(),
+        ]);
+    }
+    page.table("precision", &t)?;
+    debug_assert!(runs.iter().all(|r| r.order > 0));
+    Ok(vec![
+        format!(
+            "{orders} measured orders of {} methods are within {:.2} of theory ({}).",
+            FIXED.len(),
+            worst.0,
+            worst.1
+        ),
+        default_finding(runs),
+    ])
+}
+
+/// At a flight's step, which method errs how much for which time.
+fn default_finding(runs: &[Run]) -> String {
+    let near = |r: &Run| (r.setting * 120.0).ln().abs();
+    let at = |case: usize, name: &str| {
+        let mine = runs.iter().filter(|r| r.case == case && r.method == name && !r.adaptive);
+        mine.min_by(|a, b| near(a).total_cmp(&near(b)))
+    };
+    let each = FIXED.iter().filter_map(|(name, _)| Some((*name, at(0, name)?, at(1, name)?)));
+    let told = each.map(|(name, soft, stiff)| {
+        let steps = SECONDS / soft.setting;
+        format!(
+            "{name} {:.0e} and {:.0e} mm in {:.1} µs a step",
+            soft.position,
+            stiff.position,
+            soft.microseconds / steps
+        )
+    });
+    format!("At the flight's step of 1/120 s, soft and stiff wall: {}.", told.collect::<Vec<_>>().join("; "))
+}
+
+fn setting(r: &Run) -> String {
+    if r.adaptive { format!("{:.0e}", r.setting) } else { format!("{:.1} ms", r.setting * 1e3) }
+}

@@ -1,0 +1,88 @@
+//! Steady flight along the axis, where `D_s` has its kink: what is not solved well chatters across it.
+
+use glam::DVec3;
+
+use super::contenders::FIXED;
+use super::precision::TUBE;
+use super::tube::{Tube, WayLeft};
+use crate::dynamics::integrators::{Integrator, Method};
+use crate::dynamics::rigid::{Motion, Turning};
+use crate::dynamics::step::integrate;
+use crate::dynamics::{Attitude, Body, Potential, PotentialForce};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::report::page::Page;
+use crate::report::table::{Cell, Table};
+
+/// The flight's step, s, its length in steps, and how many of the last of them are looked at.
+const STEP: f64 = 1.0 / 120.0;
+const STEPS: usize = 720;
+const LOOKED_AT: usize = 360;
+
+/// The study.
+///
+/// # Errors
+/// As the report's.
+pub fn study(_: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    page.text(
+        "Six seconds along the axis in steps of 1/120 s, with a wall that reaches beyond the axis (p = 20 mm in a tube of \
+         15 mm), so that its force turns round on the kink of D_s. Lateral jerk is the root mean square of the third \
+         difference of the place across the tube over the last three seconds; offset is the mean distance from the axis. \
+         The kink is rounded over nothing, over a tenth, and over a whole voxel of 0.7 mm, as interpolation rounds it.",
+    );
+    let mut t = Table::new(&["method", "rounding / mm", "C_s / g·mm²/s²", "lateral jerk / mm/s³", "offset / mm"]);
+    let mut worst = Vec::new();
+    for (name, method) in FIXED {
+        let mut most = 0.0f64;
+        for rounding in [0.0, 0.07, 0.7] {
+            for wall_energy in [1e2, 1e4] {
+                let [jerk, offset] = fly(method, rounding, wall_energy);
+                most = if jerk.is_nan() { f64::INFINITY } else { most.max(jerk) };
+                t.row(vec![
+                    name.into(),
+                    Cell::Number(rounding, 2),
+                    Cell::Number(wall_energy, 0),
+                    Cell::Number(if jerk.is_nan() { f64::INFINITY } else { jerk }, 3),
+                    Cell::Number(if offset.is_nan() { f64::INFINITY } else { offset }, 4),
+                ]);
+            }
+        }
+        worst.push((name, most));
+        progress.check()?;
+    }
+    page.table("lateral-jerk", &t)?;
+    let told: Vec<String> = worst.iter().map(|(name, j)| format!("{name} {j:.3}")).collect();
+    let default = Integrator::default();
+    let [jerk, _] = fly(default.method(), TUBE.rounding, 1e2);
+    Ok(vec![format!(
+        "Lateral jerk in steady flight over the kink of the centerline, the worst of six, in mm/s³: {}; the default, {}, \
+         has {jerk:.3} on a field rounded over a voxel.",
+        told.join(", "),
+        default.name()
+    )])
+}
+
+/// Lateral jerk, mm/s³, and offset, mm.
+fn fly(method: &dyn Method, rounding: f64, wall_energy: f64) -> [f64; 2] {
+    let tube = Tube { rounding, ..TUBE };
+    let way = WayLeft { tube, end: 8.0 };
+    let potential = Potential { wall_energy, reach_mm: 20.0, ..Potential::default() };
+    let force = PotentialForce { potential, wall: Some(&tube), target: Some(&way), push: DVec3::ZERO };
+    let body = Body::default();
+    let mut m = Motion::at_rest(tube.place(-1.5, 0.3, -0.2), Attitude::new(DVec3::Z, DVec3::Y));
+    let mut across = Vec::new();
+    let mut offset = 0.0;
+    for n in 0..STEPS {
+        m = integrate(method, &body, &m, &force, &Turning::FREE, STEP).0;
+        if n >= STEPS - LOOKED_AT {
+            // In the tube's own frame, where a steady flight is at rest.
+            let a = tube.across(m.position);
+            let out = DVec3::new(m.position.x, 0.0, m.position.z).normalize_or(DVec3::X);
+            across.push(DVec3::new(a.dot(out), a.y, 0.0));
+            offset += a.length() / LOOKED_AT as f64;
+        }
+    }
+    let jerks = across.windows(4).map(|p| (p[3] - p[2] * 3.0 + p[1] * 3.0 - p[0]) / STEP.powi(3));
+    let (sum, count) = jerks.fold((0.0, 0.0), |(s, n), j| (s + j.length_squared(), n + 1.0));
+    [(sum / count).sqrt(), offset]
+}

@@ -1,0 +1,143 @@
+//! The largest stable step, with the clamp to free space off: as the wall gets stiffer, and as the camera gets nearer.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::contenders::FIXED;
+use super::precision::{TUBE, forces};
+use crate::dynamics::integrators::Method;
+use crate::dynamics::rigid::{Motion, Turning};
+use crate::dynamics::step::translate;
+use crate::dynamics::{Attitude, Body, Forces, PotentialForce};
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::report::page::Page;
+use crate::report::plot::{Plot, Point, Series};
+use crate::report::table::{Cell, Table};
+
+/// The longest step that is tried, s.
+const LONGEST: f64 = 10.0;
+/// Halvings of it that are tried.
+const HALVINGS: i32 = 34;
+/// A deviation that has grown by more than this is one of an unstable step.
+const GROWN: f64 = 1.5;
+
+/// The study.
+///
+/// # Errors
+/// As the report's.
+pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let steps = if quick { 150 } else { 500 };
+    page.text(&format!(
+        "A body in balance is moved a little, and the step counts as stable where the deviation never grows by more than \
+         {GROWN} times in {steps} steps. Nothing keeps it from the wall but the potential. Steps up to {LONGEST} s are \
+         tried by halves, so that the edge is known to a factor of two; implicit methods that reach the top are stable \
+         for every step."
+    ));
+    let constants: Vec<f64> = (-3..=9).map(|d| 10f64.powi(d)).collect();
+    let stiff = map(&constants, steps, |&c_s| {
+        let f = forces(c_s);
+        (PotentialForce { target: None, ..f }, TUBE.place(0.0, 0.0, 0.0), 0.05)
+    });
+    progress.check()?;
+    draw(
+        page,
+        "stable-step-by-wall",
+        "Largest stable step on the axis",
+        "wall constant C_s / g·mm²/s²",
+        &constants,
+        &stiff,
+    )?;
+    let clearances: Vec<f64> = (0..=if quick { 6 } else { 12 })
+        .map(|k| 5.0 * 10f64.powf(-3.25 * f64::from(k) / if quick { 6.0 } else { 12.0 }))
+        .collect();
+    let near = map(&clearances, steps, |&c| {
+        let wall = PotentialForce { target: None, ..forces(100.0) };
+        // At the outer side of the bend, where the wall is hollow in both directions.
+        let at = TUBE.place(0.0, TUBE.radius - c, 0.0);
+        (PotentialForce { push: -wall.force(at), ..wall }, at, 0.01 * c)
+    });
+    draw(
+        page,
+        "stable-step-by-clearance",
+        "Largest stable step, pushed towards the wall",
+        "clearance / mm",
+        &clearances,
+        &near,
+    )?;
+    let always = |m: &[Vec<f64>], n: usize| m[n].iter().all(|&h| h >= LONGEST);
+    let stable = (0..FIXED.len()).filter(|&n| always(&stiff, n) && always(&near, n)).map(|n| FIXED[n].0);
+    let explicit: Vec<String> = (0..FIXED.len())
+        .filter(|&n| !always(&stiff, n) || !always(&near, n))
+        .map(|n| {
+            format!(
+                "{} {:.0e} s and {:.0e} s",
+                FIXED[n].0,
+                stiff[n][constants.len() - 1],
+                near[n][clearances.len() - 1]
+            )
+        })
+        .collect();
+    Ok(vec![format!(
+        "Stable at every step tried, up to {LONGEST} s, as C_s grows over twelve orders of magnitude to 1e9 and as the \
+         clearance falls to {:.0e} mm: {}. The others end at (stiffest wall, least clearance): {}.",
+        clearances[clearances.len() - 1],
+        stable.collect::<Vec<_>>().join(", "),
+        explicit.join("; ")
+    )])
+}
+
+/// For each method and each value of a parameter the largest stable step, s; 0 where none is.
+fn map<F>(values: &[f64], steps: u32, case: F) -> Vec<Vec<f64>>
+where
+    F: Fn(&f64) -> (PotentialForce<'static>, DVec3, f64) + Sync,
+{
+    let each = |method: &dyn Method| -> Vec<f64> {
+        values
+            .par_iter()
+            .map(|value| {
+                let (force, at, deviation) = case(value);
+                let stable = |h: f64| is_stable(method, &force, at, deviation, h, steps);
+                // From short to long, until the first that is not.
+                let all = (0..=HALVINGS).rev().map(|k| LONGEST * 0.5f64.powi(k));
+                all.take_while(|&h| stable(h)).last().unwrap_or(0.0)
+            })
+            .collect()
+    };
+    FIXED.iter().map(|(_, method)| each(*method)).collect()
+}
+
+fn is_stable(method: &dyn Method, force: &dyn Forces, at: DVec3, deviation: f64, h: f64, steps: u32) -> bool {
+    let body = Body::default();
+    let moved = at + DVec3::new(-1.0, 0.4, 0.0).normalize() * deviation;
+    let mut m = Motion::at_rest(moved, Attitude::new(DVec3::Z, DVec3::Y));
+    debug_assert!(Turning::FREE.drag == 0.0);
+    (0..steps).all(|_| {
+        m = translate(method, &body, &m, force, h).0;
+        // Along the tube it is free to go.
+        let off = m.position - at;
+        off.x.hypot(off.y) <= GROWN * deviation
+    })
+}
+
+fn draw(page: &mut Page, file: &str, title: &str, x: &str, values: &[f64], map: &[Vec<f64>]) -> Result<()> {
+    let series = FIXED.iter().zip(map).map(|((name, _), steps)| Series {
+        name: (*name).to_owned(),
+        points: values.iter().zip(steps).map(|(&x, &y)| Point { x, y, name: String::new() }).collect(),
+        line: true,
+    });
+    let plot = Plot {
+        title: title.to_owned(),
+        x: x.to_owned(),
+        y: "largest stable step / s".to_owned(),
+        front: false,
+        series: series.collect(),
+    };
+    page.plot(file, &plot, "Higher is better. Steps below the shortest one tried are left out.")?;
+    let names: Vec<&str> = std::iter::once(x).chain(FIXED.iter().map(|f| f.0)).collect();
+    let mut t = Table::new(&names);
+    for (n, &value) in values.iter().enumerate() {
+        t.row(std::iter::once(value).chain(map.iter().map(|m| m[n])).map(|v| Cell::Number(v, 7)).collect());
+    }
+    page.table(&format!("{file}-table"), &t)
+}

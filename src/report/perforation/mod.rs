@@ -1,0 +1,147 @@
+//! `report perforation`: random forces, steps, bodies, methods and places; how often the wall was crossed.
+
+mod judge;
+mod places;
+mod walk;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+pub use walk::{Ground, Tally};
+
+use super::page::Page;
+use super::table::{Cell, Table};
+use crate::dynamics::Integrator;
+use crate::error::Result;
+use crate::fields::ClearanceFinder;
+use crate::progress::Progress;
+use judge::Judge;
+
+/// The wall, HU: the middle of the default ramp.
+const ISO: f32 = -650.0;
+/// How far the step sees, mm.
+const LIMIT_MM: f64 = 4.0;
+
+/// All places made ready, with their names.
+///
+/// # Errors
+/// Status 4 when interrupted.
+pub fn grounds(seed: u64, progress: &Progress) -> Result<Vec<(String, Ground)>> {
+    let places = places::all(seed, progress)?;
+    Ok(places
+        .into_par_iter()
+        .map(|p| {
+            let grid = p.volume.grid().clone();
+            let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
+            let corners = (0..8)
+                .map(|c| grid.world(last * DVec3::new(f64::from(c & 1), f64::from(c >> 1 & 1), f64::from(c >> 2))));
+            let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+            let ground = Ground {
+                walls: ClearanceFinder::new(Arc::clone(&p.volume), ISO, LIMIT_MM),
+                judge: Judge::new(Arc::clone(&p.volume), f64::from(ISO)),
+                from: low - 1.0,
+                to: high + 1.0,
+            };
+            (p.name, ground)
+        })
+        .collect())
+}
+
+/// What happened in so many steps: for each place and each method.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// By place.
+    pub places: Vec<(String, Tally)>,
+    /// By method.
+    pub methods: Vec<(&'static str, Tally)>,
+    /// All together.
+    pub all: Tally,
+}
+
+/// Makes `steps` steps, the same for the same seed and for any number of threads.
+///
+/// # Errors
+/// Status 4 when interrupted.
+pub fn run(steps: u64, seed: u64, progress: &Progress) -> Result<Outcome> {
+    let grounds = grounds(seed, progress)?;
+    let walks = steps.div_ceil(walk::STEPS);
+    progress.stage("walking into walls", walks);
+    let tallies: Vec<(usize, Integrator, Tally)> = (0..walks)
+        .into_par_iter()
+        .map(|n| {
+            let place = (n % grounds.len() as u64) as usize;
+            let left = (steps - n * walk::STEPS).min(walk::STEPS);
+            let (integrator, tally) = walk::walk(&grounds[place].1, seed, n, left);
+            progress.advance(1)?;
+            Ok((place, integrator, tally))
+        })
+        .collect::<Result<_>>()?;
+    let over = |meant: &dyn Fn(usize, Integrator) -> bool| {
+        let meant = tallies.iter().filter(|(p, i, _)| meant(*p, *i));
+        meant.fold(Tally::none(), |sum, (_, _, t)| sum.and(*t))
+    };
+    Ok(Outcome {
+        places: grounds.iter().enumerate().map(|(n, (name, _))| (name.clone(), over(&|p, _| p == n))).collect(),
+        methods: Integrator::ALL.iter().map(|(i, name)| (*name, over(&|_, j| j == *i))).collect(),
+        all: over(&|_, _| true),
+    })
+}
+
+/// Measures and writes the report into `folder`. Returns what was found, a sentence each.
+///
+/// # Errors
+/// Status 4 when interrupted, 5 when a file cannot be written.
+pub fn report(steps: u64, seed: u64, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+    let outcome = run(steps, seed, progress)?;
+    let mut page = Page::new(folder, "colvis: steps at random against the wall")?;
+    page.text(&format!(
+        "{steps} steps in walks of {}, seed {seed}: forces from 1e-3 to 1e9 g·mm/s² and their slopes, steps from 1e-6 to \
+         10 s, masses from 1e-6 to 1e6 g, C_s from 1e-9 to 1e9, spins to 1e4 rad/s, needles to discs, radii from 0 to 1.5 mm, \
+         each with one of all integrators. Walks begin where the camera fits, in the wall, at distance 0, and outside. A \
+         step has perforated when the way it swept comes nearer than the radius to any of the wall's points, which are \
+         sampled from the voxels every quarter of a millimetre and not by the finder that the step relies on, when any \
+         point of its way goes from gas into the wall, or when a body that was too near came nearer.",
+        walk::STEPS
+    ));
+    let a = outcome.all;
+    let finding = format!(
+        "{} perforations, {} steps that left a number that is none, {} hangs in {} steps; {} steps were stopped by a wall, \
+         {} began too near to it, and {} of those found no way out. No step took more than {} evaluations.",
+        a.perforations, a.broken, a.hangs, a.steps, a.blocked, a.too_near, a.stuck, a.most_rates
+    );
+    page.finding(&finding);
+    let names = |n| {
+        [
+            n,
+            "steps",
+            "perforations",
+            "no number",
+            "hangs",
+            "blocked",
+            "too near",
+            "stuck",
+            "most evaluations",
+            "least margin / mm",
+        ]
+    };
+    let cells = |name: &str, t: &Tally| {
+        let counts =
+            [t.steps, t.perforations, t.broken, t.hangs, t.blocked, t.too_near, t.stuck, u64::from(t.most_rates)];
+        let counts = counts.map(|n| Cell::Number(n as f64, 0));
+        let margin = if t.margin_mm.is_finite() { Cell::Number(t.margin_mm, 4) } else { Cell::None };
+        std::iter::once(name.into()).chain(counts).chain([margin]).collect::<Vec<Cell>>()
+    };
+    let mut places = Table::new(&names("place"));
+    outcome.places.iter().for_each(|(name, t)| places.row(cells(name, t)));
+    let mut methods = Table::new(&names("method"));
+    outcome.methods.iter().for_each(|(name, t)| methods.row(cells(name, t)));
+    page.section("By place");
+    page.table("places", &places)?;
+    page.section("By method");
+    page.table("methods", &methods)?;
+    page.finish()?;
+    Ok(vec![finding])
+}

@@ -1,0 +1,234 @@
+//! A walk: one body with random properties, thrown about in one place by random forces in random steps.
+
+use glam::{DMat3, DVec3};
+
+use super::judge::Judge;
+use crate::dynamics::integrators::{Effort, Integrator};
+use crate::dynamics::rigid::{Motion, Turning, orientation};
+use crate::dynamics::step::step_told;
+use crate::dynamics::{Attitude, Body, Forces, Potential, PotentialForce};
+use crate::fields::{Clearance, ClearanceFinder, Clearances, Distance, Sample};
+use crate::math::hash;
+
+/// Steps of a walk.
+pub const STEPS: u64 = 50;
+/// A way that begins too near to the wall may, as clearances are told, seem to rise by what they are told too little.
+const TOLD_MM: f64 = 2.0 * crate::fields::clearance::TOLERANCE_MM;
+
+/// What happened to a walk.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Steps made.
+    pub steps: u64,
+    /// Steps whose way came nearer to the wall than the radius, or through the wall.
+    pub perforations: u64,
+    /// Steps after which something was no number.
+    pub broken: u64,
+    /// Steps that took more evaluations than the bound.
+    pub hangs: u64,
+    /// Steps in which the body was in the wall or too near to it.
+    pub too_near: u64,
+    /// Of these, those in which no way out was found.
+    pub stuck: u64,
+    /// Steps that a wall stopped.
+    pub blocked: u64,
+    /// Most evaluations in one step.
+    pub most_rates: u32,
+    /// Least of what was left to the wall beyond the radius, mm, in walks that began free.
+    pub margin_mm: f64,
+}
+
+impl Tally {
+    /// Nothing yet.
+    pub fn none() -> Self {
+        Self { margin_mm: f64::INFINITY, ..Self::default() }
+    }
+
+    /// Both together.
+    pub fn and(self, o: Self) -> Self {
+        Self {
+            steps: self.steps + o.steps,
+            perforations: self.perforations + o.perforations,
+            broken: self.broken + o.broken,
+            hangs: self.hangs + o.hangs,
+            too_near: self.too_near + o.too_near,
+            stuck: self.stuck + o.stuck,
+            blocked: self.blocked + o.blocked,
+            most_rates: self.most_rates.max(o.most_rates),
+            margin_mm: self.margin_mm.min(o.margin_mm),
+        }
+    }
+}
+
+/// More evaluations than this in one step count as a hang: four times what any method's own bounds allow.
+pub const HANG: u32 = 100_000;
+
+/// A place made ready.
+pub struct Ground {
+    /// Its walls, as the step knows them.
+    pub walls: ClearanceFinder,
+    /// Its walls, as the judge knows them.
+    pub judge: Judge,
+    /// Corners of the box in which walks begin, world mm: a little larger than the volume.
+    pub from: DVec3,
+    /// The other one.
+    pub to: DVec3,
+}
+
+/// `D_s` from the finder: its gradient points away from the nearest wall, its Hessian is left out.
+struct Nearest<'a>(&'a ClearanceFinder);
+
+impl Distance for Nearest<'_> {
+    fn sample(&self, at: DVec3) -> Option<Sample> {
+        let Clearance { mm, toward } = self.0.clearance(at);
+        at.is_finite().then_some(Sample { mm, gradient: -toward, hessian: DMat3::ZERO })
+    }
+}
+
+/// A force that grows away from a place, in either sense: `F = f + s (x − x₀)`.
+struct Slanted {
+    force: DVec3,
+    slope: f64,
+    origin: DVec3,
+}
+
+impl Forces for Slanted {
+    fn force(&self, at: DVec3) -> DVec3 {
+        self.force + (at - self.origin) * self.slope
+    }
+
+    fn slope(&self, _: DVec3) -> DMat3 {
+        DMat3::IDENTITY * self.slope
+    }
+}
+
+/// Walks number `walk` of `seed` for `steps` steps.
+pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, Tally) {
+    let mut count = walk.wrapping_mul(1 << 20);
+    let mut uniform = || {
+        count += 1;
+        hash::uniform(seed, count)
+    };
+    let decade = |u: f64, low: f64, high: f64| 10f64.powf(low + u * (high - low));
+    let (integrator, _) = Integrator::ALL[((uniform() * 8.0) as usize).min(7)];
+    let radius_mm = [1.5, 1.5, 0.5, 0.1, 0.0][((uniform() * 5.0) as usize).min(4)];
+    // From a needle to a disc.
+    let thin = (uniform() * 1.6 - 0.8f64).clamp(-0.785, 0.785) + 0.785;
+    let body = Body {
+        radius_mm,
+        mass_g: decade(uniform(), -6.0, 6.0),
+        drag_per_s: if uniform() < 0.2 { 0.0 } else { decade(uniform(), -3.0, 3.0) },
+        cylinder_radius_mm: Some(radius_mm * thin.sin().abs() * 0.999),
+        cylinder_length_mm: Some(2.0 * radius_mm * thin.cos().abs() * 0.999),
+        integrator,
+    };
+    debug_assert!(body.check().is_ok(), "{body:?}");
+    let mut tally = Tally::none();
+    let mut vector = || DVec3::new(uniform(), uniform(), uniform()) * 2.0 - 1.0;
+    let middle = (ground.from + ground.to) * 0.5;
+    // Most walks begin where the camera fits, if one of a few tries finds such a place; the others anywhere.
+    let mut at = middle + vector() * (ground.to - ground.from) * 0.5;
+    if vector().x < 0.8 {
+        for _ in 0..200 {
+            if ground.walls.at(at).mm > radius_mm {
+                break;
+            }
+            at = middle + vector() * (ground.to - ground.from) * 0.5;
+        }
+    }
+    if vector().x < -0.9 {
+        // At distance 0 exactly: where the way to the nearest wall ends.
+        let c = ground.walls.at(at);
+        at += c.toward * (c.mm + crate::fields::clearance::TOLERANCE_MM);
+    }
+    let mut m = Motion::at_rest(at, Attitude::new(vector(), vector()));
+    m.orientation = orientation(m.attitude());
+    m.angular = body.inertia().momentum(vector() * 1e4, m.orientation * DVec3::Z);
+    let nearest = Nearest(&ground.walls);
+    // The finder is slow as a field, so few walks feel the potential, and those with little to evaluate.
+    let felt = vector().x < -0.8 && !matches!(integrator, Integrator::DormandPrince);
+    for _ in 0..steps {
+        let dt = decade(vector().x * 0.5 + 0.5, -6.0, 1.0);
+        let push = vector() * decade(vector().x * 0.5 + 0.5, -3.0, 9.0);
+        let slope = vector().x.powi(3) * decade(vector().x * 0.5 + 0.5, -3.0, 9.0);
+        let energy = decade(vector().x * 0.5 + 0.5, -9.0, 9.0);
+        let turning = if vector().x > 0.0 {
+            Turning::towards(vector(), 0.45, 1.8)
+        } else {
+            Turning { push: vector() * decade(vector().x * 0.5 + 0.5, -3.0, 9.0), ..Turning::FREE }
+        };
+        let potential = Potential { wall_energy: energy, ..Potential::default() };
+        let force: &dyn Forces = if felt {
+            &PotentialForce { potential, wall: Some(&nearest), target: None, push }
+        } else {
+            &Slanted { force: push, slope, origin: m.position }
+        };
+        let mut pieces = Vec::new();
+        let told = step_told(integrator.method(), &body, &m, force, &turning, &ground.walls, dt, &mut |a, b| {
+            pieces.push((a, b))
+        });
+        let Effort { rates, .. } = told.effort;
+        let too_near = told.advance.clearance_mm < radius_mm;
+        let judged = judge(ground, &m, &pieces, radius_mm, too_near);
+        tally = tally.and(Tally {
+            steps: 1,
+            perforations: u64::from(judged.is_none() || pieces.last().is_some_and(|p| p.1 != told.motion.position)),
+            broken: u64::from(!told.motion.is_finite() || (told.motion.orientation.length() - 1.0).abs() > 1e-9),
+            hangs: u64::from(rates > HANG),
+            too_near: u64::from(too_near),
+            stuck: u64::from(told.advance.stuck),
+            blocked: u64::from(told.advance.blocked.is_some()),
+            most_rates: rates,
+            margin_mm: judged.unwrap_or(f64::NEG_INFINITY),
+        });
+        m = told.motion;
+    }
+    (integrator, tally)
+}
+
+/// What the way of a step left beyond the radius, mm; infinite for one that began too near; `None` if it perforated.
+fn judge(ground: &Ground, before: &Motion, pieces: &[(DVec3, DVec3)], radius: f64, too_near: bool) -> Option<f64> {
+    let mut margin = f64::INFINITY;
+    let mut at = before.position;
+    let begun = ground.judge.clearance(at, at, radius);
+    for &(a, b) in pieces {
+        // One way, without a gap, and never into the wall.
+        if a != at || ground.judge.crosses(a, b) {
+            return None;
+        }
+        at = b;
+        if too_near {
+            // Only what raises the clearance; a way out of the wall begins at 0.
+            if ground.judge.clearance(b, b, radius) < begun.min(radius) - TOLD_MM {
+                return None;
+            }
+        } else {
+            let left = ground.judge.clearance(a, b, radius + 1.0) - radius;
+            if left < -1e-9 {
+                return None;
+            }
+            margin = margin.min(left);
+        }
+    }
+    Some(margin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::perforation::grounds;
+
+    /// The judge must see what a step without the clamp does.
+    #[test]
+    fn a_step_without_walls_is_caught() {
+        let grounds = grounds(1, &crate::progress::Progress::new()).unwrap();
+        let ground = &grounds[6].1;
+        let at = DVec3::ZERO;
+        let m = Motion::at_rest(at, Attitude::new(DVec3::Z, DVec3::Y));
+        assert!(ground.walls.at(at).mm > 3.0, "in the tube");
+        assert!(judge(ground, &m, &[(at, at + DVec3::Y * 2.0)], 1.5, false).is_some());
+        assert!(judge(ground, &m, &[(at, at + DVec3::Y * 7.0)], 1.5, false).is_none(), "too near");
+        assert!(judge(ground, &m, &[(at, at + DVec3::Y * 30.0)], 1.5, false).is_none(), "through the wall");
+        assert!(judge(ground, &m, &[(at + DVec3::X, at)], 1.5, false).is_none(), "a gap in the way");
+    }
+}
