@@ -6,6 +6,7 @@ use std::time::Instant;
 use glam::DVec3;
 
 use crate::app::plan::Plan;
+use crate::app::scene::Guide;
 use crate::dynamics::Route;
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, End};
@@ -42,7 +43,22 @@ pub struct Wanted {
     pub route: bool,
 }
 
+impl Wanted {
+    /// What a guide asks for.
+    pub fn by(guide: Option<Guide>) -> Self {
+        Self { distances: guide == Some(Guide::Potential), route: guide == Some(Guide::Path) }
+    }
+}
+
 impl Fields {
+    /// Whether what is wanted is there for a plan.
+    pub fn has(&self, wanted: Wanted, plan: &Plan) -> bool {
+        let ends = [plan.begin, plan.goal];
+        let planned = self.route.as_ref().is_some_and(|r| r.ends == ends || r.ends == [ends[1], ends[0]]);
+        let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal);
+        (planned || !wanted.route) && (aimed || !wanted.distances)
+    }
+
     /// D_s, if it is built.
     pub fn walls(&self) -> Option<&Arc<WallDistance>> {
         self.walls.as_ref()

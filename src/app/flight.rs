@@ -135,8 +135,7 @@ impl FlightApp {
         self.app.world.insert_resource(GuideName("none"));
         self.scene.plug_into(&mut self.app)?;
         let (moves, feels, guide) = (self.scene.moves(), self.scene.feels(), self.scene.steers());
-        let wanted = Wanted { distances: guide == Some(Guide::Potential), route: guide == Some(Guide::Path) };
-        self.fields.build(wanted, self.space.volume(), &self.lumen, &self.plan, &self.progress)?;
+        self.fields.build(Wanted::by(guide), self.space.volume(), &self.lumen, &self.plan, &self.progress)?;
         let world = &mut self.app.world;
         let mut scan = world.entity_mut(self.scan);
         if moves && !scan.contains::<Walls>() {
@@ -454,6 +453,11 @@ impl FlightApp {
         &self.fields
     }
 
+    /// Takes over fields that were built elsewhere for this flight; what does not fit its plan is built anew.
+    pub fn adopt(&mut self, fields: Fields) {
+        self.fields = fields;
+    }
+
     /// How long fields took that were built since the last call, s.
     pub fn take_field_times(&mut self) -> Vec<(&'static str, f64)> {
         self.fields.take_times()
@@ -549,6 +553,11 @@ impl FlightApp {
     /// The colon.
     pub fn lumen(&self) -> &Lumen {
         &self.lumen
+    }
+
+    /// The colon, to be shared.
+    pub fn shared_lumen(&self) -> Arc<Lumen> {
+        Arc::clone(&self.lumen)
     }
 
     /// The volume made ready for rays.

@@ -14,6 +14,7 @@ mod loading;
 mod log;
 mod overlay;
 mod painter;
+mod planning;
 mod presented;
 mod saver;
 mod screenshot;
