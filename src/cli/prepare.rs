@@ -169,7 +169,8 @@ pub fn colon(space: Space, joins: bool, timings: &mut Timings, progress: &Progre
         drop(space);
         Ok(if lean { Space::lean(volume, wall) } else { Space::new(volume, wall) })
     })?;
-    let again = timings.time("joined_lumen_s", || lumen::find(drained.volume(), progress))?;
+    let mut again = timings.time("joined_lumen_s", || lumen::find(drained.volume(), progress))?;
+    drain::keep_ends(&mut again, &found);
     if again.segments.len() < count {
         say(&format!(
             "tagged fluid joins segments of gas: it is taken as free and shown as gas ({count} segments become {})",

@@ -29,6 +29,7 @@ def arguments():
     p.add_argument("--guides", default="tentacles,potential,path")
     p.add_argument("--scan", action="append", default=[])
     p.add_argument("--one-way", action="store_true", help="do not fly back")
+    p.add_argument("--keep", metavar="FOLDER", help="keep the phantoms there, and take those that are there already")
     p.add_argument("--json", help="also write the rows there")
     return p.parse_args()
 
@@ -111,9 +112,10 @@ def main():
         seeds = [] if args.seeds == "none" else range(int(first), int(last or first) + 1)
         for what in [*seeds, *args.scan]:
             if isinstance(what, int):
-                scan, truth = (os.path.join(folder, n) for n in ("v.nii", "t.json"))
-                subprocess.run([args.colvis, "phantom", "--out", scan, "--truth", truth, "--seed", str(what), "--size",
-                                args.size, "--with", args.features], check=True, stderr=subprocess.DEVNULL)
+                scan, truth = (os.path.join(args.keep or folder, f"{what}{e}") for e in (".nii", ".json"))
+                if not os.path.exists(truth):
+                    subprocess.run([args.colvis, "phantom", "--out", scan, "--truth", truth, "--seed", str(what),
+                                    "--size", args.size, "--with", args.features], check=True, stderr=subprocess.DEVNULL)
                 name, points = f"seed {what}", json.load(open(truth))["centerline"]
             else:
                 scan, line = what, os.path.join(folder, "line.json")

@@ -13,6 +13,9 @@ const LOST_MM: f64 = 6.0;
 const JOIN_S: f64 = 1.0;
 /// … and the greatest acceleration that this takes, mm/s².
 const JOIN_MM_S2: f64 = 30.0;
+/// A body that is further off than the first is led to its way while the flight along it waits for it, than the second
+/// altogether: whoever flies on beside the way meets the next fold. mm.
+const WAITS_MM: [f64; 2] = [1.0, 4.0];
 
 /// A flight along a route from where it was taken up.
 #[derive(Clone, Debug)]
@@ -29,6 +32,8 @@ pub struct Pilot {
     rate: f64,
     /// Place along the route, mm.
     s: f64,
+    /// How much the flight along the route waits for the body to be back on it, 0 to 1.
+    waits: f64,
 }
 
 /// What is asked of the body now.
@@ -54,12 +59,14 @@ impl Pilot {
         let profile = Profile::new(route, s, velocity.dot(route.tangent(s)) / rate, settings);
         let begin = profile.at(0.0);
         let off = position - route.place(begin.s);
-        let w = velocity - route.tangent(begin.s) * (begin.v * rate);
+        let waits = ((off.length() - WAITS_MM[0]) / (WAITS_MM[1] - WAITS_MM[0])).clamp(0.0, 1.0);
+        let w = velocity - route.tangent(begin.s) * (begin.v * rate * (1.0 - waits));
         // The quintic that leads an offset d to rest has an acceleration of at most 5.8 d/T² (from a speed w, 4 w/T).
         let by_place = (5.8 * off.length() / JOIN_MM_S2).sqrt();
         let by_speed = 4.0 * w.length() / JOIN_MM_S2;
         let join_s = JOIN_S.max(by_place).max(by_speed.min(2.0)).min(4.0);
-        let mut pilot = Self { profile, time: 0.0, since: 0.0, off: [off, w, DVec3::ZERO], join_s, rate, s: begin.s };
+        let off = [off, w, DVec3::ZERO];
+        let mut pilot = Self { profile, time: 0.0, since: 0.0, off, join_s, rate, s: begin.s, waits };
         let [.., planned] = pilot.wanted(route);
         // What stopped at a wall has no acceleration to go on with.
         pilot.off[2] = (acceleration - planned).clamp_length_max(4.0 * JOIN_MM_S2);
@@ -99,10 +106,19 @@ impl Pilot {
         [place, speed / big, bent / (big * big)]
     }
 
+    /// The rate of the plan's time now and its change within a second: while the flight waits it sets out gradually
+    /// (smoothstep).
+    fn pace(&self) -> (f64, f64) {
+        let u = (self.since / self.join_s).min(1.0);
+        let share = 1.0 - self.waits + self.waits * u * u * (3.0 - 2.0 * u);
+        (self.rate * share, self.rate * self.waits * 6.0 * u * (1.0 - u) / self.join_s)
+    }
+
     /// Where the body should be now, and its velocity and acceleration (world; mm, mm/s, mm/s²).
     fn wanted(&self, route: &Route) -> [DVec3; 3] {
         let m = self.profile.at(self.time);
-        let (v, a) = (m.v * self.rate, m.a * self.rate * self.rate);
+        let (pace, quickens) = self.pace();
+        let (v, a) = (m.v * pace, m.a * pace * pace + m.v * quickens);
         let tangent = route.tangent(m.s);
         // The curve's second derivative, by its tangents on both sides.
         let (before, after) = ((m.s - 0.5).max(0.0), (m.s + 0.5).min(route.length_mm()));
@@ -129,7 +145,7 @@ impl Pilot {
         let rate = if rate.is_finite() { rate.max(1e-3) } else { self.rate };
         self.rate += (rate - self.rate) * (1.0 - (-dt / 0.3).exp());
         let [x, v, a] = self.wanted(route);
-        self.time += dt * self.rate;
+        self.time += dt * self.pace().0;
         self.since += dt;
         self.s = self.profile.at(self.time).s;
         let off = x - position;
@@ -226,7 +242,7 @@ mod tests {
             let (x, vs) = fly(&mut pilot, &route, start, 1.0, 6.0);
             let end = x[x.len() - 1];
             assert!(route.place(route.nearest(end)[0]).distance(end) < 0.1, "back on the line");
-            assert!(pilot.s() > near + 60.0, "and on");
+            assert!(pilot.s() > near + 40.0, "and on");
             let (a, j) = jerk(&vs);
             println!(
                 "joined {:.1} mm off at {:.0} mm/s: acceleration {a:.0} mm/s², jerk {j:.0} mm/s³",
