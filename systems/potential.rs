@@ -4,7 +4,7 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use crate::components::camera::{Body, Pose};
-use crate::components::flight::Watch;
+use crate::components::clock::Clock;
 use crate::components::guide::{GuideThrust, PotentialField, PotentialSettings};
 use crate::components::output::GuideName;
 use crate::components::{App, FlightSystems, Slot};
@@ -28,18 +28,18 @@ pub fn plugin(app: &mut App) -> Result<()> {
 /// Tells the view where the target draws it. The potential itself acts within the step of the body.
 ///
 /// A local minimum of V is one of the wall's making, as D_t has none: it is escaped by letting the wall's strength yield
-/// for as long as the watch asks for another way. The step still cannot perforate.
+/// for some seconds when the watch tells of a trap. The step still cannot perforate.
 pub fn guide_by_potential(
-    camera: Single<(&Pose, &Body, &PotentialSettings, &mut PotentialField, &mut GuideThrust, Option<&Watch>)>,
+    clock: Res<Clock>,
+    camera: Single<(&Pose, &Body, &PotentialSettings, &mut PotentialField, &mut GuideThrust)>,
 ) {
-    let (pose, body, settings, mut field, mut guide, watch) = camera.into_inner();
-    let trapped = watch.is_some_and(|w| w.escaping_until.is_some());
-    field.potential = settings.0;
-    if trapped {
+    let (pose, body, settings, mut field, mut guide) = camera.into_inner();
+    field.potential = settings.potential;
+    if clock.tick < settings.yields_until {
         field.potential.wall_energy *= YIELDING;
     }
     let way = field.target.as_deref().map_or(DVec3::ZERO, |t| ahead(t, pose.position));
-    let limit = settings.0.target_force / body.0.mass_g;
+    let limit = settings.potential.target_force / body.0.mass_g;
     *guide = GuideThrust { limit, way, ..GuideThrust::default() };
 }
 

@@ -2,27 +2,23 @@
 //! called.
 
 use bevy_ecs::prelude::*;
-use glam::DVec3;
 
 use crate::components::camera::{Body, Contact, Heading, Pose};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
-use crate::components::guide::{GuideThrust, MineField, Planned, Tentacles};
+use crate::components::guide::{Automatic, MineField, Planned, PotentialSettings, Tentacles};
 use crate::components::input::Hand;
 use crate::components::{App, FlightSystems};
-use crate::dynamics::monitor::Trouble;
+use crate::dynamics::rescue::Order;
+use crate::dynamics::trap::Felt;
 use crate::error::Result;
 
-/// A dead end within this of the lumen's other end means that the flight set out the wrong way, mm.
-const WRONG_END_MM: f64 = 40.0;
-/// So much of the way is looked through for it: the camera may have left the dead end before that was certain, mm.
-const WRONG_END_BACK_MM: f64 = 120.0;
-/// The guide looks for another way for so long, s, and so often in one flight.
-const ESCAPE_S: f64 = 4.0;
-const ESCAPES: u32 = 6;
 /// The operator is called when the body was stuck in the wall for so long, s: a guide may need a moment to push it out.
 const STUCK_S: f64 = 0.5;
 
+/// A potential's wall yields so often in one flight, for so long, s.
+const YIELDS: u32 = 6;
+const YIELD_S: f64 = 4.0;
 /// A plan is narrow where it leaves the body no more than this on each side, mm; looked for so far ahead, mm.
 const NARROW_MM: f64 = 0.5;
 const NARROW_AHEAD_MM: f64 = 15.0;
@@ -38,18 +34,21 @@ pub fn watch_flight(
     clock: Res<Clock>,
     camera: Single<(
         &Pose,
+        &Body,
         &Contact,
         &mut Flight,
         &mut Watch,
         &mut Heading,
+        Has<Automatic>,
         Option<&Goal>,
         Option<&Hand>,
-        (Option<&GuideThrust>, Option<&Tentacles>, Option<&Planned>, Option<&Body>),
+        (Option<&Tentacles>, Option<&Planned>, Option<&mut PotentialSettings>),
         Option<&mut MineField>,
     )>,
 ) {
-    let (pose, contact, mut flight, mut watch, mut heading, goal, hand, guides, mut mines) = camera.into_inner();
-    let (guide, tentacles, planned, body) = guides;
+    let (pose, body, contact, mut flight, mut watch, mut heading, automatic, goal, hand, guides, mut mines) =
+        camera.into_inner();
+    let (tentacles, planned, potential) = guides;
     if flight.state != State::Flying {
         return;
     }
@@ -68,40 +67,44 @@ pub fn watch_flight(
         return;
     }
     // Without a guide that moves the camera there is nothing to watch, nor while the operator has it.
-    if guide.is_none_or(|g| g.limit <= 0.0) || hand.is_some_and(|h| h.paused || clock.tick < h.on_until) {
-        watch.monitor.restart();
+    if !automatic || hand.is_some_and(|h| h.paused || clock.tick < h.on_until) {
+        watch.rescue.restart();
         return;
     }
-    if watch.escaping_until.is_some_and(|t| clock.tick >= t) {
-        watch.escaping_until = None;
-    }
-    let settings = watch.settings;
-    let Some(trouble) = watch.monitor.follow(pose.position, clock.dt(), &settings) else { return };
-    flight.place = pose.position;
-    let was_at = |end: DVec3| watch.monitor.last_mm(WRONG_END_BACK_MM).any(|p| p.distance(end) < WRONG_END_MM);
-    let wrong_end = goal.is_some_and(|g| was_at(g.other_end)) && watch.monitor.way_mm() > WRONG_END_MM;
+    let felt = tentacles.map(|t| Felt {
+        directions: &t.directions,
+        lengths: &t.lengths,
+        heading: heading.0,
+        radius_mm: body.0.radius_mm,
+    });
+    let Watch { settings, rescue } = &mut *watch;
     // Only who feels their way can set out the wrong way.
-    if flight.turns == 0 && wrong_end && tentacles.is_some() {
-        flight.turns += 1;
-        // Everything flown so far may, and must, be flown again.
-        watch.monitor.restart();
-        if let Some(m) = mines.as_mut() {
-            m.mines.clear();
+    let other_end = goal.filter(|_| tentacles.is_some()).map(|g| g.other_end);
+    let order = rescue.follow(pose.position, clock.dt(), felt.as_ref(), other_end, settings);
+    let yields = potential.as_ref().map_or(0, |p| p.yields);
+    (flight.turns, flight.escapes) = (rescue.turns(), rescue.escapes() + yields);
+    match order {
+        Order::GoOn => {}
+        Order::SetOff { heading: to, clear_mines } => {
+            if let Some(to) = to {
+                heading.0 = to;
+            }
+            if let Some(m) = mines.as_mut().filter(|_| clear_mines) {
+                m.mines.clear();
+            }
         }
-        // A camera that was noticed on its way back has the right heading already.
-        if trouble != Trouble::TurnedBack {
-            heading.0 = longest_free(tentacles, -heading.0);
+        Order::Call { trap, place } => {
+            // The wall's part of a potential gives way before the operator is called.
+            if let Some(mut p) = potential.filter(|p| p.yields < YIELDS) {
+                p.yields += 1;
+                p.yields_until = clock.tick + (YIELD_S * f64::from(clock.hz)) as u64;
+                rescue.restart();
+                return;
+            }
+            flight.state = State::Operator;
+            flight.reason = planned.and_then(|p| narrow(p, body.0.radius_mm)).unwrap_or_else(|| trap.text().to_owned());
+            flight.place = place;
         }
-    } else if flight.escapes < ESCAPES && watch.escaping_until.is_none() {
-        flight.escapes += 1;
-        watch.escaping_until = Some(clock.tick + (ESCAPE_S * f64::from(clock.hz)) as u64);
-        watch.monitor.forgive();
-        heading.0 = DVec3::ZERO;
-    } else {
-        flight.state = State::Operator;
-        flight.reason = planned
-            .and_then(|p| narrow(p, body.map_or(0.0, |b| b.0.radius_mm)))
-            .unwrap_or_else(|| trouble.text().to_owned());
     }
 }
 
@@ -112,10 +115,4 @@ fn narrow(planned: &Planned, radius_mm: f64) -> Option<String> {
     (least < radius_mm + NARROW_MM).then(|| {
         format!("the way ahead narrows to {:.1} mm across, the camera has {:.1} mm", 2.0 * least, 2.0 * radius_mm)
     })
-}
-
-fn longest_free(tentacles: Option<&Tentacles>, fallback: DVec3) -> DVec3 {
-    tentacles
-        .and_then(|t| t.directions.iter().zip(&t.lengths).max_by(|a, b| a.1.total_cmp(b.1)))
-        .map_or(fallback, |(d, _)| *d)
 }

@@ -103,9 +103,19 @@ fn renderers_are_reported() {
         title: format!("Subject {name}"),
         space,
     });
-    let extent = Extent { pixels: 48, fov_degrees: 90.0, along: 2, jumps: 1, lead: 2, quick: true };
+    let extent = Extent {
+        pixels: 48,
+        fov_degrees: 90.0,
+        along: 2,
+        jumps: 1,
+        lead: 2,
+        sides: &[32, 64],
+        moving: 8,
+        stops: 1,
+        quick: true,
+    };
     let findings = report(&subjects, &extent, dir.path(), &Progress::new()).unwrap();
-    assert_eq!(findings.len(), 4, "{findings:?}");
+    assert_eq!(findings.len(), 7, "{findings:?}");
     let html = page(dir.path(), 10);
     let (columns, methods) = csv(&dir.path().join("a-methods.csv"));
     for c in ["method", "PSNR worst / dB", "SSIM worst", "frame median / ms", "frame p99 / ms", "samples a ray"] {
@@ -146,11 +156,51 @@ fn renderers_are_reported() {
 }
 
 #[test]
+fn dynamics_are_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("d");
+    let said = run(&["report", "dynamics", "--quick", "--out", out.to_str().unwrap()], 0);
+    let html = page(&out, 12);
+    let (_, orders) = csv(&out.join("orders.csv"));
+    assert_eq!(orders.len(), 8);
+    for row in &orders {
+        for seen in &row[3..5] {
+            let (theory, seen): (f64, f64) = (row[2].parse().unwrap(), seen.parse().unwrap());
+            assert!((seen - theory).abs() < 0.2, "{row:?}");
+        }
+    }
+    let (columns, steps) = csv(&out.join("stable-step-by-wall-table.csv"));
+    for (column, name) in columns.iter().enumerate().skip(1) {
+        let largest = |row: &Vec<String>| row[column].parse::<f64>().unwrap();
+        let implicit = ["backward Euler", "implicit midpoint", "Rosenbrock ROS34PW2"].contains(&name.as_str());
+        assert_eq!(steps.iter().all(|r| largest(r) >= 10.0), implicit, "{name}");
+    }
+    let (_, free) = csv(&out.join("free-motion.csv"));
+    assert!(free.iter().all(|r| r[2].parse::<f64>().unwrap() < 1e-12 && r[3].parse::<f64>().unwrap() < 1e-12));
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    assert!(said.lines().filter(|l| !l.starts_with("see ")).all(|f| html.contains(&f.replace('&', "&amp;"))));
+}
+
+#[test]
+fn perforations_are_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("p");
+    run(&["report", "perforation", "--steps", "700", "--seed", "3", "--out", out.to_str().unwrap()], 0);
+    page(&out, 0);
+    for (file, rows) in [("places", 14), ("methods", 8)] {
+        let (columns, all) = csv(&out.join(file).with_extension("csv"));
+        assert_eq!((all.len(), columns[2].as_str()), (rows, "perforations"));
+        assert_eq!(all.iter().map(|r| r[1].parse::<u64>().unwrap()).sum::<u64>(), 700);
+        assert!(all.iter().all(|r| r[2] == "0" && r[3] == "0" && r[4] == "0"), "{file}");
+    }
+}
+
+#[test]
 fn what_no_report_can_do() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("r");
     let out = out.to_str().unwrap();
-    for subject in ["dynamics", "fields", "perforation"] {
+    for subject in ["fields"] {
         let said = run(&["report", subject, "--out", out], 2);
         assert!(String::from_utf8_lossy(&said.stderr).contains("not built yet"), "{subject}");
     }

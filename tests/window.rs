@@ -107,8 +107,14 @@ impl Screen {
     }
 
     fn fly_with(&self, folder: &Path, args: &[&str]) -> Running {
+        let size = format!("{}x{}", SIZE.0, SIZE.1);
+        let all = ["fly", "--size", &size, "--stats", "stats.json"];
+        self.open_window(folder, &[&all[..], args].concat(), flies)
+    }
+
+    /// Starts the program, waits until it shows what `wanted` likes, and gives it the keys.
+    fn open_window(&self, folder: &Path, args: &[&str], wanted: impl FnMut(&RgbImage) -> bool) -> Running {
         let child = Command::new(env!("CARGO_BIN_EXE_colvis"))
-            .args(["fly", "--size", &format!("{}x{}", SIZE.0, SIZE.1), "--stats", "stats.json"])
             .args(args)
             .env("DISPLAY", &self.display)
             .env_remove("WAYLAND_DISPLAY")
@@ -120,7 +126,7 @@ impl Screen {
             .spawn()
             .unwrap();
         let running = Running(child);
-        self.shot_when("the flight", flies);
+        self.shot_when("the flight", wanted);
         let window = String::from_utf8(self.tool("xdotool", &["search", "--name", "colvis"])).unwrap();
         // There is no window manager that would give it the keys.
         self.tool("xdotool", &["windowfocus", "--sync", window.lines().next().unwrap()]);
@@ -299,4 +305,35 @@ fn guides_and_places_are_chosen_in_flight() {
     let jumps = lines.windows(2).filter(|w| place(&w[0]).distance(place(&w[1])) > 5.0).count();
     assert_eq!(jumps, 1, "one click, one jump");
     assert!(lines.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
+}
+
+#[test]
+fn a_drawn_lumen_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let way = |i: &RgbImage| share(i, |[r, g, b]| r > 210 && (90..150).contains(&g) && b < 60);
+    let feelers = |i: &RgbImage| share(i, |[r, g, b]| g > r + 20 && g > b + 12);
+    let mut window = screen.open_window(folder.path(), &["plane", "ring"], |i| way(i) > 0.002);
+    screen.key("space");
+    let mut before = None;
+    let paused = screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
+    assert!(feelers(&paused) > 0.002, "tentacles: {}", feelers(&paused));
+    screen.key("t");
+    screen.shot_when("no tentacles", |i| feelers(i) < feelers(&paused) / 2.0);
+    screen.key("s");
+    screen.shot_when("no way flown", |i| way(i) < way(&paused) / 4.0);
+    // The potential is shaded in many blues; without it the lumen is of one grey.
+    let grey = |i: &RgbImage| share(i, |p| p == [232, 236, 240]);
+    screen.key("v");
+    screen.shot_when("no potential", |i| grey(i) > grey(&paused) + 0.1);
+    // A click on the ring's lower part starts there; the start is red.
+    let red = |i: &RgbImage| {
+        let there = image::imageops::crop_imm(i, 228, 385, 40, 30).to_image();
+        share(&there, |p| p == [220, 40, 40])
+    };
+    screen.tool("xdotool", &["mousemove", "248", "400", "click", "1"]);
+    screen.shot_when("another start", |i| red(i) > 0.01);
+    screen.key("q");
+    let status = window.wait();
+    assert!(status.success() && window.output().1.is_empty());
 }

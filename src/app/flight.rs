@@ -15,7 +15,7 @@ use crate::components::camera::{Body, Contact, Heading, Pose, Spin, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
 use crate::components::guide::{
-    Field, GuideThrust, MineField, MinePush, Planned, PotentialField, PotentialSettings, Tentacles,
+    Automatic, Field, GuideThrust, MineField, MinePush, Planned, PotentialField, PotentialSettings, Tentacles,
 };
 use crate::components::input::{Act, Command, Hand, Inbox};
 use crate::components::output::{FlightLog, FrameCache, GuideName, LogLine, Picture};
@@ -23,7 +23,7 @@ use crate::components::play::Playback;
 use crate::components::scan::{RaySpace, Scan, Walls};
 use crate::dynamics::Attitude;
 use crate::dynamics::mines::Mines;
-use crate::dynamics::monitor::Monitor;
+use crate::dynamics::rescue::Rescue;
 use crate::error::{Error, Result};
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{ClearanceFinder, Lumen, lumen};
@@ -158,7 +158,8 @@ impl FlightApp {
         if let (Some(walls), Some(target)) = (self.fields.walls(), self.fields.target()) {
             let potential = self.scene.potential;
             let (wall, target): (Field, Field) = (Arc::clone(walls) as Field, Arc::clone(target) as Field);
-            camera.insert((PotentialSettings(potential), PotentialField { potential, wall, target: Some(target) }));
+            let settings = PotentialSettings { potential, yields: 0, yields_until: 0 };
+            camera.insert((settings, PotentialField { potential, wall, target: Some(target) }));
         }
         match (self.scene.play.clone(), camera.contains::<Playback>()) {
             (Some(play), false) => drop(camera.insert(play)),
@@ -174,9 +175,14 @@ impl FlightApp {
             Some(settings) => drop(camera.insert(MineField { settings, mines: Mines::default() })),
             None => drop(camera.remove::<(MineField, MinePush)>()),
         }
+        if self.scene.is_automatic() {
+            camera.insert(Automatic);
+        } else {
+            camera.remove::<Automatic>();
+        }
         match self.scene.watch.filter(|_| self.scene.watches()) {
             Some(settings) => {
-                camera.insert(Watch { settings, monitor: Monitor::default(), escaping_until: None });
+                camera.insert(Watch { settings, rescue: Rescue::default() });
                 camera.insert(Goal {
                     at: self.plan.goal,
                     within_mm: self.plan.within_mm,
@@ -374,7 +380,7 @@ impl FlightApp {
             planned.pilot = None;
         }
         if let Some(mut watch) = self.app.world.get_mut::<Watch>(self.camera) {
-            watch.monitor.restart();
+            watch.rescue.restart();
         }
         if let Some(mut mines) = self.app.world.get_mut::<MineField>(self.camera) {
             mines.mines.clear();

@@ -6,6 +6,7 @@ mod explain;
 mod fly;
 mod info;
 mod phantom;
+mod plane;
 mod prepare;
 mod render;
 mod report;
@@ -70,7 +71,7 @@ fn run(args: Args) -> Result<()> {
         Some(Command::Render(a)) => render::run(&a, &global, &progress),
         Some(Command::Explain(a)) => explain::run(&a, &global, &progress),
         Some(Command::Centerline(a)) => centerline::run(&a, &global, &progress),
-        Some(Command::Plane(_)) => Err(Error::not_built("plane")),
+        Some(Command::Plane(a)) => plane::run(&a, &progress),
         Some(Command::Report(a)) => report::run(&a, &global, &progress),
         None => fly::run(&args.fly, &global, &progress),
     }

@@ -30,7 +30,14 @@ pub struct GuideThrust {
 
 /// What the guide `potential` was asked for: in a trap the field itself differs for a while.
 #[derive(Component, Clone, Copy, Debug)]
-pub struct PotentialSettings(pub Potential);
+pub struct PotentialSettings {
+    /// `C_t`, `C_s`, `p`.
+    pub potential: Potential,
+    /// How often the wall's strength has yielded to lead out of a trap.
+    pub yields: u32,
+    /// It yields until this tick.
+    pub yields_until: u64,
+}
 
 /// A planned way, and how it is flown.
 #[derive(Component, Clone, Debug)]
@@ -56,6 +63,10 @@ impl Planned {
         Self { settings, route, pilot: None, s_mm: 0.0, velocity_before: DVec3::ZERO, last: DVec3::ZERO }
     }
 }
+
+/// On a camera whose guide moves it by itself: its flight is watched. A guide that leaves all to the operator has none.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Automatic;
 
 /// A field of distances that a guide shares with the step.
 pub type Field = Arc<dyn Distance + Send + Sync>;

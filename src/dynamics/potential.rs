@@ -150,7 +150,7 @@ mod tests {
                 prop_assert!((slope - s.gradient.dot(axis)).abs() <= 1e-5 * (1.0 + s.gradient.length() + s.energy));
                 let bend = (a.gradient - b.gradient) / (2.0 * h);
                 let told = s.hessian * axis;
-                prop_assert!((bend - told).length() <= 1e-4 * (1.0 + told.length() + s.gradient.length()));
+                prop_assert!((bend - told).length() <= 1e-4 * (1.0 + told.length() + s.gradient.length()), "{bend} {told}");
             }
         }
     }

@@ -115,6 +115,27 @@ impl Flown {
         }
         stops
     }
+
+    /// `frames` poses of the flight, sixty a second from a quarter of it onwards, and whether the camera turned suddenly
+    /// to each: once in `every` frames it does, and looks there for half of them.
+    pub fn moving(&self, frames: usize, every: usize) -> Vec<(Pose, bool)> {
+        let last = self.log.len() - 1;
+        let step = (self.hz / 60.0).round().max(1.0) as usize;
+        let every = every.max(2);
+        (0..frames)
+            .map(|n| {
+                // To and fro where the flight is shorter.
+                let way = (last / 4 + n * step) % (2 * last).max(1);
+                let pose = Pose::of(&self.log[if way > last { 2 * last - way } else { way }]);
+                let (turn, within) = (n / every, n % every);
+                if within < every / 2 {
+                    (pose, n > 0 && within == 0)
+                } else {
+                    (turned(pose, turn, hash::uniform(0x7EA1, turn as u64)), within == every / 2)
+                }
+            })
+            .collect()
+    }
 }
 
 /// Turned right round, aside, upwards or about the view, by the number; then by up to 20° more.
@@ -166,5 +187,20 @@ mod tests {
         }
         assert_eq!(stops, flown(1201).stops(6, 2, 3));
         assert_eq!(flown(1).stops(3, 1, 2).len(), 4, "a flight of one step still has poses");
+    }
+
+    #[test]
+    fn a_moving_camera_turns_suddenly_and_back() {
+        let poses = flown(1201).moving(100, 20);
+        assert_eq!(poses.iter().filter(|p| p.1).count(), 9);
+        for w in poses.windows(2) {
+            let turned = w[0].0.forward.angle_between(w[1].0.forward) > 0.5;
+            // Turned about the view itself, the camera looks where it did.
+            let rolled = w[0].0.up.angle_between(w[1].0.up) > 0.5;
+            assert_eq!(turned || rolled, w[1].1);
+            assert!((w[1].0.position - w[0].0.position).length() < 0.6);
+        }
+        assert_eq!(flown(1).moving(5, 2).len(), 5);
+        assert_eq!(flown(40).moving(200, 20).len(), 200, "a short flight is flown to and fro");
     }
 }

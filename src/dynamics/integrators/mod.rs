@@ -127,10 +127,10 @@ pub enum Integrator {
     ImplicitMidpoint,
     /// Damps what it does not resolve.
     BackwardEuler,
-    /// Linearly implicit: no iteration.
+    /// Linearly implicit: no iteration. The default, chosen by `colvis report dynamics`.
+    #[default]
     Rosenbrock,
     /// Exact in the drag, the force held.
-    #[default]
     ExponentialEuler,
 }
 

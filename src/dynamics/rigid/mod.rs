@@ -66,6 +66,13 @@ pub fn unit(q: DQuat) -> DQuat {
     if length.is_finite() && length > 1e-150 { q / length } else { DQuat::IDENTITY }
 }
 
+/// The angle between two orientations, rad, 0 to π; small ones are told exactly. Lengths do not matter.
+pub fn angle(a: DQuat, b: DQuat) -> f64 {
+    let turn = a * b.conjugate();
+    // Both signs of a quaternion are the same turn; the sine resolves small angles where the cosine does not.
+    2.0 * turn.xyz().length().atan2(turn.w.abs())
+}
+
 /// Moments of inertia of a body with an axis of symmetry, g·mm².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inertia {

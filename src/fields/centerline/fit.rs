@@ -27,6 +27,8 @@ const FAR: f64 = 3.0;
 /// Of the clearance of the line that was given, a moved point keeps at least this, as far as [`AMPLE_MM`].
 const KEPT: f64 = 0.6;
 const AMPLE_MM: f64 = 4.0;
+/// Over so many points the line goes over from the given one to the fitted one.
+const EASE: usize = 5;
 
 /// A frame across the line at a point.
 #[derive(Clone, Copy, Debug)]
@@ -150,6 +152,11 @@ fn cut(walls: &WallDistance, at: DVec3, frame: &Across) -> [f32; RAYS] {
     })
 }
 
+/// The values within [`EASE`] points of one.
+fn around(values: &[f64], n: usize) -> &[f64] {
+    &values[n.saturating_sub(EASE)..(n + EASE + 1).min(values.len())]
+}
+
 /// The fitted line where it is free, else as much nearer to the given one as it must be: that one is free.
 fn kept_free(walls: &WallDistance, line: &[DVec3], fitted: &[DVec3]) -> Vec<DVec3> {
     let clear = |p: DVec3| f64::from(walls.at(walls.voxel(p)).unwrap_or(-1.0));
@@ -161,6 +168,9 @@ fn kept_free(walls: &WallDistance, line: &[DVec3], fitted: &[DVec3]) -> Vec<DVec
             [1.0, 0.75, 0.5, 0.25].into_iter().find(|&s| clear(l.lerp(f, s)) >= least).unwrap_or(0.0)
         })
         .collect();
+    // A point that must stay near the given line keeps its neighbours there too, so that the line has no steps.
+    let least: Vec<f64> = (0..share.len()).map(|n| around(&share, n).iter().copied().fold(1.0, f64::min)).collect();
+    share = (0..share.len()).map(|n| around(&least, n).iter().sum::<f64>() / around(&least, n).len() as f64).collect();
     let at = |share: &[f64], n: usize| line[n].lerp(fitted[n], share[n]);
     loop {
         let blocked: Vec<usize> =

@@ -7,7 +7,11 @@
 
 mod cells;
 mod fit;
+mod peel;
 mod polyline;
+mod roadmap;
+#[cfg(test)]
+mod tests;
 
 use glam::DVec3;
 
@@ -22,10 +26,14 @@ const STEP_MM: f64 = 1.0;
 const SNAP_MM: f64 = 5.0;
 /// Clearance at which narrowness begins to cost, mm.
 const NARROW_MM: f64 = 8.0;
-/// Rounds of pulling the line straight.
+/// Rounds of pulling the line straight, before and after it is moved towards the axis; then without leaning, since walls
+/// push it off the axis.
 const TIGHTEN: usize = 12;
+const EVEN: usize = 4;
 /// What a way loses for each mm that its end is drawn back from the lumen's tip: see [`last_ball`].
 const INWARD: f64 = 0.3;
+/// The lumen's tip is looked for within this of where an end is known to be, mm.
+const TIP_MM: f64 = 40.0;
 /// The last ball is looked for within this of the tip, mm.
 const INWARD_MM: f64 = 45.0;
 
@@ -51,6 +59,20 @@ pub enum End {
     At(DVec3),
 }
 
+/// How the way is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// The shortest way over the lumen's cells that keeps from walls, pulled straight and moved to the lumen's axis.
+    #[default]
+    PenalisedPath,
+    /// What is left when the lumen is peeled from the wall inwards (see `peel`), pulled straight.
+    PeelOnion,
+    /// The shortest way along sampled inscribed balls that overlap (see `roadmap`).
+    Roadmap,
+    /// The shortest way over the lumen's cells, voxel by voxel.
+    Cells,
+}
+
 /// The line of a lumen from `from` to `to`. `guesses` are pairs of places (world, mm) between which the lumen may be
 /// collapsed (see [`gaps`]); they are used only where there is no other way.
 ///
@@ -63,11 +85,28 @@ pub fn between(
     guesses: &[[DVec3; 2]],
     progress: &Progress,
 ) -> Result<Centerline> {
+    by(Method::PenalisedPath, walls, from, to, guesses, progress)
+}
+
+/// [`between`] by another method.
+///
+/// # Errors
+/// As [`between`].
+pub fn by(
+    method: Method,
+    walls: &WallDistance,
+    from: End,
+    to: End,
+    guesses: &[[DVec3; 2]],
+    progress: &Progress,
+) -> Result<Centerline> {
     progress.stage("finding the centerline", 0);
     let cells = Cells::of(walls, progress)?;
-    let line = route(walls, &cells, from, to, guesses)?;
-    progress.check()?;
-    Ok(line)
+    let planner = Planner { method, walls, cells: &cells, progress };
+    match planner.route(from, to)? {
+        Some(line) => Ok(line),
+        None => planner.bridged(from, to, guesses),
+    }
 }
 
 /// The two ends of the lumen's piece with the most voxels, world, mm, the lower one first: the farthest place from its
@@ -107,35 +146,145 @@ fn narrow(clearance: f64) -> f64 {
     1.0 + (NARROW_MM / clearance.max(0.3)).powi(2)
 }
 
-fn route(walls: &WallDistance, cells: &Cells, from: End, to: End, guesses: &[[DVec3; 2]]) -> Result<Centerline> {
-    let place = |e: End| match e {
-        End::Tip(p) | End::At(p) => p,
-    };
-    let (start, goal) = (voxel_of(walls, place(from))?, voxel_of(walls, place(to))?);
-    let Some(line) = voxel_way(walls, cells, start, goal) else {
-        return bridged(walls, cells, (from, to), guesses);
-    };
-    let mut line: Vec<DVec3> = line.into_iter().map(|v| walls.world(v)).collect();
-    let exact = |e: End, v: [i64; 3]| match e {
-        End::At(p) if walls.voxel(p) == v => p,
-        _ => walls.world(v),
-    };
-    if let [first, .., last] = &mut line[..] {
-        (*first, *last) = (exact(from, start), exact(to, goal));
+/// What a line is found with.
+#[derive(Clone, Copy)]
+struct Planner<'a> {
+    method: Method,
+    walls: &'a WallDistance,
+    cells: &'a Cells,
+    progress: &'a Progress,
+}
+
+impl Planner<'_> {
+    /// The line within one piece of the lumen; none where its ends lie in two.
+    fn route(&self, from: End, to: End) -> Result<Option<Centerline>> {
+        let walls = self.walls;
+        let (start, goal) = (voxel_of(walls, from.place())?, voxel_of(walls, to.place())?);
+        let Some((start, goal, nodes)) = self.tips((from, start), (to, goal)) else { return Ok(None) };
+        let Some(mut line) = self.way(start, goal, &nodes)? else { return Ok(None) };
+        self.progress.check()?;
+        if let [first, .., last] = &mut line[..] {
+            (*first, *last) = (from.within(walls, start), to.within(walls, goal));
+        }
+        let mut line = polyline::resampled(walls, &line, STEP_MM);
+        let smooth = matches!(self.method, Method::PenalisedPath | Method::PeelOnion);
+        if smooth {
+            polyline::tightened(walls, &mut line, TIGHTEN, polyline::LEAN);
+        }
+        for end in [to, from] {
+            if matches!(end, End::Tip(_)) {
+                last_ball(walls, &mut line);
+            }
+            line.reverse();
+        }
+        if self.method == Method::PenalisedPath {
+            line = fit::to_axis(walls, &polyline::resampled(walls, &line, STEP_MM), STEP_MM);
+            polyline::tightened(walls, &mut line, EVEN, 0.0);
+        }
+        Ok(Some(finished(walls, &polyline::resampled(walls, &line, STEP_MM))))
     }
-    let mut line = polyline::resampled(walls, &line, STEP_MM);
-    polyline::tightened(walls, &mut line, TIGHTEN);
-    if matches!(to, End::Tip(_)) {
-        last_ball(walls, &mut line);
+
+    /// A way inside the lumen, if there is one, world, mm; `nodes` lead from the start's to the goal's.
+    fn way(&self, start: [i64; 3], goal: [i64; 3], nodes: &[u32]) -> Result<Option<Vec<DVec3>>> {
+        let walls = self.walls;
+        let world = |way: Vec<[i64; 3]>| way.into_iter().map(|v| walls.world(v)).collect();
+        match self.method {
+            Method::PenalisedPath | Method::Cells => Ok(Some(world(self.cells.voxels(nodes, start, goal)))),
+            Method::PeelOnion => Ok(peel::peeled(walls, start, goal, self.progress)?.map(world)),
+            Method::Roadmap => roadmap::way(walls, start, goal, self.progress),
+        }
     }
-    line.reverse();
-    if matches!(from, End::Tip(_)) {
-        last_ball(walls, &mut line);
+
+    /// The ends with those that are tips moved to the place near them that is farthest along the lumen from the other end,
+    /// and the nodes of the way between them; none where there is no way.
+    fn tips(
+        &self,
+        (from, start): (End, [i64; 3]),
+        (to, goal): (End, [i64; 3]),
+    ) -> Option<([i64; 3], [i64; 3], Vec<u32>)> {
+        let cells = self.cells;
+        let (a, b) = (cells.node_at(start)?, cells.node_at(goal)?);
+        let search = |from: u32, to: u32, end: End| {
+            let ways = cells.ways(from, matches!(end, End::At(_)).then_some(to), narrow);
+            let near = (0..cells.nodes.len() as u32).filter(|&n| {
+                matches!(end, End::Tip(p) if cells.place(n).distance(p) < TIP_MM) && ways.length[n as usize].is_finite()
+            });
+            let farthest = near.fold(to, |m, n| if ways.length[n as usize] > ways.length[m as usize] { n } else { m });
+            (ways, farthest)
+        };
+        let (ways, tip) = search(a, b, to);
+        if !ways.length[b as usize].is_finite() {
+            return None;
+        }
+        let goal = if tip == b { goal } else { cells.nodes[tip as usize].widest };
+        if matches!(from, End::At(_)) {
+            return Some((start, goal, cells.way(&ways, tip)));
+        }
+        let (back, first) = search(tip, a, from);
+        let start = if first == a { start } else { cells.nodes[first as usize].widest };
+        let mut nodes = cells.way(&back, first);
+        nodes.reverse();
+        Some((start, goal, nodes))
     }
-    line.reverse();
-    let line = polyline::resampled(walls, &line, STEP_MM);
-    let line = fit::to_axis(walls, &line, STEP_MM);
-    Ok(finished(walls, &polyline::resampled(walls, &line, STEP_MM)))
+
+    /// The connected piece of the lumen that a place lies in.
+    fn piece(&self, place: DVec3) -> Option<u32> {
+        let voxel = self.walls.nearest(place, SNAP_MM)?;
+        self.cells.node_at(voxel).map(|n| self.cells.piece(n))
+    }
+
+    /// A line over gaps: the lumen's pieces one after the other, a straight guess between each two.
+    fn bridged(&self, from: End, to: End, guesses: &[[DVec3; 2]]) -> Result<Centerline> {
+        let goal = self.piece(to.place());
+        let mut line: Option<Centerline> = None;
+        let mut here = from;
+        let mut open: Vec<[DVec3; 2]> = guesses.to_vec();
+        // Guesses follow each other along the colon: towards the cecum, or back towards the rectum.
+        if open
+            .iter()
+            .position(|g| self.piece(g[1]) == self.piece(from.place()))
+            .is_some_and(|at| open[..=at].iter().any(|g| self.piece(g[0]) == goal))
+        {
+            open = open.iter().rev().map(|&[a, b]| [b, a]).collect();
+        }
+        loop {
+            let at = self.piece(here.place());
+            if at == goal {
+                return match self.route(here, to)? {
+                    Some(rest) => Ok(joined(line, rest)),
+                    None => Err(no_way(from, to)),
+                };
+            }
+            let Some(next) = open.iter().position(|g| self.piece(g[0]) == at) else { return Err(no_way(from, to)) };
+            let [a, b] = open.remove(next);
+            let part = self.route(here, End::At(a))?.ok_or_else(|| no_way(from, to))?;
+            line = Some(joined(line, part));
+            here = End::At(b);
+        }
+    }
+}
+
+impl End {
+    fn place(self) -> DVec3 {
+        match self {
+            Self::Tip(p) | Self::At(p) => p,
+        }
+    }
+
+    /// Where the line ends, given the voxel of the lumen that was found for the end.
+    fn within(self, walls: &WallDistance, voxel: [i64; 3]) -> DVec3 {
+        match self {
+            Self::At(p) if walls.voxel(p) == voxel => p,
+            _ => walls.world(voxel),
+        }
+    }
+}
+
+fn no_way(from: End, to: End) -> Error {
+    let (a, b) = (from.place(), to.place());
+    let places = format!("{:.1},{:.1},{:.1} to {:.1},{:.1},{:.1}", a.x, a.y, a.z, b.x, b.y, b.z);
+    let why = format!("no way leads from {places} in the lumen");
+    Error::incomplete("centerline", why, "choose two points of one connected piece of the lumen")
 }
 
 fn finished(walls: &WallDistance, line: &[DVec3]) -> Centerline {
@@ -154,14 +303,6 @@ fn voxel_of(walls: &WallDistance, place: DVec3) -> Result<[i64; 3]> {
             format!("{:.1},{:.1},{:.1} is not in the lumen, nor within {SNAP_MM} mm of it", place.x, place.y, place.z);
         Error::incomplete("centerline", why, "give a point in the colon's gas or fluid")
     })
-}
-
-/// A 6-connected way of voxels, if there is one.
-fn voxel_way(walls: &WallDistance, cells: &Cells, start: [i64; 3], goal: [i64; 3]) -> Option<Vec<[i64; 3]>> {
-    let (a, b) = (cells.node_at(start)?, cells.node_at(goal)?);
-    let ways = cells.ways(a, Some(b), narrow);
-    debug_assert!(walls.is_inside(start) && walls.is_inside(goal));
-    ways.length[b as usize].is_finite().then(|| cells.voxels(&cells.way(&ways, b), start, goal))
 }
 
 /// Draws the end of a line back from the lumen's tip to the centre of the last ball that touches it: on the way in, the
@@ -183,35 +324,6 @@ fn last_ball(walls: &WallDistance, line: &mut Vec<DVec3>) {
         }
     }
     line.truncate(best.1);
-}
-
-/// A line over gaps: the lumen's pieces one after the other, a straight guess between each two.
-fn bridged(walls: &WallDistance, cells: &Cells, (from, to): (End, End), guesses: &[[DVec3; 2]]) -> Result<Centerline> {
-    let place = |e: End| match e {
-        End::Tip(p) | End::At(p) => p,
-    };
-    let piece = |p: DVec3| walls.nearest(p, SNAP_MM).and_then(|v| cells.node_at(v)).map(|n| cells.piece(n));
-    let goal = piece(place(to));
-    let mut line: Option<Centerline> = None;
-    let mut here = from;
-    let mut open: Vec<[DVec3; 2]> = guesses.iter().flat_map(|&[a, b]| [[a, b], [b, a]]).collect();
-    loop {
-        let at = piece(place(here));
-        if at == goal && at.is_some() {
-            let rest = route(walls, cells, here, to, &[])?;
-            return Ok(joined(line, rest));
-        }
-        // Guesses are given in the order of the colon, so the next one from here leads on; none is used twice.
-        let Some(next) = open.iter().position(|g| piece(g[0]) == at && at.is_some()) else { break };
-        let [a, b] = open.remove(next);
-        open.retain(|g| *g != [b, a]);
-        line = Some(joined(line, route(walls, cells, here, End::At(a), &[])?));
-        here = End::At(b);
-    }
-    let (a, b) = (place(from), place(to));
-    let why =
-        format!("no way leads from {:.1},{:.1},{:.1} to {:.1},{:.1},{:.1} in the lumen", a.x, a.y, a.z, b.x, b.y, b.z);
-    Err(Error::incomplete("centerline", why, "choose two points of one connected piece of the lumen"))
 }
 
 /// A line continued by another, with a guess between them.

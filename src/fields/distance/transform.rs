@@ -228,49 +228,66 @@ fn scan_row(
     }
 }
 
+/// The first whole place from a place on; 0 for one before it. (`ceil` is a call on a plain machine.)
+fn from(place: f32) -> usize {
+    let whole = place as usize;
+    whole + usize::from((whole as f32) < place)
+}
+
+/// A parabola of an envelope.
+#[derive(Clone, Copy, Debug)]
+struct Parabola {
+    /// Where its bottom is.
+    at: u32,
+    /// Where it begins to be the lowest.
+    begin: f32,
+    /// Its height at the bottom, mm².
+    height: f32,
+}
+
 /// Room that the envelopes are built in.
 #[derive(Debug, Default)]
 struct Envelope {
     /// Heights along the run, mm².
     heights: Vec<f32>,
-    /// The parabolas of the envelope, and where each begins to be the lowest.
-    parabolas: Vec<(u32, f32)>,
+    parabolas: Vec<Parabola>,
+    /// 1/n, as far as it was needed: a division takes several times as long as all the rest of a step.
+    inverse: Vec<f32>,
 }
 
 impl Envelope {
     /// Replaces the heights h(q) of a run by min over p of h(p) + (s·(q − p))², `square` = s².
     fn lower(&mut self, square: f32) {
-        let f = &mut self.heights;
-        let top = &mut self.parabolas;
-        top.clear();
-        for q in 0..f.len() {
-            if f[q] == f32::INFINITY {
+        let Self { heights, parabolas, inverse } = self;
+        let known = inverse.len();
+        inverse.extend((known..heights.len()).map(|n| 1.0 / n as f32));
+        let half = 0.5 / square;
+        parabolas.clear();
+        for (q, &height) in heights.iter().enumerate() {
+            if height == f32::INFINITY {
                 continue;
             }
-            let mut from = f32::NEG_INFINITY;
-            while let Some(&(p, begin)) = top.last() {
-                let gap = (q - p as usize) as f32;
-                let meet = (f[q] - f[p as usize]) / (2.0 * square * gap) + 0.5 * (q + p as usize) as f32;
-                if meet > begin {
-                    from = meet;
+            let mut begin = f32::NEG_INFINITY;
+            while let Some(last) = parabolas.last() {
+                let p = last.at as usize;
+                let meet = (height - last.height) * half * inverse[q - p] + 0.5 * (q + p) as f32;
+                if meet > last.begin {
+                    begin = meet;
                     break;
                 }
-                top.pop();
+                parabolas.pop();
             }
-            top.push((q as u32, from));
+            parabolas.push(Parabola { at: q as u32, begin, height });
         }
-        if top.len() < 2 && f.len() == top.len() {
-            return;
-        }
-        // Heights are read at the parabolas' places and written at others: those of the envelope are copied first.
-        let bottoms: Vec<(u32, f32, f32)> = top.iter().map(|&(p, begin)| (p, begin, f[p as usize])).collect();
-        for (n, &(p, begin, h)) in bottoms.iter().enumerate() {
-            let end = bottoms.get(n + 1).map_or(f.len(), |b| ((b.1.ceil()).max(0.0) as usize).min(f.len()));
-            let first = if n == 0 { 0 } else { (begin.ceil().max(0.0) as usize).min(end) };
-            for (x, o) in f[first..end].iter_mut().enumerate() {
-                let gap = (first + x) as f32 - p as f32;
-                *o = h + square * gap * gap;
+        let mut first = 0;
+        for (n, p) in parabolas.iter().enumerate() {
+            let end = parabolas.get(n + 1).map_or(heights.len(), |next| from(next.begin).clamp(first, heights.len()));
+            let bottom = p.at as f32;
+            for (x, o) in heights[first..end].iter_mut().enumerate() {
+                let gap = (first + x) as f32 - bottom;
+                *o = p.height + square * gap * gap;
             }
+            first = end;
         }
     }
 
@@ -425,9 +442,15 @@ fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
     if count > 1 { 1.0 / sum } else { f32::INFINITY }
 }
 
-/// Distances (mm) of the voxels of `asked` to the nearest crossing, in their order; infinite where there is none.
-/// Spacing in mm.
-pub(super) fn distances(walls: &Walls, asked: &VoxelSet, spacing: [f64; 3], progress: &Progress) -> Result<Vec<f32>> {
+/// Distances (mm) of the voxels of `asked` to the nearest crossing, in their order, less than 0 for those outside; `most`
+/// (mm) where there is none. Spacing in mm; distances are multiplied by `scale`.
+pub(super) fn distances(
+    walls: &Walls,
+    asked: &VoxelSet,
+    spacing: [f64; 3],
+    (scale, most): (f64, f64),
+    progress: &Progress,
+) -> Result<Vec<f32>> {
     let dims = asked.dims();
     let spacing = spacing.map(|s| s as f32);
     progress.stage("measuring the distance to the wall", (2 * dims[1] + dims[2]) as u64);
@@ -462,6 +485,19 @@ pub(super) fn distances(walls: &Walls, asked: &VoxelSet, spacing: [f64; 3], prog
         }
         progress.advance(1)
     })?;
-    within.par_iter_mut().zip(&across).for_each(|(d, other)| *d = d.min(*other).sqrt());
+    let (scale, most) = (scale as f32, most as f32);
+    let slices = planes(asked, &mut within, 1).into_par_iter().zip(planes(asked, &mut across, 1)).enumerate();
+    slices.for_each(|(k, (mut within, across))| {
+        for (j, (row, other)) in within.iter_mut().zip(across).enumerate() {
+            let mut n = 0;
+            for (&all, &inside) in asked.row(j, k).iter().zip(walls.inside.row(j, k)) {
+                each_bit(all, |b| {
+                    let d = row[n].min(other[n]).sqrt().min(most) * scale;
+                    row[n] = if inside >> b & 1 == 1 { d } else { -d.max(f32::MIN_POSITIVE) };
+                    n += 1;
+                });
+            }
+        }
+    });
     Ok(within)
 }

@@ -1,7 +1,5 @@
 //! From the gas's core, which keeps neighbouring loops apart, to its surface.
 
-use rayon::prelude::*;
-
 use super::runs::{Rows, Run};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -22,42 +20,38 @@ pub(super) fn grow(volume: &Volume, mut rows: Rows, limit: i16, rounds: usize, p
 
 fn layer(volume: &Volume, rows: &Rows, limit: i16, progress: &Progress) -> Result<Rows> {
     let dims @ [nx, ny, nz] = rows.dims();
-    let slices = (0..nz)
-        .into_par_iter()
-        .map(|k| {
-            progress.check()?;
-            let mut out = Vec::new();
-            let mut lengths = Vec::with_capacity(ny);
-            let mut added: Vec<(u32, u32)> = Vec::new();
-            for j in 0..ny {
-                let own = rows.row(j, k);
-                let values = &volume.data()[volume.grid().index(0, j, k)..][..nx];
-                added.clear();
-                for r in own {
-                    let ends = [r.start.checked_sub(1), Some(r.end).filter(|&x| (x as usize) < nx)];
-                    for x in ends.into_iter().flatten() {
-                        uncovered(own, Run { start: x, end: x + 1, ..*r }, values, limit, &mut added);
-                    }
+    Rows::gather(dims, |k| {
+        progress.check()?;
+        let mut out = Vec::new();
+        let mut lengths = Vec::with_capacity(ny);
+        let mut added: Vec<(u32, u32)> = Vec::new();
+        for j in 0..ny {
+            let own = rows.row(j, k);
+            let values = &volume.data()[volume.grid().index(0, j, k)..][..nx];
+            added.clear();
+            for r in own {
+                let ends = [r.start.checked_sub(1), Some(r.end).filter(|&x| (x as usize) < nx)];
+                for x in ends.into_iter().flatten() {
+                    uncovered(own, Run { start: x, end: x + 1, ..*r }, values, limit, &mut added);
                 }
-                let beside = [
-                    j.checked_sub(1).map(|j| (j, k)),
-                    Some((j + 1, k)).filter(|_| j + 1 < ny),
-                    k.checked_sub(1).map(|k| (j, k)),
-                    Some((j, k + 1)).filter(|_| k + 1 < nz),
-                ];
-                for (j, k) in beside.into_iter().flatten() {
-                    for &r in rows.row(j, k) {
-                        uncovered(own, r, values, limit, &mut added);
-                    }
-                }
-                let before = out.len();
-                merge(own, &mut added, &mut out);
-                lengths.push((out.len() - before) as u32);
             }
-            Ok((lengths, out))
-        })
-        .collect::<Result<_>>()?;
-    Rows::from_slices(dims, slices)
+            let beside = [
+                j.checked_sub(1).map(|j| (j, k)),
+                Some((j + 1, k)).filter(|_| j + 1 < ny),
+                k.checked_sub(1).map(|k| (j, k)),
+                Some((j, k + 1)).filter(|_| k + 1 < nz),
+            ];
+            for (j, k) in beside.into_iter().flatten() {
+                for &r in rows.row(j, k) {
+                    uncovered(own, r, values, limit, &mut added);
+                }
+            }
+            let before = out.len();
+            merge(own, &mut added, &mut out);
+            lengths.push((out.len() - before) as u32);
+        }
+        Ok((lengths, out))
+    })
 }
 
 /// Lists (x, label) for the voxels of `with` that no run of `own` holds and whose value is at or below `limit`.

@@ -11,6 +11,9 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
+/// Slices that are made at a time.
+const SLICES: usize = 32;
+
 /// Voxels `start..end` of one row, all of the same `label`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::fields) struct Run {
@@ -44,22 +47,44 @@ impl Rows {
     /// # Errors
     /// When the runs are too many to be numbered with 32 bits.
     pub fn from_slices(dims: [usize; 3], slices: Vec<(Vec<u32>, Vec<Run>)>) -> Result<Self> {
-        let total: usize = slices.iter().map(|s| s.1.len()).sum();
-        if u32::try_from(total).is_err() {
-            return Err(Error::input("volume", "is too large and too noisy to be segmented", "crop or resample it"));
-        }
-        let mut rows =
-            Self { dims, offsets: Vec::with_capacity(dims[1] * dims[2] + 1), runs: Vec::with_capacity(total) };
-        rows.offsets.push(0);
-        let mut at = 0;
-        for (lengths, runs) in slices {
-            for n in lengths {
-                at += n;
-                rows.offsets.push(at);
-            }
-            rows.runs.extend(runs);
-        }
+        let mut rows = Self::without_rows(dims);
+        slices.into_iter().try_for_each(|s| rows.append(s))?;
         Ok(rows)
+    }
+
+    /// The same of slices that `slice` makes by number, in parallel. At no time are there many slices beside the rows: all
+    /// of a scan's gas and noise is tens of megabytes.
+    ///
+    /// # Errors
+    /// As above, and the first of those of `slice`.
+    pub fn gather(dims: [usize; 3], slice: impl Fn(usize) -> Result<(Vec<u32>, Vec<Run>)> + Sync) -> Result<Self> {
+        let mut rows = Self::without_rows(dims);
+        for first in (0..dims[2]).step_by(SLICES) {
+            let batch = (first..(first + SLICES).min(dims[2])).into_par_iter().map(&slice);
+            batch.collect::<Result<Vec<_>>>()?.into_iter().try_for_each(|s| rows.append(s))?;
+        }
+        rows.runs.shrink_to_fit();
+        Ok(rows)
+    }
+
+    fn without_rows(dims: [usize; 3]) -> Self {
+        let mut offsets = Vec::with_capacity(dims[1] * dims[2] + 1);
+        offsets.push(0);
+        Self { dims, offsets, runs: Vec::new() }
+    }
+
+    /// Adds the next slice.
+    fn append(&mut self, (lengths, runs): (Vec<u32>, Vec<Run>)) -> Result<()> {
+        let Ok(mut at) = u32::try_from(self.runs.len()) else { return Err(too_many()) };
+        if u32::try_from(self.runs.len() + runs.len()).is_err() {
+            return Err(too_many());
+        }
+        for n in lengths {
+            at += n;
+            self.offsets.push(at);
+        }
+        self.runs.extend(runs);
+        Ok(())
     }
 
     pub fn dims(&self) -> [usize; 3] {
@@ -168,6 +193,10 @@ impl Rows {
     }
 }
 
+fn too_many() -> Error {
+    Error::input("volume", "is too large and too noisy to be segmented", "crop or resample it")
+}
+
 /// Union-find whose roots are the smallest members, so that the outcome depends on no order of work.
 #[derive(Debug, Default)]
 pub(super) struct Sets {
@@ -242,21 +271,17 @@ pub(super) fn components_below(volume: &Volume, limit: i16, progress: &Progress)
     if u32::try_from(nx).is_err() {
         return Err(Error::input("volume", format!("a row of {nx} voxels is too long"), "crop it"));
     }
-    let scanned: Vec<_> = (0..nz)
-        .into_par_iter()
-        .map(|k| {
-            let mut runs = Vec::new();
-            let mut lengths = Vec::with_capacity(ny);
-            for row in volume.data()[k * nx * ny..][..nx * ny].chunks_exact(nx) {
-                let before = runs.len();
-                scan_row(row, limit, &mut runs);
-                lengths.push((runs.len() - before) as u32);
-            }
-            progress.advance(1)?;
-            Ok((lengths, runs))
-        })
-        .collect::<Result<_>>()?;
-    let mut rows = Rows::from_slices(dims, scanned)?;
+    let mut rows = Rows::gather(dims, |k| {
+        let mut runs = Vec::new();
+        let mut lengths = Vec::with_capacity(ny);
+        for row in volume.data()[k * nx * ny..][..nx * ny].chunks_exact(nx) {
+            let before = runs.len();
+            scan_row(row, limit, &mut runs);
+            lengths.push((runs.len() - before) as u32);
+        }
+        progress.advance(1)?;
+        Ok((lengths, runs))
+    })?;
     let slice_starts: Vec<usize> = (0..=nz).map(|k| rows.offsets[k * ny] as usize).collect();
     // Within a slice a union-find of its own: disjoint pieces of one array, whose roots stay within their slice.
     let mut sets = Sets::new(rows.runs.len());

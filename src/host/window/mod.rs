@@ -4,7 +4,6 @@
 //! a window: what the operator does reaches it as [commands](crate::components::input::Command), so that it can be kept
 //! and repeated.
 
-mod budget;
 mod cockpit;
 mod directions;
 mod figures;
@@ -14,6 +13,7 @@ mod loading;
 mod log;
 mod overlay;
 mod painter;
+pub mod plane;
 mod planning;
 mod presented;
 mod saver;

@@ -1,68 +1,149 @@
 //! Puts a window's picture together: the image below, text and shapes over it at the window's own resolution.
+//!
+//! To lay text out and paint it takes several times as long as everything else that shows a picture, so a thread of its own
+//! does it: while the figures of a flight change, the picture goes on below the last ones until the new ones are there.
+
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread;
 
 use egui::{Context, LayerId, Pos2, RawInput, Rect, Vec2, ViewportId};
 use egui_software_backend::{BufferMutRef, ColorFieldOrder, EguiSoftwareRender};
 
 use super::layer::{Bgra, Layer, compose};
 use super::overlay::{self, Content};
+use crate::error::{Error, Result};
 use crate::render::Frame;
+
+/// What an overlay is laid out for.
+#[derive(Clone, Debug, PartialEq)]
+struct Order {
+    content: Content,
+    /// Pixels.
+    size: (usize, usize),
+    /// Pixels a point.
+    scale: f32,
+}
+
+impl Order {
+    /// Whether an overlay laid out for `self` may be shown while this is laid out.
+    fn may_wait(&self, shown: &Self) -> bool {
+        let flies = |o: &Self| matches!(o.content, Content::Flight(_));
+        self.size == shown.size && self.scale == shown.scale && flies(self) && flies(shown)
+    }
+}
 
 /// Puts pictures together.
 pub struct Painter {
-    egui: Context,
-    raster: EguiSoftwareRender,
-    canvas: Vec<Bgra>,
+    orders: Sender<Order>,
+    done: Receiver<(Order, Layer)>,
+    /// What is being laid out.
+    ordered: Option<Order>,
     overlay: Layer,
-    /// What the overlay shows, in which size and at which scale: it is laid out anew only when that changes.
-    shown: Option<(Content, (usize, usize), f32)>,
+    /// What the overlay shows.
+    shown: Option<Order>,
 }
 
 impl Painter {
     /// Nothing is laid out yet.
-    pub fn new() -> Self {
-        Self {
-            egui: Context::default(),
-            raster: EguiSoftwareRender::new(ColorFieldOrder::Bgra),
-            canvas: Vec::new(),
-            overlay: Layer::default(),
-            shown: None,
-        }
+    ///
+    /// # Errors
+    /// When the system has no thread to give.
+    pub fn new() -> Result<Self> {
+        let (orders, todo) = channel::<Order>();
+        let (finished, done) = channel();
+        let work = move || {
+            let mut artist = Artist::new();
+            for order in todo {
+                let layer = artist.lay_out(&order);
+                if finished.send((order, layer)).is_err() {
+                    break;
+                }
+            }
+        };
+        let spawned = thread::Builder::new().name("overlay".to_owned()).spawn(work);
+        spawned.map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
+        Ok(Self { orders, done, ordered: None, overlay: Layer::default(), shown: None })
     }
 
     /// Fills `surface`, `width` × `height` pixels of `0x00RRGGBB`, with the `image` (black where there is none of that
     /// size) and `content` over it at `scale` pixels a point. Nothing is done for a surface of another size.
+    ///
+    /// Returns whether it is `content` that lies over it, and not what was there before: then it is to be painted again.
     pub fn paint(
         &mut self,
-        (width, height): (usize, usize),
+        size: (usize, usize),
         scale: f32,
         image: Option<&Frame>,
         content: &Content,
         surface: &mut [u32],
-    ) {
-        if surface.is_empty() || surface.len() != width * height {
-            return;
+    ) -> bool {
+        if surface.is_empty() || surface.len() != size.0 * size.1 {
+            return true;
         }
-        let shown = self.shown.as_ref();
-        if shown.is_none_or(|(c, size, s)| c != content || *size != (width, height) || *s != scale) {
-            self.lay_out((width, height), scale, content);
-            self.shown = Some((content.clone(), (width, height), scale));
+        let wanted = Order { content: content.clone(), size, scale };
+        self.take(false);
+        if self.shown.as_ref() != Some(&wanted) {
+            let may_wait = self.shown.as_ref().is_some_and(|s| wanted.may_wait(s));
+            while self.shown.as_ref() != Some(&wanted) {
+                if self.ordered.is_none() {
+                    if self.orders.send(wanted.clone()).is_err() {
+                        break;
+                    }
+                    self.ordered = Some(wanted.clone());
+                }
+                if may_wait {
+                    break;
+                }
+                if !self.take(true) {
+                    break;
+                }
+            }
         }
-        compose(image, &self.overlay, surface, width);
+        compose(image, &self.overlay, surface, size.0);
+        self.shown.as_ref() == Some(&wanted)
     }
 
-    fn lay_out(&mut self, (width, height): (usize, usize), scale: f32, content: &Content) {
-        let (scale, area) = area((width, height), scale);
+    /// Takes what was laid out, if it is done; waits for it if it is to. Whether there was something to take.
+    fn take(&mut self, wait: bool) -> bool {
+        if self.ordered.is_none() {
+            return false;
+        }
+        let done = if wait { self.done.recv().ok() } else { self.done.try_recv().ok() };
+        let Some((order, layer)) = done else { return false };
+        self.overlay = layer;
+        self.shown = Some(order);
+        self.ordered = None;
+        true
+    }
+}
+
+/// Lays overlays out.
+struct Artist {
+    egui: Context,
+    raster: EguiSoftwareRender,
+    canvas: Vec<Bgra>,
+}
+
+impl Artist {
+    fn new() -> Self {
+        let raster = EguiSoftwareRender::new(ColorFieldOrder::Bgra);
+        Self { egui: Context::default(), raster, canvas: Vec::new() }
+    }
+
+    fn lay_out(&mut self, order: &Order) -> Layer {
+        let (width, height) = order.size;
+        let (scale, area) = area(order.size, order.scale);
         let mut input = RawInput { screen_rect: Some(area), ..RawInput::default() };
         input.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(scale);
         let output = self.egui.run_ui(input, |ui| {
-            overlay::draw(&ui.ctx().layer_painter(LayerId::background()), area, content);
+            overlay::draw(&ui.ctx().layer_painter(LayerId::background()), area, &order.content);
         });
         let shapes = self.egui.tessellate(output.shapes, output.pixels_per_point);
         self.raster.render_to_canvas(width, height, &shapes, &output.textures_delta, output.pixels_per_point);
         self.canvas.clear();
         self.canvas.resize(width * height, [0; 4]);
         self.raster.blit_canvas_to_buffer(&mut BufferMutRef::new(&mut self.canvas, width, height));
-        self.overlay = Layer::of(&self.canvas, width);
+        Layer::of(&self.canvas, width)
     }
 }
 
@@ -93,13 +174,28 @@ mod tests {
         out
     }
 
+    fn readings(figure: &str) -> overlay::Readings {
+        overlay::Readings {
+            state: "flying".to_owned(),
+            mood: overlay::Mood::Well,
+            more: Vec::new(),
+            figures: vec![figure.to_owned()],
+            directions: crate::host::window::directions::Directions::default(),
+            per_mille: 0,
+            marks: Vec::new(),
+            place: String::new(),
+            message: None,
+            help: false,
+        }
+    }
+
     fn failed(text: &str) -> Content {
         Content::Failed { text: text.to_owned() }
     }
 
     #[test]
     fn text_is_painted_at_every_scale_and_changes_with_its_content() {
-        let mut p = Painter::new();
+        let mut p = Painter::new().unwrap();
         for (size, scale) in [((640, 480), 1.0), ((1280, 960), 2.0), ((333, 217), 1.25)] {
             let first = painted(&mut p, size, scale, &failed("scan.nii: wrong magic"));
             assert!(first.iter().filter(|&&c| c > 0x0060_6060).count() > 200, "{size:?}: no text");
@@ -110,8 +206,30 @@ mod tests {
     }
 
     #[test]
+    fn figures_may_come_later_than_the_picture_but_do_come() {
+        let mut p = Painter::new().unwrap();
+        let flight = |figure: &str| Content::Flight(Box::new(readings(figure)));
+        let size = (320, 240);
+        let mut out = vec![7; size.0 * size.1];
+        assert!(p.paint(size, 1.0, None, &flight("1"), &mut out), "there is nothing to show in its place");
+        let first = out.clone();
+        let mut late = 0;
+        while !p.paint(size, 1.0, None, &flight("88888"), &mut out) {
+            assert!(out == first, "the last figures, whole");
+            late += 1;
+            assert!(late < 100_000);
+            thread::yield_now();
+        }
+        assert!(out != first);
+        let mut alone = Painter::new().unwrap();
+        assert!(painted(&mut alone, size, 1.0, &flight("88888")) == out);
+        // Another kind of content never waits.
+        assert!(p.paint(size, 1.0, None, &failed("no"), &mut out));
+    }
+
+    #[test]
     fn a_window_without_pixels_is_no_fault() {
-        let mut p = Painter::new();
+        let mut p = Painter::new().unwrap();
         for (size, scale) in [((0, 480), 1.0), ((1, 1), 1.0), ((3, 2), 3.0)] {
             painted(&mut p, size, scale, &failed("x"));
         }
@@ -135,7 +253,7 @@ mod tests {
     /// name to see.
     #[test]
     fn presenting_is_cheap_beside_rendering() {
-        let (mut p, frame) = (Painter::new(), Frame::new(1024, 1024, false));
+        let (mut p, frame) = (Painter::new().unwrap(), Frame::new(1024, 1024, false));
         let mut surface = vec![0; 1 << 20];
         let mut best = [f64::INFINITY; 2];
         for n in 0..60 {

@@ -14,7 +14,6 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy, OwnedDispl
 use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
 
-use super::budget::FRAME;
 use super::cockpit::Cockpit;
 use super::keys::{Action, Deed, action};
 use super::loading::Loading;
@@ -27,6 +26,7 @@ use super::session::{self, Session};
 use super::{Finish, Launch, Resume};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
+use crate::render::adaptive::FRAME;
 
 /// Time between two pictures while loading.
 const LOADING: Duration = Duration::from_millis(60);
@@ -66,6 +66,8 @@ pub struct Shell {
     painter: Painter,
     /// What the picture shows: painted again only when it differs.
     painted: Option<Content>,
+    /// Whether what lies over the picture is what is to.
+    settled: bool,
     /// When the next picture is due at the earliest.
     due: Instant,
     /// Whether the program itself asked for the next picture.
@@ -103,8 +105,9 @@ impl Shell {
         Ok(Self {
             stage: Stage::Loading(loading),
             screen: None,
-            painter: Painter::new(),
+            painter: Painter::new()?,
             painted: None,
+            settled: true,
             due: Instant::now(),
             asked: false,
             modifiers: ModifiersState::empty(),
@@ -284,16 +287,18 @@ impl Shell {
             screen.surface.resize(width, height)?;
             let scale = screen.window.scale_factor() as f32;
             let mut buffer = screen.surface.buffer_mut()?;
-            painter.paint(size, scale, image, &content, &mut buffer);
+            let settled = painter.paint(size, scale, image, &content, &mut buffer);
             screen.window.pre_present_notify();
-            buffer.present()
+            buffer.present().map(|()| settled)
         };
-        show(screen, &mut self.painter).map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
+        let settled =
+            show(screen, &mut self.painter).map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
         if let Stage::Flying(cockpit) = &mut self.stage {
             self.presented.took(finished.elapsed().as_secs_f64() * 1e3);
             cockpit.presented(self.presented.usual_ms());
         }
-        self.painted = Some(content);
+        self.painted = settled.then_some(content);
+        self.settled = settled;
         Ok(())
     }
 
@@ -312,7 +317,7 @@ impl Shell {
     fn next(&self) -> Option<Instant> {
         match &self.stage {
             Stage::Loading(_) => Some(self.due),
-            Stage::Flying(c) if c.rests() => c.next().map(|t| t.max(self.due)),
+            Stage::Flying(c) if c.rests() && self.settled => c.next().map(|t| t.max(self.due)),
             Stage::Flying(_) => Some(self.due),
             Stage::Failed(_) | Stage::Over => None,
         }

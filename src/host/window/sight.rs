@@ -3,18 +3,15 @@
 
 use std::time::Instant;
 
-use super::budget::FrameBudget;
 use super::saver::{Order, Saver, Traced, WakeUp};
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::{FrameCache, Picture};
 use crate::error::Result;
 use crate::host::headless::FrameStats;
+use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost};
 use crate::render::{Detail, Frame, Quality, Settings, Space};
-
-/// What each shown pixel costs whatever is traced, in samples: it is stretched from a coarser picture, and copied.
-const SHOWING: u64 = 1;
 
 /// Closer than this is the same place, mm.
 const SAME_MM: f64 = 1e-3;
@@ -172,10 +169,9 @@ impl Sight {
     /// Traces the flight's own picture.
     fn trace_now(&mut self, flight: &mut FlightApp, (width, height): (usize, usize), rest: bool) {
         let begun = Instant::now();
-        // Were it left out, a coarse picture, which is mostly stretching, would make samples look slow and stay coarse.
-        let showing = (width * height) as u64 * SHOWING;
+        let pixels = width * height;
         if let Some(mut cache) = flight.camera_mut::<FrameCache>() {
-            cache.renderer.set_budget(self.budget.samples(rest, self.present_ms).saturating_sub(showing));
+            cache.renderer.set_budget(self.budget.samples(rest, self.present_ms, pixels));
         }
         if let Some(mut picture) = flight.camera_mut::<Picture>() {
             picture.frame.resize(width, height);
@@ -184,7 +180,7 @@ impl Sight {
         let ms = begun.elapsed().as_secs_f64() * 1e3;
         if let Some(w) = flight.camera::<Picture>().map(|p| p.work) {
             if cost(&w) > 0 {
-                self.budget.took(rest, cost(&w) + showing, ms);
+                self.budget.took(rest, cost(&w), pixels, ms);
             }
             self.frames.push(FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused });
         }

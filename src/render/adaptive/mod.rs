@@ -10,6 +10,7 @@
 //! There is no clock here: a budget is a number of samples. Who has a clock turns it into samples by what samples have
 //! taken; who has none gets the same pictures every time.
 
+mod budget;
 mod flow;
 mod level;
 mod still;
@@ -24,6 +25,7 @@ use flow::Probes;
 use level::Governor;
 use still::{Means, Still};
 
+pub use budget::{FRAME, FrameBudget};
 pub use still::SAMPLES;
 
 /// What a picture may cost where nobody says otherwise, in samples: what two cores of today take in a sixtieth of a second.

@@ -5,8 +5,8 @@
 //! its own ray. What must hold ([`Block::is_smooth`]):
 //!
 //! - all five rays end in the wall after a single passage, or all five meet nothing;
-//! - the block is no larger than two voxels where it lies, so that its rays are no farther apart than the finest waves
-//!   that the scan can hold are long: it has little to show between them;
+//! - its rays (corners and centre) are no farther apart than two voxels where it lies, which is how long the finest waves
+//!   are that the scan can hold: it has little to show between them;
 //! - inverse depth, which is linear over a plane, and brightness are those of the corners' mean at the centre, and the
 //!   corners are not twisted.
 //!
@@ -25,8 +25,8 @@ const CONTRAST: f32 = 0.5;
 const DEPTH: f32 = 0.15;
 /// The most that depth may change over a block, voxels.
 const SLOPE: f32 = 3.0;
-/// The largest side of a block, voxels.
-const SIDE: f32 = 2.0;
+/// The largest side of a block, voxels: 2√2, at which the rays of corners and centres are 2 voxels apart.
+const SIDE: f32 = 2.83;
 /// A ray has ended in the wall when no more than this comes from beyond.
 const OPAQUE: f32 = 0.02;
 

@@ -22,7 +22,27 @@ use picture::Lattice;
 
 /// The name of the SIMD level that packets of rays use on this machine.
 pub fn simd_level() -> &'static str {
-    match Level::new() {
+    name(Level::new())
+}
+
+/// The SIMD levels of this machine that packets of rays are compiled for, the best first, with their names.
+pub fn levels() -> Vec<(&'static str, Level)> {
+    let best = Level::new();
+    let mut all = vec![(name(best), best)];
+    #[cfg(target_arch = "x86_64")]
+    let lesser = best.as_avx2().map(Level::Avx2).into_iter().chain([Level::baseline()]);
+    #[cfg(not(target_arch = "x86_64"))]
+    let lesser = [Level::baseline()];
+    for level in lesser {
+        if all.iter().all(|l| l.0 != name(level)) {
+            all.push((name(level), level));
+        }
+    }
+    all
+}
+
+fn name(level: Level) -> &'static str {
+    match level {
         #[cfg(target_arch = "x86_64")]
         Level::Avx512(_) => "avx512",
         #[cfg(target_arch = "x86_64")]

@@ -1,8 +1,8 @@
 //! The methods that are compared.
 
 use crate::dynamics::integrators::{
-    BackwardEuler, Control, DormandPrince, Effort, ExplicitEuler, ExponentialEuler, ImplicitMidpoint, Method, Phase,
-    Rk4, Rosenbrock, RosenbrockAdaptive, SemiImplicitEuler, System,
+    BackwardEuler, Control, DormandPrince, Effort, ExplicitEuler, ExponentialEuler, ImplicitMidpoint, Integrator,
+    Method, Phase, Rk4, Rosenbrock, RosenbrockAdaptive, SemiImplicitEuler, System,
 };
 
 /// A method of fixed steps. A new one is one more line.
@@ -16,6 +16,21 @@ pub const FIXED: [(&str, &dyn Method); 8] = [
     ("RK4", &Rk4),
     ("Dormand–Prince 5(4), fixed", &Fifth),
 ];
+
+/// The name in the report of what a scene file calls an integrator.
+pub fn label(integrator: Integrator) -> &'static str {
+    let number = match integrator {
+        Integrator::ExplicitEuler => 0,
+        Integrator::SemiImplicitEuler => 1,
+        Integrator::ExponentialEuler => 2,
+        Integrator::BackwardEuler => 3,
+        Integrator::ImplicitMidpoint => 4,
+        Integrator::Rosenbrock => 5,
+        Integrator::Rk4 => 6,
+        Integrator::DormandPrince => 7,
+    };
+    FIXED[number].0
+}
 
 /// An adaptive method at a tolerance.
 pub const ADAPTIVE: [(&str, fn(Control) -> Box<dyn Method>); 2] = [

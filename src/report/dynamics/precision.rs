@@ -4,16 +4,15 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::contenders::{ADAPTIVE, FIXED};
+use super::contenders::{ADAPTIVE, FIXED, label};
 use super::reference::{Solver, solve};
 use super::tube::{Tube, WayLeft};
 use crate::dynamics::integrators::{Control, Effort, Method};
-use crate::dynamics::rigid::{Motion, Turning, orientation};
+use crate::dynamics::rigid::{Motion, Turning, angle, orientation};
 use crate::dynamics::step::integrate;
-use crate::dynamics::{Attitude, Body, Potential, PotentialForce};
+use crate::dynamics::{Attitude, Body, Integrator, Potential, PotentialForce};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::report::median;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
@@ -23,7 +22,7 @@ const SECONDS: f64 = 2.0;
 /// The adaptive methods report so often, as a flight's steps would make them, s.
 const OUTER: f64 = 0.25;
 /// Below this, mm or rad, errors are those of the reference.
-const FLOOR: f64 = 2e-9;
+const FLOOR: f64 = 2e-11;
 /// Above this, mm or rad, the order says nothing.
 const CEILING: f64 = 0.2;
 
@@ -33,8 +32,14 @@ pub(super) struct Case {
     pub(super) wall_energy: f64,
 }
 
-const CASES: [Case; 2] =
-    [Case { name: "soft wall", wall_energy: 100.0 }, Case { name: "stiff wall", wall_energy: 1e6 }];
+const CASES: [Case; 3] = [
+    Case { name: "soft wall", wall_energy: 100.0 },
+    Case { name: "middle wall", wall_energy: 1e4 },
+    Case { name: "stiff wall", wall_energy: 1e6 },
+];
+/// The case whose orders are held against theory: neither so soft that a few steps are exact to the last digit, nor so
+/// stiff that low orders never come to their own.
+const MIDDLE: usize = 1;
 
 /// The tube of all flights, its kink rounded over a voxel.
 pub(super) const TUBE: Tube = Tube { radius: 15.0, bend: 50.0, rounding: 0.7 };
@@ -119,7 +124,7 @@ fn measure(case: usize, method: &dyn Method, h: f64, steps: u32, truth: &Motion,
     let mut times = Vec::new();
     let mut end = start(&body);
     let mut effort = Effort::default();
-    for _ in 0..if quick { 1 } else { 3 } {
+    for _ in 0..if quick { 2 } else { 3 } {
         let begun = Instant::now();
         (end, effort) = (start(&body), Effort::default());
         for _ in 0..steps {
@@ -138,7 +143,7 @@ fn measure(case: usize, method: &dyn Method, h: f64, steps: u32, truth: &Motion,
         setting: h,
         position,
         orientation,
-        microseconds: median(&times),
+        microseconds: times.iter().copied().fold(f64::INFINITY, f64::min),
         rates: f64::from(effort.rates + effort.jacobians),
         cut_short: effort.cut_short,
     }
@@ -146,16 +151,13 @@ fn measure(case: usize, method: &dyn Method, h: f64, steps: u32, truth: &Motion,
 
 /// Distance in mm and angle in rad.
 pub(super) fn errors(a: &Motion, b: &Motion) -> [f64; 2] {
-    let turn = a.orientation * b.orientation.normalize().conjugate();
-    // Both signs of a quaternion are the same turn; the sine resolves small angles.
-    let angle = 2.0 * turn.xyz().length().atan2(turn.w.abs());
-    [a.position.distance(b.position), angle]
+    [a.position.distance(b.position), angle(a.orientation, b.orientation)]
 }
 
 /// The order seen between successive halvings, from the finest pair that the reference resolves.
-fn measured_order(runs: &[&Run], error: impl Fn(&Run) -> f64, times: f64) -> Option<f64> {
+fn measured_order(runs: &[&Run], error: impl Fn(&Run) -> f64) -> Option<f64> {
     let pairs = runs.windows(2).rev();
-    let resolved = |r: &Run| error(r) > FLOOR * times && error(r) < CEILING;
+    let resolved = |r: &Run| error(r) > FLOOR && error(r) < CEILING;
     pairs.filter(|p| resolved(p[0]) && resolved(p[1])).map(|p| (error(p[0]) / error(p[1])).log2()).next()
 }
 
@@ -214,8 +216,8 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
     let mut worst = (0.0f64, String::new());
     let mut orders = 0;
     for (name, method) in FIXED {
-        let mine: Vec<&Run> = runs.iter().filter(|r| r.case == 0 && r.method == name).collect();
-        let seen = [measured_order(&mine, |r| r.position, 5.0), measured_order(&mine, |r| r.orientation, 5.0)];
+        let mine: Vec<&Run> = runs.iter().filter(|r| r.case == MIDDLE && r.method == name).collect();
+        let seen = [measured_order(&mine, |r| r.position), measured_order(&mine, |r| r.orientation)];
         for order in seen.iter().flatten() {
             orders += 1;
             let off = (order - f64::from(method.order())).abs();
@@ -225,7 +227,7 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
         }
         let cell = |o: Option<f64>| o.map_or(Cell::None, |o| Cell::Number(o, 2));
         let cells = vec![
-            CASES[0].name.into(),
+            CASES[MIDDLE].name.into(),
             name.into(),
             Cell::Number(f64::from(method.order()), 0),
             cell(seen[0]),
@@ -258,35 +260,44 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
     }
     page.table("precision", &t)?;
     debug_assert!(runs.iter().all(|r| r.order > 0));
-    Ok(vec![
-        format!(
-            "{orders} measured orders of {} methods are within {:.2} of theory ({}).",
-            FIXED.len(),
-            worst.0,
-            worst.1
-        ),
-        default_finding(runs),
-    ])
+    Ok(vec![format!(
+        "{orders} measured orders of {} methods are within {:.2} of theory ({}).",
+        FIXED.len(),
+        worst.0,
+        worst.1
+    )])
 }
 
-/// At a flight's step, which method errs how much for which time.
-fn default_finding(runs: &[Run]) -> String {
+/// At a flight's step: which method errs how much for which time, and why the default is what it is.
+fn default_finding(runs: &[Run]) -> Vec<String> {
     let near = |r: &Run| (r.setting * 120.0).ln().abs();
     let at = |case: usize, name: &str| {
         let mine = runs.iter().filter(|r| r.case == case && r.method == name && !r.adaptive);
         mine.min_by(|a, b| near(a).total_cmp(&near(b)))
     };
-    let each = FIXED.iter().filter_map(|(name, _)| Some((*name, at(0, name)?, at(1, name)?)));
-    let told = each.map(|(name, soft, stiff)| {
-        let steps = SECONDS / soft.setting;
-        format!(
-            "{name} {:.0e} and {:.0e} mm in {:.1} µs a step",
-            soft.position,
-            stiff.position,
-            soft.microseconds / steps
-        )
-    });
-    format!("At the flight's step of 1/120 s, soft and stiff wall: {}.", told.collect::<Vec<_>>().join("; "))
+    let each = FIXED.iter().filter_map(|(name, _)| Some((*name, [at(0, name)?, at(1, name)?, at(2, name)?])));
+    let micro = |r: &Run| r.microseconds * r.setting / SECONDS;
+    let error = |r: &Run| if r.position < 1e3 { format!("{:.0e}", r.position) } else { "unstable".to_owned() };
+    let told: Vec<String> = each
+        .clone()
+        .map(|(name, r)| {
+            format!("{name} {}, {}, {} mm in {:.1} µs", error(r[0]), error(r[1]), error(r[2]), micro(r[0]))
+        })
+        .collect();
+    let default = Integrator::default();
+    let mine = each.clone().find(|(name, _)| *name == label(default));
+    let euler = each.clone().find(|(name, _)| *name == label(Integrator::BackwardEuler));
+    let mut findings =
+        vec![format!("At the flight's step of 1/120 s, against a soft, middle and stiff wall: {}.", told.join("; "))];
+    if let (Some((name, mine)), Some((other, euler))) = (mine, euler) {
+        findings.push(format!(
+            "The default is {name}: linearly implicit, it is stable at every step tried however stiff the wall, without an              iteration that could fail, in {:.1} µs a step. At 1/120 s it errs by {} mm where {other}, which only damps              harder, errs by {}, and no explicit method is stable for every wall.",
+            micro(mine[0]),
+            error(mine[1]),
+            error(euler[1]),
+        ));
+    }
+    findings
 }
 
 fn setting(r: &Run) -> String {

@@ -106,7 +106,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!(tube.clearance(tube.place(0.5, 3.0, 4.0)).mm, 7.0);
+        assert!((tube.clearance(tube.place(0.5, 3.0, 4.0)).mm - 7.0).abs() < 1e-12);
         assert!(tube.sample(DVec3::NAN).is_none() && tube.clearance(DVec3::NAN).mm == 0.0);
     }
 }

@@ -128,7 +128,7 @@ pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, T
     let middle = (ground.from + ground.to) * 0.5;
     // Most walks begin where the camera fits, if one of a few tries finds such a place; the others anywhere.
     let mut at = middle + vector() * (ground.to - ground.from) * 0.5;
-    if vector().x < 0.8 {
+    if vector().x < 0.9 {
         for _ in 0..200 {
             if ground.walls.at(at).mm > radius_mm {
                 break;

@@ -1,7 +1,9 @@
 //! `report render`: each method's error against its time, and the paper's claims by name.
 
 mod claims;
+mod growth;
 mod measure;
+mod motion;
 mod pages;
 #[cfg(test)]
 mod tests;
@@ -42,6 +44,12 @@ pub struct Extent {
     pub jumps: usize,
     /// Frames of the flight before each pose, for methods that keep something between frames.
     pub lead: usize,
+    /// Sides of the cubes of voxels that the first subject is resampled to.
+    pub sides: &'static [usize],
+    /// Frames in motion by the clock, and how often the camera stands still among them.
+    pub moving: usize,
+    /// See `moving`.
+    pub stops: usize,
     /// Whether slow methods are left out.
     pub quick: bool,
 }
@@ -50,9 +58,29 @@ impl Extent {
     /// The whole report, or what fits a minute.
     pub fn new(quick: bool, fov_degrees: f64) -> Self {
         if quick {
-            Self { pixels: 256, fov_degrees, along: 6, jumps: 2, lead: 3, quick }
+            Self {
+                pixels: 256,
+                fov_degrees,
+                along: 6,
+                jumps: 2,
+                lead: 3,
+                sides: &[64, 128, 256],
+                moving: 120,
+                stops: 2,
+                quick,
+            }
         } else {
-            Self { pixels: 512, fov_degrees, along: 24, jumps: 8, lead: 4, quick }
+            Self {
+                pixels: 512,
+                fov_degrees,
+                along: 24,
+                jumps: 8,
+                lead: 4,
+                sides: &[256, 512, 1024],
+                moving: 600,
+                stops: 6,
+                quick,
+            }
         }
     }
 }
@@ -66,12 +94,19 @@ pub fn report(subjects: &[Subject], extent: &Extent, folder: &Path, progress: &P
     let mut page = Page::new(folder, "colvis: error against run time of the renderers")?;
     pages::introduction(&mut page, extent);
     let mut findings = Vec::new();
-    for s in subjects {
+    for (n, s) in subjects.iter().enumerate() {
         let flown = flight::fly(&s.space, progress)?;
         let stops = flown.stops(extent.along, extent.jumps, extent.lead);
         let measured = measure::measure(&s.space, &methods, &stops, extent, progress)?;
         let claims = claims::claims(&s.space, &measured, progress)?;
         findings.extend(pages::subject(&mut page, s, &measured, &claims)?);
+        drop(measured);
+        let moved = motion::motion(&s.space, &flown, extent, progress)?;
+        findings.push(pages::motion(&mut page, s, &moved, extent)?);
+        if n == 0 {
+            let grown = growth::growth(&s.space, &flown, &stops, extent, progress)?;
+            findings.push(pages::growth(&mut page, s, &grown, extent)?);
+        }
         if flown.state != State::Arrived {
             page.text("The flight did not arrive; the poses lie on the part of the way that was flown.");
         }

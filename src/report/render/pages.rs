@@ -8,6 +8,8 @@ use crate::report::table::{Cell, Table};
 use crate::report::{mean, median, quantile};
 
 use super::claims::Claims;
+use super::growth::{Growth, Row};
+use super::motion::Motion;
 use super::{Extent, Measured, Subject};
 
 /// Longest side of a picture in an error map, pixels.
@@ -93,6 +95,80 @@ pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Cla
         }
     }
     Ok(findings.into_iter().filter(|f| !f.is_empty()).collect())
+}
+
+/// Detail that follows the need. Returns the finding.
+pub fn motion(page: &mut Page, s: &Subject, m: &Motion, extent: &Extent) -> Result<String> {
+    let finding = format!("{}: {}", s.title, m.finding(2 * extent.pixels));
+    page.section(&format!("{}: detail that follows the need", s.title));
+    page.finding(&finding);
+    let mut t = Table::new(&["picture", "ms"]);
+    for (n, &ms) in m.ms.iter().enumerate() {
+        t.row(vec![number(n as f64, 0), number(ms, 2)]);
+    }
+    page.csv(&format!("{}-moving", s.name), &t)?;
+    page.text(&format!("While it is refined a picture takes {:.1} ms at the most.", m.refining_ms));
+    Ok(finding)
+}
+
+/// How time grows with voxels, threads and SIMD levels. Returns the finding.
+pub fn growth(page: &mut Page, s: &Subject, g: &Growth, extent: &Extent) -> Result<String> {
+    let side = 2 * extent.pixels;
+    page.section(&format!("{}: voxels, threads, SIMD levels", s.title));
+    page.text(&format!(
+        "The default renderer, {side} × {side} pixels, the same views. The body is resampled to cubes of voxels; being made \
+         ready (flags and bricks) is one pass over them. Differences of pictures are from the first row's, grey levels."
+    ));
+    let (least, most) = (g.volumes.first(), g.volumes.last());
+    let ratio = least.zip(most).map_or(f64::NAN, |(a, b)| b.median() / a.median());
+    let name = |r: Option<&Row>| r.map_or("", |r| r.name.as_str()).to_owned();
+    let off = g.threads.iter().chain(&g.levels).map(|r| r.off).max().unwrap_or(0);
+    let finding = format!(
+        "{}: a frame at {} voxels takes {ratio:.2} times one at {}. Threads and SIMD levels change no picture by more than {off} grey levels, and the flight's log is {} for every number of threads.",
+        s.title,
+        name(most),
+        name(least),
+        if g.same_log { "the same" } else { "NOT the same" }
+    );
+    page.finding(&finding);
+    for (what, rows) in [("voxels", &g.volumes), ("threads", &g.threads), ("simd", &g.levels)] {
+        page.table(&format!("{}-{what}", s.name), &rows_of(what, rows, side))?;
+    }
+    Ok(finding)
+}
+
+fn rows_of(what: &str, rows: &[Row], side: usize) -> Table {
+    let mut t = Table::new(&[
+        what,
+        "frame median / ms",
+        "frame p99 / ms",
+        "of the first",
+        "rays a pixel",
+        "samples a ray",
+        "made ready in / s",
+        "ns a voxel",
+        "memory / 16-bit volume",
+        "greatest difference",
+    ]);
+    let first = rows.first().map_or(f64::NAN, Row::median);
+    for r in rows {
+        let pixels = (r.ms.len() * side * side) as f64;
+        // Volumes of other voxels hold other pictures.
+        let off = if what == "voxels" { Cell::None } else { number(f64::from(r.off), 0) };
+        t.row(vec![
+            r.name.as_str().into(),
+            number(r.median(), 2),
+            number(r.p99(), 2),
+            number(r.median() / first, 2),
+            number(r.rays as f64 / pixels, 3),
+            number(r.samples as f64 / r.rays.max(1) as f64, 2),
+            number(r.prepare_s, 3),
+            number(r.prepare_s * 1e9 / r.voxels as f64, 2),
+            number(r.bytes as f64 / (2 * r.voxels) as f64, 3),
+            off,
+        ]);
+    }
+    t
 }
 
 fn mib(bytes: usize) -> f64 {

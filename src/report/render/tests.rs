@@ -55,7 +55,17 @@ fn stops() -> Vec<Stop> {
     ]
 }
 
-const EXTENT: Extent = Extent { pixels: 40, fov_degrees: 90.0, along: 1, jumps: 1, lead: 2, quick: true };
+const EXTENT: Extent = Extent {
+    pixels: 40,
+    fov_degrees: 90.0,
+    along: 1,
+    jumps: 1,
+    lead: 2,
+    sides: &[20, 40],
+    moving: 8,
+    stops: 1,
+    quick: true,
+};
 
 #[test]
 fn the_reference_has_no_error_and_a_finer_step_has_less() {

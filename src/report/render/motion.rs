@@ -1,0 +1,116 @@
+//! Detail that follows the need, by the clock as a window has it: how many pictures of a flight with sudden turns keep the
+//! frame's time, and how long a picture takes to become as good as the reference when the camera stands still.
+
+use std::time::Instant;
+
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::render::adaptive::{FRAME, FrameBudget, cost};
+use crate::render::{Frame, Preset, Quality, Renderer, Settings, Space, renderer};
+use crate::report::flight::Flown;
+use crate::report::{median, quantile};
+
+use super::Extent;
+
+/// What showing a picture is taken to cost, ms.
+const PRESENT_MS: f64 = 2.0;
+/// The camera turns suddenly once in so many frames.
+const TURN_EVERY: usize = 40;
+/// A refinement that takes more pictures than this is given up.
+const PICTURES: usize = 5000;
+
+/// What was measured.
+pub struct Motion {
+    /// Times of the pictures in motion, ms.
+    pub ms: Vec<f64>,
+    /// Sudden turns among them.
+    pub turns: usize,
+    /// Share of a moving picture's pixels that were traced before it was stretched, median.
+    pub traced: f64,
+    /// Time from standing still to the best picture, s.
+    pub refined_s: Vec<f64>,
+    /// Slowest picture while refining, ms.
+    pub refining_ms: f64,
+}
+
+impl Motion {
+    /// Share of the pictures in motion that took longer than a frame.
+    pub fn late(&self) -> f64 {
+        let frame = FRAME.as_secs_f64() * 1e3;
+        self.ms.iter().filter(|&&ms| ms > frame).count() as f64 / self.ms.len() as f64
+    }
+
+    /// In a sentence.
+    pub fn finding(&self, pixels: usize) -> String {
+        format!(
+            "Adaptive detail at {pixels}² with a frame of {:.1} ms: {:.2} % of {} pictures with {} sudden turns took longer (median \
+             {:.1} ms, p99 {:.1} ms, {:.0} % of the pixels traced); standing still, the reference with 16 samples a pixel is reached in \
+             {:.2} s (slowest {:.2} s).",
+            FRAME.as_secs_f64() * 1e3,
+            100.0 * self.late(),
+            self.ms.len(),
+            self.turns,
+            median(&self.ms),
+            quantile(&self.ms, 0.99),
+            100.0 * self.traced,
+            median(&self.refined_s),
+            self.refined_s.iter().copied().fold(0.0, f64::max)
+        )
+    }
+}
+
+/// Flies `extent.moving` frames of the flight, sixty a second, with sudden turns, and stops now and then.
+pub fn motion(space: &Space, flown: &Flown, extent: &Extent, progress: &Progress) -> Result<Motion> {
+    let settings = Settings { adaptive: true, ..Settings::new(Quality::High) };
+    let mut eye = Eye {
+        renderer: renderer(space, settings, Preset::Default, true),
+        budget: FrameBudget::default(),
+        frame: Frame::default(),
+    };
+    let side = extent.pixels * 2;
+    let poses = flown.moving(extent.moving, TURN_EVERY);
+    progress.stage("moving", poses.len() as u64);
+    let mut m = Motion { ms: Vec::new(), turns: 0, traced: 0.0, refined_s: Vec::new(), refining_ms: 0.0 };
+    let mut traced = Vec::new();
+    let stop_every = (poses.len() / extent.stops.max(1)).max(1);
+    for (n, (pose, turned)) in poses.iter().enumerate() {
+        let view = pose.view(extent.fov_degrees, side)?;
+        m.ms.push(eye.picture(&view, false));
+        m.turns += usize::from(*turned);
+        if let Some(d) = eye.renderer.detail() {
+            traced.push((d.size.0 * d.size.1) as f64 / (side * side) as f64);
+        }
+        if (n + 1).is_multiple_of(stop_every) {
+            let begun = Instant::now();
+            for _ in 0..PICTURES {
+                m.refining_ms = eye.picture(&view, true).max(m.refining_ms);
+                if eye.renderer.detail().is_none_or(|d| d.best) {
+                    break;
+                }
+            }
+            m.refined_s.push(begun.elapsed().as_secs_f64());
+        }
+        progress.advance(1)?;
+    }
+    m.traced = median(&traced);
+    Ok(m)
+}
+
+struct Eye {
+    renderer: Box<dyn Renderer>,
+    budget: FrameBudget,
+    frame: Frame,
+}
+
+impl Eye {
+    /// One picture as the window makes it; its time, ms.
+    fn picture(&mut self, view: &crate::render::View, rest: bool) -> f64 {
+        let pixels = view.width() * view.height();
+        self.renderer.set_budget(self.budget.samples(rest, PRESENT_MS, pixels));
+        let begun = Instant::now();
+        let work = self.renderer.render(view, &mut self.frame);
+        let ms = begun.elapsed().as_secs_f64() * 1e3;
+        self.budget.took(rest, cost(&work), pixels, ms);
+        ms
+    }
+}
