@@ -326,13 +326,13 @@ fn a_drawn_lumen_in_a_window() {
     let grey = |i: &RgbImage| share(i, |p| p == [232, 236, 240]);
     screen.key("v");
     screen.shot_when("no potential", |i| grey(i) > grey(&paused) + 0.1);
-    // A click on the ring's lower part starts there; the start is red.
-    let red = |i: &RgbImage| {
+    // A click on the ring's lower part starts there: paused, the camera stands on its start.
+    let camera = |i: &RgbImage| {
         let there = image::imageops::crop_imm(i, 228, 385, 40, 30).to_image();
-        share(&there, |p| p == [220, 40, 40])
+        share(&there, |p| p == [20, 20, 24])
     };
     screen.tool("xdotool", &["mousemove", "248", "400", "click", "1"]);
-    screen.shot_when("another start", |i| red(i) > 0.01);
+    screen.shot_when("another start", |i| camera(i) > 0.01);
     screen.key("q");
     let status = window.wait();
     assert!(status.success() && window.output().1.is_empty());

@@ -34,8 +34,10 @@ const NEW_GROUND_MM: f64 = 20.0;
 const TRAIL_COUNTS: f64 = 0.1;
 /// Back within this of the trail's first point there is no other way, mm.
 const START_MM: f64 = 8.0;
-/// So much way within a box of half of it is wandering about in one place, mm.
+/// So much way within a box of little more than half of it is wandering about in one place, mm.
 const WANDERED_MM: f64 = 80.0;
+/// What was felt this far away is near, mm.
+const NEARBY_MM: f64 = 15.0;
 /// What was felt is kept for the last places, this far apart, mm.
 const NOTES: usize = 64;
 const NOTE_MM: f64 = 2.0;
@@ -179,7 +181,9 @@ impl Rescue {
         let kind = match alarm.trouble {
             Trouble::Stuck => felt.map(Felt::kind),
             Trouble::TurnedBack => self.noted(alarm.place),
-            Trouble::Dithering | Trouble::Circling => self.noted(alarm.place).filter(|_| self.is_in_one_place()),
+            Trouble::Dithering | Trouble::Circling => {
+                self.closed_nearby(alarm.place).filter(|_| self.is_in_one_place())
+            }
         };
         let trap = recognise(alarm.trouble, kind);
         let turned = alarm.trouble == Trouble::TurnedBack;
@@ -256,7 +260,13 @@ impl Rescue {
         let bounds = |(l, h): (DVec3, DVec3), p: DVec3| (l.min(p), h.max(p));
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = self.monitor.last_mm(WANDERED_MM).fold(none, bounds);
-        (high - low).length() < 0.5 * WANDERED_MM
+        (high - low).length() < 0.6 * WANDERED_MM
+    }
+
+    /// A neck or a blind end that was felt near a place, whatever the heading was then.
+    fn closed_nearby(&self, place: DVec3) -> Option<Trap> {
+        let felt = |t: Trap| self.notes.iter().any(|n| n.1 == t && n.0.distance(place) < NEARBY_MM);
+        [Trap::Narrow, Trap::BlindEnd].into_iter().find(|t| felt(*t))
     }
 
     /// What kind of place the one nearest to `place` was.
