@@ -48,7 +48,7 @@ pub fn watch_flight(
 ) {
     let (pose, body, contact, mut flight, mut watch, mut heading, automatic, goal, hand, guides, mut mines) =
         camera.into_inner();
-    let (tentacles, planned, potential) = guides;
+    let (tentacles, planned, mut potential) = guides;
     if flight.state != State::Flying {
         return;
     }
@@ -95,7 +95,7 @@ pub fn watch_flight(
         }
         Order::Call { trap, place } => {
             // The wall's part of a potential gives way before the operator is called.
-            if let Some(mut p) = potential.filter(|p| p.yields < YIELDS) {
+            if let Some(p) = potential.as_mut().filter(|p| p.yields < YIELDS) {
                 p.yields += 1;
                 p.yields_until = clock.tick + (YIELD_S * f64::from(clock.hz)) as u64;
                 rescue.restart();
