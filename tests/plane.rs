@@ -33,7 +33,7 @@ const KNOWN: [(&str, Option<Trap>, u32, u64); 10] = [
     ("pocket", Some(Trap::BlindEnd), 1, 0x8c48_2923_489e_f8fd),
     ("ring", Some(Trap::Circling), 2, 0xb6c7_64b4_c98a_b559),
     ("touching", None, 0, 0x7503_36a8_d21e_32c8),
-    ("bridge", None, 1, 0x829f_a187_d129_d644),
+    ("bridge", None, 1, 0xd308_4ade_2004_fb37),
     ("polyp", None, 1, 0x0244_ee69_d6d8_f135),
     ("neck", Some(Trap::Narrow), 1, 0x4763_1dcc_6a47_1ed6),
     ("spiral", None, 0, 0x4ffc_81bb_bdff_1293),
