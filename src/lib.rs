@@ -3,7 +3,7 @@
 //! Who may use whom, from the bottom up (nothing points the other way):
 //!
 //! `error`, `progress`, `math` ← `volume`, `phantom`, `fields`, `dynamics` ← `render` ← `surface`, `components` ←
-//! `systems` ← `app` ← `host`, `report` ← `cli`.
+//! `systems` ← `app` ← `host`, `report` ← `cli`; `plane`, the flights in two dimensions, stands beside `app`.
 //!
 //! Everything up to `render` is plain functions and data that know no entity-component-system. `components` holds what
 //! the entities carry, `systems` (the folder beside `src`) one file for each scheduled system, `app` the plugins and the
@@ -45,6 +45,7 @@ pub mod host;
 pub mod math;
 pub mod output;
 pub mod phantom;
+pub mod plane;
 pub mod progress;
 pub mod render;
 pub mod report;

@@ -10,13 +10,12 @@ use crate::components::guide::{GuideThrust, MinePush, PotentialField};
 use crate::components::input::Hand;
 use crate::components::scan::Walls;
 use crate::components::{App, FlightSystems};
+use crate::dynamics::heading::follow_velocity;
 use crate::dynamics::rigid::orientation;
 use crate::dynamics::{Motion, Potential, PotentialForce, Turning, step};
 use crate::error::Result;
 use crate::fields::Distance;
 
-/// Time constant with which the heading follows the velocity, s.
-const HEADING_S: f64 = 0.25;
 /// How far the view lags behind the way, s, and its greatest rate, rad/s.
 const VIEW_S: f64 = 0.45;
 const VIEW_RATE: f64 = 1.8;
@@ -107,10 +106,5 @@ pub fn move_body(
         blocked: moved.advance.blocked.is_some(),
         stuck_steps: if moved.advance.stuck { contact.stuck_steps.saturating_add(1) } else { 0 },
     };
-    // Slow drifting says nothing about where the flight is going.
-    if velocity.0.length() > 2.0 {
-        let share = 1.0 - (-dt / HEADING_S).exp();
-        let towards = velocity.0.normalize();
-        heading.0 = (heading.0 + (towards - heading.0) * share).try_normalize().unwrap_or(towards);
-    }
+    heading.0 = follow_velocity(heading.0, velocity.0, dt);
 }

@@ -82,7 +82,7 @@ pub fn take_commands(
     if touched {
         // What the operator does is no circling, and mines laid on the way there must not forbid it.
         if let Some(w) = watch.as_mut() {
-            w.monitor.restart();
+            w.rescue.restart();
         }
         if let Some(m) = mines.as_mut() {
             m.mines.clear();

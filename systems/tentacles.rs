@@ -37,14 +37,15 @@ pub fn guide_by_tentacles(
     let (pose, heading, body, mut tentacles, mut guide, mines, goal, watch) = camera.into_inner();
     let mines = mines.map(|m| (&m.mines, &m.settings));
     // Where the guide looks for another way, its whole trail is forbidden ground, not only the last few mines.
-    let trail = watch.filter(|w| w.escaping_until.is_some()).map_or(&[][..], |w| w.monitor.trail());
+    let trail = watch.map_or((&[][..], 0.0), |w| w.rescue.forbidden());
+    let settings = watch.map_or(tentacles.settings, |w| w.rescue.temper(&tentacles.settings));
     let s = steer(
         (&tentacles.directions, &tentacles.lengths),
         pose.position,
         heading.0,
         mines,
         trail,
-        &tentacles.settings,
+        &settings,
         body.0.drag_per_s,
     );
     let limit = tentacles.settings.cruise_mm_s * body.0.drag_per_s;

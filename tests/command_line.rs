@@ -11,9 +11,6 @@ fn what_is_not_built_says_so() {
         &["fly", "--headless", "--guide", "path"],
         &["fly", "--headless", "--coverage"],
         &["fly", "--headless", "--play", "x.jsonl"],
-        &["centerline", "x.nii.gz", "--out", "c.json"],
-        &["plane", "--headless"],
-        &["report", "fields", "--out", "r"],
     ] {
         let out = run(args, 2);
         assert!(String::from_utf8_lossy(&out.stderr).contains("not built yet"), "{args:?}");

@@ -2,14 +2,20 @@
 
 mod flying;
 
+use std::sync::Arc;
+
 use colvis::app::Scene;
-use colvis::app::plan::{Place, Wish};
+use colvis::app::plan::{self, Place, Wish};
 use colvis::components::flight::State;
 use colvis::components::output::LogLine;
+use colvis::dynamics::mines::MineSettings;
+use colvis::fields::lumen;
 use colvis::phantom::{Settings, Size};
-use colvis::render::value;
+use colvis::progress::Progress;
+use colvis::render::{Space, Wall, value};
+use colvis::volume::{Grid, Volume};
 use flying::{data, flight, fly, judge, phantom, run};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 fn logged() -> Scene {
     Scene { log: true, ..Scene::default() }
@@ -99,6 +105,44 @@ fn few_tentacles_are_as_safe_as_many() {
             // The paper's least number need not find the way, but it must end, and say why.
             assert!(f.state == State::Arrived || !f.reason.is_empty(), "{f:?}");
         }
+    }
+}
+
+#[test]
+fn no_mines_and_ten_thousand_are_as_safe_as_twelve() {
+    let (volume, _) = phantom(&Settings { size: Size::Small, ..Settings::default() });
+    for (kept, spacing_mm, seconds) in [(0, 8.0, 60.0), (1, 8.0, 60.0), (10_000, 0.1, 12.0)] {
+        let mut scene = logged();
+        scene.mines = Some(MineSettings { kept, spacing_mm, ..MineSettings::default() });
+        let mut flight = flight(volume.clone(), scene, &Wish::default());
+        let log = fly(&mut flight, seconds);
+        let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
+        assert!(least >= 1.5, "{kept} mines: {least}");
+        let f = flight.flight();
+        let whole = log.iter().all(|l| l.position.iter().chain(&l.velocity).all(|x| x.is_finite()));
+        assert!(whole && (f.state != State::Operator || !f.reason.is_empty()), "{f:?}");
+        assert!(f.length_mm > 100.0 || f.state == State::Operator, "{kept} mines: it hangs after {} mm", f.length_mm);
+    }
+}
+
+/// A lumen one voxel wide, and starts in its wall, at distance 0 from it and outside: refused with the reason.
+#[test]
+fn where_the_camera_does_not_fit_no_flight_begins() {
+    let grid = Grid::new([40, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let data = (0..grid.len()).map(|n| if n % 40 == 20 && n / 40 % 40 == 20 { -1000 } else { 40 }).collect();
+    let progress = Progress::new();
+    let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+    let lumen = lumen::find(space.volume(), &progress).unwrap();
+    for at in [
+        DVec3::splat(20.0),
+        DVec3::new(20.34, 20.0, 20.0),
+        DVec3::new(22.0, 20.0, 20.0),
+        DVec3::new(-50.0, 20.0, 20.0),
+        DVec3::NAN,
+    ] {
+        let wish = Wish { from: Some(Place::World(at)), ..Wish::default() };
+        let e = plan::plan(&space, &lumen, &wish, 1.5, &progress).unwrap_err();
+        assert_eq!(e.kind as i32, 4, "{at}: {e}");
     }
 }
 

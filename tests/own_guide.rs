@@ -7,6 +7,7 @@ use colvis::app::Scene;
 use colvis::app::plan::Wish;
 use colvis::app::scene::OwnGuide;
 use colvis::components::camera::{Body, Pose};
+use colvis::components::flight::State;
 use colvis::components::guide::{GuideThrust, Tentacles};
 use colvis::components::output::GuideName;
 use colvis::components::{App, FlightSystems, Slot};
@@ -42,6 +43,32 @@ fn it_flies() {
     let log = fly(&mut flight, 10.0);
     assert!(flight.flight().length_mm > 100.0, "{:?}", flight.flight());
     assert!(log.iter().all(|l| l.guide == "longest" && l.clearance_mm >= 1.5));
+}
+
+/// A guide that feels nothing and flies straight on until a wall holds it.
+fn blind(app: &mut App) -> Result<()> {
+    app.fill(Slot::Guide, "blind")?;
+    app.world.insert_resource(GuideName("blind"));
+    app.add_systems(FlightSystems::Guide, |mut guide: Single<&mut GuideThrust>| {
+        **guide = GuideThrust { thrust: glam::DVec3::X * 180.0, limit: 180.0, ..GuideThrust::default() };
+    });
+    Ok(())
+}
+
+/// The watch is for every guide that flies by itself, with tentacles or without.
+#[test]
+fn a_guide_without_tentacles_is_watched_too() {
+    let (volume, _) = phantom(&Settings { size: Size::Small, ..Settings::default() });
+    let own_guide = Some(OwnGuide { plugins: &[blind], feels: false });
+    let scene = Scene { own_guide, log: true, ..Scene::default() };
+    let mut flight = flight(volume, scene, &Wish::default());
+    let log = fly(&mut flight, 30.0);
+    let f = flight.flight();
+    assert!(f.state == State::Operator && f.reason.contains("hangs in place"), "{f:?}");
+    // It was there for two seconds at most, and once more if it was told to turn round.
+    let there = |l: &&colvis::components::output::LogLine| f.place.distance(l.position.into()) < 6.0;
+    let seconds = log.iter().filter(there).count() as f64 / 120.0;
+    assert!(seconds <= 2.2 * f64::from(1 + f.turns), "{seconds} s");
 }
 
 #[test]

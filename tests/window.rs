@@ -103,8 +103,14 @@ impl Screen {
     }
 
     fn fly(&self, folder: &Path, log: &str) -> Running {
+        let size = format!("{}x{}", SIZE.0, SIZE.1);
+        self.open_window(folder, &["fly", "--size", &size, "--log", log, "--stats", "stats.json"], flies)
+    }
+
+    /// Starts the program, waits until it shows what `wanted` likes, and gives it the keys.
+    fn open_window(&self, folder: &Path, args: &[&str], wanted: impl FnMut(&RgbImage) -> bool) -> Running {
         let child = Command::new(env!("CARGO_BIN_EXE_colvis"))
-            .args(["fly", "--size", &format!("{}x{}", SIZE.0, SIZE.1), "--log", log, "--stats", "stats.json"])
+            .args(args)
             .env("DISPLAY", &self.display)
             .env_remove("WAYLAND_DISPLAY")
             .env_remove("WAYLAND_SOCKET")
@@ -115,7 +121,7 @@ impl Screen {
             .spawn()
             .unwrap();
         let running = Running(child);
-        self.shot_when("the flight", flies);
+        self.shot_when("the flight", wanted);
         let window = String::from_utf8(self.tool("xdotool", &["search", "--name", "colvis"])).unwrap();
         // There is no window manager that would give it the keys.
         self.tool("xdotool", &["windowfocus", "--sync", window.lines().next().unwrap()]);
@@ -226,4 +232,35 @@ fn a_flight_in_a_window() {
     let again = log(folder, "second.jsonl");
     let gap = place(&again[0]).distance(place(&lines[lines.len() - 1]));
     assert!(gap < 1.0, "{gap} mm from where it was left");
+}
+
+#[test]
+fn a_drawn_lumen_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let way = |i: &RgbImage| share(i, |[r, g, b]| r > 210 && (90..150).contains(&g) && b < 60);
+    let feelers = |i: &RgbImage| share(i, |[r, g, b]| g > r + 20 && g > b + 12);
+    let mut window = screen.open_window(folder.path(), &["plane", "ring"], |i| way(i) > 0.002);
+    screen.key("space");
+    let mut before = None;
+    let paused = screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
+    assert!(feelers(&paused) > 0.002, "tentacles: {}", feelers(&paused));
+    screen.key("t");
+    screen.shot_when("no tentacles", |i| feelers(i) < feelers(&paused) / 2.0);
+    screen.key("s");
+    screen.shot_when("no way flown", |i| way(i) < way(&paused) / 4.0);
+    // The potential is shaded in many blues; without it the lumen is of one grey.
+    let grey = |i: &RgbImage| share(i, |p| p == [232, 236, 240]);
+    screen.key("v");
+    screen.shot_when("no potential", |i| grey(i) > grey(&paused) + 0.1);
+    // A click on the ring's lower part starts there: paused, the camera stands on its start.
+    let camera = |i: &RgbImage| {
+        let there = image::imageops::crop_imm(i, 228, 385, 40, 30).to_image();
+        share(&there, |p| p == [20, 20, 24])
+    };
+    screen.tool("xdotool", &["mousemove", "248", "400", "click", "1"]);
+    screen.shot_when("another start", |i| camera(i) > 0.01);
+    screen.key("q");
+    let status = window.wait();
+    assert!(status.success() && window.output().1.is_empty());
 }

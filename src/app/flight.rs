@@ -12,12 +12,12 @@ use crate::components::App;
 use crate::components::camera::{Body, Contact, Heading, Pose, Spin, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
-use crate::components::guide::{GuideThrust, MineField, MinePush, Tentacles};
+use crate::components::guide::{Automatic, GuideThrust, MineField, MinePush, Tentacles};
 use crate::components::input::{Act, Command, Hand, Inbox};
 use crate::components::output::{FlightLog, FrameCache, GuideName, LogLine, Picture};
 use crate::components::scan::{RaySpace, Scan, Walls};
 use crate::dynamics::mines::Mines;
-use crate::dynamics::monitor::Monitor;
+use crate::dynamics::rescue::Rescue;
 use crate::error::Result;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{ClearanceFinder, Lumen};
@@ -131,9 +131,14 @@ impl FlightApp {
             Some(settings) => drop(camera.insert(MineField { settings, mines: Mines::default() })),
             None => drop(camera.remove::<(MineField, MinePush)>()),
         }
+        if self.scene.is_automatic() {
+            camera.insert(Automatic);
+        } else {
+            camera.remove::<Automatic>();
+        }
         match self.scene.watch.filter(|_| moves) {
             Some(settings) => {
-                camera.insert(Watch { settings, monitor: Monitor::default(), escaping_until: None });
+                camera.insert(Watch { settings, rescue: Rescue::default() });
                 camera.insert(Goal {
                     at: self.plan.goal,
                     within_mm: self.plan.within_mm,

@@ -197,11 +197,14 @@ impl Scene {
             ("mines.spacing_mm", self.mines.map_or(1.0, |m| m.spacing_mm)),
             ("mines.reach_mm", self.mines.map_or(1.0, |m| m.reach_mm)),
             ("watch.window_s", self.watch.map_or(1.0, |w| w.window_s)),
+            ("watch.revisited_mm", self.watch.map_or(1.0, |w| w.revisited_mm)),
         ];
         let not_negative = [
             ("tentacles.wall_push", t.wall_push),
             ("tentacles.agreement", t.agreement),
             ("mines.push", self.mines.map_or(0.0, |m| m.push)),
+            ("watch.least_progress_mm", self.watch.map_or(0.0, |w| w.least_progress_mm)),
+            ("watch.visited_mm", self.watch.map_or(0.0, |w| w.visited_mm)),
         ];
         let bad = |(name, value): (&str, f64), what: &str| {
             Err(Error::usage(name, format!("is {value}"), format!("give a finite number {what}")))
@@ -237,6 +240,11 @@ impl Scene {
     /// Whether anything moves the camera.
     pub fn moves(&self) -> bool {
         self.own_guide.is_some() || self.guide.is_some()
+    }
+
+    /// Whether a guide moves the camera by itself.
+    pub fn is_automatic(&self) -> bool {
+        self.own_guide.is_some() || self.guide.is_some_and(|g| g != Guide::Manual)
     }
 
     /// Whether the flight is watched.

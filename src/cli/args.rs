@@ -251,12 +251,13 @@ pub struct ExplainArgs {
 /// `plane`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct PlaneArgs {
-    /// A drawn lumen
+    /// A drawn lumen: a PNG (bright is lumen, dark is wall, red the start, green the goal; half a millimetre a pixel), or
+    /// one of bends, straight, fork, pocket, ring, touching, bridge, polyp, neck, spiral (bends)
     pub lumen: Option<PathBuf>,
     /// Without a window
     #[arg(long)]
     pub headless: bool,
-    /// The picture: .png or .gif
+    /// The picture: .png, or .gif for all of the flight
     #[arg(long, value_name = "F")]
     pub out: Option<PathBuf>,
 }
@@ -273,7 +274,7 @@ pub struct ReportArgs {
     /// Under a minute
     #[arg(long)]
     pub quick: bool,
-    /// A scan to report on beside the phantom (`render`)
+    /// A scan to report on beside the phantom (`render`, `fields`)
     #[arg(long, value_name = "F")]
     pub scan: Option<PathBuf>,
     /// Steps of the perforation test

@@ -1,10 +1,12 @@
 //! The command line: arguments to calls, results to files and exit status.
 
 pub mod args;
+mod centerline;
 mod explain;
 mod fly;
 mod info;
 mod phantom;
+mod plane;
 mod prepare;
 mod render;
 mod report;
@@ -56,7 +58,9 @@ fn run(args: Args) -> Result<()> {
     }
     // A flight shows its own progress: a window, or a bar that goes before the last word.
     let _bar = match args.command {
-        Some(Command::Info(_) | Command::Phantom(_) | Command::Segment(_)) => Some(Bar::show(&progress)),
+        Some(Command::Info(_) | Command::Phantom(_) | Command::Segment(_) | Command::Centerline(_)) => {
+            Some(Bar::show(&progress))
+        }
         _ => None,
     };
     match args.command {
@@ -66,8 +70,8 @@ fn run(args: Args) -> Result<()> {
         Some(Command::Fly(a)) => fly::run(&a, &global, &progress),
         Some(Command::Render(a)) => render::run(&a, &global, &progress),
         Some(Command::Explain(a)) => explain::run(&a, &global, &progress),
-        Some(Command::Centerline(_)) => Err(Error::not_built("centerline")),
-        Some(Command::Plane(_)) => Err(Error::not_built("plane")),
+        Some(Command::Centerline(a)) => centerline::run(&a, &global, &progress),
+        Some(Command::Plane(a)) => plane::run(&a, &progress),
         Some(Command::Report(a)) => report::run(&a, &global, &progress),
         None => fly::run(&args.fly, &global, &progress),
     }

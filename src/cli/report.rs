@@ -12,27 +12,24 @@ use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::{Preset, Space};
 use crate::report::render::{Extent, Subject};
-use crate::report::{dynamics, gradients, perforation, render, scenes};
+use crate::report::{dynamics, fields, gradients, perforation, render, scenes};
+use crate::volume::Volume;
 
-/// The reports that are built, with their names.
-const BUILT: [(ReportSubject, &str); 5] = [
+/// The reports, with their names.
+const ALL: [(ReportSubject, &str); 6] = [
     (ReportSubject::Render, "render"),
     (ReportSubject::Gradients, "gradients"),
     (ReportSubject::Scenes, "scenes"),
     (ReportSubject::Dynamics, "dynamics"),
+    (ReportSubject::Fields, "fields"),
     (ReportSubject::Perforation, "perforation"),
 ];
-/// Those that are not.
-const NOT_BUILT: [(ReportSubject, &str); 1] = [(ReportSubject::Fields, "fields")];
 
 /// Runs the command.
 ///
 /// # Errors
 /// As the contract has them.
 pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
-    if let Some((_, name)) = NOT_BUILT.iter().find(|(s, _)| *s == args.subject) {
-        return Err(Error::not_built(format!("report {name}")));
-    }
     prepare::wall(global)?;
     prepare::fov(global)?;
     if let Some(scan) = args.scan.as_deref().filter(|s| !s.exists()) {
@@ -42,7 +39,7 @@ pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Resu
     let findings = {
         let _bar = Bar::show(progress);
         let mut findings = Vec::new();
-        for (subject, name) in BUILT {
+        for (subject, name) in ALL {
             let all = args.subject == ReportSubject::All;
             if all || subject == args.subject {
                 let folder = if all { args.out.join(name) } else { args.out.clone() };
@@ -52,9 +49,6 @@ pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Resu
         }
         findings
     };
-    if args.subject == ReportSubject::All {
-        say(&format!("not built yet in this release: {}", NOT_BUILT.map(|(_, name)| name).join(", ")));
-    }
     super::print(|out| findings.iter().try_for_each(|f| writeln!(out, "{f}")))
 }
 
@@ -76,23 +70,37 @@ fn one(
             let steps = args.steps.unwrap_or(if args.quick { 20_000 } else { 1_000_000 });
             perforation::report(steps, global.seed.unwrap_or(1), folder, progress)
         }
+        ReportSubject::Fields => {
+            let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;
+            fields::report(args.quick, global.seed.unwrap_or(1), scan, folder, progress)
+        }
         _ => scenes::report(&phantom(args.quick, global, progress)?, args.quick, folder, progress),
     }
+}
+
+/// A scan with its title.
+fn scan(path: &Path, global: &Global, progress: &Progress) -> Result<(String, Volume)> {
+    let volume = prepare::load(Some(path), global, progress)?;
+    prepare::check_thick(&volume)?;
+    Ok((title(path), volume))
+}
+
+/// Only the file's name: a path may tell of a patient.
+fn title(path: &Path) -> String {
+    path.file_name().map_or_else(|| "Scan".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
 /// The phantom, and the scan where one is given.
 fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<Vec<Subject>> {
     let size = if args.quick { "small" } else { "standard" };
-    let title = format!("Phantom ({size}, seed {})", global.seed.unwrap_or(1));
+    let named = format!("Phantom ({size}, seed {})", global.seed.unwrap_or(1));
     let mut subjects =
-        vec![Subject { name: "phantom".to_owned(), title, space: phantom(args.quick, global, progress)? }];
+        vec![Subject { name: "phantom".to_owned(), title: named, space: phantom(args.quick, global, progress)? }];
     match &args.scan {
         Some(scan) => {
             let space = prepare::space(Some(scan), global, Preset::Default, &mut Timings::default(), progress)?;
             prepare::check_thick(space.volume())?;
-            // Only the file's name: a path may tell of a patient.
-            let title = scan.file_name().map_or_else(|| "Scan".to_owned(), |n| n.to_string_lossy().into_owned());
-            subjects.push(Subject { name: "scan".to_owned(), title, space });
+            subjects.push(Subject { name: "scan".to_owned(), title: title(scan), space });
         }
         None => say("only the phantom is reported on; --scan F adds a scan"),
     }

@@ -3,7 +3,8 @@
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
-use crate::dynamics::monitor::{Monitor, MonitorSettings};
+use crate::dynamics::monitor::MonitorSettings;
+use crate::dynamics::rescue::Rescue;
 
 /// How a flight stands, as the log has it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -53,8 +54,6 @@ pub struct Goal {
 pub struct Watch {
     /// Settings.
     pub settings: MonitorSettings,
-    /// What it has seen.
-    pub monitor: Monitor,
-    /// While the guide looks for another way: until this tick.
-    pub escaping_until: Option<u64>,
+    /// What it has seen and does about it.
+    pub rescue: Rescue,
 }

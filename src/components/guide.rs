@@ -23,6 +23,10 @@ pub struct GuideThrust {
     pub way: DVec3,
 }
 
+/// On a camera whose guide moves it by itself: its flight is watched. A guide that leaves all to the operator has none.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Automatic;
+
 /// A field of distances that a guide shares with the step.
 pub type Field = Arc<dyn Distance + Send + Sync>;
 

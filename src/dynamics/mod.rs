@@ -7,13 +7,16 @@ pub mod advance;
 pub mod attitude;
 pub mod body;
 pub mod forces;
+pub mod heading;
 pub mod integrators;
 pub mod mines;
 pub mod monitor;
 pub mod potential;
+pub mod rescue;
 pub mod rigid;
 pub mod step;
 pub mod tentacles;
+pub mod trap;
 
 pub use advance::{Advance, advance};
 pub use attitude::Attitude;

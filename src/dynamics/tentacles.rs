@@ -52,6 +52,17 @@ pub fn directions(count: usize) -> Vec<DVec3> {
         .collect()
 }
 
+/// `count` unit vectors spread evenly over the circle in the plane z = 0: the tentacles of a drawn lumen.
+pub fn circle(count: usize) -> Vec<DVec3> {
+    let step = std::f64::consts::TAU / count.max(1) as f64;
+    (0..count)
+        .map(|i| {
+            let (s, c) = (step * i as f64).sin_cos();
+            DVec3::new(c, s, 0.0)
+        })
+        .collect()
+}
+
 /// What the tentacles tell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steering {
@@ -70,7 +81,8 @@ pub struct Steering {
 }
 
 /// Reads the tentacles (`directions` and their `lengths` in mm) at world place `at`, with the present unit `heading`
-/// (zero if there is none yet) and drag `k_t`. `trail` is further ground that the way must not lead over again.
+/// (zero if there is none yet) and drag `k_t`. `trail` is further ground that the way must not lead over again, and how
+/// much a direction over it still counts, 0 to 1.
 ///
 /// The way on is the mean of all directions, weighted by length², by agreement with the heading, and against mines; the
 /// wall's repulsion is the slope of the paper's `C_s (p/D_s − 1)²` with each tentacle taken as a `D_s` along its own
@@ -80,7 +92,7 @@ pub fn steer(
     at: DVec3,
     heading: DVec3,
     mines: Option<(&Mines, &MineSettings)>,
-    trail: &[DVec3],
+    trail: (&[DVec3], f64),
     settings: &TentacleSettings,
     drag_per_s: f64,
 ) -> Steering {
@@ -95,7 +107,7 @@ pub fn steer(
         let agrees =
             if heading == DVec3::ZERO { 1.0 } else { ((1.0 + heading.dot(d)) / 2.0).max(0.0).powf(settings.agreement) };
         let open = mines.map_or(1.0, |(m, _)| openness(d, length, at, m.iter(), settings.mine_cone))
-            * openness(d, length, at, trail.iter().copied(), settings.mine_cone);
+            * openness(d, length, at, trail.0.iter().copied(), settings.mine_cone).max(trail.1);
         pull += d * (length * length * agrees * open);
         // A higher power picks the deepest opening instead of the mean of all.
         look += d * (length.powi(4) * agrees * open);
@@ -179,14 +191,14 @@ mod tests {
                 t.min(s.reach_mm)
             })
             .collect();
-        let st = steer((&d, &lengths), at, DVec3::Z, None, &[], &s, 6.0);
+        let st = steer((&d, &lengths), at, DVec3::Z, None, (&[], 0.0), &s, 6.0);
         assert!(st.way.z > 0.95 && st.wall.x < 0.0 && st.wall.z.abs() < 0.3 * st.wall.x.abs());
         assert!((st.nearest_mm - 5.0).abs() < 0.2);
         let mut mines = Mines::default();
         let ms = MineSettings::default();
         mines.follow(DVec3::new(0.0, 0.0, 10.0), &ms);
         mines.follow(DVec3::new(0.0, 0.0, 20.0), &ms);
-        let st = steer((&d, &lengths), at, DVec3::ZERO, Some((&mines, &ms)), &[], &s, 6.0);
+        let st = steer((&d, &lengths), at, DVec3::ZERO, Some((&mines, &ms)), (&[], 0.0), &s, 6.0);
         assert!(st.way.z < -0.5, "away from the mine: {}", st.way);
     }
 
@@ -195,7 +207,7 @@ mod tests {
         let s = TentacleSettings { count: 3, ..TentacleSettings::default() };
         let d = directions(3);
         for l in [[0.0; 3], [0.0, 150.0, 1e-12], [150.0; 3]] {
-            let st = steer((&d, &l), DVec3::ZERO, DVec3::X, None, &[], &s, 6.0);
+            let st = steer((&d, &l), DVec3::ZERO, DVec3::X, None, (&[], 0.0), &s, 6.0);
             assert!(st.thrust.is_finite() && st.wall.is_finite());
         }
     }

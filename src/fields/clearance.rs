@@ -219,7 +219,7 @@ fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
 }
 
 /// Smallest singular value of a matrix with unit columns, from below: 1 when they are orthogonal.
-fn smallest_singular_value(m: DMat3) -> f64 {
+pub(super) fn smallest_singular_value(m: DMat3) -> f64 {
     let g = m.transpose() * m;
     let off = (g.x_axis.y.abs() + g.x_axis.z.abs()).max(g.y_axis.x.abs() + g.y_axis.z.abs());
     let off = off.max(g.z_axis.x.abs() + g.z_axis.y.abs());

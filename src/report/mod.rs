@@ -3,6 +3,7 @@
 //! Timings are medians of frames that different methods render in turn, so that a busy machine slows all of them alike.
 
 pub mod dynamics;
+pub mod fields;
 pub mod flight;
 pub mod gradients;
 pub mod image;
@@ -14,6 +15,7 @@ pub mod plot;
 pub mod render;
 pub mod scenes;
 pub mod table;
+pub mod trials;
 
 /// The value below which the share `p` (0 to 1) of `values` lies: nearest rank; not-a-number where there are none.
 pub fn quantile(values: &[f64], p: f64) -> f64 {

@@ -17,6 +17,8 @@ use crate::volume::Grid;
 
 /// Least side of a cell, mm.
 const CELL_MM: f64 = 4.0;
+/// Layers of cells that are made at a time: their cut runs are many times as large as what they leave.
+const SLABS: usize = 8;
 /// Clearance at which narrowness begins to cost, mm: the cost of a way is its length times 1 + (this / clearance)².
 const NARROW_MM: f64 = 8.0;
 
@@ -107,29 +109,28 @@ impl Graph {
     pub fn of(grid: &Grid, rows: &Rows, progress: &Progress) -> Result<Self> {
         let side: [usize; 3] = std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1));
         let [_, ny, nz] = rows.dims();
-        let slabs: Vec<Slab> = (0..nz.div_ceil(side[2]))
-            .into_par_iter()
-            .map(|s| {
+        let count = nz.div_ceil(side[2]);
+        let (mut sums, mut links): (Vec<Sum>, Vec<(u32, u32)>) = Default::default();
+        let mut below: Option<(u32, Slice)> = None;
+        for some in (0..count).step_by(SLABS) {
+            let slabs = (some..(some + SLABS).min(count)).into_par_iter().map(|s| {
                 progress.check()?;
                 Ok(slab(rows, side, s * side[2]..((s + 1) * side[2]).min(nz)))
-            })
-            .collect::<Result<_>>()?;
-        let mut sums: Vec<Sum> = Vec::with_capacity(slabs.iter().map(|s| s.sums.len()).sum());
-        let mut links = Vec::new();
-        let mut below: Option<(u32, Slice)> = None;
-        for slab in slabs {
-            let base = sums.len() as u32;
-            links.extend(slab.links.iter().map(|&(a, b)| (base + a, base + b)));
-            let [first, last] = slab.faces;
-            if let Some((base_below, below)) = &below {
-                for j in 0..ny {
-                    touching(below.row(j), first.row(j), |a, b| {
-                        links.push((base_below + below.row(j)[a].label, base + first.row(j)[b].label));
-                    });
+            });
+            for slab in slabs.collect::<Result<Vec<_>>>()? {
+                let base = sums.len() as u32;
+                links.extend(slab.links.iter().map(|&(a, b)| (base + a, base + b)));
+                let [first, last] = slab.faces;
+                if let Some((base_below, below)) = &below {
+                    for j in 0..ny {
+                        touching(below.row(j), first.row(j), |a, b| {
+                            links.push((base_below + below.row(j)[a].label, base + first.row(j)[b].label));
+                        });
+                    }
                 }
+                below = Some((base, last));
+                sums.extend(slab.sums);
             }
-            below = Some((base, last));
-            sums.extend(slab.sums);
         }
         let mut graph = Self::linked(sums.len(), &links);
         drop(links);

@@ -13,7 +13,7 @@ mod graph;
 mod grow;
 mod order;
 mod residue;
-mod runs;
+pub(in crate::fields) mod runs;
 #[cfg(test)]
 mod tests;
 
@@ -199,6 +199,12 @@ impl Lumen {
         self.gas.find(i, j, k).map(|r| r.label as usize)
     }
 
+    /// Whether a place (world, mm) lies in tagged fluid.
+    pub fn is_fluid(&self, world: DVec3) -> bool {
+        let [i, j, k] = ends::to_index(self.grid.voxel(world));
+        self.fluid.find(i, j, k).is_some()
+    }
+
     /// The centre (world, mm) of the gas voxel nearest to a place, and its segment, if one is within `within_mm`.
     pub fn nearest_gas(&self, world: DVec3, within_mm: f64) -> Option<(usize, DVec3)> {
         ends::nearest(&self.grid, &self.gas, world, within_mm, |_| true).map(|(s, p)| (s as usize, p))
@@ -214,6 +220,21 @@ impl Lumen {
             }
         }
         out
+    }
+
+    /// The grid of the scan it was found in.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// The runs of gas, labelled with their segment.
+    pub(in crate::fields) fn gas(&self) -> &Rows {
+        &self.gas
+    }
+
+    /// The runs of tagged fluid, labelled with the segment they are counted for.
+    pub(in crate::fields) fn fluid(&self) -> &Rows {
+        &self.fluid
     }
 
     /// The segment with the most gas.

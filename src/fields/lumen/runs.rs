@@ -16,7 +16,7 @@ const SLICES: usize = 32;
 
 /// Voxels `start..end` of one row, all of the same `label`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Run {
+pub(in crate::fields) struct Run {
     pub start: u32,
     pub end: u32,
     pub label: u32,
@@ -34,7 +34,7 @@ impl Run {
 
 /// Runs in the order of their voxels, found by row. Runs of a row are disjoint and ascending.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Rows {
+pub(in crate::fields) struct Rows {
     dims: [usize; 3],
     /// Where each row begins in `runs`; one entry more than there are rows.
     offsets: Vec<u32>,
@@ -125,7 +125,7 @@ impl Rows {
     }
 
     /// Calls `visit` for the voxels that follow the given run of row (j, k) one step `way` on and are in no run.
-    pub fn beyond(&self, r: Run, j: usize, k: usize, way: Way, mut visit: impl FnMut([i64; 3])) {
+    pub(super) fn beyond(&self, r: Run, j: usize, k: usize, way: Way, mut visit: impl FnMut([i64; 3])) {
         let [nx, ny, nz] = self.dims;
         let [di, dj, dk] = way.step();
         if di != 0 {

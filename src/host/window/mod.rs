@@ -13,6 +13,7 @@ mod loading;
 mod log;
 mod overlay;
 mod painter;
+pub mod plane;
 mod presented;
 mod saver;
 mod screenshot;

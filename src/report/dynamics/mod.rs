@@ -1,13 +1,15 @@
 //! `report dynamics`: integrators of the rigid body, error against time; where they are stable; what they conserve; what
-//! the clamp to free space costs. One study a file.
+//! the clamp to free space costs; how many tentacles and mines are needed. One study a file.
 
 mod clamp;
 mod conserved;
 mod contenders;
+mod mines;
 mod precision;
 mod reference;
 mod smooth;
 mod stability;
+mod tentacles;
 mod tube;
 
 use std::path::Path;
@@ -21,12 +23,14 @@ use super::page::Page;
 type Study = fn(bool, &mut Page, &Progress) -> Result<Vec<String>>;
 
 /// The studies in their order on the page. Another one is one more line here.
-const STUDIES: [(&str, Study); 5] = [
+const STUDIES: [(&str, Study); 7] = [
     ("error against time", precision::study),
     ("stability", stability::study),
     ("what is conserved", conserved::study),
     ("steady flight", smooth::study),
     ("what the clamp costs", clamp::study),
+    ("tentacles", tentacles::study),
+    ("mines", mines::study),
 ];
 
 /// Measures and writes the report into `folder`. Returns what was found, a sentence each.

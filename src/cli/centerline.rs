@@ -1,0 +1,228 @@
+//! `colvis centerline`.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use serde_json::{Value, json};
+
+use crate::cli::args::{CenterlineArgs, Global, Point};
+use crate::cli::prepare::{self, Timings, say};
+use crate::error::{Error, Result};
+use crate::fields::centerline::{self, Centerline, End};
+use crate::fields::lumen::{self, Lumen};
+use crate::fields::{Through, WallDistance};
+use crate::output;
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// A point outside the lumen is moved into it within this, mm.
+const SNAP_MM: f64 = 5.0;
+
+/// What the line's file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Format {
+    Json,
+    Csv,
+    Markups,
+}
+
+impl Format {
+    fn of(path: &Path) -> Result<Self> {
+        let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        [(".mrk.json", Self::Markups), (".json", Self::Json), (".csv", Self::Csv)]
+            .into_iter()
+            .find(|(ending, _)| name.ends_with(ending) && name.len() > ending.len())
+            .map(|f| f.1)
+            .ok_or_else(|| {
+                let why = "its ending names no format of a line";
+                Error::usage(path.display().to_string(), why, "end it in .json, .csv or .mrk.json")
+            })
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Status 2 for an ending that is none or an input beside a mask, 3 when the input cannot be read, 4 when there is no
+/// lumen, no way through it, or the work is interrupted, 5 when an output cannot be written.
+pub fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
+    let format = Format::of(&args.out)?;
+    let (input, is_mask) = match (&args.input, &args.mask) {
+        (Some(_), Some(mask)) => {
+            let why = "is given beside an input";
+            return Err(Error::usage(format!("--mask {}", mask.display()), why, "give one of the two"));
+        }
+        (Some(path), None) => (path, false),
+        (None, Some(path)) => (path, true),
+        (None, None) => return Err(Error::usage("centerline", "has no input", "give a scan, or --mask and a mask")),
+    };
+    let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
+    output::check_targets(&[input], &outputs)?;
+    let mut timings = Timings::default();
+    let volume = timings.time("load_s", || prepare::load(Some(input), global, progress))?;
+    prepare::check_thick(&volume)?;
+    let line = if is_mask {
+        let walls = timings.time("distance_s", || WallDistance::of_mask(&volume, progress))?;
+        drop(volume);
+        timings.time("centerline_s", || through_mask(&walls, args, progress))?
+    } else {
+        through_scan(&volume, args, &mut timings, progress)?
+    };
+    for [a, b] in &line.guessed {
+        say(&format!("from {a:.0} to {b:.0} mm the lumen is collapsed: the line is a guess there"));
+    }
+    write(&args.out, format, &line)?;
+    if let Some(path) = &args.stats {
+        let mut stats = prepare::stats_head(&timings);
+        for (name, value) in [
+            ("length_mm", json!(line.length_mm)),
+            ("points", json!(line.points.len())),
+            ("guessed_mm", json!(line.guessed)),
+        ] {
+            stats.insert(name.to_owned(), value);
+        }
+        output::write_json(path, &stats)?;
+    }
+    Ok(())
+}
+
+fn through_mask(walls: &WallDistance, args: &CenterlineArgs, progress: &Progress) -> Result<Centerline> {
+    if walls.voxels() == 0 {
+        return Err(Error::incomplete("mask", "is empty: no voxel of it is lumen", "give a mask of the colon's lumen"));
+    }
+    let named = |p: Option<Point>| matches!(p, Some(Point::World(_)));
+    let ends =
+        if named(args.from) && named(args.to) { [DVec3::ZERO; 2] } else { centerline::far_ends(walls, progress)? };
+    plan(walls, args, ends, &[], progress)
+}
+
+fn through_scan(
+    volume: &Volume,
+    args: &CenterlineArgs,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<Centerline> {
+    let mut lumen = prepare::lumen(volume, timings, progress)?;
+    if let Some(Point::World(p)) = args.from.or(args.to).filter(|_| args.from.is_some() || args.to.is_some()) {
+        // A point chooses the gas it lies in, also where that is none of the colon found.
+        if lumen.nearest_gas(p, SNAP_MM).is_none() && !lumen.is_fluid(p) {
+            let found = timings.time("lumen_at_s", || lumen::gas_at(volume, p, progress))?;
+            lumen = found.ok_or_else(|| {
+                let why = format!("{:.1},{:.1},{:.1} has no gas within {SNAP_MM} mm", p.x, p.y, p.z);
+                Error::incomplete("centerline", why, "give a point in the colon")
+            })?;
+        }
+    }
+    if lumen.segments.is_empty() {
+        let why = "no gas of a colon was found in it";
+        return Err(Error::incomplete("volume", why, "give --from and --to, or a mask of the lumen"));
+    }
+    let walls =
+        timings.time("distance_s", || WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress))?;
+    let asked = args.from.is_some() || args.to.is_some();
+    let ends = if asked { outermost(&lumen, 0..lumen.segments.len()) } else { joined(&lumen) };
+    timings.time("centerline_s", || plan(&walls, args, ends, &centerline::gaps(&lumen), progress))
+}
+
+/// The rectal end of the first and the cecal end of the last of the segments.
+fn outermost(lumen: &Lumen, which: std::ops::Range<usize>) -> [DVec3; 2] {
+    if lumen.ordered {
+        return [lumen.segments[which.start].ends[0], lumen.segments[which.end - 1].ends[1]];
+    }
+    lumen.segments[lumen.largest().unwrap_or(which.start)].ends
+}
+
+/// The ends of the largest segment and of those that fluid joins to it, one after the other.
+fn joined(lumen: &Lumen) -> [DVec3; 2] {
+    let Some(largest) = lumen.largest() else { return [DVec3::ZERO; 2] };
+    let (mut first, mut last) = (largest, largest);
+    if lumen.ordered {
+        while first > 0 && lumen.segments[first].joined_to.contains(&(first - 1)) {
+            first -= 1;
+        }
+        while last + 1 < lumen.segments.len() && lumen.segments[last].joined_to.contains(&(last + 1)) {
+            last += 1;
+        }
+        if last > first {
+            say(&format!("{} segments of gas are joined through tagged fluid", last - first + 1));
+        }
+    }
+    outermost(lumen, first..last + 1)
+}
+
+/// The line between the points asked for; `ends` are the rectal and the cecal one.
+fn plan(
+    walls: &WallDistance,
+    args: &CenterlineArgs,
+    ends: [DVec3; 2],
+    guesses: &[[DVec3; 2]],
+    progress: &Progress,
+) -> Result<Centerline> {
+    let end = |p: Point| match p {
+        Point::Rectum => End::Tip(ends[0]),
+        Point::Cecum => End::Tip(ends[1]),
+        Point::World(p) => {
+            if !walls.is_inside(walls.voxel(p)) {
+                say(&format!("{:.1},{:.1},{:.1} lies outside the lumen and is moved into it", p.x, p.y, p.z));
+            }
+            End::At(p)
+        }
+    };
+    let line = |from: End, to: End| centerline::between(walls, from, to, guesses, progress);
+    match (args.from, args.to) {
+        (None, None) => line(End::Tip(ends[0]), End::Tip(ends[1])),
+        (Some(from), Some(to)) => line(end(from), end(to)),
+        (Some(Point::Rectum), None) | (None, Some(Point::Cecum)) => line(End::Tip(ends[0]), End::Tip(ends[1])),
+        (Some(Point::Cecum), None) | (None, Some(Point::Rectum)) => line(End::Tip(ends[1]), End::Tip(ends[0])),
+        // From a place to the end that is farther along the lumen, and the other way round.
+        (Some(from), None) => farther(ends.map(|e| line(end(from), End::Tip(e)))),
+        (None, Some(to)) => farther(ends.map(|e| line(End::Tip(e), end(to)))),
+    }
+}
+
+/// The longer of two lines, or the one there is.
+fn farther([a, b]: [Result<Centerline>; 2]) -> Result<Centerline> {
+    match (a, b) {
+        (Ok(a), Ok(b)) => Ok(if b.length_mm > a.length_mm { b } else { a }),
+        (Ok(line), Err(_)) | (Err(_), Ok(line)) => Ok(line),
+        (Err(e), Err(_)) => Err(e),
+    }
+}
+
+fn write(path: &Path, format: Format, line: &Centerline) -> Result<()> {
+    match format {
+        Format::Json => {
+            let radius_mm = &line.radius_mm;
+            output::write_json(
+                path,
+                &json!({"points": line.points, "radius_mm": radius_mm, "length_mm": line.length_mm}),
+            )
+        }
+        Format::Csv => output::write_whole(path, |w| {
+            writeln!(w, "x_mm,y_mm,z_mm,radius_mm")?;
+            line.points.iter().zip(&line.radius_mm).try_for_each(|(p, r)| writeln!(w, "{},{},{},{r}", p.x, p.y, p.z))
+        }),
+        Format::Markups => output::write_json(path, &markups(line)),
+    }
+}
+
+/// A curve as 3D Slicer's markups have it.
+fn markups(line: &Centerline) -> Value {
+    let point = |(n, p): (usize, &DVec3)| {
+        json!({
+            "id": (n + 1).to_string(), "label": "", "description": "", "associatedNodeID": "",
+            "position": p, "orientation": [-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0],
+            "selected": true, "locked": true, "visibility": false, "positionStatus": "defined",
+        })
+    };
+    json!({
+        "@schema": "https://raw.githubusercontent.com/slicer/slicer/master/Modules/Loadable/Markups/Resources/Schema/\
+                    markups-schema-v1.0.3.json#",
+        "markups": [{
+            "type": "Curve", "coordinateSystem": "LPS", "coordinateUnits": "mm", "locked": true,
+            "labelFormat": "%N-%d", "lastUsedControlPointNumber": line.points.len(),
+            "controlPoints": line.points.iter().enumerate().map(point).collect::<Vec<_>>(),
+            "measurements": [],
+        }],
+    })
+}

@@ -1,0 +1,347 @@
+//! What is done about a trap: another way is looked for, then the way back, then the operator is called.
+//!
+//! - Where the lumen is open ahead (a local minimum, a bridge, a polyp, dithering, circling), the guide sets off anew along
+//!   the longest tentacle ahead; for some seconds it shies less from the wall, holds its heading, and its whole trail is
+//!   forbidden ground, not only the last few mines.
+//! - Where it is closed (a blind end, a neck too narrow), or where the first does not help, the mines are cleared and the
+//!   guide flies back along its trail until a side way opens that it has not flown; new mines behind it keep it from going
+//!   in again. A dead end near the lumen's other end only means that the flight set out the wrong way.
+//! - Back at the start, or after too many of these, the operator is called, with the place and the reason of the trap.
+
+use std::collections::VecDeque;
+
+use glam::DVec3;
+
+use super::monitor::{Monitor, MonitorSettings, Trouble};
+use super::tentacles::TentacleSettings;
+use super::trap::{Felt, Trap, recognise};
+
+/// A dead end within this of the lumen's other end means that the flight set out the wrong way, mm.
+const WRONG_END_MM: f64 = 40.0;
+/// So much of the way is looked through for it: the camera may have left the dead end before that was certain, mm.
+const WRONG_END_BACK_MM: f64 = 120.0;
+/// The guide looks for another way for so long, s, and so often in one flight.
+const ASIDE_S: f64 = 4.0;
+const ESCAPES: u32 = 6;
+/// Past something, this much of the wall's push, and at least this agreement with the heading.
+const BOLD_PUSH: f64 = 0.1;
+const BOLD_AGREEMENT: f64 = 8.0;
+/// On the way back, ground this far from the trail is new, in units of [`MonitorSettings::visited_mm`]; so much way over it
+/// ends the way back, mm.
+const NEW_GROUND: f64 = 1.5;
+const NEW_GROUND_MM: f64 = 20.0;
+/// How much a direction over the trail still counts on the way back: a side way wins, and without one the trail does.
+const TRAIL_COUNTS: f64 = 0.1;
+/// Back within this of the trail's first point there is no other way, mm.
+const START_MM: f64 = 8.0;
+/// So much way within a box of little more than half of it is wandering about in one place, mm.
+const WANDERED_MM: f64 = 80.0;
+/// What was felt this far away is near, mm.
+const NEARBY_MM: f64 = 15.0;
+/// What was felt is kept for the last places, this far apart, mm.
+const NOTES: usize = 64;
+const NOTE_MM: f64 = 2.0;
+
+/// What to do now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Order {
+    /// Nothing: all is well, or what was begun goes on.
+    GoOn,
+    /// Take this unit heading (keep the present one if none is given); the mines are cleared if `clear_mines`.
+    SetOff {
+        /// Where to.
+        heading: Option<DVec3>,
+        /// Whether the mines must not hold it.
+        clear_mines: bool,
+    },
+    /// Call the operator.
+    Call {
+        /// Why.
+        trap: Trap,
+        /// Where, world mm.
+        place: DVec3,
+    },
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Course {
+    #[default]
+    On,
+    /// Looks for another way ahead, until this time, s.
+    Aside(f64),
+    /// Flies back along the trail before the point of this number; way over new ground so far, and the way at which it
+    /// gives up, mm.
+    Back { turn: usize, new_mm: f64, until_mm: f64 },
+}
+
+/// Watches over one flight.
+#[derive(Clone, Debug, Default)]
+pub struct Rescue {
+    monitor: Monitor,
+    course: Course,
+    /// Why it is not on its course.
+    because: Option<(Trap, DVec3)>,
+    /// What kind of place the last ones were.
+    notes: VecDeque<(DVec3, Trap)>,
+    last: Option<DVec3>,
+    time: f64,
+    turns: u32,
+    escapes: u32,
+}
+
+impl Rescue {
+    /// The camera's trail.
+    pub fn monitor(&self) -> &Monitor {
+        &self.monitor
+    }
+
+    /// Number of times the flight turned round because it had set out the wrong way.
+    pub fn turns(&self) -> u32 {
+        self.turns
+    }
+
+    /// Number of places at which another way was looked for.
+    pub fn escapes(&self) -> u32 {
+        self.escapes
+    }
+
+    /// Whether another way is being looked for.
+    pub fn is_escaping(&self) -> bool {
+        self.course != Course::On
+    }
+
+    /// The trap that it is being led out of, and where that is (world mm).
+    pub fn trap(&self) -> Option<(Trap, DVec3)> {
+        self.because
+    }
+
+    /// Ground that the way must not lead over (world mm), and how much a direction over it still counts, 0 to 1.
+    pub fn forbidden(&self) -> (&[DVec3], f64) {
+        match self.course {
+            Course::On => (&[], 0.0),
+            Course::Aside(_) => (self.monitor.trail(), 0.0),
+            Course::Back { turn, .. } => (&self.monitor.trail()[..turn], TRAIL_COUNTS),
+        }
+    }
+
+    /// The operator took over: what was flown so far may be flown again, and nothing counts against the guide.
+    pub fn restart(&mut self) {
+        *self = Self { turns: self.turns, ..Self::default() };
+    }
+
+    /// How the guide feels its way now: while it looks for a way past something, it holds its heading more and shies less
+    /// of the wall, so that a gap that is wide enough for the body is not too narrow for the guide.
+    pub fn temper(&self, settings: &TentacleSettings) -> TentacleSettings {
+        let mut s = *settings;
+        // One that goes round and round is not held up by a wall.
+        let held_up = self.because.is_some_and(|(trap, _)| trap != Trap::Circling);
+        if held_up && matches!(self.course, Course::Aside(_)) {
+            s.wall_push *= BOLD_PUSH;
+            s.agreement = s.agreement.max(BOLD_AGREEMENT);
+        }
+        s
+    }
+
+    /// Takes the camera's place (world mm) after a step of `dt` seconds, what it felt there if its guide feels, and the
+    /// end of the lumen that it is not going to, if that is known.
+    pub fn follow(
+        &mut self,
+        at: DVec3,
+        dt: f64,
+        felt: Option<&Felt>,
+        other_end: Option<DVec3>,
+        settings: &MonitorSettings,
+    ) -> Order {
+        self.time += dt;
+        let moved = self.last.replace(at).map_or(0.0, |l| l.distance(at));
+        if let Some(felt) = felt
+            && self.notes.back().is_none_or(|n| n.0.distance(at) >= NOTE_MM)
+        {
+            self.notes.push_back((at, felt.kind()));
+            if self.notes.len() > NOTES {
+                self.notes.pop_front();
+            }
+        }
+        let alarm = self.monitor.follow(at, dt, settings);
+        match self.course {
+            Course::Aside(until) if self.time >= until => self.go_on(),
+            Course::Back { .. } => {
+                if let Some(order) = self.going_back(at, moved, settings) {
+                    return order;
+                }
+                if alarm.is_some_and(|a| a.trouble == Trouble::TurnedBack) {
+                    // That is what it is meant to do.
+                    self.monitor.forgive();
+                    return Order::GoOn;
+                }
+            }
+            _ => {}
+        }
+        let Some(alarm) = alarm else { return Order::GoOn };
+        let kind = match alarm.trouble {
+            Trouble::Stuck => felt.map(Felt::kind),
+            Trouble::TurnedBack => self.noted(alarm.place),
+            Trouble::Dithering | Trouble::Circling => {
+                self.closed_nearby(alarm.place).filter(|_| self.is_in_one_place())
+            }
+        };
+        let trap = recognise(alarm.trouble, kind);
+        let turned = alarm.trouble == Trouble::TurnedBack;
+        if self.turns == 0 && self.was_at_wrong_end(other_end) {
+            self.turns += 1;
+            self.monitor.restart();
+            self.go_on();
+            // A camera that was noticed on its way back has the right heading already.
+            let heading = felt.filter(|_| !turned).map(|f| f.longest(|_| true).0);
+            return Order::SetOff { heading, clear_mines: true };
+        }
+        let (trap, place) = *self.because.get_or_insert((trap, alarm.place));
+        // A guide that feels nothing is not helped by another heading.
+        let Some(felt) = felt.filter(|_| self.escapes < ESCAPES) else { return Order::Call { trap, place } };
+        self.escapes += 1;
+        self.monitor.forgive();
+        let closed = matches!(trap, Trap::BlindEnd | Trap::Narrow | Trap::TurnedBack);
+        match self.course {
+            Course::On if !closed => {
+                self.course = Course::Aside(self.time + ASIDE_S);
+                Order::SetOff { heading: Some(felt.opening().0).filter(|d| *d != DVec3::ZERO), clear_mines: false }
+            }
+            Course::Back { .. } => Order::Call { trap, place },
+            Course::On | Course::Aside(_) => self.turn_back(at, alarm.place, felt, turned),
+        }
+    }
+
+    /// Sets out on the way back from a trap at `place`.
+    fn turn_back(&mut self, at: DVec3, place: DVec3, felt: &Felt, turned: bool) -> Order {
+        let trail = self.monitor.trail();
+        let nearest = (0..trail.len()).min_by(|&a, &b| {
+            let d = |i: usize| trail[i].distance_squared(place);
+            // Of equals the later one.
+            d(a).total_cmp(&d(b)).then(b.cmp(&a))
+        });
+        let turn = nearest.unwrap_or(0);
+        let back = trail[..turn].iter().rev().find(|p| p.distance(at) > 8.0);
+        let towards = back.and_then(|p| (*p - at).try_normalize()).unwrap_or_else(|| felt.longest(|_| true).0);
+        let until_mm = self.monitor.way_mm() * 2.5 + 100.0;
+        self.course = Course::Back { turn, new_mm: 0.0, until_mm };
+        Order::SetOff { heading: (!turned).then_some(towards), clear_mines: true }
+    }
+
+    /// On the way back: whether new ground was found, or it came to nothing.
+    fn going_back(&mut self, at: DVec3, moved: f64, settings: &MonitorSettings) -> Option<Order> {
+        let Course::Back { turn, new_mm, until_mm } = &mut self.course else { return None };
+        let trail = &self.monitor.trail()[..*turn];
+        let near = |p: &DVec3| p.distance(at) < NEW_GROUND * settings.visited_mm;
+        *new_mm = if trail.iter().any(near) { 0.0 } else { *new_mm + moved };
+        // Within the dead end itself everything is near the trail; beyond its tip nothing is.
+        if *new_mm > NEW_GROUND_MM {
+            self.go_on();
+            return Some(Order::GoOn);
+        }
+        let at_start = trail.first().is_none_or(|s| s.distance(at) < START_MM);
+        let over = at_start || self.monitor.way_mm() > *until_mm;
+        let (trap, place) = self.because.filter(|_| over)?;
+        Some(Order::Call { trap, place })
+    }
+
+    fn go_on(&mut self) {
+        self.course = Course::On;
+        self.because = None;
+        self.monitor.forgive();
+    }
+
+    fn was_at_wrong_end(&self, other_end: Option<DVec3>) -> bool {
+        let was_at = |end: DVec3| self.monitor.last_mm(WRONG_END_BACK_MM).any(|p| p.distance(end) < WRONG_END_MM);
+        self.monitor.way_mm() > WRONG_END_MM && other_end.is_some_and(was_at)
+    }
+
+    /// Whether it has been wandering about in one place, instead of round something larger.
+    fn is_in_one_place(&self) -> bool {
+        let bounds = |(l, h): (DVec3, DVec3), p: DVec3| (l.min(p), h.max(p));
+        let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let (low, high) = self.monitor.last_mm(WANDERED_MM).fold(none, bounds);
+        (high - low).length() < 0.6 * WANDERED_MM
+    }
+
+    /// A neck or a blind end that was felt near a place, whatever the heading was then.
+    fn closed_nearby(&self, place: DVec3) -> Option<Trap> {
+        let felt = |t: Trap| self.notes.iter().any(|n| n.1 == t && n.0.distance(place) < NEARBY_MM);
+        [Trap::Narrow, Trap::BlindEnd].into_iter().find(|t| felt(*t))
+    }
+
+    /// What kind of place the one nearest to `place` was.
+    fn noted(&self, place: DVec3) -> Option<Trap> {
+        let d = |n: &&(DVec3, Trap)| n.0.distance_squared(place);
+        self.notes.iter().min_by(|a, b| d(a).total_cmp(&d(b))).map(|n| n.1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT: f64 = 1.0 / 120.0;
+
+    /// Flies `path` and returns the orders other than to go on, with their times.
+    fn orders(path: impl Fn(f64) -> DVec3, seconds: f64, felt: Option<&Felt>, end: Option<DVec3>) -> Vec<(f64, Order)> {
+        let mut r = Rescue::default();
+        (0..(seconds / DT) as usize)
+            .map(|n| (n as f64 * DT, r.follow(path(n as f64 * DT), DT, felt, end, &MonitorSettings::default())))
+            .filter(|o| o.1 != Order::GoOn)
+            .collect()
+    }
+
+    #[test]
+    fn a_guide_that_feels_nothing_calls_at_once() {
+        let all = orders(|t| DVec3::X * 30.0 * t.min(3.0), 6.0, None, None);
+        let (t, Order::Call { trap, place }) = all[0] else { panic!("{all:?}") };
+        assert!(t < 5.0 && trap == Trap::Stuck && place.distance(DVec3::X * 90.0) < 6.0);
+    }
+
+    #[test]
+    fn a_blind_end_is_left_the_way_it_was_entered_and_told_of_at_the_start() {
+        let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z, DVec3::NEG_X];
+        let lengths = [8.0, 10.0, 10.0, 10.0, 10.0, 90.0];
+        let felt = Felt { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
+        // In, a pause at the tip, out again.
+        let path = |t: f64| DVec3::X * (if t < 6.0 { 30.0 * t.min(3.0) } else { (90.0 - 30.0 * (t - 6.0)).max(0.0) });
+        let all = orders(path, 20.0, Some(&felt), None);
+        assert!(matches!(all[0].1, Order::SetOff { heading: Some(h), clear_mines: true } if h.x < -0.9), "{all:?}");
+        let Order::Call { trap: Trap::BlindEnd, place } = all.iter().find(|o| o.0 > 8.0).unwrap().1 else {
+            panic!("{all:?}")
+        };
+        assert!(place.distance(DVec3::X * 90.0) < 6.0);
+    }
+
+    /// In a local minimum it sets off along the longest tentacle ahead, bolder, over no ground that it knows, for a while.
+    #[test]
+    fn a_local_minimum_is_left_boldly() {
+        let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::NEG_X];
+        let felt =
+            Felt { directions: &directions, lengths: &[80.0, 10.0, 10.0, 90.0], heading: DVec3::X, radius_mm: 1.5 };
+        let (mut r, s) = (Rescue::default(), TentacleSettings::default());
+        let mut told = None;
+        for n in 0..(12.0 / DT) as usize {
+            // Gets away half a second or so after it was noticed.
+            let t = n as f64 * DT;
+            let at = DVec3::X * 30.0 * if t < 5.2 { t.min(3.0) } else { t - 2.2 };
+            let order = r.follow(at, DT, Some(&felt), None, &MonitorSettings::default());
+            if order != Order::GoOn {
+                assert_eq!(order, Order::SetOff { heading: Some(DVec3::X), clear_mines: false });
+                assert!(told.is_none(), "once");
+                told = Some(t);
+                assert!(r.temper(&s).wall_push < 0.2 * s.wall_push && r.forbidden().0.len() > 40);
+                assert_eq!(r.trap().map(|t| t.0), Some(Trap::LocalMinimum));
+            }
+        }
+        assert!(told.is_some_and(|t| t < 5.0), "{told:?}");
+        assert!(r.temper(&s) == s && r.forbidden().0.is_empty() && r.trap().is_none() && r.escapes() == 1);
+    }
+
+    #[test]
+    fn the_wrong_end_is_turned_round_at_once() {
+        let end = DVec3::X * 95.0;
+        let all = orders(|t| DVec3::X * 30.0 * t.min(3.0), 5.0, None, Some(end));
+        assert!(matches!(all[0].1, Order::SetOff { clear_mines: true, .. }), "{all:?}");
+    }
+}

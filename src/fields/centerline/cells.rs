@@ -1,0 +1,425 @@
+//! The lumen in cells of up to 64 voxels, split where a wall runs through them, and who touches whom: an exact cell
+//! decomposition, of which each piece is one machine word.
+//!
+//! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is one 6-connected piece
+//! of the lumen within a cell, and two nodes are neighbours only where voxels of theirs share a face.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::fields::WallDistance;
+use crate::fields::voxels::each_bit;
+use crate::progress::Progress;
+
+/// A piece of the lumen in one cell.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::fields) struct Node {
+    /// Which of the cell's voxels it holds, x fastest.
+    mask: u64,
+    /// The first voxel of its cell.
+    corner: [i32; 3],
+    /// The voxel of its own that is farthest from the wall, and how far that is, mm.
+    pub widest: [i64; 3],
+    /// See [`Node::widest`].
+    pub clearance: f64,
+}
+
+/// The shape of a cell: its voxels along each axis are powers of two whose product is at most 64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Shape {
+    side: [usize; 3],
+    /// The voxels of a cell that lie on its first and on its last face across each axis.
+    first: [u64; 3],
+    last: [u64; 3],
+}
+
+impl Shape {
+    /// As near to a cube as powers of two make it.
+    fn of(spacing: DVec3) -> Self {
+        let mut side = [1usize; 3];
+        for _ in 0..6 {
+            let extent = |a: usize| side[a] as f64 * spacing[a];
+            let least = if extent(0) <= extent(1) && extent(0) <= extent(2) {
+                0
+            } else {
+                1 + usize::from(extent(2) < extent(1))
+            };
+            side[least] *= 2;
+        }
+        let face = |a: usize, at: usize| {
+            (0..64usize)
+                .filter(|b| [b % side[0], b / side[0] % side[1], b / side[0] / side[1]][a] == at)
+                .fold(0, |m, b| m | 1 << b)
+        };
+        Self { side, first: [0, 1, 2].map(|a| face(a, 0)), last: [0, 1, 2].map(|a| face(a, side[a] - 1)) }
+    }
+
+    fn stride(&self, a: usize) -> usize {
+        self.side[..a].iter().product()
+    }
+
+    fn offset(&self, bit: usize) -> [i64; 3] {
+        [bit % self.side[0], bit / self.side[0] % self.side[1], bit / self.side[0] / self.side[1]].map(|x| x as i64)
+    }
+
+    /// A set of voxels and those of the cell that share a face with it.
+    fn grown(&self, m: u64) -> u64 {
+        (0..3).fold(m, |g, a| {
+            let s = self.stride(a) as u32;
+            // A cell that is one voxel wide along an axis has no neighbours of its own along it.
+            if self.side[a] == 1 { g } else { g | (m & !self.last[a]) << s | (m & !self.first[a]) >> s }
+        })
+    }
+
+    /// The 6-connected piece of `all` that holds `seed`.
+    fn piece(&self, all: u64, seed: u64) -> u64 {
+        let mut piece = seed;
+        loop {
+            let next = self.grown(piece) & all;
+            if next == piece {
+                return piece;
+            }
+            piece = next;
+        }
+    }
+
+    /// Whether a piece of one cell touches one of the next cell along an axis.
+    fn touches(&self, a: usize, here: u64, next: u64) -> bool {
+        ((here & self.last[a]) >> ((self.side[a] - 1) * self.stride(a))) & next != 0
+    }
+}
+
+/// The decomposition.
+#[derive(Debug)]
+pub(in crate::fields) struct Cells {
+    shape: Shape,
+    pub nodes: Vec<Node>,
+    places: Vec<DVec3>,
+    /// Where each cell's nodes begin; one entry more than there are cells.
+    of_cell: Vec<u32>,
+    dims: [usize; 3],
+    /// Where each node's neighbours begin in `neighbours`; one entry more than there are nodes.
+    first: Vec<u32>,
+    neighbours: Vec<u32>,
+}
+
+/// The cheapest ways from one node.
+#[derive(Debug)]
+pub(in crate::fields) struct Ways {
+    /// Length of the way to every node, mm; infinite where there is none.
+    pub length: Vec<f64>,
+    /// The node before every node on its way; itself at the start and where there is none.
+    before: Vec<u32>,
+}
+
+impl Cells {
+    /// The cells of the lumen of `walls`.
+    pub fn of(walls: &WallDistance, progress: &Progress) -> Result<Self> {
+        let grid = walls.grid();
+        let shape = Shape::of(grid.spacing());
+        let dims: [usize; 3] = std::array::from_fn(|a| grid.dims()[a].div_ceil(shape.side[a]));
+        let layers: Vec<(Vec<u32>, Vec<Node>)> = (0..dims[2])
+            .into_par_iter()
+            .map(|layer| {
+                progress.check()?;
+                Ok(nodes_of(walls, &shape, dims, layer))
+            })
+            .collect::<Result<_>>()?;
+        let mut of_cell = Vec::with_capacity(dims.iter().product::<usize>() + 1);
+        of_cell.push(0);
+        let mut nodes = Vec::with_capacity(layers.iter().map(|l| l.1.len()).sum());
+        for (counts, own) in layers {
+            of_cell.extend(counts.iter().scan(nodes.len() as u32, |sum, &n| {
+                *sum += n;
+                Some(*sum)
+            }));
+            nodes.extend(own);
+        }
+        let places = nodes.iter().map(|n: &Node| walls.world(n.widest)).collect();
+        let mut cells = Self { shape, nodes, places, of_cell, dims, first: Vec::new(), neighbours: Vec::new() };
+        cells.link();
+        Ok(cells)
+    }
+
+    fn cell_of(&self, corner: [i32; 3]) -> usize {
+        let c: [usize; 3] = std::array::from_fn(|a| corner[a] as usize / self.shape.side[a]);
+        c[0] + self.dims[0] * (c[1] + self.dims[1] * c[2])
+    }
+
+    fn in_cell(&self, cell: usize) -> std::ops::Range<u32> {
+        self.of_cell[cell]..self.of_cell[cell + 1]
+    }
+
+    fn link(&mut self) {
+        let this = &*self;
+        let mut links: Vec<(u32, u32)> = (0..this.nodes.len() as u32)
+            .into_par_iter()
+            .flat_map_iter(|n| {
+                let node = &this.nodes[n as usize];
+                let cell = this.cell_of(node.corner);
+                let strides = [1, this.dims[0], this.dims[0] * this.dims[1]];
+                (0..3).flat_map(move |a| {
+                    let place = node.corner[a] as usize / this.shape.side[a];
+                    let next = if place + 1 < this.dims[a] { this.in_cell(cell + strides[a]) } else { 0..0 };
+                    next.filter(move |&m| this.shape.touches(a, node.mask, this.nodes[m as usize].mask))
+                        .flat_map(move |m| [(n, m), (m, n)])
+                })
+            })
+            .collect();
+        links.par_sort_unstable();
+        self.first = vec![0; self.nodes.len() + 1];
+        for l in &links {
+            self.first[l.0 as usize + 1] += 1;
+        }
+        for n in 0..self.nodes.len() {
+            self.first[n + 1] += self.first[n];
+        }
+        self.neighbours = links.into_iter().map(|l| l.1).collect();
+    }
+
+    /// The nodes that share a face with one.
+    pub fn neighbours(&self, n: u32) -> &[u32] {
+        &self.neighbours[self.first[n as usize] as usize..self.first[n as usize + 1] as usize]
+    }
+
+    /// Where a node's widest voxel is, world, mm.
+    pub fn place(&self, n: u32) -> DVec3 {
+        self.places[n as usize]
+    }
+
+    /// The node that holds a voxel of the lumen.
+    pub fn node_at(&self, voxel: [i64; 3]) -> Option<u32> {
+        let corner: [i32; 3] =
+            std::array::from_fn(|a| voxel[a] as i32 / self.shape.side[a] as i32 * self.shape.side[a] as i32);
+        if (0..3).any(|a| voxel[a] < 0 || corner[a] as usize / self.shape.side[a] >= self.dims[a]) {
+            return None;
+        }
+        self.in_cell(self.cell_of(corner)).find(|&n| self.holds(n, voxel))
+    }
+
+    fn holds(&self, n: u32, voxel: [i64; 3]) -> bool {
+        self.bit(n, voxel).is_some_and(|b| self.nodes[n as usize].mask >> b & 1 == 1)
+    }
+
+    /// The bit of a voxel in a node's cell.
+    fn bit(&self, n: u32, voxel: [i64; 3]) -> Option<usize> {
+        let mut bit = 0;
+        for a in 0..3 {
+            let at = voxel[a] - i64::from(self.nodes[n as usize].corner[a]);
+            if at < 0 || at >= self.shape.side[a] as i64 {
+                return None;
+            }
+            bit += at as usize * self.shape.stride(a);
+        }
+        Some(bit)
+    }
+
+    /// The ways of least cost from `start` to all nodes, or as far as `to`; a way costs its length times what `weight`
+    /// gives for the two nodes' mean clearance (mm), and may lead diagonally through two cells. Dijkstra's algorithm; ties
+    /// go to the smaller node.
+    pub fn ways(&self, start: u32, to: Option<u32>, weight: impl Fn(f64) -> f64) -> Ways {
+        let count = self.nodes.len();
+        let mut cost = vec![f64::INFINITY; count];
+        let mut before: Vec<u32> = (0..count as u32).collect();
+        let mut length = vec![f64::INFINITY; count];
+        let mut done = vec![false; count];
+        // Costs are not negative, so their bits order as they do.
+        let mut open: BinaryHeap<Reverse<(u64, u32)>> = BinaryHeap::new();
+        (cost[start as usize], length[start as usize]) = (0.0, 0.0);
+        open.push(Reverse((0, start)));
+        while let Some(Reverse((_, n))) = open.pop() {
+            if std::mem::replace(&mut done[n as usize], true) {
+                continue;
+            }
+            let step = |a: u32, b: u32| self.places[a as usize].distance(self.places[b as usize]);
+            if before[n as usize] != n {
+                length[n as usize] = length[before[n as usize] as usize] + step(n, before[n as usize]);
+            }
+            if to == Some(n) {
+                break;
+            }
+            let mut reach = |m: u32| {
+                if done[m as usize] {
+                    return;
+                }
+                let clear = 0.5 * (self.nodes[n as usize].clearance + self.nodes[m as usize].clearance);
+                let c = cost[n as usize] + step(n, m) * weight(clear);
+                if c < cost[m as usize] {
+                    cost[m as usize] = c;
+                    before[m as usize] = n;
+                    open.push(Reverse((c.to_bits(), m)));
+                }
+            };
+            for &m in self.neighbours(n) {
+                reach(m);
+                self.neighbours(m).iter().for_each(|&far| reach(far));
+            }
+        }
+        Ways { length, before }
+    }
+
+    /// The nodes on the way from the start of `ways` to `to`, each touching the one before; the start alone where there
+    /// is no way.
+    pub fn way(&self, ways: &Ways, to: u32) -> Vec<u32> {
+        let mut out = vec![to];
+        let mut n = to;
+        while ways.before[n as usize] != n {
+            let b = ways.before[n as usize];
+            // Of the nodes between two that do not touch, the widest.
+            if !self.neighbours(n).contains(&b) {
+                let between = self.neighbours(n).iter().copied().filter(|m| self.neighbours(*m).contains(&b));
+                let widest = |m: &u32| self.nodes[*m as usize].clearance;
+                out.extend(between.reduce(|m, o| if widest(&o) > widest(&m) { o } else { m }));
+            }
+            out.push(b);
+            n = b;
+        }
+        out.reverse();
+        out
+    }
+
+    /// A 6-connected way of voxels from `from` to `to` along nodes that touch one after the other: never out of them.
+    pub fn voxels(&self, way: &[u32], from: [i64; 3], to: [i64; 3]) -> Vec<[i64; 3]> {
+        let mut out = vec![from];
+        let mut at = from;
+        for (n, pair) in way.windows(2).enumerate() {
+            let goal = if n + 2 == way.len() { to } else { self.nodes[pair[1] as usize].widest };
+            out.extend(self.hop(pair, at, goal));
+            at = goal;
+        }
+        if let &[only] = way {
+            out.extend(self.hop(&[only, only], from, to));
+        }
+        out
+    }
+
+    /// The shortest way from `from` to `to` through the voxels of two nodes, without its first voxel.
+    fn hop(&self, pair: &[u32], from: [i64; 3], to: [i64; 3]) -> Vec<[i64; 3]> {
+        let mut reached: Vec<([i64; 3], usize)> = vec![(from, 0)];
+        let mut seen = [0u64; 2];
+        let mark = |seen: &mut [u64; 2], v: [i64; 3]| {
+            (0..2).any(|p| match self.bit(pair[p], v) {
+                Some(b) if self.nodes[pair[p] as usize].mask >> b & 1 == 1 && seen[p] >> b & 1 == 0 => {
+                    seen[p] |= 1 << b;
+                    true
+                }
+                _ => false,
+            })
+        };
+        mark(&mut seen, from);
+        let mut next = 0;
+        while next < reached.len() {
+            let at = reached[next].0;
+            if at == to {
+                let mut way = Vec::new();
+                let mut n = next;
+                while n != 0 {
+                    way.push(reached[n].0);
+                    n = reached[n].1;
+                }
+                way.reverse();
+                return way;
+            }
+            for s in 0..6 {
+                let mut v = at;
+                v[s / 2] += if s % 2 == 0 { 1 } else { -1 };
+                if mark(&mut seen, v) {
+                    reached.push((v, next));
+                }
+            }
+            next += 1;
+        }
+        Vec::new()
+    }
+}
+
+/// Nodes in each cell of a layer, and the nodes.
+fn nodes_of(walls: &WallDistance, shape: &Shape, dims: [usize; 3], layer: usize) -> (Vec<u32>, Vec<Node>) {
+    let [_, ny, nz] = walls.grid().dims();
+    let set = walls.set();
+    let mut masks = vec![0u64; dims[0] * dims[1]];
+    for k in layer * shape.side[2]..((layer + 1) * shape.side[2]).min(nz) {
+        for j in 0..ny {
+            let row = dims[0] * (j / shape.side[1]);
+            let bit = (j % shape.side[1]) * shape.stride(1) + (k % shape.side[2]) * shape.stride(2);
+            let mut number = set.row_start(j, k);
+            for (w, &word) in set.row(j, k).iter().enumerate() {
+                each_bit(word, |b| {
+                    let x = 64 * w + b;
+                    if walls.values()[number] >= 0.0 {
+                        masks[row + x / shape.side[0]] |= 1 << (bit + x % shape.side[0]);
+                    }
+                    number += 1;
+                });
+            }
+        }
+    }
+    let mut counts = Vec::with_capacity(masks.len());
+    let mut nodes = Vec::new();
+    for (cell, &all) in masks.iter().enumerate() {
+        let corner = [cell % dims[0] * shape.side[0], cell / dims[0] * shape.side[1], layer * shape.side[2]];
+        let before = nodes.len();
+        let mut rest = all;
+        while rest != 0 {
+            let mask = shape.piece(all, rest & rest.wrapping_neg());
+            rest &= !mask;
+            let mut best: Option<(f32, [i64; 3])> = None;
+            each_bit(mask, |b| {
+                let o = shape.offset(b);
+                let v = [0, 1, 2].map(|a| corner[a] as i64 + o[a]);
+                let d = walls.at(v).unwrap_or(0.0);
+                if best.is_none_or(|b| d > b.0) {
+                    best = Some((d, v));
+                }
+            });
+            let (clearance, widest) = best.unwrap_or_default();
+            nodes.push(Node { mask, corner: corner.map(|x| x as i32), widest, clearance: f64::from(clearance) });
+        }
+        counts.push((nodes.len() - before) as u32);
+    }
+    (counts, nodes)
+}
+
+impl Cells {
+    /// The nodes of a node's connected piece, ascending.
+    fn connected(&self, start: u32, seen: &mut [bool]) -> Vec<u32> {
+        let mut piece = vec![start];
+        seen[start as usize] = true;
+        let mut next = 0;
+        while next < piece.len() {
+            for &m in self.neighbours(piece[next]) {
+                if !std::mem::replace(&mut seen[m as usize], true) {
+                    piece.push(m);
+                }
+            }
+            next += 1;
+        }
+        piece.sort_unstable();
+        piece
+    }
+
+    /// The smallest node of the connected piece that a node belongs to: the piece's name.
+    pub fn piece(&self, n: u32) -> u32 {
+        self.connected(n, &mut vec![false; self.nodes.len()])[0]
+    }
+
+    /// The nodes of the connected piece with the most voxels; the first of equal ones. Empty without any lumen.
+    pub fn largest_piece(&self) -> Vec<u32> {
+        let mut seen = vec![false; self.nodes.len()];
+        let mut best = (0, Vec::new());
+        for n in 0..self.nodes.len() as u32 {
+            if !seen[n as usize] {
+                let piece = self.connected(n, &mut seen);
+                let voxels: u64 = piece.iter().map(|&m| u64::from(self.nodes[m as usize].mask.count_ones())).sum();
+                if voxels > best.0 {
+                    best = (voxels, piece);
+                }
+            }
+        }
+        best.1
+    }
+}

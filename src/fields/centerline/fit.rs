@@ -1,0 +1,188 @@
+//! From the middle of the largest balls to the lumen's axis.
+//!
+//! Folds stand into the lumen from one side and push the largest ball to the other, so that a line of such balls swings
+//! from haustrum to haustrum about the axis. Here the lumen is cut across the line instead, by rays to the wall; along
+//! each direction the middle value of the radii over a stretch as long as a haustrum passes over folds, polyps and
+//! strands; and the line moves by what the centroids of these cross-sections say, smoothed along it.
+
+use std::f64::consts::TAU;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::polyline::{is_free, smoothed};
+use crate::fields::WallDistance;
+
+/// Rays in a cross-section.
+const RAYS: usize = 48;
+/// Rounds of cutting and moving.
+const ROUNDS: usize = 4;
+/// Half of the stretch whose cross-sections are taken together, mm: a haustrum is about 25 mm long.
+const HALF_MM: f64 = 14.0;
+/// Standard deviations of the smoothing, mm: of the line before it is cut, and of the centroids along it.
+const LINE_MM: f64 = 5.0;
+const OFFSET_MM: f64 = 7.0;
+/// A ray is not followed farther than this many mean distances to the wall: it has left the cross-section.
+const FAR: f64 = 3.0;
+/// Of the clearance of the line that was given, a moved point keeps at least this, as far as [`AMPLE_MM`].
+const KEPT: f64 = 0.6;
+const AMPLE_MM: f64 = 4.0;
+/// Over so many points the line goes over from the given one to the fitted one.
+const EASE: usize = 5;
+
+/// A frame across the line at a point.
+#[derive(Clone, Copy, Debug)]
+struct Across {
+    u: DVec3,
+    v: DVec3,
+}
+
+/// Moves a free line (points about `step` mm apart, world) towards the lumen's axis, as far as it stays free.
+pub(super) fn to_axis(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<DVec3> {
+    if line.len() < 5 {
+        return line.to_vec();
+    }
+    let ease = ends_eased(line.len(), step);
+    let mut fitted = line.to_vec();
+    for _ in 0..ROUNDS {
+        let even = smoothed(&fitted, LINE_MM / step);
+        let moved = offsets(walls, &even, step);
+        let moved = smoothed(&moved, OFFSET_MM / step);
+        fitted =
+            even.iter().zip(&moved).zip(line.iter().zip(&ease)).map(|((p, m), (l, &e))| l.lerp(*p + *m, e)).collect();
+    }
+    kept_free(walls, line, &fitted)
+}
+
+/// How far each point may leave the given line: not at its ends, which are the centres of balls.
+fn ends_eased(count: usize, step: f64) -> Vec<f64> {
+    let share = |n: usize| {
+        let t = (n.min(count - 1 - n) as f64 * step / HALF_MM).min(1.0);
+        t * t * (3.0 - 2.0 * t)
+    };
+    (0..count).map(share).collect()
+}
+
+/// Where the centroids of the cross-sections lie from the line's points.
+fn offsets(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<DVec3> {
+    let frames = frames(line);
+    let radii: Vec<[f32; RAYS]> = line.par_iter().zip(&frames).map(|(&p, f)| cut(walls, p, f)).collect();
+    let half = (HALF_MM / step).round() as usize;
+    (0..line.len())
+        .into_par_iter()
+        .map(|n| {
+            let reach = half.min(n).min(line.len() - 1 - n);
+            let near = &radii[n - reach..=n + reach];
+            let mut column: Vec<f32> = Vec::with_capacity(near.len());
+            let radius: [f64; RAYS] = std::array::from_fn(|r| {
+                column.clear();
+                column.extend(near.iter().map(|c| c[r]).filter(|r| *r > 0.0));
+                if column.is_empty() {
+                    return 0.0;
+                }
+                let middle = column.len() / 2;
+                f64::from(*column.select_nth_unstable_by(middle, f32::total_cmp).1)
+            });
+            centroid(&radius, &frames[n])
+        })
+        .collect()
+}
+
+/// Centroid of the polygon that the rays' ends span, from the point they start at.
+fn centroid(radius: &[f64; RAYS], frame: &Across) -> DVec3 {
+    let ray = |r: usize| {
+        let (sin, cos) = (TAU * r as f64 / RAYS as f64).sin_cos();
+        (radius[r % RAYS] * cos, radius[r % RAYS] * sin)
+    };
+    let (mut area, mut x, mut y) = (0.0, 0.0, 0.0);
+    for r in 0..RAYS {
+        let (a, b) = (ray(r), ray(r + 1));
+        let twice = a.0 * b.1 - a.1 * b.0;
+        area += twice;
+        x += twice * (a.0 + b.0) / 3.0;
+        y += twice * (a.1 + b.1) / 3.0;
+    }
+    if area > 1e-9 { (frame.u * x + frame.v * y) / area } else { DVec3::ZERO }
+}
+
+/// Frames that turn about the line no more than it demands (double reflection, Wang et al. 2008), so that the rays of
+/// neighbouring cross-sections belong together.
+fn frames(line: &[DVec3]) -> Vec<Across> {
+    let last = line.len() - 1;
+    let tangent = |n: usize| (line[(n + 1).min(last)] - line[n.saturating_sub(1)]).normalize_or(DVec3::Z);
+    let mut u = tangent(0).any_orthonormal_vector();
+    (0..line.len())
+        .map(|n| {
+            let t = tangent(n);
+            if n > 0 {
+                let chord = line[n] - line[n - 1];
+                let mirrored = |x: DVec3, by: DVec3| x - by * (2.0 * by.dot(x) / by.length_squared().max(1e-30));
+                let (left, turned) = (mirrored(u, chord), mirrored(tangent(n - 1), chord));
+                u = mirrored(left, t - turned);
+            }
+            u = (u - t * t.dot(u)).try_normalize().unwrap_or_else(|| t.any_orthonormal_vector());
+            Across { u, v: t.cross(u) }
+        })
+        .collect()
+}
+
+/// Distances to the wall along the rays across the line, mm; 0 where a ray leaves the cross-section without meeting it.
+fn cut(walls: &WallDistance, at: DVec3, frame: &Across) -> [f32; RAYS] {
+    let grid = walls.grid();
+    let centre = grid.voxel(at);
+    let linear = grid.to_voxel().matrix3;
+    let least = 0.35 * grid.min_spacing();
+    let clear = f64::from(walls.at(walls.voxel(at)).unwrap_or(0.0).max(0.0));
+    let far = FAR * clear.max(3.0 * grid.min_spacing());
+    std::array::from_fn(|r| {
+        let (sin, cos) = (TAU * r as f64 / RAYS as f64).sin_cos();
+        let way = linear * (frame.u * cos + frame.v * sin);
+        let (mut t, mut last) = (0.0, (0.0, clear));
+        while t < far {
+            let d = walls.at((centre + way * t).to_array().map(|x| x.round() as i64)).map_or(-1.0, f64::from);
+            if d < 0.0 {
+                // The wall lies between the last free place and this one, by their distances from it.
+                let share = if last.1 - d > 0.0 { last.1 / (last.1 - d) } else { 0.5 };
+                return (last.0 + (t - last.0) * share.clamp(0.0, 1.0)) as f32;
+            }
+            last = (t, d);
+            t += (0.8 * d).max(least);
+        }
+        0.0
+    })
+}
+
+/// The values within [`EASE`] points of one.
+fn around(values: &[f64], n: usize) -> &[f64] {
+    &values[n.saturating_sub(EASE)..(n + EASE + 1).min(values.len())]
+}
+
+/// The fitted line where it is free, else as much nearer to the given one as it must be: that one is free.
+fn kept_free(walls: &WallDistance, line: &[DVec3], fitted: &[DVec3]) -> Vec<DVec3> {
+    let clear = |p: DVec3| f64::from(walls.at(walls.voxel(p)).unwrap_or(-1.0));
+    let mut share: Vec<f64> = line
+        .par_iter()
+        .zip(fitted)
+        .map(|(&l, &f)| {
+            let least = (KEPT * clear(l)).min(AMPLE_MM).max(0.0);
+            [1.0, 0.75, 0.5, 0.25].into_iter().find(|&s| clear(l.lerp(f, s)) >= least).unwrap_or(0.0)
+        })
+        .collect();
+    // A point that must stay near the given line keeps its neighbours there too, so that the line has no steps.
+    let least: Vec<f64> = (0..share.len()).map(|n| around(&share, n).iter().copied().fold(1.0, f64::min)).collect();
+    share = (0..share.len()).map(|n| around(&least, n).iter().sum::<f64>() / around(&least, n).len() as f64).collect();
+    let at = |share: &[f64], n: usize| line[n].lerp(fitted[n], share[n]);
+    loop {
+        let blocked: Vec<usize> =
+            (1..line.len()).filter(|&n| !is_free(walls, at(&share, n - 1), at(&share, n))).collect();
+        if blocked.iter().all(|&n| share[n - 1] == 0.0 && share[n] == 0.0) {
+            break;
+        }
+        for n in blocked {
+            for m in [n - 1, n] {
+                share[m] = if share[m] > 0.1 { 0.5 * share[m] } else { 0.0 };
+            }
+        }
+    }
+    (0..line.len()).map(|n| at(&share, n)).collect()
+}

@@ -1,0 +1,346 @@
+//! The line through the middle of the lumen from one end to the other.
+//!
+//! The way is found over the lumen's cells (see `cells`) at a cost of length × (1 + (8 mm / clearance)²), and led through
+//! their voxels from face to face, so that it cannot pass through a wall however thin. That line is pulled straight as
+//! long as it stays inside, and moved towards the lumen's axis (see `fit`). Collapsed stretches between two pieces of the
+//! lumen are bridged by a straight line, which is listed as a guess.
+
+mod cells;
+mod fit;
+mod peel;
+mod polyline;
+mod roadmap;
+#[cfg(test)]
+mod tests;
+
+use glam::DVec3;
+
+use super::{Lumen, WallDistance};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use cells::Cells;
+
+/// Distance of the line's points, mm.
+const STEP_MM: f64 = 1.0;
+/// A point outside the lumen is moved into it within this, mm.
+const SNAP_MM: f64 = 5.0;
+/// Clearance at which narrowness begins to cost, mm.
+const NARROW_MM: f64 = 8.0;
+/// Rounds of pulling the line straight, before and after it is moved towards the axis; then without leaning, since walls
+/// push it off the axis.
+const TIGHTEN: usize = 12;
+const EVEN: usize = 4;
+/// What a way loses for each mm that its end is drawn back from the lumen's tip: see [`last_ball`].
+const INWARD: f64 = 0.3;
+/// The lumen's tip is looked for within this of where an end is known to be, mm.
+const TIP_MM: f64 = 40.0;
+/// The last ball is looked for within this of the tip, mm.
+const INWARD_MM: f64 = 45.0;
+
+/// A line through the lumen.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Centerline {
+    /// World, mm, about 1 mm apart.
+    pub points: Vec<DVec3>,
+    /// Distance to the wall at each point, mm; 0 on a guessed stretch.
+    pub radius_mm: Vec<f64>,
+    /// Length, mm.
+    pub length_mm: f64,
+    /// Stretches (from, to; mm of length) where the lumen is collapsed and the line is only a guess.
+    pub guessed: Vec<[f64; 2]>,
+}
+
+/// An end of the line.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum End {
+    /// The centre of the last ball at the lumen's tip near this place (world, mm).
+    Tip(DVec3),
+    /// This place (world, mm), moved into the lumen within 5 mm.
+    At(DVec3),
+}
+
+/// How the way is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// The shortest way over the lumen's cells that keeps from walls, pulled straight and moved to the lumen's axis.
+    #[default]
+    PenalisedPath,
+    /// What is left when the lumen is peeled from the wall inwards (see `peel`), pulled straight.
+    PeelOnion,
+    /// The shortest way along sampled inscribed balls that overlap (see `roadmap`).
+    Roadmap,
+    /// The shortest way over the lumen's cells, voxel by voxel.
+    Cells,
+}
+
+/// The line of a lumen from `from` to `to`. `guesses` are pairs of places (world, mm) between which the lumen may be
+/// collapsed (see [`gaps`]); they are used only where there is no other way.
+///
+/// # Errors
+/// Status 4 when an end is not in the lumen, when there is no way, or when interrupted.
+pub fn between(
+    walls: &WallDistance,
+    from: End,
+    to: End,
+    guesses: &[[DVec3; 2]],
+    progress: &Progress,
+) -> Result<Centerline> {
+    by(Method::PenalisedPath, walls, from, to, guesses, progress)
+}
+
+/// [`between`] by another method.
+///
+/// # Errors
+/// As [`between`].
+pub fn by(
+    method: Method,
+    walls: &WallDistance,
+    from: End,
+    to: End,
+    guesses: &[[DVec3; 2]],
+    progress: &Progress,
+) -> Result<Centerline> {
+    progress.stage("finding the centerline", 0);
+    let cells = Cells::of(walls, progress)?;
+    let planner = Planner { method, walls, cells: &cells, progress };
+    match planner.route(from, to)? {
+        Some(line) => Ok(line),
+        None => planner.bridged(from, to, guesses),
+    }
+}
+
+/// The two ends of the lumen's piece with the most voxels, world, mm, the lower one first: the farthest place from its
+/// widest one, and the farthest from that (a double sweep).
+///
+/// # Errors
+/// Status 4 when there is no lumen, or when interrupted.
+pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]> {
+    let cells = Cells::of(walls, progress)?;
+    let clearance = |n: u32| cells.nodes[n as usize].clearance;
+    let widest = cells.largest_piece().into_iter().reduce(|a, b| if clearance(b) > clearance(a) { b } else { a });
+    let Some(start) = widest else {
+        return Err(Error::incomplete("centerline", "there is no lumen in it", "give a scan or a mask that holds one"));
+    };
+    let farthest = |n: u32| {
+        let length = cells.ways(n, None, narrow).length;
+        let far = (0..cells.nodes.len() as u32).filter(|&m| length[m as usize].is_finite());
+        far.reduce(|a, b| if length[b as usize] > length[a as usize] { b } else { a }).unwrap_or(n)
+    };
+    let a = farthest(start);
+    let b = farthest(a);
+    progress.check()?;
+    let ends = [a, b].map(|n| cells.place(n));
+    Ok(if ends[0].z <= ends[1].z { ends } else { [ends[1], ends[0]] })
+}
+
+/// The gaps between segments that follow each other from rectum to cecum and that nothing joins: where the lumen may be
+/// collapsed. Empty where the order is not known.
+pub fn gaps(lumen: &Lumen) -> Vec<[DVec3; 2]> {
+    if !lumen.ordered {
+        return Vec::new();
+    }
+    lumen.segments.windows(2).map(|w| [w[0].ends[1], w[1].ends[0]]).collect()
+}
+
+fn narrow(clearance: f64) -> f64 {
+    1.0 + (NARROW_MM / clearance.max(0.3)).powi(2)
+}
+
+/// What a line is found with.
+#[derive(Clone, Copy)]
+struct Planner<'a> {
+    method: Method,
+    walls: &'a WallDistance,
+    cells: &'a Cells,
+    progress: &'a Progress,
+}
+
+impl Planner<'_> {
+    /// The line within one piece of the lumen; none where its ends lie in two.
+    fn route(&self, from: End, to: End) -> Result<Option<Centerline>> {
+        let walls = self.walls;
+        let (start, goal) = (voxel_of(walls, from.place())?, voxel_of(walls, to.place())?);
+        let Some((start, goal, nodes)) = self.tips((from, start), (to, goal)) else { return Ok(None) };
+        let Some(mut line) = self.way(start, goal, &nodes)? else { return Ok(None) };
+        self.progress.check()?;
+        if let [first, .., last] = &mut line[..] {
+            (*first, *last) = (from.within(walls, start), to.within(walls, goal));
+        }
+        let mut line = polyline::resampled(walls, &line, STEP_MM);
+        let smooth = matches!(self.method, Method::PenalisedPath | Method::PeelOnion);
+        if smooth {
+            polyline::tightened(walls, &mut line, TIGHTEN, polyline::LEAN);
+        }
+        for end in [to, from] {
+            if matches!(end, End::Tip(_)) {
+                last_ball(walls, &mut line);
+            }
+            line.reverse();
+        }
+        if self.method == Method::PenalisedPath {
+            line = fit::to_axis(walls, &polyline::resampled(walls, &line, STEP_MM), STEP_MM);
+            polyline::tightened(walls, &mut line, EVEN, 0.0);
+        }
+        Ok(Some(finished(walls, &polyline::resampled(walls, &line, STEP_MM))))
+    }
+
+    /// A way inside the lumen, if there is one, world, mm; `nodes` lead from the start's to the goal's.
+    fn way(&self, start: [i64; 3], goal: [i64; 3], nodes: &[u32]) -> Result<Option<Vec<DVec3>>> {
+        let walls = self.walls;
+        let world = |way: Vec<[i64; 3]>| way.into_iter().map(|v| walls.world(v)).collect();
+        match self.method {
+            Method::PenalisedPath | Method::Cells => Ok(Some(world(self.cells.voxels(nodes, start, goal)))),
+            Method::PeelOnion => Ok(peel::peeled(walls, start, goal, self.progress)?.map(world)),
+            Method::Roadmap => roadmap::way(walls, start, goal, self.progress),
+        }
+    }
+
+    /// The ends with those that are tips moved to the place near them that is farthest along the lumen from the other end,
+    /// and the nodes of the way between them; none where there is no way.
+    fn tips(
+        &self,
+        (from, start): (End, [i64; 3]),
+        (to, goal): (End, [i64; 3]),
+    ) -> Option<([i64; 3], [i64; 3], Vec<u32>)> {
+        let cells = self.cells;
+        let (a, b) = (cells.node_at(start)?, cells.node_at(goal)?);
+        let search = |from: u32, to: u32, end: End| {
+            let ways = cells.ways(from, matches!(end, End::At(_)).then_some(to), narrow);
+            let near = (0..cells.nodes.len() as u32).filter(|&n| {
+                matches!(end, End::Tip(p) if cells.place(n).distance(p) < TIP_MM) && ways.length[n as usize].is_finite()
+            });
+            let farthest = near.fold(to, |m, n| if ways.length[n as usize] > ways.length[m as usize] { n } else { m });
+            (ways, farthest)
+        };
+        let (ways, tip) = search(a, b, to);
+        if !ways.length[b as usize].is_finite() {
+            return None;
+        }
+        let goal = if tip == b { goal } else { cells.nodes[tip as usize].widest };
+        if matches!(from, End::At(_)) {
+            return Some((start, goal, cells.way(&ways, tip)));
+        }
+        let (back, first) = search(tip, a, from);
+        let start = if first == a { start } else { cells.nodes[first as usize].widest };
+        let mut nodes = cells.way(&back, first);
+        nodes.reverse();
+        Some((start, goal, nodes))
+    }
+
+    /// The connected piece of the lumen that a place lies in.
+    fn piece(&self, place: DVec3) -> Option<u32> {
+        let voxel = self.walls.nearest(place, SNAP_MM)?;
+        self.cells.node_at(voxel).map(|n| self.cells.piece(n))
+    }
+
+    /// A line over gaps: the lumen's pieces one after the other, a straight guess between each two.
+    fn bridged(&self, from: End, to: End, guesses: &[[DVec3; 2]]) -> Result<Centerline> {
+        let goal = self.piece(to.place());
+        let mut line: Option<Centerline> = None;
+        let mut here = from;
+        let mut open: Vec<[DVec3; 2]> = guesses.to_vec();
+        // Guesses follow each other along the colon: towards the cecum, or back towards the rectum.
+        if open
+            .iter()
+            .position(|g| self.piece(g[1]) == self.piece(from.place()))
+            .is_some_and(|at| open[..=at].iter().any(|g| self.piece(g[0]) == goal))
+        {
+            open = open.iter().rev().map(|&[a, b]| [b, a]).collect();
+        }
+        loop {
+            let at = self.piece(here.place());
+            if at == goal {
+                return match self.route(here, to)? {
+                    Some(rest) => Ok(joined(line, rest)),
+                    None => Err(no_way(from, to)),
+                };
+            }
+            let Some(next) = open.iter().position(|g| self.piece(g[0]) == at) else { return Err(no_way(from, to)) };
+            let [a, b] = open.remove(next);
+            let part = self.route(here, End::At(a))?.ok_or_else(|| no_way(from, to))?;
+            line = Some(joined(line, part));
+            here = End::At(b);
+        }
+    }
+}
+
+impl End {
+    fn place(self) -> DVec3 {
+        match self {
+            Self::Tip(p) | Self::At(p) => p,
+        }
+    }
+
+    /// Where the line ends, given the voxel of the lumen that was found for the end.
+    fn within(self, walls: &WallDistance, voxel: [i64; 3]) -> DVec3 {
+        match self {
+            Self::At(p) if walls.voxel(p) == voxel => p,
+            _ => walls.world(voxel),
+        }
+    }
+}
+
+fn no_way(from: End, to: End) -> Error {
+    let (a, b) = (from.place(), to.place());
+    let places = format!("{:.1},{:.1},{:.1} to {:.1},{:.1},{:.1}", a.x, a.y, a.z, b.x, b.y, b.z);
+    let why = format!("no way leads from {places} in the lumen");
+    Error::incomplete("centerline", why, "choose two points of one connected piece of the lumen")
+}
+
+fn finished(walls: &WallDistance, line: &[DVec3]) -> Centerline {
+    let radius = |p: &DVec3| crate::fields::Distance::sample(walls, *p).map_or(0.0, |s| s.mm.max(0.0));
+    Centerline {
+        radius_mm: line.iter().map(radius).collect(),
+        length_mm: polyline::length(line),
+        points: line.to_vec(),
+        guessed: Vec::new(),
+    }
+}
+
+fn voxel_of(walls: &WallDistance, place: DVec3) -> Result<[i64; 3]> {
+    walls.nearest(place, SNAP_MM).ok_or_else(|| {
+        let why =
+            format!("{:.1},{:.1},{:.1} is not in the lumen, nor within {SNAP_MM} mm of it", place.x, place.y, place.z);
+        Error::incomplete("centerline", why, "give a point in the colon's gas or fluid")
+    })
+}
+
+/// Draws the end of a line back from the lumen's tip to the centre of the last ball that touches it: on the way in, the
+/// clearance grows as fast as the distance from the tip until the ball meets the side walls too. The place where clearance
+/// less a share of the way back is largest does not wander on through a lumen that merely widens.
+fn last_ball(walls: &WallDistance, line: &mut Vec<DVec3>) {
+    let (mut back, mut best) = (0.0, (f64::NEG_INFINITY, line.len()));
+    for n in (0..line.len()).rev() {
+        if n + 1 < line.len() {
+            back += line[n].distance(line[n + 1]);
+        }
+        // At least half of the line stays.
+        if back > INWARD_MM || 2 * n < line.len() {
+            break;
+        }
+        let worth = f64::from(walls.at(walls.voxel(line[n])).unwrap_or(0.0)) - INWARD * back;
+        if worth > best.0 {
+            best = (worth, n + 1);
+        }
+    }
+    line.truncate(best.1);
+}
+
+/// A line continued by another, with a guess between them.
+fn joined(line: Option<Centerline>, rest: Centerline) -> Centerline {
+    let Some(mut line) = line else { return rest };
+    let (Some(&a), Some(&b)) = (line.points.last(), rest.points.first()) else { return rest };
+    let gap = a.distance(b);
+    let steps = (gap / STEP_MM).ceil().max(1.0) as usize;
+    for n in 1..steps {
+        line.points.push(a.lerp(b, n as f64 / steps as f64));
+        line.radius_mm.push(0.0);
+    }
+    let begins = line.length_mm;
+    line.guessed.push([begins, begins + gap]);
+    line.guessed.extend(rest.guessed.iter().map(|g| g.map(|s| s + begins + gap)));
+    line.length_mm += gap + rest.length_mm;
+    line.points.extend(rest.points);
+    line.radius_mm.extend(rest.radius_mm);
+    line
+}

@@ -1,0 +1,189 @@
+//! Roadmap (paper, section 3.1): balls inscribed at sampled places, and the ways between those that touch.
+//!
+//! A sample climbs to where the wall is farthest (retraction to the medial axis, Wilmarth, Amato and Stiller 1999) and
+//! its ball owns the voxels that it covers and no other does yet. Samples are drawn from what has no owner until nothing
+//! is left, so that the balls' voxels are the lumen, also where it is narrow; the order is a fixed walk through all
+//! voxels. Two balls are neighbours where voxels of theirs share a face, and the way from one to the other leads straight
+//! from centre to centre where that is free, else through such a pair of voxels.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::DVec3;
+
+use super::narrow;
+use super::polyline::is_free;
+use crate::error::Result;
+use crate::fields::WallDistance;
+use crate::progress::Progress;
+
+/// Steps of a sample's climb at the most.
+const CLIMB: usize = 60;
+/// No ball owns a voxel.
+const NOBODY: u32 = u32::MAX;
+
+/// A ball inscribed in the lumen.
+#[derive(Clone, Copy, Debug)]
+struct Ball {
+    at: DVec3,
+    radius: f64,
+}
+
+/// Where two balls' voxels share a face: the smaller ball, the larger one, the voxels of each (numbers).
+type Contact = (u32, u32, u32, u32);
+
+/// The way of least cost from `start` to `goal` along balls; none where they are not connected.
+pub(super) fn way(
+    walls: &WallDistance,
+    start: [i64; 3],
+    goal: [i64; 3],
+    progress: &Progress,
+) -> Result<Option<Vec<DVec3>>> {
+    let (balls, owner) = balls(walls, [start, goal], progress)?;
+    if start == goal {
+        return Ok(Some(vec![balls[0].at]));
+    }
+    let contacts = contacts(walls, &owner);
+    let mut cost = vec![f64::INFINITY; balls.len()];
+    let mut before: Vec<Option<Contact>> = vec![None; balls.len()];
+    let mut done = vec![false; balls.len()];
+    let mut open = BinaryHeap::from([Reverse((0u64, 0u32))]);
+    cost[0] = 0.0;
+    while let Some(Reverse((_, n))) = open.pop() {
+        if n == 1 {
+            return Ok(Some(line(walls, &balls, &before)));
+        }
+        if std::mem::replace(&mut done[n as usize], true) {
+            continue;
+        }
+        let first = contacts.partition_point(|c| c.0 < n);
+        for &c in contacts[first..].iter().take_while(|c| c.0 == n).filter(|c| !done[c.1 as usize]) {
+            let (a, b) = (balls[n as usize], balls[c.1 as usize]);
+            let price = cost[n as usize] + a.at.distance(b.at) * narrow(a.radius.min(b.radius));
+            if price < cost[c.1 as usize] {
+                (cost[c.1 as usize], before[c.1 as usize]) = (price, Some(c));
+                open.push(Reverse((price.to_bits(), c.1)));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// The line to ball 1 along the contacts by which the balls were reached.
+fn line(walls: &WallDistance, balls: &[Ball], before: &[Option<Contact>]) -> Vec<DVec3> {
+    let mut out = vec![balls[1].at];
+    let mut n = 1;
+    while let Some((a, b, x, y)) = before[n] {
+        let (from, to) = (balls[a as usize].at, balls[b as usize].at);
+        if !is_free(walls, from, to) {
+            out.extend([y, x].map(|v| walls.world(walls.set().voxel(v as usize))));
+        }
+        out.push(from);
+        n = a as usize;
+    }
+    out.reverse();
+    out
+}
+
+/// Pairs of balls whose voxels share a face, in both directions, ascending; of each pair the place farthest from the wall.
+fn contacts(walls: &WallDistance, owner: &[u32]) -> Vec<Contact> {
+    let mut all: Vec<(Contact, u32)> = Vec::new();
+    walls.set().for_each(|n, v| {
+        if owner[n] == NOBODY {
+            return;
+        }
+        for a in 0..3 {
+            let mut next = v.map(|x| x as i64);
+            next[a] += 1;
+            let Some(m) = walls.set().number(next).filter(|&m| owner[m] != NOBODY && owner[m] != owner[n]) else {
+                continue;
+            };
+            // Distances are not negative here, so their bits order as they do; the largest first.
+            let rank = !walls.values()[n].min(walls.values()[m]).to_bits();
+            all.push(((owner[n], owner[m], n as u32, m as u32), rank));
+            all.push(((owner[m], owner[n], m as u32, n as u32), rank));
+        }
+    });
+    all.sort_unstable_by_key(|&((a, b, x, y), rank)| (a, b, rank, x, y));
+    all.dedup_by_key(|c| (c.0.0, c.0.1));
+    all.into_iter().map(|c| c.0).collect()
+}
+
+/// Balls that own the lumen's voxels, and each voxel's owner; the first two balls are those of the ends.
+fn balls(walls: &WallDistance, ends: [[i64; 3]; 2], progress: &Progress) -> Result<(Vec<Ball>, Vec<u32>)> {
+    let count = walls.set().len();
+    let mut owner = vec![NOBODY; count];
+    let mut balls = Vec::new();
+    for end in ends {
+        add(walls, end, &mut owner, &mut balls);
+    }
+    // A stride without a common factor with the count visits every voxel once, far from the one before.
+    let mut stride = (count as f64 * 0.618_033_988_75) as usize | 1;
+    while gcd(stride, count) != 1 {
+        stride += 2;
+    }
+    let mut n = 0;
+    for step in 0..count {
+        if step % (1 << 16) == 0 {
+            progress.check()?;
+        }
+        n = (n + stride) % count;
+        if owner[n] != NOBODY || walls.values()[n] < 0.0 {
+            continue;
+        }
+        let sample = walls.set().voxel(n);
+        add(walls, climbed(walls, sample), &mut owner, &mut balls);
+        if owner[n] == NOBODY {
+            add(walls, sample, &mut owner, &mut balls);
+        }
+    }
+    Ok((balls, owner))
+}
+
+/// Uphill among the 26 neighbours until none is farther from the wall.
+fn climbed(walls: &WallDistance, from: [i64; 3]) -> [i64; 3] {
+    let mut at = from;
+    for _ in 0..CLIMB {
+        let near = (0..27).map(|n| [at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1]);
+        let height = |v: [i64; 3]| walls.at(v).unwrap_or(-1.0);
+        let best = near.fold(at, |b, v| if height(v) > height(b) { v } else { b });
+        if best == at {
+            break;
+        }
+        at = best;
+    }
+    at
+}
+
+/// Adds the ball at a voxel and gives it what it covers and nobody owns: a diagonal less than its radius, so that the
+/// straight way from its centre to any of its voxels passes through no voxel outside; its own voxel in any case.
+fn add(walls: &WallDistance, centre: [i64; 3], owner: &mut [u32], balls: &mut Vec<Ball>) {
+    let radius = f64::from(walls.at(centre).unwrap_or(0.0).max(0.0));
+    let own = balls.len() as u32;
+    balls.push(Ball { at: walls.world(centre), radius });
+    let spacing = walls.grid().spacing();
+    let covers = (radius - spacing.length()).max(0.0);
+    let reach = spacing.to_array().map(|s| (covers / s) as i64);
+    for dk in -reach[2]..=reach[2] {
+        for dj in -reach[1]..=reach[1] {
+            let across = (dk as f64 * spacing.z).powi(2) + (dj as f64 * spacing.y).powi(2);
+            if across > covers * covers {
+                continue;
+            }
+            let along = ((covers * covers - across).sqrt() / spacing.x) as i64;
+            let row = |i: i64| [centre[0] + i, centre[1] + dj, centre[2] + dk];
+            // All of a ball's voxels are of the lumen, so those of a row are numbered one after the other.
+            if let (Some(a), Some(b)) = (walls.set().number(row(-along)), walls.set().number(row(along))) {
+                owner[a..=b].iter_mut().filter(|o| **o == NOBODY).for_each(|o| *o = own);
+            }
+        }
+    }
+    // The ends' balls own their centres, whoever covered them first: the search begins and ends there.
+    if let Some(n) = walls.set().number(centre).filter(|_| own < 2) {
+        owner[n] = own;
+    }
+}
+
+fn gcd(a: usize, b: usize) -> usize {
+    if b == 0 { a } else { gcd(b, a % b) }
+}

@@ -1,0 +1,225 @@
+use glam::DMat3;
+use proptest::prelude::*;
+
+use super::polyline::{is_free, resampled, tightened};
+use super::*;
+use crate::math::hash::uniform;
+use crate::volume::{Grid, Volume};
+
+const METHODS: [Method; 4] = [Method::PenalisedPath, Method::PeelOnion, Method::Roadmap, Method::Cells];
+
+fn mask(dims: [usize; 3], spacing: DVec3, is_in: impl Fn(DVec3) -> bool) -> WallDistance {
+    let grid = Grid::new(dims, spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let data = (0..grid.len())
+        .map(|n| {
+            let u = DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
+            i16::from(is_in(grid.world(u)))
+        })
+        .collect();
+    WallDistance::of_mask(&Volume::new(grid, data), &Progress::new()).unwrap()
+}
+
+/// What is true of every line without a guess.
+fn holds_together(walls: &WallDistance, line: &Centerline) {
+    assert_eq!(line.points.len(), line.radius_mm.len());
+    assert!(line.points.windows(2).all(|w| is_free(walls, w[0], w[1])), "a line leaves the lumen");
+    assert!(line.points.iter().all(|&p| walls.is_inside(walls.voxel(p))));
+    let length: f64 = line.points.windows(2).map(|w| w[0].distance(w[1])).sum();
+    assert!((length - line.length_mm).abs() < 1e-9 * (1.0 + length));
+    assert!(line.radius_mm.iter().all(|r| r.is_finite() && *r >= 0.0) && line.guessed.is_empty());
+}
+
+fn off(p: DVec3, line: &[DVec3]) -> f64 {
+    let part = |w: &[DVec3]| {
+        let way = w[1] - w[0];
+        p.distance(w[0] + way * ((p - w[0]).dot(way) / way.length_squared()).clamp(0.0, 1.0))
+    };
+    line.windows(2).map(part).fold(f64::INFINITY, f64::min)
+}
+
+/// A straight tube: the axis, from the centre of one end's ball to the other's, by every method.
+#[test]
+fn a_tube_has_its_axis() {
+    let (a, b) = (DVec3::new(12.0, 13.0, 12.0), DVec3::new(60.0, 33.0, 40.0));
+    for spacing in [DVec3::ONE, DVec3::new(0.7, 0.9, 1.4)] {
+        let dims = [74.0, 48.0, 54.0];
+        let walls = mask([0, 1, 2].map(|n| (dims[n] / spacing[n]) as usize), spacing, |p| off(p, &[a, b]) < 9.0);
+        let ends = far_ends(&walls, &Progress::new()).unwrap();
+        for (method, most) in METHODS.into_iter().zip([0.6, 1.2, 2.5, 4.0]) {
+            let line = by(method, &walls, End::Tip(ends[0]), End::Tip(ends[1]), &[], &Progress::new()).unwrap();
+            holds_together(&walls, &line);
+            let errors: Vec<f64> = line.points.iter().map(|&p| off(p, &[a, b])).collect();
+            let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+            assert!(mean < most, "{method:?}, {spacing}: {mean} mm");
+            assert!(line.points[0].distance(a) < 3.5 && line.points.last().unwrap().distance(b) < 3.5, "{method:?}");
+        }
+    }
+}
+
+/// Two limbs of a hairpin that share a wall of one voxel, touch along an edge, or along a corner: the line goes round.
+#[test]
+fn touching_loops_are_not_cut() {
+    let hairpin = |p: DVec3, wall: &dyn Fn(DVec3) -> bool| {
+        let limbs = p.x >= 1.0 && p.x <= 60.0 && (p.z - 6.0).abs() <= 4.0 && p.y >= 1.0 && p.y <= 17.0;
+        limbs && (!wall(p) || p.x > 53.0)
+    };
+    let one_voxel = |p: DVec3| p.y == 9.0;
+    // Steps of a staircase between the limbs that touch in edges only.
+    let edges = |p: DVec3| p.y == 9.0 + (p.x + p.z) % 2.0;
+    for (name, walls) in [
+        ("one voxel", mask([62, 19, 13], DVec3::ONE, |p| hairpin(p, &one_voxel))),
+        ("edges", mask([62, 19, 13], DVec3::ONE, |p| hairpin(p, &edges))),
+        (
+            "flat",
+            mask([62, 19, 13], DVec3::new(1.0, 1.0, 4.0), |p| hairpin(DVec3::new(p.x, p.y, p.z / 4.0), &one_voxel)),
+        ),
+    ] {
+        let (from, to) = (
+            DVec3::new(4.0, 5.0, 6.0 * walls.grid().spacing().z),
+            DVec3::new(4.0, 14.0, 6.0 * walls.grid().spacing().z),
+        );
+        for method in METHODS {
+            let line = by(method, &walls, End::At(from), End::At(to), &[], &Progress::new()).unwrap();
+            holds_together(&walls, &line);
+            assert!(line.length_mm > 95.0, "{name}, {method:?}: {} mm is a shortcut", line.length_mm);
+        }
+    }
+}
+
+#[test]
+fn extremes() {
+    let p = Progress::new();
+    // One voxel wide, with corners, in thick slices.
+    let spacing = DVec3::new(0.3, 0.3, 10.0);
+    let narrow = mask([40, 40, 6], spacing, |w| {
+        let u = (w / spacing).round();
+        (u.y == 3.0 && u.z == 2.0) || (u.x == 38.0 && u.z == 2.0) || (u.x == 38.0 && u.y == 39.0)
+    });
+    let ends = far_ends(&narrow, &p).unwrap();
+    for method in METHODS {
+        let line = by(method, &narrow, End::Tip(ends[0]), End::Tip(ends[1]), &[], &p).unwrap();
+        holds_together(&narrow, &line);
+        assert!(line.points.len() > 2, "{method:?}");
+    }
+    // A closed ring.
+    let ring = mask([50, 50, 13], DVec3::ONE, |w| {
+        let q = w - DVec3::new(24.5, 24.5, 6.0);
+        (q.x.hypot(q.y) - 17.0).hypot(q.z) < 5.0
+    });
+    let ends = far_ends(&ring, &p).unwrap();
+    for method in METHODS {
+        let line = by(method, &ring, End::Tip(ends[0]), End::Tip(ends[1]), &[], &p).unwrap();
+        holds_together(&ring, &line);
+        assert!((30.0..75.0).contains(&line.length_mm), "{method:?}: half of the ring, {} mm", line.length_mm);
+    }
+    // One voxel, and two points that are the same.
+    let one = mask([5, 5, 5], DVec3::ONE, |w| w == DVec3::splat(2.0));
+    for method in METHODS {
+        let line = by(method, &one, End::Tip(DVec3::splat(2.0)), End::Tip(DVec3::splat(2.0)), &[], &p).unwrap();
+        assert_eq!(line.points, [DVec3::splat(2.0)]);
+    }
+    let none = mask([5, 5, 5], DVec3::ONE, |_| false);
+    assert!(far_ends(&none, &p).is_err());
+    for at in [DVec3::NAN, DVec3::splat(1e300), DVec3::splat(2.0)] {
+        assert!(between(&none, End::At(at), End::At(at), &[], &p).is_err());
+    }
+    let cancelled = Progress::new();
+    cancelled.cancel();
+    assert!(between(&ring, End::Tip(ends[0]), End::Tip(ends[1]), &[], &cancelled).is_err());
+}
+
+/// A tube in three pieces: bridged in order, in both directions, only when guesses are given, and marked.
+#[test]
+fn collapsed_stretches_are_marked_guesses() {
+    let walls = mask([120, 15, 15], DVec3::ONE, |p| {
+        (p.y - 7.0).hypot(p.z - 7.0) < 5.0 && !(40.0..46.0).contains(&p.x) && !(70.0..79.0).contains(&p.x)
+    });
+    let at = |x: f64| DVec3::new(x, 7.0, 7.0);
+    let p = Progress::new();
+    let guesses = [[at(37.0), at(48.0)], [at(67.0), at(81.0)]];
+    assert!(between(&walls, End::At(at(5.0)), End::At(at(110.0)), &[], &p).is_err());
+    assert!(between(&walls, End::At(at(5.0)), End::At(at(110.0)), &guesses[1..], &p).is_err());
+    for (from, to) in [(5.0, 110.0), (110.0, 5.0)] {
+        let line = between(&walls, End::At(at(from)), End::At(at(to)), &guesses, &p).unwrap();
+        assert_eq!(line.guessed.len(), 2);
+        assert!((line.length_mm - 105.0).abs() < 2.0, "{}", line.length_mm);
+        let mut widths = line.guessed.iter().map(|g| g[1] - g[0]).collect::<Vec<_>>();
+        widths.sort_by(f64::total_cmp);
+        assert!((widths[0] - 11.0).abs() < 1e-9 && (widths[1] - 14.0).abs() < 1e-9, "{widths:?}");
+        assert_eq!(line.points.len(), line.radius_mm.len());
+        assert!(line.radius_mm.iter().filter(|r| **r == 0.0).count() >= 20);
+    }
+    // Within one piece nothing is guessed.
+    let line = between(&walls, End::At(at(50.0)), End::At(at(60.0)), &guesses, &p).unwrap();
+    assert!(line.guessed.is_empty());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    /// Caves of chance: a line, where there is a way at all, inside everywhere, whatever the method; a way there is exactly
+    /// where a flood from one end reaches the other.
+    #[test]
+    fn lines_stay_inside_caves(seed: u64, share in 0.45f64..0.9, sx in 0.3f64..2.0, sz in 0.3f64..4.0) {
+        let dims = [17usize, 15, 13];
+        let walls = mask(dims, DVec3::new(sx, 0.8, sz), |p| {
+            let u = (p / DVec3::new(sx, 0.8, sz)).round();
+            uniform(seed, (u.x + 17.0 * (u.y + 15.0 * u.z)) as u64) < share
+        });
+        let inside: Vec<[i64; 3]> = {
+            let mut out = Vec::new();
+            walls.set().for_each(|n, v| if walls.values()[n] >= 0.0 { out.push(v.map(|x| x as i64)) });
+            out
+        };
+        let (a, b) = (inside[0], inside[inside.len() - 1]);
+        let mut reached = vec![a];
+        let mut n = 0;
+        while n < reached.len() {
+            for s in 0..6 {
+                let mut v = reached[n];
+                v[s / 2] += if s % 2 == 0 { 1 } else { -1 };
+                if walls.is_inside(v) && !reached.contains(&v) {
+                    reached.push(v);
+                }
+            }
+            n += 1;
+        }
+        for method in METHODS {
+            let line = by(method, &walls, End::At(walls.world(a)), End::At(walls.world(b)), &[], &Progress::new());
+            prop_assert_eq!(line.is_ok(), reached.contains(&b), "{:?}", method);
+            if let Ok(line) = line {
+                holds_together(&walls, &line);
+                prop_assert_eq!(line.points[0], walls.world(a));
+                prop_assert_eq!(line.points[line.points.len() - 1], walls.world(b));
+            }
+        }
+    }
+}
+
+/// Random walks through the voxels of a cave stay free when they are resampled and pulled straight.
+#[test]
+fn resampling_and_tightening_keep_a_line_free() {
+    let walls =
+        mask([20, 20, 20], DVec3::new(0.5, 0.7, 1.1), |p| (p.x * 1.7).sin() + (p.y * 1.3).cos() + (p.z).sin() < 0.6);
+    for walk in 0..20u64 {
+        let mut at = [(walk % 20) as i64, 10, 10];
+        while !walls.is_inside(at) {
+            at[1] = (at[1] + 1) % 20;
+        }
+        let mut line = vec![walls.world(at)];
+        for n in 0..200 {
+            let s = (6.0 * uniform(walk, n)) as usize;
+            let mut v = at;
+            v[s / 2] += if s % 2 == 0 { 1 } else { -1 };
+            if walls.is_inside(v) {
+                at = v;
+                line.push(walls.world(at));
+            }
+        }
+        for step in [0.2, 1.0, 3.0] {
+            let mut r = resampled(&walls, &line, step);
+            assert!(r.first() == line.first() && r.last() == line.last());
+            tightened(&walls, &mut r, 5, 0.4);
+            assert!(r.windows(2).all(|w| is_free(&walls, w[0], w[1])), "walk {walk}, step {step}");
+        }
+    }
+}

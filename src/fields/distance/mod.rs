@@ -1,0 +1,211 @@
+//! D_s, the distance to the wall, inside the lumen and in a shell of two voxels around it.
+//!
+//! The wall's places are where grid edges between a voxel of the lumen and one outside cross the iso value, by linear
+//! interpolation (half-way on a mask); the distance to these is exact (see `transform`). They are samples of the wall, so
+//! the distance to them is not less than that to the interpolated wall itself, and more by at most the diagonal of a voxel;
+//! right beside the wall the plane through the neighbouring samples takes their place. Against spheres the error is 0.02
+//! of a voxel in the mean, and 0.4 at most, at voxels that see the wall along a diagonal, past their own edges (see the
+//! tests). It is negative in the shell.
+//!
+//! Between voxels it is a cubic B-spline with the distances as its coefficients: twice continuously differentiable, exact
+//! where the distance is linear, and a mean of distances, so that it never swings. Its weights have the second moment
+//! h²/3 about the place along each axis, and distances are 1-Lipschitz: the spline stays within √((hx² + hy² + hz²)/3) of
+//! the distance everywhere (Jensen), and comes near to that on the ridge only, which it rounds.
+//!
+//! On a sheared grid (a tilted gantry stored as such) distances are measured along the axes as if they were orthogonal,
+//! and scaled by their least stretch: a lower bound of the distance.
+
+pub mod compare;
+pub(in crate::fields) mod spline;
+#[cfg(test)]
+mod tests;
+mod transform;
+
+use glam::DVec3;
+
+use super::clearance::smallest_singular_value;
+use super::lumen::{GAS_HU, Lumen};
+use super::voxels::VoxelSet;
+use super::{Clearance, Clearances, Distance, Sample};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+use crate::volume::{Grid, Volume};
+use transform::Walls;
+
+/// Voxels around the lumen in which the distance is kept too: what the spline at any place of the lumen looks at.
+const SHELL: usize = 2;
+
+/// What of the lumen is free.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Through {
+    /// Gas alone: where a camera sees.
+    Gas,
+    /// Gas and tagged fluid: the lumen as anatomy has it, in which fluid joins the segments of gas.
+    #[default]
+    GasAndFluid,
+}
+
+/// The distance to the wall, mm.
+#[derive(Clone, Debug)]
+pub struct WallDistance {
+    grid: Grid,
+    set: VoxelSet,
+    /// In the order of the set; at least 0 in the lumen, less outside.
+    values: Vec<f32>,
+    /// See [`smallest_singular_value`].
+    shrink: f64,
+    voxels: usize,
+    /// How much more than the distance to the wall a value may be, mm.
+    excess: f64,
+}
+
+impl WallDistance {
+    /// The distance to the wall of the lumen, which was found in `volume`.
+    ///
+    /// # Errors
+    /// Status 4 when interrupted, 3 when there are more voxels than can be numbered.
+    pub fn of_lumen(volume: &Volume, lumen: &Lumen, through: Through, progress: &Progress) -> Result<Self> {
+        let fluid = (through == Through::GasAndFluid).then(|| lumen.fluid().iter());
+        let runs = lumen.gas().iter().chain(fluid.into_iter().flatten()).map(|(j, k, r)| (j, k, r.range()));
+        let inside = VoxelSet::from_runs(volume.grid().dims(), runs).ok_or_else(too_many)?;
+        Self::build(volume.grid(), inside, Some((volume.data(), GAS_HU)), progress)
+    }
+
+    /// The distance to the boundary of a mask: any voxel that is not 0 is lumen.
+    ///
+    /// # Errors
+    /// As [`WallDistance::of_lumen`].
+    pub fn of_mask(mask: &Volume, progress: &Progress) -> Result<Self> {
+        let inside = VoxelSet::from_fn(mask.grid().dims(), |n| mask.data()[n] != 0).ok_or_else(too_many)?;
+        Self::build(mask.grid(), inside, None, progress)
+    }
+
+    fn build(grid: &Grid, inside: VoxelSet, hu: Option<(&[i16], i16)>, progress: &Progress) -> Result<Self> {
+        let set = inside.dilated(SHELL).ok_or_else(too_many)?;
+        let walls = Walls { inside: &inside, hu };
+        let shrink = smallest_singular_value(grid.direction());
+        // A lumen without any wall fills a mask's whole grid; nothing says how far its wall is then, but the grid's size.
+        let most = (grid.spacing() * DVec3::from_array(grid.dims().map(|n| n as f64))).length();
+        let values = transform::distances(&walls, &set, grid.spacing().to_array(), (shrink, most), progress)?;
+        let excess = if hu.is_some() { grid.spacing().length() } else { 0.0 };
+        Ok(Self { grid: grid.clone(), voxels: inside.len(), set, values, shrink, excess })
+    }
+
+    /// The grid.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// How many voxels of the lumen there are.
+    pub fn voxels(&self) -> usize {
+        self.voxels
+    }
+
+    /// The voxels for which there is a value: the lumen's and the shell's.
+    pub fn set(&self) -> &VoxelSet {
+        &self.set
+    }
+
+    /// The values of [`WallDistance::set`], mm, in its order; at least 0 in the lumen, less outside.
+    pub fn values(&self) -> &[f32] {
+        &self.values
+    }
+
+    /// The distance at a voxel's centre, mm; negative outside the lumen, none beyond the shell.
+    #[inline]
+    pub fn at(&self, voxel: [i64; 3]) -> Option<f32> {
+        self.set.number(voxel).map(|n| self.values[n])
+    }
+
+    /// Whether a voxel is of the lumen.
+    #[inline]
+    pub fn is_inside(&self, voxel: [i64; 3]) -> bool {
+        self.at(voxel).is_some_and(|d| d >= 0.0)
+    }
+
+    /// The voxel that holds a place (world, mm).
+    pub fn voxel(&self, world: DVec3) -> [i64; 3] {
+        // `as` saturates, so a place far outside stays outside, and what is not a number is voxel 0's neighbour below.
+        let u = self.grid.voxel(world);
+        if u.is_nan() { [-1; 3] } else { u.to_array().map(|x| x.round() as i64) }
+    }
+
+    /// The voxel of the lumen nearest to a place (world, mm) if one is within `within_mm`: the one that holds it, else by
+    /// the distance of centres.
+    pub fn nearest(&self, world: DVec3, within_mm: f64) -> Option<[i64; 3]> {
+        let centre = self.voxel(world);
+        if self.is_inside(centre) {
+            return Some(centre);
+        }
+        if !world.is_finite() {
+            return None;
+        }
+        // How far a distance in the world reaches along an index: the length of that row of the inverse matrix.
+        let inverse = self.grid.to_voxel().matrix3.transpose();
+        let reach = [0, 1, 2].map(|a| (inverse.col(a).length() * within_mm).ceil() as i64);
+        let dims = self.grid.dims().map(|n| n as i64);
+        let span =
+            |a: usize| (centre[a].saturating_sub(reach[a])).max(0)..centre[a].saturating_add(reach[a] + 1).min(dims[a]);
+        let mut best: Option<(f64, [i64; 3])> = None;
+        for k in span(2) {
+            for j in span(1) {
+                for i in span(0) {
+                    let far = self.world([i, j, k]).distance(world);
+                    if far <= within_mm && best.is_none_or(|b| far < b.0) && self.is_inside([i, j, k]) {
+                        best = Some((far, [i, j, k]));
+                    }
+                }
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// Centre of a voxel, world, mm.
+    pub fn world(&self, voxel: [i64; 3]) -> DVec3 {
+        self.grid.world(DVec3::new(voxel[0] as f64, voxel[1] as f64, voxel[2] as f64))
+    }
+
+    /// How far the spline may be from the distance, mm.
+    pub fn margin_mm(&self) -> f64 {
+        (self.grid.spacing().length_squared() / 3.0).sqrt()
+    }
+
+    /// Size in memory.
+    pub fn bytes(&self) -> usize {
+        self.set.bytes() + size_of_val(self.values.as_slice())
+    }
+}
+
+fn too_many() -> Error {
+    Error::input("volume", "holds more lumen than can be numbered", "crop or resample it")
+}
+
+impl Distance for WallDistance {
+    /// Defined in every voxel of the lumen, and a little beyond the wall, where it is negative.
+    fn sample(&self, at: DVec3) -> Option<Sample> {
+        spline::sample(&self.grid, at, |v| self.at(v))
+    }
+}
+
+impl Clearances for WallDistance {
+    /// Never more than the distance to the wall of the lumen this was built of (with [`Through::Gas`], that of the gas):
+    /// the best bound that the voxels around the place give, since a distance changes by no more than the way, less the
+    /// diagonal of a voxel, by which distances to the wall's samples may exceed that to the wall.
+    fn clearance(&self, at: DVec3) -> Clearance {
+        let none = Clearance { mm: 0.0, toward: DVec3::ZERO };
+        if !self.is_inside(self.voxel(at)) {
+            return none;
+        }
+        let base = self.grid.voxel(at).floor();
+        let mut mm = 0.0f64;
+        for c in 0..8 {
+            let corner = base + DVec3::new(f64::from(c & 1), f64::from(c >> 1 & 1), f64::from(c >> 2));
+            let Some(d) = self.at(corner.to_array().map(|x| x as i64)) else { continue };
+            // The way along the axes taken as orthogonal is not shorter than `shrink` of itself in the world.
+            let way = self.grid.world(corner).distance(at);
+            mm = mm.max(f64::from(d) - way);
+        }
+        let toward = self.sample(at).map_or(DVec3::ZERO, |s| -s.gradient.normalize_or_zero());
+        Clearance { mm: (mm - self.excess * self.shrink).max(0.0), toward }
+    }
+}

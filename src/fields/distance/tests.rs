@@ -1,0 +1,220 @@
+use std::sync::Arc;
+
+use glam::DMat3;
+use proptest::prelude::*;
+
+use super::*;
+use crate::fields::ClearanceFinder;
+use crate::math::hash::uniform;
+
+fn grid(dims: [usize; 3], spacing: DVec3) -> Grid {
+    Grid::new(dims, spacing, DVec3::new(-5.0, 3.0, 7.0), DMat3::IDENTITY).unwrap()
+}
+
+fn volume(grid: Grid, hu: impl Fn(DVec3) -> f64) -> Volume {
+    let [nx, ny, _] = grid.dims();
+    let data = (0..grid.len())
+        .map(|n| hu(grid.world(DVec3::new((n % nx) as f64, (n / nx % ny) as f64, (n / nx / ny) as f64))).round() as i16)
+        .collect();
+    Volume::new(grid, data)
+}
+
+/// The gas of a volume as the lumen, whatever it is.
+fn of_gas(v: &Volume) -> WallDistance {
+    let inside = VoxelSet::from_fn(v.grid().dims(), |n| v.data()[n] <= GAS_HU).unwrap();
+    WallDistance::build(v.grid(), inside, Some((v.data(), GAS_HU)), &Progress::new()).unwrap()
+}
+
+/// Every crossing of a grid edge and every gas voxel on the border, in mm along the axes.
+fn crossings(v: &Volume, is_mask: bool) -> Vec<DVec3> {
+    let dims = v.grid().dims();
+    let at = |n: usize| [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]];
+    let place = |p: [usize; 3]| DVec3::from_array(p.map(|x| x as f64));
+    let is_in = |n: usize| if is_mask { v.data()[n] != 0 } else { v.data()[n] <= GAS_HU };
+    let hu = |n: usize| f64::from(v.data()[n]);
+    let mut out = Vec::new();
+    for n in 0..v.data().len() {
+        let p = at(n);
+        for a in 0..3 {
+            let step = DVec3::AXES[a];
+            let beyond = if is_mask { 0.5 } else { 0.0 };
+            if is_in(n) && p[a] == 0 {
+                out.push(place(p) - step * beyond);
+            }
+            if is_in(n) && p[a] + 1 == dims[a] {
+                out.push(place(p) + step * beyond);
+            }
+            if p[a] + 1 < dims[a] {
+                let m = n + [1, dims[0], dims[0] * dims[1]][a];
+                if is_in(n) != is_in(m) {
+                    let t = if is_mask { 0.5 } else { (-650.0 - hu(n)) / (hu(m) - hu(n)) };
+                    out.push(place(p) + step * t);
+                }
+            }
+        }
+    }
+    out.iter().map(|c| *c * v.grid().spacing()).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+    /// Every voxel's distance to the nearest of all crossings, found one by one.
+    #[test]
+    fn is_the_distance_to_the_nearest_crossing(
+        nx in prop::sample::select(vec![1usize, 2, 9, 65]), ny in 1usize..9, nz in 1usize..9,
+        seed: u64, share in 0.02f64..0.9, is_mask: bool, flat in 0usize..3,
+    ) {
+        let mut spacing = DVec3::new(0.7, 0.9, 1.3);
+        spacing[flat] = 6.0;
+        let g = grid([nx, ny, nz], spacing);
+        // Blobs and noise: thick and thin parts.
+        let solid = |n: usize| uniform(seed, (n / 7) as u64) < share;
+        let data: Vec<i16> = (0..g.len())
+            .map(|n| match (solid(n), is_mask) {
+                (true, true) => 0,
+                (false, true) => 3,
+                (true, false) => (200.0 * uniform(seed, n as u64)) as i16,
+                (false, false) => -1000 + (300.0 * uniform(seed, n as u64)) as i16,
+            })
+            .collect();
+        let v = Volume::new(g, data);
+        let d = if is_mask { WallDistance::of_mask(&v, &Progress::new()).unwrap() } else { of_gas(&v) };
+        let all = crossings(&v, is_mask);
+        prop_assert_eq!(d.voxels(), v.data().iter().filter(|&&x| if is_mask { x != 0 } else { x <= GAS_HU }).count());
+        let mut failed = None;
+        d.set().for_each(|n, [i, j, k]| {
+            let p = DVec3::new(i as f64, j as f64, k as f64) * spacing;
+            let brute = all.iter().map(|c| c.distance(p)).fold(f64::INFINITY, f64::min);
+            let got = f64::from(d.values()[n]);
+            // Beside the wall the plane through the samples may be nearer than each, by no more than √3.
+            let tangent = !is_mask && got.abs() >= brute / 3f64.sqrt() - 1e-4 && brute <= spacing.max_element();
+            let exact = (got.abs() - brute).abs() < 1e-3;
+            // In the shell the way to the nearest crossing may lead out of it.
+            let outside = got < 0.0 && got.abs() >= brute - 1e-3;
+            if !(exact || tangent || outside) && brute.is_finite() {
+                failed = Some(([i, j, k], got, brute));
+            }
+        });
+        prop_assert_eq!(failed, None);
+    }
+}
+
+/// Balls of gas with a linear edge: the values' error at voxel centres, and the spline's between them.
+#[test]
+fn a_sphere_is_met_to_hundredths_of_a_voxel() {
+    for spacing in [DVec3::ONE, DVec3::new(0.7, 0.7, 1.0), DVec3::new(0.5, 0.8, 1.5)] {
+        let dims = [0, 1, 2].map(|a| (44.0 / spacing[a]) as usize);
+        let centre = DVec3::new(16.6, 25.3, 28.9);
+        let v = volume(grid(dims, spacing), |p| {
+            let d = p.distance(centre) - 15.0;
+            // −650 HU at d = 0, and linear about it: what is measured is the distance's error, not that of interpolation.
+            (-650.0 + 200.0 * d).clamp(-1000.0, 40.0)
+        });
+        let field = of_gas(&v);
+        let (mut sum, mut count, mut worst) = (0.0, 0.0, 0.0f64);
+        field.set().for_each(|n, [i, j, k]| {
+            let p = field.world([i as i64, j as i64, k as i64]);
+            let error = f64::from(field.values()[n]) - (15.0 - p.distance(centre));
+            if field.values()[n] > 0.0 && p.distance(centre) > 0.5 {
+                (sum, count, worst) = (sum + error.abs(), count + 1.0, worst.max(error.abs()));
+            }
+        });
+        let h = spacing.max_element();
+        assert!(sum / count < 0.03 * h && worst < 0.42 * h, "{spacing}: mean {}, worst {worst}", sum / count);
+        let (mut sum, mut turned, mut count) = (0.0, 0.0, 0.0);
+        for n in 0..2000u64 {
+            let u = |k| uniform(7, 4 * n + k) * 2.0 - 1.0;
+            let way = DVec3::new(u(0), u(1), u(2)).normalize_or_zero();
+            let at = centre + way * (3.0 + 12.0 * uniform(7, 4 * n + 3));
+            let s = field.sample(at).unwrap();
+            sum += (s.mm - (15.0 - at.distance(centre))).abs();
+            turned += s.gradient.angle_between(-way).to_degrees();
+            count += 1.0;
+            assert!((s.mm - (15.0 - at.distance(centre))).abs() < field.margin_mm() + 0.3 * h);
+        }
+        assert!(
+            sum / count < 0.06 * h && turned / count < 2.5,
+            "{spacing}: {} mm, {} degrees",
+            sum / count,
+            turned / count
+        );
+        // On the ridge (here a point) the spline is rounded, by no more than its margin.
+        let s = field.sample(centre).unwrap();
+        assert!(s.mm < 15.1 && s.mm > 15.0 - field.margin_mm() - 0.1 * h && s.gradient.length() < 0.5);
+    }
+}
+
+/// A bent tube with coarse, noisy voxels: the bound is one, and of use.
+#[test]
+fn clearances_are_bounds_of_the_finders() {
+    let shear = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::new(0.0, 0.3, 1.0));
+    for (spacing, direction) in [
+        (DVec3::ONE, DMat3::IDENTITY),
+        (DVec3::new(0.3, 0.3, 10.0), DMat3::IDENTITY),
+        (DVec3::new(0.7, 0.7, 1.0), shear),
+    ] {
+        let dims = [0, 1, 2].map(|a| (40.0 / spacing[a]).ceil() as usize);
+        let g = Grid::new(dims, spacing, DVec3::ZERO, direction).unwrap();
+        let axis = |p: DVec3| {
+            g.world(DVec3::from_array(dims.map(|n| 0.5 * n as f64))) * DVec3::new(1.0, 1.0, 0.0) + DVec3::Z * p.z
+        };
+        let v = Arc::new(volume(g.clone(), |p| {
+            let d = (p - axis(p)).length() - 9.0 - 2.0 * (p.z / 6.0).sin();
+            (-650.0 + 300.0 * d + 40.0 * uniform(1, (p.x * 91.0 + p.y * 977.0 + p.z * 7919.0) as u64))
+                .clamp(-1000.0, 40.0)
+        }));
+        let field = of_gas(&v);
+        let finder = ClearanceFinder::new(Arc::clone(&v), -650.0, 12.0);
+        let (mut loss, mut count) = (0.0, 0.0);
+        for n in 0..3000u64 {
+            let u = |k| uniform(9, 4 * n + k);
+            let at = g.world(DVec3::from_array(dims.map(|n| n as f64)) * DVec3::new(u(0), u(1), u(2)));
+            let (ours, exact) = (field.clearance(at), finder.at(at));
+            assert!(
+                ours.mm <= exact.mm + crate::fields::clearance::TOLERANCE_MM + 1e-6
+                    || exact.mm >= finder.limit_mm() - 1e-6,
+                "{at}: {} above {}",
+                ours.mm,
+                exact.mm
+            );
+            assert!(ours.toward.is_finite());
+            if exact.mm > 3.0 {
+                (loss, count) = (loss + exact.mm - ours.mm, count + 1.0);
+            }
+        }
+        assert!(count > 20.0 && (spacing.z > 5.0 || loss / count < 2.2), "{spacing}: loses {}", loss / count);
+    }
+}
+
+#[test]
+fn empty_full_flat_and_single() {
+    let p = Progress::new();
+    for dims in [[1, 1, 1], [1, 7, 1], [70, 3, 2]] {
+        for value in [0i16, 1] {
+            let v = Volume::new(grid(dims, DVec3::new(0.3, 0.3, 10.0)), vec![value; dims.iter().product()]);
+            let d = WallDistance::of_mask(&v, &p).unwrap();
+            assert_eq!(d.voxels(), if value == 0 { 0 } else { v.data().len() });
+            assert!(d.values().iter().all(|x| x.is_finite() && *x > 0.0));
+            for at in [v.grid().origin(), DVec3::NAN, DVec3::splat(1e300)] {
+                assert!(d.sample(at).is_none_or(|s| s.mm.is_finite() && s.gradient.is_finite()));
+                assert!(d.clearance(at).mm >= 0.0);
+            }
+        }
+    }
+    let cancelled = Progress::new();
+    cancelled.cancel();
+    let v = Volume::new(grid([4; 3], DVec3::ONE), vec![1; 64]);
+    assert!(WallDistance::of_mask(&v, &cancelled).is_err());
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same() {
+    let v = volume(grid([40, 41, 42], DVec3::new(0.7, 0.8, 0.9)), |p| {
+        -650.0 + 100.0 * (p.x.sin() * 5.0 + (p - DVec3::new(10.0, 20.0, 25.0)).length() - 12.0)
+    });
+    let once = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| of_gas(&v)).values().to_vec()
+    };
+    assert_eq!(once(1), once(3));
+}

@@ -1,0 +1,503 @@
+//! The exact Euclidean distance to every place where a grid edge crosses the wall, in time linear in the voxels asked for.
+//!
+//! The sources lie on grid edges, off the voxels' centres, along one axis each. For the sources on edges along x, the
+//! nearest along a row is found by scanning it, and the lower envelope of parabolas (Felzenszwalb and Huttenlocher 2012)
+//! takes it across y and then z, where those sources lie on whole indices: exact. The same holds for y and z with the
+//! scan along their own axis. Taking one family's distance along its own axis a second time would add the squares of two
+//! parts of one distance and fall below the truth, so the three families are only joined where what remains to be done is
+//! the same:
+//!
+//! D² = min(Pz(min(Py(fx²), Px(fy²))), Py(Px(fz²))),  P_a the envelope along axis a, f_a the scan.
+//!
+//! All of it runs within the voxels asked for: the ball that a distance clears holds every voxel that its computation
+//! passes through, so that nothing beyond the lumen and its shell is ever looked at.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::fields::voxels::{VoxelSet, each_bit, each_run};
+use crate::progress::Progress;
+
+/// What is inside, and where between two voxels the wall is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Walls<'a> {
+    /// The voxels on this side of the wall.
+    pub inside: &'a VoxelSet,
+    /// The values that place the wall between two voxels, HU, and its iso value; the wall is half-way without.
+    pub hu: Option<(&'a [i16], i16)>,
+}
+
+impl Walls<'_> {
+    /// How far from an inside voxel towards its neighbour outside the wall is, voxels.
+    #[inline]
+    fn fraction(&self, inside: usize, outside: usize) -> f32 {
+        let Some((hu, iso)) = self.hu else { return 0.5 };
+        let (a, b, iso) = (f32::from(hu[inside]), f32::from(hu[outside]), f32::from(iso));
+        if a <= iso && b > iso { (iso - a) / (b - a) } else { 0.5 }
+    }
+
+    /// Where the wall is beyond the grid's outermost voxels, voxels: what was not scanned cannot be flown, but of a mask's
+    /// outermost voxels all is lumen.
+    fn border(&self) -> f32 {
+        if self.hu.is_some() { 0.0 } else { 0.5 }
+    }
+
+    /// Along a line of voxels, given as the bits of `count` rows one after the other: calls `visit(line, x, place)` for
+    /// every crossing between `line` and the next, `place` counted in lines.
+    #[inline]
+    fn crossings(&self, lines: &Lines, n: usize, mut visit: impl FnMut(usize, f32)) {
+        let (a, b) = (lines.row(self.inside, n), lines.row(self.inside, n + 1));
+        let (base, next) = (lines.base(n), lines.base(n + 1));
+        for (w, (&a, &b)) in a.iter().zip(b).enumerate() {
+            each_bit(a ^ b, |bit| {
+                let x = 64 * w + bit;
+                let first_inside = a >> bit & 1 == 1;
+                let place = if first_inside {
+                    n as f32 + self.fraction(base + x, next + x)
+                } else {
+                    (n + 1) as f32 - self.fraction(next + x, base + x)
+                };
+                visit(x, place);
+            });
+        }
+    }
+}
+
+/// The rows of one plane of the grid, one after the other: those of a slice (fixed k, along y) or of a layer (fixed j,
+/// along z).
+#[derive(Clone, Copy, Debug)]
+struct Lines {
+    dims: [usize; 3],
+    /// 1: a slice at k = `at`; 2: a layer at j = `at`.
+    axis: usize,
+    at: usize,
+}
+
+impl Lines {
+    fn place(&self, n: usize) -> (usize, usize) {
+        if self.axis == 1 { (n, self.at) } else { (self.at, n) }
+    }
+
+    fn row<'s>(&self, set: &'s VoxelSet, n: usize) -> &'s [u64] {
+        let (j, k) = self.place(n);
+        set.row(j, k)
+    }
+
+    /// Linear index of the line's first voxel.
+    fn base(&self, n: usize) -> usize {
+        let (j, k) = self.place(n);
+        self.dims[0] * (j + self.dims[1] * k)
+    }
+
+    fn count(&self) -> usize {
+        self.dims[self.axis]
+    }
+}
+
+/// The part of a plane that holds voxels asked for: lines, and x within them.
+#[derive(Clone, Debug)]
+struct Window {
+    lines: Range<usize>,
+    xs: Range<usize>,
+}
+
+impl Window {
+    fn of(set: &VoxelSet, lines: &Lines) -> Option<Self> {
+        let mut any: Option<(Range<usize>, Vec<u64>)> = None;
+        for n in 0..lines.count() {
+            let row = lines.row(set, n);
+            if row.iter().all(|&w| w == 0) {
+                continue;
+            }
+            let (range, all) = any.get_or_insert_with(|| (n..n + 1, vec![0; row.len()]));
+            range.end = n + 1;
+            all.iter_mut().zip(row).for_each(|(a, r)| *a |= r);
+        }
+        let (range, all) = any?;
+        let first = all.iter().position(|&w| w != 0)?;
+        let last = all.iter().rposition(|&w| w != 0)?;
+        let xs =
+            64 * first + all[first].trailing_zeros() as usize..64 * (last + 1) - all[last].leading_zeros() as usize;
+        Some(Self { lines: range, xs })
+    }
+
+    fn width(&self) -> usize {
+        self.xs.len()
+    }
+
+    fn len(&self) -> usize {
+        self.lines.len() * self.width()
+    }
+}
+
+/// Squares of the distance along the lines' axis to the nearest crossing on it, mm², for the whole window.
+fn scan(walls: &Walls, lines: &Lines, window: &Window, spacing: f32, out: &mut Vec<f32>) {
+    let width = window.width();
+    out.clear();
+    out.resize(window.len(), f32::INFINITY);
+    let (first, last) = (window.lines.start, window.lines.end - 1);
+    let x0 = window.xs.start;
+    let mut seen = vec![f32::NEG_INFINITY; width];
+    let at_border = |n: usize, place: f32, seen: &mut [f32]| {
+        each_member(lines.row(walls.inside, n), &window.xs, |x| seen[x - x0] = place);
+    };
+    if first == 0 {
+        at_border(0, -walls.border(), &mut seen);
+    }
+    for n in window.lines.clone() {
+        if n > 0 {
+            walls.crossings(lines, n - 1, |x, place| {
+                if window.xs.contains(&x) {
+                    seen[x - x0] = place;
+                }
+            });
+        }
+        let here = n as f32;
+        for (o, &s) in out[(n - first) * width..][..width].iter_mut().zip(&seen) {
+            *o = (here - s) * spacing;
+        }
+    }
+    seen.fill(f32::INFINITY);
+    if last + 1 == lines.count() {
+        at_border(last, last as f32 + walls.border(), &mut seen);
+    }
+    for n in window.lines.clone().rev() {
+        if n + 1 < lines.count() {
+            walls.crossings(lines, n, |x, place| {
+                if window.xs.contains(&x) {
+                    seen[x - x0] = place;
+                }
+            });
+        }
+        let here = n as f32;
+        for (o, &s) in out[(n - first) * width..][..width].iter_mut().zip(&seen) {
+            let d = o.min((s - here) * spacing);
+            *o = d * d;
+        }
+    }
+}
+
+fn each_member(row: &[u64], xs: &Range<usize>, mut visit: impl FnMut(usize)) {
+    for (w, &word) in row.iter().enumerate() {
+        each_bit(word, |b| {
+            let x = 64 * w + b;
+            if xs.contains(&x) {
+                visit(x);
+            }
+        });
+    }
+}
+
+/// The same along x itself, for one row.
+fn scan_row(
+    walls: &Walls,
+    (j, k): (usize, usize),
+    xs: &Range<usize>,
+    spacing: f32,
+    places: &mut Vec<f32>,
+    out: &mut [f32],
+) {
+    let dims = walls.inside.dims();
+    let base = dims[0] * (j + dims[1] * k);
+    places.clear();
+    places.push(f32::NEG_INFINITY);
+    each_run(walls.inside.row(j, k), |r| {
+        places.push(match r.start {
+            0 => -walls.border(),
+            s => s as f32 - walls.fraction(base + s, base + s - 1),
+        });
+        let last = r.end - 1;
+        places.push(match r.end {
+            e if e == dims[0] => last as f32 + walls.border(),
+            e => last as f32 + walls.fraction(base + last, base + e),
+        });
+    });
+    places.push(f32::INFINITY);
+    let mut x = xs.start;
+    for pair in places.windows(2) {
+        // Voxels from one crossing up to the next; a voxel on a crossing has distance 0 from either side.
+        let end = (pair[1].ceil() as usize).clamp(x, xs.end);
+        for (n, o) in out[x - xs.start..end - xs.start].iter_mut().enumerate() {
+            let here = (x + n) as f32;
+            let d = (here - pair[0]).min(pair[1] - here) * spacing;
+            *o = d * d;
+        }
+        x = end;
+    }
+}
+
+/// The first whole place from a place on; 0 for one before it. (`ceil` is a call on a plain machine.)
+fn from(place: f32) -> usize {
+    let whole = place as usize;
+    whole + usize::from((whole as f32) < place)
+}
+
+/// A parabola of an envelope.
+#[derive(Clone, Copy, Debug)]
+struct Parabola {
+    /// Where its bottom is.
+    at: u32,
+    /// Where it begins to be the lowest.
+    begin: f32,
+    /// Its height at the bottom, mm².
+    height: f32,
+}
+
+/// Room that the envelopes are built in.
+#[derive(Debug, Default)]
+struct Envelope {
+    /// Heights along the run, mm².
+    heights: Vec<f32>,
+    parabolas: Vec<Parabola>,
+    /// 1/n, as far as it was needed: a division takes several times as long as all the rest of a step.
+    inverse: Vec<f32>,
+}
+
+impl Envelope {
+    /// Replaces the heights h(q) of a run by min over p of h(p) + (s·(q − p))², `square` = s².
+    fn lower(&mut self, square: f32) {
+        let Self { heights, parabolas, inverse } = self;
+        let known = inverse.len();
+        inverse.extend((known..heights.len()).map(|n| 1.0 / n as f32));
+        let half = 0.5 / square;
+        parabolas.clear();
+        for (q, &height) in heights.iter().enumerate() {
+            if height == f32::INFINITY {
+                continue;
+            }
+            let mut begin = f32::NEG_INFINITY;
+            while let Some(last) = parabolas.last() {
+                let p = last.at as usize;
+                let meet = (height - last.height) * half * inverse[q - p] + 0.5 * (q + p) as f32;
+                if meet > last.begin {
+                    begin = meet;
+                    break;
+                }
+                parabolas.pop();
+            }
+            parabolas.push(Parabola { at: q as u32, begin, height });
+        }
+        let mut first = 0;
+        for (n, p) in parabolas.iter().enumerate() {
+            let end = parabolas.get(n + 1).map_or(heights.len(), |next| from(next.begin).clamp(first, heights.len()));
+            let bottom = p.at as f32;
+            for (x, o) in heights[first..end].iter_mut().enumerate() {
+                let gap = (first + x) as f32 - bottom;
+                *o = p.height + square * gap * gap;
+            }
+            first = end;
+        }
+    }
+
+    /// Along every run of `set` in one row.
+    fn along_row(&mut self, row: &[u64], xs: &Range<usize>, square: f32, values: &mut [f32]) {
+        each_run(row, |r| {
+            let here = &mut values[r.start - xs.start..r.end - xs.start];
+            self.heights.clear();
+            self.heights.extend_from_slice(here);
+            self.lower(square);
+            here.copy_from_slice(&self.heights);
+        });
+    }
+
+    /// Along every run of `set` across the lines of a plane.
+    fn across(&mut self, set: &VoxelSet, lines: &Lines, window: &Window, square: f32, values: &mut [f32]) {
+        let width = window.width();
+        let (first, x0) = (window.lines.start, window.xs.start);
+        let mut start = vec![0usize; width];
+        let mut column = |x: usize, ns: Range<usize>| {
+            let at = |n: usize| (n - first) * width + x;
+            self.heights.clear();
+            self.heights.extend(ns.clone().map(|n| values[at(n)]));
+            self.lower(square);
+            for (n, &v) in ns.zip(&self.heights) {
+                values[at(n)] = v;
+            }
+        };
+        let none = vec![0u64; lines.row(set, first).len()];
+        for n in window.lines.start..=window.lines.end {
+            let before = if n == first { &none[..] } else { lines.row(set, n - 1) };
+            let here = if n == window.lines.end { &none[..] } else { lines.row(set, n) };
+            for (w, (&b, &h)) in before.iter().zip(here).enumerate() {
+                each_bit(b ^ h, |bit| {
+                    let x = 64 * w + bit - x0;
+                    if h >> bit & 1 == 1 {
+                        start[x] = n;
+                    } else {
+                        column(x, start[x]..n);
+                    }
+                });
+            }
+        }
+    }
+}
+
+/// Values of the members of each row of a plane.
+type PlaneRows<'v> = Vec<&'v mut [f32]>;
+
+/// The values of `set` parted into the rows of slices (fixed k) or of layers (fixed j), which different threads may write.
+fn planes<'v>(set: &VoxelSet, mut values: &'v mut [f32], axis: usize) -> Vec<PlaneRows<'v>> {
+    let [_, ny, nz] = set.dims();
+    let (count, each) = if axis == 1 { (nz, ny) } else { (ny, nz) };
+    let mut out: Vec<PlaneRows> = (0..count).map(|_| Vec::with_capacity(each)).collect();
+    for k in 0..nz {
+        for j in 0..ny {
+            let next = if j + 1 < ny { set.row_start(j + 1, k) } else { set.row_start(0, k + 1) };
+            let (row, rest) = values.split_at_mut(next - set.row_start(j, k));
+            out[if axis == 1 { k } else { j }].push(row);
+            values = rest;
+        }
+    }
+    out
+}
+
+/// Spreads the members' values over the window.
+fn spread(set: &VoxelSet, lines: &Lines, window: &Window, rows: &[&mut [f32]], out: &mut Vec<f32>) {
+    out.clear();
+    out.resize(window.len(), f32::INFINITY);
+    for (n, line) in window.lines.clone().zip(out.chunks_exact_mut(window.width())) {
+        let mut at = 0;
+        each_run(lines.row(set, n), |r| {
+            line[r.start - window.xs.start..r.end - window.xs.start].copy_from_slice(&rows[n][at..at + r.len()]);
+            at += r.len();
+        });
+    }
+}
+
+/// Collects the members' values from the window.
+fn collect(set: &VoxelSet, lines: &Lines, window: &Window, values: &[f32], rows: &mut [&mut [f32]]) {
+    for (n, line) in window.lines.clone().zip(values.chunks_exact(window.width())) {
+        let mut at = 0;
+        each_run(lines.row(set, n), |r| {
+            rows[n][at..at + r.len()].copy_from_slice(&line[r.start - window.xs.start..r.end - window.xs.start]);
+            at += r.len();
+        });
+    }
+}
+
+/// Room for one slice: squares by family of sources.
+#[derive(Debug, Default)]
+struct Slice {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    z: Vec<f32>,
+    plane: Vec<f32>,
+    places: Vec<f32>,
+    envelope: Envelope,
+}
+
+impl Slice {
+    /// Replaces the scan along z in `across` by Py(Px(fz²)), and fills `within` with min(Py(fx²), Px(fy²)).
+    fn fill(
+        &mut self,
+        walls: &Walls,
+        asked: &VoxelSet,
+        (lines, window): (&Lines, &Window),
+        spacing: [f32; 3],
+        within: &mut [&mut [f32]],
+        across: &mut [&mut [f32]],
+    ) {
+        let Self { x, y, z, plane, places, envelope } = self;
+        let squares = spacing.map(|s| s * s);
+        spread(asked, lines, window, across, z);
+        scan(walls, lines, window, spacing[1], y);
+        x.clear();
+        x.resize(window.len(), f32::INFINITY);
+        for (n, row) in window.lines.clone().zip(x.chunks_exact_mut(window.width())) {
+            scan_row(walls, lines.place(n), &window.xs, spacing[0], places, row);
+        }
+        let rows = |values: &mut Vec<f32>, envelope: &mut Envelope| {
+            for (n, row) in window.lines.clone().zip(values.chunks_exact_mut(window.width())) {
+                envelope.along_row(lines.row(asked, n), &window.xs, squares[0], row);
+            }
+        };
+        plane.clear();
+        if walls.hu.is_some() {
+            let near = x.iter().zip(&*y).zip(&*z).map(|((&x, &y), &z)| tangent([x, y, z], squares));
+            plane.extend(near);
+        }
+        rows(y, envelope);
+        rows(z, envelope);
+        envelope.across(asked, lines, window, squares[1], x);
+        envelope.across(asked, lines, window, squares[1], z);
+        x.iter_mut().zip(&*y).for_each(|(x, &y)| *x = x.min(y));
+        z.iter_mut().zip(&*plane).for_each(|(z, &p)| *z = z.min(p));
+        collect(asked, lines, window, x, within);
+        collect(asked, lines, window, z, across);
+    }
+}
+
+/// Square of the distance to the plane through the crossings within one voxel along two or three axes, mm²; infinite where
+/// there are fewer. Crossings are samples of the surface: right beside it the plane through them is nearer than any.
+fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
+    let (mut sum, mut count) = (0.0, 0);
+    for a in 0..3 {
+        if f[a] <= squares[a] {
+            sum += 1.0 / f[a];
+            count += 1;
+        }
+    }
+    if count > 1 { 1.0 / sum } else { f32::INFINITY }
+}
+
+/// Distances (mm) of the voxels of `asked` to the nearest crossing, in their order, less than 0 for those outside; `most`
+/// (mm) where there is none. Spacing in mm; distances are multiplied by `scale`.
+pub(super) fn distances(
+    walls: &Walls,
+    asked: &VoxelSet,
+    spacing: [f64; 3],
+    (scale, most): (f64, f64),
+    progress: &Progress,
+) -> Result<Vec<f32>> {
+    let dims = asked.dims();
+    let spacing = spacing.map(|s| s as f32);
+    progress.stage("measuring the distance to the wall", (2 * dims[1] + dims[2]) as u64);
+    let mut across = vec![f32::INFINITY; asked.len()];
+    let mut within = vec![f32::INFINITY; asked.len()];
+    // Along z: each layer of rows with one j.
+    let layers = planes(asked, &mut across, 2).into_par_iter().enumerate();
+    layers.try_for_each_init(Vec::new, |values, (j, mut rows)| {
+        let lines = Lines { dims, axis: 2, at: j };
+        if let Some(window) = Window::of(asked, &lines) {
+            scan(walls, &lines, &window, spacing[2], values);
+            collect(asked, &lines, &window, values, &mut rows);
+        }
+        progress.advance(1)
+    })?;
+    // Within each slice: everything but the last envelope along z.
+    let slices = planes(asked, &mut within, 1).into_par_iter().zip(planes(asked, &mut across, 1)).enumerate();
+    slices.try_for_each_init(Slice::default, |room, (k, (mut within, mut across))| {
+        let lines = Lines { dims, axis: 1, at: k };
+        if let Some(window) = Window::of(asked, &lines) {
+            room.fill(walls, asked, (&lines, &window), spacing, &mut within, &mut across);
+        }
+        progress.advance(1)
+    })?;
+    let layers = planes(asked, &mut within, 2).into_par_iter().enumerate();
+    layers.try_for_each_init(<(Vec<f32>, Envelope)>::default, |(values, envelope), (j, mut rows)| {
+        let lines = Lines { dims, axis: 2, at: j };
+        if let Some(window) = Window::of(asked, &lines) {
+            spread(asked, &lines, &window, &rows, values);
+            envelope.across(asked, &lines, &window, spacing[2] * spacing[2], values);
+            collect(asked, &lines, &window, values, &mut rows);
+        }
+        progress.advance(1)
+    })?;
+    let (scale, most) = (scale as f32, most as f32);
+    let slices = planes(asked, &mut within, 1).into_par_iter().zip(planes(asked, &mut across, 1)).enumerate();
+    slices.for_each(|(k, (mut within, across))| {
+        for (j, (row, other)) in within.iter_mut().zip(across).enumerate() {
+            let mut n = 0;
+            for (&all, &inside) in asked.row(j, k).iter().zip(walls.inside.row(j, k)) {
+                each_bit(all, |b| {
+                    let d = row[n].min(other[n]).sqrt().min(most) * scale;
+                    row[n] = if inside >> b & 1 == 1 { d } else { -d.max(f32::MIN_POSITIVE) };
+                    n += 1;
+                });
+            }
+        }
+    });
+    Ok(within)
+}

@@ -1,0 +1,249 @@
+//! A set of voxels with a number for each: what a field over the lumen is stored by.
+//!
+//! One bit for each voxel of the grid, rows padded to whole words, and the number of members before each word. A member's
+//! number is found with one look at each and a count of bits (a rank dictionary, Jacobson 1989), so that a field costs
+//! its values and an eighth of a byte and half of that for each voxel of the grid, never a value for each.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+/// Voxels of a grid, numbered in their order (x fastest).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct VoxelSet {
+    dims: [usize; 3],
+    /// Words of a row.
+    words: usize,
+    bits: Vec<u64>,
+    /// Members before each word.
+    ranks: Vec<u32>,
+}
+
+impl VoxelSet {
+    /// The voxels of runs (j, k, range of i) on a grid of `dims`. None where there are more than 32 bits can number.
+    pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Option<Self> {
+        let words = dims[0].div_ceil(64);
+        let mut bits = vec![0u64; words * dims[1] * dims[2]];
+        for (j, k, r) in runs {
+            fill(&mut bits[words * (j + dims[1] * k)..][..words], r);
+        }
+        Self::of_bits(dims, bits)
+    }
+
+    /// The voxels that `is_in` accepts, given as linear indices.
+    pub fn from_fn(dims: [usize; 3], is_in: impl Fn(usize) -> bool) -> Option<Self> {
+        let words = dims[0].div_ceil(64);
+        let mut bits = vec![0u64; words * dims[1] * dims[2]];
+        for (row, to) in bits.chunks_exact_mut(words).enumerate() {
+            for i in 0..dims[0] {
+                to[i / 64] |= u64::from(is_in(row * dims[0] + i)) << (i % 64);
+            }
+        }
+        Self::of_bits(dims, bits)
+    }
+
+    fn of_bits(dims: [usize; 3], bits: Vec<u64>) -> Option<Self> {
+        let mut ranks = Vec::with_capacity(bits.len());
+        let mut count = 0u64;
+        for w in &bits {
+            ranks.push(u32::try_from(count).ok()?);
+            count += u64::from(w.count_ones());
+        }
+        u32::try_from(count).ok()?;
+        Some(Self { dims, words: dims[0].div_ceil(64), bits, ranks })
+    }
+
+    /// All voxels within `reach` voxels of a member along every axis (Chebyshev distance), as far as the grid goes.
+    pub fn dilated(&self, reach: usize) -> Option<Self> {
+        let [nx, ny, nz] = self.dims;
+        let w = self.words;
+        let mut bits = self.bits.clone();
+        let near =
+            |n: usize, count: usize| (n.saturating_sub(reach)..(n + reach + 1).min(count)).filter(move |&m| m != n);
+        let unite = |to: &mut [u64], from: &[u64]| to.iter_mut().zip(from).for_each(|(t, f)| *t |= f);
+        // Within each slice along x, then along y; then whole slices along z.
+        bits.par_chunks_exact_mut(w * ny).for_each(|slice| {
+            slice.chunks_exact_mut(w).for_each(|row| dilate_row(row, reach, nx));
+            let source = slice.to_vec();
+            for (j, row) in slice.chunks_exact_mut(w).enumerate() {
+                near(j, ny).for_each(|m| unite(row, &source[m * w..][..w]));
+            }
+        });
+        let source = bits.clone();
+        bits.par_chunks_exact_mut(w * ny).enumerate().for_each(|(k, slice)| {
+            near(k, nz).for_each(|m| unite(slice, &source[m * w * ny..][..w * ny]));
+        });
+        Self::of_bits(self.dims, bits)
+    }
+
+    /// Voxels along each axis of the grid.
+    pub fn dims(&self) -> [usize; 3] {
+        self.dims
+    }
+
+    /// How many members there are.
+    pub fn len(&self) -> usize {
+        self.ranks.last().map_or(0, |&r| r as usize) + self.bits.last().map_or(0, |w| w.count_ones() as usize)
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The bits of row (j, k).
+    pub fn row(&self, j: usize, k: usize) -> &[u64] {
+        &self.bits[self.words * (j + self.dims[1] * k)..][..self.words]
+    }
+
+    /// The number of the first member in row (j, k) or after it; the number of all after the last row.
+    pub fn row_start(&self, j: usize, k: usize) -> usize {
+        self.ranks.get(self.words * (j + self.dims[1] * k)).map_or_else(|| self.len(), |&r| r as usize)
+    }
+
+    /// Whether a voxel is a member; none outside the grid is.
+    #[inline]
+    pub fn contains(&self, [i, j, k]: [i64; 3]) -> bool {
+        self.number([i, j, k]).is_some()
+    }
+
+    /// The number of a member.
+    #[inline]
+    pub fn number(&self, [i, j, k]: [i64; 3]) -> Option<usize> {
+        let [nx, ny, nz] = self.dims;
+        if (i as u64) >= nx as u64 || (j as u64) >= ny as u64 || (k as u64) >= nz as u64 {
+            return None;
+        }
+        let at = self.words * (j as usize + ny * k as usize) + i as usize / 64;
+        let (word, bit) = (self.bits[at], 1u64 << (i % 64));
+        (word & bit != 0).then(|| self.ranks[at] as usize + (word & (bit - 1)).count_ones() as usize)
+    }
+
+    /// The member of a number below [`VoxelSet::len`].
+    pub fn voxel(&self, number: usize) -> [i64; 3] {
+        let at = self.ranks.partition_point(|&r| r as usize <= number) - 1;
+        let mut word = self.bits[at];
+        for _ in self.ranks[at] as usize..number {
+            word &= word - 1;
+        }
+        let (row, x) = (at / self.words, at % self.words * 64 + word.trailing_zeros() as usize);
+        [x as i64, (row % self.dims[1]) as i64, (row / self.dims[1]) as i64]
+    }
+
+    /// Calls `visit(number, voxel)` for every member in order.
+    pub fn for_each(&self, mut visit: impl FnMut(usize, [usize; 3])) {
+        let mut number = 0;
+        for (at, &word) in self.bits.iter().enumerate() {
+            let (row, x) = (at / self.words, at % self.words * 64);
+            each_bit(word, |b| {
+                visit(number, [x + b, row % self.dims[1], row / self.dims[1]]);
+                number += 1;
+            });
+        }
+    }
+
+    /// Size in memory.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.bits.as_slice()) + size_of_val(self.ranks.as_slice())
+    }
+}
+
+/// Calls `visit` for the place of every bit that is set, ascending.
+#[inline]
+pub fn each_bit(mut word: u64, mut visit: impl FnMut(usize)) {
+    while word != 0 {
+        visit(word.trailing_zeros() as usize);
+        word &= word - 1;
+    }
+}
+
+/// Calls `visit` for every run of set bits in a row, ascending.
+pub fn each_run(row: &[u64], mut visit: impl FnMut(Range<usize>)) {
+    let mut start = None;
+    for (n, &word) in row.iter().enumerate() {
+        each_bit(word ^ (word << 1 | u64::from(start.is_some())), |b| {
+            let x = 64 * n + b;
+            match start.take() {
+                None => start = Some(x),
+                Some(s) => visit(s..x),
+            }
+        });
+    }
+    if let Some(s) = start {
+        visit(s..64 * row.len());
+    }
+}
+
+/// Adds to a row of `count` voxels those within `reach` of its members.
+fn dilate_row(row: &mut [u64], reach: usize, count: usize) {
+    for _ in 0..reach {
+        let mut before = 0;
+        for n in 0..row.len() {
+            let here = row[n];
+            let next = row.get(n + 1).copied().unwrap_or(0);
+            row[n] = here | here << 1 | before >> 63 | here >> 1 | next << 63;
+            before = here;
+        }
+    }
+    // Padding bits are no voxels.
+    if let (Some(last), 1..) = (row.last_mut(), count % 64) {
+        *last &= (1 << (count % 64)) - 1;
+    }
+}
+
+/// Sets a range of bits.
+fn fill(row: &mut [u64], r: Range<usize>) {
+    for n in r.start / 64..r.end.div_ceil(64) {
+        let (lo, hi) = (r.start.saturating_sub(64 * n), (r.end - 64 * n).min(64));
+        let upto = if hi == 64 { u64::MAX } else { (1 << hi) - 1 };
+        row[n] |= upto & (u64::MAX << lo);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash::uniform;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        /// Numbers, runs and dilation against a plain list of flags.
+        #[test]
+        fn is_a_list_of_flags(
+            nx in prop::sample::select(vec![1usize, 3, 63, 64, 65, 130]), ny in 1usize..6, nz in 1usize..6,
+            seed: u64, share in 0.0f64..1.0, reach in 0usize..3,
+        ) {
+            let dims = [nx, ny, nz];
+            let flags: Vec<bool> = (0..nx * ny * nz).map(|n| uniform(seed, n as u64) < share).collect();
+            let set = VoxelSet::from_fn(dims, |n| flags[n]).unwrap();
+            let at = |n: usize| [(n % nx) as i64, (n / nx % ny) as i64, (n / nx / ny) as i64];
+            let members: Vec<usize> = (0..flags.len()).filter(|&n| flags[n]).collect();
+            prop_assert_eq!(set.len(), members.len());
+            let mut seen = Vec::new();
+            set.for_each(|number, v| seen.push((number, v[0] + nx * (v[1] + ny * v[2]))));
+            prop_assert_eq!(&seen, &members.iter().copied().enumerate().collect::<Vec<_>>());
+            for (number, &n) in members.iter().enumerate() {
+                prop_assert_eq!(set.number(at(n)), Some(number));
+                prop_assert_eq!(set.voxel(number), at(n));
+            }
+            let mut runs = Vec::new();
+            for (j, k) in (0..nz).flat_map(|k| (0..ny).map(move |j| (j, k))) {
+                prop_assert_eq!(set.row_start(j, k), members.partition_point(|&n| n < nx * (j + ny * k)));
+                each_run(set.row(j, k), |r| runs.push((j, k, r)));
+            }
+            prop_assert_eq!(&VoxelSet::from_runs(dims, runs.into_iter()).unwrap(), &set);
+            let wide = set.dilated(reach).unwrap();
+            let r = reach as i64;
+            for n in 0..flags.len() {
+                let [i, j, k] = at(n);
+                let near = members.iter().any(|&m| {
+                    let [a, b, c] = at(m);
+                    (a - i).abs() <= r && (b - j).abs() <= r && (c - k).abs() <= r
+                });
+                prop_assert_eq!(wide.contains([i, j, k]), near);
+            }
+            prop_assert!(!set.contains([-1, 0, 0]) && !set.contains([nx as i64, 0, 0]));
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! A flight through a drawing without a window: to a picture of the whole of it, or to a film.
+
+use std::path::Path;
+
+use super::record::{Recorder, write_png};
+use crate::error::{Error, Result};
+use crate::plane::flight::HZ;
+use crate::plane::picture::{Painter, Show};
+use crate::plane::{Flight, State};
+use crate::progress::Progress;
+use crate::render::Frame;
+
+/// About how large the picture is, pixels.
+const SIZE: (usize, usize) = (800, 800);
+/// A film has a picture each so many steps, and shows so many a second: two and a half times as fast as it was flown.
+const STEPS: usize = 24;
+const FPS: f64 = 12.5;
+/// From so many pixels on, half as many pictures.
+const MANY_PIXELS: usize = 1 << 20;
+
+/// What is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Film {
+    /// The last moment, with the whole way.
+    Picture,
+    /// All of the flight.
+    Film,
+}
+
+impl Film {
+    /// What `out` asks for by its ending.
+    ///
+    /// # Errors
+    /// Status 2 for another than `.png` and `.gif`.
+    pub fn check(out: &Path) -> Result<Self> {
+        match out.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
+            Some("png") => Ok(Self::Picture),
+            Some("gif") => Ok(Self::Film),
+            _ => {
+                let what = format!("--out {}", out.display());
+                Err(Error::usage(what, "ends neither in .png nor in .gif", "name a .png or a .gif"))
+            }
+        }
+    }
+}
+
+/// Flies until the flight is over and writes it to `out`. How it came out, the flight tells.
+///
+/// # Errors
+/// Status 2 for an ending that is none, 4 when interrupted, 5 when it cannot be written.
+pub fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Result<()> {
+    let film = Film::check(out)?;
+    let mut painter = Painter::new(flight);
+    let scale = Painter::scale_for(flight, SIZE);
+    let mut frame = Frame::default();
+    let drawing = flight.walls().drawing();
+    let size = (drawing.width() * scale, drawing.height() * scale);
+    let mut recorder = match film {
+        Film::Picture => None,
+        Film::Film => Some(Recorder::create(&out.to_string_lossy(), size, FPS)?),
+    };
+    // A film of a large drawing has fewer pictures.
+    let every = STEPS * (size.0 * size.1).div_ceil(MANY_PIXELS);
+    let mut steps = 0;
+    while flight.state() == State::Flying {
+        if let Some(r) = recorder.as_mut().filter(|_| steps % every == 0) {
+            painter.paint(flight, Show::default(), scale, &mut frame);
+            r.add(&frame)?;
+        }
+        flight.step();
+        steps += 1;
+        if steps % HZ as usize == 0 {
+            progress.check()?;
+        }
+    }
+    painter.paint(flight, Show::default(), scale, &mut frame);
+    match recorder {
+        None => write_png(out, &frame),
+        Some(mut r) => {
+            // The end stands still for a while.
+            for _ in 0..FPS as usize {
+                r.add(&frame)?;
+            }
+            r.finish()
+        }
+    }
+}

@@ -1,0 +1,227 @@
+//! The window of the 2D program: the picture of a flight through a drawing, and a few keys.
+//!
+//! Space pauses, R starts anew, a click starts there, T M V S show and hide tentacles, mines, the potential and the way
+//! flown, Q quits.
+
+use std::num::NonZeroU32;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use softbuffer::{Context, Surface};
+use winit::application::ApplicationHandler;
+use winit::dpi::{LogicalSize, PhysicalPosition};
+use winit::event::{ElementState, MouseButton, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, OwnedDisplayHandle};
+use winit::keyboard::{Key, NamedKey};
+use winit::window::{Window, WindowId};
+
+use super::{Display, Wake};
+use crate::components::clock::Accumulator;
+use crate::error::{Error, Result};
+use crate::plane::drawing::MM_PER_PIXEL;
+use crate::plane::flight::HZ;
+use crate::plane::picture::{Painter, Show};
+use crate::plane::plan::pair;
+use crate::plane::{Flight, State};
+use crate::progress::Progress;
+use crate::render::Frame;
+
+/// Time between two pictures.
+const PERIOD: Duration = Duration::from_millis(16);
+/// Steps that one picture may make up for.
+const MOST_STEPS: u32 = 12;
+/// Around the picture, `0x00RRGGBB`.
+const MARGIN: u32 = 0x0018_161a;
+
+struct Screen {
+    window: Rc<Window>,
+    surface: Surface<OwnedDisplayHandle, Rc<Window>>,
+}
+
+struct Shell {
+    flight: Flight,
+    painter: Painter,
+    show: Show,
+    frame: Frame,
+    paused: bool,
+    time: Accumulator,
+    last: Instant,
+    /// Where the picture lies in the window: left, top, pixels a pixel of the drawing.
+    place: (usize, usize, usize),
+    cursor: PhysicalPosition<f64>,
+    screen: Option<Screen>,
+    outcome: Result<()>,
+    progress: Arc<Progress>,
+    title: String,
+}
+
+/// Opens a window and flies until it is closed.
+///
+/// # Errors
+/// Status 1 when the window fails, 4 when interrupted.
+pub fn run(display: Display, flight: Flight, progress: &Arc<Progress>) -> Result<()> {
+    let painter = Painter::new(&flight);
+    let mut shell = Shell {
+        flight,
+        painter,
+        show: Show::default(),
+        frame: Frame::default(),
+        paused: false,
+        time: Accumulator::default(),
+        last: Instant::now(),
+        place: (0, 0, 1),
+        cursor: PhysicalPosition::default(),
+        screen: None,
+        outcome: Ok(()),
+        progress: Arc::clone(progress),
+        title: String::new(),
+    };
+    display.0.run_app(&mut shell).map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
+    shell.outcome
+}
+
+impl Shell {
+    fn key(&mut self, key: &Key, events: &ActiveEventLoop) {
+        match key {
+            Key::Named(NamedKey::Space) => self.paused = !self.paused,
+            Key::Named(NamedKey::Escape) => events.exit(),
+            Key::Character(c) => match c.to_lowercase().as_str() {
+                "q" => events.exit(),
+                "r" => self.flight.restart(),
+                "t" => self.show.tentacles ^= true,
+                "m" => self.show.mines ^= true,
+                "v" => self.show.potential ^= true,
+                "s" => self.show.trajectory ^= true,
+                _ => {}
+            },
+            _ => {}
+        }
+    }
+
+    /// Starts anew where the cursor is.
+    fn click(&mut self) {
+        let (left, top, scale) = self.place;
+        let mm = |x: f64, edge: usize| (x - edge as f64) / scale as f64 * MM_PER_PIXEL;
+        let at = DVec3::new(mm(self.cursor.x, left), mm(self.cursor.y, top), 0.0);
+        if let Err(e) = self.flight.start_at(at) {
+            eprintln!("note: {e}");
+        }
+    }
+
+    /// Flies on to now and shows the picture.
+    fn picture(&mut self) -> Result<()> {
+        let now = Instant::now();
+        let steps = self.time.take(now - self.last, HZ, MOST_STEPS);
+        self.last = now;
+        if !self.paused {
+            (0..steps).for_each(|_| self.flight.step());
+        }
+        let Some(screen) = &mut self.screen else { return Ok(()) };
+        let size = screen.window.inner_size();
+        let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
+            // Minimised: there is nothing to paint on.
+            return Ok(());
+        };
+        let (w, h) = (size.width as usize, size.height as usize);
+        let scale = Painter::scale_for(&self.flight, (w, h));
+        self.painter.paint(&self.flight, self.show, scale, &mut self.frame);
+        let (fw, fh) = (self.frame.width(), self.frame.height());
+        self.place = (w.saturating_sub(fw) / 2, h.saturating_sub(fh) / 2, scale);
+        let title = title(&self.flight, self.paused);
+        if title != self.title {
+            screen.window.set_title(&title);
+            self.title = title;
+        }
+        let (left, top, _) = self.place;
+        let frame = &self.frame;
+        let show = |screen: &mut Screen| {
+            screen.surface.resize(width, height)?;
+            let mut buffer = screen.surface.buffer_mut()?;
+            buffer.fill(MARGIN);
+            for (y, row) in frame.pixels().chunks_exact(fw).enumerate().take(h.saturating_sub(top)) {
+                for (to, &[r, g, b]) in buffer[(y + top) * w + left..(y + top + 1) * w].iter_mut().zip(row) {
+                    *to = u32::from_be_bytes([0, r, g, b]);
+                }
+            }
+            screen.window.pre_present_notify();
+            buffer.present()
+        };
+        show(screen).map_err(|e: softbuffer::SoftBufferError| Error::fault("window", e.to_string(), "use --headless"))
+    }
+
+    fn open(&mut self, events: &ActiveEventLoop) -> std::result::Result<(), String> {
+        let drawing = self.flight.walls().drawing();
+        let points = |n: usize| (n * 2).clamp(320, 1200) as f64;
+        let attributes = Window::default_attributes()
+            .with_title("colvis plane")
+            .with_inner_size(LogicalSize::new(points(drawing.width()), points(drawing.height())));
+        let window = Rc::new(events.create_window(attributes).map_err(|e| e.to_string())?);
+        let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;
+        let surface = Surface::new(&context, Rc::clone(&window)).map_err(|e| e.to_string())?;
+        window.request_redraw();
+        self.screen = Some(Screen { window, surface });
+        Ok(())
+    }
+
+    fn fail(&mut self, e: Error, events: &ActiveEventLoop) {
+        self.outcome = Err(e);
+        events.exit();
+    }
+}
+
+/// What there is to say of a flight.
+fn title(flight: &Flight, paused: bool) -> String {
+    let state = match (flight.state(), paused) {
+        (State::Arrived, _) => "arrived".to_owned(),
+        (State::Ended, _) => "the time is over".to_owned(),
+        (State::Operator, _) => {
+            flight.call().map_or_else(String::new, |c| format!("{} at {}", c.trap.text(), pair(c.place)))
+        }
+        (State::Flying, true) => "paused".to_owned(),
+        (State::Flying, false) if flight.rescue().is_escaping() => "looking for another way".to_owned(),
+        (State::Flying, false) => "flying".to_owned(),
+    };
+    format!("colvis plane: {state} (Space R T M V S, click to start there, Q)")
+}
+
+impl ApplicationHandler<Wake> for Shell {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.screen.is_none()
+            && let Err(why) = self.open(events)
+        {
+            self.fail(Error::fault("window", why, "use --headless"), events);
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        match event {
+            WindowEvent::CloseRequested => events.exit(),
+            WindowEvent::RedrawRequested => {
+                if let Err(e) = self.picture() {
+                    self.fail(e, events);
+                }
+            }
+            WindowEvent::KeyboardInput { event, .. } if event.state == ElementState::Pressed && !event.repeat => {
+                self.key(&event.logical_key, events);
+            }
+            WindowEvent::CursorMoved { position, .. } => self.cursor = position,
+            WindowEvent::MouseInput { button: MouseButton::Left, state: ElementState::Pressed, .. } => self.click(),
+            _ => {}
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        if self.progress.is_cancelled() {
+            self.fail(Error::cancelled("flight"), events);
+            return;
+        }
+        if self.last.elapsed() >= PERIOD
+            && let Some(s) = &self.screen
+        {
+            s.window.request_redraw();
+        }
+        events.set_control_flow(ControlFlow::WaitUntil(Instant::now() + PERIOD));
+    }
+}

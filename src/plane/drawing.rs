@@ -1,0 +1,210 @@
+//! A drawn lumen: a PNG of which bright pixels are lumen.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use glam::DVec3;
+use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
+
+use crate::error::{Error, Result};
+
+/// Scale of a drawing: length of a pixel's side, mm.
+pub const MM_PER_PIXEL: f64 = 0.5;
+/// Longest side of a drawing, pixels: two metres.
+pub const MOST_PIXELS: u32 = 4096;
+/// A pixel is lumen from this brightness on (0 to 255), where it is not transparent.
+const BRIGHT: u32 = 128;
+/// A start is red and a goal green: this much of the one colour, at most that much of the two others.
+const COLOUR: (u8, u8) = (160, 96);
+
+/// Which pixels are lumen, and where the flight starts and ends.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawing {
+    width: usize,
+    height: usize,
+    lumen: Vec<bool>,
+    /// Middle of the red pixels, mm.
+    pub start: Option<DVec3>,
+    /// Middle of the green pixels, mm.
+    pub goal: Option<DVec3>,
+}
+
+impl Drawing {
+    /// A drawing of `width` × `height` pixels, row by row, without start and goal.
+    ///
+    /// # Errors
+    /// Status 3 for one that is too small or too large, or that has no lumen or no wall.
+    pub fn new(what: &str, (width, height): (usize, usize), lumen: Vec<bool>) -> Result<Self> {
+        let refuse = |why: String, mend: &str| Err(Error::input(what, why, mend));
+        if width < 3 || height < 3 {
+            return refuse(format!("is {width}x{height} pixels, too small for a lumen"), "draw at least 3x3 pixels");
+        }
+        if width.max(height) > MOST_PIXELS as usize {
+            return refuse(
+                format!("is {width}x{height} pixels, more than {MOST_PIXELS} a side"),
+                "draw it smaller: a pixel is half a millimetre",
+            );
+        }
+        if lumen.len() != width * height {
+            return refuse(format!("has {} pixels instead of {}", lumen.len(), width * height), "give every pixel");
+        }
+        if !lumen.contains(&true) {
+            return refuse("holds no lumen: every pixel is dark or transparent".to_owned(), "draw the lumen bright");
+        }
+        if !lumen.contains(&false) {
+            return refuse("holds no wall: every pixel is bright".to_owned(), "draw the wall dark");
+        }
+        Ok(Self { width, height, lumen, start: None, goal: None })
+    }
+
+    /// Reads a PNG file.
+    ///
+    /// # Errors
+    /// Status 3 when it cannot be read, is no PNG, or is no drawing of a lumen.
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|e| {
+            let why = format!("cannot be read ({})", crate::output::plain(&e));
+            Error::file(path, why, format!("give a PNG, or one of {}", super::shipped::names()))
+        })?;
+        Self::decode(&path.display().to_string(), &bytes)
+    }
+
+    /// Decodes a PNG that is called `what` in messages.
+    ///
+    /// # Errors
+    /// As [`Drawing::read`].
+    pub fn decode(what: &str, bytes: &[u8]) -> Result<Self> {
+        let broken = |e: &ImageError| Error::input(what, format!("is no PNG that can be read ({e})"), "give a PNG");
+        // The size is in the header: a picture that is too large is refused before any of it is unpacked.
+        let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+        let (width, height) = reader().into_dimensions().map_err(|e| broken(&e))?;
+        let size = (width as usize, height as usize);
+        if width > MOST_PIXELS || height > MOST_PIXELS || width < 3 || height < 3 {
+            return Self::new(what, size, Vec::new());
+        }
+        let image = reader().decode().map_err(|e| broken(&e))?;
+        Self::from_image(what, &image)
+    }
+
+    fn from_image(what: &str, image: &DynamicImage) -> Result<Self> {
+        let rgba = image.to_rgba8();
+        let size = (rgba.width() as usize, rgba.height() as usize);
+        let (mut red, mut green) = (Mark::default(), Mark::default());
+        let lumen = rgba
+            .enumerate_pixels()
+            .map(|(i, j, p)| {
+                let [r, g, b, a] = p.0;
+                if a < 128 {
+                    return false;
+                }
+                let (full, rest) = COLOUR;
+                let at = pixel_centre(i as usize, j as usize);
+                if r >= full && g <= rest && b <= rest {
+                    red.add(at);
+                    true
+                } else if g >= full && r <= rest && b <= rest {
+                    green.add(at);
+                    true
+                } else {
+                    // Weights of Rec. 601, as image editors turn colours into grey.
+                    299 * u32::from(r) + 587 * u32::from(g) + 114 * u32::from(b) >= 1000 * BRIGHT
+                }
+            })
+            .collect();
+        let drawing = Self::new(what, size, lumen)?;
+        Ok(Self { start: red.middle(), goal: green.middle(), ..drawing })
+    }
+
+    /// Pixels in a row.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Whether a pixel is lumen; what was not drawn is wall.
+    pub fn is_lumen(&self, i: i64, j: i64) -> bool {
+        (0..self.width as i64).contains(&i)
+            && (0..self.height as i64).contains(&j)
+            && self.lumen[i as usize + self.width * j as usize]
+    }
+
+    /// Every pixel, row by row.
+    pub fn lumen(&self) -> &[bool] {
+        &self.lumen
+    }
+}
+
+/// The centre of a pixel, mm.
+pub fn pixel_centre(i: usize, j: usize) -> DVec3 {
+    DVec3::new(i as f64 + 0.5, j as f64 + 0.5, 0.0) * MM_PER_PIXEL
+}
+
+/// The middle of marked pixels.
+#[derive(Default)]
+struct Mark {
+    sum: DVec3,
+    count: f64,
+}
+
+impl Mark {
+    fn add(&mut self, at: DVec3) {
+        self.sum += at;
+        self.count += 1.0;
+    }
+
+    fn middle(&self) -> Option<DVec3> {
+        (self.count > 0.0).then(|| self.sum / self.count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{ImageBuffer, Rgba, RgbaImage};
+
+    use super::*;
+
+    fn png(image: &RgbaImage) -> Vec<u8> {
+        let mut out = Cursor::new(Vec::new());
+        image.write_to(&mut out, ImageFormat::Png).unwrap();
+        out.into_inner()
+    }
+
+    #[test]
+    fn bright_is_lumen_and_colours_mark() {
+        let image = ImageBuffer::from_fn(4, 3, |i, j| match (i, j) {
+            (1, 1) => Rgba([255, 0, 0, 255]),
+            (2, 1) => Rgba([0, 255, 0, 255]),
+            (3, 1) => Rgba([255, 255, 255, 0]),
+            (0, 1) => Rgba([200, 200, 200, 255]),
+            _ => Rgba([20, 20, 20, 255]),
+        });
+        let d = Drawing::decode("d", &png(&image)).unwrap();
+        assert_eq!((d.width(), d.height()), (4, 3));
+        assert_eq!(d.start, Some(DVec3::new(0.75, 0.75, 0.0)));
+        assert_eq!(d.goal, Some(DVec3::new(1.25, 0.75, 0.0)));
+        let row: Vec<bool> = (-1..5).map(|i| d.is_lumen(i, 1)).collect();
+        assert_eq!(row, [false, true, true, true, false, false], "transparent and beyond the border is wall");
+        assert!(!d.is_lumen(1, 0) && !d.is_lumen(1, -1) && !d.is_lumen(1, 3));
+    }
+
+    #[test]
+    fn what_is_no_drawing_is_refused_with_its_reason() {
+        let grey = |w, h, g: u8| png(&ImageBuffer::from_pixel(w, h, Rgba([g, g, g, 255])));
+        for (bytes, why) in [
+            (grey(1, 1, 255), "too small"),
+            (grey(9, 9, 0), "no lumen"),
+            (grey(9, 9, 255), "no wall"),
+            (grey(4097, 3, 255), "more than 4096"),
+            (b"GIF89a".to_vec(), "no PNG"),
+            (Vec::new(), "no PNG"),
+            (grey(9, 9, 0)[..40].to_vec(), "no PNG"),
+        ] {
+            let e = Drawing::decode("d.png", &bytes).unwrap_err();
+            assert!(e.to_string().contains(why) && e.kind as i32 == 3, "{e}");
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! A flight through a drawing.
+
+use glam::DVec3;
+
+use super::drawing::Drawing;
+use super::plan::{self, Plan, pair};
+use super::walls::Walls;
+pub use crate::components::flight::State;
+use crate::dynamics::heading::follow_velocity;
+use crate::dynamics::mines::{MineSettings, Mines};
+use crate::dynamics::monitor::MonitorSettings;
+use crate::dynamics::rescue::{Order, Rescue};
+use crate::dynamics::tentacles::{TentacleSettings, approach, circle, steer};
+use crate::dynamics::trap::{Felt, Trap};
+use crate::dynamics::{Attitude, Body, Motion, Turning, step};
+use crate::error::{Error, Result};
+use crate::fields::Clearances;
+
+/// Simulation steps a second.
+pub const HZ: u32 = 120;
+/// How far walls are looked for, mm.
+const LIMIT_MM: f64 = 40.0;
+/// Longest view for the first heading, mm.
+const VIEW_MM: f64 = 300.0;
+
+/// What flies, and how.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The camera.
+    pub body: Body,
+    /// Its tentacles, spread over a circle.
+    pub tentacles: TentacleSettings,
+    /// Its mines.
+    pub mines: Option<MineSettings>,
+    /// When it counts as caught.
+    pub watch: MonitorSettings,
+    /// The flight ends after so many simulated seconds.
+    pub seconds: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            body: Body::default(),
+            tentacles: TentacleSettings { count: 64, ..TentacleSettings::default() },
+            mines: Some(MineSettings::default()),
+            watch: MonitorSettings::default(),
+            seconds: 120.0,
+        }
+    }
+}
+
+/// What the operator is called for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Call {
+    /// Why.
+    pub trap: Trap,
+    /// Where, mm.
+    pub place: DVec3,
+}
+
+/// A flight under way.
+#[derive(Clone, Debug)]
+pub struct Flight {
+    walls: Walls,
+    plan: Plan,
+    settings: Settings,
+    directions: Vec<DVec3>,
+    lengths: Vec<f64>,
+    mines: Mines,
+    rescue: Rescue,
+    motion: Motion,
+    heading: DVec3,
+    places: Vec<DVec3>,
+    state: State,
+    call: Option<Call>,
+    length_mm: f64,
+}
+
+impl Flight {
+    /// A flight at its start.
+    ///
+    /// # Errors
+    /// Status 4 where the body does not fit at the start, status 2 for settings that make no sense.
+    pub fn new(drawing: Drawing, settings: Settings) -> Result<Self> {
+        settings.body.check()?;
+        let walls = Walls::new(drawing, LIMIT_MM);
+        let plan = plan::plan(&walls, settings.body.radius_mm)?;
+        let directions = circle(settings.tentacles.count.max(3));
+        let mut flight = Self {
+            lengths: vec![0.0; directions.len()],
+            directions,
+            walls,
+            plan,
+            settings,
+            mines: Mines::default(),
+            rescue: Rescue::default(),
+            motion: Motion::at_rest(DVec3::ZERO, Attitude::new(DVec3::X, DVec3::Z)),
+            heading: DVec3::ZERO,
+            places: Vec::new(),
+            state: State::Flying,
+            call: None,
+            length_mm: 0.0,
+        };
+        flight.set_out(flight.plan.start);
+        Ok(flight)
+    }
+
+    /// Starts anew near another place (mm).
+    ///
+    /// # Errors
+    /// Status 4 where there is no room for the body.
+    pub fn start_at(&mut self, at: DVec3) -> Result<()> {
+        let at = plan::start_at(&self.walls, at, self.settings.body.radius_mm)?;
+        self.set_out(at);
+        Ok(())
+    }
+
+    /// Starts anew from where it started last.
+    pub fn restart(&mut self) {
+        self.set_out(self.plan.start);
+    }
+
+    fn set_out(&mut self, at: DVec3) {
+        self.plan.start = at;
+        self.places = vec![at];
+        self.mines.clear();
+        self.rescue = Rescue::default();
+        self.motion = Motion::at_rest(at, Attitude::new(DVec3::X, DVec3::Z));
+        self.state = State::Flying;
+        self.call = None;
+        self.length_mm = 0.0;
+        self.feel(at);
+        // Towards a goal in plain sight, else the longest free direction, the first of equals.
+        let mut best = (f64::NEG_INFINITY, DVec3::X);
+        for d in circle(512) {
+            let free = self.walls.crossing(at, d, VIEW_MM).unwrap_or(VIEW_MM);
+            if free > best.0 {
+                best = (free, d);
+            }
+        }
+        self.heading = self.sees(self.plan.goal, at).unwrap_or(best.1);
+    }
+
+    /// The unit direction to a place in plain sight.
+    fn sees(&self, goal: DVec3, at: DVec3) -> Option<DVec3> {
+        let way = (goal - at).try_normalize()?;
+        self.walls.crossing(at, way, goal.distance(at)).is_none().then_some(way)
+    }
+
+    fn feel(&mut self, at: DVec3) {
+        let reach = self.settings.tentacles.reach_mm;
+        for (length, &d) in self.lengths.iter_mut().zip(&self.directions) {
+            *length = self.walls.crossing(at, d, reach).unwrap_or(reach);
+        }
+    }
+
+    /// One step of the simulation; nothing once the flight is over.
+    pub fn step(&mut self) {
+        if self.state != State::Flying {
+            return;
+        }
+        let dt = 1.0 / f64::from(HZ);
+        let at = self.position();
+        let Settings { body, tentacles, mines, watch, seconds } = self.settings.clone();
+        self.feel(at);
+        let laid = mines.as_ref().map(|m| (&self.mines, m));
+        let tentacles = self.rescue.temper(&tentacles);
+        let feelers = (&self.directions[..], &self.lengths[..]);
+        let s = steer(feelers, at, self.heading, laid, self.rescue.forbidden(), &tentacles, body.drag_per_s);
+        let (mut thrust, mut limit) = (s.thrust, tentacles.cruise_mm_s * body.drag_per_s);
+        if let Some((to, _)) = approach(at, self.plan.goal, &tentacles, body.drag_per_s)
+            && self.sees(self.plan.goal, at).is_some()
+        {
+            (thrust, limit) = (to, to.length());
+        }
+        let mut push = DVec3::ZERO;
+        if let Some(m) = &mines {
+            self.mines.follow(at, m);
+            push = self.mines.push(at, m);
+        }
+        let force = ((thrust + push).clamp_length_max(limit) + s.wall) * body.mass_g;
+        let moved = step(body.integrator.method(), &body, &self.motion, &force, &Turning::FREE, &self.walls, dt);
+        self.motion = moved.motion;
+        let now = self.motion.position;
+        self.heading = follow_velocity(self.heading, self.motion.momentum / body.mass_g, dt);
+        self.length_mm += now.distance(at);
+        self.places.push(now);
+        self.watch(now, dt, &watch);
+        if self.state == State::Flying && self.seconds() >= seconds {
+            self.state = State::Ended;
+        }
+    }
+
+    fn watch(&mut self, at: DVec3, dt: f64, settings: &MonitorSettings) {
+        if at.distance(self.plan.goal) <= self.plan.within_mm {
+            self.state = State::Arrived;
+            return;
+        }
+        let felt = Felt {
+            directions: &self.directions,
+            lengths: &self.lengths,
+            heading: self.heading,
+            radius_mm: self.settings.body.radius_mm,
+        };
+        match self.rescue.follow(at, dt, Some(&felt), None, settings) {
+            Order::GoOn => {}
+            Order::SetOff { heading, clear_mines } => {
+                self.heading = heading.unwrap_or(self.heading);
+                if clear_mines {
+                    self.mines.clear();
+                }
+            }
+            Order::Call { trap, place } => {
+                self.state = State::Operator;
+                self.call = Some(Call { trap, place });
+            }
+        }
+    }
+
+    /// Where the camera is, mm.
+    pub fn position(&self) -> DVec3 {
+        self.places.last().copied().unwrap_or(self.plan.start)
+    }
+
+    /// Every place that it came through, one a step, mm.
+    pub fn places(&self) -> &[DVec3] {
+        &self.places
+    }
+
+    /// Unit heading.
+    pub fn heading(&self) -> DVec3 {
+        self.heading
+    }
+
+    /// The tentacles: directions, and lengths in mm.
+    pub fn tentacles(&self) -> (&[DVec3], &[f64]) {
+        (&self.directions, &self.lengths)
+    }
+
+    /// The mines.
+    pub fn mines(&self) -> &Mines {
+        &self.mines
+    }
+
+    /// What it watches for and does about it.
+    pub fn rescue(&self) -> &Rescue {
+        &self.rescue
+    }
+
+    /// What flies.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Where from and where to.
+    pub fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// The walls.
+    pub fn walls(&self) -> &Walls {
+        &self.walls
+    }
+
+    /// How it stands.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// What the operator is called for.
+    pub fn call(&self) -> Option<Call> {
+        self.call
+    }
+
+    /// Way flown, mm.
+    pub fn length_mm(&self) -> f64 {
+        self.length_mm
+    }
+
+    /// Simulated time, s.
+    pub fn seconds(&self) -> f64 {
+        (self.places.len() - 1) as f64 / f64::from(HZ)
+    }
+
+    /// Clearance where the camera is, mm.
+    pub fn clearance_mm(&self) -> f64 {
+        self.walls.clearance(self.position()).mm
+    }
+
+    /// How the flight came out.
+    ///
+    /// # Errors
+    /// Status 4 when the operator is called, with where and why.
+    pub fn outcome(&self) -> Result<()> {
+        self.call.map_or(Ok(()), |c| {
+            let what = format!("flight at {}", pair(c.place));
+            Err(Error::incomplete(what, c.trap.text(), "open it in the window and start it elsewhere with a click"))
+        })
+    }
+}

@@ -1,0 +1,221 @@
+//! The picture of a flight through a drawing: potential, trajectory, tentacles, mines, camera.
+
+use glam::DVec3;
+
+use super::drawing::MM_PER_PIXEL;
+use super::flight::{Flight, State};
+use super::potential::Potential;
+use crate::render::Frame;
+
+/// What of a flight is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Show {
+    /// Tentacles at the camera's place.
+    pub tentacles: bool,
+    /// Mines and how far they reach.
+    pub mines: bool,
+    /// The potential, as shading and lines of equal height.
+    pub potential: bool,
+    /// The way flown.
+    pub trajectory: bool,
+}
+
+impl Default for Show {
+    fn default() -> Self {
+        Self { tentacles: true, mines: true, potential: true, trajectory: true }
+    }
+}
+
+type Colour = [u8; 3];
+
+const WALL: Colour = [38, 34, 40];
+const LUMEN: Colour = [232, 236, 240];
+const STEEP: Colour = [96, 120, 178];
+const LINE: Colour = [150, 168, 206];
+const WAY: Colour = [232, 120, 16];
+const TENTACLE: Colour = [40, 150, 90];
+const MINE: Colour = [200, 30, 40];
+const START: Colour = [220, 40, 40];
+const GOAL: Colour = [20, 160, 40];
+const CAMERA: Colour = [20, 20, 24];
+const CALLED: Colour = [190, 20, 190];
+
+/// The height of the first line of equal potential, mm²/s²; each further one is four times as high.
+const FIRST_LINE: f32 = 15.0;
+/// Levels of shading.
+const LEVELS: f32 = 6.0;
+
+/// Draws flights of one drawing.
+pub struct Painter {
+    potential: Potential,
+    /// The level of each pixel's potential.
+    levels: Vec<i8>,
+}
+
+impl Painter {
+    /// A painter for a flight's drawing.
+    pub fn new(flight: &Flight) -> Self {
+        let potential = Potential::new(flight.walls(), flight.settings());
+        Self { potential, levels: Vec::new() }
+    }
+
+    /// The whole number of picture pixels a drawing's pixel that fits `width` × `height` best, at least 1.
+    pub fn scale_for(flight: &Flight, (width, height): (usize, usize)) -> usize {
+        let drawing = flight.walls().drawing();
+        (width / drawing.width()).min(height / drawing.height()).max(1)
+    }
+
+    /// Draws a flight as it stands, `scale` picture pixels a pixel of the drawing.
+    pub fn paint(&mut self, flight: &Flight, show: Show, scale: usize, frame: &mut Frame) {
+        let drawing = flight.walls().drawing();
+        let (w, h) = (drawing.width(), drawing.height());
+        frame.resize(w * scale, h * scale);
+        self.ground(flight, show, scale, frame);
+        let mut pen = Pen { frame, per_mm: scale as f64 / MM_PER_PIXEL };
+        let thin = 0.5 / pen.per_mm;
+        let mines = flight.settings().mines.filter(|_| show.mines);
+        if let Some(s) = mines {
+            for m in flight.mines().iter() {
+                pen.circle(m, s.reach_mm, MINE, 0.12);
+            }
+        }
+        if show.trajectory {
+            // One point a picture pixel is enough.
+            let mut last = flight.plan().start;
+            for &p in flight.places() {
+                if p.distance(last) >= 2.0 * thin {
+                    pen.line(last, p, 0.55, WAY, 1.0);
+                    last = p;
+                }
+            }
+        }
+        let at = flight.position();
+        if show.tentacles {
+            let (directions, lengths) = flight.tentacles();
+            for (&d, &l) in directions.iter().zip(lengths) {
+                pen.line(at, at + d * l, thin, TENTACLE, 0.55);
+            }
+        }
+        pen.disc(flight.plan().start, 1.6, START);
+        pen.circle(flight.plan().goal, flight.plan().within_mm, GOAL, 1.0);
+        pen.disc(flight.plan().goal, 1.0, GOAL);
+        if mines.is_some() {
+            for m in flight.mines().iter() {
+                pen.disc(m, 0.9, MINE);
+            }
+        }
+        let radius = flight.settings().body.radius_mm.max(2.0 * thin);
+        pen.disc(at, radius, CAMERA);
+        pen.line(at, at + flight.heading() * (radius + 4.0), 0.4, CAMERA, 1.0);
+        if let (State::Operator, Some(call)) = (flight.state(), flight.call()) {
+            for d in [DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, -1.0, 0.0)] {
+                pen.line(call.place - d * 4.0, call.place + d * 4.0, 0.8, CALLED, 1.0);
+            }
+        }
+    }
+
+    /// Wall, lumen and potential.
+    fn ground(&mut self, flight: &Flight, show: Show, scale: usize, frame: &mut Frame) {
+        let drawing = flight.walls().drawing();
+        let w = drawing.width();
+        let mines = flight.settings().mines.as_ref().filter(|_| show.mines).map(|m| (flight.mines(), m));
+        let values = self.potential.with_mines(mines);
+        self.levels.clear();
+        self.levels.extend(values.iter().map(|&v| level(v)));
+        let levels = &self.levels;
+        let (pixels, _) = frame.buffers();
+        for (n, &lumen) in drawing.lumen().iter().enumerate() {
+            let (i, j) = (n % w, n / w);
+            let colour = match (lumen, show.potential) {
+                (false, _) => WALL,
+                (true, false) => LUMEN,
+                (true, true) => {
+                    let higher = |m: usize| levels.get(m).is_some_and(|&l| l < levels[n]);
+                    if (i + 1 < w && higher(n + 1))
+                        || higher(n + w)
+                        || (i > 0 && higher(n - 1))
+                        || (j > 0 && higher(n - w))
+                    {
+                        LINE
+                    } else {
+                        mix(LUMEN, STEEP, f64::from(f32::from(levels[n]).min(LEVELS) / LEVELS))
+                    }
+                }
+            };
+            for y in j * scale..(j + 1) * scale {
+                let row = y * w * scale + i * scale;
+                pixels[row..row + scale].fill(colour);
+            }
+        }
+    }
+}
+
+/// How many lines of equal height lie below a potential.
+fn level(v: f32) -> i8 {
+    if v < FIRST_LINE { 0 } else { (1.0 + (v / FIRST_LINE).log2() / 2.0).min(100.0) as i8 }
+}
+
+fn mix(a: Colour, b: Colour, share: f64) -> Colour {
+    std::array::from_fn(|c| (f64::from(a[c]) + (f64::from(b[c]) - f64::from(a[c])) * share).round() as u8)
+}
+
+/// Draws in mm.
+struct Pen<'a> {
+    frame: &'a mut Frame,
+    per_mm: f64,
+}
+
+impl Pen<'_> {
+    /// Covers the pixels within the box between two places (picture pixels) by what `share` says, 0 to 1.
+    fn cover(&mut self, low: DVec3, high: DVec3, colour: Colour, share: impl Fn(DVec3) -> f64) {
+        let (w, h) = (self.frame.width(), self.frame.height());
+        let from = |x: f64| x.floor().max(0.0) as usize;
+        let to = |x: f64, n: usize| (x.ceil().max(0.0) as usize + 1).min(n);
+        let (pixels, _) = self.frame.buffers();
+        for y in from(low.y)..to(high.y, h) {
+            for x in from(low.x)..to(high.x, w) {
+                let part = share(DVec3::new(x as f64 + 0.5, y as f64 + 0.5, 0.0)).clamp(0.0, 1.0);
+                if part > 0.0 {
+                    pixels[x + w * y] = mix(pixels[x + w * y], colour, part);
+                }
+            }
+        }
+    }
+
+    fn disc(&mut self, at: DVec3, radius_mm: f64, colour: Colour) {
+        let (c, r) = (at * self.per_mm, radius_mm * self.per_mm);
+        let reach = DVec3::new(r + 1.0, r + 1.0, 0.0);
+        self.cover(c - reach, c + reach, colour, |p| r + 0.5 - p.distance(c));
+    }
+
+    fn circle(&mut self, at: DVec3, radius_mm: f64, colour: Colour, share: f64) {
+        let (c, r) = (at * self.per_mm, radius_mm * self.per_mm);
+        let reach = DVec3::new(r + 2.0, r + 2.0, 0.0);
+        self.cover(c - reach, c + reach, colour, |p| share * (1.2 - (p.distance(c) - r).abs()).min(1.0));
+    }
+
+    /// A line of half-width `half_mm`.
+    fn line(&mut self, from: DVec3, to: DVec3, half_mm: f64, colour: Colour, share: f64) {
+        let (a, b, r) = (from * self.per_mm, to * self.per_mm, half_mm * self.per_mm);
+        let along = b - a;
+        let length2 = along.length_squared();
+        let reach = DVec3::new(r + 1.0, r + 1.0, 0.0);
+        // A long slanted line lies in a large box: it is drawn in pieces.
+        let pieces = (along.length() / 24.0).ceil().max(1.0);
+        let near = |p: DVec3| {
+            let t = if length2 > 0.0 { ((p - a).dot(along) / length2).clamp(0.0, 1.0) } else { 0.0 };
+            (p - a - along * t).length()
+        };
+        for n in 0..pieces as usize {
+            // Each pixel belongs to the piece that its foot lies in, so that none is covered twice.
+            let (s, e) = (n as f64 / pieces, (n as f64 + 1.0) / pieces);
+            let (p, q) = (a + along * s, a + along * e);
+            let last = n + 1 == pieces as usize;
+            self.cover(p.min(q) - reach, p.max(q) + reach, colour, |x| {
+                let t = if length2 > 0.0 { (x - a).dot(along) / length2 } else { 0.0 };
+                let mine = (n == 0 || t >= s) && (last || t < e);
+                if mine { share * (r + 0.5 - near(x)) } else { 0.0 }
+            });
+        }
+    }
+}

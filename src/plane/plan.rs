@@ -1,0 +1,147 @@
+//! Where a flight through a drawing starts and ends.
+
+use std::collections::VecDeque;
+
+use glam::DVec3;
+
+use super::drawing::{MM_PER_PIXEL, pixel_centre};
+use super::walls::Walls;
+use crate::error::{Error, Result};
+use crate::fields::Clearances;
+
+/// A start at which the body does not fit is taken to the nearest place that has room within this, mm.
+const SNAP_MM: f64 = 5.0;
+/// A goal that is drawn is reached within this, mm.
+const ARRIVED_MM: f64 = 3.0;
+/// Room beyond the body's radius that a start must have, mm.
+const ROOM_MM: f64 = 0.1;
+
+/// A flight to be flown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plan {
+    /// Where it starts, mm.
+    pub start: DVec3,
+    /// Where it ends, mm.
+    pub goal: DVec3,
+    /// Arrived within this of the goal, mm.
+    pub within_mm: f64,
+    /// What there is to say.
+    pub notes: Vec<String>,
+}
+
+/// Plans a flight from the red mark to the green one. Where the drawing has none, an end is the place that is furthest
+/// from the other, along ways that are wide enough for the body.
+///
+/// # Errors
+/// Status 4 where the body fits nowhere, or not at the start.
+pub fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
+    let drawing = walls.drawing();
+    let mut notes = Vec::new();
+    // Looking no further than the body needs makes the sweeps quick.
+    let near = Walls::new(drawing.clone(), radius_mm + 1.0);
+    let fits = |p: DVec3| near.clearance(p).mm > radius_mm + ROOM_MM;
+    // Two sweeps: the furthest place from any place of a way is one of its ends.
+    let furthest = |from: DVec3| reach(walls, from, &fits);
+    let start = match drawing.start {
+        Some(start) => roomy(start, &fits, &mut notes).ok_or_else(|| {
+            Error::incomplete(
+                format!("start {}", pair(start)),
+                format!("the lumen there is narrower than the camera ({radius_mm} mm)"),
+                format!("draw the start (red) in a wider place, within {SNAP_MM} mm"),
+            )
+        })?,
+        None => {
+            let roomiest = roomiest(walls).filter(|p| fits(*p)).ok_or_else(|| {
+                Error::incomplete(
+                    "start",
+                    format!("the lumen is everywhere narrower than the camera ({radius_mm} mm)"),
+                    format!("draw it wider: a pixel is {MM_PER_PIXEL} mm"),
+                )
+            })?;
+            furthest(drawing.goal.filter(|g| fits(*g)).unwrap_or(roomiest))
+        }
+    };
+    let (goal, within_mm) = match drawing.goal {
+        Some(goal) => (goal, ARRIVED_MM),
+        None => {
+            let goal = furthest(start);
+            (goal, (0.5 * walls.clearance(goal).mm).max(ARRIVED_MM))
+        }
+    };
+    Ok(Plan { start, goal, within_mm, notes })
+}
+
+/// A start anywhere else: the nearest place with room within 5 mm.
+///
+/// # Errors
+/// Status 4 where there is none.
+pub fn start_at(walls: &Walls, at: DVec3, radius_mm: f64) -> Result<DVec3> {
+    let fits = |p: DVec3| walls.clearance(p).mm > radius_mm + ROOM_MM;
+    roomy(at, &fits, &mut Vec::new()).ok_or_else(|| {
+        Error::incomplete(
+            format!("start {}", pair(at)),
+            format!("no room for the camera ({radius_mm} mm) within {SNAP_MM} mm"),
+            "choose a place in the lumen",
+        )
+    })
+}
+
+/// The place in the drawing with the most clearance, the first of equals.
+fn roomiest(walls: &Walls) -> Option<DVec3> {
+    let drawing = walls.drawing();
+    let mut best = (0.0, None);
+    // Every fourth pixel will do: it is only the beginning of a search.
+    let step = if drawing.width().max(drawing.height()) < 64 { 1 } else { 4 };
+    for j in (0..drawing.height()).step_by(step) {
+        for i in (0..drawing.width()).step_by(step) {
+            let at = pixel_centre(i, j);
+            let c = walls.clearance(at).mm;
+            if c > best.0 {
+                best = (c, Some(at));
+            }
+        }
+    }
+    best.1
+}
+
+/// The place that is furthest from `from` among those that can be reached in steps of a pixel through what `fits`.
+fn reach(walls: &Walls, from: DVec3, fits: &impl Fn(DVec3) -> bool) -> DVec3 {
+    let (w, h) = (walls.drawing().width(), walls.drawing().height());
+    let mut seen = vec![false; w * h];
+    let pixel = |x: f64, n: usize| ((x / MM_PER_PIXEL).max(0.0) as usize).min(n - 1);
+    let first = (pixel(from.x, w), pixel(from.y, h));
+    let mut queue = VecDeque::from([first]);
+    seen[first.0 + w * first.1] = true;
+    let mut last = first;
+    while let Some((i, j)) = queue.pop_front() {
+        last = (i, j);
+        for (x, y) in [(i.wrapping_sub(1), j), (i + 1, j), (i, j.wrapping_sub(1)), (i, j + 1)] {
+            if x < w && y < h && !seen[x + w * y] && fits(pixel_centre(x, y)) {
+                seen[x + w * y] = true;
+                queue.push_back((x, y));
+            }
+        }
+    }
+    if last == first { from } else { pixel_centre(last.0, last.1) }
+}
+
+/// The nearest place with room within [`SNAP_MM`], looked for on a lattice in order of distance.
+fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> Option<DVec3> {
+    let n = (SNAP_MM / MM_PER_PIXEL) as i32;
+    let mut offsets: Vec<DVec3> = (-n..=n)
+        .flat_map(|y| (-n..=n).map(move |x| DVec3::new(f64::from(x), f64::from(y), 0.0) * MM_PER_PIXEL))
+        .filter(|o| o.length() <= SNAP_MM)
+        .collect();
+    // A stable sort: ties stay in lattice order, the same every time.
+    offsets.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let found = offsets.into_iter().map(|o| at + o).find(|p| fits(*p))?;
+    if found != at {
+        notes.push(format!("the start {} has no room for the camera; taken to {}", pair(at), pair(found)));
+    }
+    Some(found)
+}
+
+/// A place of the drawing, as it is told.
+pub fn pair(p: DVec3) -> String {
+    format!("{:.1},{:.1}", p.x, p.y)
+}

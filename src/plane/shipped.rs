@@ -1,0 +1,29 @@
+//! The drawings that ship with the program, each with a known trap. `assets/plane/README.md` tells how they are made and
+//! what is to be expected of each.
+
+use super::drawing::Drawing;
+use crate::error::Result;
+
+/// Name and PNG of each; the first is flown where none is named.
+pub const DRAWINGS: [(&str, &[u8]); 10] = [
+    ("bends", include_bytes!("../../assets/plane/bends.png")),
+    ("straight", include_bytes!("../../assets/plane/straight.png")),
+    ("fork", include_bytes!("../../assets/plane/fork.png")),
+    ("pocket", include_bytes!("../../assets/plane/pocket.png")),
+    ("ring", include_bytes!("../../assets/plane/ring.png")),
+    ("touching", include_bytes!("../../assets/plane/touching.png")),
+    ("bridge", include_bytes!("../../assets/plane/bridge.png")),
+    ("polyp", include_bytes!("../../assets/plane/polyp.png")),
+    ("neck", include_bytes!("../../assets/plane/neck.png")),
+    ("spiral", include_bytes!("../../assets/plane/spiral.png")),
+];
+
+/// The drawing of that name, if there is one.
+pub fn named(name: &str) -> Option<Result<Drawing>> {
+    DRAWINGS.iter().find(|d| d.0 == name).map(|(name, png)| Drawing::decode(name, png))
+}
+
+/// All names, for messages.
+pub fn names() -> String {
+    DRAWINGS.map(|d| d.0).join(", ")
+}

@@ -1,0 +1,160 @@
+//! How many tentacles are needed: what they sense against the exact clearance, who arrives, and the time of a step.
+
+use glam::DVec3;
+
+use crate::app::Scene;
+use crate::dynamics::tentacles::{TentacleSettings, directions};
+use crate::error::Result;
+use crate::fields::ClearanceFinder;
+use crate::math::hash;
+use crate::progress::Progress;
+use crate::render::first_crossing;
+use crate::report::page::Page;
+use crate::report::plot::{Plot, Point, Series};
+use crate::report::table::{Cell, Table};
+use crate::report::trials::{self, Course};
+use crate::report::{mean, median, quantile};
+
+/// The numbers of tentacles, and those of a quick report.
+const COUNTS: [usize; 11] = [3, 4, 6, 8, 16, 32, 64, 128, 256, 512, 1024];
+const QUICK: [usize; 5] = [3, 8, 32, 128, 1024];
+/// Places at which is sensed, on each course.
+const PLACES: u64 = 200;
+/// How far exact clearances are looked for, mm: wider than any half of the lumen.
+const EXACT_MM: f64 = 40.0;
+/// Simulated seconds of a flight at the most.
+const SECONDS: f64 = 120.0;
+
+/// What one number of tentacles brings.
+#[derive(Clone, Debug, PartialEq)]
+struct Sensed {
+    /// How many.
+    count: usize,
+    /// Sensed less exact distance to the wall, mm: median and 95th percentile. Never negative: a ray cannot be shorter.
+    error_mm: (f64, f64),
+    /// Angle between the shortest tentacle and the direction to the nearest wall, degrees: median.
+    angle_degrees: f64,
+    /// Share of the flights that arrive.
+    arrived: f64,
+    /// Mean distance from the centerline of those, as a share of the local radius.
+    offset: f64,
+    /// Wall clock of a step, µs.
+    step_us: f64,
+}
+
+/// The study.
+///
+/// # Errors
+/// As the report's.
+pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let courses = trials::small_phantoms(quick, progress)?;
+    let sensed = measure(&courses, quick, progress)?;
+    page.text(&format!(
+        "Flights of {} small phantoms (folds, polyps, noise) with so many tentacles, and what the shortest of them tells at \
+         places all over the lumen beside the exact clearance: D_s is never sensed too short, and its error falls with the \
+         angle between two tentacles. A step is the whole simulation step, the exact clearances of the body included.",
+        courses.len()
+    ));
+    page.table("tentacles", &table(&sensed))?;
+    page.plot("tentacles-error", &plot(&sensed), "A point is a number of tentacles.")?;
+    let least = sensed.iter().rev().take_while(|s| s.arrived >= 1.0).last();
+    let default = TentacleSettings::default().count;
+    let at = sensed.iter().find(|s| s.count == default);
+    let told = |s: &Sensed| {
+        let (median, most) = s.error_mm;
+        format!("{} sense D_s {median:.2} mm too long (95 %: {most:.2} mm), {:.0}° off", s.count, s.angle_degrees)
+    };
+    let needed = least.map_or_else(
+        || "No number of tentacles brings every flight to its end.".to_owned(),
+        |s| format!("From {} tentacles on every flight arrives.", s.count),
+    );
+    Ok(vec![at.map_or_else(|| needed.clone(), |s| format!("{needed} The default's {}.", told(s)))])
+}
+
+/// Measures [`COUNTS`] (`quick`: [`QUICK`]) on phantoms, whose places are drawn around the true centerline.
+fn measure(courses: &[Course], quick: bool, progress: &Progress) -> Result<Vec<Sensed>> {
+    let measure = |&count: &usize| {
+        let (mut errors, mut angles) = (Vec::new(), Vec::new());
+        for course in courses {
+            sense(course, count, &mut errors, &mut angles);
+        }
+        let mut scene = Scene::default();
+        scene.tentacles.count = count;
+        let flown = courses.iter().map(|c| trials::fly(c, &scene, SECONDS)).collect::<Result<Vec<_>>>()?;
+        let arrived: Vec<_> = flown.iter().filter(|t| t.arrived()).collect();
+        progress.check()?;
+        Ok(Sensed {
+            count,
+            error_mm: (median(&errors), quantile(&errors, 0.95)),
+            angle_degrees: median(&angles),
+            arrived: arrived.len() as f64 / flown.len() as f64,
+            offset: mean(&arrived.iter().filter_map(|t| t.offset).collect::<Vec<_>>()),
+            step_us: median(&flown.iter().map(|t| t.step_us).collect::<Vec<_>>()),
+        })
+    };
+    COUNTS.iter().filter(|c| !quick || QUICK.contains(c)).map(measure).collect()
+}
+
+/// Compares what tentacles sense with the exact clearance at places around the centerline.
+fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<f64>) {
+    let Some(truth) = &course.truth else { return };
+    let finder = ClearanceFinder::new(course.space.shared_volume(), course.space.wall().iso() as f32, EXACT_MM);
+    let all = directions(count);
+    let reach = TentacleSettings::default().reach_mm;
+    for n in 0..PLACES {
+        let u = |k| hash::uniform(17, 8 * n + k);
+        let i = ((u(0) * truth.centerline.len() as f64) as usize).min(truth.centerline.len() - 1);
+        let aside = DVec3::new(u(1), u(2), u(3)) * 2.0 - 1.0;
+        let at = truth.centerline[i] + aside * (0.6 * truth.radius_mm[i]);
+        let exact = finder.at(at);
+        if exact.mm < 1.0 || exact.toward == DVec3::ZERO {
+            continue;
+        }
+        let felt = all.iter().map(|&d| (first_crossing(&course.space, at, d, reach).unwrap_or(reach), d));
+        if let Some((length, d)) = felt.min_by(|a, b| a.0.total_cmp(&b.0)) {
+            errors.push(length - exact.mm);
+            angles.push(d.angle_between(exact.toward).to_degrees());
+        }
+    }
+}
+
+/// As a table.
+fn table(sensed: &[Sensed]) -> Table {
+    let mut table = Table::new(&[
+        "tentacles",
+        "error of D_s, median (mm)",
+        "error of D_s, 95 % (mm)",
+        "error of its direction, median (degrees)",
+        "flights that arrive (%)",
+        "offset from the centerline (of the radius)",
+        "a step (µs)",
+    ]);
+    for s in sensed {
+        table.row(vec![
+            Cell::Number(s.count as f64, 0),
+            Cell::Number(s.error_mm.0, 2),
+            Cell::Number(s.error_mm.1, 2),
+            Cell::Number(s.angle_degrees, 1),
+            Cell::Number(100.0 * s.arrived, 0),
+            if s.offset.is_nan() { Cell::None } else { Cell::Number(s.offset, 3) },
+            Cell::Number(s.step_us, 0),
+        ]);
+    }
+    table
+}
+
+/// Error of the sensed distance against the time of a step.
+fn plot(sensed: &[Sensed]) -> Plot {
+    let series = |name: &str, value: &dyn Fn(&Sensed) -> f64| Series {
+        name: name.to_owned(),
+        points: sensed.iter().map(|s| Point { name: s.count.to_string(), x: s.step_us, y: value(s) }).collect(),
+        line: true,
+    };
+    Plot {
+        title: "Tentacles: what they sense".to_owned(),
+        x: "a step (µs)".to_owned(),
+        y: "error of D_s (mm)".to_owned(),
+        series: vec![series("median", &|s| s.error_mm.0), series("95 %", &|s| s.error_mm.1)],
+        front: false,
+    }
+}

@@ -1,0 +1,184 @@
+//! What is measured of one volume.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::METHODS;
+use crate::error::{Error, Result};
+use crate::fields::centerline::{self, Centerline, End};
+use crate::fields::distance::compare::{self, Cheap};
+use crate::fields::{Through, WallDistance, lumen};
+use crate::math::hash;
+use crate::phantom::Phantom;
+use crate::progress::Progress;
+use crate::report::{mean, quantile};
+use crate::volume::Volume;
+
+/// The distances, the exact one first.
+pub(super) const DISTANCES: [&str; 3] = ["exact", "chamfer", "chessboard"];
+/// Voxels at which distances are held against the analytic wall.
+const PROBES: usize = 4000;
+/// The analytic wall is compared with within this, mm: it is of first order.
+const WALL_MM: f64 = 2.0;
+
+/// One distance in one volume.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DistanceLine {
+    pub method: &'static str,
+    pub seconds: f64,
+    pub megabytes: Option<f64>,
+    /// Against the exact one, over the lumen.
+    pub mean_mm: f64,
+    pub max_mm: f64,
+    /// Mean error against the analytic wall near it.
+    pub wall_mm: Option<f64>,
+}
+
+/// One centerline in one volume.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LineLine {
+    pub method: &'static str,
+    pub seconds: f64,
+    pub megabytes: Option<f64>,
+    pub mean_mm: Option<f64>,
+    pub p95_mm: Option<f64>,
+    pub max_mm: Option<f64>,
+    pub length_mm: f64,
+    pub least_radius_mm: f64,
+}
+
+/// All of one volume.
+#[derive(Clone, Debug)]
+pub(super) struct Measured {
+    pub title: String,
+    /// In plots.
+    pub short: String,
+    pub volume_bytes: usize,
+    /// Lumen and wall distance, as they are kept.
+    pub field_bytes: usize,
+    pub lumen_s: f64,
+    pub distances: Vec<DistanceLine>,
+    pub lines: Vec<LineLine>,
+}
+
+/// Measures every method on a volume; with the phantom that it is of, against its truth.
+pub(super) fn measure(
+    title: &str,
+    volume: &Volume,
+    phantom: Option<&Phantom>,
+    progress: &Progress,
+) -> Result<Measured> {
+    let (lumen, lumen_s, _) = timed(|| lumen::find(volume, progress));
+    let lumen = lumen?;
+    let Some(largest) = lumen.largest() else {
+        return Err(Error::incomplete(title, "no gas of a colon was found in it", "report on another scan"));
+    };
+    // What is made first pays for the memory; it is made once for nothing.
+    drop(WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress)?);
+    let (walls, seconds, megabytes) = timed(|| WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress));
+    let walls = walls?;
+    let probes = phantom.map(|p| probes(&walls, p)).unwrap_or_default();
+    let against = |values: &[f32]| {
+        let errors: Vec<f64> = probes.iter().map(|&(n, truth)| (f64::from(values[n]) - truth).abs()).collect();
+        Some(mean(&errors)).filter(|_| !errors.is_empty())
+    };
+    let mut distances = vec![DistanceLine {
+        method: DISTANCES[0],
+        seconds,
+        megabytes,
+        mean_mm: 0.0,
+        max_mm: 0.0,
+        wall_mm: against(walls.values()),
+    }];
+    for (method, kind) in DISTANCES.into_iter().skip(1).zip([Cheap::Chamfer, Cheap::Chessboard]) {
+        progress.check()?;
+        let (values, seconds, megabytes) = timed(|| compare::distances(&walls, kind));
+        let inside = walls.values().iter().zip(&values).filter(|(d, _)| **d >= 0.0);
+        let (mut sum, mut max_mm, mut count) = (0.0, 0.0f64, 0.0f64);
+        for (d, v) in inside {
+            let error = f64::from((v - d).abs());
+            (sum, max_mm, count) = (sum + error, max_mm.max(error), count + 1.0);
+        }
+        let wall_mm = against(&values);
+        distances.push(DistanceLine { method, seconds, megabytes, mean_mm: sum / count.max(1.0), max_mm, wall_mm });
+    }
+    let ends = lumen.segments[largest].ends;
+    let truth = phantom.map(Phantom::truth).map(|t| t.centerline);
+    let mut lines = Vec::new();
+    for (method, name) in METHODS {
+        progress.check()?;
+        let [from, to] = ends.map(End::Tip);
+        let (line, seconds, megabytes) = timed(|| centerline::by(method, &walls, from, to, &[], progress));
+        lines.push(line_of(name, &line?, seconds, megabytes, truth.as_deref()));
+    }
+    Ok(Measured {
+        title: title.to_owned(),
+        short: title.rsplit(' ').next().unwrap_or(title).to_owned(),
+        volume_bytes: volume.bytes(),
+        field_bytes: lumen.bytes() + walls.bytes(),
+        lumen_s,
+        distances,
+        lines,
+    })
+}
+
+fn line_of(
+    method: &'static str,
+    line: &Centerline,
+    seconds: f64,
+    megabytes: Option<f64>,
+    truth: Option<&[DVec3]>,
+) -> LineLine {
+    let errors = truth.map(|t| line.points.iter().map(|&p| off(p, t)).collect::<Vec<f64>>());
+    LineLine {
+        method,
+        seconds,
+        megabytes,
+        mean_mm: errors.as_ref().map(|e| mean(e)),
+        p95_mm: errors.as_ref().map(|e| quantile(e, 0.95)),
+        max_mm: errors.as_ref().map(|e| quantile(e, 1.0)),
+        length_mm: line.length_mm,
+        least_radius_mm: line.radius_mm.iter().copied().fold(f64::INFINITY, f64::min),
+    }
+}
+
+/// Distance of a point from a line, mm.
+fn off(p: DVec3, line: &[DVec3]) -> f64 {
+    let part = |w: &[DVec3]| {
+        let way = w[1] - w[0];
+        let t = ((p - w[0]).dot(way) / way.length_squared().max(1e-12)).clamp(0.0, 1.0);
+        p.distance(w[0] + way * t)
+    };
+    line.windows(2).map(part).fold(f64::INFINITY, f64::min)
+}
+
+/// Voxels of the lumen near the wall (their numbers), and their distance to the analytic wall, mm.
+fn probes(walls: &WallDistance, phantom: &Phantom) -> Vec<(usize, f64)> {
+    let count = walls.values().len();
+    (0..)
+        .map(|n| (hash::uniform(17, n) * count as f64) as usize)
+        .take(40 * PROBES)
+        .filter(|&n| (0.0..WALL_MM as f32 + 0.5).contains(&walls.values()[n]))
+        .map(|n| (n, -phantom.wall(walls.world(walls.set().voxel(n)))))
+        .filter(|p| (0.0..WALL_MM).contains(&p.1))
+        .take(PROBES)
+        .collect()
+}
+
+/// Does a piece of work; how long it took, and how much memory it had at once (MB), where the system tells (Linux).
+fn timed<T>(work: impl FnOnce() -> T) -> (T, f64, Option<f64>) {
+    let status = |key: &str| {
+        let status = std::fs::read_to_string("/proc/self/status").ok()?;
+        let line = status.lines().find_map(|l| l.strip_prefix(key).map(str::to_owned))?;
+        line.trim().trim_end_matches("kB").trim().parse::<f64>().ok()
+    };
+    // This sets the most that was resident back to what is resident.
+    let is_reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
+    let before = status("VmRSS:").filter(|_| is_reset);
+    let begun = Instant::now();
+    let out = work();
+    let seconds = begun.elapsed().as_secs_f64();
+    let megabytes = before.and_then(|b| Some((status("VmHWM:")? - b).max(0.0) * 1024.0 / 1e6));
+    (out, seconds, megabytes)
+}

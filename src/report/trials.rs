@@ -1,0 +1,156 @@
+//! Trial flights: the same course flown with other settings, and what came of it.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use crate::app::plan::{self, Plan, Wish};
+use crate::app::{FlightApp, Scene};
+use crate::components::clock::Clock;
+use crate::components::flight::State;
+use crate::error::Result;
+use crate::fields::{Lumen, lumen};
+use crate::phantom::{Phantom, Settings, Size, Truth};
+use crate::progress::Progress;
+use crate::render::{Space, Wall};
+
+/// Something to fly through, from end to end.
+pub struct Course {
+    /// The volume.
+    pub space: Space,
+    /// Its colon.
+    pub lumen: Arc<Lumen>,
+    /// From which end to which.
+    pub plan: Plan,
+    /// Its true centerline, where it is a phantom.
+    pub truth: Option<Truth>,
+}
+
+impl Course {
+    /// A course through a volume, from its rectal end or, `reverse`, to it.
+    ///
+    /// # Errors
+    /// Status 4 where there is no colon to fly or when interrupted.
+    pub fn new(space: Space, truth: Option<Truth>, reverse: bool, progress: &Progress) -> Result<Self> {
+        let lumen = Arc::new(lumen::find(space.volume(), progress)?);
+        let wish = Wish { reverse, ..Wish::default() };
+        let plan = plan::plan(&space, &lumen, &wish, Scene::default().body.radius_mm, progress)?;
+        Ok(Self { space, lumen, plan, truth })
+    }
+
+    /// A course through a phantom.
+    ///
+    /// # Errors
+    /// As [`Course::new`].
+    pub fn phantom(settings: &Settings, progress: &Progress) -> Result<Self> {
+        let phantom = Phantom::new(settings);
+        let volume = phantom.voxelise(&phantom.grid(), progress)?;
+        Self::new(Space::new(Arc::new(volume), Wall::default()), Some(phantom.truth()), false, progress)
+    }
+
+    /// The same course the other way.
+    ///
+    /// # Errors
+    /// Status 4 where there is no colon to fly.
+    pub fn reversed(&self, progress: &Progress) -> Result<Self> {
+        let wish = Wish { reverse: true, ..Wish::default() };
+        let plan = plan::plan(&self.space, &self.lumen, &wish, Scene::default().body.radius_mm, progress)?;
+        Ok(Self { space: self.space.clone(), lumen: Arc::clone(&self.lumen), plan, truth: self.truth.clone() })
+    }
+}
+
+/// The courses that small studies are flown on: small phantoms with folds, polyps and noise, six or, `quick`, two.
+///
+/// # Errors
+/// As [`Course::new`].
+pub fn small_phantoms(quick: bool, progress: &Progress) -> Result<Vec<Course>> {
+    let seeds = 1..=if quick { 2 } else { 6 };
+    seeds.map(|seed| Course::phantom(&Settings { size: Size::Small, seed, ..Settings::default() }, progress)).collect()
+}
+
+/// What came of a flight.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// How it ended.
+    pub state: State,
+    /// Why the operator was called; empty otherwise.
+    pub reason: String,
+    /// Simulated seconds.
+    pub seconds: f64,
+    /// Way flown, mm.
+    pub length_mm: f64,
+    /// Places at which another way was looked for.
+    pub escapes: u32,
+    /// Least and mean clearance, mm.
+    pub clearance_mm: (f64, f64),
+    /// Mean distance from the true centerline as a share of the local radius; none where there is no truth.
+    pub offset: Option<f64>,
+    /// Root mean square of the jerk after the first second, mm/s³.
+    pub jerk: f64,
+    /// Wall clock of a step, µs.
+    pub step_us: f64,
+}
+
+impl Trial {
+    /// Whether it arrived.
+    pub fn arrived(&self) -> bool {
+        self.state == State::Arrived
+    }
+}
+
+/// Flies a course with a scene, for at most so many simulated seconds.
+///
+/// # Errors
+/// Status 2 for a scene that makes no sense.
+pub fn fly(course: &Course, scene: &Scene, seconds: f64) -> Result<Trial> {
+    let scene = Scene { log: true, ..scene.clone() };
+    let (space, lumen) = (course.space.clone(), Arc::clone(&course.lumen));
+    let mut flight = FlightApp::new(space, lumen, course.plan.clone(), scene, None)?;
+    let steps = (seconds * f64::from(Clock::default().hz)) as usize;
+    let mut log = Vec::new();
+    let begun = Instant::now();
+    while log.len() < steps && flight.flight().state == State::Flying {
+        flight.step()?;
+        log.append(&mut flight.take_log());
+    }
+    let took = begun.elapsed().as_secs_f64();
+    if flight.flight().state == State::Flying {
+        flight.end();
+    }
+    let places: Vec<DVec3> = log.iter().map(|l| DVec3::from_array(l.position)).collect();
+    let clearance = log.iter().map(|l| l.clearance_mm);
+    let n = log.len().max(1) as f64;
+    let f = flight.flight();
+    Ok(Trial {
+        state: f.state,
+        reason: f.reason,
+        seconds: flight.clock().seconds(),
+        length_mm: f.length_mm,
+        escapes: f.escapes,
+        clearance_mm: (clearance.clone().fold(f64::INFINITY, f64::min), clearance.sum::<f64>() / n),
+        offset: course.truth.as_ref().map(|t| offset(&places, t)),
+        jerk: jerk(&places, flight.clock().dt()),
+        step_us: took * 1e6 / n,
+    })
+}
+
+/// Mean distance from the true centerline, each tenth of a second, as a share of the local radius.
+fn offset(places: &[DVec3], truth: &Truth) -> f64 {
+    let share = |p: &DVec3| {
+        let d = |i: &usize| truth.centerline[*i].distance_squared(*p);
+        let near = (0..truth.centerline.len()).min_by(|a, b| d(a).total_cmp(&d(b)));
+        near.map_or(f64::NAN, |i| truth.centerline[i].distance(*p) / truth.radius_mm[i])
+    };
+    super::mean(&places.iter().step_by(12).map(share).collect::<Vec<_>>())
+}
+
+/// Root mean square of the third differences of the places over a twentieth of a second, after the first second: what is
+/// shorter is rounding, and setting out is no chatter.
+fn jerk(places: &[DVec3], dt: f64) -> f64 {
+    const EVERY: usize = 6;
+    let h = dt * EVERY as f64;
+    let p: Vec<DVec3> = places.iter().skip((1.0 / dt) as usize).step_by(EVERY).copied().collect();
+    let third = |w: &[DVec3]| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).length_squared() / h.powi(6);
+    super::mean(&p.windows(4).map(third).collect::<Vec<_>>()).sqrt()
+}
