@@ -59,7 +59,7 @@ pub fn watch_flight(
         flight.place = pose.position;
         return;
     }
-    if f64::from(contact.stuck_steps) * clock.dt() >= STUCK_S && !hand.is_some_and(|h| clock.tick < h.on_until) {
+    if f64::from(contact.stuck_steps) * clock.dt() >= STUCK_S && hand.is_none_or(|h| clock.tick >= h.on_until) {
         flight.state = State::Operator;
         flight.place = pose.position;
         flight.reason =
