@@ -146,10 +146,12 @@ fn the_same_traps_in_three_dimensions() {
             start,
             goal,
             within_mm: 3.0,
+            begin: far,
             other_end: far,
             other_within_mm: 1.0,
             length_mm: 300.0,
             segment: None,
+            gas: None,
             falls_short: None,
             notes: Vec::new(),
         };

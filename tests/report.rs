@@ -209,3 +209,29 @@ fn what_no_report_can_do() {
     run(&["report", "gradients", "--quick", "--out", "/dev/null/r"], 5);
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "what is refused leaves nothing");
 }
+
+#[test]
+fn fields_are_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("f");
+    let said = run(&["report", "fields", "--quick", "--out", out.to_str().unwrap()], 0);
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    let html = page(&out, 2);
+    assert!(
+        said.lines().count() == 3 && said.lines().take(2).all(|l| html.contains(&l.replace('&', "&amp;"))),
+        "{said}"
+    );
+    let number = |r: &[String], c: usize| r[c].parse::<f64>().unwrap();
+    let (columns, rows) = csv(&out.join("centerline-methods.csv"));
+    assert_eq!(columns[4..7], ["mean error / mm", "95 % / mm", "largest / mm"]);
+    assert_eq!(rows.len(), 4, "methods");
+    assert!(rows.iter().all(|r| number(r, 4) <= number(r, 5) && number(r, 5) <= number(r, 6) && number(r, 2) > 0.0));
+    assert!(number(&rows[0], 4) < 0.7 && (1..4).all(|n| number(&rows[n], 4) > number(&rows[0], 4)), "{rows:?}");
+    let (_, rows) = csv(&out.join("distance-methods.csv"));
+    assert_eq!(rows.len(), 3);
+    assert!(number(&rows[0], 4) == 0.0 && number(&rows[1], 4) > 0.05 && number(&rows[2], 4) > number(&rows[1], 4));
+    assert!(
+        number(&rows[0], 6) < 0.1 && number(&rows[0], 6) < number(&rows[1], 6),
+        "the exact one is nearer to the wall"
+    );
+}

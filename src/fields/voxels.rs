@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 /// Voxels of a grid, numbered in their order (x fastest).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VoxelSet {
@@ -56,36 +58,21 @@ impl VoxelSet {
         let [nx, ny, nz] = self.dims;
         let w = self.words;
         let mut bits = self.bits.clone();
-        for row in bits.chunks_exact_mut(w) {
-            for _ in 0..reach {
-                let mut before = 0;
-                for n in 0..w {
-                    let here = row[n];
-                    let next = if n + 1 < w { row[n + 1] } else { 0 };
-                    row[n] = here | here << 1 | before >> 63 | here >> 1 | next << 63;
-                    before = here;
-                }
+        let near =
+            |n: usize, count: usize| (n.saturating_sub(reach)..(n + reach + 1).min(count)).filter(move |&m| m != n);
+        let unite = |to: &mut [u64], from: &[u64]| to.iter_mut().zip(from).for_each(|(t, f)| *t |= f);
+        // Within each slice along x, then along y; then whole slices along z.
+        bits.par_chunks_exact_mut(w * ny).for_each(|slice| {
+            slice.chunks_exact_mut(w).for_each(|row| dilate_row(row, reach, nx));
+            let source = slice.to_vec();
+            for (j, row) in slice.chunks_exact_mut(w).enumerate() {
+                near(j, ny).for_each(|m| unite(row, &source[m * w..][..w]));
             }
-            // Padding bits are no voxels.
-            if nx % 64 != 0 {
-                row[w - 1] &= (1 << (nx % 64)) - 1;
-            }
-        }
-        // Along y within each slice, then whole slices along z: each step reads what the one before left.
-        for (stride, count) in [(w, ny), (w * ny, nz)] {
-            let source = bits.clone();
-            for block in 0..source.len() / (stride * count) {
-                let base = block * stride * count;
-                for n in 0..count {
-                    let near = n.saturating_sub(reach)..(n + reach + 1).min(count);
-                    for m in near.filter(|&m| m != n) {
-                        let from = &source[base + m * stride..][..stride];
-                        let to = &mut bits[base + n * stride..][..stride];
-                        to.iter_mut().zip(from).for_each(|(t, f)| *t |= f);
-                    }
-                }
-            }
-        }
+        });
+        let source = bits.clone();
+        bits.par_chunks_exact_mut(w * ny).enumerate().for_each(|(k, slice)| {
+            near(k, nz).for_each(|m| unite(slice, &source[m * w * ny..][..w * ny]));
+        });
         Self::of_bits(self.dims, bits)
     }
 
@@ -184,6 +171,23 @@ pub fn each_run(row: &[u64], mut visit: impl FnMut(Range<usize>)) {
     }
     if let Some(s) = start {
         visit(s..64 * row.len());
+    }
+}
+
+/// Adds to a row of `count` voxels those within `reach` of its members.
+fn dilate_row(row: &mut [u64], reach: usize, count: usize) {
+    for _ in 0..reach {
+        let mut before = 0;
+        for n in 0..row.len() {
+            let here = row[n];
+            let next = row.get(n + 1).copied().unwrap_or(0);
+            row[n] = here | here << 1 | before >> 63 | here >> 1 | next << 63;
+            before = here;
+        }
+    }
+    // Padding bits are no voxels.
+    if let (Some(last), 1..) = (row.last_mut(), count % 64) {
+        *last &= (1 << (count % 64)) - 1;
     }
 }
 

@@ -34,6 +34,8 @@ const EVEN: usize = 4;
 const INWARD: f64 = 0.3;
 /// The lumen's tip is looked for within this of where an end is known to be, mm.
 const TIP_MM: f64 = 40.0;
+/// Clearance that a tip has, so that the tube of a catheter is none, mm; where an end is known to be narrower, that.
+const TIP_CLEARANCE_MM: f64 = 3.5;
 /// The last ball is looked for within this of the tip, mm.
 const INWARD_MM: f64 = 45.0;
 
@@ -206,8 +208,12 @@ impl Planner<'_> {
         let (a, b) = (cells.node_at(start)?, cells.node_at(goal)?);
         let search = |from: u32, to: u32, end: End| {
             let ways = cells.ways(from, matches!(end, End::At(_)).then_some(to), narrow);
+            let clearance = |n: u32| cells.nodes[n as usize].clearance;
+            let roomy = clearance(to).min(TIP_CLEARANCE_MM);
             let near = (0..cells.nodes.len() as u32).filter(|&n| {
-                matches!(end, End::Tip(p) if cells.place(n).distance(p) < TIP_MM) && ways.length[n as usize].is_finite()
+                matches!(end, End::Tip(p) if cells.place(n).distance(p) < TIP_MM)
+                    && clearance(n) >= roomy
+                    && ways.length[n as usize].is_finite()
             });
             let farthest = near.fold(to, |m, n| if ways.length[n as usize] > ways.length[m as usize] { n } else { m });
             (ways, farthest)

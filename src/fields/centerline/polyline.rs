@@ -70,10 +70,11 @@ pub(super) fn resampled(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<
         while n < line.len() {
             let part = line[n].distance(from);
             let is_last = run + part >= step;
-            let place =
-                if is_last && part > 0.0 { from.lerp(line[n], ((step - run) / part).clamp(0.0, 1.0)) } else { line[n] };
+            // A point of the line stays as it is, to the last digit.
+            let cuts = run + part > step + 1e-9;
+            let place = if cuts { from.lerp(line[n], ((step - run) / part).clamp(0.0, 1.0)) } else { line[n] };
             if is_free(walls, at, place) {
-                best = Some((place, if is_last && place != line[n] { n } else { n + 1 }));
+                best = Some((place, if cuts { n } else { n + 1 }));
             }
             if is_last {
                 break;

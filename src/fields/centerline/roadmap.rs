@@ -156,7 +156,7 @@ fn climbed(walls: &WallDistance, from: [i64; 3]) -> [i64; 3] {
 }
 
 /// Adds the ball at a voxel and gives it what it covers and nobody owns: a diagonal less than its radius, so that the
-/// straight way from its centre to any of its voxels passes through no voxel outside; its own voxel always.
+/// straight way from its centre to any of its voxels passes through no voxel outside; its own voxel in any case.
 fn add(walls: &WallDistance, centre: [i64; 3], owner: &mut [u32], balls: &mut Vec<Ball>) {
     let radius = f64::from(walls.at(centre).unwrap_or(0.0).max(0.0));
     let own = balls.len() as u32;
@@ -178,8 +178,8 @@ fn add(walls: &WallDistance, centre: [i64; 3], owner: &mut [u32], balls: &mut Ve
             }
         }
     }
-    // The ends and the samples have a ball of their own, whoever covered their voxel first.
-    if let Some(n) = walls.set().number(centre).filter(|_| covers == 0.0 || own < 2) {
+    // The ends' balls own their centres, whoever covered them first: the search begins and ends there.
+    if let Some(n) = walls.set().number(centre).filter(|_| own < 2) {
         owner[n] = own;
     }
 }

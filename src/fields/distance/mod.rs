@@ -181,6 +181,7 @@ fn too_many() -> Error {
 }
 
 impl Distance for WallDistance {
+    /// Defined in every voxel of the lumen, and a little beyond the wall, where it is negative.
     fn sample(&self, at: DVec3) -> Option<Sample> {
         spline::sample(&self.grid, at, |v| self.at(v))
     }
