@@ -16,6 +16,7 @@
 //! and scaled by their least stretch: a lower bound of the distance.
 
 pub mod compare;
+mod envelope;
 pub(in crate::fields) mod spline;
 #[cfg(test)]
 mod tests;

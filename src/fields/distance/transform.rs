@@ -16,6 +16,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::envelope::Envelope;
 use crate::error::Result;
 use crate::fields::voxels::{VoxelSet, each_bit, each_run};
 use crate::progress::Progress;
@@ -228,69 +229,7 @@ fn scan_row(
     }
 }
 
-/// The first whole place from a place on; 0 for one before it. (`ceil` is a call on a plain machine.)
-fn from(place: f32) -> usize {
-    let whole = place as usize;
-    whole + usize::from((whole as f32) < place)
-}
-
-/// A parabola of an envelope.
-#[derive(Clone, Copy, Debug)]
-struct Parabola {
-    /// Where its bottom is.
-    at: u32,
-    /// Where it begins to be the lowest.
-    begin: f32,
-    /// Its height at the bottom, mm².
-    height: f32,
-}
-
-/// Room that the envelopes are built in.
-#[derive(Debug, Default)]
-struct Envelope {
-    /// Heights along the run, mm².
-    heights: Vec<f32>,
-    parabolas: Vec<Parabola>,
-    /// 1/n, as far as it was needed: a division takes several times as long as all the rest of a step.
-    inverse: Vec<f32>,
-}
-
 impl Envelope {
-    /// Replaces the heights h(q) of a run by min over p of h(p) + (s·(q − p))², `square` = s².
-    fn lower(&mut self, square: f32) {
-        let Self { heights, parabolas, inverse } = self;
-        let known = inverse.len();
-        inverse.extend((known..heights.len()).map(|n| 1.0 / n as f32));
-        let half = 0.5 / square;
-        parabolas.clear();
-        for (q, &height) in heights.iter().enumerate() {
-            if height == f32::INFINITY {
-                continue;
-            }
-            let mut begin = f32::NEG_INFINITY;
-            while let Some(last) = parabolas.last() {
-                let p = last.at as usize;
-                let meet = (height - last.height) * half * inverse[q - p] + 0.5 * (q + p) as f32;
-                if meet > last.begin {
-                    begin = meet;
-                    break;
-                }
-                parabolas.pop();
-            }
-            parabolas.push(Parabola { at: q as u32, begin, height });
-        }
-        let mut first = 0;
-        for (n, p) in parabolas.iter().enumerate() {
-            let end = parabolas.get(n + 1).map_or(heights.len(), |next| from(next.begin).clamp(first, heights.len()));
-            let bottom = p.at as f32;
-            for (x, o) in heights[first..end].iter_mut().enumerate() {
-                let gap = (first + x) as f32 - bottom;
-                *o = p.height + square * gap * gap;
-            }
-            first = end;
-        }
-    }
-
     /// Along every run of `set` in one row.
     fn along_row(&mut self, row: &[u64], xs: &Range<usize>, square: f32, values: &mut [f32]) {
         each_run(row, |r| {
