@@ -34,7 +34,7 @@ pub fn follow_log(
     let now = play.now();
     flight.length_mm += now.position.distance(pose.position);
     pose.position = now.position;
-    if !hand.is_some_and(|h| clock.tick < h.looking_until) {
+    if hand.is_none_or(|h| clock.tick >= h.looking_until) {
         pose.attitude = now.attitude;
     }
     velocity.0 = now.velocity * speed;

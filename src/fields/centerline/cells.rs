@@ -208,8 +208,9 @@ impl Cells {
     /// The bit of a voxel in a node's cell.
     fn bit(&self, n: u32, voxel: [i64; 3]) -> Option<usize> {
         let mut bit = 0;
-        for a in 0..3 {
-            let at = voxel[a] - i64::from(self.nodes[n as usize].corner[a]);
+        let corner = self.nodes[n as usize].corner;
+        for (a, (v, c)) in voxel.into_iter().zip(corner).enumerate() {
+            let at = v - i64::from(c);
             if at < 0 || at >= self.shape.side[a] as i64 {
                 return None;
             }

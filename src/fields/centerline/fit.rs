@@ -164,7 +164,7 @@ fn kept_free(walls: &WallDistance, line: &[DVec3], fitted: &[DVec3]) -> Vec<DVec
         .par_iter()
         .zip(fitted)
         .map(|(&l, &f)| {
-            let least = (KEPT * clear(l)).min(AMPLE_MM).max(0.0);
+            let least = (KEPT * clear(l)).clamp(0.0, AMPLE_MM);
             [1.0, 0.75, 0.5, 0.25].into_iter().find(|&s| clear(l.lerp(f, s)) >= least).unwrap_or(0.0)
         })
         .collect();

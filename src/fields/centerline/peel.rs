@@ -57,7 +57,7 @@ pub(super) fn peeled(
         }
         left.remove(v);
         steps += 1;
-        if steps % (1 << 16) == 0 {
+        if steps.is_multiple_of(1 << 16) {
             progress.check()?;
         }
         let near = left.around(v);

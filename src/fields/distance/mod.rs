@@ -69,7 +69,7 @@ impl WallDistance {
         let fluid = (through == Through::GasAndFluid).then(|| lumen.fluid().iter());
         let runs = lumen.gas().iter().chain(fluid.into_iter().flatten()).map(|(j, k, r)| (j, k, r.range()));
         let inside = VoxelSet::from_runs(volume.grid().dims(), runs).ok_or_else(too_many)?;
-        Self::build(volume.grid(), inside, Some((volume.data(), GAS_HU)), progress)
+        Self::build(volume.grid(), &inside, Some((volume.data(), GAS_HU)), progress)
     }
 
     /// The distance to the boundary of a mask: any voxel that is not 0 is lumen.
@@ -78,12 +78,12 @@ impl WallDistance {
     /// As [`WallDistance::of_lumen`].
     pub fn of_mask(mask: &Volume, progress: &Progress) -> Result<Self> {
         let inside = VoxelSet::from_fn(mask.grid().dims(), |n| mask.data()[n] != 0).ok_or_else(too_many)?;
-        Self::build(mask.grid(), inside, None, progress)
+        Self::build(mask.grid(), &inside, None, progress)
     }
 
-    fn build(grid: &Grid, inside: VoxelSet, hu: Option<(&[i16], i16)>, progress: &Progress) -> Result<Self> {
+    fn build(grid: &Grid, inside: &VoxelSet, hu: Option<(&[i16], i16)>, progress: &Progress) -> Result<Self> {
         let set = inside.dilated(SHELL).ok_or_else(too_many)?;
-        let walls = Walls { inside: &inside, hu };
+        let walls = Walls { inside, hu };
         let shrink = smallest_singular_value(grid.direction());
         // A lumen without any wall fills a mask's whole grid; nothing says how far its wall is then, but the grid's size.
         let most = (grid.spacing() * DVec3::from_array(grid.dims().map(|n| n as f64))).length();
