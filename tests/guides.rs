@@ -73,7 +73,9 @@ fn automatic_flights_hold_the_papers_conditions() {
                     log[log.len() - 1].t,
                     jerk(&log)
                 );
-                assert!(course.passed >= 0.97 && course.offset <= 0.3, "{guide:?}: {course:?}");
+                // The shortest way, which draws a potential, cuts corners as far as the wall lets it.
+                let allowed = if guide == Guide::Path { 0.1 } else { 0.4 };
+                assert!(course.passed >= 0.97 && course.offset <= allowed, "{guide:?}: {course:?}");
                 // 4: the body never touches the wall.
                 assert!(course.clearance_mm >= RADIUS_MM, "{course:?}");
             }
