@@ -6,7 +6,7 @@
 //! | `sense` | `Sense` | casts the tentacles |
 //! | `tentacles` | `Guide` | steers by tentacles and mines |
 //! | `path` | `Guide` | holds the body to a planned way |
-//! | `potential` | `Guide` | follows the potential of wall and target
+//! | `potential` | `Guide` | follows the potential of wall and target |
 //! | `manual` | `Guide` | leaves the steering to the operator |
 //! | `play` | `Integrate` | flies a log again, in place of `motion` |
 //! | `mines` | `Force` | mines are laid and push |

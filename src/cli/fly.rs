@@ -60,7 +60,7 @@ pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<
     fly_headless(&args, global, progress)
 }
 
-/// Refuses what is not built and what makes no sense, before anything is read.
+/// Refuses what makes no sense, before anything is read.
 ///
 /// # Errors
 /// Status 2.
