@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use super::FlightApp;

@@ -1,7 +1,5 @@
 //! What the operator changes about a flight: its guide, its end, its direction, the camera's place on the way.
 
-use bevy_ecs::prelude::*;
-
 use super::FlightApp;
 use crate::app::plan::{self, Plan};
 use crate::app::scene::Guide;
