@@ -174,10 +174,10 @@ fn flight(p: &Painter, area: Rect, r: &Readings) {
     let at = |per_mille: u32| track.min.x + track.width() * per_mille.min(1000) as f32 / 1000.0;
     for &mark in &r.marks {
         let rect = Rect::from_center_size(pos2(at(mark), track.center().y), vec2(4.0, 12.0));
-        p.rect_filled(rect, 1.0, Mood::Calling.colour());
+        p.rect_filled(rect, 0.0, Mood::Calling.colour());
     }
     // The camera.
-    p.rect_filled(Rect::from_center_size(pos2(at(r.per_mille), track.center().y), vec2(3.0, 13.0)), 1.0, INK);
+    p.rect_filled(Rect::from_center_size(pos2(at(r.per_mille), track.center().y), vec2(4.0, 12.0)), 0.0, INK);
     let low = track.min.y - 3.0;
     text(p, pos2(inner.min.x, low), Align2::LEFT_BOTTOM, &r.place, TEXT, INK);
     if fits_beside {
