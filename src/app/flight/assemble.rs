@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::FlightApp;
 use crate::app::fields::Wanted;
-use crate::app::plan::{self};
+use crate::app::plan;
 use crate::components::camera::{Body, Contact, Heading, Pose, Spin, Velocity};
 use crate::components::flight::{Flight, Goal, Watch};
 use crate::components::guide::{
