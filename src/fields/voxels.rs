@@ -194,7 +194,7 @@ fn dilate_row(row: &mut [u64], reach: usize, count: usize) {
 /// Sets a range of bits.
 fn fill(row: &mut [u64], r: Range<usize>) {
     let words = r.start / 64..r.end.div_ceil(64);
-    for (n, word) in words.clone().zip(&mut row[words]) {
+    for (word, n) in row[words.clone()].iter_mut().zip(words) {
         let (lo, hi) = (r.start.saturating_sub(64 * n), (r.end - 64 * n).min(64));
         let upto = if hi == 64 { u64::MAX } else { (1 << hi) - 1 };
         *word |= upto & (u64::MAX << lo);

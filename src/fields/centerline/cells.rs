@@ -208,9 +208,8 @@ impl Cells {
     /// The bit of a voxel in a node's cell.
     fn bit(&self, n: u32, voxel: [i64; 3]) -> Option<usize> {
         let mut bit = 0;
-        let corner = self.nodes[n as usize].corner;
-        for (a, (v, c)) in voxel.into_iter().zip(corner).enumerate() {
-            let at = v - i64::from(c);
+        for (a, (v, corner)) in voxel.into_iter().zip(self.nodes[n as usize].corner).enumerate() {
+            let at = v - i64::from(corner);
             if at < 0 || at >= self.shape.side[a] as i64 {
                 return None;
             }

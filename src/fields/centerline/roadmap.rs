@@ -124,7 +124,7 @@ fn balls(walls: &WallDistance, ends: [[i64; 3]; 2], progress: &Progress) -> Resu
     }
     let mut n = 0;
     for step in 0..count {
-        if step % (1 << 16) == 0 {
+        if step.is_multiple_of(1 << 16) {
             progress.check()?;
         }
         n = (n + stride) % count;

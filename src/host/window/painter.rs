@@ -221,8 +221,7 @@ mod tests {
             thread::yield_now();
         }
         assert!(out != first);
-        let mut alone = Painter::new().unwrap();
-        assert!(painted(&mut alone, size, 1.0, &flight("88888")) == out);
+        assert!(painted(&mut p, size, 1.0, &flight("88888")) == out, "and they stay");
         // Another kind of content never waits.
         assert!(p.paint(size, 1.0, None, &failed("no"), &mut out));
     }
