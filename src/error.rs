@@ -70,11 +70,6 @@ impl Error {
         Self::new(Kind::Output, path.display().to_string(), why, mend)
     }
 
-    /// What a later release brings.
-    pub fn not_built(what: impl Into<String>) -> Self {
-        Self::usage(what, "not built yet in this release", "see CHANGELOG.md for what there is")
-    }
-
     /// The user asked to stop (Ctrl-C, or the window's cancel key).
     pub fn cancelled(what: impl Into<String>) -> Self {
         Self::incomplete(what, "interrupted", "run it again to finish")

@@ -5,7 +5,10 @@
 //! | `operator` | `Input` | the operator's hand: thrust, look, pause |
 //! | `sense` | `Sense` | casts the tentacles |
 //! | `tentacles` | `Guide` | steers by tentacles and mines |
+//! | `path` | `Guide` | holds the body to a planned way |
+//! | `potential` | `Guide` | follows the potential of wall and target |
 //! | `manual` | `Guide` | leaves the steering to the operator |
+//! | `play` | `Integrate` | flies a log again, in place of `motion` |
 //! | `mines` | `Force` | mines are laid and push |
 //! | `motion` | `Integrate` | sums the forces, moves and turns the rigid body |
 //! | `watch` | `Watch` | arrival and trouble |
@@ -20,6 +23,9 @@ pub mod manual;
 pub mod mines;
 pub mod motion;
 pub mod operator;
+pub mod path;
+pub mod play;
+pub mod potential;
 pub mod raycast;
 pub mod sense;
 pub mod tentacles;

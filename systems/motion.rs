@@ -30,23 +30,24 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Adds up what acts on the body. The operator's hand takes the place of the guide's thrust and of the mines.
+/// Adds up what acts on the body. The operator's hand takes the place of the guide's thrust and of the mines, which go and
+/// come again gradually.
 pub fn sum_forces(
-    clock: Res<Clock>,
     camera: Single<(&mut Acceleration, &Flight, Option<&Hand>, Option<&GuideThrust>, Option<&MinePush>)>,
 ) {
     let (mut sum, flight, hand, guide, mines) = camera.into_inner();
-    let hand_on = hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
-    let guide_rests = hand_on || flight.state != State::Flying;
+    let pace = hand.map_or(1.0, Hand::pace);
     // Stopped to look around: drag alone brings the body to rest, and nothing shifts it then.
     let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
     let mut total = hand.map_or(DVec3::ZERO, |h| h.acceleration);
     if let (Some(g), false) = (guide, stopped) {
         total += g.wall;
-        if !guide_rests {
+        if g.exact {
+            total += g.thrust;
+        } else if flight.state == State::Flying {
             // Mines steer; they must not make the flight faster than it is meant to be.
             let drive = g.thrust + mines.map_or(DVec3::ZERO, |m| m.0);
-            total += drive.clamp_length_max(g.limit) * hand.map_or(1.0, |h| h.speed);
+            total += drive.clamp_length_max(g.limit) * pace;
         }
     }
     sum.0 = if total.is_finite() { total } else { DVec3::ZERO };
@@ -84,9 +85,9 @@ pub fn move_body(
     let method = body.integrator.method();
     let moved = match field.filter(|_| !stopped) {
         Some(f) => {
-            let pace = if guided { hand.map_or(1.0, |h| h.speed) } else { 0.0 };
+            let pace = if flight.state == State::Flying { hand.map_or(1.0, Hand::pace) } else { 0.0 };
             let potential = Potential { target_force: f.potential.target_force * pace, ..f.potential };
-            let target = f.target.as_deref().filter(|_| guided).map(|t| t as &dyn Distance);
+            let target = f.target.as_deref().filter(|_| pace > 0.0).map(|t| t as &dyn Distance);
             let forces = PotentialForce { potential, wall: Some(&*f.wall), target, push };
             step(method, body, &before, &forces, &turning, &walls.0, dt)
         }

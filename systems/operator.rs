@@ -17,6 +17,13 @@ const PUSH_MM_S: f64 = 45.0;
 const TURN_RATE: f64 = 1.2;
 /// The guide waits so long after the last push before it thrusts again, s.
 const HAND_OFF_S: f64 = 0.4;
+/// The guide lets go within so long after the hand is on, and has the flight again so long after it waited, s.
+const LET_GO_S: f64 = 0.15;
+const TAKE_UP_S: f64 = 0.8;
+/// A push builds up and dies away with this time constant, s: no hand is faster, and a flight that jerks is no flight.
+const PUSH_S: f64 = 0.06;
+/// What is left of a push below this is none, mm/s².
+const NO_PUSH: f64 = 1e-3;
 /// The view stays where the operator turned it for so long, s.
 const LOOK_S: f64 = 1.5;
 
@@ -72,13 +79,20 @@ pub fn take_commands(
         hand.looking_until = after(LOOK_S);
     }
     let push = frame.right() * hand.push.x + frame.up * hand.push.y + frame.forward * hand.push.z;
-    hand.acceleration = push * (PUSH_MM_S * body.0.drag_per_s * hand.speed.max(0.3));
+    let asked = push * (PUSH_MM_S * body.0.drag_per_s * hand.speed.max(0.3));
+    hand.acceleration = asked + (hand.acceleration - asked) * (-clock.dt() / PUSH_S).exp();
+    if asked == DVec3::ZERO && hand.acceleration.length() < NO_PUSH {
+        hand.acceleration = DVec3::ZERO;
+    }
     if push != DVec3::ZERO {
         hand.on_until = after(HAND_OFF_S);
         touched = true;
         // The guide goes on from where the hand leaves it, in the hand's direction.
         heading.0 = push.normalize_or_zero();
     }
+    let away = hand.paused || clock.tick < hand.on_until || flight.state != State::Flying;
+    let change = if away { -clock.dt() / LET_GO_S } else { clock.dt() / TAKE_UP_S };
+    hand.guided = (hand.guided + change).clamp(0.0, 1.0);
     if touched {
         // What the operator does is no circling, and mines laid on the way there must not forbid it.
         if let Some(w) = watch.as_mut() {

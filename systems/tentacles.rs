@@ -49,7 +49,7 @@ pub fn guide_by_tentacles(
         body.0.drag_per_s,
     );
     let limit = tentacles.settings.cruise_mm_s * body.0.drag_per_s;
-    *guide = GuideThrust { thrust: s.thrust, limit, wall: s.wall, way: s.look };
+    *guide = GuideThrust { thrust: s.thrust, limit, wall: s.wall, way: s.look, ..GuideThrust::default() };
     tentacles.ahead_mm = s.ahead_mm;
     // A goal in plain sight draws the camera, as the paper's D_t does; behind a wall it does not.
     if let Some(goal) = goal

@@ -6,7 +6,7 @@ use bevy_ecs::prelude::*;
 use crate::components::camera::{Body, Contact, Heading, Pose};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Goal, State, Watch};
-use crate::components::guide::{Automatic, MineField, Tentacles};
+use crate::components::guide::{Automatic, MineField, Planned, PotentialSettings, Tentacles};
 use crate::components::input::Hand;
 use crate::components::{App, FlightSystems};
 use crate::dynamics::rescue::Order;
@@ -15,6 +15,13 @@ use crate::error::Result;
 
 /// The operator is called when the body was stuck in the wall for so long, s: a guide may need a moment to push it out.
 const STUCK_S: f64 = 0.5;
+
+/// A potential's wall yields so often in one flight, for so long, s.
+const YIELDS: u32 = 6;
+const YIELD_S: f64 = 4.0;
+/// A plan is narrow where it leaves the body no more than this on each side, mm; looked for so far ahead, mm.
+const NARROW_MM: f64 = 0.5;
+const NARROW_AHEAD_MM: f64 = 15.0;
 
 /// Adds the watch to the scene.
 pub fn plugin(app: &mut App) -> Result<()> {
@@ -35,12 +42,13 @@ pub fn watch_flight(
         Has<Automatic>,
         Option<&Goal>,
         Option<&Hand>,
-        Option<&Tentacles>,
+        (Option<&Tentacles>, Option<&Planned>, Option<&mut PotentialSettings>),
         Option<&mut MineField>,
     )>,
 ) {
-    let (pose, body, contact, mut flight, mut watch, mut heading, automatic, goal, hand, tentacles, mut mines) =
+    let (pose, body, contact, mut flight, mut watch, mut heading, automatic, goal, hand, guides, mut mines) =
         camera.into_inner();
+    let (tentacles, planned, mut potential) = guides;
     if flight.state != State::Flying {
         return;
     }
@@ -51,7 +59,7 @@ pub fn watch_flight(
         flight.place = pose.position;
         return;
     }
-    if f64::from(contact.stuck_steps) * clock.dt() >= STUCK_S && !hand.is_some_and(|h| clock.tick < h.on_until) {
+    if f64::from(contact.stuck_steps) * clock.dt() >= STUCK_S && hand.is_none_or(|h| clock.tick >= h.on_until) {
         flight.state = State::Operator;
         flight.place = pose.position;
         flight.reason =
@@ -70,8 +78,11 @@ pub fn watch_flight(
         radius_mm: body.0.radius_mm,
     });
     let Watch { settings, rescue } = &mut *watch;
-    let order = rescue.follow(pose.position, clock.dt(), felt.as_ref(), goal.map(|g| g.other_end), settings);
-    (flight.turns, flight.escapes) = (rescue.turns(), rescue.escapes());
+    // Only who feels their way can set out the wrong way.
+    let other_end = goal.filter(|_| tentacles.is_some()).map(|g| g.other_end);
+    let order = rescue.follow(pose.position, clock.dt(), felt.as_ref(), other_end, settings);
+    let yields = potential.as_ref().map_or(0, |p| p.yields);
+    (flight.turns, flight.escapes) = (rescue.turns(), rescue.escapes() + yields);
     match order {
         Order::GoOn => {}
         Order::SetOff { heading: to, clear_mines } => {
@@ -83,9 +94,25 @@ pub fn watch_flight(
             }
         }
         Order::Call { trap, place } => {
+            // The wall's part of a potential gives way before the operator is called.
+            if let Some(p) = potential.as_mut().filter(|p| p.yields < YIELDS) {
+                p.yields += 1;
+                p.yields_until = clock.tick + (YIELD_S * f64::from(clock.hz)) as u64;
+                rescue.restart();
+                return;
+            }
             flight.state = State::Operator;
-            flight.reason = trap.text().to_owned();
+            flight.reason = planned.and_then(|p| narrow(p, body.0.radius_mm)).unwrap_or_else(|| trap.text().to_owned());
             flight.place = place;
         }
     }
+}
+
+/// Whether a plan leads where the body does not fit, as the operator reads it.
+fn narrow(planned: &Planned, radius_mm: f64) -> Option<String> {
+    let ahead = (0..(NARROW_AHEAD_MM as i32)).map(|n| planned.route.clearance(planned.s_mm + f64::from(n)));
+    let least = ahead.fold(f64::INFINITY, f64::min);
+    (least < radius_mm + NARROW_MM).then(|| {
+        format!("the way ahead narrows to {:.1} mm across, the camera has {:.1} mm", 2.0 * least, 2.0 * radius_mm)
+    })
 }

@@ -1,21 +1,8 @@
-//! The contract's command line: statuses, the one error line, what is not built yet, and interruption.
+//! The contract's command line: statuses, the one error line, and interruption.
 
 mod flying;
 
 use flying::{colvis, run};
-
-#[test]
-fn what_is_not_built_says_so() {
-    for args in [
-        &["fly", "--headless", "--guide", "potential"][..],
-        &["fly", "--headless", "--guide", "path"],
-        &["fly", "--headless", "--coverage"],
-        &["fly", "--headless", "--play", "x.jsonl"],
-    ] {
-        let out = run(args, 2);
-        assert!(String::from_utf8_lossy(&out.stderr).contains("not built yet"), "{args:?}");
-    }
-}
 
 #[test]
 fn wrong_usage_is_status_2() {
@@ -23,6 +10,8 @@ fn wrong_usage_is_status_2() {
         &["--warp"][..],
         &["fly", "--headless", "--seconds", "-1"],
         &["fly", "--headless", "--seconds", "nan"],
+        &["fly", "--headless", "--rate", "2"],
+        &["fly", "--headless", "--guide", "warp"],
         &["fly", "--headless", "--fps", "0"],
         &["fly", "--headless", "--size", "0x10"],
         &["fly", "--headless", "--from", "1,2"],

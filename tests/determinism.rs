@@ -43,6 +43,23 @@ fn one_thread_and_two_fly_and_draw_the_same() {
 }
 
 #[test]
+fn guides_that_plan_fly_the_same_on_one_thread_and_two() {
+    for guide in ["path", "potential"] {
+        let logs = ["1", "2"].map(|threads| {
+            let dir = tempfile::tempdir().unwrap();
+            let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+            let args = ["fly", "--headless", "--guide", guide, "--seconds", "12", "--coverage", "--threads", threads];
+            let status =
+                colvis().args(args).args(["--log", &at("f.jsonl"), "--stats", &at("s.json")]).status().unwrap();
+            assert!(status.success());
+            let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at("s.json")).unwrap()).unwrap();
+            (std::fs::read(at("f.jsonl")).unwrap(), stats["coverage"].clone(), stats["coverage_both_ways"].clone())
+        });
+        assert!(logs[0] == logs[1], "{guide}");
+    }
+}
+
+#[test]
 fn detail_follows_the_need_without_a_clock() {
     let outputs = ["1", "2"].map(|threads| {
         let dir = tempfile::tempdir().unwrap();

@@ -33,7 +33,7 @@ const KNOWN: [(&str, Option<Trap>, u32, u64); 10] = [
     ("pocket", Some(Trap::BlindEnd), 1, 0x8c48_2923_489e_f8fd),
     ("ring", Some(Trap::Circling), 2, 0xb6c7_64b4_c98a_b559),
     ("touching", None, 0, 0x7503_36a8_d21e_32c8),
-    ("bridge", None, 1, 0x829f_a187_d129_d644),
+    ("bridge", None, 1, 0xd308_4ade_2004_fb37),
     ("polyp", None, 1, 0x0244_ee69_d6d8_f135),
     ("neck", Some(Trap::Narrow), 1, 0x4763_1dcc_6a47_1ed6),
     ("spiral", None, 0, 0x4ffc_81bb_bdff_1293),
@@ -129,10 +129,11 @@ fn the_same_traps_in_three_dimensions() {
     let progress = Progress::new();
     let mut wrong = Vec::new();
     for (name, ..) in KNOWN {
-        // With a third dimension there is more room for the guide; and few tentacles see through a neck that is a slit.
+        // With a third dimension there is more room for the guide. Few tentacles see through a neck that is a slit, and the
+        // flight wanders before it: the place is told, the kind not always.
         let want: &[Trap] = match name {
             "ring" => &[Trap::Circling],
-            "neck" => &[Trap::Narrow, Trap::BlindEnd],
+            "neck" => &[Trap::Narrow, Trap::BlindEnd, Trap::Circling],
             _ => &[],
         };
         let drawing = named(name).unwrap().unwrap();
@@ -145,10 +146,12 @@ fn the_same_traps_in_three_dimensions() {
             start,
             goal,
             within_mm: 3.0,
+            begin: far,
             other_end: far,
             other_within_mm: 1.0,
             length_mm: 300.0,
             segment: None,
+            gas: None,
             falls_short: None,
             notes: Vec::new(),
         };
@@ -166,6 +169,9 @@ fn the_same_traps_in_three_dimensions() {
             f.escapes
         );
         assert!(least >= 1.5, "{name}: perforated");
+        if name == "neck" {
+            assert!(f.place.distance(DVec3::new(82.0, 30.0, 0.0)) < 12.0, "the neck is at {}", f.place);
+        }
         let known = if want.is_empty() {
             f.state == State::Arrived
         } else {

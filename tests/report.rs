@@ -164,10 +164,11 @@ fn dynamics_are_reported() {
     let (_, orders) = csv(&out.join("orders.csv"));
     assert_eq!(orders.len(), 8);
     for row in &orders {
-        for seen in &row[3..5] {
-            let (theory, seen): (f64, f64) = (row[2].parse().unwrap(), seen.parse().unwrap());
-            assert!((seen - theory).abs() < 0.2, "{row:?}");
-        }
+        let [theory, position, orientation] = [2, 3, 4].map(|c| row[c].parse::<f64>().unwrap());
+        assert!((position - theory).abs() < 0.2, "{row:?}");
+        // Of order 5, an error that is hidden by the next term may fall faster.
+        let more = if theory == 5.0 { 1.0 } else { 0.2 };
+        assert!(orientation > theory - 0.2 && orientation < theory + more, "{row:?}");
     }
     let (columns, steps) = csv(&out.join("stable-step-by-wall-table.csv"));
     for (column, name) in columns.iter().enumerate().skip(1) {
@@ -200,10 +201,6 @@ fn what_no_report_can_do() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("r");
     let out = out.to_str().unwrap();
-    for subject in ["fields"] {
-        let said = run(&["report", subject, "--out", out], 2);
-        assert!(String::from_utf8_lossy(&said.stderr).contains("not built yet"), "{subject}");
-    }
     run(&["report", "render"], 2);
     run(&["report", "render", "--quick", "--scan", "missing.nii.gz", "--out", out], 3);
     run(&["report", "gradients", "--quick", "--out", "/dev/null/r"], 5);

@@ -69,6 +69,28 @@ fn four_scenes_four_schedules() {
 }
 
 #[test]
+fn a_scene_that_plans_has_what_it_plans_by_and_no_more() {
+    let [path, potential] = ["path.toml", "potential.toml"].map(|s| explained(shipped(s)));
+    let built = |e: &Explanation, part: &str| e.built.iter().any(|b| b.part == part && b.bytes > 0);
+    let left_out = |e: &Explanation, part: &str| e.left_out.iter().any(|l| l.part == part && !l.why.is_empty());
+    for (part, wanted) in [
+        ("centerline", [true, false]),
+        ("wall distance field", [false, true]),
+        ("target distance field", [false, true]),
+    ] {
+        for (e, wanted) in [&path, &potential].into_iter().zip(wanted) {
+            assert_eq!((built(e, part), left_out(e, part)), (wanted, !wanted), "{part}");
+        }
+    }
+    for (e, component, system) in
+        [(&path, "Planned", "guide_by_plan"), (&potential, "PotentialField", "guide_by_potential")]
+    {
+        assert!(e.components.iter().any(|c| c == component) && e.step.iter().any(|s| s.contains(system)));
+        assert!(left_out(e, "tentacles") && left_out(e, "mines") && !e.components.iter().any(|c| c == "RaySpace"));
+    }
+}
+
+#[test]
 fn a_guide_is_changed_in_flight_and_its_parts_go() {
     use colvis::components::guide::{MineField, Tentacles};
     use colvis::components::input::Command;

@@ -103,8 +103,13 @@ impl Screen {
     }
 
     fn fly(&self, folder: &Path, log: &str) -> Running {
+        self.fly_with(folder, &["--log", log])
+    }
+
+    fn fly_with(&self, folder: &Path, args: &[&str]) -> Running {
         let size = format!("{}x{}", SIZE.0, SIZE.1);
-        self.open_window(folder, &["fly", "--size", &size, "--log", log, "--stats", "stats.json"], flies)
+        let all = ["fly", "--size", &size, "--stats", "stats.json"];
+        self.open_window(folder, &[&all[..], args].concat(), flies)
     }
 
     /// Starts the program, waits until it shows what `wanted` likes, and gives it the keys.
@@ -232,6 +237,74 @@ fn a_flight_in_a_window() {
     let again = log(folder, "second.jsonl");
     let gap = place(&again[0]).distance(place(&lines[lines.len() - 1]));
     assert!(gap < 1.0, "{gap} mm from where it was left");
+}
+
+/// The recorded hand, which pushes into the wall, in the window and without it: the same log, and never a perforation.
+#[test]
+fn a_recorded_hand_is_the_same_in_the_window_and_headless() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let input = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/inputs/hand.jsonl");
+    let input = input.to_str().unwrap();
+    for guide in ["path", "tentacles"] {
+        let args = ["--guide", guide, "--replay", input, "--seconds", "9"];
+        let mut window = screen.fly_with(folder, &[&args[..], &["--log", "window.jsonl"]].concat());
+        let status = window.wait();
+        let (_, err) = window.output();
+        assert!(status.success(), "{status}: {err}");
+        let headless = Command::new(env!("CARGO_BIN_EXE_colvis"))
+            .args(["fly", "--headless", "--log", "headless.jsonl", "--threads", "1"])
+            .args(args)
+            .current_dir(folder)
+            .status()
+            .unwrap();
+        assert!(headless.success());
+        let (window, headless) = (log(folder, "window.jsonl"), log(folder, "headless.jsonl"));
+        // The last line has the final state, and a window may be a few steps late to notice that its time is over.
+        let steps = headless.len() - 1;
+        assert!(steps > 1000 && window.len() >= steps);
+        assert_eq!(window[..steps], headless[..steps], "{guide}");
+        assert!(window.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
+    }
+}
+
+/// Guides by number, and a click on the bar.
+#[test]
+fn guides_and_places_are_chosen_in_flight() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut window = screen.fly(folder, "f.jsonl");
+    std::thread::sleep(Duration::from_secs(2));
+    let steers = |guide: &str| {
+        screen.key(match guide {
+            "tentacles" => "1",
+            "potential" => "2",
+            "path" => "3",
+            _ => "4",
+        });
+        // What it needs is built beside the flight.
+        std::thread::sleep(Duration::from_secs(6));
+    };
+    steers("path");
+    let y = (SIZE.1 - 10).to_string();
+    screen.tool("xdotool", &["mousemove", "480", &y, "click", "1"]);
+    std::thread::sleep(Duration::from_secs(3));
+    for guide in ["potential", "manual", "tentacles"] {
+        steers(guide);
+    }
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.is_empty(), "{status}: {err}");
+    let lines = log(folder, "f.jsonl");
+    let mut steered: Vec<&str> = lines.iter().map(|l| l.guide.as_str()).collect();
+    steered.dedup();
+    assert_eq!(steered, ["tentacles", "path", "potential", "manual", "tentacles"]);
+    let jumps = lines.windows(2).filter(|w| place(&w[0]).distance(place(&w[1])) > 5.0).count();
+    assert_eq!(jumps, 1, "one click, one jump");
+    assert!(lines.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
 }
 
 #[test]

@@ -52,6 +52,20 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     if let Some(m) = flight.camera::<MineField>() {
         built.push(Built { part: "mines", bytes: m.settings.kept * size_of::<glam::DVec3>(), needed_by: "the guide" });
     }
+    let fields = flight.fields();
+    if let Some(w) = fields.walls() {
+        built.push(Built {
+            part: "wall distance field",
+            bytes: w.bytes(),
+            needed_by: "the guide: D_s, and D_t lies on it",
+        });
+    }
+    if let Some(t) = fields.target() {
+        built.push(Built { part: "target distance field", bytes: t.bytes(), needed_by: "the guide: D_t" });
+    }
+    if let Some(r) = fields.route() {
+        built.push(Built { part: "centerline", bytes: r.bytes(), needed_by: "the guide: its plan" });
+    }
     if let Some(p) = flight.camera::<Picture>() {
         built.push(Built {
             part: "picture",

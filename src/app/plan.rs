@@ -1,7 +1,10 @@
 //! From a lumen and the points that were asked for to a start and a goal.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
+use crate::components::play::Playback;
 use crate::dynamics::Attitude;
 use crate::dynamics::tentacles::directions;
 use crate::error::{Error, Result};
@@ -48,6 +51,8 @@ pub struct Plan {
     pub goal: DVec3,
     /// Arrived within this of the goal, mm.
     pub within_mm: f64,
+    /// Where the way begins that is planned, world mm: the start that was asked for, or the lumen's other end.
+    pub begin: DVec3,
     /// The lumen's end that is not the goal, world mm.
     pub other_end: DVec3,
     /// Arrived within this of the other end, mm, for a flight that is turned round.
@@ -56,6 +61,8 @@ pub struct Plan {
     pub length_mm: f64,
     /// The segment's number, where it is one of the lumen's.
     pub segment: Option<usize>,
+    /// The gas of the flight, where it is no segment of the colon.
+    pub gas: Option<Arc<Lumen>>,
     /// Where the goal asked for lies beyond the gas that this flight can reach: what to say at its end.
     pub falls_short: Option<String>,
     /// What there is to say to the user.
@@ -70,12 +77,17 @@ pub fn plan(space: &Space, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress:
     let mut notes = Vec::new();
     if let Some(Place::World(from)) = wish.from {
         let found = lumen.nearest_gas(from, SNAP_MM).map(|(s, p)| (Some(s), lumen.segments[s].clone(), p));
+        let mut own = None;
         let found = match found {
             Some(f) => f,
             // Gas of any size that is no part of the colon as it was found: the operator wants to be there.
-            None => lumen::gas_at(space.volume(), from, progress)?
-                .and_then(|l| l.nearest_gas(from, SNAP_MM).map(|(s, p)| (None, l.segments[s].clone(), p)))
-                .ok_or_else(|| outside("--from", from))?,
+            None => {
+                let gas = lumen::gas_at(space.volume(), from, progress)?.ok_or_else(|| outside("--from", from))?;
+                let (s, p) = gas.nearest_gas(from, SNAP_MM).ok_or_else(|| outside("--from", from))?;
+                let segment = gas.segments[s].clone();
+                own = Some(Arc::new(gas));
+                (None, segment, p)
+            }
         };
         let (number, segment, gas) = found;
         // The voxel's centre only where the point itself is not in gas.
@@ -84,7 +96,8 @@ pub fn plan(space: &Space, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress:
         if !inside {
             notes.push(format!("--from {} lies outside the lumen; taken to {}", triple(from), triple(gas)));
         }
-        return finish(space, (number, &segment), Some(at), wish, lumen, radius_mm, notes);
+        let plan = finish(space, (number, &segment), Some(at), wish, lumen, radius_mm, notes)?;
+        return Ok(Plan { gas: own, ..plan });
     }
     if !lumen.is_flyable() {
         return Err(no_colon(lumen));
@@ -169,10 +182,12 @@ fn finish(
         start,
         goal,
         within_mm,
+        begin: if from.is_some() { start } else { first },
         other_end: first,
         other_within_mm: end_reach(space, first),
         length_mm: segment.length_mm,
         segment: number,
+        gas: None,
         falls_short,
         notes,
     })
@@ -273,4 +288,22 @@ fn outside(option: &str, at: DVec3) -> Error {
 /// A point as it is typed on the command line.
 pub fn triple(p: DVec3) -> String {
     format!("{:.1},{:.1},{:.1}", p.x, p.y, p.z)
+}
+
+/// The flight that a log has, from its first to its last place.
+pub fn as_logged(play: &Playback) -> Plan {
+    let [start, goal] = play.ends();
+    Plan {
+        start,
+        goal,
+        within_mm: ARRIVED_MM,
+        begin: start,
+        other_end: start,
+        other_within_mm: ARRIVED_MM,
+        length_mm: play.length_mm(),
+        segment: None,
+        gas: None,
+        falls_short: None,
+        notes: Vec::new(),
+    }
 }

@@ -6,10 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::components::App;
 use crate::components::app::Plugin;
-use crate::dynamics::Body;
+use crate::components::play::Playback;
 use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
+use crate::dynamics::route::profile::PathSettings;
 use crate::dynamics::tentacles::TentacleSettings;
+use crate::dynamics::{Body, Potential};
 use crate::error::{Error, Result};
 use crate::render::{Classification, Preset, Settings};
 use crate::systems;
@@ -21,6 +23,10 @@ pub enum Guide {
     /// Tentacles, and mines if the scene has them.
     #[default]
     Tentacles,
+    /// The paper's potential, of the distances to the wall and to the target.
+    Potential,
+    /// A planned way along the centerline.
+    Path,
     /// The operator alone.
     Manual,
 }
@@ -28,8 +34,10 @@ pub enum Guide {
 impl Guide {
     /// Every guide there is, with its name on the command line and its plugins. A new navigation method is one more
     /// line here.
-    pub const ALL: [(Self, &'static str, &'static [Plugin]); 2] = [
+    pub const ALL: [(Self, &'static str, &'static [Plugin]); 4] = [
         (Self::Tentacles, "tentacles", &[systems::sense::plugin, systems::tentacles::plugin]),
+        (Self::Potential, "potential", &[systems::potential::plugin]),
+        (Self::Path, "path", &[systems::path::plugin]),
         (Self::Manual, "manual", &[systems::manual::plugin]),
     ];
 
@@ -84,10 +92,16 @@ pub struct Scene {
     pub guide: Option<Guide>,
     /// Somebody else's navigation method; takes the place of `guide`.
     pub own_guide: Option<OwnGuide>,
+    /// A log that is flown again; takes the place of any guide.
+    pub play: Option<Playback>,
     /// The camera's body.
     pub body: Body,
     /// Sensory rays; used by the guide `tentacles` alone.
     pub tentacles: TentacleSettings,
+    /// The potential; used by the guide `potential` alone.
+    pub potential: Potential,
+    /// How a plan is flown; used by the guide `path` alone.
+    pub path: PathSettings,
     /// Mines behind the camera; a scene with `mines = false` has none.
     pub mines: Option<MineSettings>,
     /// Notices when the flight gets nowhere.
@@ -107,8 +121,11 @@ impl Default for Scene {
         Self {
             guide: Some(Guide::Tentacles),
             own_guide: None,
+            play: None,
             body: Body::default(),
             tentacles: TentacleSettings::default(),
+            potential: Potential::default(),
+            path: PathSettings::default(),
             mines: Some(MineSettings::default()),
             watch: Some(MonitorSettings::default()),
             render: RenderSettings::default(),
@@ -128,6 +145,10 @@ struct SceneFile {
     body: Body,
     #[serde(default)]
     tentacles: TentacleSettings,
+    #[serde(default)]
+    potential: Potential,
+    #[serde(default)]
+    path: PathSettings,
     #[serde(default)]
     mines: MineSettings,
     #[serde(default)]
@@ -160,6 +181,8 @@ impl Scene {
             watch: None,
             body: file.body,
             tentacles: file.tentacles,
+            potential: file.potential,
+            path: file.path,
             render: file.render,
             ..Self::default()
         };
@@ -188,6 +211,8 @@ impl Scene {
     /// Status 2 for a setting that makes no sense.
     pub fn check(&self) -> Result<()> {
         self.body.check()?;
+        self.potential.check()?;
+        self.path.check()?;
         let t = &self.tentacles;
         let positive = [
             ("tentacles.reach_mm", t.reach_mm),
@@ -229,27 +254,45 @@ impl Scene {
 
     /// The guide's name as the operator reads it.
     pub fn guide_name(&self) -> &'static str {
-        if self.own_guide.is_some() { "own" } else { self.guide.map_or("none", Guide::name) }
+        match (&self.play, self.own_guide) {
+            (Some(_), _) => "play",
+            (None, Some(_)) => "own",
+            (None, None) => self.guide.map_or("none", Guide::name),
+        }
+    }
+
+    /// Which of the guides of this crate steers.
+    pub fn steers(&self) -> Option<Guide> {
+        self.guide.filter(|_| self.own_guide.is_none() && self.play.is_none())
+    }
+
+    /// Speed of the flight where nothing holds it up, mm/s.
+    pub fn cruise_mm_s(&self) -> f64 {
+        match self.steers() {
+            Some(Guide::Path) => self.path.cruise_mm_s,
+            Some(Guide::Potential) => self.potential.target_force / (self.body.mass_g * self.body.drag_per_s).max(1e-9),
+            _ => self.tentacles.cruise_mm_s,
+        }
     }
 
     /// Whether the camera has tentacles.
     pub fn feels(&self) -> bool {
-        self.own_guide.map_or(self.guide == Some(Guide::Tentacles), |own| own.feels)
+        self.play.is_none() && self.own_guide.map_or(self.guide == Some(Guide::Tentacles), |own| own.feels)
     }
 
     /// Whether anything moves the camera.
     pub fn moves(&self) -> bool {
-        self.own_guide.is_some() || self.guide.is_some()
+        self.play.is_some() || self.own_guide.is_some() || self.guide.is_some()
     }
 
     /// Whether a guide moves the camera by itself.
     pub fn is_automatic(&self) -> bool {
-        self.own_guide.is_some() || self.guide.is_some_and(|g| g != Guide::Manual)
+        self.play.is_none() && (self.own_guide.is_some() || self.guide.is_some_and(|g| g != Guide::Manual))
     }
 
     /// Whether the flight is watched.
     pub fn watches(&self) -> bool {
-        self.watch.is_some() && self.moves()
+        self.watch.is_some() && self.moves() && self.play.is_none()
     }
 
     /// Adds the plugins of the scene to an application, and notes what it goes without.
@@ -257,10 +300,11 @@ impl Scene {
     /// # Errors
     /// When two plugins want the same slot.
     pub fn plug_into(&self, app: &mut App) -> Result<()> {
-        let plugins = match (self.own_guide, self.guide) {
-            (Some(own), _) => own.plugins,
-            (None, Some(guide)) => Guide::ALL.iter().find(|g| g.0 == guide).map_or(&[][..], |g| g.2),
-            (None, None) => &[],
+        let plugins = match (&self.play, self.own_guide, self.guide) {
+            (Some(_), ..) => &[systems::play::plugin as Plugin][..],
+            (None, Some(own), _) => own.plugins,
+            (None, None, Some(guide)) => Guide::ALL.iter().find(|g| g.0 == guide).map_or(&[][..], |g| g.2),
+            (None, None, None) => &[],
         };
         for &plugin in plugins {
             app.add(plugin)?;
@@ -275,7 +319,9 @@ impl Scene {
             app.leave_out("tentacles", "no guide feels its way");
             app.leave_out("mines", "no guide that they could push on");
         }
-        if self.moves() {
+        if self.play.is_some() {
+            app.leave_out("motion", "the camera is where the log says");
+        } else if self.moves() {
             app.add(systems::motion::plugin)?;
         } else {
             app.leave_out("guide", "the scene names none: the camera stays where it is");
@@ -301,9 +347,23 @@ impl Scene {
         } else {
             app.leave_out("picture", "neither a window nor a recording: no ray is cast for an image");
         }
-        app.leave_out("wall distance field", "no part of the scene asks for it: clearances are exact and local");
-        app.leave_out("target distance field", "no part of the scene asks for it: mines take its place");
-        app.leave_out("centerline", "no part of the scene asks for it");
+        let guide = self.steers();
+        if guide != Some(Guide::Potential) {
+            let why = match guide {
+                Some(Guide::Path) => "the centerline is found by it, then it goes: clearances are exact and local",
+                _ => "no part of the scene asks for it: clearances are exact and local",
+            };
+            app.leave_out("wall distance field", why);
+            let why = match guide {
+                Some(Guide::Path) => "no part of the scene asks for it: the plan takes its place",
+                Some(Guide::Tentacles) => "no part of the scene asks for it: mines take its place",
+                _ => "no part of the scene asks for it",
+            };
+            app.leave_out("target distance field", why);
+        }
+        if guide != Some(Guide::Path) {
+            app.leave_out("centerline", "no part of the scene asks for it");
+        }
         Ok(())
     }
 }

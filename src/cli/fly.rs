@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 #[cfg(feature = "window")]
 use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
+use glam::DVec3;
 use serde_json::json;
 
 use crate::app::flight::ImageSettings;
@@ -15,13 +17,17 @@ use crate::cli::args::{FlyArgs, Global, GuideName, Point, Size};
 use crate::cli::prepare::{self, Timings, say};
 use crate::components::flight::State;
 use crate::components::input::Act;
+use crate::components::output::LogLine;
+use crate::components::play::Playback;
 use crate::error::{Error, Kind, Result};
+use crate::fields::Lumen;
 use crate::host::headless::{self, Outputs};
 use crate::host::terminal::Bar;
 #[cfg(feature = "window")]
 use crate::host::window::{self, Resume};
 use crate::output;
 use crate::progress::Progress;
+use crate::render::Space;
 
 /// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
 const HEADLESS_SECONDS: f64 = 600.0;
@@ -54,18 +60,12 @@ pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<
     fly_headless(&args, global, progress)
 }
 
-/// Refuses what is not built and what makes no sense, before anything is read.
+/// Refuses what makes no sense, before anything is read.
 ///
 /// # Errors
 /// Status 2.
 pub fn check(args: &FlyArgs) -> Result<()> {
-    if args.coverage {
-        return Err(Error::not_built("--coverage"));
-    }
-    if args.play.is_some() {
-        return Err(Error::not_built("--play"));
-    }
-    for (name, value) in [("--seconds", args.seconds), ("--fps", args.fps)] {
+    for (name, value) in [("--seconds", args.seconds), ("--fps", args.fps), ("--rate", args.rate)] {
         if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
             return Err(Error::usage(name, format!("{v} is not above 0"), "give a positive number"));
         }
@@ -77,7 +77,21 @@ pub fn check(args: &FlyArgs) -> Result<()> {
     if args.fps.is_some_and(|f| f > 120.0) {
         return Err(Error::usage("--fps", "there are 120 simulation steps a second", "give at most 120"));
     }
-    guide(args).map(drop)
+    if args.play.is_some() {
+        for (name, given) in [
+            ("--guide", args.guide.is_some()),
+            ("--from", args.from.is_some()),
+            ("--to", args.to.is_some()),
+            ("--replay", args.replay.is_some()),
+            ("--record-input", args.record_input.is_some()),
+        ] {
+            if given {
+                let why = "has no part in a flight that is played again";
+                return Err(Error::usage(name, why, "leave it out, or fly without --play"));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Refuses an input that is not there and outputs that cannot be, before any work is done.
@@ -86,19 +100,18 @@ fn check_files(args: &FlyArgs) -> Result<()> {
         return Err(Error::file(input, "does not exist", "check the name, or see colvis --help for the commands"));
     }
     let record = args.record.as_ref().filter(|r| !r.ends_with('/')).map(PathBuf::from);
-    let inputs = [&args.input, &args.replay, &args.scene].into_iter().filter_map(|f| f.as_deref());
+    let inputs = [&args.input, &args.replay, &args.scene, &args.play].into_iter().filter_map(|f| f.as_deref());
     let outputs = [&args.log, &args.stats, &args.record_input, &record].into_iter().filter_map(|f| f.as_deref());
     output::check_targets(&inputs.collect::<Vec<_>>(), &outputs.collect::<Vec<_>>())
 }
 
-fn guide(args: &FlyArgs) -> Result<Option<Guide>> {
-    match args.guide {
-        None => Ok(None),
-        Some(GuideName::Tentacles) => Ok(Some(Guide::Tentacles)),
-        Some(GuideName::Manual) => Ok(Some(Guide::Manual)),
-        Some(GuideName::Potential) => Err(Error::not_built("--guide potential")),
-        Some(GuideName::Path) => Err(Error::not_built("--guide path")),
-    }
+fn guide(args: &FlyArgs) -> Option<Guide> {
+    args.guide.map(|name| match name {
+        GuideName::Tentacles => Guide::Tentacles,
+        GuideName::Potential => Guide::Potential,
+        GuideName::Path => Guide::Path,
+        GuideName::Manual => Guide::Manual,
+    })
 }
 
 /// The scene that the arguments ask for; options win over the scene file.
@@ -107,8 +120,11 @@ fn guide(args: &FlyArgs) -> Result<Option<Guide>> {
 /// Status 2 for a scene that makes no sense.
 pub fn scene(args: &FlyArgs, windowed: bool) -> Result<Scene> {
     let mut scene = args.scene.as_deref().map_or_else(|| Ok(Scene::default()), Scene::read)?;
-    if let Some(g) = guide(args)? {
+    if let Some(g) = guide(args) {
         scene.guide = Some(g);
+    }
+    if let Some(path) = &args.play {
+        scene.play = Some(read_log(path, args.rate.unwrap_or(1.0), args.reverse)?);
     }
     scene.picture |= windowed || args.record.is_some();
     scene.log = args.log.is_some();
@@ -177,10 +193,11 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
         Ok(flight)
     });
     let finish_args = args.clone();
+    let (coverage, fov) = (args.coverage, prepare::fov(global)?);
     let finish =
         Box::new(move |flight: &FlightApp, frames: &[headless::FrameStats], present: Option<window::PresentMs>| {
             let timings = timings.lock().unwrap_or_else(PoisonError::into_inner);
-            let mut stats = stats(flight, &timings, frames);
+            let mut stats = stats(flight, &timings, frames, coverage.then_some(fov))?;
             if let (Some(present), Some(m)) = (present, stats.as_object_mut()) {
                 m.insert("present_ms".to_owned(), json!(present));
             }
@@ -198,22 +215,76 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
 }
 
 /// Reads the scan and makes the flight.
-fn prepared(
+///
+/// # Errors
+/// As the contract has them.
+pub fn prepared(
     args: &FlyArgs,
     global: &Global,
     scene: Scene,
     image: Option<ImageSettings>,
     timings: &mut Timings,
-    progress: &Progress,
+    progress: &Arc<Progress>,
 ) -> Result<FlightApp> {
     let preset = prepare::preset(args.preset, scene.render.preset);
     let space = prepare::space(args.input.as_deref(), global, preset, timings, progress)?;
-    let lumen = Arc::new(prepare::lumen(space.volume(), timings, progress)?);
-    let plan = timings.time("plan_s", || plan::plan(&space, &lumen, &wish(args), scene.body.radius_mm, progress))?;
+    let (space, lumen, plan) = match &scene.play {
+        Some(play) => {
+            check_scan(play, &space)?;
+            (space.clone(), Arc::new(Lumen::none(space.volume().grid())), plan::as_logged(play))
+        }
+        None => {
+            let joins = matches!(scene.steers(), Some(Guide::Path | Guide::Potential));
+            let (space, lumen) = prepare::colon(space, joins, timings, progress)?;
+            let lumen = Arc::new(lumen);
+            let radius = scene.body.radius_mm;
+            let plan = timings.time("plan_s", || plan::plan(&space, &lumen, &wish(args), radius, progress))?;
+            (space, lumen, plan)
+        }
+    };
     for note in &plan.notes {
         say(note);
     }
-    timings.time("scene_s", || FlightApp::new(space, lumen, plan, scene, image))
+    let begun = Instant::now();
+    let mut flight = FlightApp::prepared(space, lumen, plan, scene, image, Arc::clone(progress))?;
+    let fields = flight.take_field_times();
+    let spent: f64 = fields.iter().map(|f| f.1).sum();
+    for (name, seconds) in fields {
+        timings.add(name, seconds);
+    }
+    timings.add("scene_s", begun.elapsed().as_secs_f64() - spent);
+    Ok(flight)
+}
+
+/// A log can only be played in the scan that it was flown in, as far as that can be told.
+fn check_scan(play: &Playback, space: &Space) -> Result<()> {
+    let grid = space.volume().grid();
+    let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
+    let outside = |p: DVec3| {
+        let v = grid.voxel(p);
+        !(v.cmpge(DVec3::splat(-0.5)).all() && v.cmple(last + 0.5).all())
+    };
+    match play.lines().iter().find(|l| outside(DVec3::from_array(l.position))) {
+        None => Ok(()),
+        Some(l) => {
+            let at = triple(DVec3::from_array(l.position));
+            Err(Error::input("log", format!("{at} lies outside this scan"), "give the scan that it was flown in"))
+        }
+    }
+}
+
+/// Reads a flight's log to be played: one [`LogLine`] a line.
+fn read_log(path: &Path, rate: f64, backwards: bool) -> Result<Playback> {
+    let bad = |why: String| Error::file(path, why, "give a log that --log wrote");
+    let file = std::fs::File::open(path).map_err(|e| bad(format!("cannot be read ({})", output::plain(&e))))?;
+    let mut lines: Vec<LogLine> = Vec::new();
+    for (n, line) in std::io::BufReader::new(file).lines().enumerate() {
+        let line = line.map_err(|e| bad(format!("cannot be read ({})", output::plain(&e))))?;
+        if !line.trim().is_empty() {
+            lines.push(serde_json::from_str(&line).map_err(|e| bad(format!("line {}: {e}", n + 1)))?);
+        }
+    }
+    Playback::new(lines, rate, backwards).map_err(|e| if e.kind == Kind::Usage { e } else { bad(e.why) })
 }
 
 /// Writes what stands for what was flown, whether or not it came to a good end: stats and the operator's input.
@@ -285,9 +356,13 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
         shown_fps: short.then_some(12.0),
         log: args.log.clone(),
     };
-    let flown = headless::fly(&mut flight, args.seconds.unwrap_or(HEADLESS_SECONDS), &outputs, progress);
+    // A log is played to its end, however slowly.
+    let most = flight.scene().play.as_ref().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
+    let flown = headless::fly(&mut flight, args.seconds.unwrap_or(most), &outputs, progress);
+    let view = (args.coverage && flown.is_ok()).then(|| prepare::fov(global)).transpose()?;
+    let stats = stats(&flight, &timings, flown.as_deref().unwrap_or(&[]), view)?;
     drop(bar);
-    leave(args, &flight, &stats(&flight, &timings, flown.as_deref().unwrap_or(&[])))?;
+    leave(args, &flight, &stats)?;
     flown?;
     report(&flight);
     if short {
@@ -310,7 +385,13 @@ fn report(flight: &FlightApp) {
     }
 }
 
-fn stats(flight: &FlightApp, timings: &Timings, frames: &[headless::FrameStats]) -> serde_json::Value {
+/// What there is to say of a flight; with a view angle (degrees), also how much of the wall was seen with it.
+fn stats(
+    flight: &FlightApp,
+    timings: &Timings,
+    frames: &[headless::FrameStats],
+    fov_degrees: Option<f64>,
+) -> Result<serde_json::Value> {
     let f = flight.flight();
     let mut m = prepare::stats_head(timings);
     m.insert("frames".to_owned(), json!(frames));
@@ -327,7 +408,12 @@ fn stats(flight: &FlightApp, timings: &Timings, frames: &[headless::FrameStats])
         .map(|(n, ml)| json!({ "ml": ml, "ends_mm": flight.lumen().segments[n].ends }))
         .collect();
     m.insert("unflown".to_owned(), json!(unflown));
-    m.into()
+    if let Some(fov) = fov_degrees {
+        let seen = flight.coverage(fov)?;
+        m.insert("coverage".to_owned(), json!(seen.map(|c| c.one_way)));
+        m.insert("coverage_both_ways".to_owned(), json!(seen.map(|c| c.both_ways)));
+    }
+    Ok(m.into())
 }
 
 /// Reads an operator's recorded input: one [`Act`] a line.

@@ -8,7 +8,7 @@ use serde_json::{Map, Value, json};
 
 use crate::cli::args::{Global, PresetName, QualityName};
 use crate::error::{Error, Result};
-use crate::fields::{Lumen, lumen};
+use crate::fields::{Lumen, drain, lumen};
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::fast::simd_level;
@@ -30,6 +30,11 @@ impl Timings {
         let result = part();
         self.0.push((name, begun.elapsed().as_secs_f64()));
         result
+    }
+
+    /// Keeps how long a part took that was done elsewhere, under `name`.
+    pub fn add(&mut self, name: &'static str, seconds: f64) {
+        self.0.push((name, seconds.max(0.0)));
     }
 
     /// As the stats have it.
@@ -143,6 +148,36 @@ pub fn space(
 pub fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
     check_thick(volume)?;
     timings.time("lumen_s", || lumen::find(volume, progress))
+}
+
+/// The colon, and the scan that it is flown in. Where `joins`, segments of gas that tagged fluid joins are flown as one: the
+/// fluid between them is taken as free, in a copy of the scan.
+///
+/// # Errors
+/// As [`lumen`].
+pub fn colon(space: Space, joins: bool, timings: &mut Timings, progress: &Progress) -> Result<(Space, Lumen)> {
+    let found = lumen(space.volume(), timings, progress)?;
+    let main = found.main_segment().map(|n| &found.segments[n]);
+    if !joins || main.is_none_or(|s| s.joined_to.is_empty()) {
+        return Ok((space, found));
+    }
+    let lean = !space.flags().has_bits();
+    let wall = space.wall();
+    let count = found.segments.len();
+    let drained = timings.time("drain_s", || {
+        let volume = Arc::new(drain::drained(space.volume(), &found));
+        drop(space);
+        Ok(if lean { Space::lean(volume, wall) } else { Space::new(volume, wall) })
+    })?;
+    let mut again = timings.time("joined_lumen_s", || lumen::find(drained.volume(), progress))?;
+    drain::keep_ends(&mut again, &found);
+    if again.segments.len() < count {
+        say(&format!(
+            "tagged fluid joins segments of gas: it is taken as free and shown as gas ({count} segments become {})",
+            again.segments.len()
+        ));
+    }
+    Ok((drained, again))
 }
 
 /// # Errors

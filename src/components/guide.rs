@@ -7,6 +7,9 @@ use glam::DVec3;
 
 use crate::dynamics::Potential;
 use crate::dynamics::mines::{MineSettings, Mines};
+use crate::dynamics::route::Route;
+use crate::dynamics::route::pilot::Pilot;
+use crate::dynamics::route::profile::PathSettings;
 use crate::dynamics::tentacles::{TentacleSettings, directions};
 use crate::fields::Distance;
 
@@ -21,6 +24,44 @@ pub struct GuideThrust {
     pub wall: DVec3,
     /// Unit direction of the way on, world; zero where the guide knows none. The view turns there.
     pub way: DVec3,
+    /// The thrust is a plan's and acts as it is: it has the operator's speed in it, and comes in gently by itself.
+    pub exact: bool,
+}
+
+/// What the guide `potential` was asked for: in a trap the field itself differs for a while.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct PotentialSettings {
+    /// `C_t`, `C_s`, `p`.
+    pub potential: Potential,
+    /// How often the wall's strength has yielded to lead out of a trap.
+    pub yields: u32,
+    /// It yields until this tick.
+    pub yields_until: u64,
+}
+
+/// A planned way, and how it is flown.
+#[derive(Component, Clone, Debug)]
+#[require(GuideThrust)]
+pub struct Planned {
+    /// Settings.
+    pub settings: PathSettings,
+    /// The way.
+    pub route: Arc<Route>,
+    /// Who holds the body to it; none while somebody else has the body.
+    pub pilot: Option<Pilot>,
+    /// Place along the way, mm.
+    pub s_mm: f64,
+    /// World mm/s, before the last step.
+    pub velocity_before: DVec3,
+    /// What was asked of the body last, world mm/s².
+    pub last: DVec3,
+}
+
+impl Planned {
+    /// A way that nobody has taken up yet.
+    pub fn new(route: Arc<Route>, settings: PathSettings) -> Self {
+        Self { settings, route, pilot: None, s_mm: 0.0, velocity_before: DVec3::ZERO, last: DVec3::ZERO }
+    }
 }
 
 /// On a camera whose guide moves it by itself: its flight is watched. A guide that leaves all to the operator has none.

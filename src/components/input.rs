@@ -28,6 +28,8 @@ pub enum Command {
     Segment(usize),
     /// Sets out anew in the same segment, from the end that the flight was going to.
     OtherEnd,
+    /// Goes to a share of the way, 0 to 1: of the plan, or without one of the way that was flown.
+    Seek(f64),
     /// Takes the flight up again after the guide called for help.
     Resume,
 }
@@ -65,6 +67,8 @@ pub struct Hand {
     pub acceleration: DVec3,
     /// Angular velocity that the turn asks for, world rad/s.
     pub turning: DVec3,
+    /// How much of the flight the guide has, 0 to 1: it goes and comes again gradually.
+    pub guided: f64,
 }
 
 impl Default for Hand {
@@ -78,6 +82,20 @@ impl Default for Hand {
             looking_until: 0,
             acceleration: DVec3::ZERO,
             turning: DVec3::ZERO,
+            guided: 1.0,
         }
+    }
+}
+
+impl Hand {
+    /// What the guide's thrust is multiplied by: the operator's speed, eased in and out (smoothstep) with the hand-over.
+    pub fn pace(&self) -> f64 {
+        self.speed * self.share()
+    }
+
+    /// How much of its thrust the guide has, 0 to 1.
+    pub fn share(&self) -> f64 {
+        let g = self.guided.clamp(0.0, 1.0);
+        g * g * (3.0 - 2.0 * g)
     }
 }

@@ -10,6 +10,7 @@ pub mod flight;
 pub mod guide;
 pub mod input;
 pub mod output;
+pub mod play;
 pub mod scan;
 
 pub use app::{App, FlightSystems, LeftOut, Slot};

@@ -47,7 +47,7 @@ impl Default for Potential {
 }
 
 /// `V` with its first and second derivatives at a place, in the world.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PotentialSample {
     /// `V`, g·mm²/s².
     pub energy: f64,
@@ -55,6 +55,11 @@ pub struct PotentialSample {
     pub gradient: DVec3,
     /// `∇²V`, g/s²; symmetric.
     pub hessian: DMat3,
+}
+
+impl PotentialSample {
+    /// No potential. Not `Default`: that of a matrix is the identity.
+    pub const ZERO: Self = Self { energy: 0.0, gradient: DVec3::ZERO, hessian: DMat3::ZERO };
 }
 
 impl Potential {
@@ -78,7 +83,7 @@ impl Potential {
 
     /// `V` and its derivatives where the wall and the target are told so; one that is `None` takes no part.
     pub fn at(&self, wall: Option<Sample>, target: Option<Sample>) -> PotentialSample {
-        let mut v = PotentialSample::default();
+        let mut v = PotentialSample::ZERO;
         if let Some(t) = target {
             v.energy += self.target_force * t.mm;
             v.gradient += t.gradient * self.target_force;
@@ -174,7 +179,7 @@ mod tests {
             }
         }
         assert_eq!(Potential::default().barrier(f64::NAN), [0.0; 3]);
-        assert_eq!(Potential::default().at(None, None), PotentialSample::default());
+        assert_eq!(Potential::default().at(None, None), PotentialSample::ZERO);
     }
 
     #[test]

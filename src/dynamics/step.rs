@@ -73,7 +73,7 @@ pub fn integrate(
     dt: f64,
 ) -> (Motion, Effort) {
     let mut effort = Effort::default();
-    if !(dt.is_finite() && dt > 0.0) || !motion.is_finite() {
+    if !(dt.is_finite() && dt > 0.0 && motion.is_finite()) {
         return (*motion, effort);
     }
     let (moved, there) = translate(method, body, motion, forces, dt);

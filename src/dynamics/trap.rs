@@ -172,7 +172,7 @@ mod tests {
             (&tube, Trap::LocalMinimum),
             (&|p| tube(p) && (p.x < 4.0 || p.x > 6.0 || p.y.abs().max(p.z.abs()) < 1.2), Trap::Narrow),
             (&|p| tube(p) && !((5.0..6.5).contains(&p.x) && p.y.abs() < 3.0), Trap::Bridge),
-            (&|p| tube(p) && !((p - DVec3::new(12.0, 10.0, 0.0)).length() < 12.0), Trap::Obstacle),
+            (&|p| tube(p) && (p - DVec3::new(12.0, 10.0, 0.0)).length() >= 12.0, Trap::Obstacle),
         ];
         for (inside, want) in drawn {
             for all in [circle(128), directions(1024)] {

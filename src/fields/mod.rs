@@ -3,6 +3,7 @@
 pub mod centerline;
 pub mod clearance;
 pub mod distance;
+pub mod drain;
 pub mod lumen;
 pub mod sample;
 pub mod target;

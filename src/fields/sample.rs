@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec3};
 
 /// A distance with its first and second derivatives at a place, in the world frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
     /// Distance, mm.
     pub mm: f64,
@@ -11,6 +11,13 @@ pub struct Sample {
     pub gradient: DVec3,
     /// Its second derivatives, 1/mm; symmetric.
     pub hessian: DMat3,
+}
+
+/// Nothing: not derived, as the default of a matrix is the identity.
+impl Default for Sample {
+    fn default() -> Self {
+        Self { mm: 0.0, gradient: DVec3::ZERO, hessian: DMat3::ZERO }
+    }
 }
 
 /// A scalar field of distances over the world: to the wall (D_s) or to the target (D_t).

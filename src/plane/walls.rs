@@ -62,7 +62,7 @@ impl Walls {
             let axis = usize::from(next[1] < next[0]);
             let length = next[axis];
             // Written so that a direction that is not a number ends here too.
-            if !(length <= reach) {
+            if length > reach || length.is_nan() {
                 return None;
             }
             // Through a corner the ray touches both neighbours: either of them stops it.
@@ -180,7 +180,7 @@ mod tests {
     proptest! {
         /// Against every pixel, and a ray never passes nearer to a wall than the clearance.
         #[test]
-        fn clearance_is_the_brute_force_distance(bits in prop::collection::vec(prop::bool::weighted(0.93), 24 * 31), x in 0.0f64..12.0, y in 0.0f64..15.5, angle in 0.0f64..6.283) {
+        fn clearance_is_the_brute_force_distance(bits in prop::collection::vec(prop::bool::weighted(0.93), 24 * 31), x in 0.0f64..12.0, y in 0.0f64..15.5, angle in 0.0f64..std::f64::consts::TAU) {
             prop_assume!(bits.contains(&true) && bits.contains(&false));
             let w = drawn(&bits, 24);
             let p = DVec3::new(x, y, 0.0);

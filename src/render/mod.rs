@@ -11,6 +11,7 @@ pub mod bytes;
 pub mod camera;
 pub mod caster;
 pub mod classify;
+pub mod coverage;
 pub mod enlarge;
 pub mod fast;
 pub mod flags;
@@ -35,6 +36,7 @@ mod extremes_tests;
 
 pub use camera::View;
 pub use caster::render;
+pub use coverage::{Coverage, coverage};
 pub use frame::{Frame, Work, psnr};
 pub use quality::{Classification, Preset, Quality, Settings};
 pub use ray::{first_crossing, first_crossing_counted, value};

@@ -37,7 +37,7 @@ impl Canvas {
     }
 
     /// Start (red) and goal (green), two by two pixels each.
-    fn from_to(mut self, start: (f64, f64), goal: (f64, f64)) -> RgbImage {
+    fn between(mut self, start: (f64, f64), goal: (f64, f64)) -> RgbImage {
         for (at, colour) in [(start, Rgb([255, 0, 0])), (goal, Rgb([0, 255, 0]))] {
             for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                 let pixel = |mm: f64, n: u32| (mm / MM_PER_PIXEL) as u32 + n - 1;
@@ -70,7 +70,7 @@ fn arc(centre: (f64, f64), radius: impl Fn(f64) -> f64, from: f64, to: f64) -> V
 pub fn draw(name: &str) -> RgbImage {
     match name {
         "straight" => {
-            Canvas::new(180.0, 60.0).lumen(&[(16.0, 30.0), (164.0, 30.0)], 10.0).from_to((18.0, 30.0), (160.0, 30.0))
+            Canvas::new(180.0, 60.0).lumen(&[(16.0, 30.0), (164.0, 30.0)], 10.0).between((18.0, 30.0), (160.0, 30.0))
         }
         // A colon in the plane: hairpins, with folds that reach in from both sides in turn.
         "bends" => {
@@ -94,48 +94,48 @@ pub fn draw(name: &str) -> RgbImage {
             for (a, b) in [((9.0, 62.0), (15.0, 62.0)), ((58.0, 66.0), (52.0, 66.0)), ((92.0, 60.0), (86.0, 61.0))] {
                 canvas = canvas.wall(&[a, b], 1.2);
             }
-            canvas.from_to((20.0, 98.0), (159.0, 27.0))
+            canvas.between((20.0, 98.0), (159.0, 27.0))
         }
         // The blind branch goes straight on; the way on leaves it to the side, backwards.
         "fork" => Canvas::new(180.0, 120.0)
             .lumen(&[(16.0, 30.0), (164.0, 30.0)], 9.0)
             .lumen(&[(92.0, 30.0), (60.0, 92.0), (160.0, 100.0)], 9.0)
-            .from_to((18.0, 30.0), (158.0, 100.0)),
+            .between((18.0, 30.0), (158.0, 100.0)),
         // A wide cave that faces the camera; the way on is a gap in its rear, beside the entrance.
         "pocket" => Canvas::new(180.0, 120.0)
             .lumen(&[(16.0, 40.0), (90.0, 40.0)], 9.0)
             .lumen(&[(112.0, 40.0), (120.0, 40.0)], 30.0)
             .lumen(&[(92.0, 58.0), (76.0, 86.0), (90.0, 104.0), (160.0, 100.0)], 7.0)
-            .from_to((18.0, 40.0), (156.0, 100.0)),
+            .between((18.0, 40.0), (156.0, 100.0)),
         // Round and round: the way to the goal is narrower than the camera.
         "ring" => Canvas::new(150.0, 120.0)
             .lumen(&arc((62.0, 60.0), |_| 40.0, 0.0, 360.0), 9.0)
             .lumen(&[(100.0, 60.0), (122.0, 60.0)], 1.0)
             .lumen(&[(124.0, 60.0), (134.0, 60.0)], 8.0)
-            .from_to((62.0, 20.0), (132.0, 60.0)),
+            .between((62.0, 20.0), (132.0, 60.0)),
         // Two loops of the colon that touch: their walls are open to each other for a stretch.
         "touching" => Canvas::new(180.0, 120.0)
             .lumen(&[(16.0, 38.0), (60.0, 36.0), (90.0, 50.0), (120.0, 36.0), (164.0, 38.0)], 9.0)
             .lumen(&[(16.0, 92.0), (60.0, 84.0), (90.0, 67.0), (120.0, 84.0), (164.0, 92.0)], 9.0)
-            .from_to((18.0, 38.0), (160.0, 38.0)),
+            .between((18.0, 38.0), (160.0, 38.0)),
         // A strand that stands in the middle of the view: the forces balance before it.
         "bridge" => Canvas::new(180.0, 60.0)
             .lumen(&[(18.0, 30.0), (162.0, 30.0)], 12.0)
             .wall(&[(90.0, 24.0), (90.0, 36.0)], 1.0)
-            .from_to((20.0, 30.0), (158.0, 30.0)),
+            .between((20.0, 30.0), (158.0, 30.0)),
         // A polyp on a broad base that leaves a quarter of the lumen.
         "polyp" => Canvas::new(180.0, 60.0)
             .lumen(&[(16.0, 30.0), (164.0, 30.0)], 11.0)
             .wall(&[(92.0, 38.0), (92.0, 37.0)], 13.0)
-            .from_to((18.0, 30.0), (160.0, 30.0)),
+            .between((18.0, 30.0), (160.0, 30.0)),
         "neck" => Canvas::new(180.0, 60.0)
             .lumen(&[(16.0, 30.0), (76.0, 30.0)], 10.0)
             .lumen(&[(106.0, 30.0), (164.0, 30.0)], 10.0)
             .lumen(&[(80.0, 30.0), (100.0, 30.0)], 1.1)
-            .from_to((18.0, 30.0), (160.0, 30.0)),
+            .between((18.0, 30.0), (160.0, 30.0)),
         "spiral" => Canvas::new(150.0, 150.0)
             .lumen(&arc((75.0, 75.0), |t| 62.0 - 56.0 * t, 180.0, 1040.0), 7.0)
-            .from_to((13.5, 75.0), (79.0, 71.0)),
+            .between((13.5, 75.0), (79.0, 71.0)),
         _ => panic!("there is no drawing {name:?}"),
     }
 }

@@ -88,7 +88,11 @@ fn orders_are_those_of_theory() {
         for (n, what) in ["position", "orientation"].into_iter().enumerate() {
             let order = (errors[0][n] / errors[1][n]).log2();
             println!("{name}, {what}: order {order:.2}, error {:.1e}", errors[1][n]);
-            assert!((order - f64::from(method.order())).abs() < 0.2, "{name}, {what}: {order} ({errors:?})");
+            // On a nearly linear system the term of Dormand and Prince's error that is of order 5 is so small (z⁶/3600)
+            // that the next one hides it: it may be better than told.
+            let more = if (name, what) == ("dormand-prince", "orientation") { 1.0 } else { 0.2 };
+            let theory = f64::from(method.order());
+            assert!(order > theory - 0.2 && order < theory + more, "{name}, {what}: {order} ({errors:?})");
         }
     }
 }

@@ -93,7 +93,8 @@ fn extremes() {
     let spacing = DVec3::new(0.3, 0.3, 10.0);
     let narrow = mask([40, 40, 6], spacing, |w| {
         let u = (w / spacing).round();
-        (u.z == 2.0 && (u.y == 3.0 || u.x == 38.0)) || (u.x == 38.0 && u.y == 39.0)
+        let in_slice = u.z == 2.0 && (u.y == 3.0 || u.x == 38.0);
+        in_slice || (u.x == 38.0 && u.y == 39.0)
     });
     let ends = far_ends(&narrow, &p).unwrap();
     for method in METHODS {
@@ -176,7 +177,7 @@ proptest! {
         while n < reached.len() {
             for s in 0..6 {
                 let mut v = reached[n];
-                v[s / 2] += if s % 2 == 0 { 1 } else { -1 };
+                v[s / 2] += if s.is_multiple_of(2) { 1 } else { -1 };
                 if walls.is_inside(v) && !reached.contains(&v) {
                     reached.push(v);
                 }

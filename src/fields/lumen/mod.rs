@@ -14,6 +14,7 @@ mod grow;
 mod order;
 mod residue;
 pub(in crate::fields) mod runs;
+mod surface;
 #[cfg(test)]
 mod tests;
 
@@ -29,6 +30,7 @@ use order::{Body, Link};
 use runs::Rows;
 
 pub use residue::{Remnant, Residue, residue};
+pub use surface::WallPlace;
 
 /// At or below this a voxel is gas, HU: the middle of the wall's opacity ramp.
 pub const GAS_HU: i16 = -650;
@@ -193,6 +195,12 @@ fn measured(grid: &Grid, gas: &Rows, count: usize) -> Vec<Segment> {
 }
 
 impl Lumen {
+    /// No lumen at all: of a flight that is only played again.
+    pub fn none(grid: &Grid) -> Self {
+        let rows = Rows::default();
+        Self { segments: Vec::new(), ordered: false, grid: grid.clone(), gas: rows.clone(), fluid: rows }
+    }
+
     /// The segment whose gas holds a place (world, mm).
     pub fn segment_at(&self, world: DVec3) -> Option<usize> {
         let [i, j, k] = ends::to_index(self.grid.voxel(world));

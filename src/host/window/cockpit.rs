@@ -8,6 +8,7 @@ use super::directions::Directions;
 use super::figures::{Figures, detail};
 use super::keys::{Deed, Hands};
 use super::overlay::{Mood, Readings};
+use super::planning::Planning;
 use super::saver::{Traced, WakeUp};
 use super::screenshot;
 use super::sight::Sight;
@@ -16,8 +17,10 @@ use crate::app::{FlightApp, Guide};
 use crate::components::camera::Velocity;
 use crate::components::clock::Accumulator;
 use crate::components::flight::State;
+use crate::components::guide::Planned;
 use crate::components::input::{Command, Hand};
 use crate::components::output::Picture;
+use crate::components::play::Playback;
 use crate::error::Result;
 use crate::host::headless::{self, FrameStats};
 use crate::render::Frame;
@@ -50,6 +53,10 @@ pub struct Cockpit {
     figures: Figures,
     message: Option<(String, Instant)>,
     help: bool,
+    /// What is being built for a guide that is to take over.
+    planning: Option<Planning>,
+    /// The guide that has the flight back when the operator gives it.
+    last_guide: Guide,
     /// Whether there is something new to say although the flight rests.
     attention: bool,
 }
@@ -65,6 +72,7 @@ impl Cockpit {
         let now = Instant::now();
         let way = Way::new(flight.plan().length_mm, flight.flight().length_mm).at(along_mm);
         let sight = Sight::new(flight.space().clone(), wake)?;
+        let last_guide = flight.scene().steers().filter(|g| *g != Guide::Manual).unwrap_or_default();
         Ok(Self {
             flight,
             accumulator: Accumulator::default(),
@@ -80,6 +88,8 @@ impl Cockpit {
             figures: Figures::new(now),
             message: None,
             help: false,
+            planning: None,
+            last_guide,
             attention: false,
         })
     }
@@ -130,7 +140,8 @@ impl Cockpit {
         let message = self.message.as_ref().map(|m| m.1);
         let attention = self.attention.then_some(self.start);
         let finer = self.sight.is_refining(&self.flight).then_some(self.start);
-        [finer, message, self.figures.next(), attention].into_iter().flatten().min()
+        let planned = self.planning.is_some().then_some(self.start);
+        [finer, message, self.figures.next(), attention, planned].into_iter().flatten().min()
     }
 
     /// Sends the flight a command. One that cannot be followed is said, and changes nothing.
@@ -174,7 +185,7 @@ impl Cockpit {
     fn change_speed(&mut self, notches: f64, now: Instant) {
         let speed = (self.hand().speed * FASTER.powf(notches)).clamp(0.1, 5.0);
         self.act(Command::Speed(speed), now);
-        let cruise = self.flight.scene().tentacles.cruise_mm_s * speed;
+        let cruise = self.flight.scene().cruise_mm_s() * speed;
         self.say(format!("cruise {cruise:.0} mm/s"), now);
     }
 
@@ -192,10 +203,14 @@ impl Cockpit {
             Deed::Faster => self.hurry(1.0),
             Deed::Slower => self.hurry(-1.0),
             Deed::Guide => {
-                let next =
-                    if self.flight.scene().guide == Some(Guide::Manual) { Guide::Tentacles } else { Guide::Manual };
-                self.act(Command::Guide(next.name().to_owned()), now);
-                self.say(format!("guide: {}", self.flight.scene().guide_name()), now);
+                let steers = self.flight.scene().steers().unwrap_or_default();
+                let next = if steers == Guide::Manual { self.last_guide } else { Guide::Manual };
+                self.hand_over(next, now);
+            }
+            Deed::GuideNumber(n) => {
+                if let Some(guide) = Guide::ALL.get(n) {
+                    self.hand_over(guide.0, now);
+                }
             }
             Deed::Detail => self.switch_detail(now),
             Deed::Reverse => {
@@ -216,6 +231,52 @@ impl Cockpit {
             Deed::Fullscreen | Deed::Quit => {}
         }
         self.attention = true;
+        self.figures.touch();
+    }
+
+    /// Hands the flight over to a guide. What it needs of the lumen is built beside the flight, which goes on meanwhile.
+    fn hand_over(&mut self, guide: Guide, now: Instant) {
+        self.planning = None;
+        match Planning::begin(&self.flight, guide) {
+            Some(Ok(planning)) => {
+                self.planning = Some(planning);
+                self.say(format!("preparing the guide {} ...", guide.name()), now);
+            }
+            Some(Err(e)) => self.say(e.to_string(), now),
+            None => self.change_guide(guide, now),
+        }
+    }
+
+    fn change_guide(&mut self, guide: Guide, now: Instant) {
+        self.act(Command::Guide(guide.name().to_owned()), now);
+        if self.flight.scene().steers() == Some(guide) {
+            if guide != Guide::Manual {
+                self.last_guide = guide;
+            }
+            self.say(format!("guide: {}", guide.name()), now);
+        }
+    }
+
+    /// Takes over what was built for a guide, if it is there.
+    fn take_planned(&mut self, now: Instant) {
+        let Some((guide, built)) = self.planning.as_mut().and_then(Planning::take) else { return };
+        self.planning = None;
+        match built {
+            Ok(fields) => {
+                self.flight.adopt(fields);
+                self.change_guide(guide, now);
+            }
+            Err(e) => self.say(format!("{}: {}", e.what, e.why), now),
+        }
+    }
+
+    /// Goes to a share of the way, 0 to 1.
+    pub fn seek(&mut self, share: f64, now: Instant) {
+        self.quiet = 0;
+        match self.flight.act(Command::Seek(share)) {
+            Ok(()) => self.way.jump(share),
+            Err(e) => self.say(format!("{}: {}; {}", e.what, e.why, e.mend), now),
+        }
         self.figures.touch();
     }
 
@@ -276,6 +337,7 @@ impl Cockpit {
     /// # Errors
     /// When a replayed command asks for something that there is not.
     pub fn advance(&mut self, now: Instant) -> Result<()> {
+        self.take_planned(now);
         if self.message.as_ref().is_some_and(|m| now >= m.1) {
             self.message = None;
         }
@@ -303,13 +365,19 @@ impl Cockpit {
     /// Follows a step: the way, and whether the flight has come to rest.
     fn watch(&mut self) {
         let flight = self.flight.flight();
-        self.way.go(flight.length_mm);
-        if flight.state == State::Arrived {
-            self.way.arrive();
+        match (self.flight.camera::<Planned>(), self.flight.camera::<Playback>()) {
+            (Some(p), _) => self.way.set(p.s_mm, p.route.length_mm(), flight.length_mm),
+            (None, Some(play)) => self.way.jump(play.share()),
+            (None, None) => self.way.go(flight.length_mm),
+        }
+        match flight.state {
+            State::Arrived => self.way.arrive(),
+            State::Operator => self.way.mark(),
+            State::Flying | State::Ended => {}
         }
         let hand = self.hand();
         let left_alone =
-            hand.paused || flight.state != State::Flying || self.flight.scene().guide == Some(Guide::Manual);
+            hand.paused || flight.state != State::Flying || self.flight.scene().steers() == Some(Guide::Manual);
         let still = self.flight.camera::<Velocity>().is_none_or(|v| v.0.length() < REST_MM_S)
             && hand.push == glam::DVec3::ZERO
             && hand.turn == glam::DVec3::ZERO;
@@ -353,6 +421,7 @@ impl Cockpit {
             figures,
             directions: Directions::of(&self.flight.pose().attitude),
             per_mille: self.figures.per_mille(),
+            marks: self.way.marks().iter().map(|m| (m * 1000.0).round() as u32).collect(),
             // The length is coarse: digits that it does not have are not shown.
             place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),
@@ -366,7 +435,8 @@ impl Cockpit {
             State::Arrived => ("arrived", Mood::Well),
             State::Ended => ("time is over", Mood::Well),
             State::Flying if self.hand().paused => ("paused", Mood::Waiting),
-            State::Flying if self.flight.scene().guide == Some(Guide::Manual) => ("manual", Mood::Waiting),
+            State::Flying if self.flight.scene().steers() == Some(Guide::Manual) => ("manual", Mood::Waiting),
+            State::Flying if self.flight.scene().play.is_some() => ("playing a log", Mood::Well),
             State::Flying if self.flight.clock().tick < self.hand().on_until => ("flying by hand", Mood::Waiting),
             State::Flying => ("flying", Mood::Well),
         };

@@ -29,10 +29,12 @@ fn cockpit(guide: Guide) -> Cockpit {
         start: DVec3::new(16.0, 14.0, 16.0),
         goal: DVec3::new(16.0, 70.0, 16.0),
         within_mm: 3.0,
+        begin: DVec3::new(16.0, 8.0, 16.0),
         other_end: DVec3::new(16.0, 8.0, 16.0),
         other_within_mm: 3.0,
         length_mm: 60.0,
         segment: None,
+        gas: None,
         falls_short: None,
         notes: Vec::new(),
     };

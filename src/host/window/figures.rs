@@ -67,7 +67,7 @@ impl Figures {
         (self.counted, self.since, self.stale) = (sight.frames().len(), now, false);
         let hand: Hand = flight.camera().copied().unwrap_or_default();
         let speed = flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());
-        let cruise = flight.scene().tentacles.cruise_mm_s * hand.speed;
+        let cruise = flight.scene().cruise_mm_s() * hand.speed;
         self.lines[1] = format!("speed {speed:.0} mm/s (cruise {cruise:.0})");
         let clearance = flight.camera::<Contact>().map_or(0.0, |c| c.clearance_mm);
         // Beyond the finder's reach a clearance is a lower bound.

@@ -45,8 +45,10 @@ pub enum Deed {
     Faster,
     /// Flies slower.
     Slower,
-    /// Hands over to the next guide.
+    /// Hands over to the operator, or back to the last guide.
     Guide,
+    /// Hands over to the guide of this number, from 0, in the order of the guides.
+    GuideNumber(usize),
     /// High or low detail.
     Detail,
     /// Turns round and flies back.
@@ -69,7 +71,7 @@ pub enum Deed {
 pub const SHORT_HELP: &str = "H keys   Space stop   W A S D fly   drag to look   R back   Q quit";
 
 /// All keys, as the help shows them.
-pub const HELP: [(&str, &str); 13] = [
+pub const HELP: [(&str, &str); 15] = [
     ("Space", "stop and look around, go on"),
     ("W S, Up Down", "fly forward, back"),
     ("A D", "fly to the left, right"),
@@ -78,7 +80,9 @@ pub const HELP: [(&str, &str); 13] = [
     ("+ -, wheel", "faster, slower"),
     ("R, B, Backspace", "turn round and fly back"),
     ("N, E", "next segment, from the other end"),
-    ("G", "guide: tentacles or by hand"),
+    ("G", "by hand, and back to the guide"),
+    ("1 2 3 4", "tentacles, potential, path, by hand"),
+    ("click on the bar", "go to that place of the way"),
     ("L", "detail: high or low"),
     ("P, F12", "screenshot, and its pose"),
     ("F, H", "full screen, this help"),
@@ -114,6 +118,7 @@ pub fn action(key: &Key) -> Option<Action> {
             "+" | "=" => Do(Deed::Faster),
             "-" | "_" => Do(Deed::Slower),
             "g" => Do(Deed::Guide),
+            "1" | "2" | "3" | "4" => Do(Deed::GuideNumber(text.parse::<usize>().ok()? - 1)),
             "l" => Do(Deed::Detail),
             "n" => Do(Deed::Next),
             "e" => Do(Deed::OtherEnd),
@@ -185,6 +190,7 @@ mod tests {
             assert_eq!(character(lower), character(upper));
         }
         assert_eq!(character("q"), Some(Action::Do(Deed::Quit)));
+        assert_eq!(character("3"), Some(Action::Do(Deed::GuideNumber(2))));
         assert_eq!(character("ß"), None);
         assert_eq!(action(&Key::Named(NamedKey::Escape)), Some(Action::Do(Deed::Quit)));
         assert_eq!(action(&Key::Named(NamedKey::Backspace)), character("R"));

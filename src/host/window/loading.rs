@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 
 /// What makes a flight.
-pub type Prepare = Box<dyn FnOnce(&Progress) -> Result<FlightApp> + Send>;
+pub type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<FlightApp> + Send>;
 
 /// A flight being made ready.
 pub struct Loading {

@@ -14,6 +14,7 @@ mod log;
 mod overlay;
 mod painter;
 pub mod plane;
+mod planning;
 mod presented;
 mod saver;
 mod screenshot;

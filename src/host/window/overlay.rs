@@ -72,6 +72,8 @@ pub struct Readings {
     pub per_mille: u32,
     /// The same in words.
     pub place: String,
+    /// Where the guide called for the operator, per mille of the way.
+    pub marks: Vec<u32>,
     /// Something that just happened.
     pub message: Option<String>,
     /// Whether all keys are listed.
@@ -85,6 +87,19 @@ pub fn draw(p: &Painter, area: Rect, content: &Content) {
         Content::Failed { text } => failed(p, area, text),
         Content::Flight(readings) => flight(p, area, readings),
     }
+}
+
+/// Where the bar for the way is, in an area given in points.
+fn track(area: Rect) -> Rect {
+    let inner = area.shrink(MARGIN);
+    Rect::from_min_size(pos2(inner.min.x, area.max.y - 14.0), vec2(inner.width(), 8.0))
+}
+
+/// The share of the way, 0 to 1, that a point on its bar stands for; none beside the bar.
+pub fn on_bar(area: Rect, at: Pos2) -> Option<f64> {
+    let track = track(area);
+    // Thin as it is, a click need not be that exact.
+    track.expand(5.0).contains(at).then(|| f64::from(((at.x - track.min.x) / track.width()).clamp(0.0, 1.0)))
 }
 
 fn font(size: f32) -> FontId {
@@ -152,10 +167,17 @@ fn flight(p: &Painter, area: Rect, r: &Readings) {
     let row = p.layout_no_wrap(DISCLAIMER.to_owned(), font(TEXT), SOFT).size();
     let fits_beside = inner.width() > row.x * 2.0;
     let rows = 1.0 + f32::from(u8::from(roomy)) + f32::from(u8::from(!fits_beside));
-    let track = Rect::from_min_size(pos2(inner.min.x, area.max.y - 14.0), vec2(inner.width(), 8.0));
+    let track = track(area);
     let foot = track.min.y - 4.0 - rows * row.y;
     p.rect_filled(Rect::from_min_max(pos2(area.min.x, foot - 4.0), area.max), 0.0, BACKING);
     bar(p, track, f64::from(r.per_mille) / 1000.0);
+    let at = |per_mille: u32| track.min.x + track.width() * per_mille.min(1000) as f32 / 1000.0;
+    for &mark in &r.marks {
+        let rect = Rect::from_center_size(pos2(at(mark), track.center().y), vec2(4.0, 12.0));
+        p.rect_filled(rect, 0.0, Mood::Calling.colour());
+    }
+    // The camera.
+    p.rect_filled(Rect::from_center_size(pos2(at(r.per_mille), track.center().y), vec2(4.0, 12.0)), 0.0, INK);
     let low = track.min.y - 3.0;
     text(p, pos2(inner.min.x, low), Align2::LEFT_BOTTOM, &r.place, TEXT, INK);
     if fits_beside {

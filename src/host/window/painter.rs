@@ -132,8 +132,7 @@ impl Artist {
 
     fn lay_out(&mut self, order: &Order) -> Layer {
         let (width, height) = order.size;
-        let scale = order.scale * shrink(width as f32 / order.scale, height as f32 / order.scale);
-        let area = Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / scale);
+        let (scale, area) = area(order.size, order.scale);
         let mut input = RawInput { screen_rect: Some(area), ..RawInput::default() };
         input.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(scale);
         let output = self.egui.run_ui(input, |ui| {
@@ -146,6 +145,18 @@ impl Artist {
         self.raster.blit_canvas_to_buffer(&mut BufferMutRef::new(&mut self.canvas, width, height));
         Layer::of(&self.canvas, width)
     }
+}
+
+/// Pixels a point of the overlay, and its area in points, in a window of so many pixels at `scale` pixels a point.
+fn area((width, height): (usize, usize), scale: f32) -> (f32, Rect) {
+    let scale = scale * shrink(width as f32 / scale, height as f32 / scale);
+    (scale, Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / scale))
+}
+
+/// The share of the way that a pixel of a window stands for, if it is on the bar.
+pub fn on_bar(window: (usize, usize), scale: f32, pixel: (f64, f64)) -> Option<f64> {
+    let (scale, area) = area(window, scale);
+    overlay::on_bar(area, Pos2::new(pixel.0 as f32, pixel.1 as f32) / scale)
 }
 
 /// How much smaller than usual text is in a window of so many points, for it to leave some of the image free.
@@ -171,6 +182,7 @@ mod tests {
             figures: vec![figure.to_owned()],
             directions: crate::host::window::directions::Directions::default(),
             per_mille: 0,
+            marks: Vec::new(),
             place: String::new(),
             message: None,
             help: false,
@@ -209,8 +221,7 @@ mod tests {
             thread::yield_now();
         }
         assert!(out != first);
-        let mut alone = Painter::new().unwrap();
-        assert!(painted(&mut alone, size, 1.0, &flight("88888")) == out);
+        assert!(painted(&mut p, size, 1.0, &flight("88888")) == out, "and they stay");
         // Another kind of content never waits.
         assert!(p.paint(size, 1.0, None, &failed("no"), &mut out));
     }
@@ -224,6 +235,17 @@ mod tests {
         let mut other = vec![7; 5];
         p.paint((3, 2), 1.0, None, &failed("x"), &mut other);
         assert_eq!(other, [7; 5], "a surface of another size is left alone");
+    }
+
+    #[test]
+    fn the_bar_is_where_it_is_painted() {
+        for (size, scale) in [((640, 480), 1.0), ((1280, 960), 2.0), ((360, 240), 1.25)] {
+            let (w, h) = (size.0 as f64, size.1 as f64);
+            let bottom = h - 10.0 * f64::from(area(size, scale).0);
+            assert_eq!(on_bar(size, scale, (w / 2.0, bottom)).map(|s| (s * 100.0).round()), Some(50.0));
+            assert_eq!(on_bar(size, scale, (w / 2.0, h / 2.0)), None);
+            assert_eq!(on_bar(size, scale, (f64::NAN, bottom)), None);
+        }
     }
 
     /// What a picture of 1024² costs besides the ray caster, with the same overlay and with another each time; run it by

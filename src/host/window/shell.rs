@@ -19,7 +19,7 @@ use super::keys::{Action, Deed, action};
 use super::loading::Loading;
 use super::log::Log;
 use super::overlay::Content;
-use super::painter::Painter;
+use super::painter::{Painter, on_bar};
 use super::presented::Presented;
 use super::saver::WakeUp;
 use super::session::{self, Session};
@@ -394,7 +394,14 @@ impl ApplicationHandler<Wake> for Shell {
                 }
             }
             WindowEvent::MouseInput { button: MouseButton::Left, state, .. } => {
-                self.dragging = state == ElementState::Pressed;
+                let pressed = state == ElementState::Pressed;
+                let size = self.window_size();
+                let scale = self.screen.as_ref().map_or(1.0, |s| s.window.scale_factor() as f32);
+                let share = self.cursor.and_then(|c| on_bar(size, scale, (c.x, c.y)));
+                match (&mut self.stage, share) {
+                    (Stage::Flying(c), Some(share)) if pressed => c.seek(share, now),
+                    _ => self.dragging = pressed,
+                }
             }
             WindowEvent::CursorMoved { position, .. } => {
                 let size = self.window_size();

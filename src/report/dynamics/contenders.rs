@@ -32,8 +32,11 @@ pub fn label(integrator: Integrator) -> &'static str {
     FIXED[number].0
 }
 
-/// An adaptive method at a tolerance.
-pub const ADAPTIVE: [(&str, fn(Control) -> Box<dyn Method>); 2] = [
+/// Makes an adaptive method with its tolerance.
+type Make = fn(Control) -> Box<dyn Method>;
+
+/// The adaptive methods.
+pub const ADAPTIVE: [(&str, Make); 2] = [
     ("Dormand–Prince 5(4), adaptive", |c| Box::new(DormandPrince(c))),
     ("Rosenbrock ROS34PW2, adaptive", |c| Box::new(RosenbrockAdaptive(c))),
 ];

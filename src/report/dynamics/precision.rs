@@ -65,11 +65,13 @@ pub(super) fn turning() -> Turning {
     Turning::towards(TUBE.along(TUBE.place(1.0, 0.0, 0.0)) + DVec3::Y * 0.3, 0.45, 1.8)
 }
 
+/// A number of a flight.
+type Number = fn(&Run) -> f64;
+
 /// One flight by one method.
 struct Run {
     case: usize,
     method: &'static str,
-    order: u32,
     adaptive: bool,
     /// Step, s, or tolerance.
     setting: f64,
@@ -101,7 +103,7 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
             for k in 0..doublings {
                 let steps = 30u32 << k;
                 let run = measure(number, method, SECONDS / f64::from(steps), steps, &tsit, quick);
-                runs.push(Run { method: name, order: method.order(), ..run });
+                runs.push(Run { method: name, ..run });
             }
             progress.check()?;
         }
@@ -110,7 +112,7 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
                 let tolerance = 10f64.powi(-k);
                 let method = make(Control { tolerance, most_parts: 100_000 });
                 let run = measure(number, &*method, OUTER, (SECONDS / OUTER) as u32, &tsit, quick);
-                runs.push(Run { method: name, order: method.order(), adaptive: true, setting: tolerance, ..run });
+                runs.push(Run { method: name, adaptive: true, setting: tolerance, ..run });
             }
             progress.check()?;
         }
@@ -138,7 +140,6 @@ fn measure(case: usize, method: &dyn Method, h: f64, steps: u32, truth: &Motion,
     Run {
         case,
         method: "",
-        order: 0,
         adaptive: false,
         setting: h,
         position,
@@ -170,7 +171,7 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
     ));
     let names: Vec<&'static str> = FIXED.iter().map(|f| f.0).chain(ADAPTIVE.iter().map(|a| a.0)).collect();
     for (number, case) in CASES.iter().enumerate() {
-        let kinds: [(&str, &str, &str, fn(&Run) -> f64, fn(&Run) -> f64); 3] = [
+        let kinds: [(&str, &str, &str, Number, Number); 3] = [
             ("position-time", "time of the flight / µs", "error in position / mm", |r| r.microseconds, |r| r.position),
             (
                 "orientation-time",
@@ -214,15 +215,22 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
     }
     let mut t = Table::new(&["wall", "method", "theory", "order in position", "order in orientation"]);
     let mut worst = (0.0f64, String::new());
-    let mut orders = 0;
+    let (mut orders, mut better) = (0, f64::NAN);
     for (name, method) in FIXED {
         let mine: Vec<&Run> = runs.iter().filter(|r| r.case == MIDDLE && r.method == name).collect();
         let seen = [measured_order(&mine, |r| r.position), measured_order(&mine, |r| r.orientation)];
-        for order in seen.iter().flatten() {
-            orders += 1;
+        for (what, order) in ["position", "orientation"].into_iter().zip(seen) {
+            let Some(order) = order else { continue };
             let off = (order - f64::from(method.order())).abs();
+            // The turn is nearly linear, and there the term of Dormand and Prince's error that is of order 5 is so small
+            // (z⁶/3600) that the next one hides it.
+            if method.order() == 5 && what == "orientation" {
+                better = order;
+                continue;
+            }
+            orders += 1;
             if off >= worst.0 {
-                worst = (off, format!("{name}, {order:.2}"));
+                worst = (off, format!("{name} in {what}, {order:.2}"));
             }
         }
         let cell = |o: Option<f64>| o.map_or(Cell::None, |o| Cell::Number(o, 2));
@@ -259,13 +267,14 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
         ]);
     }
     page.table("precision", &t)?;
-    debug_assert!(runs.iter().all(|r| r.order > 0));
-    Ok(vec![format!(
-        "{orders} measured orders of {} methods are within {:.2} of theory ({}).",
+    let found = format!(
+        "{orders} measured orders of {} methods are within {:.2} of theory (the furthest is {}); on the nearly linear turn \
+         Dormand–Prince is better than its theory, {better:.2}.",
         FIXED.len(),
         worst.0,
         worst.1
-    )])
+    );
+    Ok(std::iter::once(found).chain(default_finding(runs)).collect())
 }
 
 /// At a flight's step: which method errs how much for which time, and why the default is what it is.
@@ -291,7 +300,7 @@ fn default_finding(runs: &[Run]) -> Vec<String> {
         vec![format!("At the flight's step of 1/120 s, against a soft, middle and stiff wall: {}.", told.join("; "))];
     if let (Some((name, mine)), Some((other, euler))) = (mine, euler) {
         findings.push(format!(
-            "The default is {name}: linearly implicit, it is stable at every step tried however stiff the wall, without an              iteration that could fail, in {:.1} µs a step. At 1/120 s it errs by {} mm where {other}, which only damps              harder, errs by {}, and no explicit method is stable for every wall.",
+            "The default is {name}: linearly implicit, it is stable at every step tried however stiff the wall, without an iteration that could fail, in {:.1} µs a step. At 1/120 s it errs by {} mm where {other}, which only damps harder, errs by {}, and no explicit method is stable for every wall.",
             micro(mine[0]),
             error(mine[1]),
             error(euler[1]),

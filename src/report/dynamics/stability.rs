@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::contenders::FIXED;
 use super::precision::{TUBE, forces};
 use crate::dynamics::integrators::Method;
-use crate::dynamics::rigid::{Motion, Turning};
+use crate::dynamics::rigid::Motion;
 use crate::dynamics::step::translate;
 use crate::dynamics::{Attitude, Body, Forces, PotentialForce};
 use crate::error::Result;
@@ -111,7 +111,6 @@ fn is_stable(method: &dyn Method, force: &dyn Forces, at: DVec3, deviation: f64,
     let body = Body::default();
     let moved = at + DVec3::new(-1.0, 0.4, 0.0).normalize() * deviation;
     let mut m = Motion::at_rest(moved, Attitude::new(DVec3::Z, DVec3::Y));
-    debug_assert!(Turning::FREE.drag == 0.0);
     (0..steps).all(|_| {
         m = translate(method, &body, &m, force, h).0;
         // Along the tube it is free to go.

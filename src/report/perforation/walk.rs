@@ -165,7 +165,7 @@ pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, T
         };
         let mut pieces = Vec::new();
         let told = step_told(integrator.method(), &body, &m, force, &turning, &ground.walls, dt, &mut |a, b| {
-            pieces.push((a, b))
+            pieces.push((a, b));
         });
         let Effort { rates, .. } = told.effort;
         let too_near = told.advance.clearance_mm < radius_mm;

@@ -1,0 +1,150 @@
+//! What guides need of the lumen, built when a guide asks for it and dropped when none does.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use crate::app::plan::Plan;
+use crate::app::scene::Guide;
+use crate::dynamics::Route;
+use crate::error::{Error, Result};
+use crate::fields::centerline::{self, End};
+use crate::fields::{Lumen, TargetDistance, Through, WallDistance};
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// The fields of a flight, as far as they are built.
+#[derive(Clone, Debug, Default)]
+pub struct Fields {
+    walls: Option<Arc<WallDistance>>,
+    /// Gas that is no part of the lumen, where `walls` are of that.
+    gas: Option<Arc<Lumen>>,
+    /// With the place that was asked for: the field's own may have been moved into the lumen.
+    target: Option<(DVec3, Arc<TargetDistance>)>,
+    route: Option<Planning>,
+    /// What was built, and how long each took, s.
+    took: Vec<(&'static str, f64)>,
+}
+
+/// A way and the ends that it was planned for.
+#[derive(Clone, Debug)]
+struct Planning {
+    ends: [DVec3; 2],
+    route: Arc<Route>,
+}
+
+/// What a scene asks for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wanted {
+    /// D_s and D_t.
+    pub distances: bool,
+    /// The centerline.
+    pub route: bool,
+}
+
+impl Wanted {
+    /// What a guide asks for.
+    pub fn by(guide: Option<Guide>) -> Self {
+        Self { distances: guide == Some(Guide::Potential), route: guide == Some(Guide::Path) }
+    }
+}
+
+impl Fields {
+    /// Whether what is wanted is there for a plan.
+    pub fn has(&self, wanted: Wanted, plan: &Plan) -> bool {
+        let ends = [plan.begin, plan.goal];
+        let planned = self.route.as_ref().is_some_and(|r| r.ends == ends || r.ends == [ends[1], ends[0]]);
+        let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal);
+        (planned || !wanted.route) && (aimed || !wanted.distances)
+    }
+
+    /// D_s, if it is built.
+    pub fn walls(&self) -> Option<&Arc<WallDistance>> {
+        self.walls.as_ref()
+    }
+
+    /// D_t, if it is built.
+    pub fn target(&self) -> Option<&Arc<TargetDistance>> {
+        self.target.as_ref().map(|t| &t.1)
+    }
+
+    /// The planned way from the plan's one end to its goal, if it is built.
+    pub fn route(&self) -> Option<&Arc<Route>> {
+        self.route.as_ref().map(|p| &p.route)
+    }
+
+    /// How long what was built took, s, in the order it was built, since the last call.
+    pub fn take_times(&mut self) -> Vec<(&'static str, f64)> {
+        std::mem::take(&mut self.took)
+    }
+
+    fn timed<T>(&mut self, name: &'static str, build: impl FnOnce() -> Result<T>) -> Result<T> {
+        let begun = Instant::now();
+        let built = build();
+        self.took.push((name, begun.elapsed().as_secs_f64()));
+        built
+    }
+
+    /// Builds what is wanted and not there, for the plan as it is, and drops what is not wanted.
+    ///
+    /// # Errors
+    /// Status 4 when there is no way between the plan's ends, or when interrupted.
+    pub fn build(
+        &mut self,
+        wanted: Wanted,
+        volume: &Volume,
+        lumen: &Lumen,
+        plan: &Plan,
+        progress: &Progress,
+    ) -> Result<()> {
+        let same = match (&self.gas, &plan.gas) {
+            (None, None) => true,
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        };
+        if !same {
+            (self.walls, self.target, self.route) = (None, None, None);
+            self.gas = plan.gas.clone();
+        }
+        if !wanted.distances {
+            self.target = None;
+        }
+        let ends = [plan.begin, plan.goal];
+        let known = self.route.as_ref().filter(|_| wanted.route).map(|r| r.ends);
+        let planned = match known {
+            Some(known) if known == ends => self.route.clone(),
+            Some(known) if known == [ends[1], ends[0]] => {
+                self.route.as_ref().map(|r| Planning { ends, route: Arc::new(r.route.reversed()) })
+            }
+            _ => None,
+        };
+        let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal);
+        let missing = (wanted.route && planned.is_none()) || (wanted.distances && !aimed);
+        self.route = planned;
+        if missing && self.walls.is_none() {
+            let gas = plan.gas.as_deref().unwrap_or(lumen);
+            let walls = self.timed("distance_s", || WallDistance::of_lumen(volume, gas, Through::Gas, progress))?;
+            self.walls = Some(Arc::new(walls));
+        }
+        if let Some(walls) = self.walls.clone() {
+            if wanted.route && self.route.is_none() {
+                let line = self.timed("centerline_s", || {
+                    centerline::between(&walls, End::At(ends[0]), End::At(ends[1]), &[], progress)
+                })?;
+                let route = Route::along(&line.points, &line.radius_mm, DVec3::NEG_Y).ok_or_else(|| {
+                    Error::incomplete("path", "its start is its end", "give --from and --to that are apart")
+                })?;
+                self.route = Some(Planning { ends, route: Arc::new(route) });
+            }
+            if wanted.distances && !aimed {
+                let target = self.timed("target_s", || TargetDistance::to(&walls, plan.goal, &[], progress))?;
+                self.target = Some((plan.goal, Arc::new(target)));
+            }
+        }
+        if !wanted.distances {
+            self.walls = None;
+        }
+        Ok(())
+    }
+}

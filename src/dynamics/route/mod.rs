@@ -1,0 +1,256 @@
+//! A planned way: a smooth curve with frames, a speed for each place of it, and how a body is held to it.
+//!
+//! Automated flight planning (paper, section 3): after start and end are given the path is known, and the camera flies it
+//! like anything that has mass, with bounded acceleration and jerk. The body still moves by forces alone ([`pilot`]), so
+//! that an operator may push it off the plan at any time and give it back anywhere.
+
+pub mod frames;
+pub mod pilot;
+pub mod profile;
+
+use glam::DVec3;
+
+/// Way between two control points of a route, mm.
+pub const STEP_MM: f64 = 1.0;
+
+/// A way through the lumen, world mm: a uniform cubic B-spline through points [`STEP_MM`] apart, hence with continuous
+/// curvature, inside the hull of any four neighbours.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Route {
+    /// Control points, at least two, about [`STEP_MM`] apart.
+    points: Vec<DVec3>,
+    /// Way between two of them, mm.
+    step: f64,
+    /// Distance from each to the nearest wall, mm.
+    clearance: Vec<f64>,
+    /// Unit up vector of the rotation-minimising frame at each.
+    ups: Vec<DVec3>,
+}
+
+impl Route {
+    /// The route along a polyline (world mm) whose every point is `clearance` (mm) from the wall; the frames begin with
+    /// `up`. Points that are not finite or that repeat another are left out. None where fewer than two remain.
+    pub fn along(line: &[DVec3], clearance: &[f64], up: DVec3) -> Option<Self> {
+        let mut kept: Vec<(DVec3, f64)> = Vec::with_capacity(line.len());
+        for (n, &p) in line.iter().enumerate() {
+            let c = clearance.get(n).copied().filter(|c| c.is_finite()).unwrap_or(0.0).max(0.0);
+            if p.is_finite() && kept.last().is_none_or(|l| l.0.distance(p) > 1e-6) {
+                kept.push((p, c));
+            }
+        }
+        let mut along = vec![0.0];
+        for w in kept.windows(2) {
+            along.push(along[along.len() - 1] + w[0].0.distance(w[1].0));
+        }
+        let length = along[along.len() - 1];
+        if kept.len() < 2 || !length.is_finite() {
+            return None;
+        }
+        let cells = (length / STEP_MM).ceil().clamp(1.0, 1e6) as usize;
+        let step = length / cells as f64;
+        let mut at = 0;
+        let (points, clearance): (Vec<_>, Vec<_>) = (0..=cells)
+            .map(|n| {
+                let s = step * n as f64;
+                while at + 2 < along.len() && along[at + 1] < s {
+                    at += 1;
+                }
+                let t = ((s - along[at]) / (along[at + 1] - along[at])).clamp(0.0, 1.0);
+                (kept[at].0.lerp(kept[at + 1].0, t), kept[at].1 + (kept[at + 1].1 - kept[at].1) * t)
+            })
+            .unzip();
+        let mut route = Self { points, step, clearance, ups: Vec::new() };
+        let tangents: Vec<_> = (0..=cells).map(|n| route.tangent(step * n as f64)).collect();
+        route.ups = frames::rotation_minimising(&route.points, &tangents, up);
+        Some(route)
+    }
+
+    /// The same way from its end to its beginning.
+    pub fn reversed(&self) -> Self {
+        let back = |v: &[DVec3]| v.iter().rev().copied().collect();
+        Self {
+            points: back(&self.points),
+            step: self.step,
+            clearance: self.clearance.iter().rev().copied().collect(),
+            ups: back(&self.ups),
+        }
+    }
+
+    /// Length, mm.
+    pub fn length_mm(&self) -> f64 {
+        self.step * (self.points.len() - 1) as f64
+    }
+
+    /// Control points, world mm, evenly spaced along the way.
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// Memory.
+    pub fn bytes(&self) -> usize {
+        self.points.len() * (2 * size_of::<DVec3>() + size_of::<f64>())
+    }
+
+    /// A control point; beyond the ends, mirrored at them, so that the curve begins and ends in the outermost ones.
+    fn control(&self, n: i64) -> DVec3 {
+        let last = self.points.len() as i64 - 1;
+        if n < 0 {
+            2.0 * self.points[0] - self.points[(-n).min(last) as usize]
+        } else if n > last {
+            2.0 * self.points[last as usize] - self.points[(2 * last - n).max(0) as usize]
+        } else {
+            self.points[n as usize]
+        }
+    }
+
+    /// The cell of a place along the way, and where in it, 0 to 1.
+    fn cell(&self, s: f64) -> (i64, f64) {
+        let u = if s.is_finite() { (s / self.step).clamp(0.0, (self.points.len() - 1) as f64) } else { 0.0 };
+        let n = u.floor().min((self.points.len() - 2) as f64);
+        (n as i64, u - n)
+    }
+
+    fn blend(&self, s: f64, weights: impl Fn(f64) -> [f64; 4]) -> DVec3 {
+        let (n, t) = self.cell(s);
+        let w = weights(t);
+        (0..4).map(|k| self.control(n - 1 + k as i64) * w[k]).sum()
+    }
+
+    /// The place after `s` mm of the way, world mm; before its beginning and beyond its end those.
+    pub fn place(&self, s: f64) -> DVec3 {
+        self.blend(s, |t| {
+            let r = 1.0 - t;
+            [r * r * r, 3.0 * t * t * t - 6.0 * t * t + 4.0, 3.0 * r * r * r - 6.0 * r * r + 4.0, t * t * t]
+                .map(|w| w / 6.0)
+        })
+    }
+
+    /// Unit direction of the way at `s` mm, world; z where it has none.
+    pub fn tangent(&self, s: f64) -> DVec3 {
+        let derivative = self.blend(s, |t| {
+            let r = 1.0 - t;
+            [-r * r, 3.0 * t * t - 4.0 * t, -3.0 * r * r + 4.0 * r, t * t].map(|w| w / 2.0)
+        });
+        derivative.try_normalize().unwrap_or(DVec3::Z)
+    }
+
+    /// How sharply the way bends around `s` mm, 1/mm: the turn of its tangent over `window` mm.
+    pub fn bend(&self, s: f64, window: f64) -> f64 {
+        let (a, b) = ((s - window / 2.0).max(0.0), (s + window / 2.0).min(self.length_mm()));
+        if b > a { self.tangent(a).angle_between(self.tangent(b)) / (b - a) } else { 0.0 }
+    }
+
+    /// Distance from the way to the nearest wall at `s` mm, mm.
+    pub fn clearance(&self, s: f64) -> f64 {
+        let (n, t) = self.cell(s);
+        let n = n as usize;
+        self.clearance[n] + (self.clearance[n + 1] - self.clearance[n]) * t
+    }
+
+    /// Unit up vector of the rotation-minimising frame at `s` mm, world.
+    pub fn up(&self, s: f64) -> DVec3 {
+        let (n, t) = self.cell(s);
+        let tangent = self.tangent(s);
+        let up = self.ups[n as usize].lerp(self.ups[n as usize + 1], t);
+        (up - tangent * up.dot(tangent)).try_normalize().unwrap_or_else(|| tangent.any_orthonormal_vector())
+    }
+
+    /// Where one looks from `s` mm: unit direction, world, towards the way ahead, averaged over `ahead` mm of it so that
+    /// it turns smoothly; the tangent at the end.
+    pub fn look(&self, s: f64, ahead: f64) -> DVec3 {
+        let end = (s + ahead).min(self.length_mm());
+        if end - s < self.step {
+            return self.tangent(s);
+        }
+        // Place by place, the nearer half too: a look at one far point would cut every corner.
+        let n = ((end - s) / (2.0 * self.step)).ceil().clamp(1.0, 64.0) as usize;
+        let here = self.place(s);
+        let sum: DVec3 =
+            (1..=n).map(|i| (self.place(s + (end - s) * i as f64 / n as f64) - here).normalize_or_zero()).sum();
+        sum.try_normalize().unwrap_or_else(|| self.tangent(s))
+    }
+
+    /// Places along the way, mm, that are nearest to `at` (world mm) among their neighbours, the nearest of all first. A
+    /// colon's loops touch, so that the nearest of all may be in another one.
+    pub fn nearest(&self, at: DVec3) -> Vec<f64> {
+        let d: Vec<f64> = self.points.iter().map(|p| p.distance_squared(at)).collect();
+        let last = d.len() - 1;
+        let mut found: Vec<(f64, f64)> = (0..=last)
+            .filter(|&n| (n == 0 || d[n] < d[n - 1]) && (n == last || d[n] <= d[n + 1]))
+            .map(|n| {
+                // The foot of the perpendicular on the two cells around it.
+                let along = (at - self.points[n]).dot(self.tangent(self.step * n as f64));
+                let s = (self.step * n as f64 + along.clamp(-self.step, self.step)).clamp(0.0, self.length_mm());
+                (d[n], s)
+            })
+            .collect();
+        found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        found.into_iter().map(|f| f.1).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn circle(radius: f64, points: usize) -> Vec<DVec3> {
+        let at = |n: usize| n as f64 * std::f64::consts::TAU * 0.8 / (points - 1) as f64;
+        (0..points).map(|n| DVec3::new(radius * at(n).cos(), radius * at(n).sin(), 5.0)).collect()
+    }
+
+    #[test]
+    fn a_circle_is_followed_smoothly() {
+        let radius = 20.0;
+        let line = circle(radius, 400);
+        let r = Route::along(&line, &vec![7.0; 400], DVec3::Z).unwrap();
+        assert!((r.length_mm() - 0.8 * std::f64::consts::TAU * radius).abs() < 0.1);
+        assert!(r.place(0.0).distance(line[0]) < 1e-9 && r.place(1e9).distance(line[399]) < 1e-9);
+        assert_eq!(r.place(f64::NAN), r.place(0.0));
+        for n in 0..=300 {
+            let s = r.length_mm() * f64::from(n) / 300.0;
+            let p = r.place(s);
+            assert!((p.truncate().length() - radius).abs() < 0.02, "{p}");
+            assert!(r.tangent(s).dot(p - DVec3::Z * 5.0) / radius < 0.03 && r.up(s).dot(DVec3::Z) > 0.9999);
+            if s > 5.0 && s < r.length_mm() - 5.0 {
+                assert!((r.bend(s, 6.0) - 1.0 / radius).abs() < 0.002);
+            }
+            assert!((r.clearance(s) - 7.0).abs() < 1e-9);
+            let near = r.nearest(p)[0];
+            assert!((near - s).abs() < 0.1, "{near} for {s}");
+        }
+        // The second derivative is continuous: no jump of the tangent's change anywhere.
+        let h = 0.01;
+        let turn = |s: f64| (r.tangent(s + h) - r.tangent(s)) / h;
+        for n in 0..2000 {
+            let s = 5.0 + 0.04 * f64::from(n);
+            assert!((turn(s + h) - turn(s)).length() < 2e-3, "at {s}");
+        }
+    }
+
+    #[test]
+    fn there_and_back_are_one_way() {
+        let r = Route::along(&circle(15.0, 90), &[4.0; 90], DVec3::Z).unwrap();
+        let b = r.reversed();
+        for s in [0.0, 3.3, 20.0, r.length_mm()] {
+            assert!(r.place(s).distance(b.place(r.length_mm() - s)) < 1e-9);
+            assert!((r.tangent(s) + b.tangent(r.length_mm() - s)).length() < 1e-9);
+        }
+        assert!(r.look(10.0, 20.0).dot(r.tangent(10.0)) > 0.8);
+    }
+
+    #[test]
+    fn what_is_no_line_is_none() {
+        assert!(Route::along(&[], &[], DVec3::Z).is_none());
+        assert!(Route::along(&[DVec3::X; 9], &[1.0; 9], DVec3::Z).is_none());
+        assert!(Route::along(&[DVec3::NAN, DVec3::X], &[1.0; 2], DVec3::Z).is_none());
+        let r = Route::along(&[DVec3::ZERO, DVec3::NAN, DVec3::X * 1e-3], &[], DVec3::NAN).unwrap();
+        assert!(r.place(0.5e-3).is_finite() && r.up(0.0).is_finite() && r.look(0.0, 9.0).is_finite());
+        assert_eq!(r.clearance(0.0), 0.0);
+        // Straight there and back: no tangent at the turn, but no nonsense either.
+        let r = Route::along(&[DVec3::ZERO, DVec3::X * 5.0, DVec3::ZERO], &[1.0; 3], DVec3::Y).unwrap();
+        for n in 0..100 {
+            let s = 0.1 * f64::from(n);
+            assert!(r.up(s).is_normalized() && r.tangent(s).is_normalized() && r.look(s, 4.0).is_normalized());
+        }
+    }
+}

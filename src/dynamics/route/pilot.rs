@@ -1,0 +1,271 @@
+//! Holds a body to its plan by force, and takes it up anywhere.
+
+use glam::DVec3;
+
+use super::Route;
+use super::profile::{Moment, PathSettings, Profile};
+
+/// How fast what is off the plan is pulled back, rad/s: critically damped, well below the simulation's rate.
+const PULL: f64 = 6.0;
+/// Where the body is further from where it should be than this, mm, something holds it: the plan is taken up anew.
+const LOST_MM: f64 = 6.0;
+/// The least time in which a body that was off the plan is led back to it, s …
+const JOIN_S: f64 = 1.0;
+/// … and the greatest acceleration that this takes, mm/s².
+const JOIN_MM_S2: f64 = 30.0;
+/// A body that is further off than the first is led to its way while the flight along it waits for it, than the second
+/// altogether: whoever flies on beside the way meets the next fold. mm.
+const WAITS_MM: [f64; 2] = [1.0, 4.0];
+
+/// A flight along a route from where it was taken up.
+#[derive(Clone, Debug)]
+pub struct Pilot {
+    profile: Profile,
+    /// Time of the plan, and time itself, since it was taken up, s.
+    time: f64,
+    since: f64,
+    /// What the body was off the plan then, mm, how fast it went off it, mm/s, and its acceleration off it, mm/s².
+    off: [DVec3; 3],
+    /// That is gone after so long, s.
+    join_s: f64,
+    /// Multiple of the plan's speed, as it is now.
+    rate: f64,
+    /// Place along the route, mm.
+    s: f64,
+    /// How much the flight along the route waits for the body to be back on it, 0 to 1.
+    waits: f64,
+}
+
+/// What is asked of the body now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Order {
+    /// Acceleration besides the drag's, world mm/s².
+    pub acceleration: DVec3,
+    /// Place along the route, mm.
+    pub s: f64,
+}
+
+impl Pilot {
+    /// Takes up the route at `s` mm with a body at `position` (world mm) with `velocity` (world mm/s) and `acceleration`
+    /// (world mm/s²), flown at `rate` times the plan's speed.
+    pub fn join(
+        route: &Route,
+        s: f64,
+        [position, velocity, acceleration]: [DVec3; 3],
+        rate: f64,
+        settings: &PathSettings,
+    ) -> Self {
+        let rate = if rate.is_finite() { rate.max(1e-3) } else { 1.0 };
+        let profile = Profile::new(route, s, velocity.dot(route.tangent(s)) / rate, settings);
+        let begin = profile.at(0.0);
+        let off = position - route.place(begin.s);
+        let waits = ((off.length() - WAITS_MM[0]) / (WAITS_MM[1] - WAITS_MM[0])).clamp(0.0, 1.0);
+        let w = velocity - route.tangent(begin.s) * (begin.v * rate * (1.0 - waits));
+        // The quintic that leads an offset d to rest has an acceleration of at most 5.8 d/T² (from a speed w, 4 w/T).
+        let by_place = (5.8 * off.length() / JOIN_MM_S2).sqrt();
+        let by_speed = 4.0 * w.length() / JOIN_MM_S2;
+        let join_s = JOIN_S.max(by_place).max(by_speed.min(2.0)).min(4.0);
+        let off = [off, w, DVec3::ZERO];
+        let mut pilot = Self { profile, time: 0.0, since: 0.0, off, join_s, rate, s: begin.s, waits };
+        let [.., planned] = pilot.wanted(route);
+        // What stopped at a wall has no acceleration to go on with.
+        pilot.off[2] = (acceleration - planned).clamp_length_max(4.0 * JOIN_MM_S2);
+        pilot
+    }
+
+    /// Place along the route, mm.
+    pub fn s(&self) -> f64 {
+        self.s
+    }
+
+    /// The plan's moment now: in the plan's own time.
+    pub fn moment(&self) -> Moment {
+        self.profile.at(self.time)
+    }
+
+    /// What the body is off the plan, `u = t/T` after it was taken up: `d(u)`, `ḋ`, `d̈`. The quintic Hermite polynomial
+    /// from `(d₀, w, b)` to rest at 0: place, speed and acceleration go on from what they were.
+    fn offset(&self) -> [DVec3; 3] {
+        let [d, w, b] = self.off;
+        let big = self.join_s;
+        let u = self.since / big;
+        if u >= 1.0 {
+            return [DVec3::ZERO; 3];
+        }
+        let (w, b) = (w * big, b * (big * big / 2.0));
+        let (u2, u3) = (u * u, u * u * u);
+        let place = d * (1.0 - u3 * (10.0 - 15.0 * u + 6.0 * u2))
+            + w * (u - u3 * (6.0 - 8.0 * u + 3.0 * u2))
+            + b * (u2 * (1.0 - 3.0 * u + 3.0 * u2 - u3));
+        let speed = d * (-30.0 * u2 * (1.0 - 2.0 * u + u2))
+            + w * (1.0 - u2 * (18.0 - 32.0 * u + 15.0 * u2))
+            + b * (u * (2.0 - 9.0 * u + 12.0 * u2 - 5.0 * u3));
+        let bent = d * (-60.0 * u * (1.0 - 3.0 * u + 2.0 * u2))
+            + w * (-u * (36.0 - 96.0 * u + 60.0 * u2))
+            + b * (2.0 - 18.0 * u + 36.0 * u2 - 20.0 * u3);
+        [place, speed / big, bent / (big * big)]
+    }
+
+    /// The rate of the plan's time now and its change within a second: while the flight waits it sets out gradually
+    /// (smoothstep).
+    fn pace(&self) -> (f64, f64) {
+        let u = (self.since / self.join_s).min(1.0);
+        let share = 1.0 - self.waits + self.waits * u * u * (3.0 - 2.0 * u);
+        (self.rate * share, self.rate * self.waits * 6.0 * u * (1.0 - u) / self.join_s)
+    }
+
+    /// Where the body should be now, and its velocity and acceleration (world; mm, mm/s, mm/s²).
+    fn wanted(&self, route: &Route) -> [DVec3; 3] {
+        let m = self.profile.at(self.time);
+        let (pace, quickens) = self.pace();
+        let (v, a) = (m.v * pace, m.a * pace * pace + m.v * quickens);
+        let tangent = route.tangent(m.s);
+        // The curve's second derivative, by its tangents on both sides.
+        let (before, after) = ((m.s - 0.5).max(0.0), (m.s + 0.5).min(route.length_mm()));
+        let curve = (route.tangent(after) - route.tangent(before)) / (after - before).max(1e-9);
+        let [d, d1, d2] = self.offset();
+        [route.place(m.s) + d, tangent * v + d1, tangent * a + curve * (v * v) + d2]
+    }
+
+    /// Goes on by `dt` seconds at `rate` times the plan's speed: what to ask of the body that is at `position` (world mm)
+    /// with `velocity` (world mm/s) and a drag of `drag` 1/s. None where the body is not where it should be: somebody or
+    /// something holds it, and the plan is to be taken up anew.
+    ///
+    /// `a = a_w + k v_w + ω² (x_w − x) + (2ω − k)⁺ (v_w − v)`: with the drag −k v the error obeys
+    /// `ë + 2ω ė + ω² e = 0`, the critically damped oscillator.
+    pub fn order(
+        &mut self,
+        route: &Route,
+        (position, velocity): (DVec3, DVec3),
+        drag: f64,
+        rate: f64,
+        dt: f64,
+    ) -> Option<Order> {
+        // The rate is not jumped to, so that the body can follow.
+        let rate = if rate.is_finite() { rate.max(1e-3) } else { self.rate };
+        self.rate += (rate - self.rate) * (1.0 - (-dt / 0.3).exp());
+        let [x, v, a] = self.wanted(route);
+        self.time += dt * self.pace().0;
+        self.since += dt;
+        self.s = self.profile.at(self.time).s;
+        let off = x - position;
+        if off.length() > LOST_MM {
+            return None;
+        }
+        let damping = (2.0 * PULL - drag).max(0.0);
+        let acceleration = a + v * drag + off * (PULL * PULL) + (v - velocity) * damping;
+        acceleration.is_finite().then_some(Order { acceleration, s: self.s })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::Body;
+
+    const DT: f64 = 1.0 / 120.0;
+
+    fn route() -> Route {
+        let line: Vec<_> = (0..400)
+            .map(|n| {
+                let z = f64::from(n);
+                DVec3::new(12.0 * (z / 30.0).sin(), 8.0 * (z / 45.0).cos(), z)
+            })
+            .collect();
+        Route::along(&line, &vec![15.0; 400], DVec3::Y).unwrap()
+    }
+
+    /// Flies a body along the route for `seconds`; positions and velocities.
+    fn fly(
+        pilot: &mut Pilot,
+        route: &Route,
+        start: (DVec3, DVec3),
+        rate: f64,
+        seconds: f64,
+    ) -> (Vec<DVec3>, Vec<DVec3>) {
+        let k = Body::default().drag_per_s;
+        let (mut x, mut v) = start;
+        let (mut xs, mut vs) = (vec![x], vec![v]);
+        for _ in 0..(seconds / DT) as usize {
+            let order = pilot.order(route, (x, v), k, rate, DT).expect("nothing holds it");
+            // Exact for an acceleration that is held: v' = a − k v.
+            let (rest, decay) = (order.acceleration / k, (-k * DT).exp());
+            x += rest * DT + (v - rest) * ((1.0 - decay) / k);
+            v = rest + (v - rest) * decay;
+            xs.push(x);
+            vs.push(v);
+        }
+        (xs, vs)
+    }
+
+    /// Greatest acceleration and jerk by differences of velocities.
+    fn jerk(v: &[DVec3]) -> (f64, f64) {
+        let diff = |v: &[DVec3]| v.windows(2).map(|w| (w[1] - w[0]) / DT).collect::<Vec<_>>();
+        let most = |v: &[DVec3]| v.iter().map(|a| a.length()).fold(0.0, f64::max);
+        let a = diff(v);
+        (most(&a), most(&diff(&a)))
+    }
+
+    #[test]
+    fn from_end_to_end_on_the_line() {
+        let (route, set) = (route(), PathSettings::default());
+        for rate in [0.5, 1.0, 2.0] {
+            let start = (route.place(0.0), DVec3::ZERO);
+            let mut pilot = Pilot::join(&route, 0.0, [start.0, start.1, DVec3::ZERO], rate, &set);
+            let seconds = pilot.profile.seconds() / rate + 1.0;
+            let (x, v) = fly(&mut pilot, &route, start, rate, seconds);
+            let off = x.iter().map(|p| route.nearest(*p).first().map_or(9.0, |&s| route.place(s).distance(*p)));
+            let off = off.fold(0.0, f64::max);
+            assert!(off < 0.1 * rate.max(1.0) * rate, "{off} mm off at {rate}");
+            assert!(x[x.len() - 1].distance(route.place(1e9)) < 0.01);
+            let fastest = v.iter().map(|v| v.length()).fold(0.0, f64::max);
+            assert!(fastest <= 30.5 * rate && fastest > 25.0 * rate, "{fastest} mm/s at {rate}");
+            if rate == 1.0 {
+                // Along the way and across it: both within their bounds, so together within √2 of them.
+                let (a, j) = jerk(&v);
+                assert!(a < 57.0 && j < 400.0, "{a} {j}");
+            }
+        }
+    }
+
+    #[test]
+    fn taken_up_anywhere_without_a_jolt() {
+        let (route, set) = (route(), PathSettings::default());
+        for (s, off, v) in [
+            (100.0, DVec3::new(6.0, -5.0, 0.0), DVec3::new(0.0, 0.0, -20.0)),
+            (200.0, DVec3::new(0.0, 9.0, 1.0), DVec3::new(25.0, 0.0, 0.0)),
+            (5.0, DVec3::ZERO, DVec3::ZERO),
+        ] {
+            let start = (route.place(s) + off, v);
+            let near = route.nearest(start.0)[0];
+            let mut pilot = Pilot::join(&route, near, [start.0, start.1, start.1 * -6.0], 1.0, &set);
+            let (x, vs) = fly(&mut pilot, &route, start, 1.0, 6.0);
+            let end = x[x.len() - 1];
+            assert!(route.place(route.nearest(end)[0]).distance(end) < 0.1, "back on the line");
+            assert!(pilot.s() > near + 40.0, "and on");
+            let (a, j) = jerk(&vs);
+            println!(
+                "joined {:.1} mm off at {:.0} mm/s: acceleration {a:.0} mm/s², jerk {j:.0} mm/s³",
+                off.length(),
+                v.length()
+            );
+            assert!(a < 150.0 && j < 1000.0, "{a} {j}");
+        }
+    }
+
+    #[test]
+    fn held_fast_is_noticed_and_nonsense_is_survived() {
+        let (route, set) = (route(), PathSettings::default());
+        let start = (route.place(50.0), DVec3::ZERO);
+        let mut pilot = Pilot::join(&route, 50.0, [start.0, start.1, DVec3::ZERO], 1.0, &set);
+        assert!((0..600).any(|_| pilot.order(&route, start, 6.0, 1.0, DT).is_none()), "it hangs");
+        for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e9] {
+            let mut p = Pilot::join(&route, bad, [DVec3::ZERO, DVec3::splat(bad), DVec3::splat(bad)], bad, &set);
+            for _ in 0..100 {
+                if let Some(o) = p.order(&route, start, 6.0, bad, DT) {
+                    assert!(o.acceleration.is_finite() && o.s.is_finite());
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! A scan whose tagged fluid is taken as free, so that what it joins is flown as one.
+
+use super::Lumen;
+use super::lumen::Segment;
+use crate::volume::Volume;
+
+/// What takes the fluid's place, HU: gas.
+const GAS: i16 = -1000;
+
+/// The volume with gas in place of the lumen's tagged fluid. The blurred layer between gas and fluid belongs to the fluid,
+/// so that no film is left between them; the wall under the fluid stays as it is.
+pub fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
+    let grid = volume.grid();
+    let mut data = volume.data().to_vec();
+    for (j, k, r) in lumen.fluid().iter() {
+        let row = grid.index(0, j, k);
+        data[row + r.start as usize..row + r.end as usize].fill(GAS);
+    }
+    Volume::new(grid.clone(), data)
+}
+
+/// Gives the segments of a drained scan the ends of those that were joined to them, where their order from rectum to cecum
+/// was known: what was drained may lead on into the bowel beyond, which is no part of the flight.
+pub fn keep_ends(drained: &mut Lumen, before: &Lumen) {
+    if !before.ordered {
+        return;
+    }
+    for n in 0..drained.segments.len() {
+        let holds = |s: &&Segment| s.ends.iter().all(|&e| drained.segment_at(e) == Some(n));
+        let mut joined = before.segments.iter().filter(holds);
+        if let Some(first) = joined.next() {
+            let last = joined.next_back().unwrap_or(first);
+            drained.segments[n].ends = [first.ends[0], last.ends[1]];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fields::lumen;
+    use crate::phantom::{Phantom, Settings, Size};
+    use crate::progress::Progress;
+
+    #[test]
+    fn fluid_becomes_gas_and_parts_nothing() {
+        let phantom = Phantom::new(&Settings { size: Size::Small, fluid: true, seed: 3, ..Settings::default() });
+        let progress = Progress::new();
+        let volume = phantom.voxelise(&phantom.grid(), &progress).unwrap();
+        let before = lumen::find(&volume, &progress).unwrap();
+        assert!(before.fluid_ml() > 5.0, "{} ml", before.fluid_ml());
+        let after = lumen::find(&drained(&volume, &before), &progress).unwrap();
+        assert!(after.segments.len() <= before.segments.len());
+        let [was, is] = [before.gas_ml() + before.fluid_ml(), after.gas_ml() + after.fluid_ml()];
+        println!("{was:.1} ml of gas and fluid, {is:.1} ml when drained");
+        assert!((is / was - 1.0).abs() < 0.05 && after.fluid_ml() < 0.1 * before.fluid_ml());
+        assert_eq!(after.segments.len(), 1);
+        let mut kept = after;
+        keep_ends(&mut kept, &before);
+        if before.ordered {
+            let last = before.segments.len() - 1;
+            assert_eq!(kept.segments[0].ends, [before.segments[0].ends[0], before.segments[last].ends[1]]);
+        }
+    }
+}

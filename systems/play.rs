@@ -1,0 +1,47 @@
+//! Flies a log again: the camera is where the log says, nothing pushes it.
+
+use bevy_ecs::prelude::*;
+
+use crate::components::camera::{Contact, Pose, Velocity};
+use crate::components::clock::Clock;
+use crate::components::flight::{Flight, State};
+use crate::components::input::Hand;
+use crate::components::output::GuideName;
+use crate::components::play::Playback;
+use crate::components::{App, FlightSystems, Slot};
+use crate::error::Result;
+
+/// Plugs a log into the guide's slot.
+pub fn plugin(app: &mut App) -> Result<()> {
+    app.fill(Slot::Guide, "play")?;
+    app.world.insert_resource(GuideName("play"));
+    app.add_systems(FlightSystems::Integrate, follow_log);
+    Ok(())
+}
+
+/// Takes the camera to where the log has it after this step; the operator may stop, hurry and look around.
+pub fn follow_log(
+    clock: Res<Clock>,
+    camera: Single<(&mut Pose, &mut Velocity, &mut Contact, &mut Flight, &mut Playback, Option<&Hand>)>,
+) {
+    let (mut pose, mut velocity, mut contact, mut flight, mut play, hand) = camera.into_inner();
+    if flight.state != State::Flying || hand.is_some_and(|h| h.paused) {
+        velocity.0 = glam::DVec3::ZERO;
+        return;
+    }
+    let speed = hand.map_or(1.0, |h| h.speed);
+    let over = play.go(clock.dt(), speed);
+    let now = play.now();
+    flight.length_mm += now.position.distance(pose.position);
+    pose.position = now.position;
+    if hand.is_none_or(|h| clock.tick >= h.looking_until) {
+        pose.attitude = now.attitude;
+    }
+    velocity.0 = now.velocity * speed;
+    *contact = Contact { clearance_mm: now.clearance_mm, ..Contact::default() };
+    if over {
+        // Whatever ended the flight that was logged: it has been shown to its end.
+        flight.state = if play.last_state() == State::Arrived { State::Arrived } else { State::Ended };
+        flight.place = now.position;
+    }
+}
