@@ -160,7 +160,7 @@ fn dynamics_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("d");
     let said = run(&["report", "dynamics", "--quick", "--out", out.to_str().unwrap()], 0);
-    let html = page(&out, 12);
+    let html = page(&out, 13);
     let (_, orders) = csv(&out.join("orders.csv"));
     assert_eq!(orders.len(), 8);
     for row in &orders {
