@@ -82,25 +82,24 @@ impl Painter {
         }
         let wanted = Order { content: content.clone(), size, scale };
         self.take(false);
-        if self.shown.as_ref() != Some(&wanted) {
-            let may_wait = self.shown.as_ref().is_some_and(|s| wanted.may_wait(s));
-            while self.shown.as_ref() != Some(&wanted) {
-                if self.ordered.is_none() {
-                    if self.orders.send(wanted.clone()).is_err() {
-                        break;
-                    }
-                    self.ordered = Some(wanted.clone());
-                }
-                if may_wait {
-                    break;
-                }
-                if !self.take(true) {
-                    break;
-                }
-            }
+        if !self.shown.as_ref().is_some_and(|s| wanted.may_wait(s)) {
+            while self.shown.as_ref() != Some(&wanted) && self.order(&wanted) && self.take(true) {}
         }
         compose(image, &self.overlay, surface, size.0);
-        self.shown.as_ref() == Some(&wanted)
+        // Only now, so that both do not want the same cores at once.
+        let settled = self.shown.as_ref() == Some(&wanted);
+        if !settled {
+            self.order(&wanted);
+        }
+        settled
+    }
+
+    /// Has it laid out, once what is at work is done. Whether there is anything at work.
+    fn order(&mut self, wanted: &Order) -> bool {
+        if self.ordered.is_none() && self.orders.send(wanted.clone()).is_ok() {
+            self.ordered = Some(wanted.clone());
+        }
+        self.ordered.is_some()
     }
 
     /// Takes what was laid out, if it is done; waits for it if it is to. Whether there was something to take.
