@@ -10,7 +10,8 @@ use crate::app::scene::Guide;
 use crate::dynamics::Route;
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, End};
-use crate::fields::{Lumen, TargetDistance, Through, WallDistance};
+use crate::fields::clearance::TOLERANCE_MM;
+use crate::fields::{Lumen, TargetDistance, Through, Traveller, WallDistance};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -86,7 +87,7 @@ impl Fields {
         built
     }
 
-    /// Builds what is wanted and not there, for the plan as it is, and drops what is not wanted.
+    /// Builds what is wanted and not there, for the plan as it is and a body of `radius_mm`, and drops what is not wanted.
     ///
     /// # Errors
     /// Status 4 when there is no way between the plan's ends, or when interrupted.
@@ -96,6 +97,7 @@ impl Fields {
         volume: &Volume,
         lumen: &Lumen,
         plan: &Plan,
+        radius_mm: f64,
         progress: &Progress,
     ) -> Result<()> {
         let same = match (&self.gas, &plan.gas) {
@@ -138,7 +140,11 @@ impl Fields {
                 self.route = Some(Planning { ends, route: Arc::new(route) });
             }
             if wanted.distances && !aimed {
-                let target = self.timed("target_s", || TargetDistance::to(&walls, plan.goal, &[], progress))?;
+                // Between the centres of two voxels the wall may be nearer than at either by half their distance.
+                let clearance_mm = radius_mm + TOLERANCE_MM + 0.5 * volume.grid().min_spacing();
+                let body = Traveller { from: plan.begin, clearance_mm };
+                let target =
+                    self.timed("target_s", || TargetDistance::to(&walls, plan.goal, Some(body), &[], progress))?;
                 self.target = Some((plan.goal, Arc::new(target)));
             }
         }

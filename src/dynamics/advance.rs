@@ -88,19 +88,17 @@ pub fn sweep(
 
 /// A short move along the wall that the body touches, leaning away from it as much as it must. It is tried, not bounded:
 /// with a clearance of `c₀` at its beginning and `c₁` at its end, a move of length `l` keeps at least `(c₀ + c₁ − l)/2`.
-/// From a place that is too near to the wall, any such move that raises the clearance and crosses no wall on its way;
-/// from within a wall or from its very surface, where nothing can be crossed that is not left, any that raises it.
+/// From a place in the wall or too near to it, any such move that raises the clearance and on whose way the centre does
+/// not enter the wall. That is tested exactly: a clearance told as 0 may be of a place in gas, beside a wall thinner than
+/// the move.
 fn creep(walls: &impl Clearances, at: DVec3, here: Clearance, along: DVec3, radius: f64) -> Option<(DVec3, Clearance)> {
     let direction = along.try_normalize()?;
-    // Near to a wall so short that the clearances at both ends can tell that the way between them is free.
-    let short = if here.mm > 0.0 { CREEP_MM.min(here.mm) } else { CREEP_MM };
-    let length = along.length().min(short);
+    let length = along.length().min(CREEP_MM);
     [0.0, 0.1, 0.5, 2.0].into_iter().find_map(|lean| {
         let next = at + (direction - here.toward * lean).normalize() * length;
         let there = walls.clearance(next);
         let keeps = there.mm >= radius && here.mm + there.mm - length >= 2.0 * radius;
-        let crosses = here.mm > 0.0 && here.mm + there.mm <= length;
-        let raises = here.mm < radius && there.mm > here.mm && !crosses;
+        let raises = here.mm < radius && there.mm > here.mm && !walls.enters(at, next);
         (keeps || raises).then_some((next, there))
     })
 }

@@ -11,7 +11,9 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
+use crate::math::cubic;
 use crate::volume::Volume;
+use crate::volume::cell::Cell;
 
 /// How much less than the true distance [`Clearance::mm`] may be.
 pub const TOLERANCE_MM: f64 = 0.05;
@@ -30,11 +32,25 @@ pub struct Clearance {
 pub trait Clearances: Sync {
     /// Clearance of a world point (mm), never more than the truth; 0 in the wall and for what is not finite.
     fn clearance(&self, at: DVec3) -> Clearance;
+
+    /// Whether the straight way between two places goes from gas into the wall anywhere; to go out of the wall in which
+    /// it begins is not to enter it. May tell so of a way that does not, never the other way round.
+    ///
+    /// Unless it is done better, from the clearances of both ends, which tells only of ways shorter than their sum.
+    fn enters(&self, from: DVec3, to: DVec3) -> bool {
+        let (a, b) = (self.clearance(from), self.clearance(to));
+        let begins_in_wall = a.mm == 0.0 && a.toward == DVec3::ZERO;
+        b.mm == 0.0 || (!begins_in_wall && a.mm + b.mm <= from.distance(to))
+    }
 }
 
 impl Clearances for ClearanceFinder {
     fn clearance(&self, at: DVec3) -> Clearance {
         self.at(at)
+    }
+
+    fn enters(&self, from: DVec3, to: DVec3) -> bool {
+        enters(&self.volume, f64::from(self.iso), from, to)
     }
 }
 
@@ -218,6 +234,51 @@ fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
     }
 }
 
+/// [`Clearances::enters`], exactly: in each cell that the way passes, the value along it is a cubic, which is followed
+/// from one of its turning points to the next. Outside the volume is wall.
+fn enters(volume: &Volume, iso: f64, from: DVec3, to: DVec3) -> bool {
+    let grid = volume.grid();
+    let start = grid.voxel(from);
+    let along = grid.voxel(to) - start;
+    if !start.is_finite() || !along.is_finite() {
+        return true;
+    }
+    let last = grid.dims().map(|n| n as i64 - 1);
+    let mut cell = start.floor().as_i64vec3().to_array();
+    let mut gas = false;
+    let mut t = 0.0;
+    loop {
+        // Each turn passes one plane between cells, and the planes ahead are counted by whole numbers.
+        let plane = |a: usize| {
+            let ahead = cell[a] + i64::from(along[a] > 0.0);
+            if along[a] == 0.0 { f64::INFINITY } else { (ahead as f64 - start[a]) / along[a] }
+        };
+        let planes = [plane(0), plane(1), plane(2)];
+        let axis = (1..3).fold(0, |m, a| if planes[a] < planes[m] { a } else { m });
+        let until = planes[axis].clamp(t, 1.0);
+        if (0..3).all(|a| cell[a] >= 0 && cell[a] < last[a]) {
+            let base = DVec3::from_array(cell.map(|c| c as f64));
+            let mut along_it = Cell::load(volume, cell).along(start - base, along);
+            along_it[0] -= iso;
+            let turns = cubic::critical_points(along_it).map(|s| if s > t && s < until { s } else { t });
+            for s in [t, turns[0], turns[1], until] {
+                let wall = cubic::value(along_it, s) >= 0.0;
+                if gas && wall {
+                    return true;
+                }
+                gas |= !wall;
+            }
+        } else if gas {
+            return true;
+        }
+        if planes[axis] >= 1.0 {
+            return false;
+        }
+        t = until;
+        cell[axis] += if along[axis] > 0.0 { 1 } else { -1 };
+    }
+}
+
 /// Smallest singular value of a matrix with unit columns, from below: 1 when they are orthogonal.
 pub(super) fn smallest_singular_value(m: DMat3) -> f64 {
     let g = m.transpose() * m;
@@ -317,6 +378,13 @@ mod tests {
             let c = f.at(p);
             let diagonal = (spacing * (4.0 / f64::from(n))).length();
             prop_assert!(c.mm <= brute + 1e-9, "{} above {brute}", c.mm);
+            // A way to anywhere enters the wall where the values along it, finely sampled, do.
+            let q = DVec3::new(z, x, y);
+            let profile: Vec<bool> = (0..=2000).map(|n| value((q - DVec3::new(x, y, z)) * (f64::from(n) / 2000.0) + DVec3::new(x, y, z)) >= -650.0).collect();
+            let sampled = profile.windows(2).any(|w| !w[0] && w[1]);
+            let told = f.enters(p, q * spacing);
+            prop_assert!(told || !sampled, "a way into the wall was missed");
+            prop_assert!(told == sampled || profile.windows(2).filter(|w| w[0] != w[1]).count() < 9);
             prop_assert!(c.mm >= brute - TOLERANCE_MM - diagonal || value(p / spacing) >= -650.0, "{} far below {brute}", c.mm);
         }
     }

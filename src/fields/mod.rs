@@ -14,4 +14,4 @@ pub use clearance::{Clearance, ClearanceFinder, Clearances};
 pub use distance::{Through, WallDistance};
 pub use lumen::Lumen;
 pub use sample::{Distance, Sample};
-pub use target::TargetDistance;
+pub use target::{TargetDistance, Traveller};

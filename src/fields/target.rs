@@ -7,6 +7,11 @@
 //! minimum but the target. Voxels are neighbours across faces only: there is no way through where walls touch corner to
 //! corner. Within the ball inscribed at the target distances are exact.
 //!
+//! **A way on which the body fits.** The front passes only where the wall is at least a body's clearance away (and
+//! anywhere within 5 mm of both ends). Every other voxel of the lumen takes the distance of the nearest one that was
+//! passed, and more by how far that is: from every slit, also one whose far side is nearer to the target, the field leads
+//! back to where the body fits. Where the two ends are not joined so, half the clearance is asked for, and then none.
+//!
 //! Between voxels it is the cubic B-spline over those voxels of the lumen that the way leads past: a voxel whose distance
 //! differs by more than the ways within the spline's reach can explain lies behind a wall, and does not count; nor does
 //! what is outside. Near walls the weights of the rest are scaled to a sum of 1.
@@ -24,6 +29,8 @@ use crate::progress::Progress;
 const SNAP_MM: f64 = 5.0;
 /// Buckets in the least spacing.
 const FINENESS: f64 = 4.0;
+/// How fast the distance grows from where the body fits into where it does not, mm/mm.
+const RISE: f32 = 1.5;
 /// How much longer than straight the way between two voxels of the spline's reach may be.
 const DETOUR: f64 = 2.5;
 
@@ -35,46 +42,68 @@ pub struct TargetDistance {
     values: Vec<f32>,
     target: DVec3,
     guessed: Vec<[DVec3; 2]>,
+    clearance: f64,
+}
+
+/// For whom a way is sought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Traveller {
+    /// Where it begins, world mm.
+    pub from: DVec3,
+    /// The clearance that it needs, mm.
+    pub clearance_mm: f64,
 }
 
 /// A voxel on the front.
 type Front = (u32, [i32; 3]);
 
 impl TargetDistance {
-    /// The distance to `target` (world, mm; moved into the lumen within 5 mm). `guesses` are pairs of places (world, mm)
-    /// between which the lumen may be collapsed: where only one of the two can be reached, the straight line between them
-    /// is taken as the way on, and listed in [`TargetDistance::guessed`].
+    /// The distance to `target` (world, mm; moved into the lumen within 5 mm), for a traveller if one is named.
+    /// `guesses` are pairs of places (world, mm) between which the lumen may be collapsed: where only one of the two can
+    /// be reached, the straight line between them is taken as the way on, and listed in [`TargetDistance::guessed`].
     ///
     /// # Errors
     /// Status 4 when the target is not in the lumen, or when interrupted.
-    pub fn to(walls: &Arc<WallDistance>, target: DVec3, guesses: &[[DVec3; 2]], progress: &Progress) -> Result<Self> {
+    pub fn to(
+        walls: &Arc<WallDistance>,
+        target: DVec3,
+        traveller: Option<Traveller>,
+        guesses: &[[DVec3; 2]],
+        progress: &Progress,
+    ) -> Result<Self> {
         let Some(voxel) = walls.nearest(target, SNAP_MM) else {
             let why = format!("{:.1},{:.1},{:.1} is not in the lumen", target.x, target.y, target.z);
             return Err(Error::incomplete("target", why, "give a point in the colon's gas or fluid"));
         };
         let target = if walls.is_inside(walls.voxel(target)) { target } else { walls.world(voxel) };
         progress.stage("measuring the distance to the target", walls.voxels() as u64);
-        let mut march = March::new(walls);
-        march.ball(voxel, target);
-        march.run(progress)?;
-        let mut guessed = Vec::new();
-        let mut open: Vec<[DVec3; 2]> = guesses.to_vec();
-        // Each pass over what is left uses one guess, so it ends.
-        while let Some(at) = open.iter().position(|g| march.reaches(g[0]) != march.reaches(g[1])) {
-            let [a, b] = open.remove(at);
-            let (from, to) = if march.reaches(a) { (a, b) } else { (b, a) };
-            let Some(start) = walls.nearest(to, SNAP_MM) else { continue };
-            let already = march.value(from) + from.distance(to) as f32;
-            march.seed(start, already);
+        let asked = traveller.map_or(0.0, |t| t.clearance_mm.max(0.0));
+        let mut open = vec![target];
+        open.extend(traveller.map(|t| t.from));
+        for clearance in [asked, 0.5 * asked, 0.0] {
+            let mut march = March::new(walls, clearance, &open);
+            march.ball(voxel, target);
             march.run(progress)?;
-            guessed.push([from, to]);
+            let guessed = march.bridge(guesses, progress)?;
+            if clearance > 0.0 {
+                if traveller.is_some_and(|t| !march.reaches(t.from)) {
+                    continue;
+                }
+                march.extend(progress)?;
+            }
+            return Ok(Self { walls: Arc::clone(walls), values: march.values, target, guessed, clearance });
         }
-        Ok(Self { walls: Arc::clone(walls), values: march.values, target, guessed })
+        unreachable!("the last clearance is none")
     }
 
     /// The target, world, mm.
     pub fn target(&self) -> DVec3 {
         self.target
+    }
+
+    /// The clearance that the way keeps between its ends, mm; 0 when there is no such way.
+    pub fn clearance_mm(&self) -> f64 {
+        self.clearance
     }
 
     /// The stretches that were bridged as a guess, each from the side of the target on, world, mm.
@@ -120,10 +149,15 @@ struct March<'a> {
     next: usize,
     per_mm: f64,
     spacing: [f32; 3],
+    /// Only where the wall is so far away, mm, or near one of these places.
+    clearance: f32,
+    open: &'a [DVec3],
+    /// What each voxel takes from the neighbour that the front came from.
+    track: Option<Vec<f32>>,
 }
 
 impl<'a> March<'a> {
-    fn new(walls: &'a WallDistance) -> Self {
+    fn new(walls: &'a WallDistance, clearance: f64, open: &'a [DVec3]) -> Self {
         let count = walls.set().len();
         Self {
             walls,
@@ -133,7 +167,54 @@ impl<'a> March<'a> {
             next: 0,
             per_mm: FINENESS / walls.grid().min_spacing(),
             spacing: walls.grid().spacing().to_array().map(|s| s as f32),
+            clearance: clearance as f32,
+            open,
+            track: None,
         }
+    }
+
+    /// Whether the front may come to a voxel.
+    fn passes(&self, n: usize, voxel: [i64; 3]) -> bool {
+        let d = self.walls.values()[n];
+        d >= self.clearance
+            || d >= 0.0 && self.open.iter().any(|&o| self.walls.world(voxel).distance_squared(o) <= SNAP_MM * SNAP_MM)
+    }
+
+    /// Goes on across what is collapsed, where a guess leads from what is reached to what is not. Which were used, each
+    /// from the side of the target on.
+    fn bridge(&mut self, guesses: &[[DVec3; 2]], progress: &Progress) -> Result<Vec<[DVec3; 2]>> {
+        let mut guessed = Vec::new();
+        let mut left: Vec<[DVec3; 2]> = guesses.to_vec();
+        // Each pass over what is left uses one guess, so it ends.
+        while let Some(at) = left.iter().position(|g| self.reaches(g[0]) != self.reaches(g[1])) {
+            let [a, b] = left.remove(at);
+            let (from, to) = if self.reaches(a) { (a, b) } else { (b, a) };
+            let Some(start) = self.walls.nearest(to, SNAP_MM) else { continue };
+            let already = self.value(from) + from.distance(to) as f32;
+            self.seed(start, already);
+            self.run(progress)?;
+            guessed.push([from, to]);
+        }
+        Ok(guessed)
+    }
+
+    /// Gives every voxel of the lumen that the front did not come to the value of the nearest one that it did, and
+    /// [`RISE`] times the way there.
+    fn extend(&mut self, progress: &Progress) -> Result<()> {
+        let mut away = March::new(self.walls, 0.0, &[]);
+        self.walls.set().for_each(|n, voxel| {
+            if self.done[n] {
+                away.offer(n, voxel.map(|x| x as i64), 0.0);
+            }
+        });
+        away.track = Some(std::mem::take(&mut self.values));
+        away.run(progress)?;
+        let mut values = away.track.take().unwrap_or_default();
+        for (value, &far) in values.iter_mut().zip(&away.values) {
+            *value += RISE * far;
+        }
+        self.values = values;
+        Ok(())
     }
 
     /// Starts with the ball inscribed at `target`, which lies in `voxel`.
@@ -185,6 +266,7 @@ impl<'a> March<'a> {
             for (n, voxel) in front {
                 if !std::mem::replace(&mut self.done[n as usize], true) {
                     steps += 1;
+                    self.take(n as usize, voxel.map(i64::from));
                     self.spread(voxel.map(i64::from));
                 }
             }
@@ -195,13 +277,27 @@ impl<'a> March<'a> {
         progress.advance(steps)
     }
 
+    /// Takes what is tracked from the neighbour that is nearest to where the front began.
+    fn take(&mut self, n: usize, at: [i64; 3]) {
+        let Some(mut track) = self.track.take() else { return };
+        let mut nearest = (self.values[n], n);
+        for side in 0..6 {
+            let mut from = at;
+            from[side / 2] += if side % 2 == 0 { 1 } else { -1 };
+            if let Some(m) = self.walls.set().number(from).filter(|&m| self.done[m] && self.values[m] < nearest.0) {
+                nearest = (self.values[m], m);
+            }
+        }
+        track[n] = track[nearest.1];
+        self.track = Some(track);
+    }
+
     fn spread(&mut self, at: [i64; 3]) {
         for a in 0..3 {
             for way in [-1, 1] {
                 let mut to = at;
                 to[a] += way;
-                if let Some(n) = self.walls.set().number(to).filter(|&n| !self.done[n] && self.walls.values()[n] >= 0.0)
-                {
+                if let Some(n) = self.walls.set().number(to).filter(|&n| !self.done[n] && self.passes(n, to)) {
                     let value = self.upwind(to);
                     self.offer(n, to, value);
                 }
@@ -277,7 +373,7 @@ mod tests {
     }
 
     fn to(walls: &Arc<WallDistance>, target: DVec3) -> TargetDistance {
-        TargetDistance::to(walls, target, &[], &Progress::new()).unwrap()
+        TargetDistance::to(walls, target, None, &[], &Progress::new()).unwrap()
     }
 
     #[test]
@@ -358,10 +454,52 @@ mod tests {
         let target = DVec3::new(3.0, 5.0, 5.0);
         assert_eq!(to(&w, target).at([50, 5, 5]), None);
         let gap = [DVec3::new(34.0, 5.0, 5.0), DVec3::new(23.0, 5.0, 5.0)];
-        let d = TargetDistance::to(&w, target, &[gap], &Progress::new()).unwrap();
+        let d = TargetDistance::to(&w, target, None, &[gap], &Progress::new()).unwrap();
         assert!((f64::from(d.at([50, 5, 5]).unwrap()) - 47.0).abs() < 1.0);
         assert_eq!(d.guessed(), &[[gap[1], gap[0]]]);
-        assert!(TargetDistance::to(&w, DVec3::new(29.0, 50.0, 5.0), &[], &Progress::new()).is_err());
-        assert!(TargetDistance::to(&w, DVec3::NAN, &[], &Progress::new()).is_err());
+        assert!(TargetDistance::to(&w, DVec3::new(29.0, 50.0, 5.0), None, &[], &Progress::new()).is_err());
+        assert!(TargetDistance::to(&w, DVec3::NAN, None, &[], &Progress::new()).is_err());
+    }
+
+    /// Two rooms with a slit between them, and perhaps a wide way round.
+    fn rooms(wide: bool) -> impl Fn(DVec3) -> bool {
+        move |p| {
+            let room = (p.x - 20.0).abs() < 18.0 && (p.y - 10.0).abs() < 8.0 && (p.z - 8.0).abs() < 7.0;
+            let wall = (p.x - 20.0).abs() < 2.5;
+            let slit = (p.y - 10.0).abs() < 1.2;
+            let round = wide && p.y > 15.0 && p.y < 40.0 && (p.x - 20.0).abs() < 18.0 && (p.z - 8.0).abs() < 7.0;
+            room && (!wall || slit) || round && (p.y > 24.0 || (p.x - 20.0).abs() > 6.0)
+        }
+    }
+
+    #[test]
+    fn leads_where_the_body_fits() {
+        let (from, target) = (DVec3::new(8.0, 10.0, 8.0), DVec3::new(32.0, 10.0, 8.0));
+        let way = |wide: bool, clearance_mm: f64| {
+            let w = walls([41, 44, 17], DVec3::ONE, rooms(wide));
+            let d =
+                TargetDistance::to(&w, target, Some(Traveller { from, clearance_mm }), &[], &Progress::new()).unwrap();
+            let (mut at, mut least) = (from, f64::INFINITY);
+            for _ in 0..2000 {
+                let Some(s) = d.sample(at) else { break };
+                least = least.min(f64::from(w.at(w.voxel(at)).unwrap()));
+                at -= s.gradient.normalize_or_zero() * 0.1;
+                if at.distance(target) < 2.0 {
+                    break;
+                }
+            }
+            (d, at.distance(target) < 2.0, least)
+        };
+        let (d, there, least) = way(true, 2.5);
+        assert!(there && d.clearance_mm() == 2.5 && least > 1.7, "{there} {least}");
+        // From the slit it leads back to the room that it is nearer to.
+        for x in [17.0, 18.0, 19.0] {
+            let g = d.sample(DVec3::new(x, 10.0, 8.0)).unwrap().gradient;
+            assert!(g.x > 0.3, "at {x}: {g}");
+        }
+        let (d, there, least) = way(true, 0.0);
+        assert!(there && d.sample(from).unwrap().mm < 30.0 && least < 1.7, "{least}");
+        let (d, there, _) = way(false, 2.5);
+        assert!(there && d.clearance_mm() < 1.3, "through the slit, as there is no other way");
     }
 }

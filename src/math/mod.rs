@@ -1,3 +1,4 @@
 //! Small mathematics that several concepts share.
 
+pub mod cubic;
 pub mod hash;

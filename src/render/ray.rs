@@ -9,6 +9,8 @@ use std::array::from_fn;
 
 use glam::DVec3;
 
+use crate::math::cubic::{self, critical_points};
+use crate::volume::cell::{Cell, corners};
 use crate::volume::{AIR_HU, Volume};
 
 use super::flags::BRICK_SHIFT;
@@ -194,65 +196,8 @@ fn nearest(planes: &[f64; 3]) -> (usize, f64) {
     (axis, planes[axis])
 }
 
-/// The eight corners of the cell at `base`: x fastest, then y, then z.
-#[inline(always)]
-fn corners(volume: &Volume, base: [i64; 3]) -> [i16; 8] {
-    let dims = volume.grid().dims();
-    let inside = |a: usize| base[a] >= 0 && (base[a] as usize) + 1 < dims[a];
-    if inside(0) && inside(1) && inside(2) {
-        let n = volume.grid().index(base[0] as usize, base[1] as usize, base[2] as usize);
-        let (row, slice) = (dims[0], dims[0] * dims[1]);
-        let data = volume.data();
-        let pair = |n: usize| [data[n], data[n + 1]];
-        let ([a, b], [c, d]) = (pair(n), pair(n + row));
-        let ([e, f], [g, h]) = (pair(n + slice), pair(n + slice + row));
-        [a, b, c, d, e, f, g, h]
-    } else {
-        let at = |n: i64| volume.get(base[0] + (n & 1), base[1] + (n >> 1 & 1), base[2] + (n >> 2));
-        from_fn(|n| at(n as i64))
-    }
-}
-
-/// A cell's value as k₀ + k₁u + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw of the coordinates within it.
-struct Cell([f64; 8]);
-
-impl Cell {
-    fn load(volume: &Volume, base: [i64; 3]) -> Self {
-        Self::new(corners(volume, base))
-    }
-
-    fn new(corners: [i16; 8]) -> Self {
-        let [a, b, c, d, e, f, g, h] = corners.map(f64::from);
-        Self([a, b - a, c - a, e - a, d - c - b + a, f - e - b + a, g - e - c + a, h - g - f + e - d + c + b - a])
-    }
-
-    fn at(&self, p: DVec3) -> f64 {
-        let [k0, k1, k2, k3, k4, k5, k6, k7] = self.0;
-        let (u, v, w) = (p.x, p.y, p.z);
-        k0 + k1 * u + k2 * v + k3 * w + k4 * u * v + k5 * u * w + k6 * v * w + k7 * u * v * w
-    }
-
-    /// Coefficients, lowest power first, of the value at `p + s·d` as a cubic of s.
-    fn along(&self, p: DVec3, d: DVec3) -> [f64; 4] {
-        let [_, k1, k2, k3, k4, k5, k6, k7] = self.0;
-        let (u, v, w) = (p.x, p.y, p.z);
-        let (du, dv, dw) = (d.x, d.y, d.z);
-        // uv, uw and vw as quadratics of s, without their constants.
-        let (uv1, uv2) = (u * dv + v * du, du * dv);
-        let (uw1, uw2) = (u * dw + w * du, du * dw);
-        let (vw1, vw2) = (v * dw + w * dv, dv * dw);
-        [
-            self.at(p),
-            k1 * du + k2 * dv + k3 * dw + k4 * uv1 + k5 * uw1 + k6 * vw1 + k7 * (u * v * dw + uv1 * w),
-            k4 * uv2 + k5 * uw2 + k6 * vw2 + k7 * (uv1 * dw + uv2 * w),
-            k7 * uv2 * dw,
-        ]
-    }
-}
-
 /// The first s in [0, 1] at which the cubic (lowest power first, HU) is at least 0, up to [`TOUCH`].
 fn first_root(c: [f64; 4]) -> Option<f64> {
-    let g = |s: f64| c[0] + s * (c[1] + s * (c[2] + s * c[3]));
     if c[0] >= -TOUCH {
         return Some(0.0);
     }
@@ -261,7 +206,7 @@ fn first_root(c: [f64; 4]) -> Option<f64> {
         if !(to > from.0 && to <= 1.0) {
             continue;
         }
-        let at = g(to);
+        let at = cubic::value(c, to);
         if at >= 0.0 {
             return Some(root_between(c, from, (to, at)));
         }
@@ -273,25 +218,13 @@ fn first_root(c: [f64; 4]) -> Option<f64> {
     None
 }
 
-/// The two zeros of the cubic's derivative, in order; NaN where there are none.
-fn critical_points([_, b, c, d]: [f64; 4]) -> [f64; 2] {
-    // 3d s² + 2c s + b = 0, by the form that does not cancel.
-    let disc = c * c - 3.0 * d * b;
-    if disc < 0.0 {
-        return [f64::NAN; 2];
-    }
-    let q = -(c + disc.sqrt().copysign(c));
-    let (x, y) = (q / (3.0 * d), b / q);
-    if x > y { [y, x] } else { [x, y] }
-}
-
 /// The root of a cubic that rises from below 0 at `lo` to at least 0 at `hi` without turning: Newton's method, kept
 /// within its bracket by bisection.
 fn root_between(c: [f64; 4], lo: (f64, f64), hi: (f64, f64)) -> f64 {
     let (mut a, mut b) = (lo.0, hi.0);
     let mut s = a - lo.1 * (b - a) / (hi.1 - lo.1);
     for _ in 0..64 {
-        let value = c[0] + s * (c[1] + s * (c[2] + s * c[3]));
+        let value = cubic::value(c, s);
         let slope = c[1] + s * (2.0 * c[2] + s * 3.0 * c[3]);
         if value >= 0.0 {
             b = s;

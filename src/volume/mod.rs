@@ -1,5 +1,6 @@
 //! A scan: Hounsfield units on a regular grid, and where that grid lies in the patient.
 
+pub mod cell;
 mod grid;
 pub mod io;
 

@@ -34,7 +34,14 @@ impl FlightApp {
         self.app.world.insert_resource(GuideName("none"));
         self.scene.plug_into(&mut self.app)?;
         let (moves, feels, guide) = (self.scene.moves(), self.scene.feels(), self.scene.steers());
-        self.fields.build(Wanted::by(guide), self.space.volume(), &self.lumen, &self.plan, &self.progress)?;
+        self.fields.build(
+            Wanted::by(guide),
+            self.space.volume(),
+            &self.lumen,
+            &self.plan,
+            self.scene.body.radius_mm,
+            &self.progress,
+        )?;
         let world = &mut self.app.world;
         let mut scan = world.entity_mut(self.scan);
         if moves && !scan.contains::<Walls>() {

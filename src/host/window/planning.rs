@@ -24,11 +24,12 @@ impl Planning {
             return None;
         }
         let (volume, lumen, plan) = (flight.space().shared_volume(), flight.shared_lumen(), flight.plan().clone());
+        let radius_mm = flight.scene().body.radius_mm;
         let progress = Arc::new(Progress::new());
         let (done, built) = channel();
         let own = Arc::clone(&progress);
         let thread = std::thread::Builder::new().name("planning".to_owned()).spawn(move || {
-            let result = fields.build(wanted, &volume, &lumen, &plan, &own);
+            let result = fields.build(wanted, &volume, &lumen, &plan, radius_mm, &own);
             // Whoever asked may have thought better of it.
             let _ = done.send(result.map(|()| fields));
         });

@@ -4,6 +4,7 @@
 //! trilinear value reaches iso. A way that comes nearer than the radius to any of them has perforated, as they are points
 //! of the wall for certain; and a way whose own points reach iso has gone through it.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -13,6 +14,8 @@ use crate::volume::Volume;
 /// Distance between the points of the wall, mm, and of a way, mm.
 const LATTICE_MM: f64 = 0.25;
 const ALONG_MM: f64 = 0.04;
+/// Distance between the points of the wall when it is looked at closely, mm.
+pub const CLOSE_MM: f64 = 0.03;
 /// Size of a bin, mm.
 const BIN_MM: f64 = 1.0;
 
@@ -93,6 +96,24 @@ impl Judge {
         least
     }
 
+    /// [`Judge::clearance`] of one place, from a lattice as fine as [`CLOSE_MM`]: slow.
+    pub fn closely(&self, at: DVec3, reach: f64) -> f64 {
+        let mut least = reach.min(self.to_border(at));
+        let grid = self.volume.grid();
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for c in 0..8 {
+            let side = |bit: i32| if c >> bit & 1 == 1 { reach } else { -reach };
+            let u = grid.voxel(at + DVec3::new(side(0), side(1), side(2)));
+            (low, high) = (low.min(u), high.max(u));
+        }
+        let cells = std::array::from_fn(|a| {
+            let last = grid.dims()[a].saturating_sub(1);
+            (low[a].floor().max(0.0) as usize).min(last)..(high[a].ceil().max(0.0) as usize).min(last)
+        });
+        sample_wall(&self.volume, self.iso, cells, CLOSE_MM, |p| least = least.min(p.distance(at)));
+        least
+    }
+
     /// Whether a way that begins in gas, or has come to it, goes into the wall.
     pub fn crosses(&self, from: DVec3, to: DVec3) -> bool {
         let parts = (from.distance(to) / ALONG_MM).ceil().clamp(1.0, 1e5) as u32;
@@ -136,13 +157,21 @@ fn value(volume: &Volume, u: DVec3) -> f64 {
 }
 
 fn wall(volume: &Volume, iso: f64) -> Vec<DVec3> {
-    let grid = volume.grid();
-    let [nx, ny, nz] = grid.dims();
-    let fine = (grid.spacing() / LATTICE_MM).to_array().map(|n| (n.ceil() as usize).clamp(1, 40));
+    let cells = volume.grid().dims().map(|n| 0..n.saturating_sub(1));
     let mut points = Vec::new();
-    for (k, j, i) in (0..nz.saturating_sub(1))
-        .flat_map(|k| (0..ny.saturating_sub(1)).flat_map(move |j| (0..nx.saturating_sub(1)).map(move |i| (k, j, i))))
-    {
+    sample_wall(volume, iso, cells, LATTICE_MM, |p| points.push(p));
+    points
+}
+
+/// Tells the points of the wall, world mm, on a lattice in a box of cells.
+fn sample_wall(volume: &Volume, iso: f64, cells: [Range<usize>; 3], lattice_mm: f64, mut point: impl FnMut(DVec3)) {
+    let grid = volume.grid();
+    let fine = (grid.spacing() / lattice_mm).to_array().map(|n| (n.ceil() as usize).clamp(1, 400));
+    let [x, y, z] = cells;
+    for (k, j, i) in z.flat_map(|k| {
+        let x = x.clone();
+        y.clone().flat_map(move |j| x.clone().map(move |i| (k, j, i)))
+    }) {
         let corner =
             |c: usize| f64::from(volume.get((i + (c & 1)) as i64, (j + (c >> 1 & 1)) as i64, (k + (c >> 2)) as i64));
         let solid = (0..8).filter(|&c| corner(c) >= iso).count();
@@ -155,11 +184,10 @@ fn wall(volume: &Volume, iso: f64) -> Vec<DVec3> {
             let part = |n: usize, of: usize| n as f64 / of as f64;
             let u = DVec3::new(i as f64 + part(a, fine[0]), j as f64 + part(b, fine[1]), k as f64 + part(c, fine[2]));
             if value(volume, u) >= iso {
-                points.push(grid.world(u));
+                point(grid.world(u));
             }
         }
     }
-    points
 }
 
 #[cfg(test)]
@@ -186,6 +214,8 @@ mod tests {
         // Iso is reached 0.663 mm before the voxel; the lattice is a quarter of it.
         let c = judge.clearance(at(3.0), at(4.0), 5.0);
         assert!((c - 2.34).abs() < 0.26, "{c}");
+        let close = judge.closely(at(4.0), 5.0);
+        assert!((close - 2.337).abs() < CLOSE_MM, "{close}");
         assert!(judge.clearance(at(5.0), at(9.0), 5.0) < 1e-9);
         assert_eq!(judge.clearance(at(0.0), at(0.5), 1.0), 1.0);
         assert_eq!(judge.clearance(at(-2.5), at(0.5), 1.0), 0.5, "the border is a wall");

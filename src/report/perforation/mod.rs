@@ -10,7 +10,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-pub use walk::{Ground, Tally};
+pub use walk::{Failure, Fault, Ground, Tally};
 
 use super::page::Page;
 use super::table::{Cell, Table};
@@ -59,6 +59,8 @@ pub struct Outcome {
     pub methods: Vec<(&'static str, Tally)>,
     /// All together.
     pub all: Tally,
+    /// Each step that perforated, with the number of its place and its method.
+    pub failures: Vec<(usize, Integrator, Failure)>,
 }
 
 /// Makes `steps` steps, the same for the same seed and for any number of threads.
@@ -69,24 +71,25 @@ pub fn run(steps: u64, seed: u64, progress: &Progress) -> Result<Outcome> {
     let grounds = grounds(seed, progress)?;
     let walks = steps.div_ceil(walk::STEPS);
     progress.stage("walking into walls", walks);
-    let tallies: Vec<(usize, Integrator, Tally)> = (0..walks)
+    let walked: Vec<(usize, Integrator, Tally, Vec<Failure>)> = (0..walks)
         .into_par_iter()
         .map(|n| {
             let place = (n % grounds.len() as u64) as usize;
             let left = (steps - n * walk::STEPS).min(walk::STEPS);
-            let (integrator, tally) = walk::walk(&grounds[place].1, seed, n, left);
+            let (integrator, tally, failures) = walk::walk(&grounds[place].1, seed, n, left);
             progress.advance(1)?;
-            Ok((place, integrator, tally))
+            Ok((place, integrator, tally, failures))
         })
         .collect::<Result<_>>()?;
     let over = |meant: &dyn Fn(usize, Integrator) -> bool| {
-        let meant = tallies.iter().filter(|(p, i, _)| meant(*p, *i));
-        meant.fold(Tally::none(), |sum, (_, _, t)| sum.and(*t))
+        let meant = walked.iter().filter(|w| meant(w.0, w.1));
+        meant.fold(Tally::none(), |sum, w| sum.and(w.2))
     };
     Ok(Outcome {
         places: grounds.iter().enumerate().map(|(n, (name, _))| (name.clone(), over(&|p, _| p == n))).collect(),
         methods: Integrator::ALL.iter().map(|(i, name)| (*name, over(&|_, j| j == *i))).collect(),
         all: over(&|_, _| true),
+        failures: walked.iter().flat_map(|w| w.3.iter().map(|f| (w.0, w.1, f.clone()))).collect(),
     })
 }
 
@@ -142,6 +145,23 @@ pub fn report(steps: u64, seed: u64, folder: &Path, progress: &Progress) -> Resu
     page.table("places", &places)?;
     page.section("By method");
     page.table("methods", &methods)?;
+    if !outcome.failures.is_empty() {
+        let mut failures = Table::new(&["walk", "step", "place", "method", "radius / mm", "from / mm", "what"]);
+        for (place, integrator, f) in &outcome.failures {
+            let method = Integrator::ALL.iter().find(|(i, _)| i == integrator).map_or("", |(_, name)| name);
+            failures.row(vec![
+                Cell::Number(f.walk as f64, 0),
+                Cell::Number(f.step as f64, 0),
+                outcome.places[*place].0.as_str().into(),
+                method.into(),
+                Cell::Number(f.radius_mm, 1),
+                format!("{:.6} {:.6} {:.6}", f.from.x, f.from.y, f.from.z).as_str().into(),
+                f.what.name().into(),
+            ]);
+        }
+        page.section("Steps that perforated");
+        page.table("failures", &failures)?;
+    }
     page.finish()?;
     Ok(vec![finding])
 }

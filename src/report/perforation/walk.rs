@@ -12,7 +12,8 @@ use crate::math::hash;
 
 /// Steps of a walk.
 pub const STEPS: u64 = 50;
-/// A way that begins too near to the wall may, as clearances are told, seem to rise by what they are told too little.
+/// A way that begins too near to the wall may, as clearances are told, seem to rise by what they are told too little; and
+/// as much again for the points of the sampled wall.
 const TOLD_MM: f64 = 2.0 * crate::fields::clearance::TOLERANCE_MM;
 
 /// What happened to a walk.
@@ -60,6 +61,46 @@ impl Tally {
     }
 }
 
+/// A step that perforated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Failure {
+    /// Number of the walk, which with the seed and [`STEPS`] repeats it.
+    pub walk: u64,
+    /// Number of the step in it.
+    pub step: u64,
+    /// Where the step began, world mm.
+    pub from: DVec3,
+    /// Radius of the body, mm.
+    pub radius_mm: f64,
+    /// What it did.
+    pub what: Fault,
+}
+
+/// How a step can perforate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// Its way has a gap.
+    Gap,
+    /// Its centre went from gas into the wall.
+    Crossed,
+    /// It came nearer to the wall than its radius.
+    Near,
+    /// It had been too near, and came nearer.
+    Nearer,
+}
+
+impl Fault {
+    /// For the reader of a report.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Gap => "left its way",
+            Self::Crossed => "went into the wall",
+            Self::Near => "nearer than its radius",
+            Self::Nearer => "too near, and came nearer",
+        }
+    }
+}
+
 /// More evaluations than this in one step count as a hang: four times what any method's own bounds allow.
 pub const HANG: u32 = 100_000;
 
@@ -102,8 +143,8 @@ impl Forces for Slanted {
     }
 }
 
-/// Walks number `walk` of `seed` for `steps` steps.
-pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, Tally) {
+/// Walks number `walk` of `seed` for `steps` steps: by which method, what happened, and each step that perforated.
+pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, Tally, Vec<Failure>) {
     let mut count = walk.wrapping_mul(1 << 20);
     let mut uniform = || {
         count += 1;
@@ -147,7 +188,8 @@ pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, T
     let nearest = Nearest(&ground.walls);
     // The finder is slow as a field, so few walks feel the potential, and those with little to evaluate.
     let felt = vector().x < -0.8 && !matches!(integrator, Integrator::DormandPrince);
-    for _ in 0..steps {
+    let mut failures = Vec::new();
+    for step in 0..steps {
         let dt = decade(vector().x * 0.5 + 0.5, -6.0, 1.0);
         let push = vector() * decade(vector().x * 0.5 + 0.5, -3.0, 9.0);
         let slope = vector().x.powi(3) * decade(vector().x * 0.5 + 0.5, -3.0, 9.0);
@@ -169,10 +211,15 @@ pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, T
         });
         let Effort { rates, .. } = told.effort;
         let too_near = told.advance.clearance_mm < radius_mm;
+        let arrived = pieces.last().is_none_or(|p| p.1 == told.motion.position);
         let judged = judge(ground, &m, &pieces, radius_mm, too_near);
+        let judged = if arrived { judged } else { Err(Fault::Gap) };
+        if let Err(what) = judged {
+            failures.push(Failure { walk, step, from: m.position, radius_mm, what });
+        }
         tally = tally.and(Tally {
             steps: 1,
-            perforations: u64::from(judged.is_none() || pieces.last().is_some_and(|p| p.1 != told.motion.position)),
+            perforations: u64::from(judged.is_err()),
             broken: u64::from(!told.motion.is_finite() || (told.motion.orientation.length() - 1.0).abs() > 1e-9),
             hangs: u64::from(rates > HANG),
             too_near: u64::from(too_near),
@@ -183,34 +230,44 @@ pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, T
         });
         m = told.motion;
     }
-    (integrator, tally)
+    (integrator, tally, failures)
 }
 
-/// What the way of a step left beyond the radius, mm; infinite for one that began too near; `None` if it perforated.
-fn judge(ground: &Ground, before: &Motion, pieces: &[(DVec3, DVec3)], radius: f64, too_near: bool) -> Option<f64> {
+/// What the way of a step left beyond the radius, mm; infinite for one that began too near; or how it perforated.
+fn judge(
+    ground: &Ground,
+    before: &Motion,
+    pieces: &[(DVec3, DVec3)],
+    radius: f64,
+    too_near: bool,
+) -> Result<f64, Fault> {
     let mut margin = f64::INFINITY;
     let mut at = before.position;
     let begun = ground.judge.clearance(at, at, radius);
     for &(a, b) in pieces {
-        // One way, without a gap, and never into the wall.
-        if a != at || ground.judge.crosses(a, b) {
-            return None;
+        if a != at {
+            return Err(Fault::Gap);
+        }
+        if ground.judge.crosses(a, b) {
+            return Err(Fault::Crossed);
         }
         at = b;
         if too_near {
             // Only what raises the clearance; a way out of the wall begins at 0.
-            if ground.judge.clearance(b, b, radius) < begun.min(radius) - TOLD_MM {
-                return None;
+            // The sampled wall can seem further away from the beginning than it is, so a suspicion is looked at closely.
+            let there = ground.judge.clearance(b, b, radius);
+            if there < begun - TOLD_MM && there < ground.judge.closely(before.position, radius) - TOLD_MM {
+                return Err(Fault::Nearer);
             }
         } else {
             let left = ground.judge.clearance(a, b, radius + 1.0) - radius;
             if left < -1e-9 {
-                return None;
+                return Err(Fault::Near);
             }
             margin = margin.min(left);
         }
     }
-    Some(margin)
+    Ok(margin)
 }
 
 #[cfg(test)]
@@ -226,9 +283,10 @@ mod tests {
         let at = DVec3::ZERO;
         let m = Motion::at_rest(at, Attitude::new(DVec3::Z, DVec3::Y));
         assert!(ground.walls.at(at).mm > 3.0, "in the tube");
-        assert!(judge(ground, &m, &[(at, at + DVec3::Y * 2.0)], 1.5, false).is_some());
-        assert!(judge(ground, &m, &[(at, at + DVec3::Y * 7.0)], 1.5, false).is_none(), "too near");
-        assert!(judge(ground, &m, &[(at, at + DVec3::Y * 30.0)], 1.5, false).is_none(), "through the wall");
-        assert!(judge(ground, &m, &[(at + DVec3::X, at)], 1.5, false).is_none(), "a gap in the way");
+        let judged = |pieces: &[(DVec3, DVec3)]| judge(ground, &m, pieces, 1.5, false);
+        assert!(judged(&[(at, at + DVec3::Y * 2.0)]).is_ok());
+        assert_eq!(judged(&[(at, at + DVec3::Y * 7.0)]), Err(Fault::Near));
+        assert_eq!(judged(&[(at, at + DVec3::Y * 30.0)]), Err(Fault::Crossed));
+        assert_eq!(judged(&[(at + DVec3::X, at)]), Err(Fault::Gap));
     }
 }
