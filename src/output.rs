@@ -68,6 +68,14 @@ impl Whole {
         Ok(Self { path: path.to_owned(), sink: BufWriter::with_capacity(1 << 20, sink) })
     }
 
+    /// Where the file is until it is finished, for another program to write to instead.
+    pub fn place(&self) -> &Path {
+        match self.sink.get_ref() {
+            Sink::Temporary(f) => f.path(),
+            Sink::Direct(_) => &self.path,
+        }
+    }
+
     /// Flushes and gives the file its name.
     ///
     /// # Errors

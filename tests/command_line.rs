@@ -60,6 +60,37 @@ fn without_a_display_it_flies_headless_and_leaves_a_film() {
     assert_eq!(log.lines().count(), 480);
 }
 
+/// Both ways through the embedded phantom, by ffmpeg; what ffprobe then says of the film.
+#[test]
+fn a_planned_flight_is_filmed_both_ways() {
+    let dir = tempfile::tempdir().unwrap();
+    let film = dir.path().join("flight.mp4");
+    let film = film.to_str().unwrap();
+    let tool = |name: &str| std::process::Command::new(name).arg("-version").output().is_ok();
+    if !(tool("ffmpeg") && tool("ffprobe")) {
+        println!("skipped: no ffmpeg here");
+        let out = run(&["fly", "--headless", "--seconds", "0.1", "--size", "80x60", "--record", film], 5);
+        assert!(String::from_utf8_lossy(&out.stderr).contains("install ffmpeg"));
+        return;
+    }
+    for way in [&["--reverse"][..], &[]] {
+        let flight = ["fly", "--headless", "--guide", "path", "--size", "81x60", "--fps", "24", "--record", film];
+        run(&[&flight, way].concat(), 0);
+        let probe = ["-v", "error", "-count_frames", "-of", "csv=p=0", "-show_entries"];
+        let out = std::process::Command::new("ffprobe")
+            .args(probe)
+            .args(["stream=codec_type,width,height,r_frame_rate,nb_read_frames", film])
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&out.stdout);
+        let told: Vec<&str> = told.trim().split(',').collect();
+        // An odd width is made even, as the film's coding asks.
+        assert_eq!(told[..4], ["video", "82", "60", "24/1"]);
+        assert!(told[4].parse::<u32>().unwrap() > 100, "{told:?}");
+    }
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "the second film took the first one's place");
+}
+
 #[test]
 fn outputs_that_cannot_be_written_are_status_5() {
     let dir = tempfile::tempdir().unwrap();

@@ -60,7 +60,7 @@ pub enum Recorder {
         /// The encoder.
         child: Child,
         /// The file it writes.
-        part: tempfile::TempPath,
+        file: Whole,
         /// What the file will be called.
         path: PathBuf,
     },
@@ -95,19 +95,13 @@ impl Recorder {
     }
 
     fn video(path: PathBuf, (width, height): (usize, usize), fps: f64) -> Result<Self> {
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let part = tempfile::Builder::new()
-            .prefix(".colvis-")
-            .suffix(".mp4")
-            .tempfile_in(folder)
-            .map_err(|e| output::cannot(&path, &e))?
-            .into_temp_path();
+        let file = Whole::create(&path)?;
         let child = std::process::Command::new("ffmpeg")
             .args(["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
             .args(["-s", &format!("{width}x{height}"), "-r", &fps.to_string(), "-i", "-"])
             // Chroma is halved in each direction, so the sides must be even.
-            .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"])
-            .arg(&*part)
+            .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-f", "mp4"])
+            .arg(file.place())
             .stdin(Stdio::piped())
             .spawn()
             .map_err(|e| {
@@ -117,7 +111,7 @@ impl Recorder {
                     "install ffmpeg, or record a .gif or a folder/",
                 )
             })?;
-        Ok(Self::Video { child, part, path })
+        Ok(Self::Video { child, file, path })
     }
 
     /// Adds an image.
@@ -165,13 +159,13 @@ impl Recorder {
                     Whole::finish,
                 )
             }
-            Self::Video { mut child, part, path } => {
+            Self::Video { mut child, file, path } => {
                 drop(child.stdin.take());
                 let done = child.wait().map_err(|e| output::cannot(&path, &e))?;
                 if !done.success() {
                     return Err(Error::output(&path, format!("ffmpeg failed ({done})"), "record a .gif or a folder/"));
                 }
-                part.persist(&path).map_err(|e| output::cannot(&path, &e.error))
+                file.finish()
             }
         }
     }

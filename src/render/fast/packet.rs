@@ -58,8 +58,6 @@ pub struct Rays<'a> {
     foot: f32,
     lo: f32,
     scale: f32,
-    /// What a piece of a passage counts for, where one of a voxel counts as a passage of its own.
-    piece: f32,
     /// Halvings of the step's opacity: a step of h is two half steps.
     power: i32,
     sensitivity: f32,
@@ -77,7 +75,7 @@ pub struct Light {
     pub through: [f32; 16],
     /// Mean place of what is seen, steps from the camera, weighted as the light is (not divided by it).
     pub depth: [f32; 16],
-    /// Lanes whose light comes from more than one passage, or from a passage of several voxels.
+    /// Lanes whose light comes from more than one passage.
     pub mixed: u16,
     /// Samples taken.
     pub samples: u32,
@@ -116,7 +114,6 @@ impl<'a> Rays<'a> {
             foot: wall.lo() + FOOT,
             lo: wall.lo(),
             scale: 1.0 / (wall.hi() - wall.lo()),
-            piece: 2f32.powi(step.power).min(1.0),
             power: step.power,
             sensitivity: settings.sensitivity,
             limit: (1 << 22) as f32,
@@ -192,8 +189,7 @@ impl<'a> Rays<'a> {
                     let long = (zero + k - PASSAGE).simd_gt(light.place / fresh.select(light.weight, one));
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
-                        let counts = open.select(f32x16::splat(simd, self.piece), one);
-                        light.passages += ended.select(counts, zero);
+                        light.passages += (ended & !open).select(one, zero);
                         self.flush(simd, &ray, ended, &mut light, cells, within_wall);
                     }
                     let (t0, t1) = (self.through(simd, early), self.through(simd, late));
@@ -460,7 +456,7 @@ struct Sums<S: Simd> {
     weight: f32x16<S>,
     place: f32x16<S>,
     value: f32x16<S>,
-    /// Number of passages before the one that is under way.
+    /// Number of passages that ended before another began.
     passages: f32x16<S>,
 }
 

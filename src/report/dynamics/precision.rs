@@ -60,9 +60,9 @@ pub(super) fn start(body: &Body) -> Motion {
     Motion { position, momentum: DVec3::new(-2.0, 3.0, 20.0) * body.mass_g, orientation: q, angular }
 }
 
-/// What turns the view on the flights.
+/// What turns the view on the flights: by so much that the turn is far from linear, else a high order would not be seen.
 pub(super) fn turning() -> Turning {
-    Turning::towards(TUBE.along(TUBE.place(1.0, 0.0, 0.0)) + DVec3::Y * 0.3, 0.45, 1.8)
+    Turning::towards(DVec3::new(0.5, 0.3, -0.8), 0.45, 1.8)
 }
 
 /// A number of a flight.

@@ -288,5 +288,10 @@ mod tests {
         assert_eq!(judged(&[(at, at + DVec3::Y * 7.0)]), Err(Fault::Near));
         assert_eq!(judged(&[(at, at + DVec3::Y * 30.0)]), Err(Fault::Crossed));
         assert_eq!(judged(&[(at + DVec3::X, at)]), Err(Fault::Gap));
+        // From too near to the wall: nearer is a fault, and less near is none.
+        let m = Motion { position: at + DVec3::Y * 7.0, ..m };
+        let left = |by: f64| judge(ground, &m, &[(m.position, m.position + DVec3::Y * by)], 1.5, true);
+        assert_eq!(left(0.3), Err(Fault::Nearer));
+        assert!(left(-0.3).is_ok());
     }
 }
