@@ -135,8 +135,8 @@ pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]>
     Ok(if ends[0].z <= ends[1].z { ends } else { [ends[1], ends[0]] })
 }
 
-/// The gaps between segments that follow each other from rectum to cecum and that nothing joins: where the lumen may be
-/// collapsed. Empty where the order is not known.
+/// The gaps between segments of gas that follow each other from rectum to cecum: where the lumen may be collapsed. Fluid
+/// may join two of them; such a gap lies within one piece of the lumen and is not used. Empty where the order is not known.
 pub fn gaps(lumen: &Lumen) -> Vec<[DVec3; 2]> {
     if !lumen.ordered {
         return Vec::new();
@@ -244,7 +244,9 @@ impl Planner<'_> {
         let goal = self.piece(to.place());
         let mut line: Option<Centerline> = None;
         let mut here = from;
-        let mut open: Vec<[DVec3; 2]> = guesses.to_vec();
+        // Within one piece there is nothing to guess.
+        let mut open: Vec<[DVec3; 2]> =
+            guesses.iter().copied().filter(|g| self.piece(g[0]) != self.piece(g[1])).collect();
         // Guesses follow each other along the colon: towards the cecum, or back towards the rectum.
         if open
             .iter()

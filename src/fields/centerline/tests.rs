@@ -150,6 +150,13 @@ fn collapsed_stretches_are_marked_guesses() {
         assert_eq!(line.points.len(), line.radius_mm.len());
         assert!(line.radius_mm.iter().filter(|r| **r == 0.0).count() >= 20);
     }
+    // A guess within one piece, as fluid leaves it that joins two segments of gas, bridges nothing.
+    let more = [[at(10.0), at(20.0)], guesses[0], [at(52.0), at(60.0)], guesses[1], [at(90.0), at(100.0)]];
+    for (from, to) in [(5.0, 110.0), (110.0, 5.0)] {
+        let [line, with_more] =
+            [&guesses[..], &more].map(|g| between(&walls, End::At(at(from)), End::At(at(to)), g, &p).unwrap());
+        assert_eq!(line, with_more);
+    }
     // Within one piece nothing is guessed.
     let line = between(&walls, End::At(at(50.0)), End::At(at(60.0)), &guesses, &p).unwrap();
     assert!(line.guessed.is_empty());
