@@ -1,7 +1,5 @@
 //! Every method against known solutions, and driven past reason.
 
-use std::cell::Cell;
-
 use glam::{DMat3, DQuat, DVec3};
 
 use super::*;
@@ -143,8 +141,6 @@ fn implicit_methods_are_stable_where_explicit_ones_are_not() {
 /// The numbers of the issue, each with each. Nothing hangs: evaluations are bounded.
 #[test]
 fn past_reason_everything_stays_finite() {
-    struct Wall<'a>(f64, &'a Cell<u64>);
-    // Cells are not for threads, forces are: the count is of one thread.
     struct Forced(f64);
     impl Forces for Forced {
         fn force(&self, at: DVec3) -> DVec3 {
@@ -154,8 +150,7 @@ fn past_reason_everything_stays_finite() {
             DMat3::IDENTITY * -self.0
         }
     }
-    let count = Cell::new(0);
-    let wall = Wall(0.0, &count);
+    let mut rates = 0;
     for (integrator, name) in Integrator::ALL {
         for dt in [1e-6, 1.0 / 120.0, 1.0, 10.0] {
             for mass_g in [1e-6, 1.0, 1e6] {
@@ -182,7 +177,7 @@ fn past_reason_everything_stays_finite() {
                                 assert!(next.is_finite(), "{name} {dt} {mass_g} {c_s} {r}x{l}: {next:?}");
                                 assert!((next.orientation.length() - 1.0).abs() < 1e-9);
                                 assert!(effort.rates < 20_000, "{name}: {effort:?}");
-                                wall.1.set(wall.1.get() + u64::from(effort.rates));
+                                rates += u64::from(effort.rates);
                                 m = Motion { position: start().position, ..next };
                             }
                         }
@@ -191,7 +186,7 @@ fn past_reason_everything_stays_finite() {
             }
         }
     }
-    assert!(wall.0 == 0.0 && count.get() > 0);
+    assert!(rates > 0);
 }
 
 #[test]
