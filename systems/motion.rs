@@ -104,7 +104,6 @@ pub fn move_body(
     *pose = Pose { position: after.position, attitude };
     *contact = Contact {
         clearance_mm: walls.0.at(after.position).mm,
-        blocked: moved.advance.blocked.is_some(),
         stuck_steps: if moved.advance.stuck { contact.stuck_steps.saturating_add(1) } else { 0 },
     };
     heading.0 = follow_velocity(heading.0, velocity.0, dt);

@@ -35,8 +35,8 @@ pub fn guide_by_plan(
 ) {
     let (pose, velocity, body, flight, mut planned, mut guide, hand) = camera.into_inner();
     let Planned { settings, route, pilot, s_mm, velocity_before, last } = &mut *planned;
-    let acceleration = (velocity.0 - *velocity_before) / clock.dt();
-    *velocity_before = velocity.0;
+    let acceleration = velocity_before.map_or(DVec3::ZERO, |before| (velocity.0 - before) / clock.dt());
+    *velocity_before = Some(velocity.0);
     let limit = settings.cruise_mm_s * body.0.drag_per_s.max(1.0);
     *guide = GuideThrust { limit, exact: true, ..GuideThrust::default() };
     let away = hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
@@ -68,18 +68,6 @@ pub fn guide_by_plan(
 /// The nearest place of the way, mm along it, to which the straight line is free; the nearest of all where none is.
 pub fn nearest(route: &Route, walls: &impl Clearances, at: DVec3) -> f64 {
     let places = route.nearest(at);
-    let free = |&&s: &&f64| {
-        let to = route.place(s);
-        let length = at.distance(to);
-        let mut gone = 0.0;
-        // Spheres of free space, one after the other (Hart 1996); a wall is where one gets nowhere.
-        for _ in 0..64 {
-            gone += walls.clearance(at.lerp(to, (gone / length.max(1e-9)).min(1.0))).mm.max(0.01);
-            if gone >= length {
-                return true;
-            }
-        }
-        false
-    };
+    let free = |&&s: &&f64| !walls.enters(at, route.place(s));
     places.iter().take(CANDIDATES).find(free).or(places.first()).copied().unwrap_or(0.0)
 }

@@ -27,14 +27,14 @@ pub fn guide_by_tentacles(
         &Pose,
         &Heading,
         &Body,
-        &mut Tentacles,
+        &Tentacles,
         &mut GuideThrust,
         Option<&MineField>,
         Option<&Goal>,
         Option<&Watch>,
     )>,
 ) {
-    let (pose, heading, body, mut tentacles, mut guide, mines, goal, watch) = camera.into_inner();
+    let (pose, heading, body, tentacles, mut guide, mines, goal, watch) = camera.into_inner();
     let mines = mines.map(|m| (&m.mines, &m.settings));
     // Where the guide looks for another way, its whole trail is forbidden ground, not only the last few mines.
     let trail = watch.map_or((&[][..], 0.0), |w| w.rescue.forbidden());
@@ -50,7 +50,6 @@ pub fn guide_by_tentacles(
     );
     let limit = tentacles.settings.cruise_mm_s * body.0.drag_per_s;
     *guide = GuideThrust { thrust: s.thrust, limit, wall: s.wall, way: s.look, ..GuideThrust::default() };
-    tentacles.ahead_mm = s.ahead_mm;
     // A goal in plain sight draws the camera, as the paper's D_t does; behind a wall it does not.
     if let Some(goal) = goal
         && let Some((thrust, way)) = approach(pose.position, goal.at, &tentacles.settings, body.0.drag_per_s)

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 
 /// The order of a flight's systems; the only one there is.
 ///
-/// `Input` to `Log` run in each simulation step, `RayCast` and `Present` in each frame. Two systems of one set must not
+/// `Input` to `Log` run in each simulation step, `RayCast` in each frame. Two systems of one set must not
 /// touch the same data in a way that depends on their order: such a schedule is refused.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FlightSystems {
@@ -18,18 +18,16 @@ pub enum FlightSystems {
     Sense,
     /// The guide decides on the way. A socket: exactly one navigation method is plugged in.
     Guide,
-    /// Every force that acts besides the guide's.
+    /// Every force that acts besides the guide's; mines are laid before they push.
     Force,
     /// The equation of motion, the step that cannot perforate, and the turn of the view.
     Integrate,
-    /// What follows from the new place: mines laid, arrival, trouble.
+    /// What follows from the new place: arrival, trouble.
     Watch,
     /// Writing down the step.
     Log,
     /// Tracing the image. A socket: one renderer.
     RayCast,
-    /// Handing the image on: to a recording or a window.
-    Present,
 }
 
 impl FlightSystems {
@@ -37,7 +35,7 @@ impl FlightSystems {
     pub const STEP: [Self; 7] =
         [Self::Input, Self::Sense, Self::Guide, Self::Force, Self::Integrate, Self::Watch, Self::Log];
     /// The sets of a frame, in order.
-    pub const FRAME: [Self; 2] = [Self::RayCast, Self::Present];
+    pub const FRAME: [Self; 1] = [Self::RayCast];
 }
 
 /// A place that exactly one plugin may fill.
@@ -214,8 +212,8 @@ fn step() -> Schedule {
 
 fn frame() -> Schedule {
     let mut s = Schedule::new(Frame);
-    let [a, b] = FlightSystems::FRAME;
-    s.set_build_settings(strict()).configure_sets((a, b).chain());
+    let [a] = FlightSystems::FRAME;
+    s.set_build_settings(strict()).configure_sets(a);
     s
 }
 

@@ -40,8 +40,6 @@ pub struct Heading(pub DVec3);
 pub struct Contact {
     /// Distance from the camera's centre to the nearest wall, mm; a lower bound above the finder's limit.
     pub clearance_mm: f64,
-    /// Whether a wall stopped the last step.
-    pub blocked: bool,
     /// Steps in a row in which the body was in the wall, or nearer to it than its radius, and no way out was found.
     pub stuck_steps: u32,
 }

@@ -51,8 +51,8 @@ pub struct Planned {
     pub pilot: Option<Pilot>,
     /// Place along the way, mm.
     pub s_mm: f64,
-    /// World mm/s, before the last step.
-    pub velocity_before: DVec3,
+    /// World mm/s, before the last step; none where the body was not moved from then to now.
+    pub velocity_before: Option<DVec3>,
     /// What was asked of the body last, world mm/s².
     pub last: DVec3,
 }
@@ -60,7 +60,7 @@ pub struct Planned {
 impl Planned {
     /// A way that nobody has taken up yet.
     pub fn new(route: Arc<Route>, settings: PathSettings) -> Self {
-        Self { settings, route, pilot: None, s_mm: 0.0, velocity_before: DVec3::ZERO, last: DVec3::ZERO }
+        Self { settings, route, pilot: None, s_mm: 0.0, velocity_before: None, last: DVec3::ZERO }
     }
 }
 
@@ -95,15 +95,13 @@ pub struct Tentacles {
     pub directions: Vec<DVec3>,
     /// Free length along each direction, mm.
     pub lengths: Vec<f64>,
-    /// The longest that leads on, mm.
-    pub ahead_mm: f64,
 }
 
 impl Tentacles {
     /// Tentacles that have felt nothing yet.
     pub fn new(settings: TentacleSettings) -> Self {
         let directions = directions(settings.count.max(3));
-        Self { lengths: vec![0.0; directions.len()], directions, settings, ahead_mm: 0.0 }
+        Self { lengths: vec![0.0; directions.len()], directions, settings }
     }
 
     /// Memory.

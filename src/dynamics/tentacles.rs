@@ -14,7 +14,7 @@ pub struct TentacleSettings {
     pub reach_mm: f64,
     /// The wall repels within this distance, mm: the paper's `p`.
     pub wall_mm: f64,
-    /// Strength of the wall's repulsion, mm/s²: the paper's `C_s`, as an acceleration.
+    /// Strength of the wall's repulsion, mm/s²: the paper's `C_s` is this times `p`, for a body of unit mass.
     pub wall_push: f64,
     /// Speed along a straight lumen, mm/s.
     pub cruise_mm_s: f64,
@@ -74,10 +74,6 @@ pub struct Steering {
     pub way: DVec3,
     /// Unit vector to where the lumen opens furthest along the way: where to look; zero where every direction is closed.
     pub look: DVec3,
-    /// The shortest tentacle: the paper's equivalent of `D_s`, mm.
-    pub nearest_mm: f64,
-    /// The longest tentacle that leads neither back nor to a mine, mm.
-    pub ahead_mm: f64,
 }
 
 /// Reads the tentacles (`directions` and their `lengths` in mm) at world place `at`, with the present unit `heading`
@@ -85,8 +81,8 @@ pub struct Steering {
 /// much a direction over it still counts, 0 to 1.
 ///
 /// The way on is the mean of all directions, weighted by length², by agreement with the heading, and against mines; the
-/// wall's repulsion is the slope of the paper's `C_s (p/D_s − 1)²` with each tentacle taken as a `D_s` along its own
-/// direction.
+/// wall's repulsion is the slope of the paper's `C_s (p/D_s − 1)²`, `C_s = wall_push · p`, with each tentacle taken as a
+/// `D_s` along its own direction.
 pub fn steer(
     (directions, lengths): (&[DVec3], &[f64]),
     at: DVec3,
@@ -99,11 +95,8 @@ pub fn steer(
     let mut pull = DVec3::ZERO;
     let mut look = DVec3::ZERO;
     let mut wall = DVec3::ZERO;
-    let mut nearest = f64::INFINITY;
-    let mut ahead: f64 = 0.0;
     let p = settings.wall_mm;
     for (&d, &length) in directions.iter().zip(lengths) {
-        nearest = nearest.min(length);
         let agrees =
             if heading == DVec3::ZERO { 1.0 } else { ((1.0 + heading.dot(d)) / 2.0).max(0.0).powf(settings.agreement) };
         let open = mines.map_or(1.0, |(m, _)| openness(d, length, at, m.iter(), settings.mine_cone))
@@ -111,9 +104,6 @@ pub fn steer(
         pull += d * (length * length * agrees * open);
         // A higher power picks the deepest opening instead of the mean of all.
         look += d * (length.powi(4) * agrees * open);
-        if open > 0.5 && heading.dot(d) > -0.5 {
-            ahead = ahead.max(length);
-        }
         if length < p {
             // The slope grows without bound at the wall; the body's radius keeps the length from 0, and the floor does
             // where a scene has a body without a radius.
@@ -130,8 +120,6 @@ pub fn steer(
         wall: wall * (2.0 * p * settings.wall_push / n),
         way,
         look: look.normalize_or_zero(),
-        nearest_mm: nearest,
-        ahead_mm: ahead,
     }
 }
 
@@ -193,7 +181,6 @@ mod tests {
             .collect();
         let st = steer((&d, &lengths), at, DVec3::Z, None, (&[], 0.0), &s, 6.0);
         assert!(st.way.z > 0.95 && st.wall.x < 0.0 && st.wall.z.abs() < 0.3 * st.wall.x.abs());
-        assert!((st.nearest_mm - 5.0).abs() < 0.2);
         let mut mines = Mines::default();
         let ms = MineSettings::default();
         mines.follow(DVec3::new(0.0, 0.0, 10.0), &ms);

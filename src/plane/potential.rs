@@ -1,5 +1,5 @@
 //! The potential that tentacles and mines stand for, over a whole drawing (paper, sections 3.1.1 and 3.2):
-//! `C_s (p/D_s − 1)²` where `0 < D_s < p`, and for each mine `push · reach/2 · (1 − d/reach)²` within its reach.
+//! `C_s (p/D_s − 1)²` with `C_s = wall_push · p` where `0 < D_s < p`, and for each mine `push · reach/2 · (1 − d/reach)²` within its reach.
 
 use rayon::prelude::*;
 
@@ -26,7 +26,7 @@ impl Potential {
         let near = Walls::new(walls.drawing().clone(), p);
         let value = |n: usize| {
             let d = near.clearance(pixel_centre(n % w, n / w)).mm;
-            if d <= 0.0 { f32::INFINITY } else { (strength * (p / d - 1.0).max(0.0).powi(2)) as f32 }
+            if d <= 0.0 { f32::INFINITY } else { (strength * p * (p / d - 1.0).max(0.0).powi(2)) as f32 }
         };
         let wall: Vec<f32> = (0..w * h).into_par_iter().with_min_len(1 << 12).map(value).collect();
         Self { width: w, now: wall.clone(), wall }

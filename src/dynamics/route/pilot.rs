@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Route;
-use super::profile::{Moment, PathSettings, Profile};
+use super::profile::{PathSettings, Profile};
 
 /// How fast what is off the plan is pulled back, rad/s: critically damped, well below the simulation's rate.
 const PULL: f64 = 6.0;
@@ -76,11 +76,6 @@ impl Pilot {
     /// Place along the route, mm.
     pub fn s(&self) -> f64 {
         self.s
-    }
-
-    /// The plan's moment now: in the plan's own time.
-    pub fn moment(&self) -> Moment {
-        self.profile.at(self.time)
     }
 
     /// What the body is off the plan, `u = t/T` after it was taken up: `d(u)`, `ḋ`, `d̈`. The quintic Hermite polynomial
