@@ -140,8 +140,9 @@ impl Fields {
                 self.route = Some(Planning { ends, route: Arc::new(route) });
             }
             if wanted.distances && !aimed {
-                // Between the centres of two voxels the wall may be nearer than at either by half their distance.
-                let clearance_mm = radius_mm + TOLERANCE_MM + 0.5 * volume.grid().min_spacing();
+                // Between the centres of two neighbours, along any axis, the wall may be nearer than at either by half
+                // their distance.
+                let clearance_mm = radius_mm + TOLERANCE_MM + 0.5 * volume.grid().spacing().max_element();
                 let body = Traveller { from: plan.begin, clearance_mm };
                 let target =
                     self.timed("target_s", || TargetDistance::to(&walls, plan.goal, Some(body), &[], progress))?;
