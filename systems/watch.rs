@@ -80,9 +80,11 @@ pub fn watch_flight(
     let Watch { settings, rescue } = &mut *watch;
     // Only who feels their way can set out the wrong way.
     let other_end = goal.filter(|_| tentacles.is_some()).map(|g| g.other_end);
+    let before = (rescue.turns(), rescue.escapes());
     let order = rescue.follow(pose.position, clock.dt(), felt.as_ref(), other_end, settings);
-    let yields = potential.as_ref().map_or(0, |p| p.yields);
-    (flight.turns, flight.escapes) = (rescue.turns(), rescue.escapes() + yields);
+    // The rescue's own counts are what the guide may still do: they begin anew whenever the operator takes part.
+    flight.turns += rescue.turns() - before.0;
+    flight.escapes += rescue.escapes() - before.1;
     match order {
         Order::GoOn => {}
         Order::SetOff { heading: to, clear_mines } => {
@@ -97,6 +99,7 @@ pub fn watch_flight(
             // The wall's part of a potential gives way before the operator is called.
             if let Some(p) = potential.as_mut().filter(|p| p.yields < YIELDS) {
                 p.yields += 1;
+                flight.escapes += 1;
                 p.yields_until = clock.tick + (YIELD_S * f64::from(clock.hz)) as u64;
                 rescue.restart();
                 return;

@@ -32,9 +32,9 @@ pub struct Flight {
     pub place: DVec3,
     /// Way flown, mm.
     pub length_mm: f64,
-    /// Number of times the camera turned round at a dead end.
+    /// Number of times the camera turned round at a dead end, since the flight set out.
     pub turns: u32,
-    /// Number of places at which the guide looked for another way.
+    /// Number of places at which the guide looked for another way, since the flight set out.
     pub escapes: u32,
 }
 

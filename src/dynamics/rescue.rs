@@ -100,7 +100,8 @@ impl Rescue {
         self.turns
     }
 
-    /// Number of places at which another way was looked for.
+    /// Number of places at which another way was looked for, since the operator last took part: the guide has so many
+    /// anew then.
     pub fn escapes(&self) -> u32 {
         self.escapes
     }
