@@ -1,6 +1,7 @@
 //! Flies a log again: the camera is where the log says, nothing pushes it.
 
 use bevy_ecs::prelude::*;
+use glam::DVec3;
 
 use crate::components::camera::{Contact, Pose, Velocity};
 use crate::components::clock::Clock;
@@ -25,8 +26,13 @@ pub fn follow_log(
     camera: Single<(&mut Pose, &mut Velocity, &mut Contact, &mut Flight, &mut Playback, Option<&Hand>)>,
 ) {
     let (mut pose, mut velocity, mut contact, mut flight, mut play, hand) = camera.into_inner();
+    let looking = hand.filter(|h| clock.tick < h.looking_until);
+    // What a mouse turns is turned already; keys turn as long as they are held, also while the log rests.
+    if let Some(turning) = looking.map(|h| h.turning).filter(|t| *t != DVec3::ZERO) {
+        pose.attitude.rotate(turning.normalize(), turning.length() * clock.dt());
+    }
     if flight.state != State::Flying || hand.is_some_and(|h| h.paused) {
-        velocity.0 = glam::DVec3::ZERO;
+        velocity.0 = DVec3::ZERO;
         return;
     }
     let speed = hand.map_or(1.0, |h| h.speed);
@@ -34,7 +40,7 @@ pub fn follow_log(
     let now = play.now();
     flight.length_mm += now.position.distance(pose.position);
     pose.position = now.position;
-    if hand.is_none_or(|h| clock.tick >= h.looking_until) {
+    if looking.is_none() {
         pose.attitude = now.attitude;
     }
     velocity.0 = now.velocity * speed;

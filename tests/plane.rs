@@ -153,6 +153,7 @@ fn the_same_traps_in_three_dimensions() {
             segment: None,
             gas: None,
             falls_short: None,
+            other_falls_short: None,
             notes: Vec::new(),
         };
         let scene = Scene { log: true, ..Scene::default() };

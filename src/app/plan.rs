@@ -65,6 +65,8 @@ pub struct Plan {
     pub gas: Option<Arc<Lumen>>,
     /// Where the goal asked for lies beyond the gas that this flight can reach: what to say at its end.
     pub falls_short: Option<String>,
+    /// The same of the other end, for a flight that is turned round.
+    pub other_falls_short: Option<String>,
     /// What there is to say to the user.
     pub notes: Vec<String>,
 }
@@ -96,7 +98,8 @@ pub fn plan(space: &Space, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress:
         if !inside {
             notes.push(format!("--from {} lies outside the lumen; taken to {}", triple(from), triple(gas)));
         }
-        let plan = finish(space, (number, &segment), Some(at), wish, lumen, radius_mm, notes)?;
+        let way = Through { number, segment: &segment, lumen, own: own.as_deref() };
+        let plan = finish(space, way, Some(at), wish, radius_mm, notes)?;
         return Ok(Plan { gas: own, ..plan });
     }
     if !lumen.is_flyable() {
@@ -115,7 +118,8 @@ pub fn plan(space: &Space, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress:
         (None, Some(p)) => named(p),
         (None, None) => main,
     };
-    finish(space, (Some(number), &lumen.segments[number]), None, wish, lumen, radius_mm, notes)
+    let way = Through { number: Some(number), segment: &lumen.segments[number], lumen, own: None };
+    finish(space, way, None, wish, radius_mm, notes)
 }
 
 /// Plans the flight through one segment, from its rectal end or, reversed, to it.
@@ -127,15 +131,26 @@ pub fn through_segment(space: &Space, lumen: &Lumen, number: usize, reverse: boo
         Error::incomplete("segment", format!("there is no segment {number}"), "choose one that there is")
     })?;
     let wish = Wish { reverse, ..Wish::default() };
-    finish(space, (Some(number), segment), None, &wish, lumen, radius_mm, Vec::new())
+    let way = Through { number: Some(number), segment, lumen, own: None };
+    finish(space, way, None, &wish, radius_mm, Vec::new())
+}
+
+/// The gas that a flight goes through.
+#[derive(Clone, Copy)]
+struct Through<'a> {
+    /// None where it is no segment of the colon.
+    number: Option<usize>,
+    segment: &'a Segment,
+    lumen: &'a Lumen,
+    /// The gas of the flight, where it is no segment of the colon.
+    own: Option<&'a Lumen>,
 }
 
 fn finish(
     space: &Space,
-    (number, segment): (Option<usize>, &Segment),
+    Through { number, segment, lumen, own }: Through,
     from: Option<DVec3>,
     wish: &Wish,
-    lumen: &Lumen,
     radius_mm: f64,
     mut notes: Vec<String>,
 ) -> Result<Plan> {
@@ -144,11 +159,11 @@ fn finish(
     let mut falls_short = None;
     let (goal, within_mm) = match wish.to {
         Some(Place::World(to)) => {
-            let (s, p) = lumen
-                .nearest_gas(to, SNAP_MM)
-                .map(|(s, p)| (Some(s), p))
-                .or_else(|| number.is_none().then_some((None, to)))
-                .ok_or_else(|| outside("--to", to))?;
+            let in_own = own.and_then(|gas| gas.nearest_gas(to, SNAP_MM)).map(|(_, p)| (None, p));
+            let in_colon = lumen.nearest_gas(to, SNAP_MM).map(|(s, p)| (Some(s), p));
+            let far = |f: &(Option<usize>, DVec3)| f.1.distance_squared(to);
+            let nearest = in_own.into_iter().chain(in_colon).min_by(|a, b| far(a).total_cmp(&far(b)));
+            let (s, p) = nearest.ok_or_else(|| outside("--to", to))?;
             if s == number {
                 let inside = f64::from(crate::render::value(space, to)) < space.wall().iso();
                 if !inside {
@@ -189,6 +204,7 @@ fn finish(
         segment: number,
         gas: None,
         falls_short,
+        other_falls_short: None,
         notes,
     })
 }
@@ -304,6 +320,7 @@ pub fn as_logged(play: &Playback) -> Plan {
         segment: None,
         gas: None,
         falls_short: None,
+        other_falls_short: None,
         notes: Vec::new(),
     }
 }

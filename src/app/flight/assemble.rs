@@ -128,6 +128,7 @@ impl FlightApp {
             .entity_mut(self.camera)
             .insert((Pose { position: self.plan.start, attitude }, Flight::default()));
         self.rest(self.plan.start, attitude.forward);
+        self.trail.set_out(self.plan.length_mm);
     }
 
     /// Brings the body, if there is one, to rest at a place, heading along `forward`.

@@ -1,5 +1,7 @@
 //! What the operator changes about a flight: its guide, its end, its direction, the camera's place on the way.
 
+use glam::DVec3;
+
 use super::FlightApp;
 use crate::app::plan::{self, Plan};
 use crate::app::scene::Guide;
@@ -32,22 +34,22 @@ impl FlightApp {
                     let names = Guide::ALL.map(|g| g.1).join(", ");
                     Error::usage("guide", format!("there is no {name:?}"), format!("choose one of {names}"))
                 })?;
-                if self.scene.play.is_some() {
-                    let why = "the flight is a log that is played";
-                    return Err(Error::usage("guide", why, "fly without --play"));
-                }
+                self.refuse_while_playing("guide")?;
                 let before = (self.scene.guide, self.scene.own_guide.take());
                 self.scene.guide = Some(guide);
                 self.change(|flight| (flight.scene.guide, flight.scene.own_guide) = before)?;
                 self.resume();
             }
             Command::Reverse => {
+                self.refuse_while_playing("reverse")?;
                 let before = self.plan.clone();
                 let plan = &mut self.plan;
                 plan.begin = plan.goal;
                 std::mem::swap(&mut plan.goal, &mut plan.other_end);
                 std::mem::swap(&mut plan.within_mm, &mut plan.other_within_mm);
+                std::mem::swap(&mut plan.falls_short, &mut plan.other_falls_short);
                 self.change(|flight| flight.plan = before)?;
+                self.trail.turn_round();
                 if let Some(mut heading) = self.app.world.get_mut::<Heading>(self.camera) {
                     heading.0 = -heading.0;
                 }
@@ -73,6 +75,14 @@ impl FlightApp {
                     inbox.0.push_back(other);
                 }
             }
+        }
+        Ok(())
+    }
+
+    /// A log goes its own way.
+    fn refuse_while_playing(&self, what: &str) -> Result<()> {
+        if self.scene.play.is_some() {
+            return Err(Error::usage(what, "the flight is a log that is played", "fly without --play"));
         }
         Ok(())
     }
@@ -113,7 +123,7 @@ impl FlightApp {
                 (route.place(s), route.look(s, self.scene.path.look_ahead_mm), route.up(s))
             }
             None => {
-                let at = self.trail.at(self.plan.length_mm * share).ok_or_else(|| {
+                let at = self.trail.at(share).ok_or_else(|| {
                     Error::incomplete("way", "not flown until there, and not planned", "change the guide to path (G)")
                 })?;
                 (at.0, at.1.forward, at.1.up)
@@ -123,8 +133,10 @@ impl FlightApp {
             return Err(Error::incomplete("way", "the camera does not fit there", "choose another place"));
         }
         if let Some(mut planned) = self.app.world.get_mut::<Planned>(self.camera) {
-            planned.pilot = None;
+            // Nothing of how the body was moving is left.
+            (planned.pilot, planned.velocity_before, planned.last) = (None, None, DVec3::ZERO);
         }
+        self.trail.jump(share);
         if let Some(mut watch) = self.app.world.get_mut::<Watch>(self.camera) {
             watch.rescue.restart();
         }
@@ -136,14 +148,14 @@ impl FlightApp {
     }
 
     fn resume(&mut self) {
+        self.note_flown();
         if let Some(mut flight) = self.app.world.get_mut::<Flight>(self.camera) {
             flight.state = State::Flying;
             flight.reason.clear();
-            flight.escapes = 0;
         }
     }
 
-    fn note_flown(&mut self) {
+    pub(super) fn note_flown(&mut self) {
         if let Some(n) = self.plan.segment
             && self.flight().state == State::Arrived
             && !self.flown.contains(&n)

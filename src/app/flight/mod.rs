@@ -17,6 +17,7 @@ use crate::components::App;
 use crate::components::camera::Pose;
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, State};
+use crate::components::guide::Planned;
 use crate::components::input::Act;
 use crate::components::output::{FlightLog, LogLine, Picture};
 use crate::components::scan::{Scan, Walls};
@@ -136,13 +137,18 @@ impl FlightApp {
         self.app.step();
         self.app.world.resource_mut::<Clock>().tick += 1;
         let pose = self.pose();
-        self.trail.follow(pose.position, pose.attitude);
+        let planned = self.camera::<Planned>().map(|p| (p.s_mm, p.route.length_mm()));
+        self.trail.follow((pose.position, pose.attitude), self.flight().length_mm, planned);
+        self.note_flown();
         if let (Some(why), true) = (&self.plan.falls_short, self.flight().state == State::Arrived) {
             let reason = format!("the gas ends here: {why}");
             if let Some(mut f) = self.app.world.get_mut::<Flight>(self.camera) {
                 f.state = State::Operator;
                 f.reason = reason;
             }
+        }
+        if self.flight().state == State::Arrived {
+            self.trail.arrive();
         }
         Ok(())
     }
@@ -168,12 +174,11 @@ impl FlightApp {
 
     /// Segments of the lumen not flown to their end yet, with their gas in ml.
     pub fn unflown(&self) -> Vec<(usize, f64)> {
-        let arrived = (self.flight().state == State::Arrived).then_some(self.plan.segment).flatten();
         self.lumen
             .segments
             .iter()
             .enumerate()
-            .filter(|(n, _)| arrived != Some(*n) && !self.flown.contains(n))
+            .filter(|(n, _)| !self.flown.contains(n))
             // The one being flown is not "another one".
             .filter(|(n, _)| self.plan.segment != Some(*n))
             .map(|(n, s)| (n, s.ml))
@@ -195,7 +200,7 @@ impl FlightApp {
         self.fields.take_times()
     }
 
-    /// The way flown since the flight last set out, each 2 mm.
+    /// The views of the flight from its beginning on, each 2 mm, and how far along the way they lie.
     pub fn trail(&self) -> &Trail {
         &self.trail
     }

@@ -36,6 +36,7 @@ fn cockpit(guide: Guide) -> Cockpit {
         segment: None,
         gas: None,
         falls_short: None,
+        other_falls_short: None,
         notes: Vec::new(),
     };
     let scene = Scene { guide: Some(guide), picture: true, operator: true, ..Scene::default() };
