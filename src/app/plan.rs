@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
 use crate::components::play::Playback;
 use crate::dynamics::Attitude;
@@ -10,6 +10,7 @@ use crate::dynamics::tentacles::directions;
 use crate::error::{Error, Result};
 use crate::fields::ClearanceFinder;
 use crate::fields::lumen::{self, Lumen, Segment};
+use crate::math::lattice::nearest_first;
 use crate::progress::Progress;
 use crate::render::{Space, first_crossing};
 
@@ -240,15 +241,7 @@ fn begins(lumen: &Lumen, number: Option<usize>) -> String {
 /// The nearest place within [`SNAP_MM`] at which the body fits, looked for on a lattice in order of distance.
 fn roomy(walls: &ClearanceFinder, at: DVec3, radius: f64) -> Option<DVec3> {
     const STEP: f64 = 0.5;
-    let n = (SNAP_MM / STEP) as i32;
-    let mut offsets: Vec<DVec3> = (-n..=n)
-        .flat_map(|z| (-n..=n).flat_map(move |y| (-n..=n).map(move |x| (x, y, z))))
-        .map(|(x, y, z)| DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * STEP)
-        .filter(|o| o.length() <= SNAP_MM)
-        .collect();
-    // A stable sort: ties stay in lattice order, the same every time.
-    offsets.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
-    offsets.into_iter().map(|o| at + o).find(|&p| walls.at(p).mm > radius + 0.1)
+    nearest_first(SNAP_MM, STEP, IVec3::ONE).into_iter().map(|o| at + o).find(|&p| walls.at(p).mm > radius + 0.1)
 }
 
 /// How near to the centre of the ball at a lumen's end is arrived, mm: half the ball's radius (the shortest of many

@@ -2,3 +2,5 @@
 
 pub mod cubic;
 pub mod hash;
+pub mod lattice;
+pub mod reflection;

@@ -2,12 +2,13 @@
 
 use std::collections::VecDeque;
 
-use glam::DVec3;
+use glam::{DVec3, IVec3};
 
 use super::drawing::{MM_PER_PIXEL, pixel_centre};
 use super::walls::Walls;
 use crate::error::{Error, Result};
 use crate::fields::Clearances;
+use crate::math::lattice::nearest_first;
 
 /// A start at which the body does not fit is taken to the nearest place that has room within this, mm.
 const SNAP_MM: f64 = 5.0;
@@ -127,13 +128,7 @@ fn reach(walls: &Walls, from: DVec3, fits: &impl Fn(DVec3) -> bool) -> DVec3 {
 
 /// The nearest place with room within [`SNAP_MM`], looked for on a lattice in order of distance.
 fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> Option<DVec3> {
-    let n = (SNAP_MM / MM_PER_PIXEL) as i32;
-    let mut offsets: Vec<DVec3> = (-n..=n)
-        .flat_map(|y| (-n..=n).map(move |x| DVec3::new(f64::from(x), f64::from(y), 0.0) * MM_PER_PIXEL))
-        .filter(|o| o.length() <= SNAP_MM)
-        .collect();
-    // A stable sort: ties stay in lattice order, the same every time.
-    offsets.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let offsets = nearest_first(SNAP_MM, MM_PER_PIXEL, IVec3::new(1, 1, 0));
     let found = offsets.into_iter().map(|o| at + o).find(|p| fits(*p))?;
     if found != at {
         notes.push(format!("the start {} has no room for the camera; taken to {}", pair(at), pair(found)));

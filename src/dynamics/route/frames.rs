@@ -3,28 +3,17 @@
 use glam::DVec3;
 
 use crate::dynamics::Attitude;
+use crate::math::reflection::doubly_reflected;
 
 /// Unit up vectors of a rotation-minimising frame along a curve of points (world mm) with unit tangents, beginning with
-/// `up` (made orthogonal).
-///
-/// Double reflection (Wang, Jüttler, Zheng, Liu, *Computation of rotation minimizing frames*, ACM Transactions on
-/// Graphics 27(1), 2008): the frame `(r, t)` is mirrored at the plane midway between two points,
-/// `r′ = r − (2/c₁)(v₁·r) v₁`, `v₁ = x₁ − x₀`, `c₁ = v₁·v₁`, and then at the one that takes the mirrored tangent to the
-/// next one, `v₂ = t₁ − t′`. Global error of order 4 in the distance of the points. Where two points or two tangents
-/// coincide the reflection is left out, as nothing turns there.
+/// `up` (made orthogonal), by double reflection.
 pub fn rotation_minimising(points: &[DVec3], tangents: &[DVec3], up: DVec3) -> Vec<DVec3> {
     let Some(&first) = tangents.first() else { return Vec::new() };
     let mut r = Attitude::new(first, up).up;
     let mut ups = vec![r];
     for (x, t) in points.windows(2).zip(tangents.windows(2)) {
-        let mirror = |v: DVec3, normal: DVec3| {
-            let c = normal.length_squared();
-            if c > 1e-18 { v - normal * (2.0 * normal.dot(v) / c) } else { v }
-        };
-        let v1 = x[1] - x[0];
-        let (r1, t1) = (mirror(r, v1), mirror(t[0], v1));
         // Rounding must not add up over thousands of points.
-        r = Attitude::new(t[1], mirror(r1, t[1] - t1)).up;
+        r = Attitude::new(t[1], doubly_reflected(r, [x[0], x[1]], [t[0], t[1]])).up;
         ups.push(r);
     }
     ups

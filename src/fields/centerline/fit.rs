@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::polyline::{is_free, smoothed};
 use crate::fields::WallDistance;
+use crate::math::reflection::doubly_reflected;
 
 /// Rays in a cross-section.
 const RAYS: usize = 48;
@@ -105,8 +106,8 @@ fn centroid(radius: &[f64; RAYS], frame: &Across) -> DVec3 {
     if area > 1e-9 { (frame.u * x + frame.v * y) / area } else { DVec3::ZERO }
 }
 
-/// Frames that turn about the line no more than it demands (double reflection, Wang et al. 2008), so that the rays of
-/// neighbouring cross-sections belong together.
+/// Frames that turn about the line no more than it demands (double reflection), so that the rays of neighbouring
+/// cross-sections belong together.
 fn frames(line: &[DVec3]) -> Vec<Across> {
     let last = line.len() - 1;
     let tangent = |n: usize| (line[(n + 1).min(last)] - line[n.saturating_sub(1)]).normalize_or(DVec3::Z);
@@ -115,10 +116,7 @@ fn frames(line: &[DVec3]) -> Vec<Across> {
         .map(|n| {
             let t = tangent(n);
             if n > 0 {
-                let chord = line[n] - line[n - 1];
-                let mirrored = |x: DVec3, by: DVec3| x - by * (2.0 * by.dot(x) / by.length_squared().max(1e-30));
-                let (left, turned) = (mirrored(u, chord), mirrored(tangent(n - 1), chord));
-                u = mirrored(left, t - turned);
+                u = doubly_reflected(u, [line[n - 1], line[n]], [tangent(n - 1), t]);
             }
             u = (u - t * t.dot(u)).try_normalize().unwrap_or_else(|| t.any_orthonormal_vector());
             Across { u, v: t.cross(u) }
