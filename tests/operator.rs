@@ -12,6 +12,7 @@ use colvis::components::flight::State;
 use colvis::components::input::Command;
 use colvis::components::output::LogLine;
 use colvis::components::play::Playback;
+use colvis::error::Result;
 use colvis::fields::{Lumen, lumen};
 use colvis::phantom::{Settings, Size};
 use colvis::progress::Progress;
@@ -138,26 +139,46 @@ fn a_plan_is_taken_up_without_a_jolt() {
     assert!(changed < 6000.0 && sought < 1500.0 && turned < 6000.0, "{changed} {sought} {turned}");
 }
 
+/// Gas in tissue, with the colon elsewhere.
+fn elsewhere(gas: impl Fn(DVec3) -> bool) -> (Space, Lumen) {
+    let grid = Grid::new([80, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let place = |n: usize| DVec3::new((n % 80) as f64, (n / 80 % 40) as f64, (n / 3200) as f64);
+    let data = (0..grid.len()).map(|n| if gas(place(n)) { -1000 } else { 40 }).collect();
+    let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+    let none = Lumen::none(space.volume().grid());
+    (space, none)
+}
+
+/// The plan through that gas from its one end.
+fn between(space: &Space, colon: &Lumen, to: DVec3) -> Result<Plan> {
+    let from = DVec3::new(15.0, 20.0, 20.0);
+    let wish = Wish { from: Some(Place::World(from)), to: Some(Place::World(to)), ..Wish::default() };
+    plan::plan(space, colon, &wish, 1.5, &Progress::new())
+}
+
+/// Where the way to the goal is narrower than the camera needs, the user is told before it gets stuck there.
+#[test]
+fn a_way_that_is_too_narrow_is_told_of() {
+    for (narrow, said) in [(2.0, 1), (7.0, 0)] {
+        let (space, colon) = elsewhere(|p| {
+            let radius = if (33.0..37.0).contains(&p.x) { narrow } else { 7.0 };
+            p.x > 10.0 && p.x < 60.0 && (p.y - 20.0).hypot(p.z - 20.0) < radius
+        });
+        let plan = between(&space, &colon, DVec3::new(55.0, 20.0, 20.0)).unwrap();
+        let mut f = FlightApp::new(space, Arc::new(colon), plan, scene(Guide::Potential), None).unwrap();
+        let notes = f.take_notes();
+        println!("{notes:?}");
+        assert_eq!(notes.len(), said, "{notes:?}");
+        assert!(f.take_notes().is_empty(), "once");
+    }
+}
+
 /// A goal is moved into gas that is no part of the colon within 5 mm, and refused beyond that.
 #[test]
 fn a_goal_in_tissue_is_refused_in_gas_of_any_kind() {
-    let grid = Grid::new([80, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let gas = |p: DVec3| p.x > 10.0 && p.x < 60.0 && (p.y - 20.0).hypot(p.z - 20.0) < 7.0;
-    let data = (0..grid.len())
-        .map(|n| {
-            let p = DVec3::new((n % 80) as f64, (n / 80 % 40) as f64, (n / 3200) as f64);
-            if gas(p) { -1000 } else { 40 }
-        })
-        .collect();
-    let progress = Progress::new();
-    let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
-    // The colon is elsewhere.
-    let colon = Lumen::none(space.volume().grid());
-    let from = DVec3::new(15.0, 20.0, 20.0);
-    let plan = |to: DVec3| {
-        let wish = Wish { from: Some(Place::World(from)), to: Some(Place::World(to)), ..Wish::default() };
-        plan::plan(&space, &colon, &wish, 1.5, &progress)
-    };
+    let (space, colon) = elsewhere(gas);
+    let plan = |to: DVec3| between(&space, &colon, to);
     let inside = DVec3::new(50.3, 21.0, 19.0);
     let p = plan(inside).unwrap();
     assert!(p.gas.is_some() && p.goal == inside && p.notes.is_empty(), "{:?}", p.notes);

@@ -26,6 +26,8 @@ pub struct Fields {
     route: Option<Planning>,
     /// What was built, and how long each took, s.
     took: Vec<(&'static str, f64)>,
+    /// What there is to say to the user of what was built.
+    notes: Vec<String>,
 }
 
 /// A way and the ends that it was planned for.
@@ -49,6 +51,17 @@ impl Wanted {
     pub fn by(guide: Option<Guide>) -> Self {
         Self { distances: guide == Some(Guide::Potential), route: guide == Some(Guide::Path) }
     }
+}
+
+/// Where the way to the target is narrower than was asked.
+fn narrower(kept_mm: f64, asked_mm: f64) -> String {
+    let kept = match kept_mm {
+        0.0 => "it is led through whatever is open".to_owned(),
+        mm => format!("it keeps {mm:.1} mm"),
+    };
+    format!(
+        "no way to the goal keeps {asked_mm:.1} mm from the wall, as the camera needs; {kept}, and may be too narrow"
+    )
 }
 
 impl Fields {
@@ -78,6 +91,11 @@ impl Fields {
     /// How long what was built took, s, in the order it was built, since the last call.
     pub fn take_times(&mut self) -> Vec<(&'static str, f64)> {
         std::mem::take(&mut self.took)
+    }
+
+    /// What there is to say to the user of what was built since the last call.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
     }
 
     fn timed<T>(&mut self, name: &'static str, build: impl FnOnce() -> Result<T>) -> Result<T> {
@@ -146,6 +164,9 @@ impl Fields {
                 let body = Traveller { from: plan.begin, clearance_mm };
                 let target =
                     self.timed("target_s", || TargetDistance::to(&walls, plan.goal, Some(body), &[], progress))?;
+                if target.clearance_mm() < clearance_mm {
+                    self.notes.push(narrower(target.clearance_mm(), clearance_mm));
+                }
                 self.target = Some((plan.goal, Arc::new(target)));
             }
         }

@@ -247,6 +247,7 @@ pub fn prepared(
     }
     let begun = Instant::now();
     let mut flight = FlightApp::prepared(space, lumen, plan, scene, image, Arc::clone(progress))?;
+    flight.take_notes().iter().for_each(|note| say(note));
     let fields = flight.take_field_times();
     let spent: f64 = fields.iter().map(|f| f.1).sum();
     for (name, seconds) in fields {

@@ -158,6 +158,11 @@ impl FlightApp {
         self.app.frame();
     }
 
+    /// Takes what there is to say to the user of what was planned since the last call.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        self.fields.take_notes()
+    }
+
     /// Takes the steps written down since the last call.
     pub fn take_log(&mut self) -> Vec<LogLine> {
         self.app.world.get_resource_mut::<FlightLog>().map_or_else(Vec::new, |mut l| std::mem::take(&mut l.0))

@@ -338,6 +338,9 @@ impl Cockpit {
     /// When a replayed command asks for something that there is not.
     pub fn advance(&mut self, now: Instant) -> Result<()> {
         self.take_planned(now);
+        for note in self.flight.take_notes() {
+            self.say(note, now);
+        }
         if self.message.as_ref().is_some_and(|m| now >= m.1) {
             self.message = None;
         }
