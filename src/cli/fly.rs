@@ -27,7 +27,7 @@ use crate::host::terminal::Bar;
 use crate::host::window::{self, Resume};
 use crate::output;
 use crate::progress::Progress;
-use crate::render::Space;
+use crate::render::{Settings, Space};
 
 /// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
 const HEADLESS_SECONDS: f64 = 600.0;
@@ -143,17 +143,20 @@ pub fn wish(args: &FlyArgs) -> Wish {
     Wish { from: args.from.map(place), to: args.to.map(place), reverse: args.reverse }
 }
 
-/// How images are to be made.
+/// How images are to be made. Those of a window adapt, whatever the quality: an operator cannot fly by pictures that come
+/// late.
 ///
 /// # Errors
 /// Status 2 for a view angle that is none.
-pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene) -> Result<ImageSettings> {
+pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene, windowed: bool) -> Result<ImageSettings> {
     let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
+    let quality = prepare::quality(args.quality);
+    let quality = Settings { adaptive: windowed || quality.adaptive, ..quality };
     Ok(ImageSettings {
         width: size.width,
         height: size.height,
         fov_degrees: prepare::fov(global)?,
-        settings: scene.render.apply(prepare::quality(args.quality)),
+        settings: scene.render.apply(quality),
         preset: prepare::preset(args.preset, scene.render.preset),
     })
 }
@@ -165,24 +168,16 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
         return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
     }
     let scene = scene(args, true)?;
-    let mut image = image_settings(args, global, &scene)?;
-    // Whatever the quality: an operator cannot fly by pictures that come late.
-    image.settings.adaptive = true;
+    let image = image_settings(args, global, &scene, true)?;
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
-    let repeatable = args.replay.is_some() || args.record_input.is_some();
-    let placed = args.from.is_some() || args.to.is_some() || args.reverse;
-    let resume = match (repeatable, placed, args.guide.is_some() || args.scene.is_some()) {
-        (true, ..) => Resume::Never,
-        (_, true, _) => Resume::Nothing,
-        (.., true) => Resume::Place,
-        _ => Resume::Everything,
-    };
     let timings = Arc::new(Mutex::new(Timings::default()));
     let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
     let prepare: window::Prepare = Box::new(move |progress| {
         let mut timings = Timings::default();
         let args = &prepare_args;
-        let mut flight = prepared(args, &prepare_global, scene, Some(image), &mut timings, progress)?;
+        let space = loaded(args, &prepare_global, &scene, &mut timings, progress)?;
+        let scan = window::Scan::of(space.volume());
+        let mut flight = prepared(args, space, scene, Some(image), &mut timings, progress)?;
         if let Some(acts) = acts {
             flight.replay(acts);
         }
@@ -190,7 +185,7 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
             flight.record_acts();
         }
         *kept.lock().unwrap_or_else(PoisonError::into_inner) = timings;
-        Ok(flight)
+        Ok(scan.ready(flight))
     });
     let finish_args = args.clone();
     let (coverage, fov) = (args.coverage, prepare::fov(global)?);
@@ -209,25 +204,51 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
         size: args.size.map(|s| (s.width, s.height)),
         log: args.log.clone(),
         seconds: args.seconds,
-        resume,
+        resume: resume(args),
     };
     window::run(display, launch, progress)
 }
 
-/// Reads the scan and makes the flight.
+/// What a flight in a window takes up from the last time that its scan was open.
+#[cfg(feature = "window")]
+fn resume(args: &FlyArgs) -> Resume {
+    let repeats = args.replay.is_some() || args.record_input.is_some() || args.play.is_some();
+    let placed = args.from.is_some() || args.to.is_some() || args.reverse;
+    match (repeats, placed, args.guide.is_some() || args.scene.is_some()) {
+        (true, ..) => Resume::Never,
+        (_, true, _) => Resume::Nothing,
+        (.., true) => Resume::Place,
+        _ => Resume::Everything,
+    }
+}
+
+/// Reads the scan that a scene is flown in.
+///
+/// # Errors
+/// As the contract has them.
+pub fn loaded(
+    args: &FlyArgs,
+    global: &Global,
+    scene: &Scene,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<Space> {
+    let preset = prepare::preset(args.preset, scene.render.preset);
+    prepare::space(args.input.as_deref(), global, preset, timings, progress)
+}
+
+/// Makes the flight in a scan.
 ///
 /// # Errors
 /// As the contract has them.
 pub fn prepared(
     args: &FlyArgs,
-    global: &Global,
+    space: Space,
     scene: Scene,
     image: Option<ImageSettings>,
     timings: &mut Timings,
     progress: &Arc<Progress>,
 ) -> Result<FlightApp> {
-    let preset = prepare::preset(args.preset, scene.render.preset);
-    let space = prepare::space(args.input.as_deref(), global, preset, timings, progress)?;
     let (space, lumen, plan) = match &scene.play {
         Some(play) => {
             check_scan(play, &space)?;
@@ -324,13 +345,15 @@ fn fly_headless(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Re
 /// Flies; `short` makes the recording a small, quick one of the whole way.
 fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bool) -> Result<()> {
     let scene = scene(args, false)?;
-    let mut image = scene.picture.then(|| image_settings(args, global, &scene)).transpose()?;
+    let mut image = scene.picture.then(|| image_settings(args, global, &scene, false)).transpose()?;
     if let (Some(i), true) = (&mut image, short && args.size.is_none()) {
         (i.width, i.height) = (320, 320);
     }
     let bar = Bar::show(progress);
     let mut timings = Timings::default();
-    let mut flight = match prepared(args, global, scene, image, &mut timings, progress) {
+    let made = loaded(args, global, &scene, &mut timings, progress)
+        .and_then(|space| prepared(args, space, scene, image, &mut timings, progress));
+    let mut flight = match made {
         Ok(flight) => flight,
         Err(e) => {
             leave_unflown(args, &timings, &e)?;
@@ -449,4 +472,24 @@ pub fn write_acts(path: &Path, acts: &[Act]) -> Result<()> {
         }
         Ok(())
     })
+}
+
+#[cfg(all(test, feature = "window"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_flight_of_its_own_takes_up_the_last_one() {
+        let file = Some(PathBuf::from("f"));
+        let args = FlyArgs::default();
+        assert_eq!(resume(&args), Resume::Everything);
+        assert_eq!(resume(&FlyArgs { guide: Some(GuideName::Path), ..args.clone() }), Resume::Place);
+        assert_eq!(resume(&FlyArgs { reverse: true, ..args.clone() }), Resume::Nothing);
+        for reverse in [false, true] {
+            let args = FlyArgs { reverse, ..args.clone() };
+            assert_eq!(resume(&FlyArgs { play: file.clone(), ..args.clone() }), Resume::Never);
+            assert_eq!(resume(&FlyArgs { replay: file.clone(), ..args.clone() }), Resume::Never);
+            assert_eq!(resume(&FlyArgs { record_input: file.clone(), ..args }), Resume::Never);
+        }
+    }
 }

@@ -34,7 +34,7 @@ use crate::app::FlightApp;
 use crate::error::{Error, Result};
 use crate::host::headless::FrameStats;
 use crate::progress::Progress;
-pub use loading::Prepare;
+pub use loading::{Prepare, Ready, Scan};
 pub use presented::PresentMs;
 use shell::{Shell, Wake};
 

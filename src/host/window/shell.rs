@@ -16,13 +16,13 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::cockpit::Cockpit;
 use super::keys::{Action, Deed, action};
-use super::loading::Loading;
+use super::loading::{Loading, Ready};
 use super::log::Log;
 use super::overlay::Content;
 use super::painter::{Painter, on_bar};
 use super::presented::Presented;
 use super::saver::WakeUp;
-use super::session::{self, Session};
+use super::session::Session;
 use super::{Finish, Launch, Resume};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -180,8 +180,8 @@ impl Shell {
     /// The loading is over: takes off, or shows why not.
     fn take_off(&mut self) -> Result<()> {
         let Stage::Loading(loading) = std::mem::replace(&mut self.stage, Stage::Over) else { return Ok(()) };
-        let mut flight = match loading.finish() {
-            Ok(flight) => flight,
+        let Ready { mut flight, session } = match loading.finish() {
+            Ok(ready) => ready,
             Err(e) if self.progress.is_cancelled() => return Err(e),
             Err(e) => {
                 self.stage = Stage::Failed(e);
@@ -189,8 +189,9 @@ impl Shell {
             }
         };
         self.log = self.log_path.as_deref().map(Log::create).transpose()?;
-        if self.resume != Resume::Never {
-            self.session = session::file(flight.space().volume());
+        // A camera that nobody steers leaves no place behind that another flight could go on from.
+        if self.resume != Resume::Never && flight.scene().steers().is_some() {
+            self.session = session;
         }
         let left = match (&self.session, self.resume) {
             (Some(path), Resume::Everything | Resume::Place) => Session::read(path).unwrap_or_else(|e| {
@@ -199,10 +200,13 @@ impl Shell {
             }),
             _ => None,
         };
-        let along = match left {
-            Some(left) => left.take_up(&mut flight, self.resume == Resume::Everything)?,
-            None => None,
-        };
+        // What cannot be taken up must not keep the scan from being opened.
+        let along = left.and_then(|left| {
+            left.take_up(&mut flight, self.resume == Resume::Everything).unwrap_or_else(|e| {
+                eprintln!("note: the flight does not go on where it was left: {e}");
+                None
+            })
+        });
         let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable))?;
         if along.is_some() {
             cockpit.say("going on where you left (E starts from the end)", Instant::now());
