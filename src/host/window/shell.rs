@@ -2,29 +2,28 @@
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
-use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use softbuffer::{Context, Surface};
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition, PhysicalSize, Size};
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};
-use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy, OwnedDisplayHandle};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::cockpit::Cockpit;
 use super::keys::{Action, Deed, action};
 use super::loading::{Loading, Ready};
-use super::log::Log;
 use super::overlay::Content;
 use super::painter::{Painter, on_bar};
 use super::presented::Presented;
 use super::saver::WakeUp;
+use super::screen::Screen;
 use super::session::Session;
 use super::{Finish, Launch, Resume};
 use crate::error::{Error, Result};
+use crate::host::log::Log;
 use crate::progress::Progress;
 use crate::render::adaptive::FRAME;
 
@@ -52,11 +51,6 @@ enum Stage {
     Flying(Box<Cockpit>),
     /// Nothing is shown any more.
     Over,
-}
-
-struct Screen {
-    window: Rc<Window>,
-    surface: Surface<OwnedDisplayHandle, Rc<Window>>,
 }
 
 /// The program as the system's event loop knows it.
@@ -338,18 +332,9 @@ impl ApplicationHandler<Wake> for Shell {
             .with_title("colvis")
             .with_inner_size(size)
             .with_min_inner_size(LogicalSize::new(320.0, 240.0));
-        let made = events.create_window(attributes).map_err(|e| e.to_string()).and_then(|window| {
-            let window = Rc::new(window);
-            let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;
-            let surface = Surface::new(&context, Rc::clone(&window)).map_err(|e| e.to_string())?;
-            Ok(Screen { window, surface })
-        });
-        match made {
-            Ok(screen) => {
-                screen.window.request_redraw();
-                self.screen = Some(screen);
-            }
-            Err(why) => self.fail(Error::fault("window", why, "use --headless"), events),
+        match Screen::open(events, attributes) {
+            Ok(screen) => self.screen = Some(screen),
+            Err(e) => self.fail(e, events),
         }
     }
 
