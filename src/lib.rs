@@ -2,7 +2,7 @@
 //!
 //! Who may use whom, from the bottom up (nothing points the other way):
 //!
-//! `error`, `progress`, `math` ← `volume`, `phantom`, `fields`, `dynamics` ← `render` ← `surface`, `components` ←
+//! `error`, `progress`, `memory`, `math` ← `volume`, `phantom`, `fields`, `dynamics` ← `render` ← `surface`, `components` ←
 //! `systems` ← `app` ← `host`, `report` ← `cli`; `plane`, the flights in two dimensions, stands beside `app`.
 //!
 //! Everything up to `render` is plain functions and data that know no entity-component-system. `components` holds what
@@ -43,6 +43,7 @@ pub mod error;
 pub mod fields;
 pub mod host;
 pub mod math;
+pub mod memory;
 pub mod output;
 pub mod phantom;
 pub mod plane;

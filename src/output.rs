@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Kind, Result};
 
@@ -16,21 +17,52 @@ pub struct Whole {
 }
 
 enum Sink {
-    Temporary(tempfile::NamedTempFile),
+    Temporary(tempfile::NamedTempFile, Listed),
     Direct(File),
+}
+
+/// The temporary files there are.
+static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+/// A temporary file's entry among [`TEMPORARY`].
+struct Listed(PathBuf);
+
+impl Listed {
+    fn new(file: &tempfile::NamedTempFile) -> Self {
+        temporary().push(file.path().to_owned());
+        Self(file.path().to_owned())
+    }
+}
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        temporary().retain(|p| *p != self.0);
+    }
+}
+
+fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
+    TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes the files being written, for a program that ends at once: nothing is dropped then.
+pub fn remove_temporary() {
+    for path in temporary().iter() {
+        // It may have got its name just now.
+        let _ = std::fs::remove_file(path);
+    }
 }
 
 impl Write for Sink {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         match self {
-            Self::Temporary(f) => f.write(buf),
+            Self::Temporary(f, _) => f.write(buf),
             Self::Direct(f) => f.write(buf),
         }
     }
 
     fn flush(&mut self) -> io::Result<()> {
         match self {
-            Self::Temporary(f) => f.flush(),
+            Self::Temporary(f, _) => f.flush(),
             Self::Direct(f) => f.flush(),
         }
     }
@@ -62,7 +94,9 @@ impl Whole {
                     let mode = existing.as_ref().map_or(0o666, |m| m.permissions().mode() & 0o777);
                     builder.permissions(std::fs::Permissions::from_mode(mode));
                 }
-                Sink::Temporary(builder.tempfile_in(folder).map_err(|e| cannot(path, &e))?)
+                let file = builder.tempfile_in(folder).map_err(|e| cannot(path, &e))?;
+                let listed = Listed::new(&file);
+                Sink::Temporary(file, listed)
             }
         };
         Ok(Self { path: path.to_owned(), sink: BufWriter::with_capacity(1 << 20, sink) })
@@ -71,7 +105,7 @@ impl Whole {
     /// Where the file is until it is finished, for another program to write to instead.
     pub fn place(&self) -> &Path {
         match self.sink.get_ref() {
-            Sink::Temporary(f) => f.path(),
+            Sink::Temporary(f, _) => f.path(),
             Sink::Direct(_) => &self.path,
         }
     }
@@ -84,7 +118,7 @@ impl Whole {
         self.sink.flush().map_err(|e| cannot(&self.path, &e))?;
         // `into_parts` cannot lose data: the buffer was flushed above.
         match self.sink.into_parts().0 {
-            Sink::Temporary(f) => f.persist(&self.path).map(drop).map_err(|e| cannot(&self.path, &e.error)),
+            Sink::Temporary(f, _listed) => f.persist(&self.path).map(drop).map_err(|e| cannot(&self.path, &e.error)),
             Sink::Direct(_) => Ok(()),
         }
     }
@@ -170,19 +204,38 @@ pub fn plain(e: &io::Error) -> String {
 /// # Errors
 /// Status 2 for two of the same name, status 5 for a folder that is missing.
 pub fn check_targets(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
-    let place = |p: &Path| {
-        let absolute = std::path::absolute(p).unwrap_or_else(|_| p.to_owned());
-        if is_special(&absolute) { absolute } else { std::fs::canonicalize(p).unwrap_or(absolute) }
-    };
+    check_apart(inputs, outputs)?;
+    check_folders(outputs)
+}
+
+/// Refuses files whose folders are not there.
+///
+/// # Errors
+/// Status 5 for a folder that is missing.
+pub fn check_folders(outputs: &[&Path]) -> Result<()> {
+    let is_missing = |p: &&&Path| place(p).parent().is_some_and(|f| !f.is_dir());
+    outputs.iter().find(is_missing).map_or(Ok(()), |path| {
+        Err(Error::output(path, "cannot be written (its folder is not there)", "make the folder first"))
+    })
+}
+
+/// Where a path leads, links followed.
+fn place(path: &Path) -> PathBuf {
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    if is_special(&absolute) { absolute } else { std::fs::canonicalize(path).unwrap_or(absolute) }
+}
+
+/// Refuses outputs (files, or folders of them) that would overwrite an input or each other.
+///
+/// # Errors
+/// Status 2 for two of the same name.
+pub fn check_apart(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
     let mut taken: Vec<PathBuf> = inputs.iter().map(|p| place(p)).collect();
     for &path in outputs {
         let at = place(path);
         if taken.contains(&at) && !is_special(&at) {
             let why = "is named for two things, of which one would overwrite the other";
             return Err(Error::usage(path.display().to_string(), why, "give each a name of its own"));
-        }
-        if at.parent().is_some_and(|f| !f.is_dir()) {
-            return Err(Error::output(path, "cannot be written (its folder is not there)", "make the folder first"));
         }
         taken.push(at);
     }
@@ -233,6 +286,19 @@ mod tests {
         assert_eq!(check(&[&at("scan")]), Err(Kind::Usage));
         assert_eq!(check(&[&at("a"), &at("a")]), Err(Kind::Usage));
         assert_eq!(check(&[&at("none/a")]), Err(Kind::Output));
+        let apart = |i: &Path, o: &Path| check_apart(&[i], &[o]).map_err(|e| e.kind);
+        assert_eq!(apart(dir.path(), &dir.path().join("")), Err(Kind::Usage), "the same folder, with a slash");
+        assert_eq!(apart(dir.path(), &at("none/of/it/")), Ok(()));
+    }
+
+    #[test]
+    fn files_being_written_are_known() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = Whole::create(&dir.path().join("a")).unwrap();
+        let place = file.place().to_owned();
+        assert!(temporary().contains(&place));
+        file.finish().unwrap();
+        assert!(!temporary().contains(&place));
     }
 
     #[test]

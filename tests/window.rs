@@ -144,10 +144,14 @@ fn is_bar([r, g, b]: [u8; 3]) -> bool {
     r < 140 && (160..220).contains(&g) && b > 240
 }
 
-/// The lumen's pink, red first, and the overlay.
+/// The lumen's pink, red first.
+fn shows(image: &RgbImage) -> bool {
+    share(image, |[r, g, b]| r > 60 && r > g + g / 4 && g >= b) > 0.2
+}
+
+/// The lumen and the overlay, on the way.
 fn flies(image: &RgbImage) -> bool {
-    let pink = share(image, |[r, g, b]| r > 60 && r > g + g / 4 && g >= b);
-    pink > 0.2 && share(image, is_bar) > 0.0
+    shows(image) && share(image, is_bar) > 0.0
 }
 
 fn log(folder: &Path, name: &str) -> Vec<LogLine> {
@@ -237,6 +241,79 @@ fn a_flight_in_a_window() {
     let again = log(folder, "second.jsonl");
     let gap = place(&again[0]).distance(place(&lines[lines.len() - 1]));
     assert!(gap < 1.0, "{gap} mm from where it was left");
+}
+
+/// What is kept of a flight for the next time.
+fn sessions(folder: &Path) -> Vec<std::path::PathBuf> {
+    let list = fs::read_dir(folder.join("state/colvis/sessions"));
+    list.map_or_else(|_| Vec::new(), |list| list.map(|e| e.unwrap().path()).collect())
+}
+
+/// However a scan was left, it can be opened again.
+#[test]
+fn a_kept_session_never_keeps_a_scan_from_being_opened() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let quit = |mut window: Running| {
+        screen.key("q");
+        let status = window.wait();
+        let (_, err) = window.output();
+        assert!(status.success(), "{status}: {err}");
+        err
+    };
+    // Nobody steers.
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/render.toml");
+    let still = screen.open_window(folder, &["--scene", scene.to_str().unwrap()], shows);
+    assert_eq!(quit(still), "");
+    assert!(sessions(folder).is_empty());
+    // A flight keeps its place, whoever steers and whatever copy of the scan it is flown in.
+    let window = screen.fly(folder, "f.jsonl");
+    std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(quit(window), "");
+    let kept = sessions(folder);
+    assert_eq!(kept.len(), 1);
+    // What it says cannot be followed: that is said, and the scan is flown from its start.
+    let text = fs::read_to_string(&kept[0]).unwrap();
+    fs::write(&kept[0], text.replace("\"tentacles\"", "\"none\"")).unwrap();
+    let err = quit(screen.fly(folder, "again.jsonl"));
+    assert!(err.starts_with("note: ") && err.contains("\"none\""), "{err}");
+    let [first, again] = ["f.jsonl", "again.jsonl"].map(|name| place(&log(folder, name)[0]));
+    assert!(first.distance(again) < 1.0);
+    // A log that is played, backwards too, touches nothing of it.
+    fs::write(&kept[0], &text).unwrap();
+    for more in [&[][..], &["--reverse"]] {
+        let played = screen.open_window(folder, &[&["--play", "f.jsonl", "--rate", "20"][..], more].concat(), shows);
+        std::thread::sleep(Duration::from_secs(2));
+        assert_eq!(quit(played), "");
+        assert_eq!(fs::read_to_string(&kept[0]).unwrap(), text);
+    }
+}
+
+/// What cannot be flown is shown, and told like without a window.
+#[test]
+fn a_scan_without_a_way_leaves_an_empty_log_and_the_reason() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let head = "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n\
+                BinaryDataByteOrderMSB = False\nElementDataFile = LOCAL\n";
+    let voxels = std::iter::repeat_n(40i16.to_le_bytes(), 512).flatten();
+    fs::write(folder.join("s.mha"), head.bytes().chain(voxels).collect::<Vec<u8>>()).unwrap();
+    let args = ["fly", "s.mha", "--size", "640x480", "--log", "f.jsonl", "--stats", "stats.json"];
+    let mut told = 0;
+    // The words stay as they are once it has failed.
+    let mut window = screen.open_window(folder, &args, |i| {
+        told += usize::from(share(i, |p| p.iter().all(|&c| c > 150)) > 0.005);
+        told > 3
+    });
+    screen.key("q");
+    assert_eq!(window.wait().code(), Some(4));
+    let (_, err) = window.output();
+    assert!(err.starts_with("error: ") && err.lines().count() == 1, "{err}");
+    assert_eq!(fs::read(folder.join("f.jsonl")).unwrap(), b"");
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
+    assert!(stats["state"] == "operator" && err.contains(stats["reason"].as_str().unwrap()), "{stats}");
 }
 
 /// The recorded hand, which pushes into the wall, in the window and without it: the same log, and never a perforation.

@@ -4,11 +4,13 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Args as ClapArgs, CommandFactory, Parser, Subcommand, ValueEnum};
 
 pub use crate::cli::values::{Pair, Point, Size, Triple};
 
+use crate::app::Guide;
 use crate::cli::values::count;
 use crate::error::Error;
 
@@ -88,8 +90,8 @@ pub struct FlyArgs {
     #[arg(long)]
     pub headless: bool,
     /// Who steers
-    #[arg(long, value_enum)]
-    pub guide: Option<GuideName>,
+    #[arg(long, value_parser = guide_parser())]
+    pub guide: Option<Guide>,
     /// Where to start: rectum, cecum or X,Y,Z in mm LPS
     #[arg(long, value_name = "P", allow_hyphen_values = true)]
     pub from: Option<Point>,
@@ -282,18 +284,9 @@ pub struct ReportArgs {
     pub steps: Option<u64>,
 }
 
-/// Who steers.
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-#[value(rename_all = "lower")]
-pub enum GuideName {
-    /// Tentacles and mines.
-    Tentacles,
-    /// Wall and target distance fields.
-    Potential,
-    /// A planned path.
-    Path,
-    /// The operator.
-    Manual,
+/// Every guide there is, by its name.
+fn guide_parser() -> impl TypedValueParser<Value = Guide> {
+    PossibleValuesParser::new(Guide::ALL.map(|g| g.1)).try_map(|name| Guide::named(&name).ok_or("no guide"))
 }
 
 /// Image quality.
@@ -302,7 +295,7 @@ pub enum GuideName {
 pub enum QualityName {
     /// Trilinear.
     High,
-    /// Nearest voxel.
+    /// A third of the resolution, stretched; the nearest voxel with the presets colvis and lean.
     Low,
     /// What budget and speed allow; at rest, up to the reference.
     Adaptive,
@@ -444,6 +437,9 @@ mod tests {
         assert_eq!(a.fly.from, Some(Point::World(DVec3::new(-1.0, 2.0, -3.5))));
         let a = Args::try_parse_from(["colvis", "fly", "--to", "cecum", "--wall", "-800,-500"]).unwrap();
         assert!(matches!(a.command, Some(Command::Fly(f)) if f.to == Some(Point::Cecum)));
+        for (guide, name, _) in Guide::ALL {
+            assert_eq!(Args::try_parse_from(["colvis", "--guide", name]).unwrap().fly.guide, Some(guide));
+        }
         assert!(Args::try_parse_from(["colvis", "--size", "0x5"]).is_err());
         assert!(Args::try_parse_from(["colvis", "--from", "1,2,nan"]).is_err());
     }

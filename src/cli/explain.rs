@@ -16,10 +16,12 @@ use crate::progress::Progress;
 /// As `fly`'s preparation.
 pub fn run(args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     fly::check(&args.fly)?;
-    let scene = fly::scene(&args.fly, !args.fly.headless && cfg!(feature = "window"))?;
-    let image = scene.picture.then(|| fly::image_settings(&args.fly, global, &scene)).transpose()?;
+    let windowed = !args.fly.headless && cfg!(feature = "window");
+    let scene = fly::scene(&args.fly, windowed)?;
+    let image = scene.picture.then(|| fly::image_settings(&args.fly, global, &scene, windowed)).transpose()?;
     let mut timings = Timings::default();
-    let mut flight = fly::prepared(&args.fly, global, scene, image, &mut timings, progress)?;
+    let space = fly::loaded(&args.fly, global, &scene, &mut timings, progress)?;
+    let mut flight = fly::prepared(&args.fly, space, scene, image, &mut timings, progress)?;
     if flight.camera::<FrameCache>().is_some() {
         // Only frames fill it: the last one's and the one before's memory is used in turn.
         flight.frame();

@@ -1,19 +1,24 @@
 //! `colvis fly`, and `colvis` without a command.
 
+#[cfg(feature = "window")]
+use std::cell::Cell;
 use std::io::BufRead;
 use std::path::{Path, PathBuf};
+#[cfg(feature = "window")]
+use std::rc::Rc;
 use std::sync::Arc;
 #[cfg(feature = "window")]
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use glam::DVec3;
+use serde::de::DeserializeOwned;
 use serde_json::json;
 
 use crate::app::flight::ImageSettings;
 use crate::app::plan::{self, Place, Wish, triple};
 use crate::app::{FlightApp, Guide, Scene};
-use crate::cli::args::{FlyArgs, Global, GuideName, Point, Size};
+use crate::cli::args::{FlyArgs, Global, Point, Size};
 use crate::cli::prepare::{self, Timings, say};
 use crate::components::flight::State;
 use crate::components::input::Act;
@@ -27,10 +32,14 @@ use crate::host::terminal::Bar;
 use crate::host::window::{self, Resume};
 use crate::output;
 use crate::progress::Progress;
-use crate::render::Space;
+use crate::render::{Settings, Space};
 
 /// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
 const HEADLESS_SECONDS: f64 = 600.0;
+/// What a flight leaves where there is no display and nothing was asked for, and the folder that it is in.
+const SHORT_FILM: &str = "flight/flight.gif";
+const SHORT_LOG: &str = "flight/flight.jsonl";
+const SHORT_FOLDER: &str = "flight";
 
 /// Runs the command.
 ///
@@ -53,8 +62,10 @@ pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<
     eprintln!("built without a window: flying headless");
     let mut args = args.clone();
     if args.record.is_none() && args.log.is_none() {
-        args.record = Some("flight/flight.gif".to_owned());
-        args.log = Some(PathBuf::from("flight/flight.jsonl"));
+        args.record = Some(SHORT_FILM.to_owned());
+        args.log = Some(PathBuf::from(SHORT_LOG));
+        // Nobody named these: they must not take the place of what is to be read.
+        check_apart(&args)?;
         return fly_with(&args, global, progress, true);
     }
     fly_headless(&args, global, progress)
@@ -99,19 +110,19 @@ fn check_files(args: &FlyArgs) -> Result<()> {
     if let Some(input) = args.input.as_deref().filter(|i| !i.exists()) {
         return Err(Error::file(input, "does not exist", "check the name, or see colvis --help for the commands"));
     }
-    let record = args.record.as_ref().filter(|r| !r.ends_with('/')).map(PathBuf::from);
-    let inputs = [&args.input, &args.replay, &args.scene, &args.play].into_iter().filter_map(|f| f.as_deref());
-    let outputs = [&args.log, &args.stats, &args.record_input, &record].into_iter().filter_map(|f| f.as_deref());
-    output::check_targets(&inputs.collect::<Vec<_>>(), &outputs.collect::<Vec<_>>())
+    check_apart(args)?;
+    // A folder of images is made where it is not there.
+    let film = args.record.as_ref().filter(|r| !r.ends_with('/')).map(PathBuf::from);
+    let outputs = [&args.log, &args.stats, &args.record_input, &film].into_iter().filter_map(|f| f.as_deref());
+    output::check_folders(&outputs.collect::<Vec<_>>())
 }
 
-fn guide(args: &FlyArgs) -> Option<Guide> {
-    args.guide.map(|name| match name {
-        GuideName::Tentacles => Guide::Tentacles,
-        GuideName::Potential => Guide::Potential,
-        GuideName::Path => Guide::Path,
-        GuideName::Manual => Guide::Manual,
-    })
+/// Refuses outputs that would overwrite an input or each other.
+fn check_apart(args: &FlyArgs) -> Result<()> {
+    let record = args.record.as_ref().map(PathBuf::from);
+    let inputs = [&args.input, &args.replay, &args.scene, &args.play].into_iter().filter_map(|f| f.as_deref());
+    let outputs = [&args.log, &args.stats, &args.record_input, &record].into_iter().filter_map(|f| f.as_deref());
+    output::check_apart(&inputs.collect::<Vec<_>>(), &outputs.collect::<Vec<_>>())
 }
 
 /// The scene that the arguments ask for; options win over the scene file.
@@ -120,9 +131,7 @@ fn guide(args: &FlyArgs) -> Option<Guide> {
 /// Status 2 for a scene that makes no sense.
 pub fn scene(args: &FlyArgs, windowed: bool) -> Result<Scene> {
     let mut scene = args.scene.as_deref().map_or_else(|| Ok(Scene::default()), Scene::read)?;
-    if let Some(g) = guide(args) {
-        scene.guide = Some(g);
-    }
+    scene.guide = args.guide.or(scene.guide);
     if let Some(path) = &args.play {
         scene.play = Some(read_log(path, args.rate.unwrap_or(1.0), args.reverse)?);
     }
@@ -143,17 +152,20 @@ pub fn wish(args: &FlyArgs) -> Wish {
     Wish { from: args.from.map(place), to: args.to.map(place), reverse: args.reverse }
 }
 
-/// How images are to be made.
+/// How images are to be made. Those of a window adapt, whatever the quality: an operator cannot fly by pictures that come
+/// late.
 ///
 /// # Errors
 /// Status 2 for a view angle that is none.
-pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene) -> Result<ImageSettings> {
+pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene, windowed: bool) -> Result<ImageSettings> {
     let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
+    let quality = prepare::quality(args.quality);
+    let quality = Settings { adaptive: windowed || quality.adaptive, ..quality };
     Ok(ImageSettings {
         width: size.width,
         height: size.height,
         fov_degrees: prepare::fov(global)?,
-        settings: scene.render.apply(prepare::quality(args.quality)),
+        settings: scene.render.apply(quality),
         preset: prepare::preset(args.preset, scene.render.preset),
     })
 }
@@ -165,38 +177,34 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
         return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
     }
     let scene = scene(args, true)?;
-    let mut image = image_settings(args, global, &scene)?;
-    // Whatever the quality: an operator cannot fly by pictures that come late.
-    image.settings.adaptive = true;
+    let image = image_settings(args, global, &scene, true)?;
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
-    let repeatable = args.replay.is_some() || args.record_input.is_some();
-    let placed = args.from.is_some() || args.to.is_some() || args.reverse;
-    let resume = match (repeatable, placed, args.guide.is_some() || args.scene.is_some()) {
-        (true, ..) => Resume::Never,
-        (_, true, _) => Resume::Nothing,
-        (.., true) => Resume::Place,
-        _ => Resume::Everything,
-    };
     let timings = Arc::new(Mutex::new(Timings::default()));
     let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
     let prepare: window::Prepare = Box::new(move |progress| {
         let mut timings = Timings::default();
         let args = &prepare_args;
-        let mut flight = prepared(args, &prepare_global, scene, Some(image), &mut timings, progress)?;
+        let made = loaded(args, &prepare_global, &scene, &mut timings, progress).and_then(|space| {
+            let scan = window::Scan::of(space.volume());
+            Ok((scan, prepared(args, space, scene, Some(image), &mut timings, progress)?))
+        });
+        *kept.lock().unwrap_or_else(PoisonError::into_inner) = timings;
+        let (scan, mut flight) = made?;
         if let Some(acts) = acts {
             flight.replay(acts);
         }
         if args.record_input.is_some() {
             flight.record_acts();
         }
-        *kept.lock().unwrap_or_else(PoisonError::into_inner) = timings;
-        Ok(flight)
+        Ok(scan.ready(flight))
     });
-    let finish_args = args.clone();
+    let flown = Rc::new(Cell::new(false));
+    let (finish_args, finish_timings, set_out) = (args.clone(), Arc::clone(&timings), Rc::clone(&flown));
     let (coverage, fov) = (args.coverage, prepare::fov(global)?);
     let finish =
         Box::new(move |flight: &FlightApp, frames: &[headless::FrameStats], present: Option<window::PresentMs>| {
-            let timings = timings.lock().unwrap_or_else(PoisonError::into_inner);
+            set_out.set(true);
+            let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
             let mut stats = stats(flight, &timings, frames, coverage.then_some(fov))?;
             if let (Some(present), Some(m)) = (present, stats.as_object_mut()) {
                 m.insert("present_ms".to_owned(), json!(present));
@@ -209,25 +217,55 @@ fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, disp
         size: args.size.map(|s| (s.width, s.height)),
         log: args.log.clone(),
         seconds: args.seconds,
-        resume,
+        resume: resume(args),
     };
-    window::run(display, launch, progress)
+    window::run(display, launch, progress).inspect_err(|e| {
+        if !flown.get() {
+            leave_unflown(args, &timings.lock().unwrap_or_else(PoisonError::into_inner), e);
+        }
+    })
 }
 
-/// Reads the scan and makes the flight.
+/// What a flight in a window takes up from the last time that its scan was open.
+#[cfg(feature = "window")]
+fn resume(args: &FlyArgs) -> Resume {
+    let repeats = args.replay.is_some() || args.record_input.is_some() || args.play.is_some();
+    let placed = args.from.is_some() || args.to.is_some() || args.reverse;
+    match (repeats, placed, args.guide.is_some() || args.scene.is_some()) {
+        (true, ..) => Resume::Never,
+        (_, true, _) => Resume::Nothing,
+        (.., true) => Resume::Place,
+        _ => Resume::Everything,
+    }
+}
+
+/// Reads the scan that a scene is flown in.
+///
+/// # Errors
+/// As the contract has them.
+pub fn loaded(
+    args: &FlyArgs,
+    global: &Global,
+    scene: &Scene,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<Space> {
+    let preset = prepare::preset(args.preset, scene.render.preset);
+    prepare::space(args.input.as_deref(), global, preset, timings, progress)
+}
+
+/// Makes the flight in a scan.
 ///
 /// # Errors
 /// As the contract has them.
 pub fn prepared(
     args: &FlyArgs,
-    global: &Global,
+    space: Space,
     scene: Scene,
     image: Option<ImageSettings>,
     timings: &mut Timings,
     progress: &Arc<Progress>,
 ) -> Result<FlightApp> {
-    let preset = prepare::preset(args.preset, scene.render.preset);
-    let space = prepare::space(args.input.as_deref(), global, preset, timings, progress)?;
     let (space, lumen, plan) = match &scene.play {
         Some(play) => {
             check_scan(play, &space)?;
@@ -276,16 +314,24 @@ fn check_scan(play: &Playback, space: &Space) -> Result<()> {
 
 /// Reads a flight's log to be played: one [`LogLine`] a line.
 fn read_log(path: &Path, rate: f64, backwards: bool) -> Result<Playback> {
-    let bad = |why: String| Error::file(path, why, "give a log that --log wrote");
-    let file = std::fs::File::open(path).map_err(|e| bad(format!("cannot be read ({})", output::plain(&e))))?;
-    let mut lines: Vec<LogLine> = Vec::new();
+    let mend = "give a log that --log wrote";
+    let bad = |e: Error| if e.kind == Kind::Usage { e } else { Error::file(path, e.why, mend) };
+    Playback::new(read_lines::<LogLine>(path, mend)?, rate, backwards).map_err(bad)
+}
+
+/// Reads a file with a value on each line, as JSON; empty lines are none.
+fn read_lines<T: DeserializeOwned>(path: &Path, mend: &str) -> Result<Vec<T>> {
+    let unread = |e: std::io::Error| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend);
+    let file = std::fs::File::open(path).map_err(unread)?;
+    let mut values = Vec::new();
     for (n, line) in std::io::BufReader::new(file).lines().enumerate() {
-        let line = line.map_err(|e| bad(format!("cannot be read ({})", output::plain(&e))))?;
+        let line = line.map_err(unread)?;
         if !line.trim().is_empty() {
-            lines.push(serde_json::from_str(&line).map_err(|e| bad(format!("line {}: {e}", n + 1)))?);
+            let value = serde_json::from_str(&line);
+            values.push(value.map_err(|e| Error::file(path, format!("line {}: {e}", n + 1), mend))?);
         }
     }
-    Playback::new(lines, rate, backwards).map_err(|e| if e.kind == Kind::Usage { e } else { bad(e.why) })
+    Ok(values)
 }
 
 /// Writes what stands for what was flown, whether or not it came to a good end: stats and the operator's input.
@@ -299,11 +345,17 @@ fn leave(args: &FlyArgs, flight: &FlightApp, stats: &serde_json::Value) -> Resul
     Ok(())
 }
 
-/// What is left of a flight that could not set out: an empty log, and stats that say why.
-fn leave_unflown(args: &FlyArgs, timings: &Timings, why: &Error) -> Result<()> {
-    if why.kind != Kind::Incomplete {
-        return Ok(());
+/// Leaves what there is of a flight that could not set out: an empty log, and stats that say why. What cannot be written is
+/// only noted: the reason why there is no flight is what there is to tell.
+fn leave_unflown(args: &FlyArgs, timings: &Timings, why: &Error) {
+    if why.kind == Kind::Incomplete
+        && let Err(e) = write_unflown(args, timings, why)
+    {
+        say(&e.to_string());
     }
+}
+
+fn write_unflown(args: &FlyArgs, timings: &Timings, why: &Error) -> Result<()> {
     if let Some(path) = &args.log {
         output::write_whole(path, |_| Ok(()))?;
     }
@@ -325,16 +377,25 @@ fn fly_headless(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Re
 /// Flies; `short` makes the recording a small, quick one of the whole way.
 fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bool) -> Result<()> {
     let scene = scene(args, false)?;
-    let mut image = scene.picture.then(|| image_settings(args, global, &scene)).transpose()?;
+    let view = args.coverage.then(|| prepare::fov(global)).transpose()?;
+    let acts = args.replay.as_deref().map(read_acts).transpose()?;
+    let mut image = scene.picture.then(|| image_settings(args, global, &scene, false)).transpose()?;
     if let (Some(i), true) = (&mut image, short && args.size.is_none()) {
         (i.width, i.height) = (320, 320);
     }
     let bar = Bar::show(progress);
     let mut timings = Timings::default();
-    let mut flight = match prepared(args, global, scene, image, &mut timings, progress) {
+    let made = loaded(args, global, &scene, &mut timings, progress)
+        .and_then(|space| prepared(args, space, scene, image, &mut timings, progress));
+    let mut flight = match made {
         Ok(flight) => flight,
         Err(e) => {
-            leave_unflown(args, &timings, &e)?;
+            drop(bar);
+            // Not before it is known that there was a scan to fly: a command that is refused leaves nothing.
+            if short && e.kind == Kind::Incomplete {
+                output::make_folder(Path::new(SHORT_FOLDER)).unwrap_or_else(|e| say(&e.to_string()));
+            }
+            leave_unflown(args, &timings, &e);
             return Err(e);
         }
     };
@@ -342,10 +403,10 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
         say("nothing in the scene moves the camera: it stays where it is");
     }
     if short {
-        output::make_folder(Path::new("flight"))?;
+        output::make_folder(Path::new(SHORT_FOLDER))?;
     }
-    if let Some(path) = &args.replay {
-        flight.replay(read_acts(path)?);
+    if let Some(acts) = acts {
+        flight.replay(acts);
     }
     if args.record_input.is_some() {
         flight.record_acts();
@@ -359,15 +420,14 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
     };
     // A log is played to its end, however slowly.
     let most = flight.scene().play.as_ref().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
-    let flown = headless::fly(&mut flight, args.seconds.unwrap_or(most), &outputs, progress);
-    let view = (args.coverage && flown.is_ok()).then(|| prepare::fov(global)).transpose()?;
-    let stats = stats(&flight, &timings, flown.as_deref().unwrap_or(&[]), view)?;
+    let (frames, flown) = headless::fly(&mut flight, args.seconds.unwrap_or(most), &outputs, progress);
+    let stats = stats(&flight, &timings, &frames, view.filter(|_| flown.is_ok()));
     drop(bar);
-    leave(args, &flight, &stats)?;
-    flown?;
+    let left = stats.and_then(|stats| leave(args, &flight, &stats));
+    flown.and(left)?;
     report(&flight);
     if short {
-        eprintln!("see flight/flight.gif and flight/flight.jsonl");
+        eprintln!("see {SHORT_FILM} and {SHORT_LOG}");
     }
     headless::outcome(&flight)
 }
@@ -420,22 +480,11 @@ fn stats(
 /// Reads an operator's recorded input: one [`Act`] a line.
 fn read_acts(path: &Path) -> Result<Vec<Act>> {
     let mend = "give a file that --record-input wrote";
-    let file = std::fs::File::open(path)
-        .map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend))?;
-    let mut acts: Vec<Act> = Vec::new();
-    for (n, line) in std::io::BufReader::new(file).lines().enumerate() {
-        let line = line.map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend))?;
-        if line.trim().is_empty() {
-            continue;
-        }
-        let act: Act =
-            serde_json::from_str(&line).map_err(|e| Error::file(path, format!("line {}: {e}", n + 1), mend))?;
-        if acts.last().is_some_and(|last| last.tick > act.tick) {
-            return Err(Error::file(path, format!("line {}: goes back in time", n + 1), mend));
-        }
-        acts.push(act);
+    let acts: Vec<Act> = read_lines(path, mend)?;
+    match acts.windows(2).position(|w| w[0].tick > w[1].tick) {
+        Some(n) => Err(Error::file(path, format!("line {}: goes back in time", n + 2), mend)),
+        None => Ok(acts),
     }
-    Ok(acts)
 }
 
 /// Writes an operator's input, one [`Act`] a line.
@@ -450,4 +499,24 @@ pub fn write_acts(path: &Path, acts: &[Act]) -> Result<()> {
         }
         Ok(())
     })
+}
+
+#[cfg(all(test, feature = "window"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_flight_of_its_own_takes_up_the_last_one() {
+        let file = Some(PathBuf::from("f"));
+        let args = FlyArgs::default();
+        assert_eq!(resume(&args), Resume::Everything);
+        assert_eq!(resume(&FlyArgs { guide: Some(Guide::Path), ..args.clone() }), Resume::Place);
+        assert_eq!(resume(&FlyArgs { reverse: true, ..args.clone() }), Resume::Nothing);
+        for reverse in [false, true] {
+            let args = FlyArgs { reverse, ..args.clone() };
+            assert_eq!(resume(&FlyArgs { play: file.clone(), ..args.clone() }), Resume::Never);
+            assert_eq!(resume(&FlyArgs { replay: file.clone(), ..args.clone() }), Resume::Never);
+            assert_eq!(resume(&FlyArgs { record_input: file.clone(), ..args }), Resume::Never);
+        }
+    }
 }

@@ -13,13 +13,17 @@ mod report;
 mod segment;
 mod values;
 
+use std::any::Any;
+use std::io::IsTerminal;
+use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::process::ExitCode;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use clap::Parser;
 
 use crate::error::{Error, Result};
 use crate::host::terminal::Bar;
+use crate::output;
 use crate::progress::Progress;
 use args::{Args, Command};
 
@@ -29,7 +33,7 @@ pub fn main() -> ExitCode {
         Ok(args) => args,
         Err(e) => return args::refuse(&e),
     };
-    match run(args) {
+    match guarded(|| run(args)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             eprintln!("error: {e}");
@@ -38,13 +42,42 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Does the program's work; a panic is a fault of its own, told like any other.
+fn guarded(work: impl FnOnce() -> Result<()>) -> Result<()> {
+    static PLACE: Mutex<Option<String>> = Mutex::new(None);
+    let place = || PLACE.lock().unwrap_or_else(PoisonError::into_inner);
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |info| {
+        // The first is the one to report: what others do in its wake says less.
+        place().get_or_insert_with(|| info.location().map_or_else(String::new, ToString::to_string));
+        if std::env::var_os("RUST_BACKTRACE").is_some() {
+            usual(info);
+        }
+    }));
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(panicked(&*panic, place().as_deref())))
+}
+
+/// The fault that a panic stands for, which happened at `place`.
+fn panicked(panic: &(dyn Any + Send), place: Option<&str>) -> Error {
+    let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    let at = place.map_or_else(String::new, |p| format!(" ({p})"));
+    Error::fault("colvis", format!("{}{at}", text.unwrap_or("panicked")), "report it, with the command")
+}
+
 fn run(args: Args) -> Result<()> {
     let progress = Arc::new(Progress::new());
     let on_interrupt = Arc::clone(&progress);
     ctrlc::set_handler(move || {
         // The second Ctrl-C ends at once: files are whole or absent in any case.
         if on_interrupt.is_cancelled() {
-            std::process::exit(4);
+            output::remove_temporary();
+            if std::io::stderr().is_terminal() {
+                // A progress bar may stand on the line.
+                eprintln!();
+            }
+            let e = Error::cancelled("colvis");
+            eprintln!("error: {e}");
+            std::process::exit(e.kind as i32);
         }
         on_interrupt.cancel();
     })
@@ -84,5 +117,21 @@ fn print(write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> 
             Err(Error::new(crate::error::Kind::Output, "standard output", e.to_string(), "free some space"))
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_one_line_and_a_fault() {
+        let told = |panic: Box<dyn Any + Send>, place| panicked(&*panic, place);
+        let e = told(Box::new("no\nvoxel"), Some("src/a.rs:3:5"));
+        assert_eq!(e.to_string(), "colvis: no voxel (src/a.rs:3:5); report it, with the command");
+        assert_eq!(e.kind as u8, 1);
+        let e = told(Box::new("index 7".to_owned()), None);
+        assert_eq!(e.why, "index 7");
+        assert_eq!(told(Box::new(7), None).why, "panicked");
     }
 }

@@ -23,10 +23,10 @@ const FALLBACK: &str = "plane.png";
 /// Status 2 for wrong usage, 3 for a drawing that cannot be used, 4 where the flight calls the operator, 5 where the
 /// picture cannot be written.
 pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
+    let named: Vec<&Path> = args.lumen.iter().map(PathBuf::as_path).collect();
     if let Some(out) = &args.out {
         headless::Film::check(out)?;
-        let drawing: Vec<&Path> = args.lumen.iter().map(PathBuf::as_path).collect();
-        output::check_targets(&drawing, &[out])?;
+        output::check_targets(&named, &[out])?;
     }
     match (&args.out, args.headless) {
         (None, true) => {
@@ -47,6 +47,9 @@ pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     if let Some(display) = Display::open() {
         return window::run(display, flight, progress);
     }
+    // Nobody named this file: it must not take the drawing's place.
+    output::check_apart(&named, &[Path::new(FALLBACK)])
+        .map_err(|e| Error::usage("no display", e.to_string(), "add --headless --out F.png"))?;
     eprintln!("no display: flying headless, see {FALLBACK}");
     fly(flight, Path::new(FALLBACK), progress)
 }

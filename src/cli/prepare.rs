@@ -9,6 +9,7 @@ use serde_json::{Map, Value, json};
 use crate::cli::args::{Global, PresetName, QualityName};
 use crate::error::{Error, Result};
 use crate::fields::{Lumen, drain, lumen};
+use crate::memory::resident_bytes;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::fast::simd_level;
@@ -201,16 +202,7 @@ pub fn stats_head(timings: &Timings) -> Map<String, Value> {
     let mut m = Map::new();
     m.insert("threads".to_owned(), json!(rayon::current_num_threads()));
     m.insert("simd".to_owned(), json!(simd_level()));
-    m.insert("peak_rss_bytes".to_owned(), json!(peak_rss_bytes()));
+    m.insert("peak_rss_bytes".to_owned(), json!(resident_bytes("VmHWM").unwrap_or(0)));
     m.insert("prepare".to_owned(), timings.json());
     m
-}
-
-/// The most memory the program has had at once, as the system tells (Linux); 0 where it does not.
-pub fn peak_rss_bytes() -> u64 {
-    std::fs::read_to_string("/proc/self/status")
-        .ok()
-        .and_then(|s| s.lines().find_map(|l| l.strip_prefix("VmHWM:").map(str::to_owned)))
-        .and_then(|l| l.trim().trim_end_matches("kB").trim().parse::<u64>().ok())
-        .map_or(0, |kib| kib * 1024)
 }

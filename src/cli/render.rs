@@ -1,6 +1,6 @@
 //! `colvis render`.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -8,7 +8,7 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::json;
 
-use crate::cli::args::{Global, RenderArgs, Size};
+use crate::cli::args::{Global, QualityName, RenderArgs, Size};
 use crate::cli::prepare::{self, Timings};
 use crate::error::{Error, Result};
 use crate::host::headless::FrameStats;
@@ -37,6 +37,12 @@ struct Pose {
 /// # Errors
 /// As the contract has them.
 pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+    if args.no_reuse && args.quality == Some(QualityName::Adaptive) {
+        let why = "with --quality adaptive each picture goes on from the one before";
+        return Err(Error::usage("--no-reuse", why, "leave one of them out"));
+    }
+    let stats: Vec<&Path> = args.stats.iter().map(PathBuf::as_path).collect();
+    output::check_apart(&[&args.input, &args.poses], &[&[args.out.as_path()], &stats[..]].concat())?;
     let preset = prepare::preset(args.preset, Preset::Default);
     let mut settings = prepare::quality(args.quality);
     settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;
@@ -57,6 +63,7 @@ pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Resu
         })
         .collect::<Result<_>>()?;
     output::make_folder(&args.out)?;
+    output::check_folders(&stats)?;
     let bar = Bar::show(progress);
     let mut timings = Timings::default();
     let space = prepare::space(Some(&args.input), global, preset, &mut timings, progress)?;
@@ -64,7 +71,7 @@ pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Resu
     let mut frame = Frame::new(size.width, size.height, args.depth);
     let mut frames = Vec::with_capacity(views.len());
     progress.stage("rendering", views.len() as u64);
-    for (n, view) in views.iter().enumerate() {
+    let mut one = |n: usize, view: &View| {
         let begun = Instant::now();
         let work = renderer.render(view, &mut frame);
         let ms = begun.elapsed().as_secs_f64() * 1e3;
@@ -73,15 +80,17 @@ pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Resu
         if let Some(depth) = frame.depth() {
             write_npy(&args.out.join(format!("{n:04}.npy")), depth, size)?;
         }
-        progress.advance(1)?;
-    }
+        progress.advance(1)
+    };
+    // Interrupted, too, it tells of the frames that there are.
+    let rendered = views.iter().enumerate().try_for_each(|(n, view)| one(n, view));
     drop(bar);
-    if let Some(path) = &args.stats {
+    let told = args.stats.as_ref().map_or(Ok(()), |path| {
         let mut m = prepare::stats_head(&timings);
         m.insert("frames".to_owned(), json!(frames));
-        output::write_json(path, &m)?;
-    }
-    Ok(())
+        output::write_json(path, &m)
+    });
+    rendered.and(told)
 }
 
 fn read(path: &Path) -> Result<Poses> {

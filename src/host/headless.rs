@@ -1,6 +1,5 @@
 //! Flies without a screen: the same schedules, as fast as they run.
 
-use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -10,8 +9,8 @@ use crate::app::plan::triple;
 use crate::components::flight::State;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
+use crate::host::log::Log;
 use crate::host::record::Recorder;
-use crate::output::{Whole, cannot};
 use crate::progress::Progress;
 
 /// What a headless flight leaves behind.
@@ -41,18 +40,30 @@ pub struct FrameStats {
 }
 
 /// Flies until the flight has arrived, calls for the operator, or `seconds` of simulated time are over. The flight's
-/// state tells which.
+/// state tells which. Beside what went wrong, the frames that were made until then.
 ///
 /// # Errors
-/// Status 5 when an output cannot be written; status 4 when interrupted. What was logged and recorded until then is
-/// there, whole.
+/// Status 5 when an output cannot be written; status 4 when interrupted; what a replayed command is refused with. What was
+/// logged and recorded until then is there, whole.
 pub fn fly(
     flight: &mut FlightApp,
     seconds: f64,
     outputs: &Outputs,
     progress: &Arc<Progress>,
-) -> Result<Vec<FrameStats>> {
-    let mut log = outputs.log.as_deref().map(Whole::create).transpose()?;
+) -> (Vec<FrameStats>, Result<()>) {
+    let mut frames = Vec::new();
+    let flown = fly_into(&mut frames, flight, seconds, outputs, progress);
+    (frames, flown)
+}
+
+fn fly_into(
+    frames: &mut Vec<FrameStats>,
+    flight: &mut FlightApp,
+    seconds: f64,
+    outputs: &Outputs,
+    progress: &Arc<Progress>,
+) -> Result<()> {
+    let mut log = outputs.log.as_deref().map(Log::create).transpose()?;
     let size = flight.camera::<Picture>().map(|p| (p.frame.width(), p.frame.height()));
     let mut recorder = match (&outputs.record, size) {
         (Some(out), Some(size)) => Some(Recorder::create(out, size, outputs.shown_fps.unwrap_or(outputs.fps))?),
@@ -62,40 +73,35 @@ pub fn fly(
     let steps = (seconds * hz).round().min(1e15) as u64;
     let expected = (flight.plan().length_mm / flight.scene().tentacles.cruise_mm_s * hz * 1.3) as u64;
     progress.stage("flying", steps.min(expected.max(1)));
-    let mut frames = Vec::new();
-    let mut pending = Vec::new();
-    let mut interrupted = false;
-    for tick in 0..steps {
-        if recorder.is_some() && due(frames.len() as u64, outputs.fps, hz) <= tick {
-            frames.push(picture(flight, recorder.as_mut())?);
+    let mut fly = || {
+        for tick in 0..steps {
+            if let Some(recorder) = recorder.as_mut().filter(|_| due(frames.len() as u64, outputs.fps, hz) <= tick) {
+                frames.push(picture(flight, recorder)?);
+            }
+            flight.step()?;
+            if tick + 1 == steps {
+                flight.end();
+            }
+            if let Some(log) = &mut log {
+                log.add(flight.take_log())?;
+            }
+            let interrupted = progress.advance(1).is_err();
+            if interrupted || flight.flight().state != State::Flying {
+                return Ok(interrupted);
+            }
         }
-        flight.step()?;
-        if tick + 1 == steps {
-            flight.end();
-        }
-        // The last line carries the final state, so a step is written out when the next one is there.
-        let mut lines = flight.take_log();
-        pending.append(&mut lines);
-        if pending.len() > 1 {
-            let keep = pending.split_off(pending.len() - 1);
-            write_lines(log.as_mut(), &pending, outputs)?;
-            pending = keep;
-        }
-        interrupted = progress.advance(1).is_err();
-        if flight.flight().state != State::Flying || interrupted {
-            break;
-        }
-    }
-    if recorder.is_some() {
-        frames.push(picture(flight, recorder.as_mut())?);
-    }
-    if let Some(last) = pending.last_mut() {
-        last.state = flight.flight().state;
-    }
-    write_lines(log.as_mut(), &pending, outputs)?;
-    log.map_or(Ok(()), Whole::finish)?;
-    recorder.map_or(Ok(()), Recorder::finish)?;
-    if interrupted { Err(Error::cancelled("flight")) } else { Ok(frames) }
+        Ok(false)
+    };
+    let flown = fly();
+    // However the flight ended, what it leaves is finished: first the log, as a recording may hang on another program.
+    let logged = log.map_or(Ok(()), |l| l.finish(flight.flight().state));
+    let recorded = recorder.map_or(Ok(()), |mut recorder| {
+        frames.push(picture(flight, &mut recorder)?);
+        recorder.finish()
+    });
+    let interrupted = flown?;
+    logged.and(recorded)?;
+    if interrupted { Err(Error::cancelled("flight")) } else { Ok(()) }
 }
 
 /// The step before which image number `n` is due: counted, not summed up.
@@ -103,28 +109,15 @@ fn due(n: u64, fps: f64, hz: f64) -> u64 {
     (n as f64 * hz / fps).round() as u64
 }
 
-fn picture(flight: &mut FlightApp, recorder: Option<&mut Recorder>) -> Result<FrameStats> {
+fn picture(flight: &mut FlightApp, recorder: &mut Recorder) -> Result<FrameStats> {
     let begun = Instant::now();
     flight.frame();
     let ms = begun.elapsed().as_secs_f64() * 1e3;
     let Some(p) = flight.camera::<Picture>() else {
         return Err(Error::fault("recording", "there is no picture", "report it"));
     };
-    if let Some(r) = recorder {
-        r.add(&p.frame)?;
-    }
+    recorder.add(&p.frame)?;
     Ok(FrameStats { ms, rays: p.work.rays, samples: p.work.samples, reused: p.work.reused })
-}
-
-fn write_lines(log: Option<&mut Whole>, lines: &[crate::components::output::LogLine], outputs: &Outputs) -> Result<()> {
-    let (Some(file), Some(path)) = (log, &outputs.log) else { return Ok(()) };
-    for line in lines {
-        serde_json::to_writer(&mut *file, line)
-            .map_err(std::io::Error::from)
-            .and_then(|()| file.write_all(b"\n"))
-            .map_err(|e| cannot(path, &e))?;
-    }
-    Ok(())
 }
 
 /// What is said at the end of a flight, as the exit status wants it: nothing but `Ok` for a flight that arrived or whose

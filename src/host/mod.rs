@@ -1,6 +1,7 @@
 //! What drives a flight: nobody's screen, or a window.
 
 pub mod headless;
+pub mod log;
 pub mod plane;
 pub mod record;
 pub mod terminal;

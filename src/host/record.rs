@@ -96,7 +96,14 @@ impl Recorder {
 
     fn video(path: PathBuf, (width, height): (usize, usize), fps: f64) -> Result<Self> {
         let file = Whole::create(&path)?;
-        let child = std::process::Command::new("ffmpeg")
+        let mut ffmpeg = std::process::Command::new("ffmpeg");
+        #[cfg(unix)]
+        {
+            use std::os::unix::process::CommandExt;
+            // Ctrl-C goes to the terminal's whole process group: the film is to end when its images do.
+            ffmpeg.process_group(0);
+        }
+        let child = ffmpeg
             .args(["-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"])
             .args(["-s", &format!("{width}x{height}"), "-r", &fps.to_string(), "-i", "-"])
             // Chroma is halved in each direction, so the sides must be even.

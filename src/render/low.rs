@@ -37,6 +37,10 @@ impl Renderer for Low {
         work
     }
 
+    fn stretches(&self) -> bool {
+        true
+    }
+
     fn parts(&self) -> Vec<(&'static str, usize)> {
         let mut parts = self.fast.parts();
         parts.push(("picture of a third of the size", self.small.pixels().len() * 3));

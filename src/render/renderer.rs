@@ -28,6 +28,12 @@ pub trait Renderer: Send + Sync {
     /// Lets each picture from now on take about so many samples. Only renderers whose detail follows the need listen.
     fn set_budget(&mut self, _samples: u64) {}
 
+    /// Whether it traces a part of the pixels and stretches them: strips of a picture, each rendered as one of its own, would
+    /// not fit together.
+    fn stretches(&self) -> bool {
+        false
+    }
+
     /// How detailed the last picture is, where that follows the need.
     fn detail(&self) -> Option<Detail> {
         None

@@ -144,12 +144,14 @@ impl Cockpit {
         [finer, message, self.figures.next(), attention, planned].into_iter().flatten().min()
     }
 
-    /// Sends the flight a command. One that cannot be followed is said, and changes nothing.
-    fn act(&mut self, command: Command, now: Instant) {
+    /// Sends the flight a command; whether it was followed. One that cannot be is said, and changes nothing.
+    fn act(&mut self, command: Command, now: Instant) -> bool {
         self.quiet = 0;
-        if let Err(e) = self.flight.act(command) {
+        let followed = self.flight.act(command);
+        if let Err(e) = &followed {
             self.say(format!("{}: {}", e.what, e.why), now);
         }
+        followed.is_ok()
     }
 
     /// Keys go down or up: what `change` makes of them.
@@ -214,9 +216,10 @@ impl Cockpit {
             }
             Deed::Detail => self.switch_detail(now),
             Deed::Reverse => {
-                self.way.turn_round();
-                self.act(Command::Reverse, now);
-                self.say("flying back", now);
+                if self.act(Command::Reverse, now) {
+                    self.way.turn_round();
+                    self.say("flying back", now);
+                }
             }
             Deed::Next => self.next_segment(now),
             Deed::OtherEnd => {
@@ -449,4 +452,4 @@ impl Cockpit {
 
 #[cfg(test)]
 #[path = "cockpit_tests.rs"]
-mod tests;
+pub mod tests;

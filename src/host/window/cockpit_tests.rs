@@ -16,7 +16,12 @@ const WINDOW: (usize, usize) = (96, 72);
 const FRAME: Duration = Duration::from_millis(20);
 
 /// A flight along y through a square tube of 20 mm.
-fn cockpit(guide: Guide) -> Cockpit {
+pub fn flight(guide: Guide) -> FlightApp {
+    flight_from(guide, DVec3::new(16.0, 8.0, 16.0))
+}
+
+/// The same with another end that it can be turned round to.
+fn flight_from(guide: Guide, other_end: DVec3) -> FlightApp {
     let grid = Grid::new([32, 80, 32], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let gas = |n: usize| {
         let (i, j, k) = (n % 32, n / 32 % 80, n / (32 * 80));
@@ -30,7 +35,7 @@ fn cockpit(guide: Guide) -> Cockpit {
         goal: DVec3::new(16.0, 70.0, 16.0),
         within_mm: 3.0,
         begin: DVec3::new(16.0, 8.0, 16.0),
-        other_end: DVec3::new(16.0, 8.0, 16.0),
+        other_end,
         other_within_mm: 3.0,
         length_mm: 60.0,
         segment: None,
@@ -47,8 +52,11 @@ fn cockpit(guide: Guide) -> Cockpit {
         settings: Settings { adaptive: true, ..Settings::new(Quality::High) },
         preset: Preset::Default,
     };
-    let flight = FlightApp::new(Space::new(volume, Wall::default()), lumen, plan, scene, Some(image)).unwrap();
-    Cockpit::new(flight, 0.0, Arc::new(|| {})).unwrap()
+    FlightApp::new(Space::new(volume, Wall::default()), lumen, plan, scene, Some(image)).unwrap()
+}
+
+fn cockpit(guide: Guide) -> Cockpit {
+    Cockpit::new(flight(guide), 0.0, Arc::new(|| {})).unwrap()
 }
 
 /// Flies on for `frames` pictures; how many of them were new.
@@ -139,6 +147,20 @@ fn what_there_is_not_is_said_and_changes_nothing() {
     }
     fly(&mut c, &mut now, 2);
     assert_eq!(c.hand().speed, 5.0, "there is a limit");
+}
+
+#[test]
+fn it_flies_back_only_where_there_is_a_way_back() {
+    let (far, now) = (DVec3::new(-500.0, 8.0, 16.0), Instant::now());
+    let mut c = Cockpit::new(flight_from(Guide::Path, far), 20.0, Arc::new(|| {})).unwrap();
+    let goal = c.flight().plan().goal;
+    c.perform(Deed::Reverse, WINDOW, now);
+    assert!(c.readings(now).message.is_some_and(|m| m != "flying back"));
+    assert_eq!((c.flight().plan().goal, c.along_mm()), (goal, 20.0));
+    let mut c = Cockpit::new(flight(Guide::Path), 20.0, Arc::new(|| {})).unwrap();
+    c.perform(Deed::Reverse, WINDOW, now);
+    assert_eq!(c.readings(now).message.as_deref(), Some("flying back"));
+    assert_ne!((c.flight().plan().goal, c.along_mm()), (goal, 20.0));
 }
 
 #[test]

@@ -1,20 +1,46 @@
 //! Gets a flight ready on another thread while the window is there.
 
 use std::panic::resume_unwind;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
 use super::overlay::Content;
+use super::session;
 use crate::app::FlightApp;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// A flight that can set out.
+pub struct Ready {
+    /// The flight.
+    pub flight: FlightApp,
+    /// The file of the scan's session; none on a system that names no folder for it.
+    pub(super) session: Option<PathBuf>,
+}
+
+/// The scan that a flight is made in, as it was loaded.
+pub struct Scan(Option<PathBuf>);
+
+impl Scan {
+    /// What is to be known of `volume` later, when the flight may have a copy of it whose fluid is taken as free.
+    pub fn of(volume: &Volume) -> Self {
+        Self(session::file(volume))
+    }
+
+    /// The scan's flight.
+    pub fn ready(self, flight: FlightApp) -> Ready {
+        Ready { flight, session: self.0 }
+    }
+}
 
 /// What makes a flight.
-pub type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<FlightApp> + Send>;
+pub type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<Ready> + Send>;
 
 /// A flight being made ready.
 pub struct Loading {
-    worker: JoinHandle<Result<FlightApp>>,
+    worker: JoinHandle<Result<Ready>>,
     progress: Arc<Progress>,
 }
 
@@ -46,7 +72,7 @@ impl Loading {
     ///
     /// # Errors
     /// What the preparation fails with.
-    pub fn finish(self) -> Result<FlightApp> {
+    pub fn finish(self) -> Result<Ready> {
         // A panic over there is a fault of the program, and is shown as one here.
         self.worker.join().unwrap_or_else(|panic| resume_unwind(panic))
     }

@@ -4,19 +4,18 @@
 //! flown, Q quits.
 
 use std::num::NonZeroU32;
-use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use softbuffer::{Context, Surface};
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition};
 use winit::event::{ElementState, MouseButton, WindowEvent};
-use winit::event_loop::{ActiveEventLoop, ControlFlow, OwnedDisplayHandle};
+use winit::event_loop::{ActiveEventLoop, ControlFlow};
 use winit::keyboard::{Key, NamedKey};
 use winit::window::{Window, WindowId};
 
+use super::screen::Screen;
 use super::{Display, Wake};
 use crate::components::clock::Accumulator;
 use crate::error::{Error, Result};
@@ -34,11 +33,6 @@ const PERIOD: Duration = Duration::from_millis(16);
 const MOST_STEPS: u32 = 12;
 /// Around the picture, `0x00RRGGBB`.
 const MARGIN: u32 = 0x0018_161a;
-
-struct Screen {
-    window: Rc<Window>,
-    surface: Surface<OwnedDisplayHandle, Rc<Window>>,
-}
 
 struct Shell {
     flight: Flight,
@@ -151,17 +145,13 @@ impl Shell {
         show(screen).map_err(|e: softbuffer::SoftBufferError| Error::fault("window", e.to_string(), "use --headless"))
     }
 
-    fn open(&mut self, events: &ActiveEventLoop) -> std::result::Result<(), String> {
+    fn open(&mut self, events: &ActiveEventLoop) -> Result<()> {
         let drawing = self.flight.walls().drawing();
         let points = |n: usize| (n * 2).clamp(320, 1200) as f64;
         let attributes = Window::default_attributes()
             .with_title("colvis plane")
             .with_inner_size(LogicalSize::new(points(drawing.width()), points(drawing.height())));
-        let window = Rc::new(events.create_window(attributes).map_err(|e| e.to_string())?);
-        let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;
-        let surface = Surface::new(&context, Rc::clone(&window)).map_err(|e| e.to_string())?;
-        window.request_redraw();
-        self.screen = Some(Screen { window, surface });
+        self.screen = Some(Screen::open(events, attributes)?);
         Ok(())
     }
 
@@ -189,9 +179,9 @@ fn title(flight: &Flight, paused: bool) -> String {
 impl ApplicationHandler<Wake> for Shell {
     fn resumed(&mut self, events: &ActiveEventLoop) {
         if self.screen.is_none()
-            && let Err(why) = self.open(events)
+            && let Err(e) = self.open(events)
         {
-            self.fail(Error::fault("window", why, "use --headless"), events);
+            self.fail(e, events);
         }
     }
 

@@ -71,14 +71,32 @@ impl Session {
     /// place along the way, mm; none if the camera cannot be there (another `--wall`, say): then it starts anew.
     ///
     /// # Errors
-    /// When the flight refuses a segment or guide.
+    /// When the flight refuses a segment or guide: it is at its start then, as it began.
     pub fn take_up(&self, flight: &mut FlightApp, with_guide: bool) -> Result<Option<f64>> {
+        let (start, segment, reversed) = (flight.pose(), flight.plan().segment, flight.is_reversed());
+        let taken = self.follow(flight, with_guide);
+        if taken.is_err() {
+            // Back to what the flight was able to be just now; the refusal is what there is to tell.
+            if let Some(n) = segment.filter(|_| flight.plan().segment != segment) {
+                let _ = flight.act(Command::Segment(n));
+            }
+            if flight.is_reversed() != reversed {
+                let _ = flight.act(Command::Reverse);
+            }
+            flight.place(start.position, start.attitude.forward, start.attitude.up);
+        }
+        taken
+    }
+
+    fn follow(&self, flight: &mut FlightApp, with_guide: bool) -> Result<Option<f64>> {
         let [position, forward, up] = [self.position, self.forward, self.up].map(DVec3::from_array);
         if !flight.place(position, forward, up) {
             return Ok(None);
         }
-        if flight.plan().segment != Some(self.segment) {
-            flight.act(Command::Segment(self.segment))?;
+        // The segments of a scan whose fluid was taken as free are counted otherwise: the place tells which one it is.
+        let segment = flight.lumen().segment_at(position).unwrap_or(self.segment);
+        if flight.plan().segment != Some(segment) {
+            flight.act(Command::Segment(segment))?;
         }
         if flight.is_reversed() != self.reversed {
             flight.act(Command::Reverse)?;
@@ -130,7 +148,7 @@ impl Session {
     }
 }
 
-/// The file for the sessions of a scan; none on a system that names no folder for it.
+/// The file for the sessions of a scan, as it was loaded; none on a system that names no folder for it.
 pub fn file(volume: &Volume) -> Option<PathBuf> {
     let name = format!("{:016x}.json", key(volume));
     folder(|name| std::env::var_os(name).map(PathBuf::from)).map(|f| f.join("colvis").join("sessions").join(name))
@@ -166,6 +184,7 @@ fn key(volume: &Volume) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::app::Guide;
     use crate::volume::Grid;
     use glam::DMat3;
 
@@ -193,6 +212,26 @@ mod tests {
         Session::keep(None, &path).unwrap();
         Session::keep(None, &path).unwrap();
         assert_eq!(Session::read(&path).unwrap(), None);
+    }
+
+    #[test]
+    fn what_the_flight_refuses_leaves_it_at_its_start() {
+        let tube = || crate::host::window::cockpit::tests::flight(Guide::Tentacles);
+        let start = tube().pose();
+        let inside = Session { position: [16.0, 40.0, 16.0], reversed: false, guide: "none".to_owned(), ..session() };
+        let mut flight = tube();
+        let e = inside.take_up(&mut flight, true).unwrap_err();
+        assert!(e.why.contains("none"), "{e}");
+        assert_eq!((flight.pose(), flight.scene().guide_name()), (start, "tentacles"));
+        flight.step().unwrap();
+        // Without that guide it is taken up, and what is no place for a camera is not.
+        let mut flight = tube();
+        assert_eq!(inside.take_up(&mut flight, false).unwrap(), Some(310.5));
+        assert_eq!(flight.pose().position, DVec3::new(16.0, 40.0, 16.0));
+        let mut flight = tube();
+        let within = Session { position: [1.0; 3], ..inside };
+        assert_eq!(within.take_up(&mut flight, false).unwrap(), None);
+        assert_eq!(flight.pose(), start);
     }
 
     #[test]

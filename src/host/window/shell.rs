@@ -2,29 +2,28 @@
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
-use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use softbuffer::{Context, Surface};
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition, PhysicalSize, Size};
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};
-use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy, OwnedDisplayHandle};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::cockpit::Cockpit;
 use super::keys::{Action, Deed, action};
-use super::loading::Loading;
-use super::log::Log;
+use super::loading::{Loading, Ready};
 use super::overlay::Content;
 use super::painter::{Painter, on_bar};
 use super::presented::Presented;
 use super::saver::WakeUp;
-use super::session::{self, Session};
+use super::screen::Screen;
+use super::session::Session;
 use super::{Finish, Launch, Resume};
 use crate::error::{Error, Result};
+use crate::host::log::Log;
 use crate::progress::Progress;
 use crate::render::adaptive::FRAME;
 
@@ -52,11 +51,6 @@ enum Stage {
     Flying(Box<Cockpit>),
     /// Nothing is shown any more.
     Over,
-}
-
-struct Screen {
-    window: Rc<Window>,
-    surface: Surface<OwnedDisplayHandle, Rc<Window>>,
 }
 
 /// The program as the system's event loop knows it.
@@ -180,8 +174,8 @@ impl Shell {
     /// The loading is over: takes off, or shows why not.
     fn take_off(&mut self) -> Result<()> {
         let Stage::Loading(loading) = std::mem::replace(&mut self.stage, Stage::Over) else { return Ok(()) };
-        let mut flight = match loading.finish() {
-            Ok(flight) => flight,
+        let Ready { mut flight, session } = match loading.finish() {
+            Ok(ready) => ready,
             Err(e) if self.progress.is_cancelled() => return Err(e),
             Err(e) => {
                 self.stage = Stage::Failed(e);
@@ -189,8 +183,9 @@ impl Shell {
             }
         };
         self.log = self.log_path.as_deref().map(Log::create).transpose()?;
-        if self.resume != Resume::Never {
-            self.session = session::file(flight.space().volume());
+        // A camera that nobody steers leaves no place behind that another flight could go on from.
+        if self.resume != Resume::Never && flight.scene().steers().is_some() {
+            self.session = session;
         }
         let left = match (&self.session, self.resume) {
             (Some(path), Resume::Everything | Resume::Place) => Session::read(path).unwrap_or_else(|e| {
@@ -199,10 +194,13 @@ impl Shell {
             }),
             _ => None,
         };
-        let along = match left {
-            Some(left) => left.take_up(&mut flight, self.resume == Resume::Everything)?,
-            None => None,
-        };
+        // What cannot be taken up must not keep the scan from being opened.
+        let along = left.and_then(|left| {
+            left.take_up(&mut flight, self.resume == Resume::Everything).unwrap_or_else(|e| {
+                eprintln!("note: the flight does not go on where it was left: {e}");
+                None
+            })
+        });
         let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable))?;
         if along.is_some() {
             cockpit.say("going on where you left (E starts from the end)", Instant::now());
@@ -334,18 +332,9 @@ impl ApplicationHandler<Wake> for Shell {
             .with_title("colvis")
             .with_inner_size(size)
             .with_min_inner_size(LogicalSize::new(320.0, 240.0));
-        let made = events.create_window(attributes).map_err(|e| e.to_string()).and_then(|window| {
-            let window = Rc::new(window);
-            let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;
-            let surface = Surface::new(&context, Rc::clone(&window)).map_err(|e| e.to_string())?;
-            Ok(Screen { window, surface })
-        });
-        match made {
-            Ok(screen) => {
-                screen.window.request_redraw();
-                self.screen = Some(screen);
-            }
-            Err(why) => self.fail(Error::fault("window", why, "use --headless"), events),
+        match Screen::open(events, attributes) {
+            Ok(screen) => self.screen = Some(screen),
+            Err(e) => self.fail(e, events),
         }
     }
 

@@ -71,7 +71,8 @@ impl Still {
         self.pass > if fine { SAMPLES } else { 0 }
     }
 
-    /// Goes on with the picture of `view` for `budget` samples, or for one strip if that takes more.
+    /// Goes on with the picture of `view` for `budget` samples, or for one strip if that takes more. A sharp picture that
+    /// is stretched is one strip: its rays are few.
     pub fn go_on(&mut self, view: &View, mut means: Means<'_>, budget: u64) -> Work {
         let mut all = Work::default();
         let mut expected = self.cost.unwrap_or(FIRST);
@@ -83,7 +84,10 @@ impl Still {
                 _ => 2,
             };
             let left = budget.saturating_sub(cost(&all)) as f64;
-            let affordable = (left / (expected[kind] * MARGIN * view.width() as f64)) as usize / ROWS * ROWS;
+            let affordable = match kind {
+                0 if means.sharp.stretches() => view.height(),
+                _ => (left / (expected[kind] * MARGIN * view.width() as f64)) as usize / ROWS * ROWS,
+            };
             if affordable == 0 && all != Work::default() {
                 break;
             }

@@ -143,6 +143,24 @@ fn what_moves_on_begins_anew() {
 }
 
 #[test]
+fn low_detail_at_rest_is_that_of_a_picture_made_at_once() {
+    let (space, line) = colon();
+    for (width, height) in [(128, 40), (40, 128), (SIDE, SIDE)] {
+        let v = View::new(line[60], line[70] - line[60], DVec3::Z, 90.0, width, height).unwrap();
+        let mut at_once = Frame::default();
+        renderer(&space, Settings::new(Quality::Low), Preset::Default, true).render(&v, &mut at_once);
+        let (mut r, mut frame) = (adaptive(&space, Quality::Low), Frame::default());
+        r.set_budget(1);
+        r.render(&v, &mut frame);
+        for _ in 0..20 {
+            r.render(&v, &mut frame);
+        }
+        assert!(r.detail().unwrap().best);
+        assert_eq!(frame.pixels(), at_once.pixels(), "{width}x{height}");
+    }
+}
+
+#[test]
 fn low_detail_is_cheaper_and_rests_when_it_is_sharp() {
     let (space, line) = colon();
     let v = view(line[60], line[70] - line[60]);

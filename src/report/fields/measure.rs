@@ -10,6 +10,7 @@ use crate::fields::centerline::{self, Centerline, End};
 use crate::fields::distance::compare::{self, Cheap};
 use crate::fields::{Through, WallDistance, lumen};
 use crate::math::hash;
+use crate::memory::resident_bytes;
 use crate::phantom::Phantom;
 use crate::progress::Progress;
 use crate::report::{mean, quantile};
@@ -168,17 +169,12 @@ fn probes(walls: &WallDistance, phantom: &Phantom) -> Vec<(usize, f64)> {
 
 /// Does a piece of work; how long it took, and how much memory it had at once (MB), where the system tells (Linux).
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64, Option<f64>) {
-    let status = |key: &str| {
-        let status = std::fs::read_to_string("/proc/self/status").ok()?;
-        let line = status.lines().find_map(|l| l.strip_prefix(key).map(str::to_owned))?;
-        line.trim().trim_end_matches("kB").trim().parse::<f64>().ok()
-    };
     // This sets the most that was resident back to what is resident.
     let is_reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
-    let before = status("VmRSS:").filter(|_| is_reset);
+    let before = resident_bytes("VmRSS").filter(|_| is_reset);
     let begun = Instant::now();
     let out = work();
     let seconds = begun.elapsed().as_secs_f64();
-    let megabytes = before.and_then(|b| Some((status("VmHWM:")? - b).max(0.0) * 1024.0 / 1e6));
+    let megabytes = before.and_then(|b| Some(resident_bytes("VmHWM")?.saturating_sub(b) as f64 / 1e6));
     (out, seconds, megabytes)
 }

@@ -153,10 +153,12 @@ fn reuse(measured: &[Measured]) -> Option<Claim> {
     let same = |m: &&Measured| m.method.family == keeping.method.family && !m.method.traits.keeps;
     let alone = measured.iter().filter(same).min_by(faster)?;
     let worst = keeping.faults.iter().filter_map(|f| f.reuse).map(|r| r[0]).fold(f64::INFINITY, f64::min);
+    let change =
+        if worst.is_finite() { format!("leaves at least {worst:.1} dB") } else { "changes no pixel".to_owned() };
     Some(Claim {
         paper: "Frame-to-frame reuse is a viable and very fast alternative to the potential field.",
         measured: format!(
-            "{} takes {:.1} ms a frame, {} without reuse {:.1} ms; reuse itself leaves at least {worst:.1} dB.",
+            "{} takes {:.1} ms a frame, {} without reuse {:.1} ms; reuse itself {change}.",
             keeping.method.name,
             least(&keeping),
             alone.method.name,

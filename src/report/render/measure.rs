@@ -77,8 +77,6 @@ impl Measured {
 /// A method at work.
 struct Running<'a> {
     renderer: Box<dyn Renderer>,
-    /// The same for depth, so that asking for it neither costs time in the frames nor changes what is kept.
-    deep: Option<Box<dyn Renderer>>,
     space: &'a Space,
     measured: Measured,
 }
@@ -123,8 +121,6 @@ impl<'a> Running<'a> {
         let begun = Instant::now();
         let renderer = (method.make)(space)?;
         let prepare_s = begun.elapsed().as_secs_f64();
-        let keeps_and_tells = method.traits.own_depth && method.traits.keeps;
-        let deep = keeps_and_tells.then(|| (method.make)(space)).transpose()?;
         let measured = Measured {
             method,
             prepare_s,
@@ -134,7 +130,7 @@ impl<'a> Running<'a> {
             faults: Vec::new(),
             worst: None,
         };
-        Ok(Self { renderer, deep, space, measured })
+        Ok(Self { renderer, space, measured })
     }
 
     /// The reference's picture and depth of a pose, timed without depth.
@@ -170,7 +166,7 @@ impl<'a> Running<'a> {
             self.renderer.render(&before, &mut frame);
         }
         let (ms, work) = timed(self.renderer.as_mut(), &view, &mut frame);
-        let displaced = self.displaced(stop, extent, &view, truth)?;
+        let displaced = self.displaced(extent, &view, truth);
         let reuse = if traits.keeps {
             let mut alone = Frame::new(extent.pixels, extent.pixels, false);
             (self.measured.method.make)(self.space)?.render(&view, &mut alone);
@@ -182,23 +178,16 @@ impl<'a> Running<'a> {
         Ok(())
     }
 
-    /// The share of displaced walls, for methods with a depth of their own.
-    fn displaced(&mut self, stop: &Stop, extent: &Extent, view: &View, truth: &Frame) -> Result<Option<f64>> {
+    /// The share of displaced walls, for methods with a depth of their own. None of these keeps anything from one frame to
+    /// the next, so that a frame for the depth alone changes no other.
+    fn displaced(&mut self, extent: &Extent, view: &View, truth: &Frame) -> Option<f64> {
         if !self.measured.method.traits.own_depth {
-            return Ok(None);
+            return None;
         }
         let mut frame = Frame::new(extent.pixels, extent.pixels, true);
-        match &mut self.deep {
-            Some(deep) => {
-                for pose in &stop.lead {
-                    deep.render(&pose.view(extent.fov_degrees, extent.pixels)?, &mut frame);
-                }
-                deep.render(view, &mut frame);
-            }
-            None => drop(self.renderer.render(view, &mut frame)),
-        }
+        self.renderer.render(view, &mut frame);
         let tolerance = TOLERANCE * self.space.volume().grid().min_spacing();
-        Ok(frame.depth().zip(truth.depth()).map(|(a, b)| displaced(a, b, tolerance)))
+        frame.depth().zip(truth.depth()).map(|(a, b)| displaced(a, b, tolerance))
     }
 
     #[expect(clippy::too_many_arguments, reason = "a frame's measurements, all at once")]

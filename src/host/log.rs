@@ -8,10 +8,11 @@ use crate::components::output::LogLine;
 use crate::error::Result;
 use crate::output::{Whole, cannot};
 
-/// A log under way. It appears when it is finished.
+/// A log under way. It appears when it is finished; one that could not be written does not.
 pub struct Log {
     path: PathBuf,
-    file: Whole,
+    /// None once a line could not be written.
+    file: Option<Whole>,
     /// The newest line: the last one carries the flight's final state, so it waits for the next.
     last: Option<LogLine>,
 }
@@ -22,7 +23,7 @@ impl Log {
     /// # Errors
     /// Status 5 when it cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
-        Ok(Self { path: path.to_owned(), file: Whole::create(path)?, last: None })
+        Ok(Self { path: path.to_owned(), file: Some(Whole::create(path)?), last: None })
     }
 
     /// Adds steps.
@@ -47,14 +48,16 @@ impl Log {
             last.state = state;
             self.write(&last)?;
         }
-        self.file.finish()
+        self.file.map_or(Ok(()), Whole::finish)
     }
 
     fn write(&mut self, line: &LogLine) -> Result<()> {
-        serde_json::to_writer(&mut self.file, line)
-            .map_err(std::io::Error::from)
-            .and_then(|()| self.file.write_all(b"\n"))
-            .map_err(|e| cannot(&self.path, &e))
+        let Some(file) = &mut self.file else { return Ok(()) };
+        let written = serde_json::to_writer(&mut *file, line).map_err(std::io::Error::from);
+        written.and_then(|()| file.write_all(b"\n")).map_err(|e| {
+            self.file = None;
+            cannot(&self.path, &e)
+        })
     }
 }
 

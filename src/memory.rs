@@ -1,0 +1,22 @@
+//! What the system tells of the program's own memory.
+
+/// An entry of the program's status in bytes: `VmRSS`, what is resident, or `VmHWM`, the most that has been. None where the
+/// system does not tell (it is Linux that does).
+pub fn resident_bytes(entry: &str) -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let value = status.lines().find_map(|l| l.strip_prefix(entry)?.strip_prefix(':'))?;
+    value.trim().trim_end_matches("kB").trim().parse::<u64>().ok().map(|kib| kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_most_is_no_less_than_what_is_there() {
+        if let Some(now) = resident_bytes("VmRSS") {
+            assert!(now > 1 << 16 && resident_bytes("VmHWM").is_some_and(|most| most > 1 << 16));
+        }
+        assert_eq!(resident_bytes("Vm"), None);
+    }
+}
