@@ -21,8 +21,8 @@ use crate::report::table::{Cell, Table};
 const SECONDS: f64 = 2.0;
 /// The adaptive methods report so often, as a flight's steps would make them, s.
 const OUTER: f64 = 0.25;
-/// Below this, mm or rad, errors are those of the reference.
-const FLOOR: f64 = 2e-11;
+/// Below these, mm and rad, errors are those of the reference, which turns by less than it goes.
+const FLOOR: [f64; 2] = [2e-11, 5e-13];
 /// Above this, mm or rad, the order says nothing.
 const CEILING: f64 = 0.2;
 
@@ -156,9 +156,9 @@ pub(super) fn errors(a: &Motion, b: &Motion) -> [f64; 2] {
 }
 
 /// The order seen between successive halvings, from the finest pair that the reference resolves.
-fn measured_order(runs: &[&Run], error: impl Fn(&Run) -> f64) -> Option<f64> {
+fn measured_order(runs: &[&Run], floor: f64, error: impl Fn(&Run) -> f64) -> Option<f64> {
     let pairs = runs.windows(2).rev();
-    let resolved = |r: &Run| error(r) > FLOOR && error(r) < CEILING;
+    let resolved = |r: &Run| error(r) > floor && error(r) < CEILING;
     pairs.filter(|p| resolved(p[0]) && resolved(p[1])).map(|p| (error(p[0]) / error(p[1])).log2()).next()
 }
 
@@ -218,7 +218,8 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
     let mut orders = 0;
     for (name, method) in FIXED {
         let mine: Vec<&Run> = runs.iter().filter(|r| r.case == MIDDLE && r.method == name).collect();
-        let seen = [measured_order(&mine, |r| r.position), measured_order(&mine, |r| r.orientation)];
+        let seen =
+            [measured_order(&mine, FLOOR[0], |r| r.position), measured_order(&mine, FLOOR[1], |r| r.orientation)];
         for (what, order) in ["position", "orientation"].into_iter().zip(seen) {
             let Some(order) = order else { continue };
             let off = (order - f64::from(method.order())).abs();
