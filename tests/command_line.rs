@@ -366,3 +366,12 @@ fn no_output_takes_the_place_of_an_input() {
     assert_eq!(names.map(before), contents);
     assert!(!Path::new(&at("o")).exists(), "refused before anything is made");
 }
+
+#[test]
+fn explain_tells_of_the_renderer_that_flies() {
+    for (args, windowed) in [(&[][..], cfg!(feature = "window")), (&["--headless", "--record", "x/"], false)] {
+        let out = run(&[&["explain"], args].concat(), 0);
+        // A window's pictures are refined when the camera rests.
+        assert_eq!(String::from_utf8_lossy(&out.stdout).contains("refinement"), windowed, "{args:?}");
+    }
+}
