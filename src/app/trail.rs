@@ -98,6 +98,8 @@ impl Trail {
     /// The last view at a share of the way; none if the flight was not there since it set out.
     pub fn at(&self, share: f64) -> Option<(DVec3, Attitude)> {
         let count = self.views.len();
+        // Who points at where the camera is may point a little beyond.
+        let about = self.share + if self.length_mm > 0.0 { STEP_MM / self.length_mm } else { 0.0 };
         for n in (self.begins..count).rev() {
             let here = self.shares[n];
             // On the same leg; what comes after the last view is too near to it to be one.
@@ -106,7 +108,7 @@ impl Trail {
                     if self.leaves {
                         here
                     } else {
-                        self.share
+                        about
                     }
                 }
                 m if self.legs.binary_search(&m).is_ok() => here,
