@@ -32,8 +32,8 @@ pub enum Guide {
 }
 
 impl Guide {
-    /// Every guide there is, with its name on the command line and its plugins. A new navigation method is one more
-    /// line here.
+    /// Every guide there is, with its name on the command line and its plugins. A new navigation method is a
+    /// variant and one more line here.
     pub const ALL: [(Self, &'static str, &'static [Plugin]); 4] = [
         (Self::Tentacles, "tentacles", &[systems::sense::plugin, systems::tentacles::plugin]),
         (Self::Potential, "potential", &[systems::potential::plugin]),

@@ -89,7 +89,7 @@ pub struct FlyArgs {
     /// Fly without a window
     #[arg(long)]
     pub headless: bool,
-    /// Who steers
+    /// Who steers: tentacles feel the walls, the potential draws to the end, the path is planned, manual leaves it to you
     #[arg(long, value_parser = guide_parser())]
     pub guide: Option<Guide>,
     /// Where to start: rectum, cecum or X,Y,Z in mm LPS
