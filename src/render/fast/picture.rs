@@ -125,7 +125,7 @@ impl Lattice {
         let stride = self.stride;
         let groups = self.corners.par_chunks_mut(stride * SIDE).zip(self.centres.par_chunks_mut(stride * SIDE));
         let groups = groups.zip(self.starts.par_chunks_mut(stride / SIDE));
-        let first = groups.enumerate().map(|(n, ((corners, centres), starts))| {
+        let first = groups.enumerate().with_max_len(1).map(|(n, ((corners, centres), starts))| {
             with_cells(cells, |cells| {
                 let mut work = Work::default();
                 on_level!(level, simd => {
@@ -144,7 +144,7 @@ impl Lattice {
         let first = first.reduce(Work::default, |a, b| a + b);
         let (corners, centres, starts) = (&self.corners, &self.centres, &self.starts);
         let side = view.pixel() as f32 * BLOCK as f32;
-        let bands = pixels.par_chunks_mut(width * BLOCK).enumerate().map(|(n, band)| {
+        let bands = pixels.par_chunks_mut(width * BLOCK).enumerate().with_max_len(2).map(|(n, band)| {
             with_cells(cells, |cells| {
                 let mut work = Work::default();
                 on_level!(level, simd => {
