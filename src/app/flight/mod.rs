@@ -264,6 +264,12 @@ impl FlightApp {
         true
     }
 
+    /// Says how far along the way the camera stands, mm: for a flight that goes on from where another was left.
+    pub fn stands_at(&mut self, along_mm: f64) {
+        let share = along_mm / self.plan.length_mm;
+        self.trail.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
+    }
+
     /// How the flight stands.
     pub fn flight(&self) -> Flight {
         self.camera().cloned().unwrap_or_default()

@@ -107,6 +107,7 @@ impl Session {
         flight.act(Command::Speed(self.speed))?;
         // Another segment sets out from its end.
         flight.place(position, forward, up);
+        flight.stands_at(self.along_mm);
         Ok(Some(self.along_mm))
     }
 
