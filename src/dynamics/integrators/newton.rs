@@ -5,6 +5,8 @@ use super::{Counted, Effort, Method, Phase, System};
 /// At most so many iterations, each with so many halvings of its step at the most.
 const ITERATIONS: u32 = 20;
 const HALVINGS: u32 = 8;
+/// How long an error of the momentum goes on to move the body, s: of the order of its drag's.
+const LASTS_S: f64 = 0.05;
 /// A step that cannot be solved is halved so often.
 const DEPTH: u32 = 4;
 
@@ -78,7 +80,9 @@ fn solve(system: &dyn System, start: Phase, t: f64, s: f64, effort: &mut Effort)
         if !delta.is_finite() {
             break;
         }
-        let enough = 1e-12 * (1.0 + y.u.length() + size(y));
+        // What is wrong with the momentum goes on moving the body after the step: the shorter the step, the less of it
+        // is seen within, and the less is enough.
+        let enough = 1e-12 * (1.0 + y.u.length() + size(y)) * s / (s + LASTS_S);
         let mut share = 1.0;
         let mut better = None;
         for _ in 0..=HALVINGS {

@@ -22,7 +22,7 @@ const SECONDS: f64 = 2.0;
 /// The adaptive methods report so often, as a flight's steps would make them, s.
 const OUTER: f64 = 0.25;
 /// Below these, mm and rad, errors are those of the reference, which turns by less than it goes.
-const FLOOR: [f64; 2] = [2e-11, 5e-13];
+const FLOOR: [f64; 2] = [2e-11, 1e-12];
 /// Above this, mm or rad, the order says nothing.
 const CEILING: f64 = 0.2;
 
