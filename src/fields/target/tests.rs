@@ -1,0 +1,154 @@
+//! The distance to a target in lumens that are known.
+
+use super::*;
+use crate::volume::{Grid, Volume};
+use glam::DMat3;
+
+/// A mask of what `is_in` accepts (world, mm).
+fn walls(dims: [usize; 3], spacing: DVec3, is_in: impl Fn(DVec3) -> bool) -> Arc<WallDistance> {
+    let grid = Grid::new(dims, spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let data = (0..grid.len())
+        .map(|n| {
+            let u = DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
+            i16::from(is_in(grid.world(u)))
+        })
+        .collect();
+    Arc::new(WallDistance::of_mask(&Volume::new(grid, data), &Progress::new()).unwrap())
+}
+
+/// A tube of radius 5 mm bent to three quarters of a circle of radius 15 mm: its ends come near each other.
+fn bend(p: DVec3) -> bool {
+    let q = p - DVec3::new(24.0, 24.0, 8.0);
+    let ring = (q.x.hypot(q.y) - 15.0).hypot(q.z);
+    ring < 5.0 && !(q.x > 0.0 && q.y > -1.0 && q.y < 3.0)
+}
+
+fn to(walls: &Arc<WallDistance>, target: DVec3) -> TargetDistance {
+    TargetDistance::to(walls, target, None, &[], &Progress::new()).unwrap()
+}
+
+#[test]
+fn follows_the_lumen_and_has_no_minimum_but_the_target() {
+    for spacing in [DVec3::ONE, DVec3::new(0.6, 0.8, 1.5)] {
+        let dims = [48.0, 48.0, 17.0];
+        let w = walls([0, 1, 2].map(|a| (dims[a] / spacing[a]).ceil() as usize), spacing, bend);
+        let target = DVec3::new(39.0, 28.0, 8.0);
+        let d = to(&w, target);
+        let mut lower = 0;
+        w.set().for_each(|n, [i, j, k]| {
+            let v = [i as i64, j as i64, k as i64];
+            if w.values()[n] < 0.0 {
+                assert_eq!(d.at(v), None);
+                return;
+            }
+            let here = d.at(v).expect("all of the bend is one piece");
+            let neighbours = (0..6).map(|s| {
+                let mut u = v;
+                u[s / 2] += if s % 2 == 0 { 1 } else { -1 };
+                d.at(u)
+            });
+            if !neighbours.flatten().any(|o| o < here) {
+                lower += 1;
+                assert_eq!(v, w.voxel(target), "a local minimum");
+            }
+            assert!(f64::from(here) >= w.world(v).distance(target) - 1e-4);
+        });
+        assert_eq!(lower, 1);
+        // The taut way about the ring's inner side (10 mm) is 64.5 mm long; fast marching of first order about a wall
+        // of steps finds it longer, never shorter.
+        let far = d.sample(DVec3::new(39.0, 22.0, 8.0)).unwrap().mm;
+        assert!((64.0..77.0).contains(&far), "{far}");
+    }
+}
+
+#[test]
+fn the_gradient_leads_to_the_target() {
+    let w = walls([48, 48, 17], DVec3::ONE, bend);
+    let target = DVec3::new(39.0, 28.0, 8.0);
+    let d = to(&w, target);
+    for start in [DVec3::new(39.0, 22.0, 8.0), DVec3::new(9.0, 24.0, 10.0), DVec3::new(24.0, 5.0, 7.0)] {
+        let mut at = start;
+        let mut last = f64::INFINITY;
+        for _ in 0..2000 {
+            let s = d.sample(at).expect("the way stays in the lumen");
+            assert!(s.mm < last + 1e-3, "at {at}: {} after {last}", s.mm);
+            assert!(s.hessian.to_cols_array().iter().all(|h| h.is_finite()));
+            last = s.mm;
+            if at.distance(target) < 2.0 {
+                break;
+            }
+            assert!((0.5..1.5).contains(&s.gradient.length()), "{at}: {}", s.gradient.length());
+            at -= s.gradient.normalize() * 0.1;
+        }
+        assert!(at.distance(target) < 2.0, "from {start} to {at}");
+    }
+}
+
+/// Two channels that touch along an edge, and one voxel of wall: neither leaks, in voxels or between them.
+#[test]
+fn no_way_through_a_touching_wall() {
+    let w = walls([40, 9, 5], DVec3::ONE, |p| {
+        (1.0..=7.0).contains(&p.y) && p.y != 4.0 && (1.0..=38.0).contains(&p.x)
+            || (p.y == 4.0 && p.x >= 37.0 && p.x < 39.0)
+    });
+    let d = to(&w, DVec3::new(2.0, 2.0, 2.0));
+    let (near, far) = (d.sample(DVec3::new(2.0, 3.2, 2.0)).unwrap(), d.sample(DVec3::new(2.0, 5.0, 2.0)).unwrap());
+    assert!(near.mm < 2.0 && far.mm > 70.0, "{} {}", near.mm, far.mm);
+    let corner = walls([20, 20, 3], DVec3::ONE, |p| (p.x < 10.0) == (p.y < 10.0));
+    let d = to(&corner, DVec3::new(5.0, 5.0, 1.0));
+    assert_eq!(d.at([15, 15, 1]), None);
+}
+
+#[test]
+fn a_gap_is_bridged_only_as_a_guess() {
+    let w = walls([60, 11, 11], DVec3::ONE, |p| (p.y - 5.0).hypot(p.z - 5.0) < 4.0 && !(25.0..33.0).contains(&p.x));
+    let target = DVec3::new(3.0, 5.0, 5.0);
+    assert_eq!(to(&w, target).at([50, 5, 5]), None);
+    let gap = [DVec3::new(34.0, 5.0, 5.0), DVec3::new(23.0, 5.0, 5.0)];
+    let d = TargetDistance::to(&w, target, None, &[gap], &Progress::new()).unwrap();
+    assert!((f64::from(d.at([50, 5, 5]).unwrap()) - 47.0).abs() < 1.0);
+    assert_eq!(d.guessed(), &[[gap[1], gap[0]]]);
+    assert!(TargetDistance::to(&w, DVec3::new(29.0, 50.0, 5.0), None, &[], &Progress::new()).is_err());
+    assert!(TargetDistance::to(&w, DVec3::NAN, None, &[], &Progress::new()).is_err());
+}
+
+/// Two rooms with a slit between them, and perhaps a wide way round.
+fn rooms(wide: bool) -> impl Fn(DVec3) -> bool {
+    move |p| {
+        let room = (p.x - 20.0).abs() < 18.0 && (p.y - 10.0).abs() < 8.0 && (p.z - 8.0).abs() < 7.0;
+        let wall = (p.x - 20.0).abs() < 2.5;
+        let slit = (p.y - 10.0).abs() < 1.2;
+        let round = wide && p.y > 15.0 && p.y < 40.0 && (p.x - 20.0).abs() < 18.0 && (p.z - 8.0).abs() < 7.0;
+        room && (!wall || slit) || round && (p.y > 24.0 || (p.x - 20.0).abs() > 6.0)
+    }
+}
+
+#[test]
+fn leads_where_the_body_fits() {
+    let (from, target) = (DVec3::new(8.0, 10.0, 8.0), DVec3::new(32.0, 10.0, 8.0));
+    let way = |wide: bool, clearance_mm: f64| {
+        let w = walls([41, 44, 17], DVec3::ONE, rooms(wide));
+        let d = TargetDistance::to(&w, target, Some(Traveller { from, clearance_mm }), &[], &Progress::new()).unwrap();
+        let (mut at, mut least) = (from, f64::INFINITY);
+        for _ in 0..2000 {
+            let Some(s) = d.sample(at) else { break };
+            least = least.min(f64::from(w.at(w.voxel(at)).unwrap()));
+            at -= s.gradient.normalize_or_zero() * 0.1;
+            if at.distance(target) < 2.0 {
+                break;
+            }
+        }
+        (d, at.distance(target) < 2.0, least)
+    };
+    let (d, there, least) = way(true, 2.5);
+    assert!(there && d.clearance_mm() == 2.5 && least > 1.7, "{there} {least}");
+    // From the slit it leads back to the room that it is nearer to.
+    for x in [17.0, 18.0, 19.0] {
+        let g = d.sample(DVec3::new(x, 10.0, 8.0)).unwrap().gradient;
+        assert!(g.x > 0.3, "at {x}: {g}");
+    }
+    let (d, there, least) = way(true, 0.0);
+    assert!(there && d.sample(from).unwrap().mm < 30.0 && least < 1.7, "{least}");
+    let (d, there, _) = way(false, 2.5);
+    assert!(there && d.clearance_mm() < 1.3, "through the slit, as there is no other way");
+}
