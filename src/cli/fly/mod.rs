@@ -1,18 +1,14 @@
 //! `colvis fly`, and `colvis` without a command.
 
+mod files;
 #[cfg(feature = "window")]
-use std::cell::Cell;
-use std::io::BufRead;
+mod window;
+
 use std::path::{Path, PathBuf};
-#[cfg(feature = "window")]
-use std::rc::Rc;
 use std::sync::Arc;
-#[cfg(feature = "window")]
-use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use glam::DVec3;
-use serde::de::DeserializeOwned;
 use serde_json::json;
 
 use crate::app::flight::ImageSettings;
@@ -21,18 +17,15 @@ use crate::app::{FlightApp, Guide, Scene};
 use crate::cli::args::{FlyArgs, Global, Point, Size};
 use crate::cli::prepare::{self, Timings, say};
 use crate::components::flight::State;
-use crate::components::input::Act;
-use crate::components::output::LogLine;
 use crate::components::play::Playback;
 use crate::error::{Error, Kind, Result};
 use crate::fields::Lumen;
 use crate::host::headless::{self, Outputs};
 use crate::host::terminal::Bar;
-#[cfg(feature = "window")]
-use crate::host::window::{self, Resume};
 use crate::output;
 use crate::progress::Progress;
 use crate::render::{Settings, Space};
+use files::{read_acts, read_log, write_acts};
 
 /// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
 const HEADLESS_SECONDS: f64 = 600.0;
@@ -53,8 +46,8 @@ pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<
     }
     #[cfg(feature = "window")]
     {
-        if let Some(display) = window::Display::open() {
-            return fly_in_window(args, global, progress, display);
+        if let Some(display) = crate::host::window::Display::open() {
+            return window::fly(args, global, progress, display);
         }
         eprintln!("no display: flying headless");
     }
@@ -170,75 +163,6 @@ pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene, windowed: 
     })
 }
 
-/// Flies in a window.
-#[cfg(feature = "window")]
-fn fly_in_window(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, display: window::Display) -> Result<()> {
-    if args.record.is_some() {
-        return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
-    }
-    let scene = scene(args, true)?;
-    let image = image_settings(args, global, &scene, true)?;
-    let acts = args.replay.as_deref().map(read_acts).transpose()?;
-    let timings = Arc::new(Mutex::new(Timings::default()));
-    let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
-    let prepare: window::Prepare = Box::new(move |progress| {
-        let mut timings = Timings::default();
-        let args = &prepare_args;
-        let made = loaded(args, &prepare_global, &scene, &mut timings, progress).and_then(|space| {
-            let scan = window::Scan::of(space.volume());
-            Ok((scan, prepared(args, space, scene, Some(image), &mut timings, progress)?))
-        });
-        *kept.lock().unwrap_or_else(PoisonError::into_inner) = timings;
-        let (scan, mut flight) = made?;
-        if let Some(acts) = acts {
-            flight.replay(acts);
-        }
-        if args.record_input.is_some() {
-            flight.record_acts();
-        }
-        Ok(scan.ready(flight))
-    });
-    let flown = Rc::new(Cell::new(false));
-    let (finish_args, finish_timings, set_out) = (args.clone(), Arc::clone(&timings), Rc::clone(&flown));
-    let (coverage, fov) = (args.coverage, prepare::fov(global)?);
-    let finish =
-        Box::new(move |flight: &FlightApp, frames: &[headless::FrameStats], present: Option<window::PresentMs>| {
-            set_out.set(true);
-            let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
-            let mut stats = stats(flight, &timings, frames, coverage.then_some(fov))?;
-            if let (Some(present), Some(m)) = (present, stats.as_object_mut()) {
-                m.insert("present_ms".to_owned(), json!(present));
-            }
-            leave(&finish_args, flight, &stats)
-        });
-    let launch = window::Launch {
-        prepare,
-        finish,
-        size: args.size.map(|s| (s.width, s.height)),
-        log: args.log.clone(),
-        seconds: args.seconds,
-        resume: resume(args),
-    };
-    window::run(display, launch, progress).inspect_err(|e| {
-        if !flown.get() {
-            leave_unflown(args, &timings.lock().unwrap_or_else(PoisonError::into_inner), e);
-        }
-    })
-}
-
-/// What a flight in a window takes up from the last time that its scan was open.
-#[cfg(feature = "window")]
-fn resume(args: &FlyArgs) -> Resume {
-    let repeats = args.replay.is_some() || args.record_input.is_some() || args.play.is_some();
-    let placed = args.from.is_some() || args.to.is_some() || args.reverse;
-    match (repeats, placed, args.guide.is_some() || args.scene.is_some()) {
-        (true, ..) => Resume::Never,
-        (_, true, _) => Resume::Nothing,
-        (.., true) => Resume::Place,
-        _ => Resume::Everything,
-    }
-}
-
 /// Reads the scan that a scene is flown in.
 ///
 /// # Errors
@@ -310,28 +234,6 @@ fn check_scan(play: &Playback, space: &Space) -> Result<()> {
             Err(Error::input("log", format!("{at} lies outside this scan"), "give the scan that it was flown in"))
         }
     }
-}
-
-/// Reads a flight's log to be played: one [`LogLine`] a line.
-fn read_log(path: &Path, rate: f64, backwards: bool) -> Result<Playback> {
-    let mend = "give a log that --log wrote";
-    let bad = |e: Error| if e.kind == Kind::Usage { e } else { Error::file(path, e.why, mend) };
-    Playback::new(read_lines::<LogLine>(path, mend)?, rate, backwards).map_err(bad)
-}
-
-/// Reads a file with a value on each line, as JSON; empty lines are none.
-fn read_lines<T: DeserializeOwned>(path: &Path, mend: &str) -> Result<Vec<T>> {
-    let unread = |e: std::io::Error| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend);
-    let file = std::fs::File::open(path).map_err(unread)?;
-    let mut values = Vec::new();
-    for (n, line) in std::io::BufReader::new(file).lines().enumerate() {
-        let line = line.map_err(unread)?;
-        if !line.trim().is_empty() {
-            let value = serde_json::from_str(&line);
-            values.push(value.map_err(|e| Error::file(path, format!("line {}: {e}", n + 1), mend))?);
-        }
-    }
-    Ok(values)
 }
 
 /// Writes what stands for what was flown, whether or not it came to a good end: stats and the operator's input.
@@ -475,48 +377,4 @@ fn stats(
         m.insert("coverage_both_ways".to_owned(), json!(seen.map(|c| c.both_ways)));
     }
     Ok(m.into())
-}
-
-/// Reads an operator's recorded input: one [`Act`] a line.
-fn read_acts(path: &Path) -> Result<Vec<Act>> {
-    let mend = "give a file that --record-input wrote";
-    let acts: Vec<Act> = read_lines(path, mend)?;
-    match acts.windows(2).position(|w| w[0].tick > w[1].tick) {
-        Some(n) => Err(Error::file(path, format!("line {}: goes back in time", n + 2), mend)),
-        None => Ok(acts),
-    }
-}
-
-/// Writes an operator's input, one [`Act`] a line.
-///
-/// # Errors
-/// Status 5 when it cannot be written.
-pub fn write_acts(path: &Path, acts: &[Act]) -> Result<()> {
-    output::write_whole(path, |w| {
-        for act in acts {
-            serde_json::to_writer(&mut *w, act)?;
-            w.write_all(b"\n")?;
-        }
-        Ok(())
-    })
-}
-
-#[cfg(all(test, feature = "window"))]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn only_a_flight_of_its_own_takes_up_the_last_one() {
-        let file = Some(PathBuf::from("f"));
-        let args = FlyArgs::default();
-        assert_eq!(resume(&args), Resume::Everything);
-        assert_eq!(resume(&FlyArgs { guide: Some(Guide::Path), ..args.clone() }), Resume::Place);
-        assert_eq!(resume(&FlyArgs { reverse: true, ..args.clone() }), Resume::Nothing);
-        for reverse in [false, true] {
-            let args = FlyArgs { reverse, ..args.clone() };
-            assert_eq!(resume(&FlyArgs { play: file.clone(), ..args.clone() }), Resume::Never);
-            assert_eq!(resume(&FlyArgs { replay: file.clone(), ..args.clone() }), Resume::Never);
-            assert_eq!(resume(&FlyArgs { record_input: file.clone(), ..args }), Resume::Never);
-        }
-    }
 }

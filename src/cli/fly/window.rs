@@ -1,0 +1,107 @@
+//! The flight in a window.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use serde_json::json;
+
+use super::files::read_acts;
+use super::{image_settings, leave, leave_unflown, loaded, prepared, scene, stats};
+use crate::app::FlightApp;
+use crate::cli::args::{FlyArgs, Global};
+use crate::cli::prepare::{self, Timings};
+use crate::error::{Error, Result};
+use crate::host::headless;
+use crate::host::window::{self, Resume};
+use crate::progress::Progress;
+
+/// Flies in a window.
+pub fn fly(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, display: window::Display) -> Result<()> {
+    if args.record.is_some() {
+        return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
+    }
+    let scene = scene(args, true)?;
+    let image = image_settings(args, global, &scene, true)?;
+    let acts = args.replay.as_deref().map(read_acts).transpose()?;
+    let timings = Arc::new(Mutex::new(Timings::default()));
+    let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
+    let prepare: window::Prepare = Box::new(move |progress| {
+        let mut timings = Timings::default();
+        let args = &prepare_args;
+        let made = loaded(args, &prepare_global, &scene, &mut timings, progress).and_then(|space| {
+            let scan = window::Scan::of(space.volume());
+            Ok((scan, prepared(args, space, scene, Some(image), &mut timings, progress)?))
+        });
+        *kept.lock().unwrap_or_else(PoisonError::into_inner) = timings;
+        let (scan, mut flight) = made?;
+        if let Some(acts) = acts {
+            flight.replay(acts);
+        }
+        if args.record_input.is_some() {
+            flight.record_acts();
+        }
+        Ok(scan.ready(flight))
+    });
+    let flown = Rc::new(Cell::new(false));
+    let (finish_args, finish_timings, set_out) = (args.clone(), Arc::clone(&timings), Rc::clone(&flown));
+    let (coverage, fov) = (args.coverage, prepare::fov(global)?);
+    let finish =
+        Box::new(move |flight: &FlightApp, frames: &[headless::FrameStats], present: Option<window::PresentMs>| {
+            set_out.set(true);
+            let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut stats = stats(flight, &timings, frames, coverage.then_some(fov))?;
+            if let (Some(present), Some(m)) = (present, stats.as_object_mut()) {
+                m.insert("present_ms".to_owned(), json!(present));
+            }
+            leave(&finish_args, flight, &stats)
+        });
+    let launch = window::Launch {
+        prepare,
+        finish,
+        size: args.size.map(|s| (s.width, s.height)),
+        log: args.log.clone(),
+        seconds: args.seconds,
+        resume: resume(args),
+    };
+    window::run(display, launch, progress).inspect_err(|e| {
+        if !flown.get() {
+            leave_unflown(args, &timings.lock().unwrap_or_else(PoisonError::into_inner), e);
+        }
+    })
+}
+
+/// What a flight in a window takes up from the last time that its scan was open.
+fn resume(args: &FlyArgs) -> Resume {
+    let repeats = args.replay.is_some() || args.record_input.is_some() || args.play.is_some();
+    let placed = args.from.is_some() || args.to.is_some() || args.reverse;
+    match (repeats, placed, args.guide.is_some() || args.scene.is_some()) {
+        (true, ..) => Resume::Never,
+        (_, true, _) => Resume::Nothing,
+        (.., true) => Resume::Place,
+        _ => Resume::Everything,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::app::Guide;
+
+    #[test]
+    fn only_a_flight_of_its_own_takes_up_the_last_one() {
+        let file = Some(PathBuf::from("f"));
+        let args = FlyArgs::default();
+        assert_eq!(resume(&args), Resume::Everything);
+        assert_eq!(resume(&FlyArgs { guide: Some(Guide::Path), ..args.clone() }), Resume::Place);
+        assert_eq!(resume(&FlyArgs { reverse: true, ..args.clone() }), Resume::Nothing);
+        for reverse in [false, true] {
+            let args = FlyArgs { reverse, ..args.clone() };
+            assert_eq!(resume(&FlyArgs { play: file.clone(), ..args.clone() }), Resume::Never);
+            assert_eq!(resume(&FlyArgs { replay: file.clone(), ..args.clone() }), Resume::Never);
+            assert_eq!(resume(&FlyArgs { record_input: file.clone(), ..args }), Resume::Never);
+        }
+    }
+}
