@@ -1,26 +1,19 @@
-//! The 2D program: ten drawn lumens with known traps, extreme ones, and drawings that are none.
+//! The 2D program: ten drawn lumens with known traps, extreme ones, and drawings that are none. What the traps
+//! are in three dimensions stands in `traps.rs`.
 
 mod flying;
 mod plane_drawings;
 
-use std::sync::Arc;
-
-use colvis::app::plan::Plan;
-use colvis::app::{FlightApp, Scene};
 use colvis::dynamics::mines::MineSettings;
 use colvis::dynamics::trap::Trap;
 use colvis::fields::Clearances;
-use colvis::fields::lumen::gas_at;
 use colvis::math::hash;
 use colvis::plane::drawing::{Drawing, MM_PER_PIXEL};
 use colvis::plane::flight::HZ;
 use colvis::plane::shipped::{DRAWINGS, named};
 use colvis::plane::{Flight, Settings, State};
-use colvis::progress::Progress;
-use colvis::render::{Space, Wall};
-use colvis::volume::{Grid, Volume};
 use flying::run;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 /// What is known of each drawing: what it catches the flight by where the operator is called (none where it arrives), the
 /// number of places at which another way was looked for, and the digest of the trajectory.
@@ -33,9 +26,9 @@ const KNOWN: [(&str, Option<Trap>, u32, u64); 10] = [
     ("pocket", Some(Trap::BlindEnd), 1, 0x8c48_2923_489e_f8fd),
     ("ring", Some(Trap::Circling), 2, 0xb6c7_64b4_c98a_b559),
     ("touching", None, 0, 0x7503_36a8_d21e_32c8),
-    ("bridge", None, 1, 0xd308_4ade_2004_fb37),
-    ("polyp", None, 1, 0x0244_ee69_d6d8_f135),
-    ("neck", Some(Trap::Narrow), 1, 0x4763_1dcc_6a47_1ed6),
+    ("bridge", None, 1, 0xf229_57b2_fb4a_6177),
+    ("polyp", None, 1, 0xc9d2_82e5_f37a_1d99),
+    ("neck", Some(Trap::Narrow), 1, 0x2d20_1e6a_acbd_e238),
     ("spiral", None, 0, 0x4ffc_81bb_bdff_1293),
 ];
 
@@ -103,82 +96,6 @@ fn ten_lumens_come_out_as_known() {
         assert!(traps.iter().all(|t| t.3 <= 2.0), "{name}: noticed too late: {traps:?}");
         let state = if want.is_some() { State::Operator } else { State::Arrived };
         if flight.state() != state || got != (want, escapes, code) {
-            wrong.push(name);
-        }
-    }
-    assert!(wrong.is_empty(), "not as known: {wrong:?}");
-}
-
-/// The same lumens 18 mm high, in voxels of 1 mm: the flight of the scan through the same traps.
-fn solid(drawing: &Drawing) -> Volume {
-    let dims = [drawing.width() / 2, drawing.height() / 2, 22];
-    let grid = Grid::new(dims, DVec3::ONE, DVec3::new(0.5, 0.5, -11.0), DMat3::IDENTITY).unwrap();
-    let lumen = |i: usize, j: usize, k: usize| {
-        // Four pixels a voxel: the wall is where half of them are.
-        let bright =
-            [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| drawing.is_lumen((2 * i + x) as i64, (2 * j + y) as i64));
-        if (2..20).contains(&k) { bright.iter().filter(|b| **b).count() } else { 0 }
-    };
-    let value = |n: usize| 40 - 260 * lumen(n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]) as i16;
-    let data = (0..grid.len()).map(value).collect();
-    Volume::new(grid, data)
-}
-
-#[test]
-fn the_same_traps_in_three_dimensions() {
-    let progress = Progress::new();
-    let mut wrong = Vec::new();
-    for (name, ..) in KNOWN {
-        // With a third dimension there is more room for the guide. Few tentacles see through a neck that is a slit, and the
-        // flight wanders before it: the place is told, the kind not always.
-        let want: &[Trap] = match name {
-            "ring" => &[Trap::Circling],
-            "neck" => &[Trap::Narrow, Trap::BlindEnd, Trap::Circling],
-            _ => &[],
-        };
-        let drawing = named(name).unwrap().unwrap();
-        let (start, goal) = (drawing.start.unwrap(), drawing.goal.unwrap());
-        let volume = solid(&drawing);
-        let lumen = gas_at(&volume, start, &progress).unwrap().expect("gas");
-        let space = Space::new(Arc::new(volume), Wall::default());
-        let far = DVec3::splat(1e4);
-        let plan = Plan {
-            start,
-            goal,
-            within_mm: 3.0,
-            begin: far,
-            other_end: far,
-            other_within_mm: 1.0,
-            length_mm: 300.0,
-            segment: None,
-            gas: None,
-            falls_short: None,
-            other_falls_short: None,
-            notes: Vec::new(),
-        };
-        let scene = Scene { log: true, ..Scene::default() };
-        let mut flight = FlightApp::new(space, Arc::new(lumen), plan, scene, None).unwrap();
-        let log = flying::fly(&mut flight, 120.0);
-        let f = flight.flight();
-        let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
-        println!(
-            "{name}: {:?} {} at {:.0}, {:.1} s, {} escapes, least clearance {least:.2}",
-            f.state,
-            f.reason,
-            f.place,
-            flight.clock().seconds(),
-            f.escapes
-        );
-        assert!(least >= 1.5, "{name}: perforated");
-        if name == "neck" {
-            assert!(f.place.distance(DVec3::new(82.0, 30.0, 0.0)) < 12.0, "the neck is at {}", f.place);
-        }
-        let known = if want.is_empty() {
-            f.state == State::Arrived
-        } else {
-            f.state == State::Operator && want.iter().any(|t| f.reason == t.text())
-        };
-        if !known {
             wrong.push(name);
         }
     }

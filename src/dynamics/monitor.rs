@@ -52,10 +52,12 @@ pub struct Alarm {
 const TRAIL_STEP_MM: f64 = 2.0;
 /// Trail nearer than this along the way is not "visited ground" but where the camera has just been, mm.
 const RECENT_MM: f64 = 30.0;
-/// Positions kept within a window.
-const SAMPLES: f64 = 8.0;
-/// More way than this many times the size of the box that holds it is dithering: there and back is 2.
+/// Positions kept within a window: less than 2 mm apart at cruise speed.
+const SAMPLES: f64 = 32.0;
+/// More way than this many times the size of the box that holds it is dithering: there and back is 2. It is looked for over
+/// any time up to so many windows: a wide sway takes long.
 const DITHER: f64 = 2.5;
+const DITHER_WINDOWS: f64 = 2.0;
 
 /// A position of the last seconds.
 #[derive(Clone, Copy, Debug)]
@@ -70,7 +72,7 @@ struct Sample {
 pub struct Monitor {
     /// Points each [`TRAIL_STEP_MM`] of the way, world mm.
     trail: Vec<DVec3>,
-    /// Positions of the last window, oldest first.
+    /// Positions of the last [`DITHER_WINDOWS`], oldest first.
     recent: VecDeque<Sample>,
     last: Option<DVec3>,
     time: f64,
@@ -120,7 +122,7 @@ impl Monitor {
         if self.recent.back().is_none_or(|r| self.time - r.time >= settings.window_s / SAMPLES) {
             self.recent.push_back(Sample { time: self.time, at, way: self.way });
         }
-        while self.recent.len() > 1 && self.time - self.recent[1].time >= settings.window_s {
+        while self.recent.len() > 1 && self.time - self.recent[1].time >= DITHER_WINDOWS * settings.window_s {
             self.recent.pop_front();
         }
         if self.trail.last().is_none_or(|l| l.distance(at) >= TRAIL_STEP_MM) {
@@ -131,15 +133,17 @@ impl Monitor {
 
     /// Trouble of a flight that does not get away from where it is.
     fn stay(&self, at: DVec3, settings: &MonitorSettings) -> Option<Alarm> {
-        let since = self.recent.front().filter(|s| self.time - s.time >= settings.window_s)?;
-        let (low, high) = self.recent.iter().fold((at, at), |(l, h), s| (l.min(s.at), h.max(s.at)));
-        let (extent, way) = ((high - low).length(), self.way - since.way);
-        let trouble = match () {
-            () if way > 3.0 * settings.least_progress_mm && way > DITHER * extent => Trouble::Dithering,
-            () if extent < settings.least_progress_mm => Trouble::Stuck,
-            () => return None,
-        };
-        Some(Alarm { trouble, place: at })
+        let (mut low, mut high) = (at, at);
+        let mut is_stuck = false;
+        for s in self.recent.iter().rev() {
+            (low, high) = (low.min(s.at), high.max(s.at));
+            let (extent, way) = ((high - low).length(), self.way - s.way);
+            if way > 3.0 * settings.least_progress_mm && way > DITHER * extent {
+                return Some(Alarm { trouble: Trouble::Dithering, place: at });
+            }
+            is_stuck |= self.time - s.time >= settings.window_s && extent < settings.least_progress_mm;
+        }
+        is_stuck.then_some(Alarm { trouble: Trouble::Stuck, place: at })
     }
 
     /// Adds up the way over visited ground, against and along the trail's sense; new ground forgets it.
@@ -209,6 +213,13 @@ mod tests {
         told(&|t| sway(t, 2.0, 15.0), 3.0, Trouble::Dithering, Some(tip));
         // Between two ways 14 mm apart, at full speed: the trap is a trap from the second turn on.
         told(&|t| sway(t, 7.0, 30.0 / 7.0), 3.0, Trouble::Dithering, None);
+        // Slower, between two ways as far apart: from 3.0 + 0.45 s on, when it turns for the second time.
+        told(
+            &|t| sway(t, 6.5, std::f64::consts::TAU / 1.8) + DVec3::Y * (t - 3.0).max(0.0),
+            3.45,
+            Trouble::Dithering,
+            None,
+        );
         told(&|t| DVec3::X * 30.0 * (3.0 - (t - 3.0).abs()), 3.0, Trouble::TurnedBack, Some(tip));
         let round = std::f64::consts::TAU * 20.0 / 30.0;
         told(&|t| DVec3::new(20.0 * (1.5 * t).cos(), 20.0 * (1.5 * t).sin(), 0.0), round, Trouble::Circling, None);

@@ -182,8 +182,9 @@ impl Rescue {
         let kind = match alarm.trouble {
             Trouble::Stuck => felt.map(Felt::kind),
             Trouble::TurnedBack => self.noted(alarm.place),
+            // Before a neck it also flies off and comes again.
             Trouble::Dithering | Trouble::Circling => {
-                self.closed_nearby(alarm.place).filter(|_| self.is_in_one_place())
+                self.closed_nearby(alarm.place).filter(|t| *t == Trap::Narrow || self.is_in_one_place())
             }
         };
         let trap = recognise(alarm.trouble, kind);

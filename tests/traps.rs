@@ -1,0 +1,160 @@
+//! Traps in three dimensions: the drawn ones, and two lumens that a guide cannot choose between.
+
+mod flying;
+
+use std::sync::Arc;
+
+use bevy_ecs::prelude::*;
+use colvis::app::plan::Plan;
+use colvis::app::scene::OwnGuide;
+use colvis::app::{FlightApp, Scene};
+use colvis::components::app::Plugin;
+use colvis::components::camera::Pose;
+use colvis::components::flight::State;
+use colvis::components::guide::GuideThrust;
+use colvis::components::output::GuideName;
+use colvis::components::{App, FlightSystems, Slot};
+use colvis::dynamics::trap::Trap;
+use colvis::error::Result;
+use colvis::fields::lumen::gas_at;
+use colvis::plane::drawing::Drawing;
+use colvis::plane::shipped::{DRAWINGS, named};
+use colvis::progress::Progress;
+use colvis::render::{Space, Wall};
+use colvis::volume::{Grid, Volume};
+use glam::{DMat3, DVec3};
+
+/// The same lumens 18 mm high, in voxels of 1 mm: the flight of the scan through the same traps.
+fn solid(drawing: &Drawing) -> Volume {
+    let dims = [drawing.width() / 2, drawing.height() / 2, 22];
+    let grid = Grid::new(dims, DVec3::ONE, DVec3::new(0.5, 0.5, -11.0), DMat3::IDENTITY).unwrap();
+    let lumen = |i: usize, j: usize, k: usize| {
+        // Four pixels a voxel: the wall is where half of them are.
+        let bright =
+            [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| drawing.is_lumen((2 * i + x) as i64, (2 * j + y) as i64));
+        if (2..20).contains(&k) { bright.iter().filter(|b| **b).count() } else { 0 }
+    };
+    let value = |n: usize| 40 - 260 * lumen(n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]) as i16;
+    let data = (0..grid.len()).map(value).collect();
+    Volume::new(grid, data)
+}
+
+/// A flight in three dimensions from a drawing's start to its goal.
+fn through(drawing: &Drawing, scene: Scene) -> FlightApp {
+    let (start, goal) = (drawing.start.unwrap(), drawing.goal.unwrap());
+    let volume = solid(drawing);
+    let lumen = gas_at(&volume, start, &Progress::new()).unwrap().expect("gas");
+    let space = Space::new(Arc::new(volume), Wall::default());
+    let far = DVec3::splat(1e4);
+    let plan = Plan {
+        start,
+        goal,
+        within_mm: 3.0,
+        begin: far,
+        other_end: far,
+        other_within_mm: 1.0,
+        length_mm: 300.0,
+        segment: None,
+        gas: None,
+        falls_short: None,
+        other_falls_short: None,
+        notes: Vec::new(),
+    };
+    FlightApp::new(space, Arc::new(lumen), plan, scene, None).unwrap()
+}
+
+#[test]
+fn the_same_traps_in_three_dimensions() {
+    let mut wrong = Vec::new();
+    for (name, _) in DRAWINGS {
+        // With a third dimension there is more room for the guide: most traps are none to it.
+        let want = [("ring", Trap::Circling), ("neck", Trap::Narrow)].into_iter().find(|w| w.0 == name).map(|w| w.1);
+        let drawing = named(name).unwrap().unwrap();
+        let mut flight = through(&drawing, Scene { log: true, ..Scene::default() });
+        let log = flying::fly(&mut flight, 120.0);
+        let f = flight.flight();
+        let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
+        println!(
+            "{name}: {:?} {} at {:.0}, {:.1} s, {} escapes, least clearance {least:.2}",
+            f.state,
+            f.reason,
+            f.place,
+            flight.clock().seconds(),
+            f.escapes
+        );
+        assert!(least >= 1.5, "{name}: perforated");
+        if name == "neck" {
+            assert!(f.place.distance(DVec3::new(82.0, 30.0, 0.0)) < 12.0, "the neck is at {}", f.place);
+        }
+        let known = want.map_or((State::Arrived, ""), |t| (State::Operator, t.text()));
+        if (f.state, f.reason.as_str()) != known {
+            wrong.push(name);
+        }
+    }
+    assert!(wrong.is_empty(), "not as known: {wrong:?}");
+}
+
+/// Where a lumen parts in two that are 90° apart, mm.
+const PARTING: DVec3 = DVec3::new(60.0, 40.0, 0.0);
+
+/// This far from the middle it is in one of them, mm.
+const IN_IT_MM: f64 = 5.0;
+
+/// A guide that takes the upper way until it is in it, then the lower one, and so on: the dithering of section 3.1.1.
+fn torn(app: &mut App) -> Result<()> {
+    app.fill(Slot::Guide, "torn")?;
+    app.world.insert_resource(GuideName("torn"));
+    app.add_systems(FlightSystems::Guide, |camera: Single<(&Pose, &mut GuideThrust)>, mut up: Local<bool>| {
+        let (pose, mut guide) = camera.into_inner();
+        let off = pose.position - PARTING;
+        if off.x > 0.0 && off.y.abs() > IN_IT_MM {
+            *up = off.y < 0.0;
+        }
+        let mouth = PARTING + DVec3::new(7.0, if *up { 7.0 } else { -7.0 }, 0.0);
+        let way = (mouth - pose.position).normalize_or_zero();
+        *guide = GuideThrust { thrust: way * 180.0, limit: 180.0, way, ..GuideThrust::default() };
+    });
+    Ok(())
+}
+
+const ALONE: [Plugin; 1] = [torn];
+const FEELING: [Plugin; 2] = [colvis::systems::sense::plugin, torn];
+
+/// Dithering between two lumens is told within two seconds, where they part; who feels the way looks for another before
+/// the operator is called.
+#[test]
+fn dithering_between_two_lumens_is_told_in_three_dimensions() {
+    let (w, h) = (240, 160);
+    let inside = |n: usize| {
+        let (x, y) = ((n % w) as f64 / 2.0 - PARTING.x, (n / w) as f64 / 2.0 - PARTING.y);
+        let stem = (-52.0..0.0).contains(&x) && y.abs() <= 7.0;
+        stem || (-4.0..32.0).contains(&x) && (y.abs() - x.max(0.0)).abs() <= 8.0
+    };
+    let mut wye = Drawing::new("wye", (w, h), (0..w * h).map(inside).collect()).unwrap();
+    (wye.start, wye.goal) = (Some(DVec3::new(12.0, 40.25, 0.0)), Some(DVec3::new(89.0, 11.0, 0.0)));
+    for (plugins, feels) in [(&ALONE[..], false), (&FEELING[..], true)] {
+        let own_guide = Some(OwnGuide { plugins, feels });
+        let mut flight = through(&wye, Scene { own_guide, log: true, ..Scene::default() });
+        let (mut log, mut told) = (Vec::new(), None);
+        while flight.flight().state == State::Flying {
+            flight.step().unwrap();
+            log.append(&mut flight.take_log());
+            if flight.flight().state != State::Flying || flight.flight().escapes > 0 {
+                told.get_or_insert(log.len());
+            }
+        }
+        let (f, told) = (flight.flight(), told.expect("it is told"));
+        // It sways from its second turn on: one alone may have its reason.
+        let off = |n: usize| DVec3::from(log[n].position) - PARTING;
+        let turns = |&n: &usize| {
+            let [a, b, c] = [off(n - 1).y, off(n).y, off(n + 1).y];
+            off(n).x > 0.0 && b.abs() > IN_IT_MM && (b - a) * (c - b) < 0.0
+        };
+        let torn = (1..log.len() - 1).filter(turns).nth(1).expect("it turns");
+        println!("{f:?}, told after {} steps, torn from {torn} on", log.len());
+        assert_eq!((f.state, f.reason.as_str()), (State::Operator, Trap::Dithering.text()));
+        assert!(f.place.distance(PARTING) < 12.0, "told at {}", f.place);
+        assert_eq!(f.escapes > 0, feels);
+        assert!(told - torn <= 240, "first told after {told} steps");
+    }
+}
