@@ -6,6 +6,8 @@ use super::occupancy::{BRICK_SHIFT, Occupancy};
 
 /// The most cells along an axis that are asked one by one; a thicker bundle goes on in steps.
 const MOST: i32 = 4;
+/// The most bricks along an axis whose distances are asked for one by one.
+const MOST_BRICKS: i32 = 3;
 
 /// Rays `origin + k · along` whose `along` lie in a box: at any `k` the rays' places lie in a box too, and it is the box
 /// that walks from brick to brick and from cell to cell (after Amanatides and Woo 1987, with the box's leading faces in
@@ -51,6 +53,19 @@ impl Beam {
         up.min(down).min_element()
     }
 
+    /// When the bundle leaves the bricks from `first` to `last` and those around them that are empty where the next brick
+    /// with anything is `distance` bricks away; before the camera where one of them has something itself.
+    #[inline(always)]
+    fn leaves(&self, first: [i32; 3], last: [i32; 3], distance: u8) -> f32 {
+        if distance == 0 {
+            return -1.0;
+        }
+        let reach = f32::from(distance) - 1.0;
+        let corner = |b: [i32; 3]| Vec3A::new(b[0] as f32, b[1] as f32, b[2] as f32);
+        let side = (1 << BRICK_SHIFT) as f32;
+        self.meets((corner(first) - reach) * side, (corner(last) + (1.0 + reach)) * side)
+    }
+
     /// The first `k` from `k` on at which one of the rays may meet something, or `end` if there is none before it. What is
     /// outside the grown volume is not known.
     #[inline(always)]
@@ -69,14 +84,17 @@ impl Beam {
             if c[0] >= bricks[0] || c[1] >= bricks[1] || c[2] >= bricks[2] {
                 return k;
             }
-            let at = |b: [i32; 3]| (b[0] + bricks[0] * (b[1] + bricks[1] * b[2])) as usize;
             let nudge = self.nudge.max(k * 1e-6);
-            let distance = occupancy.distance(at(b));
+            let distance = occupancy.distance(b);
             if distance > 1 || distance == 1 && b == c {
-                // The cube of empty bricks around the one with the lowest corner.
-                let reach = (f32::from(distance) - 1.0) * 4.0;
-                let low = Vec3A::new(b[0] as f32, b[1] as f32, b[2] as f32) * 4.0 - reach;
-                let leaves = self.meets(low, low + (4.0 + 2.0 * reach));
+                let leaves = self.leaves(b, b, distance);
+                if leaves > k {
+                    k = leaves + nudge;
+                    continue;
+                }
+            } else if distance > 0 && (0..3).all(|a| c[a] - b[a] < MOST_BRICKS) {
+                // None of the bricks that it touches may have anything.
+                let leaves = self.leaves(b, c, occupancy.nearest(b, c));
                 if leaves > k {
                     k = leaves + nudge;
                     continue;

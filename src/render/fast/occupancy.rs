@@ -60,36 +60,51 @@ impl Occupancy {
         self.bits.get(n).copied().unwrap_or(u64::MAX)
     }
 
-    /// Whether a bit is set between the cells `first` and `last`, both included, which must be within the bricks and not
-    /// more than five apart along x.
+    /// Whether a bit is set between the cells `first` and `last`, both included, which must be within the bricks.
     #[inline(always)]
     pub fn any(&self, first: [i32; 3], last: [i32; 3]) -> bool {
         let [nx, ny, _] = self.bricks;
-        let (left, right) = (first[0] as usize >> BRICK_SHIFT, last[0] as usize >> BRICK_SHIFT);
-        // The bits of the row's cells, in the brick to the left and in that to the right.
-        let from = 15u64 << (first[0] & 3) & 15;
-        let until = 15u64 >> (3 - (last[0] & 3));
-        for z in first[2]..=last[2] {
-            for y in first[1]..=last[1] {
-                let row = nx * ((y as usize >> BRICK_SHIFT) + ny * (z as usize >> BRICK_SHIFT));
-                let shift = 4 * (y & 3) + 16 * (z & 3);
-                let found = if left == right {
-                    self.bits(row + left) >> shift & from & until
-                } else {
-                    self.bits(row + left) >> shift & from | self.bits(row + right) >> shift & until
-                };
-                if found != 0 {
-                    return true;
+        // Along each axis: the bricks, and the cells of one of them, as the bits that a whole brick has there.
+        let bricks = |a: usize| first[a] >> BRICK_SHIFT..=last[a] >> BRICK_SHIFT;
+        let cells = |a: usize, brick: i32| {
+            let (from, until) = ((first[a] - 4 * brick).max(0) as u32, (last[a] - 4 * brick).min(3) as u32);
+            let bits = [1, 4, 16][a];
+            (u64::MAX << (bits * from)) & (u64::MAX >> (64 - bits * (until + 1)))
+        };
+        for z in bricks(2) {
+            let slices = cells(2, z);
+            for y in bricks(1) {
+                let rows = slices & (cells(1, y) & 0xffff) * 0x0001_0001_0001_0001;
+                let row = nx * (y as usize + ny * z as usize);
+                for x in bricks(0) {
+                    if self.bits(row + x as usize) & rows & (cells(0, x) & 15) * 0x1111_1111_1111_1111 != 0 {
+                        return true;
+                    }
                 }
             }
         }
         false
     }
 
-    /// The distance of brick `n` of the list, bricks.
+    /// The distance of the brick `b`, bricks.
     #[inline(always)]
-    pub fn distance(&self, n: usize) -> u8 {
-        self.distance.get(n).copied().unwrap_or(0)
+    pub fn distance(&self, b: [i32; 3]) -> u8 {
+        let [nx, ny, _] = self.bricks;
+        self.distance.get(b[0] as usize + nx * (b[1] as usize + ny * b[2] as usize)).copied().unwrap_or(0)
+    }
+
+    /// The least distance of the bricks from `first` to `last`, both included.
+    #[inline(always)]
+    pub fn nearest(&self, first: [i32; 3], last: [i32; 3]) -> u8 {
+        let mut least = FAR;
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
+                for x in first[0]..=last[0] {
+                    least = least.min(self.distance([x, y, z]));
+                }
+            }
+        }
+        least
     }
 
     /// Memory taken.
@@ -224,7 +239,7 @@ mod tests {
                 let at = |n: usize| [n % bx, n / bx % by, n / bx / by];
                 let far = |m: usize| (0..3).map(|a| at(n)[a].abs_diff(at(m)[a])).max().unwrap_or(0);
                 let least = (0..bx * by * bz).filter(|&m| o.bits(m) != 0).map(far).min().unwrap_or(255);
-                prop_assert_eq!(usize::from(o.distance(n)), least);
+                prop_assert_eq!(usize::from(o.distance(at(n).map(|c| c as i32))), least);
             }
         }
     }
