@@ -4,14 +4,14 @@ use glam::{BVec3A, Vec3, Vec3A};
 
 use super::occupancy::{BRICK_SHIFT, Occupancy};
 
-/// The most cells along an axis that are asked one by one; a thicker bundle goes on in steps.
-const MOST: i32 = 4;
+/// The most cells along an axis that are asked for what they hold; a thicker bundle goes on in steps.
+const MOST: i32 = 8;
 /// The most bricks along an axis whose distances are asked for one by one.
 const MOST_BRICKS: i32 = 3;
 
 /// Rays `origin + k · along` whose `along` lie in a box: at any `k` the rays' places lie in a box too, and it is the box
-/// that walks from brick to brick and from cell to cell (after Amanatides and Woo 1987, with the box's leading faces in
-/// place of a point).
+/// that leaps: from empty brick to empty brick (after Amanatides and Woo 1987, with the box's leading faces in place of a
+/// point), and where bricks are not empty by a cell's length at a time.
 pub struct Beam {
     origin: Vec3A,
     /// The box of steps.
@@ -22,8 +22,8 @@ pub struct Beam {
     falls: BVec3A,
     up: Vec3A,
     down: Vec3A,
-    /// A step that crosses a border for certain.
-    nudge: f32,
+    /// Steps to a cell's length along the axis of the steepest ray.
+    cell: f32,
 }
 
 impl Beam {
@@ -40,7 +40,7 @@ impl Beam {
             falls: bottom.cmplt(Vec3A::ZERO),
             up: top.recip(),
             down: bottom.recip(),
-            nudge: 1e-3 / steepest,
+            cell: 1.0 / steepest,
         }
     }
 
@@ -74,7 +74,7 @@ impl Beam {
         let whole = |v: Vec3A| v.to_array().map(|c| c as i32);
         while k < end {
             // Grown by what rounding and nudges may shift.
-            let slack = 2e-3 + k * 1e-6;
+            let slack = 2e-3 + (k + self.cell) * 1e-6;
             let (low, high) = (self.origin + self.bottom * k - slack, self.origin + self.top * k + slack);
             if low.min_element() < 0.0 {
                 return k;
@@ -84,7 +84,8 @@ impl Beam {
             if c[0] >= bricks[0] || c[1] >= bricks[1] || c[2] >= bricks[2] {
                 return k;
             }
-            let nudge = self.nudge.max(k * 1e-6);
+            // It crosses a border for certain, however far away.
+            let nudge = (1e-3 * self.cell).max(k * 1e-6);
             let distance = occupancy.distance(b);
             if distance > 1 || distance == 1 && b == c {
                 let leaves = self.leaves(b, b, distance);
@@ -100,11 +101,19 @@ impl Beam {
                     continue;
                 }
             }
-            if (0..3).any(|a| last[a] - first[a] >= MOST) || occupancy.any(first, last) {
+            // What the box sweeps on its way through about a cell.
+            let far = k + self.cell.max(nudge);
+            let (low, high) =
+                (low.min(self.origin + self.bottom * far - slack), high.max(self.origin + self.top * far + slack));
+            if low.min_element() < 0.0 {
                 return k;
             }
-            let (low, high) = (low.floor(), high.floor() + 1.0);
-            k = self.meets(low, high).max(k) + nudge;
+            let (first, last) = (whole(low), whole(high));
+            let fits = (0..3).all(|a| last[a] >> BRICK_SHIFT < bricks[a] && last[a] - first[a] < MOST);
+            if !fits || occupancy.any(first, last) {
+                return k;
+            }
+            k = far;
         }
         end
     }
