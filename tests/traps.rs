@@ -2,10 +2,7 @@
 
 mod flying;
 
-use std::sync::Arc;
-
 use bevy_ecs::prelude::*;
-use colvis::app::plan::Plan;
 use colvis::app::scene::OwnGuide;
 use colvis::app::{FlightApp, Scene};
 use colvis::components::app::Plugin;
@@ -16,51 +13,16 @@ use colvis::components::output::GuideName;
 use colvis::components::{App, FlightSystems, Slot};
 use colvis::dynamics::trap::Trap;
 use colvis::error::Result;
-use colvis::fields::lumen::gas_at;
 use colvis::plane::drawing::Drawing;
 use colvis::plane::shipped::{DRAWINGS, named};
 use colvis::progress::Progress;
-use colvis::render::{Space, Wall};
-use colvis::volume::{Grid, Volume};
-use glam::{DMat3, DVec3};
-
-/// The same lumens 18 mm high, in voxels of 1 mm: the flight of the scan through the same traps.
-fn solid(drawing: &Drawing) -> Volume {
-    let dims = [drawing.width() / 2, drawing.height() / 2, 22];
-    let grid = Grid::new(dims, DVec3::ONE, DVec3::new(0.5, 0.5, -11.0), DMat3::IDENTITY).unwrap();
-    let lumen = |i: usize, j: usize, k: usize| {
-        // Four pixels a voxel: the wall is where half of them are.
-        let bright =
-            [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| drawing.is_lumen((2 * i + x) as i64, (2 * j + y) as i64));
-        if (2..20).contains(&k) { bright.iter().filter(|b| **b).count() } else { 0 }
-    };
-    let value = |n: usize| 40 - 260 * lumen(n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]) as i16;
-    let data = (0..grid.len()).map(value).collect();
-    Volume::new(grid, data)
-}
+use colvis::report::trials::Course;
+use glam::DVec3;
 
 /// A flight in three dimensions from a drawing's start to its goal.
 fn through(drawing: &Drawing, scene: Scene) -> FlightApp {
-    let (start, goal) = (drawing.start.unwrap(), drawing.goal.unwrap());
-    let volume = solid(drawing);
-    let lumen = gas_at(&volume, start, &Progress::new()).unwrap().expect("gas");
-    let space = Space::new(Arc::new(volume), Wall::default());
-    let far = DVec3::splat(1e4);
-    let plan = Plan {
-        start,
-        goal,
-        within_mm: 3.0,
-        begin: far,
-        other_end: far,
-        other_within_mm: 1.0,
-        length_mm: 300.0,
-        segment: None,
-        gas: None,
-        falls_short: None,
-        other_falls_short: None,
-        notes: Vec::new(),
-    };
-    FlightApp::new(space, Arc::new(lumen), plan, scene, None).unwrap()
+    let Course { space, lumen, plan, .. } = Course::drawn(drawing, &Progress::new()).unwrap();
+    FlightApp::new(space, lumen, plan, scene, None).unwrap()
 }
 
 #[test]

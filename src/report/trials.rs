@@ -3,17 +3,19 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::app::plan::{self, Plan, Wish};
 use crate::app::{FlightApp, Scene};
 use crate::components::clock::Clock;
 use crate::components::flight::State;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fields::{Lumen, lumen};
 use crate::phantom::{Phantom, Settings, Size, Truth};
+use crate::plane::drawing::Drawing;
 use crate::progress::Progress;
 use crate::render::{Space, Wall};
+use crate::volume::{Grid, Volume};
 
 /// Something to fly through, from end to end.
 pub struct Course {
@@ -47,6 +49,48 @@ impl Course {
         let phantom = Phantom::new(settings);
         let volume = phantom.voxelise(&phantom.grid(), progress)?;
         Self::new(Space::new(Arc::new(volume), Wall::default()), Some(phantom.truth()), false, progress)
+    }
+
+    /// A drawn lumen, 18 mm high, from its start to its goal: in voxels of 1 mm, so that four pixels make one.
+    ///
+    /// # Errors
+    /// Status 2 where no start or goal is drawn, 3 where the drawing is no volume, 4 where nothing is open at the start.
+    pub fn drawn(drawing: &Drawing, progress: &Progress) -> Result<Self> {
+        let unmarked = || Error::usage("drawing", "it has no start or no goal", "mark them in red and green");
+        let (start, goal) = (drawing.start.ok_or_else(unmarked)?, drawing.goal.ok_or_else(unmarked)?);
+        let (thick, wall) = (18, 2);
+        let dims = [drawing.width() / 2, drawing.height() / 2, thick + 2 * wall];
+        let middle = -0.5 * dims[2] as f64;
+        let grid = Grid::new(dims, DVec3::ONE, DVec3::new(0.5, 0.5, middle), DMat3::IDENTITY)
+            .map_err(|why| Error::input("drawing", why, "draw a larger one"))?;
+        let value = |n: usize| {
+            let (i, j, k) = (n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]);
+            let pixels = [(0, 0), (1, 0), (0, 1), (1, 1)];
+            let open = |(x, y): (usize, usize)| drawing.is_lumen((2 * i + x) as i64, (2 * j + y) as i64);
+            let share =
+                if (wall..wall + thick).contains(&k) { pixels.into_iter().filter(|p| open(*p)).count() } else { 0 };
+            40 - 260 * share as i16
+        };
+        let data = (0..grid.len()).map(value).collect();
+        let volume = Volume::new(grid, data);
+        let nothing = || Error::incomplete("drawing", "nothing is open at its start", "start within the lumen");
+        let lumen = Arc::new(lumen::gas_at(&volume, start, progress)?.ok_or_else(nothing)?);
+        let elsewhere = DVec3::splat(1e4);
+        let plan = Plan {
+            start,
+            goal,
+            within_mm: 3.0,
+            begin: elsewhere,
+            other_end: elsewhere,
+            other_within_mm: 1.0,
+            length_mm: 300.0,
+            segment: None,
+            gas: None,
+            falls_short: None,
+            other_falls_short: None,
+            notes: Vec::new(),
+        };
+        Ok(Self { space: Space::new(Arc::new(volume), Wall::default()), lumen, plan, truth: None })
     }
 
     /// The same course the other way.

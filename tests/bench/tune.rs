@@ -1,9 +1,9 @@
 //! The search for the parameters of tentacles and mines: each changed alone, then many at once, on standard phantoms with
-//! everything on and on real scans. Prints CSV: `assets/tuning/tentacles.csv` is what it printed.
+//! everything on, on real scans, and on the ten drawn lumens with traps in three dimensions. Prints CSV: `assets/tuning/tentacles.csv` is what it printed.
 //!
 //! ```sh
-//! cargo bench --bench tune -- SCAN.nii.gz … > tune.csv     # the scans both ways, then phantoms 1 to 10
-//! cargo bench --bench tune -- --seeds 1,2 --around 0       # fewer seeds, nothing but one change at a time
+//! cargo bench --bench tune -- SCAN.nii.gz … > tune.csv     # the scans both ways, the drawn lumens, phantoms 1 to 10
+//! cargo bench --bench tune -- --seeds 1,2 --around 0       # fewer seeds, one change at a time
 //! ```
 
 use std::io::Write;
@@ -13,6 +13,7 @@ use std::sync::Arc;
 use colvis::app::Scene;
 use colvis::math::hash;
 use colvis::phantom::Settings;
+use colvis::plane::shipped::{DRAWINGS, named};
 use colvis::progress::Progress;
 use colvis::render::{Space, Wall};
 use colvis::report::trials::{self, Course, Trial};
@@ -106,9 +107,15 @@ fn main() {
         let name = Path::new(&path).file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
         (name, course.expect("a colon"))
     };
-    // One volume at a time.
-    for (name, there) in scans.map(scan).chain(seeds.iter().map(phantom)) {
-        let back = there.truth.is_none().then(|| there.reversed(&progress).expect("a way back"));
+    let drawn = |(name, _): &(&str, &[u8])| {
+        let drawing = named(name).expect("a picture").expect("a drawing");
+        (format!("drawn {name}"), Course::drawn(&drawing, &progress).expect("a lumen"))
+    };
+    // One volume at a time; scans both ways.
+    let courses = scans.map(|s| (true, scan(s)));
+    let courses = courses.chain(DRAWINGS.iter().map(|d| (false, drawn(d))));
+    for (both, (name, there)) in courses.chain(seeds.iter().map(|s| (false, phantom(s)))) {
+        let back = both.then(|| there.reversed(&progress).expect("a way back"));
         for (way, course) in [("", Some(&there)), (" reversed", back.as_ref())] {
             let Some(course) = course else { continue };
             let flown: Vec<Trial> =

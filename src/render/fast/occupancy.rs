@@ -74,10 +74,11 @@ impl Occupancy {
         for z in bricks(2) {
             let slices = cells(2, z);
             for y in bricks(1) {
-                let rows = slices & (cells(1, y) & 0xffff) * 0x0001_0001_0001_0001;
+                let rows = (cells(1, y) & 0xffff) * 0x0001_0001_0001_0001;
                 let row = nx * (y as usize + ny * z as usize);
                 for x in bricks(0) {
-                    if self.bits(row + x as usize) & rows & (cells(0, x) & 15) * 0x1111_1111_1111_1111 != 0 {
+                    let columns = (cells(0, x) & 15) * 0x1111_1111_1111_1111;
+                    if self.bits(row + x as usize) & slices & rows & columns != 0 {
                         return true;
                     }
                 }
