@@ -98,7 +98,10 @@ fn dithering_between_two_lumens_is_told_in_three_dimensions() {
         let own_guide = Some(OwnGuide { plugins, feels });
         let mut flight = through(&wye, Scene { own_guide, log: true, ..Scene::default() });
         let (mut log, mut told) = (Vec::new(), None);
-        while flight.flight().state == State::Flying {
+        for _ in 0..120 * 60 {
+            if flight.flight().state != State::Flying {
+                break;
+            }
             flight.step().unwrap();
             log.append(&mut flight.take_log());
             if flight.flight().state != State::Flying || flight.flight().escapes > 0 {
@@ -112,11 +115,11 @@ fn dithering_between_two_lumens_is_told_in_three_dimensions() {
             let [a, b, c] = [off(n - 1).y, off(n).y, off(n + 1).y];
             off(n).x > 0.0 && b.abs() > IN_IT_MM && (b - a) * (c - b) < 0.0
         };
-        let torn = (1..log.len() - 1).filter(turns).nth(1).expect("it turns");
-        println!("{f:?}, told after {} steps, torn from {torn} on", log.len());
+        let second = (1..log.len() - 1).filter(turns).nth(1).expect("it turns");
+        println!("{f:?}, told after {told} steps, swaying from {second} on");
         assert_eq!((f.state, f.reason.as_str()), (State::Operator, Trap::Dithering.text()));
-        assert!(f.place.distance(PARTING) < 12.0, "told at {}", f.place);
+        assert!(f.place.distance(PARTING) < 8.0, "told at {}", f.place);
         assert_eq!(f.escapes > 0, feels);
-        assert!(told - torn <= 240, "first told after {told} steps");
+        assert!(told <= second + 240, "first told after {told} steps");
     }
 }

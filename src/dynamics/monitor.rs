@@ -10,7 +10,7 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MonitorSettings {
-    /// How far back the progress is measured, s.
+    /// How far back the progress is measured, s; dithering is looked for over twice as long.
     pub window_s: f64,
     /// Staying within a box of this diagonal for the whole window is no progress, mm.
     pub least_progress_mm: f64,
@@ -54,10 +54,12 @@ const TRAIL_STEP_MM: f64 = 2.0;
 const RECENT_MM: f64 = 30.0;
 /// Positions kept within a window: less than 2 mm apart at cruise speed.
 const SAMPLES: f64 = 32.0;
-/// More way than this many times the size of the box that holds it is dithering: there and back is 2. It is looked for over
-/// any time up to so many windows: a wide sway takes long.
+/// More way than this many times the size of the box that holds it is dithering: there and back is 2.
 const DITHER: f64 = 2.5;
-const DITHER_WINDOWS: f64 = 2.0;
+/// Over any time between so many windows: a wide sway takes long, and a flight that was forgiven needs some time.
+const DITHER_WINDOWS: [f64; 2] = [0.5, 2.0];
+/// A box larger than this is flown round in, mm.
+const DITHER_MM: f64 = 18.0;
 
 /// A position of the last seconds.
 #[derive(Clone, Copy, Debug)]
@@ -72,7 +74,7 @@ struct Sample {
 pub struct Monitor {
     /// Points each [`TRAIL_STEP_MM`] of the way, world mm.
     trail: Vec<DVec3>,
-    /// Positions of the last [`DITHER_WINDOWS`], oldest first.
+    /// Positions of the last window, and of as long before as dithering takes, oldest first.
     recent: VecDeque<Sample>,
     last: Option<DVec3>,
     time: f64,
@@ -122,7 +124,7 @@ impl Monitor {
         if self.recent.back().is_none_or(|r| self.time - r.time >= settings.window_s / SAMPLES) {
             self.recent.push_back(Sample { time: self.time, at, way: self.way });
         }
-        while self.recent.len() > 1 && self.time - self.recent[1].time >= DITHER_WINDOWS * settings.window_s {
+        while self.recent.len() > 1 && self.time - self.recent[1].time >= DITHER_WINDOWS[1] * settings.window_s {
             self.recent.pop_front();
         }
         if self.trail.last().is_none_or(|l| l.distance(at) >= TRAIL_STEP_MM) {
@@ -137,11 +139,12 @@ impl Monitor {
         let mut is_stuck = false;
         for s in self.recent.iter().rev() {
             (low, high) = (low.min(s.at), high.max(s.at));
-            let (extent, way) = ((high - low).length(), self.way - s.way);
-            if way > 3.0 * settings.least_progress_mm && way > DITHER * extent {
+            let (extent, way, time) = ((high - low).length(), self.way - s.way, self.time - s.time);
+            let is_long = time >= DITHER_WINDOWS[0] * settings.window_s && way > 3.0 * settings.least_progress_mm;
+            if is_long && way > DITHER * extent && extent < DITHER_MM {
                 return Some(Alarm { trouble: Trouble::Dithering, place: at });
             }
-            is_stuck |= self.time - s.time >= settings.window_s && extent < settings.least_progress_mm;
+            is_stuck |= time >= settings.window_s && extent < settings.least_progress_mm;
         }
         is_stuck.then_some(Alarm { trouble: Trouble::Stuck, place: at })
     }
@@ -189,6 +192,12 @@ mod tests {
         assert_eq!(fly(|t| DVec3::new(30.0 * t, 10.0 * t.sin(), 0.0), 60.0), None);
         // A helix with neighbouring turns further apart than a lumen is wide.
         assert_eq!(fly(|t| DVec3::new(20.0 * t.cos(), 20.0 * t.sin(), 3.0 * t), 60.0), None);
+        // Narrow coils, and a fast one.
+        for radius in [8.0, 11.0] {
+            let turn = |t: f64| DVec3::new((30.0 / radius * t).cos(), (30.0 / radius * t).sin(), 0.0) * radius;
+            assert_eq!(fly(|t| turn(t) + DVec3::Z * 7.0 * t, 20.0), None);
+        }
+        assert_eq!(fly(|t| DVec3::new(120.0 * (t - 5.0).abs(), 40.0 * (t - 5.0).tanh(), 0.0), 10.0), None);
         // A slow one.
         assert_eq!(fly(|t| DVec3::X * 6.0 * t, 60.0), None);
         // A hairpin.
@@ -213,7 +222,7 @@ mod tests {
         told(&|t| sway(t, 2.0, 15.0), 3.0, Trouble::Dithering, Some(tip));
         // Between two ways 14 mm apart, at full speed: the trap is a trap from the second turn on.
         told(&|t| sway(t, 7.0, 30.0 / 7.0), 3.0, Trouble::Dithering, None);
-        // Slower, between two ways as far apart: from 3.0 + 0.45 s on, when it turns for the second time.
+        // Slower, between two ways nearly as far apart: it turns first after 0.45 s.
         told(
             &|t| sway(t, 6.5, std::f64::consts::TAU / 1.8) + DVec3::Y * (t - 3.0).max(0.0),
             3.45,

@@ -182,9 +182,10 @@ impl Rescue {
         let kind = match alarm.trouble {
             Trouble::Stuck => felt.map(Felt::kind),
             Trouble::TurnedBack => self.noted(alarm.place),
-            // Before a neck it also flies off and comes again.
             Trouble::Dithering | Trouble::Circling => {
-                self.closed_nearby(alarm.place).filter(|t| *t == Trap::Narrow || self.is_in_one_place())
+                // Before a neck it also flies off and comes again.
+                let neck = felt.map(Felt::kind).filter(|t| *t == Trap::Narrow);
+                neck.or_else(|| self.closed_nearby(alarm.place).filter(|_| self.is_in_one_place()))
             }
         };
         let trap = recognise(alarm.trouble, kind);
@@ -281,6 +282,7 @@ impl Rescue {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::tentacles;
 
     const DT: f64 = 1.0 / 120.0;
 
@@ -338,6 +340,23 @@ mod tests {
         }
         assert!(told.is_some_and(|t| t < 5.0), "{told:?}");
         assert!(r.temper(&s) == s && r.forbidden().0.is_empty() && r.trap().is_none() && r.escapes() == 1);
+    }
+
+    /// A flight that circles is turned back where a neck is before it, and looks for another way elsewhere.
+    #[test]
+    fn circling_before_a_neck_is_no_circling() {
+        let directions = tentacles::directions(1024);
+        let round = |t: f64| DVec3::new(20.0 * (1.5 * t).cos(), 20.0 * (1.5 * t).sin(), 0.0);
+        let tube = |p: DVec3| p.y.abs() < 10.0 && p.z.abs() < 10.0;
+        let slit = |p: DVec3| tube(p) && (p.x < 4.0 || p.x > 6.0 || p.y.abs().max(p.z.abs()) < 1.2);
+        let told = |inside: &dyn Fn(DVec3) -> bool| {
+            let reach = |d: &DVec3| (1..1500).map(|n| f64::from(n) * 0.1).find(|l| !inside(*d * *l)).unwrap_or(150.0);
+            let lengths: Vec<f64> = directions.iter().map(reach).collect();
+            let felt = Felt { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
+            orders(round, 9.0, Some(&felt), None)[0].1
+        };
+        assert!(matches!(told(&slit), Order::SetOff { clear_mines: true, .. }), "{:?}", told(&slit));
+        assert!(matches!(told(&tube), Order::SetOff { clear_mines: false, .. }), "{:?}", told(&tube));
     }
 
     #[test]

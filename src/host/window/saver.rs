@@ -58,7 +58,7 @@ pub type WakeUp = Arc<dyn Fn() + Send + Sync>;
 
 /// Traces images in the background.
 pub struct Saver {
-    /// Threads of their own: in the common pool, images of the flight would have to wait for these.
+    /// Threads of their own: in the common pool, images would have to wait for a plan that is being made.
     pool: ThreadPool,
     space: Space,
     wake: WakeUp,

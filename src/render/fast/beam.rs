@@ -22,7 +22,8 @@ pub struct Beam {
     falls: BVec3A,
     up: Vec3A,
     down: Vec3A,
-    /// Steps to a cell's length along the axis of the steepest ray.
+    /// Voxels that the steepest ray comes along its steepest axis with a step, and steps to a voxel.
+    steepest: f32,
     cell: f32,
 }
 
@@ -40,6 +41,7 @@ impl Beam {
             falls: bottom.cmplt(Vec3A::ZERO),
             up: top.recip(),
             down: bottom.recip(),
+            steepest,
             cell: 1.0 / steepest,
         }
     }
@@ -74,7 +76,7 @@ impl Beam {
         let whole = |v: Vec3A| v.to_array().map(|c| c as i32);
         while k < end {
             // Grown by what rounding and nudges may shift.
-            let slack = 2e-3 + (k + self.cell) * 1e-6;
+            let slack = 2e-3 + (k * self.steepest + 1.0) * 1e-6;
             let (low, high) = (self.origin + self.bottom * k - slack, self.origin + self.top * k + slack);
             if low.min_element() < 0.0 {
                 return k;
@@ -87,7 +89,7 @@ impl Beam {
             // It crosses a border for certain, however far away.
             let nudge = (1e-3 * self.cell).max(k * 1e-6);
             let distance = occupancy.distance(b);
-            if distance > 1 || distance == 1 && b == c {
+            if (0..3).all(|a| c[a] - b[a] < i32::from(distance)) {
                 let leaves = self.leaves(b, b, distance);
                 if leaves > k {
                     k = leaves + nudge;
@@ -116,5 +118,70 @@ impl Beam {
             k = far;
         }
         end
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::math::hash;
+    use crate::render::space::Wall;
+    use crate::volume::{Grid, Volume};
+
+    /// The cells next to the given voxels of an empty volume.
+    fn occupancy(dims: [usize; 3], set: impl Iterator<Item = [usize; 3]>) -> Occupancy {
+        let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let mut data = vec![-1000; grid.len()];
+        for [x, y, z] in set {
+            data[x + dims[0] * (y + dims[1] * z)] = 0;
+        }
+        Occupancy::new(&Volume::new(grid, data), Wall::default())
+    }
+
+    /// Where one of the rays at the corners of the box, or within, is in a set cell before `until`.
+    fn missed(o: &Occupancy, origin: Vec3, [low, high]: [Vec3; 2], from: f32, until: f32) -> Option<Vec3> {
+        let cells = o.bricks().map(|n| n as f32 * 4.0);
+        let pace = 0.05 / low.abs().max(high.abs()).max_element();
+        (0..12u64).find_map(|n| {
+            let share = |a: u64| if n < 8 { (n >> a & 1) as f32 } else { hash::uniform(n, a) as f32 };
+            let along = low + (high - low) * Vec3::new(share(0), share(1), share(2));
+            (0..4000).map(|i| origin + along * (from + pace * i as f32).min(until)).find(|p| {
+                let within = p.min_element() >= 0.0 && (0..3).all(|a| p[a] < cells[a]);
+                let cell = p.to_array().map(|c| c as i32);
+                within && o.any(cell, cell)
+            })
+        })
+    }
+
+    /// A face that trails may lie beyond the bricks that are known to be empty, too.
+    #[test]
+    fn a_wide_bundle_leaps_over_nothing_beside_it() {
+        let o = occupancy([99, 119, 11], (0..11).map(|z| [40, 86, z]));
+        let (origin, along) =
+            (Vec3::new(40.5, 2.0, 6.0), [Vec3::new(-0.06, 0.999, -0.01), Vec3::new(-0.005, 1.0, 0.01)]);
+        let k = Beam::new(origin, along[0], along[1]).next(&o, 60.0, 1e4);
+        assert!((80.0..84.1).contains(&k), "leapt to {k}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+        #[test]
+        fn no_ray_is_in_a_set_cell_before(
+            seed: u64, many in 0u64..12, x in 0.0f32..60.0, y in 0.0f32..60.0, z in 0.0f32..60.0,
+            dx in -1.0f32..1.0, dy in -1.0f32..1.0, dz in -1.0f32..1.0, width in 0.0f32..0.3, power in -5i32..6, from in 0.0f32..30.0,
+        ) {
+            let dims = [60, 60, 60];
+            let place = |n: u64| [0, 1, 2].map(|a| (60.0 * hash::uniform(seed, 3 * n + a)) as usize);
+            let o = occupancy(dims, (0..many).map(place));
+            let step = 2f32.powi(power);
+            let along = Vec3::new(dx, dy, dz).normalize_or(Vec3::X) * step;
+            let (low, high) = (along - 0.5 * width * step, along + 0.5 * width * step);
+            let (origin, from) = (Vec3::new(x, y, z), from / step);
+            let k = Beam::new(origin, low, high).next(&o, from, 200.0 / step);
+            prop_assert_eq!(missed(&o, origin, [low, high], from, k), None, "leapt from {} to {}", from, k);
+        }
     }
 }
