@@ -177,9 +177,9 @@ pub fn cannot(path: &Path, e: &io::Error) -> Error {
     Error::new(Kind::Output, path.display().to_string(), format!("cannot be written ({})", plain(e)), mend)
 }
 
-/// Whether a path leads through the system's own folders of devices.
+/// Whether a path leads through the system's own folders of devices; what is in `/dev/shm` is files.
 fn is_special(absolute: &Path) -> bool {
-    ["/dev", "/proc"].iter().any(|root| absolute.starts_with(root))
+    ["/dev", "/proc"].iter().any(|root| absolute.starts_with(root)) && !absolute.starts_with("/dev/shm")
 }
 
 /// What the system says of a failure, without the name of a temporary file and without its number.
@@ -306,5 +306,13 @@ mod tests {
         let e = write_whole(Path::new("/dev/full"), |w| w.write_all(b"x")).unwrap_err();
         assert_eq!(e.kind, Kind::Output);
         assert!(!std::fs::metadata("/dev/full").unwrap().is_file());
+        // What is shared memory is a folder like any other.
+        if let Ok(dir) = tempfile::tempdir_in("/dev/shm") {
+            let path = dir.path().join("a.txt");
+            for text in ["longer", "short"] {
+                write_whole(&path, |w| w.write_all(text.as_bytes())).unwrap();
+                assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+            }
+        }
     }
 }
