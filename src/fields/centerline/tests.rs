@@ -1,23 +1,10 @@
-use glam::DMat3;
 use proptest::prelude::*;
 
 use super::polyline::{is_free, resampled, tightened};
 use super::*;
 use crate::math::hash::uniform;
-use crate::volume::{Grid, Volume};
 
 const METHODS: [Method; 4] = [Method::PenalisedPath, Method::PeelOnion, Method::Roadmap, Method::Cells];
-
-fn mask(dims: [usize; 3], spacing: DVec3, is_in: impl Fn(DVec3) -> bool) -> WallDistance {
-    let grid = Grid::new(dims, spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-    let data = (0..grid.len())
-        .map(|n| {
-            let u = DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
-            i16::from(is_in(grid.world(u)))
-        })
-        .collect();
-    WallDistance::of_mask(&Volume::new(grid, data), &Progress::new()).unwrap()
-}
 
 /// What is true of every line without a guess.
 fn holds_together(walls: &WallDistance, line: &Centerline) {
@@ -43,7 +30,8 @@ fn a_tube_has_its_axis() {
     let (a, b) = (DVec3::new(12.0, 13.0, 12.0), DVec3::new(60.0, 33.0, 40.0));
     for spacing in [DVec3::ONE, DVec3::new(0.7, 0.9, 1.4)] {
         let dims = [74.0, 48.0, 54.0];
-        let walls = mask([0, 1, 2].map(|n| (dims[n] / spacing[n]) as usize), spacing, |p| off(p, &[a, b]) < 9.0);
+        let walls =
+            WallDistance::drawn([0, 1, 2].map(|n| (dims[n] / spacing[n]) as usize), spacing, |p| off(p, &[a, b]) < 9.0);
         let ends = far_ends(&walls, &Progress::new()).unwrap();
         for (method, most) in METHODS.into_iter().zip([0.6, 1.2, 2.5, 4.0]) {
             let line = by(method, &walls, End::Tip(ends[0]), End::Tip(ends[1]), &[], &Progress::new()).unwrap();
@@ -67,11 +55,13 @@ fn touching_loops_are_not_cut() {
     // Steps of a staircase between the limbs that touch in edges only.
     let edges = |p: DVec3| p.y == 9.0 + (p.x + p.z) % 2.0;
     for (name, walls) in [
-        ("one voxel", mask([62, 19, 13], DVec3::ONE, |p| hairpin(p, &one_voxel))),
-        ("edges", mask([62, 19, 13], DVec3::ONE, |p| hairpin(p, &edges))),
+        ("one voxel", WallDistance::drawn([62, 19, 13], DVec3::ONE, |p| hairpin(p, &one_voxel))),
+        ("edges", WallDistance::drawn([62, 19, 13], DVec3::ONE, |p| hairpin(p, &edges))),
         (
             "flat",
-            mask([62, 19, 13], DVec3::new(1.0, 1.0, 4.0), |p| hairpin(DVec3::new(p.x, p.y, p.z / 4.0), &one_voxel)),
+            WallDistance::drawn([62, 19, 13], DVec3::new(1.0, 1.0, 4.0), |p| {
+                hairpin(DVec3::new(p.x, p.y, p.z / 4.0), &one_voxel)
+            }),
         ),
     ] {
         let (from, to) = (
@@ -91,7 +81,7 @@ fn extremes() {
     let p = Progress::new();
     // One voxel wide, with corners, in thick slices.
     let spacing = DVec3::new(0.3, 0.3, 10.0);
-    let narrow = mask([40, 40, 6], spacing, |w| {
+    let narrow = WallDistance::drawn([40, 40, 6], spacing, |w| {
         let u = (w / spacing).round();
         let in_slice = u.z == 2.0 && (u.y == 3.0 || u.x == 38.0);
         in_slice || (u.x == 38.0 && u.y == 39.0)
@@ -103,7 +93,7 @@ fn extremes() {
         assert!(line.points.len() > 2, "{method:?}");
     }
     // A closed ring.
-    let ring = mask([50, 50, 13], DVec3::ONE, |w| {
+    let ring = WallDistance::drawn([50, 50, 13], DVec3::ONE, |w| {
         let q = w - DVec3::new(24.5, 24.5, 6.0);
         (q.x.hypot(q.y) - 17.0).hypot(q.z) < 5.0
     });
@@ -114,12 +104,12 @@ fn extremes() {
         assert!((30.0..75.0).contains(&line.length_mm), "{method:?}: half of the ring, {} mm", line.length_mm);
     }
     // One voxel, and two points that are the same.
-    let one = mask([5, 5, 5], DVec3::ONE, |w| w == DVec3::splat(2.0));
+    let one = WallDistance::drawn([5, 5, 5], DVec3::ONE, |w| w == DVec3::splat(2.0));
     for method in METHODS {
         let line = by(method, &one, End::Tip(DVec3::splat(2.0)), End::Tip(DVec3::splat(2.0)), &[], &p).unwrap();
         assert_eq!(line.points, [DVec3::splat(2.0)]);
     }
-    let none = mask([5, 5, 5], DVec3::ONE, |_| false);
+    let none = WallDistance::drawn([5, 5, 5], DVec3::ONE, |_| false);
     assert!(far_ends(&none, &p).is_err());
     for at in [DVec3::NAN, DVec3::splat(1e300), DVec3::splat(2.0)] {
         assert!(between(&none, End::At(at), End::At(at), &[], &p).is_err());
@@ -132,7 +122,7 @@ fn extremes() {
 /// A tube in three pieces: bridged in order, in both directions, only when guesses are given, and marked.
 #[test]
 fn collapsed_stretches_are_marked_guesses() {
-    let walls = mask([120, 15, 15], DVec3::ONE, |p| {
+    let walls = WallDistance::drawn([120, 15, 15], DVec3::ONE, |p| {
         (p.y - 7.0).hypot(p.z - 7.0) < 5.0 && !(40.0..46.0).contains(&p.x) && !(70.0..79.0).contains(&p.x)
     });
     let at = |x: f64| DVec3::new(x, 7.0, 7.0);
@@ -169,7 +159,7 @@ proptest! {
     #[test]
     fn lines_stay_inside_caves(seed: u64, share in 0.45f64..0.9, sx in 0.3f64..2.0, sz in 0.3f64..4.0) {
         let dims = [17usize, 15, 13];
-        let walls = mask(dims, DVec3::new(sx, 0.8, sz), |p| {
+        let walls = WallDistance::drawn(dims, DVec3::new(sx, 0.8, sz), |p| {
             let u = (p / DVec3::new(sx, 0.8, sz)).round();
             uniform(seed, (u.x + 17.0 * (u.y + 15.0 * u.z)) as u64) < share
         });
@@ -206,8 +196,9 @@ proptest! {
 /// Random walks through the voxels of a cave stay free when they are resampled and pulled straight.
 #[test]
 fn resampling_and_tightening_keep_a_line_free() {
-    let walls =
-        mask([20, 20, 20], DVec3::new(0.5, 0.7, 1.1), |p| (p.x * 1.7).sin() + (p.y * 1.3).cos() + (p.z).sin() < 0.6);
+    let walls = WallDistance::drawn([20, 20, 20], DVec3::new(0.5, 0.7, 1.1), |p| {
+        (p.x * 1.7).sin() + (p.y * 1.3).cos() + (p.z).sin() < 0.6
+    });
     for walk in 0..20u64 {
         let mut at = [(walk % 20) as i64, 10, 10];
         while !walls.is_inside(at) {

@@ -210,3 +210,15 @@ impl Clearances for WallDistance {
         Clearance { mm: (mm - self.excess * self.shrink).max(0.0), toward }
     }
 }
+
+#[cfg(test)]
+impl WallDistance {
+    /// The distance in what `is_in` accepts (world, mm) of a grid with its first voxel at the origin.
+    pub(in crate::fields) fn drawn(dims: [usize; 3], spacing: DVec3, is_in: impl Fn(DVec3) -> bool) -> Self {
+        let grid = Grid::new(dims, spacing, DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
+        let place =
+            |n: usize| DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
+        let data = (0..grid.len()).map(|n| i16::from(is_in(grid.world(place(n))))).collect();
+        Self::of_mask(&Volume::new(grid, data), &Progress::new()).unwrap()
+    }
+}

@@ -1,19 +1,9 @@
 //! The distance to a target in lumens that are known.
 
 use super::*;
-use crate::volume::{Grid, Volume};
-use glam::DMat3;
 
-/// A mask of what `is_in` accepts (world, mm).
 fn walls(dims: [usize; 3], spacing: DVec3, is_in: impl Fn(DVec3) -> bool) -> Arc<WallDistance> {
-    let grid = Grid::new(dims, spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-    let data = (0..grid.len())
-        .map(|n| {
-            let u = DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
-            i16::from(is_in(grid.world(u)))
-        })
-        .collect();
-    Arc::new(WallDistance::of_mask(&Volume::new(grid, data), &Progress::new()).unwrap())
+    Arc::new(WallDistance::drawn(dims, spacing, is_in))
 }
 
 /// A tube of radius 5 mm bent to three quarters of a circle of radius 15 mm: its ends come near each other.
