@@ -65,6 +65,28 @@ fn every_level_makes_the_same_bytes() {
     }
 }
 
+/// Blocks, bands and packets reach over a picture's edges, whatever its size.
+#[test]
+fn pictures_of_any_size_are_filled_to_the_edge() {
+    let space = space();
+    let view = &views()[0];
+    let mut default = Fast::new(&space, Settings::default(), Pixels::Needed);
+    let mut reference = Direct::new(&space, Settings::new(Quality::Reference));
+    let (mut fast, mut exact) = (Frame::default(), Frame::default());
+    for [width, height] in [[1, 1], [3, 5], [9, 17], [37, 23], [130, 66], [2, 200], [200, 3]] {
+        let view = View::new(view.position(), view.forward(), view.up(), 60.0, width, height).unwrap();
+        // What was there before must not look like the picture.
+        fast.resize(width, height);
+        fast.buffers().0.fill([0, 255, 0]);
+        let work = default.render(&view, &mut fast);
+        reference.render(&view, &mut exact);
+        let db = psnr(&fast, &exact);
+        let greenest = fast.pixels().iter().map(|p| i32::from(p[1]) - i32::from(p[0])).max().unwrap();
+        assert!(db >= 34.0 && greenest <= 0, "{width} x {height}: {db} dB, {greenest}");
+        assert!(work.rays > 0);
+    }
+}
+
 /// Fewer rays than pixels where the wall is near and smooth, and fewer samples than the plain ray caster's.
 #[test]
 fn most_pixels_need_no_ray() {

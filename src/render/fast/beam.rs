@@ -68,8 +68,8 @@ impl Beam {
         self.meets((corner(first) - reach) * side, (corner(last) + (1.0 + reach)) * side)
     }
 
-    /// The first `k` from `k` on at which one of the rays may meet something, or `end` if there is none before it. What is
-    /// outside the grown volume is not known.
+    /// The first `k` from `k` on at which one of the rays may meet something, or `end` if there is none before it; at most a
+    /// thousandth of a voxel late. What is outside the grown volume is not known.
     #[inline(always)]
     pub fn next(&self, occupancy: &Occupancy, mut k: f32, end: f32) -> f32 {
         let bricks = occupancy.bricks().map(|n| n as i32);
@@ -181,7 +181,11 @@ mod tests {
             let (low, high) = (along - 0.5 * width * step, along + 0.5 * width * step);
             let (origin, from) = (Vec3::new(x, y, z), from / step);
             let k = Beam::new(origin, low, high).next(&o, from, 200.0 / step);
-            prop_assert_eq!(missed(&o, origin, [low, high], from, k), None, "leapt from {} to {}", from, k);
+            let late = (2e-3 / low.abs().max(high.abs()).max_element()).max(2e-6 * k);
+            if k - late > from {
+                let missed = missed(&o, origin, [low, high], from, k - late);
+                prop_assert_eq!(missed, None, "leapt from {} to {}", from, k);
+            }
         }
     }
 }

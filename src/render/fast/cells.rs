@@ -7,7 +7,7 @@ use crate::render::gradient::{Block, Regression, block};
 use crate::volume::Volume;
 
 /// Cells that are kept, as a power of two.
-const SIZE: usize = 1 << 13;
+const SIZE: usize = 1 << 15;
 
 /// World gradient (HU/mm) at the corners of a cell, as the coefficients of a trilinear polynomial of the place within:
 /// k₀ + k₁u + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw for each component.
@@ -30,7 +30,7 @@ impl Cells {
     #[inline(always)]
     pub fn get(&mut self, source: &Source, key: i32, cell: [i32; 3]) -> &Corners {
         // Neighbours along each axis fall on different places.
-        let at = (cell[0] & 31 | (cell[1] & 15) << 5 | (cell[2] & 15) << 9) as usize % SIZE;
+        let at = (cell[0] & 31 | (cell[1] & 31) << 5 | (cell[2] & 31) << 10) as usize % SIZE;
         if self.keys[at] != key {
             self.keys[at] = key;
             source.corners(cell, &mut self.corners[at]);

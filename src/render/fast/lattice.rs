@@ -1,8 +1,8 @@
 //! Pixels between rays. A voxel of the wall covers hundreds of pixels of a frame, so that most rays tell nothing new.
 //!
 //! Rays are cast through the corners and the centres of blocks of 4×4 pixels. Where the centre is what the corners make
-//! one expect, and nothing else speaks against it, the block's pixels are interpolated; everywhere else each pixel gets
-//! its own ray. What must hold ([`Block::is_smooth`]):
+//! one expect, and nothing else speaks against it, the block's pixels are interpolated. What must hold
+//! ([`Lattice::judge`]):
 //!
 //! - all five rays end in the wall after a single passage, or all five meet nothing;
 //! - its rays (corners and centre) are no farther apart than two voxels where it lies, which is how long the finest waves
@@ -11,12 +11,20 @@
 //!   corners are not twisted.
 //!
 //! Between the corners values are bilinear, with a tent over the centre for what it differs by: blocks meet without a
-//! seam.
+//! seam. A block that is nearly smooth is halved ([`Halved`]): it gets rays through the middles of its sides, too, and its
+//! quarters are judged by the second differences along their sides. Everywhere else each pixel gets its own ray.
+
+use fearless_simd::{Simd, f32x16, prelude::*};
+use rayon::prelude::*;
 
 use super::packet::Light;
 
 /// Side of a block, pixels.
 pub const BLOCK: usize = 4;
+/// Side of a packet, rays.
+pub const SIDE: usize = 4;
+/// Blocks that are judged at once.
+pub const LANES: usize = 16;
 /// By how much the centre may differ from the corners' mean: brightness, 0 to 1.
 const BRIGHTNESS: f32 = 0.016;
 /// The most that brightness may change over a block.
@@ -26,39 +34,224 @@ const DEPTH: f32 = 0.15;
 /// The most that depth may change over a block, voxels.
 const SLOPE: f32 = 3.0;
 /// The largest side of a block, voxels: 2√2, at which the rays of corners and centres are 2 voxels apart.
-const SIDE: f32 = 2.83;
+const LARGEST: f32 = 2.83;
 /// A ray has ended in the wall when no more than this comes from beyond.
 const OPAQUE: f32 = 0.02;
+/// A block with errors up to so many times those allowed is likely to be smooth at half the side, where they are a
+/// quarter: it is halved.
+const HALVED: f32 = 4.0;
+/// The most that a second difference along a quarter's side may be, brightness and voxels: an eighth of it is what linear
+/// interpolation errs by.
+const BEND: [f32; 2] = [0.192, 1.2];
 
 /// What came of one ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Point {
+    /// 1 / depth, 1 / voxels of the smallest spacing; 0 where nothing was met; NaN unless the ray ended in the wall after a
+    /// single passage or met nothing.
+    pub near: f32,
     /// As [`Light::bright`].
     pub bright: f32,
     /// As [`Light::tone`].
     pub tone: f32,
-    /// 1 / depth, 1 / voxels of the smallest spacing; 0 where nothing was met.
-    pub near: f32,
-    /// Whether the ray ended in the wall after a single passage, or met nothing.
-    pub plain: bool,
 }
 
 impl Point {
-    /// Lane `n` of a packet whose steps are `step` voxels of the smallest spacing long.
-    pub fn new(light: &Light, n: usize, step: f32) -> Self {
-        let weight = 1.0 - light.through[n];
-        let nothing = weight <= 0.0;
-        let ended = light.through[n] <= OPAQUE && light.mixed >> n & 1 == 0 && light.depth[n] > 0.0;
-        Self {
-            bright: light.bright[n],
-            tone: light.tone[n],
-            near: if nothing { 0.0 } else { weight / (light.depth[n] * step).max(1e-6) },
-            plain: nothing || ended,
-        }
+    /// What came of the rays of a packet whose steps are `step` voxels of the smallest spacing long.
+    #[inline(always)]
+    pub fn all<S: Simd>(simd: S, light: &Light, step: f32) -> [Self; 16] {
+        let near = nearness(simd, light, step);
+        std::array::from_fn(|n| Self { near: near[n], bright: light.bright[n], tone: light.tone[n] })
     }
 }
 
+/// As [`Point::near`], for each ray of a packet.
+#[inline(always)]
+fn nearness<S: Simd>(simd: S, light: &Light, step: f32) -> [f32; 16] {
+    let load = f32x16::load_array_ref;
+    let (through, depth, passages) =
+        (load(simd, &light.through), load(simd, &light.depth), load(simd, &light.passages));
+    let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+    let weight = one - through;
+    let ended = through.simd_le(OPAQUE) & passages.simd_lt(0.5) & depth.simd_gt(zero);
+    let near = weight / (depth * step).max(f32x16::splat(simd, 1e-6));
+    let near = ended.select(near, f32x16::splat(simd, f32::NAN));
+    weight.simd_le(zero).select(zero, near).to_array()
+}
+
+/// Rays in rows: for each row their nearness, their brightness and their tone.
+#[derive(Default)]
+struct Points {
+    values: Vec<f32>,
+}
+
+impl Points {
+    #[inline(always)]
+    fn get(&self, stride: usize, [x, y]: [usize; 2]) -> Point {
+        let row = &self.values[3 * stride * y + x..];
+        Point { near: row[0], bright: row[stride], tone: row[2 * stride] }
+    }
+
+    /// Nearness and brightness of [`LANES`] rays in a row from (`x`, `y`) on.
+    #[inline(always)]
+    fn load<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2]) -> [f32x16<S>; 2] {
+        let at = 3 * stride * y + x;
+        let load = |at: usize| f32x16::from_slice(simd, &self.values[at..at + LANES]);
+        [load(at), load(at + stride)]
+    }
+}
+
+/// The rays through the corners and the centres of a picture's blocks.
+#[derive(Default)]
+pub struct Lattice {
+    /// Corners in a row, of blocks and up to the next whole packet.
+    stride: usize,
+    corners: Points,
+    centres: Points,
+    /// How many steps nothing is met by any ray among those of a packet of the lattice.
+    starts: Vec<f32>,
+}
+
+/// Four rows of a lattice that are being filled.
+pub struct Rows<'a> {
+    stride: usize,
+    corners: &'a mut [f32],
+    centres: &'a mut [f32],
+    starts: &'a mut [f32],
+}
+
+impl Lattice {
+    /// Makes room for a picture.
+    pub fn resize(&mut self, [width, height]: [usize; 2]) {
+        self.stride = (width.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
+        let rows = (height.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
+        for points in [&mut self.corners, &mut self.centres] {
+            // What is judged beside the last block is not looked at.
+            points.values.resize(3 * self.stride * rows + LANES + 1, 0.0);
+        }
+        self.starts.resize(self.stride / SIDE * rows / SIDE, 0.0);
+    }
+
+    /// Its rows of packets, from top to bottom.
+    pub fn rows(&mut self) -> impl IndexedParallelIterator<Item = Rows<'_>> {
+        let stride = self.stride;
+        let length = 3 * stride * SIDE;
+        let whole = self.starts.len() / (stride / SIDE) * length;
+        let corners = self.corners.values[..whole].par_chunks_mut(length);
+        let centres = self.centres.values[..whole].par_chunks_mut(length);
+        let starts = self.starts.par_chunks_mut(stride / SIDE);
+        corners.zip(centres).zip(starts).map(move |((corners, centres), starts)| Rows {
+            stride,
+            corners,
+            centres,
+            starts,
+        })
+    }
+
+    /// The block (`x`, `y`).
+    #[inline(always)]
+    pub fn block(&self, [x, y]: [usize; 2]) -> Block {
+        let corner = |x, y| self.corners.get(self.stride, [x, y]);
+        let corners = [corner(x, y), corner(x + 1, y), corner(x, y + 1), corner(x + 1, y + 1)];
+        Block { corners, centre: self.centres.get(self.stride, [x, y]) }
+    }
+
+    /// How many steps no ray through the block (`x`, `y`) meets anything.
+    #[inline(always)]
+    pub fn start(&self, [x, y]: [usize; 2]) -> f32 {
+        self.starts[y / SIDE * (self.stride / SIDE) + x / SIDE]
+    }
+
+    /// What to do with [`LANES`] blocks in a row from (`x`, `y`) on. `side` is the side of a block at distance 1.
+    #[inline(never)]
+    pub fn judge<S: Simd>(&self, simd: S, at: [usize; 2], side: f32) -> Verdict {
+        simd.vectorize(
+            #[inline(always)]
+            || self.judge_lanes(simd, at, side),
+        )
+    }
+
+    #[inline(always)]
+    fn judge_lanes<S: Simd>(&self, simd: S, [x, y]: [usize; 2], side: f32) -> Verdict {
+        let corners = |x, y| self.corners.load(simd, self.stride, [x, y]);
+        let [near_a, bright_a] = corners(x, y);
+        let [near_b, bright_b] = corners(x + 1, y);
+        let [near_c, bright_c] = corners(x, y + 1);
+        let [near_d, bright_d] = corners(x + 1, y + 1);
+        let [near, bright] = self.centres.load(simd, self.stride, [x, y]);
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+
+        let sum = near_a + near_b + near_c + near_d;
+        let nearest = near_a.min(near_b).min(near_c.min(near_d)).min(near);
+        let farthest = near_a.max(near_b).max(near_c.max(near_d)).max(near);
+        // NaN is not itself.
+        let plain = (sum + near).simd_eq(sum + near);
+        let nothing = plain & (sum + near).simd_le(zero);
+        // With n = 1/depth, a small change of n by δ is one of depth by δ/n².
+        let scale = one / (near * near);
+        let slope = (farthest - nearest) * scale;
+        let bend = (near - sum * 0.25).abs() * scale;
+        let twist = (near_a + near_d - near_b - near_c).abs() * scale;
+        let pale = (bright - (bright_a + bright_b + bright_c + bright_d) * 0.25).abs();
+        let turn = (bright_a + bright_d - bright_b - bright_c).abs();
+        let contrast =
+            bright_a.max(bright_b).max(bright_c.max(bright_d)) - bright_a.min(bright_b).min(bright_c.min(bright_d));
+        // The greatest of all errors, as multiples of what is allowed; second differences fall with the side's square,
+        // first ones with the side.
+        let second = (bend * (1.0 / DEPTH)).max(twist * (0.25 / DEPTH));
+        let second = second.max(pale * (1.0 / BRIGHTNESS)).max(turn * (0.25 / BRIGHTNESS));
+        let first = (slope * (1.0 / SLOPE)).max(contrast * (1.0 / CONTRAST));
+        let close = plain & nearest.simd_gt(zero) & (near * LARGEST).simd_ge(side);
+        let smooth = nothing | close & second.simd_le(1.0) & first.simd_le(1.0);
+        let halved = close & second.simd_le(HALVED) & first.simd_le(HALVED.sqrt());
+        Verdict { smooth: smooth.to_bitmask() as u16, halved: halved.to_bitmask() as u16 }
+    }
+
+    /// Memory taken, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of::<f32>() * (self.corners.values.len() + self.centres.values.len() + self.starts.len())
+    }
+}
+
+impl Rows<'_> {
+    /// Packets in the rows.
+    pub fn packets(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// Keeps the packet `n` of the corners and that of the centres, whose steps are `step` voxels of the smallest spacing
+    /// long and which meet nothing before `start` steps.
+    #[inline(never)]
+    pub fn keep<S: Simd>(&mut self, simd: S, n: usize, [corners, centres]: [&Light; 2], step: f32, start: f32) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                self.starts[n] = start;
+                for (light, points) in [(corners, &mut *self.corners), (centres, &mut *self.centres)] {
+                    let near = nearness(simd, light, step);
+                    for (field, values) in [&near, &light.bright, &light.tone].into_iter().enumerate() {
+                        for (row, values) in values.chunks_exact(SIDE).enumerate() {
+                            let at = self.stride * (3 * row + field) + SIDE * n;
+                            points[at..at + SIDE].copy_from_slice(values);
+                        }
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// What to do with some blocks, a bit for each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Verdict {
+    /// Blocks whose pixels may be interpolated.
+    pub smooth: u16,
+    /// Blocks that are worth halving.
+    pub halved: u16,
+}
+
 /// The rays of a block: the corners (left to right, then top to bottom) and the centre.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Block {
     /// Corners.
     pub corners: [Point; 4],
@@ -67,35 +260,64 @@ pub struct Block {
 }
 
 impl Block {
-    /// Whether the pixels between may be interpolated. `side` is the side of the block at distance 1.
-    pub fn is_smooth(&self, side: f32) -> bool {
+    /// All its rays.
+    #[inline(always)]
+    pub fn points(&self) -> [Point; 5] {
         let [a, b, c, d] = self.corners;
-        let e = self.centre;
-        if !(a.plain && b.plain && c.plain && d.plain && e.plain) {
-            return false;
-        }
-        let nearest = a.near.min(b.near).min(c.near).min(d.near).min(e.near);
-        let farthest = a.near.max(b.near).max(c.near).max(d.near).max(e.near);
-        if farthest == 0.0 {
-            return true;
-        }
-        // With n = 1/depth, a small change of n by δ is one of depth by δ/n².
-        let scale = 1.0 / (e.near * e.near);
-        let bend = (e.near - 0.25 * (a.near + b.near + c.near + d.near)).abs() * scale;
-        let twist = (a.near + d.near - b.near - c.near).abs() * scale;
-        let pale = (e.bright - 0.25 * (a.bright + b.bright + c.bright + d.bright)).abs();
-        let turn = (a.bright + d.bright - b.bright - c.bright).abs();
-        let low = a.bright.min(b.bright).min(c.bright).min(d.bright);
-        let high = a.bright.max(b.bright).max(c.bright).max(d.bright);
-        nearest > 0.0
-            && side <= SIDE * e.near
-            && (farthest - nearest) * scale <= SLOPE
-            && bend <= DEPTH
-            && twist <= 4.0 * DEPTH
-            && pale <= BRIGHTNESS
-            && turn <= 4.0 * BRIGHTNESS
-            && high - low <= CONTRAST
+        [a, b, c, d, self.centre]
     }
+}
+
+/// Where the middles of a block's sides are, pixels from its top left corner: top, left, right and bottom.
+pub const MIDDLES: [[usize; 2]; 4] = [[BLOCK / 2, 0], [0, BLOCK / 2], [BLOCK, BLOCK / 2], [BLOCK / 2, BLOCK]];
+
+/// A block with rays through the middles of its sides, too.
+pub struct Halved {
+    /// Corners and centre.
+    pub block: Block,
+    /// The rays of [`MIDDLES`].
+    pub middles: [Point; 4],
+}
+
+impl Halved {
+    /// Its rays row by row.
+    #[inline(always)]
+    pub fn points(&self) -> [Point; 9] {
+        let ([a, b, c, d], [top, left, right, bottom]) = (self.block.corners, self.middles);
+        [a, top, b, left, self.block.centre, right, c, bottom, d]
+    }
+
+    /// Which of the four quarters (left to right, then top to bottom) may be interpolated between their corners.
+    pub fn smooth(&self) -> [bool; 4] {
+        let p = self.points();
+        let straight = |first: usize, stride: usize| is_straight([p[first], p[first + stride], p[first + 2 * stride]]);
+        let (rows, columns) = ([0, 3, 6].map(|n| straight(n, 1)), [0, 1, 2].map(|n| straight(n, 3)));
+        std::array::from_fn(|n| {
+            let (x, y) = (n % 2, n / 2);
+            let corners = [0, 1, 3, 4].map(|corner| p[x + 3 * y + corner]);
+            rows[y] && rows[y + 1] && columns[x] && columns[x + 1] && is_even(corners)
+        })
+    }
+}
+
+/// Whether the middle one of three rays in a line is nearly what the other two make one expect.
+fn is_straight([a, b, c]: [Point; 3]) -> bool {
+    let bend = (a.near + c.near - 2.0 * b.near).abs() / (b.near * b.near);
+    let pale = (a.bright + c.bright - 2.0 * b.bright).abs();
+    pale <= BEND[0] && bend <= BEND[1]
+}
+
+/// Whether the corners of a quarter are one surface's.
+fn is_even([a, b, c, d]: [Point; 4]) -> bool {
+    let nearest = a.near.min(b.near).min(c.near).min(d.near);
+    let farthest = a.near.max(b.near).max(c.near).max(d.near);
+    let low = a.bright.min(b.bright).min(c.bright).min(d.bright);
+    let high = a.bright.max(b.bright).max(c.bright).max(d.bright);
+    let scale = 1.0 / (farthest * nearest);
+    (a.near + d.near - b.near - c.near).abs() * scale <= BEND[1]
+        && (a.bright + d.bright - b.bright - c.bright).abs() <= BEND[0]
+        && (farthest - nearest) * scale <= SLOPE
+        && high - low <= CONTRAST
 }
 
 /// Weights of a block's rays (corners, then centre) in each of its pixels, row by row: bilinear between the corners, and
@@ -117,4 +339,145 @@ const fn weights() -> [[f32; BLOCK * BLOCK]; 5] {
         n += 1;
     }
     all
+}
+
+/// Weights of a halved block's rays ([`Halved::points`]) in each of its pixels, row by row: bilinear in each quarter.
+pub static HALVED_WEIGHTS: [[f32; BLOCK * BLOCK]; 9] = halved_weights();
+
+const fn halved_weights() -> [[f32; BLOCK * BLOCK]; 9] {
+    let mut all = [[0.0; BLOCK * BLOCK]; 9];
+    let half = BLOCK / 2;
+    let mut n = 0;
+    while n < BLOCK * BLOCK {
+        let (x, y) = (n % BLOCK, n / BLOCK);
+        let (u, v) = ((x % half) as f32 / half as f32, (y % half) as f32 / half as f32);
+        let first = x / half + 3 * (y / half);
+        all[first][n] = (1.0 - u) * (1.0 - v);
+        all[first + 1][n] = u * (1.0 - v);
+        all[first + 3][n] = (1.0 - u) * v;
+        all[first + 4][n] = u * v;
+        n += 1;
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use fearless_simd::Level;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// A ray that ends at inverse depth `near`.
+    fn light(points: [Point; 16]) -> Light {
+        let mut light = Light { through: [0.0; 16], ..Light::default() };
+        for (n, p) in points.iter().enumerate() {
+            (light.bright[n], light.tone[n]) = (p.bright, p.tone);
+            light.passages[n] = f32::from(p.near.is_nan());
+            light.depth[n] = if p.near.is_nan() { 1.0 } else { 1.0 / p.near };
+            if p.near == 0.0 {
+                (light.depth[n], light.through[n]) = (0.0, 1.0);
+            }
+        }
+        light
+    }
+
+    /// The lattice of a picture of `size`, its rays as `of` says of a place in pixels.
+    fn lattice(size: [usize; 2], of: impl Fn(f32, f32) -> Point + Sync) -> Lattice {
+        let mut lattice = Lattice::default();
+        lattice.resize(size);
+        lattice.rows().enumerate().for_each(|(y, mut rows)| {
+            for x in 0..rows.packets() {
+                let packet = |shift: usize| {
+                    let at = |first: usize, n: usize| ((SIDE * first + n) * BLOCK + shift) as f32;
+                    light(std::array::from_fn(|n| of(at(x, n % SIDE), at(y, n / SIDE))))
+                };
+                let packets = [&packet(0), &packet(BLOCK / 2)];
+                fearless_simd::dispatch!(Level::new(), simd => rows.keep(simd, x, packets, 1.0, 0.0));
+            }
+        });
+        lattice
+    }
+
+    fn judge(lattice: &Lattice, at: [usize; 2], side: f32) -> Verdict {
+        let best = fearless_simd::dispatch!(Level::new(), simd => lattice.judge(simd, at, side));
+        let least = fearless_simd::dispatch!(Level::baseline(), simd => lattice.judge(simd, at, side));
+        assert_eq!(best, least);
+        best
+    }
+
+    const SIZE: [usize; 2] = [64, 64];
+    /// Far below the largest side.
+    const SMALL: f32 = 1e-3;
+
+    #[test]
+    fn planes_and_nothing_are_smooth_up_to_the_largest_side() {
+        let plane = |x: f32, y: f32| Point { near: 0.05 + 1e-5 * (x - y), bright: 0.3 + 0.005 * x, tone: 1.0 };
+        let plane = lattice(SIZE, plane);
+        assert_eq!(judge(&plane, [0, 7], SMALL), Verdict { smooth: u16::MAX, halved: u16::MAX });
+        assert_eq!(judge(&plane, [0, 7], LARGEST * 0.06), Verdict::default());
+        let nothing = lattice(SIZE, |_, _| Point::default());
+        assert_eq!(judge(&nothing, [0, 15], SMALL).smooth, u16::MAX);
+    }
+
+    #[test]
+    fn edges_and_what_lies_behind_them_are_not_smooth() {
+        let tests: [fn(f32) -> Point; 4] = [
+            |near| Point { near, bright: 0.5, tone: 0.0 },
+            |near| Point { near: near - 0.05, bright: 0.5, tone: 0.0 },
+            |near| Point { near: if near > 0.05 { f32::NAN } else { near }, bright: 0.5, tone: 0.0 },
+            |near| Point { near: 0.05, bright: near * 10.0, tone: 0.0 },
+        ];
+        for (n, of) in tests.into_iter().enumerate() {
+            // Blocks 0 to 4 lie before the edge, 5 has it within.
+            let lattice = lattice(SIZE, |x, _| of(if x < 21.0 { 0.05 } else { 0.1 }));
+            let verdict = judge(&lattice, [0, 3], SMALL);
+            assert_eq!(verdict.smooth & 0x3f, 0x1f, "{n}");
+            assert_eq!(verdict.halved & 1 << 5, 0, "{n}");
+        }
+    }
+
+    #[test]
+    fn a_block_that_is_nearly_smooth_is_halved() {
+        // The centre differs from the corners' mean by 4c for each of two directions.
+        let bowl = |c: f32| move |x: f32, y: f32| Point { near: 0.05, bright: 0.1 + c * (x * x + y * y), tone: 0.0 };
+        let verdict = |c: f32| judge(&lattice([4, 4], bowl(c)), [0, 0], SMALL);
+        let [smooth, halved, rough] = [0.9, 3.9, 4.1].map(|errors| verdict(errors * BRIGHTNESS / 8.0));
+        assert_eq!([smooth.smooth & 1, halved.smooth & 1, halved.halved & 1, rough.halved & 1], [1, 0, 1, 0]);
+    }
+
+    /// The nine rays of a halved block.
+    fn halve(of: impl Fn(f32, f32) -> Point) -> Halved {
+        let at = |[x, y]: [usize; 2]| of(x as f32, y as f32);
+        let corners = [[0, 0], [BLOCK, 0], [0, BLOCK], [BLOCK, BLOCK]].map(at);
+        Halved { block: Block { corners, centre: at([BLOCK / 2; 2]) }, middles: MIDDLES.map(at) }
+    }
+
+    #[test]
+    fn quarters_are_smooth_apart_from_those_with_an_edge() {
+        let bent = |c: f32| halve(move |x, y| Point { near: 0.05, bright: c * (x * x - y * y), tone: 0.0 });
+        assert_eq!(bent(0.8 * BEND[0] / 8.0).smooth(), [true; 4]);
+        assert_eq!(bent(1.1 * BEND[0] / 8.0).smooth(), [false; 4]);
+        // A corner's other surface: it is one of the three rays of two sides, which are those of three quarters.
+        for other in [f32::NAN, 0.0, 0.5] {
+            let near = move |x: f32, y: f32| if x + y > 6.0 { other } else { 0.05 };
+            let cut = halve(move |x, y| Point { near: near(x, y), bright: 0.5, tone: 0.0 });
+            assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
+        }
+    }
+
+    proptest! {
+        /// Between the rays, pixels are what is linear between them, and rays keep their own light.
+        #[test]
+        fn weights_reproduce_what_is_linear(a in -1.0f32..1.0, b in -1.0f32..1.0, c in -1.0f32..1.0) {
+            let of = |x: f32, y: f32| Point { near: 0.05, bright: a + b * x + c * y, tone: 0.0 };
+            let halved = halve(of);
+            for n in 0..BLOCK * BLOCK {
+                let expected = of((n % BLOCK) as f32, (n / BLOCK) as f32).bright;
+                let whole: f32 = halved.block.points().iter().zip(&WEIGHTS).map(|(p, w)| p.bright * w[n]).sum();
+                let half: f32 = halved.points().iter().zip(&HALVED_WEIGHTS).map(|(p, w)| p.bright * w[n]).sum();
+                prop_assert!((whole - expected).abs() < 1e-5 && (half - expected).abs() < 1e-5, "{n}: {whole} {half} {expected}");
+            }
+        }
+    }
 }

@@ -6,7 +6,9 @@ mod lanes;
 mod lattice;
 mod occupancy;
 mod packet;
+mod paint;
 mod picture;
+mod refine;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -16,9 +18,9 @@ use super::caster::depths;
 use super::{Direct, Frame, Renderer, Settings, Space, View, Work};
 use cells::Cells;
 pub use lattice::BLOCK;
+use lattice::Lattice;
 use occupancy::Occupancy;
 use packet::Rays;
-use picture::Lattice;
 
 /// The name of the SIMD level that packets of rays use on this machine.
 pub fn simd_level() -> &'static str {
@@ -135,7 +137,7 @@ impl Renderer for Fast {
             depths(&self.space, view, depth);
         }
         match self.pixels {
-            Pixels::Needed => self.lattice.render(&rays, view, pixels, &self.cells, self.level),
+            Pixels::Needed => picture::needed(&mut self.lattice, &rays, view, pixels, &self.cells, self.level),
             Pixels::All => picture::pixels_of(&rays, view, pixels, &self.cells, self.level, None),
         }
     }

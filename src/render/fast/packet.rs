@@ -14,12 +14,15 @@
 //! **Empty space.** All rays have come equally far, so that the bundle leaps as one ([`Beam`]). Samples lie on the same
 //! lattice whatever is leapt over, so leaping changes no bit of the picture.
 
+use std::array::from_fn;
+
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::beam::Beam;
 use super::cells::{Cells, Source};
 use super::lanes::{Voxels, interpolate};
+use super::lattice::SIDE;
 use super::occupancy::Occupancy;
 use crate::render::camera::View;
 use crate::render::gradient::{Regression, Weighting, to_world};
@@ -75,8 +78,8 @@ pub struct Light {
     pub through: [f32; 16],
     /// Mean place of what is seen, steps from the camera, weighted as the light is (not divided by it).
     pub depth: [f32; 16],
-    /// Lanes whose light comes from more than one passage.
-    pub mixed: u16,
+    /// Number of passages that ended before another began.
+    pub passages: [f32; 16],
     /// Samples taken.
     pub samples: u32,
 }
@@ -125,6 +128,16 @@ impl<'a> Rays<'a> {
         2f32.powi(self.power)
     }
 
+    /// Casts a packet of rays `apart` pixels from each other, row by row, the first through the centre of pixel (`x`, `y`);
+    /// nothing may be met before `from` steps.
+    #[inline(always)]
+    pub fn packet<S: Simd>(&self, simd: S, [x, y]: [usize; 2], apart: usize, from: f32, cells: &mut Cells) -> Light {
+        let at = |first: usize, n: usize| (first + n * apart) as f32 + 0.5;
+        let mut light = Light::default();
+        self.cast(simd, [&from_fn(|n| at(x, n % SIDE)), &from_fn(|n| at(y, n / SIDE))], from, cells, &mut light);
+        light
+    }
+
     /// Casts the rays through the points (`x`, `y`) of the picture, in pixels from its top left corner.
     ///
     /// Nothing may be met before `from` steps. A function of its own on each level, not inlined where it is called: it is
@@ -169,7 +182,7 @@ impl<'a> Rays<'a> {
         };
         let mut samples = 0;
         if active.any_true() {
-            let beam = ray.beam(self.origin, 0.0);
+            let (mut beam, mut bundled) = (ray.beam_of(simd, active, self.origin), active.to_bitmask());
             let end = active.select(last, zero).reduce_max();
             let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min().max(from);
             let mut k = beam.next(self.occupancy, first, end + 1.0).floor();
@@ -210,6 +223,11 @@ impl<'a> Rays<'a> {
                 }
                 // Where the bundle could not leap it is near a wall, and asking again at once would be of no use.
                 if k >= ask && !(active & v0.simd_gt(self.foot)).any_true() {
+                    // Rays that have ended in a wall would hold those up that pass by.
+                    let left = active.to_bitmask();
+                    if left != bundled {
+                        (beam, bundled) = (ray.beam_of(simd, active, self.origin), left);
+                    }
                     let next = beam.next(self.occupancy, k, end + 1.0).floor();
                     if next > k {
                         k = next;
@@ -230,7 +248,7 @@ impl<'a> Rays<'a> {
             tone: light.tone.to_array(),
             through: light.through.to_array(),
             depth: light.depth.to_array(),
-            mixed: light.passages.simd_gt(0.5).to_bitmask() as u16,
+            passages: light.passages.to_array(),
             samples,
         }
     }
@@ -242,7 +260,7 @@ impl<'a> Rays<'a> {
             #[inline(always)]
             || {
                 let apart = side / 3.0;
-                let n: [f32; 16] = std::array::from_fn(|n| n as f32);
+                let n: [f32; 16] = from_fn(|n| n as f32);
                 let n = f32x16::load_array_ref(simd, &n);
                 let row = (n * 0.25).floor();
                 let ray = self.lanes(simd, (n - row * 4.0) * apart + x, row * apart + y);
@@ -434,6 +452,16 @@ impl<S: Simd> Lanes<S> {
     fn at_each(&self, origin: Vec3, k: f32x16<S>) -> [f32x16<S>; 3] {
         let [x, y, z] = self.along;
         [x * k + origin.x, y * k + origin.y, z * k + origin.z]
+    }
+
+    /// The bundle of the rays in `mask`.
+    #[inline(always)]
+    fn beam_of(&self, simd: S, mask: mask32x16<S>, origin: Vec3) -> Beam {
+        let far = f32x16::splat(simd, f32::INFINITY);
+        let [x, y, z] = self.along;
+        let low = |a: f32x16<S>| mask.select(a, far).reduce_min();
+        let high = |a: f32x16<S>| mask.select(a, -far).reduce_max();
+        Beam::new(origin, Vec3::new(low(x), low(y), low(z)), Vec3::new(high(x), high(y), high(z)))
     }
 
     #[inline(always)]

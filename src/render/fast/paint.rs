@@ -1,0 +1,127 @@
+//! From light to pixels.
+
+use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
+
+use super::lattice::SIDE;
+use super::packet::Light;
+use crate::render::Work;
+use crate::render::transfer::{PALETTE, PALETTE_HU};
+
+/// Rows of a picture that are being filled.
+pub struct Canvas<'a> {
+    pixels: &'a mut [[u8; 3]],
+    width: usize,
+    /// The first row's place in the picture.
+    top: usize,
+}
+
+impl<'a> Canvas<'a> {
+    /// The rows from `top` on of a picture that is `width` pixels wide.
+    pub fn new(pixels: &'a mut [[u8; 3]], width: usize, top: usize) -> Self {
+        Self { pixels, width, top }
+    }
+
+    /// Whether it holds the pixel (`x`, `y`) of the picture.
+    pub fn holds(&self, [x, y]: [usize; 2]) -> bool {
+        x < self.width && y >= self.top && (y - self.top) * self.width < self.pixels.len()
+    }
+
+    /// Fills the pixels of a packet whose rays are a pixel apart, the first through `at`.
+    #[inline(never)]
+    pub fn packet<S: Simd>(&mut self, simd: S, light: &Light, at: [usize; 2]) -> Work {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let load = f32x16::load_array_ref;
+                let colours = colours(simd, load(simd, &light.bright), load(simd, &light.tone));
+                self.block(&colours, at);
+            },
+        );
+        let rows = self.pixels.len() / self.width - (at[1] - self.top);
+        let rays = SIDE.min(self.width - at[0]) * SIDE.min(rows);
+        Work { rays: rays as u64, samples: u64::from(light.samples), ..Work::default() }
+    }
+
+    /// Fills squares of 2×2 pixels with a packet's rays in turn.
+    #[inline(never)]
+    pub fn squares<S: Simd>(&mut self, simd: S, light: &Light, at: &[[usize; 2]]) -> Work {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let load = f32x16::load_array_ref;
+                let colours = colours(simd, load(simd, &light.bright), load(simd, &light.tone));
+                for (square, &[x, y]) in colours.chunks_exact(4).zip(at) {
+                    self.row(&square[..2], [x, y]);
+                    self.row(&square[2..], [x, y + 1]);
+                }
+            },
+        );
+        Work { rays: 4 * at.len() as u64, samples: u64::from(light.samples), ..Work::default() }
+    }
+
+    /// Fills the block from pixel `at` on with the weighted sums of the rays' `light`, brightness and tone.
+    #[inline(never)]
+    pub fn blend<S: Simd, const N: usize>(
+        &mut self,
+        simd: S,
+        light: [[f32; 2]; N],
+        weights: &[[f32; SIDE * SIDE]; N],
+        at: [usize; 2],
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let (mut bright, mut tone) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 0.0));
+                for ([b, t], weights) in light.iter().zip(weights) {
+                    let weights = f32x16::load_array_ref(simd, weights);
+                    bright += weights * *b;
+                    tone += weights * *t;
+                }
+                self.block(&colours(simd, bright, tone), at);
+            },
+        );
+    }
+
+    /// Writes a block's pixels, as far as the rows reach.
+    #[inline(always)]
+    fn block(&mut self, colours: &[i32; SIDE * SIDE], [x, y]: [usize; 2]) {
+        for (row, colours) in colours.chunks_exact(SIDE).enumerate() {
+            self.row(colours, [x, y + row]);
+        }
+    }
+
+    /// Writes some pixels of a row, as far as they are there.
+    #[inline(always)]
+    fn row(&mut self, colours: &[i32], [x, y]: [usize; 2]) {
+        let from = (y - self.top) * self.width;
+        let Some(row) = self.pixels.get_mut(from + x..from + self.width) else {
+            return;
+        };
+        if let (&[a, b, c, d], Some(row)) = (colours, row.get_mut(..SIDE)) {
+            // Four pixels are three words.
+            let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
+            for (out, word) in row.as_flattened_mut().chunks_exact_mut(4).zip(words) {
+                out.copy_from_slice(&word.to_le_bytes());
+            }
+        } else {
+            for (out, c) in row.iter_mut().zip(colours) {
+                let [r, g, b, _] = c.to_le_bytes();
+                *out = [r, g, b];
+            }
+        }
+    }
+}
+
+/// Red, green and blue in the lower three bytes.
+#[inline(always)]
+fn colours<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> [i32; SIDE * SIDE] {
+    let [base, top] = PALETTE;
+    let mut packed = i32x16::splat(simd, 0);
+    for channel in [2, 1, 0] {
+        let slope = (top[channel] - base[channel]) / (PALETTE_HU[1] - PALETTE_HU[0]);
+        let c = (bright * base[channel] + tone * slope) * 255.0 + 0.5;
+        let c = c.max(f32x16::splat(simd, 0.0)).min(f32x16::splat(simd, 255.0));
+        packed = (packed << 8) | c.to_int::<i32x16<S>>();
+    }
+    packed.to_array()
+}

@@ -1,0 +1,154 @@
+//! From the rays of a lattice to pixels, with more rays where they are needed.
+//!
+//! Blocks that are to be halved, and quarters that must be traced, wait until there are four of them, which is a whole
+//! packet. Which rays share a packet does not change what comes of them.
+
+use std::array::from_fn;
+
+use fearless_simd::Simd;
+
+use super::cells::Cells;
+use super::lattice::{BLOCK, Block, HALVED_WEIGHTS, Halved, MIDDLES, Point, WEIGHTS};
+use super::packet::{Light, Rays};
+use super::paint::Canvas;
+use crate::render::Work;
+
+/// So many blocks, or quarters, make a packet.
+const GROUP: usize = 4;
+
+/// Some rows of a picture's blocks that are being filled.
+pub struct Band<'a, 'b> {
+    rays: &'a Rays<'b>,
+    cells: &'a mut Cells,
+    canvas: Canvas<'a>,
+    blocks: Waiting<Coarse>,
+    quarters: Waiting<[usize; 2]>,
+    work: Work,
+}
+
+/// A block to be halved.
+#[derive(Clone, Copy, Default)]
+struct Coarse {
+    block: Block,
+    /// The pixel at its top left corner.
+    at: [usize; 2],
+    start: f32,
+}
+
+/// What waits for rays.
+struct Waiting<T> {
+    items: [T; GROUP],
+    len: usize,
+    /// How many steps nothing is met by any of the rays.
+    start: f32,
+}
+
+impl<T: Copy + Default> Default for Waiting<T> {
+    fn default() -> Self {
+        Self { items: [T::default(); GROUP], len: 0, start: f32::INFINITY }
+    }
+}
+
+impl<T: Copy + Default> Waiting<T> {
+    /// Adds one to fewer than [`GROUP`]; whether there are enough now.
+    #[inline(always)]
+    fn push(&mut self, item: T, start: f32) -> bool {
+        self.items[self.len] = item;
+        self.len += 1;
+        self.start = self.start.min(start);
+        self.len == GROUP
+    }
+
+    /// The one whose rays lane `n` of a packet holds, four to each. Lanes that are not needed do what the last one does.
+    #[inline(always)]
+    fn of_lane(&self, n: usize) -> &T {
+        &self.items[(n / 4).min(self.len - 1)]
+    }
+}
+
+impl<'a, 'b> Band<'a, 'b> {
+    /// Casts `rays` for the pixels of `canvas`.
+    pub fn new(rays: &'a Rays<'b>, cells: &'a mut Cells, canvas: Canvas<'a>) -> Self {
+        Self { rays, cells, canvas, blocks: Waiting::default(), quarters: Waiting::default(), work: Work::default() }
+    }
+
+    /// Fills a smooth block, whose top left corner is at pixel `at`.
+    #[inline(always)]
+    pub fn smooth<S: Simd>(&mut self, simd: S, block: &Block, at: [usize; 2]) {
+        self.canvas.blend(simd, block.points().map(|p| [p.bright, p.tone]), &WEIGHTS, at);
+    }
+
+    /// Casts a ray for every pixel of a block; nothing may be met before `start` steps.
+    #[inline(always)]
+    pub fn rough<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
+        let light = self.rays.packet(simd, at, 1, start, self.cells);
+        self.work = self.work + self.canvas.packet(simd, &light, at);
+    }
+
+    /// Has a block wait until it is halved.
+    #[inline(always)]
+    pub fn coarse<S: Simd>(&mut self, simd: S, block: Block, at: [usize; 2], start: f32) {
+        if self.blocks.push(Coarse { block, at, start }, start) {
+            self.halve(simd);
+        }
+    }
+
+    /// Fills what still waits; what it all took.
+    pub fn finish<S: Simd>(&mut self, simd: S) -> Work {
+        if self.blocks.len > 0 {
+            self.halve(simd);
+        }
+        if self.quarters.len > 0 {
+            self.trace(simd);
+        }
+        self.work
+    }
+
+    /// Casts the rays through the middles of the waiting blocks' sides.
+    #[inline(never)]
+    fn halve<S: Simd>(&mut self, simd: S) {
+        let group = std::mem::take(&mut self.blocks);
+        let place = |n: usize, axis: usize| (group.of_lane(n).at[axis] + MIDDLES[n % 4][axis]) as f32 + 0.5;
+        let mut light = Light::default();
+        self.rays.cast(
+            simd,
+            [&from_fn(|n| place(n, 0)), &from_fn(|n| place(n, 1))],
+            group.start,
+            self.cells,
+            &mut light,
+        );
+        let rays = 4 * group.len as u64;
+        self.work = self.work + Work { rays, samples: u64::from(light.samples), ..Work::default() };
+        let middles = Point::all(simd, &light, self.rays.step());
+        for (Coarse { block, at, start }, middles) in group.items[..group.len].iter().zip(middles.chunks_exact(4)) {
+            let halved = Halved { block: *block, middles: from_fn(|n| middles[n]) };
+            let smooth = halved.smooth();
+            if smooth.contains(&true) {
+                let light = halved.points().map(|p| [p.bright, p.tone]);
+                self.canvas.blend(simd, light, &HALVED_WEIGHTS, *at);
+            }
+            for n in (0..4).filter(|&n| !smooth[n]) {
+                let at = [at[0] + n % 2 * (BLOCK / 2), at[1] + n / 2 * (BLOCK / 2)];
+                if self.canvas.holds(at) && self.quarters.push(at, *start) {
+                    self.trace(simd);
+                }
+            }
+        }
+    }
+
+    /// Casts a ray for each pixel of the waiting quarters.
+    #[inline(never)]
+    fn trace<S: Simd>(&mut self, simd: S) {
+        let group = std::mem::take(&mut self.quarters);
+        let place = |n: usize, axis: usize| (group.of_lane(n)[axis] + ((n % 4) >> axis & 1)) as f32 + 0.5;
+        let mut light = Light::default();
+        self.rays.cast(
+            simd,
+            [&from_fn(|n| place(n, 0)), &from_fn(|n| place(n, 1))],
+            group.start,
+            self.cells,
+            &mut light,
+        );
+        self.work = self.work + self.canvas.squares(simd, &light, &group.items[..group.len]);
+    }
+}
