@@ -256,9 +256,9 @@ fn findings(full: &Cost, parts: &[&Cost]) -> Vec<String> {
             saves(step)
         ),
         format!(
-            "{picture}The most memory, {:.0} of {:.0} bytes, is saved by leaving out {}.",
-            full.bytes - memory.bytes,
-            full.bytes,
+            "{picture}The most memory, {:.1} of {:.1} MiB, is saved by leaving out {}.",
+            (full.bytes - memory.bytes) / MIB,
+            full.bytes / MIB,
             part(memory)
         ),
     ]

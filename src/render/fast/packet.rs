@@ -132,24 +132,28 @@ impl<'a> Rays<'a> {
     /// nothing may be met before `from` steps.
     #[inline(always)]
     pub fn packet<S: Simd>(&self, simd: S, [x, y]: [usize; 2], apart: usize, from: f32, cells: &mut Cells) -> Light {
-        let at = |first: usize, n: usize| (first + n * apart) as f32 + 0.5;
+        self.cast(simd, |n| [x + n % SIDE * apart, y + n / SIDE * apart], from, cells)
+    }
+
+    /// Casts the rays through the centres of pixels, each lane's as `pixel` says; nothing may be met before `from` steps.
+    #[inline(always)]
+    pub fn cast<S: Simd>(&self, simd: S, pixel: impl Fn(usize) -> [usize; 2], from: f32, cells: &mut Cells) -> Light {
+        let centre = |axis: usize| from_fn(|n| pixel(n)[axis] as f32 + 0.5);
         let mut light = Light::default();
-        self.cast(simd, [&from_fn(|n| at(x, n % SIDE)), &from_fn(|n| at(y, n / SIDE))], from, cells, &mut light);
+        self.cast_lanes(simd, [&centre(0), &centre(1)], from, cells, &mut light);
         light
     }
 
-    /// Casts the rays through the points (`x`, `y`) of the picture, in pixels from its top left corner.
-    ///
-    /// Nothing may be met before `from` steps. A function of its own on each level, not inlined where it is called: it is
-    /// large.
+    /// A function of its own on each level, not inlined where it is called: it is large.
     #[inline(never)]
-    pub fn cast<S: Simd>(&self, simd: S, [x, y]: [&[f32; 16]; 2], from: f32, cells: &mut Cells, light: &mut Light) {
+    fn cast_lanes<S: Simd>(&self, simd: S, [x, y]: [&[f32; 16]; 2], from: f32, cells: &mut Cells, light: &mut Light) {
         simd.vectorize(
             #[inline(always)]
             || *light = self.trace(simd, f32x16::load_array_ref(simd, x), f32x16::load_array_ref(simd, y), from, cells),
         );
     }
 
+    /// Casts the rays through the points (`x`, `y`) of the picture, in pixels from its top left corner.
     #[inline(always)]
     fn trace<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>, from: f32, cells: &mut Cells) -> Light {
         let one = f32x16::splat(simd, 1.0);

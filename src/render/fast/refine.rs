@@ -8,8 +8,9 @@ use std::array::from_fn;
 use fearless_simd::Simd;
 
 use super::cells::Cells;
-use super::lattice::{BLOCK, Block, HALVED_WEIGHTS, Halved, MIDDLES, Point, WEIGHTS};
-use super::packet::{Light, Rays};
+use super::halved::{HALVED_WEIGHTS, Halved, MIDDLES};
+use super::lattice::{BLOCK, Block, Point, WEIGHTS};
+use super::packet::Rays;
 use super::paint::Canvas;
 use crate::render::Work;
 
@@ -108,15 +109,8 @@ impl<'a, 'b> Band<'a, 'b> {
     #[inline(never)]
     fn halve<S: Simd>(&mut self, simd: S) {
         let group = std::mem::take(&mut self.blocks);
-        let place = |n: usize, axis: usize| (group.of_lane(n).at[axis] + MIDDLES[n % 4][axis]) as f32 + 0.5;
-        let mut light = Light::default();
-        self.rays.cast(
-            simd,
-            [&from_fn(|n| place(n, 0)), &from_fn(|n| place(n, 1))],
-            group.start,
-            self.cells,
-            &mut light,
-        );
+        let middle = |n: usize| from_fn(|axis| group.of_lane(n).at[axis] + MIDDLES[n % 4][axis]);
+        let light = self.rays.cast(simd, middle, group.start, self.cells);
         let rays = 4 * group.len as u64;
         self.work = self.work + Work { rays, samples: u64::from(light.samples), ..Work::default() };
         let middles = Point::all(simd, &light, self.rays.step());
@@ -140,15 +134,8 @@ impl<'a, 'b> Band<'a, 'b> {
     #[inline(never)]
     fn trace<S: Simd>(&mut self, simd: S) {
         let group = std::mem::take(&mut self.quarters);
-        let place = |n: usize, axis: usize| (group.of_lane(n)[axis] + ((n % 4) >> axis & 1)) as f32 + 0.5;
-        let mut light = Light::default();
-        self.rays.cast(
-            simd,
-            [&from_fn(|n| place(n, 0)), &from_fn(|n| place(n, 1))],
-            group.start,
-            self.cells,
-            &mut light,
-        );
+        let pixel = |n: usize| from_fn(|axis| group.of_lane(n)[axis] + ((n % 4) >> axis & 1));
+        let light = self.rays.cast(simd, pixel, group.start, self.cells);
         self.work = self.work + self.canvas.squares(simd, &light, &group.items[..group.len]);
     }
 }

@@ -1,0 +1,123 @@
+//! Blocks of half the side: rays through the middles of a block's sides, too, and quarters that are judged by the second
+//! differences along their sides.
+
+use super::lattice::{BLOCK, Block, CONTRAST, Point, SLOPE};
+
+/// The most that a second difference along a quarter's side may be, brightness and voxels: an eighth of it is what linear
+/// interpolation errs by.
+const BEND: [f32; 2] = [0.192, 1.2];
+
+/// Where the middles of a block's sides are, pixels from its top left corner: top, left, right and bottom.
+pub const MIDDLES: [[usize; 2]; 4] = [[BLOCK / 2, 0], [0, BLOCK / 2], [BLOCK, BLOCK / 2], [BLOCK / 2, BLOCK]];
+
+/// A block with rays through the middles of its sides, too.
+pub struct Halved {
+    /// Corners and centre.
+    pub block: Block,
+    /// The rays of [`MIDDLES`].
+    pub middles: [Point; 4],
+}
+
+impl Halved {
+    /// Its rays row by row.
+    #[inline(always)]
+    pub fn points(&self) -> [Point; 9] {
+        let ([a, b, c, d], [top, left, right, bottom]) = (self.block.corners, self.middles);
+        [a, top, b, left, self.block.centre, right, c, bottom, d]
+    }
+
+    /// Which of the four quarters (left to right, then top to bottom) may be interpolated between their corners.
+    pub fn smooth(&self) -> [bool; 4] {
+        let p = self.points();
+        let straight = |first: usize, stride: usize| is_straight([p[first], p[first + stride], p[first + 2 * stride]]);
+        let (rows, columns) = ([0, 3, 6].map(|n| straight(n, 1)), [0, 1, 2].map(|n| straight(n, 3)));
+        std::array::from_fn(|n| {
+            let (x, y) = (n % 2, n / 2);
+            let corners = [0, 1, 3, 4].map(|corner| p[x + 3 * y + corner]);
+            rows[y] && rows[y + 1] && columns[x] && columns[x + 1] && is_even(corners)
+        })
+    }
+}
+
+/// Whether the middle one of three rays in a line is nearly what the other two make one expect.
+fn is_straight([a, b, c]: [Point; 3]) -> bool {
+    let bend = (a.near + c.near - 2.0 * b.near).abs() / (b.near * b.near);
+    let pale = (a.bright + c.bright - 2.0 * b.bright).abs();
+    pale <= BEND[0] && bend <= BEND[1]
+}
+
+/// Whether the corners of a quarter are one surface's.
+fn is_even([a, b, c, d]: [Point; 4]) -> bool {
+    let nearest = a.near.min(b.near).min(c.near).min(d.near);
+    let farthest = a.near.max(b.near).max(c.near).max(d.near);
+    let low = a.bright.min(b.bright).min(c.bright).min(d.bright);
+    let high = a.bright.max(b.bright).max(c.bright).max(d.bright);
+    let scale = 1.0 / (farthest * nearest);
+    (a.near + d.near - b.near - c.near).abs() * scale <= BEND[1]
+        && (a.bright + d.bright - b.bright - c.bright).abs() <= BEND[0]
+        && (farthest - nearest) * scale <= SLOPE
+        && high - low <= CONTRAST
+}
+
+/// Weights of a halved block's rays ([`Halved::points`]) in each of its pixels, row by row: bilinear in each quarter.
+pub static HALVED_WEIGHTS: [[f32; BLOCK * BLOCK]; 9] = halved_weights();
+
+const fn halved_weights() -> [[f32; BLOCK * BLOCK]; 9] {
+    let mut all = [[0.0; BLOCK * BLOCK]; 9];
+    let half = BLOCK / 2;
+    let mut n = 0;
+    while n < BLOCK * BLOCK {
+        let (x, y) = (n % BLOCK, n / BLOCK);
+        let (u, v) = ((x % half) as f32 / half as f32, (y % half) as f32 / half as f32);
+        let first = x / half + 3 * (y / half);
+        all[first][n] = (1.0 - u) * (1.0 - v);
+        all[first + 1][n] = u * (1.0 - v);
+        all[first + 3][n] = (1.0 - u) * v;
+        all[first + 4][n] = u * v;
+        n += 1;
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::lattice::WEIGHTS;
+    use super::*;
+
+    /// The nine rays of a halved block.
+    fn halve(of: impl Fn(f32, f32) -> Point) -> Halved {
+        let at = |[x, y]: [usize; 2]| of(x as f32, y as f32);
+        let corners = [[0, 0], [BLOCK, 0], [0, BLOCK], [BLOCK, BLOCK]].map(at);
+        Halved { block: Block { corners, centre: at([BLOCK / 2; 2]) }, middles: MIDDLES.map(at) }
+    }
+
+    #[test]
+    fn quarters_are_smooth_apart_from_those_with_an_edge() {
+        let bent = |c: f32| halve(move |x, y| Point { near: 0.05, bright: c * (x * x - y * y), tone: 0.0 });
+        assert_eq!(bent(0.8 * BEND[0] / 8.0).smooth(), [true; 4]);
+        assert_eq!(bent(1.1 * BEND[0] / 8.0).smooth(), [false; 4]);
+        // A corner's other surface: it is one of the three rays of two sides, which are those of three quarters.
+        for other in [f32::NAN, 0.0, 0.5] {
+            let near = move |x: f32, y: f32| if x + y > 6.0 { other } else { 0.05 };
+            let cut = halve(move |x, y| Point { near: near(x, y), bright: 0.5, tone: 0.0 });
+            assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
+        }
+    }
+
+    proptest! {
+        /// Between the rays, pixels are what is linear between them, and rays keep their own light.
+        #[test]
+        fn weights_reproduce_what_is_linear(a in -1.0f32..1.0, b in -1.0f32..1.0, c in -1.0f32..1.0) {
+            let of = |x: f32, y: f32| Point { near: 0.05, bright: a + b * x + c * y, tone: 0.0 };
+            let halved = halve(of);
+            for n in 0..BLOCK * BLOCK {
+                let expected = of((n % BLOCK) as f32, (n / BLOCK) as f32).bright;
+                let whole: f32 = halved.block.points().iter().zip(&WEIGHTS).map(|(p, w)| p.bright * w[n]).sum();
+                let half: f32 = halved.points().iter().zip(&HALVED_WEIGHTS).map(|(p, w)| p.bright * w[n]).sum();
+                prop_assert!((whole - expected).abs() < 1e-5 && (half - expected).abs() < 1e-5, "{n}: {whole} {half} {expected}");
+            }
+        }
+    }
+}
