@@ -283,9 +283,9 @@ mod tests {
 
     #[test]
     fn findings_follow_the_numbers() {
-        let cost = |name: &str, bytes: f64, step_us: f64| Cost {
+        let cost = |name: &str, mib: f64, step_us: f64| Cost {
             name: name.to_owned(),
-            bytes,
+            bytes: mib * MIB,
             step_us,
             frame_ms: Some(5.0),
             scene_ms: 1.0,
@@ -295,7 +295,7 @@ mod tests {
         let f = findings(&cost("everything", 100.0, 100.0), &[&a, &b]);
         assert!(f[0].contains("leaving out a saves the most, 60 µs"), "{}", f[0]);
         assert!(
-            f[1].contains("5.0 ms a frame, 50 steps") && f[1].contains("50 of 100 bytes") && f[1].ends_with("out b.")
+            f[1].contains("5.0 ms a frame, 50 steps") && f[1].contains("50.0 of 100.0 MiB") && f[1].ends_with("out b.")
         );
     }
 }
