@@ -8,6 +8,7 @@ mod lattice;
 mod occupancy;
 mod packet;
 mod paint;
+mod passage;
 mod picture;
 mod refine;
 
@@ -75,8 +76,8 @@ pub struct Fast {
     settings: Settings,
     pixels: Pixels,
     occupancy: Arc<Occupancy>,
-    /// A cache for each thread.
-    cells: Vec<Mutex<Cells>>,
+    /// A cache for each thread; what is in it depends on the space alone.
+    cells: Arc<[Mutex<Cells>]>,
     lattice: Lattice,
     level: Level,
     direct: Direct,
@@ -103,7 +104,7 @@ impl Fast {
             settings,
             pixels: self.pixels,
             occupancy: Arc::clone(&self.occupancy),
-            cells: self.cells.iter().map(|_| Mutex::default()).collect(),
+            cells: Arc::clone(&self.cells),
             lattice: Lattice::default(),
             level: self.level,
             direct: Direct::new(&self.space, settings),
@@ -112,8 +113,7 @@ impl Fast {
 
     /// Memory taken by what is not shared with those [beside](Fast::beside), bytes.
     pub fn own_bytes(&self) -> usize {
-        let cells = self.cells.iter().map(|c| c.lock().unwrap_or_else(PoisonError::into_inner).bytes());
-        cells.sum::<usize>() + self.lattice.bytes()
+        self.lattice.bytes()
     }
 
     /// As [`Renderer::render`], with a ray for every pixel of the blocks of [`BLOCK`] × [`BLOCK`] pixels that are `wanted`,

@@ -7,9 +7,8 @@
 //! Engel, Kraus and Ertl 2001): each step is composed of two half steps at its quarter and three quarters. Values are
 //! smooth on the scale of a voxel, so that this is as good as half steps with samples of their own.
 //!
-//! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value, both
-//! weighted by what each half step adds: the gradient is looked at once, not at each sample. A passage ends where a step
-//! adds nothing, or after [`PASSAGE`] steps.
+//! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value
+//! ([`passage`](super::passage)). A passage ends where a step adds nothing, or after [`PASSAGE`] steps.
 //!
 //! **Empty space.** All rays have come equally far, so that the bundle leaps as one ([`Beam`]). Samples lie on the same
 //! lattice whatever is leapt over, so leaping changes no bit of the picture.
@@ -24,12 +23,12 @@ use super::cells::{Cells, Source};
 use super::lanes::{Voxels, interpolate};
 use super::lattice::SIDE;
 use super::occupancy::Occupancy;
+use super::passage::Sums;
 use crate::render::camera::View;
 use crate::render::gradient::{Regression, Weighting, to_world};
 use crate::render::march::Step;
 use crate::render::quality::Settings;
-use crate::render::sampler::{Sampler, Trilinear, is_homogeneous};
-use crate::render::shade::{AMBIENT, DIFFUSE};
+use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::space::Space;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
@@ -42,13 +41,13 @@ const STILL: f32 = 1e-9;
 
 /// What all rays of a picture have in common.
 pub struct Rays<'a> {
-    space: &'a Space,
-    voxels: Voxels<'a>,
+    pub(super) space: &'a Space,
+    pub(super) voxels: Voxels<'a>,
     occupancy: &'a Occupancy,
-    source: Source<'a>,
+    pub(super) source: Source<'a>,
     scalar: Trilinear<'a>,
     /// The camera, grown voxel coordinates.
-    origin: Vec3,
+    pub(super) origin: Vec3,
     /// The step along the axis of view, and its change along the picture's right and top: voxels.
     step: [Vec3; 3],
     /// The same as world directions.
@@ -186,7 +185,7 @@ impl<'a> Rays<'a> {
         };
         let mut samples = 0;
         if active.any_true() {
-            let (mut beam, mut bundled) = (ray.beam_of(simd, active, self.origin), active.to_bitmask());
+            let (mut beam, mut bundled) = (ray.beam(simd, active, self.origin, 0.0), active.to_bitmask());
             let end = active.select(last, zero).reduce_max();
             let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min().max(from);
             let mut k = beam.next(self.occupancy, first, end + 1.0).floor();
@@ -230,7 +229,7 @@ impl<'a> Rays<'a> {
                     // Rays that have ended in a wall would hold those up that pass by.
                     let left = active.to_bitmask();
                     if left != bundled {
-                        (beam, bundled) = (ray.beam_of(simd, active, self.origin), left);
+                        (beam, bundled) = (ray.beam(simd, active, self.origin, 0.0), left);
                     }
                     let next = beam.next(self.occupancy, k, end + 1.0).floor();
                     if next > k {
@@ -272,7 +271,8 @@ impl<'a> Rays<'a> {
                 // the picture; the steps are longest along an axis of the finest spacing.
                 let angle = (apart * self.pixel).min(2.0);
                 let longest = self.step[0].abs().max(self.step[1].abs()).max(self.step[2].abs()).max_element();
-                ray.beam(self.origin, 0.5 * angle * angle * longest).next(self.occupancy, 0.0, self.limit)
+                let all = n.simd_ge(f32x16::splat(simd, 0.0));
+                ray.beam(simd, all, self.origin, 0.5 * angle * angle * longest).next(self.occupancy, 0.0, self.limit)
             },
         )
     }
@@ -341,106 +341,14 @@ impl<'a> Rays<'a> {
         let zero = f32x16::splat(simd, 0.0);
         (hu - low).max(zero).min(f32x16::splat(simd, high - low))
     }
-
-    /// Shades the passages of the rays in `mask` and begins new ones.
-    #[inline(never)]
-    fn flush<S: Simd>(
-        &self,
-        simd: S,
-        ray: &Lanes<S>,
-        mask: mask32x16<S>,
-        light: &mut Sums<S>,
-        cells: &mut Cells,
-        within_wall: bool,
-    ) {
-        simd.vectorize(
-            #[inline(always)]
-            || self.shade(simd, ray, mask, light, cells, within_wall),
-        );
-    }
-
-    #[inline(always)]
-    fn shade<S: Simd>(
-        &self,
-        simd: S,
-        ray: &Lanes<S>,
-        mask: mask32x16<S>,
-        light: &mut Sums<S>,
-        cells: &mut Cells,
-        within_wall: bool,
-    ) {
-        let zero = f32x16::splat(simd, 0.0);
-        let one = f32x16::splat(simd, 1.0);
-        let weight = mask.select(light.weight, one);
-        let k = light.place / weight;
-        let q = ray.at_each(self.origin, k);
-        let (cell, t) = split(q);
-        let g = self.gradient(simd, mask, cell, t, cells);
-        let dot = g[0] * ray.world[0] + g[1] * ray.world[1] + g[2] * ray.world[2];
-        let square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
-        // A thousandth of an HU per mm is the rounding of a flat region.
-        let steep = square.simd_gt(1e-6);
-        let mut facing = steep.select((dot / steep.select(square, one).sqrt()).max(zero), one);
-        if within_wall {
-            self.face_camera(&mut facing, q, mask.to_bitmask());
-        }
-        let shade = facing * DIFFUSE + AMBIENT;
-        light.bright += mask.select(light.weight * shade, zero);
-        light.tone += mask.select(light.value * shade, zero);
-        light.depth += mask.select(light.place, zero);
-        light.weight = mask.select(zero, light.weight);
-        light.place = mask.select(zero, light.place);
-        light.value = mask.select(zero, light.value);
-    }
-
-    /// In a homogeneous region the gradient points at the camera: only a camera within the wall sees one.
-    #[inline(never)]
-    fn face_camera<S: Simd>(&self, facing: &mut f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) {
-        while lanes != 0 {
-            let n = lanes.trailing_zeros() as usize;
-            lanes &= lanes - 1;
-            if is_homogeneous(self.space, Vec3::new(q[0][n], q[1][n], q[2][n])) {
-                facing[n] = 1.0;
-            }
-        }
-    }
-
-    /// The world gradient at the places `t` of the cells: cell by cell, since neighbouring rays share them.
-    #[inline(always)]
-    fn gradient<S: Simd>(
-        &self,
-        simd: S,
-        mask: mask32x16<S>,
-        cell: [i32x16<S>; 3],
-        t: [f32x16<S>; 3],
-        cells: &mut Cells,
-    ) -> [f32x16<S>; 3] {
-        let [nx, ny, _] = self.voxels.last();
-        let key = cell[0] + (cell[1] + cell[2] * (ny + 2)) * (nx + 2);
-        let mut lanes = mask.to_bitmask();
-        let mut g = [f32x16::splat(simd, 0.0); 3];
-        while lanes != 0 {
-            let n = lanes.trailing_zeros() as usize;
-            let same = key.simd_eq(key[n]);
-            lanes &= !same.to_bitmask();
-            let corners = cells.get(&self.source, key[n], [cell[0][n], cell[1][n], cell[2][n]]);
-            for a in 0..3 {
-                let k = &corners[a];
-                let low = t[0] * k[1] + k[0] + (t[0] * k[4] + k[2]) * t[1];
-                let high = t[0] * k[5] + k[3] + (t[0] * k[7] + k[6]) * t[1];
-                g[a] = same.select(low + high * t[2], g[a]);
-            }
-        }
-        g
-    }
 }
 
 /// The directions of sixteen rays.
-struct Lanes<S: Simd> {
+pub struct Lanes<S: Simd> {
     /// A step, voxels.
     along: [f32x16<S>; 3],
     /// World direction, of unit length.
-    world: [f32x16<S>; 3],
+    pub world: [f32x16<S>; 3],
 }
 
 impl<S: Simd> Lanes<S> {
@@ -453,48 +361,25 @@ impl<S: Simd> Lanes<S> {
 
     /// As [`Lanes::at`], each ray with its own `k`.
     #[inline(always)]
-    fn at_each(&self, origin: Vec3, k: f32x16<S>) -> [f32x16<S>; 3] {
+    pub fn at_each(&self, origin: Vec3, k: f32x16<S>) -> [f32x16<S>; 3] {
         let [x, y, z] = self.along;
         [x * k + origin.x, y * k + origin.y, z * k + origin.z]
     }
 
-    /// The bundle of the rays in `mask`.
+    /// The bundle of the rays in `mask`, and of those whose steps are up to `margin` beside theirs, voxels.
     #[inline(always)]
-    fn beam_of(&self, simd: S, mask: mask32x16<S>, origin: Vec3) -> Beam {
+    fn beam(&self, simd: S, mask: mask32x16<S>, origin: Vec3, margin: f32) -> Beam {
         let far = f32x16::splat(simd, f32::INFINITY);
         let [x, y, z] = self.along;
         let low = |a: f32x16<S>| mask.select(a, far).reduce_min();
         let high = |a: f32x16<S>| mask.select(a, -far).reduce_max();
-        Beam::new(origin, Vec3::new(low(x), low(y), low(z)), Vec3::new(high(x), high(y), high(z)))
+        Beam::new(origin, Vec3::new(low(x), low(y), low(z)) - margin, Vec3::new(high(x), high(y), high(z)) + margin)
     }
-
-    #[inline(always)]
-    fn beam(&self, origin: Vec3, margin: f32) -> Beam {
-        let [x, y, z] = &self.along;
-        let low = Vec3::new(x.reduce_min(), y.reduce_min(), z.reduce_min());
-        let high = Vec3::new(x.reduce_max(), y.reduce_max(), z.reduce_max());
-        Beam::new(origin, low - margin, high + margin)
-    }
-}
-
-/// What sixteen rays have gathered; weights are shares of the light that reaches the camera.
-struct Sums<S: Simd> {
-    bright: f32x16<S>,
-    tone: f32x16<S>,
-    depth: f32x16<S>,
-    /// 1 − A.
-    through: f32x16<S>,
-    /// Of the passage that is under way: its weight, and that times place and value.
-    weight: f32x16<S>,
-    place: f32x16<S>,
-    value: f32x16<S>,
-    /// Number of passages that ended before another began.
-    passages: f32x16<S>,
 }
 
 /// Cells (counted from cell −1) and the places within them, 0 to 1.
 #[inline(always)]
-fn split<S: Simd>(q: [f32x16<S>; 3]) -> ([i32x16<S>; 3], [f32x16<S>; 3]) {
+pub fn split<S: Simd>(q: [f32x16<S>; 3]) -> ([i32x16<S>; 3], [f32x16<S>; 3]) {
     // Not by `map`: closures do not inherit the level's instructions.
     let floor = [q[0].floor(), q[1].floor(), q[2].floor()];
     let place = [q[0] - floor[0], q[1] - floor[1], q[2] - floor[2]];

@@ -1,0 +1,119 @@
+//! The light of a ray's passage through the wall: that of the passage's mean place and mean value, both weighted by what each
+//! half step adds, so that the gradient is looked at once and not at each sample.
+
+use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
+use glam::Vec3;
+
+use super::cells::Cells;
+use super::packet::{Lanes, Rays, split};
+use crate::render::sampler::is_homogeneous;
+use crate::render::shade::{AMBIENT, DIFFUSE};
+
+/// What sixteen rays have gathered; weights are shares of the light that reaches the camera.
+pub struct Sums<S: Simd> {
+    pub bright: f32x16<S>,
+    pub tone: f32x16<S>,
+    pub depth: f32x16<S>,
+    /// 1 − A.
+    pub through: f32x16<S>,
+    /// Of the passage that is under way: its weight, and that times place and value.
+    pub weight: f32x16<S>,
+    pub place: f32x16<S>,
+    pub value: f32x16<S>,
+    /// Number of passages that ended before another began.
+    pub passages: f32x16<S>,
+}
+
+impl Rays<'_> {
+    /// Shades the passages of the rays in `mask` and begins new ones.
+    #[inline(never)]
+    pub fn flush<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Lanes<S>,
+        mask: mask32x16<S>,
+        light: &mut Sums<S>,
+        cells: &mut Cells,
+        within_wall: bool,
+    ) {
+        simd.vectorize(
+            #[inline(always)]
+            || self.shade(simd, ray, mask, light, cells, within_wall),
+        );
+    }
+
+    #[inline(always)]
+    fn shade<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Lanes<S>,
+        mask: mask32x16<S>,
+        light: &mut Sums<S>,
+        cells: &mut Cells,
+        within_wall: bool,
+    ) {
+        let zero = f32x16::splat(simd, 0.0);
+        let one = f32x16::splat(simd, 1.0);
+        let weight = mask.select(light.weight, one);
+        let k = light.place / weight;
+        let q = ray.at_each(self.origin, k);
+        let (cell, t) = split(q);
+        let g = self.gradient(simd, mask, cell, t, cells);
+        let dot = g[0] * ray.world[0] + g[1] * ray.world[1] + g[2] * ray.world[2];
+        let square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
+        // A thousandth of an HU per mm is the rounding of a flat region.
+        let steep = square.simd_gt(1e-6);
+        let mut facing = steep.select((dot / steep.select(square, one).sqrt()).max(zero), one);
+        if within_wall {
+            self.face_camera(&mut facing, q, mask.to_bitmask());
+        }
+        let shade = facing * DIFFUSE + AMBIENT;
+        light.bright += mask.select(light.weight * shade, zero);
+        light.tone += mask.select(light.value * shade, zero);
+        light.depth += mask.select(light.place, zero);
+        light.weight = mask.select(zero, light.weight);
+        light.place = mask.select(zero, light.place);
+        light.value = mask.select(zero, light.value);
+    }
+
+    /// In a homogeneous region the gradient points at the camera: only a camera within the wall sees one.
+    #[inline(never)]
+    fn face_camera<S: Simd>(&self, facing: &mut f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) {
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            if is_homogeneous(self.space, Vec3::new(q[0][n], q[1][n], q[2][n])) {
+                facing[n] = 1.0;
+            }
+        }
+    }
+
+    /// The world gradient at the places `t` of the cells: cell by cell, since neighbouring rays share them.
+    #[inline(always)]
+    fn gradient<S: Simd>(
+        &self,
+        simd: S,
+        mask: mask32x16<S>,
+        cell: [i32x16<S>; 3],
+        t: [f32x16<S>; 3],
+        cells: &mut Cells,
+    ) -> [f32x16<S>; 3] {
+        let [nx, ny, _] = self.voxels.last();
+        let key = cell[0] + (cell[1] + cell[2] * (ny + 2)) * (nx + 2);
+        let mut lanes = mask.to_bitmask();
+        let mut g = [f32x16::splat(simd, 0.0); 3];
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            let same = key.simd_eq(key[n]);
+            lanes &= !same.to_bitmask();
+            let corners = cells.get(&self.source, key[n], [cell[0][n], cell[1][n], cell[2][n]]);
+            for a in 0..3 {
+                let k = &corners[a];
+                let low = t[0] * k[1] + k[0] + (t[0] * k[4] + k[2]) * t[1];
+                let high = t[0] * k[5] + k[3] + (t[0] * k[7] + k[6]) * t[1];
+                g[a] = same.select(low + high * t[2], g[a]);
+            }
+        }
+        g
+    }
+}
