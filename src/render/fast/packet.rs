@@ -8,7 +8,7 @@
 //! smooth on the scale of a voxel, so that this is as good as half steps with samples of their own.
 //!
 //! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value
-//! ([`passage`](super::passage)). A passage ends where a step adds nothing, or after [`PASSAGE`] steps.
+//! ([`passage`](super::passage)). A passage ends where a step adds nothing, or when it is long ([`PASSAGE`]).
 //!
 //! **Empty space.** All rays have come equally far, so that the bundle leaps as one ([`Beam`]). Samples lie on the same
 //! lattice whatever is leapt over, so leaping changes no bit of the picture.
@@ -32,8 +32,13 @@ use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::space::Space;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
-/// A passage through the wall is shaded in pieces of so many steps.
+/// A passage through the wall is shaded in pieces: when its mean place lies more than so many steps back and it holds more
+/// than this share of the light, or, however little it holds, when it lies far back.
 const PASSAGE: f32 = 1.0;
+const PASSAGE_WEIGHT: f32 = 0.5;
+const PASSAGE_FAR: f32 = 4.0;
+/// Where a bundle could not leap it is near a wall, and is not asked again for so many steps: to ask takes as long as a step.
+const PATIENCE: f32 = 6.0;
 /// A camera farther away than this is left to double precision, voxels.
 const FAR: f64 = 1e4;
 /// An axis along which a step moves less than this is not moved along, voxels: a million steps make a thousandth.
@@ -193,7 +198,7 @@ impl<'a> Rays<'a> {
             let within_wall = k == 0.0 && v0[0] > self.foot;
             samples += 16;
             let mut open = f32x16::splat(simd, 0.0).simd_gt(1.0);
-            let mut ask = k + 2.0;
+            let mut ask = k + PATIENCE;
             while k < end + 1.0 {
                 let v1 = self.value(simd, &ray, k + 1.0);
                 samples += 16;
@@ -202,7 +207,9 @@ impl<'a> Rays<'a> {
                 let seen = active & early.max(late).simd_gt(self.foot);
                 if seen.any_true() {
                     let fresh = light.weight.simd_gt(zero);
-                    let long = (zero + k - PASSAGE).simd_gt(light.place / fresh.select(light.weight, one));
+                    let behind = zero + k - light.place / fresh.select(light.weight, one);
+                    let long =
+                        behind.simd_gt(PASSAGE) & light.weight.simd_gt(PASSAGE_WEIGHT) | behind.simd_gt(PASSAGE_FAR);
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
                         light.passages += (ended & !open).select(one, zero);
@@ -224,7 +231,6 @@ impl<'a> Rays<'a> {
                 if !active.any_true() {
                     break;
                 }
-                // Where the bundle could not leap it is near a wall, and asking again at once would be of no use.
                 if k >= ask && !(active & v0.simd_gt(self.foot)).any_true() {
                     // Rays that have ended in a wall would hold those up that pass by.
                     let left = active.to_bitmask();
@@ -238,7 +244,7 @@ impl<'a> Rays<'a> {
                         samples += 16;
                         open = f32x16::splat(simd, 0.0).simd_gt(1.0);
                     }
-                    ask = k + 2.0;
+                    ask = k + PATIENCE;
                 }
             }
             let rest = light.weight.simd_gt(zero);
@@ -256,23 +262,24 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// How many steps no ray through the square of `side` pixels with the top left corner (`x`, `y`) meets anything.
+    /// How many steps no ray through the rectangle of `size` pixels with the top left corner (`x`, `y`) meets anything, if it
+    /// is known that they meet nothing before `from` steps.
     #[inline(never)]
-    pub fn start<S: Simd>(&self, simd: S, x: f32, y: f32, side: f32) -> f32 {
+    pub fn start<S: Simd>(&self, simd: S, [x, y]: [f32; 2], size: [f32; 2], from: f32) -> f32 {
         simd.vectorize(
             #[inline(always)]
             || {
-                let apart = side / 3.0;
+                let apart = size.map(|s| s / 3.0);
                 let n: [f32; 16] = from_fn(|n| n as f32);
                 let n = f32x16::load_array_ref(simd, &n);
                 let row = (n * 0.25).floor();
-                let ray = self.lanes(simd, (n - row * 4.0) * apart + x, row * apart + y);
+                let ray = self.lanes(simd, (n - row * 4.0) * apart[0] + x, row * apart[1] + y);
                 // Between two rays that are an angle δ apart a direction bulges by δ²/8 at the most, along two axes of
                 // the picture; the steps are longest along an axis of the finest spacing.
-                let angle = (apart * self.pixel).min(2.0);
+                let angle = (apart[0].max(apart[1]) * self.pixel).min(2.0);
                 let longest = self.step[0].abs().max(self.step[1].abs()).max(self.step[2].abs()).max_element();
                 let all = n.simd_ge(f32x16::splat(simd, 0.0));
-                ray.beam(simd, all, self.origin, 0.5 * angle * angle * longest).next(self.occupancy, 0.0, self.limit)
+                ray.beam(simd, all, self.origin, 0.5 * angle * angle * longest).next(self.occupancy, from, self.limit)
             },
         )
     }

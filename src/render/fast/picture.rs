@@ -16,6 +16,9 @@ use crate::render::{View, Work};
 /// Rows of blocks in a band of the picture.
 const ROWS: usize = 2;
 
+/// So many packets in a row leap over what is empty near the camera together.
+const TOGETHER: usize = 4;
+
 /// Does something on the SIMD level that is there: AVX-512, AVX2 or NEON, else on what every processor of the kind has.
 /// More levels would take long to compile, for processors that are hardly about.
 macro_rules! on_level {
@@ -88,10 +91,16 @@ pub fn needed(
         with_cells(cells, |cells| {
             let mut work = Work::default();
             on_level!(level, simd => {
+                let mut near = 0.0;
                 for packet in 0..rows.packets() {
                     let [x, y] = [packet * SIDE * BLOCK, n * SIDE * BLOCK];
                     // The rays through the middles of blocks' sides are up to half a pixel farther out.
-                    let start = rays.start(simd, x as f32, y as f32, (SIDE * BLOCK + 1) as f32);
+                    let area = |packets: usize| [packets * SIDE * BLOCK + 1, SIDE * BLOCK + 1].map(|s| s as f32);
+                    let corner = [x as f32, y as f32];
+                    if packet % TOGETHER == 0 {
+                        near = rays.start(simd, corner, area(TOGETHER), 0.0);
+                    }
+                    let start = rays.start(simd, corner, area(1), near);
                     let corners = rays.packet(simd, [x, y], BLOCK, start, cells);
                     let centres = rays.packet(simd, [x + BLOCK / 2, y + BLOCK / 2], BLOCK, start, cells);
                     rows.keep(simd, packet, [&corners, &centres], rays.step(), start);
