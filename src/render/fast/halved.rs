@@ -41,22 +41,35 @@ impl Halved {
 
 /// Whether the middle one of three rays in a line is nearly what the other two make one expect.
 fn is_straight([a, b, c]: [Point; 3]) -> bool {
-    let bend = (a.near + c.near - 2.0 * b.near).abs() / (b.near * b.near);
-    let pale = (a.bright + c.bright - 2.0 * b.bright).abs();
-    pale <= BEND[0] && bend <= BEND[1]
+    let bend = |of: fn(&Point) -> f32| (of(&a) + of(&c) - 2.0 * of(&b)).abs();
+    bend(|p| p.bright) <= BEND[0]
+        && bend(|p| p.near) <= BEND[1] * b.near * b.near
+        && bend(|p| p.front) <= BEND[1] * b.front * b.front
 }
 
 /// Whether the corners of a quarter are one surface's.
-fn is_even([a, b, c, d]: [Point; 4]) -> bool {
-    let nearest = a.near.min(b.near).min(c.near).min(d.near);
-    let farthest = a.near.max(b.near).max(c.near).max(d.near);
-    let low = a.bright.min(b.bright).min(c.bright).min(d.bright);
-    let high = a.bright.max(b.bright).max(c.bright).max(d.bright);
-    let scale = 1.0 / (farthest * nearest);
-    (a.near + d.near - b.near - c.near).abs() * scale <= BEND[1]
-        && (a.bright + d.bright - b.bright - c.bright).abs() <= BEND[0]
-        && (farthest - nearest) * scale <= SLOPE
-        && high - low <= CONTRAST
+fn is_even(p: [Point; 4]) -> bool {
+    let bright = p.map(|p| p.bright);
+    twist(bright) <= BEND[0] && span(bright) <= CONTRAST && is_flat(p.map(|p| p.near)) && is_flat(p.map(|p| p.front))
+}
+
+/// Whether inverse depths are those of one surface, or all zero.
+fn is_flat(near: [f32; 4]) -> bool {
+    let [least, most] = ends(near);
+    twist(near) <= BEND[1] * least * most && most - least <= SLOPE * least * most
+}
+
+fn twist([a, b, c, d]: [f32; 4]) -> f32 {
+    (a + d - b - c).abs()
+}
+
+fn span(values: [f32; 4]) -> f32 {
+    let [least, most] = ends(values);
+    most - least
+}
+
+fn ends([a, b, c, d]: [f32; 4]) -> [f32; 2] {
+    [a.min(b).min(c).min(d), a.max(b).max(c).max(d)]
 }
 
 /// Weights of a halved block's rays ([`Halved::points`]) in each of its pixels, row by row: bilinear in each quarter.
@@ -95,13 +108,13 @@ mod tests {
 
     #[test]
     fn quarters_are_smooth_apart_from_those_with_an_edge() {
-        let bent = |c: f32| halve(move |x, y| Point { near: 0.05, bright: c * (x * x - y * y), tone: 0.0 });
+        let bent = |c: f32| halve(move |x, y| Point { near: 0.05, bright: c * (x * x - y * y), ..Point::default() });
         assert_eq!(bent(0.8 * BEND[0] / 8.0).smooth(), [true; 4]);
         assert_eq!(bent(1.1 * BEND[0] / 8.0).smooth(), [false; 4]);
         // A corner's other surface: it is one of the three rays of two sides, which are those of three quarters.
         for other in [f32::NAN, 0.0, 0.5] {
             let near = move |x: f32, y: f32| if x + y > 6.0 { other } else { 0.05 };
-            let cut = halve(move |x, y| Point { near: near(x, y), bright: 0.5, tone: 0.0 });
+            let cut = halve(move |x, y| Point { near: near(x, y), bright: 0.5, ..Point::default() });
             assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
         }
     }
@@ -110,7 +123,7 @@ mod tests {
         /// Between the rays, pixels are what is linear between them, and rays keep their own light.
         #[test]
         fn weights_reproduce_what_is_linear(a in -1.0f32..1.0, b in -1.0f32..1.0, c in -1.0f32..1.0) {
-            let of = |x: f32, y: f32| Point { near: 0.05, bright: a + b * x + c * y, tone: 0.0 };
+            let of = |x: f32, y: f32| Point { near: 0.05, bright: a + b * x + c * y, ..Point::default() };
             let halved = halve(of);
             for n in 0..BLOCK * BLOCK {
                 let expected = of((n % BLOCK) as f32, (n / BLOCK) as f32).bright;

@@ -4,11 +4,11 @@
 //! one expect, and nothing else speaks against it, the block's pixels are interpolated. What must hold
 //! ([`Lattice::judge`]):
 //!
-//! - all five rays end in the wall after a single passage, or all five meet nothing;
+//! - all five rays end in the wall in their first passage, or all in their second, or all five meet nothing;
 //! - its rays (corners and centre) are no farther apart than two voxels where it lies, which is how long the finest waves
 //!   are that the scan can hold: it has little to show between them;
-//! - inverse depth, which is linear over a plane, and brightness are those of the corners' mean at the centre, and the
-//!   corners are not twisted.
+//! - inverse depth, which is linear over a plane, of each passage and brightness are those of the corners' mean at the
+//!   centre, and the corners are not twisted.
 //!
 //! Between the corners values are bilinear, with a tent over the centre for what it differs by: blocks meet without a
 //! seam. A block that is nearly smooth is halved ([`halved`](super::halved)); everywhere else each pixel gets its own ray.
@@ -39,12 +39,17 @@ const OPAQUE: f32 = 0.02;
 /// A block with errors up to so many times those allowed is likely to be smooth at half the side, where they are a
 /// quarter: it is halved.
 const HALVED: f32 = 4.0;
+/// Values that are kept of a ray: those of [`Point`].
+const FIELDS: usize = 4;
+
 /// What came of one ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Point {
-    /// 1 / depth, 1 / voxels of the smallest spacing; 0 where nothing was met; NaN unless the ray ended in the wall after a
-    /// single passage or met nothing.
+    /// 1 / depth of where the ray ended, 1 / voxels of the smallest spacing; 0 where nothing was met; NaN unless the ray ended
+    /// in the wall in its first passage or its second, or met nothing.
     pub near: f32,
+    /// 1 / depth of the passage before, 0 if there is none.
+    pub front: f32,
     /// As [`Light::bright`].
     pub bright: f32,
     /// As [`Light::tone`].
@@ -55,26 +60,29 @@ impl Point {
     /// What came of the rays of a packet whose steps are `step` voxels of the smallest spacing long.
     #[inline(always)]
     pub fn all<S: Simd>(simd: S, light: &Light, step: f32) -> [Self; 16] {
-        let near = nearness(simd, light, step);
-        std::array::from_fn(|n| Self { near: near[n], bright: light.bright[n], tone: light.tone[n] })
+        let [near, front] = nearness(simd, light, step);
+        std::array::from_fn(|n| Self { near: near[n], front: front[n], bright: light.bright[n], tone: light.tone[n] })
     }
 }
 
-/// As [`Point::near`], for each ray of a packet.
+/// As [`Point::near`] and [`Point::front`], for each ray of a packet.
 #[inline(always)]
-fn nearness<S: Simd>(simd: S, light: &Light, step: f32) -> [f32; 16] {
-    let load = f32x16::load_array_ref;
-    let (through, depth, passages) =
-        (load(simd, &light.through), load(simd, &light.depth), load(simd, &light.passages));
-    let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+fn nearness<S: Simd>(simd: S, light: &Light, step: f32) -> [[f32; 16]; 2] {
+    let load = |values| f32x16::load_array_ref(simd, values);
+    let (through, depth, passages) = (load(&light.through), load(&light.depth), load(&light.passages));
+    let [front, front_depth] = [load(&light.front[0]), load(&light.front[1])];
+    let (zero, one, least) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0), f32x16::splat(simd, 1e-6));
     let weight = one - through;
-    let ended = through.simd_le(OPAQUE) & passages.simd_lt(0.5) & depth.simd_gt(zero);
-    let near = weight / (depth * step).max(f32x16::splat(simd, 1e-6));
-    let near = ended.select(near, f32x16::splat(simd, f32::NAN));
-    weight.simd_le(zero).select(zero, near).to_array()
+    let ended = through.simd_le(OPAQUE) & passages.simd_lt(1.5);
+    // Of two passages the second one must have something that differs from rounding.
+    let (last, last_depth) = (weight - front, depth - front_depth);
+    let ended = ended & last.simd_gt(1e-3) & last_depth.simd_gt(zero);
+    let near = ended.select(last / (last_depth * step).max(least), f32x16::splat(simd, f32::NAN));
+    let near = weight.simd_le(zero).select(zero, near);
+    [near.to_array(), (front / (front_depth * step).max(least)).to_array()]
 }
 
-/// Rays in rows: for each row their nearness, their brightness and their tone.
+/// Rays in rows: for each row the [`FIELDS`] of its rays, one after the other.
 #[derive(Default)]
 struct Points {
     values: Vec<f32>,
@@ -83,16 +91,16 @@ struct Points {
 impl Points {
     #[inline(always)]
     fn get(&self, stride: usize, [x, y]: [usize; 2]) -> Point {
-        let row = &self.values[3 * stride * y + x..];
-        Point { near: row[0], bright: row[stride], tone: row[2 * stride] }
+        let row = &self.values[FIELDS * stride * y + x..];
+        Point { near: row[0], front: row[stride], bright: row[2 * stride], tone: row[3 * stride] }
     }
 
-    /// Nearness and brightness of [`LANES`] rays in a row from (`x`, `y`) on.
+    /// Both nearnesses and brightness of [`LANES`] rays in a row from (`x`, `y`) on.
     #[inline(always)]
-    fn load<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2]) -> [f32x16<S>; 2] {
-        let at = 3 * stride * y + x;
+    fn load<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2]) -> [f32x16<S>; 3] {
+        let at = FIELDS * stride * y + x;
         let load = |at: usize| f32x16::from_slice(simd, &self.values[at..at + LANES]);
-        [load(at), load(at + stride)]
+        [load(at), load(at + stride), load(at + 2 * stride)]
     }
 }
 
@@ -122,7 +130,7 @@ impl Lattice {
         let rows = (height.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
         for points in [&mut self.corners, &mut self.centres] {
             // What is judged beside the last block is not looked at.
-            points.values.resize(3 * self.stride * rows + LANES + 1, 0.0);
+            points.values.resize(FIELDS * self.stride * rows + LANES + 1, 0.0);
         }
         self.starts.resize(self.stride / SIDE * rows / SIDE, 0.0);
     }
@@ -130,7 +138,7 @@ impl Lattice {
     /// Its rows of packets, from top to bottom.
     pub fn rows(&mut self) -> impl IndexedParallelIterator<Item = Rows<'_>> {
         let stride = self.stride;
-        let length = 3 * stride * SIDE;
+        let length = FIELDS * stride * SIDE;
         let whole = self.starts.len() / (stride / SIDE) * length;
         let corners = self.corners.values[..whole].par_chunks_mut(length);
         let centres = self.centres.values[..whole].par_chunks_mut(length);
@@ -169,34 +177,40 @@ impl Lattice {
     #[inline(always)]
     fn judge_lanes<S: Simd>(&self, simd: S, [x, y]: [usize; 2], side: f32) -> Verdict {
         let corners = |x, y| self.corners.load(simd, self.stride, [x, y]);
-        let [near_a, bright_a] = corners(x, y);
-        let [near_b, bright_b] = corners(x + 1, y);
-        let [near_c, bright_c] = corners(x, y + 1);
-        let [near_d, bright_d] = corners(x + 1, y + 1);
-        let [near, bright] = self.centres.load(simd, self.stride, [x, y]);
+        let [a, b, c, d] = [corners(x, y), corners(x + 1, y), corners(x, y + 1), corners(x + 1, y + 1)];
+        let centre = self.centres.load(simd, self.stride, [x, y]);
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
 
-        let sum = near_a + near_b + near_c + near_d;
-        let nearest = near_a.min(near_b).min(near_c.min(near_d)).min(near);
-        let farthest = near_a.max(near_b).max(near_c.max(near_d)).max(near);
+        // Of one value: the sum over the corners; the least and the greatest value; by how much the centre differs from the
+        // corners' mean and how much the corners are twisted.
+        let sum = |n: usize| a[n] + b[n] + c[n] + d[n];
+        let least = |n: usize| a[n].min(b[n]).min(c[n].min(d[n]));
+        let most = |n: usize| a[n].max(b[n]).max(c[n].max(d[n]));
+        let bend = |n: usize| (centre[n] - sum(n) * 0.25).abs();
+        let twist = |n: usize| (a[n] + d[n] - b[n] - c[n]).abs();
+        // Of a nearness: the errors as multiples of what is allowed, of second and of first differences. With n = 1/depth, a
+        // small change of n by δ is one of depth by δ/n².
+        let errors = |n: usize| {
+            let met = centre[n].simd_gt(zero);
+            let scale = one / met.select(centre[n] * centre[n], one);
+            let slope = most(n).max(centre[n]) - least(n).min(centre[n]);
+            let second = (bend(n) * (1.0 / DEPTH)).max(twist(n) * (0.25 / DEPTH));
+            (second * scale, slope * (1.0 / SLOPE) * scale)
+        };
+
         // NaN is not itself.
-        let plain = (sum + near).simd_eq(sum + near);
-        let nothing = plain & (sum + near).simd_le(zero);
-        // With n = 1/depth, a small change of n by δ is one of depth by δ/n².
-        let scale = one / (near * near);
-        let slope = (farthest - nearest) * scale;
-        let bend = (near - sum * 0.25).abs() * scale;
-        let twist = (near_a + near_d - near_b - near_c).abs() * scale;
-        let pale = (bright - (bright_a + bright_b + bright_c + bright_d) * 0.25).abs();
-        let turn = (bright_a + bright_d - bright_b - bright_c).abs();
-        let contrast =
-            bright_a.max(bright_b).max(bright_c.max(bright_d)) - bright_a.min(bright_b).min(bright_c.min(bright_d));
-        // The greatest of all errors, as multiples of what is allowed; second differences fall with the side's square,
-        // first ones with the side.
-        let second = (bend * (1.0 / DEPTH)).max(twist * (0.25 / DEPTH));
-        let second = second.max(pale * (1.0 / BRIGHTNESS)).max(turn * (0.25 / BRIGHTNESS));
-        let first = (slope * (1.0 / SLOPE)).max(contrast * (1.0 / CONTRAST));
-        let close = plain & nearest.simd_gt(zero) & (near * LARGEST).simd_ge(side);
+        let [near, front, _] = centre;
+        let all = sum(0) + near;
+        let plain = all.simd_eq(all);
+        let nothing = plain & all.simd_le(zero);
+        let (near_second, near_first) = errors(0);
+        let (front_second, front_first) = errors(1);
+        // All have a passage in front or none has.
+        let alike = least(1).min(front).simd_gt(zero) | most(1).max(front).simd_le(zero);
+        let second =
+            (bend(2) * (1.0 / BRIGHTNESS)).max(twist(2) * (0.25 / BRIGHTNESS)).max(near_second).max(front_second);
+        let first = ((most(2) - least(2)) * (1.0 / CONTRAST)).max(near_first).max(front_first);
+        let close = plain & alike & least(0).min(near).simd_gt(zero) & (near * LARGEST).simd_ge(side);
         let smooth = nothing | close & second.simd_le(1.0) & first.simd_le(1.0);
         let halved = close & second.simd_le(HALVED) & first.simd_le(HALVED.sqrt());
         Verdict { smooth: smooth.to_bitmask() as u16, halved: halved.to_bitmask() as u16 }
@@ -223,10 +237,10 @@ impl Rows<'_> {
             || {
                 self.starts[n] = start;
                 for (light, points) in [(corners, &mut *self.corners), (centres, &mut *self.centres)] {
-                    let near = nearness(simd, light, step);
-                    for (field, values) in [&near, &light.bright, &light.tone].into_iter().enumerate() {
+                    let [near, front] = nearness(simd, light, step);
+                    for (field, values) in [&near, &front, &light.bright, &light.tone].into_iter().enumerate() {
                         for (row, values) in values.chunks_exact(SIDE).enumerate() {
-                            let at = self.stride * (3 * row + field) + SIDE * n;
+                            let at = self.stride * (FIELDS * row + field) + SIDE * n;
                             points[at..at + SIDE].copy_from_slice(values);
                         }
                     }

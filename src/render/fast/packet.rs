@@ -84,6 +84,8 @@ pub struct Light {
     pub depth: [f32; 16],
     /// Number of passages that ended before another began.
     pub passages: [f32; 16],
+    /// Of the first of several passages: its share of the light, and that times its place; 0 where there is one alone.
+    pub front: [[f32; 16]; 2],
     /// Samples taken.
     pub samples: u32,
 }
@@ -187,6 +189,7 @@ impl<'a> Rays<'a> {
             place: zero,
             value: zero,
             passages: zero,
+            front: [zero; 2],
         };
         let mut samples = 0;
         if active.any_true() {
@@ -212,8 +215,8 @@ impl<'a> Rays<'a> {
                         behind.simd_gt(PASSAGE) & light.weight.simd_gt(PASSAGE_WEIGHT) | behind.simd_gt(PASSAGE_FAR);
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
-                        light.passages += (ended & !open).select(one, zero);
                         self.flush(simd, &ray, ended, &mut light, cells, within_wall);
+                        light.count(simd, ended & !open);
                     }
                     let (t0, t1) = (self.through(simd, early), self.through(simd, late));
                     let kept = light.through * t0;
@@ -258,6 +261,7 @@ impl<'a> Rays<'a> {
             through: light.through.to_array(),
             depth: light.depth.to_array(),
             passages: light.passages.to_array(),
+            front: [light.front[0].to_array(), light.front[1].to_array()],
             samples,
         }
     }

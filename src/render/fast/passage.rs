@@ -22,6 +22,19 @@ pub struct Sums<S: Simd> {
     pub value: f32x16<S>,
     /// Number of passages that ended before another began.
     pub passages: f32x16<S>,
+    /// Of the first of them, if there was another after it: its weight, and that times place.
+    pub front: [f32x16<S>; 2],
+}
+
+impl<S: Simd> Sums<S> {
+    /// Counts the passages of the rays in `mask`, which have been shaded: others begin.
+    #[inline(always)]
+    pub fn count(&mut self, simd: S, mask: mask32x16<S>) {
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+        let first = mask & self.passages.simd_lt(0.5);
+        self.front = [first.select(one - self.through, self.front[0]), first.select(self.depth, self.front[1])];
+        self.passages += mask.select(one, zero);
+    }
 }
 
 impl Rays<'_> {
