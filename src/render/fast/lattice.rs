@@ -304,13 +304,17 @@ mod tests {
 
     use super::*;
 
-    /// A ray that ends at inverse depth `near`.
+    /// Rays that end as the points say; a passage in front takes half of their light.
     fn light(points: [Point; 16]) -> Light {
         let mut light = Light { through: [0.0; 16], ..Light::default() };
         for (n, p) in points.iter().enumerate() {
             (light.bright[n], light.tone[n]) = (p.bright, p.tone);
-            light.passages[n] = f32::from(p.near.is_nan());
+            light.passages[n] = if p.near.is_nan() { 2.0 } else { f32::from(p.front > 0.0) };
             light.depth[n] = if p.near.is_nan() { 1.0 } else { 1.0 / p.near };
+            if p.front > 0.0 {
+                [light.front[0][n], light.front[1][n]] = [0.5, 0.5 / p.front];
+                light.depth[n] = 0.5 / p.near + 0.5 / p.front;
+            }
             if p.near == 0.0 {
                 (light.depth[n], light.through[n]) = (0.0, 1.0);
             }
@@ -348,21 +352,32 @@ mod tests {
 
     #[test]
     fn planes_and_nothing_are_smooth_up_to_the_largest_side() {
-        let plane = |x: f32, y: f32| Point { near: 0.05 + 1e-5 * (x - y), bright: 0.3 + 0.005 * x, tone: 1.0 };
-        let plane = lattice(SIZE, plane);
-        assert_eq!(judge(&plane, [0, 7], SMALL), Verdict { smooth: u16::MAX, halved: u16::MAX });
-        assert_eq!(judge(&plane, [0, 7], LARGEST * 0.06), Verdict::default());
+        // Without and with a second plane in front.
+        for front in [0.0, 0.08] {
+            let plane = |x: f32, y: f32| {
+                let front = if front > 0.0 { front + 1e-5 * (x + y) } else { 0.0 };
+                Point { near: 0.05 + 1e-5 * (x - y), front, bright: 0.3 + 0.005 * x, tone: 1.0 }
+            };
+            let plane = lattice(SIZE, plane);
+            assert_eq!(judge(&plane, [0, 7], SMALL), Verdict { smooth: u16::MAX, halved: u16::MAX });
+            assert_eq!(judge(&plane, [0, 7], LARGEST * 0.06), Verdict::default());
+        }
         let nothing = lattice(SIZE, |_, _| Point::default());
         assert_eq!(judge(&nothing, [0, 15], SMALL).smooth, u16::MAX);
     }
 
     #[test]
     fn edges_and_what_lies_behind_them_are_not_smooth() {
-        let tests: [fn(f32) -> Point; 4] = [
-            |near| Point { near, bright: 0.5, tone: 0.0 },
-            |near| Point { near: near - 0.05, bright: 0.5, tone: 0.0 },
-            |near| Point { near: if near > 0.05 { f32::NAN } else { near }, bright: 0.5, tone: 0.0 },
-            |near| Point { near: 0.05, bright: near * 10.0, tone: 0.0 },
+        let grey = Point { near: 0.05, bright: 0.5, ..Point::default() };
+        let tests: [&(dyn Fn(f32) -> Point + Sync); 7] = [
+            &|near| Point { near, ..grey },
+            &|near| Point { near: near - 0.05, ..grey },
+            &|near| Point { near: if near > 0.05 { f32::NAN } else { near }, ..grey },
+            &|near| Point { bright: near * 10.0, ..grey },
+            // Another surface in front has an edge, begins or ends.
+            &|near| Point { front: near + 0.05, ..grey },
+            &|near| Point { front: near - 0.05, near: 0.04, ..grey },
+            &|near| Point { front: if near > 0.05 { 0.0 } else { 0.1 }, ..grey },
         ];
         for (n, of) in tests.into_iter().enumerate() {
             // Blocks 0 to 4 lie before the edge, 5 has it within.
@@ -376,7 +391,8 @@ mod tests {
     #[test]
     fn a_block_that_is_nearly_smooth_is_halved() {
         // The centre differs from the corners' mean by 4c for each of two directions.
-        let bowl = |c: f32| move |x: f32, y: f32| Point { near: 0.05, bright: 0.1 + c * (x * x + y * y), tone: 0.0 };
+        let bowl =
+            |c: f32| move |x: f32, y: f32| Point { near: 0.05, bright: 0.1 + c * (x * x + y * y), ..Point::default() };
         let verdict = |c: f32| judge(&lattice([4, 4], bowl(c)), [0, 0], SMALL);
         let [smooth, halved, rough] = [0.9, 3.9, 4.1].map(|errors| verdict(errors * BRIGHTNESS / 8.0));
         assert_eq!([smooth.smooth & 1, halved.smooth & 1, halved.halved & 1, rough.halved & 1], [1, 0, 1, 0]);

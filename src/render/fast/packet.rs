@@ -196,12 +196,13 @@ impl<'a> Rays<'a> {
             let (mut beam, mut bundled) = (ray.beam(simd, active, self.origin, 0.0), active.to_bitmask());
             let end = active.select(last, zero).reduce_max();
             let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min().max(from);
-            let mut k = beam.next(self.occupancy, first, end + 1.0).floor();
+            let mut k = first.min(end + 1.0).floor();
             let mut v0 = self.value(simd, &ray, k);
             let within_wall = k == 0.0 && v0[0] > self.foot;
             samples += 16;
             let mut open = f32x16::splat(simd, 0.0).simd_gt(1.0);
-            let mut ask = k + PATIENCE;
+            // Whoever knows where to begin has asked already.
+            let mut ask = if from > 0.0 { k + PATIENCE } else { k };
             while k < end + 1.0 {
                 let v1 = self.value(simd, &ray, k + 1.0);
                 samples += 16;
