@@ -179,38 +179,25 @@ impl Lattice {
         let corners = |x, y| self.corners.load(simd, self.stride, [x, y]);
         let [a, b, c, d] = [corners(x, y), corners(x + 1, y), corners(x, y + 1), corners(x + 1, y + 1)];
         let centre = self.centres.load(simd, self.stride, [x, y]);
-        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
-
-        // Of one value: the sum over the corners; the least and the greatest value; by how much the centre differs from the
-        // corners' mean and how much the corners are twisted.
-        let sum = |n: usize| a[n] + b[n] + c[n] + d[n];
-        let least = |n: usize| a[n].min(b[n]).min(c[n].min(d[n]));
-        let most = |n: usize| a[n].max(b[n]).max(c[n].max(d[n]));
-        let bend = |n: usize| (centre[n] - sum(n) * 0.25).abs();
-        let twist = |n: usize| (a[n] + d[n] - b[n] - c[n]).abs();
-        // Of a nearness: the errors as multiples of what is allowed, of second and of first differences. With n = 1/depth, a
-        // small change of n by δ is one of depth by δ/n².
-        let errors = |n: usize| {
-            let met = centre[n].simd_gt(zero);
-            let scale = one / met.select(centre[n] * centre[n], one);
-            let slope = most(n).max(centre[n]) - least(n).min(centre[n]);
-            let second = (bend(n) * (1.0 / DEPTH)).max(twist(n) * (0.25 / DEPTH));
-            (second * scale, slope * (1.0 / SLOPE) * scale)
-        };
+        let zero = f32x16::splat(simd, 0.0);
+        let near = Five::new([a[0], b[0], c[0], d[0]], centre[0]);
+        let front = Five::new([a[1], b[1], c[1], d[1]], centre[1]);
+        let bright = Five::new([a[2], b[2], c[2], d[2]], centre[2]);
 
         // NaN is not itself.
-        let [near, front, _] = centre;
-        let all = sum(0) + near;
+        let all = near.sum + near.centre;
         let plain = all.simd_eq(all);
         let nothing = plain & all.simd_le(zero);
-        let (near_second, near_first) = errors(0);
-        let (front_second, front_first) = errors(1);
         // All have a passage in front or none has.
-        let alike = least(1).min(front).simd_gt(zero) | most(1).max(front).simd_le(zero);
-        let second =
-            (bend(2) * (1.0 / BRIGHTNESS)).max(twist(2) * (0.25 / BRIGHTNESS)).max(near_second).max(front_second);
-        let first = ((most(2) - least(2)) * (1.0 / CONTRAST)).max(near_first).max(front_first);
-        let close = plain & alike & least(0).min(near).simd_gt(zero) & (near * LARGEST).simd_ge(side);
+        let alike = front.least.min(front.centre).simd_gt(zero) | front.most.max(front.centre).simd_le(zero);
+        let met = plain & alike & near.least.min(near.centre).simd_gt(zero);
+        let close = met & (near.centre * LARGEST).simd_ge(side);
+        // The greatest of all errors, as multiples of what is allowed; second differences fall with the side's square,
+        // first ones with the side.
+        let [near, front] = [near.surface(simd), front.surface(simd)];
+        let second = (bright.bend() * (1.0 / BRIGHTNESS)).max(bright.twist * (0.25 / BRIGHTNESS));
+        let second = second.max(near[0]).max(front[0]);
+        let first = ((bright.most - bright.least) * (1.0 / CONTRAST)).max(near[1]).max(front[1]);
         let smooth = nothing | close & second.simd_le(1.0) & first.simd_le(1.0);
         let halved = close & second.simd_le(HALVED) & first.simd_le(HALVED.sqrt());
         Verdict { smooth: smooth.to_bitmask() as u16, halved: halved.to_bitmask() as u16 }
@@ -219,6 +206,43 @@ impl Lattice {
     /// Memory taken, bytes.
     pub fn bytes(&self) -> usize {
         size_of::<f32>() * (self.corners.values.len() + self.centres.values.len() + self.starts.len())
+    }
+}
+
+/// A value at the corners (a and b above c and d) and at the centre of blocks. Methods, since closures do not inherit the
+/// level's instructions.
+struct Five<S: Simd> {
+    centre: f32x16<S>,
+    sum: f32x16<S>,
+    /// How much the corners are twisted: |a + d − b − c|.
+    twist: f32x16<S>,
+    /// Of the corners.
+    least: f32x16<S>,
+    most: f32x16<S>,
+}
+
+impl<S: Simd> Five<S> {
+    #[inline(always)]
+    fn new([a, b, c, d]: [f32x16<S>; 4], centre: f32x16<S>) -> Self {
+        let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+        Self { centre, sum: a + b + c + d, twist: (a + d - b - c).abs(), least, most }
+    }
+
+    /// By how much the centre differs from the corners' mean.
+    #[inline(always)]
+    fn bend(&self) -> f32x16<S> {
+        (self.centre - self.sum * 0.25).abs()
+    }
+
+    /// Of a surface's inverse depth: its errors in depth as multiples of what is allowed, of second and of first differences.
+    #[inline(always)]
+    fn surface(&self, simd: S) -> [f32x16<S>; 2] {
+        // With n = 1/depth, a small change of n by δ is one of depth by δ/n².
+        let one = f32x16::splat(simd, 1.0);
+        let scale = one / self.centre.simd_gt(0.0).select(self.centre * self.centre, one);
+        let slope = self.most.max(self.centre) - self.least.min(self.centre);
+        let second = (self.bend() * (1.0 / DEPTH)).max(self.twist * (0.25 / DEPTH));
+        [second * scale, slope * scale * (1.0 / SLOPE)]
     }
 }
 
