@@ -32,10 +32,12 @@ use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::space::Space;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
-/// A passage through the wall is shaded in pieces: when its mean place lies more than so many steps back and it holds more
-/// than this share of the light, or, however little it holds, when it lies far back.
+/// A passage is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
+/// [`PASSAGE_WEIGHT`].
 const PASSAGE: f32 = 1.0;
+/// Share of the light below which a passage may be longer: what it errs by is a share of that.
 const PASSAGE_WEIGHT: f32 = 0.5;
+/// So many steps back a passage is shaded, however little it holds.
 const PASSAGE_FAR: f32 = 4.0;
 /// Where a bundle could not leap it is near a wall, and is not asked again for so many steps: to ask takes as long as a step.
 const PATIENCE: f32 = 6.0;
