@@ -117,6 +117,12 @@ mod tests {
             let cut = halve(move |x, y| Point { near: near(x, y), bright: 0.5, ..Point::default() });
             assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
         }
+        // The same of a surface in front, which may also be the corner's alone.
+        for [front, other] in [[0.1, 0.0], [0.1, 0.5], [0.0, 0.1]] {
+            let front = move |x: f32, y: f32| if x + y > 6.0 { other } else { front };
+            let cut = halve(move |x, y| Point { near: 0.05, front: front(x, y), bright: 0.5, ..Point::default() });
+            assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
+        }
     }
 
     proptest! {

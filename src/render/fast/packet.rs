@@ -195,7 +195,6 @@ impl<'a> Rays<'a> {
         };
         let mut samples = 0;
         if active.any_true() {
-            let (mut beam, mut bundled) = (ray.beam(simd, active, self.origin, 0.0), active.to_bitmask());
             let end = active.select(last, zero).reduce_max();
             let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min().max(from);
             let mut k = first.min(end + 1.0).floor();
@@ -238,11 +237,8 @@ impl<'a> Rays<'a> {
                     break;
                 }
                 if k >= ask && !(active & v0.simd_gt(self.foot)).any_true() {
-                    // Rays that have ended in a wall would hold those up that pass by.
-                    let left = active.to_bitmask();
-                    if left != bundled {
-                        (beam, bundled) = (ray.beam(simd, active, self.origin, 0.0), left);
-                    }
+                    // Without the rays that have ended in a wall: they would hold those up that pass by.
+                    let beam = ray.beam(simd, active, self.origin, 0.0);
                     let next = beam.next(self.occupancy, k, end + 1.0).floor();
                     if next > k {
                         k = next;

@@ -51,42 +51,31 @@ impl Rays<'_> {
     ) {
         simd.vectorize(
             #[inline(always)]
-            || self.shade(simd, ray, mask, light, cells, within_wall),
+            || {
+                let zero = f32x16::splat(simd, 0.0);
+                let one = f32x16::splat(simd, 1.0);
+                let weight = mask.select(light.weight, one);
+                let k = light.place / weight;
+                let q = ray.at_each(self.origin, k);
+                let (cell, t) = split(q);
+                let g = self.gradient(simd, mask, cell, t, cells);
+                let dot = g[0] * ray.world[0] + g[1] * ray.world[1] + g[2] * ray.world[2];
+                let square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
+                // A thousandth of an HU per mm is the rounding of a flat region.
+                let steep = square.simd_gt(1e-6);
+                let mut facing = steep.select((dot / steep.select(square, one).sqrt()).max(zero), one);
+                if within_wall {
+                    self.face_camera(&mut facing, q, mask.to_bitmask());
+                }
+                let shade = facing * DIFFUSE + AMBIENT;
+                light.bright += mask.select(light.weight * shade, zero);
+                light.tone += mask.select(light.value * shade, zero);
+                light.depth += mask.select(light.place, zero);
+                light.weight = mask.select(zero, light.weight);
+                light.place = mask.select(zero, light.place);
+                light.value = mask.select(zero, light.value);
+            },
         );
-    }
-
-    #[inline(always)]
-    fn shade<S: Simd>(
-        &self,
-        simd: S,
-        ray: &Lanes<S>,
-        mask: mask32x16<S>,
-        light: &mut Sums<S>,
-        cells: &mut Cells,
-        within_wall: bool,
-    ) {
-        let zero = f32x16::splat(simd, 0.0);
-        let one = f32x16::splat(simd, 1.0);
-        let weight = mask.select(light.weight, one);
-        let k = light.place / weight;
-        let q = ray.at_each(self.origin, k);
-        let (cell, t) = split(q);
-        let g = self.gradient(simd, mask, cell, t, cells);
-        let dot = g[0] * ray.world[0] + g[1] * ray.world[1] + g[2] * ray.world[2];
-        let square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
-        // A thousandth of an HU per mm is the rounding of a flat region.
-        let steep = square.simd_gt(1e-6);
-        let mut facing = steep.select((dot / steep.select(square, one).sqrt()).max(zero), one);
-        if within_wall {
-            self.face_camera(&mut facing, q, mask.to_bitmask());
-        }
-        let shade = facing * DIFFUSE + AMBIENT;
-        light.bright += mask.select(light.weight * shade, zero);
-        light.tone += mask.select(light.value * shade, zero);
-        light.depth += mask.select(light.place, zero);
-        light.weight = mask.select(zero, light.weight);
-        light.place = mask.select(zero, light.place);
-        light.value = mask.select(zero, light.value);
     }
 
     /// In a homogeneous region the gradient points at the camera: only a camera within the wall sees one.
