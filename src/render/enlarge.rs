@@ -8,11 +8,10 @@ use super::frame::Frame;
 const ROWS: usize = 32;
 
 /// Where a pixel of the larger picture lies in the smaller one: the first of two neighbours, and the share of the second
-/// of 256.
+/// of 256; it is 0 where there is no second one.
 #[derive(Clone, Copy, Debug)]
 struct Between {
-    low: usize,
-    high: usize,
+    low: u32,
     share: u16,
 }
 
@@ -22,7 +21,29 @@ fn between(n: usize, m: usize) -> impl Fn(usize) -> Between {
     move |x| {
         let at = ((x as f64 + 0.5) * scale - 0.5).clamp(0.0, m.saturating_sub(1) as f64);
         let low = at as usize;
-        Between { low, high: (low + 1).min(m.saturating_sub(1)), share: ((at - low as f64) * 256.0) as u16 }
+        Between { low: low as u32, share: ((at - low as f64) * 256.0) as u16 }
+    }
+}
+
+/// A pixel of the smaller picture with sixteen bits for each colour, so that one multiplication mixes all three: 256 times
+/// the pixel, a half for rounding, and the difference to the next pixel. No colour's sum leaves its sixteen bits.
+#[derive(Clone, Copy, Debug)]
+struct Spread {
+    start: u64,
+    slope: u64,
+}
+
+impl Spread {
+    fn new(pixel: [u8; 3], next: [u8; 3]) -> Self {
+        let spread = |[r, g, b]: [u8; 3]| u64::from(r) | u64::from(g) << 16 | u64::from(b) << 32;
+        Self { start: spread(pixel) * 256 + 0x0080_0080_0080, slope: spread(next).wrapping_sub(spread(pixel)) }
+    }
+
+    /// The pixel on the way to the next.
+    #[inline(always)]
+    fn at(self, share: u16) -> [u8; 3] {
+        let mixed = self.start.wrapping_add(self.slope.wrapping_mul(u64::from(share)));
+        [(mixed >> 8) as u8, (mixed >> 24) as u8, (mixed >> 40) as u8]
     }
 }
 
@@ -32,31 +53,88 @@ fn mix(a: u8, b: u8, share: u16) -> u8 {
     ((u16::from(a) * (256 - share) + u16::from(b) * share + 128) >> 8) as u8
 }
 
-/// Fills `out`, as large as it is, with `small` stretched to fit; its depth is left alone. A picture without pixels fills
-/// nothing.
-pub fn enlarge(small: &Frame, out: &mut Frame) {
-    let (width, height, w, h) = (out.width(), out.height(), small.width(), small.height());
-    if width == 0 || height == 0 || w == 0 || h == 0 {
-        return;
+/// Stretches pictures; keeps what it needs for that from one to the next.
+#[derive(Clone, Debug, Default)]
+pub struct Enlarger {
+    columns: Vec<Between>,
+    bands: Vec<Band>,
+}
+
+/// What a band of the larger picture's rows is made from.
+#[derive(Clone, Debug, Default)]
+struct Band {
+    /// A row of the smaller picture.
+    row: Vec<Spread>,
+    /// The two rows of the smaller picture about a row of the larger one, as wide as that.
+    wide: [Vec<[u8; 3]>; 2],
+}
+
+impl Band {
+    /// Stretches a row of the smaller picture sideways, into one of the two.
+    fn widen(&mut self, n: usize, row: &[[u8; 3]], columns: &[Between]) {
+        self.row.clear();
+        self.row.extend(row.array_windows().map(|&[p, next]| Spread::new(p, next)));
+        self.row.extend(row.last().map(|&p| Spread::new(p, p)));
+        let wide = &mut self.wide[n];
+        wide.resize(columns.len(), [0; 3]);
+        for (out, x) in wide.iter_mut().zip(columns) {
+            *out = self.row[x.low as usize].at(x.share);
+        }
     }
-    let row_of = between(height, h);
-    let columns: Vec<Between> = (0..width).map(between(width, w)).collect();
-    let (pixels, from) = (out.buffers().0, small.pixels());
-    pixels.par_chunks_mut(ROWS * width).enumerate().for_each(|(band, out)| {
-        let mut line = vec![[0u8; 3]; w];
-        for (n, out) in out.chunks_exact_mut(width).enumerate() {
-            let y = row_of(band * ROWS + n);
-            let (above, below) = (&from[y.low * w..][..w], &from[y.high * w..][..w]);
-            let pairs = above.as_flattened().iter().zip(below.as_flattened());
-            for (l, (&a, &b)) in line.as_flattened_mut().iter_mut().zip(pairs) {
-                *l = mix(a, b, y.share);
+
+    /// Fills rows `first..` of the larger picture.
+    fn fill(
+        &mut self,
+        first: usize,
+        rows: &mut [[u8; 3]],
+        columns: &[Between],
+        small: &Frame,
+        row_of: impl Fn(usize) -> Between,
+    ) {
+        let row = |y: u32| &small.pixels()[y as usize * small.width()..][..small.width()];
+        let last = small.height() as u32 - 1;
+        let mut held = [u32::MAX; 2];
+        for (n, out) in rows.chunks_exact_mut(columns.len()).enumerate() {
+            let y = row_of(first + n);
+            // What was below is above now, or soon will be.
+            if held[1] == y.low {
+                held.swap(0, 1);
+                self.wide.swap(0, 1);
             }
-            for (o, x) in out.iter_mut().zip(&columns) {
-                let (a, b) = (line[x.low], line[x.high]);
-                *o = [mix(a[0], b[0], x.share), mix(a[1], b[1], x.share), mix(a[2], b[2], x.share)];
+            for (n, y) in [y.low, (y.low + 1).min(last)].into_iter().enumerate() {
+                if held[n] != y {
+                    held[n] = y;
+                    self.widen(n, row(y), columns);
+                }
+            }
+            let [above, below] = &self.wide;
+            let pairs = above.as_flattened().iter().zip(below.as_flattened());
+            for (o, (&a, &b)) in out.as_flattened_mut().iter_mut().zip(pairs) {
+                *o = mix(a, b, y.share);
             }
         }
-    });
+    }
+}
+
+impl Enlarger {
+    /// Fills `out`, as large as it is, with `small` stretched to fit; its depth is left alone. A picture without pixels
+    /// fills nothing.
+    ///
+    /// Rows are stretched sideways once for all the rows that lie about them, so that a coarse picture costs little more
+    /// than what is written.
+    pub fn enlarge(&mut self, small: &Frame, out: &mut Frame) {
+        let (width, height, w, h) = (out.width(), out.height(), small.width(), small.height());
+        if width == 0 || height == 0 || w == 0 || h == 0 {
+            return;
+        }
+        let row_of = between(height, h);
+        self.columns.clear();
+        self.columns.extend((0..width).map(between(width, w)));
+        self.bands.resize(height.div_ceil(ROWS), Band::default());
+        let columns = &self.columns;
+        let tasks = out.buffers().0.par_chunks_mut(ROWS * width).zip(&mut self.bands);
+        tasks.enumerate().for_each(|(n, (rows, band))| band.fill(n * ROWS, rows, columns, small, &row_of));
+    }
 }
 
 #[cfg(test)]
@@ -77,7 +155,7 @@ mod tests {
     fn a_ramp_stays_a_ramp() {
         for (w, h) in [(32, 24), (64, 48), (43, 31), (16, 12)] {
             let mut out = Frame::new(64, 48, false);
-            enlarge(&ramp(w, h), &mut out);
+            Enlarger::default().enlarge(&ramp(w, h), &mut out);
             let whole = ramp(64, 48);
             for (n, (o, e)) in out.pixels().iter().zip(whole.pixels()).enumerate() {
                 let inner = (6..58).contains(&(n % 64)) && (6..42).contains(&(n / 64));
@@ -86,17 +164,46 @@ mod tests {
             }
         }
         let mut same = Frame::new(9, 5, false);
-        enlarge(&ramp(9, 5), &mut same);
+        Enlarger::default().enlarge(&ramp(9, 5), &mut same);
         assert_eq!(same, ramp(9, 5));
+    }
+
+    /// Each pixel by itself, without rounding in between: two roundings are at most one grey level away.
+    #[test]
+    fn rows_and_columns_are_those_of_each_pixel() {
+        for (w, h, width, height) in [(7, 50, 29, 131), (40, 3, 41, 97), (1, 9, 5, 70), (64, 64, 48, 40)] {
+            let mut small = Frame::new(w, h, false);
+            for (n, p) in small.buffers().0.iter_mut().enumerate() {
+                *p = [(n * 89 % 256) as u8, (n * n % 251) as u8, if n % 3 == 0 { 255 } else { 0 }];
+            }
+            let mut out = Frame::new(width, height, false);
+            // What was kept of another size does not show.
+            let mut enlarger = Enlarger::default();
+            enlarger.enlarge(&ramp(33, 70), &mut Frame::new(90, 200, false));
+            enlarger.enlarge(&small, &mut out);
+            let (column, row) = (between(width, w), between(height, h));
+            for (n, o) in out.pixels().iter().enumerate() {
+                let (x, y) = (column(n % width), row(n / width));
+                let of = |b: Between, last: usize| [b.low as usize, (b.low as usize + 1).min(last)];
+                let (xs, ys) = (of(x, w - 1), of(y, h - 1));
+                let part = |b: Between| [1.0 - f64::from(b.share) / 256.0, f64::from(b.share) / 256.0];
+                for c in 0..3 {
+                    let value =
+                        |i: usize, j: usize| f64::from(small.pixels()[ys[j] * w + xs[i]][c]) * part(x)[i] * part(y)[j];
+                    let exact = value(0, 0) + value(1, 0) + value(0, 1) + value(1, 1);
+                    assert!((f64::from(o[c]) - exact).abs() <= 1.01, "{w}x{h} at {n}: {o:?}, {exact}");
+                }
+            }
+        }
     }
 
     #[test]
     fn nothing_is_no_fault() {
-        enlarge(&ramp(4, 4), &mut Frame::new(0, 0, false));
+        Enlarger::default().enlarge(&ramp(4, 4), &mut Frame::new(0, 0, false));
         let mut out = ramp(4, 2);
-        enlarge(&Frame::new(0, 0, false), &mut out);
+        Enlarger::default().enlarge(&Frame::new(0, 0, false), &mut out);
         assert_eq!(out, ramp(4, 2));
-        enlarge(&ramp(1, 1), &mut out);
+        Enlarger::default().enlarge(&ramp(1, 1), &mut out);
         assert!(out.pixels().iter().all(|p| *p == [127, 127, 7]));
     }
 }

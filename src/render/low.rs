@@ -2,7 +2,7 @@
 //! pictures, so that it is three times cheaper than high detail and still better than the nearest voxel for each pixel.
 
 use super::caster::depths;
-use super::enlarge::enlarge;
+use super::enlarge::Enlarger;
 use super::fast::{Fast, Pixels};
 use super::{Frame, Renderer, Settings, Space, View, Work};
 
@@ -14,6 +14,7 @@ pub struct Low {
     space: Space,
     fast: Fast,
     small: Frame,
+    enlarger: Enlarger,
 }
 
 impl Low {
@@ -21,7 +22,7 @@ impl Low {
     pub fn new(space: &Space, settings: Settings) -> Self {
         let settings = Settings { step_power: settings.step_power.min(-1), ..settings };
         let fast = Fast::new(space, settings, Pixels::Needed);
-        Self { space: space.clone(), fast, small: Frame::default() }
+        Self { space: space.clone(), fast, small: Frame::default(), enlarger: Enlarger::default() }
     }
 }
 
@@ -30,7 +31,7 @@ impl Renderer for Low {
         frame.resize(view.width(), view.height());
         let [width, height] = [view.width(), view.height()].map(|side| side.div_ceil(PART));
         let work = self.fast.render(&view.resized(width, height), &mut self.small);
-        enlarge(&self.small, frame);
+        self.enlarger.enlarge(&self.small, frame);
         if let Some(depth) = frame.buffers().1 {
             depths(&self.space, view, depth);
         }

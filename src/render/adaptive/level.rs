@@ -8,10 +8,13 @@ const SHARP: f64 = 40.0;
 const BLURRED: usize = 4;
 /// A finer level must promise to stay below these shares of the budget and of the motion, so that the choice does not
 /// flicker.
-const HEADROOM: f64 = 0.8;
+const HEADROOM: f64 = 0.9;
 const CALMER: f64 = 0.7;
 /// It must do so for so many pictures: detail is lost at once and comes back in steps.
 const PATIENCE: u32 = 4;
+/// Detail that is lost again within so many pictures came back too soon: the next time it must be promised twice as long,
+/// for half of them at the most.
+const DOUBT: u32 = 240;
 /// Predictions are taken for so much larger than they are: for a picture much like the last, and for one that has
 /// nothing to do with it.
 const MARGIN: [f64; 2] = [1.08, 1.35];
@@ -32,11 +35,12 @@ struct Cost {
 }
 
 impl Cost {
-    /// What the same would cost at another side. Rays are not all cast: fewer pixels let fewer be spared, so that half the
-    /// side costs more than a quarter, and twice the side at most four times as much.
+    /// What the same would cost at another side: more pixels let more rays be spared, so that twice the side costs less than
+    /// three times as much. Were none spared, the next finer level would cost 1.22 times what is said here at the most, and
+    /// be given up again.
     fn at(self, side: f64) -> f64 {
         let ratio = side / self.side;
-        self.samples * if ratio > 1.0 { ratio * ratio } else { ratio * ratio.sqrt() }
+        self.samples * ratio * ratio.sqrt()
     }
 }
 
@@ -46,13 +50,17 @@ pub struct Governor {
     level: usize,
     last: Cost,
     dearest: Cost,
+    /// Pictures for which a finer level has promised to be cheap enough, and how many it takes.
     calm: u32,
+    patience: u32,
+    /// Pictures since a finer level was chosen.
+    kept: u32,
 }
 
 impl Default for Governor {
     fn default() -> Self {
         let cost = Cost { samples: FIRST, side: 1.0 };
-        Self { level: 0, last: cost, dearest: cost, calm: 0 }
+        Self { level: 0, last: cost, dearest: cost, calm: 0, patience: PATIENCE, kept: DOUBT }
     }
 }
 
@@ -81,12 +89,20 @@ impl Governor {
         while level + 1 < LEVELS.len() && cost(level) > budget {
             level += 1;
         }
+        // Not by a turn, but by what the picture itself cost.
+        let too_dear = level > self.level && pixels * self.last.samples > budget;
+        self.kept = self.kept.saturating_add(1);
+        if self.kept >= DOUBT {
+            self.patience = PATIENCE;
+        } else if too_dear {
+            self.patience = (self.patience * 2).min(DOUBT / 2);
+        }
         let finer = level.checked_sub(1).filter(|&l| {
             level == self.level && cost(l) <= budget * HEADROOM && (l >= BLURRED || flow * side(l) <= SHARP * CALMER)
         });
         self.calm = if finer.is_some() { self.calm + 1 } else { 0 };
-        if let (Some(finer), PATIENCE..) = (finer, self.calm) {
-            (level, self.calm) = (finer, 0);
+        if let Some(finer) = finer.filter(|_| self.calm >= self.patience) {
+            (level, self.calm, self.kept) = (finer, 0, 0);
         }
         self.level = level;
         let (n, d) = LEVELS[level];
@@ -162,6 +178,22 @@ mod tests {
         }
         sizes.dedup();
         assert_eq!(sizes.len(), 1, "{sizes:?}");
+    }
+
+    #[test]
+    fn what_proved_too_dear_is_not_tried_again_soon() {
+        let mut g = Governor::default();
+        // Its last level costs three times as much as the one before, which is more than is foreseen.
+        let mut sizes = Vec::new();
+        for _ in 0..1200 {
+            let size = g.next(SHOWN, 2.0, 5_000_000);
+            g.took(if size == SHOWN { 6_000_000 } else { 2_000_000 }, PIXELS);
+            sizes.push(size);
+        }
+        let tried = sizes.iter().filter(|&&s| s == SHOWN).count();
+        assert!((2..20).contains(&tried), "{tried} times");
+        // And when it can be afforded it comes.
+        assert_eq!(fly(&mut g, 130, 2.0, 4.0, 5_000_000).last(), Some(&SHOWN));
     }
 
     #[test]

@@ -16,7 +16,7 @@ mod level;
 mod still;
 
 use super::caster::depths;
-use super::enlarge::enlarge;
+use super::enlarge::Enlarger;
 use super::fast::Fast;
 use super::quality::{Quality, Settings};
 use super::renderer::Detail;
@@ -70,6 +70,7 @@ pub struct Adaptive {
     /// Of the last view that was another.
     probes: Option<Probes>,
     small: Frame,
+    enlarger: Enlarger,
     still: Still,
     resting: bool,
     /// The last picture of a moving camera: a camera that stops begins with it.
@@ -88,6 +89,7 @@ impl Adaptive {
             governor: Governor::default(),
             probes: None,
             small: Frame::default(),
+            enlarger: Enlarger::default(),
             still: Still::default(),
             resting: false,
             last: Frame::default(),
@@ -120,7 +122,7 @@ impl Adaptive {
         } else {
             let work = self.moving.render(&view.resized(width, height), &mut self.small);
             self.last.resize(view.width(), view.height());
-            enlarge(&self.small, &mut self.last);
+            self.enlarger.enlarge(&self.small, &mut self.last);
             work
         };
         self.governor.took(cost(&work), size.0 * size.1);
