@@ -9,6 +9,8 @@
 //! The distance is the chessboard distance in bricks ([`chessboard`]);
 //! all bricks nearer than it are empty, so a bundle may leap to where it leaves their cube. The bits take 1/16 of the
 //! 16-bit volume, the distances 1/128.
+//!
+//! Rays go all ways, so a line of the processor's cache holds a cube: the bits of 2×2×2 bricks, or the distances of 4×4×4.
 
 use rayon::prelude::*;
 
@@ -22,15 +24,46 @@ pub const BRICK_SHIFT: u32 = 2;
 /// Layers of bricks that one task fills.
 const SLAB: usize = 4;
 
+/// What is known of the bricks of a cube with sides of a power of two, in a line of the cache.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+struct Line<T, const N: usize>([T; N]);
+
+/// Where bricks are in a list of [`Line`]s of cubes of `1 << SHIFT` bricks a side.
+#[derive(Clone, Copy, Debug)]
+struct Lines<const SHIFT: u32> {
+    /// Lines along x, and in a layer.
+    row: usize,
+    layer: usize,
+}
+
+impl<const SHIFT: u32> Lines<SHIFT> {
+    /// Those of so many bricks along each axis; how many layers there are.
+    fn new(bricks: [usize; 3]) -> (Self, usize) {
+        let [x, y, z] = bricks.map(|n| n.div_ceil(1 << SHIFT));
+        (Self { row: x, layer: x * y }, z)
+    }
+
+    /// The line of a brick, and its place there.
+    #[inline(always)]
+    fn at(self, [x, y, z]: [usize; 3]) -> (usize, usize) {
+        let within = |c: usize| c & ((1 << SHIFT) - 1);
+        let line = (x >> SHIFT) + self.row * (y >> SHIFT) + self.layer * (z >> SHIFT);
+        (line, within(x) | within(y) << SHIFT | within(z) << (2 * SHIFT))
+    }
+}
+
 /// The bits of all cells, and the distances of all bricks.
 #[derive(Clone, Debug)]
 pub struct Occupancy {
     /// Bricks along each axis.
     bricks: [usize; 3],
     /// Bit `x + 4·y + 16·z` of a brick is that of its cell (x, y, z).
-    bits: Vec<u64>,
+    bits: Vec<Line<u64, 8>>,
+    bit_lines: Lines<1>,
     /// Chessboard distance to the next brick with a bit set, bricks; 0 in such a brick.
-    distance: Vec<u8>,
+    distance: Vec<Line<u8, 64>>,
+    distance_lines: Lines<2>,
 }
 
 impl Occupancy {
@@ -39,14 +72,27 @@ impl Occupancy {
         let lo = wall.lo().floor() as i16;
         let dims = volume.grid().dims();
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
-        let layer = bricks[0] * bricks[1];
-        let mut bits = vec![0u64; layer * bricks[2]];
-        bits.par_chunks_mut(layer * SLAB).enumerate().for_each(|(n, out)| {
-            Slab::new(volume, lo, bricks).fill(n * SLAB, out);
+        let (bit_lines, layers) = Lines::new(bricks);
+        let mut bits = vec![Line([0u64; 8]); bit_lines.layer * layers];
+        bits.par_chunks_mut(bit_lines.layer * SLAB / 2).enumerate().for_each(|(n, out)| {
+            Slab::new(volume, lo, bricks).fill(n * SLAB, out, bit_lines);
         });
-        let mut distance: Vec<u8> = bits.iter().map(|&b| if b == 0 { FAR } else { 0 }).collect();
-        chessboard(&mut distance, bricks, false);
-        Self { bricks, bits, distance }
+        let bits_of = |b: [usize; 3]| {
+            let (line, n) = bit_lines.at(b);
+            bits[line].0[n]
+        };
+        let [nx, ny, _] = bricks;
+        let place = |n: usize| [n % nx, n / nx % ny, n / nx / ny];
+        let far = |n: usize| if bits_of(place(n)) == 0 { FAR } else { 0 };
+        let mut rows: Vec<u8> = (0..bricks.iter().product()).into_par_iter().map(far).collect();
+        chessboard(&mut rows, bricks, false);
+        let (distance_lines, layers) = Lines::new(bricks);
+        let mut distance = vec![Line([0u8; 64]); distance_lines.layer * layers];
+        for (n, &d) in rows.iter().enumerate() {
+            let (line, n) = distance_lines.at(place(n));
+            distance[line].0[n] = d;
+        }
+        Self { bricks, bits, bit_lines, distance, distance_lines }
     }
 
     /// Bricks along each axis.
@@ -54,16 +100,16 @@ impl Occupancy {
         self.bricks
     }
 
-    /// The bits of brick `n` of the list (x fastest).
+    /// The bits of the brick `b`.
     #[inline(always)]
-    pub fn bits(&self, n: usize) -> u64 {
-        self.bits.get(n).copied().unwrap_or(u64::MAX)
+    pub fn bits(&self, b: [usize; 3]) -> u64 {
+        let (line, n) = self.bit_lines.at(b);
+        self.bits.get(line).map_or(u64::MAX, |l| l.0[n & 7])
     }
 
     /// Whether a bit is set between the cells `first` and `last`, both included, which must be within the bricks.
     #[inline(always)]
     pub fn any(&self, first: [i32; 3], last: [i32; 3]) -> bool {
-        let [nx, ny, _] = self.bricks;
         // Along each axis: the bricks, and the cells of one of them, as the bits that a whole brick has there.
         let bricks = |a: usize| first[a] >> BRICK_SHIFT..=last[a] >> BRICK_SHIFT;
         let cells = |a: usize, brick: i32| {
@@ -75,10 +121,9 @@ impl Occupancy {
             let slices = cells(2, z);
             for y in bricks(1) {
                 let rows = (cells(1, y) & 0xffff) * 0x0001_0001_0001_0001;
-                let row = nx * (y as usize + ny * z as usize);
                 for x in bricks(0) {
                     let columns = (cells(0, x) & 15) * 0x1111_1111_1111_1111;
-                    if self.bits(row + x as usize) & slices & rows & columns != 0 {
+                    if self.bits([x as usize, y as usize, z as usize]) & slices & rows & columns != 0 {
                         return true;
                     }
                 }
@@ -90,8 +135,8 @@ impl Occupancy {
     /// The distance of the brick `b`, bricks.
     #[inline(always)]
     pub fn distance(&self, b: [i32; 3]) -> u8 {
-        let [nx, ny, _] = self.bricks;
-        self.distance.get(b[0] as usize + nx * (b[1] as usize + ny * b[2] as usize)).copied().unwrap_or(0)
+        let (line, n) = self.distance_lines.at(b.map(|c| c as usize));
+        self.distance.get(line).map_or(0, |l| l.0[n & 63])
     }
 
     /// The least distance of the bricks from `first` to `last`, both included.
@@ -110,7 +155,7 @@ impl Occupancy {
 
     /// Memory taken.
     pub fn bytes(&self) -> usize {
-        size_of_val(self.bits.as_slice()) + self.distance.len()
+        size_of_val(self.bits.as_slice()) + size_of_val(self.distance.as_slice())
     }
 }
 
@@ -129,7 +174,7 @@ impl<'a> Slab<'a> {
     }
 
     /// Fills the layers of bricks from `first` on that `out` has room for.
-    fn fill(&self, first: usize, out: &mut [u64]) {
+    fn fill(&self, first: usize, out: &mut [Line<u64, 8>], lines: Lines<1>) {
         let [nx, ny, nz] = self.volume.grid().dims();
         let rows = self.bricks[1] << BRICK_SHIFT;
         let plane = rows * self.words;
@@ -161,12 +206,11 @@ impl<'a> Slab<'a> {
         };
         let z0 = (first << BRICK_SHIFT) as isize;
         slice(z0 - 1, &mut ring[0]);
-        for (b, layer) in out.chunks_exact_mut(self.bricks[0] * self.bricks[1]).enumerate() {
+        for b in 0..(2 * out.len() / lines.layer).min(self.bricks[2] - first) {
             for z in 0..4 {
                 let n = 4 * b + z;
                 slice(z0 + n as isize, &mut ring[(n + 1) % 2]);
                 for y in 0..rows {
-                    let bricks = &mut layer[(y >> 2) * self.bricks[0]..][..self.bricks[0]];
                     let shift = 16 * z + 4 * (y & 3);
                     for w in 0..self.words {
                         let at = y * self.words + w;
@@ -174,8 +218,9 @@ impl<'a> Slab<'a> {
                         if word == 0 {
                             continue;
                         }
-                        for (n, brick) in bricks.iter_mut().skip(16 * w).take(16).enumerate() {
-                            *brick |= (word >> (4 * n) & 15) << shift;
+                        for (n, x) in (16 * w..self.bricks[0]).take(16).enumerate() {
+                            let (line, at) = lines.at([x, y >> 2, b]);
+                            out[line].0[at] |= (word >> (4 * n) & 15) << shift;
                         }
                     }
                 }
@@ -233,13 +278,13 @@ mod tests {
                     let [i, j, k] = [x + (n & 1), y + (n >> 1 & 1), z + (n >> 2)].map(|c| c as i64 - 1);
                     f32::from(volume.get(i, j, k)) > lo
                 });
-                let bits = o.bits(x / 4 + bx * (y / 4 + by * (z / 4)));
+                let bits = o.bits([x / 4, y / 4, z / 4]);
                 prop_assert_eq!(bits >> (x % 4 + 4 * (y % 4) + 16 * (z % 4)) & 1 != 0, near, "{} {} {}", x, y, z);
             }}}
             for n in 0..bx * by * bz {
                 let at = |n: usize| [n % bx, n / bx % by, n / bx / by];
                 let far = |m: usize| (0..3).map(|a| at(n)[a].abs_diff(at(m)[a])).max().unwrap_or(0);
-                let least = (0..bx * by * bz).filter(|&m| o.bits(m) != 0).map(far).min().unwrap_or(255);
+                let least = (0..bx * by * bz).filter(|&m| o.bits(at(m)) != 0).map(far).min().unwrap_or(255);
                 prop_assert_eq!(usize::from(o.distance(at(n).map(|c| c as i32))), least);
             }
         }
