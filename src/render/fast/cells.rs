@@ -1,13 +1,14 @@
 //! The gradient cache (the paper's cache at frame level): the regressions at the eight corners of a cell, kept as long as
-//! there is room. A voxel covers hundreds of pixels of a colon's wall, and the next frame shows nearly the same cells.
+//! there is room. A voxel covers hundreds of pixels of a colon's wall, and the next frame shows nearly the same cells. Where it
+//! covers few, [`fit`](super::fit) goes without.
 
-use glam::{Mat3, Vec4, Vec4Swizzles};
+use glam::{Mat3, Vec3, Vec4, Vec4Swizzles};
 
 use crate::render::gradient::{Block, Regression, block};
 use crate::volume::Volume;
 
-/// Cells that are kept, as a power of two.
-const SIZE: usize = 1 << 15;
+/// Cells that are kept: a power of two. Four times as many are no faster.
+const SIZE: usize = 1 << 13;
 
 /// World gradient (HU/mm) at the corners of a cell, as the coefficients of a trilinear polynomial of the place within:
 /// k₀ + k₁u + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw for each component.
@@ -30,7 +31,7 @@ impl Cells {
     #[inline(always)]
     pub fn get(&mut self, source: &Source, key: i32, cell: [i32; 3]) -> &Corners {
         // Neighbours along each axis fall on different places.
-        let at = (cell[0] & 31 | (cell[1] & 31) << 5 | (cell[2] & 31) << 10) as usize % SIZE;
+        let at = (cell[0] & 31 | (cell[1] & 15) << 5 | (cell[2] & 15) << 9) as usize % SIZE;
         if self.keys[at] != key {
             self.keys[at] = key;
             source.corners(cell, &mut self.corners[at]);
@@ -57,12 +58,23 @@ impl<'a> Source<'a> {
         Self { volume, regression, to_world }
     }
 
+    /// The regression.
+    #[inline(always)]
+    pub fn regression(&self) -> &Regression {
+        &self.regression
+    }
+
+    /// The rows of what turns changes along the index axes into the world's gradient.
+    #[inline(always)]
+    pub fn to_world(&self) -> [Vec3; 3] {
+        [0, 1, 2].map(|n| self.to_world.row(n))
+    }
+
     /// Out of line: it is rare, and its registers are not those of the rays.
     #[inline(never)]
     fn corners(&self, cell: [i32; 3], out: &mut Corners) {
         let [a, b, c] = at_corners(&self.regression, &block(self.volume, cell.map(|c| c - 2)));
-        let m = self.to_world;
-        for (row, out) in [m.row(0), m.row(1), m.row(2)].iter().zip(out) {
+        for (row, out) in self.to_world().iter().zip(out) {
             let [near, far] = [0, 1].map(|z: usize| a[z] * row.x + b[z] * row.y + c[z] * row.z);
             let [a, b, c, d] = near.to_array();
             let [e, f, g, h] = far.to_array();
@@ -102,7 +114,7 @@ fn at_corners(r: &Regression, block: &Block) -> [[Vec4; 2]; 3] {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DVec3, Vec3};
+    use glam::{DMat3, DVec3};
 
     use super::*;
     use crate::math::hash;

@@ -9,7 +9,7 @@
     reason = "gathers have no checked form, and bounds checks for each lane cost a third of a sample"
 )]
 
-use fearless_simd::{Level, Simd, f32x16, i16x32, i32x8, i32x16, prelude::*};
+use fearless_simd::{Level, Simd, f32x16, i16x32, i32x8, i32x16, mask32x16, prelude::*};
 
 use crate::volume::Volume;
 
@@ -62,6 +62,43 @@ impl<'a> Voxels<'a> {
                 pairs(simd, self.data, at + (self.slice + self.row)),
             ]
         }
+    }
+}
+
+/// For each lane the place of a 4×4×4 block of voxels that lies wholly within the volume.
+pub struct Blocks<'a, S: Simd> {
+    voxels: &'a Voxels<'a>,
+    first: i32x16<S>,
+}
+
+impl<'a> Voxels<'a> {
+    /// The blocks about the cells `g` (counted from cell −1) of the lanes in `wanted`; `None` where one of them leaves the
+    /// volume. Those of other lanes are moved into it.
+    #[inline(always)]
+    pub fn blocks<S: Simd>(&'a self, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Option<Blocks<'a, S>> {
+        let [x, y, z] = g;
+        let [nx, ny, nz] = self.last;
+        if nx.min(ny).min(nz) < 3 {
+            return None;
+        }
+        let first = |g: i32x16<S>, last: i32| g.max(2).min(last - 1) - 2;
+        let [fx, fy, fz] = [first(x, nx), first(y, ny), first(z, nz)];
+        let within = fx.simd_eq(x - 2) & fy.simd_eq(y - 2) & fz.simd_eq(z - 2);
+        let all = (within | !wanted).all_true();
+        all.then(|| Blocks { voxels: self, first: fx + fy * self.row + fz * self.slice })
+    }
+}
+
+impl<S: Simd> Blocks<'_, S> {
+    /// The block's voxels (`x`, `y`, `z`) and (`x` + 1, `y`, `z`), HU; `x` is 0 or 2, `y` and `z` go from 0 to 3.
+    #[inline(always)]
+    pub fn pair(&self, simd: S, [x, y, z]: [usize; 3]) -> [f32x16<S>; 2] {
+        let Voxels { data, row, slice, .. } = *self.voxels;
+        let at = self.first + ((x as i32 & 2) + (y as i32 & 3) * row + (z as i32 & 3) * slice);
+        // SAFETY: `blocks` made sure that the block's first voxel is three voxels or more before the last along each axis,
+        // and no more than 2 + 1, 3 and 3 are added here.
+        let pair = unsafe { pairs(simd, data, at) };
+        [(pair << 16 >> 16).to_float(), (pair >> 16).to_float()]
     }
 }
 

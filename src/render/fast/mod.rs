@@ -2,6 +2,7 @@
 
 mod beam;
 mod cells;
+mod fit;
 mod halved;
 mod lanes;
 mod lattice;
