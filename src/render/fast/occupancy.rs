@@ -51,6 +51,11 @@ impl<const SHIFT: u32> Lines<SHIFT> {
         let line = (x >> SHIFT) + self.row * (y >> SHIFT) + self.layer * (z >> SHIFT);
         (line, within(x) | within(y) << SHIFT | within(z) << (2 * SHIFT))
     }
+
+    /// The first brick of a line.
+    fn first(self, line: usize) -> [usize; 3] {
+        [line % self.row, line % self.layer / self.row, line / self.layer].map(|c| c << SHIFT)
+    }
 }
 
 /// The bits of all cells, and the distances of all bricks.
@@ -77,21 +82,27 @@ impl Occupancy {
         bits.par_chunks_mut(bit_lines.layer * SLAB / 2).enumerate().for_each(|(n, out)| {
             Slab::new(volume, lo, bricks).fill(n * SLAB, out, bit_lines);
         });
-        let bits_of = |b: [usize; 3]| {
-            let (line, n) = bit_lines.at(b);
-            bits[line].0[n]
-        };
-        let [nx, ny, _] = bricks;
-        let place = |n: usize| [n % nx, n / nx % ny, n / nx / ny];
-        let far = |n: usize| if bits_of(place(n)) == 0 { FAR } else { 0 };
-        let mut rows: Vec<u8> = (0..bricks.iter().product()).into_par_iter().map(far).collect();
+        let [nx, ny, nz] = bricks;
+        // Row by row, as the transform wants them.
+        let mut rows = vec![0; nx * ny * nz];
+        rows.par_chunks_mut(nx).enumerate().for_each(|(n, row)| {
+            for (x, to) in row.iter_mut().enumerate() {
+                let (line, at) = bit_lines.at([x, n % ny, n / ny]);
+                *to = if bits[line].0[at] == 0 { FAR } else { 0 };
+            }
+        });
         chessboard(&mut rows, bricks, false);
-        let (distance_lines, layers) = Lines::new(bricks);
-        let mut distance = vec![Line([0u8; 64]); distance_lines.layer * layers];
-        for (n, &d) in rows.iter().enumerate() {
-            let (line, n) = distance_lines.at(place(n));
-            distance[line].0[n] = d;
-        }
+        let (distance_lines, layers) = Lines::<2>::new(bricks);
+        let mut distance = vec![Line([0; 64]); distance_lines.layer * layers];
+        distance.par_iter_mut().enumerate().for_each(|(n, line)| {
+            let [x, y, z] = distance_lines.first(n);
+            for (n, to) in line.0.iter_mut().enumerate() {
+                let [x, y, z] = [x + (n & 3), y + (n >> 2 & 3), z + (n >> 4)];
+                if x < nx && y < ny && z < nz {
+                    *to = rows[x + nx * (y + ny * z)];
+                }
+            }
+        });
         Self { bricks, bits, bit_lines, distance, distance_lines }
     }
 
