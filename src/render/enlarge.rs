@@ -117,6 +117,13 @@ impl Band {
 }
 
 impl Enlarger {
+    /// Memory taken.
+    pub fn bytes(&self) -> usize {
+        let band =
+            |b: &Band| size_of_val(b.row.as_slice()) + b.wide.iter().map(|w| size_of_val(w.as_slice())).sum::<usize>();
+        size_of_val(self.columns.as_slice()) + self.bands.iter().map(band).sum::<usize>()
+    }
+
     /// Fills `out`, as large as it is, with `small` stretched to fit; its depth is left alone. A picture without pixels
     /// fills nothing.
     ///

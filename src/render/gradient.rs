@@ -14,6 +14,8 @@
 //! depends on |x|, |y|, |z| alone, A = Σ a(y, z) · o_x · (c or e)_y · (c or e)_z with four coefficients, B and C alike,
 //! and D has eight. The 64 voxels are read once and reduced axis by axis.
 
+use std::ops::{Add, Mul, Sub};
+
 use glam::{DVec3, Mat3, Vec3, Vec4};
 
 use crate::volume::Volume;
@@ -109,7 +111,10 @@ impl Regression {
 
 /// c, e and o (see the module) of four samples at `t` between the middle two.
 #[inline(always)]
-fn parts(r: [Vec4; 4], t: f32) -> [Vec4; 3] {
+pub(super) fn parts<V: Copy + Add<Output = V> + Sub<Output = V> + Mul<T, Output = V>, T: Copy>(
+    r: [V; 4],
+    t: T,
+) -> [V; 3] {
     let (e0, e1) = (r[0] + r[2], r[1] + r[3]);
     let (o0, o1) = (r[2] - r[0], r[3] - r[1]);
     [r[1] + (r[2] - r[1]) * t, e0 + (e1 - e0) * t, o0 + (o1 - o0) * t]

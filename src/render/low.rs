@@ -44,7 +44,7 @@ impl Renderer for Low {
 
     fn parts(&self) -> Vec<(&'static str, usize)> {
         let mut parts = self.fast.parts();
-        parts.push(("picture of a third of the size", self.small.pixels().len() * 3));
+        parts.push(("picture of a third of the size", self.small.pixels().len() * 3 + self.enlarger.bytes()));
         parts
     }
 }

@@ -169,7 +169,10 @@ impl Renderer for Adaptive {
         if let Some(Fine::Packets(fast)) = &self.fine {
             parts.push(("refinement: rays", fast.own_bytes()));
         }
-        parts.push(("refinement: pictures", self.still.bytes() + pixels(&self.small) + pixels(&self.last)));
+        parts.push((
+            "refinement: pictures",
+            self.still.bytes() + pixels(&self.small) + pixels(&self.last) + self.enlarger.bytes(),
+        ));
         parts
     }
 

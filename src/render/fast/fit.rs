@@ -7,7 +7,7 @@
 use fearless_simd::{Simd, f32x16, prelude::*};
 
 use super::lanes::Blocks;
-use crate::render::gradient::Regression;
+use crate::render::gradient::{Regression, parts};
 
 /// The gradients along the index axes (HU/mm) at the places `t` of the blocks' inner cells.
 #[inline(always)]
@@ -52,14 +52,6 @@ pub fn gradients<S: Simd>(simd: S, regression: &Regression, blocks: &Blocks<S>, 
         }
     }
     g
-}
-
-/// c, e and o (see [`gradient`](crate::render::gradient)) of four samples at `t` between the middle two.
-#[inline(always)]
-fn parts<S: Simd>(r: [f32x16<S>; 4], t: f32x16<S>) -> [f32x16<S>; 3] {
-    let (e0, e1) = (r[0] + r[2], r[1] + r[3]);
-    let (o0, o1) = (r[2] - r[0], r[3] - r[1]);
-    [r[1] + (r[2] - r[1]) * t, e0 + (e1 - e0) * t, o0 + (o1 - o0) * t]
 }
 
 #[cfg(test)]

@@ -78,7 +78,8 @@ impl Occupancy {
         let dims = volume.grid().dims();
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
         let (bit_lines, layers) = Lines::new(bricks);
-        let mut bits = vec![Line([0u64; 8]); bit_lines.layer * layers];
+        // By all threads, as what touches fresh memory first waits for it.
+        let mut bits: Vec<_> = (0..bit_lines.layer * layers).into_par_iter().map(|_| Line([0u64; 8])).collect();
         bits.par_chunks_mut(bit_lines.layer * SLAB / 2).enumerate().for_each(|(n, out)| {
             Slab::new(volume, lo, bricks).fill(n * SLAB, out, bit_lines);
         });
@@ -93,16 +94,21 @@ impl Occupancy {
         });
         chessboard(&mut rows, bricks, false);
         let (distance_lines, layers) = Lines::<2>::new(bricks);
-        let mut distance = vec![Line([0; 64]); distance_lines.layer * layers];
-        distance.par_iter_mut().enumerate().for_each(|(n, line)| {
+        let line_of = |n: usize| {
             let [x, y, z] = distance_lines.first(n);
-            for (n, to) in line.0.iter_mut().enumerate() {
-                let [x, y, z] = [x + (n & 3), y + (n >> 2 & 3), z + (n >> 4)];
-                if x < nx && y < ny && z < nz {
-                    *to = rows[x + nx * (y + ny * z)];
+            let mut line = Line([0; 64]);
+            for (n, four) in line.0.chunks_exact_mut(4).enumerate() {
+                let (y, z) = (y + (n & 3), z + (n >> 2));
+                if y < ny && z < nz {
+                    let row = &rows[nx * (y + ny * z)..][..nx];
+                    for (to, d) in four.iter_mut().zip(&row[x..]) {
+                        *to = *d;
+                    }
                 }
             }
-        });
+            line
+        };
+        let distance = (0..distance_lines.layer * layers).into_par_iter().map(line_of).collect();
         Self { bricks, bits, bit_lines, distance, distance_lines }
     }
 
@@ -223,15 +229,17 @@ impl<'a> Slab<'a> {
                 slice(z0 + n as isize, &mut ring[(n + 1) % 2]);
                 for y in 0..rows {
                     let shift = 16 * z + 4 * (y & 3);
+                    let (line, first) = lines.at([0, y >> 2, b]);
+                    let row = &mut out[line..line + lines.row];
                     for w in 0..self.words {
                         let at = y * self.words + w;
                         let word = ring[0][at] | ring[1][at];
                         if word == 0 {
                             continue;
                         }
-                        for (n, x) in (16 * w..self.bricks[0]).take(16).enumerate() {
-                            let (line, at) = lines.at([x, y >> 2, b]);
-                            out[line].0[at] |= (word >> (4 * n) & 15) << shift;
+                        for (n, line) in row.iter_mut().skip(8 * w).take(8).enumerate() {
+                            line.0[first] |= (word >> (8 * n) & 15) << shift;
+                            line.0[first | 1] |= (word >> (8 * n + 4) & 15) << shift;
                         }
                     }
                 }

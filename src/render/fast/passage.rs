@@ -151,3 +151,58 @@ impl Rays<'_> {
         g
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+    use crate::math::hash;
+    use crate::render::fast::levels;
+    use crate::render::fast::occupancy::Occupancy;
+    use crate::render::{Quality, Settings, Space, View, Wall};
+    use crate::volume::{Grid, Volume};
+
+    /// On a turned grid of stretched voxels both ways give the world's gradient, in rays that are asked for and no others.
+    #[test]
+    fn cell_by_cell_is_ray_by_ray() {
+        let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
+        let grid = Grid::new([20, 18, 16], DVec3::new(0.7, 0.9, 1.6), DVec3::splat(-3.0), turn).unwrap();
+        // The world's gradient is (30, -20, 10) everywhere, in whole HU.
+        let slope = DVec3::new(30.0, -20.0, 10.0);
+        let value = |n: usize| {
+            let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
+            slope.dot(turn * (DVec3::new(x, y, z) * DVec3::new(0.7, 0.9, 1.6))).round() as i16
+        };
+        let space = Space::new(Arc::new(Volume::new(grid, (0..20 * 18 * 16).map(value).collect())), Wall::default());
+        let occupancy = Occupancy::new(space.volume(), space.wall());
+        let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 90.0, 64, 64).unwrap();
+        let rays = Rays::new(&space, &occupancy, &view, &Settings::new(Quality::High)).unwrap();
+        for seed in 0..20 {
+            let random = |lane: u64, a: u64| hash::uniform(seed, 6 * lane + a) as f32;
+            let mut cell = [[0i32; 16]; 3];
+            let mut place = [[0f32; 16]; 3];
+            for lane in 0..16 {
+                for a in 0..3 {
+                    cell[a][lane] = 2 + (random(lane as u64, a as u64) * 13.0) as i32;
+                    place[a][lane] = random(lane as u64, 3 + a as u64);
+                }
+            }
+            fearless_simd::dispatch!(levels()[0].1, simd => {
+                let c = cell.map(|c| i32x16::load_array_ref(simd, &c));
+                let t = place.map(|t| f32x16::load_array_ref(simd, &t));
+                let all = f32x16::splat(simd, 0.0).simd_lt(1.0);
+                let key = c[0] + c[1] * 100 + c[2] * 10_000;
+                let one = rays.gradient(simd, all, c, t, &mut Cells::default()).map(|g| g.to_array());
+                let other = rays.gradient_by_cells(simd, 0xffff, key, c, t, &mut Cells::default()).map(|g| g.to_array());
+                for lane in 0..16 {
+                    let [one, other] = [one, other].map(|g| Vec3::new(g[0][lane], g[1][lane], g[2][lane]));
+                    assert!((one - other).length() < 2e-3, "{one} {other}");
+                    assert!((one - slope.as_vec3()).length() < 0.6, "{one}");
+                }
+            });
+        }
+    }
+}
