@@ -1,4 +1,5 @@
-//! Voxels for sixteen rays at once: the one place of the crate that is not checked by the compiler.
+//! Voxels, and what is known of empty cells, for sixteen rays at once: the one place of the crate that is not checked by the
+//! compiler.
 //!
 //! A trilinear sample needs four pairs of voxels that are neighbours along x. Each pair is one unaligned 32-bit load, and
 //! sixteen of them one gather where the processor has it. All arithmetic around it is `fearless_simd`'s, without fused
@@ -11,6 +12,7 @@
 
 use fearless_simd::{Level, Simd, f32x16, i16x32, i32x8, i32x16, mask32x16, prelude::*};
 
+use super::occupancy::{BRICK_SHIFT, Line, Occupancy};
 use crate::volume::Volume;
 
 /// Voxels whose pairs can be gathered: at least two along each axis and no more than an `i32` counts.
@@ -56,10 +58,10 @@ impl<'a> Voxels<'a> {
         // an i32.
         unsafe {
             [
-                pairs(simd, self.data, at),
-                pairs(simd, self.data, at + self.row),
-                pairs(simd, self.data, at + self.slice),
-                pairs(simd, self.data, at + (self.slice + self.row)),
+                pairs(simd, self.data.as_ptr(), at),
+                pairs(simd, self.data.as_ptr(), at + self.row),
+                pairs(simd, self.data.as_ptr(), at + self.slice),
+                pairs(simd, self.data.as_ptr(), at + (self.slice + self.row)),
             ]
         }
     }
@@ -97,8 +99,77 @@ impl<S: Simd> Blocks<'_, S> {
         let at = self.first + ((x as i32 & 2) + (y as i32 & 3) * row + (z as i32 & 3) * slice);
         // SAFETY: `blocks` made sure that the block's first voxel is three voxels or more before the last along each axis,
         // and no more than 2 + 1, 3 and 3 are added here.
-        let pair = unsafe { pairs(simd, data, at) };
+        let pair = unsafe { pairs(simd, data.as_ptr(), at) };
         [(pair << 16 >> 16).to_float(), (pair >> 16).to_float()]
+    }
+}
+
+/// An [`Occupancy`] that sixteen rays look up at once, each at the place of its own cell; a cell beside the volume is taken as
+/// the nearest one within.
+pub struct OccupancyLanes<'a> {
+    /// The last cell of each axis.
+    last: [i32; 3],
+    bits: &'a [Line<u64, 8>],
+    /// Cubes of bits along x, and in a layer of them; the same of distances.
+    bit_cubes: [i32; 2],
+    distances: &'a [Line<u8, 64>],
+    distance_cubes: [i32; 2],
+}
+
+/// Pieces of 16 bits in a line of the cache.
+const PIECES: u32 = 32;
+
+impl<'a> OccupancyLanes<'a> {
+    /// That of `occupancy`; `None` where it has more than an `i32` counts in pieces of 16 bits.
+    pub fn new(occupancy: &'a Occupancy) -> Option<Self> {
+        let (bits, distances) = (occupancy.bit_lines(), occupancy.distance_lines());
+        let bricks = occupancy.bricks();
+        // Cubes with sides of 2 and of 4 bricks.
+        let cubes = |shift: u32, lines: usize| {
+            let [x, y, z] = bricks.map(|n| n.div_ceil(1 << shift));
+            let fits = x * y * z == lines && i32::try_from(lines * PIECES as usize).is_ok();
+            fits.then_some([x as i32, (x * y) as i32])
+        };
+        Some(Self {
+            last: bricks.map(|n| (n << BRICK_SHIFT) as i32 - 1),
+            bits,
+            bit_cubes: cubes(1, bits.len())?,
+            distances,
+            distance_cubes: cubes(2, distances.len())?,
+        })
+    }
+
+    /// Whether the bit of one of the cells `g` of the lanes in `wanted` is set.
+    #[inline(always)]
+    pub fn any<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> bool {
+        let [x, y, z] = self.within(g);
+        let line = (x >> 3) + (y >> 3) * self.bit_cubes[0] + (z >> 3) * self.bit_cubes[1];
+        // Four pieces to a brick, of which each holds a layer: two layers are loaded.
+        let at = line * PIECES as i32 + ((x & 4) + ((y & 4) << 1) + ((z & 4) << 2) + (z & 2));
+        let bit = (x & 3) + ((y & 3) << 2) + ((z & 1) << 4);
+        // SAFETY: the piece within the line is one of the first 31. The line is that of a cell within the bricks, and `new`
+        // made sure that `bits` has all of these and that their pieces fit an i32.
+        let found = unsafe { pairs(simd, self.bits.as_ptr().cast(), at) };
+        (wanted & ((found >> bit) & 1).simd_eq(1)).any_true()
+    }
+
+    /// The least distance of the bricks about the cells `g` of the lanes in `wanted`, bricks.
+    #[inline(always)]
+    pub fn nearest<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> i32 {
+        let [x, y, z] = self.within(g);
+        let line = (x >> 4) + (y >> 4) * self.distance_cubes[0] + (z >> 4) * self.distance_cubes[1];
+        // A row of four distances is two pieces.
+        let at = line * PIECES as i32 + (((y >> 1) & 6) + ((z << 1) & 24));
+        // SAFETY: as in `any`; the piece within the line is one of the first 31.
+        let found = unsafe { pairs(simd, self.distances.as_ptr().cast(), at) };
+        let distance = (found >> ((x << 1) & 24)) & 255;
+        wanted.select(distance, i32x16::splat(simd, 255)).reduce_min()
+    }
+
+    #[inline(always)]
+    fn within<S: Simd>(&self, [x, y, z]: [i32x16<S>; 3]) -> [i32x16<S>; 3] {
+        let [nx, ny, nz] = self.last;
+        [x.max(0).min(nx), y.max(0).min(ny), z.max(0).min(nz)]
     }
 }
 
@@ -122,18 +193,18 @@ fn weigh<S: Simd>(simd: S, pair: i32x16<S>, weights: i16x32<S>) -> f32x16<S> {
     simd.pairwise_dot_product_i16x32(pair.bitcast(), weights).to_float()
 }
 
-/// The pairs of voxels at `at` and the one after, the first in the lower half.
+/// The pairs of the 16-bit numbers at `at` and the one after, the first in the lower half.
 ///
 /// # Safety
-/// Each index is at least 0 and at most two below the length of `data`.
+/// What `data` points to holds the numbers at each index and at the one after it.
 #[inline(always)]
-unsafe fn pairs<S: Simd>(simd: S, data: &[i16], at: i32x16<S>) -> i32x16<S> {
-    let from = data.as_ptr().cast::<i32>();
+unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> {
+    let from = data.cast::<i32>();
     match simd.level() {
         #[cfg(target_arch = "x86_64")]
         Level::Avx512(_) => {
             use std::arch::x86_64::{_mm512_i32gather_epi32, _mm512_loadu_si512};
-            // SAFETY: the level tells that the processor has AVX-512; the loads are within `data` by the caller's word.
+            // SAFETY: the level tells that the processor has AVX-512; the loads are within the data by the caller's word.
             let found = unsafe { _mm512_i32gather_epi32::<2>(_mm512_loadu_si512(at.as_array().as_ptr().cast()), from) };
             found.simd_into(simd)
         }
@@ -141,7 +212,7 @@ unsafe fn pairs<S: Simd>(simd: S, data: &[i16], at: i32x16<S>) -> i32x16<S> {
         Level::Avx2(_) => {
             use std::arch::x86_64::{_mm256_i32gather_epi32, _mm256_loadu_si256};
             let at = at.as_array().as_ptr();
-            // SAFETY: the level tells that the processor has AVX2; the loads are within `data` by the caller's word.
+            // SAFETY: the level tells that the processor has AVX2; the loads are within the data by the caller's word.
             let (low, high) = unsafe {
                 let (low, high) = (_mm256_loadu_si256(at.cast()), _mm256_loadu_si256(at.add(8).cast()));
                 (_mm256_i32gather_epi32::<2>(from, low), _mm256_i32gather_epi32::<2>(from, high))
@@ -152,10 +223,58 @@ unsafe fn pairs<S: Simd>(simd: S, data: &[i16], at: i32x16<S>) -> i32x16<S> {
         _ => {
             let mut found = [0; 16];
             for (found, at) in found.iter_mut().zip(at.as_array()) {
-                // SAFETY: within `data` by the caller's word.
+                // SAFETY: within the data by the caller's word.
                 *found = unsafe { from.byte_offset(2 * *at as isize).read_unaligned() };
             }
             found.simd_into(simd)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::math::hash;
+    use crate::render::fast::levels;
+    use crate::render::space::Wall;
+    use crate::volume::Grid;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// Sixteen cells at once, some of them beside the volume, on every level.
+        #[test]
+        fn lanes_find_what_cells_hold(
+            nx in 1usize..70, ny in 1usize..70, nz in 1usize..70, many in 0u64..20, wanted: u16, seed: u64,
+        ) {
+            let dims = [nx, ny, nz];
+            let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+            let random = |n: u64, a: usize| hash::uniform(seed, 3 * n + a as u64);
+            let mut data = vec![-1000; grid.len()];
+            for n in 0..many {
+                let [x, y, z] = [0, 1, 2].map(|a| (random(n, a) * dims[a] as f64) as usize);
+                data[x + nx * (y + ny * z)] = 0;
+            }
+            let occupancy = Occupancy::new(&Volume::new(grid, data), Wall::default());
+            let lanes = OccupancyLanes::new(&occupancy).unwrap();
+            let cells: [[i32; 16]; 3] = std::array::from_fn(|a| {
+                std::array::from_fn(|n| (random(100 + n as u64, a) * (dims[a] + 9) as f64) as i32 - 4)
+            });
+            let within = |n: usize| [0, 1, 2].map(|a| cells[a][n].clamp(0, 4 * occupancy.bricks()[a] as i32 - 1));
+            let asked = || (0..16).filter(|n| wanted >> n & 1 != 0).map(within);
+            let any = asked().any(|c| occupancy.any(c, c));
+            let nearest = asked().map(|c| occupancy.distance(c.map(|c| c >> BRICK_SHIFT))).min().unwrap_or(255);
+            for (name, level) in levels() {
+                let found = fearless_simd::dispatch!(level, simd => {
+                    let g = cells.map(|c| i32x16::load_array_ref(simd, &c));
+                    let wanted: [i32; 16] = std::array::from_fn(|n| i32::from(wanted >> n & 1));
+                    let wanted = i32x16::load_array_ref(simd, &wanted).simd_eq(1);
+                    (lanes.any(simd, g, wanted), lanes.nearest(simd, g, wanted))
+                });
+                prop_assert_eq!(found, (any, i32::from(nearest)), "{}", name);
+            }
         }
     }
 }

@@ -27,7 +27,7 @@ const SLAB: usize = 4;
 /// What is known of the bricks of a cube with sides of a power of two, in a line of the cache.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-struct Line<T, const N: usize>([T; N]);
+pub struct Line<T, const N: usize>([T; N]);
 
 /// Where bricks are in a list of [`Line`]s of cubes of `1 << SHIFT` bricks a side.
 #[derive(Clone, Copy, Debug)]
@@ -115,6 +115,16 @@ impl Occupancy {
     /// Bricks along each axis.
     pub fn bricks(&self) -> [usize; 3] {
         self.bricks
+    }
+
+    /// The bits of all bricks: for each cube of 2×2×2 its bricks, cubes and bricks with x fastest.
+    pub fn bit_lines(&self) -> &[Line<u64, 8>] {
+        &self.bits
+    }
+
+    /// The distances of all bricks: for each cube of 4×4×4 its bricks, cubes and bricks with x fastest.
+    pub fn distance_lines(&self) -> &[Line<u8, 64>] {
+        &self.distance
     }
 
     /// The bits of the brick `b`.

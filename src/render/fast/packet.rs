@@ -10,19 +10,21 @@
 //! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value
 //! ([`passage`](super::passage)). A passage ends where a step adds nothing, or when it is long ([`PASSAGE`]).
 //!
-//! **Empty space.** All rays have come equally far, so that the bundle leaps as one ([`Beam`]). Samples lie on the same
-//! lattice whatever is leapt over, so leaping changes no bit of the picture.
+//! **Empty space.** Where a bundle of rays meets something first is known before it is cast ([`Beam`]). From there on a step
+//! whose both ends lie in empty cells, in every ray, is taken without looking at the volume; after some of these in a row
+//! ([`PATIENCE`]) the rays leap, all of them equally far. Samples lie on the same lattice whatever is left out, so that this
+//! changes no bit of the picture.
 
 use std::array::from_fn;
 
-use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::beam::Beam;
 use super::cells::{Cells, Source};
-use super::lanes::{Voxels, interpolate};
+use super::lanes::{OccupancyLanes, Voxels, interpolate};
 use super::lattice::SIDE;
-use super::occupancy::Occupancy;
+use super::occupancy::{BRICK_SHIFT, Occupancy};
 use super::passage::Sums;
 use crate::render::camera::View;
 use crate::render::gradient::{Regression, Weighting, to_world};
@@ -39,8 +41,10 @@ const PASSAGE: f32 = 1.0;
 const PASSAGE_WEIGHT: f32 = 0.5;
 /// So many steps back a passage is shaded, however little it holds.
 const PASSAGE_FAR: f32 = 4.0;
-/// Where a bundle could not leap it is near a wall, and is not asked again for so many steps: to ask takes as long as a step.
-const PATIENCE: f32 = 6.0;
+/// After so many empty steps in a row the distances of the rays' bricks are looked up: near a wall they are not worth it.
+const PATIENCE: f32 = 8.0;
+/// The share of a distance that is leapt; the rest is for rounding.
+const LEAP: f32 = 0.999;
 /// A camera farther away than this is left to double precision, voxels.
 const FAR: f64 = 1e4;
 /// An axis along which a step moves less than this is not moved along, voxels: a million steps make a thousandth.
@@ -51,6 +55,7 @@ pub struct Rays<'a> {
     pub(super) space: &'a Space,
     pub(super) voxels: Voxels<'a>,
     occupancy: &'a Occupancy,
+    lookup: OccupancyLanes<'a>,
     pub(super) source: Source<'a>,
     scalar: Trilinear<'a>,
     /// The camera, grown voxel coordinates.
@@ -114,6 +119,7 @@ impl<'a> Rays<'a> {
             space,
             voxels,
             occupancy,
+            lookup: OccupancyLanes::new(occupancy)?,
             source: Source::new(volume, Regression::new(grid.spacing(), Weighting::InverseSquare), to_world(volume)),
             scalar: Trilinear::new(space),
             origin: origin.as_vec3(),
@@ -198,13 +204,43 @@ impl<'a> Rays<'a> {
             let end = active.select(last, zero).reduce_max();
             let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min().max(from);
             let mut k = first.min(end + 1.0).floor();
-            let mut v0 = self.value(simd, &ray, k);
+            let (foot, never) = (f32x16::splat(simd, self.foot), zero.simd_gt(one));
+            // Who knows where to begin knows that nothing is there, and has leapt.
+            let begun = from > 0.0 && first == from;
+            let mut v0 = foot;
+            if !begun {
+                v0 = self.value(simd, &ray, k);
+                samples += 16;
+            }
             let within_wall = k == 0.0 && v0[0] > self.foot;
-            samples += 16;
-            let mut open = f32x16::splat(simd, 0.0).simd_gt(1.0);
-            // Whoever knows where to begin has asked already.
-            let mut ask = if from > 0.0 { k + PATIENCE } else { k };
+            // Whether v0 was looked at, or is only known to be nothing.
+            let mut sampled = !begun;
+            let mut ask = if begun { k + PATIENCE } else { k };
+            let mut open = never;
             while k < end + 1.0 {
+                if !(active & v0.simd_gt(foot)).any_true() {
+                    let (cell, _) = split(ray.at(self.origin, k + 1.0));
+                    if !self.lookup.any(simd, cell, active) {
+                        k += 1.0;
+                        if k >= ask {
+                            let leap = self.leap(self.lookup.nearest(simd, cell, active));
+                            k += leap;
+                            ask = if leap > 0.0 { k } else { k + PATIENCE };
+                        }
+                        (v0, sampled, open) = (foot, false, never);
+                        active &= (zero + k).simd_le(last);
+                        if !active.any_true() {
+                            break;
+                        }
+                        continue;
+                    }
+                    ask = k + PATIENCE;
+                    if !sampled {
+                        v0 = self.value(simd, &ray, k);
+                        samples += 16;
+                    }
+                }
+                sampled = true;
                 let v1 = self.value(simd, &ray, k + 1.0);
                 samples += 16;
                 let difference = v1 - v0;
@@ -236,18 +272,6 @@ impl<'a> Rays<'a> {
                 if !active.any_true() {
                     break;
                 }
-                if k >= ask && !(active & v0.simd_gt(self.foot)).any_true() {
-                    // Without the rays that have ended in a wall: they would hold those up that pass by.
-                    let beam = ray.beam(simd, active, self.origin, 0.0);
-                    let next = beam.next(self.occupancy, k, end + 1.0).floor();
-                    if next > k {
-                        k = next;
-                        v0 = self.value(simd, &ray, k);
-                        samples += 16;
-                        open = f32x16::splat(simd, 0.0).simd_gt(1.0);
-                    }
-                    ask = k + PATIENCE;
-                }
             }
             let rest = light.weight.simd_gt(zero);
             if rest.any_true() {
@@ -263,6 +287,14 @@ impl<'a> Rays<'a> {
             front: [light.front[0].to_array(), light.front[1].to_array()],
             samples,
         }
+    }
+
+    /// How many steps a ray may leap from a brick that is `distance` bricks from the next one with anything.
+    #[inline(always)]
+    fn leap(&self, distance: i32) -> f32 {
+        // A step moves by no more than its length along any axis.
+        let voxels = ((distance - 1).max(0) << BRICK_SHIFT) as f32;
+        (voxels * LEAP / self.step()).floor()
     }
 
     /// How many steps no ray through the rectangle of `size` pixels with the top left corner (`x`, `y`) meets anything, if it
@@ -281,8 +313,7 @@ impl<'a> Rays<'a> {
                 // the picture; the steps are longest along an axis of the finest spacing.
                 let angle = (apart[0].max(apart[1]) * self.pixel).min(2.0);
                 let longest = self.step[0].abs().max(self.step[1].abs()).max(self.step[2].abs()).max_element();
-                let all = n.simd_ge(f32x16::splat(simd, 0.0));
-                ray.beam(simd, all, self.origin, 0.5 * angle * angle * longest).next(self.occupancy, from, self.limit)
+                ray.beam(self.origin, 0.5 * angle * angle * longest).next(self.occupancy, from, self.limit)
             },
         )
     }
@@ -376,14 +407,13 @@ impl<S: Simd> Lanes<S> {
         [x * k + origin.x, y * k + origin.y, z * k + origin.z]
     }
 
-    /// The bundle of the rays in `mask`, and of those whose steps are up to `margin` beside theirs, voxels.
+    /// The bundle of the rays, and of those whose steps are up to `margin` beside theirs, voxels.
     #[inline(always)]
-    fn beam(&self, simd: S, mask: mask32x16<S>, origin: Vec3, margin: f32) -> Beam {
-        let far = f32x16::splat(simd, f32::INFINITY);
+    fn beam(&self, origin: Vec3, margin: f32) -> Beam {
         let [x, y, z] = self.along;
-        let low = |a: f32x16<S>| mask.select(a, far).reduce_min();
-        let high = |a: f32x16<S>| mask.select(a, -far).reduce_max();
-        Beam::new(origin, Vec3::new(low(x), low(y), low(z)) - margin, Vec3::new(high(x), high(y), high(z)) + margin)
+        let low = Vec3::new(x.reduce_min(), y.reduce_min(), z.reduce_min());
+        let high = Vec3::new(x.reduce_max(), y.reduce_max(), z.reduce_max());
+        Beam::new(origin, low - margin, high + margin)
     }
 }
 
