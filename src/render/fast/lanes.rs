@@ -15,6 +15,13 @@ use fearless_simd::{Level, Simd, f32x16, i16x32, i32x8, i32x16, mask32x16, prelu
 use super::occupancy::{BRICK_SHIFT, Line, Occupancy};
 use crate::volume::Volume;
 
+// The first of two numbers is the lower half of what is loaded.
+#[cfg(target_endian = "big")]
+compile_error!("packets of rays load pairs of numbers as little-endian processors do");
+
+const _: () =
+    assert!(size_of::<Line<u64, 8>>() == 2 * PIECES as usize && size_of::<Line<u8, 64>>() == 2 * PIECES as usize);
+
 /// Voxels whose pairs can be gathered: at least two along each axis and no more than an `i32` counts.
 pub struct Voxels<'a> {
     data: &'a [i16],
@@ -148,7 +155,7 @@ impl<'a> OccupancyLanes<'a> {
         let at = line * PIECES as i32 + ((x & 4) + ((y & 4) << 1) + ((z & 4) << 2) + (z & 2));
         let bit = (x & 3) + ((y & 3) << 2) + ((z & 1) << 4);
         // SAFETY: the piece within the line is one of the first 31. The line is that of a cell within the bricks, and `new`
-        // made sure that `bits` has all of these and that their pieces fit an i32.
+        // made sure that `bits` has all of these and that their pieces fit an i32. A line is `repr(C)` and has no padding.
         let found = unsafe { pairs(simd, self.bits.as_ptr().cast(), at) };
         (wanted & ((found >> bit) & 1).simd_eq(1)).any_true()
     }

@@ -7,7 +7,7 @@
 //! empty.
 //!
 //! The distance is the chessboard distance in bricks ([`chessboard`]);
-//! all bricks nearer than it are empty, so a bundle may leap to where it leaves their cube. The bits take 1/16 of the
+//! all bricks nearer than it are empty, so rays may leap to where they leave their cube. The bits take 1/16 of the
 //! 16-bit volume, the distances 1/128.
 //!
 //! Rays go all ways, so a line of the processor's cache holds a cube: the bits of 2×2×2 bricks, or the distances of 4×4×4.
@@ -26,7 +26,7 @@ const SLAB: usize = 4;
 
 /// What is known of the bricks of a cube with sides of a power of two, in a line of the cache.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
+#[repr(C, align(64))]
 pub struct Line<T, const N: usize>([T; N]);
 
 /// Where bricks are in a list of [`Line`]s of cubes of `1 << SHIFT` bricks a side.
@@ -208,6 +208,8 @@ impl<'a> Slab<'a> {
         // Two slices of voxels are or-ed to a layer of cells.
         let mut ring = vec![vec![0u64; plane]; 2];
         let mut raw = vec![0u64; self.words * (ny + 2)];
+        // Of what lies beyond.
+        let air = if AIR_HU > self.lo { u64::MAX } else { 0 };
         let mut slice = |k: isize, to: &mut Vec<u64>| {
             // A row of air before, and one after.
             if (0..nz as isize).contains(&k) {
@@ -223,12 +225,12 @@ impl<'a> Slab<'a> {
                 }
                 for (j, to) in to.chunks_exact_mut(self.words).enumerate() {
                     for (w, to) in to.iter_mut().enumerate() {
-                        let at = |r: usize| raw.get((j + r) * self.words + w).copied().unwrap_or(0);
+                        let at = |r: usize| raw.get((j + r) * self.words + w).copied().unwrap_or(air);
                         *to = at(0) | at(1);
                     }
                 }
             } else {
-                to.fill(if AIR_HU > self.lo { u64::MAX } else { 0 });
+                to.fill(air);
             }
         };
         let z0 = (first << BRICK_SHIFT) as isize;
@@ -302,7 +304,8 @@ mod tests {
             let volume = Volume::new(grid, data);
             let o = Occupancy::new(&volume, Wall::new(lo, -500.0).unwrap());
             let [bx, by, bz] = o.bricks();
-            for z in 0..=nz { for y in 0..=ny { for x in 0..=nx {
+            // Up to the end of the last bricks, beyond the volume.
+            for z in 0..4 * bz { for y in 0..4 * by { for x in 0..4 * bx {
                 let near = (0..8).any(|n| {
                     let [i, j, k] = [x + (n & 1), y + (n >> 1 & 1), z + (n >> 2)].map(|c| c as i64 - 1);
                     f32::from(volume.get(i, j, k)) > lo

@@ -10,10 +10,10 @@
 //! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value
 //! ([`passage`](super::passage)). A passage ends where a step adds nothing, or when it is long ([`PASSAGE`]).
 //!
-//! **Empty space.** Where a bundle of rays meets something first is known before it is cast ([`Beam`]). From there on a step
-//! whose both ends lie in empty cells, in every ray, is taken without looking at the volume; after some of these in a row
-//! ([`PATIENCE`]) the rays leap, all of them equally far. Samples lie on the same lattice whatever is left out, so that this
-//! changes no bit of the picture.
+//! **Empty space.** Where a bundle of rays meets something first may be known before it is cast ([`Beam`]). From there on a
+//! step at whose beginning no ray sees anything, and at whose end all rays are in empty cells, is taken without looking at the
+//! volume; after some of these in a row ([`PATIENCE`]) the rays leap, all of them equally far. Samples lie on the same lattice
+//! whatever is left out, so that this changes no bit of the picture.
 
 use std::array::from_fn;
 
@@ -41,10 +41,12 @@ const PASSAGE: f32 = 1.0;
 const PASSAGE_WEIGHT: f32 = 0.5;
 /// So many steps back a passage is shaded, however little it holds.
 const PASSAGE_FAR: f32 = 4.0;
-/// After so many empty steps in a row the distances of the rays' bricks are looked up: near a wall they are not worth it.
+/// After so many empty steps in a row the distances of the rays' bricks are looked up: near a wall they are not worth it. After
+/// a leap, and where nothing was known before, they are looked up at once.
 const PATIENCE: f32 = 8.0;
-/// The share of a distance that is leapt; the rest is for rounding.
-const LEAP: f32 = 0.999;
+/// What rounding may add to a leap, voxels: for a leap over all the bricks that a distance can tell of, and for each voxel
+/// from the first one to the ray's place.
+const ROUNDING: [f32; 2] = [2e-3, 4e-7];
 /// A camera farther away than this is left to double precision, voxels.
 const FAR: f64 = 1e4;
 /// An axis along which a step moves less than this is not moved along, voxels: a million steps make a thousandth.
@@ -64,6 +66,10 @@ pub struct Rays<'a> {
     step: [Vec3; 3],
     /// The same as world directions.
     world: [Vec3; 3],
+    /// What a step moves along an axis of the volume at the most, voxels.
+    longest: f32,
+    /// By how much less is leapt than a distance tells, voxels.
+    rounding: f32,
     /// Side of a pixel at distance 1.
     pixel: f32,
     centre: [f32; 2],
@@ -99,7 +105,7 @@ pub struct Light {
 
 impl<'a> Rays<'a> {
     /// Prepares the rays of `view`; `None` where they need what this caster does not have: two voxels along each axis, no
-    /// more voxels than an `i32` counts, a camera within ten thousand voxels.
+    /// more voxels, and pieces of their bits, than an `i32` counts, a camera within ten thousand voxels.
     pub fn new(space: &'a Space, occupancy: &'a Occupancy, view: &View, settings: &Settings) -> Option<Self> {
         let volume = space.volume();
         let grid = volume.grid();
@@ -114,7 +120,10 @@ impl<'a> Rays<'a> {
         let per_step = [view.forward(), view.right(), view.up()]
             .map(|d| (grid.to_voxel().transform_vector3(d) * step.mm).as_vec3());
         let wall = space.wall();
-        let dims = grid.dims().map(|n| (n + 1) as f32);
+        let border = Vec3::from_array(grid.dims().map(|n| (n + 1) as f32));
+        // All directions are of unit length in the orthonormal frame of the camera, so that this holds where the volume's axes
+        // are not at right angles, too.
+        let longest = per_step.iter().map(|&s| s * s).sum::<Vec3>().max_element().sqrt();
         Some(Self {
             space,
             voxels,
@@ -125,9 +134,11 @@ impl<'a> Rays<'a> {
             origin: origin.as_vec3(),
             step: per_step,
             world: [view.forward(), view.right(), view.up()].map(DVec3::as_vec3),
+            longest: longest.max(STILL),
+            rounding: ROUNDING[0] + ROUNDING[1] * border.max_element().max(FAR as f32),
             pixel: view.pixel() as f32,
             centre: view.centre().map(|c| c as f32),
-            border: Vec3::from_array(dims),
+            border,
             foot: wall.lo() + FOOT,
             lo: wall.lo(),
             scale: 1.0 / (wall.hi() - wall.lo()),
@@ -205,7 +216,7 @@ impl<'a> Rays<'a> {
             let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min().max(from);
             let mut k = first.min(end + 1.0).floor();
             let (foot, never) = (f32x16::splat(simd, self.foot), zero.simd_gt(one));
-            // Who knows where to begin knows that nothing is there, and has leapt.
+            // Who knows where to begin knows that nothing is seen there, and has leapt.
             let begun = from > 0.0 && first == from;
             let mut v0 = foot;
             if !begun {
@@ -292,9 +303,8 @@ impl<'a> Rays<'a> {
     /// How many steps a ray may leap from a brick that is `distance` bricks from the next one with anything.
     #[inline(always)]
     fn leap(&self, distance: i32) -> f32 {
-        // A step moves by no more than its length along any axis.
         let voxels = ((distance - 1).max(0) << BRICK_SHIFT) as f32;
-        (voxels * LEAP / self.step()).floor()
+        ((voxels - self.rounding).max(0.0) / self.longest).floor()
     }
 
     /// How many steps no ray through the rectangle of `size` pixels with the top left corner (`x`, `y`) meets anything, if it
@@ -310,10 +320,9 @@ impl<'a> Rays<'a> {
                 let row = (n * 0.25).floor();
                 let ray = self.lanes(simd, (n - row * 4.0) * apart[0] + x, row * apart[1] + y);
                 // Between two rays that are an angle δ apart a direction bulges by δ²/8 at the most, along two axes of
-                // the picture; the steps are longest along an axis of the finest spacing.
+                // the picture.
                 let angle = (apart[0].max(apart[1]) * self.pixel).min(2.0);
-                let longest = self.step[0].abs().max(self.step[1].abs()).max(self.step[2].abs()).max_element();
-                ray.beam(self.origin, 0.5 * angle * angle * longest).next(self.occupancy, from, self.limit)
+                ray.beam(self.origin, 0.5 * angle * angle * self.longest).next(self.occupancy, from, self.limit)
             },
         )
     }
