@@ -124,12 +124,12 @@ pub struct OccupancyLanes<'a> {
 }
 
 /// Pieces of 16 bits in a line of the cache.
-const PIECES: u32 = 32;
+const PIECES: i32 = 32;
 
 impl<'a> OccupancyLanes<'a> {
     /// That of `occupancy`; `None` where it has more than an `i32` counts in pieces of 16 bits.
     pub fn new(occupancy: &'a Occupancy) -> Option<Self> {
-        let (bits, distances) = (occupancy.bit_lines(), occupancy.distance_lines());
+        let (bits, distances) = (occupancy.bit_cubes(), occupancy.distance_cubes());
         let bricks = occupancy.bricks();
         // Cubes with sides of 2 and of 4 bricks.
         let cubes = |shift: u32, lines: usize| {
@@ -152,7 +152,7 @@ impl<'a> OccupancyLanes<'a> {
         let [x, y, z] = self.within(g);
         let line = (x >> 3) + (y >> 3) * self.bit_cubes[0] + (z >> 3) * self.bit_cubes[1];
         // Four pieces to a brick, of which each holds a layer: two layers are loaded.
-        let at = line * PIECES as i32 + ((x & 4) + ((y & 4) << 1) + ((z & 4) << 2) + (z & 2));
+        let at = line * PIECES + ((x & 4) + ((y & 4) << 1) + ((z & 4) << 2) + (z & 2));
         let bit = (x & 3) + ((y & 3) << 2) + ((z & 1) << 4);
         // SAFETY: the piece within the line is one of the first 31. The line is that of a cell within the bricks, and `new`
         // made sure that `bits` has all of these and that their pieces fit an i32. A line is `repr(C)` and has no padding.
@@ -166,7 +166,7 @@ impl<'a> OccupancyLanes<'a> {
         let [x, y, z] = self.within(g);
         let line = (x >> 4) + (y >> 4) * self.distance_cubes[0] + (z >> 4) * self.distance_cubes[1];
         // A row of four distances is two pieces.
-        let at = line * PIECES as i32 + (((y >> 1) & 6) + ((z << 1) & 24));
+        let at = line * PIECES + (((y >> 1) & 6) + ((z << 1) & 24));
         // SAFETY: as in `any`; the piece within the line is one of the first 31.
         let found = unsafe { pairs(simd, self.distances.as_ptr().cast(), at) };
         let distance = (found >> ((x << 1) & 24)) & 255;

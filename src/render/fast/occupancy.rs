@@ -118,12 +118,12 @@ impl Occupancy {
     }
 
     /// The bits of all bricks: for each cube of 2×2×2 its bricks, cubes and bricks with x fastest.
-    pub fn bit_lines(&self) -> &[Line<u64, 8>] {
+    pub fn bit_cubes(&self) -> &[Line<u64, 8>] {
         &self.bits
     }
 
     /// The distances of all bricks: for each cube of 4×4×4 its bricks, cubes and bricks with x fastest.
-    pub fn distance_lines(&self) -> &[Line<u8, 64>] {
+    pub fn distance_cubes(&self) -> &[Line<u8, 64>] {
         &self.distance
     }
 
