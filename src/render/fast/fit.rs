@@ -16,40 +16,38 @@ pub fn gradients<S: Simd>(simd: S, regression: &Regression, blocks: &Blocks<S>, 
     let zero = f32x16::splat(simd, 0.0);
     let [tx, ty, tz] = t;
     let sx = f32x16::splat(simd, 1.0) - tx;
+    // For each voxel along x: its column's parts along z, for each y.
+    let mut along_z = [[[zero; 3]; 4]; 4];
+    for y in 0..4 {
+        let mut rows = [[zero; 4]; 4];
+        for (z, row) in rows.iter_mut().enumerate() {
+            *row = blocks.row(simd, [y, z]);
+        }
+        let [p, q, r, s] = rows;
+        for (x, columns) in along_z.iter_mut().enumerate() {
+            columns[y] = parts([p[x], q[x], r[x], s[x]], tz);
+        }
+    }
     let mut g = [zero; 3];
-    for half in 0..2 {
-        // Along z: the parts of both voxels of each row's pair.
-        let mut along_z = [[[zero; 3]; 4]; 2];
-        let [even, odd] = &mut along_z;
-        for (y, (even, odd)) in even.iter_mut().zip(odd).enumerate() {
-            let mut column = [[zero; 4]; 2];
-            let [left, right] = &mut column;
-            for (z, (left, right)) in left.iter_mut().zip(right).enumerate() {
-                [*left, *right] = blocks.pair(simd, [2 * half, y, z]);
-            }
-            *even = parts(column[0], tz);
-            *odd = parts(column[1], tz);
-        }
-        for (n, z) in along_z.into_iter().enumerate() {
-            let part = |of: usize| parts([z[0][of], z[1][of], z[2][of], z[3][of]], ty);
-            // Named by the part along z, then along y.
-            let [cc, ce, co] = part(0);
-            let [ec, ee, eo] = part(1);
-            let [oc, oe, _] = part(2);
-            // What this voxel has in c, e and o along x.
-            let (c, e, o) = match (half, n) {
-                (0, 0) => (zero, sx, zero - sx),
-                (0, _) => (sx, tx, zero - tx),
-                (_, 0) => (tx, sx, sx),
-                _ => (zero, tx, tx),
-            };
-            let pair = |u: f32x16<S>, v: f32x16<S>, k: &[[f32; 2]; 2]| {
-                c * (u * k[0][0] + v * k[0][1]) + e * (u * k[1][0] + v * k[1][1])
-            };
-            g[0] += o * (cc * a[0][0] + ce * a[0][1] + ec * a[1][0] + ee * a[1][1]);
-            g[1] += pair(co, eo, b);
-            g[2] += pair(oc, oe, of_c);
-        }
+    for (x, z) in along_z.into_iter().enumerate() {
+        let part = |of: usize| parts([z[0][of], z[1][of], z[2][of], z[3][of]], ty);
+        // Named by the part along z, then along y.
+        let [cc, ce, co] = part(0);
+        let [ec, ee, eo] = part(1);
+        let [oc, oe, _] = part(2);
+        // What this voxel has in c, e and o along x.
+        let (c, e, o) = match x {
+            0 => (zero, sx, zero - sx),
+            1 => (sx, tx, zero - tx),
+            2 => (tx, sx, sx),
+            _ => (zero, tx, tx),
+        };
+        let pair = |u: f32x16<S>, v: f32x16<S>, k: &[[f32; 2]; 2]| {
+            c * (u * k[0][0] + v * k[0][1]) + e * (u * k[1][0] + v * k[1][1])
+        };
+        g[0] += o * (cc * a[0][0] + ce * a[0][1] + ec * a[1][0] + ee * a[1][1]);
+        g[1] += pair(co, eo, b);
+        g[2] += pair(oc, oe, of_c);
     }
     g
 }
@@ -102,7 +100,7 @@ mod tests {
                     .map(|(_, level)| {
                         fearless_simd::dispatch!(level, simd => {
                             let (cell, place) = at(simd, &lanes);
-                            let blocks = voxels.blocks(cell, all(simd)).unwrap();
+                            let blocks = voxels.blocks(simd, cell, all(simd)).unwrap();
                             gradients(simd, &regression, &blocks, place).map(|g| g.to_array())
                         })
                     })
@@ -131,10 +129,10 @@ mod tests {
                 lanes[7].0[a] = c;
                 fearless_simd::dispatch!(levels()[0].1, simd => {
                     let (cell, place) = at(simd, &lanes);
-                    assert_eq!(voxels.blocks(cell, all(simd)).is_some(), within, "axis {a}, cell {c}");
+                    assert_eq!(voxels.blocks(simd, cell, all(simd)).is_some(), within, "axis {a}, cell {c}");
                     // A lane that is not asked for does no harm.
                     let others = !cell[a].simd_eq(c) | cell[a].simd_eq(2);
-                    let blocks = voxels.blocks(cell, others).unwrap();
+                    let blocks = voxels.blocks(simd, cell, others).unwrap();
                     let r = Regression::new(DVec3::ONE, Weighting::InverseSquare);
                     let g = gradients(simd, &r, &blocks, place);
                     assert!(g.iter().all(|g| g.to_array() == [0.0; 16]));
@@ -144,7 +142,7 @@ mod tests {
         let thin = Volume::new(Grid::new([3, 9, 9], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap(), vec![0; 243]);
         fearless_simd::dispatch!(levels()[0].1, simd => {
             let (cell, _) = at(simd, &[([2, 2, 2], Vec3::ZERO); 16]);
-            assert!(Voxels::new(&thin).unwrap().blocks(cell, all(simd)).is_none());
+            assert!(Voxels::new(&thin).unwrap().blocks(simd, cell, all(simd)).is_none());
         });
     }
 }

@@ -10,7 +10,7 @@
     reason = "gathers have no checked form, and bounds checks for each lane cost a third of a sample"
 )]
 
-use fearless_simd::{Level, Simd, f32x16, i16x32, i32x8, i32x16, mask32x16, prelude::*};
+use fearless_simd::{Level, Simd, f32x16, i16x32, i32x8, i32x16, i64x8, mask32x16, prelude::*};
 
 use super::occupancy::{BRICK_SHIFT, Line, Occupancy};
 use crate::volume::Volume;
@@ -53,13 +53,15 @@ impl<'a> Voxels<'a> {
         self.last
     }
 
-    /// The corners of the cells `g` (counted from cell −1); those of the nearest cell within where one is not in the volume.
+    /// The corners of the cells `g` (counted from cell −1) of the lanes in `wanted`; those of the nearest cell within where one
+    /// is not in the volume. Other lanes get those of the first cell: rays that have ended would go on to where nothing is in
+    /// the cache.
     #[inline(always)]
-    pub fn corners<S: Simd>(&self, simd: S, g: [i32x16<S>; 3]) -> Corners<S> {
+    pub fn corners<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Corners<S> {
         let [x, y, z] = g;
         let [nx, ny, nz] = self.last;
         let (x, y, z) = (x.max(1).min(nx) - 1, y.max(1).min(ny) - 1, z.max(1).min(nz) - 1);
-        let at = x + y * self.row + z * self.slice;
+        let at = wanted.select(x + y * self.row + z * self.slice, i32x16::splat(simd, 0));
         // SAFETY: x ≤ n_x − 2, y ≤ n_y − 2 and z ≤ n_z − 2, so that the pair at (x, y + 1, z + 1) ends at the last voxel
         // at most, and nothing is below 0; `new` made sure that the product of the n is the length of `data` and fits
         // an i32.
@@ -82,9 +84,9 @@ pub struct Blocks<'a, S: Simd> {
 
 impl<'a> Voxels<'a> {
     /// The blocks about the cells `g` (counted from cell −1) of the lanes in `wanted`; `None` where one of them leaves the
-    /// volume. Those of other lanes are moved into it.
+    /// volume. Other lanes get the volume's first block.
     #[inline(always)]
-    pub fn blocks<S: Simd>(&'a self, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Option<Blocks<'a, S>> {
+    pub fn blocks<S: Simd>(&'a self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Option<Blocks<'a, S>> {
         let [x, y, z] = g;
         let [nx, ny, nz] = self.last;
         if nx.min(ny).min(nz) < 3 {
@@ -93,21 +95,32 @@ impl<'a> Voxels<'a> {
         let first = |g: i32x16<S>, last: i32| g.max(2).min(last - 1) - 2;
         let [fx, fy, fz] = [first(x, nx), first(y, ny), first(z, nz)];
         let within = fx.simd_eq(x - 2) & fy.simd_eq(y - 2) & fz.simd_eq(z - 2);
-        let all = (within | !wanted).all_true();
-        all.then(|| Blocks { voxels: self, first: fx + fy * self.row + fz * self.slice })
+        let first = wanted.select(fx + fy * self.row + fz * self.slice, i32x16::splat(simd, 0));
+        (within | !wanted).all_true().then_some(Blocks { voxels: self, first })
     }
 }
 
 impl<S: Simd> Blocks<'_, S> {
-    /// The block's voxels (`x`, `y`, `z`) and (`x` + 1, `y`, `z`), HU; `x` is 0 or 2, `y` and `z` go from 0 to 3.
+    /// The four voxels of the block's row (`y`, `z`), each from 0 to 3, HU.
     #[inline(always)]
-    pub fn pair(&self, simd: S, [x, y, z]: [usize; 3]) -> [f32x16<S>; 2] {
+    pub fn row(&self, simd: S, [y, z]: [usize; 2]) -> [f32x16<S>; 4] {
         let Voxels { data, row, slice, .. } = *self.voxels;
-        let at = self.first + ((x as i32 & 2) + (y as i32 & 3) * row + (z as i32 & 3) * slice);
+        let at = self.first + ((y as i32 & 3) * row + (z as i32 & 3) * slice);
+        let at = at.as_array();
+        // A load for each lane, as all eight bytes are of use: two gathers of pairs take longer.
         // SAFETY: `blocks` made sure that the block's first voxel is three voxels or more before the last along each axis,
-        // and no more than 2 + 1, 3 and 3 are added here.
-        let pair = unsafe { pairs(simd, data.as_ptr(), at) };
-        [(pair << 16 >> 16).to_float(), (pair >> 16).to_float()]
+        // and no more than 3 is added here along x, y and z.
+        let four = |n: usize| unsafe { data.as_ptr().offset(at[n] as isize).cast::<i64>().read_unaligned() };
+        let low: i64x8<S> = [four(0), four(1), four(2), four(3), four(4), four(5), four(6), four(7)].simd_into(simd);
+        let high: i64x8<S> =
+            [four(8), four(9), four(10), four(11), four(12), four(13), four(14), four(15)].simd_into(simd);
+        let (left, right) = low.bitcast::<i32x16<S>>().deinterleave(high.bitcast::<i32x16<S>>());
+        [
+            (left << 16 >> 16).to_float(),
+            (left >> 16).to_float(),
+            (right << 16 >> 16).to_float(),
+            (right >> 16).to_float(),
+        ]
     }
 }
 

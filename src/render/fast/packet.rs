@@ -17,7 +17,7 @@
 
 use std::array::from_fn;
 
-use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::beam::Beam;
@@ -220,7 +220,8 @@ impl<'a> Rays<'a> {
             let begun = from > 0.0 && first == from;
             let mut v0 = foot;
             if !begun {
-                v0 = self.value(simd, &ray, k);
+                // All of them: at 0 they are in one place, which tells whether the camera is in the wall.
+                v0 = self.value(simd, &ray, k, !never);
                 samples += 16;
             }
             let within_wall = k == 0.0 && v0[0] > self.foot;
@@ -246,14 +247,15 @@ impl<'a> Rays<'a> {
                         continue;
                     }
                     ask = k + PATIENCE;
-                    if !sampled {
-                        v0 = self.value(simd, &ray, k);
-                        samples += 16;
-                    }
+                }
+                let v1 = self.value(simd, &ray, k + 1.0, active);
+                samples += 16;
+                // How far below the foot it was matters where the step ends above.
+                if !sampled && (active & v1.simd_gt(foot)).any_true() {
+                    v0 = self.value(simd, &ray, k, active);
+                    samples += 16;
                 }
                 sampled = true;
-                let v1 = self.value(simd, &ray, k + 1.0);
-                samples += 16;
                 let difference = v1 - v0;
                 let (early, late) = (v0 + difference * 0.25, v0 + difference * 0.75);
                 let seen = active & early.max(late).simd_gt(self.foot);
@@ -341,15 +343,16 @@ impl<'a> Rays<'a> {
         [(u * r.x + v * t.x + f.x) * shrink, (u * r.y + v * t.y + f.y) * shrink, (u * r.z + v * t.z + f.z) * shrink]
     }
 
-    /// Trilinear HU of all rays at `k`.
+    /// Trilinear HU of the rays in `wanted` at `k`; of the others anything.
     #[inline(always)]
-    fn value<S: Simd>(&self, simd: S, ray: &Lanes<S>, k: f32) -> f32x16<S> {
+    fn value<S: Simd>(&self, simd: S, ray: &Lanes<S>, k: f32, wanted: mask32x16<S>) -> f32x16<S> {
         let q = ray.at(self.origin, k);
         let (cell, t) = split(q);
-        let value = interpolate(simd, self.voxels.corners(simd, cell), t);
+        let value = interpolate(simd, self.voxels.corners(simd, cell, wanted), t);
         let last = self.voxels.last();
         let low = cell[0].min(cell[1]).min(cell[2]).simd_lt(1);
-        let outside = low | cell[0].simd_gt(last[0]) | cell[1].simd_gt(last[1]) | cell[2].simd_gt(last[2]);
+        let beyond = cell[0].simd_gt(last[0]) | cell[1].simd_gt(last[1]) | cell[2].simd_gt(last[2]);
+        let outside = wanted & (low | beyond);
         if outside.any_true() {
             return self.at_border(simd, value, q, outside.to_bitmask());
         }

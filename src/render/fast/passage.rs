@@ -116,7 +116,7 @@ impl Rays<'_> {
             }
         }
         if others != 0
-            && let Some(blocks) = self.voxels.blocks(cell, mask)
+            && let Some(blocks) = self.voxels.blocks(simd, cell, mask)
         {
             let g = gradients(simd, self.source.regression(), &blocks, t);
             return self.source.to_world().map(|row| g[0] * row.x + g[1] * row.y + g[2] * row.z);
