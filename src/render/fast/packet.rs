@@ -25,7 +25,7 @@ use super::cells::{Cells, Source};
 use super::lanes::{OccupancyLanes, Voxels, interpolate};
 use super::lattice::SIDE;
 use super::occupancy::{BRICK_SHIFT, Occupancy};
-use super::passage::Sums;
+use super::passage::{Passage, Sums};
 use crate::render::camera::View;
 use crate::render::gradient::{Regression, Weighting, to_world};
 use crate::render::march::Step;
@@ -35,8 +35,11 @@ use crate::render::space::Space;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
 /// A passage is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
-/// [`PASSAGE_WEIGHT`].
-const PASSAGE: f32 = 1.0;
+/// [`PASSAGE_WEIGHT`]: as many as there are voxels in [`RESOLVED_MM`], within these bounds.
+const PASSAGE: [f32; 2] = [1.0, 2.0];
+/// What a CT of the body resolves (some 7.5 line pairs a centimetre), mm: where voxels are finer the wall's ramp takes more of
+/// them, and nothing on it is smaller.
+const RESOLVED_MM: f32 = 0.65;
 /// Share of the light below which a passage may be longer: what it errs by is a share of that.
 const PASSAGE_WEIGHT: f32 = 0.5;
 /// So many steps back a passage is shaded, however little it holds.
@@ -81,6 +84,8 @@ pub struct Rays<'a> {
     /// Halvings of the step's opacity: a step of h is two half steps.
     power: i32,
     sensitivity: f32,
+    /// How far back a passage's mean place may lie, steps.
+    passage: f32,
     limit: f32,
 }
 
@@ -144,6 +149,7 @@ impl<'a> Rays<'a> {
             scale: 1.0 / (wall.hi() - wall.lo()),
             power: step.power,
             sensitivity: settings.sensitivity,
+            passage: (RESOLVED_MM / grid.min_spacing() as f32).clamp(PASSAGE[0], PASSAGE[1]),
             limit: (1 << 22) as f32,
         })
     }
@@ -199,17 +205,7 @@ impl<'a> Rays<'a> {
         }
         let last = exit.floor();
         let mut active = exit.simd_ge(enter);
-        let mut light = Sums {
-            bright: zero,
-            tone: zero,
-            depth: zero,
-            through: one,
-            weight: zero,
-            place: zero,
-            value: zero,
-            passages: zero,
-            front: [zero; 2],
-        };
+        let mut light = Sums::new(simd);
         let mut samples = 0;
         if active.any_true() {
             let end = active.select(last, zero).reduce_max();
@@ -260,22 +256,27 @@ impl<'a> Rays<'a> {
                 let (early, late) = (v0 + difference * 0.25, v0 + difference * 0.75);
                 let seen = active & early.max(late).simd_gt(self.foot);
                 if seen.any_true() {
-                    let fresh = light.weight.simd_gt(zero);
-                    let behind = zero + k - light.place / fresh.select(light.weight, one);
+                    let Passage { weight, place, .. } = light.passage;
+                    let fresh = light.passage.any();
+                    let behind = zero + k - place / fresh.select(weight, one);
                     let long =
-                        behind.simd_gt(PASSAGE) & light.weight.simd_gt(PASSAGE_WEIGHT) | behind.simd_gt(PASSAGE_FAR);
+                        behind.simd_gt(self.passage) & weight.simd_gt(PASSAGE_WEIGHT) | behind.simd_gt(PASSAGE_FAR);
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
-                        self.flush(simd, &ray, ended, &mut light, cells, within_wall);
+                        if (ended & light.waiting.any()).any_true() {
+                            self.shade(simd, &ray, &mut light, cells, within_wall);
+                        }
+                        light.end(simd, ended);
                         light.count(simd, ended & !open);
                     }
                     let (t0, t1) = (self.through(simd, early), self.through(simd, late));
                     let kept = light.through * t0;
                     let (w0, w1) = (light.through - kept, kept - kept * t1);
                     let (w0, w1) = (seen.select(w0, zero), seen.select(w1, zero));
-                    light.weight += w0 + w1;
-                    light.place += w0 * (k + 0.25) + w1 * (k + 0.75);
-                    light.value += w0 * self.tone(simd, early) + w1 * self.tone(simd, late);
+                    let passage = &mut light.passage;
+                    passage.weight += w0 + w1;
+                    passage.place += w0 * (k + 0.25) + w1 * (k + 0.75);
+                    passage.value += w0 * self.tone(simd, early) + w1 * self.tone(simd, late);
                     light.through = seen.select(kept * t1, light.through);
                 }
                 open = seen;
@@ -286,9 +287,13 @@ impl<'a> Rays<'a> {
                     break;
                 }
             }
-            let rest = light.weight.simd_gt(zero);
-            if rest.any_true() {
-                self.flush(simd, &ray, rest, &mut light, cells, within_wall);
+            // First those that wait and those of the rays for which none does, then what is left.
+            for _ in 0..2 {
+                let free = light.passage.any() & !light.waiting.any();
+                light.end(simd, free);
+                if light.waiting.any().any_true() {
+                    self.shade(simd, &ray, &mut light, cells, within_wall);
+                }
             }
         }
         Light {

@@ -1,5 +1,6 @@
 //! The light of a ray's passage through the wall: that of the passage's mean place and mean value, both weighted by what each
-//! half step adds, so that the gradient is looked at once and not at each sample.
+//! half step adds, so that the gradient is looked at once and not at each sample. A passage that has ended waits until another
+//! of its ray's ends, or all rays have: the more of them are shaded at once, the less each takes.
 
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::Vec3;
@@ -14,6 +15,44 @@ use crate::render::shade::{AMBIENT, DIFFUSE};
 /// on, on AVX2 from eight; it is one number, so that every SIMD level gives the same bits.
 const MANY: usize = 8;
 
+/// What sixteen rays meet of the wall: its weight, and that times place (steps) and value (HU above the palette's first).
+#[derive(Clone, Copy)]
+pub struct Passage<S: Simd> {
+    pub weight: f32x16<S>,
+    pub place: f32x16<S>,
+    pub value: f32x16<S>,
+}
+
+impl<S: Simd> Passage<S> {
+    /// Nothing.
+    #[inline(always)]
+    pub fn none(simd: S) -> Self {
+        let zero = f32x16::splat(simd, 0.0);
+        Self { weight: zero, place: zero, value: zero }
+    }
+
+    /// The rays that have something.
+    #[inline(always)]
+    pub fn any(&self) -> mask32x16<S> {
+        self.weight.simd_gt(0.0)
+    }
+
+    /// That of the rays in `mask`, which have nothing then.
+    #[inline(always)]
+    fn take(&mut self, simd: S, mask: mask32x16<S>) -> Self {
+        let all = *self;
+        let zero = f32x16::splat(simd, 0.0);
+        self.weight = mask.select(zero, all.weight);
+        self.place = mask.select(zero, all.place);
+        self.value = mask.select(zero, all.value);
+        Self {
+            weight: mask.select(all.weight, zero),
+            place: mask.select(all.place, zero),
+            value: mask.select(all.value, zero),
+        }
+    }
+}
+
 /// What sixteen rays have gathered; weights are shares of the light that reaches the camera.
 pub struct Sums<S: Simd> {
     pub bright: f32x16<S>,
@@ -21,10 +60,10 @@ pub struct Sums<S: Simd> {
     pub depth: f32x16<S>,
     /// 1 − A.
     pub through: f32x16<S>,
-    /// Of the passage that is under way: its weight, and that times place and value.
-    pub weight: f32x16<S>,
-    pub place: f32x16<S>,
-    pub value: f32x16<S>,
+    /// The passage that is under way.
+    pub passage: Passage<S>,
+    /// A passage that has ended and is not yet shaded.
+    pub waiting: Passage<S>,
     /// Number of passages that ended before another began.
     pub passages: f32x16<S>,
     /// Of the first of them, if there was another after it: its weight, and that times place.
@@ -32,7 +71,34 @@ pub struct Sums<S: Simd> {
 }
 
 impl<S: Simd> Sums<S> {
-    /// Counts the passages of the rays in `mask`, which have been shaded: others begin.
+    /// Nothing yet.
+    #[inline(always)]
+    pub fn new(simd: S) -> Self {
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+        let none = Passage::none(simd);
+        Self {
+            bright: zero,
+            tone: zero,
+            depth: zero,
+            through: one,
+            passage: none,
+            waiting: none,
+            passages: zero,
+            front: [zero; 2],
+        }
+    }
+
+    /// Has the passages of the rays in `mask`, for which none waits, wait to be shaded.
+    #[inline(always)]
+    pub fn end(&mut self, simd: S, mask: mask32x16<S>) {
+        let ended = self.passage.take(simd, mask);
+        self.depth += ended.place;
+        self.waiting.weight += ended.weight;
+        self.waiting.place += ended.place;
+        self.waiting.value += ended.value;
+    }
+
+    /// Counts the passages of the rays in `mask`, which have ended: others begin.
     #[inline(always)]
     pub fn count(&mut self, simd: S, mask: mask32x16<S>) {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
@@ -43,25 +109,17 @@ impl<S: Simd> Sums<S> {
 }
 
 impl Rays<'_> {
-    /// Shades the passages of the rays in `mask` and begins new ones.
+    /// Shades the passages that wait.
     #[inline(never)]
-    pub fn flush<S: Simd>(
-        &self,
-        simd: S,
-        ray: &Lanes<S>,
-        mask: mask32x16<S>,
-        light: &mut Sums<S>,
-        cells: &mut Cells,
-        within_wall: bool,
-    ) {
+    pub fn shade<S: Simd>(&self, simd: S, ray: &Lanes<S>, light: &mut Sums<S>, cells: &mut Cells, within_wall: bool) {
         simd.vectorize(
             #[inline(always)]
             || {
                 let zero = f32x16::splat(simd, 0.0);
                 let one = f32x16::splat(simd, 1.0);
-                let weight = mask.select(light.weight, one);
-                let k = light.place / weight;
-                let q = ray.at_each(self.origin, k);
+                let Passage { weight, place, value } = light.waiting;
+                let mask = light.waiting.any();
+                let q = ray.at_each(self.origin, place / mask.select(weight, one));
                 let (cell, t) = split(q);
                 let g = self.gradient(simd, mask, cell, t, cells);
                 let dot = g[0] * ray.world[0] + g[1] * ray.world[1] + g[2] * ray.world[2];
@@ -73,12 +131,9 @@ impl Rays<'_> {
                     self.face_camera(&mut facing, q, mask.to_bitmask());
                 }
                 let shade = facing * DIFFUSE + AMBIENT;
-                light.bright += mask.select(light.weight * shade, zero);
-                light.tone += mask.select(light.value * shade, zero);
-                light.depth += mask.select(light.place, zero);
-                light.weight = mask.select(zero, light.weight);
-                light.place = mask.select(zero, light.place);
-                light.value = mask.select(zero, light.value);
+                light.bright += mask.select(weight * shade, zero);
+                light.tone += mask.select(value * shade, zero);
+                light.waiting = Passage::none(simd);
             },
         );
     }
