@@ -336,7 +336,7 @@ impl<'a> Rays<'a> {
 
     /// The rays through the points (`x`, `y`) of the picture.
     #[inline(always)]
-    fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Lanes<S> {
+    pub(super) fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Lanes<S> {
         let one = f32x16::splat(simd, 1.0);
         let (u, v) = ((x - self.centre[0]) * self.pixel, (y - self.centre[1]) * -self.pixel);
         let shrink = one / (one + u * u + v * v).sqrt();
