@@ -1,6 +1,7 @@
 //! The ray caster for flights: sixteen rays at once, leaping in bundles, shaded cell by cell.
 
 mod beam;
+mod blur;
 mod cells;
 mod fit;
 mod halved;
@@ -77,6 +78,8 @@ pub struct Fast {
     settings: Settings,
     pixels: Pixels,
     occupancy: Arc<Occupancy>,
+    /// How thick the wall is, voxels: [`blur::blur`].
+    blur: f32,
     /// A cache for each thread; what is in it depends on the space alone.
     cells: Arc<[Mutex<Cells>]>,
     lattice: Lattice,
@@ -94,8 +97,17 @@ impl Fast {
     pub fn with_level(space: &Space, settings: Settings, pixels: Pixels, level: Level) -> Self {
         let occupancy = Arc::new(Occupancy::new(space.volume(), space.wall()));
         let cells = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
-        let direct = Direct::new(space, settings);
-        Self { space: space.clone(), settings, pixels, occupancy, cells, lattice: Lattice::default(), level, direct }
+        Self {
+            space: space.clone(),
+            settings,
+            pixels,
+            occupancy,
+            blur: blur::blur(space.volume(), space.wall()),
+            cells,
+            lattice: Lattice::default(),
+            level,
+            direct: Direct::new(space, settings),
+        }
     }
 
     /// Another renderer of the same space, which shares what was prepared.
@@ -105,6 +117,7 @@ impl Fast {
             settings,
             pixels: self.pixels,
             occupancy: Arc::clone(&self.occupancy),
+            blur: self.blur,
             cells: Arc::clone(&self.cells),
             lattice: Lattice::default(),
             level: self.level,
@@ -120,7 +133,7 @@ impl Fast {
     /// As [`Renderer::render`], with a ray for every pixel of the blocks of [`BLOCK`] × [`BLOCK`] pixels that are `wanted`,
     /// row by row of blocks; what `frame` holds elsewhere is not told.
     pub fn render_blocks(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
-        let Some(rays) = Rays::new(&self.space, &self.occupancy, view, &self.settings) else {
+        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.blur, view, &self.settings) else {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());
@@ -130,7 +143,7 @@ impl Fast {
 
 impl Renderer for Fast {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
-        let Some(rays) = Rays::new(&self.space, &self.occupancy, view, &self.settings) else {
+        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.blur, view, &self.settings) else {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());

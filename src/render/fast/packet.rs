@@ -25,7 +25,7 @@ use super::cells::{Cells, Source};
 use super::lanes::{OccupancyLanes, Voxels, interpolate};
 use super::lattice::SIDE;
 use super::occupancy::{BRICK_SHIFT, Occupancy};
-use super::passage::{Passage, Sums};
+use super::passage::{self, Passage, Sums};
 use crate::render::camera::View;
 use crate::render::gradient::{Regression, Weighting, to_world};
 use crate::render::march::Step;
@@ -34,12 +34,6 @@ use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::space::Space;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
-/// A passage is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
-/// [`PASSAGE_WEIGHT`]: as many as there are voxels in [`RESOLVED_MM`], within these bounds.
-const PASSAGE: [f32; 2] = [1.0, 2.0];
-/// What a CT of the body resolves (some 7.5 line pairs a centimetre), mm: where voxels are finer the wall's ramp takes more of
-/// them, and nothing on it is smaller.
-const RESOLVED_MM: f32 = 0.65;
 /// Share of the light below which a passage may be longer: what it errs by is a share of that.
 const PASSAGE_WEIGHT: f32 = 0.5;
 /// So many steps back a passage is shaded, however little it holds.
@@ -84,7 +78,8 @@ pub struct Rays<'a> {
     /// Halvings of the step's opacity: a step of h is two half steps.
     power: i32,
     sensitivity: f32,
-    /// How far back a passage's mean place may lie, steps.
+    /// A passage is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
+    /// [`PASSAGE_WEIGHT`].
     passage: f32,
     limit: f32,
 }
@@ -109,9 +104,15 @@ pub struct Light {
 }
 
 impl<'a> Rays<'a> {
-    /// Prepares the rays of `view`; `None` where they need what this caster does not have: two voxels along each axis, no
+    /// Prepares the rays of `view` through a wall with this [blur](super::blur::blur); `None` where they need what this caster does not have: two voxels along each axis, no
     /// more voxels, and pieces of their bits, than an `i32` counts, a camera within ten thousand voxels.
-    pub fn new(space: &'a Space, occupancy: &'a Occupancy, view: &View, settings: &Settings) -> Option<Self> {
+    pub fn new(
+        space: &'a Space,
+        occupancy: &'a Occupancy,
+        blur: f32,
+        view: &View,
+        settings: &Settings,
+    ) -> Option<Self> {
         let volume = space.volume();
         let grid = volume.grid();
         let voxels = Voxels::new(volume)?;
@@ -149,7 +150,7 @@ impl<'a> Rays<'a> {
             scale: 1.0 / (wall.hi() - wall.lo()),
             power: step.power,
             sensitivity: settings.sensitivity,
-            passage: (RESOLVED_MM / grid.min_spacing() as f32).clamp(PASSAGE[0], PASSAGE[1]),
+            passage: passage::steps(blur, step.power),
             limit: (1 << 22) as f32,
         })
     }
