@@ -12,13 +12,23 @@ const RISE: f32 = 1000.0;
 /// Every so many rows of a slice tell of the blur, and by how many they lie further up in the next slice: so that all rows'
 /// places and all slices are among them.
 const ROWS: [usize; 2] = [64, 27];
+/// Voxels of blur up to which waves are taken to be as short as the grid can hold: as many as the phantom has at 0.7 mm; a CT has
+/// fewer.
+const SHARP: f32 = 2.1;
+/// The longest waves that are counted on.
+pub const LONGEST: f32 = 2.0;
 /// HU that differences of neighbouring voxels are counted by, and how many such classes there are.
 const CLASS: [usize; 2] = [4, 512];
+
+/// How long the finest waves are that the scan holds, twice the smallest spacing: 1 where the wall is as sharp as voxels can show.
+pub fn waves(volume: &Volume, wall: Wall) -> f32 {
+    (blur(volume, wall) / SHARP).clamp(1.0, LONGEST)
+}
 
 /// How thick the wall is where it is sharp, voxels of the smallest spacing: so many share the rise from air to tissue where nine
 /// tenths of the neighbouring voxels on both sides of the wall differ by less. The number is the scanner's, the kernel's and the
 /// grid's; noise makes it smaller. 0 where there is no wall.
-pub fn blur(volume: &Volume, wall: Wall) -> f32 {
+fn blur(volume: &Volume, wall: Wall) -> f32 {
     let grid = volume.grid();
     let [nx, ny, nz] = grid.dims();
     let iso = wall.iso() as i16;

@@ -162,6 +162,12 @@ impl<'a> OccupancyLanes<'a> {
     /// Whether the bit of one of the cells `g` of the lanes in `wanted` is set.
     #[inline(always)]
     pub fn any<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> bool {
+        (wanted & self.set(simd, g)).any_true()
+    }
+
+    /// The lanes in whose cells `g` the bit is set.
+    #[inline(always)]
+    pub fn set<S: Simd>(&self, simd: S, g: [i32x16<S>; 3]) -> mask32x16<S> {
         let [x, y, z] = self.within(g);
         let line = (x >> 3) + (y >> 3) * self.bit_cubes[0] + (z >> 3) * self.bit_cubes[1];
         // Four pieces to a brick, of which each holds a layer: two layers are loaded.
@@ -170,7 +176,7 @@ impl<'a> OccupancyLanes<'a> {
         // SAFETY: the piece within the line is one of the first 31. The line is that of a cell within the bricks, and `new`
         // made sure that `bits` has all of these and that their pieces fit an i32. A line is `repr(C)` and has no padding.
         let found = unsafe { pairs(simd, self.bits.as_ptr().cast(), at) };
-        (wanted & ((found >> bit) & 1).simd_eq(1)).any_true()
+        ((found >> bit) & 1).simd_eq(1)
     }
 
     /// The least distance of the bricks about the cells `g` of the lanes in `wanted`, bricks.
@@ -180,7 +186,7 @@ impl<'a> OccupancyLanes<'a> {
         let line = (x >> 4) + (y >> 4) * self.distance_cubes[0] + (z >> 4) * self.distance_cubes[1];
         // A row of four distances is two pieces.
         let at = line * PIECES + (((y >> 1) & 6) + ((z << 1) & 24));
-        // SAFETY: as in `any`; the piece within the line is one of the first 31.
+        // SAFETY: as in `set`; the piece within the line is one of the first 31.
         let found = unsafe { pairs(simd, self.distances.as_ptr().cast(), at) };
         let distance = (found >> ((x << 1) & 24)) & 255;
         wanted.select(distance, i32x16::splat(simd, 255)).reduce_min()

@@ -78,8 +78,8 @@ pub struct Fast {
     settings: Settings,
     pixels: Pixels,
     occupancy: Arc<Occupancy>,
-    /// How thick the wall is, voxels: [`blur::blur`].
-    blur: f32,
+    /// How smooth the scan is: [`blur::waves`].
+    waves: f32,
     /// A cache for each thread; what is in it depends on the space alone.
     cells: Arc<[Mutex<Cells>]>,
     lattice: Lattice,
@@ -102,7 +102,7 @@ impl Fast {
             settings,
             pixels,
             occupancy,
-            blur: blur::blur(space.volume(), space.wall()),
+            waves: blur::waves(space.volume(), space.wall()),
             cells,
             lattice: Lattice::default(),
             level,
@@ -117,7 +117,7 @@ impl Fast {
             settings,
             pixels: self.pixels,
             occupancy: Arc::clone(&self.occupancy),
-            blur: self.blur,
+            waves: self.waves,
             cells: Arc::clone(&self.cells),
             lattice: Lattice::default(),
             level: self.level,
@@ -133,7 +133,7 @@ impl Fast {
     /// As [`Renderer::render`], with a ray for every pixel of the blocks of [`BLOCK`] × [`BLOCK`] pixels that are `wanted`,
     /// row by row of blocks; what `frame` holds elsewhere is not told.
     pub fn render_blocks(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
-        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.blur, view, &self.settings) else {
+        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings) else {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());
@@ -143,7 +143,7 @@ impl Fast {
 
 impl Renderer for Fast {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
-        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.blur, view, &self.settings) else {
+        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings) else {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());
@@ -194,6 +194,26 @@ mod tests {
             samples = [samples[0] + quick.samples, samples[1] + all.samples];
         }
         samples
+    }
+
+    /// Steps of two voxels, and specks that are finer.
+    #[test]
+    fn what_is_left_out_of_a_smooth_scan_changes_nothing() {
+        let grid = Grid::new([64; 3], DVec3::splat(0.4), DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let value = |n: usize| {
+            let [x, y, z] = [n % 64, n / 64 % 64, n / 4096].map(|c| c as f64);
+            let wall = ((DVec3::new(x, y, z) - 31.0).length() - 20.0) / 8.0;
+            if n.is_multiple_of(7919) { -300 } else { (-650.0 + 1000.0 * wall).clamp(-1000.0, 0.0) as i16 }
+        };
+        let volume = Volume::new(grid.clone(), (0..grid.len()).map(value).collect());
+        let space = Space::new(Arc::new(volume), Wall::default());
+        assert_eq!(Fast::new(&space, Settings::default(), Pixels::Needed).waves, blur::LONGEST);
+        let views = [DVec3::X, DVec3::new(0.3, -0.8, 0.1), DVec3::new(-1.0, 1.0, 1.0)]
+            .map(|way| View::new(grid.world(DVec3::new(30.3, 32.1, 29.7)), way, DVec3::Z, 100.0, 90, 80).unwrap());
+        for power in [-4, -1, 0, 2] {
+            let [taken, all] = compare(&space, &views, power, Pixels::Needed);
+            assert!(taken < all, "{taken} {all}");
+        }
     }
 
     #[test]

@@ -5,15 +5,17 @@
 //!
 //! **Steps.** The volume is sampled at t = k·Δs, and between two samples the value is taken as linear (pre-integration,
 //! Engel, Kraus and Ertl 2001): each step is composed of two half steps at its quarter and three quarters. Values are
-//! smooth on the scale of a voxel, so that this is as good as half steps with samples of their own.
+//! smooth on the scale of a voxel, so that this is as good as half steps with samples of their own. Where the scan is smooth on
+//! the scale of two ([`blur`](super::blur)) steps are twice as long. So that no wall is passed over that shorter ones would meet,
+//! a step with both ends before the wall and its middle in a cell that holds something is sampled there, too.
 //!
 //! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value
-//! ([`passage`](super::passage)). A passage ends where a step adds nothing, or when it is long ([`PASSAGE`]).
+//! ([`passage`](super::passage)). A passage ends where a step adds nothing, or when it is long ([`passage::steps`]).
 //!
 //! **Empty space.** Where a bundle of rays meets something first may be known before it is cast ([`Beam`]). From there on a
-//! step at whose beginning no ray sees anything, and at whose end all rays are in empty cells, is taken without looking at the
-//! volume; after some of these in a row ([`PATIENCE`]) the rays leap, all of them equally far. Samples lie on the same lattice
-//! whatever is left out, so that this changes no bit of the picture.
+//! step at whose beginning no ray sees anything, and of which all places to sample lie in empty cells, is taken without looking
+//! at the volume; after some of these in a row ([`PATIENCE`]) the rays leap, all of them equally far. Samples lie on the same
+//! lattice whatever is left out, so that this changes no bit of the picture.
 
 use std::array::from_fn;
 
@@ -21,6 +23,7 @@ use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::beam::Beam;
+use super::blur;
 use super::cells::{Cells, Source};
 use super::lanes::{OccupancyLanes, Voxels, interpolate};
 use super::lattice::SIDE;
@@ -74,6 +77,7 @@ pub struct Rays<'a> {
     border: Vec3,
     foot: f32,
     lo: f32,
+    iso: f32,
     scale: f32,
     /// Halvings of the step's opacity: a step of h is two half steps.
     power: i32,
@@ -81,6 +85,8 @@ pub struct Rays<'a> {
     /// A passage is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
     /// [`PASSAGE_WEIGHT`].
     passage: f32,
+    /// Whether steps are twice as long as was asked for.
+    smooth: bool,
     limit: f32,
 }
 
@@ -104,12 +110,13 @@ pub struct Light {
 }
 
 impl<'a> Rays<'a> {
-    /// Prepares the rays of `view` through a wall with this [blur](super::blur::blur); `None` where they need what this caster does not have: two voxels along each axis, no
-    /// more voxels, and pieces of their bits, than an `i32` counts, a camera within ten thousand voxels.
+    /// Prepares the rays of `view` in a scan with these [`waves`](super::blur::waves); `None` where they need what this caster
+    /// does not have: two voxels along each axis, no more voxels, and pieces of their bits, than an `i32` counts, a camera within
+    /// ten thousand voxels.
     pub fn new(
         space: &'a Space,
         occupancy: &'a Occupancy,
-        blur: f32,
+        waves: f32,
         view: &View,
         settings: &Settings,
     ) -> Option<Self> {
@@ -120,9 +127,9 @@ impl<'a> Rays<'a> {
         if origin.abs().max_element() > FAR {
             return None;
         }
+        let smooth = waves >= blur::LONGEST;
         // Two half steps to a step.
-        let power = settings.step_power + 1;
-        let step = Step::new(space, power);
+        let step = Step::new(space, settings.step_power + 1 + i32::from(smooth));
         let per_step = [view.forward(), view.right(), view.up()]
             .map(|d| (grid.to_voxel().transform_vector3(d) * step.mm).as_vec3());
         let wall = space.wall();
@@ -147,10 +154,12 @@ impl<'a> Rays<'a> {
             border,
             foot: wall.lo() + FOOT,
             lo: wall.lo(),
+            iso: wall.iso() as f32,
             scale: 1.0 / (wall.hi() - wall.lo()),
             power: step.power,
             sensitivity: settings.sensitivity,
-            passage: passage::steps(blur, step.power),
+            passage: passage::steps(waves, step.power),
+            smooth,
             limit: (1 << 22) as f32,
         })
     }
@@ -227,9 +236,18 @@ impl<'a> Rays<'a> {
             let mut ask = if begun { k + PATIENCE } else { k };
             let mut open = never;
             while k < end + 1.0 {
+                // Rays before the wall whose place in the middle of the step is in a cell that holds something.
+                let mut thin = never;
+                if self.smooth {
+                    let before = active & v0.simd_le(self.iso);
+                    if before.any_true() {
+                        let (cell, _) = split(ray.at(self.origin, k + 0.5));
+                        thin = before & self.lookup.set(simd, cell);
+                    }
+                }
                 if !(active & v0.simd_gt(foot)).any_true() {
                     let (cell, _) = split(ray.at(self.origin, k + 1.0));
-                    if !self.lookup.any(simd, cell, active) {
+                    if !thin.any_true() && !self.lookup.any(simd, cell, active) {
                         k += 1.0;
                         if k >= ask {
                             let leap = self.leap(self.lookup.nearest(simd, cell, active));
@@ -247,14 +265,28 @@ impl<'a> Rays<'a> {
                 }
                 let v1 = self.value(simd, &ray, k + 1.0, active);
                 samples += 16;
-                // How far below the foot it was matters where the step ends above.
-                if !sampled && (active & v1.simd_gt(foot)).any_true() {
+                let mut shows = active & v1.simd_gt(foot);
+                thin &= v1.simd_le(self.iso);
+                let mut middle = foot;
+                if thin.any_true() {
+                    middle = self.value(simd, &ray, k + 0.5, thin);
+                    samples += 16;
+                    // Where nothing is, the cell may as well be known to be empty.
+                    thin &= middle.simd_gt(foot);
+                    shows |= thin;
+                }
+                // How far below the foot it was matters where something shows after it.
+                if !sampled && shows.any_true() {
                     v0 = self.value(simd, &ray, k, active);
                     samples += 16;
                 }
                 sampled = true;
                 let difference = v1 - v0;
-                let (early, late) = (v0 + difference * 0.25, v0 + difference * 0.75);
+                let (mut early, mut late) = (v0 + difference * 0.25, v0 + difference * 0.75);
+                if thin.any_true() {
+                    early = thin.select((v0 + middle) * 0.5, early);
+                    late = thin.select((middle + v1) * 0.5, late);
+                }
                 let seen = active & early.max(late).simd_gt(self.foot);
                 if seen.any_true() {
                     let Passage { weight, place, .. } = light.passage;
@@ -443,4 +475,53 @@ pub fn split<S: Simd>(q: [f32x16<S>; 3]) -> ([i32x16<S>; 3], [f32x16<S>; 3]) {
     let place = [q[0] - floor[0], q[1] - floor[1], q[2] - floor[2]];
     let cell = [floor[0].to_int(), floor[1].to_int(), floor[2].to_int()];
     (cell, place)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DMat3;
+
+    use super::super::levels;
+    use super::*;
+    use crate::render::{Quality, Wall};
+    use crate::volume::{Grid, Volume};
+
+    /// Steps of two voxels meet walls of one voxel and more wherever the steps' ends lie. Without a look at the middle they pass
+    /// over some of them.
+    #[test]
+    fn long_steps_miss_no_thin_wall() {
+        let grid = Grid::new([64, 48, 48], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let value = |n: usize, behind: i16| match n % 64 {
+            30 => 0,
+            31 => behind,
+            _ => -1000,
+        };
+        for behind in [-1000, -900, -800, -700, -600, -300, 0] {
+            let data = (0..grid.len()).map(|n| value(n, behind)).collect();
+            let space = Space::new(Arc::new(Volume::new(grid.clone(), data)), Wall::default());
+            let occupancy = Occupancy::new(space.volume(), space.wall());
+            for shift in 0..40 {
+                let from = DVec3::new(4.0 + 0.05 * f64::from(shift), 24.3, 23.6);
+                let view = View::new(from, DVec3::X, DVec3::Z, 12.0, 16, 16).unwrap();
+                let settings = Settings::new(Quality::High);
+                let [short, long] = [1.0, blur::LONGEST].map(|waves| {
+                    let rays = Rays::new(&space, &occupancy, waves, &view, &settings).unwrap();
+                    assert_eq!(rays.step(), waves);
+                    let mut cells = Cells::default();
+                    fearless_simd::dispatch!(levels()[0].1, simd => rays.packet(simd, [0, 0], 4, 0.0, &mut cells))
+                });
+                for n in 0..16 {
+                    let through = [short.through[n], long.through[n]];
+                    let [a, b] = [short.depth[n], 2.0 * long.depth[n]];
+                    let depth = [a / (1.0 - through[0]), b / (1.0 - through[1])];
+                    // One voxel is seen, two let nothing through.
+                    let most = if behind == 0 { 0.01 } else { 0.65 };
+                    assert!(through[0] < 0.01 && through[1] < most, "{behind} {shift} {n}: {through:?}");
+                    assert!((depth[0] - depth[1]).abs() < 1.5, "{behind} {shift} {n}: {depth:?}");
+                }
+            }
+        }
+    }
 }

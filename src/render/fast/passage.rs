@@ -15,15 +15,10 @@ use crate::render::shade::{AMBIENT, DIFFUSE};
 /// on, on AVX2 from eight; it is one number, so that every SIMD level gives the same bits.
 const MANY: usize = 8;
 
-/// Steps from a passage's mean place after which another begins.
-const STEPS: [f32; 2] = [1.0, 2.0];
-/// Voxels of [`blur`](super::blur::blur) to a step of them: the phantom has as many at 0.7 mm, a CT fewer.
-const BLUR: f32 = 2.2;
-
-/// How far back a passage's mean place may lie, in steps of 2^`power` voxels, in a scan with this
-/// [`blur`](super::blur::blur): where the wall takes more of them its gradient turns less from one to the next.
-pub fn steps(blur: f32, power: i32) -> f32 {
-    (blur / BLUR * 2f32.powi(-power.max(0))).clamp(STEPS[0], STEPS[1])
+/// How far back a passage's mean place may lie before another begins, in steps of 2^`power` voxels, in a scan with these
+/// [`waves`](super::blur::waves): where they are long the wall's gradient turns less from one step to the next.
+pub fn steps(waves: f32, power: i32) -> f32 {
+    (waves * 2f32.powi(-power.max(0))).max(1.0)
 }
 
 /// What sixteen rays meet of the wall: its weight, and that times place (steps) and value (HU above the palette's first).
