@@ -3,6 +3,7 @@
 mod beam;
 mod blur;
 mod cells;
+mod directions;
 mod fit;
 mod halved;
 mod lanes;
@@ -214,6 +215,14 @@ mod tests {
             let [taken, all] = compare(&space, &views, power, Pixels::Needed);
             assert!(taken < all, "{taken} {all}");
         }
+        let pictures = levels().into_iter().map(|(_, level)| {
+            let (mut fast, mut frame) =
+                (Fast::with_level(&space, Settings::default(), Pixels::Needed, level), Frame::default());
+            fast.render(&views[1], &mut frame);
+            frame
+        });
+        let pictures: Vec<_> = pictures.collect();
+        assert!(pictures.windows(2).all(|two| two[0] == two[1]), "SIMD levels differ");
     }
 
     #[test]

@@ -12,19 +12,19 @@
 //! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value
 //! ([`passage`](super::passage)). A passage ends where a step adds nothing, or when it is long ([`passage::steps`]).
 //!
-//! **Empty space.** Where a bundle of rays meets something first may be known before it is cast ([`Beam`]). From there on a
+//! **Empty space.** Where a bundle of rays meets something first may be known before it is cast ([`Beam`](super::beam::Beam)). From there on a
 //! step at whose beginning no ray sees anything, and of which all places to sample lie in empty cells, is taken without looking
 //! at the volume; after some of these in a row ([`PATIENCE`]) the rays leap, all of them equally far. Samples lie on the same
 //! lattice whatever is left out, so that this changes no bit of the picture.
 
 use std::array::from_fn;
 
-use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
+use fearless_simd::{Simd, f32x16, mask32x16, prelude::*};
 use glam::{DVec3, Vec3};
 
-use super::beam::Beam;
 use super::blur;
 use super::cells::{Cells, Source};
+use super::directions::{Directions, split};
 use super::lanes::{OccupancyLanes, Voxels, interpolate};
 use super::lattice::SIDE;
 use super::occupancy::{BRICK_SHIFT, Occupancy};
@@ -296,10 +296,7 @@ impl<'a> Rays<'a> {
                         behind.simd_gt(self.passage) & weight.simd_gt(PASSAGE_WEIGHT) | behind.simd_gt(PASSAGE_FAR);
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
-                        if (ended & light.waiting.any()).any_true() {
-                            self.shade(simd, &ray, &mut light, cells, within_wall);
-                        }
-                        light.end(simd, ended);
+                        self.end(simd, &ray, ended, &mut light, cells, within_wall);
                         light.count(simd, ended & !open);
                     }
                     let (t0, t1) = (self.through(simd, early), self.through(simd, late));
@@ -369,11 +366,11 @@ impl<'a> Rays<'a> {
 
     /// The rays through the points (`x`, `y`) of the picture.
     #[inline(always)]
-    pub(super) fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Lanes<S> {
+    pub(super) fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Directions<S> {
         let one = f32x16::splat(simd, 1.0);
         let (u, v) = ((x - self.centre[0]) * self.pixel, (y - self.centre[1]) * -self.pixel);
         let shrink = one / (one + u * u + v * v).sqrt();
-        Lanes { along: self.turn(self.step, u, v, shrink), world: self.turn(self.world, u, v, shrink) }
+        Directions { along: self.turn(self.step, u, v, shrink), world: self.turn(self.world, u, v, shrink) }
     }
 
     #[inline(always)]
@@ -383,7 +380,7 @@ impl<'a> Rays<'a> {
 
     /// Trilinear HU of the rays in `wanted` at `k`; of the others anything.
     #[inline(always)]
-    fn value<S: Simd>(&self, simd: S, ray: &Lanes<S>, k: f32, wanted: mask32x16<S>) -> f32x16<S> {
+    fn value<S: Simd>(&self, simd: S, ray: &Directions<S>, k: f32, wanted: mask32x16<S>) -> f32x16<S> {
         let q = ray.at(self.origin, k);
         let (cell, t) = split(q);
         let value = interpolate(simd, self.voxels.corners(simd, cell, wanted), t);
@@ -432,49 +429,6 @@ impl<'a> Rays<'a> {
         let zero = f32x16::splat(simd, 0.0);
         (hu - low).max(zero).min(f32x16::splat(simd, high - low))
     }
-}
-
-/// The directions of sixteen rays.
-pub struct Lanes<S: Simd> {
-    /// A step, voxels.
-    along: [f32x16<S>; 3],
-    /// World direction, of unit length.
-    pub world: [f32x16<S>; 3],
-}
-
-impl<S: Simd> Lanes<S> {
-    /// The rays' places `k` steps from `origin`.
-    #[inline(always)]
-    fn at(&self, origin: Vec3, k: f32) -> [f32x16<S>; 3] {
-        let [x, y, z] = self.along;
-        [x * k + origin.x, y * k + origin.y, z * k + origin.z]
-    }
-
-    /// As [`Lanes::at`], each ray with its own `k`.
-    #[inline(always)]
-    pub fn at_each(&self, origin: Vec3, k: f32x16<S>) -> [f32x16<S>; 3] {
-        let [x, y, z] = self.along;
-        [x * k + origin.x, y * k + origin.y, z * k + origin.z]
-    }
-
-    /// The bundle of the rays, and of those whose steps are up to `margin` beside theirs, voxels.
-    #[inline(always)]
-    fn beam(&self, origin: Vec3, margin: f32) -> Beam {
-        let [x, y, z] = self.along;
-        let low = Vec3::new(x.reduce_min(), y.reduce_min(), z.reduce_min());
-        let high = Vec3::new(x.reduce_max(), y.reduce_max(), z.reduce_max());
-        Beam::new(origin, low - margin, high + margin)
-    }
-}
-
-/// Cells (counted from cell −1) and the places within them, 0 to 1.
-#[inline(always)]
-pub fn split<S: Simd>(q: [f32x16<S>; 3]) -> ([i32x16<S>; 3], [f32x16<S>; 3]) {
-    // Not by `map`: closures do not inherit the level's instructions.
-    let floor = [q[0].floor(), q[1].floor(), q[2].floor()];
-    let place = [q[0] - floor[0], q[1] - floor[1], q[2] - floor[2]];
-    let cell = [floor[0].to_int(), floor[1].to_int(), floor[2].to_int()];
-    (cell, place)
 }
 
 #[cfg(test)]

@@ -6,8 +6,9 @@ use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::Vec3;
 
 use super::cells::Cells;
+use super::directions::{Directions, split};
 use super::fit::gradients;
-use super::packet::{Lanes, Rays, split};
+use super::packet::Rays;
 use crate::render::sampler::is_homogeneous;
 use crate::render::shade::{AMBIENT, DIFFUSE};
 
@@ -115,9 +116,33 @@ impl<S: Simd> Sums<S> {
 }
 
 impl Rays<'_> {
+    /// Ends the passages of the rays in `mask`; where another one waits already those that do are shaded.
+    #[inline(always)]
+    pub fn end<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Directions<S>,
+        mask: mask32x16<S>,
+        light: &mut Sums<S>,
+        cells: &mut Cells,
+        within_wall: bool,
+    ) {
+        if (mask & light.waiting.any()).any_true() {
+            self.shade(simd, ray, light, cells, within_wall);
+        }
+        light.end(simd, mask);
+    }
+
     /// Shades the passages that wait.
     #[inline(never)]
-    pub fn shade<S: Simd>(&self, simd: S, ray: &Lanes<S>, light: &mut Sums<S>, cells: &mut Cells, within_wall: bool) {
+    pub fn shade<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Directions<S>,
+        light: &mut Sums<S>,
+        cells: &mut Cells,
+        within_wall: bool,
+    ) {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -226,23 +251,18 @@ mod tests {
     use crate::render::{Quality, Settings, Space, View, Wall};
     use crate::volume::{Grid, Volume};
 
-    /// A turned grid of stretched voxels with the same gradient everywhere, in whole HU.
-    fn sloped() -> (Space, DVec3) {
+    /// On a turned grid of stretched voxels both ways give the world's gradient, in rays that are asked for and no others.
+    #[test]
+    fn cell_by_cell_is_ray_by_ray() {
         let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
         let grid = Grid::new([20, 18, 16], DVec3::new(0.7, 0.9, 1.6), DVec3::splat(-3.0), turn).unwrap();
+        // The world's gradient is (30, -20, 10) everywhere, in whole HU.
         let slope = DVec3::new(30.0, -20.0, 10.0);
         let value = |n: usize| {
             let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
             slope.dot(turn * (DVec3::new(x, y, z) * DVec3::new(0.7, 0.9, 1.6))).round() as i16
         };
         let space = Space::new(Arc::new(Volume::new(grid, (0..20 * 18 * 16).map(value).collect())), Wall::default());
-        (space, slope)
-    }
-
-    /// Both ways give the world's gradient, in rays that are asked for and no others.
-    #[test]
-    fn cell_by_cell_is_ray_by_ray() {
-        let (space, slope) = sloped();
         let occupancy = Occupancy::new(space.volume(), space.wall());
         let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 90.0, 64, 64).unwrap();
         let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High)).unwrap();
@@ -272,37 +292,51 @@ mod tests {
         }
     }
 
-    /// Whether a ray's passages are shaded one by one or two at once, each adds its own light and place.
+    /// Whether a ray's passages are shaded one by one or two at once, each adds its own light at its own place: the gradient
+    /// turns by more than a right angle between them.
     #[test]
     fn passages_that_wait_are_not_lost() {
-        let (space, slope) = sloped();
+        let spacing = DVec3::new(0.7, 0.9, 1.6);
+        let grid = Grid::new([20, 18, 16], spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        // The gradient is 40 HU/mm for each mm from the middle.
+        let middle = DVec3::new(9.0, 8.0, 7.0) * spacing;
+        let value = |n: usize| {
+            let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
+            (20.0 * (DVec3::new(x, y, z) * spacing).distance_squared(middle)).round() as i16
+        };
+        let data = (0..20 * 18 * 16).map(value).collect();
+        let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
         let occupancy = Occupancy::new(space.volume(), space.wall());
-        let view =
-            View::new(space.volume().grid().world(DVec3::new(9.0, 8.0, 7.0)), slope, DVec3::Z, 40.0, 64, 64).unwrap();
+        let camera = middle + DVec3::new(-1.2, 1.0, 0.8);
+        let view = View::new(camera, DVec3::X, DVec3::Z, 40.0, 64, 64).unwrap();
         let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High)).unwrap();
+        let passages = [(0.5, 1.0, 2.0), (0.2, 2.5, 3.0), (0.1, 4.0, 1.0)];
         fearless_simd::dispatch!(levels()[0].1, simd => {
             let number: [f32; 16] = std::array::from_fn(|n| n as f32);
             let number = f32x16::load_array_ref(simd, &number);
             let ray = rays.lanes(simd, number * 4.0, number * 2.0 + 7.0);
             let mut light = Sums::new(simd);
             let mut cells = Cells::default();
-            // The first ends in half of the rays, the second in a third of them, the third in all.
-            for (share, place, ends) in [(0.5, 1.0, 2.0), (0.2, 2.5, 3.0), (0.1, 4.0, 1.0)] {
-                let ended = (number - (number * (1.0 / ends) + 0.01).floor() * ends).simd_lt(0.5);
+            // Each passage ends in some of the rays before it does in the others.
+            for (share, place, rest) in passages {
+                let late = (number - (number * (1.0 / rest) + 0.01).floor() * rest).simd_lt(0.5);
                 light.passage.weight += f32x16::splat(simd, share);
                 light.passage.place += f32x16::splat(simd, share * place);
                 light.passage.value += f32x16::splat(simd, share * 100.0);
-                if (ended & light.waiting.any()).any_true() {
-                    rays.shade(simd, &ray, &mut light, &mut cells, false);
-                }
-                light.end(simd, ended);
+                rays.end(simd, &ray, !late, &mut light, &mut cells, false);
+                rays.end(simd, &ray, late, &mut light, &mut cells, false);
             }
             rays.shade(simd, &ray, &mut light, &mut cells, false);
             let (bright, tone, depth) = (light.bright.to_array(), light.tone.to_array(), light.depth.to_array());
             for n in 0..16 {
                 let way = DVec3::from_array([0, 1, 2].map(|a| f64::from(ray.world[a][n])));
-                let shade = f64::from(AMBIENT) + f64::from(DIFFUSE) * slope.normalize().dot(way).max(0.0);
-                for (found, expected) in [(bright[n], 0.8 * shade), (tone[n], 80.0 * shade), (depth[n], 1.4)] {
+                let expected = passages.map(|(share, place, _)| {
+                    let place = camera + way * f64::from(place) * spacing.min_element();
+                    let dot = (place - middle).normalize().dot(way).max(0.0);
+                    f64::from(share) * (f64::from(AMBIENT) + f64::from(DIFFUSE) * dot)
+                });
+                let expected: f64 = expected.iter().sum();
+                for (found, expected) in [(bright[n], expected), (tone[n], 100.0 * expected), (depth[n], 1.4)] {
                     assert!((f64::from(found) - expected).abs() < 0.02 * expected, "lane {n}: {found} {expected}");
                 }
             }
