@@ -86,11 +86,11 @@ fn adaptive(space: &Space, settings: Settings, preset: Preset, reuse: bool) -> B
     let fine = Adaptive::fine(moving);
     if let (Some(fine), true) = (fine, is_fast(&moving, preset)) {
         let fast = Fast::new(space, moving, Pixels::Needed);
-        let fine = fast.beside(fine);
+        let fine = fast.beside(Fine::packets(fine));
         return Box::new(Adaptive::new(space, Box::new(fast), Some(Fine::Packets(fine))));
     }
     let fine = fine.map(|fine| match is_fast(&fine, preset) {
-        true => Fine::Packets(Fast::new(space, fine, Pixels::Needed)),
+        true => Fine::Packets(Fast::new(space, Fine::packets(fine), Pixels::Needed)),
         false => Fine::Rays(Direct::new(space, fine)),
     });
     Box::new(Adaptive::new(space, renderer(space, moving, preset, reuse), fine))

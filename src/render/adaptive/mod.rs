@@ -42,17 +42,23 @@ pub fn cost(work: &Work) -> u64 {
 
 /// What makes samples of the reference, one a pixel.
 pub enum Fine {
-    /// Packets of rays, which can be cast for some blocks of a picture alone.
+    /// Packets of rays, which can be cast for some squares of a picture alone.
     Packets(Fast),
     /// One ray after the other.
     Rays(Direct),
 }
 
 impl Fine {
-    /// Renders a sample for each pixel, or for those of the `wanted` blocks if it can.
+    /// What packets need for samples like those that rays one after the other take by `settings`: half as many, as values
+    /// between them are taken as linear.
+    pub fn packets(settings: Settings) -> Settings {
+        Settings { step_power: settings.step_power + 1, ..settings }
+    }
+
+    /// Renders a sample for each pixel, or for those of the `wanted` squares if it can.
     fn render(&mut self, view: &View, frame: &mut Frame, wanted: Option<&[bool]>) -> Work {
         match (self, wanted) {
-            (Self::Packets(fast), Some(wanted)) => fast.render_blocks(view, frame, wanted),
+            (Self::Packets(fast), Some(wanted)) => fast.render_squares(view, frame, wanted),
             (Self::Packets(fast), None) => fast.render(view, frame),
             (Self::Rays(direct), _) => direct.render(view, frame),
         }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{Fine, cost};
 use crate::render::caster::within_pixel;
-use crate::render::fast::BLOCK;
+use crate::render::fast::{BLOCK, SQUARE};
 use crate::render::{Frame, Renderer, View, Work};
 
 /// Samples a pixel of the finished picture.
@@ -13,10 +13,10 @@ pub const SAMPLES: u32 = 16;
 const ROWS: usize = 4 * BLOCK;
 /// Passes that take a sample of every pixel. The others go on where these have differed: samples that are alike have no more
 /// to tell.
-const EVERYWHERE: u32 = 4;
+const EVERYWHERE: u32 = 3;
 /// A sample that differs from those before it by no more grey levels is alike.
 const RESTLESS: u8 = 2;
-/// What a pixel of a sharp pass, of a fine one, and of one for some blocks alone costs before any was made, in samples.
+/// What a pixel of a sharp pass, of a fine one, and of one for some squares alone costs before any was made, in samples.
 const FIRST: [f64; 3] = [12.0, 24.0, 12.0];
 /// Predictions are taken for so much larger than they are.
 const MARGIN: f64 = 1.15;
@@ -28,9 +28,9 @@ pub struct Still {
     shown: Frame,
     /// Sum of each pixel's samples.
     sums: Vec<[u16; 3]>,
-    /// For each block, by how many grey levels a sample differed from those before it.
+    /// For each square, by how many grey levels a sample differed from those before it.
     unrest: Vec<u8>,
-    /// The blocks of a strip that another sample is worth its cost in.
+    /// The squares of a strip that another sample is worth its cost in.
     wanted: Vec<bool>,
     strip: Frame,
     /// The pass under way: 0 makes the picture sharp, the others take a sample a pixel each.
@@ -113,10 +113,10 @@ impl Still {
         all
     }
 
-    /// Marks the blocks of a strip that get a sample: all of them at first, then those whose samples differ.
+    /// Marks the squares of a strip that get a sample: all of them at first, then those whose samples differ.
     fn choose(&mut self, part: &View, kind: usize) {
-        let (across, down) = (part.width().div_ceil(BLOCK), part.height().div_ceil(BLOCK));
-        let first = self.row / BLOCK * across;
+        let (across, down) = (part.width().div_ceil(SQUARE), part.height().div_ceil(SQUARE));
+        let first = self.row / SQUARE * across;
         self.unrest.resize((first + across * down).max(self.unrest.len()), 0);
         if self.pass <= 1 {
             self.unrest[first..first + across * down].fill(0);
@@ -136,16 +136,16 @@ impl Still {
         }
         self.sums.resize(width * view.height(), [0; 3]);
         let sums = &mut self.sums[first..first + pixels.len()];
-        let across = width.div_ceil(BLOCK);
-        let unrest = &mut self.unrest[self.row / BLOCK * across..];
+        let across = width.div_ceil(SQUARE);
+        let unrest = &mut self.unrest[self.row / SQUARE * across..];
         let (anew, share) = (self.pass == 1, 1.0 / self.pass as f32);
-        let rows = shown.par_chunks_mut(BLOCK * width).zip(sums.par_chunks_mut(BLOCK * width));
-        let rows = rows.zip(pixels.par_chunks(BLOCK * width));
+        let rows = shown.par_chunks_mut(SQUARE * width).zip(sums.par_chunks_mut(SQUARE * width));
+        let rows = rows.zip(pixels.par_chunks(SQUARE * width));
         let blocks = unrest.par_chunks_mut(across).zip(self.wanted.par_chunks(across));
         rows.zip(blocks).for_each(|(((shown, sums), pixels), (unrest, wanted))| {
             let rows = shown.chunks_mut(width).zip(sums.chunks_mut(width)).zip(pixels.chunks(width));
             for ((shown, sums), pixels) in rows {
-                let columns = shown.chunks_mut(BLOCK).zip(sums.chunks_mut(BLOCK)).zip(pixels.chunks(BLOCK));
+                let columns = shown.chunks_mut(SQUARE).zip(sums.chunks_mut(SQUARE)).zip(pixels.chunks(SQUARE));
                 let wanted = columns.zip(unrest.iter_mut().zip(wanted)).filter(|b| *b.1.1);
                 for (((shown, sums), pixels), (unrest, _)) in wanted {
                     let all = shown.as_flattened_mut().iter_mut().zip(sums.as_flattened_mut());

@@ -26,6 +26,7 @@ pub use lattice::BLOCK;
 use lattice::Lattice;
 use occupancy::Occupancy;
 use packet::Rays;
+pub use paint::SQUARE;
 
 /// The name of the SIMD level that packets of rays use on this machine.
 pub fn simd_level() -> &'static str {
@@ -131,14 +132,14 @@ impl Fast {
         self.lattice.bytes()
     }
 
-    /// As [`Renderer::render`], with a ray for every pixel of the blocks of [`BLOCK`] × [`BLOCK`] pixels that are `wanted`,
-    /// row by row of blocks; what `frame` holds elsewhere is not told.
-    pub fn render_blocks(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
+    /// As [`Renderer::render`], with a ray for every pixel of the squares of [`SQUARE`] × [`SQUARE`] pixels that are `wanted`,
+    /// row by row of squares; what `frame` holds elsewhere is not told.
+    pub fn render_squares(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
         let Some(rays) = Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings) else {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());
-        picture::pixels_of(&rays, view, frame.buffers().0, &self.cells, self.level, Some(wanted))
+        picture::squares_of(&rays, view, frame.buffers().0, &self.cells, self.level, wanted)
     }
 }
 
@@ -154,7 +155,7 @@ impl Renderer for Fast {
         }
         match self.pixels {
             Pixels::Needed => picture::needed(&mut self.lattice, &rays, view, pixels, &self.cells, self.level),
-            Pixels::All => picture::pixels_of(&rays, view, pixels, &self.cells, self.level, None),
+            Pixels::All => picture::pixels_of(&rays, view, pixels, &self.cells, self.level),
         }
     }
 
@@ -223,6 +224,33 @@ mod tests {
         });
         let pictures: Vec<_> = pictures.collect();
         assert!(pictures.windows(2).all(|two| two[0] == two[1]), "SIMD levels differ");
+    }
+
+    /// Squares of pixels are what they are in a picture with a ray for every pixel, at its borders, too.
+    #[test]
+    fn squares_are_those_of_the_whole_picture() {
+        let space = Space::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), Wall::default());
+        let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
+        let lumen = phantom.shape().axis.frame(phantom.shape().axis.length() * 0.4);
+        let settings = Settings { step_power: -2, ..Settings::new(Quality::High) };
+        for (_, level) in levels() {
+            let mut fast = Fast::with_level(&space, settings, Pixels::All, level);
+            for [width, height] in [[1, 1], [3, 2], [70, 33], [33, 70]] {
+                let view = View::new(lumen.at, lumen.tangent, lumen.normal, 90.0, width, height).unwrap();
+                let (mut whole, mut part) = (Frame::default(), Frame::default());
+                fast.render(&view, &mut whole);
+                let across = width.div_ceil(SQUARE);
+                let mut wanted: Vec<_> = (0..across * height.div_ceil(SQUARE)).map(|n| n * n % 7 < 3).collect();
+                let is_wanted = |w: &[bool], n: usize| w[n / width / SQUARE * across + n % width / SQUARE];
+                let work = fast.render_squares(&view, &mut part, &wanted);
+                assert_eq!(work.rays, 4 * wanted.iter().filter(|w| **w).count() as u64);
+                for (n, (a, b)) in whole.pixels().iter().zip(part.pixels()).enumerate() {
+                    assert!(!is_wanted(&wanted, n) || a == b, "{width}x{height}: pixel {n}");
+                }
+                wanted.fill(false);
+                assert_eq!(fast.render_squares(&view, &mut part, &wanted), Work::default());
+            }
+        }
     }
 
     #[test]

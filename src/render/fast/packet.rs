@@ -12,10 +12,10 @@
 //! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value
 //! ([`passage`](super::passage)). A passage ends where a step adds nothing, or when it is long ([`passage::steps`]).
 //!
-//! **Empty space.** Where a bundle of rays meets something first may be known before it is cast ([`Beam`](super::beam::Beam)). From there on a
-//! step at whose beginning no ray sees anything, and of which all places to sample lie in empty cells, is taken without looking
-//! at the volume; after some of these in a row ([`PATIENCE`]) the rays leap, all of them equally far. Samples lie on the same
-//! lattice whatever is left out, so that this changes no bit of the picture.
+//! **Empty space.** Where a bundle of rays meets something first may be known before it is cast
+//! ([`Beam`](super::beam::Beam)). From there on a step at whose beginning no ray sees anything, and of which all places to sample
+//! lie in empty cells, is taken without looking at the volume; after some of these in a row ([`PATIENCE`]) the rays leap, all of
+//! them equally far. Samples lie on the same lattice whatever is left out, so that this changes no bit of the picture.
 
 use std::array::from_fn;
 
@@ -39,8 +39,6 @@ use crate::render::transfer::{FOOT, PALETTE_HU};
 
 /// Share of the light below which a passage may be longer: what it errs by is a share of that.
 const PASSAGE_WEIGHT: f32 = 0.5;
-/// So many steps back a passage is shaded, however little it holds.
-const PASSAGE_FAR: f32 = 4.0;
 /// After so many empty steps in a row the distances of the rays' bricks are looked up: near a wall they are not worth it. After
 /// a leap, and where nothing was known before, they are looked up at once.
 const PATIENCE: f32 = 8.0;
@@ -83,8 +81,8 @@ pub struct Rays<'a> {
     power: i32,
     sensitivity: f32,
     /// A passage is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
-    /// [`PASSAGE_WEIGHT`].
-    passage: f32,
+    /// [`PASSAGE_WEIGHT`], and when it lies farther back than the second number.
+    passage: [f32; 2],
     /// Whether steps are twice as long as was asked for.
     smooth: bool,
     limit: f32,
@@ -129,7 +127,8 @@ impl<'a> Rays<'a> {
         }
         let smooth = waves >= blur::LONGEST;
         // Two half steps to a step.
-        let step = Step::new(space, settings.step_power + 1 + i32::from(smooth));
+        let power = settings.step_power + 1;
+        let step = Step::new(space, power + i32::from(smooth));
         let per_step = [view.forward(), view.right(), view.up()]
             .map(|d| (grid.to_voxel().transform_vector3(d) * step.mm).as_vec3());
         let wall = space.wall();
@@ -158,7 +157,7 @@ impl<'a> Rays<'a> {
             scale: 1.0 / (wall.hi() - wall.lo()),
             power: step.power,
             sensitivity: settings.sensitivity,
-            passage: passage::steps(waves, step.power),
+            passage: passage::steps(if smooth { waves * 0.5 } else { waves }, power),
             smooth,
             limit: (1 << 22) as f32,
         })
@@ -292,8 +291,8 @@ impl<'a> Rays<'a> {
                     let Passage { weight, place, .. } = light.passage;
                     let fresh = light.passage.any();
                     let behind = zero + k - place / fresh.select(weight, one);
-                    let long =
-                        behind.simd_gt(self.passage) & weight.simd_gt(PASSAGE_WEIGHT) | behind.simd_gt(PASSAGE_FAR);
+                    let [long, far] = self.passage;
+                    let long = behind.simd_gt(long) & weight.simd_gt(PASSAGE_WEIGHT) | behind.simd_gt(far);
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
                         self.end(simd, &ray, ended, &mut light, cells, within_wall);

@@ -7,6 +7,9 @@ use super::packet::Light;
 use crate::render::Work;
 use crate::render::transfer::{PALETTE, PALETTE_HU};
 
+/// Side of the squares that can be filled one by one, pixels.
+pub const SQUARE: usize = 2;
+
 /// Rows of a picture that are being filled.
 pub struct Canvas<'a> {
     pixels: &'a mut [[u8; 3]],
@@ -42,7 +45,7 @@ impl<'a> Canvas<'a> {
         Work { rays: rays as u64, samples: u64::from(light.samples), ..Work::default() }
     }
 
-    /// Fills squares of 2×2 pixels with a packet's rays in turn.
+    /// Fills squares of [`SQUARE`] × [`SQUARE`] pixels with a packet's rays in turn.
     #[inline(never)]
     pub fn squares<S: Simd>(&mut self, simd: S, light: &Light, at: &[[usize; 2]]) -> Work {
         simd.vectorize(
@@ -50,9 +53,10 @@ impl<'a> Canvas<'a> {
             || {
                 let load = f32x16::load_array_ref;
                 let colours = colours(simd, load(simd, &light.bright), load(simd, &light.tone));
-                for (square, &[x, y]) in colours.chunks_exact(4).zip(at) {
-                    self.row(&square[..2], [x, y]);
-                    self.row(&square[2..], [x, y + 1]);
+                for (square, &[x, y]) in colours.chunks_exact(SQUARE * SQUARE).zip(at) {
+                    for (n, row) in square.chunks_exact(SQUARE).enumerate() {
+                        self.row(row, [x, y + n]);
+                    }
                 }
             },
         );

@@ -15,11 +15,20 @@ use crate::render::shade::{AMBIENT, DIFFUSE};
 /// When sixteen rays are in more cells than this, the regression is made for each ray. On AVX-512 that pays from four cells
 /// on, on AVX2 from eight; it is one number, so that every SIMD level gives the same bits.
 const MANY: usize = 8;
+/// A passage that holds little is shaded when it is so many times as far back as one that holds much.
+const FAR: f32 = 4.0;
 
-/// How far back a passage's mean place may lie before another begins, in steps of 2^`power` voxels, in a scan with these
-/// [`waves`](super::blur::waves): where they are long the wall's gradient turns less from one step to the next.
-pub fn steps(waves: f32, power: i32) -> f32 {
-    (waves * 2f32.powi(-power.max(0))).max(1.0)
+/// How far back, in steps, a passage's mean place may lie before another begins, and how far where it holds little. Steps are
+/// 2^`power` times as long as those of a flight, over `waves` of which the wall's gradient turns little. Who asks for shorter
+/// ones wants less error, too: passages are a quarter of a flight's step then.
+pub fn steps(waves: f32, power: i32) -> [f32; 2] {
+    let step = 2f32.powi(power);
+    if power < 0 {
+        let fine = (0.25 / step).min(1.0);
+        [fine, FAR * fine]
+    } else {
+        [(waves / step).max(1.0), FAR]
+    }
 }
 
 /// What sixteen rays meet of the wall: its weight, and that times place (steps) and value (HU above the palette's first).

@@ -9,12 +9,14 @@ use rayon::prelude::*;
 use super::cells::Cells;
 use super::lattice::{BLOCK, LANES, Lattice, SIDE};
 use super::packet::Rays;
-use super::paint::Canvas;
+use super::paint::{Canvas, SQUARE};
 use super::refine::Band;
 use crate::render::{View, Work};
 
 /// Rows of blocks in a band of the picture.
 const ROWS: usize = 2;
+/// Side of the tiles that squares are cast by, pixels.
+const TILE: usize = SIDE * BLOCK;
 
 /// So many packets in a row leap over what is empty near the camera together.
 const TOGETHER: usize = 4;
@@ -48,27 +50,56 @@ fn with_cells<T>(all: &[Mutex<Cells>], part: impl FnOnce(&mut Cells) -> T) -> T 
     part(&mut all[thread].lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// A ray for every pixel, or for those of the `wanted` packets, row by row of packets.
-pub fn pixels_of(
-    rays: &Rays<'_>,
-    view: &View,
-    pixels: &mut [[u8; 3]],
-    cells: &[Mutex<Cells>],
-    level: Level,
-    wanted: Option<&[bool]>,
-) -> Work {
+/// A ray for every pixel.
+pub fn pixels_of(rays: &Rays<'_>, view: &View, pixels: &mut [[u8; 3]], cells: &[Mutex<Cells>], level: Level) -> Work {
     let width = view.width();
-    let across = width.div_ceil(SIDE);
-    let is_wanted = |n: usize| wanted.is_none_or(|w| w.get(n).copied().unwrap_or(true));
     let bands = pixels.par_chunks_mut(width * SIDE).enumerate().map(|(n, band)| {
         with_cells(cells, |cells| {
             let mut canvas = Canvas::new(band, width, n * SIDE);
             let mut work = Work::default();
             on_level!(level, simd => {
-                for left in (0..width).step_by(SIDE).filter(|left| is_wanted(n * across + left / SIDE)) {
+                for left in (0..width).step_by(SIDE) {
                     let light = rays.packet(simd, [left, n * SIDE], 1, 0.0, cells);
                     work = work + canvas.packet(simd, &light, [left, n * SIDE]);
                 }
+            });
+            work
+        })
+    });
+    bands.reduce(Work::default, |a, b| a + b)
+}
+
+/// A ray for every pixel of the `wanted` squares, row by row of squares.
+pub fn squares_of(
+    rays: &Rays<'_>,
+    view: &View,
+    pixels: &mut [[u8; 3]],
+    cells: &[Mutex<Cells>],
+    level: Level,
+    wanted: &[bool],
+) -> Work {
+    let width = view.width();
+    let across = width.div_ceil(SQUARE);
+    let bands = pixels.par_chunks_mut(width * TILE).zip(wanted.par_chunks(across * (TILE / SQUARE))).enumerate();
+    let bands = bands.with_max_len(1).map(|(n, (band, wanted))| {
+        with_cells(cells, |cells| {
+            let mut work = Work::default();
+            let top = n * TILE;
+            let mut band = Band::new(rays, cells, Canvas::new(band, width, top));
+            on_level!(level, simd => {
+                // Tile by tile, so that those that wait for each other are close, and what is empty in front of all of them is
+                // leapt over once.
+                for left in (0..across).step_by(TILE / SQUARE) {
+                    let mut start = None;
+                    for (row, wanted) in wanted.chunks(across).enumerate() {
+                        for x in (left..across.min(left + TILE / SQUARE)).filter(|&x| wanted[x]) {
+                            let corner = [left * SQUARE, top].map(|c| c as f32);
+                            let start = start.get_or_insert_with(|| rays.start(simd, corner, [TILE as f32; 2], 0.0));
+                            band.square(simd, [x * SQUARE, top + row * SQUARE], *start);
+                        }
+                    }
+                }
+                work = band.finish(simd);
             });
             work
         })

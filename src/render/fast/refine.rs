@@ -1,7 +1,7 @@
 //! From the rays of a lattice to pixels, with more rays where they are needed.
 //!
-//! Blocks that are to be halved, and quarters that must be traced, wait until there are four of them, which is a whole
-//! packet. Which rays share a packet does not change what comes of them.
+//! Blocks that are to be halved, and squares of pixels that must be traced, wait until there are four of them, which is a
+//! whole packet. Which rays share a packet does not change what comes of them.
 
 use std::array::from_fn;
 
@@ -9,12 +9,12 @@ use fearless_simd::Simd;
 
 use super::cells::Cells;
 use super::halved::{HALVED_WEIGHTS, Halved, MIDDLES};
-use super::lattice::{BLOCK, Block, Point, WEIGHTS};
+use super::lattice::{Block, Point, WEIGHTS};
 use super::packet::Rays;
-use super::paint::Canvas;
+use super::paint::{Canvas, SQUARE};
 use crate::render::Work;
 
-/// So many blocks, or quarters, make a packet.
+/// So many blocks, or squares, make a packet.
 const GROUP: usize = 4;
 
 /// Some rows of a picture's blocks that are being filled.
@@ -23,7 +23,7 @@ pub struct Band<'a, 'b> {
     cells: &'a mut Cells,
     canvas: Canvas<'a>,
     blocks: Waiting<Coarse>,
-    quarters: Waiting<[usize; 2]>,
+    squares: Waiting<[usize; 2]>,
     work: Work,
 }
 
@@ -70,7 +70,7 @@ impl<T: Copy + Default> Waiting<T> {
 impl<'a, 'b> Band<'a, 'b> {
     /// Casts `rays` for the pixels of `canvas`.
     pub fn new(rays: &'a Rays<'b>, cells: &'a mut Cells, canvas: Canvas<'a>) -> Self {
-        Self { rays, cells, canvas, blocks: Waiting::default(), quarters: Waiting::default(), work: Work::default() }
+        Self { rays, cells, canvas, blocks: Waiting::default(), squares: Waiting::default(), work: Work::default() }
     }
 
     /// Fills a smooth block, whose top left corner is at pixel `at`.
@@ -94,12 +94,20 @@ impl<'a, 'b> Band<'a, 'b> {
         }
     }
 
+    /// Has a square of pixels wait until a ray is cast for each of them; nothing may be met before `start` steps.
+    #[inline(always)]
+    pub fn square<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
+        if self.squares.push(at, start) {
+            self.trace(simd);
+        }
+    }
+
     /// Fills what still waits; what it all took.
     pub fn finish<S: Simd>(&mut self, simd: S) -> Work {
         if self.blocks.len > 0 {
             self.halve(simd);
         }
-        if self.quarters.len > 0 {
+        if self.squares.len > 0 {
             self.trace(simd);
         }
         self.work
@@ -121,19 +129,20 @@ impl<'a, 'b> Band<'a, 'b> {
                 let light = halved.points().map(|p| [p.bright, p.tone]);
                 self.canvas.blend(simd, light, &HALVED_WEIGHTS, *at);
             }
+            // Its quarters are squares.
             for n in (0..4).filter(|&n| !smooth[n]) {
-                let at = [at[0] + n % 2 * (BLOCK / 2), at[1] + n / 2 * (BLOCK / 2)];
-                if self.canvas.holds(at) && self.quarters.push(at, *start) {
-                    self.trace(simd);
+                let at = [at[0] + n % 2 * SQUARE, at[1] + n / 2 * SQUARE];
+                if self.canvas.holds(at) {
+                    self.square(simd, at, *start);
                 }
             }
         }
     }
 
-    /// Casts a ray for each pixel of the waiting quarters.
+    /// Casts a ray for each pixel of the waiting squares.
     #[inline(never)]
     fn trace<S: Simd>(&mut self, simd: S) {
-        let group = std::mem::take(&mut self.quarters);
+        let group = std::mem::take(&mut self.squares);
         let pixel = |n: usize| from_fn(|axis| group.of_lane(n)[axis] + ((n % 4) >> axis & 1));
         let light = self.rays.cast(simd, pixel, group.start, self.cells);
         self.work = self.work + self.canvas.squares(simd, &light, &group.items[..group.len]);
