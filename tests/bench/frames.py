@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """Frame times of colvis along a flight, and of another renderer on the same poses in the same run.
 
-usage: python3 tests/bench/frames.py SCAN [--poses 240] [--threads 2] [--check N] [--vtk "PYTHON vtk_raycast.py"]
+usage: python3 tests/bench/frames.py SCAN [--poses 240] [--threads 2] [--runs 1] [--check N] [--vtk "PYTHON vtk_raycast.py"]
 
 Flies SCAN headless, spreads the poses over the flight, renders them at 512 and 1024 pixels square in high quality, and prints
-one line each: median and 99th percentile of a frame, ms, and what came before the first frame. --vtk names a command that takes
-`SCAN POSES --size N --threads N` and prints a line of JSON with median_ms. --check N renders every N-th pose by brute force
-as well and prints the least and the mean PSNR; it
-needs NumPy and SimpleITK, without it the standard library is enough.
+one line each: median and 99th percentile of a frame, ms, and what came before the first frame. --runs N renders them N times and
+prints the same of each pose's least time as well: which poses are slow, whatever else the machine did meanwhile. --vtk names a
+command that takes `SCAN POSES --size N --threads N` and prints a line of JSON with median_ms. --check N renders every N-th pose
+by brute force as well and prints the least and the mean PSNR; it needs NumPy and SimpleITK, without it the standard library is
+enough.
 """
 import argparse, json, pathlib, shlex, subprocess, tempfile
 
@@ -15,9 +16,18 @@ ap = argparse.ArgumentParser()
 ap.add_argument("scan")
 ap.add_argument("--poses", type=int, default=240)
 ap.add_argument("--threads", default="2")
+ap.add_argument("--runs", type=int, default=1)
 ap.add_argument("--vtk")
 ap.add_argument("--check", type=int, default=0)
 a = ap.parse_args()
+
+
+def spread(ms):
+    """Median and 99th percentile."""
+    ms = sorted(ms)
+    return ms[len(ms) // 2], ms[int(len(ms) * 0.99)]
+
+
 colvis = pathlib.Path(__file__).resolve().parents[2] / "target/release/colvis"
 with tempfile.TemporaryDirectory() as folder:
     at = lambda name: f"{folder}/{name}"
@@ -32,15 +42,21 @@ with tempfile.TemporaryDirectory() as folder:
     json.dump({"fov_degrees": 90, "poses": poses}, open(at("poses"), "w"))
     for size in (512, 1024):
         render = [colvis, "render", a.scan, "--poses", at("poses"), "--out", at("images"), "--size", f"{size}x{size}"]
-        subprocess.run([*render, "--threads", a.threads, "--stats", at("frames")], check=True, stderr=subprocess.DEVNULL)
-        ms = sorted(f["ms"] for f in json.load(open(at("frames")))["frames"])
-        line = f"{size}x{size}: colvis median {ms[len(ms) // 2]:.1f} ms, p99 {ms[int(len(ms) * 0.99)]:.1f} ms"
+        runs = []
+        for _ in range(max(1, a.runs)):
+            subprocess.run([*render, "--threads", a.threads, "--stats", at("frames")], check=True, stderr=subprocess.DEVNULL)
+            runs.append([f["ms"] for f in json.load(open(at("frames")))["frames"]])
+        median, p99 = spread(runs[-1])
+        line = f"{size}x{size}: colvis median {median:.1f} ms, p99 {p99:.1f} ms"
         if a.vtk:
             other = [*shlex.split(a.vtk), a.scan, at("poses"), "--size", str(size), "--threads", a.threads]
             found = json.loads(subprocess.run(other, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
-            ratio = found["median_ms"] / ms[len(ms) // 2]
+            ratio = found["median_ms"] / median
             line += f"; the other median {found['median_ms']:.0f} ms, first frame {found['first_frame_s']:.1f} s, peak {found['peak_rss_mib']} MiB: ratio {ratio:.2f}"
-        print(line)
+        print(line, flush=True)
+        if a.runs > 1:
+            median, p99 = spread(map(min, zip(*runs)))
+            print(f"  each pose's least of {a.runs} runs: median {median:.1f} ms, p99 {p99:.1f} ms, {p99 / median:.2f} times as long")
         if a.check:
             import numpy, SimpleITK
 
