@@ -116,6 +116,9 @@ fn renderers_are_reported() {
     };
     let findings = report(&subjects, &extent, dir.path(), &Progress::new()).unwrap();
     assert_eq!(findings.len(), 7, "{findings:?}");
+    let refined = findings.iter().filter_map(|f| f.split_once("with a PSNR of ")?.1.split_once(" dB")?.0.parse().ok());
+    let refined: Vec<f64> = refined.collect();
+    assert!(refined.len() == 2 && refined.iter().all(|db| (45.0..99.0).contains(db)), "{findings:?}");
     let html = page(dir.path(), 10);
     let (columns, methods) = csv(&dir.path().join("a-methods.csv"));
     for c in ["method", "PSNR worst / dB", "SSIM worst", "frame median / ms", "frame p99 / ms", "samples a ray"] {

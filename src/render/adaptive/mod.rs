@@ -3,9 +3,9 @@
 //! **In motion** a picture is traced at a part of its resolution and stretched: as finely as its budget of samples and its
 //! image flow allow ([`level`], [`flow`]). What an earlier picture took predicts what the next will take.
 //!
-//! **At rest** it is made sharp first, and then refined to the reference, 16 samples a pixel at the reference's steps
-//! and sensitivity, a part with every picture that is asked for, within the same budget ([`still`]). When that is done, no
-//! ray is cast any more.
+//! **At rest** it is made sharp first, and then refined to the reference with 16 samples a pixel, a part with every picture
+//! that is asked for, within the same budget ([`still`]). When that is done, no ray is cast any more. Where three samples are
+//! alike there are no others, and packets of rays take steps of half a voxel for the reference's eighth: 50 dB of it and more.
 //!
 //! There is no clock here: a budget is a number of samples. Who has a clock turns it into samples by what samples have
 //! taken; who has none gets the same pictures every time.
