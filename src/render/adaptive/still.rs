@@ -141,12 +141,12 @@ impl Still {
         let (anew, share) = (self.pass == 1, 1.0 / self.pass as f32);
         let rows = shown.par_chunks_mut(SQUARE * width).zip(sums.par_chunks_mut(SQUARE * width));
         let rows = rows.zip(pixels.par_chunks(SQUARE * width));
-        let blocks = unrest.par_chunks_mut(across).zip(self.wanted.par_chunks(across));
-        rows.zip(blocks).for_each(|(((shown, sums), pixels), (unrest, wanted))| {
+        let squares = unrest.par_chunks_mut(across).zip(self.wanted.par_chunks(across));
+        rows.zip(squares).for_each(|(((shown, sums), pixels), (unrest, wanted))| {
             let rows = shown.chunks_mut(width).zip(sums.chunks_mut(width)).zip(pixels.chunks(width));
             for ((shown, sums), pixels) in rows {
                 let columns = shown.chunks_mut(SQUARE).zip(sums.chunks_mut(SQUARE)).zip(pixels.chunks(SQUARE));
-                let wanted = columns.zip(unrest.iter_mut().zip(wanted)).filter(|b| *b.1.1);
+                let wanted = columns.zip(unrest.iter_mut().zip(wanted)).filter(|square| *square.1.1);
                 for (((shown, sums), pixels), (unrest, _)) in wanted {
                     let all = shown.as_flattened_mut().iter_mut().zip(sums.as_flattened_mut());
                     for ((shown, sum), &new) in all.zip(pixels.as_flattened()) {
