@@ -106,7 +106,9 @@ pub fn motion(space: &Space, flown: &Flown, extent: &Extent, progress: &Progress
     }
     m.traced = median(&traced);
     if let Some((view, refined)) = first {
+        progress.stage("reference", 1);
         m.refined_db = psnr(&refined, &reference(space, &view, settings));
+        progress.advance(1)?;
     }
     Ok(m)
 }
