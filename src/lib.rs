@@ -14,7 +14,7 @@
 //! ```
 //! use std::sync::Arc;
 //! use colvis::fields::ClearanceFinder;
-//! use colvis::render::{Space, Wall, first_crossing};
+//! use colvis::render::{PreparedVolume, TransferFunction, first_crossing};
 //! use colvis::volume::{Grid, Volume};
 //! use glam::{DMat3, DVec3};
 //!
@@ -22,7 +22,7 @@
 //! let grid = Grid::new([21, 21, 21], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)?;
 //! let data = (0..grid.len()).map(|n| if n % 21 < 10 { -1000 } else { 50 }).collect();
 //! let volume = Arc::new(Volume::new(grid, data));
-//! let space = Space::new(Arc::clone(&volume), Wall::default());
+//! let space = PreparedVolume::new(Arc::clone(&volume), TransferFunction::default());
 //! let eye = DVec3::new(5.0, 10.0, 10.0);
 //! let ahead = first_crossing(&space, eye, DVec3::X, 100.0).expect("a wall");
 //! assert!((ahead - 4.333).abs() < 0.001, "−650 HU lies a third of the way from −1000 to 50");

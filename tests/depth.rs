@@ -12,7 +12,7 @@ use colvis::math::hash;
 use colvis::phantom::{Phantom, Settings, Size};
 use colvis::progress::Progress;
 use colvis::render::gradient::{Regression, Weighting, block, central_differences, to_world};
-use colvis::render::{Frame, Quality, Space, View, Wall, render};
+use colvis::render::{Frame, PreparedVolume, Quality, TransferFunction, View, render};
 use colvis::volume::{Volume, io};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -107,7 +107,11 @@ fn depth_is_that_of_the_analytic_wall() {
     // Noise is in the voxels alone: both have the same wall.
     let volumes = [false, true].map(|noise| {
         let (phantom, volume) = phantom(noise);
-        (if noise { "noise" } else { "no noise" }, phantom, Space::new(Arc::new(volume), Wall::default()))
+        (
+            if noise { "noise" } else { "no noise" },
+            phantom,
+            PreparedVolume::new(Arc::new(volume), TransferFunction::default()),
+        )
     });
     let settings = colvis::render::Settings::new(Quality::Reference);
     for n in 0..6 {

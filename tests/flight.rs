@@ -12,7 +12,7 @@ use colvis::dynamics::mines::MineSettings;
 use colvis::fields::lumen;
 use colvis::phantom::{Settings, Size};
 use colvis::progress::Progress;
-use colvis::render::{Space, Wall, value};
+use colvis::render::{PreparedVolume, TransferFunction, value};
 use colvis::volume::{Grid, Volume};
 use flying::{data, flight, fly, judge, phantom, run};
 use glam::{DMat3, DVec3};
@@ -131,7 +131,7 @@ fn where_the_camera_does_not_fit_no_flight_begins() {
     let grid = Grid::new([40, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let data = (0..grid.len()).map(|n| if n % 40 == 20 && n / 40 % 40 == 20 { -1000 } else { 40 }).collect();
     let progress = Progress::new();
-    let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+    let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
     let lumen = lumen::find(space.volume(), &progress).unwrap();
     for at in [
         DVec3::splat(20.0),

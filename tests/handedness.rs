@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use colvis::phantom::{Phantom, Settings, Size};
 use colvis::progress::Progress;
-use colvis::render::{self, Frame, Preset, Quality, Space, View, Wall, psnr, renderer};
+use colvis::render::{self, Frame, PreparedVolume, Preset, Quality, TransferFunction, View, psnr, renderer};
 use colvis::volume::{Grid, Volume, io};
 use glam::{DMat3, DVec3};
 use support::{Nifti, load};
@@ -94,7 +94,7 @@ struct Eye {
 
 impl Eye {
     fn look(&self, volume: Volume) -> Frame {
-        let space = Space::new(Arc::new(volume), Wall::default());
+        let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
         let view = View::new(self.position, self.forward, DVec3::NEG_Y, 90.0, SIDE, SIDE).unwrap();
         let mut frame = Frame::new(SIDE, SIDE, true);
         render::render(&space, &view, &render::Settings::new(Quality::Reference), &mut frame);

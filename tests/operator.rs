@@ -16,7 +16,7 @@ use colvis::error::Result;
 use colvis::fields::{Lumen, lumen};
 use colvis::phantom::{Settings, Size};
 use colvis::progress::Progress;
-use colvis::render::{Space, Wall};
+use colvis::render::{PreparedVolume, TransferFunction};
 use colvis::volume::{Grid, Volume};
 use flying::{fly, phantom};
 use glam::{DMat3, DVec3};
@@ -26,10 +26,10 @@ fn scene(guide: Guide) -> Scene {
 }
 
 /// The small phantom as it is flown from end to end.
-fn small() -> (Space, Lumen, Plan) {
+fn small() -> (PreparedVolume, Lumen, Plan) {
     let (volume, _) = phantom(&Settings { size: Size::Small, seed: 1, ..Settings::default() });
     let progress = Progress::new();
-    let space = Space::new(Arc::new(volume), Wall::default());
+    let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
     let lumen = lumen::find(space.volume(), &progress).unwrap();
     let plan = plan::plan(&space, &lumen, &Wish::default(), Scene::default().body.radius_mm, &progress).unwrap();
     (space, lumen, plan)
@@ -140,17 +140,17 @@ fn a_plan_is_taken_up_without_a_jolt() {
 }
 
 /// Gas in tissue, with the colon elsewhere.
-fn elsewhere(gas: impl Fn(DVec3) -> bool) -> (Space, Lumen) {
+fn elsewhere(gas: impl Fn(DVec3) -> bool) -> (PreparedVolume, Lumen) {
     let grid = Grid::new([80, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let place = |n: usize| DVec3::new((n % 80) as f64, (n / 80 % 40) as f64, (n / 3200) as f64);
     let data = (0..grid.len()).map(|n| if gas(place(n)) { -1000 } else { 40 }).collect();
-    let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+    let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
     let none = Lumen::none(space.volume().grid());
     (space, none)
 }
 
 /// The plan through that gas from its one end.
-fn between(space: &Space, colon: &Lumen, to: DVec3) -> Result<Plan> {
+fn between(space: &PreparedVolume, colon: &Lumen, to: DVec3) -> Result<Plan> {
     let from = DVec3::new(15.0, 20.0, 20.0);
     let wish = Wish { from: Some(Place::World(from)), to: Some(Place::World(to)), ..Wish::default() };
     plan::plan(space, colon, &wish, 1.5, &Progress::new())

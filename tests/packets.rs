@@ -6,13 +6,15 @@ use std::sync::Arc;
 use colvis::phantom::{Phantom, Settings as Colon, Size};
 use colvis::progress::Progress;
 use colvis::render::fast::{Fast, Pixels};
-use colvis::render::{Direct, Frame, Preset, Quality, Renderer, Settings, Space, View, Wall, psnr, renderer};
+use colvis::render::{
+    Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Settings, TransferFunction, View, psnr, renderer,
+};
 use fearless_simd::Level;
 
 const SIDE: usize = 256;
 
-fn space() -> Space {
-    Space::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), Wall::default())
+fn space() -> PreparedVolume {
+    PreparedVolume::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), TransferFunction::default())
 }
 
 /// Along the axis, then in an order that jumps from end to end, and turned round at each.

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use colvis::phantom::Phantom;
 use colvis::progress::Progress;
-use colvis::render::{Space, Wall};
+use colvis::render::{PreparedVolume, TransferFunction};
 use colvis::report::render::{Extent, Subject, report};
 use flying::run;
 
@@ -97,7 +97,8 @@ fn scenes_are_reported() {
 #[test]
 fn renderers_are_reported() {
     let dir = tempfile::tempdir().unwrap();
-    let space = || Space::new(Phantom::embedded(&Progress::new()).unwrap().into(), Wall::default());
+    let space =
+        || PreparedVolume::new(Phantom::embedded(&Progress::new()).unwrap().into(), TransferFunction::default());
     let subjects = [("a", space()), ("b", space())].map(|(name, space)| Subject {
         name: name.to_owned(),
         title: format!("Subject {name}"),

@@ -12,7 +12,7 @@ use crate::fields::ClearanceFinder;
 use crate::fields::lumen::{self, Lumen, Segment};
 use crate::math::lattice::nearest_first;
 use crate::progress::Progress;
-use crate::render::{Space, first_crossing};
+use crate::render::{PreparedVolume, first_crossing};
 
 /// A point outside the lumen is taken to it within this, mm.
 const SNAP_MM: f64 = 5.0;
@@ -76,7 +76,7 @@ pub struct Plan {
 ///
 /// # Errors
 /// Status 4 when there is no colon to fly, a point is outside the lumen, or the lumen is too narrow for the body.
-pub fn plan(space: &Space, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress: &Progress) -> Result<Plan> {
+pub fn plan(space: &PreparedVolume, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress: &Progress) -> Result<Plan> {
     let mut notes = Vec::new();
     if let Some(Place::World(from)) = wish.from {
         let found = lumen.nearest_gas(from, SNAP_MM).map(|(s, p)| (Some(s), lumen.segments[s].clone(), p));
@@ -127,7 +127,13 @@ pub fn plan(space: &Space, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress:
 ///
 /// # Errors
 /// Status 4 when the segment is too narrow for the body.
-pub fn through_segment(space: &Space, lumen: &Lumen, number: usize, reverse: bool, radius_mm: f64) -> Result<Plan> {
+pub fn through_segment(
+    space: &PreparedVolume,
+    lumen: &Lumen,
+    number: usize,
+    reverse: bool,
+    radius_mm: f64,
+) -> Result<Plan> {
     let segment = lumen.segments.get(number).ok_or_else(|| {
         Error::incomplete("segment", format!("there is no segment {number}"), "choose one that there is")
     })?;
@@ -148,7 +154,7 @@ struct Through<'a> {
 }
 
 fn finish(
-    space: &Space,
+    space: &PreparedVolume,
     Through { number, segment, lumen, own }: Through,
     from: Option<DVec3>,
     wish: &Wish,
@@ -246,7 +252,7 @@ fn roomy(walls: &ClearanceFinder, at: DVec3, radius: f64) -> Option<DVec3> {
 
 /// How near to the centre of the ball at a lumen's end is arrived, mm: half the ball's radius (the shortest of many
 /// rays), for the end wall is then within one and a half radii.
-fn end_reach(space: &Space, at: DVec3) -> f64 {
+fn end_reach(space: &PreparedVolume, at: DVec3) -> f64 {
     let radius =
         directions(PROBES).into_iter().map(|d| first_crossing(space, at, d, 60.0).unwrap_or(60.0)).fold(60.0, f64::min);
     (0.5 * radius).max(1.0)
@@ -254,7 +260,7 @@ fn end_reach(space: &Space, at: DVec3) -> f64 {
 
 /// The first heading: towards a goal in plain sight, else the longest free direction. The view's up is the patient's
 /// front, so that fluid lies at the bottom of the image of a patient on the back.
-pub fn first_attitude(space: &Space, start: DVec3, goal: DVec3) -> Attitude {
+pub fn first_attitude(space: &PreparedVolume, start: DVec3, goal: DVec3) -> Attitude {
     let to = goal - start;
     let seen = to.length() > 1.0 && first_crossing(space, start, to.normalize(), to.length()).is_none();
     let forward = if seen {

@@ -13,7 +13,7 @@ use crate::memory::resident_bytes;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::fast::simd_level;
-use crate::render::{Preset, Quality, Settings, Space, Wall};
+use crate::render::{PreparedVolume, Preset, Quality, Settings, TransferFunction};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
 
@@ -58,8 +58,8 @@ pub fn load_options(global: &Global) -> LoadOptions {
 ///
 /// # Errors
 /// Status 2 when it is none.
-pub fn wall(global: &Global) -> Result<Wall> {
-    global.wall.map_or(Ok(Wall::default()), |p| Wall::new(p.0 as f32, p.1 as f32))
+pub fn wall(global: &Global) -> Result<TransferFunction> {
+    global.wall.map_or(Ok(TransferFunction::default()), |p| TransferFunction::new(p.0 as f32, p.1 as f32))
 }
 
 /// The view angle that `--fov` asks for, degrees.
@@ -135,10 +135,10 @@ pub fn space(
     preset: Preset,
     timings: &mut Timings,
     progress: &Progress,
-) -> Result<Space> {
+) -> Result<PreparedVolume> {
     let wall = wall(global)?;
     let volume = Arc::new(timings.time("load_s", || load(input, global, progress))?);
-    let make = if preset == Preset::Lean { Space::lean } else { Space::new };
+    let make = if preset == Preset::Lean { PreparedVolume::lean } else { PreparedVolume::new };
     timings.time("flags_s", || Ok(make(volume, wall)))
 }
 
@@ -156,7 +156,12 @@ pub fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Res
 ///
 /// # Errors
 /// As [`lumen`].
-pub fn colon(space: Space, joins: bool, timings: &mut Timings, progress: &Progress) -> Result<(Space, Lumen)> {
+pub fn colon(
+    space: PreparedVolume,
+    joins: bool,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<(PreparedVolume, Lumen)> {
     let found = lumen(space.volume(), timings, progress)?;
     let main = found.main_segment().map(|n| &found.segments[n]);
     if !joins || main.is_none_or(|s| s.joined_to.is_empty()) {
@@ -168,7 +173,7 @@ pub fn colon(space: Space, joins: bool, timings: &mut Timings, progress: &Progre
     let drained = timings.time("drain_s", || {
         let volume = Arc::new(drain::drained(space.volume(), &found));
         drop(space);
-        Ok(if lean { Space::lean(volume, wall) } else { Space::new(volume, wall) })
+        Ok(if lean { PreparedVolume::lean(volume, wall) } else { PreparedVolume::new(volume, wall) })
     })?;
     let mut again = timings.time("joined_lumen_s", || lumen::find(drained.volume(), progress))?;
     drain::keep_ends(&mut again, &found);

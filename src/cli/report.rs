@@ -10,7 +10,7 @@ use crate::host::terminal::Bar;
 use crate::output;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
-use crate::render::{Preset, Space};
+use crate::render::{PreparedVolume, Preset};
 use crate::report::render::{Extent, Subject};
 use crate::report::{dynamics, fields, gradients, perforation, render, scenes};
 use crate::volume::Volume;
@@ -107,10 +107,10 @@ fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<V
     Ok(subjects)
 }
 
-fn phantom(small: bool, global: &Global, progress: &Progress) -> Result<Space> {
+fn phantom(small: bool, global: &Global, progress: &Progress) -> Result<PreparedVolume> {
     let size = if small { phantom::Size::Small } else { phantom::Size::Standard };
     let settings = phantom::Settings { size, seed: global.seed.unwrap_or(1), ..phantom::Settings::default() };
     let phantom = Phantom::new(&settings);
     let volume = phantom.voxelise(&phantom.grid(), progress)?;
-    Ok(Space::new(Arc::new(volume), prepare::wall(global)?))
+    Ok(PreparedVolume::new(Arc::new(volume), prepare::wall(global)?))
 }

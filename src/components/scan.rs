@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bevy_ecs::prelude::*;
 
 use crate::fields::ClearanceFinder;
-use crate::render::Space;
+use crate::render::PreparedVolume;
 use crate::volume::Volume;
 
 /// The volume, shared with whoever reads it.
@@ -14,7 +14,7 @@ pub struct Scan(pub Arc<Volume>);
 
 /// The volume made ready for rays, with its homogeneous-region flags.
 #[derive(Component)]
-pub struct RaySpace(pub Space);
+pub struct RaySpace(pub PreparedVolume);
 
 /// Exact clearances around the body.
 #[derive(Component)]

@@ -17,7 +17,7 @@ use super::ray::first_crossing;
 use super::sampler::{Nearest, Sampler, Trilinear};
 use super::shade::{Headlight, Shader};
 use super::skip::{Everything, Leap, Skipper};
-use super::space::Space;
+use super::space::PreparedVolume;
 use super::transfer::Ramp;
 
 /// Rows of a task and of a tile.
@@ -27,7 +27,7 @@ const TILE_COLUMNS: usize = 32;
 
 /// Renders `view` of `space` into `frame` (made to fit if it does not), on all of rayon's threads. The same bytes for
 /// every number of threads.
-pub fn render(space: &Space, view: &View, settings: &Settings, frame: &mut Frame) -> Work {
+pub fn render(space: &PreparedVolume, view: &View, settings: &Settings, frame: &mut Frame) -> Work {
     let shot = Shot { space, view, settings };
     if settings.quality == Quality::Reference {
         let high = Trilinear::new(space);
@@ -44,7 +44,7 @@ pub fn render(space: &Space, view: &View, settings: &Settings, frame: &mut Frame
 #[derive(Clone, Copy)]
 pub struct Shot<'a> {
     /// What is to be seen.
-    pub space: &'a Space,
+    pub space: &'a PreparedVolume,
     /// Whence.
     pub view: &'a View,
     /// How.
@@ -120,7 +120,7 @@ impl Shot<'_> {
 }
 
 /// Fills in the exact distance to the wall of every pixel of `view`, mm.
-pub(super) fn depths(space: &Space, view: &View, depth: &mut [f32]) {
+pub(super) fn depths(space: &PreparedVolume, view: &View, depth: &mut [f32]) {
     let band = TILE_ROWS * view.width();
     depth.par_chunks_mut(band).enumerate().for_each(|(n, band)| {
         tiles(view.width(), n, band, &mut vec![(); band.len()], |x, y, out, ()| {

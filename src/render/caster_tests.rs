@@ -5,10 +5,10 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math::hash;
-use crate::render::{Wall, psnr};
+use crate::render::{TransferFunction, psnr};
 use crate::volume::{Grid, Volume};
 
-fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> Space {
+fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-3.0, 5.0, 7.0), direction).unwrap();
     let mut data = Vec::new();
     for k in 0..dims[2] {
@@ -18,11 +18,11 @@ fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -
             }
         }
     }
-    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
 /// Air with random specks of any density: as uneven as a volume can be.
-fn specks(dims: [usize; 3], seed: u64, share: f64) -> Space {
+fn specks(dims: [usize; 3], seed: u64, share: f64) -> PreparedVolume {
     space(dims, DVec3::new(0.7, 0.6, 1.1), DMat3::from_rotation_x(0.4), |p| {
         let n = (p.x + 128.0 * (p.y + 128.0 * p.z)) as u64;
         if hash::uniform(seed, n) < share { -1000.0 + 1000.0 * hash::uniform(!seed, n) } else { -1000.0 }
@@ -33,14 +33,14 @@ fn cavity(centre: DVec3, radius: f64) -> impl Fn(DVec3) -> f64 {
     move |p| -1000.0 + 1050.0 * (((p - centre).length() - radius) / 2.0 + 1.0 / 3.0).clamp(0.0, 1.0)
 }
 
-fn shoot(space: &Space, view: &View, settings: &Settings) -> (Frame, Work) {
+fn shoot(space: &PreparedVolume, view: &View, settings: &Settings) -> (Frame, Work) {
     let mut frame = Frame::new(1, 1, true);
     let work = render(space, view, settings, &mut frame);
     (frame, work)
 }
 
 /// The picture with the parts of `settings` but nothing skipped.
-fn unskipped(space: &Space, view: &View, settings: &Settings) -> Frame {
+fn unskipped(space: &PreparedVolume, view: &View, settings: &Settings) -> Frame {
     let mut frame = Frame::new(1, 1, true);
     let (high, low) = (Trilinear::new(space), Nearest::new(space));
     let (shot, all, mut kept) = (Shot { space, view, settings }, &Everything, vec![(); view.width() * view.height()]);
@@ -62,7 +62,7 @@ proptest! {
         fov in 20.0..150.0f64, wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -500.0)), Just((-999.5, 40.0))],
     ) {
         let s = specks(dims, seed, share);
-        let s = Space::new(Arc::new(s.volume().clone()), Wall::new(wall.0, wall.1).unwrap());
+        let s = PreparedVolume::new(Arc::new(s.volume().clone()), TransferFunction::new(wall.0, wall.1).unwrap());
         let grid = s.volume().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(std::array::from_fn(|a| q[a] * dims[a] as f64)));
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, fov, 24, 16).unwrap();
@@ -76,12 +76,12 @@ proptest! {
 #[test]
 fn skipping_changes_no_bit_along_axes_and_planes() {
     let s = specks([70, 50, 40], 5, 0.0005);
-    let s = Space::new(
+    let s = PreparedVolume::new(
         Arc::new(Volume::new(
             Grid::new([70, 50, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap(),
             s.volume().data().to_vec(),
         )),
-        Wall::default(),
+        TransferFunction::default(),
     );
     for n in 0..6 {
         let mut forward = DVec3::ZERO;
@@ -147,7 +147,7 @@ fn left_and_right_are_right_for_every_handedness() {
                 if (grid.world(p) - target).length() < 2.0 { 40 } else { -1000 }
             });
             let data = data.collect();
-            let s = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+            let s = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
             let view = View::new(centre, DVec3::Y, DVec3::Z, 90.0, 41, 41).unwrap();
             for quality in [Quality::High, Quality::Low, Quality::Reference] {
                 let (frame, _) = shoot(&s, &view, &Settings::new(quality));
@@ -242,7 +242,7 @@ fn every_view_of_every_volume_is_a_picture() {
 fn outside_in_tissue_and_in_air() {
     let tissue = space([20; 3], DVec3::ONE, DMat3::IDENTITY, |_| 40.0);
     let c = tissue.volume().grid().world(DVec3::splat(9.5));
-    let shot = |s: &Space, from, forward| {
+    let shot = |s: &PreparedVolume, from, forward| {
         let view = View::new(from, forward, DVec3::Z, 40.0, 21, 21).unwrap();
         shoot(s, &view, &Settings::default()).0
     };

@@ -7,7 +7,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Space, first_crossing};
+use super::{PreparedVolume, first_crossing};
 use crate::dynamics::Attitude;
 use crate::fields::lumen::WallPlace;
 
@@ -24,7 +24,7 @@ pub struct Coverage {
 }
 
 /// The share of `wall` that is seen from `views` (world mm, and where they look) with an image of `fov_degrees`.
-pub fn coverage(space: &Space, wall: &[WallPlace], views: &[(DVec3, Attitude)], fov_degrees: f64) -> Coverage {
+pub fn coverage(space: &PreparedVolume, wall: &[WallPlace], views: &[(DVec3, Attitude)], fov_degrees: f64) -> Coverage {
     let half = (fov_degrees.clamp(1.0, 179.0).to_radians() / 2.0).tan();
     let seen: Vec<[bool; 2]> = wall
         .par_iter()
@@ -55,7 +55,7 @@ pub fn coverage(space: &Space, wall: &[WallPlace], views: &[(DVec3, Attitude)], 
 }
 
 /// Whether no wall lies between a camera and a place at the wall.
-fn is_seen(space: &Space, from: DVec3, to: DVec3) -> bool {
+fn is_seen(space: &PreparedVolume, from: DVec3, to: DVec3) -> bool {
     let d = from.distance(to);
     let Some(direction) = (to - from).try_normalize() else { return true };
     let grazing = space.volume().grid().spacing().max_element();
@@ -69,7 +69,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
-    use crate::render::Wall;
+    use crate::render::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// A tube of radius 10 mm along z, from 0 to 100 mm, closed at both ends; at z = 50 a pocket of radius 4 mm leads 30 mm
@@ -80,7 +80,7 @@ mod tests {
         tube || pocket
     }
 
-    fn scene() -> (Space, Vec<WallPlace>) {
+    fn scene() -> (PreparedVolume, Vec<WallPlace>) {
         let (dims, h) = ([140, 60, 260], 0.4);
         let origin = DVec3::new(-12.0, -12.0, -2.0);
         let grid = Grid::new(dims, DVec3::splat(h), origin, DMat3::IDENTITY).unwrap();
@@ -96,7 +96,7 @@ mod tests {
         });
         let wall = wall.collect();
         let data = gas.iter().map(|&g| if g { -1000 } else { 40 }).collect();
-        (Space::new(Arc::new(Volume::new(grid, data)), Wall::default()), wall)
+        (PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default()), wall)
     }
 
     /// Areas of the pocket's side that can be looked into from the tube's axis with an image of 90°, forwards and either

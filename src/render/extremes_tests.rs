@@ -23,13 +23,13 @@ use super::*;
 use crate::math::hash;
 use crate::volume::{Grid, Volume};
 
-type Make = fn(&Space, Settings) -> Box<dyn Renderer>;
+type Make = fn(&PreparedVolume, Settings) -> Box<dyn Renderer>;
 
 /// Every renderer, with the rays that it casts at once. The first four make the same bytes as each other, and so do the two
 /// of `colvis` and the two that give every pixel a ray of a packet.
 const RENDERERS: [(&str, usize, Make); 9] = [
     ("direct", 1, |s, q| Box::new(Direct::new(s, q))),
-    ("lean", 1, |s, q| renderer(&Space::lean(s.shared_volume(), s.wall()), q, Preset::Lean, true)),
+    ("lean", 1, |s, q| renderer(&PreparedVolume::lean(s.shared_volume(), s.wall()), q, Preset::Lean, true)),
     ("reusing", 1, |s, q| Box::new(Reusing::<_, f32>::new(Words::new(s), q, Refresh::Staggered(16)))),
     ("paper's rule", 1, |s, q| Box::new(Reusing::<_, Trace>::new(Words::new(s), q, Refresh::KeyFrames(10)))),
     ("colvis", 1, |s, q| renderer(s, q, Preset::Colvis, true)),
@@ -41,12 +41,12 @@ const RENDERERS: [(&str, usize, Make); 9] = [
 
 const QUALITIES: [Quality; 3] = [Quality::High, Quality::Low, Quality::Reference];
 
-fn space(dims: [usize; 3], spacing: DVec3, origin: DVec3, f: impl Fn(DVec3) -> f64) -> Space {
+fn space(dims: [usize; 3], spacing: DVec3, origin: DVec3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, origin, DMat3::IDENTITY).unwrap();
     let place =
         |n: usize| DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
     let data = (0..grid.len()).map(|n| f(place(n)).round() as i16).collect();
-    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
 /// A closed cavity, in voxels.
@@ -58,7 +58,14 @@ fn cavity(centre: DVec3, radii: DVec3) -> impl Fn(DVec3) -> f64 {
 }
 
 /// Renders the view twice, the second time with whatever was kept of the first, and checks what holds of any picture.
-fn look(name: &str, lanes: usize, r: &mut dyn Renderer, space: &Space, view: &View, settings: &Settings) -> Frame {
+fn look(
+    name: &str,
+    lanes: usize,
+    r: &mut dyn Renderer,
+    space: &PreparedVolume,
+    view: &View,
+    settings: &Settings,
+) -> Frame {
     let mut frame = Frame::new(1, 1, true);
     let first = r.render(view, &mut frame);
     let alone = frame.clone();
@@ -224,7 +231,7 @@ fn any_opacity_and_any_step() {
     let at = base.volume().grid().world(centre);
     let walls = [(-800.0, -500.0), (-1000.0, -999.0), (-999.9, 32767.0), (32766.0, 32767.0), (-32767.0, -32766.0)];
     for (lo, hi) in walls {
-        let s = Space::new(base.shared_volume(), Wall::new(lo, hi).unwrap());
+        let s = PreparedVolume::new(base.shared_volume(), TransferFunction::new(lo, hi).unwrap());
         for step_power in [-7, -4, -1, 0, 3, 7] {
             for sensitivity in [0.0, 1e-7, 1.0 / 512.0, 0.999] {
                 let settings = Settings { step_power, sensitivity, ..Settings::default() };
@@ -254,7 +261,7 @@ fn any_opacity_and_any_step() {
 fn a_faint_opacity_adds_up() {
     // 1e-4 of the ramp of h, in steps of h/1024: 1e-7 a step.
     let s = space([65, 9, 9], DVec3::ONE, DVec3::ZERO, |_| -500.0);
-    let s = Space::new(s.shared_volume(), Wall::new(-503.2767, 32263.0).unwrap());
+    let s = PreparedVolume::new(s.shared_volume(), TransferFunction::new(-503.2767, 32263.0).unwrap());
     let from = s.volume().grid().world(DVec3::new(0.0, 4.0, 4.0));
     let view = View::new(from, DVec3::X, DVec3::Z, 1.0, 1, 1).unwrap();
     let bright = |step_power: i32| {

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::volume::{AIR_HU, Volume};
 
-use super::space::Wall;
+use super::space::TransferFunction;
 
 /// Cells along a brick's edge, as a power of two.
 pub const BRICK_SHIFT: u32 = 3;
@@ -41,7 +41,7 @@ struct Classes {
 
 impl Flags {
     /// Flags of `volume` for the classes of `wall`, in parallel.
-    pub fn new(volume: &Volume, wall: Wall) -> Self {
+    pub fn new(volume: &Volume, wall: TransferFunction) -> Self {
         let mut flags = Self::unfilled(volume, wall);
         let (words, bricks) = (flags.words, flags.bricks);
         let plane = words * flags.dims[1];
@@ -60,7 +60,7 @@ impl Flags {
 
     /// The same bricks without the bits: 1/512 byte a voxel instead of 1/8, at no time more than a few layers of bits.
     /// [`Flags::homogeneous`] then looks at the voxels themselves.
-    pub fn bricks_only(volume: &Volume, wall: Wall) -> Self {
+    pub fn bricks_only(volume: &Volume, wall: TransferFunction) -> Self {
         let mut flags = Self::unfilled(volume, wall);
         let [bx, by, bz] = flags.bricks;
         let plane = flags.words * flags.dims[1];
@@ -79,8 +79,8 @@ impl Flags {
     }
 
     /// Flags of which nothing is known yet.
-    fn unfilled(volume: &Volume, wall: Wall) -> Self {
-        // `Wall` keeps its bounds within ±32767, so both roundings fit.
+    fn unfilled(volume: &Volume, wall: TransferFunction) -> Self {
+        // `TransferFunction` keeps its bounds within ±32767, so both roundings fit.
         let classes = Classes { lo: wall.lo().floor() as i16, hi: wall.hi().ceil() as i16 };
         let dims = volume.grid().dims();
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
@@ -293,7 +293,7 @@ mod tests {
         Volume::new(grid, data)
     }
 
-    fn naive(v: &Volume, wall: Wall, i: usize, j: usize, k: usize) -> bool {
+    fn naive(v: &Volume, wall: TransferFunction, i: usize, j: usize, k: usize) -> bool {
         let mut around = Vec::new();
         for z in -1..=1 {
             for y in -1..=1 {
@@ -312,7 +312,7 @@ mod tests {
             nx in 1usize..140, ny in 1usize..14, nz in 1usize..40, seed: u64, share in 0.0..0.03f64,
             wall in prop_oneof![Just((-800.0, -500.0)), Just((-2000.0, -1100.0)), Just((-1100.0, -500.0))],
         ) {
-            let wall = Wall::new(wall.0, wall.1).unwrap();
+            let wall = TransferFunction::new(wall.0, wall.1).unwrap();
             let inside = if hash::uniform(seed, u64::MAX) < 0.5 { -1000 } else { 40 };
             let v = volume([nx, ny, nz], |n| {
                 if hash::uniform(seed, n as u64) < share { -650 } else { inside }
@@ -351,7 +351,7 @@ mod tests {
     fn memory_is_an_eighth_of_the_volume_at_most() {
         for nx in [64, 65, 100, 128, 512] {
             let v = volume([nx, 64, 64], |_| -1000);
-            let flags = Flags::new(&v, Wall::default());
+            let flags = Flags::new(&v, TransferFunction::default());
             assert!(flags.bytes() * 8 <= v.bytes(), "{nx}");
             assert!(flags.empty.iter().all(|&e| e));
         }

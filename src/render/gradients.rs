@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::gradient::{Fit, Regression, block};
 use super::sampler::{Sampler, Trilinear, is_homogeneous, regression, split};
-use super::space::Space;
+use super::space::PreparedVolume;
 
 /// Edge of the bricks that are stored or not, voxels.
 const EDGE: usize = 4;
@@ -30,7 +30,7 @@ struct Quantum {
 }
 
 impl Quantum {
-    fn new(space: &Space) -> Self {
+    fn new(space: &PreparedVolume) -> Self {
         Self { gradient: 0.125 / space.volume().grid().min_spacing() as f32, density: 0.125 }
     }
 
@@ -53,7 +53,7 @@ impl Quantum {
 
 /// The regression at voxel `v`, counted from voxel −1.
 #[inline(never)]
-fn at_voxel(space: &Space, regression: &Regression, v: [i32; 3]) -> Fit {
+fn at_voxel(space: &PreparedVolume, regression: &Regression, v: [i32; 3]) -> Fit {
     regression.fit(&block(space.volume(), v.map(|c| c - 2)), Vec3::ZERO)
 }
 
@@ -91,7 +91,7 @@ pub struct GradientVolume {
 
 impl GradientVolume {
     /// Computes what is stored of `space`, in parallel.
-    pub fn new(space: &Space, stored: Stored) -> Self {
+    pub fn new(space: &PreparedVolume, stored: Stored) -> Self {
         let dims = space.volume().grid().dims();
         // Voxel −1 to n of each axis: those at the border have gradients too.
         let bricks = dims.map(|n| (n + 2).div_ceil(EDGE));
@@ -147,7 +147,7 @@ pub struct WithStored<'a> {
 
 impl<'a> WithStored<'a> {
     /// A sampler of `space`, from which `stored` was made.
-    pub fn new(space: &'a Space, stored: &'a GradientVolume) -> Self {
+    pub fn new(space: &'a PreparedVolume, stored: &'a GradientVolume) -> Self {
         Self { plain: Trilinear::new(space), stored }
     }
 }
@@ -191,7 +191,7 @@ pub struct GradientCache {
 
 impl GradientCache {
     /// An empty cache for `space`.
-    pub fn new(space: &Space) -> Self {
+    pub fn new(space: &PreparedVolume) -> Self {
         let dims = space.volume().grid().dims();
         let voxels = dims.iter().map(|&n| n as u64 + 2).product::<u64>();
         // No more voxels to an entry than 16 bits tell apart.
@@ -216,7 +216,7 @@ pub struct WithCache<'a> {
 
 impl<'a> WithCache<'a> {
     /// A sampler of `space`, for which `cache` was made.
-    pub fn new(space: &'a Space, cache: &'a GradientCache) -> Self {
+    pub fn new(space: &'a PreparedVolume, cache: &'a GradientCache) -> Self {
         Self { plain: Trilinear::new(space), regression: regression(space), cache }
     }
 

@@ -8,10 +8,10 @@ use crate::render::begin::Anew;
 use crate::render::caster::{Shot, render};
 use crate::render::classify::{ByDensity, ByValue};
 use crate::render::skip::Leap;
-use crate::render::{Classification, Frame, Settings, View, Wall, psnr};
+use crate::render::{Classification, Frame, Settings, TransferFunction, View, psnr};
 use crate::volume::{Grid, Volume};
 
-fn cavity(n: usize, noise: f64) -> Space {
+fn cavity(n: usize, noise: f64) -> PreparedVolume {
     let grid = Grid::new([n; 3], DVec3::new(0.7, 0.7, 1.0), DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let middle = DVec3::splat(0.5 * n as f64);
     let value = |i: usize| {
@@ -19,7 +19,10 @@ fn cavity(n: usize, noise: f64) -> Space {
         let out = p.length() - 0.37 * n as f64 - 2.0 * (0.5 * p.x).sin();
         (-1000.0 + 1050.0 * (out / 2.0 + 0.4).clamp(0.0, 1.0) + noise * hash::normal(1, i as u64)) as i16
     };
-    Space::new(Arc::new(Volume::new(grid.clone(), (0..grid.len()).map(value).collect())), Wall::default())
+    PreparedVolume::new(
+        Arc::new(Volume::new(grid.clone(), (0..grid.len()).map(value).collect())),
+        TransferFunction::default(),
+    )
 }
 
 #[test]

@@ -4,14 +4,14 @@
 use super::caster::depths;
 use super::enlarge::Enlarger;
 use super::fast::{Fast, Pixels};
-use super::{Frame, Renderer, Settings, Space, View, Work};
+use super::{Frame, PreparedVolume, Renderer, Settings, View, Work};
 
 /// Sides of the picture are so many times those of the traced one.
 const PART: usize = 3;
 
 /// Renders at a part of the resolution, and stretches the picture.
 pub struct Low {
-    space: Space,
+    space: PreparedVolume,
     fast: Fast,
     small: Frame,
     enlarger: Enlarger,
@@ -19,7 +19,7 @@ pub struct Low {
 
 impl Low {
     /// Renders `space` by `settings`, but by steps of half a voxel at the most: longer ones save little and cost much.
-    pub fn new(space: &Space, settings: Settings) -> Self {
+    pub fn new(space: &PreparedVolume, settings: Settings) -> Self {
         let settings = Settings { step_power: settings.step_power.min(-1), ..settings };
         let fast = Fast::new(space, settings, Pixels::Needed);
         Self { space: space.clone(), fast, small: Frame::default(), enlarger: Enlarger::default() }

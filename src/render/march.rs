@@ -9,7 +9,7 @@
 use glam::{DVec3, Vec3};
 
 use super::ray::clip;
-use super::space::Space;
+use super::space::PreparedVolume;
 
 /// The most samples that a ray may have; where h is so small against the volume that it would need more, steps grow.
 const MAX_SAMPLES: f64 = (1 << 22) as f64;
@@ -25,7 +25,7 @@ pub struct Step {
 
 impl Step {
     /// The step of the wanted `power` in `space`, or the next longer one that keeps every ray's samples bounded.
-    pub fn new(space: &Space, power: i32) -> Self {
+    pub fn new(space: &PreparedVolume, power: i32) -> Self {
         let grid = space.volume().grid();
         let dims = grid.dims().map(|n| (n + 1) as f64);
         let diagonal = (DVec3::from_array(dims) * grid.spacing()).length() * 2.0;
@@ -71,7 +71,7 @@ pub fn round(q: Vec3) -> [i32; 3] {
 impl Ray {
     /// The samples of the ray from `origin` (world, mm) along `direction` (world, of unit length); `None` where it
     /// misses the volume.
-    pub fn new(space: &Space, origin: DVec3, direction: DVec3, step: Step) -> Option<Self> {
+    pub fn new(space: &PreparedVolume, origin: DVec3, direction: DVec3, step: Step) -> Option<Self> {
         let grid = space.volume().grid();
         let (enter, exit) = clip(grid.dims(), grid.voxel(origin), grid.to_voxel().transform_vector3(direction))?;
         let first = (enter / step.mm - 0.5).ceil().max(0.0);

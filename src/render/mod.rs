@@ -41,4 +41,4 @@ pub use frame::{Frame, Work, psnr};
 pub use quality::{Classification, Preset, Quality, Settings};
 pub use ray::{first_crossing, first_crossing_counted, value};
 pub use renderer::{Detail, Direct, Renderer, renderer};
-pub use space::{Space, Wall};
+pub use space::{PreparedVolume, TransferFunction};

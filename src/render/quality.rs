@@ -36,7 +36,7 @@ pub enum Preset {
     Lean,
 }
 
-/// Settings of the ray caster. The wall's ramp is part of the [`Space`](super::Space), whose flags depend on it.
+/// Settings of the ray caster. The wall's ramp is part of the [`PreparedVolume`](super::PreparedVolume), whose flags depend on it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// The level of detail.

@@ -14,14 +14,14 @@ use crate::volume::cell::{Cell, corners};
 use crate::volume::{AIR_HU, Volume};
 
 use super::flags::BRICK_SHIFT;
-use super::space::Space;
+use super::space::PreparedVolume;
 
 /// How far below the wall a value may lie and count as touching it, HU: above the rounding of the cubics, and far below
 /// anything that can be seen.
 const TOUCH: f64 = 1e-9;
 
 /// Trilinear HU at a `world` point (mm, LPS). Outside the volume is air, mixed with the border voxels within one voxel.
-pub fn value(space: &Space, world: DVec3) -> f32 {
+pub fn value(space: &PreparedVolume, world: DVec3) -> f32 {
     trilinear(space.volume(), space.volume().grid().voxel(world)) as f32
 }
 
@@ -37,17 +37,17 @@ pub(crate) fn trilinear(volume: &Volume, p: DVec3) -> f64 {
 }
 
 /// Distance in mm from `origin` along `direction` (world; normalised here) to where the trilinear volume first crosses
-/// from below to at least the wall ([`Wall::iso`](super::Wall::iso)), touching included.
+/// from below to at least the wall ([`TransferFunction::iso`](super::TransferFunction::iso)), touching included.
 ///
 /// 0 if `origin` is already there. `None` if there is no crossing within `max_mm` (which may be infinite), or if an
 /// argument is not finite or `direction` is zero. From outside, the ray walks in through air.
-pub fn first_crossing(space: &Space, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
+pub fn first_crossing(space: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
     first_crossing_counted(space, origin, direction, max_mm, &mut 0)
 }
 
 /// [`first_crossing`], adding to `cells` the number of cells and bricks that the ray visited.
 pub fn first_crossing_counted(
-    space: &Space,
+    space: &PreparedVolume,
     origin: DVec3,
     direction: DVec3,
     max_mm: f64,
@@ -99,7 +99,7 @@ pub(crate) fn clip(dims: [usize; 3], from: DVec3, along: DVec3) -> Option<(f64, 
 
 /// A ray on its way through the cells −1 … n − 1 of each axis.
 struct Walk<'a> {
-    space: &'a Space,
+    space: &'a PreparedVolume,
     iso: f64,
     /// The least whole HU at the wall or above.
     wall: i16,
@@ -111,7 +111,7 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    fn new(space: &'a Space, from: DVec3, along: DVec3) -> Self {
+    fn new(space: &'a PreparedVolume, from: DVec3, along: DVec3) -> Self {
         let last = space.volume().grid().dims().map(|n| n as i64 - 1);
         let step = from_fn(|a| if along[a].abs() < STILL { 0 } else { along[a].signum() as i64 });
         let iso = space.wall().iso();

@@ -5,10 +5,10 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math::hash;
-use crate::render::Wall;
+use crate::render::TransferFunction;
 use crate::volume::Grid;
 
-fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> Space {
+fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-3.0, 5.0, 7.0), direction).unwrap();
     let mut data = Vec::new();
     for k in 0..dims[2] {
@@ -18,11 +18,11 @@ fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -
             }
         }
     }
-    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
 /// Tiny steps, and bisection where the sign changes: what [`first_crossing`] must agree with.
-fn by_steps(space: &Space, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
+fn by_steps(space: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
     let grid = space.volume().grid();
     let iso = space.wall().iso();
     let f = |t: f64| trilinear(space.volume(), grid.voxel(origin + direction * t)) - iso;
@@ -62,7 +62,7 @@ proptest! {
             let n = (p.x + 32.0 * (p.y + 32.0 * p.z)) as u64;
             if hash::uniform(seed, n) < share { -900.0 + 1000.0 * hash::uniform(!seed, n) } else { -1000.0 }
         });
-        let s = Space::new(Arc::new(s.volume().clone()), Wall::new(wall.0, wall.1).unwrap());
+        let s = PreparedVolume::new(Arc::new(s.volume().clone()), TransferFunction::new(wall.0, wall.1).unwrap());
         let grid = s.volume().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(from_fn(|a| q[a] * dims[a] as f64)));
         let (origin, target) = (at(from), at(to));

@@ -8,7 +8,7 @@ use super::low::Low;
 use super::quality::{Classification, Preset, Quality};
 use super::reuse::paper::Trace;
 use super::reuse::{Plain, Refresh, Reusing};
-use super::{Frame, Settings, Space, View, Work};
+use super::{Frame, PreparedVolume, Settings, View, Work};
 
 /// Renders views of one space, in the order of a flight. It may keep what it likes between frames as long as each
 /// frame is as good on its own: the views may jump.
@@ -57,7 +57,7 @@ const KEY_FRAMES: u32 = 10;
 /// The renderer of `space` by `settings` that `preset` stands for, with frame-to-frame reuse only if `reuse`.
 ///
 /// The reference is the same in every preset: it is what they are measured against.
-pub fn renderer(space: &Space, settings: Settings, preset: Preset, reuse: bool) -> Box<dyn Renderer> {
+pub fn renderer(space: &PreparedVolume, settings: Settings, preset: Preset, reuse: bool) -> Box<dyn Renderer> {
     if settings.adaptive {
         return adaptive(space, settings, preset, reuse);
     }
@@ -81,7 +81,7 @@ pub fn renderer(space: &Space, settings: Settings, preset: Preset, reuse: bool) 
 
 /// A renderer whose detail follows the need. Its moving pictures are those of the preset, and at rest it comes to the
 /// reference, which is the same in every preset.
-fn adaptive(space: &Space, settings: Settings, preset: Preset, reuse: bool) -> Box<dyn Renderer> {
+fn adaptive(space: &PreparedVolume, settings: Settings, preset: Preset, reuse: bool) -> Box<dyn Renderer> {
     let moving = Settings { adaptive: false, ..settings };
     let fine = Adaptive::fine(moving);
     if let (Some(fine), true) = (fine, is_fast(&moving, preset)) {
@@ -110,13 +110,13 @@ fn is_fast(settings: &Settings, preset: Preset) -> bool {
 
 /// The ray caster of [`caster::render`]: nothing is kept between frames.
 pub struct Direct {
-    space: Space,
+    space: PreparedVolume,
     settings: Settings,
 }
 
 impl Direct {
     /// Renders `space` by `settings`.
-    pub fn new(space: &Space, settings: Settings) -> Self {
+    pub fn new(space: &PreparedVolume, settings: Settings) -> Self {
         Self { space: space.clone(), settings }
     }
 }

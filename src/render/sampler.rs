@@ -7,7 +7,7 @@ use crate::volume::AIR_HU;
 
 use super::gradient::{Fit, Regression, Weighting, block};
 use super::march::round;
-use super::space::Space;
+use super::space::PreparedVolume;
 
 /// How voxels are turned into values between them. Places are grown voxel coordinates (see [`super::march`]).
 pub trait Sampler: Sync {
@@ -21,7 +21,7 @@ pub trait Sampler: Sync {
 
 /// Whether the voxel nearest to `q` is flagged as homogeneous.
 #[inline(always)]
-pub(super) fn is_homogeneous(space: &Space, q: Vec3) -> bool {
+pub(super) fn is_homogeneous(space: &PreparedVolume, q: Vec3) -> bool {
     let dims = space.volume().grid().dims();
     let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
     i < dims[0] && j < dims[1] && k < dims[2] && space.flags().homogeneous(space.volume(), i, j, k)
@@ -29,36 +29,36 @@ pub(super) fn is_homogeneous(space: &Space, q: Vec3) -> bool {
 
 /// High detail: trilinear values, and the regressions of the eight nearest voxels interpolated.
 pub struct Trilinear<'a> {
-    space: &'a Space,
+    space: &'a PreparedVolume,
     regression: Regression,
 }
 
 /// Low detail: everything is that of the nearest voxel.
 pub struct Nearest<'a> {
-    space: &'a Space,
+    space: &'a PreparedVolume,
     regression: Regression,
 }
 
 impl<'a> Trilinear<'a> {
     /// A sampler of `space`.
-    pub fn new(space: &'a Space) -> Self {
+    pub fn new(space: &'a PreparedVolume) -> Self {
         Self { space, regression: regression(space) }
     }
 
     /// What is sampled.
-    pub fn space(&self) -> &'a Space {
+    pub fn space(&self) -> &'a PreparedVolume {
         self.space
     }
 }
 
 impl<'a> Nearest<'a> {
     /// A sampler of `space`.
-    pub fn new(space: &'a Space) -> Self {
+    pub fn new(space: &'a PreparedVolume) -> Self {
         Self { space, regression: regression(space) }
     }
 }
 
-pub(super) fn regression(space: &Space) -> Regression {
+pub(super) fn regression(space: &PreparedVolume) -> Regression {
     let spacing: DVec3 = space.volume().grid().spacing();
     Regression::new(spacing, Weighting::InverseSquare)
 }
@@ -126,7 +126,7 @@ impl Sampler for Nearest<'_> {
 
 /// The corners of a cell counted from cell −1: x fastest, then y, then z; air outside the volume.
 #[inline(always)]
-fn corners(space: &Space, cell: [i32; 3]) -> [i16; 8] {
+fn corners(space: &PreparedVolume, cell: [i32; 3]) -> [i16; 8] {
     let volume = space.volume();
     let dims = volume.grid().dims();
     let inside = |a: usize| cell[a] >= 1 && (cell[a] as usize) < dims[a];
@@ -156,14 +156,14 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::{Wall, ray};
+    use crate::render::{TransferFunction, ray};
     use crate::volume::{Grid, Volume};
 
     #[test]
     fn samples_are_those_of_the_exact_ray() {
         let grid = Grid::new([5, 4, 6], DVec3::new(0.5, 0.7, 1.0), DVec3::ONE, DMat3::IDENTITY).unwrap();
         let data = (0..grid.len() as u64).map(|n| (2000.0 * hash::uniform(1, n)) as i16 - 1000).collect();
-        let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+        let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
         for n in 0..3000 {
             let u = |k| hash::uniform(n, k);
             let q = Vec3::new(6.0 * u(0) as f32, 5.0 * u(1) as f32, 7.0 * u(2) as f32);

@@ -3,7 +3,7 @@
 use glam::{Mat3, Vec3};
 
 use super::gradient::to_world;
-use super::space::Space;
+use super::space::PreparedVolume;
 use super::transfer::Palette;
 
 /// The colour of a point of the wall.
@@ -32,7 +32,7 @@ pub const DIFFUSE: f32 = 0.9;
 
 impl Headlight {
     /// The light for rays through `space`.
-    pub fn new(space: &Space) -> Self {
+    pub fn new(space: &PreparedVolume) -> Self {
         Self { ambient: AMBIENT, diffuse: DIFFUSE, palette: Palette::default(), to_world: to_world(space.volume()) }
     }
 }

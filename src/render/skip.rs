@@ -5,7 +5,7 @@ use glam::{Vec3, Vec3A};
 use super::flags::{BRICK_SHIFT, Flags};
 use super::march::Ray;
 use super::sampler::nearest;
-use super::space::Space;
+use super::space::PreparedVolume;
 
 /// Leaps over samples whose opacity is 0. It may only leave out such samples, so that the picture is the same bit for
 /// bit with any skipper.
@@ -37,7 +37,7 @@ impl Skipper for Everything {
 /// Leaps over empty bricks, and with `VOXELS` also over single voxels that are flagged as homogeneous and empty. The
 /// latter only tells of 3×3×3 voxels, too few where a sample depends on the regressions of all eight voxels around it.
 pub struct Leap<'a, const VOXELS: bool> {
-    space: &'a Space,
+    space: &'a PreparedVolume,
     flags: &'a Flags,
 }
 
@@ -82,14 +82,14 @@ impl Bricks {
 
 impl<'a, const VOXELS: bool> Leap<'a, VOXELS> {
     /// Leaps by the flags of `space`.
-    pub fn new(space: &'a Space) -> Self {
+    pub fn new(space: &'a PreparedVolume) -> Self {
         Self { space, flags: space.flags() }
     }
 }
 
 /// Whether the nearest voxel to `q` and its 26 neighbours are empty.
 #[inline(always)]
-pub(super) fn is_empty_voxel(space: &Space, q: Vec3) -> bool {
+pub(super) fn is_empty_voxel(space: &PreparedVolume, q: Vec3) -> bool {
     let volume = space.volume();
     let dims = volume.grid().dims();
     let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);

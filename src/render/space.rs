@@ -9,12 +9,12 @@ use super::flags::Flags;
 
 /// The ramp of opacity over HU: nothing is seen up to `lo`, everything is opaque from `hi`, linear between.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wall {
+pub struct TransferFunction {
     lo: f32,
     hi: f32,
 }
 
-impl Wall {
+impl TransferFunction {
     /// A ramp from `lo` to `hi`, HU.
     ///
     /// # Errors
@@ -47,7 +47,7 @@ impl Wall {
     }
 }
 
-impl Default for Wall {
+impl Default for TransferFunction {
     /// −800 to −500 HU, the wall at −650.
     fn default() -> Self {
         Self { lo: -800.0, hi: -500.0 }
@@ -56,21 +56,21 @@ impl Default for Wall {
 
 /// A volume ready for rays: its voxels, what counts as wall, and where rays may leap. Cheap to clone.
 #[derive(Clone, Debug)]
-pub struct Space {
+pub struct PreparedVolume {
     volume: Arc<Volume>,
-    wall: Wall,
+    wall: TransferFunction,
     flags: Arc<Flags>,
 }
 
-impl Space {
+impl PreparedVolume {
     /// Prepares `volume` for rays against `wall`: one parallel pass over the voxels.
-    pub fn new(volume: Arc<Volume>, wall: Wall) -> Self {
+    pub fn new(volume: Arc<Volume>, wall: TransferFunction) -> Self {
         let flags = Arc::new(Flags::new(&volume, wall));
         Self { volume, wall, flags }
     }
 
-    /// As [`Space::new`] with the least memory: bricks to leap by, but no bit for each voxel.
-    pub fn lean(volume: Arc<Volume>, wall: Wall) -> Self {
+    /// As [`PreparedVolume::new`] with the least memory: bricks to leap by, but no bit for each voxel.
+    pub fn lean(volume: Arc<Volume>, wall: TransferFunction) -> Self {
         let flags = Arc::new(Flags::bricks_only(&volume, wall));
         Self { volume, wall, flags }
     }
@@ -86,7 +86,7 @@ impl Space {
     }
 
     /// The ramp that the flags were made for.
-    pub fn wall(&self) -> Wall {
+    pub fn wall(&self) -> TransferFunction {
         self.wall
     }
 
@@ -107,10 +107,10 @@ mod tests {
 
     #[test]
     fn a_wall_is_a_rising_finite_ramp() {
-        assert_eq!(Wall::default().iso(), -650.0);
-        assert_eq!(Wall::new(-800.0, -500.0).unwrap(), Wall::default());
+        assert_eq!(TransferFunction::default().iso(), -650.0);
+        assert_eq!(TransferFunction::new(-800.0, -500.0).unwrap(), TransferFunction::default());
         for (lo, hi) in [(0.0, 0.0), (1.0, 0.0), (f32::NAN, 0.0), (0.0, f32::INFINITY), (-1e6, 0.0)] {
-            let e = Wall::new(lo, hi).unwrap_err();
+            let e = TransferFunction::new(lo, hi).unwrap_err();
             assert_eq!(e.kind, crate::error::Kind::Usage);
         }
     }

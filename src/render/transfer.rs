@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::space::Wall;
+use super::space::TransferFunction;
 
 /// Values so little above the ramp's foot are still empty, HU: the rounding of interpolated values must not lend
 /// opacity to a neighbourhood that is flagged as empty, so that skipping it changes no bit of the picture.
@@ -22,7 +22,7 @@ pub struct Ramp {
 
 impl Ramp {
     /// The ramp of `wall` for steps of h · 2^`power`.
-    pub fn new(wall: Wall, power: i32) -> Self {
+    pub fn new(wall: TransferFunction, power: i32) -> Self {
         Self { foot: wall.lo() + FOOT, lo: wall.lo(), scale: 1.0 / (wall.hi() - wall.lo()), power }
     }
 
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn opacity_is_that_of_the_contract() {
-        let wall = Wall::default();
+        let wall = TransferFunction::default();
         for power in -4..=2 {
             let ramp = Ramp::new(wall, power);
             assert_eq!(ramp.opacity(-1024.0), 0.0);

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::fields::lumen;
 use crate::math::hash;
 use crate::progress::Progress;
-use crate::render::{Space, View};
+use crate::render::{PreparedVolume, View};
 
 /// Simulated seconds of a flight at the most.
 const SECONDS: f64 = 600.0;
@@ -72,7 +72,7 @@ pub struct Flown {
 ///
 /// # Errors
 /// Status 4 where there is no colon to fly, or when interrupted.
-pub fn fly(space: &Space, progress: &Progress) -> Result<Flown> {
+pub fn fly(space: &PreparedVolume, progress: &Progress) -> Result<Flown> {
     let lumen = Arc::new(lumen::find(space.volume(), progress)?);
     let scene = Scene { log: true, ..Scene::default() };
     let plan = plan::plan(space, &lumen, &Wish::default(), scene.body.radius_mm, progress)?;

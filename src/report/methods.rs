@@ -8,7 +8,7 @@ use crate::render::gradients::{GradientVolume, Stored};
 use crate::render::leap::VoxelWalls;
 use crate::render::reuse::paper::Trace;
 use crate::render::reuse::{Refresh, Reusing, Rule, Words};
-use crate::render::{Classification, Direct, Preset, Quality, Renderer, Settings, Space, renderer};
+use crate::render::{Classification, Direct, PreparedVolume, Preset, Quality, Renderer, Settings, renderer};
 use crate::surface::{Mesh, Rasteriser};
 
 /// A way to make pictures.
@@ -19,7 +19,7 @@ pub struct Method {
     /// Methods of one family have one colour.
     pub family: &'static str,
     /// Makes it ready for a scan.
-    pub make: fn(&Space) -> Result<Box<dyn Renderer>>,
+    pub make: fn(&PreparedVolume) -> Result<Box<dyn Renderer>>,
     /// What there is to know of it.
     pub traits: Traits,
 }
@@ -41,12 +41,17 @@ const PLAIN: Traits = Traits { keeps: false, own_depth: false, other_picture: fa
 const OTHER: Traits = Traits { other_picture: true, ..PLAIN };
 
 /// The ray caster of a quality with steps of h · 2^`step_power` and some samples a pixel.
-fn direct(space: &Space, quality: Quality, step_power: i32, samples_per_pixel: u32) -> Result<Box<dyn Renderer>> {
+fn direct(
+    space: &PreparedVolume,
+    quality: Quality,
+    step_power: i32,
+    samples_per_pixel: u32,
+) -> Result<Box<dyn Renderer>> {
     let settings = Settings { step_power, samples_per_pixel, ..Settings::new(quality) };
     Ok(Box::new(Direct::new(space, settings)))
 }
 
-fn filtered(space: &Space) -> Result<Box<dyn Renderer>> {
+fn filtered(space: &PreparedVolume) -> Result<Box<dyn Renderer>> {
     let settings = Settings { classification: Classification::Filtered, ..Settings::default() };
     Ok(Box::new(Direct::new(space, settings)))
 }
@@ -54,16 +59,16 @@ fn filtered(space: &Space) -> Result<Box<dyn Renderer>> {
 const KEEPS: Traits = Traits { keeps: true, ..PLAIN };
 
 /// Packets of rays with samples every h · 2^(`step_power` + 1).
-fn packets(space: &Space, step_power: i32, pixels: Pixels) -> Result<Box<dyn Renderer>> {
+fn packets(space: &PreparedVolume, step_power: i32, pixels: Pixels) -> Result<Box<dyn Renderer>> {
     Ok(Box::new(Fast::new(space, Settings { step_power, ..Settings::default() }, pixels)))
 }
 
-fn reusing<R: Rule + 'static>(space: &Space, refresh: Refresh) -> Result<Box<dyn Renderer>> {
+fn reusing<R: Rule + 'static>(space: &PreparedVolume, refresh: Refresh) -> Result<Box<dyn Renderer>> {
     Ok(Box::new(Reusing::<_, R>::new(Words::new(space), Settings::default(), refresh)))
 }
 
-fn lean(space: &Space) -> Result<Box<dyn Renderer>> {
-    let space = Space::lean(space.shared_volume(), space.wall());
+fn lean(space: &PreparedVolume) -> Result<Box<dyn Renderer>> {
+    let space = PreparedVolume::lean(space.shared_volume(), space.wall());
     Ok(renderer(&space, Settings::default(), Preset::Lean, true))
 }
 
@@ -130,7 +135,7 @@ pub struct Preparation {
     /// What it stands for.
     pub role: Role,
     /// Builds it and returns how many bytes it takes.
-    pub build: fn(&Space) -> Result<usize>,
+    pub build: fn(&PreparedVolume) -> Result<usize>,
 }
 
 /// All preparations. One that the paper's claims compare with is one more line here; a claim without it is not told.

@@ -7,7 +7,7 @@ use crate::render::gradients::{GradientCache, GradientVolume, Stored, WithCache,
 use crate::render::leap::{BrickLeap, BrickWalls, VoxelLeap, VoxelWalls};
 use crate::render::sampler::Trilinear;
 use crate::render::skip::Leap;
-use crate::render::{Frame, Renderer, Settings, Space, View, Work};
+use crate::render::{Frame, PreparedVolume, Renderer, Settings, View, Work};
 
 /// An acceleration.
 pub enum Part {
@@ -23,34 +23,34 @@ pub enum Part {
 
 /// High detail with one acceleration.
 pub struct With {
-    space: Space,
+    space: PreparedVolume,
     settings: Settings,
     part: Part,
 }
 
 impl With {
     /// High detail of `space` with `part`, which was made for it.
-    pub fn new(space: &Space, part: Part) -> Self {
+    pub fn new(space: &PreparedVolume, part: Part) -> Self {
         Self { space: space.clone(), settings: Settings::default(), part }
     }
 
     /// Leaping by the wall's distance at each voxel.
-    pub fn voxels(space: &Space) -> Self {
+    pub fn voxels(space: &PreparedVolume) -> Self {
         Self::new(space, Part::Voxels(VoxelWalls::new(space)))
     }
 
     /// Leaping by the wall's distance at each brick.
-    pub fn bricks(space: &Space) -> Self {
+    pub fn bricks(space: &PreparedVolume) -> Self {
         Self::new(space, Part::Bricks(BrickWalls::new(space)))
     }
 
     /// Gradients near the wall ahead of time.
-    pub fn stored(space: &Space) -> Self {
+    pub fn stored(space: &PreparedVolume) -> Self {
         Self::new(space, Part::Stored(GradientVolume::new(space, Stored::NearWall)))
     }
 
     /// A gradient cache.
-    pub fn cache(space: &Space) -> Self {
+    pub fn cache(space: &PreparedVolume) -> Self {
         Self::new(space, Part::Cache(GradientCache::new(space)))
     }
 }

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::fields::{Lumen, lumen};
 use crate::progress::Progress;
 use crate::render::flags::Flags;
-use crate::render::{Preset, Settings, Space};
+use crate::render::{PreparedVolume, Preset, Settings};
 
 use super::median;
 use super::page::Page;
@@ -75,7 +75,7 @@ struct Cost {
 ///
 /// # Errors
 /// Status 4 when the scan cannot be flown or when interrupted, 5 when a file cannot be written.
-pub fn report(space: &Space, quick: bool, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+pub fn report(space: &PreparedVolume, quick: bool, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
     let (rounds, pixels) = if quick { (12, 256) } else { (60, 512) };
     let begun = Instant::now();
     let flags = Flags::new(space.volume(), space.wall());
@@ -113,7 +113,14 @@ pub fn report(space: &Space, quick: bool, folder: &Path, progress: &Progress) ->
 }
 
 impl Running {
-    fn new(name: String, space: &Space, lumen: &Arc<Lumen>, plan: &Plan, scene: &Scene, pixels: usize) -> Result<Self> {
+    fn new(
+        name: String,
+        space: &PreparedVolume,
+        lumen: &Arc<Lumen>,
+        plan: &Plan,
+        scene: &Scene,
+        pixels: usize,
+    ) -> Result<Self> {
         let picture = scene.picture;
         let settings = scene.render.apply(Settings::default());
         let image =

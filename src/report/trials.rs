@@ -14,13 +14,13 @@ use crate::fields::{Lumen, lumen};
 use crate::phantom::{Phantom, Settings, Size, Truth};
 use crate::plane::drawing::Drawing;
 use crate::progress::Progress;
-use crate::render::{Space, Wall};
+use crate::render::{PreparedVolume, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 /// Something to fly through, from end to end.
 pub struct Course {
     /// The volume.
-    pub space: Space,
+    pub space: PreparedVolume,
     /// Its colon.
     pub lumen: Arc<Lumen>,
     /// From which end to which.
@@ -34,7 +34,7 @@ impl Course {
     ///
     /// # Errors
     /// Status 4 where there is no colon to fly or when interrupted.
-    pub fn new(space: Space, truth: Option<Truth>, reverse: bool, progress: &Progress) -> Result<Self> {
+    pub fn new(space: PreparedVolume, truth: Option<Truth>, reverse: bool, progress: &Progress) -> Result<Self> {
         let lumen = Arc::new(lumen::find(space.volume(), progress)?);
         let wish = Wish { reverse, ..Wish::default() };
         let plan = plan::plan(&space, &lumen, &wish, Scene::default().body.radius_mm, progress)?;
@@ -48,7 +48,12 @@ impl Course {
     pub fn phantom(settings: &Settings, progress: &Progress) -> Result<Self> {
         let phantom = Phantom::new(settings);
         let volume = phantom.voxelise(&phantom.grid(), progress)?;
-        Self::new(Space::new(Arc::new(volume), Wall::default()), Some(phantom.truth()), false, progress)
+        Self::new(
+            PreparedVolume::new(Arc::new(volume), TransferFunction::default()),
+            Some(phantom.truth()),
+            false,
+            progress,
+        )
     }
 
     /// A drawn lumen, 18 mm high, from its start to its goal: in voxels of 1 mm, so that four pixels make one.
@@ -90,7 +95,7 @@ impl Course {
             other_falls_short: None,
             notes: Vec::new(),
         };
-        Ok(Self { space: Space::new(Arc::new(volume), Wall::default()), lumen, plan, truth: None })
+        Ok(Self { space: PreparedVolume::new(Arc::new(volume), TransferFunction::default()), lumen, plan, truth: None })
     }
 
     /// The same course the other way.

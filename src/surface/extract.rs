@@ -7,7 +7,7 @@ use super::cases;
 use super::mesh::{Block, Mesh, Normal};
 use super::signs::{Numbers, Signs};
 use crate::error::{Error, Result};
-use crate::render::Space;
+use crate::render::PreparedVolume;
 use crate::render::gradient::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
 use crate::volume::Volume;
@@ -16,7 +16,7 @@ use crate::volume::Volume;
 const BLOCK: usize = 4;
 
 /// See [`Mesh::new`].
-pub(super) fn extract(space: &Space) -> Result<Mesh> {
+pub(super) fn extract(space: &PreparedVolume) -> Result<Mesh> {
     let (volume, iso) = (space.volume(), space.wall().iso());
     let signs = Signs::new(volume, iso);
     let numbers = Numbers::new(&signs);
@@ -36,7 +36,7 @@ fn value(volume: &Volume, [x, y, z]: [usize; 3]) -> f64 {
 }
 
 /// A vertex for each crossed edge: where the value between the two voxels, which is linear, is that of the wall.
-fn vertices(space: &Space, signs: &Signs, numbers: &Numbers) -> (Vec<Vec3>, Vec<Normal>) {
+fn vertices(space: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<Vec3>, Vec<Normal>) {
     let (volume, iso) = (space.volume(), space.wall().iso());
     let total = numbers.total() as usize;
     let mut places = vec![Vec3::ZERO; total];

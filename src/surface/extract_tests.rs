@@ -5,21 +5,21 @@ use glam::{DMat3, DVec3, Vec3};
 
 use super::Mesh;
 use crate::math::hash;
-use crate::render::{Space, Wall, value};
+use crate::render::{PreparedVolume, TransferFunction, value};
 use crate::volume::{Grid, Volume};
 
-fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> Space {
+fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-7.0, 11.0, 3.0), direction).unwrap();
     let place = |n: usize| {
         grid.world(DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64))
     };
     let data = (0..grid.len()).map(|n| f(place(n)).round().clamp(-32768.0, 32767.0) as i16).collect();
-    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
 /// A ball of tissue of radius `r` mm about the middle of a cube of `n` voxels of `h` mm, whose values are linear in the
 /// distance from the centre.
-fn ball(n: usize, h: f64, r: f64, slope: f64) -> (Space, DVec3) {
+fn ball(n: usize, h: f64, r: f64, slope: f64) -> (PreparedVolume, DVec3) {
     let centre = DVec3::new(-7.0, 11.0, 3.0) + 0.5 * (n as f64 - 1.0) * h + DVec3::new(0.03, 0.11, 0.07);
     let f = |p: DVec3| -650.0 - slope * (p.distance(centre) - r);
     (space([n; 3], DVec3::splat(h), DMat3::IDENTITY, f), centre)
@@ -160,7 +160,7 @@ fn volumes_without_a_wall_or_of_a_few_voxels() {
     }
     // Where even air is wall, gas in it is a bubble.
     let volume = flat_volume(-2000);
-    let solid_air = Space::new(volume, Wall::new(-1500.0, -1400.0).unwrap());
+    let solid_air = PreparedVolume::new(volume, TransferFunction::new(-1500.0, -1400.0).unwrap());
     assert_eq!(euler(&Mesh::new(&solid_air).unwrap()), 2);
 }
 

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::error::Result;
-use crate::render::Space;
+use crate::render::PreparedVolume;
 
 /// Triangles that lie together: those of 4×4×4 cells, with a ball around them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ impl Mesh {
     ///
     /// # Errors
     /// Status 4 when there are more vertices than 32 bits count.
-    pub fn new(space: &Space) -> Result<Self> {
+    pub fn new(space: &PreparedVolume) -> Result<Self> {
         super::extract::extract(space)
     }
 

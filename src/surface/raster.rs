@@ -17,14 +17,14 @@ use crate::render::gradient::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::shade::{AMBIENT, DIFFUSE};
 use crate::render::transfer::Palette;
-use crate::render::{Frame, Renderer, Space, View, Work, value};
+use crate::render::{Frame, PreparedVolume, Renderer, View, Work, value};
 
 /// Nearest that a triangle is drawn, as a share of the smallest spacing.
 const NEAR: f64 = 0.02;
 
 /// The indirect method as a renderer. Opacity is that of a surface: full at the wall.
 pub struct Rasteriser {
-    space: Space,
+    space: PreparedVolume,
     mesh: Arc<Mesh>,
     colour: Vec3,
 }
@@ -106,12 +106,12 @@ impl Rasteriser {
     ///
     /// # Errors
     /// As [`Mesh::new`].
-    pub fn new(space: &Space) -> Result<Self> {
+    pub fn new(space: &PreparedVolume) -> Result<Self> {
         Ok(Self::of(space, Arc::new(Mesh::new(space)?)))
     }
 
     /// Draws `mesh`, the wall of `space`.
-    pub fn of(space: &Space, mesh: Arc<Mesh>) -> Self {
+    pub fn of(space: &PreparedVolume, mesh: Arc<Mesh>) -> Self {
         let colour = Palette::default().colour(space.wall().iso() as f32);
         Self { space: space.clone(), mesh, colour }
     }

@@ -4,11 +4,11 @@ use glam::{DMat3, DVec3};
 
 use super::{Mesh, Rasteriser};
 use crate::math::hash;
-use crate::render::{Frame, Renderer, Settings, Space, View, Wall, psnr, render};
+use crate::render::{Frame, PreparedVolume, Renderer, Settings, TransferFunction, View, psnr, render};
 use crate::volume::{Grid, Volume};
 
 /// A tube of gas along z with a bulge, in tissue whose edge is three voxels wide.
-fn tube(n: usize) -> Space {
+fn tube(n: usize) -> PreparedVolume {
     let grid = Grid::new([n; 3], DVec3::splat(0.8), DVec3::new(100.0, -50.0, 20.0), DMat3::IDENTITY).unwrap();
     let c = 0.5 * (n as f64 - 1.0);
     let data = (0..grid.len())
@@ -18,10 +18,10 @@ fn tube(n: usize) -> Space {
             (-650.0 + 200.0 * r).clamp(-1000.0, 60.0) as i16
         })
         .collect();
-    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
-fn view(space: &Space, voxel: DVec3, forward: DVec3, fov: f64, size: [usize; 2]) -> View {
+fn view(space: &PreparedVolume, voxel: DVec3, forward: DVec3, fov: f64, size: [usize; 2]) -> View {
     View::new(space.volume().grid().world(voxel), forward, DVec3::Y, fov, size[0], size[1]).unwrap()
 }
 
@@ -68,7 +68,7 @@ fn no_hole_from_anywhere_in_the_gas() {
             }
         })
         .collect();
-    let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+    let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
     let mut raster = Rasteriser::new(&space).unwrap();
     let mut frame = Frame::new(1, 1, true);
     for n in 0..60 {
@@ -100,7 +100,7 @@ fn in_the_tissue_and_outside() {
 #[test]
 fn empty_volumes_and_odd_sizes() {
     let grid = Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-    let empty = Space::new(Arc::new(Volume::new(grid, vec![-1000; 8])), Wall::default());
+    let empty = PreparedVolume::new(Arc::new(Volume::new(grid, vec![-1000; 8])), TransferFunction::default());
     let mut raster = Rasteriser::new(&empty).unwrap();
     let mut frame = Frame::new(1, 1, false);
     for size in [[1, 1], [33, 1], [1, 65], [31, 32]] {

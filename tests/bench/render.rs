@@ -20,14 +20,14 @@ use colvis::render::reuse::paper::Trace;
 use colvis::render::reuse::{Refresh, Reusing, Words};
 use colvis::render::sampler::{Nearest, Sampler, Trilinear};
 use colvis::render::skip::{Everything, Leap};
-use colvis::render::{Frame, Preset, Quality, Renderer, Settings, Space, View, Wall, renderer};
+use colvis::render::{Frame, PreparedVolume, Preset, Quality, Renderer, Settings, TransferFunction, View, renderer};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};
 
 const SIDE: usize = 512;
 
 /// The phantom, and the views of a flight along its centerline, 1 mm apart.
-fn scene() -> (Space, Vec<View>) {
+fn scene() -> (PreparedVolume, Vec<View>) {
     let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed: 1, ..Default::default() });
     let volume = phantom.voxelise(&phantom.grid(), &Progress::default()).expect("a phantom");
     let line = phantom.truth().centerline;
@@ -35,11 +35,11 @@ fn scene() -> (Space, Vec<View>) {
     let (from, to) = (at(line.len() / 2), at(line.len() / 2 + 8));
     let ahead = (to - from).normalize();
     let view = |n: i32| View::new(from + ahead * f64::from(n), ahead, DVec3::Z, 90.0, SIDE, SIDE).expect("a view");
-    (Space::new(Arc::new(volume), Wall::default()), (0..10).map(view).collect())
+    (PreparedVolume::new(Arc::new(volume), TransferFunction::default()), (0..10).map(view).collect())
 }
 
 /// Places near the wall, as rays visit them.
-fn places(space: &Space) -> Vec<Vec3> {
+fn places(space: &PreparedVolume) -> Vec<Vec3> {
     let dims = space.volume().grid().dims();
     let place =
         |n: u64| Vec3::from_array(std::array::from_fn(|a| (dims[a] as f64 * hash::uniform(n, a as u64)) as f32));
@@ -90,7 +90,7 @@ fn parts(c: &mut Criterion) {
 
     let mut group = c.benchmark_group("preparing");
     group.sample_size(10);
-    group.bench_function("flags", |b| b.iter(|| Space::new(s.shared_volume(), s.wall())));
+    group.bench_function("flags", |b| b.iter(|| PreparedVolume::new(s.shared_volume(), s.wall())));
     group.bench_function("7 + 1 bits", |b| b.iter(|| ByteVolume::new(s, 2)));
     group.bench_function("wall distance per voxel", |b| b.iter(|| VoxelWalls::new(s)));
     group.bench_function("wall distance per brick", |b| b.iter(|| BrickWalls::new(s)));
@@ -135,7 +135,7 @@ fn parts(c: &mut Criterion) {
         ("low", &|| renderer(s, low, Preset::Default, false)),
         ("colvis", &|| renderer(s, settings, Preset::Colvis, true)),
         ("colvis without reuse", &|| renderer(s, settings, Preset::Colvis, false)),
-        ("lean", &|| renderer(&Space::lean(s.shared_volume(), s.wall()), settings, Preset::Lean, true)),
+        ("lean", &|| renderer(&PreparedVolume::lean(s.shared_volume(), s.wall()), settings, Preset::Lean, true)),
     ];
     for (name, make) in makes {
         let mut renderer = make();

@@ -15,7 +15,7 @@ use colvis::math::hash;
 use colvis::phantom::Settings;
 use colvis::plane::shipped::{DRAWINGS, named};
 use colvis::progress::Progress;
-use colvis::render::{Space, Wall};
+use colvis::render::{PreparedVolume, TransferFunction};
 use colvis::report::trials::{self, Course, Trial};
 use colvis::volume::io::{self, LoadOptions};
 use rayon::prelude::*;
@@ -103,7 +103,8 @@ fn main() {
     };
     let scan = |path: String| {
         let volume = io::load(Path::new(&path), &LoadOptions::default(), &progress).expect("a scan").volume;
-        let course = Course::new(Space::new(Arc::new(volume), Wall::default()), None, false, &progress);
+        let course =
+            Course::new(PreparedVolume::new(Arc::new(volume), TransferFunction::default()), None, false, &progress);
         let name = Path::new(&path).file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
         (name, course.expect("a colon"))
     };

@@ -11,7 +11,7 @@ use colvis::components::output::LogLine;
 use colvis::fields::lumen;
 use colvis::phantom::{Phantom, Settings, Truth};
 use colvis::progress::Progress;
-use colvis::render::{Space, Wall};
+use colvis::render::{PreparedVolume, TransferFunction};
 use colvis::volume::Volume;
 use glam::DVec3;
 
@@ -51,7 +51,7 @@ pub fn phantom(settings: &Settings) -> (Volume, Truth) {
 /// A flight through a volume.
 pub fn flight(volume: Volume, scene: Scene, wish: &Wish) -> FlightApp {
     let progress = Progress::new();
-    let space = Space::new(Arc::new(volume), Wall::default());
+    let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
     let lumen = Arc::new(lumen::find(space.volume(), &progress).expect("a lumen"));
     let plan = plan::plan(&space, &lumen, wish, scene.body.radius_mm, &progress).expect("a plan");
     FlightApp::new(space, lumen, plan, scene, None).expect("a flight")

@@ -26,7 +26,7 @@ use crate::error::Result;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, lumen};
 use crate::progress::Progress;
-use crate::render::{Coverage, Frame, Preset, Settings, Space, Work, coverage};
+use crate::render::{Coverage, Frame, PreparedVolume, Preset, Settings, Work, coverage};
 
 /// How images are made.
 #[derive(Clone, Debug)]
@@ -47,7 +47,7 @@ pub struct ImageSettings {
 pub struct FlightApp {
     app: App,
     scene: Scene,
-    space: Space,
+    space: PreparedVolume,
     lumen: Arc<Lumen>,
     plan: Plan,
     camera: Entity,
@@ -68,7 +68,7 @@ impl FlightApp {
     /// # Errors
     /// When the scene is not consistent; status 4 where the guide plans and there is no way.
     pub fn new(
-        space: Space,
+        space: PreparedVolume,
         lumen: Arc<Lumen>,
         plan: Plan,
         scene: Scene,
@@ -82,7 +82,7 @@ impl FlightApp {
     /// # Errors
     /// As above, and status 4 when interrupted.
     pub fn prepared(
-        space: Space,
+        space: PreparedVolume,
         lumen: Arc<Lumen>,
         plan: Plan,
         scene: Scene,
@@ -309,7 +309,7 @@ impl FlightApp {
     }
 
     /// The volume made ready for rays.
-    pub fn space(&self) -> &Space {
+    pub fn space(&self) -> &PreparedVolume {
         &self.space
     }
 

@@ -24,7 +24,7 @@ use crate::host::headless::{self, Outputs};
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
-use crate::render::{Settings, Space};
+use crate::render::{PreparedVolume, Settings};
 use files::{read_acts, read_log, write_acts};
 
 /// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
@@ -173,7 +173,7 @@ pub fn loaded(
     scene: &Scene,
     timings: &mut Timings,
     progress: &Progress,
-) -> Result<Space> {
+) -> Result<PreparedVolume> {
     let preset = prepare::preset(args.preset, scene.render.preset);
     prepare::space(args.input.as_deref(), global, preset, timings, progress)
 }
@@ -184,7 +184,7 @@ pub fn loaded(
 /// As the contract has them.
 pub fn prepared(
     args: &FlyArgs,
-    space: Space,
+    space: PreparedVolume,
     scene: Scene,
     image: Option<ImageSettings>,
     timings: &mut Timings,
@@ -220,7 +220,7 @@ pub fn prepared(
 }
 
 /// A log can only be played in the scan that it was flown in, as far as that can be told.
-fn check_scan(play: &Playback, space: &Space) -> Result<()> {
+fn check_scan(play: &Playback, space: &PreparedVolume) -> Result<()> {
     let grid = space.volume().grid();
     let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
     let outside = |p: DVec3| {

@@ -8,7 +8,7 @@ use crate::app::plan::Plan;
 use crate::app::scene::Scene;
 use crate::fields::lumen;
 use crate::progress::Progress;
-use crate::render::{Preset, Quality, Settings, Space, Wall};
+use crate::render::{PreparedVolume, Preset, Quality, Settings, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 const WINDOW: (usize, usize) = (96, 72);
@@ -52,7 +52,7 @@ fn flight_from(guide: Guide, other_end: DVec3) -> FlightApp {
         settings: Settings { adaptive: true, ..Settings::new(Quality::High) },
         preset: Preset::Default,
     };
-    FlightApp::new(Space::new(volume, Wall::default()), lumen, plan, scene, Some(image)).unwrap()
+    FlightApp::new(PreparedVolume::new(volume, TransferFunction::default()), lumen, plan, scene, Some(image)).unwrap()
 }
 
 fn cockpit(guide: Guide) -> Cockpit {

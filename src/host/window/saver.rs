@@ -9,7 +9,7 @@ use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::render::{Frame, Preset, Settings, Space, View, renderer};
+use crate::render::{Frame, PreparedVolume, Preset, Settings, View, renderer};
 
 /// An image to be saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +36,7 @@ impl Order {
         Some(Self { pose: flight.pose(), size: (width.max(1), height.max(1)), fov_degrees, settings, preset })
     }
 
-    fn trace(&self, space: &Space) -> Result<Traced> {
+    fn trace(&self, space: &PreparedVolume) -> Result<Traced> {
         let (a, (width, height)) = (self.pose.attitude, self.size);
         let view = View::new(self.pose.position, a.forward, a.up, self.fov_degrees, width, height)?;
         let mut frame = Frame::new(width, height, false);
@@ -60,7 +60,7 @@ pub type WakeUp = Arc<dyn Fn() + Send + Sync>;
 pub struct Saver {
     /// Threads of their own: in the common pool, images would have to wait for a plan that is being made.
     pool: ThreadPool,
-    space: Space,
+    space: PreparedVolume,
     wake: WakeUp,
     sender: Sender<Result<Traced>>,
     receiver: Receiver<Result<Traced>>,
@@ -72,7 +72,7 @@ impl Saver {
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
-    pub fn new(space: Space, wake: WakeUp) -> Result<Self> {
+    pub fn new(space: PreparedVolume, wake: WakeUp) -> Result<Self> {
         let pool = ThreadPoolBuilder::new()
             .num_threads(rayon::current_num_threads())
             .thread_name(|n| format!("screenshot {n}"))
@@ -115,7 +115,7 @@ impl Saver {
 mod tests {
     use super::*;
     use crate::dynamics::Attitude;
-    use crate::render::{Quality, Wall};
+    use crate::render::{Quality, TransferFunction};
     use crate::volume::{Grid, Volume};
     use glam::{DMat3, DVec3};
 
@@ -123,7 +123,7 @@ mod tests {
     fn the_same_image_as_in_the_foreground() {
         let grid = Grid::new([16, 16, 16], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let data = (0..16 * 16 * 16).map(|n| if n % 16 < 4 { 100 } else { -1000 }).collect();
-        let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+        let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
         let order = Order {
             pose: Pose { position: DVec3::splat(8.0), attitude: Attitude::new(DVec3::NEG_X, DVec3::Z) },
             size: (30, 20),

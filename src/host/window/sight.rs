@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::host::headless::FrameStats;
 use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost};
-use crate::render::{Detail, Frame, Quality, Settings, Space};
+use crate::render::{Detail, Frame, PreparedVolume, Quality, Settings};
 
 /// Closer than this is the same place, mm.
 const SAME_MM: f64 = 1e-3;
@@ -49,7 +49,7 @@ impl Sight {
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
-    pub fn new(space: Space, wake: WakeUp) -> Result<Self> {
+    pub fn new(space: PreparedVolume, wake: WakeUp) -> Result<Self> {
         Ok(Self {
             budget: FrameBudget::default(),
             shown: None,

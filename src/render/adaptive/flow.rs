@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::render::ray::first_crossing;
-use crate::render::{Space, View};
+use crate::render::{PreparedVolume, View};
 
 /// Points along each side of the picture that are followed.
 const SIDE: usize = 5;
@@ -20,7 +20,7 @@ pub struct Probes {
 
 impl Probes {
     /// Follows what `view` shows of `space`: one exact ray for each of 25 points.
-    pub fn new(space: &Space, view: &View) -> Self {
+    pub fn new(space: &PreparedVolume, view: &View) -> Self {
         let place = |n: usize, length: usize| (n as f64 + 0.5) / SIDE as f64 * length as f64;
         let point = |n: usize| {
             let at = [place(n % SIDE, view.width()), place(n / SIDE, view.height())];
@@ -72,14 +72,14 @@ mod tests {
     use glam::{DMat3, DQuat};
 
     use super::*;
-    use crate::render::Wall;
+    use crate::render::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// A wall at x = 50 mm.
-    fn wall() -> Space {
+    fn wall() -> PreparedVolume {
         let grid = Grid::new([64, 64, 64], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let data = (0..64 * 64 * 64).map(|n| if n % 64 > 50 { 0 } else { -1000 }).collect();
-        Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+        PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
     }
 
     fn view(at: DVec3, forward: DVec3) -> View {

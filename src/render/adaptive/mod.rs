@@ -20,7 +20,7 @@ use super::enlarge::Enlarger;
 use super::fast::Fast;
 use super::quality::{Quality, Settings};
 use super::renderer::Detail;
-use super::{Direct, Frame, Renderer, Space, View, Work};
+use super::{Direct, Frame, PreparedVolume, Renderer, View, Work};
 use flow::Probes;
 use level::Governor;
 use still::{Means, Still};
@@ -67,7 +67,7 @@ impl Fine {
 
 /// Follows the need with two renderers of the same space.
 pub struct Adaptive {
-    space: Space,
+    space: PreparedVolume,
     moving: Box<dyn Renderer>,
     /// Makes samples of the reference; none at a quality that does not ask for it.
     fine: Option<Fine>,
@@ -86,7 +86,7 @@ pub struct Adaptive {
 
 impl Adaptive {
     /// Follows the need by `moving`, and at rest by `fine`, which makes one sample a pixel.
-    pub fn new(space: &Space, moving: Box<dyn Renderer>, fine: Option<Fine>) -> Self {
+    pub fn new(space: &PreparedVolume, moving: Box<dyn Renderer>, fine: Option<Fine>) -> Self {
         Self {
             space: space.clone(),
             moving,

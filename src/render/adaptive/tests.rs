@@ -5,19 +5,19 @@ use glam::{DQuat, DVec3};
 use super::*;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
-use crate::render::{Preset, Wall, psnr, renderer};
+use crate::render::{Preset, TransferFunction, psnr, renderer};
 
 const SIDE: usize = 96;
 
 /// A small colon, and the poses of its centerline.
-fn colon() -> (Space, Vec<DVec3>) {
+fn colon() -> (PreparedVolume, Vec<DVec3>) {
     let phantom = Phantom::new(&phantom::Settings { size: phantom::Size::Small, ..Default::default() });
     let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
     let line = phantom.truth().centerline;
-    (Space::new(Arc::new(volume), Wall::default()), line)
+    (PreparedVolume::new(Arc::new(volume), TransferFunction::default()), line)
 }
 
-fn adaptive(space: &Space, quality: Quality) -> Box<dyn Renderer> {
+fn adaptive(space: &PreparedVolume, quality: Quality) -> Box<dyn Renderer> {
     renderer(space, Settings { adaptive: true, ..Settings::new(quality) }, Preset::Default, true)
 }
 

@@ -12,13 +12,13 @@ use rayon::prelude::*;
 
 use crate::volume::{AIR_HU, Grid};
 
-use super::Wall;
+use super::TransferFunction;
 use super::begin::Begin;
 use super::caster::Shot;
 use super::classify::{ByDensity, ByValue};
 use super::quality::{Classification, Quality, Settings};
 use super::reuse::Scenery;
-use super::space::Space;
+use super::space::PreparedVolume;
 use super::{Frame, View, Work};
 
 pub use sampler::{ByteNearest, ByteTrilinear};
@@ -38,7 +38,7 @@ const SLAB: usize = 16;
 /// A volume of 7 + 1 bits a voxel: half of the 16-bit volume.
 pub struct ByteVolume {
     grid: Grid,
-    wall: Wall,
+    wall: TransferFunction,
     /// The flag is set where all voxels up to so many away are of one class, empty or opaque.
     reach: usize,
     data: Vec<u8>,
@@ -46,13 +46,13 @@ pub struct ByteVolume {
 }
 
 /// HU for each code.
-fn unit(wall: Wall) -> f32 {
+fn unit(wall: TransferFunction) -> f32 {
     (wall.hi() - wall.lo()) / f32::from(OPAQUE - EMPTY)
 }
 
 /// The code of a value.
 #[inline(always)]
-fn code(hu: i16, wall: Wall, per_hu: f32) -> u8 {
+fn code(hu: i16, wall: TransferFunction, per_hu: f32) -> u8 {
     // A cast to an integer stops at its bounds.
     (((f32::from(hu) - wall.lo()) * per_hu + (f32::from(EMPTY) + 0.5)) as u8).min(CODE)
 }
@@ -66,7 +66,7 @@ fn class(code: u8) -> u8 {
 impl ByteVolume {
     /// The codes and flags of `space`, in parallel. Flags look at voxels up to `reach` away: what a sample is made of
     /// decides how many must be homogeneous for it to be skipped (1 for values, 2 for regressions).
-    pub fn new(space: &Space, reach: usize) -> Self {
+    pub fn new(space: &PreparedVolume, reach: usize) -> Self {
         let (volume, wall) = (space.volume(), space.wall());
         let per_hu = 1.0 / unit(wall);
         let data = volume.data().par_iter().with_min_len(1 << 16).map(|&v| code(v, wall, per_hu)).collect();
@@ -149,13 +149,13 @@ fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [
 
 /// Pictures through the volume of 7 + 1 bits. The 16-bit voxels are only asked for a picture's depth.
 pub struct ByteScenery {
-    space: Space,
+    space: PreparedVolume,
     bytes: ByteVolume,
 }
 
 impl ByteScenery {
     /// Looks at `bytes`, which were made from `space`.
-    pub fn new(space: &Space, bytes: ByteVolume) -> Self {
+    pub fn new(space: &PreparedVolume, bytes: ByteVolume) -> Self {
         Self { space: space.clone(), bytes }
     }
 }
@@ -163,7 +163,7 @@ impl ByteScenery {
 impl Scenery for ByteScenery {
     type Clear<'a> = ByteSurroundings<'a>;
 
-    fn space(&self) -> &Space {
+    fn space(&self) -> &PreparedVolume {
         &self.space
     }
 

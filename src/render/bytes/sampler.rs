@@ -4,7 +4,7 @@ use glam::{Vec3, Vec4};
 
 use crate::render::gradient::{Block, Fit, Regression};
 use crate::render::sampler::{Sampler, nearest, regression, split};
-use crate::render::space::Space;
+use crate::render::space::PreparedVolume;
 
 use super::{ByteVolume, CODE, EMPTY, FLAG, unit};
 
@@ -43,7 +43,7 @@ pub struct ByteNearest<'a> {
 
 impl<'a> ByteTrilinear<'a> {
     /// A sampler of `bytes`, which were made from `space`.
-    pub fn new(space: &Space, bytes: &'a ByteVolume) -> Self {
+    pub fn new(space: &PreparedVolume, bytes: &'a ByteVolume) -> Self {
         Self { bytes, decode: Decode::new(bytes), lo: bytes.wall.lo(), regression: regression(space) }
     }
 
@@ -62,7 +62,7 @@ impl<'a> ByteTrilinear<'a> {
 
 impl<'a> ByteNearest<'a> {
     /// A sampler of `bytes`, which were made from `space`.
-    pub fn new(space: &Space, bytes: &'a ByteVolume) -> Self {
+    pub fn new(space: &PreparedVolume, bytes: &'a ByteVolume) -> Self {
         Self { bytes, decode: Decode::new(bytes), regression: regression(space) }
     }
 }

@@ -13,12 +13,12 @@ use crate::render::skip::Everything;
 use crate::render::{Classification, Frame, Settings, View, psnr};
 use crate::volume::Volume;
 
-fn space(dims: [usize; 3], wall: Wall, f: impl Fn(usize) -> i16) -> Space {
+fn space(dims: [usize; 3], wall: TransferFunction, f: impl Fn(usize) -> i16) -> PreparedVolume {
     let grid = Grid::new(dims, DVec3::new(0.7, 0.6, 1.1), DVec3::ZERO, DMat3::IDENTITY).unwrap();
-    Space::new(Arc::new(Volume::new(grid.clone(), (0..grid.len()).map(f).collect())), wall)
+    PreparedVolume::new(Arc::new(Volume::new(grid.clone(), (0..grid.len()).map(f).collect())), wall)
 }
 
-fn specks(dims: [usize; 3], wall: Wall, seed: u64, share: f64) -> Space {
+fn specks(dims: [usize; 3], wall: TransferFunction, seed: u64, share: f64) -> PreparedVolume {
     space(dims, wall, |n| {
         let u = |s: u64| hash::uniform(s, n as u64);
         if u(seed) < share { -1000 + (1000.0 * u(!seed)) as i16 } else { -1000 }
@@ -32,7 +32,7 @@ proptest! {
         dims in prop::array::uniform3(1usize..40), seed: u64, share in 0.0..0.02f64, reach in 1usize..3, tissue: bool,
         wall in prop_oneof![Just((-800.0, -500.0)), Just((-2000.0, -1100.0)), Just((-1100.0, -500.0))],
     ) {
-        let wall = Wall::new(wall.0, wall.1).unwrap();
+        let wall = TransferFunction::new(wall.0, wall.1).unwrap();
         let s = space(dims, wall, |n| match (hash::uniform(seed, n as u64) < share, tissue) {
             (true, _) => -650,
             (false, true) => 40,
@@ -54,7 +54,7 @@ proptest! {
         from in prop::array::uniform3(-0.3..1.3f64), to in prop::array::uniform3(0.0..1.0f64),
         wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -500.0)), Just((-999.5, 40.0))],
     ) {
-        let s = specks(dims, Wall::new(wall.0, wall.1).unwrap(), seed, share);
+        let s = specks(dims, TransferFunction::new(wall.0, wall.1).unwrap(), seed, share);
         let grid = s.volume().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(std::array::from_fn(|a| q[a] * dims[a] as f64)));
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, 90.0, 24, 16).unwrap();
@@ -75,7 +75,7 @@ proptest! {
 
 #[test]
 fn values_are_off_by_half_a_code() {
-    let wall = Wall::default();
+    let wall = TransferFunction::default();
     let s = space([30, 20, 10], wall, |n| -1028 + (906.0 * hash::uniform(4, n as u64)) as i16);
     let bytes = ByteVolume::new(&s, 1);
     assert!((bytes.error_hu() - 150.0 / 42.0).abs() < 1e-4 && bytes.bytes() * 2 == s.volume().bytes());
@@ -99,7 +99,7 @@ fn values_are_off_by_half_a_code() {
 #[test]
 fn seven_bits_draw_the_same_wall() {
     let n = 60;
-    let s = space([n; 3], Wall::default(), |i| {
+    let s = space([n; 3], TransferFunction::default(), |i| {
         let p = DVec3::new((i % n) as f64, (i / n % n) as f64, (i / n / n) as f64) - 30.0;
         let r = p.length() - 22.0 - 2.0 * (0.5 * p.x).sin();
         (-1000.0 + 1050.0 * (r / 2.0 + 0.4).clamp(0.0, 1.0)) as i16

@@ -141,7 +141,7 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::space::Wall;
+    use crate::render::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// The cells next to the given voxels of an empty volume.
@@ -151,7 +151,7 @@ mod tests {
         for [x, y, z] in set {
             data[x + dims[0] * (y + dims[1] * z)] = 0;
         }
-        Occupancy::new(&Volume::new(grid, data), Wall::default())
+        Occupancy::new(&Volume::new(grid, data), TransferFunction::default())
     }
 
     /// Where one of the rays at the corners of the box, or within, is in a set cell before `until`.

@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use rayon::prelude::*;
 
-use crate::render::space::Wall;
+use crate::render::space::TransferFunction;
 use crate::volume::Volume;
 
 /// The wall's rise from air to tissue, HU.
@@ -21,14 +21,14 @@ pub const LONGEST: f32 = 2.0;
 const CLASS: [usize; 2] = [4, 512];
 
 /// How long the finest waves are that the scan holds, twice the smallest spacing: 1 where the wall is as sharp as voxels can show.
-pub fn waves(volume: &Volume, wall: Wall) -> f32 {
+pub fn waves(volume: &Volume, wall: TransferFunction) -> f32 {
     (blur(volume, wall) / SHARP).clamp(1.0, LONGEST)
 }
 
 /// How thick the wall is where it is sharp, voxels of the smallest spacing: so many share the rise from air to tissue where nine
 /// tenths of the neighbouring voxels on both sides of the wall differ by less. The number is the scanner's, the kernel's and the
 /// grid's; noise makes it smaller. 0 where there is no wall.
-fn blur(volume: &Volume, wall: Wall) -> f32 {
+fn blur(volume: &Volume, wall: TransferFunction) -> f32 {
     let grid = volume.grid();
     let [nx, ny, nz] = grid.dims();
     let iso = wall.iso() as i16;
@@ -90,7 +90,7 @@ mod tests {
             let way = (DVec3::AXES[axis] + DVec3::splat(tilt)).normalize();
             let volume = sloping([100, 100, 100], spacing, way, thick);
             let expected = thick / spacing.min_element();
-            let found = f64::from(blur(&volume, Wall::default()));
+            let found = f64::from(blur(&volume, TransferFunction::default()));
             // Values next to the wall's ends are cut off where it takes few voxels.
             prop_assume!(thick / across > 3.0);
             prop_assert!((found / expected - 1.0).abs() < 0.1, "{found} {expected}");
@@ -101,10 +101,10 @@ mod tests {
     fn nothing_and_extremes() {
         let grid = |dims| Grid::new(dims, DVec3::new(0.3, 0.3, 10.0), DVec3::ZERO, DMat3::IDENTITY).unwrap();
         for hu in [i16::MIN, -1000, 0, i16::MAX] {
-            assert_eq!(blur(&Volume::new(grid([2, 2, 2]), vec![hu; 8]), Wall::default()), 0.0);
+            assert_eq!(blur(&Volume::new(grid([2, 2, 2]), vec![hu; 8]), TransferFunction::default()), 0.0);
         }
         let volume = Volume::new(grid([9, 1, 17]), (0..9 * 17).map(|n| [i16::MIN, i16::MAX][n % 2]).collect());
-        let found = blur(&volume, Wall::default());
+        let found = blur(&volume, TransferFunction::default());
         assert!(found > 0.0 && found < 0.5, "{found}");
     }
 }

@@ -265,7 +265,7 @@ mod tests {
     use super::*;
     use crate::math::hash;
     use crate::render::fast::levels;
-    use crate::render::space::Wall;
+    use crate::render::space::TransferFunction;
     use crate::volume::Grid;
 
     proptest! {
@@ -283,7 +283,7 @@ mod tests {
                 let [x, y, z] = [0, 1, 2].map(|a| (random(n, a) * dims[a] as f64) as usize);
                 data[x + nx * (y + ny * z)] = 0;
             }
-            let occupancy = Occupancy::new(&Volume::new(grid, data), Wall::default());
+            let occupancy = Occupancy::new(&Volume::new(grid, data), TransferFunction::default());
             let lanes = OccupancyLanes::new(&occupancy).unwrap();
             let cells: [[i32; 16]; 3] = std::array::from_fn(|a| {
                 std::array::from_fn(|n| (random(100 + n as u64, a) * (dims[a] + 9) as f64) as i32 - 4)

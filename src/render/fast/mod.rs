@@ -20,7 +20,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use fearless_simd::Level;
 
 use super::caster::depths;
-use super::{Direct, Frame, Renderer, Settings, Space, View, Work};
+use super::{Direct, Frame, PreparedVolume, Renderer, Settings, View, Work};
 use cells::Cells;
 pub use lattice::BLOCK;
 use lattice::Lattice;
@@ -76,7 +76,7 @@ pub enum Pixels {
 
 /// Renders one space by packets of rays.
 pub struct Fast {
-    space: Space,
+    space: PreparedVolume,
     settings: Settings,
     pixels: Pixels,
     occupancy: Arc<Occupancy>,
@@ -91,12 +91,12 @@ pub struct Fast {
 
 impl Fast {
     /// Prepares `space`: one parallel pass over its voxels.
-    pub fn new(space: &Space, settings: Settings, pixels: Pixels) -> Self {
+    pub fn new(space: &PreparedVolume, settings: Settings, pixels: Pixels) -> Self {
         Self::with_level(space, settings, pixels, Level::new())
     }
 
     /// As [`Fast::new`], on a given SIMD level.
-    pub fn with_level(space: &Space, settings: Settings, pixels: Pixels, level: Level) -> Self {
+    pub fn with_level(space: &PreparedVolume, settings: Settings, pixels: Pixels, level: Level) -> Self {
         let occupancy = Arc::new(Occupancy::new(space.volume(), space.wall()));
         let cells = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
         Self {
@@ -177,15 +177,15 @@ mod tests {
     use super::*;
     use crate::phantom::{Phantom, Settings as Colon, Size};
     use crate::progress::Progress;
-    use crate::render::{Quality, Wall};
+    use crate::render::{Quality, TransferFunction};
     use crate::volume::{Grid, Volume};
 
     /// With and without the knowledge of empty cells pictures are the same to the bit; the samples that were taken, of how many.
-    fn compare(space: &Space, views: &[View], power: i32, pixels: Pixels) -> [u64; 2] {
+    fn compare(space: &PreparedVolume, views: &[View], power: i32, pixels: Pixels) -> [u64; 2] {
         let settings = Settings { step_power: power, ..Settings::new(Quality::High) };
         let mut fast = Fast::new(space, settings, pixels);
         let mut slow = fast.beside(settings);
-        let everything = Wall::new(-3000.0, 0.0).unwrap();
+        let everything = TransferFunction::new(-3000.0, 0.0).unwrap();
         slow.occupancy = Arc::new(Occupancy::new(space.volume(), everything));
         let mut samples = [0; 2];
         for (n, view) in views.iter().enumerate() {
@@ -208,7 +208,7 @@ mod tests {
             if n.is_multiple_of(7919) { -300 } else { (-650.0 + 1000.0 * wall).clamp(-1000.0, 0.0) as i16 }
         };
         let volume = Volume::new(grid.clone(), (0..grid.len()).map(value).collect());
-        let space = Space::new(Arc::new(volume), Wall::default());
+        let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
         assert_eq!(Fast::new(&space, Settings::default(), Pixels::Needed).waves, blur::LONGEST);
         let views = [DVec3::X, DVec3::new(0.3, -0.8, 0.1), DVec3::new(-1.0, 1.0, 1.0)]
             .map(|way| View::new(grid.world(DVec3::new(30.3, 32.1, 29.7)), way, DVec3::Z, 100.0, 90, 80).unwrap());
@@ -229,7 +229,10 @@ mod tests {
     /// Squares of pixels are what they are in a picture with a ray for every pixel, at its borders, too.
     #[test]
     fn squares_are_those_of_the_whole_picture() {
-        let space = Space::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), Wall::default());
+        let space = PreparedVolume::new(
+            Arc::new(Phantom::embedded(&Progress::default()).unwrap()),
+            TransferFunction::default(),
+        );
         let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
         let lumen = phantom.shape().axis.frame(phantom.shape().axis.length() * 0.4);
         let settings = Settings { step_power: -2, ..Settings::new(Quality::High) };
@@ -255,7 +258,10 @@ mod tests {
 
     #[test]
     fn what_is_left_out_of_a_colon_changes_nothing() {
-        let space = Space::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), Wall::default());
+        let space = PreparedVolume::new(
+            Arc::new(Phantom::embedded(&Progress::default()).unwrap()),
+            TransferFunction::default(),
+        );
         let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
         let axis = &phantom.shape().axis;
         let views = [0, 1, 2, 3].map(|n| {
@@ -283,7 +289,7 @@ mod tests {
             };
             let data = (0..grid.len()).map(|n| if box_of(n) { 100 } else { -1000 }).collect();
             let centre = grid.world(DVec3::new(60.0, 55.0, 50.0));
-            let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+            let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
             // The ways along which a step moves farthest along an axis.
             let [x, y, z] = [shear.y_axis, shear.z_axis, shear.x_axis];
             let views = [x.cross(y), y.cross(z), z.cross(x), y.cross(x)]
@@ -302,7 +308,10 @@ mod tests {
             let grid = Grid::new([20, ny, 22], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
             let centre = grid.world(DVec3::new(10.0, 9.0, 11.0));
             let data = vec![-2000; grid.len()];
-            let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::new(-1100.0, -1000.0).unwrap());
+            let space = PreparedVolume::new(
+                Arc::new(Volume::new(grid, data)),
+                TransferFunction::new(-1100.0, -1000.0).unwrap(),
+            );
             let views = [DVec3::Y, DVec3::NEG_Y, DVec3::X]
                 .map(|forward| View::new(centre, forward, DVec3::Z, 60.0, 40, 40).unwrap());
             for power in [0, 1, 2] {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::render::flags::above;
 use crate::render::leap::chessboard::{FAR, chessboard};
-use crate::render::space::Wall;
+use crate::render::space::TransferFunction;
 use crate::volume::{AIR_HU, Volume};
 
 /// Cells along a brick's edge, as a power of two.
@@ -73,7 +73,7 @@ pub struct Occupancy {
 
 impl Occupancy {
     /// The cells of `volume` with a corner above `wall`'s foot, in parallel and in time linear in the voxels.
-    pub fn new(volume: &Volume, wall: Wall) -> Self {
+    pub fn new(volume: &Volume, wall: TransferFunction) -> Self {
         let lo = wall.lo().floor() as i16;
         let dims = volume.grid().dims();
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
@@ -302,7 +302,7 @@ mod tests {
                 .map(|n| if hash::uniform(seed, n) < share { 0 } else if lo < -1024.0 { -1500 } else { -1000 })
                 .collect();
             let volume = Volume::new(grid, data);
-            let o = Occupancy::new(&volume, Wall::new(lo, -500.0).unwrap());
+            let o = Occupancy::new(&volume, TransferFunction::new(lo, -500.0).unwrap());
             let [bx, by, bz] = o.bricks();
             // Up to the end of the last bricks, beyond the volume.
             for z in 0..4 * bz { for y in 0..4 * by { for x in 0..4 * bx {

@@ -34,7 +34,7 @@ use crate::render::gradient::{Regression, Weighting, to_world};
 use crate::render::march::Step;
 use crate::render::quality::Settings;
 use crate::render::sampler::{Sampler, Trilinear};
-use crate::render::space::Space;
+use crate::render::space::PreparedVolume;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
 /// Share of the light below which a passage may be longer: what it errs by is a share of that.
@@ -52,7 +52,7 @@ const STILL: f32 = 1e-9;
 
 /// What all rays of a picture have in common.
 pub struct Rays<'a> {
-    pub(super) space: &'a Space,
+    pub(super) space: &'a PreparedVolume,
     pub(super) voxels: Voxels<'a>,
     occupancy: &'a Occupancy,
     lookup: OccupancyLanes<'a>,
@@ -112,7 +112,7 @@ impl<'a> Rays<'a> {
     /// does not have: two voxels along each axis, no more voxels, and pieces of their bits, than an `i32` counts, a camera within
     /// ten thousand voxels.
     pub fn new(
-        space: &'a Space,
+        space: &'a PreparedVolume,
         occupancy: &'a Occupancy,
         waves: f32,
         view: &View,
@@ -438,7 +438,7 @@ mod tests {
 
     use super::super::levels;
     use super::*;
-    use crate::render::{Quality, Wall};
+    use crate::render::{Quality, TransferFunction};
     use crate::volume::{Grid, Volume};
 
     /// Steps of two voxels meet walls of one voxel and more wherever the steps' ends lie. Without a look at the middle they pass
@@ -453,7 +453,7 @@ mod tests {
         };
         for behind in [-1000, -900, -800, -700, -600, -300, 0] {
             let data = (0..grid.len()).map(|n| value(n, behind)).collect();
-            let space = Space::new(Arc::new(Volume::new(grid.clone(), data)), Wall::default());
+            let space = PreparedVolume::new(Arc::new(Volume::new(grid.clone(), data)), TransferFunction::default());
             let occupancy = Occupancy::new(space.volume(), space.wall());
             for shift in 0..40 {
                 let from = DVec3::new(4.0 + 0.05 * f64::from(shift), 24.3, 23.6);

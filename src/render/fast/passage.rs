@@ -257,7 +257,7 @@ mod tests {
     use crate::math::hash;
     use crate::render::fast::levels;
     use crate::render::fast::occupancy::Occupancy;
-    use crate::render::{Quality, Settings, Space, View, Wall};
+    use crate::render::{PreparedVolume, Quality, Settings, TransferFunction, View};
     use crate::volume::{Grid, Volume};
 
     /// On a turned grid of stretched voxels both ways give the world's gradient, in rays that are asked for and no others.
@@ -271,7 +271,10 @@ mod tests {
             let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
             slope.dot(turn * (DVec3::new(x, y, z) * DVec3::new(0.7, 0.9, 1.6))).round() as i16
         };
-        let space = Space::new(Arc::new(Volume::new(grid, (0..20 * 18 * 16).map(value).collect())), Wall::default());
+        let space = PreparedVolume::new(
+            Arc::new(Volume::new(grid, (0..20 * 18 * 16).map(value).collect())),
+            TransferFunction::default(),
+        );
         let occupancy = Occupancy::new(space.volume(), space.wall());
         let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 90.0, 64, 64).unwrap();
         let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High)).unwrap();
@@ -314,7 +317,7 @@ mod tests {
             (20.0 * (DVec3::new(x, y, z) * spacing).distance_squared(middle)).round() as i16
         };
         let data = (0..20 * 18 * 16).map(value).collect();
-        let space = Space::new(Arc::new(Volume::new(grid, data)), Wall::default());
+        let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
         let occupancy = Occupancy::new(space.volume(), space.wall());
         let camera = middle + DVec3::new(-1.2, 1.0, 0.8);
         let view = View::new(camera, DVec3::X, DVec3::Z, 40.0, 64, 64).unwrap();

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use crate::render::march::Ray;
 use crate::render::skip::{Skipper, is_empty_voxel};
-use crate::render::space::Space;
+use crate::render::space::PreparedVolume;
 
 use super::chessboard::{FAR, chessboard};
 use super::{Clearance, EDGE};
@@ -18,7 +18,7 @@ pub struct BrickWalls {
 impl BrickWalls {
     /// Distances between the bricks of `space`'s flags. Outside them is air: where that is not empty, no brick at the
     /// border is.
-    pub fn new(space: &Space) -> Self {
+    pub fn new(space: &PreparedVolume) -> Self {
         let flags = space.flags();
         let bricks = flags.bricks();
         let count: usize = bricks.iter().product();
@@ -59,13 +59,13 @@ impl Clearance for BrickWalls {
 /// Leaps from box to box of empty bricks; with `VOXELS` also over single voxels flagged as empty, as
 /// [`Leap`](crate::render::skip::Leap) does.
 pub struct BrickLeap<'a, const VOXELS: bool> {
-    space: &'a Space,
+    space: &'a PreparedVolume,
     walls: &'a BrickWalls,
 }
 
 impl<'a, const VOXELS: bool> BrickLeap<'a, VOXELS> {
     /// Leaps by `walls`, which are those of `space`.
-    pub fn new(space: &'a Space, walls: &'a BrickWalls) -> Self {
+    pub fn new(space: &'a PreparedVolume, walls: &'a BrickWalls) -> Self {
         Self { space, walls }
     }
 }

@@ -9,7 +9,7 @@ use glam::Vec3;
 
 use super::flags::BRICK_SHIFT;
 use super::skip::is_empty_voxel;
-use super::space::Space;
+use super::space::PreparedVolume;
 
 pub use bricks::{BrickLeap, BrickWalls};
 pub use voxels::{VoxelLeap, VoxelWalls};
@@ -27,7 +27,7 @@ pub trait Clearance: Sync {
 /// The clearance that flags and bricks tell.
 pub struct Surroundings<'a> {
     /// The flags.
-    pub space: &'a Space,
+    pub space: &'a PreparedVolume,
     /// The distances from brick to brick.
     pub bricks: &'a BrickWalls,
 }

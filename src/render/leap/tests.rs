@@ -11,17 +11,17 @@ use crate::render::caster::Shot;
 use crate::render::classify::{ByDensity, ByValue};
 use crate::render::sampler::Trilinear;
 use crate::render::skip::Everything;
-use crate::render::{Frame, Settings, View, Wall};
+use crate::render::{Frame, Settings, TransferFunction, View};
 use crate::volume::{Grid, Volume};
 
-fn specks(dims: [usize; 3], spacing: DVec3, wall: Wall, seed: u64, share: f64) -> Space {
+fn specks(dims: [usize; 3], spacing: DVec3, wall: TransferFunction, seed: u64, share: f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-3.0, 5.0, 7.0), DMat3::from_rotation_x(0.4)).unwrap();
     let value = |n: u64| match hash::uniform(seed, n) < share {
         true => -1000 + (1000.0 * hash::uniform(!seed, n)) as i16,
         false => -1000,
     };
     let data = (0..grid.len() as u64).map(value).collect();
-    Space::new(Arc::new(Volume::new(grid, data)), wall)
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), wall)
 }
 
 proptest! {
@@ -54,7 +54,7 @@ proptest! {
         from in prop::array::uniform3(-0.3..1.3f64), to in prop::array::uniform3(0.0..1.0f64), fov in 20.0..150.0f64,
         wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -500.0)), Just((-999.5, 40.0))],
     ) {
-        let s = specks(dims, spacing, Wall::new(wall.0, wall.1).unwrap(), seed, share);
+        let s = specks(dims, spacing, TransferFunction::new(wall.0, wall.1).unwrap(), seed, share);
         let grid = s.volume().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(std::array::from_fn(|a| q[a] * dims[a] as f64)));
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, fov, 24, 16).unwrap();
@@ -80,7 +80,7 @@ proptest! {
         dims in prop::array::uniform3(1usize..40), seed: u64, share in prop_oneof![Just(0.0), 0.0..0.002f64],
         wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -500.0))],
     ) {
-        let s = specks(dims, DVec3::ONE, Wall::new(wall.0, wall.1).unwrap(), seed, share);
+        let s = specks(dims, DVec3::ONE, TransferFunction::new(wall.0, wall.1).unwrap(), seed, share);
         let (bricks, voxels) = (BrickWalls::new(&s), VoxelWalls::new(&s));
         let both = Surroundings { space: &s, bricks: &bricks };
         for n in 0..60 {
@@ -99,7 +99,7 @@ proptest! {
 
 #[test]
 fn memory_is_as_told() {
-    let s = specks([64, 48, 40], DVec3::ONE, Wall::default(), 1, 0.0);
+    let s = specks([64, 48, 40], DVec3::ONE, TransferFunction::default(), 1, 0.0);
     assert_eq!(VoxelWalls::new(&s).bytes() * 2, s.volume().bytes());
     assert_eq!(BrickWalls::new(&s).bytes(), 9 * 7 * 6);
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::render::march::Ray;
 use crate::render::sampler::nearest;
 use crate::render::skip::Skipper;
-use crate::render::space::Space;
+use crate::render::space::PreparedVolume;
 use crate::volume::AIR_HU;
 
 use super::chessboard::{FAR, chessboard};
@@ -21,7 +21,7 @@ pub struct VoxelWalls {
 
 impl VoxelWalls {
     /// Distances in `space`, in parallel; outside the volume is air.
-    pub fn new(space: &Space) -> Self {
+    pub fn new(space: &PreparedVolume) -> Self {
         let (volume, lo) = (space.volume(), space.flags().empty_up_to());
         let dims = volume.grid().dims();
         let mut distance: Vec<u8> =

@@ -19,7 +19,7 @@ use super::leap::{BrickWalls, Clearance, SLACK, Surroundings};
 use super::march::Ray;
 use super::quality::{Classification, Settings};
 use super::renderer::Renderer;
-use super::space::Space;
+use super::space::PreparedVolume;
 use super::{Frame, View, Work};
 use known::{Bounds, Empty, Known, Motion};
 use paper::Trace;
@@ -54,7 +54,7 @@ pub trait Scenery: Send + Sync {
         Self: 'a;
 
     /// The space that rays are cast in.
-    fn space(&self) -> &Space;
+    fn space(&self) -> &PreparedVolume;
 
     /// What tells the surroundings.
     fn clear(&self) -> Self::Clear<'_>;
@@ -99,13 +99,13 @@ impl<S: Scenery> Renderer for Plain<S> {
 
 /// The 16-bit voxels, with the wall's distance per brick.
 pub struct Words {
-    space: Space,
+    space: PreparedVolume,
     bricks: BrickWalls,
 }
 
 impl Words {
     /// Prepares `space`.
-    pub fn new(space: &Space) -> Self {
+    pub fn new(space: &PreparedVolume) -> Self {
         Self { space: space.clone(), bricks: BrickWalls::new(space) }
     }
 }
@@ -113,7 +113,7 @@ impl Words {
 impl Scenery for Words {
     type Clear<'a> = Surroundings<'a>;
 
-    fn space(&self) -> &Space {
+    fn space(&self) -> &PreparedVolume {
         &self.space
     }
 
@@ -243,7 +243,7 @@ impl<S: Scenery, R: Rule> Renderer for Reusing<S, R> {
 }
 
 /// How far samples are empty all round a place, mm.
-fn free_mm(space: &Space, clear: &impl Clearance, world: DVec3, reach: f32) -> f64 {
+fn free_mm(space: &PreparedVolume, clear: &impl Clearance, world: DVec3, reach: f32) -> f64 {
     let grid = space.volume().grid();
     let q = grid.voxel(world) + DVec3::ONE;
     let inside = (0..3).all(|a| q[a] > 0.0 && q[a] < (grid.dims()[a] + 1) as f64);

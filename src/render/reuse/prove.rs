@@ -9,7 +9,7 @@ use super::known::BEYOND;
 use crate::render::View;
 use crate::render::leap::{Clearance, SLACK};
 use crate::render::march::Ray;
-use crate::render::space::Space;
+use crate::render::space::PreparedVolume;
 
 /// The least that a step must gain, voxels.
 const GAIN: f32 = 0.1;
@@ -27,7 +27,7 @@ pub struct Pyramid {
 
 impl Pyramid {
     /// For pixels of `view` with `samples_per_pixel` rays each, and samples that depend on `reach` voxels of `space`.
-    pub fn new(space: &Space, view: &View, samples_per_pixel: u32, reach: f32) -> Self {
+    pub fn new(space: &PreparedVolume, view: &View, samples_per_pixel: u32, reach: f32) -> Self {
         let across = if samples_per_pixel > 1 { 2f64.sqrt() } else { 0.5f64.sqrt() };
         Self {
             mm_per_voxel: mm_per_voxel(space) as f32,
@@ -68,7 +68,7 @@ impl Pyramid {
 }
 
 /// mm that move a place by at most one voxel along every axis.
-pub fn mm_per_voxel(space: &Space) -> f64 {
+pub fn mm_per_voxel(space: &PreparedVolume) -> f64 {
     let m = space.volume().grid().to_voxel().matrix3.transpose();
     let fastest = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
     // Rounded down by more than f32 can be wrong.

@@ -6,11 +6,11 @@ use proptest::prelude::*;
 use super::*;
 use crate::math::hash;
 use crate::render::caster::render;
-use crate::render::{Quality, Wall};
+use crate::render::{Quality, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 /// Every way of reuse, over the same space.
-fn ways(space: &Space, settings: Settings) -> Vec<Box<dyn Renderer>> {
+fn ways(space: &PreparedVolume, settings: Settings) -> Vec<Box<dyn Renderer>> {
     vec![
         Box::new(Reusing::<_, f32>::new(Words::new(space), settings, Refresh::Staggered(16))),
         Box::new(Reusing::<_, f32>::new(Words::new(space), settings, Refresh::Staggered(1000))),
@@ -18,16 +18,16 @@ fn ways(space: &Space, settings: Settings) -> Vec<Box<dyn Renderer>> {
     ]
 }
 
-fn space(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), f: impl Fn(DVec3, u64) -> f64) -> Space {
+fn space(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), f: impl Fn(DVec3, u64) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-3.0, 5.0, 7.0), DMat3::from_rotation_x(0.4)).unwrap();
     let place =
         |n: usize| DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
     let data = (0..grid.len()).map(|n| f(place(n), n as u64).round() as i16).collect();
-    Space::new(Arc::new(Volume::new(grid, data)), Wall::new(wall.0, wall.1).unwrap())
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::new(wall.0, wall.1).unwrap())
 }
 
 /// A lumen with a fold across it and a polyp behind the fold, in tissue; specks of anything in its air.
-fn lumen(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), seed: u64, share: f64) -> Space {
+fn lumen(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), seed: u64, share: f64) -> PreparedVolume {
     let half = DVec3::from_array(dims.map(|n| 0.5 * n as f64));
     let r = 0.4 * dims[0].min(dims[1]) as f64;
     let (fold, polyp) = (half.z * 0.8, half + DVec3::new(0.0, 0.7 * r, 0.1 * half.z));
@@ -50,7 +50,7 @@ struct Shoot {
     size: (usize, usize),
 }
 
-fn view(space: &Space, s: Shoot) -> View {
+fn view(space: &PreparedVolume, s: Shoot) -> View {
     let grid = space.volume().grid();
     let at = DVec3::from_array(std::array::from_fn(|a| s.at[a] * grid.dims()[a] as f64));
     let q = DQuat::from_euler(glam::EulerRot::ZYX, s.turn[0], s.turn[1], s.turn[2]);
@@ -58,7 +58,7 @@ fn view(space: &Space, s: Shoot) -> View {
 }
 
 /// Renders the views in order in every way and compares each with the picture on its own; the rays that were spared.
-fn check(space: &Space, settings: Settings, views: &[View]) -> Vec<u64> {
+fn check(space: &PreparedVolume, settings: Settings, views: &[View]) -> Vec<u64> {
     ways(space, settings)
         .iter_mut()
         .enumerate()

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::render::Space;
+use crate::render::PreparedVolume;
 use crate::report::methods::{PREPARATIONS, Preparation, Role};
 use crate::report::{mean, median};
 
@@ -45,7 +45,7 @@ pub struct Claims {
 }
 
 /// Builds the preparations in turn, and tells what follows from them and from the frames.
-pub fn claims(space: &Space, measured: &[Measured], progress: &Progress) -> Result<Claims> {
+pub fn claims(space: &PreparedVolume, measured: &[Measured], progress: &Progress) -> Result<Claims> {
     let costs = costs(space, PREPARATIONS, progress)?;
     let near = near_wall(space);
     let claims = [
@@ -58,7 +58,7 @@ pub fn claims(space: &Space, measured: &[Measured], progress: &Progress) -> Resu
     Ok(Claims { costs, claims: claims.into_iter().flatten().collect() })
 }
 
-fn costs(space: &Space, preparations: &[Preparation], progress: &Progress) -> Result<Vec<Cost>> {
+fn costs(space: &PreparedVolume, preparations: &[Preparation], progress: &Progress) -> Result<Vec<Cost>> {
     progress.stage("building", (BUILDS * preparations.len()) as u64);
     let mut times = vec![Vec::new(); preparations.len()];
     let mut bytes = vec![0; preparations.len()];
@@ -77,7 +77,7 @@ fn costs(space: &Space, preparations: &[Preparation], progress: &Progress) -> Re
 }
 
 /// The share of voxels that lie near a wall: those whose neighbourhood is not all of one class.
-fn near_wall(space: &Space) -> f64 {
+fn near_wall(space: &PreparedVolume) -> f64 {
     let [nx, ny, nz] = space.volume().grid().dims();
     let row = |j: usize, k: usize| (0..nx).filter(|&i| !space.flags().homogeneous(space.volume(), i, j, k)).count();
     let count: usize = (0..nz).map(|k| (0..ny).map(|j| row(j, k)).sum::<usize>()).sum();
@@ -116,7 +116,7 @@ fn flag_against_field(costs: &[Cost]) -> Option<Claim> {
     })
 }
 
-fn memory_of_field(costs: &[Cost], space: &Space) -> Option<Claim> {
+fn memory_of_field(costs: &[Cost], space: &PreparedVolume) -> Option<Claim> {
     let field = find(costs, Role::Field)?;
     let voxels = space.volume().grid().len() as f64;
     Some(Claim {
@@ -130,7 +130,7 @@ fn memory_of_field(costs: &[Cost], space: &Space) -> Option<Claim> {
     })
 }
 
-fn memory_of_gradients(costs: &[Cost], space: &Space, near: f64) -> Claim {
+fn memory_of_gradients(costs: &[Cost], space: &PreparedVolume, near: f64) -> Claim {
     let stored = find(costs, Role::Gradients).map_or_else(String::new, |c| {
         let times = 1.0 + c.bytes as f64 / space.volume().bytes() as f64;
         format!(" As stored here it is {times:.2} times the 16-bit volume.")

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::render::fast::{self, Fast, Pixels};
-use crate::render::{Frame, Renderer, Settings, Space};
+use crate::render::{Frame, PreparedVolume, Renderer, Settings};
 use crate::report::flight::{self, Flown, Stop};
 use crate::report::{median, quantile};
 use crate::volume::{Grid, Volume};
@@ -65,7 +65,13 @@ pub struct Growth {
 }
 
 /// Measures at the poses of `stops`, rendered in turn by all.
-pub fn growth(space: &Space, flown: &Flown, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Growth> {
+pub fn growth(
+    space: &PreparedVolume,
+    flown: &Flown,
+    stops: &[Stop],
+    extent: &Extent,
+    progress: &Progress,
+) -> Result<Growth> {
     let mut sized = Vec::new();
     for &side in extent.sides {
         progress.stage("resampling", 1);
@@ -107,12 +113,12 @@ impl Runner {
     fn new(
         name: String,
         volume: &Arc<Volume>,
-        like: &Space,
+        like: &PreparedVolume,
         pool: Option<ThreadPool>,
         level: fearless_simd::Level,
     ) -> Result<Self> {
         let make = || {
-            let space = Space::new(Arc::clone(volume), like.wall());
+            let space = PreparedVolume::new(Arc::clone(volume), like.wall());
             Fast::with_level(&space, Settings::default(), Pixels::Needed, level)
         };
         let build = || {

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::render::{Frame, Renderer, Space, View, Work, psnr};
+use crate::render::{Frame, PreparedVolume, Renderer, View, Work, psnr};
 use crate::report::flight::Stop;
 use crate::report::image::{displaced, rms, ssim};
 use crate::report::methods::{Method, REFERENCE};
@@ -77,13 +77,13 @@ impl Measured {
 /// A method at work.
 struct Running<'a> {
     renderer: Box<dyn Renderer>,
-    space: &'a Space,
+    space: &'a PreparedVolume,
     measured: Measured,
 }
 
 /// Measures `methods`, and the reference as the first of the result.
 pub fn measure(
-    space: &Space,
+    space: &PreparedVolume,
     methods: &[Method],
     stops: &[Stop],
     extent: &Extent,
@@ -117,7 +117,7 @@ fn timed(renderer: &mut dyn Renderer, view: &View, frame: &mut Frame) -> (f64, W
 }
 
 impl<'a> Running<'a> {
-    fn new(space: &'a Space, method: Method) -> Result<Self> {
+    fn new(space: &'a PreparedVolume, method: Method) -> Result<Self> {
         let begun = Instant::now();
         let renderer = (method.make)(space)?;
         let prepare_s = begun.elapsed().as_secs_f64();

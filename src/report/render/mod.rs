@@ -13,7 +13,7 @@ use std::path::Path;
 use crate::components::flight::State;
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::render::Space;
+use crate::render::PreparedVolume;
 
 use super::flight;
 use super::methods::{METHODS, Method};
@@ -28,7 +28,7 @@ pub struct Subject {
     /// As a person reads it.
     pub title: String,
     /// The scan.
-    pub space: Space,
+    pub space: PreparedVolume,
 }
 
 /// How much is measured.

@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::adaptive::{Adaptive, FRAME, FrameBudget, SAMPLES, cost};
-use crate::render::{Direct, Frame, Preset, Quality, Renderer, Settings, Space, View, psnr, renderer};
+use crate::render::{Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Settings, View, psnr, renderer};
 use crate::report::flight::Flown;
 use crate::report::{median, quantile};
 
@@ -63,7 +63,7 @@ impl Motion {
 }
 
 /// Flies `extent.moving` frames of the flight, sixty a second, with sudden turns, and stops now and then.
-pub fn motion(space: &Space, flown: &Flown, extent: &Extent, progress: &Progress) -> Result<Motion> {
+pub fn motion(space: &PreparedVolume, flown: &Flown, extent: &Extent, progress: &Progress) -> Result<Motion> {
     let settings = Settings { adaptive: true, ..Settings::new(Quality::High) };
     let mut eye = Eye {
         renderer: renderer(space, settings, Preset::Default, true),
@@ -115,7 +115,7 @@ pub fn motion(space: &Space, flown: &Flown, extent: &Extent, progress: &Progress
 
 /// What a picture is refined to, by rays one after the other that skip what is empty: the report tells how far these, `high
 /// h/8`, are from brute force.
-fn reference(space: &Space, view: &View, settings: Settings) -> Frame {
+fn reference(space: &PreparedVolume, view: &View, settings: Settings) -> Frame {
     let settings = Settings { samples_per_pixel: SAMPLES, ..Adaptive::fine(settings).unwrap_or(settings) };
     let mut frame = Frame::default();
     Direct::new(space, settings).render(view, &mut frame);

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::error::Result as Outcome;
-use crate::render::{Direct, Frame, Renderer, Settings, View, Wall, Work};
+use crate::render::{Direct, Frame, Renderer, Settings, TransferFunction, View, Work};
 use crate::report::flight::{Pose, Stop};
 use crate::report::methods::{REFERENCE, Traits};
 use crate::volume::{Grid, Volume};
@@ -27,11 +27,11 @@ impl Renderer for Late {
     }
 }
 
-fn late(space: &Space) -> Outcome<Box<dyn Renderer>> {
+fn late(space: &PreparedVolume) -> Outcome<Box<dyn Renderer>> {
     Ok(Box::new(Late(Direct::new(space, Settings::default()), None)))
 }
 
-fn tube() -> Space {
+fn tube() -> PreparedVolume {
     let n = 40;
     let grid = Grid::new([n; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let data = (0..n * n * n)
@@ -40,7 +40,7 @@ fn tube() -> Space {
             (-650.0 + 150.0 * (x.hypot(y) - 9.0 - 2.0 * (0.5 * z).sin())).clamp(-1000.0, 40.0) as i16
         })
         .collect();
-    Space::new(Arc::new(Volume::new(grid, data)), Wall::default())
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
 fn stops() -> Vec<Stop> {
