@@ -1,23 +1,37 @@
-//! One kind of error for the whole program: what failed, why, and how to mend it, with the exit status it stands for.
+//! The program's one type of error: what failed, why, and what the user can do, with the exit status that follows.
+//!
+//! # Exit statuses
+//!
+//! | status | meaning |
+//! |---|---|
+//! | 0 | done; also when `--seconds` of a flight are over, when the window was closed, and when the reader of standard output went away |
+//! | 1 | [`Kind::Fault`]: a fault of the program's own, a panic among them |
+//! | 2 | [`Kind::Usage`]: wrong usage: unknown or contradictory arguments, settings out of range, a scene that makes no sense, a command that this build leaves out |
+//! | 3 | [`Kind::Input`]: an input cannot be read or used: missing, damaged, truncated, of an unsupported format or modality, with missing slices, too large for the memory |
+//! | 4 | [`Kind::Incomplete`]: the flight or path cannot be completed: nothing to fly through, a point outside the lumen, a flight that calls the operator without a window, or an interruption (Ctrl-C). Log, statistics and recording are there, whole, up to that point |
+//! | 5 | [`Kind::Output`]: an output cannot be written: no permission, a full disk, a missing folder, no `ffmpeg` for a video |
+//!
+//! Every failure prints exactly one line to standard error: `error: WHAT: WHY; REMEDY`. Notes and progress come before
+//! it. Output files appear whole or not at all (see [`crate::output`]).
 
 use std::path::Path;
 
-/// The exit statuses of the command line.
+/// The kind of a failure; its number is the exit status of the program, see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A fault of the program's own (1).
+    /// 1: a fault of the program's own.
     Fault = 1,
-    /// Wrong usage (2).
+    /// 2: wrong usage.
     Usage = 2,
-    /// The input cannot be read or used (3).
+    /// 3: the input cannot be read or used.
     Input = 3,
-    /// The flight or path cannot be completed (4).
+    /// 4: the flight or path cannot be completed, or it was interrupted.
     Incomplete = 4,
-    /// An output cannot be written (5).
+    /// 5: an output cannot be written.
     Output = 5,
 }
 
-/// A failure, printed as `WHAT: WHY; HOW TO MEND` on one line.
+/// A failure, printed as `WHAT: WHY; REMEDY` on one line.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{}: {}; {}", one_line(.what), one_line(.why), one_line(.mend))]
 pub struct Error {
@@ -25,9 +39,9 @@ pub struct Error {
     pub kind: Kind,
     /// What failed, usually a file or an option.
     pub what: String,
-    /// Why it failed, with the offending value.
+    /// Why it failed, with the value that was wrong.
     pub why: String,
-    /// What the user can do about it.
+    /// What the user can do about it, as a request.
     pub mend: String,
 }
 
@@ -40,17 +54,17 @@ impl Error {
         Self { kind, what: what.into(), why: why.into(), mend: mend.into() }
     }
 
-    /// A fault of the program's own.
+    /// A fault of the program's own: status 1.
     pub fn fault(what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
         Self::new(Kind::Fault, what, why, mend)
     }
 
-    /// Wrong usage.
+    /// Wrong usage: status 2.
     pub fn usage(what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
         Self::new(Kind::Usage, what, why, mend)
     }
 
-    /// The input cannot be read or used.
+    /// The input cannot be read or used: status 3.
     pub fn input(what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
         Self::new(Kind::Input, what, why, mend)
     }
@@ -60,23 +74,23 @@ impl Error {
         Self::input(path.display().to_string(), why, mend)
     }
 
-    /// The flight or path cannot be completed.
+    /// The flight or path cannot be completed: status 4.
     pub fn incomplete(what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
         Self::new(Kind::Incomplete, what, why, mend)
     }
 
-    /// An output cannot be written.
+    /// An output cannot be written: status 5.
     pub fn output(path: &Path, why: impl Into<String>, mend: impl Into<String>) -> Self {
         Self::new(Kind::Output, path.display().to_string(), why, mend)
     }
 
-    /// The user asked to stop (Ctrl-C, or the window's cancel key).
+    /// The user asked to stop (Ctrl-C, or the window's cancel key): status 4.
     pub fn cancelled(what: impl Into<String>) -> Self {
         Self::incomplete(what, "interrupted", "run it again to finish")
     }
 }
 
-/// Error texts may carry file names and other programs' messages; a line break in them must not make a second line.
+/// Error texts may contain file names and messages of other programs; a line break in them must not make a second line.
 fn one_line(s: &str) -> String {
     s.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -1,13 +1,28 @@
 //! colvis: flying through the inside of the body, on a processor alone.
 //!
-//! Who may use whom, from the bottom up (nothing points the other way):
+//! Who may use whom, from the bottom up: each module those of the lines above its own in this table. A test reads it from
+//! here.
 //!
-//! `error`, `progress`, `memory`, `math` ← `volume`, `phantom`, `fields`, `dynamics` ← `render` ← `surface`, `components` ←
-//! `systems` ← `app` ← `host`, `report` ← `cli`; `plane`, the flights in two dimensions, stands beside `app`.
+//! ```text layers
+//! error, fence, math, memory
+//! output, progress
+//! volume
+//! fields, phantom
+//! dynamics
+//! render
+//! components, schedule, surface
+//! systems
+//! app, plane
+//! host, report
+//! cli
+//! ```
 //!
 //! Everything up to `render` is plain functions and data that know no entity-component-system. `components` holds what
-//! the entities carry, `systems` (the folder beside `src`) one file for each scheduled system, `app` the plugins and the
-//! schedule, `host` what drives it: a window, or nobody.
+//! the entities carry, `schedule` the order of the systems and what a guide says of itself, `systems` (the folder beside
+//! `src`) one file for each scheduled system, `app` scans, scenes and flights, `host` what drives a flight: a window, or
+//! nobody. `ARCHITECTURE.md` tells the way of a scan and of a pose through them, and where to add what.
+//!
+//! A flight in ten lines is the example of [`app::Scan`]; the program itself is [`cli::Program`].
 //!
 //! How far the wall is from a place, along a ray and to any side:
 //!
@@ -34,12 +49,66 @@
 //! Frames and units: *world* is the patient's frame, millimetres, LPS (x to the patient's left, y to posterior,
 //! z to superior). *Voxel* coordinates are fractional indices; an integer index is a voxel's centre. Values are
 //! Hounsfield units.
+//!
+//! # Glossary
+//!
+//! The colon and its scan:
+//!
+//! - **Lumen**: the inside of the colon, gas and tagged fluid: [`fields::lumen`].
+//! - **Segment**: a connected piece of the lumen's gas. Fluid or a collapsed stretch parts one from the next.
+//! - **Tagged fluid**: fluid that a contrast agent makes bright, so that it can be told from tissue.
+//! - **Haustra**: the pouches of the colon between its folds. **Taeniae**: the three bands of muscle along it.
+//! - **Residue**: what is left in a cleaned colon. A **bridge** is a thin strand of it across the lumen.
+//! - **Centerline**: the line through the middle of the lumen from one end to the other: [`fields::centerline`].
+//! - **Wall**: where the interpolated value crosses the middle of the opacity ramp, −650 HU unless told otherwise.
+//! - **Wall distance**, D_s: how far a place is from the wall, as a field over the lumen: [`fields::distance`].
+//! - **Target distance**, D_t: how far it is to the goal along the lumen: [`fields::target`].
+//! - **Clearance**: the exact distance from one place to the wall, found among the voxels around it, never told too large:
+//!   [`fields::ClearanceFinder`].
+//! - **Phantom**: a synthetic colon whose truth is known: [`phantom`].
+//!
+//! The flight:
+//!
+//! - **Guide**: who steers, a navigation method: [`schedule::Guide`].
+//! - **Tentacles**: sensory rays to all sides that tell a guide how far the wall is: [`dynamics::tentacles`].
+//! - **Mines**: points laid behind the camera that push it on, so that it does not turn back: [`dynamics::mines`].
+//! - **Potential**: the paper's V(x). The wall repels, the target attracts: [`dynamics::potential`].
+//! - **Scene**: what a flight is made of, as a list of plugins and their settings: [`app::Scene`].
+//! - **Wish**: which ends were asked for. **Plan**: start and goal that come of it: [`app::Wish`], [`app::Plan`].
+//! - **Way**: the line that is flown, and in a guide the direction in which it goes on. A **route** is a way that is planned
+//!   ahead, with its speeds: [`dynamics::Route`].
+//! - **Trail**: where the camera has been.
+//! - **Perforation**: passing through the wall. No step can: [`dynamics::advance()`].
+//! - **Clamp**: what cuts a step back to what the clearance allows.
+//! - **Trap**: a place in which a flight gets nowhere, such as a blind end or a local minimum: [`dynamics::trap`].
+//! - **Rescue**: what is done about it, before the operator is called: [`dynamics::rescue`].
+//! - **Operator**: the person at the window, or a recorded input in that person's place.
+//! - **Coverage**: the share of the wall that was seen: [`render::Coverage`].
+//!
+//! The picture:
+//!
+//! - **Transfer function**: from a value to an opacity: 0 up to one value, 1 from another on: [`render::TransferFunction`].
+//! - **Prepared volume**: a volume with its transfer function and what lets rays leap: [`render::PreparedVolume`].
+//! - **Leap**: a step of a ray over what is known to be empty. **Brick**: a cube of cells that is known to be so as one.
+//! - **Homogeneous-region flag**: a bit for each voxel that says that nothing changes around it.
+//! - **Early ray termination**: a ray ends when less light comes from beyond than the camera's sensitivity.
+//! - **Layer**, or surface hit: one of the surfaces that a ray meets one behind the other.
+//! - **Preset**: a renderer by its name: [`render::Preset`]. **Quality**: how detailed its pictures are: [`render::Quality`].
+//! - **Packet**: sixteen neighbouring rays that are traced as one.
+//! - **Adaptive image-plane sampling**: rays only through pixels of which those around do not tell enough.
+//! - **Reuse**: taking over from the last frame what is proven to hold in this one. **Key frame**: one that is made without:
+//!   [`render::reuse`].
+//! - **Reference**: brute force, which leaves nothing out; what pictures are measured against.
+//! - **Work-precision** diagram: error against run time, a line for each method. The reports draw them: [`report`].
+//! - **Presenter**: where finished pictures go, a window or a recording: [`systems::present::Presenter`].
+//! - **Overlay**: something that a window draws over its picture: [`app::Overlay`].
 
 pub mod app;
 pub mod cli;
 pub mod components;
 pub mod dynamics;
 pub mod error;
+pub mod fence;
 pub mod fields;
 pub mod host;
 pub mod math;
@@ -50,6 +119,7 @@ pub mod plane;
 pub mod progress;
 pub mod render;
 pub mod report;
+pub mod schedule;
 pub mod surface;
 pub mod volume;
 

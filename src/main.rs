@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    colvis::cli::main()
+    colvis::cli::Program::default().run()
 }

@@ -1,7 +1,7 @@
-//! What the system tells of the program's own memory.
+//! The program's own use of memory, as the system reports it.
 
-/// An entry of the program's status in bytes: `VmRSS`, what is resident, or `VmHWM`, the most that has been. None where the
-/// system does not tell (it is Linux that does).
+/// An entry of the process's status, bytes: `VmRSS`, the resident set, or `VmHWM`, its peak. None where the system does
+/// not report it (only Linux does).
 pub fn resident_bytes(entry: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let value = status.lines().find_map(|l| l.strip_prefix(entry)?.strip_prefix(':'))?;

@@ -1,4 +1,4 @@
-//! Writing files so that each appears whole or not at all.
+//! Output files: each appears whole or not at all, also when the program is interrupted.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -7,7 +7,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Kind, Result};
 
-/// A file being written: a temporary one beside its target, renamed on [`Whole::finish`] and removed when dropped before.
+/// A file being written: a temporary one beside its target, renamed on [`Whole::finish`] and removed when dropped
+/// before.
 ///
 /// A symbolic link is followed. A target that exists and is no regular file, or that is reached through `/dev` or
 /// `/proc` (`/dev/stdout`), is written to directly, never replaced. A file that is replaced keeps its permissions.
@@ -21,7 +22,7 @@ enum Sink {
     Direct(File),
 }
 
-/// The temporary files there are.
+/// The temporary files that exist now.
 static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// A temporary file's entry among [`TEMPORARY`].
@@ -44,10 +45,10 @@ fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
     TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the files being written, for a program that ends at once: nothing is dropped then.
+/// Removes the files being written, for a program that exits at once, when nothing is dropped.
 pub fn remove_temporary() {
     for path in temporary().iter() {
-        // It may have got its name just now.
+        // It may have been renamed just now.
         let _ = std::fs::remove_file(path);
     }
 }
@@ -69,7 +70,7 @@ impl Write for Sink {
 }
 
 impl Whole {
-    /// Begins to write `path`.
+    /// Starts to write `path`.
     ///
     /// # Errors
     /// Status 5 when the folder is missing, not writable, or `path` is a folder.
@@ -102,7 +103,7 @@ impl Whole {
         Ok(Self { path: path.to_owned(), sink: BufWriter::with_capacity(1 << 20, sink) })
     }
 
-    /// Where the file is until it is finished, for another program to write to instead.
+    /// The temporary file's path, for another program to write to instead.
     pub fn place(&self) -> &Path {
         match self.sink.get_ref() {
             Sink::Temporary(f, _) => f.path(),
@@ -110,7 +111,7 @@ impl Whole {
         }
     }
 
-    /// Flushes and gives the file its name.
+    /// Flushes the file and gives it its name.
     ///
     /// # Errors
     /// Status 5 when the last bytes cannot be written or the file cannot be renamed.
@@ -182,9 +183,9 @@ fn is_special(absolute: &Path) -> bool {
     ["/dev", "/proc"].iter().any(|root| absolute.starts_with(root)) && !absolute.starts_with("/dev/shm")
 }
 
-/// What the system says of a failure, without the name of a temporary file and without its number.
+/// The system's text for a failure, without the name of a temporary file and without the error number.
 pub fn plain(e: &io::Error) -> String {
-    // A wrapped error carries the path it happened at, which is none that the user knows.
+    // A wrapped error carries the path of the temporary file, which the user does not know.
     let code = e.raw_os_error().or_else(|| {
         let mut source: Option<&(dyn std::error::Error + 'static)> = e.get_ref().map(|inner| inner as _);
         std::iter::from_fn(|| {
@@ -198,8 +199,7 @@ pub fn plain(e: &io::Error) -> String {
     text.split(" (os error").next().unwrap_or(&text).to_lowercase()
 }
 
-/// Refuses outputs that would overwrite an input or each other, and folders that are not there, before any work is
-/// done.
+/// Refuses outputs that would overwrite an input or each other, and missing folders, before any work is done.
 ///
 /// # Errors
 /// Status 2 for two of the same name, status 5 for a folder that is missing.
@@ -208,7 +208,7 @@ pub fn check_targets(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
     check_folders(outputs)
 }
 
-/// Refuses files whose folders are not there.
+/// Refuses files whose folders are missing.
 ///
 /// # Errors
 /// Status 5 for a folder that is missing.
@@ -219,7 +219,7 @@ pub fn check_folders(outputs: &[&Path]) -> Result<()> {
     })
 }
 
-/// Where a path leads, links followed.
+/// The path with its links followed.
 fn place(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     if is_special(&absolute) { absolute } else { std::fs::canonicalize(path).unwrap_or(absolute) }

@@ -1,13 +1,16 @@
-//! How far a long piece of work has come, shared between the worker and whoever shows it, and the way to cancel it.
+//! Progress of a long piece of work, shared between the worker and the display, and the way to cancel it.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
 
 use crate::error::{Error, Result};
 
-/// Progress of one job; cheap to update from any thread. Share it in an `Arc` (or a `&'static`).
+/// Progress of one job; cheap to update from any thread. A clone is of the same job.
+#[derive(Clone, Debug, Default)]
+pub struct Progress(Arc<Job>);
+
 #[derive(Debug, Default)]
-pub struct Progress {
+struct Job {
     stage: Mutex<String>,
     done: AtomicU64,
     total: AtomicU64,
@@ -22,9 +25,9 @@ impl Progress {
 
     /// Begins a stage of `total` units (bytes, slices, …; 0 where it is not known), named as the user reads it.
     pub fn stage(&self, name: &str, total: u64) {
-        *self.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = name.to_owned();
-        self.done.store(0, Relaxed);
-        self.total.store(total, Relaxed);
+        *self.0.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = name.to_owned();
+        self.0.done.store(0, Relaxed);
+        self.0.total.store(total, Relaxed);
     }
 
     /// Counts `n` finished units.
@@ -32,7 +35,7 @@ impl Progress {
     /// # Errors
     /// When the job was cancelled: the worker gives up, leaving nothing half done.
     pub fn advance(&self, n: u64) -> Result<()> {
-        self.done.fetch_add(n, Relaxed);
+        self.0.done.fetch_add(n, Relaxed);
         self.check()
     }
 
@@ -44,17 +47,17 @@ impl Progress {
 
     /// Asks the worker to stop.
     pub fn cancel(&self) {
-        self.cancelled.store(true, Relaxed);
+        self.0.cancelled.store(true, Relaxed);
     }
 
     /// Whether [`Progress::cancel`] was called.
     pub fn is_cancelled(&self) -> bool {
-        self.cancelled.load(Relaxed)
+        self.0.cancelled.load(Relaxed)
     }
 
     /// Stage, units done, units in all (0 where it is not known).
     pub fn snapshot(&self) -> (String, u64, u64) {
-        let stage = self.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
-        (stage, self.done.load(Relaxed), self.total.load(Relaxed))
+        let stage = self.0.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
+        (stage, self.0.done.load(Relaxed), self.0.total.load(Relaxed))
     }
 }

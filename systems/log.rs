@@ -6,8 +6,8 @@ use crate::components::camera::{Contact, Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::Flight;
 use crate::components::output::{FlightLog, GuideName, LogLine};
-use crate::components::{App, FlightSystems};
 use crate::error::Result;
+use crate::schedule::{App, FlightSystems};
 
 /// Adds the log to the scene.
 pub fn plugin(app: &mut App) -> Result<()> {

@@ -3,16 +3,31 @@
 use bevy_ecs::prelude::*;
 
 use crate::components::guide::GuideThrust;
-use crate::components::output::GuideName;
-use crate::components::{App, FlightSystems, Slot};
+use crate::dynamics::Body;
+use crate::dynamics::hand::PUSH_MM_S;
 use crate::error::Result;
+use crate::schedule::{App, FlightSystems, Guide};
 
-/// Plugs the operator into the guide's slot.
-pub fn plugin(app: &mut App) -> Result<()> {
-    app.fill(Slot::Guide, "manual")?;
-    app.world.insert_resource(GuideName("manual"));
-    app.add_systems(FlightSystems::Guide, let_drift);
-    Ok(())
+/// Has no settings.
+#[derive(Clone, Copy, Debug, Default, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Manual {}
+
+impl Guide for Manual {
+    const NAME: &'static str = "manual";
+    const SUMMARY: &'static str = "by hand";
+    const KEY: Option<char> = Some('4');
+    const AUTOMATIC: bool = false;
+
+    /// What a full push holds.
+    fn cruise_mm_s(&self, _: &Body) -> f64 {
+        PUSH_MM_S
+    }
+
+    fn plug(&self, app: &mut App) -> Result<()> {
+        app.add_systems(FlightSystems::Guide, let_drift);
+        Ok(())
+    }
 }
 
 /// Takes back whatever another guide wanted before.

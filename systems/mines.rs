@@ -4,11 +4,16 @@ use bevy_ecs::prelude::*;
 
 use crate::components::camera::Pose;
 use crate::components::guide::{MineField, MinePush};
-use crate::components::{App, FlightSystems};
+use crate::dynamics::mines::{MineSettings, Mines};
 use crate::error::Result;
+use crate::schedule::{App, FlightSystems};
 
-/// Adds mines to the scene.
-pub fn plugin(app: &mut App) -> Result<()> {
+/// Lets the camera lay mines.
+///
+/// # Errors
+/// None.
+pub fn plug(app: &mut App, settings: MineSettings) -> Result<()> {
+    app.equip((MineField { settings, mines: Mines::default() }, MinePush::default()));
     app.add_systems(FlightSystems::Force, (lay_mines, push_by_mines).chain());
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! The equations of motion: sums the forces, moves the rigid body as far as the wall allows, and turns it with its view.
+//! The equations of motion: adds up the forces, moves the rigid body as far as the wall allows, and turns it with its view.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -9,12 +9,12 @@ use crate::components::flight::{Flight, State};
 use crate::components::guide::{GuideThrust, MinePush, PotentialField};
 use crate::components::input::Hand;
 use crate::components::scan::Walls;
-use crate::components::{App, FlightSystems};
 use crate::dynamics::heading::follow_velocity;
 use crate::dynamics::rigid::orientation;
-use crate::dynamics::{Motion, Potential, PotentialForce, Turning, step};
+use crate::dynamics::{Potential, PotentialForce, RigidBodyState, Turning, step};
 use crate::error::Result;
 use crate::fields::Distance;
+use crate::schedule::{App, FlightSystems};
 
 /// How far the view lags behind the way, s, and its greatest rate, rad/s.
 const VIEW_S: f64 = 0.45;
@@ -26,7 +26,8 @@ const STILL_RAD_S: f64 = 1e-6;
 
 /// Adds motion to the camera.
 pub fn plugin(app: &mut App) -> Result<()> {
-    app.add_systems(FlightSystems::Integrate, (sum_forces, move_body).chain());
+    app.add_systems(FlightSystems::Sum, sum_forces);
+    app.add_systems(FlightSystems::Integrate, move_body);
     Ok(())
 }
 
@@ -66,7 +67,7 @@ pub fn move_body(
     let (moving, (acceleration, body), (guide, field, hand)) = camera.into_inner();
     let (mut pose, mut velocity, mut spin, mut heading, mut contact, mut flight) = moving;
     let (body, dt) = (&body.0, clock.dt());
-    let before = Motion {
+    let before = RigidBodyState {
         position: pose.position,
         momentum: velocity.0 * body.mass_g,
         orientation: orientation(pose.attitude),
@@ -82,7 +83,7 @@ pub fn move_body(
     };
     let push = acceleration.0 * body.mass_g;
     let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
-    let method = body.integrator.method();
+    let method = body.integrator.stepper();
     let moved = match field.filter(|_| !stopped) {
         Some(f) => {
             let pace = if flight.state == State::Flying { hand.map_or(1.0, Hand::pace) } else { 0.0 };

@@ -1,40 +1,76 @@
 //! The guide that follows a plan: a force holds the body to where it should be on its way.
 
+use std::sync::Arc;
+
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use crate::components::camera::{Body, Pose, Velocity};
 use crate::components::clock::Clock;
-use crate::components::flight::{Flight, State};
+use crate::components::flight::{Flight, HelpCall, State};
 use crate::components::guide::{GuideThrust, Planned};
 use crate::components::input::Hand;
-use crate::components::output::GuideName;
-use crate::components::scan::Walls;
-use crate::components::{App, FlightSystems, Slot};
-use crate::dynamics::Route;
+use crate::components::scan::{Centerline, Walls};
 use crate::dynamics::route::pilot::Pilot;
-use crate::error::Result;
-use crate::fields::Clearances;
+use crate::dynamics::route::profile::PathSettings;
+use crate::dynamics::{self};
+use crate::error::{Error, Result};
+use crate::schedule::{App, FlightSystems, Guide, Needs};
 
-/// Places of the way that are looked at for one that the body can get to.
-const CANDIDATES: usize = 6;
+/// Who holds the body to the plan.
+#[derive(Component, Clone, Debug)]
+pub struct PathPilot {
+    settings: PathSettings,
+    /// None while somebody else has the body.
+    pilot: Option<Pilot>,
+    /// World mm/s, before the last step; none where the body was not moved from then to now.
+    velocity_before: Option<DVec3>,
+    /// What was asked of the body last, world mm/s².
+    last: DVec3,
+    /// Jumps of the plan that are known.
+    jumps: u32,
+}
 
-/// Plugs the plan into the guide's slot.
-pub fn plugin(app: &mut App) -> Result<()> {
-    app.fill(Slot::Guide, "path")?;
-    app.world.insert_resource(GuideName("path"));
-    app.add_systems(FlightSystems::Guide, guide_by_plan);
-    Ok(())
+impl Guide for PathSettings {
+    const NAME: &'static str = "path";
+    const SUMMARY: &'static str = "planned along the centerline";
+    const KEY: Option<char> = Some('3');
+    const NEEDS: Needs = Needs { centerline: true, fluid_as_gas: true, ..Needs::NOTHING };
+
+    fn check(&self) -> Result<()> {
+        Self::check(self)
+    }
+
+    fn cruise_mm_s(&self, _: &dynamics::Body) -> f64 {
+        self.cruise_mm_s
+    }
+
+    fn plug(&self, app: &mut App) -> Result<()> {
+        let line = app.scan_get::<Centerline>().map(|c| Arc::clone(&c.0));
+        let route = line.ok_or_else(|| Error::fault("path", "there is no centerline", "report it"))?;
+        let (settings, last) = (*self, DVec3::ZERO);
+        app.equip((
+            Planned::new(route, self.look_ahead_mm),
+            PathPilot { settings, pilot: None, velocity_before: None, last, jumps: 0 },
+        ));
+        app.add_systems(FlightSystems::Guide, guide_by_plan);
+        app.add_systems(FlightSystems::Answer, tell_narrow_place);
+        Ok(())
+    }
 }
 
 /// Asks of the body what the plan wants. Whenever somebody else has had it, the plan is taken up from its nearest place.
 pub fn guide_by_plan(
     clock: Res<Clock>,
     walls: Single<&Walls>,
-    camera: Single<(&Pose, &Velocity, &Body, &Flight, &mut Planned, &mut GuideThrust, Option<&Hand>)>,
+    camera: Single<(&Pose, &Velocity, &Body, &Flight, &mut Planned, &mut PathPilot, &mut GuideThrust, Option<&Hand>)>,
 ) {
-    let (pose, velocity, body, flight, mut planned, mut guide, hand) = camera.into_inner();
-    let Planned { settings, route, pilot, s_mm, velocity_before, last } = &mut *planned;
+    let (pose, velocity, body, flight, mut planned, mut held, mut guide, hand) = camera.into_inner();
+    let Planned { route, s_mm, jumps, .. } = &mut *planned;
+    if held.jumps != *jumps {
+        (held.pilot, held.velocity_before, held.last, held.jumps) = (None, None, DVec3::ZERO, *jumps);
+    }
+    let PathPilot { settings, pilot, velocity_before, last, .. } = &mut *held;
     let acceleration = velocity_before.map_or(DVec3::ZERO, |before| (velocity.0 - before) / clock.dt());
     *velocity_before = Some(velocity.0);
     let limit = settings.cruise_mm_s * body.0.drag_per_s.max(1.0);
@@ -42,18 +78,18 @@ pub fn guide_by_plan(
     let away = hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
     if away || flight.state != State::Flying {
         *pilot = None;
-        *s_mm = nearest(route, &walls.0, pose.position);
+        *s_mm = route.nearest_reachable(&walls.0, pose.position);
         // What was asked last is let go of, not dropped.
         guide.thrust = *last * hand.filter(|_| away).map_or(0.0, Hand::share);
         return;
     }
     let rate = hand.map_or(1.0, |h| h.speed);
     let state = (pose.position, velocity.0);
-    let order = pilot.as_mut().and_then(|p| p.order(route, state, body.0.drag_per_s, rate, clock.dt()));
+    let order = pilot.as_mut().and_then(|p| p.command(route, state, body.0.drag_per_s, rate, clock.dt()));
     let order = order.or_else(|| {
-        let s = nearest(route, &walls.0, pose.position);
+        let s = route.nearest_reachable(&walls.0, pose.position);
         let mut anew = Pilot::join(route, s, [state.0, state.1, acceleration], rate, settings);
-        let order = anew.order(route, state, body.0.drag_per_s, rate, clock.dt());
+        let order = anew.command(route, state, body.0.drag_per_s, rate, clock.dt());
         *pilot = Some(anew);
         order
     });
@@ -65,9 +101,12 @@ pub fn guide_by_plan(
     }
 }
 
-/// The nearest place of the way, mm along it, to which the straight line is free; the nearest of all where none is.
-pub fn nearest(route: &Route, walls: &impl Clearances, at: DVec3) -> f64 {
-    let places = route.nearest(at);
-    let free = |&&s: &&f64| !walls.enters(at, route.place(s));
-    places.iter().take(CANDIDATES).find(free).or(places.first()).copied().unwrap_or(0.0)
+/// Tells the operator where a plan leads to a place that the body does not fit through.
+pub fn tell_narrow_place(camera: Single<(&Body, &Planned, &mut HelpCall)>) {
+    let (body, planned, mut call) = camera.into_inner();
+    if let Some(help) = &mut call.0
+        && let Some(narrow) = planned.route.narrow_place(planned.s_mm, body.0.radius_mm)
+    {
+        help.reason = narrow;
+    }
 }

@@ -7,15 +7,16 @@ use crate::components::camera::{Contact, Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, State};
 use crate::components::input::Hand;
-use crate::components::output::GuideName;
 use crate::components::play::Playback;
-use crate::components::{App, FlightSystems, Slot};
 use crate::error::Result;
+use crate::schedule::{App, FlightSystems};
 
-/// Plugs a log into the guide's slot.
-pub fn plugin(app: &mut App) -> Result<()> {
-    app.fill(Slot::Guide, "play")?;
-    app.world.insert_resource(GuideName("play"));
+/// Puts a log in the guide's place.
+///
+/// # Errors
+/// None.
+pub fn plug(app: &mut App, play: &Playback) -> Result<()> {
+    app.camera().insert_if_new(play.clone());
     app.add_systems(FlightSystems::Integrate, follow_log);
     Ok(())
 }

@@ -1,37 +1,69 @@
 //! The guide of the paper's section 3.1.1: the wall repels, the target attracts.
 
+use std::sync::Arc;
+
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use crate::components::camera::{Body, Pose};
 use crate::components::clock::Clock;
-use crate::components::guide::{GuideThrust, PotentialField, PotentialSettings};
-use crate::components::output::GuideName;
-use crate::components::{App, FlightSystems, Slot};
-use crate::error::Result;
-use crate::fields::Distance;
+use crate::components::flight::{Flight, HelpCall, Watch};
+use crate::components::guide::{Field, GuideThrust, PotentialField};
+use crate::components::scan::{TargetDistances, WallDistances};
+use crate::dynamics::potential::ahead;
+use crate::dynamics::{self, Potential};
+use crate::error::{Error, Result};
+use crate::schedule::{App, FlightSystems, Guide, Needs};
 
-/// The view is directed at the way this far ahead, mm, found in steps of so much.
-const AHEAD_MM: f64 = 24.0;
-const STEP_MM: f64 = 3.0;
 /// In a trap the wall's strength is this share of itself, until the target's pull has led out of it.
 const YIELDING: f64 = 0.02;
+/// The wall yields so often in one flight, for so long, s.
+const YIELDS: u32 = 6;
+const YIELD_S: f64 = 4.0;
 
-/// Plugs the potential into the guide's slot.
-pub fn plugin(app: &mut App) -> Result<()> {
-    app.fill(Slot::Guide, "potential")?;
-    app.world.insert_resource(GuideName("potential"));
-    app.add_systems(FlightSystems::Guide, guide_by_potential);
-    Ok(())
+/// What the guide was asked for: in a trap the field itself differs for a while.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct YieldingPotential {
+    /// `C_t`, `C_s`, `p`.
+    potential: Potential,
+    /// How often the wall's strength has yielded to lead out of a trap.
+    yields: u32,
+    /// It yields until this tick.
+    yields_until: u64,
+}
+
+impl Guide for Potential {
+    const NAME: &'static str = "potential";
+    const SUMMARY: &'static str = "drawn to the end, pushed off the wall";
+    const KEY: Option<char> = Some('2');
+    const NEEDS: Needs = Needs { distances: true, fluid_as_gas: true, ..Needs::NOTHING };
+
+    fn check(&self) -> Result<()> {
+        Self::check(self)
+    }
+
+    fn cruise_mm_s(&self, body: &dynamics::Body) -> f64 {
+        self.target_force / (body.mass_g * body.drag_per_s).max(1e-9)
+    }
+
+    fn plug(&self, app: &mut App) -> Result<()> {
+        let wall = app.scan_get::<WallDistances>().map(|d| Arc::clone(&d.0) as Field);
+        let target = app.scan_get::<TargetDistances>().map(|d| Arc::clone(&d.0) as Field);
+        let wall = wall.ok_or_else(|| Error::fault("potential", "there are no distances to the wall", "report it"))?;
+        app.equip((
+            YieldingPotential { potential: *self, yields: 0, yields_until: 0 },
+            PotentialField { potential: *self, wall, target },
+        ));
+        app.add_systems(FlightSystems::Guide, guide_by_potential);
+        app.add_systems(FlightSystems::Answer, yield_to_trap);
+        Ok(())
+    }
 }
 
 /// Tells the view where the target draws it. The potential itself acts within the step of the body.
-///
-/// A local minimum of V is one of the wall's making, as D_t has none: it is escaped by letting the wall's strength yield
-/// for some seconds when the watch tells of a trap. The step still cannot perforate.
 pub fn guide_by_potential(
     clock: Res<Clock>,
-    camera: Single<(&Pose, &Body, &PotentialSettings, &mut PotentialField, &mut GuideThrust)>,
+    camera: Single<(&Pose, &Body, &YieldingPotential, &mut PotentialField, &mut GuideThrust)>,
 ) {
     let (pose, body, settings, mut field, mut guide) = camera.into_inner();
     field.potential = settings.potential;
@@ -43,20 +75,21 @@ pub fn guide_by_potential(
     *guide = GuideThrust { limit, way, ..GuideThrust::default() };
 }
 
-/// Unit direction to the way ahead: the mean direction of the places that the steepest descent of the distance to the
-/// target leads over; zero where it is not known.
-fn ahead(target: &dyn Distance, from: DVec3) -> DVec3 {
-    let mut at = from;
-    let mut sum = DVec3::ZERO;
-    for _ in 0..(AHEAD_MM / STEP_MM) as usize {
-        let Some(s) = target.sample(at) else { break };
-        let step = STEP_MM.min(s.mm);
-        let down = s.gradient.normalize_or_zero();
-        if down == DVec3::ZERO || step < 1e-3 {
-            break;
-        }
-        at -= down * step;
-        sum += (at - from).normalize_or_zero();
+/// A local minimum of V is one of the wall's making, as D_t has none: before the operator is called, the wall's strength
+/// yields for some seconds. The step still cannot perforate.
+pub fn yield_to_trap(
+    clock: Res<Clock>,
+    camera: Single<(&mut YieldingPotential, &mut HelpCall, Option<&mut Watch>, &mut Flight)>,
+) {
+    let (mut settings, mut call, watch, mut flight) = camera.into_inner();
+    if call.0.is_none() || settings.yields >= YIELDS {
+        return;
     }
-    sum.normalize_or_zero()
+    call.0 = None;
+    settings.yields += 1;
+    settings.yields_until = clock.tick + (YIELD_S * f64::from(clock.hz)) as u64;
+    flight.escapes += 1;
+    if let Some(mut watch) = watch {
+        watch.rescue.restart();
+    }
 }

@@ -4,35 +4,38 @@ use bevy_ecs::prelude::*;
 
 use crate::components::camera::Pose;
 use crate::components::output::{FrameCache, Picture};
-use crate::components::scan::RaySpace;
-use crate::components::{App, FlightSystems, Slot};
+use crate::components::scan::Scan;
 use crate::error::Result;
-use crate::render::{View, render, renderer};
+use crate::render::{Reuse, View, renderer};
+use crate::schedule::{App, FlightSystems, Slot};
 
 /// Plugs the ray caster into the renderer's slot.
+///
+/// # Errors
+/// Status 2 when there is another one.
 pub fn plugin(app: &mut App) -> Result<()> {
     app.fill(Slot::Renderer, "ray caster")?;
     app.add_systems(FlightSystems::RayCast, cast_picture);
     Ok(())
 }
 
-/// Renders the camera's view into its picture, with the help of its frame cache if it has one.
-pub fn cast_picture(scan: Single<&RaySpace>, camera: Single<(&Pose, &mut Picture, Option<&mut FrameCache>)>) {
-    let (pose, mut picture, cache) = camera.into_inner();
-    let Picture { fov_degrees, settings, preset, frame, work } = &mut *picture;
+/// Renders the camera's view of the scan into its picture, if that is due.
+pub fn cast_picture(scan: Single<&Scan>, camera: Single<(&Pose, &mut Picture, &mut FrameCache)>) {
+    let (pose, mut picture, mut cache) = camera.into_inner();
+    picture.traced = picture.due;
+    if !std::mem::take(&mut picture.due) {
+        return;
+    }
+    let Picture { camera, fov_degrees, settings, preset, frame, work, .. } = &mut *picture;
+    if cache.settings != *settings {
+        *cache = FrameCache { renderer: renderer(&scan.0, *settings, *preset, Reuse::Allowed), settings: *settings };
+    }
     let attitude = pose.attitude;
     // A pose is always orthonormal and finite, so the view is always valid.
+    let (width, height) = (frame.width(), frame.height());
     if let Ok(view) =
-        View::new(pose.position, attitude.forward, attitude.up, *fov_degrees, frame.width(), frame.height())
+        View::with_model(pose.position, attitude.forward, attitude.up, *camera, *fov_degrees, width, height)
     {
-        *work = match cache {
-            Some(mut cache) => {
-                if cache.settings != *settings {
-                    *cache = FrameCache { renderer: renderer(&scan.0, *settings, *preset, true), settings: *settings };
-                }
-                cache.renderer.render(&view, frame)
-            }
-            None => render(&scan.0, &view, settings, frame),
-        };
+        *work = cache.renderer.render(&view, frame);
     }
 }

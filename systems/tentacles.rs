@@ -5,24 +5,37 @@ use bevy_ecs::prelude::*;
 use crate::components::camera::{Body, Heading, Pose};
 use crate::components::flight::{Goal, Watch};
 use crate::components::guide::{GuideThrust, MineField, Tentacles};
-use crate::components::output::GuideName;
-use crate::components::scan::RaySpace;
-use crate::components::{App, FlightSystems, Slot};
-use crate::dynamics::tentacles::{approach, steer};
+use crate::components::scan::Scan;
+use crate::dynamics::tentacles::{TentacleSettings, approach, steer};
+use crate::dynamics::{self};
 use crate::error::Result;
 use crate::render::first_crossing;
+use crate::schedule::{App, FlightSystems, Guide};
+use crate::systems::sense;
 
-/// Plugs tentacles into the guide's slot.
-pub fn plugin(app: &mut App) -> Result<()> {
-    app.fill(Slot::Guide, "tentacles")?;
-    app.world.insert_resource(GuideName("tentacles"));
-    app.add_systems(FlightSystems::Guide, guide_by_tentacles);
-    Ok(())
+impl Guide for TentacleSettings {
+    const NAME: &'static str = "tentacles";
+    const SUMMARY: &'static str = "feels its way along the walls";
+    const KEY: Option<char> = Some('1');
+
+    fn check(&self) -> Result<()> {
+        Self::check(self)
+    }
+
+    fn cruise_mm_s(&self, _: &dynamics::Body) -> f64 {
+        self.cruise_mm_s
+    }
+
+    fn plug(&self, app: &mut App) -> Result<()> {
+        sense::plug(app, *self)?;
+        app.add_systems(FlightSystems::Guide, guide_by_tentacles);
+        Ok(())
+    }
 }
 
 /// Decides on the way from what the tentacles told.
 pub fn guide_by_tentacles(
-    scan: Single<&RaySpace>,
+    scan: Single<&Scan>,
     camera: Single<(
         &Pose,
         &Heading,

@@ -5,27 +5,27 @@ use bevy_ecs::prelude::*;
 
 use crate::components::camera::{Body, Contact, Heading, Pose};
 use crate::components::clock::Clock;
-use crate::components::flight::{Flight, Goal, State, Watch};
-use crate::components::guide::{Automatic, MineField, Planned, PotentialSettings, Tentacles};
+use crate::components::flight::{Flight, Goal, Help, HelpCall, State, Watch};
+use crate::components::guide::{Automatic, MineField, Tentacles};
 use crate::components::input::Hand;
-use crate::components::{App, FlightSystems};
-use crate::dynamics::rescue::Order;
+use crate::dynamics::monitor::MonitorSettings;
+use crate::dynamics::rescue::{Rescue, RescueAction};
 use crate::dynamics::trap::Felt;
 use crate::error::Result;
+use crate::schedule::{App, FlightSystems};
 
 /// The operator is called when the body was stuck in the wall for so long, s: a guide may need a moment to push it out.
 const STUCK_S: f64 = 0.5;
 
-/// A potential's wall yields so often in one flight, for so long, s.
-const YIELDS: u32 = 6;
-const YIELD_S: f64 = 4.0;
-/// A plan is narrow where it leaves the body no more than this on each side, mm; looked for so far ahead, mm.
-const NARROW_MM: f64 = 0.5;
-const NARROW_AHEAD_MM: f64 = 15.0;
-
-/// Adds the watch to the scene.
-pub fn plugin(app: &mut App) -> Result<()> {
+/// Has the flight to a goal watched. A guide that knows better than to call the operator says so in the set
+/// [`Answer`](FlightSystems::Answer).
+///
+/// # Errors
+/// None.
+pub fn plug(app: &mut App, settings: MonitorSettings, goal: Goal) -> Result<()> {
+    app.equip((Watch { settings, rescue: Rescue::default() }, HelpCall::default(), goal));
     app.add_systems(FlightSystems::Watch, watch_flight);
+    app.add_systems(FlightSystems::Call, call_operator.before(super::arrival::note_arrival));
     Ok(())
 }
 
@@ -37,18 +37,18 @@ pub fn watch_flight(
         &Body,
         &Contact,
         &mut Flight,
-        &mut Watch,
+        (&mut Watch, &mut HelpCall),
         &mut Heading,
         Has<Automatic>,
         Option<&Goal>,
         Option<&Hand>,
-        (Option<&Tentacles>, Option<&Planned>, Option<&mut PotentialSettings>),
+        Option<&Tentacles>,
         Option<&mut MineField>,
     )>,
 ) {
-    let (pose, body, contact, mut flight, mut watch, mut heading, automatic, goal, hand, guides, mut mines) =
+    let (pose, body, contact, mut flight, watching, mut heading, automatic, goal, hand, tentacles, mut mines) =
         camera.into_inner();
-    let (tentacles, planned, mut potential) = guides;
+    let (mut watch, mut call) = watching;
     if flight.state != State::Flying {
         return;
     }
@@ -86,8 +86,8 @@ pub fn watch_flight(
     flight.turns += rescue.turns() - before.0;
     flight.escapes += rescue.escapes() - before.1;
     match order {
-        Order::GoOn => {}
-        Order::SetOff { heading: to, clear_mines } => {
+        RescueAction::GoOn => {}
+        RescueAction::SetOff { heading: to, clear_mines } => {
             if let Some(to) = to {
                 heading.0 = to;
             }
@@ -95,27 +95,18 @@ pub fn watch_flight(
                 m.mines.clear();
             }
         }
-        Order::Call { trap, place } => {
-            // The wall's part of a potential gives way before the operator is called.
-            if let Some(p) = potential.as_mut().filter(|p| p.yields < YIELDS) {
-                p.yields += 1;
-                flight.escapes += 1;
-                p.yields_until = clock.tick + (YIELD_S * f64::from(clock.hz)) as u64;
-                rescue.restart();
-                return;
-            }
-            flight.state = State::Operator;
-            flight.reason = planned.and_then(|p| narrow(p, body.0.radius_mm)).unwrap_or_else(|| trap.text().to_owned());
-            flight.place = place;
+        RescueAction::Call { trap, place } => {
+            call.0 = Some(Help { reason: trap.text().to_owned(), place });
         }
     }
 }
 
-/// Whether a plan leads where the body does not fit, as the operator reads it.
-fn narrow(planned: &Planned, radius_mm: f64) -> Option<String> {
-    let ahead = (0..(NARROW_AHEAD_MM as i32)).map(|n| planned.route.clearance(planned.s_mm + f64::from(n)));
-    let least = ahead.fold(f64::INFINITY, f64::min);
-    (least < radius_mm + NARROW_MM).then(|| {
-        format!("the way ahead narrows to {:.1} mm across, the camera has {:.1} mm", 2.0 * least, 2.0 * radius_mm)
-    })
+/// Calls the operator where a call for help was not answered.
+pub fn call_operator(camera: Single<(&mut Flight, &mut HelpCall)>) {
+    let (mut flight, mut call) = camera.into_inner();
+    if let Some(help) = call.0.take() {
+        flight.state = State::Operator;
+        flight.reason = help.reason;
+        flight.place = help.place;
+    }
 }

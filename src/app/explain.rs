@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use crate::app::FlightApp;
-use crate::components::LeftOut;
 use crate::components::guide::{MineField, Tentacles};
 use crate::components::output::{FrameCache, Picture};
+use crate::schedule::LeftOut;
 
 /// Something that a flight keeps in memory.
 #[derive(Clone, Debug, Serialize)]
@@ -36,13 +36,13 @@ pub struct Explanation {
 /// Explains a flight as it stands.
 pub fn explain(flight: &FlightApp) -> Explanation {
     let [step, frame] = flight.app().systems();
-    let space = flight.space();
+    let volume = flight.volume();
     let mut built = vec![
-        Built { part: "volume (16 bit)", bytes: space.volume().bytes(), needed_by: "everything" },
+        Built { part: "volume (16 bit)", bytes: volume.volume().bytes(), needed_by: "everything" },
         Built { part: "lumen (runs)", bytes: flight.lumen().bytes(), needed_by: "start and end of the flight" },
         Built {
             part: "homogeneous-region flags",
-            bytes: space.bytes(),
+            bytes: volume.bytes(),
             needed_by: "rays: the first heading, tentacles, images",
         },
     ];
@@ -76,9 +76,9 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     let mut left_out = flight.app().left_out().to_vec();
     if let Some(cache) = flight.camera::<FrameCache>() {
         // The flags are told above: everything that casts rays needs them.
-        let own = cache.renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0));
+        let own = cache.renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0.name()));
         let needed_by = "the picture's preset";
-        built.extend(own.map(|(part, bytes)| Built { part, bytes, needed_by }).collect::<Vec<_>>());
+        built.extend(own.map(|(part, bytes)| Built { part: part.name(), bytes, needed_by }).collect::<Vec<_>>());
     }
     let pictures = flight.camera::<Picture>().is_some() && flight.scene().picture;
     let other = |why| if pictures { why } else { "there is no picture" };
@@ -93,7 +93,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
             left_out.push(LeftOut { part, why: why.to_owned() });
         }
     }
-    if !space.flags().has_bits() {
+    if !volume.flags().has_bits() {
         let why = "the preset lean does without: rays leap from brick to brick".to_owned();
         left_out.push(LeftOut { part: "a flag for each voxel", why });
     }
@@ -115,13 +115,16 @@ impl Explanation {
         list(&mut s, &self.step);
         s.push_str("runs in each frame:\n");
         list(&mut s, &self.frame);
+        let width = |parts: &mut dyn Iterator<Item = &'static str>| parts.map(str::len).max().unwrap_or(0);
         s.push_str("in memory:\n");
+        let wide = width(&mut self.built.iter().map(|b| b.part));
         for b in &self.built {
-            s.push_str(&format!("  {:28} {:>12} bytes  {}\n", b.part, b.bytes, b.needed_by));
+            s.push_str(&format!("  {:wide$} {:>12} bytes  {}\n", b.part, b.bytes, b.needed_by));
         }
         s.push_str("left out:\n");
+        let wide = width(&mut self.left_out.iter().map(|l| l.part));
         for l in &self.left_out {
-            s.push_str(&format!("  {:28} {}\n", l.part, l.why));
+            s.push_str(&format!("  {:wide$}  {}\n", l.part, l.why));
         }
         s
     }

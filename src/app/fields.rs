@@ -6,13 +6,13 @@ use std::time::Instant;
 use glam::DVec3;
 
 use crate::app::plan::Plan;
-use crate::app::scene::Guide;
 use crate::dynamics::Route;
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, End};
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, TargetDistance, Through, Traveller, WallDistance};
 use crate::progress::Progress;
+use crate::schedule::Needs;
 use crate::volume::Volume;
 
 /// The fields of a flight, as far as they are built.
@@ -37,22 +37,6 @@ struct Planning {
     route: Arc<Route>,
 }
 
-/// What a scene asks for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Wanted {
-    /// D_s and D_t.
-    pub distances: bool,
-    /// The centerline.
-    pub route: bool,
-}
-
-impl Wanted {
-    /// What a guide asks for.
-    pub fn by(guide: Option<Guide>) -> Self {
-        Self { distances: guide == Some(Guide::Potential), route: guide == Some(Guide::Path) }
-    }
-}
-
 /// Where the way to the target is narrower than was asked.
 fn narrower(kept_mm: f64, asked_mm: f64) -> String {
     let kept = match kept_mm {
@@ -66,11 +50,11 @@ fn narrower(kept_mm: f64, asked_mm: f64) -> String {
 
 impl Fields {
     /// Whether what is wanted is there for a plan.
-    pub fn has(&self, wanted: Wanted, plan: &Plan) -> bool {
+    pub fn has(&self, wanted: Needs, plan: &Plan) -> bool {
         let ends = [plan.begin, plan.goal];
         let planned = self.route.as_ref().is_some_and(|r| r.ends == ends || r.ends == [ends[1], ends[0]]);
         let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal);
-        (planned || !wanted.route) && (aimed || !wanted.distances)
+        (planned || !wanted.centerline) && (aimed || !wanted.distances)
     }
 
     /// D_s, if it is built.
@@ -111,7 +95,7 @@ impl Fields {
     /// Status 4 when there is no way between the plan's ends, or when interrupted.
     pub fn build(
         &mut self,
-        wanted: Wanted,
+        wanted: Needs,
         volume: &Volume,
         lumen: &Lumen,
         plan: &Plan,
@@ -131,7 +115,7 @@ impl Fields {
             self.target = None;
         }
         let ends = [plan.begin, plan.goal];
-        let known = self.route.as_ref().filter(|_| wanted.route).map(|r| r.ends);
+        let known = self.route.as_ref().filter(|_| wanted.centerline).map(|r| r.ends);
         let planned = match known {
             Some(known) if known == ends => self.route.clone(),
             Some(known) if known == [ends[1], ends[0]] => {
@@ -140,7 +124,7 @@ impl Fields {
             _ => None,
         };
         let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal);
-        let missing = (wanted.route && planned.is_none()) || (wanted.distances && !aimed);
+        let missing = (wanted.centerline && planned.is_none()) || (wanted.distances && !aimed);
         self.route = planned;
         if missing && self.walls.is_none() {
             let gas = plan.gas.as_deref().unwrap_or(lumen);
@@ -148,7 +132,7 @@ impl Fields {
             self.walls = Some(Arc::new(walls));
         }
         if let Some(walls) = self.walls.clone() {
-            if wanted.route && self.route.is_none() {
+            if wanted.centerline && self.route.is_none() {
                 let line = self.timed("centerline_s", || {
                     centerline::between(&walls, End::At(ends[0]), End::At(ends[1]), &[], progress)
                 })?;

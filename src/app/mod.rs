@@ -1,11 +1,22 @@
-//! Scenes and flights: which plugins make up a flight, and the flight itself over the two schedules.
+//! Scans, scenes and flights: what a program uses that flies.
+//!
+//! [`Scan`] opens a file and makes a [`FlightApp`] of it, whose plugins and settings a [`Scene`] lists. Whoever has the flight
+//! steps it, looks at it, and lets the operator act.
 
+pub mod catalog;
 pub mod explain;
 pub mod fields;
 pub mod flight;
+pub mod overlay;
 pub mod plan;
+pub mod scan;
 pub mod scene;
-pub mod trail;
+pub mod timings;
 
+pub use catalog::Catalog;
 pub use flight::FlightApp;
-pub use scene::{Guide, Scene};
+pub use overlay::{Canvas, Overlay};
+pub use plan::{Place, Plan, Wish};
+pub use scan::{OpenOptions, Scan};
+pub use scene::{ImageSettings, RenderSettings, Scene, Steering};
+pub use timings::Timings;

@@ -94,7 +94,7 @@ pub fn plan(space: &PreparedVolume, lumen: &Lumen, wish: &Wish, radius_mm: f64, 
         };
         let (number, segment, gas) = found;
         // The voxel's centre only where the point itself is not in gas.
-        let inside = f64::from(crate::render::value(space, from)) < space.wall().iso();
+        let inside = f64::from(crate::render::value(space, from)) < space.transfer().iso();
         let at = if inside { from } else { gas };
         if !inside {
             notes.push(format!("--from {} lies outside the lumen; taken to {}", triple(from), triple(gas)));
@@ -123,7 +123,16 @@ pub fn plan(space: &PreparedVolume, lumen: &Lumen, wish: &Wish, radius_mm: f64, 
     finish(space, way, None, wish, radius_mm, notes)
 }
 
-/// Plans the flight through one segment, from its rectal end or, reversed, to it.
+/// An end of a segment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SegmentEnd {
+    /// The one nearer to the rectum.
+    Rectal,
+    /// The one nearer to the cecum.
+    Cecal,
+}
+
+/// Plans the flight through one segment to one of its ends.
 ///
 /// # Errors
 /// Status 4 when the segment is too narrow for the body.
@@ -131,13 +140,13 @@ pub fn through_segment(
     space: &PreparedVolume,
     lumen: &Lumen,
     number: usize,
-    reverse: bool,
+    to: SegmentEnd,
     radius_mm: f64,
 ) -> Result<Plan> {
     let segment = lumen.segments.get(number).ok_or_else(|| {
         Error::incomplete("segment", format!("there is no segment {number}"), "choose one that there is")
     })?;
-    let wish = Wish { reverse, ..Wish::default() };
+    let wish = Wish { reverse: to == SegmentEnd::Rectal, ..Wish::default() };
     let way = Through { number: Some(number), segment, lumen, own: None };
     finish(space, way, None, &wish, radius_mm, Vec::new())
 }
@@ -161,7 +170,7 @@ fn finish(
     radius_mm: f64,
     mut notes: Vec<String>,
 ) -> Result<Plan> {
-    let walls = ClearanceFinder::new(space.shared_volume(), space.wall().iso() as f32, SNAP_MM + radius_mm + 1.0);
+    let walls = ClearanceFinder::new(space.shared_volume(), space.transfer().iso() as f32, SNAP_MM + radius_mm + 1.0);
     let (first, last) = ends_of(segment, wish);
     let mut falls_short = None;
     let (goal, within_mm) = match wish.to {
@@ -172,7 +181,7 @@ fn finish(
             let nearest = in_own.into_iter().chain(in_colon).min_by(|a, b| far(a).total_cmp(&far(b)));
             let (s, p) = nearest.ok_or_else(|| outside("--to", to))?;
             if s == number {
-                let inside = f64::from(crate::render::value(space, to)) < space.wall().iso();
+                let inside = f64::from(crate::render::value(space, to)) < space.transfer().iso();
                 if !inside {
                     notes.push(format!("--to {} lies outside the lumen; taken to {}", triple(to), triple(p)));
                 }

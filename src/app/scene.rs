@@ -1,76 +1,42 @@
-//! A scene: the plugins of a flight and their settings, from a file or from defaults.
+//! A scene: who steers, which plugins take part, and their settings; from a file or from defaults.
 
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-use crate::components::App;
-use crate::components::app::Plugin;
+use crate::app::Catalog;
+use crate::components::flight::Goal;
+use crate::components::guide::Tentacles;
+use crate::components::output::GuideName;
 use crate::components::play::Playback;
+use crate::dynamics::Body;
 use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
-use crate::dynamics::route::profile::PathSettings;
-use crate::dynamics::tentacles::TentacleSettings;
-use crate::dynamics::{Body, Potential};
 use crate::error::{Error, Result};
-use crate::render::{Classification, Preset, Settings};
+use crate::render::{CameraModel, Classification, Preset, Settings};
+use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Slot};
 use crate::systems;
 
-/// Who steers. Each is one plugin over the same body.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Guide {
-    /// Tentacles, and mines if the scene has them.
-    #[default]
-    Tentacles,
-    /// The paper's potential, of the distances to the wall and to the target.
-    Potential,
-    /// A planned way along the centerline.
-    Path,
-    /// The operator alone.
-    Manual,
-}
-
-impl Guide {
-    /// Every guide there is, with its name on the command line and its plugins. A new navigation method is a
-    /// variant and one more line here.
-    pub const ALL: [(Self, &'static str, &'static [Plugin]); 4] = [
-        (Self::Tentacles, "tentacles", &[systems::sense::plugin, systems::tentacles::plugin]),
-        (Self::Potential, "potential", &[systems::potential::plugin]),
-        (Self::Path, "path", &[systems::path::plugin]),
-        (Self::Manual, "manual", &[systems::manual::plugin]),
-    ];
-
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|g| g.0 == self).map_or("", |g| g.1)
-    }
-
-    /// The guide of that name.
-    pub fn named(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|g| g.1 == name).map(|g| g.0)
-    }
-}
-
-/// A navigation method from outside this crate, in place of a [`Guide`].
-#[derive(Clone, Copy, Debug)]
-pub struct OwnGuide {
-    /// Its plugins; one of them fills [`Slot::Guide`](crate::components::Slot).
-    pub plugins: &'static [Plugin],
-    /// Whether it wants tentacles on the camera (and mines, if the scene has them).
-    pub feels: bool,
+/// Who steers.
+#[derive(Clone, Debug)]
+pub enum Steering {
+    /// Nobody: the camera stays where it is.
+    Nobody,
+    /// The guide of this name, one of [`Scene::guides`].
+    Guide(&'static str),
+    /// A log that is flown again.
+    Log(Playback),
 }
 
 /// What a scene says about its images; the quality's own settings hold where it says nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderSettings {
     /// The camera's sensitivity: a ray ends when less than this share of light comes from beyond, 0 to 1.
     pub sensitivity: Option<f32>,
     /// Whether opacity is looked up by the regression's filtered density, as the paper has it, instead of by the
     /// trilinear value.
     pub filtered_density: bool,
-    /// Which renderer: `default`, `colvis` or `lean`; the command line's `--preset` wins.
+    /// Which renderer; the command line's `--preset` wins.
     pub preset: Preset,
 }
 
@@ -85,24 +51,52 @@ impl RenderSettings {
     }
 }
 
+/// How images are made.
+#[derive(Clone, Debug)]
+pub struct ImageSettings {
+    /// Pixels.
+    pub width: usize,
+    /// Pixels.
+    pub height: usize,
+    /// Which camera.
+    pub camera: CameraModel,
+    /// View angle over the shorter side, degrees.
+    pub fov_degrees: f64,
+    /// The renderer's settings.
+    pub settings: Settings,
+    /// Which renderer.
+    pub preset: Preset,
+}
+
+impl Default for ImageSettings {
+    /// 1024 × 1024 pixels, perspective with 90°, the best renderer at high quality.
+    fn default() -> Self {
+        let (settings, preset, camera) = Default::default();
+        Self { width: 1024, height: 1024, camera, fov_degrees: 90.0, settings, preset }
+    }
+}
+
 /// What a flight is made of.
+///
+/// ```
+/// use colvis::app::Scene;
+/// use colvis::dynamics::tentacles::TentacleSettings;
+///
+/// let mut scene = Scene { log: true, ..Scene::guided_by("tentacles") };
+/// scene.guides.edit::<TentacleSettings>(|t| t.count = 256);
+/// assert_eq!((scene.guide_name(), scene.cruise_mm_s()), ("tentacles", 30.0));
+/// scene.check()?;
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Who steers; without a guide the camera stays where it is.
-    pub guide: Option<Guide>,
-    /// Somebody else's navigation method; takes the place of `guide`.
-    pub own_guide: Option<OwnGuide>,
-    /// A log that is flown again; takes the place of any guide.
-    pub play: Option<Playback>,
+    /// Who steers.
+    pub steering: Steering,
+    /// Every guide that the flight may be handed to, with its settings: those of this crate and whichever a program adds.
+    pub guides: Guides,
     /// The camera's body.
     pub body: Body,
-    /// Sensory rays; used by the guide `tentacles` alone.
-    pub tentacles: TentacleSettings,
-    /// The potential; used by the guide `potential` alone.
-    pub potential: Potential,
-    /// How a plan is flown; used by the guide `path` alone.
-    pub path: PathSettings,
-    /// Mines behind the camera; a scene with `mines = false` has none.
+    /// Mines behind the camera; they take part where the camera has tentacles.
     pub mines: Option<MineSettings>,
     /// Notices when the flight gets nowhere.
     pub watch: Option<MonitorSettings>,
@@ -110,6 +104,10 @@ pub struct Scene {
     pub render: RenderSettings,
     /// Whether images are traced: asked for by a window or a recording.
     pub picture: bool,
+    /// What these images are like.
+    pub image: ImageSettings,
+    /// Who shows or records them: a plugin of the set [`Present`](crate::schedule::FlightSystems::Present).
+    pub presenter: Option<Plugin>,
     /// Whether steps are written down.
     pub log: bool,
     /// Whether an operator can take part: a window, or a recorded input.
@@ -119,54 +117,69 @@ pub struct Scene {
 impl Default for Scene {
     fn default() -> Self {
         Self {
-            guide: Some(Guide::Tentacles),
-            own_guide: None,
-            play: None,
+            steering: Steering::Guide("tentacles"),
+            guides: systems::guides(),
             body: Body::default(),
-            tentacles: TentacleSettings::default(),
-            potential: Potential::default(),
-            path: PathSettings::default(),
             mines: Some(MineSettings::default()),
             watch: Some(MonitorSettings::default()),
             render: RenderSettings::default(),
             picture: false,
+            image: ImageSettings::default(),
+            presenter: None,
             log: false,
             operator: false,
         }
     }
 }
 
-/// A scene as it stands in a file: a list of plugins, and settings for them.
+/// [`RenderSettings`] as they stand in a file.
+#[derive(Deserialize, Default)]
+#[serde(default, deny_unknown_fields)]
+struct RenderFile {
+    sensitivity: Option<f32>,
+    filtered_density: bool,
+    preset: Option<String>,
+}
+
+/// A scene as it stands in a file: a list of plugins, and settings for them. What is left over are settings of guides.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
 struct SceneFile {
     plugins: Vec<String>,
     #[serde(default)]
     body: Body,
     #[serde(default)]
-    tentacles: TentacleSettings,
-    #[serde(default)]
-    potential: Potential,
-    #[serde(default)]
-    path: PathSettings,
-    #[serde(default)]
     mines: MineSettings,
     #[serde(default)]
     watch: MonitorSettings,
     #[serde(default)]
-    render: RenderSettings,
+    render: RenderFile,
+    #[serde(flatten)]
+    guides: toml::Table,
 }
 
 impl Scene {
-    /// Reads a scene file.
+    /// The default scene steered by the guide of that name.
+    pub fn guided_by(name: &'static str) -> Self {
+        Self { steering: Steering::Guide(name), ..Self::default() }
+    }
+
+    /// The default scene steered by a guide with these settings, be it one of this crate or not.
+    pub fn steered_by<G: Guide>(guide: G) -> Self {
+        let mut scene = Self::guided_by(G::NAME);
+        scene.guides.set(guide);
+        scene
+    }
+
+    /// Reads a scene file, whose guides and renderer are among those of `catalog`.
     ///
     /// # Errors
     /// Status 3 when it cannot be read, status 2 when it is no scene or a setting in it makes no sense.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: &Path, catalog: &Catalog) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|e| {
             Error::file(path, format!("cannot be read ({})", crate::output::plain(&e)), "give a scene file")
         })?;
-        Self::parse(&text).map_err(|e| Error::usage(path.display().to_string(), e.to_string(), "see assets/scenes"))
+        Self::parse_with(&text, catalog)
+            .map_err(|e| Error::usage(path.display().to_string(), e.to_string(), "see assets/scenes"))
     }
 
     /// Reads a scene from the text of its file.
@@ -174,221 +187,247 @@ impl Scene {
     /// # Errors
     /// Status 2 as above.
     pub fn parse(text: &str) -> Result<Self> {
+        Self::parse_with(text, &Catalog::default())
+    }
+
+    fn parse_with(text: &str, catalog: &Catalog) -> Result<Self> {
         let mend = "name known plugins and settings";
         let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
+        let RenderFile { sensitivity, filtered_density, preset } = file.render;
+        let preset = preset.map_or(Ok(Preset::default()), |name| catalog.find_preset(&name))?;
         let mut scene = Self {
+            guides: catalog.guides.clone(),
             mines: None,
             watch: None,
             body: file.body,
-            tentacles: file.tentacles,
-            potential: file.potential,
-            path: file.path,
-            render: file.render,
+            render: RenderSettings { sensitivity, filtered_density, preset },
             ..Self::default()
         };
-        let mut guides = Vec::new();
+        for (name, value) in file.guides {
+            let known = match value {
+                toml::Value::Table(settings) => scene.guides.read(&name, settings)?,
+                _ => false,
+            };
+            if !known {
+                return Err(Error::usage("scene", format!("there is no {name:?}"), mend));
+            }
+        }
+        let mut named = Vec::new();
         for plugin in &file.plugins {
             match plugin.as_str() {
                 "mines" => scene.mines = Some(file.mines),
                 "watch" => scene.watch = Some(file.watch),
                 "render" => scene.picture = true,
-                name => match Guide::named(name) {
-                    Some(guide) => guides.push(guide),
+                name => match scene.guides.named(name) {
+                    Some(guide) => named.push(guide.name),
                     None => return Err(Error::usage("scene", format!("there is no plugin {name:?}"), mend)),
                 },
             }
         }
-        match guides[..] {
-            [] => scene.guide = None,
-            [guide] => scene.guide = Some(guide),
-            _ => return Err(Error::usage("scene", format!("names {} guides", guides.len()), "name one guide at most")),
-        }
+        scene.steering = match named[..] {
+            [] => Steering::Nobody,
+            [guide] => Steering::Guide(guide),
+            _ => return Err(Error::usage("scene", format!("names {} guides", named.len()), "name one guide at most")),
+        };
         scene.check()?;
         Ok(scene)
     }
 
     /// # Errors
-    /// Status 2 for a setting that makes no sense.
+    /// Status 2 for a setting that makes no sense, or a guide that there is not.
     pub fn check(&self) -> Result<()> {
         self.body.check()?;
-        self.potential.check()?;
-        self.path.check()?;
-        let t = &self.tentacles;
-        let positive = [
-            ("tentacles.reach_mm", t.reach_mm),
-            ("tentacles.wall_mm", t.wall_mm),
-            ("tentacles.cruise_mm_s", t.cruise_mm_s),
-            ("tentacles.mine_cone", t.mine_cone),
-            ("mines.spacing_mm", self.mines.map_or(1.0, |m| m.spacing_mm)),
-            ("mines.reach_mm", self.mines.map_or(1.0, |m| m.reach_mm)),
-            ("watch.window_s", self.watch.map_or(1.0, |w| w.window_s)),
-            ("watch.revisited_mm", self.watch.map_or(1.0, |w| w.revisited_mm)),
-        ];
-        let not_negative = [
-            ("tentacles.wall_push", t.wall_push),
-            ("tentacles.agreement", t.agreement),
-            ("mines.push", self.mines.map_or(0.0, |m| m.push)),
-            ("watch.least_progress_mm", self.watch.map_or(0.0, |w| w.least_progress_mm)),
-            ("watch.visited_mm", self.watch.map_or(0.0, |w| w.visited_mm)),
-        ];
-        let bad = |(name, value): (&str, f64), what: &str| {
-            Err(Error::usage(name, format!("is {value}"), format!("give a finite number {what}")))
-        };
-        if let Some(&p) = positive.iter().find(|(_, v)| !(v.is_finite() && *v > 0.0)) {
-            return bad(p, "above 0");
-        }
-        if let Some(&p) = not_negative.iter().find(|(_, v)| !(v.is_finite() && *v >= 0.0)) {
-            return bad(p, "of at least 0");
-        }
+        self.guides.check()?;
+        self.mines.map_or(Ok(()), |m| m.check())?;
+        self.watch.map_or(Ok(()), |w| w.check())?;
         if let Some(s) = self.render.sensitivity.filter(|s| !(*s > 0.0 && *s < 1.0)) {
-            return bad(("render.sensitivity", f64::from(s)), "between 0 and 1");
+            let why = format!("is {s}");
+            return Err(Error::usage("render.sensitivity", why, "give a finite number between 0 and 1"));
         }
-        if !(3..=4096).contains(&t.count) {
-            return bad(("tentacles.count", t.count as f64), "from 3 to 4096");
+        match self.steering {
+            Steering::Guide(name) => self.find(name).map(drop),
+            _ => Ok(()),
         }
-        if self.mines.is_some_and(|m| m.kept > 100_000) {
-            return bad(("mines.kept", self.mines.map_or(0.0, |m| m.kept as f64)), "up to 100000");
-        }
-        Ok(())
     }
 
-    /// The guide's name as the operator reads it.
+    /// The guide of that name.
+    ///
+    /// # Errors
+    /// Status 2 where there is none.
+    pub fn find(&self, name: &str) -> Result<&GuideEntry> {
+        self.guides.named(name).ok_or_else(|| {
+            let names: Vec<&str> = self.guides.iter().map(|g| g.name).collect();
+            Error::usage("guide", format!("there is no {name:?}"), format!("choose one of {}", names.join(", ")))
+        })
+    }
+
+    /// The guide that steers; none where nobody does, or a log is played.
+    pub fn guide(&self) -> Option<&GuideEntry> {
+        match self.steering {
+            Steering::Guide(name) => self.guides.named(name),
+            _ => None,
+        }
+    }
+
+    /// The log that is flown again, if one is.
+    pub fn play(&self) -> Option<&Playback> {
+        match &self.steering {
+            Steering::Log(play) => Some(play),
+            _ => None,
+        }
+    }
+
+    /// Who steers, as the operator reads it.
     pub fn guide_name(&self) -> &'static str {
-        match (&self.play, self.own_guide) {
-            (Some(_), _) => "play",
-            (None, Some(_)) => "own",
-            (None, None) => self.guide.map_or("none", Guide::name),
+        match self.steering {
+            Steering::Nobody => "none",
+            Steering::Guide(name) => name,
+            Steering::Log(_) => "play",
         }
     }
 
-    /// Which of the guides of this crate steers.
-    pub fn steers(&self) -> Option<Guide> {
-        self.guide.filter(|_| self.own_guide.is_none() && self.play.is_none())
+    /// What has to be built for the guide.
+    pub fn needs(&self) -> Needs {
+        self.guide().map_or(Needs::NOTHING, |g| g.needs)
     }
 
-    /// Speed of the flight where nothing holds it up, mm/s.
+    /// Speed of the flight where nothing holds it up, mm/s; 0 where nothing moves the camera by itself.
     pub fn cruise_mm_s(&self) -> f64 {
-        match self.steers() {
-            Some(Guide::Path) => self.path.cruise_mm_s,
-            Some(Guide::Potential) => self.potential.target_force / (self.body.mass_g * self.body.drag_per_s).max(1e-9),
-            _ => self.tentacles.cruise_mm_s,
-        }
-    }
-
-    /// Whether the camera has tentacles.
-    pub fn feels(&self) -> bool {
-        self.play.is_none() && self.own_guide.map_or(self.guide == Some(Guide::Tentacles), |own| own.feels)
+        self.guide().map_or(0.0, |g| g.cruise_mm_s(&self.body))
     }
 
     /// Whether anything moves the camera.
     pub fn moves(&self) -> bool {
-        self.play.is_some() || self.own_guide.is_some() || self.guide.is_some()
+        !matches!(self.steering, Steering::Nobody)
     }
 
     /// Whether a guide moves the camera by itself.
     pub fn is_automatic(&self) -> bool {
-        self.play.is_none() && (self.own_guide.is_some() || self.guide.is_some_and(|g| g != Guide::Manual))
+        self.guide().is_some_and(|g| g.automatic)
     }
 
-    /// Whether the flight is watched.
-    pub fn watches(&self) -> bool {
-        self.watch.is_some() && self.moves() && self.play.is_none()
-    }
-
-    /// Adds the plugins of the scene to an application, and notes what it goes without.
+    /// Adds the plugins of the scene to an application, whose scan holds already what the guide needs, and notes what it goes
+    /// without. `goal` is where the flight ends.
     ///
     /// # Errors
-    /// When two plugins want the same slot.
-    pub fn plug_into(&self, app: &mut App) -> Result<()> {
-        let plugins = match (&self.play, self.own_guide, self.guide) {
-            (Some(_), ..) => &[systems::play::plugin as Plugin][..],
-            (None, Some(own), _) => own.plugins,
-            (None, None, Some(guide)) => Guide::ALL.iter().find(|g| g.0 == guide).map_or(&[][..], |g| g.2),
-            (None, None, None) => &[],
-        };
-        for &plugin in plugins {
-            app.add(plugin)?;
-        }
-        if self.feels() {
-            if self.mines.is_some() {
-                app.add(systems::mines::plugin)?;
-            } else {
-                app.leave_out("mines", "the scene names none");
-            }
-        } else {
-            app.leave_out("tentacles", "no guide feels its way");
-            app.leave_out("mines", "no guide that they could push on");
-        }
-        if self.play.is_some() {
-            app.leave_out("motion", "the camera is where the log says");
-        } else if self.moves() {
-            app.add(systems::motion::plugin)?;
-        } else {
-            app.leave_out("guide", "the scene names none: the camera stays where it is");
-            app.leave_out("motion", "nothing moves the camera");
-        }
-        if self.watches() {
-            app.add(systems::watch::plugin)?;
-        } else {
-            app.leave_out("watch", "the scene names none, or no guide that it could watch");
-        }
+    /// When two plugins want the same slot, or a guide misses something.
+    pub fn plug_into(&self, app: &mut App, goal: Goal) -> Result<()> {
+        app.world.insert_resource(GuideName(self.guide_name()));
+        systems::clock::plugin(app)?;
+        self.plug_steering(app)?;
+        self.plug_watch(app, goal)?;
+        systems::trail::plugin(app)?;
         if self.operator && self.moves() {
-            app.add(systems::operator::plugin)?;
+            systems::operator::plugin(app)?;
         } else {
             app.leave_out("operator", "neither a window nor a recorded input, or nothing that moves");
         }
         if self.log {
-            app.add(systems::log::plugin)?;
+            systems::log::plugin(app)?;
         } else {
             app.leave_out("log", "no --log was asked for");
         }
         if self.picture {
-            app.add(systems::raycast::plugin)?;
+            systems::raycast::plugin(app)?;
         } else {
             app.leave_out("picture", "neither a window nor a recording: no ray is cast for an image");
         }
-        let guide = self.steers();
-        if guide != Some(Guide::Potential) {
-            let why = match guide {
-                Some(Guide::Path) => "the centerline is found by it, then it goes: clearances are exact and local",
-                _ => "no part of the scene asks for it: clearances are exact and local",
+        match self.presenter.filter(|_| self.picture) {
+            Some(presenter) => presenter(app)?,
+            None => app.leave_out("presentation", "neither a window nor a recording: nothing is shown or kept"),
+        }
+        self.leave_out_fields(app);
+        Ok(())
+    }
+
+    /// The guide, or the log that takes its place, and what moves the body.
+    fn plug_steering(&self, app: &mut App) -> Result<()> {
+        match &self.steering {
+            Steering::Nobody => {
+                app.leave_out("guide", "the scene names none: the camera stays where it is");
+                app.leave_out("motion", "nothing moves the camera");
+            }
+            Steering::Guide(name) => {
+                app.fill(Slot::Guide, name)?;
+                self.find(name)?.plug(app)?;
+                systems::motion::plugin(app)?;
+            }
+            Steering::Log(play) => {
+                app.fill(Slot::Guide, "play")?;
+                systems::play::plug(app, play)?;
+                app.leave_out("motion", "the camera is where the log says");
+            }
+        }
+        match self.mines {
+            _ if app.camera_get::<Tentacles>().is_none() => {
+                app.leave_out("tentacles", "no guide feels its way");
+                app.leave_out("mines", "no guide that they could push on");
+            }
+            Some(mines) => systems::mines::plug(app, mines)?,
+            None => app.leave_out("mines", "the scene names none"),
+        }
+        Ok(())
+    }
+
+    /// What looks after the flight.
+    fn plug_watch(&self, app: &mut App, goal: Goal) -> Result<()> {
+        match self.watch.filter(|_| self.guide().is_some()) {
+            Some(settings) => systems::watch::plug(app, settings, goal)?,
+            None => app.leave_out("watch", "the scene names none, or no guide that it could watch"),
+        }
+        if self.moves() {
+            systems::arrival::plugin(app)?;
+        }
+        Ok(())
+    }
+
+    /// Says which fields are not built, and why.
+    fn leave_out_fields(&self, app: &mut App) {
+        let needs = self.needs();
+        let feels = app.camera_get::<Tentacles>().is_some();
+        if !needs.distances {
+            let why = match needs.centerline {
+                true => "the centerline is found by it, then it goes: clearances are exact and local",
+                false => "no part of the scene asks for it: clearances are exact and local",
             };
             app.leave_out("wall distance field", why);
-            let why = match guide {
-                Some(Guide::Path) => "no part of the scene asks for it: the plan takes its place",
-                Some(Guide::Tentacles) => "no part of the scene asks for it: mines take its place",
+            let why = match (needs.centerline, feels) {
+                (true, _) => "no part of the scene asks for it: the plan takes its place",
+                (_, true) => "no part of the scene asks for it: mines take its place",
                 _ => "no part of the scene asks for it",
             };
             app.leave_out("target distance field", why);
         }
-        if guide != Some(Guide::Path) {
+        if !needs.centerline {
             app.leave_out("centerline", "no part of the scene asks for it");
         }
-        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::tentacles::TentacleSettings;
 
     #[test]
     fn a_file_names_its_plugins() {
         let s = Scene::parse("plugins = [\"tentacles\"]\n[tentacles]\ncount = 64\n").unwrap();
-        assert!(s.mines.is_none() && s.watch.is_none() && s.tentacles.count == 64);
+        assert!(s.mines.is_none() && s.watch.is_none() && s.guides.get::<TentacleSettings>().count == 64);
         let s = Scene::parse("plugins = [\"manual\", \"watch\"]").unwrap();
-        assert!(s.guide == Some(Guide::Manual) && s.watch.is_some());
+        assert!(s.guide_name() == "manual" && s.watch.is_some());
         let s = Scene::parse("plugins = [\"render\"]").unwrap();
-        assert!(s.guide.is_none() && s.picture && s.render.preset == Preset::Default);
+        assert!(!s.moves() && s.picture && s.render.preset == Preset::default());
         let s = Scene::parse("plugins = [\"render\"]\n[render]\npreset = \"colvis\"").unwrap();
-        assert_eq!(s.render.preset, Preset::Colvis);
+        assert_ne!(s.render.preset, Preset::default());
         for bad in [
             "plugins = [\"tentacles\", \"manual\"]",
             "plugins = [\"warp\"]",
             "plugins = [\"tentacles\"]\n[body]\nmass_g = 0",
             "plugins = [\"tentacles\"]\n[body]\nmass_g = nan",
             "plugins = [\"tentacles\"]\n[tentacles]\ncount = 2",
+            "plugins = [\"tentacles\"]\n[tentacles]\ncounts = 20",
             "plugins = [\"tentacles\"]\nspeed = 2",
+            "plugins = [\"tentacles\"]\n[warp]\nspeed = 2",
             "plugins = [\"render\"]\n[render]\nsensitivity = 1.5",
             "plugins = [\"render\"]\n[render]\npreset = \"best\"",
             "plugins",

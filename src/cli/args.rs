@@ -1,16 +1,16 @@
-//! The arguments of every command, as the contract has them.
+//! The arguments of every command.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::PossibleValuesParser;
 use clap::error::ErrorKind;
-use clap::{Args as ClapArgs, CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
 pub use crate::cli::values::{Pair, Point, Size, Triple};
 
-use crate::app::Guide;
+use crate::app::Catalog;
 use crate::cli::values::count;
 use crate::error::Error;
 
@@ -53,6 +53,9 @@ pub struct Global {
     /// View angle over the image's shorter side, degrees (90 if left out)
     #[arg(long, global = true, value_name = "D", allow_hyphen_values = true)]
     pub fov: Option<f64>,
+    /// Which camera (perspective if left out)
+    #[arg(long, global = true, value_name = "MODEL")]
+    pub camera: Option<String>,
     /// Seed of the phantom
     #[arg(long, global = true, value_name = "N")]
     pub seed: Option<u64>,
@@ -89,9 +92,9 @@ pub struct FlyArgs {
     /// Fly without a window
     #[arg(long)]
     pub headless: bool,
-    /// Who steers: tentacles feel the walls, the potential draws to the end, the path is planned, manual leaves it to you
-    #[arg(long, value_parser = guide_parser())]
-    pub guide: Option<Guide>,
+    /// Who steers (the help lists every guide)
+    #[arg(long, value_name = "GUIDE")]
+    pub guide: Option<String>,
     /// Where to start: rectum, cecum or X,Y,Z in mm LPS
     #[arg(long, value_name = "P", allow_hyphen_values = true)]
     pub from: Option<Point>,
@@ -114,8 +117,8 @@ pub struct FlyArgs {
     #[arg(long, value_enum)]
     pub quality: Option<QualityName>,
     /// Which renderer (default)
-    #[arg(long, value_enum)]
-    pub preset: Option<PresetName>,
+    #[arg(long, value_name = "PRESET")]
+    pub preset: Option<String>,
     /// Where to record: a folder (ends in /), .gif or .mp4
     #[arg(long, value_name = "OUT")]
     pub record: Option<String>,
@@ -163,8 +166,8 @@ pub struct RenderArgs {
     #[arg(long, value_enum)]
     pub quality: Option<QualityName>,
     /// Which renderer (default)
-    #[arg(long, value_enum)]
-    pub preset: Option<PresetName>,
+    #[arg(long, value_name = "PRESET")]
+    pub preset: Option<String>,
     /// Samples a pixel
     #[arg(long, value_name = "N", value_parser = count)]
     pub samples: Option<usize>,
@@ -284,9 +287,44 @@ pub struct ReportArgs {
     pub steps: Option<u64>,
 }
 
-/// Every guide there is, by its name.
-fn guide_parser() -> impl TypedValueParser<Value = Guide> {
-    PossibleValuesParser::new(Guide::ALL.map(|g| g.1)).try_map(|name| Guide::named(&name).ok_or("no guide"))
+impl Args {
+    /// Reads the arguments of a program that has this to choose from.
+    ///
+    /// # Errors
+    /// What clap finds wrong with them; also help and version, which are asked for.
+    pub fn read(args: impl Iterator<Item = OsString>, catalog: &Catalog) -> Result<Self, clap::Error> {
+        let matches = command(catalog).try_get_matches_from(command_first(args))?;
+        Self::from_arg_matches(&matches)
+    }
+}
+
+/// The command line, with what there is to choose from as the values of its options.
+fn command(catalog: &Catalog) -> clap::Command {
+    let guides: Vec<_> = catalog.guides.iter().map(|g| (g.name, g.summary)).collect();
+    let presets: Vec<_> = catalog.presets.iter().map(|p| (p.name, p.summary)).collect();
+    let cameras: Vec<_> = catalog.cameras.iter().map(|c| (c.name, c.summary)).collect();
+    let renders = |c| choices(c, "preset", "Which renderer", &presets);
+    let flies = |c| choices(renders(c), "guide", "Who steers", &guides);
+    choices(flies(Args::command()), "camera", "Which camera", &cameras)
+        .mut_subcommand("fly", flies)
+        .mut_subcommand("explain", flies)
+        .mut_subcommand("render", renders)
+}
+
+/// Gives an option its values, each a name and what it is.
+fn choices(
+    command: clap::Command,
+    option: &'static str,
+    what: &str,
+    list: &[(&'static str, &'static str)],
+) -> clap::Command {
+    let told: Vec<String> = list.iter().map(|(name, summary)| format!("{name} ({summary})")).collect();
+    let names: Vec<&'static str> = list.iter().map(|l| l.0).collect();
+    command.mut_arg(option, |a| {
+        a.value_parser(PossibleValuesParser::new(names))
+            .hide_possible_values(true)
+            .help(format!("{what}: {}", told.join(", ")))
+    })
 }
 
 /// Image quality.
@@ -301,18 +339,6 @@ pub enum QualityName {
     Adaptive,
     /// Brute force, to measure against.
     Reference,
-}
-
-/// Which renderer.
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-#[value(rename_all = "lower")]
-pub enum PresetName {
-    /// The best there is.
-    Default,
-    /// The paper's own combination.
-    Colvis,
-    /// The least memory.
-    Lean,
 }
 
 /// The phantom's sizes.
@@ -369,7 +395,7 @@ pub fn command_first(args: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut args: Vec<OsString> = args.collect();
     let mut at = 1;
     while let Some(arg) = args.get(at).and_then(|a| a.to_str()) {
-        let takes_value = ["--threads", "--wall", "--spacing", "--hu", "--series", "--fov", "--seed"];
+        let takes_value = ["--threads", "--wall", "--spacing", "--hu", "--series", "--fov", "--camera", "--seed"];
         let name = arg.split('=').next().unwrap_or(arg);
         if takes_value.contains(&name) {
             at += if arg.contains('=') { 1 } else { 2 };
@@ -386,7 +412,7 @@ pub fn command_first(args: impl Iterator<Item = OsString>) -> Vec<OsString> {
     args
 }
 
-/// Prints help as it is, anything else as the one line that the contract asks for.
+/// Prints help as it is, anything else as one line: `error: WHAT: WHY; HOW TO MEND`.
 pub fn refuse(e: &clap::Error) -> ExitCode {
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
         // A closed pipe (`colvis --help | head -1`) is no failure.
@@ -414,7 +440,7 @@ mod tests {
 
     #[test]
     fn the_definition_is_consistent() {
-        Args::command().debug_assert();
+        command(&Catalog::default()).debug_assert();
     }
 
     #[test]
@@ -437,9 +463,12 @@ mod tests {
         assert_eq!(a.fly.from, Some(Point::World(DVec3::new(-1.0, 2.0, -3.5))));
         let a = Args::try_parse_from(["colvis", "fly", "--to", "cecum", "--wall", "-800,-500"]).unwrap();
         assert!(matches!(a.command, Some(Command::Fly(f)) if f.to == Some(Point::Cecum)));
-        for (guide, name, _) in Guide::ALL {
-            assert_eq!(Args::try_parse_from(["colvis", "--guide", name]).unwrap().fly.guide, Some(guide));
+        let catalog = Catalog::default();
+        let read = |args: &[&str]| Args::read(args.iter().map(OsString::from), &catalog);
+        for guide in catalog.guides.iter() {
+            assert_eq!(read(&["colvis", "--guide", guide.name]).unwrap().fly.guide.as_deref(), Some(guide.name));
         }
+        assert!(read(&["colvis", "fly", "--guide", "warp"]).is_err());
         assert!(Args::try_parse_from(["colvis", "--size", "0x5"]).is_err());
         assert!(Args::try_parse_from(["colvis", "--from", "1,2,nan"]).is_err());
     }

@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde_json::{Value, json};
 
+use crate::app::Timings;
+use crate::app::scan::check_thick;
 use crate::cli::args::{CenterlineArgs, Global, Point};
-use crate::cli::prepare::{self, Timings, say};
+use crate::cli::prepare::{self, say};
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, Centerline, End};
 use crate::fields::lumen::{self, Lumen};
@@ -59,8 +61,8 @@ pub fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Resul
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
     output::check_targets(&[input], &outputs)?;
     let mut timings = Timings::default();
-    let volume = timings.time("load_s", || prepare::load(Some(input), global, progress))?;
-    prepare::check_thick(&volume)?;
+    let volume = timings.time("load_s", || prepare::load(input, global, progress))?;
+    check_thick(&volume)?;
     let line = if is_mask {
         let walls = timings.time("distance_s", || WallDistance::of_mask(&volume, progress))?;
         drop(volume);

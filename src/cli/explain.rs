@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use crate::app::explain::explain;
 use crate::cli::args::{ExplainArgs, Global};
-use crate::cli::prepare::Timings;
-use crate::cli::{fly, print};
+use crate::cli::{Program, fly, print};
 use crate::components::output::FrameCache;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
@@ -14,14 +13,13 @@ use crate::progress::Progress;
 ///
 /// # Errors
 /// As `fly`'s preparation.
-pub fn run(args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+pub fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     fly::check(&args.fly)?;
     let windowed = !args.fly.headless && cfg!(feature = "window");
-    let scene = fly::scene(&args.fly, windowed)?;
-    let image = scene.picture.then(|| fly::image_settings(&args.fly, global, &scene, windowed)).transpose()?;
-    let mut timings = Timings::default();
-    let space = fly::loaded(&args.fly, global, &scene, &mut timings, progress)?;
-    let mut flight = fly::prepared(&args.fly, space, scene, image, &mut timings, progress)?;
+    let screen = if windowed { fly::Screen::Window } else { fly::Screen::None };
+    let scene = fly::scene(program, &args.fly, global, screen)?;
+    let mut scan = fly::open(&args.fly, global, &scene, progress)?;
+    let mut flight = fly::flight(&args.fly, &mut scan, scene)?;
     if flight.camera::<FrameCache>().is_some() {
         // Only frames fill it: the last one's and the one before's memory is used in turn.
         flight.frame();

@@ -15,47 +15,112 @@ mod values;
 
 use std::any::Any;
 use std::io::IsTerminal;
-use std::panic::{self, AssertUnwindSafe, catch_unwind};
+use std::panic::{self, AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use clap::Parser;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
+use crate::app::{Catalog, Overlay};
 use crate::error::{Error, Result};
+use crate::fence::is_fenced;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
+use crate::render::{CameraModel, Preset};
+use crate::schedule::Guide;
 use args::{Args, Command};
 
-/// Runs the program and returns its exit status. Every failure prints exactly one line beginning `error: `.
-pub fn main() -> ExitCode {
-    let args = match Args::try_parse_from(args::command_first(std::env::args_os())) {
-        Ok(args) => args,
-        Err(e) => return args::refuse(&e),
-    };
-    match guarded(|| run(args)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("error: {e}");
-            ExitCode::from(e.kind as u8)
+/// The program `colvis`, with whatever another program adds to it.
+///
+/// ```no_run
+/// # use colvis::dynamics::Body;
+/// # use colvis::schedule::{App, Guide};
+/// # #[derive(Clone, Debug, Default, serde::Deserialize)]
+/// # struct Drift {}
+/// # impl Guide for Drift {
+/// #     const NAME: &'static str = "drift";
+/// #     const SUMMARY: &'static str = "drifts";
+/// #     fn cruise_mm_s(&self, _: &Body) -> f64 { 0.0 }
+/// #     fn plug(&self, _: &mut App) -> colvis::error::Result<()> { Ok(()) }
+/// # }
+/// fn main() -> std::process::ExitCode {
+///     colvis::cli::Program::default().guide::<Drift>().run() // has `--guide drift`, too
+/// }
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Program {
+    catalog: Catalog,
+}
+
+impl Program {
+    /// Adds a guide: to `--guide`, scene files, the keys and their help, `explain`.
+    #[must_use]
+    pub fn guide<G: Guide>(self) -> Self {
+        Self { catalog: self.catalog.guide::<G>() }
+    }
+
+    /// Adds a renderer: to `--preset`, scene files, `explain`.
+    #[must_use]
+    pub fn preset(self, preset: Preset) -> Self {
+        Self { catalog: self.catalog.preset(preset) }
+    }
+
+    /// Adds a camera: to `--camera`.
+    #[must_use]
+    pub fn camera(self, camera: CameraModel) -> Self {
+        Self { catalog: self.catalog.camera(camera) }
+    }
+
+    /// Adds an overlay to the window, with its key and its row of help.
+    #[must_use]
+    pub fn overlay(self, overlay: Overlay) -> Self {
+        Self { catalog: self.catalog.overlay(overlay) }
+    }
+
+    /// Runs the program and returns its exit status. Every failure prints exactly one line beginning `error: `.
+    pub fn run(self) -> ExitCode {
+        let args = match Args::read(std::env::args_os(), &self.catalog) {
+            Ok(args) => args,
+            Err(e) => return args::refuse(&e),
+        };
+        match guarded(|| run(&self, args)) {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(e) => {
+                eprintln!("error: {e}");
+                ExitCode::from(e.kind as u8)
+            }
         }
     }
 }
 
+/// What is called for every panic.
+type PanicHook = Box<dyn Fn(&PanicHookInfo<'_>) + Sync + Send>;
+
+/// Where the first panic happened that no fence caught.
+static PANICKED_AT: Mutex<Option<String>> = Mutex::new(None);
+
 /// Does the program's work; a panic is a fault of its own, told like any other.
 fn guarded(work: impl FnOnce() -> Result<()>) -> Result<()> {
-    static PLACE: Mutex<Option<String>> = Mutex::new(None);
-    let place = || PLACE.lock().unwrap_or_else(PoisonError::into_inner);
-    let usual = panic::take_hook();
-    panic::set_hook(Box::new(move |info| {
+    panic::set_hook(noting(panic::take_hook()));
+    let place = || PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(panicked(&*panic, place().as_deref())))
+}
+
+/// The program's panic hook: it notes where the first panic happened and prints nothing, or what `usual` prints if
+/// `RUST_BACKTRACE` is set. Of a panic that a [fence](crate::fence) catches it takes no note.
+fn noting(usual: PanicHook) -> PanicHook {
+    Box::new(move |info| {
+        if is_fenced() {
+            return;
+        }
         // The first is the one to report: what others do in its wake says less.
-        place().get_or_insert_with(|| info.location().map_or_else(String::new, ToString::to_string));
+        let place = || info.location().map_or_else(String::new, ToString::to_string);
+        PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_with(place);
         if std::env::var_os("RUST_BACKTRACE").is_some() {
             usual(info);
         }
-    }));
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(panicked(&*panic, place().as_deref())))
+    })
 }
 
 /// The fault that a panic stands for, which happened at `place`.
@@ -65,7 +130,7 @@ fn panicked(panic: &(dyn Any + Send), place: Option<&str>) -> Error {
     Error::fault("colvis", format!("{}{at}", text.unwrap_or("panicked")), "report it, with the command")
 }
 
-fn run(args: Args) -> Result<()> {
+fn run(program: &Program, args: Args) -> Result<()> {
     let progress = Arc::new(Progress::new());
     let on_interrupt = Arc::clone(&progress);
     ctrlc::set_handler(move || {
@@ -96,13 +161,13 @@ fn run(args: Args) -> Result<()> {
         Some(Command::Info(a)) => info::run(&a, &global, &progress),
         Some(Command::Phantom(a)) => phantom::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
-        Some(Command::Fly(a)) => fly::run(&a, &global, &progress),
-        Some(Command::Render(a)) => render::run(&a, &global, &progress),
-        Some(Command::Explain(a)) => explain::run(&a, &global, &progress),
+        Some(Command::Fly(a)) => fly::run(program, &a, &global, &progress),
+        Some(Command::Render(a)) => render::run(program, &a, &global, &progress),
+        Some(Command::Explain(a)) => explain::run(program, &a, &global, &progress),
         Some(Command::Centerline(a)) => centerline::run(&a, &global, &progress),
         Some(Command::Plane(a)) => plane::run(&a, &progress),
         Some(Command::Report(a)) => report::run(&a, &global, &progress),
-        None => fly::run(&args.fly, &global, &progress),
+        None => fly::run(program, &args.fly, &global, &progress),
     }
 }
 
@@ -132,6 +197,26 @@ fn print(write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fence;
+
+    #[test]
+    fn a_fenced_panic_is_not_the_one_reported() {
+        let _hook = fence::HOOK.lock().unwrap_or_else(PoisonError::into_inner);
+        let usual = Arc::new(panic::take_hook());
+        let mine = std::thread::current().id();
+        let (note, others) = (noting(Box::new(|_| {})), Arc::clone(&usual));
+        panic::set_hook(Box::new(
+            move |info| if std::thread::current().id() == mine { note(info) } else { others(info) },
+        ));
+        let place = || PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let caught = fence::fenced(|| panic!("a decoder's"));
+        let after_fence = place();
+        let escaped = catch_unwind(|| panic!("the program's"));
+        panic::set_hook(Box::new(move |info| usual(info)));
+        assert!(caught == Err::<(), _>(fence::Panicked) && escaped.is_err());
+        assert_eq!(after_fence, None);
+        assert!(place().is_some_and(|p| p.contains(file!())), "{:?}", place());
+    }
 
     #[test]
     fn a_panic_is_one_line_and_a_fault() {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::cli::args::{Global, PhantomArgs, PhantomFeature, PhantomSize};
 use crate::error::Result;
 use crate::output;
-use crate::phantom::{Phantom, Settings, Size};
+use crate::phantom::{Phantom, PhantomSettings, Size};
 use crate::progress::Progress;
 use crate::volume::io;
 
@@ -17,7 +17,7 @@ pub fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<(
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.truth).map(PathBuf::as_path).collect();
     output::check_targets(&[], &outputs)?;
     let has = |feature| args.with.contains(&feature);
-    let phantom = Phantom::new(&Settings {
+    let phantom = Phantom::new(&PhantomSettings {
         size: match args.size {
             PhantomSize::Small => Size::Small,
             PhantomSize::Standard => Size::Standard,

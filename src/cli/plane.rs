@@ -11,7 +11,7 @@ use crate::host::plane as headless;
 use crate::host::window::{Display, plane as window};
 use crate::output;
 use crate::plane::plan::pair;
-use crate::plane::{Drawing, Flight, Settings, State, shipped};
+use crate::plane::{Drawing, Flight, PlaneSettings, State, shipped};
 use crate::progress::Progress;
 
 /// Where the picture goes where there is no display and nothing was asked for.
@@ -36,7 +36,7 @@ pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
         _ => {}
     }
     let drawing = drawing(args.lumen.as_deref())?;
-    let flight = Flight::new(drawing, Settings::default())?;
+    let flight = Flight::new(drawing, PlaneSettings::default())?;
     for note in &flight.plan().notes {
         say(note);
     }

@@ -9,14 +9,14 @@ use serde::Deserialize;
 use serde_json::json;
 
 use crate::cli::args::{Global, QualityName, RenderArgs, Size};
-use crate::cli::prepare::{self, Timings};
+use crate::cli::{Program, prepare};
 use crate::error::{Error, Result};
-use crate::host::headless::FrameStats;
+use crate::host::frames::FrameStats;
 use crate::host::record::write_png;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
-use crate::render::{Frame, Preset, View, renderer};
+use crate::render::{CameraModel, Frame, Preset, Reuse, View, renderer};
 
 /// A list of poses, as `--poses` takes it. Other programs' extra fields are none of our business.
 #[derive(Deserialize)]
@@ -35,20 +35,22 @@ struct Pose {
 /// Runs the command.
 ///
 /// # Errors
-/// As the contract has them.
-pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+/// Status 2 for options that make no sense, 3 for an input that cannot be used, 4 when interrupted, 5 for an output that cannot be
+/// written.
+pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     if args.no_reuse && args.quality == Some(QualityName::Adaptive) {
         let why = "with --quality adaptive each picture goes on from the one before";
         return Err(Error::usage("--no-reuse", why, "leave one of them out"));
     }
     let stats: Vec<&Path> = args.stats.iter().map(PathBuf::as_path).collect();
     output::check_apart(&[&args.input, &args.poses], &[&[args.out.as_path()], &stats[..]].concat())?;
-    let preset = prepare::preset(args.preset, Preset::Default);
+    let preset = prepare::preset(program, args.preset.as_deref(), Preset::default())?;
     let mut settings = prepare::quality(args.quality);
     settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;
-    let poses = read(&args.poses)?;
+    let camera = prepare::camera(program, global)?;
+    let poses = read(&args.poses, camera)?;
     let fov = match global.fov {
-        Some(_) => prepare::fov(global)?,
+        Some(_) => prepare::fov(global, camera)?,
         None => poses.fov_degrees.unwrap_or(90.0),
     };
     let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
@@ -58,17 +60,19 @@ pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Resu
         .enumerate()
         .map(|(n, p)| {
             let [position, forward, up] = [p.position, p.forward, p.up].map(DVec3::from_array);
-            View::new(position, forward, up, fov, size.width, size.height)
+            View::with_model(position, forward, up, camera, fov, size.width, size.height)
                 .map_err(|e| Error::file(&args.poses, format!("pose {n}: {}: {}", e.what, e.why), e.mend))
         })
         .collect::<Result<_>>()?;
     output::make_folder(&args.out)?;
     output::check_folders(&stats)?;
     let bar = Bar::show(progress);
-    let mut timings = Timings::default();
-    let space = prepare::space(Some(&args.input), global, preset, &mut timings, progress)?;
-    let mut renderer = timings.time("renderer_s", || Ok(renderer(&space, settings, preset, !args.no_reuse)))?;
-    let mut frame = Frame::new(size.width, size.height, args.depth);
+    let scan = prepare::open(Some(&args.input), global, preset, progress)?;
+    let mut timings = scan.timings().clone();
+    let reuse = if args.no_reuse { Reuse::Never } else { Reuse::Allowed };
+    let mut renderer = timings.time("renderer_s", || Ok(renderer(scan.volume(), settings, preset, reuse)))?;
+    let mut frame =
+        if args.depth { Frame::with_depth(size.width, size.height) } else { Frame::new(size.width, size.height) };
     let mut frames = Vec::with_capacity(views.len());
     progress.stage("rendering", views.len() as u64);
     let mut one = |n: usize, view: &View| {
@@ -93,13 +97,13 @@ pub fn run(args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Resu
     rendered.and(told)
 }
 
-fn read(path: &Path) -> Result<Poses> {
+fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
     let mend = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
     let text =
         std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend))?;
     let poses: Poses = serde_json::from_slice(&text).map_err(|e| Error::file(path, e.to_string(), mend))?;
-    if let Some(fov) = poses.fov_degrees.filter(|f| !(*f > 0.0 && *f < 180.0)) {
-        return Err(Error::file(path, format!("fov_degrees {fov} is not between 0 and 180"), mend));
+    if let Some(fov) = poses.fov_degrees {
+        (camera.make)(fov, 1.0).map_err(|e| Error::file(path, format!("fov_degrees: {}", e.why), mend))?;
     }
     Ok(poses)
 }

@@ -3,16 +3,17 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::app::scan::check_thick;
 use crate::cli::args::{Global, ReportArgs, ReportSubject};
-use crate::cli::prepare::{self, Timings, say};
+use crate::cli::prepare::{self, say};
 use crate::error::{Error, Result};
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, Preset};
+use crate::render::{CameraModel, PreparedVolume};
 use crate::report::render::{Extent, Subject};
-use crate::report::{dynamics, fields, gradients, perforation, render, scenes};
+use crate::report::{Effort, dynamics, fields, gradients, perforation, render, scenes};
 use crate::volume::Volume;
 
 /// The reports, with their names.
@@ -28,10 +29,11 @@ const ALL: [(ReportSubject, &str); 6] = [
 /// Runs the command.
 ///
 /// # Errors
-/// As the contract has them.
+/// Status 2 for options that make no sense, 3 for an input that cannot be used, 4 when interrupted, 5 for an output that cannot be
+/// written.
 pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
-    prepare::wall(global)?;
-    prepare::fov(global)?;
+    prepare::transfer(global)?;
+    prepare::fov(global, CameraModel::default())?;
     if let Some(scan) = args.scan.as_deref().filter(|s| !s.exists()) {
         return Err(Error::file(scan, "does not exist", "check the name"));
     }
@@ -61,27 +63,27 @@ fn one(
 ) -> Result<Vec<String>> {
     match subject {
         ReportSubject::Render => {
-            let extent = Extent::new(args.quick, prepare::fov(global)?);
+            let extent = Extent::new(Effort::new(args.quick), prepare::fov(global, CameraModel::default())?);
             render::report(&subjects(args, global, progress)?, &extent, folder, progress)
         }
-        ReportSubject::Gradients => gradients::report(args.quick, folder, progress),
-        ReportSubject::Dynamics => dynamics::report(args.quick, folder, progress),
+        ReportSubject::Gradients => gradients::report(Effort::new(args.quick), folder, progress),
+        ReportSubject::Dynamics => dynamics::report(Effort::new(args.quick), folder, progress),
         ReportSubject::Perforation => {
             let steps = args.steps.unwrap_or(if args.quick { 20_000 } else { 1_000_000 });
             perforation::report(steps, global.seed.unwrap_or(1), folder, progress)
         }
         ReportSubject::Fields => {
             let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;
-            fields::report(args.quick, global.seed.unwrap_or(1), scan, folder, progress)
+            fields::report(Effort::new(args.quick), global.seed.unwrap_or(1), scan, folder, progress)
         }
-        _ => scenes::report(&phantom(args.quick, global, progress)?, args.quick, folder, progress),
+        _ => scenes::report(&phantom(args.quick, global, progress)?, Effort::new(args.quick), folder, progress),
     }
 }
 
 /// A scan with its title.
 fn scan(path: &Path, global: &Global, progress: &Progress) -> Result<(String, Volume)> {
-    let volume = prepare::load(Some(path), global, progress)?;
-    prepare::check_thick(&volume)?;
+    let volume = prepare::load(path, global, progress)?;
+    check_thick(&volume)?;
     Ok((title(path), volume))
 }
 
@@ -98,8 +100,9 @@ fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<V
         vec![Subject { name: "phantom".to_owned(), title: named, space: phantom(args.quick, global, progress)? }];
     match &args.scan {
         Some(scan) => {
-            let space = prepare::space(Some(scan), global, Preset::Default, &mut Timings::default(), progress)?;
-            prepare::check_thick(space.volume())?;
+            let volume = prepare::load(scan, global, progress)?;
+            check_thick(&volume)?;
+            let space = PreparedVolume::new(Arc::new(volume), prepare::transfer(global)?);
             subjects.push(Subject { name: "scan".to_owned(), title: title(scan), space });
         }
         None => say("only the phantom is reported on; --scan F adds a scan"),
@@ -109,8 +112,9 @@ fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<V
 
 fn phantom(small: bool, global: &Global, progress: &Progress) -> Result<PreparedVolume> {
     let size = if small { phantom::Size::Small } else { phantom::Size::Standard };
-    let settings = phantom::Settings { size, seed: global.seed.unwrap_or(1), ..phantom::Settings::default() };
+    let settings =
+        phantom::PhantomSettings { size, seed: global.seed.unwrap_or(1), ..phantom::PhantomSettings::default() };
     let phantom = Phantom::new(&settings);
     let volume = phantom.voxelise(&phantom.grid(), progress)?;
-    Ok(PreparedVolume::new(Arc::new(volume), prepare::wall(global)?))
+    Ok(PreparedVolume::new(Arc::new(volume), prepare::transfer(global)?))
 }

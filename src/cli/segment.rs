@@ -6,8 +6,9 @@ use glam::DVec3;
 use serde::Serialize;
 use serde_json::json;
 
+use crate::app::Timings;
 use crate::cli::args::{Global, SegmentArgs};
-use crate::cli::prepare::{self, Timings};
+use crate::cli::prepare;
 use crate::error::Result;
 use crate::fields::lumen::{self, Lumen, Remnant};
 use crate::output;
@@ -42,7 +43,7 @@ pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<(
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
     output::check_targets(&[&args.input], &outputs)?;
     let mut timings = Timings::default();
-    let volume = timings.time("load_s", || prepare::load(Some(&args.input), global, progress))?;
+    let volume = timings.time("load_s", || prepare::load(&args.input, global, progress))?;
     let lumen = prepare::lumen(&volume, &mut timings, progress)?;
     // Bridges and islands are only told in the stats.
     let residue = match &args.stats {

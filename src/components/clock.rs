@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use bevy_ecs::prelude::*;
 
+use crate::dynamics::STEP_HZ;
+
 /// The fixed step of the simulation: a whole number of steps a second, so that time is counted and never summed up.
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct Clock {
@@ -15,7 +17,7 @@ pub struct Clock {
 
 impl Default for Clock {
     fn default() -> Self {
-        Self { tick: 0, hz: 120 }
+        Self { tick: 0, hz: STEP_HZ }
     }
 }
 

@@ -49,8 +49,45 @@ pub struct Goal {
     pub other_end: DVec3,
 }
 
+/// Why the goal is not where the flight was asked to end: what there is to say when it is reached. None where it is.
+#[derive(Component, Clone, Debug, Default)]
+pub struct FallsShort(pub Option<String>);
+
+/// Segments of the lumen and which of them were flown.
+#[derive(Component, Clone, Debug, Default)]
+pub struct Flown {
+    /// The one being flown; none for gas that is none of the lumen's segments.
+    pub segment: Option<usize>,
+    /// Those flown to their end.
+    pub done: Vec<usize>,
+}
+
+impl Flown {
+    /// Notes the present segment as flown where the flight has arrived.
+    pub fn note(&mut self, state: State) {
+        if let Some(n) = self.segment.filter(|n| state == State::Arrived && !self.done.contains(n)) {
+            self.done.push(n);
+        }
+    }
+}
+
+/// A guide's call for help that is still to be answered: by the guide itself in the set
+/// [`Answer`](crate::schedule::FlightSystems::Answer), else by the operator.
+#[derive(Component, Clone, Debug, Default)]
+pub struct HelpCall(pub Option<Help>);
+
+/// What help is called for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Help {
+    /// Why, as the operator reads it.
+    pub reason: String,
+    /// Where, world mm.
+    pub place: DVec3,
+}
+
 /// Notices when a flight gets nowhere.
 #[derive(Component, Clone, Debug)]
+#[require(HelpCall)]
 pub struct Watch {
     /// Settings.
     pub settings: MonitorSettings,

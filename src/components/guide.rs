@@ -8,8 +8,6 @@ use glam::DVec3;
 use crate::dynamics::Potential;
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::dynamics::route::Route;
-use crate::dynamics::route::pilot::Pilot;
-use crate::dynamics::route::profile::PathSettings;
 use crate::dynamics::tentacles::{TentacleSettings, directions};
 use crate::fields::Distance;
 
@@ -28,39 +26,24 @@ pub struct GuideThrust {
     pub exact: bool,
 }
 
-/// What the guide `potential` was asked for: in a trap the field itself differs for a while.
-#[derive(Component, Clone, Copy, Debug)]
-pub struct PotentialSettings {
-    /// `C_t`, `C_s`, `p`.
-    pub potential: Potential,
-    /// How often the wall's strength has yielded to lead out of a trap.
-    pub yields: u32,
-    /// It yields until this tick.
-    pub yields_until: u64,
-}
-
-/// A planned way, and how it is flown.
+/// A planned way and the place on it: whoever carries it is shown on the way's bar and can be taken to any place of it.
 #[derive(Component, Clone, Debug)]
 #[require(GuideThrust)]
 pub struct Planned {
-    /// Settings.
-    pub settings: PathSettings,
     /// The way.
     pub route: Arc<Route>,
-    /// Who holds the body to it; none while somebody else has the body.
-    pub pilot: Option<Pilot>,
     /// Place along the way, mm.
     pub s_mm: f64,
-    /// World mm/s, before the last step; none where the body was not moved from then to now.
-    pub velocity_before: Option<DVec3>,
-    /// What was asked of the body last, world mm/s².
-    pub last: DVec3,
+    /// The view is directed at the way this far ahead, mm.
+    pub look_ahead_mm: f64,
+    /// How often the operator has taken the camera elsewhere: nothing of how the body was moving is left then.
+    pub jumps: u32,
 }
 
 impl Planned {
     /// A way that nobody has taken up yet.
-    pub fn new(route: Arc<Route>, settings: PathSettings) -> Self {
-        Self { settings, route, pilot: None, s_mm: 0.0, velocity_before: None, last: DVec3::ZERO }
+    pub fn new(route: Arc<Route>, look_ahead_mm: f64) -> Self {
+        Self { route, s_mm: 0.0, look_ahead_mm, jumps: 0 }
     }
 }
 
@@ -71,7 +54,7 @@ pub struct Automatic;
 /// A field of distances that a guide shares with the step.
 pub type Field = Arc<dyn Distance + Send + Sync>;
 
-/// The paper's `V(x)`: acts on the body beside [`GuideThrust`], and as a force that varies within a step, so that an
+/// The paper's `V(x)`, for any guide that steers by it: acts on the body beside [`GuideThrust`], and as a force that varies within a step, so that an
 /// implicit method knows its stiffness. The target's pull is taken back while the operator's hand is on; the wall's push
 /// acts always.
 #[derive(Component, Clone)]

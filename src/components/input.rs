@@ -6,6 +6,8 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::dynamics::hand;
+
 /// One act of the operator, as it is recorded and replayed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
@@ -88,14 +90,13 @@ impl Default for Hand {
 }
 
 impl Hand {
-    /// What the guide's thrust is multiplied by: the operator's speed, eased in and out (smoothstep) with the hand-over.
+    /// What the guide's thrust is multiplied by: the operator's speed, eased in and out with the hand-over.
     pub fn pace(&self) -> f64 {
         self.speed * self.share()
     }
 
     /// How much of its thrust the guide has, 0 to 1.
     pub fn share(&self) -> f64 {
-        let g = self.guided.clamp(0.0, 1.0);
-        g * g * (3.0 - 2.0 * g)
+        hand::share(self.guided)
     }
 }

@@ -1,9 +1,8 @@
-//! What the entities of a flight carry, and the sockets that systems plug into.
+//! What the entities of a flight carry.
 //!
-//! There is one scan entity ([`scan`]) and one camera entity ([`camera`], [`guide`], [`flight`]). A component that no
-//! plugin asked for is on no entity.
+//! There is one scan entity ([`scan`]) and one camera entity ([`camera`], [`guide`], [`flight`], [`trail`]). A component that
+//! no plugin asked for is on no entity.
 
-pub mod app;
 pub mod camera;
 pub mod clock;
 pub mod flight;
@@ -12,5 +11,4 @@ pub mod input;
 pub mod output;
 pub mod play;
 pub mod scan;
-
-pub use app::{App, FlightSystems, LeftOut, Slot};
+pub mod trail;

@@ -4,7 +4,7 @@ use bevy_ecs::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::components::flight::State;
-use crate::render::{Frame, Preset, Renderer, Settings, Work};
+use crate::render::{CameraModel, Frame, Preset, Renderer, Settings, Work};
 
 /// One simulation step, as a line of the log.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,6 +38,8 @@ pub struct GuideName(pub &'static str);
 /// The image of the camera and how it is made.
 #[derive(Component)]
 pub struct Picture {
+    /// Which camera.
+    pub camera: CameraModel,
     /// View angle over the shorter side, degrees.
     pub fov_degrees: f64,
     /// Renderer's settings.
@@ -48,10 +50,13 @@ pub struct Picture {
     pub frame: Frame,
     /// What the last image took.
     pub work: Work,
+    /// Whether the next frame is to trace it.
+    pub due: bool,
+    /// Whether this frame has traced it.
+    pub traced: bool,
 }
 
-/// A renderer with what it keeps from one image to the next. Only on a camera whose preset keeps anything; without it
-/// each image is traced from the scan alone.
+/// A renderer with what it keeps from one image to the next.
 #[derive(Component)]
 pub struct FrameCache {
     /// The renderer.

@@ -10,6 +10,15 @@ use crate::components::output::LogLine;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 
+/// Which way a log is played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// As it was flown.
+    Forwards,
+    /// From its end.
+    Backwards,
+}
+
 /// A log as it is played: at any speed, forwards or backwards.
 #[derive(Component, Clone, Debug)]
 pub struct Playback {
@@ -17,7 +26,7 @@ pub struct Playback {
     lines: Arc<[LogLine]>,
     /// Times the flight's own speed.
     rate: f64,
-    backwards: bool,
+    direction: Direction,
     /// Time played, in the log's own seconds.
     played: f64,
 }
@@ -36,12 +45,12 @@ pub struct Played {
 }
 
 impl Playback {
-    /// A log to be played at `rate` times its speed, from its end where `backwards`.
+    /// A log to be played at `rate` times its speed.
     ///
     /// # Errors
     /// Status 2 for a rate that is not a positive number; status 3 for a log without lines, with places that are no
     /// numbers, or that goes back in time.
-    pub fn new(lines: Vec<LogLine>, rate: f64, backwards: bool) -> Result<Self> {
+    pub fn new(lines: Vec<LogLine>, rate: f64, direction: Direction) -> Result<Self> {
         if !(rate.is_finite() && rate > 0.0) {
             return Err(Error::usage("--rate", format!("{rate} is not above 0"), "give a positive number"));
         }
@@ -58,7 +67,11 @@ impl Playback {
                 return Err(bad(format!("line {}: goes back in time", n + 1)));
             }
         }
-        Ok(Self { lines: lines.into(), rate, backwards, played: 0.0 })
+        Ok(Self { lines: lines.into(), rate, direction, played: 0.0 })
+    }
+
+    fn is_backwards(&self) -> bool {
+        self.direction == Direction::Backwards
     }
 
     /// The log's lines.
@@ -68,7 +81,7 @@ impl Playback {
 
     /// The log's last state, if the log is played to its end.
     pub fn last_state(&self) -> State {
-        if self.backwards { State::Ended } else { self.lines[self.lines.len() - 1].state }
+        if self.is_backwards() { State::Ended } else { self.lines[self.lines.len() - 1].state }
     }
 
     /// From the first to the last step, s of the flight.
@@ -90,7 +103,7 @@ impl Playback {
     /// The first and last place, in the order they are played; world mm.
     pub fn ends(&self) -> [DVec3; 2] {
         let ends = [&self.lines[0], &self.lines[self.lines.len() - 1]].map(|l| DVec3::from_array(l.position));
-        if self.backwards { [ends[1], ends[0]] } else { ends }
+        if self.is_backwards() { [ends[1], ends[0]] } else { ends }
     }
 
     /// Goes on by `dt` seconds at `speed` times the rate; whether that was the end.
@@ -113,12 +126,12 @@ impl Playback {
     /// lies.
     pub fn now(&self) -> Played {
         let first = self.lines[0].t;
-        let t = if self.backwards { first + self.seconds() - self.played } else { first + self.played };
+        let t = if self.is_backwards() { first + self.seconds() - self.played } else { first + self.played };
         let n = self.lines.partition_point(|l| l.t <= t).clamp(1, (self.lines.len() - 1).max(1)) - 1;
         let (a, b) = (&self.lines[n], &self.lines[(n + 1).min(self.lines.len() - 1)]);
         let u = if b.t > a.t { ((t - a.t) / (b.t - a.t)).clamp(0.0, 1.0) } else { 0.0 };
         let mix = |a: [f64; 3], b: [f64; 3]| DVec3::from_array(a).lerp(DVec3::from_array(b), u);
-        let sense = if self.backwards { -self.rate } else { self.rate };
+        let sense = if self.is_backwards() { -self.rate } else { self.rate };
         Played {
             position: mix(a.position, b.position),
             attitude: Attitude::new(mix(a.forward, b.forward), mix(a.up, b.up)),
@@ -154,8 +167,11 @@ mod tests {
     fn every_rate_follows_the_same_path_and_ends_at_its_end() {
         let lines = log();
         let path: Vec<DVec3> = lines.iter().map(|l| DVec3::from_array(l.position)).collect();
-        for (rate, backwards) in [(0.5, false), (4.0, false), (1.0, true), (1e-3, false), (1e6, true)] {
-            let mut p = Playback::new(lines.clone(), rate, backwards).unwrap();
+        use Direction::{Backwards, Forwards};
+        for (rate, direction) in
+            [(0.5, Forwards), (4.0, Forwards), (1.0, Backwards), (1e-3, Forwards), (1e6, Backwards)]
+        {
+            let mut p = Playback::new(lines.clone(), rate, direction).unwrap();
             let mut steps = 0;
             while !p.go(1.0 / 120.0, 1.0) && steps < 5000 {
                 let at = p.now().position;
@@ -177,16 +193,16 @@ mod tests {
     #[test]
     fn what_is_no_log_or_no_rate_is_refused() {
         for rate in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(Playback::new(log(), rate, false).is_err(), "{rate}");
+            assert!(Playback::new(log(), rate, Direction::Forwards).is_err(), "{rate}");
         }
-        assert!(Playback::new(Vec::new(), 1.0, false).is_err());
+        assert!(Playback::new(Vec::new(), 1.0, Direction::Forwards).is_err());
         let mut back = log();
         back[7].t = 0.0;
-        assert!(Playback::new(back, 1.0, false).is_err());
+        assert!(Playback::new(back, 1.0, Direction::Forwards).is_err());
         let mut lost = log();
         lost[3].position[1] = f64::NAN;
-        assert!(Playback::new(lost, 1.0, false).is_err());
-        let one = Playback::new(log()[..1].to_vec(), 1.0, false).unwrap();
+        assert!(Playback::new(lost, 1.0, Direction::Forwards).is_err());
+        let one = Playback::new(log()[..1].to_vec(), 1.0, Direction::Forwards).unwrap();
         assert!(one.now().position.is_finite() && one.share() == 1.0);
     }
 }

@@ -3,44 +3,44 @@
 //! The distance to the wall is 1-Lipschitz: within a displacement of `c − r` from a point of clearance `c`, every point
 //! keeps a clearance of at least `r`. So the body moves by at most that, asks again, and so on (conservative
 //! advancement, Mirtich 1996; the same idea as sphere tracing, Hart 1996). The guarantee rests on
-//! [`Clearances::clearance`] never telling more than the truth, and on nothing else: neither the number of tentacles, nor
-//! the size of the force or of the step.
+//! [`Clearances::clearance`] never being more than the true distance, and on nothing else: neither the number of
+//! tentacles, nor the size of the force or of the step.
 
 use glam::DVec3;
 
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Clearance, Clearances};
 
-/// At most so many clearances are asked for in one step; what is left of the displacement then is not moved.
+/// Clearances that one step may ask for; what is left of the displacement then is not moved.
 const MAX_MOVES: usize = 16;
 /// Within this much of touching, mm, the part of the motion that goes into the wall is taken out and the rest slides.
 const SKIN_MM: f64 = 0.05;
 /// The longest single move along the wall, mm.
 const CREEP_MM: f64 = 0.1;
 
-/// The outcome of a step.
+/// The outcome of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Advance {
-    /// Where the body came to, world mm.
+    /// Where the body is after the move, world mm.
     pub position: DVec3,
     /// Unit vector into the wall that stopped it, if one did.
     pub blocked: Option<DVec3>,
-    /// Clearance before the step, mm.
+    /// Clearance before the move, mm.
     pub clearance_mm: f64,
-    /// Whether the body is in the wall or too near to it, and was not moved, as nothing that it tried raised the clearance.
+    /// Whether the body is in the wall or too near to it and was not moved, because no move raised the clearance.
     pub stuck: bool,
 }
 
 /// Moves a sphere of `radius` mm from `position` by `displacement` (world, mm) as far as the wall allows.
 ///
-/// The body keeps the finder's tolerance beyond its radius, so that clearances as they are told never fall below it.
+/// The body keeps the finder's tolerance beyond its radius, so that reported clearances never fall below the radius.
 /// Where it begins in the wall or too near to it, only motion that raises the clearance is allowed. A displacement that
 /// is not finite does not move it.
 pub fn advance(walls: &impl Clearances, position: DVec3, displacement: DVec3, radius: f64) -> Advance {
     sweep(walls, position, displacement, radius, &mut |_, _| {})
 }
 
-/// [`advance()`], telling each straight piece of the way, from its beginning to its end.
+/// [`advance()`], which calls `piece` with the beginning and the end of each straight piece of the way.
 pub fn sweep(
     walls: &impl Clearances,
     position: DVec3,
@@ -86,11 +86,11 @@ pub fn sweep(
     Advance { position: at, blocked, clearance_mm: first.mm, stuck }
 }
 
-/// A short move along the wall that the body touches, leaning away from it as much as it must. It is tried, not bounded:
-/// with a clearance of `c₀` at its beginning and `c₁` at its end, a move of length `l` keeps at least `(c₀ + c₁ − l)/2`.
-/// From a place in the wall or too near to it, any such move that raises the clearance and on whose way the centre does
-/// not enter the wall. That is tested exactly: a clearance told as 0 may be of a place in gas, beside a wall thinner than
-/// the move.
+/// A short move along the wall that the body touches, leaning away from it as much as needed. It is tried, not bounded:
+/// with a clearance of `c₀` at its beginning and `c₁` at its end, a move of length `l` keeps at least `(c₀ + c₁ −
+/// l)/2`. From a place in the wall or too near to it, any such move will do that raises the clearance and does not lead
+/// the centre into the wall. The latter is tested exactly: a clearance of 0 may belong to a place in gas, beside a wall
+/// that is thinner than the move.
 fn creep(walls: &impl Clearances, at: DVec3, here: Clearance, along: DVec3, radius: f64) -> Option<(DVec3, Clearance)> {
     let direction = along.try_normalize()?;
     let length = along.length().min(CREEP_MM);

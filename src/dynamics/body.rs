@@ -1,10 +1,10 @@
-//! What the moving body is made of.
+//! The moving body: size, mass, drag and the method that moves it.
 
 use crate::dynamics::integrators::Integrator;
 use crate::dynamics::rigid::Inertia;
 use crate::error::{Error, Result};
 
-/// What the camera is made of, and how it is moved.
+/// The camera as a body, and how its motion is integrated.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Body {
@@ -14,7 +14,8 @@ pub struct Body {
     pub mass_g: f64,
     /// Drag `k_t`, 1/s: without forces the speed falls by e each `1/k_t` seconds.
     pub drag_per_s: f64,
-    /// Radius of the cylinder, mm; if left out, that of the largest one in the sphere which is as long as it is wide.
+    /// Radius of the cylinder, mm; if left out, that of the largest cylinder in the sphere that is as long as it is
+    /// wide.
     pub cylinder_radius_mm: Option<f64>,
     /// Length of the cylinder along the view, mm; if left out, as above.
     pub cylinder_length_mm: Option<f64>,
@@ -43,7 +44,7 @@ impl Body {
         let refuse = |what: &str, value: f64, want: &str| {
             Err(Error::usage(format!("body.{what}"), format!("is {value}"), format!("give {want}")))
         };
-        // Beyond these the products of forces, times and inverse masses leave what a number can hold.
+        // Beyond these the products of forces, times and inverse masses overflow.
         if !(1e-9..=1e9).contains(&self.mass_g) {
             return refuse("mass_g", self.mass_g, "a positive mass, 1e-9 to 1e9 g");
         }
@@ -68,7 +69,7 @@ impl Body {
         Ok(())
     }
 
-    /// Radius and length of the cylinder, mm. One that is left out is what the other leaves room for.
+    /// Radius and length of the cylinder, mm. If one is left out, it is the largest that fits beside the other.
     pub fn cylinder(&self) -> (f64, f64) {
         let sphere = self.radius_mm;
         let beside = |x: f64| (sphere * sphere - x * x).max(0.0).sqrt();

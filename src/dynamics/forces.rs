@@ -14,7 +14,7 @@ pub trait Forces: Sync {
     fn slope(&self, at: DVec3) -> DMat3;
 }
 
-/// A force that is held over the step, g·mm/s²: what tentacles, mines and the operator's hand exert.
+/// A force that is constant over the step, g·mm/s²: what tentacles, mines and the operator's hand exert.
 impl Forces for DVec3 {
     fn force(&self, _: DVec3) -> DVec3 {
         *self
@@ -34,7 +34,7 @@ pub struct PotentialForce<'a> {
     pub wall: Option<&'a dyn Distance>,
     /// `D_t`.
     pub target: Option<&'a dyn Distance>,
-    /// `F_user`, and whatever else is held over the step, world g·mm/s².
+    /// `F_user`, and whatever else is constant over the step, world g·mm/s².
     pub push: DVec3,
 }
 

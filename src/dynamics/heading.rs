@@ -4,7 +4,7 @@ use glam::DVec3;
 
 /// Time constant with which the heading follows the velocity, s.
 const HEADING_S: f64 = 0.25;
-/// Slow drifting says nothing about where a flight is going, mm/s.
+/// Slower than this the body drifts, and its velocity does not tell where the flight is going, mm/s.
 const LEAST_MM_S: f64 = 2.0;
 
 /// The unit heading after `dt` seconds at `velocity` (mm/s).
@@ -20,12 +20,13 @@ pub fn follow_velocity(heading: DVec3, velocity: DVec3, dt: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::STEP_S;
 
     #[test]
     fn follows_and_keeps_what_drifting_does_not_tell() {
         let mut h = DVec3::X;
         for _ in 0..240 {
-            h = follow_velocity(h, DVec3::Y * 30.0, 1.0 / 120.0);
+            h = follow_velocity(h, DVec3::Y * 30.0, STEP_S);
         }
         assert!(h.y > 0.999 && (h.length() - 1.0).abs() < 1e-12);
         assert_eq!(follow_velocity(h, DVec3::NEG_Y, 0.1), h);

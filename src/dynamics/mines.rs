@@ -1,7 +1,9 @@
-//! Mines: points laid behind the camera that push it on, so that it does not turn back (paper, section 3.2).
+//! Mines: points laid behind the camera that repel it, so that it does not turn back (paper, section 3.2).
 
 use std::collections::VecDeque;
 
+use super::settings::{not_negative, positive};
+use crate::error::{Error, Result};
 use glam::DVec3;
 
 /// How mines are laid and how they push.
@@ -10,7 +12,7 @@ use glam::DVec3;
 pub struct MineSettings {
     /// How many of the last mines are kept.
     pub kept: usize,
-    /// Way between two mines, mm.
+    /// Distance flown between two mines, mm.
     pub spacing_mm: f64,
     /// A mine further than this from the camera does not push, mm.
     pub reach_mm: f64,
@@ -24,7 +26,22 @@ impl Default for MineSettings {
     }
 }
 
-/// The mines that are still kept, oldest first.
+impl MineSettings {
+    /// # Errors
+    /// Status 2 for a setting that makes no sense.
+    pub fn check(&self) -> Result<()> {
+        positive("mines.spacing_mm", self.spacing_mm)?;
+        positive("mines.reach_mm", self.reach_mm)?;
+        not_negative("mines.push", self.push)?;
+        if self.kept > 100_000 {
+            let why = format!("is {}", self.kept);
+            return Err(Error::usage("mines.kept", why, "give a finite number up to 100000"));
+        }
+        Ok(())
+    }
+}
+
+/// The mines kept so far, oldest first.
 #[derive(Clone, Debug, Default)]
 pub struct Mines {
     points: VecDeque<DVec3>,
@@ -32,7 +49,7 @@ pub struct Mines {
 }
 
 impl Mines {
-    /// Follows the camera (world mm); lays a mine at where it was when it has come `spacing_mm` further.
+    /// Follows the camera (world mm); each `spacing_mm` it lays a mine where the camera was.
     pub fn follow(&mut self, camera: DVec3, settings: &MineSettings) {
         match self.last {
             None => self.last = Some(camera),
@@ -47,7 +64,7 @@ impl Mines {
         }
     }
 
-    /// Forgets all mines, as at a turn.
+    /// Removes all mines, as after a turn.
     pub fn clear(&mut self) {
         self.points.clear();
         self.last = None;
@@ -58,12 +75,12 @@ impl Mines {
         self.points.iter().copied()
     }
 
-    /// How many are kept now.
+    /// Number of mines.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether none is kept.
+    /// Whether there are no mines.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }

@@ -7,6 +7,7 @@ pub mod advance;
 pub mod attitude;
 pub mod body;
 pub mod forces;
+pub mod hand;
 pub mod heading;
 pub mod integrators;
 pub mod mines;
@@ -15,9 +16,15 @@ pub mod potential;
 pub mod rescue;
 pub mod rigid;
 pub mod route;
+pub mod settings;
 pub mod step;
 pub mod tentacles;
 pub mod trap;
+
+/// Steps of the simulation a second, unless a scene says otherwise.
+pub const STEP_HZ: u32 = 120;
+/// Length of one of them, s.
+pub const STEP_S: f64 = 1.0 / STEP_HZ as f64;
 
 pub use advance::{Advance, advance};
 pub use attitude::Attitude;
@@ -25,6 +32,6 @@ pub use body::Body;
 pub use forces::{Forces, PotentialForce};
 pub use integrators::Integrator;
 pub use potential::Potential;
-pub use rigid::{Motion, Turning};
+pub use rigid::{RigidBodyState, Turning};
 pub use route::Route;
 pub use step::{Step, step};

@@ -1,12 +1,14 @@
-//! Noticing that a flight gets nowhere, from its trail alone: hanging in place, dithering, turning back, circling
-//! (paper, sections 3.1.1 and 3.2). What kind of place that is, [`super::trap`] tells; what is done about it,
-//! [`super::rescue`].
+//! Detects that a flight makes no progress, from its trail alone: hanging in place, dithering, turning back, circling
+//! (paper, sections 3.1.1 and 3.2). [`super::trap`] classifies the place, [`super::rescue`] decides what is done about
+//! it.
 
 use std::collections::VecDeque;
 
+use super::settings::{not_negative, positive};
+use crate::error::Result;
 use glam::DVec3;
 
-/// When a flight counts as getting nowhere. The defaults notice each trouble within two seconds at cruise speed.
+/// When a flight counts as making no progress. The defaults notice each trouble within two seconds at cruise speed.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MonitorSettings {
@@ -16,7 +18,7 @@ pub struct MonitorSettings {
     pub least_progress_mm: f64,
     /// A place counts as visited when it comes within this of the trail, mm.
     pub visited_mm: f64,
-    /// So much way over visited ground, against or along the trail, is turning back or circling, mm.
+    /// Distance over visited ground that counts as turning back (against the trail) or circling (along it), mm.
     pub revisited_mm: f64,
 }
 
@@ -26,7 +28,18 @@ impl Default for MonitorSettings {
     }
 }
 
-/// How a flight gets nowhere.
+impl MonitorSettings {
+    /// # Errors
+    /// Status 2 for a setting that makes no sense.
+    pub fn check(&self) -> Result<()> {
+        positive("watch.window_s", self.window_s)?;
+        positive("watch.revisited_mm", self.revisited_mm)?;
+        not_negative("watch.least_progress_mm", self.least_progress_mm)?;
+        not_negative("watch.visited_mm", self.visited_mm)
+    }
+}
+
+/// How a flight fails to make progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trouble {
     /// It hangs in place.
@@ -39,29 +52,29 @@ pub enum Trouble {
     Circling,
 }
 
-/// Trouble, and where.
+/// A trouble and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Alarm {
-    /// Which.
+    /// The trouble.
     pub trouble: Trouble,
-    /// Where it began, world mm: of a flight that turned back, where it turned.
+    /// Where it began, world mm; for a flight that turned back, where it turned.
     pub place: DVec3,
 }
 
-/// Way between two points of the trail, mm.
+/// Distance flown between two points of the trail, mm.
 const TRAIL_STEP_MM: f64 = 2.0;
 /// Trail nearer than this along the way is not "visited ground" but where the camera has just been, mm.
 const RECENT_MM: f64 = 30.0;
 /// Positions kept within a window: less than 2 mm apart at cruise speed.
 const SAMPLES: f64 = 32.0;
-/// More way than this many times the size of the box that holds it is dithering: there and back is 2.
+/// A path longer than this many times the size of the box around it is dithering: once there and back is 2.
 const DITHER: f64 = 2.5;
-/// Over any time between so many windows: a wide sway takes long, and a flight that was forgiven needs some time.
+/// The times, in windows, over which that is measured: a wide sway takes long, and a forgiven flight needs some time.
 const DITHER_WINDOWS: [f64; 2] = [0.5, 2.0];
-/// A box larger than this is flown round in, mm.
+/// In a box larger than this the flight circles, mm.
 const DITHER_MM: f64 = 18.0;
 
-/// A position of the last seconds.
+/// A recent position.
 #[derive(Clone, Copy, Debug)]
 struct Sample {
     time: f64,
@@ -72,7 +85,7 @@ struct Sample {
 /// The camera's trail and what can be read from it.
 #[derive(Clone, Debug, Default)]
 pub struct Monitor {
-    /// Points each [`TRAIL_STEP_MM`] of the way, world mm.
+    /// Points [`TRAIL_STEP_MM`] apart along the path, world mm.
     trail: Vec<DVec3>,
     /// Positions of the last window, and of as long before as dithering takes, oldest first.
     recent: VecDeque<Sample>,
@@ -84,7 +97,7 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Way flown since the last [`Monitor::restart`], mm.
+    /// Distance flown since the last [`Monitor::restart`], mm.
     pub fn way_mm(&self) -> f64 {
         self.way
     }
@@ -99,20 +112,20 @@ impl Monitor {
         self.trail.iter().rev().take((mm / TRAIL_STEP_MM).ceil() as usize).copied()
     }
 
-    /// Begins anew, as after a turn or when the operator took over: what was flown so far may be flown again.
+    /// Starts over, as after a turn or when the operator took over: what was flown so far may be flown again.
     pub fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// Gives the flight another chance, remembering its trail.
+    /// Clears the counts but keeps the trail.
     pub fn forgive(&mut self) {
         self.recent.clear();
         self.against = 0.0;
         self.along = 0.0;
     }
 
-    /// Takes the camera's place (world mm) after a step of `dt` seconds; tells of trouble once it is certain. A place
-    /// that is not finite is not followed.
+    /// Takes the camera's position (world mm) after a step of `dt` seconds; reports trouble once it is certain. A
+    /// position that is not finite is ignored.
     pub fn follow(&mut self, at: DVec3, dt: f64, settings: &MonitorSettings) -> Option<Alarm> {
         if !at.is_finite() {
             return None;
@@ -133,7 +146,7 @@ impl Monitor {
         self.revisit(at, moved, settings).or_else(|| self.stay(at, settings))
     }
 
-    /// Trouble of a flight that does not get away from where it is.
+    /// The trouble of a flight that stays in one place.
     fn stay(&self, at: DVec3, settings: &MonitorSettings) -> Option<Alarm> {
         let (mut low, mut high) = (at, at);
         let mut is_stuck = false;
@@ -149,7 +162,7 @@ impl Monitor {
         is_stuck.then_some(Alarm { trouble: Trouble::Stuck, place: at })
     }
 
-    /// Adds up the way over visited ground, against and along the trail's sense; new ground forgets it.
+    /// Adds up the distance over visited ground, against and along the trail; new ground resets it.
     fn revisit(&mut self, at: DVec3, moved: DVec3, settings: &MonitorSettings) -> Option<Alarm> {
         let old = self.trail.len().saturating_sub((RECENT_MM / TRAIL_STEP_MM) as usize);
         let near = (1..old).map(|i| (i, self.trail[i].distance_squared(at))).min_by(|a, b| a.1.total_cmp(&b.1));
@@ -177,7 +190,7 @@ mod tests {
 
     use super::*;
 
-    const DT: f64 = 1.0 / 120.0;
+    use crate::dynamics::STEP_S as DT;
 
     fn fly(path: impl Fn(f64) -> DVec3, seconds: f64) -> Option<(f64, Alarm)> {
         let mut m = Monitor::default();

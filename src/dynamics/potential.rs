@@ -13,19 +13,24 @@
 //! With `s(D) = (p/D − 1)²`, `s′ = −2 (p/D − 1) p/D²` and `s″ = 2 p²/D⁴ + 4 (p/D − 1) p/D³`, the chain rule gives
 //! `∇V = C_t ∇D_t + C_s s′ ∇D_s` and `∇²V = C_t ∇²D_t + C_s (s″ ∇D_s ∇D_sᵀ + s′ ∇²D_s)`.
 //!
-//! **The barrier.** `s` is unbounded as `D_s → 0`. Below `δ = 10⁻⁴ p` it is continued by its Taylor polynomial of second
-//! degree at `δ`, also through 0 to the negative distances inside the wall: value, force and stiffness are continuous
-//! there, the force goes on growing into the wall, and it stays finite: at most some `10¹² C_s/p` at the wall itself.
-//! At `D_s = p` the force begins from 0, so that only its slope jumps (by `2 C_s/p²`).
+//! **The barrier.** `s` is unbounded as `D_s → 0`. Below `δ = 10⁻⁴ p` it is continued by its Taylor polynomial of
+//! second degree at `δ`, also through 0 to the negative distances inside the wall: value, force and stiffness are
+//! continuous there, the force keeps growing into the wall, and stays finite: at most about `10¹² C_s/p` at the wall
+//! itself. At `D_s = p` the force begins from 0, so that only its slope jumps (by `2 C_s/p²`).
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::fields::Sample;
+use crate::fields::{Distance, Sample};
 
 /// Below this share of `p` the barrier is continued by its Taylor polynomial.
 const FLOOR: f64 = 1e-4;
+
+/// The view looks at the way this far ahead, mm, which is followed in steps of [`AHEAD_STEP_MM`].
+const AHEAD_MM: f64 = 24.0;
+/// One step along that way, mm.
+const AHEAD_STEP_MM: f64 = 3.0;
 
 /// The parameters of `V(x)`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,7 +63,7 @@ pub struct PotentialSample {
 }
 
 impl PotentialSample {
-    /// No potential. Not `Default`: that of a matrix is the identity.
+    /// No potential. Not `Default`, since the default matrix is the identity.
     pub const ZERO: Self = Self { energy: 0.0, gradient: DVec3::ZERO, hessian: DMat3::ZERO };
 }
 
@@ -81,7 +86,7 @@ impl Potential {
         Ok(())
     }
 
-    /// `V` and its derivatives where the wall and the target are told so; one that is `None` takes no part.
+    /// `V` and its derivatives, given the distances to the wall and to the target; one that is `None` adds nothing.
     pub fn at(&self, wall: Option<Sample>, target: Option<Sample>) -> PotentialSample {
         let mut v = PotentialSample::ZERO;
         if let Some(t) = target {
@@ -111,10 +116,28 @@ impl Potential {
         let s = over * over;
         let s1 = -2.0 * over * q / at;
         let s2 = (2.0 * q * q + 4.0 * over * q) / (at * at);
-        // Zero unless the floor was taken; no deeper than p, where distances inside the wall end to mean anything.
+        // Zero unless the floor was taken; no deeper than p, beyond which distances inside the wall mean nothing.
         let deeper = (d - at).max(-p);
         [s + deeper * (s1 + 0.5 * deeper * s2), s1 + deeper * s2, s2]
     }
+}
+
+/// Unit direction (world) from `from` (world mm) to the way ahead: the mean direction of the places on the steepest
+/// descent of the distance to the target, up to 24 mm on. Zero where the distance is not known, and at the target.
+pub fn ahead(target: &dyn Distance, from: DVec3) -> DVec3 {
+    let mut at = from;
+    let mut sum = DVec3::ZERO;
+    for _ in 0..(AHEAD_MM / AHEAD_STEP_MM) as usize {
+        let Some(s) = target.sample(at) else { break };
+        let step = AHEAD_STEP_MM.min(s.mm);
+        let down = s.gradient.normalize_or_zero();
+        if down == DVec3::ZERO || step < 1e-3 {
+            break;
+        }
+        at -= down * step;
+        sum += (at - from).normalize_or_zero();
+    }
+    sum.normalize_or_zero()
 }
 
 #[cfg(test)]
@@ -180,6 +203,26 @@ mod tests {
         }
         assert_eq!(Potential::default().barrier(f64::NAN), [0.0; 3]);
         assert_eq!(Potential::default().at(None, None), PotentialSample::ZERO);
+    }
+
+    /// Distance to a point, known only where z > −1.
+    struct ToPoint(DVec3);
+
+    impl Distance for ToPoint {
+        fn sample(&self, at: DVec3) -> Option<Sample> {
+            let way = at - self.0;
+            let gradient = way.normalize_or_zero();
+            (at.z > -1.0).then_some(Sample { mm: way.length(), gradient, hessian: DMat3::ZERO })
+        }
+    }
+
+    #[test]
+    fn the_view_looks_down_the_distance() {
+        let target = ToPoint(DVec3::new(50.0, 0.0, 0.0));
+        assert!(ahead(&target, DVec3::ZERO).distance(DVec3::X) < 1e-12);
+        assert!(ahead(&target, DVec3::new(49.0, 0.0, 0.0)).distance(DVec3::X) < 1e-12, "nearer than one step");
+        assert_eq!(ahead(&target, target.0), DVec3::ZERO, "at the target");
+        assert_eq!(ahead(&target, DVec3::NEG_Z * 2.0), DVec3::ZERO, "not known");
     }
 
     #[test]

@@ -1,12 +1,13 @@
-//! What is done about a trap: another way is looked for, then the way back, then the operator is called.
+//! Recovery from traps: another way is tried, then the way back, then the operator is called.
 //!
-//! - Where the lumen is open ahead (a local minimum, a bridge, a polyp, dithering, circling), the guide sets off anew along
-//!   the longest tentacle ahead; for some seconds it shies less from the wall, holds its heading, and its whole trail is
-//!   forbidden ground, not only the last few mines.
-//! - Where it is closed (a blind end, a neck too narrow), or where the first does not help, the mines are cleared and the
-//!   guide flies back along its trail until a side way opens that it has not flown; new mines behind it keep it from going
-//!   in again. A dead end near the lumen's other end only means that the flight set out the wrong way.
-//! - Back at the start, or after too many of these, the operator is called, with the place and the reason of the trap.
+//! - Where the lumen is open ahead (a local minimum, a bridge, a polyp, dithering, circling), the guide sets off again
+//!   along the longest tentacle ahead; for some seconds the wall repels it less, it keeps its heading, and its whole
+//!   trail
+//!   is forbidden ground, not only the last few mines.
+//! - Where it is closed (a blind end, a neck too narrow), or where that does not help, the mines are cleared and the
+//!   guide flies back along its trail until a side way opens that it has not flown; new mines keep it from returning. A
+//!   dead end near the lumen's other end only means that the flight set out the wrong way.
+//! - Back at the start, or after too many attempts, the operator is called, with the place and the kind of the trap.
 
 use std::collections::VecDeque;
 
@@ -18,70 +19,79 @@ use super::trap::{Felt, Trap, recognise};
 
 /// A dead end within this of the lumen's other end means that the flight set out the wrong way, mm.
 const WRONG_END_MM: f64 = 40.0;
-/// So much of the way is looked through for it: the camera may have left the dead end before that was certain, mm.
+/// How far back along the trail that is checked, mm: the camera may have left the dead end before that was certain.
 const WRONG_END_BACK_MM: f64 = 120.0;
-/// The guide looks for another way for so long, s, and so often in one flight.
+/// How long the guide looks for another way, s, and how many times in one flight.
 const ASIDE_S: f64 = 4.0;
 const ESCAPES: u32 = 6;
-/// Past something, this much of the wall's push, and at least this agreement with the heading.
+/// While it looks for a way past something: share of the wall's push, and least agreement with the heading.
 const BOLD_PUSH: f64 = 0.1;
 const BOLD_AGREEMENT: f64 = 8.0;
-/// On the way back, ground this far from the trail is new, in units of [`MonitorSettings::visited_mm`]; so much way over it
-/// ends the way back, mm.
+/// On the way back, ground this far from the trail is new, in units of [`MonitorSettings::visited_mm`]; this
+/// distance over it ends the way back, mm.
 const NEW_GROUND: f64 = 1.5;
 const NEW_GROUND_MM: f64 = 20.0;
-/// How much a direction over the trail still counts on the way back: a side way wins, and without one the trail does.
+/// Weight of a direction over the trail on the way back: a side way wins, and where there is none the trail does.
 const TRAIL_COUNTS: f64 = 0.1;
-/// Back within this of the trail's first point there is no other way, mm.
+/// Within this of the trail's first point the way back has failed, mm.
 const START_MM: f64 = 8.0;
-/// So much way within a box of little more than half of it is wandering about in one place, mm.
+/// A path of this length within a box of little more than half of it is wandering in one place, mm.
 const WANDERED_MM: f64 = 80.0;
-/// What was felt this far away is near, mm.
+/// Notes from within this distance count as nearby, mm.
 const NEARBY_MM: f64 = 15.0;
-/// What was felt is kept for the last places, this far apart, mm.
+/// Number of notes that are kept, and their distance, mm.
 const NOTES: usize = 64;
 const NOTE_MM: f64 = 2.0;
 
-/// What to do now.
+/// What the flight is to do now.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Order {
-    /// Nothing: all is well, or what was begun goes on.
+pub enum RescueAction {
+    /// Nothing: all is well, or a recovery is under way.
     GoOn,
     /// Take this unit heading (keep the present one if none is given); the mines are cleared if `clear_mines`.
     SetOff {
-        /// Where to.
+        /// The new unit heading, world.
         heading: Option<DVec3>,
-        /// Whether the mines must not hold it.
+        /// Whether the mines are cleared, so that they cannot hold the camera.
         clear_mines: bool,
     },
     /// Call the operator.
     Call {
-        /// Why.
+        /// The trap.
         trap: Trap,
-        /// Where, world mm.
+        /// Its place, world mm.
         place: DVec3,
     },
+}
+
+/// The heading of a camera that is to fly back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Heading {
+    /// It flies back already.
+    Keep,
+    /// It has to turn round.
+    Back,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Course {
     #[default]
     On,
-    /// Looks for another way ahead, until this time, s.
+    /// Looks for another way ahead until this time, s.
     Aside(f64),
     /// Flies back along the trail before the point of this number; way over new ground so far, and the way at which it
     /// gives up, mm.
     Back { turn: usize, new_mm: f64, until_mm: f64 },
 }
 
-/// Watches over one flight.
+/// The state of recovery in one flight.
 #[derive(Clone, Debug, Default)]
 pub struct Rescue {
     monitor: Monitor,
     course: Course,
-    /// Why it is not on its course.
+    /// The trap that it is recovering from, and its place (world mm).
     because: Option<(Trap, DVec3)>,
-    /// What kind of place the last ones were.
+    /// The kinds of the last places.
     notes: VecDeque<(DVec3, Trap)>,
     last: Option<DVec3>,
     time: f64,
@@ -100,8 +110,8 @@ impl Rescue {
         self.turns
     }
 
-    /// Number of places at which another way was looked for, since the operator last took part: the guide has so many
-    /// anew then.
+    /// Number of places at which another way was looked for, since the operator last took part, which resets
+    /// the count.
     pub fn escapes(&self) -> u32 {
         self.escapes
     }
@@ -111,12 +121,12 @@ impl Rescue {
         self.course != Course::On
     }
 
-    /// The trap that it is being led out of, and where that is (world mm).
+    /// The trap that the flight is recovering from, and its place (world mm).
     pub fn trap(&self) -> Option<(Trap, DVec3)> {
         self.because
     }
 
-    /// Ground that the way must not lead over (world mm), and how much a direction over it still counts, 0 to 1.
+    /// Forbidden ground (world mm), and the weight that a direction over it still has, 0 to 1.
     pub fn forbidden(&self) -> (&[DVec3], f64) {
         match self.course {
             Course::On => (&[], 0.0),
@@ -130,11 +140,11 @@ impl Rescue {
         *self = Self { turns: self.turns, ..Self::default() };
     }
 
-    /// How the guide feels its way now: while it looks for a way past something, it holds its heading more and shies less
-    /// of the wall, so that a gap that is wide enough for the body is not too narrow for the guide.
+    /// The guide's settings for now: while it looks for a way past something, it keeps its heading more and the wall
+    /// repels it less, so that a gap that is wide enough for the body is not too narrow for the guide.
     pub fn temper(&self, settings: &TentacleSettings) -> TentacleSettings {
         let mut s = *settings;
-        // One that goes round and round is not held up by a wall.
+        // A circling flight is not held up by a wall.
         let held_up = self.because.is_some_and(|(trap, _)| trap != Trap::Circling);
         if held_up && matches!(self.course, Course::Aside(_)) {
             s.wall_push *= BOLD_PUSH;
@@ -143,8 +153,8 @@ impl Rescue {
         s
     }
 
-    /// Takes the camera's place (world mm) after a step of `dt` seconds, what it felt there if its guide feels, and the
-    /// end of the lumen that it is not going to, if that is known.
+    /// Takes the camera's position (world mm) after a step of `dt` seconds, what its tentacles felt there if it has
+    /// any, and the end of the lumen that it is not flying to, if that is known.
     pub fn follow(
         &mut self,
         at: DVec3,
@@ -152,7 +162,7 @@ impl Rescue {
         felt: Option<&Felt>,
         other_end: Option<DVec3>,
         settings: &MonitorSettings,
-    ) -> Order {
+    ) -> RescueAction {
         self.time += dt;
         let moved = self.last.replace(at).map_or(0.0, |l| l.distance(at));
         if let Some(felt) = felt
@@ -171,14 +181,14 @@ impl Rescue {
                     return order;
                 }
                 if alarm.is_some_and(|a| a.trouble == Trouble::TurnedBack) {
-                    // That is what it is meant to do.
+                    // It is meant to fly back.
                     self.monitor.forgive();
-                    return Order::GoOn;
+                    return RescueAction::GoOn;
                 }
             }
             _ => {}
         }
-        let Some(alarm) = alarm else { return Order::GoOn };
+        let Some(alarm) = alarm else { return RescueAction::GoOn };
         let kind = match alarm.trouble {
             Trouble::Stuck => felt.map(Felt::kind),
             Trouble::TurnedBack => self.noted(alarm.place),
@@ -190,36 +200,40 @@ impl Rescue {
         };
         let trap = recognise(alarm.trouble, kind);
         let turned = alarm.trouble == Trouble::TurnedBack;
+        let heading = if turned { Heading::Keep } else { Heading::Back };
         if self.turns == 0 && self.was_at_wrong_end(other_end) {
             self.turns += 1;
             self.monitor.restart();
             self.go_on();
             // A camera that was noticed on its way back has the right heading already.
             let heading = felt.filter(|_| !turned).map(|f| f.longest(|_| true).0);
-            return Order::SetOff { heading, clear_mines: true };
+            return RescueAction::SetOff { heading, clear_mines: true };
         }
         let (trap, place) = *self.because.get_or_insert((trap, alarm.place));
         // A guide that feels nothing is not helped by another heading.
-        let Some(felt) = felt.filter(|_| self.escapes < ESCAPES) else { return Order::Call { trap, place } };
+        let Some(felt) = felt.filter(|_| self.escapes < ESCAPES) else { return RescueAction::Call { trap, place } };
         self.escapes += 1;
         self.monitor.forgive();
         let closed = matches!(trap, Trap::BlindEnd | Trap::Narrow | Trap::TurnedBack);
         match self.course {
             Course::On if !closed => {
                 self.course = Course::Aside(self.time + ASIDE_S);
-                Order::SetOff { heading: Some(felt.opening().0).filter(|d| *d != DVec3::ZERO), clear_mines: false }
+                RescueAction::SetOff {
+                    heading: Some(felt.opening().0).filter(|d| *d != DVec3::ZERO),
+                    clear_mines: false,
+                }
             }
-            Course::Back { .. } => Order::Call { trap, place },
-            Course::On | Course::Aside(_) => self.turn_back(at, alarm.place, felt, turned),
+            Course::Back { .. } => RescueAction::Call { trap, place },
+            Course::On | Course::Aside(_) => self.turn_back(at, alarm.place, felt, heading),
         }
     }
 
     /// Sets out on the way back from a trap at `place`.
-    fn turn_back(&mut self, at: DVec3, place: DVec3, felt: &Felt, turned: bool) -> Order {
+    fn turn_back(&mut self, at: DVec3, place: DVec3, felt: &Felt, heading: Heading) -> RescueAction {
         let trail = self.monitor.trail();
         let nearest = (0..trail.len()).min_by(|&a, &b| {
             let d = |i: usize| trail[i].distance_squared(place);
-            // Of equals the later one.
+            // The later one of equals.
             d(a).total_cmp(&d(b)).then(b.cmp(&a))
         });
         let turn = nearest.unwrap_or(0);
@@ -227,11 +241,11 @@ impl Rescue {
         let towards = back.and_then(|p| (*p - at).try_normalize()).unwrap_or_else(|| felt.longest(|_| true).0);
         let until_mm = self.monitor.way_mm() * 2.5 + 100.0;
         self.course = Course::Back { turn, new_mm: 0.0, until_mm };
-        Order::SetOff { heading: (!turned).then_some(towards), clear_mines: true }
+        RescueAction::SetOff { heading: (heading == Heading::Back).then_some(towards), clear_mines: true }
     }
 
-    /// On the way back: whether new ground was found, or it came to nothing.
-    fn going_back(&mut self, at: DVec3, moved: f64, settings: &MonitorSettings) -> Option<Order> {
+    /// On the way back: whether new ground was found, or the way back failed.
+    fn going_back(&mut self, at: DVec3, moved: f64, settings: &MonitorSettings) -> Option<RescueAction> {
         let Course::Back { turn, new_mm, until_mm } = &mut self.course else { return None };
         let trail = &self.monitor.trail()[..*turn];
         let near = |p: &DVec3| p.distance(at) < NEW_GROUND * settings.visited_mm;
@@ -239,12 +253,12 @@ impl Rescue {
         // Within the dead end itself everything is near the trail; beyond its tip nothing is.
         if *new_mm > NEW_GROUND_MM {
             self.go_on();
-            return Some(Order::GoOn);
+            return Some(RescueAction::GoOn);
         }
         let at_start = trail.first().is_none_or(|s| s.distance(at) < START_MM);
         let over = at_start || self.monitor.way_mm() > *until_mm;
         let (trap, place) = self.because.filter(|_| over)?;
-        Some(Order::Call { trap, place })
+        Some(RescueAction::Call { trap, place })
     }
 
     fn go_on(&mut self) {
@@ -284,21 +298,26 @@ mod tests {
     use super::*;
     use crate::dynamics::tentacles;
 
-    const DT: f64 = 1.0 / 120.0;
+    use crate::dynamics::STEP_S as DT;
 
     /// Flies `path` and returns the orders other than to go on, with their times.
-    fn orders(path: impl Fn(f64) -> DVec3, seconds: f64, felt: Option<&Felt>, end: Option<DVec3>) -> Vec<(f64, Order)> {
+    fn orders(
+        path: impl Fn(f64) -> DVec3,
+        seconds: f64,
+        felt: Option<&Felt>,
+        end: Option<DVec3>,
+    ) -> Vec<(f64, RescueAction)> {
         let mut r = Rescue::default();
         (0..(seconds / DT) as usize)
             .map(|n| (n as f64 * DT, r.follow(path(n as f64 * DT), DT, felt, end, &MonitorSettings::default())))
-            .filter(|o| o.1 != Order::GoOn)
+            .filter(|o| o.1 != RescueAction::GoOn)
             .collect()
     }
 
     #[test]
     fn a_guide_that_feels_nothing_calls_at_once() {
         let all = orders(|t| DVec3::X * 30.0 * t.min(3.0), 6.0, None, None);
-        let (t, Order::Call { trap, place }) = all[0] else { panic!("{all:?}") };
+        let (t, RescueAction::Call { trap, place }) = all[0] else { panic!("{all:?}") };
         assert!(t < 5.0 && trap == Trap::Stuck && place.distance(DVec3::X * 90.0) < 6.0);
     }
 
@@ -310,14 +329,18 @@ mod tests {
         // In, a pause at the tip, out again.
         let path = |t: f64| DVec3::X * (if t < 6.0 { 30.0 * t.min(3.0) } else { (90.0 - 30.0 * (t - 6.0)).max(0.0) });
         let all = orders(path, 20.0, Some(&felt), None);
-        assert!(matches!(all[0].1, Order::SetOff { heading: Some(h), clear_mines: true } if h.x < -0.9), "{all:?}");
-        let Order::Call { trap: Trap::BlindEnd, place } = all.iter().find(|o| o.0 > 8.0).unwrap().1 else {
+        assert!(
+            matches!(all[0].1, RescueAction::SetOff { heading: Some(h), clear_mines: true } if h.x < -0.9),
+            "{all:?}"
+        );
+        let RescueAction::Call { trap: Trap::BlindEnd, place } = all.iter().find(|o| o.0 > 8.0).unwrap().1 else {
             panic!("{all:?}")
         };
         assert!(place.distance(DVec3::X * 90.0) < 6.0);
     }
 
-    /// In a local minimum it sets off along the longest tentacle ahead, bolder, over no ground that it knows, for a while.
+    /// In a local minimum it sets off along the longest tentacle ahead, bolder, over no ground that it knows, for a
+    /// while.
     #[test]
     fn a_local_minimum_is_left_boldly() {
         let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::NEG_X];
@@ -330,8 +353,8 @@ mod tests {
             let t = n as f64 * DT;
             let at = DVec3::X * 30.0 * if t < 5.2 { t.min(3.0) } else { t - 2.2 };
             let order = r.follow(at, DT, Some(&felt), None, &MonitorSettings::default());
-            if order != Order::GoOn {
-                assert_eq!(order, Order::SetOff { heading: Some(DVec3::X), clear_mines: false });
+            if order != RescueAction::GoOn {
+                assert_eq!(order, RescueAction::SetOff { heading: Some(DVec3::X), clear_mines: false });
                 assert!(told.is_none(), "once");
                 told = Some(t);
                 assert!(r.temper(&s).wall_push < 0.2 * s.wall_push && r.forbidden().0.len() > 40);
@@ -355,14 +378,14 @@ mod tests {
             let felt = Felt { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
             orders(round, 9.0, Some(&felt), None)[0].1
         };
-        assert!(matches!(told(&slit), Order::SetOff { clear_mines: true, .. }), "{:?}", told(&slit));
-        assert!(matches!(told(&tube), Order::SetOff { clear_mines: false, .. }), "{:?}", told(&tube));
+        assert!(matches!(told(&slit), RescueAction::SetOff { clear_mines: true, .. }), "{:?}", told(&slit));
+        assert!(matches!(told(&tube), RescueAction::SetOff { clear_mines: false, .. }), "{:?}", told(&tube));
     }
 
     #[test]
     fn the_wrong_end_is_turned_round_at_once() {
         let end = DVec3::X * 95.0;
         let all = orders(|t| DVec3::X * 30.0 * t.min(3.0), 5.0, None, Some(end));
-        assert!(matches!(all[0].1, Order::SetOff { clear_mines: true, .. }), "{all:?}");
+        assert!(matches!(all[0].1, RescueAction::SetOff { clear_mines: true, .. }), "{all:?}");
     }
 }

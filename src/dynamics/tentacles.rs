@@ -1,10 +1,12 @@
-//! Tentacles: sensory rays in all directions that tell the camera how far the wall is (paper, section 3.2).
+//! Tentacles: sensory rays in all directions that measure the distance to the wall (paper, section 3.2).
 
 use glam::DVec3;
 
+use super::settings::{not_negative, positive};
 use crate::dynamics::mines::{MineSettings, Mines};
+use crate::error::{Error, Result};
 
-/// How the camera feels its way.
+/// How a camera steers by its tentacles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TentacleSettings {
@@ -18,9 +20,9 @@ pub struct TentacleSettings {
     pub wall_push: f64,
     /// Speed along a straight lumen, mm/s.
     pub cruise_mm_s: f64,
-    /// How much a direction counts that agrees with the present heading: the weight is `((1 + cos)/2)^agreement`.
+    /// How strongly the present heading is preferred: the weight of a direction is `((1 + cos)/2)^agreement`.
     pub agreement: f64,
-    /// Half-width of the cone around a mine in which a direction counts less, rad.
+    /// Half-width of the cone around a mine in which directions are weighted down, rad.
     pub mine_cone: f64,
 }
 
@@ -34,6 +36,29 @@ impl Default for TentacleSettings {
             cruise_mm_s: 30.0,
             agreement: 2.0,
             mine_cone: 0.6,
+        }
+    }
+}
+
+impl TentacleSettings {
+    /// # Errors
+    /// Status 2 for a setting that makes no sense.
+    pub fn check(&self) -> Result<()> {
+        for (name, value) in [
+            ("tentacles.reach_mm", self.reach_mm),
+            ("tentacles.wall_mm", self.wall_mm),
+            ("tentacles.cruise_mm_s", self.cruise_mm_s),
+            ("tentacles.mine_cone", self.mine_cone),
+        ] {
+            positive(name, value)?;
+        }
+        not_negative("tentacles.wall_push", self.wall_push)?;
+        not_negative("tentacles.agreement", self.agreement)?;
+        if (3..=4096).contains(&self.count) {
+            Ok(())
+        } else {
+            let why = format!("is {}", self.count);
+            Err(Error::usage("tentacles.count", why, "give a finite number from 3 to 4096"))
         }
     }
 }
@@ -63,25 +88,28 @@ pub fn circle(count: usize) -> Vec<DVec3> {
         .collect()
 }
 
-/// What the tentacles tell.
+/// What the tentacles ask for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steering {
-    /// Acceleration of the guide's thrust, mm/s²: along the way on, sized so that drag holds it at cruise speed.
+    /// Acceleration of the guide's thrust, mm/s²: along the way ahead, sized so that with the drag it keeps cruise
+    /// speed.
     pub thrust: DVec3,
     /// Acceleration away from near walls, mm/s².
     pub wall: DVec3,
-    /// Unit vector of the way on; zero where every direction is closed.
+    /// Unit vector of the way ahead; zero where every direction is closed.
     pub way: DVec3,
-    /// Unit vector to where the lumen opens furthest along the way: where to look; zero where every direction is closed.
+    /// Unit vector to where the lumen opens furthest along the way: where to look; zero where every direction is
+    /// closed.
     pub look: DVec3,
 }
 
 /// Reads the tentacles (`directions` and their `lengths` in mm) at world place `at`, with the present unit `heading`
-/// (zero if there is none yet) and drag `k_t`. `trail` is further ground that the way must not lead over again, and how
-/// much a direction over it still counts, 0 to 1.
+/// (zero if there is none yet) and drag `k_t`. `trail` is further ground that must not be flown again, and the
+/// weight that a direction over it still has, 0 to 1.
 ///
-/// The way on is the mean of all directions, weighted by length², by agreement with the heading, and against mines; the
-/// wall's repulsion is the slope of the paper's `C_s (p/D_s − 1)²`, `C_s = wall_push · p`, with each tentacle taken as a
+/// The way ahead is the mean of all directions, weighted by length², by agreement with the heading, and against mines;
+/// the wall's repulsion is the slope of the paper's `C_s (p/D_s − 1)²`, `C_s = wall_push · p`, with each tentacle taken
+/// as a
 /// `D_s` along its own direction.
 pub fn steer(
     (directions, lengths): (&[DVec3], &[f64]),
@@ -135,7 +163,7 @@ pub fn approach(at: DVec3, goal: DVec3, settings: &TentacleSettings, drag_per_s:
     Some((way * (settings.cruise_mm_s * drag_per_s * (distance / 15.0).min(1.0)), way))
 }
 
-/// How much a direction is free of mines: near 0 where it points at one that the tentacle could touch.
+/// Weight of a direction against mines, 0 to 1: near 0 where it points at a mine that the tentacle could touch.
 fn openness(direction: DVec3, length: f64, at: DVec3, mines: impl Iterator<Item = DVec3>, cone: f64) -> f64 {
     let mut open = 1.0;
     for m in mines {

@@ -1,11 +1,11 @@
-//! What kind of place a flight is caught in, as its tentacles tell it (paper, sections 3.1.1 and 3.2: *both cases should
-//! be detected and operator intervention should be called for*).
+//! The kind of place that a flight is caught in, recognised by its tentacles (paper, sections 3.1.1 and 3.2: *both
+//! cases should be detected and operator intervention should be called for*).
 
 use glam::DVec3;
 
 use super::monitor::Trouble;
 
-/// What caught a flight.
+/// A kind of trap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trap {
     /// The lumen is closed ahead.
@@ -22,14 +22,14 @@ pub enum Trap {
     Dithering,
     /// The flight came back on its own trail and goes round.
     Circling,
-    /// The flight turned back where nothing that was felt tells why.
+    /// The flight turned back, and nothing that was felt explains it.
     TurnedBack,
-    /// A guide that feels nothing hangs in place.
+    /// A guide without tentacles hangs in place.
     Stuck,
 }
 
 impl Trap {
-    /// As the operator reads it.
+    /// The text for the operator.
     pub fn text(self) -> &'static str {
         match self {
             Self::BlindEnd => "no way on: a blind end",
@@ -45,14 +45,14 @@ impl Trap {
     }
 }
 
-/// What is felt at a place.
+/// What the tentacles feel at a place.
 #[derive(Clone, Copy, Debug)]
 pub struct Felt<'a> {
     /// Unit directions of the tentacles.
     pub directions: &'a [DVec3],
-    /// Their lengths, mm.
+    /// Lengths of the tentacles, mm.
     pub lengths: &'a [f64],
-    /// Unit heading: where the body has been going; zero if nowhere.
+    /// Unit heading: where the body has been going; zero if it has not moved.
     pub heading: DVec3,
     /// The body's radius, mm.
     pub radius_mm: f64,
@@ -87,7 +87,7 @@ impl Felt<'_> {
         longest.unwrap_or((DVec3::ZERO, 0.0))
     }
 
-    /// The longest that leads on.
+    /// The longest tentacle that leads ahead.
     pub fn opening(&self) -> (DVec3, f64) {
         self.longest(|d| self.heading.dot(d) > AHEAD)
     }
@@ -100,7 +100,7 @@ impl Felt<'_> {
         sides.get(sides.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// What kind of place this is for a body that does not get on.
+    /// The kind of place, for a body that makes no progress.
     pub fn kind(&self) -> Trap {
         let (way, length) = self.opening();
         // What stands straight ahead, and what is open beside it.
@@ -137,7 +137,7 @@ impl Felt<'_> {
     }
 }
 
-/// The trap that a trouble stands for, by what was felt where it began.
+/// The trap behind a trouble, given what was felt where it began.
 pub fn recognise(trouble: Trouble, felt: Option<Trap>) -> Trap {
     match (trouble, felt) {
         // It wanders about before something.

@@ -1,11 +1,11 @@
-//! The exact distance from a point to the nearest wall, found among the voxels around it: what makes perforation
-//! impossible, without any field.
+//! Clearance: the exact distance from a point to the nearest wall, searched for in the voxels around it, without a
+//! distance field. It makes perforation impossible.
 //!
 //! The wall is where the trilinearly interpolated volume reaches the iso value, and the volume's border: what was not
-//! scanned cannot be flown. A trilinear function takes its extremes over an axis-aligned box at the box's corners, so a
-//! box has no wall exactly when all eight corners lie below iso, and a corner that does not is itself a point of the
-//! wall. Branch and bound over the cells between voxels, and inside them over halved boxes, therefore encloses the
-//! distance as tightly as asked; here within [`TOLERANCE_MM`].
+//! scanned cannot be flown through. A trilinear function takes its extremes over an axis-aligned box at the box's
+//! corners, so a box has no wall exactly when all eight corners lie below iso, and a corner that does not is itself a
+//! point of the wall. Branch and bound over the cells between voxels, and inside them over halved boxes, therefore
+//! encloses the distance as tightly as asked; here within [`TOLERANCE_MM`].
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use crate::math::cubic;
 use crate::volume::Volume;
 use crate::volume::cell::Cell;
 
-/// How much less than the true distance [`Clearance::mm`] may be.
+/// How much less than the true distance [`Clearance::mm`] may be, mm.
 pub const TOLERANCE_MM: f64 = 0.05;
 
 /// Distance to the nearest wall.
@@ -28,15 +28,16 @@ pub struct Clearance {
     pub toward: DVec3,
 }
 
-/// Whatever tells how far the nearest wall is: the socket of [`crate::dynamics::advance()`].
+/// A source of clearances: what [`crate::dynamics::advance()`] moves a body by.
 pub trait Clearances: Sync {
-    /// Clearance of a world point (mm), never more than the truth; 0 in the wall and for what is not finite.
+    /// Clearance of a world point (mm), never more than the true distance; 0 in the wall and for a point that is not
+    /// finite.
     fn clearance(&self, at: DVec3) -> Clearance;
 
-    /// Whether the straight way between two places goes from gas into the wall anywhere; to go out of the wall in which
-    /// it begins is not to enter it. May tell so of a way that does not, never the other way round.
+    /// Whether the straight line between two places goes from gas into the wall anywhere; leaving the wall in which it
+    /// begins does not count. The answer may be a false yes, never a false no.
     ///
-    /// Unless it is done better, from the clearances of both ends, which tells only of ways shorter than their sum.
+    /// By default it follows from the clearances of both ends, and is yes for every line longer than their sum.
     fn enters(&self, from: DVec3, to: DVec3) -> bool {
         let (a, b) = (self.clearance(from), self.clearance(to));
         let begins_in_wall = a.mm == 0.0 && a.toward == DVec3::ZERO;
@@ -54,7 +55,7 @@ impl Clearances for ClearanceFinder {
     }
 }
 
-/// Finds clearances in one volume.
+/// Finds clearances in a volume.
 #[derive(Clone, Debug)]
 pub struct ClearanceFinder {
     volume: Arc<Volume>,
@@ -71,7 +72,7 @@ pub struct ClearanceFinder {
 }
 
 impl ClearanceFinder {
-    /// A finder for the wall at `iso` HU that looks `limit_mm` far.
+    /// A finder for the wall at `iso` HU, with a search limit of `limit_mm`.
     pub fn new(volume: Arc<Volume>, iso: f32, limit_mm: f64) -> Self {
         let spacing = volume.grid().spacing();
         let axes = volume.grid().direction();
@@ -90,17 +91,17 @@ impl ClearanceFinder {
         Self { shrink: smallest_singular_value(axes), volume, iso, limit, spacing, axes, rows }
     }
 
-    /// How far the finder looks, mm.
+    /// Search limit, mm.
     pub fn limit_mm(&self) -> f64 {
         self.limit * self.shrink
     }
 
-    /// Memory of the finder beside the volume.
+    /// Size in memory without the volume, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.rows.as_slice())
     }
 
-    /// Clearance of a world point. Not-a-number counts as outside.
+    /// Clearance of a world point (mm). NaN counts as outside.
     pub fn at(&self, world: DVec3) -> Clearance {
         let none = Clearance { mm: 0.0, toward: DVec3::ZERO };
         let dims = self.volume.grid().dims();
@@ -145,7 +146,7 @@ impl ClearanceFinder {
         Clearance { mm: (mm - slack).max(0.0) * self.shrink, toward }
     }
 
-    /// Looks through one row of cells for walls nearer than `best`. `y`, `z`: offset of the row's low corner, mm; `off`:
+    /// Searches one row of cells for walls nearer than `best`. `y`, `z`: offset of the row's low corner, mm; `off`:
     /// the square of the row's distance from the point across x.
     fn scan_row(&self, base: i64, fraction: f64, j: usize, k: usize, (y, z, off): (f64, f64, f64), best: &mut Best) {
         let [nx, ny, _] = self.volume.grid().dims();
@@ -236,8 +237,8 @@ fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
     }
 }
 
-/// [`Clearances::enters`], exactly: in each cell that the way passes, the value along it is a cubic, which is followed
-/// from one of its turning points to the next. Outside the volume is wall.
+/// [`Clearances::enters`], exactly: within each cell the value along the line is a cubic, which is checked from one
+/// extremum to the next. Outside the volume is wall.
 fn enters(volume: &Volume, iso: f64, from: DVec3, to: DVec3) -> bool {
     let grid = volume.grid();
     let start = grid.voxel(from);

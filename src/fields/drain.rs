@@ -1,14 +1,14 @@
-//! A scan whose tagged fluid is taken as free, so that what it joins is flown as one.
+//! A scan with its tagged fluid replaced by gas, so that the segments that the fluid joins are flown as one.
 
 use super::Lumen;
 use super::lumen::Segment;
 use crate::volume::Volume;
 
-/// What takes the fluid's place, HU: gas.
+/// Value that replaces the fluid, HU: gas.
 const GAS: i16 = -1000;
 
-/// The volume with gas in place of the lumen's tagged fluid. The blurred layer between gas and fluid belongs to the fluid,
-/// so that no film is left between them; the wall under the fluid stays as it is.
+/// The volume with gas in place of the lumen's tagged fluid. The blurred layer between gas and fluid belongs to the
+/// fluid, so that no film is left between them; the wall under the fluid stays as it is.
 pub fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
     let grid = volume.grid();
     let mut data = volume.data().to_vec();
@@ -19,8 +19,8 @@ pub fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
     Volume::new(grid.clone(), data)
 }
 
-/// Gives the segments of a drained scan the ends of those that were joined to them, where their order from rectum to cecum
-/// was known: what was drained may lead on into the bowel beyond, which is no part of the flight.
+/// Gives the segments of a drained scan the ends of those that were joined to them, where their order from rectum to
+/// cecum was known: the drained fluid may lead on into the bowel beyond, which is not flown.
 pub fn keep_ends(drained: &mut Lumen, before: &Lumen) {
     if !before.ordered {
         return;
@@ -39,12 +39,13 @@ pub fn keep_ends(drained: &mut Lumen, before: &Lumen) {
 mod tests {
     use super::*;
     use crate::fields::lumen;
-    use crate::phantom::{Phantom, Settings, Size};
+    use crate::phantom::{Phantom, PhantomSettings, Size};
     use crate::progress::Progress;
 
     #[test]
     fn fluid_becomes_gas_and_parts_nothing() {
-        let phantom = Phantom::new(&Settings { size: Size::Small, fluid: true, seed: 3, ..Settings::default() });
+        let phantom =
+            Phantom::new(&PhantomSettings { size: Size::Small, fluid: true, seed: 3, ..PhantomSettings::default() });
         let progress = Progress::new();
         let volume = phantom.voxelise(&phantom.grid(), &progress).unwrap();
         let before = lumen::find(&volume, &progress).unwrap();

@@ -1,10 +1,12 @@
-//! What is computed from a volume for navigation, each only when a scene asks for it.
+//! Fields and structures for navigation, computed from a volume: the lumen, distances to wall and target, centerlines.
+//! Each is computed only when a scene asks for it.
 
 pub mod centerline;
 pub mod clearance;
 pub mod distance;
 pub mod drain;
 pub mod lumen;
+mod neighbours;
 pub mod sample;
 pub mod target;
 pub mod voxels;

@@ -1,4 +1,4 @@
-//! What a distance field tells at a place: the socket between fields and the potential that is built on them.
+//! Samples of distance fields: the interface between the fields and the potential that is built on them.
 
 use glam::{DMat3, DVec3};
 
@@ -13,7 +13,7 @@ pub struct Sample {
     pub hessian: DMat3,
 }
 
-/// Nothing: not derived, as the default of a matrix is the identity.
+/// Zero. Not derived, since the default matrix is the identity.
 impl Default for Sample {
     fn default() -> Self {
         Self { mm: 0.0, gradient: DVec3::ZERO, hessian: DMat3::ZERO }
@@ -22,6 +22,6 @@ impl Default for Sample {
 
 /// A scalar field of distances over the world: to the wall (D_s) or to the target (D_t).
 pub trait Distance: Sync {
-    /// The sample at a world point (mm); `None` where the field is not defined, and for what is not finite.
+    /// The sample at a world point (mm); `None` where the field is not defined, and for a point that is not finite.
     fn sample(&self, at: DVec3) -> Option<Sample>;
 }

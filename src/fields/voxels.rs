@@ -1,8 +1,8 @@
-//! A set of voxels with a number for each: what a field over the lumen is stored by.
+//! A set of numbered voxels: fields over the lumen store one value for each.
 //!
-//! One bit for each voxel of the grid, rows padded to whole words, and the number of members before each word. A member's
-//! number is found with one look at each and a count of bits (a rank dictionary, Jacobson 1989), so that a field costs
-//! its values and an eighth of a byte and half of that for each voxel of the grid, never a value for each.
+//! One bit for each voxel of the grid, rows padded to whole words, and the number of members before each word. A
+//! member's number is found with one look at each and a count of bits (a rank dictionary, Jacobson 1989), so that a
+//! field costs its values and an eighth of a byte and half of that for each voxel of the grid, never a value for each.
 
 use std::ops::Range;
 
@@ -20,7 +20,7 @@ pub struct VoxelSet {
 }
 
 impl VoxelSet {
-    /// The voxels of runs (j, k, range of i) on a grid of `dims`. None where there are more than 32 bits can number.
+    /// The voxels of runs (j, k, range of i) on a grid of `dims`. None where there are more than 2³².
     pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Option<Self> {
         let words = dims[0].div_ceil(64);
         let mut bits = vec![0u64; words * dims[1] * dims[2]];
@@ -81,12 +81,12 @@ impl VoxelSet {
         self.dims
     }
 
-    /// How many members there are.
+    /// Number of members.
     pub fn len(&self) -> usize {
         self.ranks.last().map_or(0, |&r| r as usize) + self.bits.last().map_or(0, |w| w.count_ones() as usize)
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -2,16 +2,18 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 
 use crate::app::FlightApp;
 use crate::app::plan::triple;
+use crate::components::clock::Clock;
 use crate::components::flight::State;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
+use crate::host::frames::FrameStats;
 use crate::host::log::Log;
-use crate::host::record::Recorder;
+use crate::host::record::{Recorder, Recording};
 use crate::progress::Progress;
+use crate::systems::present;
 
 /// What a headless flight leaves behind.
 #[derive(Clone, Debug, Default)]
@@ -26,19 +28,6 @@ pub struct Outputs {
     pub log: Option<PathBuf>,
 }
 
-/// What a frame took.
-#[derive(Clone, Copy, Debug, serde::Serialize)]
-pub struct FrameStats {
-    /// Milliseconds from the pose being known to the finished image.
-    pub ms: f64,
-    /// Rays cast.
-    pub rays: u64,
-    /// Samples taken.
-    pub samples: u64,
-    /// Pixels taken over from the last frame.
-    pub reused: u64,
-}
-
 /// Flies until the flight has arrived, calls for the operator, or `seconds` of simulated time are over. The flight's
 /// state tells which. Beside what went wrong, the frames that were made until then.
 ///
@@ -51,32 +40,50 @@ pub fn fly(
     outputs: &Outputs,
     progress: &Arc<Progress>,
 ) -> (Vec<FrameStats>, Result<()>) {
-    let mut frames = Vec::new();
-    let flown = fly_into(&mut frames, flight, seconds, outputs, progress);
-    (frames, flown)
+    let log = outputs.log.as_deref().map(Log::create).transpose();
+    let (log, recorder) = match log.and_then(|log| Ok((log, recorder(flight, outputs)?))) {
+        Ok(both) => both,
+        Err(e) => return (Vec::new(), Err(e)),
+    };
+    let fps = recorder.as_ref().map(|_| outputs.fps);
+    if let Some(recorder) = recorder {
+        present::hand_to(flight.app_mut(), Recording::new(recorder));
+    }
+    let flown = fly_steps(flight, seconds, log, fps, progress);
+    let recording = flight.app_mut().world.remove_non_send::<Recording>();
+    let (frames, recorded) = recording.map_or((Vec::new(), Ok(())), Recording::finish);
+    // An interruption is told last: what could not be written is worse.
+    let outcome = flown.and_then(|interrupted| recorded.map(|()| interrupted));
+    (frames, outcome.and_then(|interrupted| if interrupted { Err(Error::cancelled("flight")) } else { Ok(()) }))
 }
 
-fn fly_into(
-    frames: &mut Vec<FrameStats>,
+/// The recording that is asked for, of a flight that has pictures.
+fn recorder(flight: &FlightApp, outputs: &Outputs) -> Result<Option<Recorder>> {
+    let size = flight.camera::<Picture>().map(|p| (p.frame.width(), p.frame.height()));
+    match (&outputs.record, size) {
+        (Some(out), Some(size)) => Recorder::create(out, size, outputs.shown_fps.unwrap_or(outputs.fps)).map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// Flies, logs, and records at `fps` images a simulated second if there are any; whether it was interrupted. The log is whole
+/// in any case.
+fn fly_steps(
     flight: &mut FlightApp,
     seconds: f64,
-    outputs: &Outputs,
+    mut log: Option<Log>,
+    fps: Option<f64>,
     progress: &Arc<Progress>,
-) -> Result<()> {
-    let mut log = outputs.log.as_deref().map(Log::create).transpose()?;
-    let size = flight.camera::<Picture>().map(|p| (p.frame.width(), p.frame.height()));
-    let mut recorder = match (&outputs.record, size) {
-        (Some(out), Some(size)) => Some(Recorder::create(out, size, outputs.shown_fps.unwrap_or(outputs.fps))?),
-        _ => None,
-    };
+) -> Result<bool> {
     let hz = f64::from(flight.clock().hz);
     let steps = (seconds * hz).round().min(1e15) as u64;
-    let expected = (flight.plan().length_mm / flight.scene().tentacles.cruise_mm_s * hz * 1.3) as u64;
-    progress.stage("flying", steps.min(expected.max(1)));
+    progress.stage("flying", steps.min(expected_steps(flight).max(1)));
+    let mut images = 0;
     let mut fly = || {
         for tick in 0..steps {
-            if let Some(recorder) = recorder.as_mut().filter(|_| due(frames.len() as u64, outputs.fps, hz) <= tick) {
-                frames.push(picture(flight, recorder)?);
+            if fps.is_some_and(|fps| due(images, fps, hz) <= tick) {
+                images += 1;
+                record(flight)?;
             }
             flight.step()?;
             if tick + 1 == steps {
@@ -95,13 +102,17 @@ fn fly_into(
     let flown = fly();
     // However the flight ended, what it leaves is finished: first the log, as a recording may hang on another program.
     let logged = log.map_or(Ok(()), |l| l.finish(flight.flight().state));
-    let recorded = recorder.map_or(Ok(()), |mut recorder| {
-        frames.push(picture(flight, &mut recorder)?);
-        recorder.finish()
-    });
+    let last = fps.map_or(Ok(()), |_| record(flight));
     let interrupted = flown?;
-    logged.and(recorded)?;
-    if interrupted { Err(Error::cancelled("flight")) } else { Ok(()) }
+    logged.and(last)?;
+    Ok(interrupted)
+}
+
+/// About how many steps the whole way takes, by the guide's own cruise.
+fn expected_steps(flight: &FlightApp) -> u64 {
+    let Clock { hz, .. } = flight.clock();
+    let cruise_mm_s = flight.scene().cruise_mm_s();
+    if cruise_mm_s > 0.0 { (flight.plan().length_mm / cruise_mm_s * f64::from(hz) * 1.3) as u64 } else { u64::MAX }
 }
 
 /// The step before which image number `n` is due: counted, not summed up.
@@ -109,15 +120,16 @@ fn due(n: u64, fps: f64, hz: f64) -> u64 {
     (n as f64 * hz / fps).round() as u64
 }
 
-fn picture(flight: &mut FlightApp, recorder: &mut Recorder) -> Result<FrameStats> {
-    let begun = Instant::now();
+/// Traces and records the image of the pose as it is now.
+fn record(flight: &mut FlightApp) -> Result<()> {
+    if let Some(mut recording) = flight.app_mut().world.get_non_send_mut::<Recording>() {
+        recording.begin();
+    }
     flight.frame();
-    let ms = begun.elapsed().as_secs_f64() * 1e3;
-    let Some(p) = flight.camera::<Picture>() else {
-        return Err(Error::fault("recording", "there is no picture", "report it"));
-    };
-    recorder.add(&p.frame)?;
-    Ok(FrameStats { ms, rays: p.work.rays, samples: p.work.samples, reused: p.work.reused })
+    match flight.app_mut().world.get_non_send_mut::<Recording>() {
+        Some(mut recording) => recording.take_outcome(),
+        None => Ok(()),
+    }
 }
 
 /// What is said at the end of a flight, as the exit status wants it: nothing but `Ok` for a flight that arrived or whose

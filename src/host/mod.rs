@@ -1,5 +1,6 @@
 //! What drives a flight: nobody's screen, or a window.
 
+pub mod frames;
 pub mod headless;
 pub mod log;
 pub mod plane;

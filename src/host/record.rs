@@ -4,13 +4,18 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, ExtendedColorType, ImageEncoder};
 
+use crate::components::output::Picture;
 use crate::error::{Error, Result};
+use crate::host::frames::FrameStats;
 use crate::output::{self, Whole};
 use crate::render::Frame;
+use crate::schedule::App;
+use crate::systems::present::{self, Presenter};
 
 /// Writes one image as PNG, whole or not at all.
 ///
@@ -31,6 +36,64 @@ pub fn write_png(path: &Path, frame: &Frame) -> Result<()> {
         )
         .map_err(std::io::Error::other)
     })
+}
+
+/// A recording as a flight presents its pictures to it.
+pub struct Recording {
+    recorder: Recorder,
+    begun: Instant,
+    frames: Vec<FrameStats>,
+    outcome: Result<()>,
+}
+
+impl Recording {
+    /// Nothing is recorded yet.
+    pub fn new(recorder: Recorder) -> Self {
+        Self { recorder, begun: Instant::now(), frames: Vec::new(), outcome: Ok(()) }
+    }
+
+    /// The pose of the next picture is known: its time begins.
+    pub fn begin(&mut self) {
+        self.begun = Instant::now();
+    }
+
+    /// What came of the pictures since the last call.
+    ///
+    /// # Errors
+    /// Status 5 when one could not be written.
+    pub fn take_outcome(&mut self) -> Result<()> {
+        std::mem::replace(&mut self.outcome, Ok(()))
+    }
+
+    /// Ends the recording; what the pictures took.
+    pub fn finish(self) -> (Vec<FrameStats>, Result<()>) {
+        let finished = self.outcome.and(self.recorder.finish());
+        (self.frames, finished)
+    }
+}
+
+impl Presenter for Recording {
+    const NAME: &'static str = "recording";
+
+    fn present(&mut self, picture: &Picture) {
+        // File output is none of the picture's time.
+        let ms = self.begun.elapsed().as_secs_f64() * 1e3;
+        if !picture.traced || self.outcome.is_err() {
+            return;
+        }
+        self.outcome = self.recorder.add(&picture.frame);
+        if self.outcome.is_ok() {
+            self.frames.push(FrameStats::new(ms, &picture.work));
+        }
+    }
+}
+
+/// The plugin that records pictures.
+///
+/// # Errors
+/// Status 2 when there is another presenter.
+pub fn presenter(app: &mut App) -> Result<()> {
+    present::plugin::<Recording>(app)
 }
 
 /// A recording under way.

@@ -1,4 +1,4 @@
-//! Places of a lattice, the nearest first.
+//! Points of a lattice in order of their distance.
 
 use glam::{DVec3, IVec3};
 

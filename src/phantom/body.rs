@@ -1,4 +1,4 @@
-//! What lies about the colon: the abdomen's shells and organs, the spine, the bases of the lungs, the air outside.
+//! The body around the colon: the abdomen's shells and organs, the spine, the bases of the lungs, the air outside.
 
 use glam::DVec3;
 
@@ -61,7 +61,8 @@ struct Paint {
 }
 
 impl Paint {
-    /// Where the depth `d` (mm, changing no faster than the place) passes from below 0 to above, the value becomes `hu`.
+    /// Where the depth `d` (mm, changing no faster than the place) passes from below 0 to above, the value becomes
+    /// `hu`.
     #[inline]
     fn over(&mut self, d: f64, hu: f64) {
         self.free = self.free.min(d.abs() - self.edge);
@@ -71,7 +72,7 @@ impl Paint {
     }
 }
 
-/// What a region depends on; what is left out lies outside of it.
+/// The parts of the body near a region; the others do not reach into it.
 #[derive(Clone, Copy, Debug)]
 pub struct Near {
     /// A bit for each organ.
@@ -191,7 +192,7 @@ impl Body {
         paint.over(disc.min(d + 0.5 * self.scale), 90.0);
     }
 
-    /// Vessels in the lung: bright branching ridges over a dark ground, with a standard deviation of some 70 HU.
+    /// Vessels in the lung: bright branching ridges over a dark ground, with a standard deviation of about 70 HU.
     fn lung_texture(&self, p: DVec3, side: u64) -> f64 {
         let seed = hash::bits(self.seed, 0x1046 + side);
         let ridge = 1.0 - (2.0 * lattice(seed, p / 9.0) - 1.0).abs() * 3.0;

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::spline::{Spline, b_spline};
+use super::spline::{Beyond, Spline, b_spline};
 use crate::math::hash;
 
 /// Distance of the curve's knots, mm (roughly: a whole number of them makes the length).
@@ -88,7 +88,7 @@ pub struct Centerline {
 
 /// A point of the axis that is locally nearest to a place.
 #[derive(Clone, Copy, Debug)]
-pub struct Foot {
+pub struct FootPoint {
     /// Arc length, mm.
     pub s: f64,
     /// From the axis to the place, mm, world.
@@ -140,7 +140,8 @@ impl Centerline {
         // Arc length over the B-spline's own parameter, by short chords.
         const FINE: usize = 128;
         let count = (places.len() - 1) * FINE;
-        let fine: Vec<DVec3> = (0..=count).map(|i| b_spline(&places, i as f64 / FINE as f64, false)).collect();
+        let fine: Vec<DVec3> =
+            (0..=count).map(|i| b_spline(&places, i as f64 / FINE as f64, Beyond::PointReflection)).collect();
         let mut length = vec![0.0; count + 1];
         for i in 0..count {
             length[i + 1] = length[i] + (fine[i + 1] - fine[i]).length();
@@ -155,8 +156,8 @@ impl Centerline {
                 j += 1;
             }
             let u = (j as f64 + ((s - length[j]) / (length[j + 1] - length[j])).clamp(0.0, 1.0)) / FINE as f64;
-            points.push(b_spline(&places, u, false));
-            along.push(b_spline(&profile, u, true));
+            points.push(b_spline(&places, u, Beyond::PointReflection));
+            along.push(b_spline(&profile, u, Beyond::MirrorImage));
         }
         let (first, last) = ((fine[1] - fine[0]).normalize(), (fine[count] - fine[count - 1]).normalize());
         let curve = Spline::new(step, points, first, last);
@@ -199,7 +200,7 @@ impl Centerline {
 
     /// The angle φ of a foot's offset.
     #[inline]
-    pub fn angle(&self, foot: &Foot) -> f64 {
+    pub fn angle(&self, foot: &FootPoint) -> f64 {
         let n = self.normals.jet(foot.s).at;
         // Neither vector's length matters, and the tangent's share of the normal is all that must go.
         let normal = n - foot.tangent * n.dot(foot.tangent);
@@ -230,10 +231,10 @@ impl Centerline {
         }
     }
 
-    /// Calls `found` with the feet of `p`: one for each knot of `run` that is nearer than both its neighbours and within
-    /// its entry of `reach`, mm.
+    /// Calls `found` with the feet of `p`: one for each knot of `run` that is nearer than both its neighbours and
+    /// within its entry of `reach`, mm.
     #[inline]
-    pub fn feet(&self, p: DVec3, run: Range<usize>, reach: &[f64], mut found: impl FnMut(Foot)) {
+    pub fn feet(&self, p: DVec3, run: Range<usize>, reach: &[f64], mut found: impl FnMut(FootPoint)) {
         let knots = self.knots();
         let far = |i: usize| knots.get(i).map_or(f64::INFINITY, |c| (p - *c).length_squared());
         let mut before = if run.start > 0 { far(run.start - 1) } else { f64::INFINITY };
@@ -251,7 +252,7 @@ impl Centerline {
     ///
     /// Newton's method on (p − c(s)) · c'(s) = 0, from the parabola through the three squared distances; it ends at the
     /// curve's ends where the foot would lie beyond them (the caps).
-    fn foot(&self, p: DVec3, i: usize, [before, here, after]: [f64; 3]) -> Foot {
+    fn foot(&self, p: DVec3, i: usize, [before, here, after]: [f64; 3]) -> FootPoint {
         let h = self.curve.step();
         let mut s = i as f64 * h;
         if before.is_finite() && after.is_finite() {
@@ -273,7 +274,7 @@ impl Centerline {
         }
         let offset = p - j.at;
         let stretch = (j.d1.length_squared() - offset.dot(j.d2)).max(0.2);
-        Foot { s, offset, rho: offset.length(), tangent: j.d1.normalize(), stretch }
+        FootPoint { s, offset, rho: offset.length(), tangent: j.d1.normalize(), stretch }
     }
 }
 
@@ -334,7 +335,7 @@ mod tests {
             let s = 2.0 + (c.length() - 4.0) * hash::uniform(1, n);
             let f = c.frame(s);
             let p = f.at + f.direction(6.0 * hash::uniform(2, n)) * (1.0 + 12.0 * hash::uniform(3, n));
-            let mut best: Option<Foot> = None;
+            let mut best: Option<FootPoint> = None;
             let reach = vec![40.0; c.knots().len()];
             c.feet(p, 0..c.knots().len(), &reach, |f| {
                 if best.is_none_or(|b| f.rho < b.rho) {

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use super::PhantomSettings;
 use super::centerline::Centerline;
 use super::shape::{Attached, Bridge, Fold, Polyp, Shape};
 use crate::math::hash;
@@ -26,18 +27,19 @@ impl Stream {
     }
 }
 
-/// The colon's wall with the features asked for.
-pub fn shape(axis: Centerline, seed: u64, folds: bool, polyps: bool, bridges: bool) -> Shape {
+/// The colon's wall about `axis`, with the features that the settings ask for.
+pub fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
+    let seed = settings.seed;
     let taenia = Stream::new(seed, 0).within(0.0, TAU);
     let rows = [0, 1, 2].map(|row| constrictions(&axis, seed, row));
     let mut shape = Shape { axis, taenia, rows, folds: Vec::new(), polyps: Vec::new(), bridges: Vec::new() };
-    if folds {
+    if settings.folds {
         shape.folds = place_folds(&shape, seed);
     }
-    if polyps {
+    if settings.polyps {
         shape.polyps = place_polyps(&shape, seed);
     }
-    if bridges {
+    if settings.bridges {
         shape.bridges = place_bridges(&shape, seed);
     }
     shape
@@ -152,8 +154,8 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
         .collect()
 }
 
-/// A pool of tagged fluid: a stretch of the colon that is filled up to a horizontal level (supine: the patient's back is
-/// down).
+/// A pool of tagged fluid: a stretch of the colon that is filled up to a horizontal level (supine: the patient's back
+/// is down).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pool {
     /// Where it begins, mm of arc length.

@@ -1,8 +1,8 @@
 //! A synthetic colon whose value, gradient and anatomy are known at every point.
 //!
-//! The lumen is a tube about a smooth axis ([`centerline`]): haustra, taeniae, semilunar folds, polyps and bridges shape
-//! its wall ([`shape`], placed by [`features`]), the abdomen lies about it ([`body`]). Every edge carries a scanner's
-//! blur, a normal distribution; the wall is where the value is −650 HU against gas.
+//! The lumen is a tube about a smooth axis ([`centerline`]): haustra, taeniae, semilunar folds, polyps and bridges
+//! shape its wall ([`shape`], placed by [`features`]), the abdomen lies about it ([`body`]). Every edge carries a
+//! scanner's blur, a normal distribution; the wall is where the value is −650 HU against gas.
 
 pub mod body;
 pub mod centerline;
@@ -25,7 +25,7 @@ use crate::math::hash;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 use body::Body;
-use centerline::{Centerline, Foot};
+use centerline::{Centerline, FootPoint};
 use features::Pool;
 use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, smooth_min, smooth_step, tissue_share};
 use shape::{Attached, DEEP, Distances, Shape};
@@ -51,9 +51,9 @@ pub enum Size {
     Large,
 }
 
-/// What a phantom is made of.
+/// The features of a phantom.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct PhantomSettings {
     /// Its size.
     pub size: Size,
     /// Semilunar folds.
@@ -66,32 +66,32 @@ pub struct Settings {
     pub bridges: bool,
     /// Noise of [`NOISE_HU`] in the voxels.
     pub noise: bool,
-    /// Which colon of all that could be.
+    /// Seed of the anatomy: each gives another colon.
     pub seed: u64,
 }
 
-impl Default for Settings {
+impl Default for PhantomSettings {
     fn default() -> Self {
         Self { size: Size::Standard, folds: true, polyps: true, fluid: false, bridges: false, noise: true, seed: 1 }
     }
 }
 
-/// The analytic body.
+/// The analytic phantom.
 #[derive(Clone, Debug)]
 pub struct Phantom {
-    settings: Settings,
+    settings: PhantomSettings,
     shape: Shape,
     body: Body,
     pools: Vec<Pool>,
-    /// For each knot of the axis, within which distance places depend on it, mm.
+    /// For each knot of the axis, the distance within which places depend on it, mm.
     reach: Vec<f64>,
     sigma: f64,
     noise_seed: u64,
 }
 
 impl Phantom {
-    /// The body that `settings` describe.
-    pub fn new(settings: &Settings) -> Self {
+    /// The phantom that `settings` describe.
+    pub fn new(settings: &PhantomSettings) -> Self {
         let small = settings.size == Size::Small;
         let scale = if small { 0.58 } else { 1.0 };
         let radius = |r: f64| if small { 4.5 + 0.48 * r } else { r };
@@ -101,7 +101,7 @@ impl Phantom {
             .map(|jitter| Centerline::new(scale, radius, jitter, hash::bits(settings.seed, 0xA715)))
             .find(has_room)
             .unwrap_or_else(|| Centerline::new(scale, radius, 0.0, 0));
-        let shape = features::shape(axis, settings.seed, settings.folds, settings.polyps, settings.bridges);
+        let shape = features::shape(axis, settings);
         // About 0.65 of a voxel.
         let sigma = match settings.size {
             Size::Small => 0.58,
@@ -119,8 +119,8 @@ impl Phantom {
     }
 
     /// The same body with exactly the given polyps, made by [`Phantom::polyp_at`] or placed by hand on the wall.
-    pub fn with_polyps(settings: &Settings, polyps: &[Polyp]) -> Self {
-        let mut phantom = Self::new(&Settings { polyps: false, ..*settings });
+    pub fn with_polyps(settings: &PhantomSettings, polyps: &[Polyp]) -> Self {
+        let mut phantom = Self::new(&PhantomSettings { polyps: false, ..*settings });
         let s_of = |p: &Polyp| phantom.nearest(p.position).map_or(0.0, |f| f.s);
         let attached = polyps.iter().map(|p| Attached { s: s_of(p), what: *p }).collect();
         phantom.shape.polyps = attached;
@@ -132,7 +132,7 @@ impl Phantom {
     /// # Errors
     /// Only when cancelled through `progress`.
     pub fn embedded(progress: &Progress) -> Result<Volume> {
-        let phantom = Self::new(&Settings { size: Size::Small, ..Settings::default() });
+        let phantom = Self::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
         phantom.voxelise(&phantom.grid(), progress)
     }
 
@@ -150,8 +150,8 @@ impl Phantom {
         grid
     }
 
-    /// What it was made of.
-    pub fn settings(&self) -> &Settings {
+    /// Its settings.
+    pub fn settings(&self) -> &PhantomSettings {
         &self.settings
     }
 
@@ -185,8 +185,8 @@ impl Phantom {
     /// The gradient of [`Phantom::value`], HU/mm, world directions.
     ///
     /// Five-point central differences of the double-precision value, 1 µm apart: the truncation error is
-    /// h⁴·f⁗′/30, below 10⁻⁹ of the wall's own gradient; what the search for the nearest point of the axis leaves is below
-    /// 10⁻² HU/mm (the wall's own gradient is some 700).
+    /// h⁴·f⁗′/30, below 10⁻⁹ of the wall's own gradient; what the search for the nearest point of the axis leaves is
+    /// below 10⁻² HU/mm (the wall's own gradient is some 700).
     pub fn gradient(&self, world: DVec3) -> DVec3 {
         const H: f64 = 1e-3;
         let mut runs = Vec::new();
@@ -200,15 +200,15 @@ impl Phantom {
     }
 
     /// Signed distance to the lumen's wall, mm, negative in gas and fluid, positive in tissue, to first order near the
-    /// wall and saturated at −8 and 6 mm. It is 0 exactly where the value is −650 HU against gas; towards the axis it is
-    /// continuous but for the axis itself, where it is deep in its saturation or the lumen narrow.
+    /// wall and saturated at −8 and 6 mm. It is 0 exactly where the value is −650 HU against gas; towards the axis it
+    /// is continuous but for the axis itself, where it is deep in its saturation or the lumen narrow.
     pub fn wall(&self, world: DVec3) -> f64 {
         self.distances_among(world, &[self.all_knots()]).0.wall
     }
 
     /// The point of the axis nearest to a place, if the place is within reach of the colon.
-    fn nearest(&self, p: DVec3) -> Option<Foot> {
-        let mut best: Option<Foot> = None;
+    fn nearest(&self, p: DVec3) -> Option<FootPoint> {
+        let mut best: Option<FootPoint> = None;
         self.shape.axis.feet(p, self.all_knots(), &self.reach, |f| {
             if best.is_none_or(|b| f.rho < b.rho) {
                 best = Some(f);

@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::centerline::{Centerline, Foot};
+use super::centerline::{Centerline, FootPoint};
 use super::profile::smooth_max;
 
 /// Distances in the lumen saturate here, mm: nothing depends on the wall farther away, and features need not be looked
@@ -86,8 +86,8 @@ pub struct Distances {
     pub wall: f64,
     /// To the plain wall without folds, polyps and bridges.
     pub plain: f64,
-    /// The wall's unit normal, into the tissue, in closed form: exact on the plain wall, on polyps and bridges, to first
-    /// order in the fillets (a few degrees).
+    /// The wall's unit normal, into the tissue, in closed form: exact on the plain wall, on polyps and bridges, to
+    /// first order in the fillets (a few degrees).
     pub normal: DVec3,
 }
 
@@ -153,7 +153,7 @@ impl Shape {
     }
 
     /// The distances of `p` to the part of the colon about one of its feet.
-    pub fn distances(&self, p: DVec3, foot: &Foot) -> Distances {
+    pub fn distances(&self, p: DVec3, foot: &FootPoint) -> Distances {
         let near = self.axis.profile(foot.s).radius.0;
         let phi = self.axis.angle(foot);
         let r = self.plain(foot.s, phi);
@@ -189,7 +189,7 @@ impl Shape {
 
 /// A place in the tube's own coordinates.
 struct Here<'a> {
-    foot: &'a Foot,
+    foot: &'a FootPoint,
     phi: f64,
     /// Distance from the axis, not less than what an angle can be multiplied by.
     arm: f64,

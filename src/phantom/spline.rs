@@ -3,15 +3,25 @@
 
 use glam::DVec3;
 
+/// What lies beyond the ends of a B-spline's control points.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Beyond {
+    /// The reflection of the curve through its end point: no curvature there. For places.
+    PointReflection,
+    /// The mirror image of the curve: no slope there. For quantities along a curve.
+    MirrorImage,
+}
+
 /// A uniform cubic B-spline's value at `u` spans from the first control point; `u` runs from 0 to `points.len() - 1`.
 ///
-/// The curve starts at the first and ends at the last control point. `mirror` chooses what lies beyond the ends: the
-/// reflection of the curve through its end (no curvature there: for places), or its mirror image (no slope there: for
-/// quantities along the curve).
-pub fn b_spline(points: &[DVec3], u: f64, mirror: bool) -> DVec3 {
+/// The curve starts at the first and ends at the last control point where what is beyond them is a point reflection.
+pub fn b_spline(points: &[DVec3], u: f64, ends: Beyond) -> DVec3 {
     let last = points.len() - 1;
     let at = |i: isize| {
-        let beyond = |end: DVec3, inner: DVec3| if mirror { inner } else { 2.0 * end - inner };
+        let beyond = |end: DVec3, inner: DVec3| match ends {
+            Beyond::PointReflection => 2.0 * end - inner,
+            Beyond::MirrorImage => inner,
+        };
         if i < 0 {
             beyond(points[0], points[1])
         } else if i as usize > last {
@@ -130,7 +140,7 @@ mod tests {
     fn a_straight_b_spline_stays_straight() {
         let points: Vec<DVec3> = (0..5).map(|i| DVec3::new(f64::from(i), 2.0 * f64::from(i), 0.0)).collect();
         for u in [0.0, 0.3, 1.0, 2.7, 4.0] {
-            assert!((b_spline(&points, u, false) - DVec3::new(u, 2.0 * u, 0.0)).length() < 1e-12);
+            assert!((b_spline(&points, u, Beyond::PointReflection) - DVec3::new(u, 2.0 * u, 0.0)).length() < 1e-12);
         }
     }
 }

@@ -3,12 +3,12 @@ use crate::phantom::features::CHANNEL_MM;
 use crate::phantom::profile::WALL_HU;
 
 fn make(size: Size, seed: u64) -> Phantom {
-    Phantom::new(&Settings { size, seed, ..Settings::default() })
+    Phantom::new(&PhantomSettings { size, seed, ..PhantomSettings::default() })
 }
 
 /// Everything but noise.
 fn quiet(size: Size) -> Phantom {
-    Phantom::new(&Settings { size, fluid: true, bridges: true, noise: false, ..Settings::default() })
+    Phantom::new(&PhantomSettings { size, fluid: true, bridges: true, noise: false, ..PhantomSettings::default() })
 }
 
 /// A place in the colon's surroundings: arc length, angle and distance from the axis drawn from `n`.
@@ -116,7 +116,8 @@ fn loops_and_borders_are_apart_for_every_seed() {
 
 #[test]
 fn the_true_volume_is_the_voxels() {
-    let phantom = Phantom::new(&Settings { size: Size::Small, bridges: true, noise: false, ..Settings::default() });
+    let phantom =
+        Phantom::new(&PhantomSettings { size: Size::Small, bridges: true, noise: false, ..PhantomSettings::default() });
     let grid = phantom.grid();
     let volume = phantom.voxelise(&grid, &Progress::new()).unwrap();
     let mut count = 0;
@@ -166,7 +167,7 @@ fn any_grid_holds_the_same_body() {
 
 #[test]
 fn one_thread_and_two_give_the_same_voxels_and_truth() {
-    let phantom = Phantom::new(&Settings { size: Size::Small, fluid: true, ..Settings::default() });
+    let phantom = Phantom::new(&PhantomSettings { size: Size::Small, fluid: true, ..PhantomSettings::default() });
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| (phantom.voxelise(&odd_grid(), &Progress::new()).unwrap(), phantom.truth()))
@@ -189,8 +190,9 @@ fn noise_has_its_strength() {
     let phantom = make(Size::Small, 1);
     let grid = odd_grid();
     let noisy = phantom.voxelise(&grid, &Progress::new()).unwrap();
-    let clean =
-        Phantom::new(&Settings { noise: false, ..*phantom.settings() }).voxelise(&grid, &Progress::new()).unwrap();
+    let clean = Phantom::new(&PhantomSettings { noise: false, ..*phantom.settings() })
+        .voxelise(&grid, &Progress::new())
+        .unwrap();
     let difference: Vec<f64> =
         noisy.data().iter().zip(clean.data()).map(|(a, b)| f64::from(*a) - f64::from(*b)).collect();
     let n = difference.len() as f64;
@@ -217,10 +219,10 @@ fn polyps_are_where_and_as_large_as_stated() {
 
 #[test]
 fn one_polyp_can_be_put_on_a_side() {
-    let settings = Settings { size: Size::Small, folds: false, ..Settings::default() };
+    let settings = PhantomSettings { size: Size::Small, folds: false, ..PhantomSettings::default() };
     let base = Phantom::new(&settings);
     let s = 0.45 * base.shape.axis.length();
-    let bare = Phantom::new(&Settings { polyps: false, ..settings });
+    let bare = Phantom::new(&PhantomSettings { polyps: false, ..settings });
     let at = base.shape.axis.frame(s).at;
     for side in [DVec3::X, DVec3::NEG_X] {
         let polyp = base.polyp_at(s, side, 7.0);
@@ -264,7 +266,7 @@ fn fluid_lies_behind_a_horizontal_level_and_is_closed_in() {
 #[test]
 fn bridges_cross_the_lumen_and_leave_the_axis_free() {
     let phantom = quiet(Size::Standard);
-    let without = Phantom::new(&Settings { bridges: false, ..*phantom.settings() });
+    let without = Phantom::new(&PhantomSettings { bridges: false, ..*phantom.settings() });
     assert_eq!(phantom.shape.bridges.len(), 5);
     for b in &phantom.shape.bridges {
         let middle = 0.5 * (b.what.from + b.what.to);
@@ -288,7 +290,7 @@ fn the_embedded_phantom_is_cancelled_when_asked() {
 fn the_wall_has_no_jumps() {
     for size in [Size::Small, Size::Standard] {
         for seed in 1..=3 {
-            let phantom = Phantom::new(&Settings { size, seed, bridges: true, ..Settings::default() });
+            let phantom = Phantom::new(&PhantomSettings { size, seed, bridges: true, ..PhantomSettings::default() });
             let step = DVec3::new(1.0, -2.0, 1.5) * 1e-5;
             for n in 0..20_000 {
                 let p = place(&phantom, n, 30.0);

@@ -1,4 +1,4 @@
-//! What is known of a phantom, as the command line writes it.
+//! The ground truth of a phantom, as the command line writes it.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,8 +11,8 @@ use super::shape::{DEEP, Polyp};
 /// The ground truth of a phantom.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
-    /// Points of the axis from rectum to cecum, about 1 mm apart, world mm LPS. Both ends are centres of the rounded end
-    /// walls.
+    /// Points of the axis from rectum to cecum, about 1 mm apart, world mm LPS. Both ends are centres of the rounded
+    /// end walls.
     pub centerline: Vec<DVec3>,
     /// Mean radius of the lumen, without folds, at each point, mm.
     pub radius_mm: Vec<f64>,
@@ -26,7 +26,7 @@ pub struct Truth {
     pub wall_hu: i32,
 }
 
-/// A polyp as the truth has it.
+/// A polyp of the ground truth.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruePolyp {
     /// Centre of the ball, world mm LPS.

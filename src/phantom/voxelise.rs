@@ -87,8 +87,8 @@ impl Phantom {
     }
 }
 
-/// The nearest whole HU of a value well within their range, halves upwards: a cast cuts off towards zero, so the value is
-/// made positive first. (A plain `round` is a call of the mathematics library for each voxel.)
+/// The nearest whole HU of a value well within their range, halves upwards: a cast cuts off towards zero, so the value
+/// is made positive first. (A plain `round` is a call of the mathematics library for each voxel.)
 fn round(hu: f64) -> i16 {
     ((hu + 32_768.5) as i32 - 32_768) as i16
 }

@@ -1,4 +1,4 @@
-//! A drawn lumen: a PNG of which bright pixels are lumen.
+//! A drawn lumen: a PNG in which bright pixels are lumen.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -125,7 +125,7 @@ impl Drawing {
         self.height
     }
 
-    /// Whether a pixel is lumen; what was not drawn is wall.
+    /// Whether a pixel is lumen; beyond the drawing is wall.
     pub fn is_lumen(&self, i: i64, j: i64) -> bool {
         (0..self.width as i64).contains(&i)
             && (0..self.height as i64).contains(&j)

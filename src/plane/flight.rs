@@ -1,4 +1,8 @@
 //! A flight through a drawing.
+//!
+//! Its step is its own, beside the scheduled systems of the flights in three dimensions: it has no operator, no view to
+//! turn and nothing to plug in. What both have in common, how a guide feels, steers, moves and is rescued, are the
+//! functions of [`crate::dynamics`] that both call.
 
 use glam::DVec3;
 
@@ -9,36 +13,36 @@ pub use crate::components::flight::State;
 use crate::dynamics::heading::follow_velocity;
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::dynamics::monitor::MonitorSettings;
-use crate::dynamics::rescue::{Order, Rescue};
+use crate::dynamics::rescue::{Rescue, RescueAction};
 use crate::dynamics::tentacles::{TentacleSettings, approach, circle, steer};
 use crate::dynamics::trap::{Felt, Trap};
-use crate::dynamics::{Attitude, Body, Motion, Turning, step};
+use crate::dynamics::{Attitude, Body, RigidBodyState, STEP_HZ, Turning, step};
 use crate::error::{Error, Result};
 use crate::fields::Clearances;
 
 /// Simulation steps a second.
-pub const HZ: u32 = 120;
+pub const HZ: u32 = STEP_HZ;
 /// How far walls are looked for, mm.
 const LIMIT_MM: f64 = 40.0;
 /// Longest view for the first heading, mm.
 const VIEW_MM: f64 = 300.0;
 
-/// What flies, and how.
+/// The settings of a flight in two dimensions.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
+pub struct PlaneSettings {
     /// The camera.
     pub body: Body,
     /// Its tentacles, spread over a circle.
     pub tentacles: TentacleSettings,
     /// Its mines.
     pub mines: Option<MineSettings>,
-    /// When it counts as caught.
+    /// When the flight counts as making no progress.
     pub watch: MonitorSettings,
-    /// The flight ends after so many simulated seconds.
+    /// Simulated time after which the flight ends, s.
     pub seconds: f64,
 }
 
-impl Default for Settings {
+impl Default for PlaneSettings {
     fn default() -> Self {
         Self {
             body: Body::default(),
@@ -50,12 +54,12 @@ impl Default for Settings {
     }
 }
 
-/// What the operator is called for.
+/// A call for the operator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Call {
-    /// Why.
+    /// The trap.
     pub trap: Trap,
-    /// Where, mm.
+    /// Its place, mm.
     pub place: DVec3,
 }
 
@@ -64,12 +68,12 @@ pub struct Call {
 pub struct Flight {
     walls: Walls,
     plan: Plan,
-    settings: Settings,
+    settings: PlaneSettings,
     directions: Vec<DVec3>,
     lengths: Vec<f64>,
     mines: Mines,
     rescue: Rescue,
-    motion: Motion,
+    motion: RigidBodyState,
     heading: DVec3,
     places: Vec<DVec3>,
     state: State,
@@ -82,7 +86,7 @@ impl Flight {
     ///
     /// # Errors
     /// Status 4 where the body does not fit at the start, status 2 for settings that make no sense.
-    pub fn new(drawing: Drawing, settings: Settings) -> Result<Self> {
+    pub fn new(drawing: Drawing, settings: PlaneSettings) -> Result<Self> {
         settings.body.check()?;
         let walls = Walls::new(drawing, LIMIT_MM);
         let plan = plan::plan(&walls, settings.body.radius_mm)?;
@@ -95,7 +99,7 @@ impl Flight {
             settings,
             mines: Mines::default(),
             rescue: Rescue::default(),
-            motion: Motion::at_rest(DVec3::ZERO, Attitude::new(DVec3::X, DVec3::Z)),
+            motion: RigidBodyState::at_rest(DVec3::ZERO, Attitude::new(DVec3::X, DVec3::Z)),
             heading: DVec3::ZERO,
             places: Vec::new(),
             state: State::Flying,
@@ -106,7 +110,7 @@ impl Flight {
         Ok(flight)
     }
 
-    /// Starts anew near another place (mm).
+    /// Starts again near another place (mm).
     ///
     /// # Errors
     /// Status 4 where there is no room for the body.
@@ -116,7 +120,7 @@ impl Flight {
         Ok(())
     }
 
-    /// Starts anew from where it started last.
+    /// Starts again from its last start.
     pub fn restart(&mut self) {
         self.set_out(self.plan.start);
     }
@@ -126,7 +130,7 @@ impl Flight {
         self.places = vec![at];
         self.mines.clear();
         self.rescue = Rescue::default();
-        self.motion = Motion::at_rest(at, Attitude::new(DVec3::X, DVec3::Z));
+        self.motion = RigidBodyState::at_rest(at, Attitude::new(DVec3::X, DVec3::Z));
         self.state = State::Flying;
         self.call = None;
         self.length_mm = 0.0;
@@ -162,7 +166,7 @@ impl Flight {
         }
         let dt = 1.0 / f64::from(HZ);
         let at = self.position();
-        let Settings { body, tentacles, mines, watch, seconds } = self.settings.clone();
+        let PlaneSettings { body, tentacles, mines, watch, seconds } = self.settings.clone();
         self.feel(at);
         let laid = mines.as_ref().map(|m| (&self.mines, m));
         let tentacles = self.rescue.temper(&tentacles);
@@ -180,7 +184,7 @@ impl Flight {
             push = self.mines.push(at, m);
         }
         let force = ((thrust + push).clamp_length_max(limit) + s.wall) * body.mass_g;
-        let moved = step(body.integrator.method(), &body, &self.motion, &force, &Turning::FREE, &self.walls, dt);
+        let moved = step(body.integrator.stepper(), &body, &self.motion, &force, &Turning::FREE, &self.walls, dt);
         self.motion = moved.motion;
         let now = self.motion.position;
         self.heading = follow_velocity(self.heading, self.motion.momentum / body.mass_g, dt);
@@ -204,14 +208,14 @@ impl Flight {
             radius_mm: self.settings.body.radius_mm,
         };
         match self.rescue.follow(at, dt, Some(&felt), None, settings) {
-            Order::GoOn => {}
-            Order::SetOff { heading, clear_mines } => {
+            RescueAction::GoOn => {}
+            RescueAction::SetOff { heading, clear_mines } => {
                 self.heading = heading.unwrap_or(self.heading);
                 if clear_mines {
                     self.mines.clear();
                 }
             }
-            Order::Call { trap, place } => {
+            RescueAction::Call { trap, place } => {
                 self.state = State::Operator;
                 self.call = Some(Call { trap, place });
             }
@@ -223,7 +227,7 @@ impl Flight {
         self.places.last().copied().unwrap_or(self.plan.start)
     }
 
-    /// Every place that it came through, one a step, mm.
+    /// The positions of all steps, mm.
     pub fn places(&self) -> &[DVec3] {
         &self.places
     }
@@ -243,17 +247,17 @@ impl Flight {
         &self.mines
     }
 
-    /// What it watches for and does about it.
+    /// Its recovery from traps.
     pub fn rescue(&self) -> &Rescue {
         &self.rescue
     }
 
-    /// What flies.
-    pub fn settings(&self) -> &Settings {
+    /// The settings.
+    pub fn settings(&self) -> &PlaneSettings {
         &self.settings
     }
 
-    /// Where from and where to.
+    /// The plan: start and goal.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
@@ -263,17 +267,17 @@ impl Flight {
         &self.walls
     }
 
-    /// How it stands.
+    /// The flight's state.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// What the operator is called for.
+    /// The call for the operator, if there is one.
     pub fn call(&self) -> Option<Call> {
         self.call
     }
 
-    /// Way flown, mm.
+    /// Distance flown, mm.
     pub fn length_mm(&self) -> f64 {
         self.length_mm
     }
@@ -288,7 +292,7 @@ impl Flight {
         self.walls.clearance(self.position()).mm
     }
 
-    /// How the flight came out.
+    /// The outcome of the flight.
     ///
     /// # Errors
     /// Status 4 when the operator is called, with where and why.

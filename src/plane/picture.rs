@@ -7,7 +7,7 @@ use super::flight::{Flight, State};
 use super::potential::Potential;
 use crate::render::Frame;
 
-/// What of a flight is drawn.
+/// The parts of a flight that are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Show {
     /// Tentacles at the camera's place.
@@ -16,7 +16,7 @@ pub struct Show {
     pub mines: bool,
     /// The potential, as shading and lines of equal height.
     pub potential: bool,
-    /// The way flown.
+    /// The trajectory.
     pub trajectory: bool,
 }
 

@@ -26,7 +26,7 @@ pub struct Plan {
     pub goal: DVec3,
     /// Arrived within this of the goal, mm.
     pub within_mm: f64,
-    /// What there is to say.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
@@ -136,7 +136,7 @@ fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> O
     Some(found)
 }
 
-/// A place of the drawing, as it is told.
+/// A place of the drawing, as text.
 pub fn pair(p: DVec3) -> String {
     format!("{:.1},{:.1}", p.x, p.y)
 }

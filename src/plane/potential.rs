@@ -1,10 +1,11 @@
-//! The potential that tentacles and mines stand for, over a whole drawing (paper, sections 3.1.1 and 3.2):
-//! `C_s (p/D_s − 1)²` with `C_s = wall_push · p` where `0 < D_s < p`, and for each mine `push · reach/2 · (1 − d/reach)²` within its reach.
+//! The potential that corresponds to tentacles and mines, over a whole drawing (paper, sections 3.1.1 and 3.2):
+//! `C_s (p/D_s − 1)²` with `C_s = wall_push · p` where `0 < D_s < p`, and for each mine `push · reach/2 · (1 −
+//! d/reach)²` within its reach.
 
 use rayon::prelude::*;
 
 use super::drawing::{MM_PER_PIXEL, pixel_centre};
-use super::flight::Settings;
+use super::flight::PlaneSettings;
 use super::walls::Walls;
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::fields::Clearances;
@@ -19,7 +20,7 @@ pub struct Potential {
 
 impl Potential {
     /// The wall's part, which stays.
-    pub fn new(walls: &Walls, settings: &Settings) -> Self {
+    pub fn new(walls: &Walls, settings: &PlaneSettings) -> Self {
         let (w, h) = (walls.drawing().width(), walls.drawing().height());
         let (p, strength) = (settings.tentacles.wall_mm, settings.tentacles.wall_push);
         // Beyond `p` the potential is 0: no need to look further.
@@ -64,7 +65,7 @@ mod tests {
     fn walls_and_mines_add_up() {
         let lumen: Vec<bool> = (0..6400).map(|n| (10..70).contains(&(n / 80))).collect();
         let walls = Walls::new(Drawing::new("d", (80, 80), lumen).unwrap(), 50.0);
-        let settings = Settings::default();
+        let settings = PlaneSettings::default();
         let mut v = Potential::new(&walls, &settings);
         let middle = 40 + 80 * 40;
         let mut mines = Mines::default();

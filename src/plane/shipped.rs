@@ -1,5 +1,5 @@
-//! The drawings that ship with the program, each with a known trap. `assets/plane/README.md` tells how they are made and
-//! what is to be expected of each.
+//! The drawings that ship with the program, each with a known trap. `assets/plane/README.md` describes how they are
+//! made and what to expect of each.
 
 use super::drawing::Drawing;
 use crate::error::Result;

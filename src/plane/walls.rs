@@ -1,11 +1,11 @@
-//! How far the wall is in a drawing, to any side and along a ray: both exact.
+//! Exact distances to the wall in a drawing: the nearest, and along a ray.
 
 use glam::DVec3;
 
 use super::drawing::{Drawing, MM_PER_PIXEL};
 use crate::fields::{Clearance, Clearances};
 
-/// Side of a block of pixels, of which it is known whether it holds any wall.
+/// Side of a block of pixels; for each block it is known whether it holds any wall.
 const BLOCK: usize = 8;
 
 /// The walls of a drawing: every dark pixel is a closed square, and so is everything beyond the border.
@@ -40,9 +40,9 @@ impl Walls {
         u.abs().max_element() < 1e9 && u.is_finite() && self.drawing.is_lumen(u.x as i64, u.y as i64)
     }
 
-    /// Exact distance from a place (mm) along a unit direction in the plane to where a ray first enters a wall pixel; none
-    /// within `reach_mm`. 0 in the wall. Pixels are walked in the order that the ray passes through them (Amanatides and
-    /// Woo, *A fast voxel traversal algorithm for ray tracing*, 1987).
+    /// Exact distance from a place (mm) along a unit direction in the plane to where a ray first enters a wall pixel;
+    /// none within `reach_mm`. 0 in the wall. Pixels are walked in the order that the ray passes through them
+    /// (Amanatides and Woo, *A fast voxel traversal algorithm for ray tracing*, 1987).
     pub fn crossing(&self, at: DVec3, direction: DVec3, reach_mm: f64) -> Option<f64> {
         if !self.is_lumen(at) {
             return Some(0.0);
@@ -61,7 +61,7 @@ impl Walls {
         loop {
             let axis = usize::from(next[1] < next[0]);
             let length = next[axis];
-            // Written so that a direction that is not a number ends here too.
+            // Written so that a NaN direction ends here too.
             if length > reach || length.is_nan() {
                 return None;
             }

@@ -19,9 +19,9 @@ pub trait Begin: Sync {
 }
 
 /// Every ray is traced anew, and nothing is kept.
-pub struct Anew;
+pub struct FromScratch;
 
-impl Begin for Anew {
+impl Begin for FromScratch {
     type Kept = ();
 
     #[inline(always)]

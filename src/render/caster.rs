@@ -7,17 +7,17 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::begin::{Anew, Begin};
-use super::camera::View;
+use super::begin::{Begin, FromScratch};
+use super::camera::{CameraRay, View};
 use super::classify::{ByDensity, ByValue, Classifier};
 use super::frame::{Frame, Work};
 use super::march::{Ray, Step};
+use super::prepared_volume::PreparedVolume;
 use super::quality::{Classification, Quality, Settings};
 use super::ray::first_crossing;
 use super::sampler::{Nearest, Sampler, Trilinear};
 use super::shade::{Headlight, Shader};
 use super::skip::{Everything, Leap, Skipper};
-use super::space::PreparedVolume;
 use super::transfer::Ramp;
 
 /// Rows of a task and of a tile.
@@ -28,32 +28,32 @@ const TILE_COLUMNS: usize = 32;
 /// Renders `view` of `space` into `frame` (made to fit if it does not), on all of rayon's threads. The same bytes for
 /// every number of threads.
 pub fn render(space: &PreparedVolume, view: &View, settings: &Settings, frame: &mut Frame) -> Work {
-    let shot = Shot { space, view, settings };
+    let request = ImageRequest { space, view, settings };
     if settings.quality == Quality::Reference {
         let high = Trilinear::new(space);
         let mut kept = vec![(); view.width() * view.height()];
         return match settings.classification {
-            Classification::Value => shot.image(&high, &Everything, &ByValue, &Anew, &mut kept, frame),
-            Classification::Filtered => shot.image(&high, &Everything, &ByDensity, &Anew, &mut kept, frame),
+            Classification::Value => request.image(&high, &Everything, &ByValue, &FromScratch, &mut kept, frame),
+            Classification::Filtered => request.image(&high, &Everything, &ByDensity, &FromScratch, &mut kept, frame),
         };
     }
-    shot.plain(&Anew, &mut vec![(); view.width() * view.height()], frame)
+    request.plain(&FromScratch, &mut vec![(); view.width() * view.height()], frame)
 }
 
-/// A picture to be made: whereof, whence, how.
+/// A picture to be made.
 #[derive(Clone, Copy)]
-pub struct Shot<'a> {
-    /// What is to be seen.
+pub struct ImageRequest<'a> {
+    /// The volume that it shows.
     pub space: &'a PreparedVolume,
-    /// Whence.
+    /// The camera, and its pixels.
     pub view: &'a View,
-    /// How.
+    /// The quality, and what goes with it.
     pub settings: &'a Settings,
 }
 
 /// The parts of a ray caster put together.
 struct Caster<'a, S, K, C, B> {
-    shot: Shot<'a>,
+    request: ImageRequest<'a>,
     sampler: &'a S,
     skipper: &'a K,
     classifier: &'a C,
@@ -64,7 +64,7 @@ struct Caster<'a, S, K, C, B> {
     samples_per_pixel: u32,
 }
 
-impl Shot<'_> {
+impl ImageRequest<'_> {
     /// The picture by the 16-bit voxels and the flags.
     pub fn plain<B: Begin>(&self, begin: &B, kept: &mut [B::Kept], frame: &mut Frame) -> Work {
         let (high, low) = (Trilinear::new(self.space), Nearest::new(self.space));
@@ -94,13 +94,13 @@ impl Shot<'_> {
         let Self { space, view, settings } = *self;
         let step = Step::new(space, settings.step_power);
         let caster = Caster {
-            shot: *self,
+            request: *self,
             sampler,
             skipper,
             classifier,
             begin,
             shader: Headlight::new(space),
-            ramp: Ramp::new(space.wall(), step.power),
+            ramp: Ramp::new(space.transfer(), step.power),
             step,
             samples_per_pixel: settings.samples_per_pixel.max(1),
         };
@@ -124,7 +124,7 @@ pub(super) fn depths(space: &PreparedVolume, view: &View, depth: &mut [f32]) {
     let band = TILE_ROWS * view.width();
     depth.par_chunks_mut(band).enumerate().for_each(|(n, band)| {
         tiles(view.width(), n, band, &mut vec![(); band.len()], |x, y, out, ()| {
-            let hit = first_crossing(space, view.position(), view.ray(x, y), f64::INFINITY);
+            let hit = view.ray(x, y).and_then(|r| first_crossing(space, r.origin, r.direction, f64::INFINITY));
             *out = hit.map_or(f32::INFINITY, |t| t as f32);
         });
     });
@@ -151,7 +151,7 @@ fn tiles<T, U>(
 }
 
 /// Where ray `n` of `count` passes through a pixel, each coordinate 0 to 1: the centre for one ray, else the points of
-/// a lattice along the golden ratio, which are evenly spread for every count.
+/// a grid along the golden ratio, which are evenly spread for every count.
 pub(super) fn within_pixel(n: u32, count: u32) -> (f64, f64) {
     if count == 1 {
         return (0.5, 0.5);
@@ -162,14 +162,14 @@ pub(super) fn within_pixel(n: u32, count: u32) -> (f64, f64) {
 
 impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
     fn pixel(&self, x: usize, y: usize, kept: &mut B::Kept, work: &mut Work) -> [u8; 3] {
-        let Shot { space, view, .. } = self.shot;
+        let ImageRequest { space, view, .. } = self.request;
         let mut light = Vec3::ZERO;
         *kept = B::Kept::default();
         for n in 0..self.samples_per_pixel {
             let (u, v) = within_pixel(n, self.samples_per_pixel);
-            let direction = view.ray_at(x as f64 + u, y as f64 + v);
+            let Some(CameraRay { origin, direction }) = view.ray_at(x as f64 + u, y as f64 + v) else { continue };
             work.rays += 1;
-            if let Some(ray) = Ray::new(space, view.position(), direction, self.step) {
+            if let Some(ray) = Ray::new(space, origin, direction, self.step) {
                 let (start, reused) = self.begin.begin(x, y, &ray, kept);
                 work.reused += u64::from(reused);
                 let (radiance, first) = self.cast(&ray, start, &mut work.samples);
@@ -204,7 +204,7 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
                 let gradient = gradient.unwrap_or_else(|| self.sampler.gradient(q));
                 light += self.shader.colour(hu, gradient, ray.direction) * (through * a);
                 through *= 1.0 - a;
-                if through < self.shot.settings.sensitivity {
+                if through < self.request.settings.sensitivity {
                     break;
                 }
             }

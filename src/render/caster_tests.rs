@@ -34,21 +34,24 @@ fn cavity(centre: DVec3, radius: f64) -> impl Fn(DVec3) -> f64 {
 }
 
 fn shoot(space: &PreparedVolume, view: &View, settings: &Settings) -> (Frame, Work) {
-    let mut frame = Frame::new(1, 1, true);
+    let mut frame = Frame::with_depth(1, 1);
     let work = render(space, view, settings, &mut frame);
     (frame, work)
 }
 
 /// The picture with the parts of `settings` but nothing skipped.
 fn unskipped(space: &PreparedVolume, view: &View, settings: &Settings) -> Frame {
-    let mut frame = Frame::new(1, 1, true);
+    let mut frame = Frame::with_depth(1, 1);
     let (high, low) = (Trilinear::new(space), Nearest::new(space));
-    let (shot, all, mut kept) = (Shot { space, view, settings }, &Everything, vec![(); view.width() * view.height()]);
+    let (request, all, mut kept) =
+        (ImageRequest { space, view, settings }, &Everything, vec![(); view.width() * view.height()]);
     match (settings.quality, settings.classification) {
-        (Quality::Low, Classification::Value) => shot.image(&low, all, &ByValue, &Anew, &mut kept, &mut frame),
-        (Quality::Low, _) => shot.image(&low, all, &ByDensity, &Anew, &mut kept, &mut frame),
-        (_, Classification::Value) => shot.image(&high, all, &ByValue, &Anew, &mut kept, &mut frame),
-        (..) => shot.image(&high, all, &ByDensity, &Anew, &mut kept, &mut frame),
+        (Quality::Low, Classification::Value) => {
+            request.image(&low, all, &ByValue, &FromScratch, &mut kept, &mut frame)
+        }
+        (Quality::Low, _) => request.image(&low, all, &ByDensity, &FromScratch, &mut kept, &mut frame),
+        (_, Classification::Value) => request.image(&high, all, &ByValue, &FromScratch, &mut kept, &mut frame),
+        (..) => request.image(&high, all, &ByDensity, &FromScratch, &mut kept, &mut frame),
     };
     frame
 }
@@ -185,7 +188,7 @@ fn depth_is_that_of_the_analytic_wall() {
         let mut errors = Vec::new();
         for y in 0..120 {
             for x in 0..120 {
-                let d = view.ray(x, y);
+                let d = view.ray(x, y).unwrap().direction;
                 let (o, d2, r) =
                     if tube { (across(from), d - axis * d.dot(axis), 20.0) } else { (from - centre, d, 20.0) };
                 let (a, b, c) = (d2.length_squared(), o.dot(d2), o.length_squared() - r * r);
@@ -242,24 +245,24 @@ fn every_view_of_every_volume_is_a_picture() {
 fn outside_in_tissue_and_in_air() {
     let tissue = space([20; 3], DVec3::ONE, DMat3::IDENTITY, |_| 40.0);
     let c = tissue.volume().grid().world(DVec3::splat(9.5));
-    let shot = |s: &PreparedVolume, from, forward| {
+    let request = |s: &PreparedVolume, from, forward| {
         let view = View::new(from, forward, DVec3::Z, 40.0, 21, 21).unwrap();
         shoot(s, &view, &Settings::default()).0
     };
     // In a homogeneous region the gradient points at the camera: full brightness everywhere.
     let full = (255.0 * (0.9 + 0.05 * 1040.0 / 1100.0) + 0.5) as u8;
-    let inside = shot(&tissue, c, DVec3::X);
+    let inside = request(&tissue, c, DVec3::X);
     assert!(inside.pixels().iter().all(|p| p[0] == full), "{:?}", inside.pixels()[0]);
     assert!(inside.depth().unwrap().iter().all(|&d| d == 0.0));
     // From outside, its face is a wall seen along its normal.
-    let outside = shot(&tissue, c - DVec3::X * 40.0, DVec3::X);
+    let outside = request(&tissue, c - DVec3::X * 40.0, DVec3::X);
     assert!(outside.pixels()[10 * 21 + 10][0] > 200);
     assert!((f64::from(outside.depth().unwrap()[10 * 21 + 10]) - (30.5 - 690.0 / 1064.0)).abs() < 1e-4);
-    let away = shot(&tissue, c - DVec3::X * 40.0, DVec3::NEG_X);
+    let away = request(&tissue, c - DVec3::X * 40.0, DVec3::NEG_X);
     assert!(away.pixels().iter().all(|p| *p == [0; 3]));
     assert!(away.depth().unwrap().iter().all(|d| *d == f32::INFINITY));
     let air = space([20; 3], DVec3::ONE, DMat3::IDENTITY, |_| -1000.0);
-    assert!(shot(&air, c, DVec3::X).pixels().iter().all(|p| *p == [0; 3]));
+    assert!(request(&air, c, DVec3::X).pixels().iter().all(|p| *p == [0; 3]));
 }
 
 #[test]
@@ -275,7 +278,7 @@ fn classifying_by_filtered_density_draws_the_same_wall() {
 fn a_frame_that_fits_keeps_its_memory() {
     let s = specks([20; 3], 1, 0.01);
     let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 90.0, 30, 20).unwrap();
-    let mut frame = Frame::new(30, 20, true);
+    let mut frame = Frame::with_depth(30, 20);
     let (pixels, depth) = (frame.pixels().as_ptr(), frame.depth().unwrap().as_ptr());
     render(&s, &view, &Settings::default(), &mut frame);
     assert_eq!((frame.pixels().as_ptr(), frame.depth().unwrap().as_ptr()), (pixels, depth));

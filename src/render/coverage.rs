@@ -7,6 +7,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::camera::{Camera, Perspective};
 use super::{PreparedVolume, first_crossing};
 use crate::dynamics::Attitude;
 use crate::fields::lumen::WallPlace;
@@ -23,27 +24,55 @@ pub struct Coverage {
     pub both_ways: f64,
 }
 
-/// The share of `wall` that is seen from `views` (world mm, and where they look) with an image of `fov_degrees`.
+/// Which way a view looks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Looking {
+    /// As it was flown.
+    Ahead,
+    /// From the same place in the opposite direction.
+    Back,
+}
+
+/// The share of `wall` that is seen from `views` (world mm, and where they look) by a perspective camera with a square image
+/// of `fov_degrees` (from 1 to 179; what is no angle sees nothing).
 pub fn coverage(space: &PreparedVolume, wall: &[WallPlace], views: &[(DVec3, Attitude)], fov_degrees: f64) -> Coverage {
-    let half = (fov_degrees.clamp(1.0, 179.0).to_radians() / 2.0).tan();
+    Perspective::new(fov_degrees.clamp(1.0, 179.0))
+        .map_or_else(|_| Coverage::default(), |camera| coverage_by(space, wall, views, &camera))
+}
+
+/// The share of `wall` that is seen from `views` (world mm, and where they look) in the square image of `camera`, whose rays
+/// all begin at its place.
+pub fn coverage_by(
+    space: &PreparedVolume,
+    wall: &[WallPlace],
+    views: &[(DVec3, Attitude)],
+    camera: &dyn Camera,
+) -> Coverage {
+    let within = |place: DVec3| camera.project(place).is_some_and(|at| at.abs().max_element() <= 1.0);
     let seen: Vec<[bool; 2]> = wall
         .par_iter()
         .with_min_len(256)
         .map(|p| {
-            let mut near: Vec<(f64, bool, DVec3)> = views
+            let mut near: Vec<(f64, Looking, DVec3)> = views
                 .iter()
-                .filter_map(|(at, a)| {
-                    let to = p.at - *at;
-                    let d = to.length();
-                    let (ahead, side) = (to.dot(a.forward), to.dot(a.right()).abs().max(to.dot(a.up).abs()));
-                    (d <= REACH_MM && side <= half * ahead.abs()).then_some((d, ahead > 0.0, *at))
+                .map(|(at, a)| (at, a, p.at - *at))
+                .filter(|(.., to)| to.length() <= REACH_MM)
+                .flat_map(|(at, a, to)| {
+                    let [right, up, ahead] = [a.right(), a.up, a.forward].map(|axis| to.dot(axis));
+                    // Turned round, what is on the right is on the left.
+                    let ways = [
+                        (Looking::Ahead, DVec3::new(right, up, ahead)),
+                        (Looking::Back, DVec3::new(-right, up, -ahead)),
+                    ];
+                    let seen = ways.map(|(way, place)| within(place).then_some((to.length(), way, *at)));
+                    seen.into_iter().flatten()
                 })
                 .collect();
             // The nearest first: it is the most likely to see it. A stable sort, so ties stay in the flight's order.
             near.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let by = |forward: bool| near.iter().any(|v| v.1 == forward && is_seen(space, v.2, p.at));
-            let ahead = by(true);
-            [ahead, ahead || by(false)]
+            let by = |way: Looking| near.iter().any(|v| v.1 == way && is_seen(space, v.2, p.at));
+            let ahead = by(Looking::Ahead);
+            [ahead, ahead || by(Looking::Back)]
         })
         .collect();
     let total: f64 = wall.iter().map(|p| p.mm2).sum();

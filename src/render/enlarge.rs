@@ -150,7 +150,7 @@ mod tests {
 
     /// Red from left to right, green from top to bottom.
     fn ramp(w: usize, h: usize) -> Frame {
-        let mut frame = Frame::new(w, h, false);
+        let mut frame = Frame::new(w, h);
         for (n, p) in frame.buffers().0.iter_mut().enumerate() {
             let share = |at: usize, of: usize| (255.0 * (at as f64 + 0.5) / of as f64) as u8;
             *p = [share(n % w, w), share(n / w, h), 7];
@@ -161,7 +161,7 @@ mod tests {
     #[test]
     fn a_ramp_stays_a_ramp() {
         for (w, h) in [(32, 24), (64, 48), (43, 31), (16, 12)] {
-            let mut out = Frame::new(64, 48, false);
+            let mut out = Frame::new(64, 48);
             Enlarger::default().enlarge(&ramp(w, h), &mut out);
             let whole = ramp(64, 48);
             for (n, (o, e)) in out.pixels().iter().zip(whole.pixels()).enumerate() {
@@ -170,7 +170,7 @@ mod tests {
                 assert!(o[2] == 7 && (near || !inner), "{w}x{h} at {n}: {o:?} {e:?}");
             }
         }
-        let mut same = Frame::new(9, 5, false);
+        let mut same = Frame::new(9, 5);
         Enlarger::default().enlarge(&ramp(9, 5), &mut same);
         assert_eq!(same, ramp(9, 5));
     }
@@ -179,14 +179,14 @@ mod tests {
     #[test]
     fn rows_and_columns_are_those_of_each_pixel() {
         for (w, h, width, height) in [(7, 50, 29, 131), (40, 3, 41, 97), (1, 9, 5, 70), (64, 64, 48, 40)] {
-            let mut small = Frame::new(w, h, false);
+            let mut small = Frame::new(w, h);
             for (n, p) in small.buffers().0.iter_mut().enumerate() {
                 *p = [(n * 89 % 256) as u8, (n * n % 251) as u8, if n % 3 == 0 { 255 } else { 0 }];
             }
-            let mut out = Frame::new(width, height, false);
+            let mut out = Frame::new(width, height);
             // What was kept of another size does not show.
             let mut enlarger = Enlarger::default();
-            enlarger.enlarge(&ramp(33, 70), &mut Frame::new(90, 200, false));
+            enlarger.enlarge(&ramp(33, 70), &mut Frame::new(90, 200));
             enlarger.enlarge(&small, &mut out);
             let (column, row) = (between(width, w), between(height, h));
             for (n, o) in out.pixels().iter().enumerate() {
@@ -206,9 +206,9 @@ mod tests {
 
     #[test]
     fn nothing_is_no_fault() {
-        Enlarger::default().enlarge(&ramp(4, 4), &mut Frame::new(0, 0, false));
+        Enlarger::default().enlarge(&ramp(4, 4), &mut Frame::new(0, 0));
         let mut out = ramp(4, 2);
-        Enlarger::default().enlarge(&Frame::new(0, 0, false), &mut out);
+        Enlarger::default().enlarge(&Frame::new(0, 0), &mut out);
         assert_eq!(out, ramp(4, 2));
         Enlarger::default().enlarge(&ramp(1, 1), &mut out);
         assert!(out.pixels().iter().all(|p| *p == [127, 127, 7]));

@@ -18,7 +18,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::fast::{Fast, Pixels};
 use super::reuse::paper::Trace;
-use super::reuse::{Refresh, Reusing, Words};
+use super::reuse::{Refresh, Reusing, WordStorage};
 use super::*;
 use crate::math::hash;
 use crate::volume::{Grid, Volume};
@@ -29,12 +29,14 @@ type Make = fn(&PreparedVolume, Settings) -> Box<dyn Renderer>;
 /// of `colvis` and the two that give every pixel a ray of a packet.
 const RENDERERS: [(&str, usize, Make); 9] = [
     ("direct", 1, |s, q| Box::new(Direct::new(s, q))),
-    ("lean", 1, |s, q| renderer(&PreparedVolume::lean(s.shared_volume(), s.wall()), q, Preset::Lean, true)),
-    ("reusing", 1, |s, q| Box::new(Reusing::<_, f32>::new(Words::new(s), q, Refresh::Staggered(16)))),
-    ("paper's rule", 1, |s, q| Box::new(Reusing::<_, Trace>::new(Words::new(s), q, Refresh::KeyFrames(10)))),
-    ("colvis", 1, |s, q| renderer(s, q, Preset::Colvis, true)),
-    ("colvis without reuse", 1, |s, q| renderer(s, q, Preset::Colvis, false)),
-    ("default", 16, |s, q| renderer(s, q, Preset::Default, true)),
+    ("lean", 1, |s, q| {
+        renderer(&PreparedVolume::lean(s.shared_volume(), s.transfer()), q, presets::lean::PRESET, Reuse::Allowed)
+    }),
+    ("reusing", 1, |s, q| Box::new(Reusing::<_, f32>::new(WordStorage::new(s), q, Refresh::Staggered(16)))),
+    ("paper's rule", 1, |s, q| Box::new(Reusing::<_, Trace>::new(WordStorage::new(s), q, Refresh::KeyFrames(10)))),
+    ("colvis", 1, |s, q| renderer(s, q, presets::colvis::PRESET, Reuse::Allowed)),
+    ("colvis without reuse", 1, |s, q| renderer(s, q, presets::colvis::PRESET, Reuse::Never)),
+    ("default", 16, |s, q| renderer(s, q, Preset::default(), Reuse::Allowed)),
     ("packets", 16, |s, q| Box::new(Fast::new(s, q, Pixels::All))),
     ("packets at the lowest level", 16, |s, q| Box::new(Fast::with_level(s, q, Pixels::All, Level::baseline()))),
 ];
@@ -66,7 +68,7 @@ fn look(
     view: &View,
     settings: &Settings,
 ) -> Frame {
-    let mut frame = Frame::new(1, 1, true);
+    let mut frame = Frame::with_depth(1, 1);
     let first = r.render(view, &mut frame);
     let alone = frame.clone();
     let again = r.render(view, &mut frame);
@@ -212,7 +214,7 @@ fn slabs_thicker_than_a_voxel_stop_every_ray() {
                     let view = View::new(s.volume().grid().world(centre), aim, turn * DVec3::Z, fov, 31, 31).unwrap();
                     let frame = look(name, lanes, &mut *r, &s, &view, &settings);
                     for (at, p) in frame.pixels().iter().enumerate() {
-                        let ray = view.ray(at % 31, at / 31);
+                        let ray = view.ray(at % 31, at / 31).unwrap().direction;
                         let hit = centre + ray * ((5.0 + offset) / ray.dot(normal));
                         let within = (hit - centre).abs().max_element() < 0.5 * f64::from(n) - 4.0;
                         assert!(!within || p[0] > 8, "{name}, {quality:?}, tilt {tilt}, pixel {at}: {p:?}");
@@ -267,7 +269,7 @@ fn a_faint_opacity_adds_up() {
     let bright = |step_power: i32| {
         let settings = Settings { step_power, sensitivity: 0.0, ..Settings::default() };
         let mut frame = Frame::default();
-        renderer(&s, settings, Preset::Default, true).render(&view, &mut frame);
+        renderer(&s, settings, Preset::default(), Reuse::Allowed).render(&view, &mut frame);
         frame.pixels()[0]
     };
     // 64 voxels of 1e-4 each are 0.64 % of the light: about one grey level of 255, for any step.

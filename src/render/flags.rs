@@ -7,12 +7,15 @@
 //! bricks hold 8×8×8 *cells*, the first of them being cell −1 of each axis. A brick is empty when every voxel that a
 //! cell of it touches is flagged empty: then all voxels within two of any point in it are empty, which is enough for
 //! trilinear values and for regressions over 3×3×3 neighbourhoods alike.
+//!
+//! Its bricks of 8³ serve single rays, which look at the voxel's own flag between them; packets have bricks of 4³ of their own
+//! ([`fast`](super::fast)), since sixteen rays at once can afford neither the wider margin nor a look at single voxels.
 
 use rayon::prelude::*;
 
 use crate::volume::{AIR_HU, Volume};
 
-use super::space::TransferFunction;
+use super::transfer::TransferFunction;
 
 /// Cells along a brick's edge, as a power of two.
 pub const BRICK_SHIFT: u32 = 3;

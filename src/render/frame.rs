@@ -10,10 +10,14 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A black picture of `width` × `height` pixels, with each pixel's depth if `depth`.
-    pub fn new(width: usize, height: usize, depth: bool) -> Self {
-        let n = width * height;
-        Self { width, height, pixels: vec![[0; 3]; n], depth: depth.then(|| vec![f32::INFINITY; n]) }
+    /// A black picture of `width` × `height` pixels.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self { width, height, pixels: vec![[0; 3]; width * height], depth: None }
+    }
+
+    /// A black picture of `width` × `height` pixels with room for each pixel's depth: infinite.
+    pub fn with_depth(width: usize, height: usize) -> Self {
+        Self { depth: Some(vec![f32::INFINITY; width * height]), ..Self::new(width, height) }
     }
 
     /// Pixels in a row.

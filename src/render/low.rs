@@ -4,7 +4,9 @@
 use super::caster::depths;
 use super::enlarge::Enlarger;
 use super::fast::{Fast, Pixels};
-use super::{Frame, PreparedVolume, Renderer, Settings, View, Work};
+use super::memory::MemoryPart;
+use super::renderer::Renderer;
+use super::{Frame, PreparedVolume, Settings, View, Work};
 
 /// Sides of the picture are so many times those of the traced one.
 const PART: usize = 3;
@@ -42,9 +44,9 @@ impl Renderer for Low {
         true
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
         let mut parts = self.fast.parts();
-        parts.push(("picture of a third of the size", self.small.pixels().len() * 3 + self.enlarger.bytes()));
+        parts.push((MemoryPart::SmallPicture, self.small.pixels().len() * 3 + self.enlarger.bytes()));
         parts
     }
 }

@@ -8,8 +8,8 @@
 
 use glam::{DVec3, Vec3};
 
+use super::prepared_volume::PreparedVolume;
 use super::ray::clip;
-use super::space::PreparedVolume;
 
 /// The most samples that a ray may have; where h is so small against the volume that it would need more, steps grow.
 const MAX_SAMPLES: f64 = (1 << 22) as f64;

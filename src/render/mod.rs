@@ -4,6 +4,9 @@
 //! [`Sampler`](sampler::Sampler) says what a place is like, a [`Skipper`](skip::Skipper) which samples need not be
 //! looked at, a [`Shader`](shade::Shader) what the wall looks like; [`caster`] joins them along each
 //! [`Ray`](march::Ray). Apart from pictures, [`ray`] finds where a ray meets the wall, exactly.
+//!
+//! Two sockets take what this crate does not have: a [`Preset`] makes a [`Renderer`] ([`presets`] has those of this crate), and
+//! a [`Camera`] knows the rays of its image ([`camera`]).
 
 pub mod adaptive;
 pub mod begin;
@@ -12,33 +15,43 @@ pub mod camera;
 pub mod caster;
 pub mod classify;
 pub mod coverage;
+pub mod direct;
 pub mod enlarge;
+pub mod factory;
 pub mod fast;
 pub mod flags;
 pub mod frame;
-pub mod gradient;
-pub mod gradients;
+pub mod gradient_store;
 pub mod leap;
 pub mod low;
 pub mod march;
+pub mod memory;
+pub mod prepared_volume;
+pub mod preset;
+pub mod presets;
 pub mod quality;
 pub mod ray;
+pub mod regression;
 pub mod renderer;
 pub mod reuse;
 pub mod sampler;
 pub mod shade;
 pub mod skip;
-pub mod space;
 pub mod transfer;
 
 #[cfg(test)]
 mod extremes_tests;
 
-pub use camera::View;
+pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
 pub use caster::render;
 pub use coverage::{Coverage, coverage};
+pub use direct::Direct;
+pub use factory::renderer;
 pub use frame::{Frame, Work, psnr};
-pub use quality::{Classification, Preset, Quality, Settings};
+pub use memory::MemoryPart;
+pub use prepared_volume::PreparedVolume;
+pub use preset::{Preparation, Preset, Reuse};
+pub use quality::{Classification, Quality, Settings};
 pub use ray::{first_crossing, first_crossing_counted, value};
-pub use renderer::{Detail, Direct, Renderer, renderer};
-pub use space::{PreparedVolume, TransferFunction};
+pub use renderer::{Detail, Renderer};
+pub use transfer::TransferFunction;

@@ -15,7 +15,7 @@ pub enum Quality {
 /// What opacity is looked up by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Classification {
-    /// The sampled HU, as the contract has it.
+    /// The sampled HU: the trilinearly interpolated value.
     #[default]
     Value,
     /// The filtered density D of the regression, as the paper has it.

@@ -14,7 +14,7 @@ use crate::volume::cell::{Cell, corners};
 use crate::volume::{AIR_HU, Volume};
 
 use super::flags::BRICK_SHIFT;
-use super::space::PreparedVolume;
+use super::prepared_volume::PreparedVolume;
 
 /// How far below the wall a value may lie and count as touching it, HU: above the rounding of the cubics, and far below
 /// anything that can be seen.
@@ -61,7 +61,7 @@ pub fn first_crossing_counted(
     }
     let from = grid.voxel(origin);
     *cells += 1;
-    if trilinear(space.volume(), from) >= space.wall().iso() - TOUCH {
+    if trilinear(space.volume(), from) >= space.transfer().iso() - TOUCH {
         return Some(0.0);
     }
     let (enter, exit) = clip(grid.dims(), from, grid.to_voxel().transform_vector3(direction))?;
@@ -114,7 +114,7 @@ impl<'a> Walk<'a> {
     fn new(space: &'a PreparedVolume, from: DVec3, along: DVec3) -> Self {
         let last = space.volume().grid().dims().map(|n| n as i64 - 1);
         let step = from_fn(|a| if along[a].abs() < STILL { 0 } else { along[a].signum() as i64 });
-        let iso = space.wall().iso();
+        let iso = space.transfer().iso();
         Self { space, iso, wall: iso.ceil() as i16, from, along, inverse: along.recip(), last, step }
     }
 

@@ -24,7 +24,7 @@ fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -
 /// Tiny steps, and bisection where the sign changes: what [`first_crossing`] must agree with.
 fn by_steps(space: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
     let grid = space.volume().grid();
-    let iso = space.wall().iso();
+    let iso = space.transfer().iso();
     let f = |t: f64| trilinear(space.volume(), grid.voxel(origin + direction * t)) - iso;
     if f(0.0) >= 0.0 {
         return Some(0.0);
@@ -76,7 +76,7 @@ proptest! {
             (Some(e), _) => {
                 prop_assert!(stepped.is_none_or(|b| e < b), "{e} is later than {stepped:?}");
                 let v = trilinear(s.volume(), grid.voxel(origin + direction * e));
-                prop_assert!((v - s.wall().iso()).abs() < 1e-4, "no wall at {e}: {v}");
+                prop_assert!((v - s.transfer().iso()).abs() < 1e-4, "no wall at {e}: {v}");
             }
             (None, Some(b)) => prop_assert!(false, "missed the wall at {b}"),
         }

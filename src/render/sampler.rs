@@ -5,9 +5,9 @@ use glam::{DVec3, Vec3};
 
 use crate::volume::AIR_HU;
 
-use super::gradient::{Fit, Regression, Weighting, block};
 use super::march::round;
-use super::space::PreparedVolume;
+use super::prepared_volume::PreparedVolume;
+use super::regression::{Fit, Regression, Weighting, block};
 
 /// How voxels are turned into values between them. Places are grown voxel coordinates (see [`super::march`]).
 pub trait Sampler: Sync {

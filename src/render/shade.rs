@@ -2,8 +2,8 @@
 
 use glam::{Mat3, Vec3};
 
-use super::gradient::to_world;
-use super::space::PreparedVolume;
+use super::prepared_volume::PreparedVolume;
+use super::regression::to_world;
 use super::transfer::Palette;
 
 /// The colour of a point of the wall.

@@ -4,8 +4,8 @@ use glam::{Vec3, Vec3A};
 
 use super::flags::{BRICK_SHIFT, Flags};
 use super::march::Ray;
+use super::prepared_volume::PreparedVolume;
 use super::sampler::nearest;
-use super::space::PreparedVolume;
 
 /// Leaps over samples whose opacity is 0. It may only leave out such samples, so that the picture is the same bit for
 /// bit with any skipper.
@@ -60,12 +60,22 @@ pub struct Bricks {
 }
 
 impl Bricks {
-    /// How many samples of the ray lie before the next plane, rounded towards more or fewer by more than the errors of
-    /// f32.
+    /// How many samples of the ray lie before the next plane, at least: fewer by more than the errors of f32.
     #[inline(always)]
-    fn samples_before(ahead: f32, more: bool) -> u32 {
-        let slack = 0.01 + ahead * 1e-6;
-        ((if more { ahead + slack } else { ahead - slack }) as u32).saturating_add(1)
+    fn fewest_before(ahead: f32) -> u32 {
+        ((ahead - Self::slack(ahead)) as u32).saturating_add(1)
+    }
+
+    /// How many samples of the ray lie before the next plane, at most: more by more than the errors of f32.
+    #[inline(always)]
+    fn most_before(ahead: f32) -> u32 {
+        ((ahead + Self::slack(ahead)) as u32).saturating_add(1)
+    }
+
+    /// More than f32 errs by, samples.
+    #[inline(always)]
+    fn slack(ahead: f32) -> f32 {
+        0.01 + ahead * 1e-6
     }
 
     /// Moves on by one brick and returns after how many samples.
@@ -129,7 +139,7 @@ impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
             exit: 0,
         };
         if !self.flags.empty_brick(walk.brick) {
-            walk.exit = Bricks::samples_before(walk.meets.min_element(), true);
+            walk.exit = Bricks::most_before(walk.meets.min_element());
         }
         walk
     }
@@ -157,8 +167,8 @@ impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
                     break t;
                 }
             };
-            n = n.max(Bricks::samples_before(entry, false));
-            walk.exit = Bricks::samples_before(walk.meets.min_element(), true);
+            n = n.max(Bricks::fewest_before(entry));
+            walk.exit = Bricks::most_before(walk.meets.min_element());
         }
     }
 }

@@ -2,11 +2,58 @@
 
 use glam::Vec3;
 
-use super::space::TransferFunction;
+use crate::error::{Error, Result};
 
 /// Values so little above the ramp's foot are still empty, HU: the rounding of interpolated values must not lend
 /// opacity to a neighbourhood that is flagged as empty, so that skipping it changes no bit of the picture.
 pub(super) const FOOT: f32 = 0.01;
+
+/// The ramp of opacity over HU: nothing is seen up to `lo`, everything is opaque from `hi`, linear between.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransferFunction {
+    lo: f32,
+    hi: f32,
+}
+
+impl TransferFunction {
+    /// A ramp from `lo` to `hi`, HU.
+    ///
+    /// # Errors
+    /// Wrong usage when a bound is not a finite 16-bit HU value or `lo` is not below `hi`.
+    pub fn new(lo: f32, hi: f32) -> Result<Self> {
+        let mend = "give LO,HI in HU with LO below HI, such as -800,-500";
+        let range = -32767.0..=32767.0;
+        if !range.contains(&lo) || !range.contains(&hi) {
+            return Err(Error::usage("--wall", format!("{lo},{hi} is not within ±32767 HU"), mend));
+        }
+        if lo >= hi {
+            return Err(Error::usage("--wall", format!("{lo} HU is not below {hi} HU"), mend));
+        }
+        Ok(Self { lo, hi })
+    }
+
+    /// Opacity begins above this value, HU.
+    pub fn lo(self) -> f32 {
+        self.lo
+    }
+
+    /// Opacity is 1 from this value on, HU.
+    pub fn hi(self) -> f32 {
+        self.hi
+    }
+
+    /// The wall itself: the ramp's middle, HU.
+    pub fn iso(self) -> f64 {
+        0.5 * (f64::from(self.lo) + f64::from(self.hi))
+    }
+}
+
+impl Default for TransferFunction {
+    /// −800 to −500 HU, the wall at −650.
+    fn default() -> Self {
+        Self { lo: -800.0, hi: -500.0 }
+    }
+}
 
 /// Opacity of one step along a ray.
 ///
@@ -78,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn opacity_is_that_of_the_contract() {
+    fn opacity_rises_linearly_and_falls_with_the_step() {
         let wall = TransferFunction::default();
         for power in -4..=2 {
             let ramp = Ramp::new(wall, power);
@@ -100,5 +147,15 @@ mod tests {
         assert_eq!(p.colour(-2000.0), Vec3::from_array(PALETTE[0]));
         assert!((p.colour(3000.0) - Vec3::from_array(PALETTE[1])).length() < 1e-6);
         assert!((p.colour(-450.0) - Vec3::new(0.925, 0.55, 0.45)).length() < 1e-6);
+    }
+
+    #[test]
+    fn a_wall_is_a_rising_finite_ramp() {
+        assert_eq!(TransferFunction::default().iso(), -650.0);
+        assert_eq!(TransferFunction::new(-800.0, -500.0).unwrap(), TransferFunction::default());
+        for (lo, hi) in [(0.0, 0.0), (1.0, 0.0), (f32::NAN, 0.0), (0.0, f32::INFINITY), (-1e6, 0.0)] {
+            let e = TransferFunction::new(lo, hi).unwrap_err();
+            assert_eq!(e.kind, crate::error::Kind::Usage);
+        }
     }
 }

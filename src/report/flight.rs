@@ -5,12 +5,10 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use crate::app::plan::{self, Wish};
-use crate::app::{FlightApp, Scene};
+use crate::app::{Scan, Scene, Wish};
 use crate::components::flight::State;
 use crate::components::output::LogLine;
 use crate::error::{Error, Result};
-use crate::fields::lumen;
 use crate::math::hash;
 use crate::progress::Progress;
 use crate::render::{PreparedVolume, View};
@@ -73,12 +71,11 @@ pub struct Flown {
 /// # Errors
 /// Status 4 where there is no colon to fly, or when interrupted.
 pub fn fly(space: &PreparedVolume, progress: &Progress) -> Result<Flown> {
-    let lumen = Arc::new(lumen::find(space.volume(), progress)?);
     let scene = Scene { log: true, ..Scene::default() };
-    let plan = plan::plan(space, &lumen, &Wish::default(), scene.body.radius_mm, progress)?;
-    let mut flight = FlightApp::new(space.clone(), lumen, plan, scene, None)?;
+    let mut scan = Scan::prepared(space.clone(), Arc::new(progress.clone()));
+    let mut flight = scan.flight(scene, &Wish::default())?;
     let hz = f64::from(flight.clock().hz);
-    progress.stage("flying", (flight.plan().length_mm / flight.scene().tentacles.cruise_mm_s * hz * 1.3) as u64);
+    progress.stage("flying", (flight.plan().length_mm / flight.scene().cruise_mm_s() * hz * 1.3) as u64);
     let mut log = Vec::new();
     while flight.flight().state == State::Flying && flight.clock().seconds() < SECONDS {
         flight.step()?;
@@ -92,8 +89,8 @@ pub fn fly(space: &PreparedVolume, progress: &Progress) -> Result<Flown> {
 }
 
 impl Flown {
-    /// `along` poses spread evenly over the flight, each after `lead` frames of it, and among them `jumps` to other places
-    /// of it, in an order and with turns that are random but always the same.
+    /// `along` poses spread evenly over the flight, each after `lead` frames of it, and among them `jumps` to other
+    /// places of it, in an order and with turns that are random but always the same.
     pub fn stops(&self, along: usize, jumps: usize, lead: usize) -> Vec<Stop> {
         let last = self.log.len() - 1;
         let at = |n: usize| Pose::of(&self.log[n.min(last)]);
@@ -116,8 +113,8 @@ impl Flown {
         stops
     }
 
-    /// `frames` poses of the flight, sixty a second from a quarter of it onwards, and whether the camera turned suddenly
-    /// to each: once in `every` frames it does, and looks there for half of them.
+    /// `frames` poses of the flight, sixty a second from a quarter of it onwards, and whether the camera turned
+    /// suddenly to each: once in `every` frames it does, and looks there for half of them.
     pub fn moving(&self, frames: usize, every: usize) -> Vec<(Pose, bool)> {
         let last = self.log.len() - 1;
         let step = (self.hz / 60.0).round().max(1.0) as usize;
@@ -157,7 +154,7 @@ mod tests {
 
     fn flown(n: usize) -> Flown {
         let line = |k: usize| LogLine {
-            t: k as f64 / 120.0,
+            t: k as f64 / f64::from(crate::dynamics::STEP_HZ),
             position: [k as f64 * 0.25, 0.0, 0.0],
             forward: [1.0, 0.0, 0.0],
             up: [0.0, 0.0, 1.0],
@@ -166,7 +163,7 @@ mod tests {
             state: State::Flying,
             guide: "tentacles".to_owned(),
         };
-        Flown { log: (0..n).map(line).collect(), hz: 120.0, state: State::Arrived }
+        Flown { log: (0..n).map(line).collect(), hz: f64::from(crate::dynamics::STEP_HZ), state: State::Arrived }
     }
 
     #[test]

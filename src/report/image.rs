@@ -56,8 +56,8 @@ fn blurred(map: &[f64], w: usize, h: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The share of pixels, 0 to 1, whose wall distance is off by more than `tolerance` mm; a wall where there is none, or none
-/// where there is one, is off.
+/// The share of pixels, 0 to 1, whose wall distance is off by more than `tolerance` mm; a wall where there is none, or
+/// none where there is one, is off.
 pub fn displaced(a: &[f32], b: &[f32], tolerance: f64) -> f64 {
     let off = |(a, b): (&f32, &f32)| match (a.is_finite(), b.is_finite()) {
         (true, true) => f64::from((a - b).abs()) > tolerance,
@@ -75,8 +75,8 @@ pub fn rms(psnr: f64) -> f64 {
 pub const WHITE_ERROR: u8 = 64;
 
 /// Reference, method and error side by side as a PNG: the error is the greatest of the three colours', from black over
-/// blue and orange to white at [`WHITE_ERROR`] levels. Pictures wider than `side` are reduced: colours to their mean, the
-/// error to its greatest, so that no fault is averaged away.
+/// blue and orange to white at [`WHITE_ERROR`] levels. Pictures wider than `side` are reduced: colours to their mean,
+/// the error to its greatest, so that no fault is averaged away.
 pub fn error_map(reference: &Frame, method: &Frame, side: usize) -> Vec<u8> {
     let (w, h) = (reference.width(), reference.height());
     let by = w.max(h).div_ceil(side.max(1)).max(1);
@@ -135,7 +135,7 @@ mod tests {
     use crate::render::psnr;
 
     fn frame(w: usize, h: usize, f: impl Fn(usize, usize) -> f64) -> Frame {
-        let mut frame = Frame::new(w, h, false);
+        let mut frame = Frame::new(w, h);
         for (n, p) in frame.buffers().0.iter_mut().enumerate() {
             *p = [f(n % w, n / w).clamp(0.0, 255.0).round() as u8; 3];
         }
@@ -159,8 +159,8 @@ mod tests {
 
     #[test]
     fn ssim_of_contrast_is_its_formula() {
-        // y = x/2 + m/2 about the window's mean m keeps the mean: only variances differ. A checkerboard's windows have the
-        // same mean and variance everywhere but for the Gaussian's last digits.
+        // y = x/2 + m/2 about the window's mean m keeps the mean: only variances differ. A checkerboard's windows have
+        // the same mean and variance everywhere but for the Gaussian's last digits.
         let board =
             |contrast: f64| frame(64, 64, move |x, y| 128.0 + if (x + y) % 2 == 0 { contrast } else { -contrast });
         let (vx, vy) = (40.0f64 * 40.0, 20.0f64 * 20.0);

@@ -1,30 +1,30 @@
-//! What `report render` compares. A new method is one more line here.
+//! The rendering methods that `report render` compares. A new method is one more line here.
 
-use super::parts::With;
+use super::parts::Accelerated;
 use crate::error::Result;
 use crate::render::fast::{Fast, Pixels};
 use crate::render::flags::Flags;
-use crate::render::gradients::{GradientVolume, Stored};
+use crate::render::gradient_store::{GradientVolume, Stored};
 use crate::render::leap::VoxelWalls;
 use crate::render::reuse::paper::Trace;
-use crate::render::reuse::{Refresh, Reusing, Rule, Words};
-use crate::render::{Classification, Direct, PreparedVolume, Preset, Quality, Renderer, Settings, renderer};
+use crate::render::reuse::{Refresh, Reusing, Rule, WordStorage};
+use crate::render::{Classification, Direct, PreparedVolume, Quality, Renderer, Reuse, Settings, presets, renderer};
 use crate::surface::{Mesh, Rasteriser};
 
-/// A way to make pictures.
+/// A rendering method.
 #[derive(Clone, Copy)]
-pub struct Method {
+pub struct RenderMethod {
     /// Its name in plots and tables.
     pub name: &'static str,
     /// Methods of one family have one colour.
     pub family: &'static str,
-    /// Makes it ready for a scan.
+    /// Makes the renderer for a scan.
     pub make: fn(&PreparedVolume) -> Result<Box<dyn Renderer>>,
-    /// What there is to know of it.
+    /// Its properties.
     pub traits: Traits,
 }
 
-/// What a report must know of a method.
+/// Properties of a method that the report takes into account.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traits {
     /// It keeps something from one frame to the next.
@@ -64,16 +64,16 @@ fn packets(space: &PreparedVolume, step_power: i32, pixels: Pixels) -> Result<Bo
 }
 
 fn reusing<R: Rule + 'static>(space: &PreparedVolume, refresh: Refresh) -> Result<Box<dyn Renderer>> {
-    Ok(Box::new(Reusing::<_, R>::new(Words::new(space), Settings::default(), refresh)))
+    Ok(Box::new(Reusing::<_, R>::new(WordStorage::new(space), Settings::default(), refresh)))
 }
 
 fn lean(space: &PreparedVolume) -> Result<Box<dyn Renderer>> {
-    let space = PreparedVolume::lean(space.shared_volume(), space.wall());
-    Ok(renderer(&space, Settings::default(), Preset::Lean, true))
+    let space = PreparedVolume::lean(space.shared_volume(), space.transfer());
+    Ok(renderer(&space, Settings::default(), presets::lean::PRESET, Reuse::Allowed))
 }
 
-/// What all others are measured against.
-pub const REFERENCE: Method = Method {
+/// The reference that all others are measured against.
+pub const REFERENCE: RenderMethod = RenderMethod {
     name: "reference h/8",
     family: "nothing skipped",
     make: |s| direct(s, Quality::Reference, -3, 1),
@@ -82,39 +82,39 @@ pub const REFERENCE: Method = Method {
 
 /// All methods.
 #[rustfmt::skip]
-pub const METHODS: &[Method] = &[
-    Method { name: "brute h/16", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -4, 1), traits: Traits { slow: true, ..PLAIN } },
-    Method { name: "brute h/4", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -2, 1), traits: PLAIN },
-    Method { name: "brute h/2", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -1, 1), traits: PLAIN },
-    Method { name: "brute h", family: "nothing skipped", make: |s| direct(s, Quality::Reference, 0, 1), traits: PLAIN },
-    Method { name: "high h/8", family: "flags, trilinear", make: |s| direct(s, Quality::High, -3, 1), traits: PLAIN },
-    Method { name: "high h/4", family: "flags, trilinear", make: |s| direct(s, Quality::High, -2, 1), traits: PLAIN },
-    Method { name: "high h/2", family: "flags, trilinear", make: |s| direct(s, Quality::High, -1, 1), traits: PLAIN },
-    Method { name: "high h", family: "flags, trilinear", make: |s| direct(s, Quality::High, 0, 1), traits: PLAIN },
-    Method { name: "high 2h", family: "flags, trilinear", make: |s| direct(s, Quality::High, 1, 1), traits: PLAIN },
-    Method { name: "low h/2", family: "flags, nearest voxel", make: |s| direct(s, Quality::Low, -1, 1), traits: PLAIN },
-    Method { name: "low h", family: "flags, nearest voxel", make: |s| direct(s, Quality::Low, 0, 1), traits: PLAIN },
-    Method { name: "filtered h/2", family: "filtered density", make: filtered, traits: OTHER },
-    Method { name: "2 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 2), traits: OTHER },
-    Method { name: "4 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 4), traits: OTHER },
-    Method { name: "16 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 16), traits: OTHER },
-    Method { name: "wall distance, voxels", family: "one acceleration", make: |s| Ok(Box::new(With::voxels(s))), traits: PLAIN },
-    Method { name: "wall distance, bricks", family: "one acceleration", make: |s| Ok(Box::new(With::bricks(s))), traits: PLAIN },
-    Method { name: "stored gradients", family: "one acceleration", make: |s| Ok(Box::new(With::stored(s))), traits: PLAIN },
-    Method { name: "gradient cache", family: "one acceleration", make: |s| Ok(Box::new(With::cache(s))), traits: PLAIN },
-    Method { name: "reuse, staggered", family: "one acceleration", make: |s| reusing::<f32>(s, Refresh::Staggered(16)), traits: KEEPS },
-    Method { name: "reuse, paper's rule", family: "one acceleration", make: |s| reusing::<Trace>(s, Refresh::KeyFrames(10)), traits: KEEPS },
-    Method { name: "preset colvis", family: "filtered density", make: |s| Ok(renderer(s, Settings::default(), Preset::Colvis, true)), traits: Traits { other_picture: true, ..KEEPS } },
-    Method { name: "preset lean", family: "flags, trilinear", make: lean, traits: PLAIN },
-    Method { name: "packets h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::All), traits: PLAIN },
-    Method { name: "packets h", family: "packets of rays", make: |s| packets(s, -1, Pixels::All), traits: PLAIN },
-    Method { name: "packets 2h", family: "packets of rays", make: |s| packets(s, 0, Pixels::All), traits: PLAIN },
-    Method { name: "default", family: "packets of rays", make: |s| packets(s, -1, Pixels::Needed), traits: PLAIN },
-    Method { name: "default h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::Needed), traits: PLAIN },
-    Method { name: "marching cubes", family: "indirect", make: |s| Ok(Box::new(Rasteriser::new(s)?)), traits: Traits { own_depth: true, ..PLAIN } },
+pub const METHODS: &[RenderMethod] = &[
+    RenderMethod { name: "brute h/16", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -4, 1), traits: Traits { slow: true, ..PLAIN } },
+    RenderMethod { name: "brute h/4", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -2, 1), traits: PLAIN },
+    RenderMethod { name: "brute h/2", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -1, 1), traits: PLAIN },
+    RenderMethod { name: "brute h", family: "nothing skipped", make: |s| direct(s, Quality::Reference, 0, 1), traits: PLAIN },
+    RenderMethod { name: "high h/8", family: "flags, trilinear", make: |s| direct(s, Quality::High, -3, 1), traits: PLAIN },
+    RenderMethod { name: "high h/4", family: "flags, trilinear", make: |s| direct(s, Quality::High, -2, 1), traits: PLAIN },
+    RenderMethod { name: "high h/2", family: "flags, trilinear", make: |s| direct(s, Quality::High, -1, 1), traits: PLAIN },
+    RenderMethod { name: "high h", family: "flags, trilinear", make: |s| direct(s, Quality::High, 0, 1), traits: PLAIN },
+    RenderMethod { name: "high 2h", family: "flags, trilinear", make: |s| direct(s, Quality::High, 1, 1), traits: PLAIN },
+    RenderMethod { name: "low h/2", family: "flags, nearest voxel", make: |s| direct(s, Quality::Low, -1, 1), traits: PLAIN },
+    RenderMethod { name: "low h", family: "flags, nearest voxel", make: |s| direct(s, Quality::Low, 0, 1), traits: PLAIN },
+    RenderMethod { name: "filtered h/2", family: "filtered density", make: filtered, traits: OTHER },
+    RenderMethod { name: "2 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 2), traits: OTHER },
+    RenderMethod { name: "4 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 4), traits: OTHER },
+    RenderMethod { name: "16 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 16), traits: OTHER },
+    RenderMethod { name: "wall distance, voxels", family: "one acceleration", make: |s| Ok(Box::new(Accelerated::voxels(s))), traits: PLAIN },
+    RenderMethod { name: "wall distance, bricks", family: "one acceleration", make: |s| Ok(Box::new(Accelerated::bricks(s))), traits: PLAIN },
+    RenderMethod { name: "stored gradients", family: "one acceleration", make: |s| Ok(Box::new(Accelerated::stored(s))), traits: PLAIN },
+    RenderMethod { name: "gradient cache", family: "one acceleration", make: |s| Ok(Box::new(Accelerated::cache(s))), traits: PLAIN },
+    RenderMethod { name: "reuse, staggered", family: "one acceleration", make: |s| reusing::<f32>(s, Refresh::Staggered(16)), traits: KEEPS },
+    RenderMethod { name: "reuse, paper's rule", family: "one acceleration", make: |s| reusing::<Trace>(s, Refresh::KeyFrames(10)), traits: KEEPS },
+    RenderMethod { name: "preset colvis", family: "filtered density", make: |s| Ok(renderer(s, Settings::default(), presets::colvis::PRESET, Reuse::Allowed)), traits: Traits { other_picture: true, ..KEEPS } },
+    RenderMethod { name: "preset lean", family: "flags, trilinear", make: lean, traits: PLAIN },
+    RenderMethod { name: "packets h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::All), traits: PLAIN },
+    RenderMethod { name: "packets h", family: "packets of rays", make: |s| packets(s, -1, Pixels::All), traits: PLAIN },
+    RenderMethod { name: "packets 2h", family: "packets of rays", make: |s| packets(s, 0, Pixels::All), traits: PLAIN },
+    RenderMethod { name: "default", family: "packets of rays", make: |s| packets(s, -1, Pixels::Needed), traits: PLAIN },
+    RenderMethod { name: "default h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::Needed), traits: PLAIN },
+    RenderMethod { name: "marching cubes", family: "indirect", make: |s| Ok(Box::new(Rasteriser::new(s)?)), traits: Traits { own_depth: true, ..PLAIN } },
 ];
 
-/// What a preparation is to the paper's claims.
+/// The role of a preparation in the paper's claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// The homogeneous-region flag.
@@ -132,16 +132,16 @@ pub enum Role {
 pub struct Preparation {
     /// Its name in tables.
     pub name: &'static str,
-    /// What it stands for.
+    /// Its role.
     pub role: Role,
     /// Builds it and returns how many bytes it takes.
     pub build: fn(&PreparedVolume) -> Result<usize>,
 }
 
-/// All preparations. One that the paper's claims compare with is one more line here; a claim without it is not told.
+/// All preparations. One that the paper's claims compare with is one more line here; a claim without it is left out.
 #[rustfmt::skip]
 pub const PREPARATIONS: &[Preparation] = &[
-    Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.volume(), s.wall()).bytes()) },
+    Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.volume(), s.transfer()).bytes()) },
     Preparation { name: "wall distance per voxel", role: Role::Field, build: |s| Ok(VoxelWalls::new(s).bytes()) },
     Preparation { name: "gradients near the wall", role: Role::Gradients, build: |s| Ok(GradientVolume::new(s, Stored::NearWall).bytes()) },
     Preparation { name: "marching cubes mesh", role: Role::Surface, build: |s| Ok(Mesh::new(s)?.bytes()) },

@@ -17,6 +17,30 @@ pub mod scenes;
 pub mod table;
 pub mod trials;
 
+/// How much a report measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// Less, in a small part of the time: to try a report, and for tests.
+    Quick,
+    /// All that the report's claims rest on.
+    Full,
+}
+
+impl Effort {
+    /// [`Effort::Quick`] where a quick report is asked for.
+    pub fn new(quick: bool) -> Self {
+        if quick { Self::Quick } else { Self::Full }
+    }
+
+    /// One of two values.
+    pub fn choose<T>(self, quick: T, full: T) -> T {
+        match self {
+            Self::Quick => quick,
+            Self::Full => full,
+        }
+    }
+}
+
 /// The value below which the share `p` (0 to 1) of `values` lies: nearest rank; not-a-number where there are none.
 pub fn quantile(values: &[f64], p: f64) -> f64 {
     let mut sorted = values.to_vec();

@@ -1,13 +1,15 @@
 //! The paper's accelerations one at a time, beside the flags alone: each a renderer that owns what it needs.
 
-use crate::render::begin::Anew;
-use crate::render::caster::Shot;
+use crate::render::begin::FromScratch;
+use crate::render::caster::ImageRequest;
 use crate::render::classify::ByValue;
-use crate::render::gradients::{GradientCache, GradientVolume, Stored, WithCache, WithStored};
+use crate::render::gradient_store::{
+    CachedGradientSampler, GradientCache, GradientVolume, Stored, StoredGradientSampler,
+};
 use crate::render::leap::{BrickLeap, BrickWalls, VoxelLeap, VoxelWalls};
 use crate::render::sampler::Trilinear;
 use crate::render::skip::Leap;
-use crate::render::{Frame, PreparedVolume, Renderer, Settings, View, Work};
+use crate::render::{Frame, MemoryPart, PreparedVolume, Renderer, Settings, View, Work};
 
 /// An acceleration.
 pub enum Part {
@@ -22,13 +24,13 @@ pub enum Part {
 }
 
 /// High detail with one acceleration.
-pub struct With {
+pub struct Accelerated {
     space: PreparedVolume,
     settings: Settings,
     part: Part,
 }
 
-impl With {
+impl Accelerated {
     /// High detail of `space` with `part`, which was made for it.
     pub fn new(space: &PreparedVolume, part: Part) -> Self {
         Self { space: space.clone(), settings: Settings::default(), part }
@@ -55,31 +57,37 @@ impl With {
     }
 }
 
-impl Renderer for With {
+impl Renderer for Accelerated {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
         let (space, settings) = (&self.space, &self.settings);
-        let shot = Shot { space, view, settings };
+        let request = ImageRequest { space, view, settings };
         let mut kept = vec![(); view.width() * view.height()];
         let (high, flags) = (Trilinear::new(space), Leap::<true>::new(space));
         match &self.part {
-            Part::Voxels(walls) => shot.image(&high, &VoxelLeap::<1>::new(walls), &ByValue, &Anew, &mut kept, frame),
-            Part::Bricks(walls) => {
-                shot.image(&high, &BrickLeap::<true>::new(space, walls), &ByValue, &Anew, &mut kept, frame)
+            Part::Voxels(walls) => {
+                request.image(&high, &VoxelLeap::<1>::new(walls), &ByValue, &FromScratch, &mut kept, frame)
             }
-            Part::Stored(s) => shot.image(&WithStored::new(space, s), &flags, &ByValue, &Anew, &mut kept, frame),
-            Part::Cache(c) => shot.image(&WithCache::new(space, c), &flags, &ByValue, &Anew, &mut kept, frame),
+            Part::Bricks(walls) => {
+                request.image(&high, &BrickLeap::<true>::new(space, walls), &ByValue, &FromScratch, &mut kept, frame)
+            }
+            Part::Stored(s) => {
+                request.image(&StoredGradientSampler::new(space, s), &flags, &ByValue, &FromScratch, &mut kept, frame)
+            }
+            Part::Cache(c) => {
+                request.image(&CachedGradientSampler::new(space, c), &flags, &ByValue, &FromScratch, &mut kept, frame)
+            }
         }
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
-        let flags = ("homogeneous-region flags", self.space.bytes());
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        let flags = (MemoryPart::Flags, self.space.bytes());
         vec![
             flags,
             match &self.part {
-                Part::Voxels(w) => ("wall distance per voxel", w.bytes()),
-                Part::Bricks(w) => ("wall distance per brick", w.bytes()),
-                Part::Stored(s) => ("gradients ahead of time", s.bytes()),
-                Part::Cache(c) => ("gradient cache", c.bytes()),
+                Part::Voxels(w) => (MemoryPart::VoxelDistances, w.bytes()),
+                Part::Bricks(w) => (MemoryPart::BrickDistances, w.bytes()),
+                Part::Stored(s) => (MemoryPart::StoredGradients, s.bytes()),
+                Part::Cache(c) => (MemoryPart::GradientCache, c.bytes()),
             },
         ]
     }

@@ -245,8 +245,8 @@ impl Axis {
         self.pixels[0] + (t * f64::from(self.pixels[1] - self.pixels[0])).round() as i32
     }
 
-    /// Where lines are drawn, and whether they are labelled: 1, 2 and 5 of each decade, all where those are few, decades
-    /// alone where there are many.
+    /// Where lines are drawn, and whether they are labelled: 1, 2 and 5 of each decade, all where those are few,
+    /// decades alone where there are many.
     fn ticks(&self) -> Vec<(f64, bool)> {
         let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
         let wide = last - first > 5;

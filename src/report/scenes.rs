@@ -1,23 +1,21 @@
-//! `report scenes`: what leaving out saves, in bytes and milliseconds.
+//! `report scenes`: what each part that a scene leaves out saves, in bytes and milliseconds.
 
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use crate::app::explain::explain;
-use crate::app::flight::ImageSettings;
-use crate::app::plan::{self, Plan, Wish};
-use crate::app::{FlightApp, Guide, Scene};
+use crate::app::{FlightApp, ImageSettings, Plan, Scan, Scene, Steering, Wish};
 use crate::error::Result;
-use crate::fields::{Lumen, lumen};
+use crate::fields::Lumen;
 use crate::progress::Progress;
 use crate::render::flags::Flags;
-use crate::render::{PreparedVolume, Preset, Settings};
+use crate::render::{PreparedVolume, Settings};
 
-use super::median;
 use super::page::Page;
 use super::plot::{Plot, Point, Series};
 use super::table::{Cell, Table};
+use super::{Effort, median};
 
 /// Steps between two looks at the clock.
 const CHUNK: usize = 24;
@@ -44,7 +42,7 @@ const PARTS: [(&str, LeaveOut); 6] = [
     ("watch", |s| s.watch = None),
     ("log", |s| s.log = false),
     ("operator", |s| s.operator = false),
-    ("tentacles (flown by hand)", |s| s.guide = Some(Guide::Manual)),
+    ("tentacles (flown by hand)", |s| s.steering = Steering::Guide("manual")),
 ];
 
 /// A scene at work.
@@ -59,7 +57,7 @@ struct Running {
     systems: usize,
 }
 
-/// What a scene costs.
+/// The cost of a scene.
 #[derive(Clone, Debug)]
 struct Cost {
     name: String,
@@ -71,20 +69,20 @@ struct Cost {
     systems: usize,
 }
 
-/// Measures and writes the report into `folder`. Returns what was found, a sentence each.
+/// Measures and writes the report into `folder`. Returns the findings, a sentence each.
 ///
 /// # Errors
 /// Status 4 when the scan cannot be flown or when interrupted, 5 when a file cannot be written.
-pub fn report(space: &PreparedVolume, quick: bool, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
-    let (rounds, pixels) = if quick { (12, 256) } else { (60, 512) };
+pub fn report(space: &PreparedVolume, effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+    let (rounds, pixels) = effort.choose((12, 256), (60, 512));
     let begun = Instant::now();
-    let flags = Flags::new(space.volume(), space.wall());
+    let flags = Flags::new(space.volume(), space.transfer());
     let flags_s = begun.elapsed().as_secs_f64();
-    let begun = Instant::now();
-    let lumen = Arc::new(lumen::find(space.volume(), progress)?);
-    let lumen_s = begun.elapsed().as_secs_f64();
+    let mut scan = Scan::prepared(space.clone(), Arc::new(progress.clone()));
+    let lumen = scan.lumen()?;
+    let lumen_s: f64 = scan.timings().parts().iter().map(|p| p.1).sum();
     let default = Scene::default();
-    let plan = plan::plan(space, &lumen, &Wish::default(), default.body.radius_mm, progress)?;
+    let plan = scan.plan(&Wish::default(), default.body.radius_mm)?;
     let full = Scene { picture: true, log: true, operator: true, ..Scene::default() };
     let mut scenes = vec![("default".to_owned(), default), ("everything".to_owned(), full.clone())];
     for (name, text) in SHIPPED {
@@ -123,13 +121,10 @@ impl Running {
     ) -> Result<Self> {
         let picture = scene.picture;
         let settings = scene.render.apply(Settings::default());
-        let image =
-            ImageSettings { width: pixels, height: pixels, fov_degrees: 90.0, settings, preset: Preset::Default };
+        let image = ImageSettings { width: pixels, height: pixels, settings, ..ImageSettings::default() };
+        let scene = Scene { image, ..scene.clone() };
         let mut scene_ms = Vec::new();
-        let make = || {
-            let image = picture.then(|| image.clone());
-            FlightApp::new(space.clone(), Arc::clone(lumen), plan.clone(), scene.clone(), image)
-        };
+        let make = || FlightApp::new(space.clone(), Arc::clone(lumen), plan.clone(), scene.clone());
         for _ in 0..3 {
             let begun = Instant::now();
             drop(make()?);
@@ -246,7 +241,7 @@ fn write(
     Ok(findings)
 }
 
-/// Two sentences of what the numbers say.
+/// The findings, in two sentences.
 fn findings(full: &Cost, parts: &[&Cost]) -> Vec<String> {
     let saves = |c: &Cost| full.step_us - c.step_us;
     let part = |c: &Cost| c.name.trim_start_matches("without ").to_owned();

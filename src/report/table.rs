@@ -50,7 +50,7 @@ impl Table {
         self.rows.push(cells);
     }
 
-    /// Whether there is nothing in it.
+    /// Whether it has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
@@ -99,7 +99,7 @@ impl Table {
     }
 }
 
-/// Text that HTML shows as it is.
+/// Text escaped for HTML.
 pub fn escape(s: &str) -> String {
     s.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

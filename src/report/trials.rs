@@ -1,4 +1,4 @@
-//! Trial flights: the same course flown with other settings, and what came of it.
+//! Trial flights: the same course flown with different settings, and the results.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -6,60 +6,56 @@ use std::time::Instant;
 use glam::{DMat3, DVec3};
 
 use crate::app::plan::{self, Plan, Wish};
-use crate::app::{FlightApp, Scene};
+use crate::app::{FlightApp, Scan, Scene};
 use crate::components::clock::Clock;
 use crate::components::flight::State;
 use crate::error::{Error, Result};
 use crate::fields::{Lumen, lumen};
-use crate::phantom::{Phantom, Settings, Size, Truth};
+use crate::phantom::{Phantom, PhantomSettings, Size, Truth};
 use crate::plane::drawing::Drawing;
 use crate::progress::Progress;
 use crate::render::{PreparedVolume, TransferFunction};
+use crate::report::Effort;
 use crate::volume::{Grid, Volume};
 
-/// Something to fly through, from end to end.
+/// A volume to fly through, from end to end.
 pub struct Course {
     /// The volume.
     pub space: PreparedVolume,
     /// Its colon.
     pub lumen: Arc<Lumen>,
-    /// From which end to which.
+    /// Start and goal.
     pub plan: Plan,
-    /// Its true centerline, where it is a phantom.
+    /// Its ground truth, if it is a phantom.
     pub truth: Option<Truth>,
 }
 
 impl Course {
-    /// A course through a volume, from its rectal end or, `reverse`, to it.
+    /// A course through a volume, from its rectal end to its cecal one.
     ///
     /// # Errors
     /// Status 4 where there is no colon to fly or when interrupted.
-    pub fn new(space: PreparedVolume, truth: Option<Truth>, reverse: bool, progress: &Progress) -> Result<Self> {
-        let lumen = Arc::new(lumen::find(space.volume(), progress)?);
-        let wish = Wish { reverse, ..Wish::default() };
-        let plan = plan::plan(&space, &lumen, &wish, Scene::default().body.radius_mm, progress)?;
-        Ok(Self { space, lumen, plan, truth })
+    pub fn new(space: PreparedVolume, truth: Option<Truth>, progress: &Progress) -> Result<Self> {
+        let mut scan = Scan::prepared(space.clone(), Arc::new(progress.clone()));
+        let plan = scan.plan(&Wish::default(), Scene::default().body.radius_mm)?;
+        Ok(Self { space, lumen: scan.lumen()?, plan, truth })
     }
 
     /// A course through a phantom.
     ///
     /// # Errors
     /// As [`Course::new`].
-    pub fn phantom(settings: &Settings, progress: &Progress) -> Result<Self> {
+    pub fn phantom(settings: &PhantomSettings, progress: &Progress) -> Result<Self> {
         let phantom = Phantom::new(settings);
         let volume = phantom.voxelise(&phantom.grid(), progress)?;
-        Self::new(
-            PreparedVolume::new(Arc::new(volume), TransferFunction::default()),
-            Some(phantom.truth()),
-            false,
-            progress,
-        )
+        Self::new(PreparedVolume::new(Arc::new(volume), TransferFunction::default()), Some(phantom.truth()), progress)
     }
 
     /// A drawn lumen, 18 mm high, from its start to its goal: in voxels of 1 mm, so that four pixels make one.
     ///
     /// # Errors
-    /// Status 2 where no start or goal is drawn, 3 where the drawing is no volume, 4 where nothing is open at the start.
+    /// Status 2 where no start or goal is drawn, 3 where the drawing is no volume, 4 where nothing is open at the
+    /// start.
     pub fn drawn(drawing: &Drawing, progress: &Progress) -> Result<Self> {
         let unmarked = || Error::usage("drawing", "it has no start or no goal", "mark them in red and green");
         let (start, goal) = (drawing.start.ok_or_else(unmarked)?, drawing.goal.ok_or_else(unmarked)?);
@@ -109,16 +105,21 @@ impl Course {
     }
 }
 
-/// The courses that small studies are flown on: small phantoms with folds, polyps and noise, six or, `quick`, two.
+/// The courses that small studies are flown on: small phantoms with folds, polyps and noise, six, or two for a quick
+/// report.
 ///
 /// # Errors
 /// As [`Course::new`].
-pub fn small_phantoms(quick: bool, progress: &Progress) -> Result<Vec<Course>> {
-    let seeds = 1..=if quick { 2 } else { 6 };
-    seeds.map(|seed| Course::phantom(&Settings { size: Size::Small, seed, ..Settings::default() }, progress)).collect()
+pub fn small_phantoms(effort: Effort, progress: &Progress) -> Result<Vec<Course>> {
+    let seeds = 1..=effort.choose(2, 6);
+    seeds
+        .map(|seed| {
+            Course::phantom(&PhantomSettings { size: Size::Small, seed, ..PhantomSettings::default() }, progress)
+        })
+        .collect()
 }
 
-/// What came of a flight.
+/// The result of a flight.
 #[derive(Clone, Debug)]
 pub struct Trial {
     /// How it ended.
@@ -127,7 +128,7 @@ pub struct Trial {
     pub reason: String,
     /// Simulated seconds.
     pub seconds: f64,
-    /// Way flown, mm.
+    /// Distance flown, mm.
     pub length_mm: f64,
     /// Places at which another way was looked for.
     pub escapes: u32,
@@ -148,14 +149,14 @@ impl Trial {
     }
 }
 
-/// Flies a course with a scene, for at most so many simulated seconds.
+/// Flies a course with a scene, for at most `seconds` simulated seconds.
 ///
 /// # Errors
 /// Status 2 for a scene that makes no sense.
 pub fn fly(course: &Course, scene: &Scene, seconds: f64) -> Result<Trial> {
     let scene = Scene { log: true, ..scene.clone() };
     let (space, lumen) = (course.space.clone(), Arc::clone(&course.lumen));
-    let mut flight = FlightApp::new(space, lumen, course.plan.clone(), scene, None)?;
+    let mut flight = FlightApp::new(space, lumen, course.plan.clone(), scene)?;
     let steps = (seconds * f64::from(Clock::default().hz)) as usize;
     let mut log = Vec::new();
     let begun = Instant::now();
@@ -194,8 +195,8 @@ fn offset(places: &[DVec3], truth: &Truth) -> f64 {
     super::mean(&places.iter().step_by(12).map(share).collect::<Vec<_>>())
 }
 
-/// Root mean square of the third differences of the places over a twentieth of a second, after the first second: what is
-/// shorter is rounding, and setting out is no chatter.
+/// Root mean square of the third differences of the places over a twentieth of a second, after the first second: what
+/// is shorter is rounding, and the start is not chatter.
 fn jerk(places: &[DVec3], dt: f64) -> f64 {
     const EVERY: usize = 6;
     let h = dt * EVERY as f64;

@@ -1,10 +1,10 @@
 //! The cases of marching cubes: which edges of a cell the wall crosses, joined to triangles.
 //!
-//! Corner c of a cell lies at (c & 1, c >> 1 & 1, c >> 2). Edge 4a + n runs along axis a from its lower corner; n holds the
-//! two other coordinates of that corner, the next axis (cyclic) in bit 0. On each face of the cell, walked round
-//! counter-clockwise as seen from outside, the wall leaves through an edge that goes from solid to gas and comes in through
-//! one that goes from gas to solid. Every crossed edge is left through in one of its two faces and entered in the other, so
-//! following the faces gives closed loops, which are then cut into triangles.
+//! Corner c of a cell lies at (c & 1, c >> 1 & 1, c >> 2). Edge 4a + n runs along axis a from its lower corner; n holds
+//! the two other coordinates of that corner, the next axis (cyclic) in bit 0. On each face of the cell, walked round
+//! counter-clockwise as seen from outside, the wall leaves through an edge that goes from solid to gas and comes in
+//! through one that goes from gas to solid. Every crossed edge is left through in one of its two faces and entered in
+//! the other, so following the faces gives closed loops, which are then cut into triangles.
 
 use std::sync::LazyLock;
 
@@ -44,25 +44,25 @@ fn faces_of(e: u8) -> [usize; 2] {
     [1, 2].map(|n| 2 * ((a + n) % 3) + low[(a + n) % 3])
 }
 
-/// Whether a cut between two edges' vertices must not be: it would run along a face, and the cell beyond might cut the same
-/// way, so that four triangles met in one side. Some loops through several faces cannot do without, so a cell may join
-/// the two edges along axis a + 1 of its face on the low side of axis a, and those along a + 2 on the high side: never
-/// what its neighbour may.
+/// Whether a cut between two edges' vertices must not be: it would run along a face, and the cell beyond might cut the
+/// same way, so that four triangles met in one side. Some loops through several faces cannot do without, so a cell may
+/// join the two edges along axis a + 1 of its face on the low side of axis a, and those along a + 2 on the high side:
+/// never what its neighbour may.
 fn clashes(e: u8, f: u8) -> bool {
     let may = |face: usize| e / 4 == f / 4 && usize::from(e / 4) == (face / 2 + 1 + face % 2) % 3;
     faces_of(e).into_iter().any(|face| faces_of(f).contains(&face) && !may(face))
 }
 
-/// The faces (bit f: face f) of a cell with the given `solid` corners whose corners alternate round the face: two readings
-/// are possible.
+/// The faces (bit f: face f) of a cell with the given `solid` corners whose corners alternate round the face: two
+/// readings are possible.
 pub fn ambiguous_faces(solid: u8) -> u8 {
     let is = |c: u8| solid >> c & 1 == 1;
     let alternates = |f: &[u8; 4]| is(f[0]) == is(f[2]) && is(f[1]) == is(f[3]) && is(f[0]) != is(f[1]);
     FACES.iter().enumerate().fold(0, |set, (n, f)| set | u8::from(alternates(f)) << n)
 }
 
-/// Whether the solid corners of an ambiguous face are joined across it: the value at the saddle of its bilinear function
-/// is solid. `above` is how far each corner of the cell lies above the wall.
+/// Whether the solid corners of an ambiguous face are joined across it: the value at the saddle of its bilinear
+/// function is solid. `above` is how far each corner of the cell lies above the wall.
 pub fn is_joined(face: usize, above: &[f64; 8]) -> bool {
     let [a, b, c, d] = FACES[face].map(|c| above[usize::from(c)]);
     // The saddle's value is (ac − bd) / (a + c − b − d), and the divisor has the sign of a.
@@ -147,8 +147,9 @@ static CASES: LazyLock<Cases> = LazyLock::new(|| {
     cases
 });
 
-/// The triangles of a cell with the given `solid` corners (bit c: corner c), each three edges, counter-clockwise as seen
-/// from the gas in right-handed coordinates. `joined` tells of each ambiguous face whether its solid corners are joined.
+/// The triangles of a cell with the given `solid` corners (bit c: corner c), each three edges, counter-clockwise as
+/// seen from the gas in right-handed coordinates. `joined` tells of each ambiguous face whether its solid corners are
+/// joined.
 pub fn triangles(solid: u8, joined: u8) -> &'static [[u8; 3]] {
     let cases = &*CASES;
     let (first, last) = cases.ranges[64 * usize::from(solid) + usize::from(joined & ambiguous_faces(solid))];

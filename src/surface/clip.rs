@@ -1,7 +1,7 @@
 //! Triangles before the camera, on the screen.
 //!
-//! The camera is inside the mesh, so triangles reach behind it: they are cut off at a plane just before it. A side that two
-//! triangles share is cut at the same point of both, because it is always walked from its end in front.
+//! The camera is inside the mesh, so triangles reach behind it: they are cut off at a plane just before it. A side that
+//! two triangles share is cut at the same point of both, because it is always walked from its end in front.
 
 use glam::Vec3;
 

@@ -8,7 +8,7 @@ use super::mesh::{Block, Mesh, Normal};
 use super::signs::{Numbers, Signs};
 use crate::error::{Error, Result};
 use crate::render::PreparedVolume;
-use crate::render::gradient::to_world;
+use crate::render::regression::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
 use crate::volume::Volume;
 
@@ -17,7 +17,7 @@ const BLOCK: usize = 4;
 
 /// See [`Mesh::new`].
 pub(super) fn extract(space: &PreparedVolume) -> Result<Mesh> {
-    let (volume, iso) = (space.volume(), space.wall().iso());
+    let (volume, iso) = (space.volume(), space.transfer().iso());
     let signs = Signs::new(volume, iso);
     let numbers = Numbers::new(&signs);
     // Some two triangles a vertex, five at the most.
@@ -37,7 +37,7 @@ fn value(volume: &Volume, [x, y, z]: [usize; 3]) -> f64 {
 
 /// A vertex for each crossed edge: where the value between the two voxels, which is linear, is that of the wall.
 fn vertices(space: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<Vec3>, Vec<Normal>) {
-    let (volume, iso) = (space.volume(), space.wall().iso());
+    let (volume, iso) = (space.volume(), space.transfer().iso());
     let total = numbers.total() as usize;
     let mut places = vec![Vec3::ZERO; total];
     let mut normals = vec![Normal::NONE; total];

@@ -14,7 +14,7 @@ pub struct Block {
     pub radius: f32,
     /// First triangle.
     pub first: u32,
-    /// How many.
+    /// Number of triangles.
     pub count: u32,
 }
 
@@ -55,7 +55,8 @@ impl Mesh {
         self.origin + self.places[vertex as usize].as_dvec3()
     }
 
-    /// The unit normal at a vertex, from the volume's gradient there, into the tissue (world); zero where the gradient is.
+    /// The unit normal at a vertex, from the volume's gradient there, into the tissue (world); zero where the gradient
+    /// is.
     pub fn normal(&self, vertex: u32) -> Vec3 {
         self.normals[vertex as usize].vector()
     }
@@ -70,7 +71,7 @@ impl Mesh {
         &self.blocks
     }
 
-    /// Memory.
+    /// Size in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.places.as_slice())
             + size_of_val(self.normals.as_slice())

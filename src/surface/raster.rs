@@ -1,8 +1,8 @@
 //! Pictures of the mesh by a z-buffer.
 //!
 //! Blocks of triangles outside the view are left out, the others sorted from near to far and handed to the tiles of the
-//! screen that they may touch. A tile is finished when the next block is farther than everything in it: what lies behind
-//! the wall costs nothing. Pixels are shaded at the end, once each, by the ray through their centre.
+//! screen that they may touch. A tile is finished when the next block is farther than everything in it: what lies
+//! behind the wall costs nothing. Pixels are shaded at the end, once each, by the ray through their centre.
 
 use std::sync::Arc;
 
@@ -13,16 +13,17 @@ use super::clip::{Corner, Screen};
 use super::mesh::{Block, Mesh};
 use super::tile::{NONE, TILE, Tile};
 use crate::error::Result;
-use crate::render::gradient::to_world;
+use crate::render::regression::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::shade::{AMBIENT, DIFFUSE};
 use crate::render::transfer::Palette;
-use crate::render::{Frame, PreparedVolume, Renderer, View, Work, value};
+use crate::render::{CameraRay, Frame, MemoryPart, PreparedVolume, Renderer, Settings, View, Work, render, value};
 
 /// Nearest that a triangle is drawn, as a share of the smallest spacing.
 const NEAR: f64 = 0.02;
 
-/// The indirect method as a renderer. Opacity is that of a surface: full at the wall.
+/// The indirect method as a renderer. Opacity is that of a surface: full at the wall. Triangles stay straight in the images of
+/// perspective cameras alone: those of others are made by the direct method, ray by ray.
 pub struct Rasteriser {
     space: PreparedVolume,
     mesh: Arc<Mesh>,
@@ -51,9 +52,9 @@ struct Eye {
 }
 
 impl Eye {
-    fn new(view: &View, mesh: &Mesh, near: f32) -> Self {
+    fn new(view: &View, tangent: f64, mesh: &Mesh, near: f32) -> Self {
         let size = [view.width(), view.height()];
-        let focal = 0.5 * size[0].min(size[1]) as f64 / (0.5 * view.fov_degrees().to_radians()).tan();
+        let focal = 0.5 * size[0].min(size[1]) as f64 / tangent;
         let at = view.position() - mesh.origin();
         Self {
             at,
@@ -112,7 +113,7 @@ impl Rasteriser {
 
     /// Draws `mesh`, the wall of `space`.
     pub fn of(space: &PreparedVolume, mesh: Arc<Mesh>) -> Self {
-        let colour = Palette::default().colour(space.wall().iso() as f32);
+        let colour = Palette::default().colour(space.transfer().iso() as f32);
         Self { space: space.clone(), mesh, colour }
     }
 
@@ -136,7 +137,7 @@ impl Rasteriser {
         let (width, rays) = (view.width(), (view.width() * view.height()) as u64);
         let (pixels, depth) = frame.buffers();
         for (n, p) in pixels.iter_mut().enumerate() {
-            *p = self.shade(normal, view.ray(n % width, n / width).as_vec3());
+            *p = view.ray(n % width, n / width).map_or([0; 3], |ray| self.shade(normal, ray.direction.as_vec3()));
         }
         if let Some(depth) = depth {
             depth.fill(0.0);
@@ -170,7 +171,7 @@ impl Rasteriser {
 
     /// Colour and depth of a pixel that sees triangle `id`.
     fn pixel(&self, eye: &Eye, view: &View, id: u32, x: usize, y: usize) -> ([u8; 3], f32) {
-        let direction = view.ray(x, y);
+        let Some(CameraRay { direction, .. }) = view.ray(x, y) else { return ([0; 3], f32::INFINITY) };
         let vertices = self.mesh.triangles[id as usize];
         let [a, b, c] = vertices.map(|v| self.mesh.places[v as usize].as_dvec3() - eye.at);
         // The ray meets the triangle's plane where these three volumes balance (Möller and Trumbore 1997).
@@ -190,12 +191,15 @@ impl Rasteriser {
 
 impl Renderer for Rasteriser {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        let Some(tangent) = view.camera().tangent() else {
+            return render(&self.space, view, &Settings::default(), frame);
+        };
         frame.resize(view.width(), view.height());
-        if f64::from(value(&self.space, view.position())) >= self.space.wall().iso() {
+        if f64::from(value(&self.space, view.position())) >= self.space.transfer().iso() {
             return self.blind(view, frame);
         }
         let near = (self.space.volume().grid().min_spacing() * NEAR) as f32;
-        let eye = Eye::new(view, &self.mesh, near);
+        let eye = Eye::new(view, tangent, &self.mesh, near);
         let look = |(n, block)| eye.look(n, block);
         let mut seen: Vec<Seen> = self.mesh.blocks.par_iter().enumerate().filter_map(look).collect();
         seen.par_sort_unstable_by(|a, b| a.nearest.total_cmp(&b.nearest).then(a.block.cmp(&b.block)));
@@ -245,7 +249,7 @@ impl Renderer for Rasteriser {
         work.reduce(Work::default, |a, b| a + b)
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
-        vec![("mesh", self.mesh.bytes())]
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        vec![(MemoryPart::Mesh, self.mesh.bytes())]
     }
 }

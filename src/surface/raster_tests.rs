@@ -35,7 +35,7 @@ fn the_picture_is_near_that_of_the_rays() {
         (DVec3::new(20.0, 24.0, 40.0), DVec3::new(1.0, 0.3, -0.2)),
     ] {
         let v = view(&space, voxel, forward, 90.0, [150, 130]);
-        let (mut rays, mut mesh) = (Frame::new(1, 1, true), Frame::new(1, 1, true));
+        let (mut rays, mut mesh) = (Frame::with_depth(1, 1), Frame::with_depth(1, 1));
         render(&space, &v, &Settings::default(), &mut rays);
         let work = raster.render(&v, &mut mesh);
         assert_eq!(work.rays, 150 * 130);
@@ -70,7 +70,7 @@ fn no_hole_from_anywhere_in_the_gas() {
         .collect();
     let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
     let mut raster = Rasteriser::new(&space).unwrap();
-    let mut frame = Frame::new(1, 1, true);
+    let mut frame = Frame::with_depth(1, 1);
     for n in 0..60 {
         let u = |k| hash::uniform(n, k);
         let voxel = DVec3::new(3.0 + 5.0 * u(0), 3.0 + 5.0 * u(1), 3.0 + 5.0 * u(2));
@@ -87,7 +87,7 @@ fn no_hole_from_anywhere_in_the_gas() {
 fn in_the_tissue_and_outside() {
     let space = tube(32);
     let mut raster = Rasteriser::new(&space).unwrap();
-    let mut frame = Frame::new(1, 1, true);
+    let mut frame = Frame::with_depth(1, 1);
     raster.render(&view(&space, DVec3::new(2.0, 3.0, 15.0), DVec3::X, 90.0, [20, 20]), &mut frame);
     assert!(frame.depth().unwrap().iter().all(|&d| d == 0.0));
     raster.render(&view(&space, DVec3::new(-60.0, 15.5, 15.5), DVec3::X, 60.0, [64, 64]), &mut frame);
@@ -102,7 +102,7 @@ fn empty_volumes_and_odd_sizes() {
     let grid = Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let empty = PreparedVolume::new(Arc::new(Volume::new(grid, vec![-1000; 8])), TransferFunction::default());
     let mut raster = Rasteriser::new(&empty).unwrap();
-    let mut frame = Frame::new(1, 1, false);
+    let mut frame = Frame::new(1, 1);
     for size in [[1, 1], [33, 1], [1, 65], [31, 32]] {
         let work = raster.render(&view(&empty, DVec3::splat(0.5), DVec3::Z, 90.0, size), &mut frame);
         assert_eq!(work.rays, (size[0] * size[1]) as u64);
@@ -117,7 +117,7 @@ fn any_number_of_threads_draws_the_same() {
     let v = view(&space, DVec3::splat(19.5), DVec3::new(0.3, 0.2, 1.0), 100.0, [200, 90]);
     let draw = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let mut frame = Frame::new(1, 1, true);
+        let mut frame = Frame::with_depth(1, 1);
         let work = pool.install(|| Rasteriser::of(&space, Arc::clone(&mesh)).render(&v, &mut frame));
         (frame, work)
     };

@@ -77,7 +77,8 @@ impl Signs {
         }
     }
 
-    /// Cells from the voxels of word `w` of row (`y`, `z`) whose corners are not all alike. `y` and `z` have a next row.
+    /// Cells from the voxels of word `w` of row (`y`, `z`) whose corners are not all alike. `y` and `z` have a next
+    /// row.
     pub fn mixed(&self, y: usize, z: usize, w: usize) -> u64 {
         let rows = [(y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1)];
         let (mut any, mut all) = (0, u64::MAX);
@@ -130,7 +131,7 @@ impl Numbers {
         Self { words, rows: totals, before }
     }
 
-    /// How many vertices there are.
+    /// Number of vertices.
     pub fn total(&self) -> u64 {
         self.rows.last().copied().unwrap_or(0)
     }

@@ -1,7 +1,7 @@
 //! A tile of the screen: which triangle is nearest in each pixel.
 //!
-//! Pixels are decided by exact integer edge functions with the top-left rule (Pineda 1988), so that triangles which share a
-//! side leave no gap and cover no pixel twice.
+//! Pixels are decided by exact integer edge functions with the top-left rule (Pineda 1988), so that triangles which
+//! share a side leave no gap and cover no pixel twice.
 
 use super::clip::{Corner, SUB};
 
@@ -26,7 +26,7 @@ pub struct Tile {
 }
 
 impl Tile {
-    /// A tile without triangles whose corner is the pixel (`left`, `top`), with so many pixels on the screen.
+    /// A tile without triangles whose corner is the pixel (`left`, `top`), with `size` pixels on the screen.
     pub fn new(left: usize, top: usize, size: [usize; 2]) -> Self {
         let size = size.map(|n| n.min(TILE));
         Self {

@@ -36,7 +36,7 @@ impl Volume {
         &self.data
     }
 
-    /// Size of the values in memory.
+    /// Size of the values in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.data.as_slice())
     }

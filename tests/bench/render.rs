@@ -8,19 +8,23 @@ use std::hint::black_box;
 use std::sync::Arc;
 
 use colvis::math::hash;
-use colvis::phantom::{Phantom, Settings as PhantomSettings, Size};
+use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
-use colvis::render::begin::Anew;
+use colvis::render::begin::FromScratch;
 use colvis::render::bytes::{ByteNearest, ByteTrilinear, ByteVolume};
-use colvis::render::caster::Shot;
+use colvis::render::caster::ImageRequest;
 use colvis::render::classify::{ByDensity, ByValue};
-use colvis::render::gradients::{GradientCache, GradientVolume, Stored, WithCache, WithStored};
+use colvis::render::gradient_store::{
+    CachedGradientSampler, GradientCache, GradientVolume, Stored, StoredGradientSampler,
+};
 use colvis::render::leap::{BrickLeap, BrickWalls, VoxelLeap, VoxelWalls};
 use colvis::render::reuse::paper::Trace;
-use colvis::render::reuse::{Refresh, Reusing, Words};
+use colvis::render::reuse::{Refresh, Reusing, WordStorage};
 use colvis::render::sampler::{Nearest, Sampler, Trilinear};
 use colvis::render::skip::{Everything, Leap};
-use colvis::render::{Frame, PreparedVolume, Preset, Quality, Renderer, Settings, TransferFunction, View, renderer};
+use colvis::render::{
+    Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, presets, renderer,
+};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};
 
@@ -50,6 +54,7 @@ fn places(space: &PreparedVolume) -> Vec<Vec3> {
     (0..200_000).map(place).filter(near).flat_map(|q| (0..8).map(move |n| q + 0.3 * n as f32)).take(20_000).collect()
 }
 
+/// Each part on its own: a list of what is measured, one after the other.
 fn parts(c: &mut Criterion) {
     let (space, views) = scene();
     let s = &space;
@@ -83,14 +88,14 @@ fn parts(c: &mut Criterion) {
     let mut group = c.benchmark_group("gradients at 20 000 places");
     let fits = |f: &dyn Fn(Vec3) -> Vec3| places.iter().map(|&q| f(q)).sum::<Vec3>();
     group.bench_function("computed", |b| b.iter(|| fits(&|q| high.gradient(q))));
-    let (with_stored, with_cache) = (WithStored::new(s, &stored), WithCache::new(s, &cache));
+    let (with_stored, with_cache) = (StoredGradientSampler::new(s, &stored), CachedGradientSampler::new(s, &cache));
     group.bench_function("ahead of time", |b| b.iter(|| fits(&|q| with_stored.gradient(q))));
     group.bench_function("cached", |b| b.iter(|| fits(&|q| with_cache.gradient(q))));
     group.finish();
 
     let mut group = c.benchmark_group("preparing");
     group.sample_size(10);
-    group.bench_function("flags", |b| b.iter(|| PreparedVolume::new(s.shared_volume(), s.wall())));
+    group.bench_function("flags", |b| b.iter(|| PreparedVolume::new(s.shared_volume(), s.transfer())));
     group.bench_function("7 + 1 bits", |b| b.iter(|| ByteVolume::new(s, 2)));
     group.bench_function("wall distance per voxel", |b| b.iter(|| VoxelWalls::new(s)));
     group.bench_function("wall distance per brick", |b| b.iter(|| BrickWalls::new(s)));
@@ -98,7 +103,7 @@ fn parts(c: &mut Criterion) {
     group.finish();
 
     let settings = Settings::default();
-    let shot = Shot { space: s, view: &views[0], settings: &settings };
+    let request = ImageRequest { space: s, view: &views[0], settings: &settings };
     let (mut kept, mut frame) = (vec![(); SIDE * SIDE], Frame::default());
     let (walls, boxes) = (VoxelWalls::new(s), BrickWalls::new(s));
     let mut group = c.benchmark_group("leaping, a frame");
@@ -106,7 +111,9 @@ fn parts(c: &mut Criterion) {
     macro_rules! frame {
         ($name:expr, $sampler:expr, $skipper:expr, $classifier:expr) => {
             group.bench_function($name, |b| {
-                b.iter(|| black_box(shot.image($sampler, $skipper, $classifier, &Anew, &mut kept, &mut frame)))
+                b.iter(|| {
+                    black_box(request.image($sampler, $skipper, $classifier, &FromScratch, &mut kept, &mut frame))
+                })
             });
         };
     }
@@ -127,15 +134,22 @@ fn parts(c: &mut Criterion) {
     let low = Settings::new(Quality::Low);
     type Make<'a> = &'a dyn Fn() -> Box<dyn Renderer>;
     let makes: [(&str, Make<'_>); 7] = [
-        ("high", &|| renderer(s, settings, Preset::Default, false)),
-        ("high, reusing", &|| Box::new(Reusing::<_, f32>::new(Words::new(s), settings, Refresh::Staggered(16)))),
+        ("high", &|| renderer(s, settings, Preset::default(), Reuse::Never)),
+        ("high, reusing", &|| Box::new(Reusing::<_, f32>::new(WordStorage::new(s), settings, Refresh::Staggered(16)))),
         ("high, the paper's rule", &|| {
-            Box::new(Reusing::<_, Trace>::new(Words::new(s), settings, Refresh::KeyFrames(10)))
+            Box::new(Reusing::<_, Trace>::new(WordStorage::new(s), settings, Refresh::KeyFrames(10)))
         }),
-        ("low", &|| renderer(s, low, Preset::Default, false)),
-        ("colvis", &|| renderer(s, settings, Preset::Colvis, true)),
-        ("colvis without reuse", &|| renderer(s, settings, Preset::Colvis, false)),
-        ("lean", &|| renderer(&PreparedVolume::lean(s.shared_volume(), s.wall()), settings, Preset::Lean, true)),
+        ("low", &|| renderer(s, low, Preset::default(), Reuse::Never)),
+        ("colvis", &|| renderer(s, settings, presets::colvis::PRESET, Reuse::Allowed)),
+        ("colvis without reuse", &|| renderer(s, settings, presets::colvis::PRESET, Reuse::Never)),
+        ("lean", &|| {
+            renderer(
+                &PreparedVolume::lean(s.shared_volume(), s.transfer()),
+                settings,
+                presets::lean::PRESET,
+                Reuse::Allowed,
+            )
+        }),
     ];
     for (name, make) in makes {
         let mut renderer = make();

@@ -11,8 +11,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use colvis::app::Scene;
+use colvis::dynamics::tentacles::TentacleSettings;
 use colvis::math::hash;
-use colvis::phantom::Settings;
+use colvis::phantom::PhantomSettings;
 use colvis::plane::shipped::{DRAWINGS, named};
 use colvis::progress::Progress;
 use colvis::render::{PreparedVolume, TransferFunction};
@@ -22,20 +23,26 @@ use rayon::prelude::*;
 
 /// Simulated seconds of a flight at the most.
 const SECONDS: f64 = 150.0;
-/// Settings with several parameters changed at once.
+/// PhantomSettings with several parameters changed at once.
 const AROUND: u64 = 12;
 
 type Set = fn(&mut Scene, f64);
 
 /// What is searched: name, values (the default among them), and how a value is set.
 const PARAMETERS: [(&str, &[f64], Set); 12] = [
-    ("tentacles.count", &[16.0, 32.0, 64.0, 128.0, 256.0, 512.0], |s, v| s.tentacles.count = v as usize),
-    ("tentacles.reach_mm", &[40.0, 75.0, 150.0, 300.0], |s, v| s.tentacles.reach_mm = v),
-    ("tentacles.wall_mm", &[4.0, 7.0, 10.0, 14.0, 20.0], |s, v| s.tentacles.wall_mm = v),
-    ("tentacles.wall_push", &[0.0, 20.0, 60.0, 180.0, 600.0], |s, v| s.tentacles.wall_push = v),
-    ("tentacles.cruise_mm_s", &[10.0, 30.0, 60.0, 120.0], |s, v| s.tentacles.cruise_mm_s = v),
-    ("tentacles.agreement", &[0.0, 1.0, 2.0, 4.0, 8.0], |s, v| s.tentacles.agreement = v),
-    ("tentacles.mine_cone", &[0.1, 0.3, 0.6, 1.0], |s, v| s.tentacles.mine_cone = v),
+    ("tentacles.count", &[16.0, 32.0, 64.0, 128.0, 256.0, 512.0], |s, v| {
+        s.guides.edit::<TentacleSettings>(|t| t.count = v as usize);
+    }),
+    ("tentacles.reach_mm", &[40.0, 75.0, 150.0, 300.0], |s, v| s.guides.edit::<TentacleSettings>(|t| t.reach_mm = v)),
+    ("tentacles.wall_mm", &[4.0, 7.0, 10.0, 14.0, 20.0], |s, v| s.guides.edit::<TentacleSettings>(|t| t.wall_mm = v)),
+    ("tentacles.wall_push", &[0.0, 20.0, 60.0, 180.0, 600.0], |s, v| {
+        s.guides.edit::<TentacleSettings>(|t| t.wall_push = v);
+    }),
+    ("tentacles.cruise_mm_s", &[10.0, 30.0, 60.0, 120.0], |s, v| {
+        s.guides.edit::<TentacleSettings>(|t| t.cruise_mm_s = v);
+    }),
+    ("tentacles.agreement", &[0.0, 1.0, 2.0, 4.0, 8.0], |s, v| s.guides.edit::<TentacleSettings>(|t| t.agreement = v)),
+    ("tentacles.mine_cone", &[0.1, 0.3, 0.6, 1.0], |s, v| s.guides.edit::<TentacleSettings>(|t| t.mine_cone = v)),
     ("mines.kept", &[0.0, 4.0, 12.0, 48.0], |s, v| mines(s).kept = v as usize),
     ("mines.spacing_mm", &[2.0, 4.0, 8.0, 16.0, 32.0], |s, v| mines(s).spacing_mm = v),
     ("mines.reach_mm", &[8.0, 15.0, 25.0, 50.0], |s, v| mines(s).reach_mm = v),
@@ -68,11 +75,12 @@ fn candidates(around: u64) -> Vec<(String, Scene)> {
             name.push(format!("{what}={v:.2}"));
             v
         };
-        let t = &mut scene.tentacles;
+        let mut t = scene.guides.get::<TentacleSettings>();
         t.wall_mm = factor(0, "wall_mm", t.wall_mm);
         t.wall_push = factor(1, "wall_push", t.wall_push);
         t.agreement = factor(2, "agreement", t.agreement);
         t.mine_cone = factor(3, "mine_cone", t.mine_cone);
+        scene.guides.set(t);
         let m = mines(&mut scene);
         m.spacing_mm = factor(4, "spacing_mm", m.spacing_mm);
         m.reach_mm = factor(5, "reach_mm", m.reach_mm);
@@ -98,13 +106,12 @@ fn main() {
         "course,settings,state,reason,seconds,length_mm,escapes,least_clearance_mm,mean_clearance_mm,offset,jerk_mm_s3"
     );
     let phantom = |seed: &u64| {
-        let settings = Settings { seed: *seed, fluid: true, bridges: true, ..Settings::default() };
+        let settings = PhantomSettings { seed: *seed, fluid: true, bridges: true, ..PhantomSettings::default() };
         (format!("phantom {seed}"), Course::phantom(&settings, &progress).expect("a phantom"))
     };
     let scan = |path: String| {
         let volume = io::load(Path::new(&path), &LoadOptions::default(), &progress).expect("a scan").volume;
-        let course =
-            Course::new(PreparedVolume::new(Arc::new(volume), TransferFunction::default()), None, false, &progress);
+        let course = Course::new(PreparedVolume::new(Arc::new(volume), TransferFunction::default()), None, &progress);
         let name = Path::new(&path).file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned());
         (name, course.expect("a colon"))
     };

@@ -1,4 +1,4 @@
-"""The other side of tests/peers.rs: independent readers and writers (SimpleITK, nibabel, pydicom).
+"""The other side of tests/formats/peers.rs: independent readers and writers (SimpleITK, nibabel, pydicom).
 
 For more of DICOM's codecs: pyjpegls, pylibjpeg-openjpeg, imagecodecs.
 

@@ -1,7 +1,5 @@
 //! DICOM files made byte by byte, so that every attribute can be wrong.
 
-use std::path::Path;
-
 pub const EXPLICIT: &str = "1.2.840.10008.1.2.1";
 pub const IMPLICIT: &str = "1.2.840.10008.1.2";
 pub const BIG: &str = "1.2.840.10008.1.2.2";
@@ -74,11 +72,6 @@ impl Slice {
             pixels: (0..24).map(|i| (1000 + 24 * z as i64 + i) as u16).collect(),
             packed: None,
         }
-    }
-
-    /// The HU of the slice.
-    pub fn hu(&self) -> Vec<i16> {
-        self.pixels.iter().map(|p| *p as i16 - 1024).collect()
     }
 
     /// The file.
@@ -163,18 +156,6 @@ impl Slice {
         body.out.extend(b"\xfe\xff\xdd\xe0\0\0\0\0");
     }
 
-    /// Twelve frames of an enhanced image, from top to bottom.
-    pub fn enhanced() -> Self {
-        let frames = || (0..12).rev().map(|k| Self::at(2.5 * f64::from(k)));
-        Self {
-            position: None,
-            frames: Some("12"),
-            places: frames().filter_map(|s| s.position).collect(),
-            pixels: frames().flat_map(|s| s.pixels).collect(),
-            ..Self::at(0.0)
-        }
-    }
-
     fn pixel_data(&self, body: &mut Writer) {
         let packed = match (&self.packed, self.syntax) {
             (Some(p), _) => Some(p.clone()),
@@ -208,13 +189,6 @@ impl Slice {
                 body.bytes(0x7FE0, 0x0010, b"OW", &bytes);
             }
         }
-    }
-}
-
-/// Writes slices as `0.dcm`, `1.dcm`, … into a folder.
-pub fn write_series(folder: &Path, slices: &[Slice]) {
-    for (k, s) in slices.iter().enumerate() {
-        std::fs::write(folder.join(format!("{k}.dcm")), s.bytes()).unwrap();
     }
 }
 

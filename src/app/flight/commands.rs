@@ -1,15 +1,14 @@
 //! What the operator changes about a flight: its guide, its end, its direction, the camera's place on the way.
 
-use glam::DVec3;
-
 use super::FlightApp;
-use crate::app::plan::{self, Plan};
-use crate::app::scene::Guide;
+use crate::app::plan::{self, Plan, SegmentEnd};
+use crate::app::scene::Steering;
 use crate::components::camera::{Heading, Pose};
-use crate::components::flight::{Flight, State, Watch};
+use crate::components::flight::{Flight, Flown, State, Watch};
 use crate::components::guide::{MineField, Planned};
 use crate::components::input::{Act, Command, Inbox};
 use crate::components::play::Playback;
+use crate::components::trail::Trail;
 use crate::error::{Error, Result};
 
 impl FlightApp {
@@ -30,14 +29,10 @@ impl FlightApp {
     fn follow(&mut self, command: Command) -> Result<()> {
         match command {
             Command::Guide(name) => {
-                let guide = Guide::named(&name).ok_or_else(|| {
-                    let names = Guide::ALL.map(|g| g.1).join(", ");
-                    Error::usage("guide", format!("there is no {name:?}"), format!("choose one of {names}"))
-                })?;
+                let guide = self.scene.find(&name)?.name;
                 self.refuse_while_playing("guide")?;
-                let before = (self.scene.guide, self.scene.own_guide.take());
-                self.scene.guide = Some(guide);
-                self.change(|flight| (flight.scene.guide, flight.scene.own_guide) = before)?;
+                let before = std::mem::replace(&mut self.scene.steering, Steering::Guide(guide));
+                self.change(|flight| flight.scene.steering = before)?;
                 self.resume();
             }
             Command::Reverse => {
@@ -49,14 +44,22 @@ impl FlightApp {
                 std::mem::swap(&mut plan.within_mm, &mut plan.other_within_mm);
                 std::mem::swap(&mut plan.falls_short, &mut plan.other_falls_short);
                 self.change(|flight| flight.plan = before)?;
-                self.trail.turn_round();
-                if let Some(mut heading) = self.app.world.get_mut::<Heading>(self.camera) {
+                if let Some(mut trail) = self.camera_mut::<Trail>() {
+                    trail.turn_round();
+                }
+                if let Some(mut heading) = self.camera_mut::<Heading>() {
                     heading.0 = -heading.0;
                 }
                 self.resume();
             }
             Command::Segment(number) => {
-                let plan = plan::through_segment(&self.space, &self.lumen, number, false, self.scene.body.radius_mm)?;
+                let plan = plan::through_segment(
+                    &self.volume,
+                    &self.lumen,
+                    number,
+                    SegmentEnd::Cecal,
+                    self.scene.body.radius_mm,
+                )?;
                 self.set_out_on(plan)?;
             }
             Command::OtherEnd => {
@@ -64,9 +67,9 @@ impl FlightApp {
                     .plan
                     .segment
                     .ok_or_else(|| Error::incomplete("other end", "not known of this gas", "turn round instead"))?;
-                let reverse = !self.is_reversed();
+                let other = if self.is_reversed() { SegmentEnd::Cecal } else { SegmentEnd::Rectal };
                 let radius = self.scene.body.radius_mm;
-                let plan = plan::through_segment(&self.space, &self.lumen, number, reverse, radius)?;
+                let plan = plan::through_segment(&self.volume, &self.lumen, number, other, radius)?;
                 self.set_out_on(plan)?;
             }
             Command::Seek(share) => self.seek(share)?,
@@ -81,7 +84,7 @@ impl FlightApp {
 
     /// A log goes its own way.
     fn refuse_while_playing(&self, what: &str) -> Result<()> {
-        if self.scene.play.is_some() {
+        if self.scene.play().is_some() {
             return Err(Error::usage(what, "the flight is a log that is played", "fly without --play"));
         }
         Ok(())
@@ -109,21 +112,21 @@ impl FlightApp {
     /// way that was flown.
     fn seek(&mut self, share: f64) -> Result<()> {
         let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
-        if let Some(mut play) = self.app.world.get_mut::<Playback>(self.camera) {
+        if let Some(mut play) = self.camera_mut::<Playback>() {
             play.seek(share);
             let now = play.now();
             let pose = Pose { position: now.position, attitude: now.attitude };
-            self.app.world.entity_mut(self.camera).insert(pose);
+            self.app.camera().insert(pose);
             self.resume();
             return Ok(());
         }
-        let (position, forward, up) = match self.fields.route() {
-            Some(route) => {
+        let (position, forward, up) = match self.camera::<Planned>() {
+            Some(Planned { route, look_ahead_mm, .. }) => {
                 let s = route.length_mm() * share;
-                (route.place(s), route.look(s, self.scene.path.look_ahead_mm), route.up(s))
+                (route.place(s), route.look(s, *look_ahead_mm), route.up(s))
             }
             None => {
-                let at = self.trail.at(share).ok_or_else(|| {
+                let at = self.trail().and_then(|t| t.at(share)).ok_or_else(|| {
                     Error::incomplete("way", "not flown until there, and not planned", "change the guide to path (G)")
                 })?;
                 (at.0, at.1.forward, at.1.up)
@@ -132,35 +135,39 @@ impl FlightApp {
         if !self.place(position, forward, up) {
             return Err(Error::incomplete("way", "the camera does not fit there", "choose another place"));
         }
-        if let Some(mut planned) = self.app.world.get_mut::<Planned>(self.camera) {
-            // Nothing of how the body was moving is left.
-            (planned.pilot, planned.velocity_before, planned.last) = (None, None, DVec3::ZERO);
+        if let Some(mut planned) = self.camera_mut::<Planned>() {
+            planned.jumps += 1;
         }
-        self.trail.jump(share);
-        if let Some(mut watch) = self.app.world.get_mut::<Watch>(self.camera) {
+        self.jump(share);
+        if let Some(mut watch) = self.camera_mut::<Watch>() {
             watch.rescue.restart();
         }
-        if let Some(mut mines) = self.app.world.get_mut::<MineField>(self.camera) {
+        if let Some(mut mines) = self.camera_mut::<MineField>() {
             mines.mines.clear();
         }
         self.resume();
         Ok(())
     }
 
+    /// Tells the trail that the camera was taken to a share of the way.
+    pub(super) fn jump(&mut self, share: f64) {
+        if let Some(mut trail) = self.camera_mut::<Trail>() {
+            trail.jump(share);
+        }
+    }
+
     fn resume(&mut self) {
         self.note_flown();
-        if let Some(mut flight) = self.app.world.get_mut::<Flight>(self.camera) {
+        if let Some(mut flight) = self.camera_mut::<Flight>() {
             flight.state = State::Flying;
             flight.reason.clear();
         }
     }
 
-    pub(super) fn note_flown(&mut self) {
-        if let Some(n) = self.plan.segment
-            && self.flight().state == State::Arrived
-            && !self.flown.contains(&n)
-        {
-            self.flown.push(n);
+    fn note_flown(&mut self) {
+        let state = self.flight().state;
+        if let Some(mut flown) = self.camera_mut::<Flown>() {
+            flown.note(state);
         }
     }
 

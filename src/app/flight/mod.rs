@@ -12,53 +12,35 @@ use glam::DVec3;
 use crate::app::fields::Fields;
 use crate::app::plan::Plan;
 use crate::app::scene::Scene;
-use crate::app::trail::Trail;
-use crate::components::App;
 use crate::components::camera::Pose;
 use crate::components::clock::Clock;
-use crate::components::flight::{Flight, State};
-use crate::components::guide::Planned;
+use crate::components::flight::{Flight, Flown, State};
 use crate::components::input::Act;
 use crate::components::output::{FlightLog, LogLine, Picture};
 use crate::components::scan::{Scan, Walls};
+use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::Result;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, lumen};
 use crate::progress::Progress;
-use crate::render::{Coverage, Frame, PreparedVolume, Preset, Settings, Work, coverage};
+use crate::render::{Coverage, Frame, PreparedVolume, Reuse, Settings, View, Work, coverage, renderer};
+use crate::schedule::App;
 
-/// How images are made.
-#[derive(Clone, Debug)]
-pub struct ImageSettings {
-    /// Pixels.
-    pub width: usize,
-    /// Pixels.
-    pub height: usize,
-    /// View angle over the shorter side, degrees.
-    pub fov_degrees: f64,
-    /// The renderer's settings.
-    pub settings: Settings,
-    /// Which renderer.
-    pub preset: Preset,
-}
-
-/// What a host drives: the same for a window and headless.
+/// A flight under way: what a host drives, the same for a window and headless.
+///
+/// It is made by [`Scan::flight`](crate::app::Scan::flight), or from its parts by [`FlightApp::new`].
 pub struct FlightApp {
     app: App,
     scene: Scene,
-    space: PreparedVolume,
+    volume: PreparedVolume,
     lumen: Arc<Lumen>,
     plan: Plan,
-    camera: Entity,
-    scan: Entity,
     /// Commands still to come (a replay), by step.
     coming: VecDeque<Act>,
     /// Every command that acted, for recording.
     acted: Option<Vec<Act>>,
-    flown: Vec<usize>,
     fields: Fields,
-    trail: Trail,
     progress: Arc<Progress>,
 }
 
@@ -67,14 +49,8 @@ impl FlightApp {
     ///
     /// # Errors
     /// When the scene is not consistent; status 4 where the guide plans and there is no way.
-    pub fn new(
-        space: PreparedVolume,
-        lumen: Arc<Lumen>,
-        plan: Plan,
-        scene: Scene,
-        image: Option<ImageSettings>,
-    ) -> Result<Self> {
-        Self::prepared(space, lumen, plan, scene, image, Arc::new(Progress::new()))
+    pub fn new(volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<Self> {
+        Self::prepared(volume, lumen, plan, scene, Arc::new(Progress::new()))
     }
 
     /// [`FlightApp::new`], telling how far what the guide needs is built.
@@ -82,40 +58,38 @@ impl FlightApp {
     /// # Errors
     /// As above, and status 4 when interrupted.
     pub fn prepared(
-        space: PreparedVolume,
+        volume: PreparedVolume,
         lumen: Arc<Lumen>,
         plan: Plan,
         scene: Scene,
-        image: Option<ImageSettings>,
         progress: Arc<Progress>,
     ) -> Result<Self> {
         scene.check()?;
         let mut app = App::new();
-        app.world.insert_resource(Clock::default());
-        let scan = app.world.spawn(Scan(space.shared_volume())).id();
-        let camera = app.world.spawn(Flight::default()).id();
-        if let Some(i) = image {
-            app.world.entity_mut(camera).insert(Picture {
+        app.scan().insert(Scan(volume.clone()));
+        app.camera().insert((Flight::default(), Flown::default(), Trail::default()));
+        if scene.picture {
+            let i = &scene.image;
+            app.camera().insert(Picture {
+                camera: i.camera,
                 fov_degrees: i.fov_degrees,
                 settings: i.settings,
                 preset: i.preset,
-                frame: Frame::new(i.width, i.height, false),
+                frame: Frame::new(i.width, i.height),
                 work: Work::default(),
+                due: false,
+                traced: false,
             });
         }
         let mut flight = Self {
             app,
             scene,
-            space,
+            volume,
             lumen,
             plan,
-            camera,
-            scan,
             coming: VecDeque::new(),
             acted: None,
-            flown: Vec::new(),
             fields: Fields::default(),
-            trail: Trail::default(),
             progress,
         };
         flight.rebuild()?;
@@ -135,27 +109,58 @@ impl FlightApp {
             }
         }
         self.app.step();
-        self.app.world.resource_mut::<Clock>().tick += 1;
-        let pose = self.pose();
-        let planned = self.camera::<Planned>().map(|p| (p.s_mm, p.route.length_mm()));
-        self.trail.follow((pose.position, pose.attitude), self.flight().length_mm, planned);
-        self.note_flown();
-        if let (Some(why), true) = (&self.plan.falls_short, self.flight().state == State::Arrived) {
-            let reason = format!("the gas ends here: {why}");
-            if let Some(mut f) = self.app.world.get_mut::<Flight>(self.camera) {
-                f.state = State::Operator;
-                f.reason = reason;
-            }
-        }
-        if self.flight().state == State::Arrived {
-            self.trail.arrive();
-        }
         Ok(())
     }
 
-    /// Traces the image of the pose as it is now.
+    /// Flies on by so many simulated seconds, or until the flight ends by itself.
+    ///
+    /// # Errors
+    /// As [`FlightApp::step`].
+    pub fn fly(&mut self, seconds: f64) -> Result<State> {
+        let steps = (seconds * f64::from(self.clock().hz)).round() as u64;
+        for _ in 0..steps {
+            if self.flight().state != State::Flying {
+                break;
+            }
+            self.step()?;
+        }
+        Ok(self.flight().state)
+    }
+
+    /// Traces the picture of the pose as it is now, and presents it. Does nothing in a scene without a picture.
     pub fn frame(&mut self) {
+        if let Some(mut picture) = self.camera_mut::<Picture>() {
+            picture.due = true;
+        }
         self.app.frame();
+    }
+
+    /// Presents the picture again as it was last traced: for something new that lies over it.
+    pub fn present(&mut self) {
+        self.app.frame();
+    }
+
+    /// The view that its picture is of, from where the camera is now; none in a scene without a picture.
+    pub fn view(&self) -> Option<View> {
+        let (pose, picture) = (self.pose(), self.camera::<Picture>()?);
+        let Attitude { forward, up } = pose.attitude;
+        let (width, height) = (picture.frame.width(), picture.frame.height());
+        View::with_model(pose.position, forward, up, picture.camera, picture.fov_degrees, width, height).ok()
+    }
+
+    /// What the camera sees now, in `width` × `height` pixels, whether or not the scene has a picture: at high quality, by the
+    /// scene's renderer.
+    ///
+    /// # Errors
+    /// Status 2 for an image without pixels.
+    pub fn look(&self, width: usize, height: usize) -> Result<Frame> {
+        let (pose, image) = (self.pose(), &self.scene.image);
+        let Attitude { forward, up } = pose.attitude;
+        let view = View::with_model(pose.position, forward, up, image.camera, image.fov_degrees, width, height)?;
+        let settings = Settings { adaptive: false, ..image.settings };
+        let mut frame = Frame::new(width, height);
+        renderer(&self.volume, settings, image.preset, Reuse::Never).render(&view, &mut frame);
+        Ok(frame)
     }
 
     /// Takes what there is to say to the user of what was planned since the last call.
@@ -170,7 +175,7 @@ impl FlightApp {
 
     /// Ends the flight because its time is over.
     pub fn end(&mut self) {
-        if let Some(mut f) = self.app.world.get_mut::<Flight>(self.camera)
+        if let Some(mut f) = self.camera_mut::<Flight>()
             && f.state == State::Flying
         {
             f.state = State::Ended;
@@ -179,11 +184,12 @@ impl FlightApp {
 
     /// Segments of the lumen not flown to their end yet, with their gas in ml.
     pub fn unflown(&self) -> Vec<(usize, f64)> {
+        let flown = self.camera::<Flown>().map_or(&[][..], |f| &f.done);
         self.lumen
             .segments
             .iter()
             .enumerate()
-            .filter(|(n, _)| !self.flown.contains(n))
+            .filter(|(n, _)| !flown.contains(n))
             // The one being flown is not "another one".
             .filter(|(n, _)| self.plan.segment != Some(*n))
             .map(|(n, s)| (n, s.ml))
@@ -206,25 +212,25 @@ impl FlightApp {
     }
 
     /// The views of the flight from its beginning on, each 2 mm, and how far along the way they lie.
-    pub fn trail(&self) -> &Trail {
-        &self.trail
+    pub fn trail(&self) -> Option<&Trail> {
+        self.camera()
     }
 
-    /// Share of the wall of the gas flown through that was seen: see [`crate::render::coverage`]. None where that gas is
+    /// Share of the wall of the gas flown through that was seen: see [`crate::render::coverage()`]. None where that gas is
     /// not known.
     ///
     /// # Errors
     /// Status 4 when interrupted.
     pub fn coverage(&self, fov_degrees: f64) -> Result<Option<Coverage>> {
-        let places = self.trail.views();
+        let places = self.trail().map_or(&[][..], Trail::views);
         let mut gas = self.plan.gas.clone().unwrap_or_else(|| Arc::clone(&self.lumen));
         if gas.segments.is_empty()
             && let Some(first) = places.first()
         {
             // A log that was played: the colon was not asked for until now.
-            gas = Arc::new(lumen::find(self.space.volume(), &self.progress)?);
+            gas = Arc::new(lumen::find(self.volume.volume(), &self.progress)?);
             if gas.segment_at(first.0).is_none()
-                && let Some(there) = lumen::gas_at(self.space.volume(), first.0, &self.progress)?
+                && let Some(there) = lumen::gas_at(self.volume.volume(), first.0, &self.progress)?
             {
                 gas = Arc::new(there);
             }
@@ -233,17 +239,17 @@ impl FlightApp {
         flown.sort_unstable();
         flown.dedup();
         let walls = gas.wall_places(&flown);
-        Ok((!walls.is_empty()).then(|| coverage(&self.space, &walls, places, fov_degrees)))
+        Ok((!walls.is_empty()).then(|| coverage(&self.volume, &walls, places, fov_degrees)))
     }
 
     /// A component of the camera.
     pub fn camera<T: Component>(&self) -> Option<&T> {
-        self.app.world.get(self.camera)
+        self.app.camera_get()
     }
 
     /// A component of the camera, to change it: a window resizes its picture, say.
     pub fn camera_mut<T: Component<Mutability = bevy_ecs::component::Mutable>>(&mut self) -> Option<Mut<'_, T>> {
-        self.app.world.get_mut(self.camera)
+        self.app.camera_get_mut()
     }
 
     /// The camera's pose.
@@ -254,12 +260,12 @@ impl FlightApp {
 
     /// Puts the camera somewhere (a flight taken up where it was left); refused where the body does not fit.
     pub fn place(&mut self, position: DVec3, forward: DVec3, up: DVec3) -> bool {
-        let fits = self.app.world.get::<Walls>(self.scan).map_or(0.0, |w| w.0.at(position).mm);
+        let fits = self.app.scan_get::<Walls>().map_or(0.0, |w| w.0.at(position).mm);
         if fits <= self.scene.body.radius_mm + TOLERANCE_MM {
             return false;
         }
         let attitude = Attitude::new(forward, up);
-        self.app.world.entity_mut(self.camera).insert(Pose { position, attitude });
+        self.app.camera().insert(Pose { position, attitude });
         self.rest(position, attitude.forward);
         true
     }
@@ -267,7 +273,7 @@ impl FlightApp {
     /// Says how far along the way the camera stands, mm: for a flight that goes on from where another was left.
     pub fn stands_at(&mut self, along_mm: f64) {
         let share = along_mm / self.plan.length_mm;
-        self.trail.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
+        self.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
     }
 
     /// How the flight stands.
@@ -309,12 +315,17 @@ impl FlightApp {
     }
 
     /// The volume made ready for rays.
-    pub fn space(&self) -> &PreparedVolume {
-        &self.space
+    pub fn volume(&self) -> &PreparedVolume {
+        &self.volume
     }
 
-    /// The application, for explanations.
+    /// The world and its schedules, for explanations.
     pub fn app(&self) -> &App {
         &self.app
+    }
+
+    /// The same, for a host that hands its presenter to it.
+    pub fn app_mut(&mut self) -> &mut App {
+        &mut self.app
     }
 }

@@ -7,15 +7,15 @@ use serde::de::DeserializeOwned;
 
 use crate::components::input::Act;
 use crate::components::output::LogLine;
-use crate::components::play::Playback;
+use crate::components::play::{Direction, Playback};
 use crate::error::{Error, Kind, Result};
 use crate::output;
 
 /// Reads a flight's log to be played: one [`LogLine`] a line.
-pub fn read_log(path: &Path, rate: f64, backwards: bool) -> Result<Playback> {
+pub fn read_log(path: &Path, rate: f64, direction: Direction) -> Result<Playback> {
     let mend = "give a log that --log wrote";
     let bad = |e: Error| if e.kind == Kind::Usage { e } else { Error::file(path, e.why, mend) };
-    Playback::new(read_lines::<LogLine>(path, mend)?, rate, backwards).map_err(bad)
+    Playback::new(read_lines::<LogLine>(path, mend)?, rate, direction).map_err(bad)
 }
 
 /// Reads a file with a value on each line, as JSON; empty lines are none.

@@ -6,25 +6,25 @@ mod window;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
 
-use glam::DVec3;
 use serde_json::json;
 
-use crate::app::flight::ImageSettings;
-use crate::app::plan::{self, Place, Wish, triple};
-use crate::app::{FlightApp, Guide, Scene};
+use crate::app::plan::triple;
+use crate::app::{FlightApp, ImageSettings, Place, Scan, Scene, Steering, Timings, Wish};
+use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global, Point, Size};
-use crate::cli::prepare::{self, Timings, say};
+use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
-use crate::components::play::Playback;
+use crate::components::play::Direction;
+use crate::dynamics::STEP_HZ;
 use crate::error::{Error, Kind, Result};
-use crate::fields::Lumen;
+use crate::host::frames::FrameStats;
 use crate::host::headless::{self, Outputs};
+use crate::host::record;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, Settings};
+use crate::render::{CameraModel, Settings};
 use files::{read_acts, read_log, write_acts};
 
 /// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
@@ -37,17 +37,18 @@ const SHORT_FOLDER: &str = "flight";
 /// Runs the command.
 ///
 /// # Errors
-/// As the contract has them.
-pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+/// Status 2 for options that make no sense, 3 for an input that cannot be used, 4 for a flight that cannot be completed, 5 for
+/// an output that cannot be written.
+pub fn run(program: &Program, args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     check(args)?;
     check_files(args)?;
     if args.headless {
-        return fly_headless(args, global, progress);
+        return fly_with(program, args, global, progress, Extent::Asked);
     }
     #[cfg(feature = "window")]
     {
         if let Some(display) = crate::host::window::Display::open() {
-            return window::fly(args, global, progress, display);
+            return window::fly(program, args, global, progress, display);
         }
         eprintln!("no display: flying headless");
     }
@@ -59,9 +60,9 @@ pub fn run(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<
         args.log = Some(PathBuf::from(SHORT_LOG));
         // Nobody named these: they must not take the place of what is to be read.
         check_apart(&args)?;
-        return fly_with(&args, global, progress, true);
+        return fly_with(program, &args, global, progress, Extent::Short);
     }
-    fly_headless(&args, global, progress)
+    fly_with(program, &args, global, progress, Extent::Asked)
 }
 
 /// Refuses what makes no sense, before anything is read.
@@ -78,8 +79,9 @@ pub fn check(args: &FlyArgs) -> Result<()> {
     if film && args.fps.is_some_and(|f| f > 50.0) {
         return Err(Error::usage("--fps", "a GIF shows at most 50 images a second", "record a folder/ or an .mp4"));
     }
-    if args.fps.is_some_and(|f| f > 120.0) {
-        return Err(Error::usage("--fps", "there are 120 simulation steps a second", "give at most 120"));
+    if args.fps.is_some_and(|f| f > f64::from(STEP_HZ)) {
+        let why = format!("there are {STEP_HZ} simulation steps a second");
+        return Err(Error::usage("--fps", why, format!("give at most {STEP_HZ}")));
     }
     if args.play.is_some() {
         for (name, given) in [
@@ -118,19 +120,45 @@ fn check_apart(args: &FlyArgs) -> Result<()> {
     output::check_apart(&inputs.collect::<Vec<_>>(), &outputs.collect::<Vec<_>>())
 }
 
+/// Where a flight is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Screen {
+    /// In a window.
+    Window,
+    /// Nowhere; its pictures may be recorded.
+    None,
+}
+
 /// The scene that the arguments ask for; options win over the scene file.
 ///
 /// # Errors
 /// Status 2 for a scene that makes no sense.
-pub fn scene(args: &FlyArgs, windowed: bool) -> Result<Scene> {
-    let mut scene = args.scene.as_deref().map_or_else(|| Ok(Scene::default()), Scene::read)?;
-    scene.guide = args.guide.or(scene.guide);
-    if let Some(path) = &args.play {
-        scene.play = Some(read_log(path, args.rate.unwrap_or(1.0), args.reverse)?);
+pub fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen) -> Result<Scene> {
+    let mut scene = match args.scene.as_deref() {
+        Some(file) => Scene::read(file, &program.catalog)?,
+        None => Scene { guides: program.catalog.guides.clone(), ..Scene::default() },
+    };
+    if let Some(name) = &args.guide {
+        scene.steering = Steering::Guide(scene.find(name)?.name);
     }
+    if let Some(path) = &args.play {
+        let direction = if args.reverse { Direction::Backwards } else { Direction::Forwards };
+        scene.steering = Steering::Log(read_log(path, args.rate.unwrap_or(1.0), direction)?);
+    }
+    let windowed = screen == Screen::Window;
     scene.picture |= windowed || args.record.is_some();
+    scene.presenter = match (screen, &args.record) {
+        #[cfg(feature = "window")]
+        (Screen::Window, _) => Some(crate::host::window::presenter),
+        (_, Some(_)) => Some(record::presenter),
+        _ => None,
+    };
+    scene.render.preset = prepare::preset(program, args.preset.as_deref(), scene.render.preset)?;
     scene.log = args.log.is_some();
     scene.operator = windowed || args.replay.is_some() || args.record_input.is_some();
+    if scene.picture {
+        scene.image = image_settings(program, args, global, &scene, screen)?;
+    }
     scene.check()?;
     Ok(scene)
 }
@@ -150,90 +178,43 @@ pub fn wish(args: &FlyArgs) -> Wish {
 ///
 /// # Errors
 /// Status 2 for a view angle that is none.
-pub fn image_settings(args: &FlyArgs, global: &Global, scene: &Scene, windowed: bool) -> Result<ImageSettings> {
-    let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
-    let quality = prepare::quality(args.quality);
-    let quality = Settings { adaptive: windowed || quality.adaptive, ..quality };
-    Ok(ImageSettings {
-        width: size.width,
-        height: size.height,
-        fov_degrees: prepare::fov(global)?,
-        settings: scene.render.apply(quality),
-        preset: prepare::preset(args.preset, scene.render.preset),
-    })
-}
-
-/// Reads the scan that a scene is flown in.
-///
-/// # Errors
-/// As the contract has them.
-pub fn loaded(
+fn image_settings(
+    program: &Program,
     args: &FlyArgs,
     global: &Global,
     scene: &Scene,
-    timings: &mut Timings,
-    progress: &Progress,
-) -> Result<PreparedVolume> {
-    let preset = prepare::preset(args.preset, scene.render.preset);
-    prepare::space(args.input.as_deref(), global, preset, timings, progress)
+    screen: Screen,
+) -> Result<ImageSettings> {
+    let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
+    let quality = prepare::quality(args.quality);
+    let camera = prepare::camera(program, global)?;
+    let quality = Settings { adaptive: screen == Screen::Window || quality.adaptive, ..quality };
+    Ok(ImageSettings {
+        camera,
+        width: size.width,
+        height: size.height,
+        fov_degrees: prepare::fov(global, camera)?,
+        settings: scene.render.apply(quality),
+        preset: scene.render.preset,
+    })
 }
 
-/// Makes the flight in a scan.
+/// Opens the scan that a scene is flown in.
 ///
 /// # Errors
-/// As the contract has them.
-pub fn prepared(
-    args: &FlyArgs,
-    space: PreparedVolume,
-    scene: Scene,
-    image: Option<ImageSettings>,
-    timings: &mut Timings,
-    progress: &Arc<Progress>,
-) -> Result<FlightApp> {
-    let (space, lumen, plan) = match &scene.play {
-        Some(play) => {
-            check_scan(play, &space)?;
-            (space.clone(), Arc::new(Lumen::none(space.volume().grid())), plan::as_logged(play))
-        }
-        None => {
-            let joins = matches!(scene.steers(), Some(Guide::Path | Guide::Potential));
-            let (space, lumen) = prepare::colon(space, joins, timings, progress)?;
-            let lumen = Arc::new(lumen);
-            let radius = scene.body.radius_mm;
-            let plan = timings.time("plan_s", || plan::plan(&space, &lumen, &wish(args), radius, progress))?;
-            (space, lumen, plan)
-        }
-    };
-    for note in &plan.notes {
-        say(note);
-    }
-    let begun = Instant::now();
-    let mut flight = FlightApp::prepared(space, lumen, plan, scene, image, Arc::clone(progress))?;
-    flight.take_notes().iter().for_each(|note| say(note));
-    let fields = flight.take_field_times();
-    let spent: f64 = fields.iter().map(|f| f.1).sum();
-    for (name, seconds) in fields {
-        timings.add(name, seconds);
-    }
-    timings.add("scene_s", begun.elapsed().as_secs_f64() - spent);
-    Ok(flight)
+/// Status 2 for options that make no sense, 3 when it cannot be read, 4 when interrupted.
+pub fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progress>) -> Result<Scan> {
+    prepare::open(args.input.as_deref(), global, scene.render.preset, progress)
 }
 
-/// A log can only be played in the scan that it was flown in, as far as that can be told.
-fn check_scan(play: &Playback, space: &PreparedVolume) -> Result<()> {
-    let grid = space.volume().grid();
-    let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
-    let outside = |p: DVec3| {
-        let v = grid.voxel(p);
-        !(v.cmpge(DVec3::splat(-0.5)).all() && v.cmple(last + 0.5).all())
-    };
-    match play.lines().iter().find(|l| outside(DVec3::from_array(l.position))) {
-        None => Ok(()),
-        Some(l) => {
-            let at = triple(DVec3::from_array(l.position));
-            Err(Error::input("log", format!("{at} lies outside this scan"), "give the scan that it was flown in"))
-        }
-    }
+/// Makes the flight in a scan, and says what there is to say.
+///
+/// # Errors
+/// As [`Scan::flight`].
+pub fn flight(args: &FlyArgs, scan: &mut Scan, scene: Scene) -> Result<FlightApp> {
+    let made = scan.flight(scene, &wish(args));
+    scan.take_notes().iter().for_each(|note| say(note));
+    made
 }
 
 /// Writes what stands for what was flown, whether or not it came to a good end: stats and the operator's input.
@@ -272,35 +253,48 @@ fn write_unflown(args: &FlyArgs, timings: &Timings, why: &Error) -> Result<()> {
     Ok(())
 }
 
-fn fly_headless(args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
-    fly_with(args, global, progress, false)
+/// How much of a flight is recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Extent {
+    /// What the options say.
+    Asked,
+    /// A small, quick film of the whole way.
+    Short,
 }
 
-/// Flies; `short` makes the recording a small, quick one of the whole way.
-fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bool) -> Result<()> {
-    let scene = scene(args, false)?;
-    let view = args.coverage.then(|| prepare::fov(global)).transpose()?;
+fn fly_with(
+    program: &Program,
+    args: &FlyArgs,
+    global: &Global,
+    progress: &Arc<Progress>,
+    extent: Extent,
+) -> Result<()> {
+    let mut scene = scene(program, args, global, Screen::None)?;
+    let view = args.coverage.then(|| prepare::fov(global, CameraModel::default())).transpose()?;
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
-    let mut image = scene.picture.then(|| image_settings(args, global, &scene, false)).transpose()?;
-    if let (Some(i), true) = (&mut image, short && args.size.is_none()) {
-        (i.width, i.height) = (320, 320);
+    if extent == Extent::Short && args.size.is_none() {
+        (scene.image.width, scene.image.height) = (320, 320);
     }
     let bar = Bar::show(progress);
     let mut timings = Timings::default();
-    let made = loaded(args, global, &scene, &mut timings, progress)
-        .and_then(|space| prepared(args, space, scene, image, &mut timings, progress));
+    let made = open(args, global, &scene, progress).and_then(|mut scan| {
+        let made = flight(args, &mut scan, scene);
+        timings = scan.timings().clone();
+        made
+    });
     let mut flight = match made {
         Ok(flight) => flight,
         Err(e) => {
             drop(bar);
             // Not before it is known that there was a scan to fly: a command that is refused leaves nothing.
-            if short && e.kind == Kind::Incomplete {
+            if extent == Extent::Short && e.kind == Kind::Incomplete {
                 output::make_folder(Path::new(SHORT_FOLDER)).unwrap_or_else(|e| say(&e.to_string()));
             }
             leave_unflown(args, &timings, &e);
             return Err(e);
         }
     };
+    let short = extent == Extent::Short;
     if !flight.scene().moves() {
         say("nothing in the scene moves the camera: it stays where it is");
     }
@@ -321,7 +315,7 @@ fn fly_with(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, short: bo
         log: args.log.clone(),
     };
     // A log is played to its end, however slowly.
-    let most = flight.scene().play.as_ref().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
+    let most = flight.scene().play().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
     let (frames, flown) = headless::fly(&mut flight, args.seconds.unwrap_or(most), &outputs, progress);
     let stats = stats(&flight, &timings, &frames, view.filter(|_| flown.is_ok()));
     drop(bar);
@@ -352,7 +346,7 @@ fn report(flight: &FlightApp) {
 fn stats(
     flight: &FlightApp,
     timings: &Timings,
-    frames: &[headless::FrameStats],
+    frames: &[FrameStats],
     fov_degrees: Option<f64>,
 ) -> Result<serde_json::Value> {
     let f = flight.flight();

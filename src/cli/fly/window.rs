@@ -7,55 +7,59 @@ use std::sync::{Arc, Mutex, PoisonError};
 use serde_json::json;
 
 use super::files::read_acts;
-use super::{image_settings, leave, leave_unflown, loaded, prepared, scene, stats};
-use crate::app::FlightApp;
+use super::{Screen, flight, leave, leave_unflown, open, scene, stats};
+use crate::app::{FlightApp, Timings};
+use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
-use crate::cli::prepare::{self, Timings};
+use crate::cli::prepare;
 use crate::error::{Error, Result};
-use crate::host::headless;
+use crate::host::frames::FrameStats;
 use crate::host::window::{self, Resume};
 use crate::progress::Progress;
+use crate::render::CameraModel;
 
 /// Flies in a window.
-pub fn fly(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, display: window::Display) -> Result<()> {
+pub fn fly(
+    program: &Program,
+    args: &FlyArgs,
+    global: &Global,
+    progress: &Arc<Progress>,
+    display: window::Display,
+) -> Result<()> {
     if args.record.is_some() {
         return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
     }
-    let scene = scene(args, true)?;
-    let image = image_settings(args, global, &scene, true)?;
+    let scene = scene(program, args, global, Screen::Window)?;
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
     let timings = Arc::new(Mutex::new(Timings::default()));
     let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
     let prepare: window::Prepare = Box::new(move |progress| {
-        let mut timings = Timings::default();
         let args = &prepare_args;
-        let made = loaded(args, &prepare_global, &scene, &mut timings, progress).and_then(|space| {
-            let scan = window::Scan::of(space.volume());
-            Ok((scan, prepared(args, space, scene, Some(image), &mut timings, progress)?))
-        });
-        *kept.lock().unwrap_or_else(PoisonError::into_inner) = timings;
-        let (scan, mut flight) = made?;
+        let mut scan = open(args, &prepare_global, &scene, progress)?;
+        let session = window::SessionFile::of(scan.volume().volume());
+        let made = flight(args, &mut scan, scene);
+        *kept.lock().unwrap_or_else(PoisonError::into_inner) = scan.timings().clone();
+        let mut flight = made?;
         if let Some(acts) = acts {
             flight.replay(acts);
         }
         if args.record_input.is_some() {
             flight.record_acts();
         }
-        Ok(scan.ready(flight))
+        Ok(session.ready(flight))
     });
     let flown = Rc::new(Cell::new(false));
     let (finish_args, finish_timings, set_out) = (args.clone(), Arc::clone(&timings), Rc::clone(&flown));
-    let (coverage, fov) = (args.coverage, prepare::fov(global)?);
-    let finish =
-        Box::new(move |flight: &FlightApp, frames: &[headless::FrameStats], present: Option<window::PresentMs>| {
-            set_out.set(true);
-            let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
-            let mut stats = stats(flight, &timings, frames, coverage.then_some(fov))?;
-            if let (Some(present), Some(m)) = (present, stats.as_object_mut()) {
-                m.insert("present_ms".to_owned(), json!(present));
-            }
-            leave(&finish_args, flight, &stats)
-        });
+    let (coverage, fov) = (args.coverage, prepare::fov(global, CameraModel::default())?);
+    let finish = Box::new(move |flight: &FlightApp, frames: &[FrameStats], present: Option<window::PresentMs>| {
+        set_out.set(true);
+        let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut stats = stats(flight, &timings, frames, coverage.then_some(fov))?;
+        if let (Some(present), Some(m)) = (present, stats.as_object_mut()) {
+            m.insert("present_ms".to_owned(), json!(present));
+        }
+        leave(&finish_args, flight, &stats)
+    });
     let launch = window::Launch {
         prepare,
         finish,
@@ -63,6 +67,7 @@ pub fn fly(args: &FlyArgs, global: &Global, progress: &Arc<Progress>, display: w
         log: args.log.clone(),
         seconds: args.seconds,
         resume: resume(args),
+        overlays: program.catalog.overlays.clone(),
     };
     window::run(display, launch, progress).inspect_err(|e| {
         if !flown.get() {
@@ -88,14 +93,13 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
-    use crate::app::Guide;
 
     #[test]
     fn only_a_flight_of_its_own_takes_up_the_last_one() {
         let file = Some(PathBuf::from("f"));
         let args = FlyArgs::default();
         assert_eq!(resume(&args), Resume::Everything);
-        assert_eq!(resume(&FlyArgs { guide: Some(Guide::Path), ..args.clone() }), Resume::Place);
+        assert_eq!(resume(&FlyArgs { guide: Some("path".to_owned()), ..args.clone() }), Resume::Place);
         assert_eq!(resume(&FlyArgs { reverse: true, ..args.clone() }), Resume::Nothing);
         for reverse in [false, true] {
             let args = FlyArgs { reverse, ..args.clone() };

@@ -1,32 +1,32 @@
-//! Steps of a size that an embedded method chooses by its own error.
+//! Step size control for methods that estimate their own error.
 
-use super::{Effort, ExponentialEuler, Method, Phase, System};
+use super::{ExponentialEuler, Phase, StepCost, Stepper, System};
 
-/// Control of the step's parts.
+/// Control of the parts (substeps) that a step is cut into.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Control {
     /// Error allowed in one part: mm or rad, and mm/s or rad/s; relative to the speed above 1 mm/s or rad/s.
     pub tolerance: f64,
-    /// At most so many parts in one step, those thrown away included; the rest is one step of [`ExponentialEuler`].
+    /// Greatest number of parts in one step, rejected ones included; the rest is one step of [`ExponentialEuler`].
     pub most_parts: u32,
 }
 
-/// One part: where the method comes to, and the difference to its embedded companion.
-pub(super) type Part<'a> = dyn FnMut(f64, Phase, f64, &mut Effort) -> (Phase, Phase) + 'a;
+/// One part: the new state, and its difference to that of the embedded method.
+pub(super) type Part<'a> = dyn FnMut(f64, Phase, f64, &mut StepCost) -> (Phase, Phase) + 'a;
 
 impl Control {
-    /// Steps over `h` s by parts of a size with error `≈ tolerance`, the error's order being `order`.
+    /// Steps over `h` s in parts whose error is about `tolerance`; `order` is the order of the error.
     ///
     /// PI control (Gustafsson 1991; Hairer and Wanner, *Solving ODEs II*, IV.2):
-    /// `h′ = 0.9 h ε^(−0.7/q) ε₋₁^(0.4/q)` with the scaled error `ε`, the one before `ε₋₁` and `q = order`; by at most 5
-    /// up and 5 down, and not up after a part that was thrown away.
+    /// `h′ = 0.9 h ε^(−0.7/q) ε₋₁^(0.4/q)` with the scaled error `ε`, the one before `ε₋₁` and `q = order`; at most 5
+    /// times larger or smaller, and not larger after a rejected part.
     pub(super) fn steps(
         &self,
         system: &dyn System,
         start: Phase,
         h: f64,
         order: f64,
-        effort: &mut Effort,
+        cost: &mut StepCost,
         part: &mut Part<'_>,
     ) -> Phase {
         let b = system.mobility();
@@ -35,8 +35,8 @@ impl Control {
         for _ in 0..self.most_parts {
             let last = t + size >= h * (1.0 - 1e-12);
             let length = if last { h - t } else { size };
-            let (next, difference) = part(t, y, length, effort);
-            effort.parts += 1;
+            let (next, difference) = part(t, y, length, cost);
+            cost.parts += 1;
             let speed = (b * y.w).length().max((b * next.w).length()).max(1.0);
             let scaled = Phase { u: difference.u, w: difference.w * (1.0 / speed) };
             let error = scaled.norm(b) / self.tolerance;
@@ -49,22 +49,22 @@ impl Control {
                 size = length * grow.clamp(0.2, if thrown { 1.0 } else { 5.0 });
                 (before, thrown) = (error.max(1e-4), false);
             } else {
-                // Also where the error is no number.
+                // Also where the error is NaN.
                 let shrink = if error.is_finite() { 0.9 * error.powf(-1.0 / order) } else { 0.1 };
                 size = length * shrink.clamp(0.1, 0.9);
                 thrown = true;
-                // Smaller would no longer be felt by the time.
+                // A smaller part would no longer change the time.
                 if size < 1e-14 * h {
                     break;
                 }
             }
         }
-        effort.cut_short = true;
-        ExponentialEuler.step(&From { system, t }, y, h - t, effort)
+        cost.cut_short = true;
+        ExponentialEuler.step(&From { system, t }, y, h - t, cost)
     }
 }
 
-/// A system whose time begins later.
+/// A system with its time shifted.
 struct From<'a> {
     system: &'a dyn System,
     t: f64,

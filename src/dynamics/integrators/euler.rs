@@ -1,15 +1,15 @@
 //! Euler's methods (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, I.1).
 
-use super::{Counted, Effort, Method, Phase, System};
+use super::{Counted, Phase, StepCost, Stepper, System};
 
 /// `y₁ = y₀ + h f(y₀)`. Order 1. Gains energy in every well: for `x″ = −ω² x − k x′` it is stable for `h < k/ω²` only
-/// (`k < 2ω`), which is never without drag.
+/// (`k < 2ω`), so never without drag.
 pub struct ExplicitEuler;
 
-impl Method for ExplicitEuler {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        effort.parts += 1;
-        y + Counted::new(system, effort).rate(0.0, y) * h
+impl Stepper for ExplicitEuler {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        cost.parts += 1;
+        y + Counted::new(system, cost).rate(0.0, y) * h
     }
 
     fn order(&self) -> u32 {
@@ -21,10 +21,10 @@ impl Method for ExplicitEuler {
 /// and does not drift. Stable for `h < 2/ω`, with drag for `h < (√(k² + 4ω²) − k)/ω²`, which falls to `2/k`.
 pub struct SemiImplicitEuler;
 
-impl Method for SemiImplicitEuler {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        effort.parts += 1;
-        let w = y.w + Counted::new(system, effort).rate(0.0, y).w * h;
+impl Stepper for SemiImplicitEuler {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        cost.parts += 1;
+        let w = y.w + Counted::new(system, cost).rate(0.0, y).w * h;
         // Not counted: `u′` needs no force.
         Phase { u: y.u + system.rate(h, Phase { u: y.u, w }).u * h, w }
     }

@@ -1,18 +1,18 @@
 //! The exponential Euler method.
 
-use super::{Counted, Effort, Method, Phase, System};
+use super::{Counted, Phase, StepCost, Stepper, System};
 
 /// Exact in the drag, with the force `N` held over the step: `w′ = N − k w` is linear in `w`, so
 /// `w₁ = e^(−k h) w₀ + h φ₁(k h) N` and, with `u′ = B w`, `u₁ = u₀ + B (h φ₁ w₀ + h² φ₂ N)`, where
-/// `φ₁(x) = (1 − e⁻ˣ)/x` and `φ₂ = (1 − φ₁)/x` (Hochbruck and Ostermann, *Exponential integrators*, Acta Numerica 2010).
-/// Order 1 where the force varies with place, exact where it does not. Stable in the drag for every `h`, as `e^(−k h)`
-/// never leaves [0, 1]; in a well only for steps of about `1/ω` and less.
+/// `φ₁(x) = (1 − e⁻ˣ)/x` and `φ₂ = (1 − φ₁)/x` (Hochbruck and Ostermann, *Exponential integrators*, Acta Numerica
+/// 2010). Order 1 where the force varies with place, exact where it does not. Stable in the drag for every `h`, as
+/// `e^(−k h)` never leaves [0, 1]; in a well only for steps of about `1/ω` and less.
 pub struct ExponentialEuler;
 
-impl Method for ExponentialEuler {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        effort.parts += 1;
-        let f = Counted::new(system, effort).rate(0.0, y);
+impl Stepper for ExponentialEuler {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        cost.parts += 1;
+        let f = Counted::new(system, cost).rate(0.0, y);
         let k = system.drag();
         let force = f.w + y.w * k;
         let [decay, phi1, phi2] = phi(k * h);

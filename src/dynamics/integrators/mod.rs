@@ -1,17 +1,18 @@
-//! Ways to step an equation of motion, interchangeable, and side by side for the report to choose among.
+//! Numerical integrators for the equations of motion: interchangeable one-step methods, which `colvis report dynamics`
+//! compares.
 //!
 //! | name | order | implicit | stable step for `x″ = −ω² x − k x′` |
 //! |---|---|---|---|
 //! | `explicit-euler` | 1 | no | none without drag; `h < k/ω²` with a little |
 //! | `semi-implicit-euler` | 1 | no | `h < 2/ω` |
 //! | `rk4` | 4 | no | `h < 2.83/ω` |
-//! | `dormand-prince` | 5(4), adaptive | no | it takes as many as it needs, up to a bound |
+//! | `dormand-prince` | 5(4), adaptive | no | cuts the step into as many parts as it needs, up to a bound |
 //! | `implicit-midpoint` | 2 | yes | every `h` (A-stable) |
 //! | `backward-euler` | 1 | yes | every `h` (L-stable) |
 //! | `rosenbrock` | 3 | linearly | every `h` (L-stable) |
 //! | `exponential-euler` | 1 | no | `h ≲ 1/ω`; every `h` in the drag |
 //!
-//! A [`Method`] steps a [`System`] of two vectors, `u` (place or angle) and `w` (momentum): the translation and the
+//! A [`Stepper`] steps a [`System`] of two vectors, `u` (place or angle) and `w` (momentum): the translation and the
 //! rotation of a rigid body are one such system each, and each gets its own error control and its own Newton iteration.
 
 mod control;
@@ -56,21 +57,21 @@ pub trait System {
     fn mobility(&self) -> DMat3;
 }
 
-/// What a step took.
+/// What a step cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Effort {
+pub struct StepCost {
     /// Evaluations of the force or torque.
     pub rates: u32,
     /// Evaluations of its derivative.
     pub jacobians: u32,
-    /// Parts into which the step was cut, those thrown away included.
+    /// Parts into which the step was cut, rejected ones included.
     pub parts: u32,
     /// Whether a bound was reached (of parts or of Newton's iterations), so that the rest was taken by a cheap method.
     pub cut_short: bool,
 }
 
-impl Effort {
-    /// Adds another step's.
+impl StepCost {
+    /// Adds the cost of another step.
     pub fn add(&mut self, other: Self) {
         self.rates += other.rates;
         self.jacobians += other.jacobians;
@@ -79,63 +80,63 @@ impl Effort {
     }
 }
 
-/// One step of a system.
-pub trait Method: Sync {
-    /// The state `h` s after `y`. Always ends, after a bounded number of evaluations. What overflows is the caller's to
-    /// notice ([`Phase::is_finite`]).
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase;
+/// A one-step method: advances a system by one step.
+pub trait Stepper: Sync {
+    /// The state `h` s after `y`. Always ends, after a bounded number of evaluations. The caller checks
+    /// for overflow ([`Phase::is_finite`]).
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase;
 
     /// Order of convergence for smooth forces.
     fn order(&self) -> u32;
 }
 
-/// A system that counts what is asked of it.
+/// A system that counts its evaluations.
 pub(crate) struct Counted<'a> {
     system: &'a dyn System,
-    effort: &'a mut Effort,
+    cost: &'a mut StepCost,
 }
 
 impl<'a> Counted<'a> {
-    pub(crate) fn new(system: &'a dyn System, effort: &'a mut Effort) -> Self {
-        Self { system, effort }
+    pub(crate) fn new(system: &'a dyn System, cost: &'a mut StepCost) -> Self {
+        Self { system, cost }
     }
 
     pub(crate) fn rate(&mut self, t: f64, y: Phase) -> Phase {
-        self.effort.rates += 1;
+        self.cost.rates += 1;
         self.system.rate(t, y)
     }
 
     pub(crate) fn jacobian(&mut self, t: f64, y: Phase) -> Blocks {
-        self.effort.jacobians += 1;
+        self.cost.jacobians += 1;
         self.system.jacobian(t, y)
     }
 }
 
-/// The methods by name, as a scene file has them.
+/// The methods by name, as scene files write them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integrator {
-    /// To show why not.
+    /// For comparison only: it is unstable without drag.
     ExplicitEuler,
-    /// The velocity first, then the place with it.
+    /// The velocity first, then the position with the new velocity.
     SemiImplicitEuler,
     /// The classical method of four stages.
     Rk4,
     /// Adaptive, explicit.
     DormandPrince,
-    /// Conserves energy nearly, stable for every step.
+    /// Nearly conserves energy, stable for every step.
     ImplicitMidpoint,
     /// Damps what it does not resolve.
     BackwardEuler,
     /// Linearly implicit: no iteration. The default, chosen by `colvis report dynamics`.
     #[default]
     Rosenbrock,
-    /// Exact in the drag, the force held.
+    /// Exact in the drag, for a force held constant over the step.
     ExponentialEuler,
 }
 
 impl Integrator {
-    /// All of them, with their names.
+    /// All methods, with their names.
     pub const ALL: [(Self, &'static str); 8] = [
         (Self::ExplicitEuler, "explicit-euler"),
         (Self::SemiImplicitEuler, "semi-implicit-euler"),
@@ -148,7 +149,7 @@ impl Integrator {
     ];
 
     /// The method, with its settings for a flight.
-    pub fn method(self) -> &'static dyn Method {
+    pub fn stepper(self) -> &'static dyn Stepper {
         const FLIGHT: DormandPrince = DormandPrince(Control { tolerance: 1e-4, most_parts: 256 });
         match self {
             Self::ExplicitEuler => &ExplicitEuler,
@@ -162,7 +163,7 @@ impl Integrator {
         }
     }
 
-    /// Its name in a scene file.
+    /// The name in a scene file.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|i| i.0 == self).map_or("", |i| i.1)
     }

@@ -1,25 +1,25 @@
 //! Implicit methods, solved by Newton's iteration with the analytic Hessian of the potential.
 
-use super::{Counted, Effort, Method, Phase, System};
+use super::{Counted, Phase, StepCost, Stepper, System};
 
-/// At most so many iterations, each with so many halvings of its step at the most.
+/// Greatest number of iterations, and of halvings of the step of each.
 const ITERATIONS: u32 = 20;
 const HALVINGS: u32 = 8;
-/// How long an error of the momentum goes on to move the body, s: of the order of its drag's.
+/// How long an error of the momentum goes on moving the body, s: about the time constant of the drag.
 const LASTS_S: f64 = 0.05;
-/// A step that cannot be solved is halved so often.
+/// How many times a step that cannot be solved is halved.
 const DEPTH: u32 = 4;
 
 /// `y₁ = y₀ + h f(y₁)`. Order 1, L-stable: what a step does not resolve is damped away, in the drag as at the wall.
 pub struct BackwardEuler;
 
 /// `y₁ = y₀ + h f((y₀ + y₁)/2)`. Order 2, A-stable, symplectic: without drag the energy of a smooth well does not drift
-/// (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, VI.4). What it does not resolve rings on undamped.
+/// (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, VI.4). What it does not resolve oscillates undamped.
 pub struct ImplicitMidpoint;
 
-impl Method for BackwardEuler {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        step(system, y, 0.0, h, 1.0, DEPTH, effort)
+impl Stepper for BackwardEuler {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        step(system, y, 0.0, h, 1.0, DEPTH, cost)
     }
 
     fn order(&self) -> u32 {
@@ -27,9 +27,9 @@ impl Method for BackwardEuler {
     }
 }
 
-impl Method for ImplicitMidpoint {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        step(system, y, 0.0, h, 0.5, DEPTH, effort)
+impl Stepper for ImplicitMidpoint {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        step(system, y, 0.0, h, 0.5, DEPTH, cost)
     }
 
     fn order(&self) -> u32 {
@@ -39,33 +39,33 @@ impl Method for ImplicitMidpoint {
 
 /// `Y = y₀ + g h f(t + g h, Y)` and `y₁ = y₀ + (Y − y₀)/g`, by halves where Newton's iteration fails; where that does
 /// not help either, by the linearly implicit Euler method, `(I − h J) (y₁ − y₀) = h f(y₀)`.
-fn step(system: &dyn System, y: Phase, t: f64, h: f64, g: f64, depth: u32, effort: &mut Effort) -> Phase {
-    effort.parts += 1;
-    match solve(system, y, t + g * h, g * h, effort) {
+fn step(system: &dyn System, y: Phase, t: f64, h: f64, g: f64, depth: u32, cost: &mut StepCost) -> Phase {
+    cost.parts += 1;
+    match solve(system, y, t + g * h, g * h, cost) {
         Ok(middle) => y + (middle - y) * (1.0 / g),
         Err(NoSolution) if depth > 0 => {
-            let half = step(system, y, t, 0.5 * h, g, depth - 1, effort);
-            step(system, half, t + 0.5 * h, 0.5 * h, g, depth - 1, effort)
+            let half = step(system, y, t, 0.5 * h, g, depth - 1, cost);
+            step(system, half, t + 0.5 * h, 0.5 * h, g, depth - 1, cost)
         }
         Err(NoSolution) => {
-            effort.cut_short = true;
-            let mut f = Counted::new(system, effort);
+            cost.cut_short = true;
+            let mut f = Counted::new(system, cost);
             let rate = f.rate(t, y);
             let linear = f.jacobian(t, y).shifted(h).map(|solver| y + solver.solve(rate * h));
-            // Without a solution of that either, the beginning: what is left of the step is not moved.
+            // Where that has no solution either, the rest of the step is not moved.
             linear.filter(Phase::is_finite).unwrap_or(y)
         }
     }
 }
 
-/// Newton's iteration did not come to an end within its bounds.
+/// Newton's iteration did not converge within its bounds.
 struct NoSolution;
 
 /// Newton's iteration for `r(Y) = Y − y₀ − s f(t, Y) = 0` from `y₀` on: `(I − s J) δ = −r`, with the step halved until
 /// the residual falls (Deuflhard, *Newton Methods for Nonlinear Problems*, 3.3). Bounded in every loop.
-fn solve(system: &dyn System, start: Phase, t: f64, s: f64, effort: &mut Effort) -> Result<Phase, NoSolution> {
+fn solve(system: &dyn System, start: Phase, t: f64, s: f64, cost: &mut StepCost) -> Result<Phase, NoSolution> {
     let b = system.mobility();
-    let mut f = Counted::new(system, effort);
+    let mut f = Counted::new(system, cost);
     // In mm (or rad): an error of the momentum is what it moves within the step.
     let size = |r: Phase| Phase { u: r.u, w: r.w * s }.norm(b);
     let residual = |f: &mut Counted<'_>, y: Phase| {
@@ -95,7 +95,7 @@ fn solve(system: &dyn System, start: Phase, t: f64, s: f64, effort: &mut Effort)
             share *= 0.5;
         }
         let Some((to, there, left)) = better else {
-            // Nothing is left to gain but rounding.
+            // Only rounding is left.
             if size(delta) <= 1e3 * enough {
                 return Ok(y);
             }

@@ -14,7 +14,7 @@ pub struct Phase {
 }
 
 impl Phase {
-    /// Whether every number is one.
+    /// Whether all components are finite.
     pub fn is_finite(&self) -> bool {
         self.u.is_finite() && self.w.is_finite()
     }
@@ -22,7 +22,7 @@ impl Phase {
     /// The norm in which errors are measured: the larger of `|u|` and `|B w|` times one second, with the mobility `B`.
     pub fn norm(&self, mobility: DMat3) -> f64 {
         let (u, w) = (self.u.length(), (mobility * self.w).length());
-        // `max` would swallow what is not a number.
+        // `max` would drop a NaN.
         if u.is_nan() || w.is_nan() { f64::NAN } else { u.max(w) }
     }
 }
@@ -62,14 +62,14 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// The matrix applied.
+    /// The product of the matrix and a state.
     pub fn apply(&self, y: Phase) -> Phase {
         Phase { u: self.uu * y.u + self.uw * y.w, w: self.wu * y.u + self.ww * y.w }
     }
 
-    /// `I − g J`, ready to be solved with. `None` where it is singular or not finite.
+    /// `I − g J`, decomposed for solving. `None` where it is singular or not finite.
     ///
-    /// `w` is scaled by the mobility's size, so that masses of 10⁻⁶ and of 10⁶ g are solved alike well.
+    /// `w` is scaled by the mobility's size, so that masses of 10⁻⁶ and of 10⁶ g are solved equally well.
     pub fn shifted(&self, g: f64) -> Option<Solver> {
         let scale = self.uw.to_cols_array().iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let scale = if scale > 1e-300 && scale.is_finite() { scale } else { 1.0 };
@@ -101,7 +101,7 @@ impl Solver {
         let mut weight = [0.0; 6];
         for (row, weight) in a.iter_mut().zip(&mut weight) {
             let most = row.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-            // `max` ignores what is not a number, so each is looked at.
+            // `max` ignores NaN, so each value is checked.
             if !(most > 0.0 && row.iter().all(|x| x.is_finite())) {
                 return None;
             }

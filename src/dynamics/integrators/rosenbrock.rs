@@ -1,6 +1,6 @@
 //! A Rosenbrock–W method: linearly implicit, so that a stiff wall costs one small linear system and no iteration.
 
-use super::{Control, Counted, Effort, ExponentialEuler, Method, Phase, System};
+use super::{Control, Counted, ExponentialEuler, Phase, StepCost, Stepper, System};
 
 /// ROS34PW2 (Rang and Angermann, *New Rosenbrock W-methods of order 3 for PDAEs of index 1*, BIT 2005): four stages,
 /// order 3 for any approximate Jacobian, L-stable, stiffly accurate, with an embedded method of order 2.
@@ -32,8 +32,8 @@ const B: [f64; 4] = [2.421_238_070_609_535e-1, -1.223_250_583_904_515, 1.545_260
 const EMBEDDED: [f64; 4] = [3.781_090_314_581_937e-1, -9.604_229_221_242_318e-2, 5e-1, 2.179_332_607_542_295e-1];
 
 /// One part and its difference to the embedded method; `None` where the linear system has no solution.
-fn part(system: &dyn System, t: f64, y: Phase, h: f64, effort: &mut Effort) -> Option<(Phase, Phase)> {
-    let mut f = Counted::new(system, effort);
+fn part(system: &dyn System, t: f64, y: Phase, h: f64, cost: &mut StepCost) -> Option<(Phase, Phase)> {
+    let mut f = Counted::new(system, cost);
     let j = f.jacobian(t, y);
     let solver = j.shifted(GAMMA * h)?;
     let by_time = system.time_rate(t, y, h);
@@ -50,14 +50,14 @@ fn part(system: &dyn System, t: f64, y: Phase, h: f64, effort: &mut Effort) -> O
     Some((y + next, next - weighted(EMBEDDED)))
 }
 
-impl Method for Rosenbrock {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        effort.parts += 1;
-        match part(system, 0.0, y, h, effort) {
+impl Stepper for Rosenbrock {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        cost.parts += 1;
+        match part(system, 0.0, y, h, cost) {
             Some((next, _)) => next,
             None => {
-                effort.cut_short = true;
-                ExponentialEuler.step(system, y, h, effort)
+                cost.cut_short = true;
+                ExponentialEuler.step(system, y, h, cost)
             }
         }
     }
@@ -67,11 +67,11 @@ impl Method for Rosenbrock {
     }
 }
 
-impl Method for RosenbrockAdaptive {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        self.0.steps(system, y, h, 3.0, effort, &mut |t, y, h, effort| {
+impl Stepper for RosenbrockAdaptive {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        self.0.steps(system, y, h, 3.0, cost, &mut |t, y, h, cost| {
             let broken = Phase { u: glam::DVec3::NAN, w: glam::DVec3::NAN };
-            part(system, t, y, h, effort).unwrap_or((broken, broken))
+            part(system, t, y, h, cost).unwrap_or((broken, broken))
         })
     }
 

@@ -5,7 +5,7 @@ use glam::{DMat3, DQuat, DVec3};
 use super::*;
 use crate::dynamics::body::Body;
 use crate::dynamics::forces::Forces;
-use crate::dynamics::rigid::{Motion, Turning, angle, free};
+use crate::dynamics::rigid::{RigidBodyState, Turning, angle, free};
 use crate::dynamics::step;
 
 /// A pendulum in each direction: smooth, nonlinear, with a fixed derivative nowhere.
@@ -25,8 +25,8 @@ impl Forces for Waves {
     }
 }
 
-fn start() -> Motion {
-    Motion {
+fn start() -> RigidBodyState {
+    RigidBodyState {
         position: DVec3::new(0.7, -0.3, 0.5),
         momentum: DVec3::new(1.0, 0.4, -0.6),
         orientation: free::exp(DVec3::new(0.5, -0.2, 0.9)),
@@ -45,7 +45,7 @@ fn body() -> Body {
     }
 }
 
-fn fly(method: &dyn Method, turning: &Turning, seconds: f64, steps: u32) -> Motion {
+fn fly(method: &dyn Stepper, turning: &Turning, seconds: f64, steps: u32) -> RigidBodyState {
     let h = seconds / f64::from(steps);
     (0..steps).fold(start(), |m, _| step::integrate(method, &body(), &m, &Waves, turning, h).0)
 }
@@ -53,9 +53,9 @@ fn fly(method: &dyn Method, turning: &Turning, seconds: f64, steps: u32) -> Moti
 /// A step of the fifth order without control.
 struct Fixed5;
 
-impl Method for Fixed5 {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        DormandPrince::fixed(system, y, h, effort)
+impl Stepper for Fixed5 {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        DormandPrince::fixed(system, y, h, cost)
     }
     fn order(&self) -> u32 {
         5
@@ -68,7 +68,7 @@ fn orders_are_those_of_theory() {
     let turning =
         Turning { push: DVec3::new(0.4, -0.3, 0.8), ..Turning::towards(DVec3::new(1.0, 0.4, -0.5), 0.8, 2.0) };
     let reference = fly(&Fixed5, &turning, 2.0, 4000);
-    let all: [(&str, &dyn Method, u32); 8] = [
+    let all: [(&str, &dyn Stepper, u32); 8] = [
         ("explicit-euler", &ExplicitEuler, 1280),
         ("semi-implicit-euler", &SemiImplicitEuler, 1280),
         ("exponential-euler", &ExponentialEuler, 1280),
@@ -101,7 +101,7 @@ fn adaptive_methods_keep_their_tolerance() {
     let reference = fly(&Fixed5, &turning, 2.0, 4000);
     for tolerance in [1e-3, 1e-5, 1e-7] {
         let control = Control { tolerance, most_parts: 2000 };
-        for method in [&DormandPrince(control) as &dyn Method, &RosenbrockAdaptive(control)] {
+        for method in [&DormandPrince(control) as &dyn Stepper, &RosenbrockAdaptive(control)] {
             let end = fly(method, &turning, 2.0, 4);
             let error = end.position.distance(reference.position);
             assert!(error < 30.0 * tolerance, "{error} for {tolerance}");
@@ -124,9 +124,9 @@ fn implicit_methods_are_stable_where_explicit_ones_are_not() {
     let body = Body { drag_per_s: 1.0, ..Body::default() };
     for omega in [1e2, 1e5, 1e9] {
         for (integrator, name) in Integrator::ALL {
-            let mut m = Motion { angular: DVec3::ZERO, ..start() };
+            let mut m = RigidBodyState { angular: DVec3::ZERO, ..start() };
             for _ in 0..200 {
-                m = step::integrate(integrator.method(), &body, &m, &Spring(omega * omega), &Turning::FREE, 0.1).0;
+                m = step::integrate(integrator.stepper(), &body, &m, &Spring(omega * omega), &Turning::FREE, 0.1).0;
             }
             use Integrator::{BackwardEuler as B, ImplicitMidpoint as M, Rosenbrock as R};
             if matches!(integrator, B | M | R) {
@@ -152,7 +152,7 @@ fn past_reason_everything_stays_finite() {
     }
     let mut rates = 0;
     for (integrator, name) in Integrator::ALL {
-        for dt in [1e-6, 1.0 / 120.0, 1.0, 10.0] {
+        for dt in [1e-6, crate::dynamics::STEP_S, 1.0, 10.0] {
             for mass_g in [1e-6, 1.0, 1e6] {
                 for c_s in [1e-9, 1.0, 1e9] {
                     for (r, l) in [(1.0, 2.0), (1e-6, 2.9), (1.49, 1e-6)] {
@@ -166,19 +166,19 @@ fn past_reason_everything_stays_finite() {
                         let j = body.inertia();
                         let q = start().orientation;
                         let spin = j.momentum(DVec3::new(0.6, 0.0, 0.8) * 1e4, q * DVec3::Z);
-                        let mut m = Motion { orientation: q, angular: spin, ..start() };
+                        let mut m = RigidBodyState { orientation: q, angular: spin, ..start() };
                         for turning in [
                             Turning::towards(DVec3::Y, 0.45, 1.8),
                             Turning { push: DVec3::splat(1e9), ..Turning::FREE },
                         ] {
                             for _ in 0..3 {
-                                let (next, effort) =
-                                    step::integrate(integrator.method(), &body, &m, &Forced(c_s), &turning, dt);
+                                let (next, cost) =
+                                    step::integrate(integrator.stepper(), &body, &m, &Forced(c_s), &turning, dt);
                                 assert!(next.is_finite(), "{name} {dt} {mass_g} {c_s} {r}x{l}: {next:?}");
                                 assert!((next.orientation.length() - 1.0).abs() < 1e-9);
-                                assert!(effort.rates < 20_000, "{name}: {effort:?}");
-                                rates += u64::from(effort.rates);
-                                m = Motion { position: start().position, ..next };
+                                assert!(cost.rates < 20_000, "{name}: {cost:?}");
+                                rates += u64::from(cost.rates);
+                                m = RigidBodyState { position: start().position, ..next };
                             }
                         }
                     }
@@ -194,12 +194,15 @@ fn free_bodies_keep_their_momenta() {
     let body = Body { drag_per_s: 0.0, ..body() };
     let j = body.inertia();
     for (integrator, name) in Integrator::ALL {
-        let mut m =
-            Motion { angular: j.momentum(DVec3::new(1e4, 2e3, -5e3), start().orientation * DVec3::Z), ..start() };
+        let mut m = RigidBodyState {
+            angular: j.momentum(DVec3::new(1e4, 2e3, -5e3), start().orientation * DVec3::Z),
+            ..start()
+        };
         let begun = m;
-        let energy = |m: &Motion| j.energy(m.angular, m.orientation * DVec3::Z);
+        let energy = |m: &RigidBodyState| j.energy(m.angular, m.orientation * DVec3::Z);
         for _ in 0..1000 {
-            m = step::integrate(integrator.method(), &body, &m, &DVec3::ZERO, &Turning::FREE, 1.0 / 120.0).0;
+            m = step::integrate(integrator.stepper(), &body, &m, &DVec3::ZERO, &Turning::FREE, crate::dynamics::STEP_S)
+                .0;
         }
         assert!((m.momentum - begun.momentum).length() < 1e-12 * begun.momentum.length(), "{name}");
         assert!((m.angular - begun.angular).length() < 1e-12 * begun.angular.length(), "{name}");
@@ -213,15 +216,15 @@ fn free_bodies_keep_their_momenta() {
 #[test]
 fn the_view_arrives_without_overshoot_and_the_horizon_stays() {
     for (integrator, name) in Integrator::ALL {
-        for dt in [1.0 / 120.0, 0.05] {
+        for dt in [crate::dynamics::STEP_S, 0.05] {
             let body = Body::default();
-            let mut m = Motion { angular: DVec3::ZERO, orientation: DQuat::IDENTITY, ..start() };
+            let mut m = RigidBodyState { angular: DVec3::ZERO, orientation: DQuat::IDENTITY, ..start() };
             let target = m.orientation * DVec3::new(1.0, 0.0, 0.3).normalize();
             let turning = Turning::towards(target, 0.45, 1.8);
             let (mut last, mut fastest) = (f64::INFINITY, 0.0f64);
             for _ in 0..(8.0 / dt) as usize {
                 let before = m.orientation * DVec3::Z;
-                m = step::integrate(integrator.method(), &body, &m, &DVec3::ZERO, &turning, dt).0;
+                m = step::integrate(integrator.stepper(), &body, &m, &DVec3::ZERO, &turning, dt).0;
                 let view = m.orientation * DVec3::Z;
                 fastest = fastest.max(before.angle_between(view) / dt);
                 let left = view.angle_between(target);

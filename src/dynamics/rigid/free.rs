@@ -18,7 +18,7 @@ pub fn turn(start: DQuat, angular: DVec3, inertia: &Inertia, drag: f64, seconds:
     unit(exp(angular * (s / inertia.transverse)) * start * about_axis)
 }
 
-/// `(1 − e^(−k t))/k`, s: how far what decays at `k` gets in `t`.
+/// `(1 − e^(−k t))/k`, s: the integral of a decay at rate `k` over the time `t`.
 pub fn slowed(k: f64, t: f64) -> f64 {
     if k * t < 1e-300 { t } else { -(-k * t).exp_m1() / k }
 }
@@ -63,7 +63,7 @@ mod tests {
             let q0 = exp(DVec3::new(0.1, 0.2, 0.3));
             let axis = q0 * DVec3::Z;
             let angular = j.momentum((axis + DVec3::new(0.1, 0.0, -0.1)).normalize() * 1e4, axis);
-            for t in [1e-6, 1.0 / 120.0, 10.0] {
+            for t in [1e-6, crate::dynamics::STEP_S, 10.0] {
                 let q = turn(q0, angular, &j, 0.0, t);
                 assert!((q.length() - 1.0).abs() < 1e-12);
                 // What is conserved: the momentum along the axis, and so the energy.

@@ -21,9 +21,9 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::attitude::Attitude;
 
-/// Where a rigid body is and how it moves, in the world.
+/// The state of a rigid body: where it is and how it moves, in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion {
+pub struct RigidBodyState {
     /// Centre of mass, mm.
     pub position: DVec3,
     /// Momentum, g·mm/s.
@@ -34,8 +34,8 @@ pub struct Motion {
     pub angular: DVec3,
 }
 
-impl Motion {
-    /// At rest.
+impl RigidBodyState {
+    /// The state at rest.
     pub fn at_rest(position: DVec3, attitude: Attitude) -> Self {
         Self { position, momentum: DVec3::ZERO, orientation: orientation(attitude), angular: DVec3::ZERO }
     }
@@ -45,7 +45,7 @@ impl Motion {
         Attitude::new(self.orientation * DVec3::Z, self.orientation * DVec3::Y)
     }
 
-    /// Whether every number is one.
+    /// Whether all components are finite.
     pub fn is_finite(&self) -> bool {
         self.position.is_finite()
             && self.momentum.is_finite()
@@ -66,10 +66,10 @@ pub fn unit(q: DQuat) -> DQuat {
     if length.is_finite() && length > 1e-150 { q / length } else { DQuat::IDENTITY }
 }
 
-/// The angle between two orientations, rad, 0 to π; small ones are told exactly. Lengths do not matter.
+/// The angle between two orientations, rad, 0 to π; exact for small angles too. Lengths do not matter.
 pub fn angle(a: DQuat, b: DQuat) -> f64 {
     let turn = a * b.conjugate();
-    // Both signs of a quaternion are the same turn; the sine resolves small angles where the cosine does not.
+    // Both signs of a quaternion are the same rotation; the sine resolves small angles where the cosine does not.
     2.0 * turn.xyz().length().atan2(turn.w.abs())
 }
 
@@ -142,7 +142,7 @@ mod tests {
     fn a_view_frame_there_and_back() {
         for (f, u) in [(DVec3::X, DVec3::Z), (DVec3::new(1.0, -2.0, 0.5), DVec3::Y), (DVec3::NEG_Z, DVec3::X)] {
             let a = Attitude::new(f, u);
-            let m = Motion::at_rest(DVec3::ZERO, a);
+            let m = RigidBodyState::at_rest(DVec3::ZERO, a);
             let b = m.attitude();
             assert!((a.forward - b.forward).length() < 1e-12 && (a.up - b.up).length() < 1e-12);
             assert!((m.orientation * DVec3::X + a.right()).length() < 1e-12);

@@ -35,8 +35,8 @@ impl Turning {
         Self { target, stiffness: w, reach: 2.0 * rate.max(0.0) / w, drag: 2.0 * w, push: DVec3::ZERO }
     }
 
-    /// At `rate` (world, rad/s) as the hand holds it; the drag `k` (1/s) says how promptly, and brings a body to rest
-    /// that nobody turns.
+    /// At `rate` (world, rad/s) as the operator asks; the drag `k` (1/s) sets how promptly, and brings the body to
+    /// rest when nobody turns it.
     pub fn by_hand(rate: DVec3, drag: f64) -> Self {
         Self { target: DVec3::ZERO, stiffness: 0.0, reach: 1.0, drag, push: rate * drag }
     }

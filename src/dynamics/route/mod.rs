@@ -1,8 +1,8 @@
 //! A planned way: a smooth curve with frames, a speed for each place of it, and how a body is held to it.
 //!
-//! Automated flight planning (paper, section 3): after start and end are given the path is known, and the camera flies it
-//! like anything that has mass, with bounded acceleration and jerk. The body still moves by forces alone ([`pilot`]), so
-//! that an operator may push it off the plan at any time and give it back anywhere.
+//! Automated flight planning (paper, section 3): after start and end are given the path is known, and the camera flies
+//! it like anything that has mass, with bounded acceleration and jerk. The body still moves by forces alone
+//! ([`pilot`]), so that an operator may push it off the plan at any time and give it back anywhere.
 
 pub mod frames;
 pub mod pilot;
@@ -10,8 +10,16 @@ pub mod profile;
 
 use glam::DVec3;
 
+use crate::fields::Clearances;
+
 /// Way between two control points of a route, mm.
 pub const STEP_MM: f64 = 1.0;
+/// So many places of the way are tried for one that the body can get to.
+const REACHABLE_TRIED: usize = 6;
+/// Narrow places are looked for this far ahead, mm.
+const NARROW_AHEAD_MM: f64 = 15.0;
+/// The way is narrow where it leaves the body no more than this on each side, mm.
+const NARROW_MM: f64 = 0.5;
 
 /// A way through the lumen, world mm: a uniform cubic B-spline through points [`STEP_MM`] apart, hence with continuous
 /// curvature, inside the hull of any four neighbours.
@@ -65,7 +73,7 @@ impl Route {
         Some(route)
     }
 
-    /// The same way from its end to its beginning.
+    /// The route from its end to its beginning.
     pub fn reversed(&self) -> Self {
         let back = |v: &[DVec3]| v.iter().rev().copied().collect();
         Self {
@@ -86,7 +94,7 @@ impl Route {
         &self.points
     }
 
-    /// Memory.
+    /// Size in memory, bytes.
     pub fn bytes(&self) -> usize {
         self.points.len() * (2 * size_of::<DVec3>() + size_of::<f64>())
     }
@@ -116,7 +124,7 @@ impl Route {
         (0..4).map(|k| self.control(n - 1 + k as i64) * w[k]).sum()
     }
 
-    /// The place after `s` mm of the way, world mm; before its beginning and beyond its end those.
+    /// The place after `s` mm of the way, world mm; clamped to its beginning and its end.
     pub fn place(&self, s: f64) -> DVec3 {
         self.blend(s, |t| {
             let r = 1.0 - t;
@@ -134,7 +142,7 @@ impl Route {
         derivative.try_normalize().unwrap_or(DVec3::Z)
     }
 
-    /// How sharply the way bends around `s` mm, 1/mm: the turn of its tangent over `window` mm.
+    /// Curvature around `s` mm, 1/mm: the turn of the tangent over `window` mm.
     pub fn bend(&self, s: f64, window: f64) -> f64 {
         let (a, b) = ((s - window / 2.0).max(0.0), (s + window / 2.0).min(self.length_mm()));
         if b > a { self.tangent(a).angle_between(self.tangent(b)) / (b - a) } else { 0.0 }
@@ -155,8 +163,8 @@ impl Route {
         (up - tangent * up.dot(tangent)).try_normalize().unwrap_or_else(|| tangent.any_orthonormal_vector())
     }
 
-    /// Where one looks from `s` mm: unit direction, world, towards the way ahead, averaged over `ahead` mm of it so that
-    /// it turns smoothly; the tangent at the end.
+    /// The view direction from `s` mm: a unit vector, world, towards the way ahead, averaged over `ahead` mm of it so
+    /// that it turns smoothly; the tangent at the end.
     pub fn look(&self, s: f64, ahead: f64) -> DVec3 {
         let end = (s + ahead).min(self.length_mm());
         if end - s < self.step {
@@ -170,8 +178,8 @@ impl Route {
         sum.try_normalize().unwrap_or_else(|| self.tangent(s))
     }
 
-    /// Places along the way, mm, that are nearest to `at` (world mm) among their neighbours, the nearest of all first. A
-    /// colon's loops touch, so that the nearest of all may be in another one.
+    /// Places along the way, mm, that are nearest to `at` (world mm) among their neighbours, the nearest of all first.
+    /// The colon's loops touch, so that the nearest of all may lie in another loop.
     pub fn nearest(&self, at: DVec3) -> Vec<f64> {
         let d: Vec<f64> = self.points.iter().map(|p| p.distance_squared(at)).collect();
         let last = d.len() - 1;
@@ -186,6 +194,29 @@ impl Route {
             .collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         found.into_iter().map(|f| f.1).collect()
+    }
+
+    /// The nearest place of the way, mm along it, to which the straight line from `at` (world mm) is free; the nearest
+    /// of all where none is.
+    pub fn nearest_reachable(&self, walls: &impl Clearances, at: DVec3) -> f64 {
+        let places = self.nearest(at);
+        let free = |&&s: &&f64| !walls.enters(at, self.place(s));
+        places.iter().take(REACHABLE_TRIED).find(free).or(places.first()).copied().unwrap_or(0.0)
+    }
+
+    /// The least distance from the way to the nearest wall over the next 15 mm from `s` mm on, mm.
+    pub fn narrowest_ahead(&self, s: f64) -> f64 {
+        let ahead = (0..(NARROW_AHEAD_MM as i32)).map(|n| self.clearance(s + f64::from(n)));
+        ahead.fold(f64::INFINITY, f64::min)
+    }
+
+    /// What to tell the operator where the way from `s` mm on soon leads through a place too narrow for a body of
+    /// `radius_mm`: less than 0.5 mm free on each side.
+    pub fn narrow_place(&self, s: f64, radius_mm: f64) -> Option<String> {
+        let least = self.narrowest_ahead(s);
+        (least < radius_mm + NARROW_MM).then(|| {
+            format!("the way ahead narrows to {:.1} mm across, the camera has {:.1} mm", 2.0 * least, 2.0 * radius_mm)
+        })
     }
 }
 
@@ -236,6 +267,44 @@ mod tests {
             assert!((r.tangent(s) + b.tangent(r.length_mm() - s)).length() < 1e-9);
         }
         assert!(r.look(10.0, 20.0).dot(r.tangent(10.0)) > 0.8);
+    }
+
+    /// A wall at y = 1 that everything above is behind.
+    struct Shelf;
+
+    impl Clearances for Shelf {
+        fn clearance(&self, at: DVec3) -> crate::fields::Clearance {
+            crate::fields::Clearance { mm: (1.0 - at.y).max(0.0), toward: DVec3::Y }
+        }
+
+        fn enters(&self, from: DVec3, to: DVec3) -> bool {
+            (from.y < 1.0) != (to.y < 1.0)
+        }
+    }
+
+    #[test]
+    fn a_loop_behind_a_wall_is_no_place_to_join() {
+        // There at y = 0, back at y = 3: the way back is nearer, but behind the shelf.
+        let line: Vec<_> = (0..=40)
+            .map(|n| DVec3::new(f64::from(n), 0.0, 0.0))
+            .chain((0..=40).map(|n| DVec3::new(40.0 - f64::from(n), 3.0, 0.0)))
+            .collect();
+        let r = Route::along(&line, &vec![2.0; line.len()], DVec3::Z).unwrap();
+        let at = DVec3::new(10.0, 0.9, 2.0);
+        assert!((r.nearest_reachable(&Shelf, at) - 10.0).abs() < 0.1);
+        let above = DVec3::new(10.0, 2.5, 0.0);
+        assert!((r.nearest_reachable(&Shelf, above) - 73.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn a_narrow_place_ahead_is_told() {
+        let line: Vec<_> = (0..=100).map(|n| DVec3::X * f64::from(n)).collect();
+        let clearance: Vec<_> = (0..=100).map(|n| if n == 50 { 1.2 } else { 6.0 }).collect();
+        let r = Route::along(&line, &clearance, DVec3::Z).unwrap();
+        assert!((r.narrowest_ahead(40.0) - 1.2).abs() < 1e-9 && r.narrowest_ahead(20.0) == 6.0);
+        let told = r.narrow_place(40.0, 1.5).unwrap();
+        assert_eq!(told, "the way ahead narrows to 2.4 mm across, the camera has 3.0 mm");
+        assert!(r.narrow_place(40.0, 0.5).is_none() && r.narrow_place(20.0, 1.5).is_none());
     }
 
     #[test]

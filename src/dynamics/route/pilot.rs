@@ -1,34 +1,35 @@
-//! Holds a body to its plan by force, and takes it up anywhere.
+//! Guidance along a plan: holds a body to it by force, from wherever the body joins it.
 
 use glam::DVec3;
 
 use super::Route;
 use super::profile::{PathSettings, Profile};
 
-/// How fast what is off the plan is pulled back, rad/s: critically damped, well below the simulation's rate.
+/// Natural frequency with which the body is pulled back to the plan, rad/s: critically damped, well below the step
+/// rate.
 const PULL: f64 = 6.0;
-/// Where the body is further from where it should be than this, mm, something holds it: the plan is taken up anew.
+/// A body that is further than this from its planned position is held by something, mm: it must join the plan again.
 const LOST_MM: f64 = 6.0;
-/// The least time in which a body that was off the plan is led back to it, s …
+/// Least time in which a body that is off the plan is led back to it, s …
 const JOIN_S: f64 = 1.0;
-/// … and the greatest acceleration that this takes, mm/s².
+/// … and greatest acceleration of doing so, mm/s².
 const JOIN_MM_S2: f64 = 30.0;
-/// A body that is further off than the first is led to its way while the flight along it waits for it, than the second
-/// altogether: whoever flies on beside the way meets the next fold. mm.
+/// From the first distance on, mm, the flight along the route waits in part for a body that is led back, from the
+/// second on altogether: a body that flies on beside the route meets the next fold.
 const WAITS_MM: [f64; 2] = [1.0, 4.0];
 
-/// A flight along a route from where it was taken up.
+/// A flight along a route from where the body joined it.
 #[derive(Clone, Debug)]
 pub struct Pilot {
     profile: Profile,
-    /// Time of the plan, and time itself, since it was taken up, s.
+    /// Time of the plan, and real time, since the body joined it, s.
     time: f64,
     since: f64,
-    /// What the body was off the plan then, mm, how fast it went off it, mm/s, and its acceleration off it, mm/s².
+    /// Offset of the body from the plan then, mm, with its first and second derivative, mm/s and mm/s².
     off: [DVec3; 3],
-    /// That is gone after so long, s.
+    /// Time after which the offset is gone, s.
     join_s: f64,
-    /// Multiple of the plan's speed, as it is now.
+    /// Present multiple of the plan's speed.
     rate: f64,
     /// Place along the route, mm.
     s: f64,
@@ -36,17 +37,17 @@ pub struct Pilot {
     waits: f64,
 }
 
-/// What is asked of the body now.
+/// What the pilot asks of the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Order {
-    /// Acceleration besides the drag's, world mm/s².
+pub struct GuidanceCommand {
+    /// Acceleration in addition to the drag's, world mm/s².
     pub acceleration: DVec3,
     /// Place along the route, mm.
     pub s: f64,
 }
 
 impl Pilot {
-    /// Takes up the route at `s` mm with a body at `position` (world mm) with `velocity` (world mm/s) and `acceleration`
+    /// Joins the route at `s` mm with a body at `position` (world mm) with `velocity` (world mm/s) and `acceleration`
     /// (world mm/s²), flown at `rate` times the plan's speed.
     pub fn join(
         route: &Route,
@@ -78,8 +79,8 @@ impl Pilot {
         self.s
     }
 
-    /// What the body is off the plan, `u = t/T` after it was taken up: `d(u)`, `ḋ`, `d̈`. The quintic Hermite polynomial
-    /// from `(d₀, w, b)` to rest at 0: place, speed and acceleration go on from what they were.
+    /// The offset of the body from the plan at `u = t/T` after it joined: `d(u)`, `ḋ`, `d̈`. The quintic Hermite
+    /// polynomial from `(d₀, w, b)` to rest at 0: place, speed and acceleration go on from what they were.
     fn offset(&self) -> [DVec3; 3] {
         let [d, w, b] = self.off;
         let big = self.join_s;
@@ -101,7 +102,7 @@ impl Pilot {
         [place, speed / big, bent / (big * big)]
     }
 
-    /// The rate of the plan's time now and its change within a second: while the flight waits it sets out gradually
+    /// The rate of the plan's time now and its change within a second: a flight that waits sets out gradually
     /// (smoothstep).
     fn pace(&self) -> (f64, f64) {
         let u = (self.since / self.join_s).min(1.0);
@@ -122,20 +123,20 @@ impl Pilot {
         [route.place(m.s) + d, tangent * v + d1, tangent * a + curve * (v * v) + d2]
     }
 
-    /// Goes on by `dt` seconds at `rate` times the plan's speed: what to ask of the body that is at `position` (world mm)
-    /// with `velocity` (world mm/s) and a drag of `drag` 1/s. None where the body is not where it should be: somebody or
-    /// something holds it, and the plan is to be taken up anew.
+    /// Advances by `dt` seconds at `rate` times the plan's speed: the command for a body at `position` (world mm) with
+    /// `velocity` (world mm/s) and a drag of `drag` 1/s. None where the body is too far from its planned position:
+    /// something holds it, and it must [`Pilot::join`] again.
     ///
     /// `a = a_w + k v_w + ω² (x_w − x) + (2ω − k)⁺ (v_w − v)`: with the drag −k v the error obeys
     /// `ë + 2ω ė + ω² e = 0`, the critically damped oscillator.
-    pub fn order(
+    pub fn command(
         &mut self,
         route: &Route,
         (position, velocity): (DVec3, DVec3),
         drag: f64,
         rate: f64,
         dt: f64,
-    ) -> Option<Order> {
+    ) -> Option<GuidanceCommand> {
         // The rate is not jumped to, so that the body can follow.
         let rate = if rate.is_finite() { rate.max(1e-3) } else { self.rate };
         self.rate += (rate - self.rate) * (1.0 - (-dt / 0.3).exp());
@@ -149,7 +150,7 @@ impl Pilot {
         }
         let damping = (2.0 * PULL - drag).max(0.0);
         let acceleration = a + v * drag + off * (PULL * PULL) + (v - velocity) * damping;
-        acceleration.is_finite().then_some(Order { acceleration, s: self.s })
+        acceleration.is_finite().then_some(GuidanceCommand { acceleration, s: self.s })
     }
 }
 
@@ -158,7 +159,7 @@ mod tests {
     use super::*;
     use crate::dynamics::Body;
 
-    const DT: f64 = 1.0 / 120.0;
+    use crate::dynamics::STEP_S as DT;
 
     fn route() -> Route {
         let line: Vec<_> = (0..400)
@@ -182,7 +183,7 @@ mod tests {
         let (mut x, mut v) = start;
         let (mut xs, mut vs) = (vec![x], vec![v]);
         for _ in 0..(seconds / DT) as usize {
-            let order = pilot.order(route, (x, v), k, rate, DT).expect("nothing holds it");
+            let order = pilot.command(route, (x, v), k, rate, DT).expect("nothing holds it");
             // Exact for an acceleration that is held: v' = a − k v.
             let (rest, decay) = (order.acceleration / k, (-k * DT).exp());
             x += rest * DT + (v - rest) * ((1.0 - decay) / k);
@@ -253,11 +254,11 @@ mod tests {
         let (route, set) = (route(), PathSettings::default());
         let start = (route.place(50.0), DVec3::ZERO);
         let mut pilot = Pilot::join(&route, 50.0, [start.0, start.1, DVec3::ZERO], 1.0, &set);
-        assert!((0..600).any(|_| pilot.order(&route, start, 6.0, 1.0, DT).is_none()), "it hangs");
+        assert!((0..600).any(|_| pilot.command(&route, start, 6.0, 1.0, DT).is_none()), "it hangs");
         for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e9] {
             let mut p = Pilot::join(&route, bad, [DVec3::ZERO, DVec3::splat(bad), DVec3::splat(bad)], bad, &set);
             for _ in 0..100 {
-                if let Some(o) = p.order(&route, start, 6.0, bad, DT) {
+                if let Some(o) = p.command(&route, start, 6.0, bad, DT) {
                     assert!(o.acceleration.is_finite() && o.s.is_finite());
                 }
             }

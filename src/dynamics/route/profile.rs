@@ -1,26 +1,26 @@
-//! When a body is where on its way: as fast as bends, narrow places, acceleration and jerk allow.
+//! The speed profile of a route: as fast as bends, narrow places, acceleration and jerk allow.
 
 use super::Route;
 use crate::error::{Error, Result};
 
-/// Bends are measured over this much of the way, mm: what is sharper within it is a wiggle, not a bend.
+/// Curvature is measured over this length, mm: what is sharper within it is a wiggle, not a bend.
 const BEND_MM: f64 = 6.0;
-/// However narrow and bent a place is, it is passed with this speed, mm/s.
+/// Least speed, however narrow and bent a place is, mm/s.
 const LEAST_MM_S: f64 = 2.0;
 
 /// How a planned way is flown.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PathSettings {
-    /// Speed where nothing asks for less, mm/s.
+    /// Speed where nothing limits it, mm/s.
     pub cruise_mm_s: f64,
     /// Greatest acceleration along the way, and across it in bends, mm/s².
     pub acceleration_mm_s2: f64,
     /// Greatest jerk along the way, mm/s³.
     pub jerk_mm_s3: f64,
-    /// The nearest wall is always at least so long away at the present speed, s: narrow places are flown slowly.
+    /// Least time to the nearest wall at the present speed, s: narrow places are flown slowly.
     pub wall_s: f64,
-    /// How much of the way ahead the view is directed at, mm.
+    /// Length of the route ahead that the view is directed at, mm.
     pub look_ahead_mm: f64,
 }
 
@@ -32,7 +32,7 @@ impl Default for PathSettings {
 
 impl PathSettings {
     /// # Errors
-    /// Status 2 for a setting that is not a positive number, or out of all proportion.
+    /// Status 2 for a setting that is not a positive number, or far too large.
     pub fn check(&self) -> Result<()> {
         for (name, value, most) in [
             ("path.cruise_mm_s", self.cruise_mm_s, 1e4),
@@ -59,7 +59,7 @@ impl PathSettings {
 /// A moment of a flight along its way.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
-    /// Way from the beginning, mm.
+    /// Distance from the beginning, mm.
     pub s: f64,
     /// mm/s.
     pub v: f64,
@@ -67,7 +67,7 @@ pub struct Moment {
     pub a: f64,
 }
 
-/// Way over time.
+/// Distance along the route over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     /// Moments each [`Profile::TICK`] seconds.
@@ -76,18 +76,18 @@ pub struct Profile {
 
 impl Profile {
     /// Time between two moments, s.
-    const TICK: f64 = 1.0 / 120.0;
-    /// No plan takes longer, s.
+    const TICK: f64 = crate::dynamics::STEP_S;
+    /// Longest duration of a plan, s.
     const LONGEST: f64 = 36_000.0;
 
-    /// Plans the way from `from` mm to its end, beginning with `speed` mm/s (less where the way is too short to stop from
-    /// it) and ending at rest.
+    /// Plans the way from `from` mm to its end, beginning with `speed` mm/s (less where the way is too short to stop
+    /// from it) and ending at rest.
     ///
-    /// First the fastest way over time under the speeds allowed and the bounded acceleration, by a pass forwards and one
-    /// backwards over the way (`v² ≤ v₀² + 2 a Δs`; Bobrow, Dubowsky, Gibson 1985), then its average over the last
-    /// `T = 2 a / jerk` seconds: the mean of bounded accelerations is bounded by the same number, and its change within a
-    /// second by `2 a / T`, the jerk. An average of what was allowed a moment ago may be faster than is allowed now, by no
-    /// more than `a T / 2`.
+    /// First the fastest way over time under the speeds allowed and the bounded acceleration, by a pass forwards and
+    /// one backwards over the way (`v² ≤ v₀² + 2 a Δs`; Bobrow, Dubowsky, Gibson 1985), then its average over the last
+    /// `T = 2 a / jerk` seconds: the mean of bounded accelerations is bounded by the same number, and its change within
+    /// a second by `2 a / T`, the jerk. An average of what was allowed a moment ago may be faster than is allowed now,
+    /// by no more than `a T / 2`.
     pub fn new(route: &Route, from: f64, speed: f64, settings: &PathSettings) -> Self {
         let a = settings.acceleration_mm_s2;
         let window = ((2.0 * a / settings.jerk_mm_s3 / Self::TICK).round() as usize).clamp(1, 1200);
@@ -121,7 +121,7 @@ impl Profile {
         Self { moments }
     }
 
-    /// Way over time under speed and acceleration alone, each [`Profile::TICK`], and the speed it begins with.
+    /// Distance over time under speed and acceleration alone, each [`Profile::TICK`], and the speed it begins with.
     fn fastest(route: &Route, from: f64, speed: f64, settings: &PathSettings) -> (Vec<f64>, f64) {
         let length = route.length_mm() - from;
         let cells = (length / super::STEP_MM).ceil().clamp(8.0, 1e6) as usize;
@@ -136,7 +136,8 @@ impl Profile {
             }
         };
         brake_in_time(&mut v);
-        // Whoever comes faster than is allowed brakes as hard as they may; if that is not enough, they came too fast.
+        // A body that arrives faster than is allowed brakes as hard as it may; if that is not enough, it arrived too
+        // fast.
         v[0] = speed;
         for n in 1..=cells {
             let before = v[n - 1].powi(2);
@@ -171,12 +172,12 @@ impl Profile {
         }
     }
 
-    /// How long it takes, s.
+    /// Duration, s.
     pub fn seconds(&self) -> f64 {
         Self::TICK * (self.moments.len() - 1) as f64
     }
 
-    /// The moment after `t` seconds; before and after the flight its ends.
+    /// The moment after `t` seconds; clamped to its ends.
     pub fn at(&self, t: f64) -> Moment {
         let last = self.moments.len() - 1;
         let u = if t.is_finite() { (t / Self::TICK).clamp(0.0, last as f64) } else { 0.0 };
@@ -250,7 +251,7 @@ mod tests {
         assert!((p.at(0.0).s - 50.0).abs() < 1e-9 && (p.at(0.0).v - 18.0).abs() < 0.5, "{:?}", p.at(0.0));
         let (_, a, j) = measure(&p);
         assert!(a <= 41.0 && j <= 170.0, "{a} {j}");
-        // Too fast to stop in time: what is left over is for whoever follows the plan to lose.
+        // Too fast to stop in time: the guidance must lose the excess.
         let short = Profile::new(&route, route.length_mm() - 1.0, 50.0, &set);
         assert!(short.at(0.0).v <= (2.0f64 * 40.0).sqrt() + 0.5);
         assert!((short.at(9.0).s - route.length_mm()).abs() < 1e-9);

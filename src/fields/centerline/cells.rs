@@ -1,17 +1,15 @@
-//! The lumen in cells of up to 64 voxels, split where a wall runs through them, and who touches whom: an exact cell
-//! decomposition, of which each piece is one machine word.
+//! The lumen in cells of up to 64 voxels, split where a wall runs through them, and which of them touch: an exact
+//! cell decomposition in which each piece is one machine word.
 //!
-//! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is one 6-connected piece
-//! of the lumen within a cell, and two nodes are neighbours only where voxels of theirs share a face.
-
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+//! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is one 6-connected
+//! piece of the lumen within a cell, and two nodes are neighbours only where voxels of theirs share a face.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::fields::WallDistance;
+use crate::fields::neighbours::{Neighbours, Ways};
 use crate::fields::voxels::each_bit;
 use crate::progress::Progress;
 
@@ -102,18 +100,7 @@ pub(in crate::fields) struct Cells {
     /// Where each cell's nodes begin; one entry more than there are cells.
     of_cell: Vec<u32>,
     dims: [usize; 3],
-    /// Where each node's neighbours begin in `neighbours`; one entry more than there are nodes.
-    first: Vec<u32>,
-    neighbours: Vec<u32>,
-}
-
-/// The cheapest ways from one node.
-#[derive(Debug)]
-pub(in crate::fields) struct Ways {
-    /// Length of the way to every node, mm; infinite where there is none.
-    pub length: Vec<f64>,
-    /// The node before every node on its way; itself at the start and where there is none.
-    before: Vec<u32>,
+    neighbours: Neighbours,
 }
 
 impl Cells {
@@ -140,7 +127,7 @@ impl Cells {
             nodes.extend(own);
         }
         let places = nodes.iter().map(|n: &Node| walls.world(n.widest)).collect();
-        let mut cells = Self { shape, nodes, places, of_cell, dims, first: Vec::new(), neighbours: Vec::new() };
+        let mut cells = Self { shape, nodes, places, of_cell, dims, neighbours: Neighbours::default() };
         cells.link();
         Ok(cells)
     }
@@ -156,7 +143,7 @@ impl Cells {
 
     fn link(&mut self) {
         let this = &*self;
-        let mut links: Vec<(u32, u32)> = (0..this.nodes.len() as u32)
+        let pairs = (0..this.nodes.len() as u32)
             .into_par_iter()
             .flat_map_iter(|n| {
                 let node = &this.nodes[n as usize];
@@ -170,20 +157,12 @@ impl Cells {
                 })
             })
             .collect();
-        links.par_sort_unstable();
-        self.first = vec![0; self.nodes.len() + 1];
-        for l in &links {
-            self.first[l.0 as usize + 1] += 1;
-        }
-        for n in 0..self.nodes.len() {
-            self.first[n + 1] += self.first[n];
-        }
-        self.neighbours = links.into_iter().map(|l| l.1).collect();
+        self.neighbours = Neighbours::new(self.nodes.len(), pairs);
     }
 
     /// The nodes that share a face with one.
     pub fn neighbours(&self, n: u32) -> &[u32] {
-        &self.neighbours[self.first[n as usize] as usize..self.first[n as usize + 1] as usize]
+        self.neighbours.of(n)
     }
 
     /// Where a node's widest voxel is, world, mm.
@@ -219,47 +198,11 @@ impl Cells {
     }
 
     /// The ways of least cost from `start` to all nodes, or as far as `to`; a way costs its length times what `weight`
-    /// gives for the two nodes' mean clearance (mm), and may lead diagonally through two cells. Dijkstra's algorithm; ties
-    /// go to the smaller node.
+    /// gives for the two nodes' mean clearance (mm).
     pub fn ways(&self, start: u32, to: Option<u32>, weight: impl Fn(f64) -> f64) -> Ways {
-        let count = self.nodes.len();
-        let mut cost = vec![f64::INFINITY; count];
-        let mut before: Vec<u32> = (0..count as u32).collect();
-        let mut length = vec![f64::INFINITY; count];
-        let mut done = vec![false; count];
-        // Costs are not negative, so their bits order as they do.
-        let mut open: BinaryHeap<Reverse<(u64, u32)>> = BinaryHeap::new();
-        (cost[start as usize], length[start as usize]) = (0.0, 0.0);
-        open.push(Reverse((0, start)));
-        while let Some(Reverse((_, n))) = open.pop() {
-            if std::mem::replace(&mut done[n as usize], true) {
-                continue;
-            }
-            let step = |a: u32, b: u32| self.places[a as usize].distance(self.places[b as usize]);
-            if before[n as usize] != n {
-                length[n as usize] = length[before[n as usize] as usize] + step(n, before[n as usize]);
-            }
-            if to == Some(n) {
-                break;
-            }
-            let mut reach = |m: u32| {
-                if done[m as usize] {
-                    return;
-                }
-                let clear = 0.5 * (self.nodes[n as usize].clearance + self.nodes[m as usize].clearance);
-                let c = cost[n as usize] + step(n, m) * weight(clear);
-                if c < cost[m as usize] {
-                    cost[m as usize] = c;
-                    before[m as usize] = n;
-                    open.push(Reverse((c.to_bits(), m)));
-                }
-            };
-            for &m in self.neighbours(n) {
-                reach(m);
-                self.neighbours(m).iter().for_each(|&far| reach(far));
-            }
-        }
-        Ways { length, before }
+        let step = |a: u32, b: u32| self.places[a as usize].distance(self.places[b as usize]);
+        let mean = |a: u32, b: u32| 0.5 * (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance);
+        self.neighbours.ways(start, to, step, |a, b| weight(mean(a, b)))
     }
 
     /// The nodes on the way from the start of `ways` to `to`, each touching the one before; the start alone where there

@@ -1,9 +1,9 @@
 //! The line through the middle of the lumen from one end to the other.
 //!
-//! The way is found over the lumen's cells (see `cells`) at a cost of length × (1 + (8 mm / clearance)²), and led through
-//! their voxels from face to face, so that it cannot pass through a wall however thin. That line is pulled straight as
-//! long as it stays inside, and moved towards the lumen's axis (see `fit`). Collapsed stretches between two pieces of the
-//! lumen are bridged by a straight line, which is listed as a guess.
+//! The way is found over the lumen's cells (see `cells`) at a cost of length × (1 + (8 mm / clearance)²), and led
+//! through their voxels from face to face, so that it cannot pass through a wall however thin. That line is pulled
+//! straight as long as it stays inside, and moved towards the lumen's axis (see `fit`). Collapsed stretches between two
+//! pieces of the lumen are bridged by a straight line, which is listed as a guess.
 
 mod cells;
 mod fit;
@@ -26,15 +26,16 @@ const STEP_MM: f64 = 1.0;
 const SNAP_MM: f64 = 5.0;
 /// Clearance at which narrowness begins to cost, mm.
 const NARROW_MM: f64 = 8.0;
-/// Rounds of pulling the line straight, before and after it is moved towards the axis; then without leaning, since walls
-/// push it off the axis.
+/// Rounds of pulling the line straight, before and after it is moved towards the axis; then without leaning, since
+/// walls push it off the axis.
 const TIGHTEN: usize = 12;
 const EVEN: usize = 4;
-/// What a way loses for each mm that its end is drawn back from the lumen's tip: see [`last_ball`].
+/// Clearance that each millimetre of drawing an end back from the lumen's tip must gain, mm: see [`last_ball`].
 const INWARD: f64 = 0.3;
 /// The lumen's tip is looked for within this of where an end is known to be, mm.
 const TIP_MM: f64 = 40.0;
-/// Clearance that a tip has, so that the tube of a catheter is none, mm; where an end is known to be narrower, that.
+/// Least clearance of a tip, mm, so that the tube of a catheter is not taken for one; less where an end is known to be
+/// narrower.
 const TIP_CLEARANCE_MM: f64 = 3.5;
 /// The last ball is looked for within this of the tip, mm.
 const INWARD_MM: f64 = 45.0;
@@ -61,9 +62,9 @@ pub enum End {
     At(DVec3),
 }
 
-/// How the way is found.
+/// The method that finds the line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
+pub enum CenterlineMethod {
     /// The shortest way over the lumen's cells that keeps from walls, pulled straight and moved to the lumen's axis.
     #[default]
     PenalisedPath,
@@ -87,7 +88,7 @@ pub fn between(
     guesses: &[[DVec3; 2]],
     progress: &Progress,
 ) -> Result<Centerline> {
-    by(Method::PenalisedPath, walls, from, to, guesses, progress)
+    by(CenterlineMethod::PenalisedPath, walls, from, to, guesses, progress)
 }
 
 /// [`between`] by another method.
@@ -95,7 +96,7 @@ pub fn between(
 /// # Errors
 /// As [`between`].
 pub fn by(
-    method: Method,
+    method: CenterlineMethod,
     walls: &WallDistance,
     from: End,
     to: End,
@@ -135,8 +136,9 @@ pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]>
     Ok(if ends[0].z <= ends[1].z { ends } else { [ends[1], ends[0]] })
 }
 
-/// The gaps between segments of gas that follow each other from rectum to cecum: where the lumen may be collapsed. Fluid
-/// may join two of them; such a gap lies within one piece of the lumen and is not used. Empty where the order is not known.
+/// The gaps between segments of gas that follow each other from rectum to cecum: where the lumen may be collapsed.
+/// Fluid may join two of them; such a gap lies within one piece of the lumen and is not used. Empty where the order is
+/// not known.
 pub fn gaps(lumen: &Lumen) -> Vec<[DVec3; 2]> {
     if !lumen.ordered {
         return Vec::new();
@@ -148,10 +150,10 @@ fn narrow(clearance: f64) -> f64 {
     1.0 + (NARROW_MM / clearance.max(0.3)).powi(2)
 }
 
-/// What a line is found with.
+/// The inputs of the search for a line.
 #[derive(Clone, Copy)]
 struct Planner<'a> {
-    method: Method,
+    method: CenterlineMethod,
     walls: &'a WallDistance,
     cells: &'a Cells,
     progress: &'a Progress,
@@ -169,7 +171,7 @@ impl Planner<'_> {
             (*first, *last) = (from.within(walls, start), to.within(walls, goal));
         }
         let mut line = polyline::resampled(walls, &line, STEP_MM);
-        let smooth = matches!(self.method, Method::PenalisedPath | Method::PeelOnion);
+        let smooth = matches!(self.method, CenterlineMethod::PenalisedPath | CenterlineMethod::PeelOnion);
         if smooth {
             polyline::tightened(walls, &mut line, TIGHTEN, polyline::LEAN);
         }
@@ -179,7 +181,7 @@ impl Planner<'_> {
             }
             line.reverse();
         }
-        if self.method == Method::PenalisedPath {
+        if self.method == CenterlineMethod::PenalisedPath {
             line = fit::to_axis(walls, &polyline::resampled(walls, &line, STEP_MM), STEP_MM);
             polyline::tightened(walls, &mut line, EVEN, 0.0);
         }
@@ -191,14 +193,16 @@ impl Planner<'_> {
         let walls = self.walls;
         let world = |way: Vec<[i64; 3]>| way.into_iter().map(|v| walls.world(v)).collect();
         match self.method {
-            Method::PenalisedPath | Method::Cells => Ok(Some(world(self.cells.voxels(nodes, start, goal)))),
-            Method::PeelOnion => Ok(peel::peeled(walls, start, goal, self.progress)?.map(world)),
-            Method::Roadmap => roadmap::way(walls, start, goal, self.progress),
+            CenterlineMethod::PenalisedPath | CenterlineMethod::Cells => {
+                Ok(Some(world(self.cells.voxels(nodes, start, goal))))
+            }
+            CenterlineMethod::PeelOnion => Ok(peel::peeled(walls, start, goal, self.progress)?.map(world)),
+            CenterlineMethod::Roadmap => roadmap::way(walls, start, goal, self.progress),
         }
     }
 
-    /// The ends with those that are tips moved to the place near them that is farthest along the lumen from the other end,
-    /// and the nodes of the way between them; none where there is no way.
+    /// The ends with those that are tips moved to the place near them that is farthest along the lumen from the other
+    /// end, and the nodes of the way between them; none where there is no way.
     fn tips(
         &self,
         (from, start): (End, [i64; 3]),
@@ -314,8 +318,8 @@ fn voxel_of(walls: &WallDistance, place: DVec3) -> Result<[i64; 3]> {
 }
 
 /// Draws the end of a line back from the lumen's tip to the centre of the last ball that touches it: on the way in, the
-/// clearance grows as fast as the distance from the tip until the ball meets the side walls too. The place where clearance
-/// less a share of the way back is largest does not wander on through a lumen that merely widens.
+/// clearance grows as fast as the distance from the tip until the ball meets the side walls too. The place where
+/// clearance less a share of the way back is largest does not wander on through a lumen that merely widens.
 fn last_ball(walls: &WallDistance, line: &mut Vec<DVec3>) {
     let (mut back, mut best) = (0.0, (f64::NEG_INFINITY, line.len()));
     for n in (0..line.len()).rev() {

@@ -1,11 +1,11 @@
 //! *Peel onion* (paper, section 3.1): the lumen is peeled voxel by voxel from the wall inwards until a line is left.
 //!
-//! Distance-ordered homotopic thinning (Pudney 1998): voxels go in the order of their distance to the wall, each only if
-//! its removal changes no topology. The lumen is 6-connected here and what surrounds it 26-connected, so that loops whose
-//! walls touch in an edge or a corner stay apart; a voxel is simple when, among its neighbours, the lumen has one piece
-//! that touches its faces (within the 18-neighbourhood) and the outside has one piece (Bertrand and Malandain 1994). The
-//! two ends are never taken. What is left holds one line between them, a loop about every strand across the lumen, and a
-//! shell about every island in it.
+//! Distance-ordered homotopic thinning (Pudney 1998): voxels go in the order of their distance to the wall, each only
+//! if its removal changes no topology. The lumen is 6-connected here and what surrounds it 26-connected, so that loops
+//! whose walls touch in an edge or a corner stay apart; a voxel is simple when, among its neighbours, the lumen has one
+//! piece that touches its faces (within the 18-neighbourhood) and the outside has one piece (Bertrand and Malandain
+//! 1994). The two ends are never taken. What is left holds one line between them, a loop about every strand across the
+//! lumen, and a shell about every island in it.
 
 use std::collections::VecDeque;
 
@@ -157,7 +157,7 @@ impl Left {
     }
 }
 
-/// Who touches whom among the 27 voxels about one.
+/// Which of the 27 voxels about one touch each other.
 struct Tables {
     /// Neighbours across faces within the 18-neighbourhood, and all 26 neighbours.
     six: [u32; 27],

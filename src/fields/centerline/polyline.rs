@@ -37,8 +37,8 @@ pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
         if next > 1.0 {
             break;
         }
-        // Where the way passes through an edge or a corner, all voxels that meet there count: a part of the way, rounded
-        // otherwise, may pass on either side.
+        // Where the way passes through an edge or a corner, all voxels that meet there count: a part of the way,
+        // rounded otherwise, may pass on either side.
         let crossed: [bool; 3] = std::array::from_fn(|a| t[a] - next < TIE);
         for sides in 1..8 {
             if (0..3).all(|a| sides >> a & 1 == 0 || crossed[a]) {
@@ -56,8 +56,8 @@ pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
     walls.is_inside(end)
 }
 
-/// Points of a line, so that each straight way from one to the next is free and about `step` mm long: where a shorter way
-/// would cut a corner, the line's own points stay. The line itself must be free.
+/// Points of a line, so that each straight way from one to the next is free and about `step` mm long: where a shorter
+/// way would cut a corner, the line's own points stay. The line itself must be free.
 pub(super) fn resampled(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<DVec3> {
     let Some(&first) = line.first() else { return Vec::new() };
     let mut out = vec![first];
@@ -94,8 +94,8 @@ pub(super) fn length(line: &[DVec3]) -> f64 {
     line.windows(2).map(|w| w[0].distance(w[1])).sum()
 }
 
-/// Means of a line's values under a bell curve of standard deviation `sigma` (in points), mirrored through the ends, which
-/// stay.
+/// Means of a line's values under a bell curve of standard deviation `sigma` (in points), mirrored through the ends,
+/// which stay.
 pub(super) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
     let reach = (3.0 * sigma).ceil() as i64;
     let bell: Vec<f64> = (-reach..=reach).map(|n| (-0.5 * (n as f64 / sigma.max(1e-9)).powi(2)).exp()).collect();
@@ -110,8 +110,8 @@ pub(super) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
 }
 
 /// Pulls a free line straight and towards the middle of the lumen: each point goes to the mean of its neighbours and up
-/// the distance to the wall where it is narrow (by `lean` mm a round at a distance of 1 mm), as long as both ways to its
-/// neighbours stay free. The ends stay.
+/// the distance to the wall where it is narrow (by `lean` mm a round at a distance of 1 mm), as long as both ways to
+/// its neighbours stay free. The ends stay.
 pub(super) fn tightened(walls: &WallDistance, line: &mut [DVec3], rounds: usize, lean: f64) {
     for _ in 0..rounds {
         for n in 1..line.len().saturating_sub(1) {

@@ -1,10 +1,13 @@
 //! Roadmap (paper, section 3.1): balls inscribed at sampled places, and the ways between those that touch.
 //!
 //! A sample climbs to where the wall is farthest (retraction to the medial axis, Wilmarth, Amato and Stiller 1999) and
-//! its ball owns the voxels that it covers and no other does yet. Samples are drawn from what has no owner until nothing
-//! is left, so that the balls' voxels are the lumen, also where it is narrow; the order is a fixed walk through all
-//! voxels. Two balls are neighbours where voxels of theirs share a face, and the way from one to the other leads straight
-//! from centre to centre where that is free, else through such a pair of voxels.
+//! its ball owns the voxels that it covers and no other does yet. Samples are drawn from what has no owner until
+//! nothing is left, so that the balls' voxels are the lumen, also where it is narrow; the order is a fixed walk through
+//! all voxels. Two balls are neighbours where voxels of theirs share a face, and the way from one to the other leads
+//! straight from centre to centre where that is free, else through such a pair of voxels.
+//!
+//! The search is its own, and not that of the maps of cells (`fields::neighbours`): it steps from ball to ball only,
+//! and remembers through which pair of voxels.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -19,7 +22,7 @@ use crate::progress::Progress;
 
 /// Steps of a sample's climb at the most.
 const CLIMB: usize = 60;
-/// No ball owns a voxel.
+/// The owner of a voxel that no ball owns.
 const NOBODY: u32 = u32::MAX;
 
 /// A ball inscribed in the lumen.
@@ -85,7 +88,8 @@ fn line(walls: &WallDistance, balls: &[Ball], before: &[Option<Contact>]) -> Vec
     out
 }
 
-/// Pairs of balls whose voxels share a face, in both directions, ascending; of each pair the place farthest from the wall.
+/// Pairs of balls whose voxels share a face, in both directions, ascending; of each pair the place farthest from the
+/// wall.
 fn contacts(walls: &WallDistance, owner: &[u32]) -> Vec<Contact> {
     let mut all: Vec<(Contact, u32)> = Vec::new();
     walls.set().for_each(|n, v| {
@@ -178,7 +182,7 @@ fn add(walls: &WallDistance, centre: [i64; 3], owner: &mut [u32], balls: &mut Ve
             }
         }
     }
-    // The ends' balls own their centres, whoever covered them first: the search begins and ends there.
+    // The ends' balls own their centres, even where another ball covered them first: the search begins and ends there.
     if let Some(n) = walls.set().number(centre).filter(|_| own < 2) {
         owner[n] = own;
     }

@@ -4,7 +4,8 @@ use super::polyline::{is_free, resampled, tightened};
 use super::*;
 use crate::math::hash::uniform;
 
-const METHODS: [Method; 4] = [Method::PenalisedPath, Method::PeelOnion, Method::Roadmap, Method::Cells];
+const METHODS: [CenterlineMethod; 4] =
+    [CenterlineMethod::PenalisedPath, CenterlineMethod::PeelOnion, CenterlineMethod::Roadmap, CenterlineMethod::Cells];
 
 /// What is true of every line without a guess.
 fn holds_together(walls: &WallDistance, line: &Centerline) {
@@ -154,8 +155,8 @@ fn collapsed_stretches_are_marked_guesses() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// Caves of chance: a line, where there is a way at all, inside everywhere, whatever the method; a way there is exactly
-    /// where a flood from one end reaches the other.
+    /// Caves of chance: a line, where there is a way at all, inside everywhere, whatever the method; a way there is
+    /// exactly where a flood from one end reaches the other.
     #[test]
     fn lines_stay_inside_caves(seed: u64, share in 0.45f64..0.9, sx in 0.3f64..2.0, sz in 0.3f64..4.0) {
         let dims = [17usize, 15, 13];

@@ -1,12 +1,12 @@
-//! Cheaper distances to the wall, to compare the exact one with: two passes over the grid's box about the lumen.
+//! Approximate distances to the wall, to compare the exact one with: two passes over the grid's box about the lumen.
 //!
-//! Chamfer distances (Borgefors 1986) add the lengths of steps to the 26 neighbours; the chessboard distance counts voxels
-//! along the longest axis, and is in mm the count times the least spacing, a lower bound. Both know the wall as what lies
-//! half-way between voxels.
+//! Chamfer distances (Borgefors 1986) add the lengths of steps to the 26 neighbours; the chessboard distance counts
+//! voxels along the longest axis, and is in mm the count times the least spacing, a lower bound. Both take the wall to
+//! lie half-way between voxels.
 
 use crate::fields::WallDistance;
 
-/// A cheaper distance.
+/// An approximate distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cheap {
     /// Steps to 26 neighbours at their Euclidean lengths.
@@ -49,7 +49,7 @@ pub fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
     let relax = |out: &mut [f32], n: usize, v: [i64; 3], sign: i64| {
         for &(d, step) in &before {
             let from = [v[0] + sign * d[0], v[1] + sign * d[1], v[2] + sign * d[2]];
-            // A neighbour outside is no place of the wall; the wall is before it.
+            // A neighbour outside is not on the wall; the wall is before it.
             if let Some(m) = set.number(from).filter(|&m| walls.values()[m] >= 0.0) {
                 out[n] = out[n].min(out[m] + step);
             }

@@ -1,16 +1,16 @@
 //! D_s, the distance to the wall, inside the lumen and in a shell of two voxels around it.
 //!
 //! The wall's places are where grid edges between a voxel of the lumen and one outside cross the iso value, by linear
-//! interpolation (half-way on a mask); the distance to these is exact (see `transform`). They are samples of the wall, so
-//! the distance to them is not less than that to the interpolated wall itself, and more by at most the diagonal of a voxel;
-//! right beside the wall the plane through the neighbouring samples takes their place. Against spheres the error is 0.02
-//! of a voxel in the mean, and 0.4 at most, at voxels that see the wall along a diagonal, past their own edges (see the
-//! tests). It is negative in the shell.
+//! interpolation (half-way on a mask); the distance to these is exact (see `transform`). They are samples of the wall,
+//! so the distance to them is not less than that to the interpolated wall itself, and more by at most the diagonal of a
+//! voxel; right beside the wall the plane through the neighbouring samples takes their place. Against spheres the error
+//! is 0.02 of a voxel in the mean, and 0.4 at most, at voxels that see the wall along a diagonal, past their own edges
+//! (see the tests). It is negative in the shell.
 //!
-//! Between voxels it is a cubic B-spline with the distances as its coefficients: twice continuously differentiable, exact
-//! where the distance is linear, and a mean of distances, so that it never swings. Its weights have the second moment
-//! h²/3 about the place along each axis, and distances are 1-Lipschitz: the spline stays within √((hx² + hy² + hz²)/3) of
-//! the distance everywhere (Jensen), and comes near to that on the ridge only, which it rounds.
+//! Between voxels it is a cubic B-spline with the distances as its coefficients: twice continuously differentiable,
+//! exact where the distance is linear, and a mean of distances, so that it never swings. Its weights have the second
+//! moment h²/3 about the place along each axis, and distances are 1-Lipschitz: the spline stays within √((hx² + hy² +
+//! hz²)/3) of the distance everywhere (Jensen), and comes near to that on the ridge only, which it rounds.
 //!
 //! On a sheared grid (a tilted gantry stored as such) distances are measured along the axes as if they were orthogonal,
 //! and scaled by their least stretch: a lower bound of the distance.
@@ -36,7 +36,7 @@ use transform::Walls;
 /// Voxels around the lumen in which the distance is kept too: what the spline at any place of the lumen looks at.
 const SHELL: usize = 2;
 
-/// What of the lumen is free.
+/// Which part of the lumen counts as free.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Through {
     /// Gas alone: where a camera sees.
@@ -56,7 +56,7 @@ pub struct WallDistance {
     /// See [`smallest_singular_value`].
     shrink: f64,
     voxels: usize,
-    /// How much more than the distance to the wall a value may be, mm.
+    /// How much a value may exceed the distance to the wall, mm.
     excess: f64,
 }
 
@@ -85,7 +85,7 @@ impl WallDistance {
         let set = inside.dilated(SHELL).ok_or_else(too_many)?;
         let walls = Walls { inside, hu };
         let shrink = smallest_singular_value(grid.direction());
-        // A lumen without any wall fills a mask's whole grid; nothing says how far its wall is then, but the grid's size.
+        // A lumen without any wall fills a mask's whole grid; only the grid's size then bounds the distance.
         let most = (grid.spacing() * DVec3::from_array(grid.dims().map(|n| n as f64))).length();
         let values = transform::distances(&walls, &set, grid.spacing().to_array(), (shrink, most), progress)?;
         let excess = if hu.is_some() { grid.spacing().length() } else { 0.0 };
@@ -97,7 +97,7 @@ impl WallDistance {
         &self.grid
     }
 
-    /// How many voxels of the lumen there are.
+    /// Number of voxels of the lumen.
     pub fn voxels(&self) -> usize {
         self.voxels
     }
@@ -126,13 +126,13 @@ impl WallDistance {
 
     /// The voxel that holds a place (world, mm).
     pub fn voxel(&self, world: DVec3) -> [i64; 3] {
-        // `as` saturates, so a place far outside stays outside, and what is not a number is voxel 0's neighbour below.
+        // `as` saturates, so a place far outside stays outside, and NaN becomes the voxel below voxel 0.
         let u = self.grid.voxel(world);
         if u.is_nan() { [-1; 3] } else { u.to_array().map(|x| x.round() as i64) }
     }
 
-    /// The voxel of the lumen nearest to a place (world, mm) if one is within `within_mm`: the one that holds it, else by
-    /// the distance of centres.
+    /// The voxel of the lumen nearest to a place (world, mm) if one is within `within_mm`: the one that holds it, else
+    /// by the distance of centres.
     pub fn nearest(&self, world: DVec3, within_mm: f64) -> Option<[i64; 3]> {
         let centre = self.voxel(world);
         if self.is_inside(centre) {
@@ -189,9 +189,9 @@ impl Distance for WallDistance {
 }
 
 impl Clearances for WallDistance {
-    /// Never more than the distance to the wall of the lumen this was built of (with [`Through::Gas`], that of the gas):
-    /// the best bound that the voxels around the place give, since a distance changes by no more than the way, less the
-    /// diagonal of a voxel, by which distances to the wall's samples may exceed that to the wall.
+    /// Never more than the distance to the wall of the lumen this was built of (with [`Through::Gas`], that of the
+    /// gas): the best bound that the voxels around the place give, since a distance changes by no more than the way,
+    /// less the diagonal of a voxel, by which distances to the wall's samples may exceed that to the wall.
     fn clearance(&self, at: DVec3) -> Clearance {
         let none = Clearance { mm: 0.0, toward: DVec3::ZERO };
         if !self.is_inside(self.voxel(at)) {

@@ -16,7 +16,7 @@ fn weights(t: f64) -> [[f64; 4]; 3] {
     ]
 }
 
-/// Derivatives of order (x, y, z) that are asked for: value, gradient, Hessian.
+/// Orders of the derivatives (x, y, z) that are computed: value, gradient, Hessian.
 const ORDERS: [[usize; 3]; 10] =
     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0], [0, 2, 0], [0, 0, 2], [1, 1, 0], [1, 0, 1], [0, 1, 1]];
 
@@ -45,8 +45,8 @@ impl Local {
 }
 
 /// Calls `visit` for each of the 64 voxels about a world point with its weight and the weight's derivatives, until it
-/// answers false. None outside the grid, for what is not finite, and after a false. Beyond the grid's border its
-/// outermost voxels are repeated.
+/// answers false. None outside the grid, for a point that is not finite, and after a false. Beyond the grid's border
+/// its outermost voxels are repeated.
 fn each(grid: &Grid, at: DVec3, mut visit: impl FnMut([i64; 3], &[f64; 10]) -> bool) -> Option<()> {
     let u = grid.voxel(at);
     let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));

@@ -1,11 +1,12 @@
-//! The exact Euclidean distance to every place where a grid edge crosses the wall, in time linear in the voxels asked for.
+//! The exact Euclidean distance to every place where a grid edge crosses the wall, in time linear in the number of
+//! voxels asked for.
 //!
 //! The sources lie on grid edges, off the voxels' centres, along one axis each. For the sources on edges along x, the
-//! nearest along a row is found by scanning it, and the lower envelope of parabolas (Felzenszwalb and Huttenlocher 2012)
-//! takes it across y and then z, where those sources lie on whole indices: exact. The same holds for y and z with the
-//! scan along their own axis. Taking one family's distance along its own axis a second time would add the squares of two
-//! parts of one distance and fall below the truth, so the three families are only joined where what remains to be done is
-//! the same:
+//! nearest along a row is found by scanning it, and the lower envelope of parabolas (Felzenszwalb and Huttenlocher
+//! 2012) takes it across y and then z, where those sources lie on whole indices: exact. The same holds for y and z with
+//! the scan along their own axis. Taking one family's distance along its own axis a second time would add the squares
+//! of two parts of one distance and fall below the truth, so the three families are only joined where what remains to
+//! be done is the same:
 //!
 //! D² = min(Pz(min(Py(fx²), Px(fy²))), Py(Px(fz²))),  P_a the envelope along axis a, f_a the scan.
 //!
@@ -21,7 +22,7 @@ use crate::error::Result;
 use crate::fields::voxels::{VoxelSet, each_bit, each_run};
 use crate::progress::Progress;
 
-/// What is inside, and where between two voxels the wall is.
+/// Which voxels are inside, and where between two voxels the wall is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Walls<'a> {
     /// The voxels on this side of the wall.
@@ -39,8 +40,8 @@ impl Walls<'_> {
         if a <= iso && b > iso { (iso - a) / (b - a) } else { 0.5 }
     }
 
-    /// Where the wall is beyond the grid's outermost voxels, voxels: what was not scanned cannot be flown, but of a mask's
-    /// outermost voxels all is lumen.
+    /// Where the wall is beyond the grid's outermost voxels, voxels: what was not scanned cannot be flown, but of a
+    /// mask's outermost voxels all is lumen.
     fn border(&self) -> f32 {
         if self.hu.is_some() { 0.0 } else { 0.5 }
     }
@@ -276,7 +277,8 @@ impl Envelope {
 /// Values of the members of each row of a plane.
 type PlaneRows<'v> = Vec<&'v mut [f32]>;
 
-/// The values of `set` parted into the rows of slices (fixed k) or of layers (fixed j), which different threads may write.
+/// The values of `set` parted into the rows of slices (fixed k) or of layers (fixed j), which different threads may
+/// write.
 fn planes<'v>(set: &VoxelSet, mut values: &'v mut [f32], axis: usize) -> Vec<PlaneRows<'v>> {
     let [_, ny, nz] = set.dims();
     let (count, each) = if axis == 1 { (nz, ny) } else { (ny, nz) };
@@ -368,8 +370,9 @@ impl Slice {
     }
 }
 
-/// Square of the distance to the plane through the crossings within one voxel along two or three axes, mm²; infinite where
-/// there are fewer. Crossings are samples of the surface: right beside it the plane through them is nearer than any.
+/// Square of the distance to the plane through the crossings within one voxel along two or three axes, mm²; infinite
+/// where there are fewer. Crossings are samples of the surface: right beside it the plane through them is nearer than
+/// any.
 fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
     let (mut sum, mut count) = (0.0, 0);
     for a in 0..3 {
@@ -381,8 +384,8 @@ fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
     if count > 1 { 1.0 / sum } else { f32::INFINITY }
 }
 
-/// Distances (mm) of the voxels of `asked` to the nearest crossing, in their order, less than 0 for those outside; `most`
-/// (mm) where there is none. Spacing in mm; distances are multiplied by `scale`.
+/// Distances (mm) of the voxels of `asked` to the nearest crossing, in their order, less than 0 for those outside;
+/// `most` (mm) where there is none. Spacing in mm; distances are multiplied by `scale`.
 pub(super) fn distances(
     walls: &Walls,
     asked: &VoxelSet,

@@ -1,5 +1,4 @@
-//! Which pieces of gas are colon: outside air, what lies around the patient, and lungs are told apart by place and
-//! texture.
+//! Which pieces of gas are colon: outside air, gas around the patient, and lungs are recognised by place and texture.
 
 use rayon::prelude::*;
 
@@ -18,7 +17,7 @@ const MOST: usize = 32;
 /// Tissue that gas inside the body has around it on every side, mm: more than the shell of a table, less than skin and
 /// muscle of a lean patient.
 const ENCLOSING_MM: f64 = 6.0;
-/// At or below this a voxel is no tissue, HU: between fat (−120) and lung.
+/// Tissue is brighter than this, HU: between fat (−120) and lung.
 const TISSUE_HU: i16 = -300;
 /// How much brighter than the scan's own gas lung is at least, in the median, HU. Even emphysema seldom comes nearer.
 const LUNG_ABOVE_GAS: i32 = 70;
@@ -29,7 +28,7 @@ const GAS_AT_MOST: i32 = -950;
 /// Voxels of a piece from which the surroundings are looked at.
 const PROBES: usize = 160;
 
-/// What is known of one component.
+/// One connected component of gas.
 #[derive(Clone, Copy, Debug, Default)]
 struct Piece {
     voxels: u64,
@@ -38,7 +37,7 @@ struct Piece {
     on_top: bool,
 }
 
-/// The components that are colon as far as can be told, by volume, the largest first (ties by label).
+/// The components that are probably colon, by volume, the largest first (ties by label).
 pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<u32> {
     let pieces = survey(rows, components, frame);
     let ml = |c: u32| pieces[c as usize].voxels as f64 * volume.grid().voxel_ml();

@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-use super::graph::{Graph, Node, Ways};
+use super::graph::{Graph, Node};
 use super::runs::Rows;
+use crate::fields::neighbours::Ways;
 use crate::volume::Grid;
 
 /// Clearance that an end must have so that the tube of a catheter is none, mm. Where all is narrower, anything goes.
@@ -20,8 +21,8 @@ pub(super) struct Ends {
     pub length_mm: f64,
 }
 
-/// Finds the ends of the gas of `label`: twice the farthest place from the one found before (a double sweep), along ways
-/// that keep clear of walls, so that a pocket between two folds is nearer than the end behind it.
+/// Finds the ends of the gas of `label`: twice the farthest place from the one found before (a double sweep), along
+/// ways that keep clear of walls, so that a pocket between two folds is nearer than the end behind it.
 pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Option<Ends> {
     let nodes: Vec<u32> = graph.of_label(label).collect();
     let clearance = |n: u32| graph.nodes[n as usize].clearance;
@@ -47,7 +48,7 @@ pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Optio
     Some(Ends { at, length_mm: smooth_length(&way) })
 }
 
-/// Climbs from a tip to where the lumen is wide near it: what is won in clearance is worth five times the way.
+/// Climbs from a tip to where the lumen is wide near it: a gain in clearance is worth five times the distance.
 fn inward(graph: &Graph, tip: u32) -> u32 {
     let node = |n: u32| &graph.nodes[n as usize];
     let away = |n: u32| node(n).centre.distance(node(tip).centre);

@@ -1,9 +1,9 @@
 //! Tagged fluid: what is bright below a level surface of the gas.
 //!
-//! Gravity pulls towards the patient's back or front, whichever side the level surfaces are on. Neighbouring columns with
-//! one level make a pool; a pool's own brightness gives the threshold between it and the wall. From there the fluid is
-//! flooded, never above its level, through what is bright *and* has bright neighbours, so that it runs neither through a
-//! blurred wall into the tagged small bowel nor into bone.
+//! Gravity pulls towards the patient's back or front, whichever side the level surfaces are on. Neighbouring columns
+//! with one level make a pool; a pool's own brightness gives the threshold between it and the wall. From there the
+//! fluid is flooded, never above its level, through what is bright *and* has bright neighbours, so that it runs neither
+//! through a blurred wall into the tagged small bowel nor into bone.
 
 use std::collections::VecDeque;
 

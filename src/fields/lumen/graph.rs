@@ -1,10 +1,8 @@
-//! A coarse map of the gas: cells of at least 4 mm, split where a wall runs through them, and who touches whom.
+//! A coarse map of the gas: cells of at least 4 mm, split where a wall runs through them, and which of them touch.
 //!
-//! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is what of *one*
-//! connected piece of gas lies in a cell, and two nodes are neighbours only where their voxels touch.
+//! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is the part of
+//! *one* connected piece of gas that lies in a cell, and two nodes are neighbours only where their voxels touch.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
 use std::ops::Range;
 
 use glam::DVec3;
@@ -12,6 +10,7 @@ use rayon::prelude::*;
 
 use super::runs::{Rows, Run, Sets, touching};
 use crate::error::Result;
+use crate::fields::neighbours::{Neighbours, Ways};
 use crate::progress::Progress;
 use crate::volume::Grid;
 
@@ -22,7 +21,7 @@ const SLABS: usize = 8;
 /// Clearance at which narrowness begins to cost, mm: the cost of a way is its length times 1 + (this / clearance)².
 const NARROW_MM: f64 = 8.0;
 
-/// What of one piece of gas lies in one cell.
+/// The part of one piece of gas that lies in one cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     /// Centre of its voxels, world, mm.
@@ -37,28 +36,7 @@ pub(super) struct Node {
 #[derive(Debug)]
 pub(super) struct Graph {
     pub nodes: Vec<Node>,
-    /// Where each node's neighbours begin in `neighbours`; one entry more than there are nodes.
-    first: Vec<u32>,
-    neighbours: Vec<u32>,
-}
-
-/// The cheapest ways from one node.
-#[derive(Debug)]
-pub(super) struct Ways {
-    /// Length of the way to every node, mm; infinite where there is none.
-    pub length: Vec<f64>,
-    /// The node before every node on its way; itself at the start and where there is none.
-    pub before: Vec<u32>,
-}
-
-/// What a run of Dijkstra's algorithm finds.
-#[derive(Debug)]
-struct Spread {
-    cost: Vec<f64>,
-    /// The node before every node.
-    before: Vec<u32>,
-    /// The nodes in the order they were reached.
-    settled: Vec<u32>,
+    neighbours: Neighbours,
 }
 
 /// The sum of a node's voxel indices, how many they are, and their label.
@@ -132,24 +110,11 @@ impl Graph {
                 sums.extend(slab.sums);
             }
         }
-        let mut graph = Self::linked(sums.len(), &links);
+        let pairs = links.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
         drop(links);
+        let mut graph = Self { nodes: Vec::new(), neighbours: Neighbours::new(sums.len(), pairs) };
         graph.measure(grid, side, sums);
         Ok(graph)
-    }
-
-    fn linked(count: usize, links: &[(u32, u32)]) -> Self {
-        let mut links: Vec<(u32, u32)> = links.iter().flat_map(|&(a, b)| [(a, b), (b, a)]).collect();
-        links.par_sort_unstable();
-        links.dedup();
-        let mut first = vec![0; count + 1];
-        for l in &links {
-            first[l.0 as usize + 1] += 1;
-        }
-        for n in 0..count {
-            first[n + 1] += first[n];
-        }
-        Self { nodes: Vec::new(), first, neighbours: links.into_iter().map(|l| l.1).collect() }
     }
 
     /// Fills in centres and clearances.
@@ -167,14 +132,19 @@ impl Graph {
             .collect();
         let walls: Vec<(u32, f64)> =
             (0u32..).zip(&self.nodes).map(|(n, node)| (n, node.clearance)).filter(|w| w.1.is_finite()).collect();
-        let distance = self.spread(&walls, |_, _| 1.0).cost;
+        let distance = self.neighbours.costs(&walls, |a, b| self.step(a, b));
         for (node, d) in self.nodes.iter_mut().zip(distance) {
             node.clearance = if d.is_finite() { d } else { half };
         }
     }
 
     pub fn neighbours(&self, n: u32) -> &[u32] {
-        &self.neighbours[self.first[n as usize] as usize..self.first[n as usize + 1] as usize]
+        self.neighbours.of(n)
+    }
+
+    /// Distance of two nodes' centres, mm.
+    fn step(&self, a: u32, b: u32) -> f64 {
+        self.nodes[a as usize].centre.distance(self.nodes[b as usize].centre)
     }
 
     /// The nodes of a label.
@@ -188,55 +158,7 @@ impl Graph {
             let clear = (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance) / 2.0;
             1.0 + (NARROW_MM / clear.max(0.5)).powi(2)
         };
-        let Spread { before, settled, .. } = self.spread(&[(start, 0.0)], weight);
-        let mut length = vec![f64::INFINITY; self.nodes.len()];
-        for n in settled {
-            let b = before[n as usize];
-            let step = self.nodes[n as usize].centre.distance(self.nodes[b as usize].centre);
-            length[n as usize] = if b == n { 0.0 } else { length[b as usize] + step };
-        }
-        Ways { length, before }
-    }
-
-    /// Dijkstra's algorithm over neighbours and their neighbours, so that a way may run diagonally through cells. Ties
-    /// go to the smaller node.
-    fn spread(&self, from: &[(u32, f64)], weight: impl Fn(u32, u32) -> f64) -> Spread {
-        let count = self.nodes.len();
-        let mut cost = vec![f64::INFINITY; count];
-        let mut before: Vec<u32> = (0..count as u32).collect();
-        let mut done = vec![false; count];
-        let mut settled = Vec::new();
-        // Costs are not negative, so their bits order as they do.
-        let mut open: BinaryHeap<Reverse<(u64, u32)>> = BinaryHeap::new();
-        for &(n, c) in from {
-            cost[n as usize] = c;
-            open.push(Reverse((c.to_bits(), n)));
-        }
-        while let Some(Reverse((_, n))) = open.pop() {
-            if std::mem::replace(&mut done[n as usize], true) {
-                continue;
-            }
-            settled.push(n);
-            let mut reach = |m: u32| {
-                if done[m as usize] {
-                    return;
-                }
-                let step = self.nodes[n as usize].centre.distance(self.nodes[m as usize].centre);
-                let c = cost[n as usize] + step * weight(n, m);
-                if c < cost[m as usize] {
-                    cost[m as usize] = c;
-                    before[m as usize] = n;
-                    open.push(Reverse((c.to_bits(), m)));
-                }
-            };
-            for &m in self.neighbours(n) {
-                reach(m);
-                for &far in self.neighbours(m) {
-                    reach(far);
-                }
-            }
-        }
-        Spread { cost, before, settled }
+        self.neighbours.ways(start, None, |a, b| self.step(a, b), weight)
     }
 }
 

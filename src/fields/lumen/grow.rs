@@ -5,8 +5,8 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// Adds to every labelled run the voxels at or below `limit` HU that are 6-connected to it within `rounds` voxels. Where
-/// two labels meet, the smaller one wins.
+/// Adds to every labelled run the voxels at or below `limit` HU that are 6-connected to it within `rounds` voxels.
+/// Where two labels meet, the smaller one wins.
 pub(super) fn grow(volume: &Volume, mut rows: Rows, limit: i16, rounds: usize, progress: &Progress) -> Result<Rows> {
     for _ in 0..rounds {
         let grown = layer(volume, &rows, limit, progress)?;

@@ -1,9 +1,9 @@
 //! The colon's interior: from HU to gas and tagged fluid, in segments from rectum to cecum.
 //!
-//! Gas is what lies at or below the wall's middle ([`GAS_HU`]). Connected gas is found at [`CORE_HU`], where a thin wall
-//! between two loops still parts them, and then grown to the wall's middle. Outside air, what lies around the patient and
-//! lungs are recognised by place and texture; see `choose`. Everything is kept as runs along the index x axis: no field of
-//! the volume's size is made.
+//! Gas is what lies at or below the wall's middle ([`GAS_HU`]). Connected gas is found at [`CORE_HU`], where a thin
+//! wall between two loops still parts them, and then grown to the wall's middle. Outside air, what lies around the
+//! patient and lungs are recognised by place and texture (see `choose`). Everything is kept as runs along the index x
+//! axis: no field of the volume's size is made.
 
 mod choose;
 mod ends;
@@ -41,7 +41,8 @@ pub const CORE_HU: i16 = -800;
 const GROWTH: usize = 3;
 /// A point of the lumen is looked for this far from the one given, mm.
 const SNAP_MM: f64 = 5.0;
-/// A segment to fly through is at least this long, mm, unless it is part of a colon that is known from rectum to cecum …
+/// A segment to fly through is at least this long, mm, unless it is part of a colon that is known from rectum to cecum
+/// …
 const FLYABLE_MM: f64 = 250.0;
 /// … and holds at least this much gas, ml.
 const FLYABLE_ML: f64 = 20.0;
@@ -76,8 +77,8 @@ pub struct Lumen {
     fluid: Rows,
 }
 
-/// Finds the colon's gas, its segments, their ends and order. No seed is needed. A scan without any has no segments, which
-/// is no error.
+/// Finds the colon's gas, its segments, their ends and order. No seed is needed. A scan without a colon has no
+/// segments, which is not an error.
 ///
 /// # Errors
 /// When cancelled, or when the volume cannot be addressed.
@@ -91,8 +92,8 @@ pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {
     lumen(volume, core, chosen.len(), frame, progress)
 }
 
-/// The gas that contains `world` (mm), or comes within 5 mm of it, whatever its size, as a lumen of one segment with its
-/// ends. None where there is no gas, or only the air outside the patient.
+/// The gas that contains `world` (mm), or comes within 5 mm of it, whatever its size, as a lumen of one segment with
+/// its ends. None where there is no gas, or only the air outside the patient.
 ///
 /// # Errors
 /// When cancelled, or when the volume cannot be addressed.
@@ -195,7 +196,7 @@ fn measured(grid: &Grid, gas: &Rows, count: usize) -> Vec<Segment> {
 }
 
 impl Lumen {
-    /// No lumen at all: of a flight that is only played again.
+    /// An empty lumen: for a flight that is only played again.
     pub fn none(grid: &Grid) -> Self {
         let rows = Rows::default();
         Self { segments: Vec::new(), ordered: false, grid: grid.clone(), gas: rows.clone(), fluid: rows }
@@ -245,7 +246,7 @@ impl Lumen {
         &self.fluid
     }
 
-    /// The segment with the most gas.
+    /// The segment with the most gas, if there is any.
     pub fn largest(&self) -> Option<usize> {
         (0..self.segments.len()).reduce(|a, b| if self.segments[b].ml > self.segments[a].ml { b } else { a })
     }
@@ -256,7 +257,7 @@ impl Lumen {
         self.largest().filter(|&s| is_long(s) && self.segments[s].ml >= FLYABLE_ML)
     }
 
-    /// Whether there is a colon to fly through without being told where.
+    /// Whether there is a colon to fly through that needs no start point.
     pub fn is_flyable(&self) -> bool {
         self.main_segment().is_some()
     }

@@ -6,7 +6,7 @@ use crate::volume::{Grid, Volume};
 
 /// Segments beyond this many (by volume) are not put in order.
 const ORDERED_AT_MOST: usize = 9;
-/// What a millimetre between two segments costs where tagged fluid joins them.
+/// Cost of a millimetre between two segments that tagged fluid joins.
 const FLUID_GAP: f64 = 0.3;
 /// How far right of the midline the cecum lies at least, for the order to be trusted, mm.
 const CECUM_RIGHT_MM: f64 = 20.0;
@@ -20,7 +20,7 @@ const LEAST_COLON_MM: f64 = 200.0;
 /// The rectum lies within this share of the scanned body's height, from below, for the order to be trusted.
 const RECTUM_HEIGHT: f64 = 0.4;
 
-/// Where the patient is, world, mm LPS.
+/// Position of the patient, world, mm LPS.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Body {
     /// Mean place of the tissue: its x is near the midline.
@@ -77,24 +77,25 @@ pub(super) struct Link {
 
 /// An order of segments.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Order {
+pub(super) struct SegmentOrder {
     /// (segment, whether its ends must be swapped so that the rectal one comes first).
     pub chain: Vec<(usize, bool)>,
     /// Whether the chain is one from rectum to cecum that can be trusted.
     pub trusted: bool,
 }
 
-/// The cheapest chain of the segments (given by volume, the largest first) from rectum to cecum: each is passed once, in
-/// either direction; the first end's place, the gaps, and the last end's place cost. Exact, by dynamic programming over
-/// subsets (Held and Karp 1962).
-pub(super) fn order(links: &[Link], body: &Body) -> Order {
+/// The cheapest chain of the segments (given by volume, the largest first) from rectum to cecum: each is passed once,
+/// in either direction; the first end's place, the gaps, and the last end's place cost. Exact, by dynamic programming
+/// over subsets (Held and Karp 1962).
+pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let n = links.len().min(ORDERED_AT_MOST);
     let entry = |s: usize, swapped: bool| links[s].ends[usize::from(swapped)];
     let exit = |s: usize, swapped: bool| links[s].ends[usize::from(!swapped)];
     let gap = |a: usize, b: usize, from: DVec3, to: DVec3| {
         from.distance(to) * if links[a].joined_to.contains(&b) { FLUID_GAP } else { 1.0 }
     };
-    // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the state before.
+    // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the state
+    // before.
     let states = 2 * n;
     let mut best = vec![(f64::INFINITY, usize::MAX); (1 << n) * states];
     for s in 0..states {
@@ -129,7 +130,7 @@ pub(super) fn order(links: &[Link], body: &Body) -> Order {
     let rest =
         (n..links.len()).map(|s| (s, body.unlike_rectum(links[s].ends[1]) < body.unlike_rectum(links[s].ends[0])));
     chain.extend(rest);
-    Order { chain, trusted }
+    SegmentOrder { chain, trusted }
 }
 
 fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {

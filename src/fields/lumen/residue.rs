@@ -1,4 +1,4 @@
-//! What stands in the gas and confuses whoever flies or measures: thin bridges across the lumen and islands of residue
+//! Obstacles in the gas that confuse flights and measurements: thin bridges across the lumen and islands of residue
 //! (the paper's section 4).
 
 use glam::DVec3;
@@ -64,7 +64,7 @@ pub struct Remnant {
 /// Voxel indices.
 type Voxels = Vec<[i64; 3]>;
 
-/// What stands in the gas.
+/// The obstacles in the gas.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Residue {
     /// Thin rods of tissue or strands of residue in the gas, the largest first.
@@ -93,7 +93,8 @@ fn largest_first(found: impl Iterator<Item = Remnant>) -> Vec<Remnant> {
     found
 }
 
-/// Runs that are neither gas nor fluid, border on gas and are 26-connected to nothing outside, labelled by component from 0.
+/// Runs that are neither gas nor fluid, border on gas and are 26-connected to nothing outside, labelled by component
+/// from 0.
 fn islands(lumen: &Lumen, progress: &Progress) -> Result<Rows> {
     let dims @ [nx, ny, nz] = lumen.gas.dims();
     let slices: Vec<_> = (0..nz)

@@ -52,8 +52,8 @@ impl Rows {
         Ok(rows)
     }
 
-    /// The same of slices that `slice` makes by number, in parallel. At no time are there many slices beside the rows: all
-    /// of a scan's gas and noise is tens of megabytes.
+    /// The same of slices that `slice` makes by number, in parallel. At no time are there many slices beside the rows:
+    /// all of a scan's gas and noise is tens of megabytes.
     ///
     /// # Errors
     /// As above, and the first of those of `slice`.

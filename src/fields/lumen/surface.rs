@@ -1,11 +1,11 @@
-//! The lumen's wall as places on it, for measuring how much of it was seen.
+//! Sample places on the lumen's wall, to measure how much of it was seen.
 
 use glam::DVec3;
 
 use super::Lumen;
 use crate::math::hash;
 
-/// About so many gas voxels are looked at, however many there are.
+/// Approximate number of gas voxels that are looked at, however many there are.
 const LOOKED_AT: u64 = 1 << 20;
 
 /// A place at the wall, which stands for a piece of it.

@@ -1,5 +1,8 @@
 //! Bodies made for one question each, and the scans of the data folder.
 
+#[path = "../../../tests/support/skips.rs"]
+mod skips;
+
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
@@ -319,7 +322,7 @@ fn data(name: &str) -> Option<Volume> {
     let folder = std::env::var_os("COLVIS_TEST_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     let path = folder.join(name);
     if !path.exists() {
-        eprintln!("skipped: {} is absent", path.display());
+        skips::skip("data", &format!("{} is absent", path.display()));
         return None;
     }
     Some(crate::volume::io::load(&path, &Default::default(), &Progress::new()).unwrap().volume)
@@ -378,9 +381,10 @@ fn an_unprepared_abdomen_is_no_colon_to_fly() {
 
 #[test]
 fn the_phantom_is_one_lumen_from_rectum_to_cecum() {
-    use crate::phantom::{Phantom, Settings, Size};
+    use crate::phantom::{Phantom, PhantomSettings, Size};
     for (fluid, bridges) in [(false, false), (true, true)] {
-        let phantom = Phantom::new(&Settings { size: Size::Small, fluid, bridges, ..Settings::default() });
+        let phantom =
+            Phantom::new(&PhantomSettings { size: Size::Small, fluid, bridges, ..PhantomSettings::default() });
         let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
         let lumen = found(&volume);
         let truth = phantom.truth();

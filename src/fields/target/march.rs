@@ -1,4 +1,4 @@
-//! The front that brings the distance to a target: fast marching over the lumen's voxels, and what is added around it.
+//! The front that brings the distance to a target: fast marching over the lumen's voxels, and the values around it.
 
 use glam::DVec3;
 
@@ -18,7 +18,7 @@ type Front = (u32, [i32; 3]);
 /// The marching front.
 pub struct March<'a> {
     walls: &'a WallDistance,
-    /// The distances, in the order of the walls' set; infinite where the front did not come.
+    /// The distances, in the order of the walls' set; infinite where the front did not arrive.
     pub values: Vec<f32>,
     done: Vec<bool>,
     /// Voxels by their value; the lowest that is not empty is next.
@@ -57,8 +57,8 @@ impl<'a> March<'a> {
             || d >= 0.0 && self.open.iter().any(|&o| self.walls.world(voxel).distance_squared(o) <= SNAP_MM * SNAP_MM)
     }
 
-    /// Goes on across what is collapsed, where a guess leads from what is reached to what is not. Which were used, each
-    /// from the side of the target on.
+    /// Continues across collapsed stretches, where a guess leads from reached voxels to others. Returns the guesses
+    /// used, each from the side of the target on.
     pub fn bridge(&mut self, guesses: &[[DVec3; 2]], progress: &Progress) -> Result<Vec<[DVec3; 2]>> {
         let mut guessed = Vec::new();
         let mut left: Vec<[DVec3; 2]> = guesses.to_vec();

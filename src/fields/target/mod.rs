@@ -1,20 +1,22 @@
-//! D_t, the distance to a target along the lumen: what the paper's potential pulls by. Built only when a scene asks.
+//! D_t, the distance to a target along the lumen, whose slope pulls the camera in the paper's potential. Built only
+//! when a scene asks for it.
 //!
 //! It solves |∇T| = 1 within the lumen from the target on, by fast marching (Sethian 1996) with first-order upwind
 //! differences: over the axes whose upwind neighbours are lowest, Σ ((T − T_a)/h_a)² = 1. The front is kept in buckets
-//! narrower than a voxel (an untidy queue, Yatziv et al. 2006), so that time and memory are linear in the lumen's voxels;
-//! the order within a bucket is that of arrival. Every voxel's value comes from lower neighbours, so there is no local
-//! minimum but the target. Voxels are neighbours across faces only: there is no way through where walls touch corner to
-//! corner. Within the ball inscribed at the target distances are exact.
+//! narrower than a voxel (an untidy queue, Yatziv et al. 2006), so that time and memory are linear in the lumen's
+//! voxels; the order within a bucket is that of arrival. Every voxel's value comes from lower neighbours, so there is
+//! no local minimum but the target. Voxels are neighbours across faces only: there is no way through where walls touch
+//! corner to corner. Within the ball inscribed at the target distances are exact.
 //!
 //! **A way on which the body fits.** The front passes only where the wall is at least a body's clearance away (and
 //! anywhere within 5 mm of both ends). Every other voxel of the lumen takes the distance of the nearest one that was
-//! passed, and more by how far that is: from every slit, also one whose far side is nearer to the target, the field leads
-//! back to where the body fits. Where the two ends are not joined so, half the clearance is asked for, and then none.
+//! passed, and more by how far that is: from every slit, also one whose far side is nearer to the target, the field
+//! leads back to where the body fits. Where the two ends are not joined so, half the clearance is asked for, and then
+//! none.
 //!
-//! Between voxels it is the cubic B-spline over those voxels of the lumen that the way leads past: a voxel whose distance
-//! differs by more than the ways within the spline's reach can explain lies behind a wall, and does not count; nor does
-//! what is outside. Near walls the weights of the rest are scaled to a sum of 1.
+//! Between voxels it is the cubic B-spline over those voxels of the lumen that the way leads past: a voxel whose
+//! distance differs by more than the ways within the spline's reach can explain lies behind a wall, and does not count;
+//! nor does what is outside. Near walls the weights of the rest are scaled to a sum of 1.
 
 mod march;
 #[cfg(test)]
@@ -46,7 +48,7 @@ pub struct TargetDistance {
     clearance: f64,
 }
 
-/// For whom a way is sought.
+/// The body that a way is looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Traveller {
     /// Where it begins, world mm.
@@ -57,8 +59,9 @@ pub struct Traveller {
 
 impl TargetDistance {
     /// The distance to `target` (world, mm; moved into the lumen within 5 mm), for a traveller if one is named.
-    /// `guesses` are pairs of places (world, mm) between which the lumen may be collapsed: where only one of the two can
-    /// be reached, the straight line between them is taken as the way on, and listed in [`TargetDistance::guessed`].
+    /// `guesses` are pairs of places (world, mm) between which the lumen may be collapsed: where only one of the two
+    /// can be reached, the straight line between them is taken as the way on, and listed in
+    /// [`TargetDistance::guessed`].
     ///
     /// # Errors
     /// Status 4 when the target is not in the lumen, or when interrupted.

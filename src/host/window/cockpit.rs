@@ -4,16 +4,20 @@ use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use bevy_ecs::change_detection::Mut;
+
 use super::directions::Directions;
 use super::figures::{Figures, detail};
-use super::keys::{Deed, Hands};
-use super::overlay::{Mood, Readings};
+use super::framebuffer::{Framebuffer, Picturing, Presented};
+use super::keys::{self, Deed, Hands};
+use super::overlay::{Content, Mood, Readings};
+use super::overlays::Overlays;
 use super::planning::Planning;
 use super::saver::{Traced, WakeUp};
 use super::screenshot;
 use super::sight::Sight;
 use super::way::Way;
-use crate::app::{FlightApp, Guide};
+use crate::app::{FlightApp, Overlay};
 use crate::components::camera::Velocity;
 use crate::components::clock::Accumulator;
 use crate::components::flight::State;
@@ -22,7 +26,8 @@ use crate::components::input::{Command, Hand};
 use crate::components::output::Picture;
 use crate::components::play::Playback;
 use crate::error::Result;
-use crate::host::headless::{self, FrameStats};
+use crate::host::frames::FrameStats;
+use crate::host::headless;
 use crate::render::Frame;
 
 /// Steps between two images at the most: a slower machine flies slower.
@@ -56,7 +61,8 @@ pub struct Cockpit {
     /// What is being built for a guide that is to take over.
     planning: Option<Planning>,
     /// The guide that has the flight back when the operator gives it.
-    last_guide: Guide,
+    last_guide: &'static str,
+    overlays: Overlays,
     /// Whether there is something new to say although the flight rests.
     attention: bool,
 }
@@ -68,11 +74,13 @@ impl Cockpit {
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
-    pub fn new(flight: FlightApp, along_mm: f64, wake: WakeUp) -> Result<Self> {
+    pub fn new(flight: FlightApp, along_mm: f64, wake: WakeUp, overlays: Vec<Overlay>) -> Result<Self> {
         let now = Instant::now();
         let way = Way::new(flight.plan().length_mm, flight.flight().length_mm).at(along_mm);
-        let sight = Sight::new(flight.space().clone(), wake)?;
-        let last_guide = flight.scene().steers().filter(|g| *g != Guide::Manual).unwrap_or_default();
+        let sight = Sight::new(flight.volume().clone(), wake)?;
+        let scene = flight.scene();
+        let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
+        let last_guide = automatic.map_or("", |g| g.name);
         Ok(Self {
             flight,
             accumulator: Accumulator::default(),
@@ -90,6 +98,7 @@ impl Cockpit {
             help: false,
             planning: None,
             last_guide,
+            overlays: Overlays::new(overlays),
             attention: false,
         })
     }
@@ -122,6 +131,17 @@ impl Cockpit {
     /// The image as it was last traced.
     pub fn image(&self) -> Option<&Frame> {
         self.sight.image(&self.flight)
+    }
+
+    /// Presents the picture as it was last traced, with `content` over it; what came of it, if there is a window.
+    pub fn present(&mut self, content: Content, below: Picturing) -> Option<Result<Presented>> {
+        self.framebuffer()?.prepare(content, below);
+        self.flight.present();
+        self.framebuffer()?.take_presented()
+    }
+
+    fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
+        self.flight.app_mut().world.get_non_send_mut::<Framebuffer>()
     }
 
     /// Says something for a moment.
@@ -205,15 +225,14 @@ impl Cockpit {
             Deed::Faster => self.hurry(1.0),
             Deed::Slower => self.hurry(-1.0),
             Deed::Guide => {
-                let steers = self.flight.scene().steers().unwrap_or_default();
-                let next = if steers == Guide::Manual { self.last_guide } else { Guide::Manual };
-                self.hand_over(next, now);
-            }
-            Deed::GuideNumber(n) => {
-                if let Some(guide) = Guide::ALL.get(n) {
-                    self.hand_over(guide.0, now);
+                let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
+                let next = if self.is_by_hand() { Some(self.last_guide) } else { by_hand };
+                if let Some(next) = next {
+                    self.hand_over(next, now);
                 }
             }
+            Deed::HandTo(guide) => self.hand_over(guide, now),
+            Deed::Overlay(n) => self.overlays.switch(n),
             Deed::Detail => self.switch_detail(now),
             Deed::Reverse => {
                 if self.act(Command::Reverse, now) {
@@ -238,26 +257,37 @@ impl Cockpit {
     }
 
     /// Hands the flight over to a guide. What it needs of the lumen is built beside the flight, which goes on meanwhile.
-    fn hand_over(&mut self, guide: Guide, now: Instant) {
+    fn hand_over(&mut self, guide: &'static str, now: Instant) {
         self.planning = None;
-        match Planning::begin(&self.flight, guide) {
+        let begun = self.flight.scene().guides.named(guide).and_then(|g| Planning::begin(&self.flight, g));
+        match begun {
             Some(Ok(planning)) => {
                 self.planning = Some(planning);
-                self.say(format!("preparing the guide {} ...", guide.name()), now);
+                self.say(format!("preparing the guide {guide} ..."), now);
             }
             Some(Err(e)) => self.say(e.to_string(), now),
             None => self.change_guide(guide, now),
         }
     }
 
-    fn change_guide(&mut self, guide: Guide, now: Instant) {
-        self.act(Command::Guide(guide.name().to_owned()), now);
-        if self.flight.scene().steers() == Some(guide) {
-            if guide != Guide::Manual {
+    fn change_guide(&mut self, guide: &'static str, now: Instant) {
+        self.act(Command::Guide(guide.to_owned()), now);
+        if self.flight.scene().guide_name() == guide {
+            if self.flight.scene().is_automatic() {
                 self.last_guide = guide;
             }
-            self.say(format!("guide: {}", guide.name()), now);
+            self.say(format!("guide: {guide}"), now);
         }
+    }
+
+    /// What a key stands for that is a guide's or an overlay's own.
+    pub fn own_deed(&self, key: char) -> Option<Deed> {
+        keys::hand_over(&self.flight.scene().guides, key).or_else(|| self.overlays.deed(key))
+    }
+
+    /// Whether the operator has the flight and no guide moves the camera.
+    fn is_by_hand(&self) -> bool {
+        self.flight.scene().guide().is_some_and(|g| !g.automatic)
     }
 
     /// Takes over what was built for a guide, if it is there.
@@ -319,7 +349,7 @@ impl Cockpit {
         match screenshot::save(&traced.frame, Path::new(".")) {
             Ok(path) => {
                 let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-                let pose = screenshot::pose_json(&traced.order.pose, traced.order.fov_degrees);
+                let pose = screenshot::pose_json(&traced.request.pose, traced.request.fov_degrees);
                 // Who reads the poses may have gone; the picture is there.
                 let _ = writeln!(std::io::stdout(), "{pose}");
                 self.say(format!("saved {name}"), now);
@@ -382,8 +412,7 @@ impl Cockpit {
             State::Flying | State::Ended => {}
         }
         let hand = self.hand();
-        let left_alone =
-            hand.paused || flight.state != State::Flying || self.flight.scene().steers() == Some(Guide::Manual);
+        let left_alone = hand.paused || flight.state != State::Flying || self.is_by_hand();
         let still = self.flight.camera::<Velocity>().is_none_or(|v| v.0.length() < REST_MM_S)
             && hand.push == glam::DVec3::ZERO
             && hand.turn == glam::DVec3::ZERO;
@@ -431,7 +460,8 @@ impl Cockpit {
             // The length is coarse: digits that it does not have are not shown.
             place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),
-            help: self.help,
+            help: if self.help { keys::help(&self.flight.scene().guides, self.overlays.all()) } else { Vec::new() },
+            marks_drawn: self.overlays.draw(&self.flight),
         }
     }
 
@@ -441,8 +471,8 @@ impl Cockpit {
             State::Arrived => ("arrived", Mood::Well),
             State::Ended => ("time is over", Mood::Well),
             State::Flying if self.hand().paused => ("paused", Mood::Waiting),
-            State::Flying if self.flight.scene().steers() == Some(Guide::Manual) => ("manual", Mood::Waiting),
-            State::Flying if self.flight.scene().play.is_some() => ("playing a log", Mood::Well),
+            State::Flying if self.is_by_hand() => ("manual", Mood::Waiting),
+            State::Flying if self.flight.scene().play().is_some() => ("playing a log", Mood::Well),
             State::Flying if self.flight.clock().tick < self.hand().on_until => ("flying by hand", Mood::Waiting),
             State::Flying => ("flying", Mood::Well),
         };

@@ -3,12 +3,10 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 
 use super::*;
-use crate::app::flight::ImageSettings;
-use crate::app::plan::Plan;
-use crate::app::scene::Scene;
+use crate::app::{ImageSettings, Plan, Scene};
 use crate::fields::lumen;
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, Preset, Quality, Settings, TransferFunction};
+use crate::render::{PreparedVolume, Quality, Settings, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 const WINDOW: (usize, usize) = (96, 72);
@@ -16,12 +14,12 @@ const WINDOW: (usize, usize) = (96, 72);
 const FRAME: Duration = Duration::from_millis(20);
 
 /// A flight along y through a square tube of 20 mm.
-pub fn flight(guide: Guide) -> FlightApp {
+pub fn flight(guide: &'static str) -> FlightApp {
     flight_from(guide, DVec3::new(16.0, 8.0, 16.0))
 }
 
 /// The same with another end that it can be turned round to.
-fn flight_from(guide: Guide, other_end: DVec3) -> FlightApp {
+fn flight_from(guide: &'static str, other_end: DVec3) -> FlightApp {
     let grid = Grid::new([32, 80, 32], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let gas = |n: usize| {
         let (i, j, k) = (n % 32, n / 32 % 80, n / (32 * 80));
@@ -44,19 +42,14 @@ fn flight_from(guide: Guide, other_end: DVec3) -> FlightApp {
         other_falls_short: None,
         notes: Vec::new(),
     };
-    let scene = Scene { guide: Some(guide), picture: true, operator: true, ..Scene::default() };
-    let image = ImageSettings {
-        width: 8,
-        height: 8,
-        fov_degrees: 90.0,
-        settings: Settings { adaptive: true, ..Settings::new(Quality::High) },
-        preset: Preset::Default,
-    };
-    FlightApp::new(PreparedVolume::new(volume, TransferFunction::default()), lumen, plan, scene, Some(image)).unwrap()
+    let settings = Settings { adaptive: true, ..Settings::new(Quality::High) };
+    let image = ImageSettings { width: 8, height: 8, settings, ..ImageSettings::default() };
+    let scene = Scene { picture: true, image, operator: true, ..Scene::guided_by(guide) };
+    FlightApp::new(PreparedVolume::new(volume, TransferFunction::default()), lumen, plan, scene).unwrap()
 }
 
-fn cockpit(guide: Guide) -> Cockpit {
-    Cockpit::new(flight(guide), 0.0, Arc::new(|| {})).unwrap()
+fn cockpit(guide: &'static str) -> Cockpit {
+    Cockpit::new(flight(guide), 0.0, Arc::new(|| {}), Vec::new()).unwrap()
 }
 
 /// Flies on for `frames` pictures; how many of them were new.
@@ -72,7 +65,7 @@ fn fly(c: &mut Cockpit, now: &mut Instant, frames: usize) -> usize {
 
 #[test]
 fn a_still_scene_is_refined_and_then_left_alone() {
-    let (mut c, mut now) = (cockpit(Guide::Manual), Instant::now());
+    let (mut c, mut now) = (cockpit("manual"), Instant::now());
     assert_eq!(fly(&mut c, &mut now, 1), 1);
     assert!(c.sight.is_refining(&c.flight) && c.next().is_some());
     fly(&mut c, &mut now, 60);
@@ -92,7 +85,7 @@ fn a_still_scene_is_refined_and_then_left_alone() {
     assert_eq!((c.flight().clock().tick, c.frames().len()), (ticks, frames), "neither simulated nor traced");
     // A word about something wakes it up to say it, and nothing is traced for that.
     c.perform(Deed::Help, WINDOW, now);
-    assert!(c.next().is_some_and(|t| t <= now) && c.readings(now).help);
+    assert!(c.next().is_some_and(|t| t <= now) && !c.readings(now).help.is_empty());
     assert_eq!(fly(&mut c, &mut now, 1), 0);
     // A look does move the picture.
     c.drag((9.0, 0.0), WINDOW);
@@ -101,7 +94,7 @@ fn a_still_scene_is_refined_and_then_left_alone() {
 
 #[test]
 fn a_slow_machine_flies_slower_and_does_not_fall_behind() {
-    let (mut c, now) = (cockpit(Guide::Tentacles), Instant::now());
+    let (mut c, now) = (cockpit("tentacles"), Instant::now());
     c.advance(now).unwrap();
     assert_eq!(c.flight().clock().tick, 0, "no time has gone by");
     c.advance(now + Duration::from_millis(50)).unwrap();
@@ -112,7 +105,7 @@ fn a_slow_machine_flies_slower_and_does_not_fall_behind() {
 
 #[test]
 fn aided_flight_starts_by_itself_and_stops_for_the_operator() {
-    let (mut c, mut now) = (cockpit(Guide::Tentacles), Instant::now());
+    let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
     let start = c.flight().pose().position;
     fly(&mut c, &mut now, 40);
     assert!(c.flight().pose().position.distance(start) > 2.0);
@@ -122,7 +115,7 @@ fn aided_flight_starts_by_itself_and_stops_for_the_operator() {
     assert!(c.rests());
     assert_eq!(c.readings(now).state, "paused");
     // The hand wins over the pause, and never goes through the wall.
-    c.steer(|h| h.press(super::super::keys::Hold::Forward), now);
+    c.steer(|h| h.press(keys::Hold::Forward), now);
     fly(&mut c, &mut now, 250);
     let at = c.flight().pose().position;
     assert!(at.cmpge(DVec3::splat(5.0)).all() && at.y <= 76.0, "{at}");
@@ -134,7 +127,7 @@ fn aided_flight_starts_by_itself_and_stops_for_the_operator() {
 
 #[test]
 fn what_there_is_not_is_said_and_changes_nothing() {
-    let (mut c, mut now) = (cockpit(Guide::Tentacles), Instant::now());
+    let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
     fly(&mut c, &mut now, 2);
     let pose = c.flight().pose();
     c.perform(Deed::OtherEnd, WINDOW, now);
@@ -152,12 +145,12 @@ fn what_there_is_not_is_said_and_changes_nothing() {
 #[test]
 fn it_flies_back_only_where_there_is_a_way_back() {
     let (far, now) = (DVec3::new(-500.0, 8.0, 16.0), Instant::now());
-    let mut c = Cockpit::new(flight_from(Guide::Path, far), 20.0, Arc::new(|| {})).unwrap();
+    let mut c = Cockpit::new(flight_from("path", far), 20.0, Arc::new(|| {}), Vec::new()).unwrap();
     let goal = c.flight().plan().goal;
     c.perform(Deed::Reverse, WINDOW, now);
     assert!(c.readings(now).message.is_some_and(|m| m != "flying back"));
     assert_eq!((c.flight().plan().goal, c.along_mm()), (goal, 20.0));
-    let mut c = Cockpit::new(flight(Guide::Path), 20.0, Arc::new(|| {})).unwrap();
+    let mut c = Cockpit::new(flight("path"), 20.0, Arc::new(|| {}), Vec::new()).unwrap();
     c.perform(Deed::Reverse, WINDOW, now);
     assert_eq!(c.readings(now).message.as_deref(), Some("flying back"));
     assert_ne!((c.flight().plan().goal, c.along_mm()), (goal, 20.0));
@@ -165,7 +158,7 @@ fn it_flies_back_only_where_there_is_a_way_back() {
 
 #[test]
 fn a_screenshot_is_what_is_shown_or_what_was_seen() {
-    let (mut c, mut now) = (cockpit(Guide::Manual), Instant::now());
+    let (mut c, mut now) = (cockpit("manual"), Instant::now());
     fly(&mut c, &mut now, 60);
     while c.sight.is_refining(&c.flight) {
         fly(&mut c, &mut now, 1);
@@ -185,5 +178,5 @@ fn a_screenshot_is_what_is_shown_or_what_was_seen() {
     look_from(&mut c, 2.0);
     let saved = c.sight.all_to_save();
     assert_eq!(saved.len(), 1);
-    assert_eq!((saved[0].order.pose, saved[0].frame.width(), saved[0].frame.height()), (pose, WINDOW.0, WINDOW.1));
+    assert_eq!((saved[0].request.pose, saved[0].frame.width(), saved[0].frame.height()), (pose, WINDOW.0, WINDOW.1));
 }

@@ -2,6 +2,9 @@
 
 use winit::keyboard::{Key, NamedKey};
 
+use crate::app::Overlay;
+use crate::schedule::Guides;
+
 /// What a key stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
@@ -47,8 +50,10 @@ pub enum Deed {
     Slower,
     /// Hands over to the operator, or back to the last guide.
     Guide,
-    /// Hands over to the guide of this number, from 0, in the order of the guides.
-    GuideNumber(usize),
+    /// Hands over to the guide of this name.
+    HandTo(&'static str),
+    /// Shows or hides the overlay of this number.
+    Overlay(usize),
     /// High or low detail.
     Detail,
     /// Turns round and flies back.
@@ -70,8 +75,8 @@ pub enum Deed {
 /// One short line of help, shown always.
 pub const SHORT_HELP: &str = "H keys   Space stop   W A S D fly   drag to look   R back   Q quit";
 
-/// All keys, as the help shows them.
-pub const HELP: [(&str, &str); 15] = [
+/// All keys but those of guides and overlays, as the help shows them.
+const HELP: [(&str, &str); 14] = [
     ("Space", "stop and look around, go on"),
     ("W S, Up Down", "fly forward, back"),
     ("A D", "fly to the left, right"),
@@ -81,7 +86,6 @@ pub const HELP: [(&str, &str); 15] = [
     ("R, B, Backspace", "turn round and fly back"),
     ("N, E", "next segment, from the other end"),
     ("G", "by hand, and back to the guide"),
-    ("1 2 3 4", "tentacles, potential, path, by hand"),
     ("click on the bar", "go to that place of the way"),
     ("L", "detail: high or low"),
     ("P, F12", "screenshot, and its pose"),
@@ -89,8 +93,37 @@ pub const HELP: [(&str, &str); 15] = [
     ("Q, Esc", "quit"),
 ];
 
-/// What a key stands for, whatever the case of its letter.
-pub fn action(key: &Key) -> Option<Action> {
+/// The guides and overlays have keys of their own, which come after [`HELP`]'s row for the hand.
+const OWN_KEYS_AFTER: &str = "G";
+
+/// All keys with what they do, in the order in which the help shows them.
+pub fn help(guides: &Guides, overlays: &[Overlay]) -> Vec<(String, String)> {
+    let mut rows = Vec::new();
+    for (keys, what) in HELP {
+        rows.push((keys.to_owned(), what.to_owned()));
+        if keys == OWN_KEYS_AFTER {
+            let own: Vec<(String, &str)> =
+                guides.iter().filter_map(|g| Some((g.key?.to_uppercase().to_string(), g.name))).collect();
+            let joined = |part: fn(&(String, &'static str)) -> String, by: &str| {
+                own.iter().map(part).collect::<Vec<_>>().join(by)
+            };
+            rows.push((joined(|o| o.0.clone(), " "), joined(|o| o.1.to_owned(), ", ")));
+            rows.extend(
+                overlays.iter().filter_map(|o| Some((o.key?.to_uppercase().to_string(), o.summary.to_owned()))),
+            );
+        }
+    }
+    rows
+}
+
+/// The guide that a letter or digit hands over to, if it is one's own.
+pub fn hand_over(guides: &Guides, key: char) -> Option<Deed> {
+    let is = |k: char| k.to_lowercase().eq(key.to_lowercase());
+    guides.iter().find(|g| g.key.is_some_and(is)).map(|g| Deed::HandTo(g.name))
+}
+
+/// What a key stands for, whatever the case of its letter; of one that the window itself has no use for, what `own` says.
+pub fn action(key: &Key, own: impl Fn(char) -> Option<Deed>) -> Option<Action> {
     use Action::{Do, Hold as Held};
     Some(match key {
         Key::Named(named) => match named {
@@ -118,7 +151,6 @@ pub fn action(key: &Key) -> Option<Action> {
             "+" | "=" => Do(Deed::Faster),
             "-" | "_" => Do(Deed::Slower),
             "g" => Do(Deed::Guide),
-            "1" | "2" | "3" | "4" => Do(Deed::GuideNumber(text.parse::<usize>().ok()? - 1)),
             "l" => Do(Deed::Detail),
             "n" => Do(Deed::Next),
             "e" => Do(Deed::OtherEnd),
@@ -126,7 +158,11 @@ pub fn action(key: &Key) -> Option<Action> {
             "h" | "?" => Do(Deed::Help),
             "f" => Do(Deed::Fullscreen),
             "q" => Do(Deed::Quit),
-            _ => return None,
+            other => {
+                let mut letters = other.chars();
+                let (letter, rest) = (letters.next()?, letters.next());
+                Do(own(letter).filter(|_| rest.is_none())?)
+            }
         },
         _ => return None,
     })
@@ -180,7 +216,7 @@ mod tests {
     use super::*;
 
     fn character(c: &str) -> Option<Action> {
-        action(&Key::Character(c.into()))
+        action(&Key::Character(c.into()), |key| hand_over(&crate::systems::guides(), key))
     }
 
     #[test]
@@ -190,11 +226,11 @@ mod tests {
             assert_eq!(character(lower), character(upper));
         }
         assert_eq!(character("q"), Some(Action::Do(Deed::Quit)));
-        assert_eq!(character("3"), Some(Action::Do(Deed::GuideNumber(2))));
+        assert_eq!(character("3"), Some(Action::Do(Deed::HandTo("path"))));
         assert_eq!(character("ß"), None);
-        assert_eq!(action(&Key::Named(NamedKey::Escape)), Some(Action::Do(Deed::Quit)));
-        assert_eq!(action(&Key::Named(NamedKey::Backspace)), character("R"));
-        assert_eq!(action(&Key::Named(NamedKey::Shift)), None);
+        assert_eq!(action(&Key::Named(NamedKey::Escape), |_| None), Some(Action::Do(Deed::Quit)));
+        assert_eq!(action(&Key::Named(NamedKey::Backspace), |_| None), character("R"));
+        assert_eq!(action(&Key::Named(NamedKey::Shift), |_| None), None);
     }
 
     #[test]

@@ -20,10 +20,10 @@ pub struct Ready {
     pub(super) session: Option<PathBuf>,
 }
 
-/// The scan that a flight is made in, as it was loaded.
-pub struct Scan(Option<PathBuf>);
+/// Where the session of a scan is kept.
+pub struct SessionFile(Option<PathBuf>);
 
-impl Scan {
+impl SessionFile {
     /// What is to be known of `volume` later, when the flight may have a copy of it whose fluid is taken as free.
     pub fn of(volume: &Volume) -> Self {
         Self(session::file(volume))

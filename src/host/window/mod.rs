@@ -7,10 +7,12 @@
 mod cockpit;
 mod directions;
 mod figures;
+mod framebuffer;
 mod keys;
 mod layer;
 mod loading;
 mod overlay;
+mod overlays;
 mod painter;
 pub mod plane;
 mod planning;
@@ -23,18 +25,19 @@ mod shell;
 mod sight;
 mod way;
 
-use std::panic::{self, AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use winit::event_loop::EventLoop;
 
-use crate::app::FlightApp;
+use crate::app::{FlightApp, Overlay};
 use crate::error::{Error, Result};
-use crate::host::headless::FrameStats;
+use crate::fence::fenced;
+use crate::host::frames::FrameStats;
 use crate::progress::Progress;
-pub use loading::{Prepare, Ready, Scan};
+pub use framebuffer::presenter;
+pub use loading::{Prepare, Ready, SessionFile};
 pub use presented::PresentMs;
 use shell::{Shell, Wake};
 
@@ -58,6 +61,8 @@ pub struct Launch {
     pub seconds: Option<f64>,
     /// What is taken up from the last time that this scan was open.
     pub resume: Resume,
+    /// What can be drawn over the picture.
+    pub overlays: Vec<Overlay>,
 }
 
 /// What is taken up from the last time that a scan was open.
@@ -88,11 +93,7 @@ impl Display {
         }
         // Where a system library or an extension of the X server is missing, winit panics instead of failing. There is
         // no display to use then, and the flight goes on without one.
-        let hook = panic::take_hook();
-        panic::set_hook(Box::new(|_| {}));
-        let made = catch_unwind(AssertUnwindSafe(|| EventLoop::with_user_event().build().ok()));
-        panic::set_hook(hook);
-        made.ok().flatten().map(Self)
+        fenced(|| EventLoop::with_user_event().build().ok()).ok().flatten().map(Self)
     }
 }
 

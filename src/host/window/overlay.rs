@@ -3,7 +3,8 @@
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Vec2, pos2, vec2};
 
 use super::directions::Directions;
-use super::keys::{HELP, SHORT_HELP};
+use super::keys::SHORT_HELP;
+use crate::app::overlay::{Colour, Mark, Place2};
 
 /// Shown always.
 const DISCLAIMER: &str = "Research software. Not for diagnosis.";
@@ -48,7 +49,7 @@ pub enum Content {
     },
     /// It could not be read.
     Failed {
-        /// Why.
+        /// Why it cannot be flown.
         text: String,
     },
     /// The flight.
@@ -76,8 +77,10 @@ pub struct Readings {
     pub marks: Vec<u32>,
     /// Something that just happened.
     pub message: Option<String>,
-    /// Whether all keys are listed.
-    pub help: bool,
+    /// All keys with what they do, while they are listed.
+    pub help: Vec<(String, String)>,
+    /// What overlays have drawn.
+    pub marks_drawn: Vec<Mark>,
 }
 
 /// Draws `content` over an area given in points.
@@ -159,7 +162,28 @@ fn failed(p: &Painter, area: Rect, why: &str) {
     lines(p, area.center(), Align2::CENTER_CENTER, wrap, &list);
 }
 
+/// What overlays have drawn, in pixels of the window.
+fn drawn(p: &Painter, marks: &[Mark]) {
+    let scale = p.ctx().pixels_per_point();
+    let at = |[x, y]: Place2| pos2(x / scale, y / scale);
+    let ink = |[r, g, b]: Colour| Color32::from_rgb(r, g, b);
+    for mark in marks {
+        match mark {
+            Mark::Line { from, to, colour } => {
+                p.line_segment([at(*from), at(*to)], (1.5, ink(*colour)));
+            }
+            Mark::Circle { centre, radius, colour } => {
+                p.circle_stroke(at(*centre), radius / scale, (1.5, ink(*colour)));
+            }
+            Mark::Text { at: place, text: words, colour } => {
+                text(p, at(*place), Align2::CENTER_CENTER, words, TEXT, ink(*colour));
+            }
+        }
+    }
+}
+
 fn flight(p: &Painter, area: Rect, r: &Readings) {
+    drawn(p, &r.marks_drawn);
     let inner = area.shrink(MARGIN);
     // A small window shows the bar and the directions first, and leaves out what takes room.
     let roomy = inner.width() > 380.0 && inner.height() > 260.0;
@@ -218,8 +242,8 @@ fn flight(p: &Painter, area: Rect, r: &Readings) {
             &[(m, 16.0, INK)],
         );
     }
-    if r.help {
-        help(p, area);
+    if !r.help.is_empty() {
+        help(p, area, &r.help);
     }
 }
 
@@ -230,22 +254,22 @@ fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
     text(p, rect.center(), Align2::CENTER_CENTER, name, LABEL, Color32::from_rgb(255, 236, 150));
 }
 
-fn help(p: &Painter, area: Rect) {
-    let rows = HELP.len() as f32;
+fn help(p: &Painter, area: Rect, list: &[(String, String)]) {
+    let rows = list.len() as f32;
     // As large as fits: all keys are shown in the smallest window.
     let size = (area.height() / (rows * 1.6)).min((area.width() - 40.0) / 30.0).clamp(6.0, 16.0);
     let row = size * 1.35;
     let column = |keys: bool| {
-        let widths = HELP.iter().map(|h| {
-            let t = if keys { h.0 } else { h.1 };
-            p.layout_no_wrap(t.to_owned(), font(size), INK).size().x
+        let widths = list.iter().map(|h| {
+            let t = if keys { &h.0 } else { &h.1 };
+            p.layout_no_wrap(t.clone(), font(size), INK).size().x
         });
         widths.fold(0.0, f32::max)
     };
     let (keys, words, gap) = (column(true), column(false), size * 1.5);
     let rect = Rect::from_center_size(area.center(), Vec2::new(keys + gap + words + 28.0, rows * row + 24.0));
     p.rect_filled(rect, 8.0, Color32::from_black_alpha(245));
-    for (n, (key, what)) in HELP.iter().enumerate() {
+    for (n, (key, what)) in list.iter().enumerate() {
         let y = rect.min.y + 12.0 + n as f32 * row;
         let x = rect.min.x + 14.0;
         p.text(pos2(x, y), Align2::LEFT_TOP, key, font(size), Mood::Waiting.colour());

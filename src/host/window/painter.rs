@@ -16,7 +16,7 @@ use crate::render::Frame;
 
 /// What an overlay is laid out for.
 #[derive(Clone, Debug, PartialEq)]
-struct Order {
+struct LayoutRequest {
     content: Content,
     /// Pixels.
     size: (usize, usize),
@@ -24,7 +24,7 @@ struct Order {
     scale: f32,
 }
 
-impl Order {
+impl LayoutRequest {
     /// Whether an overlay laid out for `self` may be shown while this is laid out.
     fn may_wait(&self, shown: &Self) -> bool {
         let flies = |o: &Self| matches!(o.content, Content::Flight(_));
@@ -34,13 +34,13 @@ impl Order {
 
 /// Puts pictures together.
 pub struct Painter {
-    orders: Sender<Order>,
-    done: Receiver<(Order, Layer)>,
+    requests: Sender<LayoutRequest>,
+    done: Receiver<(LayoutRequest, Layer)>,
     /// What is being laid out.
-    ordered: Option<Order>,
+    under_way: Option<LayoutRequest>,
     overlay: Layer,
     /// What the overlay shows.
-    shown: Option<Order>,
+    shown: Option<LayoutRequest>,
 }
 
 impl Painter {
@@ -49,20 +49,20 @@ impl Painter {
     /// # Errors
     /// When the system has no thread to give.
     pub fn new() -> Result<Self> {
-        let (orders, todo) = channel::<Order>();
+        let (requests, todo) = channel::<LayoutRequest>();
         let (finished, done) = channel();
         let work = move || {
             let mut artist = Artist::new();
-            for order in todo {
-                let layer = artist.lay_out(&order);
-                if finished.send((order, layer)).is_err() {
+            for request in todo {
+                let layer = artist.lay_out(&request);
+                if finished.send((request, layer)).is_err() {
                     break;
                 }
             }
         };
         let spawned = thread::Builder::new().name("overlay".to_owned()).spawn(work);
         spawned.map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
-        Ok(Self { orders, done, ordered: None, overlay: Layer::default(), shown: None })
+        Ok(Self { requests, done, under_way: None, overlay: Layer::default(), shown: None })
     }
 
     /// Fills `surface`, `width` × `height` pixels of `0x00RRGGBB`, with the `image` (black where there is none of that
@@ -80,38 +80,38 @@ impl Painter {
         if surface.is_empty() || surface.len() != size.0 * size.1 {
             return true;
         }
-        let wanted = Order { content: content.clone(), size, scale };
+        let wanted = LayoutRequest { content: content.clone(), size, scale };
         self.take(false);
         if !self.shown.as_ref().is_some_and(|s| wanted.may_wait(s)) {
-            while self.shown.as_ref() != Some(&wanted) && self.order(&wanted) && self.take(true) {}
+            while self.shown.as_ref() != Some(&wanted) && self.request(&wanted) && self.take(true) {}
         }
         compose(image, &self.overlay, surface, size.0);
         // Only now, so that both do not want the same cores at once.
         let settled = self.shown.as_ref() == Some(&wanted);
         if !settled {
-            self.order(&wanted);
+            self.request(&wanted);
         }
         settled
     }
 
     /// Has it laid out, once what is at work is done. Whether there is anything at work.
-    fn order(&mut self, wanted: &Order) -> bool {
-        if self.ordered.is_none() && self.orders.send(wanted.clone()).is_ok() {
-            self.ordered = Some(wanted.clone());
+    fn request(&mut self, wanted: &LayoutRequest) -> bool {
+        if self.under_way.is_none() && self.requests.send(wanted.clone()).is_ok() {
+            self.under_way = Some(wanted.clone());
         }
-        self.ordered.is_some()
+        self.under_way.is_some()
     }
 
     /// Takes what was laid out, if it is done; waits for it if it is to. Whether there was something to take.
     fn take(&mut self, wait: bool) -> bool {
-        if self.ordered.is_none() {
+        if self.under_way.is_none() {
             return false;
         }
         let done = if wait { self.done.recv().ok() } else { self.done.try_recv().ok() };
-        let Some((order, layer)) = done else { return false };
+        let Some((request, layer)) = done else { return false };
         self.overlay = layer;
-        self.shown = Some(order);
-        self.ordered = None;
+        self.shown = Some(request);
+        self.under_way = None;
         true
     }
 }
@@ -129,13 +129,13 @@ impl Artist {
         Self { egui: Context::default(), raster, canvas: Vec::new() }
     }
 
-    fn lay_out(&mut self, order: &Order) -> Layer {
-        let (width, height) = order.size;
-        let (scale, area) = area(order.size, order.scale);
+    fn lay_out(&mut self, request: &LayoutRequest) -> Layer {
+        let (width, height) = request.size;
+        let (scale, area) = area(request.size, request.scale);
         let mut input = RawInput { screen_rect: Some(area), ..RawInput::default() };
         input.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(scale);
         let output = self.egui.run_ui(input, |ui| {
-            overlay::draw(&ui.ctx().layer_painter(LayerId::background()), area, &order.content);
+            overlay::draw(&ui.ctx().layer_painter(LayerId::background()), area, &request.content);
         });
         let shapes = self.egui.tessellate(output.shapes, output.pixels_per_point);
         self.raster.render_to_canvas(width, height, &shapes, &output.textures_delta, output.pixels_per_point);
@@ -184,7 +184,8 @@ mod tests {
             marks: Vec::new(),
             place: String::new(),
             message: None,
-            help: false,
+            help: Vec::new(),
+            marks_drawn: Vec::new(),
         }
     }
 
@@ -251,7 +252,7 @@ mod tests {
     /// name to see.
     #[test]
     fn presenting_is_cheap_beside_rendering() {
-        let (mut p, frame) = (Painter::new().unwrap(), Frame::new(1024, 1024, false));
+        let (mut p, frame) = (Painter::new().unwrap(), Frame::new(1024, 1024));
         let mut surface = vec![0; 1 << 20];
         let mut best = [f64::INFINITY; 2];
         for n in 0..60 {

@@ -3,27 +3,28 @@
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
-use crate::app::fields::{Fields, Wanted};
-use crate::app::{FlightApp, Guide};
+use crate::app::FlightApp;
+use crate::app::fields::Fields;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
+use crate::schedule::GuideEntry;
 
 /// Fields under way.
 pub struct Planning {
-    guide: Guide,
+    guide: &'static str,
     built: Receiver<Result<Fields>>,
     progress: Arc<Progress>,
 }
 
 impl Planning {
     /// Begins to build what `guide` needs for the flight as it is; none where it needs nothing that is not there.
-    pub fn begin(flight: &FlightApp, guide: Guide) -> Option<Result<Self>> {
-        let wanted = Wanted::by(Some(guide));
+    pub fn begin(flight: &FlightApp, guide: &GuideEntry) -> Option<Result<Self>> {
+        let (wanted, guide) = (guide.needs, guide.name);
         let mut fields = flight.fields().clone();
-        if fields.has(wanted, flight.plan()) || flight.scene().play.is_some() {
+        if fields.has(wanted, flight.plan()) || flight.scene().play().is_some() {
             return None;
         }
-        let (volume, lumen, plan) = (flight.space().shared_volume(), flight.shared_lumen(), flight.plan().clone());
+        let (volume, lumen, plan) = (flight.volume().shared_volume(), flight.shared_lumen(), flight.plan().clone());
         let radius_mm = flight.scene().body.radius_mm;
         let progress = Arc::new(Progress::new());
         let (done, built) = channel();
@@ -40,7 +41,7 @@ impl Planning {
     }
 
     /// What was built, and for whom, when it is there.
-    pub fn take(&mut self) -> Option<(Guide, Result<Fields>)> {
+    pub fn take(&mut self) -> Option<(&'static str, Result<Fields>)> {
         match self.built.try_recv() {
             Ok(built) => Some((self.guide, built)),
             Err(TryRecvError::Empty) => None,

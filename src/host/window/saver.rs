@@ -9,46 +9,48 @@ use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::render::{Frame, PreparedVolume, Preset, Settings, View, renderer};
+use crate::render::{CameraModel, Frame, PreparedVolume, Preset, Reuse, Settings, View, renderer};
 
 /// An image to be saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Order {
-    /// Whence.
+pub struct PictureRequest {
+    /// Where the camera stands and how it looks.
     pub pose: Pose,
     /// Pixels.
     pub size: (usize, usize),
+    /// Through which camera.
+    pub camera: CameraModel,
     /// View angle over the shorter side, degrees.
     pub fov_degrees: f64,
-    /// How.
+    /// Quality and sampling.
     pub settings: Settings,
-    /// By which renderer.
+    /// The renderer.
     pub preset: Preset,
 }
 
-impl Order {
+impl PictureRequest {
     /// The image of a flight's camera as it is now, in a size of at least a pixel: whole, whatever detail the flight itself
     /// can afford.
     pub fn of(flight: &FlightApp, (width, height): (usize, usize)) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
         let settings = Settings { adaptive: false, ..picture.settings };
-        let (fov_degrees, preset) = (picture.fov_degrees, picture.preset);
-        Some(Self { pose: flight.pose(), size: (width.max(1), height.max(1)), fov_degrees, settings, preset })
+        let (camera, fov_degrees, preset) = (picture.camera, picture.fov_degrees, picture.preset);
+        Some(Self { pose: flight.pose(), size: (width.max(1), height.max(1)), camera, fov_degrees, settings, preset })
     }
 
     fn trace(&self, space: &PreparedVolume) -> Result<Traced> {
         let (a, (width, height)) = (self.pose.attitude, self.size);
-        let view = View::new(self.pose.position, a.forward, a.up, self.fov_degrees, width, height)?;
-        let mut frame = Frame::new(width, height, false);
-        renderer(space, self.settings, self.preset, false).render(&view, &mut frame);
-        Ok(Traced { order: *self, frame })
+        let view = View::with_model(self.pose.position, a.forward, a.up, self.camera, self.fov_degrees, width, height)?;
+        let mut frame = Frame::new(width, height);
+        renderer(space, self.settings, self.preset, Reuse::Never).render(&view, &mut frame);
+        Ok(Traced { request: *self, frame })
     }
 }
 
 /// A traced image.
 pub struct Traced {
-    /// What was ordered.
-    pub order: Order,
+    /// What was asked for.
+    pub request: PictureRequest,
     /// The image.
     pub frame: Frame,
 }
@@ -83,12 +85,12 @@ impl Saver {
     }
 
     /// Begins an image.
-    pub fn begin(&mut self, order: Order) {
+    pub fn begin(&mut self, request: PictureRequest) {
         let (space, sender, wake) = (self.space.clone(), self.sender.clone(), Arc::clone(&self.wake));
         self.coming += 1;
         self.pool.spawn(move || {
-            // Whoever ordered it may have gone.
-            let _ = sender.send(order.trace(&space));
+            // Whoever asked for it may have gone.
+            let _ = sender.send(request.trace(&space));
             wake();
         });
     }
@@ -115,7 +117,7 @@ impl Saver {
 mod tests {
     use super::*;
     use crate::dynamics::Attitude;
-    use crate::render::{Quality, TransferFunction};
+    use crate::render::{CameraModel, Quality, TransferFunction};
     use crate::volume::{Grid, Volume};
     use glam::{DMat3, DVec3};
 
@@ -124,18 +126,19 @@ mod tests {
         let grid = Grid::new([16, 16, 16], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let data = (0..16 * 16 * 16).map(|n| if n % 16 < 4 { 100 } else { -1000 }).collect();
         let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
-        let order = Order {
+        let request = PictureRequest {
             pose: Pose { position: DVec3::splat(8.0), attitude: Attitude::new(DVec3::NEG_X, DVec3::Z) },
             size: (30, 20),
+            camera: CameraModel::default(),
             fov_degrees: 90.0,
             settings: Settings::new(Quality::High),
-            preset: Preset::Default,
+            preset: Preset::default(),
         };
         let mut saver = Saver::new(space.clone(), Arc::new(|| {})).unwrap();
-        assert!(saver.wait().is_none(), "nothing was ordered");
-        saver.begin(order);
+        assert!(saver.wait().is_none(), "nothing was asked for");
+        saver.begin(request);
         let traced = saver.wait().unwrap().unwrap();
-        assert_eq!(traced.frame, order.trace(&space).unwrap().frame);
+        assert_eq!(traced.frame, request.trace(&space).unwrap().frame);
         assert!(traced.frame.pixels().iter().any(|p| p[0] > 60));
         assert!(saver.take().is_none() && saver.wait().is_none());
     }

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::Resume;
 use crate::app::FlightApp;
 use crate::components::flight::State;
 use crate::components::input::{Command, Hand};
@@ -67,14 +68,14 @@ impl Session {
         })
     }
 
-    /// Takes a flight that has just begun to where this one was left, `with_guide` also to who steered it. Returns the
+    /// Takes a flight that has just begun to where this one was left, with [`Resume::Everything`] also to who steered it. Returns the
     /// place along the way, mm; none if the camera cannot be there (another `--wall`, say): then it starts anew.
     ///
     /// # Errors
     /// When the flight refuses a segment or guide: it is at its start then, as it began.
-    pub fn take_up(&self, flight: &mut FlightApp, with_guide: bool) -> Result<Option<f64>> {
+    pub fn take_up(&self, flight: &mut FlightApp, what: Resume) -> Result<Option<f64>> {
         let (start, segment, reversed) = (flight.pose(), flight.plan().segment, flight.is_reversed());
-        let taken = self.follow(flight, with_guide);
+        let taken = self.follow(flight, what);
         if taken.is_err() {
             // Back to what the flight was able to be just now; the refusal is what there is to tell.
             if let Some(n) = segment.filter(|_| flight.plan().segment != segment) {
@@ -88,7 +89,7 @@ impl Session {
         taken
     }
 
-    fn follow(&self, flight: &mut FlightApp, with_guide: bool) -> Result<Option<f64>> {
+    fn follow(&self, flight: &mut FlightApp, what: Resume) -> Result<Option<f64>> {
         let [position, forward, up] = [self.position, self.forward, self.up].map(DVec3::from_array);
         if !flight.place(position, forward, up) {
             return Ok(None);
@@ -101,7 +102,7 @@ impl Session {
         if flight.is_reversed() != self.reversed {
             flight.act(Command::Reverse)?;
         }
-        if with_guide && flight.scene().guide_name() != self.guide {
+        if what == Resume::Everything && flight.scene().guide_name() != self.guide {
             flight.act(Command::Guide(self.guide.clone()))?;
         }
         flight.act(Command::Speed(self.speed))?;
@@ -185,7 +186,6 @@ fn key(volume: &Volume) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::app::Guide;
     use crate::volume::Grid;
     use glam::DMat3;
 
@@ -217,21 +217,21 @@ mod tests {
 
     #[test]
     fn what_the_flight_refuses_leaves_it_at_its_start() {
-        let tube = || crate::host::window::cockpit::tests::flight(Guide::Tentacles);
+        let tube = || crate::host::window::cockpit::tests::flight("tentacles");
         let start = tube().pose();
         let inside = Session { position: [16.0, 40.0, 16.0], reversed: false, guide: "none".to_owned(), ..session() };
         let mut flight = tube();
-        let e = inside.take_up(&mut flight, true).unwrap_err();
+        let e = inside.take_up(&mut flight, Resume::Everything).unwrap_err();
         assert!(e.why.contains("none"), "{e}");
         assert_eq!((flight.pose(), flight.scene().guide_name()), (start, "tentacles"));
         flight.step().unwrap();
         // Without that guide it is taken up, and what is no place for a camera is not.
         let mut flight = tube();
-        assert_eq!(inside.take_up(&mut flight, false).unwrap(), Some(310.5));
+        assert_eq!(inside.take_up(&mut flight, Resume::Place).unwrap(), Some(310.5));
         assert_eq!(flight.pose().position, DVec3::new(16.0, 40.0, 16.0));
         let mut flight = tube();
         let within = Session { position: [1.0; 3], ..inside };
-        assert_eq!(within.take_up(&mut flight, false).unwrap(), None);
+        assert_eq!(within.take_up(&mut flight, Resume::Place).unwrap(), None);
         assert_eq!(flight.pose(), start);
     }
 

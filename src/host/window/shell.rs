@@ -1,7 +1,7 @@
 //! The window itself: the system's events in, pictures out.
 
-use std::num::NonZeroU32;
 use std::path::PathBuf;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -13,19 +13,21 @@ use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::cockpit::Cockpit;
+use super::framebuffer::{Framebuffer, Picturing};
 use super::keys::{Action, Deed, action};
 use super::loading::{Loading, Ready};
 use super::overlay::Content;
-use super::painter::{Painter, on_bar};
+use super::painter::on_bar;
 use super::presented::Presented;
 use super::saver::WakeUp;
-use super::screen::Screen;
 use super::session::Session;
 use super::{Finish, Launch, Resume};
+use crate::app::Overlay;
 use crate::error::{Error, Result};
 use crate::host::log::Log;
 use crate::progress::Progress;
 use crate::render::adaptive::FRAME;
+use crate::systems::present;
 
 /// Time between two pictures while loading.
 const LOADING: Duration = Duration::from_millis(60);
@@ -56,8 +58,9 @@ enum Stage {
 /// The program as the system's event loop knows it.
 pub struct Shell {
     stage: Stage,
-    screen: Option<Screen>,
-    painter: Painter,
+    window: Option<Rc<Window>>,
+    /// The window's pixels, until there is a flight that presents its pictures there.
+    framebuffer: Option<Framebuffer>,
     /// What the picture shows: painted again only when it differs.
     painted: Option<Content>,
     /// Whether what lies over the picture is what is to.
@@ -79,6 +82,7 @@ pub struct Shell {
     progress: Arc<Progress>,
     saveable: WakeUp,
     presented: Presented,
+    overlays: Vec<Overlay>,
     outcome: Result<()>,
 }
 
@@ -98,8 +102,8 @@ impl Shell {
         });
         Ok(Self {
             stage: Stage::Loading(loading),
-            screen: None,
-            painter: Painter::new()?,
+            window: None,
+            framebuffer: None,
             painted: None,
             settled: true,
             due: Instant::now(),
@@ -117,6 +121,7 @@ impl Shell {
             progress: Arc::clone(progress),
             saveable,
             presented: Presented::default(),
+            overlays: launch.overlays,
             outcome: Ok(()),
         })
     }
@@ -165,8 +170,8 @@ impl Shell {
 
     /// The window's size in pixels.
     fn window_size(&self) -> (usize, usize) {
-        self.screen.as_ref().map_or((0, 0), |s| {
-            let size = s.window.inner_size();
+        self.window.as_ref().map_or((0, 0), |window| {
+            let size = window.inner_size();
             (size.width as usize, size.height as usize)
         })
     }
@@ -184,7 +189,7 @@ impl Shell {
         };
         self.log = self.log_path.as_deref().map(Log::create).transpose()?;
         // A camera that nobody steers leaves no place behind that another flight could go on from.
-        if self.resume != Resume::Never && flight.scene().steers().is_some() {
+        if self.resume != Resume::Never && flight.scene().guide().is_some() {
             self.session = session;
         }
         let left = match (&self.session, self.resume) {
@@ -196,12 +201,16 @@ impl Shell {
         };
         // What cannot be taken up must not keep the scan from being opened.
         let along = left.and_then(|left| {
-            left.take_up(&mut flight, self.resume == Resume::Everything).unwrap_or_else(|e| {
+            left.take_up(&mut flight, self.resume).unwrap_or_else(|e| {
                 eprintln!("note: the flight does not go on where it was left: {e}");
                 None
             })
         });
-        let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable))?;
+        if let Some(framebuffer) = self.framebuffer.take() {
+            present::hand_to(flight.app_mut(), framebuffer);
+        }
+        let overlays = std::mem::take(&mut self.overlays);
+        let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable), overlays)?;
         if along.is_some() {
             cockpit.say("going on where you left (E starts from the end)", Instant::now());
         }
@@ -214,7 +223,11 @@ impl Shell {
         let pressed = event.state == ElementState::Pressed;
         // Ctrl-C and the like are not ours; a key that goes up is let go of in any case.
         let chord = self.modifiers.intersects(ModifiersState::CONTROL | ModifiersState::ALT | ModifiersState::SUPER);
-        let Some(action) = action(&event.logical_key).filter(|_| !pressed || !chord) else { return };
+        let own = |key| match &self.stage {
+            Stage::Flying(c) => c.own_deed(key),
+            _ => None,
+        };
+        let Some(action) = action(&event.logical_key, own).filter(|_| !pressed || !chord) else { return };
         let window = self.window_size();
         match (action, &mut self.stage) {
             (Action::Do(Deed::Quit), _) if pressed => self.quit(events),
@@ -232,9 +245,9 @@ impl Shell {
     }
 
     fn switch_fullscreen(&self) {
-        if let Some(s) = &self.screen {
-            let full = s.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
-            s.window.set_fullscreen(full);
+        if let Some(window) = &self.window {
+            let full = window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
+            window.set_fullscreen(full);
         }
     }
 
@@ -242,8 +255,8 @@ impl Shell {
         self.asked = true;
         // A window that is hidden may never be drawn: it must not be asked again at once.
         self.due = Instant::now() + FRAME;
-        if let Some(s) = &self.screen {
-            s.window.request_redraw();
+        if let Some(window) = &self.window {
+            window.request_redraw();
         }
     }
 
@@ -267,34 +280,26 @@ impl Shell {
         };
         let period = if matches!(self.stage, Stage::Loading(_)) { LOADING } else { FRAME };
         self.due = now + period;
-        let (Some(screen), Some(width), Some(height)) =
-            (&mut self.screen, NonZeroU32::new(size.0 as u32), NonZeroU32::new(size.1 as u32))
-        else {
+        if size.0 == 0 || size.1 == 0 {
             // Minimised: the flight goes on, there is nothing to paint on.
             return Ok(());
-        };
+        }
         if !changed && self.painted.as_ref() == Some(&content) {
             return Ok(());
         }
-        let image = match &self.stage {
-            Stage::Flying(cockpit) => cockpit.image(),
-            _ => None,
+        let shown = match &mut self.stage {
+            Stage::Flying(cockpit) => {
+                let below = if cockpit.image().is_some() { Picturing::Picture } else { Picturing::Nothing };
+                let shown = cockpit.present(content.clone(), below).transpose()?;
+                if let Some(shown) = &shown {
+                    self.presented.took(shown.ms);
+                    cockpit.presented(self.presented.usual_ms());
+                }
+                shown
+            }
+            _ => self.framebuffer.as_mut().map(|f| f.show(None, &content)).transpose()?,
         };
-        let finished = Instant::now();
-        let show = |screen: &mut Screen, painter: &mut Painter| {
-            screen.surface.resize(width, height)?;
-            let scale = screen.window.scale_factor() as f32;
-            let mut buffer = screen.surface.buffer_mut()?;
-            let settled = painter.paint(size, scale, image, &content, &mut buffer);
-            screen.window.pre_present_notify();
-            buffer.present().map(|()| settled)
-        };
-        let settled =
-            show(screen, &mut self.painter).map_err(|e| Error::fault("window", e.to_string(), "use --headless"))?;
-        if let Stage::Flying(cockpit) = &mut self.stage {
-            self.presented.took(finished.elapsed().as_secs_f64() * 1e3);
-            cockpit.presented(self.presented.usual_ms());
-        }
+        let settled = shown.is_none_or(|s| s.settled);
         self.painted = settled.then_some(content);
         self.settled = settled;
         Ok(())
@@ -324,7 +329,7 @@ impl Shell {
 
 impl ApplicationHandler<Wake> for Shell {
     fn resumed(&mut self, events: &ActiveEventLoop) {
-        if self.screen.is_some() {
+        if self.window.is_some() {
             return;
         }
         let size = self.size.map_or(Size::Logical(USUAL), |(w, h)| PhysicalSize::new(w as u32, h as u32).into());
@@ -332,8 +337,14 @@ impl ApplicationHandler<Wake> for Shell {
             .with_title("colvis")
             .with_inner_size(size)
             .with_min_inner_size(LogicalSize::new(320.0, 240.0));
-        match Screen::open(events, attributes) {
-            Ok(screen) => self.screen = Some(screen),
+        match Framebuffer::open(events, attributes) {
+            Ok(framebuffer) => {
+                self.window = Some(framebuffer.window());
+                match &mut self.stage {
+                    Stage::Flying(c) => present::hand_to(c.flight_mut().app_mut(), framebuffer),
+                    _ => self.framebuffer = Some(framebuffer),
+                }
+            }
             Err(e) => self.fail(e, events),
         }
     }
@@ -385,7 +396,7 @@ impl ApplicationHandler<Wake> for Shell {
             WindowEvent::MouseInput { button: MouseButton::Left, state, .. } => {
                 let pressed = state == ElementState::Pressed;
                 let size = self.window_size();
-                let scale = self.screen.as_ref().map_or(1.0, |s| s.window.scale_factor() as f32);
+                let scale = self.window.as_ref().map_or(1.0, |w| w.scale_factor() as f32);
                 let share = self.cursor.and_then(|c| on_bar(size, scale, (c.x, c.y)));
                 match (&mut self.stage, share) {
                     (Stage::Flying(c), Some(share)) if pressed => c.seek(share, now),

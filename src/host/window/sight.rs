@@ -3,12 +3,12 @@
 
 use std::time::Instant;
 
-use super::saver::{Order, Saver, Traced, WakeUp};
+use super::saver::{PictureRequest, Saver, Traced, WakeUp};
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::{FrameCache, Picture};
 use crate::error::Result;
-use crate::host::headless::FrameStats;
+use crate::host::frames::FrameStats;
 use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost};
 use crate::render::{Detail, Frame, PreparedVolume, Quality, Settings};
@@ -39,7 +39,7 @@ pub struct Sight {
     frames: Vec<FrameStats>,
     to_save: Vec<Traced>,
     /// The image under way is to be saved when it is as good as it gets.
-    waiting: Option<Order>,
+    waiting: Option<PictureRequest>,
     /// What presentations take, ms.
     present_ms: f64,
 }
@@ -91,11 +91,11 @@ impl Sight {
     /// Has the image of a window of the given size saved: what is shown when it is as good as it gets, or if the camera
     /// moves on before, one of its own.
     pub fn order_to_save(&mut self, flight: &FlightApp, window: (usize, usize)) {
-        let Some(order) = Order::of(flight, window) else { return };
-        let here = self.shown.is_some_and(|s| s.shows(&order.pose, window, order.settings.quality));
+        let Some(request) = PictureRequest::of(flight, window) else { return };
+        let here = self.shown.is_some_and(|s| s.shows(&request.pose, window, request.settings.quality));
         match self.image(flight).filter(|_| here && !self.is_refining(flight)) {
-            Some(frame) => self.to_save.push(Traced { order, frame: frame.clone() }),
-            None => self.waiting = Some(order),
+            Some(frame) => self.to_save.push(Traced { request, frame: frame.clone() }),
+            None => self.waiting = Some(request),
         }
     }
 
@@ -106,8 +106,8 @@ impl Sight {
 
     /// Images to be saved, waiting for those under way.
     pub fn all_to_save(&mut self) -> Vec<Traced> {
-        if let Some(order) = self.waiting.take() {
-            self.saver.begin(order);
+        if let Some(request) = self.waiting.take() {
+            self.saver.begin(request);
         }
         while let Some(traced) = self.saver.wait() {
             self.to_save.extend(traced.ok());
@@ -155,11 +155,11 @@ impl Sight {
 
     /// Sees to an image that waits to be saved, while the camera is at rest or has moved on.
     fn save_waiting(&mut self, flight: &FlightApp, rest: bool) {
-        let Some(order) = self.waiting else { return };
+        let Some(request) = self.waiting else { return };
         if !rest && self.shown.is_some_and(|s| !same(&s.pose, &flight.pose())) {
-            self.saver.begin(order);
+            self.saver.begin(request);
         } else if let Some(frame) = self.image(flight).filter(|_| rest && !self.is_refining(flight)) {
-            self.to_save.push(Traced { order, frame: frame.clone() });
+            self.to_save.push(Traced { request, frame: frame.clone() });
         } else {
             return;
         }

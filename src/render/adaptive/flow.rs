@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::render::ray::first_crossing;
-use crate::render::{PreparedVolume, View};
+use crate::render::{CameraRay, PreparedVolume, View};
 
 /// Points along each side of the picture that are followed.
 const SIDE: usize = 5;
@@ -19,16 +19,16 @@ pub struct Probes {
 }
 
 impl Probes {
-    /// Follows what `view` shows of `space`: one exact ray for each of 25 points.
+    /// Follows what `view` shows of `space`: one exact ray for each of 25 points that the camera shows anything at.
     pub fn new(space: &PreparedVolume, view: &View) -> Self {
         let place = |n: usize, length: usize| (n as f64 + 0.5) / SIDE as f64 * length as f64;
         let point = |n: usize| {
             let at = [place(n % SIDE, view.width()), place(n / SIDE, view.height())];
-            let direction = view.ray_at(at[0], at[1]);
-            let depth = first_crossing(space, view.position(), direction, FAR_MM).unwrap_or(FAR_MM);
-            (view.position() + direction * depth, at)
+            let CameraRay { origin, direction } = view.ray_at(at[0], at[1])?;
+            let depth = first_crossing(space, origin, direction, FAR_MM).unwrap_or(FAR_MM);
+            Some((origin + direction * depth, at))
         };
-        Self { view: *view, points: (0..SIDE * SIDE).map(point).collect() }
+        Self { view: view.clone(), points: (0..SIDE * SIDE).filter_map(point).collect() }
     }
 
     /// The view that they were seen in.
@@ -37,13 +37,13 @@ impl Probes {
     }
 
     /// By how many pixels the picture moves from that view to the view `to`: a quarter of the points move farther. Where
-    /// they are out of sight, or the picture is of another size or angle, it is infinite: a cut.
+    /// they are out of sight, or the picture is of another size or camera, it is infinite: a cut.
     pub fn flow(&self, to: &View) -> f64 {
-        let shape = |v: &View| (v.width(), v.height(), v.fov_degrees());
         if *to == self.view {
             return 0.0;
         }
-        if shape(to) != shape(&self.view) {
+        let size = |v: &View| (v.width(), v.height());
+        if size(to) != size(&self.view) || to.camera() != self.view.camera() || self.points.is_empty() {
             return f64::INFINITY;
         }
         let mut moved: Vec<f64> = self.points.iter().map(|&(p, at)| distance(to, p, at)).collect();
@@ -52,17 +52,13 @@ impl Probes {
     }
 }
 
-/// Pixels between the place `at` and the one where `view` shows `point`; infinite where that is behind the camera.
+/// Pixels between the place `at` and the one where `view` shows `point`; infinite where it does not.
 fn distance(view: &View, point: DVec3, at: [f64; 2]) -> f64 {
-    let p = point - view.position();
-    let ahead = p.dot(view.forward());
-    if ahead <= 1e-3 * p.length() {
+    if point == view.position() {
         // A camera that is right at the wall sees it where it was.
-        return if p == DVec3::ZERO { 0.0 } else { f64::INFINITY };
+        return 0.0;
     }
-    let scale = 1.0 / (ahead * view.pixel());
-    let [x, y] = view.centre();
-    (x + p.dot(view.right()) * scale - at[0]).hypot(y - p.dot(view.up()) * scale - at[1])
+    view.project(point).map_or(f64::INFINITY, |[x, y]| (x - at[0]).hypot(y - at[1]))
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Detail that follows the need (the paper's plan of detail relative to speed).
 //!
 //! **In motion** a picture is traced at a part of its resolution and stretched: as finely as its budget of samples and its
-//! image flow allow ([`level`], [`flow`]). What an earlier picture took predicts what the next will take.
+//! image flow allow (`level`, `flow`). What an earlier picture took predicts what the next will take.
 //!
 //! **At rest** it is made sharp first, and then refined to the reference with 16 samples a pixel, a part with every picture
-//! that is asked for, within the same budget ([`still`]). When that is done, no ray is cast any more. Where three samples are
+//! that is asked for, within the same budget (`still`). When that is done, no ray is cast any more. Where three samples are
 //! alike there are no others, and packets of rays take steps of half a voxel for the reference's eighth: 50 dB of it and more.
 //!
 //! There is no clock here: a budget is a number of samples. Who has a clock turns it into samples by what samples have
@@ -17,10 +17,10 @@ mod still;
 
 use super::caster::depths;
 use super::enlarge::Enlarger;
-use super::fast::Fast;
+use super::memory::MemoryPart;
 use super::quality::{Quality, Settings};
-use super::renderer::Detail;
-use super::{Direct, Frame, PreparedVolume, Renderer, View, Work};
+use super::renderer::{Detail, Renderer};
+use super::{Frame, PreparedVolume, View, Work};
 use flow::Probes;
 use level::Governor;
 use still::{Means, Still};
@@ -40,37 +40,12 @@ pub fn cost(work: &Work) -> u64 {
     work.samples.saturating_add(work.rays.saturating_mul(RAY))
 }
 
-/// What makes samples of the reference, one a pixel.
-pub enum Fine {
-    /// Packets of rays, which can be cast for some squares of a picture alone.
-    Packets(Fast),
-    /// One ray after the other.
-    Rays(Direct),
-}
-
-impl Fine {
-    /// What packets need for samples like those that rays one after the other take by `settings`: half as many, as values
-    /// between them are taken as linear.
-    pub fn packets(settings: Settings) -> Settings {
-        Settings { step_power: settings.step_power + 1, ..settings }
-    }
-
-    /// Renders a sample for each pixel, or for those of the `wanted` squares if it can.
-    fn render(&mut self, view: &View, frame: &mut Frame, wanted: Option<&[bool]>) -> Work {
-        match (self, wanted) {
-            (Self::Packets(fast), Some(wanted)) => fast.render_squares(view, frame, wanted),
-            (Self::Packets(fast), None) => fast.render(view, frame),
-            (Self::Rays(direct), _) => direct.render(view, frame),
-        }
-    }
-}
-
 /// Follows the need with two renderers of the same space.
 pub struct Adaptive {
     space: PreparedVolume,
     moving: Box<dyn Renderer>,
     /// Makes samples of the reference; none at a quality that does not ask for it.
-    fine: Option<Fine>,
+    fine: Option<Box<dyn Renderer>>,
     budget: u64,
     governor: Governor,
     /// Of the last view that was another.
@@ -86,7 +61,7 @@ pub struct Adaptive {
 
 impl Adaptive {
     /// Follows the need by `moving`, and at rest by `fine`, which makes one sample a pixel.
-    pub fn new(space: &PreparedVolume, moving: Box<dyn Renderer>, fine: Option<Fine>) -> Self {
+    pub fn new(space: &PreparedVolume, moving: Box<dyn Renderer>, fine: Option<Box<dyn Renderer>>) -> Self {
         Self {
             space: space.clone(),
             moving,
@@ -143,9 +118,9 @@ impl Adaptive {
             self.resting = true;
             self.still.begin(&self.last, self.traced == size);
         }
-        let means = Means { sharp: &mut *self.moving, fine: self.fine.as_mut() };
+        let means = Means { sharp: &mut *self.moving, fine: self.fine.as_deref_mut() };
         let work = self.still.go_on(view, means, self.budget);
-        if self.still.is_done(false) {
+        if self.still.is_sharp() {
             self.traced = size;
         }
         frame.show(self.still.shown());
@@ -156,7 +131,7 @@ impl Adaptive {
 impl Renderer for Adaptive {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
         // A camera at rest may tremble: its picture stays that of the view that it came to rest at.
-        let rest = self.probes.as_ref().map(|p| (p.flow(view), *p.view()));
+        let rest = self.probes.as_ref().map(|p| (p.flow(view), p.view().clone()));
         let work = match rest {
             Some((flow, of)) if flow <= REST => self.at_rest(&of, frame),
             Some((flow, _)) => self.in_motion(view, flow, frame),
@@ -168,15 +143,16 @@ impl Renderer for Adaptive {
         work
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
         let pixels = |f: &Frame| f.pixels().len() * 3;
         let mut parts = self.moving.parts();
         // What both share is told once.
-        if let Some(Fine::Packets(fast)) = &self.fine {
-            parts.push(("refinement: rays", fast.own_bytes()));
+        let own = self.fine.as_ref().map_or(0, |fine| fine.own_bytes());
+        if own > 0 {
+            parts.push((MemoryPart::RefinementRays, own));
         }
         parts.push((
-            "refinement: pictures",
+            MemoryPart::RefinementPictures,
             self.still.bytes() + pixels(&self.small) + pixels(&self.last) + self.enlarger.bytes(),
         ));
         parts
@@ -187,7 +163,7 @@ impl Renderer for Adaptive {
     }
 
     fn detail(&self) -> Option<Detail> {
-        let best = self.resting && self.still.is_done(self.fine.is_some());
+        let best = self.resting && self.still.is_done(if self.fine.is_some() { SAMPLES } else { 0 });
         let samples = if self.resting { self.still.samples() } else { 0 };
         Some(Detail { size: self.traced, samples, best })
     }

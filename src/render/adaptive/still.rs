@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::{Fine, cost};
+use super::cost;
 use crate::render::caster::within_pixel;
-use crate::render::fast::{BLOCK, SQUARE};
-use crate::render::{Frame, Renderer, View, Work};
+use crate::render::fast::BLOCK;
+use crate::render::renderer::{Renderer, SQUARE};
+use crate::render::{Frame, View, Work};
 
 /// Samples a pixel of the finished picture.
 pub const SAMPLES: u32 = 16;
@@ -44,9 +45,16 @@ pub struct Still {
 /// What a picture is refined with.
 pub struct Means<'a> {
     /// Makes the picture that was sought all along.
-    pub sharp: &'a mut dyn Renderer,
+    pub sharp: &'a mut (dyn Renderer + 'static),
     /// Makes one of its samples; none if it is as good as it gets when it is sharp.
-    pub fine: Option<&'a mut Fine>,
+    pub fine: Option<&'a mut (dyn Renderer + 'static)>,
+}
+
+impl Means<'_> {
+    /// So many passes refine a picture that is sharp.
+    fn passes(&self) -> u32 {
+        if self.fine.is_some() { SAMPLES } else { 0 }
+    }
 }
 
 impl Still {
@@ -66,9 +74,14 @@ impl Still {
         self.pass.saturating_sub(1)
     }
 
-    /// Whether the picture is as good as it gets, with fine passes or without.
-    pub fn is_done(&self, fine: bool) -> bool {
-        self.pass > if fine { SAMPLES } else { 0 }
+    /// Whether every pixel was traced.
+    pub fn is_sharp(&self) -> bool {
+        self.pass > 0
+    }
+
+    /// Whether the picture is as good as it gets, by `passes` that each take a sample a pixel.
+    pub fn is_done(&self, passes: u32) -> bool {
+        self.pass > passes
     }
 
     /// Goes on with the picture of `view` for `budget` samples, or for one strip if that takes more. A sharp picture that
@@ -76,8 +89,8 @@ impl Still {
     pub fn go_on(&mut self, view: &View, mut means: Means<'_>, budget: u64) -> Work {
         let mut all = Work::default();
         let mut expected = self.cost.unwrap_or(FIRST);
-        let fine = means.fine.is_some();
-        while !self.is_done(fine) {
+        let passes = means.passes();
+        while !self.is_done(passes) {
             let kind = match self.pass {
                 0 => 0,
                 1..=EVERYWHERE => 1,
@@ -96,7 +109,8 @@ impl Still {
             let part = view.strip(self.row..end, shift);
             self.choose(&part, kind);
             let work = match &mut means.fine {
-                Some(fine) if kind > 0 => fine.render(&part, &mut self.strip, (kind == 2).then_some(&self.wanted)),
+                Some(fine) if kind == 2 => fine.render_squares(&part, &mut self.strip, &self.wanted),
+                Some(fine) if kind == 1 => fine.render(&part, &mut self.strip),
                 _ => means.sharp.render(&part, &mut self.strip),
             };
             // Strips differ: the dearer of two tells more of the next.
@@ -119,7 +133,12 @@ impl Still {
         let first = self.row / SQUARE * across;
         self.unrest.resize((first + across * down).max(self.unrest.len()), 0);
         if self.pass <= 1 {
-            self.unrest[first..first + across * down].fill(0);
+            let unrest = &mut self.unrest[first..first + across * down];
+            unrest.par_chunks_mut(across).enumerate().for_each(|(y, row)| {
+                for (x, unrest) in row.iter_mut().enumerate() {
+                    *unrest = if is_at_border(part, x, y) { u8::MAX } else { 0 };
+                }
+            });
         }
         self.wanted.clear();
         self.wanted.extend(self.unrest[first..first + across * down].iter().map(|&u| kind < 2 || u > RESTLESS));
@@ -172,6 +191,15 @@ impl Still {
             + self.unrest.len()
             + self.wanted.len()
     }
+}
+
+/// Whether the camera shows something in a part of a square and nothing in another: few samples do not tell how much.
+fn is_at_border(view: &View, x: usize, y: usize) -> bool {
+    if view.pixel().is_some() {
+        return false;
+    }
+    let shown = |n: usize| view.ray_at(((x + n % 2) * SQUARE) as f64, ((y + n / 2) * SQUARE) as f64).is_some();
+    (1..4).any(|n| shown(n) != shown(0))
 }
 
 /// Where the rays of sample `n` pass through their pixels, from the pixels' centres, pixels to the right and downwards:

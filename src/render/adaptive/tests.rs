@@ -5,20 +5,20 @@ use glam::{DQuat, DVec3};
 use super::*;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
-use crate::render::{Preset, TransferFunction, psnr, renderer};
+use crate::render::{Direct, Preset, Reuse, TransferFunction, presets, psnr, renderer};
 
 const SIDE: usize = 96;
 
 /// A small colon, and the poses of its centerline.
 fn colon() -> (PreparedVolume, Vec<DVec3>) {
-    let phantom = Phantom::new(&phantom::Settings { size: phantom::Size::Small, ..Default::default() });
+    let phantom = Phantom::new(&phantom::PhantomSettings { size: phantom::Size::Small, ..Default::default() });
     let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
     let line = phantom.truth().centerline;
     (PreparedVolume::new(Arc::new(volume), TransferFunction::default()), line)
 }
 
 fn adaptive(space: &PreparedVolume, quality: Quality) -> Box<dyn Renderer> {
-    renderer(space, Settings { adaptive: true, ..Settings::new(quality) }, Preset::Default, true)
+    renderer(space, Settings { adaptive: true, ..Settings::new(quality) }, Preset::default(), Reuse::Allowed)
 }
 
 fn view(at: DVec3, forward: DVec3) -> View {
@@ -45,7 +45,7 @@ fn a_flight_with_sudden_turns_keeps_its_budget() {
     for budget in [20_000, 60_000, 150_000] {
         let mut r = adaptive(&space, Quality::High);
         r.set_budget(budget);
-        let mut frame = Frame::new(SIDE, SIDE, false);
+        let mut frame = Frame::new(SIDE, SIDE);
         let views = flight(&line, 400);
         let costs: Vec<u64> = views.iter().map(|v| cost(&r.render(v, &mut frame))).collect();
         let over = costs[1..].iter().filter(|c| **c > budget).count();
@@ -64,7 +64,7 @@ fn the_same_on_one_thread_and_on_two() {
         pool.install(|| {
             let mut r = adaptive(&space, Quality::High);
             r.set_budget(60_000);
-            let mut frame = Frame::new(SIDE, SIDE, false);
+            let mut frame = Frame::new(SIDE, SIDE);
             let mut all = Vec::new();
             for v in flight(&line, 30) {
                 // It rests for a moment at each place.
@@ -86,11 +86,13 @@ fn at_rest_it_becomes_the_reference_and_stops() {
     let settings = Settings { samples_per_pixel: SAMPLES, ..Settings::new(Quality::Reference) };
     let mut reference = Frame::default();
     Direct::new(&space, settings).render(&v, &mut reference);
-    for (preset, budget) in [(Preset::Default, 40_000), (Preset::Default, u64::MAX), (Preset::Lean, 400_000)] {
+    for (preset, budget) in
+        [(Preset::default(), 40_000), (Preset::default(), u64::MAX), (presets::lean::PRESET, 400_000)]
+    {
         let settings = Settings { adaptive: true, ..Settings::default() };
-        let mut r = renderer(&space, settings, preset, true);
+        let mut r = renderer(&space, settings, preset, Reuse::Allowed);
         r.set_budget(budget);
-        let mut frame = Frame::new(SIDE, SIDE, false);
+        let mut frame = Frame::new(SIDE, SIDE);
         let mut pictures = 0;
         let mut quality = Vec::new();
         while !r.detail().is_some_and(|d| d.best) {
@@ -117,11 +119,11 @@ fn what_moves_on_begins_anew() {
     let (space, line) = colon();
     let mut r = adaptive(&space, Quality::High);
     r.set_budget(100_000);
-    let mut frame = Frame::new(SIDE, SIDE, true);
+    let mut frame = Frame::with_depth(SIDE, SIDE);
     let first = view(line[60], line[70] - line[60]);
     let small = View::new(line[60], line[70] - line[60], DVec3::Z, 90.0, 60, 40).unwrap();
     let elsewhere = view(line[150], line[160] - line[150]);
-    for next in [small, elsewhere, first] {
+    for next in [small, elsewhere, first.clone()] {
         for _ in 0..4 {
             r.render(&first, &mut frame);
         }
@@ -129,7 +131,7 @@ fn what_moves_on_begins_anew() {
         r.render(&next, &mut frame);
         assert_eq!((frame.width(), frame.height()), (next.width(), next.height()));
         r.set_budget(u64::MAX);
-        let (mut alone, mut fresh) = (Frame::new(1, 1, true), adaptive(&space, Quality::High));
+        let (mut alone, mut fresh) = (Frame::with_depth(1, 1), adaptive(&space, Quality::High));
         fresh.set_budget(u64::MAX);
         for _ in 0..2 {
             r.render(&next, &mut frame);
@@ -148,7 +150,7 @@ fn low_detail_at_rest_is_that_of_a_picture_made_at_once() {
     for (width, height) in [(128, 40), (40, 128), (SIDE, SIDE)] {
         let v = View::new(line[60], line[70] - line[60], DVec3::Z, 90.0, width, height).unwrap();
         let mut at_once = Frame::default();
-        renderer(&space, Settings::new(Quality::Low), Preset::Default, true).render(&v, &mut at_once);
+        renderer(&space, Settings::new(Quality::Low), Preset::default(), Reuse::Allowed).render(&v, &mut at_once);
         let (mut r, mut frame) = (adaptive(&space, Quality::Low), Frame::default());
         r.set_budget(1);
         r.render(&v, &mut frame);
@@ -165,7 +167,7 @@ fn low_detail_is_cheaper_and_rests_when_it_is_sharp() {
     let (space, line) = colon();
     let v = view(line[60], line[70] - line[60]);
     let works = [Quality::High, Quality::Low].map(|quality| {
-        let mut r = renderer(&space, Settings::new(quality), Preset::Default, true);
+        let mut r = renderer(&space, Settings::new(quality), Preset::default(), Reuse::Allowed);
         r.render(&v, &mut Frame::default())
     });
     assert!(cost(&works[1]) * 2 < cost(&works[0]), "{works:?}");

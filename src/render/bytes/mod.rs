@@ -4,6 +4,9 @@
 //! The 128 codes cover the values that matter: `lo` of the wall's ramp is code 32 and `hi` is code 74, so a code stands
 //! for (hi − lo)/42 HU, 7.1 HU by default, from −1028 to −122 HU; what lies beyond is the nearest code. Within, a value
 //! is off by half of that at the most ([`ByteVolume::error_hu`]). No empty voxel gets a code that is not empty.
+//!
+//! The flag lies in the voxel's own byte, as in the paper, and not in the [`flags`](super::flags) of the 16-bit volume: one
+//! look tells value and flag, which is what this preset is there to measure.
 
 pub mod sampler;
 pub mod skip;
@@ -14,11 +17,12 @@ use crate::volume::{AIR_HU, Grid};
 
 use super::TransferFunction;
 use super::begin::Begin;
-use super::caster::Shot;
+use super::caster::ImageRequest;
 use super::classify::{ByDensity, ByValue};
+use super::memory::MemoryPart;
+use super::prepared_volume::PreparedVolume;
 use super::quality::{Classification, Quality, Settings};
-use super::reuse::Scenery;
-use super::space::PreparedVolume;
+use super::reuse::VoxelStorage;
 use super::{Frame, View, Work};
 
 pub use sampler::{ByteNearest, ByteTrilinear};
@@ -67,7 +71,7 @@ impl ByteVolume {
     /// The codes and flags of `space`, in parallel. Flags look at voxels up to `reach` away: what a sample is made of
     /// decides how many must be homogeneous for it to be skipped (1 for values, 2 for regressions).
     pub fn new(space: &PreparedVolume, reach: usize) -> Self {
-        let (volume, wall) = (space.volume(), space.wall());
+        let (volume, wall) = (space.volume(), space.transfer());
         let per_hu = 1.0 / unit(wall);
         let data = volume.data().par_iter().with_min_len(1 << 16).map(|&v| code(v, wall, per_hu)).collect();
         let air = code(AIR_HU, wall, per_hu);
@@ -148,26 +152,26 @@ fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [
 }
 
 /// Pictures through the volume of 7 + 1 bits. The 16-bit voxels are only asked for a picture's depth.
-pub struct ByteScenery {
+pub struct ByteStorage {
     space: PreparedVolume,
     bytes: ByteVolume,
 }
 
-impl ByteScenery {
+impl ByteStorage {
     /// Looks at `bytes`, which were made from `space`.
     pub fn new(space: &PreparedVolume, bytes: ByteVolume) -> Self {
         Self { space: space.clone(), bytes }
     }
 }
 
-impl Scenery for ByteScenery {
-    type Clear<'a> = ByteSurroundings<'a>;
+impl VoxelStorage for ByteStorage {
+    type Radius<'a> = ByteSurroundings<'a>;
 
     fn space(&self) -> &PreparedVolume {
         &self.space
     }
 
-    fn clear(&self) -> ByteSurroundings<'_> {
+    fn empty_radius(&self) -> ByteSurroundings<'_> {
         ByteSurroundings { bytes: &self.bytes }
     }
 
@@ -179,19 +183,19 @@ impl Scenery for ByteScenery {
         kept: &mut [B::Kept],
         frame: &mut Frame,
     ) -> Work {
-        let shot = Shot { space: &self.space, view, settings };
+        let request = ImageRequest { space: &self.space, view, settings };
         let (high, low) = (ByteTrilinear::new(&self.space, &self.bytes), ByteNearest::new(&self.space, &self.bytes));
         let leap = ByteLeap::new(&self.bytes);
         match (settings.quality, settings.classification) {
-            (Quality::Low, Classification::Value) => shot.image(&low, &leap, &ByValue, begin, kept, frame),
-            (Quality::Low, Classification::Filtered) => shot.image(&low, &leap, &ByDensity, begin, kept, frame),
-            (_, Classification::Value) => shot.image(&high, &leap, &ByValue, begin, kept, frame),
-            (_, Classification::Filtered) => shot.image(&high, &leap, &ByDensity, begin, kept, frame),
+            (Quality::Low, Classification::Value) => request.image(&low, &leap, &ByValue, begin, kept, frame),
+            (Quality::Low, Classification::Filtered) => request.image(&low, &leap, &ByDensity, begin, kept, frame),
+            (_, Classification::Value) => request.image(&high, &leap, &ByValue, begin, kept, frame),
+            (_, Classification::Filtered) => request.image(&high, &leap, &ByDensity, begin, kept, frame),
         }
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
-        vec![("homogeneous-region flags", self.space.bytes()), ("volume (7 + 1 bit)", self.bytes.bytes())]
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        vec![(MemoryPart::Flags, self.space.bytes()), (MemoryPart::ByteVolume, self.bytes.bytes())]
     }
 }
 

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 
-use crate::render::leap::Clearance;
+use crate::render::leap::EmptyRadius;
 use crate::render::march::Ray;
 use crate::render::sampler::nearest;
 use crate::render::skip::Skipper;
@@ -51,7 +51,7 @@ pub struct ByteSurroundings<'a> {
     pub bytes: &'a ByteVolume,
 }
 
-impl Clearance for ByteSurroundings<'_> {
+impl EmptyRadius for ByteSurroundings<'_> {
     #[inline(always)]
     fn around(&self, q: Vec3) -> f32 {
         if self.bytes.is_empty(q) { self.bytes.reach as f32 + 0.5 } else { 0.0 }

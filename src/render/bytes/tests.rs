@@ -5,8 +5,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math::hash;
-use crate::render::begin::Anew;
-use crate::render::caster::{Shot, render};
+use crate::render::begin::FromScratch;
+use crate::render::caster::{ImageRequest, render};
 use crate::render::classify::{ByDensity, ByValue};
 use crate::render::sampler::Sampler;
 use crate::render::skip::Everything;
@@ -59,16 +59,16 @@ proptest! {
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(std::array::from_fn(|a| q[a] * dims[a] as f64)));
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, 90.0, 24, 16).unwrap();
         let settings = Settings::default();
-        let shot = Shot { space: &s, view: &view, settings: &settings };
+        let request = ImageRequest { space: &s, view: &view, settings: &settings };
         let mut kept = vec![(); 24 * 16];
-        let mut frames = vec![Frame::new(24, 16, false); 4];
+        let mut frames = vec![Frame::new(24, 16); 4];
         let [a, b, c, d] = &mut frames[..] else { unreachable!() };
         let one = ByteVolume::new(&s, 1);
         let two = ByteVolume::new(&s, 2);
-        shot.image(&ByteTrilinear::new(&s, &one), &Everything, &ByValue, &Anew, &mut kept, a);
-        shot.image(&ByteTrilinear::new(&s, &one), &ByteLeap::new(&one), &ByValue, &Anew, &mut kept, b);
-        shot.image(&ByteNearest::new(&s, &two), &Everything, &ByDensity, &Anew, &mut kept, c);
-        shot.image(&ByteNearest::new(&s, &two), &ByteLeap::new(&two), &ByDensity, &Anew, &mut kept, d);
+        request.image(&ByteTrilinear::new(&s, &one), &Everything, &ByValue, &FromScratch, &mut kept, a);
+        request.image(&ByteTrilinear::new(&s, &one), &ByteLeap::new(&one), &ByValue, &FromScratch, &mut kept, b);
+        request.image(&ByteNearest::new(&s, &two), &Everything, &ByDensity, &FromScratch, &mut kept, c);
+        request.image(&ByteNearest::new(&s, &two), &ByteLeap::new(&two), &ByDensity, &FromScratch, &mut kept, d);
         prop_assert!(a == b && c == d);
     }
 }
@@ -109,12 +109,14 @@ fn seven_bits_draw_the_same_wall() {
         let settings = Settings { classification, ..Settings::default() };
         let mut frames = [Frame::default(), Frame::default()];
         render(&s, &view, &settings, &mut frames[0]);
-        let (shot, mut kept) = (Shot { space: &s, view: &view, settings: &settings }, vec![(); 8100]);
+        let (request, mut kept) = (ImageRequest { space: &s, view: &view, settings: &settings }, vec![(); 8100]);
         let bytes = ByteVolume::new(&s, 2);
         let (high, leap) = (ByteTrilinear::new(&s, &bytes), ByteLeap::new(&bytes));
         match classification {
-            Classification::Value => shot.image(&high, &leap, &ByValue, &Anew, &mut kept, &mut frames[1]),
-            Classification::Filtered => shot.image(&high, &leap, &ByDensity, &Anew, &mut kept, &mut frames[1]),
+            Classification::Value => request.image(&high, &leap, &ByValue, &FromScratch, &mut kept, &mut frames[1]),
+            Classification::Filtered => {
+                request.image(&high, &leap, &ByDensity, &FromScratch, &mut kept, &mut frames[1])
+            }
         };
         let error = psnr(&frames[0], &frames[1]);
         println!("{classification:?}: 7 + 1 bits against 16: {error:.1} dB");

@@ -141,7 +141,7 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::space::TransferFunction;
+    use crate::render::transfer::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// The cells next to the given voxels of an empty volume.

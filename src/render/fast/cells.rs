@@ -1,10 +1,13 @@
 //! The gradient cache (the paper's cache at frame level): the regressions at the eight corners of a cell, kept as long as
 //! there is room. A voxel covers hundreds of pixels of a colon's wall, and the next frame shows nearly the same cells. Where it
 //! covers few, [`fit`](super::fit) goes without.
+//!
+//! [`gradient_store`](crate::render::gradient_store) keeps gradients of single voxels, quantised, for rays one after the other
+//! and shared by all threads; sixteen rays shade cell by cell, in full precision, each thread from a cache of its own.
 
 use glam::{Mat3, Vec3, Vec4, Vec4Swizzles};
 
-use crate::render::gradient::{Block, Regression, block};
+use crate::render::regression::{Block, Regression, block};
 use crate::volume::Volume;
 
 /// Cells that are kept: a power of two. Four times as many are no faster.
@@ -118,7 +121,7 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::gradient::Weighting;
+    use crate::render::regression::Weighting;
     use crate::volume::Grid;
 
     #[test]

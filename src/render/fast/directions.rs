@@ -1,9 +1,34 @@
 //! Where sixteen rays go, and which cells they are in.
 
-use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
-use glam::Vec3;
+use std::array::from_fn;
+
+use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::beam::Beam;
+use crate::render::camera::View;
+
+/// How directions are found.
+pub enum DirectionSource {
+    /// By a plane at distance 1 from a perspective camera.
+    Perspective {
+        /// The step along the axis of view, and its change along the picture's right and top: voxels.
+        step: [Vec3; 3],
+        /// The same as world directions.
+        world: [Vec3; 3],
+        /// Side of a pixel at distance 1.
+        pixel: f32,
+        centre: [f32; 2],
+    },
+    /// By asking the camera, ray by ray.
+    Any {
+        view: Box<View>,
+        /// From a world direction to a step, voxels.
+        to_step: DMat3,
+        /// [`View::pixel_turn`].
+        turn: Option<f32>,
+    },
+}
 
 /// The directions of sixteen rays.
 pub struct Directions<S: Simd> {
@@ -11,6 +36,8 @@ pub struct Directions<S: Simd> {
     pub along: [f32x16<S>; 3],
     /// World direction, of unit length.
     pub world: [f32x16<S>; 3],
+    /// Those that the camera shows anything at; the others go as one of these does, or anywhere.
+    pub shown: mask32x16<S>,
 }
 
 impl<S: Simd> Directions<S> {
@@ -35,6 +62,95 @@ impl<S: Simd> Directions<S> {
         let low = Vec3::new(x.reduce_min(), y.reduce_min(), z.reduce_min());
         let high = Vec3::new(x.reduce_max(), y.reduce_max(), z.reduce_max());
         Beam::new(origin, low - margin, high + margin)
+    }
+}
+
+impl DirectionSource {
+    /// That of `view`, where `to_step` turns world directions into steps in voxels, and forward, right and up into `step`.
+    pub fn new(view: &View, to_step: DMat3, step: [Vec3; 3]) -> Self {
+        match view.pixel() {
+            Some(pixel) => Self::Perspective {
+                step,
+                world: [view.forward(), view.right(), view.up()].map(DVec3::as_vec3),
+                pixel: pixel as f32,
+                centre: view.centre().map(|c| c as f32),
+            },
+            None => {
+                Self::Any { view: Box::new(view.clone()), to_step, turn: view.pixel_turn().map(|turn| turn as f32) }
+            }
+        }
+    }
+
+    /// By how much unit directions of neighbouring pixels differ at the most, where that is known.
+    pub fn pixel_turn(&self) -> Option<f32> {
+        match self {
+            Self::Perspective { pixel, .. } => Some(*pixel),
+            Self::Any { turn, .. } => *turn,
+        }
+    }
+
+    /// By how much the direction of any ray within a rectangle may lie beside those of sixteen rays in rows that are `apart`
+    /// pixels from each other and reach to its edges, as lengths of unit directions; none where that is not known.
+    #[inline(always)]
+    pub fn margin<S: Simd>(&self, ray: &Directions<S>, apart: [f32; 2]) -> Option<f32> {
+        match self {
+            // Between two rays that are an angle δ apart a direction bulges by δ²/8 at the most, along two axes of the
+            // picture.
+            Self::Perspective { pixel, .. } => {
+                let angle = (apart[0].max(apart[1]) * pixel).min(2.0);
+                Some(0.5 * angle * angle)
+            }
+            // No direction is farther from one of the sixteen than from the middle of four to one of these.
+            Self::Any { turn: Some(turn), .. } if (!ray.shown).to_bitmask() == 0 => {
+                Some(0.5 * apart[0].hypot(apart[1]) * turn)
+            }
+            Self::Any { .. } => None,
+        }
+    }
+
+    /// The rays through the points (`x`, `y`) of the picture.
+    #[inline(always)]
+    pub fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Directions<S> {
+        let (step, world, pixel, centre) = match self {
+            Self::Perspective { step, world, pixel, centre } => (*step, *world, *pixel, *centre),
+            Self::Any { view, to_step, .. } => {
+                return each(simd, view, *to_step, [x.to_array(), y.to_array()]);
+            }
+        };
+        let one = f32x16::splat(simd, 1.0);
+        let (u, v) = ((x - centre[0]) * pixel, (y - centre[1]) * -pixel);
+        let shrink = one / (one + u * u + v * v).sqrt();
+        let shown = one.simd_gt(0.0);
+        Directions { along: Self::turn(step, u, v, shrink), world: Self::turn(world, u, v, shrink), shown }
+    }
+
+    #[inline(always)]
+    fn turn<S: Simd>([f, r, t]: [Vec3; 3], u: f32x16<S>, v: f32x16<S>, shrink: f32x16<S>) -> [f32x16<S>; 3] {
+        [(u * r.x + v * t.x + f.x) * shrink, (u * r.y + v * t.y + f.y) * shrink, (u * r.z + v * t.z + f.z) * shrink]
+    }
+}
+
+/// The rays of any camera through the points (`x`, `y`) of the picture, one by one. Those that show nothing go as the first
+/// does that shows something, so that they widen no bundle, or forward.
+#[inline(never)]
+fn each<S: Simd>(simd: S, view: &View, to_step: DMat3, [x, y]: [[f32; 16]; 2]) -> Directions<S> {
+    let ways: [_; 16] = from_fn(|n| view.ray_at(f64::from(x[n]), f64::from(y[n])).map(|ray| ray.direction));
+    let other = ways.iter().flatten().next().copied().unwrap_or(view.forward());
+    let (mut along, mut world, mut shown) = ([[0.0; 16]; 3], [[0.0; 16]; 3], [0.0; 16]);
+    for (n, way) in ways.into_iter().enumerate() {
+        let direction = way.unwrap_or(other);
+        let step = to_step * direction;
+        for a in 0..3 {
+            along[a][n] = step[a] as f32;
+            world[a][n] = direction[a] as f32;
+        }
+        shown[n] = f32::from(u8::from(way.is_some()));
+    }
+    let load = |values: &[f32; 16]| f32x16::load_array_ref(simd, values);
+    Directions {
+        along: [load(&along[0]), load(&along[1]), load(&along[2])],
+        world: [load(&world[0]), load(&world[1]), load(&world[2])],
+        shown: load(&shown).simd_gt(0.5),
     }
 }
 

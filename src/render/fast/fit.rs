@@ -7,7 +7,7 @@
 use fearless_simd::{Simd, f32x16, prelude::*};
 
 use super::lanes::Blocks;
-use crate::render::gradient::{Regression, parts};
+use crate::render::regression::{Regression, parts};
 
 /// The gradients along the index axes (HU/mm) at the places `t` of the blocks' inner cells.
 #[inline(always)]
@@ -61,7 +61,7 @@ mod tests {
     use crate::math::hash;
     use crate::render::fast::lanes::Voxels;
     use crate::render::fast::levels;
-    use crate::render::gradient::{Weighting, block};
+    use crate::render::regression::{Weighting, block};
     use crate::volume::{Grid, Volume};
 
     /// Sixteen cells and places from `n` on.

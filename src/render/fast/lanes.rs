@@ -265,7 +265,7 @@ mod tests {
     use super::*;
     use crate::math::hash;
     use crate::render::fast::levels;
-    use crate::render::space::TransferFunction;
+    use crate::render::transfer::TransferFunction;
     use crate::volume::Grid;
 
     proptest! {

@@ -5,28 +5,30 @@ mod blur;
 mod cells;
 mod directions;
 mod fit;
-mod halved;
 mod lanes;
-mod lattice;
+mod layer;
 mod occupancy;
 mod packet;
 mod paint;
-mod passage;
 mod picture;
 mod refine;
+mod sampling;
+mod subdivided;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fearless_simd::Level;
 
 use super::caster::depths;
-use super::{Direct, Frame, PreparedVolume, Renderer, Settings, View, Work};
+use super::direct::Direct;
+use super::memory::MemoryPart;
+use super::renderer::Renderer;
+use super::{Frame, PreparedVolume, Settings, View, Work};
 use cells::Cells;
-pub use lattice::BLOCK;
-use lattice::Lattice;
 use occupancy::Occupancy;
 use packet::Rays;
-pub use paint::SQUARE;
+pub use sampling::BLOCK;
+use sampling::ImageSamples;
 
 /// The name of the SIMD level that packets of rays use on this machine.
 pub fn simd_level() -> &'static str {
@@ -84,7 +86,7 @@ pub struct Fast {
     waves: f32,
     /// A cache for each thread; what is in it depends on the space alone.
     cells: Arc<[Mutex<Cells>]>,
-    lattice: Lattice,
+    samples: ImageSamples,
     level: Level,
     direct: Direct,
 }
@@ -97,16 +99,16 @@ impl Fast {
 
     /// As [`Fast::new`], on a given SIMD level.
     pub fn with_level(space: &PreparedVolume, settings: Settings, pixels: Pixels, level: Level) -> Self {
-        let occupancy = Arc::new(Occupancy::new(space.volume(), space.wall()));
+        let occupancy = Arc::new(Occupancy::new(space.volume(), space.transfer()));
         let cells = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
         Self {
             space: space.clone(),
             settings,
             pixels,
             occupancy,
-            waves: blur::waves(space.volume(), space.wall()),
+            waves: blur::waves(space.volume(), space.transfer()),
             cells,
-            lattice: Lattice::default(),
+            samples: ImageSamples::default(),
             level,
             direct: Direct::new(space, settings),
         }
@@ -121,26 +123,22 @@ impl Fast {
             occupancy: Arc::clone(&self.occupancy),
             waves: self.waves,
             cells: Arc::clone(&self.cells),
-            lattice: Lattice::default(),
+            samples: ImageSamples::default(),
             level: self.level,
             direct: Direct::new(&self.space, settings),
         }
     }
 
-    /// Memory taken by what is not shared with those [beside](Fast::beside), bytes.
-    pub fn own_bytes(&self) -> usize {
-        self.lattice.bytes()
+    /// As [`Renderer::refining`], for a renderer that has prepared nothing to be shared.
+    pub fn refining_alone(space: &PreparedVolume, settings: Settings) -> Self {
+        Self::new(space, like_rays(settings), Pixels::Needed)
     }
+}
 
-    /// As [`Renderer::render`], with a ray for every pixel of the squares of [`SQUARE`] × [`SQUARE`] pixels that are `wanted`,
-    /// row by row of squares; what `frame` holds elsewhere is not told.
-    pub fn render_squares(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
-        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings) else {
-            return self.direct.render(view, frame);
-        };
-        frame.resize(view.width(), view.height());
-        picture::squares_of(&rays, view, frame.buffers().0, &self.cells, self.level, wanted)
-    }
+/// What packets need for samples like those that rays one after the other take by `settings`: half as many, as values
+/// between them are taken as linear.
+fn like_rays(settings: Settings) -> Settings {
+    Settings { step_power: settings.step_power + 1, ..settings }
 }
 
 impl Renderer for Fast {
@@ -154,18 +152,36 @@ impl Renderer for Fast {
             depths(&self.space, view, depth);
         }
         match self.pixels {
-            Pixels::Needed => picture::needed(&mut self.lattice, &rays, view, pixels, &self.cells, self.level),
+            Pixels::Needed => picture::needed(&mut self.samples, &rays, view, pixels, &self.cells, self.level),
             Pixels::All => picture::pixels_of(&rays, view, pixels, &self.cells, self.level),
         }
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
+    fn refining(&self, settings: Settings) -> Option<Box<dyn Renderer>> {
+        Some(Box::new(self.beside(like_rays(settings))))
+    }
+
+    /// With a ray for every pixel of the `wanted` squares.
+    fn render_squares(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
+        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings) else {
+            return self.direct.render(view, frame);
+        };
+        frame.resize(view.width(), view.height());
+        picture::squares_of(&rays, view, frame.buffers().0, &self.cells, self.level, wanted)
+    }
+
+    /// What is not shared with those [beside](Fast::beside).
+    fn own_bytes(&self) -> usize {
+        self.samples.bytes()
+    }
+
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
         let cells = self.cells.iter().map(|c| c.lock().unwrap_or_else(PoisonError::into_inner).bytes());
         vec![
-            ("homogeneous-region flags", self.space.bytes()),
-            ("cells that may be seen, and distances of bricks", self.occupancy.bytes()),
-            ("gradient cache", cells.sum()),
-            ("rays of the lattice", self.lattice.bytes()),
+            (MemoryPart::Flags, self.space.bytes()),
+            (MemoryPart::Occupancy, self.occupancy.bytes()),
+            (MemoryPart::GradientCache, cells.sum()),
+            (MemoryPart::SampledRays, self.samples.bytes()),
         ]
     }
 }
@@ -175,8 +191,9 @@ mod tests {
     use glam::{DMat3, DVec3};
 
     use super::*;
-    use crate::phantom::{Phantom, Settings as Colon, Size};
+    use crate::phantom::{Phantom, PhantomSettings as Colon, Size};
     use crate::progress::Progress;
+    use crate::render::renderer::SQUARE;
     use crate::render::{Quality, TransferFunction};
     use crate::volume::{Grid, Volume};
 

@@ -11,12 +11,15 @@
 //! 16-bit volume, the distances 1/128.
 //!
 //! Rays go all ways, so a line of the processor's cache holds a cube: the bits of 2×2×2 bricks, or the distances of 4×4×4.
+//!
+//! The homogeneous-region [`flags`](crate::render::flags) do not serve here: they tell of a voxel's 3³ neighbours in rows, where
+//! sixteen rays need the cell alone, in cubes, and a distance to leap by.
 
 use rayon::prelude::*;
 
 use crate::render::flags::above;
-use crate::render::leap::chessboard::{FAR, chessboard};
-use crate::render::space::TransferFunction;
+use crate::render::leap::chessboard::{FAR, Outside, chessboard};
+use crate::render::transfer::TransferFunction;
 use crate::volume::{AIR_HU, Volume};
 
 /// Cells along a brick's edge, as a power of two.
@@ -92,7 +95,7 @@ impl Occupancy {
                 *to = if bits[line].0[at] == 0 { FAR } else { 0 };
             }
         });
-        chessboard(&mut rows, bricks, false);
+        chessboard(&mut rows, bricks, Outside::Unmarked);
         let (distance_lines, layers) = Lines::<2>::new(bricks);
         let line_of = |n: usize| {
             let [x, y, z] = distance_lines.first(n);

@@ -9,13 +9,13 @@
 //! the scale of two ([`blur`](super::blur)) steps are twice as long. So that no wall is passed over that shorter ones would meet,
 //! a step with both ends before the wall and its middle in a cell that holds something is sampled there, too.
 //!
-//! **Light.** A ray's light from one passage through the wall is that of the passage's mean place and mean value
-//! ([`passage`](super::passage)). A passage ends where a step adds nothing, or when it is long ([`passage::steps`]).
+//! **Light.** A ray's light from one layer of the wall is that of the layer's mean place and mean value
+//! ([`layer`](super::layer)). A layer ends where a step adds nothing, or when it is long ([`layer::steps`]).
 //!
 //! **Empty space.** Where a bundle of rays meets something first may be known before it is cast
 //! ([`Beam`](super::beam::Beam)). From there on a step at whose beginning no ray sees anything, and of which all places to sample
 //! lie in empty cells, is taken without looking at the volume; after some of these in a row ([`PATIENCE`]) the rays leap, all of
-//! them equally far. Samples lie on the same lattice whatever is left out, so that this changes no bit of the picture.
+//! them equally far. Samples lie on the same places whatever is left out, so that this changes no bit of the picture.
 
 use std::array::from_fn;
 
@@ -24,21 +24,21 @@ use glam::{DVec3, Vec3};
 
 use super::blur;
 use super::cells::{Cells, Source};
-use super::directions::{Directions, split};
+use super::directions::{DirectionSource, Directions, split};
 use super::lanes::{OccupancyLanes, Voxels, interpolate};
-use super::lattice::SIDE;
+use super::layer::{self, Layer, Medium, Sums};
 use super::occupancy::{BRICK_SHIFT, Occupancy};
-use super::passage::{self, Passage, Sums};
-use crate::render::camera::View;
-use crate::render::gradient::{Regression, Weighting, to_world};
+use super::sampling::SIDE;
+use crate::render::camera::{Origins, View};
 use crate::render::march::Step;
+use crate::render::prepared_volume::PreparedVolume;
 use crate::render::quality::Settings;
+use crate::render::regression::{Regression, Weighting, to_world};
 use crate::render::sampler::{Sampler, Trilinear};
-use crate::render::space::PreparedVolume;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
-/// Share of the light below which a passage may be longer: what it errs by is a share of that.
-const PASSAGE_WEIGHT: f32 = 0.5;
+/// Share of the light below which a layer may be longer: what it errs by is a share of that.
+const LAYER_WEIGHT: f32 = 0.5;
 /// After so many empty steps in a row the distances of the rays' bricks are looked up: near a wall they are not worth it. After
 /// a leap, and where nothing was known before, they are looked up at once.
 const PATIENCE: f32 = 8.0;
@@ -60,17 +60,12 @@ pub struct Rays<'a> {
     scalar: Trilinear<'a>,
     /// The camera, grown voxel coordinates.
     pub(super) origin: Vec3,
-    /// The step along the axis of view, and its change along the picture's right and top: voxels.
-    step: [Vec3; 3],
-    /// The same as world directions.
-    world: [Vec3; 3],
+    /// Where rays go.
+    pub(super) directions: DirectionSource,
     /// What a step moves along an axis of the volume at the most, voxels.
     longest: f32,
     /// By how much less is leapt than a distance tells, voxels.
     rounding: f32,
-    /// Side of a pixel at distance 1.
-    pixel: f32,
-    centre: [f32; 2],
     /// Border of the grown volume.
     border: Vec3,
     foot: f32,
@@ -80,9 +75,9 @@ pub struct Rays<'a> {
     /// Halvings of the step's opacity: a step of h is two half steps.
     power: i32,
     sensitivity: f32,
-    /// A passage is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
-    /// [`PASSAGE_WEIGHT`], and when it lies farther back than the second number.
-    passage: [f32; 2],
+    /// A layer is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
+    /// [`LAYER_WEIGHT`], and when it lies farther back than the second number.
+    layer: [f32; 2],
     /// Whether steps are twice as long as was asked for.
     smooth: bool,
     limit: f32,
@@ -90,18 +85,18 @@ pub struct Rays<'a> {
 
 /// What came of sixteen rays.
 #[derive(Clone, Copy, Default)]
-pub struct Light {
+pub struct PacketResult {
     /// Brightness, weighted by what came through, 0 to 1.
     pub bright: [f32; 16],
     /// Brightness × HU above the palette's first.
     pub tone: [f32; 16],
-    /// Share of light that would still come from beyond.
+    /// Share of light that would still come from beyond; NaN where the camera shows nothing.
     pub through: [f32; 16],
     /// Mean place of what is seen, steps from the camera, weighted as the light is (not divided by it).
     pub depth: [f32; 16],
-    /// Number of passages that ended before another began.
-    pub passages: [f32; 16],
-    /// Of the first of several passages: its share of the light, and that times its place; 0 where there is one alone.
+    /// Number of layers that ended before another began.
+    pub layers: [f32; 16],
+    /// Of the first of several layers: its share of the light, and that times its place; 0 where there is one alone.
     pub front: [[f32; 16]; 2],
     /// Samples taken.
     pub samples: u32,
@@ -110,7 +105,7 @@ pub struct Light {
 impl<'a> Rays<'a> {
     /// Prepares the rays of `view` in a scan with these [`waves`](super::blur::waves); `None` where they need what this caster
     /// does not have: two voxels along each axis, no more voxels, and pieces of their bits, than an `i32` counts, a camera within
-    /// ten thousand voxels.
+    /// ten thousand voxels, rays that all begin there.
     pub fn new(
         space: &'a PreparedVolume,
         occupancy: &'a Occupancy,
@@ -122,7 +117,7 @@ impl<'a> Rays<'a> {
         let grid = volume.grid();
         let voxels = Voxels::new(volume)?;
         let origin = grid.voxel(view.position()) + DVec3::ONE;
-        if origin.abs().max_element() > FAR {
+        if origin.abs().max_element() > FAR || view.camera().origins() != Origins::One {
             return None;
         }
         let smooth = waves >= blur::LONGEST;
@@ -131,7 +126,7 @@ impl<'a> Rays<'a> {
         let step = Step::new(space, power + i32::from(smooth));
         let per_step = [view.forward(), view.right(), view.up()]
             .map(|d| (grid.to_voxel().transform_vector3(d) * step.mm).as_vec3());
-        let wall = space.wall();
+        let wall = space.transfer();
         let border = Vec3::from_array(grid.dims().map(|n| (n + 1) as f32));
         // All directions are of unit length in the orthonormal frame of the camera, so that this holds where the volume's axes
         // are not at right angles, too.
@@ -144,12 +139,9 @@ impl<'a> Rays<'a> {
             source: Source::new(volume, Regression::new(grid.spacing(), Weighting::InverseSquare), to_world(volume)),
             scalar: Trilinear::new(space),
             origin: origin.as_vec3(),
-            step: per_step,
-            world: [view.forward(), view.right(), view.up()].map(DVec3::as_vec3),
+            directions: DirectionSource::new(view, grid.to_voxel().matrix3 * step.mm, per_step),
             longest: longest.max(STILL),
             rounding: ROUNDING[0] + ROUNDING[1] * border.max_element().max(FAR as f32),
-            pixel: view.pixel() as f32,
-            centre: view.centre().map(|c| c as f32),
             border,
             foot: wall.lo() + FOOT,
             lo: wall.lo(),
@@ -157,10 +149,15 @@ impl<'a> Rays<'a> {
             scale: 1.0 / (wall.hi() - wall.lo()),
             power: step.power,
             sensitivity: settings.sensitivity,
-            passage: passage::steps(if smooth { waves * 0.5 } else { waves }, power),
+            layer: layer::steps(if smooth { waves * 0.5 } else { waves }, power),
             smooth,
             limit: (1 << 22) as f32,
         })
+    }
+
+    /// By how much unit directions of neighbouring pixels differ at the most, where that is known.
+    pub fn pixel_turn(&self) -> Option<f32> {
+        self.directions.pixel_turn()
     }
 
     /// A step, voxels of the smallest spacing.
@@ -171,22 +168,42 @@ impl<'a> Rays<'a> {
     /// Casts a packet of rays `apart` pixels from each other, row by row, the first through the centre of pixel (`x`, `y`);
     /// nothing may be met before `from` steps.
     #[inline(always)]
-    pub fn packet<S: Simd>(&self, simd: S, [x, y]: [usize; 2], apart: usize, from: f32, cells: &mut Cells) -> Light {
+    pub fn packet<S: Simd>(
+        &self,
+        simd: S,
+        [x, y]: [usize; 2],
+        apart: usize,
+        from: f32,
+        cells: &mut Cells,
+    ) -> PacketResult {
         self.cast(simd, |n| [x + n % SIDE * apart, y + n / SIDE * apart], from, cells)
     }
 
     /// Casts the rays through the centres of pixels, each lane's as `pixel` says; nothing may be met before `from` steps.
     #[inline(always)]
-    pub fn cast<S: Simd>(&self, simd: S, pixel: impl Fn(usize) -> [usize; 2], from: f32, cells: &mut Cells) -> Light {
+    pub fn cast<S: Simd>(
+        &self,
+        simd: S,
+        pixel: impl Fn(usize) -> [usize; 2],
+        from: f32,
+        cells: &mut Cells,
+    ) -> PacketResult {
         let centre = |axis: usize| from_fn(|n| pixel(n)[axis] as f32 + 0.5);
-        let mut light = Light::default();
+        let mut light = PacketResult::default();
         self.cast_lanes(simd, [&centre(0), &centre(1)], from, cells, &mut light);
         light
     }
 
     /// A function of its own on each level, not inlined where it is called: it is large.
     #[inline(never)]
-    fn cast_lanes<S: Simd>(&self, simd: S, [x, y]: [&[f32; 16]; 2], from: f32, cells: &mut Cells, light: &mut Light) {
+    fn cast_lanes<S: Simd>(
+        &self,
+        simd: S,
+        [x, y]: [&[f32; 16]; 2],
+        from: f32,
+        cells: &mut Cells,
+        light: &mut PacketResult,
+    ) {
         simd.vectorize(
             #[inline(always)]
             || *light = self.trace(simd, f32x16::load_array_ref(simd, x), f32x16::load_array_ref(simd, y), from, cells),
@@ -194,26 +211,18 @@ impl<'a> Rays<'a> {
     }
 
     /// Casts the rays through the points (`x`, `y`) of the picture, in pixels from its top left corner.
+    ///
+    /// The loop is one long function on purpose: its dozen vectors live in registers from step to step, and what is handed
+    /// to another function and back would not.
     #[inline(always)]
-    fn trace<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>, from: f32, cells: &mut Cells) -> Light {
+    fn trace<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>, from: f32, cells: &mut Cells) -> PacketResult {
         let one = f32x16::splat(simd, 1.0);
         let zero = f32x16::splat(simd, 0.0);
-        let ray = self.lanes(simd, x, y);
+        let ray = self.directions.lanes(simd, x, y);
 
-        // Where the rays enter and leave the grown volume, steps.
-        let (mut enter, mut exit) = (zero, f32x16::splat(simd, self.limit));
-        for a in 0..3 {
-            let along = ray.along[a];
-            let moves = along.abs().simd_gt(STILL);
-            let inverse = one / moves.select(along, one);
-            let (near, far) = (inverse * -self.origin[a], inverse * (self.border[a] - self.origin[a]));
-            let within = self.origin[a] >= 0.0 && self.origin[a] <= self.border[a];
-            let still = if within { self.limit } else { -1.0 };
-            enter = enter.max(moves.select(near.min(far), zero));
-            exit = exit.min(moves.select(near.max(far), f32x16::splat(simd, still)));
-        }
+        let [enter, exit] = self.span(simd, &ray);
         let last = exit.floor();
-        let mut active = exit.simd_ge(enter);
+        let mut active = exit.simd_ge(enter) & ray.shown;
         let mut light = Sums::new(simd);
         let mut samples = 0;
         if active.any_true() {
@@ -229,7 +238,7 @@ impl<'a> Rays<'a> {
                 v0 = self.value(simd, &ray, k, !never);
                 samples += 16;
             }
-            let within_wall = k == 0.0 && v0[0] > self.foot;
+            let camera = if k == 0.0 && v0[0] > self.foot { Medium::Wall } else { Medium::Air };
             // Whether v0 was looked at, or is only known to be nothing.
             let mut sampled = !begun;
             let mut ask = if begun { k + PATIENCE } else { k };
@@ -288,24 +297,24 @@ impl<'a> Rays<'a> {
                 }
                 let seen = active & early.max(late).simd_gt(self.foot);
                 if seen.any_true() {
-                    let Passage { weight, place, .. } = light.passage;
-                    let fresh = light.passage.any();
+                    let Layer { weight, place, .. } = light.layer;
+                    let fresh = light.layer.any();
                     let behind = zero + k - place / fresh.select(weight, one);
-                    let [long, far] = self.passage;
-                    let long = behind.simd_gt(long) & weight.simd_gt(PASSAGE_WEIGHT) | behind.simd_gt(far);
+                    let [long, far] = self.layer;
+                    let long = behind.simd_gt(long) & weight.simd_gt(LAYER_WEIGHT) | behind.simd_gt(far);
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
-                        self.end(simd, &ray, ended, &mut light, cells, within_wall);
+                        self.end(simd, &ray, ended, &mut light, cells, camera);
                         light.count(simd, ended & !open);
                     }
                     let (t0, t1) = (self.through(simd, early), self.through(simd, late));
                     let kept = light.through * t0;
                     let (w0, w1) = (light.through - kept, kept - kept * t1);
                     let (w0, w1) = (seen.select(w0, zero), seen.select(w1, zero));
-                    let passage = &mut light.passage;
-                    passage.weight += w0 + w1;
-                    passage.place += w0 * (k + 0.25) + w1 * (k + 0.75);
-                    passage.value += w0 * self.tone(simd, early) + w1 * self.tone(simd, late);
+                    let layer = &mut light.layer;
+                    layer.weight += w0 + w1;
+                    layer.place += w0 * (k + 0.25) + w1 * (k + 0.75);
+                    layer.value += w0 * self.tone(simd, early) + w1 * self.tone(simd, late);
                     light.through = seen.select(kept * t1, light.through);
                 }
                 open = seen;
@@ -318,22 +327,40 @@ impl<'a> Rays<'a> {
             }
             // First those that wait and those of the rays for which none does, then what is left.
             for _ in 0..2 {
-                let free = light.passage.any() & !light.waiting.any();
+                let free = light.layer.any() & !light.waiting.any();
                 light.end(simd, free);
                 if light.waiting.any().any_true() {
-                    self.shade(simd, &ray, &mut light, cells, within_wall);
+                    self.shade(simd, &ray, &mut light, cells, camera);
                 }
             }
         }
-        Light {
+        PacketResult {
             bright: light.bright.to_array(),
             tone: light.tone.to_array(),
-            through: light.through.to_array(),
+            through: ray.shown.select(light.through, f32x16::splat(simd, f32::NAN)).to_array(),
             depth: light.depth.to_array(),
-            passages: light.passages.to_array(),
+            layers: light.layers.to_array(),
             front: [light.front[0].to_array(), light.front[1].to_array()],
             samples,
         }
+    }
+
+    /// Where the rays enter and leave the grown volume, steps.
+    #[inline(always)]
+    fn span<S: Simd>(&self, simd: S, ray: &Directions<S>) -> [f32x16<S>; 2] {
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+        let (mut enter, mut exit) = (zero, f32x16::splat(simd, self.limit));
+        for a in 0..3 {
+            let along = ray.along[a];
+            let moves = along.abs().simd_gt(STILL);
+            let inverse = one / moves.select(along, one);
+            let (near, far) = (inverse * -self.origin[a], inverse * (self.border[a] - self.origin[a]));
+            let within = self.origin[a] >= 0.0 && self.origin[a] <= self.border[a];
+            let still = if within { self.limit } else { -1.0 };
+            enter = enter.max(moves.select(near.min(far), zero));
+            exit = exit.min(moves.select(near.max(far), f32x16::splat(simd, still)));
+        }
+        [enter, exit]
     }
 
     /// How many steps a ray may leap from a brick that is `distance` bricks from the next one with anything.
@@ -354,27 +381,11 @@ impl<'a> Rays<'a> {
                 let n: [f32; 16] = from_fn(|n| n as f32);
                 let n = f32x16::load_array_ref(simd, &n);
                 let row = (n * 0.25).floor();
-                let ray = self.lanes(simd, (n - row * 4.0) * apart[0] + x, row * apart[1] + y);
-                // Between two rays that are an angle δ apart a direction bulges by δ²/8 at the most, along two axes of
-                // the picture.
-                let angle = (apart[0].max(apart[1]) * self.pixel).min(2.0);
-                ray.beam(self.origin, 0.5 * angle * angle * self.longest).next(self.occupancy, from, self.limit)
+                let ray = self.directions.lanes(simd, (n - row * 4.0) * apart[0] + x, row * apart[1] + y);
+                let Some(margin) = self.directions.margin(&ray, apart) else { return from };
+                ray.beam(self.origin, margin * self.longest).next(self.occupancy, from, self.limit)
             },
         )
-    }
-
-    /// The rays through the points (`x`, `y`) of the picture.
-    #[inline(always)]
-    pub(super) fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Directions<S> {
-        let one = f32x16::splat(simd, 1.0);
-        let (u, v) = ((x - self.centre[0]) * self.pixel, (y - self.centre[1]) * -self.pixel);
-        let shrink = one / (one + u * u + v * v).sqrt();
-        Directions { along: self.turn(self.step, u, v, shrink), world: self.turn(self.world, u, v, shrink) }
-    }
-
-    #[inline(always)]
-    fn turn<S: Simd>(&self, [f, r, t]: [Vec3; 3], u: f32x16<S>, v: f32x16<S>, shrink: f32x16<S>) -> [f32x16<S>; 3] {
-        [(u * r.x + v * t.x + f.x) * shrink, (u * r.y + v * t.y + f.y) * shrink, (u * r.z + v * t.z + f.z) * shrink]
     }
 
     /// Trilinear HU of the rays in `wanted` at `k`; of the others anything.
@@ -454,7 +465,7 @@ mod tests {
         for behind in [-1000, -900, -800, -700, -600, -300, 0] {
             let data = (0..grid.len()).map(|n| value(n, behind)).collect();
             let space = PreparedVolume::new(Arc::new(Volume::new(grid.clone(), data)), TransferFunction::default());
-            let occupancy = Occupancy::new(space.volume(), space.wall());
+            let occupancy = Occupancy::new(space.volume(), space.transfer());
             for shift in 0..40 {
                 let from = DVec3::new(4.0 + 0.05 * f64::from(shift), 24.3, 23.6);
                 let view = View::new(from, DVec3::X, DVec3::Z, 12.0, 16, 16).unwrap();

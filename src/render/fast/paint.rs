@@ -2,13 +2,11 @@
 
 use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 
-use super::lattice::SIDE;
-use super::packet::Light;
+use super::packet::PacketResult;
+use super::sampling::SIDE;
 use crate::render::Work;
+use crate::render::renderer::SQUARE;
 use crate::render::transfer::{PALETTE, PALETTE_HU};
-
-/// Side of the squares that can be filled one by one, pixels.
-pub const SQUARE: usize = 2;
 
 /// Rows of a picture that are being filled.
 pub struct Canvas<'a> {
@@ -31,7 +29,7 @@ impl<'a> Canvas<'a> {
 
     /// Fills the pixels of a packet whose rays are a pixel apart, the first through `at`.
     #[inline(never)]
-    pub fn packet<S: Simd>(&mut self, simd: S, light: &Light, at: [usize; 2]) -> Work {
+    pub fn packet<S: Simd>(&mut self, simd: S, light: &PacketResult, at: [usize; 2]) -> Work {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -47,7 +45,7 @@ impl<'a> Canvas<'a> {
 
     /// Fills squares of [`SQUARE`] × [`SQUARE`] pixels with a packet's rays in turn.
     #[inline(never)]
-    pub fn squares<S: Simd>(&mut self, simd: S, light: &Light, at: &[[usize; 2]]) -> Work {
+    pub fn squares<S: Simd>(&mut self, simd: S, light: &PacketResult, at: &[[usize; 2]]) -> Work {
         simd.vectorize(
             #[inline(always)]
             || {

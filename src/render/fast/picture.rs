@@ -7,10 +7,11 @@ use fearless_simd::Level;
 use rayon::prelude::*;
 
 use super::cells::Cells;
-use super::lattice::{BLOCK, LANES, Lattice, SIDE};
 use super::packet::Rays;
-use super::paint::{Canvas, SQUARE};
+use super::paint::Canvas;
 use super::refine::Band;
+use super::sampling::{BLOCK, ImageSamples, LANES, SIDE};
+use crate::render::renderer::SQUARE;
 use crate::render::{View, Work};
 
 /// Rows of blocks in a band of the picture.
@@ -107,18 +108,20 @@ pub fn squares_of(
     bands.reduce(Work::default, |a, b| a + b)
 }
 
-/// Rays where they are needed: those of `lattice`, and more where they do not tell enough.
+/// Rays where they are needed: those of `samples`, and more where they do not tell enough. A ray for every pixel where it is
+/// not known how far those of neighbours are apart.
 pub fn needed(
-    lattice: &mut Lattice,
+    samples: &mut ImageSamples,
     rays: &Rays<'_>,
     view: &View,
     pixels: &mut [[u8; 3]],
     cells: &[Mutex<Cells>],
     level: Level,
 ) -> Work {
+    let Some(turn) = rays.pixel_turn() else { return pixels_of(rays, view, pixels, cells, level) };
     let width = view.width();
-    lattice.resize([width, view.height()]);
-    let first = lattice.rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
+    samples.resize([width, view.height()]);
+    let first = samples.rows().enumerate().with_max_len(1).map(|(n, mut rows)| {
         with_cells(cells, |cells| {
             let mut work = Work::default();
             on_level!(level, simd => {
@@ -143,8 +146,8 @@ pub fn needed(
         })
     });
     let first = first.reduce(Work::default, |a, b| a + b);
-    let lattice = &*lattice;
-    let side = view.pixel() as f32 * BLOCK as f32;
+    let samples = &*samples;
+    let side = turn * BLOCK as f32;
     let blocks = width.div_ceil(BLOCK);
     let bands = pixels.par_chunks_mut(width * BLOCK * ROWS).enumerate().with_max_len(1).map(|(n, band)| {
         with_cells(cells, |cells| {
@@ -153,17 +156,17 @@ pub fn needed(
             let mut band = Band::new(rays, cells, Canvas::new(band, width, n * ROWS * BLOCK));
             on_level!(level, simd => {
                 for first in (0..blocks).step_by(LANES) {
-                    let verdicts: [_; ROWS] = from_fn(|row| lattice.judge(simd, [first, n * ROWS + row.min(rows - 1)], side));
+                    let verdicts: [_; ROWS] = from_fn(|row| samples.judge(simd, [first, n * ROWS + row.min(rows - 1)], side));
                     // Column by column, so that those that wait for each other are close.
                     for (x, row) in (first..blocks.min(first + LANES)).flat_map(|x| (0..rows).map(move |row| (x, row))) {
                         let (block, bit) = ([x, n * ROWS + row], 1 << (x - first));
                         let at = block.map(|b| b * BLOCK);
                         if verdicts[row].smooth & bit != 0 {
-                            band.smooth(simd, &lattice.block(block), at);
-                        } else if verdicts[row].halved & bit != 0 {
-                            band.coarse(simd, lattice.block(block), at, lattice.start(block));
+                            band.smooth(simd, &samples.block(block), at);
+                        } else if verdicts[row].subdivided & bit != 0 {
+                            band.coarse(simd, samples.block(block), at, samples.start(block));
                         } else {
-                            band.rough(simd, at, lattice.start(block));
+                            band.rough(simd, at, samples.start(block));
                         }
                     }
                 }

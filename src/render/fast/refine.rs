@@ -1,6 +1,6 @@
-//! From the rays of a lattice to pixels, with more rays where they are needed.
+//! From the rays of adaptive image-plane sampling to pixels, with more rays where they are needed.
 //!
-//! Blocks that are to be halved, and squares of pixels that must be traced, wait until there are four of them, which is a
+//! Blocks that are to be subdivided, and squares of pixels that must be traced, wait until there are four of them, which is a
 //! whole packet. Which rays share a packet does not change what comes of them.
 
 use std::array::from_fn;
@@ -8,11 +8,12 @@ use std::array::from_fn;
 use fearless_simd::Simd;
 
 use super::cells::Cells;
-use super::halved::{HALVED_WEIGHTS, Halved, MIDDLES};
-use super::lattice::{Block, Point, WEIGHTS};
 use super::packet::Rays;
-use super::paint::{Canvas, SQUARE};
+use super::paint::Canvas;
+use super::sampling::{Block, Point, WEIGHTS};
+use super::subdivided::{MIDDLES, SUBDIVIDED_WEIGHTS, Subdivided};
 use crate::render::Work;
+use crate::render::renderer::SQUARE;
 
 /// So many blocks, or squares, make a packet.
 const GROUP: usize = 4;
@@ -27,7 +28,7 @@ pub struct Band<'a, 'b> {
     work: Work,
 }
 
-/// A block to be halved.
+/// A block to be subdivided.
 #[derive(Clone, Copy, Default)]
 struct Coarse {
     block: Block,
@@ -86,11 +87,11 @@ impl<'a, 'b> Band<'a, 'b> {
         self.work = self.work + self.canvas.packet(simd, &light, at);
     }
 
-    /// Has a block wait until it is halved.
+    /// Has a block wait until it is subdivided.
     #[inline(always)]
     pub fn coarse<S: Simd>(&mut self, simd: S, block: Block, at: [usize; 2], start: f32) {
         if self.blocks.push(Coarse { block, at, start }, start) {
-            self.halve(simd);
+            self.subdivide(simd);
         }
     }
 
@@ -105,7 +106,7 @@ impl<'a, 'b> Band<'a, 'b> {
     /// Fills what still waits; what it all took.
     pub fn finish<S: Simd>(&mut self, simd: S) -> Work {
         if self.blocks.len > 0 {
-            self.halve(simd);
+            self.subdivide(simd);
         }
         if self.squares.len > 0 {
             self.trace(simd);
@@ -115,7 +116,7 @@ impl<'a, 'b> Band<'a, 'b> {
 
     /// Casts the rays through the middles of the waiting blocks' sides.
     #[inline(never)]
-    fn halve<S: Simd>(&mut self, simd: S) {
+    fn subdivide<S: Simd>(&mut self, simd: S) {
         let group = std::mem::take(&mut self.blocks);
         let middle = |n: usize| from_fn(|axis| group.of_lane(n).at[axis] + MIDDLES[n % 4][axis]);
         let light = self.rays.cast(simd, middle, group.start, self.cells);
@@ -123,11 +124,11 @@ impl<'a, 'b> Band<'a, 'b> {
         self.work = self.work + Work { rays, samples: u64::from(light.samples), ..Work::default() };
         let middles = Point::all(simd, &light, self.rays.step());
         for (Coarse { block, at, start }, middles) in group.items[..group.len].iter().zip(middles.chunks_exact(4)) {
-            let halved = Halved { block: *block, middles: from_fn(|n| middles[n]) };
-            let smooth = halved.smooth();
+            let subdivided = Subdivided { block: *block, middles: from_fn(|n| middles[n]) };
+            let smooth = subdivided.smooth();
             if smooth.contains(&true) {
-                let light = halved.points().map(|p| [p.bright, p.tone]);
-                self.canvas.blend(simd, light, &HALVED_WEIGHTS, *at);
+                let light = subdivided.points().map(|p| [p.bright, p.tone]);
+                self.canvas.blend(simd, light, &SUBDIVIDED_WEIGHTS, *at);
             }
             // Its quarters are squares.
             for n in (0..4).filter(|&n| !smooth[n]) {

@@ -3,11 +3,11 @@
 use glam::Vec3;
 
 use crate::render::march::Ray;
+use crate::render::prepared_volume::PreparedVolume;
 use crate::render::skip::{Skipper, is_empty_voxel};
-use crate::render::space::PreparedVolume;
 
-use super::chessboard::{FAR, chessboard};
-use super::{Clearance, EDGE};
+use super::chessboard::{FAR, Outside, chessboard};
+use super::{EDGE, EmptyRadius};
 
 /// For each brick the number of bricks, by chessboard moves, to the nearest one in which something may be seen; 0 there.
 pub struct BrickWalls {
@@ -23,7 +23,7 @@ impl BrickWalls {
         let bricks = flags.bricks();
         let count: usize = bricks.iter().product();
         let mut distance: Vec<u8> = (0..count).map(|n| if flags.empty_brick(n as isize) { FAR } else { 0 }).collect();
-        chessboard(&mut distance, bricks, false);
+        chessboard(&mut distance, bricks, Outside::Unmarked);
         Self { bricks, distance }
     }
 
@@ -43,7 +43,7 @@ impl BrickWalls {
     }
 }
 
-impl Clearance for BrickWalls {
+impl EmptyRadius for BrickWalls {
     #[inline(always)]
     fn around(&self, q: Vec3) -> f32 {
         let (distance, corner) = self.at(q);

@@ -11,12 +11,21 @@ use rayon::prelude::*;
 /// What a cell that is not marked begins with.
 pub const FAR: u8 = u8::MAX;
 
-/// Replaces each cell by its chessboard distance to the nearest cell that is 0. Cells are 0 or [`FAR`], x fastest; with
-/// `edge`, everything outside the grid counts as marked.
-pub fn chessboard(cells: &mut [u8], dims: [usize; 3], edge: bool) {
+/// What lies outside the grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outside {
+    /// Marked cells.
+    Marked,
+    /// Nothing.
+    Unmarked,
+}
+
+/// Replaces each cell by its chessboard distance to the nearest cell that is 0, or to the `outside` where that is marked. Cells
+/// are 0 or [`FAR`], x fastest.
+pub fn chessboard(cells: &mut [u8], dims: [usize; 3], outside: Outside) {
     let [nx, ny, nz] = dims;
     let plane = nx * ny;
-    if edge {
+    if outside == Outside::Marked {
         for slice in [0, nz - 1] {
             cells[slice * plane..(slice + 1) * plane].iter_mut().for_each(|c| *c = (*c).min(1));
         }
@@ -30,7 +39,7 @@ pub fn chessboard(cells: &mut [u8], dims: [usize; 3], edge: bool) {
         lower_slice(&mut before[(k - 1) * plane..], &after[..plane], nx);
     }
     cells.par_chunks_mut(plane).for_each(|slice| {
-        if edge {
+        if outside == Outside::Marked {
             slice[..nx].iter_mut().for_each(|c| *c = (*c).min(1));
             slice[plane - nx..].iter_mut().for_each(|c| *c = (*c).min(1));
         }
@@ -43,7 +52,7 @@ pub fn chessboard(cells: &mut [u8], dims: [usize; 3], edge: bool) {
             lower_row(&mut before[(j - 1) * nx..], &after[..nx]);
         }
         for row in slice.chunks_exact_mut(nx) {
-            let beside = if edge { 0 } else { FAR };
+            let beside = if outside == Outside::Marked { 0 } else { FAR };
             let along = |last: &mut u8, c: &mut u8| {
                 *c = (*c).min(last.saturating_add(1));
                 *last = *c;

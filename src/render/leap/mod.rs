@@ -1,5 +1,8 @@
 //! Leaping by the distance to the wall (the paper's potential-field assisted method), per voxel and per brick; and how
 //! much emptiness is known to surround a place, which is what frame-to-frame reuse is proven by.
+//!
+//! The distances are in addition to the [`flags`](super::flags), made from them: they exist only for renderers that leap by them
+//! or prove reuse by them, and would cost all others their memory.
 
 pub mod bricks;
 pub mod chessboard;
@@ -8,8 +11,8 @@ pub mod voxels;
 use glam::Vec3;
 
 use super::flags::BRICK_SHIFT;
+use super::prepared_volume::PreparedVolume;
 use super::skip::is_empty_voxel;
-use super::space::PreparedVolume;
 
 pub use bricks::{BrickLeap, BrickWalls};
 pub use voxels::{VoxelLeap, VoxelWalls};
@@ -18,7 +21,7 @@ pub use voxels::{VoxelLeap, VoxelWalls};
 pub const SLACK: f32 = 0.01;
 
 /// Knows how far the wall is from a place.
-pub trait Clearance: Sync {
+pub trait EmptyRadius: Sync {
     /// All voxels nearer to `q` (grown voxel coordinates) than this along every axis are empty, voxels; 0 where nothing
     /// is known.
     fn around(&self, q: Vec3) -> f32;
@@ -32,7 +35,7 @@ pub struct Surroundings<'a> {
     pub bricks: &'a BrickWalls,
 }
 
-impl Clearance for Surroundings<'_> {
+impl EmptyRadius for Surroundings<'_> {
     #[inline(always)]
     fn around(&self, q: Vec3) -> f32 {
         let among_bricks = self.bricks.around(q);

@@ -3,11 +3,11 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 
-use super::chessboard::{FAR, chessboard};
+use super::chessboard::{FAR, Outside, chessboard};
 use super::*;
 use crate::math::hash;
-use crate::render::begin::Anew;
-use crate::render::caster::Shot;
+use crate::render::begin::FromScratch;
+use crate::render::caster::ImageRequest;
 use crate::render::classify::{ByDensity, ByValue};
 use crate::render::sampler::Trilinear;
 use crate::render::skip::Everything;
@@ -33,7 +33,8 @@ proptest! {
         let count: usize = dims.iter().product();
         let marked = |n: usize| hash::uniform(seed, n as u64) < share;
         let mut cells: Vec<u8> = (0..count).map(|n| if marked(n) { 0 } else { FAR }).collect();
-        chessboard(&mut cells, dims, edge);
+        let outside = if edge { Outside::Marked } else { Outside::Unmarked };
+        chessboard(&mut cells, dims, outside);
         let at = |n: usize| [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]];
         for (n, &cell) in cells.iter().enumerate() {
             let p = at(n);
@@ -60,17 +61,17 @@ proptest! {
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, fov, 24, 16).unwrap();
         let settings = Settings::default();
         let (bricks, voxels) = (BrickWalls::new(&s), VoxelWalls::new(&s));
-        let (shot, high) = (Shot { space: &s, view: &view, settings: &settings }, Trilinear::new(&s));
+        let (request, high) = (ImageRequest { space: &s, view: &view, settings: &settings }, Trilinear::new(&s));
         let mut kept = vec![(); 24 * 16];
-        let mut frames = vec![Frame::new(24, 16, false); 7];
+        let mut frames = vec![Frame::new(24, 16); 7];
         let [a, b, c, d, e, f, g] = &mut frames[..] else { unreachable!() };
-        shot.image(&high, &Everything, &ByValue, &Anew, &mut kept, a);
-        shot.image(&high, &BrickLeap::<true>::new(&s, &bricks), &ByValue, &Anew, &mut kept, b);
-        shot.image(&high, &BrickLeap::<false>::new(&s, &bricks), &ByValue, &Anew, &mut kept, c);
-        shot.image(&high, &VoxelLeap::<1>::new(&voxels), &ByValue, &Anew, &mut kept, d);
-        shot.image(&high, &Everything, &ByDensity, &Anew, &mut kept, e);
-        shot.image(&high, &BrickLeap::<false>::new(&s, &bricks), &ByDensity, &Anew, &mut kept, f);
-        shot.image(&high, &VoxelLeap::<2>::new(&voxels), &ByDensity, &Anew, &mut kept, g);
+        request.image(&high, &Everything, &ByValue, &FromScratch, &mut kept, a);
+        request.image(&high, &BrickLeap::<true>::new(&s, &bricks), &ByValue, &FromScratch, &mut kept, b);
+        request.image(&high, &BrickLeap::<false>::new(&s, &bricks), &ByValue, &FromScratch, &mut kept, c);
+        request.image(&high, &VoxelLeap::<1>::new(&voxels), &ByValue, &FromScratch, &mut kept, d);
+        request.image(&high, &Everything, &ByDensity, &FromScratch, &mut kept, e);
+        request.image(&high, &BrickLeap::<false>::new(&s, &bricks), &ByDensity, &FromScratch, &mut kept, f);
+        request.image(&high, &VoxelLeap::<2>::new(&voxels), &ByDensity, &FromScratch, &mut kept, g);
         prop_assert!(a == b && a == c && a == d);
         prop_assert!(e == f && e == g);
     }

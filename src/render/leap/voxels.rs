@@ -4,13 +4,13 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::render::march::Ray;
+use crate::render::prepared_volume::PreparedVolume;
 use crate::render::sampler::nearest;
 use crate::render::skip::Skipper;
-use crate::render::space::PreparedVolume;
 use crate::volume::AIR_HU;
 
-use super::chessboard::{FAR, chessboard};
-use super::{Clearance, SLACK};
+use super::chessboard::{FAR, Outside, chessboard};
+use super::{EmptyRadius, SLACK};
 
 /// For each voxel the number of voxels, by chessboard moves, to the nearest one that is not empty; 255 means at least so
 /// many. Chessboard and not Euclidean distance: what a sample depends on is a box of voxels, whatever their spacing.
@@ -26,7 +26,8 @@ impl VoxelWalls {
         let dims = volume.grid().dims();
         let mut distance: Vec<u8> =
             volume.data().par_iter().with_min_len(1 << 16).map(|&v| if v <= lo { FAR } else { 0 }).collect();
-        chessboard(&mut distance, dims, AIR_HU > lo);
+        let outside = if AIR_HU > lo { Outside::Marked } else { Outside::Unmarked };
+        chessboard(&mut distance, dims, outside);
         Self { dims, distance }
     }
 
@@ -44,7 +45,7 @@ impl VoxelWalls {
     }
 }
 
-impl Clearance for VoxelWalls {
+impl EmptyRadius for VoxelWalls {
     #[inline(always)]
     fn around(&self, q: Vec3) -> f32 {
         // `q` is at most half a voxel from the voxel.

@@ -36,7 +36,7 @@ impl Empty for f32 {
 
 /// An old picture.
 pub struct Known<K> {
-    /// Whence it was seen.
+    /// The camera that saw it.
     pub view: View,
     /// What was kept of each pixel.
     pub pixels: Vec<K>,
@@ -92,38 +92,55 @@ impl<K: Empty + Sync> Known<K> {
     }
 }
 
-/// How the camera has moved and turned since the old picture.
-pub struct Motion {
-    old: View,
-    new: View,
+/// How a perspective camera has moved and turned since the old picture.
+pub struct Reprojection {
+    old: Image,
+    new: Image,
     /// The new camera's place in the old one's axes: forward, right, up; mm.
     pub moved: DVec3,
     /// The new camera's axes in the old one's.
     axes: [DVec3; 3],
 }
 
-impl Motion {
-    /// From the `old` picture to the `new` one.
-    pub fn new(old: &View, new: &View) -> Self {
+/// The image of a perspective camera.
+struct Image {
+    size: [usize; 2],
+    /// Side of a pixel at distance 1.
+    pixel: f64,
+    centre: [f64; 2],
+}
+
+impl Image {
+    /// That of `view`; none where its camera is another.
+    fn new(view: &View) -> Option<Self> {
+        Some(Self { size: [view.width(), view.height()], pixel: view.pixel()?, centre: view.centre() })
+    }
+}
+
+impl Reprojection {
+    /// From the `old` picture to the `new` one; none where one of them is not that of a perspective camera.
+    pub fn new(old: &View, new: &View) -> Option<Self> {
         let turn = |v: DVec3| DVec3::new(v.dot(old.forward()), v.dot(old.right()), v.dot(old.up()));
         let moved = turn(new.position() - old.position());
-        Self { old: *old, new: *new, moved, axes: [new.forward(), new.right(), new.up()].map(turn) }
+        let axes = [new.forward(), new.right(), new.up()].map(turn);
+        Some(Self { old: Image::new(old)?, new: Image::new(new)?, moved, axes })
     }
 
     /// Direction through the point (`x`, `y`) of the new image in the old camera's axes; its length is the distance at
     /// which it meets the plane at distance 1 from the new camera.
     #[inline]
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
-        let side = self.new.pixel();
-        let (a, b) = ((x - self.new.centre()[0]) * side, (self.new.centre()[1] - y) * side);
+        let Image { pixel, centre, .. } = self.new;
+        let (a, b) = ((x - centre[0]) * pixel, (centre[1] - y) * pixel);
         self.axes[0] + self.axes[1] * a + self.axes[2] * b
     }
 
     /// Where a place (in the old camera's axes) is seen in the old image; not finite or far out where it is not.
     #[inline]
     pub fn project(&self, p: DVec3) -> [f64; 2] {
-        let scale = 1.0 / (p.x * self.old.pixel());
-        [self.old.centre()[0] + p.y * scale, self.old.centre()[1] - p.z * scale]
+        let Image { pixel, centre, .. } = self.old;
+        let scale = 1.0 / (p.x * pixel);
+        [centre[0] + p.y * scale, centre[1] - p.z * scale]
     }
 
     /// The block's box in the old image (pixels, `[first, last]` in x and y) from `from` mm on.
@@ -146,7 +163,7 @@ impl Motion {
                 }
             }
         }
-        let sides = [self.old.width() as f64, self.old.height() as f64];
+        let sides = self.old.size.map(|n| n as f64);
         // Old pixels are proven to be empty a little beyond their edges, so that a block that lies as the old ones do
         // needs no others.
         let inside = |a: usize| low[a] >= -BEYOND && high[a] <= sides[a] + BEYOND;
@@ -170,13 +187,13 @@ impl Bounds {
     /// blocks that `skip` names keep no more than that.
     pub fn new<K: Empty + Sync>(
         known: &Known<K>,
-        motion: &Motion,
+        motion: &Reprojection,
         free: f64,
         skip: impl Fn(usize) -> bool + Sync,
         mut mm: Vec<f32>,
     ) -> Self {
         const SPLIT: usize = COARSE / BLOCK;
-        let (width, height) = (motion.new.width(), motion.new.height());
+        let [width, height] = motion.new.size;
         let blocks = width.div_ceil(BLOCK);
         mm.clear();
         mm.resize(blocks * height.div_ceil(BLOCK), free as f32);
@@ -219,7 +236,7 @@ impl Bounds {
 /// How far the block of new pixels between the given edges is empty, if it is so up to `free` mm.
 fn bound<K: Empty + Sync>(
     known: &Known<K>,
-    motion: &Motion,
+    motion: &Reprojection,
     x: [usize; 2],
     y: [usize; 2],
     mut free: f64,

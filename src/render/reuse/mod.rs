@@ -3,8 +3,8 @@
 //! The camera moves little between pictures, so most of what a ray passes was seen to be empty in the last one.
 //! [`known`] says which part of each new ray is proven to be so, for any motion with six degrees of freedom; what is not
 //! proven is traced anew. [`prove`] finds along each ray what the next picture may rely on. [`paper`] has the paper's own
-//! rule, a guess that is cut back to what is proven. Rays only ever leave out samples of opacity 0 that lie on the same
-//! lattice as all others, so a picture is the same bit for bit with and without reuse.
+//! rule, a guess that is cut back to what is proven. Rays only ever leave out samples of opacity 0 that lie at the same
+//! places as all others, so a picture is the same bit for bit with and without reuse.
 
 pub mod known;
 pub mod paper;
@@ -12,16 +12,17 @@ pub mod prove;
 
 use glam::{DVec3, Vec3};
 
-use super::begin::{Anew, Begin};
-use super::caster::Shot;
+use super::begin::{Begin, FromScratch};
+use super::caster::ImageRequest;
 use super::classify::{ByDensity, ByValue, Classifier};
-use super::leap::{BrickWalls, Clearance, SLACK, Surroundings};
+use super::leap::{BrickWalls, EmptyRadius, SLACK, Surroundings};
 use super::march::Ray;
+use super::memory::MemoryPart;
+use super::prepared_volume::PreparedVolume;
 use super::quality::{Classification, Settings};
 use super::renderer::Renderer;
-use super::space::PreparedVolume;
 use super::{Frame, View, Work};
-use known::{Bounds, Empty, Known, Motion};
+use known::{Bounds, Empty, Known, Reprojection};
 use paper::Trace;
 use prove::Pyramid;
 
@@ -47,9 +48,9 @@ impl Refresh {
 }
 
 /// What pictures are cast through, with the clearance that their emptiness is proven by.
-pub trait Scenery: Send + Sync {
+pub trait VoxelStorage: Send + Sync {
     /// Tells the surroundings of a place.
-    type Clear<'a>: Clearance
+    type Radius<'a>: EmptyRadius
     where
         Self: 'a;
 
@@ -57,7 +58,7 @@ pub trait Scenery: Send + Sync {
     fn space(&self) -> &PreparedVolume;
 
     /// What tells the surroundings.
-    fn clear(&self) -> Self::Clear<'_>;
+    fn empty_radius(&self) -> Self::Radius<'_>;
 
     /// Casts a picture.
     fn image<B: Begin>(
@@ -70,54 +71,54 @@ pub trait Scenery: Send + Sync {
     ) -> Work;
 
     /// Memory beside the 16-bit voxels, by what it is for.
-    fn parts(&self) -> Vec<(&'static str, usize)>;
+    fn parts(&self) -> Vec<(MemoryPart, usize)>;
 }
 
 /// Renders every picture on its own.
 pub struct Plain<S> {
-    scenery: S,
+    storage: S,
     settings: Settings,
 }
 
-impl<S: Scenery> Plain<S> {
-    /// Renders `scenery` by `settings`.
-    pub fn new(scenery: S, settings: Settings) -> Self {
-        Self { scenery, settings }
+impl<S: VoxelStorage> Plain<S> {
+    /// Renders `storage` by `settings`.
+    pub fn new(storage: S, settings: Settings) -> Self {
+        Self { storage, settings }
     }
 }
 
-impl<S: Scenery> Renderer for Plain<S> {
+impl<S: VoxelStorage> Renderer for Plain<S> {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
         let mut kept = vec![(); view.width() * view.height()];
-        self.scenery.image(view, &self.settings, &Anew, &mut kept, frame)
+        self.storage.image(view, &self.settings, &FromScratch, &mut kept, frame)
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
-        self.scenery.parts()
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        self.storage.parts()
     }
 }
 
 /// The 16-bit voxels, with the wall's distance per brick.
-pub struct Words {
+pub struct WordStorage {
     space: PreparedVolume,
     bricks: BrickWalls,
 }
 
-impl Words {
+impl WordStorage {
     /// Prepares `space`.
     pub fn new(space: &PreparedVolume) -> Self {
         Self { space: space.clone(), bricks: BrickWalls::new(space) }
     }
 }
 
-impl Scenery for Words {
-    type Clear<'a> = Surroundings<'a>;
+impl VoxelStorage for WordStorage {
+    type Radius<'a> = Surroundings<'a>;
 
     fn space(&self) -> &PreparedVolume {
         &self.space
     }
 
-    fn clear(&self) -> Surroundings<'_> {
+    fn empty_radius(&self) -> Surroundings<'_> {
         Surroundings { space: &self.space, bricks: &self.bricks }
     }
 
@@ -129,18 +130,18 @@ impl Scenery for Words {
         kept: &mut [B::Kept],
         frame: &mut Frame,
     ) -> Work {
-        Shot { space: &self.space, view, settings }.plain(begin, kept, frame)
+        ImageRequest { space: &self.space, view, settings }.plain(begin, kept, frame)
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
-        vec![("homogeneous-region flags", self.space.bytes()), ("wall distance per brick", self.bricks.bytes())]
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        vec![(MemoryPart::Flags, self.space.bytes()), (MemoryPart::BrickDistances, self.bricks.bytes())]
     }
 }
 
 /// What a way of reuse keeps of each pixel, and how it lets a ray begin.
 pub trait Rule: Copy + Default + Empty + Send + Sync {
     /// How far a ray begins at the most, mm.
-    fn begin(known: &Known<Self>, motion: &Motion, x: usize, y: usize, ray: &Ray) -> f32;
+    fn begin(known: &Known<Self>, motion: &Reprojection, x: usize, y: usize, ray: &Ray) -> f32;
     /// Keeps how far the pyramid is empty.
     fn keep_empty(&mut self, mm: f32);
     /// Keeps where the ray first met something.
@@ -150,7 +151,7 @@ pub trait Rule: Copy + Default + Empty + Send + Sync {
 /// Six degrees of freedom: a ray begins where the proof ends.
 impl Rule for f32 {
     #[inline(always)]
-    fn begin(_: &Known<Self>, _: &Motion, _: usize, _: usize, _: &Ray) -> f32 {
+    fn begin(_: &Known<Self>, _: &Reprojection, _: usize, _: usize, _: &Ray) -> f32 {
         Self::INFINITY
     }
 
@@ -164,7 +165,7 @@ impl Rule for f32 {
 
 /// The paper's rule.
 impl Rule for Trace {
-    fn begin(known: &Known<Self>, motion: &Motion, x: usize, y: usize, ray: &Ray) -> f32 {
+    fn begin(known: &Known<Self>, motion: &Reprojection, x: usize, y: usize, ray: &Ray) -> f32 {
         paper::guess(known, motion, x, y, ray)
     }
 
@@ -180,7 +181,7 @@ impl Rule for Trace {
 
 /// Renders with what the last picture tells.
 pub struct Reusing<S, R> {
-    scenery: S,
+    storage: S,
     settings: Settings,
     refresh: Refresh,
     known: Option<Known<R>>,
@@ -189,10 +190,10 @@ pub struct Reusing<S, R> {
     pictures: u32,
 }
 
-impl<S: Scenery, R: Rule> Reusing<S, R> {
-    /// Renders `scenery` by `settings`.
-    pub fn new(scenery: S, settings: Settings, refresh: Refresh) -> Self {
-        Self { scenery, settings, refresh, known: None, spare: (Vec::new(), Vec::new(), Vec::new()), pictures: 0 }
+impl<S: VoxelStorage, R: Rule> Reusing<S, R> {
+    /// Renders `storage` by `settings`.
+    pub fn new(storage: S, settings: Settings, refresh: Refresh) -> Self {
+        Self { storage, settings, refresh, known: None, spare: (Vec::new(), Vec::new(), Vec::new()), pictures: 0 }
     }
 
     fn reach(&self) -> f32 {
@@ -203,21 +204,26 @@ impl<S: Scenery, R: Rule> Reusing<S, R> {
     }
 }
 
-impl<S: Scenery, R: Rule> Renderer for Reusing<S, R> {
+impl<S: VoxelStorage, R: Rule> Renderer for Reusing<S, R> {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
-        let space = self.scenery.space();
-        let free = free_mm(space, &self.scenery.clear(), view.position(), self.reach());
+        let space = self.storage.space();
+        // Pixels of other cameras are no pyramids: nothing is proven of them.
+        let Some(pyramid) = Pyramid::new(space, view, self.settings.samples_per_pixel, self.reach()) else {
+            self.known = None;
+            let mut kept = vec![(); view.width() * view.height()];
+            return self.storage.image(view, &self.settings, &FromScratch, &mut kept, frame);
+        };
+        let free = free_mm(space, &self.storage.empty_radius(), view.position(), self.reach());
         let (mut kept, coarse, mm) = std::mem::take(&mut self.spare);
         kept.resize(view.width() * view.height(), R::default());
         let known = self.known.take();
         let (n, refresh) = (self.pictures, self.refresh);
-        let last = known.as_ref().filter(|_| !refresh.is_key_frame(n)).map(|known| {
-            let motion = Motion::new(&known.view, view);
+        let last = known.as_ref().filter(|_| !refresh.is_key_frame(n)).and_then(|known| {
+            let motion = Reprojection::new(&known.view, view)?;
             let bounds = Bounds::new(known, &motion, free, |block| refresh.is_stale(n, block), mm);
-            (known, motion, bounds)
+            Some((known, motion, bounds))
         });
-        let clear = self.scenery.clear();
-        let pyramid = Pyramid::new(space, view, self.settings.samples_per_pixel, self.reach());
+        let clear = self.storage.empty_radius();
         let begin = FromLast {
             clear,
             pyramid,
@@ -225,25 +231,25 @@ impl<S: Scenery, R: Rule> Renderer for Reusing<S, R> {
             free: free as f32,
             last: last.as_ref().map(|(k, m, b)| (*k, m, b)),
         };
-        let work = self.scenery.image(view, &self.settings, &begin, &mut kept, frame);
+        let work = self.storage.image(view, &self.settings, &begin, &mut kept, frame);
         let mm = last.map_or_else(Vec::new, |(_, _, bounds)| bounds.into_mm());
         let (spare, _) = known.map_or_else(Default::default, Known::into_parts);
-        self.known = Some(Known::new(*view, kept, coarse));
+        self.known = Some(Known::new(view.clone(), kept, coarse));
         self.spare = (spare, Vec::new(), mm);
         self.pictures = self.pictures.wrapping_add(1);
         work
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
         let spare = self.spare.0.capacity() * size_of::<R>() + self.spare.2.capacity() * size_of::<f32>();
-        let mut parts = self.scenery.parts();
-        parts.push(("frame cache", self.known.as_ref().map_or(0, Known::bytes) + spare));
+        let mut parts = self.storage.parts();
+        parts.push((MemoryPart::FrameCache, self.known.as_ref().map_or(0, Known::bytes) + spare));
         parts
     }
 }
 
 /// How far samples are empty all round a place, mm.
-fn free_mm(space: &PreparedVolume, clear: &impl Clearance, world: DVec3, reach: f32) -> f64 {
+fn free_mm(space: &PreparedVolume, clear: &impl EmptyRadius, world: DVec3, reach: f32) -> f64 {
     let grid = space.volume().grid();
     let q = grid.voxel(world) + DVec3::ONE;
     let inside = (0..3).all(|a| q[a] > 0.0 && q[a] < (grid.dims()[a] + 1) as f64);
@@ -261,10 +267,10 @@ struct FromLast<'a, C, R> {
     forward: Vec3,
     /// So much is empty all round the camera, mm.
     free: f32,
-    last: Option<(&'a Known<R>, &'a Motion, &'a Bounds)>,
+    last: Option<(&'a Known<R>, &'a Reprojection, &'a Bounds)>,
 }
 
-impl<C: Clearance, R: Rule> FromLast<'_, C, R> {
+impl<C: EmptyRadius, R: Rule> FromLast<'_, C, R> {
     /// The proven bound of a pixel, mm, and where the rule lets its ray begin.
     #[inline(always)]
     fn told(&self, x: usize, y: usize, ray: &Ray) -> (f32, f32) {
@@ -275,7 +281,7 @@ impl<C: Clearance, R: Rule> FromLast<'_, C, R> {
     }
 }
 
-impl<C: Clearance, R: Rule> Begin for FromLast<'_, C, R> {
+impl<C: EmptyRadius, R: Rule> Begin for FromLast<'_, C, R> {
     type Kept = R;
 
     #[inline(always)]

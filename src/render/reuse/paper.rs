@@ -11,7 +11,7 @@
 //!
 //! The rule is a guess: a wall that runs along the view, or a fold that comes out from behind another, breaks it.
 
-use super::known::{Empty, Known, Motion};
+use super::known::{Empty, Known, Reprojection};
 use crate::render::march::Ray;
 
 /// So many samples before the guessed wall are looked at again.
@@ -34,7 +34,7 @@ impl Empty for Trace {
 
 /// How far the paper's rule would let a `ray` through pixel (`x`, `y`) begin, mm; 0 where the old picture does not show
 /// its direction.
-pub fn guess(known: &Known<Trace>, motion: &Motion, x: usize, y: usize, ray: &Ray) -> f32 {
+pub fn guess(known: &Known<Trace>, motion: &Reprojection, x: usize, y: usize, ray: &Ray) -> f32 {
     let direction = motion.direction(x as f64 + 0.5, y as f64 + 0.5);
     if direction.x <= 0.0 {
         return 0.0;

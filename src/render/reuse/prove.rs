@@ -1,15 +1,15 @@
 //! How far the pyramid of a pixel is empty, found along its ray.
 //!
 //! At t mm from the camera every ray of a pixel is within t · spread of the ray in its middle. Where a place of that ray
-//! has more empty surroundings ([`Clearance`]) than this, the pyramid is empty for as much of the ray, before and behind
+//! has more empty surroundings ([`EmptyRadius`]) than this, the pyramid is empty for as much of the ray, before and behind
 //! the place, as is left over; so the ray is walked from one such place to the next (sphere tracing, Hart 1996, of a
 //! cone: Amanatides 1984).
 
 use super::known::BEYOND;
 use crate::render::View;
-use crate::render::leap::{Clearance, SLACK};
+use crate::render::leap::{EmptyRadius, SLACK};
 use crate::render::march::Ray;
-use crate::render::space::PreparedVolume;
+use crate::render::prepared_volume::PreparedVolume;
 
 /// The least that a step must gain, voxels.
 const GAIN: f32 = 0.1;
@@ -26,20 +26,18 @@ pub struct Pyramid {
 }
 
 impl Pyramid {
-    /// For pixels of `view` with `samples_per_pixel` rays each, and samples that depend on `reach` voxels of `space`.
-    pub fn new(space: &PreparedVolume, view: &View, samples_per_pixel: u32, reach: f32) -> Self {
+    /// For pixels of `view` with `samples_per_pixel` rays each, and samples that depend on `reach` voxels of `space`; none
+    /// where its camera is not a perspective one.
+    pub fn new(space: &PreparedVolume, view: &View, samples_per_pixel: u32, reach: f32) -> Option<Self> {
         let across = if samples_per_pixel > 1 { 2f64.sqrt() } else { 0.5f64.sqrt() };
-        Self {
-            mm_per_voxel: mm_per_voxel(space) as f32,
-            reach,
-            spread: (view.pixel() * (across + 3.0 * BEYOND)) as f32,
-        }
+        let spread = (view.pixel()? * (across + 3.0 * BEYOND)) as f32;
+        Some(Self { mm_per_voxel: mm_per_voxel(space) as f32, reach, spread })
     }
 
     /// How far the pyramid around `ray`, which makes the angle whose cosine is `cos` with the view, is empty, if it is
     /// so up to `from` mm. Not beyond the ray's end.
     #[inline(always)]
-    pub fn empty_mm<C: Clearance>(&self, clear: &C, ray: &Ray, cos: f32, from: f32) -> f32 {
+    pub fn empty_mm<C: EmptyRadius>(&self, clear: &C, ray: &Ray, cos: f32, from: f32) -> f32 {
         let end = ray.mm(ray.count);
         // Directions are the plane's points at distance 1, brought to unit length: at least as near to each other.
         let spread = self.spread / (1.0 / cos - self.spread).max(1.0);

@@ -12,9 +12,9 @@ use crate::volume::{Grid, Volume};
 /// Every way of reuse, over the same space.
 fn ways(space: &PreparedVolume, settings: Settings) -> Vec<Box<dyn Renderer>> {
     vec![
-        Box::new(Reusing::<_, f32>::new(Words::new(space), settings, Refresh::Staggered(16))),
-        Box::new(Reusing::<_, f32>::new(Words::new(space), settings, Refresh::Staggered(1000))),
-        Box::new(Reusing::<_, Trace>::new(Words::new(space), settings, Refresh::KeyFrames(10))),
+        Box::new(Reusing::<_, f32>::new(WordStorage::new(space), settings, Refresh::Staggered(16))),
+        Box::new(Reusing::<_, f32>::new(WordStorage::new(space), settings, Refresh::Staggered(1000))),
+        Box::new(Reusing::<_, Trace>::new(WordStorage::new(space), settings, Refresh::KeyFrames(10))),
     ]
 }
 
@@ -64,7 +64,7 @@ fn check(space: &PreparedVolume, settings: Settings, views: &[View]) -> Vec<u64>
         .enumerate()
         .map(|(way, renderer)| {
             let mut reused = 0;
-            let (mut got, mut want) = (Frame::new(1, 1, true), Frame::new(1, 1, true));
+            let (mut got, mut want) = (Frame::with_depth(1, 1), Frame::with_depth(1, 1));
             for (n, view) in views.iter().enumerate() {
                 let work = renderer.render(view, &mut got);
                 let alone = render(space, view, &settings, &mut want);
@@ -194,7 +194,7 @@ fn unusual_places_are_right() {
 fn reuse_looks_at_no_more_samples() {
     let s = lumen([90, 90, 160], DVec3::new(0.7, 0.7, 1.0), (-800.0, -500.0), 3, 0.0);
     let settings = Settings::default();
-    let mut renderer = Reusing::<_, f32>::new(Words::new(&s), settings, Refresh::Staggered(1000));
+    let mut renderer = Reusing::<_, f32>::new(WordStorage::new(&s), settings, Refresh::Staggered(1000));
     let mut frame = Frame::default();
     for n in 0..5 {
         let v =
@@ -210,7 +210,7 @@ fn reuse_looks_at_no_more_samples() {
 #[test]
 fn the_papers_rule_is_counted_when_it_misleads() {
     let s = lumen([90, 90, 160], DVec3::new(0.7, 0.7, 1.0), (-800.0, -500.0), 3, 0.0);
-    let mut renderer = Reusing::<_, Trace>::new(Words::new(&s), Settings::default(), Refresh::KeyFrames(10));
+    let mut renderer = Reusing::<_, Trace>::new(WordStorage::new(&s), Settings::default(), Refresh::KeyFrames(10));
     let mut frame = Frame::default();
     let mut total = Work::default();
     for n in 0..20 {

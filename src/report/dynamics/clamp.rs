@@ -1,4 +1,4 @@
-//! What it costs that no step can pass through the wall: accuracy and time.
+//! The cost of the clamp that keeps every step out of the wall: accuracy and time.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,26 +9,33 @@ use super::contenders::FIXED;
 use super::precision::{TUBE, errors, forces, start, turning};
 use super::tube::Tube;
 use crate::dynamics::advance;
-use crate::dynamics::integrators::{Method, Rosenbrock};
-use crate::dynamics::rigid::Motion;
+use crate::dynamics::integrators::{Rosenbrock, Stepper};
+use crate::dynamics::rigid::RigidBodyState;
 use crate::dynamics::step::{integrate, step};
 use crate::dynamics::{Body, PotentialForce};
 use crate::error::Result;
 use crate::fields::ClearanceFinder;
-use crate::phantom::{Phantom, Settings, Size};
+use crate::phantom::{Phantom, PhantomSettings, Size};
 use crate::progress::Progress;
 use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
-use crate::report::{median, quantile};
+use crate::report::{Effort, median, quantile};
 
 /// How long the flights are, s.
 const SECONDS: f64 = 2.0;
 
+/// Whether a flight is stopped at the wall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Clamp {
+    On,
+    Off,
+}
+
 /// The study.
 ///
 /// # Errors
-/// As the report's.
-pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+/// Those of the whole report.
+pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     page.text(
         "Two flights of two seconds, each against itself in steps of 1/7680 s. Free: that of the soft wall above, which \
          touches nothing. Pushed: the operator pushes towards the wall so hard that without the clamp the camera would be \
@@ -42,24 +49,25 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
         "pushed: error with clamp / mm",
         "pushed: deepest in the wall without clamp / mm",
     ]);
-    let free = fly(&Rosenbrock, DVec3::ZERO, 1.0 / 7680.0, false).0;
+    let free = fly(&Rosenbrock, DVec3::ZERO, 1.0 / 7680.0, Clamp::Off).0;
     let push = DVec3::new(1500.0, 300.0, 0.0);
-    let pushed = fly(&Rosenbrock, push, 1.0 / 7680.0, true).0;
+    let pushed = fly(&Rosenbrock, push, 1.0 / 7680.0, Clamp::On).0;
     let mut added = 0.0f64;
     for (name, method) in FIXED {
         for hz in [15.0, 30.0, 120.0, 480.0] {
             let h = 1.0 / hz;
-            let [off, on] = [false, true].map(|clamp| errors(&fly(method, DVec3::ZERO, h, clamp).0, &free)[0]);
+            let [off, on] =
+                [Clamp::Off, Clamp::On].map(|clamp| errors(&fly(method, DVec3::ZERO, h, clamp).0, &free)[0]);
             added = added.max(on - off);
-            let slid = errors(&fly(method, push, h, true).0, &pushed)[0];
-            let deepest = fly(method, push, h, false).1;
+            let slid = errors(&fly(method, push, h, Clamp::On).0, &pushed)[0];
+            let deepest = fly(method, push, h, Clamp::Off).1;
             let cells = [h, off, on, slid, deepest].map(|v| Cell::Number(v, 4));
             t.row(std::iter::once(name.into()).chain(cells).collect());
         }
         progress.check()?;
     }
     page.table("clamp", &t)?;
-    let [free_us, touching_us] = clamp_times(quick, progress)?;
+    let [free_us, touching_us] = clamp_times(effort, progress)?;
     Ok(vec![format!(
         "In free flight the clamp adds at most {added:.0e} mm to any method's error at any of these steps, as a step \
          within the free distance is taken whole; it takes {free_us:.0} µs a step in mid-lumen of a phantom and \
@@ -68,17 +76,16 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
 }
 
 /// Where a flight ends, and how deep it was in the wall, mm.
-fn fly(method: &dyn Method, push: DVec3, h: f64, clamp: bool) -> (Motion, f64) {
+fn fly(method: &dyn Stepper, push: DVec3, h: f64, clamp: Clamp) -> (RigidBodyState, f64) {
     let body = Body::default();
     let force = PotentialForce { push, ..forces(100.0) };
     let turn = turning();
     let mut m = start(&body);
     let mut deepest = 0.0f64;
     for _ in 0..(SECONDS / h).round() as u32 {
-        m = if clamp {
-            step(method, &body, &m, &force, &turn, &TUBE, h).motion
-        } else {
-            integrate(method, &body, &m, &force, &turn, h).0
+        m = match clamp {
+            Clamp::On => step(method, &body, &m, &force, &turn, &TUBE, h).motion,
+            Clamp::Off => integrate(method, &body, &m, &force, &turn, h).0,
         };
         deepest = deepest.max(depth(&TUBE, m.position));
     }
@@ -90,11 +97,11 @@ fn depth(tube: &Tube, at: DVec3) -> f64 {
 }
 
 /// Time of the clamp in the middle of a phantom's lumen and against its wall, µs.
-fn clamp_times(quick: bool, progress: &Progress) -> Result<[f64; 2]> {
-    let phantom = Phantom::new(&Settings { size: Size::Small, ..Settings::default() });
+fn clamp_times(effort: Effort, progress: &Progress) -> Result<[f64; 2]> {
+    let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let truth = phantom.truth();
     let walls = ClearanceFinder::new(Arc::new(phantom.voxelise(&phantom.grid(), progress)?), -650.0, 11.0);
-    let places: Vec<DVec3> = truth.centerline.iter().copied().step_by(if quick { 40 } else { 10 }).collect();
+    let places: Vec<DVec3> = truth.centerline.iter().copied().step_by(effort.choose(40, 10)).collect();
     let time = |from: &dyn Fn(DVec3) -> DVec3, by: DVec3| {
         let times: Vec<f64> = places
             .iter()
@@ -105,7 +112,7 @@ fn clamp_times(quick: bool, progress: &Progress) -> Result<[f64; 2]> {
                 begun.elapsed().as_secs_f64() * 1e6
             })
             .collect();
-        // A busy machine only adds.
+        // A busy machine only adds time.
         quantile(&times, 0.25).min(median(&times))
     };
     let touching = |p: DVec3| advance(&walls, p, DVec3::new(0.0, 1.0, 0.3) * 100.0, 1.5).position;

@@ -1,15 +1,16 @@
-//! What motion without drag keeps: energy in a well, momentum and angular momentum without forces.
+//! Conservation without drag: energy in a well, momentum and angular momentum without forces.
 
 use glam::DVec3;
 
 use super::contenders::FIXED;
 use super::precision::{TUBE, forces};
-use crate::dynamics::integrators::Method;
-use crate::dynamics::rigid::{Motion, Turning, free};
+use crate::dynamics::integrators::Stepper;
+use crate::dynamics::rigid::{RigidBodyState, Turning, free};
 use crate::dynamics::step::integrate;
-use crate::dynamics::{Attitude, Body, PotentialForce};
+use crate::dynamics::{Attitude, Body, PotentialForce, STEP_HZ, STEP_S};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::report::Effort;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
@@ -17,9 +18,9 @@ use crate::report::table::{Cell, Table};
 /// The study.
 ///
 /// # Errors
-/// As the report's.
-pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
-    let seconds = if quick { 5.0 } else { 30.0 };
+/// Those of the whole report.
+pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let seconds = effort.choose(5.0, 30.0);
     page.text(&format!(
         "Without drag and without a target the body swings across the tube for {seconds} s; the error of its energy at \
          the end is told as a share of what it began with, above that of rest on the axis."
@@ -36,7 +37,7 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
                 name: String::new(),
             }
         });
-        at_flight.push((name, drift(1.0 / 120.0)));
+        at_flight.push((name, drift(STEP_S)));
         series.push(Series { name: name.to_owned(), points: points.to_vec(), line: true });
         progress.check()?;
     }
@@ -60,27 +61,27 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
         }
         progress.check()?;
     }
-    page.text(
-        "Without forces, 1000 steps of 1/120 s with a spin of 1e4 rad/s: shares of momenta and energy that were lost or \
+    page.text(&format!(
+        "Without forces, 1000 steps of 1/{STEP_HZ} s with a spin of 1e4 rad/s: shares of momenta and energy that were lost or \
          won, and the angle to the exact motion.",
-    );
+    ));
     page.table("free-motion", &t)?;
     let told: Vec<String> = at_flight.iter().map(|(name, d)| format!("{name} {d:+.0e}")).collect();
     Ok(vec![format!(
-        "Without drag the energy is off after {seconds} s in steps of 1/120 s by a share of: {}. Without forces momentum \
+        "Without drag the energy is off after {seconds} s in steps of 1/{STEP_HZ} s by a share of: {}. Without forces momentum \
          and angular momentum stay within {worst:.0e} in every method, at a spin of 1e4 rad/s.",
         told.join(", ")
     )])
 }
 
-/// The share by which the energy is off at the end.
-fn energy_drift(method: &dyn Method, h: f64, seconds: f64) -> f64 {
+/// Relative error of the energy at the end.
+fn energy_drift(method: &dyn Stepper, h: f64, seconds: f64) -> f64 {
     let body = Body { drag_per_s: 0.0, ..Body::default() };
     let force = PotentialForce { target: None, ..forces(1e4) };
     let rest = force.sample(TUBE.place(0.0, 0.0, 0.0)).energy;
     let energy =
-        |m: &Motion| m.momentum.length_squared() / (2.0 * body.mass_g) + force.sample(m.position).energy - rest;
-    let mut m = Motion::at_rest(TUBE.place(0.0, 4.0, 0.0), Attitude::new(DVec3::Z, DVec3::Y));
+        |m: &RigidBodyState| m.momentum.length_squared() / (2.0 * body.mass_g) + force.sample(m.position).energy - rest;
+    let mut m = RigidBodyState::at_rest(TUBE.place(0.0, 4.0, 0.0), Attitude::new(DVec3::Z, DVec3::Y));
     m.momentum = DVec3::new(0.0, 20.0, 5.0);
     let begun = energy(&m);
     for _ in 0..(seconds / h).round() as u64 {
@@ -93,20 +94,21 @@ fn energy_drift(method: &dyn Method, h: f64, seconds: f64) -> f64 {
 }
 
 /// Momentum, angular momentum, energy of rotation (shares) and orientation (rad) of a free cylinder.
-fn free_drift(method: &dyn Method, radius: f64, length: f64) -> [f64; 4] {
+fn free_drift(method: &dyn Stepper, radius: f64, length: f64) -> [f64; 4] {
     let (cylinder_radius_mm, cylinder_length_mm) = (Some(radius), Some(length));
     let body = Body { drag_per_s: 0.0, cylinder_radius_mm, cylinder_length_mm, ..Body::default() };
     let j = body.inertia();
-    let mut m = Motion::at_rest(DVec3::new(50.0, -20.0, 7.0), Attitude::new(DVec3::new(0.3, 1.0, -0.2), DVec3::Z));
+    let mut m =
+        RigidBodyState::at_rest(DVec3::new(50.0, -20.0, 7.0), Attitude::new(DVec3::new(0.3, 1.0, -0.2), DVec3::Z));
     m.momentum = DVec3::new(3.0, -40.0, 11.0);
     m.angular = j.momentum(DVec3::new(0.48, 0.6, 0.64) * 1e4, m.orientation * DVec3::Z);
-    let (begun, h, steps) = (m, 1.0 / 120.0, 1000);
-    let energy = |m: &Motion| j.energy(m.angular, m.orientation * DVec3::Z);
+    let (begun, h, steps) = (m, STEP_S, 1000);
+    let energy = |m: &RigidBodyState| j.energy(m.angular, m.orientation * DVec3::Z);
     for _ in 0..steps {
         m = integrate(method, &body, &m, &DVec3::ZERO, &Turning::FREE, h).0;
     }
     let exact = free::turn(begun.orientation, begun.angular, &j, 0.0, h * f64::from(steps));
-    let exact = Motion { orientation: exact, ..m };
+    let exact = RigidBodyState { orientation: exact, ..m };
     [
         (m.momentum - begun.momentum).length() / begun.momentum.length(),
         (m.angular - begun.angular).length() / begun.angular.length(),

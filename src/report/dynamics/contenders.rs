@@ -1,12 +1,12 @@
 //! The methods that are compared.
 
 use crate::dynamics::integrators::{
-    BackwardEuler, Control, DormandPrince, Effort, ExplicitEuler, ExponentialEuler, ImplicitMidpoint, Integrator,
-    Method, Phase, Rk4, Rosenbrock, RosenbrockAdaptive, SemiImplicitEuler, System,
+    BackwardEuler, Control, DormandPrince, ExplicitEuler, ExponentialEuler, ImplicitMidpoint, Integrator, Phase, Rk4,
+    Rosenbrock, RosenbrockAdaptive, SemiImplicitEuler, StepCost, Stepper, System,
 };
 
 /// A method of fixed steps. A new one is one more line.
-pub const FIXED: [(&str, &dyn Method); 8] = [
+pub const FIXED: [(&str, &dyn Stepper); 8] = [
     ("explicit Euler", &ExplicitEuler),
     ("semi-implicit Euler", &SemiImplicitEuler),
     ("exponential Euler", &ExponentialEuler),
@@ -33,7 +33,7 @@ pub fn label(integrator: Integrator) -> &'static str {
 }
 
 /// Makes an adaptive method with its tolerance.
-type Make = fn(Control) -> Box<dyn Method>;
+type Make = fn(Control) -> Box<dyn Stepper>;
 
 /// The adaptive methods.
 pub const ADAPTIVE: [(&str, Make); 2] = [
@@ -44,9 +44,9 @@ pub const ADAPTIVE: [(&str, Make); 2] = [
 /// Dormand and Prince's fifth order without control.
 pub struct Fifth;
 
-impl Method for Fifth {
-    fn step(&self, system: &dyn System, y: Phase, h: f64, effort: &mut Effort) -> Phase {
-        DormandPrince::fixed(system, y, h, effort)
+impl Stepper for Fifth {
+    fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+        DormandPrince::fixed(system, y, h, cost)
     }
 
     fn order(&self) -> u32 {

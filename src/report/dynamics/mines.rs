@@ -1,27 +1,27 @@
-//! How many mines, how far apart, how far they reach: who arrives.
+//! How the number of mines, their spacing and their reach change which flights arrive.
 
 use crate::app::Scene;
 use crate::dynamics::mines::MineSettings;
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::report::mean;
 use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
 use crate::report::trials::{self, Course};
+use crate::report::{Effort, mean};
 
-/// What is changed, one at a time from the defaults.
+/// The settings that are tried, one change at a time from the defaults.
 const KEPT: [usize; 7] = [0, 1, 4, 8, 12, 50, 1000];
 const SPACING_MM: [f64; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 const REACH_MM: [f64; 6] = [5.0, 10.0, 15.0, 25.0, 50.0, 100.0];
 /// Simulated seconds of a flight at the most.
 const SECONDS: f64 = 120.0;
 
-/// What one choice of mines brings.
+/// The results of one choice of mines.
 #[derive(Clone, Debug, PartialEq)]
 struct Laid {
-    /// Which.
+    /// The choice.
     settings: MineSettings,
-    /// What of it is not the default.
+    /// Which setting differs from the default.
     changed: &'static str,
     /// Share of the flights that arrive.
     arrived: f64,
@@ -34,10 +34,10 @@ struct Laid {
 /// The study.
 ///
 /// # Errors
-/// As the report's.
-pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
-    let courses = trials::small_phantoms(quick, progress)?;
-    let laid = measure(&courses, quick, progress)?;
+/// Those of the whole report.
+pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let courses = trials::small_phantoms(effort, progress)?;
+    let laid = measure(&courses, effort, progress)?;
     let d = MineSettings::default();
     page.text(&format!(
         "The same {} phantoms with other mines, one thing changed at a time from the default: {} mines, {} mm apart, that reach \
@@ -62,8 +62,8 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
     )])
 }
 
-/// Flies the courses with each choice; `quick`: with every third.
-fn measure(courses: &[Course], quick: bool, progress: &Progress) -> Result<Vec<Laid>> {
+/// Flies the courses with each choice, for a quick report with every third.
+fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Vec<Laid>> {
     let d = MineSettings::default();
     let choices: Vec<(&str, MineSettings)> = (KEPT.map(|kept| ("number", MineSettings { kept, ..d })).into_iter())
         .chain(SPACING_MM.map(|spacing_mm| ("spacing", MineSettings { spacing_mm, ..d })))
@@ -82,10 +82,15 @@ fn measure(courses: &[Course], quick: bool, progress: &Progress) -> Result<Vec<L
             seconds: mean(&arrived),
         })
     };
-    choices.into_iter().enumerate().filter(|(n, _)| !quick || n % 3 == 0).map(|c| measure(c.1)).collect()
+    choices
+        .into_iter()
+        .enumerate()
+        .filter(|(n, _)| effort == Effort::Full || n % 3 == 0)
+        .map(|c| measure(c.1))
+        .collect()
 }
 
-/// As a table.
+/// The results as a table.
 fn table(laid: &[Laid]) -> Table {
     let mut table = Table::new(&[
         "changed",

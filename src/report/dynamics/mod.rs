@@ -1,9 +1,11 @@
-//! `report dynamics`: integrators of the rigid body, error against time; where they are stable; what they conserve; what
-//! the clamp to free space costs; how many tentacles and mines are needed. One study a file.
+//! `report dynamics`: integrators of the rigid body, error against time; where they are stable; what they conserve;
+//! what the clamp to free space costs; how many tentacles and mines are needed. One study a file.
 
 mod clamp;
 mod conserved;
 mod contenders;
+#[cfg(test)]
+mod independent;
 mod mines;
 mod precision;
 mod reference;
@@ -17,10 +19,11 @@ use std::path::Path;
 use crate::error::Result;
 use crate::progress::Progress;
 
+use super::Effort;
 use super::page::Page;
 
 /// One study: measures, writes its part of the page, and returns what it found, a sentence each.
-type Study = fn(bool, &mut Page, &Progress) -> Result<Vec<String>>;
+type Study = fn(Effort, &mut Page, &Progress) -> Result<Vec<String>>;
 
 /// The studies in their order on the page. Another one is one more line here.
 const STUDIES: [(&str, Study); 7] = [
@@ -33,11 +36,11 @@ const STUDIES: [(&str, Study); 7] = [
     ("mines", mines::study),
 ];
 
-/// Measures and writes the report into `folder`. Returns what was found, a sentence each.
+/// Measures and writes the report into `folder`. Returns the findings, a sentence each.
 ///
 /// # Errors
 /// Status 4 when interrupted, 5 when a file cannot be written.
-pub fn report(quick: bool, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+pub fn report(effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
     let mut page = Page::new(folder, "colvis: integrators of the rigid body, error against time")?;
     page.text(
         "The camera is a cylinder of 1 g in a sphere of 1.5 mm, with a drag of 6/s. It flies a bent tube whose distances \
@@ -49,7 +52,7 @@ pub fn report(quick: bool, folder: &Path, progress: &Progress) -> Result<Vec<Str
     progress.stage("measuring integrators", STUDIES.len() as u64);
     for (title, study) in STUDIES {
         page.section(title);
-        for finding in study(quick, &mut page, progress)? {
+        for finding in study(effort, &mut page, progress)? {
             page.finding(&finding);
             findings.push(finding);
         }

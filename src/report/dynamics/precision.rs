@@ -5,24 +5,25 @@ use std::time::Instant;
 use glam::DVec3;
 
 use super::contenders::{ADAPTIVE, FIXED, label};
-use super::reference::{Solver, solve};
+use super::reference;
 use super::tube::{Tube, WayLeft};
-use crate::dynamics::integrators::{Control, Effort, Method};
-use crate::dynamics::rigid::{Motion, Turning, angle, orientation};
+use crate::dynamics::integrators::{Control, StepCost, Stepper};
+use crate::dynamics::rigid::{RigidBodyState, Turning, angle, orientation};
 use crate::dynamics::step::integrate;
-use crate::dynamics::{Attitude, Body, Integrator, Potential, PotentialForce};
+use crate::dynamics::{Attitude, Body, Integrator, Potential, PotentialForce, STEP_HZ, STEP_S};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::report::Effort;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 
 /// How long the flight is, s.
-const SECONDS: f64 = 2.0;
-/// The adaptive methods report so often, as a flight's steps would make them, s.
+pub(super) const SECONDS: f64 = 2.0;
+/// Outer step of the adaptive methods, s.
 const OUTER: f64 = 0.25;
-/// Below these, mm and rad, errors are those of the reference, which turns by less than it goes.
-const FLOOR: [f64; 2] = [2e-11, 1e-12];
+/// Below these, mm and rad, an error may be that of the reference.
+const FLOOR: [f64; 2] = [2.0 * reference::ACCURACY[0], reference::ACCURACY[1]];
 /// Above this, mm or rad, the order says nothing.
 const CEILING: f64 = 0.2;
 
@@ -32,7 +33,7 @@ pub(super) struct Case {
     pub(super) wall_energy: f64,
 }
 
-const CASES: [Case; 3] = [
+pub(super) const CASES: [Case; 3] = [
     Case { name: "soft wall", wall_energy: 100.0 },
     Case { name: "middle wall", wall_energy: 1e4 },
     Case { name: "stiff wall", wall_energy: 1e6 },
@@ -43,29 +44,30 @@ const MIDDLE: usize = 1;
 
 /// The tube of all flights, its kink rounded over a voxel.
 pub(super) const TUBE: Tube = Tube { radius: 15.0, bend: 50.0, rounding: 0.7 };
-/// What is left of the way in it.
+/// The remaining way in it.
 pub(super) const WAY: WayLeft = WayLeft { tube: TUBE, end: 3.0 };
 
-/// The force of a case. Its reach spans the tube, so that every derivative exists everywhere on the way.
+/// The force of a case. Its reach spans the tube, so that all derivatives exist everywhere on the way.
 pub(super) fn forces(wall_energy: f64) -> PotentialForce<'static> {
     let potential = Potential { wall_energy, reach_mm: 20.0, ..Potential::default() };
     PotentialForce { potential, wall: Some(&TUBE), target: Some(&WAY), push: DVec3::ZERO }
 }
 
 /// Where the flights begin: off the axis, moving, and with a slow tumble.
-pub(super) fn start(body: &Body) -> Motion {
+pub(super) fn start(body: &Body) -> RigidBodyState {
     let position = TUBE.place(0.0, 1.0, -0.6);
     let q = orientation(Attitude::new(DVec3::Z, DVec3::Y));
     let angular = body.inertia().momentum(DVec3::new(0.5, -0.4, 1.2), q * DVec3::Z);
-    Motion { position, momentum: DVec3::new(-2.0, 3.0, 20.0) * body.mass_g, orientation: q, angular }
+    RigidBodyState { position, momentum: DVec3::new(-2.0, 3.0, 20.0) * body.mass_g, orientation: q, angular }
 }
 
-/// What turns the view on the flights: by so much that the turn is far from linear, else a high order would not be seen.
+/// What turns the view on the flights: by so much that the turn is far from linear, else a high order would not be
+/// seen.
 pub(super) fn turning() -> Turning {
     Turning::towards(DVec3::new(0.5, 0.3, -0.8), 0.45, 1.8)
 }
 
-/// A number of a flight.
+/// A measured quantity of a flight.
 type Number = fn(&Run) -> f64;
 
 /// One flight by one method.
@@ -85,54 +87,50 @@ struct Run {
 /// The study.
 ///
 /// # Errors
-/// As the report's.
-pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+/// Those of the whole report.
+pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let body = Body::default();
     let (begun, turn) = (start(&body), turning());
     let mut runs = Vec::new();
-    let mut apart = 0.0f64;
     for (number, case) in CASES.iter().enumerate() {
         let force = forces(case.wall_energy);
-        let ends = [Solver::Bdf, Solver::Tsit45].map(|s| solve(s, &body, &begun, &force, &turn, &[SECONDS]));
-        let [bdf, tsit] = ends;
-        let (bdf, tsit) = (bdf?[0], tsit?[0]);
-        let between = errors(&bdf, &tsit);
-        apart = apart.max(between[0]).max(between[1]);
-        let doublings = if quick { 8 } else { 11 };
+        let truth = reference::solve(&body, &begun, &force, &turn, SECONDS);
+        progress.check()?;
+        let doublings = effort.choose(8, 11);
         for (name, method) in FIXED {
             for k in 0..doublings {
                 let steps = 30u32 << k;
-                let run = measure(number, method, SECONDS / f64::from(steps), steps, &tsit, quick);
+                let run = measure(number, method, SECONDS / f64::from(steps), steps, &truth, effort);
                 runs.push(Run { method: name, ..run });
             }
             progress.check()?;
         }
         for (name, make) in ADAPTIVE {
-            for k in 1..if quick { 7 } else { 10 } {
+            for k in 1..effort.choose(7, 10) {
                 let tolerance = 10f64.powi(-k);
                 let method = make(Control { tolerance, most_parts: 100_000 });
-                let run = measure(number, &*method, OUTER, (SECONDS / OUTER) as u32, &tsit, quick);
+                let run = measure(number, &*method, OUTER, (SECONDS / OUTER) as u32, &truth, effort);
                 runs.push(Run { method: name, adaptive: true, setting: tolerance, ..run });
             }
             progress.check()?;
         }
     }
-    write(&runs, page, apart)
+    write(&runs, page)
 }
 
-fn measure(case: usize, method: &dyn Method, h: f64, steps: u32, truth: &Motion, quick: bool) -> Run {
+fn measure(case: usize, method: &dyn Stepper, h: f64, steps: u32, truth: &RigidBodyState, effort: Effort) -> Run {
     let body = Body::default();
     let (force, turn) = (forces(CASES[case].wall_energy), turning());
     let mut times = Vec::new();
     let mut end = start(&body);
-    let mut effort = Effort::default();
-    for _ in 0..if quick { 2 } else { 3 } {
+    let mut cost = StepCost::default();
+    for _ in 0..effort.choose(2, 3) {
         let begun = Instant::now();
-        (end, effort) = (start(&body), Effort::default());
+        (end, cost) = (start(&body), StepCost::default());
         for _ in 0..steps {
             let (next, took) = integrate(method, &body, &end, &force, &turn, h);
             end = next;
-            effort.add(took);
+            cost.add(took);
         }
         times.push(begun.elapsed().as_secs_f64() * 1e6);
     }
@@ -145,13 +143,13 @@ fn measure(case: usize, method: &dyn Method, h: f64, steps: u32, truth: &Motion,
         position,
         orientation,
         microseconds: times.iter().copied().fold(f64::INFINITY, f64::min),
-        rates: f64::from(effort.rates + effort.jacobians),
-        cut_short: effort.cut_short,
+        rates: f64::from(cost.rates + cost.jacobians),
+        cut_short: cost.cut_short,
     }
 }
 
 /// Distance in mm and angle in rad.
-pub(super) fn errors(a: &Motion, b: &Motion) -> [f64; 2] {
+pub(super) fn errors(a: &RigidBodyState, b: &RigidBodyState) -> [f64; 2] {
     [a.position.distance(b.position), angle(a.orientation, b.orientation)]
 }
 
@@ -162,57 +160,68 @@ fn measured_order(runs: &[&Run], floor: f64, error: impl Fn(&Run) -> f64) -> Opt
     pairs.filter(|p| resolved(p[0]) && resolved(p[1])).map(|p| (error(p[0]) / error(p[1])).log2()).next()
 }
 
-fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
+/// Writes plots and tables, and returns what was found.
+fn write(runs: &[Run], page: &mut Page) -> Result<Vec<String>> {
+    let [mm, rad] = reference::ACCURACY;
     page.text(&format!(
-        "Flights of {SECONDS} s in a bent tube of radius {} mm, the kink of D_s rounded over {} mm. The reference is \
-         diffsol's Tsitouras 5(4) at a tolerance of 1e-13 in other coordinates (the quaternion itself); its BDF at 1e-11 \
-         ends within {apart:.0e} mm and rad of it. Evaluations are those of forces, torques and their derivatives.",
-        TUBE.radius, TUBE.rounding
+        "Flights of {SECONDS} s in a bent tube of radius {} mm, the kink of D_s rounded over {} mm. The reference is the \
+         fifth order of Dormand and Prince in {} steps a second. The program's tests hold it to {mm:.0e} mm and {rad:.0e} \
+         rad against diffsol's Tsitouras 5(4) at a tolerance of 1e-13 in other coordinates (the quaternion itself), and \
+         to 2e-9 mm against its BDF at 1e-11. Evaluations are those of forces, torques and their derivatives.",
+        TUBE.radius,
+        TUBE.rounding,
+        reference::STEPS_PER_SECOND
     ));
-    let names: Vec<&'static str> = FIXED.iter().map(|f| f.0).chain(ADAPTIVE.iter().map(|a| a.0)).collect();
     for (number, case) in CASES.iter().enumerate() {
-        let kinds: [(&str, &str, &str, Number, Number); 3] = [
-            ("position-time", "time of the flight / µs", "error in position / mm", |r| r.microseconds, |r| r.position),
-            (
-                "orientation-time",
-                "time of the flight / µs",
-                "error in orientation / rad",
-                |r| r.microseconds,
-                |r| r.orientation,
-            ),
-            ("position-evaluations", "evaluations", "error in position / mm", |r| r.rates, |r| r.position),
-        ];
-        for (file, x, y, across, up) in kinds {
-            let series = names.iter().map(|&name| Series {
-                name: name.to_owned(),
-                points: runs
-                    .iter()
-                    .filter(|r| r.case == number && r.method == name && up(r) < 1e3)
-                    .enumerate()
-                    // Every fourth is named, the others would only hide each other.
-                    .map(|(n, r)| Point {
-                        x: across(r),
-                        y: up(r).max(1e-12),
-                        name: if n % 4 == 0 { setting(r) } else { String::new() },
-                    })
-                    .collect(),
-                line: true,
-            });
-            let plot = Plot {
-                title: format!("{}: {y} over {x}", case.name),
-                x: x.to_owned(),
-                y: y.to_owned(),
-                front: true,
-                series: series.collect(),
-            };
-            let file = format!("{}-{file}", case.name.replace(' ', "-"));
-            page.plot(
-                &file,
-                &plot,
-                "Named by step or tolerance; the grey band is the front that none betters in both.",
-            )?;
-        }
+        plot(runs, number, case, page)?;
     }
+    let orders = write_orders(runs, page)?;
+    write_runs(runs, page)?;
+    Ok(std::iter::once(orders).chain(default_finding(runs)).collect())
+}
+
+/// The plots of one case: errors over time and over evaluations.
+fn plot(runs: &[Run], number: usize, case: &Case, page: &mut Page) -> Result<()> {
+    const TIME: &str = "time of the flight / µs";
+    const POSITION: &str = "error in position / mm";
+    const ORIENTATION: &str = "error in orientation / rad";
+    let kinds: [(&str, &str, &str, Number, Number); 3] = [
+        ("position-time", TIME, POSITION, |r| r.microseconds, |r| r.position),
+        ("orientation-time", TIME, ORIENTATION, |r| r.microseconds, |r| r.orientation),
+        ("position-evaluations", "evaluations", POSITION, |r| r.rates, |r| r.position),
+    ];
+    let names: Vec<&'static str> = FIXED.iter().map(|f| f.0).chain(ADAPTIVE.iter().map(|a| a.0)).collect();
+    for (file, x, y, across, up) in kinds {
+        let series = names.iter().map(|&name| Series {
+            name: name.to_owned(),
+            points: runs
+                .iter()
+                .filter(|r| r.case == number && r.method == name && up(r) < 1e3)
+                .enumerate()
+                // Every fourth is named, the others would only hide each other.
+                .map(|(n, r)| Point {
+                    x: across(r),
+                    y: up(r).max(1e-12),
+                    name: if n % 4 == 0 { setting(r) } else { String::new() },
+                })
+                .collect(),
+            line: true,
+        });
+        let plot = Plot {
+            title: format!("{}: {y} over {x}", case.name),
+            x: x.to_owned(),
+            y: y.to_owned(),
+            front: true,
+            series: series.collect(),
+        };
+        let file = format!("{}-{file}", case.name.replace(' ', "-"));
+        page.plot(&file, &plot, "Named by step or tolerance; the grey band is the front that none betters in both.")?;
+    }
+    Ok(())
+}
+
+/// The table of measured orders; says how far they are from theory.
+fn write_orders(runs: &[Run], page: &mut Page) -> Result<String> {
     let mut t = Table::new(&["wall", "method", "theory", "order in position", "order in orientation"]);
     let mut worst = (0.0f64, String::new());
     let mut orders = 0;
@@ -239,6 +248,16 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
         t.row(cells);
     }
     page.table("orders", &t)?;
+    Ok(format!(
+        "{orders} measured orders of {} methods are within {:.2} of theory (the furthest is {}).",
+        FIXED.len(),
+        worst.0,
+        worst.1
+    ))
+}
+
+/// The table of all flights.
+fn write_runs(runs: &[Run], page: &mut Page) -> Result<()> {
     let mut t = Table::new(&[
         "wall",
         "method",
@@ -261,19 +280,12 @@ fn write(runs: &[Run], page: &mut Page, apart: f64) -> Result<Vec<String>> {
             if r.cut_short { "yes" } else { "no" }.into(),
         ]);
     }
-    page.table("precision", &t)?;
-    let found = format!(
-        "{orders} measured orders of {} methods are within {:.2} of theory (the furthest is {}).",
-        FIXED.len(),
-        worst.0,
-        worst.1
-    );
-    Ok(std::iter::once(found).chain(default_finding(runs)).collect())
+    page.table("precision", &t)
 }
 
 /// At a flight's step: which method errs how much for which time, and why the default is what it is.
 fn default_finding(runs: &[Run]) -> Vec<String> {
-    let near = |r: &Run| (r.setting * 120.0).ln().abs();
+    let near = |r: &Run| (r.setting / STEP_S).ln().abs();
     let at = |case: usize, name: &str| {
         let mine = runs.iter().filter(|r| r.case == case && r.method == name && !r.adaptive);
         mine.min_by(|a, b| near(a).total_cmp(&near(b)))
@@ -290,11 +302,13 @@ fn default_finding(runs: &[Run]) -> Vec<String> {
     let default = Integrator::default();
     let mine = each.clone().find(|(name, _)| *name == label(default));
     let euler = each.clone().find(|(name, _)| *name == label(Integrator::BackwardEuler));
-    let mut findings =
-        vec![format!("At the flight's step of 1/120 s, against a soft, middle and stiff wall: {}.", told.join("; "))];
+    let mut findings = vec![format!(
+        "At the flight's step of 1/{STEP_HZ} s, against a soft, middle and stiff wall: {}.",
+        told.join("; ")
+    )];
     if let (Some((name, mine)), Some((other, euler))) = (mine, euler) {
         findings.push(format!(
-            "The default is {name}: linearly implicit, it is stable at every step tried however stiff the wall, without an iteration that could fail, in {:.1} µs a step. At 1/120 s it errs by {} mm where {other}, which only damps harder, errs by {}, and no explicit method is stable for every wall.",
+            "The default is {name}: linearly implicit, it is stable at every step tried however stiff the wall, without an iteration that could fail, in {:.1} µs a step. At 1/{STEP_HZ} s it errs by {} mm where {other}, which only damps harder, errs by {}, and no explicit method is stable for every wall.",
             micro(mine[0]),
             error(mine[1]),
             error(euler[1]),

@@ -1,35 +1,36 @@
-//! Steady flight along the axis, where `D_s` has its kink: what is not solved well chatters across it.
+//! Steady flight along the axis, where `D_s` has its kink: a poor solution chatters across it.
 
 use glam::DVec3;
 
 use super::contenders::FIXED;
 use super::precision::TUBE;
 use super::tube::{Tube, WayLeft};
-use crate::dynamics::integrators::{Integrator, Method};
-use crate::dynamics::rigid::{Motion, Turning};
+use crate::dynamics::integrators::{Integrator, Stepper};
+use crate::dynamics::rigid::{RigidBodyState, Turning};
 use crate::dynamics::step::integrate;
-use crate::dynamics::{Attitude, Body, Potential, PotentialForce};
+use crate::dynamics::{Attitude, Body, Potential, PotentialForce, STEP_HZ, STEP_S};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::report::Effort;
 use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
 
 /// The flight's step, s, its length in steps, and how many of the last of them are looked at.
-const STEP: f64 = 1.0 / 120.0;
-const STEPS: usize = 720;
-const LOOKED_AT: usize = 360;
+const STEP: f64 = STEP_S;
+const STEPS: usize = 6 * STEP_HZ as usize;
+const LOOKED_AT: usize = STEPS / 2;
 
 /// The study.
 ///
 /// # Errors
-/// As the report's.
-pub fn study(_: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
-    page.text(
-        "Six seconds along the axis in steps of 1/120 s, with a wall that reaches beyond the axis (p = 20 mm in a tube of \
+/// Those of the whole report.
+pub fn study(_: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    page.text(&format!(
+        "Six seconds along the axis in steps of 1/{STEP_HZ} s, with a wall that reaches beyond the axis (p = 20 mm in a tube of \
          15 mm), so that its force turns round on the kink of D_s. Lateral jerk is the root mean square of the third \
          difference of the place across the tube over the last three seconds; offset is the mean distance from the axis. \
          The kink is rounded over nothing, over a tenth, and over a whole voxel of 0.7 mm, as interpolation rounds it.",
-    );
+    ));
     let mut t = Table::new(&["method", "rounding / mm", "C_s / g·mm²/s²", "lateral jerk / mm/s³", "offset / mm"]);
     let mut worst = Vec::new();
     for (name, method) in FIXED {
@@ -53,7 +54,7 @@ pub fn study(_: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String
     page.table("lateral-jerk", &t)?;
     let told: Vec<String> = worst.iter().map(|(name, j)| format!("{name} {j:.3}")).collect();
     let default = Integrator::default();
-    let [jerk, _] = fly(default.method(), TUBE.rounding, 1e2);
+    let [jerk, _] = fly(default.stepper(), TUBE.rounding, 1e2);
     Ok(vec![format!(
         "Lateral jerk in steady flight over the kink of the centerline, the worst of six, in mm/s³: {}; the default, {}, \
          has {jerk:.3} on a field rounded over a voxel.",
@@ -63,13 +64,13 @@ pub fn study(_: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String
 }
 
 /// Lateral jerk, mm/s³, and offset, mm.
-fn fly(method: &dyn Method, rounding: f64, wall_energy: f64) -> [f64; 2] {
+fn fly(method: &dyn Stepper, rounding: f64, wall_energy: f64) -> [f64; 2] {
     let tube = Tube { rounding, ..TUBE };
     let way = WayLeft { tube, end: 8.0 };
     let potential = Potential { wall_energy, reach_mm: 20.0, ..Potential::default() };
     let force = PotentialForce { potential, wall: Some(&tube), target: Some(&way), push: DVec3::ZERO };
     let body = Body::default();
-    let mut m = Motion::at_rest(tube.place(-1.5, 0.3, -0.2), Attitude::new(DVec3::Z, DVec3::Y));
+    let mut m = RigidBodyState::at_rest(tube.place(-1.5, 0.3, -0.2), Attitude::new(DVec3::Z, DVec3::Y));
     let mut across = Vec::new();
     let mut offset = 0.0;
     for n in 0..STEPS {

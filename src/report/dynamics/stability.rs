@@ -5,12 +5,13 @@ use rayon::prelude::*;
 
 use super::contenders::FIXED;
 use super::precision::{TUBE, forces};
-use crate::dynamics::integrators::Method;
-use crate::dynamics::rigid::Motion;
+use crate::dynamics::integrators::Stepper;
+use crate::dynamics::rigid::RigidBodyState;
 use crate::dynamics::step::translate;
 use crate::dynamics::{Attitude, Body, Forces, PotentialForce};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::report::Effort;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
@@ -25,9 +26,9 @@ const GROWN: f64 = 1.5;
 /// The study.
 ///
 /// # Errors
-/// As the report's.
-pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
-    let steps = if quick { 150 } else { 500 };
+/// Those of the whole report.
+pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let steps = effort.choose(150, 500);
     page.text(&format!(
         "A body in balance is moved a little, and the step counts as stable where the deviation never grows by more than \
          {GROWN} times in {steps} steps. Nothing keeps it from the wall but the potential. Steps up to {LONGEST} s are \
@@ -48,9 +49,8 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
         &constants,
         &stiff,
     )?;
-    let clearances: Vec<f64> = (0..=if quick { 6 } else { 12 })
-        .map(|k| 5.0 * 10f64.powf(-3.25 * f64::from(k) / if quick { 6.0 } else { 12.0 }))
-        .collect();
+    let clearances: Vec<f64> =
+        (0..=effort.choose(6, 12)).map(|k| 5.0 * 10f64.powf(-3.25 * f64::from(k) / effort.choose(6.0, 12.0))).collect();
     let near = map(&clearances, steps, |&c| {
         let wall = PotentialForce { target: None, ..forces(100.0) };
         // At the outer side of the bend, where the wall is hollow in both directions.
@@ -92,7 +92,7 @@ fn map<F>(values: &[f64], steps: u32, case: F) -> Vec<Vec<f64>>
 where
     F: Fn(&f64) -> (PotentialForce<'static>, DVec3, f64) + Sync,
 {
-    let each = |method: &dyn Method| -> Vec<f64> {
+    let each = |method: &dyn Stepper| -> Vec<f64> {
         values
             .par_iter()
             .map(|value| {
@@ -107,10 +107,10 @@ where
     FIXED.iter().map(|(_, method)| each(*method)).collect()
 }
 
-fn is_stable(method: &dyn Method, force: &dyn Forces, at: DVec3, deviation: f64, h: f64, steps: u32) -> bool {
+fn is_stable(method: &dyn Stepper, force: &dyn Forces, at: DVec3, deviation: f64, h: f64, steps: u32) -> bool {
     let body = Body::default();
     let moved = at + DVec3::new(-1.0, 0.4, 0.0).normalize() * deviation;
-    let mut m = Motion::at_rest(moved, Attitude::new(DVec3::Z, DVec3::Y));
+    let mut m = RigidBodyState::at_rest(moved, Attitude::new(DVec3::Z, DVec3::Y));
     (0..steps).all(|_| {
         m = translate(method, &body, &m, force, h).0;
         // Along the tube it is free to go.

@@ -1,4 +1,4 @@
-//! How many tentacles are needed: what they sense against the exact clearance, who arrives, and the time of a step.
+//! How many tentacles are needed: sensed against exact clearance, flights that arrive, and the time of a step.
 
 use glam::DVec3;
 
@@ -13,22 +13,22 @@ use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 use crate::report::trials::{self, Course};
-use crate::report::{mean, median, quantile};
+use crate::report::{Effort, mean, median, quantile};
 
 /// The numbers of tentacles, and those of a quick report.
 const COUNTS: [usize; 11] = [3, 4, 6, 8, 16, 32, 64, 128, 256, 512, 1024];
 const QUICK: [usize; 5] = [3, 8, 32, 128, 1024];
-/// Places at which is sensed, on each course.
+/// Number of sample places on each course.
 const PLACES: u64 = 200;
 /// How far exact clearances are looked for, mm: wider than any half of the lumen.
 const EXACT_MM: f64 = 40.0;
 /// Simulated seconds of a flight at the most.
 const SECONDS: f64 = 120.0;
 
-/// What one number of tentacles brings.
+/// The results of one number of tentacles.
 #[derive(Clone, Debug, PartialEq)]
 struct Sensed {
-    /// How many.
+    /// Number of tentacles.
     count: usize,
     /// Sensed less exact distance to the wall, mm: median and 95th percentile. Never negative: a ray cannot be shorter.
     error_mm: (f64, f64),
@@ -45,10 +45,10 @@ struct Sensed {
 /// The study.
 ///
 /// # Errors
-/// As the report's.
-pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
-    let courses = trials::small_phantoms(quick, progress)?;
-    let sensed = measure(&courses, quick, progress)?;
+/// Those of the whole report.
+pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let courses = trials::small_phantoms(effort, progress)?;
+    let sensed = measure(&courses, effort, progress)?;
     page.text(&format!(
         "Flights of {} small phantoms (folds, polyps, noise) with so many tentacles, and what the shortest of them tells at \
          places all over the lumen beside the exact clearance: D_s is never sensed too short, and its error falls with the \
@@ -71,15 +71,16 @@ pub fn study(quick: bool, page: &mut Page, progress: &Progress) -> Result<Vec<St
     Ok(vec![at.map_or_else(|| needed.clone(), |s| format!("{needed} The default's {}.", told(s)))])
 }
 
-/// Measures [`COUNTS`] (`quick`: [`QUICK`]) on phantoms, whose places are drawn around the true centerline.
-fn measure(courses: &[Course], quick: bool, progress: &Progress) -> Result<Vec<Sensed>> {
+/// Measures [`COUNTS`] tentacles (for a quick report [`QUICK`]) on phantoms, whose places are drawn around the true
+/// centerline.
+fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Vec<Sensed>> {
     let measure = |&count: &usize| {
         let (mut errors, mut angles) = (Vec::new(), Vec::new());
         for course in courses {
             sense(course, count, &mut errors, &mut angles);
         }
         let mut scene = Scene::default();
-        scene.tentacles.count = count;
+        scene.guides.edit::<TentacleSettings>(|t| t.count = count);
         let flown = courses.iter().map(|c| trials::fly(c, &scene, SECONDS)).collect::<Result<Vec<_>>>()?;
         let arrived: Vec<_> = flown.iter().filter(|t| t.arrived()).collect();
         progress.check()?;
@@ -92,13 +93,13 @@ fn measure(courses: &[Course], quick: bool, progress: &Progress) -> Result<Vec<S
             step_us: median(&flown.iter().map(|t| t.step_us).collect::<Vec<_>>()),
         })
     };
-    COUNTS.iter().filter(|c| !quick || QUICK.contains(c)).map(measure).collect()
+    COUNTS.iter().filter(|c| effort == Effort::Full || QUICK.contains(c)).map(measure).collect()
 }
 
 /// Compares what tentacles sense with the exact clearance at places around the centerline.
 fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<f64>) {
     let Some(truth) = &course.truth else { return };
-    let finder = ClearanceFinder::new(course.space.shared_volume(), course.space.wall().iso() as f32, EXACT_MM);
+    let finder = ClearanceFinder::new(course.space.shared_volume(), course.space.transfer().iso() as f32, EXACT_MM);
     let all = directions(count);
     let reach = TentacleSettings::default().reach_mm;
     for n in 0..PLACES {
@@ -118,7 +119,7 @@ fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<
     }
 }
 
-/// As a table.
+/// The results as a table.
 fn table(sensed: &[Sensed]) -> Table {
     let mut table = Table::new(&[
         "tentacles",

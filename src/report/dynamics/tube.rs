@@ -11,8 +11,8 @@ pub struct Tube {
     pub radius: f64,
     /// Radius of its axis, mm.
     pub bend: f64,
-    /// Over so much the kink of `D_s` on the axis is rounded, mm: `D_s = r + ε − √(d² + ε²)`, as a field on a grid rounds
-    /// it over its spacing. 0 for the kink itself.
+    /// Over so much the kink of `D_s` on the axis is rounded, mm: `D_s = r + ε − √(d² + ε²)`, as a field on a grid
+    /// rounds it over its spacing. 0 for the kink itself.
     pub rounding: f64,
 }
 

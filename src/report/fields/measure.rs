@@ -1,4 +1,4 @@
-//! What is measured of one volume.
+//! The measurements on one volume.
 
 use std::time::Instant;
 
@@ -53,7 +53,7 @@ pub(super) struct LineLine {
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
     pub title: String,
-    /// In plots.
+    /// Its name in plots.
     pub short: String,
     pub volume_bytes: usize,
     /// Lumen and wall distance, as they are kept.

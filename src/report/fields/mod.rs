@@ -5,43 +5,43 @@ mod measure;
 use std::path::Path;
 
 use crate::error::Result;
-use crate::fields::centerline::Method;
-use crate::phantom::{Phantom, Settings, Size};
+use crate::fields::centerline::CenterlineMethod;
+use crate::phantom::{Phantom, PhantomSettings, Size};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-use super::mean;
 use super::page::Page;
 use super::plot::{Plot, Point, Series};
 use super::table::{Cell, Table};
+use super::{Effort, mean};
 use measure::{DistanceLine, LineLine, Measured};
 
 /// Ways to find a centerline, as the report names them.
-const METHODS: [(Method, &str); 4] = [
-    (Method::PenalisedPath, "penalised path"),
-    (Method::PeelOnion, "peel onion"),
-    (Method::Roadmap, "roadmap"),
-    (Method::Cells, "cells"),
+const METHODS: [(CenterlineMethod, &str); 4] = [
+    (CenterlineMethod::PenalisedPath, "penalised path"),
+    (CenterlineMethod::PeelOnion, "peel onion"),
+    (CenterlineMethod::Roadmap, "roadmap"),
+    (CenterlineMethod::Cells, "cells"),
 ];
 /// Phantoms of the whole report.
 const SEEDS: u64 = 3;
 
-/// Measures on phantoms (and a scan, by its title) and writes the report into `folder`. Returns what was found, a sentence
-/// each.
+/// Measures on phantoms (and a scan, by its title) and writes the report into `folder`. Returns the findings, a
+/// sentence each.
 ///
 /// # Errors
 /// Status 4 when interrupted or when a scan holds no colon, 5 when a file cannot be written.
 pub fn report(
-    quick: bool,
+    effort: Effort,
     seed: u64,
     scan: Option<(String, Volume)>,
     folder: &Path,
     progress: &Progress,
 ) -> Result<Vec<String>> {
-    let (size, name) = if quick { (Size::Small, "small") } else { (Size::Standard, "standard") };
+    let (size, name) = effort.choose((Size::Small, "small"), (Size::Standard, "standard"));
     let mut all = Vec::new();
-    for seed in seed..seed + if quick { 1 } else { SEEDS } {
-        let phantom = Phantom::new(&Settings { size, seed, ..Settings::default() });
+    for seed in seed..seed + effort.choose(1, SEEDS) {
+        let phantom = Phantom::new(&PhantomSettings { size, seed, ..PhantomSettings::default() });
         let volume = phantom.voxelise(&phantom.grid(), progress)?;
         all.push(measure::measure(&format!("phantom, {name}, seed {seed}"), &volume, Some(&phantom), progress)?);
     }
@@ -176,7 +176,7 @@ fn preparation_table(all: &[Measured]) -> Table {
     t
 }
 
-/// Two sentences of what the numbers say.
+/// The findings, in two sentences.
 fn findings(all: &[Measured]) -> Vec<String> {
     let phantoms: Vec<&Measured> = all.iter().filter(|m| m.lines.iter().all(|l| l.mean_mm.is_some())).collect();
     let over = |f: &dyn Fn(&Measured) -> f64| mean(&phantoms.iter().map(|m| f(m)).collect::<Vec<_>>());

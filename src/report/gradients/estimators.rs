@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3, Vec4};
 
-use crate::render::gradient::{Block, Regression, Weighting, block, central_differences};
+use crate::render::regression::{Block, Regression, Weighting, block, central_differences};
 use crate::volume::Volume;
 
 /// An estimate of the gradient at voxel coordinates, HU/mm along the index axes.
@@ -85,8 +85,8 @@ fn regression(volume: &Volume, weighting: Weighting) -> Box<dyn Estimate> {
     Box::new(Around(move |b: &Block, t| regression.fit(b, t).gradient))
 }
 
-/// Sobel's operator in three dimensions (differences along one axis, 1-2-1 along the others) at the eight voxels around a
-/// place, interpolated.
+/// Sobel's operator in three dimensions (differences along one axis, 1-2-1 along the others) at the eight voxels around
+/// a place, interpolated.
 fn sobel(block: &Block, t: Vec3, spacing: Vec3) -> Vec3 {
     let smooth = |t: f32| 0.25 * Vec4::new(1.0 - t, 2.0 - t, 1.0 + t, t);
     let slope = |t: f32, h: f32| Vec4::new(t - 1.0, -t, 1.0 - t, t) / (2.0 * h);

@@ -18,7 +18,7 @@ use crate::volume::Volume;
 use super::page::Page;
 use super::plot::{Plot, Point, Series};
 use super::table::{Cell, Table};
-use super::{mean, median};
+use super::{Effort, mean, median};
 use estimators::{ESTIMATORS, Estimator};
 use signals::Signal;
 
@@ -40,12 +40,12 @@ struct Line {
     degrees: f64,
 }
 
-/// Measures and writes the report into `folder`. Returns what was found, a sentence each.
+/// Measures and writes the report into `folder`. Returns the findings, a sentence each.
 ///
 /// # Errors
 /// Status 4 when interrupted, 5 when a file cannot be written.
-pub fn report(quick: bool, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
-    let count = if quick { 4_000 } else { 40_000 };
+pub fn report(effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+    let count = effort.choose(4_000, 40_000);
     progress.stage("estimating gradients", (SHAPES.len() * NOISE_HU.len()) as u64);
     let mut lines = Vec::new();
     let mut times = Vec::new();
@@ -163,7 +163,7 @@ fn over(lines: &[Line], estimator: &str, meant: impl Fn(&Line) -> bool) -> f64 {
     mean(&lines.iter().filter(|l| l.estimator == estimator && meant(l)).map(|l| l.degrees).collect::<Vec<_>>())
 }
 
-/// Two sentences of what the numbers say.
+/// The findings, in two sentences.
 fn findings(lines: &[Line], ns: &dyn Fn(&Line) -> f64) -> Vec<String> {
     let scanner = |l: &Line| l.wall && l.noise == NOISE_HU[1] && l.shape == SHAPES[0].0;
     let error = |e: &Estimator| over(lines, e.name, scanner);

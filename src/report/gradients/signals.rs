@@ -143,7 +143,8 @@ fn marschner_lobb(shape: DVec3) -> Signal {
 
 /// A piece of the phantom's folded wall, noise-free, with voxels of the given shape and the small phantom's resolution.
 fn phantom_wall(shape: DVec3, progress: &Progress) -> Result<Signal> {
-    let settings = phantom::Settings { size: phantom::Size::Small, noise: false, ..phantom::Settings::default() };
+    let settings =
+        phantom::PhantomSettings { size: phantom::Size::Small, noise: false, ..phantom::PhantomSettings::default() };
     let phantom = Phantom::new(&settings);
     let line = phantom.truth().centerline;
     let centre = line[line.len() / 2];

@@ -1,8 +1,8 @@
-//! Who judges whether a way perforated: by the voxels alone, and not by the finder that the step relies on.
+//! The judge of perforations: it decides by the voxels alone, and not by the finder that the step relies on.
 //!
 //! The wall is sampled: in each cell whose corners lie on both sides of iso, the points of a lattice at which the
-//! trilinear value reaches iso. A way that comes nearer than the radius to any of them has perforated, as they are points
-//! of the wall for certain; and a way whose own points reach iso has gone through it.
+//! trilinear value reaches iso. A way that comes nearer than the radius to any of them has perforated, as they are
+//! points of the wall for certain; and a way whose own points reach iso has gone through it.
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -25,7 +25,7 @@ const ISO: f32 = -650.0;
 /// How far the step sees, mm.
 const LIMIT_MM: f64 = 4.0;
 
-/// All places made ready, with their names.
+/// All places, ready for walks, with their names.
 ///
 /// # Errors
 /// Status 4 when interrupted.
@@ -50,7 +50,7 @@ pub fn grounds(seed: u64, progress: &Progress) -> Result<Vec<(String, Ground)>> 
         .collect())
 }
 
-/// What happened in so many steps: for each place and each method.
+/// The results, for each place and each method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// By place.
@@ -93,7 +93,7 @@ pub fn run(steps: u64, seed: u64, progress: &Progress) -> Result<Outcome> {
     })
 }
 
-/// Measures and writes the report into `folder`. Returns what was found, a sentence each.
+/// Measures and writes the report into `folder`. Returns the findings, a sentence each.
 ///
 /// # Errors
 /// Status 4 when interrupted, 5 when a file cannot be written.
@@ -111,7 +111,7 @@ pub fn report(steps: u64, seed: u64, folder: &Path, progress: &Progress) -> Resu
     ));
     let a = outcome.all;
     let finding = format!(
-        "{} perforations, {} steps that left a number that is none, {} hangs in {} steps; {} steps were stopped by a wall, \
+        "{} perforations, {} steps with a result that is not finite, {} hangs in {} steps; {} steps were stopped by a wall, \
          {} began too near to it, and {} of those found no way out. No step took more than {} evaluations.",
         a.perforations, a.broken, a.hangs, a.steps, a.blocked, a.too_near, a.stuck, a.most_rates
     );
@@ -121,7 +121,7 @@ pub fn report(steps: u64, seed: u64, folder: &Path, progress: &Progress) -> Resu
             n,
             "steps",
             "perforations",
-            "no number",
+            "not finite",
             "hangs",
             "blocked",
             "too near",

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 
 use crate::error::{Error, Result};
-use crate::phantom::{Phantom, Settings, Size};
+use crate::phantom::{Phantom, PhantomSettings, Size};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
@@ -29,12 +29,12 @@ pub fn all(seed: u64, progress: &Progress) -> Result<Vec<Place>> {
     let mut places = Vec::new();
     let spacings = [DVec3::splat(0.9), DVec3::new(0.7, 0.7, 1.0), DVec3::new(0.3, 0.3, 10.0)];
     for (n, spacing) in spacings.into_iter().cycle().take(6).enumerate() {
-        let settings = Settings {
+        let settings = PhantomSettings {
             size: Size::Small,
             seed: seed.wrapping_add(n as u64),
             fluid: n % 2 == 0,
             bridges: true,
-            ..Settings::default()
+            ..PhantomSettings::default()
         };
         let phantom = Phantom::new(&settings);
         let truth = phantom.truth();

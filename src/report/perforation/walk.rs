@@ -3,27 +3,27 @@
 use glam::{DMat3, DVec3};
 
 use super::judge::Judge;
-use crate::dynamics::integrators::{Effort, Integrator};
-use crate::dynamics::rigid::{Motion, Turning, orientation};
-use crate::dynamics::step::step_told;
+use crate::dynamics::integrators::Integrator;
+use crate::dynamics::rigid::{RigidBodyState, Turning, orientation};
+use crate::dynamics::step::{Step, step_told};
 use crate::dynamics::{Attitude, Body, Forces, Potential, PotentialForce};
 use crate::fields::{Clearance, ClearanceFinder, Clearances, Distance, Sample};
 use crate::math::hash;
 
 /// Steps of a walk.
 pub const STEPS: u64 = 50;
-/// A way that begins too near to the wall may, as clearances are told, seem to rise by what they are told too little; and
-/// as much again for the points of the sampled wall.
+/// A way that begins too near to the wall may seem to rise by the tolerance of clearances; and as much again for the
+/// points of the sampled wall.
 const TOLD_MM: f64 = 2.0 * crate::fields::clearance::TOLERANCE_MM;
 
-/// What happened to a walk.
+/// Counts of what happened in walks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
     /// Steps made.
     pub steps: u64,
     /// Steps whose way came nearer to the wall than the radius, or through the wall.
     pub perforations: u64,
-    /// Steps after which something was no number.
+    /// Steps after which the state was not finite.
     pub broken: u64,
     /// Steps that took more evaluations than the bound.
     pub hangs: u64,
@@ -40,12 +40,27 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Nothing yet.
+    /// No steps.
     pub fn none() -> Self {
         Self { margin_mm: f64::INFINITY, ..Self::default() }
     }
 
-    /// Both together.
+    /// One step of `body`, and how it was judged.
+    fn of(told: &Step, body: &Body, judged: Result<f64, Fault>) -> Self {
+        Self {
+            steps: 1,
+            perforations: u64::from(judged.is_err()),
+            broken: u64::from(!told.motion.is_finite() || (told.motion.orientation.length() - 1.0).abs() > 1e-9),
+            hangs: u64::from(told.cost.rates > HANG),
+            too_near: u64::from(told.advance.clearance_mm < body.radius_mm),
+            stuck: u64::from(told.advance.stuck),
+            blocked: u64::from(told.advance.blocked.is_some()),
+            most_rates: told.cost.rates,
+            margin_mm: judged.unwrap_or(f64::NEG_INFINITY),
+        }
+    }
+
+    /// The sum of both.
     pub fn and(self, o: Self) -> Self {
         Self {
             steps: self.steps + o.steps,
@@ -64,7 +79,7 @@ impl Tally {
 /// A step that perforated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Failure {
-    /// Number of the walk, which with the seed and [`STEPS`] repeats it.
+    /// Number of the walk, which with the seed and `STEPS` repeats it.
     pub walk: u64,
     /// Number of the step in it.
     pub step: u64,
@@ -72,7 +87,7 @@ pub struct Failure {
     pub from: DVec3,
     /// Radius of the body, mm.
     pub radius_mm: f64,
-    /// What it did.
+    /// How it perforated.
     pub what: Fault,
 }
 
@@ -104,15 +119,15 @@ impl Fault {
 /// More evaluations than this in one step count as a hang: four times what any method's own bounds allow.
 pub const HANG: u32 = 100_000;
 
-/// A place made ready.
+/// A place that is ready for walks.
 pub struct Ground {
     /// Its walls, as the step knows them.
     pub walls: ClearanceFinder,
     /// Its walls, as the judge knows them.
     pub judge: Judge,
-    /// Corners of the box in which walks begin, world mm: a little larger than the volume.
+    /// The lower corner of the box in which walks begin, world mm: a little larger than the volume.
     pub from: DVec3,
-    /// The other one.
+    /// The upper corner, world mm.
     pub to: DVec3,
 }
 
@@ -143,103 +158,182 @@ impl Forces for Slanted {
     }
 }
 
-/// Walks number `walk` of `seed` for `steps` steps: by which method, what happened, and each step that perforated.
-pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, Tally, Vec<Failure>) {
-    let mut count = walk.wrapping_mul(1 << 20);
-    let mut uniform = || {
-        count += 1;
-        hash::uniform(seed, count)
-    };
-    let decade = |u: f64, low: f64, high: f64| 10f64.powf(low + u * (high - low));
-    let (integrator, _) = Integrator::ALL[((uniform() * 8.0) as usize).min(7)];
-    let radius_mm = [1.5, 1.5, 0.5, 0.1, 0.0][((uniform() * 5.0) as usize).min(4)];
-    // From a needle to a disc.
-    let thin = (uniform() * 1.6 - 0.8f64).clamp(-0.785, 0.785) + 0.785;
-    let body = Body {
-        radius_mm,
-        mass_g: decade(uniform(), -6.0, 6.0),
-        drag_per_s: if uniform() < 0.2 { 0.0 } else { decade(uniform(), -3.0, 3.0) },
-        cylinder_radius_mm: Some(radius_mm * thin.sin().abs() * 0.999),
-        cylinder_length_mm: Some(2.0 * radius_mm * thin.cos().abs() * 0.999),
-        integrator,
-    };
-    debug_assert!(body.check().is_ok(), "{body:?}");
-    let mut tally = Tally::none();
-    let mut vector = || DVec3::new(uniform(), uniform(), uniform()) * 2.0 - 1.0;
-    let middle = (ground.from + ground.to) * 0.5;
-    // Most walks begin where the camera fits, if one of a few tries finds such a place; the others anywhere.
-    let mut at = middle + vector() * (ground.to - ground.from) * 0.5;
-    if vector().x < 0.9 {
-        for _ in 0..200 {
-            if ground.walls.at(at).mm > radius_mm {
-                break;
-            }
-            at = middle + vector() * (ground.to - ground.from) * 0.5;
+/// Random numbers of one walk, one after the other: the walk's number says where in the stream of its seed they begin.
+struct Draw {
+    seed: u64,
+    count: u64,
+}
+
+impl Draw {
+    fn new(seed: u64, walk: u64) -> Self {
+        Self { seed, count: walk.wrapping_mul(1 << 20) }
+    }
+
+    /// From 0 to 1.
+    fn uniform(&mut self) -> f64 {
+        self.count += 1;
+        hash::uniform(self.seed, self.count)
+    }
+
+    /// In the cube from −1 to 1.
+    fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.uniform(), self.uniform(), self.uniform()) * 2.0 - 1.0
+    }
+
+    /// A coordinate of a [`Draw::vector`], from −1 to 1.
+    fn signed(&mut self) -> f64 {
+        self.vector().x
+    }
+
+    /// From `10^low` to `10^high`, each decade as often.
+    fn decade(&mut self, low: f64, high: f64) -> f64 {
+        decade(self.signed() * 0.5 + 0.5, low, high)
+    }
+
+    /// A body of any size, mass, drag and shape, and its method.
+    fn body(&mut self) -> Body {
+        let (integrator, _) = Integrator::ALL[((self.uniform() * 8.0) as usize).min(7)];
+        let radius_mm = [1.5, 1.5, 0.5, 0.1, 0.0][((self.uniform() * 5.0) as usize).min(4)];
+        // From a needle to a disc.
+        let thin = (self.uniform() * 1.6 - 0.8f64).clamp(-0.785, 0.785) + 0.785;
+        Body {
+            radius_mm,
+            mass_g: decade(self.uniform(), -6.0, 6.0),
+            drag_per_s: if self.uniform() < 0.2 { 0.0 } else { decade(self.uniform(), -3.0, 3.0) },
+            cylinder_radius_mm: Some(radius_mm * thin.sin().abs() * 0.999),
+            cylinder_length_mm: Some(2.0 * radius_mm * thin.cos().abs() * 0.999),
+            integrator,
         }
     }
-    if vector().x < -0.9 {
-        // At distance 0 exactly: where the way to the nearest wall ends.
-        let c = ground.walls.at(at);
-        at += c.toward * (c.mm + crate::fields::clearance::TOLERANCE_MM);
+
+    /// Where a walk begins. Most begin where the body fits, if one of a few tries finds such a place; the others
+    /// anywhere, some of them on the wall.
+    fn place(&mut self, ground: &Ground, radius_mm: f64) -> DVec3 {
+        let middle = (ground.from + ground.to) * 0.5;
+        let mut at = middle + self.vector() * (ground.to - ground.from) * 0.5;
+        if self.signed() < 0.9 {
+            for _ in 0..200 {
+                if ground.walls.at(at).mm > radius_mm {
+                    break;
+                }
+                at = middle + self.vector() * (ground.to - ground.from) * 0.5;
+            }
+        }
+        if self.signed() < -0.9 {
+            // At distance 0 exactly: where the way to the nearest wall ends.
+            let c = ground.walls.at(at);
+            at += c.toward * (c.mm + crate::fields::clearance::TOLERANCE_MM);
+        }
+        at
     }
-    let mut m = Motion::at_rest(at, Attitude::new(vector(), vector()));
-    m.orientation = orientation(m.attitude());
-    m.angular = body.inertia().momentum(vector() * 1e4, m.orientation * DVec3::Z);
+
+    /// The state in which a body begins at `at`: at rest, spinning.
+    fn start(&mut self, body: &Body, at: DVec3) -> RigidBodyState {
+        let mut m = RigidBodyState::at_rest(at, Attitude::new(self.vector(), self.vector()));
+        m.orientation = orientation(m.attitude());
+        m.angular = body.inertia().momentum(self.vector() * 1e4, m.orientation * DVec3::Z);
+        m
+    }
+
+    /// What acts in one step.
+    fn load(&mut self) -> Load {
+        Load {
+            dt: self.decade(-6.0, 1.0),
+            push: self.vector() * self.decade(-3.0, 9.0),
+            slope: self.signed().powi(3) * self.decade(-3.0, 9.0),
+            wall_energy: self.decade(-9.0, 9.0),
+            turning: if self.signed() > 0.0 {
+                Turning::towards(self.vector(), 0.45, 1.8)
+            } else {
+                Turning { push: self.vector() * self.decade(-3.0, 9.0), ..Turning::FREE }
+            },
+        }
+    }
+}
+
+/// The share `u` (0 to 1) of the way from `10^low` to `10^high`, by decades.
+fn decade(u: f64, low: f64, high: f64) -> f64 {
+    10f64.powf(low + u * (high - low))
+}
+
+/// What acts on a body in one step.
+struct Load {
+    /// The step, s.
+    dt: f64,
+    /// Force, g·mm/s².
+    push: DVec3,
+    /// How the force grows with the place, g/s²; where no potential acts.
+    slope: f64,
+    /// Strength of the potential's wall, g·mm²/s².
+    wall_energy: f64,
+    turning: Turning,
+}
+
+/// Makes the walk number `walk` of `seed`, of `steps` steps: by which method, what happened, and each step that
+/// perforated.
+pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, Tally, Vec<Failure>) {
+    let mut draw = Draw::new(seed, walk);
+    let body = draw.body();
+    debug_assert!(body.check().is_ok(), "{body:?}");
+    let integrator = body.integrator;
+    let at = draw.place(ground, body.radius_mm);
+    let mut m = draw.start(&body, at);
     let nearest = Nearest(&ground.walls);
     // The finder is slow as a field, so few walks feel the potential, and those with little to evaluate.
-    let felt = vector().x < -0.8 && !matches!(integrator, Integrator::DormandPrince);
-    let mut failures = Vec::new();
+    let felt = draw.signed() < -0.8 && !matches!(integrator, Integrator::DormandPrince);
+    let (mut tally, mut failures) = (Tally::none(), Vec::new());
     for step in 0..steps {
-        let dt = decade(vector().x * 0.5 + 0.5, -6.0, 1.0);
-        let push = vector() * decade(vector().x * 0.5 + 0.5, -3.0, 9.0);
-        let slope = vector().x.powi(3) * decade(vector().x * 0.5 + 0.5, -3.0, 9.0);
-        let energy = decade(vector().x * 0.5 + 0.5, -9.0, 9.0);
-        let turning = if vector().x > 0.0 {
-            Turning::towards(vector(), 0.45, 1.8)
-        } else {
-            Turning { push: vector() * decade(vector().x * 0.5 + 0.5, -3.0, 9.0), ..Turning::FREE }
-        };
-        let potential = Potential { wall_energy: energy, ..Potential::default() };
+        let Load { dt, push, slope, wall_energy, turning } = draw.load();
+        let potential = Potential { wall_energy, ..Potential::default() };
         let force: &dyn Forces = if felt {
             &PotentialForce { potential, wall: Some(&nearest), target: None, push }
         } else {
             &Slanted { force: push, slope, origin: m.position }
         };
         let mut pieces = Vec::new();
-        let told = step_told(integrator.method(), &body, &m, force, &turning, &ground.walls, dt, &mut |a, b| {
+        let told = step_told(integrator.stepper(), &body, &m, force, &turning, &ground.walls, dt, &mut |a, b| {
             pieces.push((a, b));
         });
-        let Effort { rates, .. } = told.effort;
-        let too_near = told.advance.clearance_mm < radius_mm;
-        let arrived = pieces.last().is_none_or(|p| p.1 == told.motion.position);
-        let judged = judge(ground, &m, &pieces, radius_mm, too_near);
-        let judged = if arrived { judged } else { Err(Fault::Gap) };
+        let judged = judge_step(ground, &body, &m, &pieces, &told);
         if let Err(what) = judged {
-            failures.push(Failure { walk, step, from: m.position, radius_mm, what });
+            failures.push(Failure { walk, step, from: m.position, radius_mm: body.radius_mm, what });
         }
-        tally = tally.and(Tally {
-            steps: 1,
-            perforations: u64::from(judged.is_err()),
-            broken: u64::from(!told.motion.is_finite() || (told.motion.orientation.length() - 1.0).abs() > 1e-9),
-            hangs: u64::from(rates > HANG),
-            too_near: u64::from(too_near),
-            stuck: u64::from(told.advance.stuck),
-            blocked: u64::from(told.advance.blocked.is_some()),
-            most_rates: rates,
-            margin_mm: judged.unwrap_or(f64::NEG_INFINITY),
-        });
+        tally = tally.and(Tally::of(&told, &body, judged));
         m = told.motion;
     }
     (integrator, tally, failures)
 }
 
+/// [`judge`] of a step made in `pieces`, which must lead to where it ended.
+fn judge_step(
+    ground: &Ground,
+    body: &Body,
+    before: &RigidBodyState,
+    pieces: &[(DVec3, DVec3)],
+    told: &Step,
+) -> Result<f64, Fault> {
+    let begun = if told.advance.clearance_mm < body.radius_mm { Begun::TooNear } else { Begun::Free };
+    let judged = judge(ground, before, pieces, body.radius_mm, begun);
+    let arrived = pieces.last().is_none_or(|p| p.1 == told.motion.position);
+    if arrived { judged } else { Err(Fault::Gap) }
+}
+
+/// Where a step begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Begun {
+    /// Where the body fits.
+    Free,
+    /// In the wall, or nearer to it than the body's radius.
+    TooNear,
+}
+
 /// What the way of a step left beyond the radius, mm; infinite for one that began too near; or how it perforated.
 fn judge(
     ground: &Ground,
-    before: &Motion,
+    before: &RigidBodyState,
     pieces: &[(DVec3, DVec3)],
     radius: f64,
-    too_near: bool,
+    begun_at: Begun,
 ) -> Result<f64, Fault> {
     let mut margin = f64::INFINITY;
     let mut at = before.position;
@@ -252,9 +346,10 @@ fn judge(
             return Err(Fault::Crossed);
         }
         at = b;
-        if too_near {
+        if begun_at == Begun::TooNear {
             // Only what raises the clearance; a way out of the wall begins at 0.
-            // The sampled wall can seem further away from the beginning than it is, so a suspicion is looked at closely.
+            // The sampled wall can seem further away from the beginning than it is, so a suspicion is looked at
+            // closely.
             let there = ground.judge.clearance(b, b, radius);
             if there < begun - TOLD_MM && there < ground.judge.closely(before.position, radius) - TOLD_MM {
                 return Err(Fault::Nearer);
@@ -281,16 +376,16 @@ mod tests {
         let grounds = grounds(1, &crate::progress::Progress::new()).unwrap();
         let ground = &grounds[6].1;
         let at = DVec3::ZERO;
-        let m = Motion::at_rest(at, Attitude::new(DVec3::Z, DVec3::Y));
+        let m = RigidBodyState::at_rest(at, Attitude::new(DVec3::Z, DVec3::Y));
         assert!(ground.walls.at(at).mm > 3.0, "in the tube");
-        let judged = |pieces: &[(DVec3, DVec3)]| judge(ground, &m, pieces, 1.5, false);
+        let judged = |pieces: &[(DVec3, DVec3)]| judge(ground, &m, pieces, 1.5, Begun::Free);
         assert!(judged(&[(at, at + DVec3::Y * 2.0)]).is_ok());
         assert_eq!(judged(&[(at, at + DVec3::Y * 7.0)]), Err(Fault::Near));
         assert_eq!(judged(&[(at, at + DVec3::Y * 30.0)]), Err(Fault::Crossed));
         assert_eq!(judged(&[(at + DVec3::X, at)]), Err(Fault::Gap));
         // From too near to the wall: nearer is a fault, and less near is none.
-        let m = Motion { position: at + DVec3::Y * 7.0, ..m };
-        let left = |by: f64| judge(ground, &m, &[(m.position, m.position + DVec3::Y * by)], 1.5, true);
+        let m = RigidBodyState { position: at + DVec3::Y * 7.0, ..m };
+        let left = |by: f64| judge(ground, &m, &[(m.position, m.position + DVec3::Y * by)], 1.5, Begun::TooNear);
         assert_eq!(left(0.3), Err(Fault::Nearer));
         assert!(left(-0.3).is_ok());
     }

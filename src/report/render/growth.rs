@@ -118,7 +118,7 @@ impl Runner {
         level: fearless_simd::Level,
     ) -> Result<Self> {
         let make = || {
-            let space = PreparedVolume::new(Arc::clone(volume), like.wall());
+            let space = PreparedVolume::new(Arc::clone(volume), like.transfer());
             Fast::with_level(&space, Settings::default(), Pixels::Needed, level)
         };
         let build = || {
@@ -166,7 +166,7 @@ impl Runner {
 fn race(mut runners: Vec<Runner>, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Vec<Row>> {
     progress.stage("measuring", stops.len() as u64);
     let side = extent.pixels * 2;
-    let (mut first, mut frame) = (Frame::new(side, side, false), Frame::new(side, side, false));
+    let (mut first, mut frame) = (Frame::new(side, side), Frame::new(side, side));
     for stop in stops {
         let view = stop.pose.view(extent.fov_degrees, side)?;
         let before = stop.lead.last().unwrap_or(&stop.pose).view(extent.fov_degrees, side)?;

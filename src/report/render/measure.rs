@@ -7,7 +7,7 @@ use crate::progress::Progress;
 use crate::render::{Frame, PreparedVolume, Renderer, View, Work, psnr};
 use crate::report::flight::Stop;
 use crate::report::image::{displaced, rms, ssim};
-use crate::report::methods::{Method, REFERENCE};
+use crate::report::methods::{REFERENCE, RenderMethod};
 
 use super::Extent;
 
@@ -41,7 +41,7 @@ pub struct Fault {
 /// A method's measurements.
 pub struct Measured {
     /// The method.
-    pub method: Method,
+    pub method: RenderMethod,
     /// Time to make it ready, beside the flags, s.
     pub prepare_s: f64,
     /// Memory at the end, beside the voxels.
@@ -84,7 +84,7 @@ struct Running<'a> {
 /// Measures `methods`, and the reference as the first of the result.
 pub fn measure(
     space: &PreparedVolume,
-    methods: &[Method],
+    methods: &[RenderMethod],
     stops: &[Stop],
     extent: &Extent,
     progress: &Progress,
@@ -117,7 +117,7 @@ fn timed(renderer: &mut dyn Renderer, view: &View, frame: &mut Frame) -> (f64, W
 }
 
 impl<'a> Running<'a> {
-    fn new(space: &'a PreparedVolume, method: Method) -> Result<Self> {
+    fn new(space: &'a PreparedVolume, method: RenderMethod) -> Result<Self> {
         let begun = Instant::now();
         let renderer = (method.make)(space)?;
         let prepare_s = begun.elapsed().as_secs_f64();
@@ -136,10 +136,10 @@ impl<'a> Running<'a> {
     /// The reference's picture and depth of a pose, timed without depth.
     fn truth(&mut self, n: usize, stop: &Stop, extent: &Extent) -> Result<Frame> {
         let view = stop.pose.view(extent.fov_degrees, extent.pixels)?;
-        let mut frame = Frame::new(extent.pixels, extent.pixels, false);
+        let mut frame = Frame::new(extent.pixels, extent.pixels);
         let (ms, work) = timed(self.renderer.as_mut(), &view, &mut frame);
         // The crossings are exact whatever the picture's quality, so a quick picture tells them.
-        let mut truth = Frame::new(extent.pixels, extent.pixels, true);
+        let mut truth = Frame::with_depth(extent.pixels, extent.pixels);
         let quick = crate::render::Settings { step_power: 1, ..crate::render::Settings::default() };
         crate::render::render(self.space, &view, &quick, &mut truth);
         truth.buffers().0.copy_from_slice(frame.pixels());
@@ -150,7 +150,7 @@ impl<'a> Running<'a> {
     /// Renders a pose as the next frames of a flight and compares the last.
     fn visit(&mut self, n: usize, stop: &Stop, extent: &Extent, truth: &Frame) -> Result<()> {
         let traits = self.measured.method.traits;
-        let mut frame = Frame::new(extent.pixels, extent.pixels, false);
+        let mut frame = Frame::new(extent.pixels, extent.pixels);
         let view = stop.pose.view(extent.fov_degrees, extent.pixels)?;
         if traits.keeps {
             for (k, pose) in stop.lead.iter().enumerate() {
@@ -168,7 +168,7 @@ impl<'a> Running<'a> {
         let (ms, work) = timed(self.renderer.as_mut(), &view, &mut frame);
         let displaced = self.displaced(extent, &view, truth);
         let reuse = if traits.keeps {
-            let mut alone = Frame::new(extent.pixels, extent.pixels, false);
+            let mut alone = Frame::new(extent.pixels, extent.pixels);
             (self.measured.method.make)(self.space)?.render(&view, &mut alone);
             Some([psnr(&frame, &alone), psnr(&alone, truth)])
         } else {
@@ -178,13 +178,13 @@ impl<'a> Running<'a> {
         Ok(())
     }
 
-    /// The share of displaced walls, for methods with a depth of their own. None of these keeps anything from one frame to
-    /// the next, so that a frame for the depth alone changes no other.
+    /// The share of displaced walls, for methods with a depth of their own. None of these keeps anything from one frame
+    /// to the next, so that a frame for the depth alone changes no other.
     fn displaced(&mut self, extent: &Extent, view: &View, truth: &Frame) -> Option<f64> {
         if !self.measured.method.traits.own_depth {
             return None;
         }
-        let mut frame = Frame::new(extent.pixels, extent.pixels, true);
+        let mut frame = Frame::with_depth(extent.pixels, extent.pixels);
         self.renderer.render(view, &mut frame);
         let tolerance = TOLERANCE * self.space.volume().grid().min_spacing();
         frame.depth().zip(truth.depth()).map(|(a, b)| displaced(a, b, tolerance))

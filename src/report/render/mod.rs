@@ -15,9 +15,9 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::PreparedVolume;
 
-use super::flight;
-use super::methods::{METHODS, Method};
+use super::methods::{METHODS, RenderMethod};
 use super::page::Page;
+use super::{Effort, flight};
 
 pub use measure::{Fault, Measured};
 
@@ -51,13 +51,13 @@ pub struct Extent {
     /// See `moving`.
     pub stops: usize,
     /// Whether slow methods are left out.
-    pub quick: bool,
+    pub effort: Effort,
 }
 
 impl Extent {
     /// The whole report, or what fits a minute.
-    pub fn new(quick: bool, fov_degrees: f64) -> Self {
-        if quick {
+    pub fn new(effort: Effort, fov_degrees: f64) -> Self {
+        if effort == Effort::Quick {
             Self {
                 pixels: 256,
                 fov_degrees,
@@ -67,7 +67,7 @@ impl Extent {
                 sides: &[64, 128, 256],
                 moving: 120,
                 stops: 2,
-                quick,
+                effort,
             }
         } else {
             Self {
@@ -79,18 +79,19 @@ impl Extent {
                 sides: &[256, 512, 1024],
                 moving: 600,
                 stops: 6,
-                quick,
+                effort,
             }
         }
     }
 }
 
-/// Measures every method in every subject and writes the report into `folder`. Returns what was found, a sentence each.
+/// Measures every method in every subject and writes the report into `folder`. Returns the findings, a sentence each.
 ///
 /// # Errors
 /// Status 4 where a subject cannot be flown or when interrupted, 5 when a file cannot be written.
 pub fn report(subjects: &[Subject], extent: &Extent, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
-    let methods: Vec<Method> = METHODS.iter().copied().filter(|m| !(extent.quick && m.traits.slow)).collect();
+    let methods: Vec<RenderMethod> =
+        METHODS.iter().copied().filter(|m| !(extent.effort == Effort::Quick && m.traits.slow)).collect();
     let mut page = Page::new(folder, "colvis: error against run time of the renderers")?;
     pages::introduction(&mut page, extent);
     let mut findings = Vec::new();

@@ -1,12 +1,12 @@
-//! Detail that follows the need, by the clock as a window has it: how many pictures of a flight with sudden turns keep the
-//! frame's time, and how long a picture takes to become as good as the reference when the camera stands still.
+//! Detail that follows the need, by the clock as a window has it: how many pictures of a flight with sudden turns keep
+//! the frame's time, and how long a picture takes to become as good as the reference when the camera stands still.
 
 use std::time::Instant;
 
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::adaptive::{Adaptive, FRAME, FrameBudget, SAMPLES, cost};
-use crate::render::{Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Settings, View, psnr, renderer};
+use crate::render::{Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, View, psnr, renderer};
 use crate::report::flight::Flown;
 use crate::report::{median, quantile};
 
@@ -20,7 +20,7 @@ const TURN_EVERY: usize = 40;
 const PICTURES: usize = 5000;
 
 /// What was measured.
-pub struct Motion {
+pub struct AdaptiveMeasurement {
     /// Times of the pictures in motion, ms.
     pub ms: Vec<f64>,
     /// Sudden turns among them.
@@ -35,7 +35,7 @@ pub struct Motion {
     pub refined_db: f64,
 }
 
-impl Motion {
+impl AdaptiveMeasurement {
     /// Share of the pictures in motion that took longer than a frame.
     pub fn late(&self) -> f64 {
         let frame = FRAME.as_secs_f64() * 1e3;
@@ -63,17 +63,22 @@ impl Motion {
 }
 
 /// Flies `extent.moving` frames of the flight, sixty a second, with sudden turns, and stops now and then.
-pub fn motion(space: &PreparedVolume, flown: &Flown, extent: &Extent, progress: &Progress) -> Result<Motion> {
+pub fn motion(
+    space: &PreparedVolume,
+    flown: &Flown,
+    extent: &Extent,
+    progress: &Progress,
+) -> Result<AdaptiveMeasurement> {
     let settings = Settings { adaptive: true, ..Settings::new(Quality::High) };
     let mut eye = Eye {
-        renderer: renderer(space, settings, Preset::Default, true),
+        renderer: renderer(space, settings, Preset::default(), Reuse::Allowed),
         budget: FrameBudget::default(),
         frame: Frame::default(),
     };
     let side = extent.pixels * 2;
     let poses = flown.moving(extent.moving, TURN_EVERY);
     progress.stage("moving", poses.len() as u64);
-    let mut m = Motion {
+    let mut m = AdaptiveMeasurement {
         ms: Vec::new(),
         turns: 0,
         traced: 0.0,
@@ -86,7 +91,7 @@ pub fn motion(space: &PreparedVolume, flown: &Flown, extent: &Extent, progress: 
     let stop_every = (poses.len() / extent.stops.max(1)).max(1);
     for (n, (pose, turned)) in poses.iter().enumerate() {
         let view = pose.view(extent.fov_degrees, side)?;
-        m.ms.push(eye.picture(&view, false));
+        m.ms.push(eye.picture(&view, Camera::Moving));
         m.turns += usize::from(*turned);
         if let Some(d) = eye.renderer.detail() {
             traced.push((d.size.0 * d.size.1) as f64 / (side * side) as f64);
@@ -94,7 +99,7 @@ pub fn motion(space: &PreparedVolume, flown: &Flown, extent: &Extent, progress: 
         if (n + 1).is_multiple_of(stop_every) {
             let begun = Instant::now();
             for _ in 0..PICTURES {
-                m.refining_ms = eye.picture(&view, true).max(m.refining_ms);
+                m.refining_ms = eye.picture(&view, Camera::Resting).max(m.refining_ms);
                 if eye.renderer.detail().is_none_or(|d| d.best) {
                     break;
                 }
@@ -113,13 +118,20 @@ pub fn motion(space: &PreparedVolume, flown: &Flown, extent: &Extent, progress: 
     Ok(m)
 }
 
-/// What a picture is refined to, by rays one after the other that skip what is empty: the report tells how far these, `high
-/// h/8`, are from brute force.
+/// What a picture is refined to, by rays one after the other that skip what is empty: the report tells how far these,
+/// `high h/8`, are from brute force.
 fn reference(space: &PreparedVolume, view: &View, settings: Settings) -> Frame {
     let settings = Settings { samples_per_pixel: SAMPLES, ..Adaptive::fine(settings).unwrap_or(settings) };
     let mut frame = Frame::default();
     Direct::new(space, settings).render(view, &mut frame);
     frame
+}
+
+/// What the camera does while a picture is made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Camera {
+    Moving,
+    Resting,
 }
 
 struct Eye {
@@ -130,7 +142,8 @@ struct Eye {
 
 impl Eye {
     /// One picture as the window makes it; its time, ms.
-    fn picture(&mut self, view: &View, rest: bool) -> f64 {
+    fn picture(&mut self, view: &View, camera: Camera) -> f64 {
+        let rest = camera == Camera::Resting;
         let pixels = view.width() * view.height();
         self.renderer.set_budget(self.budget.samples(rest, PRESENT_MS, pixels));
         let begun = Instant::now();

@@ -5,11 +5,11 @@ use crate::report::image::{WHITE_ERROR, error_map, rms};
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
-use crate::report::{mean, median, quantile};
+use crate::report::{Effort, mean, median, quantile};
 
 use super::claims::Claims;
 use super::growth::{Growth, Row};
-use super::motion::Motion;
+use super::motion::AdaptiveMeasurement;
 use super::{Extent, Measured, Subject};
 
 /// Longest side of a picture in an error map, pixels.
@@ -29,7 +29,7 @@ pub fn introduction(page: &mut Page, extent: &Extent) {
         extent.jumps,
         extent.lead
     ));
-    if !extent.quick {
+    if extent.effort == Effort::Full {
         page.text(
             "How far the reference itself is from rays without a step is about what \"brute h/16\", with half its step, differs \
              from it.",
@@ -98,7 +98,7 @@ pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Cla
 }
 
 /// Detail that follows the need. Returns the finding.
-pub fn motion(page: &mut Page, s: &Subject, m: &Motion, extent: &Extent) -> Result<String> {
+pub fn motion(page: &mut Page, s: &Subject, m: &AdaptiveMeasurement, extent: &Extent) -> Result<String> {
     let finding = format!("{}: {}", s.title, m.finding(2 * extent.pixels));
     page.section(&format!("{}: detail that follows the need", s.title));
     page.finding(&finding);

@@ -4,7 +4,8 @@ use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::error::Result as Outcome;
-use crate::render::{Direct, Frame, Renderer, Settings, TransferFunction, View, Work};
+use crate::render::{Direct, Frame, MemoryPart, Renderer, Settings, TransferFunction, View, Work};
+use crate::report::Effort;
 use crate::report::flight::{Pose, Stop};
 use crate::report::methods::{REFERENCE, Traits};
 use crate::volume::{Grid, Volume};
@@ -22,8 +23,8 @@ impl Renderer for Late {
         work
     }
 
-    fn parts(&self) -> Vec<(&'static str, usize)> {
-        vec![("nothing", self.0.bytes())]
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        vec![(MemoryPart::Other("nothing"), self.0.bytes())]
     }
 }
 
@@ -64,12 +65,12 @@ const EXTENT: Extent = Extent {
     sides: &[20, 40],
     moving: 8,
     stops: 1,
-    quick: true,
+    effort: Effort::Quick,
 };
 
 #[test]
 fn the_reference_has_no_error_and_a_finer_step_has_less() {
-    let methods: Vec<Method> = METHODS.iter().copied().filter(|m| m.name != "16 samples").collect();
+    let methods: Vec<RenderMethod> = METHODS.iter().copied().filter(|m| m.name != "16 samples").collect();
     let all = measure::measure(&tube(), &methods, &stops(), &EXTENT, &Progress::new()).unwrap();
     assert_eq!(all.len(), methods.len() + 1);
     let of = |name: &str| all.iter().find(|m| m.method.name == name).unwrap();
@@ -96,7 +97,7 @@ fn the_reference_has_no_error_and_a_finer_step_has_less() {
 fn reuse_is_told_apart_from_sampling() {
     let make = late;
     let traits = Traits { keeps: true, ..Traits::default() };
-    let methods = [Method { name: "late", family: "flags, trilinear", make, traits }, METHODS[6]];
+    let methods = [RenderMethod { name: "late", family: "flags, trilinear", make, traits }, METHODS[6]];
     assert_eq!(METHODS[6].name, "high h/2");
     let all = measure::measure(&tube(), &methods, &stops(), &EXTENT, &Progress::new()).unwrap();
     let (late, plain) = (&all[1], &all[2]);

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::progress::Progress;
 
-/// Unpacked bytes of one block: enough that starting anew costs no compression worth telling.
+/// Unpacked bytes of one block: enough that restarting costs next to no compression.
 pub const BLOCK: usize = 1 << 20;
 
 /// Writes `prefix` and then `blocks` blocks made by `make`, gzipped. `progress` advances by unpacked bytes.

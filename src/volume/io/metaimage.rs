@@ -9,9 +9,10 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use super::frame;
-use super::raw::{Element, Encoding};
+use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
 use super::text::{self, bad, exactly, some};
+use super::write::VoxelKind;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
@@ -180,9 +181,10 @@ fn encoding(t: &Tags) -> Result<Encoding> {
             .filter(|x| x.is_finite())
             .ok_or_else(|| bad(path, k, v, "a finite number")),
     };
+    let msb_first = t.truth(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"])?;
     Ok(Encoding {
         element,
-        big_endian: t.truth(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"])?,
+        order: if msb_first { ByteOrder::Big } else { ByteOrder::Little },
         slope: number("ElementToIntensityFunctionSlope", 1.0)?,
         intercept: number("ElementToIntensityFunctionOffset", 0.0)?,
     })
@@ -221,8 +223,8 @@ fn section(t: &Tags, grid: &Grid, encoding: &Encoding) -> Result<Section> {
     Ok(Section { path: data, offset, skip: 0, packing })
 }
 
-/// The header for `grid`, of `i16` voxels or of `u8` labels, whose data is `data_file` (`LOCAL`: behind the header).
-pub fn header(grid: &Grid, labels: bool, data_file: &str) -> String {
+/// The header for `grid`, of voxels of `kind`, whose data is `data_file` (`LOCAL`: behind the header).
+pub fn header(grid: &Grid, kind: VoxelKind, data_file: &str) -> String {
     let d = grid.direction().to_cols_array().map(|x| x.to_string()).join(" ");
     let (o, s, [x, y, z]) = (grid.origin(), grid.spacing(), grid.dims());
     let mut h = String::new();
@@ -238,7 +240,10 @@ pub fn header(grid: &Grid, labels: bool, data_file: &str) -> String {
         s.x,
         s.y,
         s.z,
-        if labels { "MET_UCHAR" } else { "MET_SHORT" },
+        match kind {
+            VoxelKind::Scan => "MET_SHORT",
+            VoxelKind::Labels => "MET_UCHAR",
+        },
     );
     h
 }

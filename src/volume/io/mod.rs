@@ -29,7 +29,7 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// What the command line says about reading an input.
+/// Options for reading an input.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
     /// Voxel spacing for inputs that carry none (a folder of PNG slices), mm.
@@ -42,7 +42,7 @@ pub struct LoadOptions {
     pub allow_gaps: bool,
 }
 
-/// A scan and what there is to say about how it was read.
+/// A scan, and notes about how it was read.
 #[derive(Debug)]
 pub struct Loaded {
     /// The scan.
@@ -55,7 +55,16 @@ pub struct Loaded {
 const SUPPORTED: &str = "give NIfTI (.nii, .nii.gz), MetaImage (.mha, .mhd), NRRD (.nrrd, .nhdr), DICOM (a file or a \
                          folder) or a folder of PNG slices";
 
-/// What an input is, told by its content.
+/// Of which modality a scan must be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::volume::io) enum Modality {
+    /// CT, whose values are HU.
+    Ct,
+    /// Any, where the values do not matter.
+    Any,
+}
+
+/// The format of an input, recognised by its content.
 enum Format {
     Nifti,
     MetaImage,
@@ -70,14 +79,14 @@ enum Format {
 /// # Errors
 /// Status 3 with what is wrong with the input; status 4 when cancelled.
 pub fn load(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
-    read(path, options, false, progress).map(|(loaded, _)| loaded)
+    read(path, options, Modality::Ct, progress).map(|(loaded, _)| loaded)
 }
 
-/// Reads an input, with what only its format tells.
+/// Reads an input, with the facts that only its format has.
 fn read(
     path: &Path,
     options: &LoadOptions,
-    any_modality: bool,
+    modality: Modality,
     progress: &Progress,
 ) -> Result<(Loaded, Map<String, Value>)> {
     let mut facts = Map::new();
@@ -88,13 +97,13 @@ fn read(
         Format::Png(files) => png::load(path, &files, options, progress),
         #[cfg(feature = "dicom")]
         Format::Dicom(files) => {
-            let read = dicom::load(path, &files, options, any_modality, progress)?;
+            let read = dicom::load(path, &files, options, modality, progress)?;
             facts = read.facts;
             Ok((read.volume, read.notes))
         }
         #[cfg(not(feature = "dicom"))]
         Format::Dicom(_) => {
-            let _ = any_modality;
+            let _ = modality;
             facts.clear();
             Err(Error::file(path, "is DICOM, which this build leaves out", "build it with the feature \"dicom\""))
         }
@@ -138,7 +147,7 @@ fn detect(path: &Path, progress: &Progress) -> Result<Format> {
     }
 }
 
-/// What is in an input, as the `info` command prints it.
+/// The facts about an input, as the `info` command prints them.
 ///
 /// # Errors
 /// As [`load`].
@@ -151,7 +160,7 @@ pub fn info(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<V
 /// # Errors
 /// As [`load`].
 pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<(Value, Vec<String>)> {
-    let (loaded, facts) = read(path, options, true, progress)?;
+    let (loaded, facts) = read(path, options, Modality::Any, progress)?;
     let mut map = describe(&loaded.volume);
     map.extend(facts);
     Ok((Value::Object(map), loaded.notes))

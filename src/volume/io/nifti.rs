@@ -7,9 +7,10 @@ use std::path::Path;
 use glam::{DMat3, DQuat, DVec3};
 
 use super::frame::{self, RAS_LPS};
-use super::raw::{Element, Encoding};
+use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
 use super::text;
+use super::write::VoxelKind;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
@@ -31,14 +32,14 @@ pub fn recognises(head: &[u8]) -> bool {
     version(head).is_some()
 }
 
-/// Version (1 or 2) and byte order (big?).
-fn version(head: &[u8]) -> Option<(u8, bool)> {
+/// Version (1 or 2) and byte order.
+fn version(head: &[u8]) -> Option<(u8, ByteOrder)> {
     let size: [u8; 4] = head.get(..4)?.try_into().ok()?;
     match (i32::from_le_bytes(size), i32::from_be_bytes(size)) {
-        (348, _) => Some((1, false)),
-        (_, 348) => Some((1, true)),
-        (540, _) => Some((2, false)),
-        (_, 540) => Some((2, true)),
+        (348, _) => Some((1, ByteOrder::Little)),
+        (_, 348) => Some((1, ByteOrder::Big)),
+        (540, _) => Some((2, ByteOrder::Little)),
+        (_, 540) => Some((2, ByteOrder::Big)),
         _ => None,
     }
 }
@@ -77,14 +78,14 @@ fn image_of(path: &Path) -> Result<std::path::PathBuf> {
 /// The header's bytes, read in its byte order. Offsets are constants within the checked length.
 struct Fields<'a> {
     bytes: &'a [u8],
-    big: bool,
+    order: ByteOrder,
 }
 
 impl Fields<'_> {
     fn at<const N: usize>(&self, offset: usize) -> [u8; N] {
         let mut b = [0; N];
         b.copy_from_slice(&self.bytes[offset..offset + N]);
-        if self.big {
+        if self.order == ByteOrder::Big {
             b.reverse();
         }
         b
@@ -128,18 +129,18 @@ struct Common {
     srow: [[f64; 4]; 3],
     pair: bool,
     version: u8,
-    big: bool,
+    order: ByteOrder,
 }
 
 fn common(path: &Path, head: &[u8]) -> Result<Common> {
     let wrong = |why: String| Error::file(path, why, "give a NIfTI-1 or NIfTI-2 file");
-    let (version, big) =
+    let (version, order) =
         version(head).ok_or_else(|| wrong("is no NIfTI (neither 348 nor 540 at its beginning)".to_owned()))?;
     let length = if version == 1 { 348 } else { 540 };
     if head.len() < length {
         return Err(wrong(format!("ends early: {} bytes of a header of {length}", head.len())));
     }
-    let f = Fields { bytes: head, big };
+    let f = Fields { bytes: head, order };
     let magic = if version == 1 { &head[344..348] } else { &head[4..12] };
     let pair = match magic {
         b"n+1\0" | b"n+2\0\r\n\x1a\n" => false,
@@ -172,7 +173,7 @@ fn common(path: &Path, head: &[u8]) -> Result<Common> {
             srow: [row(280), row(296), row(312)],
             pair,
             version,
-            big,
+            order,
         }
     } else {
         let row = |o: usize| std::array::from_fn(|k| f.f64(o + 8 * k));
@@ -192,7 +193,7 @@ fn common(path: &Path, head: &[u8]) -> Result<Common> {
             srow: [row(400), row(432), row(464)],
             pair,
             version,
-            big,
+            order,
         }
     })
 }
@@ -217,7 +218,7 @@ fn parse(path: &Path, head: &[u8]) -> Result<Header> {
     let (slope, intercept) = scale(path, &c)?;
     Ok(Header {
         grid,
-        encoding: Encoding { element, big_endian: c.big, slope, intercept },
+        encoding: Encoding { element, order: c.order, slope, intercept },
         offset: offset as u64,
         pair: c.pair,
         notes,
@@ -334,7 +335,7 @@ fn grid(path: &Path, c: &Common, dims: [usize; 3], notes: &mut Vec<String>) -> R
     frame::grid(path, dims, spacing, DVec3::ZERO, DMat3::IDENTITY)
 }
 
-/// The qform's direction: a quaternion, of which the real part is left out, and qfac.
+/// The qform's direction: a quaternion without its real part, and qfac.
 fn rotation(path: &Path, c: &Common) -> Result<DMat3> {
     let v = DVec3::from_array(c.quatern);
     let square = v.length_squared();
@@ -351,11 +352,11 @@ fn rotation(path: &Path, c: &Common) -> Result<DMat3> {
     Ok(direction)
 }
 
-/// The 352 bytes of a NIfTI-1 header for `grid`, little-endian, of `i16` voxels or of `u8` labels.
+/// The 352 bytes of a NIfTI-1 header for `grid`, little-endian, of voxels of `kind`.
 ///
 /// # Errors
 /// A few words where NIfTI-1 cannot hold the grid.
-pub fn header(grid: &Grid, labels: bool) -> std::result::Result<Vec<u8>, String> {
+pub fn header(grid: &Grid, kind: VoxelKind) -> std::result::Result<Vec<u8>, String> {
     let mut h = vec![0u8; 352];
     let mut put = |offset: usize, bytes: &[u8]| h[offset..offset + bytes.len()].copy_from_slice(bytes);
     put(0, &348i32.to_le_bytes());
@@ -367,7 +368,10 @@ pub fn header(grid: &Grid, labels: bool) -> std::result::Result<Vec<u8>, String>
     for (k, d) in dim.iter().enumerate() {
         put(40 + 2 * k, &d.to_le_bytes());
     }
-    let (datatype, bits) = if labels { (2i16, 8i16) } else { (4, 16) };
+    let (datatype, bits) = match kind {
+        VoxelKind::Scan => (4i16, 16i16),
+        VoxelKind::Labels => (2, 8),
+    };
     put(70, &datatype.to_le_bytes());
     put(72, &bits.to_le_bytes());
     let direction = RAS_LPS * grid.direction();

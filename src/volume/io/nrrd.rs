@@ -9,9 +9,10 @@ use std::path::Path;
 use glam::{DMat3, DVec3};
 
 use super::frame::{self, RAS_LPS};
-use super::raw::{Element, Encoding};
+use super::raw::{ByteOrder, Element, Encoding};
 use super::source::{self, Packing, Section};
 use super::text::{self, bad, exactly, some};
+use super::write::VoxelKind;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
@@ -103,14 +104,14 @@ fn encoding(f: &Fields) -> Result<Encoding> {
         _ => return Err(bad(f.path, "type", value, "an integer or float type")),
     };
     let binary = packing(f)? != Packing::Text;
-    let big_endian = match f.get(&["endian"]) {
-        Some((_, "little")) => false,
-        Some((_, "big")) => true,
-        None if element.size() == 1 || !binary => false,
+    let order = match f.get(&["endian"]) {
+        Some((_, "little")) => ByteOrder::Little,
+        Some((_, "big")) => ByteOrder::Big,
+        None if element.size() == 1 || !binary => ByteOrder::Little,
         None => return Err(Error::file(f.path, "its header has no \"endian\"", "export it again")),
         Some((key, value)) => return Err(bad(f.path, key, value, "little or big")),
     };
-    Ok(Encoding::plain(element, big_endian))
+    Ok(Encoding::plain(element, order))
 }
 
 fn packing(f: &Fields) -> Result<Packing> {
@@ -317,8 +318,8 @@ fn after_lines(path: &Path, begin: u64, lines: u64) -> Result<u64> {
     Ok(at)
 }
 
-/// The header for `grid`, of `i16` voxels or of `u8` labels, gzipped, in `data_file` or (`None`) behind the header.
-pub fn header(grid: &Grid, labels: bool, data_file: Option<&str>) -> String {
+/// The header for `grid`, of voxels of `kind`, gzipped, in `data_file` or (`None`) behind the header.
+pub fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> String {
     let [x, y, z] = grid.dims();
     let steps = grid.direction() * DMat3::from_diagonal(grid.spacing());
     let v = |v: DVec3| format!("({},{},{})", v.x, v.y, v.z);
@@ -328,7 +329,10 @@ pub fn header(grid: &Grid, labels: bool, data_file: Option<&str>) -> String {
         h,
         "NRRD0004\ntype: {}\ndimension: 3\nspace: left-posterior-superior\nsizes: {x} {y} {z}\n\
          space directions: {} {} {}\nkinds: domain domain domain\nendian: little\nencoding: gzip\nspace origin: {}\n",
-        if labels { "uint8" } else { "int16" },
+        match kind {
+            VoxelKind::Scan => "int16",
+            VoxelKind::Labels => "uint8",
+        },
         v(steps.x_axis),
         v(steps.y_axis),
         v(steps.z_axis),

@@ -21,7 +21,7 @@ pub fn recognises(head: &[u8]) -> bool {
     head.starts_with(b"\x89PNG\r\n\x1a\n")
 }
 
-/// Reads the slices, of which the first is the most inferior; rows run to posterior, columns to the patient's left.
+/// Reads the slices, the most inferior first; rows run to posterior, columns to the patient's left.
 ///
 /// # Errors
 /// Status 3 for slices that differ or are damaged, and without a spacing; 4 when cancelled.

@@ -20,7 +20,7 @@ pub enum Element {
 }
 
 impl Element {
-    /// Bytes of one voxel.
+    /// Size of one voxel, bytes.
     pub fn size(self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,
@@ -31,13 +31,23 @@ impl Element {
     }
 }
 
+/// Which byte of a number comes first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ByteOrder {
+    /// The least significant one.
+    #[default]
+    Little,
+    /// The most significant one.
+    Big,
+}
+
 /// How stored voxels become HU: `HU = slope · stored + intercept`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encoding {
     /// Type of a stored voxel.
     pub element: Element,
-    /// Whether the most significant byte comes first.
-    pub big_endian: bool,
+    /// Order of its bytes.
+    pub order: ByteOrder,
     /// HU for each stored unit.
     pub slope: f64,
     /// HU of a stored zero.
@@ -48,9 +58,9 @@ pub struct Encoding {
 const PIECE: usize = 1 << 16;
 
 impl Encoding {
-    /// Voxels that are HU as they stand.
-    pub fn plain(element: Element, big_endian: bool) -> Self {
-        Self { element, big_endian, slope: 1.0, intercept: 0.0 }
+    /// The encoding of voxels that are stored as HU.
+    pub fn plain(element: Element, order: ByteOrder) -> Self {
+        Self { element, order, slope: 1.0, intercept: 0.0 }
     }
 
     /// Converts as many voxels as `out` holds, rounding to the nearest HU (halves away from zero) and clamping to
@@ -74,20 +84,19 @@ impl Encoding {
         macro_rules! integer {
             ($t:ty, $wide:expr) => {{
                 let clamp = |v: $t| i16::try_from(v).unwrap_or(if v > 0 { i16::MAX } else { i16::MIN });
-                match (self.is_identity(), self.big_endian) {
-                    (true, false) => each(bytes, out, |b| clamp(<$t>::from_le_bytes(b))),
-                    (true, true) => each(bytes, out, |b| clamp(<$t>::from_be_bytes(b))),
-                    (false, false) => self.scaled(bytes, out, |b| $wide(<$t>::from_le_bytes(b))),
-                    (false, true) => self.scaled(bytes, out, |b| $wide(<$t>::from_be_bytes(b))),
+                match (self.is_identity(), self.order) {
+                    (true, ByteOrder::Little) => each(bytes, out, |b| clamp(<$t>::from_le_bytes(b))),
+                    (true, ByteOrder::Big) => each(bytes, out, |b| clamp(<$t>::from_be_bytes(b))),
+                    (false, ByteOrder::Little) => self.scaled(bytes, out, |b| $wide(<$t>::from_le_bytes(b))),
+                    (false, ByteOrder::Big) => self.scaled(bytes, out, |b| $wide(<$t>::from_be_bytes(b))),
                 }
             }};
         }
         macro_rules! float {
             ($t:ty) => {
-                if self.big_endian {
-                    self.scaled(bytes, out, |b| f64::from(<$t>::from_be_bytes(b)))
-                } else {
-                    self.scaled(bytes, out, |b| f64::from(<$t>::from_le_bytes(b)))
+                match self.order {
+                    ByteOrder::Little => self.scaled(bytes, out, |b| f64::from(<$t>::from_le_bytes(b))),
+                    ByteOrder::Big => self.scaled(bytes, out, |b| f64::from(<$t>::from_be_bytes(b))),
                 }
             };
         }
@@ -116,7 +125,7 @@ impl Encoding {
     }
 }
 
-/// The nearest `i16` HU; [`AIR_HU`] for what is not finite.
+/// The nearest `i16` HU; [`AIR_HU`] for values that are not finite.
 #[inline]
 pub fn to_hu(hu: f64) -> i16 {
     // A float-to-integer cast saturates, which is the clamp.
@@ -137,12 +146,12 @@ mod tests {
 
     fn one(element: Element, bytes: &[u8], slope: f64, intercept: f64) -> (i16, usize) {
         let mut out = [0];
-        let le = Encoding { element, big_endian: false, slope, intercept };
+        let le = Encoding { element, order: ByteOrder::Little, slope, intercept };
         let n = le.convert(bytes, &mut out);
         let mut reversed = bytes.to_vec();
         reversed.reverse();
         let mut other = [0];
-        let be = Encoding { big_endian: true, ..le };
+        let be = Encoding { order: ByteOrder::Big, ..le };
         assert_eq!(be.convert(&reversed, &mut other), n);
         assert_eq!(out, other, "both byte orders must agree");
         (out[0], n)
@@ -174,7 +183,7 @@ mod tests {
     proptest! {
         #[test]
         fn pieces_do_not_show(values in proptest::collection::vec(-40000i32..40000, 1..200), slope in 0.1f64..4.0) {
-            let e = Encoding { element: Element::I32, big_endian: false, slope, intercept: -7.0 };
+            let e = Encoding { element: Element::I32, order: ByteOrder::Little, slope, intercept: -7.0 };
             let many: Vec<i32> = values.iter().copied().cycle().take(PIECE * 2 + 77).collect();
             let bytes: Vec<u8> = many.iter().flat_map(|v| v.to_le_bytes()).collect();
             let mut out = vec![0; many.len()];

@@ -31,7 +31,7 @@ pub enum Packing {
     Text,
 }
 
-/// Where in which file voxels lie.
+/// The part of a file that voxels lie in.
 #[derive(Clone, Debug)]
 pub struct Section {
     /// The file.
@@ -49,7 +49,7 @@ pub struct Section {
 /// # Errors
 /// Status 3 when it is missing, a folder, a device, or may not be read.
 pub fn open(path: &Path) -> Result<(File, u64)> {
-    // Asked before opening: opening a pipe without a writer would wait for ever.
+    // Checked before opening: opening a pipe without a writer would wait for ever.
     let meta = std::fs::metadata(path).map_err(|e| unreadable(path, &e))?;
     if meta.is_dir() {
         return Err(Error::file(path, "is a folder where a file is expected", "name a file"));
@@ -134,10 +134,19 @@ pub fn reserve(path: &Path, values: &mut Vec<i16>, extra: usize) -> Result<()> {
     })
 }
 
+/// Whether the number of voxels is certain before they are read.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Size {
+    /// The file has as many bytes.
+    Certain,
+    /// The header says so, and packed data may turn out to be shorter.
+    Declared,
+}
+
 impl Section {
     /// Reads `count` voxels. The number of voxels that were not finite comes with them.
     ///
-    /// The header's word for `count` is checked against the file's size before anything of that size is allocated:
+    /// The header's `count` is checked against the file's size before anything of that size is allocated:
     /// exactly where data is raw, by deflate's limit where it is packed, and then memory grows with what arrives.
     ///
     /// # Errors
@@ -168,15 +177,15 @@ impl Section {
         progress.stage("reading", room.min(if self.packing == Packing::Raw { needed } else { room }));
         let counted = BufReader::with_capacity(1 << 18, Counted { file, progress });
         match self.packing {
-            Packing::Raw => self.fill(counted, count, encoding, true, progress),
-            Packing::Gzip => self.fill(Gunzip::new(counted), count, encoding, false, progress),
+            Packing::Raw => self.fill(counted, count, encoding, Size::Certain, progress),
+            Packing::Gzip => self.fill(Gunzip::new(counted), count, encoding, Size::Declared, progress),
             Packing::Zlib => {
                 let mut counted = counted;
                 let first = counted.fill_buf().map_err(|e| unreadable(path, &e))?;
                 if first.starts_with(&[0x1f, 0x8b]) {
-                    self.fill(Gunzip::new(counted), count, encoding, false, progress)
+                    self.fill(Gunzip::new(counted), count, encoding, Size::Declared, progress)
                 } else {
-                    self.fill(ZlibDecoder::new(counted), count, encoding, false, progress)
+                    self.fill(ZlibDecoder::new(counted), count, encoding, Size::Declared, progress)
                 }
             }
             Packing::Text => self.fill_text(counted, count, encoding, progress),
@@ -189,12 +198,12 @@ impl Section {
         mut source: impl Read + Send,
         count: usize,
         encoding: &Encoding,
-        size_is_known: bool,
+        size: Size,
         progress: &Progress,
     ) -> Result<(Vec<i16>, usize)> {
         let path = self.path.as_path();
-        let size = encoding.element.size();
-        let total = count * size;
+        let voxel = encoding.element.size();
+        let total = count * voxel;
         std::thread::scope(|scope| {
             let (full_in, full) = sync_channel::<io::Result<Vec<u8>>>(1);
             let (empty_in, empty) = sync_channel::<Vec<u8>>(3);
@@ -226,10 +235,13 @@ impl Section {
                 let chunk = chunk.map_err(|e| unreadable(path, &e))?;
                 progress.check()?;
                 let from = data.len();
-                let to = from + chunk.len() / size;
+                let to = from + chunk.len() / voxel;
                 if to > data.capacity() {
                     let step = FIRST_GROWTH.max(from / 8);
-                    let target = if size_is_known { count } else { count.min(to.max(from + step)) };
+                    let target = match size {
+                        Size::Certain => count,
+                        Size::Declared => count.min(to.max(from + step)),
+                    };
                     reserve(path, &mut data, target - from)?;
                 }
                 data.resize(to, 0);
@@ -238,7 +250,7 @@ impl Section {
                 let _ = empty_in.try_send(chunk);
             }
             if data.len() < count {
-                let got = data.len() * size;
+                let got = data.len() * voxel;
                 return Err(Error::file(
                     path,
                     format!("ends early: the header declares {total} bytes of voxels, {got} are there"),
@@ -333,7 +345,7 @@ fn read_full(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     Ok(got)
 }
 
-/// Reads a little past the last voxel, so that a packed stream checks its sum; more data than declared is no harm.
+/// Reads a little past the last voxel, so that a packed stream checks its sum; more data than declared does no harm.
 fn finish(source: &mut impl Read) -> io::Result<()> {
     let mut rest = [0; 4096];
     for _ in 0..16 {

@@ -20,7 +20,23 @@ pub enum Voxels<'a> {
     Labels(&'a [u8]),
 }
 
+/// What voxels that are written mean, and so how they are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum VoxelKind {
+    /// HU, as `i16`.
+    Scan,
+    /// Labels of a mask, as `u8`.
+    Labels,
+}
+
 impl Voxels<'_> {
+    fn kind(self) -> VoxelKind {
+        match self {
+            Self::Scan(_) => VoxelKind::Scan,
+            Self::Labels(_) => VoxelKind::Labels,
+        }
+    }
+
     fn bytes(self) -> usize {
         match self {
             Self::Scan(v) => size_of_val(v),
@@ -79,28 +95,28 @@ fn format(path: &Path) -> Result<Format> {
 /// Status 2 for an unknown ending, 4 when cancelled, 5 when it cannot be written.
 pub fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progress) -> Result<()> {
     let format = format(path)?;
-    let labels = matches!(voxels, Voxels::Labels(_));
+    let kind = voxels.kind();
     progress.stage("writing", voxels.bytes() as u64);
     let nifti = || {
-        nifti::header(grid, labels)
+        nifti::header(grid, kind)
             .map_err(|why| Error::new(Kind::Output, path.display().to_string(), why, "write .nrrd or .mha instead"))
     };
     match format {
         Format::Nifti { gzip: true } => one(path, |w| packed(w, &nifti()?, voxels, progress)),
         Format::Nifti { gzip: false } => one(path, |w| plain(w, &nifti()?, voxels, progress)),
-        Format::Mha => one(path, |w| plain(w, metaimage::header(grid, labels, "LOCAL").as_bytes(), voxels, progress)),
+        Format::Mha => one(path, |w| plain(w, metaimage::header(grid, kind, "LOCAL").as_bytes(), voxels, progress)),
         Format::Nrrd => one(path, |w| {
-            w.write_all(nrrd::header(grid, labels, None).as_bytes())?;
+            w.write_all(nrrd::header(grid, kind, None).as_bytes())?;
             packed(w, &[], voxels, progress)
         }),
         Format::Mhd => {
             let (data, name) = beside(path, "raw")?;
-            let header = metaimage::header(grid, labels, &name);
+            let header = metaimage::header(grid, kind, &name);
             two(path, header.as_bytes(), &data, |w| plain(w, &[], voxels, progress))
         }
         Format::Nhdr => {
             let (data, name) = beside(path, "raw.gz")?;
-            let header = nrrd::header(grid, labels, Some(&name));
+            let header = nrrd::header(grid, kind, Some(&name));
             two(path, header.as_bytes(), &data, |w| packed(w, &[], voxels, progress))
         }
     }

@@ -1,11 +1,13 @@
 //! The elements of a DICOM data set, walked over bytes that are already in memory.
 //!
-//! Every length is checked against what is there before it is used, so that a header's lie costs nothing; the walk
-//! stops at the pixel data, of which only the place is kept. Encodings are those of PS3.5, section 7 and annex A.
+//! Every length is checked against what is there before it is used, so that a false header costs nothing; the walk
+//! stops at the pixel data and keeps only its place. Encodings are those of PS3.5, section 7 and annex A.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::io::Read;
+
+use crate::volume::io::raw::ByteOrder;
 
 /// Group and element.
 pub type Tag = (u16, u16);
@@ -27,9 +29,9 @@ const MOST_UNPACKED: u64 = 1 << 30;
 /// Why a walk failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The bytes end inside an element; more of the file may mend it.
+    /// The bytes end inside an element; more of the file may help.
     Short,
-    /// It cannot be mended.
+    /// It is damaged.
     Bad(String),
 }
 
@@ -37,7 +39,7 @@ pub enum Fault {
 #[derive(Clone, Copy)]
 struct Form {
     explicit: bool,
-    big: bool,
+    order: ByteOrder,
 }
 
 /// One item: plain values and nested sequences.
@@ -45,7 +47,7 @@ struct Form {
 pub struct Item {
     values: BTreeMap<Tag, Vec<u8>>,
     sequences: BTreeMap<Tag, Vec<Item>>,
-    big: bool,
+    order: ByteOrder,
 }
 
 impl Item {
@@ -70,7 +72,10 @@ impl Item {
     /// An unsigned short.
     pub fn short(&self, tag: Tag) -> Option<u16> {
         let b: [u8; 2] = self.values.get(&tag)?.get(..2)?.try_into().ok()?;
-        Some(if self.big { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) })
+        Some(match self.order {
+            ByteOrder::Little => u16::from_le_bytes(b),
+            ByteOrder::Big => u16::from_be_bytes(b),
+        })
     }
 
     /// The items of a sequence.
@@ -106,16 +111,16 @@ pub struct DataSet {
 /// [`Fault::Short`] when `bytes` end inside an element.
 pub fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
     let start = if bytes.get(128..132) == Some(b"DICM") { 132 } else { 0 };
-    let mut meta = Walk { bytes, at: start, form: Form { explicit: true, big: false }, pixels: None };
+    let mut meta = Walk { bytes, at: start, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
     let mut head = Item::default();
     while meta.peek_group()? == Some(2) {
         meta.element(&mut head, 0)?;
     }
     let syntax = head.text(TRANSFER_SYNTAX).ok_or_else(|| Fault::Bad("names no transfer syntax".to_owned()))?;
     let form = match syntax.as_str() {
-        "1.2.840.10008.1.2" => Form { explicit: false, big: false },
-        "1.2.840.10008.1.2.2" => Form { explicit: true, big: true },
-        _ => Form { explicit: true, big: false },
+        "1.2.840.10008.1.2" => Form { explicit: false, order: ByteOrder::Little },
+        "1.2.840.10008.1.2.2" => Form { explicit: true, order: ByteOrder::Big },
+        _ => Form { explicit: true, order: ByteOrder::Little },
     };
     let body = if syntax == "1.2.840.10008.1.2.1.99" {
         let mut out = Vec::new();
@@ -131,7 +136,7 @@ pub fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
     };
     let at = if matches!(body, Cow::Owned(_)) { 0 } else { meta.at };
     let mut walk = Walk { bytes: &body, at, form, pixels: None };
-    let mut root = Item { big: form.big, ..Item::default() };
+    let mut root = Item { order: form.order, ..Item::default() };
     while walk.pixels.is_none() && walk.peek_group()?.is_some() {
         walk.element(&mut root, 0)?;
     }
@@ -156,13 +161,19 @@ impl<'a> Walk<'a> {
 
     fn u16(&mut self) -> Result<u16, Fault> {
         let b = self.take(2)?;
-        Ok(if self.form.big { u16::from_be_bytes([b[0], b[1]]) } else { u16::from_le_bytes([b[0], b[1]]) })
+        Ok(match self.form.order {
+            ByteOrder::Little => u16::from_le_bytes([b[0], b[1]]),
+            ByteOrder::Big => u16::from_be_bytes([b[0], b[1]]),
+        })
     }
 
     fn u32(&mut self) -> Result<u32, Fault> {
         let b = self.take(4)?;
         let b = [b[0], b[1], b[2], b[3]];
-        Ok(if self.form.big { u32::from_be_bytes(b) } else { u32::from_le_bytes(b) })
+        Ok(match self.form.order {
+            ByteOrder::Little => u32::from_le_bytes(b),
+            ByteOrder::Big => u32::from_be_bytes(b),
+        })
     }
 
     fn tag(&mut self) -> Result<Tag, Fault> {
@@ -222,7 +233,7 @@ impl<'a> Walk<'a> {
         }
         let outer = self.form;
         if &vr == b"UN" {
-            self.form = Form { explicit: false, big: false };
+            self.form = Form { explicit: false, order: ByteOrder::Little };
         }
         let items = self.sequence(length, depth)?;
         self.form = outer;
@@ -266,7 +277,7 @@ impl<'a> Walk<'a> {
 
     fn item(&mut self, length: u32, depth: u32) -> Result<Item, Fault> {
         let end = self.end_of(length)?;
-        let mut item = Item { big: self.form.big, ..Item::default() };
+        let mut item = Item { order: self.form.order, ..Item::default() };
         while self.at < end {
             let at = self.at;
             if self.tag()? == ITEM_END {
@@ -285,7 +296,7 @@ impl<'a> Walk<'a> {
 /// # Errors
 /// [`Fault::Short`] when the data ends inside a fragment.
 pub fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault> {
-    let mut walk = Walk { bytes, at: offset, form: Form { explicit: true, big: false }, pixels: None };
+    let mut walk = Walk { bytes, at: offset, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
     let mut out = Vec::new();
     loop {
         match walk.tag()? {

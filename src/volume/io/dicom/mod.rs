@@ -4,7 +4,6 @@
 //! [`pixels`] turns stored values into HU.
 
 mod dataset;
-mod fence;
 mod pixels;
 mod rle;
 mod slice;
@@ -18,7 +17,7 @@ use serde_json::{Map, Value, json};
 
 use self::slice::Slice;
 use self::stack::{Gap, Stack};
-use super::{LoadOptions, source};
+use super::{LoadOptions, Modality, source};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -36,7 +35,7 @@ pub struct Read {
 /// How many slices make a series the one that is meant, where others are shorter.
 const FEW_SLICES: usize = 10;
 
-/// Reads the series that is meant from `files` of `input`. With `any_modality`, values need not be HU.
+/// Reads the series that is meant from `files` of `input`. It must be of the modality `wanted`.
 ///
 /// # Errors
 /// Status 3 where no series can be chosen, is incomplete, or holds what cannot be read; 4 when cancelled.
@@ -44,7 +43,7 @@ pub fn load(
     input: &Path,
     files: &[PathBuf],
     options: &LoadOptions,
-    any_modality: bool,
+    wanted: Modality,
     progress: &Progress,
 ) -> Result<Read> {
     progress.stage("reading headers", files.len() as u64);
@@ -64,7 +63,7 @@ pub fn load(
     let list = list(&series, chosen);
     let slices = series.swap_remove(chosen);
     let (modality, patient_position) = (slices[0].modality.clone(), slices[0].patient_position.clone());
-    if modality != "CT" && !any_modality {
+    if modality != "CT" && wanted == Modality::Ct {
         return Err(Error::file(input, format!("its modality is {modality}, whose values are not HU"), "give a CT"));
     }
     for s in &slices {
@@ -74,7 +73,9 @@ pub fn load(
         pixels::check_syntax(&s.file)?;
     }
     let stack = stack::stack(input, slices)?;
-    refuse_gaps(input, &stack, options.allow_gaps)?;
+    if !options.allow_gaps {
+        refuse_gaps(input, &stack)?;
+    }
     let mut facts = Map::new();
     facts.insert("modality".to_owned(), json!(modality));
     facts.insert("patient_position".to_owned(), json!(patient_position));
@@ -155,10 +156,7 @@ fn list(series: &[Vec<Slice>], chosen: usize) -> Value {
     series.iter().enumerate().map(one).collect()
 }
 
-fn refuse_gaps(input: &Path, stack: &Stack, allowed: bool) -> Result<()> {
-    if allowed {
-        return Ok(());
-    }
+fn refuse_gaps(input: &Path, stack: &Stack) -> Result<()> {
     let mend = "export the whole series, or resample over it with --allow-gaps";
     if let Some(text) = gaps_in_words(&stack.gaps) {
         return Err(Error::file(input, format!("slices are missing: {text}"), mend));

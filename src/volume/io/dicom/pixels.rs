@@ -1,4 +1,4 @@
-//! Pixel data to HU: uncompressed, or by a decoder inside a fence.
+//! Pixel data to HU: uncompressed, or by a decoder behind a [fence](crate::fence).
 
 use std::borrow::Cow;
 use std::io::{Read, Seek, SeekFrom};
@@ -9,16 +9,16 @@ use dicom_pixeldata::PixelDecoder;
 use rayon::prelude::*;
 
 use super::dataset::{self, Fault};
-use super::fence::fenced;
 use super::rle;
 use super::slice::{FileHead, Slice};
 use crate::error::{Error, Result};
+use crate::fence::fenced;
 use crate::progress::Progress;
 use crate::volume::AIR_HU;
-use crate::volume::io::raw::to_hu;
+use crate::volume::io::raw::{ByteOrder, to_hu};
 use crate::volume::io::source;
 
-/// Whatever a decoder makes of fewer bytes than this is no danger.
+/// Decoded data of fewer bytes than this is harmless, whatever the header declares.
 const HARMLESS: usize = 1 << 20;
 /// The most that a compressed slice may unpack to, as a multiple of its size: far above what scans reach, since even
 /// an empty slice has a code for each of its blocks.
@@ -29,7 +29,7 @@ const MOST_TILES: u64 = 4096;
 /// How a transfer syntax packs pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Codec {
-    Native { big: bool },
+    Native(ByteOrder),
     Rle,
     Jpeg,
     JpegLs,
@@ -39,9 +39,9 @@ enum Codec {
 fn codec(path: &Path, syntax: &str) -> Result<Codec> {
     let name = match syntax {
         "1.2.840.10008.1.2" | "1.2.840.10008.1.2.1" | "1.2.840.10008.1.2.1.99" => {
-            return Ok(Codec::Native { big: false });
+            return Ok(Codec::Native(ByteOrder::Little));
         }
-        "1.2.840.10008.1.2.2" => return Ok(Codec::Native { big: true }),
+        "1.2.840.10008.1.2.2" => return Ok(Codec::Native(ByteOrder::Big)),
         "1.2.840.10008.1.2.5" => return Ok(Codec::Rle),
         "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51" | "1.2.840.10008.1.2.4.57" | "1.2.840.10008.1.2.4.70" => {
             return Ok(Codec::Jpeg);
@@ -115,13 +115,13 @@ fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Res
     let sample = usize::from(file.bits.allocated / 8);
     let codec = codec(path, &file.syntax)?;
     let results: Vec<Result<usize>> = match codec {
-        Codec::Native { big } if file.syntax != "1.2.840.10008.1.2.1.99" => frames
+        Codec::Native(order) if file.syntax != "1.2.840.10008.1.2.1.99" => frames
             .into_par_iter()
             .map(|(slice, target)| {
                 let begin = (file.pixels.offset + slice.frame as usize * voxels * sample) as u64;
                 let bytes = read(path, begin, voxels * sample)?;
                 progress.advance(1)?;
-                Ok(to_hus(slice, &bytes, big, target))
+                Ok(to_hus(slice, &bytes, order, target))
             })
             .collect(),
         _ => {
@@ -129,18 +129,18 @@ fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Res
             let bytes = read(path, 0, usize::try_from(len).unwrap_or(usize::MAX))?;
             let body = match codec {
                 // The inflated bytes are what the place refers to.
-                Codec::Native { .. } => dataset::parse(&bytes).map_err(|e| fault(path, e))?.1,
+                Codec::Native(_) => dataset::parse(&bytes).map_err(|e| fault(path, e))?.1,
                 _ => Cow::Borrowed(&bytes[..]),
             };
             let parts = match codec {
-                Codec::Native { .. } => Vec::new(),
+                Codec::Native(_) => Vec::new(),
                 _ => dataset::fragments(&body, file.pixels.offset).map_err(|e| fault(path, e))?,
             };
             frames
                 .into_par_iter()
                 .map(|(slice, target)| {
                     let decoded = match codec {
-                        Codec::Native { .. } => {
+                        Codec::Native(_) => {
                             let begin = file.pixels.offset + slice.frame as usize * voxels * sample;
                             let frame = body.get(begin..begin + voxels * sample);
                             Cow::Borrowed(frame.ok_or_else(|| fault(path, Fault::Short))?)
@@ -148,7 +148,7 @@ fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Res
                         _ => Cow::Owned(unpack(file, codec, &frame_of(file, &parts, slice.frame)?)?),
                     };
                     progress.advance(1)?;
-                    Ok(to_hus(slice, &decoded, false, target))
+                    Ok(to_hus(slice, &decoded, ByteOrder::Little, target))
                 })
                 .collect()
         }
@@ -221,7 +221,7 @@ fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Vec<u8>> {
         _ => by_registry(file, packed),
     });
     let samples = outcome
-        .ok_or_else(|| damaged("is damaged (its decoder gave up)".to_owned()))?
+        .map_err(|_| damaged("is damaged (its decoder gave up)".to_owned()))?
         .map_err(|why| damaged(format!("is damaged ({why})")))?;
     if samples.len() < size {
         return Err(damaged(format!("decodes to {} bytes where {size} are declared", samples.len())));
@@ -352,7 +352,7 @@ fn coded(codec: Codec, packed: &[u8]) -> Option<Coded> {
 }
 
 /// Stored samples to HU; returns how many were padding.
-fn to_hus(slice: &Slice, bytes: &[u8], big: bool, out: &mut [i16]) -> usize {
+fn to_hus(slice: &Slice, bytes: &[u8], order: ByteOrder, out: &mut [i16]) -> usize {
     let file = &slice.file;
     let bits = file.bits;
     let shift = bits.high + 1 - bits.stored;
@@ -366,12 +366,12 @@ fn to_hus(slice: &Slice, bytes: &[u8], big: bool, out: &mut [i16]) -> usize {
         padding += usize::from(padded);
         *o = if padded { AIR_HU } else { to_hu(f64::from(value) * slice.slope + slice.intercept) };
     };
-    match (bits.allocated, big) {
+    match (bits.allocated, order) {
         (8, _) => out.iter_mut().zip(bytes).for_each(|(o, b)| put(o, u32::from(*b))),
-        (_, false) => {
+        (_, ByteOrder::Little) => {
             out.iter_mut().zip(bytes.as_chunks().0).for_each(|(o, b)| put(o, u32::from(u16::from_le_bytes(*b))));
         }
-        (_, true) => {
+        (_, ByteOrder::Big) => {
             out.iter_mut().zip(bytes.as_chunks().0).for_each(|(o, b)| put(o, u32::from(u16::from_be_bytes(*b))));
         }
     }

@@ -1,4 +1,4 @@
-//! One slice of a series: what its header says.
+//! One slice of a series, as its header describes it.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

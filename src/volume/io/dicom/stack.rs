@@ -40,14 +40,14 @@ pub struct Stack {
     pub gaps: Vec<Gap>,
     /// The smallest and largest distance of neighbours where spacing is uneven, mm.
     pub uneven: Option<(f64, f64)>,
-    /// What there is to say.
+    /// Notes for the user.
     pub notes: Vec<String>,
 }
 
 /// Sorts slices of one series and finds their grid.
 ///
 /// # Errors
-/// Status 3 where slices disagree in size, orientation or spacing, lie at the same place, or tell no place.
+/// Status 3 where slices disagree in size, orientation or spacing, lie at the same place, or have no place.
 pub fn stack(input: &Path, mut slices: Vec<Slice>) -> Result<Stack> {
     let mut notes = Vec::new();
     agree(&slices)?;
@@ -109,7 +109,7 @@ fn in_plane(input: &Path, s: &Slice, notes: &mut Vec<String>) -> Result<[f64; 2]
         Some(spacing) => Ok(spacing),
         // What is no CT (info takes any modality) may be a projection without a spacing in the patient.
         None if s.modality != "CT" => {
-            notes.push("tells no PixelSpacing: 1 mm is taken".to_owned());
+            notes.push("has no PixelSpacing: 1 mm is assumed".to_owned());
             Ok([1.0; 2])
         }
         None => Err(Error::file(input, "has no PixelSpacing", "export it with its geometry")),
@@ -136,7 +136,7 @@ fn agree(slices: &[Slice]) -> Result<()> {
             (p, q) => p.is_some() != q.is_some(),
         };
         if turned {
-            let text = |s: &Slice| s.axes.map_or("untold".to_owned(), |[x, y]| format!("{x} {y}"));
+            let text = |s: &Slice| s.axes.map_or("not given".to_owned(), |[x, y]| format!("{x} {y}"));
             return Err(differs("orientation", text(a), text(b)));
         }
         let stretched = match (a.spacing, b.spacing) {
@@ -152,11 +152,11 @@ fn agree(slices: &[Slice]) -> Result<()> {
 
 fn single(slice: Slice, spacing: [f64; 2], mut notes: Vec<String>) -> Result<Stack> {
     let axes = slice.axes.unwrap_or_else(|| {
-        notes.push("tells no orientation: rows run to the left, columns to posterior".to_owned());
+        notes.push("has no orientation: rows are assumed to run to the left, columns to posterior".to_owned());
         [DVec3::X, DVec3::Y]
     });
     let depth = slice.depth.unwrap_or_else(|| {
-        notes.push("tells no thickness: 1 mm is taken".to_owned());
+        notes.push("has no slice thickness: 1 mm is assumed".to_owned());
         1.0
     });
     let direction = DMat3::from_cols(axes[0], axes[1], axes[0].cross(axes[1]));

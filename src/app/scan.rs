@@ -1,0 +1,242 @@
+//! From a file to a flight: opens a scan, finds the colon in it, prepares what a scene asks for.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use crate::app::plan::{self, Plan, Wish};
+use crate::app::timings::Timings;
+use crate::app::{FlightApp, Scene};
+use crate::components::play::Playback;
+use crate::error::{Error, Result};
+use crate::fields::{Lumen, drain, lumen};
+use crate::phantom::{self, Phantom};
+use crate::progress::Progress;
+use crate::render::{PreparedVolume, Preset, TransferFunction};
+use crate::volume::Volume;
+use crate::volume::io::{self, LoadOptions};
+
+/// A scan that can be flown through, with its colon once somebody has asked for it.
+///
+/// ```
+/// use colvis::app::{Scan, Scene, Wish};
+/// use colvis::components::flight::State;
+///
+/// # fn main() -> colvis::error::Result<()> {
+/// let mut scan = Scan::phantom(1)?; // or Scan::open("scan.nii.gz")?
+/// let scene = Scene { log: true, ..Scene::guided_by("tentacles") };
+/// let mut flight = scan.flight(scene, &Wish::default())?; // through the largest segment, rectum to cecum
+/// assert_eq!(flight.fly(2.0)?, State::Flying);
+/// let picture = flight.look(320, 240)?;
+/// println!("{} after {:.0} mm", flight.pose().position, flight.flight().length_mm);
+/// # assert!(flight.take_log().len() == 240 && picture.pixels().iter().any(|p| p[0] > 30));
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug)]
+pub struct Scan {
+    volume: PreparedVolume,
+    lumen: Option<Arc<Lumen>>,
+    timings: Timings,
+    notes: Vec<String>,
+    progress: Arc<Progress>,
+}
+
+/// How a scan is opened.
+#[derive(Clone, Debug, Default)]
+pub struct OpenOptions {
+    /// How the file is read.
+    pub load: LoadOptions,
+    /// What of it is wall.
+    pub transfer: TransferFunction,
+    /// The renderer that the volume is made ready for.
+    pub preset: Preset,
+    /// Who is told how far the work has come, and can interrupt it.
+    pub progress: Arc<Progress>,
+}
+
+impl Scan {
+    /// Opens a scan with the usual options: NIfTI, MetaImage, NRRD, a DICOM file or folder.
+    ///
+    /// # Errors
+    /// Status 3 when it cannot be read or used.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::open_with(path, &OpenOptions::default())
+    }
+
+    /// Opens a scan.
+    ///
+    /// # Errors
+    /// Status 2 for options that make no sense, 3 when it cannot be read or used, 4 when interrupted.
+    pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Self> {
+        let mut timings = Timings::default();
+        let loaded = timings.time("load_s", || io::load(path.as_ref(), &options.load, &options.progress))?;
+        let scan = Self::made(loaded.volume, options, timings);
+        Ok(Self { notes: loaded.notes, ..scan })
+    }
+
+    /// The embedded phantom: a small synthetic colon, another one for each seed.
+    ///
+    /// # Errors
+    /// None but a fault of the program.
+    pub fn phantom(seed: u64) -> Result<Self> {
+        Self::phantom_with(seed, &OpenOptions::default())
+    }
+
+    /// The embedded phantom.
+    ///
+    /// # Errors
+    /// Status 4 when interrupted.
+    pub fn phantom_with(seed: u64, options: &OpenOptions) -> Result<Self> {
+        let phantom =
+            Phantom::new(&phantom::PhantomSettings { size: phantom::Size::Small, seed, ..Default::default() });
+        let mut timings = Timings::default();
+        let volume = timings.time("load_s", || phantom.voxelise(&phantom.grid(), &options.progress))?;
+        Ok(Self::made(volume, options, timings))
+    }
+
+    /// A scan that is in memory already.
+    pub fn of(volume: Volume, options: &OpenOptions) -> Self {
+        Self::made(volume, options, Timings::default())
+    }
+
+    /// A scan that is ready for rays already.
+    pub fn prepared(volume: PreparedVolume, progress: Arc<Progress>) -> Self {
+        Self { volume, lumen: None, timings: Timings::default(), notes: Vec::new(), progress }
+    }
+
+    fn made(volume: Volume, options: &OpenOptions, mut timings: Timings) -> Self {
+        let begun = Instant::now();
+        let volume = options.preset.preparation.prepare(Arc::new(volume), options.transfer);
+        timings.add("flags_s", begun.elapsed().as_secs_f64());
+        let progress = Arc::clone(&options.progress);
+        Self { volume, lumen: None, timings, notes: Vec::new(), progress }
+    }
+
+    /// The volume, ready for rays.
+    pub fn volume(&self) -> &PreparedVolume {
+        &self.volume
+    }
+
+    /// How long each part of the preparation has taken until now.
+    pub fn timings(&self) -> &Timings {
+        &self.timings
+    }
+
+    /// Takes what there is to say to the user since the last call.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notes)
+    }
+
+    /// The colon's lumen; found at the first call.
+    ///
+    /// # Errors
+    /// Status 4 for a volume of one voxel or one slice, or when interrupted.
+    pub fn lumen(&mut self) -> Result<Arc<Lumen>> {
+        if let Some(lumen) = &self.lumen {
+            return Ok(Arc::clone(lumen));
+        }
+        check_thick(self.volume.volume())?;
+        let found = self.timings.time("lumen_s", || lumen::find(self.volume.volume(), &self.progress))?;
+        Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
+    }
+
+    /// Takes tagged fluid as gas where it joins the main segment to others, so that they are flown as one. The scan shows it as
+    /// gas from then on.
+    fn drain(&mut self) -> Result<()> {
+        let found = self.lumen()?;
+        let main = found.main_segment().map(|n| &found.segments[n]);
+        if main.is_none_or(|s| s.joined_to.is_empty()) {
+            return Ok(());
+        }
+        let count = found.segments.len();
+        let begun = Instant::now();
+        let drained = Arc::new(drain::drained(self.volume.volume(), &found));
+        self.volume.replace(drained);
+        self.timings.add("drain_s", begun.elapsed().as_secs_f64());
+        let mut again = self.timings.time("joined_lumen_s", || lumen::find(self.volume.volume(), &self.progress))?;
+        drain::keep_ends(&mut again, &found);
+        if again.segments.len() < count {
+            self.notes.push(format!(
+                "tagged fluid joins segments of gas: it is taken as free and shown as gas ({count} segments become {})",
+                again.segments.len()
+            ));
+        }
+        self.lumen = Some(Arc::new(again));
+        Ok(())
+    }
+
+    /// Start and goal of a flight, for a body of `radius_mm`.
+    ///
+    /// # Errors
+    /// Status 4 when there is no colon to fly, a point lies outside the lumen, or the lumen is too narrow.
+    pub fn plan(&mut self, wish: &Wish, radius_mm: f64) -> Result<Plan> {
+        let lumen = self.lumen()?;
+        self.timings.time("plan_s", || plan::plan(&self.volume, &lumen, wish, radius_mm, &self.progress))
+    }
+
+    /// A flight at its start, with everything that the scene asks for.
+    ///
+    /// # Errors
+    /// Status 2 for a scene that makes no sense, 3 for a log of another scan, 4 when there is no colon or no way between the
+    /// points, or when interrupted.
+    pub fn flight(&mut self, scene: Scene, wish: &Wish) -> Result<FlightApp> {
+        let (lumen, plan) = match scene.play() {
+            Some(play) => {
+                check_log(play, &self.volume)?;
+                (Arc::new(Lumen::none(self.volume.volume().grid())), plan::as_logged(play))
+            }
+            None => {
+                if scene.needs().fluid_as_gas {
+                    self.drain()?;
+                }
+                let plan = self.plan(wish, scene.body.radius_mm)?;
+                (self.lumen()?, plan)
+            }
+        };
+        self.notes.extend(plan.notes.iter().cloned());
+        self.fly(scene, lumen, plan)
+    }
+
+    /// A flight whose plan is known.
+    fn fly(&mut self, scene: Scene, lumen: Arc<Lumen>, plan: Plan) -> Result<FlightApp> {
+        let begun = Instant::now();
+        let mut flight = FlightApp::prepared(self.volume.clone(), lumen, plan, scene, Arc::clone(&self.progress))?;
+        self.notes.extend(flight.take_notes());
+        let fields = flight.take_field_times();
+        let spent: f64 = fields.iter().map(|f| f.1).sum();
+        fields.into_iter().for_each(|(name, seconds)| self.timings.add(name, seconds));
+        self.timings.add("scene_s", begun.elapsed().as_secs_f64() - spent);
+        Ok(flight)
+    }
+}
+
+/// # Errors
+/// Status 4 for a volume of one voxel or one slice.
+pub fn check_thick(volume: &Volume) -> Result<()> {
+    let dims = volume.grid().dims();
+    if dims.iter().any(|&d| d < 2) {
+        let why = format!("has {}×{}×{} voxels: no lumen can be found in one slice", dims[0], dims[1], dims[2]);
+        return Err(Error::incomplete("volume", why, "give the whole scan; info and render take this one"));
+    }
+    Ok(())
+}
+
+/// A log can only be played in the scan that it was flown in, as far as that can be told.
+fn check_log(play: &Playback, volume: &PreparedVolume) -> Result<()> {
+    let grid = volume.volume().grid();
+    let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
+    let outside = |p: DVec3| {
+        let v = grid.voxel(p);
+        !(v.cmpge(DVec3::splat(-0.5)).all() && v.cmple(last + 0.5).all())
+    };
+    match play.lines().iter().find(|l| outside(DVec3::from_array(l.position))) {
+        None => Ok(()),
+        Some(l) => {
+            let at = plan::triple(DVec3::from_array(l.position));
+            Err(Error::input("log", format!("{at} lies outside this scan"), "give the scan that it was flown in"))
+        }
+    }
+}

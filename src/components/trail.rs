@@ -1,0 +1,201 @@
+//! Where a flight has been and what it looked at, coarsely: for coverage, and for going back.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+
+use crate::dynamics::Attitude;
+
+/// A view is kept when the camera has come so far from the last one, mm, …
+const STEP_MM: f64 = 2.0;
+/// … or has turned so much, as the cosine of the angle: 10°.
+const TURN: f64 = 0.984_807_753_012_208;
+
+/// The views of a flight, in order, each with the share of the way (0 to 1, from the start to the goal as they are now) at
+/// which it lies.
+///
+/// The share is counted as the operator is shown it: from a plan, or without one by the way flown over the way's coarse
+/// length; the other way round after the flight was turned round; from where the camera was taken to after a jump.
+#[derive(Component, Clone, Debug, Default)]
+pub struct Trail {
+    views: Vec<(DVec3, Attitude)>,
+    shares: Vec<f64>,
+    /// The first view since the flight last set out: those before lie on another way.
+    begins: usize,
+    /// The first view of each leg since then: no way leads to it from the one before.
+    legs: Vec<usize>,
+    /// The next view begins a leg.
+    leaves: bool,
+    /// Of the way, mm.
+    length_mm: f64,
+    /// Until the last step, mm.
+    flown_mm: f64,
+    /// Where the camera is.
+    share: f64,
+}
+
+impl Trail {
+    /// The flight sets out anew, on a way of `length_mm`. What was seen before stays seen.
+    pub fn set_out(&mut self, length_mm: f64) {
+        (self.begins, self.length_mm, self.flown_mm) = (self.views.len(), length_mm.max(0.0), 0.0);
+        self.legs.clear();
+        self.jump(0.0);
+    }
+
+    /// The camera was taken to a share of the way.
+    pub fn jump(&mut self, share: f64) {
+        (self.share, self.leaves) = (share, true);
+    }
+
+    /// Start and goal are swapped.
+    pub fn turn_round(&mut self) {
+        self.share = 1.0 - self.share;
+        self.shares[self.begins..].iter_mut().for_each(|s| *s = 1.0 - *s);
+    }
+
+    /// The goal is reached, whatever was counted.
+    pub fn arrive(&mut self) {
+        self.share = 1.0;
+    }
+
+    /// Takes the view after a step, with the flight's length until then (mm), and the place along a plan and the plan's
+    /// length (mm) if there is one.
+    pub fn follow(&mut self, view: (DVec3, Attitude), flown_mm: f64, planned: Option<(f64, f64)>) {
+        let before = self.share;
+        let along_mm = match planned {
+            Some((s, length_mm)) => {
+                self.length_mm = length_mm;
+                s
+            }
+            None => self.share * self.length_mm + (flown_mm - self.flown_mm).max(0.0),
+        };
+        self.flown_mm = flown_mm;
+        self.share = if self.length_mm > 0.0 { (along_mm / self.length_mm).clamp(0.0, 1.0) } else { 0.0 };
+        if std::mem::take(&mut self.leaves) {
+            self.legs.push(self.views.len());
+            // The step that follows a jump is short; from its beginning on the way is known.
+            self.keep(view, before);
+            return;
+        }
+        let is_new = |last: &(DVec3, Attitude)| {
+            last.0.distance(view.0) >= STEP_MM
+                || last.1.forward.dot(view.1.forward) < TURN
+                || last.1.up.dot(view.1.up) < TURN
+        };
+        if self.views.last().is_none_or(is_new) {
+            self.keep(view, self.share);
+        }
+    }
+
+    fn keep(&mut self, view: (DVec3, Attitude), share: f64) {
+        self.views.push(view);
+        self.shares.push(share);
+    }
+
+    /// The views, in order.
+    pub fn views(&self) -> &[(DVec3, Attitude)] {
+        &self.views
+    }
+
+    /// The last view at a share of the way; none if the flight was not there since it set out.
+    pub fn at(&self, share: f64) -> Option<(DVec3, Attitude)> {
+        let count = self.views.len();
+        // Who points at where the camera is may point a little beyond.
+        let about = self.share + if self.length_mm > 0.0 { STEP_MM / self.length_mm } else { 0.0 };
+        for n in (self.begins..count).rev() {
+            let here = self.shares[n];
+            // On the same leg; what comes after the last view is too near to it to be one.
+            let next = match n + 1 {
+                m if m == count => {
+                    if self.leaves {
+                        here
+                    } else {
+                        about
+                    }
+                }
+                m if self.legs.binary_search(&m).is_ok() => here,
+                m => self.shares[m],
+            };
+            if here.min(next) <= share && share <= here.max(next) {
+                let nearer = n + 1 < count && (next - share).abs() < (here - share).abs();
+                return Some(self.views[if nearer { n + 1 } else { n }]);
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LOOK: Attitude = Attitude { forward: DVec3::X, up: DVec3::Z };
+
+    /// Flies along x in steps of 0.1 mm; the way flown is `flown` before and after.
+    fn fly(t: &mut Trail, from: f64, to: f64, flown: &mut f64) {
+        let steps = ((to - from).abs() * 10.0).round() as i32;
+        for n in 1..=steps {
+            let x = from + (to - from) * f64::from(n) / f64::from(steps);
+            *flown += 0.1;
+            t.follow((DVec3::X * x, LOOK), *flown, None);
+        }
+    }
+
+    #[test]
+    fn the_way_back_is_known_and_no_further() {
+        let (mut t, mut flown) = (Trail::default(), 0.0);
+        t.set_out(200.0);
+        assert!(t.at(0.0).is_none());
+        fly(&mut t, 0.0, 100.0, &mut flown);
+        assert!(t.views().len() > 40 && t.views().len() < 60);
+        for share in [0.0, 0.1, 0.25, 0.5] {
+            let x = t.at(share).unwrap().0.x;
+            assert!((x - 200.0 * share).abs() < 2.1, "{x} at {share}");
+        }
+        assert!(t.at(0.52).is_none() && t.at(1.0).is_none());
+        t.follow((DVec3::X * 99.9, Attitude::new(DVec3::Y, DVec3::Z)), flown, None);
+        assert_eq!(t.views().last().unwrap().1.forward, DVec3::Y, "a turn on the spot is a view of its own");
+    }
+
+    #[test]
+    fn legs_are_counted_as_the_operator_is_shown_them() {
+        let (mut t, mut flown) = (Trail::default(), 0.0);
+        let x = |t: &Trail, share: f64| t.at(share).map(|v| v.0.x);
+        let near = |a: Option<f64>, b: f64| a.is_some_and(|a| (a - b).abs() < 2.1);
+        t.set_out(200.0);
+        fly(&mut t, 0.0, 120.0, &mut flown);
+        // Turned round at 60 %: that is 40 % of the way back; the goal now lies at x = 0.
+        t.turn_round();
+        fly(&mut t, 120.0, 100.0, &mut flown);
+        assert!(near(x(&t, 0.45), 110.0) && near(x(&t, 0.9), 20.0), "{:?} {:?}", x(&t, 0.45), x(&t, 0.9));
+        assert!(t.at(0.2).is_none(), "on the way there it did not come so far");
+        // A jump back to 80 %, and on from there.
+        t.jump(0.8);
+        fly(&mut t, 40.0, 30.0, &mut flown);
+        assert!(near(x(&t, 0.84), 32.0) && near(x(&t, 0.6), 80.0) && near(x(&t, 1.0), 0.0));
+        // Another way: nothing of the former counts, but all was seen.
+        let seen = t.views().len();
+        t.set_out(50.0);
+        assert!(t.at(0.0).is_none());
+        fly(&mut t, 500.0, 510.0, &mut 0.0);
+        assert!(near(x(&t, 0.1), 505.0) && t.at(0.5).is_none() && t.views().len() > seen);
+        // More was flown than the coarse length says.
+        fly(&mut t, 510.0, 580.0, &mut 10.0);
+        t.arrive();
+        assert!(t.at(1.0).is_some() && near(x(&t, 0.5), 525.0));
+    }
+
+    #[test]
+    fn a_plan_tells_the_share_by_itself() {
+        let mut t = Trail::default();
+        t.set_out(70.0);
+        for n in 0..100 {
+            let s = f64::from(n);
+            t.follow((DVec3::X * s, LOOK), s, Some((s, 200.0)));
+        }
+        assert!((t.at(0.25).unwrap().0.x - 50.0).abs() < 2.1 && t.at(0.6).is_none());
+        // Without it the count goes on from there.
+        let mut flown = 99.0;
+        fly(&mut t, 99.0, 140.0, &mut flown);
+        assert!((t.at(0.6).unwrap().0.x - 120.0).abs() < 2.1);
+    }
+}

@@ -1,0 +1,104 @@
+//! The operator's hand on the flight: how a push builds up, how fast a turn is, and how the guide lets go and takes up
+//! the flight again.
+
+use glam::DVec3;
+
+use super::Attitude;
+
+/// Speed that a full push holds against the drag, mm/s: faster than the guide's cruise, so that the hand wins.
+pub const PUSH_MM_S: f64 = 45.0;
+/// Least multiple of the cruise speed that a push is scaled by: a slow flight must still be steerable.
+const LEAST_SPEED: f64 = 0.3;
+/// Rate of a full turn, rad/s.
+const TURN_RATE: f64 = 1.2;
+/// A push builds up and dies away with this time constant, s: no hand is faster, and a flight must not jerk.
+const PUSH_S: f64 = 0.06;
+/// What is left of a push below this counts as none, mm/s².
+const NO_PUSH: f64 = 1e-3;
+/// Time within which the guide lets go after the hand is on, s.
+const LET_GO_S: f64 = 0.15;
+/// Time within which the guide takes up the flight again, s.
+const TAKE_UP_S: f64 = 0.8;
+
+/// A push in the world, from its components along the view's right, up and forward, each −1 to 1.
+pub fn push_direction(view: &Attitude, push: DVec3) -> DVec3 {
+    view.right() * push.x + view.up * push.y + view.forward * push.z
+}
+
+/// Angular velocity (world rad/s) that a turn asks for: yaw to the right, pitch upwards, roll clockwise, each −1 to 1.
+pub fn turning(view: &Attitude, turn: DVec3) -> DVec3 {
+    let turn = turn * TURN_RATE;
+    view.right() * turn.y - view.up * turn.x + view.forward * turn.z
+}
+
+/// The acceleration of the hand (world mm/s²) after `dt` seconds: `before` approaches what `push` (see
+/// [`push_direction`]) asks for, exponentially. A full push in the end holds 45 mm/s against a drag of `drag_per_s`,
+/// times
+/// `speed`, the operator's multiple of the cruise speed.
+pub fn push_acceleration(before: DVec3, push: DVec3, drag_per_s: f64, speed: f64, dt: f64) -> DVec3 {
+    let asked = push * (PUSH_MM_S * drag_per_s * speed.max(LEAST_SPEED));
+    let after = asked + (before - asked) * (-dt / PUSH_S).exp();
+    if asked == DVec3::ZERO && after.length() < NO_PUSH { DVec3::ZERO } else { after }
+}
+
+/// The guide's part of the flight, 0 to 1, `dt` seconds on, while the operator has it: none after 0.15 s.
+pub fn let_go(guided: f64, dt: f64) -> f64 {
+    (guided + -dt / LET_GO_S).clamp(0.0, 1.0)
+}
+
+/// The guide's part of the flight, 0 to 1, `dt` seconds on, while it takes the flight up again: all after 0.8 s.
+pub fn take_up(guided: f64, dt: f64) -> f64 {
+    (guided + dt / TAKE_UP_S).clamp(0.0, 1.0)
+}
+
+/// The share of its thrust that a guide with the part `guided` of the flight has, 0 to 1: eased in and out
+/// (smoothstep).
+pub fn share(guided: f64) -> f64 {
+    let g = guided.clamp(0.0, 1.0);
+    g * g * (3.0 - 2.0 * g)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::dynamics::STEP_S as DT;
+
+    fn after(seconds: f64, mut a: DVec3, push: DVec3) -> DVec3 {
+        for _ in 0..(seconds / DT) as usize {
+            a = push_acceleration(a, push, 6.0, 1.0, DT);
+        }
+        a
+    }
+
+    #[test]
+    fn a_push_builds_up_and_dies_away() {
+        let full = after(1.0, DVec3::ZERO, DVec3::X);
+        assert!((full.x / 6.0 - 45.0).abs() < 1e-3, "{full}");
+        let early = after(0.06, DVec3::ZERO, DVec3::X);
+        assert!((early.x / full.x - (1.0 - (-1f64).exp())).abs() < 0.06, "one time constant: {early}");
+        assert_eq!(after(2.0, full, DVec3::ZERO), DVec3::ZERO, "exactly none in the end");
+        let slow = push_acceleration(DVec3::ZERO, DVec3::X, 6.0, 0.1, 10.0);
+        assert!((slow.x / 6.0 - 0.3 * 45.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_turn_is_about_the_axes_of_the_view() {
+        let view = Attitude::new(DVec3::Y, DVec3::Z);
+        assert_eq!(view.right(), DVec3::X);
+        assert!(turning(&view, DVec3::X).distance(DVec3::NEG_Z * 1.2) < 1e-12, "yaw to the right");
+        assert!(turning(&view, DVec3::Y).distance(DVec3::X * 1.2) < 1e-12, "pitch upwards");
+        assert!(turning(&view, DVec3::Z).distance(DVec3::Y * 1.2) < 1e-12, "roll clockwise");
+        assert_eq!(push_direction(&view, DVec3::new(1.0, 2.0, 3.0)), DVec3::new(1.0, 3.0, 2.0));
+    }
+
+    #[test]
+    fn the_guide_lets_go_fast_and_comes_back_slowly() {
+        let steps = |next: fn(f64, f64) -> f64, from: f64, until: f64| {
+            std::iter::successors(Some(from), |g| Some(next(*g, DT))).take_while(|g| *g != until).count()
+        };
+        assert!((18..=19).contains(&steps(let_go, 1.0, 0.0)), "0.15 s");
+        assert!((96..=97).contains(&steps(take_up, 0.0, 1.0)), "0.8 s");
+        assert_eq!([share(-1.0), share(0.0), share(0.5), share(1.0), share(2.0)], [0.0, 0.0, 0.5, 1.0, 1.0]);
+    }
+}

@@ -1,0 +1,19 @@
+//! Checks that settings share.
+
+use crate::error::{Error, Result};
+
+/// # Errors
+/// Status 2 (wrong usage) for a setting that is not a finite number above 0.
+pub fn positive(name: &str, value: f64) -> Result<()> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { refuse(name, value, "above 0") }
+}
+
+/// # Errors
+/// Status 2 (wrong usage) for a setting that is not a finite number of at least 0.
+pub fn not_negative(name: &str, value: f64) -> Result<()> {
+    if value.is_finite() && value >= 0.0 { Ok(()) } else { refuse(name, value, "of at least 0") }
+}
+
+fn refuse(name: &str, value: f64, wanted: &str) -> Result<()> {
+    Err(Error::usage(name, format!("is {value}"), format!("give a finite number {wanted}")))
+}

@@ -1,0 +1,156 @@
+//! Which of the numbered nodes of a map touch each other, and the ways of least cost over them: shared by the coarse
+//! map of the gas and by the cells that the centerline runs through.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use rayon::prelude::*;
+
+/// The neighbours of each node, as compressed rows.
+#[derive(Clone, Debug, Default)]
+pub(in crate::fields) struct Neighbours {
+    /// Where each node's neighbours begin in `nodes`; one entry more than there are nodes.
+    first: Vec<u32>,
+    nodes: Vec<u32>,
+}
+
+/// The ways of least cost from one node.
+#[derive(Debug)]
+pub(in crate::fields) struct Ways {
+    /// Length of the way to every node, mm; infinite where there is none.
+    pub length: Vec<f64>,
+    /// The node before every node on its way; itself at the start and where there is none.
+    pub before: Vec<u32>,
+}
+
+/// What a run of Dijkstra's algorithm finds.
+#[derive(Debug)]
+struct Tree {
+    cost: Vec<f64>,
+    /// The node before every node; itself at a start and where there is none.
+    before: Vec<u32>,
+    /// The nodes in the order they were reached.
+    settled: Vec<u32>,
+}
+
+impl Neighbours {
+    /// Of `count` nodes, from pairs in both directions, in any order; a pair may come several times.
+    pub fn new(count: usize, mut pairs: Vec<(u32, u32)>) -> Self {
+        pairs.par_sort_unstable();
+        pairs.dedup();
+        let mut first = vec![0; count + 1];
+        for p in &pairs {
+            first[p.0 as usize + 1] += 1;
+        }
+        for n in 0..count {
+            first[n + 1] += first[n];
+        }
+        Self { first, nodes: pairs.into_iter().map(|p| p.1).collect() }
+    }
+
+    /// The neighbours of one node, ascending.
+    pub fn of(&self, n: u32) -> &[u32] {
+        &self.nodes[self.first[n as usize] as usize..self.first[n as usize + 1] as usize]
+    }
+
+    /// The ways of least cost from `start` to all nodes, or as far as `to`. One costs its length times `weight`; `step`
+    /// is the distance of two nodes, mm.
+    pub fn ways(
+        &self,
+        start: u32,
+        to: Option<u32>,
+        step: impl Fn(u32, u32) -> f64,
+        weight: impl Fn(u32, u32) -> f64,
+    ) -> Ways {
+        let Tree { before, settled, .. } = self.dijkstra(&[(start, 0.0)], to, |n, m| step(n, m) * weight(n, m));
+        let mut length = vec![f64::INFINITY; before.len()];
+        for n in settled {
+            let b = before[n as usize];
+            length[n as usize] = if b == n { 0.0 } else { length[b as usize] + step(n, b) };
+        }
+        Ways { length, before }
+    }
+
+    /// The least cost of a way to each node from any of the starts `from` (nodes and what they cost by themselves).
+    pub fn costs(&self, from: &[(u32, f64)], cost: impl Fn(u32, u32) -> f64) -> Vec<f64> {
+        self.dijkstra(from, None, cost).cost
+    }
+
+    /// Dijkstra's algorithm over neighbours and their neighbours, so that a way may run diagonally through two cells.
+    /// Ties go to the smaller node.
+    fn dijkstra(&self, from: &[(u32, f64)], to: Option<u32>, step_cost: impl Fn(u32, u32) -> f64) -> Tree {
+        let count = self.first.len() - 1;
+        let mut cost = vec![f64::INFINITY; count];
+        let mut before: Vec<u32> = (0..count as u32).collect();
+        let mut done = vec![false; count];
+        let mut settled = Vec::new();
+        // Costs are not negative, so their bits order as they do.
+        let mut open: BinaryHeap<Reverse<(u64, u32)>> = BinaryHeap::new();
+        for &(n, c) in from {
+            cost[n as usize] = c;
+            open.push(Reverse((c.to_bits(), n)));
+        }
+        while let Some(Reverse((_, n))) = open.pop() {
+            if std::mem::replace(&mut done[n as usize], true) {
+                continue;
+            }
+            settled.push(n);
+            if to == Some(n) {
+                break;
+            }
+            let mut reach = |m: u32| {
+                if done[m as usize] {
+                    return;
+                }
+                let c = cost[n as usize] + step_cost(n, m);
+                if c < cost[m as usize] {
+                    cost[m as usize] = c;
+                    before[m as usize] = n;
+                    open.push(Reverse((c.to_bits(), m)));
+                }
+            };
+            for &m in self.of(n) {
+                reach(m);
+                self.of(m).iter().for_each(|&far| reach(far));
+            }
+        }
+        Tree { cost, before, settled }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A row of nodes 1 mm apart, and one that stands alone.
+    fn row(count: u32) -> Neighbours {
+        let pairs = (1..count).flat_map(|n| [(n - 1, n), (n, n - 1), (n - 1, n)]).collect();
+        Neighbours::new(count as usize + 1, pairs)
+    }
+
+    fn apart(a: u32, b: u32) -> f64 {
+        (f64::from(a) - f64::from(b)).abs()
+    }
+
+    #[test]
+    fn ways_lead_over_neighbours_of_neighbours() {
+        let map = row(7);
+        assert_eq!((map.of(0), map.of(3), map.of(7)), (&[1][..], &[2, 4][..], &[][..]));
+        let ways = map.ways(0, None, apart, |_, _| 1.0);
+        assert_eq!(ways.length[..7], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        assert!(ways.length[7].is_infinite() && ways.before[7] == 7 && ways.before[0] == 0);
+        assert_eq!((ways.before[2], ways.before[4]), (0, 2), "two at a time");
+        let some = map.ways(0, Some(3), apart, |_, _| 1.0);
+        assert!(some.length[3] == 3.0 && some.length[6].is_infinite());
+    }
+
+    #[test]
+    fn the_cheaper_way_wins_and_lengths_are_not_costs() {
+        let map = row(5);
+        let dear = |n: u32, m: u32| if n.max(m) == 2 { 10.0 } else { 1.0 };
+        let ways = map.ways(0, None, apart, dear);
+        assert_eq!(ways.before[3], 1, "over the dear node");
+        assert_eq!(ways.length[4], 4.0);
+        assert_eq!(map.costs(&[(0, 5.0), (4, 0.0)], apart), [4.0, 3.0, 2.0, 1.0, 0.0, f64::INFINITY]);
+    }
+}

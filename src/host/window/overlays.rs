@@ -1,0 +1,47 @@
+//! The overlays that a window has, and which of them are shown.
+
+use super::keys::Deed;
+use crate::app::overlay::{Canvas, Mark};
+use crate::app::{FlightApp, Overlay};
+
+/// Overlays, each shown or not.
+#[derive(Clone, Debug, Default)]
+pub struct Overlays {
+    all: Vec<Overlay>,
+    shown: Vec<bool>,
+}
+
+impl Overlays {
+    /// As each says whether it is shown from the beginning.
+    pub fn new(all: Vec<Overlay>) -> Self {
+        let shown = all.iter().map(|o| o.shown).collect();
+        Self { all, shown }
+    }
+
+    /// All of them.
+    pub fn all(&self) -> &[Overlay] {
+        &self.all
+    }
+
+    /// Shows or hides one, by its number.
+    pub fn switch(&mut self, number: usize) {
+        if let Some(shown) = self.shown.get_mut(number) {
+            *shown = !*shown;
+        }
+    }
+
+    /// What a key does of which one is the owner.
+    pub fn deed(&self, key: char) -> Option<Deed> {
+        let is = |k: Option<char>| k.is_some_and(|k| k.to_lowercase().eq(key.to_lowercase()));
+        self.all.iter().position(|o| is(o.key)).map(Deed::Overlay)
+    }
+
+    /// What those draw that are shown.
+    pub fn draw(&self, flight: &FlightApp) -> Vec<Mark> {
+        let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return Vec::new() };
+        let mut canvas = Canvas::new(view);
+        let shown = self.all.iter().zip(&self.shown).filter(|o| *o.1).map(|o| o.0);
+        shown.for_each(|overlay| (overlay.draw)(flight, &mut canvas));
+        canvas.into_marks()
+    }
+}

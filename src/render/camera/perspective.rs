@@ -1,0 +1,60 @@
+//! `perspective`: a pinhole camera.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+
+use super::model::{Camera, CameraModel, CameraRay, Origins};
+use crate::error::{Error, Result};
+
+/// A pinhole camera: straight lines stay straight.
+pub const MODEL: CameraModel = CameraModel {
+    name: "perspective",
+    summary: "A pinhole camera: straight lines stay straight, the view angle is below 180°",
+    make: |fov_degrees, _| Ok(Arc::new(Perspective::new(fov_degrees)?)),
+};
+
+/// Places nearer than this to the plane through the camera, as a share of their distance, are not seen.
+const GRAZING: f64 = 1e-3;
+
+/// The pinhole camera of a view angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Perspective {
+    tangent: f64,
+}
+
+impl Perspective {
+    /// Of the view angle `fov_degrees` over the shorter side of the image, from edge to edge.
+    ///
+    /// # Errors
+    /// Wrong usage when the angle is not between 0 and 180°.
+    pub fn new(fov_degrees: f64) -> Result<Self> {
+        if !(fov_degrees > 0.0 && fov_degrees < 180.0) {
+            let why = format!("{fov_degrees}° is not between 0 and 180");
+            return Err(Error::usage("field of view", why, "give degrees, such as 90"));
+        }
+        Ok(Self { tangent: (0.5 * fov_degrees.to_radians()).tan() })
+    }
+}
+
+impl Camera for Perspective {
+    fn ray(&self, at: DVec2) -> Option<CameraRay> {
+        Some(CameraRay { origin: DVec3::ZERO, direction: (at * self.tangent).extend(1.0).normalize() })
+    }
+
+    fn project(&self, place: DVec3) -> Option<DVec2> {
+        (place.z > GRAZING * place.length()).then(|| place.truncate() / (place.z * self.tangent))
+    }
+
+    fn origins(&self) -> Origins {
+        Origins::One
+    }
+
+    fn tangent(&self) -> Option<f64> {
+        Some(self.tangent)
+    }
+
+    fn most_turn(&self) -> Option<f64> {
+        Some(self.tangent)
+    }
+}

@@ -1,0 +1,362 @@
+//! Layers: a layer is a surface hit that a ray goes through or ends in.
+//!
+//! A layer's light is that of its mean place and mean value, both weighted by what each half step adds, so that the gradient is
+//! looked at once and not at each sample. A layer that has ended waits until another of its ray's ends, or all rays have: the
+//! more of them are shaded at once, the less each takes.
+
+use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
+use glam::Vec3;
+
+use super::cells::Cells;
+use super::directions::{Directions, split};
+use super::fit::gradients;
+use super::packet::Rays;
+use crate::render::sampler::is_homogeneous;
+use crate::render::shade::{AMBIENT, DIFFUSE};
+
+/// When sixteen rays are in more cells than this, the regression is made for each ray. On AVX-512 that pays from four cells
+/// on, on AVX2 from eight; it is one number, so that every SIMD level gives the same bits.
+const MANY: usize = 8;
+/// A layer that holds little is shaded when it is so many times as far back as one that holds much.
+const FAR: f32 = 4.0;
+
+/// How far back, in steps, a layer's mean place may lie before another begins, and how far where it holds little. Steps are
+/// 2^`power` times as long as those of a flight, over `waves` of which the wall's gradient turns little. Who asks for shorter
+/// ones wants less error, too: layers are a quarter of a flight's step then.
+pub fn steps(waves: f32, power: i32) -> [f32; 2] {
+    let step = 2f32.powi(power);
+    if power < 0 {
+        let fine = (0.25 / step).min(1.0);
+        [fine, FAR * fine]
+    } else {
+        [(waves / step).max(1.0), FAR]
+    }
+}
+
+/// What a camera is in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Medium {
+    /// What rays see nothing of.
+    Air,
+    /// What they see: the camera is within the wall.
+    Wall,
+}
+
+/// What sixteen rays meet of the wall: its weight, and that times place (steps) and value (HU above the palette's first).
+#[derive(Clone, Copy)]
+pub struct Layer<S: Simd> {
+    pub weight: f32x16<S>,
+    pub place: f32x16<S>,
+    pub value: f32x16<S>,
+}
+
+impl<S: Simd> Layer<S> {
+    /// Nothing.
+    #[inline(always)]
+    pub fn none(simd: S) -> Self {
+        let zero = f32x16::splat(simd, 0.0);
+        Self { weight: zero, place: zero, value: zero }
+    }
+
+    /// The rays that have something.
+    #[inline(always)]
+    pub fn any(&self) -> mask32x16<S> {
+        self.weight.simd_gt(0.0)
+    }
+
+    /// That of the rays in `mask`, which have nothing then.
+    #[inline(always)]
+    fn take(&mut self, simd: S, mask: mask32x16<S>) -> Self {
+        let all = *self;
+        let zero = f32x16::splat(simd, 0.0);
+        self.weight = mask.select(zero, all.weight);
+        self.place = mask.select(zero, all.place);
+        self.value = mask.select(zero, all.value);
+        Self {
+            weight: mask.select(all.weight, zero),
+            place: mask.select(all.place, zero),
+            value: mask.select(all.value, zero),
+        }
+    }
+}
+
+/// What sixteen rays have gathered; weights are shares of the light that reaches the camera.
+pub struct Sums<S: Simd> {
+    pub bright: f32x16<S>,
+    pub tone: f32x16<S>,
+    pub depth: f32x16<S>,
+    /// 1 − A.
+    pub through: f32x16<S>,
+    /// The layer that is under way.
+    pub layer: Layer<S>,
+    /// A layer that has ended and is not yet shaded.
+    pub waiting: Layer<S>,
+    /// Number of layers that ended before another began.
+    pub layers: f32x16<S>,
+    /// Of the first of them, if there was another after it: its weight, and that times place.
+    pub front: [f32x16<S>; 2],
+}
+
+impl<S: Simd> Sums<S> {
+    /// Nothing yet.
+    #[inline(always)]
+    pub fn new(simd: S) -> Self {
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+        let none = Layer::none(simd);
+        Self {
+            bright: zero,
+            tone: zero,
+            depth: zero,
+            through: one,
+            layer: none,
+            waiting: none,
+            layers: zero,
+            front: [zero; 2],
+        }
+    }
+
+    /// Has the layers of the rays in `mask`, for which none waits, wait to be shaded.
+    #[inline(always)]
+    pub fn end(&mut self, simd: S, mask: mask32x16<S>) {
+        let ended = self.layer.take(simd, mask);
+        self.depth += ended.place;
+        self.waiting.weight += ended.weight;
+        self.waiting.place += ended.place;
+        self.waiting.value += ended.value;
+    }
+
+    /// Counts the layers of the rays in `mask`, which have ended: others begin.
+    #[inline(always)]
+    pub fn count(&mut self, simd: S, mask: mask32x16<S>) {
+        let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+        let first = mask & self.layers.simd_lt(0.5);
+        self.front = [first.select(one - self.through, self.front[0]), first.select(self.depth, self.front[1])];
+        self.layers += mask.select(one, zero);
+    }
+}
+
+impl Rays<'_> {
+    /// Ends the layers of the rays in `mask`; where another one waits already those that do are shaded.
+    #[inline(always)]
+    pub fn end<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Directions<S>,
+        mask: mask32x16<S>,
+        light: &mut Sums<S>,
+        cells: &mut Cells,
+        camera: Medium,
+    ) {
+        if (mask & light.waiting.any()).any_true() {
+            self.shade(simd, ray, light, cells, camera);
+        }
+        light.end(simd, mask);
+    }
+
+    /// Shades the layers that wait.
+    #[inline(never)]
+    pub fn shade<S: Simd>(&self, simd: S, ray: &Directions<S>, light: &mut Sums<S>, cells: &mut Cells, camera: Medium) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let zero = f32x16::splat(simd, 0.0);
+                let one = f32x16::splat(simd, 1.0);
+                let Layer { weight, place, value } = light.waiting;
+                let mask = light.waiting.any();
+                let q = ray.at_each(self.origin, place / mask.select(weight, one));
+                let (cell, t) = split(q);
+                let g = self.gradient(simd, mask, cell, t, cells);
+                let dot = g[0] * ray.world[0] + g[1] * ray.world[1] + g[2] * ray.world[2];
+                let square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
+                // A thousandth of an HU per mm is the rounding of a flat region.
+                let steep = square.simd_gt(1e-6);
+                let mut facing = steep.select((dot / steep.select(square, one).sqrt()).max(zero), one);
+                if camera == Medium::Wall {
+                    self.face_camera(&mut facing, q, mask.to_bitmask());
+                }
+                let shade = facing * DIFFUSE + AMBIENT;
+                light.bright += mask.select(weight * shade, zero);
+                light.tone += mask.select(value * shade, zero);
+                light.waiting = Layer::none(simd);
+            },
+        );
+    }
+
+    /// In a homogeneous region the gradient points at the camera: only a camera within the wall sees one.
+    #[inline(never)]
+    fn face_camera<S: Simd>(&self, facing: &mut f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) {
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            if is_homogeneous(self.space, Vec3::new(q[0][n], q[1][n], q[2][n])) {
+                facing[n] = 1.0;
+            }
+        }
+    }
+
+    /// The world gradient at the places `t` of the cells of the rays in `mask`: where neighbouring rays share them, cell by
+    /// cell, and where they are many, ray by ray.
+    #[inline(always)]
+    fn gradient<S: Simd>(
+        &self,
+        simd: S,
+        mask: mask32x16<S>,
+        cell: [i32x16<S>; 3],
+        t: [f32x16<S>; 3],
+        cells: &mut Cells,
+    ) -> [f32x16<S>; 3] {
+        let [nx, ny, _] = self.voxels.last();
+        let key = cell[0] + (cell[1] + cell[2] * (ny + 2)) * (nx + 2);
+        let lanes = mask.to_bitmask();
+        let mut others = lanes;
+        for _ in 0..MANY {
+            if others != 0 {
+                others &= !key.simd_eq(key[others.trailing_zeros() as usize]).to_bitmask();
+            }
+        }
+        if others != 0
+            && let Some(blocks) = self.voxels.blocks(simd, cell, mask)
+        {
+            let g = gradients(simd, self.source.regression(), &blocks, t);
+            return self.source.to_world().map(|row| g[0] * row.x + g[1] * row.y + g[2] * row.z);
+        }
+        self.gradient_by_cells(simd, lanes, key, cell, t, cells)
+    }
+
+    /// The same, cell by cell.
+    #[inline(always)]
+    fn gradient_by_cells<S: Simd>(
+        &self,
+        simd: S,
+        mut lanes: u64,
+        key: i32x16<S>,
+        cell: [i32x16<S>; 3],
+        t: [f32x16<S>; 3],
+        cells: &mut Cells,
+    ) -> [f32x16<S>; 3] {
+        let mut g = [f32x16::splat(simd, 0.0); 3];
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            let same = key.simd_eq(key[n]);
+            lanes &= !same.to_bitmask();
+            let corners = cells.get(&self.source, key[n], [cell[0][n], cell[1][n], cell[2][n]]);
+            for a in 0..3 {
+                let k = &corners[a];
+                let low = t[0] * k[1] + k[0] + (t[0] * k[4] + k[2]) * t[1];
+                let high = t[0] * k[5] + k[3] + (t[0] * k[7] + k[6]) * t[1];
+                g[a] = same.select(low + high * t[2], g[a]);
+            }
+        }
+        g
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+    use crate::math::hash;
+    use crate::render::fast::levels;
+    use crate::render::fast::occupancy::Occupancy;
+    use crate::render::{PreparedVolume, Quality, Settings, TransferFunction, View};
+    use crate::volume::{Grid, Volume};
+
+    /// On a turned grid of stretched voxels both ways give the world's gradient, in rays that are asked for and no others.
+    #[test]
+    fn cell_by_cell_is_ray_by_ray() {
+        let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
+        let grid = Grid::new([20, 18, 16], DVec3::new(0.7, 0.9, 1.6), DVec3::splat(-3.0), turn).unwrap();
+        // The world's gradient is (30, -20, 10) everywhere, in whole HU.
+        let slope = DVec3::new(30.0, -20.0, 10.0);
+        let value = |n: usize| {
+            let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
+            slope.dot(turn * (DVec3::new(x, y, z) * DVec3::new(0.7, 0.9, 1.6))).round() as i16
+        };
+        let space = PreparedVolume::new(
+            Arc::new(Volume::new(grid, (0..20 * 18 * 16).map(value).collect())),
+            TransferFunction::default(),
+        );
+        let occupancy = Occupancy::new(space.volume(), space.transfer());
+        let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 90.0, 64, 64).unwrap();
+        let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High)).unwrap();
+        for seed in 0..20 {
+            let random = |lane: u64, a: u64| hash::uniform(seed, 6 * lane + a) as f32;
+            let mut cell = [[0i32; 16]; 3];
+            let mut place = [[0f32; 16]; 3];
+            for lane in 0..16 {
+                for a in 0..3 {
+                    cell[a][lane] = 2 + (random(lane as u64, a as u64) * 13.0) as i32;
+                    place[a][lane] = random(lane as u64, 3 + a as u64);
+                }
+            }
+            fearless_simd::dispatch!(levels()[0].1, simd => {
+                let c = cell.map(|c| i32x16::load_array_ref(simd, &c));
+                let t = place.map(|t| f32x16::load_array_ref(simd, &t));
+                let all = f32x16::splat(simd, 0.0).simd_lt(1.0);
+                let key = c[0] + c[1] * 100 + c[2] * 10_000;
+                let one = rays.gradient(simd, all, c, t, &mut Cells::default()).map(|g| g.to_array());
+                let other = rays.gradient_by_cells(simd, 0xffff, key, c, t, &mut Cells::default()).map(|g| g.to_array());
+                for lane in 0..16 {
+                    let [one, other] = [one, other].map(|g| Vec3::new(g[0][lane], g[1][lane], g[2][lane]));
+                    assert!((one - other).length() < 2e-3, "{one} {other}");
+                    assert!((one - slope.as_vec3()).length() < 0.6, "{one}");
+                }
+            });
+        }
+    }
+
+    /// Whether a ray's layers are shaded one by one or two at once, each adds its own light at its own place: the gradient
+    /// turns by more than a right angle between them.
+    #[test]
+    fn layers_that_wait_are_not_lost() {
+        let spacing = DVec3::new(0.7, 0.9, 1.6);
+        let grid = Grid::new([20, 18, 16], spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        // The gradient is 40 HU/mm for each mm from the middle.
+        let middle = DVec3::new(9.0, 8.0, 7.0) * spacing;
+        let value = |n: usize| {
+            let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
+            (20.0 * (DVec3::new(x, y, z) * spacing).distance_squared(middle)).round() as i16
+        };
+        let data = (0..20 * 18 * 16).map(value).collect();
+        let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+        let occupancy = Occupancy::new(space.volume(), space.transfer());
+        let camera = middle + DVec3::new(-1.2, 1.0, 0.8);
+        let view = View::new(camera, DVec3::X, DVec3::Z, 40.0, 64, 64).unwrap();
+        let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High)).unwrap();
+        let layers = [(0.5, 1.0, 2.0), (0.2, 2.5, 3.0), (0.1, 4.0, 1.0)];
+        fearless_simd::dispatch!(levels()[0].1, simd => {
+            let number: [f32; 16] = std::array::from_fn(|n| n as f32);
+            let number = f32x16::load_array_ref(simd, &number);
+            let ray = rays.directions.lanes(simd, number * 4.0, number * 2.0 + 7.0);
+            let mut light = Sums::new(simd);
+            let mut cells = Cells::default();
+            // Each layer ends in some of the rays before it does in the others.
+            for (share, place, rest) in layers {
+                let late = (number - (number * (1.0 / rest) + 0.01).floor() * rest).simd_lt(0.5);
+                light.layer.weight += f32x16::splat(simd, share);
+                light.layer.place += f32x16::splat(simd, share * place);
+                light.layer.value += f32x16::splat(simd, share * 100.0);
+                rays.end(simd, &ray, !late, &mut light, &mut cells, Medium::Air);
+                rays.end(simd, &ray, late, &mut light, &mut cells, Medium::Air);
+            }
+            rays.shade(simd, &ray, &mut light, &mut cells, Medium::Air);
+            let (bright, tone, depth) = (light.bright.to_array(), light.tone.to_array(), light.depth.to_array());
+            for n in 0..16 {
+                let way = DVec3::from_array([0, 1, 2].map(|a| f64::from(ray.world[a][n])));
+                let expected = layers.map(|(share, place, _)| {
+                    let place = camera + way * f64::from(place) * spacing.min_element();
+                    let dot = (place - middle).normalize().dot(way).max(0.0);
+                    f64::from(share) * (f64::from(AMBIENT) + f64::from(DIFFUSE) * dot)
+                });
+                let expected: f64 = expected.iter().sum();
+                for (found, expected) in [(bright[n], expected), (tone[n], 100.0 * expected), (depth[n], 1.4)] {
+                    assert!((f64::from(found) - expected).abs() < 0.02 * expected, "lane {n}: {found} {expected}");
+                }
+            }
+            assert!(!(light.waiting.any() | light.layer.any()).any_true());
+        });
+    }
+}

@@ -1,0 +1,428 @@
+//! Adaptive image-plane sampling: pixels between rays. A voxel of the wall covers hundreds of pixels of a frame, so that
+//! most rays tell nothing new.
+//!
+//! Rays are cast through the corners and the centres of blocks of 4×4 pixels. Where the centre is what the corners make
+//! one expect, and nothing else speaks against it, the block's pixels are interpolated. What must hold
+//! ([`ImageSamples::judge`]):
+//!
+//! - all five rays end in the wall in their first layer, or all in their second, or all five meet nothing;
+//! - its rays (corners and centre) are no farther apart than two voxels where it lies, which is how long the finest waves
+//!   are that the scan can hold: it has little to show between them;
+//! - inverse depth, which is linear over a plane, of each layer and brightness are those of the corners' mean at the
+//!   centre, and the corners are not twisted.
+//!
+//! Between the corners values are bilinear, with a tent over the centre for what it differs by: blocks meet without a
+//! seam. A block that is nearly smooth is divided into quarters ([`subdivided`](super::subdivided)); everywhere else each pixel gets its own ray.
+
+use fearless_simd::{Simd, f32x16, prelude::*};
+use rayon::prelude::*;
+
+use super::packet::PacketResult;
+
+/// Side of a block, pixels.
+pub const BLOCK: usize = 4;
+/// Side of a packet, rays.
+pub const SIDE: usize = 4;
+/// Blocks that are judged at once.
+pub const LANES: usize = 16;
+/// By how much the centre may differ from the corners' mean: brightness, 0 to 1.
+const BRIGHTNESS: f32 = 0.016;
+/// The most that brightness may change over a block.
+pub const CONTRAST: f32 = 0.5;
+/// By how much the centre's depth may differ, voxels (the smallest spacing).
+const DEPTH: f32 = 0.15;
+/// The most that depth may change over a block, voxels.
+pub const SLOPE: f32 = 3.0;
+/// The largest side of a block, voxels: 2√2, at which the rays of corners and centres are 2 voxels apart.
+const LARGEST: f32 = 2.83;
+/// A ray has ended in the wall when no more than this comes from beyond.
+const OPAQUE: f32 = 0.02;
+/// A block with errors up to so many times those allowed is likely to be smooth at half the side, where they are a
+/// quarter: it is subdivided.
+const NEARLY_SMOOTH: f32 = 4.0;
+/// Values that are kept of a ray: those of [`Point`].
+const FIELDS: usize = 4;
+
+/// What came of one ray.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Point {
+    /// 1 / depth of where the ray ended, 1 / voxels of the smallest spacing; 0 where nothing was met; NaN unless the ray ended
+    /// in the wall in its first layer or its second, or met nothing.
+    pub near: f32,
+    /// 1 / depth of the layer before, 0 if there is none.
+    pub front: f32,
+    /// As [`PacketResult::bright`].
+    pub bright: f32,
+    /// As [`PacketResult::tone`].
+    pub tone: f32,
+}
+
+impl Point {
+    /// What came of the rays of a packet whose steps are `step` voxels of the smallest spacing long.
+    #[inline(always)]
+    pub fn all<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [Self; 16] {
+        let [near, front] = nearness(simd, light, step);
+        std::array::from_fn(|n| Self { near: near[n], front: front[n], bright: light.bright[n], tone: light.tone[n] })
+    }
+}
+
+/// As [`Point::near`] and [`Point::front`], for each ray of a packet.
+#[inline(always)]
+fn nearness<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [[f32; 16]; 2] {
+    let load = |values| f32x16::load_array_ref(simd, values);
+    let (through, depth, layers) = (load(&light.through), load(&light.depth), load(&light.layers));
+    let [front, front_depth] = [load(&light.front[0]), load(&light.front[1])];
+    let (zero, one, least) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0), f32x16::splat(simd, 1e-6));
+    let weight = one - through;
+    let ended = through.simd_le(OPAQUE) & layers.simd_lt(1.5);
+    // Of two layers the second one must have something that differs from rounding.
+    let (last, last_depth) = (weight - front, depth - front_depth);
+    let ended = ended & last.simd_gt(1e-3) & last_depth.simd_gt(zero);
+    let near = ended.select(last / (last_depth * step).max(least), f32x16::splat(simd, f32::NAN));
+    let near = weight.simd_le(zero).select(zero, near);
+    [near.to_array(), (front / (front_depth * step).max(least)).to_array()]
+}
+
+/// Rays in rows: for each row the [`FIELDS`] of its rays, one after the other.
+#[derive(Default)]
+struct Points {
+    values: Vec<f32>,
+}
+
+impl Points {
+    #[inline(always)]
+    fn get(&self, stride: usize, [x, y]: [usize; 2]) -> Point {
+        let row = &self.values[FIELDS * stride * y + x..];
+        Point { near: row[0], front: row[stride], bright: row[2 * stride], tone: row[3 * stride] }
+    }
+
+    /// Both nearnesses and brightness of [`LANES`] rays in a row from (`x`, `y`) on.
+    #[inline(always)]
+    fn load<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2]) -> [f32x16<S>; 3] {
+        let at = FIELDS * stride * y + x;
+        let load = |at: usize| f32x16::from_slice(simd, &self.values[at..at + LANES]);
+        [load(at), load(at + stride), load(at + 2 * stride)]
+    }
+}
+
+/// The rays through the corners and the centres of a picture's blocks.
+#[derive(Default)]
+pub struct ImageSamples {
+    /// Corners in a row, of blocks and up to the next whole packet.
+    stride: usize,
+    corners: Points,
+    centres: Points,
+    /// How many steps nothing is met by any ray among those of a packet.
+    starts: Vec<f32>,
+}
+
+/// Four rows of packets that are being filled.
+pub struct Rows<'a> {
+    stride: usize,
+    corners: &'a mut [f32],
+    centres: &'a mut [f32],
+    starts: &'a mut [f32],
+}
+
+impl ImageSamples {
+    /// Makes room for a picture.
+    pub fn resize(&mut self, [width, height]: [usize; 2]) {
+        self.stride = (width.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
+        let rows = (height.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
+        for points in [&mut self.corners, &mut self.centres] {
+            // What is judged beside the last block is not looked at.
+            points.values.resize(FIELDS * self.stride * rows + LANES + 1, 0.0);
+        }
+        self.starts.resize(self.stride / SIDE * rows / SIDE, 0.0);
+    }
+
+    /// Its rows of packets, from top to bottom.
+    pub fn rows(&mut self) -> impl IndexedParallelIterator<Item = Rows<'_>> {
+        let stride = self.stride;
+        let length = FIELDS * stride * SIDE;
+        let whole = self.starts.len() / (stride / SIDE) * length;
+        let corners = self.corners.values[..whole].par_chunks_mut(length);
+        let centres = self.centres.values[..whole].par_chunks_mut(length);
+        let starts = self.starts.par_chunks_mut(stride / SIDE);
+        corners.zip(centres).zip(starts).map(move |((corners, centres), starts)| Rows {
+            stride,
+            corners,
+            centres,
+            starts,
+        })
+    }
+
+    /// The block (`x`, `y`).
+    #[inline(always)]
+    pub fn block(&self, [x, y]: [usize; 2]) -> Block {
+        let corner = |x, y| self.corners.get(self.stride, [x, y]);
+        let corners = [corner(x, y), corner(x + 1, y), corner(x, y + 1), corner(x + 1, y + 1)];
+        Block { corners, centre: self.centres.get(self.stride, [x, y]) }
+    }
+
+    /// How many steps no ray through the block (`x`, `y`) meets anything.
+    #[inline(always)]
+    pub fn start(&self, [x, y]: [usize; 2]) -> f32 {
+        self.starts[y / SIDE * (self.stride / SIDE) + x / SIDE]
+    }
+
+    /// What to do with [`LANES`] blocks in a row from (`x`, `y`) on. `side` is the side of a block at distance 1.
+    #[inline(never)]
+    pub fn judge<S: Simd>(&self, simd: S, at: [usize; 2], side: f32) -> Verdict {
+        simd.vectorize(
+            #[inline(always)]
+            || self.judge_lanes(simd, at, side),
+        )
+    }
+
+    #[inline(always)]
+    fn judge_lanes<S: Simd>(&self, simd: S, [x, y]: [usize; 2], side: f32) -> Verdict {
+        let corners = |x, y| self.corners.load(simd, self.stride, [x, y]);
+        let [a, b, c, d] = [corners(x, y), corners(x + 1, y), corners(x, y + 1), corners(x + 1, y + 1)];
+        let centre = self.centres.load(simd, self.stride, [x, y]);
+        let zero = f32x16::splat(simd, 0.0);
+        let near = Five::new([a[0], b[0], c[0], d[0]], centre[0]);
+        let front = Five::new([a[1], b[1], c[1], d[1]], centre[1]);
+        let bright = Five::new([a[2], b[2], c[2], d[2]], centre[2]);
+
+        // NaN is not itself.
+        let all = near.sum + near.centre;
+        let plain = all.simd_eq(all);
+        let nothing = plain & all.simd_le(zero);
+        // All have a layer in front or none has.
+        let alike = front.least.min(front.centre).simd_gt(zero) | front.most.max(front.centre).simd_le(zero);
+        let met = plain & alike & near.least.min(near.centre).simd_gt(zero);
+        let close = met & (near.centre * LARGEST).simd_ge(side);
+        // The greatest of all errors, as multiples of what is allowed; second differences fall with the side's square,
+        // first ones with the side.
+        let [near, front] = [near.surface(simd), front.surface(simd)];
+        let second = (bright.bend() * (1.0 / BRIGHTNESS)).max(bright.twist * (0.25 / BRIGHTNESS));
+        let second = second.max(near[0]).max(front[0]);
+        let first = ((bright.most - bright.least) * (1.0 / CONTRAST)).max(near[1]).max(front[1]);
+        let smooth = nothing | close & second.simd_le(1.0) & first.simd_le(1.0);
+        let subdivided = close & second.simd_le(NEARLY_SMOOTH) & first.simd_le(NEARLY_SMOOTH.sqrt());
+        Verdict { smooth: smooth.to_bitmask() as u16, subdivided: subdivided.to_bitmask() as u16 }
+    }
+
+    /// Memory taken, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of::<f32>() * (self.corners.values.len() + self.centres.values.len() + self.starts.len())
+    }
+}
+
+/// A value at the corners (a and b above c and d) and at the centre of blocks. Methods, since closures do not inherit the
+/// level's instructions.
+struct Five<S: Simd> {
+    centre: f32x16<S>,
+    sum: f32x16<S>,
+    /// How much the corners are twisted: |a + d − b − c|.
+    twist: f32x16<S>,
+    /// Of the corners.
+    least: f32x16<S>,
+    most: f32x16<S>,
+}
+
+impl<S: Simd> Five<S> {
+    #[inline(always)]
+    fn new([a, b, c, d]: [f32x16<S>; 4], centre: f32x16<S>) -> Self {
+        let (least, most) = (a.min(b).min(c.min(d)), a.max(b).max(c.max(d)));
+        Self { centre, sum: a + b + c + d, twist: (a + d - b - c).abs(), least, most }
+    }
+
+    /// By how much the centre differs from the corners' mean.
+    #[inline(always)]
+    fn bend(&self) -> f32x16<S> {
+        (self.centre - self.sum * 0.25).abs()
+    }
+
+    /// Of a surface's inverse depth: its errors in depth as multiples of what is allowed, of second and of first differences.
+    #[inline(always)]
+    fn surface(&self, simd: S) -> [f32x16<S>; 2] {
+        // With n = 1/depth, a small change of n by δ is one of depth by δ/n².
+        let one = f32x16::splat(simd, 1.0);
+        let scale = one / self.centre.simd_gt(0.0).select(self.centre * self.centre, one);
+        let slope = self.most.max(self.centre) - self.least.min(self.centre);
+        let second = (self.bend() * (1.0 / DEPTH)).max(self.twist * (0.25 / DEPTH));
+        [second * scale, slope * scale * (1.0 / SLOPE)]
+    }
+}
+
+impl Rows<'_> {
+    /// Packets in the rows.
+    pub fn packets(&self) -> usize {
+        self.starts.len()
+    }
+
+    /// Keeps the packet `n` of the corners and that of the centres, whose steps are `step` voxels of the smallest spacing
+    /// long and which meet nothing before `start` steps.
+    #[inline(never)]
+    pub fn keep<S: Simd>(&mut self, simd: S, n: usize, [corners, centres]: [&PacketResult; 2], step: f32, start: f32) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                self.starts[n] = start;
+                for (light, points) in [(corners, &mut *self.corners), (centres, &mut *self.centres)] {
+                    let [near, front] = nearness(simd, light, step);
+                    for (field, values) in [&near, &front, &light.bright, &light.tone].into_iter().enumerate() {
+                        for (row, values) in values.chunks_exact(SIDE).enumerate() {
+                            let at = self.stride * (FIELDS * row + field) + SIDE * n;
+                            points[at..at + SIDE].copy_from_slice(values);
+                        }
+                    }
+                }
+            },
+        );
+    }
+}
+
+/// What to do with some blocks, a bit for each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Verdict {
+    /// Blocks whose pixels may be interpolated.
+    pub smooth: u16,
+    /// Blocks that are worth halving.
+    pub subdivided: u16,
+}
+
+/// The rays of a block: the corners (left to right, then top to bottom) and the centre.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Block {
+    /// Corners.
+    pub corners: [Point; 4],
+    /// Centre.
+    pub centre: Point,
+}
+
+impl Block {
+    /// All its rays.
+    #[inline(always)]
+    pub fn points(&self) -> [Point; 5] {
+        let [a, b, c, d] = self.corners;
+        [a, b, c, d, self.centre]
+    }
+}
+
+/// Weights of a block's rays (corners, then centre) in each of its pixels, row by row: bilinear between the corners, and
+/// a tent over the centre for what it differs by from their mean.
+pub static WEIGHTS: [[f32; BLOCK * BLOCK]; 5] = weights();
+
+const fn weights() -> [[f32; BLOCK * BLOCK]; 5] {
+    let mut all = [[0.0; BLOCK * BLOCK]; 5];
+    let mut n = 0;
+    while n < BLOCK * BLOCK {
+        let (u, v) = ((n % BLOCK) as f32 / BLOCK as f32, (n / BLOCK) as f32 / BLOCK as f32);
+        let (du, dv) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+        let tent = (1.0 - if du < 0.0 { -du } else { du }) * (1.0 - if dv < 0.0 { -dv } else { dv });
+        all[0][n] = (1.0 - u) * (1.0 - v) - 0.25 * tent;
+        all[1][n] = u * (1.0 - v) - 0.25 * tent;
+        all[2][n] = (1.0 - u) * v - 0.25 * tent;
+        all[3][n] = u * v - 0.25 * tent;
+        all[4][n] = tent;
+        n += 1;
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use fearless_simd::Level;
+
+    use super::*;
+
+    /// Rays that end as the points say; a layer in front takes half of their light.
+    fn light(points: [Point; 16]) -> PacketResult {
+        let mut light = PacketResult { through: [0.0; 16], ..PacketResult::default() };
+        for (n, p) in points.iter().enumerate() {
+            (light.bright[n], light.tone[n]) = (p.bright, p.tone);
+            light.layers[n] = if p.near.is_nan() { 2.0 } else { f32::from(p.front > 0.0) };
+            light.depth[n] = if p.near.is_nan() { 1.0 } else { 1.0 / p.near };
+            if p.front > 0.0 {
+                [light.front[0][n], light.front[1][n]] = [0.5, 0.5 / p.front];
+                light.depth[n] = 0.5 / p.near + 0.5 / p.front;
+            }
+            if p.near == 0.0 {
+                (light.depth[n], light.through[n]) = (0.0, 1.0);
+            }
+        }
+        light
+    }
+
+    /// The samples of a picture of `size`, its rays as `of` says of a place in pixels.
+    fn samples_of(size: [usize; 2], of: impl Fn(f32, f32) -> Point + Sync) -> ImageSamples {
+        let mut samples = ImageSamples::default();
+        samples.resize(size);
+        samples.rows().enumerate().for_each(|(y, mut rows)| {
+            for x in 0..rows.packets() {
+                let packet = |shift: usize| {
+                    let at = |first: usize, n: usize| ((SIDE * first + n) * BLOCK + shift) as f32;
+                    light(std::array::from_fn(|n| of(at(x, n % SIDE), at(y, n / SIDE))))
+                };
+                let packets = [&packet(0), &packet(BLOCK / 2)];
+                fearless_simd::dispatch!(Level::new(), simd => rows.keep(simd, x, packets, 1.0, 0.0));
+            }
+        });
+        samples
+    }
+
+    fn judge(samples: &ImageSamples, at: [usize; 2], side: f32) -> Verdict {
+        let best = fearless_simd::dispatch!(Level::new(), simd => samples.judge(simd, at, side));
+        let least = fearless_simd::dispatch!(Level::baseline(), simd => samples.judge(simd, at, side));
+        assert_eq!(best, least);
+        best
+    }
+
+    const SIZE: [usize; 2] = [64, 64];
+    /// Far below the largest side.
+    const SMALL: f32 = 1e-3;
+
+    #[test]
+    fn planes_and_nothing_are_smooth_up_to_the_largest_side() {
+        // Without and with a second plane in front.
+        for front in [0.0, 0.08] {
+            let plane = |x: f32, y: f32| {
+                let front = if front > 0.0 { front + 1e-5 * (x + y) } else { 0.0 };
+                Point { near: 0.05 + 1e-5 * (x - y), front, bright: 0.3 + 0.005 * x, tone: 1.0 }
+            };
+            let plane = samples_of(SIZE, plane);
+            assert_eq!(judge(&plane, [0, 7], SMALL), Verdict { smooth: u16::MAX, subdivided: u16::MAX });
+            assert_eq!(judge(&plane, [0, 7], LARGEST * 0.06), Verdict::default());
+        }
+        let nothing = samples_of(SIZE, |_, _| Point::default());
+        assert_eq!(judge(&nothing, [0, 15], SMALL).smooth, u16::MAX);
+    }
+
+    #[test]
+    fn edges_and_what_lies_behind_them_are_not_smooth() {
+        let grey = Point { near: 0.05, bright: 0.5, ..Point::default() };
+        let tests: [&(dyn Fn(f32) -> Point + Sync); 7] = [
+            &|near| Point { near, ..grey },
+            &|near| Point { near: near - 0.05, ..grey },
+            &|near| Point { near: if near > 0.05 { f32::NAN } else { near }, ..grey },
+            &|near| Point { bright: near * 10.0, ..grey },
+            // Another surface in front has an edge, begins or ends.
+            &|near| Point { front: near + 0.05, ..grey },
+            &|near| Point { front: near - 0.05, near: 0.04, ..grey },
+            &|near| Point { front: if near > 0.05 { 0.0 } else { 0.1 }, ..grey },
+        ];
+        for (n, of) in tests.into_iter().enumerate() {
+            // Blocks 0 to 4 lie before the edge, 5 has it within.
+            let samples = samples_of(SIZE, |x, _| of(if x < 21.0 { 0.05 } else { 0.1 }));
+            let verdict = judge(&samples, [0, 3], SMALL);
+            assert_eq!(verdict.smooth & 0x3f, 0x1f, "{n}");
+            assert_eq!(verdict.subdivided & 1 << 5, 0, "{n}");
+        }
+    }
+
+    #[test]
+    fn a_block_that_is_nearly_smooth_is_subdivided() {
+        // The centre differs from the corners' mean by 4c for each of two directions.
+        let bowl =
+            |c: f32| move |x: f32, y: f32| Point { near: 0.05, bright: 0.1 + c * (x * x + y * y), ..Point::default() };
+        let verdict = |c: f32| judge(&samples_of([4, 4], bowl(c)), [0, 0], SMALL);
+        let [smooth, subdivided, rough] = [0.9, 3.9, 4.1].map(|errors| verdict(errors * BRIGHTNESS / 8.0));
+        assert_eq!(
+            [smooth.smooth & 1, subdivided.smooth & 1, subdivided.subdivided & 1, rough.subdivided & 1],
+            [1, 0, 1, 0]
+        );
+    }
+}

@@ -1,0 +1,143 @@
+//! Blocks of half the side: rays through the middles of a block's sides, too, and quarters that are judged by the second
+//! differences along their sides.
+
+use super::sampling::{BLOCK, Block, CONTRAST, Point, SLOPE};
+
+/// The most that a second difference along a quarter's side may be, brightness and voxels: an eighth of it is what linear
+/// interpolation errs by.
+const BEND: [f32; 2] = [0.192, 1.2];
+
+/// Where the middles of a block's sides are, pixels from its top left corner: top, left, right and bottom.
+pub const MIDDLES: [[usize; 2]; 4] = [[BLOCK / 2, 0], [0, BLOCK / 2], [BLOCK, BLOCK / 2], [BLOCK / 2, BLOCK]];
+
+/// A block with rays through the middles of its sides, too.
+pub struct Subdivided {
+    /// Corners and centre.
+    pub block: Block,
+    /// The rays of [`MIDDLES`].
+    pub middles: [Point; 4],
+}
+
+impl Subdivided {
+    /// Its rays row by row.
+    #[inline(always)]
+    pub fn points(&self) -> [Point; 9] {
+        let ([a, b, c, d], [top, left, right, bottom]) = (self.block.corners, self.middles);
+        [a, top, b, left, self.block.centre, right, c, bottom, d]
+    }
+
+    /// Which of the four quarters (left to right, then top to bottom) may be interpolated between their corners.
+    pub fn smooth(&self) -> [bool; 4] {
+        let p = self.points();
+        let straight = |first: usize, stride: usize| is_straight([p[first], p[first + stride], p[first + 2 * stride]]);
+        let (rows, columns) = ([0, 3, 6].map(|n| straight(n, 1)), [0, 1, 2].map(|n| straight(n, 3)));
+        std::array::from_fn(|n| {
+            let (x, y) = (n % 2, n / 2);
+            let corners = [0, 1, 3, 4].map(|corner| p[x + 3 * y + corner]);
+            rows[y] && rows[y + 1] && columns[x] && columns[x + 1] && is_even(corners)
+        })
+    }
+}
+
+/// Whether the middle one of three rays in a line is nearly what the other two make one expect.
+fn is_straight([a, b, c]: [Point; 3]) -> bool {
+    let bend = |of: fn(&Point) -> f32| (of(&a) + of(&c) - 2.0 * of(&b)).abs();
+    bend(|p| p.bright) <= BEND[0]
+        && bend(|p| p.near) <= BEND[1] * b.near * b.near
+        && bend(|p| p.front) <= BEND[1] * b.front * b.front
+}
+
+/// Whether the corners of a quarter are one surface's.
+fn is_even(p: [Point; 4]) -> bool {
+    let bright = p.map(|p| p.bright);
+    twist(bright) <= BEND[0] && span(bright) <= CONTRAST && is_flat(p.map(|p| p.near)) && is_flat(p.map(|p| p.front))
+}
+
+/// Whether inverse depths are those of one surface, or all zero.
+fn is_flat(near: [f32; 4]) -> bool {
+    let [least, most] = ends(near);
+    twist(near) <= BEND[1] * least * most && most - least <= SLOPE * least * most
+}
+
+fn twist([a, b, c, d]: [f32; 4]) -> f32 {
+    (a + d - b - c).abs()
+}
+
+fn span(values: [f32; 4]) -> f32 {
+    let [least, most] = ends(values);
+    most - least
+}
+
+fn ends([a, b, c, d]: [f32; 4]) -> [f32; 2] {
+    [a.min(b).min(c).min(d), a.max(b).max(c).max(d)]
+}
+
+/// Weights of a subdivided block's rays ([`Subdivided::points`]) in each of its pixels, row by row: bilinear in each quarter.
+pub static SUBDIVIDED_WEIGHTS: [[f32; BLOCK * BLOCK]; 9] = subdivided_weights();
+
+const fn subdivided_weights() -> [[f32; BLOCK * BLOCK]; 9] {
+    let mut all = [[0.0; BLOCK * BLOCK]; 9];
+    let half = BLOCK / 2;
+    let mut n = 0;
+    while n < BLOCK * BLOCK {
+        let (x, y) = (n % BLOCK, n / BLOCK);
+        let (u, v) = ((x % half) as f32 / half as f32, (y % half) as f32 / half as f32);
+        let first = x / half + 3 * (y / half);
+        all[first][n] = (1.0 - u) * (1.0 - v);
+        all[first + 1][n] = u * (1.0 - v);
+        all[first + 3][n] = (1.0 - u) * v;
+        all[first + 4][n] = u * v;
+        n += 1;
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::super::sampling::WEIGHTS;
+    use super::*;
+
+    /// The nine rays of a subdivided block.
+    fn subdivide(of: impl Fn(f32, f32) -> Point) -> Subdivided {
+        let at = |[x, y]: [usize; 2]| of(x as f32, y as f32);
+        let corners = [[0, 0], [BLOCK, 0], [0, BLOCK], [BLOCK, BLOCK]].map(at);
+        Subdivided { block: Block { corners, centre: at([BLOCK / 2; 2]) }, middles: MIDDLES.map(at) }
+    }
+
+    #[test]
+    fn quarters_are_smooth_apart_from_those_with_an_edge() {
+        let bent =
+            |c: f32| subdivide(move |x, y| Point { near: 0.05, bright: c * (x * x - y * y), ..Point::default() });
+        assert_eq!(bent(0.8 * BEND[0] / 8.0).smooth(), [true; 4]);
+        assert_eq!(bent(1.1 * BEND[0] / 8.0).smooth(), [false; 4]);
+        // A corner's other surface: it is one of the three rays of two sides, which are those of three quarters.
+        for other in [f32::NAN, 0.0, 0.5] {
+            let near = move |x: f32, y: f32| if x + y > 6.0 { other } else { 0.05 };
+            let cut = subdivide(move |x, y| Point { near: near(x, y), bright: 0.5, ..Point::default() });
+            assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
+        }
+        // The same of a surface in front, which may also be the corner's alone.
+        for [front, other] in [[0.1, 0.0], [0.1, 0.5], [0.0, 0.1]] {
+            let front = move |x: f32, y: f32| if x + y > 6.0 { other } else { front };
+            let cut = subdivide(move |x, y| Point { near: 0.05, front: front(x, y), bright: 0.5, ..Point::default() });
+            assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
+        }
+    }
+
+    proptest! {
+        /// Between the rays, pixels are what is linear between them, and rays keep their own light.
+        #[test]
+        fn weights_reproduce_what_is_linear(a in -1.0f32..1.0, b in -1.0f32..1.0, c in -1.0f32..1.0) {
+            let of = |x: f32, y: f32| Point { near: 0.05, bright: a + b * x + c * y, ..Point::default() };
+            let subdivided = subdivide(of);
+            for n in 0..BLOCK * BLOCK {
+                let expected = of((n % BLOCK) as f32, (n / BLOCK) as f32).bright;
+                let whole: f32 = subdivided.block.points().iter().zip(&WEIGHTS).map(|(p, w)| p.bright * w[n]).sum();
+                let half: f32 = subdivided.points().iter().zip(&SUBDIVIDED_WEIGHTS).map(|(p, w)| p.bright * w[n]).sum();
+                prop_assert!((whole - expected).abs() < 1e-5 && (half - expected).abs() < 1e-5, "{n}: {whole} {half} {expected}");
+            }
+        }
+    }
+}

@@ -1,0 +1,94 @@
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3};
+
+use super::*;
+use crate::math::hash;
+use crate::render::begin::FromScratch;
+use crate::render::caster::{ImageRequest, render};
+use crate::render::classify::{ByDensity, ByValue};
+use crate::render::skip::Leap;
+use crate::render::{Classification, Frame, Settings, TransferFunction, View, psnr};
+use crate::volume::{Grid, Volume};
+
+fn cavity(n: usize, noise: f64) -> PreparedVolume {
+    let grid = Grid::new([n; 3], DVec3::new(0.7, 0.7, 1.0), DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let middle = DVec3::splat(0.5 * n as f64);
+    let value = |i: usize| {
+        let p = DVec3::new((i % n) as f64, (i / n % n) as f64, (i / n / n) as f64) - middle;
+        let out = p.length() - 0.37 * n as f64 - 2.0 * (0.5 * p.x).sin();
+        (-1000.0 + 1050.0 * (out / 2.0 + 0.4).clamp(0.0, 1.0) + noise * hash::normal(1, i as u64)) as i16
+    };
+    PreparedVolume::new(
+        Arc::new(Volume::new(grid.clone(), (0..grid.len()).map(value).collect())),
+        TransferFunction::default(),
+    )
+}
+
+#[test]
+fn stored_and_cached_fits_are_the_regressions() {
+    let s = cavity(24, 20.0);
+    let (all, near) = (GradientVolume::new(&s, Stored::Everywhere), GradientVolume::new(&s, Stored::NearWall));
+    let cache = GradientCache::new(&s);
+    let plain = Trilinear::new(&s);
+    let (a, b, c) = (
+        StoredGradientSampler::new(&s, &all),
+        StoredGradientSampler::new(&s, &near),
+        CachedGradientSampler::new(&s, &cache),
+    );
+    let step = Quantum::new(&s).gradient;
+    for n in 0..4000 {
+        // Out to the border of the grown volume.
+        let u = |k: u64| 25.0 * hash::uniform(n, k) as f32;
+        let q = Vec3::new(u(0), u(1), u(2));
+        let want = plain.fit(q);
+        for got in [a.fit(q), b.fit(q)] {
+            assert!((got.gradient - want.gradient).abs().max_element() < 0.6 * step + 1e-2, "{q}");
+            assert!((got.density - want.density).abs() < 0.1, "{q}");
+        }
+        // The second time it is in the cache.
+        for _ in 0..2 {
+            assert!((c.gradient(q) - plain.gradient(q)).abs().max_element() < 0.6 * step + 1e-2, "{q}");
+        }
+    }
+    assert_eq!(all.bytes(), 7 * 7 * 7 * (VOXELS * 8 + 4));
+    assert!(near.bytes() < all.bytes() && cache.bytes() == 4 << 20);
+}
+
+#[test]
+fn pictures_are_the_same_to_the_eye_and_for_any_number_of_threads() {
+    let s = cavity(48, 0.0);
+    let view = View::new(s.volume().grid().world(DVec3::splat(24.0)), DVec3::X, DVec3::Z, 90.0, 80, 80).unwrap();
+    let settings = Settings::default();
+    let (request, mut kept) = (ImageRequest { space: &s, view: &view, settings: &settings }, vec![(); 6400]);
+    let mut plain = Frame::default();
+    render(&s, &view, &settings, &mut plain);
+    let leap = Leap::<true>::new(&s);
+    let stored = GradientVolume::new(&s, Stored::NearWall);
+    let mut got = Frame::default();
+    request.image(&StoredGradientSampler::new(&s, &stored), &leap, &ByValue, &FromScratch, &mut kept, &mut got);
+    assert!(psnr(&plain, &got) > 55.0, "{}", psnr(&plain, &got));
+    let mut first: Option<Frame> = None;
+    for threads in [1, 2, 5] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let cache = GradientCache::new(&s);
+        for _ in 0..2 {
+            let sampler = CachedGradientSampler::new(&s, &cache);
+            pool.install(|| request.image(&sampler, &leap, &ByValue, &FromScratch, &mut kept, &mut got));
+            assert!(psnr(&plain, &got) > 55.0 && first.get_or_insert_with(|| got.clone()) == &got);
+        }
+    }
+    // Densities are stored too.
+    let settings = Settings { classification: Classification::Filtered, ..settings };
+    let request = ImageRequest { settings: &settings, ..request };
+    render(&s, &view, &settings, &mut plain);
+    request.image(
+        &StoredGradientSampler::new(&s, &stored),
+        &Leap::<false>::new(&s),
+        &ByDensity,
+        &FromScratch,
+        &mut kept,
+        &mut got,
+    );
+    assert!(psnr(&plain, &got) > 50.0, "{}", psnr(&plain, &got));
+}

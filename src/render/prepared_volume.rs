@@ -1,0 +1,62 @@
+//! A volume made ready for rays.
+
+use std::sync::Arc;
+
+use crate::volume::Volume;
+
+use super::flags::Flags;
+use super::transfer::TransferFunction;
+
+/// A volume ready for rays: its voxels, what counts as wall, and where rays may leap. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct PreparedVolume {
+    volume: Arc<Volume>,
+    transfer: TransferFunction,
+    flags: Arc<Flags>,
+}
+
+impl PreparedVolume {
+    /// Prepares `volume` for rays that see it by `transfer`: one parallel pass over the voxels.
+    pub fn new(volume: Arc<Volume>, transfer: TransferFunction) -> Self {
+        let flags = Arc::new(Flags::new(&volume, transfer));
+        Self { volume, transfer, flags }
+    }
+
+    /// As [`PreparedVolume::new`] with the least memory: bricks to leap by, but no bit for each voxel.
+    pub fn lean(volume: Arc<Volume>, transfer: TransferFunction) -> Self {
+        let flags = Arc::new(Flags::bricks_only(&volume, transfer));
+        Self { volume, transfer, flags }
+    }
+
+    /// Takes other voxels in the place of these, which are let go of first, and makes them ready in the same way.
+    pub fn replace(&mut self, volume: Arc<Volume>) {
+        let make = if self.flags.has_bits() { Flags::new } else { Flags::bricks_only };
+        self.volume = volume;
+        self.flags = Arc::new(make(&self.volume, self.transfer));
+    }
+
+    /// The voxels.
+    pub fn shared_volume(&self) -> Arc<Volume> {
+        Arc::clone(&self.volume)
+    }
+
+    /// The voxels.
+    pub fn volume(&self) -> &Volume {
+        &self.volume
+    }
+
+    /// The transfer function that the flags were made for.
+    pub fn transfer(&self) -> TransferFunction {
+        self.transfer
+    }
+
+    /// Where rays may leap.
+    pub fn flags(&self) -> &Flags {
+        &self.flags
+    }
+
+    /// Memory beside the voxels.
+    pub fn bytes(&self) -> usize {
+        self.flags.bytes()
+    }
+}

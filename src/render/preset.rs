@@ -1,0 +1,63 @@
+//! A choice of renderer: what a name such as `default` stands for.
+
+use std::sync::Arc;
+
+use super::TransferFunction;
+use super::prepared_volume::PreparedVolume;
+use super::quality::Settings;
+use super::renderer::Renderer;
+use crate::volume::Volume;
+
+/// A renderer by its name. Those of this crate are in [`presets::BUILT_IN`](super::presets::BUILT_IN); a program may have
+/// its own, which work wherever these do.
+///
+/// The qualities `reference` and `adaptive` are common to all presets: see [`renderer`](super::renderer()).
+#[derive(Clone, Copy, Debug)]
+pub struct Preset {
+    /// Its name on the command line and in scene files; presets of the same name are equal.
+    pub name: &'static str,
+    /// What it is, in a sentence for people.
+    pub summary: &'static str,
+    /// What it keeps in memory beside the 16-bit voxels, in a sentence for people.
+    pub memory: &'static str,
+    /// How the volume is prepared for it.
+    pub preparation: Preparation,
+    /// Makes the renderer of a volume, prepared so, at high or low quality.
+    pub make: fn(&PreparedVolume, Settings, Reuse) -> Box<dyn Renderer>,
+}
+
+impl PartialEq for Preset {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl Eq for Preset {}
+
+/// How a volume is made ready for rays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preparation {
+    /// With the homogeneous-region flag of each voxel, and empty bricks.
+    Flags,
+    /// With empty bricks alone: the least memory.
+    BricksOnly,
+}
+
+impl Preparation {
+    /// Makes a volume ready.
+    pub fn prepare(self, volume: Arc<Volume>, transfer: TransferFunction) -> PreparedVolume {
+        match self {
+            Self::Flags => PreparedVolume::new(volume, transfer),
+            Self::BricksOnly => PreparedVolume::lean(volume, transfer),
+        }
+    }
+}
+
+/// Whether a renderer may use what it kept of earlier frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reuse {
+    /// It may.
+    Allowed,
+    /// Each frame is made from scratch.
+    Never,
+}

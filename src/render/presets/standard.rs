@@ -1,0 +1,56 @@
+//! `default`: packets of rays.
+
+use crate::render::direct::Direct;
+use crate::render::fast::{Fast, Pixels};
+use crate::render::low::Low;
+use crate::render::memory::MemoryPart;
+use crate::render::preset::{Preparation, Preset, Reuse};
+use crate::render::quality::{Classification, Quality, Settings};
+use crate::render::renderer::Renderer;
+use crate::render::{Frame, PreparedVolume, View, Work};
+
+/// The best there is: packets of rays, a third of the resolution at low quality.
+pub const PRESET: Preset = Preset {
+    name: "default",
+    summary: "The best there is: packets of rays",
+    memory: "a bit for each cell, distances of bricks and a gradient cache",
+    preparation: Preparation::Flags,
+    make,
+};
+
+fn make(space: &PreparedVolume, settings: Settings, _: Reuse) -> Box<dyn Renderer> {
+    if settings.classification != Classification::Value {
+        return Box::new(Direct::new(space, settings));
+    }
+    match settings.quality {
+        _ if settings.samples_per_pixel > 1 => Box::new(Supersampled::new(space, settings)),
+        Quality::Low => Box::new(Low::new(space, settings)),
+        _ => Box::new(Fast::new(space, settings, Pixels::Needed)),
+    }
+}
+
+/// Several rays a pixel, which packets do not know: they are cast one after the other, and refined by packets.
+struct Supersampled {
+    space: PreparedVolume,
+    direct: Direct,
+}
+
+impl Supersampled {
+    fn new(space: &PreparedVolume, settings: Settings) -> Self {
+        Self { space: space.clone(), direct: Direct::new(space, settings) }
+    }
+}
+
+impl Renderer for Supersampled {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        self.direct.render(view, frame)
+    }
+
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        self.direct.parts()
+    }
+
+    fn refining(&self, settings: Settings) -> Option<Box<dyn Renderer>> {
+        Some(Box::new(Fast::refining_alone(&self.space, settings)))
+    }
+}

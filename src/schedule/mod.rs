@@ -1,0 +1,14 @@
+//! The sockets that systems plug into: the order of everything that is scheduled, the world it runs on, and what a
+//! navigation method says of itself.
+//!
+//! - [`FlightSystems`]: the one order of a simulation step and of a frame.
+//! - [`App`]: a world with a scan entity, a camera entity and the two schedules. A [`Plugin`] adds systems and components to it.
+//! - [`Guide`] and [`Guides`]: a navigation method with its settings, and the table of those that a flight may be handed to.
+
+mod app;
+mod guide;
+mod sets;
+
+pub use app::{App, LeftOut, Plugin, Slot};
+pub use guide::{Guide, GuideEntry, Guides, Needs};
+pub use sets::FlightSystems;

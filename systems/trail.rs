@@ -1,0 +1,27 @@
+//! Where the flight has been: for coverage, for going back, for the bar over the way.
+
+use bevy_ecs::prelude::*;
+
+use crate::components::camera::Pose;
+use crate::components::flight::{Flight, State};
+use crate::components::guide::Planned;
+use crate::components::trail::Trail;
+use crate::error::Result;
+use crate::schedule::{App, FlightSystems};
+
+/// Adds the trail to the camera.
+pub fn plugin(app: &mut App) -> Result<()> {
+    app.camera().insert_if_new(Trail::default());
+    app.add_systems(FlightSystems::Trail, follow_trail);
+    Ok(())
+}
+
+/// Takes the view after a step, and how far along the way it lies: by the plan, or by the way flown.
+pub fn follow_trail(camera: Single<(&Pose, &Flight, &mut Trail, Option<&Planned>)>) {
+    let (pose, flight, mut trail, planned) = camera.into_inner();
+    let planned = planned.map(|p| (p.s_mm, p.route.length_mm()));
+    trail.follow((pose.position, pose.attitude), flight.length_mm, planned);
+    if flight.state == State::Arrived {
+        trail.arrive();
+    }
+}

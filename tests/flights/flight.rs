@@ -1,0 +1,188 @@
+//! Flights by tentacles and mines from end to end, against the phantom's truth and on a real scan.
+
+use std::sync::Arc;
+
+use colvis::app::Scene;
+use colvis::app::plan::{self, Place, Wish};
+use colvis::components::flight::State;
+use colvis::dynamics::mines::MineSettings;
+use colvis::dynamics::tentacles::TentacleSettings;
+use colvis::fields::lumen;
+use colvis::phantom::{PhantomSettings, Size};
+use colvis::progress::Progress;
+use colvis::render::{PreparedVolume, TransferFunction, value};
+use colvis::volume::{Grid, Volume};
+use glam::{DMat3, DVec3};
+
+use crate::support::flights::{flight, fly, judge};
+use crate::support::logs::read_log;
+use crate::support::phantom::phantom;
+use crate::support::run::run;
+use crate::support::scans::data;
+
+fn logged() -> Scene {
+    Scene { log: true, ..Scene::default() }
+}
+
+/// From rectum to cecum: at least 99 % of the centerline passed, at most this share of the radius away from it.
+fn end_to_end(settings: &PhantomSettings, offset: f64) {
+    let (volume, truth) = phantom(settings);
+    let mut flight = flight(volume, logged(), &Wish::default());
+    let log = fly(&mut flight, 120.0);
+    let f = flight.flight();
+    assert_eq!(f.state, State::Arrived, "{}", f.reason);
+    let course = judge(&log, &truth);
+    println!("{settings:?}: {course:?}, {:.0} of {:.0} mm", f.length_mm, truth.length_mm);
+    assert!(course.passed >= 0.99 && course.offset <= offset, "{course:?}");
+    assert!(course.clearance_mm >= 1.5, "{course:?}");
+    let start = DVec3::from_array(log[0].position);
+    let [rectum, cecum] = [0, truth.centerline.len() - 1].map(|i| truth.centerline[i]);
+    assert!(start.distance(rectum) < start.distance(cecum), "it starts at the rectum");
+    // Everything logged lies inside the lumen.
+    for line in &log {
+        assert!(value(flight.volume(), DVec3::from_array(line.position)) < -650.0, "{line:?}");
+    }
+}
+
+#[test]
+fn small_phantom() {
+    end_to_end(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() }, 0.23);
+}
+
+#[test]
+fn standard_phantoms_1_to_5() {
+    for seed in 1..=5 {
+        end_to_end(&PhantomSettings { seed, ..PhantomSettings::default() }, 0.13);
+    }
+}
+
+#[test]
+fn with_fluid_and_bridges() {
+    end_to_end(
+        &PhantomSettings { size: Size::Small, fluid: true, bridges: true, seed: 2, ..PhantomSettings::default() },
+        0.3,
+    );
+}
+
+#[test]
+fn the_wrong_way_first_then_turned_round() {
+    let settings = PhantomSettings { size: Size::Small, ..PhantomSettings::default() };
+    let (volume, truth) = phantom(&settings);
+    // From many places on the way, to both ends: sooner or later the longest free direction is the wrong one.
+    let mut turned = 0;
+    for part in 1..6 {
+        let from = truth.centerline[truth.centerline.len() * part / 6];
+        for to in [Place::Rectum, Place::Cecum] {
+            let wish = Wish { from: Some(Place::World(from)), to: Some(to), reverse: false };
+            let mut flight = flight(volume.clone(), logged(), &wish);
+            fly(&mut flight, 200.0);
+            let f = flight.flight();
+            assert_eq!(f.state, State::Arrived, "from {from} to {to:?}: {}", f.reason);
+            turned += f.turns;
+        }
+    }
+    assert!(turned > 2, "some flights must have turned round");
+}
+
+#[test]
+fn a_goal_is_reached_within_three_millimetres() {
+    let (volume, truth) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    let to = truth.centerline[truth.centerline.len() / 2];
+    let mut flight = flight(volume, logged(), &Wish { to: Some(Place::World(to)), ..Wish::default() });
+    let log = fly(&mut flight, 120.0);
+    assert_eq!(flight.flight().state, State::Arrived);
+    assert!(DVec3::from_array(log[log.len() - 1].position).distance(to) <= 3.0);
+}
+
+#[test]
+fn few_tentacles_are_as_safe_as_many() {
+    let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    for count in [3, 8, 64, 300] {
+        let mut scene = logged();
+        scene.guides.edit::<TentacleSettings>(|t| t.count = count);
+        let mut flight = flight(volume.clone(), scene, &Wish::default());
+        let log = fly(&mut flight, 60.0);
+        let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
+        assert!(least >= 1.5, "{count} tentacles: {least}");
+        let f = flight.flight();
+        if count >= 8 {
+            assert_eq!(f.state, State::Arrived, "{count} tentacles: {}", f.reason);
+        } else {
+            // The paper's least number need not find the way, but it must end, and say why.
+            assert!(f.state == State::Arrived || !f.reason.is_empty(), "{f:?}");
+        }
+    }
+}
+
+#[test]
+fn no_mines_and_ten_thousand_are_as_safe_as_twelve() {
+    let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    for (kept, spacing_mm, seconds) in [(0, 8.0, 60.0), (1, 8.0, 60.0), (10_000, 0.1, 12.0)] {
+        let mut scene = logged();
+        scene.mines = Some(MineSettings { kept, spacing_mm, ..MineSettings::default() });
+        let mut flight = flight(volume.clone(), scene, &Wish::default());
+        let log = fly(&mut flight, seconds);
+        let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
+        assert!(least >= 1.5, "{kept} mines: {least}");
+        let f = flight.flight();
+        let whole = log.iter().all(|l| l.position.iter().chain(&l.velocity).all(|x| x.is_finite()));
+        assert!(whole && (f.state != State::Operator || !f.reason.is_empty()), "{f:?}");
+        assert!(f.length_mm > 160.0 || f.state == State::Operator, "{kept} mines: it hangs after {} mm", f.length_mm);
+    }
+}
+
+/// A lumen one voxel wide, and starts in its wall, at distance 0 from it and outside: refused with the reason.
+#[test]
+fn where_the_camera_does_not_fit_no_flight_begins() {
+    let grid = Grid::new([40, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let data = (0..grid.len()).map(|n| if n % 40 == 20 && n / 40 % 40 == 20 { -1000 } else { 40 }).collect();
+    let progress = Progress::new();
+    let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+    let lumen = lumen::find(space.volume(), &progress).unwrap();
+    for at in [
+        DVec3::splat(20.0),
+        DVec3::new(20.34, 20.0, 20.0),
+        DVec3::new(22.0, 20.0, 20.0),
+        DVec3::new(-50.0, 20.0, 20.0),
+        DVec3::NAN,
+    ] {
+        let wish = Wish { from: Some(Place::World(at)), ..Wish::default() };
+        let e = plan::plan(&space, &lumen, &wish, 1.5, &progress).unwrap_err();
+        assert_eq!(e.kind as i32, 4, "{at}: {e}");
+    }
+}
+
+#[test]
+fn real_scan_end_to_end() {
+    let Some(scan) = data("ctc_prone.nii.gz") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let log = dir.path().join("f.jsonl");
+    let stats = dir.path().join("s.json");
+    let scan = scan.to_str().unwrap();
+    let out = run(&["fly", scan, "--headless", "--log", log.to_str().unwrap(), "--stats", stats.to_str().unwrap()], 0);
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(said.contains("2 more: "), "the segments not flown are named: {said}");
+    let lines = read_log(&log);
+    let last = &lines[lines.len() - 1];
+    assert_eq!(last.state, State::Arrived);
+    assert!(lines.iter().all(|l| l.clearance_mm >= 1.5));
+    let ends = [DVec3::new(131.0, -64.0, -126.0), DVec3::new(-90.0, -103.0, -258.0)];
+    for (line, end, off) in [(&lines[0], ends[0], 8.0), (last, ends[1], 30.0)] {
+        assert!(DVec3::from_array(line.position).distance(end) < off, "{line:?} near {end}");
+    }
+    let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&stats).unwrap()).unwrap();
+    assert_eq!(stats["state"], "arrived");
+    assert_eq!(stats["unflown"].as_array().unwrap().len(), 2);
+    assert!(stats["prepare"]["load_s"].as_f64().unwrap() > 0.0 && stats["peak_rss_bytes"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn no_colon_to_fly() {
+    let Some(scan) = data("abdomen_unprepared.nii.gz") else { return };
+    let out = run(&["fly", scan.to_str().unwrap(), "--headless"], 4);
+    assert!(String::from_utf8_lossy(&out.stderr).contains("no colon to fly through"));
+    let dir = tempfile::tempdir().unwrap();
+    let mask = dir.path().join("m.nii.gz");
+    run(&["segment", scan.to_str().unwrap(), "--out", mask.to_str().unwrap()], 0);
+    assert!(mask.exists(), "segment still writes what there is");
+}

@@ -1,0 +1,244 @@
+//! The guides that plan: the paper's four conditions (section 3) as invariants, the hand-over between guide and operator,
+//! logs that are played again, and how much of the wall was seen.
+
+use std::path::Path;
+
+use colvis::app::Scene;
+use colvis::app::plan::Wish;
+use colvis::components::flight::State;
+use colvis::components::guide::{Planned, PotentialField};
+use colvis::components::input::{Act, Command};
+use colvis::components::output::LogLine;
+use colvis::math::hash;
+use colvis::phantom::{PhantomSettings, Size};
+use colvis::render::value;
+use glam::DVec3;
+
+use crate::support::flights::{flight, fly, jerk, judge};
+use crate::support::logs::{place, read_log};
+use crate::support::phantom::phantom;
+use crate::support::run::run;
+use crate::support::scans::data;
+
+const RADIUS_MM: f64 = 1.5;
+const GUIDES: [&str; 2] = ["path", "potential"];
+
+fn scene(guide: &'static str) -> Scene {
+    Scene { log: true, ..Scene::guided_by(guide) }
+}
+
+fn small(seed: u64) -> PhantomSettings {
+    PhantomSettings { size: Size::Small, seed, ..PhantomSettings::default() }
+}
+
+/// Conditions 1, 3 and 4: always from the start towards the end along a valid path, as far from the wall as can be, never
+/// through it.
+#[test]
+fn automatic_flights_hold_the_papers_conditions() {
+    for seed in [1, 2] {
+        let (volume, truth) = phantom(&small(seed));
+        for guide in GUIDES {
+            for reverse in [false, true] {
+                let wish = Wish { reverse, ..Wish::default() };
+                let mut f = flight(volume.clone(), scene(guide), &wish);
+                let log = fly(&mut f, 180.0);
+                let (state, goal) = (f.flight(), f.plan().goal);
+                assert_eq!(state.state, State::Arrived, "{guide:?} {seed}: {}", state.reason);
+                // 1: in every two seconds it comes nearer to the end, measured along the truth's centerline.
+                let along = |l: &LogLine| {
+                    let d = |i: &usize| truth.centerline[*i].distance_squared(place(l));
+                    (0..truth.centerline.len()).min_by(|a, b| d(a).total_cmp(&d(b))).unwrap() as f64
+                };
+                let sense = if reverse { -1.0 } else { 1.0 };
+                for w in log.windows(240).step_by(120) {
+                    assert!((along(&w[239]) - along(&w[0])) * sense > 0.0, "{guide:?} at {} s", w[0].t);
+                }
+                assert!(place(&log[log.len() - 1]).distance(goal) <= f.plan().within_mm);
+                assert!(log.iter().all(|l| value(f.volume(), place(l)) < -650.0), "inside the lumen");
+                // 3: near the centerline.
+                let course = judge(&log, &truth);
+                println!(
+                    "{guide:?} seed {seed} reverse {reverse}: {course:?} in {:.1} s, jerk {:.0}",
+                    log[log.len() - 1].t,
+                    jerk(&log)
+                );
+                // The shortest way, which draws a potential, cuts corners as far as the wall lets it.
+                let allowed = if guide == "path" { 0.055 } else { 0.4 };
+                assert!(course.passed >= 0.99 && course.offset <= allowed, "{guide:?}: {course:?}");
+                // 4: the body never touches the wall.
+                assert!(course.clearance_mm >= RADIUS_MM, "{course:?}");
+            }
+        }
+    }
+}
+
+/// Conditions 2 and 4: the operator may intervene at any time, wildly, and never perforates; the guide goes on from there
+/// and still arrives.
+#[test]
+fn the_operator_may_intervene_at_any_time() {
+    let (volume, _) = phantom(&small(1));
+    for guide in ["path", "potential", "tentacles"] {
+        let mut f = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &Wish::default());
+        let mut acts = Vec::new();
+        for n in 0..6u64 {
+            let u = |k| hash::uniform(31, 8 * n + k) * 2.0 - 1.0;
+            let tick = 200 + 420 * n;
+            acts.push(Act { tick, command: Command::Push([u(0), u(1), u(2)]) });
+            acts.push(Act { tick: tick + 120, command: Command::Push([0.0; 3]) });
+        }
+        f.replay(acts.clone());
+        let log = fly(&mut f, 240.0);
+        assert_eq!(f.flight().state, State::Arrived, "{guide:?}: {}", f.flight().reason);
+        assert!(log.iter().all(|l| l.clearance_mm >= RADIUS_MM));
+        // The hand is felt at once: within a second the camera is somewhere else than it would be.
+        let mut alone = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &Wish::default());
+        let free = fly(&mut alone, 4.0);
+        assert!(place(&free[320]).distance(place(&log[320])) > 13.0, "{guide:?}");
+    }
+}
+
+/// A recorded operator who pushes into the wall, sideways, backwards, looks around, stops and lets go.
+#[test]
+fn a_recorded_hand_never_perforates_and_the_guide_takes_over_smoothly() {
+    let dir = tempfile::tempdir().unwrap();
+    for guide in ["tentacles", "path", "potential"] {
+        let log = dir.path().join(format!("{guide}.jsonl"));
+        let args = ["fly", "--headless", "--seconds", "32", "--guide", guide, "--replay", "tests/inputs/hand.jsonl"];
+        run(&[&args[..], &["--log", log.to_str().unwrap()]].concat(), 0);
+        let lines = read_log(&log);
+        let least = lines.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
+        assert!(least >= RADIUS_MM, "{guide}: {least}");
+        // From when the guide begins to have the flight again, 0.4 s after the hand let go, for two seconds.
+        let jerks: Vec<f64> = [480, 960, 1500, 2040].into_iter().map(|t| jerk(&lines[t + 48..t + 48 + 240])).collect();
+        let most = jerks.iter().fold(0.0f64, |a, b| a.max(*b));
+        println!("{guide}: least clearance {least:.2} mm, jerk at the hand-over {most:.0} mm/s³ {jerks:.0?}");
+        let allowed = match guide {
+            "path" => 590.0,
+            "potential" => 4200.0,
+            _ => 6000.0,
+        };
+        assert!(most < allowed, "{guide}: {jerks:?}");
+    }
+}
+
+#[test]
+fn guides_change_in_flight_and_their_fields_come_and_go() {
+    let (volume, _) = phantom(&small(1));
+    let mut f = flight(volume, Scene { operator: true, ..scene("tentacles") }, &Wish::default());
+    let go = |f: &mut colvis::app::FlightApp, steps: usize| (0..steps).for_each(|_| f.step().unwrap());
+    go(&mut f, 240);
+    assert!(f.fields().walls().is_none() && f.fields().route().is_none());
+    f.act(Command::Guide("path".to_owned())).unwrap();
+    assert!(f.camera::<Planned>().is_some() && f.fields().walls().is_none(), "the centerline alone is kept");
+    let times = f.take_field_times();
+    assert!(times.iter().any(|t| t.0 == "centerline_s") && times.iter().any(|t| t.0 == "distance_s"));
+    go(&mut f, 360);
+    let before = f.camera::<Planned>().unwrap().s_mm;
+    f.act(Command::Guide("potential".to_owned())).unwrap();
+    assert!(f.camera::<Planned>().is_none() && f.camera::<PotentialField>().is_some());
+    assert!(f.fields().route().is_none() && f.fields().target().is_some());
+    go(&mut f, 360);
+    f.act(Command::Guide("manual".to_owned())).unwrap();
+    assert!(f.fields().walls().is_none() && f.fields().target().is_none() && f.camera::<PotentialField>().is_none());
+    go(&mut f, 60);
+    f.act(Command::Guide("path".to_owned())).unwrap();
+    go(&mut f, 240);
+    assert!(f.camera::<Planned>().unwrap().s_mm > before + 60.0, "each went on");
+    // To a place of the way, and back from there.
+    f.act(Command::Seek(0.5)).unwrap();
+    let planned = f.camera::<Planned>().unwrap();
+    let half = planned.route.place(planned.route.length_mm() / 2.0);
+    assert!(f.pose().position.distance(half) < 1e-6);
+    f.act(Command::Reverse).unwrap();
+    go(&mut f, 360);
+    let planned = f.camera::<Planned>().unwrap();
+    assert!(planned.s_mm > planned.route.length_mm() / 2.0 + 30.0, "flying back: {}", planned.s_mm);
+    let log = f.take_log();
+    assert!(log.iter().all(|l| l.clearance_mm >= RADIUS_MM));
+}
+
+#[test]
+fn a_log_is_played_at_any_rate_on_the_same_path() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    run(&["fly", "--headless", "--guide", "path", "--log", &at("a.jsonl"), "--coverage", "--stats", &at("a.json")], 0);
+    let flown = read_log(Path::new(&at("a.jsonl")));
+    let path: Vec<DVec3> = flown.iter().map(place).collect();
+    for (rate, extra) in [("0.5", &[][..]), ("4", &[]), ("2", &["--reverse"])] {
+        let args = ["fly", "--headless", "--play", &at("a.jsonl"), "--rate", rate, "--log", &at("p.jsonl")];
+        run(&[&args[..], extra].concat(), 0);
+        let played = read_log(Path::new(&at("p.jsonl")));
+        let times = flown.len() as f64 / rate.parse::<f64>().unwrap();
+        assert!((played.len() as f64 - times).abs() < 1.5, "{} lines at {rate}", played.len());
+        let mut n = 0;
+        let forward: Vec<DVec3> = if extra.is_empty() {
+            played.iter().map(place).collect()
+        } else {
+            played.iter().rev().map(place).collect()
+        };
+        for p in forward {
+            // The steps it lies between come in the log's own order.
+            let off = |n: usize| {
+                let (a, along) = (path[n], path[n + 1] - path[n]);
+                let t = ((p - a).dot(along) / along.length_squared().max(1e-30)).clamp(0.0, 1.0);
+                (a + along * t).distance(p)
+            };
+            while n + 2 < path.len() && off(n) > 1e-9 {
+                n += 1;
+            }
+            assert!(off(n) < 1e-9, "{p} at rate {rate}");
+        }
+        assert!(n + 4 > path.len() || !extra.is_empty());
+        assert!(played.iter().all(|l| l.guide == "play"));
+    }
+    for bad in ["0", "-1", "nan"] {
+        run(&["fly", "--headless", "--play", &at("a.jsonl"), "--rate", bad], 2);
+    }
+    run(&["fly", "--headless", "--play", &at("a.jsonl"), "--guide", "path"], 2);
+    run(&["fly", "--headless", "--play", &at("a.json")], 3);
+    run(&["fly", "--headless", "--play", &at("missing.jsonl")], 3);
+    run(&["fly", "--headless", "--rate", "2"], 2);
+    // What was seen is a share, and more both ways.
+    let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at("a.json")).unwrap()).unwrap();
+    let [one, both] = ["coverage", "coverage_both_ways"].map(|k| stats[k].as_f64().unwrap());
+    println!("coverage {one:.3} one way, {both:.3} both ways");
+    assert!(0.5 < one && one < both && both <= 1.0);
+    for part in ["distance_s", "centerline_s"] {
+        assert!(stats["prepare"][part].as_f64().unwrap() > 0.0, "{part}: {}", stats["prepare"]);
+    }
+}
+
+/// Gas segments that tagged fluid separates are flown as one by the guides that plan.
+#[test]
+fn fluid_joins() {
+    let Some(scan) = data("ctc_prone.nii.gz") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let stats = dir.path().join("s.json");
+    let scan = scan.to_str().unwrap();
+    let out = run(&["fly", scan, "--headless", "--guide", "path", "--stats", stats.to_str().unwrap()], 0);
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(said.contains("tagged fluid joins segments of gas"), "{said}");
+    let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&stats).unwrap()).unwrap();
+    assert_eq!(stats["state"], "arrived");
+    assert!(stats["length_mm"].as_f64().unwrap() > 1200.0, "{}", stats["length_mm"]);
+    assert_eq!(stats["unflown"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn settings_that_make_no_sense_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    for (n, text) in [
+        "plugins = [\"path\"]\n[path]\ncruise_mm_s = 0",
+        "plugins = [\"path\"]\n[path]\njerk_mm_s3 = nan",
+        "plugins = [\"potential\"]\n[potential]\nwall_energy = -1",
+        "plugins = [\"potential\"]\n[potential]\nreach_mm = inf",
+        "plugins = [\"potential\", \"path\"]",
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let file = dir.path().join(format!("{n}.toml"));
+        std::fs::write(&file, text).unwrap();
+        run(&["explain", "--headless", "--scene", file.to_str().unwrap()], 2);
+    }
+}

@@ -1,0 +1,26 @@
+//! Flights, in two dimensions and in three: where they go, what steers them, what stops them.
+
+mod determinism;
+mod digests;
+mod dynamics;
+mod flight;
+mod guides;
+mod operator;
+mod own_guide;
+mod perforation;
+mod plane;
+mod plane_drawings;
+mod scenes;
+mod traps;
+
+#[path = "../support"]
+mod support {
+    pub mod failed;
+    pub mod flights;
+    pub mod logs;
+    pub mod phantom;
+    pub mod program;
+    pub mod run;
+    pub mod scans;
+    pub mod skips;
+}

@@ -1,0 +1,223 @@
+//! What the operator changes about a flight under way: its direction, its guide, the camera's place on the way; and the
+//! points between which it is flown.
+
+use std::sync::Arc;
+
+use colvis::app::plan::{self, Place, Plan, Wish};
+use colvis::app::{FlightApp, Scene, Steering};
+use colvis::components::camera::Pose;
+use colvis::components::flight::State;
+use colvis::components::input::Command;
+use colvis::components::output::LogLine;
+use colvis::components::play::{Direction, Playback};
+use colvis::error::Result;
+use colvis::fields::{Lumen, lumen};
+use colvis::phantom::{PhantomSettings, Size};
+use colvis::progress::Progress;
+use colvis::render::{PreparedVolume, TransferFunction};
+use colvis::volume::{Grid, Volume};
+use glam::{DMat3, DVec3};
+
+use crate::support::flights::{fly, jerk};
+use crate::support::logs::place;
+use crate::support::phantom::phantom;
+
+fn scene(guide: &'static str) -> Scene {
+    Scene { log: true, operator: true, ..Scene::guided_by(guide) }
+}
+
+/// The small phantom as it is flown from end to end.
+fn small() -> (PreparedVolume, Lumen, Plan) {
+    let (volume, _) = phantom(&PhantomSettings { size: Size::Small, seed: 1, ..PhantomSettings::default() });
+    let progress = Progress::new();
+    let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+    let lumen = lumen::find(space.volume(), &progress).unwrap();
+    let plan = plan::plan(&space, &lumen, &Wish::default(), Scene::default().body.radius_mm, &progress).unwrap();
+    (space, lumen, plan)
+}
+
+/// A goal beyond the gas calls for the operator at the gas's end; the end where the flight began is simply reached. Either
+/// way the segment is flown, whatever the operator does next.
+#[test]
+fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
+    let (space, mut lumen, mut plan) = small();
+    let again = lumen.segments[0].clone();
+    lumen.segments.push(again);
+    plan.falls_short = Some("the cecum lies elsewhere".to_owned());
+    let lumen = Arc::new(lumen);
+    for falls_short in [true, false] {
+        let (space, lumen, plan) = (space.clone(), Arc::clone(&lumen), plan.clone());
+        let mut f = FlightApp::new(space, lumen, plan, scene("path")).unwrap();
+        if falls_short {
+            f.act(Command::Seek(0.97)).unwrap();
+            fly(&mut f, 20.0);
+            assert_eq!(f.flight().state, State::Operator);
+            assert!(f.flight().reason.contains("the cecum lies elsewhere"), "{}", f.flight().reason);
+        } else {
+            f.act(Command::Reverse).unwrap();
+            f.act(Command::Seek(0.97)).unwrap();
+            fly(&mut f, 20.0);
+            assert_eq!(f.flight().state, State::Arrived, "{}", f.flight().reason);
+            f.act(Command::Reverse).unwrap();
+            assert!(f.plan().falls_short.is_some());
+        }
+        f.act(Command::Seek(0.5)).unwrap();
+        f.act(Command::Segment(1)).unwrap();
+        assert!(f.unflown().is_empty(), "{falls_short}: {:?}", f.unflown());
+    }
+}
+
+/// Without a plan the bar over the way counts what was flown, the other way round after the flight was turned round.
+#[test]
+fn seeking_without_a_plan_goes_where_the_bar_shows() {
+    let (space, lumen, plan) = small();
+    let length = plan.length_mm;
+    let mut f = FlightApp::new(space, Arc::new(lumen), plan, scene("tentacles")).unwrap();
+    let mut places = Vec::new();
+    while f.flight().length_mm < 0.9 * length {
+        f.step().unwrap();
+        assert_eq!(f.flight().state, State::Flying, "{}", f.flight().reason);
+        places.push((f.flight().length_mm / length, f.pose().position));
+    }
+    let there = |share: f64| places[places.partition_point(|p| p.0 < share)].1;
+    f.act(Command::Reverse).unwrap();
+    for share in [0.2, 0.6, 0.9] {
+        f.act(Command::Seek(share)).unwrap();
+        let off = f.pose().position.distance(there(1.0 - share));
+        assert!(off < 0.9, "{share}: {off} mm off");
+    }
+    // On from there, and on a leg that overlaps the one before the last leg counts.
+    for _ in 0..120 {
+        f.step().unwrap();
+    }
+    assert!(f.act(Command::Seek(0.05)).is_err(), "the flight was turned round before it came there");
+    f.act(Command::Reverse).unwrap();
+    f.act(Command::Seek(0.5)).unwrap();
+    assert!(f.pose().position.distance(there(0.5)) < 0.9);
+    // A new way begins at its own start.
+    f.act(Command::OtherEnd).unwrap();
+    let start = f.pose().position;
+    assert!(f.act(Command::Seek(0.5)).is_err());
+    for _ in 0..360 {
+        f.step().unwrap();
+    }
+    f.act(Command::Seek(0.0)).unwrap();
+    assert!(f.pose().position.distance(start) < 0.012);
+}
+
+/// The plan is taken up from however the body moves, in flight, after a jump, and after it was turned round.
+#[test]
+fn a_plan_is_taken_up_without_a_jolt() {
+    let (space, lumen, plan) = small();
+    let mut f = FlightApp::new(space, Arc::new(lumen), plan, scene("tentacles")).unwrap();
+    let go = |f: &mut FlightApp, command: Option<Command>, steps: usize| {
+        command.into_iter().for_each(|c| f.act(c).unwrap());
+        f.take_log();
+        (0..steps).for_each(|_| f.step().unwrap());
+        f.take_log()
+    };
+    go(&mut f, None, 360);
+    let mut before = go(&mut f, None, 3);
+    let after = go(&mut f, Some(Command::Guide("path".to_owned())), 240);
+    before.extend(after);
+    let changed = jerk(&before);
+    // At cruise speed, where a difference of velocities to a body at rest would be an acceleration of thousands.
+    let sought = jerk(&go(&mut f, Some(Command::Seek(0.5)), 240));
+    let mut before = go(&mut f, None, 3);
+    before.extend(go(&mut f, Some(Command::Reverse), 240));
+    let turned = jerk(&before);
+    println!("jerk: guide changed {changed:.0}, sought {sought:.0}, turned round {turned:.0} mm/s³");
+    assert!(changed < 6000.0 && sought < 300.0 && turned < 4600.0, "{changed} {sought} {turned}");
+}
+
+/// Gas in tissue, with the colon elsewhere.
+fn elsewhere(gas: impl Fn(DVec3) -> bool) -> (PreparedVolume, Lumen) {
+    let grid = Grid::new([80, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let place = |n: usize| DVec3::new((n % 80) as f64, (n / 80 % 40) as f64, (n / 3200) as f64);
+    let data = (0..grid.len()).map(|n| if gas(place(n)) { -1000 } else { 40 }).collect();
+    let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+    let none = Lumen::none(space.volume().grid());
+    (space, none)
+}
+
+/// The plan through that gas from its one end.
+fn between(space: &PreparedVolume, colon: &Lumen, to: DVec3) -> Result<Plan> {
+    let from = DVec3::new(15.0, 20.0, 20.0);
+    let wish = Wish { from: Some(Place::World(from)), to: Some(Place::World(to)), ..Wish::default() };
+    plan::plan(space, colon, &wish, 1.5, &Progress::new())
+}
+
+/// Where the way to the goal is narrower than the camera needs, the user is told before it gets stuck there.
+#[test]
+fn a_way_that_is_too_narrow_is_told_of() {
+    for (narrow, said) in [(2.0, 1), (7.0, 0)] {
+        let (space, colon) = elsewhere(|p| {
+            let radius = if (33.0..37.0).contains(&p.x) { narrow } else { 7.0 };
+            p.x > 10.0 && p.x < 60.0 && (p.y - 20.0).hypot(p.z - 20.0) < radius
+        });
+        let plan = between(&space, &colon, DVec3::new(55.0, 20.0, 20.0)).unwrap();
+        let mut f = FlightApp::new(space, Arc::new(colon), plan, scene("potential")).unwrap();
+        let notes = f.take_notes();
+        println!("{notes:?}");
+        assert_eq!(notes.len(), said, "{notes:?}");
+        assert!(f.take_notes().is_empty(), "once");
+    }
+}
+
+/// A goal is moved into gas that is no part of the colon within 5 mm, and refused beyond that.
+#[test]
+fn a_goal_in_tissue_is_refused_in_gas_of_any_kind() {
+    let gas = |p: DVec3| p.x > 10.0 && p.x < 60.0 && (p.y - 20.0).hypot(p.z - 20.0) < 7.0;
+    let (space, colon) = elsewhere(gas);
+    let plan = |to: DVec3| between(&space, &colon, to);
+    let inside = DVec3::new(50.3, 21.0, 19.0);
+    let p = plan(inside).unwrap();
+    assert!(p.gas.is_some() && p.goal == inside && p.notes.is_empty(), "{:?}", p.notes);
+    let p = plan(DVec3::new(62.0, 20.0, 20.0)).unwrap();
+    assert!(gas(p.goal) && p.notes.len() == 1 && p.falls_short.is_none(), "{:?} {:?}", p.goal, p.notes);
+    for to in [DVec3::new(70.0, 20.0, 20.0), DVec3::new(30.0, 35.0, 20.0), DVec3::splat(1e4), DVec3::NAN] {
+        let e = plan(to).unwrap_err();
+        assert!(e.kind as i32 == 4 && e.to_string().contains("--to"), "{to}: {e}");
+    }
+}
+
+/// A log goes its own way: it is not turned round, but one may look around, while it plays and while it rests.
+#[test]
+fn a_log_that_is_played_is_looked_around_in() {
+    let (space, _, plan) = small();
+    let line = |n: i32| LogLine {
+        t: f64::from(n) / 120.0,
+        position: plan.start.to_array(),
+        forward: [0.0, 1.0, 0.0],
+        up: [0.0, 0.0, 1.0],
+        velocity: [0.0; 3],
+        clearance_mm: 5.0,
+        state: State::Flying,
+        guide: "path".to_owned(),
+    };
+    let play = Playback::new((1..2400).map(line).collect(), 1.0, Direction::Forwards).unwrap();
+    let none = Arc::new(Lumen::none(space.volume().grid()));
+    let logged = plan::as_logged(&play);
+    let scene = Scene { steering: Steering::Log(play), ..scene("tentacles") };
+    let mut f = FlightApp::new(space, none, logged, scene).unwrap();
+    assert!(f.act(Command::Reverse).unwrap_err().to_string().contains("a log that is played"));
+    let mut turned = 0.0;
+    for paused in [false, true] {
+        f.act(Command::Pause(paused)).unwrap();
+        f.act(Command::Turn([1.0, 0.0, 0.0])).unwrap();
+        for _ in 0..60 {
+            f.step().unwrap();
+        }
+        // 1.2 rad/s to the right for half a second each time.
+        turned += 0.6;
+        let right = f.camera::<Pose>().unwrap().attitude.forward.x;
+        assert!((right - f64::sin(turned)).abs() < 1e-9, "{right} after {turned} rad");
+    }
+    f.act(Command::Turn([0.0; 3])).unwrap();
+    f.act(Command::Pause(false)).unwrap();
+    for _ in 0..200 {
+        f.step().unwrap();
+    }
+    assert!(f.pose().attitude.forward.distance(DVec3::Y) < 1e-12, "then the view is the log's again");
+    assert!(place(f.take_log().last().unwrap()) == plan.start);
+}

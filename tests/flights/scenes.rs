@@ -1,0 +1,231 @@
+//! What a scene does not ask for is neither scheduled nor in memory.
+
+use std::sync::OnceLock;
+
+use colvis::app::Scene;
+use colvis::app::explain::{Explanation, explain};
+use colvis::app::plan::Wish;
+use colvis::phantom::{PhantomSettings, Size};
+use colvis::volume::Volume;
+
+use crate::support::flights::flight;
+use crate::support::phantom::phantom;
+use crate::support::run::run;
+
+fn shipped(name: &str) -> Scene {
+    Scene::read(&std::path::Path::new("assets/scenes").join(name), &colvis::app::Catalog::default()).unwrap()
+}
+
+fn explained(scene: Scene) -> Explanation {
+    static VOLUME: OnceLock<Volume> = OnceLock::new();
+    let volume = VOLUME.get_or_init(|| phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() }).0);
+    explain(&flight(volume.clone(), scene, &Wish::default()))
+}
+
+#[test]
+fn four_scenes_four_schedules() {
+    let scenes = ["tentacles.toml", "tentacles-without-mines.toml", "manual.toml", "render.toml"];
+    let all: Vec<Explanation> = scenes.iter().map(|s| explained(shipped(s))).collect();
+    for (i, a) in all.iter().enumerate() {
+        for b in &all[..i] {
+            assert_ne!((&a.step, &a.frame), (&b.step, &b.frame));
+        }
+    }
+    // (scene, system or component, is there)
+    let has = |n: usize, name: &str| {
+        let scheduled = all[n].step.iter().chain(&all[n].frame).any(|s| s.contains(name));
+        let carried = all[n].components.iter().any(|c| c == name);
+        scheduled || carried
+    };
+    let table = [
+        ("cast_tentacles", [true, true, false, false]),
+        ("Tentacles", [true, true, false, false]),
+        ("lay_mines", [true, false, false, false]),
+        ("MineField", [true, false, false, false]),
+        ("MinePush", [true, false, false, false]),
+        ("move_body", [true, true, true, false]),
+        ("Body", [true, true, true, false]),
+        ("Walls", [true, true, true, false]),
+        ("watch_flight", [true, true, true, false]),
+        ("cast_picture", [false, false, false, true]),
+        ("Scan", [true, true, true, true]),
+        ("FrameCache", [false, false, false, true]),
+        ("take_commands", [false, false, false, false]),
+        ("Hand", [false, false, false, false]),
+        ("log_step", [false, false, false, false]),
+    ];
+    for (name, wanted) in table {
+        for (n, want) in wanted.into_iter().enumerate() {
+            assert_eq!(has(n, name), want, "{name} in {}: {:?} {:?}", scenes[n], all[n].step, all[n].components);
+        }
+    }
+    // Whatever is not there is told with a reason.
+    let left_out = |n: usize| -> Vec<&str> { all[n].left_out.iter().map(|l| l.part).collect() };
+    assert!(left_out(1).contains(&"mines") && left_out(2).contains(&"tentacles") && left_out(3).contains(&"motion"));
+    for (n, e) in all.iter().enumerate() {
+        assert!(left_out(n).contains(&"centerline") && left_out(n).contains(&"wall distance field"));
+        assert!(e.left_out.iter().all(|l| !l.why.is_empty()));
+    }
+    assert!(left_out(0).contains(&"picture"), "without a window or a recording no ray is cast for an image");
+}
+
+#[test]
+fn a_scene_that_plans_has_what_it_plans_by_and_no_more() {
+    let [path, potential] = ["path.toml", "potential.toml"].map(|s| explained(shipped(s)));
+    let built = |e: &Explanation, part: &str| e.built.iter().any(|b| b.part == part && b.bytes > 0);
+    let left_out = |e: &Explanation, part: &str| e.left_out.iter().any(|l| l.part == part && !l.why.is_empty());
+    for (part, wanted) in [
+        ("centerline", [true, false]),
+        ("wall distance field", [false, true]),
+        ("target distance field", [false, true]),
+    ] {
+        for (e, wanted) in [&path, &potential].into_iter().zip(wanted) {
+            assert_eq!((built(e, part), left_out(e, part)), (wanted, !wanted), "{part}");
+        }
+    }
+    for (e, component, system) in
+        [(&path, "Planned", "guide_by_plan"), (&potential, "PotentialField", "guide_by_potential")]
+    {
+        assert!(e.components.iter().any(|c| c == component) && e.step.iter().any(|s| s.contains(system)));
+        assert!(left_out(e, "tentacles") && left_out(e, "mines"));
+    }
+}
+
+#[test]
+fn a_guide_is_changed_in_flight_and_its_parts_go() {
+    use colvis::components::guide::{MineField, Tentacles};
+    use colvis::components::input::Command;
+    let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    let mut f = flight(volume, Scene { operator: true, log: true, ..Scene::default() }, &Wish::default());
+    for _ in 0..120 {
+        f.step().unwrap();
+    }
+    let before = f.pose().position;
+    f.act(Command::Guide("manual".to_owned())).unwrap();
+    assert!(f.camera::<Tentacles>().is_none() && f.camera::<MineField>().is_none());
+    assert_eq!(f.pose().position, before, "the camera stays where it was");
+    for _ in 0..240 {
+        f.step().unwrap();
+    }
+    let drift = f.take_log().last().unwrap().velocity;
+    assert!(drift.iter().all(|v| v.abs() < 3.4e-4), "it drifts to rest");
+    f.act(Command::Guide("tentacles".to_owned())).unwrap();
+    for _ in 0..240 {
+        f.step().unwrap();
+    }
+    assert!(f.pose().position.distance(before) > 25.0, "and the guide goes on");
+    assert!(f.act(Command::Guide("warp".to_owned())).is_err());
+}
+
+#[test]
+fn the_program_explains() {
+    let scene = |s| ["explain", "--headless", "--json", "--scene", s].map(str::to_owned);
+    let outputs = ["assets/scenes/tentacles.toml", "assets/scenes/render.toml"].map(|s| {
+        let args = scene(s);
+        let args: Vec<&str> = args.iter().map(String::as_str).collect();
+        let out = run(&args, 0);
+        serde_json::from_slice::<serde_json::Value>(&out.stdout).unwrap()
+    });
+    assert_ne!(outputs[0]["step"], outputs[1]["step"]);
+    assert!(outputs[0]["built"].as_array().unwrap().iter().all(|b| b["bytes"].is_u64()));
+}
+
+#[test]
+fn a_frame_cache_is_there_where_the_preset_reuses() {
+    let explain = |preset: &str| {
+        let args = ["explain", "--headless", "--json", "--scene", "assets/scenes/render.toml", "--size", "48x32"];
+        let out = run(&[&args[..], &["--preset", preset]].concat(), 0);
+        serde_json::from_slice::<serde_json::Value>(&out.stdout).unwrap()
+    };
+    let has = |e: &serde_json::Value, list: &str, part: &str| {
+        e[list].as_array().unwrap().iter().any(|b| b == part || b["part"] == part)
+    };
+    let all = ["default", "colvis", "lean"].map(explain);
+    for (n, keeps) in [false, true, false].into_iter().enumerate() {
+        assert!(has(&all[n], "components", "FrameCache"));
+        assert_eq!(has(&all[n], "built", "gradient cache"), n == 0);
+        for part in ["volume (7 + 1 bit)", "frame cache"] {
+            assert_eq!((has(&all[n], "built", part), has(&all[n], "left_out", part)), (keeps, !keeps), "{part}");
+        }
+        assert_eq!(has(&all[n], "left_out", "a flag for each voxel"), n == 2);
+    }
+    let cache = all[1]["built"].as_array().unwrap().iter().find(|b| b["part"] == "frame cache").unwrap();
+    assert!(cache["bytes"].as_u64().unwrap() >= 48 * 32 * 16);
+}
+
+/// Every part of a step and of a frame is a scheduled system, in a window as in a recording.
+#[test]
+fn the_whole_step_and_the_whole_frame_are_systems() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = dir.path().join("f.jsonl").display().to_string();
+    let record = format!("{}/images/", dir.path().display());
+    let input = dir.path().join("in.jsonl").display().to_string();
+    let window = ["explain", "--json", "--log", &log];
+    let recording = ["explain", "--json", "--log", &log, "--headless", "--record", &record, "--record-input", &input];
+    let mut presenters = vec![(&recording[..], "present_picture<Recording>")];
+    if cfg!(feature = "window") {
+        presenters.push((&window[..], "present_picture<Framebuffer>"));
+    }
+    for (args, presenter) in presenters {
+        let told = serde_json::from_slice::<serde_json::Value>(&run(args, 0).stdout).unwrap();
+        let names = |list: &str| {
+            let list = told[list].as_array().unwrap().iter();
+            list.map(|n| n.as_str().unwrap().rsplit("::").next().unwrap().to_owned()).collect::<Vec<_>>()
+        };
+        let step = [
+            "take_commands",  // input
+            "cast_tentacles", // sense
+            "guide_by_tentacles",
+            "lay_mines", // force
+            "push_by_mines",
+            "sum_forces",
+            "move_body", // integration
+            "watch_flight",
+            "call_operator",
+            "note_arrival",
+            "follow_trail",
+            "log_step",
+            "tick",
+        ];
+        assert_eq!(names("step"), step);
+        assert_eq!(names("frame"), ["cast_picture", presenter]);
+    }
+}
+
+/// The volume is a component, and what feels or renders queries it.
+#[test]
+fn the_volume_is_a_component_that_systems_query() {
+    use colvis::components::scan::Scan;
+    let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    let scene = Scene { picture: true, ..Scene::default() };
+    let flight = flight(volume, scene, &Wish::default());
+    let querying = flight.app().systems_that_query::<Scan>();
+    for system in ["raycast::cast_picture", "sense::cast_tentacles", "tentacles::guide_by_tentacles"] {
+        assert!(querying.iter().any(|s| s == system), "{system} is not among {querying:?}");
+    }
+    assert!(!querying.iter().any(|s| s.contains("log_step")), "{querying:?}");
+}
+
+/// What shows and records is a plugin like any other: without it nothing is shown or recorded.
+#[test]
+fn without_a_presenter_nothing_is_recorded() {
+    use std::sync::Arc;
+
+    use colvis::app::ImageSettings;
+    use colvis::host::headless::{self, Outputs};
+    use colvis::host::record;
+    use colvis::progress::Progress;
+    let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    let image = ImageSettings { width: 32, height: 24, ..ImageSettings::default() };
+    let counts = [None, Some(record::presenter as colvis::schedule::Plugin)].map(|presenter| {
+        let dir = tempfile::tempdir().unwrap();
+        let scene = Scene { picture: true, image: image.clone(), presenter, ..Scene::default() };
+        let mut f = flight(volume.clone(), scene, &Wish::default());
+        let record = Some(format!("{}/", dir.path().display()));
+        let outputs = Outputs { record, fps: 10.0, ..Outputs::default() };
+        let (frames, flown) = headless::fly(&mut f, 0.5, &outputs, &Arc::new(Progress::new()));
+        flown.unwrap();
+        (frames.len(), std::fs::read_dir(dir.path()).unwrap().count())
+    });
+    assert_eq!(counts, [(0, 0), (6, 6)]);
+}

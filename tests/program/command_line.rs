@@ -1,0 +1,377 @@
+//! The command line: statuses, the one error line, and interruption.
+
+use std::path::Path;
+use std::process::Command;
+#[cfg(unix)]
+use std::time::Duration;
+
+use crate::support::program::colvis;
+use crate::support::run::run;
+use crate::support::skips::skip;
+
+#[test]
+fn wrong_usage_is_status_2() {
+    for args in [
+        &["--warp"][..],
+        &["fly", "--headless", "--seconds", "-1"],
+        &["fly", "--headless", "--seconds", "nan"],
+        &["fly", "--headless", "--rate", "2"],
+        &["fly", "--headless", "--guide", "warp"],
+        &["fly", "--headless", "--fps", "0"],
+        &["fly", "--headless", "--size", "0x10"],
+        &["fly", "--headless", "--from", "1,2"],
+        &["fly", "--headless", "--wall", "-500,-800"],
+        &["fly", "--headless", "--fov", "180", "--record", "x/"],
+        &["fly", "--headless", "--threads", "0"],
+        &["fly", "--headless", "--scene", "Cargo.toml"],
+        &["fly", "--headless", "--record", "film.avi"],
+        &["render"],
+        &["render", "x.nii", "--poses", "p.json", "--out", "o", "--no-reuse", "--quality", "adaptive"],
+        &["phantom", "--out", "x.xyz", "--size", "small"],
+        &["info"],
+    ] {
+        let out = run(args, 2);
+        let said = String::from_utf8_lossy(&out.stderr);
+        let line = said.lines().find(|l| l.starts_with("error: ")).unwrap();
+        assert!(line.matches(": ").count() >= 2 && line.contains("; "), "WHAT: WHY; HOW TO MEND: {line}");
+    }
+}
+
+#[test]
+fn a_missing_scan_is_status_3_and_leaves_nothing() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = colvis().arg("warp").current_dir(dir.path()).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").output();
+    let out = out.unwrap();
+    assert_eq!(out.status.code(), Some(3), "{}", String::from_utf8_lossy(&out.stderr));
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn without_a_display_it_flies_headless_and_leaves_a_film() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = colvis()
+        .args(["--seconds", "4", "--size", "80x60"])
+        .current_dir(dir.path())
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert!(out.status.success() && said.contains("flying headless"), "{said}");
+    let gif = std::fs::File::open(dir.path().join("flight/flight.gif")).unwrap();
+    let gif = image::codecs::gif::GifDecoder::new(std::io::BufReader::new(gif)).unwrap();
+    let frames = image::AnimationDecoder::into_frames(gif).collect_frames().unwrap();
+    assert!(frames.len() > 5 && frames[0].buffer().dimensions() == (80, 60), "{} frames", frames.len());
+    let log = std::fs::read_to_string(dir.path().join("flight/flight.jsonl")).unwrap();
+    assert_eq!(log.lines().count(), 480);
+}
+
+/// Both ways through the embedded phantom, by ffmpeg; what ffprobe then says of the film.
+#[test]
+fn a_planned_flight_is_filmed_both_ways() {
+    let dir = tempfile::tempdir().unwrap();
+    let film = dir.path().join("flight.mp4");
+    let film = film.to_str().unwrap();
+    if !(tool("ffmpeg") && tool("ffprobe")) {
+        skip("film", "there is no ffmpeg");
+        let out = run(&["fly", "--headless", "--seconds", "0.1", "--size", "80x60", "--record", film], 5);
+        assert!(String::from_utf8_lossy(&out.stderr).contains("install ffmpeg"));
+        return;
+    }
+    for way in [&["--reverse"][..], &[]] {
+        let flight = ["fly", "--headless", "--guide", "path", "--size", "81x60", "--fps", "24", "--record", film];
+        run(&[&flight, way].concat(), 0);
+        let probe = ["-v", "error", "-count_frames", "-of", "csv=p=0", "-show_entries"];
+        let out = Command::new("ffprobe")
+            .args(probe)
+            .args(["stream=codec_type,width,height,r_frame_rate,nb_read_frames", film])
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&out.stdout);
+        let told: Vec<&str> = told.trim().split(',').collect();
+        // An odd width is made even, as the film's coding asks.
+        assert_eq!(told[..4], ["video", "82", "60", "24/1"]);
+        assert!(told[4].parse::<u32>().unwrap() > 400, "{told:?}");
+    }
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "the second film took the first one's place");
+}
+
+#[test]
+fn outputs_that_cannot_be_written_are_status_5() {
+    let dir = tempfile::tempdir().unwrap();
+    let missing = dir.path().join("missing/f.jsonl");
+    run(&["fly", "--headless", "--seconds", "0.1", "--log", missing.to_str().unwrap()], 5);
+    run(&["fly", "--headless", "--seconds", "0.1", "--log", dir.path().to_str().unwrap()], 5);
+    run(&["fly", "--headless", "--seconds", "0.5", "--log", "/dev/full"], 5);
+    run(&["fly", "--headless", "--seconds", "0.1", "--stats", "/dev/full"], 5);
+    assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 0, "nothing half written stays");
+}
+
+#[test]
+fn points_outside_the_lumen() {
+    run(&["fly", "--headless", "--from", "9999,0,0"], 4);
+    run(&["fly", "--headless", "--to", "9999,0,0"], 4);
+}
+
+#[test]
+fn a_render_of_two_poses_and_their_depth() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    run(&["phantom", "--out", &at("v.nii.gz"), "--size", "small", "--truth", &at("t.json")], 0);
+    let truth: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at("t.json")).unwrap()).unwrap();
+    let line = truth["centerline"].as_array().unwrap();
+    let poses: Vec<_> = [100, 200]
+        .iter()
+        .map(|&i| serde_json::json!({"position": line[i], "forward": [0, 0, 2], "up": [0, -1, 0.5]}))
+        .collect();
+    std::fs::write(at("p.json"), serde_json::json!({"fov_degrees": 90, "poses": poses}).to_string()).unwrap();
+    let args = ["render", &at("v.nii.gz"), "--poses", &at("p.json"), "--out", &at("o"), "--size", "60x40"];
+    run(&[&args[..], &["--depth", "--stats", &at("s.json")]].concat(), 0);
+    for n in 0..2 {
+        let png = image::open(at(&format!("o/000{n}.png"))).unwrap();
+        assert_eq!((png.width(), png.height()), (60, 40));
+        let npy = std::fs::read(at(&format!("o/000{n}.npy"))).unwrap();
+        let head = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
+        assert!(npy.starts_with(b"\x93NUMPY\x01\x00") && head % 64 == 0 && npy.len() == head + 60 * 40 * 4);
+        assert!(String::from_utf8_lossy(&npy[..head]).contains("'shape': (40, 60)"));
+        let depth: Vec<f32> = npy[head..].chunks(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect();
+        assert!(depth.iter().all(|d| *d > 3.0 && *d < 43.0), "inside the colon every ray ends at a wall");
+    }
+    let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at("s.json")).unwrap()).unwrap();
+    let frames = stats["frames"].as_array().unwrap();
+    let cast = |f: &serde_json::Value| f["rays"].as_u64().unwrap() > 0 && f["samples"].as_u64().unwrap() > 0;
+    assert!(frames.len() == 2 && frames.iter().all(|f| cast(f) && f["ms"].as_f64().unwrap() > 0.0));
+    // The same place again and again: it is refined, and then nothing is left to do.
+    let still = serde_json::json!({ "poses": vec![poses[0].clone(); 12] });
+    std::fs::write(at("still.json"), still.to_string()).unwrap();
+    let args = ["render", &at("v.nii.gz"), "--poses", &at("still.json"), "--out", &at("o3"), "--size", "60x40"];
+    run(&[&args[..], &["--quality", "adaptive", "--stats", &at("s3.json")]].concat(), 0);
+    let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at("s3.json")).unwrap()).unwrap();
+    assert!(stats["frames"][0]["rays"].as_u64().unwrap() > 0 && stats["frames"][11]["rays"] == 0);
+    std::fs::write(at("bad.json"), r#"{"poses": [{"position": [0,0,0], "forward": [0,0,0], "up": [0,1,0]}]}"#).unwrap();
+    run(&["render", &at("v.nii.gz"), "--poses", &at("bad.json"), "--out", &at("o2")], 3);
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_flight_leaves_whole_files() {
+    let dir = tempfile::tempdir().unwrap();
+    let log = dir.path().join("f.jsonl");
+    let mut child = colvis()
+        .args(["fly", "--headless", "--record", dir.path().join("i/").to_str().unwrap(), "--size", "512x512"])
+        .args(["--log", log.to_str().unwrap(), "--stats", dir.path().join("s.json").to_str().unwrap()])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Recording so many large images takes minutes; the first are there when the flight is under way.
+    wait_for(&mut child, || dir.path().join("i/0001.png").exists());
+    signal(&child.id().to_string());
+    let out = child.wait_with_output().unwrap();
+    assert_eq!(out.status.code(), Some(4));
+    assert!(String::from_utf8_lossy(&out.stderr).contains("error: flight: interrupted"));
+    let text = std::fs::read_to_string(&log).unwrap();
+    assert!(text.ends_with('\n') && text.lines().all(|l| serde_json::from_str::<serde_json::Value>(l).is_ok()));
+    let mut images = 0;
+    for entry in std::fs::read_dir(dir.path().join("i")).unwrap() {
+        let path = entry.unwrap().path();
+        assert!(image::open(&path).is_ok(), "{} is whole", path.display());
+        images += 1;
+    }
+    assert_eq!(frames(&dir.path().join("s.json")), images, "the stats tell of each");
+}
+
+/// How many frames stats tell of.
+fn frames(stats: &Path) -> usize {
+    let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(stats).unwrap()).unwrap();
+    stats["frames"].as_array().unwrap().len()
+}
+
+/// Whether a program can be run.
+fn tool(name: &str) -> bool {
+    Command::new(name).arg("-version").output().is_ok()
+}
+
+/// Waits for something while a program runs.
+#[cfg(unix)]
+fn wait_for(child: &mut std::process::Child, mut there: impl FnMut() -> bool) {
+    while !there() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it was interrupted");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[cfg(unix)]
+fn signal(target: &str) {
+    assert!(Command::new("kill").args(["-s", "INT", "--", target]).status().unwrap().success());
+}
+
+/// Temporary files in a folder, by their sizes.
+#[cfg(unix)]
+fn temporary(folder: &Path) -> Vec<u64> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap());
+    let hidden = entries.filter(|e| e.file_name().to_string_lossy().starts_with(".colvis-"));
+    hidden.filter_map(|e| Some(e.metadata().ok()?.len())).collect()
+}
+
+/// Ctrl-C in a terminal reaches every program of the group.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_film_is_whole() {
+    use std::os::unix::process::CommandExt;
+    if !(tool("ffmpeg") && tool("ffprobe")) {
+        skip("film", "there is no ffmpeg");
+        return;
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let mut child = colvis()
+        .args(["fly", "--headless", "--record", &at("f.mp4"), "--size", "512x512"])
+        .args(["--log", &at("f.jsonl"), "--stats", &at("s.json")])
+        .stderr(std::process::Stdio::piped())
+        .process_group(0)
+        .spawn()
+        .unwrap();
+    wait_for(&mut child, || temporary(dir.path()).len() == 2);
+    std::thread::sleep(Duration::from_secs(3));
+    signal(&format!("-{}", child.id()));
+    let out = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(4), "{said}");
+    assert!(said.contains("error: flight: interrupted"), "{said}");
+    assert!(std::fs::read_to_string(at("f.jsonl")).unwrap().ends_with('\n'));
+    let probe = ["-v", "error", "-count_frames", "-of", "csv=p=0", "-show_entries", "stream=nb_read_frames"];
+    let told = Command::new("ffprobe").args(probe).arg(at("f.mp4")).output().unwrap();
+    let told: usize = String::from_utf8_lossy(&told.stdout).trim().parse().unwrap();
+    assert!(told > 0);
+    assert_eq!(frames(Path::new(&at("s.json"))), told);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_second_interrupt_ends_at_once_and_leaves_nothing_unfinished() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    // An image of this kind takes minutes.
+    let mut child = colvis()
+        .args(["fly", "--headless", "--quality", "reference", "--size", "8192x8192", "--record", &at("i/")])
+        .args(["--log", &at("f.jsonl")])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for(&mut child, || temporary(dir.path()).len() == 1);
+    std::thread::sleep(Duration::from_secs(1));
+    let id = child.id().to_string();
+    signal(&id);
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(child.try_wait().unwrap().is_none());
+    signal(&id);
+    let out = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&out.stderr);
+    assert_eq!(out.status.code(), Some(4), "{said}");
+    assert_eq!(said.lines().filter(|l| l.starts_with("error: ")).count(), 1, "{said}");
+    assert!(temporary(dir.path()).is_empty() && !dir.path().join("f.jsonl").exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_rendering_tells_of_its_frames() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    solid(&at("s.mha"));
+    let pose = serde_json::json!({"position": [4, 4, 40], "forward": [0, 0, -1], "up": [0, -1, 0]});
+    std::fs::write(at("p.json"), serde_json::json!({ "poses": vec![pose; 5000] }).to_string()).unwrap();
+    let mut child = colvis()
+        .args(["render", &at("s.mha"), "--poses", &at("p.json"), "--out", &at("o"), "--stats", &at("s.json")])
+        .args(["--size", "256x256", "--quality", "reference"])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    wait_for(&mut child, || dir.path().join("o/0001.png").exists());
+    signal(&child.id().to_string());
+    assert_eq!(child.wait_with_output().unwrap().status.code(), Some(4));
+    assert_eq!(frames(Path::new(&at("s.json"))), std::fs::read_dir(at("o")).unwrap().count());
+}
+
+/// A block of tissue: there is nothing to fly in it.
+fn solid(path: &str) {
+    let head = "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n\
+                BinaryDataByteOrderMSB = False\nElementDataFile = LOCAL\n";
+    let voxels = std::iter::repeat_n(40i16.to_le_bytes(), 512).flatten();
+    std::fs::write(path, head.bytes().chain(voxels).collect::<Vec<u8>>()).unwrap();
+}
+
+/// The program where there is no display.
+fn blind(folder: &Path, args: &[&str], status: i32) -> String {
+    let mut colvis = colvis();
+    for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
+        colvis.env_remove(name);
+    }
+    let out = colvis.args(args).current_dir(folder).output().unwrap();
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(status), "{said}");
+    assert_eq!(said.lines().filter(|l| l.starts_with("error: ")).count(), usize::from(status != 0), "{said}");
+    said
+}
+
+#[test]
+fn without_a_display_the_reason_why_nothing_is_flown_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    solid(dir.path().join("s.mha").to_str().unwrap());
+    let said = blind(dir.path(), &["s.mha"], 4);
+    assert_eq!(std::fs::read(dir.path().join("flight/flight.jsonl")).unwrap(), b"");
+    // Where the folder cannot be, the reason is the same.
+    std::fs::remove_dir_all(dir.path().join("flight")).unwrap();
+    std::fs::write(dir.path().join("flight"), "in the way").unwrap();
+    let again = blind(dir.path(), &["s.mha"], 4);
+    assert_eq!(said.lines().last(), again.lines().last());
+}
+
+#[test]
+fn what_was_flown_until_a_replayed_command_is_refused_is_kept() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    std::fs::write(at("in.jsonl"), "{\"tick\":60,\"command\":{\"segment\":99}}\n").unwrap();
+    let args = ["fly", "--headless", "--replay", &at("in.jsonl"), "--log", &at("f.jsonl"), "--stats", &at("s.json")];
+    let out = run(&[&args[..], &["--record", &at("f.gif"), "--size", "40x30", "--fps", "12"]].concat(), 4);
+    assert!(String::from_utf8_lossy(&out.stderr).contains("no segment 99"));
+    assert_eq!(std::fs::read_to_string(at("f.jsonl")).unwrap().lines().count(), 60);
+    let gif = std::io::BufReader::new(std::fs::File::open(at("f.gif")).unwrap());
+    let images = image::AnimationDecoder::into_frames(image::codecs::gif::GifDecoder::new(gif).unwrap());
+    let images = images.collect_frames().unwrap().len();
+    assert!(images >= 6 && images == frames(Path::new(&at("s.json"))));
+}
+
+#[test]
+fn no_output_takes_the_place_of_an_input() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    std::fs::create_dir(at("slices")).unwrap();
+    image::GrayImage::new(8, 8).save(at("slices/0000.png")).unwrap();
+    std::fs::write(at("p.json"), r#"{"poses": []}"#).unwrap();
+    solid(&at("s.mha"));
+    std::fs::create_dir(at("flight")).unwrap();
+    std::fs::write(at("flight/flight.jsonl"), "").unwrap();
+    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/plane/ring.png"), at("plane.png")).unwrap();
+    let before = |name: &str| std::fs::read(at(name)).unwrap();
+    let names = ["slices/0000.png", "p.json", "s.mha", "flight/flight.jsonl", "plane.png"];
+    let contents = names.map(before);
+    let (slices, poses, scan) = (at("slices/"), at("p.json"), at("s.mha"));
+    run(&["render", &slices, "--spacing", "1,1,1", "--poses", &poses, "--out", &at("slices")], 2);
+    run(&["render", &scan, "--poses", &poses, "--out", &at("o"), "--stats", &scan], 2);
+    run(&["render", &scan, "--poses", &poses, "--out", &at("o"), "--stats", &poses], 2);
+    run(&["fly", &slices, "--spacing", "1,1,1", "--headless", "--record", &slices], 2);
+    run(&["fly", &scan, "--headless", "--record", &at("i/"), "--stats", &scan], 2);
+    blind(dir.path(), &["--play", "flight/flight.jsonl"], 2);
+    blind(dir.path(), &["plane", "plane.png"], 2);
+    assert_eq!(names.map(before), contents);
+    assert!(!Path::new(&at("o")).exists(), "refused before anything is made");
+}
+
+#[test]
+fn explain_tells_of_the_renderer_that_flies() {
+    for (args, windowed) in [(&[][..], cfg!(feature = "window")), (&["--headless", "--record", "x/"], false)] {
+        let out = run(&[&["explain"], args].concat(), 0);
+        // A window's pictures are refined when the camera rests.
+        assert_eq!(String::from_utf8_lossy(&out.stdout).contains("refinement"), windowed, "{args:?}");
+    }
+}

@@ -1,0 +1,17 @@
+//! The program as a whole: its command line, its reports, and the order of its modules.
+
+mod centerline;
+mod command_line;
+mod examples;
+mod layers;
+mod report;
+mod rust_source;
+
+#[path = "../support"]
+mod support {
+    pub mod phantom;
+    pub mod program;
+    pub mod run;
+    pub mod scans;
+    pub mod skips;
+}

@@ -1,0 +1,246 @@
+//! Just as much of the Rust language as tells which modules a source file declares and which paths it uses.
+
+use std::path::{Path, PathBuf};
+
+/// A file of sources.
+pub struct SourceFile {
+    pub path: PathBuf,
+    /// The module that it is, from the crate's root.
+    pub module: Vec<String>,
+    pub text: String,
+    /// The text with comments, literals and test items blanked, byte for byte at the same places.
+    code: String,
+}
+
+/// A path that is used, from the crate's root.
+pub struct Use {
+    pub path: Vec<String>,
+    pub line: usize,
+}
+
+impl SourceFile {
+    /// Reads the file of a module.
+    pub fn read(path: &Path, module: Vec<String>) -> Self {
+        let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let code = without_tests(&without_literals(&text));
+        Self { path: path.to_owned(), module, text, code }
+    }
+
+    /// The modules that it declares in files of their own, with these files.
+    pub fn modules(&self) -> Vec<(String, PathBuf)> {
+        let tokens = tokens(&self.code);
+        let folder = self.path.parent().unwrap();
+        let is_folder = ["mod", "lib", "main"].iter().any(|n| self.path.file_stem().unwrap() == *n);
+        let below = if is_folder { folder.to_owned() } else { self.path.with_extension("") };
+        let mut all = Vec::new();
+        for w in tokens.windows(3) {
+            if w[0].1 == "mod" && w[2].1 == ";" {
+                let name = w[1].1.to_owned();
+                let own = self.path_attribute(w[0].0).map(|p| folder.join(p));
+                let files = [below.join(format!("{name}.rs")), below.join(&name).join("mod.rs")];
+                let file = own.or_else(|| files.into_iter().find(|f| f.exists()));
+                all.push((name, file.unwrap_or_else(|| panic!("{}: no file of {}", self.path.display(), w[1].1))));
+            }
+        }
+        all
+    }
+
+    /// The file that a `path` attribute of the item at `at` names.
+    fn path_attribute(&self, at: usize) -> Option<&str> {
+        let begin = self.code[..at].rfind([';', '}']).map_or(0, |n| n + 1);
+        // Comments between the attribute and the item may hold anything: only what is left as code is looked at.
+        let attribute = begin + self.code[begin..at].find("#[path")?;
+        self.text[attribute..at].split('"').nth(1)
+    }
+}
+
+/// Blanks comments and literals.
+fn without_literals(text: &str) -> String {
+    let bytes = text.as_bytes();
+    let mut out = bytes.to_vec();
+    let mut n = 0;
+    while n < bytes.len() {
+        let rest = &text[n..];
+        let word_before = n > 0 && (bytes[n - 1].is_ascii_alphanumeric() || bytes[n - 1] == b'_');
+        let length = if rest.starts_with("//") {
+            rest.find('\n').unwrap_or(rest.len())
+        } else if rest.starts_with("/*") {
+            block_comment(rest)
+        } else if rest.starts_with('"') {
+            string(rest)
+        } else if rest.starts_with('r') && !word_before && rest[1..].trim_start_matches('#').starts_with('"') {
+            let marks = rest[1..].find('"').unwrap();
+            let end = format!("\"{}", "#".repeat(marks));
+            rest[marks + 2..].find(&end).map_or(rest.len(), |e| marks + 2 + e + end.len())
+        } else if rest.starts_with('\'') {
+            character(rest)
+        } else {
+            0
+        };
+        out[n..n + length].iter_mut().filter(|b| **b != b'\n').for_each(|b| *b = b' ');
+        n += length.max(rest.chars().next().map_or(1, char::len_utf8));
+    }
+    String::from_utf8(out).unwrap()
+}
+
+/// Length of a block comment, which may hold others.
+fn block_comment(rest: &str) -> usize {
+    let (mut depth, mut n) = (0, 0);
+    while n < rest.len() {
+        let two = rest.as_bytes().get(n..n + 2).unwrap_or_default();
+        match two {
+            b"/*" => depth += 1,
+            b"*/" => depth -= 1,
+            _ => {
+                n += 1;
+                continue;
+            }
+        }
+        n += 2;
+        if depth == 0 {
+            return n;
+        }
+    }
+    rest.len()
+}
+
+/// Length of a string literal with its quotes.
+fn string(rest: &str) -> usize {
+    let bytes = rest.as_bytes();
+    let mut n = 1;
+    while n < bytes.len() && bytes[n] != b'"' {
+        n += if bytes[n] == b'\\' { 2 } else { 1 };
+    }
+    (n + 1).min(bytes.len())
+}
+
+/// Length of a character literal; 0 for a lifetime.
+fn character(rest: &str) -> usize {
+    let mut chars = rest.char_indices().skip(1);
+    let Some((_, first)) = chars.next() else { return 0 };
+    if first == '\\' {
+        // The escaped character itself may be a quote.
+        return rest.get(3..).and_then(|r| r.find('\'')).map_or(0, |e| e + 4);
+    }
+    match chars.next() {
+        Some((at, '\'')) => at + 1,
+        _ => 0,
+    }
+}
+
+/// Blanks what only tests have: items with the attribute `#[cfg(test)]`.
+fn without_tests(code: &str) -> String {
+    let mut out = code.to_owned();
+    while let Some(at) = out.find("#[cfg(test)]") {
+        let mut depth = 0;
+        let end = out[at..].char_indices().find(|(_, c)| {
+            match c {
+                '{' | '(' | '[' => depth += 1,
+                '}' | ')' | ']' => depth -= 1,
+                _ => {}
+            }
+            depth == 0 && matches!(c, ';' | '}')
+        });
+        let end = at + end.map_or(out.len() - at, |(n, _)| n + 1);
+        let blank: String = out[at..end].chars().map(|c| if c == '\n' { '\n' } else { ' ' }).collect();
+        out.replace_range(at..end, &blank);
+    }
+    out
+}
+
+/// Words, `::` and single other characters, with their places.
+fn tokens(code: &str) -> Vec<(usize, &str)> {
+    let is_word = |c: char| c.is_alphanumeric() || c == '_';
+    let mut all = Vec::new();
+    let mut n = 0;
+    while n < code.len() {
+        let rest = &code[n..];
+        let first = rest.chars().next().unwrap();
+        let length = if is_word(first) {
+            rest.find(|c| !is_word(c)).unwrap_or(rest.len())
+        } else if rest.starts_with("::") {
+            2
+        } else {
+            first.len_utf8()
+        };
+        if !first.is_whitespace() {
+            all.push((n, &rest[..length]));
+        }
+        n += length;
+    }
+    all
+}
+
+/// Every path of a file that begins with `crate` or `super`, from the crate's root.
+pub fn uses(file: &SourceFile) -> Vec<Use> {
+    let tokens = tokens(&file.code);
+    // The modules written out in this file, each with the depth of its braces.
+    let (mut module, mut open, mut depth) = (file.module.clone(), Vec::new(), 0);
+    let (mut all, mut n) = (Vec::new(), 0);
+    while n < tokens.len() {
+        match tokens[n].1 {
+            "{" => {
+                depth += 1;
+                if n >= 2 && tokens[n - 2].1 == "mod" {
+                    module.push(tokens[n - 1].1.to_owned());
+                    open.push(depth);
+                }
+            }
+            "}" => {
+                if open.last() == Some(&depth) {
+                    open.pop();
+                    module.pop();
+                }
+                depth -= 1;
+            }
+            "crate" | "super" if tokens.get(n + 1).is_some_and(|t| t.1 == "::") => {
+                let mut found = Vec::new();
+                n = follow(&tokens, n, module.clone(), &mut found);
+                let line = |at: usize| file.code[..at].lines().count().max(1);
+                let lines = found.into_iter().map(|(at, path)| Use { path, line: line(at + 1) });
+                all.extend(lines);
+                continue;
+            }
+            _ => {}
+        }
+        n += 1;
+    }
+    all
+}
+
+/// Follows a path, or a tree of them, from token `n` on; adds each with the place of its first word below the root, and
+/// returns the token after it.
+fn follow(
+    tokens: &[(usize, &str)],
+    mut n: usize,
+    mut base: Vec<String>,
+    found: &mut Vec<(usize, Vec<String>)>,
+) -> usize {
+    let place = tokens[n].0;
+    loop {
+        match tokens[n].1 {
+            "crate" => base.clear(),
+            "super" => {
+                base.pop();
+            }
+            "self" | "*" => {}
+            "{" => {
+                n += 1;
+                while tokens[n].1 != "}" {
+                    n = if tokens[n].1 == "," { n + 1 } else { follow(tokens, n, base.clone(), found) };
+                }
+                return n + 1;
+            }
+            word => base.push(word.to_owned()),
+        }
+        n += 1;
+        let next = |m: usize| tokens.get(m).map(|t| t.1);
+        let goes_on = |t: &str| t == "{" || t == "*" || t.starts_with(|c: char| c.is_alphanumeric() || c == '_');
+        if next(n) != Some("::") || !next(n + 1).is_some_and(goes_on) {
+            found.push((place, base));
+            // Another name changes nothing.
+            return if next(n) == Some("as") { n + 2 } else { n };
+        }
+        n += 1;
+    }
+}

@@ -1,0 +1,17 @@
+//! An enhanced DICOM image: many frames in one file.
+
+use super::dicom::Slice;
+
+impl Slice {
+    /// Twelve frames of an enhanced image, from top to bottom.
+    pub fn enhanced() -> Self {
+        let frames = || (0..12).rev().map(|k| Self::at(2.5 * f64::from(k)));
+        Self {
+            position: None,
+            frames: Some("12"),
+            places: frames().filter_map(|s| s.position).collect(),
+            pixels: frames().flat_map(|s| s.pixels).collect(),
+            ..Self::at(0.0)
+        }
+    }
+}

@@ -1,0 +1,8 @@
+//! The program under test.
+
+use std::process::Command;
+
+/// The program under test.
+pub fn colvis() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_colvis"))
+}

@@ -1,0 +1,19 @@
+//! Real scans.
+
+use std::path::PathBuf;
+
+use super::skips::skip;
+
+/// A file of the test data. The test is skipped where there is no test data at all; where there is, all of it must be
+/// there.
+#[track_caller]
+pub fn data(name: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("COLVIS_TEST_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
+    if !folder.exists() {
+        skip("data", &format!("there is no {}", folder.display()));
+        return None;
+    }
+    let path = folder.join(name);
+    assert!(path.exists(), "the test data in {} has no {name}", folder.display());
+    Some(path)
+}

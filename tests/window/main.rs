@@ -1,0 +1,441 @@
+//! The window on a virtual X server: what it shows, what the keys do, and what it leaves behind.
+#![cfg(all(feature = "window", target_os = "linux"))]
+
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use colvis::components::output::LogLine;
+use glam::DVec3;
+use image::RgbImage;
+
+use support::failed::keep;
+use support::logs::{place, read_log};
+use support::panels::panels;
+use support::program::colvis;
+use support::skips::skip;
+
+#[path = "../support"]
+mod support {
+    pub mod failed;
+    pub mod logs;
+    pub mod panels;
+    pub mod program;
+    pub mod skips;
+}
+
+const SIZE: (u32, u32) = (640, 480);
+const PATIENCE: Duration = Duration::from_secs(180);
+/// The camera's radius, mm.
+const RADIUS_MM: f64 = 1.5;
+
+/// A program that is ended when the test is over, however it ends.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+impl Running {
+    fn wait(&mut self) -> ExitStatus {
+        let begun = Instant::now();
+        loop {
+            if let Some(status) = self.0.try_wait().unwrap() {
+                return status;
+            }
+            assert!(begun.elapsed() < PATIENCE, "it does not end");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    fn output(&mut self) -> (String, String) {
+        let (mut out, mut err) = (String::new(), String::new());
+        self.0.stdout.take().unwrap().read_to_string(&mut out).unwrap();
+        self.0.stderr.take().unwrap().read_to_string(&mut err).unwrap();
+        (out, err)
+    }
+}
+
+struct Screen {
+    _server: Running,
+    display: String,
+}
+
+impl Screen {
+    /// A virtual screen; none where the tools for it are missing.
+    fn open() -> Option<Self> {
+        for tool in ["Xvfb", "xdotool", "import"] {
+            let path = std::env::var_os("PATH")?;
+            if !std::env::split_paths(&path).any(|p| p.join(tool).is_file()) {
+                skip("screen", &format!("there is no {tool}"));
+                return None;
+            }
+        }
+        let mut server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-nolisten", "tcp", "-screen", "0"])
+            .arg(format!("{}x{}x24", SIZE.0, SIZE.1))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
+        let server = Running(server);
+        assert!(!number.trim().is_empty(), "Xvfb has no display");
+        Some(Self { _server: server, display: format!(":{}", number.trim()) })
+    }
+
+    fn tool(&self, name: &str, args: &[&str]) -> Vec<u8> {
+        Command::new(name).args(args).env("DISPLAY", &self.display).output().unwrap().stdout
+    }
+
+    fn key(&self, key: &str) {
+        self.tool("xdotool", &["key", key]);
+    }
+
+    fn shot(&self) -> RgbImage {
+        let png = self.tool("import", &["-silent", "-window", "root", "png:-"]);
+        image::load_from_memory(&png).unwrap().to_rgb8()
+    }
+
+    /// Waits for a picture that `wanted` likes.
+    fn shot_when(&self, what: &str, wanted: impl FnMut(&RgbImage) -> bool) -> RgbImage {
+        let kept = |shot: &RgbImage| format!("the last shot is {}", keep(&format!("window {what}"), shot).display());
+        self.shot_when_else(what, wanted, kept)
+    }
+
+    /// Waits for a picture that `wanted` likes; `told` shows the last one where none ever is.
+    fn shot_when_else(
+        &self,
+        what: &str,
+        mut wanted: impl FnMut(&RgbImage) -> bool,
+        told: impl Fn(&RgbImage) -> String,
+    ) -> RgbImage {
+        let begun = Instant::now();
+        loop {
+            let shot = self.shot();
+            if wanted(&shot) {
+                return shot;
+            }
+            assert!(begun.elapsed() < PATIENCE, "the window never shows {what}; {}", told(&shot));
+            std::thread::sleep(Duration::from_millis(300));
+        }
+    }
+
+    fn fly(&self, folder: &Path, log: &str) -> Running {
+        self.fly_with(folder, &["--log", log])
+    }
+
+    fn fly_with(&self, folder: &Path, args: &[&str]) -> Running {
+        let size = format!("{}x{}", SIZE.0, SIZE.1);
+        let all = ["fly", "--size", &size, "--stats", "stats.json"];
+        self.open_window(folder, &[&all[..], args].concat(), flies)
+    }
+
+    /// Starts the program, waits until it shows what `wanted` likes, and gives it the keys.
+    fn open_window(&self, folder: &Path, args: &[&str], wanted: impl FnMut(&RgbImage) -> bool) -> Running {
+        let child = colvis()
+            .args(args)
+            .env("DISPLAY", &self.display)
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("WAYLAND_SOCKET")
+            .env("XDG_STATE_HOME", folder.join("state"))
+            .current_dir(folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let running = Running(child);
+        self.shot_when("the flight", wanted);
+        let window = String::from_utf8(self.tool("xdotool", &["search", "--name", "colvis"])).unwrap();
+        // There is no window manager that would give it the keys.
+        self.tool("xdotool", &["windowfocus", "--sync", window.lines().next().unwrap()]);
+        running
+    }
+}
+
+fn share(image: &RgbImage, of: impl Fn([u8; 3]) -> bool) -> f64 {
+    let n = image.pixels().filter(|p| of(p.0)).count();
+    n as f64 / f64::from(image.width() * image.height())
+}
+
+/// The colour of the bar for the way.
+fn is_bar([r, g, b]: [u8; 3]) -> bool {
+    r < 140 && (160..220).contains(&g) && b > 240
+}
+
+/// The lumen's pink, red first.
+fn shows(image: &RgbImage) -> bool {
+    share(image, |[r, g, b]| r > 60 && r > g + g / 4 && g >= b) > 0.2
+}
+
+/// The lumen and the overlay, on the way.
+fn flies(image: &RgbImage) -> bool {
+    shows(image) && share(image, is_bar) > 0.0
+}
+
+fn log(folder: &Path, name: &str) -> Vec<LogLine> {
+    read_log(&folder.join(name))
+}
+
+/// One session from the first picture to the last, step by step, as an operator would: a window takes seconds to open.
+#[test]
+fn a_flight_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+
+    // It flies by itself, and says so.
+    let mut window = screen.fly(folder, "first.jsonl");
+    let shot = screen.shot();
+    let panel = image::imageops::crop_imm(&shot, 0, 0, 200, 110).to_image();
+    assert!(share(&panel, |p| p.iter().all(|&c| c > 200)) > 0.01, "figures in the corner");
+    let foot = image::imageops::crop_imm(&shot, 320, 440, 320, 25).to_image();
+    assert!(share(&foot, |p| p.iter().all(|&c| c > 150)) > 0.01, "the line on diagnosis");
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(screen.shot().pixels().ne(shot.pixels()), "it moves");
+
+    // Paused, it comes to rest, refined; the saved image is what was shown, but for the overlay.
+    screen.key("space");
+    let mut before = None;
+    screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
+    screen.key("p");
+    let saved = folder.join("colvis-0001.png");
+    screen.shot_when("that it is saved", |_| saved.exists());
+    let image = image::open(&saved).unwrap().to_rgb8();
+    assert_eq!(image.dimensions(), SIZE);
+    assert_eq!(share(&image, is_bar), 0.0, "no overlay on what is saved");
+    let middle = |i: &RgbImage| image::imageops::crop_imm(i, 220, 200, 200, 150).to_image();
+    screen.shot_when_else(
+        "what is saved",
+        |shot| middle(shot).pixels().eq(middle(&image).pixels()),
+        |shot| panels("window saved picture", &middle(&image), &middle(shot)),
+    );
+
+    // By hand, forwards, then back with the guide.
+    screen.key("g");
+    screen.key("space");
+    screen.tool("xdotool", &["keydown", "Up"]);
+    std::thread::sleep(Duration::from_secs(1));
+    screen.tool("xdotool", &["keyup", "Up"]);
+    screen.key("g");
+    screen.key("r");
+    std::thread::sleep(Duration::from_secs(2));
+    screen.key("q");
+    let status = window.wait();
+    let (out, err) = window.output();
+    assert!(status.success(), "{status}: {err}");
+    assert_eq!(err, "");
+
+    // What the pictures took, and what it took to present them.
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
+    let [median, p99] = ["median", "p99"].map(|of| stats["present_ms"][of].as_f64().unwrap());
+    println!("presenting {}x{}: {median:.2} ms, 99 % within {p99:.2} ms", SIZE.0, SIZE.1);
+    assert!(median > 0.0 && median <= p99 && stats["frames"].as_array().unwrap().len() > 10);
+
+    // The log is whole, the pose that was printed is in it, and nobody went through a wall.
+    let lines = log(folder, "first.jsonl");
+    let pose: serde_json::Value = serde_json::from_str(out.trim()).unwrap();
+    assert_eq!(pose["fov_degrees"], 90.0);
+    let at: [f64; 3] = serde_json::from_value(pose["poses"][0]["position"].clone()).unwrap();
+    let nearest = lines.iter().map(|l| place(l).distance(DVec3::from_array(at))).fold(f64::INFINITY, f64::min);
+    assert!(nearest < 1e-9, "{nearest} mm");
+    assert!(lines.windows(2).all(|w| w[1].t > w[0].t));
+    assert!(lines.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
+    let steered: Vec<&str> = lines.iter().map(|l| l.guide.as_str()).fold(Vec::new(), |mut list, g| {
+        if list.last() != Some(&g) {
+            list.push(g);
+        }
+        list
+    });
+    assert_eq!(steered, ["tentacles", "manual", "tentacles"]);
+
+    // Opened again, it goes on from there; interrupted, everything is still written.
+    let mut window = screen.fly(folder, "second.jsonl");
+    Command::new("kill").args(["-INT", &window.0.id().to_string()]).status().unwrap();
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert_eq!(status.code(), Some(4));
+    assert!(err.starts_with("error: ") && err.lines().count() == 1, "{err}");
+    let again = log(folder, "second.jsonl");
+    let gap = place(&again[0]).distance(place(&lines[lines.len() - 1]));
+    assert!(gap < 1.0, "{gap} mm from where it was left");
+}
+
+/// What is kept of a flight for the next time.
+fn sessions(folder: &Path) -> Vec<std::path::PathBuf> {
+    let list = fs::read_dir(folder.join("state/colvis/sessions"));
+    list.map_or_else(|_| Vec::new(), |list| list.map(|e| e.unwrap().path()).collect())
+}
+
+/// However a scan was left, it can be opened again.
+#[test]
+fn a_kept_session_never_keeps_a_scan_from_being_opened() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let quit = |mut window: Running| {
+        screen.key("q");
+        let status = window.wait();
+        let (_, err) = window.output();
+        assert!(status.success(), "{status}: {err}");
+        err
+    };
+    // Nobody steers.
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/render.toml");
+    let still = screen.open_window(folder, &["--scene", scene.to_str().unwrap()], shows);
+    assert_eq!(quit(still), "");
+    assert!(sessions(folder).is_empty());
+    // A flight keeps its place, whoever steers and whatever copy of the scan it is flown in.
+    let window = screen.fly(folder, "f.jsonl");
+    std::thread::sleep(Duration::from_secs(2));
+    assert_eq!(quit(window), "");
+    let kept = sessions(folder);
+    assert_eq!(kept.len(), 1);
+    // What it says cannot be followed: that is said, and the scan is flown from its start.
+    let text = fs::read_to_string(&kept[0]).unwrap();
+    fs::write(&kept[0], text.replace("\"tentacles\"", "\"none\"")).unwrap();
+    let err = quit(screen.fly(folder, "again.jsonl"));
+    assert!(err.starts_with("note: ") && err.contains("\"none\""), "{err}");
+    let [first, again] = ["f.jsonl", "again.jsonl"].map(|name| place(&log(folder, name)[0]));
+    assert!(first.distance(again) < 1.0);
+    // A log that is played, backwards too, touches nothing of it.
+    fs::write(&kept[0], &text).unwrap();
+    for more in [&[][..], &["--reverse"]] {
+        let played = screen.open_window(folder, &[&["--play", "f.jsonl", "--rate", "20"][..], more].concat(), shows);
+        std::thread::sleep(Duration::from_secs(2));
+        assert_eq!(quit(played), "");
+        assert_eq!(fs::read_to_string(&kept[0]).unwrap(), text);
+    }
+}
+
+/// What cannot be flown is shown, and told like without a window.
+#[test]
+fn a_scan_without_a_way_leaves_an_empty_log_and_the_reason() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let head = "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n\
+                BinaryDataByteOrderMSB = False\nElementDataFile = LOCAL\n";
+    let voxels = std::iter::repeat_n(40i16.to_le_bytes(), 512).flatten();
+    fs::write(folder.join("s.mha"), head.bytes().chain(voxels).collect::<Vec<u8>>()).unwrap();
+    let args = ["fly", "s.mha", "--size", "640x480", "--log", "f.jsonl", "--stats", "stats.json"];
+    let mut told = 0;
+    // The words stay as they are once it has failed.
+    let mut window = screen.open_window(folder, &args, |i| {
+        told += usize::from(share(i, |p| p.iter().all(|&c| c > 150)) > 0.005);
+        told > 3
+    });
+    screen.key("q");
+    assert_eq!(window.wait().code(), Some(4));
+    let (_, err) = window.output();
+    assert!(err.starts_with("error: ") && err.lines().count() == 1, "{err}");
+    assert_eq!(fs::read(folder.join("f.jsonl")).unwrap(), b"");
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
+    assert!(stats["state"] == "operator" && err.contains(stats["reason"].as_str().unwrap()), "{stats}");
+}
+
+/// The recorded hand, which pushes into the wall, in the window and without it: the same log, and never a perforation.
+#[test]
+fn a_recorded_hand_is_the_same_in_the_window_and_headless() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let input = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/inputs/hand.jsonl");
+    let input = input.to_str().unwrap();
+    for guide in ["path", "tentacles"] {
+        let args = ["--guide", guide, "--replay", input, "--seconds", "9"];
+        let mut window = screen.fly_with(folder, &[&args[..], &["--log", "window.jsonl"]].concat());
+        let status = window.wait();
+        let (_, err) = window.output();
+        assert!(status.success(), "{status}: {err}");
+        let headless = colvis()
+            .args(["fly", "--headless", "--log", "headless.jsonl", "--threads", "1"])
+            .args(args)
+            .current_dir(folder)
+            .status()
+            .unwrap();
+        assert!(headless.success());
+        let (window, headless) = (log(folder, "window.jsonl"), log(folder, "headless.jsonl"));
+        // The last line has the final state, and a window may be a few steps late to notice that its time is over.
+        let steps = headless.len() - 1;
+        assert!(steps > 1000 && window.len() >= steps);
+        assert_eq!(window[..steps], headless[..steps], "{guide}");
+        assert!(window.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
+    }
+}
+
+/// Guides by number, and a click on the bar.
+#[test]
+fn guides_and_places_are_chosen_in_flight() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut window = screen.fly(folder, "f.jsonl");
+    std::thread::sleep(Duration::from_secs(2));
+    let steers = |guide: &str| {
+        screen.key(match guide {
+            "tentacles" => "1",
+            "potential" => "2",
+            "path" => "3",
+            _ => "4",
+        });
+        // What it needs is built beside the flight.
+        std::thread::sleep(Duration::from_secs(6));
+    };
+    steers("path");
+    let y = (SIZE.1 - 10).to_string();
+    screen.tool("xdotool", &["mousemove", "480", &y, "click", "1"]);
+    std::thread::sleep(Duration::from_secs(3));
+    for guide in ["potential", "manual", "tentacles"] {
+        steers(guide);
+    }
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.is_empty(), "{status}: {err}");
+    let lines = log(folder, "f.jsonl");
+    let mut steered: Vec<&str> = lines.iter().map(|l| l.guide.as_str()).collect();
+    steered.dedup();
+    assert_eq!(steered, ["tentacles", "path", "potential", "manual", "tentacles"]);
+    let jumps = lines.windows(2).filter(|w| place(&w[0]).distance(place(&w[1])) > 5.0).count();
+    assert_eq!(jumps, 1, "one click, one jump");
+    assert!(lines.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
+}
+
+#[test]
+fn a_drawn_lumen_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let way = |i: &RgbImage| share(i, |[r, g, b]| r > 210 && (90..150).contains(&g) && b < 60);
+    let feelers = |i: &RgbImage| share(i, |[r, g, b]| g > r + 20 && g > b + 12);
+    let mut window = screen.open_window(folder.path(), &["plane", "ring"], |i| way(i) > 0.002);
+    screen.key("space");
+    let mut before = None;
+    let paused = screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
+    assert!(feelers(&paused) > 0.002, "tentacles: {}", feelers(&paused));
+    screen.key("t");
+    screen.shot_when("no tentacles", |i| feelers(i) < feelers(&paused) / 2.0);
+    screen.key("s");
+    screen.shot_when("no way flown", |i| way(i) < way(&paused) / 4.0);
+    // The potential is shaded in many blues; without it the lumen is of one grey.
+    let grey = |i: &RgbImage| share(i, |p| p == [232, 236, 240]);
+    screen.key("v");
+    screen.shot_when("no potential", |i| grey(i) > grey(&paused) + 0.1);
+    // A click on the ring's lower part starts there: paused, the camera stands on its start.
+    let camera = |i: &RgbImage| {
+        let there = image::imageops::crop_imm(i, 228, 385, 40, 30).to_image();
+        share(&there, |p| p == [20, 20, 24])
+    };
+    screen.tool("xdotool", &["mousemove", "248", "400", "click", "1"]);
+    screen.shot_when("another start", |i| camera(i) > 0.01);
+    screen.key("q");
+    let status = window.wait();
+    assert!(status.success() && window.output().1.is_empty());
+}
