@@ -22,7 +22,7 @@ import tempfile
 
 def arguments():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--colvis", default="target/release/colvis")
+    p.add_argument("--colvis", default=os.environ.get("COLVIS", "target/release/colvis"), help="the program; COLVIS if left out")
     p.add_argument("--seeds", default="1-10", help="of the phantoms: A-B, or none")
     p.add_argument("--size", default="standard", help="of the phantoms")
     p.add_argument("--with", dest="features", default="folds,polyps,fluid,bridges,noise")

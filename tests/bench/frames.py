@@ -1,25 +1,37 @@
 #!/usr/bin/env python3
 """Frame times of colvis along a flight, and of another renderer on the same poses in the same run.
 
-usage: python3 tests/bench/frames.py SCAN [--poses 240] [--threads 2] [--runs 1] [--check N] [--vtk "PYTHON vtk_raycast.py"]
+usage: python3 tests/bench/frames.py SCAN [--colvis BINARY] [--sizes 512,1024] [--poses 240] [--threads 2] [--runs 1]
+                                     [--check N] [--vtk "PYTHON vtk_raycast.py"] [--json OUT]
 
 Flies SCAN headless, spreads the poses over the flight, renders them at 512 and 1024 pixels square in high quality, and prints
 one line each: median and 99th percentile of a frame, ms, and what came before the first frame. --runs N renders them N times and
 prints the same of each pose's least time as well: which poses are slow, whatever else the machine did meanwhile. --vtk names a
 command that takes `SCAN POSES --size N --threads N` and prints a line of JSON with median_ms. --check N renders every N-th pose
 by brute force as well and prints the least and the mean PSNR; it needs NumPy and SimpleITK, without it the standard library is
-enough.
-"""
-import argparse, json, pathlib, shlex, subprocess, tempfile
+enough. At the end the scan is flown headless with pictures, by the presets default and lean: peak of memory, and seconds from the
+scan in memory to the first picture. --json writes all numbers to a file, too.
 
-ap = argparse.ArgumentParser()
+The program is --colvis, or what the environment variable COLVIS names, or target/release/colvis.
+"""
+import argparse, json, os, pathlib, shlex, subprocess, sys, tempfile
+
+ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 ap.add_argument("scan")
+ap.add_argument("--colvis", default=os.environ.get("COLVIS"))
+ap.add_argument("--sizes", default="512,1024", help="of the images, pixels")
 ap.add_argument("--poses", type=int, default=240)
 ap.add_argument("--threads", default="2")
 ap.add_argument("--runs", type=int, default=1)
 ap.add_argument("--vtk")
 ap.add_argument("--check", type=int, default=0)
+ap.add_argument("--json", help="also write the numbers there")
 a = ap.parse_args()
+if a.check:
+    try:
+        import numpy, SimpleITK
+    except ImportError as e:
+        sys.exit(f"--check needs NumPy and SimpleITK: {e}")
 
 
 def spread(ms):
@@ -28,42 +40,95 @@ def spread(ms):
     return ms[len(ms) // 2], ms[int(len(ms) * 0.99)]
 
 
-colvis = pathlib.Path(__file__).resolve().parents[2] / "target/release/colvis"
+def run(command):
+    """Runs a program, which says nothing unless it fails."""
+    done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    if done.returncode != 0:
+        sys.exit(f"{shlex.join(map(str, command))}: exit status {done.returncode}\n{done.stderr[-2000:]}")
+    return done.stdout
+
+
+def ask(command):
+    """The last line of JSON that another program prints; none, and why, if it fails. That spoils no number of colvis."""
+    try:
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        if done.returncode == 0:
+            return json.loads(done.stdout.strip().splitlines()[-1]), None
+        why = f"exit status {done.returncode}: {(done.stderr.strip().splitlines() or ['no word'])[-1]}"
+    except (OSError, ValueError, IndexError) as e:
+        why = f"{type(e).__name__}: {e}"
+    print(f"the other program failed: {why}", file=sys.stderr)
+    return None, why
+
+
+def load(path):
+    with open(path) as f:
+        return json.load(f)
+
+
+def images_psnr(images, others, numbers):
+    """PSNR of pairs of images, dB, least first."""
+    read = lambda path: SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(path)).astype(float)
+    pairs = [(f"{images}/{n:04}.png", f"{others}/{k:04}.png") for k, n in enumerate(numbers)]
+    return sorted(float(10 * numpy.log10(255**2 / max(1e-9, ((read(x) - read(y)) ** 2).mean()))) for x, y in pairs)
+
+
+colvis = a.colvis or str(pathlib.Path(__file__).resolve().parents[2] / "target/release/colvis")
+out = {"scan": os.path.basename(a.scan), "sizes": [], "memory": []}
 with tempfile.TemporaryDirectory() as folder:
     at = lambda name: f"{folder}/{name}"
-    fly = [colvis, "fly", a.scan, "--headless", "--log", at("log"), "--stats", at("stats"), "--threads", a.threads]
-    subprocess.run(fly, check=True, stderr=subprocess.DEVNULL)
-    stats = json.load(open(at("stats")))
+    run([colvis, "fly", a.scan, "--headless", "--log", at("log"), "--stats", at("stats"), "--threads", a.threads])
+    stats = load(at("stats"))
     before = {k: round(v, 3) for k, v in stats["prepare"].items()}
+    out.update(state=stats["state"], length_mm=stats["length_mm"], prepare=before, peak_rss_bytes=stats["peak_rss_bytes"])
     print(f"flight: {stats['state']}, {stats['length_mm']:.0f} mm, peak {stats['peak_rss_bytes'] / 2**20:.0f} MiB; before it: {before}")
-    steps = [json.loads(line) for line in open(at("log"))]
+    with open(at("log")) as log:
+        steps = [json.loads(line) for line in log]
     chosen = steps[:: max(1, len(steps) // a.poses)][: a.poses]
     poses = [{k: s[k] for k in ("position", "forward", "up")} for s in chosen]
-    json.dump({"fov_degrees": 90, "poses": poses}, open(at("poses"), "w"))
-    for size in (512, 1024):
+    out["poses"] = len(poses)
+    with open(at("poses"), "w") as f:
+        json.dump({"fov_degrees": 90, "poses": poses}, f)
+    for size in map(int, a.sizes.split(",")):
         render = [colvis, "render", a.scan, "--poses", at("poses"), "--out", at("images"), "--size", f"{size}x{size}"]
         runs = []
         for _ in range(max(1, a.runs)):
-            subprocess.run([*render, "--threads", a.threads, "--stats", at("frames")], check=True, stderr=subprocess.DEVNULL)
-            runs.append([f["ms"] for f in json.load(open(at("frames")))["frames"]])
+            run([*render, "--threads", a.threads, "--stats", at("frames")])
+            frames = load(at("frames"))["frames"]
+            runs.append([f["ms"] for f in frames])
         median, p99 = spread(runs[-1])
-        line = f"{size}x{size}: colvis median {median:.1f} ms, p99 {p99:.1f} ms"
+        rays = sum(f["rays"] for f in frames) / (len(frames) * size * size)
+        row = {"size": size, "median_ms": median, "p99_ms": p99, "rays_a_pixel": rays}
+        line = f"{size}x{size}: colvis median {median:.1f} ms, p99 {p99:.1f} ms, {rays:.2f} rays a pixel"
         if a.vtk:
             other = [*shlex.split(a.vtk), a.scan, at("poses"), "--size", str(size), "--threads", a.threads]
-            found = json.loads(subprocess.run(other, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
+            found, why = ask(other)
+            row["peer_failed"] = why
+        if a.vtk and found:
             ratio = found["median_ms"] / median
             line += f"; the other median {found['median_ms']:.0f} ms, first frame {found['first_frame_s']:.1f} s, peak {found['peak_rss_mib']} MiB: ratio {ratio:.2f}"
+            row["peer"] = {**found, "ratio": ratio}
         print(line, flush=True)
         if a.runs > 1:
             median, p99 = spread(map(min, zip(*runs)))
+            row["least"] = {"runs": a.runs, "median_ms": median, "p99_ms": p99}
             print(f"  each pose's least of {a.runs} runs: median {median:.1f} ms, p99 {p99:.1f} ms, {p99 / median:.2f} times as long")
         if a.check:
-            import numpy, SimpleITK
-
-            json.dump({"fov_degrees": 90, "poses": poses[:: a.check]}, open(at("some"), "w"))
-            brute = [colvis, "render", a.scan, "--poses", at("some"), "--out", at("reference"), "--size", f"{size}x{size}"]
-            subprocess.run([*brute, "--quality", "reference"], check=True, stderr=subprocess.DEVNULL)
-            read = lambda path: SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(path)).astype(float)
-            pairs = [(f"{at('images')}/{n * a.check:04}.png", f"{at('reference')}/{n:04}.png") for n in range(len(poses[:: a.check]))]
-            psnr = sorted(10 * numpy.log10(255**2 / max(1e-9, ((read(x) - read(y)) ** 2).mean())) for x, y in pairs)
+            with open(at("some"), "w") as f:
+                json.dump({"fov_degrees": 90, "poses": poses[:: a.check]}, f)
+            run([colvis, "render", a.scan, "--poses", at("some"), "--out", at("reference"), "--size", f"{size}x{size}", "--quality", "reference"])
+            psnr = images_psnr(at("images"), at("reference"), range(0, len(poses), a.check))
+            row["psnr"] = {"poses": len(psnr), "least_db": psnr[0], "mean_db": sum(psnr) / len(psnr)}
             print(f"  against brute force, {len(psnr)} poses: PSNR at least {psnr[0]:.1f} dB, mean {sum(psnr) / len(psnr):.1f} dB")
+        out["sizes"].append(row)
+    largest = max(map(int, a.sizes.split(",")))
+    for preset in ("default", "lean"):
+        fly = [colvis, "fly", a.scan, "--headless", "--preset", preset, "--seconds", "2", "--fps", "10", "--size", f"{largest}x{largest}"]
+        run([*fly, "--record", at(f"{preset}/"), "--stats", at("stats"), "--threads", a.threads])
+        stats = load(at("stats"))
+        first = sum(v for k, v in stats["prepare"].items() if k != "load_s") + stats["frames"][0]["ms"] / 1e3
+        out["memory"].append({"preset": preset, "peak_rss_bytes": stats["peak_rss_bytes"], "first_frame_s": first})
+        print(f"flown with pictures, {preset}: peak {stats['peak_rss_bytes'] / 2**20:.0f} MiB, first picture {first:.2f} s after the scan is in memory")
+if a.json:
+    with open(a.json, "w") as f:
+        json.dump(out, f, indent=1)
