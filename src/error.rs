@@ -32,6 +32,14 @@ pub enum Kind {
 }
 
 /// A failure, printed as `WHAT: WHY; REMEDY` on one line.
+///
+/// ```
+/// use colvis::error::Error;
+///
+/// let e = Error::usage("--fov", "0 is not between 0 and 180", "give an angle such as 90");
+/// assert_eq!(e.to_string(), "--fov: 0 is not between 0 and 180; give an angle such as 90");
+/// assert_eq!(e.kind as u8, 2, "the exit status");
+/// ```
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{}: {}; {}", one_line(.what), one_line(.why), one_line(.mend))]
 pub struct Error {

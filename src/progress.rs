@@ -6,6 +6,19 @@ use std::sync::{Arc, Mutex};
 use crate::error::{Error, Result};
 
 /// Progress of one job; cheap to update from any thread. A clone is of the same job.
+///
+/// ```
+/// use colvis::progress::Progress;
+///
+/// let progress = Progress::new();
+/// let worker = progress.clone();
+/// worker.stage("reading", 10);
+/// worker.advance(4)?;
+/// assert_eq!(progress.snapshot(), ("reading".to_owned(), 4, 10));
+/// progress.cancel();
+/// assert!(worker.advance(1).is_err(), "the worker gives up");
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Progress(Arc<Job>);
 

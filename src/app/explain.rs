@@ -34,6 +34,17 @@ pub struct Explanation {
 }
 
 /// Explains a flight as it stands.
+///
+/// ```
+/// use colvis::app::explain::explain;
+/// use colvis::app::{Scan, Scene, Wish};
+///
+/// let flight = Scan::phantom(1)?.flight(Scene::guided_by("manual"), &Wish::default())?;
+/// let told = explain(&flight);
+/// assert!(told.step.iter().any(|system| system == "motion::move_body"));
+/// assert!(told.left_out.iter().any(|part| part.part == "tentacles"), "no guide feels its way");
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
 pub fn explain(flight: &FlightApp) -> Explanation {
     let [step, frame] = flight.app().systems();
     let volume = flight.volume();

@@ -67,6 +67,21 @@ pub enum Mark {
 }
 
 /// What overlays draw on: a list of marks in the picture's own pixels, and the camera's view to find them.
+///
+/// ```
+/// use colvis::app::Canvas;
+/// use colvis::render::View;
+/// use glam::DVec3;
+///
+/// let mut canvas = Canvas::new(View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, 90.0, 200, 100)?);
+/// let target = DVec3::new(0.0, 30.0, 0.0); // world, mm
+/// if let Some(at) = canvas.find(target) {
+///     canvas.circle(at, 6.0, [255, 214, 102]);
+///     canvas.text([at[0], at[1] + 14.0], "polyp?", [255, 214, 102]);
+/// }
+/// assert_eq!(canvas.into_marks().len(), 2);
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Canvas {
     view: View,

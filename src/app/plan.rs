@@ -33,6 +33,15 @@ pub enum Place {
 }
 
 /// What was asked for.
+///
+/// ```
+/// use colvis::app::{Place, Scan, Scene, Wish};
+///
+/// let wish = Wish { from: Some(Place::Cecum), ..Wish::default() }; // and on to the other end
+/// let flight = Scan::phantom(1)?.flight(Scene::default(), &wish)?;
+/// assert!(flight.is_reversed() && flight.plan().length_mm > 300.0);
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Wish {
     /// Start.

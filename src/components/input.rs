@@ -37,6 +37,15 @@ pub enum Command {
 }
 
 /// A command and the step before which it acts.
+///
+/// ```
+/// use colvis::components::input::{Act, Command};
+///
+/// // A line of `--record-input`: from step 240 on the hand pushes to the right.
+/// let act: Act = serde_json::from_str(r#"{"tick": 240, "command": {"push": [1.0, 0.0, 0.0]}}"#)?;
+/// assert_eq!(act, Act { tick: 240, command: Command::Push([1.0, 0.0, 0.0]) });
+/// # Ok::<(), serde_json::Error>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Act {

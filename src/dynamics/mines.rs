@@ -42,6 +42,18 @@ impl MineSettings {
 }
 
 /// The mines kept so far, oldest first.
+///
+/// ```
+/// use colvis::dynamics::mines::{MineSettings, Mines};
+/// use glam::DVec3;
+///
+/// let (settings, mut mines) = (MineSettings { kept: 3, spacing_mm: 8.0, ..MineSettings::default() }, Mines::default());
+/// for x in 0..100 {
+///     mines.follow(DVec3::X * f64::from(x), &settings);
+/// }
+/// assert_eq!(mines.len(), 3, "the last few are kept");
+/// assert!(mines.push(DVec3::X * 99.0, &settings).x > 0.0, "and push on");
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Mines {
     points: VecDeque<DVec3>,

@@ -65,6 +65,15 @@ impl TentacleSettings {
 
 /// `count` unit vectors spread evenly over the sphere: a Fibonacci lattice (González, *Measurement of areas on a sphere
 /// using Fibonacci and latitude–longitude lattices*, 2010), point-symmetric in its statistics and the same every time.
+///
+/// ```
+/// use colvis::dynamics::tentacles::directions;
+///
+/// let all = directions(128);
+/// assert!(all.len() == 128 && all.iter().all(|d| (d.length() - 1.0).abs() < 1e-12));
+/// let mean = all.iter().sum::<glam::DVec3>() / 128.0;
+/// assert!(mean.length() < 0.01, "no side is preferred");
+/// ```
 pub fn directions(count: usize) -> Vec<DVec3> {
     let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
     (0..count)

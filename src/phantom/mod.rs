@@ -52,6 +52,16 @@ pub enum Size {
 }
 
 /// The features of a phantom.
+///
+/// ```
+/// use colvis::phantom::{Phantom, PhantomSettings, Size};
+///
+/// let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed: 3, ..PhantomSettings::default() });
+/// let truth = phantom.truth();
+/// let inside = truth.centerline[truth.centerline.len() / 2];
+/// assert!(phantom.value(inside) < -900.0, "gas, HU");
+/// assert!(truth.length_mm > 500.0 && !truth.polyps.is_empty());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PhantomSettings {
     /// Its size.

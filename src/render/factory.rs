@@ -11,6 +11,24 @@ use super::renderer::Renderer;
 ///
 /// Two things are the same in every preset. The quality `reference` is what all of them are measured against. Where detail
 /// follows the need ([`Settings::adaptive`]) the moving pictures are the preset's, and at rest they come to the reference.
+///
+/// ```
+/// use std::sync::Arc;
+/// use colvis::render::{Frame, PreparedVolume, Preset, Reuse, Settings, TransferFunction, View, renderer};
+/// use colvis::volume::{Grid, Volume};
+/// use glam::{DMat3, DVec3};
+///
+/// // Gas with a wall of tissue from x = 8 mm on, seen from 6 mm before it.
+/// let grid = Grid::new([12, 12, 12], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).expect("a grid");
+/// let data = (0..grid.len()).map(|n| if n % 12 < 8 { -1000 } else { 40 }).collect();
+/// let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+/// let mut renderer = renderer(&volume, Settings::default(), Preset::default(), Reuse::Allowed);
+/// let mut frame = Frame::with_depth(9, 9);
+/// renderer.render(&View::new(DVec3::new(2.0, 5.5, 5.5), DVec3::X, DVec3::Z, 60.0, 9, 9)?, &mut frame);
+/// assert!(frame.pixels()[40][0] > 100, "a wall seen straight on is bright");
+/// assert!((frame.depth().expect("asked for")[40] - 5.34).abs() < 0.01);
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
 pub fn renderer(space: &PreparedVolume, settings: Settings, preset: Preset, reuse: Reuse) -> Box<dyn Renderer> {
     if settings.adaptive {
         let settings = Settings { adaptive: false, ..settings };

@@ -9,6 +9,14 @@ use crate::error::{Error, Result};
 pub(super) const FOOT: f32 = 0.01;
 
 /// The ramp of opacity over HU: nothing is seen up to `lo`, everything is opaque from `hi`, linear between.
+///
+/// ```
+/// use colvis::render::TransferFunction;
+///
+/// let usual = TransferFunction::default();
+/// assert_eq!((usual.lo(), usual.hi(), usual.iso()), (-800.0, -500.0, -650.0));
+/// assert!(TransferFunction::new(-500.0, -800.0).is_err(), "it must rise");
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferFunction {
     lo: f32,

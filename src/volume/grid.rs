@@ -5,6 +5,17 @@ use glam::{DAffine3, DMat3, DVec3};
 /// A regular grid in the world: `world = origin + direction · (spacing ∘ index)`, mm, LPS.
 ///
 /// `direction` has unit columns. It may be left- or right-handed, and oblique (a tilted gantry), but never singular.
+///
+/// ```
+/// use colvis::volume::Grid;
+/// use glam::{DMat3, DVec3};
+///
+/// // 4 × 3 × 2 voxels of 0.7 × 0.7 × 1 mm; the first one's centre lies at (−10, 5, 20) mm LPS.
+/// let grid = Grid::new([4, 3, 2], DVec3::new(0.7, 0.7, 1.0), DVec3::new(-10.0, 5.0, 20.0), DMat3::IDENTITY)?;
+/// assert_eq!(grid.world(DVec3::new(1.0, 0.0, 1.0)), DVec3::new(-9.3, 5.0, 21.0));
+/// assert!(grid.voxel(DVec3::new(-10.0, 5.0, 20.0)).length() < 1e-12);
+/// # Ok::<(), String>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
     dims: [usize; 3],

@@ -10,6 +10,16 @@ pub use grid::Grid;
 pub const AIR_HU: i16 = -1024;
 
 /// A CT volume: one `i16` HU for each voxel, x fastest, then y, then z.
+///
+/// ```
+/// use colvis::volume::{Grid, Volume};
+/// use glam::{DMat3, DVec3};
+///
+/// let grid = Grid::new([2, 2, 2], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)?;
+/// let volume = Volume::new(grid, vec![-1000, -1000, -1000, -1000, 40, 40, 40, 40]); // HU, x fastest
+/// assert_eq!((volume.get(0, 0, 0), volume.get(0, 0, 1)), (-1000, 40));
+/// # Ok::<(), String>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume {
     grid: Grid,

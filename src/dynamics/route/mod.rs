@@ -23,6 +23,17 @@ const NARROW_MM: f64 = 0.5;
 
 /// A way through the lumen, world mm: a uniform cubic B-spline through points [`STEP_MM`] apart, hence with continuous
 /// curvature, inside the hull of any four neighbours.
+///
+/// ```
+/// use colvis::dynamics::Route;
+/// use glam::DVec3;
+///
+/// let line: Vec<DVec3> = (0..=100).map(|n| DVec3::X * f64::from(n)).collect();
+/// let route = Route::along(&line, &[8.0; 101], DVec3::Z).expect("two places or more");
+/// assert!((route.length_mm() - 100.0).abs() < 1e-6);
+/// assert!(route.place(40.0).distance(DVec3::X * 40.0) < 1e-6 && route.look(40.0, 20.0).dot(DVec3::X) > 0.999);
+/// assert!(route.reversed().tangent(10.0).dot(DVec3::NEG_X) > 0.999);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Route {
     /// Control points, at least two, about [`STEP_MM`] apart.

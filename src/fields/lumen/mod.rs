@@ -80,6 +80,18 @@ pub struct Lumen {
 /// Finds the colon's gas, its segments, their ends and order. No seed is needed. A scan without a colon has no
 /// segments, which is not an error.
 ///
+/// ```
+/// use colvis::fields::lumen;
+/// use colvis::phantom::Phantom;
+/// use colvis::progress::Progress;
+///
+/// let progress = Progress::new();
+/// let volume = Phantom::embedded(&progress)?; // a small synthetic colon
+/// let lumen = lumen::find(&volume, &progress)?;
+/// assert!(lumen.is_flyable() && lumen.segments.len() == 1 && lumen.gas_ml() > 100.0);
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
+///
 /// # Errors
 /// When cancelled, or when the volume cannot be addressed.
 pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {

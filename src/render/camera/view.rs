@@ -13,6 +13,20 @@ use crate::error::{Error, Result};
 pub const MAX_SIDE: usize = 32_768;
 
 /// A camera in the world: square pixels, row 0 on top, right = forward × up, one ray through each pixel's centre.
+///
+/// ```
+/// use colvis::render::View;
+/// use glam::DVec3;
+///
+/// // Looking to posterior with superior on top: the patient's left is on the right, as on a coronal slice.
+/// let view = View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, 90.0, 101, 101)?;
+/// assert_eq!(view.right(), DVec3::X);
+/// let middle = view.ray(50, 50).expect("every pixel has a ray");
+/// assert!((middle.direction - DVec3::Y).length() < 1e-12);
+/// let [x, y] = view.project(DVec3::new(10.0, 10.0, 0.0)).expect("before the camera");
+/// assert!((x - 101.0).abs() < 1e-9 && (y - 50.5).abs() < 1e-9, "45° to the right is the right edge");
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct View {
     position: DVec3,

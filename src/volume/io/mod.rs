@@ -76,6 +76,21 @@ enum Format {
 
 /// Reads any supported input.
 ///
+/// ```
+/// use colvis::progress::Progress;
+/// use colvis::volume::io::{self, LoadOptions};
+/// use colvis::volume::{Grid, Volume};
+/// use glam::{DMat3, DVec3};
+///
+/// let folder = tempfile::tempdir().expect("a folder");
+/// let (path, progress) = (folder.path().join("scan.nii.gz"), Progress::new());
+/// let grid = Grid::new([3, 2, 2], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).expect("a grid");
+/// io::save(&path, &Volume::new(grid, (0..12).collect()), &progress)?;
+/// let loaded = io::load(&path, &LoadOptions::default(), &progress)?;
+/// assert_eq!((loaded.volume.grid().dims(), loaded.volume.get(2, 1, 1)), ([3, 2, 2], 11));
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
+///
 /// # Errors
 /// Status 3 with what is wrong with the input; status 4 when cancelled.
 pub fn load(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
