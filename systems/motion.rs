@@ -78,7 +78,11 @@ pub fn move_body(
     let turning = match guide.filter(|g| guided && !looking && g.way != DVec3::ZERO) {
         // Where the guide sees the lumen open, with a little of where the body goes, so that the view does not twitch
         // when two openings are alike.
-        Some(guide) => Turning::towards(heading.0 * 0.25 + guide.way, VIEW_S, VIEW_RATE),
+        // The operator may roll meanwhile, and the roll stays: the turn towards the way has no part about the view.
+        Some(guide) => {
+            let towards = Turning::towards(heading.0 * 0.25 + guide.way, VIEW_S, VIEW_RATE);
+            Turning { push: hand.map_or(DVec3::ZERO, |h| h.turning) * towards.drag, ..towards }
+        }
         None => Turning::by_hand(hand.map_or(DVec3::ZERO, |h| h.turning), HAND_TURN_PER_S),
     };
     let push = acceleration.0 * body.mass_g;

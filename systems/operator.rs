@@ -1,7 +1,7 @@
-//! The operator's hand: what it pushes, where it looks, whether it stops the flight.
+//! The operator's hand: what it pushes, where it looks and how it rolls, whether it stops the flight.
 
 use bevy_ecs::prelude::*;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use crate::components::camera::{Body, Heading, Pose};
 use crate::components::clock::Clock;
@@ -52,6 +52,12 @@ pub fn take_commands(
                 pose.attitude.rotate(axis_up, -right.to_radians());
                 pose.attitude.rotate(axis_right, up.to_radians());
                 operator.looking_until = after(LOOK_S);
+                operator.turned_until = operator.looking_until;
+            }
+            Command::Roll(clockwise) if clockwise.is_finite() => {
+                let axis = pose.attitude.forward;
+                pose.attitude.rotate(axis, clockwise.to_radians());
+                operator.turned_until = after(LOOK_S);
             }
             Command::Pause(p) => {
                 operator.paused = p;
@@ -65,6 +71,10 @@ pub fn take_commands(
     }
     operator.turning = hand::turning(&pose.attitude, operator.turn);
     if operator.turn != DVec3::ZERO {
+        operator.turned_until = after(LOOK_S);
+    }
+    // Who only rolls looks where the flight does: the view goes on following the way.
+    if operator.turn.truncate() != DVec2::ZERO {
         operator.looking_until = after(LOOK_S);
     }
     let push = hand::push_direction(&pose.attitude, operator.push);

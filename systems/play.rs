@@ -27,7 +27,7 @@ pub fn follow_log(
     camera: Single<(&mut Pose, &mut Velocity, &mut Contact, &mut Flight, &mut Playback, Option<&Hand>)>,
 ) {
     let (mut pose, mut velocity, mut contact, mut flight, mut play, hand) = camera.into_inner();
-    let looking = hand.filter(|h| clock.tick < h.looking_until);
+    let looking = hand.filter(|h| clock.tick < h.turned_until);
     // What a mouse turns is turned already; keys turn as long as they are held, also while the log rests.
     if let Some(turning) = looking.map(|h| h.turning).filter(|t| *t != DVec3::ZERO) {
         pose.attitude.rotate(turning.normalize(), turning.length() * clock.dt());

@@ -18,6 +18,11 @@ pub enum Command {
     Turn([f64; 3]),
     /// Turns the view once, degrees to the right and upwards (a mouse move).
     Look([f64; 2]),
+    /// Rolls the view once, degrees clockwise (a mouse move).
+    Roll(f64),
+    /// Sets the view angle over the picture's shorter side, degrees, held to what the camera can show. It is a matter of
+    /// the picture alone: a flight without one takes note of nothing.
+    ViewAngle(f64),
     /// Stops to look around, or goes on.
     Pause(bool),
     /// Cruise speed as a multiple of the scene's.
@@ -72,8 +77,11 @@ pub struct Hand {
     pub speed: f64,
     /// Until this tick the hand counts as on: the guide does not thrust.
     pub on_until: u64,
-    /// Until this tick the view is the operator's: it does not turn back to the way.
+    /// Until this tick the view is turned aside by the operator: it does not turn back to the way.
     pub looking_until: u64,
+    /// Until this tick the operator has turned the view in any way. A roll alone does not keep the view from following the
+    /// way, and stays when it does.
+    pub turned_until: u64,
     /// Acceleration from the push, world mm/s².
     pub acceleration: DVec3,
     /// Angular velocity that the turn asks for, world rad/s.
@@ -91,6 +99,7 @@ impl Default for Hand {
             speed: 1.0,
             on_until: 0,
             looking_until: 0,
+            turned_until: 0,
             acceleration: DVec3::ZERO,
             turning: DVec3::ZERO,
             guided: 1.0,

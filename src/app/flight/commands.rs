@@ -7,6 +7,7 @@ use crate::components::camera::{Heading, Pose};
 use crate::components::flight::{Flight, Flown, State, Watch};
 use crate::components::guide::{MineField, Planned};
 use crate::components::input::{Act, Command, Inbox};
+use crate::components::output::Picture;
 use crate::components::play::Playback;
 use crate::components::trail::Trail;
 use crate::error::{Error, Result};
@@ -73,6 +74,13 @@ impl FlightApp {
                 self.set_out_on(plan)?;
             }
             Command::Seek(share) => self.seek(share)?,
+            Command::ViewAngle(degrees) => {
+                if let Some(mut picture) = self.camera_mut::<Picture>()
+                    && let Some(held) = picture.camera.held(degrees)
+                {
+                    picture.fov_degrees = held;
+                }
+            }
             other => {
                 if let Some(mut inbox) = self.app.world.get_resource_mut::<Inbox>() {
                     inbox.0.push_back(other);

@@ -156,7 +156,8 @@ impl FlightApp {
     pub fn look(&self, width: usize, height: usize) -> Result<Frame> {
         let (pose, image) = (self.pose(), &self.scene.image);
         let Attitude { forward, up } = pose.attitude;
-        let view = View::with_model(pose.position, forward, up, image.camera, image.fov_degrees, width, height)?;
+        let fov_degrees = self.camera::<Picture>().map_or(image.fov_degrees, |p| p.fov_degrees);
+        let view = View::with_model(pose.position, forward, up, image.camera, fov_degrees, width, height)?;
         let settings = Settings { adaptive: false, ..image.settings };
         let mut frame = Frame::new(width, height);
         renderer(&self.volume, settings, image.preset, Reuse::Never).render(&view, &mut frame);

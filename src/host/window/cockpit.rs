@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use bevy_ecs::change_detection::Mut;
 
 use super::directions::Directions;
-use super::figures::{Figures, detail};
+use super::figures::{Figures, angle, detail};
 use super::framebuffer::{Framebuffer, Picturing, Presented};
 use super::keys::{self, Deed, Hands};
 use super::overlay::{Content, Mood, Readings};
@@ -40,6 +40,8 @@ const REST_MM_S: f64 = 0.3;
 const MESSAGE: Duration = Duration::from_millis(2500);
 /// One press of a key, or one notch of the wheel, changes the speed by this factor.
 const FASTER: f64 = 1.15;
+/// The same for the view angle.
+const NARROWER: f64 = 1.0 / 1.1;
 
 /// A flight with its operator.
 pub struct Cockpit {
@@ -52,7 +54,11 @@ pub struct Cockpit {
     hands: Hands,
     sent: ([f64; 3], [f64; 3]),
     look: [f64; 2],
+    /// Degrees clockwise that the mouse has rolled the view since the last step.
+    roll: f64,
     notches: f64,
+    /// Notches by which the view angle is to get narrower before the next step.
+    zoom: f64,
     way: Way,
     sight: Sight,
     figures: Figures,
@@ -90,7 +96,9 @@ impl Cockpit {
             hands: Hands::default(),
             sent: Default::default(),
             look: [0.0; 2],
+            roll: 0.0,
             notches: 0.0,
+            zoom: 0.0,
             way,
             sight,
             figures: Figures::new(now),
@@ -198,6 +206,29 @@ impl Cockpit {
         self.quiet = 0;
     }
 
+    /// The mouse was dragged by so many pixels to the right to roll the view, in a window of the given size: half a turn
+    /// over its shorter side.
+    pub fn roll(&mut self, right: f64, window: (usize, usize)) {
+        self.roll += right * 180.0 / window.0.min(window.1).max(1) as f64;
+        self.quiet = 0;
+    }
+
+    /// Makes the view angle narrower by so many notches, before the next step; wider by negative ones.
+    pub fn zoom(&mut self, notches: f64) {
+        self.zoom += notches;
+        self.quiet = 0;
+    }
+
+    fn change_angle(&mut self, degrees: f64, now: Instant) {
+        // Tenths, so that as many notches there and back end where they began.
+        self.act(Command::ViewAngle((degrees * 10.0).round() / 10.0), now);
+        let Some(degrees) = self.flight.camera::<Picture>().map(|p| p.fov_degrees) else { return };
+        let usual = self.flight.scene().image.fov_degrees;
+        let back = if degrees == usual { "" } else { " (0 sets it back)" };
+        self.say(format!("view angle {}{back}", angle(degrees)), now);
+        self.figures.touch();
+    }
+
     /// Changes the speed by so many notches, before the next step.
     pub fn hurry(&mut self, notches: f64) {
         self.notches += notches;
@@ -234,6 +265,9 @@ impl Cockpit {
             Deed::HandTo(guide) => self.hand_over(guide, now),
             Deed::Overlay(n) => self.overlays.switch(n),
             Deed::Detail => self.switch_detail(now),
+            Deed::Narrower => self.zoom(1.0),
+            Deed::Wider => self.zoom(-1.0),
+            Deed::UsualAngle => self.change_angle(self.flight.scene().image.fov_degrees, now),
             Deed::Reverse => {
                 if self.act(Command::Reverse, now) {
                     self.way.turn_round();
@@ -380,6 +414,15 @@ impl Cockpit {
         if self.look != [0.0; 2] {
             let look = std::mem::take(&mut self.look);
             self.act(Command::Look(look), now);
+        }
+        if self.roll != 0.0 {
+            let roll = std::mem::take(&mut self.roll);
+            self.act(Command::Roll(roll), now);
+        }
+        if self.zoom != 0.0 {
+            let zoom = std::mem::take(&mut self.zoom);
+            let degrees = self.flight.camera::<Picture>().map_or(90.0, |p| p.fov_degrees);
+            self.change_angle(degrees * NARROWER.powf(zoom), now);
         }
         if self.notches != 0.0 {
             let notches = std::mem::take(&mut self.notches);

@@ -7,6 +7,7 @@ use super::way::Way;
 use crate::app::FlightApp;
 use crate::components::camera::{Contact, Velocity};
 use crate::components::input::Hand;
+use crate::components::output::Picture;
 use crate::render::Quality;
 
 /// Figures change so often at the most.
@@ -74,9 +75,17 @@ impl Figures {
         let bound = if clearance > 10.0 { "over 10".to_owned() } else { format!("{clearance:.1}") };
         self.lines[2] = format!("clearance {bound} mm");
         let quality = quality_of(flight).unwrap_or_default();
-        self.lines[3] = format!("guide {}, detail {}", flight.scene().guide_name(), detail(quality));
+        let usual = flight.scene().image.fov_degrees;
+        let other = flight.camera::<Picture>().map(|p| p.fov_degrees).filter(|&d| d != usual);
+        let view = other.map_or_else(String::new, |d| format!(", view {}", angle(d)));
+        self.lines[3] = format!("guide {}, detail {}{view}", flight.scene().guide_name(), detail(quality));
         &self.lines
     }
+}
+
+/// A view angle as it is shown: "74.4°".
+pub fn angle(degrees: f64) -> String {
+    format!("{}°", (degrees * 10.0).round() / 10.0)
 }
 
 /// The name of a detail.

@@ -37,6 +37,10 @@ pub enum Hold {
     TurnUp,
     /// Turns the view downwards.
     TurnDown,
+    /// Rolls the view counter-clockwise.
+    RollLeft,
+    /// Rolls the view clockwise.
+    RollRight,
 }
 
 /// What a key does once.
@@ -56,6 +60,12 @@ pub enum Deed {
     Overlay(usize),
     /// High or low detail.
     Detail,
+    /// A smaller view angle: what is seen gets larger.
+    Narrower,
+    /// A larger view angle.
+    Wider,
+    /// The view angle that the flight began with.
+    UsualAngle,
     /// Turns round and flies back.
     Reverse,
     /// Flies the next segment.
@@ -76,12 +86,14 @@ pub enum Deed {
 pub const SHORT_HELP: &str = "H keys   Space stop   W A S D fly   drag to look   R back   Q quit";
 
 /// All keys but those of guides and overlays, as the help shows them.
-const HELP: [(&str, &str); 14] = [
+const HELP: [(&str, &str); 16] = [
     ("Space", "stop and look around, go on"),
     ("W S, Up Down", "fly forward, back"),
     ("A D", "fly to the left, right"),
     ("PageUp PageDown", "fly up, down"),
     ("drag, Left Right, Home End", "look around"),
+    (", . (comma, dot), right drag, Shift+drag", "roll the view"),
+    ("[ ], Ctrl and + - or wheel; 0", "view angle: narrower, wider; back"),
     ("+ -, wheel", "faster, slower"),
     ("R, B, Backspace", "turn round and fly back"),
     ("N, E", "next segment, from the other end"),
@@ -152,6 +164,12 @@ pub fn action(key: &Key, own: impl Fn(char) -> Option<Deed>) -> Option<Action> {
             "-" | "_" => Do(Deed::Slower),
             "g" => Do(Deed::Guide),
             "l" => Do(Deed::Detail),
+            // With Shift a key goes up as another character than it went down as.
+            "," | "<" | ";" => Held(Hold::RollLeft),
+            "." | ">" | ":" => Held(Hold::RollRight),
+            "[" | "{" => Do(Deed::Narrower),
+            "]" | "}" => Do(Deed::Wider),
+            "0" => Do(Deed::UsualAngle),
             "n" => Do(Deed::Next),
             "e" => Do(Deed::OtherEnd),
             "p" => Do(Deed::Screenshot),
@@ -166,6 +184,17 @@ pub fn action(key: &Key, own: impl Fn(char) -> Option<Deed>) -> Option<Action> {
         },
         _ => return None,
     })
+}
+
+/// What a key stands for together with Ctrl (on a Mac also Command): the view angle's keys are those of other programs.
+pub fn with_control(key: &Key) -> Option<Deed> {
+    let Key::Character(text) = key else { return None };
+    match text.as_str() {
+        "+" | "=" => Some(Deed::Narrower),
+        "-" | "_" => Some(Deed::Wider),
+        "0" => Some(Deed::UsualAngle),
+        _ => None,
+    }
 }
 
 /// The keys that are held down.
@@ -207,7 +236,11 @@ impl Hands {
 
     /// The turn that they ask for: to the right, upwards, clockwise.
     pub fn turn(&self) -> [f64; 3] {
-        [self.axis(Hold::TurnRight, Hold::TurnLeft), self.axis(Hold::TurnUp, Hold::TurnDown), 0.0]
+        [
+            self.axis(Hold::TurnRight, Hold::TurnLeft),
+            self.axis(Hold::TurnUp, Hold::TurnDown),
+            self.axis(Hold::RollRight, Hold::RollLeft),
+        ]
     }
 }
 
@@ -229,6 +262,14 @@ mod tests {
         assert_eq!(character("3"), Some(Action::Do(Deed::HandTo("path"))));
         assert_eq!(character("ß"), None);
         assert_eq!(action(&Key::Named(NamedKey::Escape), |_| None), Some(Action::Do(Deed::Quit)));
+        // A key that went down with Shift and comes up without lets go of the same thing.
+        assert_eq!((character("<"), character(">")), (character(","), character(".")));
+        assert_eq!(character(","), Some(Action::Hold(Hold::RollLeft)));
+        for (plain, control) in [("[", "+"), ("]", "-"), ("0", "0")] {
+            let control = with_control(&Key::Character(control.into())).map(Action::Do);
+            assert!(control.is_some() && character(plain) == control, "{plain}");
+        }
+        assert_eq!(with_control(&Key::Character("c".into())), None);
         assert_eq!(action(&Key::Named(NamedKey::Backspace), |_| None), character("R"));
         assert_eq!(action(&Key::Named(NamedKey::Shift), |_| None), None);
     }
@@ -245,6 +286,8 @@ mod tests {
         h.press(Hold::TurnRight);
         h.press(Hold::TurnUp);
         assert_eq!(h.turn(), [1.0, 1.0, 0.0]);
+        h.press(Hold::RollLeft);
+        assert_eq!(h.turn(), [1.0, 1.0, -1.0]);
         assert!(h.let_go() && !h.let_go());
         assert_eq!((h.push(), h.turn()), ([0.0; 3], [0.0; 3]));
     }

@@ -14,7 +14,7 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::cockpit::Cockpit;
 use super::framebuffer::{Framebuffer, Picturing};
-use super::keys::{Action, Deed, action};
+use super::keys::{Action, Deed, action, with_control};
 use super::loading::{Loading, Ready};
 use super::overlay::Content;
 use super::painter::on_bar;
@@ -47,6 +47,15 @@ pub enum Wake {
     Interrupted,
 }
 
+/// What a mouse does that is dragged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Drag {
+    /// Looks around.
+    Look,
+    /// Rolls the view.
+    Roll,
+}
+
 enum Stage {
     Loading(Loading),
     Failed(Error),
@@ -71,7 +80,7 @@ pub struct Shell {
     asked: bool,
     modifiers: ModifiersState,
     cursor: Option<PhysicalPosition<f64>>,
-    dragging: bool,
+    drag: Option<Drag>,
     log_path: Option<PathBuf>,
     log: Option<Log>,
     seconds: Option<f64>,
@@ -110,7 +119,7 @@ impl Shell {
             asked: false,
             modifiers: ModifiersState::empty(),
             cursor: None,
-            dragging: false,
+            drag: None,
             log_path: launch.log,
             log: None,
             seconds: launch.seconds,
@@ -223,6 +232,13 @@ impl Shell {
         let pressed = event.state == ElementState::Pressed;
         // Ctrl-C and the like are not ours; a key that goes up is let go of in any case.
         let chord = self.modifiers.intersects(ModifiersState::CONTROL | ModifiersState::ALT | ModifiersState::SUPER);
+        if let (true, true, Some(deed)) = (pressed, self.zooms(), with_control(&event.logical_key)) {
+            let window = self.window_size();
+            if let Stage::Flying(c) = &mut self.stage {
+                c.perform(deed, window, now);
+            }
+            return;
+        }
         let own = |key| match &self.stage {
             Stage::Flying(c) => c.own_deed(key),
             _ => None,
@@ -235,13 +251,21 @@ impl Shell {
             (Action::Hold(hold), Stage::Flying(c)) => {
                 c.steer(|hands| if pressed { hands.press(hold) } else { hands.release(hold) }, now);
             }
-            // Of what is done once, only the speed goes on changing while a key is held.
-            (Action::Do(deed @ (Deed::Faster | Deed::Slower)), Stage::Flying(c)) if pressed => {
+            // Of what is done once, only speed and view angle go on changing while a key is held.
+            (Action::Do(deed @ (Deed::Faster | Deed::Slower | Deed::Narrower | Deed::Wider)), Stage::Flying(c))
+                if pressed =>
+            {
                 c.perform(deed, window, now);
             }
             (Action::Do(deed), Stage::Flying(c)) if pressed && !event.repeat => c.perform(deed, window, now),
             _ => {}
         }
+    }
+
+    /// Whether the modifier is held that makes the wheel, and the keys of the speed, ones of the view angle.
+    fn zooms(&self) -> bool {
+        let control = if cfg!(target_os = "macos") { ModifiersState::SUPER } else { ModifiersState::empty() };
+        self.modifiers.intersects(ModifiersState::CONTROL | control) && !self.modifiers.alt_key()
     }
 
     fn switch_fullscreen(&self) {
@@ -388,34 +412,44 @@ impl ApplicationHandler<Wake> for Shell {
             WindowEvent::KeyboardInput { event, .. } => self.key(&event, events),
             WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
             WindowEvent::Focused(false) => {
-                self.dragging = false;
+                self.drag = None;
                 if let Stage::Flying(c) = &mut self.stage {
                     c.steer(super::keys::Hands::let_go, now);
                 }
             }
+            WindowEvent::MouseInput { button: MouseButton::Right, state, .. } => {
+                self.drag = (state == ElementState::Pressed).then_some(Drag::Roll);
+            }
             WindowEvent::MouseInput { button: MouseButton::Left, state, .. } => {
                 let pressed = state == ElementState::Pressed;
+                let drag = if self.modifiers.shift_key() { Drag::Roll } else { Drag::Look };
                 let size = self.window_size();
                 let scale = self.window.as_ref().map_or(1.0, |w| w.scale_factor() as f32);
                 let share = self.cursor.and_then(|c| on_bar(size, scale, (c.x, c.y)));
                 match (&mut self.stage, share) {
                     (Stage::Flying(c), Some(share)) if pressed => c.seek(share, now),
-                    _ => self.dragging = pressed,
+                    _ => self.drag = pressed.then_some(drag),
                 }
             }
             WindowEvent::CursorMoved { position, .. } => {
                 let size = self.window_size();
-                if let (Stage::Flying(c), Some(last), true) = (&mut self.stage, self.cursor, self.dragging) {
-                    c.drag((position.x - last.x, position.y - last.y), size);
+                if let (Stage::Flying(c), Some(last), Some(drag)) = (&mut self.stage, self.cursor, self.drag) {
+                    let (right, down) = (position.x - last.x, position.y - last.y);
+                    match drag {
+                        Drag::Look => c.drag((right, down), size),
+                        Drag::Roll => c.roll(right, size),
+                    }
                 }
                 self.cursor = Some(position);
             }
             WindowEvent::MouseWheel { delta, .. } => {
+                let notches = match delta {
+                    MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
+                    MouseScrollDelta::PixelDelta(p) => p.y / NOTCH,
+                };
+                let zooms = self.zooms();
                 if let Stage::Flying(c) = &mut self.stage {
-                    c.hurry(match delta {
-                        MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
-                        MouseScrollDelta::PixelDelta(p) => p.y / NOTCH,
-                    });
+                    if zooms { c.zoom(notches) } else { c.hurry(notches) }
                 }
             }
             _ => {}

@@ -20,14 +20,28 @@ const SAME_MM: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shown {
     pose: Pose,
+    /// View angle, degrees.
+    fov_degrees: f64,
     window: (usize, usize),
     quality: Quality,
 }
 
 impl Shown {
-    /// Whether it shows what `pose` sees in a window.
-    fn shows(&self, pose: &Pose, window: (usize, usize), quality: Quality) -> bool {
-        self.window == window && self.quality == quality && same(&self.pose, pose)
+    /// What the flight's picture would show now in a window; none in a scene without one.
+    fn now(flight: &FlightApp, window: (usize, usize)) -> Option<Self> {
+        let picture = flight.camera::<Picture>()?;
+        let (fov_degrees, quality) = (picture.fov_degrees, picture.settings.quality);
+        Some(Self { pose: flight.pose(), fov_degrees, window, quality })
+    }
+
+    /// Whether both are the same picture, as far as one can see.
+    fn is(&self, other: &Self) -> bool {
+        self.window == other.window && self.quality == other.quality && self.sees_as(other)
+    }
+
+    /// Whether both are of the same view, in whatever size and detail.
+    fn sees_as(&self, other: &Self) -> bool {
+        self.fov_degrees == other.fov_degrees && same(&self.pose, &other.pose)
     }
 }
 
@@ -92,7 +106,7 @@ impl Sight {
     /// moves on before, one of its own.
     pub fn order_to_save(&mut self, flight: &FlightApp, window: (usize, usize)) {
         let Some(request) = PictureRequest::of(flight, window) else { return };
-        let here = self.shown.is_some_and(|s| s.shows(&request.pose, window, request.settings.quality));
+        let here = self.shown.zip(Shown::now(flight, window)).is_some_and(|(shown, now)| shown.is(&now));
         match self.image(flight).filter(|_| here && !self.is_refining(flight)) {
             Some(frame) => self.to_save.push(Traced { request, frame: frame.clone() }),
             None => self.waiting = Some(request),
@@ -137,26 +151,25 @@ impl Sight {
         if window.0 == 0 || window.1 == 0 {
             return Ok(false);
         }
-        let pose = flight.pose();
-        let Some(quality) = quality_of(flight) else { return Ok(false) };
-        let rest = self.shown.is_some_and(|s| s.shows(&pose, window, quality));
+        let Some(now) = Shown::now(flight, window) else { return Ok(false) };
+        let rest = self.shown.is_some_and(|s| s.is(&now));
         if rest && !self.is_refining(flight) {
             return Ok(false);
         }
-        self.save_waiting(flight, rest);
+        self.save_waiting(flight, &now, rest);
         self.trace_now(flight, window, rest);
         if rest {
-            self.save_waiting(flight, true);
+            self.save_waiting(flight, &now, true);
         } else {
-            self.shown = Some(Shown { pose, window, quality });
+            self.shown = Some(now);
         }
         Ok(true)
     }
 
     /// Sees to an image that waits to be saved, while the camera is at rest or has moved on.
-    fn save_waiting(&mut self, flight: &FlightApp, rest: bool) {
+    fn save_waiting(&mut self, flight: &FlightApp, now: &Shown, rest: bool) {
         let Some(request) = self.waiting else { return };
-        if !rest && self.shown.is_some_and(|s| !same(&s.pose, &flight.pose())) {
+        if !rest && self.shown.is_some_and(|s| !s.sees_as(now)) {
             self.saver.begin(request);
         } else if let Some(frame) = self.image(flight).filter(|_| rest && !self.is_refining(flight)) {
             self.to_save.push(Traced { request, frame: frame.clone() });

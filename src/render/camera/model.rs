@@ -96,3 +96,27 @@ impl PartialEq for CameraModel {
 }
 
 impl Eq for CameraModel {}
+
+/// The least view angle that an operator may choose, degrees.
+const LEAST_DEGREES: f64 = 1.0;
+/// The most for a perspective camera, whose picture is stretched without bound towards 180°, degrees.
+const MOST_PERSPECTIVE_DEGREES: f64 = 170.0;
+
+impl CameraModel {
+    /// The view angle (degrees) nearest to `fov_degrees` that an operator may choose in flight: from 1° to the most that
+    /// the model has a camera for, of a perspective camera to 170°. None for what is no number.
+    pub fn held(&self, fov_degrees: f64) -> Option<f64> {
+        if !fov_degrees.is_finite() {
+            return None;
+        }
+        let made = |degrees: f64| (self.make)(degrees, 1.0).ok();
+        let wanted = fov_degrees.clamp(LEAST_DEGREES, 360.0);
+        let flat = made(90.0).is_some_and(|c| c.tangent().is_some());
+        let wanted = if flat { wanted.min(MOST_PERSPECTIVE_DEGREES) } else { wanted };
+        if made(wanted).is_some() {
+            return Some(wanted);
+        }
+        // The model says yes or no: whole degrees downwards are near enough to its limit.
+        (1..=wanted as u32).rev().map(f64::from).find(|&d| made(d).is_some())
+    }
+}
