@@ -265,6 +265,9 @@ pub struct PlaneArgs {
     /// The picture: .png, or .gif for all of the flight
     #[arg(long, value_name = "F")]
     pub out: Option<PathBuf>,
+    /// A scene file: the settings of tentacles, mines, body and watch; its guide must be tentacles
+    #[arg(long, value_name = "S.toml")]
+    pub scene: Option<PathBuf>,
 }
 
 /// `report`'s arguments.
@@ -305,10 +308,22 @@ fn command(catalog: &Catalog) -> clap::Command {
     let cameras: Vec<_> = catalog.cameras.iter().map(|c| (c.name, c.summary)).collect();
     let renders = |c| choices(c, "preset", "Which renderer", &presets);
     let flies = |c| choices(renders(c), "guide", "Who steers", &guides);
-    choices(flies(Args::command()), "camera", "Which camera", &cameras)
-        .mut_subcommand("fly", flies)
+    let window = |c: clap::Command| c.after_help(keys(catalog));
+    choices(window(flies(Args::command())), "camera", "Which camera", &cameras)
+        .mut_subcommand("fly", |c| window(flies(c)))
         .mut_subcommand("explain", flies)
         .mut_subcommand("render", renders)
+}
+
+/// The window's keys, for the help; nothing where there is no window.
+fn keys(catalog: &Catalog) -> String {
+    #[cfg(feature = "window")]
+    let rows = crate::host::window::key_help(&catalog.guides, &catalog.overlays);
+    #[cfg(not(feature = "window"))]
+    let rows: Vec<(String, String)> = { let _ = catalog; Vec::new() };
+    let wide = rows.iter().map(|r| r.0.chars().count()).max().unwrap_or(0);
+    let lines = rows.iter().map(|(key, what)| format!("  {key:wide$}  {what}\n"));
+    if rows.is_empty() { String::new() } else { format!("Keys in the window:\n{}", lines.collect::<String>()) }
 }
 
 /// Gives an option its values, each a name and what it is.

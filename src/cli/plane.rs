@@ -3,8 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::app::Scene;
 use crate::cli::args::PlaneArgs;
 use crate::cli::prepare::say;
+use crate::dynamics::tentacles::TentacleSettings;
 use crate::error::{Error, Result};
 use crate::host::plane as headless;
 #[cfg(feature = "window")]
@@ -13,7 +15,10 @@ use crate::output;
 use crate::plane::plan::pair;
 use crate::plane::{Drawing, Flight, PlaneSettings, State, shipped};
 use crate::progress::Progress;
+use crate::schedule::Guide;
 
+/// What a flight through a drawing reads of a scene file.
+const USED: [&str; 5] = ["plugins", "body", "tentacles", "mines", "watch"];
 /// Where the picture goes where there is no display and nothing was asked for.
 const FALLBACK: &str = "plane.png";
 
@@ -23,7 +28,7 @@ const FALLBACK: &str = "plane.png";
 /// Status 2 for wrong usage, 3 for a drawing that cannot be used, 4 where the flight calls the operator, 5 where the
 /// picture cannot be written.
 pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
-    let named: Vec<&Path> = args.lumen.iter().map(PathBuf::as_path).collect();
+    let named: Vec<&Path> = args.lumen.iter().chain(&args.scene).map(PathBuf::as_path).collect();
     if let Some(out) = &args.out {
         headless::Film::check(out)?;
         output::check_targets(&named, &[out])?;
@@ -35,8 +40,9 @@ pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
         (Some(_), false) => return Err(Error::usage("--out", "a window writes no picture", "add --headless")),
         _ => {}
     }
+    let settings = args.scene.as_deref().map_or_else(|| Ok(PlaneSettings::default()), settings)?;
     let drawing = drawing(args.lumen.as_deref())?;
-    let flight = Flight::new(drawing, PlaneSettings::default())?;
+    let flight = Flight::new(drawing, settings)?;
     for note in &flight.plan().notes {
         say(note);
     }
@@ -52,6 +58,42 @@ pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
         .map_err(|e| Error::usage("no display", e.to_string(), "add --headless --out F.png"))?;
     eprintln!("no display: flying headless, see {FALLBACK}");
     fly(flight, Path::new(FALLBACK), progress)
+}
+
+/// The settings of a scene file, the same as for a flight in a scan. Only tentacles can feel a drawing's walls, and there are
+/// no pictures to render.
+///
+/// # Errors
+/// Status 3 where it cannot be read, 2 where it is no scene, or one that a drawing cannot be flown by.
+fn settings(path: &Path) -> Result<PlaneSettings> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), "give a scene file"))?;
+    let what = || path.display().to_string();
+    let scene = Scene::parse(&text).map_err(|e| Error::usage(what(), e.to_string(), "see assets/scenes"))?;
+    let refuse = |why: String, mend: &str| Err(Error::usage(what(), why, mend));
+    if scene.guide_name() != TentacleSettings::NAME {
+        let why = match scene.guide() {
+            Some(guide) => format!("is steered by {}, and a drawing is flown by tentacles alone", guide.name),
+            None => "names no guide: nothing would move".to_owned(),
+        };
+        return refuse(why, "give a scene with the plugin tentacles, such as assets/scenes/tentacles.toml");
+    }
+    if scene.picture {
+        return refuse("names render, and a drawing has no picture to render".to_owned(), "leave that plugin out");
+    }
+    let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
+        Error::usage(what(), e.message().to_owned(), "see assets/scenes")
+    })?;
+    for name in table.keys().filter(|name| !USED.contains(&name.as_str())) {
+        say(&format!("{}: [{name}] has no part in a drawing", path.display()));
+    }
+    let usual = PlaneSettings::default();
+    let mut tentacles = scene.guides.get::<TentacleSettings>();
+    // A circle needs fewer than a sphere where the file does not say how many.
+    if table.get(TentacleSettings::NAME).and_then(|t| t.get("count")).is_none() {
+        tentacles.count = usual.tentacles.count;
+    }
+    Ok(PlaneSettings { body: scene.body, tentacles, mines: scene.mines, watch: scene.watch, ..usual })
 }
 
 /// The drawing that was asked for: a shipped one by its name, or a file.

@@ -36,8 +36,8 @@ pub struct PlaneSettings {
     pub tentacles: TentacleSettings,
     /// Its mines.
     pub mines: Option<MineSettings>,
-    /// When the flight counts as making no progress.
-    pub watch: MonitorSettings,
+    /// When the flight counts as making no progress; unwatched, nothing looks for another way and nobody is called.
+    pub watch: Option<MonitorSettings>,
     /// Simulated time after which the flight ends, s.
     pub seconds: f64,
 }
@@ -48,7 +48,7 @@ impl Default for PlaneSettings {
             body: Body::default(),
             tentacles: TentacleSettings { count: 64, ..TentacleSettings::default() },
             mines: Some(MineSettings::default()),
-            watch: MonitorSettings::default(),
+            watch: Some(MonitorSettings::default()),
             seconds: 120.0,
         }
     }
@@ -88,6 +88,9 @@ impl Flight {
     /// Status 4 where the body does not fit at the start, status 2 for settings that make no sense.
     pub fn new(drawing: Drawing, settings: PlaneSettings) -> Result<Self> {
         settings.body.check()?;
+        settings.tentacles.check()?;
+        settings.mines.map_or(Ok(()), |m| m.check())?;
+        settings.watch.map_or(Ok(()), |w| w.check())?;
         let walls = Walls::new(drawing, LIMIT_MM);
         let plan = plan::plan(&walls, settings.body.radius_mm)?;
         let directions = circle(settings.tentacles.count.max(3));
@@ -190,17 +193,18 @@ impl Flight {
         self.heading = follow_velocity(self.heading, self.motion.momentum / body.mass_g, dt);
         self.length_mm += now.distance(at);
         self.places.push(now);
-        self.watch(now, dt, &watch);
+        self.watch(now, dt, watch.as_ref());
         if self.state == State::Flying && self.seconds() >= seconds {
             self.state = State::Ended;
         }
     }
 
-    fn watch(&mut self, at: DVec3, dt: f64, settings: &MonitorSettings) {
+    fn watch(&mut self, at: DVec3, dt: f64, settings: Option<&MonitorSettings>) {
         if at.distance(self.plan.goal) <= self.plan.within_mm {
             self.state = State::Arrived;
             return;
         }
+        let Some(settings) = settings else { return };
         let felt = Felt {
             directions: &self.directions,
             lengths: &self.lengths,

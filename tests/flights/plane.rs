@@ -249,3 +249,80 @@ fn what_cannot_be_drawn_or_written_is_told() {
     run(&["plane", "straight", "--headless", "--out", &at("none/x.png")], 5);
     assert_eq!(MM_PER_PIXEL, 0.5, "as README and help have it");
 }
+
+/// Flies a drawing by a scene file; the picture's bytes, and what was said.
+fn by_scene(drawing: &str, scene: Option<&str>, status: i32) -> (Vec<u8>, String) {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (out, file) = (at("a.png"), at("s.toml"));
+    let mut args = vec!["plane", drawing, "--headless", "--out", &out];
+    if let Some(text) = scene {
+        std::fs::write(&file, text).unwrap();
+        args.extend(["--scene", &file]);
+    }
+    let said = run(&args, status);
+    (std::fs::read(&out).unwrap_or_default(), String::from_utf8_lossy(&said.stderr).into_owned())
+}
+
+#[test]
+fn a_scene_file_has_the_settings() {
+    let all = "plugins = [\"tentacles\", \"mines\", \"watch\"]\n";
+    let (usual, told) = by_scene("bends", None, 0);
+    // A scene that sets nothing is the default.
+    assert!(by_scene("bends", Some(all), 0).0 == usual);
+    // Each setting changes the flight.
+    let seconds = |told: &str| told.split_whitespace().rev().nth(1).unwrap().parse::<f64>().unwrap();
+    let (slow, told_slow) = by_scene("bends", Some(&format!("{all}[tentacles]\ncruise_mm_s = 15")), 0);
+    assert!(slow != usual && seconds(&told_slow) > 1.6 * seconds(&told), "{told_slow}");
+    for setting in [
+        "[tentacles]\ncount = 24",
+        "[tentacles]\nwall_push = 200",
+        "[mines]\nkept = 2",
+        "[mines]\npush = 400",
+        "[body]\nradius_mm = 3",
+        "[body]\ndrag_per_s = 3",
+    ] {
+        assert!(by_scene("bends", Some(&format!("{all}{setting}")), 0).0 != usual, "{setting}");
+    }
+    assert!(by_scene("bends", Some("plugins = [\"tentacles\", \"watch\"]"), 0).0 != usual, "without mines");
+    // Nobody watches: the pocket keeps the camera until the time is over, and nobody is called.
+    let (_, told) = by_scene("pocket", Some("plugins = [\"tentacles\", \"mines\"]"), 0);
+    assert!(told.contains("the time is over"), "{told}");
+    // What a drawing has no part for is said.
+    let (same, told) = by_scene("bends", Some(&format!("{all}[potential]\nreach_mm = 5")), 0);
+    assert!(same == usual && told.contains("[potential] has no part in a drawing"), "{told}");
+}
+
+#[test]
+fn a_scene_that_no_drawing_can_be_flown_by_is_refused() {
+    let all = "plugins = [\"tentacles\", \"mines\", \"watch\"]\n";
+    for (scene, why) in [
+        (format!("{all}[tentacles]\nfeelers = 9"), "feelers"),
+        (format!("{all}[tentacles]\ncount = 2"), "tentacles.count"),
+        (format!("{all}[mines]\nspacing_mm = 0"), "mines.spacing_mm"),
+        (format!("{all}[warp]\nspeed = 9"), "warp"),
+        ("plugins = [\"tentacles\", \"warp\"]".to_owned(), "warp"),
+        ("plugins = [\"tentacles\", \"render\"]".to_owned(), "no picture to render"),
+        ("plugins = []".to_owned(), "names no guide"),
+        ("plugins".to_owned(), "s.toml"),
+    ] {
+        let (picture, told) = by_scene("straight", Some(&scene), 2);
+        assert!(picture.is_empty() && told.contains(why) && told.lines().count() == 1, "{scene}: {told}");
+    }
+    // The shipped ones: those of tentacles are flown, the others say who steers them.
+    for (name, refused) in [
+        ("tentacles", None),
+        ("tentacles-without-mines", None),
+        ("path", Some("steered by path")),
+        ("potential", Some("steered by potential")),
+        ("manual", Some("steered by manual")),
+        ("render", Some("names no guide")),
+    ] {
+        let text = std::fs::read_to_string(format!("assets/scenes/{name}.toml")).unwrap();
+        let (_, told) = by_scene("straight", Some(&text), if refused.is_some() { 2 } else { 0 });
+        assert!(told.contains(refused.unwrap_or("arrived at")), "{name}: {told}");
+    }
+    run(&["plane", "straight", "--headless", "--out", "x.png", "--scene", "assets/scenes/none.toml"], 3);
+    // What was read is not written over.
+    run(&["plane", "--headless", "--out", "assets/plane/fork.png", "--scene", "assets/plane/fork.png"], 2);
+}

@@ -36,10 +36,16 @@ use crate::error::{Error, Result};
 use crate::fence::fenced;
 use crate::host::frames::FrameStats;
 use crate::progress::Progress;
+use crate::schedule::Guides;
 pub use framebuffer::presenter;
 pub use loading::{Prepare, Ready, SessionFile};
 pub use presented::PresentMs;
 use shell::{Shell, Wake};
+
+/// All keys of the window with what they do, in the order in which its help shows them.
+pub fn key_help(guides: &Guides, overlays: &[Overlay]) -> Vec<(String, String)> {
+    keys::help(guides, overlays)
+}
 
 /// How often an interrupt is looked for.
 const INTERRUPT: Duration = Duration::from_millis(50);
