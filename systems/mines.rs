@@ -2,9 +2,10 @@
 
 use bevy_ecs::prelude::*;
 
-use crate::components::camera::Pose;
-use crate::components::guide::{MineField, MinePush};
+use crate::components::camera::{Heading, Pose};
+use crate::components::guide::{MineField, MinePush, Tentacles};
 use crate::dynamics::mines::{MineSettings, Mines};
+use crate::dynamics::tentacles::Drive;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems};
 
@@ -24,9 +25,13 @@ pub fn push_by_mines(camera: Single<(&Pose, &MineField, &mut MinePush)>) {
     push.0 = field.mines.push(pose.position, &field.settings);
 }
 
-/// Lays a mine when the camera has come far enough from the last one.
-pub fn lay_mines(camera: Single<(&Pose, &mut MineField)>) {
-    let (pose, mut field) = camera.into_inner();
+/// Lays a mine when the camera has come far enough from the last one; where nothing else drives it, the first one at once,
+/// behind the way that it is to set out.
+pub fn lay_mines(camera: Single<(&Pose, &Heading, &mut MineField, Option<&Tentacles>)>) {
+    let (pose, heading, mut field, tentacles) = camera.into_inner();
     let MineField { settings, mines } = &mut *field;
+    if mines.is_empty() && tentacles.is_some_and(|t| t.settings.drive == Drive::Mines) {
+        mines.lay_behind(pose.position, heading.0.normalize_or(pose.attitude.forward), settings);
+    }
     mines.follow(pose.position, settings);
 }

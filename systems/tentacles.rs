@@ -61,8 +61,7 @@ pub fn guide_by_tentacles(
         &settings,
         body.0.drag_per_s,
     );
-    let limit = tentacles.settings.cruise_mm_s * body.0.drag_per_s;
-    *guide = GuideThrust { thrust: s.thrust, limit, wall: s.wall, way: s.look, ..GuideThrust::default() };
+    *guide = GuideThrust { thrust: s.thrust, limit: s.limit, wall: s.wall, way: s.look, ..GuideThrust::default() };
     // A goal in plain sight draws the camera, as the paper's D_t does; behind a wall it does not.
     if let Some(goal) = goal
         && let Some((thrust, way)) = approach(pose.position, goal.at, &tentacles.settings, body.0.drag_per_s)

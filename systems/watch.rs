@@ -10,6 +10,7 @@ use crate::components::guide::{Automatic, MineField, Tentacles};
 use crate::components::input::Hand;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::rescue::{Rescue, RescueAction};
+use crate::dynamics::tentacles::Drive;
 use crate::dynamics::trap::Felt;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems};
@@ -91,8 +92,15 @@ pub fn watch_flight(
             if let Some(to) = to {
                 heading.0 = to;
             }
-            if let Some(m) = mines.as_mut().filter(|_| clear_mines) {
-                m.mines.clear();
+            if let Some(m) = mines.as_mut() {
+                let MineField { settings, mines } = &mut **m;
+                if clear_mines {
+                    mines.clear();
+                }
+                // A heading alone moves nothing where mines drive.
+                if let (Some(to), true) = (to, tentacles.is_some_and(|t| t.settings.drive == Drive::Mines)) {
+                    mines.lay_behind(pose.position, to, settings);
+                }
             }
         }
         RescueAction::Call { trap, place } => {

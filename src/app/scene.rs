@@ -12,6 +12,7 @@ use crate::components::play::Playback;
 use crate::dynamics::Body;
 use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
+use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
 use crate::render::{CameraModel, Classification, Preset, Settings};
 use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Slot};
@@ -240,6 +241,11 @@ impl Scene {
         self.guides.check()?;
         self.mines.map_or(Ok(()), |m| m.check())?;
         self.watch.map_or(Ok(()), |w| w.check())?;
+        let by_mines = self.guides.get::<TentacleSettings>().drive == Drive::Mines;
+        if by_mines && self.guide_name() == TentacleSettings::NAME && self.mines.is_none_or(|m| m.kept == 0) {
+            let why = "is \"mines\", and the scene has none: nothing would move the camera";
+            return Err(Error::usage("tentacles.drive", why, "add the plugin mines, and keep some"));
+        }
         if let Some(s) = self.render.sensitivity.filter(|s| !(*s > 0.0 && *s < 1.0)) {
             let why = format!("is {s}");
             return Err(Error::usage("render.sensitivity", why, "give a finite number between 0 and 1"));
@@ -407,7 +413,6 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dynamics::tentacles::TentacleSettings;
 
     #[test]
     fn a_file_names_its_plugins() {
@@ -426,6 +431,8 @@ mod tests {
             "plugins = [\"tentacles\"]\n[body]\nmass_g = nan",
             "plugins = [\"tentacles\"]\n[tentacles]\ncount = 2",
             "plugins = [\"tentacles\"]\n[tentacles]\ncounts = 20",
+            "plugins = [\"tentacles\"]\n[tentacles]\ndrive = \"mines\"",
+            "plugins = [\"tentacles\", \"mines\"]\n[tentacles]\ndrive = \"oars\"",
             "plugins = [\"tentacles\"]\nspeed = 2",
             "plugins = [\"tentacles\"]\n[warp]\nspeed = 2",
             "plugins = [\"render\"]\n[render]\nsensitivity = 1.5",

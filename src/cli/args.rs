@@ -320,7 +320,10 @@ fn keys(catalog: &Catalog) -> String {
     #[cfg(feature = "window")]
     let rows = crate::host::window::key_help(&catalog.guides, &catalog.overlays);
     #[cfg(not(feature = "window"))]
-    let rows: Vec<(String, String)> = { let _ = catalog; Vec::new() };
+    let rows: Vec<(String, String)> = {
+        let _ = catalog;
+        Vec::new()
+    };
     let wide = rows.iter().map(|r| r.0.chars().count()).max().unwrap_or(0);
     let lines = rows.iter().map(|(key, what)| format!("  {key:wide$}  {what}\n"));
     if rows.is_empty() { String::new() } else { format!("Keys in the window:\n{}", lines.collect::<String>()) }

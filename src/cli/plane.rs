@@ -81,9 +81,8 @@ fn settings(path: &Path) -> Result<PlaneSettings> {
     if scene.picture {
         return refuse("names render, and a drawing has no picture to render".to_owned(), "leave that plugin out");
     }
-    let table: toml::Table = text.parse().map_err(|e: toml::de::Error| {
-        Error::usage(what(), e.message().to_owned(), "see assets/scenes")
-    })?;
+    let table: toml::Table =
+        text.parse().map_err(|e: toml::de::Error| Error::usage(what(), e.message().to_owned(), "see assets/scenes"))?;
     for name in table.keys().filter(|name| !USED.contains(&name.as_str())) {
         say(&format!("{}: [{name}] has no part in a drawing", path.display()));
     }

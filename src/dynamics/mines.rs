@@ -6,6 +6,9 @@ use super::settings::{not_negative, positive};
 use crate::error::{Error, Result};
 use glam::DVec3;
 
+/// A mine that is laid right behind the camera is no further from it than this, mm.
+const BEHIND_MM: f64 = 3.0;
+
 /// How mines are laid and how they push.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -65,12 +68,21 @@ impl Mines {
     pub fn follow(&mut self, camera: DVec3, settings: &MineSettings) {
         match self.last {
             None => self.last = Some(camera),
-            Some(last) if last.distance(camera) >= settings.spacing_mm => {
-                self.points.push_back(last);
-                self.last = Some(camera);
-            }
+            Some(last) if last.distance(camera) >= settings.spacing_mm => self.lay(last, camera, settings),
             Some(_) => {}
         }
+    }
+
+    /// Lays a mine right behind a camera (world mm) that is to set off along the unit `heading`: the first one of a flight
+    /// that only mines drive, or one that drives it another way.
+    pub fn lay_behind(&mut self, camera: DVec3, heading: DVec3, settings: &MineSettings) {
+        self.lay(camera - heading * (0.5 * settings.spacing_mm).min(BEHIND_MM), camera, settings);
+    }
+
+    /// Lays a mine at a place; the next one comes where the camera has gone `spacing_mm` from here.
+    fn lay(&mut self, place: DVec3, camera: DVec3, settings: &MineSettings) {
+        self.points.push_back(place);
+        self.last = Some(camera);
         while self.points.len() > settings.kept {
             self.points.pop_front();
         }
@@ -126,6 +138,21 @@ mod tests {
         assert!(m.push(DVec3::X * 99.0, &s).x > 0.0, "they push on");
         assert_eq!(m.push(DVec3::X * 300.0, &s), DVec3::ZERO);
         assert!(m.push(DVec3::X * 90.0, &s).is_finite(), "on a mine");
+    }
+
+    #[test]
+    fn the_first_one_is_laid_behind_and_drives() {
+        let s = MineSettings { kept: 2, spacing_mm: 4.0, ..MineSettings::default() };
+        let mut m = Mines::default();
+        m.lay_behind(DVec3::ZERO, DVec3::Y, &s);
+        let push = m.push(DVec3::ZERO, &s);
+        assert!(push.y > 0.8 * s.push && push.x == 0.0 && push.z == 0.0, "{push}");
+        for y in 0..20 {
+            m.follow(DVec3::Y * f64::from(y), &s);
+        }
+        assert_eq!(m.iter().map(|p| p.y).collect::<Vec<_>>(), [8.0, 12.0], "then as always");
+        m.lay_behind(DVec3::Y, DVec3::ZERO, &MineSettings { kept: 0, ..s });
+        assert!(m.is_empty(), "none is kept where none may be");
     }
 
     #[test]

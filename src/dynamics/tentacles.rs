@@ -6,19 +6,34 @@ use super::settings::{not_negative, positive};
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::error::{Error, Result};
 
+/// What moves a camera that has tentacles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Drive {
+    /// A thrust at cruise speed along the way that the tentacles find open; mines only steer, and a goal in plain sight draws
+    /// the camera.
+    #[default]
+    Thrust,
+    /// Nothing but what walls and mines exert, as in the paper's section 3.2: *mines forcing the camera to advance*. There is
+    /// no thrust, no cruise speed and no goal that draws; drag alone limits the speed.
+    Mines,
+}
+
 /// How a camera steers by its tentacles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TentacleSettings {
     /// Number of sensory rays, at least 3.
     pub count: usize,
+    /// What moves the camera.
+    pub drive: Drive,
     /// Length of a ray that meets no wall, mm.
     pub reach_mm: f64,
     /// The wall repels within this distance, mm: the paper's `p`.
     pub wall_mm: f64,
     /// Strength of the wall's repulsion, mm/s²: the paper's `C_s` is this times `p`, for a body of unit mass.
     pub wall_push: f64,
-    /// Speed along a straight lumen, mm/s.
+    /// Speed along a straight lumen, mm/s. Driven by mines it is only what progress is told by.
     pub cruise_mm_s: f64,
     /// How strongly the present heading is preferred: the weight of a direction is `((1 + cos)/2)^agreement`.
     pub agreement: f64,
@@ -30,6 +45,7 @@ impl Default for TentacleSettings {
     fn default() -> Self {
         Self {
             count: 128,
+            drive: Drive::Thrust,
             reach_mm: 150.0,
             wall_mm: 10.0,
             wall_push: 60.0,
@@ -101,8 +117,10 @@ pub fn circle(count: usize) -> Vec<DVec3> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steering {
     /// Acceleration of the guide's thrust, mm/s²: along the way ahead, sized so that with the drag it keeps cruise
-    /// speed.
+    /// speed. Zero where mines drive.
     pub thrust: DVec3,
+    /// Thrust and mines together are held to this, mm/s²: what drag balances at cruise speed; infinite where mines drive.
+    pub limit: f64,
     /// Acceleration away from near walls, mm/s².
     pub wall: DVec3,
     /// Unit vector of the way ahead; zero where every direction is closed.
@@ -152,20 +170,20 @@ pub fn steer(
     let n = directions.len().max(1) as f64;
     // Slow down where the way bends away from the heading, so that the view can follow.
     let pace = if heading == DVec3::ZERO { 1.0 } else { 0.3 + 0.7 * heading.dot(way).max(0.0) };
-    Steering {
-        thrust: way * (settings.cruise_mm_s * drag_per_s * pace),
-        wall: wall * (2.0 * p * settings.wall_push / n),
-        way,
-        look: look.normalize_or_zero(),
-    }
+    let cruise = settings.cruise_mm_s * drag_per_s;
+    let (thrust, limit) = match settings.drive {
+        Drive::Thrust => (way * (cruise * pace), cruise),
+        Drive::Mines => (DVec3::ZERO, f64::INFINITY),
+    };
+    Steering { thrust, limit, wall: wall * (2.0 * p * settings.wall_push / n), way, look: look.normalize_or_zero() }
 }
 
 /// The thrust and the unit way straight towards a goal that is near: full cruise speed until 15 mm before it, slower
-/// from there. `None` beyond 60 mm, or at the goal.
+/// from there. `None` beyond 60 mm, at the goal, or where mines drive.
 pub fn approach(at: DVec3, goal: DVec3, settings: &TentacleSettings, drag_per_s: f64) -> Option<(DVec3, DVec3)> {
     let to = goal - at;
     let distance = to.length();
-    if !(1e-6..60.0).contains(&distance) {
+    if settings.drive == Drive::Mines || !(1e-6..60.0).contains(&distance) {
         return None;
     }
     let way = to / distance;

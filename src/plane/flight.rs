@@ -14,7 +14,7 @@ use crate::dynamics::heading::follow_velocity;
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::rescue::{Rescue, RescueAction};
-use crate::dynamics::tentacles::{TentacleSettings, approach, circle, steer};
+use crate::dynamics::tentacles::{Drive, TentacleSettings, approach, circle, steer};
 use crate::dynamics::trap::{Felt, Trap};
 use crate::dynamics::{Attitude, Body, RigidBodyState, STEP_HZ, Turning, step};
 use crate::error::{Error, Result};
@@ -175,7 +175,7 @@ impl Flight {
         let tentacles = self.rescue.temper(&tentacles);
         let feelers = (&self.directions[..], &self.lengths[..]);
         let s = steer(feelers, at, self.heading, laid, self.rescue.forbidden(), &tentacles, body.drag_per_s);
-        let (mut thrust, mut limit) = (s.thrust, tentacles.cruise_mm_s * body.drag_per_s);
+        let (mut thrust, mut limit) = (s.thrust, s.limit);
         if let Some((to, _)) = approach(at, self.plan.goal, &tentacles, body.drag_per_s)
             && self.sees(self.plan.goal, at).is_some()
         {
@@ -183,6 +183,9 @@ impl Flight {
         }
         let mut push = DVec3::ZERO;
         if let Some(m) = &mines {
+            if self.mines.is_empty() && tentacles.drive == Drive::Mines {
+                self.mines.lay_behind(at, self.heading, m);
+            }
             self.mines.follow(at, m);
             push = self.mines.push(at, m);
         }
@@ -217,6 +220,11 @@ impl Flight {
                 self.heading = heading.unwrap_or(self.heading);
                 if clear_mines {
                     self.mines.clear();
+                }
+                if let (Some(to), Some(m), Drive::Mines) =
+                    (heading, &self.settings.mines, self.settings.tentacles.drive)
+                {
+                    self.mines.lay_behind(at, to, m);
                 }
             }
             RescueAction::Call { trap, place } => {

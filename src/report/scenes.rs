@@ -25,8 +25,9 @@ const MIB: f64 = 1_048_576.0;
 const VOLUME: usize = 1;
 
 /// The scenes that are shipped, by their files' names.
-const SHIPPED: [(&str, &str); 6] = [
+const SHIPPED: [(&str, &str); 7] = [
     ("tentacles", include_str!("../../assets/scenes/tentacles.toml")),
+    ("paper", include_str!("../../assets/scenes/paper.toml")),
     ("tentacles-without-mines", include_str!("../../assets/scenes/tentacles-without-mines.toml")),
     ("potential", include_str!("../../assets/scenes/potential.toml")),
     ("path", include_str!("../../assets/scenes/path.toml")),
