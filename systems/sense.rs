@@ -1,6 +1,7 @@
 //! Feels the surroundings: tentacles are rays like those of the image, but only their length is of interest.
 
 use bevy_ecs::prelude::*;
+use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::components::camera::Pose;
@@ -8,7 +9,7 @@ use crate::components::guide::Tentacles;
 use crate::components::scan::Scan;
 use crate::dynamics::tentacles::TentacleSettings;
 use crate::error::Result;
-use crate::render::first_crossing;
+use crate::render::{PreparedVolume, first_crossing};
 use crate::schedule::{App, FlightSystems};
 
 /// Gives the camera tentacles: for any guide that feels its way.
@@ -25,9 +26,12 @@ pub fn plug(app: &mut App, settings: TentacleSettings) -> Result<()> {
 pub fn cast_tentacles(scan: Single<&Scan>, camera: Single<(&Pose, &mut Tentacles)>) {
     let (pose, mut tentacles) = camera.into_inner();
     let Tentacles { settings, directions, lengths, .. } = &mut *tentacles;
-    let reach = settings.reach_mm;
-    let volume = &scan.0;
+    cast(&scan.0, pose.position, directions, settings.reach_mm, lengths);
+}
+
+/// How far a place (world mm) is free along each of the unit `directions`, mm, `reach` at the most.
+pub fn cast(volume: &PreparedVolume, at: DVec3, directions: &[DVec3], reach: f64, lengths: &mut [f64]) {
     lengths.par_iter_mut().zip(directions.par_iter()).with_min_len(32).for_each(|(length, &d)| {
-        *length = first_crossing(volume, pose.position, d, reach).unwrap_or(reach);
+        *length = first_crossing(volume, at, d, reach).unwrap_or(reach);
     });
 }

@@ -67,7 +67,12 @@ fn one(
             render::report(&subjects(args, global, progress)?, &extent, folder, progress)
         }
         ReportSubject::Gradients => gradients::report(Effort::new(args.quick), folder, progress),
-        ReportSubject::Dynamics => dynamics::report(Effort::new(args.quick), folder, progress),
+        ReportSubject::Dynamics => {
+            let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;
+            let transfer = prepare::transfer(global)?;
+            let scan = scan.map(|(title, volume)| (title, PreparedVolume::new(Arc::new(volume), transfer)));
+            dynamics::report(Effort::new(args.quick), scan, folder, progress)
+        }
         ReportSubject::Perforation => {
             let steps = args.steps.unwrap_or(if args.quick { 20_000 } else { 1_000_000 });
             perforation::report(steps, global.seed.unwrap_or(1), folder, progress)

@@ -1,16 +1,20 @@
 //! `report scenes`: what each part that a scene leaves out saves, in bytes and milliseconds.
 
+use std::hint::black_box;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use crate::app::explain::explain;
 use crate::app::{FlightApp, ImageSettings, Plan, Scan, Scene, Steering, Wish};
+use crate::components::guide::Tentacles;
+use crate::dynamics::STEP_HZ;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::progress::Progress;
 use crate::render::flags::Flags;
 use crate::render::{PreparedVolume, Settings};
+use crate::systems::sense;
 
 use super::page::Page;
 use super::plot::{Plot, Point, Series};
@@ -19,15 +23,18 @@ use super::{Effort, median};
 
 /// Steps between two looks at the clock.
 const CHUNK: usize = 24;
+/// Pictures a second that the steps are compared with.
+const FPS: f64 = 30.0;
 /// Bytes of a MiB.
 const MIB: f64 = 1_048_576.0;
 /// The volume, which every scene has: the first of what is built.
 const VOLUME: usize = 1;
 
 /// The scenes that are shipped, by their files' names.
-const SHIPPED: [(&str, &str); 7] = [
+const SHIPPED: [(&str, &str); 8] = [
     ("tentacles", include_str!("../../assets/scenes/tentacles.toml")),
     ("paper", include_str!("../../assets/scenes/paper.toml")),
+    ("tentacles-for-pouches", include_str!("../../assets/scenes/tentacles-for-pouches.toml")),
     ("tentacles-without-mines", include_str!("../../assets/scenes/tentacles-without-mines.toml")),
     ("potential", include_str!("../../assets/scenes/potential.toml")),
     ("path", include_str!("../../assets/scenes/path.toml")),
@@ -54,6 +61,8 @@ struct Running {
     scene_ms: Vec<f64>,
     step_us: Vec<f64>,
     frame_ms: Vec<f64>,
+    /// Casting the tentacles alone.
+    sense_us: Vec<f64>,
     bytes: usize,
     systems: usize,
 }
@@ -66,6 +75,8 @@ struct Cost {
     step_us: f64,
     /// None without a picture.
     frame_ms: Option<f64>,
+    /// Number of tentacles, and what casting them takes; none without tentacles.
+    sense: Option<(usize, f64)>,
     scene_ms: f64,
     systems: usize,
 }
@@ -135,7 +146,17 @@ impl Running {
         let told = explain(&flight);
         let bytes = told.built.iter().skip(VOLUME).map(|b| b.bytes).sum();
         let systems = told.step.len() + told.frame.len();
-        Ok(Self { name, flight, picture, scene_ms, step_us: Vec::new(), frame_ms: Vec::new(), bytes, systems })
+        Ok(Self {
+            name,
+            flight,
+            picture,
+            scene_ms,
+            step_us: Vec::new(),
+            frame_ms: Vec::new(),
+            sense_us: Vec::new(),
+            bytes,
+            systems,
+        })
     }
 
     /// Some steps, and a frame where there is a picture.
@@ -146,6 +167,15 @@ impl Running {
         }
         self.step_us.push(begun.elapsed().as_secs_f64() * 1e6 / CHUNK as f64);
         drop(self.flight.take_log());
+        if let Some(t) = self.flight.app().camera_get::<Tentacles>() {
+            let mut lengths = vec![0.0; t.directions.len()];
+            let (volume, at) = (self.flight.volume(), self.flight.pose().position);
+            let begun = Instant::now();
+            for _ in 0..CHUNK {
+                sense::cast(volume, at, &t.directions, t.settings.reach_mm, black_box(&mut lengths));
+            }
+            self.sense_us.push(begun.elapsed().as_secs_f64() * 1e6 / CHUNK as f64);
+        }
         if self.picture {
             let begun = Instant::now();
             self.flight.frame();
@@ -160,6 +190,7 @@ impl Running {
             bytes: self.bytes as f64,
             step_us: median(&self.step_us),
             frame_ms: self.picture.then(|| median(&self.frame_ms)),
+            sense: self.flight.app().camera_get::<Tentacles>().map(|t| (t.directions.len(), median(&self.sense_us))),
             scene_ms: median(&self.scene_ms),
             systems: self.systems,
         }
@@ -182,7 +213,7 @@ fn write(
          \"everything\" is the default flight with a picture, a log and an operator.",
         volume as f64 / MIB
     ));
-    let findings = findings(full, &parts);
+    let mut findings = findings(full, &parts);
     for f in &findings {
         page.finding(f);
     }
@@ -199,6 +230,12 @@ fn write(
         ]);
     }
     page.table("scenes", &t)?;
+    if let Some((table, finding)) = tentacles(full, pixels) {
+        page.section("What the paper says of tentacles");
+        page.table("tentacles", &table)?;
+        page.finding(&finding);
+        findings.push(finding);
+    }
     page.section("What each part left out of everything saves");
     let mut t = Table::new(&["left out", "systems", "bytes", "step / µs", "frame / ms", "scene made in / ms"]);
     for c in &parts {
@@ -240,6 +277,29 @@ fn write(
     page.table("built", &t)?;
     page.finish()?;
     Ok(findings)
+}
+
+/// The paper's claim (section 3.2) that sensory rays cost nothing beside those of the picture, measured; none without either.
+fn tentacles(full: &Cost, pixels: usize) -> Option<(Table, String)> {
+    let ((count, sense_us), frame_ms) = (full.sense?, full.frame_ms?);
+    let steps = f64::from(STEP_HZ) / FPS;
+    let share = 100.0 * steps * sense_us / (1e3 * frame_ms);
+    let mut t =
+        Table::new(&["the paper", "sensory rays", "cast in / µs", "a picture's pixels", "traced in / ms", "share / %"]);
+    t.row(vec![
+        "Casting these sensory rays is negligible overhead to the thousands of rays traced for rendering the scene."
+            .into(),
+        Cell::Number(count as f64, 0),
+        Cell::Number(sense_us, 1),
+        Cell::Number((pixels * pixels) as f64, 0),
+        Cell::Number(frame_ms, 2),
+        Cell::Number(share, 2),
+    ]);
+    let finding = format!(
+        "Casting {count} tentacles takes {sense_us:.0} µs, and at {FPS:.0} pictures a second {share:.1} % of what a picture of {pixels} × {pixels} \
+         pixels takes; the paper calls it negligible."
+    );
+    Some((t, finding))
 }
 
 /// The findings, in two sentences.
@@ -285,12 +345,29 @@ mod tests {
     }
 
     #[test]
+    fn the_share_of_tentacles_is_of_a_picture() {
+        let full = Cost {
+            name: "everything".to_owned(),
+            bytes: 0.0,
+            step_us: 100.0,
+            frame_ms: Some(10.0),
+            sense: Some((128, 25.0)),
+            scene_ms: 1.0,
+            systems: 4,
+        };
+        let (_, finding) = tentacles(&full, 512).unwrap();
+        assert!(finding.contains("25 µs") && finding.contains(" 1.0 % of"), "four steps of 25 µs in 10 ms: {finding}");
+        assert!(tentacles(&Cost { sense: None, ..full }, 512).is_none());
+    }
+
+    #[test]
     fn findings_follow_the_numbers() {
         let cost = |name: &str, mib: f64, step_us: f64| Cost {
             name: name.to_owned(),
             bytes: mib * MIB,
             step_us,
             frame_ms: Some(5.0),
+            sense: Some((128, 25.0)),
             scene_ms: 1.0,
             systems: 4,
         };

@@ -10,7 +10,7 @@ use crate::app::{FlightApp, Scan, Scene};
 use crate::components::clock::Clock;
 use crate::components::flight::State;
 use crate::error::{Error, Result};
-use crate::fields::{Lumen, lumen};
+use crate::fields::{Lumen, TargetDistance, Through, WallDistance, lumen};
 use crate::phantom::{Phantom, PhantomSettings, Size, Truth};
 use crate::plane::drawing::Drawing;
 use crate::progress::Progress;
@@ -94,6 +94,16 @@ impl Course {
         Ok(Self { space: PreparedVolume::new(Arc::new(volume), TransferFunction::default()), lumen, plan, truth: None })
     }
 
+    /// How far each place of the lumen is from the goal, along the lumen.
+    ///
+    /// # Errors
+    /// Status 4 when interrupted.
+    pub fn to_goal(&self, progress: &Progress) -> Result<TargetDistance> {
+        let gas = self.plan.gas.as_deref().unwrap_or(&self.lumen);
+        let walls = WallDistance::of_lumen(self.space.volume(), gas, Through::Gas, progress)?;
+        TargetDistance::to(&Arc::new(walls), self.plan.goal, None, &[], progress)
+    }
+
     /// The same course the other way.
     ///
     /// # Errors
@@ -128,6 +138,8 @@ pub struct Trial {
     pub reason: String,
     /// Simulated seconds.
     pub seconds: f64,
+    /// Where the camera was, each tenth of a second, world mm.
+    pub places: Vec<DVec3>,
     /// Distance flown, mm.
     pub length_mm: f64,
     /// Places at which another way was looked for.
@@ -172,6 +184,7 @@ pub fn fly(course: &Course, scene: &Scene, seconds: f64) -> Result<Trial> {
     let clearance = log.iter().map(|l| l.clearance_mm);
     let n = log.len().max(1) as f64;
     let f = flight.flight();
+    let tenth = flight.clock().hz as usize / 10;
     Ok(Trial {
         state: f.state,
         reason: f.reason,
@@ -182,6 +195,7 @@ pub fn fly(course: &Course, scene: &Scene, seconds: f64) -> Result<Trial> {
         offset: course.truth.as_ref().map(|t| offset(&places, t)),
         jerk: jerk(&places, flight.clock().dt()),
         step_us: took * 1e6 / n,
+        places: places.into_iter().step_by(tenth.max(1)).collect(),
     })
 }
 

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
+use super::Subject;
 use super::contenders::FIXED;
 use super::precision::{TUBE, errors, forces, start, turning};
 use super::tube::Tube;
@@ -35,7 +36,8 @@ enum Clamp {
 ///
 /// # Errors
 /// Those of the whole report.
-pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let effort = subject.effort;
     page.text(
         "Two flights of two seconds, each against itself in steps of 1/7680 s. Free: that of the soft wall above, which \
          touches nothing. Pushed: the operator pushes towards the wall so hard that without the clamp the camera would be \

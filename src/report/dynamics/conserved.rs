@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::Subject;
 use super::contenders::FIXED;
 use super::precision::{TUBE, forces};
 use crate::dynamics::integrators::Stepper;
@@ -10,7 +11,6 @@ use crate::dynamics::step::integrate;
 use crate::dynamics::{Attitude, Body, PotentialForce, STEP_HZ, STEP_S};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::report::Effort;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
@@ -19,7 +19,8 @@ use crate::report::table::{Cell, Table};
 ///
 /// # Errors
 /// Those of the whole report.
-pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let effort = subject.effort;
     let seconds = effort.choose(5.0, 30.0);
     page.text(&format!(
         "Without drag and without a target the body swings across the tube for {seconds} s; the error of its energy at \

@@ -1,8 +1,16 @@
-//! How the number of mines, their spacing and their reach change which flights arrive.
+//! How the number of mines, their spacing and their reach change which flights arrive, and what mines are worth where the lumen
+//! is no plain tube.
 
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::Subject;
 use crate::app::Scene;
 use crate::dynamics::mines::MineSettings;
 use crate::error::Result;
+use crate::plane::drawing::Drawing;
+use crate::plane::shipped::DRAWINGS;
+use crate::plane::{Flight, PlaneSettings, State};
 use crate::progress::Progress;
 use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
@@ -13,6 +21,8 @@ use crate::report::{Effort, mean};
 const KEPT: [usize; 7] = [0, 1, 4, 8, 12, 50, 1000];
 const SPACING_MM: [f64; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 const REACH_MM: [f64; 6] = [5.0, 10.0, 15.0, 25.0, 50.0, 100.0];
+/// Numbers of mines whose worth is measured in drawings.
+const WORTH: [usize; 3] = [0, 12, 50];
 /// Simulated seconds of a flight at the most.
 const SECONDS: f64 = 120.0;
 
@@ -35,7 +45,8 @@ struct Laid {
 ///
 /// # Errors
 /// Those of the whole report.
-pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let effort = subject.effort;
     let courses = trials::small_phantoms(effort, progress)?;
     let laid = measure(&courses, effort, progress)?;
     let d = MineSettings::default();
@@ -54,12 +65,84 @@ pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec
         let values: Vec<String> = arrive.map(|l| value(&l.settings).to_string()).collect();
         if values.is_empty() { "none".to_owned() } else { values.join(", ") }
     };
-    Ok(vec![format!(
+    let mut findings = vec![format!(
         "Every flight arrives with {} mines kept, with {} mm between them, and with a reach of {} mm.",
         good("number", &|s| s.kept as f64),
         good("spacing", &|s| s.spacing_mm),
         good("reach", &|s| s.reach_mm)
-    )])
+    )];
+    findings.push(worth(effort, page, progress)?);
+    Ok(findings)
+}
+
+/// What mines are worth where the lumen is no plain tube: flights through drawings, from many places around the start, with
+/// none and with ever more of them.
+fn worth(effort: Effort, page: &mut Page, progress: &Progress) -> Result<String> {
+    page.text(&format!(
+        "Flights through drawings by tentacles, each from {} places up to 3 mm from its start, with so many mines kept: how many \
+         arrive, and how long their way is. A tube needs none. Beside a strand they decide for a side; in a wide pouch, whose way \
+         on lies beside its entrance, those of the default are too few: their trail of {:.0} mm is shorter than the way once round \
+         it, so that the camera flies there again.",
+        effort.choose(4, 12),
+        trail_mm(&MineSettings::default()),
+    ));
+    let heads: Vec<String> = WORTH
+        .iter()
+        .flat_map(|kept| [format!("{kept} mines: arrive (%)"), format!("{kept} mines: way (mm)")])
+        .collect();
+    let heads: Vec<&str> = ["drawing"].into_iter().chain(heads.iter().map(String::as_str)).collect();
+    let mut table = Table::new(&heads);
+    // Drawings in which the number of mines decides whether a flight arrives.
+    let mut decided = Vec::new();
+    for (name, png) in &DRAWINGS {
+        let drawing = Drawing::decode(name, png)?;
+        let mut row = vec![Cell::from(*name)];
+        let mut shares = Vec::new();
+        for kept in WORTH {
+            let ways = arrivals(&drawing, kept, effort)?;
+            let arrived: Vec<f64> = ways.iter().flatten().copied().collect();
+            let share = arrived.len() as f64 / ways.len().max(1) as f64;
+            let way = mean(&arrived);
+            row.push(Cell::Number(100.0 * share, 0));
+            row.push(if way.is_nan() { Cell::None } else { Cell::Number(way, 0) });
+            shares.push(share);
+        }
+        progress.check()?;
+        table.row(row);
+        if shares.iter().any(|s| *s != shares[0]) {
+            let told: Vec<String> =
+                WORTH.iter().zip(&shares).map(|(kept, s)| format!("{:.0} % with {kept}", 100.0 * s)).collect();
+            decided.push(format!("{name} ({})", told.join(", ")));
+        }
+    }
+    page.table("mines-worth", &table)?;
+    Ok(match decided[..] {
+        [] => "Mines decide no flight through a drawing.".to_owned(),
+        _ => format!("Drawings in which mines decide who arrives: {}.", decided.join("; ")),
+    })
+}
+
+/// The length of the trail that is mined, mm.
+fn trail_mm(settings: &MineSettings) -> f64 {
+    settings.kept as f64 * settings.spacing_mm
+}
+
+/// The ways (mm) of flights through a drawing from places around its start; none of those that do not arrive.
+fn arrivals(drawing: &Drawing, kept: usize, effort: Effort) -> Result<Vec<Option<f64>>> {
+    let settings =
+        PlaneSettings { mines: Some(MineSettings { kept, ..MineSettings::default() }), ..PlaneSettings::default() };
+    let starts = effort.choose(4, 12);
+    let fly = |n: usize| {
+        let mut flight = Flight::new(drawing.clone(), settings.clone())?;
+        // A sunflower: evenly over a disc of 3 mm.
+        let (radius, angle) = (3.0 * (n as f64 / f64::from(starts)).sqrt(), 2.399_963 * n as f64);
+        flight.start_at(flight.plan().start + DVec3::new(angle.cos(), angle.sin(), 0.0) * radius)?;
+        while flight.state() == State::Flying {
+            flight.step();
+        }
+        Ok((flight.state() == State::Arrived).then(|| flight.length_mm()))
+    };
+    (0..starts as usize).into_par_iter().map(fly).collect()
 }
 
 /// Flies the courses with each choice, for a quick report with every third.
@@ -113,4 +196,21 @@ fn table(laid: &[Laid]) -> Table {
         ]);
     }
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plane::shipped;
+
+    /// Where mines earn their keep: a strand across the view, and a wide pouch whose way on lies beside its entrance.
+    #[test]
+    fn mines_decide_at_strands_and_in_pouches() {
+        let share = |name: &str, kept| {
+            let ways = arrivals(&shipped::named(name).unwrap().unwrap(), kept, Effort::Quick).unwrap();
+            ways.iter().flatten().count() as f64 / ways.len() as f64
+        };
+        assert_eq!([share("bridge", 0), share("bridge", 12)], [0.0, 1.0]);
+        assert_eq!([share("pocket", 0), share("pocket", 12), share("pocket", 50)], [0.0, 0.0, 1.0]);
+    }
 }

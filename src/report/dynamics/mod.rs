@@ -9,6 +9,7 @@ mod independent;
 mod mines;
 mod precision;
 mod reference;
+mod repulsion;
 mod smooth;
 mod stability;
 mod tentacles;
@@ -18,15 +19,24 @@ use std::path::Path;
 
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::render::PreparedVolume;
 
 use super::Effort;
 use super::page::Page;
 
+/// What is measured.
+struct Subject {
+    /// How much of it.
+    effort: Effort,
+    /// A scan to fly, by its title.
+    scan: Option<(String, PreparedVolume)>,
+}
+
 /// One study: measures, writes its part of the page, and returns what it found, a sentence each.
-type Study = fn(Effort, &mut Page, &Progress) -> Result<Vec<String>>;
+type Study = fn(&Subject, &mut Page, &Progress) -> Result<Vec<String>>;
 
 /// The studies in their order on the page. Another one is one more line here.
-const STUDIES: [(&str, Study); 7] = [
+const STUDIES: [(&str, Study); 8] = [
     ("error against time", precision::study),
     ("stability", stability::study),
     ("what is conserved", conserved::study),
@@ -34,13 +44,21 @@ const STUDIES: [(&str, Study); 7] = [
     ("what the clamp costs", clamp::study),
     ("tentacles", tentacles::study),
     ("mines", mines::study),
+    ("repulsion alone", repulsion::study),
 ];
 
-/// Measures and writes the report into `folder`. Returns the findings, a sentence each.
+/// Measures, with flights through a scan (by its title) where there is one, and writes the report into `folder`. Returns the
+/// findings, a sentence each.
 ///
 /// # Errors
-/// Status 4 when interrupted, 5 when a file cannot be written.
-pub fn report(effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+/// Status 4 when interrupted or when a scan holds no colon, 5 when a file cannot be written.
+pub fn report(
+    effort: Effort,
+    scan: Option<(String, PreparedVolume)>,
+    folder: &Path,
+    progress: &Progress,
+) -> Result<Vec<String>> {
+    let subject = Subject { effort, scan };
     let mut page = Page::new(folder, "colvis: integrators of the rigid body, error against time")?;
     page.text(
         "The camera is a cylinder of 1 g in a sphere of 1.5 mm, with a drag of 6/s. It flies a bent tube whose distances \
@@ -52,7 +70,7 @@ pub fn report(effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<
     progress.stage("measuring integrators", STUDIES.len() as u64);
     for (title, study) in STUDIES {
         page.section(title);
-        for finding in study(effort, &mut page, progress)? {
+        for finding in study(&subject, &mut page, progress)? {
             page.finding(&finding);
             findings.push(finding);
         }

@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
+use super::Subject;
 use super::contenders::{ADAPTIVE, FIXED, label};
 use super::reference;
 use super::tube::{Tube, WayLeft};
@@ -88,7 +89,8 @@ struct Run {
 ///
 /// # Errors
 /// Those of the whole report.
-pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let effort = subject.effort;
     let body = Body::default();
     let (begun, turn) = (start(&body), turning());
     let mut runs = Vec::new();

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::Subject;
 use super::contenders::FIXED;
 use super::precision::TUBE;
 use super::tube::{Tube, WayLeft};
@@ -11,7 +12,6 @@ use crate::dynamics::step::integrate;
 use crate::dynamics::{Attitude, Body, Potential, PotentialForce, STEP_HZ, STEP_S};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::report::Effort;
 use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
 
@@ -24,7 +24,7 @@ const LOOKED_AT: usize = STEPS / 2;
 ///
 /// # Errors
 /// Those of the whole report.
-pub fn study(_: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     page.text(&format!(
         "Six seconds along the axis in steps of 1/{STEP_HZ} s, with a wall that reaches beyond the axis (p = 20 mm in a tube of \
          15 mm), so that its force turns round on the kink of D_s. Lateral jerk is the root mean square of the third \

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::Subject;
 use super::contenders::FIXED;
 use super::precision::{TUBE, forces};
 use crate::dynamics::integrators::Stepper;
@@ -11,7 +12,6 @@ use crate::dynamics::step::translate;
 use crate::dynamics::{Attitude, Body, Forces, PotentialForce};
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::report::Effort;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
@@ -27,7 +27,8 @@ const GROWN: f64 = 1.5;
 ///
 /// # Errors
 /// Those of the whole report.
-pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let effort = subject.effort;
     let steps = effort.choose(150, 500);
     page.text(&format!(
         "A body in balance is moved a little, and the step counts as stable where the deviation never grows by more than \

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::Subject;
 use crate::app::Scene;
 use crate::dynamics::tentacles::{TentacleSettings, directions};
 use crate::error::Result;
@@ -46,7 +47,8 @@ struct Sensed {
 ///
 /// # Errors
 /// Those of the whole report.
-pub fn study(effort: Effort, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let effort = subject.effort;
     let courses = trials::small_phantoms(effort, progress)?;
     let sensed = measure(&courses, effort, progress)?;
     page.text(&format!(

@@ -1,0 +1,183 @@
+//! How far repulsion alone brings a flight (paper, section 3.2), beside the default and the default without mines.
+
+use glam::DVec3;
+
+use super::Subject;
+use crate::app::Scene;
+use crate::dynamics::mines::MineSettings;
+use crate::dynamics::tentacles::TentacleSettings;
+use crate::error::Result;
+use crate::fields::{Distance, TargetDistance};
+use crate::phantom::{PhantomSettings, Size};
+use crate::plane::drawing::Drawing;
+use crate::plane::shipped::DRAWINGS;
+use crate::progress::Progress;
+use crate::report::page::Page;
+use crate::report::table::{Cell, Table};
+use crate::report::trials::{self, Course, Trial};
+use crate::report::{Effort, mean};
+
+/// The scene that is flown, as it is shipped.
+const PAPER: &str = include_str!("../../../assets/scenes/paper.toml");
+/// Simulated seconds of a flight at the most: the paper's own takes its time in wide places.
+const SECONDS: f64 = 300.0;
+/// Drawings of a quick report.
+const QUICK: [&str; 3] = ["bends", "bridge", "pocket"];
+
+/// Flights of one course.
+struct Flown {
+    kind: &'static str,
+    course: String,
+    scene: &'static str,
+    /// The furthest that it came, as a share of the way to the goal along the lumen.
+    reached: f64,
+    trial: Trial,
+}
+
+/// The study.
+///
+/// # Errors
+/// Those of the whole report.
+pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+    let paper = Scene::parse(PAPER)?;
+    let (t, m) = (paper.guides.get::<TentacleSettings>(), paper.mines.unwrap_or_default());
+    let d = MineSettings::default();
+    page.text(&format!(
+        "\"Repulsion alone\" is the scene assets/scenes/paper.toml: no thrust, no cruise speed, no goal that draws. The wall \
+         repels within {} mm with {} mm/s² (C_s = {} mm²/s²), as {} tentacles feel it, and the last {} mines, {} mm apart, push \
+         with {} mm/s² each, within {} mm. Drag alone limits the speed. The default thrusts along the way that its tentacles find \
+         open and keeps {} mines; the third is the same with none. The watch is on in all three: in a trap it tells the camera \
+         to set off another way, which where mines drive is one more mine behind it. Reached is the furthest place, as a share of \
+         the way along the lumen. Drawings are flown in three dimensions, 18 mm high.",
+        t.wall_mm,
+        t.wall_push,
+        t.wall_push * t.wall_mm,
+        t.count,
+        m.kept,
+        m.spacing_mm,
+        m.push,
+        m.reach_mm,
+        d.kept
+    ));
+    let scenes = [
+        ("repulsion alone", paper),
+        ("default", Scene::default()),
+        ("default, no mines", Scene { mines: None, ..Scene::default() }),
+    ];
+    let mut all = Vec::new();
+    for (kind, name, course) in courses(subject, progress)? {
+        let to_goal = course.to_goal(progress)?;
+        for (scene_name, scene) in &scenes {
+            let trial = trials::fly(&course, scene, SECONDS)?;
+            let reached = reached(&trial, course.plan.start, &to_goal);
+            all.push(Flown { kind, course: name.clone(), scene: scene_name, reached, trial });
+            progress.check()?;
+        }
+    }
+    page.table("repulsion", &table(&all))?;
+    let kinds = ["phantoms", "scan", "drawings"];
+    Ok(kinds.iter().filter_map(|kind| finding(kind, &all, &scenes.each_ref().map(|s| s.0))).collect())
+}
+
+/// What is flown: small phantoms and one of full size, the scan, each both ways, and the drawings.
+fn courses(subject: &Subject, progress: &Progress) -> Result<Vec<(&'static str, String, Course)>> {
+    let mut there = Vec::new();
+    for (n, course) in trials::small_phantoms(subject.effort, progress)?.into_iter().enumerate() {
+        there.push(("phantoms", format!("small phantom {}", n + 1), course));
+    }
+    if subject.effort == Effort::Full {
+        let settings = PhantomSettings { size: Size::Standard, ..PhantomSettings::default() };
+        there.push(("phantoms", "standard phantom".to_owned(), Course::phantom(&settings, progress)?));
+    }
+    if let Some((title, space)) = &subject.scan {
+        there.push(("scan", title.clone(), Course::new(space.clone(), None, progress)?));
+    }
+    let mut all = Vec::new();
+    for (kind, name, course) in there {
+        let back = course.reversed(progress)?;
+        all.push((kind, name.clone(), course));
+        all.push((kind, format!("{name}, back"), back));
+    }
+    let drawn = |name: &&str| subject.effort == Effort::Full || QUICK.contains(name);
+    for (name, png) in DRAWINGS.iter().filter(|d| drawn(&d.0)) {
+        all.push(("drawings", (*name).to_owned(), Course::drawn(&Drawing::decode(name, png)?, progress)?));
+    }
+    Ok(all)
+}
+
+/// The furthest that a flight came, as a share of the way from its start.
+fn reached(trial: &Trial, start: DVec3, to_goal: &TargetDistance) -> f64 {
+    let left = |p: DVec3| to_goal.sample(p).map_or(f64::INFINITY, |s| s.mm);
+    let least = trial.places.iter().map(|p| left(*p)).fold(f64::INFINITY, f64::min);
+    if trial.arrived() { 1.0 } else { (1.0 - least / left(start)).clamp(0.0, 1.0) }
+}
+
+fn table(all: &[Flown]) -> Table {
+    let mut table = Table::new(&[
+        "course",
+        "scene",
+        "reached (%)",
+        "ends",
+        "time (s)",
+        "flown (mm)",
+        "other ways looked for",
+        "least clearance (mm)",
+        "mean clearance (mm)",
+        "offset from the centerline (of the radius)",
+        "jerk (mm/s³)",
+    ]);
+    for f in all {
+        let ends = match f.trial.arrived() {
+            true => "arrives",
+            false if f.trial.reason.is_empty() => "time is over",
+            false => &f.trial.reason,
+        };
+        table.row(vec![
+            f.course.as_str().into(),
+            f.scene.into(),
+            Cell::Number(100.0 * f.reached, 0),
+            ends.into(),
+            Cell::Number(f.trial.seconds, 1),
+            Cell::Number(f.trial.length_mm, 0),
+            Cell::Number(f64::from(f.trial.escapes), 0),
+            Cell::Number(f.trial.clearance_mm.0, 1),
+            Cell::Number(f.trial.clearance_mm.1, 1),
+            f.trial.offset.map(|o| Cell::Number(o, 3)).into(),
+            Cell::Number(f.trial.jerk, 0),
+        ]);
+    }
+    table
+}
+
+/// What the flights of one kind come to; none where there are none.
+fn finding(kind: &str, all: &[Flown], scenes: &[&str]) -> Option<String> {
+    let told = |scene: &&str| {
+        let of: Vec<&Flown> = all.iter().filter(|f| f.kind == kind && f.scene == *scene).collect();
+        let arrived = of.iter().filter(|f| f.trial.arrived()).count();
+        let reached = mean(&of.iter().map(|f| 100.0 * f.reached).collect::<Vec<_>>());
+        format!("{scene} {arrived} of {} arrive, {reached:.0} % of the way reached", of.len())
+    };
+    let any = all.iter().any(|f| f.kind == kind);
+    any.then(|| format!("Flights of {kind}: {}.", scenes.iter().map(told).collect::<Vec<_>>().join("; ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A phantom is flown to its end by nothing but repulsion, and without mines nothing moves.
+    #[test]
+    fn repulsion_alone_flies_a_phantom() {
+        let progress = Progress::new();
+        let course = trials::small_phantoms(Effort::Quick, &progress).unwrap().remove(1);
+        let paper = Scene::parse(PAPER).unwrap();
+        let trial = trials::fly(&course, &paper, 120.0).unwrap();
+        assert!(trial.arrived(), "{}", trial.reason);
+        let to_goal = course.to_goal(&progress).unwrap();
+        assert_eq!(reached(&trial, course.plan.start, &to_goal), 1.0);
+        // A mine that pushes nothing drives nothing.
+        let idle = Scene { mines: paper.mines.map(|m| MineSettings { push: 0.0, ..m }), watch: None, ..paper };
+        let trial = trials::fly(&course, &idle, 10.0).unwrap();
+        assert!(reached(&trial, course.plan.start, &to_goal) < 0.05, "the wall alone moves nothing far");
+    }
+}
