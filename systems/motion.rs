@@ -31,26 +31,53 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Adds up what acts on the body. The operator's hand takes the place of the guide's thrust and of the mines, which go and
-/// come again gradually.
+/// What acts on the body beside its drag, a potential and the wall's contact; accelerations, world mm/s².
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Acting {
+    /// The operator's hand.
+    pub hand: DVec3,
+    /// The guide's push off the wall.
+    pub wall: DVec3,
+    /// The guide's thrust and the mines' push together, held to cruise speed.
+    pub drive: DVec3,
+    /// The mines' part of that.
+    pub mines: DVec3,
+}
+
+impl Acting {
+    /// All of it.
+    pub fn sum(&self) -> DVec3 {
+        self.hand + self.wall + self.drive
+    }
+}
+
+/// What acts on a body now. The operator's hand takes the place of the guide's thrust and of the mines, which go and come
+/// again gradually.
+pub fn acting(flight: &Flight, hand: Option<&Hand>, guide: Option<&GuideThrust>, mines: Option<&MinePush>) -> Acting {
+    let mut acting = Acting { hand: hand.map_or(DVec3::ZERO, |h| h.acceleration), ..Acting::default() };
+    // Stopped to look around: drag alone brings the body to rest, and nothing shifts it then.
+    let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
+    let Some(guide) = guide.filter(|_| !stopped) else { return acting };
+    acting.wall = guide.wall;
+    if guide.exact {
+        acting.drive = guide.thrust;
+    } else if flight.state == State::Flying {
+        let pace = hand.map_or(1.0, Hand::pace);
+        // Mines steer; they must not make the flight faster than it is meant to be.
+        let mines = mines.map_or(DVec3::ZERO, |m| m.0);
+        let drive = guide.thrust + mines;
+        acting.drive = drive.clamp_length_max(guide.limit) * pace;
+        acting.mines = mines * (acting.drive.length() / drive.length().max(1e-9));
+    }
+    acting
+}
+
+/// Adds up what acts on the body.
 pub fn sum_forces(
     camera: Single<(&mut Acceleration, &Flight, Option<&Hand>, Option<&GuideThrust>, Option<&MinePush>)>,
 ) {
     let (mut sum, flight, hand, guide, mines) = camera.into_inner();
-    let pace = hand.map_or(1.0, Hand::pace);
-    // Stopped to look around: drag alone brings the body to rest, and nothing shifts it then.
-    let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
-    let mut total = hand.map_or(DVec3::ZERO, |h| h.acceleration);
-    if let (Some(g), false) = (guide, stopped) {
-        total += g.wall;
-        if g.exact {
-            total += g.thrust;
-        } else if flight.state == State::Flying {
-            // Mines steer; they must not make the flight faster than it is meant to be.
-            let drive = g.thrust + mines.map_or(DVec3::ZERO, |m| m.0);
-            total += drive.clamp_length_max(g.limit) * pace;
-        }
-    }
+    let total = acting(flight, hand, guide, mines).sum();
     sum.0 = if total.is_finite() { total } else { DVec3::ZERO };
 }
 

@@ -1,6 +1,6 @@
 //! What a program has to choose from: guides, renderers, cameras, overlays.
 
-use crate::app::Overlay;
+use crate::app::{Overlay, overlays};
 use crate::error::{Error, Result};
 use crate::render::{CameraModel, Preset, camera, presets};
 use crate::schedule::{Guide, Guides};
@@ -28,7 +28,7 @@ impl Default for Catalog {
             guides: systems::guides(),
             presets: presets::BUILT_IN.to_vec(),
             cameras: camera::BUILT_IN.to_vec(),
-            overlays: Vec::new(),
+            overlays: overlays::BUILT_IN.to_vec(),
         }
     }
 }

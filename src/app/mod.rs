@@ -8,6 +8,7 @@ pub mod explain;
 pub mod fields;
 pub mod flight;
 pub mod overlay;
+pub mod overlays;
 pub mod plan;
 pub mod scan;
 pub mod scene;

@@ -34,10 +34,23 @@ pub type Colour = [u8; 3];
 /// A place in the picture, pixels from its top left corner.
 pub type Place2 = [f32; 2];
 
-/// Something drawn.
+/// Where a text stands beside its place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Align {
+    /// The place is the middle of its left edge.
+    Left,
+    /// The place is its centre.
+    #[default]
+    Centre,
+    /// The place is the middle of its right edge.
+    Right,
+}
+
+/// Something drawn. Places and radii are in pixels; widths of lines and sizes of text in points, that is in pixels of a
+/// screen of the usual density.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
-    /// A straight line, a pixel and a half wide at the usual scale.
+    /// A straight line.
     Line {
         /// From here.
         from: Place2,
@@ -45,8 +58,10 @@ pub enum Mark {
         to: Place2,
         /// Colour.
         colour: Colour,
+        /// Points.
+        width: f32,
     },
-    /// A circle's outline.
+    /// A circle's outline, a point and a half wide.
     Circle {
         /// Its centre.
         centre: Place2,
@@ -55,14 +70,38 @@ pub enum Mark {
         /// Colour.
         colour: Colour,
     },
-    /// A line of text, centred at a place.
+    /// A filled circle.
+    Disc {
+        /// Its centre.
+        centre: Place2,
+        /// Its radius, pixels.
+        radius: f32,
+        /// Colour.
+        colour: Colour,
+    },
+    /// A filled rectangle.
+    Panel {
+        /// Its top left corner.
+        low: Place2,
+        /// Its bottom right corner.
+        high: Place2,
+        /// Colour.
+        colour: Colour,
+        /// How much of the picture it covers, 0 to 1.
+        opacity: f32,
+    },
+    /// A line of text.
     Text {
-        /// The text's centre.
+        /// Its place.
         at: Place2,
         /// The text.
         text: String,
         /// Colour.
         colour: Colour,
+        /// How it stands beside its place.
+        align: Align,
+        /// Height of the font, points.
+        size: f32,
     },
 }
 
@@ -85,13 +124,26 @@ pub enum Mark {
 #[derive(Clone, Debug)]
 pub struct Canvas {
     view: View,
+    scale: f32,
     marks: Vec<Mark>,
+    /// How many rows of what overlays share are taken.
+    taken: Vec<(&'static str, usize)>,
 }
 
+/// Width of a line where none is given, points.
+const LINE: f32 = 1.5;
+/// Height of a text's font where none is given, points.
+const TEXT: f32 = 14.0;
+
 impl Canvas {
-    /// Nothing drawn yet over the picture of `view`.
+    /// Nothing drawn yet over the picture of `view`, on a screen of the usual density.
     pub fn new(view: View) -> Self {
-        Self { view, marks: Vec::new() }
+        Self::at_scale(view, 1.0)
+    }
+
+    /// Nothing drawn yet over the picture of `view`, on a screen of `scale` pixels a point.
+    pub fn at_scale(view: View, scale: f32) -> Self {
+        Self { view, scale, marks: Vec::new(), taken: Vec::new() }
     }
 
     /// Width and height, pixels.
@@ -99,14 +151,40 @@ impl Canvas {
         [self.view.width() as f32, self.view.height() as f32]
     }
 
+    /// Pixels a point: what is to look alike on every screen is so many times its size.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// The view that is drawn over.
+    pub fn view(&self) -> &View {
+        &self.view
+    }
+
     /// Where a point (world, mm) is in the picture; none where the camera does not see it. What hides it is not asked.
     pub fn find(&self, point: DVec3) -> Option<Place2> {
         self.view.project(point).map(|[x, y]| [x as f32, y as f32])
     }
 
+    /// Takes so many rows of something that several overlays share, by its name; how many were taken before.
+    pub fn take(&mut self, what: &'static str, rows: usize) -> usize {
+        match self.taken.iter_mut().find(|t| t.0 == what) {
+            Some((_, taken)) => std::mem::replace(taken, *taken + rows),
+            None => {
+                self.taken.push((what, rows));
+                0
+            }
+        }
+    }
+
     /// Draws a line.
     pub fn line(&mut self, from: Place2, to: Place2, colour: Colour) {
-        self.marks.push(Mark::Line { from, to, colour });
+        self.stroke(from, to, LINE, colour);
+    }
+
+    /// Draws a line of a width in points.
+    pub fn stroke(&mut self, from: Place2, to: Place2, width: f32, colour: Colour) {
+        self.marks.push(Mark::Line { from, to, colour, width });
     }
 
     /// Draws a circle.
@@ -114,9 +192,24 @@ impl Canvas {
         self.marks.push(Mark::Circle { centre, radius, colour });
     }
 
-    /// Writes a line of text.
+    /// Draws a filled circle.
+    pub fn disc(&mut self, centre: Place2, radius: f32, colour: Colour) {
+        self.marks.push(Mark::Disc { centre, radius, colour });
+    }
+
+    /// Draws a filled rectangle that covers a share (0 to 1) of what is below.
+    pub fn panel(&mut self, low: Place2, high: Place2, colour: Colour, opacity: f32) {
+        self.marks.push(Mark::Panel { low, high, colour, opacity });
+    }
+
+    /// Writes a line of text, centred at a place.
     pub fn text(&mut self, at: Place2, text: impl Into<String>, colour: Colour) {
-        self.marks.push(Mark::Text { at, text: text.into(), colour });
+        self.label(at, Align::Centre, TEXT, text, colour);
+    }
+
+    /// Writes a line of text of a size in points beside a place.
+    pub fn label(&mut self, at: Place2, align: Align, size: f32, text: impl Into<String>, colour: Colour) {
+        self.marks.push(Mark::Text { at, text: text.into(), colour, align, size });
     }
 
     /// What was drawn.

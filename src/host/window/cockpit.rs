@@ -69,6 +69,8 @@ pub struct Cockpit {
     /// The guide that has the flight back when the operator gives it.
     last_guide: &'static str,
     overlays: Overlays,
+    /// Pixels a point of the window.
+    scale: f32,
     /// Whether there is something new to say although the flight rests.
     attention: bool,
 }
@@ -107,6 +109,7 @@ impl Cockpit {
             planning: None,
             last_guide,
             overlays: Overlays::new(overlays),
+            scale: 1.0,
             attention: false,
         })
     }
@@ -119,6 +122,11 @@ impl Cockpit {
     /// The flight, for taking its log.
     pub fn flight_mut(&mut self) -> &mut FlightApp {
         &mut self.flight
+    }
+
+    /// Learns how many pixels of the window are a point.
+    pub fn scaled(&mut self, scale: f32) {
+        self.scale = scale;
     }
 
     /// What the images took.
@@ -504,7 +512,7 @@ impl Cockpit {
             place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),
             help: if self.help { keys::help(&self.flight.scene().guides, self.overlays.all()) } else { Vec::new() },
-            marks_drawn: self.overlays.draw(&self.flight),
+            marks_drawn: self.overlays.draw(&self.flight, self.scale),
         }
     }
 

@@ -4,7 +4,7 @@ use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Vec2, pos2, vec2};
 
 use super::directions::Directions;
 use super::keys::SHORT_HELP;
-use crate::app::overlay::{Colour, Mark, Place2};
+use crate::app::overlay::{Align, Colour, Mark, Place2};
 
 /// Shown always.
 const DISCLAIMER: &str = "Research software. Not for diagnosis.";
@@ -169,14 +169,27 @@ fn drawn(p: &Painter, marks: &[Mark]) {
     let ink = |[r, g, b]: Colour| Color32::from_rgb(r, g, b);
     for mark in marks {
         match mark {
-            Mark::Line { from, to, colour } => {
-                p.line_segment([at(*from), at(*to)], (1.5, ink(*colour)));
+            Mark::Line { from, to, colour, width } => {
+                p.line_segment([at(*from), at(*to)], (*width, ink(*colour)));
             }
             Mark::Circle { centre, radius, colour } => {
                 p.circle_stroke(at(*centre), radius / scale, (1.5, ink(*colour)));
             }
-            Mark::Text { at: place, text: words, colour } => {
-                text(p, at(*place), Align2::CENTER_CENTER, words, TEXT, ink(*colour));
+            Mark::Disc { centre, radius, colour } => {
+                p.circle_filled(at(*centre), radius / scale, ink(*colour));
+            }
+            Mark::Panel { low, high, colour: [r, g, b], opacity } => {
+                let alpha = (opacity.clamp(0.0, 1.0) * 255.0).round() as u8;
+                let rect = Rect::from_min_max(at(*low), at(*high));
+                p.rect_filled(rect, 3.0, Color32::from_rgba_unmultiplied(*r, *g, *b, alpha));
+            }
+            Mark::Text { at: place, text: words, colour, align, size } => {
+                let align = match align {
+                    Align::Left => Align2::LEFT_CENTER,
+                    Align::Centre => Align2::CENTER_CENTER,
+                    Align::Right => Align2::RIGHT_CENTER,
+                };
+                text(p, at(*place), align, words, *size, ink(*colour));
             }
         }
     }

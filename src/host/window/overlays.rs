@@ -36,10 +36,10 @@ impl Overlays {
         self.all.iter().position(|o| is(o.key)).map(Deed::Overlay)
     }
 
-    /// What those draw that are shown.
-    pub fn draw(&self, flight: &FlightApp) -> Vec<Mark> {
+    /// What those draw that are shown, on a screen of `scale` pixels a point. Where none is, nothing is done.
+    pub fn draw(&self, flight: &FlightApp, scale: f32) -> Vec<Mark> {
         let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return Vec::new() };
-        let mut canvas = Canvas::new(view);
+        let mut canvas = Canvas::at_scale(view, scale);
         let shown = self.all.iter().zip(&self.shown).filter(|o| *o.1).map(|o| o.0);
         shown.for_each(|overlay| (overlay.draw)(flight, &mut canvas));
         canvas.into_marks()

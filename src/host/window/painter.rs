@@ -152,6 +152,11 @@ fn area((width, height): (usize, usize), scale: f32) -> (f32, Rect) {
     (scale, Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / scale))
 }
 
+/// Pixels a point of the overlay in a window of so many pixels, of which the system counts `scale` as a point.
+pub fn pixels_a_point(window: (usize, usize), scale: f32) -> f32 {
+    area(window, scale).0
+}
+
 /// The share of the way that a pixel of a window stands for, if it is on the bar.
 pub fn on_bar(window: (usize, usize), scale: f32, pixel: (f64, f64)) -> Option<f64> {
     let (scale, area) = area(window, scale);

@@ -17,7 +17,7 @@ use super::framebuffer::{Framebuffer, Picturing};
 use super::keys::{Action, Deed, action, with_control};
 use super::loading::{Loading, Ready};
 use super::overlay::Content;
-use super::painter::on_bar;
+use super::painter::{on_bar, pixels_a_point};
 use super::presented::Presented;
 use super::saver::WakeUp;
 use super::session::Session;
@@ -185,6 +185,11 @@ impl Shell {
         })
     }
 
+    /// Pixels of the window that the system counts as a point.
+    fn scale(&self) -> f32 {
+        self.window.as_ref().map_or(1.0, |w| w.scale_factor() as f32)
+    }
+
     /// The loading is over: takes off, or shows why not.
     fn take_off(&mut self) -> Result<()> {
         let Stage::Loading(loading) = std::mem::replace(&mut self.stage, Stage::Over) else { return Ok(()) };
@@ -287,7 +292,7 @@ impl Shell {
     /// Flies on to now, and shows the picture if it differs from the one that is shown, or if `anew`.
     fn picture(&mut self, anew: bool) -> Result<()> {
         let now = Instant::now();
-        let size = self.window_size();
+        let (size, scale) = (self.window_size(), self.scale());
         let mut changed = anew;
         let content = match &mut self.stage {
             Stage::Loading(loading) => loading.content(),
@@ -298,6 +303,7 @@ impl Shell {
                     log.add(cockpit.flight_mut().take_log())?;
                 }
                 changed |= cockpit.trace(size, now)?;
+                cockpit.scaled(pixels_a_point(size, scale));
                 Content::Flight(Box::new(cockpit.readings(now)))
             }
             Stage::Over => return Ok(()),
@@ -424,8 +430,7 @@ impl ApplicationHandler<Wake> for Shell {
                 let pressed = state == ElementState::Pressed;
                 let drag = if self.modifiers.shift_key() { Drag::Roll } else { Drag::Look };
                 let size = self.window_size();
-                let scale = self.window.as_ref().map_or(1.0, |w| w.scale_factor() as f32);
-                let share = self.cursor.and_then(|c| on_bar(size, scale, (c.x, c.y)));
+                let share = self.cursor.and_then(|c| on_bar(size, self.scale(), (c.x, c.y)));
                 match (&mut self.stage, share) {
                     (Stage::Flying(c), Some(share)) if pressed => c.seek(share, now),
                     _ => self.drag = pressed.then_some(drag),

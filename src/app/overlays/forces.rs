@@ -1,0 +1,142 @@
+//! The forces on the camera (paper, figure 4): what pushes, pulls and holds it back, and what comes of all of it.
+//!
+//! They act at the eye. In the picture they are drawn on a cross in its middle, some way ahead, so that the part across the view
+//! is seen as it is and the part along it foreshortened; in the views of the surroundings they begin at the camera.
+
+use glam::DVec3;
+
+use super::surroundings::surroundings;
+use super::{EDGE, GREEN, GREY, PURPLE, SKY, SMALL, VERMILION, WHITE, YELLOW, arrow, legend_row, legend_text};
+use crate::app::overlay::{Align, Canvas, Colour, Place2};
+use crate::app::{FlightApp, Overlay};
+use crate::components::camera::Velocity;
+use crate::components::flight::State;
+use crate::components::guide::{GuideThrust, MinePush, PotentialField};
+use crate::components::input::Hand;
+use crate::dynamics::Potential;
+use crate::systems::motion::acting;
+
+/// The overlay.
+pub const OVERLAY: Overlay =
+    Overlay { name: "forces", summary: "forces on the camera (vectors)", key: Some('v'), shown: false, draw };
+
+/// Length of an arrow, mm for each mm/s².
+const MM_A_FORCE: f64 = 0.14;
+/// The arrows in the picture begin so far ahead, mm, and are so much shorter.
+const AHEAD_MM: f64 = 30.0;
+const IN_PICTURE: f64 = 0.45;
+/// An arrow in the picture is no longer than this, mm: it must not reach behind the camera.
+const LONGEST_MM: f64 = 24.0;
+/// Weaker ones than this are not drawn, mm/s².
+const WEAK: f64 = 2.0;
+
+/// Something that acts on the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Force {
+    /// What it is.
+    pub name: &'static str,
+    /// The letter at its arrow.
+    pub letter: &'static str,
+    /// Force divided by the camera's mass, world mm/s².
+    pub acceleration: DVec3,
+    colour: Colour,
+}
+
+/// All that acts on a flight's camera now, and last their sum. Nothing where nothing moves it, or a log does.
+pub fn forces(flight: &FlightApp) -> Vec<Force> {
+    if !flight.scene().moves() || flight.scene().play().is_some() {
+        return Vec::new();
+    }
+    let body = flight.scene().body;
+    let (hand, guide) = (flight.camera::<Hand>(), flight.camera::<GuideThrust>());
+    let acts = acting(&flight.flight(), hand, guide, flight.camera::<MinePush>());
+    let [field_wall, field_target] = by_field(flight, hand);
+    let velocity = flight.camera::<Velocity>().map_or(DVec3::ZERO, |v| v.0);
+    let pull = if flight.camera::<PotentialField>().is_some() { "target's pull" } else { "guide's thrust" };
+    let force = |name, letter, acceleration, colour| Force { name, letter, acceleration, colour };
+    let mut all = vec![
+        force("wall's push", "W", acts.wall + field_wall, VERMILION),
+        force("mines' push", "M", acts.mines, PURPLE),
+        force(pull, "G", acts.drive - acts.mines + field_target, GREEN),
+        force("operator's push", "H", acts.hand, YELLOW),
+        force("drag", "D", velocity * -body.drag_per_s, SKY),
+    ];
+    let sum = all.iter().map(|f| f.acceleration).sum();
+    all.push(force("sum", "S", sum, WHITE));
+    all
+}
+
+/// What the wall and the target exert by a potential, world mm/s²; as the step of the body has it.
+fn by_field(flight: &FlightApp, hand: Option<&Hand>) -> [DVec3; 2] {
+    let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
+    let Some(field) = flight.camera::<PotentialField>().filter(|_| !stopped) else { return [DVec3::ZERO; 2] };
+    let (at, mass) = (flight.pose().position, flight.scene().body.mass_g);
+    let pace = if flight.flight().state == State::Flying { hand.map_or(1.0, Hand::pace) } else { 0.0 };
+    let target = field.target.as_ref().filter(|_| pace > 0.0).and_then(|t| t.sample(at));
+    let pull = Potential { target_force: field.potential.target_force * pace, ..field.potential };
+    [field.potential.at(field.wall.sample(at), None).gradient / -mass, pull.at(None, target).gradient / -mass]
+}
+
+fn draw(flight: &FlightApp, canvas: &mut Canvas) {
+    let all = forces(flight);
+    if all.is_empty() {
+        if let Some(row) = legend_row(canvas) {
+            legend_text(canvas, row, 0.0, "no forces: the camera is where the log says", GREY);
+        }
+        return;
+    }
+    let pose = flight.pose();
+    let origin = pose.position + pose.attitude.forward * AHEAD_MM;
+    if let Some(from) = canvas.find(origin) {
+        let arm = 5.0 * canvas.scale();
+        for (width, colour) in [(3.0, EDGE), (1.2, WHITE)] {
+            canvas.stroke([from[0] - arm, from[1]], [from[0] + arm, from[1]], width, colour);
+            canvas.stroke([from[0], from[1] - arm], [from[0], from[1] + arm], width, colour);
+        }
+        for force in strong(&all) {
+            let way = (force.acceleration * MM_A_FORCE * IN_PICTURE).clamp_length_max(LONGEST_MM);
+            if let Some(tip) = canvas.find(origin + way) {
+                arrow(canvas, from, tip, force.colour);
+                letter(canvas, from, tip, force);
+            }
+        }
+    }
+    for pane in surroundings(flight, canvas).into_iter().flatten() {
+        for force in strong(&all) {
+            if let Some(tip) = pane.arrow(canvas, force.acceleration * MM_A_FORCE, force.colour) {
+                letter(canvas, pane.find(pose.position), tip, force);
+            }
+        }
+    }
+    // The legend grows upwards.
+    for force in all.iter().rev() {
+        if let Some(row) = legend_row(canvas) {
+            let (size, pt) = (force.acceleration.length(), canvas.scale());
+            let ink = if size < WEAK { GREY } else { force.colour };
+            canvas.label(row, Align::Left, SMALL, force.letter, ink);
+            legend_text(canvas, row, 18.0, force.name, if size < WEAK { GREY } else { WHITE });
+            canvas.label([row[0] + 190.0 * pt, row[1]], Align::Right, SMALL, format!("{size:.0} mm/s²"), ink);
+            let bar = (size * 0.2).min(80.0) as f32;
+            if bar >= 1.0 {
+                canvas.stroke([row[0] + 200.0 * pt, row[1]], [row[0] + (200.0 + bar) * pt, row[1]], 5.0, ink);
+            }
+        }
+    }
+}
+
+fn strong(all: &[Force]) -> impl Iterator<Item = &Force> {
+    all.iter().filter(|f| f.acceleration.length() >= WEAK)
+}
+
+/// The letter of a force beyond its tip; none at an arrow that points at the eye.
+fn letter(canvas: &mut Canvas, from: Place2, tip: Place2, force: &Force) {
+    let pt = canvas.scale();
+    let [x, y] = [tip[0] - from[0], tip[1] - from[1]];
+    let length = x.hypot(y);
+    if length < 10.0 * pt {
+        return;
+    }
+    let at = [tip[0] + x / length * 8.0 * pt, tip[1] + y / length * 8.0 * pt];
+    canvas.label([at[0] + pt, at[1] + pt], Align::Centre, SMALL, force.letter, EDGE);
+    canvas.label(at, Align::Centre, SMALL, force.letter, force.colour);
+}

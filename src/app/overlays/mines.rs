@@ -1,0 +1,81 @@
+//! The mines: where they lie in the picture, filled where they are in sight and hollow behind a wall; and behind the camera,
+//! in the views of the surroundings.
+
+use super::surroundings::surroundings;
+use super::{EDGE, GREY, PURPLE, SMALL, WHITE, dot, legend_row, legend_text, ring};
+use crate::app::overlay::{Align, Canvas, Place2};
+use crate::app::{FlightApp, Overlay};
+use crate::components::guide::MineField;
+use crate::render::first_crossing;
+
+/// The overlay.
+pub const OVERLAY: Overlay =
+    Overlay { name: "mines", summary: "mines: laid behind the camera", key: Some('m'), shown: false, draw };
+
+/// A mine is drawn as large as a ball of this radius would be seen, mm.
+const RADIUS_MM: f64 = 1.2;
+
+fn draw(flight: &FlightApp, canvas: &mut Canvas) {
+    let Some(field) = flight.camera::<MineField>() else {
+        if let Some(row) = legend_row(canvas) {
+            legend_text(canvas, row, 0.0, "no mines take part in this flight", GREY);
+        }
+        return;
+    };
+    let pt = canvas.scale();
+    let at = flight.pose().position;
+    let right = flight.pose().attitude.right();
+    let panes = surroundings(flight, canvas);
+    let (mut nearest, mut pushing) = (f64::INFINITY, 0);
+    // From the last one to the first, as the way leads back.
+    let mut last = at;
+    for mine in field.mines.iter().collect::<Vec<_>>().into_iter().rev() {
+        let distance = at.distance(mine);
+        nearest = nearest.min(distance);
+        pushing += usize::from(distance < field.settings.reach_mm);
+        let way = (mine - at).normalize_or_zero();
+        let in_sight = first_crossing(flight.volume(), at, way, distance).is_none();
+        if let (Some(place), Some(edge)) = (canvas.find(mine), canvas.find(mine + right * RADIUS_MM)) {
+            let radius = (edge[0] - place[0]).hypot(edge[1] - place[1]).clamp(4.0 * pt, 16.0 * pt);
+            marker(canvas, place, radius, in_sight);
+            if in_sight {
+                let below = [place[0], place[1] + radius + 9.0 * pt];
+                canvas.label([below[0] + pt, below[1] + pt], Align::Centre, SMALL, format!("{distance:.0} mm"), EDGE);
+                canvas.label(below, Align::Centre, SMALL, format!("{distance:.0} mm"), WHITE);
+            }
+        }
+        for pane in panes.iter().flatten() {
+            let place = pane.find(mine);
+            pane.stroke(canvas, pane.find(last), place, 1.0, PURPLE);
+            if pane.holds(place) {
+                marker(canvas, place, 4.0 * pt, in_sight);
+            }
+        }
+        last = mine;
+    }
+    let (count, kept, reach) = (field.mines.len(), field.settings.kept, field.settings.reach_mm);
+    if let Some(row) = legend_row(canvas) {
+        marker(canvas, [row[0] + 5.0 * pt, row[1]], 4.5 * pt, true);
+        legend_text(canvas, row, 16.0, "mine in sight", WHITE);
+        marker(canvas, [row[0] + 115.0 * pt, row[1]], 4.5 * pt, false);
+        legend_text(canvas, row, 126.0, "mine behind a wall", WHITE);
+    }
+    if let Some(row) = legend_row(canvas) {
+        let near = if count > 0 { format!(", the nearest {nearest:.0} mm away") } else { String::new() };
+        let text = format!("{count} mines of {kept}{near}; {pushing} push, within {reach:.0} mm");
+        legend_text(canvas, row, 0.0, text, WHITE);
+    }
+}
+
+/// A disc with a cross where it can be seen, else a ring with one.
+fn marker(canvas: &mut Canvas, at: Place2, radius: f32, in_sight: bool) {
+    let ink = if in_sight { EDGE } else { PURPLE };
+    if in_sight {
+        dot(canvas, at, radius, PURPLE);
+    } else {
+        ring(canvas, at, radius, PURPLE);
+    }
+    let arm = 0.55 * radius;
+    canvas.stroke([at[0] - arm, at[1] - arm], [at[0] + arm, at[1] + arm], 1.4, ink);
+    canvas.stroke([at[0] - arm, at[1] + arm], [at[0] + arm, at[1] - arm], 1.4, ink);
+}

@@ -1,0 +1,200 @@
+//! Two small views of what is around the camera, from its right side and from above: orthographic, they turn with the
+//! camera, which flies to the right in both.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::{EDGE, FOOT, GREY, MARGIN, SMALL, WHITE, arrow};
+use crate::app::FlightApp;
+use crate::app::overlay::{Align, Canvas, Colour, Place2};
+use crate::render::first_crossing;
+
+/// What a view spans from left to right, mm; it is two thirds as high.
+const SPAN_MM: f64 = 120.0;
+/// Where the camera is in it, as a share of its width: there is more to see behind than before it.
+const CAMERA: f32 = 0.6;
+/// Widest view, points.
+const WIDEST: f32 = 250.0;
+/// Narrower ones tell nothing, points.
+const NARROWEST: f32 = 90.0;
+/// The wall is looked for in so many directions, so far, mm.
+const RAYS: usize = 240;
+const REACH_MM: f64 = 100.0;
+/// Neighbouring places of the wall are joined where their distances from the camera differ by less than this share.
+const JOINED: f64 = 0.25;
+/// Length of the scale bar, mm.
+const BAR_MM: f64 = 20.0;
+/// The wall's outline.
+const WALL: Colour = [226, 176, 160];
+
+/// One of the views.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pane {
+    low: Place2,
+    high: Place2,
+    camera: Place2,
+    /// Pixels a mm.
+    per_mm: f64,
+    /// The camera's place, world mm.
+    at: DVec3,
+    /// The view's right and up, world, of unit length.
+    axes: [DVec3; 2],
+}
+
+impl Pane {
+    /// Where a place (world, mm) is in the view; it may lie beyond its edges.
+    pub fn find(&self, place: DVec3) -> Place2 {
+        let away = (place - self.at) * self.per_mm;
+        [self.camera[0] + away.dot(self.axes[0]) as f32, self.camera[1] - away.dot(self.axes[1]) as f32]
+    }
+
+    /// Whether a point of the picture is in the view.
+    pub fn holds(&self, [x, y]: Place2) -> bool {
+        (self.low[0]..=self.high[0]).contains(&x) && (self.low[1]..=self.high[1]).contains(&y)
+    }
+
+    /// By how much a unit direction (world) leaves the view's plane, 0 to 1.
+    pub fn leaves(&self, direction: DVec3) -> f64 {
+        direction.dot(self.axes[0].cross(self.axes[1])).abs()
+    }
+
+    /// Draws the part of a line (pixels) that is in the view; whether all of it is.
+    pub fn stroke(&self, canvas: &mut Canvas, from: Place2, to: Place2, width: f32, colour: Colour) -> bool {
+        let Some([a, b]) = self.clip(from, to) else { return false };
+        canvas.stroke(a, b, width, colour);
+        b == to && a == from
+    }
+
+    /// Draws an arrow from the camera along `way` (world, mm); one that is longer than the view has no head. Its tip, if that
+    /// is in the view.
+    pub fn arrow(&self, canvas: &mut Canvas, way: DVec3, colour: Colour) -> Option<Place2> {
+        let tip = self.find(self.at + way);
+        if self.holds(tip) {
+            arrow(canvas, self.camera, tip, colour);
+            return Some(tip);
+        }
+        for (width, colour) in [(4.0, EDGE), (2.2, colour)] {
+            self.stroke(canvas, self.camera, tip, width, colour);
+        }
+        None
+    }
+
+    /// The part of a line that is in the view (Liang and Barsky, *A new concept and method for line clipping*, 1984).
+    fn clip(&self, from: Place2, to: Place2) -> Option<[Place2; 2]> {
+        let (mut enters, mut leaves) = (0f32, 1f32);
+        for a in 0..2 {
+            let along = to[a] - from[a];
+            for (inside, rate) in [(from[a] - self.low[a], -along), (self.high[a] - from[a], along)] {
+                if rate == 0.0 && inside < 0.0 {
+                    return None;
+                } else if rate < 0.0 {
+                    enters = enters.max(inside / rate);
+                } else if rate > 0.0 {
+                    leaves = leaves.min(inside / rate);
+                }
+            }
+        }
+        let place = |t: f32, end: Place2| match t {
+            0.0 | 1.0 => end,
+            t => [from[0] + (to[0] - from[0]) * t, from[1] + (to[1] - from[1]) * t],
+        };
+        (enters <= leaves).then(|| [place(enters, from), place(leaves, to)])
+    }
+
+    /// The wall where the view's plane through the camera meets it, as far as it can be seen from there.
+    fn outline(&self, flight: &FlightApp, canvas: &mut Canvas) {
+        let step = std::f64::consts::TAU / RAYS as f64;
+        let lengths: Vec<Option<(f64, DVec3)>> = (0..RAYS)
+            .into_par_iter()
+            .with_min_len(30)
+            .map(|n| {
+                let (sine, cosine) = (step * n as f64).sin_cos();
+                let way = self.axes[0] * cosine + self.axes[1] * sine;
+                let length = first_crossing(flight.volume(), self.at, way, REACH_MM)?;
+                Some((length, self.at + way * length))
+            })
+            .collect();
+        for n in 0..RAYS {
+            if let (Some((a, from)), Some((b, to))) = (lengths[n], lengths[(n + 1) % RAYS])
+                && (a - b).abs() < JOINED * a.min(b)
+            {
+                self.stroke(canvas, self.find(from), self.find(to), 1.5, WALL);
+            }
+        }
+    }
+}
+
+/// The two views in the picture's lower right corner, from the camera's right side and from above, with wall, camera and scale
+/// drawn in them by whoever asks first. None where the picture has no room for them.
+pub fn surroundings(flight: &FlightApp, canvas: &mut Canvas) -> Option<[Pane; 2]> {
+    let pt = canvas.scale();
+    let [width, height] = canvas.size();
+    let wide = (0.25 * width - 16.0 * pt).min(WIDEST * pt).min(0.6 * height);
+    if wide < NARROWEST * pt {
+        return None;
+    }
+    let high = wide * 2.0 / 3.0;
+    let bottom = height - FOOT * pt;
+    let pose = flight.pose();
+    let (forward, up, left) = (pose.attitude.forward, pose.attitude.up, -pose.attitude.right());
+    let pane = |right_edge: f32, axes: [DVec3; 2]| Pane {
+        low: [right_edge - wide, bottom - high],
+        high: [right_edge, bottom],
+        camera: [right_edge - wide * (1.0 - CAMERA), bottom - 0.5 * high],
+        per_mm: f64::from(wide) / SPAN_MM,
+        at: pose.position,
+        axes,
+    };
+    let edge = width - MARGIN * pt;
+    let panes = [pane(edge - wide - 4.0 * pt, [forward, up]), pane(edge, [forward, left])];
+    if canvas.take("surroundings", 1) == 0 {
+        for (pane, title) in panes.iter().zip(["from the right", "from above"]) {
+            canvas.panel(pane.low, pane.high, EDGE, 0.72);
+            pane.outline(flight, canvas);
+            let [x, y] = pane.camera;
+            let tip = [x + 5.0 * pt, y];
+            for side in [-3.5 * pt, 3.5 * pt] {
+                canvas.stroke([x - 4.0 * pt, y + side], tip, 1.8, WHITE);
+            }
+            canvas.stroke([x - 4.0 * pt, y - 3.5 * pt], [x - 4.0 * pt, y + 3.5 * pt], 1.8, WHITE);
+            canvas.label([pane.low[0] + 6.0 * pt, pane.low[1] + 9.0 * pt], Align::Left, SMALL, title, GREY);
+        }
+        scale_bar(&panes[0], canvas);
+    }
+    Some(panes)
+}
+
+fn scale_bar(pane: &Pane, canvas: &mut Canvas) {
+    let pt = canvas.scale();
+    let from = [pane.low[0] + 8.0 * pt, pane.high[1] - 8.0 * pt];
+    let to = [from[0] + (BAR_MM * pane.per_mm) as f32, from[1]];
+    canvas.stroke(from, to, 2.0, GREY);
+    for [x, y] in [from, to] {
+        canvas.stroke([x, y - 3.0 * pt], [x, y + 3.0 * pt], 1.5, GREY);
+    }
+    canvas.label([to[0] + 5.0 * pt, to[1]], Align::Left, SMALL, format!("{BAR_MM:.0} mm"), GREY);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_at_the_views_edge() {
+        let pane = Pane {
+            low: [10.0, 20.0],
+            high: [110.0, 80.0],
+            camera: [60.0, 50.0],
+            per_mm: 2.0,
+            at: DVec3::ZERO,
+            axes: [DVec3::X, DVec3::Z],
+        };
+        assert_eq!(pane.find(DVec3::new(5.0, 9.0, 10.0)), [70.0, 30.0]);
+        assert_eq!(pane.clip([20.0, 30.0], [100.0, 70.0]), Some([[20.0, 30.0], [100.0, 70.0]]));
+        assert_eq!(pane.clip([60.0, 50.0], [260.0, 50.0]), Some([[60.0, 50.0], [110.0, 50.0]]));
+        assert_eq!(pane.clip([60.0, 0.0], [60.0, 200.0]), Some([[60.0, 20.0], [60.0, 80.0]]));
+        assert_eq!(pane.clip([0.0, 0.0], [200.0, 10.0]), None);
+        assert_eq!(pane.clip([0.0, 30.0], [5.0, 90.0]), None);
+        assert!((pane.leaves(DVec3::Y) - 1.0).abs() < 1e-12 && pane.leaves(DVec3::X) < 1e-12);
+    }
+}

@@ -1,0 +1,104 @@
+//! The tentacles: where each of them meets the wall, and how far away that is.
+//!
+//! A tentacle begins at the eye, so in the picture it is a point: the place of the wall that it touches, drawn the larger the
+//! nearer. Nothing can hide that place, since the ray that found it went there. As lines they are seen in the views of the
+//! surroundings.
+
+use super::surroundings::surroundings;
+use super::{GREY, ORANGE, SKY, WHITE, dot, legend_row, legend_text, ring};
+use crate::app::overlay::{Canvas, Colour};
+use crate::app::{FlightApp, Overlay};
+use crate::components::guide::Tentacles;
+
+/// The overlay.
+pub const OVERLAY: Overlay =
+    Overlay { name: "tentacles", summary: "tentacles: where they touch the wall", key: Some('t'), shown: false, draw };
+
+/// Tentacles of this length and longer have the colour of far ones, mm.
+const FAR_MM: f64 = 60.0;
+/// Of this length they are white, mm.
+const MIDDLE_MM: f64 = 25.0;
+/// Tentacles that leave a view's plane by more than this (as a sine) are not drawn in it.
+const LEAVES: f64 = 0.25;
+
+/// Orange near, white between, blue far.
+fn colour(length: f64) -> Colour {
+    let (from, to, share) = if length < MIDDLE_MM {
+        (ORANGE, WHITE, length / MIDDLE_MM)
+    } else {
+        (WHITE, SKY, (length - MIDDLE_MM) / (FAR_MM - MIDDLE_MM))
+    };
+    let share = share.clamp(0.0, 1.0);
+    std::array::from_fn(|c| (f64::from(from[c]) + (f64::from(to[c]) - f64::from(from[c])) * share).round() as u8)
+}
+
+fn draw(flight: &FlightApp, canvas: &mut Canvas) {
+    let Some(t) = flight.camera::<Tentacles>() else {
+        if let Some(row) = legend_row(canvas) {
+            legend_text(canvas, row, 0.0, format!("the guide {} has no tentacles", flight.scene().guide_name()), GREY);
+        }
+        return;
+    };
+    let pt = canvas.scale();
+    let at = flight.pose().position;
+    let [width, height] = canvas.size();
+    for (&way, &length) in t.directions.iter().zip(&t.lengths) {
+        let Some([x, y]) = canvas.find(at + way * length) else { continue };
+        if !(-9.0 * pt..width + 9.0 * pt).contains(&x) || !(-9.0 * pt..height + 9.0 * pt).contains(&y) {
+            continue;
+        }
+        let radius = (1.5 + 45.0 / length.max(1.0)).min(6.5) as f32 * pt;
+        if length < t.settings.reach_mm {
+            dot(canvas, [x, y], radius, colour(length));
+        } else {
+            ring(canvas, [x, y], 4.0 * pt, SKY);
+        }
+        if length < t.settings.wall_mm {
+            ring(canvas, [x, y], radius + 3.0 * pt, ORANGE);
+        }
+    }
+    for pane in surroundings(flight, canvas).into_iter().flatten() {
+        for (&way, &length) in t.directions.iter().zip(&t.lengths) {
+            if pane.leaves(way) < LEAVES {
+                let tip = pane.find(at + way * length);
+                if pane.stroke(canvas, pane.find(at), tip, 1.0, colour(length)) {
+                    canvas.disc(tip, 1.8 * pt, colour(length));
+                }
+            }
+        }
+    }
+    legend(t, canvas);
+}
+
+fn legend(t: &Tentacles, canvas: &mut Canvas) {
+    let pt = canvas.scale();
+    if let Some(row) = legend_row(canvas) {
+        dot(canvas, [row[0] + 5.0 * pt, row[1]], 3.0 * pt, ORANGE);
+        ring(canvas, [row[0] + 5.0 * pt, row[1]], 6.0 * pt, ORANGE);
+        legend_text(canvas, row, 16.0, format!("repels, within {:.0} mm", t.settings.wall_mm), WHITE);
+        ring(canvas, [row[0] + 155.0 * pt, row[1]], 4.0 * pt, SKY);
+        legend_text(canvas, row, 166.0, format!("no wall in {:.0} mm", t.settings.reach_mm), WHITE);
+    }
+    if let Some(row) = legend_row(canvas) {
+        let shortest = t.lengths.iter().copied().fold(f64::INFINITY, f64::min);
+        legend_text(canvas, row, 0.0, format!("{} tentacles, from {shortest:.1} mm", t.lengths.len()), WHITE);
+        let bar = 150.0;
+        for n in 0..40 {
+            let x = row[0] + (bar + f64::from(n)) as f32 * 1.75 * pt - (bar * 0.75) as f32 * pt;
+            let ink = colour(FAR_MM * f64::from(n) / 40.0);
+            canvas.stroke([x, row[1] - 4.0 * pt], [x, row[1] + 4.0 * pt], 2.2, ink);
+        }
+        legend_text(canvas, row, 224.0, format!("0 to {FAR_MM:.0} mm"), WHITE);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_is_orange_and_far_is_blue() {
+        assert_eq!((colour(0.0), colour(MIDDLE_MM), colour(FAR_MM)), (ORANGE, WHITE, SKY));
+        assert_eq!(colour(1e9), SKY);
+    }
+}
