@@ -118,3 +118,22 @@ impl Hand {
         hand::share(self.guided)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn recordings_old_and_new_are_read_and_written_alike() {
+        let old = include_str!("../../tests/inputs/hand.jsonl");
+        let new = [
+            r#"{"tick":1,"command":{"roll":-35.0}}"#,
+            r#"{"tick":2,"command":{"view_angle":40.0}}"#,
+            r#"{"tick":3,"command":{"turn":[0.0,0.0,-1.0]}}"#,
+        ];
+        for line in old.lines().chain(new) {
+            let act: Act = serde_json::from_str(line).unwrap();
+            assert_eq!(serde_json::to_string(&act).unwrap(), line);
+        }
+    }
+}

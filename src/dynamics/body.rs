@@ -8,7 +8,8 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Body {
-    /// Radius of the sphere that must not touch the wall, mm. The cylinder lies within it.
+    /// Radius of the sphere that must not touch the wall, mm. The cylinder lies within it, however it is turned; why contact
+    /// is tested by the sphere is told where [that is done](crate::dynamics::advance).
     pub radius_mm: f64,
     /// Mass, g. Only the ratio of force to mass matters; forces are in g·mm/s².
     pub mass_g: f64,
@@ -81,6 +82,13 @@ impl Body {
         }
     }
 
+    /// The widest gap between the cylinder's surface and the sphere's, mm: so much farther than its cylinder has to does the
+    /// body stay off the wall at the most. It is that at the cylinder's side, or at the middle of its ends.
+    pub fn gap_mm(&self) -> f64 {
+        let (radius, length) = self.cylinder();
+        self.radius_mm - radius.min(0.5 * length)
+    }
+
     /// The cylinder's moments of inertia.
     pub fn inertia(&self) -> Inertia {
         let (radius, length) = self.cylinder();
@@ -90,7 +98,10 @@ impl Body {
 
 #[cfg(test)]
 mod tests {
+    use glam::{DQuat, DVec3};
+
     use super::*;
+    use crate::math::hash;
 
     #[test]
     fn nonsense_is_refused_by_name() {
@@ -133,5 +144,29 @@ mod tests {
         assert!(point.inertia().axial > 0.0);
         let (r, l) = Body::default().cylinder();
         assert!((r.hypot(l / 2.0) - 1.5).abs() < 1e-12 && (l - 2.0 * r).abs() < 1e-12);
+    }
+
+    /// What the contact test by the sphere rests on: no turn takes a point of the cylinder out of it, and the wall is at most
+    /// the gap farther away than the cylinder would let it be.
+    #[test]
+    fn the_sphere_encloses_the_cylinder_however_it_is_turned() {
+        assert!((Body::default().gap_mm() - 0.44).abs() < 0.001, "as the docs of the contact test have it");
+        for (r, l) in [(None, None), (Some(0.3), None), (None, Some(0.5)), (Some(1.0), Some(1.0))] {
+            let body = Body { cylinder_radius_mm: r, cylinder_length_mm: l, ..Body::default() };
+            body.check().unwrap();
+            let (r, l) = body.cylinder();
+            let mut widest = 0.0f64;
+            for n in 0..500u64 {
+                let u = |k| hash::uniform(7, 8 * n + k) * 2.0 - 1.0;
+                let turn = DQuat::from_scaled_axis(DVec3::new(u(0), u(1), u(2)) * 3.0);
+                // The cylinder's farthest point along a direction of its own frame, and how far it reaches there.
+                let way = DVec3::new(u(3), u(4), u(5)).normalize();
+                let across = DVec3::new(way.x, way.y, 0.0);
+                let point = across.normalize() * r + DVec3::Z * (0.5 * l * way.z.signum());
+                assert!((turn * point).length() <= body.radius_mm * (1.0 + 1e-9));
+                widest = widest.max(body.radius_mm - way.dot(point));
+            }
+            assert!(widest <= body.gap_mm() + 1e-9 && widest > 0.5 * body.gap_mm(), "{widest} {}", body.gap_mm());
+        }
     }
 }

@@ -6,6 +6,7 @@ mod dynamics;
 mod flight;
 mod guides;
 mod operator;
+mod overlays;
 mod own_guide;
 mod perforation;
 mod plane;

@@ -4,23 +4,25 @@
 use std::sync::Arc;
 
 use colvis::app::plan::{self, Place, Plan, Wish};
-use colvis::app::{FlightApp, Scene, Steering};
+use colvis::app::{FlightApp, ImageSettings, Scene, Steering};
 use colvis::components::camera::Pose;
 use colvis::components::flight::State;
 use colvis::components::input::Command;
-use colvis::components::output::LogLine;
+use colvis::components::output::{LogLine, Picture};
 use colvis::components::play::{Direction, Playback};
 use colvis::error::Result;
 use colvis::fields::{Lumen, lumen};
 use colvis::phantom::{PhantomSettings, Size};
 use colvis::progress::Progress;
-use colvis::render::{PreparedVolume, TransferFunction};
+use colvis::render::presets::BUILT_IN;
+use colvis::render::{PreparedVolume, TransferFunction, psnr};
 use colvis::volume::{Grid, Volume};
 use glam::{DMat3, DVec3};
 
 use crate::support::flights::{fly, jerk};
 use crate::support::logs::place;
 use crate::support::phantom::phantom;
+use crate::support::run::run;
 
 fn scene(guide: &'static str) -> Scene {
     Scene { log: true, operator: true, ..Scene::guided_by(guide) }
@@ -220,4 +222,108 @@ fn a_log_that_is_played_is_looked_around_in() {
     }
     assert!(f.pose().attitude.forward.distance(DVec3::Y) < 1e-12, "then the view is the log's again");
     assert!(place(f.take_log().last().unwrap()) == plan.start);
+}
+
+/// The hand rolls an aided flight by keys and by mouse: the flight is the same to the last bit but for the roll, which stays
+/// when the hand lets go, and the view goes on following the way meanwhile.
+#[test]
+fn a_roll_is_the_operators_and_stays() {
+    let (space, lumen, plan) = small();
+    let lumen = Arc::new(lumen);
+    for guide in ["tentacles", "path"] {
+        let flown = |rolls: bool| {
+            let mut f = FlightApp::new(space.clone(), Arc::clone(&lumen), plan.clone(), scene(guide)).unwrap();
+            let mut log = fly(&mut f, 2.0);
+            if rolls {
+                f.act(Command::Roll(20.0)).unwrap();
+                f.act(Command::Turn([0.0, 0.0, 1.0])).unwrap();
+            }
+            log.extend(fly(&mut f, 1.0));
+            if rolls {
+                f.act(Command::Turn([0.0; 3])).unwrap();
+            }
+            log.extend(fly(&mut f, 6.0));
+            log
+        };
+        let (straight, rolled) = (flown(false), flown(true));
+        assert_eq!(straight.len(), rolled.len());
+        let vector = DVec3::from_array;
+        for (a, b) in straight.iter().zip(&rolled) {
+            assert_eq!(
+                (a.position, a.clearance_mm, a.state),
+                (b.position, b.clearance_mm, b.state),
+                "{guide}: {}",
+                a.t
+            );
+            let off = vector(a.forward).angle_between(vector(b.forward));
+            assert!(off < 1e-3, "{guide}: at {} s the view is {off} rad off the way", a.t);
+        }
+        // Clockwise about the view: 20°, and a second at 1.2 rad/s.
+        let (a, b) = (straight.last().unwrap(), rolled.last().unwrap());
+        let (up, now, forward) = (vector(a.up), vector(b.up), vector(a.forward));
+        let roll = up.cross(now).dot(forward).atan2(up.dot(now));
+        let asked = 20f64.to_radians() + 1.2;
+        assert!((roll - asked).abs() < 0.01, "{guide}: {roll} of {asked} rad");
+    }
+}
+
+/// What a recording of the operator's input holds, old ones included, is flown again to the same log, the same input and the
+/// same pictures.
+#[test]
+fn roll_and_view_angle_are_recorded_and_replayed() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let old = std::fs::read_to_string("tests/inputs/hand.jsonl").unwrap();
+    let new = "{\"tick\":60,\"command\":{\"view_angle\":40.0}}\n{\"tick\":61,\"command\":{\"roll\":-35.0}}\n\
+               {\"tick\":70,\"command\":{\"turn\":[0.0,0.0,1.0]}}\n{\"tick\":130,\"command\":{\"turn\":[0.0,0.0,0.0]}}\n";
+    std::fs::write(at("in.jsonl"), format!("{new}{old}")).unwrap();
+    let fly = |input: &str, n: u32| {
+        let (log, kept, film) = (at(&format!("{n}.jsonl")), at(&format!("{n}.in")), at(&format!("{n}/")));
+        let args = ["--replay", input, "--log", &log, "--record-input", &kept, "--record", &format!("{film}/")];
+        let all = [&["fly", "--headless", "--seconds", "2.5", "--fps", "2", "--size", "64x64"][..], &args].concat();
+        run(&all, 0);
+        let pictures: Vec<Vec<u8>> = (0..4).map(|k| std::fs::read(format!("{film}/{k:04}.png")).unwrap()).collect();
+        (std::fs::read_to_string(log).unwrap(), std::fs::read_to_string(kept).unwrap(), pictures)
+    };
+    let first = fly(&at("in.jsonl"), 1);
+    let again = fly(&at("1.in"), 2);
+    assert!(first == again);
+    assert!(first.1.starts_with(new), "{}", first.1);
+    // Without the view angle the flight is the same, and the pictures after it are others.
+    let wide = new.lines().skip(1).map(|l| format!("{l}\n")).collect::<String>();
+    std::fs::write(at("wide.jsonl"), format!("{wide}{old}")).unwrap();
+    let other = fly(&at("wide.jsonl"), 3);
+    assert!(other.0 == first.0 && other.2[0] == first.2[0] && other.2[2] != first.2[2]);
+    // Without a picture it has no part, and is kept all the same.
+    run(&["fly", "--headless", "--seconds", "1", "--replay", &at("in.jsonl"), "--record-input", &at("bare.in")], 0);
+    let kept = std::fs::read_to_string(at("bare.in")).unwrap();
+    assert!(kept.lines().eq(new.lines().take(3)), "{kept}");
+}
+
+/// The view angle changes under way: the picture is that of the new angle, whatever the renderer kept of the last frames.
+#[test]
+fn a_changed_view_angle_is_rendered_as_if_it_had_always_been() {
+    let (space, lumen, plan) = small();
+    let lumen = Arc::new(lumen);
+    for preset in BUILT_IN {
+        let image = ImageSettings { width: 96, height: 72, preset, ..ImageSettings::default() };
+        let scene = Scene { picture: true, image, ..scene("tentacles") };
+        let space = preset.preparation.prepare(space.shared_volume(), space.transfer());
+        let mut f = FlightApp::new(space, Arc::clone(&lumen), plan.clone(), scene).unwrap();
+        fly(&mut f, 1.0);
+        for asked in [90.0, 60.0, 59.0, 8.0, 120.0, 500.0, -3.0] {
+            f.act(Command::ViewAngle(asked)).unwrap();
+            for _ in 0..4 {
+                f.step().unwrap();
+            }
+            f.frame();
+            let picture = f.camera::<Picture>().unwrap();
+            assert_eq!(picture.fov_degrees, asked.clamp(1.0, 170.0));
+            let fresh = f.look(96, 72).unwrap();
+            let psnr = psnr(&picture.frame, &fresh);
+            assert!(psnr > 45.0, "{preset:?} at {asked}°: {psnr} dB");
+        }
+        f.act(Command::ViewAngle(f64::NAN)).unwrap();
+        assert_eq!(f.camera::<Picture>().unwrap().fov_degrees, 1.0, "what is no number changes nothing");
+    }
 }

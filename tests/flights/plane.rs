@@ -285,8 +285,8 @@ fn a_scene_file_has_the_settings() {
         assert!(by_scene("bends", Some(&format!("{all}{setting}")), 0).0 != usual, "{setting}");
     }
     assert!(by_scene("bends", Some("plugins = [\"tentacles\", \"watch\"]"), 0).0 != usual, "without mines");
-    // Nobody watches: the pocket keeps the camera until the time is over, and nobody is called.
-    let (_, told) = by_scene("pocket", Some("plugins = [\"tentacles\", \"mines\"]"), 0);
+    // Nobody watches: the neck keeps the camera until the time is over, and nobody is called.
+    let (_, told) = by_scene("neck", Some("plugins = [\"tentacles\", \"mines\"]"), 0);
     assert!(told.contains("the time is over"), "{told}");
     // What a drawing has no part for is said.
     let (same, told) = by_scene("bends", Some(&format!("{all}[potential]\nreach_mm = 5")), 0);

@@ -409,6 +409,66 @@ fn guides_and_places_are_chosen_in_flight() {
     assert!(lines.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
 }
 
+/// Roll and view angle by keys and mouse; tentacles, mines and forces over the picture, and not in what is saved; and all that
+/// the hand did, flown again without a window.
+#[test]
+fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut window = screen.fly_with(folder, &["--log", "f.jsonl", "--record-input", "hand.jsonl"]);
+    std::thread::sleep(Duration::from_secs(2));
+    // The colours of the overlays: the pink wall has none of them.
+    let is_sky = |[r, g, b]: [u8; 3]| b > 200 && (150..210).contains(&g) && r < 130 && b > g + 30;
+    let is_purple = |[r, g, b]: [u8; 3]| (200..235).contains(&r) && (120..155).contains(&g) && (175..205).contains(&b);
+    let is_green = |[r, g, b]: [u8; 3]| r < 40 && g > 150 && (100..170).contains(&b);
+    let views = |i: &RgbImage| image::imageops::crop_imm(i, 330, 290, 300, 120).to_image();
+    let none = screen.shot();
+    assert!(share(&views(&none), is_purple) == 0.0 && share(&views(&none), is_green) == 0.0);
+    screen.key("t");
+    screen.shot_when("tentacles", |i| share(&views(i), is_sky) > share(&views(&none), is_sky) + 0.0005);
+    screen.key("m");
+    screen.shot_when("mines", |i| share(&views(i), is_purple) > 0.001);
+    screen.key("v");
+    screen.shot_when("forces", |i| share(&views(i), is_green) > 0.0005);
+    // At rest: a roll by key and by mouse, a view angle by key, by wheel and by the browser's keys.
+    screen.key("space");
+    std::thread::sleep(Duration::from_secs(1));
+    screen.tool("xdotool", &["keydown", "period", "sleep", "0.6", "keyup", "period"]);
+    screen.tool("xdotool", &["mousemove", "300", "240", "mousedown", "3"]);
+    screen.tool("xdotool", &["mousemove", "340", "240", "sleep", "0.2", "mouseup", "3"]);
+    screen.key("bracketleft");
+    screen.tool("xdotool", &["keydown", "ctrl", "click", "4", "key", "equal", "sleep", "0.2", "keyup", "ctrl"]);
+    std::thread::sleep(Duration::from_secs(1));
+    screen.key("p");
+    let saved = folder.join("colvis-0001.png");
+    screen.shot_when("that it is saved", |_| saved.exists());
+    let image = image::open(&saved).unwrap().to_rgb8();
+    assert!(share(&image, is_purple) == 0.0 && share(&image, is_green) == 0.0, "no overlay on what is saved");
+    screen.key("q");
+    let status = window.wait();
+    let (out, err) = window.output();
+    assert!(status.success() && err.is_empty(), "{status}: {err}");
+    let pose: serde_json::Value = serde_json::from_str(out.trim()).unwrap();
+    // Three notches of 1.1 each.
+    let angle = pose["fov_degrees"].as_f64().unwrap();
+    assert!((angle - 90.0 / 1.331).abs() < 0.11, "{angle}");
+    let lines = log(folder, "f.jsonl");
+    let paused = lines.iter().rposition(|l| DVec3::from_array(l.velocity).length() > 1.0).unwrap();
+    let [before, after] = [&lines[paused], &lines[lines.len() - 1]].map(|l| DVec3::from_array(l.up));
+    assert!(before.angle_between(after).to_degrees() > 40.0, "rolled by {}", before.angle_between(after).to_degrees());
+    let hand = fs::read_to_string(folder.join("hand.jsonl")).unwrap();
+    for command in ["\"turn\":[0.0,0.0,1.0]", "\"roll\":", "\"view_angle\":"] {
+        assert!(hand.contains(command), "{hand}");
+    }
+    let seconds = lines[lines.len() - 1].t.to_string();
+    let replay = ["fly", "--headless", "--replay", "hand.jsonl", "--log", "again.jsonl", "--seconds", &seconds];
+    let status = colvis().args(replay).current_dir(folder).stderr(Stdio::null()).status().unwrap();
+    let again = log(folder, "again.jsonl");
+    let same = lines.iter().zip(&again).take(lines.len() - 1).all(|(a, b)| a == b);
+    assert!(status.success() && same && again.len() == lines.len(), "{} of {}", again.len(), lines.len());
+}
+
 #[test]
 fn a_drawn_lumen_in_a_window() {
     let Some(screen) = Screen::open() else { return };

@@ -20,13 +20,13 @@ use crate::systems::motion::acting;
 pub const OVERLAY: Overlay =
     Overlay { name: "forces", summary: "forces on the camera (vectors)", key: Some('v'), shown: false, draw };
 
-/// Length of an arrow, mm for each mm/s².
-const MM_A_FORCE: f64 = 0.14;
-/// The arrows in the picture begin so far ahead, mm, and are so much shorter.
+/// Length of an arrow in the views of the surroundings, and in the picture, mm for each mm/s².
+const MM_A_FORCE: f64 = 0.16;
+const IN_PICTURE: f64 = 0.12;
+/// The arrows in the picture begin at the distance at which that spans twice so much, and no nearer, mm.
 const AHEAD_MM: f64 = 30.0;
-const IN_PICTURE: f64 = 0.45;
 /// An arrow in the picture is no longer than this, mm: it must not reach behind the camera.
-const LONGEST_MM: f64 = 24.0;
+const LONGEST_MM: f64 = 26.0;
 /// Weaker ones than this are not drawn, mm/s².
 const WEAK: f64 = 2.0;
 
@@ -86,7 +86,9 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
         return;
     }
     let pose = flight.pose();
-    let origin = pose.position + pose.attitude.forward * AHEAD_MM;
+    let view = canvas.view();
+    let tangent = view.pixel().map_or(1.0, |pixel| 0.5 * pixel * view.width().min(view.height()) as f64);
+    let origin = pose.position + pose.attitude.forward * (AHEAD_MM / tangent.min(1.0));
     if let Some(from) = canvas.find(origin) {
         let arm = 5.0 * canvas.scale();
         for (width, colour) in [(3.0, EDGE), (1.2, WHITE)] {
@@ -94,7 +96,7 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
             canvas.stroke([from[0], from[1] - arm], [from[0], from[1] + arm], width, colour);
         }
         for force in strong(&all) {
-            let way = (force.acceleration * MM_A_FORCE * IN_PICTURE).clamp_length_max(LONGEST_MM);
+            let way = (force.acceleration * IN_PICTURE).clamp_length_max(LONGEST_MM);
             if let Some(tip) = canvas.find(origin + way) {
                 arrow(canvas, from, tip, force.colour);
                 letter(canvas, from, tip, force);

@@ -61,8 +61,8 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
         legend_text(canvas, row, 126.0, "mine behind a wall", WHITE);
     }
     if let Some(row) = legend_row(canvas) {
-        let near = if count > 0 { format!(", the nearest {nearest:.0} mm away") } else { String::new() };
-        let text = format!("{count} mines of {kept}{near}; {pushing} push, within {reach:.0} mm");
+        let near = if count > 0 { format!(", nearest {nearest:.0} mm") } else { String::new() };
+        let text = format!("{count} of {kept} mines{near}; {pushing} push, within {reach:.0} mm");
         legend_text(canvas, row, 0.0, text, WHITE);
     }
 }

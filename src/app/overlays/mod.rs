@@ -74,14 +74,15 @@ fn legend_row(canvas: &mut Canvas) -> Option<Place2> {
     let pt = canvas.scale();
     let [width, height] = canvas.size();
     let row = canvas.take("legend", 1) as f32;
-    let wide = (0.5 * width - 48.0 * pt).min(300.0 * pt);
-    let bottom = height - (FOOT + ROW * row) * pt;
-    if wide < 120.0 * pt || bottom < 0.5 * height {
+    let wide = (0.5 * width - 48.0 * pt).min(310.0 * pt);
+    // Whole pixels, so that rows meet without a seam.
+    let [low, high] = [row + 1.0, row].map(|n| (height - (FOOT + ROW * n) * pt).round());
+    if wide < 120.0 * pt || low < 0.5 * height {
         return None;
     }
-    let left = MARGIN * pt;
-    canvas.panel([left, bottom - ROW * pt], [left + wide, bottom], EDGE, 0.65);
-    Some([left + 8.0 * pt, bottom - 0.5 * ROW * pt])
+    let left = (MARGIN * pt).round();
+    canvas.panel([left, low], [(left + wide).round(), high], EDGE, 0.82);
+    Some([left + 8.0 * pt, 0.5 * (low + high)])
 }
 
 /// Writes into a row of the legend, so many points from its left end.

@@ -10,7 +10,7 @@ use crate::app::overlay::{Align, Canvas, Colour, Place2};
 use crate::render::first_crossing;
 
 /// What a view spans from left to right, mm; it is two thirds as high.
-const SPAN_MM: f64 = 120.0;
+const SPAN_MM: f64 = 110.0;
 /// Where the camera is in it, as a share of its width: there is more to see behind than before it.
 const CAMERA: f32 = 0.6;
 /// Widest view, points.
@@ -22,6 +22,8 @@ const RAYS: usize = 240;
 const REACH_MM: f64 = 100.0;
 /// Neighbouring places of the wall are joined where their distances from the camera differ by less than this share.
 const JOINED: f64 = 0.25;
+/// Height of the title above a view, points.
+const TITLE: f32 = 17.0;
 /// Length of the scale bar, mm.
 const BAR_MM: f64 = 20.0;
 /// The wall's outline.
@@ -149,7 +151,10 @@ pub fn surroundings(flight: &FlightApp, canvas: &mut Canvas) -> Option<[Pane; 2]
     let panes = [pane(edge - wide - 4.0 * pt, [forward, up]), pane(edge, [forward, left])];
     if canvas.take("surroundings", 1) == 0 {
         for (pane, title) in panes.iter().zip(["from the right", "from above"]) {
-            canvas.panel(pane.low, pane.high, EDGE, 0.72);
+            let top = pane.low[1] - TITLE * pt;
+            canvas.panel([pane.low[0].round(), top], pane.high, EDGE, 0.82);
+            canvas.label([pane.low[0] + 6.0 * pt, top + 0.5 * TITLE * pt], Align::Left, SMALL, title, GREY);
+            scale_bar(pane, canvas);
             pane.outline(flight, canvas);
             let [x, y] = pane.camera;
             let tip = [x + 5.0 * pt, y];
@@ -157,17 +162,17 @@ pub fn surroundings(flight: &FlightApp, canvas: &mut Canvas) -> Option<[Pane; 2]
                 canvas.stroke([x - 4.0 * pt, y + side], tip, 1.8, WHITE);
             }
             canvas.stroke([x - 4.0 * pt, y - 3.5 * pt], [x - 4.0 * pt, y + 3.5 * pt], 1.8, WHITE);
-            canvas.label([pane.low[0] + 6.0 * pt, pane.low[1] + 9.0 * pt], Align::Left, SMALL, title, GREY);
         }
-        scale_bar(&panes[0], canvas);
     }
     Some(panes)
 }
 
+/// In the title's right half.
 fn scale_bar(pane: &Pane, canvas: &mut Canvas) {
     let pt = canvas.scale();
-    let from = [pane.low[0] + 8.0 * pt, pane.high[1] - 8.0 * pt];
-    let to = [from[0] + (BAR_MM * pane.per_mm) as f32, from[1]];
+    let middle = pane.low[1] - 0.5 * TITLE * pt;
+    let to = [pane.high[0] - 48.0 * pt, middle];
+    let from = [to[0] - (BAR_MM * pane.per_mm) as f32, middle];
     canvas.stroke(from, to, 2.0, GREY);
     for [x, y] in [from, to] {
         canvas.stroke([x, y - 3.0 * pt], [x, y + 3.0 * pt], 1.5, GREY);

@@ -47,7 +47,7 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
         if !(-9.0 * pt..width + 9.0 * pt).contains(&x) || !(-9.0 * pt..height + 9.0 * pt).contains(&y) {
             continue;
         }
-        let radius = (1.5 + 45.0 / length.max(1.0)).min(6.5) as f32 * pt;
+        let radius = (2.0 + 60.0 / length.max(1.0)).min(8.0) as f32 * pt;
         if length < t.settings.reach_mm {
             dot(canvas, [x, y], radius, colour(length));
         } else {
@@ -82,13 +82,12 @@ fn legend(t: &Tentacles, canvas: &mut Canvas) {
     if let Some(row) = legend_row(canvas) {
         let shortest = t.lengths.iter().copied().fold(f64::INFINITY, f64::min);
         legend_text(canvas, row, 0.0, format!("{} tentacles, from {shortest:.1} mm", t.lengths.len()), WHITE);
-        let bar = 150.0;
         for n in 0..40 {
-            let x = row[0] + (bar + f64::from(n)) as f32 * 1.75 * pt - (bar * 0.75) as f32 * pt;
+            let x = row[0] + (165.0 + 1.5 * n as f32) * pt;
             let ink = colour(FAR_MM * f64::from(n) / 40.0);
             canvas.stroke([x, row[1] - 4.0 * pt], [x, row[1] + 4.0 * pt], 2.2, ink);
         }
-        legend_text(canvas, row, 224.0, format!("0 to {FAR_MM:.0} mm"), WHITE);
+        legend_text(canvas, row, 232.0, format!("0 to {FAR_MM:.0} mm"), WHITE);
     }
 }
 

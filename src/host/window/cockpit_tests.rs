@@ -180,3 +180,93 @@ fn a_screenshot_is_what_is_shown_or_what_was_seen() {
     assert_eq!(saved.len(), 1);
     assert_eq!((saved[0].request.pose, saved[0].frame.width(), saved[0].frame.height()), (pose, WINDOW.0, WINDOW.1));
 }
+
+#[test]
+fn another_view_angle_is_another_picture() {
+    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let still = |c: &mut Cockpit, now: &mut Instant| {
+        fly(c, now, 60);
+        while c.sight.is_refining(&c.flight) {
+            fly(c, now, 1);
+        }
+        c.image().unwrap().clone()
+    };
+    let angle = |c: &Cockpit| c.flight().camera::<Picture>().unwrap().fov_degrees;
+    let usual = still(&mut c, &mut now);
+    assert_eq!(fly(&mut c, &mut now, 5), 0);
+    c.perform(Deed::Narrower, WINDOW, now);
+    c.zoom(1.0);
+    assert!(fly(&mut c, &mut now, 2) > 0, "it is traced again");
+    assert_eq!(angle(&c), 74.4);
+    assert!(c.readings(now).message.is_some_and(|m| m.contains("74.4°")));
+    let narrow = still(&mut c, &mut now);
+    assert!(narrow != usual);
+    now += Duration::from_secs(1);
+    assert!(c.readings(now).figures.iter().any(|f| f.ends_with("view 74.4°")), "{:?}", c.readings(now).figures);
+    // A screenshot that still waits for a better picture is of the angle that was seen.
+    c.perform(Deed::Wider, WINDOW, now);
+    fly(&mut c, &mut now, 2);
+    assert!(c.sight.is_refining(&c.flight));
+    c.sight.order_to_save(&c.flight, WINDOW);
+    c.perform(Deed::Wider, WINDOW, now);
+    fly(&mut c, &mut now, 2);
+    let saved = c.sight.all_to_save();
+    assert_eq!((saved.len(), saved[0].request.fov_degrees, angle(&c)), (1, 81.8, 90.0));
+    assert!(still(&mut c, &mut now) == usual, "as many notches back are the angle of before");
+    // The limits, and back.
+    c.zoom(1e3);
+    fly(&mut c, &mut now, 1);
+    assert_eq!(angle(&c), 1.0);
+    c.zoom(-1e3);
+    fly(&mut c, &mut now, 1);
+    assert_eq!(angle(&c), 170.0);
+    c.perform(Deed::UsualAngle, WINDOW, now);
+    assert_eq!(angle(&c), 90.0);
+}
+
+#[test]
+fn keys_and_mouse_roll_the_view() {
+    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let before = c.flight().pose().attitude;
+    let rolled = |c: &Cockpit| {
+        let now = c.flight().pose().attitude;
+        assert!(now.forward.distance(before.forward) < 1e-6);
+        before.up.cross(now.up).dot(before.forward).atan2(before.up.dot(now.up)).to_degrees()
+    };
+    // Half a turn over the window's shorter side.
+    c.roll(WINDOW.1 as f64 / 6.0, WINDOW);
+    assert!(fly(&mut c, &mut now, 2) > 0);
+    assert!((rolled(&c) - 30.0).abs() < 1e-6, "{}", rolled(&c));
+    c.steer(|h| h.press(keys::Hold::RollLeft), now);
+    fly(&mut c, &mut now, 50);
+    c.steer(Hands::let_go, now);
+    fly(&mut c, &mut now, 100);
+    assert!(rolled(&c) < -20.0, "a second counter-clockwise: {}", rolled(&c));
+    assert!(c.rests());
+}
+
+/// Neither drawn nor computed, until its key is pressed.
+#[test]
+fn an_overlay_costs_nothing_while_it_is_hidden() {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    static DRAWN: AtomicUsize = AtomicUsize::new(0);
+    let counted = Overlay {
+        name: "counted",
+        summary: "",
+        key: Some('z'),
+        shown: false,
+        draw: |_, canvas| {
+            DRAWN.fetch_add(1, Ordering::Relaxed);
+            canvas.disc([4.0, 4.0], 2.0 * canvas.scale(), [1, 2, 3]);
+        },
+    };
+    let now = Instant::now();
+    let mut c = Cockpit::new(flight("tentacles"), 0.0, Arc::new(|| {}), vec![counted]).unwrap();
+    assert!(c.readings(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 0);
+    c.scaled(2.0);
+    c.perform(c.own_deed('Z').unwrap(), WINDOW, now);
+    let disc = crate::app::overlay::Mark::Disc { centre: [4.0; 2], radius: 4.0, colour: [1, 2, 3] };
+    assert_eq!(c.readings(now).marks_drawn, [disc]);
+    c.perform(Deed::Overlay(0), WINDOW, now);
+    assert!(c.readings(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 1);
+}

@@ -181,7 +181,7 @@ fn drawn(p: &Painter, marks: &[Mark]) {
             Mark::Panel { low, high, colour: [r, g, b], opacity } => {
                 let alpha = (opacity.clamp(0.0, 1.0) * 255.0).round() as u8;
                 let rect = Rect::from_min_max(at(*low), at(*high));
-                p.rect_filled(rect, 3.0, Color32::from_rgba_unmultiplied(*r, *g, *b, alpha));
+                p.rect_filled(rect, 0.0, Color32::from_rgba_unmultiplied(*r, *g, *b, alpha));
             }
             Mark::Text { at: place, text: words, colour, align, size } => {
                 let align = match align {

@@ -1,0 +1,171 @@
+//! What the overlays draw of a flight: tentacles, mines and forces as they are.
+
+use colvis::app::overlay::{Canvas, Mark, Place2};
+use colvis::app::overlays::forces::{Force, forces};
+use colvis::app::{FlightApp, Overlay, Scene, Wish};
+use colvis::components::camera::Velocity;
+use colvis::components::guide::{MineField, Tentacles};
+use colvis::components::input::Command;
+use colvis::phantom::{PhantomSettings, Size};
+use colvis::render::first_crossing;
+use colvis::volume::Volume;
+use glam::DVec3;
+
+use crate::support::flights::{flight, fly};
+use crate::support::phantom::phantom;
+
+fn small() -> Volume {
+    phantom(&PhantomSettings { size: Size::Small, seed: 1, ..PhantomSettings::default() }).0
+}
+
+fn flown(guide: &'static str, seconds: f64) -> FlightApp {
+    let scene = Scene { picture: true, operator: true, log: true, ..Scene::guided_by(guide) };
+    let mut f = flight(small(), scene, &Wish::default());
+    fly(&mut f, seconds);
+    f
+}
+
+fn built_in(name: &str) -> Overlay {
+    *colvis::app::overlays::BUILT_IN.iter().find(|o| o.name == name).unwrap()
+}
+
+/// What an overlay draws, at a scale; the picture is 1024 pixels wide and high.
+fn drawn(f: &FlightApp, name: &str, scale: f32) -> Vec<Mark> {
+    let mut canvas = Canvas::at_scale(f.view().unwrap(), scale);
+    (built_in(name).draw)(f, &mut canvas);
+    canvas.into_marks()
+}
+
+fn is_at(place: &Place2, at: DVec3, f: &FlightApp) -> bool {
+    let found = f.view().unwrap().project(at);
+    found.is_some_and(|[x, y]| (f64::from(place[0]) - x).hypot(f64::from(place[1]) - y) < 0.01)
+}
+
+fn texts(marks: &[Mark]) -> String {
+    let text = |m: &Mark| if let Mark::Text { text, .. } = m { Some(text.clone()) } else { None };
+    marks.iter().filter_map(text).collect::<Vec<_>>().join("\n")
+}
+
+#[test]
+fn all_are_hidden_at_first_and_have_keys_of_their_own() {
+    let mut keys: Vec<char> =
+        colvis::app::overlays::BUILT_IN.iter().filter(|o| !o.shown).filter_map(|o| o.key).collect();
+    keys.dedup();
+    assert_eq!(keys, ['t', 'm', 'v']);
+}
+
+#[test]
+fn each_tentacle_in_the_picture_is_a_disc_where_it_touches_the_wall() {
+    let f = flown("tentacles", 3.0);
+    let marks = drawn(&f, "tentacles", 1.0);
+    let t = f.camera::<Tentacles>().unwrap();
+    let at = f.pose().position;
+    let mut seen = 0;
+    for (&way, &length) in t.directions.iter().zip(&t.lengths) {
+        let tip = at + way * length;
+        let [x, y] = f.view().unwrap().project(tip).unwrap_or([-1.0; 2]);
+        if length >= t.settings.reach_mm || !(0.0..1024.0).contains(&x) || !(0.0..1024.0).contains(&y) {
+            continue;
+        }
+        seen += 1;
+        let radius = |m: &Mark| match m {
+            Mark::Disc { centre, radius, .. } if is_at(centre, tip, &f) => Some(*radius),
+            _ => None,
+        };
+        assert!(marks.iter().any(|m| radius(m).is_some()), "no disc for the tentacle of {length} mm at {x},{y}");
+    }
+    assert!(seen > 10, "{seen}");
+    assert!(texts(&marks).contains("128 tentacles"));
+    // A guide without tentacles has nothing to draw but that.
+    let text = texts(&drawn(&flown("path", 0.5), "tentacles", 1.0));
+    assert!(text.contains("path has no tentacles"), "{text}");
+}
+
+#[test]
+fn mines_are_filled_in_sight_and_hollow_behind_a_wall() {
+    let mut f = flown("tentacles", 6.0);
+    let mines: Vec<DVec3> = f.camera::<MineField>().unwrap().mines.iter().collect();
+    assert!(mines.len() >= 10, "{}", mines.len());
+    // Looking back, without a step: the operator's look would be one, and takes nothing from the mines.
+    f.act(Command::Look([180.0, 0.0])).unwrap();
+    f.step().unwrap();
+    let mines: Vec<DVec3> = f.camera::<MineField>().unwrap().mines.iter().collect();
+    let marks = drawn(&f, "mines", 1.0);
+    let at = f.pose().position;
+    let (mut filled, mut hollow) = (0, 0);
+    for mine in mines {
+        if f.view().unwrap().project(mine).is_none() {
+            continue;
+        }
+        let discs = marks.iter().filter(|m| matches!(m, Mark::Disc { centre, .. } if is_at(centre, mine, &f))).count();
+        let rings =
+            marks.iter().filter(|m| matches!(m, Mark::Circle { centre, .. } if is_at(centre, mine, &f))).count();
+        let distance = at.distance(mine);
+        let hidden = first_crossing(f.volume(), at, (mine - at) / distance, distance).is_some();
+        assert_eq!((discs > 0, rings > 0), (!hidden, hidden), "{distance} mm away");
+        filled += usize::from(!hidden);
+        hollow += usize::from(hidden);
+    }
+    assert!(filled > 1 && hollow > 1, "{filled} filled, {hollow} hollow");
+}
+
+/// The sum of what is drawn is what the body does: the change of its velocity over a step.
+#[test]
+fn the_forces_drawn_are_those_that_move_the_body() {
+    for guide in ["tentacles", "potential", "path", "manual"] {
+        let mut f = flown(guide, 2.0);
+        let (mut compared, mut pushed) = (0, 0.0f64);
+        for step in 0..240 {
+            if step == 60 {
+                f.act(Command::Push([0.4, 0.2, 0.6])).unwrap();
+            }
+            if step == 150 {
+                f.act(Command::Push([0.0; 3])).unwrap();
+            }
+            let before = f.camera::<Velocity>().unwrap().0;
+            f.step().unwrap();
+            // Those of the last step, at the place that it led to, with its new velocity: the drag is that of both ends' mean.
+            let all = forces(&f);
+            let after = f.camera::<Velocity>().unwrap().0;
+            let sum = all.last().unwrap();
+            assert_eq!(sum.name, "sum");
+            let told: DVec3 = all[..all.len() - 1].iter().map(|f| f.acceleration).sum();
+            assert!(told.distance(sum.acceleration) < 1e-9);
+            let drag = f.scene().body.drag_per_s;
+            let expected = sum.acceleration + (after - before) * (0.5 * drag);
+            let change = (after - before) * 120.0;
+            // Within a step a potential changes with the place, and a touched wall stops what goes into it.
+            if f.camera::<colvis::components::camera::Contact>().unwrap().clearance_mm > 2.5 {
+                compared += 1;
+                let (off, share) = (expected.distance(change), if guide == "potential" { 0.15 } else { 0.05 });
+                assert!(
+                    off < share * change.length().max(expected.length()) + 8.0,
+                    "{guide}, step {step}: {change} but {expected}"
+                );
+            }
+            let by_name = |name: &str| all.iter().find(|f: &&Force| f.name == name).unwrap().acceleration.length();
+            pushed = pushed.max(by_name("operator's push"));
+        }
+        assert!(compared > 100 && pushed > 100.0, "{guide}: {compared} steps, {pushed} mm/s²");
+        let text = texts(&drawn(&f, "forces", 1.0));
+        assert!(text.contains("wall's push") && text.contains("mm/s²") && text.contains("from above"), "{text}");
+    }
+}
+
+/// The views of the surroundings are drawn once, whoever asks for them, and every row of the legend is there on a screen of
+/// twice the density too.
+#[test]
+fn the_views_of_the_surroundings_and_the_legend_are_shared() {
+    let f = flown("tentacles", 3.0);
+    for scale in [1.0, 2.0] {
+        let mut canvas = Canvas::at_scale(f.view().unwrap(), scale);
+        for overlay in colvis::app::overlays::BUILT_IN {
+            (overlay.draw)(&f, &mut canvas);
+        }
+        let marks = canvas.into_marks();
+        let text = texts(&marks);
+        assert_eq!((text.matches("from above").count(), text.matches("20 mm").count()), (1, 2), "{text}");
+        let panels = marks.iter().filter(|m| matches!(m, Mark::Panel { .. })).count();
+        assert_eq!(panels, 12, "two views, and ten rows of the legend");
+    }
+}
