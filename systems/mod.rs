@@ -3,7 +3,7 @@
 //!
 //! | file | set | what it does |
 //! |---|---|---|
-//! | `operator` | `Input` | the operator's hand: thrust, look, pause |
+//! | `operator` | `Input` | the operator's hand: thrust, look, roll, pause |
 //! | `sense` | `Sense` | casts the tentacles |
 //! | `tentacles` | `Guide` | steers by tentacles and mines |
 //! | `potential` | `Guide`, `Answer` | follows the potential of wall and target; lets the wall yield in a trap |

@@ -75,10 +75,11 @@ impl FlightApp {
             }
             Command::Seek(share) => self.seek(share)?,
             Command::ViewAngle(degrees) => {
-                if let Some(mut picture) = self.camera_mut::<Picture>()
-                    && let Some(held) = picture.camera.held(degrees)
-                {
-                    picture.fov_degrees = held;
+                let usual = self.scene.image.fov_degrees;
+                if let Some(mut picture) = self.camera_mut::<Picture>() {
+                    // What the flight began with may lie beyond what is offered.
+                    let held = if degrees == usual { Some(usual) } else { picture.camera.held(degrees) };
+                    picture.fov_degrees = held.unwrap_or(picture.fov_degrees);
                 }
             }
             other => {

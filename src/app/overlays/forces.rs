@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::surroundings::surroundings;
-use super::{EDGE, GREEN, GREY, PURPLE, SKY, SMALL, VERMILION, WHITE, YELLOW, arrow, legend_row, legend_text};
+use super::{EDGE, GREEN, GREY, SKY, SMALL, VERMILION, VIOLET, WHITE, YELLOW, arrow, legend_row, legend_text};
 use crate::app::overlay::{Align, Canvas, Colour, Place2};
 use crate::app::{FlightApp, Overlay};
 use crate::components::camera::Velocity;
@@ -56,9 +56,9 @@ pub fn forces(flight: &FlightApp) -> Vec<Force> {
     let force = |name, letter, acceleration, colour| Force { name, letter, acceleration, colour };
     let mut all = vec![
         force("wall's push", "W", acts.wall + field_wall, VERMILION),
-        force("mines' push", "M", acts.mines, PURPLE),
+        force("mines' push", "M", acts.mines, YELLOW),
         force(pull, "G", acts.drive - acts.mines + field_target, GREEN),
-        force("operator's push", "H", acts.hand, YELLOW),
+        force("operator's push", "H", acts.hand, VIOLET),
         force("drag", "D", velocity * -body.drag_per_s, SKY),
     ];
     let sum = all.iter().map(|f| f.acceleration).sum();

@@ -2,7 +2,7 @@
 //! in the views of the surroundings.
 
 use super::surroundings::surroundings;
-use super::{EDGE, GREY, PURPLE, SMALL, WHITE, dot, legend_row, legend_text, ring};
+use super::{EDGE, GREY, SMALL, WHITE, YELLOW, dot, legend_row, legend_text, ring};
 use crate::app::overlay::{Align, Canvas, Place2};
 use crate::app::{FlightApp, Overlay};
 use crate::components::guide::MineField;
@@ -26,12 +26,11 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
     let at = flight.pose().position;
     let right = flight.pose().attitude.right();
     let panes = surroundings(flight, canvas);
-    let (mut nearest, mut pushing) = (f64::INFINITY, 0);
+    let mut pushing = 0;
     // From the last one to the first, as the way leads back.
     let mut last = at;
     for mine in field.mines.iter().collect::<Vec<_>>().into_iter().rev() {
         let distance = at.distance(mine);
-        nearest = nearest.min(distance);
         pushing += usize::from(distance < field.settings.reach_mm);
         let way = (mine - at).normalize_or_zero();
         let in_sight = first_crossing(flight.volume(), at, way, distance).is_none();
@@ -46,34 +45,31 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
         }
         for pane in panes.iter().flatten() {
             let place = pane.find(mine);
-            pane.stroke(canvas, pane.find(last), place, 1.0, PURPLE);
+            pane.stroke(canvas, pane.find(last), place, 1.0, YELLOW);
             if pane.holds(place) {
                 marker(canvas, place, 4.0 * pt, in_sight);
             }
         }
         last = mine;
     }
-    let (count, kept, reach) = (field.mines.len(), field.settings.kept, field.settings.reach_mm);
     if let Some(row) = legend_row(canvas) {
-        marker(canvas, [row[0] + 5.0 * pt, row[1]], 4.5 * pt, true);
-        legend_text(canvas, row, 16.0, "mine in sight", WHITE);
-        marker(canvas, [row[0] + 115.0 * pt, row[1]], 4.5 * pt, false);
-        legend_text(canvas, row, 126.0, "mine behind a wall", WHITE);
-    }
-    if let Some(row) = legend_row(canvas) {
-        let near = if count > 0 { format!(", nearest {nearest:.0} mm") } else { String::new() };
-        let text = format!("{count} of {kept} mines{near}; {pushing} push, within {reach:.0} mm");
-        legend_text(canvas, row, 0.0, text, WHITE);
+        legend_text(canvas, row, 0.0, "mines", WHITE);
+        for (right, in_sight, text) in [(42.0, true, "in sight"), (106.0, false, "hidden")] {
+            marker(canvas, [row[0] + (right + 5.0) * pt, row[1]], 4.5 * pt, in_sight);
+            legend_text(canvas, row, right + 16.0, text, WHITE);
+        }
+        let (count, kept) = (field.mines.len(), field.settings.kept);
+        legend_text(canvas, row, 170.0, format!("{count} of {kept}, {pushing} push"), WHITE);
     }
 }
 
 /// A disc with a cross where it can be seen, else a ring with one.
 fn marker(canvas: &mut Canvas, at: Place2, radius: f32, in_sight: bool) {
-    let ink = if in_sight { EDGE } else { PURPLE };
+    let ink = if in_sight { EDGE } else { YELLOW };
     if in_sight {
-        dot(canvas, at, radius, PURPLE);
+        dot(canvas, at, radius, YELLOW);
     } else {
-        ring(canvas, at, radius, PURPLE);
+        ring(canvas, at, radius, YELLOW);
     }
     let arm = 0.55 * radius;
     canvas.stroke([at[0] - arm, at[1] - arm], [at[0] + arm, at[1] + arm], 1.4, ink);

@@ -4,8 +4,8 @@
 //! hidden. What a picture cannot show, since it begins at the eye or lies behind the camera, is drawn in two small views of
 //! the surroundings ([`surroundings`]), which they share.
 //!
-//! Colours are those of Okabe and Ito (*Color Universal Design*, 2008), which the colour-blind tell apart; nothing is told by
-//! colour alone.
+//! Colours are near those of Okabe and Ito (*Color Universal Design*, 2008), which the colour-blind tell apart, and none is near
+//! the wall's own pink; nothing is told by colour alone.
 
 pub mod forces;
 pub mod mines;
@@ -27,7 +27,7 @@ const SKY: Colour = [86, 180, 233];
 const GREEN: Colour = [0, 190, 140];
 const YELLOW: Colour = [240, 228, 66];
 const VERMILION: Colour = [240, 110, 30];
-const PURPLE: Colour = [222, 140, 190];
+const VIOLET: Colour = [186, 150, 255];
 
 /// Room that the foot of the window takes, points.
 const FOOT: f32 = 80.0;
@@ -45,7 +45,9 @@ fn dot(canvas: &mut Canvas, at: Place2, radius: f32, colour: Colour) {
 
 /// A ring that stands out on every ground.
 fn ring(canvas: &mut Canvas, at: Place2, radius: f32, colour: Colour) {
-    canvas.circle(at, radius + canvas.scale(), EDGE);
+    for beside in [-1.0, 1.0] {
+        canvas.circle(at, radius + beside * canvas.scale(), EDGE);
+    }
     canvas.circle(at, radius, colour);
 }
 

@@ -150,7 +150,7 @@ pub fn surroundings(flight: &FlightApp, canvas: &mut Canvas) -> Option<[Pane; 2]
     let edge = width - MARGIN * pt;
     let panes = [pane(edge - wide - 4.0 * pt, [forward, up]), pane(edge, [forward, left])];
     if canvas.take("surroundings", 1) == 0 {
-        for (pane, title) in panes.iter().zip(["from the right", "from above"]) {
+        for (pane, title) in panes.iter().zip(["from right", "from above"]) {
             let top = pane.low[1] - TITLE * pt;
             canvas.panel([pane.low[0].round(), top], pane.high, EDGE, 0.82);
             canvas.label([pane.low[0] + 6.0 * pt, top + 0.5 * TITLE * pt], Align::Left, SMALL, title, GREY);

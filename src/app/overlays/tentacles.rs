@@ -83,11 +83,11 @@ fn legend(t: &Tentacles, canvas: &mut Canvas) {
         let shortest = t.lengths.iter().copied().fold(f64::INFINITY, f64::min);
         legend_text(canvas, row, 0.0, format!("{} tentacles, from {shortest:.1} mm", t.lengths.len()), WHITE);
         for n in 0..40 {
-            let x = row[0] + (165.0 + 1.5 * n as f32) * pt;
+            let x = row[0] + (162.0 + 1.2 * n as f32) * pt;
             let ink = colour(FAR_MM * f64::from(n) / 40.0);
             canvas.stroke([x, row[1] - 4.0 * pt], [x, row[1] + 4.0 * pt], 2.2, ink);
         }
-        legend_text(canvas, row, 232.0, format!("0 to {FAR_MM:.0} mm"), WHITE);
+        legend_text(canvas, row, 215.0, format!("to {FAR_MM:.0} mm"), WHITE);
     }
 }
 

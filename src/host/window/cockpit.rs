@@ -228,8 +228,7 @@ impl Cockpit {
     }
 
     fn change_angle(&mut self, degrees: f64, now: Instant) {
-        // Tenths, so that as many notches there and back end where they began.
-        self.act(Command::ViewAngle((degrees * 10.0).round() / 10.0), now);
+        self.act(Command::ViewAngle(degrees), now);
         let Some(degrees) = self.flight.camera::<Picture>().map(|p| p.fov_degrees) else { return };
         let usual = self.flight.scene().image.fov_degrees;
         let back = if degrees == usual { "" } else { " (0 sets it back)" };
@@ -430,7 +429,8 @@ impl Cockpit {
         if self.zoom != 0.0 {
             let zoom = std::mem::take(&mut self.zoom);
             let degrees = self.flight.camera::<Picture>().map_or(90.0, |p| p.fov_degrees);
-            self.change_angle(degrees * NARROWER.powf(zoom), now);
+            // Tenths, so that as many notches there and back end where they began.
+            self.change_angle((degrees * NARROWER.powf(zoom) * 10.0).round() / 10.0, now);
         }
         if self.notches != 0.0 {
             let notches = std::mem::take(&mut self.notches);

@@ -205,11 +205,11 @@ fn another_view_angle_is_another_picture() {
     assert!(c.readings(now).figures.iter().any(|f| f.ends_with("view 74.4°")), "{:?}", c.readings(now).figures);
     // A screenshot that still waits for a better picture is of the angle that was seen.
     c.perform(Deed::Wider, WINDOW, now);
-    fly(&mut c, &mut now, 2);
+    fly(&mut c, &mut now, 1);
     assert!(c.sight.is_refining(&c.flight));
     c.sight.order_to_save(&c.flight, WINDOW);
-    c.perform(Deed::Wider, WINDOW, now);
-    fly(&mut c, &mut now, 2);
+    c.act(Command::ViewAngle(90.0), now);
+    assert!(c.sight.trace(&mut c.flight, WINDOW).unwrap());
     let saved = c.sight.all_to_save();
     assert_eq!((saved.len(), saved[0].request.fov_degrees, angle(&c)), (1, 81.8, 90.0));
     assert!(still(&mut c, &mut now) == usual, "as many notches back are the angle of before");

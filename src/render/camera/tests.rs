@@ -212,3 +212,21 @@ fn models_are_found_by_their_names_and_know_their_limits() {
     let [a, b, ..] = cameras();
     assert!(a.is_same(&FISHEYE) && !b.is_same(&FISHEYE) && !FISHEYE.is_same(&Orthographic { half_mm: 4.0 }));
 }
+
+#[test]
+fn a_view_angle_is_held_to_what_a_model_can_show() {
+    let flat = CameraModel::default();
+    for (asked, held) in [(60.0, 60.0), (170.0, 170.0), (175.0, 170.0), (1e9, 170.0), (0.0, 1.0), (-5.0, 1.0)] {
+        assert_eq!(flat.held(asked), Some(held), "{asked}");
+    }
+    assert_eq!((flat.held(f64::NAN), flat.held(f64::INFINITY)), (None, None));
+    let round = CameraModel {
+        name: "round",
+        summary: "",
+        make: |degrees, _| match degrees {
+            d if d <= 220.0 => Ok(Arc::new(Fisheye { half_angle: 0.5 * d.to_radians(), tells: true })),
+            d => Err(crate::error::Error::usage("view angle", format!("{d}°"), "give 220° at the most")),
+        },
+    };
+    assert_eq!([219.5, 220.4, 1e3].map(|d| round.held(d)), [Some(219.5), Some(220.0), Some(220.0)]);
+}
