@@ -1,5 +1,7 @@
 //! Output files: each appears whole or not at all, also when the program is interrupted.
 
+mod leftover;
+
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -8,7 +10,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use crate::error::{Error, Kind, Result};
 
 /// A file being written: a temporary one beside its target, renamed on [`Whole::finish`] and removed when dropped
-/// before.
+/// before. What killed programs have left in the folder is taken away first.
 ///
 /// A symbolic link is followed. A target that exists and is no regular file, or that is reached through `/dev` or
 /// `/proc` (`/dev/stdout`), is written to directly, never replaced. A file that is replaced keeps its permissions.
@@ -86,16 +88,17 @@ impl Whole {
             }
             _ => {
                 let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-                let mut builder = tempfile::Builder::new();
-                builder.prefix(".colvis-").suffix(".tmp");
-                #[cfg(unix)]
-                {
-                    use std::os::unix::fs::PermissionsExt;
-                    // The usual permissions (the umask still applies), not the owner-only ones of a temporary file.
-                    let mode = existing.as_ref().map_or(0o666, |m| m.permissions().mode() & 0o777);
-                    builder.permissions(std::fs::Permissions::from_mode(mode));
-                }
-                let file = builder.tempfile_in(folder).map_err(|e| cannot(path, &e))?;
+                leftover::remove_once(folder);
+                let file = leftover::locked(folder, |_builder| {
+                    #[cfg(unix)]
+                    {
+                        use std::os::unix::fs::PermissionsExt;
+                        // The usual permissions (the umask still applies), not the owner-only ones of a temporary file.
+                        let mode = existing.as_ref().map_or(0o666, |m| m.permissions().mode() & 0o777);
+                        _builder.permissions(std::fs::Permissions::from_mode(mode));
+                    }
+                });
+                let file = file.map_err(|e| cannot(path, &e))?;
                 let listed = Listed::new(&file);
                 Sink::Temporary(file, listed)
             }

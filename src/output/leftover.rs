@@ -1,0 +1,167 @@
+//! Temporary files whose writer is gone (killed, or the machine went down) are taken away by the next program that writes
+//! into their folder.
+//!
+//! A writer holds an advisory lock on its temporary file for as long as it writes it; the system lets go of the lock
+//! however the writer ends. A file is taken away only under that lock, so a living writer's never is, whichever process
+//! or container of this machine it is. Its name carries the machine's: on a shared disk whose locks may not reach from
+//! one machine to another, the files of others are left alone, and so are those of a disk that knows no locks.
+
+use std::collections::BTreeSet;
+use std::fs::{File, TryLockError};
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::{LazyLock, Mutex, PoisonError};
+
+/// How often a new file is tried for where another program takes each away before it is locked.
+const TRIES: usize = 16;
+/// The end of a temporary file's name.
+pub(super) const SUFFIX: &str = ".tmp";
+
+/// The beginning of the names of this machine's temporary files.
+static PREFIX: LazyLock<String> = LazyLock::new(|| prefix(&machine()));
+
+/// Folders that this program has looked through.
+static LOOKED_AT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+/// The beginning of the names of a machine's temporary files. A point, which no machine's part of it holds, ends it: `a`
+/// does not begin as `ab` does.
+fn prefix(machine: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '-' };
+    format!(".colvis-{}.", machine.chars().take(40).map(plain).collect::<String>())
+}
+
+/// The machine's name; `here` where the system does not tell it.
+fn machine() -> String {
+    let files = ["/proc/sys/kernel/hostname", "/etc/hostname"].into_iter().map(std::fs::read_to_string);
+    let told =
+        files.filter_map(io::Result::ok).chain(["COMPUTERNAME", "HOSTNAME"].map(std::env::var).into_iter().flatten());
+    told.map(|name| name.trim().to_owned()).find(|name| !name.is_empty()).unwrap_or_else(|| "here".to_owned())
+}
+
+/// A new temporary file in `folder`, locked where the disk knows locks. `set_up` gives it what else it needs.
+///
+/// # Errors
+/// When it cannot be made.
+pub(super) fn locked(
+    folder: &Path,
+    set_up: impl Fn(&mut tempfile::Builder<'_, '_>),
+) -> io::Result<tempfile::NamedTempFile> {
+    let prefix = format!("{}{}-", *PREFIX, std::process::id());
+    for _ in 0..TRIES {
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix).suffix(SUFFIX);
+        set_up(&mut builder);
+        let file = builder.tempfile_in(folder)?;
+        match file.as_file().try_lock() {
+            // Before it was locked, another program may have taken it for one whose writer is gone.
+            Ok(()) if is_at(file.as_file(), file.path()) => return Ok(file),
+            Ok(()) | Err(TryLockError::WouldBlock) => {}
+            // A disk without locks: nobody takes it away there.
+            Err(TryLockError::Error(_)) => return Ok(file),
+        }
+    }
+    Err(io::Error::other("another program takes its temporary files away"))
+}
+
+/// Takes away what was left behind in `folder`, once for each folder. What cannot be taken away stays.
+pub(super) fn remove_once(folder: &Path) {
+    let place = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
+    if LOOKED_AT.lock().unwrap_or_else(PoisonError::into_inner).insert(place) {
+        remove(folder, &PREFIX);
+    }
+}
+
+fn remove(folder: &Path, prefix: &str) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        let is_ours = name.to_str().is_some_and(|n| n.starts_with(prefix) && n.ends_with(SUFFIX));
+        // Nothing that could wait when it is opened, and no link.
+        if is_ours && entry.file_type().is_ok_and(|t| t.is_file()) {
+            // Another program may take it away just now.
+            let _ = remove_abandoned(&entry.path());
+        }
+    }
+}
+
+/// Takes a file away if nobody holds its lock.
+fn remove_abandoned(path: &Path) -> io::Result<()> {
+    // Some disks lock only what may be written.
+    let file = File::options().read(true).write(true).open(path)?;
+    // It may have been given its own name, and another the temporary one, since it was opened.
+    if file.try_lock().is_ok() && is_at(&file, path) { std::fs::remove_file(path) } else { Ok(()) }
+}
+
+/// Whether `path` leads to this very file.
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let place = |m: std::fs::Metadata| (m.dev(), m.ino());
+    match (file.metadata(), std::fs::symlink_metadata(path)) {
+        (Ok(own), Ok(there)) => place(own) == place(there),
+        _ => false,
+    }
+}
+
+/// Whether `path` leads to a file: elsewhere a file that is open keeps its name.
+#[cfg(not(unix))]
+fn is_at(_: &File, path: &Path) -> bool {
+    path.exists()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn there(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> =
+            std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn only_what_nobody_writes_is_taken_away() {
+        let dir = tempfile::tempdir().unwrap();
+        let living = locked(dir.path(), |_| {}).unwrap();
+        let name = living.path().file_name().unwrap().to_str().unwrap().to_owned();
+        assert!(name.starts_with(&*PREFIX) && name.contains(&format!(".{}-", std::process::id())));
+        let [gone, other, own] =
+            [format!("{}7-abc.tmp", *PREFIX), format!("{}7-abc.tmp", prefix("elsewhere.org")), "scan.tmp".to_owned()];
+        for n in [&gone, &other, &own] {
+            std::fs::write(dir.path().join(n), "x").unwrap();
+        }
+        std::fs::create_dir(dir.path().join(format!("{}7-folder.tmp", *PREFIX))).unwrap();
+        remove(dir.path(), &PREFIX);
+        let left = there(dir.path());
+        assert!(!left.contains(&gone), "its writer is gone: {left:?}");
+        assert!([&name, &other, &own].into_iter().all(|n| left.contains(n)) && left.len() == 4, "{left:?}");
+        // As its writer lets go of it, so may anybody else.
+        let (file, path) = living.keep().unwrap();
+        remove(dir.path(), &PREFIX);
+        assert!(path.exists());
+        drop(file);
+        remove(dir.path(), &PREFIX);
+        assert!(!path.exists());
+    }
+
+    #[test]
+    fn a_machine_is_told_from_another_by_the_name() {
+        assert_eq!(prefix("vm.a/b"), ".colvis-vm-a-b.");
+        assert!(!format!("{}1-x.tmp", prefix("vma")).starts_with(&prefix("vm")));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_that_has_got_its_name_is_not_the_one_that_was_opened() {
+        let dir = tempfile::tempdir().unwrap();
+        let (a, b) = (dir.path().join("a"), dir.path().join("b"));
+        std::fs::write(&a, "x").unwrap();
+        let file = File::open(&a).unwrap();
+        assert!(is_at(&file, &a));
+        std::fs::rename(&a, &b).unwrap();
+        assert!(!is_at(&file, &a));
+        std::fs::write(&a, "y").unwrap();
+        assert!(!is_at(&file, &a) && is_at(&file, &b));
+    }
+}
