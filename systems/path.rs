@@ -37,6 +37,10 @@ impl Guide for PathSettings {
     const KEY: Option<char> = Some('3');
     const NEEDS: Needs = Needs { centerline: true, fluid_as_gas: true, ..Needs::NOTHING };
 
+    fn needs(&self) -> Needs {
+        Needs { planner: self.planner, ..Self::NEEDS }
+    }
+
     fn check(&self) -> Result<()> {
         Self::check(self)
     }

@@ -5,6 +5,7 @@ use serde::Serialize;
 use crate::app::FlightApp;
 use crate::components::guide::{MineField, Tentacles};
 use crate::components::output::{FrameCache, Picture};
+use crate::fields::CenterlineMethod;
 use crate::schedule::LeftOut;
 
 /// Something that a flight keeps in memory.
@@ -75,7 +76,11 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         built.push(Built { part: "target distance field", bytes: t.bytes(), needed_by: "the guide: D_t" });
     }
     if let Some(r) = fields.route() {
-        built.push(Built { part: "centerline", bytes: r.bytes(), needed_by: "the guide: its plan" });
+        built.push(Built {
+            part: "centerline",
+            bytes: r.bytes(),
+            needed_by: planned_by(flight.scene().needs().planner),
+        });
     }
     if let Some(p) = flight.camera::<Picture>() {
         built.push(Built {
@@ -109,6 +114,16 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         left_out.push(LeftOut { part: "a flag for each voxel", why });
     }
     Explanation { step, frame, components: flight.app().components_in_use(), built, left_out }
+}
+
+/// Who needs the centerline, and which method found it.
+fn planned_by(planner: CenterlineMethod) -> &'static str {
+    match planner {
+        CenterlineMethod::PenalisedPath => "the guide: its plan (planner penalised)",
+        CenterlineMethod::PeelOnion => "the guide: its plan (planner peel)",
+        CenterlineMethod::Roadmap => "the guide: its plan (planner roadmap)",
+        CenterlineMethod::Cells => "the guide: its plan (planner cells)",
+    }
 }
 
 impl Explanation {

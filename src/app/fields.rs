@@ -8,7 +8,7 @@ use glam::DVec3;
 use crate::app::plan::Plan;
 use crate::dynamics::Route;
 use crate::error::{Error, Result};
-use crate::fields::centerline::{self, End};
+use crate::fields::centerline::{self, CenterlineMethod, End};
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, TargetDistance, Through, Traveller, WallDistance};
 use crate::progress::Progress;
@@ -34,6 +34,7 @@ pub struct Fields {
 #[derive(Clone, Debug)]
 struct Planning {
     ends: [DVec3; 2],
+    planner: CenterlineMethod,
     route: Arc<Route>,
 }
 
@@ -52,7 +53,10 @@ impl Fields {
     /// Whether what is wanted is there for a plan.
     pub fn has(&self, wanted: Needs, plan: &Plan) -> bool {
         let ends = [plan.begin, plan.goal];
-        let planned = self.route.as_ref().is_some_and(|r| r.ends == ends || r.ends == [ends[1], ends[0]]);
+        let planned = self
+            .route
+            .as_ref()
+            .is_some_and(|r| r.planner == wanted.planner && (r.ends == ends || r.ends == [ends[1], ends[0]]));
         let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal);
         (planned || !wanted.centerline) && (aimed || !wanted.distances)
     }
@@ -115,11 +119,12 @@ impl Fields {
             self.target = None;
         }
         let ends = [plan.begin, plan.goal];
-        let known = self.route.as_ref().filter(|_| wanted.centerline).map(|r| r.ends);
+        let planner = wanted.planner;
+        let known = self.route.as_ref().filter(|r| wanted.centerline && r.planner == planner).map(|r| r.ends);
         let planned = match known {
             Some(known) if known == ends => self.route.clone(),
             Some(known) if known == [ends[1], ends[0]] => {
-                self.route.as_ref().map(|r| Planning { ends, route: Arc::new(r.route.reversed()) })
+                self.route.as_ref().map(|r| Planning { ends, planner, route: Arc::new(r.route.reversed()) })
             }
             _ => None,
         };
@@ -134,12 +139,12 @@ impl Fields {
         if let Some(walls) = self.walls.clone() {
             if wanted.centerline && self.route.is_none() {
                 let line = self.timed("centerline_s", || {
-                    centerline::between(&walls, End::At(ends[0]), End::At(ends[1]), &[], progress)
+                    centerline::by(planner, &walls, End::At(ends[0]), End::At(ends[1]), &[], progress)
                 })?;
                 let route = Route::along(&line.points, &line.radius_mm, DVec3::NEG_Y).ok_or_else(|| {
                     Error::incomplete("path", "its start is its end", "give --from and --to that are apart")
                 })?;
-                self.route = Some(Planning { ends, route: Arc::new(route) });
+                self.route = Some(Planning { ends, planner, route: Arc::new(route) });
             }
             if wanted.distances && !aimed {
                 // Between the centres of two neighbours, along any axis, the wall may be nearer than at either by half

@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
@@ -13,6 +13,7 @@ pub use crate::cli::values::{Pair, Point, Size, Triple};
 use crate::app::Catalog;
 use crate::cli::values::count;
 use crate::error::Error;
+use crate::fields::CenterlineMethod;
 
 /// Flies through the inside of the colon of a CT scan. Research software, not for diagnosis.
 #[derive(Parser, Debug)]
@@ -70,6 +71,8 @@ pub enum Command {
     Render(RenderArgs),
     /// Writes the colon's lumen as a mask
     Segment(SegmentArgs),
+    /// Writes the surface of the colon's lumen as a closed mesh
+    Surface(SurfaceArgs),
     /// Writes the colon's centerline
     Centerline(CenterlineArgs),
     /// Writes a synthetic colon with its ground truth
@@ -190,7 +193,30 @@ pub struct SegmentArgs {
     /// The mask: 0 outside, 1 gas, 2 tagged fluid
     #[arg(long, value_name = "MASK")]
     pub out: PathBuf,
+    /// Take the gas there for the colon, whatever it looks like
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub from: Option<Triple>,
     /// Where to write volumes and bounds
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
+/// `surface`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct SurfaceArgs {
+    /// A scan: the surface of its colon's gas and tagged fluid
+    #[arg(required_unless_present = "mask")]
+    pub input: Option<PathBuf>,
+    /// A mask instead of a scan: any voxel that is not 0 is lumen; its steps are smoothed
+    #[arg(long, value_name = "M.nii.gz")]
+    pub mask: Option<PathBuf>,
+    /// The surface, mm LPS, normals out of the lumen: .stl, .ply or .obj
+    #[arg(long, value_name = "F")]
+    pub out: PathBuf,
+    /// Take the gas there for the colon, whatever it looks like
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub from: Option<Triple>,
+    /// Where to write area, volume and times
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
 }
@@ -207,6 +233,10 @@ pub struct CenterlineArgs {
     /// The line: .json, .csv or .mrk.json
     #[arg(long, value_name = "F")]
     pub out: PathBuf,
+    /// How the line is found: penalised (the default: keeps from walls, moved to the axis), peel (peeled from the wall
+    /// inwards), roadmap (along inscribed balls; minutes on a whole scan) or cells (over cells, voxel by voxel)
+    #[arg(long, value_name = "METHOD", value_parser = methods())]
+    pub method: Option<CenterlineMethod>,
     /// Where to start
     #[arg(long, value_name = "P", allow_hyphen_values = true)]
     pub from: Option<Point>,
@@ -327,6 +357,13 @@ fn keys(catalog: &Catalog) -> String {
     let wide = rows.iter().map(|r| r.0.chars().count()).max().unwrap_or(0);
     let lines = rows.iter().map(|(key, what)| format!("  {key:wide$}  {what}\n"));
     if rows.is_empty() { String::new() } else { format!("Keys in the window:\n{}", lines.collect::<String>()) }
+}
+
+/// The methods of a centerline, by name.
+fn methods() -> impl TypedValueParser<Value = CenterlineMethod> {
+    let named = |name: String| CenterlineMethod::ALL.into_iter().find(|m| m.name() == name);
+    PossibleValuesParser::new(CenterlineMethod::ALL.map(CenterlineMethod::name))
+        .map(move |name| named(name).unwrap_or_default())
 }
 
 /// Gives an option its values, each a name and what it is.

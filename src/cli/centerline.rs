@@ -77,6 +77,7 @@ pub fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Resul
     if let Some(path) = &args.stats {
         let mut stats = prepare::stats_head(&timings);
         for (name, value) in [
+            ("method", json!(args.method.unwrap_or_default())),
             ("length_mm", json!(line.length_mm)),
             ("points", json!(line.points.len())),
             ("guessed_mm", json!(line.guessed)),
@@ -170,7 +171,8 @@ fn plan(
             End::At(p)
         }
     };
-    let line = |from: End, to: End| centerline::between(walls, from, to, guesses, progress);
+    let method = args.method.unwrap_or_default();
+    let line = |from: End, to: End| centerline::by(method, walls, from, to, guesses, progress);
     match (args.from, args.to) {
         (None, None) => line(End::Tip(ends[0]), End::Tip(ends[1])),
         (Some(from), Some(to)) => line(end(from), end(to)),

@@ -11,6 +11,7 @@ mod prepare;
 mod render;
 mod report;
 mod segment;
+mod surface;
 mod values;
 
 use std::any::Any;
@@ -152,15 +153,16 @@ fn run(program: &Program, args: Args) -> Result<()> {
     let _crew = crew(global.threads)?;
     // A flight shows its own progress: a window, or a bar that goes before the last word.
     let _bar = match args.command {
-        Some(Command::Info(_) | Command::Phantom(_) | Command::Segment(_) | Command::Centerline(_)) => {
-            Some(Bar::show(&progress))
-        }
+        Some(
+            Command::Info(_) | Command::Phantom(_) | Command::Segment(_) | Command::Surface(_) | Command::Centerline(_),
+        ) => Some(Bar::show(&progress)),
         _ => None,
     };
     match args.command {
         Some(Command::Info(a)) => info::run(&a, &global, &progress),
         Some(Command::Phantom(a)) => phantom::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
+        Some(Command::Surface(a)) => surface::run(&a, &global, &progress),
         Some(Command::Fly(a)) => fly::run(program, &a, &global, &progress),
         Some(Command::Render(a)) => render::run(program, &a, &global, &progress),
         Some(Command::Explain(a)) => explain::run(program, &a, &global, &progress),

@@ -1,5 +1,6 @@
 //! What options stand for that several commands have, and what their stats begin with.
 
+use glam::DVec3;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 use std::sync::Arc;
@@ -121,6 +122,19 @@ pub fn load(input: &Path, global: &Global, progress: &Progress) -> Result<Volume
 pub fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
     check_thick(volume)?;
     timings.time("lumen_s", || lumen::find(volume, progress))
+}
+
+/// The colon in a scan; with a place (world, mm) the gas there, whatever it looks like.
+///
+/// # Errors
+/// As [`lumen`](fn@lumen), and status 4 when there is no gas at the place.
+pub fn lumen_from(volume: &Volume, from: Option<DVec3>, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
+    let Some(p) = from else { return lumen(volume, timings, progress) };
+    check_thick(volume)?;
+    timings.time("lumen_s", || lumen::gas_at(volume, p, progress))?.ok_or_else(|| {
+        let why = format!("{:.1},{:.1},{:.1} has no gas of the inside of a body within 5 mm", p.x, p.y, p.z);
+        Error::incomplete("--from", why, "give a point in the colon")
+    })
 }
 
 /// Says which options had no say.

@@ -44,7 +44,7 @@ pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<(
     output::check_targets(&[&args.input], &outputs)?;
     let mut timings = Timings::default();
     let volume = timings.time("load_s", || prepare::load(&args.input, global, progress))?;
-    let lumen = prepare::lumen(&volume, &mut timings, progress)?;
+    let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
     // Bridges and islands are only told in the stats.
     let residue = match &args.stats {
         Some(_) => Some(timings.time("residue_s", || lumen::residue(&volume, &lumen, progress))?),

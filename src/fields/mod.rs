@@ -11,7 +11,7 @@ pub mod sample;
 pub mod target;
 pub mod voxels;
 
-pub use centerline::Centerline;
+pub use centerline::{Centerline, CenterlineMethod};
 pub use clearance::{Clearance, ClearanceFinder, Clearances};
 pub use distance::{Through, WallDistance};
 pub use lumen::Lumen;

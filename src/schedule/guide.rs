@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 use super::App;
 use crate::dynamics::Body;
 use crate::error::{Error, Result};
+use crate::fields::centerline::CenterlineMethod;
 
 /// What has to be built from the lumen before a guide can fly; it is on the scan entity then
 /// ([`components::scan`](crate::components::scan)) for as long as that guide steers.
@@ -20,13 +21,16 @@ pub struct Needs {
     pub distances: bool,
     /// The centerline from start to goal: [`Centerline`](crate::components::scan::Centerline).
     pub centerline: bool,
+    /// The method that finds the centerline.
+    pub planner: CenterlineMethod,
     /// Tagged fluid taken as gas, so that segments of gas which it joins are flown as one.
     pub fluid_as_gas: bool,
 }
 
 impl Needs {
     /// Nothing beside the scan and its lumen.
-    pub const NOTHING: Self = Self { distances: false, centerline: false, fluid_as_gas: false };
+    pub const NOTHING: Self =
+        Self { distances: false, centerline: false, planner: CenterlineMethod::PenalisedPath, fluid_as_gas: false };
 }
 
 /// A navigation method, built in or from outside. The value itself is its settings: as they stand under its name in a scene
@@ -45,6 +49,11 @@ pub trait Guide: Clone + Debug + Default + DeserializeOwned + Send + Sync + 'sta
     const NEEDS: Needs = Needs::NOTHING;
     /// Whether it moves the camera by itself. Its flight is watched then.
     const AUTOMATIC: bool = true;
+
+    /// What has to be built for it with these settings, where they have a say in it; else [`Guide::NEEDS`].
+    fn needs(&self) -> Needs {
+        Self::NEEDS
+    }
 
     /// Refuses settings that make no sense.
     ///
@@ -67,6 +76,7 @@ pub trait Guide: Clone + Debug + Default + DeserializeOwned + Send + Sync + 'sta
 
 /// A [`Guide`] of whichever type.
 trait AnyGuide: Debug + Send + Sync {
+    fn needs(&self) -> Needs;
     fn check(&self) -> Result<()>;
     fn cruise_mm_s(&self, body: &Body) -> f64;
     fn plug(&self, app: &mut App) -> Result<()>;
@@ -75,6 +85,10 @@ trait AnyGuide: Debug + Send + Sync {
 }
 
 impl<G: Guide> AnyGuide for G {
+    fn needs(&self) -> Needs {
+        Guide::needs(self)
+    }
+
     fn check(&self) -> Result<()> {
         Guide::check(self)
     }
@@ -105,7 +119,7 @@ pub struct GuideEntry {
     pub summary: &'static str,
     /// As [`Guide::KEY`].
     pub key: Option<char>,
-    /// As [`Guide::NEEDS`].
+    /// As [`Guide::needs`].
     pub needs: Needs,
     /// As [`Guide::AUTOMATIC`].
     pub automatic: bool,
@@ -118,7 +132,7 @@ impl GuideEntry {
             name: G::NAME,
             summary: G::SUMMARY,
             key: G::KEY,
-            needs: G::NEEDS,
+            needs: settings.needs(),
             automatic: G::AUTOMATIC,
             settings: Arc::new(settings),
         }
@@ -191,6 +205,7 @@ impl Guides {
         let read = entry.settings.read(settings);
         entry.settings =
             read.map_err(|e| Error::usage(format!("[{name}]"), e.message().to_owned(), "name settings that it has"))?;
+        entry.needs = entry.settings.needs();
         Ok(true)
     }
 

@@ -7,10 +7,11 @@ use super::cases;
 use super::mesh::{Block, Mesh, Normal};
 use super::signs::{Numbers, Signs};
 use crate::error::{Error, Result};
+use crate::fields::voxels::each_bit;
 use crate::render::PreparedVolume;
 use crate::render::regression::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
-use crate::volume::Volume;
+use crate::volume::{Grid, Volume};
 
 /// Cells along a block's edge, a divisor of 64.
 const BLOCK: usize = 4;
@@ -20,14 +21,35 @@ pub(super) fn extract(space: &PreparedVolume) -> Result<Mesh> {
     let (volume, iso) = (space.volume(), space.transfer().iso());
     let signs = Signs::new(volume, iso);
     let numbers = Numbers::new(&signs);
+    check_count(&numbers)?;
+    let (places, normals) = vertices(space, &signs, &numbers);
+    let above = |v| value(volume, v) - iso;
+    let (triangles, blocks) = triangles(volume.grid(), above, &signs, &numbers, &places);
+    Ok(Mesh { origin: volume.grid().origin(), places, normals, triangles, blocks })
+}
+
+/// Refuses what has more triangles than can be numbered.
+///
+/// # Errors
+/// Status 4.
+pub(super) fn check_count(numbers: &Numbers) -> Result<()> {
     // Some two triangles a vertex, five at the most.
     if numbers.total() > u64::from(u32::MAX / 5) {
         let why = format!("its wall has {} vertices, more than 32 bits count", numbers.total());
         return Err(Error::incomplete("surface", why, "resample the scan"));
     }
-    let (places, normals) = vertices(space, &signs, &numbers);
-    let (triangles, blocks) = triangles(volume, iso, &signs, &numbers, &places);
-    Ok(Mesh { origin: volume.grid().origin(), places, normals, triangles, blocks })
+    Ok(())
+}
+
+/// Calls `visit(from, axis)` for every crossed edge from a grown voxel of plane `z`, in the order of the vertices.
+pub(super) fn each_crossed(signs: &Signs, z: usize, mut visit: impl FnMut([usize; 3], usize)) {
+    for y in 0..signs.dims[1] {
+        for axis in 0..3 {
+            for w in 0..signs.words() {
+                each_bit(signs.crossed(axis, y, z, w), |bit| visit([64 * w + bit, y, z], axis));
+            }
+        }
+    }
 }
 
 /// Value of a grown voxel, HU.
@@ -54,32 +76,26 @@ fn vertices(space: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<Ve
     }
     planes.into_par_iter().for_each(|(z, places, normals)| {
         let mut out = places.iter_mut().zip(normals);
-        for (y, axis, w) in
-            (0..signs.dims[1]).flat_map(|y| (0..3).flat_map(move |axis| (0..signs.words()).map(move |w| (y, axis, w))))
-        {
-            let mut crossed = signs.crossed(axis, y, z, w);
-            while crossed != 0 {
-                let from = [64 * w + crossed.trailing_zeros() as usize, y, z];
-                crossed &= crossed - 1;
-                let mut to = from;
-                to[axis] += 1;
-                let (a, b) = (value(volume, from), value(volume, to));
-                let mut q = DVec3::from_array(from.map(|c| c as f64));
-                q[axis] += (iso - a) / (b - a);
-                if let Some((place, normal)) = out.next() {
-                    *place = volume.grid().to_world().transform_vector3(q - 1.0).as_vec3();
-                    *normal = Normal::new(turn * sampler.fit(q.as_vec3()).gradient);
-                }
+        each_crossed(signs, z, |from, axis| {
+            let mut to = from;
+            to[axis] += 1;
+            let (a, b) = (value(volume, from), value(volume, to));
+            let mut q = DVec3::from_array(from.map(|c| c as f64));
+            q[axis] += (iso - a) / (b - a);
+            if let Some((place, normal)) = out.next() {
+                *place = volume.grid().to_world().transform_vector3(q - 1.0).as_vec3();
+                *normal = Normal::new(turn * sampler.fit(q.as_vec3()).gradient);
             }
-        }
+        });
     });
     (places, normals)
 }
 
-/// The triangles, block by block.
-fn triangles(
-    volume: &Volume,
-    iso: f64,
+/// The triangles, block by block, of cells whose grown voxels lie so far `above` the wall: more than 0 exactly where they
+/// are solid, or 0.
+pub(super) fn triangles(
+    grid: &Grid,
+    above: impl Fn([usize; 3]) -> f64 + Sync,
     signs: &Signs,
     numbers: &Numbers,
     places: &[Vec3],
@@ -87,7 +103,7 @@ fn triangles(
     let cells = signs.dims.map(|n| n - 1);
     let blocks = cells.map(|n| n.div_ceil(BLOCK));
     // A mirrored grid turns every triangle round.
-    let mirrored = volume.grid().direction().determinant() < 0.0;
+    let mirrored = grid.direction().determinant() < 0.0;
     let rows: Vec<(Vec<[u32; 3]>, Vec<Block>)> = (0..blocks[1] * blocks[2])
         .into_par_iter()
         .map(|row| {
@@ -97,7 +113,7 @@ fn triangles(
             for bx in 0..blocks[0] {
                 let begun = triangles.len();
                 let corner = [bx * BLOCK, first[1], first[2]];
-                block(volume, iso, signs, numbers, corner, mirrored, &mut triangles);
+                block(&above, signs, numbers, corner, mirrored, &mut triangles);
                 if triangles.len() > begun {
                     let (centre, radius) = ball(&triangles[begun..], places);
                     let count = (triangles.len() - begun) as u32;
@@ -119,8 +135,7 @@ fn triangles(
 
 /// The triangles of the block of cells from `first` on.
 fn block(
-    volume: &Volume,
-    iso: f64,
+    above: &impl Fn([usize; 3]) -> f64,
     signs: &Signs,
     numbers: &Numbers,
     first: [usize; 3],
@@ -137,7 +152,7 @@ fn block(
                 let mut joined = 0;
                 if ambiguous != 0 {
                     let corner = |c: usize| [x + (c & 1), y + (c >> 1 & 1), z + (c >> 2)];
-                    let above = std::array::from_fn(|c| value(volume, corner(c)) - iso);
+                    let above = std::array::from_fn(|c| above(corner(c)));
                     for face in (0..6).filter(|f| ambiguous >> f & 1 == 1) {
                         joined |= u8::from(cases::is_joined(face, &above)) << face;
                     }

@@ -4,18 +4,27 @@
 //! the mesh is closed. The table of cases is derived, not typed in ([`cases`]); faces on which two readings are
 //! possible are decided by the value at the face's saddle (Nielson and Hamann 1991), which both cells that share the
 //! face see alike: the mesh has no crack. [`Rasteriser`] draws it with a z-buffer and the ray caster's light.
+//!
+//! [`LumenMesh`] is the colon's own surface, for other programs: the same cubes over the voxels of its lumen alone.
 
 pub mod cases;
 mod clip;
 mod extract;
 #[cfg(test)]
 mod extract_tests;
+mod lumen;
+mod measure;
 mod mesh;
 mod raster;
 #[cfg(test)]
 mod raster_tests;
+mod relax;
 mod signs;
 mod tile;
+mod write;
 
+pub use lumen::LumenMesh;
+pub use measure::Measures;
 pub use mesh::{Block, Mesh};
 pub use raster::Rasteriser;
+pub use write::MeshFormat;

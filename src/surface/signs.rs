@@ -6,6 +6,7 @@
 
 use rayon::prelude::*;
 
+use crate::fields::voxels::VoxelSet;
 use crate::volume::{AIR_HU, Volume};
 
 /// A bit for each grown voxel.
@@ -39,6 +40,26 @@ impl Signs {
             for (x, &v) in volume.data()[first..first + nx].iter().enumerate() {
                 let (w, bit) = ((x + 1) / 64, (x + 1) % 64);
                 bits[w] = bits[w] & !(1 << bit) | u64::from(v >= least) << bit;
+            }
+        });
+        Self { dims, words, bits }
+    }
+
+    /// Solid is what a set holds; nothing beyond its grid is.
+    pub fn of_set(set: &VoxelSet) -> Self {
+        let [nx, ny, nz] = set.dims();
+        let dims = [nx + 2, ny + 2, nz + 2];
+        let words = dims[0].div_ceil(64);
+        let mut bits = vec![0u64; words * dims[1] * dims[2]];
+        bits.par_chunks_mut(words).enumerate().for_each(|(row, bits)| {
+            let (y, z) = (row % dims[1], row / dims[1]);
+            if !(1..=ny).contains(&y) || !(1..=nz).contains(&z) {
+                return;
+            }
+            let from = set.row(y - 1, z - 1);
+            for (w, b) in bits.iter_mut().enumerate() {
+                let before = w.checked_sub(1).and_then(|w| from.get(w)).map_or(0, |f| f >> 63);
+                *b = from.get(w).map_or(0, |f| f << 1) | before;
             }
         });
         Self { dims, words, bits }

@@ -2,6 +2,7 @@
 
 use super::Route;
 use crate::error::{Error, Result};
+use crate::fields::centerline::CenterlineMethod;
 
 /// Curvature is measured over this length, mm: what is sharper within it is a wiggle, not a bend.
 const BEND_MM: f64 = 6.0;
@@ -22,11 +23,20 @@ pub struct PathSettings {
     pub wall_s: f64,
     /// Length of the route ahead that the view is directed at, mm.
     pub look_ahead_mm: f64,
+    /// Which method finds the line that is flown.
+    pub planner: CenterlineMethod,
 }
 
 impl Default for PathSettings {
     fn default() -> Self {
-        Self { cruise_mm_s: 30.0, acceleration_mm_s2: 40.0, jerk_mm_s3: 160.0, wall_s: 0.3, look_ahead_mm: 24.0 }
+        Self {
+            cruise_mm_s: 30.0,
+            acceleration_mm_s2: 40.0,
+            jerk_mm_s3: 160.0,
+            wall_s: 0.3,
+            look_ahead_mm: 24.0,
+            planner: CenterlineMethod::default(),
+        }
     }
 }
 

@@ -62,18 +62,47 @@ pub enum End {
     At(DVec3),
 }
 
-/// The method that finds the line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// The method that finds the line; its name stands on the command line, in scene files and in `explain`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum CenterlineMethod {
     /// The shortest way over the lumen's cells that keeps from walls, pulled straight and moved to the lumen's axis.
     #[default]
+    #[serde(rename = "penalised")]
     PenalisedPath,
     /// What is left when the lumen is peeled from the wall inwards (see `peel`), pulled straight.
+    #[serde(rename = "peel")]
     PeelOnion,
     /// The shortest way along sampled inscribed balls that overlap (see `roadmap`).
+    #[serde(rename = "roadmap")]
     Roadmap,
     /// The shortest way over the lumen's cells, voxel by voxel.
+    #[serde(rename = "cells")]
     Cells,
+}
+
+impl CenterlineMethod {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::PenalisedPath, Self::PeelOnion, Self::Roadmap, Self::Cells];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::PenalisedPath => "penalised",
+            Self::PeelOnion => "peel",
+            Self::Roadmap => "roadmap",
+            Self::Cells => "cells",
+        }
+    }
+
+    /// What it does, in a few words, for help and `explain`.
+    pub fn summary(self) -> &'static str {
+        match self {
+            Self::PenalisedPath => "the way over cells that keeps from walls, moved to the axis",
+            Self::PeelOnion => "what is left when the lumen is peeled from the wall inwards",
+            Self::Roadmap => "along inscribed balls that overlap",
+            Self::Cells => "over cells of the lumen, voxel by voxel",
+        }
+    }
 }
 
 /// The line of a lumen from `from` to `to`. `guesses` are pairs of places (world, mm) between which the lumen may be

@@ -11,6 +11,7 @@ mod fluid;
 mod frame;
 mod graph;
 mod grow;
+mod interior;
 mod order;
 mod residue;
 pub(in crate::fields) mod runs;
@@ -29,6 +30,7 @@ use graph::Graph;
 use order::{Body, Link};
 use runs::Rows;
 
+pub use interior::Interior;
 pub use residue::{Remnant, Residue, residue};
 pub use surface::WallPlace;
 

@@ -1,0 +1,80 @@
+//! `colvis surface`.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Value, json};
+
+use crate::app::Timings;
+use crate::cli::args::{Global, SurfaceArgs};
+use crate::cli::prepare::{self, say};
+use crate::error::{Error, Result};
+use crate::fields::lumen::Interior;
+use crate::output;
+use crate::progress::Progress;
+use crate::surface::{LumenMesh, Measures, MeshFormat};
+use crate::volume::Volume;
+
+/// Runs the command.
+///
+/// # Errors
+/// Status 2 for an ending that is none or an input beside a mask, 3 when the input cannot be read, 4 when there is no lumen
+/// in it or the work is interrupted, 5 when an output cannot be written.
+pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<()> {
+    MeshFormat::of(&args.out)?;
+    let iso = prepare::transfer(global)?.iso();
+    let (input, is_mask) = match (&args.input, &args.mask) {
+        (Some(_), Some(mask)) => {
+            let why = "is given beside an input";
+            return Err(Error::usage(format!("--mask {}", mask.display()), why, "give one of the two"));
+        }
+        (Some(path), None) => (path, false),
+        (None, Some(path)) => (path, true),
+        (None, None) => return Err(Error::usage("surface", "has no input", "give a scan, or --mask and a mask")),
+    };
+    if is_mask && args.from.is_some() {
+        return Err(Error::usage("--from", "a mask holds nothing but lumen", "leave it out, or give a scan"));
+    }
+    let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
+    output::check_targets(&[input], &outputs)?;
+    let mut timings = Timings::default();
+    let volume = timings.time("load_s", || prepare::load(input, global, progress))?;
+    let (mesh, segments) = if is_mask {
+        if global.wall.is_some() {
+            say("--wall is not used: a mask has no values");
+        }
+        (timings.time("surface_s", || of_mask(&volume, progress))?, None)
+    } else {
+        let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
+        if lumen.segments.is_empty() {
+            let why = "no gas of a colon was found in it";
+            return Err(Error::incomplete(
+                "volume",
+                why,
+                "give --from and a point in the colon, or a mask of the lumen",
+            ));
+        }
+        let mesh = timings
+            .time("surface_s", || LumenMesh::new(&Interior::of_lumen(&volume, &lumen, iso, progress)?, progress))?;
+        (mesh, Some(lumen.segments.len()))
+    };
+    drop(volume);
+    if mesh.triangles().is_empty() {
+        return Err(Error::incomplete("surface", "there is nothing that it could enclose", "see --wall, or the mask"));
+    }
+    mesh.save(&args.out, progress)?;
+    if let Some(path) = &args.stats {
+        let mut stats = prepare::stats_head(&timings);
+        if let Value::Object(measures) = json!(Measures::of(&mesh)) {
+            stats.extend(measures);
+        }
+        if let Some(n) = segments {
+            stats.insert("segments".to_owned(), json!(n));
+        }
+        output::write_json(path, &stats)?;
+    }
+    Ok(())
+}
+
+fn of_mask(mask: &Volume, progress: &Progress) -> Result<LumenMesh> {
+    LumenMesh::new(&Interior::of_mask(mask)?, progress)
+}

@@ -1,0 +1,153 @@
+//! The lumen, gas and tagged fluid together, and where between two voxels its wall is.
+
+use super::grow::grow;
+use super::runs::Rows;
+use super::{GAS_HU, GROWTH, Lumen};
+use crate::error::{Error, Result};
+use crate::fields::voxels::VoxelSet;
+use crate::progress::Progress;
+use crate::volume::{Grid, Volume};
+
+/// The brightness of the wall itself, HU: half-way from it to the fluid's is where fluid ends.
+const WALL_HU: f64 = 60.0;
+/// Fluid is at least this bright, HU, where its own brightness cannot be told.
+const LEAST_TAG_HU: f64 = 240.0;
+/// How far above or below its wall's value a voxel counts where its own value does not tell, HU.
+const UNTOLD_HU: f64 = 1.0;
+
+/// The colon's interior as a set of voxels.
+///
+/// Against tissue the wall of gas is where the value is that of the ramp's middle, and the wall of tagged fluid where it is
+/// half-way from the tissue's to the fluid's. Gas meets fluid inside: there is no wall between the two.
+#[derive(Clone, Debug)]
+pub struct Interior<'a> {
+    grid: &'a Grid,
+    /// None of a mask.
+    values: Option<Values<'a>>,
+    set: VoxelSet,
+}
+
+#[derive(Clone, Debug)]
+struct Values<'a> {
+    volume: &'a Volume,
+    iso: f64,
+    /// Fluid that is no gas, and the value of its wall, HU, by label.
+    fluid: Rows,
+    fluid_iso: Vec<f64>,
+}
+
+impl<'a> Interior<'a> {
+    /// That of a lumen which was found in `volume`, as far as its gas reaches with the wall at `iso` HU: at another value
+    /// than [`GAS_HU`] it loses its outermost voxels, or grows by some.
+    ///
+    /// # Errors
+    /// Status 4 when interrupted, 3 when there are more voxels than can be numbered.
+    pub fn of_lumen(volume: &'a Volume, lumen: &Lumen, iso: f64, progress: &Progress) -> Result<Self> {
+        let level = iso.floor().clamp(-32768.0, 32767.0) as i16;
+        let grown = (level > GAS_HU).then(|| grow(volume, lumen.gas.clone(), level, GROWTH, progress)).transpose()?;
+        let gas = grown.as_ref().unwrap_or(&lumen.gas);
+        let grid = volume.grid();
+        let row_of = |j: usize, k: usize| &volume.data()[grid.index(0, j, k)..][..grid.dims()[0]];
+        let dark = gas.iter().flat_map(|(j, k, r)| {
+            let values = row_of(j, k);
+            let mut next = r.start as usize;
+            let end = r.end as usize;
+            std::iter::from_fn(move || {
+                let start = (next..end).find(|&i| values[i] <= level)?;
+                let stop = (start..end).find(|&i| values[i] > level).unwrap_or(end);
+                next = stop;
+                Some((j, k, start..stop))
+            })
+        });
+        let fluid = lumen.fluid.iter().map(|(j, k, r)| (j, k, r.range()));
+        let set = VoxelSet::from_runs(grid.dims(), dark.chain(fluid)).ok_or_else(too_many)?;
+        let fluid_iso = tags(volume, &lumen.fluid).into_iter().map(|tag| 0.5 * (tag + WALL_HU)).collect();
+        let values = Values { volume, iso, fluid: lumen.fluid.clone(), fluid_iso };
+        Ok(Self { grid, values: Some(values), set })
+    }
+
+    /// That of a mask: any voxel that is not 0.
+    ///
+    /// # Errors
+    /// Status 3 when there are more voxels than can be numbered.
+    pub fn of_mask(mask: &'a Volume) -> Result<Self> {
+        let set = VoxelSet::from_fn(mask.grid().dims(), |n| mask.data()[n] != 0).ok_or_else(too_many)?;
+        Ok(Self { grid: mask.grid(), values: None, set })
+    }
+
+    /// Its voxels.
+    pub fn set(&self) -> &VoxelSet {
+        &self.set
+    }
+
+    /// The grid.
+    pub fn grid(&self) -> &Grid {
+        self.grid
+    }
+
+    /// How far a voxel lies inside the wall, HU (of a mask, without a unit): above 0 inside, below 0 outside.
+    pub fn above(&self, voxel: [i64; 3]) -> f64 {
+        let inside = self.set.contains(voxel);
+        let Some(values) = &self.values else {
+            // Voxels of a mask that meet in an edge only are not joined, as they are not for a flight.
+            return if inside { UNTOLD_HU } else { -2.0 * UNTOLD_HU };
+        };
+        let own = values.above(voxel);
+        if inside { own.max(UNTOLD_HU) } else { own.min(-UNTOLD_HU) }
+    }
+
+    /// Where the wall is on the way from a voxel inside to its neighbour outside, as a share of that way; none where the
+    /// values do not tell.
+    pub fn crossing(&self, inside: [i64; 3], outside: [i64; 3]) -> Option<f64> {
+        let values = self.values.as_ref()?;
+        let iso = values.iso_of(inside);
+        let [a, b] = [inside, outside].map(|v| f64::from(values.volume.get(v[0], v[1], v[2])));
+        // In fluid tissue is darker, in gas it is brighter; a neighbour on the same side is left out for another reason.
+        let parted = if values.is_fluid(inside) { a > iso && b <= iso } else { a <= iso && b > iso };
+        parted.then(|| (iso - a) / (b - a))
+    }
+}
+
+impl Values<'_> {
+    fn is_fluid(&self, [i, j, k]: [i64; 3]) -> bool {
+        self.fluid.find(i, j, k).is_some()
+    }
+
+    /// The value of the wall beside a voxel, HU.
+    fn iso_of(&self, [i, j, k]: [i64; 3]) -> f64 {
+        self.fluid.find(i, j, k).map_or(self.iso, |r| self.fluid_iso[r.label as usize])
+    }
+
+    fn above(&self, voxel: [i64; 3]) -> f64 {
+        let hu = f64::from(self.volume.get(voxel[0], voxel[1], voxel[2]));
+        if self.is_fluid(voxel) { hu - self.iso_of(voxel) } else { self.iso - hu }
+    }
+}
+
+/// The brightness of the fluid of each label, HU: its median.
+fn tags(volume: &Volume, fluid: &Rows) -> Vec<f64> {
+    let labels = fluid.runs().iter().map(|r| r.label as usize + 1).max().unwrap_or(0);
+    let mut counts = vec![Vec::new(); labels];
+    for (j, k, r) in fluid.iter() {
+        let own: &mut Vec<u32> = &mut counts[r.label as usize];
+        own.resize(1 << 16, 0);
+        let first = volume.grid().index(0, j, k);
+        for &v in &volume.data()[first + r.start as usize..first + r.end as usize] {
+            own[(i32::from(v) + 32768) as usize] += 1;
+        }
+    }
+    let median = |counts: Vec<u32>| {
+        let half = counts.iter().map(|&n| u64::from(n)).sum::<u64>() / 2;
+        let mut seen = 0;
+        let at = counts.iter().position(|&n| {
+            seen += u64::from(n);
+            seen > half
+        });
+        at.map_or(LEAST_TAG_HU, |at| (at as f64 - 32768.0).max(LEAST_TAG_HU))
+    };
+    counts.into_iter().map(median).collect()
+}
+
+fn too_many() -> Error {
+    Error::input("volume", "holds more lumen than can be numbered", "crop or resample it")
+}

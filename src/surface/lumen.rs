@@ -1,0 +1,122 @@
+//! The surface of the colon's lumen as a closed mesh, for other programs.
+//!
+//! Marching cubes over the set of the lumen's voxels, its vertices on the edges of the grid where the values place the
+//! wall. Nothing beyond the grid is lumen: where the lumen meets the scan's faces it is capped, along the outer faces of
+//! the outermost voxels. Where the values do not tell where on its edge a vertex is (everywhere on a mask), it is drawn
+//! smooth between its neighbours (see [`relax`](super::relax)).
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::extract::{check_count, each_crossed, triangles};
+use super::relax::relax;
+use super::signs::{Numbers, Signs};
+use crate::error::Result;
+use crate::fields::lumen::Interior;
+use crate::progress::Progress;
+
+/// Vertices keep this share of their edge's length from its ends: two on edges that meet in a voxel never coincide, so that
+/// no triangle is a line or a point.
+pub(super) const KEEP_OFF: f32 = 0.02;
+
+/// A closed surface. Every side has one triangle on either hand, and the triangles around a vertex are one fan.
+///
+/// Places are single-precision offsets (mm, world directions) from an origin near the volume.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LumenMesh {
+    pub(super) origin: DVec3,
+    pub(super) places: Vec<Vec3>,
+    pub(super) triangles: Vec<[u32; 3]>,
+}
+
+/// A vertex while its place is sought: on the grid's edge from `base`, `t` of the way along `axis`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slider {
+    /// Offset of the edge's lower voxel, mm.
+    pub base: Vec3,
+    /// Axis of the edge.
+    pub axis: u8,
+    /// Whether the values do not tell the place.
+    pub free: bool,
+    /// Share of the edge.
+    pub t: f32,
+}
+
+impl LumenMesh {
+    /// The surface of a lumen, on all of rayon's threads; the same for every number of them.
+    ///
+    /// # Errors
+    /// Status 4 when there are more vertices than 32 bits count, or when interrupted.
+    pub fn new(interior: &Interior<'_>, progress: &Progress) -> Result<Self> {
+        progress.stage("making the surface", 0);
+        let grid = interior.grid();
+        let signs = Signs::of_set(interior.set());
+        let numbers = Numbers::new(&signs);
+        check_count(&numbers)?;
+        progress.check()?;
+        let mut sliders = sliders(interior, &signs, &numbers);
+        progress.check()?;
+        let steps = [0, 1, 2].map(|a| grid.to_world().matrix3.col(a).as_vec3());
+        let places = |sliders: &[Slider]| -> Vec<Vec3> { sliders.par_iter().map(|s| s.place(&steps)).collect() };
+        let above = |v: [usize; 3]| interior.above(v.map(|x| x as i64 - 1));
+        let (triangles, _) = triangles(grid, above, &signs, &numbers, &places(&sliders));
+        progress.check()?;
+        relax(&mut sliders, &steps, &triangles, progress)?;
+        Ok(Self { origin: grid.origin(), places: places(&sliders), triangles })
+    }
+
+    /// Number of vertices.
+    pub fn vertices(&self) -> usize {
+        self.places.len()
+    }
+
+    /// A vertex in the world, mm LPS.
+    pub fn world(&self, vertex: u32) -> DVec3 {
+        self.origin + self.places[vertex as usize].as_dvec3()
+    }
+
+    /// Triangles, three vertices each, counter-clockwise as seen from outside the lumen: normals lead out of it, into the
+    /// tissue.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+}
+
+impl Slider {
+    /// Where it is, an offset in mm; `steps` lead along the grid's edges.
+    pub fn place(&self, steps: &[Vec3; 3]) -> Vec3 {
+        self.base + self.t * steps[usize::from(self.axis)]
+    }
+}
+
+/// A vertex for each crossed edge, in their order.
+fn sliders(interior: &Interior<'_>, signs: &Signs, numbers: &Numbers) -> Vec<Slider> {
+    let grid = interior.grid();
+    let dims = grid.dims().map(|n| n as i64);
+    let planes: Vec<Vec<Slider>> = (0..signs.dims[2])
+        .into_par_iter()
+        .map(|z| {
+            let mut out = Vec::with_capacity(numbers.before_plane(signs, z + 1) - numbers.before_plane(signs, z));
+            each_crossed(signs, z, |from, axis| {
+                let low = from.map(|x| x as i64 - 1);
+                let mut high = low;
+                high[axis] += 1;
+                let first_inside = interior.set().contains(low);
+                let (inside, outside) = if first_inside { (low, high) } else { (high, low) };
+                let scanned = (0..dims[axis]).contains(&outside[axis]);
+                let told = if scanned { interior.crossing(inside, outside) } else { Some(0.5) };
+                let share = told.unwrap_or(0.5);
+                let t = if first_inside { share } else { 1.0 - share } as f32;
+                let base = DVec3::from_array(low.map(|x| x as f64));
+                out.push(Slider {
+                    base: grid.to_world().transform_vector3(base).as_vec3(),
+                    axis: axis as u8,
+                    free: told.is_none(),
+                    t: t.clamp(KEEP_OFF, 1.0 - KEEP_OFF),
+                });
+            });
+            out
+        })
+        .collect();
+    planes.concat()
+}

@@ -1,0 +1,84 @@
+//! Vertices whose places the values do not tell, drawn smooth.
+//!
+//! Half-way between two voxels of a mask, vertices make steps. Each may slide along its own edge of the grid, so that every
+//! voxel's centre stays on its side of the surface and no triangle turns over (the constrained surfaces of Gibson 1998,
+//! Whitaker 2000). Steps of the umbrella operator alone would shrink what is round; every second one goes back a little
+//! more (Taubin 1995).
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::lumen::{KEEP_OFF, Slider};
+use crate::error::Result;
+use crate::progress::Progress;
+
+/// Steps forth and back: Taubin's λ and μ.
+const STEPS: [f32; 2] = [0.5, -0.52];
+/// How often both are taken.
+const ROUNDS: usize = 12;
+
+/// Slides the free vertices of closed `triangles` along their edges; `steps` lead along the grid's edges, mm.
+pub(super) fn relax(
+    sliders: &mut [Slider],
+    steps: &[Vec3; 3],
+    triangles: &[[u32; 3]],
+    progress: &Progress,
+) -> Result<()> {
+    let free: Vec<u32> = (0..sliders.len() as u32).filter(|&v| sliders[v as usize].free).collect();
+    if free.is_empty() {
+        return Ok(());
+    }
+    let (begins, beside) = neighbours(&free, sliders.len(), triangles);
+    progress.check()?;
+    let mut places: Vec<Vec3> = sliders.par_iter().map(|s| s.place(steps)).collect();
+    for _ in 0..ROUNDS {
+        progress.check()?;
+        for factor in STEPS {
+            let moved: Vec<f32> = free
+                .par_iter()
+                .enumerate()
+                .map(|(n, &v)| {
+                    let (own, slider) = (places[v as usize], sliders[v as usize]);
+                    let near = &beside[begins[n] as usize..begins[n + 1] as usize];
+                    let mean = near.iter().map(|&m| places[m as usize] - own).sum::<Vec3>() / near.len().max(1) as f32;
+                    let along = steps[usize::from(slider.axis)];
+                    let t = slider.t + factor * mean.dot(along) / along.length_squared();
+                    t.clamp(KEEP_OFF, 1.0 - KEEP_OFF)
+                })
+                .collect();
+            for (&v, t) in free.iter().zip(moved) {
+                sliders[v as usize].t = t;
+                places[v as usize] = sliders[v as usize].place(steps);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Where the neighbours of each vertex of `free` begin, and the neighbours: on a closed mesh each side that leaves a vertex
+/// leads to one.
+fn neighbours(free: &[u32], vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+    const NONE: u32 = u32::MAX;
+    let mut number = vec![NONE; vertices];
+    for (n, &v) in free.iter().enumerate() {
+        number[v as usize] = n as u32;
+    }
+    let sides = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
+    let mut begins = vec![0u32; free.len() + 1];
+    for n in sides().map(|s| number[s.0 as usize]).filter(|&n| n != NONE) {
+        begins[n as usize + 1] += 1;
+    }
+    for n in 1..begins.len() {
+        begins[n] += begins[n - 1];
+    }
+    let mut next = begins.clone();
+    let mut beside = vec![0u32; begins[free.len()] as usize];
+    for (a, b) in sides() {
+        let n = number[a as usize];
+        if n != NONE {
+            beside[next[n as usize] as usize] = b;
+            next[n as usize] += 1;
+        }
+    }
+    (begins, beside)
+}

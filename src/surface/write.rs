@@ -1,0 +1,143 @@
+//! A closed surface as a file: STL (binary), PLY (binary, little endian) or OBJ; millimetres, LPS.
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::lumen::LumenMesh;
+use crate::error::{Error, Result};
+use crate::output;
+use crate::progress::Progress;
+
+/// Triangles and vertices between two looks at whether to stop.
+const BATCH: usize = 1 << 15;
+/// Single precision places what is nearer to the world's origin than this within 2 µm, mm; beyond, PLY has double precision
+/// and STL, which cannot, is refused.
+const NEAR_MM: f64 = 32_768.0;
+
+/// What kind of file a surface is written to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeshFormat {
+    /// Binary STL: triangles with their normals; vertices are not shared.
+    Stl,
+    /// Binary little-endian PLY.
+    Ply,
+    /// Wavefront OBJ.
+    Obj,
+}
+
+impl MeshFormat {
+    /// The one that a file's ending names.
+    ///
+    /// # Errors
+    /// Status 2 where it names none.
+    pub fn of(path: &Path) -> Result<Self> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        match ending.as_str() {
+            "stl" => Ok(Self::Stl),
+            "ply" => Ok(Self::Ply),
+            "obj" => Ok(Self::Obj),
+            _ => {
+                let why = "its ending names no format of a surface";
+                Err(Error::usage(path.display().to_string(), why, "end it in .stl, .ply or .obj"))
+            }
+        }
+    }
+}
+
+impl LumenMesh {
+    /// Writes the surface, whole or not at all, in the format that the ending names.
+    ///
+    /// # Errors
+    /// Status 2 for an ending that names none, or an STL so far from the world's origin that single precision cannot tell
+    /// its vertices apart; 4 when interrupted; 5 when it cannot be written.
+    pub fn save(&self, path: &Path, progress: &Progress) -> Result<()> {
+        let format = MeshFormat::of(path)?;
+        progress.stage("writing the surface", (self.triangles.len()) as u64);
+        let far = self.places.iter().any(|p| (self.origin + p.as_dvec3()).abs().max_element() > NEAR_MM);
+        if far && format == MeshFormat::Stl {
+            let why =
+                format!("the scan lies more than {NEAR_MM} mm from the world's origin, too far for single precision");
+            return Err(Error::usage(path.display().to_string(), why, "write a .ply or an .obj"));
+        }
+        output::write_whole(path, |w| match format {
+            MeshFormat::Stl => self.stl(w, progress),
+            MeshFormat::Ply => self.ply(w, far, progress),
+            MeshFormat::Obj => self.obj(w, progress),
+        })
+    }
+
+    fn stl(&self, w: &mut dyn Write, progress: &Progress) -> io::Result<()> {
+        let mut head = [b' '; 80];
+        let text = b"colvis: surface of the colon's lumen, mm LPS, normals out of the lumen";
+        head[..text.len()].copy_from_slice(text);
+        w.write_all(&head)?;
+        w.write_all(&(self.triangles.len() as u32).to_le_bytes())?;
+        for batch in self.triangles.chunks(BATCH) {
+            for &t in batch {
+                let [a, b, c] = t.map(|v| self.world(v).as_vec3().as_dvec3());
+                let normal = (b - a).cross(c - a).normalize_or_zero();
+                for p in [normal, a, b, c] {
+                    write_single(w, p)?;
+                }
+                w.write_all(&[0; 2])?;
+            }
+            progress.advance(batch.len() as u64).map_err(io::Error::other)?;
+        }
+        Ok(())
+    }
+
+    fn ply(&self, w: &mut dyn Write, double: bool, progress: &Progress) -> io::Result<()> {
+        let kind = if double { "double" } else { "float" };
+        write!(
+            w,
+            "ply\nformat binary_little_endian 1.0\ncomment colvis: surface of the colon's lumen, mm LPS, normals out of \
+             the lumen\nelement vertex {}\nproperty {kind} x\nproperty {kind} y\nproperty {kind} z\nelement face {}\n\
+             property list uchar int vertex_indices\nend_header\n",
+            self.places.len(),
+            self.triangles.len()
+        )?;
+        for first in (0..self.places.len()).step_by(BATCH) {
+            for v in first..(first + BATCH).min(self.places.len()) {
+                let p = self.world(v as u32);
+                if double {
+                    p.to_array().into_iter().try_for_each(|x| w.write_all(&x.to_le_bytes()))?;
+                } else {
+                    write_single(w, p)?;
+                }
+            }
+            progress.check().map_err(io::Error::other)?;
+        }
+        for batch in self.triangles.chunks(BATCH) {
+            for t in batch {
+                w.write_all(&[3])?;
+                t.iter().try_for_each(|v| w.write_all(&v.to_le_bytes()))?;
+            }
+            progress.advance(batch.len() as u64).map_err(io::Error::other)?;
+        }
+        Ok(())
+    }
+
+    fn obj(&self, w: &mut dyn Write, progress: &Progress) -> io::Result<()> {
+        writeln!(w, "# colvis: surface of the colon's lumen, mm LPS, normals out of the lumen")?;
+        for first in (0..self.places.len()).step_by(BATCH) {
+            for v in first..(first + BATCH).min(self.places.len()) {
+                let p = self.world(v as u32);
+                writeln!(w, "v {:.5} {:.5} {:.5}", p.x, p.y, p.z)?;
+            }
+            progress.check().map_err(io::Error::other)?;
+        }
+        for batch in self.triangles.chunks(BATCH) {
+            for [a, b, c] in batch.iter().map(|t| t.map(|v| v + 1)) {
+                writeln!(w, "f {a} {b} {c}")?;
+            }
+            progress.advance(batch.len() as u64).map_err(io::Error::other)?;
+        }
+        Ok(())
+    }
+}
+
+fn write_single(w: &mut dyn Write, p: DVec3) -> io::Result<()> {
+    p.as_vec3().to_array().into_iter().try_for_each(|x| w.write_all(&x.to_le_bytes()))
+}
