@@ -193,6 +193,9 @@ pub struct SegmentArgs {
     /// The mask: 0 outside, 1 gas, 2 tagged fluid
     #[arg(long, value_name = "MASK")]
     pub out: PathBuf,
+    /// What else is marked: other (3: surely no colon, as lungs and the air outside) and wall (4: the colon's)
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "LABEL,...")]
+    pub labels: Vec<LabelName>,
     /// Take the gas there for the colon, whatever it looks like
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<Triple>,
@@ -394,6 +397,16 @@ pub enum QualityName {
     Adaptive,
     /// Brute force, to measure against.
     Reference,
+}
+
+/// What a mask marks beside gas and fluid.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum LabelName {
+    /// What is surely no colon: 3.
+    Other,
+    /// The colon's wall: 4.
+    Wall,
 }
 
 /// The phantom's sizes.

@@ -7,13 +7,19 @@ use serde::Serialize;
 use serde_json::json;
 
 use crate::app::Timings;
-use crate::cli::args::{Global, SegmentArgs};
+use crate::cli::args::{Global, LabelName, SegmentArgs};
 use crate::cli::prepare;
 use crate::error::Result;
 use crate::fields::lumen::{self, Lumen, Remnant};
+use crate::fields::wall;
 use crate::output;
 use crate::progress::Progress;
 use crate::volume::io;
+
+/// The mask's value of what is surely no colon.
+const OTHER: u8 = 3;
+/// The mask's value of the colon's wall.
+const WALL: u8 = 4;
 
 /// A segment in the stats. Places are world, mm LPS.
 #[derive(Serialize)]
@@ -24,6 +30,15 @@ struct Part {
     ends: [DVec3; 2],
     length_mm: f64,
     joined_to: Vec<usize>,
+}
+
+/// Gas that is none of the colon's, in the stats.
+#[derive(Serialize)]
+struct NotColon {
+    ml: f64,
+    kind: &'static str,
+    why: &'static str,
+    bounds_mm: [DVec3; 2],
 }
 
 /// A bridge or an island in the stats.
@@ -50,9 +65,25 @@ pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<(
         Some(_) => Some(timings.time("residue_s", || lumen::residue(&volume, &lumen, progress))?),
         None => None,
     };
+    let wanted = |label| args.labels.contains(&label);
+    let wall = match wanted(LabelName::Wall) {
+        true => Some(timings.time("wall_s", || wall::around(&volume, &lumen, progress))?),
+        false => None,
+    };
+    let others = match wanted(LabelName::Other) {
+        true => Some(timings.time("other_s", || lumen::not_colon(&volume, &lumen, progress))?),
+        false => None,
+    };
     let grid = volume.grid().clone();
     drop(volume);
-    io::save_mask(&args.out, &grid, &lumen.mask(), progress)?;
+    let mut mask = lumen.mask();
+    for &voxel in wall.iter().flat_map(|w| &w.voxels) {
+        mask[voxel] = WALL;
+    }
+    if let Some(others) = &others {
+        others.mark(&mut mask, OTHER);
+    }
+    io::save_mask(&args.out, &grid, &mask, progress)?;
     if let (Some(path), Some(residue)) = (&args.stats, residue) {
         let mut stats = prepare::stats_head(&timings);
         for (name, value) in [
@@ -65,9 +96,22 @@ pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<(
         ] {
             stats.insert(name.to_owned(), value);
         }
+        if let Some(wall) = &wall {
+            stats.insert("wall_ml".to_owned(), json!(wall.ml));
+            stats.insert("wall_thickness".to_owned(), json!(wall.thickness));
+            stats.insert("wall_told".to_owned(), json!(wall.told));
+        }
+        if let Some(others) = &others {
+            stats.insert("not_colon".to_owned(), json!(not_colon(others)));
+        }
         output::write_json(path, &stats)?;
     }
     Ok(())
+}
+
+fn not_colon(others: &lumen::Others) -> Vec<NotColon> {
+    let part = |o: &lumen::Other| NotColon { ml: o.ml, kind: o.kind, why: o.why, bounds_mm: o.bounds_mm };
+    others.pieces.iter().map(part).collect()
 }
 
 fn marks(found: &[Remnant]) -> Vec<Mark> {

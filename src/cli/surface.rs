@@ -38,7 +38,7 @@ pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<(
     output::check_targets(&[input], &outputs)?;
     let mut timings = Timings::default();
     let volume = timings.time("load_s", || prepare::load(input, global, progress))?;
-    let (mesh, segments) = if is_mask {
+    let (mesh, scan) = if is_mask {
         if global.wall.is_some() {
             say("--wall is not used: a mask has no values");
         }
@@ -55,7 +55,8 @@ pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<(
         }
         let mesh = timings
             .time("surface_s", || LumenMesh::new(&Interior::of_lumen(&volume, &lumen, iso, progress)?, progress))?;
-        (mesh, Some(lumen.segments.len()))
+        let (mesh, islands) = mesh.without_islands();
+        (mesh, Some((lumen.segments.len(), islands)))
     };
     drop(volume);
     if mesh.triangles().is_empty() {
@@ -67,8 +68,9 @@ pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<(
         if let Value::Object(measures) = json!(Measures::of(&mesh)) {
             stats.extend(measures);
         }
-        if let Some(n) = segments {
-            stats.insert("segments".to_owned(), json!(n));
+        if let Some((segments, islands)) = scan {
+            stats.insert("segments".to_owned(), json!(segments));
+            stats.insert("islands_left_out".to_owned(), json!(islands));
         }
         output::write_json(path, &stats)?;
     }

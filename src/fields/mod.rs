@@ -10,6 +10,7 @@ mod neighbours;
 pub mod sample;
 pub mod target;
 pub mod voxels;
+pub mod wall;
 
 pub use centerline::{Centerline, CenterlineMethod};
 pub use clearance::{Clearance, ClearanceFinder, Clearances};

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use super::islands;
 use super::lumen::LumenMesh;
 
 /// Measures of a closed surface.
@@ -15,7 +16,7 @@ pub struct Measures {
     pub area_mm2: f64,
     /// What it encloses, ml (divergence theorem).
     pub volume_ml: f64,
-    /// Its connected pieces; one within another (about an island in the lumen) counts too.
+    /// Its connected pieces.
     pub components: usize,
     /// Sides that do not have one triangle on either hand: 0.
     pub boundary_edges: usize,
@@ -37,7 +38,7 @@ impl Measures {
             vertices: mesh.places.len(),
             area_mm2: area,
             volume_ml: volume / 1000.0,
-            components: components(mesh),
+            components: islands::components(mesh).1,
             boundary_edges: boundary_edges(mesh),
         }
     }
@@ -46,28 +47,6 @@ impl Measures {
 /// Signed volume between a triangle and the origin.
 fn tetrahedron(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     a.dot(b.cross(c)) / 6.0
-}
-
-fn components(mesh: &LumenMesh) -> usize {
-    let mut parent: Vec<u32> = (0..mesh.places.len() as u32).collect();
-    let find = |parent: &mut [u32], mut v: u32| {
-        while parent[v as usize] != v {
-            parent[v as usize] = parent[parent[v as usize] as usize];
-            v = parent[v as usize];
-        }
-        v
-    };
-    let mut count = parent.len();
-    for &[a, b, c] in &mesh.triangles {
-        for (p, q) in [(a, b), (b, c)] {
-            let (p, q) = (find(&mut parent, p), find(&mut parent, q));
-            if p != q {
-                parent[p.max(q) as usize] = p.min(q);
-                count -= 1;
-            }
-        }
-    }
-    count
 }
 
 /// Sides that are not run through once in each direction.

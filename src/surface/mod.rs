@@ -12,6 +12,7 @@ mod clip;
 mod extract;
 #[cfg(test)]
 mod extract_tests;
+mod islands;
 mod lumen;
 mod measure;
 mod mesh;

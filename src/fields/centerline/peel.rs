@@ -16,6 +16,8 @@ use crate::progress::Progress;
 
 /// Buckets of distance in a millimetre.
 const PER_MM: f32 = 8.0;
+/// Voxels between two looks at whether to stop.
+const EVERY: u64 = 1 << 16;
 
 /// The shortest way of voxels from `start` to `goal` through what peeling leaves; none where they are not connected.
 pub(super) fn peeled(
@@ -44,10 +46,13 @@ pub(super) fn peeled(
         }
     });
     skin.into_iter().for_each(|v| push(&mut buckets, v, 0));
+    progress.stage("peeling the lumen", walls.voxels() as u64);
     let mut at = 0;
     let mut steps = 0u64;
     while at < buckets.len() {
         let Some(v) = buckets[at].pop() else {
+            // Voxels are listed each time that a neighbour goes, all in all many times over: what is done is freed.
+            buckets[at] = Vec::new();
             at += 1;
             continue;
         };
@@ -57,8 +62,8 @@ pub(super) fn peeled(
         }
         left.remove(v);
         steps += 1;
-        if steps.is_multiple_of(1 << 16) {
-            progress.check()?;
+        if steps.is_multiple_of(EVERY) {
+            progress.advance(EVERY)?;
         }
         let near = left.around(v);
         each_bit(u64::from(near), |b| {

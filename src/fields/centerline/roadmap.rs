@@ -22,6 +22,10 @@ use crate::progress::Progress;
 
 /// Steps of a sample's climb at the most.
 const CLIMB: usize = 60;
+/// Samples between two looks at whether to stop.
+const EVERY: usize = 1 << 14;
+/// Contacts that are listed before the best of each two balls are sorted out.
+const CONTACTS: usize = 1 << 22;
 /// The owner of a voxel that no ball owns.
 const NOBODY: u32 = u32::MAX;
 
@@ -46,7 +50,7 @@ pub(super) fn way(
     if start == goal {
         return Ok(Some(vec![balls[0].at]));
     }
-    let contacts = contacts(walls, &owner);
+    let contacts = contacts(walls, &owner, progress)?;
     let mut cost = vec![f64::INFINITY; balls.len()];
     let mut before: Vec<Option<Contact>> = vec![None; balls.len()];
     let mut done = vec![false; balls.len()];
@@ -90,11 +94,17 @@ fn line(walls: &WallDistance, balls: &[Ball], before: &[Option<Contact>]) -> Vec
 
 /// Pairs of balls whose voxels share a face, in both directions, ascending; of each pair the place farthest from the
 /// wall.
-fn contacts(walls: &WallDistance, owner: &[u32]) -> Vec<Contact> {
+fn contacts(walls: &WallDistance, owner: &[u32], progress: &Progress) -> Result<Vec<Contact>> {
     let mut all: Vec<(Contact, u32)> = Vec::new();
+    let mut most = CONTACTS;
+    progress.stage("joining balls", 0);
     walls.set().for_each(|n, v| {
-        if owner[n] == NOBODY {
+        if owner[n] == NOBODY || progress.is_cancelled() {
             return;
+        }
+        if all.len() >= most {
+            best_of_each(&mut all);
+            most = CONTACTS.max(2 * all.len());
         }
         for a in 0..3 {
             let mut next = v.map(|x| x as i64);
@@ -108,9 +118,15 @@ fn contacts(walls: &WallDistance, owner: &[u32]) -> Vec<Contact> {
             all.push(((owner[m], owner[n], m as u32, n as u32), rank));
         }
     });
+    progress.check()?;
+    best_of_each(&mut all);
+    Ok(all.into_iter().map(|c| c.0).collect())
+}
+
+/// Keeps of each pair of balls the contact of the least rank, in the order of the pairs.
+fn best_of_each(all: &mut Vec<(Contact, u32)>) {
     all.sort_unstable_by_key(|&((a, b, x, y), rank)| (a, b, rank, x, y));
     all.dedup_by_key(|c| (c.0.0, c.0.1));
-    all.into_iter().map(|c| c.0).collect()
 }
 
 /// Balls that own the lumen's voxels, and each voxel's owner; the first two balls are those of the ends.
@@ -126,17 +142,26 @@ fn balls(walls: &WallDistance, ends: [[i64; 3]; 2], progress: &Progress) -> Resu
     while gcd(stride, count) != 1 {
         stride += 2;
     }
+    progress.stage("sampling balls", count as u64);
+    // Many samples climb to one place: its ball is made once.
+    let mut made = vec![false; count];
+    for end in ends {
+        walls.set().number(end).into_iter().for_each(|n| made[n] = true);
+    }
     let mut n = 0;
     for step in 0..count {
-        if step.is_multiple_of(1 << 16) {
-            progress.check()?;
+        if step.is_multiple_of(EVERY) {
+            progress.advance(EVERY as u64)?;
         }
         n = (n + stride) % count;
         if owner[n] != NOBODY || walls.values()[n] < 0.0 {
             continue;
         }
         let sample = walls.set().voxel(n);
-        add(walls, climbed(walls, sample), &mut owner, &mut balls);
+        let top = climbed(walls, sample);
+        if walls.set().number(top).is_some_and(|n| !std::mem::replace(&mut made[n], true)) {
+            add(walls, top, &mut owner, &mut balls);
+        }
         if owner[n] == NOBODY {
             add(walls, sample, &mut owner, &mut balls);
         }

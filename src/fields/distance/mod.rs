@@ -69,7 +69,22 @@ impl WallDistance {
         let fluid = (through == Through::GasAndFluid).then(|| lumen.fluid().iter());
         let runs = lumen.gas().iter().chain(fluid.into_iter().flatten()).map(|(j, k, r)| (j, k, r.range()));
         let inside = VoxelSet::from_runs(volume.grid().dims(), runs).ok_or_else(too_many)?;
-        Self::build(volume.grid(), &inside, Some((volume.data(), GAS_HU)), progress)
+        Self::build(volume.grid(), &inside, Some((volume.data(), GAS_HU)), SHELL, progress)
+    }
+
+    /// The same of gas and fluid, with the distances outside up to `reach_mm` at least (in the shell, negative).
+    ///
+    /// # Errors
+    /// As [`WallDistance::of_lumen`].
+    pub fn around_lumen(volume: &Volume, lumen: &Lumen, reach_mm: f64, progress: &Progress) -> Result<Self> {
+        let runs = lumen.gas().iter().chain(lumen.fluid().iter()).map(|(j, k, r)| (j, k, r.range()));
+        let inside = VoxelSet::from_runs(volume.grid().dims(), runs).ok_or_else(too_many)?;
+        let grid = volume.grid();
+        // How many indices a distance in the world reaches at the most.
+        let inverse = grid.to_voxel().matrix3.transpose();
+        let reach = [0, 1, 2].map(|a| (inverse.col(a).length() * reach_mm).ceil() as usize);
+        let shell = reach.into_iter().max().unwrap_or(0) + SHELL;
+        Self::build(grid, &inside, Some((volume.data(), GAS_HU)), shell, progress)
     }
 
     /// The distance to the boundary of a mask: any voxel that is not 0 is lumen.
@@ -78,11 +93,17 @@ impl WallDistance {
     /// As [`WallDistance::of_lumen`].
     pub fn of_mask(mask: &Volume, progress: &Progress) -> Result<Self> {
         let inside = VoxelSet::from_fn(mask.grid().dims(), |n| mask.data()[n] != 0).ok_or_else(too_many)?;
-        Self::build(mask.grid(), &inside, None, progress)
+        Self::build(mask.grid(), &inside, None, SHELL, progress)
     }
 
-    fn build(grid: &Grid, inside: &VoxelSet, hu: Option<(&[i16], i16)>, progress: &Progress) -> Result<Self> {
-        let set = inside.dilated(SHELL).ok_or_else(too_many)?;
+    fn build(
+        grid: &Grid,
+        inside: &VoxelSet,
+        hu: Option<(&[i16], i16)>,
+        shell: usize,
+        progress: &Progress,
+    ) -> Result<Self> {
+        let set = inside.dilated(shell).ok_or_else(too_many)?;
         let walls = Walls { inside, hu };
         let shrink = smallest_singular_value(grid.direction());
         // A lumen without any wall fills a mask's whole grid; only the grid's size then bounds the distance.

@@ -37,35 +37,120 @@ struct Piece {
     on_top: bool,
 }
 
-/// The components that are probably colon, by volume, the largest first (ties by label).
-pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<u32> {
+/// What a component is, where that is beyond doubt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// It may be colon.
+    Unsure,
+    /// The air outside the patient.
+    Outside,
+    /// Gas that no body encloses: in the table, in folds of clothes.
+    Around,
+    /// Lung, with its airways.
+    Lung,
+}
+
+impl Kind {
+    /// Its name, and how it is told; none where nothing is.
+    pub fn told(self) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::Unsure => None,
+            Self::Outside => Some(("outside", "it reaches a lateral face of the scan")),
+            Self::Around => Some(("around", "no tissue encloses it")),
+            Self::Lung => Some(("lung", "it is brighter than gas, as lung is")),
+        }
+    }
+}
+
+/// What each component is.
+pub(super) fn kinds(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<Kind> {
+    let looked = look(volume, rows, components, frame);
+    let mut kinds: Vec<Kind> =
+        looked.pieces.iter().map(|p| if p.on_side { Kind::Outside } else { Kind::Unsure }).collect();
+    // A bubble's few voxels are brighter than gas since its wall is near, and say little of what is around it.
+    for &(c, found) in looked.inside.iter().filter(|&&(c, _)| looked.ml(c) >= AMPLE_ML) {
+        kinds[c as usize] = match found {
+            Found::Dark(median) if looked.is_dark(c, median) => Kind::Unsure,
+            Found::Dark(_) | Found::Bright => Kind::Lung,
+            Found::Bare => Kind::Around,
+        };
+    }
+    kinds
+}
+
+/// What a look at a component's probes tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Found {
+    /// Its median, HU: that of gas, maybe, with tissue around it.
+    Dark(i32),
+    /// Brighter than lung can be, however dark the scan's gas is: nobody has looked around.
+    Bright,
+    /// No tissue around it.
+    Bare,
+}
+
+impl Found {
+    fn median(self) -> Option<i32> {
+        if let Self::Dark(median) = self { Some(median) } else { None }
+    }
+}
+
+/// A look at all components.
+struct Looked {
+    pieces: Vec<Piece>,
+    voxel_ml: f64,
+    /// The largest of those within the body, by volume, the largest first (ties by label).
+    inside: Vec<(u32, Found)>,
+    /// The scan's own gas, HU.
+    gas: i32,
+}
+
+impl Looked {
+    fn ml(&self, c: u32) -> f64 {
+        self.pieces[c as usize].voxels as f64 * self.voxel_ml
+    }
+
+    /// Whether a component's median is that of gas rather than of lung.
+    fn is_dark(&self, c: u32, median: i32) -> bool {
+        let margin = if self.pieces[c as usize].on_top { LUNG_ABOVE_GAS_AT_TOP } else { LUNG_ABOVE_GAS };
+        median - self.gas <= margin
+    }
+}
+
+/// Looks at the components.
+fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Looked {
     let pieces = survey(rows, components, frame);
-    let ml = |c: u32| pieces[c as usize].voxels as f64 * volume.grid().voxel_ml();
+    let voxel_ml = volume.grid().voxel_ml();
+    let ml = |c: u32| pieces[c as usize].voxels as f64 * voxel_ml;
     let mut inside: Vec<u32> = (0..components as u32).filter(|&c| !pieces[c as usize].on_side).collect();
     inside.sort_by_key(|&c| (std::cmp::Reverse(pieces[c as usize].voxels), c));
     // Bubbles by the thousand need no closer look: the largest piece that passes decides what is kept.
     inside.truncate(8 * MOST);
     let samples = sample(rows, &inside, components);
-    let looked: Vec<Option<i32>> = samples
+    let found: Vec<Found> = samples
         .par_iter()
         .map(|probes| {
             let median = median(volume, probes);
-            // Brighter than lung can be, however dark the scan's gas is: no need to look around.
-            (median <= GAS_AT_MOST + LUNG_ABOVE_GAS && is_enclosed(volume, frame, probes)).then_some(median)
+            if median > GAS_AT_MOST + LUNG_ABOVE_GAS {
+                return Found::Bright;
+            }
+            if is_enclosed(volume, frame, probes) { Found::Dark(median) } else { Found::Bare }
         })
         .collect();
-    let seen: Vec<(u32, i32)> = inside.iter().zip(looked).filter_map(|(&c, m)| Some((c, m?))).collect();
+    let inside: Vec<(u32, Found)> = inside.into_iter().zip(found).collect();
+    let seen: Vec<(u32, i32)> = inside.iter().filter_map(|&(c, f)| Some((c, f.median()?))).collect();
     let ample = |&&(c, _): &&(u32, i32)| ml(c) >= AMPLE_ML;
     let darkest = seen.iter().filter(ample).map(|s| s.1).min().or_else(|| seen.iter().map(|s| s.1).min());
     let gas = darkest.unwrap_or(GAS_AT_MOST).min(GAS_AT_MOST);
-    let mut kept: Vec<u32> = seen
-        .into_iter()
-        .filter(|&(c, median)| {
-            let margin = if pieces[c as usize].on_top { LUNG_ABOVE_GAS_AT_TOP } else { LUNG_ABOVE_GAS };
-            median - gas <= margin
-        })
-        .map(|s| s.0)
-        .collect();
+    Looked { pieces, voxel_ml, inside, gas }
+}
+
+/// The components that are probably colon, by volume, the largest first (ties by label).
+pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<u32> {
+    let looked = look(volume, rows, components, frame);
+    let ml = |c: u32| looked.ml(c);
+    let dark = looked.inside.iter().filter_map(|&(c, f)| Some((c, f.median()?)));
+    let mut kept: Vec<u32> = dark.filter(|&(c, median)| looked.is_dark(c, median)).map(|s| s.0).collect();
     if let Some(&largest) = kept.first() {
         let least = (ml(largest) * LEAST_SHARE).clamp(BUBBLE_ML, AMPLE_ML);
         kept.retain(|&c| c == largest || ml(c) >= least);

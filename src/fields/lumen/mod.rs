@@ -13,6 +13,7 @@ mod graph;
 mod grow;
 mod interior;
 mod order;
+mod others;
 mod residue;
 pub(in crate::fields) mod runs;
 mod surface;
@@ -31,6 +32,7 @@ use order::{Body, Link};
 use runs::Rows;
 
 pub use interior::Interior;
+pub use others::{Other, Others, not_colon};
 pub use residue::{Remnant, Residue, residue};
 pub use surface::WallPlace;
 

@@ -1,0 +1,236 @@
+//! The colon's wall around its lumen, as voxels, and how thick it is.
+//!
+//! From the nearest place of the lumen's surface a ray leads through each voxel and on outwards. The wall is soft tissue; it
+//! ends where the values along the ray fall below that of fat's edge (fat, or gas beyond), or rise to that of tagged fluid or
+//! bone. A wall that is so thin that its blurred values never come up to soft tissue ends at their top. Where soft tissue goes
+//! on too far to be the wall alone (an organ lies against it), the values do not tell and the wall is taken to be
+//! [`DEFAULT_MM`] thick. What lies between two pieces of lumen is the wall of both: half of it counts as the thickness of
+//! each.
+
+use rayon::prelude::*;
+
+use super::distance::WallDistance;
+use super::lumen::Lumen;
+use super::sample::Distance;
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::volume::Volume;
+use crate::volume::cell::Cell;
+
+/// Thickness where the values do not tell it, mm.
+pub const DEFAULT_MM: f64 = 3.0;
+/// Soft tissue farther than this from the lumen is not the wall's alone, mm.
+const REACH_MM: f64 = 6.0;
+/// Soft tissue is brighter than this, HU: half-way from fat to muscle …
+const SOFT_HU: f64 = -30.0;
+/// … and darker than this: beyond are bone and tagged fluid.
+const BRIGHT_HU: f64 = 180.0;
+/// The blurred edge between the lumen and the wall is at most this wide, mm.
+const EDGE_MM: f64 = 2.5;
+/// A thin wall's top is passed when the values have fallen by so much, HU: more than noise.
+const FALL_HU: f64 = 60.0;
+/// Gas is darker than this, HU.
+const GAS_BEYOND_HU: f64 = -500.0;
+
+/// The wall.
+#[derive(Clone, Debug)]
+pub struct Wall {
+    /// Its voxels, as linear indices (x fastest), ascending.
+    pub voxels: Vec<usize>,
+    /// Its volume, ml.
+    pub ml: f64,
+    /// Thickness at its innermost voxels where the values tell it, mm; none where they tell it nowhere.
+    pub thickness: Option<Thickness>,
+    /// The share of the innermost voxels where the values tell the thickness.
+    pub told: f64,
+}
+
+/// How thick the wall is.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Thickness {
+    /// Mean, mm.
+    pub mean_mm: f64,
+    /// Median, mm.
+    pub median_mm: f64,
+}
+
+/// How a ray's way through soft tissue ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Ending {
+    /// Way from the lumen, mm.
+    at_mm: f64,
+    /// The wall's thickness, mm.
+    thick_mm: f64,
+}
+
+/// The wall around gas and tagged fluid of a lumen that was found in `volume`. Voxels of the lumen are none of the wall;
+/// every other one that shares a face with one is.
+///
+/// # Errors
+/// Status 4 when interrupted, 3 when there are more voxels than can be numbered.
+pub fn around(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Wall> {
+    progress.stage("finding the wall", 0);
+    let walls = WallDistance::around_lumen(volume, lumen, REACH_MM, progress)?;
+    let [nx, ny, nz] = volume.grid().dims();
+    let slices: Vec<(Vec<usize>, Vec<Option<f64>>)> = (0..nz)
+        .into_par_iter()
+        .map(|k| {
+            progress.check()?;
+            let (mut voxels, mut inner) = (Vec::new(), Vec::new());
+            for j in 0..ny {
+                let mut n = walls.set().row_start(j, k);
+                super::voxels::each_run(walls.set().row(j, k), |run| {
+                    for i in run {
+                        let far = -f64::from(walls.values()[n]);
+                        n += 1;
+                        if far <= 0.0 || far > REACH_MM {
+                            continue;
+                        }
+                        let voxel = [i as i64, j as i64, k as i64];
+                        let ending = ending(volume, &walls, voxel, far);
+                        let touches = touches(&walls, voxel);
+                        if touches {
+                            inner.push(ending.map(|e| e.thick_mm));
+                        }
+                        if touches || far <= ending.map_or(DEFAULT_MM, |e| e.at_mm) {
+                            voxels.push(i + nx * (j + ny * k));
+                        }
+                    }
+                });
+            }
+            Ok((voxels, inner))
+        })
+        .collect::<Result<_>>()?;
+    let (voxels, inner): (Vec<Vec<usize>>, Vec<Vec<Option<f64>>>) = slices.into_iter().unzip();
+    let (voxels, inner) = (voxels.concat(), inner.concat());
+    let mut told: Vec<f64> = inner.iter().flatten().copied().collect();
+    told.sort_unstable_by(f64::total_cmp);
+    let thickness = (!told.is_empty())
+        .then(|| Thickness { mean_mm: told.iter().sum::<f64>() / told.len() as f64, median_mm: told[told.len() / 2] });
+    Ok(Wall {
+        ml: voxels.len() as f64 * volume.grid().voxel_ml(),
+        voxels,
+        thickness,
+        told: told.len() as f64 / inner.len().max(1) as f64,
+    })
+}
+
+/// Whether a voxel shares a face with the lumen.
+fn touches(walls: &WallDistance, voxel: [i64; 3]) -> bool {
+    (0..6).any(|s| {
+        let mut beside = voxel;
+        beside[s / 2] += if s % 2 == 0 { 1 } else { -1 };
+        walls.is_inside(beside)
+    })
+}
+
+/// Where soft tissue ends on the way from the lumen through a voxel that is `far` mm from it; none where that is not told.
+fn ending(volume: &Volume, walls: &WallDistance, voxel: [i64; 3], far: f64) -> Option<Ending> {
+    let place = walls.world(voxel);
+    let inwards = walls.sample(place)?.gradient.try_normalize()?;
+    let begin = place + far * inwards;
+    let grid = volume.grid();
+    let (from, along) = (grid.voxel(begin), grid.to_voxel().transform_vector3(-inwards));
+    let hu = |mm: f64| {
+        let p = from + mm * along;
+        let base = p.floor();
+        Cell::load(volume, base.to_array().map(|x| x as i64)).at(p - base)
+    };
+    let (at_mm, end) = through_tissue(hu, 0.5 * grid.min_spacing())?;
+    let beyond = |mm: f64| {
+        let p = begin - mm * inwards;
+        hu(mm) < GAS_BEYOND_HU && walls.is_inside(walls.voxel(p))
+    };
+    let shared = end == End::Fall && [1.0, 1.75, 2.5].into_iter().any(|mm| beyond(at_mm + mm));
+    Some(Ending { at_mm, thick_mm: if shared { 0.5 * at_mm } else { at_mm } })
+}
+
+/// How soft tissue ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    /// In what is darker.
+    Fall,
+    /// In what is brighter.
+    Rise,
+}
+
+/// Where soft tissue ends along a ray from the lumen, mm, whose value at a way (mm) `hu` gives, and how.
+fn through_tissue(hu: impl Fn(f64) -> f64, step_mm: f64) -> Option<(f64, End)> {
+    let count = (REACH_MM / step_mm).ceil() as usize + 1;
+    // Three values in a row even out noise; what is before the first is the lumen.
+    let raw: Vec<f64> = (0..count + 2).map(|n| hu((n as f64 - 1.0) * step_mm)).collect();
+    let value = |n: usize| (raw[n] + raw[n + 1] + raw[n + 2]) / 3.0;
+    let (mut in_tissue, mut top) = (false, (f64::NEG_INFINITY, 0usize));
+    let mut before = value(0);
+    for n in 0..count {
+        let (mm, now) = (n as f64 * step_mm, value(n));
+        let crossing = |level: f64| mm - step_mm * ((now - level) / (now - before)).clamp(0.0, 1.0);
+        if in_tissue {
+            if now < SOFT_HU {
+                return Some((crossing(SOFT_HU), End::Fall));
+            }
+            if now > BRIGHT_HU {
+                return Some((crossing(BRIGHT_HU), End::Rise));
+            }
+        } else if (SOFT_HU..=BRIGHT_HU).contains(&now) {
+            in_tissue = true;
+        } else {
+            if now < SOFT_HU && now > top.0 {
+                top = (now, n);
+            }
+            if now < top.0 - FALL_HU && n > top.1 {
+                return Some((top.1 as f64 * step_mm, End::Fall));
+            }
+            if mm > EDGE_MM {
+                return None;
+            }
+        }
+        before = now;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash::uniform;
+
+    /// Values that change from one to the next within half a millimetre about each place.
+    fn layers(first: f64, rest: &[(f64, f64)]) -> impl Fn(f64) -> f64 {
+        move |mm| {
+            let mut value = first;
+            for &(at, next) in rest {
+                value += (next - value) * ((mm - at) / 1.0 + 0.5).clamp(0.0, 1.0);
+            }
+            value
+        }
+    }
+
+    fn end(first: f64, rest: &[(f64, f64)]) -> Option<(f64, End)> {
+        let hu = layers(first, rest);
+        through_tissue(|mm| hu(mm) + 20.0 * (uniform(3, (mm * 1e3) as i64 as u64) - 0.5), 0.35)
+    }
+
+    #[test]
+    fn soft_tissue_ends_where_fat_gas_bone_or_fluid_begins() {
+        for (what, rest, want, how) in [
+            ("fat", &[(0.2, 45.0), (3.0, -100.0)][..], 3.0, End::Fall),
+            ("gas of a neighbour", &[(0.2, 45.0), (2.2, -1000.0)], 1.8, End::Fall),
+            ("bone", &[(0.2, 45.0), (2.5, 400.0)], 2.5, End::Rise),
+        ] {
+            let (mm, end) = end(-1000.0, rest).unwrap();
+            assert!((mm - want).abs() < 0.4 && end == how, "{what}: {mm} {end:?}");
+        }
+        let (mm, end_) = end(500.0, &[(0.0, 45.0), (3.5, -100.0)]).unwrap();
+        assert!((mm - 3.5).abs() < 0.4 && end_ == End::Fall, "from fluid: {mm}");
+    }
+
+    #[test]
+    fn a_wall_thinner_than_the_blur_is_told_and_an_organ_is_not() {
+        let thin = |mm: f64| -1000.0 + 700.0 * (-(mm - 0.7f64).powi(2) / 0.3).exp();
+        let (mm, end_) = through_tissue(thin, 0.35).unwrap();
+        assert!((0.3..1.1).contains(&mm) && end_ == End::Fall, "{mm}");
+        assert_eq!(end(-1000.0, &[(0.2, 50.0)]), None, "liver");
+        assert_eq!(end(-1000.0, &[(4.0, 50.0)]), None, "an edge that is none");
+    }
+}
