@@ -11,6 +11,7 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand,
 pub use crate::cli::values::{Pair, Point, Size, Triple};
 
 use crate::app::Catalog;
+use crate::cli::unbuilt;
 use crate::cli::values::count;
 use crate::error::Error;
 use crate::fields::CenterlineMethod;
@@ -319,7 +320,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "F")]
     pub scan: Option<PathBuf>,
     /// Steps of the perforation test
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: Option<u64>,
 }
 
@@ -327,11 +328,22 @@ impl Args {
     /// Reads the arguments of a program that has this to choose from.
     ///
     /// # Errors
-    /// What clap finds wrong with them; also help and version, which are asked for.
-    pub fn read(args: impl Iterator<Item = OsString>, catalog: &Catalog) -> Result<Self, clap::Error> {
-        let matches = command(catalog).try_get_matches_from(command_first(args))?;
-        Self::from_arg_matches(&matches)
+    /// What is wrong with them; also help and version, which are asked for.
+    pub fn read(args: impl Iterator<Item = OsString>, catalog: &Catalog) -> Result<Self, Refused> {
+        let args: Vec<OsString> = args.collect();
+        unbuilt::check_command(&args, command_place(&args)).map_err(Refused::NotBuilt)?;
+        let matches = command(catalog).try_get_matches_from(command_first(args)).map_err(Refused::Line)?;
+        Self::from_arg_matches(&matches).map_err(Refused::Line)
     }
+}
+
+/// Why a command line is not followed.
+#[derive(Debug)]
+pub enum Refused {
+    /// It is wrong, or asks for help or the version.
+    Line(clap::Error),
+    /// It names a command that is not built.
+    NotBuilt(Error),
 }
 
 /// The command line, with what there is to choose from as the values of its options.
@@ -459,8 +471,17 @@ pub enum ReportSubject {
 
 /// Global options may stand before the command too. clap would take the command for an input there, as `colvis INPUT` is
 /// a flight; so the command is moved to the front.
-pub fn command_first(args: impl Iterator<Item = OsString>) -> Vec<OsString> {
-    let mut args: Vec<OsString> = args.collect();
+fn command_first(mut args: Vec<OsString>) -> Vec<OsString> {
+    let at = command_place(&args);
+    let is_command = |a: &OsString| Args::command().get_subcommands().any(|c| a.as_os_str() == c.get_name());
+    if at > 1 && args.get(at).is_some_and(is_command) {
+        args[1..=at].rotate_right(1);
+    }
+    args
+}
+
+/// Where a command stands: after the global options that begin the line.
+fn command_place(args: &[OsString]) -> usize {
     let mut at = 1;
     while let Some(arg) = args.get(at).and_then(|a| a.to_str()) {
         let takes_value = ["--threads", "--wall", "--spacing", "--hu", "--series", "--fov", "--camera", "--seed"];
@@ -473,19 +494,22 @@ pub fn command_first(args: impl Iterator<Item = OsString>) -> Vec<OsString> {
             break;
         }
     }
-    let is_command = |a: &OsString| Args::command().get_subcommands().any(|c| a.as_os_str() == c.get_name());
-    if at > 1 && args.get(at).is_some_and(is_command) {
-        args[1..=at].rotate_right(1);
-    }
-    args
+    at
 }
 
 /// Prints help as it is, anything else as one line: `error: WHAT: WHY; HOW TO MEND`.
-pub fn refuse(e: &clap::Error) -> ExitCode {
+pub fn refuse(refused: &Refused) -> ExitCode {
+    let e = match refused {
+        Refused::Line(e) => e,
+        Refused::NotBuilt(error) => return failed(error),
+    };
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
         // A closed pipe (`colvis --help | head -1`) is no failure.
         let _ = e.print();
         return ExitCode::SUCCESS;
+    }
+    if let Some(error) = unbuilt::refusal(e) {
+        return failed(&error);
     }
     let text = e.render().to_string();
     let why: Vec<&str> = text
@@ -495,7 +519,10 @@ pub fn refuse(e: &clap::Error) -> ExitCode {
         .filter(|l| !l.is_empty() && !l.starts_with("tip:"))
         .collect();
     let why = why.join(" ");
-    let error = Error::usage("command line", why.strip_prefix("error: ").unwrap_or(&why), "see colvis --help");
+    failed(&Error::usage("command line", why.strip_prefix("error: ").unwrap_or(&why), "see colvis --help"))
+}
+
+fn failed(error: &Error) -> ExitCode {
     eprintln!("error: {error}");
     ExitCode::from(error.kind as u8)
 }
@@ -514,7 +541,7 @@ mod tests {
     #[test]
     fn global_options_may_come_first() {
         let parse = |line: &str| {
-            let args = command_first(line.split(' ').map(OsString::from));
+            let args = command_first(line.split(' ').map(OsString::from).collect());
             Args::try_parse_from(args).unwrap()
         };
         let a = parse("colvis --threads 1 --wall=-900,-400 segment v.nii --out m.nii");

@@ -12,6 +12,7 @@ mod render;
 mod report;
 mod segment;
 mod surface;
+mod unbuilt;
 mod values;
 
 use std::any::Any;
@@ -150,6 +151,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
     })
     .map_err(|e| Error::fault("interrupt handler", e.to_string(), "run it again"))?;
     let global = args.global;
+    prepare::check(program, &global)?;
     let _crew = crew(global.threads)?;
     // A flight shows its own progress: a window, or a bar that goes before the last word.
     let _bar = match args.command {

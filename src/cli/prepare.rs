@@ -18,6 +18,16 @@ use crate::render::{CameraModel, Preset, Quality, Settings, TransferFunction};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
 
+/// Refuses global options that make no sense, whether or not the command has a use for them.
+///
+/// # Errors
+/// Status 2.
+pub fn check(program: &Program, global: &Global) -> Result<()> {
+    transfer(global)?;
+    checked_options(global)?;
+    fov(global, camera(program, global)?).map(|_| ())
+}
+
 /// The options of reading an input.
 pub fn load_options(global: &Global) -> LoadOptions {
     LoadOptions {
@@ -36,8 +46,11 @@ fn checked_options(global: &Global) -> Result<LoadOptions> {
     if let Some(h) = global.hu.filter(|h| h.0 >= h.1) {
         return Err(Error::usage("--hu", format!("{} HU is not below {} HU", h.0, h.1), "give black,white"));
     }
-    if let Some(s) = global.spacing.map(|s| s.0).filter(|s| s.min_element() <= 0.0) {
-        return Err(Error::usage("--spacing", format!("{s} mm is not above 0"), "give three sizes in mm"));
+    if let Some(h) = global.hu.filter(|h| h.0.abs().max(h.1.abs()) > 32767.0) {
+        return Err(Error::usage("--hu", format!("{},{} is not within ±32767 HU", h.0, h.1), "give black,white"));
+    }
+    if let Some(s) = global.spacing.map(|s| s.0).filter(|s| s.min_element() < 1e-6 || s.max_element() > 1e6) {
+        return Err(Error::usage("--spacing", format!("{s} mm is no voxel of a body"), "give three sizes in mm"));
     }
     Ok(load_options(global))
 }

@@ -7,11 +7,11 @@
 //! [`DEFAULT_MM`] thick. What lies between two pieces of lumen is the wall of both: half of it counts as the thickness of
 //! each.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::distance::WallDistance;
 use super::lumen::Lumen;
-use super::sample::Distance;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -29,8 +29,6 @@ const BRIGHT_HU: f64 = 180.0;
 const EDGE_MM: f64 = 2.5;
 /// A thin wall's top is passed when the values have fallen by so much, HU: more than noise.
 const FALL_HU: f64 = 60.0;
-/// Gas is darker than this, HU.
-const GAS_BEYOND_HU: f64 = -500.0;
 
 /// The wall.
 #[derive(Clone, Debug)]
@@ -127,7 +125,7 @@ fn touches(walls: &WallDistance, voxel: [i64; 3]) -> bool {
 /// Where soft tissue ends on the way from the lumen through a voxel that is `far` mm from it; none where that is not told.
 fn ending(volume: &Volume, walls: &WallDistance, voxel: [i64; 3], far: f64) -> Option<Ending> {
     let place = walls.world(voxel);
-    let inwards = walls.sample(place)?.gradient.try_normalize()?;
+    let inwards = inwards(walls, voxel)?;
     let begin = place + far * inwards;
     let grid = volume.grid();
     let (from, along) = (grid.voxel(begin), grid.to_voxel().transform_vector3(-inwards));
@@ -136,13 +134,31 @@ fn ending(volume: &Volume, walls: &WallDistance, voxel: [i64; 3], far: f64) -> O
         let base = p.floor();
         Cell::load(volume, base.to_array().map(|x| x as i64)).at(p - base)
     };
-    let (at_mm, end) = through_tissue(hu, 0.5 * grid.min_spacing())?;
-    let beyond = |mm: f64| {
-        let p = begin - mm * inwards;
-        hu(mm) < GAS_BEYOND_HU && walls.is_inside(walls.voxel(p))
-    };
-    let shared = end == End::Fall && [1.0, 1.75, 2.5].into_iter().any(|mm| beyond(at_mm + mm));
+    let (at_mm, _) = through_tissue(hu, 0.5 * grid.min_spacing())?;
+    let lumen_beyond = |mm: f64| walls.is_inside(walls.voxel(begin - (at_mm + mm) * inwards));
+    let shared = [0.5, 1.0, 1.75, 2.5].into_iter().any(lumen_beyond);
     Some(Ending { at_mm, thick_mm: if shared { 0.5 * at_mm } else { at_mm } })
+}
+
+/// The unit direction (world) in which the lumen is nearest from a voxel: along the gradient of the distance, by central
+/// differences.
+fn inwards(walls: &WallDistance, voxel: [i64; 3]) -> Option<DVec3> {
+    let mut slope = [0.0; 3];
+    for (a, s) in slope.iter_mut().enumerate() {
+        let beside = |step: i64| {
+            let mut v = voxel;
+            v[a] += step;
+            walls.at(v).map(f64::from)
+        };
+        *s = match (beside(-1), beside(1)) {
+            (Some(low), Some(high)) => 0.5 * (high - low),
+            // At the scan's end.
+            (None, Some(high)) => high - f64::from(walls.at(voxel)?),
+            (Some(low), None) => f64::from(walls.at(voxel)?) - low,
+            (None, None) => 0.0,
+        };
+    }
+    (walls.grid().to_voxel().matrix3.transpose() * DVec3::from_array(slope)).try_normalize()
 }
 
 /// How soft tissue ends.
@@ -157,13 +173,16 @@ enum End {
 /// Where soft tissue ends along a ray from the lumen, mm, whose value at a way (mm) `hu` gives, and how.
 fn through_tissue(hu: impl Fn(f64) -> f64, step_mm: f64) -> Option<(f64, End)> {
     let count = (REACH_MM / step_mm).ceil() as usize + 1;
-    // Three values in a row even out noise; what is before the first is the lumen.
-    let raw: Vec<f64> = (0..count + 2).map(|n| hu((n as f64 - 1.0) * step_mm)).collect();
-    let value = |n: usize| (raw[n] + raw[n + 1] + raw[n + 2]) / 3.0;
     let (mut in_tissue, mut top) = (false, (f64::NEG_INFINITY, 0usize));
-    let mut before = value(0);
+    // Three values in a row even out noise; what is before the first is the lumen.
+    let mut last = [-step_mm, 0.0, step_mm].map(&hu);
+    let mut before = last.iter().sum::<f64>() / 3.0;
     for n in 0..count {
-        let (mm, now) = (n as f64 * step_mm, value(n));
+        let mm = n as f64 * step_mm;
+        if n > 0 {
+            last = [last[1], last[2], hu(mm + step_mm)];
+        }
+        let now = last.iter().sum::<f64>() / 3.0;
         let crossing = |level: f64| mm - step_mm * ((now - level) / (now - before)).clamp(0.0, 1.0);
         if in_tissue {
             if now < SOFT_HU {

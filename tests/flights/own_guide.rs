@@ -110,7 +110,7 @@ impl Guide for Planner {
     const NAME: &'static str = "planner";
     const SUMMARY: &'static str = "plans";
     const KEY: Option<char> = Some('5');
-    const NEEDS: Needs = Needs { distances: true, centerline: true, fluid_as_gas: false };
+    const NEEDS: Needs = Needs { distances: true, centerline: true, ..Needs::NOTHING };
 
     fn check(&self) -> Result<()> {
         if self.cruise_mm_s > 0.0 {

@@ -4,7 +4,9 @@ mod bad_input;
 #[cfg(feature = "dicom")]
 mod dicom;
 mod formats;
+mod labels;
 mod peers;
+mod surface;
 
 #[path = "../support"]
 mod support {

@@ -2,8 +2,11 @@
 
 mod centerline;
 mod command_line;
+mod contract;
 mod examples;
 mod layers;
+mod leftovers;
+mod planners;
 mod report;
 mod rust_source;
 

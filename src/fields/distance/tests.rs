@@ -22,7 +22,7 @@ fn volume(grid: Grid, hu: impl Fn(DVec3) -> f64) -> Volume {
 /// The gas of a volume as the lumen, whatever it is.
 fn of_gas(v: &Volume) -> WallDistance {
     let inside = VoxelSet::from_fn(v.grid().dims(), |n| v.data()[n] <= GAS_HU).unwrap();
-    WallDistance::build(v.grid(), &inside, Some((v.data(), GAS_HU)), &Progress::new()).unwrap()
+    WallDistance::build(v.grid(), &inside, Some((v.data(), GAS_HU)), SHELL, &Progress::new()).unwrap()
 }
 
 /// Every crossing of a grid edge and every gas voxel on the border, in mm along the axes.

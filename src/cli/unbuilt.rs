@@ -1,0 +1,59 @@
+//! What the contract names and this release does not have: told as such, and never taken for anything else.
+
+use std::ffi::OsString;
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+
+use crate::error::Error;
+
+/// Commands, with what else is told of them.
+const COMMANDS: [&str; 7] = ["cleanse", "unfold", "measure", "candidates", "match", "dataset", "batch"];
+/// Options of commands that there are.
+const OPTIONS: [&str; 6] = ["--cleanse", "--second", "--coverage-mesh", "--review", "--normals", "--truth"];
+/// Values of options, and of the argument `<SUBJECT>`, that there are.
+const VALUES: [(&str, &str); 6] = [
+    ("--camera", "fisheye"),
+    ("--camera", "panorama"),
+    ("<SUBJECT>", "cleansing"),
+    ("<SUBJECT>", "coverage"),
+    ("<SUBJECT>", "unfold"),
+    ("<SUBJECT>", "candidates"),
+];
+
+/// Refuses a command that is not built; `place` is where a command stands in the line. As an input such a name is told from
+/// the command by its path (`./cleanse`) or by the command before it (`fly cleanse`).
+///
+/// # Errors
+/// Status 2.
+pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error> {
+    let named = line.get(place).and_then(|a| a.to_str()).and_then(|a| COMMANDS.into_iter().find(|c| *c == a));
+    named.map_or(Ok(()), |command| {
+        let why = "this command is not built: it is not in this release";
+        Err(Error::usage(
+            format!("colvis {command}"),
+            why,
+            format!("see colvis --help; a scan so named opens as ./{command}"),
+        ))
+    })
+}
+
+/// The refusal of an option or a value that is not built, where that is what the command line was refused for.
+pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
+    let text = |kind| match e.get(kind) {
+        Some(ContextValue::String(s)) => s.as_str(),
+        _ => "",
+    };
+    // An option is told with its value's name: `--camera <MODEL>`.
+    let argument = text(ContextKind::InvalidArg);
+    let option = argument.split([' ', '=']).next().unwrap_or(argument);
+    let what = match e.kind() {
+        ErrorKind::UnknownArgument => OPTIONS.into_iter().find(|o| *o == option)?.to_owned(),
+        ErrorKind::InvalidValue => {
+            let value = text(ContextKind::InvalidValue);
+            VALUES.into_iter().find(|v| *v == (option, value))?;
+            if option.starts_with('<') { format!("report {value}") } else { format!("{option} {value}") }
+        }
+        _ => return None,
+    };
+    Some(Error::usage(what, "is not built: it is not in this release", "see colvis --help, or that of the command"))
+}

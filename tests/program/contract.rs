@@ -1,0 +1,184 @@
+//! The contract's commands, options and values: what there is shows in the help, what there is not yet is told as such, and
+//! values that make no sense are refused whether or not the command has a use for them.
+
+use std::collections::BTreeMap;
+
+use crate::support::program::colvis;
+use crate::support::run::run;
+
+/// Each command with its options; a `!` stands before what is not built.
+const COMMANDS: [(&str, &str); 20] = [
+    ("", "--threads --wall --spacing --hu --series --allow-gaps --fov --camera --seed !--cleanse"),
+    (
+        "fly",
+        "--headless --guide --from --to --reverse --seconds --fps --size --quality --preset --record --log --stats \
+         --coverage --record-input --replay --play --rate --scene !--second !--coverage-mesh !--review",
+    ),
+    ("render", "--poses --out --size --quality --preset --samples --no-reuse --depth --stats !--normals"),
+    ("segment", "--out --stats --labels --from"),
+    ("surface", "--mask --out --stats --from"),
+    ("centerline", "--mask --out --method --from --to --stats"),
+    ("phantom", "--out --truth --size --with"),
+    ("info", ""),
+    ("explain", "--json --guide --from --scene --coverage"),
+    ("plane", "--headless --out"),
+    ("report", "--out --scan --quick --steps !--truth"),
+    ("!cleanse", ""),
+    ("!unfold", ""),
+    ("!measure", ""),
+    ("!candidates", ""),
+    ("!match", ""),
+    ("!dataset", ""),
+    ("!batch", ""),
+    ("!cleanse scan.nii.gz --out c.nii.gz", ""),
+    ("!batch list.csv --out b/ --do segment --shard 1/2", ""),
+];
+
+/// Options whose values the contract names.
+const VALUES: [(&[&str], &str); 10] = [
+    (&["fly", "--guide"], "tentacles potential path manual"),
+    (&["fly", "--quality"], "high low adaptive reference"),
+    (&["fly", "--preset"], "default colvis lean"),
+    (&["fly", "--camera"], "perspective !fisheye !panorama"),
+    (&["render", "--camera"], "!fisheye !panorama"),
+    (&["segment", "--labels"], "other wall"),
+    (&["centerline", "--method"], "penalised peel roadmap cells"),
+    (&["phantom", "--size"], "small standard large"),
+    (&["phantom", "--with"], "folds polyps fluid bridges noise"),
+    (&["report"], "render gradients scenes dynamics fields perforation all !cleansing !coverage !unfold !candidates"),
+];
+
+fn told(args: &[&str]) -> String {
+    let out = run(args, 2);
+    String::from_utf8_lossy(&out.stderr).into_owned()
+}
+
+fn help(command: &str) -> String {
+    let args: Vec<&str> = command.split_whitespace().chain(["--help"]).collect();
+    let out = colvis().args(&args).output().unwrap();
+    assert!(out.status.success(), "{args:?}");
+    String::from_utf8_lossy(&out.stdout).into_owned()
+}
+
+#[test]
+fn commands_and_options_are_there_or_told_as_not_built() {
+    for (command, options) in COMMANDS {
+        if let Some(missing) = command.strip_prefix('!') {
+            let args: Vec<&str> = missing.split_whitespace().collect();
+            assert!(told(&args).contains("not built"), "{missing}");
+            // Also after options of every command.
+            assert!(
+                told(&[&["--threads", "2", "--allow-gaps"], &args[..]].concat()).contains("not built"),
+                "{missing}"
+            );
+            continue;
+        }
+        let help = help(command);
+        for option in options.split_whitespace() {
+            let is_there = |option: &str| help.split([' ', ',', '\n']).any(|word| word == option);
+            let Some(missing) = option.strip_prefix('!') else {
+                assert!(is_there(option), "{command} --help has no {option}");
+                continue;
+            };
+            let args: Vec<&str> = command.split_whitespace().chain([missing, "x"]).collect();
+            assert!(told(&args).contains("not built"), "{command} {missing}");
+            assert!(!is_there(missing), "{command} --help has {missing}: is it built?");
+        }
+    }
+}
+
+#[test]
+fn values_are_there_or_told_as_not_built() {
+    for (option, values) in VALUES {
+        let mut helps: BTreeMap<&str, String> = BTreeMap::new();
+        let help = helps.entry(option[0]).or_insert_with(|| help(option[0])).to_lowercase();
+        for value in values.split_whitespace() {
+            match value.strip_prefix('!') {
+                None => assert!(help.contains(value), "{option:?}: {value}"),
+                Some(missing) => {
+                    let out = ["--out", "x"];
+                    let more: &[&str] = if option == ["report"] { &out } else { &[] };
+                    assert!(told(&[option, &[missing], more].concat()).contains("not built"), "{option:?} {missing}");
+                }
+            }
+        }
+        // What is in no contract is wrong, not missing.
+        let wrong = told(&[option, &["warp"]].concat());
+        assert!(!wrong.contains("not built"), "{wrong}");
+    }
+}
+
+#[test]
+fn a_scan_named_as_a_command_is_opened_by_its_path() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("cleanse"), "no scan").unwrap();
+    for (args, status) in [
+        (&["cleanse", "--headless"][..], 2),
+        (&["./cleanse", "--headless"], 3),
+        (&["fly", "cleanse", "--headless"], 3),
+        (&["explain", "cleanse", "--headless"], 3),
+    ] {
+        let out = colvis().args(args).current_dir(dir.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&out.stderr);
+        assert_eq!(out.status.code(), Some(status), "{args:?}: {said}");
+        assert_eq!(said.contains("not built"), status == 2, "{said}");
+    }
+}
+
+#[test]
+fn values_without_sense_are_refused_by_every_command() {
+    let commands: [&[&str]; 10] = [
+        &["fly", "--headless"],
+        &["explain", "--headless"],
+        &["render", "none.nii", "--poses", "none.json", "--out", "none"],
+        &["segment", "none.nii", "--out", "none.nii.gz"],
+        &["surface", "none.nii", "--out", "none.stl"],
+        &["centerline", "none.nii", "--out", "none.json"],
+        &["phantom", "--out", "none.nii.gz"],
+        &["info", "none.nii"],
+        &["plane", "--headless", "--out", "none.png"],
+        &["report", "fields", "--out", "none"],
+    ];
+    for command in commands {
+        for wrong in [
+            "--fov=400",
+            "--fov=0",
+            "--fov=-5",
+            "--fov=nan",
+            "--fov=x",
+            "--wall=-500,-800",
+            "--wall=0",
+            "--wall=nan,0",
+            "--wall=0,1e9",
+            "--spacing=1,1,0",
+            "--spacing=1,1",
+            "--spacing=1,1,-1",
+            "--spacing=1,1,1e30",
+            "--hu=5,5",
+            "--hu=0,1e9",
+            "--hu=x,1",
+            "--threads=0",
+            "--threads=1e9",
+            "--series=0",
+            "--seed=-1",
+            "--camera=warp",
+        ] {
+            assert!(told(&[command, &[wrong]].concat()).contains("error: "), "{command:?} {wrong}");
+        }
+    }
+    let pictures = ["--size=0x4", "--size=4", "--size=99999x9"];
+    let flight = ["--seconds=0", "--seconds=nan", "--fps=0", "--fps=1e9", "--fps=-1", "--rate=2"];
+    for (command, wrong) in [
+        (&["fly", "--headless"][..], &[&pictures[..], &flight].concat()[..]),
+        (&["explain"], &[&pictures[..], &flight].concat()),
+        (commands[2], &[&pictures[..], &["--samples=0", "--quality=x"]].concat()),
+        (commands[9], &["--steps=0", "--steps=x"]),
+        (commands[6], &["--size=tiny", "--with=warp"]),
+        (commands[5], &["--method=warp", "--from=1,2", "--to=1,2,nan"]),
+        (commands[3], &["--labels=gas", "--from=rectum", "--labels"]),
+    ] {
+        for w in wrong {
+            told(&[command, &[*w]].concat());
+        }
+    }
+}
