@@ -139,7 +139,7 @@ impl Fields {
         if let Some(walls) = self.walls.clone() {
             if wanted.centerline && self.route.is_none() {
                 let line = self.timed("centerline_s", || {
-                    centerline::by(planner, &walls, End::At(ends[0]), End::At(ends[1]), &[], progress)
+                    centerline::to_fly(planner, &walls, End::At(ends[0]), End::At(ends[1]), progress)
                 })?;
                 let route = Route::along(&line.points, &line.radius_mm, DVec3::NEG_Y).ok_or_else(|| {
                     Error::incomplete("path", "its start is its end", "give --from and --to that are apart")

@@ -132,9 +132,36 @@ pub fn by(
     guesses: &[[DVec3; 2]],
     progress: &Progress,
 ) -> Result<Centerline> {
+    let smooth = matches!(method, CenterlineMethod::PenalisedPath | CenterlineMethod::PeelOnion);
+    search(method, smooth, walls, [from, to], guesses, progress)
+}
+
+/// [`by`], for a body to follow: the line is pulled straight and leans away from walls, whichever method found it. Some
+/// lead from voxel to voxel, or from ball to ball.
+///
+/// # Errors
+/// As [`between`].
+pub fn to_fly(
+    method: CenterlineMethod,
+    walls: &WallDistance,
+    from: End,
+    to: End,
+    progress: &Progress,
+) -> Result<Centerline> {
+    search(method, true, walls, [from, to], &[], progress)
+}
+
+fn search(
+    method: CenterlineMethod,
+    smooth: bool,
+    walls: &WallDistance,
+    [from, to]: [End; 2],
+    guesses: &[[DVec3; 2]],
+    progress: &Progress,
+) -> Result<Centerline> {
     progress.stage("finding the centerline", 0);
     let cells = Cells::of(walls, progress)?;
-    let planner = Planner { method, walls, cells: &cells, progress };
+    let planner = Planner { method, smooth, walls, cells: &cells, progress };
     match planner.route(from, to)? {
         Some(line) => Ok(line),
         None => planner.bridged(from, to, guesses),
@@ -183,6 +210,8 @@ fn narrow(clearance: f64) -> f64 {
 #[derive(Clone, Copy)]
 struct Planner<'a> {
     method: CenterlineMethod,
+    /// Whether the line is pulled straight.
+    smooth: bool,
     walls: &'a WallDistance,
     cells: &'a Cells,
     progress: &'a Progress,
@@ -200,8 +229,7 @@ impl Planner<'_> {
             (*first, *last) = (from.within(walls, start), to.within(walls, goal));
         }
         let mut line = polyline::resampled(walls, &line, STEP_MM);
-        let smooth = matches!(self.method, CenterlineMethod::PenalisedPath | CenterlineMethod::PeelOnion);
-        if smooth {
+        if self.smooth {
             polyline::tightened(walls, &mut line, TIGHTEN, polyline::LEAN);
         }
         for end in [to, from] {
