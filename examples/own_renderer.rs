@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release --example own_renderer -- fly --preset distance` (and `render`, `explain`, scene files).
 
+use colvis::render::choices;
 use colvis::render::presets::standard;
 use colvis::render::{Frame, MemoryPart, PreparedVolume, Preset, Renderer, View, Work, first_crossing};
 use rayon::prelude::*;
@@ -10,6 +11,7 @@ const DISTANCE: Preset = Preset {
     name: "distance",
     summary: "the wall's distance as a grey value",
     memory: "nothing",
+    takes: choices::none,
     make: |volume, _, _| Box::new(Distance(volume.clone())),
     ..standard::PRESET
 };

@@ -14,7 +14,9 @@ use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
-use crate::render::{CameraModel, Classification, Preset, Settings};
+use crate::render::{
+    CameraModel, Choices, Classification, GradientSource, Leaping, LowDetail, Preset, Settings,
+};
 use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Slot};
 use crate::systems;
 
@@ -39,6 +41,8 @@ pub struct RenderSettings {
     pub filtered_density: bool,
     /// Which renderer; the command line's `--preset` wins.
     pub preset: Preset,
+    /// Which of the paper's ideas are used in the place of the preset's own.
+    pub choices: Choices,
 }
 
 impl RenderSettings {
@@ -47,6 +51,7 @@ impl RenderSettings {
         Settings {
             sensitivity: self.sensitivity.unwrap_or(settings.sensitivity),
             classification: if self.filtered_density { Classification::Filtered } else { settings.classification },
+            choices: self.choices,
             ..settings
         }
     }
@@ -140,6 +145,10 @@ struct RenderFile {
     sensitivity: Option<f32>,
     filtered_density: bool,
     preset: Option<String>,
+    leap: Option<Leaping>,
+    gradients: Option<GradientSource>,
+    key_frames: Option<u32>,
+    low: Option<LowDetail>,
 }
 
 /// A scene as it stands in a file: a list of plugins, and settings for them. What is left over are settings of guides.
@@ -194,14 +203,17 @@ impl Scene {
     fn parse_with(text: &str, catalog: &Catalog) -> Result<Self> {
         let mend = "name known plugins and settings";
         let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
-        let RenderFile { sensitivity, filtered_density, preset } = file.render;
+        let RenderFile { sensitivity, filtered_density, preset, leap, gradients, key_frames, low } = file.render;
         let preset = preset.map_or(Ok(Preset::default()), |name| catalog.find_preset(&name))?;
+        let choices = Choices { leap, gradients, key_frames, low };
+        let render = RenderSettings { sensitivity, filtered_density, preset, choices };
         let mut scene = Self {
             guides: catalog.guides.clone(),
             mines: None,
             watch: None,
             body: file.body,
-            render: RenderSettings { sensitivity, filtered_density, preset },
+            image: ImageSettings { settings: render.apply(Settings::default()), preset, ..ImageSettings::default() },
+            render,
             ..Self::default()
         };
         for (name, value) in file.guides {
@@ -249,6 +261,11 @@ impl Scene {
         if let Some(s) = self.render.sensitivity.filter(|s| !(*s > 0.0 && *s < 1.0)) {
             let why = format!("is {s}");
             return Err(Error::usage("render.sensitivity", why, "give a finite number between 0 and 1"));
+        }
+        let images = (self.image.preset, self.image.settings.choices);
+        for (preset, choices) in [(self.render.preset, self.render.choices), images] {
+            choices.check()?;
+            (preset.takes)(&choices)?;
         }
         match self.steering {
             Steering::Guide(name) => self.find(name).map(drop),

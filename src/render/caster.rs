@@ -201,7 +201,12 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
             let a = self.ramp.opacity(hu);
             if a > 0.0 {
                 first = first.min(n);
-                let gradient = gradient.unwrap_or_else(|| self.sampler.gradient(q));
+                // The flag goes before a gradient that came for nothing: of tissue all round, that is noise.
+                let gradient = match gradient {
+                    Some(gradient) if !self.sampler.is_within_tissue(q) => gradient,
+                    Some(_) => Vec3::ZERO,
+                    None => self.sampler.gradient(q),
+                };
                 light += self.shader.colour(hu, gradient, ray.direction) * (through * a);
                 through *= 1.0 - a;
                 if through < self.request.settings.sensitivity {

@@ -1,19 +1,21 @@
-//! Gradients that are not computed anew for every sample: all of them ahead of time, or each once in a while (the
-//! paper's section 2.2).
+//! Gradients that are not computed anew for every sample: those near the wall, or all, ahead of time (the paper's section
+//! 2.2), or [each once in a while](super::gradient_cache).
 //!
-//! Both keep the regressions at voxels and interpolate them, as the paper does; quantised to 16 bits a component, which
-//! is 1/8 HU per h (1/8 HU for the density), so that the same voxel always gives the same bits.
+//! Both keep the regressions at voxels and interpolate them, as the paper does; quantised, so that the same voxel always
+//! gives the same bits: here to 16 bits a component, which is 1/8 HU per h.
 //!
 //! Packets of rays do not use it: their cache holds whole cells ([`fast`](super::fast)).
-
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::choices::GradientSource;
+use super::gradient_cache::GradientCache;
+use super::memory::MemoryPart;
 use super::prepared_volume::PreparedVolume;
-use super::regression::{Fit, Regression, block};
-use super::sampler::{Sampler, Trilinear, is_homogeneous, regression, split};
+use super::regression::Fit;
+use super::sampler::{Sampler, VoxelSampler, nearest, split};
+use super::transfer::{PALETTE_HU, TransferFunction};
 
 /// Edge of the bricks that are stored or not, voxels.
 const EDGE: usize = 4;
@@ -22,41 +24,68 @@ const VOXELS: usize = EDGE * EDGE * EDGE;
 /// A brick that is not stored.
 const NONE: u32 = u32::MAX;
 
+/// Densities in a few bits: evenly spaced over what opacity and colour depend on, with the ramp's foot on a step, so that what
+/// is empty stays so.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DensityScale {
+    /// The ramp's foot, HU.
+    foot: f32,
+    /// Its level.
+    foot_level: f32,
+    /// HU from a level to the next.
+    step: f32,
+    /// The greatest level.
+    most: f32,
+}
+
+impl DensityScale {
+    /// In so many `bits`, for the ramp of `wall`.
+    pub(super) fn new(wall: TransferFunction, bits: u32) -> Self {
+        let (low, high) = (wall.lo().min(PALETTE_HU[0]), wall.hi().max(PALETTE_HU[1]));
+        let most = ((1u32 << bits) - 1) as f32;
+        // One level is lost to the foot's being on a step.
+        let step = (high - low) / (most - 1.0);
+        Self { foot: wall.lo(), foot_level: ((wall.lo() - low) / step).ceil(), step, most }
+    }
+
+    /// The nearest level to a density, HU.
+    #[inline(always)]
+    pub(super) fn level(&self, density: f32) -> u32 {
+        ((density - self.foot) / self.step + self.foot_level).round().clamp(0.0, self.most) as u32
+    }
+
+    /// The density of a level, HU.
+    #[inline(always)]
+    pub(super) fn value(&self, level: u32) -> f32 {
+        (level as f32 - self.foot_level) * self.step + self.foot
+    }
+}
+
 /// A fit in 64 bits: gradient along the index axes and density.
 #[derive(Clone, Copy)]
 struct Quantum {
     /// HU/mm of a step of a gradient's component.
     gradient: f32,
-    /// HU of a step of the density.
-    density: f32,
+    density: DensityScale,
 }
 
 impl Quantum {
     fn new(space: &PreparedVolume) -> Self {
-        Self { gradient: 0.125 / space.volume().grid().min_spacing() as f32, density: 0.125 }
+        let gradient = 0.125 / space.volume().grid().min_spacing() as f32;
+        Self { gradient, density: DensityScale::new(space.transfer(), 16) }
     }
 
     fn pack(self, fit: Fit) -> [i16; 4] {
         // A cast stops at the bounds of 16 bits: ±4096 HU over h.
         let [a, b, c] = (fit.gradient / self.gradient).round().to_array().map(|g| g as i16);
-        [a, b, c, (fit.density / self.density).round() as i16]
+        [a, b, c, self.density.level(fit.density) as u16 as i16]
     }
 
     #[inline(always)]
-    fn gradient(self, [a, b, c, _]: [i16; 4]) -> Vec3 {
-        Vec3::new(f32::from(a), f32::from(b), f32::from(c)) * self.gradient
+    fn fit(self, [a, b, c, d]: [i16; 4]) -> Fit {
+        let gradient = Vec3::new(f32::from(a), f32::from(b), f32::from(c)) * self.gradient;
+        Fit { gradient, density: self.density.value(u32::from(d as u16)) }
     }
-
-    #[inline(always)]
-    fn fit(self, packed: [i16; 4]) -> Fit {
-        Fit { gradient: self.gradient(packed), density: f32::from(packed[3]) * self.density }
-    }
-}
-
-/// The regression at voxel `v`, counted from voxel −1.
-#[inline(never)]
-fn at_voxel(space: &PreparedVolume, regression: &Regression, v: [i32; 3]) -> Fit {
-    regression.fit(&block(space.volume(), v.map(|c| c - 2)), Vec3::ZERO)
 }
 
 /// The weights of a cell's corners at the place `t` in it: x fastest.
@@ -92,8 +121,8 @@ pub struct GradientVolume {
 }
 
 impl GradientVolume {
-    /// Computes what is stored of `space`, in parallel.
-    pub fn new(space: &PreparedVolume, stored: Stored) -> Self {
+    /// Computes what is stored of `space`, in parallel, as `sampler` sees its voxels.
+    pub fn new<S: VoxelSampler>(sampler: &S, space: &PreparedVolume, stored: Stored) -> Self {
         let dims = space.volume().grid().dims();
         // Voxel −1 to n of each axis: those at the border have gradients too.
         let bricks = dims.map(|n| (n + 2).div_ceil(EDGE));
@@ -117,11 +146,11 @@ impl GradientVolume {
             index[n] = list.len() as u32;
             list.push(n);
         }
-        let (quantum, regression) = (Quantum::new(space), regression(space));
+        let quantum = Quantum::new(space);
         let mut fits = vec![[0; 4]; list.len() * VOXELS];
         fits.par_chunks_mut(VOXELS).zip(&list).for_each(|(out, &n)| {
             for (m, out) in out.iter_mut().enumerate() {
-                *out = quantum.pack(at_voxel(space, &regression, voxel(n, m)));
+                *out = quantum.pack(sampler.fit_at(voxel(n, m)));
             }
         });
         Self { bricks, index, fits, quantum }
@@ -141,128 +170,87 @@ impl GradientVolume {
     }
 }
 
-/// High detail with gradients and densities from a [`GradientVolume`]; what is not stored is computed.
-pub struct StoredGradientSampler<'a> {
-    plain: Trilinear<'a>,
-    stored: &'a GradientVolume,
+/// Where the regressions of a renderer's samples come from, with what is kept for it.
+pub enum Fits {
+    /// [`GradientSource::None`].
+    Fused,
+    /// [`GradientSource::Eight`].
+    Eight,
+    /// [`GradientSource::Cached`].
+    Cached(GradientCache),
+    /// [`GradientSource::Stored`].
+    Stored(GradientVolume),
 }
 
-impl<'a> StoredGradientSampler<'a> {
-    /// A sampler of `space`, from which `stored` was made.
-    pub fn new(space: &'a PreparedVolume, stored: &'a GradientVolume) -> Self {
-        Self { plain: Trilinear::new(space), stored }
+impl Fits {
+    /// What `source` needs for `space`, whose voxels `sampler` sees.
+    pub fn new<S: VoxelSampler>(source: GradientSource, sampler: &S, space: &PreparedVolume) -> Self {
+        match source {
+            GradientSource::None => Self::Fused,
+            GradientSource::Eight => Self::Eight,
+            GradientSource::Cached => Self::Cached(GradientCache::new(space)),
+            GradientSource::Stored => Self::Stored(GradientVolume::new(sampler, space, Stored::NearWall)),
+        }
+    }
+
+    /// Its memory, where it has any.
+    pub fn part(&self) -> Option<(MemoryPart, usize)> {
+        match self {
+            Self::Fused | Self::Eight => None,
+            Self::Cached(cache) => Some((MemoryPart::GradientCache, cache.bytes())),
+            Self::Stored(stored) => Some((MemoryPart::StoredGradients, stored.bytes())),
+        }
     }
 }
 
-impl Sampler for StoredGradientSampler<'_> {
-    #[inline(always)]
-    fn value(&self, q: Vec3) -> f32 {
-        self.plain.value(q)
+/// A sampler whose regressions come from [`Fits`]; what is not stored is computed.
+pub struct FitSampler<'a, S> {
+    plain: S,
+    fits: &'a Fits,
+}
+
+impl<'a, S: VoxelSampler> FitSampler<'a, S> {
+    /// Samples as `plain` does, with the regressions of `fits`, which were made for it.
+    pub fn new(plain: S, fits: &'a Fits) -> Self {
+        Self { plain, fits }
     }
 
+    /// The fit at `q` of those at voxels that `at` gives; none where it does not give them all.
     #[inline(always)]
-    fn fit(&self, q: Vec3) -> Fit {
+    fn of_voxels(&self, q: Vec3, at: impl Fn([i32; 3]) -> Option<Fit>) -> Option<Fit> {
+        if !S::INTERPOLATES {
+            return at(nearest(q));
+        }
         let (cell, t) = split(q);
-        let (weights, mut sum) = (weights(t), Fit { gradient: Vec3::ZERO, density: 0.0 });
-        for (n, w) in weights.into_iter().enumerate() {
-            let Some(packed) = self.stored.get(corner(cell, n)) else { return self.plain.fit(q) };
-            let fit = self.stored.quantum.fit(packed);
+        let mut sum = Fit { gradient: Vec3::ZERO, density: 0.0 };
+        for (n, w) in weights(t).into_iter().enumerate() {
+            let fit = at(corner(cell, n))?;
             sum = Fit { gradient: sum.gradient + fit.gradient * w, density: sum.density + fit.density * w };
         }
-        sum
-    }
-
-    #[inline(always)]
-    fn gradient(&self, q: Vec3) -> Vec3 {
-        if is_homogeneous(self.plain.space(), q) { Vec3::ZERO } else { self.fit(q).gradient }
+        Some(sum)
     }
 }
 
-/// Entries of a gradient cache, as a power of two: 4 MiB.
-const CACHE_BITS: u32 = 19;
-
-/// A cache of gradients at voxels that lives as long as its owner: for a frame or for many.
-///
-/// Direct-mapped, eight bytes an entry: 48 bits of gradient and 16 that tell the voxels apart which share the entry. An
-/// entry is one atomic word, so any number of threads may use it; what it says depends on the voxel alone, so pictures do
-/// not depend on who came first.
-pub struct GradientCache {
-    entries: Vec<AtomicU64>,
-    quantum: Quantum,
-}
-
-impl GradientCache {
-    /// An empty cache for `space`.
-    pub fn new(space: &PreparedVolume) -> Self {
-        let dims = space.volume().grid().dims();
-        let voxels = dims.iter().map(|&n| n as u64 + 2).product::<u64>();
-        // No more voxels to an entry than 16 bits tell apart.
-        let bits = CACHE_BITS.max((voxels >> 15).checked_ilog2().map_or(0, |b| b + 1));
-        let mut entries = Vec::new();
-        entries.resize_with(1 << bits, AtomicU64::default);
-        Self { entries, quantum: Quantum::new(space) }
-    }
-
-    /// Memory.
-    pub fn bytes(&self) -> usize {
-        size_of_val(self.entries.as_slice())
-    }
-}
-
-/// High detail with gradients by way of a [`GradientCache`].
-pub struct CachedGradientSampler<'a> {
-    plain: Trilinear<'a>,
-    regression: Regression,
-    cache: &'a GradientCache,
-}
-
-impl<'a> CachedGradientSampler<'a> {
-    /// A sampler of `space`, for which `cache` was made.
-    pub fn new(space: &'a PreparedVolume, cache: &'a GradientCache) -> Self {
-        Self { plain: Trilinear::new(space), regression: regression(space), cache }
-    }
-
-    #[inline(always)]
-    fn at(&self, v: [i32; 3]) -> Vec3 {
-        let space = self.plain.space();
-        let dims = space.volume().grid().dims();
-        let [i, j, k] = v.map(|c| c as usize);
-        let n = i + (dims[0] + 2) * (j + (dims[1] + 2) * k);
-        let mask = self.cache.entries.len() - 1;
-        let tag = (n >> self.cache.entries.len().ilog2()) as u64 + 1;
-        let entry = &self.cache.entries[n & mask];
-        let found = entry.load(Ordering::Relaxed);
-        let packed = if found >> 48 == tag {
-            [found as i16, (found >> 16) as i16, (found >> 32) as i16, 0]
-        } else {
-            let packed = self.cache.quantum.pack(at_voxel(space, &self.regression, v));
-            let [a, b, c, _] = packed.map(|p| u64::from(p as u16));
-            entry.store(tag << 48 | c << 32 | b << 16 | a, Ordering::Relaxed);
-            packed
-        };
-        self.cache.quantum.gradient(packed)
-    }
-}
-
-impl Sampler for CachedGradientSampler<'_> {
+impl<S: VoxelSampler> Sampler for FitSampler<'_, S> {
     #[inline(always)]
     fn value(&self, q: Vec3) -> f32 {
         self.plain.value(q)
     }
 
-    /// Not cached: a density needs more bits than an entry has.
     #[inline(always)]
     fn fit(&self, q: Vec3) -> Fit {
-        self.plain.fit(q)
+        let of_voxels = match self.fits {
+            Fits::Fused => None,
+            Fits::Eight => self.of_voxels(q, |v| Some(self.plain.fit_at(v))),
+            Fits::Cached(cache) => self.of_voxels(q, |v| Some(cache.get(v, || self.plain.fit_at(v)))),
+            Fits::Stored(stored) => self.of_voxels(q, |v| stored.get(v).map(|packed| stored.quantum.fit(packed))),
+        };
+        of_voxels.unwrap_or_else(|| self.plain.fit(q))
     }
 
     #[inline(always)]
-    fn gradient(&self, q: Vec3) -> Vec3 {
-        if is_homogeneous(self.plain.space(), q) {
-            return Vec3::ZERO;
-        }
-        let (cell, t) = split(q);
-        weights(t).into_iter().enumerate().map(|(n, w)| self.at(corner(cell, n)) * w).sum()
+    fn is_within_tissue(&self, q: Vec3) -> bool {
+        self.plain.is_within_tissue(q)
     }
 }
 

@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::math::hash;
+use crate::render::sampler::Trilinear;
 use crate::render::begin::FromScratch;
 use crate::render::caster::{ImageRequest, render};
 use crate::render::classify::{ByDensity, ByValue};
@@ -28,14 +29,12 @@ fn cavity(n: usize, noise: f64) -> PreparedVolume {
 #[test]
 fn stored_and_cached_fits_are_the_regressions() {
     let s = cavity(24, 20.0);
-    let (all, near) = (GradientVolume::new(&s, Stored::Everywhere), GradientVolume::new(&s, Stored::NearWall));
-    let cache = GradientCache::new(&s);
     let plain = Trilinear::new(&s);
-    let (a, b, c) = (
-        StoredGradientSampler::new(&s, &all),
-        StoredGradientSampler::new(&s, &near),
-        CachedGradientSampler::new(&s, &cache),
-    );
+    let all = GradientVolume::new(&plain, &s, Stored::Everywhere);
+    let (all_bytes, all) = (all.bytes(), Fits::Stored(all));
+    let near = Fits::new(GradientSource::Stored, &plain, &s);
+    let (cache, eight) = (Fits::new(GradientSource::Cached, &plain, &s), Fits::new(GradientSource::Eight, &plain, &s));
+    let [a, b, c, d] = [&all, &near, &cache, &eight].map(|fits| FitSampler::new(Trilinear::new(&s), fits));
     let step = Quantum::new(&s).gradient;
     for n in 0..4000 {
         // Out to the border of the grown volume.
@@ -48,11 +47,18 @@ fn stored_and_cached_fits_are_the_regressions() {
         }
         // The second time it is in the cache.
         for _ in 0..2 {
-            assert!((c.gradient(q) - plain.gradient(q)).abs().max_element() < 0.6 * step + 1e-2, "{q}");
+            let got = c.fit(q);
+            // A two-thousandth of the steepest of the eight, which may cancel each other.
+            assert!((got.gradient - want.gradient).abs().max_element() < 0.6, "{q} {want:?} {got:?}");
+            assert!((got.density - want.density).abs() < 0.2, "{q}");
         }
+        // Regression and interpolation commute.
+        let got = d.fit(q);
+        assert!((got.gradient - want.gradient).abs().max_element() < 1e-2 && (got.density - want.density).abs() < 1e-2);
     }
-    assert_eq!(all.bytes(), 7 * 7 * 7 * (VOXELS * 8 + 4));
-    assert!(near.bytes() < all.bytes() && cache.bytes() == 4 << 20);
+    assert_eq!(all_bytes, 7 * 7 * 7 * (VOXELS * 8 + 4));
+    let bytes = |fits: &Fits| fits.part().unwrap().1;
+    assert!(bytes(&near) < all_bytes && bytes(&cache) == 4 << 20 && eight.part().is_none());
 }
 
 #[test]
@@ -64,31 +70,35 @@ fn pictures_are_the_same_to_the_eye_and_for_any_number_of_threads() {
     let mut plain = Frame::default();
     render(&s, &view, &settings, &mut plain);
     let leap = Leap::<true>::new(&s);
-    let stored = GradientVolume::new(&s, Stored::NearWall);
+    let fits = |source| Fits::new(source, &Trilinear::new(&s), &s);
+    let stored = fits(GradientSource::Stored);
     let mut got = Frame::default();
-    request.image(&StoredGradientSampler::new(&s, &stored), &leap, &ByValue, &FromScratch, &mut kept, &mut got);
+    fn with<'a>(s: &'a PreparedVolume, fits: &'a Fits) -> FitSampler<'a, Trilinear<'a>> {
+        FitSampler::new(Trilinear::new(s), fits)
+    }
+    request.image(&with(&s, &stored), &leap, &ByValue, &FromScratch, &mut kept, &mut got);
     assert!(psnr(&plain, &got) > 55.0, "{}", psnr(&plain, &got));
-    let mut first: Option<Frame> = None;
+    let filtered = Settings { classification: Classification::Filtered, ..settings };
+    let by_density = ImageRequest { settings: &filtered, ..request };
+    let mut plain_density = Frame::default();
+    render(&s, &view, &filtered, &mut plain_density);
+    let mut first: Option<[Frame; 2]> = None;
     for threads in [1, 2, 5] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        let cache = GradientCache::new(&s);
+        let cache = fits(GradientSource::Cached);
         for _ in 0..2 {
-            let sampler = CachedGradientSampler::new(&s, &cache);
-            pool.install(|| request.image(&sampler, &leap, &ByValue, &FromScratch, &mut kept, &mut got));
-            assert!(psnr(&plain, &got) > 55.0 && first.get_or_insert_with(|| got.clone()) == &got);
+            let cached = with(&s, &cache);
+            pool.install(|| request.image(&cached, &leap, &ByValue, &FromScratch, &mut kept, &mut got));
+            let value = got.clone();
+            let bricks = Leap::<false>::new(&s);
+            pool.install(|| by_density.image(&cached, &bricks, &ByDensity, &FromScratch, &mut kept, &mut got));
+            let db = [psnr(&plain, &value), psnr(&plain_density, &got)];
+            assert!(db.iter().all(|db| *db > 50.0), "{db:?}");
+            let both = [value, got.clone()];
+            assert!(first.get_or_insert_with(|| both.clone()) == &both);
         }
     }
     // Densities are stored too.
-    let settings = Settings { classification: Classification::Filtered, ..settings };
-    let request = ImageRequest { settings: &settings, ..request };
-    render(&s, &view, &settings, &mut plain);
-    request.image(
-        &StoredGradientSampler::new(&s, &stored),
-        &Leap::<false>::new(&s),
-        &ByDensity,
-        &FromScratch,
-        &mut kept,
-        &mut got,
-    );
-    assert!(psnr(&plain, &got) > 50.0, "{}", psnr(&plain, &got));
+    by_density.image(&with(&s, &stored), &Leap::<false>::new(&s), &ByDensity, &FromScratch, &mut kept, &mut got);
+    assert!(psnr(&plain_density, &got) > 50.0, "{}", psnr(&plain_density, &got));
 }

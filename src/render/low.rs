@@ -1,5 +1,6 @@
-//! Low detail by packets of rays: one ray for nine pixels at the most. A voxel of the wall covers more than that of most
-//! pictures, so that it is three times cheaper than high detail and still better than the nearest voxel for each pixel.
+//! Low detail by fewer rays: one for nine pixels at the most. A voxel of the wall covers more than that of most pictures, so
+//! that by packets of rays it is three times cheaper than high detail and still better than the nearest voxel for each pixel,
+//! which is the paper's low detail ([`sampler::Nearest`](super::sampler::Nearest)).
 
 use super::caster::depths;
 use super::enlarge::Enlarger;
@@ -14,17 +15,22 @@ const PART: usize = 3;
 /// Renders at a part of the resolution, and stretches the picture.
 pub struct Low {
     space: PreparedVolume,
-    fast: Fast,
+    renderer: Box<dyn Renderer>,
     small: Frame,
     enlarger: Enlarger,
 }
 
 impl Low {
-    /// Renders `space` by `settings`, but by steps of half a voxel at the most: longer ones save little and cost much.
+    /// Renders `space` by packets of rays and `settings`, but by steps of half a voxel at the most: longer ones save little and
+    /// cost much.
     pub fn new(space: &PreparedVolume, settings: Settings) -> Self {
         let settings = Settings { step_power: settings.step_power.min(-1), ..settings };
-        let fast = Fast::new(space, settings, Pixels::Needed);
-        Self { space: space.clone(), fast, small: Frame::default(), enlarger: Enlarger::default() }
+        Self::around(space, Box::new(Fast::new(space, settings, Pixels::Needed)))
+    }
+
+    /// Stretches the pictures of `space` that a renderer makes.
+    pub fn around(space: &PreparedVolume, renderer: Box<dyn Renderer>) -> Self {
+        Self { space: space.clone(), renderer, small: Frame::default(), enlarger: Enlarger::default() }
     }
 }
 
@@ -32,7 +38,7 @@ impl Renderer for Low {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
         frame.resize(view.width(), view.height());
         let [width, height] = [view.width(), view.height()].map(|side| side.div_ceil(PART));
-        let work = self.fast.render(&view.resized(width, height), &mut self.small);
+        let work = self.renderer.render(&view.resized(width, height), &mut self.small);
         self.enlarger.enlarge(&self.small, frame);
         if let Some(depth) = frame.buffers().1 {
             depths(&self.space, view, depth);
@@ -45,7 +51,7 @@ impl Renderer for Low {
     }
 
     fn parts(&self) -> Vec<(MemoryPart, usize)> {
-        let mut parts = self.fast.parts();
+        let mut parts = self.renderer.parts();
         parts.push((MemoryPart::SmallPicture, self.small.pixels().len() * 3 + self.enlarger.bytes()));
         parts
     }

@@ -13,6 +13,7 @@ pub mod begin;
 pub mod bytes;
 pub mod camera;
 pub mod caster;
+pub mod choices;
 pub mod classify;
 pub mod coverage;
 pub mod direct;
@@ -21,6 +22,7 @@ pub mod factory;
 pub mod fast;
 pub mod flags;
 pub mod frame;
+pub mod gradient_cache;
 pub mod gradient_store;
 pub mod leap;
 pub mod low;
@@ -36,14 +38,18 @@ pub mod renderer;
 pub mod reuse;
 pub mod sampler;
 pub mod shade;
+pub mod single;
 pub mod skip;
 pub mod transfer;
 
 #[cfg(test)]
 mod extremes_tests;
+#[cfg(test)]
+mod tissue_tests;
 
 pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
 pub use caster::render;
+pub use choices::{Choices, GradientSource, Leaping, LowDetail};
 pub use coverage::{Coverage, coverage};
 pub use direct::Direct;
 pub use factory::renderer;

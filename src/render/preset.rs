@@ -3,9 +3,11 @@
 use std::sync::Arc;
 
 use super::TransferFunction;
+use super::choices::Choices;
 use super::prepared_volume::PreparedVolume;
 use super::quality::Settings;
 use super::renderer::Renderer;
+use crate::error::Result;
 use crate::volume::Volume;
 
 /// A renderer by its name. Those of this crate are in [`presets::BUILT_IN`](super::presets::BUILT_IN); a program may have
@@ -22,6 +24,9 @@ pub struct Preset {
     pub memory: &'static str,
     /// How the volume is prepared for it.
     pub preparation: Preparation,
+    /// Whether it follows what a scene chooses: [`choices::all`](super::choices::all), [`choices::none`](super::choices::none),
+    /// or a function of its own, whose error (wrong usage) says why not.
+    pub takes: fn(&Choices) -> Result<()>,
     /// Makes the renderer of a volume, prepared so, at high or low quality.
     pub make: fn(&PreparedVolume, Settings, Reuse) -> Box<dyn Renderer>,
 }

@@ -1,12 +1,15 @@
 //! How good a picture is asked for.
 
+use super::choices::Choices;
+
 /// The level of detail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Quality {
     /// Trilinear values and interpolated regressions, empty space skipped.
     #[default]
     High,
-    /// Empty space skipped, a ray for nine pixels where packets of rays render; else the nearest voxel for everything.
+    /// Empty space skipped, a ray for nine pixels where packets of rays render, else the nearest voxel for everything; a scene
+    /// may choose ([`LowDetail`](super::LowDetail)).
     Low,
     /// As high, by brute force: fine steps, nothing skipped. What everything else is measured against.
     Reference,
@@ -20,20 +23,6 @@ pub enum Classification {
     Value,
     /// The filtered density D of the regression, as the paper has it.
     Filtered,
-}
-
-/// Which combination of parts renders.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Preset {
-    /// The best there is.
-    #[default]
-    Default,
-    /// The paper's own: 7 + 1 bits a voxel, classification by filtered density, the homogeneous-region flag, the nearest
-    /// voxel at low detail and trilinear at high, frame-to-frame reuse by the paper's rule with key frames.
-    Colvis,
-    /// The least memory: bricks to leap by, no flag for each voxel, nothing kept between frames.
-    Lean,
 }
 
 /// Settings of the ray caster. The wall's ramp is part of the [`PreparedVolume`](super::PreparedVolume), whose flags depend on it.
@@ -52,6 +41,8 @@ pub struct Settings {
     /// Whether detail follows the need: coarser while the camera moves fast or pictures cost too much, and up to the
     /// reference at rest ([`adaptive`](super::adaptive)).
     pub adaptive: bool,
+    /// What is chosen in the place of the preset's own.
+    pub choices: Choices,
 }
 
 impl Settings {
@@ -63,7 +54,8 @@ impl Settings {
             Quality::Reference => (1e-5, -3),
         };
         let classification = Classification::Value;
-        Self { quality, classification, sensitivity, step_power, samples_per_pixel: 1, adaptive: false }
+        let choices = Choices::default();
+        Self { quality, classification, sensitivity, step_power, samples_per_pixel: 1, adaptive: false, choices }
     }
 }
 

@@ -15,8 +15,25 @@ pub trait Sampler: Sync {
     fn value(&self, q: Vec3) -> f32;
     /// The 4D regression at `q`.
     fn fit(&self, q: Vec3) -> Fit;
-    /// The gradient at a place that is not empty, HU/mm along the index axes: 0 in a homogeneous region.
-    fn gradient(&self, q: Vec3) -> Vec3;
+    /// Whether `q` lies in a homogeneous region that is not empty: the nearest voxel is flagged, and opaque.
+    fn is_within_tissue(&self, q: Vec3) -> bool;
+
+    /// The gradient at a place that is not empty, HU/mm along the index axes. In a homogeneous region it is 0, which stands
+    /// for one that points at the camera (the paper's section 2.2).
+    #[inline(always)]
+    fn gradient(&self, q: Vec3) -> Vec3 {
+        if self.is_within_tissue(q) { Vec3::ZERO } else { self.fit(q).gradient }
+    }
+}
+
+/// A sampler whose regressions are those at voxels, so that they can be kept: each at one voxel, or interpolated between
+/// eight.
+pub trait VoxelSampler: Sampler {
+    /// Whether the fit at a place is interpolated between the eight voxels around it, or that at the nearest one.
+    const INTERPOLATES: bool;
+
+    /// The regression at voxel `v`, counted from voxel −1.
+    fn fit_at(&self, v: [i32; 3]) -> Fit;
 }
 
 /// Whether the voxel nearest to `q` is flagged as homogeneous.
@@ -25,6 +42,22 @@ pub(super) fn is_homogeneous(space: &PreparedVolume, q: Vec3) -> bool {
     let dims = space.volume().grid().dims();
     let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
     i < dims[0] && j < dims[1] && k < dims[2] && space.flags().homogeneous(space.volume(), i, j, k)
+}
+
+/// Whether the voxel nearest to `q` is flagged as homogeneous, and not empty.
+///
+/// The flag alone does not do: a filtered density depends on voxels beyond the flag's neighbourhood, so that it may be seen
+/// where the nearest voxel is flagged as empty.
+#[inline(always)]
+pub(super) fn is_within_tissue(space: &PreparedVolume, q: Vec3) -> bool {
+    let volume = space.volume();
+    let dims = volume.grid().dims();
+    let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
+    i < dims[0]
+        && j < dims[1]
+        && k < dims[2]
+        && volume.data()[volume.grid().index(i, j, k)] > space.flags().empty_up_to()
+        && space.flags().homogeneous(volume, i, j, k)
 }
 
 /// High detail: trilinear values, and the regressions of the eight nearest voxels interpolated.
@@ -98,8 +131,18 @@ impl Sampler for Trilinear<'_> {
     }
 
     #[inline(always)]
-    fn gradient(&self, q: Vec3) -> Vec3 {
-        if is_homogeneous(self.space, q) { Vec3::ZERO } else { self.fit(q).gradient }
+    fn is_within_tissue(&self, q: Vec3) -> bool {
+        is_within_tissue(self.space, q)
+    }
+}
+
+impl VoxelSampler for Trilinear<'_> {
+    const INTERPOLATES: bool = true;
+
+    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    #[inline(never)]
+    fn fit_at(&self, v: [i32; 3]) -> Fit {
+        self.regression.fit(&block(self.space.volume(), v.map(|c| c - 2)), Vec3::ZERO)
     }
 }
 
@@ -119,8 +162,18 @@ impl Sampler for Nearest<'_> {
     }
 
     #[inline(always)]
-    fn gradient(&self, q: Vec3) -> Vec3 {
-        if is_homogeneous(self.space, q) { Vec3::ZERO } else { self.fit(q).gradient }
+    fn is_within_tissue(&self, q: Vec3) -> bool {
+        is_within_tissue(self.space, q)
+    }
+}
+
+impl VoxelSampler for Nearest<'_> {
+    const INTERPOLATES: bool = false;
+
+    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    #[inline(never)]
+    fn fit_at(&self, v: [i32; 3]) -> Fit {
+        self.regression.fit(&block(self.space.volume(), v.map(|c| c - 2)), Vec3::ZERO)
     }
 }
 

@@ -1,14 +1,16 @@
 //! The rendering methods that `report render` compares. A new method is one more line here.
 
-use super::parts::Accelerated;
 use crate::error::Result;
 use crate::render::fast::{Fast, Pixels};
 use crate::render::flags::Flags;
 use crate::render::gradient_store::{GradientVolume, Stored};
 use crate::render::leap::VoxelWalls;
-use crate::render::reuse::paper::Trace;
 use crate::render::reuse::{Refresh, Reusing, Rule, WordStorage};
-use crate::render::{Classification, Direct, PreparedVolume, Quality, Renderer, Reuse, Settings, presets, renderer};
+use crate::render::sampler::Trilinear;
+use crate::render::{
+    Choices, Classification, Direct, GradientSource, Leaping, PreparedVolume, Quality, Renderer, Reuse, Settings, presets,
+    renderer,
+};
 use crate::surface::{Mesh, Rasteriser};
 
 /// A rendering method.
@@ -67,6 +69,14 @@ fn reusing<R: Rule + 'static>(space: &PreparedVolume, refresh: Refresh) -> Resul
     Ok(Box::new(Reusing::<_, R>::new(WordStorage::new(space), Settings::default(), refresh)))
 }
 
+/// The preset `default` with a scene's choices.
+fn chosen(space: &PreparedVolume, choices: Choices) -> Result<Box<dyn Renderer>> {
+    let settings = Settings { choices, ..Settings::default() };
+    Ok(renderer(space, settings, presets::standard::PRESET, Reuse::Allowed))
+}
+
+const NOTHING: Choices = Choices { leap: None, gradients: None, key_frames: None, low: None };
+
 fn lean(space: &PreparedVolume) -> Result<Box<dyn Renderer>> {
     let space = PreparedVolume::lean(space.shared_volume(), space.transfer());
     Ok(renderer(&space, Settings::default(), presets::lean::PRESET, Reuse::Allowed))
@@ -98,12 +108,12 @@ pub const METHODS: &[RenderMethod] = &[
     RenderMethod { name: "2 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 2), traits: OTHER },
     RenderMethod { name: "4 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 4), traits: OTHER },
     RenderMethod { name: "16 samples", family: "samples a pixel", make: |s| direct(s, Quality::High, -1, 16), traits: OTHER },
-    RenderMethod { name: "wall distance, voxels", family: "one acceleration", make: |s| Ok(Box::new(Accelerated::voxels(s))), traits: PLAIN },
-    RenderMethod { name: "wall distance, bricks", family: "one acceleration", make: |s| Ok(Box::new(Accelerated::bricks(s))), traits: PLAIN },
-    RenderMethod { name: "stored gradients", family: "one acceleration", make: |s| Ok(Box::new(Accelerated::stored(s))), traits: PLAIN },
-    RenderMethod { name: "gradient cache", family: "one acceleration", make: |s| Ok(Box::new(Accelerated::cache(s))), traits: PLAIN },
+    RenderMethod { name: "wall distance, voxels", family: "one acceleration", make: |s| chosen(s, Choices { leap: Some(Leaping::Voxel), ..NOTHING }), traits: PLAIN },
+    RenderMethod { name: "wall distance, bricks", family: "one acceleration", make: |s| chosen(s, Choices { leap: Some(Leaping::Brick), ..NOTHING }), traits: PLAIN },
+    RenderMethod { name: "stored gradients", family: "one acceleration", make: |s| chosen(s, Choices { gradients: Some(GradientSource::Stored), ..NOTHING }), traits: PLAIN },
+    RenderMethod { name: "gradient cache", family: "one acceleration", make: |s| chosen(s, Choices { gradients: Some(GradientSource::Cached), ..NOTHING }), traits: PLAIN },
     RenderMethod { name: "reuse, staggered", family: "one acceleration", make: |s| reusing::<f32>(s, Refresh::Staggered(16)), traits: KEEPS },
-    RenderMethod { name: "reuse, paper's rule", family: "one acceleration", make: |s| reusing::<Trace>(s, Refresh::KeyFrames(10)), traits: KEEPS },
+    RenderMethod { name: "reuse, paper's rule", family: "one acceleration", make: |s| chosen(s, Choices { key_frames: Some(10), ..NOTHING }), traits: KEEPS },
     RenderMethod { name: "preset colvis", family: "filtered density", make: |s| Ok(renderer(s, Settings::default(), presets::colvis::PRESET, Reuse::Allowed)), traits: Traits { other_picture: true, ..KEEPS } },
     RenderMethod { name: "preset lean", family: "flags, trilinear", make: lean, traits: PLAIN },
     RenderMethod { name: "packets h/4", family: "packets of rays", make: |s| packets(s, -3, Pixels::All), traits: PLAIN },
@@ -143,7 +153,7 @@ pub struct Preparation {
 pub const PREPARATIONS: &[Preparation] = &[
     Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.volume(), s.transfer()).bytes()) },
     Preparation { name: "wall distance per voxel", role: Role::Field, build: |s| Ok(VoxelWalls::new(s).bytes()) },
-    Preparation { name: "gradients near the wall", role: Role::Gradients, build: |s| Ok(GradientVolume::new(s, Stored::NearWall).bytes()) },
+    Preparation { name: "gradients near the wall", role: Role::Gradients, build: |s| Ok(GradientVolume::new(&Trilinear::new(s), s, Stored::NearWall).bytes()) },
     Preparation { name: "marching cubes mesh", role: Role::Surface, build: |s| Ok(Mesh::new(s)?.bytes()) },
 ];
 

@@ -9,7 +9,6 @@ pub mod gradients;
 pub mod image;
 pub mod methods;
 pub mod page;
-mod parts;
 pub mod perforation;
 pub mod plot;
 pub mod render;

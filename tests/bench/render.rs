@@ -14,16 +14,14 @@ use colvis::render::begin::FromScratch;
 use colvis::render::bytes::{ByteNearest, ByteTrilinear, ByteVolume};
 use colvis::render::caster::ImageRequest;
 use colvis::render::classify::{ByDensity, ByValue};
-use colvis::render::gradient_store::{
-    CachedGradientSampler, GradientCache, GradientVolume, Stored, StoredGradientSampler,
-};
+use colvis::render::gradient_store::{FitSampler, Fits};
 use colvis::render::leap::{BrickLeap, BrickWalls, VoxelLeap, VoxelWalls};
 use colvis::render::reuse::paper::Trace;
 use colvis::render::reuse::{Refresh, Reusing, WordStorage};
 use colvis::render::sampler::{Nearest, Sampler, Trilinear};
 use colvis::render::skip::{Everything, Leap};
 use colvis::render::{
-    Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, presets, renderer,
+    Frame, GradientSource, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, presets, renderer,
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};
@@ -61,8 +59,9 @@ fn parts(c: &mut Criterion) {
     let places = places(s);
     let one = ByteVolume::new(s, 1);
     let bytes = ByteTrilinear::new(s, &one);
-    let cache = GradientCache::new(s);
-    let stored = GradientVolume::new(s, Stored::NearWall);
+    let fits = |source| Fits::new(source, &Trilinear::new(s), s);
+    let (cache, stored) = (fits(GradientSource::Cached), fits(GradientSource::Stored));
+    let size = |fits: &Fits| fits.part().map_or(0, |p| p.1);
     println!(
         "bytes: volume {}, flags {}, 7 + 1 bits {}, wall distance per voxel {}, per brick {}, gradients {}, cache {}",
         s.volume().bytes(),
@@ -70,8 +69,8 @@ fn parts(c: &mut Criterion) {
         one.bytes(),
         VoxelWalls::new(s).bytes(),
         BrickWalls::new(s).bytes(),
-        stored.bytes(),
-        cache.bytes()
+        size(&stored),
+        size(&cache)
     );
 
     let mut group = c.benchmark_group("sampling of 20 000 places");
@@ -86,11 +85,13 @@ fn parts(c: &mut Criterion) {
     group.finish();
 
     let mut group = c.benchmark_group("gradients at 20 000 places");
-    let fits = |f: &dyn Fn(Vec3) -> Vec3| places.iter().map(|&q| f(q)).sum::<Vec3>();
-    group.bench_function("computed", |b| b.iter(|| fits(&|q| high.gradient(q))));
-    let (with_stored, with_cache) = (StoredGradientSampler::new(s, &stored), CachedGradientSampler::new(s, &cache));
-    group.bench_function("ahead of time", |b| b.iter(|| fits(&|q| with_stored.gradient(q))));
-    group.bench_function("cached", |b| b.iter(|| fits(&|q| with_cache.gradient(q))));
+    let gradients = |f: &dyn Fn(Vec3) -> Vec3| places.iter().map(|&q| f(q)).sum::<Vec3>();
+    group.bench_function("computed", |b| b.iter(|| gradients(&|q| high.gradient(q))));
+    let [with_stored, with_cache, with_eight] =
+        [&stored, &cache, &Fits::Eight].map(|fits| FitSampler::new(Trilinear::new(s), fits));
+    group.bench_function("computed at eight voxels", |b| b.iter(|| gradients(&|q| with_eight.gradient(q))));
+    group.bench_function("ahead of time", |b| b.iter(|| gradients(&|q| with_stored.gradient(q))));
+    group.bench_function("cached", |b| b.iter(|| gradients(&|q| with_cache.gradient(q))));
     group.finish();
 
     let mut group = c.benchmark_group("preparing");
@@ -99,7 +100,7 @@ fn parts(c: &mut Criterion) {
     group.bench_function("7 + 1 bits", |b| b.iter(|| ByteVolume::new(s, 2)));
     group.bench_function("wall distance per voxel", |b| b.iter(|| VoxelWalls::new(s)));
     group.bench_function("wall distance per brick", |b| b.iter(|| BrickWalls::new(s)));
-    group.bench_function("gradients near the wall", |b| b.iter(|| GradientVolume::new(s, Stored::NearWall)));
+    group.bench_function("gradients near the wall", |b| b.iter(|| fits(GradientSource::Stored)));
     group.finish();
 
     let settings = Settings::default();

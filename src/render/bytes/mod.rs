@@ -18,11 +18,13 @@ use crate::volume::{AIR_HU, Grid};
 use super::TransferFunction;
 use super::begin::Begin;
 use super::caster::ImageRequest;
-use super::classify::{ByDensity, ByValue};
+use super::choices::{GradientSource, Leaping};
+use super::leap::chosen::ChosenRadius;
 use super::memory::MemoryPart;
 use super::prepared_volume::PreparedVolume;
-use super::quality::{Classification, Quality, Settings};
+use super::quality::{Quality, Settings};
 use super::reuse::VoxelStorage;
+use super::single::Accelerations;
 use super::{Frame, View, Work};
 
 pub use sampler::{ByteNearest, ByteTrilinear};
@@ -155,24 +157,27 @@ fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [
 pub struct ByteStorage {
     space: PreparedVolume,
     bytes: ByteVolume,
+    accelerations: Accelerations,
 }
 
 impl ByteStorage {
-    /// Looks at `bytes`, which were made from `space`.
-    pub fn new(space: &PreparedVolume, bytes: ByteVolume) -> Self {
-        Self { space: space.clone(), bytes }
+    /// Looks at `bytes`, which were made from `space`, leaping and fitting as told. The distances that some ways to leap need
+    /// are those of the 16-bit voxels: what is empty in those is so here.
+    pub fn new(space: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
+        let accelerations = Accelerations::new(space, &ByteTrilinear::new(space, &bytes), leap, gradients);
+        Self { space: space.clone(), bytes, accelerations }
     }
 }
 
 impl VoxelStorage for ByteStorage {
-    type Radius<'a> = ByteSurroundings<'a>;
+    type Radius<'a> = ChosenRadius<'a, ByteSurroundings<'a>>;
 
     fn space(&self) -> &PreparedVolume {
         &self.space
     }
 
-    fn empty_radius(&self) -> ByteSurroundings<'_> {
-        ByteSurroundings { bytes: &self.bytes }
+    fn empty_radius(&self) -> Self::Radius<'_> {
+        self.accelerations.leaper.radius(&self.space, Some(ByteSurroundings { bytes: &self.bytes }))
     }
 
     fn image<B: Begin>(
@@ -184,18 +189,19 @@ impl VoxelStorage for ByteStorage {
         frame: &mut Frame,
     ) -> Work {
         let request = ImageRequest { space: &self.space, view, settings };
-        let (high, low) = (ByteTrilinear::new(&self.space, &self.bytes), ByteNearest::new(&self.space, &self.bytes));
-        let leap = ByteLeap::new(&self.bytes);
-        match (settings.quality, settings.classification) {
-            (Quality::Low, Classification::Value) => request.image(&low, &leap, &ByValue, begin, kept, frame),
-            (Quality::Low, Classification::Filtered) => request.image(&low, &leap, &ByDensity, begin, kept, frame),
-            (_, Classification::Value) => request.image(&high, &leap, &ByValue, begin, kept, frame),
-            (_, Classification::Filtered) => request.image(&high, &leap, &ByDensity, begin, kept, frame),
+        let flags = (ByteLeap::new(&self.bytes), ByteLeap::new(&self.bytes));
+        if settings.quality == Quality::Low {
+            let low = ByteNearest::new(&self.space, &self.bytes);
+            self.accelerations.image(&request, low, flags, begin, kept, frame)
+        } else {
+            let high = ByteTrilinear::new(&self.space, &self.bytes);
+            self.accelerations.image(&request, high, flags, begin, kept, frame)
         }
     }
 
     fn parts(&self) -> Vec<(MemoryPart, usize)> {
-        vec![(MemoryPart::Flags, self.space.bytes()), (MemoryPart::ByteVolume, self.bytes.bytes())]
+        let own = [(MemoryPart::Flags, self.space.bytes()), (MemoryPart::ByteVolume, self.bytes.bytes())];
+        own.into_iter().chain(self.accelerations.parts()).collect()
     }
 }
 

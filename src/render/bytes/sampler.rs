@@ -4,9 +4,9 @@ use glam::{Vec3, Vec4};
 
 use crate::render::prepared_volume::PreparedVolume;
 use crate::render::regression::{Block, Fit, Regression};
-use crate::render::sampler::{Sampler, nearest, regression, split};
+use crate::render::sampler::{Sampler, VoxelSampler, nearest, regression, split};
 
-use super::{ByteVolume, CODE, EMPTY, FLAG, unit};
+use super::{ByteVolume, CODE, EMPTY, FLAG, OPAQUE, unit};
 
 /// Codes to HU: `value = scale · code + offset`.
 #[derive(Clone, Copy)]
@@ -116,9 +116,10 @@ fn block(bytes: &ByteVolume, first: [i32; 3]) -> Block {
     }
 }
 
+/// Whether the voxel nearest to `q` is flagged as homogeneous, and opaque.
 #[inline(always)]
-fn is_homogeneous(bytes: &ByteVolume, q: Vec3) -> bool {
-    bytes.get(nearest(q)) & FLAG != 0
+fn is_within_tissue(bytes: &ByteVolume, q: Vec3) -> bool {
+    bytes.get(nearest(q)) >= FLAG | OPAQUE
 }
 
 /// Places within a cell have eight bits in fixed point: with seven bits of value the sum of three products fits 31 bits.
@@ -146,8 +147,17 @@ impl Sampler for ByteTrilinear<'_> {
     }
 
     #[inline(always)]
-    fn gradient(&self, q: Vec3) -> Vec3 {
-        if is_homogeneous(self.bytes, q) { Vec3::ZERO } else { self.fit(q).gradient }
+    fn is_within_tissue(&self, q: Vec3) -> bool {
+        is_within_tissue(self.bytes, q)
+    }
+}
+
+impl VoxelSampler for ByteTrilinear<'_> {
+    const INTERPOLATES: bool = true;
+
+    #[inline(never)]
+    fn fit_at(&self, v: [i32; 3]) -> Fit {
+        self.decode.fit(self.regression.fit(&block(self.bytes, v.map(|c| c - 2)), Vec3::ZERO))
     }
 }
 
@@ -164,7 +174,16 @@ impl Sampler for ByteNearest<'_> {
     }
 
     #[inline(always)]
-    fn gradient(&self, q: Vec3) -> Vec3 {
-        if is_homogeneous(self.bytes, q) { Vec3::ZERO } else { self.fit(q).gradient }
+    fn is_within_tissue(&self, q: Vec3) -> bool {
+        is_within_tissue(self.bytes, q)
+    }
+}
+
+impl VoxelSampler for ByteNearest<'_> {
+    const INTERPOLATES: bool = false;
+
+    #[inline(never)]
+    fn fit_at(&self, v: [i32; 3]) -> Fit {
+        self.decode.fit(self.regression.fit(&block(self.bytes, v.map(|c| c - 2)), Vec3::ZERO))
     }
 }

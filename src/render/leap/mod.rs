@@ -6,6 +6,7 @@
 
 pub mod bricks;
 pub mod chessboard;
+pub mod chosen;
 pub mod voxels;
 
 use glam::Vec3;
@@ -15,6 +16,7 @@ use super::prepared_volume::PreparedVolume;
 use super::skip::is_empty_voxel;
 
 pub use bricks::{BrickLeap, BrickWalls};
+pub use chosen::Leaper;
 pub use voxels::{VoxelLeap, VoxelWalls};
 
 /// Places are computed in f32: this much less emptiness is claimed than is known, voxels.

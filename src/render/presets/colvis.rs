@@ -1,31 +1,61 @@
-//! `colvis`: the paper's own combination.
+//! `colvis`: the paper's own renderer, everything of its section 2.2 together.
+//!
+//! | idea of section 2.2 | file | setting |
+//! |---|---|---|
+//! | L and A front to back, to the end at the camera's sensitivity | [`caster`](crate::render::caster) | `[render] sensitivity` |
+//! | headlight, simplified Phong | [`shade`](crate::render::shade) | always |
+//! | gradient and filtered density by 4D linear regression | [`regression`](crate::render::regression) | always |
+//! | … interpolated between the eight nearest voxels: high detail | [`sampler`](crate::render::bytes::sampler) | `--quality high` |
+//! | … the nearest voxel's: low detail | [`sampler`](crate::render::bytes::sampler) | `--quality low`, `[render] low` |
+//! | a tissue's gradient points at the camera where its surroundings are homogeneous | [`sampler`](crate::render::sampler) | always |
+//! | 7 + 1 bits a voxel, the homogeneous-region flag among them | [`bytes`](crate::render::bytes) | `[render] leap = "flag"`, its own |
+//! | the potential field to leap by | [`leap::voxels`](crate::render::leap::voxels) | `[render] leap = "voxel"` |
+//! | gradients cached at frame level | [`gradient_cache`](crate::render::gradient_cache) | `[render] gradients = "cached"`, its own |
+//! | gradients and densities ahead of time | [`gradient_store`](crate::render::gradient_store) | `[render] gradients = "stored"` |
+//! | fixed point | [`ByteTrilinear::value`](crate::render::bytes::ByteTrilinear) | where values are classified: densities are not |
+//! | frame-to-frame reuse forwards, backwards and in rotation | [`reuse::paper`](crate::render::reuse::paper) | without `--no-reuse` |
+//! | every Nth frame from scratch | [`reuse`](crate::render::reuse) | `[render] key_frames`, 10 |
+//!
+//! `colvis report render` measures what each of them is worth.
 
 use crate::render::PreparedVolume;
 use crate::render::bytes::{ByteStorage, ByteVolume};
+use crate::render::choices::{self, GradientSource, Leaping, LowDetail};
+use crate::render::low::Low;
 use crate::render::preset::{Preparation, Preset, Reuse};
-use crate::render::quality::{Classification, Settings};
+use crate::render::quality::{Classification, Quality, Settings};
 use crate::render::renderer::Renderer;
-use crate::render::reuse::paper::Trace;
-use crate::render::reuse::{Plain, Refresh, Reusing};
+use crate::render::single::{by_frames, stretched};
 
 /// The paper's own: 7 + 1 bits a voxel, classification by filtered density, the homogeneous-region flag, the nearest
-/// voxel at low detail and trilinear at high, frame-to-frame reuse by the paper's rule with key frames.
+/// voxel at low detail and trilinear at high, a gradient cache, frame-to-frame reuse by the paper's rule with key frames.
 pub const PRESET: Preset = Preset {
     name: "colvis",
     summary: "The paper's own combination: 7 + 1 bits a voxel, reuse with key frames",
-    memory: "a byte for each voxel, and the last frame's empty distances",
+    memory: "a byte for each voxel, a gradient cache, and the last frame's empty distances",
     preparation: Preparation::Flags,
+    takes: choices::all,
     make,
 };
 
-/// Frames from one key frame to the next.
-const KEY_FRAMES: u32 = 10;
+/// Frames from one key frame to the next, where a scene says nothing.
+pub const KEY_FRAMES: u32 = 10;
+/// How it leaps, where a scene says nothing.
+pub const LEAPING: Leaping = Leaping::Flag;
+/// Where its regressions come from, where a scene says nothing.
+pub const GRADIENTS: GradientSource = GradientSource::Cached;
+
+/// The flags reach as far as a filtered density does: two voxels.
+const REACH: usize = 2;
 
 fn make(space: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
+    let chosen = settings.choices;
     let settings = Settings { classification: Classification::Filtered, ..settings };
-    let storage = ByteStorage::new(space, ByteVolume::new(space, 2));
-    match reuse {
-        Reuse::Allowed => Box::new(Reusing::<_, Trace>::new(storage, settings, Refresh::KeyFrames(KEY_FRAMES))),
-        Reuse::Never => Box::new(Plain::new(storage, settings)),
+    if settings.quality == Quality::Low && chosen.low == Some(LowDetail::Third) {
+        return Box::new(Low::around(space, make(space, stretched(settings), reuse)));
     }
+    let (leap, gradients) = (chosen.leap.unwrap_or(LEAPING), chosen.gradients.unwrap_or(GRADIENTS));
+    let storage = ByteStorage::new(space, ByteVolume::new(space, REACH), leap, gradients);
+    let key_frames = chosen.key_frames.unwrap_or(KEY_FRAMES);
+    by_frames(storage, settings, (reuse == Reuse::Allowed).then_some(key_frames))
 }

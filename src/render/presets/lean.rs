@@ -1,10 +1,13 @@
 //! `lean`: the least memory.
 
+use crate::error::{Error, Result};
 use crate::render::PreparedVolume;
-use crate::render::direct::Direct;
+use crate::render::choices::{Choices, GradientSource, Leaping, LowDetail};
+use crate::render::low::Low;
 use crate::render::preset::{Preparation, Preset, Reuse};
-use crate::render::quality::Settings;
+use crate::render::quality::{Quality, Settings};
 use crate::render::renderer::Renderer;
+use crate::render::single::{stretched, words};
 
 /// The least memory: bricks to leap by, no flag for each voxel, nothing kept between frames.
 pub const PRESET: Preset = Preset {
@@ -12,9 +15,31 @@ pub const PRESET: Preset = Preset {
     summary: "The least memory: bricks to leap by, nothing kept between frames",
     memory: "a byte for each brick",
     preparation: Preparation::BricksOnly,
+    takes,
     make,
 };
 
-fn make(space: &PreparedVolume, settings: Settings, _: Reuse) -> Box<dyn Renderer> {
-    Box::new(Direct::new(space, settings))
+/// What costs memory for each voxel or from frame to frame is none of its business.
+fn takes(choices: &Choices) -> Result<()> {
+    let instead = "or the preset colvis or default";
+    let refuse = |what: &str, why: &str, mend: String| {
+        Err(Error::usage(format!("render.{what}"), format!("the preset lean {why}"), mend))
+    };
+    if matches!(choices.leap, Some(Leaping::Flag | Leaping::Voxel)) {
+        return refuse("leap", "keeps nothing for each voxel", format!("choose \"brick\" or \"none\", {instead}"));
+    }
+    if matches!(choices.gradients, Some(GradientSource::Cached | GradientSource::Stored)) {
+        return refuse("gradients", "keeps no gradients", format!("choose \"none\" or \"eight\", {instead}"));
+    }
+    if choices.key_frames.is_some() {
+        return refuse("key_frames", "keeps nothing between frames", format!("leave it out, {instead}"));
+    }
+    Ok(())
+}
+
+fn make(space: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
+    if settings.quality == Quality::Low && settings.choices.low == Some(LowDetail::Third) {
+        return Box::new(Low::around(space, words(space, stretched(settings), reuse)));
+    }
+    words(space, settings, reuse)
 }

@@ -1,5 +1,6 @@
-//! `default`: packets of rays.
+//! `default`: packets of rays; single rays where a scene chooses what packets cannot do.
 
+use crate::render::choices::{self, LowDetail};
 use crate::render::direct::Direct;
 use crate::render::fast::{Fast, Pixels};
 use crate::render::low::Low;
@@ -7,6 +8,7 @@ use crate::render::memory::MemoryPart;
 use crate::render::preset::{Preparation, Preset, Reuse};
 use crate::render::quality::{Classification, Quality, Settings};
 use crate::render::renderer::Renderer;
+use crate::render::single::{stretched, words};
 use crate::render::{Frame, PreparedVolume, View, Work};
 
 /// The best there is: packets of rays, a third of the resolution at low quality.
@@ -15,16 +17,22 @@ pub const PRESET: Preset = Preset {
     summary: "The best there is: packets of rays",
     memory: "a bit for each cell, distances of bricks and a gradient cache",
     preparation: Preparation::Flags,
+    takes: choices::all,
     make,
 };
 
-fn make(space: &PreparedVolume, settings: Settings, _: Reuse) -> Box<dyn Renderer> {
-    if settings.classification != Classification::Value {
-        return Box::new(Direct::new(space, settings));
-    }
-    match settings.quality {
-        _ if settings.samples_per_pixel > 1 => Box::new(Supersampled::new(space, settings)),
-        Quality::Low => Box::new(Low::new(space, settings)),
+fn make(space: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
+    // Packets classify by values alone, and leap, shade and begin in their own way.
+    let single = settings.classification != Classification::Value || settings.choices.need_single_rays();
+    let several = settings.samples_per_pixel > 1;
+    match (settings.quality, settings.choices.low) {
+        (Quality::Low, Some(LowDetail::Nearest)) => words(space, settings, reuse),
+        (Quality::Low, Some(LowDetail::Third)) if single || several => {
+            Box::new(Low::around(space, make(space, stretched(settings), reuse)))
+        }
+        _ if single => words(space, settings, reuse),
+        _ if several => Box::new(Supersampled::new(space, settings)),
+        (Quality::Low, _) => Box::new(Low::new(space, settings)),
         _ => Box::new(Fast::new(space, settings, Pixels::Needed)),
     }
 }

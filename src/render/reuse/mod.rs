@@ -15,12 +15,16 @@ use glam::{DVec3, Vec3};
 use super::begin::{Begin, FromScratch};
 use super::caster::ImageRequest;
 use super::classify::{ByDensity, ByValue, Classifier};
-use super::leap::{BrickWalls, EmptyRadius, SLACK, Surroundings};
+use super::leap::chosen::ChosenRadius;
+use super::leap::{BrickWalls, EmptyRadius, Leaper, SLACK, Surroundings};
 use super::march::Ray;
 use super::memory::MemoryPart;
 use super::prepared_volume::PreparedVolume;
-use super::quality::{Classification, Settings};
+use super::quality::{Classification, Quality, Settings};
 use super::renderer::Renderer;
+use super::sampler::{Nearest, Trilinear};
+use super::single::Accelerations;
+use super::skip::Leap;
 use super::{Frame, View, Work};
 use known::{Bounds, Empty, Known, Reprojection};
 use paper::Trace;
@@ -101,25 +105,37 @@ impl<S: VoxelStorage> Renderer for Plain<S> {
 /// The 16-bit voxels, with the wall's distance per brick.
 pub struct WordStorage {
     space: PreparedVolume,
-    bricks: BrickWalls,
+    /// What reuse is proven by, where leaping knows nothing that serves.
+    bricks: Option<BrickWalls>,
+    /// None: the flags and computed regressions, put together ahead of time.
+    accelerations: Option<Accelerations>,
 }
 
 impl WordStorage {
     /// Prepares `space`.
     pub fn new(space: &PreparedVolume) -> Self {
-        Self { space: space.clone(), bricks: BrickWalls::new(space) }
+        Self { space: space.clone(), bricks: Some(BrickWalls::new(space)), accelerations: None }
+    }
+
+    /// Casts rays through `space` with `accelerations`, which were made for it; `reuses` where the last picture is to help.
+    pub fn accelerated(space: &PreparedVolume, accelerations: Accelerations, reuses: bool) -> Self {
+        let knows = matches!(accelerations.leaper, Leaper::Bricks(_) | Leaper::Voxels(_));
+        let bricks = (reuses && !knows).then(|| BrickWalls::new(space));
+        Self { space: space.clone(), bricks, accelerations: Some(accelerations) }
     }
 }
 
 impl VoxelStorage for WordStorage {
-    type Radius<'a> = Surroundings<'a>;
+    type Radius<'a> = ChosenRadius<'a, Surroundings<'a>>;
 
     fn space(&self) -> &PreparedVolume {
         &self.space
     }
 
-    fn empty_radius(&self) -> Surroundings<'_> {
-        Surroundings { space: &self.space, bricks: &self.bricks }
+    fn empty_radius(&self) -> Self::Radius<'_> {
+        let own = self.bricks.as_ref().map(|bricks| Surroundings { space: &self.space, bricks });
+        let leaper = self.accelerations.as_ref().map_or(&Leaper::Flag, |a| &a.leaper);
+        leaper.radius(&self.space, own)
     }
 
     fn image<B: Begin>(
@@ -130,11 +146,20 @@ impl VoxelStorage for WordStorage {
         kept: &mut [B::Kept],
         frame: &mut Frame,
     ) -> Work {
-        ImageRequest { space: &self.space, view, settings }.plain(begin, kept, frame)
+        let request = ImageRequest { space: &self.space, view, settings };
+        let Some(accelerations) = &self.accelerations else { return request.plain(begin, kept, frame) };
+        let flags = (Leap::<true>::new(&self.space), Leap::<false>::new(&self.space));
+        if settings.quality == Quality::Low {
+            accelerations.image(&request, Nearest::new(&self.space), flags, begin, kept, frame)
+        } else {
+            accelerations.image(&request, Trilinear::new(&self.space), flags, begin, kept, frame)
+        }
     }
 
     fn parts(&self) -> Vec<(MemoryPart, usize)> {
-        vec![(MemoryPart::Flags, self.space.bytes()), (MemoryPart::BrickDistances, self.bricks.bytes())]
+        let proof = self.bricks.iter().map(|b| (MemoryPart::BrickDistances, b.bytes()));
+        let flags = (MemoryPart::Flags, self.space.bytes());
+        [flags].into_iter().chain(proof).chain(self.accelerations.iter().flat_map(Accelerations::parts)).collect()
     }
 }
 

@@ -1,0 +1,150 @@
+//! Leaping by whatever a scene chooses.
+
+use glam::Vec3;
+
+use crate::render::choices::Leaping;
+use crate::render::march::Ray;
+use crate::render::memory::MemoryPart;
+use crate::render::prepared_volume::PreparedVolume;
+use crate::render::skip::Skipper;
+
+use super::{BrickLeap, BrickWalls, EmptyRadius, Surroundings, VoxelLeap, VoxelWalls};
+
+/// What leaping needs beside the flags.
+pub enum Leaper {
+    /// [`Leaping::None`].
+    Nothing,
+    /// [`Leaping::Flag`].
+    Flag,
+    /// [`Leaping::Brick`].
+    Bricks(BrickWalls),
+    /// [`Leaping::Voxel`].
+    Voxels(VoxelWalls),
+}
+
+impl Leaper {
+    /// What `leaping` needs in `space`.
+    pub fn new(leaping: Leaping, space: &PreparedVolume) -> Self {
+        match leaping {
+            Leaping::None => Self::Nothing,
+            Leaping::Flag => Self::Flag,
+            Leaping::Brick => Self::Bricks(BrickWalls::new(space)),
+            Leaping::Voxel => Self::Voxels(VoxelWalls::new(space)),
+        }
+    }
+
+    /// Its memory, where it has any.
+    pub fn part(&self) -> Option<(MemoryPart, usize)> {
+        match self {
+            Self::Nothing | Self::Flag => None,
+            Self::Bricks(walls) => Some((MemoryPart::BrickDistances, walls.bytes())),
+            Self::Voxels(walls) => Some((MemoryPart::VoxelDistances, walls.bytes())),
+        }
+    }
+
+    /// The skipper of rays whose samples depend on voxels nearer than `REACH`; `flag` leaps by the storage's own flags.
+    pub fn skipper<'a, F: Skipper, const REACH: u8>(
+        &'a self,
+        space: &'a PreparedVolume,
+        flag: F,
+    ) -> ChosenLeap<'a, F, REACH> {
+        match self {
+            Self::Nothing => ChosenLeap::Nothing,
+            Self::Flag => ChosenLeap::Flag(flag),
+            // The bits tell of 3×3×3 voxels, too few for regressions; without bits it is quicker to sample than to look.
+            Self::Bricks(walls) if REACH == 1 && space.flags().has_bits() => {
+                ChosenLeap::BricksAndBits(BrickLeap::new(space, walls))
+            }
+            Self::Bricks(walls) => ChosenLeap::Bricks(BrickLeap::new(space, walls)),
+            Self::Voxels(walls) => ChosenLeap::Voxels(VoxelLeap::new(walls)),
+        }
+    }
+}
+
+/// Leaps by one of several skippers. See [`VoxelLeap`] for `REACH`.
+pub enum ChosenLeap<'a, F, const REACH: u8> {
+    /// Looks at every sample.
+    Nothing,
+    /// By flags.
+    Flag(F),
+    /// By the distances of bricks.
+    Bricks(BrickLeap<'a, false>),
+    /// The same, and by a bit for each voxel.
+    BricksAndBits(BrickLeap<'a, true>),
+    /// By the distances of voxels.
+    Voxels(VoxelLeap<'a, REACH>),
+}
+
+/// The walk of a [`ChosenLeap`]'s skipper.
+pub enum ChosenWalk<W> {
+    /// None.
+    Nothing,
+    /// By flags.
+    Flag(W),
+    /// By bricks.
+    Bricks(u32),
+    /// By voxels.
+    Voxels(f32),
+}
+
+impl<F: Skipper, const REACH: u8> Skipper for ChosenLeap<'_, F, REACH> {
+    type Walk = ChosenWalk<F::Walk>;
+
+    #[inline(always)]
+    fn start(&self, ray: &Ray, n: u32) -> Self::Walk {
+        match self {
+            Self::Nothing => ChosenWalk::Nothing,
+            Self::Flag(flag) => ChosenWalk::Flag(flag.start(ray, n)),
+            Self::Bricks(bricks) => ChosenWalk::Bricks(bricks.start(ray, n)),
+            Self::BricksAndBits(bricks) => ChosenWalk::Bricks(bricks.start(ray, n)),
+            Self::Voxels(voxels) => ChosenWalk::Voxels(voxels.start(ray, n)),
+        }
+    }
+
+    #[inline(always)]
+    fn next(&self, walk: &mut Self::Walk, ray: &Ray, n: u32) -> u32 {
+        match (self, walk) {
+            (Self::Flag(flag), ChosenWalk::Flag(walk)) => flag.next(walk, ray, n),
+            (Self::Bricks(bricks), ChosenWalk::Bricks(walk)) => bricks.next(walk, ray, n),
+            (Self::BricksAndBits(bricks), ChosenWalk::Bricks(walk)) => bricks.next(walk, ray, n),
+            (Self::Voxels(voxels), ChosenWalk::Voxels(walk)) => voxels.next(walk, ray, n),
+            // Looking at a sample is never wrong.
+            _ => n,
+        }
+    }
+}
+
+/// Knows how far the wall is by what a [`Leaper`] has, or else by what the storage's own flags tell.
+pub enum ChosenRadius<'a, R> {
+    /// Nothing is known.
+    Nothing,
+    /// The flags of the storage.
+    Flags(R),
+    /// The flags of the 16-bit voxels, and the distances of bricks.
+    Bricks(Surroundings<'a>),
+    /// The distances of voxels.
+    Voxels(&'a VoxelWalls),
+}
+
+impl Leaper {
+    /// The clearance that it tells in `space`; else what `flags` tell.
+    pub fn radius<'a, R>(&'a self, space: &'a PreparedVolume, flags: Option<R>) -> ChosenRadius<'a, R> {
+        match self {
+            Self::Voxels(walls) => ChosenRadius::Voxels(walls),
+            Self::Bricks(bricks) => ChosenRadius::Bricks(Surroundings { space, bricks }),
+            Self::Nothing | Self::Flag => flags.map_or(ChosenRadius::Nothing, ChosenRadius::Flags),
+        }
+    }
+}
+
+impl<R: EmptyRadius> EmptyRadius for ChosenRadius<'_, R> {
+    #[inline(always)]
+    fn around(&self, q: Vec3) -> f32 {
+        match self {
+            Self::Nothing => 0.0,
+            Self::Flags(flags) => flags.around(q),
+            Self::Bricks(bricks) => bricks.around(q),
+            Self::Voxels(voxels) => voxels.around(q),
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! The camera within tissue: a homogeneous region that is not empty, whose gradient points at the camera.
+//!
+//! The truth is computed here, voxel by voxel: the first sample of each ray is opaque, so the picture is the colour of its value
+//! or filtered density in full light, as of a wall that is seen head on.
+
+use std::sync::Arc;
+
+use glam::{DMat3, DVec3, Vec3};
+
+use super::transfer::Palette;
+use super::*;
+use crate::math::hash;
+use crate::volume::{Grid, Volume};
+
+const SIZE: usize = 24;
+
+/// Tissue all round, its density uneven, as noise makes it: a regression finds a gradient of any direction in it. Within what
+/// seven bits tell apart.
+fn tissue(spacing: DVec3) -> PreparedVolume {
+    let grid = Grid::new([SIZE; 3], spacing, DVec3::new(5.0, -7.0, 11.0), DMat3::from_rotation_y(0.3)).unwrap();
+    let data = (0..grid.len() as u64).map(|n| (-450.0 + 300.0 * hash::uniform(3, n)) as i16).collect();
+    PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
+}
+
+/// D of the 4D regression at a voxel: the mean of its 26 neighbours, weighted by 1/d².
+fn density(volume: &Volume, v: [i64; 3]) -> f64 {
+    let spacing = volume.grid().spacing();
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for n in (0..27i64).filter(|&n| n != 13) {
+        let by = [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1];
+        let d = DVec3::from_array(by.map(|b| b as f64)) * spacing;
+        let w = 1.0 / d.length_squared();
+        sum += w * f64::from(volume.get(v[0] + by[0], v[1] + by[1], v[2] + by[2]));
+        weights += w;
+    }
+    sum / weights
+}
+
+/// What `of_voxel` gives at a place (voxel coordinates): interpolated between eight voxels, or at the nearest one.
+fn at(place: DVec3, detail: Quality, of_voxel: impl Fn([i64; 3]) -> f64) -> f64 {
+    if detail == Quality::Low {
+        return of_voxel(place.round().to_array().map(|c| c as i64));
+    }
+    let (cell, t) = (place.floor(), place - place.floor());
+    (0..8)
+        .map(|n| {
+            let corner = DVec3::new(f64::from(n & 1), f64::from(n >> 1 & 1), f64::from(n >> 2));
+            let near = DVec3::ONE - (t - corner).abs();
+            near.x * near.y * near.z * of_voxel((cell + corner).to_array().map(|c| c as i64))
+        })
+        .sum()
+}
+
+/// The picture's truth.
+fn truth(space: &PreparedVolume, view: &View, settings: &Settings, by_density: bool) -> Vec<Vec3> {
+    let (volume, grid) = (space.volume(), space.volume().grid());
+    let first = 0.5 * grid.min_spacing() * 2f64.powi(settings.step_power);
+    let pixel = |n: usize| {
+        let ray = view.ray(n % view.width(), n / view.width()).unwrap();
+        let place = grid.voxel(ray.origin + ray.direction * first);
+        let value = if by_density {
+            at(place, settings.quality, |v| density(volume, v))
+        } else {
+            at(place, settings.quality, |[i, j, k]| f64::from(volume.get(i, j, k)))
+        };
+        Palette::default().colour(value as f32) * 255.0
+    };
+    (0..view.width() * view.height()).map(pixel).collect()
+}
+
+#[test]
+fn tissue_all_round_is_as_bright_as_a_wall_seen_head_on() {
+    let (filtered, bytes) = (Classification::Filtered, presets::colvis::PRESET);
+    for spacing in [DVec3::ONE, DVec3::new(0.6, 0.7, 2.0)] {
+        let space = tissue(spacing);
+        let from = space.volume().grid().world(DVec3::new(11.3, 12.1, 12.4));
+        let view = View::new(from, DVec3::new(0.3, -0.5, 0.8), DVec3::Z, 90.0, 21, 15).unwrap();
+        for quality in [Quality::High, Quality::Low] {
+            let low = Some(LowDetail::Nearest);
+            let sources = [None, Some(GradientSource::Eight), Some(GradientSource::Cached), Some(GradientSource::Stored)];
+            let mut all = Vec::new();
+            for gradients in sources {
+                let choices = Choices { gradients, low, ..Choices::default() };
+                let settings = Settings { choices, ..Settings::new(quality) };
+                all.push((presets::standard::PRESET, settings, false));
+                all.push((presets::standard::PRESET, Settings { classification: filtered, ..settings }, true));
+                all.push((bytes, settings, true));
+            }
+            for (preset, settings, by_density) in all {
+                let mut frame = Frame::default();
+                renderer(&space, settings, preset, Reuse::Allowed).render(&view, &mut frame);
+                let want = truth(&space, &view, &settings, by_density);
+                for (got, want) in frame.pixels().iter().zip(want) {
+                    let got = Vec3::from_array(got.map(f32::from));
+                    let off = (got - want).abs().max_element();
+                    assert!(off <= 1.0, "{} {settings:?} {spacing}: {got} for {want}", preset.name);
+                }
+            }
+        }
+    }
+}
+
+/// A filtered density reaches beyond the flag's neighbourhood: next to the wall it is seen where the nearest voxel is flagged as
+/// empty, and is shaded by its gradient all the same.
+#[test]
+fn gas_beside_a_slanted_wall_has_its_gradient() {
+    let grid = Grid::new([SIZE; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let wall = |n: usize| if (n % SIZE) as f64 - 0.5 * (n / SIZE % SIZE) as f64 > 6.0 { 3000 } else { -1000 };
+    let volume = Volume::new(grid.clone(), (0..grid.len()).map(wall).collect());
+    let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+    let view = View::new(DVec3::new(4.0, 12.0, 12.0), DVec3::X, DVec3::Z, 40.0, 15, 15).unwrap();
+    let settings = Settings { classification: Classification::Filtered, ..Settings::default() };
+    let mut frame = Frame::default();
+    renderer(&space, settings, presets::standard::PRESET, Reuse::Allowed).render(&view, &mut frame);
+    // Full light is 0.9 of 255 in red at the least; the wall is seen at more than 20° from head on.
+    let brightest = frame.pixels().iter().map(|p| p[0]).max().unwrap();
+    assert!((150..225).contains(&brightest), "{brightest}");
+}
