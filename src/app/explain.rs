@@ -6,6 +6,7 @@ use crate::app::FlightApp;
 use crate::components::guide::{MineField, Tentacles};
 use crate::components::output::{FrameCache, Picture};
 use crate::fields::CenterlineMethod;
+use crate::render::{Leaping, MemoryPart};
 use crate::schedule::LeftOut;
 
 /// Something that a flight keeps in memory.
@@ -93,17 +94,26 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     if let Some(cache) = flight.camera::<FrameCache>() {
         // The flags are told above: everything that casts rays needs them.
         let own = cache.renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0.name()));
-        let needed_by = "the picture's preset";
-        built.extend(own.map(|(part, bytes)| Built { part: part.name(), bytes, needed_by }).collect::<Vec<_>>());
+        let choices = cache.settings.choices;
+        let needed_by = |part| match part {
+            MemoryPart::VoxelDistances => "the scene: [render] leap = \"voxel\"",
+            MemoryPart::BrickDistances if choices.leap == Some(Leaping::Brick) => "the scene: [render] leap = \"brick\"",
+            MemoryPart::StoredGradients => "the scene: [render] gradients = \"stored\"",
+            MemoryPart::GradientCache if choices.gradients.is_some() => "the scene: [render] gradients = \"cached\"",
+            MemoryPart::FrameCache if choices.key_frames.is_some() => "the scene: [render] key_frames",
+            _ => "the picture's preset",
+        };
+        let told = |(part, bytes): (MemoryPart, usize)| Built { part: part.name(), bytes, needed_by: needed_by(part) };
+        built.extend(own.map(told).collect::<Vec<_>>());
     }
     let pictures = flight.camera::<Picture>().is_some() && flight.scene().picture;
     let other = |why| if pictures { why } else { "there is no picture" };
     for (part, why) in [
-        ("frame cache", other("only the preset colvis keeps bounds from frame to frame")),
+        ("frame cache", other("only the preset colvis or [render] key_frames keeps bounds from frame to frame")),
         ("volume (7 + 1 bit)", other("only the preset colvis samples it")),
-        ("gradient cache", other("only the default preset shades cell by cell")),
-        ("wall distance per voxel", "no preset asks for it"),
-        ("gradients ahead of time", "no preset asks for it"),
+        ("gradient cache", other("nothing that the scene chooses keeps gradients of voxels or cells")),
+        ("wall distance per voxel", other("no preset asks for it, and no [render] leap = \"voxel\"")),
+        ("gradients ahead of time", other("no preset asks for it, and no [render] gradients = \"stored\"")),
     ] {
         if !built.iter().any(|b| b.part == part) {
             left_out.push(LeftOut { part, why: why.to_owned() });

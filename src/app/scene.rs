@@ -432,6 +432,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_file_chooses_of_the_papers_ideas() {
+        let text = "plugins = [\"render\"]\n[render]\npreset = \"colvis\"\nleap = \"voxel\"\ngradients = \"stored\"\n\
+                    key_frames = 7\nlow = \"third\"";
+        let s = Scene::parse(text).unwrap();
+        let (leap, gradients) = (Some(Leaping::Voxel), Some(GradientSource::Stored));
+        let choices = Choices { leap, gradients, key_frames: Some(7), low: Some(LowDetail::Third) };
+        assert_eq!((s.render.choices, s.image.settings.choices, s.image.preset), (choices, choices, s.render.preset));
+        assert_eq!(s.render.apply(Settings::default()).choices, choices);
+        // What a preset refuses, it refuses wherever it was chosen.
+        let lean = Preset::named("lean").unwrap();
+        let other = Scene { render: RenderSettings { preset: lean, ..s.render }, ..s };
+        let refused = other.check().unwrap_err();
+        assert!(refused.to_string().contains("the preset lean keeps nothing for each voxel"), "{refused}");
+        assert!(Scene::parse("plugins = []\n[render]\npreset = \"lean\"\nleap = \"brick\"\ngradients = \"eight\"").is_ok());
+    }
+
+    #[test]
     fn a_file_names_its_plugins() {
         let s = Scene::parse("plugins = [\"tentacles\"]\n[tentacles]\ncount = 64\n").unwrap();
         assert!(s.mines.is_none() && s.watch.is_none() && s.guides.get::<TentacleSettings>().count == 64);
@@ -454,6 +471,17 @@ mod tests {
             "plugins = [\"tentacles\"]\n[warp]\nspeed = 2",
             "plugins = [\"render\"]\n[render]\nsensitivity = 1.5",
             "plugins = [\"render\"]\n[render]\npreset = \"best\"",
+            "plugins = [\"render\"]\n[render]\nleap = \"far\"",
+            "plugins = [\"render\"]\n[render]\nleap = 8",
+            "plugins = [\"render\"]\n[render]\ngradients = \"guessed\"",
+            "plugins = [\"render\"]\n[render]\nlow = \"lower\"",
+            "plugins = [\"render\"]\n[render]\nkey_frames = 0",
+            "plugins = [\"render\"]\n[render]\nkey_frames = -3",
+            "plugins = [\"render\"]\n[render]\nkey_frames = 2.5",
+            "plugins = [\"render\"]\n[render]\nkey_frames = 5000000000",
+            "plugins = [\"render\"]\n[render]\npreset = \"lean\"\nleap = \"voxel\"",
+            "plugins = [\"render\"]\n[render]\npreset = \"lean\"\ngradients = \"stored\"",
+            "plugins = [\"render\"]\n[render]\npreset = \"lean\"\nkey_frames = 5",
             "plugins",
         ] {
             assert!(Scene::parse(bad).is_err(), "{bad}");

@@ -403,7 +403,7 @@ fn choices(
 pub enum QualityName {
     /// Trilinear.
     High,
-    /// A third of the resolution, stretched; the nearest voxel with the presets colvis and lean.
+    /// A third of the resolution, stretched; with the presets colvis and lean, or if a scene says `low = "nearest"`, the nearest voxel.
     Low,
     /// What budget and speed allow; at rest, up to the reference.
     Adaptive,

@@ -1,5 +1,6 @@
 //! Pictures against the truth, against the reference, and against one another.
 
+mod choices;
 mod depth;
 mod frames;
 mod handedness;

@@ -5,8 +5,10 @@ mod growth;
 mod measure;
 mod motion;
 mod pages;
+mod recount;
 #[cfg(test)]
 mod tests;
+mod worth;
 
 use std::path::Path;
 
@@ -99,8 +101,11 @@ pub fn report(subjects: &[Subject], extent: &Extent, folder: &Path, progress: &P
         let flown = flight::fly(&s.space, progress)?;
         let stops = flown.stops(extent.along, extent.jumps, extent.lead);
         let measured = measure::measure(&s.space, &methods, &stops, extent, progress)?;
-        let claims = claims::claims(&s.space, &measured, progress)?;
+        let claims = claims::claims(&s.space, &measured, &stops, extent, progress)?;
         findings.extend(pages::subject(&mut page, s, &measured, &claims)?);
+        let taken = worth::measure(&s.space, &stops, extent, progress)?;
+        pages::worth(&mut page, s, &taken, extent)?;
+        drop(taken);
         drop(measured);
         let moved = motion::motion(&s.space, &flown, extent, progress)?;
         findings.push(pages::motion(&mut page, s, &moved, extent)?);

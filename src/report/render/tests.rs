@@ -3,8 +3,9 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 
 use super::*;
+use super::worth::Variant;
 use crate::error::Result as Outcome;
-use crate::render::{Direct, Frame, MemoryPart, Renderer, Settings, TransferFunction, View, Work};
+use crate::render::{Direct, Frame, GradientSource, Leaping, MemoryPart, Renderer, Settings, TransferFunction, View, Work};
 use crate::report::Effort;
 use crate::report::flight::{Pose, Stop};
 use crate::report::methods::{REFERENCE, Traits};
@@ -108,16 +109,45 @@ fn reuse_is_told_apart_from_sampling() {
         assert!((sampling - p.psnr).abs() < 1e-9, "a fresh renderer has the error of sampling alone");
     }
     // It is named by the claims, with a method of its family that keeps nothing.
-    let claims = claims::claims(&tube(), &all, &Progress::new()).unwrap();
+    let claims = claims::claims(&tube(), &all, &[], &EXTENT, &Progress::new()).unwrap();
     assert!(claims.claims.iter().any(|c| c.paper.contains("reuse") && c.measured.contains("late takes")));
 }
 
 #[test]
 fn claims_without_their_methods_are_not_told() {
-    let claims = claims::claims(&tube(), &[], &Progress::new()).unwrap();
+    let claims = claims::claims(&tube(), &[], &[], &EXTENT, &Progress::new()).unwrap();
     // Three follow from what is built alone; those of frames need a method's.
     assert_eq!(claims.claims.len(), 3, "{:?}", claims.claims);
     assert!(claims.claims.iter().any(|c| c.measured.contains("% of the voxels")));
     assert!(!claims.claims.iter().any(|c| c.paper.contains("reuse")));
     assert!(claims.costs.iter().all(|c| c.seconds > 0.0 && c.bytes > 0));
+}
+
+/// What a cache spares is counted, and what nothing spares is the worst.
+#[test]
+fn recalculations_are_counted() {
+    let r = recount::recount(&tube(), &stops()[..1], &EXTENT).unwrap();
+    assert!(r.voxels > 100 && r.again <= r.voxels && r.computed >= 2 * r.voxels, "{r:?}");
+    // No two of so few voxels share an entry, unless two threads compute one at once.
+    assert!(r.cached >= r.voxels && r.cached < r.voxels + r.voxels / 50, "{r:?}");
+    let claims = claims::claims(&tube(), &[], &stops(), &EXTENT, &Progress::new()).unwrap().claims;
+    let of = |paper: &str| claims.iter().find(|c| c.paper.contains(paper)).unwrap().measured.clone();
+    assert!(of("double recalculation").contains(&format!("computed {:.1} times", r.computed as f64 / r.voxels as f64)));
+    assert!(of("around 2 seconds").contains("At 512 × 512 pixels (the paper names no size) and 90°"));
+}
+
+#[test]
+fn each_idea_is_worth_what_it_takes_away() {
+    let s = tube();
+    let taken = worth::measure(&s, &stops(), &EXTENT, &Progress::new()).unwrap();
+    let of = |v: Variant| taken.iter().find(|t| t.variant == v).unwrap();
+    let samples = |v| of(v).work.samples as f64 / of(v).work.rays as f64;
+    let whole = samples(Variant::Whole);
+    assert!(samples(Variant::NoSensitivity) > 1.5 * whole && samples(Variant::Unaccelerated) > 1.5 * whole);
+    assert!((samples(Variant::Gradients(GradientSource::Eight)) - whole).abs() < 0.05 * whole);
+    assert!(of(Variant::NoReuse).work.reused == 0 && of(Variant::Whole).work.reused > 0);
+    assert!(of(Variant::Leap(Leaping::Voxel)).bytes >= of(Variant::Whole).bytes + s.volume().grid().len());
+    assert!(of(Variant::Low).worst_psnr < of(Variant::Whole).worst_psnr);
+    let table = worth::table(&taken, s.volume().bytes());
+    assert_eq!(table.csv().lines().count(), 14, "a row for each idea");
 }

@@ -1,0 +1,202 @@
+//! What each idea of the paper's section 2.2 is worth: the preset `colvis` with it and without it, rendered in turn.
+
+use std::time::Instant;
+
+use crate::error::Result;
+use crate::progress::Progress;
+use crate::render::bytes::{ByteStorage, ByteVolume};
+use crate::render::presets::{colvis, standard};
+use crate::render::single::by_frames;
+use crate::render::{
+    Choices, Classification, Direct, Frame, GradientSource, Leaping, PreparedVolume, Quality, Renderer, Reuse, Settings,
+    Work, psnr, renderer,
+};
+use crate::report::flight::Stop;
+use crate::report::median;
+use crate::report::table::{Cell, Table};
+
+use super::Extent;
+
+/// A way to render, the preset `colvis` but for one thing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Variant {
+    /// The preset as it is.
+    Whole,
+    /// Rays go on behind the wall.
+    NoSensitivity,
+    /// By the nearest voxel.
+    Low,
+    /// Classified by the trilinear value.
+    ByValue,
+    /// The 16-bit voxels.
+    Words,
+    /// Leaps so.
+    Leap(Leaping),
+    /// Fits come from there.
+    Gradients(GradientSource),
+    /// Every picture from scratch.
+    NoReuse,
+    /// No picture but the first from scratch.
+    NoKeyFrames,
+    /// Nothing is skipped, kept or reused, and eight regressions are computed for each sample.
+    Unaccelerated,
+}
+
+/// An idea, and what it is compared with.
+struct Idea {
+    /// In the paper's words.
+    name: &'static str,
+    file: &'static str,
+    setting: &'static str,
+    with: Variant,
+    without: Variant,
+}
+
+/// The ideas, in the order of the paper.
+#[rustfmt::skip]
+const IDEAS: &[Idea] = &[
+    Idea { name: "a ray ends at the camera's sensitivity", file: "caster.rs", setting: "sensitivity = 0.002", with: Variant::Whole, without: Variant::NoSensitivity },
+    Idea { name: "opacity by the filtered density D, not the trilinear value", file: "classify.rs", setting: "filtered_density = true", with: Variant::Whole, without: Variant::ByValue },
+    Idea { name: "low detail: the nearest voxel", file: "bytes/sampler.rs", setting: "--quality low, low = \"nearest\"", with: Variant::Low, without: Variant::Whole },
+    Idea { name: "7 + 1 bits a voxel instead of 16", file: "bytes/mod.rs", setting: "preset = \"colvis\"", with: Variant::Whole, without: Variant::Words },
+    Idea { name: "the homogeneous-region flag", file: "bytes/skip.rs", setting: "leap = \"flag\"", with: Variant::Whole, without: Variant::Leap(Leaping::None) },
+    Idea { name: "the potential field instead of the flag", file: "leap/voxels.rs", setting: "leap = \"voxel\"", with: Variant::Leap(Leaping::Voxel), without: Variant::Whole },
+    Idea { name: "distances of bricks instead of the flag (not the paper's)", file: "leap/bricks.rs", setting: "leap = \"brick\"", with: Variant::Leap(Leaping::Brick), without: Variant::Whole },
+    Idea { name: "gradients cached, not eight computed for each sample", file: "gradient_cache.rs", setting: "gradients = \"cached\"", with: Variant::Whole, without: Variant::Gradients(GradientSource::Eight) },
+    Idea { name: "gradients and densities ahead of time, not cached", file: "gradient_store.rs", setting: "gradients = \"stored\"", with: Variant::Gradients(GradientSource::Stored), without: Variant::Whole },
+    Idea { name: "one sum for a sample, not cached (not the paper's)", file: "regression.rs", setting: "gradients = \"none\"", with: Variant::Gradients(GradientSource::None), without: Variant::Whole },
+    Idea { name: "frame-to-frame reuse", file: "reuse/paper.rs", setting: "without --no-reuse", with: Variant::Whole, without: Variant::NoReuse },
+    Idea { name: "every 10th frame from scratch", file: "reuse/mod.rs", setting: "key_frames = 10", with: Variant::Whole, without: Variant::NoKeyFrames },
+    Idea { name: "all accelerations together", file: "presets/colvis.rs", setting: "preset = \"colvis\"", with: Variant::Whole, without: Variant::Unaccelerated },
+];
+
+impl Variant {
+    /// Its renderer.
+    pub fn renderer(self, space: &PreparedVolume) -> Box<dyn Renderer> {
+        let make = |settings: Settings, reuse| renderer(space, settings, colvis::PRESET, reuse);
+        let chosen = |choices| make(Settings { choices, ..Settings::default() }, Reuse::Allowed);
+        let nothing = Choices::default();
+        match self {
+            Self::Whole => chosen(nothing),
+            Self::NoSensitivity => make(Settings { sensitivity: 0.0, ..Settings::default() }, Reuse::Allowed),
+            Self::Low => make(Settings::new(Quality::Low), Reuse::Allowed),
+            Self::ByValue => {
+                let storage = ByteStorage::new(space, ByteVolume::new(space, 1), colvis::LEAPING, colvis::GRADIENTS);
+                by_frames(storage, Settings::default(), Some(colvis::KEY_FRAMES))
+            }
+            Self::Words => {
+                let (leap, gradients) = (Some(colvis::LEAPING), Some(colvis::GRADIENTS));
+                let choices = Choices { leap, gradients, key_frames: Some(colvis::KEY_FRAMES), ..nothing };
+                let settings = Settings { classification: Classification::Filtered, choices, ..Settings::default() };
+                renderer(space, settings, standard::PRESET, Reuse::Allowed)
+            }
+            Self::Leap(leap) => chosen(Choices { leap: Some(leap), ..nothing }),
+            Self::Gradients(source) => chosen(Choices { gradients: Some(source), ..nothing }),
+            Self::NoReuse => make(Settings::default(), Reuse::Never),
+            Self::NoKeyFrames => chosen(Choices { key_frames: Some(u32::MAX), ..nothing }),
+            Self::Unaccelerated => {
+                let (leap, gradients) = (Some(Leaping::None), Some(GradientSource::Eight));
+                let choices = Choices { leap, gradients, ..nothing };
+                make(Settings { choices, ..Settings::default() }, Reuse::Never)
+            }
+        }
+    }
+
+    /// Whether frames take so long that few of them must do.
+    fn is_slow(self) -> bool {
+        matches!(self, Self::NoSensitivity | Self::Leap(Leaping::None) | Self::Unaccelerated)
+    }
+}
+
+/// What a variant took.
+pub struct Taken {
+    /// Which one.
+    pub variant: Variant,
+    renderer: Box<dyn Renderer>,
+    /// Time of each frame, ms.
+    pub ms: Vec<f64>,
+    /// Rays and samples of them all.
+    pub work: Work,
+    /// Memory at the end beside the 16-bit voxels.
+    pub bytes: usize,
+    /// Against brute force with the same classification as the preset's, dB, the least.
+    pub worst_psnr: f64,
+}
+
+/// Renders the stops that are part of the flight, and some frames before each, by every variant in turn.
+pub fn measure(
+    space: &PreparedVolume,
+    stops: &[Stop],
+    extent: &Extent,
+    progress: &Progress,
+) -> Result<Vec<Taken>> {
+    let mut all: Vec<Taken> = Vec::new();
+    for variant in IDEAS.iter().flat_map(|idea| [idea.with, idea.without]) {
+        if all.iter().all(|t| t.variant != variant) {
+            let renderer = variant.renderer(space);
+            let (ms, work) = (Vec::new(), Work::default());
+            all.push(Taken { variant, renderer, ms, work, bytes: 0, worst_psnr: f64::INFINITY });
+        }
+    }
+    let settings = Settings { classification: Classification::Filtered, ..Settings::new(Quality::Reference) };
+    let mut reference = Direct::new(space, settings);
+    let flown: Vec<&Stop> = stops.iter().filter(|s| !s.jump).collect();
+    let every = flown.len().div_ceil(extent.effort.choose(3, 8)).max(1);
+    let flown: Vec<&Stop> = flown.into_iter().step_by(every).collect();
+    progress.stage("worth of each idea", (flown.len() * all.len()) as u64);
+    let (mut truth, mut frame) = (Frame::default(), Frame::default());
+    for (n, stop) in flown.into_iter().enumerate() {
+        reference.render(&stop.pose.view(extent.fov_degrees, extent.pixels)?, &mut truth);
+        for k in 0..all.len() {
+            let count = all.len();
+            let taken = &mut all[(k + n) % count];
+            // The first comes after a jump: it is there for the next ones.
+            let most = if taken.variant.is_slow() { 1 } else { stop.lead.len() };
+            let lead = &stop.lead[stop.lead.len() - most.min(stop.lead.len())..];
+            for (m, pose) in lead.iter().chain([&stop.pose]).enumerate() {
+                let view = pose.view(extent.fov_degrees, extent.pixels)?;
+                let begun = Instant::now();
+                let work = taken.renderer.render(&view, &mut frame);
+                if m > 0 || lead.is_empty() {
+                    taken.ms.push(begun.elapsed().as_secs_f64() * 1e3);
+                    taken.work = taken.work + work;
+                }
+            }
+            taken.worst_psnr = taken.worst_psnr.min(psnr(&frame, &truth));
+            taken.bytes = taken.renderer.bytes();
+            progress.advance(1)?;
+        }
+    }
+    Ok(all)
+}
+
+/// The table: a row for each idea.
+pub fn table(taken: &[Taken], volume: usize) -> Table {
+    let mut t = Table::new(&[
+        "idea",
+        "src/render/",
+        "setting",
+        "frame with it / ms",
+        "without / ms",
+        "times faster",
+        "samples a ray with it",
+        "without",
+        "memory with it / 16-bit volume",
+        "without",
+        "PSNR worst with it / dB",
+        "without",
+    ]);
+    let find = |variant: Variant| taken.iter().find(|t| t.variant == variant);
+    for idea in IDEAS {
+        let (Some(with), Some(without)) = (find(idea.with), find(idea.without)) else { continue };
+        let both = |f: &dyn Fn(&Taken) -> f64, digits| [with, without].map(|t| Cell::Number(f(t), digits));
+        let mut row: Vec<Cell> = vec![idea.name.into(), idea.file.into(), idea.setting.into()];
+        row.extend(both(&|t| median(&t.ms), 2));
+        row.push(Cell::Number(median(&without.ms) / median(&with.ms), 2));
+        row.extend(both(&|t| t.work.samples as f64 / t.work.rays.max(1) as f64, 2));
+        row.extend(both(&|t| t.bytes as f64 / volume as f64, 3));
+        row.extend(both(&|t| t.worst_psnr, 1));
+        t.row(row);
+    }
+    t
+}
