@@ -97,7 +97,9 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         let choices = cache.settings.choices;
         let needed_by = |part| match part {
             MemoryPart::VoxelDistances => "the scene: [render] leap = \"voxel\"",
-            MemoryPart::BrickDistances if choices.leap == Some(Leaping::Brick) => "the scene: [render] leap = \"brick\"",
+            MemoryPart::BrickDistances if choices.leap == Some(Leaping::Brick) => {
+                "the scene: [render] leap = \"brick\""
+            }
             MemoryPart::StoredGradients => "the scene: [render] gradients = \"stored\"",
             MemoryPart::GradientCache if choices.gradients.is_some() => "the scene: [render] gradients = \"cached\"",
             MemoryPart::FrameCache if choices.key_frames.is_some() => "the scene: [render] key_frames",

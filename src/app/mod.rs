@@ -7,6 +7,7 @@ pub mod catalog;
 pub mod explain;
 pub mod fields;
 pub mod flight;
+mod images;
 pub mod overlay;
 pub mod overlays;
 pub mod plan;
@@ -16,8 +17,9 @@ pub mod timings;
 
 pub use catalog::Catalog;
 pub use flight::FlightApp;
+pub use images::{ImageSettings, RenderSettings};
 pub use overlay::{Canvas, Overlay};
 pub use plan::{Place, Plan, Wish};
 pub use scan::{OpenOptions, Scan};
-pub use scene::{ImageSettings, RenderSettings, Scene, Steering};
+pub use scene::{Scene, Steering};
 pub use timings::Timings;

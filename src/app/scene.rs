@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::app::Catalog;
+use crate::app::images::{ImageSettings, RenderFile, RenderSettings};
 use crate::components::flight::Goal;
 use crate::components::guide::Tentacles;
 use crate::components::output::GuideName;
@@ -14,9 +15,7 @@ use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
-use crate::render::{
-    CameraModel, Choices, Classification, GradientSource, Leaping, LowDetail, Preset, Settings,
-};
+use crate::render::Settings;
 use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Slot};
 use crate::systems;
 
@@ -29,57 +28,6 @@ pub enum Steering {
     Guide(&'static str),
     /// A log that is flown again.
     Log(Playback),
-}
-
-/// What a scene says about its images; the quality's own settings hold where it says nothing.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct RenderSettings {
-    /// The camera's sensitivity: a ray ends when less than this share of light comes from beyond, 0 to 1.
-    pub sensitivity: Option<f32>,
-    /// Whether opacity is looked up by the regression's filtered density, as the paper has it, instead of by the
-    /// trilinear value.
-    pub filtered_density: bool,
-    /// Which renderer; the command line's `--preset` wins.
-    pub preset: Preset,
-    /// Which of the paper's ideas are used in the place of the preset's own.
-    pub choices: Choices,
-}
-
-impl RenderSettings {
-    /// A quality's settings with what the scene says in their place.
-    pub fn apply(&self, settings: Settings) -> Settings {
-        Settings {
-            sensitivity: self.sensitivity.unwrap_or(settings.sensitivity),
-            classification: if self.filtered_density { Classification::Filtered } else { settings.classification },
-            choices: self.choices,
-            ..settings
-        }
-    }
-}
-
-/// How images are made.
-#[derive(Clone, Debug)]
-pub struct ImageSettings {
-    /// Pixels.
-    pub width: usize,
-    /// Pixels.
-    pub height: usize,
-    /// Which camera.
-    pub camera: CameraModel,
-    /// View angle over the shorter side, degrees.
-    pub fov_degrees: f64,
-    /// The renderer's settings.
-    pub settings: Settings,
-    /// Which renderer.
-    pub preset: Preset,
-}
-
-impl Default for ImageSettings {
-    /// 1024 × 1024 pixels, perspective with 90°, the best renderer at high quality.
-    fn default() -> Self {
-        let (settings, preset, camera) = Default::default();
-        Self { width: 1024, height: 1024, camera, fov_degrees: 90.0, settings, preset }
-    }
 }
 
 /// What a flight is made of.
@@ -138,19 +86,6 @@ impl Default for Scene {
     }
 }
 
-/// [`RenderSettings`] as they stand in a file.
-#[derive(Deserialize, Default)]
-#[serde(default, deny_unknown_fields)]
-struct RenderFile {
-    sensitivity: Option<f32>,
-    filtered_density: bool,
-    preset: Option<String>,
-    leap: Option<Leaping>,
-    gradients: Option<GradientSource>,
-    key_frames: Option<u32>,
-    low: Option<LowDetail>,
-}
-
 /// A scene as it stands in a file: a list of plugins, and settings for them. What is left over are settings of guides.
 #[derive(Deserialize)]
 struct SceneFile {
@@ -203,16 +138,17 @@ impl Scene {
     fn parse_with(text: &str, catalog: &Catalog) -> Result<Self> {
         let mend = "name known plugins and settings";
         let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
-        let RenderFile { sensitivity, filtered_density, preset, leap, gradients, key_frames, low } = file.render;
-        let preset = preset.map_or(Ok(Preset::default()), |name| catalog.find_preset(&name))?;
-        let choices = Choices { leap, gradients, key_frames, low };
-        let render = RenderSettings { sensitivity, filtered_density, preset, choices };
+        let render = file.render.settings(catalog)?;
         let mut scene = Self {
             guides: catalog.guides.clone(),
             mines: None,
             watch: None,
             body: file.body,
-            image: ImageSettings { settings: render.apply(Settings::default()), preset, ..ImageSettings::default() },
+            image: ImageSettings {
+                settings: render.apply(Settings::default()),
+                preset: render.preset,
+                ..ImageSettings::default()
+            },
             render,
             ..Self::default()
         };
@@ -258,15 +194,8 @@ impl Scene {
             let why = "is \"mines\", and the scene has none: nothing would move the camera";
             return Err(Error::usage("tentacles.drive", why, "add the plugin mines, and keep some"));
         }
-        if let Some(s) = self.render.sensitivity.filter(|s| !(*s > 0.0 && *s < 1.0)) {
-            let why = format!("is {s}");
-            return Err(Error::usage("render.sensitivity", why, "give a finite number between 0 and 1"));
-        }
-        let images = (self.image.preset, self.image.settings.choices);
-        for (preset, choices) in [(self.render.preset, self.render.choices), images] {
-            choices.check()?;
-            (preset.takes)(&choices)?;
-        }
+        self.render.check()?;
+        self.image.check()?;
         match self.steering {
             Steering::Guide(name) => self.find(name).map(drop),
             _ => Ok(()),
@@ -430,6 +359,8 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dynamics::tentacles::TentacleSettings;
+    use crate::render::{Choices, GradientSource, Leaping, LowDetail, Preset};
 
     #[test]
     fn a_file_chooses_of_the_papers_ideas() {
@@ -445,7 +376,9 @@ mod tests {
         let other = Scene { render: RenderSettings { preset: lean, ..s.render }, ..s };
         let refused = other.check().unwrap_err();
         assert!(refused.to_string().contains("the preset lean keeps nothing for each voxel"), "{refused}");
-        assert!(Scene::parse("plugins = []\n[render]\npreset = \"lean\"\nleap = \"brick\"\ngradients = \"eight\"").is_ok());
+        assert!(
+            Scene::parse("plugins = []\n[render]\npreset = \"lean\"\nleap = \"brick\"\ngradients = \"eight\"").is_ok()
+        );
     }
 
     #[test]

@@ -12,8 +12,10 @@ use super::regression::Fit;
 
 /// Entries, as a power of two: 4 MiB.
 const CACHE_BITS: u32 = 19;
-/// Bits of a component of the gradient, its sign among them, and of the density.
+/// Bits of a component of the gradient, its sign among them.
 const PART_BITS: u32 = 12;
+/// Bits of the density.
+pub(super) const DENSITY_BITS: u32 = 12;
 /// The greatest component.
 const PART_MAX: f32 = ((1 << (PART_BITS - 1)) - 1) as f32;
 /// The gradient's components share an exponent of two, which follows them.
@@ -23,15 +25,15 @@ const EXPONENT_MAX: u32 = 15;
 /// Where the density begins.
 const DENSITY_AT: u32 = EXPONENT_AT + 4;
 /// Where the tag begins, which tells the voxels apart that share an entry; 0 is an entry that was never filled.
-const TAG_AT: u32 = DENSITY_AT + PART_BITS;
+const TAG_AT: u32 = DENSITY_AT + DENSITY_BITS;
 /// So many voxels may share an entry.
 const TAGS: u64 = (1 << (64 - TAG_AT)) - 1;
 
 /// A cache of regressions at voxels that lives as long as its owner: for a frame or for many.
 ///
 /// Direct-mapped, eight bytes an entry: three components of the gradient (12 bits, with a common exponent: 1/2000 of the
-/// greatest), the density (12 bits over what opacity and colour depend on, about ¼ HU) and 12 bits that tell the voxels apart
-/// which share the entry. An entry is one atomic word, so any number of threads may use it; what it says depends on the voxel
+/// greatest), the density (12 bits over what voxels can be, 1 HU of 16-bit ones) and 12 bits that tell the voxels apart which
+/// share the entry. An entry is one atomic word, so any number of threads may use it; what it says depends on the voxel
 /// alone, so pictures do not depend on who came first.
 pub struct GradientCache {
     entries: Vec<AtomicU64>,
@@ -43,8 +45,8 @@ pub struct GradientCache {
 }
 
 impl GradientCache {
-    /// An empty cache for `space`.
-    pub fn new(space: &PreparedVolume) -> Self {
+    /// An empty cache for `space`, whose densities lie between two values, HU.
+    pub fn new(space: &PreparedVolume, densities: [f32; 2]) -> Self {
         let grid = space.volume().grid();
         let dims = grid.dims();
         let voxels = dims.iter().map(|&n| n as u64 + 2).product::<u64>();
@@ -55,7 +57,7 @@ impl GradientCache {
         // No 16-bit volume changes by more than this over a step of h.
         let steepest = 65536.0 / grid.min_spacing() as f32;
         let unit = steepest / (PART_MAX * (1 << EXPONENT_MAX) as f32);
-        let density = DensityScale::new(space.transfer(), PART_BITS);
+        let density = DensityScale::new(densities, space.transfer(), DENSITY_BITS);
         Self { entries, row: [dims[0] + 2, dims[1] + 2], unit, density }
     }
 
@@ -86,7 +88,8 @@ impl GradientCache {
         let least = fit.gradient.abs().max_element() / (self.unit * PART_MAX);
         // The least power of two that is not below it, or the next one.
         let exponent = if least > 1.0 { (least.to_bits() >> 23) - 126 } else { 0 }.min(EXPONENT_MAX);
-        let parts = (fit.gradient / (self.unit * power(exponent))).round().clamp(Vec3::splat(-PART_MAX), Vec3::splat(PART_MAX));
+        let parts =
+            (fit.gradient / (self.unit * power(exponent))).round().clamp(Vec3::splat(-PART_MAX), Vec3::splat(PART_MAX));
         let [a, b, c] = parts.to_array().map(|p| u64::from(p as i32 as u32) & ((1 << PART_BITS) - 1));
         let density = u64::from(self.density.level(fit.density));
         density << DENSITY_AT | u64::from(exponent) << EXPONENT_AT | c << (2 * PART_BITS) | b << PART_BITS | a
@@ -96,7 +99,7 @@ impl GradientCache {
     fn unpack(&self, packed: u64) -> Fit {
         let part = |at: u32| ((packed << (64 - PART_BITS - at)) as i64 >> (64 - PART_BITS)) as f32;
         let exponent = (packed >> EXPONENT_AT) as u32 & EXPONENT_MAX;
-        let level = (packed >> DENSITY_AT) as u32 & ((1 << PART_BITS) - 1);
+        let level = (packed >> DENSITY_AT) as u32 & ((1 << DENSITY_BITS) - 1);
         let gradient = Vec3::new(part(0), part(PART_BITS), part(2 * PART_BITS)) * (self.unit * power(exponent));
         Fit { gradient, density: self.density.value(level) }
     }
@@ -125,18 +128,23 @@ mod tests {
             let grid = Grid::new([300, 200, 100], DVec3::new(0.5, 0.7, 3.0), DVec3::ZERO, DMat3::IDENTITY).unwrap();
             let wall = TransferFunction::new(lo, hi).unwrap();
             let volume = Volume::new(grid.clone(), vec![0; grid.len()]);
-            let cache = GradientCache::new(&PreparedVolume::new(Arc::new(volume), wall));
-            let range = f64::from(hi.max(100.0) - lo.min(-1000.0));
-            for n in 0..4000 {
+            let [low, high] = [lo.min(-1000.0), hi.max(3000.0)];
+            let cache = GradientCache::new(&PreparedVolume::new(Arc::new(volume), wall), [low, high]);
+            let range = f64::from(high - low);
+            for n in 0..4000u64 {
                 let u = |k: u64| hash::uniform(n, k);
-                let v = [u(0) * 301.0, u(1) * 201.0, u(2) * 101.0].map(|c| c as i32);
+                let v = [n % 302, n / 302 * 15, n * 7 % 102].map(|c| c as i32);
                 let size = 10f64.powf(8.0 * u(3) - 4.0).min(1e4);
                 let gradient = Vec3::from_array([u(4), u(5), u(6)].map(|g| (size * (2.0 * g - 1.0)) as f32));
-                let density = (f64::from(lo.min(-1000.0)) + range * u(7)) as f32;
+                let density = (f64::from(low) + range * u(7)) as f32;
                 let kept = cache.get(v, || Fit { gradient, density });
                 let off = (kept.gradient - gradient).abs().max_element();
                 assert!(off <= gradient.abs().max_element() / 2040.0 + cache.unit, "{gradient} {}", kept.gradient);
-                assert!(f64::from((kept.density - density).abs()) <= range / 8180.0 + 0.01, "{density} {}", kept.density);
+                assert!(
+                    f64::from((kept.density - density).abs()) <= range / 8180.0 + 0.01,
+                    "{density} {}",
+                    kept.density
+                );
                 assert!(density > lo || kept.density <= lo + 1e-3, "what is empty stays so: {density}");
                 assert_eq!(cache.get(v, || unreachable!()), kept);
             }
@@ -146,8 +154,9 @@ mod tests {
     #[test]
     fn voxels_that_share_an_entry_are_told_apart() {
         let grid = Grid::new([1000, 1000, 5], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-        let space = PreparedVolume::new(Arc::new(Volume::new(grid.clone(), vec![0; grid.len()])), TransferFunction::default());
-        let cache = GradientCache::new(&space);
+        let space =
+            PreparedVolume::new(Arc::new(Volume::new(grid.clone(), vec![0; grid.len()])), TransferFunction::default());
+        let cache = GradientCache::new(&space, [-1024.0, 3071.0]);
         let fit = |n: usize| Fit { gradient: Vec3::new(n as f32, 0.0, 0.0), density: -700.0 };
         let at = |n: usize| [(n % 1002) as i32, (n / 1002 % 1002) as i32, (n / 1002 / 1002) as i32];
         for n in [5, 5 + (1 << CACHE_BITS), 5 + (2 << CACHE_BITS)] {

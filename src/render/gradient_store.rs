@@ -10,12 +10,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::choices::GradientSource;
-use super::gradient_cache::GradientCache;
+use super::gradient_cache::{self, GradientCache};
 use super::memory::MemoryPart;
 use super::prepared_volume::PreparedVolume;
 use super::regression::Fit;
 use super::sampler::{Sampler, VoxelSampler, nearest, split};
-use super::transfer::{PALETTE_HU, TransferFunction};
+use super::transfer::TransferFunction;
 
 /// Edge of the bricks that are stored or not, voxels.
 const EDGE: usize = 4;
@@ -24,8 +24,8 @@ const VOXELS: usize = EDGE * EDGE * EDGE;
 /// A brick that is not stored.
 const NONE: u32 = u32::MAX;
 
-/// Densities in a few bits: evenly spaced over what opacity and colour depend on, with the ramp's foot on a step, so that what
-/// is empty stays so.
+/// Densities in a few bits: evenly spaced over what a storage's voxels can be, with the ramp's foot on a step, so that what is
+/// empty stays so.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DensityScale {
     /// The ramp's foot, HU.
@@ -39,13 +39,17 @@ pub(super) struct DensityScale {
 }
 
 impl DensityScale {
-    /// In so many `bits`, for the ramp of `wall`.
-    pub(super) fn new(wall: TransferFunction, bits: u32) -> Self {
-        let (low, high) = (wall.lo().min(PALETTE_HU[0]), wall.hi().max(PALETTE_HU[1]));
+    /// From `low` to `high` HU in so many `bits`, for the ramp of `wall`, which lies between them.
+    pub(super) fn new([low, high]: [f32; 2], wall: TransferFunction, bits: u32) -> Self {
         let most = ((1u32 << bits) - 1) as f32;
         // One level is lost to the foot's being on a step.
         let step = (high - low) / (most - 1.0);
         Self { foot: wall.lo(), foot_level: ((wall.lo() - low) / step).ceil(), step, most }
+    }
+
+    /// Whether it tells opacities of the ramp of `wall` apart.
+    fn serves(&self, wall: TransferFunction) -> bool {
+        self.step <= (wall.hi() - wall.lo()) / 16.0
     }
 
     /// The nearest level to a density, HU.
@@ -70,9 +74,9 @@ struct Quantum {
 }
 
 impl Quantum {
-    fn new(space: &PreparedVolume) -> Self {
+    fn new(space: &PreparedVolume, densities: [f32; 2]) -> Self {
         let gradient = 0.125 / space.volume().grid().min_spacing() as f32;
-        Self { gradient, density: DensityScale::new(space.transfer(), 16) }
+        Self { gradient, density: DensityScale::new(densities, space.transfer(), 16) }
     }
 
     fn pack(self, fit: Fit) -> [i16; 4] {
@@ -146,7 +150,7 @@ impl GradientVolume {
             index[n] = list.len() as u32;
             list.push(n);
         }
-        let quantum = Quantum::new(space);
+        let quantum = Quantum::new(space, sampler.densities());
         let mut fits = vec![[0; 4]; list.len() * VOXELS];
         fits.par_chunks_mut(VOXELS).zip(&list).for_each(|(out, &n)| {
             for (m, out) in out.iter_mut().enumerate() {
@@ -183,13 +187,18 @@ pub enum Fits {
 }
 
 impl Fits {
-    /// What `source` needs for `space`, whose voxels `sampler` sees.
+    /// What `source` needs for `space`, whose voxels `sampler` sees. Where the wall's ramp is so steep that kept densities would
+    /// not tell its opacities apart, nothing is kept.
     pub fn new<S: VoxelSampler>(source: GradientSource, sampler: &S, space: &PreparedVolume) -> Self {
+        let (wall, densities) = (space.transfer(), sampler.densities());
+        let serves = |bits| DensityScale::new(densities, wall, bits).serves(wall);
         match source {
             GradientSource::None => Self::Fused,
-            GradientSource::Eight => Self::Eight,
-            GradientSource::Cached => Self::Cached(GradientCache::new(space)),
-            GradientSource::Stored => Self::Stored(GradientVolume::new(sampler, space, Stored::NearWall)),
+            GradientSource::Cached if serves(gradient_cache::DENSITY_BITS) => {
+                Self::Cached(GradientCache::new(space, densities))
+            }
+            GradientSource::Stored if serves(16) => Self::Stored(GradientVolume::new(sampler, space, Stored::NearWall)),
+            GradientSource::Eight | GradientSource::Cached | GradientSource::Stored => Self::Eight,
         }
     }
 

@@ -4,10 +4,10 @@ use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::math::hash;
-use crate::render::sampler::Trilinear;
 use crate::render::begin::FromScratch;
 use crate::render::caster::{ImageRequest, render};
 use crate::render::classify::{ByDensity, ByValue};
+use crate::render::sampler::Trilinear;
 use crate::render::skip::Leap;
 use crate::render::{Classification, Frame, Settings, TransferFunction, View, psnr};
 use crate::volume::{Grid, Volume};
@@ -35,7 +35,7 @@ fn stored_and_cached_fits_are_the_regressions() {
     let near = Fits::new(GradientSource::Stored, &plain, &s);
     let (cache, eight) = (Fits::new(GradientSource::Cached, &plain, &s), Fits::new(GradientSource::Eight, &plain, &s));
     let [a, b, c, d] = [&all, &near, &cache, &eight].map(|fits| FitSampler::new(Trilinear::new(&s), fits));
-    let step = Quantum::new(&s).gradient;
+    let step = Quantum::new(&s, plain.densities()).gradient;
     for n in 0..4000 {
         // Out to the border of the grown volume.
         let u = |k: u64| 25.0 * hash::uniform(n, k) as f32;
@@ -50,7 +50,7 @@ fn stored_and_cached_fits_are_the_regressions() {
             let got = c.fit(q);
             // A two-thousandth of the steepest of the eight, which may cancel each other.
             assert!((got.gradient - want.gradient).abs().max_element() < 0.6, "{q} {want:?} {got:?}");
-            assert!((got.density - want.density).abs() < 0.2, "{q}");
+            assert!((got.density - want.density).abs() < 0.6, "{q}");
         }
         // Regression and interpolation commute.
         let got = d.fit(q);

@@ -34,6 +34,17 @@ pub trait VoxelSampler: Sampler {
 
     /// The regression at voxel `v`, counted from voxel −1.
     fn fit_at(&self, v: [i32; 3]) -> Fit;
+
+    /// The least and the greatest density that matter, HU; the wall's ramp lies between them.
+    fn densities(&self) -> [f32; 2];
+}
+
+/// Densities of a scanner's 16-bit voxels, HU; what lies beyond is as if it were at the bound.
+const SCANNER_HU: [f32; 2] = [-1024.0, 3071.0];
+
+/// The densities of the 16-bit voxels of `space`.
+fn densities(space: &PreparedVolume) -> [f32; 2] {
+    [SCANNER_HU[0].min(space.transfer().lo()), SCANNER_HU[1].max(space.transfer().hi())]
 }
 
 /// Whether the voxel nearest to `q` is flagged as homogeneous.
@@ -144,6 +155,10 @@ impl VoxelSampler for Trilinear<'_> {
     fn fit_at(&self, v: [i32; 3]) -> Fit {
         self.regression.fit(&block(self.space.volume(), v.map(|c| c - 2)), Vec3::ZERO)
     }
+
+    fn densities(&self) -> [f32; 2] {
+        densities(self.space)
+    }
 }
 
 impl Sampler for Nearest<'_> {
@@ -174,6 +189,10 @@ impl VoxelSampler for Nearest<'_> {
     #[inline(never)]
     fn fit_at(&self, v: [i32; 3]) -> Fit {
         self.regression.fit(&block(self.space.volume(), v.map(|c| c - 2)), Vec3::ZERO)
+    }
+
+    fn densities(&self) -> [f32; 2] {
+        densities(self.space)
     }
 }
 

@@ -27,12 +27,7 @@ pub struct Accelerations {
 
 impl Accelerations {
     /// What `leap` and `gradients` need for `space`, whose voxels `sampler` sees.
-    pub fn new<S: VoxelSampler>(
-        space: &PreparedVolume,
-        sampler: &S,
-        leap: Leaping,
-        gradients: GradientSource,
-    ) -> Self {
+    pub fn new<S: VoxelSampler>(space: &PreparedVolume, sampler: &S, leap: Leaping, gradients: GradientSource) -> Self {
         Self { leaper: Leaper::new(leap, space), fits: Fits::new(gradients, sampler, space) }
     }
 

@@ -77,7 +77,8 @@ fn tissue_all_round_is_as_bright_as_a_wall_seen_head_on() {
         let view = View::new(from, DVec3::new(0.3, -0.5, 0.8), DVec3::Z, 90.0, 21, 15).unwrap();
         for quality in [Quality::High, Quality::Low] {
             let low = Some(LowDetail::Nearest);
-            let sources = [None, Some(GradientSource::Eight), Some(GradientSource::Cached), Some(GradientSource::Stored)];
+            let sources =
+                [None, Some(GradientSource::Eight), Some(GradientSource::Cached), Some(GradientSource::Stored)];
             let mut all = Vec::new();
             for gradients in sources {
                 let choices = Choices { gradients, low, ..Choices::default() };
@@ -108,11 +109,12 @@ fn gas_beside_a_slanted_wall_has_its_gradient() {
     let wall = |n: usize| if (n % SIZE) as f64 - 0.5 * (n / SIZE % SIZE) as f64 > 6.0 { 3000 } else { -1000 };
     let volume = Volume::new(grid.clone(), (0..grid.len()).map(wall).collect());
     let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
-    let view = View::new(DVec3::new(4.0, 12.0, 12.0), DVec3::X, DVec3::Z, 40.0, 15, 15).unwrap();
+    let view = View::new(DVec3::new(4.0, 12.0, 12.0), DVec3::X, DVec3::Z, 10.0, 15, 15).unwrap();
     let settings = Settings { classification: Classification::Filtered, ..Settings::default() };
     let mut frame = Frame::default();
     renderer(&space, settings, presets::standard::PRESET, Reuse::Allowed).render(&view, &mut frame);
-    // Full light is 0.9 of 255 in red at the least; the wall is seen at more than 20° from head on.
+    // The wall is seen 27° from head on, and 20° to 34° over the picture and the steps of its voxels: 0.1 + 0.9 cos of full light,
+    // which is 230 to 242 in red.
     let brightest = frame.pixels().iter().map(|p| p[0]).max().unwrap();
-    assert!((150..225).contains(&brightest), "{brightest}");
+    assert!((190..230).contains(&brightest), "{brightest}");
 }

@@ -8,8 +8,8 @@ use crate::render::leap::VoxelWalls;
 use crate::render::reuse::{Refresh, Reusing, Rule, WordStorage};
 use crate::render::sampler::Trilinear;
 use crate::render::{
-    Choices, Classification, Direct, GradientSource, Leaping, PreparedVolume, Quality, Renderer, Reuse, Settings, presets,
-    renderer,
+    Choices, Classification, Direct, GradientSource, Leaping, PreparedVolume, Quality, Renderer, Reuse, Settings,
+    presets, renderer,
 };
 use crate::surface::{Mesh, Rasteriser};
 

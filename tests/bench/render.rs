@@ -21,7 +21,8 @@ use colvis::render::reuse::{Refresh, Reusing, WordStorage};
 use colvis::render::sampler::{Nearest, Sampler, Trilinear};
 use colvis::render::skip::{Everything, Leap};
 use colvis::render::{
-    Frame, GradientSource, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, presets, renderer,
+    Frame, GradientSource, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, presets,
+    renderer,
 };
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DVec3, Vec3};

@@ -196,7 +196,9 @@ fn a_flight_runs_what_its_scene_chooses_of_the_papers_ideas() {
             let left_out = told["left_out"].as_array().unwrap().iter().any(|l| l["part"] == part);
             assert!(!left_out, "{preset} {part}");
         }
-        assert!(needed(&none, "wall distance per voxel").is_none() && needed(&voxel, "gradients ahead of time").is_none());
+        assert!(
+            needed(&none, "wall distance per voxel").is_none() && needed(&voxel, "gradients ahead of time").is_none()
+        );
     }
 }
 

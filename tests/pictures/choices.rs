@@ -111,13 +111,15 @@ fn gradients_come_from_where_they_are_chosen_to() {
             };
             let [none, eight, cached, stored] =
                 [GradientSource::None, GradientSource::Eight, GradientSource::Cached, GradientSource::Stored].map(by);
-            for (name, other, least) in [("eight", &eight, 60.0), ("cached", &cached, 45.0), ("stored", &stored, 50.0)] {
+            for (name, other, least) in [("eight", &eight, 60.0), ("cached", &cached, 45.0), ("stored", &stored, 50.0)]
+            {
                 let db = none.psnr(other);
                 println!("{} {quality:?} {name}: {db:.1} dB", preset.name);
                 assert!(db > least, "{name}: {db} {}", shown(name, &none.frames[0], &other.frames[0]));
             }
             for (of, wanted) in [(&none, [0, 0]), (&eight, [0, 0]), (&cached, [1, 0]), (&stored, [0, 1])] {
-                let kept = [MemoryPart::GradientCache, MemoryPart::StoredGradients].map(|p| usize::from(of.part(p) > 0));
+                let kept =
+                    [MemoryPart::GradientCache, MemoryPart::StoredGradients].map(|p| usize::from(of.part(p) > 0));
                 assert_eq!(kept, wanted, "{} {quality:?}", preset.name);
             }
         }

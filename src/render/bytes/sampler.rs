@@ -159,6 +159,10 @@ impl VoxelSampler for ByteTrilinear<'_> {
     fn fit_at(&self, v: [i32; 3]) -> Fit {
         self.decode.fit(self.regression.fit(&block(self.bytes, v.map(|c| c - 2)), Vec3::ZERO))
     }
+
+    fn densities(&self) -> [f32; 2] {
+        [0, CODE].map(|code| f32::from(code) * self.decode.scale + self.decode.offset)
+    }
 }
 
 impl Sampler for ByteNearest<'_> {
@@ -185,5 +189,9 @@ impl VoxelSampler for ByteNearest<'_> {
     #[inline(never)]
     fn fit_at(&self, v: [i32; 3]) -> Fit {
         self.decode.fit(self.regression.fit(&block(self.bytes, v.map(|c| c - 2)), Vec3::ZERO))
+    }
+
+    fn densities(&self) -> [f32; 2] {
+        [0, CODE].map(|code| f32::from(code) * self.decode.scale + self.decode.offset)
     }
 }

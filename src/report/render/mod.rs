@@ -104,7 +104,7 @@ pub fn report(subjects: &[Subject], extent: &Extent, folder: &Path, progress: &P
         let claims = claims::claims(&s.space, &measured, &stops, extent, progress)?;
         findings.extend(pages::subject(&mut page, s, &measured, &claims)?);
         let taken = worth::measure(&s.space, &stops, extent, progress)?;
-        pages::worth(&mut page, s, &taken, extent)?;
+        worth::tell(&mut page, s, &taken, extent)?;
         drop(taken);
         drop(measured);
         let moved = motion::motion(&s.space, &flown, extent, progress)?;

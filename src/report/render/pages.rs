@@ -10,7 +10,6 @@ use crate::report::{Effort, mean, median, quantile};
 use super::claims::Claims;
 use super::growth::{Growth, Row};
 use super::motion::AdaptiveMeasurement;
-use super::worth::{self, Taken};
 use super::{Extent, Measured, Subject};
 
 /// Longest side of a picture in an error map, pixels.
@@ -96,17 +95,6 @@ pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Cla
         }
     }
     Ok(findings.into_iter().filter(|f| !f.is_empty()).collect())
-}
-
-/// What each idea of the paper is worth.
-pub fn worth(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> Result<()> {
-    page.section(&format!("{}: what each idea of the paper's section 2.2 is worth", s.title));
-    page.text(&format!(
-        "The preset colvis at {0} × {0} pixels with an idea and without it, all rendered in turn along the flight. PSNR is against          brute force by the filtered density of the 16-bit voxels. Headlight and regression are in all of them: report \
-         gradients tells the regression's error beside others; SIMD levels are below.",
-        extent.pixels
-    ));
-    page.table(&format!("{}-worth", s.name), &worth::table(taken, s.space.volume().bytes()))
 }
 
 /// Detail that follows the need. Returns the finding.

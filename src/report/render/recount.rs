@@ -91,6 +91,10 @@ impl<S: VoxelSampler> VoxelSampler for Counting<'_, S> {
         self.counts.note(v);
         self.plain.fit_at(v)
     }
+
+    fn densities(&self) -> [f32; 2] {
+        self.plain.densities()
+    }
 }
 
 /// Counts in the pictures of `stops`, each made from scratch by the samples of the preset `colvis`.
