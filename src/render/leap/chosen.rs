@@ -120,8 +120,8 @@ pub enum ChosenRadius<'a, R> {
     Nothing,
     /// The flags of the storage.
     Flags(R),
-    /// The flags of the 16-bit voxels, and the distances of bricks.
-    Bricks(Surroundings<'a>),
+    /// The distances of bricks, and flags.
+    Bricks(Surroundings<'a>, Option<R>),
     /// The distances of voxels.
     Voxels(&'a VoxelWalls),
 }
@@ -131,7 +131,7 @@ impl Leaper {
     pub fn radius<'a, R>(&'a self, space: &'a PreparedVolume, flags: Option<R>) -> ChosenRadius<'a, R> {
         match self {
             Self::Voxels(walls) => ChosenRadius::Voxels(walls),
-            Self::Bricks(bricks) => ChosenRadius::Bricks(Surroundings { space, bricks }),
+            Self::Bricks(bricks) => ChosenRadius::Bricks(Surroundings { space, bricks }, flags),
             Self::Nothing | Self::Flag => flags.map_or(ChosenRadius::Nothing, ChosenRadius::Flags),
         }
     }
@@ -143,7 +143,11 @@ impl<R: EmptyRadius> EmptyRadius for ChosenRadius<'_, R> {
         match self {
             Self::Nothing => 0.0,
             Self::Flags(flags) => flags.around(q),
-            Self::Bricks(bricks) => bricks.around(q),
+            Self::Bricks(bricks, flags) => match (bricks.around(q), flags) {
+                // Beside a wall the storage's own flags may tell more.
+                (little, Some(flags)) if little < 2.0 => little.max(flags.around(q)),
+                (free, _) => free,
+            },
             Self::Voxels(voxels) => voxels.around(q),
         }
     }
