@@ -359,6 +359,7 @@ def render(b):
         columns = [head.index(k) for k in kept if k in head]
         lines += [f"### {name}: renderers", table([head[n] for n in columns], [[r[n] for n in columns] for r in rows])]
         lines += [f"### {name}: the paper's claims", table(*read(f"{subject}-claims"))]
+        lines += [f"### {name}: what each idea of the paper is worth in its preset", table(*read(f"{subject}-worth"))]
     for what, title in (("voxels", "Voxels"), ("threads", "Threads"), ("simd", "SIMD levels")):
         lines += [f"### {title}, default preset", table(*read(f"phantom-{what}"))]
     return lines + b.without_scan()

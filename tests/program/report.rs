@@ -155,7 +155,25 @@ fn renderers_are_reported() {
         );
     }
     let (_, claims) = csv(&dir.path().join("a-claims.csv"));
-    assert!(claims.iter().any(|c| c[0].contains("4 sampling steps")) && !claims.iter().any(|c| c[1].is_empty()));
+    assert!(claims.iter().all(|c| !c[1].is_empty()));
+    for claim in
+        ["4 sampling steps", "double recalculation", "around 2 seconds", "two orders faster", "doubled", "five-folded"]
+    {
+        assert!(claims.iter().any(|c| c[0].contains(claim)), "{claim}");
+    }
+    // What an idea is worth: the flag spares samples, the potential field takes memory, and so on, in both subjects.
+    let (columns, worth) = csv(&dir.path().join("b-worth.csv"));
+    let number = |idea: &str, column: &str| {
+        let row = worth.iter().find(|r| r[0].contains(idea)).unwrap();
+        row[columns.iter().position(|c| c == column).unwrap()].parse::<f64>().unwrap()
+    };
+    let pair = |idea: &str, what: &str| [" with it", " without it"].map(|w| number(idea, &what.replace('*', w)));
+    let [with, without] = pair("homogeneous-region flag", "samples a ray*");
+    assert!(with < without, "{with} {without}");
+    let [with, without] = pair("potential field", "memory* / 16-bit volume");
+    assert!(with > without + 0.45, "{with} {without}");
+    let [with, without] = pair("all accelerations", "frame* / ms");
+    assert!(3.0 * with < without && with > 0.0, "{with} {without}");
 }
 
 #[test]

@@ -184,14 +184,14 @@ pub fn table(taken: &[Taken], volume: usize) -> Table {
         "src/render/",
         "setting",
         "frame with it / ms",
-        "without / ms",
+        "frame without it / ms",
         "times faster",
         "samples a ray with it",
-        "without",
+        "samples a ray without it",
         "memory with it / 16-bit volume",
-        "without",
+        "memory without it / 16-bit volume",
         "PSNR worst with it / dB",
-        "without",
+        "PSNR worst without it / dB",
     ]);
     let find = |variant: Variant| taken.iter().find(|t| t.variant == variant);
     for idea in IDEAS {
