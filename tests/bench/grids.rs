@@ -125,6 +125,7 @@ struct Row {
     sum: f64,
     all_rays: f64,
     rays: u64,
+    samples: u64,
 }
 
 fn picture(frame: &Frame) -> RgbImage {
@@ -150,7 +151,7 @@ fn compare(name: &str, volume: Arc<Volume>, options: &Options) -> f64 {
     let [mut fast, mut every, mut exact] = [(); 3].map(|()| Frame::default());
     let mut least = f64::INFINITY;
     for &size in &options.sizes {
-        let mut row = Row { least: (f64::INFINITY, 0), sum: 0.0, all_rays: f64::INFINITY, rays: 0 };
+        let mut row = Row { least: (f64::INFINITY, 0), sum: 0.0, all_rays: f64::INFINITY, rays: 0, samples: 0 };
         for (n, (kind, pose)) in poses.iter().enumerate() {
             let view = pose.view(FOV_DEGREES, size).expect("a view");
             let work = default.render(&view, &mut fast);
@@ -159,6 +160,7 @@ fn compare(name: &str, volume: Arc<Volume>, options: &Options) -> f64 {
             let [db, every] = [psnr(&fast, &exact), psnr(&every, &exact)];
             row.sum += db.min(99.0);
             row.rays += work.rays;
+            row.samples += work.samples;
             row.all_rays = row.all_rays.min(every);
             if db < row.least.0 {
                 row.least = (db, n);
@@ -173,9 +175,10 @@ fn compare(name: &str, volume: Arc<Volume>, options: &Options) -> f64 {
         }
         let (db, worst) = row.least;
         let (kind, Pose { position, forward, up }) = poses[worst];
-        let rays = row.rays as f64 / (poses.len() * size * size) as f64;
+        let pixels = (poses.len() * size * size) as f64;
+        let [rays, samples] = [row.rays, row.samples].map(|n| n as f64 / pixels);
         println!(
-            "| {name} | {} × {} × {} | {size} | {db:.1} | {:.1} | {:.1} | {rays:.2} | {worst} {kind}: {position:.3} {forward:.4} {up:.4} |",
+            "| {name} | {} × {} × {} | {size} | {db:.1} | {:.1} | {:.1} | {rays:.3} | {samples:.3} | {worst} {kind}: {position:.3} {forward:.4} {up:.4} |",
             grid.x,
             grid.y,
             grid.z,
@@ -197,9 +200,9 @@ fn compare(name: &str, volume: Arc<Volume>, options: &Options) -> f64 {
 fn main() {
     let options = Options::read();
     println!(
-        "| body | voxels, mm | pixels | least dB | mean dB | least dB, all rays | rays a pixel | worst pose: position, forward, up |"
+        "| body | voxels, mm | pixels | least dB | mean dB | least dB, all rays | rays a pixel | samples a pixel | worst pose: position, forward, up |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     let mut least = f64::INFINITY;
     for &seed in &options.seeds {
         let phantom = Phantom::new(&PhantomSettings { size: options.size, seed, ..PhantomSettings::default() });

@@ -1,7 +1,8 @@
 //! Layers: a layer is a surface hit that a ray goes through or ends in.
 //!
 //! A layer's light is that of its mean place and mean value, both weighted by what each half step adds, so that the gradient is
-//! looked at once and not at each sample. A layer that has ended waits until another of its ray's ends, or all rays have: the
+//! looked at once and not at each sample. Brightness is no linear function of place: a ray that grazes a rim sees the wall turn
+//! from towards it to away, where brightness stays at its least, so that one place cannot stand for a long layer. A layer that has ended waits until another of its ray's ends, or all rays have: the
 //! more of them are shaded at once, the less each takes.
 
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
@@ -17,19 +18,22 @@ use crate::render::shade::{AMBIENT, DIFFUSE};
 /// When sixteen rays are in more cells than this, the regression is made for each ray. On AVX-512 that pays from four cells
 /// on, on AVX2 from eight; it is one number, so that every SIMD level gives the same bits.
 const MANY: usize = 8;
-/// A layer that holds little is shaded when it is so many times as far back as one that holds much.
+/// What the share of a layer and how far back it lies may come to: its light is a share of the whole, and errs by the more the
+/// longer it is.
+const LONG: f32 = 0.25;
+/// Whatever a layer holds, it is shaded when it is so far back.
 const FAR: f32 = 4.0;
 
-/// How far back, in steps, a layer's mean place may lie before another begins, and how far where it holds little. Steps are
-/// 2^`power` times as long as those of a flight, over `waves` of which the wall's gradient turns little. Who asks for shorter
-/// ones wants less error, too: layers are a quarter of a flight's step then.
+/// How far back, in steps, a layer's mean place may lie before another begins: times its share of the light, and whatever it
+/// holds. Steps are 2^`power` times as long as those of a flight, over `waves` of which the wall's gradient turns little. Who
+/// asks for shorter ones wants less error, too: layers are a quarter of a flight's step then.
 pub fn steps(waves: f32, power: i32) -> [f32; 2] {
     let step = 2f32.powi(power);
     if power < 0 {
         let fine = (0.25 / step).min(1.0);
-        [fine, FAR * fine]
+        [LONG * fine, FAR * fine]
     } else {
-        [(waves / step).max(1.0), FAR]
+        [LONG * (waves / step).max(1.0), FAR]
     }
 }
 

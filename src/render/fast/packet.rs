@@ -4,13 +4,16 @@
 //! different.
 //!
 //! **Steps.** The volume is sampled at t = k·Δs, and between two samples the value is taken as linear (pre-integration,
-//! Engel, Kraus and Ertl 2001): each step is composed of two half steps at its quarter and three quarters. Values are
-//! smooth on the scale of a voxel, so that this is as good as half steps with samples of their own. Where the scan is smooth on
+//! Engel, Kraus and Ertl 2001), or, where the ray was in the wall before, as the parabola through the sample before, too: a
+//! ray that grazes a rim is deepest between two samples. Each step is composed of four quarter steps at their middles, so that
+//! the ramp is met where it is in a step that rises over all of it. Values are
+//! smooth on the scale of a voxel, so that this is as good as quarter steps with samples of their own. Where the scan is smooth on
 //! the scale of two ([`blur`](super::blur)) steps are twice as long. So that no wall is passed over that shorter ones would meet,
 //! a step with both ends before the wall and its middle in a cell that holds something is sampled there, too.
 //!
 //! **Light.** A ray's light from one layer of the wall is that of the layer's mean place and mean value
-//! ([`layer`](super::layer)). A layer ends where a step adds nothing, or when it is long ([`layer::steps`]).
+//! ([`layer`](super::layer)). A layer ends where a step adds nothing, or when it is long ([`layer::steps`]): that matters where
+//! a ray runs along the wall, which turns beneath it.
 //!
 //! **Empty space.** Where a bundle of rays meets something first may be known before it is cast
 //! ([`Beam`](super::beam::Beam)). From there on a step at whose beginning no ray sees anything, and of which all places to sample
@@ -37,8 +40,9 @@ use crate::render::regression::{Regression, Weighting, to_world};
 use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
-/// Share of the light below which a layer may be longer: what it errs by is a share of that.
-const LAYER_WEIGHT: f32 = 0.5;
+/// A ray runs along the wall where its value changes by less than this over a path of h, the smallest spacing, HU. One that
+/// goes straight through it has one layer: its brightness hardly depends on how the wall turns.
+const STEEP: f32 = 200.0;
 /// After so many empty steps in a row the distances of the rays' bricks are looked up: near a wall they are not worth it. After
 /// a leap, and where nothing was known before, they are looked up at once.
 const PATIENCE: f32 = 8.0;
@@ -72,12 +76,14 @@ pub struct Rays<'a> {
     lo: f32,
     iso: f32,
     scale: f32,
-    /// Halvings of the step's opacity: a step of h is two half steps.
+    /// A step is h · 2^`power`: halvings of the opacity follow from it.
     power: i32,
     sensitivity: f32,
-    /// A layer is shaded, and another begins, when its mean place lies more than so many steps back and it holds more than
-    /// [`LAYER_WEIGHT`], and when it lies farther back than the second number.
+    /// A layer is shaded, and another begins, when the steps that its mean place lies back times its share of the light are
+    /// more than the first number and the ray runs along the wall, and when it lies farther back than the second number.
     layer: [f32; 2],
+    /// What a value changes by over a step at the most where a ray runs along the wall, HU: see [`STEEP`].
+    steep: f32,
     /// Whether steps are twice as long as was asked for.
     smooth: bool,
     limit: f32,
@@ -121,7 +127,7 @@ impl<'a> Rays<'a> {
             return None;
         }
         let smooth = waves >= blur::LONGEST;
-        // Two half steps to a step.
+        // Half as many samples: values between them are known well enough.
         let power = settings.step_power + 1;
         let step = Step::new(space, power + i32::from(smooth));
         let per_step = [view.forward(), view.right(), view.up()]
@@ -150,6 +156,7 @@ impl<'a> Rays<'a> {
             power: step.power,
             sensitivity: settings.sensitivity,
             layer: layer::steps(if smooth { waves * 0.5 } else { waves }, power),
+            steep: STEEP * 2f32.powi(step.power),
             smooth,
             limit: (1 << 22) as f32,
         })
@@ -232,7 +239,7 @@ impl<'a> Rays<'a> {
             let (foot, never) = (f32x16::splat(simd, self.foot), zero.simd_gt(one));
             // Who knows where to begin knows that nothing is seen there, and has leapt.
             let begun = from > 0.0 && first == from;
-            let mut v0 = foot;
+            let (mut v_before, mut v0) = (foot, foot);
             if !begun {
                 // All of them: at 0 they are in one place, which tells whether the camera is in the wall.
                 v0 = self.value(simd, &ray, k, !never);
@@ -289,37 +296,44 @@ impl<'a> Rays<'a> {
                     samples += 16;
                 }
                 sampled = true;
-                let difference = v1 - v0;
-                let (mut early, mut late) = (v0 + difference * 0.25, v0 + difference * 0.75);
+                // A parabola through three samples for the rays that were in the wall before this step, too, a line for others.
+                let rise = v1 - v0;
+                let curve = (open & v0.simd_gt(foot)).select(rise - (v0 - v_before), zero);
+                let [outer, inner] = [curve * (7.0 / 128.0), curve * (15.0 / 128.0)];
+                let [mut a, mut b] = [v0 + rise * 0.125 - outer, v0 + rise * 0.375 - inner];
+                let [mut c, mut d] = [v0 + rise * 0.625 - inner, v0 + rise * 0.875 - outer];
                 if thin.any_true() {
-                    early = thin.select((v0 + middle) * 0.5, early);
-                    late = thin.select((middle + v1) * 0.5, late);
+                    let [near, far] = [middle - v0, v1 - middle];
+                    [a, b] = [thin.select(v0 + near * 0.25, a), thin.select(v0 + near * 0.75, b)];
+                    [c, d] = [thin.select(middle + far * 0.25, c), thin.select(middle + far * 0.75, d)];
                 }
-                let seen = active & early.max(late).simd_gt(self.foot);
+                let seen = active & a.max(b).max(c.max(d)).simd_gt(foot);
                 if seen.any_true() {
                     let Layer { weight, place, .. } = light.layer;
                     let fresh = light.layer.any();
                     let behind = zero + k - place / fresh.select(weight, one);
                     let [long, far] = self.layer;
-                    let long = behind.simd_gt(long) & weight.simd_gt(LAYER_WEIGHT) | behind.simd_gt(far);
+                    let long = (behind * weight).simd_gt(long) & rise.abs().simd_lt(self.steep) | behind.simd_gt(far);
                     let ended = seen & fresh & (!open | long);
                     if ended.any_true() {
                         self.end(simd, &ray, ended, &mut light, cells, camera);
                         light.count(simd, ended & !open);
                     }
-                    let (t0, t1) = (self.through(simd, early), self.through(simd, late));
-                    let kept = light.through * t0;
-                    let (w0, w1) = (light.through - kept, kept - kept * t1);
-                    let (w0, w1) = (seen.select(w0, zero), seen.select(w1, zero));
                     let layer = &mut light.layer;
-                    layer.weight += w0 + w1;
-                    layer.place += w0 * (k + 0.25) + w1 * (k + 0.75);
-                    layer.value += w0 * self.tone(simd, early) + w1 * self.tone(simd, late);
-                    light.through = seen.select(kept * t1, light.through);
+                    let mut left = light.through;
+                    for (value, place) in [(a, 0.125), (b, 0.375), (c, 0.625), (d, 0.875)] {
+                        let next = left * self.through(simd, value);
+                        let w = seen.select(left - next, zero);
+                        layer.weight += w;
+                        layer.place += w * (k + place);
+                        layer.value += w * self.tone(simd, value);
+                        left = next;
+                    }
+                    light.through = seen.select(left, light.through);
                 }
                 open = seen;
                 k += 1.0;
-                v0 = v1;
+                (v_before, v0) = (v0, v1);
                 active = active & light.through.simd_ge(self.sensitivity) & (zero + k).simd_le(last);
                 if !active.any_true() {
                     break;
@@ -417,16 +431,16 @@ impl<'a> Rays<'a> {
         all.simd_into(simd)
     }
 
-    /// What a half step at the value `hu` lets through.
+    /// What a quarter of a step at the value `hu` lets through.
     #[inline(always)]
     fn through<S: Simd>(&self, simd: S, hu: f32x16<S>) -> f32x16<S> {
         let one = f32x16::splat(simd, 1.0);
         let a = ((hu - self.lo) * self.scale).min(one);
         let mut t = hu.simd_gt(self.foot).select(one - a, one);
-        for _ in self.power..1 {
+        for _ in self.power..2 {
             t = t.sqrt();
         }
-        for _ in 1..self.power {
+        for _ in 2..self.power {
             t = t * t;
         }
         t

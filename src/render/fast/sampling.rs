@@ -26,11 +26,11 @@ pub const SIDE: usize = 4;
 /// Blocks that are judged at once.
 pub const LANES: usize = 16;
 /// By how much the centre may differ from the corners' mean: brightness, 0 to 1.
-const BRIGHTNESS: f32 = 0.016;
+const BRIGHTNESS: f32 = 0.027;
 /// The most that brightness may change over a block.
 pub const CONTRAST: f32 = 0.5;
 /// By how much the centre's depth may differ, voxels (the smallest spacing).
-const DEPTH: f32 = 0.15;
+const DEPTH: f32 = 0.25;
 /// The most that depth may change over a block, voxels.
 pub const SLOPE: f32 = 3.0;
 /// The largest side of a block, voxels: 2√2, at which the rays of corners and centres are 2 voxels apart.
