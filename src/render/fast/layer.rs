@@ -1,9 +1,10 @@
 //! Layers: a layer is a surface hit that a ray goes through or ends in.
 //!
-//! A layer's light is that of its mean place and mean value, both weighted by what each half step adds, so that the gradient is
-//! looked at once and not at each sample. Brightness is no linear function of place: a ray that grazes a rim sees the wall turn
-//! from towards it to away, where brightness stays at its least, so that one place cannot stand for a long layer. A layer that has ended waits until another of its ray's ends, or all rays have: the
-//! more of them are shaded at once, the less each takes.
+//! A layer's light is that of its mean place and mean value, both weighted by what each quarter of a step adds, so that the
+//! gradient is looked at once and not at each sample. Brightness is no linear function of place: a ray that grazes a rim sees
+//! the wall turn from towards it to away, where brightness stays at its least. So a layer ends where its values begin to fall,
+//! and one place does not stand for a long one. A layer that has ended waits until another of its ray's ends, or all rays have:
+//! the more of them are shaded at once, the less each takes.
 
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::Vec3;
@@ -20,7 +21,7 @@ use crate::render::shade::{AMBIENT, DIFFUSE};
 const MANY: usize = 8;
 /// What the share of a layer and how far back it lies may come to: its light is a share of the whole, and errs by the more the
 /// longer it is.
-const LONG: f32 = 0.25;
+const LONG: f32 = 0.1;
 /// Whatever a layer holds, it is shaded when it is so far back.
 const FAR: f32 = 4.0;
 
@@ -351,7 +352,7 @@ mod tests {
             for n in 0..16 {
                 let way = DVec3::from_array([0, 1, 2].map(|a| f64::from(ray.world[a][n])));
                 let expected = layers.map(|(share, place, _)| {
-                    let place = camera + way * f64::from(place) * spacing.min_element();
+                    let place = camera + way * f64::from(place * rays.step()) * spacing.min_element();
                     let dot = (place - middle).normalize().dot(way).max(0.0);
                     f64::from(share) * (f64::from(AMBIENT) + f64::from(DIFFUSE) * dot)
                 });
