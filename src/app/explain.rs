@@ -132,9 +132,9 @@ pub fn explain(flight: &FlightApp) -> Explanation {
 fn planned_by(planner: CenterlineMethod) -> &'static str {
     match planner {
         CenterlineMethod::PenalisedPath => "the guide: its plan (planner penalised)",
-        CenterlineMethod::PeelOnion => "the guide: its plan (planner peel)",
+        CenterlineMethod::PeelOnion => "the guide: its plan (planner peel-onion)",
         CenterlineMethod::Roadmap => "the guide: its plan (planner roadmap)",
-        CenterlineMethod::Cells => "the guide: its plan (planner cells)",
+        CenterlineMethod::Cells => "the guide: its plan (planner cell-decomposition)",
     }
 }
 

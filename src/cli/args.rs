@@ -237,8 +237,9 @@ pub struct CenterlineArgs {
     /// The line: .json, .csv or .mrk.json
     #[arg(long, value_name = "F")]
     pub out: PathBuf,
-    /// How the line is found: penalised (the default: keeps from walls, moved to the axis), peel (peeled from the wall
-    /// inwards), roadmap (along inscribed balls; minutes on a whole scan) or cells (over cells, voxel by voxel)
+    /// How the line is found: penalised (the default: keeps from walls, moved to the axis), peel-onion (peeled from
+    /// the wall inwards), roadmap (along inscribed balls; minutes on a whole scan) or cell-decomposition (over cells, voxel by
+    /// voxel)
     #[arg(long, value_name = "METHOD", value_parser = methods())]
     pub method: Option<CenterlineMethod>,
     /// Where to start

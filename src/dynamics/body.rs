@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 #[serde(default, deny_unknown_fields)]
 pub struct Body {
     /// Radius of the sphere that must not touch the wall, mm. The cylinder lies within it, however it is turned; why contact
-    /// is tested by the sphere is told where [that is done](crate::dynamics::advance).
+    /// is tested by the sphere is told where [that is done](mod@crate::dynamics::advance).
     pub radius_mm: f64,
     /// Mass, g. Only the ratio of force to mass matters; forces are in g·mm/s².
     pub mass_g: f64,

@@ -47,3 +47,38 @@ impl Shader for Headlight {
         self.palette.colour(hu) * (self.ambient + self.diffuse * facing)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DMat3, DVec3, Quat};
+
+    use super::*;
+    use crate::render::TransferFunction;
+    use crate::volume::{Grid, Volume};
+
+    /// Between a wall seen head on and one seen edge on brightness is linear in gradient · ray, however long the gradient; a
+    /// wall seen from behind has the light that comes from everywhere, and a homogeneous region all of it.
+    #[test]
+    fn brightness_is_linear_in_the_cosine() {
+        let grid = Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let space = PreparedVolume::new(Arc::new(Volume::new(grid, vec![0; 8])), TransferFunction::default());
+        let light = Headlight::new(&space);
+        let full = Palette::default().colour(-650.0);
+        let bright = |gradient: Vec3, ray: Vec3| {
+            let share = light.colour(-650.0, gradient, ray) / full;
+            assert!((share - Vec3::splat(share.x)).length() < 1e-5, "of all colours alike: {share}");
+            share.x
+        };
+        for degrees in (0..=180).step_by(5) {
+            let turn = (degrees as f32).to_radians();
+            for steep in [0.01, 1.0, 700.0] {
+                let found = bright(Quat::from_rotation_y(turn) * Vec3::Z * steep, Vec3::Z);
+                let expected = AMBIENT + DIFFUSE * turn.cos().max(0.0);
+                assert!((found - expected).abs() < 1e-5, "{degrees}° at {steep} HU/mm: {found} of {expected}");
+            }
+        }
+        assert!((bright(Vec3::ZERO, Vec3::Z) - 1.0).abs() < 1e-6);
+    }
+}

@@ -282,7 +282,7 @@ fn folders_of_png() {
     write("p/1.png", 4, 4);
     write("p/2.png", 4, 4);
     refused(here, &["info", "p"], 3, "--spacing");
-    refused(here, &["info", "p", "--spacing", "1,0,1"], 3, "spacing 0");
+    refused(here, &["info", "p", "--spacing", "1,0,1"], 2, "--spacing: [1, 0, 1] mm");
     refused(here, &["info", "p", "--spacing", "1,1"], 2, "--spacing");
     write("p/2.png", 4, 5);
     refused(here, &["info", "p", "--spacing", "1,1,1"], 3, "4×5 where the first slice is 4×4");

@@ -6,6 +6,7 @@ mod contract;
 mod examples;
 mod layers;
 mod leftovers;
+mod paper_table;
 mod planners;
 mod report;
 mod rust_source;

@@ -12,7 +12,7 @@ use colvis::phantom::{PhantomSettings, Size};
 use colvis::progress::Progress;
 use colvis::volume::io;
 
-const METHODS: [&str; 4] = ["penalised", "peel", "roadmap", "cells"];
+const METHODS: [&str; 4] = ["penalised", "peel-onion", "roadmap", "cell-decomposition"];
 
 fn json(path: &str) -> Value {
     serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
@@ -47,8 +47,8 @@ fn every_method_finds_the_line_of_a_phantom() {
     for (n, line) in lines.iter().enumerate() {
         assert!(!lines[..n].contains(line), "{} is another's line", METHODS[n]);
     }
-    run(&["centerline", &at("v.nii.gz"), "--method", "peel", "--out", &at("c.csv")], 0);
-    run(&["centerline", &at("v.nii.gz"), "--method", "cells", "--out", &at("c.mrk.json")], 0);
+    run(&["centerline", &at("v.nii.gz"), "--method", "peel-onion", "--out", &at("c.csv")], 0);
+    run(&["centerline", &at("v.nii.gz"), "--method", "cell-decomposition", "--out", &at("c.mrk.json")], 0);
     run(&["centerline", &at("v.nii.gz"), "--out", &at("d.json")], 0);
     assert_eq!(points(&json(&at("d.json"))), lines[0], "penalised is the default");
 }
@@ -79,7 +79,7 @@ fn the_real_scan_by_the_quick_methods() {
     let Some(scan) = data("ctc_prone.nii.gz") else { return };
     let dir = tempfile::tempdir().unwrap();
     let at = |n: &str| dir.path().join(n).to_str().unwrap().to_owned();
-    for method in ["cells", "peel"] {
+    for method in ["cell-decomposition", "peel-onion"] {
         run(&["centerline", scan.to_str().unwrap(), "--method", method, "--out", &at("c.json")], 0);
         assert!(json(&at("c.json"))["length_mm"].as_f64().unwrap() > 1500.0, "{method}");
     }

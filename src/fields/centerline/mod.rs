@@ -70,13 +70,13 @@ pub enum CenterlineMethod {
     #[serde(rename = "penalised")]
     PenalisedPath,
     /// What is left when the lumen is peeled from the wall inwards (see `peel`), pulled straight.
-    #[serde(rename = "peel")]
+    #[serde(rename = "peel-onion")]
     PeelOnion,
     /// The shortest way along sampled inscribed balls that overlap (see `roadmap`).
     #[serde(rename = "roadmap")]
     Roadmap,
     /// The shortest way over the lumen's cells, voxel by voxel.
-    #[serde(rename = "cells")]
+    #[serde(rename = "cell-decomposition")]
     Cells,
 }
 
@@ -88,9 +88,9 @@ impl CenterlineMethod {
     pub fn name(self) -> &'static str {
         match self {
             Self::PenalisedPath => "penalised",
-            Self::PeelOnion => "peel",
+            Self::PeelOnion => "peel-onion",
             Self::Roadmap => "roadmap",
-            Self::Cells => "cells",
+            Self::Cells => "cell-decomposition",
         }
     }
 

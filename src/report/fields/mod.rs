@@ -21,7 +21,7 @@ const METHODS: [(CenterlineMethod, &str); 4] = [
     (CenterlineMethod::PenalisedPath, "penalised path"),
     (CenterlineMethod::PeelOnion, "peel onion"),
     (CenterlineMethod::Roadmap, "roadmap"),
-    (CenterlineMethod::Cells, "cells"),
+    (CenterlineMethod::Cells, "cell decomposition"),
 ];
 /// Phantoms of the whole report.
 const SEEDS: u64 = 3;
