@@ -383,13 +383,14 @@ def gradients(b):
 def scenes(b):
     read, said, command = b.report("scenes")
     lines = [command_block(command), findings(said)]
-    for name, title in (("scenes", "Scenes"), ("parts", "What a part left out saves"), ("built", "What is built before the first step")):
+    for name, title in (("scenes", "Scenes"), ("parts", "What a part left out saves"), ("built", "What is built before the first step"),
+                        ("tentacles", "What tentacles take beside a picture")):
         lines += [f"### {title}", table(*read(name))]
     return lines
 
 
 def dynamics(b):
-    read, said, command = b.report("dynamics")
+    read, said, command = b.report("dynamics", *(["--scan", b.args.scan] if b.args.scan else []))
     lines = [command_block(command), findings(said)]
     lines += ["### Order of convergence", table(*read("orders"))]
     head, rows = read("precision")
@@ -410,8 +411,9 @@ def dynamics(b):
     tables = (("stable-step-by-wall-table", "Largest stable step, by the wall's constant / s"),
               ("stable-step-by-clearance-table", "Largest stable step, by clearance / s"),
               ("lateral-jerk", "Steady flight"), ("clamp", "What the clamp costs"), ("free-motion", "What is conserved in free motion"),
-              ("tentacles", "Numbers of tentacles"), ("mines", "Mines"))
-    return lines + [t for name, title in tables for t in (f"### {title}", table(*read(name)))]
+              ("tentacles", "Numbers of tentacles"), ("mines", "Mines"), ("mines-worth", "Mines: drawings with and without"),
+              ("repulsion", "Flights by repulsion alone"))
+    return lines + [t for name, title in tables for t in (f"### {title}", table(*read(name)))] + b.without_scan()
 
 
 def perforation(b):
