@@ -5,7 +5,7 @@ use bevy_ecs::prelude::*;
 
 use crate::components::flight::{FallsShort, Flight, Flown, State};
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// Adds the arrival to the scene; what the flight falls short of is equipment of the camera.
 pub fn plugin(app: &mut App) -> Result<()> {
@@ -15,7 +15,7 @@ pub fn plugin(app: &mut App) -> Result<()> {
 }
 
 /// Notes a segment that was flown to its end, and calls the operator at an end that is not the goal.
-pub fn note_arrival(camera: Single<(&mut Flight, &mut Flown, &FallsShort)>) {
+pub fn note_arrival(camera: Single<(&mut Flight, &mut Flown, &FallsShort), With<Main>>) {
     let (mut flight, mut flown, falls_short) = camera.into_inner();
     if flight.state != State::Arrived {
         return;

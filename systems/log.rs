@@ -7,7 +7,7 @@ use crate::components::clock::Clock;
 use crate::components::flight::Flight;
 use crate::components::output::{FlightLog, GuideName, LogLine};
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// Adds the log to the scene.
 pub fn plugin(app: &mut App) -> Result<()> {
@@ -21,7 +21,7 @@ pub fn log_step(
     clock: Res<Clock>,
     guide: Res<GuideName>,
     mut log: ResMut<FlightLog>,
-    camera: Single<(&Pose, &Flight, Option<&Velocity>, Option<&Contact>)>,
+    camera: Single<(&Pose, &Flight, Option<&Velocity>, Option<&Contact>), With<Main>>,
 ) {
     let (pose, flight, velocity, contact) = camera.into_inner();
     log.0.push(LogLine {

@@ -7,7 +7,7 @@ use crate::components::guide::{MineField, MinePush, Tentacles};
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::dynamics::tentacles::Drive;
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// Lets the camera lay mines.
 ///
@@ -20,14 +20,14 @@ pub fn plug(app: &mut App, settings: MineSettings) -> Result<()> {
 }
 
 /// What the mines exert at the camera's place.
-pub fn push_by_mines(camera: Single<(&Pose, &MineField, &mut MinePush)>) {
+pub fn push_by_mines(camera: Single<(&Pose, &MineField, &mut MinePush), With<Main>>) {
     let (pose, field, mut push) = camera.into_inner();
     push.0 = field.mines.push(pose.position, &field.settings);
 }
 
 /// Lays a mine when the camera has come far enough from the last one; where nothing else drives it, the first one at once,
 /// behind the way that it is to set out.
-pub fn lay_mines(camera: Single<(&Pose, &Heading, &mut MineField, Option<&Tentacles>)>) {
+pub fn lay_mines(camera: Single<(&Pose, &Heading, &mut MineField, Option<&Tentacles>), With<Main>>) {
     let (pose, heading, mut field, tentacles) = camera.into_inner();
     let MineField { settings, mines } = &mut *field;
     if mines.is_empty() && tentacles.is_some_and(|t| t.settings.drive == Drive::Mines) {

@@ -14,7 +14,7 @@ use crate::dynamics::rigid::orientation;
 use crate::dynamics::{Potential, PotentialForce, RigidBodyState, Turning, step};
 use crate::error::Result;
 use crate::fields::Distance;
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// How far the view lags behind the way, s, and its greatest rate, rad/s.
 const VIEW_S: f64 = 0.45;
@@ -74,7 +74,7 @@ pub fn acting(flight: &Flight, hand: Option<&Hand>, guide: Option<&GuideThrust>,
 
 /// Adds up what acts on the body.
 pub fn sum_forces(
-    camera: Single<(&mut Acceleration, &Flight, Option<&Hand>, Option<&GuideThrust>, Option<&MinePush>)>,
+    camera: Single<(&mut Acceleration, &Flight, Option<&Hand>, Option<&GuideThrust>, Option<&MinePush>), With<Main>>,
 ) {
     let (mut sum, flight, hand, guide, mines) = camera.into_inner();
     let total = acting(flight, hand, guide, mines).sum();
@@ -84,12 +84,15 @@ pub fn sum_forces(
 /// One step of the rigid body, clamped to free space.
 pub fn move_body(
     clock: Res<Clock>,
-    walls: Single<&Walls>,
-    camera: Single<(
-        (&mut Pose, &mut Velocity, &mut Spin, &mut Heading, &mut Contact, &mut Flight),
-        (&Acceleration, &Body),
-        (Option<&GuideThrust>, Option<&PotentialField>, Option<&Hand>),
-    )>,
+    walls: Single<&Walls, With<Main>>,
+    camera: Single<
+        (
+            (&mut Pose, &mut Velocity, &mut Spin, &mut Heading, &mut Contact, &mut Flight),
+            (&Acceleration, &Body),
+            (Option<&GuideThrust>, Option<&PotentialField>, Option<&Hand>),
+        ),
+        With<Main>,
+    >,
 ) {
     let (moving, (acceleration, body), (guide, field, hand)) = camera.into_inner();
     let (mut pose, mut velocity, mut spin, mut heading, mut contact, mut flight) = moving;

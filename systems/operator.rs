@@ -10,7 +10,7 @@ use crate::components::guide::MineField;
 use crate::components::input::{Command, Hand, Inbox};
 use crate::dynamics::hand;
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// The guide waits so long after the last push before it thrusts again, s.
 const HAND_OFF_S: f64 = 0.4;
@@ -29,15 +29,10 @@ pub fn plugin(app: &mut App) -> Result<()> {
 pub fn take_commands(
     clock: Res<Clock>,
     mut inbox: ResMut<Inbox>,
-    camera: Single<(
-        &mut Hand,
-        &mut Pose,
-        &mut Heading,
-        &mut Flight,
-        &Body,
-        Option<&mut Watch>,
-        Option<&mut MineField>,
-    )>,
+    camera: Single<
+        (&mut Hand, &mut Pose, &mut Heading, &mut Flight, &Body, Option<&mut Watch>, Option<&mut MineField>),
+        With<Main>,
+    >,
 ) {
     let (mut operator, mut pose, mut heading, mut flight, body, mut watch, mut mines) = camera.into_inner();
     let after = |seconds: f64| clock.tick + (seconds * f64::from(clock.hz)).ceil() as u64;

@@ -15,7 +15,7 @@ use crate::dynamics::route::pilot::Pilot;
 use crate::dynamics::route::profile::PathSettings;
 use crate::dynamics::{self};
 use crate::error::{Error, Result};
-use crate::schedule::{App, FlightSystems, Guide, Needs};
+use crate::schedule::{App, FlightSystems, Guide, Main, Needs};
 
 /// Who holds the body to the plan.
 #[derive(Component, Clone, Debug)]
@@ -66,8 +66,11 @@ impl Guide for PathSettings {
 /// Asks of the body what the plan wants. Whenever somebody else has had it, the plan is taken up from its nearest place.
 pub fn guide_by_plan(
     clock: Res<Clock>,
-    walls: Single<&Walls>,
-    camera: Single<(&Pose, &Velocity, &Body, &Flight, &mut Planned, &mut PathPilot, &mut GuideThrust, Option<&Hand>)>,
+    walls: Single<&Walls, With<Main>>,
+    camera: Single<
+        (&Pose, &Velocity, &Body, &Flight, &mut Planned, &mut PathPilot, &mut GuideThrust, Option<&Hand>),
+        With<Main>,
+    >,
 ) {
     let (pose, velocity, body, flight, mut planned, mut held, mut guide, hand) = camera.into_inner();
     let Planned { route, s_mm, jumps, .. } = &mut *planned;
@@ -106,7 +109,7 @@ pub fn guide_by_plan(
 }
 
 /// Tells the operator where a plan leads to a place that the body does not fit through.
-pub fn tell_narrow_place(camera: Single<(&Body, &Planned, &mut HelpCall)>) {
+pub fn tell_narrow_place(camera: Single<(&Body, &Planned, &mut HelpCall), With<Main>>) {
     let (body, planned, mut call) = camera.into_inner();
     if let Some(help) = &mut call.0
         && let Some(narrow) = planned.route.narrow_place(planned.s_mm, body.0.radius_mm)

@@ -9,7 +9,7 @@ use crate::components::flight::{Flight, State};
 use crate::components::input::Hand;
 use crate::components::play::Playback;
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// Puts a log in the guide's place.
 ///
@@ -24,7 +24,7 @@ pub fn plug(app: &mut App, play: &Playback) -> Result<()> {
 /// Takes the camera to where the log has it after this step; the operator may stop, hurry and look around.
 pub fn follow_log(
     clock: Res<Clock>,
-    camera: Single<(&mut Pose, &mut Velocity, &mut Contact, &mut Flight, &mut Playback, Option<&Hand>)>,
+    camera: Single<(&mut Pose, &mut Velocity, &mut Contact, &mut Flight, &mut Playback, Option<&Hand>), With<Main>>,
 ) {
     let (mut pose, mut velocity, mut contact, mut flight, mut play, hand) = camera.into_inner();
     let looking = hand.filter(|h| clock.tick < h.turned_until);

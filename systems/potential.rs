@@ -13,7 +13,7 @@ use crate::components::scan::{TargetDistances, WallDistances};
 use crate::dynamics::potential::ahead;
 use crate::dynamics::{self, Potential};
 use crate::error::{Error, Result};
-use crate::schedule::{App, FlightSystems, Guide, Needs};
+use crate::schedule::{App, FlightSystems, Guide, Main, Needs};
 
 /// In a trap the wall's strength is this share of itself, until the target's pull has led out of it.
 const YIELDING: f64 = 0.02;
@@ -63,7 +63,7 @@ impl Guide for Potential {
 /// Tells the view where the target draws it. The potential itself acts within the step of the body.
 pub fn guide_by_potential(
     clock: Res<Clock>,
-    camera: Single<(&Pose, &Body, &YieldingPotential, &mut PotentialField, &mut GuideThrust)>,
+    camera: Single<(&Pose, &Body, &YieldingPotential, &mut PotentialField, &mut GuideThrust), With<Main>>,
 ) {
     let (pose, body, settings, mut field, mut guide) = camera.into_inner();
     field.potential = settings.potential;
@@ -79,7 +79,7 @@ pub fn guide_by_potential(
 /// yields for some seconds. The step still cannot perforate.
 pub fn yield_to_trap(
     clock: Res<Clock>,
-    camera: Single<(&mut YieldingPotential, &mut HelpCall, Option<&mut Watch>, &mut Flight)>,
+    camera: Single<(&mut YieldingPotential, &mut HelpCall, Option<&mut Watch>, &mut Flight), With<Main>>,
 ) {
     let (mut settings, mut call, watch, mut flight) = camera.into_inner();
     if call.0.is_none() || settings.yields >= YIELDS {

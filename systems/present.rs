@@ -1,4 +1,6 @@
-//! Hands finished pictures to whoever shows or keeps them: the window's framebuffer, a recording.
+//! Hands finished pictures to what shows or keeps them: the window's framebuffer, a recording.
+
+use std::any::Any;
 
 use bevy_ecs::prelude::*;
 
@@ -6,35 +8,84 @@ use crate::components::output::Picture;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Slot};
 
-/// Somewhere that pictures go to. It is a resource of the world that stays on its thread.
-pub trait Presenter: 'static {
+/// A place that a view's pictures go to. It stays on its thread.
+pub trait Presenter: Any {
     /// Its name, for messages.
-    const NAME: &'static str;
+    fn name(&self) -> &'static str;
 
-    /// Takes the picture as it is now. It is asked in each frame, also in one in which nothing new was traced
-    /// (`picture.traced` tells): what it has shown already it need not show again.
+    /// Takes the picture as it is now. Called in each frame, also when nothing new was traced (`picture.traced` is false
+    /// then, and so it is where something over the picture has changed): what it has shown already it need not show again.
     fn present(&mut self, picture: &Picture);
 }
 
-/// Plugs a presenter into its slot. It takes part as soon as it is [in the world](hand_to); without this plugin, or without a
-/// presenter, nothing is shown or recorded.
+/// The presenters, by the entities whose pictures they take: a resource of the world that stays on its thread.
+#[derive(Default)]
+pub struct Presenters(Vec<(Entity, Box<dyn Presenter>)>);
+
+impl Presenters {
+    fn get_mut<P: Presenter>(&mut self, view: Entity) -> Option<&mut P> {
+        let (_, presenter) = self.0.iter_mut().find(|(e, _)| *e == view)?;
+        let any: &mut dyn Any = &mut **presenter;
+        any.downcast_mut()
+    }
+
+    fn take<P: Presenter>(&mut self, view: Entity) -> Option<P> {
+        self.get_mut::<P>(view)?;
+        let at = self.0.iter().position(|(e, _)| *e == view)?;
+        let any: Box<dyn Any> = self.0.remove(at).1;
+        any.downcast().ok().map(|p| *p)
+    }
+}
+
+/// Adds the system that hands pictures on.
 ///
 /// # Errors
 /// Status 2 when there is another one.
-pub fn plugin<P: Presenter>(app: &mut App) -> Result<()> {
-    app.fill(Slot::Presenter, P::NAME)?;
-    app.add_systems(FlightSystems::Present, present_picture::<P>);
+pub fn plugin(app: &mut App) -> Result<()> {
+    app.fill(Slot::Presentation, "presenters")?;
+    app.add_systems(FlightSystems::Present, present_pictures);
     Ok(())
 }
 
-/// Gives a world the presenter that its pictures go to from now on.
-pub fn hand_to<P: Presenter>(app: &mut App, presenter: P) {
-    app.world.insert_non_send(presenter);
+/// The presenter of a view, if it is a `P`.
+pub fn presenter<P: Presenter>(app: &mut App, view: Entity) -> Option<Mut<'_, P>> {
+    let presenters = app.world.get_non_send_mut::<Presenters>()?;
+    presenters.filter_map_unchanged(|p| p.get_mut(view))
 }
 
-/// Hands the camera's picture on.
-pub fn present_picture<P: Presenter>(presenter: Option<NonSendMut<P>>, picture: Single<&Picture>) {
-    if let Some(mut presenter) = presenter {
-        presenter.present(&picture);
+/// Takes the presenter of a view away, if it is a `P`.
+pub fn take<P: Presenter>(app: &mut App, view: Entity) -> Option<P> {
+    app.world.get_non_send_mut::<Presenters>()?.take(view)
+}
+
+/// Hands a view's picture to its presenter again, outside a frame: for something new that lies over it.
+pub fn present_again(app: &mut App, view: Entity) {
+    let Some(mut presenters) = app.world.remove_non_send::<Presenters>() else { return };
+    if let (Some((_, presenter)), Some(picture)) =
+        (presenters.0.iter_mut().find(|(e, _)| *e == view), app.world.get::<Picture>(view))
+    {
+        presenter.present(picture);
+    }
+    app.world.insert_non_send(presenters);
+}
+
+/// Gives a view the presenter that its pictures go to from now on, in the place of another one.
+pub fn hand_to(app: &mut App, view: Entity, presenter: impl Presenter) {
+    if !app.world.contains_non_send::<Presenters>() {
+        app.world.insert_non_send(Presenters::default());
+    }
+    let mut presenters = app.world.non_send_mut::<Presenters>();
+    presenters.0.retain(|(e, _)| *e != view);
+    presenters.0.push((view, Box::new(presenter)));
+    presenters.0.sort_by_key(|(e, _)| e.index_u32());
+}
+
+/// Hands each view's picture to its presenter, in the order of the entities.
+pub fn present_pictures(presenters: Option<NonSendMut<Presenters>>, pictures: Query<&Picture>) {
+    let Some(mut presenters) = presenters else { return };
+    for (view, presenter) in &mut presenters.0 {
+        if let Ok(picture) = pictures.get(*view) {
+            presenter.present(picture);
+        }
     }
 }

@@ -1,13 +1,13 @@
-//! Traces the image of the camera.
+//! Traces the images of all views.
 
 use bevy_ecs::prelude::*;
 
 use crate::components::camera::Pose;
-use crate::components::output::{FrameCache, Picture};
+use crate::components::output::{Follows, FrameCache, Picture};
 use crate::components::scan::Scan;
 use crate::error::Result;
-use crate::render::{Reuse, View, renderer};
-use crate::schedule::{App, FlightSystems, Slot};
+use crate::render::View;
+use crate::schedule::{App, FlightSystems, Main, Slot};
 
 /// Plugs the ray caster into the renderer's slot.
 ///
@@ -15,27 +15,54 @@ use crate::schedule::{App, FlightSystems, Slot};
 /// Status 2 when there is another one.
 pub fn plugin(app: &mut App) -> Result<()> {
     app.fill(Slot::Renderer, "ray caster")?;
-    app.add_systems(FlightSystems::RayCast, cast_picture);
+    app.add_systems(FlightSystems::RayCast, cast_pictures);
     Ok(())
 }
 
-/// Renders the camera's view of the scan into its picture, if that is due.
-pub fn cast_picture(scan: Single<&Scan>, camera: Single<(&Pose, &mut Picture, &mut FrameCache)>) {
-    let (pose, mut picture, mut cache) = camera.into_inner();
-    picture.traced = picture.due;
-    if !std::mem::take(&mut picture.due) {
-        return;
-    }
-    let Picture { camera, fov_degrees, settings, preset, frame, work, .. } = &mut *picture;
-    if cache.settings != *settings {
-        *cache = FrameCache { renderer: renderer(&scan.0, *settings, *preset, Reuse::Allowed), settings: *settings };
-    }
-    let attitude = pose.attitude;
-    // A pose is always orthonormal and finite, so the view is always valid.
-    let (width, height) = (frame.width(), frame.height());
-    if let Ok(view) =
-        View::with_model(pose.position, attitude.forward, attitude.up, *camera, *fov_degrees, width, height)
-    {
-        *work = cache.renderer.render(&view, frame);
+/// What makes up a view.
+type Views<'w, 's> =
+    Query<'w, 's, (&'static mut Picture, &'static mut FrameCache, Option<&'static Pose>, Option<&'static Follows>)>;
+
+/// Renders every view that is due, in the order of the entities: the camera's first, others as they were spawned. A view
+/// without a pose, or of an entity that is no scan, keeps its image.
+pub fn cast_pictures(
+    main: Query<Entity, With<Main>>,
+    scans: Query<&Scan>,
+    poses: Query<&Pose>,
+    all: Query<Entity, With<Picture>>,
+    mut views: Views,
+    mut order: Local<Vec<Entity>>,
+) {
+    order.clear();
+    order.extend(&all);
+    order.sort_unstable_by_key(|e| e.index_u32());
+    for &entity in &order {
+        let Ok((mut picture, mut cache, own, follows)) = views.get_mut(entity) else { continue };
+        let due = std::mem::take(&mut picture.due);
+        picture.traced = false;
+        if !due {
+            continue;
+        }
+        let followed = || poses.get(follows?.whom.or_else(|| main.iter().find(|&e| poses.contains(e)))?).ok();
+        let pose = match follows {
+            Some(follows) => followed().map(|p| follows.pose(p)),
+            None => own.copied(),
+        };
+        let scan = picture.scan.or_else(|| main.iter().find(|&e| scans.contains(e)));
+        let (Some(pose), Some(scan)) = (pose, scan.and_then(|e| scans.get(e).ok())) else { continue };
+        let picture = &mut *picture;
+        let (width, height) = (picture.frame.width(), picture.frame.height());
+        let (forward, up) = (pose.attitude.forward, pose.attitude.up);
+        let Ok(view) = View::with_model(pose.position, forward, up, picture.camera, picture.fov_degrees, width, height)
+        else {
+            continue;
+        };
+        let renderer = cache.renderer_for(&scan.0, picture.settings, picture.preset);
+        if let Some(samples) = picture.budget {
+            renderer.set_budget(samples);
+        }
+        picture.work = renderer.render(&view, &mut picture.frame);
+        picture.view = Some(view);
+        picture.traced = true;
     }
 }

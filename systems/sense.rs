@@ -10,7 +10,7 @@ use crate::components::scan::Scan;
 use crate::dynamics::tentacles::TentacleSettings;
 use crate::error::Result;
 use crate::render::{PreparedVolume, first_crossing};
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// Gives the camera tentacles: for any guide that feels its way.
 ///
@@ -23,7 +23,7 @@ pub fn plug(app: &mut App, settings: TentacleSettings) -> Result<()> {
 }
 
 /// Casts every tentacle from where the camera is.
-pub fn cast_tentacles(scan: Single<&Scan>, camera: Single<(&Pose, &mut Tentacles)>) {
+pub fn cast_tentacles(scan: Single<&Scan, With<Main>>, camera: Single<(&Pose, &mut Tentacles), With<Main>>) {
     let (pose, mut tentacles) = camera.into_inner();
     let Tentacles { settings, directions, lengths, .. } = &mut *tentacles;
     cast(&scan.0, pose.position, directions, settings.reach_mm, lengths);

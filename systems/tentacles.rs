@@ -10,7 +10,7 @@ use crate::dynamics::tentacles::{TentacleSettings, approach, steer};
 use crate::dynamics::{self};
 use crate::error::Result;
 use crate::render::first_crossing;
-use crate::schedule::{App, FlightSystems, Guide};
+use crate::schedule::{App, FlightSystems, Guide, Main};
 use crate::systems::sense;
 
 impl Guide for TentacleSettings {
@@ -35,17 +35,11 @@ impl Guide for TentacleSettings {
 
 /// Decides on the way from what the tentacles told.
 pub fn guide_by_tentacles(
-    scan: Single<&Scan>,
-    camera: Single<(
-        &Pose,
-        &Heading,
-        &Body,
-        &Tentacles,
-        &mut GuideThrust,
-        Option<&MineField>,
-        Option<&Goal>,
-        Option<&Watch>,
-    )>,
+    scan: Single<&Scan, With<Main>>,
+    camera: Single<
+        (&Pose, &Heading, &Body, &Tentacles, &mut GuideThrust, Option<&MineField>, Option<&Goal>, Option<&Watch>),
+        With<Main>,
+    >,
 ) {
     let (pose, heading, body, tentacles, mut guide, mines, goal, watch) = camera.into_inner();
     let mines = mines.map(|m| (&m.mines, &m.settings));

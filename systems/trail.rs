@@ -7,7 +7,7 @@ use crate::components::flight::{Flight, State};
 use crate::components::guide::Planned;
 use crate::components::trail::Trail;
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// Adds the trail to the camera.
 pub fn plugin(app: &mut App) -> Result<()> {
@@ -17,7 +17,7 @@ pub fn plugin(app: &mut App) -> Result<()> {
 }
 
 /// Takes the view after a step, and how far along the way it lies: by the plan, or by the way flown.
-pub fn follow_trail(camera: Single<(&Pose, &Flight, &mut Trail, Option<&Planned>)>) {
+pub fn follow_trail(camera: Single<(&Pose, &Flight, &mut Trail, Option<&Planned>), With<Main>>) {
     let (pose, flight, mut trail, planned) = camera.into_inner();
     let planned = planned.map(|p| (p.s_mm, p.route.length_mm()));
     trail.follow((pose.position, pose.attitude), flight.length_mm, planned);

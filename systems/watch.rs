@@ -13,7 +13,7 @@ use crate::dynamics::rescue::{Rescue, RescueAction};
 use crate::dynamics::tentacles::Drive;
 use crate::dynamics::trap::Felt;
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems};
+use crate::schedule::{App, FlightSystems, Main};
 
 /// The operator is called when the body was stuck in the wall for so long, s: a guide may need a moment to push it out.
 const STUCK_S: f64 = 0.5;
@@ -33,19 +33,22 @@ pub fn plug(app: &mut App, settings: MonitorSettings, goal: Goal) -> Result<()> 
 /// Updates the state of the flight.
 pub fn watch_flight(
     clock: Res<Clock>,
-    camera: Single<(
-        &Pose,
-        &Body,
-        &Contact,
-        &mut Flight,
-        (&mut Watch, &mut HelpCall),
-        &mut Heading,
-        Has<Automatic>,
-        Option<&Goal>,
-        Option<&Hand>,
-        Option<&Tentacles>,
-        Option<&mut MineField>,
-    )>,
+    camera: Single<
+        (
+            &Pose,
+            &Body,
+            &Contact,
+            &mut Flight,
+            (&mut Watch, &mut HelpCall),
+            &mut Heading,
+            Has<Automatic>,
+            Option<&Goal>,
+            Option<&Hand>,
+            Option<&Tentacles>,
+            Option<&mut MineField>,
+        ),
+        With<Main>,
+    >,
 ) {
     let (pose, body, contact, mut flight, watching, mut heading, automatic, goal, hand, tentacles, mut mines) =
         camera.into_inner();
@@ -110,7 +113,7 @@ pub fn watch_flight(
 }
 
 /// Calls the operator where a call for help was not answered.
-pub fn call_operator(camera: Single<(&mut Flight, &mut HelpCall)>) {
+pub fn call_operator(camera: Single<(&mut Flight, &mut HelpCall), With<Main>>) {
     let (mut flight, mut call) = camera.into_inner();
     if let Some(help) = call.0.take() {
         flight.state = State::Operator;

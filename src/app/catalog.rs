@@ -3,7 +3,7 @@
 use crate::app::{Overlay, overlays};
 use crate::error::{Error, Result};
 use crate::render::{CameraModel, Preset, camera, presets};
-use crate::schedule::{Guide, Guides};
+use crate::schedule::{Guide, Guides, Plugin, Plugins};
 use crate::systems;
 
 /// Everything that can be chosen by its name: what is built in, and whatever a program adds.
@@ -19,6 +19,8 @@ pub struct Catalog {
     pub cameras: Vec<CameraModel>,
     /// Overlays of the window, on their keys.
     pub overlays: Vec<Overlay>,
+    /// Plug-ins of every flight.
+    pub plugins: Plugins,
 }
 
 impl Default for Catalog {
@@ -29,6 +31,7 @@ impl Default for Catalog {
             presets: presets::BUILT_IN.to_vec(),
             cameras: camera::BUILT_IN.to_vec(),
             overlays: overlays::BUILT_IN.to_vec(),
+            plugins: Plugins::default(),
         }
     }
 }
@@ -61,6 +64,13 @@ impl Catalog {
     #[must_use]
     pub fn overlay(mut self, overlay: Overlay) -> Self {
         self.overlays.push(overlay);
+        self
+    }
+
+    /// Adds a plug-in.
+    #[must_use]
+    pub fn plugin(mut self, plugin: impl Plugin) -> Self {
+        self.plugins.push(plugin);
         self
     }
 

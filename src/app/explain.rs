@@ -1,5 +1,7 @@
 //! What a flight runs and builds, and what it leaves out and why.
 
+use std::borrow::Cow;
+
 use serde::Serialize;
 
 use crate::app::FlightApp;
@@ -13,11 +15,17 @@ use crate::schedule::LeftOut;
 #[derive(Clone, Debug, Serialize)]
 pub struct Built {
     /// The part.
-    pub part: &'static str,
+    pub part: Cow<'static, str>,
     /// Its size.
     pub bytes: usize,
     /// Who needs it.
     pub needed_by: &'static str,
+}
+
+impl Built {
+    fn new(part: &'static str, bytes: usize, needed_by: &'static str) -> Self {
+        Self { part: part.into(), bytes, needed_by }
+    }
 }
 
 /// An explanation of a flight.
@@ -27,7 +35,9 @@ pub struct Explanation {
     pub step: Vec<String>,
     /// Systems of a frame, in the order they run.
     pub frame: Vec<String>,
-    /// Components that entities carry.
+    /// Plug-ins, in the order in which they were built.
+    pub plugins: Vec<String>,
+    /// Components that entities carry; those of other crates with the crate's name.
     pub components: Vec<String>,
     /// What is in memory.
     pub built: Vec<Built>,
@@ -50,51 +60,43 @@ pub struct Explanation {
 pub fn explain(flight: &FlightApp) -> Explanation {
     let [step, frame] = flight.app().systems();
     let volume = flight.volume();
+    let part = Built::new;
     let mut built = vec![
-        Built { part: "volume (16 bit)", bytes: volume.volume().bytes(), needed_by: "everything" },
-        Built { part: "lumen (runs)", bytes: flight.lumen().bytes(), needed_by: "start and end of the flight" },
-        Built {
-            part: "homogeneous-region flags",
-            bytes: volume.bytes(),
-            needed_by: "rays: the first heading, tentacles, images",
-        },
+        part("volume (16 bit)", volume.volume().bytes(), "everything"),
+        part("lumen (runs)", flight.lumen().bytes(), "start and end of the flight"),
+        part("homogeneous-region flags", volume.bytes(), "rays: the first heading, tentacles, images"),
     ];
     if let Some(t) = flight.camera::<Tentacles>() {
-        built.push(Built { part: "tentacles", bytes: t.bytes(), needed_by: "the guide" });
+        built.push(part("tentacles", t.bytes(), "the guide"));
     }
     if let Some(m) = flight.camera::<MineField>() {
-        built.push(Built { part: "mines", bytes: m.settings.kept * size_of::<glam::DVec3>(), needed_by: "the guide" });
+        built.push(part("mines", m.settings.kept * size_of::<glam::DVec3>(), "the guide"));
     }
     let fields = flight.fields();
     if let Some(w) = fields.walls() {
-        built.push(Built {
-            part: "wall distance field",
-            bytes: w.bytes(),
-            needed_by: "the guide: D_s, and D_t lies on it",
-        });
+        built.push(part("wall distance field", w.bytes(), "the guide: D_s, and D_t lies on it"));
     }
     if let Some(t) = fields.target() {
-        built.push(Built { part: "target distance field", bytes: t.bytes(), needed_by: "the guide: D_t" });
+        built.push(part("target distance field", t.bytes(), "the guide: D_t"));
     }
     if let Some(r) = fields.route() {
-        built.push(Built {
-            part: "centerline",
-            bytes: r.bytes(),
-            needed_by: planned_by(flight.scene().needs().planner),
-        });
+        built.push(part("centerline", r.bytes(), planned_by(flight.scene().needs().planner)));
     }
+    let pixels = |p: &Picture| p.frame.width() * p.frame.height() * size_of::<[u8; 3]>();
     if let Some(p) = flight.camera::<Picture>() {
-        built.push(Built {
-            part: "picture",
-            bytes: p.frame.width() * p.frame.height() * 3,
-            needed_by: "a window or a recording",
-        });
+        built.push(part("picture", pixels(p), "a window or a recording"));
+    }
+    for (n, (view, cache)) in flight.other_views().into_iter().enumerate() {
+        let bytes = pixels(view) + cache.renderer().map_or(0, |r| r.bytes().saturating_sub(volume.bytes()));
+        built.push(Built { part: format!("view {}", n + 2).into(), bytes, needed_by: "a plug-in" });
     }
     let mut left_out = flight.app().left_out().to_vec();
-    if let Some(cache) = flight.camera::<FrameCache>() {
+    if let (Some(picture), Some(renderer)) =
+        (flight.camera::<Picture>(), flight.camera::<FrameCache>().and_then(FrameCache::renderer))
+    {
         // The flags are told above: everything that casts rays needs them.
-        let own = cache.renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0.name()));
-        let choices = cache.settings.choices;
+        let own = renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0.name()));
+        let choices = picture.settings.choices;
         let needed_by = |part| match part {
             MemoryPart::VoxelDistances => "the scene: [render] leap = \"voxel\"",
             MemoryPart::BrickDistances if choices.leap == Some(Leaping::Brick) => {
@@ -105,7 +107,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
             MemoryPart::FrameCache if choices.key_frames.is_some() => "the scene: [render] key_frames",
             _ => "the picture's preset",
         };
-        let told = |(part, bytes): (MemoryPart, usize)| Built { part: part.name(), bytes, needed_by: needed_by(part) };
+        let told = |(part, bytes): (MemoryPart, usize)| Built::new(part.name(), bytes, needed_by(part));
         built.extend(own.map(told).collect::<Vec<_>>());
     }
     let pictures = flight.camera::<Picture>().is_some() && flight.scene().picture;
@@ -125,7 +127,8 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         let why = "the preset lean does without: rays leap from brick to brick".to_owned();
         left_out.push(LeftOut { part: "a flag for each voxel", why });
     }
-    Explanation { step, frame, components: flight.app().components_in_use(), built, left_out }
+    let plugins = flight.app().plugged().to_vec();
+    Explanation { step, frame, plugins, components: flight.app().components_in_use(), built, left_out }
 }
 
 /// Who needs the centerline, and which method found it.
@@ -153,9 +156,19 @@ impl Explanation {
         list(&mut s, &self.step);
         s.push_str("runs in each frame:\n");
         list(&mut s, &self.frame);
-        let width = |parts: &mut dyn Iterator<Item = &'static str>| parts.map(str::len).max().unwrap_or(0);
+        if !self.plugins.is_empty() {
+            s.push_str("plugged in:\n");
+            list(&mut s, &self.plugins);
+        }
+        s.push_str("on entities:\n");
+        let crate_of = |name: &str| name.split_once("::").map_or("colvis", |(krate, _)| krate).to_owned();
+        for of_crate in self.components.chunk_by(|a, b| crate_of(a) == crate_of(b)) {
+            let names: Vec<&str> = of_crate.iter().map(|n| n.rsplit("::").next().unwrap_or(n)).collect();
+            s.push_str(&format!("  {}: {}\n", crate_of(&of_crate[0]), names.join(", ")));
+        }
+        let width = |parts: &mut dyn Iterator<Item = &str>| parts.map(str::len).max().unwrap_or(0);
         s.push_str("in memory:\n");
-        let wide = width(&mut self.built.iter().map(|b| b.part));
+        let wide = width(&mut self.built.iter().map(|b| &*b.part));
         for b in &self.built {
             s.push_str(&format!("  {:wide$} {:>12} bytes  {}\n", b.part, b.bytes, b.needed_by));
         }

@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use crate::app::Catalog;
+use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::render::{CameraModel, Choices, Classification, GradientSource, Leaping, LowDetail, Preset, Settings};
 
@@ -14,8 +15,6 @@ pub struct RenderSettings {
     /// Whether opacity is looked up by the regression's filtered density, as the paper has it, instead of by the
     /// trilinear value.
     pub filtered_density: bool,
-    /// Which renderer; the command line's `--preset` wins.
-    pub preset: Preset,
     /// Which of the paper's ideas are used in the place of the preset's own.
     pub choices: Choices,
 }
@@ -45,7 +44,7 @@ pub struct ImageSettings {
     pub fov_degrees: f64,
     /// The renderer's settings.
     pub settings: Settings,
-    /// Which renderer.
+    /// Which renderer; the command line's `--preset` wins over the scene file's.
     pub preset: Preset,
 }
 
@@ -59,18 +58,23 @@ impl Default for ImageSettings {
 
 impl RenderSettings {
     /// # Errors
-    /// Status 2 for a setting that makes no sense, or that the preset does not follow.
+    /// Status 2 for a setting that makes no sense.
     pub fn check(&self) -> Result<()> {
         if let Some(s) = self.sensitivity.filter(|s| !(*s > 0.0 && *s < 1.0)) {
             let why = format!("is {s}");
             return Err(Error::usage("render.sensitivity", why, "give a finite number between 0 and 1"));
         }
-        self.choices.check()?;
-        (self.preset.takes)(&self.choices)
+        self.choices.check()
     }
 }
 
 impl ImageSettings {
+    /// A view with these settings.
+    pub fn picture(&self) -> Picture {
+        let Self { width, height, camera, fov_degrees, settings, preset } = *self;
+        Picture { camera, fov_degrees, settings, preset, ..Picture::new(width, height) }
+    }
+
     /// # Errors
     /// Status 2 where the preset does not follow what is chosen.
     pub fn check(&self) -> Result<()> {
@@ -93,14 +97,14 @@ pub(super) struct RenderFile {
 }
 
 impl RenderFile {
-    /// The settings, whose preset is one of `catalog`.
+    /// The settings, and the preset, which is one of `catalog`.
     ///
     /// # Errors
     /// Status 2 where there is no such preset.
-    pub(super) fn settings(self, catalog: &Catalog) -> Result<RenderSettings> {
+    pub(super) fn settings(self, catalog: &Catalog) -> Result<(RenderSettings, Preset)> {
         let Self { sensitivity, filtered_density, preset, leap, gradients, key_frames, low } = self;
         let preset = preset.map_or(Ok(Preset::default()), |name| catalog.find_preset(&name))?;
         let choices = Choices { leap, gradients, key_frames, low };
-        Ok(RenderSettings { sensitivity, filtered_density, preset, choices })
+        Ok((RenderSettings { sensitivity, filtered_density, choices }, preset))
     }
 }

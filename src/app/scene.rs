@@ -8,7 +8,7 @@ use crate::app::Catalog;
 use crate::app::images::{ImageSettings, RenderFile, RenderSettings};
 use crate::components::flight::Goal;
 use crate::components::guide::Tentacles;
-use crate::components::output::GuideName;
+use crate::components::output::{GuideName, Picture};
 use crate::components::play::Playback;
 use crate::dynamics::Body;
 use crate::dynamics::mines::MineSettings;
@@ -16,8 +16,9 @@ use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
 use crate::render::Settings;
-use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Slot};
+use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Plugins, Slot};
 use crate::systems;
+use crate::systems::present::Presenters;
 
 /// Who steers.
 #[derive(Clone, Debug)]
@@ -60,12 +61,14 @@ pub struct Scene {
     pub picture: bool,
     /// What these images are like.
     pub image: ImageSettings,
-    /// Who shows or records them: a plugin of the set [`Present`](crate::schedule::FlightSystems::Present).
-    pub presenter: Option<Plugin>,
+    /// Whether images go anywhere: into a window or a recording.
+    pub presented: bool,
     /// Whether steps are written down.
     pub log: bool,
     /// Whether an operator can take part: a window, or a recorded input.
     pub operator: bool,
+    /// What other crates add to the flight.
+    pub plugins: Plugins,
 }
 
 impl Default for Scene {
@@ -79,9 +82,10 @@ impl Default for Scene {
             render: RenderSettings::default(),
             picture: false,
             image: ImageSettings::default(),
-            presenter: None,
+            presented: false,
             log: false,
             operator: false,
+            plugins: Plugins::default(),
         }
     }
 }
@@ -115,6 +119,15 @@ impl Scene {
         scene
     }
 
+    /// The scene with one more plug-in.
+    ///
+    /// # Errors
+    /// Status 2 when one of its name is there already.
+    pub fn plug(mut self, plugin: impl Plugin) -> Result<Self> {
+        self.plugins.add(plugin)?;
+        Ok(self)
+    }
+
     /// Reads a scene file, whose guides and renderer are among those of `catalog`.
     ///
     /// # Errors
@@ -138,18 +151,15 @@ impl Scene {
     fn parse_with(text: &str, catalog: &Catalog) -> Result<Self> {
         let mend = "name known plugins and settings";
         let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
-        let render = file.render.settings(catalog)?;
+        let (render, preset) = file.render.settings(catalog)?;
         let mut scene = Self {
             guides: catalog.guides.clone(),
             mines: None,
             watch: None,
             body: file.body,
-            image: ImageSettings {
-                settings: render.apply(Settings::default()),
-                preset: render.preset,
-                ..ImageSettings::default()
-            },
+            image: ImageSettings { settings: render.apply(Settings::default()), preset, ..ImageSettings::default() },
             render,
+            plugins: catalog.plugins.clone(),
             ..Self::default()
         };
         for (name, value) in file.guides {
@@ -279,16 +289,35 @@ impl Scene {
         } else {
             app.leave_out("log", "no --log was asked for");
         }
-        if self.picture {
-            systems::raycast::plugin(app)?;
-        } else {
-            app.leave_out("picture", "neither a window nor a recording: no ray is cast for an image");
+        for (part, why) in [
+            ("picture", "neither a window nor a recording: no ray is cast for an image"),
+            ("presentation", "neither a window nor a recording: nothing is shown or kept"),
+        ] {
+            app.leave_out(part, why);
         }
-        match self.presenter.filter(|_| self.picture) {
-            Some(presenter) => presenter(app)?,
-            None => app.leave_out("presentation", "neither a window nor a recording: nothing is shown or kept"),
-        }
+        self.plug_views(app)?;
         self.leave_out_fields(app);
+        Ok(())
+    }
+
+    /// Adds what renders views and hands their pictures on as soon as there is a view, and somebody to hand them to.
+    ///
+    /// # Errors
+    /// As [`Scene::plug_into`].
+    pub fn plug_views(&self, app: &mut App) -> Result<()> {
+        if app.world.query::<&Picture>().iter(&app.world).next().is_none() {
+            return Ok(());
+        }
+        if !app.is_filled(Slot::Renderer) {
+            systems::raycast::plugin(app)?;
+        }
+        app.take_in("picture");
+        if self.presented || app.world.contains_non_send::<Presenters>() {
+            if !app.is_filled(Slot::Presentation) {
+                systems::present::plugin(app)?;
+            }
+            app.take_in("presentation");
+        }
         Ok(())
     }
 
@@ -369,11 +398,11 @@ mod tests {
         let s = Scene::parse(text).unwrap();
         let (leap, gradients) = (Some(Leaping::Voxel), Some(GradientSource::Stored));
         let choices = Choices { leap, gradients, key_frames: Some(7), low: Some(LowDetail::Third) };
-        assert_eq!((s.render.choices, s.image.settings.choices, s.image.preset), (choices, choices, s.render.preset));
+        assert_eq!((s.render.choices, s.image.settings.choices, s.image.preset.name), (choices, choices, "colvis"));
         assert_eq!(s.render.apply(Settings::default()).choices, choices);
         // What a preset refuses, it refuses wherever it was chosen.
         let lean = Preset::named("lean").unwrap();
-        let other = Scene { render: RenderSettings { preset: lean, ..s.render }, ..s };
+        let other = Scene { image: ImageSettings { preset: lean, ..s.image }, ..s };
         let refused = other.check().unwrap_err();
         assert!(refused.to_string().contains("the preset lean keeps nothing for each voxel"), "{refused}");
         assert!(
@@ -388,9 +417,9 @@ mod tests {
         let s = Scene::parse("plugins = [\"manual\", \"watch\"]").unwrap();
         assert!(s.guide_name() == "manual" && s.watch.is_some());
         let s = Scene::parse("plugins = [\"render\"]").unwrap();
-        assert!(!s.moves() && s.picture && s.render.preset == Preset::default());
+        assert!(!s.moves() && s.picture && s.image.preset == Preset::default());
         let s = Scene::parse("plugins = [\"render\"]\n[render]\npreset = \"colvis\"").unwrap();
-        assert_ne!(s.render.preset, Preset::default());
+        assert_ne!(s.image.preset, Preset::default());
         for bad in [
             "plugins = [\"tentacles\", \"manual\"]",
             "plugins = [\"warp\"]",

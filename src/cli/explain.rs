@@ -22,8 +22,8 @@ pub fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Ar
     let mut flight = fly::flight(&args.fly, &mut scan, scene)?;
     if flight.camera::<FrameCache>().is_some() {
         // Only frames fill it: the last one's and the one before's memory is used in turn.
-        flight.frame();
-        flight.frame();
+        flight.frame()?;
+        flight.frame()?;
     }
     let explanation = explain(&flight);
     let text = if args.json {

@@ -30,7 +30,7 @@ use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Preset};
-use crate::schedule::Guide;
+use crate::schedule::{Guide, Plugin};
 use args::{Args, Command};
 
 /// The program `colvis`, with whatever another program adds to it.
@@ -78,6 +78,14 @@ impl Program {
     #[must_use]
     pub fn overlay(self, overlay: Overlay) -> Self {
         Self { catalog: self.catalog.overlay(overlay) }
+    }
+
+    /// Adds a plug-in to every flight: in the window, headless, in `explain` and in `report scenes`.
+    ///
+    /// One whose name is taken is refused when the program runs.
+    #[must_use]
+    pub fn plugin(self, plugin: impl Plugin) -> Self {
+        Self { catalog: self.catalog.plugin(plugin) }
     }
 
     /// Runs the program and returns its exit status. Every failure prints exactly one line beginning `error: `.

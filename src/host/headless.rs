@@ -47,10 +47,14 @@ pub fn fly(
     };
     let fps = recorder.as_ref().map(|_| outputs.fps);
     if let Some(recorder) = recorder {
-        present::hand_to(flight.app_mut(), Recording::new(recorder));
+        let camera = flight.app().camera_id();
+        if let Err(e) = flight.present_to(camera, Recording::new(recorder)) {
+            return (Vec::new(), Err(e));
+        }
     }
     let flown = fly_steps(flight, seconds, log, fps, progress);
-    let recording = flight.app_mut().world.remove_non_send::<Recording>();
+    let camera = flight.app().camera_id();
+    let recording = present::take::<Recording>(flight.app_mut(), camera);
     let (frames, recorded) = recording.map_or((Vec::new(), Ok(())), Recording::finish);
     // An interruption is told last: what could not be written is worse.
     let outcome = flown.and_then(|interrupted| recorded.map(|()| interrupted));
@@ -122,11 +126,12 @@ fn due(n: u64, fps: f64, hz: f64) -> u64 {
 
 /// Traces and records the image of the pose as it is now.
 fn record(flight: &mut FlightApp) -> Result<()> {
-    if let Some(mut recording) = flight.app_mut().world.get_non_send_mut::<Recording>() {
+    let camera = flight.app().camera_id();
+    if let Some(mut recording) = present::presenter::<Recording>(flight.app_mut(), camera) {
         recording.begin();
     }
-    flight.frame();
-    match flight.app_mut().world.get_non_send_mut::<Recording>() {
+    flight.frame()?;
+    match present::presenter::<Recording>(flight.app_mut(), camera) {
         Some(mut recording) => recording.take_outcome(),
         None => Ok(()),
     }

@@ -14,8 +14,7 @@ use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
 use crate::output::{self, Whole};
 use crate::render::Frame;
-use crate::schedule::App;
-use crate::systems::present::{self, Presenter};
+use crate::systems::present::Presenter;
 
 /// Writes one image as PNG, whole or not at all.
 ///
@@ -73,7 +72,9 @@ impl Recording {
 }
 
 impl Presenter for Recording {
-    const NAME: &'static str = "recording";
+    fn name(&self) -> &'static str {
+        "recording"
+    }
 
     fn present(&mut self, picture: &Picture) {
         // File output is none of the picture's time.
@@ -86,14 +87,6 @@ impl Presenter for Recording {
             self.frames.push(FrameStats::new(ms, &picture.work));
         }
     }
-}
-
-/// The plugin that records pictures.
-///
-/// # Errors
-/// Status 2 when there is another presenter.
-pub fn presenter(app: &mut App) -> Result<()> {
-    present::plugin::<Recording>(app)
 }
 
 /// A recording under way.

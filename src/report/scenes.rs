@@ -178,7 +178,7 @@ impl Running {
         }
         if self.picture {
             let begun = Instant::now();
-            self.flight.frame();
+            self.flight.frame()?;
             self.frame_ms.push(begun.elapsed().as_secs_f64() * 1e3);
         }
         Ok(())

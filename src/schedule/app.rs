@@ -1,10 +1,13 @@
 //! The world of a flight and its two schedules.
 
 use bevy_ecs::prelude::*;
-use bevy_ecs::schedule::{LogLevel, ScheduleBuildSettings, ScheduleConfigs, ScheduleLabel};
+use bevy_ecs::schedule::{
+    InternedSystemSet, LogLevel, ScheduleBuildSettings, ScheduleCleanupPolicy, ScheduleConfigs, ScheduleError,
+    ScheduleLabel,
+};
 use bevy_ecs::system::{ScheduleSystem, SystemAccess};
 
-use super::FlightSystems;
+use super::{FlightSystems, Phase, Plugin};
 use crate::error::{Error, Result};
 
 /// A place that exactly one plugin may fill.
@@ -14,8 +17,8 @@ pub enum Slot {
     Guide,
     /// Who renders.
     Renderer,
-    /// Who shows or records what was rendered.
-    Presenter,
+    /// What hands pictures to their presenters.
+    Presentation,
 }
 
 /// Something that a scene could have and does not.
@@ -32,6 +35,19 @@ struct Step;
 
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
 struct Frame;
+
+/// Every system that belongs to the scene and goes when the scene changes.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct OfScene;
+
+/// The post-process that was added as the so many-th.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct PostProcess(u32);
+
+/// Marks the scan that is flown through and the camera that flies. The systems of a simulation step work on these two alone,
+/// so entities of other crates may carry the same components without disturbing the flight.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub struct Main;
 
 /// A world with a scan entity, a camera entity, and the systems that run on them.
 ///
@@ -57,14 +73,30 @@ pub struct App {
     camera: Entity,
     step: Schedule,
     frame: Schedule,
-    filled: Vec<(Slot, &'static str)>,
+    filled: Vec<Filled>,
     left_out: Vec<LeftOut>,
     /// What takes the present scene's equipment off the camera again.
     strip: Vec<fn(&mut EntityWorldMut)>,
+    /// Who adds systems and components now.
+    owner: Owner,
+    post_processes: u32,
+    plugged: Vec<String>,
 }
 
-/// A part of a scene without settings: adds components and systems to the application.
-pub type Plugin = fn(&mut App) -> Result<()>;
+/// Whom systems and components belong to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Owner {
+    /// The scene: they go when it changes.
+    Scene,
+    /// A plug-in, or whoever has the flight: they stay.
+    Plugin,
+}
+
+struct Filled {
+    slot: Slot,
+    name: &'static str,
+    owner: Owner,
+}
 
 impl Default for App {
     fn default() -> Self {
@@ -76,29 +108,62 @@ impl App {
     /// A world with a bare scan and a bare camera, and schedules without systems.
     pub fn new() -> Self {
         let mut world = World::new();
-        let [scan, camera] = [world.spawn_empty().id(), world.spawn_empty().id()];
+        let [scan, camera] = [world.spawn(Main).id(), world.spawn(Main).id()];
         Self {
             world,
             scan,
             camera,
-            step: step(),
-            frame: frame(),
+            step: schedule(Step, &FlightSystems::STEP),
+            frame: schedule(Frame, &FlightSystems::FRAME),
             filled: Vec::new(),
             left_out: Vec::new(),
             strip: Vec::new(),
+            owner: Owner::Plugin,
+            post_processes: 0,
+            plugged: Vec::new(),
         }
     }
 
-    /// Forgets every system and takes [equipment](App::equip) off the camera; what else the world holds stays. The next
-    /// plugins start from empty schedules.
-    pub fn clear(&mut self) {
-        self.step = step();
-        self.frame = frame();
-        self.filled.clear();
+    /// Replaces the scene: takes away the systems and the [equipment](App::equip) of the last one, then calls `plug` for those
+    /// of the next. What plug-ins added stays, with the state of their systems.
+    ///
+    /// # Errors
+    /// What `plug` returns, and status 1 when the schedules were left in a state that cannot be built.
+    pub fn set_scene(&mut self, plug: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+        for schedule in [&mut self.step, &mut self.frame] {
+            remove_scene(schedule, &mut self.world)?;
+        }
+        self.filled.retain(|f| f.owner == Owner::Plugin);
         self.left_out.clear();
         let strip = std::mem::take(&mut self.strip);
         let mut camera = self.camera();
         strip.into_iter().for_each(|take_off| take_off(&mut camera));
+        self.owner = Owner::Scene;
+        let plugged = plug(self);
+        self.owner = Owner::Plugin;
+        plugged
+    }
+
+    /// Builds a plug-in. What it adds stays when the scene changes.
+    ///
+    /// # Errors
+    /// What the plug-in returns; status 2 when one of its name is there already.
+    pub fn plug(&mut self, plugin: &dyn Plugin) -> Result<()> {
+        let name = plugin.name().into_owned();
+        if self.plugged.contains(&name) {
+            let why = "is plugged in already";
+            return Err(Error::usage(format!("plug-in {name:?}"), why, "give one of the two another name"));
+        }
+        self.plugged.push(name);
+        let owner = std::mem::replace(&mut self.owner, Owner::Plugin);
+        let built = plugin.build(self);
+        self.owner = owner;
+        built
+    }
+
+    /// Names of the plug-ins, in the order in which they were built.
+    pub fn plugged(&self) -> &[String] {
+        &self.plugged
     }
 
     /// The scan entity: the volume and what was derived from it.
@@ -109,6 +174,16 @@ impl App {
     /// The camera entity: where it is, what moves it, what it sees.
     pub fn camera(&mut self) -> EntityWorldMut<'_> {
         self.world.entity_mut(self.camera)
+    }
+
+    /// The scan's entity.
+    pub fn scan_id(&self) -> Entity {
+        self.scan
+    }
+
+    /// The camera's entity.
+    pub fn camera_id(&self) -> Entity {
+        self.camera
     }
 
     /// A component of the scan.
@@ -126,28 +201,83 @@ impl App {
         self.world.get_mut(self.camera)
     }
 
-    /// Gives the camera components for as long as the scene stays as it is: a change of the guide takes them off again.
+    /// Gives the camera components. Those of a scene are taken off again when the scene changes, its guide for example; those
+    /// of a plug-in stay.
     pub fn equip<B: Bundle>(&mut self, components: B) -> &mut Self {
-        self.strip.push(|camera| {
-            camera.remove::<B>();
-        });
+        if self.owner == Owner::Scene {
+            self.strip.push(|camera| {
+                camera.remove::<B>();
+            });
+        }
         self.camera().insert(components);
         self
     }
 
     /// Adds systems to a set of the step or of the frame.
+    ///
+    /// Two systems of one set may not touch the same data, unless one is ordered before the other. In
+    /// [`PostProcess`](FlightSystems::PostProcess) they may: there they run in the order in which they were added.
     pub fn add_systems<M>(
         &mut self,
         set: FlightSystems,
         systems: impl IntoScheduleConfigs<ScheduleSystem, M>,
     ) -> &mut Self {
-        let systems: ScheduleConfigs<ScheduleSystem> = systems.in_set(set);
-        if FlightSystems::FRAME.contains(&set) {
-            self.frame.add_systems(systems);
-        } else {
-            self.step.add_systems(systems);
+        let mut systems = systems.into_configs();
+        if set == FlightSystems::PostProcess {
+            let n = self.post_processes;
+            self.post_processes += 1;
+            systems = systems.chain().in_set(PostProcess(n));
+            for before in 0..n {
+                systems = systems.after(PostProcess(before));
+            }
         }
+        self.add_systems_to(set.phase(), systems.in_set(set))
+    }
+
+    /// Adds systems that choose their own place in a phase: `in_set` a set of your own that
+    /// [`configure_sets`](App::configure_sets) has ordered, or directly `before` or `after` a [`FlightSystems`].
+    pub fn add_systems_to<M>(
+        &mut self,
+        phase: Phase,
+        systems: impl IntoScheduleConfigs<ScheduleSystem, M>,
+    ) -> &mut Self {
+        let mut systems: ScheduleConfigs<ScheduleSystem> = systems.into_configs();
+        if self.owner == Owner::Scene {
+            systems = systems.in_set(OfScene);
+        }
+        self.schedule_mut(phase).add_systems(systems);
         self
+    }
+
+    /// Orders sets of your own within a phase, relative to each other and to [`FlightSystems`].
+    ///
+    /// ```
+    /// use bevy_ecs::prelude::*;
+    /// use colvis::schedule::{App, FlightSystems, Phase};
+    ///
+    /// #[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+    /// struct Wind;
+    ///
+    /// let mut app = App::new();
+    /// app.configure_sets(Phase::Step, Wind.after(FlightSystems::Force).before(FlightSystems::Sum));
+    /// app.add_systems_to(Phase::Step, (|| println!("blows")).in_set(Wind));
+    /// app.build()?;
+    /// # Ok::<(), colvis::error::Error>(())
+    /// ```
+    pub fn configure_sets<M>(
+        &mut self,
+        phase: Phase,
+        sets: impl IntoScheduleConfigs<InternedSystemSet, M>,
+    ) -> &mut Self {
+        self.schedule_mut(phase).configure_sets(sets);
+        self
+    }
+
+    fn schedule_mut(&mut self, phase: Phase) -> &mut Schedule {
+        match phase {
+            Phase::Step => &mut self.step,
+            Phase::Frame => &mut self.frame,
+        }
     }
 
     /// Takes a slot for the plugin `name`.
@@ -155,20 +285,30 @@ impl App {
     /// # Errors
     /// Status 2 when another plugin has it.
     pub fn fill(&mut self, slot: Slot, name: &'static str) -> Result<()> {
-        if let Some((_, other)) = self.filled.iter().find(|(s, _)| *s == slot) {
+        if let Some(other) = self.filled.iter().find(|f| f.slot == slot) {
             return Err(Error::usage(
                 format!("{slot:?}"),
-                format!("both {other} and {name} want to be it"),
+                format!("both {} and {name} want to be it", other.name),
                 "name one of them in the scene",
             ));
         }
-        self.filled.push((slot, name));
+        self.filled.push(Filled { slot, name, owner: self.owner });
         Ok(())
+    }
+
+    /// Whether a slot is taken.
+    pub fn is_filled(&self, slot: Slot) -> bool {
+        self.filled.iter().any(|f| f.slot == slot)
     }
 
     /// Notes that a part is not there, for `explain`.
     pub fn leave_out(&mut self, part: &'static str, why: impl Into<String>) {
         self.left_out.push(LeftOut { part, why: why.into() });
+    }
+
+    /// Notes that a part is there after all.
+    pub fn take_in(&mut self, part: &str) {
+        self.left_out.retain(|l| l.part != part);
     }
 
     /// What was left out.
@@ -179,15 +319,17 @@ impl App {
     /// Builds both schedules.
     ///
     /// # Errors
-    /// Status 1 when two systems of one set touch the same data: a fault of the plugins.
+    /// Status 1 when two systems of one set touch the same data, or when their order goes round in a circle.
     pub fn build(&mut self) -> Result<()> {
         for schedule in [&mut self.step, &mut self.frame] {
-            schedule.initialize(&mut self.world).map_err(|e| {
-                let text = e.to_string(schedule.graph(), &self.world);
-                Error::fault("schedule", text, "give the systems that are named an order by putting them in sets")
-            })?;
+            build(schedule, &mut self.world)?;
         }
         Ok(())
+    }
+
+    /// Whether systems were added or taken away since the schedules were [built](App::build).
+    pub fn is_changed(&self) -> bool {
+        self.step.is_changed() || self.frame.is_changed()
     }
 
     /// One simulation step.
@@ -235,7 +377,8 @@ impl App {
         [of(&self.step), of(&self.frame)].concat()
     }
 
-    /// Type names of all components on any entity, short and sorted: what is really in memory.
+    /// Names of all components on any entity, sorted: what is really in memory. A component of this crate has its short name,
+    /// one of another crate has that crate's name before it: `own_view::Rear`.
     pub fn components_in_use(&self) -> Vec<String> {
         let mut names: Vec<String> = self
             .world
@@ -244,40 +387,70 @@ impl App {
             .filter(|a| !a.is_empty())
             .flat_map(|a| a.components().iter().copied())
             .filter_map(|id| self.world.components().get_name(id))
-            .map(|n| n.to_string())
-            .filter(|n| n.starts_with("colvis"))
-            .map(|n| n.rsplit("::").next().unwrap_or(&n).to_owned())
+            .map(|n| component_name(&n.to_string()))
             .collect();
-        names.sort();
+        // This crate's come first, and each crate's are together.
+        names.sort_by_key(|n| (n.contains("::"), n.clone()));
         names.dedup();
         names
     }
 }
 
-fn step() -> Schedule {
-    let mut s = Schedule::new(Step);
-    s.set_build_settings(strict());
-    chain(&mut s, &FlightSystems::STEP);
-    s
+/// The short name of a component, with the crate it comes from if that is another one.
+fn component_name(name: &str) -> String {
+    let path = name.split('<').next().unwrap_or(name);
+    let krate = path.split("::").next().unwrap_or(path);
+    let last = path.rsplit("::").next().unwrap_or(path);
+    if krate == "colvis" { last.to_owned() } else { format!("{krate}::{last}") }
 }
 
-fn frame() -> Schedule {
-    let mut s = Schedule::new(Frame);
+/// A schedule whose sets run one after the other.
+fn schedule(label: impl ScheduleLabel, sets: &[FlightSystems]) -> Schedule {
+    let mut s = Schedule::new(label);
     s.set_build_settings(strict());
-    chain(&mut s, &FlightSystems::FRAME);
-    s
-}
-
-/// Each set before the next.
-fn chain(schedule: &mut Schedule, sets: &[FlightSystems]) {
+    s.configure_sets(OfScene);
     for two in sets.windows(2) {
-        schedule.configure_sets(two[0].before(two[1]));
+        s.configure_sets(two[0].before(two[1]));
+    }
+    s
+}
+
+/// # Errors
+/// Status 1 when the schedule is ambiguous or its order goes round in a circle.
+fn build(schedule: &mut Schedule, world: &mut World) -> Result<()> {
+    match schedule.initialize(world) {
+        Ok(_) => Ok(()),
+        Err(e) => {
+            let text = e.to_string(schedule.graph(), world);
+            let hint = "move one of the systems named here to another set, or order them: `a.before(b)`, `(a, b).chain()`, or \
+                        App::configure_sets for a set of your own";
+            Err(Error::fault("schedule", text, hint))
+        }
+    }
+}
+
+/// Takes the scene's systems out of a schedule.
+fn remove_scene(schedule: &mut Schedule, world: &mut World) -> Result<()> {
+    if schedule.is_changed() {
+        // Which systems belong to a set is known once a schedule is built. One that is ambiguous has to be built for that, too:
+        // it is what a change of the scene that failed has left behind.
+        schedule.set_build_settings(ScheduleBuildSettings { ambiguity_detection: LogLevel::Ignore, ..strict() });
+        let built = build(schedule, world);
+        schedule.set_build_settings(strict());
+        built?;
+    }
+    match schedule.remove_systems_in_set(OfScene, world, ScheduleCleanupPolicy::RemoveSystemsOnlyAllowBreakages) {
+        Ok(_) | Err(ScheduleError::SetNotFound) => Ok(()),
+        Err(e) => Err(Error::fault("schedule", e.to_string(), "report it")),
     }
 }
 
 /// A system's name as a person reads it: its file and function, `watch::watch_flight`; of a generic one also the bare name of
-/// what it is for.
+/// what it is for. One of another crate has its whole path; one that a type's `build` adds as a closure, the type's.
 fn short(name: &str) -> String {
+    if let Some((ty, rest)) = name.strip_prefix('<').and_then(|n| n.split_once('>')) {
+        return format!("{}{rest}", ty.split(" as ").next().unwrap_or(ty));
+    }
     let (path, of) = name.split_once('<').unwrap_or((name, ""));
     let path = path.rsplit_once("systems::").map_or(path, |(_, short)| short);
     match of.trim_end_matches('>').rsplit("::").next() {
@@ -332,6 +505,87 @@ mod tests {
         app.add_systems(FlightSystems::Log, double).add_systems(FlightSystems::Log, add);
         let e = app.build().unwrap_err();
         assert!(e.to_string().contains("Number"), "{e}");
+    }
+
+    #[test]
+    fn what_a_plugin_adds_outlives_the_scene_and_keeps_its_state() {
+        let mut app = App::new();
+        app.world.spawn(Number(0));
+        let counts = |app: &mut App| {
+            app.add_systems(FlightSystems::Trail, |mut runs: Local<i32>, mut q: Query<&mut Number>| {
+                *runs += 1;
+                q.iter_mut().for_each(|mut n| n.0 = *runs);
+            });
+            app.equip(Number(7));
+            Ok(())
+        };
+        app.plug(&("counts", counts)).unwrap();
+        assert!(app.plug(&("counts", counts)).is_err(), "a name is taken once");
+        let mut names = Vec::new();
+        for set in [FlightSystems::Log, FlightSystems::Input, FlightSystems::Log] {
+            app.set_scene(|app| {
+                app.add_systems(set, double);
+                Ok(())
+            })
+            .unwrap();
+            app.build().unwrap();
+            app.step();
+            names.push(app.systems()[0].len());
+        }
+        let runs = app.world.query::<&Number>().iter(&app.world).map(|n| n.0).collect::<Vec<_>>();
+        assert_eq!((names, runs), (vec![2, 2, 2], vec![6, 6]), "three runs, doubled after the last");
+        assert_eq!(app.plugged(), ["counts"]);
+        // A scene that cannot be built leaves the way back open.
+        app.set_scene(|app| {
+            app.add_systems(FlightSystems::Trail, double);
+            Ok(())
+        })
+        .unwrap();
+        let e = app.build().unwrap_err();
+        assert!(e.to_string().contains("`a.before(b)`"), "{e}");
+        app.set_scene(|app| {
+            app.add_systems(FlightSystems::Log, double);
+            Ok(())
+        })
+        .unwrap();
+        app.build().unwrap();
+        app.step();
+        assert_eq!(app.camera_get::<Number>().map(|n| n.0), Some(8));
+    }
+
+    #[test]
+    fn post_processes_run_in_the_order_they_were_added_in() {
+        let mut app = App::new();
+        app.add_systems(FlightSystems::PostProcess, add);
+        app.add_systems(FlightSystems::PostProcess, (double, add));
+        app.add_systems(FlightSystems::PostProcess, double);
+        app.build().unwrap();
+        app.world.spawn(Number(1));
+        app.frame();
+        assert_eq!(app.world.query::<&Number>().single(&app.world).unwrap().0, 10, "((1 + 1) * 2 + 1) * 2");
+    }
+
+    #[test]
+    fn a_set_of_ones_own_has_its_place() {
+        #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        struct Between;
+        let mut app = App::new();
+        app.configure_sets(Phase::Step, Between.after(FlightSystems::Input).before(FlightSystems::Sense));
+        app.add_systems(FlightSystems::Sense, double).add_systems(FlightSystems::Input, add);
+        app.add_systems_to(
+            Phase::Step,
+            (|mut q: Query<&mut Number>| q.iter_mut().for_each(|mut n| n.0 -= 5)).in_set(Between),
+        );
+        app.build().unwrap();
+        app.world.spawn(Number(1));
+        app.step();
+        assert_eq!(app.world.query::<&Number>().single(&app.world).unwrap().0, -6, "(1 + 1 - 5) * 2");
+    }
+
+    #[test]
+    fn components_of_other_crates_are_listed_with_the_crate() {
+        assert_eq!(component_name("colvis::components::camera::Pose"), "Pose");
+        assert_eq!(component_name("own_view::rear::Rear<colvis::x::Y>"), "own_view::Rear");
     }
 
     #[test]

@@ -2,13 +2,16 @@
 //! navigation method says of itself.
 //!
 //! - [`FlightSystems`]: the one order of a simulation step and of a frame.
-//! - [`App`]: a world with a scan entity, a camera entity and the two schedules. A [`Plugin`] adds systems and components to it.
+//! - [`App`]: a world with a scan entity, a camera entity and the two schedules.
+//! - [`Plugin`]: something of another crate that adds systems and components to it and stays for the whole flight.
 //! - [`Guide`] and [`Guides`]: a navigation method with its settings, and the table of those that a flight may be handed to.
 
 mod app;
 mod guide;
+mod plugin;
 mod sets;
 
-pub use app::{App, LeftOut, Plugin, Slot};
+pub use app::{App, LeftOut, Main, Slot};
 pub use guide::{Guide, GuideEntry, Guides, Needs};
-pub use sets::FlightSystems;
+pub use plugin::{Plugin, Plugins};
+pub use sets::{FlightSystems, Phase};

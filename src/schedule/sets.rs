@@ -4,8 +4,9 @@ use bevy_ecs::prelude::*;
 
 /// The order of a flight's systems; the only one there is.
 ///
-/// `Input` to `Clock` run in each simulation step, `RayCast` and `Present` in each frame. Two systems of one set must not
-/// touch the same data in a way that depends on their order: the build of such a schedule fails.
+/// `Input` to `Clock` run in each simulation step, `Aim` to `Present` in each frame. Two systems of one set must not touch
+/// the same data in a way that depends on their order: the build of such a schedule fails. Only in `PostProcess` they may.
+/// There they run in the order in which they were added.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FlightSystems {
     /// The operator's hand: push, look, pause.
@@ -32,10 +33,23 @@ pub enum FlightSystems {
     Log,
     /// Simulated time goes on.
     Clock,
-    /// Tracing the image. A socket: one renderer.
+    /// Placing the views of plug-ins before they are traced.
+    Aim,
+    /// Tracing the images of all views. A socket: one renderer.
     RayCast,
-    /// Showing or recording the finished image. A socket: one presenter.
+    /// Changing finished images. Any number of systems, in the order in which they were added.
+    PostProcess,
+    /// Showing or recording the finished images.
     Present,
+}
+
+/// The two parts that the systems of a flight run in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// A simulation step of fixed length.
+    Step,
+    /// A frame, whenever an image is wanted.
+    Frame,
 }
 
 impl FlightSystems {
@@ -55,5 +69,10 @@ impl FlightSystems {
         Self::Clock,
     ];
     /// The sets of a frame, in order.
-    pub const FRAME: [Self; 2] = [Self::RayCast, Self::Present];
+    pub const FRAME: [Self; 4] = [Self::Aim, Self::RayCast, Self::PostProcess, Self::Present];
+
+    /// The phase that it is a part of.
+    pub fn phase(self) -> Phase {
+        if Self::FRAME.contains(&self) { Phase::Frame } else { Phase::Step }
+    }
 }

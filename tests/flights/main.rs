@@ -11,6 +11,7 @@ mod own_guide;
 mod perforation;
 mod plane;
 mod plane_drawings;
+mod plugins;
 mod scenes;
 mod traps;
 

@@ -324,7 +324,7 @@ fn a_changed_view_angle_is_rendered_as_if_it_had_always_been() {
             for _ in 0..4 {
                 f.step().unwrap();
             }
-            f.frame();
+            f.frame().unwrap();
             let picture = f.camera::<Picture>().unwrap();
             assert_eq!(picture.fov_degrees, asked.clamp(1.0, 170.0));
             let fresh = f.look(96, 72).unwrap();

@@ -47,7 +47,7 @@ fn four_scenes_four_schedules() {
         ("Body", [true, true, true, false]),
         ("Walls", [true, true, true, false]),
         ("watch_flight", [true, true, true, false]),
-        ("cast_picture", [false, false, false, true]),
+        ("cast_pictures", [false, false, false, true]),
         ("Scan", [true, true, true, true]),
         ("FrameCache", [false, false, false, true]),
         ("take_commands", [false, false, false, false]),
@@ -231,11 +231,11 @@ fn the_whole_step_and_the_whole_frame_are_systems() {
     let input = dir.path().join("in.jsonl").display().to_string();
     let window = ["explain", "--json", "--log", &log];
     let recording = ["explain", "--json", "--log", &log, "--headless", "--record", &record, "--record-input", &input];
-    let mut presenters = vec![(&recording[..], "present_picture<Recording>")];
+    let mut all = vec![&recording[..]];
     if cfg!(feature = "window") {
-        presenters.push((&window[..], "present_picture<Framebuffer>"));
+        all.push(&window[..]);
     }
-    for (args, presenter) in presenters {
+    for args in all {
         let told = serde_json::from_slice::<serde_json::Value>(&run(args, 0).stdout).unwrap();
         let names = |list: &str| {
             let list = told[list].as_array().unwrap().iter();
@@ -257,7 +257,7 @@ fn the_whole_step_and_the_whole_frame_are_systems() {
             "tick",
         ];
         assert_eq!(names("step"), step);
-        assert_eq!(names("frame"), ["cast_picture", presenter]);
+        assert_eq!(names("frame"), ["cast_pictures", "present_pictures"]);
     }
 }
 
@@ -269,32 +269,8 @@ fn the_volume_is_a_component_that_systems_query() {
     let scene = Scene { picture: true, ..Scene::default() };
     let flight = flight(volume, scene, &Wish::default());
     let querying = flight.app().systems_that_query::<Scan>();
-    for system in ["raycast::cast_picture", "sense::cast_tentacles", "tentacles::guide_by_tentacles"] {
+    for system in ["raycast::cast_pictures", "sense::cast_tentacles", "tentacles::guide_by_tentacles"] {
         assert!(querying.iter().any(|s| s == system), "{system} is not among {querying:?}");
     }
     assert!(!querying.iter().any(|s| s.contains("log_step")), "{querying:?}");
-}
-
-/// What shows and records is a plugin like any other: without it nothing is shown or recorded.
-#[test]
-fn without_a_presenter_nothing_is_recorded() {
-    use std::sync::Arc;
-
-    use colvis::app::ImageSettings;
-    use colvis::host::headless::{self, Outputs};
-    use colvis::host::record;
-    use colvis::progress::Progress;
-    let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
-    let image = ImageSettings { width: 32, height: 24, ..ImageSettings::default() };
-    let counts = [None, Some(record::presenter as colvis::schedule::Plugin)].map(|presenter| {
-        let dir = tempfile::tempdir().unwrap();
-        let scene = Scene { picture: true, image: image.clone(), presenter, ..Scene::default() };
-        let mut f = flight(volume.clone(), scene, &Wish::default());
-        let record = Some(format!("{}/", dir.path().display()));
-        let outputs = Outputs { record, fps: 10.0, ..Outputs::default() };
-        let (frames, flown) = headless::fly(&mut f, 0.5, &outputs, &Arc::new(Progress::new()));
-        flown.unwrap();
-        (frames.len(), std::fs::read_dir(dir.path()).unwrap().count())
-    });
-    assert_eq!(counts, [(0, 0), (6, 6)]);
 }

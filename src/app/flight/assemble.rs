@@ -5,18 +5,18 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::FlightApp;
-use crate::app::plan;
+use crate::app::plan::{self, Plan};
+use crate::app::scene::Scene;
 use crate::components::camera::{Body, Contact, Heading, Pose, Spin, Velocity};
 use crate::components::flight::{FallsShort, Flight, Flown, Goal};
 use crate::components::guide::{Automatic, GuideThrust, Planned};
-use crate::components::output::{FrameCache, Picture};
 use crate::components::play::Playback;
 use crate::components::scan::{Centerline, TargetDistances, WallDistances, Walls};
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::Result;
 use crate::fields::ClearanceFinder;
-use crate::render::{Reuse, renderer};
+use crate::schedule::App;
 
 /// Logged clearances are exact up to 10 mm; what they are found by reaches a little farther, mm.
 const CLEARANCE_MM: f64 = 11.0;
@@ -25,7 +25,6 @@ impl FlightApp {
     /// Builds the schedules and the components anew for the scene as it is now: what it needs is added, what it does
     /// not need is removed.
     pub(super) fn rebuild(&mut self) -> Result<()> {
-        self.app.clear();
         self.fields.build(
             self.scene.needs(),
             self.volume.volume(),
@@ -35,9 +34,12 @@ impl FlightApp {
             &self.progress,
         )?;
         self.equip_scan();
-        self.equip_camera();
         let goal = Goal { at: self.plan.goal, within_mm: self.plan.within_mm, other_end: self.plan.other_end };
-        self.scene.plug_into(&mut self.app, goal)?;
+        let Self { app, scene, plan, .. } = self;
+        app.set_scene(|app| {
+            equip_camera(app, scene, plan);
+            scene.plug_into(app, goal)
+        })?;
         self.app.build()
     }
 
@@ -57,33 +59,6 @@ impl FlightApp {
         }
         if let Some(route) = self.fields.route() {
             scan.insert(Centerline(Arc::clone(route)));
-        }
-    }
-
-    /// What every camera of the scene has, whoever steers it.
-    fn equip_camera(&mut self) {
-        let (body, moves, automatic) = (self.scene.body, self.scene.moves(), self.scene.is_automatic());
-        let short = FallsShort(self.plan.falls_short.clone());
-        let segment = self.plan.segment;
-        if self.scene.play().is_none() {
-            self.app.camera().remove::<Playback>();
-        }
-        if automatic {
-            self.app.equip(Automatic);
-        }
-        let volume = &self.volume;
-        let mut camera = self.app.camera();
-        if moves {
-            camera.insert_if_new((Body(body), GuideThrust::default()));
-        }
-        camera.insert(short);
-        if let Some(mut flown) = camera.get_mut::<Flown>() {
-            flown.segment = segment;
-        }
-        if let Some((settings, preset)) = camera.get::<Picture>().map(|p| (p.settings, p.preset))
-            && !camera.contains::<FrameCache>()
-        {
-            camera.insert(FrameCache { renderer: renderer(volume, settings, preset, Reuse::Allowed), settings });
         }
     }
 
@@ -114,5 +89,24 @@ impl FlightApp {
             Spin::default(),
             Contact { clearance_mm, ..Contact::default() },
         ));
+    }
+}
+
+/// What every camera of the scene has, whoever steers it.
+fn equip_camera(app: &mut App, scene: &Scene, plan: &Plan) {
+    let moves = scene.moves();
+    if scene.play().is_none() {
+        app.camera().remove::<Playback>();
+    }
+    if scene.is_automatic() {
+        app.equip(Automatic);
+    }
+    let mut camera = app.camera();
+    if moves {
+        camera.insert_if_new((Body(scene.body), GuideThrust::default()));
+    }
+    camera.insert(FallsShort(plan.falls_short.clone()));
+    if let Some(mut flown) = camera.get_mut::<Flown>() {
+        flown.segment = plan.segment;
     }
 }

@@ -16,16 +16,17 @@ use crate::components::camera::Pose;
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, State};
 use crate::components::input::Act;
-use crate::components::output::{FlightLog, LogLine, Picture};
+use crate::components::output::{FlightLog, Follows, FrameCache, LogLine, Picture};
 use crate::components::scan::{Scan, Walls};
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, lumen};
 use crate::progress::Progress;
-use crate::render::{Coverage, Frame, PreparedVolume, Reuse, Settings, View, Work, coverage, renderer};
+use crate::render::{Coverage, Frame, PreparedVolume, Reuse, Settings, View, coverage, renderer};
 use crate::schedule::App;
+use crate::systems::present::{self, Presenter};
 
 /// A flight under way: what a host drives, the same for a window and headless.
 ///
@@ -69,17 +70,10 @@ impl FlightApp {
         app.scan().insert(Scan(volume.clone()));
         app.camera().insert((Flight::default(), Flown::default(), Trail::default()));
         if scene.picture {
-            let i = &scene.image;
-            app.camera().insert(Picture {
-                camera: i.camera,
-                fov_degrees: i.fov_degrees,
-                settings: i.settings,
-                preset: i.preset,
-                frame: Frame::new(i.width, i.height),
-                work: Work::default(),
-                due: false,
-                traced: false,
-            });
+            app.camera().insert(scene.image.picture());
+        }
+        for plugin in scene.plugins.iter() {
+            app.plug(plugin)?;
         }
         let mut flight = Self {
             app,
@@ -93,8 +87,109 @@ impl FlightApp {
             progress,
         };
         flight.rebuild()?;
+        flight.prepare_views();
         flight.set_out();
         Ok(flight)
+    }
+
+    /// Adds a view: an entity with a [`Picture`] and a place to look from, a [`Pose`] of its own or
+    /// [`Follows`](crate::components::output::Follows), and whatever else it is to carry. It is rendered in each frame from now
+    /// on. A view that is spawned into the world is, too; this one has its renderer made ready at once.
+    ///
+    /// # Errors
+    /// Status 2 for a picture whose preset does not follow its settings, or that no camera can make.
+    pub fn add_view(&mut self, view: impl Bundle) -> Result<Entity> {
+        let entity = self.app.world.spawn(view).id();
+        let checked = self.check_view(entity).and_then(|()| self.plug_late());
+        if let Err(e) = checked {
+            self.app.world.despawn(entity);
+            return Err(e);
+        }
+        self.prepare_views();
+        Ok(entity)
+    }
+
+    fn check_view(&self, entity: Entity) -> Result<()> {
+        let world = &self.app.world;
+        let Some(p) = world.get::<Picture>(entity) else {
+            return Err(Error::usage("view", "has no Picture", "spawn it with Picture::new(width, height)"));
+        };
+        if !world.entity(entity).contains::<Pose>() && !world.entity(entity).contains::<Follows>() {
+            return Err(Error::usage("view", "has no place to look from", "give it a Pose, or Follows"));
+        }
+        p.settings.choices.check()?;
+        (p.preset.takes)(&p.settings.choices)?;
+        let (width, height) = (p.frame.width(), p.frame.height());
+        View::with_model(DVec3::ZERO, DVec3::Y, DVec3::Z, p.camera, p.fov_degrees, width, height).map(drop)
+    }
+
+    /// Makes the renderers of views that have none yet, so that the first frame takes no longer than others.
+    fn prepare_views(&mut self) {
+        let Self { app, volume, .. } = self;
+        let mut views = app.world.query::<(&Picture, &mut FrameCache)>();
+        for (picture, mut cache) in views.iter_mut(&mut app.world) {
+            if picture.scan.is_none() {
+                cache.renderer_for(volume, picture.settings, picture.preset);
+            }
+        }
+    }
+
+    /// The views beside the camera's own, in the order in which they are rendered, with what their renderers keep.
+    pub fn other_views(&self) -> Vec<(&Picture, &FrameCache)> {
+        let camera = self.app.camera_id();
+        let world = &self.app.world;
+        let mut views: Vec<_> = world
+            .archetypes()
+            .iter()
+            .flat_map(|a| a.entities().iter().map(|e| e.id()))
+            .filter(|&e| e != camera && world.entity(e).contains::<Picture>())
+            .collect();
+        views.sort_unstable_by_key(|e| e.index_u32());
+        views.into_iter().filter_map(|e| Some((world.get(e)?, world.get(e)?))).collect()
+    }
+
+    /// Marks the views beside the camera's that would become better or other pictures if they were rendered now; whether
+    /// there is one.
+    pub(crate) fn mark_unfinished_views(&mut self) -> bool {
+        let camera = self.app.camera_id();
+        let here = self.pose();
+        let mut any = false;
+        let mut views = self.app.world.query::<(Entity, &mut Picture, &FrameCache, Option<&Pose>, Option<&Follows>)>();
+        for (entity, mut picture, cache, pose, follows) in views.iter_mut(&mut self.app.world) {
+            if entity == camera {
+                continue;
+            }
+            let pose = match follows {
+                Some(f) if f.whom.is_none_or(|e| e == camera) => Some(f.pose(&here)),
+                // Whom it follows may have moved: it is rendered.
+                Some(_) => None,
+                None => pose.copied(),
+            };
+            let same = pose.zip(picture.view.as_ref()).is_some_and(|(pose, view)| {
+                let (width, height) = (picture.frame.width(), picture.frame.height());
+                let Attitude { forward, up } = pose.attitude;
+                View::with_model(pose.position, forward, up, picture.camera, picture.fov_degrees, width, height)
+                    .is_ok_and(|now| now == *view)
+            });
+            picture.due = !same || cache.is_unfinished(&picture);
+            any |= picture.due;
+        }
+        any
+    }
+
+    /// Hands a view's pictures to a presenter from now on: see [`Presenter`].
+    ///
+    /// # Errors
+    /// As for any change of the schedule.
+    pub fn present_to(&mut self, view: Entity, presenter: impl Presenter) -> Result<()> {
+        present::hand_to(&mut self.app, view, presenter);
+        self.plug_late()
+    }
+
+    /// Adds what views and presenters that came later need.
+    fn plug_late(&mut self) -> Result<()> {
+        self.scene.plug_views(&mut self.app)?;
+        if self.app.is_changed() { self.app.build() } else { Ok(()) }
     }
 
     /// One simulation step, with the commands that are due.
@@ -107,6 +202,9 @@ impl FlightApp {
             if let Some(act) = self.coming.pop_front() {
                 self.act(act.command)?;
             }
+        }
+        if self.app.is_changed() {
+            self.app.build()?;
         }
         self.app.step();
         Ok(())
@@ -127,17 +225,30 @@ impl FlightApp {
         Ok(self.flight().state)
     }
 
-    /// Traces the picture of the pose as it is now, and presents it. Does nothing in a scene without a picture.
-    pub fn frame(&mut self) {
-        if let Some(mut picture) = self.camera_mut::<Picture>() {
-            picture.due = true;
-        }
-        self.app.frame();
+    /// Traces the pictures of all views as they are now, and presents them. Does nothing in a scene without a view.
+    ///
+    /// # Errors
+    /// Status 1 when systems were added whose order is ambiguous.
+    pub fn frame(&mut self) -> Result<()> {
+        let mut pictures = self.app.world.query::<&mut Picture>();
+        pictures.iter_mut(&mut self.app.world).for_each(|mut p| p.due = true);
+        self.frame_of_due()
     }
 
-    /// Presents the picture again as it was last traced: for something new that lies over it.
-    pub fn present(&mut self) {
+    /// As [`FlightApp::frame`], for those views alone that are due.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn frame_of_due(&mut self) -> Result<()> {
+        self.plug_late()?;
         self.app.frame();
+        Ok(())
+    }
+
+    /// Presents the camera's picture again as it was last traced: for something new that lies over it.
+    pub fn present(&mut self) {
+        let camera = self.app.camera_id();
+        present::present_again(&mut self.app, camera);
     }
 
     /// The view that its picture is of, from where the camera is now; none in a scene without a picture.

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::app::plan::triple;
-use crate::app::{FlightApp, ImageSettings, Place, Scan, Scene, Steering, Timings, Wish};
+use crate::app::{Catalog, FlightApp, ImageSettings, Place, Scan, Scene, Steering, Timings, Wish};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global, Point, Size};
 use crate::cli::prepare::{self, say};
@@ -20,7 +20,6 @@ use crate::dynamics::STEP_HZ;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless::{self, Outputs};
-use crate::host::record;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
@@ -136,7 +135,10 @@ pub enum Screen {
 pub fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen) -> Result<Scene> {
     let mut scene = match args.scene.as_deref() {
         Some(file) => Scene::read(file, &program.catalog)?,
-        None => Scene { guides: program.catalog.guides.clone(), ..Scene::default() },
+        None => {
+            let Catalog { guides, plugins, .. } = program.catalog.clone();
+            Scene { guides, plugins, ..Scene::default() }
+        }
     };
     if let Some(name) = &args.guide {
         scene.steering = Steering::Guide(scene.find(name)?.name);
@@ -147,13 +149,8 @@ pub fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen)
     }
     let windowed = screen == Screen::Window;
     scene.picture |= windowed || args.record.is_some();
-    scene.presenter = match (screen, &args.record) {
-        #[cfg(feature = "window")]
-        (Screen::Window, _) => Some(crate::host::window::presenter),
-        (_, Some(_)) => Some(record::presenter),
-        _ => None,
-    };
-    scene.render.preset = prepare::preset(program, args.preset.as_deref(), scene.render.preset)?;
+    scene.presented = windowed || args.record.is_some();
+    scene.image.preset = prepare::preset(program, args.preset.as_deref(), scene.image.preset)?;
     scene.log = args.log.is_some();
     scene.operator = windowed || args.replay.is_some() || args.record_input.is_some();
     if scene.picture {
@@ -195,7 +192,7 @@ fn image_settings(
         height: size.height,
         fov_degrees: prepare::fov(global, camera)?,
         settings: scene.render.apply(quality),
-        preset: scene.render.preset,
+        preset: scene.image.preset,
     })
 }
 
@@ -204,7 +201,7 @@ fn image_settings(
 /// # Errors
 /// Status 2 for options that make no sense, 3 when it cannot be read, 4 when interrupted.
 pub fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progress>) -> Result<Scan> {
-    prepare::open(args.input.as_deref(), global, scene.render.preset, progress)
+    prepare::open(args.input.as_deref(), global, scene.image.preset, progress)
 }
 
 /// Makes the flight in a scan, and says what there is to say.

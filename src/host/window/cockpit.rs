@@ -15,7 +15,7 @@ use super::overlays::Overlays;
 use super::planning::Planning;
 use super::saver::{Traced, WakeUp};
 use super::screenshot;
-use super::sight::Sight;
+use super::sight::{Due, Sight};
 use super::way::Way;
 use crate::app::{FlightApp, Overlay};
 use crate::components::camera::Velocity;
@@ -29,6 +29,7 @@ use crate::error::Result;
 use crate::host::frames::FrameStats;
 use crate::host::headless;
 use crate::render::Frame;
+use crate::systems::present;
 
 /// Steps between two images at the most: a slower machine flies slower.
 const STEPS: u32 = 10;
@@ -149,15 +150,32 @@ impl Cockpit {
         self.sight.image(&self.flight)
     }
 
-    /// Presents the picture as it was last traced, with `content` over it; what came of it, if there is a window.
-    pub fn present(&mut self, content: Content, below: Picturing) -> Option<Result<Presented>> {
-        self.framebuffer()?.prepare(content, below);
-        self.flight.present();
-        self.framebuffer()?.take_presented()
+    /// Traces the picture that is due, and presents it with `content` over it; with none due, presents the last one again. What
+    /// came of the presentation, if there is a window.
+    ///
+    /// # Errors
+    /// Status 1 when a frame cannot be made or shown.
+    pub fn show(&mut self, due: Option<Due>, content: Content) -> Result<Option<Presented>> {
+        let below = if due.is_some() || self.image().is_some() { Picturing::Picture } else { Picturing::Nothing };
+        if let Some(mut framebuffer) = self.framebuffer() {
+            framebuffer.prepare(content, below);
+        }
+        match &due {
+            Some(_) => self.flight.frame_of_due()?,
+            None => self.flight.present(),
+        }
+        let presented = self.framebuffer().and_then(|mut f| f.take_presented()).transpose()?;
+        if let Some(due) = due {
+            self.sight.traced(&self.flight, &due, presented.map(|p| p.traced_ms));
+            self.save_traced(Instant::now());
+            self.figures.touch();
+        }
+        Ok(presented)
     }
 
     fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
-        self.flight.app_mut().world.get_non_send_mut::<Framebuffer>()
+        let camera = self.flight.app().camera_id();
+        present::presenter(self.flight.app_mut(), camera)
     }
 
     /// Says something for a moment.
@@ -470,16 +488,20 @@ impl Cockpit {
         self.quiet = if left_alone && still && !self.flight.is_replaying() { self.quiet.saturating_add(1) } else { 0 };
     }
 
-    /// Sees to it that there is an image for a window of the given size; whether it is another than before.
+    /// Prepares the next frame for a window of the given size; none if the image that is shown cannot become better.
     ///
     /// # Errors
-    /// Status 1 when an image cannot be made: a fault of the program.
-    pub fn trace(&mut self, window: (usize, usize), now: Instant) -> Result<bool> {
-        let changed = self.sight.trace(&mut self.flight, window)?;
+    /// Status 1 when an image cannot be made: an internal error.
+    pub fn prepare(&mut self, window: (usize, usize), now: Instant) -> Result<Option<Due>> {
+        let due = self.sight.prepare(&mut self.flight, window)?;
+        self.save_traced(now);
+        Ok(due)
+    }
+
+    fn save_traced(&mut self, now: Instant) {
         for traced in self.sight.take_to_save() {
             self.save(&traced, now);
         }
-        Ok(changed)
     }
 
     /// What there is to say now.

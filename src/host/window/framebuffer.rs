@@ -13,15 +13,14 @@ use super::screen::Screen;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::render::Frame;
-use crate::schedule::App;
-use crate::systems::present::{self, Presenter};
+use crate::systems::present::Presenter;
 
 /// A window's pixels.
 pub struct Framebuffer {
     screen: Screen,
     painter: Painter,
     /// What is to lie over the next picture that is presented; none while nothing is to be shown.
-    next: Option<(Content, Picturing)>,
+    next: Option<(Content, Picturing, Instant)>,
     presented: Option<Result<Presented>>,
 }
 
@@ -41,6 +40,8 @@ pub struct Presented {
     pub settled: bool,
     /// From the finished picture to the presented one, ms.
     pub ms: f64,
+    /// From the call of [`Framebuffer::prepare`] to the finished picture, ms.
+    pub traced_ms: f64,
 }
 
 impl Framebuffer {
@@ -59,7 +60,7 @@ impl Framebuffer {
 
     /// Has `content` over the picture that is presented next.
     pub fn prepare(&mut self, content: Content, below: Picturing) {
-        self.next = Some((content, below));
+        self.next = Some((content, below, Instant::now()));
     }
 
     /// What came of the last presentation; none if there was none.
@@ -75,7 +76,7 @@ impl Framebuffer {
         let begun = Instant::now();
         let size = self.screen.window.inner_size();
         let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
-            return Ok(Presented { settled: true, ms: 0.0 });
+            return Ok(Presented { settled: true, ms: 0.0, traced_ms: 0.0 });
         };
         let mut show = || {
             self.screen.surface.resize(width, height)?;
@@ -88,25 +89,20 @@ impl Framebuffer {
         };
         let settled =
             show().map_err(|e: softbuffer::SoftBufferError| Error::fault("window", e.to_string(), "use --headless"))?;
-        Ok(Presented { settled, ms: begun.elapsed().as_secs_f64() * 1e3 })
+        Ok(Presented { settled, ms: begun.elapsed().as_secs_f64() * 1e3, traced_ms: 0.0 })
     }
 }
 
 impl Presenter for Framebuffer {
-    const NAME: &'static str = "window";
+    fn name(&self) -> &'static str {
+        "window"
+    }
 
     fn present(&mut self, picture: &Picture) {
-        if let Some((content, below)) = self.next.take() {
+        if let Some((content, below, since)) = self.next.take() {
+            let traced_ms = since.elapsed().as_secs_f64() * 1e3;
             let image = (below == Picturing::Picture).then_some(&picture.frame);
-            self.presented = Some(self.show(image, &content));
+            self.presented = Some(self.show(image, &content).map(|p| Presented { traced_ms, ..p }));
         }
     }
-}
-
-/// The plugin that shows pictures in the window.
-///
-/// # Errors
-/// Status 2 when there is another presenter.
-pub fn presenter(app: &mut App) -> Result<()> {
-    present::plugin::<Framebuffer>(app)
 }

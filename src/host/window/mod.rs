@@ -37,7 +37,6 @@ use crate::fence::fenced;
 use crate::host::frames::FrameStats;
 use crate::progress::Progress;
 use crate::schedule::Guides;
-pub use framebuffer::presenter;
 pub use loading::{Prepare, Ready, SessionFile};
 pub use presented::PresentMs;
 use shell::{Shell, Wake};

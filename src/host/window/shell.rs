@@ -13,7 +13,7 @@ use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::cockpit::Cockpit;
-use super::framebuffer::{Framebuffer, Picturing};
+use super::framebuffer::Framebuffer;
 use super::keys::{Action, Deed, action, with_control};
 use super::loading::{Loading, Ready};
 use super::overlay::Content;
@@ -27,7 +27,6 @@ use crate::error::{Error, Result};
 use crate::host::log::Log;
 use crate::progress::Progress;
 use crate::render::adaptive::FRAME;
-use crate::systems::present;
 
 /// Time between two pictures while loading.
 const LOADING: Duration = Duration::from_millis(60);
@@ -221,7 +220,8 @@ impl Shell {
             })
         });
         if let Some(framebuffer) = self.framebuffer.take() {
-            present::hand_to(flight.app_mut(), framebuffer);
+            let camera = flight.app().camera_id();
+            flight.present_to(camera, framebuffer)?;
         }
         let overlays = std::mem::take(&mut self.overlays);
         let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable), overlays)?;
@@ -293,7 +293,7 @@ impl Shell {
     fn picture(&mut self, anew: bool) -> Result<()> {
         let now = Instant::now();
         let (size, scale) = (self.window_size(), self.scale());
-        let mut changed = anew;
+        let mut due = None;
         let content = match &mut self.stage {
             Stage::Loading(loading) => loading.content(),
             Stage::Failed(e) => Content::Failed { text: e.to_string() },
@@ -302,7 +302,7 @@ impl Shell {
                 if let Some(log) = &mut self.log {
                     log.add(cockpit.flight_mut().take_log())?;
                 }
-                changed |= cockpit.trace(size, now)?;
+                due = cockpit.prepare(size, now)?;
                 cockpit.scaled(pixels_a_point(size, scale));
                 Content::Flight(Box::new(cockpit.readings(now)))
             }
@@ -314,13 +314,12 @@ impl Shell {
             // Minimised: the flight goes on, there is nothing to paint on.
             return Ok(());
         }
-        if !changed && self.painted.as_ref() == Some(&content) {
+        if due.is_none() && !anew && self.painted.as_ref() == Some(&content) {
             return Ok(());
         }
         let shown = match &mut self.stage {
             Stage::Flying(cockpit) => {
-                let below = if cockpit.image().is_some() { Picturing::Picture } else { Picturing::Nothing };
-                let shown = cockpit.present(content.clone(), below).transpose()?;
+                let shown = cockpit.show(due, content.clone())?;
                 if let Some(shown) = &shown {
                     self.presented.took(shown.ms);
                     cockpit.presented(self.presented.usual_ms());
@@ -371,7 +370,12 @@ impl ApplicationHandler<Wake> for Shell {
             Ok(framebuffer) => {
                 self.window = Some(framebuffer.window());
                 match &mut self.stage {
-                    Stage::Flying(c) => present::hand_to(c.flight_mut().app_mut(), framebuffer),
+                    Stage::Flying(c) => {
+                        let camera = c.flight().app().camera_id();
+                        if let Err(e) = c.flight_mut().present_to(camera, framebuffer) {
+                            self.fail(e, events);
+                        }
+                    }
                     _ => self.framebuffer = Some(framebuffer),
                 }
             }

@@ -45,6 +45,15 @@ impl Shown {
     }
 }
 
+/// A frame that is to be traced.
+pub struct Due {
+    now: Shown,
+    /// Whether it refines the image that is shown.
+    rest: bool,
+    pixels: usize,
+    begun: Instant,
+}
+
 /// What the operator sees.
 pub struct Sight {
     budget: FrameBudget,
@@ -94,7 +103,7 @@ impl Sight {
     /// How detailed the image is.
     pub fn detail(&self, flight: &FlightApp) -> Option<Detail> {
         self.shown?;
-        flight.camera::<FrameCache>().and_then(|c| c.renderer.detail())
+        flight.camera::<FrameCache>()?.renderer()?.detail()
     }
 
     /// Whether a still image is to be made better.
@@ -140,30 +149,50 @@ impl Sight {
         Some(quality)
     }
 
-    /// Sees to it that there is an image for a window of the given size; whether it is another than before.
+    /// Prepares the next frame for a window of the given size. None if there is nothing to trace: the image shown is of the
+    /// same view and as good as it gets.
     ///
     /// # Errors
-    /// Status 1 when an image cannot be made: a fault of the program.
-    pub fn trace(&mut self, flight: &mut FlightApp, window: (usize, usize)) -> Result<bool> {
+    /// Status 1 when an image that was to be saved could not be made: an internal error.
+    pub fn prepare(&mut self, flight: &mut FlightApp, window: (usize, usize)) -> Result<Option<Due>> {
         while let Some(traced) = self.saver.take() {
             self.to_save.push(traced?);
         }
         if window.0 == 0 || window.1 == 0 {
-            return Ok(false);
+            return Ok(None);
         }
-        let Some(now) = Shown::now(flight, window) else { return Ok(false) };
+        let Some(now) = Shown::now(flight, window) else { return Ok(None) };
         let rest = self.shown.is_some_and(|s| s.is(&now));
-        if rest && !self.is_refining(flight) {
-            return Ok(false);
+        let done = rest && !self.is_refining(flight);
+        let others = flight.mark_unfinished_views();
+        if done && !others {
+            return Ok(None);
         }
         self.save_waiting(flight, &now, rest);
-        self.trace_now(flight, window, rest);
-        if rest {
-            self.save_waiting(flight, &now, true);
-        } else {
-            self.shown = Some(now);
+        let pixels = window.0 * window.1;
+        let budget = self.budget.samples(rest, self.present_ms, pixels);
+        if let Some(mut picture) = flight.camera_mut::<Picture>() {
+            // With the others, whether or not it can become better: a post-process may draw one into the other.
+            (picture.due, picture.budget) = (true, Some(budget));
+            picture.frame.resize(window.0, window.1);
         }
-        Ok(true)
+        Ok(Some(Due { now, rest, pixels, begun: Instant::now() }))
+    }
+
+    /// Learns that the frame that was prepared is there, and what it took, ms; the time since it was prepared if none.
+    pub fn traced(&mut self, flight: &FlightApp, due: &Due, ms: Option<f64>) {
+        let ms = ms.unwrap_or_else(|| due.begun.elapsed().as_secs_f64() * 1e3);
+        if let Some(w) = flight.camera::<Picture>().map(|p| p.work) {
+            if cost(&w) > 0 {
+                self.budget.took(due.rest, cost(&w), due.pixels, ms);
+            }
+            self.frames.push(FrameStats::new(ms, &w));
+        }
+        if due.rest {
+            self.save_waiting(flight, &due.now, true);
+        } else {
+            self.shown = Some(due.now);
+        }
     }
 
     /// Sees to an image that waits to be saved, while the camera is at rest or has moved on.
@@ -177,26 +206,6 @@ impl Sight {
             return;
         }
         self.waiting = None;
-    }
-
-    /// Traces the flight's own picture.
-    fn trace_now(&mut self, flight: &mut FlightApp, (width, height): (usize, usize), rest: bool) {
-        let begun = Instant::now();
-        let pixels = width * height;
-        if let Some(mut cache) = flight.camera_mut::<FrameCache>() {
-            cache.renderer.set_budget(self.budget.samples(rest, self.present_ms, pixels));
-        }
-        if let Some(mut picture) = flight.camera_mut::<Picture>() {
-            picture.frame.resize(width, height);
-        }
-        flight.frame();
-        let ms = begun.elapsed().as_secs_f64() * 1e3;
-        if let Some(w) = flight.camera::<Picture>().map(|p| p.work) {
-            if cost(&w) > 0 {
-                self.budget.took(rest, cost(&w), pixels, ms);
-            }
-            self.frames.push(FrameStats { ms, rays: w.rays, samples: w.samples, reused: w.reused });
-        }
     }
 }
 

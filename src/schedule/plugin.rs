@@ -1,0 +1,149 @@
+//! Plug-ins: values that add systems, components and resources to a flight.
+
+use std::any::type_name;
+use std::borrow::Cow;
+use std::fmt;
+use std::sync::Arc;
+
+use super::App;
+use crate::error::{Error, Result};
+
+/// Something that another crate adds to a flight: systems, entities, resources. It is a value, so it can carry settings and
+/// state.
+///
+/// A plug-in is built once for each flight, before the scene's own systems. What it adds stays for the whole flight, through
+/// every change of guide, direction and segment. `examples/own_plugin.rs` is a complete one.
+///
+/// A closure is a plug-in, and a pair of a name and a closure is one with that name:
+///
+/// ```
+/// use bevy_ecs::prelude::*;
+/// use colvis::app::{Scan, Scene, Wish};
+/// use colvis::components::input::Command;
+/// use colvis::schedule::{App, FlightSystems};
+///
+/// #[derive(Resource, Default)]
+/// struct Steps(u32);
+///
+/// let count = |app: &mut App| {
+///     app.world.init_resource::<Steps>();
+///     app.add_systems(FlightSystems::Log, |mut steps: ResMut<Steps>| steps.0 += 1);
+///     Ok(())
+/// };
+/// let mut flight = Scan::phantom(1)?.flight(Scene::default().plug(("count", count))?, &Wish::default())?;
+/// flight.fly(1.0)?;
+/// flight.act(Command::Guide("manual".to_owned()))?;
+/// flight.fly(1.0)?;
+/// assert_eq!(flight.app().world.resource::<Steps>().0, 240);
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
+pub trait Plugin: Send + Sync + 'static {
+    /// Its name: in `explain`, in messages, and as its table in scene files. Two plug-ins of one flight cannot share it.
+    fn name(&self) -> Cow<'static, str> {
+        short_type_name(type_name::<Self>()).into()
+    }
+
+    /// Adds its parts to the flight. The scan and the camera are there; the camera has its pose only once the flight sets out.
+    ///
+    /// # Errors
+    /// Whatever it reports: the flight is not made then.
+    fn build(&self, app: &mut App) -> Result<()>;
+}
+
+impl<F> Plugin for F
+where
+    F: Fn(&mut App) -> Result<()> + Send + Sync + 'static,
+{
+    fn build(&self, app: &mut App) -> Result<()> {
+        self(app)
+    }
+}
+
+impl<F> Plugin for (&'static str, F)
+where
+    F: Fn(&mut App) -> Result<()> + Send + Sync + 'static,
+{
+    fn name(&self) -> Cow<'static, str> {
+        self.0.into()
+    }
+
+    fn build(&self, app: &mut App) -> Result<()> {
+        self.1(app)
+    }
+}
+
+/// A type's name without the modules that it lies in; of a closure, the function that it stands in.
+fn short_type_name(name: &'static str) -> &'static str {
+    let name = name.split('<').next().unwrap_or(name).trim_end_matches("::{{closure}}");
+    name.rsplit("::").next().unwrap_or(name)
+}
+
+/// The plug-ins of a scene, in the order in which they were added.
+#[derive(Clone, Default)]
+pub struct Plugins(Vec<Arc<dyn Plugin>>);
+
+impl Plugins {
+    /// Adds a plug-in.
+    ///
+    /// # Errors
+    /// Status 2 when one of its name is there already.
+    pub fn add(&mut self, plugin: impl Plugin) -> Result<()> {
+        let name = plugin.name();
+        if self.iter().any(|p| p.name() == name) {
+            let why = "two plug-ins have this name";
+            return Err(Error::usage(format!("plug-in {name:?}"), why, "give one of them another name"));
+        }
+        self.0.push(Arc::new(plugin));
+        Ok(())
+    }
+
+    /// Adds a plug-in, whatever its name: a flight refuses to build two of one name.
+    pub fn push(&mut self, plugin: impl Plugin) {
+        self.0.push(Arc::new(plugin));
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl Iterator<Item = &dyn Plugin> {
+        self.0.iter().map(|p| &**p)
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
+impl fmt::Debug for Plugins {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.iter().map(|p| p.name())).finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Rear;
+
+    impl Plugin for Rear {
+        fn build(&self, _: &mut App) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    fn named(_: &mut App) -> Result<()> {
+        Ok(())
+    }
+
+    #[test]
+    fn a_plugin_is_called_by_its_type_its_function_or_its_name() {
+        let mut plugins = Plugins::default();
+        plugins.add(Rear).unwrap();
+        plugins.add(named).unwrap();
+        plugins.add(|_: &mut App| Ok(())).unwrap();
+        plugins.add(("pair", |_: &mut App| Ok(()))).unwrap();
+        let closure = "a_plugin_is_called_by_its_type_its_function_or_its_name";
+        assert_eq!(plugins.iter().map(|p| p.name()).collect::<Vec<_>>(), ["Rear", "named", closure, "pair"]);
+        assert!(plugins.add(("named", |_: &mut App| Ok(()))).unwrap_err().to_string().contains("named"));
+    }
+}
