@@ -178,7 +178,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Explain(a)) => explain::run(program, &a, &global, &progress),
         Some(Command::Centerline(a)) => centerline::run(&a, &global, &progress),
         Some(Command::Plane(a)) => plane::run(&a, &progress),
-        Some(Command::Report(a)) => report::run(&a, &global, &progress),
+        Some(Command::Report(a)) => report::run(program, &a, &global, &progress),
         None => fly::run(program, &args.fly, &global, &progress),
     }
 }

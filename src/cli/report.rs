@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::app::scan::check_thick;
+use crate::cli::Program;
 use crate::cli::args::{Global, ReportArgs, ReportSubject};
 use crate::cli::prepare::{self, say};
 use crate::error::{Error, Result};
@@ -31,7 +32,7 @@ const ALL: [(ReportSubject, &str); 6] = [
 /// # Errors
 /// Status 2 for options that make no sense, 3 for an input that cannot be used, 4 when interrupted, 5 for an output that cannot be
 /// written.
-pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+pub fn run(program: &Program, args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     prepare::transfer(global)?;
     prepare::fov(global, CameraModel::default())?;
     if let Some(scan) = args.scan.as_deref().filter(|s| !s.exists()) {
@@ -45,7 +46,7 @@ pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Resu
             let all = args.subject == ReportSubject::All;
             if all || subject == args.subject {
                 let folder = if all { args.out.join(name) } else { args.out.clone() };
-                findings.extend(one(subject, args, global, &folder, progress)?);
+                findings.extend(one(program, subject, args, global, &folder, progress)?);
                 findings.push(format!("see {}", folder.join("report.html").display()));
             }
         }
@@ -55,6 +56,7 @@ pub fn run(args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Resu
 }
 
 fn one(
+    program: &Program,
     subject: ReportSubject,
     args: &ReportArgs,
     global: &Global,
@@ -81,7 +83,10 @@ fn one(
             let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;
             fields::report(Effort::new(args.quick), global.seed.unwrap_or(1), scan, folder, progress)
         }
-        _ => scenes::report(&phantom(args.quick, global, progress)?, Effort::new(args.quick), folder, progress),
+        _ => {
+            let space = phantom(args.quick, global, progress)?;
+            scenes::report(&space, &program.catalog.plugins, Effort::new(args.quick), folder, progress)
+        }
     }
 }
 

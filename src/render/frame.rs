@@ -58,6 +58,18 @@ impl Frame {
         self.pixels.copy_from_slice(&other.pixels);
     }
 
+    /// Draws another picture into this one, its top left pixel at `column`, `row`; what lies beyond the edges is cut off.
+    pub fn draw(&mut self, other: &Self, column: usize, row: usize) {
+        let across = other.width.min(self.width.saturating_sub(column));
+        if across == 0 {
+            return;
+        }
+        let rows = self.pixels.chunks_exact_mut(self.width).skip(row);
+        for (to, from) in rows.zip(other.pixels.chunks_exact(other.width)) {
+            to[column..column + across].copy_from_slice(&from[..across]);
+        }
+    }
+
     /// Pixels and, where there is any, depth, to be drawn into.
     pub fn buffers(&mut self) -> (&mut [[u8; 3]], Option<&mut [f32]>) {
         (&mut self.pixels, self.depth.as_deref_mut())
@@ -96,4 +108,26 @@ pub fn psnr(a: &Frame, b: &Frame) -> f64 {
     let sum: u64 = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened()).map(square).sum();
     let mean = sum as f64 / a.pixels.as_flattened().len() as f64;
     10.0 * (255.0 * 255.0 / mean).log10()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_is_drawn_into_another_as_far_as_it_fits() {
+        let mut small = Frame::new(2, 3);
+        small.buffers().0.copy_from_slice(&[[1; 3], [2; 3], [3; 3], [4; 3], [5; 3], [6; 3]]);
+        let drawn = |column, row| {
+            let mut large = Frame::new(4, 4);
+            large.draw(&small, column, row);
+            large.pixels().iter().map(|p| p[0]).collect::<Vec<_>>()
+        };
+        assert_eq!(drawn(1, 0), [0, 1, 2, 0, 0, 3, 4, 0, 0, 5, 6, 0, 0, 0, 0, 0]);
+        assert_eq!(drawn(3, 2), [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 3]);
+        assert_eq!(drawn(4, 0), [0; 16]);
+        assert_eq!(drawn(0, 9), [0; 16]);
+        Frame::default().draw(&small, 0, 0);
+        Frame::new(4, 4).draw(&Frame::default(), 0, 0);
+    }
 }

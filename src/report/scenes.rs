@@ -14,6 +14,7 @@ use crate::fields::Lumen;
 use crate::progress::Progress;
 use crate::render::flags::Flags;
 use crate::render::{PreparedVolume, Settings};
+use crate::schedule::Plugins;
 use crate::systems::sense;
 
 use super::page::Page;
@@ -81,11 +82,17 @@ struct Cost {
     systems: usize,
 }
 
-/// Measures and writes the report into `folder`. Returns the findings, a sentence each.
+/// Measures and writes the report into `folder`, with the scene that has everything once more with `plugins`. Returns the findings, a sentence each.
 ///
 /// # Errors
 /// Status 4 when the scan cannot be flown or when interrupted, 5 when a file cannot be written.
-pub fn report(space: &PreparedVolume, effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
+pub fn report(
+    space: &PreparedVolume,
+    plugins: &Plugins,
+    effort: Effort,
+    folder: &Path,
+    progress: &Progress,
+) -> Result<Vec<String>> {
     let (rounds, pixels) = effort.choose((12, 256), (60, 512));
     let begun = Instant::now();
     let flags = Flags::new(space.volume(), space.transfer());
@@ -104,6 +111,9 @@ pub fn report(space: &PreparedVolume, effort: Effort, folder: &Path, progress: &
         let mut scene = full.clone();
         leave_out(&mut scene);
         scenes.push((format!("without {part}"), scene));
+    }
+    if !plugins.is_empty() {
+        scenes.push(("with plug-ins".to_owned(), Scene { plugins: plugins.clone(), ..full }));
     }
     let mut running = Vec::new();
     for (name, scene) in scenes {
