@@ -4,6 +4,8 @@
 //!
 //! until 1 − A drops below the camera's sensitivity. The background is black, so the pixel is L.
 
+use std::sync::Arc;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -16,7 +18,8 @@ use super::prepared_volume::PreparedVolume;
 use super::quality::{Classification, Quality, Settings};
 use super::ray::first_crossing;
 use super::sampler::{Nearest, Sampler, Trilinear};
-use super::shade::{Headlight, Shader};
+use super::shaders::headlight::Headlight;
+use super::shaders::{Shader, SurfacePoint, shown};
 use super::skip::{Everything, Leap, Skipper};
 use super::transfer::Ramp;
 
@@ -58,7 +61,9 @@ struct Caster<'a, S, K, C, B> {
     skipper: &'a K,
     classifier: &'a C,
     begin: &'a B,
-    shader: Headlight,
+    headlight: Headlight,
+    /// The shader that takes the headlight's place.
+    shader: Option<Arc<dyn Shader>>,
     ramp: Ramp,
     step: Step,
     samples_per_pixel: u32,
@@ -99,7 +104,8 @@ impl ImageRequest<'_> {
             skipper,
             classifier,
             begin,
-            shader: Headlight::new(space),
+            headlight: Headlight::new(space),
+            shader: settings.shader.own(),
             ramp: Ramp::new(space.transfer(), step.power),
             step,
             samples_per_pixel: settings.samples_per_pixel.max(1),
@@ -207,7 +213,11 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
                     Some(_) => Vec3::ZERO,
                     None => self.sampler.gradient(q),
                 };
-                light += self.shader.colour(hu, gradient, ray.direction) * (through * a);
+                let colour = match &self.shader {
+                    None => self.headlight.colour(hu, gradient, ray.direction),
+                    Some(shader) => self.shaded(&**shader, ray, n, hu, gradient),
+                };
+                light += colour * (through * a);
                 through *= 1.0 - a;
                 if through < self.request.settings.sensitivity {
                     break;
@@ -216,6 +226,15 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
             n += 1;
         }
         (light, first)
+    }
+
+    /// The colour that a shader from outside gives to sample `n` of a ray.
+    #[cold]
+    fn shaded(&self, shader: &dyn Shader, ray: &Ray, n: u32, hu: f32, gradient: Vec3) -> Vec3 {
+        let distance = ray.start_mm + n as f32 / ray.per_mm;
+        let gradient = self.headlight.world_gradient(gradient);
+        let camera = self.request.view.position();
+        shown(shader.colour(&SurfacePoint::new(camera, ray.direction, distance, hu, gradient)))
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! A ray caster is put together from parts that know nothing of each other, chosen at compile time: a
 //! [`Sampler`](sampler::Sampler) says what a place is like, a [`Skipper`](skip::Skipper) which samples need not be
-//! looked at, a [`Shader`](shade::Shader) what the wall looks like; [`caster`] joins them along each
+//! looked at, a [`Shader`](shaders::Shader) what the wall looks like; [`caster`] joins them along each
 //! [`Ray`](march::Ray). Apart from pictures, [`ray`] finds where a ray meets the wall, exactly.
 //!
 //! Two sockets take what this crate does not have: a [`Preset`] makes a [`Renderer`] ([`presets`] has those of this crate), and
@@ -28,6 +28,7 @@ pub mod leap;
 pub mod low;
 pub mod march;
 pub mod memory;
+pub mod options;
 pub mod prepared_volume;
 pub mod preset;
 pub mod presets;
@@ -37,7 +38,7 @@ pub mod regression;
 pub mod renderer;
 pub mod reuse;
 pub mod sampler;
-pub mod shade;
+pub mod shaders;
 pub mod single;
 pub mod skip;
 pub mod transfer;
@@ -55,9 +56,11 @@ pub use direct::Direct;
 pub use factory::renderer;
 pub use frame::{Frame, Work, psnr};
 pub use memory::MemoryPart;
+pub use options::Options;
 pub use prepared_volume::PreparedVolume;
 pub use preset::{Preparation, Preset, Reuse};
 pub use quality::{Classification, Quality, Settings};
 pub use ray::{first_crossing, first_crossing_counted, value};
 pub use renderer::{Detail, Renderer};
+pub use shaders::{Shader, ShaderModel, SurfacePoint};
 pub use transfer::TransferFunction;

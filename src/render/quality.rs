@@ -1,6 +1,8 @@
 //! How good a picture is asked for.
 
 use super::choices::Choices;
+use super::options::Options;
+use super::shaders::ShaderModel;
 
 /// The level of detail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -43,6 +45,10 @@ pub struct Settings {
     pub adaptive: bool,
     /// What is chosen in the place of the preset's own.
     pub choices: Choices,
+    /// What the wall looks like.
+    pub shader: ShaderModel,
+    /// The preset's own settings: the scene file's table of its name.
+    pub options: Options,
 }
 
 impl Settings {
@@ -54,8 +60,17 @@ impl Settings {
             Quality::Reference => (1e-5, -3),
         };
         let classification = Classification::Value;
-        let choices = Choices::default();
-        Self { quality, classification, sensitivity, step_power, samples_per_pixel: 1, adaptive: false, choices }
+        Self {
+            quality,
+            classification,
+            sensitivity,
+            step_power,
+            samples_per_pixel: 1,
+            adaptive: false,
+            choices: Choices::default(),
+            shader: ShaderModel::default(),
+            options: Options::NONE,
+        }
     }
 }
 

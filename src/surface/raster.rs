@@ -15,7 +15,7 @@ use super::tile::{NONE, TILE, Tile};
 use crate::error::Result;
 use crate::render::regression::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
-use crate::render::shade::{AMBIENT, DIFFUSE};
+use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
 use crate::render::transfer::Palette;
 use crate::render::{CameraRay, Frame, MemoryPart, PreparedVolume, Renderer, Settings, View, Work, render, value};
 

@@ -6,6 +6,7 @@ mod frames;
 mod grids;
 mod handedness;
 mod packets;
+mod shaders;
 
 #[path = "../support"]
 mod support {

@@ -21,11 +21,16 @@ pub type Corners = [[f32; 8]; 3];
 pub struct Cells {
     keys: Vec<i32>,
     corners: Vec<Corners>,
+    /// Red, green and blue that a shader of its own has given to the rays of the packet under way.
+    pub colours: Colours,
 }
+
+/// Red, green and blue of sixteen rays.
+pub type Colours = [[f32; 16]; 3];
 
 impl Default for Cells {
     fn default() -> Self {
-        Self { keys: vec![-1; SIZE], corners: vec![[[0.0; 8]; 3]; SIZE] }
+        Self { keys: vec![-1; SIZE], corners: vec![[[0.0; 8]; 3]; SIZE], colours: [[0.0; 16]; 3] }
     }
 }
 

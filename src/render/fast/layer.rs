@@ -9,12 +9,14 @@
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::Vec3;
 
-use super::cells::Cells;
+use super::cells::{Cells, Colours};
 use super::directions::{Directions, split};
 use super::fit::gradients;
 use super::packet::Rays;
 use crate::render::sampler::is_homogeneous;
-use crate::render::shade::{AMBIENT, DIFFUSE};
+use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
+use crate::render::shaders::{Shader, SurfacePoint, shown};
+use crate::render::transfer::PALETTE_HU;
 
 /// When sixteen rays are in more cells than this, the regression is made for each ray. On AVX-512 that pays from four cells
 /// on, on AVX2 from eight; it is one number, so that every SIMD level gives the same bits.
@@ -140,6 +142,17 @@ impl<S: Simd> Sums<S> {
     }
 }
 
+/// The layers of sixteen rays, as a shader from outside is asked about them.
+struct OwnLayers {
+    weight: [f32; 16],
+    place: [f32; 16],
+    value: [f32; 16],
+    /// World, HU/mm.
+    gradient: [[f32; 16]; 3],
+    /// World, of unit length.
+    direction: [[f32; 16]; 3],
+}
+
 impl Rays<'_> {
     /// Ends the layers of the rays in `mask`; where another one waits already those that do are shaded.
     #[inline(always)]
@@ -179,12 +192,46 @@ impl Rays<'_> {
                 if camera == Medium::Wall {
                     self.face_camera(&mut facing, q, mask.to_bitmask());
                 }
-                let shade = facing * DIFFUSE + AMBIENT;
-                light.bright += mask.select(weight * shade, zero);
-                light.tone += mask.select(value * shade, zero);
+                match self.shader {
+                    None => {
+                        let shade = facing * DIFFUSE + AMBIENT;
+                        light.bright += mask.select(weight * shade, zero);
+                        light.tone += mask.select(value * shade, zero);
+                    }
+                    Some(shader) => {
+                        // A gradient of 0 is that of a homogeneous region.
+                        let flat = (steep & facing.simd_lt(one)).select(one, zero);
+                        let layers = OwnLayers {
+                            weight: weight.to_array(),
+                            place: place.to_array(),
+                            value: value.to_array(),
+                            gradient: g.map(|g| (g * flat).to_array()),
+                            direction: ray.world.map(|d| d.to_array()),
+                        };
+                        self.shade_by(shader, &layers, mask.to_bitmask(), &mut cells.colours);
+                    }
+                }
                 light.waiting = Layer::none(simd);
             },
         );
+    }
+
+    /// Adds the light of the layers in `lanes` that a shader of its own gives them.
+    #[inline(never)]
+    fn shade_by(&self, shader: &dyn Shader, layers: &OwnLayers, mut lanes: u64, colours: &mut Colours) {
+        while lanes != 0 {
+            let n = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let [gradient, direction] =
+                [&layers.gradient, &layers.direction].map(|v| Vec3::new(v[0][n], v[1][n], v[2][n]));
+            let weight = layers.weight[n];
+            let distance = layers.place[n] / weight * self.step_mm;
+            let hu = PALETTE_HU[0] + layers.value[n] / weight;
+            let colour = shown(shader.colour(&SurfacePoint::new(self.camera, direction, distance, hu, gradient)));
+            for (channel, colour) in colours.iter_mut().zip(colour.to_array()) {
+                channel[n] += weight * colour;
+            }
+        }
     }
 
     /// In a homogeneous region the gradient points at the camera: only a camera within the wall sees one.
@@ -286,7 +333,7 @@ mod tests {
         );
         let occupancy = Occupancy::new(space.volume(), space.transfer());
         let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 90.0, 64, 64).unwrap();
-        let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High)).unwrap();
+        let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High), None).unwrap();
         for seed in 0..20 {
             let random = |lane: u64, a: u64| hash::uniform(seed, 6 * lane + a) as f32;
             let mut cell = [[0i32; 16]; 3];
@@ -330,7 +377,7 @@ mod tests {
         let occupancy = Occupancy::new(space.volume(), space.transfer());
         let camera = middle + DVec3::new(-1.2, 1.0, 0.8);
         let view = View::new(camera, DVec3::X, DVec3::Z, 40.0, 64, 64).unwrap();
-        let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High)).unwrap();
+        let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High), None).unwrap();
         let layers = [(0.5, 1.0, 2.0), (0.2, 2.5, 3.0), (0.1, 4.0, 1.0)];
         fearless_simd::dispatch!(levels()[0].1, simd => {
             let number: [f32; 16] = std::array::from_fn(|n| n as f32);

@@ -23,6 +23,7 @@ use super::caster::depths;
 use super::direct::Direct;
 use super::memory::MemoryPart;
 use super::renderer::Renderer;
+use super::shaders::Shader;
 use super::{Frame, PreparedVolume, Settings, View, Work};
 use cells::Cells;
 use occupancy::Occupancy;
@@ -88,6 +89,8 @@ pub struct Fast {
     cells: Arc<[Mutex<Cells>]>,
     samples: ImageSamples,
     level: Level,
+    /// The shader that takes the headlight's place.
+    shader: Option<Arc<dyn Shader>>,
     direct: Direct,
 }
 
@@ -110,6 +113,7 @@ impl Fast {
             cells,
             samples: ImageSamples::default(),
             level,
+            shader: settings.shader.own(),
             direct: Direct::new(space, settings),
         }
     }
@@ -125,6 +129,7 @@ impl Fast {
             cells: Arc::clone(&self.cells),
             samples: ImageSamples::default(),
             level: self.level,
+            shader: self.shader.clone(),
             direct: Direct::new(&self.space, settings),
         }
     }
@@ -143,7 +148,9 @@ fn like_rays(settings: Settings) -> Settings {
 
 impl Renderer for Fast {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
-        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings) else {
+        let Some(rays) =
+            Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings, self.shader.as_deref())
+        else {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());
@@ -163,7 +170,9 @@ impl Renderer for Fast {
 
     /// With a ray for every pixel of the `wanted` squares.
     fn render_squares(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
-        let Some(rays) = Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings) else {
+        let Some(rays) =
+            Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings, self.shader.as_deref())
+        else {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());

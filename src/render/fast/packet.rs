@@ -27,7 +27,7 @@ use fearless_simd::{Simd, f32x16, mask32x16, prelude::*};
 use glam::{DVec3, IVec3, Vec3};
 
 use super::blur;
-use super::cells::{Cells, Source};
+use super::cells::{Cells, Colours, Source};
 use super::directions::{DirectionSource, Directions, split};
 use super::lanes::{OccupancyLanes, Voxels, interpolate};
 use super::layer::{self, Layer, Medium, Sums};
@@ -39,6 +39,7 @@ use crate::render::prepared_volume::PreparedVolume;
 use crate::render::quality::Settings;
 use crate::render::regression::{Regression, Weighting, to_world};
 use crate::render::sampler::{Sampler, Trilinear};
+use crate::render::shaders::Shader;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
 /// A ray runs along the wall where its value changes by less than this over a path of h, the smallest spacing, HU. One that
@@ -90,6 +91,12 @@ pub struct Rays<'a> {
     /// Whether steps are twice as long as was asked for.
     smooth: bool,
     limit: f32,
+    /// The camera, world, mm.
+    pub(super) camera: DVec3,
+    /// A step, mm.
+    pub(super) step_mm: f32,
+    /// The shader that takes the headlight's place.
+    pub(super) shader: Option<&'a dyn Shader>,
 }
 
 /// What came of sixteen rays.
@@ -136,6 +143,7 @@ impl<'a> Rays<'a> {
         waves: f32,
         view: &View,
         settings: &Settings,
+        shader: Option<&'a dyn Shader>,
     ) -> Option<Self> {
         let volume = space.volume();
         let grid = volume.grid();
@@ -179,7 +187,16 @@ impl<'a> Rays<'a> {
             steep: STEEP * 2f32.powi(step.power),
             smooth,
             limit: (1 << 22) as f32,
+            camera: view.position(),
+            step_mm: step.mm as f32,
+            shader,
         })
+    }
+
+    /// The colours of the packet that was cast last, where a shader of its own has given them.
+    #[inline(always)]
+    pub fn colours<'c>(&self, cells: &'c Cells) -> Option<&'c Colours> {
+        self.shader.map(|_| &cells.colours)
     }
 
     /// By how much unit directions of neighbouring pixels differ at the most, where that is known.
@@ -231,6 +248,9 @@ impl<'a> Rays<'a> {
         cells: &mut Cells,
         light: &mut PacketResult,
     ) {
+        if self.shader.is_some() {
+            cells.colours = Colours::default();
+        }
         simd.vectorize(
             #[inline(always)]
             || *light = self.trace(simd, f32x16::load_array_ref(simd, x), f32x16::load_array_ref(simd, y), from, cells),
@@ -509,7 +529,7 @@ mod tests {
                 let view = View::new(from, DVec3::X, DVec3::Z, 12.0, 16, 16).unwrap();
                 let settings = Settings::new(Quality::High);
                 let [short, long] = [1.0, blur::LONGEST].map(|waves| {
-                    let rays = Rays::new(&space, &occupancy, waves, &view, &settings).unwrap();
+                    let rays = Rays::new(&space, &occupancy, waves, &view, &settings, None).unwrap();
                     assert_eq!(rays.step(), waves);
                     let mut cells = Cells::default();
                     fearless_simd::dispatch!(levels()[0].1, simd => rays.packet(simd, [0, 0], 4, 0.0, &mut cells))

@@ -2,6 +2,7 @@
 
 use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 
+use super::cells::Colours;
 use super::packet::PacketResult;
 use super::sampling::SIDE;
 use crate::render::Work;
@@ -29,14 +30,10 @@ impl<'a> Canvas<'a> {
 
     /// Fills the pixels of a packet whose rays are a pixel apart, the first through `at`.
     #[inline(never)]
-    pub fn packet<S: Simd>(&mut self, simd: S, light: &PacketResult, at: [usize; 2]) -> Work {
+    pub fn packet<S: Simd>(&mut self, simd: S, light: &PacketResult, own: Option<&Colours>, at: [usize; 2]) -> Work {
         simd.vectorize(
             #[inline(always)]
-            || {
-                let load = f32x16::load_array_ref;
-                let colours = colours(simd, load(simd, &light.bright), load(simd, &light.tone));
-                self.block(&colours, at);
-            },
+            || self.block(&packed(simd, light, own), at),
         );
         let rows = self.pixels.len() / self.width - (at[1] - self.top);
         let rays = SIDE.min(self.width - at[0]) * SIDE.min(rows);
@@ -45,12 +42,17 @@ impl<'a> Canvas<'a> {
 
     /// Fills squares of [`SQUARE`] × [`SQUARE`] pixels with a packet's rays in turn.
     #[inline(never)]
-    pub fn squares<S: Simd>(&mut self, simd: S, light: &PacketResult, at: &[[usize; 2]]) -> Work {
+    pub fn squares<S: Simd>(
+        &mut self,
+        simd: S,
+        light: &PacketResult,
+        own: Option<&Colours>,
+        at: &[[usize; 2]],
+    ) -> Work {
         simd.vectorize(
             #[inline(always)]
             || {
-                let load = f32x16::load_array_ref;
-                let colours = colours(simd, load(simd, &light.bright), load(simd, &light.tone));
+                let colours = packed(simd, light, own);
                 for (square, &[x, y]) in colours.chunks_exact(SQUARE * SQUARE).zip(at) {
                     for (n, row) in square.chunks_exact(SQUARE).enumerate() {
                         self.row(row, [x, y + n]);
@@ -114,6 +116,30 @@ impl<'a> Canvas<'a> {
     }
 }
 
+/// The pixels of a packet: by the palette, or as a shader of its own has coloured them.
+#[inline(always)]
+fn packed<S: Simd>(simd: S, light: &PacketResult, own: Option<&Colours>) -> [i32; SIDE * SIDE] {
+    let load = f32x16::load_array_ref;
+    match own {
+        None => colours(simd, load(simd, &light.bright), load(simd, &light.tone)),
+        Some(own) => {
+            let mut packed = i32x16::splat(simd, 0);
+            for channel in [2, 1, 0] {
+                packed = byte(simd, packed, load(simd, &own[channel]));
+            }
+            packed.to_array()
+        }
+    }
+}
+
+/// Another byte below those that are `packed`: a share of light, 0 to 1.
+#[inline(always)]
+fn byte<S: Simd>(simd: S, packed: i32x16<S>, light: f32x16<S>) -> i32x16<S> {
+    let c = light * 255.0 + 0.5;
+    let c = c.max(f32x16::splat(simd, 0.0)).min(f32x16::splat(simd, 255.0));
+    (packed << 8) | c.to_int::<i32x16<S>>()
+}
+
 /// Red, green and blue in the lower three bytes.
 #[inline(always)]
 fn colours<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> [i32; SIDE * SIDE] {
@@ -121,9 +147,7 @@ fn colours<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> [i32; SIDE *
     let mut packed = i32x16::splat(simd, 0);
     for channel in [2, 1, 0] {
         let slope = (top[channel] - base[channel]) / (PALETTE_HU[1] - PALETTE_HU[0]);
-        let c = (bright * base[channel] + tone * slope) * 255.0 + 0.5;
-        let c = c.max(f32x16::splat(simd, 0.0)).min(f32x16::splat(simd, 255.0));
-        packed = (packed << 8) | c.to_int::<i32x16<S>>();
+        packed = byte(simd, packed, bright * base[channel] + tone * slope);
     }
     packed.to_array()
 }

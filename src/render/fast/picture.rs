@@ -61,7 +61,7 @@ pub fn pixels_of(rays: &Rays<'_>, view: &View, pixels: &mut [[u8; 3]], cells: &[
             on_level!(level, simd => {
                 for left in (0..width).step_by(SIDE) {
                     let light = rays.packet(simd, [left, n * SIDE], 1, 0.0, cells);
-                    work = work + canvas.packet(simd, &light, [left, n * SIDE]);
+                    work = work + canvas.packet(simd, &light, rays.colours(cells), [left, n * SIDE]);
                 }
             });
             work
@@ -109,7 +109,7 @@ pub fn squares_of(
 }
 
 /// Rays where they are needed: those of `samples`, and more where they do not tell enough. A ray for every pixel where it is
-/// not known how far those of neighbours are apart.
+/// not known how far those of neighbours are apart, or what a shader makes of what lies between them.
 pub fn needed(
     samples: &mut ImageSamples,
     rays: &Rays<'_>,
@@ -118,7 +118,9 @@ pub fn needed(
     cells: &[Mutex<Cells>],
     level: Level,
 ) -> Work {
-    let Some(turn) = rays.pixel_turn() else { return pixels_of(rays, view, pixels, cells, level) };
+    let Some(turn) = rays.pixel_turn().filter(|_| rays.shader.is_none()) else {
+        return pixels_of(rays, view, pixels, cells, level);
+    };
     let width = view.width();
     samples.resize([width, view.height()]);
     let first = samples.rows().enumerate().with_max_len(1).map(|(n, mut rows)| {

@@ -84,7 +84,7 @@ impl<'a, 'b> Band<'a, 'b> {
     #[inline(always)]
     pub fn rough<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
         let light = self.rays.packet(simd, at, 1, start, self.cells);
-        self.work = self.work + self.canvas.packet(simd, &light, at);
+        self.work = self.work + self.canvas.packet(simd, &light, self.rays.colours(self.cells), at);
     }
 
     /// Has a block wait until it is subdivided.
@@ -146,6 +146,7 @@ impl<'a, 'b> Band<'a, 'b> {
         let group = std::mem::take(&mut self.squares);
         let pixel = |n: usize| from_fn(|axis| group.of_lane(n)[axis] + ((n % 4) >> axis & 1));
         let light = self.rays.cast(simd, pixel, group.start, self.cells);
-        self.work = self.work + self.canvas.squares(simd, &light, &group.items[..group.len]);
+        self.work =
+            self.work + self.canvas.squares(simd, &light, self.rays.colours(self.cells), &group.items[..group.len]);
     }
 }

@@ -3,7 +3,7 @@
 //! | idea of section 2.2 | file | setting |
 //! |---|---|---|
 //! | L and A front to back, to the end at the camera's sensitivity | [`caster`](crate::render::caster) | `[render] sensitivity` |
-//! | headlight, simplified Phong | [`shade`](crate::render::shade) | always |
+//! | headlight, simplified Phong | [`headlight`](crate::render::shaders::headlight) | `[render] shade`, its own |
 //! | gradient and filtered density by 4D linear regression | [`regression`](crate::render::regression) | always |
 //! | … interpolated between the eight nearest voxels: high detail | [`sampler`](crate::render::bytes::sampler) | `--quality high` |
 //! | … the nearest voxel's: low detail | [`sampler`](crate::render::bytes::sampler) | `--quality low`, `[render] low` |

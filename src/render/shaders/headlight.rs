@@ -1,17 +1,22 @@
-//! Light from the camera (the paper's simplified Phong model).
+//! Light from the camera (the paper's simplified Phong model): the default, built into the renderers.
+
+use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
 
-use super::prepared_volume::PreparedVolume;
-use super::regression::to_world;
-use super::transfer::Palette;
+use super::{Shader, ShaderModel, SurfacePoint};
+use crate::render::options::Options;
+use crate::render::prepared_volume::PreparedVolume;
+use crate::render::regression::to_world;
+use crate::render::transfer::Palette;
 
-/// The colour of a point of the wall.
-pub trait Shader: Sync {
-    /// Linear red, green and blue of a point of value `hu` whose value changes by `gradient` (HU/mm along the index
-    /// axes), seen along `direction` (world, of unit length). A gradient of 0 is that of a homogeneous region.
-    fn colour(&self, hu: f32, gradient: Vec3, direction: Vec3) -> Vec3;
-}
+/// The paper's headlight.
+pub const MODEL: ShaderModel = ShaderModel {
+    name: "headlight",
+    summary: "a light at the camera; brightness is linear in the cosine between ray and normal",
+    options: Options::NONE,
+    make: |options| options.none().map(|()| Arc::new(Tissue::default()) as Arc<dyn Shader>),
+};
 
 /// A headlight: a light at the camera, so that the only angle that matters is that between the ray and the normal.
 ///
@@ -19,8 +24,6 @@ pub trait Shader: Sync {
 /// positive where the wall faces the camera. In a homogeneous region the gradient points at the camera: brightness is
 /// full.
 pub struct Headlight {
-    ambient: f32,
-    diffuse: f32,
     palette: Palette,
     to_world: Mat3,
 }
@@ -33,18 +36,41 @@ pub const DIFFUSE: f32 = 0.9;
 impl Headlight {
     /// The light for rays through `space`.
     pub fn new(space: &PreparedVolume) -> Self {
-        Self { ambient: AMBIENT, diffuse: DIFFUSE, palette: Palette::default(), to_world: to_world(space.volume()) }
+        Self { palette: Palette::default(), to_world: to_world(space.volume()) }
     }
-}
 
-impl Shader for Headlight {
+    /// Red, green and blue of a point of value `hu` whose value changes by `gradient` (HU/mm along the index axes), seen along
+    /// `direction` (world, of unit length). A gradient of 0 is that of a homogeneous region.
     #[inline(always)]
-    fn colour(&self, hu: f32, gradient: Vec3, direction: Vec3) -> Vec3 {
+    pub fn colour(&self, hu: f32, gradient: Vec3, direction: Vec3) -> Vec3 {
         let g = self.to_world * gradient;
         let square = g.length_squared();
         // A thousandth of an HU per mm is the rounding of a flat region.
         let facing = if square > 1e-6 { (g.dot(direction) / square.sqrt()).max(0.0) } else { 1.0 };
-        self.palette.colour(hu) * (self.ambient + self.diffuse * facing)
+        self.palette.colour(hu) * (AMBIENT + DIFFUSE * facing)
+    }
+
+    /// The world gradient (HU/mm) of one along the index axes.
+    #[inline(always)]
+    pub fn world_gradient(&self, gradient: Vec3) -> Vec3 {
+        self.to_world * gradient
+    }
+}
+
+/// The colour of tissue of value `hu` in full light, 0 to 1: a warm tone like that of mucosa.
+pub fn tissue(hu: f32) -> Vec3 {
+    Palette::default().colour(hu)
+}
+
+/// The headlight as a [`Shader`] like any other.
+#[derive(Debug, Default)]
+struct Tissue {
+    palette: Palette,
+}
+
+impl Shader for Tissue {
+    fn colour(&self, point: &SurfacePoint) -> Vec3 {
+        self.palette.colour(point.hu) * (AMBIENT + DIFFUSE * point.facing)
     }
 }
 

@@ -1,0 +1,127 @@
+//! Shaders: what a point of the wall looks like. One file each, and a line in [`BUILT_IN`].
+//!
+//! Every renderer of this crate asks the chosen [`Shader`] for colours. The default, [`headlight`], is part of the renderers and
+//! costs no call; any other one is called for each point of the wall that a ray meets, and packets of rays cast a ray for every
+//! pixel then, as they cannot know what lies between two.
+
+pub mod headlight;
+
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use super::options::Options;
+use crate::error::{Error, Result};
+
+/// Every shader of this crate.
+pub const BUILT_IN: [ShaderModel; 1] = [headlight::MODEL];
+
+/// A point of the wall, as a ray from the camera meets it.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfacePoint {
+    /// World, mm.
+    pub position: DVec3,
+    /// Value, HU.
+    pub hu: f32,
+    /// From the wall towards the gas, world, of unit length. Where the tissue is homogeneous it points at the camera.
+    pub normal: Vec3,
+    /// The ray's direction, world, of unit length.
+    pub direction: Vec3,
+    /// Cosine of the angle between the normal and the way back to the camera, 0 to 1: 1 for a wall seen head on.
+    pub facing: f32,
+    /// Distance from the camera, mm.
+    pub distance_mm: f32,
+}
+
+impl SurfacePoint {
+    /// A point `distance_mm` from `camera` along `direction`, where values rise along `gradient` (world, HU/mm). A gradient of
+    /// less than a thousandth is the rounding of a homogeneous region.
+    #[inline(always)]
+    pub fn new(camera: DVec3, direction: Vec3, distance_mm: f32, hu: f32, gradient: Vec3) -> Self {
+        let square = gradient.length_squared();
+        let normal = if square > 1e-6 { gradient / -square.sqrt() } else { -direction };
+        let facing = -normal.dot(direction);
+        let position = camera + (direction * distance_mm).as_dvec3();
+        Self { position, hu, normal, direction, facing: facing.max(0.0), distance_mm }
+    }
+}
+
+/// The colour of points of the wall. It must depend on the point alone: points are asked for in any order, by all threads.
+pub trait Shader: Send + Sync + Debug {
+    /// Red, green and blue of a point, 0 to 1 each, as they are shown. What is no number counts as 0.
+    fn colour(&self, point: &SurfacePoint) -> Vec3;
+}
+
+/// A shader by its name. Those of this crate are in [`BUILT_IN`]; a program may have its own, which work wherever these do.
+#[derive(Clone, Copy, Debug)]
+pub struct ShaderModel {
+    /// Its name in scene files, `[render] shade = "…"`; shaders of the same name are equal if their settings are.
+    pub name: &'static str,
+    /// What it is, in a sentence for people.
+    pub summary: &'static str,
+    /// Its settings: the scene file's table of its name.
+    pub options: Options,
+    /// Makes the shader of these settings; an error (wrong usage) if they make no sense.
+    pub make: fn(Options) -> Result<Arc<dyn Shader>>,
+}
+
+impl PartialEq for ShaderModel {
+    fn eq(&self, other: &Self) -> bool {
+        (self.name, self.options) == (other.name, other.options)
+    }
+}
+
+impl Eq for ShaderModel {}
+
+impl Default for ShaderModel {
+    fn default() -> Self {
+        headlight::MODEL
+    }
+}
+
+impl ShaderModel {
+    /// The shader, where it is another one than what the renderers have built in.
+    pub(super) fn own(&self) -> Option<Arc<dyn Shader>> {
+        if self.name == headlight::MODEL.name { None } else { (self.make)(self.options).ok() }
+    }
+
+    /// # Errors
+    /// Status 2 for settings that make no sense.
+    pub fn check(&self) -> Result<()> {
+        (self.make)(self.options)
+            .map(drop)
+            .map_err(|e| Error { what: format!("shader {}: {}", self.name, e.what), ..e })
+    }
+}
+
+/// A colour that a shader gave, as light: what is no number is none, and nothing is brighter than white.
+#[inline(always)]
+pub(super) fn shown(colour: Vec3) -> Vec3 {
+    // The order matters: of NaN and a number the greater one is the number.
+    colour.max(Vec3::ZERO).min(Vec3::ONE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_colour_is_black_or_white() {
+        let odd = Vec3::new(f32::NAN, f32::INFINITY, f32::NEG_INFINITY);
+        assert_eq!(shown(odd), Vec3::new(0.0, 1.0, 0.0));
+        assert_eq!(shown(Vec3::new(-1e-310, f32::MAX, 0.25)), Vec3::new(0.0, 1.0, 0.25));
+    }
+
+    #[test]
+    fn a_point_has_the_geometry_of_its_ray() {
+        let (camera, along) = (DVec3::new(1.0, 2.0, 3.0), Vec3::new(0.6, 0.0, 0.8));
+        let p = SurfacePoint::new(camera, along, 5.0, -650.0, Vec3::new(0.0, 0.0, 200.0));
+        assert!(p.position.distance(DVec3::new(4.0, 2.0, 7.0)) < 1e-6 && p.normal == Vec3::NEG_Z);
+        assert!((p.facing - 0.8).abs() < 1e-6);
+        let behind = SurfacePoint::new(camera, along, 5.0, -650.0, Vec3::new(0.0, 0.0, -200.0));
+        assert_eq!((behind.facing, behind.normal), (0.0, Vec3::Z));
+        let flat = SurfacePoint::new(camera, along, 5.0, -650.0, Vec3::splat(1e-5));
+        assert!((flat.facing - 1.0).abs() < 1e-6 && flat.normal == -along);
+    }
+}
