@@ -4,8 +4,14 @@
 
 use colvis::app::{Canvas, FlightApp, Overlay};
 
-const FLOWN: Overlay =
-    Overlay { name: "flown", summary: "the way flown", key: Some('o'), shown: true, draw: draw_way_flown };
+const FLOWN: Overlay = Overlay {
+    name: "flown",
+    summary: "the way flown",
+    key: Some('o'),
+    shown: true,
+    draw: draw_way_flown,
+    ..Overlay::PLAIN
+};
 
 /// A line along the places that the camera has been at, as far as they are in the picture, and how far it has come.
 fn draw_way_flown(flight: &FlightApp, canvas: &mut Canvas) {

@@ -24,12 +24,13 @@ fn rear_view(app: &mut App) -> Result<()> {
 
 /// Keeps the rear view a quarter as wide as the picture.
 fn fit_inset(mut rear: Single<&mut Picture, With<Rear>>, main: Single<&Picture, (With<Main>, Without<Rear>)>) {
-    let width = (main.frame.width() / 4).max(1);
+    let width = (main.into_inner().frame.width() / 4).max(1);
     rear.frame.resize(width, (width * 3 / 4).max(1));
 }
 
 /// Draws the rear view into the lower right corner, in a grey frame.
 fn draw_inset(rear: Single<&Picture, With<Rear>>, mut main: Single<&mut Picture, (With<Main>, Without<Rear>)>) {
+    let rear = rear.into_inner();
     if main.traced {
         let (width, height) = (rear.frame.width() + 2, rear.frame.height() + 2);
         let column = main.frame.width().saturating_sub(width + MARGIN);

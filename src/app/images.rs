@@ -5,7 +5,9 @@ use serde::Deserialize;
 use crate::app::Catalog;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::render::{CameraModel, Choices, Classification, GradientSource, Leaping, LowDetail, Preset, Settings};
+use crate::render::{
+    CameraModel, Choices, Classification, GradientSource, Leaping, LowDetail, Options, Preset, Settings, ShaderModel,
+};
 
 /// What a scene says about its images; the quality's own settings hold where it says nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -17,6 +19,8 @@ pub struct RenderSettings {
     pub filtered_density: bool,
     /// Which of the paper's ideas are used in the place of the preset's own.
     pub choices: Choices,
+    /// What the wall looks like.
+    pub shader: ShaderModel,
 }
 
 impl RenderSettings {
@@ -26,6 +30,7 @@ impl RenderSettings {
             sensitivity: self.sensitivity.unwrap_or(settings.sensitivity),
             classification: if self.filtered_density { Classification::Filtered } else { settings.classification },
             choices: self.choices,
+            shader: self.shader,
             ..settings
         }
     }
@@ -64,7 +69,8 @@ impl RenderSettings {
             let why = format!("is {s}");
             return Err(Error::usage("render.sensitivity", why, "give a finite number between 0 and 1"));
         }
-        self.choices.check()
+        self.choices.check()?;
+        self.shader.check()
     }
 }
 
@@ -79,7 +85,10 @@ impl ImageSettings {
     /// Status 2 where the preset does not follow what is chosen.
     pub fn check(&self) -> Result<()> {
         self.settings.choices.check()?;
-        (self.preset.takes)(&self.settings.choices)
+        (self.preset.takes)(&self.settings.choices)?;
+        (self.preset.check)(self.settings.options)?;
+        self.settings.shader.check()?;
+        self.camera.camera(self.fov_degrees, 1.0).map(drop)
     }
 }
 
@@ -90,6 +99,9 @@ pub(super) struct RenderFile {
     sensitivity: Option<f32>,
     filtered_density: bool,
     preset: Option<String>,
+    camera: Option<String>,
+    fov_degrees: Option<f64>,
+    shade: Option<String>,
     leap: Option<Leaping>,
     gradients: Option<GradientSource>,
     key_frames: Option<u32>,
@@ -97,14 +109,26 @@ pub(super) struct RenderFile {
 }
 
 impl RenderFile {
-    /// The settings, and the preset, which is one of `catalog`.
+    /// The settings, and what images are like; preset, camera and shader are among those of `catalog`, with the settings that
+    /// `options` knows of their names.
     ///
     /// # Errors
-    /// Status 2 where there is no such preset.
-    pub(super) fn settings(self, catalog: &Catalog) -> Result<(RenderSettings, Preset)> {
-        let Self { sensitivity, filtered_density, preset, leap, gradients, key_frames, low } = self;
-        let preset = preset.map_or(Ok(Preset::default()), |name| catalog.find_preset(&name))?;
+    /// Status 2 where there is no such preset, camera or shader.
+    pub(super) fn settings(
+        self,
+        catalog: &Catalog,
+        options: impl Fn(&str) -> Options,
+    ) -> Result<(RenderSettings, ImageSettings)> {
+        let Self { sensitivity, filtered_density, leap, gradients, key_frames, low, .. } = self;
+        let preset = self.preset.map_or(Ok(Preset::default()), |name| catalog.find_preset(&name))?;
+        let camera = self.camera.map_or(Ok(CameraModel::default()), |name| catalog.find_camera(&name))?;
+        let shader = self.shade.map_or(Ok(ShaderModel::default()), |name| catalog.find_shader(&name))?;
         let choices = Choices { leap, gradients, key_frames, low };
-        Ok((RenderSettings { sensitivity, filtered_density, choices }, preset))
+        let shader = ShaderModel { options: options(shader.name), ..shader };
+        let render = RenderSettings { sensitivity, filtered_density, choices, shader };
+        let settings = Settings { options: options(preset.name), ..render.apply(Settings::default()) };
+        let camera = CameraModel { options: options(camera.name), ..camera };
+        let fov_degrees = self.fov_degrees.unwrap_or(90.0);
+        Ok((render, ImageSettings { camera, fov_degrees, settings, preset, ..ImageSettings::default() }))
     }
 }

@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::FlightApp;
-use crate::render::View;
+use crate::error::Result;
+use crate::render::{Options, View};
 
 /// Something that a window draws over its picture, on a key.
 ///
@@ -18,8 +19,26 @@ pub struct Overlay {
     pub key: Option<char>,
     /// Whether it is shown from the beginning.
     pub shown: bool,
-    /// Draws it for the flight as it is. Called for each picture while it is shown, so it should be quick.
+    /// Draws it for the flight as it is, by its settings ([`Canvas::options`]). Called for each picture while it is shown, so it
+    /// should be quick.
     pub draw: fn(&FlightApp, &mut Canvas),
+    /// Its settings: the table `[overlay.NAME]` of a scene file.
+    pub options: Options,
+    /// Checks its settings, an error (wrong usage) if they make no sense: [`Options::none`] for an overlay without any.
+    pub check: fn(Options) -> Result<()>,
+}
+
+impl Overlay {
+    /// An overlay that draws nothing, hidden, without a key and without settings: what others begin with.
+    pub const PLAIN: Self = Self {
+        name: "",
+        summary: "",
+        key: None,
+        shown: false,
+        draw: |_, _| {},
+        options: Options::NONE,
+        check: Options::none,
+    };
 }
 
 impl std::fmt::Debug for Overlay {
@@ -126,6 +145,8 @@ pub struct Canvas {
     view: View,
     scale: f32,
     marks: Vec<Mark>,
+    /// Settings of the overlay that draws.
+    options: Options,
     /// How many rows of what overlays share are taken.
     taken: Vec<(&'static str, usize)>,
 }
@@ -143,7 +164,18 @@ impl Canvas {
 
     /// Nothing drawn yet over the picture of `view`, on a screen of `scale` pixels a point.
     pub fn at_scale(view: View, scale: f32) -> Self {
-        Self { view, scale, marks: Vec::new(), taken: Vec::new() }
+        Self { view, scale, marks: Vec::new(), options: Options::NONE, taken: Vec::new() }
+    }
+
+    /// Lets an overlay draw.
+    pub fn draw(&mut self, overlay: &Overlay, flight: &FlightApp) {
+        self.options = overlay.options;
+        (overlay.draw)(flight, self);
+    }
+
+    /// The settings of the overlay that draws.
+    pub fn options(&self) -> Options {
+        self.options
     }
 
     /// Width and height, pixels.

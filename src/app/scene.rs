@@ -1,11 +1,12 @@
 //! A scene: who steers, which plugins take part, and their settings; from a file or from defaults.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::Deserialize;
 
-use crate::app::Catalog;
 use crate::app::images::{ImageSettings, RenderFile, RenderSettings};
+use crate::app::{Catalog, Overlay};
 use crate::components::flight::Goal;
 use crate::components::guide::Tentacles;
 use crate::components::output::{GuideName, Picture};
@@ -15,7 +16,7 @@ use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
-use crate::render::Settings;
+use crate::render::{CameraModel, Options, ShaderModel};
 use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Plugins, Slot};
 use crate::systems;
 use crate::systems::present::Presenters;
@@ -69,6 +70,9 @@ pub struct Scene {
     pub operator: bool,
     /// What other crates add to the flight.
     pub plugins: Plugins,
+    /// Settings of presets, cameras, shaders and overlays by their names, as a scene file has them. What is chosen elsewhere, as
+    /// on the command line, gets them from here.
+    pub options: SceneOptions,
 }
 
 impl Default for Scene {
@@ -86,11 +90,32 @@ impl Default for Scene {
             log: false,
             operator: false,
             plugins: Plugins::default(),
+            options: SceneOptions::default(),
         }
     }
 }
 
-/// A scene as it stands in a file: a list of plugins, and settings for them. What is left over are settings of guides.
+/// Tables of settings by the names of what they belong to.
+#[derive(Clone, Debug, Default)]
+pub struct SceneOptions {
+    named: BTreeMap<String, Options>,
+    overlays: BTreeMap<String, Options>,
+}
+
+impl SceneOptions {
+    /// Settings of the preset, camera or shader of that name.
+    pub fn of(&self, name: &str) -> Options {
+        self.named.get(name).copied().unwrap_or_default()
+    }
+
+    /// An overlay with its settings.
+    pub fn overlay(&self, overlay: Overlay) -> Overlay {
+        Overlay { options: self.overlays.get(overlay.name).copied().unwrap_or(overlay.options), ..overlay }
+    }
+}
+
+/// A scene as it stands in a file: a list of plugins, and settings for them. What is left over are tables of guides, presets,
+/// cameras, shaders and plug-ins, each under its name.
 #[derive(Deserialize)]
 struct SceneFile {
     plugins: Vec<String>,
@@ -102,8 +127,11 @@ struct SceneFile {
     watch: MonitorSettings,
     #[serde(default)]
     render: RenderFile,
+    /// A table for each overlay.
+    #[serde(default)]
+    overlay: toml::Table,
     #[serde(flatten)]
-    guides: toml::Table,
+    named: toml::Table,
 }
 
 impl Scene {
@@ -136,47 +164,43 @@ impl Scene {
         let text = std::fs::read_to_string(path).map_err(|e| {
             Error::file(path, format!("cannot be read ({})", crate::output::plain(&e)), "give a scene file")
         })?;
-        Self::parse_with(&text, catalog)
+        Self::parse(&text, catalog)
             .map_err(|e| Error::usage(path.display().to_string(), e.to_string(), "see assets/scenes"))
     }
 
-    /// Reads a scene from the text of its file.
+    /// Reads a scene from the text of its file; guides, presets, cameras, shaders, overlays and plug-ins are among those of
+    /// `catalog`.
     ///
     /// # Errors
-    /// Status 2 as above.
-    pub fn parse(text: &str) -> Result<Self> {
-        Self::parse_with(text, &Catalog::default())
-    }
-
-    fn parse_with(text: &str, catalog: &Catalog) -> Result<Self> {
+    /// Status 2 when it is no scene or a setting in it makes no sense.
+    pub fn parse(text: &str, catalog: &Catalog) -> Result<Self> {
         let mend = "name known plugins and settings";
         let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
-        let (render, preset) = file.render.settings(catalog)?;
+        let (mut guides, mut plugins) = (catalog.guides.clone(), catalog.plugins.clone());
+        let options = SceneOptions {
+            named: named_options(file.named, catalog, &mut guides, &mut plugins)?,
+            overlays: overlay_options(file.overlay, catalog)?,
+        };
+        let (render, image) = file.render.settings(catalog, |name| options.of(name))?;
         let mut scene = Self {
-            guides: catalog.guides.clone(),
+            guides,
             mines: None,
             watch: None,
             body: file.body,
-            image: ImageSettings { settings: render.apply(Settings::default()), preset, ..ImageSettings::default() },
+            image,
             render,
-            plugins: catalog.plugins.clone(),
+            plugins,
+            options,
             ..Self::default()
         };
-        for (name, value) in file.guides {
-            let known = match value {
-                toml::Value::Table(settings) => scene.guides.read(&name, settings)?,
-                _ => false,
-            };
-            if !known {
-                return Err(Error::usage("scene", format!("there is no {name:?}"), mend));
-            }
-        }
         let mut named = Vec::new();
         for plugin in &file.plugins {
             match plugin.as_str() {
                 "mines" => scene.mines = Some(file.mines),
                 "watch" => scene.watch = Some(file.watch),
                 "render" => scene.picture = true,
+                // Plug-ins take part in every flight of the program that has them.
+                name if scene.plugins.iter().any(|p| p.name() == name) => {}
                 name => match scene.guides.named(name) {
                     Some(guide) => named.push(guide.name),
                     None => return Err(Error::usage("scene", format!("there is no plugin {name:?}"), mend)),
@@ -385,17 +409,76 @@ impl Scene {
     }
 }
 
+/// The settings in tables that are named after presets, cameras and shaders; those of guides and plug-ins go to these.
+///
+/// # Errors
+/// Status 2 for the name of nothing, and for settings that what is named does not have.
+fn named_options(
+    tables: toml::Table,
+    catalog: &Catalog,
+    guides: &mut Guides,
+    plugins: &mut Plugins,
+) -> Result<BTreeMap<String, Options>> {
+    let mut named = BTreeMap::new();
+    for (name, value) in tables {
+        let unknown = || Error::usage("scene", format!("there is no {name:?}"), "name known plugins and settings");
+        let toml::Value::Table(table) = value else { return Err(unknown()) };
+        if guides.named(&name).is_some() {
+            guides.read(&name, table)?;
+            continue;
+        }
+        let options = Options::new(table);
+        if plugins.configure(&name, options)? {
+            continue;
+        }
+        let in_table = |e: Error| Error { what: format!("[{name}] {}", e.what), ..e };
+        if let Ok(preset) = catalog.find_preset(&name) {
+            (preset.check)(options).map_err(in_table)?;
+        } else if let Ok(shader) = catalog.find_shader(&name) {
+            ShaderModel { options, ..shader }.check().map_err(in_table)?;
+        } else if let Ok(camera) = catalog.find_camera(&name) {
+            CameraModel { options, ..camera }.camera(90.0, 1.0).map_err(in_table)?;
+        } else {
+            return Err(unknown());
+        }
+        named.insert(name, options);
+    }
+    Ok(named)
+}
+
+/// The settings in the tables of overlays.
+///
+/// # Errors
+/// Status 2 for an overlay that there is not, and for settings that it does not have.
+fn overlay_options(tables: toml::Table, catalog: &Catalog) -> Result<BTreeMap<String, Options>> {
+    let mut overlays = BTreeMap::new();
+    for (name, value) in tables {
+        let overlay = catalog.find_overlay(&name)?;
+        let toml::Value::Table(table) = value else {
+            return Err(Error::usage(format!("overlay.{name}"), "is no table", format!("write [overlay.{name}]")));
+        };
+        let options = Options::new(table);
+        (overlay.check)(options).map_err(|e| Error { what: format!("[overlay.{name}] {}", e.what), ..e })?;
+        overlays.insert(name, options);
+    }
+    Ok(overlays)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::dynamics::tentacles::TentacleSettings;
-    use crate::render::{Choices, GradientSource, Leaping, LowDetail, Preset};
+    use crate::render::{Choices, GradientSource, Leaping, LowDetail, Preset, Settings};
+
+    fn parse(text: &str) -> Result<Scene> {
+        Scene::parse(text, &Catalog::default())
+    }
 
     #[test]
     fn a_file_chooses_of_the_papers_ideas() {
         let text = "plugins = [\"render\"]\n[render]\npreset = \"colvis\"\nleap = \"voxel\"\ngradients = \"stored\"\n\
                     key_frames = 7\nlow = \"third\"";
-        let s = Scene::parse(text).unwrap();
+        let s = parse(text).unwrap();
         let (leap, gradients) = (Some(Leaping::Voxel), Some(GradientSource::Stored));
         let choices = Choices { leap, gradients, key_frames: Some(7), low: Some(LowDetail::Third) };
         assert_eq!((s.render.choices, s.image.settings.choices, s.image.preset.name), (choices, choices, "colvis"));
@@ -405,20 +488,18 @@ mod tests {
         let other = Scene { image: ImageSettings { preset: lean, ..s.image }, ..s };
         let refused = other.check().unwrap_err();
         assert!(refused.to_string().contains("the preset lean keeps nothing for each voxel"), "{refused}");
-        assert!(
-            Scene::parse("plugins = []\n[render]\npreset = \"lean\"\nleap = \"brick\"\ngradients = \"eight\"").is_ok()
-        );
+        assert!(parse("plugins = []\n[render]\npreset = \"lean\"\nleap = \"brick\"\ngradients = \"eight\"").is_ok());
     }
 
     #[test]
     fn a_file_names_its_plugins() {
-        let s = Scene::parse("plugins = [\"tentacles\"]\n[tentacles]\ncount = 64\n").unwrap();
+        let s = parse("plugins = [\"tentacles\"]\n[tentacles]\ncount = 64\n").unwrap();
         assert!(s.mines.is_none() && s.watch.is_none() && s.guides.get::<TentacleSettings>().count == 64);
-        let s = Scene::parse("plugins = [\"manual\", \"watch\"]").unwrap();
+        let s = parse("plugins = [\"manual\", \"watch\"]").unwrap();
         assert!(s.guide_name() == "manual" && s.watch.is_some());
-        let s = Scene::parse("plugins = [\"render\"]").unwrap();
+        let s = parse("plugins = [\"render\"]").unwrap();
         assert!(!s.moves() && s.picture && s.image.preset == Preset::default());
-        let s = Scene::parse("plugins = [\"render\"]\n[render]\npreset = \"colvis\"").unwrap();
+        let s = parse("plugins = [\"render\"]\n[render]\npreset = \"colvis\"").unwrap();
         assert_ne!(s.image.preset, Preset::default());
         for bad in [
             "plugins = [\"tentacles\", \"manual\"]",
@@ -446,7 +527,7 @@ mod tests {
             "plugins = [\"render\"]\n[render]\npreset = \"lean\"\nkey_frames = 5",
             "plugins",
         ] {
-            assert!(Scene::parse(bad).is_err(), "{bad}");
+            assert!(parse(bad).is_err(), "{bad}");
         }
     }
 }

@@ -11,8 +11,8 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand,
 pub use crate::cli::values::{Pair, Point, Size, Triple};
 
 use crate::app::Catalog;
-use crate::cli::unbuilt;
 use crate::cli::values::count;
+use crate::cli::{Program, unbuilt};
 use crate::error::Error;
 use crate::fields::CenterlineMethod;
 
@@ -86,6 +86,14 @@ pub enum Command {
     Plane(PlaneArgs),
     /// Measures error against run time
     Report(ReportArgs),
+    /// A command that another crate has added.
+    #[command(skip)]
+    Own {
+        /// Its name.
+        name: String,
+        /// Its arguments.
+        matches: clap::ArgMatches,
+    },
 }
 
 /// `fly`'s arguments.
@@ -150,6 +158,9 @@ pub struct FlyArgs {
     /// A scene file: plugins and settings
     #[arg(long, value_name = "S.toml")]
     pub scene: Option<PathBuf>,
+    /// Overlays to draw into the recording, or to show in the window from the beginning (the help of keys lists them)
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
+    pub overlay: Vec<String>,
 }
 
 /// `render`'s arguments.
@@ -330,10 +341,19 @@ impl Args {
     ///
     /// # Errors
     /// What is wrong with them; also help and version, which are asked for.
-    pub fn read(args: impl Iterator<Item = OsString>, catalog: &Catalog) -> Result<Self, Refused> {
+    pub(super) fn read(args: impl Iterator<Item = OsString>, program: &Program) -> Result<Self, Refused> {
         let args: Vec<OsString> = args.collect();
         unbuilt::check_command(&args, command_place(&args)).map_err(Refused::NotBuilt)?;
-        let matches = command(catalog).try_get_matches_from(command_first(args)).map_err(Refused::Line)?;
+        let command = command(program);
+        let args = command_first(args, &command);
+        let mut matches = command.try_get_matches_from(args).map_err(Refused::Line)?;
+        let own = matches.subcommand_name().filter(|n| program.commands.iter().any(|c| c.name == *n));
+        if own.is_some()
+            && let Some((name, matches)) = matches.remove_subcommand()
+        {
+            let global = Global::from_arg_matches(&matches).map_err(Refused::Line)?;
+            return Ok(Self { command: Some(Command::Own { name, matches }), fly: FlyArgs::default(), global });
+        }
         Self::from_arg_matches(&matches).map_err(Refused::Line)
     }
 }
@@ -347,15 +367,22 @@ pub enum Refused {
     NotBuilt(Error),
 }
 
+/// Whether `name` is a command of this crate, in this release or in the contract.
+pub(super) fn is_command(name: &str) -> bool {
+    name == "help" || unbuilt::is_command(name) || Args::command().get_subcommands().any(|c| c.get_name() == name)
+}
+
 /// The command line, with what there is to choose from as the values of its options.
-fn command(catalog: &Catalog) -> clap::Command {
+fn command(program: &Program) -> clap::Command {
+    let catalog = &program.catalog;
     let guides: Vec<_> = catalog.guides.iter().map(|g| (g.name, g.summary)).collect();
     let presets: Vec<_> = catalog.presets.iter().map(|p| (p.name, p.summary)).collect();
     let cameras: Vec<_> = catalog.cameras.iter().map(|c| (c.name, c.summary)).collect();
     let renders = |c| choices(c, "preset", "Which renderer", &presets);
     let flies = |c| choices(renders(c), "guide", "Who steers", &guides);
     let window = |c: clap::Command| c.after_help(keys(catalog));
-    choices(window(flies(Args::command())), "camera", "Which camera", &cameras)
+    let all = Args::command().subcommands(program.commands.iter().map(|c| c.line()));
+    choices(window(flies(all)), "camera", "Which camera", &cameras)
         .mut_subcommand("fly", |c| window(flies(c)))
         .mut_subcommand("explain", flies)
         .mut_subcommand("render", renders)
@@ -472,9 +499,9 @@ pub enum ReportSubject {
 
 /// Global options may stand before the command too. clap would take the command for an input there, as `colvis INPUT` is
 /// a flight; so the command is moved to the front.
-fn command_first(mut args: Vec<OsString>) -> Vec<OsString> {
+fn command_first(mut args: Vec<OsString>, command: &clap::Command) -> Vec<OsString> {
     let at = command_place(&args);
-    let is_command = |a: &OsString| Args::command().get_subcommands().any(|c| a.as_os_str() == c.get_name());
+    let is_command = |a: &OsString| command.get_subcommands().any(|c| a.as_os_str() == c.get_name());
     if at > 1 && args.get(at).is_some_and(is_command) {
         args[1..=at].rotate_right(1);
     }
@@ -536,13 +563,13 @@ mod tests {
 
     #[test]
     fn the_definition_is_consistent() {
-        command(&Catalog::default()).debug_assert();
+        command(&Program::default()).debug_assert();
     }
 
     #[test]
     fn global_options_may_come_first() {
         let parse = |line: &str| {
-            let args = command_first(line.split(' ').map(OsString::from).collect());
+            let args = command_first(line.split(' ').map(OsString::from).collect(), &Args::command());
             Args::try_parse_from(args).unwrap()
         };
         let a = parse("colvis --threads 1 --wall=-900,-400 segment v.nii --out m.nii");
@@ -559,9 +586,9 @@ mod tests {
         assert_eq!(a.fly.from, Some(Point::World(DVec3::new(-1.0, 2.0, -3.5))));
         let a = Args::try_parse_from(["colvis", "fly", "--to", "cecum", "--wall", "-800,-500"]).unwrap();
         assert!(matches!(a.command, Some(Command::Fly(f)) if f.to == Some(Point::Cecum)));
-        let catalog = Catalog::default();
-        let read = |args: &[&str]| Args::read(args.iter().map(OsString::from), &catalog);
-        for guide in catalog.guides.iter() {
+        let program = Program::default();
+        let read = |args: &[&str]| Args::read(args.iter().map(OsString::from), &program);
+        for guide in program.catalog.guides.iter() {
             assert_eq!(read(&["colvis", "--guide", guide.name]).unwrap().fly.guide.as_deref(), Some(guide.name));
         }
         assert!(read(&["colvis", "fly", "--guide", "warp"]).is_err());

@@ -5,6 +5,7 @@ mod centerline;
 mod explain;
 mod fly;
 mod info;
+mod own;
 mod phantom;
 mod plane;
 mod prepare;
@@ -16,10 +17,11 @@ mod unbuilt;
 mod values;
 
 use std::any::Any;
+use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::panic::{self, AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, Once, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
@@ -29,9 +31,12 @@ use crate::fence::is_fenced;
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
-use crate::render::{CameraModel, Preset};
+use crate::render::{CameraModel, Preset, ShaderModel};
 use crate::schedule::{Guide, Plugin};
 use args::{Args, Command};
+pub use clap;
+use own::OwnCommand;
+pub use own::Session;
 
 /// The program `colvis`, with whatever another program adds to it.
 ///
@@ -50,34 +55,54 @@ use args::{Args, Command};
 ///     colvis::cli::Program::default().guide::<Drift>().run() // has `--guide drift`, too
 /// }
 /// ```
+///
+/// | method | adds | reached by |
+/// |---|---|---|
+/// | [`guide`](Self::guide) | a navigation method | `--guide`, its key, scene files |
+/// | [`preset`](Self::preset) | a renderer | `--preset`, `[render] preset` |
+/// | [`camera`](Self::camera) | a camera model | `--camera`, `[render] camera` |
+/// | [`shader`](Self::shader) | what the wall looks like | `[render] shade` |
+/// | [`overlay`](Self::overlay) | marks over the picture | its key, `fly --overlay` |
+/// | [`plugin`](Self::plugin) | systems, views, post-processes | every flight |
+/// | [`command`](Self::command) | a command | its name |
+///
+/// Each of the first six may have settings, in a table of its name in a scene file (an overlay's is `[overlay.NAME]`). Names and
+/// keys that are taken are refused when the program runs.
 #[derive(Clone, Debug, Default)]
 pub struct Program {
     catalog: Catalog,
+    commands: Vec<OwnCommand>,
 }
 
 impl Program {
     /// Adds a guide: to `--guide`, scene files, the keys and their help, `explain`.
     #[must_use]
     pub fn guide<G: Guide>(self) -> Self {
-        Self { catalog: self.catalog.guide::<G>() }
+        Self { catalog: self.catalog.guide::<G>(), ..self }
     }
 
     /// Adds a renderer: to `--preset`, scene files, `explain`.
     #[must_use]
     pub fn preset(self, preset: Preset) -> Self {
-        Self { catalog: self.catalog.preset(preset) }
+        Self { catalog: self.catalog.preset(preset), ..self }
     }
 
-    /// Adds a camera: to `--camera`.
+    /// Adds a camera: to `--camera`, scene files.
     #[must_use]
     pub fn camera(self, camera: CameraModel) -> Self {
-        Self { catalog: self.catalog.camera(camera) }
+        Self { catalog: self.catalog.camera(camera), ..self }
+    }
+
+    /// Adds a shader: to `[render] shade` in scene files.
+    #[must_use]
+    pub fn shader(self, shader: ShaderModel) -> Self {
+        Self { catalog: self.catalog.shader(shader), ..self }
     }
 
     /// Adds an overlay to the window, with its key and its row of help.
     #[must_use]
     pub fn overlay(self, overlay: Overlay) -> Self {
-        Self { catalog: self.catalog.overlay(overlay) }
+        Self { catalog: self.catalog.overlay(overlay), ..self }
     }
 
     /// Adds a plug-in to every flight: in the window, headless, in `explain` and in `report scenes`.
@@ -85,22 +110,101 @@ impl Program {
     /// One whose name is taken is refused when the program runs.
     #[must_use]
     pub fn plugin(self, plugin: impl Plugin) -> Self {
-        Self { catalog: self.catalog.plugin(plugin) }
+        Self { catalog: self.catalog.plugin(plugin), ..self }
     }
 
-    /// Runs the program and returns its exit status. Every failure prints exactly one line beginning `error: `.
+    /// Adds a command. Its arguments are a type that derives `clap::Args` (your crate depends on the same major version of clap as
+    /// [`clap`] here is, 4, with its feature `derive`); beside them it takes the global options, and `--help` lists it.
+    ///
+    /// ```no_run
+    /// use colvis::cli::Program;
+    ///
+    /// #[derive(clap::Args)]
+    /// struct Volume {
+    ///     /// A scan; the embedded phantom if left out
+    ///     input: Option<std::path::PathBuf>,
+    /// }
+    ///
+    /// fn main() -> std::process::ExitCode {
+    ///     let program = Program::default().command::<Volume>("volume", "Prints the lumen's volume", |args, session| {
+    ///         let lumen = session.open(args.input.as_deref())?.lumen()?;
+    ///         session.print(format!("{:.0} ml", lumen.segments.iter().map(|s| s.ml).sum::<f64>()))
+    ///     });
+    ///     program.run()
+    /// }
+    /// ```
+    #[must_use]
+    pub fn command<A: clap::Args>(
+        mut self,
+        name: &'static str,
+        summary: &'static str,
+        run: impl Fn(&A, &Session<'_>) -> Result<()> + Send + Sync + 'static,
+    ) -> Self {
+        self.commands.push(OwnCommand::new(name, summary, run));
+        self
+    }
+
+    /// Runs the program with the arguments that it was started with, and returns its exit status. Every failure prints exactly
+    /// one line beginning `error: `.
     pub fn run(self) -> ExitCode {
-        let args = match Args::read(std::env::args_os(), &self.catalog) {
+        self.run_from(std::env::args_os())
+    }
+
+    /// As [`Program::run`], with these arguments; the first is the program's name.
+    pub fn run_from<T: Into<OsString>>(self, args: impl IntoIterator<Item = T>) -> ExitCode {
+        let told = |e: &Error| {
+            eprintln!("error: {e}");
+            ExitCode::from(e.kind as u8)
+        };
+        if let Err(e) = self.check() {
+            return told(&e);
+        }
+        let args = match self.parse(args) {
             Ok(args) => args,
             Err(e) => return args::refuse(&e),
         };
-        match guarded(|| run(&self, args)) {
-            Ok(()) => ExitCode::SUCCESS,
-            Err(e) => {
-                eprintln!("error: {e}");
-                ExitCode::from(e.kind as u8)
+        guarded(|| run(&self, args)).map_or_else(|e| told(&e), |()| ExitCode::SUCCESS)
+    }
+
+    /// Reads a command line; the first argument is the program's name.
+    ///
+    /// # Errors
+    /// What is wrong with it; also help and version, which are asked for.
+    pub fn parse<T: Into<OsString>>(
+        &self,
+        args: impl IntoIterator<Item = T>,
+    ) -> std::result::Result<Args, args::Refused> {
+        Args::read(args.into_iter().map(Into::into), self)
+    }
+
+    /// Checks that every name, key and command stands for one thing.
+    ///
+    /// # Errors
+    /// Status 2 for the first that is taken twice, with both of its owners.
+    pub fn check(&self) -> Result<()> {
+        self.catalog.check()?;
+        let taken = crate::app::catalog::taken;
+        for (n, own) in self.commands.iter().enumerate() {
+            let what = format!("command {:?}", own.name);
+            if args::is_command(own.name) {
+                return Err(taken(&what, "a command of colvis", "a command of this program", "name"));
+            }
+            if self.commands[..n].iter().any(|o| o.name == own.name) {
+                return Err(taken(&what, "a command of this program", "another one", "name"));
             }
         }
+        #[cfg(feature = "window")]
+        {
+            let guides = self.catalog.guides.iter().map(|g| (g.key, format!("guide {}", g.name)));
+            let overlays = self.catalog.overlays.iter().map(|o| (o.key, format!("overlay {}", o.name)));
+            for (key, owner) in guides.chain(overlays) {
+                if let Some(key) = key.filter(|k| crate::host::window::is_key_taken(*k)) {
+                    let what = format!("key {:?}", key.to_uppercase().to_string());
+                    return Err(taken(&what, "the window", &owner, "key"));
+                }
+            }
+        }
+        Ok(())
     }
 }
 
@@ -112,7 +216,9 @@ static PANICKED_AT: Mutex<Option<String>> = Mutex::new(None);
 
 /// Does the program's work; a panic is a fault of its own, told like any other.
 fn guarded(work: impl FnOnce() -> Result<()>) -> Result<()> {
-    panic::set_hook(noting(panic::take_hook()));
+    static NOTING: Once = Once::new();
+    NOTING.call_once(|| panic::set_hook(noting(panic::take_hook())));
+    *PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner) = None;
     let place = || PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner).clone();
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| Err(panicked(&*panic, place().as_deref())))
 }
@@ -140,12 +246,20 @@ fn panicked(panic: &(dyn Any + Send), place: Option<&str>) -> Error {
     Error::fault("colvis", format!("{}{at}", text.unwrap_or("panicked")), "report it, with the command")
 }
 
-fn run(program: &Program, args: Args) -> Result<()> {
-    let progress = Arc::new(Progress::new());
-    let on_interrupt = Arc::clone(&progress);
+/// The progress of the run under way: what an interrupt cancels.
+static UNDER_WAY: Mutex<Option<Arc<Progress>>> = Mutex::new(None);
+
+/// Lets an interrupt cancel `progress`, in the place of an earlier run's.
+fn on_interrupt(progress: &Arc<Progress>) -> Result<()> {
+    let run = || UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner);
+    let first = run().replace(Arc::clone(progress)).is_none();
+    if !first {
+        return Ok(());
+    }
     ctrlc::set_handler(move || {
+        let Some(progress) = run().clone() else { return };
         // The second Ctrl-C ends at once: files are whole or absent in any case.
-        if on_interrupt.is_cancelled() {
+        if progress.is_cancelled() {
             output::remove_temporary();
             if std::io::stderr().is_terminal() {
                 // A progress bar may stand on the line.
@@ -155,12 +269,17 @@ fn run(program: &Program, args: Args) -> Result<()> {
             eprintln!("error: {e}");
             std::process::exit(e.kind as i32);
         }
-        on_interrupt.cancel();
+        progress.cancel();
     })
-    .map_err(|e| Error::fault("interrupt handler", e.to_string(), "run it again"))?;
+    .map_err(|e| Error::fault("interrupt handler", e.to_string(), "run it again"))
+}
+
+fn run(program: &Program, args: Args) -> Result<()> {
+    let progress = Arc::new(Progress::new());
+    on_interrupt(&progress)?;
     let global = args.global;
     prepare::check(program, &global)?;
-    let _crew = crew(global.threads)?;
+    gather_threads(global.threads)?;
     // A flight shows its own progress: a window, or a bar that goes before the last word.
     let _bar = match args.command {
         Some(
@@ -179,6 +298,11 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Centerline(a)) => centerline::run(&a, &global, &progress),
         Some(Command::Plane(a)) => plane::run(&a, &progress),
         Some(Command::Report(a)) => report::run(program, &a, &global, &progress),
+        Some(Command::Own { name, matches }) => {
+            let session = Session { program, global: &global, progress: &progress };
+            let own = program.commands.iter().find(|c| c.name == name);
+            own.map_or(Ok(()), |own| own.run(&matches, &session))
+        }
         None => fly::run(program, &args.fly, &global, &progress),
     }
 }
@@ -188,12 +312,28 @@ fn run(program: &Program, args: Args) -> Result<()> {
 /// rayon's common pool would take the work from it and wake all of its own threads, two of which the system often sets on
 /// one processor for some milliseconds: a frame of 6 ms then takes 12. Threads beside this one, which load or plan, keep the
 /// common pool, so that no frame waits for them.
-fn crew(threads: Option<usize>) -> Result<ThreadPool> {
+///
+/// A process has its threads for good: a later run with another number of them is refused.
+fn gather_threads(threads: Option<usize>) -> Result<()> {
+    static GATHERED: Mutex<Option<(Option<usize>, ThreadPool)>> = Mutex::new(None);
+    let mut gathered = GATHERED.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((before, _)) = &*gathered {
+        return match threads {
+            Some(n) if Some(n) != *before => {
+                let why = "another number of threads works in this process already";
+                Err(Error::usage(format!("--threads {n}"), why, "choose it in the first run, or leave it out"))
+            }
+            _ => Ok(()),
+        };
+    }
     let fault = |e: ThreadPoolBuildError| Error::fault("--threads", e.to_string(), "use fewer threads");
     if let Some(n) = threads {
         ThreadPoolBuilder::new().num_threads(n).build_global().map_err(fault)?;
     }
-    ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).use_current_thread().build().map_err(fault)
+    let pool =
+        ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).use_current_thread().build().map_err(fault)?;
+    *gathered = Some((threads, pool));
+    Ok(())
 }
 
 /// Writes to standard output; a reader that has seen enough (`colvis … | head -1`) is no failure.

@@ -69,7 +69,8 @@ fn settings(path: &Path) -> Result<PlaneSettings> {
     let text = std::fs::read_to_string(path)
         .map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), "give a scene file"))?;
     let what = || path.display().to_string();
-    let scene = Scene::parse(&text).map_err(|e| Error::usage(what(), e.to_string(), "see assets/scenes"))?;
+    let scene = Scene::parse(&text, &crate::app::Catalog::default())
+        .map_err(|e| Error::usage(what(), e.to_string(), "see assets/scenes"))?;
     let refuse = |why: String, mend: &str| Err(Error::usage(what(), why, mend));
     if scene.guide_name() != TentacleSettings::NAME {
         let why = match scene.guide() {

@@ -25,7 +25,7 @@ use crate::volume::io::{self, LoadOptions};
 pub fn check(program: &Program, global: &Global) -> Result<()> {
     transfer(global)?;
     checked_options(global)?;
-    fov(global, camera(program, global)?).map(|_| ())
+    fov(global, camera(program, global, CameraModel::default())?).map(|_| ())
 }
 
 /// The options of reading an input.
@@ -69,7 +69,7 @@ pub fn transfer(global: &Global) -> Result<TransferFunction> {
 /// Status 2 when it is beyond them.
 pub fn fov(global: &Global, camera: CameraModel) -> Result<f64> {
     let fov = global.fov.unwrap_or(90.0);
-    (camera.make)(fov, 1.0).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))?;
+    camera.camera(fov, 1.0).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))?;
     Ok(fov)
 }
 
@@ -91,12 +91,12 @@ pub fn preset(program: &Program, named: Option<&str>, scene: Preset) -> Result<P
     named.map_or(Ok(scene), |name| program.catalog.find_preset(name))
 }
 
-/// The camera that `--camera` asks for.
+/// The camera that `--camera` asks for, or else the scene.
 ///
 /// # Errors
 /// Status 2 for one that there is not.
-pub fn camera(program: &Program, global: &Global) -> Result<CameraModel> {
-    global.camera.as_deref().map_or(Ok(CameraModel::default()), |name| program.catalog.find_camera(name))
+pub fn camera(program: &Program, global: &Global, scene: CameraModel) -> Result<CameraModel> {
+    global.camera.as_deref().map_or(Ok(scene), |name| program.catalog.find_camera(name))
 }
 
 /// Opens the input, or the embedded phantom where there is none, ready for a renderer; says what there is to say about it.

@@ -47,7 +47,7 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
     let preset = prepare::preset(program, args.preset.as_deref(), Preset::default())?;
     let mut settings = prepare::quality(args.quality);
     settings.samples_per_pixel = args.samples.unwrap_or(1).min(4096) as u32;
-    let camera = prepare::camera(program, global)?;
+    let camera = prepare::camera(program, global, CameraModel::default())?;
     let poses = read(&args.poses, camera)?;
     let fov = match global.fov {
         Some(_) => prepare::fov(global, camera)?,
@@ -103,7 +103,7 @@ fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
         std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend))?;
     let poses: Poses = serde_json::from_slice(&text).map_err(|e| Error::file(path, e.to_string(), mend))?;
     if let Some(fov) = poses.fov_degrees {
-        (camera.make)(fov, 1.0).map_err(|e| Error::file(path, format!("fov_degrees: {}", e.why), mend))?;
+        camera.camera(fov, 1.0).map_err(|e| Error::file(path, format!("fov_degrees: {}", e.why), mend))?;
     }
     Ok(poses)
 }

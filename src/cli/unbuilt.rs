@@ -37,6 +37,11 @@ pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error
     })
 }
 
+/// Whether the contract has a command of that name that is not built.
+pub(super) fn is_command(name: &str) -> bool {
+    COMMANDS.contains(&name)
+}
+
 /// The refusal of an option or a value that is not built, where that is what the command line was refused for.
 pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
     let text = |kind| match e.get(kind) {

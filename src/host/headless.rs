@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::app::FlightApp;
+use crate::app::overlay::Mark;
 use crate::app::plan::triple;
+use crate::app::{Canvas, FlightApp, Overlay};
 use crate::components::clock::Clock;
 use crate::components::flight::State;
 use crate::components::output::Picture;
@@ -26,6 +27,8 @@ pub struct Outputs {
     pub shown_fps: Option<f64>,
     /// Where steps are logged.
     pub log: Option<PathBuf>,
+    /// What is drawn over recorded images. Without the feature `window` nothing is.
+    pub overlays: Vec<Overlay>,
 }
 
 /// Flies until the flight has arrived, calls for the operator, or `seconds` of simulated time are over. The flight's
@@ -52,7 +55,7 @@ pub fn fly(
             return (Vec::new(), Err(e));
         }
     }
-    let flown = fly_steps(flight, seconds, log, fps, progress);
+    let flown = fly_steps(flight, seconds, log, fps, &outputs.overlays, progress);
     let camera = flight.app().camera_id();
     let recording = present::take::<Recording>(flight.app_mut(), camera);
     let (frames, recorded) = recording.map_or((Vec::new(), Ok(())), Recording::finish);
@@ -77,6 +80,7 @@ fn fly_steps(
     seconds: f64,
     mut log: Option<Log>,
     fps: Option<f64>,
+    overlays: &[Overlay],
     progress: &Arc<Progress>,
 ) -> Result<bool> {
     let hz = f64::from(flight.clock().hz);
@@ -87,7 +91,7 @@ fn fly_steps(
         for tick in 0..steps {
             if fps.is_some_and(|fps| due(images, fps, hz) <= tick) {
                 images += 1;
-                record(flight)?;
+                record(flight, overlays)?;
             }
             flight.step()?;
             if tick + 1 == steps {
@@ -106,7 +110,7 @@ fn fly_steps(
     let flown = fly();
     // However the flight ended, what it leaves is finished: first the log, as a recording may hang on another program.
     let logged = log.map_or(Ok(()), |l| l.finish(flight.flight().state));
-    let last = fps.map_or(Ok(()), |_| record(flight));
+    let last = fps.map_or(Ok(()), |_| record(flight, overlays));
     let interrupted = flown?;
     logged.and(last)?;
     Ok(interrupted)
@@ -125,16 +129,29 @@ fn due(n: u64, fps: f64, hz: f64) -> u64 {
 }
 
 /// Traces and records the image of the pose as it is now.
-fn record(flight: &mut FlightApp) -> Result<()> {
+fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
     let camera = flight.app().camera_id();
+    let marks = marks(flight, overlays);
     if let Some(mut recording) = present::presenter::<Recording>(flight.app_mut(), camera) {
-        recording.begin();
+        recording.begin(marks);
     }
     flight.frame()?;
     match present::presenter::<Recording>(flight.app_mut(), camera) {
         Some(mut recording) => recording.take_outcome(),
         None => Ok(()),
     }
+}
+
+/// What overlays draw over the next image.
+fn marks(flight: &FlightApp, overlays: &[Overlay]) -> Vec<Mark> {
+    let Some(view) = flight.view().filter(|_| !overlays.is_empty()) else { return Vec::new() };
+    #[cfg(feature = "window")]
+    let scale = crate::host::window::pixels_a_point((view.width(), view.height()), 1.0);
+    #[cfg(not(feature = "window"))]
+    let scale = 1.0;
+    let mut canvas = Canvas::at_scale(view, scale);
+    overlays.iter().for_each(|overlay| canvas.draw(overlay, flight));
+    canvas.into_marks()
 }
 
 /// What is said at the end of a flight, as the exit status wants it: nothing but `Ok` for a flight that arrived or whose

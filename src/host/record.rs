@@ -9,6 +9,7 @@ use std::time::Instant;
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, ExtendedColorType, ImageEncoder};
 
+use crate::app::overlay::Mark;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
@@ -43,17 +44,43 @@ pub struct Recording {
     begun: Instant,
     frames: Vec<FrameStats>,
     outcome: Result<()>,
+    /// What overlays have drawn over the next picture.
+    marks: Vec<Mark>,
+    /// What paints them, and the picture with them.
+    #[cfg(feature = "window")]
+    marked: Option<(crate::host::window::Marker, Frame)>,
 }
 
 impl Recording {
     /// Nothing is recorded yet.
     pub fn new(recorder: Recorder) -> Self {
-        Self { recorder, begun: Instant::now(), frames: Vec::new(), outcome: Ok(()) }
+        Self {
+            recorder,
+            begun: Instant::now(),
+            frames: Vec::new(),
+            outcome: Ok(()),
+            marks: Vec::new(),
+            #[cfg(feature = "window")]
+            marked: None,
+        }
     }
 
-    /// The pose of the next picture is known: its time begins.
-    pub fn begin(&mut self) {
+    /// The pose of the next picture is known, and what lies over it: its time begins.
+    pub fn begin(&mut self, marks: Vec<Mark>) {
+        self.marks = marks;
         self.begun = Instant::now();
+    }
+
+    /// Keeps a picture, with the marks over it.
+    fn add(&mut self, picture: &Frame) -> Result<()> {
+        #[cfg(feature = "window")]
+        if !self.marks.is_empty() {
+            let (marker, marked) = self.marked.get_or_insert_default();
+            marked.show(picture);
+            marker.paint(std::mem::take(&mut self.marks), marked);
+            return self.recorder.add(marked);
+        }
+        self.recorder.add(picture)
     }
 
     /// What came of the pictures since the last call.
@@ -82,7 +109,7 @@ impl Presenter for Recording {
         if !picture.traced || self.outcome.is_err() {
             return;
         }
-        self.outcome = self.recorder.add(&picture.frame);
+        self.outcome = self.add(&picture.frame);
         if self.outcome.is_ok() {
             self.frames.push(FrameStats::new(ms, &picture.work));
         }

@@ -9,8 +9,12 @@ use super::renderer::Renderer;
 
 /// The renderer of `space` by `settings` that `preset` stands for.
 ///
-/// Two things are the same in every preset. The quality `reference` is what all of them are measured against. Where detail
-/// follows the need ([`Settings::adaptive`]) the moving pictures are the preset's, and at rest they come to the reference.
+/// Two things are the same in every preset of this crate. The quality `reference` is what all of them are measured against.
+/// Where detail follows the need ([`Settings::adaptive`]) the moving pictures are the preset's, and at rest they come to the
+/// reference.
+///
+/// A preset of another crate makes its pictures itself at every quality. At rest they become as sharp as it makes them, and
+/// better where it says how ([`Renderer::refining`]).
 ///
 /// ```
 /// use std::sync::Arc;
@@ -33,12 +37,19 @@ pub fn renderer(space: &PreparedVolume, settings: Settings, preset: Preset, reus
     if settings.adaptive {
         let settings = Settings { adaptive: false, ..settings };
         let moving = renderer(space, settings, preset, reuse);
-        let fine = Adaptive::fine(settings)
-            .map(|fine| moving.refining(fine).unwrap_or_else(|| Box::new(Direct::new(space, fine))));
+        let fine = Adaptive::fine(settings).and_then(|fine| match moving.refining(fine) {
+            None if is_built_in(preset) => Some(Box::new(Direct::new(space, fine)) as Box<dyn Renderer>),
+            own => own,
+        });
         return Box::new(Adaptive::new(space, moving, fine));
     }
     match settings.quality {
-        Quality::Reference => Box::new(Direct::new(space, settings)),
+        Quality::Reference if is_built_in(preset) => Box::new(Direct::new(space, settings)),
         _ => (preset.make)(space, settings, reuse),
     }
+}
+
+/// Whether a preset is one of this crate's.
+fn is_built_in(preset: Preset) -> bool {
+    super::presets::BUILT_IN.contains(&preset)
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::TransferFunction;
 use super::choices::Choices;
+use super::options::Options;
 use super::prepared_volume::PreparedVolume;
 use super::quality::Settings;
 use super::renderer::Renderer;
@@ -13,7 +14,7 @@ use crate::volume::Volume;
 /// A renderer by its name. Those of this crate are in [`presets::BUILT_IN`](super::presets::BUILT_IN); a program may have
 /// its own, which work wherever these do.
 ///
-/// The qualities `reference` and `adaptive` are common to all presets: see [`renderer`](super::renderer()).
+/// The quality `reference` is common to the presets of this crate, and `adaptive` to all: see [`renderer`](super::renderer()).
 #[derive(Clone, Copy, Debug)]
 pub struct Preset {
     /// Its name on the command line and in scene files; presets of the same name are equal.
@@ -27,7 +28,10 @@ pub struct Preset {
     /// Whether it follows what a scene chooses: [`choices::all`](super::choices::all), [`choices::none`](super::choices::none),
     /// or a function of its own, whose error (wrong usage) says why not.
     pub takes: fn(&Choices) -> Result<()>,
-    /// Makes the renderer of a volume, prepared so, at high or low quality.
+    /// Checks its own settings ([`Settings::options`]), an error (wrong usage) if they make no sense: [`Options::none`] for a
+    /// preset without any.
+    pub check: fn(Options) -> Result<()>,
+    /// Makes the renderer of a volume, prepared so, at high or low quality; of an own preset at the quality `reference`, too.
     pub make: fn(&PreparedVolume, Settings, Reuse) -> Box<dyn Renderer>,
 }
 

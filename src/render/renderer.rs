@@ -36,7 +36,8 @@ pub trait Renderer: Send + Sync {
     }
 
     /// A renderer of the same volume for the samples that a picture at rest is refined with, as good as rays one after the
-    /// other by `settings`; it shares what this one has prepared. None where rays one after the other are to make them.
+    /// other by `settings`; it shares what this one has prepared. Where it is none, rays one after the other make the samples of
+    /// this crate's presets, and the pictures of a preset of another crate stay as sharp as that makes them.
     fn refining(&self, _settings: Settings) -> Option<Box<dyn Renderer>> {
         None
     }

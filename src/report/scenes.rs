@@ -105,7 +105,7 @@ pub fn report(
     let full = Scene { picture: true, log: true, operator: true, ..Scene::default() };
     let mut scenes = vec![("default".to_owned(), default), ("everything".to_owned(), full.clone())];
     for (name, text) in SHIPPED {
-        scenes.push((name.to_owned(), Scene::parse(text)?));
+        scenes.push((name.to_owned(), Scene::parse(text, &crate::app::Catalog::default())?));
     }
     for (part, leave_out) in PARTS {
         let mut scene = full.clone();
@@ -351,7 +351,7 @@ mod tests {
         let mut shipped = SHIPPED.map(|s| s.0);
         shipped.sort_unstable();
         assert_eq!(files, shipped);
-        assert!(SHIPPED.iter().all(|s| Scene::parse(s.1).is_ok()));
+        assert!(SHIPPED.iter().all(|s| Scene::parse(s.1, &crate::app::Catalog::default()).is_ok()));
     }
 
     #[test]

@@ -388,6 +388,10 @@ impl App {
             .flat_map(|a| a.components().iter().copied())
             .filter_map(|id| self.world.components().get_name(id))
             .map(|n| component_name(&n.to_string()))
+            // What every world has for its own bookkeeping.
+            .filter(|n| {
+                !["IsResource", "Schedules", "DefaultQueryFilters"].map(|k| format!("bevy_ecs::{k}")).contains(n)
+            })
             .collect();
         // This crate's come first, and each crate's are together.
         names.sort_by_key(|n| (n.contains("::"), n.clone()));

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::App;
 use crate::error::{Error, Result};
+use crate::render::Options;
 
 /// Something that another crate adds to a flight: systems, entities, resources. It is a value, so it can carry settings and
 /// state.
@@ -41,6 +42,15 @@ pub trait Plugin: Send + Sync + 'static {
     /// Its name: in `explain`, in messages, and as its table in scene files. Two plug-ins of one flight cannot share it.
     fn name(&self) -> Cow<'static, str> {
         short_type_name(type_name::<Self>()).into()
+    }
+
+    /// The plug-in with these settings, which stand in a scene file under its name; itself where it is to stay as it is. A
+    /// plug-in that has settings reads them with [`Options::read`]; the others refuse any.
+    ///
+    /// # Errors
+    /// Status 2 for settings that it does not have or that make no sense.
+    fn with_options(&self, options: Options) -> Result<Option<Arc<dyn Plugin>>> {
+        options.none().map(|()| None)
     }
 
     /// Adds its parts to the flight. The scan and the camera are there; the camera has its pose only once the flight sets out.
@@ -107,10 +117,29 @@ impl Plugins {
         self.0.iter().map(|p| &**p)
     }
 
+    /// Gives a plug-in the settings of a scene file; whether there is one of that name.
+    ///
+    /// # Errors
+    /// As [`Plugin::with_options`].
+    pub fn configure(&mut self, name: &str, options: Options) -> Result<bool> {
+        let Some(plugin) = self.0.iter_mut().find(|p| p.name() == name) else { return Ok(false) };
+        let configured = plugin.with_options(options).map_err(|e| in_table(name, e))?;
+        if let Some(configured) = configured {
+            *plugin = configured;
+        }
+        Ok(true)
+    }
+
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
+}
+
+/// An error of a table of settings, which names the table.
+fn in_table(name: &str, e: Error) -> Error {
+    let named = e.what.contains(name);
+    Error { what: if named { e.what } else { format!("[{name}] {}", e.what) }, ..e }
 }
 
 impl fmt::Debug for Plugins {

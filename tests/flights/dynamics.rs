@@ -96,7 +96,7 @@ fn every_integrator_flies_by_its_name_in_a_scene() {
         let text = format!(
             "plugins = [\"tentacles\", \"mines\"]\n[body]\nintegrator = \"{name}\"\ncylinder_length_mm = 0.5\nmass_g = 1e-3\n"
         );
-        let scene = Scene { log: true, ..Scene::parse(&text).unwrap() };
+        let scene = Scene { log: true, ..Scene::parse(&text, &colvis::app::Catalog::default()).unwrap() };
         assert_eq!(scene.body.integrator, integrator);
         let mut f = flight(volume.clone(), scene, &Wish::default());
         let log = fly(&mut f, 5.0);
@@ -107,6 +107,6 @@ fn every_integrator_flies_by_its_name_in_a_scene() {
         ["integrator = \"warp\"", "cylinder_length_mm = 9.0", "cylinder_radius_mm = -1", "mass_g = 0", "mass_g = nan"]
     {
         let text = format!("plugins = [\"tentacles\"]\n[body]\n{bad}\n");
-        assert!(Scene::parse(&text).is_err(), "{bad}");
+        assert!(Scene::parse(&text, &colvis::app::Catalog::default()).is_err(), "{bad}");
     }
 }

@@ -8,6 +8,7 @@ mod layers;
 mod leftovers;
 mod paper_table;
 mod planners;
+mod plugging;
 mod report;
 mod rust_source;
 

@@ -150,7 +150,7 @@ impl FlightApp {
 
     /// Marks the views beside the camera's that would become better or other pictures if they were rendered now; whether
     /// there is one.
-    pub(crate) fn mark_unfinished_views(&mut self) -> bool {
+    pub fn mark_unfinished_views(&mut self) -> bool {
         let camera = self.app.camera_id();
         let here = self.pose();
         let mut any = false;

@@ -9,8 +9,14 @@ use crate::components::guide::MineField;
 use crate::render::first_crossing;
 
 /// The overlay.
-pub const OVERLAY: Overlay =
-    Overlay { name: "mines", summary: "mines: laid behind the camera", key: Some('m'), shown: false, draw };
+pub const OVERLAY: Overlay = Overlay {
+    name: "mines",
+    summary: "mines: laid behind the camera",
+    key: Some('m'),
+    shown: false,
+    draw,
+    ..Overlay::PLAIN
+};
 
 /// A mine is drawn as large as a ball of this radius would be seen, mm.
 const RADIUS_MM: f64 = 1.2;

@@ -11,8 +11,14 @@ use crate::app::{FlightApp, Overlay};
 use crate::components::guide::Tentacles;
 
 /// The overlay.
-pub const OVERLAY: Overlay =
-    Overlay { name: "tentacles", summary: "tentacles: where they touch the wall", key: Some('t'), shown: false, draw };
+pub const OVERLAY: Overlay = Overlay {
+    name: "tentacles",
+    summary: "tentacles: where they touch the wall",
+    key: Some('t'),
+    shown: false,
+    draw,
+    ..Overlay::PLAIN
+};
 
 /// Tentacles of this length and longer have the colour of far ones, mm.
 const FAR_MM: f64 = 60.0;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::app::plan::triple;
-use crate::app::{Catalog, FlightApp, ImageSettings, Place, Scan, Scene, Steering, Timings, Wish};
+use crate::app::{Catalog, FlightApp, ImageSettings, Overlay, Place, Scan, Scene, Steering, Timings, Wish};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global, Point, Size};
 use crate::cli::prepare::{self, say};
@@ -157,7 +157,27 @@ pub fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen)
         scene.image = image_settings(program, args, global, &scene, screen)?;
     }
     scene.check()?;
+    overlays(program, args, &scene)?;
     Ok(scene)
+}
+
+/// The program's overlays with the scene's settings; those that `--overlay` names are shown from the beginning.
+///
+/// # Errors
+/// Status 2 for an overlay that there is not, or that cannot be drawn.
+fn overlays(program: &Program, args: &FlyArgs, scene: &Scene) -> Result<Vec<Overlay>> {
+    for name in &args.overlay {
+        program.catalog.find_overlay(name)?;
+        if cfg!(not(feature = "window")) {
+            let why = "this build has no window, and nothing that draws text";
+            return Err(Error::usage("--overlay", why, "build with the feature window"));
+        }
+    }
+    let all = program.catalog.overlays.iter().map(|&o| {
+        let shown = o.shown || args.overlay.iter().any(|n| n == o.name);
+        scene.options.overlay(Overlay { shown, ..o })
+    });
+    Ok(all.collect())
 }
 
 /// Start and goal that the arguments ask for.
@@ -184,15 +204,22 @@ fn image_settings(
 ) -> Result<ImageSettings> {
     let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
     let quality = prepare::quality(args.quality);
-    let camera = prepare::camera(program, global)?;
-    let quality = Settings { adaptive: screen == Screen::Window || quality.adaptive, ..quality };
+    let camera = prepare::camera(program, global, scene.image.camera)?;
+    let camera = CameraModel { options: scene.options.of(camera.name), ..camera };
+    let preset = scene.image.preset;
+    let adaptive = screen == Screen::Window || quality.adaptive;
+    let quality = Settings { adaptive, options: scene.options.of(preset.name), ..quality };
+    let fov_degrees = match global.fov {
+        None if camera == scene.image.camera => scene.image.fov_degrees,
+        _ => prepare::fov(global, camera)?,
+    };
     Ok(ImageSettings {
         camera,
         width: size.width,
         height: size.height,
-        fov_degrees: prepare::fov(global, camera)?,
+        fov_degrees,
         settings: scene.render.apply(quality),
-        preset: scene.image.preset,
+        preset,
     })
 }
 
@@ -267,6 +294,8 @@ fn fly_with(
     extent: Extent,
 ) -> Result<()> {
     let mut scene = scene(program, args, global, Screen::None)?;
+    let overlays = overlays(program, args, &scene)?.into_iter().filter(|o| args.overlay.iter().any(|n| n == o.name));
+    let overlays = overlays.collect();
     let view = args.coverage.then(|| prepare::fov(global, CameraModel::default())).transpose()?;
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
     if extent == Extent::Short && args.size.is_none() {
@@ -310,6 +339,7 @@ fn fly_with(
         fps: if short { args.fps.unwrap_or(2.5) } else { args.fps.unwrap_or(30.0) },
         shown_fps: short.then_some(12.0),
         log: args.log.clone(),
+        overlays,
     };
     // A log is played to its end, however slowly.
     let most = flight.scene().play().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use serde_json::json;
 
 use super::files::read_acts;
-use super::{Screen, flight, leave, leave_unflown, open, scene, stats};
+use super::{Screen, flight, leave, leave_unflown, open, overlays, scene, stats};
 use crate::app::{FlightApp, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
@@ -30,6 +30,7 @@ pub fn fly(
         return Err(Error::usage("--record", "a window makes no recording", "add --headless"));
     }
     let scene = scene(program, args, global, Screen::Window)?;
+    let overlays = overlays(program, args, &scene)?;
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
     let timings = Arc::new(Mutex::new(Timings::default()));
     let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
@@ -67,7 +68,7 @@ pub fn fly(
         log: args.log.clone(),
         seconds: args.seconds,
         resume: resume(args),
-        overlays: program.catalog.overlays.clone(),
+        overlays,
     };
     window::run(display, launch, progress).inspect_err(|e| {
         if !flown.get() {

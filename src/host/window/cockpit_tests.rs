@@ -270,6 +270,7 @@ fn an_overlay_costs_nothing_while_it_is_hidden() {
             DRAWN.fetch_add(1, Ordering::Relaxed);
             canvas.disc([4.0, 4.0], 2.0 * canvas.scale(), [1, 2, 3]);
         },
+        ..Overlay::PLAIN
     };
     let now = Instant::now();
     let mut c = Cockpit::new(flight("tentacles"), 0.0, Arc::new(|| {}), vec![counted]).unwrap();

@@ -51,6 +51,22 @@ impl Layer {
         layer
     }
 
+    /// Lays it over a picture.
+    pub fn cover_frame(&self, picture: &mut Frame) {
+        let width = picture.width().max(1);
+        let rows = picture.buffers().0.chunks_exact_mut(width);
+        for (pixels, runs) in rows.zip(&self.rows) {
+            for run in runs {
+                let over = &self.pixels[run.first..][..run.columns.len()];
+                for (pixel, &over) in pixels[run.columns.clone()].iter_mut().zip(over) {
+                    let [r, g, b] = pixel.map(u32::from);
+                    let [_, r, g, b] = blend(r << 16 | g << 8 | b, over).to_be_bytes();
+                    *pixel = [r, g, b];
+                }
+            }
+        }
+    }
+
     /// Lays it over row `y` of a picture of `0x00RRGGBB`.
     fn cover(&self, y: usize, out: &mut [u32]) {
         for run in self.rows.get(y).into_iter().flatten() {

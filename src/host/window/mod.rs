@@ -38,12 +38,20 @@ use crate::host::frames::FrameStats;
 use crate::progress::Progress;
 use crate::schedule::Guides;
 pub use loading::{Prepare, Ready, SessionFile};
+pub use painter::{Marker, pixels_a_point};
 pub use presented::PresentMs;
 use shell::{Shell, Wake};
 
 /// All keys of the window with what they do, in the order in which its help shows them.
 pub fn key_help(guides: &Guides, overlays: &[Overlay]) -> Vec<(String, String)> {
     keys::help(guides, overlays)
+}
+
+/// Whether a key means something to the window itself.
+pub fn is_key_taken(key: char) -> bool {
+    let text = key.to_string();
+    let pressed = winit::keyboard::Key::Character(text.as_str().into());
+    keys::action(&pressed, |_| None).is_some()
 }
 
 /// How often an interrupt is looked for.

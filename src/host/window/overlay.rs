@@ -54,6 +54,8 @@ pub enum Content {
     },
     /// The flight.
     Flight(Box<Readings>),
+    /// What overlays have drawn, and nothing else.
+    Marks(Vec<Mark>),
 }
 
 /// What is known of a flight at a moment, as it is shown.
@@ -89,6 +91,7 @@ pub fn draw(p: &Painter, area: Rect, content: &Content) {
         Content::Loading { stage, share } => loading(p, area, stage, *share),
         Content::Failed { text } => failed(p, area, text),
         Content::Flight(readings) => flight(p, area, readings),
+        Content::Marks(marks) => drawn(p, marks),
     }
 }
 
@@ -162,13 +165,47 @@ fn failed(p: &Painter, area: Rect, why: &str) {
     lines(p, area.center(), Align2::CENTER_CENTER, wrap, &list);
 }
 
+/// Places of marks are held within so many pixels: what lies farther out is in no window.
+const FAR_PIXELS: f32 = 1e5;
+/// A mark's text is held to these sizes, points, and to so many characters.
+const TEXT_SIZES: [f32; 2] = [4.0, 96.0];
+const LONGEST_TEXT: usize = 400;
+
+/// A mark whose numbers can be painted, whatever an overlay has given; none where a place is no number.
+fn tamed(mark: &Mark) -> Option<Mark> {
+    let place =
+        |[x, y]: Place2| (x.is_finite() && y.is_finite()).then(|| [x, y].map(|c| c.clamp(-FAR_PIXELS, FAR_PIXELS)));
+    let within = |x: f32, low: f32, high: f32| if x.is_nan() { low } else { x.clamp(low, high) };
+    Some(match mark {
+        Mark::Line { from, to, colour, width } => {
+            Mark::Line { from: place(*from)?, to: place(*to)?, colour: *colour, width: within(*width, 0.0, 100.0) }
+        }
+        Mark::Circle { centre, radius, colour } => {
+            Mark::Circle { centre: place(*centre)?, radius: within(*radius, 0.0, FAR_PIXELS), colour: *colour }
+        }
+        Mark::Disc { centre, radius, colour } => {
+            Mark::Disc { centre: place(*centre)?, radius: within(*radius, 0.0, FAR_PIXELS), colour: *colour }
+        }
+        Mark::Panel { low, high, colour, opacity } => {
+            Mark::Panel { low: place(*low)?, high: place(*high)?, colour: *colour, opacity: within(*opacity, 0.0, 1.0) }
+        }
+        Mark::Text { at, text, colour, align, size } => Mark::Text {
+            at: place(*at)?,
+            text: text.chars().take(LONGEST_TEXT).collect(),
+            colour: *colour,
+            align: *align,
+            size: within(*size, TEXT_SIZES[0], TEXT_SIZES[1]),
+        },
+    })
+}
+
 /// What overlays have drawn, in pixels of the window.
 fn drawn(p: &Painter, marks: &[Mark]) {
     let scale = p.ctx().pixels_per_point();
     let at = |[x, y]: Place2| pos2(x / scale, y / scale);
     let ink = |[r, g, b]: Colour| Color32::from_rgb(r, g, b);
-    for mark in marks {
-        match mark {
+    for mark in marks.iter().filter_map(tamed) {
+        match &mark {
             Mark::Line { from, to, colour, width } => {
                 p.line_segment([at(*from), at(*to)], (*width, ink(*colour)));
             }

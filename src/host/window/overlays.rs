@@ -41,7 +41,7 @@ impl Overlays {
         let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return Vec::new() };
         let mut canvas = Canvas::at_scale(view, scale);
         let shown = self.all.iter().zip(&self.shown).filter(|o| *o.1).map(|o| o.0);
-        shown.for_each(|overlay| (overlay.draw)(flight, &mut canvas));
+        shown.for_each(|overlay| canvas.draw(overlay, flight));
         canvas.into_marks()
     }
 }

@@ -11,6 +11,7 @@ use egui_software_backend::{BufferMutRef, ColorFieldOrder, EguiSoftwareRender};
 
 use super::layer::{Bgra, Layer, compose};
 use super::overlay::{self, Content};
+use crate::app::overlay::Mark;
 use crate::error::{Error, Result};
 use crate::render::Frame;
 
@@ -113,6 +114,27 @@ impl Painter {
         self.shown = Some(request);
         self.under_way = None;
         true
+    }
+}
+
+/// Paints marks of overlays into pictures, one after the other, on the caller's thread.
+pub struct Marker(Artist);
+
+impl Default for Marker {
+    fn default() -> Self {
+        Self(Artist::new())
+    }
+}
+
+impl Marker {
+    /// Paints `marks` over a picture.
+    pub fn paint(&mut self, marks: Vec<Mark>, picture: &mut Frame) {
+        let size = (picture.width(), picture.height());
+        if size.0 == 0 || size.1 == 0 || marks.is_empty() {
+            return;
+        }
+        let layer = self.0.lay_out(&LayoutRequest { content: Content::Marks(marks), size, scale: 1.0 });
+        layer.cover_frame(picture);
     }
 }
 

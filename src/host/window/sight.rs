@@ -143,8 +143,8 @@ impl Sight {
         let scene = flight.scene().render;
         let mut picture = flight.camera_mut::<Picture>()?;
         let quality = if picture.settings.quality == Quality::Low { Quality::High } else { Quality::Low };
-        let adaptive = picture.settings.adaptive;
-        picture.settings = Settings { adaptive, ..scene.apply(Settings::new(quality)) };
+        let Settings { adaptive, options, .. } = picture.settings;
+        picture.settings = Settings { adaptive, options, ..scene.apply(Settings::new(quality)) };
         self.budget.forget();
         Some(quality)
     }

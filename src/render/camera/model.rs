@@ -7,6 +7,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use crate::error::Result;
+use crate::render::options::Options;
 
 /// A camera's geometry: which ray each point of its image shows, and where in the image a place is seen.
 ///
@@ -77,21 +78,24 @@ impl PartialEq for dyn Camera {
     }
 }
 
-/// A kind of camera by its name. Those of this crate are in [`BUILT_IN`](super::BUILT_IN).
+/// A kind of camera by its name: models of the same name and settings are equal. Those of this crate are in [`BUILT_IN`](super::BUILT_IN).
 #[derive(Clone, Copy, Debug)]
 pub struct CameraModel {
-    /// Its name on the command line; models of the same name are equal.
+    /// Its name on the command line and in scene files.
     pub name: &'static str,
     /// What it is, in a sentence for people.
     pub summary: &'static str,
-    /// Makes the camera of a view angle, degrees over the image's shorter side from edge to edge, and of an image's width
-    /// divided by its height. It is an error of usage when the model has no such camera.
-    pub make: fn(f64, f64) -> Result<Arc<dyn Camera>>,
+    /// Its settings: the scene file's table of its name.
+    pub options: Options,
+    /// Makes the camera of a view angle, degrees over the image's shorter side from edge to edge, of an image's width divided
+    /// by its height, and of these settings ([`Options::none`] refuses any). It is an error of usage when the model has no such
+    /// camera.
+    pub make: fn(f64, f64, Options) -> Result<Arc<dyn Camera>>,
 }
 
 impl PartialEq for CameraModel {
     fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
+        (self.name, self.options) == (other.name, other.options)
     }
 }
 
@@ -103,13 +107,21 @@ const LEAST_DEGREES: f64 = 1.0;
 const MOST_PERSPECTIVE_DEGREES: f64 = 170.0;
 
 impl CameraModel {
+    /// The camera of a view angle, degrees over the image's shorter side, and of an image's width divided by its height.
+    ///
+    /// # Errors
+    /// Status 2 when the model has no such camera.
+    pub fn camera(&self, fov_degrees: f64, aspect: f64) -> Result<Arc<dyn Camera>> {
+        (self.make)(fov_degrees, aspect, self.options)
+    }
+
     /// The view angle (degrees) nearest to `fov_degrees` that an operator may choose in flight: from 1° to the most that
     /// the model has a camera for, of a perspective camera to 170°. None for what is no number.
     pub fn held(&self, fov_degrees: f64) -> Option<f64> {
         if !fov_degrees.is_finite() {
             return None;
         }
-        let made = |degrees: f64| (self.make)(degrees, 1.0).ok();
+        let made = |degrees: f64| self.camera(degrees, 1.0).ok();
         let wanted = fov_degrees.clamp(LEAST_DEGREES, 360.0);
         let flat = made(90.0).is_some_and(|c| c.tangent().is_some());
         let wanted = if flat { wanted.min(MOST_PERSPECTIVE_DEGREES) } else { wanted };

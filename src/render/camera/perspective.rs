@@ -6,12 +6,17 @@ use glam::{DVec2, DVec3};
 
 use super::model::{Camera, CameraModel, CameraRay, Origins};
 use crate::error::{Error, Result};
+use crate::render::options::Options;
 
 /// A pinhole camera: straight lines stay straight.
 pub const MODEL: CameraModel = CameraModel {
     name: "perspective",
     summary: "A pinhole camera: straight lines stay straight, the view angle is below 180°",
-    make: |fov_degrees, _| Ok(Arc::new(Perspective::new(fov_degrees)?)),
+    options: Options::NONE,
+    make: |fov_degrees, _, options| {
+        options.none()?;
+        Ok(Arc::new(Perspective::new(fov_degrees)?))
+    },
 };
 
 /// Places nearer than this to the plane through the camera, as a share of their distance, are not seen.

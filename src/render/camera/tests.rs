@@ -207,8 +207,8 @@ fn a_point_is_seen_at_the_pixel_whose_ray_goes_through_it() {
 fn models_are_found_by_their_names_and_know_their_limits() {
     assert_eq!(CameraModel::named("perspective"), Some(CameraModel::default()));
     assert_eq!(CameraModel::named("keyhole"), None);
-    assert!((CameraModel::default().make)(90.0, 1.5).unwrap().tangent().is_some_and(|t| (t - 1.0).abs() < 1e-12));
-    assert!((CameraModel::default().make)(180.0, 1.0).is_err());
+    assert!(CameraModel::default().camera(90.0, 1.5).unwrap().tangent().is_some_and(|t| (t - 1.0).abs() < 1e-12));
+    assert!(CameraModel::default().camera(180.0, 1.0).is_err());
     let [a, b, ..] = cameras();
     assert!(a.is_same(&FISHEYE) && !b.is_same(&FISHEYE) && !FISHEYE.is_same(&Orthographic { half_mm: 4.0 }));
 }
@@ -223,7 +223,8 @@ fn a_view_angle_is_held_to_what_a_model_can_show() {
     let round = CameraModel {
         name: "round",
         summary: "",
-        make: |degrees, _| match degrees {
+        options: crate::render::Options::NONE,
+        make: |degrees, _, _| match degrees {
             d if d <= 220.0 => Ok(Arc::new(Fisheye { half_angle: 0.5 * d.to_radians(), tells: true })),
             d => Err(crate::error::Error::usage("view angle", format!("{d}°"), "give 220° at the most")),
         },

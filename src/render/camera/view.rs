@@ -85,7 +85,7 @@ impl View {
         width: usize,
         height: usize,
     ) -> Result<Self> {
-        let camera = || (model.make)(fov_degrees, width as f64 / height as f64);
+        let camera = || model.camera(fov_degrees, width as f64 / height as f64);
         Self::made(position, [forward, up], camera, width, height)
     }
 

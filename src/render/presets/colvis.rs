@@ -22,6 +22,7 @@ use crate::render::PreparedVolume;
 use crate::render::bytes::{ByteStorage, ByteVolume};
 use crate::render::choices::{self, GradientSource, Leaping, LowDetail};
 use crate::render::low::Low;
+use crate::render::options::Options;
 use crate::render::preset::{Preparation, Preset, Reuse};
 use crate::render::quality::{Classification, Quality, Settings};
 use crate::render::renderer::Renderer;
@@ -35,6 +36,7 @@ pub const PRESET: Preset = Preset {
     memory: "a byte for each voxel, a gradient cache, and the last frame's empty distances",
     preparation: Preparation::Flags,
     takes: choices::all,
+    check: Options::none,
     make,
 };
 

@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::render::PreparedVolume;
 use crate::render::choices::{Choices, GradientSource, Leaping, LowDetail};
 use crate::render::low::Low;
+use crate::render::options::Options;
 use crate::render::preset::{Preparation, Preset, Reuse};
 use crate::render::quality::{Quality, Settings};
 use crate::render::renderer::Renderer;
@@ -16,6 +17,7 @@ pub const PRESET: Preset = Preset {
     memory: "a byte for each brick",
     preparation: Preparation::BricksOnly,
     takes,
+    check: Options::none,
     make,
 };
 

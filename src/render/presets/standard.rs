@@ -5,6 +5,7 @@ use crate::render::direct::Direct;
 use crate::render::fast::{Fast, Pixels};
 use crate::render::low::Low;
 use crate::render::memory::MemoryPart;
+use crate::render::options::Options;
 use crate::render::preset::{Preparation, Preset, Reuse};
 use crate::render::quality::{Classification, Quality, Settings};
 use crate::render::renderer::Renderer;
@@ -18,6 +19,7 @@ pub const PRESET: Preset = Preset {
     memory: "a bit for each cell, distances of bricks and a gradient cache",
     preparation: Preparation::Flags,
     takes: choices::all,
+    check: Options::none,
     make,
 };
 

@@ -39,7 +39,7 @@ struct Flown {
 /// # Errors
 /// Those of the whole report.
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
-    let paper = Scene::parse(PAPER)?;
+    let paper = Scene::parse(PAPER, &crate::app::Catalog::default())?;
     let (t, m) = (paper.guides.get::<TentacleSettings>(), paper.mines.unwrap_or_default());
     let d = MineSettings::default();
     page.text(&format!(
@@ -170,7 +170,7 @@ mod tests {
     fn repulsion_alone_flies_a_phantom() {
         let progress = Progress::new();
         let course = trials::small_phantoms(Effort::Quick, &progress).unwrap().remove(1);
-        let paper = Scene::parse(PAPER).unwrap();
+        let paper = Scene::parse(PAPER, &crate::app::Catalog::default()).unwrap();
         let trial = trials::fly(&course, &paper, 120.0).unwrap();
         assert!(trial.arrived(), "{}", trial.reason);
         let to_goal = course.to_goal(&progress).unwrap();

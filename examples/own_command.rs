@@ -1,0 +1,45 @@
+//! A program that is colvis with one more command: how wide the colon is along its way.
+//!
+//! `cargo run --release --example own_command -- widths scan.nii.gz --every 50` (and `--help`)
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use colvis::app::{Scene, Wish};
+use colvis::cli::{Program, Session};
+use colvis::error::Result;
+
+/// Its arguments, by `clap` 4; beside them it takes the options of every command.
+#[derive(clap::Args)]
+struct Widths {
+    /// A scan; the embedded phantom if left out
+    input: Option<PathBuf>,
+    /// A line for each so many mm
+    #[arg(long, value_name = "MM", default_value_t = 100.0)]
+    every: f64,
+}
+
+fn widths(args: &Widths, session: &Session<'_>) -> Result<()> {
+    let scene = Scene { steering: Scene::guided_by("path").steering, ..session.scene() };
+    let flight = session.open(args.input.as_deref())?.flight(scene, &Wish::default())?;
+    let Some(route) = flight.fields().route() else { return Ok(()) };
+    let lines = (0..).map(|n| f64::from(n) * args.every.max(1.0)).take_while(|&s| s < route.length_mm());
+    let text = lines.map(|s| format!("{s:6.0} mm  {:5.1} mm wide", 2.0 * route.clearance(s)));
+    session.print(text.collect::<Vec<_>>().join("\n"))
+}
+
+fn program() -> Program {
+    Program::default().command("widths", "Prints how wide the colon is along its way", widths)
+}
+
+fn main() -> ExitCode {
+    program().run()
+}
+
+#[test]
+fn it_is_a_command_like_any_other() {
+    assert_eq!(program().run_from(["colvis", "--threads", "2", "widths", "--every", "200"]), ExitCode::SUCCESS);
+    assert_eq!(program().run_from(["colvis", "widths", "no-such.nii"]), ExitCode::from(3));
+    assert!(program().parse(["colvis", "widths", "--evry", "7"]).is_err());
+    assert!(program().parse(["colvis", "fly", "--headless"]).is_ok());
+}

@@ -1,0 +1,103 @@
+//! Commands of other crates.
+
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+use clap::ArgMatches;
+
+use crate::app::{Catalog, Scan, Scene};
+use crate::cli::args::Global;
+use crate::cli::{Program, prepare};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+
+/// What a command of another crate runs with.
+pub struct Session<'a> {
+    pub(super) program: &'a Program,
+    pub(super) global: &'a Global,
+    pub(super) progress: &'a Arc<Progress>,
+}
+
+impl Session<'_> {
+    /// Opens a scan by the global options (`--wall`, `--series`, …), or the embedded phantom where there is none. Says what
+    /// there is to say about it.
+    ///
+    /// # Errors
+    /// Status 2 for options that make no sense, 3 when it cannot be read, 4 when interrupted.
+    pub fn open(&self, input: Option<&Path>) -> Result<Scan> {
+        let preset = self.scene().image.preset;
+        prepare::open(input, self.global, preset, self.progress)
+    }
+
+    /// The default scene with everything that the program has: its guides and plug-ins.
+    pub fn scene(&self) -> Scene {
+        let Catalog { guides, plugins, .. } = self.program.catalog.clone();
+        Scene { guides, plugins, ..Scene::default() }
+    }
+
+    /// What the program has to choose from.
+    pub fn catalog(&self) -> &Catalog {
+        &self.program.catalog
+    }
+
+    /// The options that every command takes.
+    pub fn global(&self) -> &Global {
+        self.global
+    }
+
+    /// How far the work has come; tells of an interrupt.
+    pub fn progress(&self) -> &Arc<Progress> {
+        self.progress
+    }
+
+    /// Writes to standard output. A reader that has seen enough (`… | head -1`) is no failure.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn print(&self, text: impl fmt::Display) -> Result<()> {
+        super::print(|out| writeln!(out, "{text}"))
+    }
+}
+
+/// What a command does with its arguments.
+type Run = dyn Fn(&ArgMatches, &Session<'_>) -> Result<()> + Send + Sync;
+
+/// A command of another crate.
+#[derive(Clone)]
+pub(super) struct OwnCommand {
+    pub name: &'static str,
+    pub summary: &'static str,
+    augment: fn(clap::Command) -> clap::Command,
+    run: Arc<Run>,
+}
+
+impl OwnCommand {
+    pub fn new<A: clap::Args>(
+        name: &'static str,
+        summary: &'static str,
+        run: impl Fn(&A, &Session<'_>) -> Result<()> + Send + Sync + 'static,
+    ) -> Self {
+        let run = move |matches: &ArgMatches, session: &Session<'_>| {
+            let args = A::from_arg_matches(matches)
+                .map_err(|e| Error::usage(name, e.to_string(), format!("see colvis {name} --help")))?;
+            run(&args, session)
+        };
+        Self { name, summary, augment: A::augment_args, run: Arc::new(run) }
+    }
+
+    /// The command as the command line knows it.
+    pub fn line(&self) -> clap::Command {
+        (self.augment)(clap::Command::new(self.name)).about(self.summary)
+    }
+
+    pub fn run(&self, matches: &ArgMatches, session: &Session<'_>) -> Result<()> {
+        (self.run)(matches, session)
+    }
+}
+
+impl fmt::Debug for OwnCommand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("OwnCommand").field("name", &self.name).finish_non_exhaustive()
+    }
+}

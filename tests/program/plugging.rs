@@ -1,0 +1,258 @@
+//! What another program adds is there by its name; names and keys that are taken are refused, with both of their owners.
+
+use std::sync::Arc;
+
+use colvis::app::{Catalog, Overlay, Scan, Scene, Wish};
+use colvis::cli::Program;
+use colvis::cli::args::Command;
+use colvis::dynamics::Body;
+use colvis::error::{Error, Result};
+use colvis::render::camera::perspective;
+use colvis::render::presets::standard;
+use colvis::render::shaders::headlight;
+use colvis::render::{
+    CameraModel, Frame, MemoryPart, Options, PreparedVolume, Preset, Quality, Renderer, Settings, ShaderModel, View,
+    Work,
+};
+use colvis::schedule::{App, Guide, Plugin};
+
+/// A guide of a name and a key.
+macro_rules! guide {
+    ($type:ident, $name:literal, $key:expr) => {
+        #[derive(Clone, Debug, Default, serde::Deserialize)]
+        struct $type {}
+
+        impl Guide for $type {
+            const NAME: &'static str = $name;
+            const SUMMARY: &'static str = "does nothing";
+            const KEY: Option<char> = $key;
+
+            fn cruise_mm_s(&self, _: &Body) -> f64 {
+                0.0
+            }
+
+            fn plug(&self, _: &mut App) -> Result<()> {
+                Ok(())
+            }
+        }
+    };
+}
+
+guide!(Second, "manual", None);
+guide!(Watch, "watch", None);
+guide!(Keyed, "keyed", Some('T'));
+guide!(Space, "space", Some('w'));
+guide!(Fine, "fine", Some('7'));
+
+fn nothing(_: &mut App) -> Result<()> {
+    Ok(())
+}
+
+#[derive(clap::Args)]
+struct NoArgs {}
+
+fn do_nothing(_: &NoArgs, _: &colvis::cli::Session<'_>) -> Result<()> {
+    Ok(())
+}
+
+#[test]
+fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
+    let program = Program::default;
+    let preset = |name| Preset { name, ..standard::PRESET };
+    let camera = |name| CameraModel { name, ..perspective::MODEL };
+    let shader = |name| ShaderModel { name, ..headlight::MODEL };
+    let overlay = |name, key| Overlay { name, key, ..Overlay::PLAIN };
+    let refused: [(Program, [&str; 2]); 19] = [
+        (program().guide::<Second>(), ["guide manual", "guide manual"]),
+        (program().guide::<Watch>(), ["watch, a word of scene files", "guide watch"]),
+        (program().preset(preset("default")), ["preset default", "preset default"]),
+        (program().preset(preset("render")), ["render, a word of scene files", "preset render"]),
+        (program().preset(preset("tentacles")), ["guide tentacles", "preset tentacles"]),
+        (program().camera(camera("perspective")), ["camera perspective", "camera perspective"]),
+        (program().camera(camera("mines")), ["mines, a word", "camera mines"]),
+        (program().shader(shader("headlight")), ["shader headlight", "shader headlight"]),
+        (program().shader(shader("colvis")), ["preset colvis", "shader colvis"]),
+        (program().plugin(("body", nothing)), ["body, a word", "plug-in body"]),
+        (program().plugin(("one", nothing)).plugin(("one", nothing)), ["plug-in one", "plug-in one"]),
+        (program().plugin(("path", nothing)), ["guide path", "plug-in path"]),
+        (program().overlay(overlay("mines", None)), ["overlay mines", "overlay mines"]),
+        (program().overlay(overlay("own", Some('t'))), ["overlay tentacles", "overlay own"]),
+        (program().guide::<Keyed>(), ["guide keyed", "overlay tentacles"]),
+        (program().overlay(overlay("own", Some('1'))), ["guide tentacles", "overlay own"]),
+        (program().command("render", "", do_nothing), ["a command of colvis", "a command of this program"]),
+        (program().command("unfold", "", do_nothing), ["a command of colvis", "a command of this program"]),
+        (
+            program().command("own", "", do_nothing).command("own", "", do_nothing),
+            ["a command of this program", "another one"],
+        ),
+    ];
+    for (program, owners) in refused {
+        let e = program.check().expect_err(owners[1]);
+        let told = e.to_string();
+        assert!(e.kind as u8 == 2 && owners.iter().all(|o| told.contains(o)), "{owners:?}: {told}");
+        assert!(!told.contains('\n'));
+    }
+    #[cfg(feature = "window")]
+    for taken in [program().guide::<Space>(), program().overlay(overlay("own", Some('H')))] {
+        let told = taken.check().unwrap_err().to_string();
+        assert!(told.contains("by the window and by"), "{told}");
+    }
+    let own = program()
+        .guide::<Fine>()
+        .preset(preset("own preset"))
+        .camera(camera("own camera"))
+        .shader(shader("own shader"))
+        .plugin(("own plugin", nothing))
+        .overlay(overlay("own overlay", Some('o')))
+        .command("own", "", do_nothing);
+    own.check().unwrap();
+    assert!(matches!(own.parse(["colvis", "own"]).unwrap().command, Some(Command::Own { name, .. }) if name == "own"));
+    let parsed = own.parse(["colvis", "--fov", "60", "own"]).unwrap();
+    assert_eq!((parsed.global.fov, parsed.command.is_some()), (Some(60.0), true));
+    assert!(own.parse(["colvis", "fly", "--guide", "fine", "--preset", "own preset"]).is_ok());
+}
+
+/// Takes a number.
+#[derive(Debug, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Number {
+    number: f64,
+}
+
+impl Default for Number {
+    fn default() -> Self {
+        Self { number: 1.0 }
+    }
+}
+
+fn checked(options: Options) -> Result<()> {
+    match options.read::<Number>("own")?.number {
+        n if n > 0.0 => Ok(()),
+        n => Err(Error::usage("number", format!("{n} is not above 0"), "give a positive number")),
+    }
+}
+
+/// All pixels of one grey: its number.
+struct Grey(u8);
+
+impl Renderer for Grey {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        frame.resize(view.width(), view.height());
+        frame.buffers().0.fill([self.0; 3]);
+        Work { rays: 1, ..Work::default() }
+    }
+
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        Vec::new()
+    }
+}
+
+const GREY: Preset = Preset {
+    name: "grey",
+    check: checked,
+    make: |_: &PreparedVolume, settings: Settings, _| {
+        Box::new(Grey(settings.options.read::<Number>("grey").unwrap_or_default().number as u8))
+    },
+    ..standard::PRESET
+};
+
+const NARROW: CameraModel = CameraModel {
+    name: "narrow",
+    summary: "",
+    options: Options::NONE,
+    make: |fov, _, options| {
+        let share = options.read::<Number>("narrow")?.number;
+        Ok(Arc::new(colvis::render::camera::Perspective::new(fov * share)?))
+    },
+};
+
+#[derive(bevy_ecs::prelude::Resource)]
+struct Told(f64);
+
+struct Numbered(f64);
+
+impl Plugin for Numbered {
+    fn name(&self) -> std::borrow::Cow<'static, str> {
+        "numbered".into()
+    }
+
+    fn with_options(&self, options: Options) -> Result<Option<Arc<dyn Plugin>>> {
+        Ok(Some(Arc::new(Self(options.read::<Number>("numbered")?.number))))
+    }
+
+    fn build(&self, app: &mut App) -> Result<()> {
+        app.world.insert_resource(Told(self.0));
+        Ok(())
+    }
+}
+
+fn catalog() -> Catalog {
+    let marked = Overlay {
+        name: "marked",
+        draw: |_, canvas| {
+            let number = canvas.options().read::<Number>("marked").unwrap_or_default().number;
+            canvas.text([number as f32; 2], "x", [1; 3]);
+        },
+        check: checked,
+        ..Overlay::PLAIN
+    };
+    Catalog::default().preset(GREY).camera(NARROW).plugin(Numbered(1.0)).overlay(marked)
+}
+
+#[test]
+fn a_scene_file_names_and_sets_everything() {
+    let text = "plugins = [\"manual\", \"render\", \"numbered\"]\n\
+                [render]\npreset = \"grey\"\ncamera = \"narrow\"\nfov_degrees = 60.0\nshade = \"headlight\"\n\
+                [grey]\nnumber = 77\n[narrow]\nnumber = 0.5\n[numbered]\nnumber = 3.0\n[overlay.marked]\nnumber = 9.0\n";
+    let scene = Scene::parse(text, &catalog()).unwrap();
+    let marked = scene.options.overlay(catalog().find_overlay("marked").unwrap());
+    let flight = Scan::phantom(1).unwrap().flight(scene, &Wish::default()).unwrap();
+    assert_eq!(flight.app().world.resource::<Told>().0, 3.0);
+    let tangent = flight.view().unwrap().camera().tangent().unwrap();
+    assert!((tangent - 15f64.to_radians().tan()).abs() < 1e-12, "half of 60°");
+    assert!(flight.look(8, 8).unwrap().pixels().iter().all(|p| *p == [77; 3]));
+    let mut canvas = colvis::app::Canvas::new(flight.view().unwrap());
+    canvas.draw(&marked, &flight);
+    let drawn = format!("{:?}", canvas.into_marks());
+    assert!(drawn.contains("[9.0, 9.0]"), "{drawn}");
+    for (bad, said) in [
+        ("[grey]\nnumber = -1", "[grey]"),
+        ("[grey]\nnumbr = 1", "numbr"),
+        ("[narrow]\nnumber = 7.0", "[narrow]"),
+        ("[numbered]\nnum = 1", "[numbered]"),
+        ("[overlay.marked]\nnumber = 0", "[overlay.marked]"),
+        ("[overlay.none]\nnumber = 1", "there is no \"none\""),
+        ("[overlay]\nmarked = 1", "overlay.marked"),
+        ("[headlight]\nnumber = 1", "[headlight]"),
+        ("[default]\nnumber = 1", "[default]"),
+        ("[render]\ncamera = \"wide\"", "there is no \"wide\""),
+        ("[render]\nshade = \"neon\"", "there is no \"neon\""),
+        ("[render]\nfov_degrees = 190.0", "field of view"),
+        ("[render]\nfov_degrees = nan", "field of view"),
+        ("[grew]\nnumber = 1", "there is no \"grew\""),
+    ] {
+        let e = Scene::parse(&format!("plugins = [\"manual\", \"render\"]\n{bad}"), &catalog()).expect_err(bad);
+        assert!(e.kind as u8 == 2 && e.to_string().contains(said), "{bad}: {e}");
+    }
+}
+
+#[test]
+fn no_quality_replaces_an_own_preset() {
+    for (quality, adaptive) in
+        [(Quality::High, true), (Quality::Low, true), (Quality::Reference, false), (Quality::Reference, true)]
+    {
+        let options = Options::new("number = 50".parse().unwrap());
+        let settings = Settings { adaptive, options, ..Settings::new(quality) };
+        let image =
+            colvis::app::ImageSettings { width: 160, height: 120, settings, preset: GREY, ..Default::default() };
+        let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
+        let mut flight = Scan::phantom(1).unwrap().flight(scene, &Wish::default()).unwrap();
+        // At rest, as a window is: it would be refined from the second picture on.
+        for n in 0..10 {
+            flight.frame().unwrap();
+            let picture = flight.camera::<colvis::components::output::Picture>().unwrap();
+            let grey = picture.frame.pixels().iter().filter(|p| **p == [50; 3]).count();
+            assert_eq!(grey, 19_200, "{quality:?} {adaptive}, frame {n}");
+        }
+    }
+}
