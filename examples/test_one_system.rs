@@ -27,7 +27,7 @@ fn laid(steps: usize) -> Result<(usize, DVec3)> {
     app.add_systems(FlightSystems::Integrate, move_on);
     app.build()?;
     for _ in 0..steps {
-        app.step();
+        app.step()?;
     }
     assert_eq!(app.world.resource::<Clock>().tick, steps as u64);
     let count = app.camera_get::<MineField>().map_or(0, |m| m.mines.len());

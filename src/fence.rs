@@ -4,12 +4,15 @@
 //! The process's panic hook belongs to the program, so that a fence leaves it alone: the hook is called for a fenced
 //! panic as for every other. A program that wants to hear nothing of these asks [`is_fenced`] in its hook.
 
+use std::any::Any;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 thread_local! {
     /// Number of fences around what this thread is doing.
     static FENCES: Cell<usize> = const { Cell::new(0) };
+    /// Where the last fenced panic of this thread happened, until it is asked for.
+    static PLACE: Cell<Option<String>> = const { Cell::new(None) };
 }
 
 /// The work behind a fence panicked. What it said went to the panic hook.
@@ -29,6 +32,29 @@ pub fn fenced<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     let result = catch_unwind(AssertUnwindSafe(work));
     FENCES.with(|f| f.set(f.get() - 1));
     result.map_err(|_| Panicked)
+}
+
+/// As [`fenced`]; what the panic said, on one line, and where it happened if the program's hook has [noted](note_place) it.
+///
+/// # Errors
+/// That text.
+pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    FENCES.with(|f| f.set(f.get() + 1));
+    let result = catch_unwind(AssertUnwindSafe(work));
+    FENCES.with(|f| f.set(f.get() - 1));
+    result.map_err(|payload| panic_text(&*payload))
+}
+
+/// What a panic said, on one line, and where it happened if that is known.
+pub fn panic_text(payload: &(dyn Any + Send)) -> String {
+    let text = payload.downcast_ref::<&str>().copied().or(payload.downcast_ref::<String>().map(String::as_str));
+    let at = PLACE.with(Cell::take).map_or_else(String::new, |place| format!(" ({place})"));
+    format!("{}{at}", text.unwrap_or("no reason given")).replace(char::is_control, " ")
+}
+
+/// Notes where a fenced panic happens: for a panic hook.
+pub fn note_place(place: String) {
+    PLACE.with(|p| p.set(Some(place)));
 }
 
 /// Whether what this thread is doing is behind a fence, so that a panic on it will be caught: for a panic hook to ask.

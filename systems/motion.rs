@@ -8,13 +8,14 @@ use crate::components::clock::Clock;
 use crate::components::flight::{Flight, State};
 use crate::components::guide::{GuideThrust, MinePush, PotentialField};
 use crate::components::input::Hand;
+use crate::components::output::GuideName;
 use crate::components::scan::Walls;
 use crate::dynamics::heading::follow_velocity;
 use crate::dynamics::rigid::orientation;
 use crate::dynamics::{Potential, PotentialForce, RigidBodyState, Turning, step};
 use crate::error::Result;
 use crate::fields::Distance;
-use crate::schedule::{App, FlightSystems, Main};
+use crate::schedule::{App, FlightSystems, Main, note};
 
 /// How far the view lags behind the way, s, and its greatest rate, rad/s.
 const VIEW_S: f64 = 0.45;
@@ -74,10 +75,18 @@ pub fn acting(flight: &Flight, hand: Option<&Hand>, guide: Option<&GuideThrust>,
 
 /// Adds up what acts on the body.
 pub fn sum_forces(
-    camera: Single<(&mut Acceleration, &Flight, Option<&Hand>, Option<&GuideThrust>, Option<&MinePush>), With<Main>>,
+    camera: Single<
+        (&mut Acceleration, &Flight, Option<&Hand>, Option<&mut GuideThrust>, Option<&MinePush>),
+        With<Main>,
+    >,
+    name: Option<Res<GuideName>>,
 ) {
-    let (mut sum, flight, hand, guide, mines) = camera.into_inner();
-    let total = acting(flight, hand, guide, mines).sum();
+    let (mut sum, flight, hand, mut guide, mines) = camera.into_inner();
+    if let Some(wrong) = guide.as_deref_mut().and_then(GuideThrust::tame) {
+        let name = name.map_or("", |n| n.0);
+        note(format!("guide {name}"), format!("gave a {wrong} that is none: it counts as zero"));
+    }
+    let total = acting(flight, hand, guide.as_deref(), mines).sum();
     sum.0 = if total.is_finite() { total } else { DVec3::ZERO };
 }
 

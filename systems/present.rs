@@ -6,7 +6,8 @@ use bevy_ecs::prelude::*;
 
 use crate::components::output::Picture;
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems, Slot};
+use crate::fence;
+use crate::schedule::{App, FlightSystems, Slot, report_fault};
 
 /// A place that a view's pictures go to. It stays on its thread.
 pub trait Presenter: Any {
@@ -61,10 +62,8 @@ pub fn take<P: Presenter>(app: &mut App, view: Entity) -> Option<P> {
 /// Hands a view's picture to its presenter again, outside a frame: for something new that lies over it.
 pub fn present_again(app: &mut App, view: Entity) {
     let Some(mut presenters) = app.world.remove_non_send::<Presenters>() else { return };
-    if let (Some((_, presenter)), Some(picture)) =
-        (presenters.0.iter_mut().find(|(e, _)| *e == view), app.world.get::<Picture>(view))
-    {
-        presenter.present(picture);
+    if let Some(picture) = app.world.get::<Picture>(view) {
+        presenters.0.retain_mut(|(e, presenter)| *e != view || presents(&mut **presenter, picture));
     }
     app.world.insert_non_send(presenters);
 }
@@ -83,9 +82,11 @@ pub fn hand_to(app: &mut App, view: Entity, presenter: impl Presenter) {
 /// Hands each view's picture to its presenter, in the order of the entities.
 pub fn present_pictures(presenters: Option<NonSendMut<Presenters>>, pictures: Query<&Picture>) {
     let Some(mut presenters) = presenters else { return };
-    for (view, presenter) in &mut presenters.0 {
-        if let Ok(picture) = pictures.get(*view) {
-            presenter.present(picture);
-        }
-    }
+    presenters.0.retain_mut(|(view, presenter)| pictures.get(*view).map_or(true, |p| presents(&mut **presenter, p)));
+}
+
+/// Hands a picture to a presenter; whether it did not panic. One that has is not asked again.
+fn presents(presenter: &mut dyn Presenter, picture: &Picture) -> bool {
+    let presented = fence::caught(|| presenter.present(picture));
+    presented.inspect_err(|why| report_fault(format!("presenter {}", presenter.name()), why.as_str())).is_ok()
 }

@@ -6,8 +6,9 @@ use crate::components::camera::Pose;
 use crate::components::output::{Follows, FrameCache, Picture};
 use crate::components::scan::Scan;
 use crate::error::Result;
-use crate::render::View;
-use crate::schedule::{App, FlightSystems, Main, Slot};
+use crate::fence;
+use crate::render::{PreparedVolume, View, camera, presets, shaders};
+use crate::schedule::{App, FlightSystems, Main, Slot, note, report_fault};
 
 /// Plugs the ray caster into the renderer's slot.
 ///
@@ -53,16 +54,51 @@ pub fn cast_pictures(
         let picture = &mut *picture;
         let (width, height) = (picture.frame.width(), picture.frame.height());
         let (forward, up) = (pose.attitude.forward, pose.attitude.up);
-        let Ok(view) = View::with_model(pose.position, forward, up, picture.camera, picture.fov_degrees, width, height)
-        else {
-            continue;
+        let model = picture.camera;
+        let view =
+            fence::caught(|| View::with_model(pose.position, forward, up, model, picture.fov_degrees, width, height));
+        let view = match view {
+            Ok(Ok(view)) => view,
+            Ok(Err(e)) => {
+                note("a view", format!("is not rendered: {}: {}", e.what, e.why));
+                continue;
+            }
+            Err(why) => {
+                report_fault(format!("camera {}", model.name), why);
+                continue;
+            }
         };
-        let renderer = cache.renderer_for(&scan.0, picture.settings, picture.preset);
-        if let Some(samples) = picture.budget {
-            renderer.set_budget(samples);
+        match fence::caught(|| trace(picture, &mut cache, &scan.0, &view)) {
+            Ok(()) => (picture.view, picture.traced) = (Some(view), true),
+            Err(why) => {
+                // Whatever it keeps may be half done, and the frame too.
+                *cache = FrameCache::default();
+                picture.frame.resize(width, height);
+                report_fault(makers(picture), why);
+            }
         }
-        picture.work = renderer.render(&view, &mut picture.frame);
-        picture.view = Some(view);
-        picture.traced = true;
     }
+}
+
+/// Traces a view into its picture.
+fn trace(picture: &mut Picture, cache: &mut FrameCache, scan: &PreparedVolume, view: &View) {
+    let renderer = cache.renderer_for(scan, picture.settings, picture.preset);
+    if let Some(samples) = picture.budget {
+        renderer.set_budget(samples);
+    }
+    picture.work = renderer.render(view, &mut picture.frame);
+    if let Some((who, what)) = renderer.complaint() {
+        note(who, what);
+    }
+}
+
+/// What of other crates takes part in a picture; its preset where there is nothing.
+fn makers(picture: &Picture) -> String {
+    let preset = (!presets::BUILT_IN.contains(&picture.preset)).then(|| format!("preset {}", picture.preset.name));
+    let shader = picture.settings.shader.name;
+    let shader = shaders::BUILT_IN.iter().all(|s| s.name != shader).then(|| format!("shader {shader}"));
+    let camera = picture.camera.name;
+    let camera = camera::BUILT_IN.iter().all(|c| c.name != camera).then(|| format!("camera {camera}"));
+    let own: Vec<String> = [preset, shader, camera].into_iter().flatten().collect();
+    if own.is_empty() { format!("preset {}", picture.preset.name) } else { own.join(" or ") }
 }

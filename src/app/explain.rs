@@ -9,7 +9,7 @@ use crate::components::guide::{MineField, Tentacles};
 use crate::components::output::{FrameCache, Picture};
 use crate::fields::CenterlineMethod;
 use crate::render::{Leaping, MemoryPart};
-use crate::schedule::LeftOut;
+use crate::schedule::{LeftOut, PluginTime};
 
 /// Something that a flight keeps in memory.
 #[derive(Clone, Debug, Serialize)]
@@ -37,6 +37,8 @@ pub struct Explanation {
     pub frame: Vec<String>,
     /// Plug-ins, in the order in which they were built.
     pub plugins: Vec<String>,
+    /// What plug-ins take, and guides of other crates, as far as the flight has run.
+    pub plugin_times: Vec<PluginTime>,
     /// Components that entities carry; those of other crates with the crate's name.
     pub components: Vec<String>,
     /// What is in memory.
@@ -128,7 +130,8 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         left_out.push(LeftOut { part: "a flag for each voxel", why });
     }
     let plugins = flight.app().plugged().to_vec();
-    Explanation { step, frame, plugins, components: flight.app().components_in_use(), built, left_out }
+    let plugin_times = flight.app().plugin_times();
+    Explanation { step, frame, plugins, plugin_times, components: flight.app().components_in_use(), built, left_out }
 }
 
 /// Who needs the centerline, and which method found it.
@@ -159,6 +162,10 @@ impl Explanation {
         if !self.plugins.is_empty() {
             s.push_str("plugged in:\n");
             list(&mut s, &self.plugins);
+        }
+        for time in &self.plugin_times {
+            let slow = if time.is_slow() { ": slow" } else { "" };
+            s.push_str(&format!("  {}{slow}\n", time.text()));
         }
         s.push_str("on entities:\n");
         let crate_of = |name: &str| name.split_once("::").map_or("colvis", |(krate, _)| krate).to_owned();

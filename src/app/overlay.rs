@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::FlightApp;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::fence;
 use crate::render::{Options, View};
 
 /// Something that a window draws over its picture, on a key.
@@ -167,10 +168,17 @@ impl Canvas {
         Self { view, scale, marks: Vec::new(), options: Options::NONE, taken: Vec::new() }
     }
 
-    /// Lets an overlay draw.
-    pub fn draw(&mut self, overlay: &Overlay, flight: &FlightApp) {
+    /// Lets an overlay draw. What it had drawn before it panicked is taken back.
+    ///
+    /// # Errors
+    /// Status 1 when it panics.
+    pub fn draw(&mut self, overlay: &Overlay, flight: &FlightApp) -> Result<()> {
         self.options = overlay.options;
-        (overlay.draw)(flight, self);
+        let before = self.marks.len();
+        fence::caught(|| (overlay.draw)(flight, self)).map_err(|why| {
+            self.marks.truncate(before);
+            Error::fault(format!("overlay {}", overlay.name), format!("panicked: {why}"), "mend it, or hide it")
+        })
     }
 
     /// The settings of the overlay that draws.

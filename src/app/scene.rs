@@ -354,7 +354,11 @@ impl Scene {
             }
             Steering::Guide(name) => {
                 app.fill(Slot::Guide, name)?;
-                self.find(name)?.plug(app)?;
+                let guide = self.find(name)?;
+                match systems::guides().named(name) {
+                    Some(_) => guide.plug(app)?,
+                    None => app.on_account(name, |app| guide.plug(app))?,
+                }
                 systems::motion::plugin(app)?;
             }
             Steering::Log(play) => {

@@ -9,6 +9,9 @@ use crate::components::output::FrameCache;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
+/// A flight with plug-ins is flown for so long to see what they take, simulated seconds.
+const TRIAL_S: f64 = 0.25;
+
 /// Builds the flight that `fly` would fly with the same options and says what it is made of.
 ///
 /// # Errors
@@ -23,6 +26,11 @@ pub fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Ar
     if flight.camera::<FrameCache>().is_some() {
         // Only frames fill it: the last one's and the one before's memory is used in turn.
         flight.frame()?;
+        flight.frame()?;
+    }
+    if !flight.app().plugin_times().is_empty() {
+        // What plug-ins take is told by how it was.
+        flight.fly(TRIAL_S)?;
         flight.frame()?;
     }
     let explanation = explain(&flight);

@@ -27,7 +27,7 @@ use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::app::{Catalog, Overlay};
 use crate::error::{Error, Result};
-use crate::fence::is_fenced;
+use crate::fence::{is_fenced, note_place};
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
@@ -228,6 +228,7 @@ fn guarded(work: impl FnOnce() -> Result<()>) -> Result<()> {
 fn noting(usual: PanicHook) -> PanicHook {
     Box::new(move |info| {
         if is_fenced() {
+            note_place(info.location().map_or_else(String::new, ToString::to_string));
             return;
         }
         // The first is the one to report: what others do in its wake says less.

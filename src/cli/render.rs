@@ -1,5 +1,6 @@
 //! `colvis render`.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,8 +10,10 @@ use serde::Deserialize;
 use serde_json::json;
 
 use crate::cli::args::{Global, QualityName, RenderArgs, Size};
+use crate::cli::prepare::say;
 use crate::cli::{Program, prepare};
 use crate::error::{Error, Result};
+use crate::fence;
 use crate::host::frames::FrameStats;
 use crate::host::record::write_png;
 use crate::host::terminal::Bar;
@@ -75,9 +78,16 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
         if args.depth { Frame::with_depth(size.width, size.height) } else { Frame::new(size.width, size.height) };
     let mut frames = Vec::with_capacity(views.len());
     progress.stage("rendering", views.len() as u64);
+    let mut complaints = BTreeSet::new();
     let mut one = |n: usize, view: &View| {
         let begun = Instant::now();
-        let work = renderer.render(view, &mut frame);
+        let work = fence::caught(|| renderer.render(view, &mut frame)).map_err(|why| {
+            let what = format!("preset {}", preset.name);
+            Error::fault(what, format!("panicked at pose {n}: {why}"), "mend it, or choose another preset")
+        })?;
+        if let Some((who, what)) = renderer.complaint().filter(|c| complaints.insert(c.clone())) {
+            say(&format!("{who} {what}"));
+        }
         let ms = begun.elapsed().as_secs_f64() * 1e3;
         frames.push(FrameStats { ms, rays: work.rays, samples: work.samples, reused: work.reused });
         write_png(&args.out.join(format!("{n:04}.png")), &frame)?;

@@ -26,6 +26,35 @@ pub struct GuideThrust {
     pub exact: bool,
 }
 
+/// An acceleration that no guide can mean, mm/s²: a thousand times that of gravity.
+const ABSURD: f64 = 1e7;
+
+impl GuideThrust {
+    /// Takes away what is no acceleration or no direction: numbers that are not finite, and accelerations beyond all reason. What
+    /// it was, if there was anything.
+    pub fn tame(&mut self) -> Option<&'static str> {
+        let absurd = |v: DVec3| !v.is_finite() || v.abs().max_element() > ABSURD;
+        let mut told = None;
+        for (name, vector) in [("thrust", &mut self.thrust), ("wall force", &mut self.wall)] {
+            if absurd(*vector) {
+                (*vector, told) = (DVec3::ZERO, Some(name));
+            }
+        }
+        if self.limit.is_nan() || self.limit < 0.0 {
+            (self.limit, told) = (0.0, Some("limit"));
+        }
+        self.limit = self.limit.min(ABSURD);
+        // Of any length: scaled first, so that it keeps its direction.
+        let longest = self.way.abs().max_element();
+        if !self.way.is_finite() {
+            (self.way, told) = (DVec3::ZERO, Some("direction"));
+        } else if longest > 0.0 && !(1e-3..1e3).contains(&longest) {
+            self.way = (self.way / longest).normalize_or_zero();
+        }
+        told
+    }
+}
+
 /// A planned way and the place on it: whoever carries it is shown on the way's bar and can be taken to any place of it.
 #[derive(Component, Clone, Debug)]
 #[require(GuideThrust)]

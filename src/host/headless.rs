@@ -131,7 +131,7 @@ fn due(n: u64, fps: f64, hz: f64) -> u64 {
 /// Traces and records the image of the pose as it is now.
 fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
     let camera = flight.app().camera_id();
-    let marks = marks(flight, overlays);
+    let marks = marks(flight, overlays)?;
     if let Some(mut recording) = present::presenter::<Recording>(flight.app_mut(), camera) {
         recording.begin(marks);
     }
@@ -143,15 +143,15 @@ fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
 }
 
 /// What overlays draw over the next image.
-fn marks(flight: &FlightApp, overlays: &[Overlay]) -> Vec<Mark> {
-    let Some(view) = flight.view().filter(|_| !overlays.is_empty()) else { return Vec::new() };
+fn marks(flight: &FlightApp, overlays: &[Overlay]) -> Result<Vec<Mark>> {
+    let Some(view) = flight.view().filter(|_| !overlays.is_empty()) else { return Ok(Vec::new()) };
     #[cfg(feature = "window")]
     let scale = crate::host::window::pixels_a_point((view.width(), view.height()), 1.0);
     #[cfg(not(feature = "window"))]
     let scale = 1.0;
     let mut canvas = Canvas::at_scale(view, scale);
-    overlays.iter().for_each(|overlay| canvas.draw(overlay, flight));
-    canvas.into_marks()
+    overlays.iter().try_for_each(|overlay| canvas.draw(overlay, flight))?;
+    Ok(canvas.into_marks())
 }
 
 /// What is said at the end of a flight, as the exit status wants it: nothing but `Ok` for a flight that arrived or whose

@@ -1,6 +1,7 @@
 //! From settings and a preset to a renderer.
 
 use super::adaptive::Adaptive;
+use super::checked::Checked;
 use super::direct::Direct;
 use super::prepared_volume::PreparedVolume;
 use super::preset::{Preset, Reuse};
@@ -45,7 +46,8 @@ pub fn renderer(space: &PreparedVolume, settings: Settings, preset: Preset, reus
     }
     match settings.quality {
         Quality::Reference if is_built_in(preset) => Box::new(Direct::new(space, settings)),
-        _ => (preset.make)(space, settings, reuse),
+        _ if is_built_in(preset) => (preset.make)(space, settings, reuse),
+        _ => Box::new(Checked::new(preset.name, (preset.make)(space, settings, reuse))),
     }
 }
 

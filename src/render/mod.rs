@@ -13,6 +13,7 @@ pub mod begin;
 pub mod bytes;
 pub mod camera;
 pub mod caster;
+pub mod checked;
 pub mod choices;
 pub mod classify;
 pub mod coverage;

@@ -48,6 +48,12 @@ pub trait Renderer: Send + Sync {
         self.render(view, frame)
     }
 
+    /// What it did wrong since the last call, where somebody holds it to its promises: who, and what. Renderers of other crates
+    /// are held to theirs; they need not implement this.
+    fn complaint(&mut self) -> Option<(String, String)> {
+        None
+    }
+
     /// Memory that it takes now and shares neither with the renderer that it [refines](Renderer::refining) nor with the
     /// volume, bytes.
     fn own_bytes(&self) -> usize {

@@ -1,5 +1,9 @@
 //! The world of a flight and its two schedules.
 
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use bevy_ecs::error::FallbackErrorHandler;
 use bevy_ecs::prelude::*;
 use bevy_ecs::schedule::{
     InternedSystemSet, LogLevel, ScheduleBuildSettings, ScheduleCleanupPolicy, ScheduleConfigs, ScheduleError,
@@ -7,8 +11,10 @@ use bevy_ecs::schedule::{
 };
 use bevy_ecs::system::{ScheduleSystem, SystemAccess};
 
+use super::ledger::{self, Fault, Ledger, PluginTime};
 use super::{FlightSystems, Phase, Plugin};
 use crate::error::{Error, Result};
+use crate::fence;
 
 /// A place that exactly one plugin may fill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -62,7 +68,7 @@ pub struct Main;
 /// app.equip(Steps(0));
 /// app.add_systems(FlightSystems::Log, |mut steps: Single<&mut Steps>| steps.0 += 1);
 /// app.build()?;
-/// app.step();
+/// app.step()?;
 /// assert_eq!(app.camera_get::<Steps>().map(|s| s.0), Some(1));
 /// # Ok::<(), colvis::error::Error>(())
 /// ```
@@ -79,8 +85,14 @@ pub struct App {
     strip: Vec<fn(&mut EntityWorldMut)>,
     /// Who adds systems and components now.
     owner: Owner,
+    /// The account of who adds systems now, where it has one.
+    account: Option<usize>,
+    /// Who runs, for how long; none where nobody asks.
+    ledger: Option<Arc<Ledger>>,
     post_processes: u32,
     plugged: Vec<String>,
+    said: BTreeSet<(String, String)>,
+    notes: Vec<String>,
 }
 
 /// Whom systems and components belong to.
@@ -108,6 +120,7 @@ impl App {
     /// A world with a bare scan and a bare camera, and schedules without systems.
     pub fn new() -> Self {
         let mut world = World::new();
+        world.insert_resource(FallbackErrorHandler(ledger::system_failed));
         let [scan, camera] = [world.spawn(Main).id(), world.spawn(Main).id()];
         Self {
             world,
@@ -119,8 +132,12 @@ impl App {
             left_out: Vec::new(),
             strip: Vec::new(),
             owner: Owner::Plugin,
+            account: None,
+            ledger: None,
             post_processes: 0,
             plugged: Vec::new(),
+            said: BTreeSet::new(),
+            notes: Vec::new(),
         }
     }
 
@@ -154,11 +171,54 @@ impl App {
             let why = "is plugged in already";
             return Err(Error::usage(format!("plug-in {name:?}"), why, "give one of the two another name"));
         }
-        self.plugged.push(name);
+        self.plugged.push(name.clone());
         let owner = std::mem::replace(&mut self.owner, Owner::Plugin);
-        let built = plugin.build(self);
+        let built = self.on_account(&name, |app| plugin.build(app));
         self.owner = owner;
         built
+    }
+
+    /// Keeps account of what runs from now on: of whom each system is, and what it takes. For a flight with plug-ins or guides of
+    /// other crates; the systems of one that is not kept account of have no conditions.
+    pub fn keep_account(&mut self) {
+        self.ledger.get_or_insert_default();
+    }
+
+    /// Books the systems that `add` adds to `name`. A panic of `add` is an error.
+    ///
+    /// # Errors
+    /// What `add` returns; status 1 when it panics.
+    pub fn on_account<R>(&mut self, name: &str, add: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
+        let before = std::mem::replace(&mut self.account, self.ledger.as_ref().map(|l| l.open(name)));
+        let added = fence::caught(|| add(self));
+        self.account = before;
+        added.unwrap_or_else(|why| {
+            Err(Error::fault(format!("plug-in {name}"), format!("panicked: {why}"), "mend it, or fly without it"))
+        })
+    }
+
+    /// Whether the systems of `name` were switched off after a panic.
+    pub fn is_off(&self, name: &str) -> bool {
+        self.ledger.as_ref().is_some_and(|l| l.is_off(name))
+    }
+
+    /// What plug-ins take, and guides of other crates.
+    pub fn plugin_times(&self) -> Vec<PluginTime> {
+        self.ledger.as_ref().map_or_else(Vec::new, |l| l.times())
+    }
+
+    /// Takes what there is to say to the user of plug-ins since the last call.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        self.collect_notes();
+        std::mem::take(&mut self.notes)
+    }
+
+    fn collect_notes(&mut self) {
+        for note in ledger::take_notes() {
+            if self.said.insert(note.clone()) {
+                self.notes.push(format!("{} {}", note.0, note.1));
+            }
+        }
     }
 
     /// Names of the plug-ins, in the order in which they were built.
@@ -244,6 +304,10 @@ impl App {
         let mut systems: ScheduleConfigs<ScheduleSystem> = systems.into_configs();
         if self.owner == Owner::Scene {
             systems = systems.in_set(OfScene);
+        }
+        if let Some(ledger) = &self.ledger {
+            let (ledger, account) = (Arc::clone(ledger), self.account);
+            systems = systems.distributive_run_if(move || ledger.begin(account));
         }
         self.schedule_mut(phase).add_systems(systems);
         self
@@ -333,13 +397,47 @@ impl App {
     }
 
     /// One simulation step.
-    pub fn step(&mut self) {
-        self.step.run(&mut self.world);
+    ///
+    /// # Errors
+    /// Status 1 when a system has panicked, with its plug-in's name. All the others have run, and that plug-in is switched off.
+    pub fn step(&mut self) -> Result<()> {
+        self.run(Phase::Step)
     }
 
     /// One frame.
-    pub fn frame(&mut self) {
-        self.frame.run(&mut self.world);
+    ///
+    /// # Errors
+    /// As [`App::step`].
+    pub fn frame(&mut self) -> Result<()> {
+        self.run(Phase::Frame)
+    }
+
+    fn run(&mut self, phase: Phase) -> Result<()> {
+        let Self { step, frame, world, ledger, .. } = self;
+        let schedule = if phase == Phase::Step { step } else { frame };
+        let ran = fence::caught(|| schedule.run(world));
+        if let Some(ledger) = ledger {
+            ledger.finish(phase);
+        }
+        if let Err(why) = ran {
+            ledger::report_fault("a system", why);
+        }
+        self.collect_notes();
+        self.outcome()
+    }
+
+    /// What has gone wrong since the last call, outside a schedule too: see [`report_fault`](super::report_fault).
+    ///
+    /// # Errors
+    /// Status 1 for the first fault that was caught.
+    pub fn outcome(&mut self) -> Result<()> {
+        let mut first = Ok(());
+        for fault in ledger::take_faults() {
+            let name = fault.owner.and_then(|owner| self.ledger.as_ref()?.switch_off(owner));
+            let error = ledger::fault_error(name, &Fault { what: short(&fault.what), ..fault });
+            first = first.and(Err(error));
+        }
+        first
     }
 
     /// Names of the systems that run in a step and in a frame, in order, as the built schedules hold them.
@@ -496,7 +594,7 @@ mod tests {
         app.add_systems(FlightSystems::Log, double).add_systems(FlightSystems::Input, add);
         app.build().unwrap();
         app.world.spawn(Number(1));
-        app.step();
+        app.step().unwrap();
         let n = app.world.query::<&Number>().single(&app.world).unwrap().0;
         assert_eq!(n, 4, "added first, doubled then");
         assert_eq!(app.systems()[0].len(), 2);
@@ -533,7 +631,7 @@ mod tests {
             })
             .unwrap();
             app.build().unwrap();
-            app.step();
+            app.step().unwrap();
             names.push(app.systems()[0].len());
         }
         let runs = app.world.query::<&Number>().iter(&app.world).map(|n| n.0).collect::<Vec<_>>();
@@ -553,7 +651,7 @@ mod tests {
         })
         .unwrap();
         app.build().unwrap();
-        app.step();
+        app.step().unwrap();
         assert_eq!(app.camera_get::<Number>().map(|n| n.0), Some(8));
     }
 
@@ -565,7 +663,7 @@ mod tests {
         app.add_systems(FlightSystems::PostProcess, double);
         app.build().unwrap();
         app.world.spawn(Number(1));
-        app.frame();
+        app.frame().unwrap();
         assert_eq!(app.world.query::<&Number>().single(&app.world).unwrap().0, 10, "((1 + 1) * 2 + 1) * 2");
     }
 
@@ -582,7 +680,7 @@ mod tests {
         );
         app.build().unwrap();
         app.world.spawn(Number(1));
-        app.step();
+        app.step().unwrap();
         assert_eq!(app.world.query::<&Number>().single(&app.world).unwrap().0, -6, "(1 + 1 - 5) * 2");
     }
 

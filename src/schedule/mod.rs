@@ -8,10 +8,12 @@
 
 mod app;
 mod guide;
+mod ledger;
 mod plugin;
 mod sets;
 
 pub use app::{App, LeftOut, Main, Slot};
 pub use guide::{Guide, GuideEntry, Guides, Needs};
+pub use ledger::{PluginTime, note, report_fault};
 pub use plugin::{Plugin, Plugins};
 pub use sets::{FlightSystems, Phase};

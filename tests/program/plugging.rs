@@ -212,7 +212,7 @@ fn a_scene_file_names_and_sets_everything() {
     assert!((tangent - 15f64.to_radians().tan()).abs() < 1e-12, "half of 60°");
     assert!(flight.look(8, 8).unwrap().pixels().iter().all(|p| *p == [77; 3]));
     let mut canvas = colvis::app::Canvas::new(flight.view().unwrap());
-    canvas.draw(&marked, &flight);
+    canvas.draw(&marked, &flight).unwrap();
     let drawn = format!("{:?}", canvas.into_marks());
     assert!(drawn.contains("[9.0, 9.0]"), "{drawn}");
     for (bad, said) in [

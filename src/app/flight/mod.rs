@@ -21,11 +21,13 @@ use crate::components::scan::{Scan, Walls};
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
+use crate::fence;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, lumen};
 use crate::progress::Progress;
 use crate::render::{Coverage, Frame, PreparedVolume, Reuse, Settings, View, coverage, renderer};
 use crate::schedule::App;
+use crate::systems;
 use crate::systems::present::{self, Presenter};
 
 /// A flight under way: what a host drives, the same for a window and headless.
@@ -71,6 +73,10 @@ impl FlightApp {
         app.camera().insert((Flight::default(), Flown::default(), Trail::default()));
         if scene.picture {
             app.camera().insert(scene.image.picture());
+        }
+        let built_in = systems::guides();
+        if !scene.plugins.is_empty() || scene.guides.iter().any(|g| built_in.named(g.name).is_none()) {
+            app.keep_account();
         }
         for plugin in scene.plugins.iter() {
             app.plug(plugin)?;
@@ -206,8 +212,7 @@ impl FlightApp {
         if self.app.is_changed() {
             self.app.build()?;
         }
-        self.app.step();
-        Ok(())
+        self.app.step()
     }
 
     /// Flies on by so many simulated seconds, or until the flight ends by itself.
@@ -241,8 +246,7 @@ impl FlightApp {
     /// As there.
     pub fn frame_of_due(&mut self) -> Result<()> {
         self.plug_late()?;
-        self.app.frame();
-        Ok(())
+        self.app.frame()
     }
 
     /// Presents the camera's picture again as it was last traced: for something new that lies over it.
@@ -263,7 +267,7 @@ impl FlightApp {
     /// scene's renderer.
     ///
     /// # Errors
-    /// Status 2 for an image without pixels.
+    /// Status 2 for an image without pixels, 1 when a renderer of another crate panics.
     pub fn look(&self, width: usize, height: usize) -> Result<Frame> {
         let (pose, image) = (self.pose(), &self.scene.image);
         let Attitude { forward, up } = pose.attitude;
@@ -271,13 +275,26 @@ impl FlightApp {
         let view = View::with_model(pose.position, forward, up, image.camera, fov_degrees, width, height)?;
         let settings = Settings { adaptive: false, ..image.settings };
         let mut frame = Frame::new(width, height);
-        renderer(&self.volume, settings, image.preset, Reuse::Never).render(&view, &mut frame);
+        let traced = fence::caught(|| {
+            renderer(&self.volume, settings, image.preset, Reuse::Never).render(&view, &mut frame);
+        });
+        traced.map_err(|why| {
+            let what = format!("preset {}", image.preset.name);
+            Error::fault(what, format!("panicked: {why}"), "mend it, or choose another preset")
+        })?;
         Ok(frame)
+    }
+
+    /// Whether the guide that steers was switched off after a panic.
+    pub fn is_guide_off(&self) -> bool {
+        self.app.is_off(self.scene.guide_name())
     }
 
     /// Takes what there is to say to the user of what was planned since the last call.
     pub fn take_notes(&mut self) -> Vec<String> {
-        self.fields.take_notes()
+        let mut notes = self.fields.take_notes();
+        notes.extend(self.app.take_notes());
+        notes
     }
 
     /// Takes the steps written down since the last call.

@@ -344,6 +344,7 @@ fn fly_with(
     // A log is played to its end, however slowly.
     let most = flight.scene().play().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
     let (frames, flown) = headless::fly(&mut flight, args.seconds.unwrap_or(most), &outputs, progress);
+    flight.take_notes().iter().for_each(|note| say(note));
     let stats = stats(&flight, &timings, &frames, view.filter(|_| flown.is_ok()));
     drop(bar);
     let left = stats.and_then(|stats| leave(args, &flight, &stats));

@@ -25,10 +25,10 @@ use crate::components::guide::Planned;
 use crate::components::input::{Command, Hand};
 use crate::components::output::Picture;
 use crate::components::play::Playback;
-use crate::error::Result;
+use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
-use crate::render::Frame;
+use crate::render::{CameraModel, Frame, Options, Preset, Settings, ShaderModel};
 use crate::systems::present;
 
 /// Steps between two images at the most: a slower machine flies slower.
@@ -39,6 +39,8 @@ const QUIET_STEPS: u32 = 40;
 const REST_MM_S: f64 = 0.3;
 /// A message stays so long.
 const MESSAGE: Duration = Duration::from_millis(2500);
+/// A message about a plug-in that has panicked stays so long.
+const FAULT_MESSAGE: Duration = Duration::from_secs(12);
 /// One press of a key, or one notch of the wheel, changes the speed by this factor.
 const FASTER: f64 = 1.15;
 /// The same for the view angle.
@@ -161,7 +163,11 @@ impl Cockpit {
             framebuffer.prepare(content, below);
         }
         match &due {
-            Some(_) => self.flight.frame_of_due()?,
+            Some(_) => {
+                if let Err(e) = self.flight.frame_of_due() {
+                    self.survive(e, Instant::now())?;
+                }
+            }
             None => self.flight.present(),
         }
         let presented = self.framebuffer().and_then(|mut f| f.take_presented()).transpose()?;
@@ -176,6 +182,41 @@ impl Cockpit {
     fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
         let camera = self.flight.app().camera_id();
         present::presenter(self.flight.app_mut(), camera)
+    }
+
+    /// Goes on after a plug-in has panicked: says so, and does without it.
+    ///
+    /// # Errors
+    /// Any other error.
+    fn survive(&mut self, e: Error, now: Instant) -> Result<()> {
+        if e.kind != Kind::Fault {
+            return Err(e);
+        }
+        self.tell_fault(&e, now);
+        if self.flight.is_guide_off() {
+            let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
+            if let Some(by_hand) = by_hand {
+                self.flight.act(Command::Guide(by_hand.to_owned()))?;
+            }
+        }
+        // What of the picture is another crate's may be what has failed.
+        if ["preset", "shader", "camera"].iter().any(|maker| e.what.starts_with(maker))
+            && let Some(mut picture) = self.flight.camera_mut::<Picture>()
+        {
+            picture.preset = Preset::default();
+            picture.settings = Settings { shader: ShaderModel::default(), options: Options::NONE, ..picture.settings };
+            picture.camera = CameraModel::default();
+            picture.fov_degrees = picture.camera.held(picture.fov_degrees).unwrap_or(90.0);
+        }
+        Ok(())
+    }
+
+    fn tell_fault(&mut self, e: &Error, now: Instant) {
+        let text = format!("{}: {}; going on without it", e.what, e.why);
+        eprintln!("note: {text}");
+        self.message = Some((text, now + FAULT_MESSAGE));
+        self.attention = true;
+        self.quiet = 0;
     }
 
     /// Says something for a moment.
@@ -461,7 +502,9 @@ impl Cockpit {
         let elapsed = self.simulated.map_or(Duration::ZERO, |t| now.saturating_duration_since(t));
         self.simulated = Some(now);
         for _ in 0..self.accumulator.take(elapsed, self.flight.clock().hz, STEPS) {
-            self.flight.step()?;
+            if let Err(e) = self.flight.step() {
+                self.survive(e, now)?;
+            }
             self.watch();
         }
         Ok(())
@@ -522,6 +565,10 @@ impl Cockpit {
             State::Flying | State::Ended => {}
         }
         let (along, length) = (self.way.along_mm(), self.way.length_mm());
+        let (marks_drawn, fault) = self.overlays.draw(&self.flight, self.scale);
+        if let Some(e) = fault {
+            self.tell_fault(&e, now);
+        }
         Readings {
             state,
             mood,
@@ -534,7 +581,7 @@ impl Cockpit {
             place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),
             help: if self.help { keys::help(&self.flight.scene().guides, self.overlays.all()) } else { Vec::new() },
-            marks_drawn: self.overlays.draw(&self.flight, self.scale),
+            marks_drawn,
         }
     }
 

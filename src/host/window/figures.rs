@@ -9,6 +9,7 @@ use crate::components::camera::{Contact, Velocity};
 use crate::components::input::Hand;
 use crate::components::output::Picture;
 use crate::render::Quality;
+use crate::schedule::PluginTime;
 
 /// Figures change so often at the most.
 const READ_EVERY: Duration = Duration::from_millis(250);
@@ -19,7 +20,7 @@ pub struct Figures {
     since: Instant,
     /// Images counted already.
     counted: usize,
-    lines: [String; 4],
+    lines: Vec<String>,
     /// Place along the way, per mille.
     per_mille: u32,
     stale: bool,
@@ -28,7 +29,7 @@ pub struct Figures {
 impl Figures {
     /// None yet.
     pub fn new(now: Instant) -> Self {
-        Self { since: now, counted: 0, lines: Default::default(), per_mille: 0, stale: true }
+        Self { since: now, counted: 0, lines: vec![String::new(); 4], per_mille: 0, stale: true }
     }
 
     /// Something has changed.
@@ -78,6 +79,9 @@ impl Figures {
         let usual = flight.scene().image.fov_degrees;
         let other = flight.camera::<Picture>().map(|p| p.fov_degrees).filter(|&d| d != usual);
         let view = other.map_or_else(String::new, |d| format!(", view {}", angle(d)));
+        self.lines.truncate(4);
+        let slow = flight.app().plugin_times().into_iter().filter(PluginTime::is_slow);
+        self.lines.extend(slow.map(|p| p.text()));
         self.lines[3] = format!("guide {}, detail {}{view}", flight.scene().guide_name(), detail(quality));
         &self.lines
     }

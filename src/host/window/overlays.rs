@@ -3,6 +3,7 @@
 use super::keys::Deed;
 use crate::app::overlay::{Canvas, Mark};
 use crate::app::{FlightApp, Overlay};
+use crate::error::Error;
 
 /// Overlays, each shown or not.
 #[derive(Clone, Debug, Default)]
@@ -36,12 +37,18 @@ impl Overlays {
         self.all.iter().position(|o| is(o.key)).map(Deed::Overlay)
     }
 
-    /// What those draw that are shown, on a screen of `scale` pixels a point. Where none is, nothing is done.
-    pub fn draw(&self, flight: &FlightApp, scale: f32) -> Vec<Mark> {
-        let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return Vec::new() };
+    /// What those draw that are shown, on a screen of `scale` pixels a point. Where none is, nothing is done. One that panics is
+    /// hidden, and told of.
+    pub fn draw(&mut self, flight: &FlightApp, scale: f32) -> (Vec<Mark>, Option<Error>) {
+        let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return (Vec::new(), None) };
         let mut canvas = Canvas::at_scale(view, scale);
-        let shown = self.all.iter().zip(&self.shown).filter(|o| *o.1).map(|o| o.0);
-        shown.for_each(|overlay| canvas.draw(overlay, flight));
-        canvas.into_marks()
+        let mut fault = None;
+        for (overlay, shown) in self.all.iter().zip(&mut self.shown).filter(|o| *o.1) {
+            if let Err(e) = canvas.draw(overlay, flight) {
+                *shown = false;
+                fault = Some(e);
+            }
+        }
+        (canvas.into_marks(), fault)
     }
 }

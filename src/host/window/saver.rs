@@ -9,6 +9,7 @@ use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
+use crate::fence;
 use crate::render::{CameraModel, Frame, PreparedVolume, Preset, Reuse, Settings, View, renderer};
 
 /// An image to be saved.
@@ -42,7 +43,12 @@ impl PictureRequest {
         let (a, (width, height)) = (self.pose.attitude, self.size);
         let view = View::with_model(self.pose.position, a.forward, a.up, self.camera, self.fov_degrees, width, height)?;
         let mut frame = Frame::new(width, height);
-        renderer(space, self.settings, self.preset, Reuse::Never).render(&view, &mut frame);
+        let traced = fence::caught(|| {
+            renderer(space, self.settings, self.preset, Reuse::Never).render(&view, &mut frame);
+        });
+        traced.map_err(|why| {
+            Error::fault(format!("preset {}", self.preset.name), format!("panicked: {why}"), "choose another preset")
+        })?;
         Ok(Traced { request: *self, frame })
     }
 }

@@ -12,6 +12,7 @@ use crate::host::frames::FrameStats;
 use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost};
 use crate::render::{Detail, Frame, PreparedVolume, Quality, Settings};
+use crate::schedule::report_fault;
 
 /// Closer than this is the same place, mm.
 const SAME_MM: f64 = 1e-3;
@@ -156,7 +157,11 @@ impl Sight {
     /// Status 1 when an image that was to be saved could not be made: an internal error.
     pub fn prepare(&mut self, flight: &mut FlightApp, window: (usize, usize)) -> Result<Option<Due>> {
         while let Some(traced) = self.saver.take() {
-            self.to_save.push(traced?);
+            match traced {
+                Ok(traced) => self.to_save.push(traced),
+                // Told with the next frame.
+                Err(e) => report_fault(e.what, e.why),
+            }
         }
         if window.0 == 0 || window.1 == 0 {
             return Ok(None);

@@ -162,6 +162,10 @@ impl Renderer for Adaptive {
         self.budget = samples;
     }
 
+    fn complaint(&mut self) -> Option<(String, String)> {
+        self.moving.complaint().or_else(|| self.fine.as_mut()?.complaint())
+    }
+
     fn detail(&self) -> Option<Detail> {
         let best = self.resting && self.still.is_done(if self.fine.is_some() { SAMPLES } else { 0 });
         let samples = if self.resting { self.still.samples() } else { 0 };

@@ -9,6 +9,9 @@ use super::model::{Camera, CameraModel, CameraRay};
 use super::perspective::Perspective;
 use crate::error::{Error, Result};
 
+/// A camera, and where its rays begin, may be so far from the origin, mm.
+const FARTHEST_MM: f64 = 1e9;
+
 /// The longest side of an image, pixels.
 pub const MAX_SIDE: usize = 32_768;
 
@@ -111,7 +114,7 @@ impl View {
         width: usize,
         height: usize,
     ) -> Result<Self> {
-        if !position.is_finite() || position.abs().max_element() > 1e9 {
+        if !position.is_finite() || position.abs().max_element() > FARTHEST_MM {
             return Err(Error::usage("camera", format!("position {position} mm is not a place"), "give x,y,z in mm"));
         }
         let unit = |name: &str, v: DVec3| {
@@ -136,7 +139,9 @@ impl View {
             .unwrap_or(DVec3::X)
             .normalize();
         let shorter = width.min(height) as f64;
-        let pixel = camera.tangent().map(|tangent| 2.0 * tangent / shorter);
+        // A tangent that is none is not relied upon.
+        let tangent = camera.tangent().filter(|t| t.is_finite() && (1e-9..1e9).contains(t));
+        let pixel = tangent.map(|tangent| 2.0 * tangent / shorter);
         let (up, centre) = (right.cross(forward), [0.5 * width as f64, 0.5 * height as f64]);
         let unit = DVec2::splat(2.0 / shorter);
         Ok(Self { position, forward, right, up, camera, width, height, unit, pixel, centre })
@@ -195,7 +200,9 @@ impl View {
 
     /// By how much unit directions of neighbouring pixels in a row or column differ at the most, where that is known.
     pub fn pixel_turn(&self) -> Option<f64> {
-        self.pixel.or_else(|| Some(self.camera.most_turn()? * self.unit.max_element()))
+        // What is no number, or negative, or larger than any two unit directions differ by, tells nothing.
+        let most_turn = || self.camera.most_turn().filter(|t| (0.0..1e6).contains(t));
+        self.pixel.or_else(|| Some(most_turn()? * self.unit.max_element()))
     }
 
     /// The middle of the camera's image, in pixels from the top left corner: that of this image, but for a [`View::strip`].
@@ -229,7 +236,11 @@ impl View {
         }
         let ray = self.camera.ray(DVec2::new(x, y) * self.unit)?;
         let world = |v: DVec3| self.right * v.x + self.up * v.y + self.forward * v.z;
-        Some(CameraRay { origin: self.position + world(ray.origin), direction: world(ray.direction).normalize() })
+        // Scaled first, so that neither denormal nor huge components lose the direction; without one the pixel shows nothing.
+        let direction = (ray.direction / ray.direction.abs().max_element()).try_normalize()?;
+        let origin = self.position + world(ray.origin);
+        let near = origin.is_finite() && origin.abs().max_element() <= FARTHEST_MM;
+        near.then(|| CameraRay { origin, direction: world(direction).normalize() })
     }
 
     /// The point of the image, in pixels from its top left corner, at which a `place` (world, mm) is seen if nothing is in
@@ -239,13 +250,14 @@ impl View {
         let local = DVec3::new(p.dot(self.right), p.dot(self.up), p.dot(self.forward));
         let at = self.camera.project(local)?;
         let [x, y] = self.centre;
-        Some(match self.pixel {
+        let found = match self.pixel {
             Some(pixel) => {
                 let scale = 1.0 / (local.z * pixel);
                 [x + local.x * scale, y - local.y * scale]
             }
             None => [x + at.x / self.unit.x, y - at.y / self.unit.y],
-        })
+        };
+        found.iter().all(|c| c.is_finite()).then_some(found)
     }
 }
 

@@ -1,0 +1,108 @@
+//! A renderer of another crate, held to what a renderer promises.
+
+use super::memory::MemoryPart;
+use super::renderer::{Detail, Renderer};
+use super::{Frame, Settings, View, Work};
+
+/// Passes everything on to a renderer, and gives its frames the size that was asked for.
+pub struct Checked {
+    name: &'static str,
+    inner: Box<dyn Renderer>,
+    complaint: Option<String>,
+}
+
+impl Checked {
+    /// Holds the renderer of the preset `name`.
+    pub fn new(name: &'static str, inner: Box<dyn Renderer>) -> Self {
+        Self { name, inner, complaint: None }
+    }
+
+    fn check(&mut self, view: &View, frame: &mut Frame) {
+        let (made, asked) = ((frame.width(), frame.height()), (view.width(), view.height()));
+        if made != asked {
+            let what =
+                format!("made a frame of {}x{} pixels where {}x{} were asked for", made.0, made.1, asked.0, asked.1);
+            self.complaint.get_or_insert(what);
+            frame.resize(asked.0, asked.1);
+        }
+    }
+}
+
+impl Renderer for Checked {
+    fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
+        let work = self.inner.render(view, frame);
+        self.check(view, frame);
+        work
+    }
+
+    fn parts(&self) -> Vec<(MemoryPart, usize)> {
+        self.inner.parts()
+    }
+
+    fn set_budget(&mut self, samples: u64) {
+        self.inner.set_budget(samples);
+    }
+
+    fn stretches(&self) -> bool {
+        self.inner.stretches()
+    }
+
+    fn detail(&self) -> Option<Detail> {
+        self.inner.detail()
+    }
+
+    fn refining(&self, settings: Settings) -> Option<Box<dyn Renderer>> {
+        let refining = self.inner.refining(settings)?;
+        Some(Box::new(Self::new(self.name, refining)))
+    }
+
+    fn render_squares(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
+        let work = self.inner.render_squares(view, frame, wanted);
+        self.check(view, frame);
+        work
+    }
+
+    fn own_bytes(&self) -> usize {
+        self.inner.own_bytes()
+    }
+
+    fn complaint(&mut self) -> Option<(String, String)> {
+        let what = self.complaint.take()?;
+        Some((format!("preset {}", self.name), what))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    struct Odd([usize; 2]);
+
+    impl Renderer for Odd {
+        fn render(&mut self, _: &View, frame: &mut Frame) -> Work {
+            frame.resize(self.0[0], self.0[1]);
+            Work::default()
+        }
+
+        fn parts(&self) -> Vec<(MemoryPart, usize)> {
+            Vec::new()
+        }
+    }
+
+    #[test]
+    fn a_frame_keeps_its_size_and_the_renderer_is_told_of() {
+        let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 90.0, 8, 6).unwrap();
+        for size in [[0, 0], [7, 6], [800, 600], [8, 6]] {
+            let mut renderer = Checked::new("odd", Box::new(Odd(size)));
+            let mut frame = Frame::with_depth(8, 6);
+            renderer.render(&view, &mut frame);
+            let right = size == [8, 6];
+            assert_eq!((frame.width(), frame.height(), frame.pixels().len()), (8, 6, 48));
+            assert_eq!(frame.depth().map(<[f32]>::len), Some(48));
+            assert_eq!(renderer.complaint().is_none(), right, "{size:?}");
+            assert_eq!(renderer.complaint(), None, "said once");
+        }
+    }
+}
