@@ -8,6 +8,8 @@ use std::any::Any;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use crate::error::Error;
+
 thread_local! {
     /// Number of fences around what this thread is doing.
     static FENCES: Cell<usize> = const { Cell::new(0) };
@@ -43,6 +45,14 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     let result = catch_unwind(AssertUnwindSafe(work));
     FENCES.with(|f| f.set(f.get() - 1));
     result.map_err(|payload| panic_text(&*payload))
+}
+
+/// Asks something of another crate's, named `what`, for a value: a panic is an error with that name.
+///
+/// # Errors
+/// What `ask` returns; status 1 when it panics.
+pub fn asked<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+    caught(ask).unwrap_or_else(|why| Err(Error::fault(what(), format!("panicked: {why}"), "mend it, or do without it")))
 }
 
 /// What a panic said, on one line, and where it happened if that is known.

@@ -4,7 +4,8 @@
 //! here.
 //!
 //! ```text layers
-//! error, fence, math, memory
+//! error, math, memory
+//! fence
 //! output, progress
 //! volume
 //! fields, phantom

@@ -1,6 +1,7 @@
 //! Writes down each step.
 
 use bevy_ecs::prelude::*;
+use glam::DVec3;
 
 use crate::components::camera::{Contact, Pose, Velocity};
 use crate::components::clock::Clock;
@@ -16,21 +17,30 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Appends the step that was just done.
+/// Appends the step that was just done. What a plug-in has left that is no number stands in no log: the last sound value does, at
+/// first 0.
 pub fn log_step(
     clock: Res<Clock>,
     guide: Res<GuideName>,
     mut log: ResMut<FlightLog>,
     camera: Single<(&Pose, &Flight, Option<&Velocity>, Option<&Contact>), With<Main>>,
+    mut sound: Local<[DVec3; 4]>,
 ) {
     let (pose, flight, velocity, contact) = camera.into_inner();
+    let moving = velocity.map_or(DVec3::ZERO, |v| v.0);
+    let now = [pose.position, pose.attitude.forward, pose.attitude.up, moving];
+    for (sound, now) in sound.iter_mut().zip(now).filter(|(_, now)| now.is_finite()) {
+        *sound = now;
+    }
+    let [position, forward, up, velocity] = sound.map(|v| v.to_array());
+    let clearance_mm = contact.map_or(0.0, |c| c.clearance_mm);
     log.0.push(LogLine {
         t: (clock.tick + 1) as f64 / f64::from(clock.hz),
-        position: pose.position.to_array(),
-        forward: pose.attitude.forward.to_array(),
-        up: pose.attitude.up.to_array(),
-        velocity: velocity.map_or([0.0; 3], |v| v.0.to_array()),
-        clearance_mm: contact.map_or(0.0, |c| c.clearance_mm),
+        position,
+        forward,
+        up,
+        velocity,
+        clearance_mm: if clearance_mm.is_finite() { clearance_mm } else { 0.0 },
         state: flight.state,
         guide: guide.0.to_owned(),
     });

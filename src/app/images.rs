@@ -5,6 +5,7 @@ use serde::Deserialize;
 use crate::app::Catalog;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
+use crate::fence::asked;
 use crate::render::{
     CameraModel, Choices, Classification, GradientSource, Leaping, LowDetail, Options, Preset, Settings, ShaderModel,
 };
@@ -85,8 +86,9 @@ impl ImageSettings {
     /// Status 2 where the preset does not follow what is chosen.
     pub fn check(&self) -> Result<()> {
         self.settings.choices.check()?;
-        (self.preset.takes)(&self.settings.choices)?;
-        (self.preset.check)(self.settings.options)?;
+        let preset = || format!("preset {}", self.preset.name);
+        asked(preset, || (self.preset.takes)(&self.settings.choices))?;
+        asked(preset, || (self.preset.check)(self.settings.options))?;
         self.settings.shader.check()?;
         self.camera.camera(self.fov_degrees, 1.0).map(drop)
     }

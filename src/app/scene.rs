@@ -16,6 +16,7 @@ use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
+use crate::fence::{asked, caught};
 use crate::render::{CameraModel, Options, ShaderModel};
 use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Plugins, Slot};
 use crate::systems;
@@ -279,7 +280,9 @@ impl Scene {
 
     /// Speed of the flight where nothing holds it up, mm/s; 0 where nothing moves the camera by itself.
     pub fn cruise_mm_s(&self) -> f64 {
-        self.guide().map_or(0.0, |g| g.cruise_mm_s(&self.body))
+        let cruise = self.guide().map(|g| caught(|| g.cruise_mm_s(&self.body)));
+        // What a guide cannot tell is as if nothing moved.
+        cruise.and_then(std::result::Result::ok).filter(|mm_s| mm_s.is_finite() && *mm_s >= 0.0).unwrap_or(0.0)
     }
 
     /// Whether anything moves the camera.
@@ -437,7 +440,7 @@ fn named_options(
         }
         let in_table = |e: Error| Error { what: format!("[{name}] {}", e.what), ..e };
         if let Ok(preset) = catalog.find_preset(&name) {
-            (preset.check)(options).map_err(in_table)?;
+            asked(|| format!("preset {name}"), || (preset.check)(options)).map_err(in_table)?;
         } else if let Ok(shader) = catalog.find_shader(&name) {
             ShaderModel { options, ..shader }.check().map_err(in_table)?;
         } else if let Ok(camera) = catalog.find_camera(&name) {
@@ -462,7 +465,8 @@ fn overlay_options(tables: toml::Table, catalog: &Catalog) -> Result<BTreeMap<St
             return Err(Error::usage(format!("overlay.{name}"), "is no table", format!("write [overlay.{name}]")));
         };
         let options = Options::new(table);
-        (overlay.check)(options).map_err(|e| Error { what: format!("[overlay.{name}] {}", e.what), ..e })?;
+        asked(|| format!("overlay {name}"), || (overlay.check)(options))
+            .map_err(|e| Error { what: format!("[overlay.{name}] {}", e.what), ..e })?;
         overlays.insert(name, options);
     }
     Ok(overlays)

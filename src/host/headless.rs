@@ -109,7 +109,8 @@ fn fly_steps(
     };
     let flown = fly();
     // However the flight ended, what it leaves is finished: first the log, as a recording may hang on another program.
-    let logged = log.map_or(Ok(()), |l| l.finish(flight.flight().state));
+    // A step that failed was made and written down all the same.
+    let logged = log.map_or(Ok(()), |mut l| l.add(flight.take_log()).and_then(|()| l.finish(flight.flight().state)));
     let last = fps.map_or(Ok(()), |_| record(flight, overlays));
     let interrupted = flown?;
     logged.and(last)?;

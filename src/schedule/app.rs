@@ -3,8 +3,10 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use bevy_ecs::component::ComponentId;
 use bevy_ecs::error::FallbackErrorHandler;
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::Access;
 use bevy_ecs::schedule::{
     InternedSystemSet, LogLevel, ScheduleBuildSettings, ScheduleCleanupPolicy, ScheduleConfigs, ScheduleError,
     ScheduleLabel,
@@ -457,20 +459,29 @@ impl App {
 
     /// Names of the systems, as [`App::systems`] has them, that read or write the component `T`.
     pub fn systems_that_query<T: Component>(&self) -> Vec<String> {
-        let Some(id) = self.world.component_id::<T>() else { return Vec::new() };
+        let names = self.systems_by(|access, id| access.has_read(id), self.world.component_id::<T>());
+        names.iter().map(|n| short(n)).collect()
+    }
+
+    /// Names of the systems of other crates that write the component `T`.
+    pub fn own_systems_that_write<T: Component>(&self) -> Vec<String> {
+        let names = self.systems_by(|access, id| access.has_write(id), self.world.component_id::<T>());
+        let own =
+            names.iter().filter(|n| !n.trim_start_matches('<').starts_with("colvis::") && !n.contains("ApplyDeferred"));
+        own.map(|n| short(n)).collect()
+    }
+
+    /// Full names of the systems with such an access to a component; those that may do anything have it.
+    fn systems_by(&self, has: fn(&Access, ComponentId) -> bool, id: Option<ComponentId>) -> Vec<String> {
+        let Some(id) = id else { return Vec::new() };
         let of = |s: &Schedule| -> Vec<String> {
-            let queries = |a: &SystemAccess| match a {
-                SystemAccess::Shared(set) => set.combined_access().has_read(id),
+            let has = |a: &SystemAccess| match a {
+                SystemAccess::Shared(set) => has(set.combined_access(), id),
                 SystemAccess::Exclusive => true,
                 SystemAccess::None => false,
             };
-            s.systems_with_access().map_or_else(
-                |_| Vec::new(),
-                |list| {
-                    let list = list.filter(|(_, s)| queries(s.access()));
-                    list.map(|(_, s)| short(&s.system().name().to_string())).collect()
-                },
-            )
+            let Ok(list) = s.systems_with_access() else { return Vec::new() };
+            list.filter(|(_, s)| has(s.access())).map(|(_, s)| s.system().name().to_string()).collect()
         };
         [of(&self.step), of(&self.frame)].concat()
     }

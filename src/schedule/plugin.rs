@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::App;
 use crate::error::{Error, Result};
+use crate::fence::asked;
 use crate::render::Options;
 
 /// Something that another crate adds to a flight: systems, entities, resources. It is a value, so it can carry settings and
@@ -123,7 +124,8 @@ impl Plugins {
     /// As [`Plugin::with_options`].
     pub fn configure(&mut self, name: &str, options: Options) -> Result<bool> {
         let Some(plugin) = self.0.iter_mut().find(|p| p.name() == name) else { return Ok(false) };
-        let configured = plugin.with_options(options).map_err(|e| in_table(name, e))?;
+        let configured =
+            asked(|| format!("plug-in {name}"), || plugin.with_options(options)).map_err(|e| in_table(name, e))?;
         if let Some(configured) = configured {
             *plugin = configured;
         }

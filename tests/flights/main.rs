@@ -5,6 +5,7 @@ mod digests;
 mod dynamics;
 mod flight;
 mod guides;
+mod hostile;
 mod operator;
 mod overlays;
 mod own_guide;

@@ -10,9 +10,9 @@ use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use crate::app::fields::Fields;
-use crate::app::plan::Plan;
+use crate::app::plan::{self, Plan};
 use crate::app::scene::Scene;
-use crate::components::camera::Pose;
+use crate::components::camera::{Heading, Pose, Spin, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, State};
 use crate::components::input::Act;
@@ -26,7 +26,7 @@ use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, lumen};
 use crate::progress::Progress;
 use crate::render::{Coverage, Frame, PreparedVolume, Reuse, Settings, View, coverage, renderer};
-use crate::schedule::App;
+use crate::schedule::{App, note};
 use crate::systems;
 use crate::systems::present::{self, Presenter};
 
@@ -45,7 +45,12 @@ pub struct FlightApp {
     acted: Option<Vec<Act>>,
     fields: Fields,
     progress: Arc<Progress>,
+    /// The camera's last pose that was one.
+    sound: Option<Pose>,
 }
+
+/// A camera farther from the origin than this is nowhere, mm.
+const FARTHEST_MM: f64 = 1e9;
 
 impl FlightApp {
     /// A flight at its start.
@@ -91,9 +96,10 @@ impl FlightApp {
             acted: None,
             fields: Fields::default(),
             progress,
+            sound: None,
         };
         flight.rebuild()?;
-        flight.prepare_views();
+        flight.prepare_views()?;
         flight.set_out();
         Ok(flight)
     }
@@ -111,7 +117,7 @@ impl FlightApp {
             self.app.world.despawn(entity);
             return Err(e);
         }
-        self.prepare_views();
+        self.prepare_views()?;
         Ok(entity)
     }
 
@@ -130,14 +136,21 @@ impl FlightApp {
     }
 
     /// Makes the renderers of views that have none yet, so that the first frame takes no longer than others.
-    fn prepare_views(&mut self) {
+    fn prepare_views(&mut self) -> Result<()> {
         let Self { app, volume, .. } = self;
         let mut views = app.world.query::<(&Picture, &mut FrameCache)>();
         for (picture, mut cache) in views.iter_mut(&mut app.world) {
             if picture.scan.is_none() {
-                cache.renderer_for(volume, picture.settings, picture.preset);
+                fence::asked(
+                    || format!("preset {}", picture.preset.name),
+                    || {
+                        cache.renderer_for(volume, picture.settings, picture.preset);
+                        Ok(())
+                    },
+                )?;
             }
         }
+        Ok(())
     }
 
     /// The views beside the camera's own, in the order in which they are rendered, with what their renderers keep.
@@ -212,7 +225,41 @@ impl FlightApp {
         if self.app.is_changed() {
             self.app.build()?;
         }
-        self.app.step()
+        let stepped = self.app.step();
+        self.keep_sound();
+        stepped
+    }
+
+    /// Puts the camera back to where it last was, at rest, if a plug-in has written what is no place, no direction or no speed.
+    fn keep_sound(&mut self) {
+        let Some(pose) = self.camera::<Pose>().copied() else { return };
+        let moving = [
+            self.camera::<Velocity>().map(|v| v.0),
+            self.camera::<Spin>().map(|s| s.0),
+            self.camera::<Heading>().map(|h| h.0),
+        ];
+        let sound = |v: DVec3, most: f64| v.is_finite() && v.abs().max_element() <= most;
+        let unit = |v: DVec3| v.is_finite() && (v.length_squared() - 1.0).abs() < 1e-3;
+        let placed = sound(pose.position, FARTHEST_MM) && unit(pose.attitude.forward) && unit(pose.attitude.up);
+        if placed && moving.into_iter().flatten().all(|v| sound(v, 1e12)) {
+            self.sound = Some(pose);
+            return;
+        }
+        let writers = [
+            self.app.own_systems_that_write::<Pose>(),
+            self.app.own_systems_that_write::<Velocity>(),
+            self.app.own_systems_that_write::<Spin>(),
+            self.app.own_systems_that_write::<Heading>(),
+        ]
+        .concat();
+        let who = if writers.is_empty() { "a system".to_owned() } else { writers.join(" or ") };
+        note(who, "has written what is no place, no direction or no speed: the camera is put back, at rest");
+        let back = self.sound.unwrap_or(Pose {
+            position: self.plan.start,
+            attitude: plan::first_attitude(&self.volume, self.plan.start, self.plan.goal),
+        });
+        self.app.camera().insert(back);
+        self.rest(back.position, back.attitude.forward);
     }
 
     /// Flies on by so many simulated seconds, or until the flight ends by itself.

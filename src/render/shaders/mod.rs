@@ -13,6 +13,7 @@ use glam::{DVec3, Vec3};
 
 use super::options::Options;
 use crate::error::{Error, Result};
+use crate::fence::asked;
 
 /// Every shader of this crate.
 pub const BUILT_IN: [ShaderModel; 1] = [headlight::MODEL];
@@ -83,15 +84,21 @@ impl Default for ShaderModel {
 impl ShaderModel {
     /// The shader, where it is another one than what the renderers have built in.
     pub(super) fn own(&self) -> Option<Arc<dyn Shader>> {
-        if self.name == headlight::MODEL.name { None } else { (self.make)(self.options).ok() }
+        if self.name == headlight::MODEL.name { None } else { self.shader().ok() }
+    }
+
+    fn shader(&self) -> Result<Arc<dyn Shader>> {
+        asked(|| format!("shader {}", self.name), || (self.make)(self.options))
     }
 
     /// # Errors
     /// Status 2 for settings that make no sense.
     pub fn check(&self) -> Result<()> {
-        (self.make)(self.options)
-            .map(drop)
-            .map_err(|e| Error { what: format!("shader {}: {}", self.name, e.what), ..e })
+        let shader = format!("shader {}", self.name);
+        self.shader().map(drop).map_err(|e| {
+            let what = if e.what.starts_with(&shader) { e.what } else { format!("{shader}: {}", e.what) };
+            Error { what, ..e }
+        })
     }
 }
 
