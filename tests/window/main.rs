@@ -140,7 +140,18 @@ impl Screen {
 
     /// Starts the program, waits until it shows what `wanted` likes, and gives it the keys.
     fn open_window(&self, folder: &Path, args: &[&str], wanted: impl FnMut(&RgbImage) -> bool) -> Running {
-        let child = colvis()
+        self.open_program(colvis(), folder, args, wanted)
+    }
+
+    /// As [`Screen::open_window`], of another program.
+    fn open_program(
+        &self,
+        mut program: Command,
+        folder: &Path,
+        args: &[&str],
+        wanted: impl FnMut(&RgbImage) -> bool,
+    ) -> Running {
+        let child = program
             .args(args)
             .env("DISPLAY", &self.display)
             .env_remove("WAYLAND_DISPLAY")
@@ -498,4 +509,45 @@ fn a_drawn_lumen_in_a_window() {
     screen.key("q");
     let status = window.wait();
     assert!(status.success() && window.output().1.is_empty());
+}
+
+/// The examples that show something in the window show it there, and end as they should.
+#[test]
+fn examples_of_plug_ins_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("lamp.toml"), "plugins = [\"tentacles\", \"mines\"]\n[render]\nshade = \"lamp\"\n").unwrap();
+    fs::write(folder.join("near.toml"), "plugins = [\"tentacles\", \"mines\"]\n[near_wall]\nnear_mm = 30.0\n").unwrap();
+    let built = Path::new(colvis().get_program()).with_file_name("examples");
+    // The rear view's frame; the edges that are darker than the middle; the lamp's pale gloss; the overlay's green words.
+    let grey = |i: &RgbImage| {
+        // Along the inset's upper edge.
+        (0..SIZE.1).any(|y| (500..620).filter(|&x| i.get_pixel(x, y).0 == [170; 3]).count() > 100)
+    };
+    let pale = |i: &RgbImage| share(i, |[r, g, b]| r > 200 && g > 150 && b > 130) > 0.01;
+    let dark = |i: &RgbImage| flies(i) && share(i, |[r, ..]| r > 20 && r < 80) > 0.3;
+    let green = |i: &RgbImage| share(i, |p| p == [120, 220, 140]) > 0.0002;
+    type Wanted<'a> = &'a dyn Fn(&RgbImage) -> bool;
+    let cases: [(&str, &[&str], Wanted<'_>); 4] = [
+        ("own_view", &[], &grey),
+        ("own_post_process", &[], &pale),
+        ("own_shader", &["--scene", "lamp.toml"], &dark),
+        ("own_plugin", &["--scene", "near.toml", "--overlay", "near_wall"], &green),
+    ];
+    for (name, args, wanted) in cases {
+        let program = built.join(name);
+        if !program.exists() {
+            skip("examples", &format!("{} is not built: plain `cargo test --release` builds it", program.display()));
+            continue;
+        }
+        let size = format!("{}x{}", SIZE.0, SIZE.1);
+        let all = [&["fly", "--size", &size], args].concat();
+        let mut window = screen.open_program(Command::new(program), folder, &all, |i| share(i, is_bar) > 0.0);
+        screen.shot_when(name, wanted);
+        screen.key("q");
+        let status = window.wait();
+        let (_, err) = window.output();
+        assert!(status.success() && err.is_empty(), "{name}: {status}: {err}");
+    }
 }

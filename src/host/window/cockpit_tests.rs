@@ -20,6 +20,11 @@ pub fn flight(guide: &'static str) -> FlightApp {
 
 /// The same with another end that it can be turned round to.
 fn flight_from(guide: &'static str, other_end: DVec3) -> FlightApp {
+    flight_with(guide, other_end, |_| {})
+}
+
+/// The same with a scene that is changed.
+fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut Scene)) -> FlightApp {
     let grid = Grid::new([32, 80, 32], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let gas = |n: usize| {
         let (i, j, k) = (n % 32, n / 32 % 80, n / (32 * 80));
@@ -44,7 +49,8 @@ fn flight_from(guide: &'static str, other_end: DVec3) -> FlightApp {
     };
     let settings = Settings { adaptive: true, ..Settings::new(Quality::High) };
     let image = ImageSettings { width: 8, height: 8, settings, ..ImageSettings::default() };
-    let scene = Scene { picture: true, image, operator: true, ..Scene::guided_by(guide) };
+    let mut scene = Scene { picture: true, image, operator: true, ..Scene::guided_by(guide) };
+    change(&mut scene);
     FlightApp::new(PreparedVolume::new(volume, TransferFunction::default()), lumen, plan, scene).unwrap()
 }
 
@@ -281,4 +287,89 @@ fn an_overlay_costs_nothing_while_it_is_hidden() {
     assert_eq!(c.readings(now).marks_drawn, [disc]);
     c.perform(Deed::Overlay(0), WINDOW, now);
     assert!(c.readings(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 1);
+}
+
+/// A guide that panics.
+#[derive(Clone, Debug, Default, serde::Deserialize)]
+struct Panicking {}
+
+impl crate::schedule::Guide for Panicking {
+    const NAME: &'static str = "panicking";
+    const SUMMARY: &'static str = "panics";
+
+    fn cruise_mm_s(&self, _: &crate::dynamics::Body) -> f64 {
+        30.0
+    }
+
+    fn plug(&self, app: &mut crate::schedule::App) -> Result<()> {
+        let panics = || panic!("guided badly");
+        app.add_systems(crate::schedule::FlightSystems::Guide, panics);
+        Ok(())
+    }
+}
+
+/// A renderer that panics.
+struct Unfinished;
+
+impl crate::render::Renderer for Unfinished {
+    fn render(&mut self, _: &crate::render::View, _: &mut Frame) -> crate::render::Work {
+        panic!("rendered badly")
+    }
+
+    fn parts(&self) -> Vec<(crate::render::MemoryPart, usize)> {
+        Vec::new()
+    }
+}
+
+/// A window says what has panicked, in its place, and lives on: by hand, with the default's pictures.
+#[test]
+fn a_window_outlives_what_is_plugged_into_it() {
+    use crate::schedule::{App, FlightSystems};
+    let other_end = DVec3::new(16.0, 8.0, 16.0);
+    let panics = |app: &mut App| {
+        app.add_systems(FlightSystems::Trail, || panic!("stepped badly"));
+        Ok(())
+    };
+    let paints = |app: &mut App| {
+        app.add_systems(FlightSystems::PostProcess, || panic!("painted badly"));
+        Ok(())
+    };
+    let unfinished = Preset { name: "unfinished", make: |_, _, _| Box::new(Unfinished), ..Preset::default() };
+    let draws = Overlay { name: "smudge", shown: true, draw: |_, _| panic!("drawn badly"), ..Overlay::PLAIN };
+    type Change<'a> = Box<dyn FnOnce(&mut Scene) + 'a>;
+    let cases: [(&str, &str, Change<'_>, Vec<Overlay>); 5] = [
+        ("plug-in panics", "stepped badly", Box::new(|s| s.plugins.add(("panics", panics)).unwrap()), Vec::new()),
+        ("plug-in paints", "painted badly", Box::new(|s| s.plugins.add(("paints", paints)).unwrap()), Vec::new()),
+        (
+            "plug-in panicking",
+            "guided badly",
+            Box::new(|s| {
+                s.guides.set(Panicking {});
+                s.steering = crate::app::Steering::Guide("panicking");
+            }),
+            Vec::new(),
+        ),
+        ("preset unfinished", "rendered badly", Box::new(|s| s.image.preset = unfinished), Vec::new()),
+        ("overlay smudge", "drawn badly", Box::new(|_| {}), vec![draws]),
+    ];
+    for (who, why, change, overlays) in cases {
+        let flight = flight_with("tentacles", other_end, change);
+        let mut c = Cockpit::new(flight, 0.0, Arc::new(|| {}), overlays).unwrap();
+        let mut now = Instant::now();
+        let mut told = String::new();
+        for _ in 0..10 {
+            fly(&mut c, &mut now, 1);
+            told += &c.readings(now).message.unwrap_or_default();
+        }
+        assert!(told.contains(who) && told.contains(why), "{who}: {told}");
+        // It goes on: pictures come, and the hand moves the camera.
+        let at = c.flight().pose().position;
+        c.steer(|hands| hands.press(keys::Hold::Forward), now);
+        assert!(fly(&mut c, &mut now, 40) > 30, "{who}");
+        c.steer(Hands::let_go, now);
+        assert!(c.flight().pose().position.distance(at) > 5.0, "{who}");
+        assert!(c.image().unwrap().pixels().iter().any(|p| p[0] > 60), "{who}");
+        let by_hand = who == "plug-in panicking";
+        assert_eq!(c.flight().scene().guide_name(), if by_hand { "manual" } else { "tentacles" });
+    }
 }
