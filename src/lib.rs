@@ -102,6 +102,10 @@
 //! - **Reference**: brute force, which leaves nothing out; what pictures are measured against.
 //! - **Work-precision** diagram: error against run time, a line for each method. The reports draw them: [`report`].
 //! - **Presenter**: where finished pictures go, a window or a recording: [`systems::present::Presenter`].
+//! - **View**: an entity with an image of the scan: [`components::output::Picture`]. The flight's camera is one.
+//! - **Plug-in**: systems, entities and settings of another crate, for every flight of a program: [`schedule::Plugin`].
+//! - **Post-process**: a system that changes finished images, in the set [`schedule::FlightSystems::PostProcess`].
+//! - **Shader**: the colour of a point of the wall: [`render::Shader`].
 //! - **Overlay**: something that a window draws over its picture: [`app::Overlay`].
 
 pub mod app;

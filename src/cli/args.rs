@@ -1,6 +1,7 @@
 //! The arguments of every command.
 
 use std::ffi::OsString;
+use std::fmt;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -370,6 +371,15 @@ pub enum Refused {
 /// Whether `name` is a command of this crate, in this release or in the contract.
 pub(super) fn is_command(name: &str) -> bool {
     name == "help" || unbuilt::is_command(name) || Args::command().get_subcommands().any(|c| c.get_name() == name)
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(e) => e.fmt(f),
+            Self::NotBuilt(e) => e.fmt(f),
+        }
+    }
 }
 
 /// The command line, with what there is to choose from as the values of its options.

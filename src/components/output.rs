@@ -44,7 +44,7 @@ pub struct GuideName(pub &'static str);
 ///
 /// The camera's own is there in a scene with a window or a recording. Add others with
 /// [`FlightApp::add_view`](crate::app::FlightApp::add_view), or spawn them. An entity with a view needs a place to look from:
-/// a [`Pose`](super::camera::Pose) of its own, or [`Follows`].
+/// a [`Pose`] of its own, or [`Follows`].
 ///
 /// ```
 /// use colvis::app::{Scan, Scene, Wish};

@@ -9,7 +9,7 @@ use crate::app::{Canvas, FlightApp, Overlay};
 use crate::components::clock::Clock;
 use crate::components::flight::State;
 use crate::components::output::Picture;
-use crate::error::{Error, Result};
+use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::log::Log;
 use crate::host::record::{Recorder, Recording};
@@ -107,7 +107,12 @@ fn fly_steps(
         }
         Ok(false)
     };
-    let flown = fly();
+    let flown: Result<bool> = fly();
+    if let Err(e) = &flown
+        && e.kind == Kind::Fault
+    {
+        flight.end_because(e);
+    }
     // However the flight ended, what it leaves is finished: first the log, as a recording may hang on another program.
     // A step that failed was made and written down all the same.
     let logged = log.map_or(Ok(()), |mut l| l.add(flight.take_log()).and_then(|()| l.finish(flight.flight().state)));

@@ -2,7 +2,7 @@
 //!
 //! A ray caster is put together from parts that know nothing of each other, chosen at compile time: a
 //! [`Sampler`](sampler::Sampler) says what a place is like, a [`Skipper`](skip::Skipper) which samples need not be
-//! looked at, a [`Shader`](shaders::Shader) what the wall looks like; [`caster`] joins them along each
+//! looked at, a [`Shader`] what the wall looks like; [`caster`] joins them along each
 //! [`Ray`](march::Ray). Apart from pictures, [`ray`] finds where a ray meets the wall, exactly.
 //!
 //! Two sockets take what this crate does not have: a [`Preset`] makes a [`Renderer`] ([`presets`] has those of this crate), and

@@ -499,7 +499,9 @@ impl App {
             .map(|n| component_name(&n.to_string()))
             // What every world has for its own bookkeeping.
             .filter(|n| {
-                !["IsResource", "Schedules", "DefaultQueryFilters"].map(|k| format!("bevy_ecs::{k}")).contains(n)
+                !["IsResource", "Schedules", "DefaultQueryFilters", "FallbackErrorHandler"]
+                    .map(|k| format!("bevy_ecs::{k}"))
+                    .contains(n)
             })
             .collect();
         // This crate's come first, and each crate's are together.
@@ -561,6 +563,7 @@ fn remove_scene(schedule: &mut Schedule, world: &mut World) -> Result<()> {
 /// A system's name as a person reads it: its file and function, `watch::watch_flight`; of a generic one also the bare name of
 /// what it is for. One of another crate has its whole path; one that a type's `build` adds as a closure, the type's.
 fn short(name: &str) -> String {
+    let name = &name.replace("::{{closure}}", "");
     if let Some((ty, rest)) = name.strip_prefix('<').and_then(|n| n.split_once('>')) {
         return format!("{}{rest}", ty.split(" as ").next().unwrap_or(ty));
     }

@@ -30,14 +30,14 @@ pub(super) struct Fault {
     pub owner: Option<usize>,
     /// What it is: a system's name, or what was reported.
     pub what: String,
-    /// What the panic said.
+    /// What happened: `panicked: …`, with what the panic said.
     pub why: String,
 }
 
 /// Reports that something of a plug-in has panicked and was caught: it ends the step or the frame under way with an error, and
 /// a headless flight in order. `what` names it, for example `preset distance`.
 pub fn report_fault(what: impl Into<String>, why: impl Into<String>) {
-    let fault = Fault { owner: None, what: what.into(), why: why.into() };
+    let fault = Fault { owner: None, what: what.into(), why: format!("panicked: {}", why.into()) };
     FAULTS.with_borrow_mut(|faults| faults.push(fault));
 }
 
@@ -47,9 +47,13 @@ pub fn note(who: impl Into<String>, what: impl Into<String>) {
 }
 
 /// The world's handler for systems that fail.
+#[expect(clippy::needless_pass_by_value, reason = "the handler's type is bevy_ecs's")]
 pub(super) fn system_failed(error: BevyError, context: ErrorContext) {
     let mut error = error;
-    let why = error.take_payload().map_or_else(|| error.to_string(), |payload| panic_text(&*payload));
+    let why = match error.take_payload() {
+        Some(payload) => format!("panicked: {}", panic_text(&*payload)),
+        None => format!("failed: {error}"),
+    };
     let fault = Fault { owner: RUNNING.get(), what: context.name().to_string(), why };
     FAULTS.with_borrow_mut(|faults| faults.push(fault));
 }
@@ -187,5 +191,5 @@ pub(super) fn fault_error(name: Option<String>, fault: &Fault) -> Error {
         Some(name) => format!("plug-in {name} ({})", fault.what),
         None => fault.what.clone(),
     };
-    Error::fault(what, format!("panicked: {}", fault.why), "mend it, or fly without it")
+    Error::fault(what, fault.why.clone(), "mend it, or fly without it")
 }

@@ -78,6 +78,8 @@ struct Outcome {
     said: String,
     kind: Option<Kind>,
     lines: usize,
+    /// The state in the last line.
+    last: Option<State>,
     images: usize,
 }
 
@@ -113,9 +115,9 @@ fn fly(scene: Scene, overlays: &[Overlay]) -> Outcome {
     }
     // Each line that is there is a whole one.
     let text = std::fs::read_to_string(&log).unwrap_or_default();
-    let lines = text.lines().map(|l| serde_json::from_str::<LogLine>(l).expect("a whole line")).count();
+    let lines: Vec<LogLine> = text.lines().map(|l| serde_json::from_str(l).expect("a whole line")).collect();
     let images = images(&dir.path().join("images"));
-    Outcome { said, kind, lines, images }
+    Outcome { said, kind, last: lines.last().map(|l| l.state), lines: lines.len(), images }
 }
 
 /// How many pictures there are in a folder, all of the size that was asked for.
@@ -201,11 +203,16 @@ fn guides_that_misbehave() {
                 4 => {
                     assert!(out.kind == Some(Kind::Fault) && out.said.contains("guided badly"), "{name}: {}", out.said);
                     assert!(out.lines == 1 && out.images == 2, "{name}: {} {}", out.lines, out.images);
+                    assert_eq!(out.last, Some(State::Ended), "{name}");
                 }
                 _ => {
                     assert_eq!((out.kind, out.lines, out.images), (None, 36, 4), "{name}: {}", out.said);
                     let told = out.said.contains("guide bad guide gave");
-                    let absurd = if what == 3 { !(number >= 0.0) } else { !number.is_finite() || number.abs() > 1e7 };
+                    let absurd = if what == 3 {
+                        number.is_nan() || number < 0.0
+                    } else {
+                        !number.is_finite() || number.abs() > 1e7
+                    };
                     assert!(told || !absurd || what == 2 && number.is_finite(), "{name}: {}", out.said);
                 }
             }

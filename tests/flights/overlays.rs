@@ -170,3 +170,27 @@ fn the_views_of_the_surroundings_and_the_legend_are_shared() {
         assert_eq!(panels, 11, "two views, and nine rows of the legend");
     }
 }
+
+/// A recording carries the overlays that are asked for, and no others.
+#[test]
+#[cfg(feature = "window")]
+fn a_recording_carries_the_overlays_that_are_named() {
+    use crate::support::run::run;
+    let dir = tempfile::tempdir().unwrap();
+    let recorded = |name: &str, overlays: &[&str]| {
+        let folder = dir.path().join(name);
+        let record = format!("{}/", folder.display());
+        let args = ["fly", "--headless", "--seconds", "2", "--fps", "1", "--size", "400x300", "--record", &record];
+        run(&[&args, overlays].concat(), 0);
+        image::open(folder.join("0002.png")).unwrap().to_rgb8()
+    };
+    let plain = recorded("plain", &[]);
+    let drawn = recorded("drawn", &["--overlay", "tentacles,forces"]);
+    let again = recorded("again", &["--overlay", "tentacles,forces"]);
+    let differ = plain.pixels().zip(drawn.pixels()).filter(|(a, b)| a != b).count();
+    assert!(differ > 500 && differ < 400 * 300 / 2, "{differ} pixels");
+    assert!(drawn == again, "the same bytes");
+    let out = run(&["fly", "--headless", "--overlay", "halo"], 2);
+    let err = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert!(err.contains("there is no \"halo\"") && err.contains("tentacles, mines, forces"), "{err}");
+}

@@ -105,7 +105,7 @@ impl FlightApp {
     }
 
     /// Adds a view: an entity with a [`Picture`] and a place to look from, a [`Pose`] of its own or
-    /// [`Follows`](crate::components::output::Follows), and whatever else it is to carry. It is rendered in each frame from now
+    /// [`Follows`], and whatever else it is to carry. It is rendered in each frame from now
     /// on. A view that is spawned into the world is, too; this one has its renderer made ready at once.
     ///
     /// # Errors
@@ -347,6 +347,14 @@ impl FlightApp {
     /// Takes the steps written down since the last call.
     pub fn take_log(&mut self) -> Vec<LogLine> {
         self.app.world.get_resource_mut::<FlightLog>().map_or_else(Vec::new, |mut l| std::mem::take(&mut l.0))
+    }
+
+    /// Ends the flight because of a fault.
+    pub fn end_because(&mut self, fault: &Error) {
+        self.end();
+        if let Some(mut f) = self.camera_mut::<Flight>() {
+            f.reason = format!("{}: {}", fault.what, fault.why);
+        }
     }
 
     /// Ends the flight because its time is over.

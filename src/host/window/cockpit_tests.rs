@@ -373,3 +373,18 @@ fn a_window_outlives_what_is_plugged_into_it() {
         assert_eq!(c.flight().scene().guide_name(), if by_hand { "manual" } else { "tentacles" });
     }
 }
+
+#[test]
+fn a_slow_plugin_is_among_the_figures() {
+    let sleeps = |app: &mut crate::schedule::App| {
+        app.add_systems(crate::schedule::FlightSystems::Log, || std::thread::sleep(Duration::from_millis(3)));
+        Ok(())
+    };
+    let other_end = DVec3::new(16.0, 8.0, 16.0);
+    let flight = flight_with("tentacles", other_end, |s| s.plugins.add(("sleeper", sleeps)).unwrap());
+    let mut c = Cockpit::new(flight, 0.0, Arc::new(|| {}), Vec::new()).unwrap();
+    let mut now = Instant::now();
+    fly(&mut c, &mut now, 20);
+    let figures = c.readings(now + Duration::from_secs(1)).figures;
+    assert!(figures.iter().any(|f| f.starts_with("plug-in sleeper takes ")), "{figures:?}");
+}
