@@ -332,6 +332,16 @@ impl Scene {
     /// # Errors
     /// As [`Scene::plug_into`].
     pub fn plug_views(&self, app: &mut App) -> Result<()> {
+        // Asked before each frame.
+        let presents = self.presented || app.world.contains_non_send::<Presenters>();
+        for (slot, part) in [(Slot::Renderer, "picture"), (Slot::Presentation, "presentation")] {
+            if app.is_filled(slot) {
+                app.take_in(part);
+            }
+        }
+        if app.is_filled(Slot::Renderer) && (app.is_filled(Slot::Presentation) || !presents) {
+            return Ok(());
+        }
         if app.world.query::<&Picture>().iter(&app.world).next().is_none() {
             return Ok(());
         }
@@ -339,7 +349,7 @@ impl Scene {
             systems::raycast::plugin(app)?;
         }
         app.take_in("picture");
-        if self.presented || app.world.contains_non_send::<Presenters>() {
+        if presents {
             if !app.is_filled(Slot::Presentation) {
                 systems::present::plugin(app)?;
             }

@@ -121,6 +121,8 @@ impl Default for App {
 impl App {
     /// A world with a bare scan and a bare camera, and schedules without systems.
     pub fn new() -> Self {
+        // What an earlier world on this thread has left is none of this one's.
+        drop((ledger::take_faults(), ledger::take_notes()));
         let mut world = World::new();
         world.insert_resource(FallbackErrorHandler(ledger::system_failed));
         let [scan, camera] = [world.spawn(Main).id(), world.spawn(Main).id()];

@@ -47,7 +47,14 @@ pub struct FlightApp {
     progress: Arc<Progress>,
     /// The camera's last pose that was one.
     sound: Option<Pose>,
+    /// The views, to be marked before each frame; kept, since to set a query up takes memory.
+    pictures: Option<QueryState<&'static mut Picture>>,
+    views: Option<ViewsToMark>,
 }
+
+/// What tells whether a view is finished.
+type ViewsToMark =
+    QueryState<(Entity, &'static mut Picture, &'static FrameCache, Option<&'static Pose>, Option<&'static Follows>)>;
 
 /// A camera farther from the origin than this is nowhere, mm.
 const FARTHEST_MM: f64 = 1e9;
@@ -97,6 +104,8 @@ impl FlightApp {
             fields: Fields::default(),
             progress,
             sound: None,
+            pictures: None,
+            views: None,
         };
         flight.rebuild()?;
         flight.prepare_views()?;
@@ -173,8 +182,9 @@ impl FlightApp {
         let camera = self.app.camera_id();
         let here = self.pose();
         let mut any = false;
-        let mut views = self.app.world.query::<(Entity, &mut Picture, &FrameCache, Option<&Pose>, Option<&Follows>)>();
-        for (entity, mut picture, cache, pose, follows) in views.iter_mut(&mut self.app.world) {
+        let Self { app, views, .. } = self;
+        let views = views.get_or_insert_with(|| app.world.query());
+        for (entity, mut picture, cache, pose, follows) in views.iter_mut(&mut app.world) {
             if entity == camera {
                 continue;
             }
@@ -282,8 +292,9 @@ impl FlightApp {
     /// # Errors
     /// Status 1 when systems were added whose order is ambiguous.
     pub fn frame(&mut self) -> Result<()> {
-        let mut pictures = self.app.world.query::<&mut Picture>();
-        pictures.iter_mut(&mut self.app.world).for_each(|mut p| p.due = true);
+        let Self { app, pictures, .. } = self;
+        let pictures = pictures.get_or_insert_with(|| app.world.query());
+        pictures.iter_mut(&mut app.world).for_each(|mut p| p.due = true);
         self.frame_of_due()
     }
 
