@@ -87,7 +87,12 @@ pub fn sum_forces(
         note(format!("guide {name}"), format!("gave a {wrong} that is none: it counts as zero"));
     }
     let total = acting(flight, hand, guide.as_deref(), mines).sum();
-    sum.0 = if total.is_finite() { total } else { DVec3::ZERO };
+    sum.0 = if total.is_finite() {
+        total
+    } else {
+        note("a force", "is no number: the hand's alone acts");
+        hand.map(|h| h.acceleration).filter(|a| a.is_finite()).unwrap_or(DVec3::ZERO)
+    };
 }
 
 /// One step of the rigid body, clamped to free space.

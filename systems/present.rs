@@ -1,6 +1,7 @@
 //! Hands finished pictures to what shows or keeps them: the window's framebuffer, a recording.
 
 use std::any::Any;
+use std::sync::{Mutex, PoisonError};
 
 use bevy_ecs::prelude::*;
 
@@ -69,14 +70,39 @@ pub fn present_again(app: &mut App, view: Entity) {
 }
 
 /// Gives a view the presenter that its pictures go to from now on, in the place of another one.
+///
+/// A presenter stays on the thread that calls this; a plug-in uses [`plug`].
 pub fn hand_to(app: &mut App, view: Entity, presenter: impl Presenter) {
+    hand_over(app, view, Box::new(presenter));
+}
+
+fn hand_over(app: &mut App, view: Entity, presenter: Box<dyn Presenter>) {
     if !app.world.contains_non_send::<Presenters>() {
         app.world.insert_non_send(Presenters::default());
     }
     let mut presenters = app.world.non_send_mut::<Presenters>();
     presenters.0.retain(|(e, _)| *e != view);
-    presenters.0.push((view, Box::new(presenter)));
+    presenters.0.push((view, presenter));
     presenters.0.sort_by_key(|(e, _)| e.index_u32());
+}
+
+/// Presenters of plug-ins, until the thread that runs frames takes them over.
+#[derive(Resource)]
+pub struct Waiting(Mutex<Vec<(Entity, Box<dyn Presenter + Send>)>>);
+
+/// Gives a view a presenter from within a plug-in: it may be built on another thread than the one that runs frames, and goes there
+/// with the first of them.
+pub fn plug(app: &mut App, view: Entity, presenter: impl Presenter + Send) {
+    let mut waiting = app.world.get_resource_or_insert_with(|| Waiting(Mutex::default()));
+    waiting.0.get_mut().unwrap_or_else(PoisonError::into_inner).push((view, Box::new(presenter)));
+}
+
+/// Takes over the presenters that plug-ins have given: on the thread that runs frames.
+pub fn take_over(app: &mut App) {
+    let Some(waiting) = app.world.remove_resource::<Waiting>() else { return };
+    for (view, presenter) in waiting.0.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        hand_over(app, view, presenter);
+    }
 }
 
 /// Hands each view's picture to its presenter, in the order of the entities.

@@ -7,8 +7,8 @@ use crate::components::output::{Follows, FrameCache, Picture};
 use crate::components::scan::Scan;
 use crate::error::Result;
 use crate::fence;
-use crate::render::{PreparedVolume, View, camera, presets, shaders};
-use crate::schedule::{App, FlightSystems, Main, Slot, note, report_fault};
+use crate::render::{CameraModel, Options, PreparedVolume, Preset, ShaderModel, View, camera, presets, shaders};
+use crate::schedule::{App, FlightSystems, Main, Phase, Slot, note, report_fault};
 
 /// Plugs the ray caster into the renderer's slot.
 ///
@@ -18,6 +18,22 @@ pub fn plugin(app: &mut App) -> Result<()> {
     app.fill(Slot::Renderer, "ray caster")?;
     app.add_systems(FlightSystems::RayCast, cast_pictures);
     Ok(())
+}
+
+/// Gives pictures back their size after post-processes: for scenes that have any.
+///
+/// # Errors
+/// Status 2 when something else does.
+pub fn keep_sizes_plugin(app: &mut App) -> Result<()> {
+    app.fill(Slot::PictureSize, "picture sizes")?;
+    let between = keep_sizes.after(FlightSystems::PostProcess).before(FlightSystems::Present);
+    app.add_systems_to(Phase::Frame, between);
+    Ok(())
+}
+
+/// Gives each picture back the size that it was traced in.
+pub fn keep_sizes(mut pictures: Query<&mut Picture>) {
+    pictures.iter_mut().for_each(|mut picture| picture.keep_size());
 }
 
 /// What makes up a view.
@@ -40,10 +56,7 @@ pub fn cast_pictures(
     for &entity in &order {
         let Ok((mut picture, mut cache, own, follows)) = views.get_mut(entity) else { continue };
         let due = std::mem::take(&mut picture.due);
-        picture.traced = false;
-        if !due {
-            continue;
-        }
+        (picture.traced, picture.resized) = (false, false);
         let followed = || poses.get(follows?.whom.or_else(|| main.iter().find(|&e| poses.contains(e)))?).ok();
         let pose = match follows {
             Some(follows) => followed().map(|p| follows.pose(p)),
@@ -65,9 +78,14 @@ pub fn cast_pictures(
             }
             Err(why) => {
                 report_fault(format!("camera {}", model.name), why);
+                fall_back(picture);
                 continue;
             }
         };
+        // Where `Aim` has moved it, it is another picture.
+        if !due && picture.view.as_ref() == Some(&view) {
+            continue;
+        }
         match fence::caught(|| trace(picture, &mut cache, &scan.0, &view)) {
             Ok(()) => (picture.view, picture.traced) = (Some(view), true),
             Err(why) => {
@@ -75,6 +93,7 @@ pub fn cast_pictures(
                 *cache = FrameCache::default();
                 picture.frame.resize(width, height);
                 report_fault(makers(picture), why);
+                fall_back(picture);
             }
         }
     }
@@ -90,6 +109,15 @@ fn trace(picture: &mut Picture, cache: &mut FrameCache, scan: &PreparedVolume, v
     if let Some((who, what)) = renderer.complaint() {
         note(who, what);
     }
+}
+
+/// Goes on with what this crate has: something of another crate has panicked, and would again.
+fn fall_back(picture: &mut Picture) {
+    picture.preset = Preset::default();
+    picture.settings.shader = ShaderModel::default();
+    picture.settings.options = Options::NONE;
+    picture.camera = CameraModel::default();
+    picture.fov_degrees = picture.camera.held(picture.fov_degrees).unwrap_or(90.0);
 }
 
 /// What of other crates takes part in a picture; its preset where there is nothing.

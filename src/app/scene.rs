@@ -20,7 +20,7 @@ use crate::fence::{asked, caught};
 use crate::render::{CameraModel, Options, ShaderModel};
 use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Plugins, Slot};
 use crate::systems;
-use crate::systems::present::Presenters;
+use crate::systems::present::{Presenters, Waiting};
 
 /// Who steers.
 #[derive(Clone, Debug)]
@@ -333,7 +333,11 @@ impl Scene {
     /// As [`Scene::plug_into`].
     pub fn plug_views(&self, app: &mut App) -> Result<()> {
         // Asked before each frame.
-        let presents = self.presented || app.world.contains_non_send::<Presenters>();
+        if app.has_post_processes() && !app.is_filled(Slot::PictureSize) {
+            systems::raycast::keep_sizes_plugin(app)?;
+        }
+        let given = app.world.contains_resource::<Waiting>();
+        let presents = self.presented || given || app.world.contains_non_send::<Presenters>();
         for (slot, part) in [(Slot::Renderer, "picture"), (Slot::Presentation, "presentation")] {
             if app.is_filled(slot) {
                 app.take_in(part);

@@ -279,7 +279,13 @@ fn run(program: &Program, args: Args) -> Result<()> {
     let progress = Arc::new(Progress::new());
     on_interrupt(&progress)?;
     let global = args.global;
-    prepare::check(program, &global)?;
+    let scene = match &args.command {
+        None => args.fly.scene.as_deref(),
+        Some(Command::Fly(a)) => a.scene.as_deref(),
+        Some(Command::Explain(a)) => a.fly.scene.as_deref(),
+        _ => None,
+    };
+    prepare::check(program, &global, scene)?;
     gather_threads(global.threads)?;
     // A flight shows its own progress: a window, or a bar that goes before the last word.
     let _bar = match args.command {

@@ -18,14 +18,20 @@ use crate::render::{CameraModel, Preset, Quality, Settings, TransferFunction};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
 
-/// Refuses global options that make no sense, whether or not the command has a use for them.
+/// Refuses global options that make no sense, whether or not the command has a use for them; `scene` is the scene file of a
+/// flight.
 ///
 /// # Errors
 /// Status 2.
-pub fn check(program: &Program, global: &Global) -> Result<()> {
+pub fn check(program: &Program, global: &Global, scene: Option<&Path>) -> Result<()> {
     transfer(global)?;
     checked_options(global)?;
-    fov(global, camera(program, global, CameraModel::default())?).map(|_| ())
+    let named = camera(program, global, CameraModel::default())?;
+    if scene.is_some() && global.camera.is_none() {
+        // The scene may name a camera with limits of its own.
+        return Ok(());
+    }
+    fov(global, named).map(|_| ())
 }
 
 /// The options of reading an input.

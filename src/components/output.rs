@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::components::camera::Pose;
 use crate::components::flight::State;
-use crate::render::{CameraModel, Frame, PreparedVolume, Preset, Renderer, Reuse, Settings, View, Work, renderer};
+use crate::render::{
+    CameraModel, Frame, PreparedVolume, Preset, Renderer, Reuse, Settings, TransferFunction, View, Work, renderer,
+};
 use crate::volume::Volume;
 
 /// One simulation step, as a line of the log.
@@ -79,10 +81,12 @@ pub struct Picture {
     pub view: Option<View>,
     /// What the last image took.
     pub work: Work,
-    /// Whether the next frame is to trace it.
+    /// Whether the next frame is to trace it. One that sees something else than before is traced in any case.
     pub due: bool,
     /// Whether this frame has traced it.
     pub traced: bool,
+    /// Whether a post-process has resized it in this frame, which was undone.
+    pub resized: bool,
 }
 
 impl Picture {
@@ -100,6 +104,17 @@ impl Picture {
             work: Work::default(),
             due: true,
             traced: false,
+            resized: false,
+        }
+    }
+
+    /// Gives the image back the size that it was traced in.
+    pub fn keep_size(&mut self) {
+        let Some(view) = self.view.as_ref().filter(|_| self.traced) else { return };
+        let size = (view.width(), view.height());
+        if (self.frame.width(), self.frame.height()) != size {
+            self.frame.resize(size.0, size.1);
+            self.resized = true;
         }
     }
 }
@@ -144,8 +159,9 @@ struct Kept {
     renderer: Box<dyn Renderer>,
     settings: Settings,
     preset: Preset,
-    /// The voxels that it renders.
+    /// The voxels that it renders, and what of them is wall.
     volume: Arc<Volume>,
+    transfer: TransferFunction,
 }
 
 impl FrameCache {
@@ -156,7 +172,10 @@ impl FrameCache {
         settings: Settings,
         preset: Preset,
     ) -> &mut (dyn Renderer + 'static) {
-        let fits = |k: &Kept| k.settings == settings && k.preset == preset && std::ptr::eq(&*k.volume, scan.volume());
+        let fits = |k: &Kept| {
+            (k.settings, k.preset, k.transfer) == (settings, preset, scan.transfer())
+                && std::ptr::eq(&*k.volume, scan.volume())
+        };
         if !self.kept.as_ref().is_some_and(fits) {
             // The old one goes first: both at once would double the memory.
             self.kept = None;
@@ -166,6 +185,7 @@ impl FrameCache {
             settings,
             preset,
             volume: scan.shared_volume(),
+            transfer: scan.transfer(),
         };
         &mut *self.kept.get_or_insert_with(made).renderer
     }

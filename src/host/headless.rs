@@ -137,14 +137,18 @@ fn due(n: u64, fps: f64, hz: f64) -> u64 {
 /// Traces and records the image of the pose as it is now.
 fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
     let camera = flight.app().camera_id();
-    let marks = marks(flight, overlays)?;
+    // An overlay that panics costs its marks and not the image.
+    let (marks, drawn) = match marks(flight, overlays) {
+        Ok(marks) => (marks, Ok(())),
+        Err(e) => (Vec::new(), Err(e)),
+    };
     if let Some(mut recording) = present::presenter::<Recording>(flight.app_mut(), camera) {
         recording.begin(marks);
     }
     flight.frame()?;
     match present::presenter::<Recording>(flight.app_mut(), camera) {
-        Some(mut recording) => recording.take_outcome(),
-        None => Ok(()),
+        Some(mut recording) => recording.take_outcome().and(drawn),
+        None => drawn,
     }
 }
 

@@ -240,6 +240,8 @@ impl Recorder {
     pub fn finish(self) -> Result<()> {
         match self {
             Self::Folder { .. } => Ok(()),
+            // Without an image there is no film, and what has its name stays.
+            Self::Gif { count: 0, .. } => Ok(()),
             Self::Gif { encoder, file, path, .. } => {
                 // The encoder writes the file's end when it is dropped.
                 drop(encoder);

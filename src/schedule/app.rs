@@ -1,6 +1,6 @@
 //! The world of a flight and its two schedules.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use bevy_ecs::component::ComponentId;
@@ -27,6 +27,8 @@ pub enum Slot {
     Renderer,
     /// What hands pictures to their presenters.
     Presentation,
+    /// What holds pictures to their size after post-processes.
+    PictureSize,
 }
 
 /// Something that a scene could have and does not.
@@ -47,6 +49,10 @@ struct Frame;
 /// Every system that belongs to the scene and goes when the scene changes.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct OfScene;
+
+/// The systems of an owner in the ledger.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Account(usize);
 
 /// The post-process that was added as the so many-th.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -93,6 +99,8 @@ pub struct App {
     ledger: Option<Arc<Ledger>>,
     post_processes: u32,
     plugged: Vec<String>,
+    /// The owner of each system, by its full name.
+    owners: BTreeMap<String, usize>,
     said: BTreeSet<(String, String)>,
     notes: Vec<String>,
 }
@@ -140,6 +148,7 @@ impl App {
             ledger: None,
             post_processes: 0,
             plugged: Vec::new(),
+            owners: BTreeMap::new(),
             said: BTreeSet::new(),
             notes: Vec::new(),
         }
@@ -311,6 +320,9 @@ impl App {
         }
         if let Some(ledger) = &self.ledger {
             let (ledger, account) = (Arc::clone(ledger), self.account);
+            if let Some(owner) = account {
+                systems = systems.in_set(Account(owner));
+            }
             systems = systems.distributive_run_if(move || ledger.begin(account));
         }
         self.schedule_mut(phase).add_systems(systems);
@@ -364,6 +376,11 @@ impl App {
         Ok(())
     }
 
+    /// Whether there are post-processes.
+    pub fn has_post_processes(&self) -> bool {
+        self.post_processes > 0
+    }
+
     /// Whether a slot is taken.
     pub fn is_filled(&self, slot: Slot) -> bool {
         self.filled.iter().any(|f| f.slot == slot)
@@ -392,6 +409,7 @@ impl App {
         for schedule in [&mut self.step, &mut self.frame] {
             build(schedule, &mut self.world)?;
         }
+        self.find_owners();
         Ok(())
     }
 
@@ -437,11 +455,40 @@ impl App {
     pub fn outcome(&mut self) -> Result<()> {
         let mut first = Ok(());
         for fault in ledger::take_faults() {
-            let name = fault.owner.and_then(|owner| self.ledger.as_ref()?.switch_off(owner));
-            let error = ledger::fault_error(name, &Fault { what: short(&fault.what), ..fault });
-            first = first.and(Err(error));
+            let off = self.owner_of(&fault.what).and_then(|owner| self.ledger.as_ref()?.switch_off(owner));
+            // Of an owner that is off already only run conditions are asked, and what they say is known.
+            if off.as_ref().is_some_and(|(_, was_on)| !was_on) {
+                continue;
+            }
+            let error = ledger::fault_error(off.map(|o| o.0), &Fault { what: short(&fault.what), ..fault });
+            match first {
+                Ok(()) => first = Err(error),
+                Err(_) => self.notes.push(format!("{}: {}", error.what, error.why)),
+            }
         }
         first
+    }
+
+    /// The owner of a system; of a command, which has a name of its own, that of the system that it is written in.
+    fn owner_of(&self, name: &str) -> Option<usize> {
+        let written_in =
+            || self.owners.iter().find(|(system, _)| name.contains(system.as_str())).map(|(_, owner)| owner);
+        self.owners.get(name).or_else(|| written_in().filter(|_| name.contains("handle_error"))).copied()
+    }
+
+    /// Notes whose each system is.
+    fn find_owners(&mut self) {
+        let Some(ledger) = &self.ledger else { return };
+        self.owners.clear();
+        for schedule in [&self.step, &self.frame] {
+            let Ok(systems) = schedule.systems() else { continue };
+            let named: Vec<_> = systems.map(|(key, system)| (key, system.name().to_string())).collect();
+            for owner in 0..ledger.owners() {
+                let Ok(own) = schedule.graph().systems_in_set(Account(owner).intern()) else { continue };
+                let own = named.iter().filter(|(key, _)| own.contains(key));
+                self.owners.extend(own.map(|(_, name)| (name.clone(), owner)));
+            }
+        }
     }
 
     /// Names of the systems that run in a step and in a frame, in order, as the built schedules hold them.

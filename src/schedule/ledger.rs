@@ -1,10 +1,10 @@
 //! What plug-ins take, and what has gone wrong in them.
 //!
-//! While systems run, a system's run condition says whose it is ([`Ledger::begin`]). So time is booked to its owner, and a panic
-//! is told with the owner's name. An owner that has panicked is switched off: its systems do not run any more. A flight
+//! While systems run, a system's run condition says whose it is ([`Ledger::begin`]), and time is booked to its owner. A panic is
+//! told with the owner's name: each owner's systems are in a set of their own. An owner that has panicked is switched off: its systems do not run any more. A flight
 //! without plug-ins has no such conditions.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -15,8 +15,6 @@ use crate::error::Error;
 use crate::fence::panic_text;
 
 thread_local! {
-    /// Whose system is running on this thread.
-    static RUNNING: Cell<Option<usize>> = const { Cell::new(None) };
     /// What went wrong on this thread since it was last asked for.
     static FAULTS: RefCell<Vec<Fault>> = const { RefCell::new(Vec::new()) };
     /// What is to be said to the user: who, and what of it.
@@ -26,9 +24,7 @@ thread_local! {
 /// Something that panicked.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Fault {
-    /// Its owner in the ledger, where that is known.
-    pub owner: Option<usize>,
-    /// What it is: a system's name, or what was reported.
+    /// What it is: a system's full name, or what was reported.
     pub what: String,
     /// What happened: `panicked: …`, with what the panic said.
     pub why: String,
@@ -37,7 +33,7 @@ pub(super) struct Fault {
 /// Reports that something of a plug-in has panicked and was caught: it ends the step or the frame under way with an error, and
 /// a headless flight in order. `what` names it, for example `preset distance`.
 pub fn report_fault(what: impl Into<String>, why: impl Into<String>) {
-    let fault = Fault { owner: None, what: what.into(), why: format!("panicked: {}", why.into()) };
+    let fault = Fault { what: what.into(), why: format!("panicked: {}", why.into()) };
     FAULTS.with_borrow_mut(|faults| faults.push(fault));
 }
 
@@ -47,14 +43,17 @@ pub fn note(who: impl Into<String>, what: impl Into<String>) {
 }
 
 /// The world's handler for systems that fail.
-#[expect(clippy::needless_pass_by_value, reason = "the handler's type is bevy_ecs's")]
 pub(super) fn system_failed(error: BevyError, context: ErrorContext) {
     let mut error = error;
     let why = match error.take_payload() {
         Some(payload) => format!("panicked: {}", panic_text(&*payload)),
         None => format!("failed: {error}"),
     };
-    let fault = Fault { owner: RUNNING.get(), what: context.name().to_string(), why };
+    let what = match context {
+        ErrorContext::RunCondition { system, .. } => system.to_string(),
+        other => other.name().to_string(),
+    };
+    let fault = Fault { what, why };
     FAULTS.with_borrow_mut(|faults| faults.push(fault));
 }
 
@@ -141,7 +140,6 @@ impl Ledger {
     pub fn begin(&self, owner: Option<usize>) -> bool {
         let mut book = self.book();
         book.close();
-        RUNNING.set(owner);
         let Some(owner) = owner else { return true };
         let on = book.accounts.get(owner).is_some_and(|a| !a.off);
         if on {
@@ -152,7 +150,6 @@ impl Ledger {
 
     /// All systems of a phase have run.
     pub fn finish(&self, phase: Phase) {
-        RUNNING.set(None);
         let mut book = self.book();
         book.close();
         for account in &mut book.accounts {
@@ -162,12 +159,17 @@ impl Ledger {
         }
     }
 
-    /// Switches an owner's systems off; its name.
-    pub fn switch_off(&self, owner: usize) -> Option<String> {
+    /// Switches an owner's systems off; its name, and whether they were on.
+    pub fn switch_off(&self, owner: usize) -> Option<(String, bool)> {
         let mut book = self.book();
         let account = book.accounts.get_mut(owner)?;
-        account.off = true;
-        Some(account.name.clone())
+        let on = !std::mem::replace(&mut account.off, true);
+        Some((account.name.clone(), on))
+    }
+
+    /// How many owners there are.
+    pub fn owners(&self) -> usize {
+        self.book().accounts.len()
     }
 
     /// Whether an owner's systems are switched off.

@@ -537,6 +537,14 @@ fn systems_that_misbehave() {
                     assert!(out.kind == Some(Kind::Fault) && out.said.contains("bad plug-in"), "{name}: {}", out.said);
                     assert!(out.said.contains("stepped badly"), "{name}: {}", out.said);
                 }
+                if what == 18 {
+                    assert!(out.kind.is_none() && out.images == 4, "{name}: {}", out.said);
+                    assert!(
+                        out.said.contains("hostile") && out.said.contains("keeps its size"),
+                        "{name}: {}",
+                        out.said
+                    );
+                }
                 if what < 3 {
                     assert!(out.lines == 12 && out.images >= 2, "{name}: {} {}", out.lines, out.images);
                 }

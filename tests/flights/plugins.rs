@@ -328,3 +328,85 @@ fn two_views_and_two_post_processes_are_the_same_on_any_number_of_threads() {
         assert_eq!(flown(threads), one, "{threads} threads");
     }
 }
+
+/// A presenter that a plug-in gives goes to the thread that runs frames, wherever the flight was made.
+#[test]
+fn a_plugin_gives_a_view_its_presenter_on_whichever_thread_it_is_built() {
+    let presents = |app: &mut App| {
+        let rear = app.world.spawn((Picture::new(48, 32), Follows::rear())).id();
+        present::plug(app, rear, Kept::default());
+        Ok(())
+    };
+    let made = std::thread::spawn(move || small(seen().plug(presents).unwrap()));
+    let mut flight = made.join().unwrap();
+    flight.act(Command::Guide("manual".to_owned())).unwrap();
+    flight.frame().unwrap();
+    let camera = flight.app().camera_id();
+    flight.present_to(camera, Kept::default()).unwrap();
+    flight.frame().unwrap();
+    let app = flight.app_mut();
+    let views: Vec<Entity> = app.world.query_filtered::<Entity, With<Follows>>().iter(&app.world).collect();
+    assert_eq!(present::take::<Kept>(app, views[0]).unwrap().0, [(48, true); 2]);
+    assert_eq!(present::take::<Kept>(app, camera).unwrap().0, [(96, true)]);
+}
+
+#[test]
+fn a_view_that_aim_moves_is_traced_where_it_is_now() {
+    let aims = |app: &mut App| {
+        app.add_systems(
+            FlightSystems::Aim,
+            |mut views: Query<&mut Pose, (With<Picture>, Without<colvis::schedule::Main>)>| {
+                views.iter_mut().for_each(|mut pose| pose.position.x += 0.5);
+            },
+        );
+        Ok(())
+    };
+    let mut flight = small(seen().plug(aims).unwrap());
+    let pose = flight.pose();
+    let view = flight.add_view((Picture::new(32, 24), pose)).unwrap();
+    for n in 1..4 {
+        // As a window does, which does not know what the set will do.
+        flight.frame_of_due().unwrap();
+        let seen = picture(&flight, view);
+        assert!(seen.traced && seen.view.as_ref().unwrap().position().x == pose.position.x + 0.5 * f64::from(n));
+    }
+}
+
+#[test]
+fn a_view_that_panics_goes_on_with_what_this_crate_has_and_the_others_do_not_mind() {
+    struct Bad;
+    impl colvis::render::Renderer for Bad {
+        fn render(&mut self, _: &colvis::render::View, _: &mut colvis::render::Frame) -> colvis::render::Work {
+            panic!("rendered badly")
+        }
+
+        fn parts(&self) -> Vec<(colvis::render::MemoryPart, usize)> {
+            Vec::new()
+        }
+    }
+    let bad = Preset { name: "bad", make: |_, _, _| Box::new(Bad), ..Preset::default() };
+    let mut flight = small(seen());
+    flight.camera_mut::<Picture>().unwrap().preset = Preset::named("colvis").unwrap();
+    let rear = flight.add_view((Picture { preset: bad, ..Picture::new(32, 24) }, Follows::rear())).unwrap();
+    let e = flight.frame().unwrap_err().to_string();
+    assert!(e.contains("preset bad") && e.contains("rendered badly"), "{e}");
+    flight.frame().unwrap();
+    assert!(picture(&flight, rear).traced && picture(&flight, rear).preset == Preset::default());
+    assert_eq!(flight.camera::<Picture>().unwrap().preset.name, "colvis");
+}
+
+#[test]
+fn a_run_condition_that_panics_is_its_own_plugins() {
+    let panics = |app: &mut App| {
+        app.add_systems(FlightSystems::Trail, (|| {}).run_if(|| -> bool { panic!("asked badly") }));
+        Ok(())
+    };
+    let scene = Scene::default().plug(StepCounter { start: 0 }).unwrap().plug(("asker", panics)).unwrap();
+    let mut flight = small(scene);
+    let faults: Vec<String> = (0..20).filter_map(|_| flight.step().err()).map(|e| e.to_string()).collect();
+    assert!(
+        faults.len() == 1 && faults[0].contains("plug-in asker") && faults[0].contains("asked badly"),
+        "{faults:?}"
+    );
+    assert_eq!(flight.app().world.resource::<Counted>().0, 20);
+}

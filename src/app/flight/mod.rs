@@ -126,7 +126,10 @@ impl FlightApp {
             self.app.world.despawn(entity);
             return Err(e);
         }
-        self.prepare_views()?;
+        if let Err(e) = self.prepare_views() {
+            self.app.world.despawn(entity);
+            return Err(e);
+        }
         Ok(entity)
     }
 
@@ -139,7 +142,10 @@ impl FlightApp {
             return Err(Error::usage("view", "has no place to look from", "give it a Pose, or Follows"));
         }
         p.settings.choices.check()?;
-        (p.preset.takes)(&p.settings.choices)?;
+        let preset = || format!("preset {}", p.preset.name);
+        fence::asked(preset, || (p.preset.takes)(&p.settings.choices))?;
+        fence::asked(preset, || (p.preset.check)(p.settings.options))?;
+        p.settings.shader.check()?;
         let (width, height) = (p.frame.width(), p.frame.height());
         View::with_model(DVec3::ZERO, DVec3::Y, DVec3::Z, p.camera, p.fov_degrees, width, height).map(drop)
     }
@@ -200,7 +206,7 @@ impl FlightApp {
                 View::with_model(pose.position, forward, up, picture.camera, picture.fov_degrees, width, height)
                     .is_ok_and(|now| now == *view)
             });
-            picture.due = !same || cache.is_unfinished(&picture);
+            picture.due |= !same || cache.is_unfinished(&picture);
             any |= picture.due;
         }
         any
@@ -304,7 +310,19 @@ impl FlightApp {
     /// As there.
     pub fn frame_of_due(&mut self) -> Result<()> {
         self.plug_late()?;
-        self.app.frame()
+        present::take_over(&mut self.app);
+        let made = self.app.frame();
+        let Self { app, pictures, .. } = self;
+        let pictures = pictures.get_or_insert_with(|| app.world.query());
+        let mut resized = false;
+        for mut picture in pictures.iter_mut(&mut app.world) {
+            resized |= std::mem::take(&mut picture.resized);
+        }
+        if resized {
+            let who = self.app.own_systems_that_write::<Picture>().join(" or ");
+            note(if who.is_empty() { "a post-process" } else { &who }, "has resized a picture: it keeps its size");
+        }
+        made
     }
 
     /// Presents the camera's picture again as it was last traced: for something new that lies over it.

@@ -151,6 +151,7 @@ pub fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen)
     scene.picture |= windowed || args.record.is_some();
     scene.presented = windowed || args.record.is_some();
     scene.image.preset = prepare::preset(program, args.preset.as_deref(), scene.image.preset)?;
+    scene.image.settings.options = scene.options.of(scene.image.preset.name);
     scene.log = args.log.is_some();
     scene.operator = windowed || args.replay.is_some() || args.record_input.is_some();
     if scene.picture {

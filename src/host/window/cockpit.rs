@@ -1,5 +1,6 @@
 //! The flight as the window flies it: steps in real time, images when something has changed, the operator's commands.
 
+use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -28,7 +29,7 @@ use crate::components::play::Playback;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
-use crate::render::{CameraModel, Frame, Options, Preset, Settings, ShaderModel};
+use crate::render::Frame;
 use crate::systems::present;
 
 /// Steps between two images at the most: a slower machine flies slower.
@@ -66,6 +67,8 @@ pub struct Cockpit {
     sight: Sight,
     figures: Figures,
     message: Option<(String, Instant)>,
+    /// Faults that were printed.
+    told: BTreeSet<String>,
     help: bool,
     /// What is being built for a guide that is to take over.
     planning: Option<Planning>,
@@ -108,6 +111,7 @@ impl Cockpit {
             sight,
             figures: Figures::new(now),
             message: None,
+            told: BTreeSet::new(),
             help: false,
             planning: None,
             last_guide,
@@ -199,21 +203,15 @@ impl Cockpit {
                 self.flight.act(Command::Guide(by_hand.to_owned()))?;
             }
         }
-        // What of the picture is another crate's may be what has failed.
-        if ["preset", "shader", "camera"].iter().any(|maker| e.what.starts_with(maker))
-            && let Some(mut picture) = self.flight.camera_mut::<Picture>()
-        {
-            picture.preset = Preset::default();
-            picture.settings = Settings { shader: ShaderModel::default(), options: Options::NONE, ..picture.settings };
-            picture.camera = CameraModel::default();
-            picture.fov_degrees = picture.camera.held(picture.fov_degrees).unwrap_or(90.0);
-        }
         Ok(())
     }
 
     fn tell_fault(&mut self, e: &Error, now: Instant) {
         let text = format!("{}: {}; going on without it", e.what, e.why);
-        eprintln!("note: {text}");
+        // What fails in every step is printed once.
+        if self.told.insert(text.clone()) {
+            eprintln!("note: {text}");
+        }
         self.message = Some((text, now + FAULT_MESSAGE));
         self.attention = true;
         self.quiet = 0;

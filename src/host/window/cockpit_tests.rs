@@ -6,7 +6,7 @@ use super::*;
 use crate::app::{ImageSettings, Plan, Scene};
 use crate::fields::lumen;
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, Quality, Settings, TransferFunction};
+use crate::render::{PreparedVolume, Preset, Quality, Settings, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 const WINDOW: (usize, usize) = (96, 72);

@@ -11,8 +11,8 @@ use crate::error::Result;
 use crate::host::frames::FrameStats;
 use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost};
-use crate::render::{Detail, Frame, PreparedVolume, Quality, Settings};
-use crate::schedule::report_fault;
+use crate::render::{CameraModel, Detail, Frame, PreparedVolume, Quality, Settings};
+use crate::schedule::note;
 
 /// Closer than this is the same place, mm.
 const SAME_MM: f64 = 1e-3;
@@ -23,6 +23,7 @@ struct Shown {
     pose: Pose,
     /// View angle, degrees.
     fov_degrees: f64,
+    camera: CameraModel,
     window: (usize, usize),
     quality: Quality,
 }
@@ -31,8 +32,8 @@ impl Shown {
     /// What the flight's picture would show now in a window; none in a scene without one.
     fn now(flight: &FlightApp, window: (usize, usize)) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
-        let (fov_degrees, quality) = (picture.fov_degrees, picture.settings.quality);
-        Some(Self { pose: flight.pose(), fov_degrees, window, quality })
+        let (fov_degrees, camera, quality) = (picture.fov_degrees, picture.camera, picture.settings.quality);
+        Some(Self { pose: flight.pose(), fov_degrees, camera, window, quality })
     }
 
     /// Whether both are the same picture, as far as one can see.
@@ -42,7 +43,7 @@ impl Shown {
 
     /// Whether both are of the same view, in whatever size and detail.
     fn sees_as(&self, other: &Self) -> bool {
-        self.fov_degrees == other.fov_degrees && same(&self.pose, &other.pose)
+        (self.fov_degrees, self.camera) == (other.fov_degrees, other.camera) && same(&self.pose, &other.pose)
     }
 }
 
@@ -107,9 +108,10 @@ impl Sight {
         flight.camera::<FrameCache>()?.renderer()?.detail()
     }
 
-    /// Whether a still image is to be made better.
+    /// Whether a still image is to be made better, or anew with other settings.
     pub fn is_refining(&self, flight: &FlightApp) -> bool {
-        self.detail(flight).is_some_and(|d| !d.best)
+        let made = flight.camera::<FrameCache>().zip(flight.camera::<Picture>());
+        self.shown.is_some() && made.is_some_and(|(cache, picture)| cache.is_unfinished(picture))
     }
 
     /// Has the image of a window of the given size saved: what is shown when it is as good as it gets, or if the camera
@@ -159,8 +161,7 @@ impl Sight {
         while let Some(traced) = self.saver.take() {
             match traced {
                 Ok(traced) => self.to_save.push(traced),
-                // Told with the next frame.
-                Err(e) => report_fault(e.what, e.why),
+                Err(e) => note(e.what, e.why),
             }
         }
         if window.0 == 0 || window.1 == 0 {
