@@ -2,13 +2,14 @@
 
 use std::any::Any;
 use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
 
 use bevy_ecs::prelude::*;
 
 use crate::components::output::Picture;
 use crate::error::Result;
 use crate::fence;
-use crate::schedule::{App, FlightSystems, Slot, report_fault};
+use crate::schedule::{App, FlightSystems, Slot, book_time, report_fault};
 
 /// A place that a view's pictures go to. It stays on its thread.
 pub trait Presenter: Any {
@@ -113,6 +114,11 @@ pub fn present_pictures(presenters: Option<NonSendMut<Presenters>>, pictures: Qu
 
 /// Hands a picture to a presenter; whether it did not panic. One that has is not asked again.
 fn presents(presenter: &mut dyn Presenter, picture: &Picture) -> bool {
+    let begun = Instant::now();
     let presented = fence::caught(|| presenter.present(picture));
+    // This crate's own are told in other figures.
+    if !["window", "recording"].contains(&presenter.name()) {
+        book_time(format!("presenter {}", presenter.name()), begun.elapsed().as_secs_f64() * 1e3);
+    }
     presented.inspect_err(|why| report_fault(format!("presenter {}", presenter.name()), why.as_str())).is_ok()
 }

@@ -1,5 +1,7 @@
 //! Traces the images of all views.
 
+use std::time::Instant;
+
 use bevy_ecs::prelude::*;
 
 use crate::components::camera::Pose;
@@ -8,7 +10,7 @@ use crate::components::scan::Scan;
 use crate::error::Result;
 use crate::fence;
 use crate::render::{CameraModel, Options, PreparedVolume, Preset, ShaderModel, View, camera, presets, shaders};
-use crate::schedule::{App, FlightSystems, Main, Phase, Slot, note, report_fault};
+use crate::schedule::{App, FlightSystems, Main, Phase, Slot, book_time, note, report_fault};
 
 /// Plugs the ray caster into the renderer's slot.
 ///
@@ -105,9 +107,13 @@ fn trace(picture: &mut Picture, cache: &mut FrameCache, scan: &PreparedVolume, v
     if let Some(samples) = picture.budget {
         renderer.set_budget(samples);
     }
+    let begun = Instant::now();
     picture.work = renderer.render(view, &mut picture.frame);
     if let Some((who, what)) = renderer.complaint() {
         note(who, what);
+    }
+    if let Some(makers) = own_makers(picture) {
+        book_time(makers, begun.elapsed().as_secs_f64() * 1e3);
     }
 }
 
@@ -122,11 +128,16 @@ fn fall_back(picture: &mut Picture) {
 
 /// What of other crates takes part in a picture; its preset where there is nothing.
 fn makers(picture: &Picture) -> String {
+    own_makers(picture).unwrap_or_else(|| format!("preset {}", picture.preset.name))
+}
+
+/// What of other crates takes part in a picture.
+fn own_makers(picture: &Picture) -> Option<String> {
     let preset = (!presets::BUILT_IN.contains(&picture.preset)).then(|| format!("preset {}", picture.preset.name));
     let shader = picture.settings.shader.name;
     let shader = shaders::BUILT_IN.iter().all(|s| s.name != shader).then(|| format!("shader {shader}"));
     let camera = picture.camera.name;
     let camera = camera::BUILT_IN.iter().all(|c| c.name != camera).then(|| format!("camera {camera}"));
     let own: Vec<String> = [preset, shader, camera].into_iter().flatten().collect();
-    if own.is_empty() { format!("preset {}", picture.preset.name) } else { own.join(" or ") }
+    (!own.is_empty()).then(|| own.join(" or "))
 }

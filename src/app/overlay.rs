@@ -1,11 +1,14 @@
 //! What a window draws over the picture of a flight.
 
+use std::time::Instant;
+
 use glam::DVec3;
 
-use super::FlightApp;
+use super::{FlightApp, overlays};
 use crate::error::{Error, Result};
 use crate::fence;
 use crate::render::{Options, View};
+use crate::schedule::book_time;
 
 /// Something that a window draws over its picture, on a key.
 ///
@@ -174,8 +177,12 @@ impl Canvas {
     /// Status 1 when it panics.
     pub fn draw(&mut self, overlay: &Overlay, flight: &FlightApp) -> Result<()> {
         self.options = overlay.options;
-        let before = self.marks.len();
-        fence::caught(|| (overlay.draw)(flight, self)).map_err(|why| {
+        let (before, begun) = (self.marks.len(), Instant::now());
+        let drawn = fence::caught(|| (overlay.draw)(flight, self));
+        if overlays::BUILT_IN.iter().all(|o| o.name != overlay.name) {
+            book_time(format!("overlay {}", overlay.name), begun.elapsed().as_secs_f64() * 1e3);
+        }
+        drawn.map_err(|why| {
             self.marks.truncate(before);
             Error::fault(format!("overlay {}", overlay.name), format!("panicked: {why}"), "mend it, or hide it")
         })

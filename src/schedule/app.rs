@@ -101,6 +101,8 @@ pub struct App {
     plugged: Vec<String>,
     /// The owner of each system, by its full name.
     owners: BTreeMap<String, usize>,
+    /// What renderers, overlays and presenters of other crates take in a frame, ms.
+    makers: BTreeMap<String, f64>,
     said: BTreeSet<(String, String)>,
     notes: Vec<String>,
 }
@@ -130,7 +132,7 @@ impl App {
     /// A world with a bare scan and a bare camera, and schedules without systems.
     pub fn new() -> Self {
         // What an earlier world on this thread has left is none of this one's.
-        drop((ledger::take_faults(), ledger::take_notes()));
+        drop((ledger::take_faults(), ledger::take_notes(), ledger::take_times()));
         let mut world = World::new();
         world.insert_resource(FallbackErrorHandler(ledger::system_failed));
         let [scan, camera] = [world.spawn(Main).id(), world.spawn(Main).id()];
@@ -149,6 +151,7 @@ impl App {
             post_processes: 0,
             plugged: Vec::new(),
             owners: BTreeMap::new(),
+            makers: BTreeMap::new(),
             said: BTreeSet::new(),
             notes: Vec::new(),
         }
@@ -215,9 +218,12 @@ impl App {
         self.ledger.as_ref().is_some_and(|l| l.is_off(name))
     }
 
-    /// What plug-ins take, and guides of other crates.
+    /// What plug-ins take, and guides, renderers, overlays and presenters of other crates.
     pub fn plugin_times(&self) -> Vec<PluginTime> {
-        self.ledger.as_ref().map_or_else(Vec::new, |l| l.times())
+        let mut times = self.ledger.as_ref().map_or_else(Vec::new, |l| l.times());
+        let makers = self.makers.iter();
+        times.extend(makers.map(|(name, ms)| PluginTime { name: name.clone(), step_ms: 0.0, frame_ms: *ms }));
+        times
     }
 
     /// Takes what there is to say to the user of plug-ins since the last call.
@@ -443,6 +449,10 @@ impl App {
         }
         if let Err(why) = ran {
             ledger::report_fault("a system", why);
+        }
+        for (name, ms) in ledger::take_times() {
+            let usual = self.makers.entry(name).or_insert(ms);
+            *usual += (ms - *usual) * 0.1;
         }
         self.collect_notes();
         self.outcome()

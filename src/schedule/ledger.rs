@@ -5,6 +5,7 @@
 //! without plug-ins has no such conditions.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
@@ -17,6 +18,8 @@ use crate::fence::panic_text;
 thread_local! {
     /// What went wrong on this thread since it was last asked for.
     static FAULTS: RefCell<Vec<Fault>> = const { RefCell::new(Vec::new()) };
+    /// What makers of pictures have taken on this thread since it was last asked for, ms.
+    static TIMES: RefCell<BTreeMap<String, f64>> = const { RefCell::new(BTreeMap::new()) };
     /// What is to be said to the user: who, and what of it.
     static NOTES: RefCell<Vec<(String, String)>> = const { RefCell::new(Vec::new()) };
 }
@@ -55,6 +58,15 @@ pub(super) fn system_failed(error: BevyError, context: ErrorContext) {
     };
     let fault = Fault { what, why };
     FAULTS.with_borrow_mut(|faults| faults.push(fault));
+}
+
+/// Books what a renderer, an overlay or a presenter of another crate has taken in this frame, by its name.
+pub fn book_time(name: impl Into<String>, ms: f64) {
+    TIMES.with_borrow_mut(|times| *times.entry(name.into()).or_default() += ms);
+}
+
+pub(super) fn take_times() -> BTreeMap<String, f64> {
+    TIMES.take()
 }
 
 pub(super) fn take_faults() -> Vec<Fault> {

@@ -14,6 +14,6 @@ mod sets;
 
 pub use app::{App, LeftOut, Main, Slot};
 pub use guide::{Guide, GuideEntry, Guides, Needs};
-pub use ledger::{PluginTime, note, report_fault};
+pub use ledger::{PluginTime, book_time, note, report_fault};
 pub use plugin::{Plugin, Plugins};
 pub use sets::{FlightSystems, Phase};

@@ -631,3 +631,36 @@ fn a_slow_plugin_is_named_with_its_milliseconds() {
     let told = colvis::app::explain::explain(&flight).text();
     assert!(told.contains("plug-in sleeper takes") && told.contains(": slow"), "{told}");
 }
+
+#[test]
+fn a_slow_renderer_and_a_slow_presenter_are_named_with_their_milliseconds() {
+    struct Sleepy;
+    impl Renderer for Sleepy {
+        fn render(&mut self, _: &View, _: &mut Frame) -> Work {
+            std::thread::sleep(Duration::from_millis(5));
+            Work::default()
+        }
+
+        fn parts(&self) -> Vec<(MemoryPart, usize)> {
+            Vec::new()
+        }
+    }
+    impl Presenter for Sleepy {
+        fn name(&self) -> &'static str {
+            "sleepy"
+        }
+
+        fn present(&mut self, _: &Picture) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+    let preset = Preset { name: "sleepy", make: |_, _, _| Box::new(Sleepy), ..standard::PRESET };
+    let mut flight = set_out(recorded(ImageSettings { preset, ..images_by_all().remove(0) })).unwrap();
+    let camera = flight.app().camera_id();
+    flight.present_to(camera, Sleepy).unwrap();
+    flight.frame().unwrap();
+    let times = flight.app().plugin_times();
+    for name in ["preset sleepy", "presenter sleepy"] {
+        assert!(times.iter().any(|t| t.name == name && t.is_slow() && t.frame_ms >= 5.0), "{times:?}");
+    }
+}
