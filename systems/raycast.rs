@@ -104,8 +104,8 @@ pub fn cast_pictures(
 /// Traces a view into its picture.
 fn trace(picture: &mut Picture, cache: &mut FrameCache, scan: &PreparedVolume, view: &View) {
     let renderer = cache.renderer_for(scan, picture.settings, picture.preset);
-    if let Some(samples) = picture.budget {
-        renderer.set_budget(samples);
+    if let Some(budget) = picture.budget {
+        renderer.set_budget(budget);
     }
     let begun = Instant::now();
     picture.work = renderer.render(view, &mut picture.frame);

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::components::camera::Pose;
 use crate::components::flight::State;
+use crate::render::adaptive::Budget;
 use crate::render::{
     CameraModel, Frame, PreparedVolume, Preset, Renderer, Reuse, Settings, TransferFunction, View, Work, renderer,
 };
@@ -72,7 +73,7 @@ pub struct Picture {
     /// Renderer.
     pub preset: Preset,
     /// Samples that an image may take, where detail follows the need; none for the renderer's own measure.
-    pub budget: Option<u64>,
+    pub budget: Option<Budget>,
     /// The entity whose [`Scan`](super::scan::Scan) is shown; none for the scan that is flown through.
     pub scan: Option<Entity>,
     /// The image. Its size is the size of the view.

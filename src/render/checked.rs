@@ -1,5 +1,6 @@
 //! A renderer of another crate, held to what a renderer promises.
 
+use super::adaptive::Budget;
 use super::memory::MemoryPart;
 use super::renderer::{Detail, Renderer};
 use super::{Frame, Settings, View, Work};
@@ -39,8 +40,8 @@ impl Renderer for Checked {
         self.inner.parts()
     }
 
-    fn set_budget(&mut self, samples: u64) {
-        self.inner.set_budget(samples);
+    fn set_budget(&mut self, budget: Budget) {
+        self.inner.set_budget(budget);
     }
 
     fn stretches(&self) -> bool {

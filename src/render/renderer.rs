@@ -1,5 +1,6 @@
 //! A way to make pictures, with whatever it keeps from one to the next.
 
+use super::adaptive::Budget;
 use super::memory::MemoryPart;
 use super::{Frame, Settings, View, Work};
 
@@ -21,8 +22,8 @@ pub trait Renderer: Send + Sync {
     /// What that memory is for, and how much of it, bytes.
     fn parts(&self) -> Vec<(MemoryPart, usize)>;
 
-    /// Lets each picture from now on take about so many samples. Only renderers whose detail follows the need listen.
-    fn set_budget(&mut self, _samples: u64) {}
+    /// Lets each picture from now on cost about so much. Only renderers whose detail follows the need listen.
+    fn set_budget(&mut self, _budget: Budget) {}
 
     /// Whether it traces a part of the pixels and stretches them: strips of a picture, each rendered as one of its own, would
     /// not fit together.

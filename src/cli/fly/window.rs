@@ -52,12 +52,12 @@ pub fn fly(
     let flown = Rc::new(Cell::new(false));
     let (finish_args, finish_timings, set_out) = (args.clone(), Arc::clone(&timings), Rc::clone(&flown));
     let coverage = args.coverage.then(|| prepare::fov(global, CameraModel::default())).transpose()?;
-    let finish = Box::new(move |flight: &FlightApp, frames: &[FrameStats], present: Option<window::PresentMs>| {
+    let finish = Box::new(move |flight: &FlightApp, frames: &[FrameStats], shown: &window::Shown| {
         set_out.set(true);
         let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
         let mut stats = stats(flight, &timings, frames, coverage)?;
-        if let (Some(present), Some(m)) = (present, stats.as_object_mut()) {
-            m.insert("present_ms".to_owned(), json!(present));
+        if let (serde_json::Value::Object(shown), Some(stats)) = (json!(shown), stats.as_object_mut()) {
+            stats.extend(shown);
         }
         leave(&finish_args, flight, &stats)
     });

@@ -11,6 +11,7 @@ use super::directions::Directions;
 use super::figures::{Figures, angle, detail};
 use super::framebuffer::{Framebuffer, Picturing, Presented};
 use super::keys::{self, Deed, Hands};
+use super::moving::Moving;
 use super::overlay::{Content, Mood, Readings};
 use super::overlays::Overlays;
 use super::planning::Planning;
@@ -139,6 +140,11 @@ impl Cockpit {
     /// What the images took.
     pub fn frames(&self) -> &[FrameStats] {
         self.sight.frames()
+    }
+
+    /// How large and how frequent the pictures of a moving camera were.
+    pub fn moving(&self) -> Option<Moving> {
+        self.sight.moving()
     }
 
     /// Learns what presentations take, ms.

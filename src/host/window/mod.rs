@@ -11,6 +11,7 @@ mod framebuffer;
 mod keys;
 mod layer;
 mod loading;
+mod moving;
 mod overlay;
 mod overlays;
 mod painter;
@@ -38,6 +39,7 @@ use crate::host::frames::FrameStats;
 use crate::progress::Progress;
 use crate::schedule::Guides;
 pub use loading::{Prepare, Ready, SessionFile};
+pub use moving::{Interval, Moving, Side};
 pub use painter::{Marker, pixels_a_point};
 pub use presented::PresentMs;
 use shell::{Shell, Wake};
@@ -57,8 +59,19 @@ pub fn is_key_taken(key: char) -> bool {
 /// How often an interrupt is looked for.
 const INTERRUPT: Duration = Duration::from_millis(50);
 
-/// What is done with a flight, what its images took, and what it took to present them.
-pub type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats], Option<PresentMs>) -> Result<()>>;
+/// Called with a flight, what its images took, and how they were shown.
+pub type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats], &Shown) -> Result<()>>;
+
+/// How a window showed its pictures, for the stats; parts that did not happen are left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Shown {
+    /// From the finished image to the presented one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub present_ms: Option<PresentMs>,
+    /// Pictures while the camera moved.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub moving: Option<Moving>,
+}
 
 /// What a window is to show.
 pub struct Launch {

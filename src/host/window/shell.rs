@@ -21,7 +21,7 @@ use super::painter::{on_bar, pixels_a_point};
 use super::presented::Presented;
 use super::saver::WakeUp;
 use super::session::Session;
-use super::{Finish, Launch, Resume};
+use super::{Finish, Launch, Resume, Shown};
 use crate::app::Overlay;
 use crate::error::{Error, Result};
 use crate::host::log::Log;
@@ -151,8 +151,8 @@ impl Shell {
                         eprintln!("note: the place of this flight is not kept: {e}");
                     }
                 }
-                let finished =
-                    self.finish.take().map_or(Ok(()), |f| f(flight, cockpit.frames(), self.presented.summary()));
+                let shown = Shown { present_ms: self.presented.summary(), moving: cockpit.moving() };
+                let finished = self.finish.take().map_or(Ok(()), |f| f(flight, cockpit.frames(), &shown));
                 self.outcome.and(logged).and(finished)
             }
             Stage::Failed(e) => Err(e),

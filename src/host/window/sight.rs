@@ -3,6 +3,7 @@
 
 use std::time::Instant;
 
+use super::moving::{Moving, MovingPictures};
 use super::saver::{PictureRequest, Saver, Traced, WakeUp};
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
@@ -10,7 +11,7 @@ use crate::components::output::{FrameCache, Picture};
 use crate::error::Result;
 use crate::host::frames::FrameStats;
 use crate::render::adaptive::FrameBudget;
-use crate::render::adaptive::{SAMPLES, cost};
+use crate::render::adaptive::{SAMPLES, cost, cost_shown};
 use crate::render::{CameraModel, Detail, Frame, PreparedVolume, Quality, Settings};
 use crate::schedule::note;
 
@@ -52,7 +53,6 @@ pub struct Due {
     now: Shown,
     /// Whether it refines the image that is shown.
     rest: bool,
-    pixels: usize,
     begun: Instant,
 }
 
@@ -62,6 +62,7 @@ pub struct Sight {
     shown: Option<Shown>,
     saver: Saver,
     frames: Vec<FrameStats>,
+    moving: MovingPictures,
     to_save: Vec<Traced>,
     /// The image under way is to be saved when it is as good as it gets.
     waiting: Option<PictureRequest>,
@@ -80,6 +81,7 @@ impl Sight {
             shown: None,
             saver: Saver::new(space, wake)?,
             frames: Vec::new(),
+            moving: MovingPictures::default(),
             to_save: Vec::new(),
             waiting: None,
             present_ms: 0.0,
@@ -89,6 +91,11 @@ impl Sight {
     /// What the images took.
     pub fn frames(&self) -> &[FrameStats] {
         &self.frames
+    }
+
+    /// How large and how frequent the pictures of a moving camera were.
+    pub fn moving(&self) -> Option<Moving> {
+        self.moving.summary()
     }
 
     /// Learns what presentations take, ms.
@@ -175,14 +182,13 @@ impl Sight {
             return Ok(None);
         }
         self.save_waiting(flight, &now, rest);
-        let pixels = window.0 * window.1;
-        let budget = self.budget.samples(rest, self.present_ms, pixels);
+        let budget = self.budget.next(rest, self.present_ms, window.0 * window.1);
         if let Some(mut picture) = flight.camera_mut::<Picture>() {
             // With the others, whether or not it can become better: a post-process may draw one into the other.
             (picture.due, picture.budget) = (true, Some(budget));
             picture.frame.resize(window.0, window.1);
         }
-        Ok(Some(Due { now, rest, pixels, begun: Instant::now() }))
+        Ok(Some(Due { now, rest, begun: Instant::now() }))
     }
 
     /// Learns that the frame that was prepared is there, and what it took, ms; the time since it was prepared if none.
@@ -190,14 +196,19 @@ impl Sight {
         let ms = ms.unwrap_or_else(|| due.begun.elapsed().as_secs_f64() * 1e3);
         if let Some(w) = flight.camera::<Picture>().map(|p| p.work) {
             if cost(&w) > 0 {
-                self.budget.took(due.rest, cost(&w), due.pixels, ms);
+                let detail = flight.camera::<FrameCache>().and_then(|c| c.renderer()?.detail());
+                let cost = cost_shown(&w, detail, due.now.window);
+                self.budget.took(due.rest, cost, due.now.window.0 * due.now.window.1, ms);
             }
             self.frames.push(FrameStats::new(ms, &w));
         }
         if due.rest {
+            self.moving.rest();
             self.save_waiting(flight, &due.now, true);
         } else {
             self.shown = Some(due.now);
+            let traced = self.detail(flight).map_or(due.now.window.0, |d| d.size.0);
+            self.moving.took(traced as f64 / due.now.window.0.max(1) as f64, Instant::now());
         }
     }
 

@@ -4,43 +4,86 @@ use std::time::Duration;
 
 /// Time from one picture to the next: sixty a second.
 pub const FRAME: Duration = Duration::from_micros(16_667);
+/// Pictures come at half that rate before a machine that is busy with other things makes them coarser than half their side.
+const SLOW_FRAME: Duration = FRAME.saturating_mul(2);
 /// Share of it that a picture is planned to take, beside its presentation: the rest is for the simulation and for what
 /// cannot be predicted.
 const PLANNED: f64 = 0.8;
 /// A picture is given this share of the frame at the least.
 const LEAST: f64 = 0.25;
-/// Weight of the newest picture in what samples take, when they take longer than was thought, and when shorter: to be late is
-/// noticed, to be early is not.
-const SLOWER: f64 = 0.4;
-const FASTER: f64 = 0.1;
-/// A picture tells of samples so many times slower than was thought at the most.
-const HICCUP: f64 = 3.0;
-/// What each shown pixel costs whatever is traced, in samples: it is stretched from a coarser picture, and copied. Were it
-/// left out, a coarse picture, which is mostly stretching, would make samples look slow and stay coarse.
+/// What samples take is the third slowest of so many pictures: one or two hiccups of the machine change nothing, and what
+/// lasts is known after a twentieth of a second.
+const REMEMBERED: usize = 8;
+const RANK: usize = 2;
+/// What four shown pixels cost whatever is traced, in samples: they are copied.
 const SHOWING: u64 = 1;
 /// What a sample takes before any was measured, ns.
-const FIRST_NS: f64 = 10.0;
+const FIRST_NS: f64 = 3.0;
 
-/// Turns time into samples by what samples took.
-#[derive(Clone, Debug)]
-pub struct FrameBudget {
-    /// Of a moving picture, and of one that is refined, ns.
-    sample_ns: [f64; 2],
+/// What a picture may cost, in samples ([`cost`](super::cost)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Budget {
+    /// A picture is as fine as this allows.
+    pub samples: u64,
+    /// It is no coarser than half its side while that costs no more than this.
+    pub at_half: u64,
 }
 
-impl Default for FrameBudget {
-    fn default() -> Self {
-        Self { sample_ns: [FIRST_NS; 2] }
+impl Budget {
+    /// So many samples, whatever has to become coarse for that.
+    pub const fn strict(samples: u64) -> Self {
+        Self { samples, at_half: samples }
     }
 }
 
+/// What samples took of late.
+#[derive(Clone, Debug)]
+struct SampleTime {
+    /// Of the last pictures, ns, the newest replacing the oldest.
+    recent: [f64; REMEMBERED],
+    next: usize,
+    /// The fastest that was ever usual: that of a quiet machine.
+    quiet: f64,
+}
+
+impl Default for SampleTime {
+    fn default() -> Self {
+        Self { recent: [FIRST_NS; REMEMBERED], next: 0, quiet: FIRST_NS }
+    }
+}
+
+impl SampleTime {
+    /// What a sample usually takes now, ns.
+    fn usual(&self) -> f64 {
+        let mut sorted = self.recent;
+        sorted.sort_by(|a, b| b.total_cmp(a));
+        sorted[RANK]
+    }
+
+    fn took(&mut self, ns: f64) {
+        self.recent[self.next] = ns.clamp(1e-2, 1e9);
+        self.next = (self.next + 1) % REMEMBERED;
+        self.quiet = self.quiet.min(self.usual());
+    }
+}
+
+/// Turns time into samples by what samples took.
+#[derive(Clone, Debug, Default)]
+pub struct FrameBudget {
+    moving: SampleTime,
+    refined: SampleTime,
+}
+
 impl FrameBudget {
-    /// What tracing the next picture may cost, in samples, of `pixels` pixels and with a presentation that will take
-    /// `present_ms`; `rest` for one that is refined.
-    pub fn samples(&self, rest: bool, present_ms: f64, pixels: usize) -> u64 {
-        let frame_ms = FRAME.as_secs_f64() * 1e3;
-        let ms = (frame_ms * PLANNED - present_ms).max(frame_ms * LEAST);
-        ((ms * 1e6 / self.sample_ns[usize::from(rest)]) as u64).saturating_sub((pixels as u64).saturating_mul(SHOWING))
+    /// What tracing the next picture may cost, of `pixels` pixels and with a presentation that will take `present_ms`;
+    /// `rest` for one that is refined.
+    pub fn next(&self, rest: bool, present_ms: f64, pixels: usize) -> Budget {
+        let time = if rest { &self.refined } else { &self.moving };
+        let ms = |frame: Duration| frame.as_secs_f64() * 1e3;
+        let planned = (ms(FRAME) * PLANNED - present_ms).max(ms(FRAME) * LEAST);
+        let showing = pixels as u64 / 4 * SHOWING;
+        let samples = |ms: f64, ns: f64| ((ms * 1e6 / ns) as u64).saturating_sub(showing);
+        Budget { samples: samples(planned, time.usual()), at_half: samples(ms(SLOW_FRAME) * PLANNED, time.quiet) }
     }
 
     /// Learns that a picture of `pixels` pixels, whose tracing cost `samples`, took `ms`.
@@ -48,12 +91,9 @@ impl FrameBudget {
         if samples == 0 || !(ms.is_finite() && ms >= 0.0) {
             return;
         }
-        let known = &mut self.sample_ns[usize::from(rest)];
-        let samples = samples.saturating_add((pixels as u64).saturating_mul(SHOWING));
-        // A hiccup of the machine must not blur what follows.
-        let now = (ms * 1e6 / samples as f64).min(HICCUP * *known);
-        *known += (now - *known) * if now > *known { SLOWER } else { FASTER };
-        *known = known.clamp(1e-2, 1e9);
+        let samples = samples.saturating_add(pixels as u64 / 4 * SHOWING);
+        let time = if rest { &mut self.refined } else { &mut self.moving };
+        time.took(ms * 1e6 / samples as f64);
     }
 
     /// Forgets what samples take: the quality of the pictures has changed.
@@ -71,22 +111,41 @@ mod tests {
         let mut b = FrameBudget::default();
         for _ in 0..100 {
             b.took(false, 1_000_000, 0, 20.0);
-            b.took(true, 900_000, 100_000, 5.0);
+            b.took(true, 975_000, 100_000, 5.0);
         }
-        let [moving, still] = [false, true].map(|rest| b.samples(rest, 2.0, 0) as f64);
+        let [moving, still] = [false, true].map(|rest| b.next(rest, 2.0, 0).samples as f64);
         assert!((moving * 20e-6 - 11.33).abs() < 0.1 && (still * 5e-6 - 11.33).abs() < 0.1, "{moving} {still}");
-        assert!(b.samples(false, 100.0, 0) > 200_000, "a slow screen must not make the picture vanish");
-        // Late is learnt quickly.
-        b.took(false, 1_000_000, 0, 60.0);
-        assert!(b.samples(false, 2.0, 0) as f64 <= moving * 0.6);
+        assert!(b.next(false, 100.0, 0).samples > 200_000, "a slow screen must not make the picture vanish");
+    }
+
+    #[test]
+    fn a_hiccup_changes_nothing_and_what_lasts_is_known_at_once() {
+        let mut b = FrameBudget::default();
+        for _ in 0..20 {
+            b.took(false, 3_000_000, 0, 6.0);
+        }
+        let quiet = b.next(false, 2.0, 0);
+        b.took(false, 3_000_000, 0, 60.0);
+        b.took(false, 3_000_000, 0, 60.0);
+        assert_eq!(b.next(false, 2.0, 0), quiet);
+        b.took(false, 3_000_000, 0, 18.0);
+        let busy = b.next(false, 2.0, 0);
+        assert_eq!(busy.samples, quiet.samples / 3);
+        assert_eq!(busy.at_half, quiet.at_half, "a busy machine is no slow one");
+        for _ in 0..REMEMBERED {
+            b.took(false, 3_000_000, 0, 6.0);
+        }
+        assert_eq!(b.next(false, 2.0, 0), quiet);
     }
 
     #[test]
     fn nonsense_is_no_fault() {
         let mut b = FrameBudget::default();
         for (samples, ms) in [(0, 5.0), (5, f64::NAN), (5, -1.0), (1, 1e300), (u64::MAX, 0.0)] {
-            b.took(true, samples, usize::MAX, ms);
-            assert!(b.samples(true, f64::NAN, 0) < u64::MAX);
+            for _ in 0..REMEMBERED {
+                b.took(true, samples, usize::MAX, ms);
+            }
+            assert!(b.next(true, f64::NAN, 0).samples < u64::MAX);
         }
     }
 }

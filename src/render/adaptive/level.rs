@@ -1,11 +1,22 @@
 //! How many rays the next picture gets: as many as its budget allows, and as its motion lets one see.
 
+use super::budget::Budget;
+
 /// Sides of the traced picture relative to the shown one, as fractions, fine to coarse.
 const LEVELS: [(usize, usize); 7] = [(1, 1), (3, 4), (1, 2), (3, 8), (1, 4), (1, 6), (1, 8)];
-/// A picture that moves on by no more pixels than this is traced in full; one that moves twice as far shows half as much.
-const SHARP: f64 = 40.0;
+/// A picture that moves on by no more pixels than this is traced in full; one that moves twice as far shows half as much. No
+/// eye follows sixty times as much in a second.
+const SHARP: f64 = 80.0;
 /// However fast it moves, nothing coarser than this level is chosen for that alone.
 const BLURRED: usize = 4;
+/// Half the side.
+const HALF: usize = 2;
+/// What a level may cost beyond the budget before it is given up for the next: three quarters of the side are worth a picture
+/// that comes a little late.
+const SLACK: [f64; LEVELS.len()] = [1.0, 1.3, 1.0, 1.0, 1.0, 1.0, 1.0];
+/// What a pixel costs that is stretched from a coarser picture, in samples. Were it left out, a coarse picture, which is mostly
+/// stretching, would make samples look slow and stay coarse.
+pub const STRETCHED: f64 = 0.75;
 /// A finer level must promise to stay below these shares of the budget and of the motion, so that the choice does not
 /// flicker.
 const HEADROOM: f64 = 0.9;
@@ -23,7 +34,10 @@ const NEW: f64 = 0.25;
 /// What the dearest picture was is forgotten by this share with each one.
 const FORGET: f64 = 0.004;
 /// What a pixel costs before any was made, in samples.
-const FIRST: f64 = 12.0;
+const FIRST: f64 = 3.0;
+/// Share of a full picture's cost that a coarser one costs too, however small: packets of rays span more of the scene where
+/// pixels are larger. On the CT half the side costs 0.40 of it and three quarters 0.64.
+const CONSTANT: f64 = 0.15;
 
 /// What a picture cost, rays counted as samples too ([`cost`](super::cost)).
 #[derive(Clone, Copy, Debug)]
@@ -35,12 +49,11 @@ struct Cost {
 }
 
 impl Cost {
-    /// What the same would cost at another side: more pixels let more rays be spared, so that twice the side costs less than
-    /// three times as much. Were none spared, the next finer level would cost 1.22 times what is said here at the most, and
-    /// be given up again.
+    /// What the same would cost at another side. Where all of the cost grows with the pixels, the next finer level costs 1.2
+    /// times what is said here at the most, and is given up again.
     fn at(self, side: f64) -> f64 {
-        let ratio = side / self.side;
-        self.samples * ratio * ratio.sqrt()
+        let cost = |side: f64| CONSTANT + (1.0 - CONSTANT) * side * side;
+        self.samples * cost(side) / cost(self.side)
     }
 }
 
@@ -55,12 +68,14 @@ pub struct Governor {
     patience: u32,
     /// Pictures since a finer level was chosen.
     kept: u32,
+    /// What it was expected to cost, in samples.
+    expected: f64,
 }
 
 impl Default for Governor {
     fn default() -> Self {
         let cost = Cost { samples: FIRST, side: 1.0 };
-        Self { level: 0, last: cost, dearest: cost, calm: 0, patience: PATIENCE, kept: DOUBT }
+        Self { level: 0, last: cost, dearest: cost, calm: 0, patience: PATIENCE, kept: DOUBT, expected: f64::INFINITY }
     }
 }
 
@@ -70,27 +85,34 @@ fn side(level: usize) -> f64 {
     n as f64 / d as f64
 }
 
+/// What a pixel of a level costs beside being traced, in samples.
+fn stretched(level: usize) -> f64 {
+    if level == 0 { 0.0 } else { STRETCHED }
+}
+
 impl Governor {
     /// Size in pixels of the next picture to be traced, to be shown in `width` × `height`, that moves by `flow` pixels
-    /// (infinite for a cut) and may take `budget` samples.
-    pub fn next(&mut self, (width, height): (usize, usize), flow: f64, budget: u64) -> (usize, usize) {
-        let budget = budget as f64;
+    /// (infinite for a cut) and may cost `budget`.
+    pub fn next(&mut self, (width, height): (usize, usize), flow: f64, budget: Budget) -> (usize, usize) {
+        let (budget, at_half) = (budget.samples as f64, budget.at_half as f64);
         let pixels = (width * height) as f64;
         let strange = (flow / (NEW * width.min(height) as f64)).clamp(0.0, 1.0);
         let margin = MARGIN[0] + (MARGIN[1] - MARGIN[0]) * strange;
         let cost = |level: usize| {
             let (last, dearest) = (self.last.at(side(level)), self.dearest.at(side(level)));
-            pixels * margin * (last + (dearest - last).max(0.0) * strange)
+            pixels * (stretched(level) + margin * (last + (dearest - last).max(0.0) * strange))
         };
         // A cut is no motion: there is nothing that the eye would follow.
         let flow = if flow.is_finite() { flow } else { 0.0 };
         let blurred = (0..BLURRED).find(|&l| flow * side(l) <= SHARP).unwrap_or(BLURRED);
         let mut level = self.level.max(blurred);
-        while level + 1 < LEVELS.len() && cost(level) > budget {
+        while level + 1 < LEVELS.len() && cost(level) > budget * SLACK[level] && (level < HALF || cost(HALF) > at_half)
+        {
             level += 1;
         }
-        // Not by a turn, but by what the picture itself cost.
-        let too_dear = level > self.level && pixels * self.last.samples > budget;
+        // Not by a turn, nor because the machine has become slower, but because the picture cost more than was expected.
+        let own = pixels * (stretched(self.level) + self.last.samples);
+        let too_dear = level > self.level && own > budget * SLACK[self.level] && own > self.expected;
         self.kept = self.kept.saturating_add(1);
         if self.kept >= DOUBT {
             self.patience = PATIENCE;
@@ -98,10 +120,12 @@ impl Governor {
             self.patience = (self.patience * 2).min(DOUBT / 2);
         }
         let finer = level.checked_sub(1).filter(|&l| {
-            level == self.level && cost(l) <= budget * HEADROOM && (l >= BLURRED || flow * side(l) <= SHARP * CALMER)
+            let affordable = cost(l) <= budget * HEADROOM || l >= HALF && cost(HALF) <= at_half * HEADROOM;
+            level == self.level && affordable && (l >= BLURRED || flow * side(l) <= SHARP * CALMER)
         });
         self.calm = if finer.is_some() { self.calm + 1 } else { 0 };
         if let Some(finer) = finer.filter(|_| self.calm >= self.patience) {
+            self.expected = cost(finer);
             (level, self.calm, self.kept) = (finer, 0, 0);
         }
         self.level = level;
@@ -134,7 +158,7 @@ mod tests {
     fn fly(g: &mut Governor, pictures: usize, flow: f64, density: f64, budget: u64) -> Vec<(usize, usize)> {
         let mut sizes = Vec::new();
         for _ in 0..pictures {
-            let (w, h) = g.next(SHOWN, flow, budget);
+            let (w, h) = g.next(SHOWN, flow, Budget::strict(budget));
             g.took((density * (w * h) as f64) as u64, PIXELS);
             sizes.push((w, h));
         }
@@ -166,13 +190,35 @@ mod tests {
     }
 
     #[test]
+    fn a_busy_machine_leaves_half_the_side_and_a_slow_one_less() {
+        let mut g = Governor::default();
+        let busy = Budget { samples: 300_000, at_half: 5_000_000 };
+        for (budget, last) in [(busy, (512, 384)), (Budget::strict(300_000), (128, 96)), (busy, (512, 384))] {
+            let mut sizes = Vec::new();
+            for _ in 0..60 {
+                let (w, h) = g.next(SHOWN, 2.0, budget);
+                g.took(8 * (w * h) as u64, PIXELS);
+                sizes.push((w, h));
+            }
+            assert_eq!(sizes[59], last);
+        }
+        let mut back = 0;
+        while g.next(SHOWN, 2.0, Budget { samples: 8_000_000, ..busy }) != SHOWN {
+            let (n, d) = LEVELS[g.level];
+            g.took(8 * (PIXELS * n * n / d / d) as u64, PIXELS);
+            back += 1;
+            assert!(back < 30, "within half a second");
+        }
+    }
+
+    #[test]
     fn noise_does_not_make_it_flicker() {
         let mut g = Governor::default();
         let mut sizes = Vec::new();
         for n in 0..300 {
             // Near where both the motion and the cost of a finer level begin to allow it.
             let noise = if n % 2 == 0 { 0.93 } else { 1.07 };
-            let (w, h) = g.next(SHOWN, SHARP * noise, 8_000_000);
+            let (w, h) = g.next(SHOWN, SHARP * noise, Budget::strict(8_000_000));
             g.took((14.0 * noise * (w * h) as f64) as u64, PIXELS);
             sizes.extend((n > 40).then_some((w, h)));
         }
@@ -186,7 +232,7 @@ mod tests {
         // Its last level costs three times as much as the one before, which is more than is foreseen.
         let mut sizes = Vec::new();
         for _ in 0..1200 {
-            let size = g.next(SHOWN, 2.0, 5_000_000);
+            let size = g.next(SHOWN, 2.0, Budget::strict(5_000_000));
             g.took(if size == SHOWN { 6_000_000 } else { 2_000_000 }, PIXELS);
             sizes.push(size);
         }
@@ -199,9 +245,9 @@ mod tests {
     #[test]
     fn nothing_and_nonsense_are_no_fault() {
         let mut g = Governor::default();
-        assert_eq!(g.next((0, 0), f64::NAN, 0), (1, 1));
+        assert_eq!(g.next((0, 0), f64::NAN, Budget::strict(0)), (1, 1));
         g.took(u64::MAX, 0);
         g.took(0, 1);
-        assert!(g.next((7, 1), 0.0, u64::MAX).1 == 1);
+        assert!(g.next((7, 1), 0.0, Budget::strict(u64::MAX)).1 == 1);
     }
 }

@@ -25,11 +25,11 @@ use flow::Probes;
 use level::Governor;
 use still::{Means, Still};
 
-pub use budget::{FRAME, FrameBudget};
+pub use budget::{Budget, FRAME, FrameBudget};
 pub use still::SAMPLES;
 
 /// What a picture may cost where nobody says otherwise, in samples: what two cores of today take in a sixtieth of a second.
-pub const BUDGET: u64 = 5_000_000;
+pub const BUDGET: Budget = Budget::strict(5_000_000);
 /// A ray costs as much as so many samples, beside its own: to be set up, shaded and shown.
 const RAY: u64 = 8;
 /// A picture that would move by no more pixels than this since it was begun is at rest.
@@ -40,13 +40,20 @@ pub fn cost(work: &Work) -> u64 {
     work.samples.saturating_add(work.rays.saturating_mul(RAY))
 }
 
+/// What a picture of `shown` pixels cost, in samples, stretching included: of the detail that its renderer tells.
+pub fn cost_shown(work: &Work, detail: Option<Detail>, shown: (usize, usize)) -> u64 {
+    let stretched = detail.is_some_and(|d| d.size != shown);
+    let pixels = (shown.0 * shown.1) as f64;
+    cost(work).saturating_add(if stretched { (pixels * level::STRETCHED) as u64 } else { 0 })
+}
+
 /// Follows the need with two renderers of the same space.
 pub struct Adaptive {
     space: PreparedVolume,
     moving: Box<dyn Renderer>,
     /// Makes samples of the reference; none at a quality that does not ask for it.
     fine: Option<Box<dyn Renderer>>,
-    budget: u64,
+    budget: Budget,
     governor: Governor,
     /// Of the last view that was another.
     probes: Option<Probes>,
@@ -119,7 +126,7 @@ impl Adaptive {
             self.still.begin(&self.last, self.traced == size);
         }
         let means = Means { sharp: &mut *self.moving, fine: self.fine.as_deref_mut() };
-        let work = self.still.go_on(view, means, self.budget);
+        let work = self.still.go_on(view, means, self.budget.samples);
         if self.still.is_sharp() {
             self.traced = size;
         }
@@ -158,8 +165,8 @@ impl Renderer for Adaptive {
         parts
     }
 
-    fn set_budget(&mut self, samples: u64) {
-        self.budget = samples;
+    fn set_budget(&mut self, budget: Budget) {
+        self.budget = budget;
     }
 
     fn complaint(&mut self) -> Option<(String, String)> {

@@ -44,7 +44,7 @@ fn a_flight_with_sudden_turns_keeps_its_budget() {
     let (space, line) = colon();
     for budget in [20_000, 60_000, 150_000] {
         let mut r = adaptive(&space, Quality::High);
-        r.set_budget(budget);
+        r.set_budget(Budget::strict(budget));
         let mut frame = Frame::new(SIDE, SIDE);
         let views = flight(&line, 400);
         let costs: Vec<u64> = views.iter().map(|v| cost(&r.render(v, &mut frame))).collect();
@@ -63,7 +63,7 @@ fn the_same_on_one_thread_and_on_two() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut r = adaptive(&space, Quality::High);
-            r.set_budget(60_000);
+            r.set_budget(Budget::strict(60_000));
             let mut frame = Frame::new(SIDE, SIDE);
             let mut all = Vec::new();
             for v in flight(&line, 30) {
@@ -91,7 +91,7 @@ fn at_rest_it_becomes_the_reference_and_stops() {
     {
         let settings = Settings { adaptive: true, ..Settings::default() };
         let mut r = renderer(&space, settings, preset, Reuse::Allowed);
-        r.set_budget(budget);
+        r.set_budget(Budget::strict(budget));
         let mut frame = Frame::new(SIDE, SIDE);
         let mut pictures = 0;
         let mut quality = Vec::new();
@@ -118,7 +118,7 @@ fn at_rest_it_becomes_the_reference_and_stops() {
 fn what_moves_on_begins_anew() {
     let (space, line) = colon();
     let mut r = adaptive(&space, Quality::High);
-    r.set_budget(100_000);
+    r.set_budget(Budget::strict(100_000));
     let mut frame = Frame::with_depth(SIDE, SIDE);
     let first = view(line[60], line[70] - line[60]);
     let small = View::new(line[60], line[70] - line[60], DVec3::Z, 90.0, 60, 40).unwrap();
@@ -130,9 +130,9 @@ fn what_moves_on_begins_anew() {
         assert!(r.detail().unwrap().samples < SAMPLES);
         r.render(&next, &mut frame);
         assert_eq!((frame.width(), frame.height()), (next.width(), next.height()));
-        r.set_budget(u64::MAX);
+        r.set_budget(Budget::strict(u64::MAX));
         let (mut alone, mut fresh) = (Frame::with_depth(1, 1), adaptive(&space, Quality::High));
-        fresh.set_budget(u64::MAX);
+        fresh.set_budget(Budget::strict(u64::MAX));
         for _ in 0..2 {
             r.render(&next, &mut frame);
             fresh.render(&next, &mut alone);
@@ -140,7 +140,7 @@ fn what_moves_on_begins_anew() {
         assert!(r.detail().unwrap().best);
         assert!(psnr(&frame, &alone) > 50.0, "nothing of the old picture is left");
         assert_eq!(frame.depth(), alone.depth());
-        r.set_budget(100_000);
+        r.set_budget(Budget::strict(100_000));
     }
 }
 
@@ -152,7 +152,7 @@ fn low_detail_at_rest_is_that_of_a_picture_made_at_once() {
         let mut at_once = Frame::default();
         renderer(&space, Settings::new(Quality::Low), Preset::default(), Reuse::Allowed).render(&v, &mut at_once);
         let (mut r, mut frame) = (adaptive(&space, Quality::Low), Frame::default());
-        r.set_budget(1);
+        r.set_budget(Budget::strict(1));
         r.render(&v, &mut frame);
         for _ in 0..20 {
             r.render(&v, &mut frame);
@@ -172,9 +172,9 @@ fn low_detail_is_cheaper_and_rests_when_it_is_sharp() {
     });
     assert!(cost(&works[1]) * 2 < cost(&works[0]), "{works:?}");
     let (mut r, mut frame) = (adaptive(&space, Quality::Low), Frame::default());
-    r.set_budget(1);
+    r.set_budget(Budget::strict(1));
     r.render(&v, &mut frame);
-    r.set_budget(u64::MAX);
+    r.set_budget(Budget::strict(u64::MAX));
     assert_ne!(r.render(&v, &mut frame), Work::default());
     assert!(r.detail().unwrap().best);
     assert_eq!(r.render(&v, &mut frame), Work::default());

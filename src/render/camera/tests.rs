@@ -9,7 +9,7 @@ use super::model::AnyCamera;
 use super::*;
 use crate::phantom::{Phantom, PhantomSettings as Colon, Size};
 use crate::progress::Progress;
-use crate::render::adaptive::{Adaptive, SAMPLES};
+use crate::render::adaptive::{Adaptive, Budget, SAMPLES};
 use crate::render::{
     Classification, Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction,
     first_crossing, presets, psnr, renderer,
@@ -154,7 +154,7 @@ fn pictures_at_rest_come_to_the_reference() {
         let settings = Settings { adaptive: true, ..Settings::default() };
         let mut adaptive = renderer(&space, settings, Preset::default(), Reuse::Allowed);
         let (view, mut frame, mut exact) = (view(&camera, 0.5), Frame::default(), Frame::default());
-        adaptive.set_budget(u64::MAX);
+        adaptive.set_budget(Budget::strict(u64::MAX));
         for _ in 0..4 {
             adaptive.render(&view, &mut frame);
         }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::render::adaptive::{Adaptive, FRAME, FrameBudget, SAMPLES, cost};
+use crate::render::adaptive::{Adaptive, FRAME, FrameBudget, SAMPLES, cost_shown};
 use crate::render::{Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, View, psnr, renderer};
 use crate::report::flight::Flown;
 use crate::report::{median, quantile};
@@ -145,11 +145,12 @@ impl Eye {
     fn picture(&mut self, view: &View, camera: Camera) -> f64 {
         let rest = camera == Camera::Resting;
         let pixels = view.width() * view.height();
-        self.renderer.set_budget(self.budget.samples(rest, PRESENT_MS, pixels));
+        self.renderer.set_budget(self.budget.next(rest, PRESENT_MS, pixels));
         let begun = Instant::now();
         let work = self.renderer.render(view, &mut self.frame);
         let ms = begun.elapsed().as_secs_f64() * 1e3;
-        self.budget.took(rest, cost(&work), pixels, ms);
+        let cost = cost_shown(&work, self.renderer.detail(), (view.width(), view.height()));
+        self.budget.took(rest, cost, pixels, ms);
         ms
     }
 }
