@@ -7,7 +7,8 @@ use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::fence::asked;
 use crate::render::{
-    CameraModel, Choices, Classification, GradientSource, Leaping, LowDetail, Options, Preset, Settings, ShaderModel,
+    CameraModel, Choices, Classification, GradientSource, Leaping, Light, LowDetail, Options, Preset, Settings,
+    ShaderModel,
 };
 
 /// What a scene says about its images; the quality's own settings hold where it says nothing.
@@ -20,6 +21,8 @@ pub struct RenderSettings {
     pub filtered_density: bool,
     /// Which of the paper's ideas are used in the place of the preset's own.
     pub choices: Choices,
+    /// What the light at the camera does; none for the host's own: an endoscope's in a window, else the paper's headlight.
+    pub light: Option<Light>,
     /// What the wall looks like.
     pub shader: ShaderModel,
 }
@@ -31,6 +34,7 @@ impl RenderSettings {
             sensitivity: self.sensitivity.unwrap_or(settings.sensitivity),
             classification: if self.filtered_density { Classification::Filtered } else { settings.classification },
             choices: self.choices,
+            light: self.light.unwrap_or(settings.light),
             shader: self.shader,
             ..settings
         }
@@ -104,6 +108,7 @@ pub(super) struct RenderFile {
     camera: Option<String>,
     fov_degrees: Option<f64>,
     shade: Option<String>,
+    light: Option<Light>,
     leap: Option<Leaping>,
     gradients: Option<GradientSource>,
     key_frames: Option<u32>,
@@ -121,13 +126,13 @@ impl RenderFile {
         catalog: &Catalog,
         options: impl Fn(&str) -> Options,
     ) -> Result<(RenderSettings, ImageSettings)> {
-        let Self { sensitivity, filtered_density, leap, gradients, key_frames, low, .. } = self;
+        let Self { sensitivity, filtered_density, light, leap, gradients, key_frames, low, .. } = self;
         let preset = self.preset.map_or(Ok(Preset::default()), |name| catalog.find_preset(&name))?;
         let camera = self.camera.map_or(Ok(CameraModel::default()), |name| catalog.find_camera(&name))?;
         let shader = self.shade.map_or(Ok(ShaderModel::default()), |name| catalog.find_shader(&name))?;
         let choices = Choices { leap, gradients, key_frames, low };
         let shader = ShaderModel { options: options(shader.name), ..shader };
-        let render = RenderSettings { sensitivity, filtered_density, choices, shader };
+        let render = RenderSettings { sensitivity, filtered_density, choices, light, shader };
         let settings = Settings { options: options(preset.name), ..render.apply(Settings::default()) };
         let camera = CameraModel { options: options(camera.name), ..camera };
         let fov_degrees = self.fov_degrees.unwrap_or(90.0);

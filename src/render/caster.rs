@@ -13,6 +13,7 @@ use super::begin::{Begin, FromScratch};
 use super::camera::{CameraRay, View};
 use super::classify::{ByDensity, ByValue, Classifier};
 use super::frame::{Frame, Work};
+use super::light::{Light, Lighting};
 use super::march::{Ray, Step};
 use super::prepared_volume::PreparedVolume;
 use super::quality::{Classification, Quality, Settings};
@@ -62,6 +63,10 @@ struct Caster<'a, S, K, C, B> {
     classifier: &'a C,
     begin: &'a B,
     headlight: Headlight,
+    /// What the light at the camera adds to the headlight.
+    lighting: Option<Lighting>,
+    /// Border of the volume grown by a voxel of air, voxels.
+    border: Vec3,
     /// The shader that takes the headlight's place.
     shader: Option<Arc<dyn Shader>>,
     ramp: Ramp,
@@ -105,6 +110,8 @@ impl ImageRequest<'_> {
             classifier,
             begin,
             headlight: Headlight::new(space),
+            lighting: (settings.light != Light::HEADLIGHT).then(|| Lighting::new(settings.light, space)),
+            border: Vec3::from_array(space.volume().grid().dims().map(|n| (n + 1) as f32)),
             shader: settings.shader.own(),
             ramp: Ramp::new(space.transfer(), step.power),
             step,
@@ -213,9 +220,10 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
                     Some(_) => Vec3::ZERO,
                     None => self.sampler.gradient(q),
                 };
-                let colour = match &self.shader {
-                    None => self.headlight.colour(hu, gradient, ray.direction),
-                    Some(shader) => self.shaded(&**shader, ray, n, hu, gradient),
+                let colour = match (&self.shader, &self.lighting) {
+                    (None, None) => self.headlight.colour(hu, gradient, ray.direction),
+                    (None, Some(lighting)) => self.lit(lighting, ray, n, hu, gradient),
+                    (Some(shader), _) => self.shaded(&**shader, ray, n, hu, gradient),
                 };
                 light += colour * (through * a);
                 through *= 1.0 - a;
@@ -226,6 +234,16 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
             n += 1;
         }
         (light, first)
+    }
+
+    /// The colour of sample `n` of a ray in another light than the headlight.
+    fn lit(&self, lighting: &Lighting, ray: &Ray, n: u32, hu: f32, gradient: Vec3) -> Vec3 {
+        let distance = ray.start_mm + n as f32 / ray.per_mm;
+        let q = ray.at(n);
+        let gradient = self.headlight.world_gradient(gradient);
+        let facing = self.headlight.facing(gradient, ray.direction);
+        let value = |apart: Vec3| self.sampler.value((q + apart).clamp(Vec3::ZERO, self.border));
+        self.headlight.tissue(hu) * lighting.brightness(facing, distance, gradient, value)
     }
 
     /// The colour that a shader from outside gives to sample `n` of a ray.

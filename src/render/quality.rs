@@ -1,6 +1,7 @@
 //! How good a picture is asked for.
 
 use super::choices::Choices;
+use super::light::Light;
 use super::options::Options;
 use super::shaders::ShaderModel;
 
@@ -45,6 +46,8 @@ pub struct Settings {
     pub adaptive: bool,
     /// What is chosen in the place of the preset's own.
     pub choices: Choices,
+    /// What the light at the camera does, where the shader is the headlight.
+    pub light: Light,
     /// What the wall looks like.
     pub shader: ShaderModel,
     /// The preset's own settings: the scene file's table of its name.
@@ -68,6 +71,7 @@ impl Settings {
             samples_per_pixel: 1,
             adaptive: false,
             choices: Choices::default(),
+            light: Light::default(),
             shader: ShaderModel::default(),
             options: Options::NONE,
         }

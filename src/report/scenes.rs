@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::fields::Lumen;
 use crate::progress::Progress;
 use crate::render::flags::Flags;
-use crate::render::{PreparedVolume, Settings};
+use crate::render::{Light, PreparedVolume, Settings};
 use crate::schedule::Plugins;
 use crate::systems::sense;
 
@@ -52,6 +52,14 @@ const PARTS: [(&str, LeaveOut); 6] = [
     ("log", |s| s.log = false),
     ("operator", |s| s.operator = false),
     ("tentacles (flown by hand)", |s| s.steering = Steering::Guide("manual")),
+];
+
+/// What the light at the camera may do beside the headlight.
+const LIGHTS: [(&str, Light); 4] = [
+    ("light falloff", Light { falloff: true, ..Light::HEADLIGHT }),
+    ("light gloss", Light { gloss: true, ..Light::HEADLIGHT }),
+    ("light contact", Light { contact: true, ..Light::HEADLIGHT }),
+    ("light endoscope", Light::ENDOSCOPE),
 ];
 
 /// A scene at work.
@@ -111,6 +119,11 @@ pub fn report(
         let mut scene = full.clone();
         leave_out(&mut scene);
         scenes.push((format!("without {part}"), scene));
+    }
+    for (name, light) in LIGHTS {
+        let mut scene = full.clone();
+        scene.render.light = Some(light);
+        scenes.push((name.to_owned(), scene));
     }
     if !plugins.is_empty() {
         scenes.push(("with plug-ins".to_owned(), Scene { plugins: plugins.clone(), ..full }));
@@ -214,7 +227,8 @@ fn write(
     pixels: usize,
     folder: &Path,
 ) -> Result<Vec<String>> {
-    let (whole, parts): (Vec<&Cost>, Vec<&Cost>) = costs.iter().partition(|c| !c.name.starts_with("without "));
+    let (lights, scenes): (Vec<&Cost>, Vec<&Cost>) = costs.iter().partition(|c| c.name.starts_with("light "));
+    let (whole, parts): (Vec<&Cost>, Vec<&Cost>) = scenes.into_iter().partition(|c| !c.name.starts_with("without "));
     let Some(full) = whole.iter().find(|c| c.name == "everything") else { return Ok(Vec::new()) };
     let mut page = Page::new(folder, "colvis: what leaving out saves")?;
     page.text(&format!(
@@ -246,6 +260,18 @@ fn write(
         page.finding(&finding);
         findings.push(finding);
     }
+    page.section("What the light at the camera costs");
+    let mut t = Table::new(&["light", "frame / ms", "more than the headlight / ms", "share / %"]);
+    for c in &lights {
+        let (Some(plain), Some(ms)) = (full.frame_ms, c.frame_ms) else { continue };
+        t.row(vec![
+            c.name.trim_start_matches("light ").into(),
+            Cell::Number(ms, 2),
+            Cell::Number(ms - plain, 2),
+            Cell::Number(100.0 * (ms / plain - 1.0), 1),
+        ]);
+    }
+    page.table("lights", &t)?;
     page.section("What each part left out of everything saves");
     let mut t = Table::new(&["left out", "systems", "bytes", "step / µs", "frame / ms", "scene made in / ms"]);
     for c in &parts {

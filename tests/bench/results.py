@@ -383,7 +383,7 @@ def gradients(b):
 def scenes(b):
     read, said, command = b.report("scenes")
     lines = [command_block(command), findings(said)]
-    for name, title in (("scenes", "Scenes"), ("parts", "What a part left out saves"), ("built", "What is built before the first step"),
+    for name, title in (("scenes", "Scenes"), ("lights", "What the light at the camera costs"), ("parts", "What a part left out saves"), ("built", "What is built before the first step"),
                         ("tentacles", "What tentacles take beside a picture")):
         lines += [f"### {title}", table(*read(name))]
     return lines

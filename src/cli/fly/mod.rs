@@ -23,7 +23,7 @@ use crate::host::headless::{self, Outputs};
 use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
-use crate::render::{CameraModel, Settings};
+use crate::render::{CameraModel, Light, Settings};
 use files::{read_acts, read_log, write_acts};
 
 /// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
@@ -209,7 +209,8 @@ fn image_settings(
     let camera = CameraModel { options: scene.options.of(camera.name), ..camera };
     let preset = scene.image.preset;
     let adaptive = screen == Screen::Window || quality.adaptive;
-    let quality = Settings { adaptive, options: scene.options.of(preset.name), ..quality };
+    let light = if screen == Screen::Window { Light::ENDOSCOPE } else { Light::HEADLIGHT };
+    let quality = Settings { adaptive, light, options: scene.options.of(preset.name), ..quality };
     let fov_degrees = match global.fov {
         None if camera == scene.image.camera => scene.image.fov_degrees,
         _ => prepare::fov(global, camera)?,

@@ -335,6 +335,7 @@ impl Cockpit {
             Deed::HandTo(guide) => self.hand_over(guide, now),
             Deed::Overlay(n) => self.overlays.switch(n),
             Deed::Detail => self.switch_detail(now),
+            Deed::Light => self.switch_light(now),
             Deed::Narrower => self.zoom(1.0),
             Deed::Wider => self.zoom(-1.0),
             Deed::UsualAngle => self.change_angle(self.flight.scene().image.fov_degrees, now),
@@ -420,6 +421,12 @@ impl Cockpit {
     fn switch_detail(&mut self, now: Instant) {
         if let Some(quality) = self.sight.switch_detail(&mut self.flight) {
             self.say(format!("detail: {}", detail(quality)), now);
+        }
+    }
+
+    fn switch_light(&mut self, now: Instant) {
+        if let Some(light) = self.sight.switch_light(&mut self.flight) {
+            self.say(format!("light: {}", light.name()), now);
         }
     }
 

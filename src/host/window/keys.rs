@@ -60,6 +60,8 @@ pub enum Deed {
     Overlay(usize),
     /// High or low detail.
     Detail,
+    /// The headlight, or an endoscope's light.
+    Light,
     /// A smaller view angle: what is seen gets larger.
     Narrower,
     /// A larger view angle.
@@ -86,7 +88,7 @@ pub enum Deed {
 pub const SHORT_HELP: &str = "H keys   Space stop   W A S D fly   drag to look   R back   Q quit";
 
 /// All keys but those of guides and overlays, as the help shows them.
-const HELP: [(&str, &str); 16] = [
+const HELP: [(&str, &str); 17] = [
     ("Space", "stop and look around, go on"),
     ("W S, Up Down", "fly forward, back"),
     ("A D", "fly to the left, right"),
@@ -100,6 +102,7 @@ const HELP: [(&str, &str); 16] = [
     ("G", "by hand, and back to the guide"),
     ("click on the bar", "go to that place of the way"),
     ("L", "detail: high or low"),
+    ("O", "light: endoscope or headlight"),
     ("P, F12", "screenshot, and its pose"),
     ("F, H", "full screen, this help"),
     ("Q, Esc", "quit"),
@@ -164,6 +167,7 @@ pub fn action(key: &Key, own: impl Fn(char) -> Option<Deed>) -> Option<Action> {
             "-" | "_" => Do(Deed::Slower),
             "g" => Do(Deed::Guide),
             "l" => Do(Deed::Detail),
+            "o" => Do(Deed::Light),
             // With Shift a key goes up as another character than it went down as.
             "," | "<" | ";" => Held(Hold::RollLeft),
             "." | ">" | ":" => Held(Hold::RollRight),

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::host::frames::FrameStats;
 use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost, cost_shown};
-use crate::render::{CameraModel, Detail, Frame, PreparedVolume, Quality, Settings};
+use crate::render::{CameraModel, Detail, Frame, Light, PreparedVolume, Quality, Settings};
 use crate::schedule::note;
 
 /// Closer than this is the same place, mm.
@@ -153,10 +153,18 @@ impl Sight {
         let scene = flight.scene().render;
         let mut picture = flight.camera_mut::<Picture>()?;
         let quality = if picture.settings.quality == Quality::Low { Quality::High } else { Quality::Low };
-        let Settings { adaptive, options, .. } = picture.settings;
-        picture.settings = Settings { adaptive, options, ..scene.apply(Settings::new(quality)) };
+        let Settings { adaptive, options, light, .. } = picture.settings;
+        picture.settings = Settings { adaptive, options, light, ..scene.apply(Settings::new(quality)) };
         self.budget.forget();
         Some(quality)
+    }
+
+    /// Changes between the headlight and an endoscope's light; the new one.
+    pub fn switch_light(&mut self, flight: &mut FlightApp) -> Option<Light> {
+        let mut picture = flight.camera_mut::<Picture>()?;
+        let light = &mut picture.settings.light;
+        *light = if *light == Light::HEADLIGHT { Light::ENDOSCOPE } else { Light::HEADLIGHT };
+        Some(*light)
     }
 
     /// Prepares the next frame for a window of the given size. None if there is nothing to trace: the image shown is of the

@@ -12,7 +12,8 @@ use glam::Vec3;
 use super::cells::{Cells, Colours};
 use super::directions::{Directions, split};
 use super::fit::gradients;
-use super::packet::Rays;
+use super::packet::{PacketLighting, Rays};
+use crate::render::light::{CONTACT, CONTACT_MM, EXPOSURE, GLOSS, GLOSS_DOUBLINGS, HALF_MM, Light};
 use crate::render::sampler::is_homogeneous;
 use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
 use crate::render::shaders::{Shader, SurfacePoint, shown};
@@ -102,6 +103,8 @@ pub struct Sums<S: Simd> {
     pub layers: f32x16<S>,
     /// Of the first of them, if there was another after it: its weight, and that times place.
     pub front: [f32x16<S>; 2],
+    /// Normals into the gas (world) times weights, where the light is another than the headlight.
+    pub normal: [f32x16<S>; 3],
 }
 
 impl<S: Simd> Sums<S> {
@@ -119,6 +122,7 @@ impl<S: Simd> Sums<S> {
             waiting: none,
             layers: zero,
             front: [zero; 2],
+            normal: [zero; 3],
         }
     }
 
@@ -194,7 +198,19 @@ impl Rays<'_> {
                 }
                 match self.shader {
                     None => {
-                        let shade = facing * DIFFUSE + AMBIENT;
+                        let shade = match &self.lighting {
+                            None => facing * DIFFUSE + AMBIENT,
+                            Some(lighting) => {
+                                // Into the gas: against the gradient.
+                                let length = steep.select(square, one).sqrt();
+                                let share = (mask & steep).select(weight / length, zero);
+                                for (sum, g) in light.normal.iter_mut().zip(g) {
+                                    *sum -= g * share;
+                                }
+                                let distance = place / mask.select(weight, one) * self.step_mm;
+                                self.lit(simd, lighting, facing, distance)
+                            }
+                        };
                         light.bright += mask.select(weight * shade, zero);
                         light.tone += mask.select(value * shade, zero);
                     }
@@ -212,6 +228,58 @@ impl Rays<'_> {
                     }
                 }
                 light.waiting = Layer::none(simd);
+            },
+        );
+    }
+
+    /// Brightness of sixteen points, `distance` mm from the camera, in another light than the headlight, but for contact:
+    /// [`light`](crate::render::light) has the formula.
+    #[inline(always)]
+    fn lit<S: Simd>(&self, simd: S, lighting: &PacketLighting, facing: f32x16<S>, distance: f32x16<S>) -> f32x16<S> {
+        let one = f32x16::splat(simd, 1.0);
+        let Light { falloff, gloss, .. } = lighting.light;
+        let mut bright = facing * DIFFUSE + AMBIENT;
+        let mut arriving = one;
+        if falloff {
+            let d = distance * (1.0 / HALF_MM);
+            arriving = one / (d * d + 1.0);
+            bright *= arriving * EXPOSURE;
+        }
+        if gloss {
+            let mut shine = facing;
+            for _ in 0..GLOSS_DOUBLINGS {
+                shine *= shine;
+            }
+            bright += arriving * shine * GLOSS;
+        }
+        bright
+    }
+
+    /// Darkens rays whose walls have another one near before them.
+    #[inline(never)]
+    pub fn darken<S: Simd>(&self, simd: S, ray: &Directions<S>, light: &mut Sums<S>, lighting: &PacketLighting) {
+        simd.vectorize(
+            #[inline(always)]
+            || {
+                let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
+                let n = light.normal;
+                let square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+                let seen = one - light.through;
+                let wanted = seen.simd_gt(1e-3) & square.simd_gt(1e-6);
+                if !wanted.any_true() {
+                    return;
+                }
+                let share = wanted.select(one / wanted.select(square, one).sqrt(), zero) * CONTACT_MM;
+                let before = n.map(|n| n * share);
+                let at = ray.at_each(self.origin, light.depth / wanted.select(seen, one));
+                let at = [0, 1, 2].map(|a| {
+                    let row = lighting.to_voxel[a];
+                    before[0] * row.x + before[1] * row.y + before[2] * row.z + at[a]
+                });
+                let opacity = ((self.value_at(simd, at, wanted) - self.lo) * self.scale).max(zero).min(one);
+                let open = wanted.select(one - opacity * CONTACT, one);
+                light.bright *= open;
+                light.tone *= open;
             },
         );
     }

@@ -34,6 +34,7 @@ use super::layer::{self, Layer, Medium, Sums};
 use super::occupancy::{BRICK_SHIFT, Occupancy};
 use super::sampling::SIDE;
 use crate::render::camera::{Origins, View};
+use crate::render::light::Light;
 use crate::render::march::Step;
 use crate::render::prepared_volume::PreparedVolume;
 use crate::render::quality::Settings;
@@ -77,9 +78,9 @@ pub struct Rays<'a> {
     /// Border of the grown volume.
     border: Vec3,
     foot: f32,
-    lo: f32,
+    pub(super) lo: f32,
     iso: f32,
-    scale: f32,
+    pub(super) scale: f32,
     /// A step is h · 2^`power`: halvings of the opacity follow from it.
     power: i32,
     sensitivity: f32,
@@ -95,8 +96,17 @@ pub struct Rays<'a> {
     pub(super) camera: DVec3,
     /// A step, mm.
     pub(super) step_mm: f32,
+    /// What the light at the camera adds to the headlight.
+    pub(super) lighting: Option<PacketLighting>,
     /// The shader that takes the headlight's place.
     pub(super) shader: Option<&'a dyn Shader>,
+}
+
+/// Another light than the headlight, for packets.
+pub struct PacketLighting {
+    pub light: Light,
+    /// The rows of what turns world directions into voxels.
+    pub to_voxel: [Vec3; 3],
 }
 
 /// What came of sixteen rays.
@@ -189,6 +199,10 @@ impl<'a> Rays<'a> {
             limit: (1 << 22) as f32,
             camera: view.position(),
             step_mm: step.mm as f32,
+            lighting: (settings.light != Light::HEADLIGHT).then(|| PacketLighting {
+                light: settings.light,
+                to_voxel: [0, 1, 2].map(|n| grid.to_voxel().matrix3.row(n).as_vec3()),
+            }),
             shader,
         })
     }
@@ -391,6 +405,9 @@ impl<'a> Rays<'a> {
                     self.shade(simd, &ray, &mut light, cells, camera);
                 }
             }
+            if let Some(lighting) = self.lighting.as_ref().filter(|l| l.light.contact && self.shader.is_none()) {
+                self.darken(simd, &ray, &mut light, lighting);
+            }
         }
         PacketResult {
             bright: light.bright.to_array(),
@@ -449,7 +466,12 @@ impl<'a> Rays<'a> {
     /// Trilinear HU of the rays in `wanted` at `k`; of the others anything.
     #[inline(always)]
     fn value<S: Simd>(&self, simd: S, ray: &Directions<S>, k: f32, wanted: mask32x16<S>) -> f32x16<S> {
-        let q = ray.at(self.origin, k);
+        self.value_at(simd, ray.at(self.origin, k), wanted)
+    }
+
+    /// Trilinear HU at the places `q` of the lanes in `wanted`; of the others anything.
+    #[inline(always)]
+    pub(super) fn value_at<S: Simd>(&self, simd: S, q: [f32x16<S>; 3], wanted: mask32x16<S>) -> f32x16<S> {
         let (cell, t) = split(q);
         let value = interpolate(simd, self.voxels.corners(simd, cell, wanted), t);
         let last = self.voxels.last();

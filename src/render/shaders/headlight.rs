@@ -43,11 +43,22 @@ impl Headlight {
     /// `direction` (world, of unit length). A gradient of 0 is that of a homogeneous region.
     #[inline(always)]
     pub fn colour(&self, hu: f32, gradient: Vec3, direction: Vec3) -> Vec3 {
-        let g = self.to_world * gradient;
-        let square = g.length_squared();
-        // A thousandth of an HU per mm is the rounding of a flat region.
-        let facing = if square > 1e-6 { (g.dot(direction) / square.sqrt()).max(0.0) } else { 1.0 };
+        let facing = self.facing(self.to_world * gradient, direction);
         self.palette.colour(hu) * (AMBIENT + DIFFUSE * facing)
+    }
+
+    /// Cosine between a world gradient and the ray, 0 to 1; 1 in a homogeneous region.
+    #[inline(always)]
+    pub fn facing(&self, gradient: Vec3, direction: Vec3) -> f32 {
+        let square = gradient.length_squared();
+        // A thousandth of an HU per mm is the rounding of a flat region.
+        if square > 1e-6 { (gradient.dot(direction) / square.sqrt()).max(0.0) } else { 1.0 }
+    }
+
+    /// The wall's own colour at a value.
+    #[inline(always)]
+    pub fn tissue(&self, hu: f32) -> Vec3 {
+        self.palette.colour(hu)
     }
 
     /// The world gradient (HU/mm) of one along the index axes.

@@ -1,0 +1,238 @@
+//! Light at the camera: the paper's headlight, and what an endoscope adds to it.
+//!
+//! A point's brightness is a factor of the wall's colour. With n·r the cosine between normal and ray, d the distance (mm):
+//!
+//! * headlight (the paper's simplified Phong model): `b = 0.1 + 0.9 (n·r)`;
+//! * falloff: `b ← 1.2 b / (1 + (d/55)²)`, the inverse square of a light of finite size, exposed for what is near;
+//! * gloss: `b ← b + 0.4 (n·r)⁶⁴ / (1 + (d/55)²)`, Blinn and Phong's highlight, whose half vector is the ray where light and eye are in
+//!   one place: colours saturate towards white there;
+//! * contact: `b ← b (1 − 0.5 o)`, o the opacity (0 to 1) 3 mm before the wall along its normal: ambient occlusion by one sample,
+//!   which darkens folds' feet, clefts, and the floor beneath what lies on it. Packets of rays look once for each ray, at the mean
+//!   place and normal of all that it meets.
+
+use glam::{DMat3, Vec3};
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
+
+use super::prepared_volume::PreparedVolume;
+use super::shaders::headlight::{AMBIENT, DIFFUSE};
+
+/// What the light at the camera does. With nothing it is the paper's headlight.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Light {
+    /// What is far is darker.
+    pub falloff: bool,
+    /// The wet wall shines where it faces the camera.
+    pub gloss: bool,
+    /// It is darker where another wall is near.
+    pub contact: bool,
+}
+
+/// Names of the parts in scene files.
+const PARTS: [&str; 3] = ["falloff", "gloss", "contact"];
+
+impl Light {
+    /// The paper's: brightness is linear in the cosine between ray and normal.
+    pub const HEADLIGHT: Self = Self { falloff: false, gloss: false, contact: false };
+    /// An endoscope's, for the eye: near and far, fold and floor differ at a glance.
+    pub const ENDOSCOPE: Self = Self { falloff: true, gloss: true, contact: true };
+
+    /// Its name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::HEADLIGHT => "headlight",
+            Self::ENDOSCOPE => "endoscope",
+            _ => "parts of the endoscope's",
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Light {
+    /// `"headlight"`, `"endoscope"`, or a list of the parts that the headlight gets.
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(untagged)]
+        enum Written {
+            Name(String),
+            Parts(Vec<String>),
+        }
+        let expected = "give \"headlight\", \"endoscope\", or a list of \"falloff\", \"gloss\" and \"contact\"";
+        match Written::deserialize(from).map_err(|_| D::Error::custom(expected))? {
+            Written::Name(name) if name == "headlight" => Ok(Self::HEADLIGHT),
+            Written::Name(name) if name == "endoscope" => Ok(Self::ENDOSCOPE),
+            Written::Name(name) => Err(D::Error::custom(format!("there is no light {name:?}; {expected}"))),
+            Written::Parts(parts) => match parts.iter().find(|p| !PARTS.contains(&p.as_str())) {
+                Some(p) => Err(D::Error::custom(format!("a light has no part {p:?}; {expected}"))),
+                None => {
+                    let has = |part: usize| parts.iter().any(|p| p == PARTS[part]);
+                    Ok(Self { falloff: has(0), gloss: has(1), contact: has(2) })
+                }
+            },
+        }
+    }
+}
+
+/// Brightness near the camera with falloff.
+pub const EXPOSURE: f32 = 1.2;
+/// The distance at which half of the light arrives, mm.
+pub const HALF_MM: f32 = 55.0;
+/// The highlight's brightness.
+pub const GLOSS: f32 = 0.4;
+/// Its exponent is 2 to this power.
+pub const GLOSS_DOUBLINGS: u32 = 6;
+/// Where another wall is looked for, mm before the wall.
+pub const CONTACT_MM: f32 = 3.0;
+/// By how much it darkens the wall, as a share.
+pub const CONTACT: f32 = 0.5;
+
+/// How much light of the camera arrives at `distance_mm`, as a share.
+#[inline(always)]
+fn arriving(distance_mm: f32) -> f32 {
+    let d = distance_mm * (1.0 / HALF_MM);
+    1.0 / (1.0 + d * d)
+}
+
+/// What a [`Light`] needs to know of a volume.
+#[derive(Clone, Copy, Debug)]
+pub struct Lighting {
+    light: Light,
+    /// From world to voxels.
+    to_voxel: DMat3,
+    lo: f32,
+    scale: f32,
+}
+
+impl Lighting {
+    /// That of `light` in `space`.
+    pub fn new(light: Light, space: &PreparedVolume) -> Self {
+        let wall = space.transfer();
+        let to_voxel = space.volume().grid().to_voxel().matrix3;
+        Self { light, to_voxel, lo: wall.lo(), scale: 1.0 / (wall.hi() - wall.lo()) }
+    }
+
+    /// Brightness of a point whose normal and ray have the cosine `facing`, `distance_mm` from the camera. `value` tells the HU at a
+    /// distance from the point given in voxels, and `gradient` (world) is 0 in a homogeneous region.
+    #[inline(always)]
+    pub fn brightness(&self, facing: f32, distance_mm: f32, gradient: Vec3, value: impl Fn(Vec3) -> f32) -> f32 {
+        let Light { falloff, gloss, contact } = self.light;
+        let mut bright = AMBIENT + DIFFUSE * facing;
+        let arriving = if falloff { arriving(distance_mm) } else { 1.0 };
+        if falloff {
+            bright *= EXPOSURE * arriving;
+        }
+        if gloss {
+            let mut shine = facing;
+            for _ in 0..GLOSS_DOUBLINGS {
+                shine *= shine;
+            }
+            bright += GLOSS * arriving * shine;
+        }
+        let square = gradient.length_squared();
+        if contact && square > 1e-6 {
+            let before = self.to_voxel.as_mat3() * (gradient / -square.sqrt());
+            bright *= 1.0 - CONTACT * ((value(before * CONTACT_MM) - self.lo) * self.scale).clamp(0.0, 1.0);
+        }
+        bright
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+
+    use super::*;
+    use crate::phantom::{Phantom, PhantomSettings, Size};
+    use crate::progress::Progress;
+    use crate::render::{Frame, Preset, Quality, Reuse, Settings, TransferFunction, View, presets, psnr, renderer};
+    use crate::volume::{Grid, Volume};
+
+    #[derive(Deserialize)]
+    struct File {
+        light: Light,
+    }
+
+    #[test]
+    fn a_light_is_a_name_or_parts() {
+        let read = |text: &str| toml::from_str::<File>(text).map(|f| f.light);
+        assert_eq!(read("light = \"endoscope\""), Ok(Light::ENDOSCOPE));
+        assert_eq!(read("light = \"headlight\""), Ok(Light::HEADLIGHT));
+        assert_eq!(read("light = []"), Ok(Light::HEADLIGHT));
+        assert_eq!(read("light = [\"gloss\", \"falloff\"]"), Ok(Light { contact: false, ..Light::ENDOSCOPE }));
+        for bad in ["light = \"sun\"", "light = [\"sun\"]", "light = 3"] {
+            assert!(read(bad).unwrap_err().to_string().contains("\"endoscope\""), "{bad}");
+        }
+    }
+
+    /// A ball of gas of 20 mm around the camera, blurred as a scan is.
+    fn ball() -> PreparedVolume {
+        let grid = Grid::new([64; 3], DVec3::ONE, DVec3::splat(-31.5), DMat3::IDENTITY).unwrap();
+        let value = |n: usize| {
+            let at = DVec3::from_array([n % 64, n / 64 % 64, n / 4096].map(|c| c as f64 - 31.5));
+            (1000.0 / (1.0 + (-2.0 * (at.length() - 20.0)).exp()) - 1000.0) as i16
+        };
+        let volume = Volume::new(grid.clone(), (0..grid.len()).map(value).collect());
+        PreparedVolume::new(Arc::new(volume), TransferFunction::default())
+    }
+
+    /// All of the ball is seen head on, as far away, with nothing near before it.
+    #[test]
+    fn a_ball_has_the_formulas_brightness() {
+        let space = ball();
+        let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 60.0, 64, 64).unwrap();
+        let arriving = arriving(19.7);
+        let parts = Light::HEADLIGHT;
+        for (light, expected) in [
+            (Light { falloff: true, ..parts }, EXPOSURE * arriving),
+            (Light { gloss: true, ..parts }, 1.0 + GLOSS),
+            (Light { contact: true, ..parts }, 1.0),
+            (Light::ENDOSCOPE, (EXPOSURE + GLOSS) * arriving),
+        ] {
+            for quality in [Quality::Reference, Quality::High] {
+                let render = |light| {
+                    let settings = Settings { light, ..Settings::new(quality) };
+                    let mut frame = Frame::default();
+                    renderer(&space, settings, Preset::default(), Reuse::Never).render(&view, &mut frame);
+                    frame.pixels()[32 * 64 + 32].map(f32::from)
+                };
+                let (plain, lit) = (render(parts), render(light));
+                for (plain, lit) in plain.into_iter().zip(lit) {
+                    let expected = (plain * expected).min(255.0);
+                    assert!((lit - expected).abs() < 6.0, "{light:?} {quality:?}: {lit} of {expected}");
+                }
+            }
+        }
+    }
+
+    /// Packets of rays make the pictures that rays one after the other make, and every preset knows the light.
+    #[test]
+    fn every_renderer_has_the_same_light() {
+        let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+        let axis = &phantom.shape().axis;
+        let mut worst = f64::INFINITY;
+        for share in [0.15, 0.4, 0.62, 0.9] {
+            let lumen = axis.frame(axis.length() * share);
+            let view = View::new(lumen.at, lumen.tangent, lumen.normal, 90.0, 150, 150).unwrap();
+            let render = |quality, preset, light| {
+                let mut frame = Frame::default();
+                let settings = Settings { light, ..Settings::new(quality) };
+                renderer(&space, settings, preset, Reuse::Never).render(&view, &mut frame);
+                frame
+            };
+            let reference = render(Quality::Reference, Preset::default(), Light::ENDOSCOPE);
+            for preset in presets::BUILT_IN {
+                let lit = render(Quality::High, preset, Light::ENDOSCOPE);
+                let plain = render(Quality::High, preset, Light::HEADLIGHT);
+                let (db, other) = (psnr(&lit, &reference), psnr(&plain, &reference));
+                println!("{} at {share}: {db:.1} dB; another light {other:.1} dB", preset.name);
+                assert!(other < 25.0, "the light shows");
+                // The volume of 7 + 1 bits is far from the reference in any light.
+                worst = worst.min(if preset.name == "colvis" { f64::INFINITY } else { db });
+            }
+        }
+        assert!(worst > 40.0, "{worst} dB");
+    }
+}
