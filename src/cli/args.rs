@@ -401,7 +401,7 @@ fn command(program: &Program) -> clap::Command {
 /// The window's keys, for the help; nothing where there is no window.
 fn keys(catalog: &Catalog) -> String {
     #[cfg(feature = "window")]
-    let rows = crate::host::window::key_help(&catalog.guides, &catalog.overlays);
+    let rows = crate::host::window::key_help(&catalog.guides, &catalog.overlays).unwrap_or_default();
     #[cfg(not(feature = "window"))]
     let rows: Vec<(String, String)> = {
         let _ = catalog;

@@ -39,5 +39,10 @@ pub fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Ar
     } else {
         explanation.text()
     };
-    print(|out| writeln!(out, "{}", text.trim_end()))
+    print(|out| writeln!(out, "{}", text.trim_end()))?;
+    #[cfg(feature = "window")]
+    if let Some(file) = crate::host::window::settings_file().filter(|_| windowed && !args.json) {
+        print(|out| writeln!(out, "settings of the window:\n  {}", file.display()))?;
+    }
+    Ok(())
 }

@@ -193,17 +193,9 @@ impl Program {
                 return Err(taken(&what, "a command of this program", "another one", "name"));
             }
         }
+        // Two actions on one key would leave one of them without.
         #[cfg(feature = "window")]
-        {
-            let guides = self.catalog.guides.iter().map(|g| (g.key, format!("guide {}", g.name)));
-            let overlays = self.catalog.overlays.iter().map(|o| (o.key, format!("overlay {}", o.name)));
-            for (key, owner) in guides.chain(overlays) {
-                if let Some(key) = key.filter(|k| crate::host::window::is_key_taken(*k)) {
-                    let what = format!("key {:?}", key.to_uppercase().to_string());
-                    return Err(taken(&what, "the window", &owner, "key"));
-                }
-            }
-        }
+        crate::host::window::key_help(&self.catalog.guides, &self.catalog.overlays).map(drop)?;
         Ok(())
     }
 }

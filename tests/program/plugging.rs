@@ -95,7 +95,7 @@ fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
     #[cfg(feature = "window")]
     for taken in [program().guide::<Space>(), program().overlay(overlay("own", Some('H')))] {
         let told = taken.check().unwrap_err().to_string();
-        assert!(told.contains("by the window and by"), "{told}");
+        assert!(told.contains("by the window's ") && told.contains(" and by "), "{told}");
     }
     let own = program()
         .guide::<Fine>()

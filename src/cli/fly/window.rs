@@ -31,6 +31,7 @@ pub fn fly(
     }
     let scene = scene(program, args, global, Screen::Window)?;
     let overlays = overlays(program, args, &scene)?;
+    let guides = scene.guides.clone();
     let acts = args.replay.as_deref().map(read_acts).transpose()?;
     let timings = Arc::new(Mutex::new(Timings::default()));
     let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
@@ -69,6 +70,7 @@ pub fn fly(
         seconds: args.seconds,
         resume: resume(args),
         overlays,
+        guides,
     };
     window::run(display, launch, progress).inspect_err(|e| {
         if !flown.get() {

@@ -3,14 +3,16 @@
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::Path;
+use std::rc::Rc;
 use std::time::{Duration, Instant};
 
 use bevy_ecs::change_detection::Mut;
 
+use super::actions::{Action, Actions, Does, Moment};
 use super::directions::Directions;
 use super::figures::{Figures, angle, detail};
 use super::framebuffer::{Framebuffer, Picturing, Presented};
-use super::keys::{self, Deed, Hands};
+use super::keys::HeldKeys;
 use super::moving::Moving;
 use super::overlay::{Content, Mood, Readings};
 use super::overlays::Overlays;
@@ -56,7 +58,7 @@ pub struct Cockpit {
     /// Until when the flight was simulated; none after a rest.
     simulated: Option<Instant>,
     quiet: u32,
-    hands: Hands,
+    held: HeldKeys,
     sent: ([f64; 3], [f64; 3]),
     look: [f64; 2],
     /// Degrees clockwise that the mouse has rolled the view since the last step.
@@ -76,6 +78,7 @@ pub struct Cockpit {
     /// The guide that has the flight back when the operator gives it.
     last_guide: &'static str,
     overlays: Overlays,
+    actions: Rc<Actions>,
     /// Pixels a point of the window.
     scale: f32,
     /// Whether there is something new to say although the flight rests.
@@ -85,11 +88,17 @@ pub struct Cockpit {
 impl Cockpit {
     /// The operator of `flight`, whose place along the way is `along_mm`.
     ///
-    /// `wake` is called from another thread when an image is ready to be saved.
+    /// The numbers of overlays in `actions` are their places in `overlays`. `wake` is called from another thread when an image is ready to be saved.
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
-    pub fn new(flight: FlightApp, along_mm: f64, wake: WakeUp, overlays: Vec<Overlay>) -> Result<Self> {
+    pub fn new(
+        flight: FlightApp,
+        along_mm: f64,
+        wake: WakeUp,
+        overlays: Vec<Overlay>,
+        actions: Rc<Actions>,
+    ) -> Result<Self> {
         let now = Instant::now();
         let way = Way::new(flight.plan().length_mm, flight.flight().length_mm).at(along_mm);
         let sight = Sight::new(flight.volume().clone(), wake)?;
@@ -102,7 +111,7 @@ impl Cockpit {
             start: now,
             simulated: None,
             quiet: 0,
-            hands: Hands::default(),
+            held: HeldKeys::default(),
             sent: Default::default(),
             look: [0.0; 2],
             roll: 0.0,
@@ -117,6 +126,7 @@ impl Cockpit {
             planning: None,
             last_guide,
             overlays: Overlays::new(overlays),
+            actions,
             scale: 1.0,
             attention: false,
         })
@@ -254,11 +264,11 @@ impl Cockpit {
     }
 
     /// Keys go down or up: what `change` makes of them.
-    pub fn steer(&mut self, change: impl FnOnce(&mut Hands) -> bool, now: Instant) {
-        if !change(&mut self.hands) {
+    pub fn steer(&mut self, change: impl FnOnce(&mut HeldKeys) -> bool, now: Instant) {
+        if !change(&mut self.held) {
             return;
         }
-        let (push, turn) = (self.hands.push(), self.hands.turn());
+        let (push, turn) = (self.held.push(), self.held.turn());
         if push != self.sent.0 {
             self.act(Command::Push(push), now);
         }
@@ -316,49 +326,66 @@ impl Cockpit {
         self.flight.camera().copied().unwrap_or_default()
     }
 
-    /// Does what a key stands for. What concerns the window alone is not for here.
-    pub fn perform(&mut self, deed: Deed, window: (usize, usize), now: Instant) {
-        match deed {
-            Deed::Pause => {
-                let paused = !self.hand().paused;
-                self.act(Command::Pause(paused), now);
-            }
-            Deed::Faster => self.hurry(1.0),
-            Deed::Slower => self.hurry(-1.0),
-            Deed::Guide => {
-                let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
-                let next = if self.is_by_hand() { Some(self.last_guide) } else { by_hand };
-                if let Some(next) = next {
-                    self.hand_over(next, now);
-                }
-            }
-            Deed::HandTo(guide) => self.hand_over(guide, now),
-            Deed::Overlay(n) => self.overlays.switch(n),
-            Deed::Detail => self.switch_detail(now),
-            Deed::Light => self.switch_light(now),
-            Deed::Narrower => self.zoom(1.0),
-            Deed::Wider => self.zoom(-1.0),
-            Deed::UsualAngle => self.change_angle(self.flight.scene().image.fov_degrees, now),
-            Deed::Reverse => {
-                if self.act(Command::Reverse, now) {
-                    self.way.turn_round();
-                    self.say("flying back", now);
-                }
-            }
-            Deed::Next => self.next_segment(now),
-            Deed::OtherEnd => {
-                self.act(Command::OtherEnd, now);
-                self.set_out();
-            }
-            Deed::Screenshot => {
-                self.sight.order_to_save(&self.flight, window);
-                self.say("saving the image", now);
-            }
-            Deed::Help => self.help = !self.help,
-            Deed::Fullscreen | Deed::Quit => {}
+    /// Does what an action stands for, or says why not. What it holds is for [`Cockpit::steer`], and what concerns the window alone
+    /// for the window.
+    pub fn perform(&mut self, action: &Action, at: Moment) {
+        if let Err(why) = (action.possible)(self) {
+            self.say(format!("{}: not while {why}", action.text), at.now);
+            return;
+        }
+        match action.does {
+            Does::Once(act) => act(self, at),
+            Does::HandTo(guide) => self.hand_over(guide, at.now),
+            Does::Overlay(n) => self.overlays.switch(n),
+            Does::Hold(_) | Does::Window(_) | Does::Gesture => return,
         }
         self.attention = true;
         self.figures.touch();
+    }
+
+    /// Stops, or goes on.
+    pub fn switch_pause(&mut self, at: Moment) {
+        let paused = !self.hand().paused;
+        self.act(Command::Pause(paused), at.now);
+    }
+
+    /// Hands over to the operator, or back to the last guide.
+    pub fn switch_guide(&mut self, at: Moment) {
+        let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
+        let next = if self.is_by_hand() { Some(self.last_guide) } else { by_hand };
+        if let Some(next) = next {
+            self.hand_over(next, at.now);
+        }
+    }
+
+    /// Sets the view angle back to what the flight began with.
+    pub fn usual_angle(&mut self, at: Moment) {
+        self.change_angle(self.flight.scene().image.fov_degrees, at.now);
+    }
+
+    /// Turns round and flies back.
+    pub fn reverse(&mut self, at: Moment) {
+        if self.act(Command::Reverse, at.now) {
+            self.way.turn_round();
+            self.say("flying back", at.now);
+        }
+    }
+
+    /// Sets out from the other end.
+    pub fn other_end(&mut self, at: Moment) {
+        self.act(Command::OtherEnd, at.now);
+        self.set_out();
+    }
+
+    /// Saves the image.
+    pub fn take_screenshot(&mut self, at: Moment) {
+        self.sight.order_to_save(&self.flight, at.window);
+        self.say("saving the image", at.now);
+    }
+
+    /// Shows or hides the keys.
+    pub fn switch_help(&mut self, _: Moment) {
+        self.help = !self.help;
     }
 
     /// Hands the flight over to a guide. What it needs of the lumen is built beside the flight, which goes on meanwhile.
@@ -383,11 +410,6 @@ impl Cockpit {
             }
             self.say(format!("guide: {guide}"), now);
         }
-    }
-
-    /// What a key stands for that is a guide's or an overlay's own.
-    pub fn own_deed(&self, key: char) -> Option<Deed> {
-        keys::hand_over(&self.flight.scene().guides, key).or_else(|| self.overlays.deed(key))
     }
 
     /// Whether the operator has the flight and no guide moves the camera.
@@ -418,19 +440,22 @@ impl Cockpit {
         self.figures.touch();
     }
 
-    fn switch_detail(&mut self, now: Instant) {
+    /// Changes between high and low detail.
+    pub fn switch_detail(&mut self, Moment { now, .. }: Moment) {
         if let Some(quality) = self.sight.switch_detail(&mut self.flight) {
             self.say(format!("detail: {}", detail(quality)), now);
         }
     }
 
-    fn switch_light(&mut self, now: Instant) {
+    /// Changes between the endoscope's light and the headlight.
+    pub fn switch_light(&mut self, Moment { now, .. }: Moment) {
         if let Some(light) = self.sight.switch_light(&mut self.flight) {
             self.say(format!("light: {}", light.name()), now);
         }
     }
 
-    fn next_segment(&mut self, now: Instant) {
+    /// Flies the next segment that was not flown yet, or else the next of all.
+    pub fn next_segment(&mut self, Moment { now, .. }: Moment) {
         let count = self.flight.lumen().segments.len();
         // The next that was not flown, or where there is none the next of all.
         let here = self.flight.plan().segment.map_or(0, |n| n + 1);
@@ -591,7 +616,7 @@ impl Cockpit {
             // The length is coarse: digits that it does not have are not shown.
             place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),
-            help: if self.help { keys::help(&self.flight.scene().guides, self.overlays.all()) } else { Vec::new() },
+            help: if self.help { self.actions.help() } else { Vec::new() },
             marks_drawn,
         }
     }

@@ -5,6 +5,8 @@ use glam::{DMat3, DVec3};
 use super::*;
 use crate::app::{ImageSettings, Plan, Scene};
 use crate::fields::lumen;
+use crate::host::window::actions::KeySettings;
+use crate::host::window::keys::Hold;
 use crate::progress::Progress;
 use crate::render::{PreparedVolume, Preset, Quality, Settings, TransferFunction};
 use crate::volume::{Grid, Volume};
@@ -55,7 +57,19 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
 }
 
 fn cockpit(guide: &'static str) -> Cockpit {
-    Cockpit::new(flight(guide), 0.0, Arc::new(|| {}), Vec::new()).unwrap()
+    cockpit_of(flight(guide), 0.0, Vec::new())
+}
+
+/// The operator of `flight`, at `along_mm` of its way.
+fn cockpit_of(flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> Cockpit {
+    let actions = Actions::new(&flight.scene().guides, &overlays, &KeySettings::new()).unwrap();
+    Cockpit::new(flight, along_mm, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
+}
+
+/// Does the action of that name.
+fn perform(c: &mut Cockpit, action: &str, now: Instant) {
+    let actions = Rc::clone(&c.actions);
+    c.perform(actions.named(action).unwrap(), Moment { window: WINDOW, now });
 }
 
 /// Traces the picture that is due, if one is; whether one was.
@@ -101,7 +115,7 @@ fn a_still_scene_is_refined_and_then_left_alone() {
     assert_eq!(fly(&mut c, &mut now, 50), 0);
     assert_eq!((c.flight().clock().tick, c.frames().len()), (ticks, frames), "neither simulated nor traced");
     // A word about something wakes it up to say it, and nothing is traced for that.
-    c.perform(Deed::Help, WINDOW, now);
+    perform(&mut c, "help", now);
     assert!(c.next().is_some_and(|t| t <= now) && !c.readings(now).help.is_empty());
     assert_eq!(fly(&mut c, &mut now, 1), 0);
     // A look does move the picture.
@@ -127,17 +141,17 @@ fn aided_flight_starts_by_itself_and_stops_for_the_operator() {
     fly(&mut c, &mut now, 40);
     assert!(c.flight().pose().position.distance(start) > 2.0);
     assert_eq!(c.readings(now).state, "flying");
-    c.perform(Deed::Pause, WINDOW, now);
+    perform(&mut c, "pause", now);
     fly(&mut c, &mut now, 150);
     assert!(c.rests());
     assert_eq!(c.readings(now).state, "paused");
     // The hand wins over the pause, and never goes through the wall.
-    c.steer(|h| h.press(keys::Hold::Forward), now);
+    c.steer(|h| h.press(Hold::Forward), now);
     fly(&mut c, &mut now, 250);
     let at = c.flight().pose().position;
     assert!(at.cmpge(DVec3::splat(5.0)).all() && at.y <= 76.0, "{at}");
     assert!(c.flight().camera::<crate::components::camera::Contact>().unwrap().clearance_mm >= 1.5 - 1e-6);
-    c.steer(Hands::let_go, now);
+    c.steer(HeldKeys::let_go, now);
     fly(&mut c, &mut now, 150);
     assert!(c.rests());
 }
@@ -147,13 +161,13 @@ fn what_there_is_not_is_said_and_changes_nothing() {
     let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
     fly(&mut c, &mut now, 2);
     let pose = c.flight().pose();
-    c.perform(Deed::OtherEnd, WINDOW, now);
+    perform(&mut c, "other-end", now);
     assert!(c.readings(now).message.is_some_and(|m| m.contains("other end")));
     assert_eq!(c.flight().pose(), pose);
-    c.perform(Deed::Detail, WINDOW, now);
+    perform(&mut c, "detail", now);
     assert_eq!(c.readings(now).message.as_deref(), Some("detail: low"));
     for _ in 0..60 {
-        c.perform(Deed::Faster, WINDOW, now);
+        perform(&mut c, "faster", now);
     }
     fly(&mut c, &mut now, 2);
     assert_eq!(c.hand().speed, 5.0, "there is a limit");
@@ -162,13 +176,13 @@ fn what_there_is_not_is_said_and_changes_nothing() {
 #[test]
 fn it_flies_back_only_where_there_is_a_way_back() {
     let (far, now) = (DVec3::new(-500.0, 8.0, 16.0), Instant::now());
-    let mut c = Cockpit::new(flight_from("path", far), 20.0, Arc::new(|| {}), Vec::new()).unwrap();
+    let mut c = cockpit_of(flight_from("path", far), 20.0, Vec::new());
     let goal = c.flight().plan().goal;
-    c.perform(Deed::Reverse, WINDOW, now);
+    perform(&mut c, "reverse", now);
     assert!(c.readings(now).message.is_some_and(|m| m != "flying back"));
     assert_eq!((c.flight().plan().goal, c.along_mm()), (goal, 20.0));
-    let mut c = Cockpit::new(flight("path"), 20.0, Arc::new(|| {}), Vec::new()).unwrap();
-    c.perform(Deed::Reverse, WINDOW, now);
+    let mut c = cockpit_of(flight("path"), 20.0, Vec::new());
+    perform(&mut c, "reverse", now);
     assert_eq!(c.readings(now).message.as_deref(), Some("flying back"));
     assert_ne!((c.flight().plan().goal, c.along_mm()), (goal, 20.0));
 }
@@ -211,7 +225,7 @@ fn another_view_angle_is_another_picture() {
     let angle = |c: &Cockpit| c.flight().camera::<Picture>().unwrap().fov_degrees;
     let usual = still(&mut c, &mut now);
     assert_eq!(fly(&mut c, &mut now, 5), 0);
-    c.perform(Deed::Narrower, WINDOW, now);
+    perform(&mut c, "narrower", now);
     c.zoom(1.0);
     assert!(fly(&mut c, &mut now, 2) > 0, "it is traced again");
     assert_eq!(angle(&c), 74.4);
@@ -221,7 +235,7 @@ fn another_view_angle_is_another_picture() {
     now += Duration::from_secs(1);
     assert!(c.readings(now).figures.iter().any(|f| f.ends_with("view 74.4°")), "{:?}", c.readings(now).figures);
     // A screenshot that still waits for a better picture is of the angle that was seen.
-    c.perform(Deed::Wider, WINDOW, now);
+    perform(&mut c, "wider", now);
     fly(&mut c, &mut now, 1);
     assert!(c.sight.is_refining(&c.flight));
     c.sight.order_to_save(&c.flight, WINDOW);
@@ -237,7 +251,7 @@ fn another_view_angle_is_another_picture() {
     c.zoom(-1e3);
     fly(&mut c, &mut now, 1);
     assert_eq!(angle(&c), 170.0);
-    c.perform(Deed::UsualAngle, WINDOW, now);
+    perform(&mut c, "usual-angle", now);
     assert_eq!(angle(&c), 90.0);
 }
 
@@ -254,9 +268,9 @@ fn keys_and_mouse_roll_the_view() {
     c.roll(WINDOW.1 as f64 / 6.0, WINDOW);
     assert!(fly(&mut c, &mut now, 2) > 0);
     assert!((rolled(&c) - 30.0).abs() < 1e-6, "{}", rolled(&c));
-    c.steer(|h| h.press(keys::Hold::RollLeft), now);
+    c.steer(|h| h.press(Hold::RollLeft), now);
     fly(&mut c, &mut now, 50);
-    c.steer(Hands::let_go, now);
+    c.steer(HeldKeys::let_go, now);
     fly(&mut c, &mut now, 100);
     assert!(rolled(&c) < -20.0, "a second counter-clockwise: {}", rolled(&c));
     assert!(c.rests());
@@ -279,13 +293,13 @@ fn an_overlay_costs_nothing_while_it_is_hidden() {
         ..Overlay::PLAIN
     };
     let now = Instant::now();
-    let mut c = Cockpit::new(flight("tentacles"), 0.0, Arc::new(|| {}), vec![counted]).unwrap();
+    let mut c = cockpit_of(flight("tentacles"), 0.0, vec![counted]);
     assert!(c.readings(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 0);
     c.scaled(2.0);
-    c.perform(c.own_deed('Z').unwrap(), WINDOW, now);
+    perform(&mut c, "overlay-counted", now);
     let disc = crate::app::overlay::Mark::Disc { centre: [4.0; 2], radius: 4.0, colour: [1, 2, 3] };
     assert_eq!(c.readings(now).marks_drawn, [disc]);
-    c.perform(Deed::Overlay(0), WINDOW, now);
+    perform(&mut c, "overlay-counted", now);
     assert!(c.readings(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 1);
 }
 
@@ -354,7 +368,7 @@ fn a_window_outlives_what_is_plugged_into_it() {
     ];
     for (who, why, change, overlays) in cases {
         let flight = flight_with("tentacles", other_end, change);
-        let mut c = Cockpit::new(flight, 0.0, Arc::new(|| {}), overlays).unwrap();
+        let mut c = cockpit_of(flight, 0.0, overlays);
         let mut now = Instant::now();
         let mut told = String::new();
         for _ in 0..10 {
@@ -364,9 +378,9 @@ fn a_window_outlives_what_is_plugged_into_it() {
         assert!(told.contains(who) && told.contains(why), "{who}: {told}");
         // It goes on: pictures come, and the hand moves the camera.
         let at = c.flight().pose().position;
-        c.steer(|hands| hands.press(keys::Hold::Forward), now);
+        c.steer(|hands| hands.press(Hold::Forward), now);
         assert!(fly(&mut c, &mut now, 40) > 30, "{who}");
-        c.steer(Hands::let_go, now);
+        c.steer(HeldKeys::let_go, now);
         assert!(c.flight().pose().position.distance(at) > 5.0, "{who}");
         assert!(c.image().unwrap().pixels().iter().any(|p| p[0] > 60), "{who}");
         let by_hand = who == "plug-in panicking";
@@ -382,7 +396,7 @@ fn a_slow_plugin_is_among_the_figures() {
     };
     let other_end = DVec3::new(16.0, 8.0, 16.0);
     let flight = flight_with("tentacles", other_end, |s| s.plugins.add(("sleeper", sleeps)).unwrap());
-    let mut c = Cockpit::new(flight, 0.0, Arc::new(|| {}), Vec::new()).unwrap();
+    let mut c = cockpit_of(flight, 0.0, Vec::new());
     let mut now = Instant::now();
     fly(&mut c, &mut now, 20);
     let figures = c.readings(now + Duration::from_secs(1)).figures;

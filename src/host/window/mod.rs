@@ -4,6 +4,7 @@
 //! a window: what the operator does reaches it as [commands](crate::components::input::Command), so that it can be kept
 //! and repeated.
 
+mod actions;
 mod cockpit;
 mod directions;
 mod figures;
@@ -22,6 +23,7 @@ mod saver;
 mod screen;
 mod screenshot;
 mod session;
+mod settings;
 mod shell;
 mod sight;
 mod way;
@@ -38,22 +40,45 @@ use crate::fence::fenced;
 use crate::host::frames::FrameStats;
 use crate::progress::Progress;
 use crate::schedule::Guides;
+use actions::{Actions, KeySettings};
 pub use loading::{Prepare, Ready, SessionFile};
 pub use moving::{Interval, Moving, Side};
 pub use painter::{Marker, pixels_a_point};
 pub use presented::PresentMs;
+use settings::Settings;
 use shell::{Shell, Wake};
 
-/// All keys of the window with what they do, in the order in which its help shows them.
-pub fn key_help(guides: &Guides, overlays: &[Overlay]) -> Vec<(String, String)> {
-    keys::help(guides, overlays)
+/// All keys of the window with what they do, in the order in which its help shows them, as they are without a settings file.
+///
+/// # Errors
+/// Status 2 where two actions have one key.
+pub fn key_help(guides: &Guides, overlays: &[Overlay]) -> Result<Vec<(String, String)>> {
+    Ok(Actions::new(guides, overlays, &KeySettings::new())?.help())
 }
 
-/// Whether a key means something to the window itself.
-pub fn is_key_taken(key: char) -> bool {
-    let text = key.to_string();
-    let pressed = winit::keyboard::Key::Character(text.as_str().into());
-    keys::action(&pressed, |_| None).is_some()
+/// The user's settings of the window, where there is a folder for them.
+pub fn settings_file() -> Option<PathBuf> {
+    settings::file()
+}
+
+/// The actions of a window with the keys that the user's settings file has for them. Where it is damaged, or its keys collide, a line
+/// says so, and the window has the keys that it comes with.
+///
+/// # Errors
+/// Status 2 where two actions have one key without any settings.
+fn actions(guides: &Guides, overlays: &[Overlay]) -> Result<(Actions, Option<Error>)> {
+    let usual = Actions::new(guides, overlays, &KeySettings::new())?;
+    let Some(file) = settings::file() else { return Ok((usual, None)) };
+    let chosen = Settings::read(&file).and_then(|settings| match settings {
+        Some(settings) => Actions::new(guides, overlays, &settings.keys)
+            .map(Some)
+            .map_err(|e| Error { what: format!("{}: {}", file.display(), e.what), ..e }),
+        None => Ok(None),
+    });
+    Ok(match chosen {
+        Ok(chosen) => (chosen.unwrap_or(usual), None),
+        Err(e) => (usual, Some(e)),
+    })
 }
 
 /// How often an interrupt is looked for.
@@ -89,6 +114,8 @@ pub struct Launch {
     pub resume: Resume,
     /// What can be drawn over the picture.
     pub overlays: Vec<Overlay>,
+    /// The guides that can be handed over to: those of the flight's scene.
+    pub guides: Guides,
 }
 
 /// What is taken up from the last time that a scan was open.

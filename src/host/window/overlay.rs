@@ -3,9 +3,10 @@
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Vec2, pos2, vec2};
 
 use super::directions::Directions;
-use super::keys::SHORT_HELP;
 use crate::app::overlay::{Align, Colour, Mark, Place2};
 
+/// One short line of help, shown always.
+const SHORT_HELP: &str = "H keys   Space stop   W A S D fly   drag to look   R back   Q quit";
 /// Shown always.
 const DISCLAIMER: &str = "Research software. Not for diagnosis.";
 const MARGIN: f32 = 10.0;

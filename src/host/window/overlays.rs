@@ -1,6 +1,5 @@
 //! The overlays that a window has, and which of them are shown.
 
-use super::keys::Deed;
 use crate::app::overlay::{Canvas, Mark};
 use crate::app::{FlightApp, Overlay};
 use crate::error::Error;
@@ -19,22 +18,11 @@ impl Overlays {
         Self { all, shown }
     }
 
-    /// All of them.
-    pub fn all(&self) -> &[Overlay] {
-        &self.all
-    }
-
     /// Shows or hides one, by its number.
     pub fn switch(&mut self, number: usize) {
         if let Some(shown) = self.shown.get_mut(number) {
             *shown = !*shown;
         }
-    }
-
-    /// What a key does of which one is the owner.
-    pub fn deed(&self, key: char) -> Option<Deed> {
-        let is = |k: Option<char>| k.is_some_and(|k| k.to_lowercase().eq(key.to_lowercase()));
-        self.all.iter().position(|o| is(o.key)).map(Deed::Overlay)
     }
 
     /// What those draw that are shown, on a screen of `scale` pixels a point. Where none is, nothing is done. One that panics is

@@ -12,9 +12,10 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
 
+use super::actions::{Actions, Does, Moment, WindowRequest};
 use super::cockpit::Cockpit;
 use super::framebuffer::Framebuffer;
-use super::keys::{Action, Deed, action, with_control};
+use super::keys::{Chord, HeldKeys};
 use super::loading::{Loading, Ready};
 use super::overlay::Content;
 use super::painter::{on_bar, pixels_a_point};
@@ -91,6 +92,9 @@ pub struct Shell {
     saveable: WakeUp,
     presented: Presented,
     overlays: Vec<Overlay>,
+    actions: Rc<Actions>,
+    /// What is wrong with the settings file.
+    unsettled: Option<Error>,
     outcome: Result<()>,
 }
 
@@ -100,6 +104,10 @@ impl Shell {
     /// # Errors
     /// Status 1 when the system gives no thread.
     pub fn new(launch: Launch, progress: &Arc<Progress>, proxy: EventLoopProxy<Wake>) -> Result<Self> {
+        let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays)?;
+        if let Some(e) = &unsettled {
+            eprintln!("note: {e}");
+        }
         let done = proxy.clone();
         let loading = Loading::start(launch.prepare, progress, move || {
             // There is nobody to wake when the window is gone.
@@ -130,6 +138,8 @@ impl Shell {
             saveable,
             presented: Presented::default(),
             overlays: launch.overlays,
+            actions: Rc::new(actions),
+            unsettled,
             outcome: Ok(()),
         })
     }
@@ -224,8 +234,11 @@ impl Shell {
             flight.present_to(camera, framebuffer)?;
         }
         let overlays = std::mem::take(&mut self.overlays);
-        let mut cockpit = Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable), overlays)?;
-        if along.is_some() {
+        let mut cockpit =
+            Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
+        if let Some(e) = self.unsettled.take() {
+            cockpit.say(format!("{}: {}", e.what, e.why), Instant::now());
+        } else if along.is_some() {
             cockpit.say("going on where you left (E starts from the end)", Instant::now());
         }
         self.stage = Stage::Flying(Box::new(cockpit));
@@ -235,40 +248,34 @@ impl Shell {
     fn key(&mut self, event: &KeyEvent, events: &ActiveEventLoop) {
         let now = Instant::now();
         let pressed = event.state == ElementState::Pressed;
-        // Ctrl-C and the like are not ours; a key that goes up is let go of in any case.
-        let chord = self.modifiers.intersects(ModifiersState::CONTROL | ModifiersState::ALT | ModifiersState::SUPER);
-        if let (true, true, Some(deed)) = (pressed, self.zooms(), with_control(&event.logical_key)) {
-            let window = self.window_size();
-            if let Stage::Flying(c) = &mut self.stage {
-                c.perform(deed, window, now);
+        // Ctrl-C and the like are not ours.
+        let other = self.modifiers.intersects(ModifiersState::ALT | ModifiersState::SUPER) && !self.controls();
+        let Some(chord) = Chord::of(&event.logical_key, self.controls()) else { return };
+        let actions = Rc::clone(&self.actions);
+        // A key that goes up is let go of in any case, whatever is held beside it.
+        let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
+        let Some(action) = action.filter(|_| !pressed || !other) else { return };
+        let once = pressed && (action.repeats || !event.repeat);
+        match (action.does, &mut self.stage) {
+            (Does::Window(WindowRequest::Quit), _) if pressed => self.quit(events),
+            (Does::Window(WindowRequest::Fullscreen), _) if once => self.switch_fullscreen(),
+            (Does::Window(_) | Does::Gesture, _) => {}
+            (Does::Hold(hold), Stage::Flying(c)) => {
+                c.steer(|held| if pressed { held.press(hold) } else { held.release(hold) }, now);
             }
-            return;
-        }
-        let own = |key| match &self.stage {
-            Stage::Flying(c) => c.own_deed(key),
-            _ => None,
-        };
-        let Some(action) = action(&event.logical_key, own).filter(|_| !pressed || !chord) else { return };
-        let window = self.window_size();
-        match (action, &mut self.stage) {
-            (Action::Do(Deed::Quit), _) if pressed => self.quit(events),
-            (Action::Do(Deed::Fullscreen), _) if pressed && !event.repeat => self.switch_fullscreen(),
-            (Action::Hold(hold), Stage::Flying(c)) => {
-                c.steer(|hands| if pressed { hands.press(hold) } else { hands.release(hold) }, now);
+            (Does::Once(_) | Does::HandTo(_) | Does::Overlay(_), Stage::Flying(c)) if once => {
+                let window = self.window.as_ref().map_or((0, 0), |w| {
+                    let size = w.inner_size();
+                    (size.width as usize, size.height as usize)
+                });
+                c.perform(action, Moment { window, now });
             }
-            // Of what is done once, only speed and view angle go on changing while a key is held.
-            (Action::Do(deed @ (Deed::Faster | Deed::Slower | Deed::Narrower | Deed::Wider)), Stage::Flying(c))
-                if pressed =>
-            {
-                c.perform(deed, window, now);
-            }
-            (Action::Do(deed), Stage::Flying(c)) if pressed && !event.repeat => c.perform(deed, window, now),
-            _ => {}
+            (Does::Hold(_) | Does::Once(_) | Does::HandTo(_) | Does::Overlay(_), _) => {}
         }
     }
 
-    /// Whether the modifier is held that makes the wheel, and the keys of the speed, ones of the view angle.
-    fn zooms(&self) -> bool {
+    /// Whether Ctrl is held (on a Mac also Command): with it the wheel changes the view angle.
+    fn controls(&self) -> bool {
         let control = if cfg!(target_os = "macos") { ModifiersState::SUPER } else { ModifiersState::empty() };
         self.modifiers.intersects(ModifiersState::CONTROL | control) && !self.modifiers.alt_key()
     }
@@ -424,7 +431,7 @@ impl ApplicationHandler<Wake> for Shell {
             WindowEvent::Focused(false) => {
                 self.drag = None;
                 if let Stage::Flying(c) = &mut self.stage {
-                    c.steer(super::keys::Hands::let_go, now);
+                    c.steer(HeldKeys::let_go, now);
                 }
             }
             WindowEvent::MouseInput { button: MouseButton::Right, state, .. } => {
@@ -456,7 +463,7 @@ impl ApplicationHandler<Wake> for Shell {
                     MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
                     MouseScrollDelta::PixelDelta(p) => p.y / NOTCH,
                 };
-                let zooms = self.zooms();
+                let zooms = self.controls();
                 if let Stage::Flying(c) = &mut self.stage {
                     if zooms { c.zoom(notches) } else { c.hurry(notches) }
                 }

@@ -1,0 +1,368 @@
+//! The table of actions: what the operator can do in a window, with which keys, and when. Keys, the help, buttons and their
+//! tooltips are read off it.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use super::cockpit::Cockpit;
+use super::keys::{Chord, Hold};
+use crate::app::Overlay;
+use crate::error::{Error, Result};
+use crate::schedule::Guides;
+
+/// Something that the operator can do.
+#[derive(Clone, Debug)]
+pub struct Action {
+    /// Its name in the settings file.
+    pub id: Cow<'static, str>,
+    /// What it does, in a few words: for a button's tooltip.
+    pub text: Cow<'static, str>,
+    /// The row of the help that it stands in, with others of the same row.
+    row: Cow<'static, str>,
+    /// Its keys.
+    keys: Vec<Chord>,
+    /// The same keys as they come with Shift: one that went down as `,` may go up as `<`.
+    shifted: Vec<Chord>,
+    /// What the mouse does for it.
+    gesture: &'static str,
+    /// Whether it goes on while its key is held.
+    pub repeats: bool,
+    /// Why it is not possible now, if it is not: its button is grey then.
+    pub possible: Possible,
+    /// What it does.
+    pub does: Does,
+}
+
+/// What an action does.
+#[derive(Clone, Copy, Debug)]
+pub enum Does {
+    /// Steers for as long as the key is held.
+    Hold(Hold),
+    /// Changes the flight, or how it is shown.
+    Once(fn(&mut Cockpit, Moment)),
+    /// Hands over to the guide of this name.
+    HandTo(&'static str),
+    /// Shows or hides the overlay of this number.
+    Overlay(usize),
+    /// Something that the window does, whatever it shows.
+    Window(WindowRequest),
+    /// Nothing by a key: the mouse alone does it.
+    Gesture,
+}
+
+/// When and where an action happens.
+#[derive(Clone, Copy, Debug)]
+pub struct Moment {
+    /// Size of the flight's picture, pixels.
+    pub window: (usize, usize),
+    /// Now.
+    pub now: Instant,
+}
+
+/// What is asked of the window itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WindowRequest {
+    /// Fill the screen, or not.
+    Fullscreen,
+    /// End the program.
+    Quit,
+}
+
+/// Keys by the actions' ids, as a settings file has them.
+pub type KeySettings = BTreeMap<String, Vec<String>>;
+
+/// Whether something can be done now; the error says why not.
+pub type Possible = fn(&Cockpit) -> std::result::Result<(), &'static str>;
+
+fn always(_: &Cockpit) -> std::result::Result<(), &'static str> {
+    Ok(())
+}
+
+/// A log that is played goes its own way.
+fn flies_itself(c: &Cockpit) -> std::result::Result<(), &'static str> {
+    if c.flight().scene().play().is_some() { Err("a log is played") } else { Ok(()) }
+}
+
+/// A row of the table.
+struct Row {
+    id: &'static str,
+    text: &'static str,
+    row: &'static str,
+    keys: &'static str,
+    shifted: &'static str,
+    gesture: &'static str,
+    repeats: bool,
+    possible: Possible,
+    does: Does,
+}
+
+const ROW: Row = Row {
+    id: "",
+    text: "",
+    row: "",
+    keys: "",
+    shifted: "",
+    gesture: "",
+    repeats: false,
+    possible: always,
+    does: Does::Gesture,
+};
+
+const fn hold(id: &'static str, text: &'static str, row: &'static str, keys: &'static str, hold: Hold) -> Row {
+    Row { id, text, row, keys, does: Does::Hold(hold), ..ROW }
+}
+
+const fn once(id: &'static str, text: &'static str, keys: &'static str, does: fn(&mut Cockpit, Moment)) -> Row {
+    Row { id, text, row: text, keys, does: Does::Once(does), ..ROW }
+}
+
+/// Every action but those of guides and overlays, in the order of the help. Keys are set apart by spaces.
+const TABLE: &[Row] = &[
+    once("pause", "stop and look around, go on", "Space", Cockpit::switch_pause),
+    hold("forward", "fly forward", "fly forward, back", "W Up", Hold::Forward),
+    hold("back", "fly back", "fly forward, back", "S Down", Hold::Back),
+    hold("left", "fly to the left", "fly to the left, right", "A", Hold::Left),
+    hold("right", "fly to the right", "fly to the left, right", "D", Hold::Right),
+    hold("up", "fly up", "fly up, down", "PageUp", Hold::Up),
+    hold("down", "fly down", "fly up, down", "PageDown", Hold::Down),
+    hold("turn-left", "look to the left", "look around", "Left", Hold::TurnLeft),
+    hold("turn-right", "look to the right", "look around", "Right", Hold::TurnRight),
+    hold("turn-up", "look up", "look around", "Home", Hold::TurnUp),
+    hold("turn-down", "look down", "look around", "End", Hold::TurnDown),
+    Row { id: "look", row: "look around", gesture: "drag", ..ROW },
+    Row { shifted: "< ;", ..hold("roll-left", "roll counter-clockwise", "roll the view", ",", Hold::RollLeft) },
+    Row { shifted: "> :", ..hold("roll-right", "roll clockwise", "roll the view", ".", Hold::RollRight) },
+    Row { id: "roll", row: "roll the view", gesture: "right drag, Shift+drag", ..ROW },
+    Row {
+        row: "view angle: narrower, wider",
+        shifted: "{ Ctrl+=",
+        gesture: "Ctrl+wheel",
+        repeats: true,
+        ..once("narrower", "narrower view angle", "[ Ctrl++", |c, _| c.zoom(1.0))
+    },
+    Row {
+        row: "view angle: narrower, wider",
+        shifted: "} Ctrl+_",
+        repeats: true,
+        ..once("wider", "wider view angle", "] Ctrl+-", |c, _| c.zoom(-1.0))
+    },
+    once("usual-angle", "the view angle of the beginning", "0 Ctrl+0", Cockpit::usual_angle),
+    Row {
+        row: "faster, slower",
+        shifted: "=",
+        gesture: "wheel",
+        repeats: true,
+        ..once("faster", "faster", "+", |c, _| c.hurry(1.0))
+    },
+    Row { row: "faster, slower", shifted: "_", repeats: true, ..once("slower", "slower", "-", |c, _| c.hurry(-1.0)) },
+    Row { possible: flies_itself, ..once("reverse", "turn round and fly back", "R B Backspace", Cockpit::reverse) },
+    Row { possible: flies_itself, ..once("next", "fly the next segment", "N", Cockpit::next_segment) },
+    Row { possible: flies_itself, ..once("other-end", "set out from the other end", "E", Cockpit::other_end) },
+    Row { possible: flies_itself, ..once("guide", "by hand, and back to the guide", "G", Cockpit::switch_guide) },
+    Row {
+        id: "seek",
+        text: "go to a place of the way",
+        row: "go to that place of the way",
+        gesture: "click on the bar",
+        ..ROW
+    },
+    once("detail", "detail: high or low", "L", Cockpit::switch_detail),
+    once("light", "light: endoscope or headlight", "I", Cockpit::switch_light),
+    once("screenshot", "screenshot, and its pose", "P F12", Cockpit::take_screenshot),
+    Row { does: Does::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
+    Row { shifted: "?", ..once("help", "this help", "H", Cockpit::switch_help) },
+    Row { does: Does::Window(WindowRequest::Quit), ..once("quit", "quit", "Q Esc", |_, _| {}) },
+];
+
+/// The guides and overlays have rows of their own after this action's.
+const OWN_AFTER: &str = "guide";
+
+fn chords(keys: &str) -> Vec<Chord> {
+    keys.split_whitespace().filter_map(|k| k.parse().ok()).collect()
+}
+
+impl From<&Row> for Action {
+    fn from(r: &Row) -> Self {
+        Self {
+            id: r.id.into(),
+            text: if r.text.is_empty() { r.row.into() } else { r.text.into() },
+            row: r.row.into(),
+            keys: chords(r.keys),
+            shifted: chords(r.shifted),
+            gesture: r.gesture,
+            repeats: r.repeats,
+            possible: r.possible,
+            does: r.does,
+        }
+    }
+}
+
+impl Action {
+    /// Whose it is, for messages.
+    fn owner(&self) -> String {
+        match self.does {
+            Does::HandTo(guide) => format!("guide {guide}"),
+            Does::Overlay(_) => self.id.replacen('-', " ", 1),
+            _ => format!("the window's {}", self.id),
+        }
+    }
+}
+
+/// All actions of a window.
+#[derive(Clone, Debug)]
+pub struct Actions(Vec<Action>);
+
+impl Actions {
+    /// Those of the window, of `guides` and of `overlays`, with the keys of a settings file in the place of their own.
+    ///
+    /// # Errors
+    /// Status 2 where two actions have one key, or a setting names no action or no key.
+    pub fn new(guides: &Guides, overlays: &[Overlay], settings: &KeySettings) -> Result<Self> {
+        let own = |id: String, text: String, row: String, key: Option<char>, does: Does| Action {
+            id: id.into(),
+            text: text.into(),
+            row: row.into(),
+            keys: key.into_iter().map(Chord::character).collect(),
+            does,
+            ..Action::from(&ROW)
+        };
+        let names: Vec<&str> = guides.iter().filter(|g| g.key.is_some()).map(|g| g.name).collect();
+        let mut all = Vec::new();
+        for row in TABLE {
+            all.push(Action::from(row));
+            if row.id == OWN_AFTER {
+                all.extend(guides.iter().map(|g| {
+                    let text = format!("hand over to the guide {}", g.name);
+                    own(format!("guide-{}", g.name), text, names.join(", "), g.key, Does::HandTo(g.name))
+                }));
+                all.extend(overlays.iter().enumerate().map(|(n, o)| {
+                    let text = o.summary.to_owned();
+                    own(format!("overlay-{}", o.name), text.clone(), text, o.key, Does::Overlay(n))
+                }));
+            }
+        }
+        for (id, keys) in settings {
+            let action = all.iter_mut().find(|a| a.id == *id);
+            let Some(action) = action.filter(|a| !matches!(a.does, Does::Gesture)) else {
+                let why = format!("there is no {id:?}");
+                return Err(Error::usage(
+                    "keys: action",
+                    why,
+                    "see \"Keys in the window\" of colvis --help for what there is",
+                ));
+            };
+            action.keys = keys.iter().map(|k| k.parse()).collect::<Result<_>>()?;
+            action.shifted.clear();
+        }
+        let actions = Self(all);
+        actions.check()?;
+        Ok(actions)
+    }
+
+    /// # Errors
+    /// Status 2 for the first key that two actions have.
+    fn check(&self) -> Result<()> {
+        let owned: Vec<(&Chord, &Action)> =
+            self.0.iter().flat_map(|a| a.keys.iter().chain(&a.shifted).map(move |k| (k, a))).collect();
+        for (n, (key, action)) in owned.iter().enumerate() {
+            if let Some((_, other)) = owned[..n].iter().find(|o| o.0 == *key) {
+                let why = format!("is taken twice: by {} and by {}", other.owner(), action.owner());
+                return Err(Error::usage(format!("key {key}"), why, "give one another key"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The action of a key.
+    pub fn of_key(&self, key: &Chord) -> Option<&Action> {
+        self.0.iter().find(|a| a.keys.contains(key) || a.shifted.contains(key))
+    }
+
+    /// The action of that name.
+    #[cfg(test)]
+    pub fn named(&self, id: &str) -> Option<&Action> {
+        self.0.iter().find(|a| a.id == id)
+    }
+
+    /// All keys with what they do, a row for each thing to be done, in the order of the table.
+    pub fn help(&self) -> Vec<(String, String)> {
+        let mut rows: Vec<(&str, Vec<&Action>)> = Vec::new();
+        for action in &self.0 {
+            match rows.iter_mut().find(|r| r.0 == action.row) {
+                Some((_, all)) => all.push(action),
+                None => rows.push((&action.row, vec![action])),
+            }
+        }
+        let keys = |all: &[&Action]| {
+            // Opposite keys side by side: "W S, Up Down".
+            let most = all.iter().map(|a| a.keys.len()).max().unwrap_or(0);
+            let of =
+                |n: usize| all.iter().filter_map(|a| a.keys.get(n)).map(Chord::to_string).collect::<Vec<_>>().join(" ");
+            let gestures = all.iter().map(|a| a.gesture.to_owned()).filter(|g| !g.is_empty());
+            (0..most).map(of).chain(gestures).collect::<Vec<_>>().join(", ")
+        };
+        rows.iter()
+            .map(|(what, all)| (keys(all), (*what).to_owned()))
+            .filter(|(keys, what)| !keys.is_empty() && !what.is_empty())
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::systems::guides;
+
+    fn actions(settings: &[(&str, &[&str])]) -> Result<Actions> {
+        let settings =
+            settings.iter().map(|(id, keys)| ((*id).to_owned(), keys.iter().map(|k| (*k).to_owned()).collect()));
+        Actions::new(&guides(), &crate::app::Catalog::default().overlays, &settings.collect())
+    }
+
+    #[test]
+    fn every_text_of_the_table_is_read() {
+        for row in TABLE {
+            assert_eq!(chords(row.keys).len(), row.keys.split_whitespace().count(), "{}", row.id);
+            assert_eq!(chords(row.shifted).len(), row.shifted.split_whitespace().count(), "{}", row.id);
+            assert_eq!(TABLE.iter().filter(|r| r.id == row.id).count(), 1, "{}", row.id);
+        }
+    }
+
+    #[test]
+    fn keys_are_found_and_listed() {
+        let all = actions(&[]).unwrap();
+        let id = |key: &str| all.of_key(&key.parse().unwrap()).map(|a| a.id.as_ref());
+        assert_eq!(
+            (id("w"), id("Esc"), id("<"), id("3")),
+            (Some("forward"), Some("quit"), Some("roll-left"), Some("guide-path"))
+        );
+        assert_eq!(
+            (id("Ctrl+0"), id("0"), id("Ctrl+C"), id("ß")),
+            (Some("usual-angle"), Some("usual-angle"), None, None)
+        );
+        let help = all.help();
+        let keys = |what: &str| help.iter().find(|r| r.1 == what).unwrap().0.as_str();
+        assert_eq!(keys("fly forward, back"), "W S, Up Down");
+        assert_eq!(keys("turn round and fly back"), "R, B, Backspace");
+        assert_eq!(keys("tentacles, potential, path, manual"), "1 2 3 4");
+        assert_eq!(keys("look around"), "Left Right Home End, drag");
+    }
+
+    #[test]
+    fn settings_change_keys_and_collisions_are_refused() {
+        let all = actions(&[("reverse", &["Z", "Ctrl+R"]), ("left", &[])]).unwrap();
+        let id = |key: &str| all.of_key(&key.parse().unwrap()).map(|a| a.id.as_ref());
+        assert_eq!((id("z"), id("Ctrl+R"), id("R"), id("A")), (Some("reverse"), Some("reverse"), None, None));
+        for (bad, word) in [
+            (("reverse", &["W"][..]), "forward"),
+            (("reverse", &["Z", "Z"][..]), "reverse"),
+            (("warp", &["Z"][..]), "warp"),
+            (("seek", &["Z"][..]), "seek"),
+            (("reverse", &["Hyper"][..]), "Hyper"),
+        ] {
+            let e = actions(&[bad]).unwrap_err();
+            assert!(e.to_string().contains(word), "{e}");
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! The user's settings of the window: a small TOML file in the platform's folder for configuration.
+//!
+//! ```toml
+//! version = 1
+//! [keys]                       # an action's id, and its keys in the place of its own
+//! reverse = ["Z", "Ctrl+R"]
+//! light = []
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use super::actions::KeySettings;
+use crate::error::{Error, Result};
+
+/// The present form of the file.
+const VERSION: u32 = 1;
+/// No settings of ours are larger, bytes.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// What a user has chosen.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    version: u32,
+    /// Keys by actions.
+    #[serde(default)]
+    pub keys: KeySettings,
+}
+
+impl Settings {
+    /// Reads the file; none where there is none.
+    ///
+    /// # Errors
+    /// Status 3 when it cannot be read, is damaged or is of another version. It is left as it is.
+    pub fn read(path: &Path) -> Result<Option<Self>> {
+        let wrong = |why: String| {
+            Error::input(path.display().to_string(), why, "mend it or move it away; the defaults are taken until then")
+        };
+        match path.metadata() {
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(wrong(e.to_string())),
+            Ok(m) if m.len() > MOST_BYTES => return Err(wrong("is no settings file: it is too large".to_owned())),
+            Ok(_) => {}
+        }
+        let text = std::fs::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
+        let settings: Self = toml::from_str(&text).map_err(|e| {
+            let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+            wrong(format!("line {line}: {}", e.message().lines().next().unwrap_or_default()))
+        })?;
+        if settings.version == VERSION {
+            Ok(Some(settings))
+        } else {
+            Err(wrong(format!("is of version {}, this program knows {VERSION}", settings.version)))
+        }
+    }
+}
+
+/// The settings file; none on a system that names no folder for it.
+pub fn file() -> Option<PathBuf> {
+    folder(|name| std::env::var_os(name).map(PathBuf::from)).map(|f| f.join("colvis").join("settings.toml"))
+}
+
+/// The platform's folder for configuration, from its environment. A relative path in it is to be ignored.
+fn folder(variable: impl Fn(&str) -> Option<PathBuf>) -> Option<PathBuf> {
+    let absolute = |name: &str| variable(name).filter(|p| p.is_absolute());
+    let home = |rest: &str| absolute("HOME").map(|h| h.join(rest));
+    if cfg!(windows) {
+        absolute("APPDATA")
+    } else if cfg!(target_os = "macos") {
+        absolute("XDG_CONFIG_HOME").or_else(|| home("Library/Application Support"))
+    } else {
+        absolute("XDG_CONFIG_HOME").or_else(|| home(".config"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_settings_file_is_told_and_left_as_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("settings.toml");
+        assert!(Settings::read(&path).unwrap().is_none());
+        std::fs::write(&path, "version = 1\n[keys]\nreverse = [\"Z\"]\n").unwrap();
+        let read = Settings::read(&path).unwrap().unwrap();
+        assert_eq!(read.keys["reverse"], ["Z"]);
+        for (text, word) in [
+            ("version = 2", "version 2"),
+            ("", "version"),
+            ("version = 1\n[keys]\nreverse = 3", "line 3"),
+            ("version = 1\ncolour = 1", "colour"),
+            ("\u{0}\u{1}", "line 1"),
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let e = Settings::read(&path).unwrap_err();
+            assert!(e.to_string().contains(word) && !e.to_string().contains('\n'), "{e}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        }
+        std::fs::write(&path, [0xff, 0xfe]).unwrap();
+        assert!(Settings::read(&path).is_err());
+        assert!(Settings::read(dir.path()).is_err(), "a folder");
+    }
+}
