@@ -43,6 +43,7 @@ pub mod sampler;
 pub mod shaders;
 pub mod single;
 pub mod skip;
+pub mod slice;
 pub mod transfer;
 
 #[cfg(test)]

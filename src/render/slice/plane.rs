@@ -1,0 +1,103 @@
+//! The planes that radiologists read, and the letters at an image's edges.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+/// Within this angle of the patient's long axis a normal leaves no superior direction in its plane: radians.
+const AXIAL: f64 = PI / 180.0;
+/// A second letter is told from this component of a direction on: about 6°.
+const SECOND_LETTER: f64 = 0.1;
+
+/// Which plane to cut along, and so from where it is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub enum SlicePlane {
+    /// Across the body, seen from the feet: the patient's left on the right, posterior below.
+    #[default]
+    Axial,
+    /// Along the body, seen from the front: the patient's left on the right, superior on top.
+    Coronal,
+    /// Along the body, seen from the patient's left: anterior on the left, superior on top.
+    Sagittal,
+    /// Across this normal (world LPS, of any length but 0), seen against it: superior on top, or anterior where the normal is
+    /// within 1° of the patient's long axis.
+    Oblique(DVec3),
+}
+
+impl SlicePlane {
+    /// The image's axes in the world.
+    ///
+    /// # Errors
+    /// Says in a few words what is wrong with an oblique plane's normal: it is zero or not finite.
+    pub fn frame(self) -> Result<PlaneFrame, String> {
+        let normal = match self {
+            Self::Axial => DVec3::NEG_Z,
+            Self::Coronal => DVec3::NEG_Y,
+            Self::Sagittal => DVec3::X,
+            Self::Oblique(normal) => {
+                if !normal.is_finite() {
+                    return Err(format!("the normal {normal} is not finite"));
+                }
+                if normal == DVec3::ZERO {
+                    return Err("the normal 0,0,0 has no direction".to_owned());
+                }
+                // Twice, so that neither denormal nor huge components lose the direction.
+                let normal = normal / normal.abs().max_element();
+                (normal / normal.abs().max_element()).normalize()
+            }
+        };
+        Ok(PlaneFrame::facing(normal))
+    }
+}
+
+/// The axes of an image: orthogonal unit vectors in the world (LPS), with right × down = −normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlaneFrame {
+    right: DVec3,
+    down: DVec3,
+    normal: DVec3,
+}
+
+impl PlaneFrame {
+    /// The plane across a unit normal, seen against it.
+    fn facing(normal: DVec3) -> Self {
+        let tilt = normal.x.hypot(normal.y).atan2(normal.z.abs());
+        let top = if tilt <= AXIAL { DVec3::NEG_Y } else { DVec3::Z };
+        // The viewer looks along −normal; right = forward × up.
+        let right = top.cross(normal).normalize();
+        let down = right.cross(normal).normalize();
+        // Without negative zeros, which would show in texts.
+        Self { right: right + 0.0, down: down + 0.0, normal: normal + 0.0 }
+    }
+
+    /// To the image's right.
+    pub fn right(&self) -> DVec3 {
+        self.right
+    }
+
+    /// Down the image.
+    pub fn down(&self) -> DVec3 {
+        self.down
+    }
+
+    /// Out of the image, at the viewer.
+    pub fn normal(&self) -> DVec3 {
+        self.normal
+    }
+
+    /// Where the image's edges lie in the patient: the left, right, top and bottom one, as [`letters`].
+    pub fn edges(&self) -> [String; 4] {
+        [-self.right, self.right, -self.down, self.down].map(letters)
+    }
+}
+
+/// Where a direction (world LPS) points in the patient: `R` right, `L` left, `A` anterior, `P` posterior, `I` inferior, `S`
+/// superior; of an oblique one the two nearest, the nearer first.
+pub fn letters(direction: DVec3) -> String {
+    let d = direction.normalize_or_zero();
+    let mut named = [(d.x, ['L', 'R']), (d.y, ['P', 'A']), (d.z, ['S', 'I'])];
+    // A stable order: of two components as large the first one stays first.
+    named.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+    let told = named.iter().take(2).filter(|(c, _)| c.abs() >= SECOND_LETTER);
+    told.map(|(c, [plus, minus])| if *c > 0.0 { *plus } else { *minus }).collect()
+}
