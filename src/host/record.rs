@@ -77,7 +77,7 @@ impl Recording {
         if !self.marks.is_empty() {
             let (marker, marked) = self.marked.get_or_insert_default();
             marked.show(picture);
-            marker.paint(std::mem::take(&mut self.marks), marked);
+            marker.paint(&std::mem::take(&mut self.marks), marked);
             return self.recorder.add(marked);
         }
         self.recorder.add(picture)

@@ -11,11 +11,12 @@ use bevy_ecs::change_detection::Mut;
 use super::actions::{Action, Actions, Does, Moment};
 use super::directions::Directions;
 use super::figures::{Figures, angle, detail};
-use super::framebuffer::{Framebuffer, Picturing, Presented};
+use super::framebuffer::{Framebuffer, Presented};
 use super::keys::HeldKeys;
 use super::moving::Moving;
-use super::overlay::{Content, Mood, Readings};
+use super::overlay::{Mood, Readings};
 use super::overlays::Overlays;
+use super::panels::Request;
 use super::planning::Planning;
 use super::saver::{Traced, WakeUp};
 use super::screenshot;
@@ -32,6 +33,7 @@ use crate::components::play::Playback;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
+#[cfg(test)]
 use crate::render::Frame;
 use crate::systems::present;
 
@@ -88,7 +90,8 @@ pub struct Cockpit {
 impl Cockpit {
     /// The operator of `flight`, whose place along the way is `along_mm`.
     ///
-    /// The numbers of overlays in `actions` are their places in `overlays`. `wake` is called from another thread when an image is ready to be saved.
+    /// The numbers of overlays in `actions` are their places in `overlays`. `wake` is called from another thread when an image is
+    /// ready to be saved.
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
@@ -168,20 +171,17 @@ impl Cockpit {
     }
 
     /// The image as it was last traced.
+    #[cfg(test)]
     pub fn image(&self) -> Option<&Frame> {
         self.sight.image(&self.flight)
     }
 
-    /// Traces the picture that is due, and presents it with `content` over it; with none due, presents the last one again. What
-    /// came of the presentation, if there is a window.
+    /// Traces the picture that is due, and presents it; with none due, presents the last one again. What came of the presentation, if
+    /// there is a window that was [prepared](Framebuffer::prepare) for it.
     ///
     /// # Errors
     /// Status 1 when a frame cannot be made or shown.
-    pub fn show(&mut self, due: Option<Due>, content: Content) -> Result<Option<Presented>> {
-        let below = if due.is_some() || self.image().is_some() { Picturing::Picture } else { Picturing::Nothing };
-        if let Some(mut framebuffer) = self.framebuffer() {
-            framebuffer.prepare(content, below);
-        }
+    pub fn show(&mut self, due: Option<Due>) -> Result<Option<Presented>> {
         match &due {
             Some(_) => {
                 if let Err(e) = self.flight.frame_of_due() {
@@ -199,7 +199,8 @@ impl Cockpit {
         Ok(presented)
     }
 
-    fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
+    /// The window's framebuffer, if there is one.
+    pub fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
         let camera = self.flight.app().camera_id();
         present::presenter(self.flight.app_mut(), camera)
     }
@@ -276,6 +277,17 @@ impl Cockpit {
             self.act(Command::Turn(turn), now);
         }
         self.sent = (push, turn);
+    }
+
+    /// Does what a panel asks for.
+    pub fn follow(&mut self, request: &Request, at: Moment) {
+        match *request {
+            Request::Look([right, down]) => self.drag((right, down), at.window),
+            Request::Roll(right) => self.roll(right, at.window),
+            Request::Zoom(notches) => self.zoom(notches),
+            Request::Hurry(notches) => self.hurry(notches),
+            Request::Seek(share) => self.seek(share, at.now),
+        }
     }
 
     /// The mouse was dragged by so many pixels to the right and downwards in a window of the given size.

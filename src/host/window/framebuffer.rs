@@ -2,35 +2,27 @@
 
 use std::num::NonZeroU32;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::Instant;
 
 use winit::event_loop::ActiveEventLoop;
 use winit::window::{Window, WindowAttributes};
 
-use super::overlay::Content;
+use super::interface::Layout;
+use super::layer::Placed;
 use super::painter::Painter;
 use super::screen::Screen;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::render::Frame;
 use crate::systems::present::Presenter;
 
 /// A window's pixels.
 pub struct Framebuffer {
     screen: Screen,
     painter: Painter,
-    /// What is to lie over the next picture that is presented; none while nothing is to be shown.
-    next: Option<(Content, Picturing, Instant)>,
+    /// Where the next picture that is presented lies, and since when it is waited for; none while nothing is to be shown.
+    next: Option<((usize, usize), Instant)>,
     presented: Option<Result<Presented>>,
-}
-
-/// What is shown below what there is to say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Picturing {
-    /// The picture.
-    Picture,
-    /// Nothing: there is none yet.
-    Nothing,
 }
 
 /// What came of a presentation.
@@ -58,9 +50,20 @@ impl Framebuffer {
         Rc::clone(&self.screen.window)
     }
 
-    /// Has `content` over the picture that is presented next.
-    pub fn prepare(&mut self, content: Content, below: Picturing) {
-        self.next = Some((content, below, Instant::now()));
+    /// Has `layout` over the picture that is presented next, whose left upper corner lies `at` a pixel of the window. Each layout is
+    /// to be given here or to [`Framebuffer::show_alone`], in their order.
+    pub fn prepare(&mut self, layout: &Arc<Layout>, at: (usize, usize)) {
+        self.painter.prepare(layout);
+        self.next = Some((at, Instant::now()));
+    }
+
+    /// Shows a layout with no picture below.
+    ///
+    /// # Errors
+    /// Status 1 when the window system refuses.
+    pub fn show_alone(&mut self, layout: &Arc<Layout>) -> Result<Presented> {
+        self.painter.prepare(layout);
+        self.show(&[])
     }
 
     /// What came of the last presentation; none if there was none.
@@ -68,11 +71,8 @@ impl Framebuffer {
         self.presented.take()
     }
 
-    /// Shows `content` over `image`. A window without pixels shows nothing.
-    ///
-    /// # Errors
-    /// Status 1 when the window system refuses.
-    pub fn show(&mut self, image: Option<&Frame>, content: &Content) -> Result<Presented> {
+    /// Shows the layout over `pictures`. A window without pixels shows nothing.
+    fn show(&mut self, pictures: &[Placed<'_>]) -> Result<Presented> {
         let begun = Instant::now();
         let size = self.screen.window.inner_size();
         let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
@@ -80,10 +80,9 @@ impl Framebuffer {
         };
         let mut show = || {
             self.screen.surface.resize(width, height)?;
-            let scale = self.screen.window.scale_factor() as f32;
             let mut buffer = self.screen.surface.buffer_mut()?;
             let pixels = (size.width as usize, size.height as usize);
-            let settled = self.painter.paint(pixels, scale, image, content, &mut buffer);
+            let settled = self.painter.paint(pixels, pictures, &mut buffer);
             self.screen.window.pre_present_notify();
             buffer.present().map(|()| settled)
         };
@@ -99,10 +98,10 @@ impl Presenter for Framebuffer {
     }
 
     fn present(&mut self, picture: &Picture) {
-        if let Some((content, below, since)) = self.next.take() {
+        if let Some((at, since)) = self.next.take() {
             let traced_ms = since.elapsed().as_secs_f64() * 1e3;
-            let image = (below == Picturing::Picture).then_some(&picture.frame);
-            self.presented = Some(self.show(image, &content).map(|p| Presented { traced_ms, ..p }));
+            let shown = self.show(&[Placed { at, frame: &picture.frame }]);
+            self.presented = Some(shown.map(|p| Presented { traced_ms, ..p }));
         }
     }
 }

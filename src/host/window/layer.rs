@@ -92,21 +92,41 @@ fn blend(under: u32, over: u32) -> u32 {
     (over & 0x00ff_ffff) + red_blue + ((green & 0xff) << 8)
 }
 
-/// Fills `out`, `0x00RRGGBB` and `width` pixels a row, with `image` (black where there is none of that size) and the layer
-/// over it.
-pub fn compose(image: Option<&Frame>, layer: &Layer, out: &mut [u32], width: usize) {
+/// A picture in a window.
+#[derive(Clone, Copy)]
+pub struct Placed<'a> {
+    /// Its left upper corner, pixels.
+    pub at: (usize, usize),
+    /// The picture.
+    pub frame: &'a Frame,
+}
+
+impl Placed<'_> {
+    /// Its row `y` of the window; none beside it.
+    fn row(&self, y: usize) -> Option<&[[u8; 3]]> {
+        let row = y.checked_sub(self.at.1).filter(|&r| r < self.frame.height())?;
+        self.frame.pixels().get(row * self.frame.width()..(row + 1) * self.frame.width())
+    }
+}
+
+/// Fills `out`, `0x00RRGGBB` and `width` pixels a row, with the `pictures`, black beside them, and the layer over them.
+pub fn compose(pictures: &[Placed<'_>], layer: &Layer, out: &mut [u32], width: usize) {
     if width == 0 {
         return;
     }
-    let height = out.len() / width;
-    let image = image.filter(|i| (i.width(), i.height()) == (width, height));
     out.par_chunks_mut(ROWS * width).enumerate().for_each(|(band, out)| {
-        match image {
-            Some(image) => copy(&image.pixels()[band * ROWS * width..][..out.len()], out),
-            None => out.fill(0),
-        }
         for (n, row) in out.chunks_exact_mut(width).enumerate() {
-            layer.cover(band * ROWS + n, row);
+            let y = band * ROWS + n;
+            if !pictures.iter().any(|p| p.at.0 == 0 && p.row(y).is_some_and(|r| r.len() >= width)) {
+                row.fill(0);
+            }
+            for picture in pictures {
+                if let (Some(pixels), Some(out)) = (picture.row(y), row.get_mut(picture.at.0..)) {
+                    let shown = pixels.len().min(out.len());
+                    copy(&pixels[..shown], &mut out[..shown]);
+                }
+            }
+            layer.cover(y, row);
         }
     });
 }
@@ -157,7 +177,7 @@ mod tests {
         let layer = Layer::of(&canvas, 40);
         assert_eq!(layer.pixels.len(), 5);
         let mut out = vec![9; 40 * 70];
-        compose(None, &layer, &mut out, 40);
+        compose(&[], &layer, &mut out, 40);
         for (n, &p) in out.iter().enumerate() {
             let expected = match n {
                 1325..1329 => 0x001e_140a,
@@ -166,7 +186,34 @@ mod tests {
             };
             assert_eq!(p, expected, "{n}");
         }
-        compose(None, &layer, &mut [], 0);
+        compose(&[], &layer, &mut [], 0);
+    }
+
+    #[test]
+    fn pictures_lie_where_they_are_placed() {
+        let colour = |c: u8| {
+            let mut frame = Frame::new(5, 4);
+            frame.buffers().0.fill([c, 0, 1]);
+            frame
+        };
+        let (a, b) = (colour(1), colour(2));
+        for (left, top) in [(0, 0), (3, 2), (8, 5), (9, 0), (40, 40)] {
+            let mut out = vec![9; 12 * 7];
+            let placed = [Placed { at: (left, top), frame: &a }, Placed { at: (6, 3), frame: &b }];
+            compose(&placed, &Layer::default(), &mut out, 12);
+            for (n, &p) in out.iter().enumerate() {
+                let (x, y) = (n % 12, n / 12);
+                let on = |at: (usize, usize)| (at.0..at.0 + 5).contains(&x) && (at.1..at.1 + 4).contains(&y);
+                let expected = if on((6, 3)) {
+                    0x0002_0001
+                } else if on((left, top)) {
+                    0x0001_0001
+                } else {
+                    0
+                };
+                assert_eq!(p, expected, "{left} {top}: {x} {y}");
+            }
+        }
     }
 
     #[test]

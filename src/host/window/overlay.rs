@@ -55,8 +55,6 @@ pub enum Content {
     },
     /// The flight.
     Flight(Box<Readings>),
-    /// What overlays have drawn, and nothing else.
-    Marks(Vec<Mark>),
 }
 
 /// What is known of a flight at a moment, as it is shown.
@@ -84,16 +82,6 @@ pub struct Readings {
     pub help: Vec<(String, String)>,
     /// What overlays have drawn.
     pub marks_drawn: Vec<Mark>,
-}
-
-/// Draws `content` over an area given in points.
-pub fn draw(p: &Painter, area: Rect, content: &Content) {
-    match content {
-        Content::Loading { stage, share } => loading(p, area, stage, *share),
-        Content::Failed { text } => failed(p, area, text),
-        Content::Flight(readings) => flight(p, area, readings),
-        Content::Marks(marks) => drawn(p, marks),
-    }
 }
 
 /// Where the bar for the way is, in an area given in points.
@@ -141,7 +129,8 @@ fn lines(p: &Painter, at: Pos2, align: Align2, wrap: f32, list: &[(&str, f32, Co
     rect
 }
 
-fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
+/// How far the loading has come, over an area given in points.
+pub fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
     let centre = area.center();
     let stage = if stage.is_empty() { "starting" } else { stage };
     let percent = share.map_or_else(String::new, |s| format!("   {:.0} %", s * 100.0));
@@ -156,7 +145,8 @@ fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
     text(p, area.center_bottom() - vec2(0.0, MARGIN), Align2::CENTER_BOTTOM, DISCLAIMER, TEXT, SOFT);
 }
 
-fn failed(p: &Painter, area: Rect, why: &str) {
+/// Why a scan cannot be flown.
+pub fn failed(p: &Painter, area: Rect, why: &str) {
     let wrap = (area.width() * 0.85 - 16.0).min(720.0);
     let list = [
         ("This scan cannot be flown.", 20.0, Mood::Calling.colour()),
@@ -200,10 +190,10 @@ fn tamed(mark: &Mark) -> Option<Mark> {
     })
 }
 
-/// What overlays have drawn, in pixels of the window.
-fn drawn(p: &Painter, marks: &[Mark]) {
+/// What overlays have drawn, in pixels of a picture that lies over an area given in points.
+pub fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
     let scale = p.ctx().pixels_per_point();
-    let at = |[x, y]: Place2| pos2(x / scale, y / scale);
+    let at = |[x, y]: Place2| area.min + vec2(x, y) / scale;
     let ink = |[r, g, b]: Colour| Color32::from_rgb(r, g, b);
     for mark in marks.iter().filter_map(tamed) {
         match &mark {
@@ -233,8 +223,9 @@ fn drawn(p: &Painter, marks: &[Mark]) {
     }
 }
 
-fn flight(p: &Painter, area: Rect, r: &Readings) {
-    drawn(p, &r.marks_drawn);
+/// What there is to say of a flight, over its picture in an area given in points.
+pub fn flight(p: &Painter, area: Rect, r: &Readings) {
+    marks(p, area, &r.marks_drawn);
     let inner = area.shrink(MARGIN);
     // A small window shows the bar and the directions first, and leaves out what takes room.
     let roomy = inner.width() > 380.0 && inner.height() > 260.0;

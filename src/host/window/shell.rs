@@ -5,9 +5,10 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use egui::{LayerId, ViewportId};
 use winit::application::ApplicationHandler;
-use winit::dpi::{LogicalSize, PhysicalPosition, PhysicalSize, Size};
-use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, StartCause, WindowEvent};
+use winit::dpi::{LogicalSize, PhysicalSize, Size};
+use winit::event::{ElementState, KeyEvent, StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::keyboard::ModifiersState;
 use winit::window::{Fullscreen, Window, WindowId};
@@ -15,10 +16,12 @@ use winit::window::{Fullscreen, Window, WindowId};
 use super::actions::{Actions, Does, Moment, WindowRequest};
 use super::cockpit::Cockpit;
 use super::framebuffer::Framebuffer;
+use super::interface::{Interface, WindowSize};
 use super::keys::{Chord, HeldKeys};
 use super::loading::{Loading, Ready};
-use super::overlay::Content;
-use super::painter::{on_bar, pixels_a_point};
+use super::overlay::{self, Content};
+use super::panels::flight::FlightPanel;
+use super::panels::{Context, Panel, Requests};
 use super::presented::Presented;
 use super::saver::WakeUp;
 use super::session::Session;
@@ -33,8 +36,6 @@ use crate::render::adaptive::FRAME;
 const LOADING: Duration = Duration::from_millis(60);
 /// Size of a window where none is asked for, in points.
 const USUAL: LogicalSize<f64> = LogicalSize::new(1024.0, 768.0);
-/// Pixels of a smooth scroll that count as a notch.
-const NOTCH: f64 = 40.0;
 
 /// What wakes the event loop from other threads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,15 +46,6 @@ pub enum Wake {
     Saveable,
     /// The user has interrupted the program.
     Interrupted,
-}
-
-/// What a mouse does that is dragged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Drag {
-    /// Looks around.
-    Look,
-    /// Rolls the view.
-    Roll,
 }
 
 enum Stage {
@@ -70,8 +62,18 @@ pub struct Shell {
     window: Option<Rc<Window>>,
     /// The window's pixels, until there is a flight that presents its pictures there.
     framebuffer: Option<Framebuffer>,
-    /// What the picture shows: painted again only when it differs.
-    painted: Option<Content>,
+    /// What the layout shows, and the window that it is for: laid out again when it differs.
+    laid_out: Option<(Content, WindowSize)>,
+    interface: Interface,
+    /// The window's events for the interface.
+    input: Option<egui_winit::State>,
+    /// Whether something has happened that the interface may answer.
+    touched: bool,
+    flight_panel: FlightPanel,
+    /// Where the flight's picture lies in the window, pixels: left, top, width, height.
+    flight_at: [usize; 4],
+    /// The layout that is shown, by its number.
+    painted: Option<u64>,
     /// Whether what lies over the picture is what is to.
     settled: bool,
     /// When the next picture is due at the earliest.
@@ -79,8 +81,6 @@ pub struct Shell {
     /// Whether the program itself asked for the next picture.
     asked: bool,
     modifiers: ModifiersState,
-    cursor: Option<PhysicalPosition<f64>>,
-    drag: Option<Drag>,
     log_path: Option<PathBuf>,
     log: Option<Log>,
     seconds: Option<f64>,
@@ -120,13 +120,17 @@ impl Shell {
             stage: Stage::Loading(loading),
             window: None,
             framebuffer: None,
+            laid_out: None,
+            interface: Interface::new(),
+            input: None,
+            touched: false,
+            flight_panel: FlightPanel::default(),
+            flight_at: [0; 4],
             painted: None,
             settled: true,
             due: Instant::now(),
             asked: false,
             modifiers: ModifiersState::empty(),
-            cursor: None,
-            drag: None,
             log_path: launch.log,
             log: None,
             seconds: launch.seconds,
@@ -186,17 +190,17 @@ impl Shell {
         events.exit();
     }
 
-    /// The window's size in pixels.
-    fn window_size(&self) -> (usize, usize) {
-        self.window.as_ref().map_or((0, 0), |window| {
+    /// The window's size; no pixels where there is no window.
+    fn window_size(&self) -> WindowSize {
+        self.window.as_ref().map_or(WindowSize { pixels: (0, 0), scale: 1.0 }, |window| {
             let size = window.inner_size();
-            (size.width as usize, size.height as usize)
+            WindowSize { pixels: (size.width as usize, size.height as usize), scale: window.scale_factor() as f32 }
         })
     }
 
-    /// Pixels of the window that the system counts as a point.
-    fn scale(&self) -> f32 {
-        self.window.as_ref().map_or(1.0, |w| w.scale_factor() as f32)
+    /// Now, in the flight's picture.
+    fn moment(&self, now: Instant) -> Moment {
+        Moment { window: (self.flight_at[2], self.flight_at[3]), now }
     }
 
     /// The loading is over: takes off, or shows why not.
@@ -256,6 +260,7 @@ impl Shell {
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
         let Some(action) = action.filter(|_| !pressed || !other) else { return };
         let once = pressed && (action.repeats || !event.repeat);
+        let moment = self.moment(now);
         match (action.does, &mut self.stage) {
             (Does::Window(WindowRequest::Quit), _) if pressed => self.quit(events),
             (Does::Window(WindowRequest::Fullscreen), _) if once => self.switch_fullscreen(),
@@ -264,11 +269,7 @@ impl Shell {
                 c.steer(|held| if pressed { held.press(hold) } else { held.release(hold) }, now);
             }
             (Does::Once(_) | Does::HandTo(_) | Does::Overlay(_), Stage::Flying(c)) if once => {
-                let window = self.window.as_ref().map_or((0, 0), |w| {
-                    let size = w.inner_size();
-                    (size.width as usize, size.height as usize)
-                });
-                c.perform(action, Moment { window, now });
+                c.perform(action, moment);
             }
             (Does::Hold(_) | Does::Once(_) | Does::HandTo(_) | Does::Overlay(_), _) => {}
         }
@@ -296,48 +297,90 @@ impl Shell {
         }
     }
 
-    /// Flies on to now, and shows the picture if it differs from the one that is shown, or if `anew`.
-    fn picture(&mut self, anew: bool) -> Result<()> {
-        let now = Instant::now();
-        let (size, scale) = (self.window_size(), self.scale());
-        let mut due = None;
+    /// Lays the interface out where something that it shows may have changed, and follows what is asked for in it.
+    fn lay_out(&mut self, now: Instant) {
+        let size = self.window_size();
         let content = match &mut self.stage {
             Stage::Loading(loading) => loading.content(),
             Stage::Failed(e) => Content::Failed { text: e.to_string() },
+            Stage::Flying(cockpit) => {
+                cockpit.scaled(size.pixels_a_point());
+                Content::Flight(Box::new(cockpit.readings(now)))
+            }
+            Stage::Over => return,
+        };
+        let touched = std::mem::take(&mut self.touched) || self.interface.next().is_some_and(|t| t <= now);
+        if !touched && self.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
+            return;
+        }
+        let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return };
+        let (stage, panel, mut requests) = (&self.stage, &mut self.flight_panel, Requests::default());
+        let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
+            let area = ui.ctx().content_rect();
+            match (&content, stage) {
+                (Content::Flight(readings), Stage::Flying(cockpit)) => {
+                    panel.ui(&Context { flight: cockpit.flight(), readings }, ui, &mut requests);
+                }
+                (Content::Failed { text }, _) => overlay::failed(&background(ui), area, text),
+                (Content::Loading { stage, share }, _) => overlay::loading(&background(ui), area, stage, *share),
+                (Content::Flight(_), _) => {}
+            }
+            requests.flight_at().into_iter().collect()
+        });
+        input.handle_platform_output(window, output);
+        self.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
+        self.laid_out = Some((content, size));
+        let moment = self.moment(now);
+        if let Stage::Flying(cockpit) = &mut self.stage {
+            for request in requests.take() {
+                cockpit.follow(&request, moment);
+            }
+        }
+    }
+
+    /// Flies on to now, and shows the picture if it differs from the one that is shown, or if `anew`.
+    fn picture(&mut self, anew: bool) -> Result<()> {
+        let now = Instant::now();
+        self.lay_out(now);
+        let [left, top, width, height] = self.flight_at;
+        let mut due = None;
+        match &mut self.stage {
             Stage::Flying(cockpit) => {
                 cockpit.advance(now)?;
                 if let Some(log) = &mut self.log {
                     log.add(cockpit.flight_mut().take_log())?;
                 }
-                due = cockpit.prepare(size, now)?;
-                cockpit.scaled(pixels_a_point(size, scale));
-                Content::Flight(Box::new(cockpit.readings(now)))
+                due = cockpit.prepare((width, height), now)?;
             }
+            Stage::Loading(_) | Stage::Failed(_) => {}
             Stage::Over => return Ok(()),
-        };
+        }
         let period = if matches!(self.stage, Stage::Loading(_)) { LOADING } else { FRAME };
         self.due = now + period;
-        if size.0 == 0 || size.1 == 0 {
+        let (pixels, Some(layout)) = (self.window_size().pixels, self.interface.layout()) else { return Ok(()) };
+        if pixels.0 == 0 || pixels.1 == 0 {
             // Minimised: the flight goes on, there is nothing to paint on.
             return Ok(());
         }
-        if due.is_none() && !anew && self.painted.as_ref() == Some(&content) {
+        if due.is_none() && !anew && self.painted == Some(layout.serial) {
             return Ok(());
         }
         let shown = match &mut self.stage {
             Stage::Flying(cockpit) => {
-                let shown = cockpit.show(due, content.clone())?;
+                if let Some(mut framebuffer) = cockpit.framebuffer() {
+                    framebuffer.prepare(layout, (left, top));
+                }
+                let shown = cockpit.show(due)?;
                 if let Some(shown) = &shown {
                     self.presented.took(shown.ms);
                     cockpit.presented(self.presented.usual_ms());
                 }
                 shown
             }
-            _ => self.framebuffer.as_mut().map(|f| f.show(None, &content)).transpose()?,
+            _ => self.framebuffer.as_mut().map(|f| f.show_alone(layout)).transpose()?,
         };
-        let settled = shown.is_none_or(|s| s.settled);
-        self.painted = settled.then_some(content);
-        self.settled = settled;
+        self.settled = shown.is_none_or(|s| s.settled);
+        self.painted = self.settled.then_some(layout.serial);
         Ok(())
     }
 
@@ -354,13 +397,22 @@ impl Shell {
 
     /// When there is something to do next without the operator; none to sleep until they do something.
     fn next(&self) -> Option<Instant> {
-        match &self.stage {
+        // Whatever is shown, the interface answers what was done in it, and shows its tooltips when they are due.
+        let touched = (self.touched && !matches!(self.stage, Stage::Over)).then_some(self.due);
+        let interface = self.interface.next().into_iter().chain(touched).min();
+        let stage = match &self.stage {
             Stage::Loading(_) => Some(self.due),
-            Stage::Flying(c) if c.rests() && self.settled => c.next().map(|t| t.max(self.due)),
+            Stage::Flying(c) if c.rests() && self.settled => c.next(),
             Stage::Flying(_) => Some(self.due),
             Stage::Failed(_) | Stage::Over => None,
-        }
+        };
+        stage.into_iter().chain(interface).min().map(|t| t.max(self.due))
     }
+}
+
+/// The painter of what lies below all panels.
+fn background(ui: &egui::Ui) -> egui::Painter {
+    ui.ctx().layer_painter(LayerId::background())
 }
 
 impl ApplicationHandler<Wake> for Shell {
@@ -375,7 +427,11 @@ impl ApplicationHandler<Wake> for Shell {
             .with_min_inner_size(LogicalSize::new(320.0, 240.0));
         match Framebuffer::open(events, attributes) {
             Ok(framebuffer) => {
-                self.window = Some(framebuffer.window());
+                let window = framebuffer.window();
+                let (scale, theme) = (window.scale_factor() as f32, Some(winit::window::Theme::Dark));
+                let egui = self.interface.egui().clone();
+                self.input = Some(egui_winit::State::new(egui, ViewportId::ROOT, events, Some(scale), theme, None));
+                self.window = Some(window);
                 match &mut self.stage {
                     Stage::Flying(c) => {
                         let camera = c.flight().app().camera_id();
@@ -411,6 +467,11 @@ impl ApplicationHandler<Wake> for Shell {
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let now = Instant::now();
+        if let (Some(input), Some(window)) = (&mut self.input, &self.window)
+            && !matches!(event, WindowEvent::RedrawRequested)
+        {
+            self.touched |= input.on_window_event(window, &event).repaint;
+        }
         match event {
             WindowEvent::CloseRequested => self.quit(events),
             WindowEvent::RedrawRequested => {
@@ -424,48 +485,14 @@ impl ApplicationHandler<Wake> for Shell {
             }
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
                 self.painted = None;
+                self.touched = true;
                 self.ask_for_picture();
             }
             WindowEvent::KeyboardInput { event, .. } => self.key(&event, events),
             WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
             WindowEvent::Focused(false) => {
-                self.drag = None;
                 if let Stage::Flying(c) = &mut self.stage {
                     c.steer(HeldKeys::let_go, now);
-                }
-            }
-            WindowEvent::MouseInput { button: MouseButton::Right, state, .. } => {
-                self.drag = (state == ElementState::Pressed).then_some(Drag::Roll);
-            }
-            WindowEvent::MouseInput { button: MouseButton::Left, state, .. } => {
-                let pressed = state == ElementState::Pressed;
-                let drag = if self.modifiers.shift_key() { Drag::Roll } else { Drag::Look };
-                let size = self.window_size();
-                let share = self.cursor.and_then(|c| on_bar(size, self.scale(), (c.x, c.y)));
-                match (&mut self.stage, share) {
-                    (Stage::Flying(c), Some(share)) if pressed => c.seek(share, now),
-                    _ => self.drag = pressed.then_some(drag),
-                }
-            }
-            WindowEvent::CursorMoved { position, .. } => {
-                let size = self.window_size();
-                if let (Stage::Flying(c), Some(last), Some(drag)) = (&mut self.stage, self.cursor, self.drag) {
-                    let (right, down) = (position.x - last.x, position.y - last.y);
-                    match drag {
-                        Drag::Look => c.drag((right, down), size),
-                        Drag::Roll => c.roll(right, size),
-                    }
-                }
-                self.cursor = Some(position);
-            }
-            WindowEvent::MouseWheel { delta, .. } => {
-                let notches = match delta {
-                    MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
-                    MouseScrollDelta::PixelDelta(p) => p.y / NOTCH,
-                };
-                let zooms = self.controls();
-                if let Stage::Flying(c) = &mut self.stage {
-                    if zooms { c.zoom(notches) } else { c.hurry(notches) }
                 }
             }
             _ => {}
