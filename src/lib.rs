@@ -107,6 +107,7 @@
 //! - **Post-process**: a system that changes finished images, in the set [`schedule::FlightSystems::PostProcess`].
 //! - **Shader**: the colour of a point of the wall: [`render::Shader`].
 //! - **Overlay**: something that a window draws over its picture: [`app::Overlay`].
+//! - **Panel**: a part of the window with widgets or pictures of its own: `panel::Panel`.
 
 pub mod app;
 pub mod cli;
@@ -135,3 +136,10 @@ pub mod volume;
 )]
 #[path = "../systems/mod.rs"]
 pub mod systems;
+
+/// The library that the window's panels are drawn with.
+#[cfg(feature = "window")]
+pub use egui;
+/// Panels: what the window shows, each in a file of its own.
+#[cfg(feature = "window")]
+pub use host::window::panels as panel;

@@ -11,7 +11,6 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand,
 
 pub use crate::cli::values::{Pair, Point, Size, Triple};
 
-use crate::app::Catalog;
 use crate::cli::values::count;
 use crate::cli::{Program, unbuilt};
 use crate::error::Error;
@@ -390,7 +389,7 @@ fn command(program: &Program) -> clap::Command {
     let cameras: Vec<_> = catalog.cameras.iter().map(|c| (c.name, c.summary)).collect();
     let renders = |c| choices(c, "preset", "Which renderer", &presets);
     let flies = |c| choices(renders(c), "guide", "Who steers", &guides);
-    let window = |c: clap::Command| c.after_help(keys(catalog));
+    let window = |c: clap::Command| c.after_help(keys(program));
     let all = Args::command().subcommands(program.commands.iter().map(|c| c.line()));
     choices(window(flies(all)), "camera", "Which camera", &cameras)
         .mut_subcommand("fly", |c| window(flies(c)))
@@ -399,14 +398,8 @@ fn command(program: &Program) -> clap::Command {
 }
 
 /// The window's keys, for the help; nothing where there is no window.
-fn keys(catalog: &Catalog) -> String {
-    #[cfg(feature = "window")]
-    let rows = crate::host::window::key_help(&catalog.guides, &catalog.overlays).unwrap_or_default();
-    #[cfg(not(feature = "window"))]
-    let rows: Vec<(String, String)> = {
-        let _ = catalog;
-        Vec::new()
-    };
+fn keys(program: &Program) -> String {
+    let rows = program.key_help().unwrap_or_default();
     let wide = rows.iter().map(|r| r.0.chars().count()).max().unwrap_or(0);
     let lines = rows.iter().map(|(key, what)| format!("  {key:wide$}  {what}\n"));
     if rows.is_empty() { String::new() } else { format!("Keys in the window:\n{}", lines.collect::<String>()) }

@@ -29,6 +29,8 @@ use crate::app::{Catalog, Overlay};
 use crate::error::{Error, Result};
 use crate::fence::{is_fenced, note_place};
 use crate::host::terminal::Bar;
+#[cfg(feature = "window")]
+use crate::host::window::panels::PanelEntry;
 use crate::output;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Preset, ShaderModel};
@@ -63,6 +65,7 @@ pub use own::Session;
 /// | [`camera`](Self::camera) | a camera model | `--camera`, `[render] camera` |
 /// | [`shader`](Self::shader) | what the wall looks like | `[render] shade` |
 /// | [`overlay`](Self::overlay) | marks over the picture | its key, `fly --overlay` |
+/// | `panel` | a part of the window | its key, the menu |
 /// | [`plugin`](Self::plugin) | systems, views, post-processes | every flight |
 /// | [`command`](Self::command) | a command | its name |
 ///
@@ -72,6 +75,8 @@ pub use own::Session;
 pub struct Program {
     catalog: Catalog,
     commands: Vec<OwnCommand>,
+    #[cfg(feature = "window")]
+    panels: Vec<PanelEntry>,
 }
 
 impl Program {
@@ -103,6 +108,30 @@ impl Program {
     #[must_use]
     pub fn overlay(self, overlay: Overlay) -> Self {
         Self { catalog: self.catalog.overlay(overlay), ..self }
+    }
+
+    /// Adds a panel to the window: to its menu, with the key that shows and hides it and its row of help.
+    ///
+    /// One whose name or key is taken is refused when the program runs.
+    #[cfg(feature = "window")]
+    #[must_use]
+    pub fn panel(mut self, panel: PanelEntry) -> Self {
+        self.panels.push(panel);
+        self
+    }
+
+    /// All panels of the window.
+    #[cfg(feature = "window")]
+    fn all_panels(&self) -> Vec<PanelEntry> {
+        crate::host::window::panels::BUILT_IN.iter().chain(&self.panels).copied().collect()
+    }
+
+    /// The window's keys with what they do; nothing where there is no window.
+    fn key_help(&self) -> Result<Vec<(String, String)>> {
+        #[cfg(feature = "window")]
+        return crate::host::window::key_help(&self.catalog.guides, &self.catalog.overlays, &self.all_panels());
+        #[cfg(not(feature = "window"))]
+        Ok(Vec::new())
     }
 
     /// Adds a plug-in to every flight: in the window, headless, in `explain` and in `report scenes`.
@@ -194,9 +223,7 @@ impl Program {
             }
         }
         // Two actions on one key would leave one of them without.
-        #[cfg(feature = "window")]
-        crate::host::window::key_help(&self.catalog.guides, &self.catalog.overlays).map(drop)?;
-        Ok(())
+        self.key_help().map(drop)
     }
 }
 

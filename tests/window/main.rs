@@ -529,9 +529,15 @@ fn examples_of_plug_ins_in_a_window() {
     let dark = |i: &RgbImage| flies(i) && share(i, |[r, ..]| r > 20 && r < 80) > 0.3;
     let green = |i: &RgbImage| share(i, |p| p == [120, 220, 140]) > 0.0002;
     type Wanted<'a> = &'a dyn Fn(&RgbImage) -> bool;
-    let cases: [(&str, &[&str], Wanted<'_>); 4] = [
+    // The panel's line, at the right edge where the flight's picture is not.
+    let line = |i: &RgbImage| {
+        let right = image::imageops::crop_imm(i, 460, 60, 180, 400).to_image();
+        share(&right, |p| p == [27, 27, 27]) > 0.5 && share(&right, is_bar) > 0.0005
+    };
+    let cases: [(&str, &[&str], Wanted<'_>); 5] = [
         ("own_view", &[], &grey),
         ("own_post_process", &[], &pale),
+        ("own_panel", &[], &line),
         ("own_shader", &["--scene", "lamp.toml"], &dark),
         ("own_plugin", &["--scene", "near.toml", "--overlay", "near_wall"], &green),
     ];

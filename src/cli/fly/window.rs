@@ -71,6 +71,8 @@ pub fn fly(
         resume: resume(args),
         overlays,
         guides,
+        panels: program.all_panels(),
+        layout: None,
     };
     window::run(display, launch, progress).inspect_err(|e| {
         if !flown.get() {

@@ -1,4 +1,4 @@
-//! The table of actions: what the operator can do in a window, with which keys, and when. Keys, the help, buttons and their
+//! The table of actions: what the operator can do in a window, with which keys, and when. Keys, the help, menus, buttons and their
 //! tooltips are read off it.
 
 use std::borrow::Cow;
@@ -7,6 +7,8 @@ use std::time::Instant;
 
 use super::cockpit::Cockpit;
 use super::keys::{Chord, Hold};
+use super::panels::PanelEntry;
+use super::workspace::LAYOUTS;
 use crate::app::Overlay;
 use crate::error::{Error, Result};
 use crate::schedule::Guides;
@@ -67,6 +69,10 @@ pub enum WindowRequest {
     Fullscreen,
     /// End the program.
     Quit,
+    /// Show the layout of this number.
+    Layout(usize),
+    /// Show or hide the panel of this number.
+    Panel(usize),
 }
 
 /// Keys by the actions' ids, as a settings file has them.
@@ -177,6 +183,20 @@ const TABLE: &[Row] = &[
 
 /// The guides and overlays have rows of their own after this action's.
 const OWN_AFTER: &str = "guide";
+/// Layouts and panels have theirs after this one's.
+const LAYOUTS_AFTER: &str = "fullscreen";
+
+/// The row of the help that all layouts stand in.
+const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the way";
+
+/// The menus: actions by their ids. An id that ends in `-` stands for all that begin so.
+pub const MENUS: &[(&str, &[&str])] = &[
+    ("File", &["screenshot", "quit"]),
+    ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
+    ("View", &["detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
+    ("Panels", &["layout-", "panel-"]),
+    ("Help", &["help"]),
+];
 
 fn chords(keys: &str) -> Vec<Chord> {
     keys.split_whitespace().filter_map(|k| k.parse().ok()).collect()
@@ -199,11 +219,22 @@ impl From<&Row> for Action {
 }
 
 impl Action {
+    /// Its first key, for a menu.
+    pub fn key_text(&self) -> String {
+        self.keys.first().map(Chord::to_string).unwrap_or_default()
+    }
+
+    /// What it does, as a menu or a button says it.
+    pub fn title(&self) -> String {
+        let mut letters = self.text.chars();
+        letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+    }
+
     /// Whose it is, for messages.
     fn owner(&self) -> String {
         match self.does {
             Does::HandTo(guide) => format!("guide {guide}"),
-            Does::Overlay(_) => self.id.replacen('-', " ", 1),
+            Does::Overlay(_) | Does::Window(WindowRequest::Panel(_)) => self.id.replacen('-', " ", 1),
             _ => format!("the window's {}", self.id),
         }
     }
@@ -214,11 +245,11 @@ impl Action {
 pub struct Actions(Vec<Action>);
 
 impl Actions {
-    /// Those of the window, of `guides` and of `overlays`, with the keys of a settings file in the place of their own.
+    /// Those of the window, of `guides`, `overlays` and `panels`, with the keys of a settings file in the place of their own.
     ///
     /// # Errors
-    /// Status 2 where two actions have one key, or a setting names no action or no key.
-    pub fn new(guides: &Guides, overlays: &[Overlay], settings: &KeySettings) -> Result<Self> {
+    /// Status 2 where two actions have one key or one name, or a setting names no action or no key.
+    pub fn new(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry], settings: &KeySettings) -> Result<Self> {
         let own = |id: String, text: String, row: String, key: Option<char>, does: Does| Action {
             id: id.into(),
             text: text.into(),
@@ -227,6 +258,7 @@ impl Actions {
             does,
             ..Action::from(&ROW)
         };
+        let window = |n: usize| Does::Window(WindowRequest::Layout(n));
         let names: Vec<&str> = guides.iter().filter(|g| g.key.is_some()).map(|g| g.name).collect();
         let mut all = Vec::new();
         for row in TABLE {
@@ -239,6 +271,16 @@ impl Actions {
                 all.extend(overlays.iter().enumerate().map(|(n, o)| {
                     let text = o.summary.to_owned();
                     own(format!("overlay-{}", o.name), text.clone(), text, o.key, Does::Overlay(n))
+                }));
+            }
+            if row.id == LAYOUTS_AFTER {
+                all.extend(LAYOUTS.iter().enumerate().map(|(n, l)| Action {
+                    keys: chords(l.key),
+                    ..own(format!("layout-{}", l.name), l.text.to_owned(), LAYOUT_ROW.to_owned(), None, window(n))
+                }));
+                all.extend(panels.iter().enumerate().map(|(n, p)| {
+                    let (text, does) = (format!("panel: {}", p.title), Does::Window(WindowRequest::Panel(n)));
+                    own(format!("panel-{}", p.name), text.clone(), text, p.key, does)
                 }));
             }
         }
@@ -265,6 +307,11 @@ impl Actions {
     fn check(&self) -> Result<()> {
         let owned: Vec<(&Chord, &Action)> =
             self.0.iter().flat_map(|a| a.keys.iter().chain(&a.shifted).map(move |k| (k, a))).collect();
+        for (n, action) in self.0.iter().enumerate() {
+            if self.0[..n].iter().any(|a| a.id == action.id) {
+                return Err(Error::usage(action.owner(), "is there twice", "give one another name"));
+            }
+        }
         for (n, (key, action)) in owned.iter().enumerate() {
             if let Some((_, other)) = owned[..n].iter().find(|o| o.0 == *key) {
                 let why = format!("is taken twice: by {} and by {}", other.owner(), action.owner());
@@ -279,8 +326,12 @@ impl Actions {
         self.0.iter().find(|a| a.keys.contains(key) || a.shifted.contains(key))
     }
 
+    /// The actions that a menu's entry stands for.
+    pub fn of_menu<'a>(&'a self, entry: &'a str) -> impl Iterator<Item = &'a Action> {
+        self.0.iter().filter(move |a| if entry.ends_with('-') { a.id.starts_with(entry) } else { a.id == entry })
+    }
+
     /// The action of that name.
-    #[cfg(test)]
     pub fn named(&self, id: &str) -> Option<&Action> {
         self.0.iter().find(|a| a.id == id)
     }
@@ -312,12 +363,13 @@ impl Actions {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::host::window::panels;
     use crate::systems::guides;
 
     fn actions(settings: &[(&str, &[&str])]) -> Result<Actions> {
         let settings =
             settings.iter().map(|(id, keys)| ((*id).to_owned(), keys.iter().map(|k| (*k).to_owned()).collect()));
-        Actions::new(&guides(), &crate::app::Catalog::default().overlays, &settings.collect())
+        Actions::new(&guides(), &crate::app::Catalog::default().overlays, panels::BUILT_IN, &settings.collect())
     }
 
     #[test]
@@ -327,6 +379,15 @@ mod tests {
             assert_eq!(chords(row.shifted).len(), row.shifted.split_whitespace().count(), "{}", row.id);
             assert_eq!(TABLE.iter().filter(|r| r.id == row.id).count(), 1, "{}", row.id);
         }
+    }
+
+    #[test]
+    fn every_entry_of_the_menus_is_an_action() {
+        let all = actions(&[]).unwrap();
+        for entry in MENUS.iter().flat_map(|m| m.1) {
+            assert!(all.of_menu(entry).count() > 0, "{entry}");
+        }
+        assert_eq!(all.named("pause").unwrap().title(), "Stop and look around, go on");
     }
 
     #[test]

@@ -16,7 +16,7 @@ use super::keys::HeldKeys;
 use super::moving::Moving;
 use super::overlay::{Mood, Readings};
 use super::overlays::Overlays;
-use super::panels::Request;
+use super::panels::FlightRequest;
 use super::planning::Planning;
 use super::saver::{Traced, WakeUp};
 use super::screenshot;
@@ -279,14 +279,14 @@ impl Cockpit {
         self.sent = (push, turn);
     }
 
-    /// Does what a panel asks for.
-    pub fn follow(&mut self, request: &Request, at: Moment) {
-        match *request {
-            Request::Look([right, down]) => self.drag((right, down), at.window),
-            Request::Roll(right) => self.roll(right, at.window),
-            Request::Zoom(notches) => self.zoom(notches),
-            Request::Hurry(notches) => self.hurry(notches),
-            Request::Seek(share) => self.seek(share, at.now),
+    /// Does what a panel asks of the flight.
+    pub fn follow(&mut self, request: FlightRequest, at: Moment) {
+        match request {
+            FlightRequest::Look([right, down]) => self.drag((right, down), at.window),
+            FlightRequest::Roll(right) => self.roll(right, at.window),
+            FlightRequest::Zoom(notches) => self.zoom(notches),
+            FlightRequest::Hurry(notches) => self.hurry(notches),
+            FlightRequest::Seek(share) => self.seek(share, at.now),
         }
     }
 

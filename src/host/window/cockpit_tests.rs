@@ -62,7 +62,7 @@ fn cockpit(guide: &'static str) -> Cockpit {
 
 /// The operator of `flight`, at `along_mm` of its way.
 fn cockpit_of(flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> Cockpit {
-    let actions = Actions::new(&flight.scene().guides, &overlays, &KeySettings::new()).unwrap();
+    let actions = Actions::new(&flight.scene().guides, &overlays, &[], &KeySettings::new()).unwrap();
     Cockpit::new(flight, along_mm, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
 }
 

@@ -16,7 +16,7 @@ pub struct Chord {
 }
 
 /// Keys that are no characters, by the names that settings and help have for them.
-const NAMES: [(&str, NamedKey); 19] = [
+const NAMES: [(&str, NamedKey); 21] = [
     ("Space", NamedKey::Space),
     ("Up", NamedKey::ArrowUp),
     ("Down", NamedKey::ArrowDown),
@@ -34,6 +34,8 @@ const NAMES: [(&str, NamedKey); 19] = [
     ("F1", NamedKey::F1),
     ("F2", NamedKey::F2),
     ("F3", NamedKey::F3),
+    ("F4", NamedKey::F4),
+    ("F5", NamedKey::F5),
     ("F11", NamedKey::F11),
     ("F12", NamedKey::F12),
 ];

@@ -8,6 +8,7 @@ mod actions;
 mod cockpit;
 mod directions;
 mod figures;
+mod folders;
 mod framebuffer;
 mod interface;
 mod keys;
@@ -17,7 +18,7 @@ mod moving;
 mod overlay;
 mod overlays;
 mod painter;
-mod panels;
+pub mod panels;
 pub mod plane;
 mod planning;
 mod presented;
@@ -29,6 +30,7 @@ mod settings;
 mod shell;
 mod sight;
 mod way;
+mod workspace;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -46,6 +48,7 @@ use actions::{Actions, KeySettings};
 pub use loading::{Prepare, Ready, SessionFile};
 pub use moving::{Interval, Moving, Side};
 pub use painter::{Marker, pixels_a_point};
+use panels::PanelEntry;
 pub use presented::PresentMs;
 use settings::Settings;
 use shell::{Shell, Wake};
@@ -54,8 +57,8 @@ use shell::{Shell, Wake};
 ///
 /// # Errors
 /// Status 2 where two actions have one key.
-pub fn key_help(guides: &Guides, overlays: &[Overlay]) -> Result<Vec<(String, String)>> {
-    Ok(Actions::new(guides, overlays, &KeySettings::new())?.help())
+pub fn key_help(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<Vec<(String, String)>> {
+    Ok(Actions::new(guides, overlays, panels, &KeySettings::new())?.help())
 }
 
 /// The user's settings of the window, where there is a folder for them.
@@ -68,11 +71,11 @@ pub fn settings_file() -> Option<PathBuf> {
 ///
 /// # Errors
 /// Status 2 where two actions have one key without any settings.
-fn actions(guides: &Guides, overlays: &[Overlay]) -> Result<(Actions, Option<Error>)> {
-    let usual = Actions::new(guides, overlays, &KeySettings::new())?;
+fn actions(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<(Actions, Option<Error>)> {
+    let usual = Actions::new(guides, overlays, panels, &KeySettings::new())?;
     let Some(file) = settings::file() else { return Ok((usual, None)) };
     let chosen = Settings::read(&file).and_then(|settings| match settings {
-        Some(settings) => Actions::new(guides, overlays, &settings.keys)
+        Some(settings) => Actions::new(guides, overlays, panels, &settings.keys)
             .map(Some)
             .map_err(|e| Error { what: format!("{}: {}", file.display(), e.what), ..e }),
         None => Ok(None),
@@ -118,6 +121,10 @@ pub struct Launch {
     pub overlays: Vec<Overlay>,
     /// The guides that can be handed over to: those of the flight's scene.
     pub guides: Guides,
+    /// The panels that can be shown.
+    pub panels: Vec<PanelEntry>,
+    /// The layout of the panels; the last one if none.
+    pub layout: Option<&'static str>,
 }
 
 /// What is taken up from the last time that a scan was open.

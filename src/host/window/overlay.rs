@@ -29,7 +29,8 @@ pub enum Mood {
 }
 
 impl Mood {
-    fn colour(self) -> Color32 {
+    /// Its colour.
+    pub fn colour(self) -> Color32 {
         match self {
             Self::Well => Color32::from_rgb(120, 220, 140),
             Self::Waiting => Color32::from_rgb(255, 214, 102),

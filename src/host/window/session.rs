@@ -9,6 +9,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::Resume;
+use super::folders::{self, Folder};
 use crate::app::FlightApp;
 use crate::components::flight::State;
 use crate::components::input::{Command, Hand};
@@ -21,8 +22,8 @@ use crate::volume::Volume;
 const SAMPLED: usize = 1 << 16;
 /// The present form of the file.
 const VERSION: u32 = 1;
-/// No session of ours is larger, bytes.
-const MOST_BYTES: u64 = 64 << 10;
+/// What comes of a file that is none.
+const MEND: &str = "it is left alone; the flight starts anew";
 
 /// Where a flight was left.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -117,14 +118,8 @@ impl Session {
     /// # Errors
     /// Status 3 where there is a file that is none.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        let bad = |why: String| Error::file(path, why, "it is left alone; the flight starts anew");
-        match std::fs::metadata(path) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(bad(format!("cannot be read ({e})"))),
-            Ok(m) if !m.is_file() || m.len() > MOST_BYTES => return Err(bad("is no session".to_owned())),
-            Ok(_) => {}
-        }
-        let text = std::fs::read(path).map_err(|e| bad(format!("cannot be read ({e})")))?;
+        let bad = |why: String| Error::file(path, why, MEND);
+        let Some(text) = folders::read(path, MEND)? else { return Ok(None) };
         let session: Self = serde_json::from_slice(&text).map_err(|e| bad(e.to_string()))?;
         if session.version != VERSION {
             return Err(bad(format!("has version {}, not {VERSION}", session.version)));
@@ -152,21 +147,7 @@ impl Session {
 
 /// The file for the sessions of a scan, as it was loaded; none on a system that names no folder for it.
 pub fn file(volume: &Volume) -> Option<PathBuf> {
-    let name = format!("{:016x}.json", key(volume));
-    folder(|name| std::env::var_os(name).map(PathBuf::from)).map(|f| f.join("colvis").join("sessions").join(name))
-}
-
-/// The platform's folder for what a program remembers, from its environment. A relative path in it is to be ignored.
-fn folder(variable: impl Fn(&str) -> Option<PathBuf>) -> Option<PathBuf> {
-    let absolute = |name: &str| variable(name).filter(|p| p.is_absolute());
-    let home = |rest: &str| absolute("HOME").map(|h| h.join(rest));
-    if cfg!(windows) {
-        absolute("LOCALAPPDATA")
-    } else if cfg!(target_os = "macos") {
-        absolute("XDG_STATE_HOME").or_else(|| home("Library/Application Support"))
-    } else {
-        absolute("XDG_STATE_HOME").or_else(|| home(".local/state"))
-    }
+    Folder::State.file(Path::new("sessions").join(format!("{:016x}.json", key(volume))))
 }
 
 /// A hash of the grid and of voxels spread over the volume.
@@ -260,17 +241,5 @@ mod tests {
         assert_eq!(key(&volume(0.0, 5)), key(&volume(0.0, 5)));
         assert_ne!(key(&volume(0.0, 5)), key(&volume(0.0, -5)));
         assert_ne!(key(&volume(0.0, 5)), key(&volume(1.0, 5)));
-    }
-
-    #[test]
-    fn relative_folders_are_ignored() {
-        let with = |list: &'static [(&str, &str)]| {
-            folder(move |name| list.iter().find(|v| v.0 == name).map(|v| PathBuf::from(v.1)))
-        };
-        assert_eq!(with(&[]), None);
-        if cfg!(target_os = "linux") {
-            assert_eq!(with(&[("XDG_STATE_HOME", "x"), ("HOME", "/h")]), Some(PathBuf::from("/h/.local/state")));
-            assert_eq!(with(&[("XDG_STATE_HOME", "/s"), ("HOME", "/h")]), Some(PathBuf::from("/s")));
-        }
     }
 }

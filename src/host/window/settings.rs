@@ -12,12 +12,13 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::actions::KeySettings;
+use super::folders::{self, Folder};
 use crate::error::{Error, Result};
 
 /// The present form of the file.
 const VERSION: u32 = 1;
-/// No settings of ours are larger, bytes.
-const MOST_BYTES: u64 = 1 << 20;
+/// What is to be done about a file that is none.
+const MEND: &str = "mend it or move it away; the defaults are taken until then";
 
 /// What a user has chosen.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -35,16 +36,9 @@ impl Settings {
     /// # Errors
     /// Status 3 when it cannot be read, is damaged or is of another version. It is left as it is.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        let wrong = |why: String| {
-            Error::input(path.display().to_string(), why, "mend it or move it away; the defaults are taken until then")
-        };
-        match path.metadata() {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(wrong(e.to_string())),
-            Ok(m) if m.len() > MOST_BYTES => return Err(wrong("is no settings file: it is too large".to_owned())),
-            Ok(_) => {}
-        }
-        let text = std::fs::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
+        let wrong = |why: String| Error::file(path, why, MEND);
+        let Some(bytes) = folders::read(path, MEND)? else { return Ok(None) };
+        let text = String::from_utf8(bytes).map_err(|e| wrong(e.to_string()))?;
         let settings: Self = toml::from_str(&text).map_err(|e| {
             let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);
             wrong(format!("line {line}: {}", e.message().lines().next().unwrap_or_default()))
@@ -59,20 +53,7 @@ impl Settings {
 
 /// The settings file; none on a system that names no folder for it.
 pub fn file() -> Option<PathBuf> {
-    folder(|name| std::env::var_os(name).map(PathBuf::from)).map(|f| f.join("colvis").join("settings.toml"))
-}
-
-/// The platform's folder for configuration, from its environment. A relative path in it is to be ignored.
-fn folder(variable: impl Fn(&str) -> Option<PathBuf>) -> Option<PathBuf> {
-    let absolute = |name: &str| variable(name).filter(|p| p.is_absolute());
-    let home = |rest: &str| absolute("HOME").map(|h| h.join(rest));
-    if cfg!(windows) {
-        absolute("APPDATA")
-    } else if cfg!(target_os = "macos") {
-        absolute("XDG_CONFIG_HOME").or_else(|| home("Library/Application Support"))
-    } else {
-        absolute("XDG_CONFIG_HOME").or_else(|| home(".config"))
-    }
+    Folder::Configuration.file("settings.toml")
 }
 
 #[cfg(test)]

@@ -10,21 +10,21 @@ use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::{ElementState, KeyEvent, StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
-use winit::keyboard::ModifiersState;
+use winit::keyboard::{Key, ModifiersState};
 use winit::window::{Fullscreen, Window, WindowId};
 
-use super::actions::{Actions, Does, Moment, WindowRequest};
+use super::actions::{Action, Actions, Does, Moment, WindowRequest};
 use super::cockpit::Cockpit;
 use super::framebuffer::Framebuffer;
 use super::interface::{Interface, WindowSize};
 use super::keys::{Chord, HeldKeys};
 use super::loading::{Loading, Ready};
 use super::overlay::{self, Content};
-use super::panels::flight::FlightPanel;
-use super::panels::{Context, Panel, Requests};
+use super::panels::{Context, Request, Requests};
 use super::presented::Presented;
 use super::saver::WakeUp;
 use super::session::Session;
+use super::workspace::Workspace;
 use super::{Finish, Launch, Resume, Shown};
 use crate::app::Overlay;
 use crate::error::{Error, Result};
@@ -69,7 +69,7 @@ pub struct Shell {
     input: Option<egui_winit::State>,
     /// Whether something has happened that the interface may answer.
     touched: bool,
-    flight_panel: FlightPanel,
+    workspace: Workspace,
     /// Where the flight's picture lies in the window, pixels: left, top, width, height.
     flight_at: [usize; 4],
     /// The layout that is shown, by its number.
@@ -104,10 +104,12 @@ impl Shell {
     /// # Errors
     /// Status 1 when the system gives no thread.
     pub fn new(launch: Launch, progress: &Arc<Progress>, proxy: EventLoopProxy<Wake>) -> Result<Self> {
-        let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays)?;
-        if let Some(e) = &unsettled {
+        let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels)?;
+        let (workspace, unread) = Workspace::new(&launch.panels, launch.layout, Workspace::usual_file());
+        for e in unsettled.iter().chain(&unread) {
             eprintln!("note: {e}");
         }
+        let unsettled = unsettled.or(unread);
         let done = proxy.clone();
         let loading = Loading::start(launch.prepare, progress, move || {
             // There is nobody to wake when the window is gone.
@@ -124,7 +126,7 @@ impl Shell {
             interface: Interface::new(),
             input: None,
             touched: false,
-            flight_panel: FlightPanel::default(),
+            workspace,
             flight_at: [0; 4],
             painted: None,
             settled: true,
@@ -159,6 +161,9 @@ impl Shell {
                 cockpit.save_the_rest();
                 let flight = cockpit.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
+                if let Err(e) = self.workspace.keep() {
+                    eprintln!("note: the layout is not kept: {e}");
+                }
                 if let Some(path) = self.session.take() {
                     let session = Session::of(flight, cockpit.along_mm());
                     if let Err(e) = Session::keep(session.as_ref(), &path) {
@@ -252,6 +257,12 @@ impl Shell {
     fn key(&mut self, event: &KeyEvent, events: &ActiveEventLoop) {
         let now = Instant::now();
         let pressed = event.state == ElementState::Pressed;
+        // A button that was reached by Tab has its keys for itself, and an open menu the one that closes it.
+        let egui = self.interface.egui();
+        let widget = egui.egui_wants_keyboard_input() || egui::Popup::is_any_open(egui);
+        if pressed && widget && matches!(event.logical_key, Key::Named(_)) {
+            return;
+        }
         // Ctrl-C and the like are not ours.
         let other = self.modifiers.intersects(ModifiersState::ALT | ModifiersState::SUPER) && !self.controls();
         let Some(chord) = Chord::of(&event.logical_key, self.controls()) else { return };
@@ -260,18 +271,12 @@ impl Shell {
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
         let Some(action) = action.filter(|_| !pressed || !other) else { return };
         let once = pressed && (action.repeats || !event.repeat);
-        let moment = self.moment(now);
         match (action.does, &mut self.stage) {
-            (Does::Window(WindowRequest::Quit), _) if pressed => self.quit(events),
-            (Does::Window(WindowRequest::Fullscreen), _) if once => self.switch_fullscreen(),
-            (Does::Window(_) | Does::Gesture, _) => {}
             (Does::Hold(hold), Stage::Flying(c)) => {
                 c.steer(|held| if pressed { held.press(hold) } else { held.release(hold) }, now);
             }
-            (Does::Once(_) | Does::HandTo(_) | Does::Overlay(_), Stage::Flying(c)) if once => {
-                c.perform(action, moment);
-            }
-            (Does::Hold(_) | Does::Once(_) | Does::HandTo(_) | Does::Overlay(_), _) => {}
+            _ if once => self.run(action, now, events),
+            _ => {}
         }
     }
 
@@ -298,7 +303,7 @@ impl Shell {
     }
 
     /// Lays the interface out where something that it shows may have changed, and follows what is asked for in it.
-    fn lay_out(&mut self, now: Instant) {
+    fn lay_out(&mut self, now: Instant, events: &ActiveEventLoop) {
         let size = self.window_size();
         let content = match &mut self.stage {
             Stage::Loading(loading) => loading.content(),
@@ -309,17 +314,19 @@ impl Shell {
             }
             Stage::Over => return,
         };
-        let touched = std::mem::take(&mut self.touched) || self.interface.next().is_some_and(|t| t <= now);
+        let more = self.workspace.shows_more_than_the_flight() && matches!(content, Content::Flight(_));
+        let touched = std::mem::take(&mut self.touched) || more || self.interface.next().is_some_and(|t| t <= now);
         if !touched && self.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
             return;
         }
         let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return };
-        let (stage, panel, mut requests) = (&self.stage, &mut self.flight_panel, Requests::default());
+        let (stage, workspace, mut requests) = (&self.stage, &mut self.workspace, Requests::default());
+        let actions = &*self.actions;
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             let area = ui.ctx().content_rect();
             match (&content, stage) {
                 (Content::Flight(readings), Stage::Flying(cockpit)) => {
-                    panel.ui(&Context { flight: cockpit.flight(), readings }, ui, &mut requests);
+                    workspace.ui(&Context::new(cockpit, actions, readings), ui, &mut requests);
                 }
                 (Content::Failed { text }, _) => overlay::failed(&background(ui), area, text),
                 (Content::Loading { stage, share }, _) => overlay::loading(&background(ui), area, stage, *share),
@@ -330,18 +337,47 @@ impl Shell {
         input.handle_platform_output(window, output);
         self.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
         self.laid_out = Some((content, size));
-        let moment = self.moment(now);
-        if let Stage::Flying(cockpit) = &mut self.stage {
-            for request in requests.take() {
-                cockpit.follow(&request, moment);
+        for request in requests.take() {
+            match request {
+                Request::Flight(request) => {
+                    let moment = self.moment(now);
+                    if let Stage::Flying(cockpit) = &mut self.stage {
+                        cockpit.follow(request, moment);
+                    }
+                }
+                Request::Action(id) => {
+                    if let Some(action) = Rc::clone(&self.actions).named(&id) {
+                        self.run(action, now, events);
+                    }
+                }
             }
         }
     }
 
+    /// Does an action once.
+    fn run(&mut self, action: &Action, now: Instant, events: &ActiveEventLoop) {
+        let moment = self.moment(now);
+        match (action.does, &mut self.stage) {
+            (Does::Window(request), _) => self.run_window(request, events),
+            (Does::Once(_) | Does::HandTo(_) | Does::Overlay(_), Stage::Flying(c)) => c.perform(action, moment),
+            (Does::Once(_) | Does::HandTo(_) | Does::Overlay(_) | Does::Hold(_) | Does::Gesture, _) => {}
+        }
+    }
+
+    fn run_window(&mut self, request: WindowRequest, events: &ActiveEventLoop) {
+        match request {
+            WindowRequest::Quit => self.quit(events),
+            WindowRequest::Fullscreen => self.switch_fullscreen(),
+            WindowRequest::Layout(n) => self.workspace.choose(n),
+            WindowRequest::Panel(n) => self.workspace.switch(n),
+        }
+        self.touched = true;
+    }
+
     /// Flies on to now, and shows the picture if it differs from the one that is shown, or if `anew`.
-    fn picture(&mut self, anew: bool) -> Result<()> {
+    fn picture(&mut self, anew: bool, events: &ActiveEventLoop) -> Result<()> {
         let now = Instant::now();
-        self.lay_out(now);
+        self.lay_out(now, events);
         let [left, top, width, height] = self.flight_at;
         let mut due = None;
         match &mut self.stage {
@@ -477,7 +513,7 @@ impl ApplicationHandler<Wake> for Shell {
             WindowEvent::RedrawRequested => {
                 // Where the system asks, the window was covered and has lost its picture.
                 let anew = !std::mem::take(&mut self.asked);
-                if let Err(e) = self.picture(anew) {
+                if let Err(e) = self.picture(anew, events) {
                     self.fail(e, events);
                 } else if self.time_is_over() {
                     self.quit(events);

@@ -2,8 +2,18 @@
 
 use egui::{Event, MouseWheelUnit, PointerButton, Pos2, Rect, Sense, Ui};
 
-use super::{Context, Panel, Request, Requests};
+use super::{Context, FlightRequest, Panel, PanelEntry, Requests};
 use crate::host::window::overlay;
+
+/// Its entry in the table.
+pub const PANEL: PanelEntry = PanelEntry {
+    name: "flight",
+    title: "Flight",
+    shown: true,
+    picture: true,
+    make: || Box::<FlightPanel>::default(),
+    ..PanelEntry::NONE
+};
 
 /// Pixels of a smooth scroll that count as a notch.
 const NOTCH: f64 = 40.0;
@@ -45,9 +55,9 @@ impl FlightPanel {
                 Event::PointerMoved(at) => {
                     if let (Some(drag), Some(last)) = (self.drag, self.pointer) {
                         let [right, down] = [at.x - last.x, at.y - last.y].map(|d| f64::from(d) * scale);
-                        requests.ask(match drag {
-                            Drag::Look => Request::Look([right, down]),
-                            Drag::Roll => Request::Roll(right),
+                        requests.fly(match drag {
+                            Drag::Look => FlightRequest::Look([right, down]),
+                            Drag::Roll => FlightRequest::Roll(right),
                         });
                     }
                     self.pointer = Some(at);
@@ -55,7 +65,7 @@ impl FlightPanel {
                 Event::PointerButton { pos, button, pressed: true, modifiers } if here(pos) => {
                     self.pointer = Some(pos);
                     match (button, overlay::on_bar(rect, pos)) {
-                        (PointerButton::Primary, Some(share)) => requests.ask(Request::Seek(share)),
+                        (PointerButton::Primary, Some(share)) => requests.fly(FlightRequest::Seek(share)),
                         (PointerButton::Primary, None) if !modifiers.shift => self.drag = Some(Drag::Look),
                         (PointerButton::Primary | PointerButton::Secondary, _) => self.drag = Some(Drag::Roll),
                         (PointerButton::Middle | PointerButton::Extra1 | PointerButton::Extra2, _) => {}
@@ -68,7 +78,7 @@ impl FlightPanel {
                         MouseWheelUnit::Point => f64::from(delta.y) * scale / NOTCH,
                     };
                     let zooms = modifiers.command || modifiers.ctrl;
-                    requests.ask(if zooms { Request::Zoom(notches) } else { Request::Hurry(notches) });
+                    requests.fly(if zooms { FlightRequest::Zoom(notches) } else { FlightRequest::Hurry(notches) });
                 }
                 _ => {}
             }

@@ -6,20 +6,81 @@ pub mod flight;
 
 use egui::{Rect, Ui};
 
+use super::actions::{Action, Actions};
+use super::cockpit::Cockpit;
 use super::overlay::Readings;
 use crate::app::FlightApp;
+
+/// The panels that every window has.
+pub const BUILT_IN: &[PanelEntry] = &[flight::PANEL];
+
+/// A panel, as a window makes it.
+#[derive(Clone, Copy, Debug)]
+pub struct PanelEntry {
+    /// Its name, in the settings file and in messages.
+    pub name: &'static str,
+    /// What stands above it, and in the menu.
+    pub title: &'static str,
+    /// The key that shows and hides it.
+    pub key: Option<char>,
+    /// Whether it is shown from the beginning, in a layout that it is no part of.
+    pub shown: bool,
+    /// Whether it draws on all of its place itself; else it has a background and its title.
+    pub picture: bool,
+    /// Makes it, once for each window.
+    pub make: fn() -> Box<dyn Panel>,
+}
+
+impl PanelEntry {
+    /// One that shows nothing, to be filled in.
+    pub const NONE: Self =
+        Self { name: "", title: "", key: None, shown: false, picture: false, make: || Box::new(Empty) };
+}
+
+struct Empty;
+
+impl Panel for Empty {
+    fn ui(&mut self, _: &Context<'_>, _: &mut Ui, _: &mut Requests) {}
+}
 
 /// What a panel reads.
 pub struct Context<'a> {
     /// The flight.
     pub flight: &'a FlightApp,
+    pub(super) cockpit: &'a Cockpit,
+    pub(super) actions: &'a Actions,
     /// The flight in words.
     pub(super) readings: &'a Readings,
 }
 
+impl<'a> Context<'a> {
+    pub(super) fn new(cockpit: &'a Cockpit, actions: &'a Actions, readings: &'a Readings) -> Self {
+        Self { flight: cockpit.flight(), cockpit, actions, readings }
+    }
+
+    /// Why an action cannot be done now; none if it can.
+    pub(super) fn why_not(&self, action: &Action) -> Option<&'static str> {
+        (action.possible)(self.cockpit).err()
+    }
+
+    /// A button for an action of the window, by its id, with its text and key as a tooltip; grey while it is not possible.
+    /// Nothing where there is no such action.
+    pub fn button(&self, ui: &mut Ui, text: &str, id: &str, requests: &mut Requests) {
+        let Some(action) = self.actions.named(id) else { return };
+        let why_not = self.why_not(action);
+        let shown = ui.add_enabled(why_not.is_none(), egui::Button::new(text));
+        let key = action.key_text();
+        let tip = if key.is_empty() { action.title() } else { format!("{} ({key})", action.title()) };
+        if shown.on_hover_text(tip).on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
+            requests.action(id);
+        }
+    }
+}
+
 /// Something in the window that others can add to.
 pub trait Panel {
-    /// Lays it out in what is left of `ui`.
+    /// Lays it out in what is left of `ui`. Called with every picture while it is shown. One that panics is not called again: the
+    /// window says so in its place.
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests);
 }
 
@@ -33,6 +94,15 @@ pub struct Requests {
 /// One of them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
+    /// Something of the flight.
+    Flight(FlightRequest),
+    /// An action of the window, by its id.
+    Action(String),
+}
+
+/// What is asked of the flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FlightRequest {
     /// Look around: the view was dragged by so many pixels to the right and downwards.
     Look([f64; 2]),
     /// Roll: the view was dragged by so many pixels to the right.
@@ -49,6 +119,21 @@ impl Requests {
     /// Asks for something.
     pub(super) fn ask(&mut self, request: Request) {
         self.list.push(request);
+    }
+
+    /// Asks something of the flight.
+    pub(super) fn fly(&mut self, request: FlightRequest) {
+        self.ask(Request::Flight(request));
+    }
+
+    /// Does an action of the window, by its id in the settings file: `"pause"`, `"reverse"`. One that there is not is nothing.
+    pub fn action(&mut self, id: &str) {
+        self.ask(Request::Action(id.to_owned()));
+    }
+
+    /// Goes to a share of the way, 0 to 1.
+    pub fn seek(&mut self, share: f64) {
+        self.fly(FlightRequest::Seek(share));
     }
 
     /// Has the flight's picture below the interface, in a rectangle in points that nothing opaque is drawn in.

@@ -1,0 +1,56 @@
+//! A program that is colvis with a panel of its own: how far the wall was in the last seconds.
+//!
+//! `cargo run --release --example own_panel` (its key is J)
+
+use std::collections::VecDeque;
+
+use colvis::cli::Program;
+use colvis::components::camera::Contact;
+use colvis::egui::{Color32, Sense, Shape, Stroke, Ui, pos2, vec2};
+use colvis::panel::{Context, Panel, PanelEntry, Requests};
+
+/// So many pictures are shown.
+const LENGTH: usize = 600;
+/// The top of the diagram, mm.
+const TOP: f64 = 20.0;
+
+#[derive(Default)]
+struct WallDistance {
+    last_tick: u64,
+    mm: VecDeque<f64>,
+}
+
+impl Panel for WallDistance {
+    fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        let tick = context.flight.clock().tick;
+        if let Some(contact) = context.flight.camera::<Contact>().filter(|_| tick != self.last_tick) {
+            self.last_tick = tick;
+            self.mm.push_back(contact.clearance_mm.min(TOP));
+            self.mm.drain(..self.mm.len().saturating_sub(LENGTH));
+        }
+        ui.horizontal(|ui| {
+            context.button(ui, "Stop", "pause", requests);
+            context.button(ui, "Turn round", "reverse", requests);
+            ui.label(format!("{:.1} mm to the wall", self.mm.back().copied().unwrap_or_default()));
+        });
+        let (rect, _) = ui.allocate_exact_size(ui.available_size().max(vec2(10.0, 10.0)), Sense::hover());
+        let line = self.mm.iter().enumerate().map(|(n, mm)| {
+            let x = rect.left() + rect.width() * n as f32 / LENGTH as f32;
+            pos2(x, rect.bottom() - rect.height() * (mm / TOP) as f32)
+        });
+        let stroke = Stroke::new(1.5, Color32::from_rgb(96, 190, 255));
+        ui.painter_at(rect).add(Shape::line(line.collect(), stroke));
+    }
+}
+
+fn main() -> std::process::ExitCode {
+    let panel = PanelEntry {
+        name: "wall_distance",
+        title: "Distance to the wall",
+        key: Some('j'),
+        shown: true,
+        make: || Box::<WallDistance>::default(),
+        ..PanelEntry::NONE
+    };
+    Program::default().panel(panel).run()
+}

@@ -1,0 +1,82 @@
+//! The platform's folders for what the window keeps, and small files in them.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// No file of ours is larger, bytes.
+const MOST_BYTES: u64 = 1 << 20;
+
+/// What a folder is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Folder {
+    /// What the user has written.
+    Configuration,
+    /// What the program remembers.
+    State,
+}
+
+impl Folder {
+    /// A file of colvis in it; none on a system that names no such folder.
+    pub fn file(self, name: impl AsRef<Path>) -> Option<PathBuf> {
+        self.of(|name| std::env::var_os(name).map(PathBuf::from)).map(|f| f.join("colvis").join(name))
+    }
+
+    /// The folder, from the environment. A relative path in it is to be ignored.
+    fn of(self, variable: impl Fn(&str) -> Option<PathBuf>) -> Option<PathBuf> {
+        let absolute = |name: &str| variable(name).filter(|p| p.is_absolute());
+        let (windows, xdg, home) = match self {
+            Self::Configuration => ("APPDATA", "XDG_CONFIG_HOME", ".config"),
+            Self::State => ("LOCALAPPDATA", "XDG_STATE_HOME", ".local/state"),
+        };
+        if cfg!(windows) {
+            return absolute(windows);
+        }
+        let home = if cfg!(target_os = "macos") { "Library/Application Support" } else { home };
+        absolute(xdg).or_else(|| absolute("HOME").map(|h| h.join(home)))
+    }
+}
+
+/// Reads a small file; none where there is none. `mend` is what an error says is to be done.
+///
+/// # Errors
+/// Status 3 where it cannot be read, or is too large to be one of ours.
+pub fn read(path: &Path, mend: &str) -> Result<Option<Vec<u8>>> {
+    let bad = |why: String| Error::file(path, why, mend);
+    match std::fs::metadata(path) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(e) => return Err(bad(format!("cannot be read ({e})"))),
+        Ok(m) if !m.is_file() => return Err(bad("is no file".to_owned())),
+        Ok(m) if m.len() > MOST_BYTES => return Err(bad(format!("is larger than {MOST_BYTES} bytes"))),
+        Ok(_) => {}
+    }
+    std::fs::read(path).map(Some).map_err(|e| bad(format!("cannot be read ({e})")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn relative_folders_are_ignored() {
+        let with = |list: &'static [(&str, &str)]| {
+            Folder::State.of(move |name| list.iter().find(|v| v.0 == name).map(|v| PathBuf::from(v.1)))
+        };
+        assert_eq!(with(&[]), None);
+        if cfg!(target_os = "linux") {
+            assert_eq!(with(&[("XDG_STATE_HOME", "x"), ("HOME", "/h")]), Some(PathBuf::from("/h/.local/state")));
+            assert_eq!(with(&[("XDG_STATE_HOME", "/s"), ("HOME", "/h")]), Some(PathBuf::from("/s")));
+        }
+    }
+
+    #[test]
+    fn only_small_files_are_read() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a");
+        assert_eq!(read(&path, "").unwrap(), None);
+        std::fs::write(&path, "b").unwrap();
+        assert_eq!(read(&path, "").unwrap().unwrap(), b"b");
+        std::fs::write(&path, vec![0; MOST_BYTES as usize + 1]).unwrap();
+        assert!(read(&path, "").is_err() && read(dir.path(), "").is_err());
+    }
+}

@@ -1,0 +1,461 @@
+//! The workspace: which panels are shown, and where. A layout is a row of tiles with dividers between them that can be dragged.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use egui::{Align, MenuBar, RichText, Ui, UiBuilder, WidgetText};
+use egui_tiles::{Behavior, Container, LinearDir, SimplificationOptions, Tile, TileId, Tiles, Tree, UiResponse};
+use serde::{Deserialize, Serialize};
+
+use super::actions::{Does, MENUS, WindowRequest};
+use super::folders::{self, Folder};
+use super::overlay::Mood;
+use super::panels::{Context, Panel, PanelEntry, Request, Requests};
+use crate::error::{Error, Result};
+use crate::{fence, output};
+
+/// The present form of the file of layouts.
+const VERSION: u32 = 1;
+/// What comes of a file of layouts that is none.
+const MEND: &str = "it is left as it is; the panels are where they are at first";
+/// Shares of a divided tile are held to these when they are read: no tile is without pixels.
+const SHARES: [f32; 2] = [0.02, 50.0];
+/// The share that panels take which are shown beside a layout's own.
+const SIDE: f32 = 0.3;
+
+/// A layout that the window comes with.
+pub struct LayoutEntry {
+    /// Its name, for `--layout` and the settings file.
+    pub name: &'static str,
+    /// What it shows, for menus.
+    pub text: &'static str,
+    /// Its key, as the table of actions has it.
+    pub key: &'static str,
+    /// Whether there is a bar of menus above it.
+    menus: bool,
+    /// Its tiles.
+    tiles: Split,
+}
+
+/// Tiles of a layout.
+enum Split {
+    /// A panel.
+    Panel(&'static str),
+    #[expect(dead_code, reason = "layouts of several panels come with the slices")]
+    /// Side by side, with their shares.
+    Row(&'static [(f32, Split)]),
+    #[expect(dead_code, reason = "layouts of several panels come with the slices")]
+    /// One above the other, with their shares.
+    Column(&'static [(f32, Split)]),
+}
+
+/// All layouts, in the order of the menus.
+pub const LAYOUTS: &[LayoutEntry] =
+    &[LayoutEntry { name: "flight", text: "the flight alone", key: "F2", menus: false, tiles: Split::Panel("flight") }];
+
+impl Split {
+    fn add(&self, tiles: &mut Tiles<String>) -> TileId {
+        let (dir, children) = match self {
+            Self::Panel(name) => return tiles.insert_pane((*name).to_owned()),
+            Self::Row(children) => (LinearDir::Horizontal, children),
+            Self::Column(children) => (LinearDir::Vertical, children),
+        };
+        linear(tiles, dir, |tiles| children.iter().map(|(share, split)| (*share, split.add(tiles))).collect())
+    }
+
+    fn shows(&self, panel: &str) -> bool {
+        match self {
+            Self::Panel(name) => *name == panel,
+            Self::Row(children) | Self::Column(children) => children.iter().any(|c| c.1.shows(panel)),
+        }
+    }
+}
+
+fn linear(
+    tiles: &mut Tiles<String>,
+    dir: LinearDir,
+    children: impl FnOnce(&mut Tiles<String>) -> Vec<(f32, TileId)>,
+) -> TileId {
+    let children = children(tiles);
+    let mut container = egui_tiles::Linear::new(dir, children.iter().map(|c| c.1).collect());
+    children.iter().for_each(|(share, id)| container.shares.set_share(*id, *share));
+    tiles.insert_container(container)
+}
+
+/// A layout as it is now.
+struct Arrangement {
+    tree: Tree<String>,
+    /// Beside the layout's own panels: the others, and the tile that holds them.
+    side: (TileId, Vec<TileId>),
+}
+
+impl Arrangement {
+    fn new(entry: &LayoutEntry, panels: &[Shown]) -> Self {
+        let mut tiles = Tiles::default();
+        let own = entry.tiles.add(&mut tiles);
+        let others: Vec<&str> = panels.iter().map(|p| p.entry.name).filter(|n| !entry.tiles.shows(n)).collect();
+        let mut ids = Vec::new();
+        let side = linear(&mut tiles, LinearDir::Vertical, |tiles| {
+            ids = others.iter().map(|n| tiles.insert_pane((*n).to_owned())).collect();
+            ids.iter().map(|id| (1.0, *id)).collect()
+        });
+        let root = linear(&mut tiles, LinearDir::Horizontal, |_| vec![(1.0 - SIDE, own), (SIDE, side)]);
+        let mut made = Self { tree: Tree::new(entry.name, root, tiles), side: (side, ids) };
+        for (id, name) in made.side.1.clone().into_iter().zip(&others) {
+            let shown = panels.iter().any(|p| p.entry.name == *name && p.entry.shown);
+            made.tree.set_visible(id, shown);
+        }
+        made.settle();
+        made
+    }
+
+    /// The side is there while it shows something.
+    fn settle(&mut self) {
+        let any = self.side.1.iter().any(|id| self.tree.is_visible(*id));
+        self.tree.set_visible(self.side.0, any);
+    }
+
+    fn tile(&self, panel: &str) -> Option<TileId> {
+        self.tree.tiles.find_pane(&panel.to_owned())
+    }
+
+    fn is_shown(&self, panel: &str) -> bool {
+        self.tile(panel).is_some_and(|id| self.tree.is_visible(id))
+    }
+
+    /// Shows or hides a panel.
+    fn switch(&mut self, panel: &str) {
+        if let Some(id) = self.tile(panel) {
+            let shown = self.tree.is_visible(id);
+            self.tree.set_visible(id, !shown);
+            self.settle();
+        }
+    }
+
+    /// The shares of all that is divided, from the outermost to the innermost, each with its name; the names say where it lies.
+    fn shares(&self) -> BTreeMap<String, f32> {
+        let mut all = BTreeMap::new();
+        self.walk(&mut |place, container, child| {
+            all.insert(place, container.shares[child]);
+        });
+        all
+    }
+
+    /// Calls `each` with every divided tile's place, its container and its child.
+    fn walk(&self, each: &mut impl FnMut(String, &egui_tiles::Linear, TileId)) {
+        let mut left: Vec<(String, TileId)> = self.tree.root().map(|r| (String::new(), r)).into_iter().collect();
+        while let Some((place, id)) = left.pop() {
+            if let Some(Tile::Container(Container::Linear(container))) = self.tree.tiles.get(id) {
+                for (n, child) in container.children.iter().enumerate() {
+                    let place = format!("{place}{n}");
+                    each(place.clone(), container, *child);
+                    left.push((place, *child));
+                }
+            }
+        }
+    }
+
+    /// Takes shares over that were kept; those that belong to no tile any more are left out.
+    fn take(&mut self, kept: &BTreeMap<String, f32>) {
+        let mut wanted = Vec::new();
+        self.walk(&mut |place, _, child| wanted.extend(kept.get(&place).map(|s| (child, *s))));
+        for tile in self.tree.tiles.tiles_mut() {
+            if let Tile::Container(Container::Linear(container)) = tile {
+                for (child, share) in wanted.iter().filter(|w| w.1.is_finite()) {
+                    if container.children.contains(child) {
+                        container.shares.set_share(*child, share.clamp(SHARES[0], SHARES[1]));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What is kept of the workspace for the next time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Kept {
+    version: u32,
+    layout: String,
+    /// For each layout, where its dividers are.
+    shares: BTreeMap<String, BTreeMap<String, f32>>,
+    /// For each layout, the panels that are shown beside its own.
+    beside: BTreeMap<String, Vec<String>>,
+}
+
+/// A panel of this window.
+struct Shown {
+    entry: PanelEntry,
+    panel: Box<dyn Panel>,
+    /// Why it is not laid out any more.
+    fault: Option<String>,
+}
+
+/// The panels of a window.
+pub struct Workspace {
+    panels: Vec<Shown>,
+    layout: usize,
+    layouts: Vec<Arrangement>,
+    /// Where it is kept; none where it is not.
+    file: Option<PathBuf>,
+}
+
+impl Workspace {
+    /// With these panels, in the layout `wanted`, else as it was left the last time, else in the first layout. What is wrong with what was
+    /// kept is told: everything is where it is at first then, and nothing is kept.
+    pub fn new(entries: &[PanelEntry], wanted: Option<&str>, file: Option<PathBuf>) -> (Self, Option<Error>) {
+        let make = |e: &PanelEntry| Shown { entry: *e, panel: (e.make)(), fault: None };
+        let panels: Vec<Shown> = entries.iter().map(make).collect();
+        let layouts = LAYOUTS.iter().map(|l| Arrangement::new(l, &panels)).collect();
+        let mut made = Self { panels, layout: 0, layouts, file };
+        let error = made.take_up().err();
+        if error.is_some() {
+            made.file = None;
+        }
+        if let Some(n) = wanted.and_then(|w| LAYOUTS.iter().position(|l| l.name == w)) {
+            made.layout = n;
+        }
+        (made, error)
+    }
+
+    fn take_up(&mut self) -> Result<()> {
+        let Some(path) = &self.file else { return Ok(()) };
+        let Some(bytes) = folders::read(path, MEND)? else { return Ok(()) };
+        let bad = |why: String| Error::file(path, why, MEND);
+        let kept: Kept = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
+        if kept.version != VERSION {
+            return Err(bad(format!("has version {}, not {VERSION}", kept.version)));
+        }
+        for (entry, layout) in LAYOUTS.iter().zip(&mut self.layouts) {
+            if let Some(shares) = kept.shares.get(entry.name) {
+                layout.take(shares);
+            }
+            let beside = kept.beside.get(entry.name).map_or(&[][..], Vec::as_slice);
+            for panel in self.panels.iter().map(|p| p.entry.name).filter(|p| !entry.tiles.shows(p)) {
+                if layout.is_shown(panel) != beside.iter().any(|b| b == panel) {
+                    layout.switch(panel);
+                }
+            }
+        }
+        self.layout = LAYOUTS.iter().position(|l| l.name == kept.layout).unwrap_or(0);
+        Ok(())
+    }
+
+    /// Keeps it for the next time.
+    ///
+    /// # Errors
+    /// Status 5 when it cannot be written.
+    pub fn keep(&self) -> Result<()> {
+        let Some(path) = &self.file else { return Ok(()) };
+        let all = || LAYOUTS.iter().zip(&self.layouts);
+        let beside = |entry: &LayoutEntry, layout: &Arrangement| {
+            let names = self.panels.iter().map(|p| p.entry.name);
+            names.filter(|p| !entry.tiles.shows(p) && layout.is_shown(p)).map(str::to_owned).collect()
+        };
+        let kept = Kept {
+            version: VERSION,
+            layout: LAYOUTS[self.layout].name.to_owned(),
+            shares: all().map(|(e, l)| (e.name.to_owned(), l.shares())).collect(),
+            beside: all().map(|(e, l)| (e.name.to_owned(), beside(e, l))).collect(),
+        };
+        if let Some(folder) = path.parent() {
+            output::make_folder(folder)?;
+        }
+        output::write_json(path, &kept)
+    }
+
+    /// Where it is kept; none on a system that names no folder for it.
+    pub fn usual_file() -> Option<PathBuf> {
+        Folder::State.file(Path::new("layout.json"))
+    }
+
+    /// Shows another layout, by its number.
+    pub fn choose(&mut self, layout: usize) {
+        self.layout = layout.min(LAYOUTS.len() - 1);
+    }
+
+    /// Shows or hides a panel, by its number.
+    pub fn switch(&mut self, panel: usize) {
+        if let Some(p) = self.panels.get(panel) {
+            self.layouts[self.layout].switch(p.entry.name);
+        }
+    }
+
+    /// Whether a panel besides the flight's is shown: they may show anything of the flight, and are laid out with every picture.
+    pub fn shows_more_than_the_flight(&self) -> bool {
+        self.panels.iter().any(|p| p.entry.name != "flight" && self.layouts[self.layout].is_shown(p.entry.name))
+    }
+
+    /// Lays everything out.
+    pub fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        if LAYOUTS[self.layout].menus {
+            egui::Panel::top("menus").show_inside(ui, |ui| self.menus(context, ui, requests));
+        }
+        let (panels, layout) = (&mut self.panels, &mut self.layouts[self.layout]);
+        layout.tree.ui(&mut Tiling { panels, context, requests }, ui);
+    }
+
+    fn menus(&self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        MenuBar::new().ui(ui, |ui| {
+            for (title, entries) in MENUS {
+                ui.menu_button(*title, |ui| {
+                    for action in entries.iter().flat_map(|e| context.actions.of_menu(e)) {
+                        let button = egui::Button::new(action.title()).shortcut_text(action.key_text());
+                        let button = button.selected(self.is_on(action.does));
+                        let why_not = context.why_not(action);
+                        let shown = ui.add_enabled(why_not.is_none(), button);
+                        if shown.on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
+                            requests.ask(Request::Action(action.id.to_string()));
+                        }
+                    }
+                });
+            }
+        });
+    }
+
+    /// Whether what an action switches is on.
+    fn is_on(&self, does: Does) -> bool {
+        match does {
+            Does::Window(WindowRequest::Layout(n)) => n == self.layout,
+            Does::Window(WindowRequest::Panel(n)) => {
+                self.panels.get(n).is_some_and(|p| self.layouts[self.layout].is_shown(p.entry.name))
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Lays panels out in their tiles.
+struct Tiling<'a, 'b> {
+    panels: &'a mut [Shown],
+    context: &'a Context<'b>,
+    requests: &'a mut Requests,
+}
+
+impl Behavior<String> for Tiling<'_, '_> {
+    fn pane_ui(&mut self, ui: &mut Ui, _: TileId, name: &mut String) -> UiResponse {
+        let Some(shown) = self.panels.iter_mut().find(|p| p.entry.name == *name) else { return UiResponse::None };
+        let rect = ui.available_rect_before_wrap();
+        if !shown.entry.picture || shown.fault.is_some() {
+            ui.painter().rect_filled(rect, 0.0, ui.visuals().panel_fill);
+        }
+        if let Some(why) = &shown.fault {
+            told(ui, rect, shown.entry.title, why);
+            return UiResponse::None;
+        }
+        // In a child of its own, so that what a panel leaves behind when it panics is not the others'.
+        let mut own =
+            ui.new_child(UiBuilder::new().max_rect(if shown.entry.picture { rect } else { rect.shrink(8.0) }));
+        own.set_clip_rect(rect.intersect(ui.clip_rect()));
+        let (context, requests) = (self.context, &mut *self.requests);
+        let laid_out = fence::caught(|| {
+            if !shown.entry.picture {
+                own.label(RichText::new(shown.entry.title).strong());
+                own.separator();
+            }
+            shown.panel.ui(context, &mut own, requests);
+        });
+        if let Err(why) = laid_out {
+            eprintln!("note: panel {} panicked: {why}; it is not shown any more", shown.entry.name);
+            told(ui, rect, shown.entry.title, &why);
+            shown.fault = Some(why);
+        }
+        UiResponse::None
+    }
+
+    fn tab_title_for_pane(&mut self, name: &String) -> WidgetText {
+        name.into()
+    }
+
+    fn gap_width(&self, _: &egui::Style) -> f32 {
+        4.0
+    }
+
+    fn min_size(&self) -> f32 {
+        80.0
+    }
+
+    fn simplification_options(&self) -> SimplificationOptions {
+        // The tiles stay as the layout has them, so that dividers are found again.
+        SimplificationOptions::OFF
+    }
+}
+
+/// Says in a panel's place why it is not there.
+fn told(ui: &mut Ui, rect: egui::Rect, title: &str, why: &str) {
+    let layout = egui::Layout::top_down(Align::Min);
+    ui.scope_builder(UiBuilder::new().max_rect(rect.shrink(8.0)).layout(layout), |ui| {
+        ui.label(RichText::new(format!("{title}: panicked")).color(Mood::Calling.colour()));
+        ui.label(why);
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Nothing;
+
+    impl Panel for Nothing {
+        fn ui(&mut self, _: &Context<'_>, _: &mut Ui, _: &mut Requests) {}
+    }
+
+    fn entries() -> Vec<PanelEntry> {
+        let own = PanelEntry { name: "own", title: "Own", make: || Box::new(Nothing), ..PanelEntry::NONE };
+        crate::host::window::panels::BUILT_IN.iter().copied().chain([own]).collect()
+    }
+
+    fn workspace(file: &Path) -> (Workspace, Option<Error>) {
+        Workspace::new(&entries(), None, Some(file.to_owned()))
+    }
+
+    #[test]
+    fn layouts_dividers_and_panels_are_kept() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a").join("layout.json");
+        let (mut first, error) = workspace(&path);
+        assert!(error.is_none() && !first.layouts[0].is_shown("own"));
+        let own = entries().len() - 1;
+        first.switch(own);
+        assert!(first.layouts[0].is_shown("own") && first.shows_more_than_the_flight());
+        first.layouts[0].take(&BTreeMap::from([
+            ("0".to_owned(), 0.9),
+            ("1".to_owned(), f32::NAN),
+            ("77".to_owned(), 1.0),
+        ]));
+        assert_eq!(first.layouts[0].shares()["0"], 0.9);
+        first.choose(LAYOUTS.len() - 1);
+        first.keep().unwrap();
+        let (second, error) = workspace(&path);
+        assert!(error.is_none());
+        assert_eq!(second.layout, LAYOUTS.len() - 1);
+        assert_eq!((second.layouts[0].shares()["0"], second.layouts[0].shares()["1"]), (0.9, SIDE));
+        assert!(second.layouts[0].is_shown("own"));
+        // What is asked for wins.
+        assert_eq!(Workspace::new(&entries(), Some("flight"), Some(path)).0.layout, 0);
+    }
+
+    #[test]
+    fn what_is_damaged_is_told_and_left_as_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("layout.json");
+        for text in [
+            "",
+            "{",
+            "[]",
+            "{\"version\": 1}",
+            "{\"version\": 2, \"layout\": \"flight\", \"shares\": {}, \"beside\": {}}",
+            "{\"version\": 1, \"layout\": \"flight\", \"shares\": {\"flight\": {\"0\": \"x\"}}, \"beside\": {}}",
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let (made, error) = workspace(&path);
+            assert!(error.is_some_and(|e| !e.to_string().contains('\n')), "{text}");
+            made.keep().unwrap();
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        }
+        // Layouts and panels that there are not any more are no fault.
+        let old = "{\"version\": 1, \"layout\": \"x\", \"shares\": {\"x\": {}}, \"beside\": {\"flight\": [\"gone\"]}}";
+        std::fs::write(&path, old).unwrap();
+        assert!(workspace(&path).1.is_none());
+    }
+}
