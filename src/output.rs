@@ -1,6 +1,7 @@
 //! Output files: each appears whole or not at all, also when the program is interrupted.
 
 mod leftover;
+mod npy;
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -8,6 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Kind, Result};
+
+pub use npy::{write_npy, write_npy_head, write_npy_values};
 
 /// A file being written: a temporary one beside its target, renamed on [`Whole::finish`] and removed when dropped
 /// before. What killed programs have left in the folder is taken away first.

@@ -12,7 +12,7 @@ use crate::app::{FlightApp, Scene};
 use crate::components::play::Playback;
 use crate::error::{Error, Result};
 use crate::fields::{Lumen, drain, lumen};
-use crate::phantom::{self, Phantom};
+use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
 use crate::render::{PreparedVolume, Preset, TransferFunction};
 use crate::volume::Volume;
@@ -90,8 +90,7 @@ impl Scan {
     /// # Errors
     /// Status 4 when interrupted.
     pub fn phantom_with(seed: u64, options: &OpenOptions) -> Result<Self> {
-        let phantom =
-            Phantom::new(&phantom::PhantomSettings { size: phantom::Size::Small, seed, ..Default::default() });
+        let phantom = Phantom::new(&PhantomSettings::embedded(seed));
         let mut timings = Timings::default();
         let volume = timings.time("load_s", || phantom.voxelise(&phantom.grid(), &options.progress))?;
         Ok(Self::made(volume, options, timings))

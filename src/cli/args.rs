@@ -11,10 +11,11 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand,
 
 pub use crate::cli::values::{Pair, Point, Size, Triple};
 
-use crate::cli::values::count;
+use crate::cli::values::{count, number, plane, slab};
 use crate::cli::{Program, unbuilt};
 use crate::error::Error;
 use crate::fields::CenterlineMethod;
+use crate::render::slice::{Slab, SlicePlane};
 
 /// Flies through the inside of the colon of a CT scan. Research software, not for diagnosis.
 #[derive(Parser, Debug)]
@@ -70,6 +71,8 @@ pub enum Command {
     Fly(FlyArgs),
     /// Renders a list of poses
     Render(RenderArgs),
+    /// Writes a cross-section
+    Slice(SliceArgs),
     /// Writes the colon's lumen as a mask
     Segment(SegmentArgs),
     /// Writes the surface of the colon's lumen as a closed mesh
@@ -195,6 +198,37 @@ pub struct RenderArgs {
     /// Where to write what the frames took
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
+}
+
+/// `slice`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct SliceArgs {
+    /// A scan; the embedded phantom if left out
+    pub input: Option<PathBuf>,
+    /// The point in the middle of the picture, mm LPS
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub at: Triple,
+    /// axial, coronal, sagittal, or the normal of a plane that is seen against it
+    #[arg(long, value_name = "PLANE", value_parser = plane, allow_hyphen_values = true)]
+    pub plane: SlicePlane,
+    /// The picture: .png (8-bit grey), or .npy (float32 HU)
+    #[arg(long, value_name = "F")]
+    pub out: PathBuf,
+    /// Image size (512x512)
+    #[arg(long, value_name = "WxH")]
+    pub size: Option<Size>,
+    /// Side of a pixel, mm (the scan's least spacing)
+    #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
+    pub mm_per_pixel: Option<f64>,
+    /// HU in the middle of a PNG's greys (0)
+    #[arg(long, value_name = "L", value_parser = number, allow_hyphen_values = true)]
+    pub level: Option<f64>,
+    /// HU from a PNG's black to its white (2000)
+    #[arg(long, value_name = "W", value_parser = number, allow_hyphen_values = true)]
+    pub window: Option<f64>,
+    /// Thickness in mm, 0 to 20, and what is shown of it: mean, max or min
+    #[arg(long, value_name = "MM,KIND", value_parser = slab, allow_hyphen_values = true)]
+    pub slab: Option<Slab>,
 }
 
 /// `segment`'s arguments.

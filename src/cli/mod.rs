@@ -12,6 +12,7 @@ mod prepare;
 mod render;
 mod report;
 mod segment;
+mod slice;
 mod surface;
 mod unbuilt;
 mod values;
@@ -309,13 +310,19 @@ fn run(program: &Program, args: Args) -> Result<()> {
     // A flight shows its own progress: a window, or a bar that goes before the last word.
     let _bar = match args.command {
         Some(
-            Command::Info(_) | Command::Phantom(_) | Command::Segment(_) | Command::Surface(_) | Command::Centerline(_),
+            Command::Info(_)
+            | Command::Phantom(_)
+            | Command::Slice(_)
+            | Command::Segment(_)
+            | Command::Surface(_)
+            | Command::Centerline(_),
         ) => Some(Bar::show(&progress)),
         _ => None,
     };
     match args.command {
         Some(Command::Info(a)) => info::run(&a, &global, &progress),
         Some(Command::Phantom(a)) => phantom::run(&a, &global, &progress),
+        Some(Command::Slice(a)) => slice::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
         Some(Command::Surface(a)) => surface::run(&a, &global, &progress),
         Some(Command::Fly(a)) => fly::run(program, &a, &global, &progress),

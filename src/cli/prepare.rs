@@ -12,6 +12,7 @@ use crate::cli::args::{Global, QualityName};
 use crate::error::{Error, Result};
 use crate::fields::{Lumen, lumen};
 use crate::memory::resident_bytes;
+use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
 use crate::render::fast::simd_level;
 use crate::render::{CameraModel, Preset, Quality, Settings, TransferFunction};
@@ -123,7 +124,7 @@ pub fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Ar
     Ok(scan)
 }
 
-/// Reads the input as it is, or makes the embedded phantom where there is none; says what there is to say about it.
+/// Reads the input as it is; says what there is to say about it.
 ///
 /// # Errors
 /// As [`open`].
@@ -132,6 +133,20 @@ pub fn load(input: &Path, global: &Global, progress: &Progress) -> Result<Volume
     tell_unused(input, &loaded.volume, global);
     loaded.notes.iter().for_each(|note| say(note));
     Ok(loaded.volume)
+}
+
+/// As [`load`], or makes the embedded phantom where there is no input.
+///
+/// # Errors
+/// As [`open`].
+pub fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &Progress) -> Result<Volume> {
+    input.map_or_else(
+        || {
+            let phantom = Phantom::new(&PhantomSettings::embedded(global.seed.unwrap_or(1)));
+            phantom.voxelise(&phantom.grid(), progress)
+        },
+        |path| load(path, global, progress),
+    )
 }
 
 /// The colon in a scan.

@@ -92,7 +92,8 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
         frames.push(FrameStats { ms, rays: work.rays, samples: work.samples, reused: work.reused });
         write_png(&args.out.join(format!("{n:04}.png")), &frame)?;
         if let Some(depth) = frame.depth() {
-            write_npy(&args.out.join(format!("{n:04}.npy")), depth, size)?;
+            // mm, row 0 on top.
+            output::write_npy(&args.out.join(format!("{n:04}.npy")), depth, &[size.height, size.width])?;
         }
         progress.advance(1)
     };
@@ -116,22 +117,4 @@ fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
         camera.camera(fov, 1.0).map_err(|e| Error::file(path, format!("fov_degrees: {}", e.why), mend))?;
     }
     Ok(poses)
-}
-
-/// Writes a depth image (mm, row 0 on top) as a NumPy array of float32 H×W, format 1.0.
-fn write_npy(path: &Path, depth: &[f32], size: Size) -> Result<()> {
-    output::write_whole(path, |w| {
-        let shape = format!("({}, {})", size.height, size.width);
-        let mut head = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}");
-        // The format asks for a header that ends on a multiple of 64 bytes with a line break.
-        while (10 + head.len() + 1) % 64 != 0 {
-            head.push(' ');
-        }
-        head.push('\n');
-        w.write_all(b"\x93NUMPY\x01\x00")?;
-        w.write_all(&(head.len() as u16).to_le_bytes())?;
-        w.write_all(head.as_bytes())?;
-        let bytes: Vec<u8> = depth.iter().flat_map(|d| d.to_le_bytes()).collect();
-        w.write_all(&bytes)
-    })
 }

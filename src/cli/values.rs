@@ -4,6 +4,8 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
+use crate::render::slice::{Slab, SlabKind, SlicePlane};
+
 /// A point of the colon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Point {
@@ -85,6 +87,37 @@ fn numbers<const N: usize>(s: &str) -> Result<[f64; N], String> {
         *o = t.parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| format!("{t:?} is not a finite number"))?;
     }
     if parts.next().is_some() { Err(format!("needs {N} numbers, no more")) } else { Ok(out) }
+}
+
+/// A finite number.
+pub fn number(s: &str) -> Result<f64, String> {
+    numbers(s).map(|[n]| n)
+}
+
+/// The plane of a slice: a name, or the normal `NX,NY,NZ`.
+pub fn plane(s: &str) -> Result<SlicePlane, String> {
+    let plane = match s.to_ascii_lowercase().as_str() {
+        "axial" => SlicePlane::Axial,
+        "coronal" => SlicePlane::Coronal,
+        "sagittal" => SlicePlane::Sagittal,
+        _ => {
+            let normal = numbers(s).map_err(|e| format!("neither axial, coronal, sagittal nor NX,NY,NZ: {e}"))?;
+            SlicePlane::Oblique(DVec3::from_array(normal))
+        }
+    };
+    plane.frame().map(|_| plane)
+}
+
+/// A slab, `MM,mean|max|min`.
+pub fn slab(s: &str) -> Result<Slab, String> {
+    let (mm, kind) = s.split_once(',').ok_or("is not MM,mean|max|min")?;
+    let kind = match kind.trim().to_ascii_lowercase().as_str() {
+        "mean" => SlabKind::Mean,
+        "max" => SlabKind::Max,
+        "min" => SlabKind::Min,
+        other => return Err(format!("{other:?} is not mean, max or min")),
+    };
+    Slab::new(number(mm)?, kind)
 }
 
 /// A count from 1 to 4096.

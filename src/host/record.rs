@@ -38,6 +38,18 @@ pub fn write_png(path: &Path, frame: &Frame) -> Result<()> {
     })
 }
 
+/// Writes an 8-bit grey image, width and height in pixels, row 0 on top, as PNG, whole or not at all.
+///
+/// # Errors
+/// Status 5 when it cannot be written.
+pub fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -> Result<()> {
+    output::write_whole(path, |w| {
+        image::codecs::png::PngEncoder::new(w)
+            .write_image(pixels, width as u32, height as u32, ExtendedColorType::L8)
+            .map_err(std::io::Error::other)
+    })
+}
+
 /// A recording as a flight presents its pictures to it.
 pub struct Recording {
     recorder: Recorder,

@@ -80,6 +80,13 @@ pub struct PhantomSettings {
     pub seed: u64,
 }
 
+impl PhantomSettings {
+    /// The phantom that the program has within it, for commands without an input: small, another one for each seed.
+    pub fn embedded(seed: u64) -> Self {
+        Self { size: Size::Small, seed, ..Self::default() }
+    }
+}
+
 impl Default for PhantomSettings {
     fn default() -> Self {
         Self { size: Size::Standard, folds: true, polyps: true, fluid: false, bridges: false, noise: true, seed: 1 }

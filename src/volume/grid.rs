@@ -111,6 +111,13 @@ impl Grid {
         self.to_voxel.transform_point3(world)
     }
 
+    /// Whether a place in the world, mm LPS, lies in a voxel; each reaches half its size beyond its centre.
+    pub fn contains(&self, world: DVec3) -> bool {
+        let at = self.voxel(world).to_array();
+        // False for what is no number.
+        (0..3).all(|a| at[a] >= -0.5 && at[a] < self.dims[a] as f64 - 0.5)
+    }
+
     /// Volume of one voxel, ml.
     pub fn voxel_ml(&self) -> f64 {
         self.to_world.matrix3.determinant().abs() / 1000.0
@@ -133,6 +140,8 @@ mod tests {
         let g = Grid::new([4, 5, 6], DVec3::new(0.3, 0.7, 10.0), DVec3::new(-10.0, 20.0, 30.0), d).unwrap();
         let p = DVec3::new(1.25, 3.5, 4.75);
         assert!((g.voxel(g.world(p)) - p).length() < 1e-12);
+        assert!(g.contains(g.world(DVec3::new(-0.49, 4.49, 5.0))) && !g.contains(g.world(DVec3::new(0.0, 4.51, 5.0))));
+        assert!(!g.contains(DVec3::NAN) && !g.contains(DVec3::splat(f64::INFINITY)));
         assert!((g.world(DVec3::X) - g.origin() - DVec3::new(-0.3, 0.0, 0.0)).length() < 1e-12);
         assert!((g.voxel_ml() - 0.3 * 0.7 * 10.0 / 1000.0).abs() < 1e-12);
     }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
+use colvis::render::slice::{Slice, SlicePlane};
 use colvis::render::{self, Frame, PreparedVolume, Preset, Quality, Reuse, TransferFunction, View, psnr, renderer};
 use colvis::volume::{Grid, Volume, io};
 use glam::{DMat3, DVec3};
@@ -305,10 +306,8 @@ fn series(body: &Body, patient_position: &'static str, row: DVec3, column: DVec3
     read(folder.path())
 }
 
-#[test]
-fn every_grid_and_every_reader_give_one_picture() {
-    let body = Body::new(Some(LEFT_FRONT));
-    let eye = body.eye(false);
+/// The body on every kind of grid and through every reader, each with a name.
+fn through_every_reader(body: &Body) -> Vec<(String, Volume)> {
     let cube = DVec3::splat(VOXEL);
     let diagonal = |x: f64, y: f64, z: f64| DMat3::from_diagonal(DVec3::new(x, y, z));
     let mirrored = body.on(&body.grid(diagonal(-1.0, 1.0, 1.0), cube));
@@ -340,9 +339,16 @@ fn every_grid_and_every_reader_give_one_picture() {
         ("FFS", DVec3::NEG_X, DVec3::Y),
         ("FFP", DVec3::X, DVec3::NEG_Y),
     ] {
-        all.push((position.to_owned(), series(&body, position, row, column)));
+        all.push((position.to_owned(), series(body, position, row, column)));
     }
+    all
+}
 
+#[test]
+fn every_grid_and_every_reader_give_one_picture() {
+    let body = Body::new(Some(LEFT_FRONT));
+    let eye = body.eye(false);
+    let all = through_every_reader(&body);
     let place = eye.project(body.polyp.unwrap());
     let without = eye.look(Body::new(None).plain());
     let frames: Vec<(String, Frame)> = all.into_iter().map(|(name, v)| (name, eye.look(v))).collect();
@@ -363,4 +369,63 @@ fn every_grid_and_every_reader_give_one_picture() {
     let db = psnr(&eye.look(other.plain()), &frames[0].1);
     println!("{db:.1} dB to the polyp on the right");
     assert!(db < 30.0, "{db:.1} dB to the polyp on the right");
+}
+
+/// Root mean square of what two slices differ by, HU.
+fn rms(a: &[f32], b: &[f32]) -> f64 {
+    (a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
+}
+
+#[test]
+fn every_grid_and_every_reader_give_the_same_slices() {
+    let body = Body::new(Some(LEFT_FRONT));
+    let polyp = body.polyp.unwrap();
+    // A place beside the polyp, so that each plane shows it off the middle, and within its ball.
+    let centre = polyp + DVec3::new(-2.0, 1.5, 1.0);
+    let without = Body::new(None).plain();
+    let other = Body::new(Some(DVec3::new(-1.0, -0.5, 0.0))).plain();
+    let all = through_every_reader(&body);
+    for (plane, edges, sides) in [
+        (SlicePlane::Axial, ["R", "L", "A", "P"], [1.0, -1.0]),
+        (SlicePlane::Coronal, ["R", "L", "S", "I"], [1.0, 1.0]),
+        (SlicePlane::Sagittal, ["A", "P", "S", "I"], [-1.0, 1.0]),
+    ] {
+        let slice = Slice { centre, frame: plane.frame().unwrap(), mm_per_pixel: 0.5, size: [64, 60] };
+        assert_eq!(slice.frame.edges(), edges);
+        let hu = |volume: &Volume| {
+            let mut out = Vec::new();
+            slice.fill(volume, &mut out);
+            out
+        };
+        // Where the polyp is, from the middle: to the right, and down.
+        let (place, _) = slice.pixel(polyp);
+        let off = [place[0] - 32.0, place[1] - 30.0];
+        assert!(off[0] * sides[0] > 1.5 && off[1] * sides[1] > 1.5, "{plane:?}: {off:?}");
+        let (bare, turned) = (hu(&without), hu(&other));
+        let first = hu(&all[0].1);
+        let mut worst = 0.0f64;
+        for (name, volume) in &all {
+            let shown = hu(volume);
+            let differs: Vec<usize> = (0..shown.len()).filter(|&n| (shown[n] - bare[n]).abs() > 300.0).collect();
+            let mean = |place: fn(usize) -> usize| {
+                differs.iter().map(|&n| place(n) as f64 + 0.5).sum::<f64>() / differs.len() as f64
+            };
+            let seen = [mean(|n| n % 64), mean(|n| n / 64)];
+            let far = (seen[0] - place[0]).hypot(seen[1] - place[1]);
+            // Where it sits on the wall there is no difference.
+            assert!(far < 4.0, "{name}, {plane:?}: the polyp is at {seen:?}, expected {place:?}");
+            worst = worst.max(rms(&shown, &first));
+            assert!(rms(&shown, &first) < 30.0, "{name}, {plane:?}: {:.1} HU", rms(&shown, &first));
+        }
+        let right = rms(&turned, &first);
+        println!("{plane:?}: {} slices, {worst:.1} HU at most; {right:.1} HU to the polyp on the right", all.len());
+        assert!(right > 100.0, "{plane:?}: {right:.1} HU");
+        // A click goes to the world and back.
+        for at in [[0.0, 0.0], [13.5, 42.25], [64.0, 60.0], [-7.0, 99.0]] {
+            let world = slice.world(at);
+            let (back, before) = slice.pixel(world);
+            assert!((back[0] - at[0]).hypot(back[1] - at[1]) < 1e-9 && before.abs() < 1e-9, "{plane:?}: {back:?}");
+            assert!((slice.world(back) - world).length() < 1e-9);
+        }
+    }
 }

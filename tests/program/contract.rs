@@ -7,7 +7,7 @@ use crate::support::program::colvis;
 use crate::support::run::run;
 
 /// Each command with its options; a `!` stands before what is not built.
-const COMMANDS: [(&str, &str); 20] = [
+const COMMANDS: [(&str, &str); 21] = [
     ("", "--threads --wall --spacing --hu --series --allow-gaps --fov --camera --seed !--cleanse"),
     (
         "fly",
@@ -15,6 +15,7 @@ const COMMANDS: [(&str, &str); 20] = [
          --coverage --record-input --replay --play --rate --scene !--second !--coverage-mesh !--review",
     ),
     ("render", "--poses --out --size --quality --preset --samples --no-reuse --depth --stats !--normals"),
+    ("slice", "--at --plane --size --mm-per-pixel --level --window --slab --out"),
     ("segment", "--out --stats --labels --from"),
     ("surface", "--mask --out --stats --from"),
     ("centerline", "--mask --out --method --from --to --stats"),
@@ -35,12 +36,14 @@ const COMMANDS: [(&str, &str); 20] = [
 ];
 
 /// Options whose values the contract names.
-const VALUES: [(&[&str], &str); 10] = [
+const VALUES: [(&[&str], &str); 12] = [
     (&["fly", "--guide"], "tentacles potential path manual"),
     (&["fly", "--quality"], "high low adaptive reference"),
     (&["fly", "--preset"], "default colvis lean"),
     (&["fly", "--camera"], "perspective !fisheye !panorama"),
     (&["render", "--camera"], "!fisheye !panorama"),
+    (&["slice", "--plane"], "axial coronal sagittal"),
+    (&["slice", "--slab"], "mean max min"),
     (&["segment", "--labels"], "other wall"),
     (&["centerline", "--method"], "penalised peel roadmap cells"),
     (&["phantom", "--size"], "small standard large"),
@@ -127,7 +130,7 @@ fn a_scan_named_as_a_command_is_opened_by_its_path() {
 
 #[test]
 fn values_without_sense_are_refused_by_every_command() {
-    let commands: [&[&str]; 10] = [
+    let commands: [&[&str]; 11] = [
         &["fly", "--headless"],
         &["explain", "--headless"],
         &["render", "none.nii", "--poses", "none.json", "--out", "none"],
@@ -138,6 +141,7 @@ fn values_without_sense_are_refused_by_every_command() {
         &["info", "none.nii"],
         &["plane", "--headless", "--out", "none.png"],
         &["report", "fields", "--out", "none"],
+        &["slice", "none.nii", "--at=1,2,3", "--plane=axial", "--out", "none.png"],
     ];
     for command in commands {
         for wrong in [
@@ -175,6 +179,16 @@ fn values_without_sense_are_refused_by_every_command() {
         (commands[9], &["--steps=0", "--steps=x"]),
         (commands[6], &["--size=tiny", "--with=warp"]),
         (commands[5], &["--method=warp", "--from=1,2", "--to=1,2,nan"]),
+        (commands[10], &pictures),
+        (commands[10], &["--mm-per-pixel=0", "--mm-per-pixel=-1", "--mm-per-pixel=nan", "--mm-per-pixel=1e300"]),
+        (
+            commands[10],
+            &["--level=nan", "--level=inf", "--window=0", "--window=-400", "--window=nan", "--window=1e999"],
+        ),
+        (
+            commands[10],
+            &["--slab=5", "--slab=-1,mean", "--slab=20.5,max", "--slab=nan,min", "--slab=5,median", "--slab="],
+        ),
         (commands[3], &["--labels=gas", "--from=rectum", "--labels"]),
     ] {
         for w in wrong {

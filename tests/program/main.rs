@@ -11,6 +11,7 @@ mod planners;
 mod plugging;
 mod report;
 mod rust_source;
+mod slice;
 
 #[path = "../support"]
 mod support {

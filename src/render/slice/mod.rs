@@ -1,13 +1,24 @@
-//! Cross-sections: a plane through the volume, trilinear, as radiologists look at it.
+//! Cross-sections: a plane through the volume, trilinear, as radiologists look at it; alone or as a slab of some thickness, in HU or
+//! in grey.
 
+mod line;
 mod plane;
+mod slab;
+#[cfg(test)]
+mod tests;
+mod windowing;
 
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::volume::{AIR_HU, Volume};
+use crate::volume::Volume;
 
 pub use plane::{PlaneFrame, SlicePlane, letters};
+pub use slab::{MAX_SLAB_MM, Slab, SlabKind};
+pub use windowing::Windowing;
+
+/// Pixels that are sampled in one go.
+const RUN: usize = 64;
 
 /// An image of a plane. The centre of pixel (i, j) lies at `centre + right · (i + ½ − W/2) s + down · (j + ½ − H/2) s`, s the pixels'
 /// side, so that `centre` is in the middle of the image, between pixels where their number is even.
@@ -39,114 +50,33 @@ impl Slice {
 
     /// Fills `out` with the HU of the pixels, row by row; −1024 outside the scan. It allocates nothing where `out` has the size
     /// already, and gives the same bytes for every number of threads.
+    ///
+    /// A voxel reaches half its size beyond its centre. The outermost ones keep their value there; farther out is outside.
     pub fn fill(&self, volume: &Volume, out: &mut Vec<f32>) {
-        let [width, height] = self.size;
-        out.resize(width * height, 0.0);
+        self.fill_slab(volume, Slab::default(), out);
+    }
+
+    /// As [`fill`](Self::fill), of a slab about the plane.
+    pub fn fill_slab(&self, volume: &Volume, slab: Slab, out: &mut Vec<f32>) {
+        out.resize(self.size[0] * self.size[1], 0.0);
+        self.fill_rows(volume, slab, 0, out);
+    }
+
+    /// Fills `rows`, whole rows of the image from row `first` on, as [`fill_slab`](Self::fill_slab) does: for an image too large
+    /// to be held or to be made in one go.
+    pub fn fill_rows(&self, volume: &Volume, slab: Slab, first: usize, rows: &mut [f32]) {
+        let width = self.size[0];
         if width == 0 {
             return;
         }
         let grid = volume.grid();
         let step = grid.to_voxel().transform_vector3(self.frame.right() * self.mm_per_pixel);
-        out.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
-            let first = grid.voxel(self.world([0.5, y as f64 + 0.5]));
-            for (x, pixel) in row.iter_mut().enumerate() {
-                *pixel = value(volume, first + step * x as f64);
+        let samples = slab.samples(grid, self.frame.normal());
+        rows.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            let start = grid.voxel(self.world([0.5, (first + y) as f64 + 0.5]));
+            for (n, run) in row.chunks_mut(RUN).enumerate() {
+                samples.fill(volume, start + step * (n * RUN) as f64, step, run);
             }
         });
-    }
-}
-
-/// Trilinear HU at a voxel coordinate. A voxel reaches half its size beyond its centre, and the outermost ones keep their value
-/// there; farther out, and where the place is no number, it is −1024.
-fn value(volume: &Volume, at: DVec3) -> f32 {
-    let (grid, data) = (volume.grid(), volume.data());
-    let dims = grid.dims();
-    let at = at.to_array();
-    if (0..3).any(|a| !(at[a] >= -0.5 && at[a] < dims[a] as f64 - 0.5)) {
-        return f32::from(AIR_HU);
-    }
-    let mut low = [0; 3];
-    let mut share = [0.0f32; 3];
-    for a in 0..3 {
-        let held = at[a].clamp(0.0, (dims[a] - 1) as f64);
-        low[a] = (held as usize).min(dims[a].saturating_sub(2));
-        share[a] = (held - low[a] as f64) as f32;
-    }
-    let high = [0, 1, 2].map(|a| (low[a] + 1).min(dims[a] - 1));
-    let voxel = |x: usize, y: usize, z: usize| f32::from(data[grid.index(x, y, z)]);
-    let row = |y: usize, z: usize| {
-        let (a, b) = (voxel(low[0], y, z), voxel(high[0], y, z));
-        a + (b - a) * share[0]
-    };
-    let layer = |z: usize| {
-        let (a, b) = (row(low[1], z), row(high[1], z));
-        a + (b - a) * share[1]
-    };
-    let (a, b) = (layer(low[2]), layer(high[2]));
-    a + (b - a) * share[2]
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::DMat3;
-
-    use super::*;
-    use crate::volume::Grid;
-
-    #[test]
-    fn planes_are_seen_as_radiologists_see_them() {
-        let edges = |plane: SlicePlane| plane.frame().unwrap().edges().join(" ");
-        assert_eq!(edges(SlicePlane::Axial), "R L A P");
-        assert_eq!(edges(SlicePlane::Coronal), "R L S I");
-        assert_eq!(edges(SlicePlane::Sagittal), "A P S I");
-        assert_eq!(edges(SlicePlane::Oblique(DVec3::NEG_Z)), "R L A P");
-        for bad in [DVec3::ZERO, DVec3::NAN, DVec3::INFINITY] {
-            assert!(SlicePlane::Oblique(bad).frame().is_err());
-        }
-    }
-
-    /// Linear values come out exactly on a turned grid of stretched voxels, and a click goes to the world and back.
-    #[test]
-    fn linear_values_are_exact_in_every_plane() {
-        let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
-        let grid = Grid::new([30, 28, 26], DVec3::new(0.7, 0.9, 1.6), DVec3::splat(-3.0), turn).unwrap();
-        let slope = DVec3::new(3.0, -2.0, 1.0);
-        // In whole HU at the voxels.
-        let data = (0..grid.len())
-            .map(|n| slope.dot(DVec3::from_array([n % 30, n / 30 % 28, n / 840].map(|c| c as f64))) as i16)
-            .collect();
-        let volume = Volume::new(grid.clone(), data);
-        let centre = grid.world(DVec3::new(14.3, 13.1, 12.7));
-        for plane in [
-            SlicePlane::Axial,
-            SlicePlane::Coronal,
-            SlicePlane::Sagittal,
-            SlicePlane::Oblique(DVec3::new(1.0, -2.0, 0.5)),
-        ] {
-            let slice = Slice { centre, frame: plane.frame().unwrap(), mm_per_pixel: 0.4, size: [41, 30] };
-            let mut out = Vec::new();
-            slice.fill(&volume, &mut out);
-            let mut inside = 0;
-            for (n, hu) in out.iter().enumerate() {
-                let world = slice.world([(n % 41) as f64 + 0.5, (n / 41) as f64 + 0.5]);
-                let v = grid.voxel(world);
-                if v.min_element() > 0.0 && v.cmplt(DVec3::new(29.0, 27.0, 25.0)).all() {
-                    inside += 1;
-                    assert!((f64::from(*hu) - slope.dot(v)).abs() < 1e-3, "{plane:?} {n}: {hu}");
-                }
-                let (back, before) = slice.pixel(world);
-                assert!((back[0] - (n % 41) as f64 - 0.5).abs() < 1e-9 && before.abs() < 1e-9);
-            }
-            assert!(inside > 300, "{plane:?}: {inside}");
-        }
-        let far = Slice {
-            centre: DVec3::splat(1e9),
-            mm_per_pixel: f64::NAN,
-            size: [3, 2],
-            frame: SlicePlane::Axial.frame().unwrap(),
-        };
-        let mut out = Vec::new();
-        far.fill(&volume, &mut out);
-        assert_eq!(out, [-1024.0; 6]);
     }
 }

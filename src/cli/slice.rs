@@ -1,0 +1,109 @@
+//! `colvis slice`.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::cli::args::{Global, Size, SliceArgs};
+use crate::cli::prepare;
+use crate::error::{Error, Result};
+use crate::host::record::write_grey_png;
+use crate::output;
+use crate::progress::Progress;
+use crate::render::slice::{Slab, Slice, Windowing};
+use crate::volume::Volume;
+
+/// Rows between two looks at whether the user wants to stop.
+const BAND: usize = 64;
+
+/// What the picture is written as.
+#[derive(Clone, Copy)]
+enum Format {
+    Png,
+    Npy,
+}
+
+impl Format {
+    /// The one that a file's ending names.
+    fn of(path: &Path) -> Result<Self> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        match ending.as_str() {
+            "png" => Ok(Self::Png),
+            "npy" => Ok(Self::Npy),
+            _ => {
+                let why = "its ending names no format of a slice";
+                Err(Error::usage(path.display().to_string(), why, "end it in .png or .npy"))
+            }
+        }
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Status 2 for options that make no sense, 3 when the input cannot be read, 4 when the point is outside the scan or the work is
+/// interrupted, 5 when the picture cannot be written.
+pub fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()> {
+    let format = Format::of(&args.out)?;
+    let usage = |option: &'static str, mend: &'static str| move |why: String| Error::usage(option, why, mend);
+    let frame =
+        args.plane.frame().map_err(usage("--plane", "give axial, coronal, sagittal or a normal such as 1,0,2"))?;
+    let middle = Windowing::default();
+    let windowing = Windowing::new(args.level.unwrap_or(middle.level()), args.window.unwrap_or(middle.width()))
+        .map_err(usage("--window", "give a width in HU such as 400"))?;
+    if let Some(s) = args.mm_per_pixel.filter(|s| !(1e-6..=1e6).contains(s)) {
+        let why = format!("{s} mm is no side of a pixel");
+        return Err(Error::usage("--mm-per-pixel", why, "give a size in mm such as 0.5"));
+    }
+    let input: Vec<&Path> = args.input.iter().map(PathBuf::as_path).collect();
+    output::check_targets(&input, &[&args.out])?;
+    let volume = prepare::load_or_phantom(args.input.as_deref(), global, progress)?;
+    let size = args.size.unwrap_or(Size { width: 512, height: 512 });
+    let slice = Slice {
+        centre: args.at.0,
+        frame,
+        mm_per_pixel: args.mm_per_pixel.unwrap_or(volume.grid().min_spacing()),
+        size: [size.width, size.height],
+    };
+    if !volume.grid().contains(slice.centre) {
+        let p = slice.centre;
+        let why = format!("{},{},{} is outside the scan", p.x, p.y, p.z);
+        return Err(Error::incomplete("--at", why, "give a point in it; colvis info tells where it lies"));
+    }
+    progress.stage("cutting", size.height as u64);
+    let slab = args.slab.unwrap_or_default();
+    match format {
+        Format::Png => {
+            let mut grey = Vec::with_capacity(size.width * size.height);
+            bands(&slice, &volume, slab, progress, |hu| {
+                grey.extend(hu.iter().map(|hu| windowing.grey(*hu)));
+                Ok(())
+            })
+            .map_err(|e| output::cannot(&args.out, &e))?;
+            write_grey_png(&args.out, &grey, slice.size)
+        }
+        Format::Npy => output::write_whole(&args.out, |w| {
+            output::write_npy_head(w, &[size.height, size.width])?;
+            bands(&slice, &volume, slab, progress, |hu| output::write_npy_values(w, hu))
+        }),
+    }
+}
+
+/// Gives the picture's HU to `take`, some rows at a time.
+fn bands(
+    slice: &Slice,
+    volume: &Volume,
+    slab: Slab,
+    progress: &Progress,
+    mut take: impl FnMut(&[f32]) -> io::Result<()>,
+) -> io::Result<()> {
+    let [width, height] = slice.size;
+    let mut hu = vec![0.0; width * height.min(BAND)];
+    for first in (0..height).step_by(BAND) {
+        let rows = BAND.min(height - first);
+        let band = &mut hu[..width * rows];
+        slice.fill_rows(volume, slab, first, band);
+        take(band)?;
+        progress.advance(rows as u64).map_err(io::Error::other)?;
+    }
+    Ok(())
+}

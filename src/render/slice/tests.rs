@@ -1,0 +1,274 @@
+//! Cross-sections of volumes whose values are known.
+
+use glam::DMat3;
+
+use super::*;
+use crate::volume::Grid;
+
+#[test]
+fn planes_are_seen_as_radiologists_see_them() {
+    let edges = |plane: SlicePlane| plane.frame().unwrap().edges().join(" ");
+    assert_eq!(edges(SlicePlane::Axial), "R L A P");
+    assert_eq!(edges(SlicePlane::Coronal), "R L S I");
+    assert_eq!(edges(SlicePlane::Sagittal), "A P S I");
+    assert_eq!(edges(SlicePlane::Oblique(DVec3::NEG_Z)), "R L A P");
+    for bad in [DVec3::ZERO, DVec3::NAN, DVec3::INFINITY] {
+        assert!(SlicePlane::Oblique(bad).frame().is_err());
+    }
+}
+
+/// Linear values come out exactly on a turned grid of stretched voxels, and a click goes to the world and back.
+#[test]
+fn linear_values_are_exact_in_every_plane() {
+    let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
+    let grid = Grid::new([30, 28, 26], DVec3::new(0.7, 0.9, 1.6), DVec3::splat(-3.0), turn).unwrap();
+    let slope = DVec3::new(3.0, -2.0, 1.0);
+    // In whole HU at the voxels.
+    let data = (0..grid.len())
+        .map(|n| slope.dot(DVec3::from_array([n % 30, n / 30 % 28, n / 840].map(|c| c as f64))) as i16)
+        .collect();
+    let volume = Volume::new(grid.clone(), data);
+    let centre = grid.world(DVec3::new(14.3, 13.1, 12.7));
+    for plane in
+        [SlicePlane::Axial, SlicePlane::Coronal, SlicePlane::Sagittal, SlicePlane::Oblique(DVec3::new(1.0, -2.0, 0.5))]
+    {
+        let slice = Slice { centre, frame: plane.frame().unwrap(), mm_per_pixel: 0.4, size: [41, 30] };
+        let mut out = Vec::new();
+        slice.fill(&volume, &mut out);
+        let mut inside = 0;
+        for (n, hu) in out.iter().enumerate() {
+            let world = slice.world([(n % 41) as f64 + 0.5, (n / 41) as f64 + 0.5]);
+            let v = grid.voxel(world);
+            if v.min_element() > 0.0 && v.cmplt(DVec3::new(29.0, 27.0, 25.0)).all() {
+                inside += 1;
+                assert!((f64::from(*hu) - slope.dot(v)).abs() < 1e-3, "{plane:?} {n}: {hu}");
+            }
+            let (back, before) = slice.pixel(world);
+            assert!((back[0] - (n % 41) as f64 - 0.5).abs() < 1e-9 && before.abs() < 1e-9);
+        }
+        assert!(inside > 300, "{plane:?}: {inside}");
+    }
+    let far = Slice {
+        centre: DVec3::splat(1e9),
+        mm_per_pixel: f64::NAN,
+        size: [3, 2],
+        frame: SlicePlane::Axial.frame().unwrap(),
+    };
+    let mut out = Vec::new();
+    far.fill(&volume, &mut out);
+    assert_eq!(out, [-1024.0; 6]);
+}
+
+/// A volume of 40×36×32 voxels of 0.8×0.7×1.1 mm on a turned grid, with the values that `f` gives at places relative to its middle
+/// (world, mm).
+fn volume_of(turn: DMat3, f: impl Fn(DVec3) -> f64) -> (Volume, DVec3) {
+    let grid = Grid::new([40, 36, 32], DVec3::new(0.8, 0.7, 1.1), DVec3::new(12.0, -7.0, 30.0), turn).unwrap();
+    let middle = grid.world(DVec3::new(19.5, 17.5, 15.5));
+    let at = |n: usize| DVec3::new((n % 40) as f64, (n / 40 % 36) as f64, (n / 1440) as f64);
+    let data = (0..grid.len()).map(|n| f(grid.world(at(n)) - middle).round() as i16).collect();
+    (Volume::new(grid, data), middle)
+}
+
+/// All 48 ways in which a grid's axes can lie along the patient's.
+fn orientations() -> Vec<DMat3> {
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+    let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+    let sign = |bits: usize, a: usize| if bits >> a & 1 == 1 { -1.0 } else { 1.0 };
+    let one =
+        |o: [usize; 3], bits| DMat3::from_cols_array_2d(&[0, 1, 2].map(|a| (axes[o[a]] * sign(bits, a)).to_array()));
+    orders.into_iter().flat_map(|o| (0..8).map(move |bits| one(o, bits))).collect()
+}
+
+/// Every orientation of the grid shows the same side of the patient at each edge: towards the edge that says L, values that
+/// grow to the left grow.
+#[test]
+fn letters_hold_in_every_orientation() {
+    assert_eq!(orientations().len(), 48);
+    for (axis, letter) in [(DVec3::X, 'L'), (DVec3::Y, 'P'), (DVec3::Z, 'S')] {
+        for turn in orientations() {
+            let (volume, middle) = volume_of(turn, |d| 30.0 * d.dot(axis));
+            let oblique = SlicePlane::Oblique(DVec3::new(0.4, -1.0, 0.3));
+            for plane in [SlicePlane::Axial, SlicePlane::Coronal, SlicePlane::Sagittal, oblique] {
+                let frame = plane.frame().unwrap();
+                let slice = Slice { centre: middle, frame, mm_per_pixel: 0.5, size: [20, 20] };
+                let mut out = Vec::new();
+                slice.fill(&volume, &mut out);
+                // From the middle to each edge: left, right, top, bottom.
+                let growth = [10 * 20 + 2, 10 * 20 + 17, 2 * 20 + 10, 17 * 20 + 10].map(|n| out[n] - out[10 * 20 + 10]);
+                for (edge, growth) in frame.edges().iter().zip(growth) {
+                    assert!(!edge.contains(letter) || growth > 10.0, "{plane:?} {turn}: {edge} {growth}");
+                    let opposite = match letter {
+                        'L' => 'R',
+                        'P' => 'A',
+                        _ => 'I',
+                    };
+                    assert!(!edge.contains(opposite) || growth < -10.0, "{plane:?} {turn}: {edge} {growth}");
+                }
+            }
+        }
+    }
+}
+
+/// Of a linear volume the mean is the value in the plane, and the extremes are those on the faces.
+#[test]
+fn slabs_of_a_linear_volume() {
+    let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
+    let slope = DVec3::new(20.0, -30.0, 25.0);
+    let (volume, middle) = volume_of(turn, |d| slope.dot(d));
+    for plane in [SlicePlane::Axial, SlicePlane::Sagittal, SlicePlane::Oblique(DVec3::new(1.0, -2.0, 0.5))] {
+        let frame = plane.frame().unwrap();
+        let slice = Slice { centre: middle, frame, mm_per_pixel: 0.3, size: [15, 12] };
+        for mm in [0.0, 0.01, 1.0, 6.3] {
+            let across = 0.5 * mm * slope.dot(frame.normal()).abs();
+            for (kind, more) in [(SlabKind::Mean, 0.0), (SlabKind::Max, across), (SlabKind::Min, -across)] {
+                let mut out = Vec::new();
+                slice.fill_slab(&volume, Slab::new(mm, kind).unwrap(), &mut out);
+                for (n, hu) in out.iter().enumerate() {
+                    let at = slice.world([(n % 15) as f64 + 0.5, (n / 15) as f64 + 0.5]) - middle;
+                    // Voxels hold whole HU.
+                    let error = (f64::from(*hu) - slope.dot(at) - more).abs();
+                    assert!(error < 0.51, "{plane:?} {mm} mm {kind:?}: {error} HU");
+                }
+            }
+        }
+    }
+}
+
+/// Of values c·z² the mean across z is c·T²/12 about 0, the largest c·T²/4, the least 0.
+#[test]
+fn slabs_of_a_quadratic_volume() {
+    let (volume, middle) = volume_of(DMat3::IDENTITY, |d| 100.0 * d.z * d.z);
+    let slice = Slice { centre: middle, frame: SlicePlane::Axial.frame().unwrap(), mm_per_pixel: 0.3, size: [8, 8] };
+    // Trilinear values lie above the parabola by c·h²/6 on the average, and the trapezoidal rule adds c·s²/6, s at most h/2.
+    for mm in [4.0, 11.0, 20.0] {
+        let mut out = Vec::new();
+        let mut fill = |kind| {
+            slice.fill_slab(&volume, Slab::new(mm, kind).unwrap(), &mut out);
+            assert!(out.iter().all(|hu| *hu == out[0]));
+            f64::from(out[0])
+        };
+        let (mean, most, least) = (fill(SlabKind::Mean), fill(SlabKind::Max), fill(SlabKind::Min));
+        assert!(
+            (mean - 100.0 * mm * mm / 12.0 - 100.0 * 1.21 / 6.0).abs() < 100.0 * 0.35 * 0.35 / 6.0 + 1.0,
+            "{mm}: {mean}"
+        );
+        assert!((most - 100.0 * mm * mm / 4.0 - 15.0).abs() < 16.0, "{mm}: {most}");
+        // The middle is between two layers of voxels.
+        assert!((least - 30.25).abs() < 1.0, "{mm}: {least}");
+    }
+}
+
+/// Samples outside the scan do not count, unless all are.
+#[test]
+fn slabs_at_the_scans_end_count_what_is_in_it() {
+    let (volume, _) = volume_of(DMat3::IDENTITY, |d| 10.0 * d.z);
+    let grid = volume.grid();
+    let slab = |mm, kind| Slab::new(mm, kind).unwrap();
+    let middle_pixel = |z: f64, slab: Slab| {
+        let centre = grid.world(DVec3::new(19.5, 17.5, z));
+        let slice = Slice { centre, frame: SlicePlane::Axial.frame().unwrap(), mm_per_pixel: 0.3, size: [1, 1] };
+        let mut out = Vec::new();
+        slice.fill_slab(&volume, slab, &mut out);
+        out[0]
+    };
+    // The topmost voxel's value, 170.5 HU rounded, holds for half its height beyond its centre.
+    assert!((middle_pixel(31.4, Slab::default()) - 170.5).abs() < 0.6);
+    assert_eq!(middle_pixel(31.6, Slab::default()), -1024.0);
+    // The plane is outside, its slab is not.
+    assert!((middle_pixel(31.6, slab(2.0, SlabKind::Max)) - 170.5).abs() < 0.6);
+    let least = middle_pixel(31.6, slab(4.4, SlabKind::Min));
+    assert!((least - (170.5 - 1.4 * 11.0)).abs() < 0.6, "{least}: 2.2 mm below 0.6 voxels above the topmost centre");
+    let mean = middle_pixel(31.6, slab(4.4, SlabKind::Mean));
+    assert!(mean > least && mean < 171.0, "{mean}");
+    for kind in [SlabKind::Mean, SlabKind::Max, SlabKind::Min] {
+        assert_eq!(middle_pixel(40.0, slab(2.0, kind)), -1024.0);
+    }
+    for mm in [-1.0, 20.1, f64::NAN, f64::INFINITY] {
+        assert!(Slab::new(mm, SlabKind::Mean).is_err());
+    }
+}
+
+/// Any number of threads, and any part of the rows at a time, give the same bytes; a second filling needs no other memory.
+#[test]
+fn threads_and_parts_change_nothing() {
+    let turn = DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(-0.2);
+    let (volume, centre) = volume_of(turn, |d| 400.0 * (d.x * 0.9).sin() + 300.0 * (d.y * 1.3).cos() - 20.0 * d.z);
+    let frame = SlicePlane::Oblique(DVec3::new(0.3, 0.8, -0.6)).frame().unwrap();
+    let slice = Slice { centre, frame, mm_per_pixel: 0.21, size: [203, 171] };
+    for slab in [Slab::default(), Slab::new(3.0, SlabKind::Mean).unwrap(), Slab::new(3.0, SlabKind::Max).unwrap()] {
+        let on = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut out = Vec::new();
+            pool.install(|| slice.fill_slab(&volume, slab, &mut out));
+            let place = out.as_ptr();
+            pool.install(|| slice.fill_slab(&volume, slab, &mut out));
+            assert_eq!(place, out.as_ptr());
+            out.iter().map(|hu| hu.to_bits()).collect::<Vec<u32>>()
+        };
+        let one = on(1);
+        assert!(one == on(2) && one == on(3));
+        let mut rows = vec![0.0; 203 * 171];
+        for (n, part) in rows.chunks_mut(203 * 50).enumerate() {
+            slice.fill_rows(&volume, slab, n * 50, part);
+        }
+        assert!(rows.iter().map(|hu| hu.to_bits()).eq(one));
+    }
+}
+
+/// Slices and scans at the end of what there is: nothing panics, and what is outside is −1024.
+#[test]
+fn extreme_slices() {
+    let frame = SlicePlane::Axial.frame().unwrap();
+    let filled = |volume: &Volume, centre, mm_per_pixel, size, slab| {
+        let mut out = Vec::new();
+        Slice { centre, frame, mm_per_pixel, size }.fill_slab(volume, slab, &mut out);
+        out
+    };
+    let (volume, middle) = volume_of(DMat3::IDENTITY, |_| 7.0);
+    let single = |dims: [usize; 3]| {
+        let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        Volume::new(grid.clone(), vec![7; grid.len()])
+    };
+    for slab in [Slab::default(), Slab::new(20.0, SlabKind::Mean).unwrap(), Slab::new(1.0, SlabKind::Min).unwrap()] {
+        for mm in [5e-324, 1e-300, 1e300, f64::MAX, f64::INFINITY, f64::NAN, 0.0, -1.0] {
+            for centre in [middle, DVec3::MAX, DVec3::MIN, DVec3::NAN, DVec3::INFINITY, DVec3::splat(1e12)] {
+                for size in [[1, 1], [2, 3], [130, 2], [0, 5], [5, 0]] {
+                    let out = filled(&volume, centre, mm, size, slab);
+                    assert_eq!(out.len(), size[0] * size[1]);
+                    assert!(out.iter().all(|hu| (*hu - 7.0).abs() < 1e-4 || *hu == -1024.0), "{centre} {mm} {out:?}");
+                }
+            }
+        }
+        // One voxel, one row, one layer: the picture is as large as they are.
+        for dims in [[1, 1, 1], [5, 1, 1], [1, 5, 1], [5, 5, 1], [1, 1, 5]] {
+            let out = filled(&single(dims), DVec3::ZERO, 0.25, [64, 64], slab);
+            let inside = out.iter().filter(|hu| **hu == 7.0).count();
+            assert_eq!(inside, 16 * dims[0] * dims[1], "{dims:?} {slab:?}");
+        }
+    }
+}
+
+/// The two ways to sample, at the scan's border and within, agree.
+#[test]
+fn runs_agree_with_single_samples() {
+    let turn = DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(-0.2);
+    let (volume, centre) = volume_of(turn, |d| 400.0 * (d.x * 0.9).sin() + 300.0 * (d.y * 1.3).cos() - 20.0 * d.z);
+    let frame = SlicePlane::Oblique(DVec3::new(0.3, 0.8, -0.6)).frame().unwrap();
+    let slice = Slice { centre, frame, mm_per_pixel: 0.21, size: [203, 171] };
+    let mut out = Vec::new();
+    slice.fill(&volume, &mut out);
+    let inside = out.iter().filter(|hu| **hu != -1024.0).count();
+    assert!(inside > 9000 && inside < out.len(), "{inside}");
+    for (n, hu) in out.iter().enumerate() {
+        let centre = slice.world([(n % 203) as f64 + 0.5, (n / 203) as f64 + 0.5]);
+        let mut alone = Vec::new();
+        Slice { centre, size: [1, 1], ..slice }.fill(&volume, &mut alone);
+        // At the very border rounding decides.
+        let at_border = {
+            let v = volume.grid().voxel(centre);
+            let dims = DVec3::new(40.0, 36.0, 32.0);
+            (v + 0.5).abs().min((v + 0.5 - dims).abs()).min_element() < 1e-9
+        };
+        assert!(at_border || (hu - alone[0]).abs() < 1e-3, "{n}: {hu} and {}", alone[0]);
+    }
+}
