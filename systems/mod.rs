@@ -36,6 +36,7 @@ pub mod potential;
 pub mod present;
 pub mod raycast;
 pub mod sense;
+pub mod slices;
 pub mod tentacles;
 pub mod trail;
 pub mod watch;

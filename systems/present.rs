@@ -7,8 +7,10 @@ use std::time::Instant;
 use bevy_ecs::prelude::*;
 
 use crate::components::output::Picture;
+use crate::components::slices::SliceView;
 use crate::error::Result;
 use crate::fence;
+use crate::render::Frame;
 use crate::schedule::{App, FlightSystems, Slot, book_time, report_fault};
 
 /// A place that a view's pictures go to. It stays on its thread.
@@ -19,6 +21,11 @@ pub trait Presenter: Any {
     /// Takes the picture as it is now. Called in each frame, also when nothing new was traced (`picture.traced` is false
     /// then, and so it is where something over the picture has changed): what it has shown already it need not show again.
     fn present(&mut self, picture: &Picture);
+
+    /// Takes a slice that is to be shown beside the pictures to come, whenever it has changed. A presenter that shows none does nothing.
+    fn beside(&mut self, slice: Entity, frame: &Frame) {
+        let _ = (slice, frame);
+    }
 }
 
 /// The presenters, by the entities whose pictures they take: a resource of the world that stays on its thread.
@@ -107,8 +114,18 @@ pub fn take_over(app: &mut App) {
 }
 
 /// Hands each view's picture to its presenter, in the order of the entities.
-pub fn present_pictures(presenters: Option<NonSendMut<Presenters>>, pictures: Query<&Picture>) {
+pub fn present_pictures(
+    presenters: Option<NonSendMut<Presenters>>,
+    pictures: Query<&Picture>,
+    slices: Query<(Entity, &SliceView)>,
+) {
     let Some(mut presenters) = presenters else { return };
+    for (entity, slice) in slices.iter().filter(|s| s.1.made) {
+        presenters.0.retain_mut(|(_, presenter)| {
+            let taken = fence::caught(|| presenter.beside(entity, &slice.frame));
+            taken.inspect_err(|why| report_fault(format!("presenter {}", presenter.name()), why.as_str())).is_ok()
+        });
+    }
     presenters.0.retain_mut(|(view, presenter)| pictures.get(*view).map_or(true, |p| presents(&mut **presenter, p)));
 }
 

@@ -92,6 +92,10 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         let bytes = pixels(view) + cache.renderer().map_or(0, |r| r.bytes().saturating_sub(volume.bytes()));
         built.push(Built { part: format!("view {}", n + 2).into(), bytes, needed_by: "a plug-in" });
     }
+    let slices: usize = flight.slices().iter().map(|s| s.bytes()).sum();
+    if slices > 0 {
+        built.push(part("slices", slices, "the panels that show them"));
+    }
     let mut left_out = flight.app().left_out().to_vec();
     if let (Some(picture), Some(renderer)) =
         (flight.camera::<Picture>(), flight.camera::<FrameCache>().and_then(FrameCache::renderer))

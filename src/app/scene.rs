@@ -9,6 +9,7 @@ use crate::app::images::{ImageSettings, RenderFile, RenderSettings};
 use crate::app::{Catalog, Overlay};
 use crate::components::flight::Goal;
 use crate::components::guide::Tentacles;
+use crate::components::slices::SliceView;
 use crate::components::output::{GuideName, Picture};
 use crate::components::play::Playback;
 use crate::dynamics::Body;
@@ -319,6 +320,7 @@ impl Scene {
         for (part, why) in [
             ("picture", "neither a window nor a recording: no ray is cast for an image"),
             ("presentation", "neither a window nor a recording: nothing is shown or kept"),
+            ("slices", "no panel shows one"),
         ] {
             app.leave_out(part, why);
         }
@@ -333,6 +335,12 @@ impl Scene {
     /// As [`Scene::plug_into`].
     pub fn plug_views(&self, app: &mut App) -> Result<()> {
         // Asked before each frame.
+        if app.is_filled(Slot::Slices) {
+            app.take_in("slices");
+        } else if app.world.query::<&SliceView>().iter(&app.world).next().is_some() {
+            systems::slices::plugin(app)?;
+            app.take_in("slices");
+        }
         if app.has_post_processes() && !app.is_filled(Slot::PictureSize) {
             systems::raycast::keep_sizes_plugin(app)?;
         }

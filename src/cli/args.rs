@@ -161,6 +161,10 @@ pub struct FlyArgs {
     /// A scene file: plugins and settings
     #[arg(long, value_name = "S.toml")]
     pub scene: Option<PathBuf>,
+    /// The window's panels: the flight alone, the flight and three slices, four slices, or the flight and the slice across the
+    /// way; as they were the last time if left out
+    #[arg(long, value_parser = ["flight", "reading", "slices", "across"])]
+    pub layout: Option<String>,
     /// Overlays to draw into the recording, or to show in the window from the beginning (the help of keys lists them)
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub overlay: Vec<String>,

@@ -11,4 +11,5 @@ pub mod input;
 pub mod output;
 pub mod play;
 pub mod scan;
+pub mod slices;
 pub mod trail;

@@ -25,6 +25,8 @@ pub enum Slot {
     Guide,
     /// Who renders.
     Renderer,
+    /// What draws slices.
+    Slices,
     /// What hands pictures to their presenters.
     Presentation,
     /// What holds pictures to their size after post-processes.

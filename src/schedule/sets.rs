@@ -37,6 +37,8 @@ pub enum FlightSystems {
     Aim,
     /// Tracing the images of all views. A socket: one renderer.
     RayCast,
+    /// Drawing slices.
+    Slices,
     /// Changing finished images. Any number of systems, in the order in which they were added.
     PostProcess,
     /// Showing or recording the finished images.
@@ -69,7 +71,7 @@ impl FlightSystems {
         Self::Clock,
     ];
     /// The sets of a frame, in order.
-    pub const FRAME: [Self; 4] = [Self::Aim, Self::RayCast, Self::PostProcess, Self::Present];
+    pub const FRAME: [Self; 5] = [Self::Aim, Self::RayCast, Self::Slices, Self::PostProcess, Self::Present];
 
     /// The phase that it is a part of.
     pub fn phase(self) -> Phase {

@@ -16,6 +16,7 @@ use crate::components::camera::{Heading, Pose, Spin, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, State};
 use crate::components::input::Act;
+use crate::components::slices::SliceView;
 use crate::components::output::{FlightLog, Follows, FrameCache, LogLine, Picture};
 use crate::components::scan::{Scan, Walls};
 use crate::components::trail::Trail;
@@ -131,6 +132,23 @@ impl FlightApp {
             return Err(e);
         }
         Ok(entity)
+    }
+
+    /// Adds a slice: an entity with a [`SliceView`]. It is drawn in each frame that changes it.
+    ///
+    /// # Errors
+    /// As for any change of the schedule.
+    pub fn add_slice(&mut self, slice: SliceView) -> Result<Entity> {
+        let entity = self.app.world.spawn(slice).id();
+        self.plug_late()?;
+        Ok(entity)
+    }
+
+    /// All slices.
+    pub fn slices(&self) -> Vec<&SliceView> {
+        let world = &self.app.world;
+        let entities = world.archetypes().iter().flat_map(|a| a.entities().iter().map(|e| e.id()));
+        entities.filter_map(|e| world.get::<SliceView>(e)).collect()
     }
 
     fn check_view(&self, entity: Entity) -> Result<()> {

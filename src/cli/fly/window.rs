@@ -72,7 +72,7 @@ pub fn fly(
         overlays,
         guides,
         panels: program.all_panels(),
-        layout: None,
+        layout: args.layout.clone(),
     };
     window::run(display, launch, progress).inspect_err(|e| {
         if !flown.get() {

@@ -90,6 +90,10 @@ fn flies_itself(c: &Cockpit) -> std::result::Result<(), &'static str> {
     if c.flight().scene().play().is_some() { Err("a log is played") } else { Ok(()) }
 }
 
+fn shows_slices(c: &Cockpit) -> std::result::Result<(), &'static str> {
+    if c.shows_slices() { Ok(()) } else { Err("no slice is shown") }
+}
+
 /// A row of the table.
 struct Row {
     id: &'static str,
@@ -175,11 +179,31 @@ const TABLE: &[Row] = &[
     },
     once("detail", "detail: high or low", "L", Cockpit::switch_detail),
     once("light", "light: endoscope or headlight", "I", Cockpit::switch_light),
+    greys("window-colon", "window for the colon", "Ctrl+1", |c, _| c.window(0.0, 2000.0)),
+    greys("window-soft", "window for soft tissue", "Ctrl+2", |c, _| c.window(40.0, 400.0)),
+    greys("window-bone", "window for bone", "Ctrl+3", |c, _| c.window(300.0, 1500.0)),
+    greys("window-lung", "window for lung", "Ctrl+4", |c, _| c.window(-600.0, 1500.0)),
+    Row { row: SLAB_ROW, possible: shows_slices, ..once("slab", "thicker slices", "Ctrl+5", Cockpit::next_slab) },
+    Row {
+        row: SLAB_ROW,
+        possible: shows_slices,
+        ..once("slab-kind", "mean, greatest or least of a thick slice", "Ctrl+6", Cockpit::next_slab_kind)
+    },
+    Row { possible: shows_slices, ..once("slices-reset", "slices: as at the beginning", "Ctrl+9", Cockpit::reset_slices) },
     once("screenshot", "screenshot, and its pose", "P F12", Cockpit::take_screenshot),
     Row { does: Does::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
     Row { shifted: "?", ..once("help", "this help", "H", Cockpit::switch_help) },
     Row { does: Does::Window(WindowRequest::Quit), ..once("quit", "quit", "Q Esc", |_, _| {}) },
 ];
+
+/// Keys of the windows of greys.
+const WINDOW_ROW: &str = "slices: colon, soft tissue, bone, lung";
+/// Keys of thick slices.
+const SLAB_ROW: &str = "slices: thickness, mean or greatest or least";
+
+const fn greys(id: &'static str, text: &'static str, keys: &'static str, does: fn(&mut Cockpit, Moment)) -> Row {
+    Row { row: WINDOW_ROW, possible: shows_slices, ..once(id, text, keys, does) }
+}
 
 /// The guides and overlays have rows of their own after this action's.
 const OWN_AFTER: &str = "guide";
@@ -194,6 +218,7 @@ pub const MENUS: &[(&str, &[&str])] = &[
     ("File", &["screenshot", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
     ("View", &["detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
+    ("Slices", &["window-", "slab", "slab-kind", "slices-reset"]),
     ("Panels", &["layout-", "panel-"]),
     ("Help", &["help"]),
 ];

@@ -16,11 +16,12 @@ use super::keys::HeldKeys;
 use super::moving::Moving;
 use super::overlay::{Mood, Readings};
 use super::overlays::Overlays;
-use super::panels::FlightRequest;
+use super::panels::{FlightRequest, SliceRequest};
 use super::planning::Planning;
 use super::saver::{Traced, WakeUp};
 use super::screenshot;
 use super::sight::{Due, Sight};
+use super::slices::Slices;
 use super::way::Way;
 use crate::app::{FlightApp, Overlay};
 use crate::components::camera::Velocity;
@@ -30,6 +31,7 @@ use crate::components::guide::Planned;
 use crate::components::input::{Command, Hand};
 use crate::components::output::Picture;
 use crate::components::play::Playback;
+use crate::components::slices::Orientation;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
@@ -69,6 +71,7 @@ pub struct Cockpit {
     /// Notches by which the view angle is to get narrower before the next step.
     zoom: f64,
     way: Way,
+    slices: Slices,
     sight: Sight,
     figures: Figures,
     message: Option<(String, Instant)>,
@@ -121,6 +124,7 @@ impl Cockpit {
             notches: 0.0,
             zoom: 0.0,
             way,
+            slices: Slices::default(),
             sight,
             figures: Figures::new(now),
             message: None,
@@ -279,6 +283,48 @@ impl Cockpit {
         self.sent = (push, turn);
     }
 
+    /// The slices that are shown.
+    pub fn slices(&self) -> &Slices {
+        &self.slices
+    }
+
+    /// Does what a panel asks of the slices. Who points at a place wants to look at it: a flight that goes by itself stops.
+    pub fn slice(&mut self, request: SliceRequest, now: Instant) {
+        if matches!(request, SliceRequest::Point(_) | SliceRequest::Scroll(..)) {
+            let flies = self.flight.flight().state == State::Flying && !self.is_by_hand();
+            if flies && !self.hand().paused && self.flight.scene().play().is_none() {
+                self.act(Command::Pause(true), now);
+            }
+        }
+        self.slices.ask(&mut self.flight, request);
+        self.attention = true;
+    }
+
+    /// Sets the window of greys: its level and width, HU.
+    pub fn window(&mut self, level: f64, width: f64) {
+        self.slices.window(level, width);
+    }
+
+    /// The slices as they were at the beginning.
+    pub fn reset_slices(&mut self, _: Moment) {
+        self.slices.reset(&mut self.flight);
+    }
+
+    /// Thicker slices, and after the thickest one the plane alone.
+    pub fn next_slab(&mut self, _: Moment) {
+        self.slices.next_slab();
+    }
+
+    /// The mean, the greatest or the least of a thick slice.
+    pub fn next_slab_kind(&mut self, _: Moment) {
+        self.slices.next_slab_kind();
+    }
+
+    /// Whether a slice is shown.
+    pub fn shows_slices(&self) -> bool {
+        Orientation::ALL.iter().any(|o| self.slices.entity(*o).is_some())
+    }
+
     /// Does what a panel asks of the flight.
     pub fn follow(&mut self, request: FlightRequest, at: Moment) {
         match request {
@@ -358,6 +404,9 @@ impl Cockpit {
     /// Stops, or goes on.
     pub fn switch_pause(&mut self, at: Moment) {
         let paused = !self.hand().paused;
+        if !paused {
+            self.slices.follow();
+        }
         self.act(Command::Pause(paused), at.now);
     }
 
@@ -579,12 +628,18 @@ impl Cockpit {
         self.quiet = if left_alone && still && !self.flight.is_replaying() { self.quiet.saturating_add(1) } else { 0 };
     }
 
-    /// Prepares the next frame for a window of the given size; none if the image that is shown cannot become better.
+    /// Prepares the next frame for a picture of the given size, and these slices beside it; none if what is shown cannot become better.
     ///
     /// # Errors
     /// Status 1 when an image cannot be made: an internal error.
-    pub fn prepare(&mut self, window: (usize, usize), now: Instant) -> Result<Option<Due>> {
-        let due = self.sight.prepare(&mut self.flight, window)?;
+    pub fn prepare(
+        &mut self,
+        window: (usize, usize),
+        slices: &[(Orientation, [usize; 2])],
+        now: Instant,
+    ) -> Result<Option<Due>> {
+        let stale = self.slices.show(&mut self.flight, slices)?;
+        let due = self.sight.prepare(&mut self.flight, window, stale)?;
         self.save_traced(now);
         Ok(due)
     }

@@ -74,7 +74,7 @@ fn perform(c: &mut Cockpit, action: &str, now: Instant) {
 
 /// Traces the picture that is due, if one is; whether one was.
 fn trace(c: &mut Cockpit, now: Instant) -> bool {
-    let due = c.prepare(WINDOW, now).unwrap();
+    let due = c.prepare(WINDOW, &[], now).unwrap();
     let any = due.is_some();
     if any {
         assert!(c.show(due).unwrap().is_none(), "there is no window");

@@ -5,6 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Instant;
 
+use bevy_ecs::prelude::Entity;
 use winit::event_loop::ActiveEventLoop;
 use winit::window::{Window, WindowAttributes};
 
@@ -14,6 +15,7 @@ use super::painter::Painter;
 use super::screen::Screen;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
+use crate::render::Frame;
 use crate::systems::present::Presenter;
 
 /// A window's pixels.
@@ -21,8 +23,19 @@ pub struct Framebuffer {
     screen: Screen,
     painter: Painter,
     /// Where the next picture that is presented lies, and since when it is waited for; none while nothing is to be shown.
-    next: Option<((usize, usize), Instant)>,
+    next: Option<(Places, Instant)>,
+    /// The slices as they were last handed over.
+    slices: Vec<(Entity, Frame)>,
     presented: Option<Result<Presented>>,
+}
+
+/// Where pictures lie in the window: their left upper corners, pixels.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    /// The flight's; none where it is not shown.
+    pub flight: Option<(usize, usize)>,
+    /// The slices'.
+    pub slices: Vec<(Entity, (usize, usize))>,
 }
 
 /// What came of a presentation.
@@ -42,7 +55,7 @@ impl Framebuffer {
     /// # Errors
     /// Status 1 when the system gives none.
     pub fn open(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Self> {
-        Ok(Self { screen: Screen::open(events, attributes)?, painter: Painter::new()?, next: None, presented: None })
+        Ok(Self { screen: Screen::open(events, attributes)?, painter: Painter::new()?, next: None, slices: Vec::new(), presented: None })
     }
 
     /// The window.
@@ -50,11 +63,12 @@ impl Framebuffer {
         Rc::clone(&self.screen.window)
     }
 
-    /// Has `layout` over the picture that is presented next, whose left upper corner lies `at` a pixel of the window. Each layout is
-    /// to be given here or to [`Framebuffer::show_alone`], in their order.
-    pub fn prepare(&mut self, layout: &Arc<Layout>, at: (usize, usize)) {
+    /// Has `layout` over the picture that is presented next. Each layout is to be given here or to [`Framebuffer::show_alone`], in
+    /// their order.
+    pub fn prepare(&mut self, layout: &Arc<Layout>, places: Places) {
         self.painter.prepare(layout);
-        self.next = Some((at, Instant::now()));
+        self.slices.retain(|s| places.slices.iter().any(|p| p.0 == s.0));
+        self.next = Some((places, Instant::now()));
     }
 
     /// Shows a layout with no picture below.
@@ -98,10 +112,26 @@ impl Presenter for Framebuffer {
     }
 
     fn present(&mut self, picture: &Picture) {
-        if let Some((at, since)) = self.next.take() {
+        if let Some((places, since)) = self.next.take() {
             let traced_ms = since.elapsed().as_secs_f64() * 1e3;
-            let shown = self.show(&[Placed { at, frame: &picture.frame }]);
+            // Away while it is shown: what shows it needs the rest.
+            let slices = std::mem::take(&mut self.slices);
+            let flight = places.flight.map(|at| Placed { at, frame: &picture.frame });
+            let mut placed: Vec<Placed<'_>> = flight.into_iter().collect();
+            placed.extend(slices.iter().filter_map(|(entity, frame)| {
+                let at = places.slices.iter().find(|p| p.0 == *entity)?.1;
+                Some(Placed { at, frame })
+            }));
+            let shown = self.show(&placed);
+            self.slices = slices;
             self.presented = Some(shown.map(|p| Presented { traced_ms, ..p }));
+        }
+    }
+
+    fn beside(&mut self, slice: Entity, frame: &Frame) {
+        match self.slices.iter_mut().find(|s| s.0 == slice) {
+            Some((_, kept)) => kept.clone_from(frame),
+            None => self.slices.push((slice, frame.clone())),
         }
     }
 }

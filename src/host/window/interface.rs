@@ -108,6 +108,8 @@ impl Interface {
         egui.all_styles_mut(|style| {
             // A picture that is rasterised on a processor does not fade.
             style.animation_time = 0.0;
+            // As legible as what lies over the pictures.
+            style.visuals.override_text_color = Some(super::overlay::INK);
         });
         Self { egui, layout: None, next: None }
     }

@@ -29,6 +29,7 @@ mod session;
 mod settings;
 mod shell;
 mod sight;
+mod slices;
 mod way;
 mod workspace;
 
@@ -124,7 +125,7 @@ pub struct Launch {
     /// The panels that can be shown.
     pub panels: Vec<PanelEntry>,
     /// The layout of the panels; the last one if none.
-    pub layout: Option<&'static str>,
+    pub layout: Option<String>,
 }
 
 /// What is taken up from the last time that a scan was open.

@@ -8,13 +8,17 @@ use crate::app::overlay::{Align, Colour, Mark, Place2};
 /// One short line of help, shown always.
 const SHORT_HELP: &str = "H keys   Space stop   W A S D fly   drag to look   R back   Q quit";
 /// Shown always.
-const DISCLAIMER: &str = "Research software. Not for diagnosis.";
+pub const DISCLAIMER: &str = "Research software. Not for diagnosis.";
 const MARGIN: f32 = 10.0;
-const TEXT: f32 = 14.0;
+/// Size of text, points.
+pub const TEXT: f32 = 14.0;
 const LABEL: f32 = 20.0;
-const INK: Color32 = Color32::from_rgb(240, 240, 240);
-const SOFT: Color32 = Color32::from_rgb(190, 196, 204);
-const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
+/// Colour of text.
+pub const INK: Color32 = Color32::from_rgb(240, 240, 240);
+/// Colour of text of less weight.
+pub const SOFT: Color32 = Color32::from_rgb(190, 196, 204);
+/// Colour of what stands out.
+pub const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
 const BACKING: Color32 = Color32::from_black_alpha(165);
 
 /// How urgent a state is.
@@ -102,7 +106,8 @@ fn font(size: f32) -> FontId {
     FontId::proportional(size)
 }
 
-fn text(p: &Painter, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) -> Rect {
+/// Draws text; where it lies.
+pub fn text(p: &Painter, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) -> Rect {
     p.text(at, align, text, font(size), colour)
 }
 
@@ -290,7 +295,11 @@ pub fn flight(p: &Painter, area: Rect, r: &Readings) {
     }
 }
 
-fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
+/// Draws a direction's letters.
+pub fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
+    if name.is_empty() {
+        return;
+    }
     let size = p.layout_no_wrap(name.to_owned(), font(LABEL), INK).size();
     let rect = align.anchor_size(at, size + vec2(12.0, 2.0));
     p.rect_filled(rect, 4.0, Color32::from_black_alpha(120));

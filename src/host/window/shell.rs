@@ -15,7 +15,7 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::actions::{Action, Actions, Does, Moment, WindowRequest};
 use super::cockpit::Cockpit;
-use super::framebuffer::Framebuffer;
+use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
 use super::keys::{Chord, HeldKeys};
 use super::loading::{Loading, Ready};
@@ -27,6 +27,7 @@ use super::session::Session;
 use super::workspace::Workspace;
 use super::{Finish, Launch, Resume, Shown};
 use crate::app::Overlay;
+use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 use crate::host::log::Log;
 use crate::progress::Progress;
@@ -72,6 +73,8 @@ pub struct Shell {
     workspace: Workspace,
     /// Where the flight's picture lies in the window, pixels: left, top, width, height.
     flight_at: [usize; 4],
+    /// The same of the slices.
+    slices_at: Vec<(Orientation, [usize; 4])>,
     /// The layout that is shown, by its number.
     painted: Option<u64>,
     /// Whether what lies over the picture is what is to.
@@ -105,7 +108,7 @@ impl Shell {
     /// Status 1 when the system gives no thread.
     pub fn new(launch: Launch, progress: &Arc<Progress>, proxy: EventLoopProxy<Wake>) -> Result<Self> {
         let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels)?;
-        let (workspace, unread) = Workspace::new(&launch.panels, launch.layout, Workspace::usual_file());
+        let (workspace, unread) = Workspace::new(&launch.panels, launch.layout.as_deref(), Workspace::usual_file());
         for e in unsettled.iter().chain(&unread) {
             eprintln!("note: {e}");
         }
@@ -128,6 +131,7 @@ impl Shell {
             touched: false,
             workspace,
             flight_at: [0; 4],
+            slices_at: Vec::new(),
             painted: None,
             settled: true,
             due: Instant::now(),
@@ -332,10 +336,11 @@ impl Shell {
                 (Content::Loading { stage, share }, _) => overlay::loading(&background(ui), area, stage, *share),
                 (Content::Flight(_), _) => {}
             }
-            requests.flight_at().into_iter().collect()
+            requests.flight_at().into_iter().chain(requests.slices_at().iter().map(|s| s.1)).collect()
         });
         input.handle_platform_output(window, output);
         self.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
+        self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         self.laid_out = Some((content, size));
         for request in requests.take() {
             match request {
@@ -343,6 +348,11 @@ impl Shell {
                     let moment = self.moment(now);
                     if let Stage::Flying(cockpit) = &mut self.stage {
                         cockpit.follow(request, moment);
+                    }
+                }
+                Request::Slice(request) => {
+                    if let Stage::Flying(cockpit) = &mut self.stage {
+                        cockpit.slice(request, now);
                     }
                 }
                 Request::Action(id) => {
@@ -379,6 +389,7 @@ impl Shell {
         let now = Instant::now();
         self.lay_out(now, events);
         let [left, top, width, height] = self.flight_at;
+        let flight = (width * height > 0).then_some((left, top));
         let mut due = None;
         match &mut self.stage {
             Stage::Flying(cockpit) => {
@@ -386,7 +397,8 @@ impl Shell {
                 if let Some(log) = &mut self.log {
                     log.add(cockpit.flight_mut().take_log())?;
                 }
-                due = cockpit.prepare((width, height), now)?;
+                let slices: Vec<_> = self.slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
+                due = cockpit.prepare((width, height), &slices, now)?;
             }
             Stage::Loading(_) | Stage::Failed(_) => {}
             Stage::Over => return Ok(()),
@@ -403,8 +415,10 @@ impl Shell {
         }
         let shown = match &mut self.stage {
             Stage::Flying(cockpit) => {
+                let place = |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((cockpit.slices().entity(*o)?, (*x, *y)));
+                let slices = self.slices_at.iter().filter_map(place).collect();
                 if let Some(mut framebuffer) = cockpit.framebuffer() {
-                    framebuffer.prepare(layout, (left, top));
+                    framebuffer.prepare(layout, Places { flight, slices });
                 }
                 let shown = cockpit.show(due)?;
                 if let Some(shown) = &shown {

@@ -53,6 +53,8 @@ pub struct Due {
     now: Shown,
     /// Whether it refines the image that is shown.
     rest: bool,
+    /// Whether the image stays as it is: something beside it has changed.
+    stays: bool,
     begun: Instant,
 }
 
@@ -168,26 +170,26 @@ impl Sight {
     }
 
     /// Prepares the next frame for a window of the given size. None if there is nothing to trace: the image shown is of the
-    /// same view and as good as it gets.
+    /// same view and as good as it gets, and nothing is to be drawn `beside` it.
     ///
     /// # Errors
     /// Status 1 when an image that was to be saved could not be made: an internal error.
-    pub fn prepare(&mut self, flight: &mut FlightApp, window: (usize, usize)) -> Result<Option<Due>> {
+    pub fn prepare(&mut self, flight: &mut FlightApp, window: (usize, usize), beside: bool) -> Result<Option<Due>> {
         while let Some(traced) = self.saver.take() {
             match traced {
                 Ok(traced) => self.to_save.push(traced),
                 Err(e) => note(e.what, e.why),
             }
         }
-        if window.0 == 0 || window.1 == 0 {
-            return Ok(None);
-        }
         let Some(now) = Shown::now(flight, window) else { return Ok(None) };
+        if window.0 == 0 || window.1 == 0 {
+            return Ok(beside.then(|| Due { now, rest: false, stays: true, begun: Instant::now() }));
+        }
         let rest = self.shown.is_some_and(|s| s.is(&now));
         let done = rest && !self.is_refining(flight);
         let others = flight.mark_unfinished_views();
         if done && !others {
-            return Ok(None);
+            return Ok(beside.then(|| Due { now, rest, stays: true, begun: Instant::now() }));
         }
         self.save_waiting(flight, &now, rest);
         let budget = self.budget.next(rest, self.present_ms, window.0 * window.1);
@@ -196,11 +198,14 @@ impl Sight {
             (picture.due, picture.budget) = (true, Some(budget));
             picture.frame.resize(window.0, window.1);
         }
-        Ok(Some(Due { now, rest, begun: Instant::now() }))
+        Ok(Some(Due { now, rest, stays: false, begun: Instant::now() }))
     }
 
     /// Learns that the frame that was prepared is there, and what it took, ms; the time since it was prepared if none.
     pub fn traced(&mut self, flight: &FlightApp, due: &Due, ms: Option<f64>) {
+        if due.stays {
+            return;
+        }
         let ms = ms.unwrap_or_else(|| due.begun.elapsed().as_secs_f64() * 1e3);
         if let Some(w) = flight.camera::<Picture>().map(|p| p.work) {
             if cost(&w) > 0 {

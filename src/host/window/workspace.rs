@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::actions::{Does, MENUS, WindowRequest};
 use super::folders::{self, Folder};
-use super::overlay::Mood;
+use super::overlay::{DISCLAIMER, Mood, SOFT};
 use super::panels::{Context, Panel, PanelEntry, Request, Requests};
 use crate::error::{Error, Result};
 use crate::{fence, output};
@@ -22,6 +22,9 @@ const MEND: &str = "it is left as it is; the panels are where they are at first"
 const SHARES: [f32; 2] = [0.02, 50.0];
 /// The share that panels take which are shown beside a layout's own.
 const SIDE: f32 = 0.3;
+
+/// The layout of a window that is opened for the first time.
+const FIRST: &str = "reading";
 
 /// A layout that the window comes with.
 pub struct LayoutEntry {
@@ -41,17 +44,56 @@ pub struct LayoutEntry {
 enum Split {
     /// A panel.
     Panel(&'static str),
-    #[expect(dead_code, reason = "layouts of several panels come with the slices")]
     /// Side by side, with their shares.
     Row(&'static [(f32, Split)]),
-    #[expect(dead_code, reason = "layouts of several panels come with the slices")]
     /// One above the other, with their shares.
     Column(&'static [(f32, Split)]),
 }
 
 /// All layouts, in the order of the menus.
-pub const LAYOUTS: &[LayoutEntry] =
-    &[LayoutEntry { name: "flight", text: "the flight alone", key: "F2", menus: false, tiles: Split::Panel("flight") }];
+pub const LAYOUTS: &[LayoutEntry] = &[
+    LayoutEntry {
+        name: "flight",
+        text: "the flight alone",
+        key: "F2",
+        menus: false,
+        tiles: Split::Panel("flight"),
+    },
+    LayoutEntry {
+        name: "reading",
+        text: "the flight and three slices",
+        key: "F3",
+        menus: true,
+        tiles: Split::Row(&[
+            (0.62, Split::Panel("flight")),
+            (
+                0.38,
+                Split::Column(&[
+                    (1.0, Split::Panel("axial")),
+                    (1.0, Split::Panel("coronal")),
+                    (1.0, Split::Panel("sagittal")),
+                ]),
+            ),
+        ]),
+    },
+    LayoutEntry {
+        name: "slices",
+        text: "four slices",
+        key: "F4",
+        menus: true,
+        tiles: Split::Column(&[
+            (1.0, Split::Row(&[(1.0, Split::Panel("axial")), (1.0, Split::Panel("coronal"))])),
+            (1.0, Split::Row(&[(1.0, Split::Panel("sagittal")), (1.0, Split::Panel("across"))])),
+        ]),
+    },
+    LayoutEntry {
+        name: "across",
+        text: "the flight and the slice across the way",
+        key: "F5",
+        menus: true,
+        tiles: Split::Row(&[(1.0, Split::Panel("flight")), (1.0, Split::Panel("across"))]),
+    },
+];
 
 impl Split {
     fn add(&self, tiles: &mut Tiles<String>) -> TileId {
@@ -102,7 +144,8 @@ impl Arrangement {
         let root = linear(&mut tiles, LinearDir::Horizontal, |_| vec![(1.0 - SIDE, own), (SIDE, side)]);
         let mut made = Self { tree: Tree::new(entry.name, root, tiles), side: (side, ids) };
         for (id, name) in made.side.1.clone().into_iter().zip(&others) {
-            let shown = panels.iter().any(|p| p.entry.name == *name && p.entry.shown);
+            // Beside the slices the flight is not shown, too: who wants it has another layout.
+            let shown = panels.iter().any(|p| p.entry.name == *name && p.entry.shown && *name != "flight");
             made.tree.set_visible(id, shown);
         }
         made.settle();
@@ -201,13 +244,14 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// With these panels, in the layout `wanted`, else as it was left the last time, else in the first layout. What is wrong with what was
+    /// With these panels, in the layout `wanted`, else as it was left the last time. What is wrong with what was
     /// kept is told: everything is where it is at first then, and nothing is kept.
     pub fn new(entries: &[PanelEntry], wanted: Option<&str>, file: Option<PathBuf>) -> (Self, Option<Error>) {
         let make = |e: &PanelEntry| Shown { entry: *e, panel: (e.make)(), fault: None };
         let panels: Vec<Shown> = entries.iter().map(make).collect();
         let layouts = LAYOUTS.iter().map(|l| Arrangement::new(l, &panels)).collect();
-        let mut made = Self { panels, layout: 0, layouts, file };
+        let first = LAYOUTS.iter().position(|l| l.name == FIRST).unwrap_or(0);
+        let mut made = Self { panels, layout: first, layouts, file };
         let error = made.take_up().err();
         if error.is_some() {
             made.file = None;
@@ -310,6 +354,17 @@ impl Workspace {
                     }
                 });
             }
+            ui.with_layout(egui::Layout::right_to_left(Align::Center), |ui| {
+                ui.label(RichText::new(DISCLAIMER).color(SOFT));
+                ui.separator();
+                let r = context.readings;
+                ui.label(RichText::new(&r.state).color(r.mood.colour()));
+                // Where the flight is not shown its messages are not, either.
+                if let Some(message) = r.message.as_ref().filter(|_| !self.layouts[self.layout].is_shown("flight")) {
+                    ui.separator();
+                    ui.label(message);
+                }
+            });
         });
     }
 

@@ -70,6 +70,16 @@ impl PlaneFrame {
         Self { right: right + 0.0, down: down + 0.0, normal: normal + 0.0 }
     }
 
+    /// The plane across a unit direction, seen along it, with the direction `up` on top. Where that is no direction across it, as of an
+    /// oblique plane.
+    pub fn looking(forward: DVec3, up: DVec3) -> Self {
+        let forward = forward.try_normalize().unwrap_or(DVec3::Z);
+        let Some(right) = forward.cross(up).try_normalize().filter(|r| r.is_finite()) else {
+            return Self::facing(-forward);
+        };
+        Self { right: right + 0.0, down: forward.cross(right) + 0.0, normal: -forward + 0.0 }
+    }
+
     /// To the image's right.
     pub fn right(&self) -> DVec3 {
         self.right

@@ -3,16 +3,20 @@
 //! A panel reads the flight and writes only through [`Requests`], which are followed once all panels are laid out.
 
 pub mod flight;
+pub mod slices;
 
 use egui::{Rect, Ui};
+use glam::DVec3;
 
 use super::actions::{Action, Actions};
 use super::cockpit::Cockpit;
 use super::overlay::Readings;
 use crate::app::FlightApp;
+use crate::components::slices::{Orientation, SliceView};
 
 /// The panels that every window has.
-pub const BUILT_IN: &[PanelEntry] = &[flight::PANEL];
+pub const BUILT_IN: &[PanelEntry] =
+    &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS];
 
 /// A panel, as a window makes it.
 #[derive(Clone, Copy, Debug)]
@@ -58,6 +62,21 @@ impl<'a> Context<'a> {
         Self { flight: cockpit.flight(), cockpit, actions, readings }
     }
 
+    /// The place that all views show, world mm: one that was pointed at, or where the camera is.
+    pub fn place(&self) -> DVec3 {
+        self.cursor().unwrap_or(self.flight.pose().position)
+    }
+
+    /// A place that was pointed at, world mm; none while everything follows the flight.
+    pub fn cursor(&self) -> Option<DVec3> {
+        self.cockpit.slices().cursor()
+    }
+
+    /// A slice that is shown.
+    pub(super) fn slice(&self, orientation: Orientation) -> Option<&'a SliceView> {
+        self.cockpit.slices().view(self.flight, orientation)
+    }
+
     /// Why an action cannot be done now; none if it can.
     pub(super) fn why_not(&self, action: &Action) -> Option<&'static str> {
         (action.possible)(self.cockpit).err()
@@ -89,6 +108,7 @@ pub trait Panel {
 pub struct Requests {
     list: Vec<Request>,
     flight_at: Option<Rect>,
+    slices_at: Vec<(Orientation, Rect)>,
 }
 
 /// One of them.
@@ -96,8 +116,25 @@ pub struct Requests {
 pub enum Request {
     /// Something of the flight.
     Flight(FlightRequest),
+    /// Something of the slices.
+    Slice(SliceRequest),
     /// An action of the window, by its id.
     Action(String),
+}
+
+/// What is asked of the slices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SliceRequest {
+    /// Point at a place, world mm.
+    Point(DVec3),
+    /// Go on by so many layers, towards who looks.
+    Scroll(Orientation, f64),
+    /// Move the image by so many mm to the right and downwards.
+    Pan(Orientation, [f64; 2]),
+    /// Magnify by so many notches of the wheel.
+    Zoom(Orientation, f64),
+    /// Window: the image was dragged by so many pixels to the right, which widens it, and upwards, which raises it.
+    Window([f64; 2]),
 }
 
 /// What is asked of the flight.
@@ -124,6 +161,26 @@ impl Requests {
     /// Asks something of the flight.
     pub(super) fn fly(&mut self, request: FlightRequest) {
         self.ask(Request::Flight(request));
+    }
+
+    /// Asks something of the slices.
+    pub(super) fn slice(&mut self, request: SliceRequest) {
+        self.ask(Request::Slice(request));
+    }
+
+    /// Points at a place, world mm: all views show it until the flight goes on.
+    pub fn point(&mut self, place: DVec3) {
+        self.slice(SliceRequest::Point(place));
+    }
+
+    /// Has a slice below the interface, as the flight's picture.
+    pub(super) fn show_slice(&mut self, orientation: Orientation, at: Rect) {
+        self.slices_at.push((orientation, at));
+    }
+
+    /// Where slices lie, points.
+    pub(super) fn slices_at(&self) -> &[(Orientation, Rect)] {
+        &self.slices_at
     }
 
     /// Does an action of the window, by its id in the settings file: `"pause"`, `"reverse"`. One that there is not is nothing.

@@ -1,0 +1,283 @@
+//! Slices: cross-sections that are drawn beside the flight's picture.
+
+use bevy_ecs::prelude::*;
+use glam::DVec3;
+
+use super::camera::Pose;
+use crate::render::Frame;
+use crate::render::slice::{PlaneFrame, Slab, Slice, SlicePlane, Windowing};
+use crate::volume::{Grid, Volume};
+
+/// Which way a slice lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Orientation {
+    /// Across the body.
+    #[default]
+    Axial,
+    /// Along the body, seen from the front.
+    Coronal,
+    /// Along the body, seen from its left.
+    Sagittal,
+    /// Across the way: perpendicular to the camera's view, seen as the camera sees it.
+    Across,
+}
+
+impl Orientation {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Axial, Self::Coronal, Self::Sagittal, Self::Across];
+
+    /// As it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Axial => "axial",
+            Self::Coronal => "coronal",
+            Self::Sagittal => "sagittal",
+            Self::Across => "across the way",
+        }
+    }
+
+    /// The axes of its image, for a camera that looks so.
+    fn frame(self, pose: &Pose) -> PlaneFrame {
+        let plane = match self {
+            Self::Axial => SlicePlane::Axial,
+            Self::Coronal => SlicePlane::Coronal,
+            Self::Sagittal => SlicePlane::Sagittal,
+            Self::Across => return PlaneFrame::looking(pose.attitude.forward, pose.attitude.up),
+        };
+        // These planes have axes whatever the camera does.
+        plane.frame().unwrap_or_else(|_| PlaneFrame::looking(DVec3::Z, DVec3::NEG_Y))
+    }
+}
+
+/// A slice: an entity with one has it drawn in each frame in which it has changed.
+///
+/// It goes through a place, and follows the flight's camera if it names none. The axis slices show the layer of voxels nearest to it,
+/// and the same part of the body until they are moved; the one across the way has the place in its middle.
+///
+/// ```
+/// use colvis::app::{Scan, Scene, Wish};
+/// use colvis::components::slices::{Orientation, SliceView};
+///
+/// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &Wish::default())?;
+/// let axial = flight.add_slice(SliceView::new(Orientation::Axial, [160, 120]))?;
+/// flight.frame()?;
+/// let view = flight.app().world.get::<SliceView>(axial).expect("it was just added");
+/// assert!(view.frame.pixels().iter().any(|p| p[0] > 100), "tissue");
+/// # Ok::<(), colvis::error::Error>(())
+/// ```
+#[derive(Component, Clone, Debug)]
+pub struct SliceView {
+    /// Which way it lies.
+    pub orientation: Orientation,
+    /// The place that it goes through, world mm; none for the camera's.
+    pub place: Option<DVec3>,
+    /// How far the image was moved, mm to the right and downwards.
+    pub pan_mm: [f64; 2],
+    /// Magnification: 1 shows the whole scan, or 100 mm about the place across the way.
+    pub zoom: f64,
+    /// How HU become greys.
+    pub windowing: Windowing,
+    /// Its thickness.
+    pub slab: Slab,
+    /// Width and height, pixels.
+    pub size: [usize; 2],
+    /// The image.
+    pub frame: Frame,
+    /// Whether this frame has made it.
+    pub made: bool,
+    /// Its HU, row by row.
+    hu: Vec<f32>,
+    grey: Vec<u8>,
+    /// What the image shows.
+    shown: Option<(Slice, Slab, Windowing)>,
+}
+
+/// A slice across the way shows so much, mm.
+const ACROSS_MM: f64 = 100.0;
+/// Magnifications are held to these.
+pub const ZOOMS: [f64; 2] = [0.25, 40.0];
+
+impl SliceView {
+    /// The whole scan, windowed for the colon, where the camera is.
+    pub fn new(orientation: Orientation, size: [usize; 2]) -> Self {
+        Self {
+            orientation,
+            place: None,
+            pan_mm: [0.0; 2],
+            zoom: 1.0,
+            windowing: Windowing::default(),
+            slab: Slab::default(),
+            size,
+            frame: Frame::default(),
+            made: false,
+            hu: Vec::new(),
+            grey: Vec::new(),
+            shown: None,
+        }
+    }
+
+    /// The plane that is to be shown of a scan for a camera.
+    pub fn slice(&self, grid: &Grid, pose: &Pose) -> Slice {
+        let frame = self.orientation.frame(pose);
+        let place = self.place.unwrap_or(pose.position);
+        let [right, down, normal] = [frame.right(), frame.down(), frame.normal()];
+        let (middle, [width, height]) = extent(grid, right, down);
+        let across = self.orientation == Orientation::Across;
+        let centre = if across {
+            place
+        } else {
+            // The voxels' own layer: nothing is interpolated between layers, and a slow flight changes the image seldom.
+            let layer = snap(grid, place, normal);
+            middle + normal * (layer - middle).dot(normal)
+        };
+        let [width, height] = if across { [ACROSS_MM; 2] } else { [width, height] };
+        let fit = (width / self.size[0].max(1) as f64).max(height / self.size[1].max(1) as f64);
+        let zoom = if self.zoom.is_finite() { self.zoom.clamp(ZOOMS[0], ZOOMS[1]) } else { 1.0 };
+        let pan = self.pan_mm.map(|mm| if mm.is_finite() { mm.clamp(-1e4, 1e4) } else { 0.0 });
+        Slice {
+            centre: centre - right * pan[0] - down * pan[1],
+            frame,
+            mm_per_pixel: (fit / zoom).max(1e-6),
+            size: self.size,
+        }
+    }
+
+    /// What the image shows; none before the first one.
+    pub fn shown(&self) -> Option<Slice> {
+        self.shown.map(|s| s.0)
+    }
+
+    /// HU at a pixel of the image; none beside it.
+    pub fn hu_at(&self, [x, y]: [usize; 2]) -> Option<f32> {
+        (x < self.size[0]).then(|| self.hu.get(y * self.size[0] + x).copied()).flatten()
+    }
+
+    /// Whether the image is not what is to be shown.
+    pub fn is_stale(&self, grid: &Grid, pose: &Pose) -> bool {
+        self.shown != Some((self.slice(grid, pose), self.slab, self.windowing))
+    }
+
+    /// Makes the image if it is stale.
+    pub fn make(&mut self, volume: &Volume, pose: &Pose) {
+        let wanted = (self.slice(volume.grid(), pose), self.slab, self.windowing);
+        self.made = self.shown != Some(wanted);
+        if !self.made {
+            return;
+        }
+        // Another window of greys needs no other values.
+        if self.shown.is_none_or(|s| (s.0, s.1) != (wanted.0, wanted.1)) {
+            wanted.0.fill_slab(volume, self.slab, &mut self.hu);
+        }
+        self.grey.resize(self.hu.len(), 0);
+        self.windowing.fill(&self.hu, &mut self.grey);
+        let [width, height] = self.size;
+        if (self.frame.width(), self.frame.height()) != (width, height) {
+            self.frame.resize(width, height);
+        }
+        for (pixel, grey) in self.frame.buffers().0.iter_mut().zip(&self.grey) {
+            *pixel = [*grey; 3];
+        }
+        self.shown = Some(wanted);
+    }
+
+    /// What it keeps in memory.
+    pub fn bytes(&self) -> usize {
+        self.hu.capacity() * size_of::<f32>() + self.grey.capacity() + self.frame.pixels().len() * size_of::<[u8; 3]>()
+    }
+}
+
+/// Middle of a scan, and how far it reaches along two directions, mm.
+fn extent(grid: &Grid, right: DVec3, down: DVec3) -> (DVec3, [f64; 2]) {
+    let dims = DVec3::from_array(grid.dims().map(|d| d as f64));
+    let middle = grid.world((dims - DVec3::ONE) * 0.5);
+    let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|a| grid.to_world().transform_vector3(a * dims));
+    let reach = |d: DVec3| axes.iter().map(|a| a.dot(d).abs()).sum::<f64>().max(1e-3);
+    (middle, [reach(right), reach(down)])
+}
+
+/// The place moved along a normal to the nearest layer of voxels, where layers lie along it.
+fn snap(grid: &Grid, place: DVec3, normal: DVec3) -> DVec3 {
+    let voxel = grid.voxel(place);
+    let along = grid.to_voxel().transform_vector3(normal);
+    for axis in 0..3 {
+        let others = [(axis + 1) % 3, (axis + 2) % 3].map(|o| along[o].abs());
+        if along[axis] != 0.0 && others.iter().all(|o| *o < 1e-6 * along[axis].abs()) {
+            let to = voxel[axis].round().clamp(0.0, (grid.dims()[axis].max(1) - 1) as f64);
+            return place + normal * ((to - voxel[axis]) / along[axis]);
+        }
+    }
+    place
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::Attitude;
+    use glam::DMat3;
+
+    fn scan() -> Volume {
+        let grid = Grid::new([20, 30, 40], DVec3::new(0.5, 1.0, 2.0), DVec3::new(-7.0, 3.0, 11.0), DMat3::IDENTITY).unwrap();
+        let data = (0..20 * 30 * 40).map(|n| (n % 20) as i16 * 10 - 1000).collect();
+        Volume::new(grid, data)
+    }
+
+    fn pose(position: DVec3) -> Pose {
+        Pose { position, attitude: Attitude::new(DVec3::Y, DVec3::Z) }
+    }
+
+    #[test]
+    fn axis_slices_follow_by_layers_and_keep_their_part_of_the_body() {
+        let (volume, mut view) = (scan(), SliceView::new(Orientation::Axial, [64, 48]));
+        let here = volume.grid().world(DVec3::new(3.0, 4.0, 10.2));
+        view.make(&volume, &pose(here));
+        assert!(view.made && (view.shown().unwrap().centre.z - volume.grid().world(DVec3::new(0.0, 0.0, 10.0)).z).abs() < 1e-12);
+        view.make(&volume, &pose(here + DVec3::new(1.0, 2.0, 0.1)));
+        assert!(!view.made, "the same layer");
+        view.make(&volume, &pose(here + DVec3::Z));
+        assert!(view.made);
+        // A place is where a place is: the image knows it back.
+        let slice = view.shown().unwrap();
+        let (at, before) = slice.pixel(here);
+        assert!((slice.world(at) - here).dot(slice.frame.right()).abs() < 1e-9 && before.abs() <= 2.0);
+    }
+
+    #[test]
+    fn the_slice_across_the_way_is_seen_as_the_camera_sees_it() {
+        let (volume, mut view) = (scan(), SliceView::new(Orientation::Across, [50, 50]));
+        let here = pose(volume.grid().world(DVec3::new(10.0, 15.0, 20.0)));
+        view.make(&volume, &here);
+        let frame = view.shown().unwrap().frame;
+        assert_eq!((frame.right(), frame.down(), frame.normal()), (DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y));
+        assert_eq!(view.shown().unwrap().centre, here.position);
+        view.make(&volume, &pose(here.position + DVec3::X * 0.01));
+        assert!(view.made);
+    }
+
+    #[test]
+    fn another_window_of_greys_shows_the_same_values() {
+        let (volume, mut view) = (scan(), SliceView::new(Orientation::Coronal, [40, 30]));
+        let here = pose(volume.grid().world(DVec3::splat(9.0)));
+        view.make(&volume, &here);
+        let (hu, first) = (view.hu.clone(), view.frame.clone());
+        view.windowing = Windowing::new(-900.0, 200.0).unwrap();
+        assert!(view.is_stale(volume.grid(), &here));
+        view.make(&volume, &here);
+        assert!(view.made && view.hu == hu && view.frame != first && !view.is_stale(volume.grid(), &here));
+        assert_eq!(view.hu_at([40, 0]), None);
+        assert!(view.hu_at([20, 15]).is_some_and(|hu| hu > -1001.0));
+    }
+
+    #[test]
+    fn what_is_no_number_shows_something() {
+        let (volume, mut view) = (scan(), SliceView::new(Orientation::Sagittal, [4, 0]));
+        for (place, zoom, pan, size) in [
+            (DVec3::NAN, f64::NAN, f64::NAN, [4, 4]),
+            (DVec3::splat(1e300), f64::INFINITY, f64::INFINITY, [0, 0]),
+            (DVec3::ZERO, 0.0, -1e300, [1, 1]),
+        ] {
+            (view.place, view.zoom, view.pan_mm, view.size) = (Some(place), zoom, [pan; 2], size);
+            view.make(&volume, &pose(DVec3::ZERO));
+            assert_eq!(view.hu.len(), size[0] * size[1]);
+        }
+    }
+}

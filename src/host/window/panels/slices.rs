@@ -1,0 +1,268 @@
+//! Slices: cross-sections that follow the flight, or a place that was pointed at.
+//!
+//! A click points at a place, a right drag windows, a middle drag (or Shift and a drag) moves the image, the wheel goes through the
+//! layers, and with Ctrl magnifies.
+
+use egui::{Align2, Color32, Event, MouseWheelUnit, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
+use glam::DVec3;
+
+use super::{Context, Panel, PanelEntry, Requests, SliceRequest};
+use crate::components::slices::{Orientation, SliceView};
+use crate::host::window::overlay::{ACCENT, INK, Mood, SOFT, TEXT, label, text};
+use crate::render::slice::{SlabKind, Slice};
+
+/// The axial slice.
+pub const AXIAL: PanelEntry = PanelEntry {
+    name: "axial",
+    title: "Axial slice",
+    picture: true,
+    make: || panel(Orientation::Axial),
+    ..PanelEntry::NONE
+};
+/// The coronal slice.
+pub const CORONAL: PanelEntry = PanelEntry {
+    name: "coronal",
+    title: "Coronal slice",
+    picture: true,
+    make: || panel(Orientation::Coronal),
+    ..PanelEntry::NONE
+};
+/// The sagittal slice.
+pub const SAGITTAL: PanelEntry = PanelEntry {
+    name: "sagittal",
+    title: "Sagittal slice",
+    picture: true,
+    make: || panel(Orientation::Sagittal),
+    ..PanelEntry::NONE
+};
+/// The slice across the way.
+pub const ACROSS: PanelEntry = PanelEntry {
+    name: "across",
+    title: "Slice across the way",
+    picture: true,
+    make: || panel(Orientation::Across),
+    ..PanelEntry::NONE
+};
+
+/// Pixels of a smooth scroll that count as a notch.
+const NOTCH: f32 = 40.0;
+/// The camera is drawn while it is within so many mm of the plane.
+const NEAR_MM: f64 = 12.0;
+/// Half the side of the gap in the middle of the crosshair, points.
+const GAP: f32 = 9.0;
+const MARGIN: f32 = 6.0;
+/// Lengths of scale bars, mm.
+const BARS: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
+
+fn panel(orientation: Orientation) -> Box<dyn Panel> {
+    Box::new(SlicePanel { orientation, drag: None, pointer: None })
+}
+
+/// What a mouse does that is dragged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Drag {
+    Point,
+    Window,
+    Pan,
+}
+
+struct SlicePanel {
+    orientation: Orientation,
+    drag: Option<Drag>,
+    pointer: Option<Pos2>,
+}
+
+/// A slice in a rectangle of the window.
+#[derive(Clone, Copy)]
+struct Placed {
+    slice: Slice,
+    rect: Rect,
+    /// Pixels a point.
+    scale: f32,
+}
+
+impl Placed {
+    fn world(&self, at: Pos2) -> DVec3 {
+        let pixel = (at - self.rect.min) * self.scale;
+        self.slice.world([f64::from(pixel.x), f64::from(pixel.y)])
+    }
+
+    /// A place of the world in the window, and how far before the plane, mm.
+    fn point(&self, world: DVec3) -> (Pos2, f64) {
+        let ([x, y], before) = self.slice.pixel(world);
+        (self.rect.min + vec2(x as f32, y as f32) / self.scale, before)
+    }
+}
+
+impl Panel for SlicePanel {
+    fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        let rect = ui.available_rect_before_wrap();
+        ui.allocate_rect(rect, Sense::CLICK | Sense::DRAG);
+        requests.show_slice(self.orientation, rect);
+        let view = context.slice(self.orientation);
+        let placed = view.and_then(SliceView::shown).map(|slice| Placed { slice, rect, scale: ui.pixels_per_point() });
+        self.mouse(ui, rect, placed, requests);
+        if let (Some(view), Some(placed)) = (view, placed) {
+            self.draw(context, &ui.painter_at(rect), view, placed, ui);
+        }
+    }
+}
+
+impl SlicePanel {
+    fn mouse(&mut self, ui: &Ui, rect: Rect, placed: Option<Placed>, requests: &mut Requests) {
+        let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
+        let scale = ui.pixels_per_point();
+        let point = |at: Pos2, requests: &mut Requests| {
+            if let Some(placed) = placed {
+                requests.slice(SliceRequest::Point(placed.world(at)));
+            }
+        };
+        for event in ui.input(|i| i.events.clone()) {
+            match event {
+                Event::PointerMoved(at) => {
+                    let moved = self.pointer.map_or(Vec2::ZERO, |last| (at - last) * scale);
+                    let [right, down] = [moved.x, moved.y].map(f64::from);
+                    let mm = placed.map_or(0.0, |p| p.slice.mm_per_pixel);
+                    match self.drag {
+                        Some(Drag::Point) => point(at.clamp(rect.min, rect.max), requests),
+                        Some(Drag::Window) => requests.slice(SliceRequest::Window([right, -down])),
+                        Some(Drag::Pan) => {
+                            requests.slice(SliceRequest::Pan(self.orientation, [right * mm, down * mm]));
+                        }
+                        None => {}
+                    }
+                    self.pointer = Some(at);
+                }
+                Event::PointerButton { pos, button, pressed: true, modifiers } if here(pos) => {
+                    self.pointer = Some(pos);
+                    self.drag = match button {
+                        PointerButton::Primary if !modifiers.shift => Some(Drag::Point),
+                        PointerButton::Primary | PointerButton::Middle => Some(Drag::Pan),
+                        PointerButton::Secondary => Some(Drag::Window),
+                        PointerButton::Extra1 | PointerButton::Extra2 => None,
+                    };
+                    if self.drag == Some(Drag::Point) {
+                        point(pos, requests);
+                    }
+                }
+                Event::PointerButton { pressed: false, .. } | Event::WindowFocused(false) => self.drag = None,
+                Event::PointerGone => self.pointer = None,
+                Event::MouseWheel { unit, delta, modifiers, .. } if self.pointer.is_some_and(here) => {
+                    let notches = f64::from(match unit {
+                        MouseWheelUnit::Line | MouseWheelUnit::Page => delta.y,
+                        MouseWheelUnit::Point => delta.y * scale / NOTCH,
+                    });
+                    let zooms = modifiers.command || modifiers.ctrl;
+                    requests.slice(if zooms {
+                        SliceRequest::Zoom(self.orientation, notches)
+                    } else {
+                        SliceRequest::Scroll(self.orientation, notches)
+                    });
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn draw(&self, context: &Context<'_>, p: &Painter, view: &SliceView, placed: Placed, ui: &Ui) {
+        let inner = placed.rect.shrink(MARGIN);
+        crosshair(p, placed, placed.point(context.place()).0);
+        camera(context, p, placed);
+        let edges = placed.slice.frame.edges();
+        label(p, inner.left_center(), Align2::LEFT_CENTER, &edges[0]);
+        label(p, inner.right_center(), Align2::RIGHT_CENTER, &edges[1]);
+        label(p, inner.center_top(), Align2::CENTER_TOP, &edges[2]);
+        label(p, inner.center_bottom(), Align2::CENTER_BOTTOM, &edges[3]);
+        words(p, inner.left_top(), Align2::LEFT_TOP, self.orientation.name(), INK);
+        let (windowing, slab) = (view.windowing, view.slab);
+        let kind = match slab.kind() {
+            SlabKind::Mean => "mean",
+            SlabKind::Max => "greatest",
+            SlabKind::Min => "least",
+        };
+        let thick = if slab.mm() > 0.0 { format!("  {kind} of {:.0} mm", slab.mm()) } else { String::new() };
+        let greys = format!("W {:.0}  L {:.0}{thick}", windowing.width(), windowing.level());
+        words(p, inner.right_top(), Align2::RIGHT_TOP, &greys, SOFT);
+        scale_bar(p, inner, placed);
+        let pointer = ui.input(|i| i.pointer.latest_pos()).filter(|at| placed.rect.contains(*at));
+        if let Some(at) = pointer.filter(|_| inner.width() > 220.0) {
+            words(p, inner.left_bottom(), Align2::LEFT_BOTTOM, &readout(context, view, placed, at), INK);
+        }
+    }
+}
+
+/// HU, voxel and place under the pointer.
+fn readout(context: &Context<'_>, view: &SliceView, placed: Placed, at: Pos2) -> String {
+    let world = placed.world(at);
+    let grid = context.flight.volume().volume().grid();
+    let pixel = (at - placed.rect.min) * placed.scale;
+    let hu = view.hu_at([pixel.x, pixel.y].map(|c| c.max(0.0) as usize)).unwrap_or(f32::NAN);
+    let voxel = grid.voxel(world).round();
+    let dims = DVec3::from_array(grid.dims().map(|d| d as f64));
+    let place = format!("{:.1}, {:.1}, {:.1} mm", world.x, world.y, world.z);
+    if voxel.cmplt(DVec3::ZERO).any() || voxel.cmpge(dims).any() {
+        return format!("outside the scan\n{place}");
+    }
+    format!("{hu:.0} HU  voxel {:.0}, {:.0}, {:.0}\n{place}", voxel.x, voxel.y, voxel.z)
+}
+
+/// Text that is legible on any grey.
+fn words(p: &Painter, at: Pos2, align: Align2, words: &str, colour: Color32) {
+    if words.is_empty() {
+        return;
+    }
+    let size = p.layout_no_wrap(words.to_owned(), egui::FontId::proportional(TEXT), colour).size();
+    p.rect_filled(align.anchor_size(at, size).expand(2.0), 3.0, Color32::from_black_alpha(130));
+    text(p, at, align, words, TEXT, colour);
+}
+
+fn crosshair(p: &Painter, placed: Placed, at: Pos2) {
+    let rect = placed.rect;
+    let [r, g, b, _] = Mood::Waiting.colour().to_array();
+    let stroke = Stroke::new(1.0, Color32::from_rgba_unmultiplied(r, g, b, 150));
+    for [from, to] in [
+        [pos2(rect.min.x, at.y), pos2(at.x - GAP, at.y)],
+        [pos2(at.x + GAP, at.y), pos2(rect.max.x, at.y)],
+        [pos2(at.x, rect.min.y), pos2(at.x, at.y - GAP)],
+        [pos2(at.x, at.y + GAP), pos2(at.x, rect.max.y)],
+    ] {
+        p.line_segment([from, to], stroke);
+    }
+}
+
+/// The camera: a dot, and an arrow as far as it looks along the plane. Farther from the plane it is smaller, and then hidden.
+fn camera(context: &Context<'_>, p: &Painter, placed: Placed) {
+    let pose = context.flight.pose();
+    let (at, before) = placed.point(pose.position);
+    if before.abs() > NEAR_MM {
+        return;
+    }
+    let size = 1.0 - 0.6 * (before.abs() / NEAR_MM) as f32;
+    let frame = placed.slice.frame;
+    let along = [frame.right(), frame.down()].map(|a| pose.attitude.forward.dot(a) as f32);
+    let ahead = vec2(along[0], along[1]);
+    if ahead.length() > 0.2 {
+        let (tip, side) = (at + ahead * 26.0 * size, ahead.normalized().rot90() * 4.0 * size);
+        let back = tip - ahead.normalized() * 8.0 * size;
+        p.line_segment([at, back], Stroke::new(2.5 * size, ACCENT));
+        p.add(egui::Shape::convex_polygon(vec![tip, back + side, back - side], ACCENT, Stroke::NONE));
+    }
+    p.circle_filled(at, 4.5 * size, ACCENT);
+    p.circle_stroke(at, 4.5 * size, Stroke::new(1.0, Color32::BLACK));
+}
+
+/// The longest round length that a quarter of the image holds.
+fn scale_bar(p: &Painter, inner: Rect, placed: Placed) {
+    let points = |mm: f64| (mm / placed.slice.mm_per_pixel) as f32 / placed.scale;
+    let Some(mm) = BARS.into_iter().rfind(|mm| points(*mm) <= inner.width() * 0.25) else { return };
+    let right = inner.right_bottom() - vec2(0.0, 2.0);
+    let left = right - vec2(points(mm), 0.0);
+    for (colour, width) in [(Color32::BLACK, 4.0), (INK, 2.0)] {
+        let stroke = Stroke::new(width, colour);
+        p.line_segment([left, right], stroke);
+        for end in [left, right] {
+            p.line_segment([end - vec2(0.0, 4.0), end + vec2(0.0, 1.0)], stroke);
+        }
+    }
+    text(p, pos2(right.x, right.y - 6.0), Align2::RIGHT_BOTTOM, &format!("{mm:.0} mm"), TEXT, INK);
+}

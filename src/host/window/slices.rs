@@ -1,0 +1,167 @@
+//! The slices of a window: which are there, what they go through, and how they are windowed.
+
+use std::collections::BTreeMap;
+
+use bevy_ecs::prelude::Entity;
+use glam::DVec3;
+
+use super::panels::SliceRequest;
+use crate::app::FlightApp;
+use crate::components::slices::{Orientation, SliceView, ZOOMS};
+use crate::error::Result;
+use crate::render::slice::{Slab, SlabKind, Windowing};
+
+/// The camera leaves a place that was pointed at behind once it has moved so far, mm: the slices follow the flight again.
+const LEAVES_MM: f64 = 2.0;
+/// Pixels of a drag that double the width of the window of greys.
+const DOUBLES: f64 = 150.0;
+/// The window of greys is held to these widths, HU.
+const WIDTHS: [f64; 2] = [1.0, 8000.0];
+/// The level is held to these, HU.
+const LEVELS: [f64; 2] = [-2000.0, 6000.0];
+/// Slabs that a key goes through, mm.
+const SLABS_MM: [f64; 5] = [0.0, 3.0, 5.0, 10.0, 20.0];
+/// A notch of the wheel magnifies by this factor.
+const CLOSER: f64 = 1.15;
+
+/// The slices of a window.
+#[derive(Debug, Default)]
+pub struct Slices {
+    entities: BTreeMap<Orientation, Entity>,
+    /// A place that was pointed at, and where the camera was then; none while the slices follow the flight.
+    cursor: Option<(DVec3, DVec3)>,
+    windowing: Windowing,
+    slab: Slab,
+}
+
+impl Slices {
+    /// The entity of a slice that is shown.
+    pub fn entity(&self, orientation: Orientation) -> Option<Entity> {
+        self.entities.get(&orientation).copied()
+    }
+
+    /// A slice that is shown.
+    pub fn view<'a>(&self, flight: &'a FlightApp, orientation: Orientation) -> Option<&'a SliceView> {
+        flight.app().world.get(self.entity(orientation)?)
+    }
+
+    /// A place that was pointed at; none while everything follows the flight.
+    pub fn cursor(&self) -> Option<DVec3> {
+        self.cursor.map(|c| c.0)
+    }
+
+    /// Points at a place.
+    pub fn point(&mut self, flight: &FlightApp, place: DVec3) {
+        if place.is_finite() {
+            self.cursor = Some((place, flight.pose().position));
+        }
+    }
+
+    /// Follows the flight again.
+    pub fn follow(&mut self) {
+        self.cursor = None;
+    }
+
+    /// Has these slices and no others, in these sizes, as they are to be in the next frame. Whether one is not drawn yet.
+    ///
+    /// # Errors
+    /// As for any change of the schedule.
+    pub fn show(&mut self, flight: &mut FlightApp, wanted: &[(Orientation, [usize; 2])]) -> Result<bool> {
+        let pose = flight.pose();
+        if self.cursor.is_some_and(|c| c.1.distance(pose.position) > LEAVES_MM) {
+            self.cursor = None;
+        }
+        let gone: Vec<Orientation> =
+            self.entities.keys().copied().filter(|o| !wanted.iter().any(|w| w.0 == *o)).collect();
+        for entity in gone.into_iter().filter_map(|o| self.entities.remove(&o)) {
+            flight.app_mut().world.despawn(entity);
+        }
+        for (orientation, size) in wanted {
+            if !self.entities.contains_key(orientation) {
+                let entity = flight.add_slice(SliceView::new(*orientation, *size))?;
+                self.entities.insert(*orientation, entity);
+            }
+        }
+        let (mut stale, place) = (false, self.cursor());
+        let grid = flight.volume().volume().grid().clone();
+        for (orientation, size) in wanted {
+            let world = &mut flight.app_mut().world;
+            let view = self.entities.get(orientation).and_then(|e| world.get_mut::<SliceView>(*e));
+            let Some(mut view) = view else { continue };
+            (view.size, view.place, view.windowing, view.slab) = (*size, place, self.windowing, self.slab);
+            stale |= view.is_stale(&grid, &pose);
+        }
+        Ok(stale)
+    }
+
+    /// Does what a panel asks for.
+    pub fn ask(&mut self, flight: &mut FlightApp, request: SliceRequest) {
+        match request {
+            SliceRequest::Point(place) => self.point(flight, place),
+            SliceRequest::Scroll(orientation, notches) => self.scroll(flight, orientation, notches),
+            SliceRequest::Pan(orientation, [right, down]) => self.change(flight, orientation, |view, _| {
+                view.pan_mm = [view.pan_mm[0] + right, view.pan_mm[1] + down];
+            }),
+            SliceRequest::Zoom(orientation, notches) => self.change(flight, orientation, |view, _| {
+                view.zoom = (view.zoom * CLOSER.powf(notches)).clamp(ZOOMS[0], ZOOMS[1]);
+            }),
+            SliceRequest::Window([right, up]) => {
+                let width = (self.windowing.width() * (right / DOUBLES).exp2()).clamp(WIDTHS[0], WIDTHS[1]);
+                let level = self.windowing.level() + up * self.windowing.width() / (4.0 * DOUBLES);
+                self.window(level.clamp(LEVELS[0], LEVELS[1]), width);
+            }
+        }
+    }
+
+    fn change(&self, flight: &mut FlightApp, orientation: Orientation, change: impl FnOnce(&mut SliceView, f64)) {
+        let spacing = flight.volume().volume().grid().spacing().min_element();
+        let entity = self.entity(orientation);
+        if let Some(mut view) = entity.and_then(|e| flight.app_mut().world.get_mut::<SliceView>(e)) {
+            change(&mut view, spacing);
+        }
+    }
+
+    /// Goes on by so many layers of the scan.
+    fn scroll(&mut self, flight: &FlightApp, orientation: Orientation, notches: f64) {
+        let Some(slice) = self.view(flight, orientation).and_then(SliceView::shown) else { return };
+        let grid = flight.volume().volume().grid();
+        let normal = slice.frame.normal();
+        // As far as a voxel reaches along the normal.
+        let voxels = grid.to_voxel().transform_vector3(normal).length().max(1e-9);
+        let place = self.cursor().unwrap_or(flight.pose().position);
+        // From the layer that is shown: a place between two would be rounded to one of them twice.
+        let layer = place + normal * (slice.centre - place).dot(normal);
+        self.point(flight, layer + normal * (notches / voxels));
+    }
+
+    /// Sets the window of greys; one that is none changes nothing.
+    pub fn window(&mut self, level: f64, width: f64) {
+        if let Ok(windowing) = Windowing::new(level, width) {
+            self.windowing = windowing;
+        }
+    }
+
+    /// As at the beginning: window, slab, magnification and part of the body.
+    pub fn reset(&mut self, flight: &mut FlightApp) {
+        (self.windowing, self.slab) = (Windowing::default(), Slab::default());
+        for orientation in Orientation::ALL {
+            self.change(flight, orientation, |view, _| (view.pan_mm, view.zoom) = ([0.0; 2], 1.0));
+        }
+    }
+
+    /// The next thickness.
+    pub fn next_slab(&mut self) {
+        let next = SLABS_MM.into_iter().find(|mm| *mm > self.slab.mm()).unwrap_or(0.0);
+        self.slab = Slab::new(next, self.slab.kind()).unwrap_or_default();
+    }
+
+    /// The next of mean, greatest and least.
+    pub fn next_slab_kind(&mut self) {
+        let kind = match self.slab.kind() {
+            SlabKind::Mean => SlabKind::Max,
+            SlabKind::Max => SlabKind::Min,
+            SlabKind::Min => SlabKind::Mean,
+        };
+        self.slab = Slab::new(self.slab.mm(), kind).unwrap_or_default();
+    }
+}
