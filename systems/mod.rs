@@ -18,6 +18,7 @@
 //! | `log` | `Log` | writes down the step |
 //! | `clock` | `Clock` | counts the steps |
 //! | `raycast` | `RayCast` | traces the image |
+//! | `slices` | `Slices` | draws slices that have changed |
 //! | `present` | `Present` | hands the image to a window or a recording |
 //!
 //! To add a navigation method: write a file like `manual`, in which a type of yours implements

@@ -216,7 +216,8 @@ mod tests {
     use glam::DMat3;
 
     fn scan() -> Volume {
-        let grid = Grid::new([20, 30, 40], DVec3::new(0.5, 1.0, 2.0), DVec3::new(-7.0, 3.0, 11.0), DMat3::IDENTITY).unwrap();
+        let grid =
+            Grid::new([20, 30, 40], DVec3::new(0.5, 1.0, 2.0), DVec3::new(-7.0, 3.0, 11.0), DMat3::IDENTITY).unwrap();
         let data = (0..20 * 30 * 40).map(|n| (n % 20) as i16 * 10 - 1000).collect();
         Volume::new(grid, data)
     }
@@ -230,7 +231,10 @@ mod tests {
         let (volume, mut view) = (scan(), SliceView::new(Orientation::Axial, [64, 48]));
         let here = volume.grid().world(DVec3::new(3.0, 4.0, 10.2));
         view.make(&volume, &pose(here));
-        assert!(view.made && (view.shown().unwrap().centre.z - volume.grid().world(DVec3::new(0.0, 0.0, 10.0)).z).abs() < 1e-12);
+        assert!(
+            view.made
+                && (view.shown().unwrap().centre.z - volume.grid().world(DVec3::new(0.0, 0.0, 10.0)).z).abs() < 1e-12
+        );
         view.make(&volume, &pose(here + DVec3::new(1.0, 2.0, 0.1)));
         assert!(!view.made, "the same layer");
         view.make(&volume, &pose(here + DVec3::Z));

@@ -71,7 +71,7 @@ def expected(image, at, plane, size, side, slab):
         hu = resampled(image, at, right, down, size, side)
         return np.where(np.isnan(hu), OUTSIDE, hu), ~np.isnan(hu)
     mm, kind = slab
-    steps = math.ceil(mm / (0.5 * min(image.GetSpacing())))
+    steps = 2 * math.ceil(mm / min(image.GetSpacing()))
     places = [mm * (k / steps - 0.5) for k in range(steps + 1)]
     stack = np.stack([resampled(image, at + across * t, right, down, size, side) for t in places])
     inside = ~np.isnan(stack)

@@ -134,7 +134,7 @@ impl Screen {
 
     fn fly_with(&self, folder: &Path, args: &[&str]) -> Running {
         let size = format!("{}x{}", SIZE.0, SIZE.1);
-        let all = ["fly", "--size", &size, "--stats", "stats.json"];
+        let all = ["fly", "--size", &size, "--stats", "stats.json", "--layout", "flight"];
         self.open_window(folder, &[&all[..], args].concat(), flies)
     }
 
@@ -300,7 +300,7 @@ fn a_kept_session_never_keeps_a_scan_from_being_opened() {
     };
     // Nobody steers.
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/render.toml");
-    let still = screen.open_window(folder, &["--scene", scene.to_str().unwrap()], shows);
+    let still = screen.open_window(folder, &["--scene", scene.to_str().unwrap(), "--layout", "flight"], shows);
     assert_eq!(quit(still), "");
     assert!(sessions(folder).is_empty());
     // A flight keeps its place, whoever steers and whatever copy of the scan it is flown in.
@@ -319,11 +319,69 @@ fn a_kept_session_never_keeps_a_scan_from_being_opened() {
     // A log that is played, backwards too, touches nothing of it.
     fs::write(&kept[0], &text).unwrap();
     for more in [&[][..], &["--reverse"]] {
-        let played = screen.open_window(folder, &[&["--play", "f.jsonl", "--rate", "20"][..], more].concat(), shows);
+        let played = screen.open_window(
+            folder,
+            &[&["--play", "f.jsonl", "--rate", "20", "--layout", "flight"][..], more].concat(),
+            shows,
+        );
         std::thread::sleep(Duration::from_secs(2));
         assert_eq!(quit(played), "");
         assert_eq!(fs::read_to_string(&kept[0]).unwrap(), text);
     }
+}
+
+/// The reading layout: slices follow the flight, a click in one stops it, and the layout is there the next time.
+#[test]
+fn slices_beside_the_flight() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let size = format!("{}x{}", SIZE.0, SIZE.1);
+    let grey = |[r, g, b]: [u8; 3]| r == g && g == b && r > 90 && r < 200;
+    let right = |i: &RgbImage| image::imageops::crop_imm(i, 380, 40, 250, 160).to_image();
+    // Tissue in the axial slice, and the lumen beside it.
+    let reads = |i: &RgbImage| share(&right(i), grey) > 0.2 && share(i, |[r, g, ..]| r > 100 && r > g + g / 3) > 0.1;
+    let args = ["fly", "--size", &size, "--stats", "stats.json", "--log", "f.jsonl"];
+    // A window that is opened for the first time has it.
+    let mut window = screen.open_window(folder, &args, reads);
+    let shot = right(&screen.shot());
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(right(&screen.shot()).pixels().ne(shot.pixels()), "the slices follow the flight");
+    // A click stops it, and the crosshair is where it was.
+    screen.tool("xdotool", &["mousemove", "500", "100", "click", "1"]);
+    let mut before = None;
+    let still = screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
+    let yellow = |[r, g, b]: [u8; 3]| r > 120 && r > b + 40 && g > b + 30;
+    let row = |y: u32| (400..600).filter(|&x| yellow(still.get_pixel(x, y).0)).count();
+    assert!((99..=101).any(|y| row(y) > 120), "a crosshair through the click");
+    // Another window of greys, then four slices, then the flight and the slice across the way.
+    screen.key("ctrl+2");
+    screen.shot_when("soft tissue", |i| right(i).pixels().ne(right(&still).pixels()));
+    screen.key("F4");
+    screen.shot_when("four slices", |i| share(i, |p| p[0] == p[1] && p[1] == p[2]) > 0.9);
+    screen.key("F5");
+    screen.shot_when("the slice across the way", |i| share(i, |[r, g, ..]| r > 100 && r > g + g / 3) > 0.1);
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.is_empty(), "{status}: {err}");
+    let lines = log(folder, "f.jsonl");
+    let last = lines.iter().rev().take(30).map(place).collect::<Vec<_>>();
+    assert!(last.iter().all(|p| p.distance(last[0]) < 0.5), "it stands still");
+    // It is opened again as it was left; damaged, it is told of and left as it is.
+    let kept = folder.join("state/colvis/layout.json");
+    assert!(fs::read_to_string(&kept).unwrap().contains("\"layout\": \"across\""));
+    let across = |i: &RgbImage| shows(i) && share(&right(i), |p| p[0] == p[1] && p[1] == p[2]) > 0.8;
+    let mut window = screen.open_window(folder, &args, across);
+    screen.key("q");
+    assert!(window.wait().success() && window.output().1.is_empty());
+    fs::write(&kept, "{}").unwrap();
+    let mut window = screen.open_window(folder, &args, reads);
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.starts_with("note: ") && err.lines().count() == 1, "{status}: {err}");
+    assert_eq!(fs::read_to_string(&kept).unwrap(), "{}");
 }
 
 /// What cannot be flown is shown, and told like without a window.
@@ -548,7 +606,7 @@ fn examples_of_plug_ins_in_a_window() {
             continue;
         }
         let size = format!("{}x{}", SIZE.0, SIZE.1);
-        let all = [&["fly", "--size", &size], args].concat();
+        let all = [&["fly", "--size", &size, "--layout", "flight"], args].concat();
         let mut window = screen.open_program(Command::new(program), folder, &all, |i| share(i, is_bar) > 0.0);
         screen.shot_when(name, wanted);
         screen.key("q");

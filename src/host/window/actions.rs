@@ -189,7 +189,10 @@ const TABLE: &[Row] = &[
         possible: shows_slices,
         ..once("slab-kind", "mean, greatest or least of a thick slice", "Ctrl+6", Cockpit::next_slab_kind)
     },
-    Row { possible: shows_slices, ..once("slices-reset", "slices: as at the beginning", "Ctrl+9", Cockpit::reset_slices) },
+    Row {
+        possible: shows_slices,
+        ..once("slices-reset", "slices: as at the beginning", "Ctrl+9", Cockpit::reset_slices)
+    },
     once("screenshot", "screenshot, and its pose", "P F12", Cockpit::take_screenshot),
     Row { does: Does::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
     Row { shifted: "?", ..once("help", "this help", "H", Cockpit::switch_help) },

@@ -55,7 +55,13 @@ impl Framebuffer {
     /// # Errors
     /// Status 1 when the system gives none.
     pub fn open(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Self> {
-        Ok(Self { screen: Screen::open(events, attributes)?, painter: Painter::new()?, next: None, slices: Vec::new(), presented: None })
+        Ok(Self {
+            screen: Screen::open(events, attributes)?,
+            painter: Painter::new()?,
+            next: None,
+            slices: Vec::new(),
+            presented: None,
+        })
     }
 
     /// The window.

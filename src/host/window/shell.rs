@@ -415,7 +415,8 @@ impl Shell {
         }
         let shown = match &mut self.stage {
             Stage::Flying(cockpit) => {
-                let place = |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((cockpit.slices().entity(*o)?, (*x, *y)));
+                let place =
+                    |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((cockpit.slices().entity(*o)?, (*x, *y)));
                 let slices = self.slices_at.iter().filter_map(place).collect();
                 if let Some(mut framebuffer) = cockpit.framebuffer() {
                     framebuffer.prepare(layout, Places { flight, slices });

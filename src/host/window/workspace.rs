@@ -52,26 +52,19 @@ enum Split {
 
 /// All layouts, in the order of the menus.
 pub const LAYOUTS: &[LayoutEntry] = &[
-    LayoutEntry {
-        name: "flight",
-        text: "the flight alone",
-        key: "F2",
-        menus: false,
-        tiles: Split::Panel("flight"),
-    },
+    LayoutEntry { name: "flight", text: "the flight alone", key: "F2", menus: false, tiles: Split::Panel("flight") },
     LayoutEntry {
         name: "reading",
         text: "the flight and three slices",
         key: "F3",
         menus: true,
         tiles: Split::Row(&[
-            (0.62, Split::Panel("flight")),
+            (0.55, Split::Panel("flight")),
             (
-                0.38,
+                0.45,
                 Split::Column(&[
-                    (1.0, Split::Panel("axial")),
-                    (1.0, Split::Panel("coronal")),
-                    (1.0, Split::Panel("sagittal")),
+                    (0.5, Split::Panel("axial")),
+                    (0.5, Split::Row(&[(1.0, Split::Panel("coronal")), (1.0, Split::Panel("sagittal"))])),
                 ]),
             ),
         ]),

@@ -5,7 +5,7 @@ mod blur;
 mod cells;
 mod directions;
 mod fit;
-mod lanes;
+pub(super) mod lanes;
 mod layer;
 mod occupancy;
 mod packet;

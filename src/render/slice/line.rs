@@ -1,125 +1,148 @@
-//! Trilinear samples at even steps along a straight line of voxel coordinates.
+//! Trilinear samples at even steps along a line of voxel coordinates, sixteen at once.
 
+use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::DVec3;
 
-use crate::volume::Volume;
+use crate::render::fast::lanes::{Corners, Voxels};
+use crate::volume::{AIR_HU, Volume};
 
-/// Bits behind the point of a voxel coordinate in fixed point.
-const FRACTION: u32 = 32;
-/// Bits of it that weigh neighbours: as many as an `f32` holds.
-const SHARE: u32 = 24;
+/// Samples at once.
+pub(super) const LANES: usize = 16;
+/// Voxels along an axis from one sample to the next, up to which sixteen are taken in single precision: they are then exact to
+/// 1e-5 voxels.
+const LONGEST_STEP: f64 = 8.0;
+/// The number of each lane.
+const NUMBERS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+/// All lanes, a bit each.
+pub(super) const ALL: u64 = (1 << LANES) - 1;
 
-/// Samples the places `start + step · i`, i from 0 to `len` − 1, in voxel coordinates, and gives the HU of each that lies in the scan
-/// to `put`, with its i.
-#[inline(always)]
-pub(super) fn sample(volume: &Volume, start: DVec3, step: DVec3, len: usize, mut put: impl FnMut(usize, f32)) {
-    let Some(steps) = len.checked_sub(1) else { return };
-    let dims = volume.grid().dims();
-    let last = start + step * steps as f64;
-    // A line is where its ends are.
-    let beyond = |a: usize| {
-        let end = dims[a] as f64 - 0.5;
-        (start[a] < -0.5 && last[a] < -0.5) || (start[a] >= end && last[a] >= end)
-    };
-    if beyond(0) || beyond(1) || beyond(2) {
-        return;
+/// A scan to sample. A voxel reaches half its size beyond its centre, and the outermost ones keep their value there; what is farther
+/// out is outside.
+pub(super) struct Sampler<'a> {
+    volume: &'a Volume,
+    voxels: Option<Voxels<'a>>,
+    /// Voxels along each axis.
+    dims: [f64; 3],
+}
+
+impl<'a> Sampler<'a> {
+    pub(super) fn new(volume: &'a Volume) -> Self {
+        Self { volume, voxels: Voxels::new(volume), dims: volume.grid().dims().map(|n| n as f64) }
     }
-    match Inner::new(volume, start, step, last, steps) {
-        Some(inner) => inner.sample(len, put),
-        None => {
-            for i in 0..len {
-                if let Some(hu) = value(volume, start + step * i as f64) {
-                    put(i, hu);
-                }
+
+    /// HU at the places `start + step · i`, i from 0 to 15, in voxel coordinates, and a bit for each that is in the scan; of the
+    /// others anything finite.
+    #[inline(always)]
+    pub(super) fn sixteen<S: Simd>(&self, simd: S, start: DVec3, step: DVec3) -> (f32x16<S>, u64) {
+        let last = start + step * (LANES - 1) as f64;
+        // A line is where its ends are.
+        let mut within = true;
+        for a in 0..3 {
+            let end = self.dims[a] - 0.5;
+            if (start[a] < -0.5 && last[a] < -0.5) || (start[a] >= end && last[a] >= end) {
+                return (f32x16::splat(simd, 0.0), 0);
             }
+            within &= start[a] >= -0.5 && start[a] < end && last[a] >= -0.5 && last[a] < end;
+        }
+        let inside = if within { ALL } else { self.inside(start, step) };
+        // False for what is no number.
+        let is_fine = step.abs().max_element() <= LONGEST_STEP && !step.is_nan();
+        match &self.voxels {
+            Some(voxels) if is_fine => (self.between(simd, voxels, start, step), inside),
+            _ => (f32x16::load_array_ref(simd, &self.one_by_one(start, step)), inside),
         }
     }
+
+    /// A bit for each of the places that is in the scan.
+    #[inline(never)]
+    fn inside(&self, start: DVec3, step: DVec3) -> u64 {
+        let is_in = |i: usize| {
+            let at = start + step * i as f64;
+            // False for what is no number.
+            (0..3).all(|a| at[a] >= -0.5 && at[a] < self.dims[a] - 0.5)
+        };
+        (0..LANES).map(|i| u64::from(is_in(i)) << i).sum()
+    }
+
+    /// Values of places on a line that is near the scan; beside it those of its nearest places.
+    #[inline(always)]
+    fn between<S: Simd>(&self, simd: S, voxels: &Voxels<'_>, start: DVec3, step: DVec3) -> f32x16<S> {
+        let lane = f32x16::load_array_ref(simd, &NUMBERS);
+        let (mut cell, mut share) = ([i32x16::splat(simd, 0); 3], [lane; 3]);
+        for a in 0..3 {
+            // Relative to the first place's cell single precision is enough.
+            let base = start[a].floor();
+            let at = lane * (step[a] as f32) + ((start[a] - base) as f32);
+            let at = at.max((0.0 - base) as f32).min((self.dims[a] - 1.0 - base) as f32);
+            let low = at.floor().min((self.dims[a] - 2.0 - base) as f32);
+            share[a] = at - low;
+            // Counted from cell −1.
+            cell[a] = low.to_int::<i32x16<S>>() + (base as i32 + 1);
+        }
+        let all = lane.simd_ge(0.0);
+        blend(voxels.corners(simd, cell, all), share)
+    }
+
+    /// Values of places that lie far apart, or in a scan of one voxel along an axis.
+    #[inline(never)]
+    fn one_by_one(&self, start: DVec3, step: DVec3) -> [f32; LANES] {
+        std::array::from_fn(|i| value(self.volume, start + step * i as f64))
+    }
 }
 
-/// Trilinear HU at a voxel coordinate. A voxel reaches half its size beyond its centre, and the outermost ones keep their value
-/// there; nothing farther out, and where the place is no number.
-fn value(volume: &Volume, at: DVec3) -> Option<f32> {
+/// Trilinear HU at a voxel coordinate, or at the nearest one in the scan.
+fn value(volume: &Volume, at: DVec3) -> f32 {
     let (grid, data) = (volume.grid(), volume.data());
     let dims = grid.dims();
-    let at = at.to_array();
-    if (0..3).any(|a| !(at[a] >= -0.5 && at[a] < dims[a] as f64 - 0.5)) {
-        return None;
-    }
-    let mut low = [0; 3];
-    let mut share = [0.0f32; 3];
+    let (mut low, mut high, mut share) = ([0; 3], [0; 3], [0.0f32; 3]);
     for a in 0..3 {
-        let held = at[a].clamp(0.0, (dims[a] - 1) as f64);
+        // 0 for what is no number.
+        let held = at[a].max(0.0).min((dims[a] - 1) as f64);
         low[a] = (held as usize).min(dims[a].saturating_sub(2));
+        high[a] = (low[a] + 1).min(dims[a] - 1);
         share[a] = (held - low[a] as f64) as f32;
     }
-    let high = [0, 1, 2].map(|a| (low[a] + 1).min(dims[a] - 1));
-    let pair = |y: usize, z: usize| [data[grid.index(low[0], y, z)], data[grid.index(high[0], y, z)]];
-    let pairs = [pair(low[1], low[2]), pair(high[1], low[2]), pair(low[1], high[2]), pair(high[1], high[2])];
-    Some(blend(pairs, share))
+    let voxel = |x: usize, y: usize, z: usize| f32::from(data[grid.index(x, y, z)]);
+    let row = |y: usize, z: usize| {
+        let (a, b) = (voxel(low[0], y, z), voxel(high[0], y, z));
+        a + (b - a) * share[0]
+    };
+    let layer = |z: usize| {
+        let (a, b) = (row(low[1], z), row(high[1], z));
+        a + (b - a) * share[1]
+    };
+    let (a, b) = (layer(low[2]), layer(high[2]));
+    a + (b - a) * share[2]
 }
 
-/// The value between eight voxels: pairs along x at (y, z), (y + 1, z), (y, z + 1) and (y + 1, z + 1).
+/// The values between the corners, as [`value`] has them. Weights are floats, as HU are written to files here; a ray's rounder ones
+/// would be a quarter of an HU off.
 #[inline(always)]
-fn blend(pairs: [[i16; 2]; 4], share: [f32; 3]) -> f32 {
-    let along_x = pairs.map(|[a, b]| {
-        let (a, b) = (f32::from(a), f32::from(b));
-        a + (b - a) * share[0]
-    });
-    let near = along_x[0] + (along_x[1] - along_x[0]) * share[1];
-    let far = along_x[2] + (along_x[3] - along_x[2]) * share[1];
+fn blend<S: Simd>(corners: Corners<S>, share: [f32x16<S>; 3]) -> f32x16<S> {
+    let [a, b, c, d] = corners;
+    let (a, b) = (along_x(a, share[0]), along_x(b, share[0]));
+    let (c, d) = (along_x(c, share[0]), along_x(d, share[0]));
+    let near = a + (b - a) * share[1];
+    let far = c + (d - c) * share[1];
     near + (far - near) * share[2]
 }
 
-/// A line of which every place lies between eight voxels, in fixed point: no test and no conversion is left for each sample. Over
-/// the length of a run its places are exact to 1e-8 voxels.
-struct Inner<'a> {
-    data: &'a [i16],
-    /// Voxels from one row, and from one layer, to the next.
-    stride: [usize; 2],
-    start: [i64; 3],
-    step: [i64; 3],
+/// The values between the two of each pair.
+#[inline(always)]
+fn along_x<S: Simd>(pair: i32x16<S>, share: f32x16<S>) -> f32x16<S> {
+    let low: f32x16<S> = (pair << 16 >> 16).to_float();
+    let high: f32x16<S> = (pair >> 16).to_float();
+    low + (high - low) * share
 }
 
-impl<'a> Inner<'a> {
-    /// The line from `start` by `steps` steps to `last`, if it is one.
-    #[inline(always)]
-    fn new(volume: &'a Volume, start: DVec3, step: DVec3, last: DVec3, steps: usize) -> Option<Self> {
-        let dims = volume.grid().dims();
-        let fixed = |c: f64| (c * (1u64 << FRACTION) as f64).round() as i64;
-        let mut line = Self { data: volume.data(), stride: [dims[0], dims[0] * dims[1]], start: [0; 3], step: [0; 3] };
-        for a in 0..3 {
-            let most = (dims[a] - 1) as f64;
-            // False for what is no number.
-            if !(start[a] >= 0.0 && start[a] <= most && last[a] >= 0.0 && last[a] <= most) {
-                return None;
-            }
-            (line.start[a], line.step[a]) = (fixed(start[a]), fixed(step[a]));
-            // Both ends as they are reached below, after rounding.
-            let end = line.start[a].wrapping_add(line.step[a].wrapping_mul(steps as i64));
-            let inside = 0..((dims[a] as i64 - 1) << FRACTION);
-            if !(inside.contains(&line.start[a]) && inside.contains(&end)) {
-                return None;
-            }
-        }
-        Some(line)
-    }
+/// The lanes of `bits`.
+#[inline(always)]
+pub(super) fn lanes<S: Simd>(simd: S, bits: u64) -> mask32x16<S> {
+    mask32x16::from_bitmask(simd, bits)
+}
 
-    #[inline(always)]
-    fn sample(&self, len: usize, mut put: impl FnMut(usize, f32)) {
-        let [row, layer] = self.stride;
-        let mut at = self.start;
-        for i in 0..len {
-            let [x, y, z] = at.map(|c| (c >> FRACTION) as usize);
-            let share = at.map(|c| {
-                let bits = (c as u32) >> (FRACTION - SHARE);
-                bits as i32 as f32 * (1.0 / (1u32 << SHARE) as f32)
-            });
-            let n = x + row * y + layer * z;
-            let pair = |n: usize| self.data.get(n..n + 2).map_or([0; 2], |p| [p[0], p[1]]);
-            put(i, blend([pair(n), pair(n + row), pair(n + layer), pair(n + layer + row)], share));
-            for a in 0..3 {
-                at[a] = at[a].wrapping_add(self.step[a]);
-            }
-        }
-    }
+/// [`AIR_HU`] in all lanes.
+#[inline(always)]
+pub(super) fn air<S: Simd>(simd: S) -> f32x16<S> {
+    f32x16::splat(simd, f32::from(AIR_HU))
 }

@@ -8,17 +8,16 @@ mod slab;
 mod tests;
 mod windowing;
 
+use fearless_simd::Level;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::volume::Volume;
+use line::Sampler;
 
 pub use plane::{PlaneFrame, SlicePlane, letters};
 pub use slab::{MAX_SLAB_MM, Slab, SlabKind};
 pub use windowing::Windowing;
-
-/// Pixels that are sampled in one go.
-const RUN: usize = 64;
 
 /// An image of a plane. The centre of pixel (i, j) lies at `centre + right · (i + ½ − W/2) s + down · (j + ½ − H/2) s`, s the pixels'
 /// side, so that `centre` is in the middle of the image, between pixels where their number is even.
@@ -65,18 +64,22 @@ impl Slice {
     /// Fills `rows`, whole rows of the image from row `first` on, as [`fill_slab`](Self::fill_slab) does: for an image too large
     /// to be held or to be made in one go.
     pub fn fill_rows(&self, volume: &Volume, slab: Slab, first: usize, rows: &mut [f32]) {
+        self.fill_rows_on(Level::new(), volume, slab, first, rows);
+    }
+
+    /// As [`fill_rows`](Self::fill_rows), on a given SIMD level; all give the same bytes.
+    fn fill_rows_on(&self, level: Level, volume: &Volume, slab: Slab, first: usize, rows: &mut [f32]) {
         let width = self.size[0];
         if width == 0 {
             return;
         }
         let grid = volume.grid();
-        let step = grid.to_voxel().transform_vector3(self.frame.right() * self.mm_per_pixel);
+        let scan = Sampler::new(volume);
         let samples = slab.samples(grid, self.frame.normal());
+        let step = grid.to_voxel().transform_vector3(self.frame.right() * self.mm_per_pixel);
         rows.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
             let start = grid.voxel(self.world([0.5, (first + y) as f64 + 0.5]));
-            for (n, run) in row.chunks_mut(RUN).enumerate() {
-                samples.fill(volume, start + step * (n * RUN) as f64, step, run);
-            }
+            fearless_simd::dispatch!(level, simd => samples.row(simd, &scan, start, step, row));
         });
     }
 }

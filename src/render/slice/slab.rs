@@ -1,9 +1,10 @@
 //! Slabs: what lies within some distance of a plane, as one image.
 
+use fearless_simd::{Simd, f32x16, prelude::*};
 use glam::DVec3;
 
-use super::{RUN, line};
-use crate::volume::{AIR_HU, Grid, Volume};
+use super::line::{self, LANES, Sampler};
+use crate::volume::Grid;
 
 /// The thickest slab, mm.
 pub const MAX_SLAB_MM: f64 = 20.0;
@@ -24,8 +25,8 @@ pub enum SlabKind {
 
 /// A slab about a plane, as thick on either side. Without thickness it is the plane itself.
 ///
-/// A pixel's samples lie on the line along the plane's normal, from one face of the slab to the other, both included, evenly and at
-/// most half the scan's least spacing apart. The mean is that of the values between the faces by the trapezoidal rule: the two samples
+/// A pixel's samples lie on the line along the plane's normal, from one face of the slab to the other, both included and the plane
+/// itself among them, evenly and at most half the scan's least spacing apart. The mean is that of the values between the faces by the trapezoidal rule: the two samples
 /// on the faces count half. Samples outside the scan do not count; where all are outside the pixel is outside.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Slab {
@@ -57,7 +58,8 @@ impl Slab {
 
     /// Where to sample on a grid, along a normal of unit length (world).
     pub(super) fn samples(self, grid: &Grid, normal: DVec3) -> Samples {
-        let steps = ((self.mm / (0.5 * grid.min_spacing())).ceil() as usize).min(MAX_STEPS);
+        // As many before the plane as behind it.
+        let steps = (2 * (self.mm / grid.min_spacing()).ceil() as usize).min(MAX_STEPS);
         Samples { across: grid.to_voxel().transform_vector3(normal * self.mm), steps, kind: self.kind }
     }
 }
@@ -72,47 +74,53 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Fills a run of up to [`RUN`] pixels that begins at `start` in the plane, each `step` farther (voxel coordinates).
-    #[inline]
-    pub(super) fn fill(&self, volume: &Volume, start: DVec3, step: DVec3, run: &mut [f32]) {
-        let len = run.len();
-        if self.steps == 0 {
-            run.fill(f32::from(AIR_HU));
-            line::sample(volume, start, step, len, |i, hu| run[i] = hu);
-            return;
+    /// Fills a row of pixels that begins at `start` in the plane, each `step` farther (voxel coordinates).
+    #[inline(always)]
+    pub(super) fn row<S: Simd>(&self, simd: S, scan: &Sampler<'_>, start: DVec3, step: DVec3, row: &mut [f32]) {
+        for (n, pixels) in row.chunks_mut(LANES).enumerate() {
+            let at = start + step * (n * LANES) as f64;
+            let found = match (self.steps, self.kind) {
+                (0, _) => {
+                    let (hu, inside) = scan.sixteen(simd, at, step);
+                    line::lanes(simd, inside).select(hu, line::air(simd))
+                }
+                (_, SlabKind::Mean) => self.mean(simd, scan, at, step),
+                (_, SlabKind::Max) => self.extreme::<S, true>(simd, scan, at, step),
+                (_, SlabKind::Min) => self.extreme::<S, false>(simd, scan, at, step),
+            };
+            pixels.copy_from_slice(&found.as_array()[..pixels.len()]);
         }
-        let at = |k: usize| start + self.across * (k as f64 / self.steps as f64 - 0.5);
-        match self.kind {
-            SlabKind::Mean => {
-                run.fill(0.0);
-                let mut weights = [0.0f32; RUN];
-                for k in 0..=self.steps {
-                    let weight = if k == 0 || k == self.steps { 0.5 } else { 1.0 };
-                    line::sample(volume, at(k), step, len, |i, hu| {
-                        run[i] += weight * hu;
-                        weights[i] += weight;
-                    });
-                }
-                for (pixel, weight) in run.iter_mut().zip(weights) {
-                    *pixel = if weight > 0.0 { *pixel / weight } else { f32::from(AIR_HU) };
-                }
-            }
-            SlabKind::Max => {
-                run.fill(f32::NEG_INFINITY);
-                for k in 0..=self.steps {
-                    line::sample(volume, at(k), step, len, |i, hu| run[i] = if hu > run[i] { hu } else { run[i] });
-                }
-            }
-            SlabKind::Min => {
-                run.fill(f32::INFINITY);
-                for k in 0..=self.steps {
-                    line::sample(volume, at(k), step, len, |i, hu| run[i] = if hu < run[i] { hu } else { run[i] });
-                }
-            }
+    }
+
+    /// The sample k lies here from the plane, voxels.
+    #[inline(always)]
+    fn offset(&self, k: usize) -> DVec3 {
+        self.across * (k as f64 / self.steps as f64 - 0.5)
+    }
+
+    #[inline(always)]
+    fn mean<S: Simd>(&self, simd: S, scan: &Sampler<'_>, at: DVec3, step: DVec3) -> f32x16<S> {
+        let none = f32x16::splat(simd, 0.0);
+        let (mut sum, mut weights) = (none, none);
+        for k in 0..=self.steps {
+            let (hu, inside) = scan.sixteen(simd, at + self.offset(k), step);
+            let weight = f32x16::splat(simd, if k == 0 || k == self.steps { 0.5 } else { 1.0 });
+            let weight = line::lanes(simd, inside).select(weight, none);
+            sum += hu * weight;
+            weights += weight;
         }
-        // What no sample has reached.
-        for pixel in run.iter_mut().filter(|p| p.is_infinite()) {
-            *pixel = f32::from(AIR_HU);
+        weights.simd_gt(none).select(sum / weights, line::air(simd))
+    }
+
+    #[inline(always)]
+    fn extreme<S: Simd, const MAX: bool>(&self, simd: S, scan: &Sampler<'_>, at: DVec3, step: DVec3) -> f32x16<S> {
+        let none = f32x16::splat(simd, if MAX { f32::NEG_INFINITY } else { f32::INFINITY });
+        let mut found = none;
+        for k in 0..=self.steps {
+            let (hu, inside) = scan.sixteen(simd, at + self.offset(k), step);
+            let hu = line::lanes(simd, inside).select(hu, none);
+            found = if MAX { found.max(hu) } else { found.min(hu) };
         }
+        found.simd_eq(none).select(line::air(simd), found)
     }
 }

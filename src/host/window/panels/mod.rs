@@ -15,8 +15,7 @@ use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView};
 
 /// The panels that every window has.
-pub const BUILT_IN: &[PanelEntry] =
-    &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS];
+pub const BUILT_IN: &[PanelEntry] = &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS];
 
 /// A panel, as a window makes it.
 #[derive(Clone, Copy, Debug)]

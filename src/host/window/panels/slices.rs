@@ -3,7 +3,9 @@
 //! A click points at a place, a right drag windows, a middle drag (or Shift and a drag) moves the image, the wheel goes through the
 //! layers, and with Ctrl magnifies.
 
-use egui::{Align2, Color32, Event, MouseWheelUnit, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
+use egui::{
+    Align2, Color32, Event, MouseWheelUnit, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2,
+};
 use glam::DVec3;
 
 use super::{Context, Panel, PanelEntry, Requests, SliceRequest};
