@@ -353,7 +353,8 @@ fn slices_beside_the_flight() {
     let still = screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
     let yellow = |[r, g, b]: [u8; 3]| r > 120 && r > b + 40 && g > b + 30;
     let row = |y: u32| (400..600).filter(|&x| yellow(still.get_pixel(x, y).0)).count();
-    assert!((99..=101).any(|y| row(y) > 120), "a crosshair through the click");
+    let kept = || keep("window crosshair", &still).display().to_string();
+    assert!((99..=101).any(|y| row(y) > 120), "a crosshair through the click: {}", kept());
     // Another window of greys, then four slices, then the flight and the slice across the way.
     screen.key("ctrl+2");
     screen.shot_when("soft tissue", |i| right(i).pixels().ne(right(&still).pixels()));

@@ -638,7 +638,9 @@ impl Cockpit {
         slices: &[(Orientation, [usize; 2])],
         now: Instant,
     ) -> Result<Option<Due>> {
-        let stale = self.slices.show(&mut self.flight, slices)?;
+        let hand = self.hand();
+        let held = hand.paused && hand.push == glam::DVec3::ZERO;
+        let stale = self.slices.show(&mut self.flight, slices, held)?;
         let due = self.sight.prepare(&mut self.flight, window, stale)?;
         self.save_traced(now);
         Ok(due)

@@ -62,12 +62,21 @@ impl Slices {
         self.cursor = None;
     }
 
-    /// Has these slices and no others, in these sizes, as they are to be in the next frame. Whether one is not drawn yet.
+    /// Has these slices and no others, in these sizes, as they are to be in the next frame. A camera that is `held` still drifts to
+    /// rest, and leaves no place behind. Whether one is not drawn yet.
     ///
     /// # Errors
     /// As for any change of the schedule.
-    pub fn show(&mut self, flight: &mut FlightApp, wanted: &[(Orientation, [usize; 2])]) -> Result<bool> {
+    pub fn show(
+        &mut self,
+        flight: &mut FlightApp,
+        wanted: &[(Orientation, [usize; 2])],
+        held: bool,
+    ) -> Result<bool> {
         let pose = flight.pose();
+        if let Some((_, from)) = self.cursor.as_mut().filter(|_| held) {
+            *from = pose.position;
+        }
         if self.cursor.is_some_and(|c| c.1.distance(pose.position) > LEAVES_MM) {
             self.cursor = None;
         }

@@ -184,7 +184,9 @@ impl SlicePanel {
         };
         let thick = if slab.mm() > 0.0 { format!("  {kind} of {:.0} mm", slab.mm()) } else { String::new() };
         let greys = format!("W {:.0}  L {:.0}{thick}", windowing.width(), windowing.level());
-        words(p, inner.right_top(), Align2::RIGHT_TOP, &greys, SOFT);
+        if inner.width() > 220.0 {
+            words(p, inner.right_top(), Align2::RIGHT_TOP, &greys, SOFT);
+        }
         scale_bar(p, inner, placed);
         let pointer = ui.input(|i| i.pointer.latest_pos()).filter(|at| placed.rect.contains(*at));
         if let Some(at) = pointer.filter(|_| inner.width() > 220.0) {
