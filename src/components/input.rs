@@ -37,6 +37,15 @@ pub enum Command {
     OtherEnd,
     /// Goes to a share of the way, 0 to 1: of the plan, or without one of the way that was flown.
     Seek(f64),
+    /// Takes the camera to a place of the lumen, world mm, looking so.
+    Go {
+        /// World, mm.
+        to: [f64; 3],
+        /// View direction.
+        forward: [f64; 3],
+        /// Up direction.
+        up: [f64; 3],
+    },
     /// Takes the flight up again after the guide called for help.
     Resume,
 }

@@ -11,6 +11,7 @@ use crate::components::output::Picture;
 use crate::components::play::Playback;
 use crate::components::trail::Trail;
 use crate::error::{Error, Result};
+use glam::DVec3;
 
 impl FlightApp {
     /// Lets the operator act before the next step.
@@ -74,6 +75,7 @@ impl FlightApp {
                 self.set_out_on(plan)?;
             }
             Command::Seek(share) => self.seek(share)?,
+            Command::Go { to, forward, up } => self.go([to, forward, up].map(DVec3::from_array))?,
             Command::ViewAngle(degrees) => {
                 let usual = self.scene.image.fov_degrees;
                 if let Some(mut picture) = self.camera_mut::<Picture>() {
@@ -117,6 +119,25 @@ impl FlightApp {
         Ok(())
     }
 
+    /// Takes the camera to a place, looking so. A flight by plan goes on from the part of its way that is nearest.
+    fn go(&mut self, [to, forward, up]: [DVec3; 3]) -> Result<()> {
+        self.refuse_while_playing("place")?;
+        let looks = forward.is_finite() && up.is_finite() && forward.cross(up).length_squared() > 1e-12;
+        if !to.is_finite() || !looks || !self.place(to, forward, up) {
+            return Err(Error::incomplete("place", "the camera does not fit there", "choose another place"));
+        }
+        if let Some(mut planned) = self.camera_mut::<Planned>() {
+            planned.jumps += 1;
+            let (length, near) = (planned.route.length_mm(), planned.route.nearest(to));
+            if let Some(s) = near.first().filter(|_| length > 0.0) {
+                let share = s / length;
+                self.jump(share);
+            }
+        }
+        self.set_free();
+        Ok(())
+    }
+
     /// Takes the camera to a share (0 to 1) of the way: of the plan, of the log that is played, or without either of the
     /// way that was flown.
     fn seek(&mut self, share: f64) -> Result<()> {
@@ -148,6 +169,12 @@ impl FlightApp {
             planned.jumps += 1;
         }
         self.jump(share);
+        self.set_free();
+        Ok(())
+    }
+
+    /// Nothing that was counted or laid before a jump holds after it.
+    fn set_free(&mut self) {
         if let Some(mut watch) = self.camera_mut::<Watch>() {
             watch.rescue.restart();
         }
@@ -155,7 +182,6 @@ impl FlightApp {
             mines.mines.clear();
         }
         self.resume();
-        Ok(())
     }
 
     /// Tells the trail that the camera was taken to a share of the way.

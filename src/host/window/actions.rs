@@ -193,6 +193,9 @@ const TABLE: &[Row] = &[
         possible: shows_slices,
         ..once("slices-reset", "slices: as at the beginning", "Ctrl+9", Cockpit::reset_slices)
     },
+    once("measure", "measure a distance by two clicks, or stop measuring", "C", Cockpit::switch_measuring),
+    once("undo", "undo the last change of distances", "Ctrl+Z", Cockpit::undo_measure),
+    once("delete-last", "take the last distance away", "Delete", Cockpit::delete_last_measure),
     once("screenshot", "screenshot, and its pose", "P F12", Cockpit::take_screenshot),
     Row { does: Does::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
     Row { shifted: "?", ..once("help", "this help", "H", Cockpit::switch_help) },
@@ -222,6 +225,7 @@ pub const MENUS: &[(&str, &[&str])] = &[
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
     ("View", &["detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
     ("Slices", &["window-", "slab", "slab-kind", "slices-reset"]),
+    ("Measure", &["measure", "undo", "delete-last"]),
     ("Panels", &["layout-", "panel-"]),
     ("Help", &["help"]),
 ];

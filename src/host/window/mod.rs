@@ -14,6 +14,7 @@ mod interface;
 mod keys;
 mod layer;
 mod loading;
+mod measures;
 mod moving;
 mod overlay;
 mod overlays;
@@ -30,6 +31,7 @@ mod settings;
 mod shell;
 mod sight;
 mod slices;
+mod travel;
 mod way;
 mod workspace;
 

@@ -1,6 +1,6 @@
 //! The window itself: the system's events in, pictures out.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -15,10 +15,12 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 use super::actions::{Action, Actions, Does, Moment, WindowRequest};
 use super::cockpit::Cockpit;
+use super::folders::Folder;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
 use super::keys::{Chord, HeldKeys};
 use super::loading::{Loading, Ready};
+use super::measures::Measures;
 use super::overlay::{self, Content};
 use super::panels::{Context, Request, Requests};
 use super::presented::Presented;
@@ -90,6 +92,8 @@ pub struct Shell {
     size: Option<(usize, usize)>,
     resume: Resume,
     session: Option<PathBuf>,
+    /// The file that the scan's session would have: its name is the scan's own.
+    scan: Option<PathBuf>,
     finish: Option<Finish>,
     progress: Arc<Progress>,
     saveable: WakeUp,
@@ -143,6 +147,7 @@ impl Shell {
             size: launch.size,
             resume: launch.resume,
             session: None,
+            scan: None,
             finish: Some(launch.finish),
             progress: Arc::clone(progress),
             saveable,
@@ -224,6 +229,7 @@ impl Shell {
             }
         };
         self.log = self.log_path.as_deref().map(Log::create).transpose()?;
+        self.scan.clone_from(&session);
         // A camera that nobody steers leaves no place behind that another flight could go on from.
         if self.resume != Resume::Never && flight.scene().guide().is_some() {
             self.session = session;
@@ -249,6 +255,13 @@ impl Shell {
         let overlays = std::mem::take(&mut self.overlays);
         let mut cockpit =
             Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
+        let file = self.scan.as_deref().and_then(Path::file_name).map(|name| Path::new("measures").join(name));
+        let (measures, unread) = Measures::open(file.and_then(|f| Folder::State.file(f)));
+        cockpit.take_up_measures(measures);
+        if let Some(e) = &unread {
+            eprintln!("note: {e}");
+        }
+        self.unsettled = self.unsettled.take().or(unread);
         if let Some(e) = self.unsettled.take() {
             cockpit.say(format!("{}: {}", e.what, e.why), Instant::now());
         } else if along.is_some() {
@@ -318,7 +331,10 @@ impl Shell {
             }
             Stage::Over => return,
         };
-        let more = self.workspace.shows_more_than_the_flight() && matches!(content, Content::Flight(_));
+        let more = match &self.stage {
+            Stage::Flying(c) => c.has_marks() || self.workspace.shows_more_than_the_flight(),
+            Stage::Loading(_) | Stage::Failed(_) | Stage::Over => false,
+        };
         let touched = std::mem::take(&mut self.touched) || more || self.interface.next().is_some_and(|t| t <= now);
         if !touched && self.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
             return;

@@ -67,12 +67,7 @@ impl Slices {
     ///
     /// # Errors
     /// As for any change of the schedule.
-    pub fn show(
-        &mut self,
-        flight: &mut FlightApp,
-        wanted: &[(Orientation, [usize; 2])],
-        held: bool,
-    ) -> Result<bool> {
+    pub fn show(&mut self, flight: &mut FlightApp, wanted: &[(Orientation, [usize; 2])], held: bool) -> Result<bool> {
         let pose = flight.pose();
         if let Some((_, from)) = self.cursor.as_mut().filter(|_| held) {
             *from = pose.position;
@@ -106,7 +101,7 @@ impl Slices {
     /// Does what a panel asks for.
     pub fn ask(&mut self, flight: &mut FlightApp, request: SliceRequest) {
         match request {
-            SliceRequest::Point(place) => self.point(flight, place),
+            SliceRequest::Click(place) | SliceRequest::Point(place) => self.point(flight, place),
             SliceRequest::Scroll(orientation, notches) => self.scroll(flight, orientation, notches),
             SliceRequest::Pan(orientation, [right, down]) => self.change(flight, orientation, |view, _| {
                 view.pan_mm = [view.pan_mm[0] + right, view.pan_mm[1] + down];

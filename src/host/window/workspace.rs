@@ -464,6 +464,7 @@ mod tests {
         let (mut first, error) = workspace(&path);
         assert!(error.is_none() && !first.layouts[0].is_shown("own"));
         let own = entries().len() - 1;
+        first.choose(0);
         first.switch(own);
         assert!(first.layouts[0].is_shown("own") && first.shows_more_than_the_flight());
         first.layouts[0].take(&BTreeMap::from([

@@ -1,9 +1,12 @@
 //! The flight: its picture with what there is to say over it, and the mouse that looks around in it.
 
-use egui::{Event, MouseWheelUnit, PointerButton, Pos2, Rect, Sense, Ui};
+use egui::{Color32, Event, MouseWheelUnit, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, vec2};
+use glam::DVec3;
 
-use super::{Context, FlightRequest, Panel, PanelEntry, Requests};
-use crate::host::window::overlay;
+use super::{Context, FlightRequest, Panel, PanelEntry, Requests, measures};
+use crate::components::output::Picture;
+use crate::host::window::overlay::{self, Mood};
+use crate::render::first_crossing;
 
 /// Its entry in the table.
 pub const PANEL: PanelEntry = PanelEntry {
@@ -17,6 +20,14 @@ pub const PANEL: PanelEntry = PanelEntry {
 
 /// Pixels of a smooth scroll that count as a notch.
 const NOTCH: f64 = 40.0;
+
+/// A button that goes up within so many points of where it went down, and within so many seconds, is a click.
+const CLICK: f32 = 4.0;
+const PRESS_S: f64 = 0.5;
+/// Two clicks within so many seconds are a double click.
+const TWICE_S: f64 = 0.45;
+/// A place is seen if the wall is no nearer than so many mm before it.
+const SEEN_MM: f64 = 1.0;
 
 /// What a mouse does that is dragged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +43,10 @@ enum Drag {
 pub struct FlightPanel {
     drag: Option<Drag>,
     pointer: Option<Pos2>,
+    /// Where and when the button went down, while it has not moved away.
+    pressed: Option<(Pos2, f64)>,
+    /// The last click.
+    clicked: Option<(Pos2, f64)>,
 }
 
 impl Panel for FlightPanel {
@@ -41,7 +56,9 @@ impl Panel for FlightPanel {
         ui.allocate_rect(rect, Sense::CLICK | Sense::DRAG);
         self.mouse(ui, rect, requests);
         requests.show_flight(rect);
-        overlay::flight(&ui.painter_at(rect), rect, context.readings);
+        let p = ui.painter_at(rect);
+        marks(context, &p, rect);
+        overlay::flight(&p, rect, context.readings);
     }
 }
 
@@ -50,7 +67,8 @@ impl FlightPanel {
     fn mouse(&mut self, ui: &Ui, rect: Rect, requests: &mut Requests) {
         let scale = f64::from(ui.pixels_per_point());
         let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
-        for event in ui.input(|i| i.events.clone()) {
+        let (events, time) = ui.input(|i| (i.events.clone(), i.time));
+        for event in events {
             match event {
                 Event::PointerMoved(at) => {
                     if let (Some(drag), Some(last)) = (self.drag, self.pointer) {
@@ -66,12 +84,26 @@ impl FlightPanel {
                     self.pointer = Some(pos);
                     match (button, overlay::on_bar(rect, pos)) {
                         (PointerButton::Primary, Some(share)) => requests.fly(FlightRequest::Seek(share)),
-                        (PointerButton::Primary, None) if !modifiers.shift => self.drag = Some(Drag::Look),
+                        (PointerButton::Primary, None) if !modifiers.shift => {
+                            self.drag = Some(Drag::Look);
+                            self.pressed = Some((pos, time));
+                        }
                         (PointerButton::Primary | PointerButton::Secondary, _) => self.drag = Some(Drag::Roll),
                         (PointerButton::Middle | PointerButton::Extra1 | PointerButton::Extra2, _) => {}
                     }
                 }
-                Event::PointerButton { pressed: false, .. } | Event::WindowFocused(false) => self.drag = None,
+                Event::PointerButton { pos, pressed: false, .. } => {
+                    self.drag = None;
+                    let near = |p: &(Pos2, f64), within: f64| p.0.distance(pos) <= CLICK && time - p.1 <= within;
+                    if self.pressed.take().is_some_and(|p| near(&p, PRESS_S)) {
+                        let at = (pos - rect.min) * ui.pixels_per_point();
+                        let at = [at.x, at.y].map(f64::from);
+                        let twice = self.clicked.take().is_some_and(|c| near(&c, TWICE_S));
+                        requests.fly(if twice { FlightRequest::LookAt(at) } else { FlightRequest::Click(at) });
+                        self.clicked = (!twice).then_some((pos, time));
+                    }
+                }
+                Event::WindowFocused(false) => (self.drag, self.pressed) = (None, None),
                 Event::MouseWheel { unit, delta, modifiers, .. } if self.pointer.is_some_and(here) => {
                     let notches = match unit {
                         MouseWheelUnit::Line | MouseWheelUnit::Page => f64::from(delta.y),
@@ -81,6 +113,33 @@ impl FlightPanel {
                     requests.fly(if zooms { FlightRequest::Zoom(notches) } else { FlightRequest::Hurry(notches) });
                 }
                 _ => {}
+            }
+        }
+    }
+}
+
+/// The place that was pointed at, and what was measured, where they are seen in the picture.
+fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
+    let cursor = context.cursor();
+    if cursor.is_none() && context.measures().list().is_empty() && context.measures().begun().is_none() {
+        return;
+    }
+    let Some(view) = context.flight.camera::<Picture>().and_then(|picture| picture.view.as_ref()) else { return };
+    let (space, scale) = (context.flight.volume(), p.pixels_per_point());
+    let find = |place: DVec3| {
+        let [x, y] = view.project(place)?;
+        let ray = view.ray_at(x, y)?;
+        let distance = ray.origin.distance(place);
+        let hidden = first_crossing(space, ray.origin, ray.direction, distance).is_some_and(|d| d < distance - SEEN_MM);
+        let within = x >= 0.0 && y >= 0.0 && x < view.width() as f64 && y < view.height() as f64;
+        (within && !hidden).then(|| rect.min + vec2(x as f32, y as f32) / scale)
+    };
+    measures::draw(context, p, find);
+    if let Some(at) = cursor.and_then(find) {
+        for (colour, width) in [(Color32::BLACK, 3.5), (Mood::Waiting.colour(), 1.5)] {
+            p.circle_stroke(at, 7.0, Stroke::new(width, colour));
+            for d in [vec2(1.0, 0.0), vec2(-1.0, 0.0), vec2(0.0, 1.0), vec2(0.0, -1.0)] {
+                p.line_segment([at + d * 7.0, at + d * 13.0], Stroke::new(width, colour));
             }
         }
     }

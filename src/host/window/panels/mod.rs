@@ -3,6 +3,7 @@
 //! A panel reads the flight and writes only through [`Requests`], which are followed once all panels are laid out.
 
 pub mod flight;
+pub mod measures;
 pub mod slices;
 
 use egui::{Rect, Ui};
@@ -10,12 +11,14 @@ use glam::DVec3;
 
 use super::actions::{Action, Actions};
 use super::cockpit::Cockpit;
+use super::measures::Measures;
 use super::overlay::Readings;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView};
 
 /// The panels that every window has.
-pub const BUILT_IN: &[PanelEntry] = &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS];
+pub const BUILT_IN: &[PanelEntry] =
+    &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS, measures::PANEL];
 
 /// A panel, as a window makes it.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +74,11 @@ impl<'a> Context<'a> {
         self.cockpit.slices().cursor()
     }
 
+    /// What was measured.
+    pub(super) fn measures(&self) -> &'a Measures {
+        self.cockpit.measures()
+    }
+
     /// A slice that is shown.
     pub(super) fn slice(&self, orientation: Orientation) -> Option<&'a SliceView> {
         self.cockpit.slices().view(self.flight, orientation)
@@ -124,6 +132,8 @@ pub enum Request {
 /// What is asked of the slices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SliceRequest {
+    /// A click at a place, world mm.
+    Click(DVec3),
     /// Point at a place, world mm.
     Point(DVec3),
     /// Go on by so many layers, towards who looks.
@@ -149,6 +159,12 @@ pub enum FlightRequest {
     Hurry(f64),
     /// Go to a share of the way.
     Seek(f64),
+    /// A click on what is seen at a point of the picture, pixels.
+    Click([f64; 2]),
+    /// Fly to what is seen at a point of the picture, pixels, and look at it.
+    LookAt([f64; 2]),
+    /// Take a measure away, by its number.
+    DeleteMeasure(usize),
 }
 
 impl Requests {
@@ -170,6 +186,11 @@ impl Requests {
     /// Points at a place, world mm: all views show it until the flight goes on.
     pub fn point(&mut self, place: DVec3) {
         self.slice(SliceRequest::Point(place));
+    }
+
+    /// Takes a measure away, by its number.
+    pub(super) fn delete_measure(&mut self, number: usize) {
+        self.fly(FlightRequest::DeleteMeasure(number));
     }
 
     /// Has a slice below the interface, as the flight's picture.

@@ -8,6 +8,7 @@ use egui::{
 };
 use glam::DVec3;
 
+use super::measures;
 use super::{Context, Panel, PanelEntry, Requests, SliceRequest};
 use crate::components::slices::{Orientation, SliceView};
 use crate::host::window::overlay::{ACCENT, INK, Mood, SOFT, TEXT, label, text};
@@ -50,6 +51,8 @@ pub const ACROSS: PanelEntry = PanelEntry {
 const NOTCH: f32 = 40.0;
 /// The camera is drawn while it is within so many mm of the plane.
 const NEAR_MM: f64 = 12.0;
+/// Ends of measures are drawn while they are within so many mm of the plane.
+const NEAR_PLANE_MM: f64 = 2.0;
 /// Half the side of the gap in the middle of the crosshair, points.
 const GAP: f32 = 9.0;
 const MARGIN: f32 = 6.0;
@@ -143,8 +146,8 @@ impl SlicePanel {
                         PointerButton::Secondary => Some(Drag::Window),
                         PointerButton::Extra1 | PointerButton::Extra2 => None,
                     };
-                    if self.drag == Some(Drag::Point) {
-                        point(pos, requests);
+                    if let Some(placed) = placed.filter(|_| self.drag == Some(Drag::Point)) {
+                        requests.slice(SliceRequest::Click(placed.world(pos)));
                     }
                 }
                 Event::PointerButton { pressed: false, .. } | Event::WindowFocused(false) => self.drag = None,
@@ -170,6 +173,11 @@ impl SlicePanel {
         let inner = placed.rect.shrink(MARGIN);
         crosshair(p, placed, placed.point(context.place()).0);
         camera(context, p, placed);
+        let near = (view.slab.mm() * 0.5).max(NEAR_PLANE_MM);
+        measures::draw(context, p, |place| {
+            let (at, before) = placed.point(place);
+            (before.abs() <= near).then_some(at)
+        });
         let edges = placed.slice.frame.edges();
         label(p, inner.left_center(), Align2::LEFT_CENTER, &edges[0]);
         label(p, inner.right_center(), Align2::RIGHT_CENTER, &edges[1]);

@@ -1,0 +1,77 @@
+//! The distances that were measured, and how they lie in other panels.
+
+use egui::{Align2, Color32, Painter, Pos2, ScrollArea, Stroke, Ui};
+use glam::DVec3;
+
+use super::{Context, Panel, PanelEntry, Requests};
+use crate::host::window::overlay::{INK, SOFT, TEXT, text};
+
+/// Its entry in the table.
+pub const PANEL: PanelEntry =
+    PanelEntry { name: "measures", title: "Distances", make: || Box::new(MeasuresPanel), ..PanelEntry::NONE };
+
+/// Colour of measures: told apart from the crosshair's yellow and the camera's blue also without red or green.
+const COLOUR: Color32 = Color32::from_rgb(255, 255, 255);
+
+struct MeasuresPanel;
+
+impl Panel for MeasuresPanel {
+    fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        let measures = context.measures();
+        ui.horizontal(|ui| {
+            let text = if measures.is_on() { "Stop measuring" } else { "Measure" };
+            context.button(ui, text, "measure", requests);
+            context.button(ui, "Undo", "undo", requests);
+        });
+        let hint = match (measures.is_on(), measures.begun()) {
+            (true, None) => "Click the first end, in the flight or in a slice.",
+            (true, Some(_)) => "Click the other end.",
+            (false, _) if measures.list().is_empty() => "Nothing is measured yet.",
+            (false, _) => "",
+        };
+        ui.label(egui::RichText::new(hint).color(SOFT));
+        ScrollArea::vertical().show(ui, |ui| {
+            for (n, m) in measures.list().iter().enumerate() {
+                ui.horizontal(|ui| {
+                    if ui.button("Delete").on_hover_text("take this one away").clicked() {
+                        requests.delete_measure(n);
+                    }
+                    let name = format!("{}.  {}", n + 1, m.text());
+                    if ui.button(name).on_hover_text("show it in the slices").clicked() {
+                        requests.point(m.from.midpoint(m.to));
+                    }
+                });
+            }
+        });
+    }
+}
+
+/// Draws the measures into a view, where `find` says where a place is seen in it, if it is.
+pub fn draw(context: &Context<'_>, p: &Painter, find: impl Fn(DVec3) -> Option<Pos2>) {
+    let measures = context.measures();
+    for (n, m) in measures.list().iter().enumerate() {
+        let ends = [m.from, m.to].map(&find);
+        for end in ends.into_iter().flatten() {
+            mark(p, end);
+        }
+        if let [Some(from), Some(to)] = ends {
+            for (colour, width) in [(Color32::BLACK, 3.5), (COLOUR, 1.5)] {
+                p.line_segment([from, to], Stroke::new(width, colour));
+            }
+            let at = from.lerp(to, 0.5) - egui::vec2(0.0, 6.0);
+            let words = format!("{}: {}", n + 1, m.text());
+            let size = p.layout_no_wrap(words.clone(), egui::FontId::proportional(TEXT), INK).size();
+            p.rect_filled(Align2::CENTER_BOTTOM.anchor_size(at, size).expand(2.0), 3.0, Color32::from_black_alpha(170));
+            text(p, at, Align2::CENTER_BOTTOM, &words, TEXT, INK);
+        }
+    }
+    if let Some(at) = measures.begun().and_then(find) {
+        mark(p, at);
+    }
+}
+
+fn mark(p: &Painter, at: Pos2) {
+    for (colour, width) in [(Color32::BLACK, 3.0), (COLOUR, 1.5)] {
+        p.circle_stroke(at, 4.0, Stroke::new(width, colour));
+    }
+}

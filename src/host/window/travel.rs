@@ -1,0 +1,66 @@
+//! Takes the camera to a place that it is to look at.
+
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+
+use crate::components::camera::Pose;
+use crate::dynamics::Attitude;
+
+/// A place is looked at from so far, mm: a haustrum fills the picture.
+const GOOD_MM: f64 = 25.0;
+/// It takes so long.
+const TAKES: Duration = Duration::from_millis(700);
+
+/// A way of the camera straight towards what it is to look at.
+#[derive(Clone, Copy, Debug)]
+pub struct Travel {
+    from: Pose,
+    to: DVec3,
+    forward: DVec3,
+    begun: Instant,
+}
+
+impl Travel {
+    /// From a pose to look at a place (world, mm) from a good distance. One that is nearer stays where it is, and turns.
+    pub fn to_look_at(from: Pose, place: DVec3, now: Instant) -> Self {
+        let way = place - from.position;
+        let forward = way.try_normalize().unwrap_or(from.attitude.forward);
+        let to = from.position + forward * (way.length() - GOOD_MM).max(0.0);
+        Self { from, to, forward, begun: now }
+    }
+
+    /// The pose at a time, and whether the way is over. Slow at both ends: 3 t² − 2 t³.
+    pub fn at(&self, now: Instant) -> (Pose, bool) {
+        let t = (now.saturating_duration_since(self.begun).as_secs_f64() / TAKES.as_secs_f64()).min(1.0);
+        let share = t * t * (3.0 - 2.0 * t);
+        let position = self.from.position.lerp(self.to, share);
+        let mut attitude = self.from.attitude;
+        let axis = attitude.forward.cross(self.forward);
+        let angle = attitude.forward.angle_between(self.forward);
+        if let Some(axis) = axis.try_normalize().filter(|_| angle.is_finite()) {
+            attitude.rotate(axis, angle * share);
+        }
+        (Pose { position, attitude: Attitude::new(attitude.forward, attitude.up) }, t >= 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_ends_at_a_good_distance_looking_at_the_place() {
+        let from = Pose { position: DVec3::new(1.0, 2.0, 3.0), attitude: Attitude::new(DVec3::Y, DVec3::Z) };
+        let now = Instant::now();
+        for (place, left) in
+            [(DVec3::new(61.0, 2.0, 3.0), GOOD_MM), (DVec3::new(1.0, 12.0, 3.0), 10.0), (from.position, 0.0)]
+        {
+            let travel = Travel::to_look_at(from, place, now);
+            assert!(travel.at(now).0.position.distance(from.position) < 1e-12 && !travel.at(now).1);
+            let (pose, over) = travel.at(now + TAKES);
+            assert!(over && (pose.position.distance(place) - left).abs() < 1e-9);
+            assert!(left == 0.0 || (place - pose.position).normalize().distance(pose.attitude.forward) < 1e-9);
+        }
+    }
+}
