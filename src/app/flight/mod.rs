@@ -239,6 +239,12 @@ impl FlightApp {
         self.plug_late()
     }
 
+    /// Takes the presenter of the camera's pictures away, if it is a `P`.
+    pub fn take_presenter<P: Presenter>(&mut self) -> Option<P> {
+        let camera = self.app.camera_id();
+        present::take(&mut self.app, camera)
+    }
+
     /// Adds what views and presenters that came later need.
     fn plug_late(&mut self) -> Result<()> {
         self.scene.plug_views(&mut self.app)?;

@@ -1,6 +1,7 @@
 //! The flight in a window.
 
 use std::cell::Cell;
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -8,7 +9,7 @@ use serde_json::json;
 
 use super::files::read_acts;
 use super::{Screen, flight, leave, leave_unflown, open, overlays, scene, stats};
-use crate::app::{FlightApp, Timings};
+use crate::app::{FlightApp, Scene, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global};
 use crate::cli::prepare;
@@ -32,9 +33,56 @@ pub fn fly(
     let scene = scene(program, args, global, Screen::Window)?;
     let overlays = overlays(program, args, &scene)?;
     let guides = scene.guides.clone();
-    let acts = args.replay.as_deref().map(read_acts).transpose()?;
     let timings = Arc::new(Mutex::new(Timings::default()));
-    let (kept, prepare_args, prepare_global) = (Arc::clone(&timings), args.clone(), global.clone());
+    let flown = Rc::new(Cell::new(false));
+    let first = opening(args, global, scene, &timings, Rc::clone(&flown))?;
+    let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
+    let open = move |input: PathBuf| {
+        // What belongs to one flight alone stays with the first: its place, its files, its length.
+        let args = FlyArgs {
+            input: Some(input),
+            from: None,
+            to: None,
+            log: None,
+            stats: None,
+            seconds: None,
+            record_input: None,
+            replay: None,
+            play: None,
+            rate: None,
+            coverage: false,
+            ..own_args.clone()
+        };
+        let global = Global { series: None, ..own_global.clone() };
+        let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
+        opening(&args, &global, scene, &Arc::default(), Rc::default())
+    };
+    let launch = window::Launch {
+        first,
+        open: Box::new(open),
+        size: args.size.map(|s| (s.width, s.height)),
+        overlays,
+        guides,
+        panels: program.all_panels(),
+        layout: args.layout.clone(),
+    };
+    window::run(display, launch, progress).inspect_err(|e| {
+        if !flown.get() {
+            leave_unflown(args, &timings.lock().unwrap_or_else(PoisonError::into_inner), e);
+        }
+    })
+}
+
+/// How a scan is opened; `flown` is set once it was flown.
+fn opening(
+    args: &FlyArgs,
+    global: &Global,
+    scene: Scene,
+    timings: &Arc<Mutex<Timings>>,
+    flown: Rc<Cell<bool>>,
+) -> Result<window::Opening> {
+    let acts = args.replay.as_deref().map(read_acts).transpose()?;
+    let (kept, prepare_args, prepare_global) = (Arc::clone(timings), args.clone(), global.clone());
     let prepare: window::Prepare = Box::new(move |progress| {
         let args = &prepare_args;
         let mut scan = open(args, &prepare_global, &scene, progress)?;
@@ -50,11 +98,10 @@ pub fn fly(
         }
         Ok(session.ready(flight))
     });
-    let flown = Rc::new(Cell::new(false));
-    let (finish_args, finish_timings, set_out) = (args.clone(), Arc::clone(&timings), Rc::clone(&flown));
+    let (finish_args, finish_timings) = (args.clone(), Arc::clone(timings));
     let coverage = args.coverage.then(|| prepare::fov(global, CameraModel::default())).transpose()?;
     let finish = Box::new(move |flight: &FlightApp, frames: &[FrameStats], shown: &window::Shown| {
-        set_out.set(true);
+        flown.set(true);
         let timings = finish_timings.lock().unwrap_or_else(PoisonError::into_inner);
         let mut stats = stats(flight, &timings, frames, coverage)?;
         if let (serde_json::Value::Object(shown), Some(stats)) = (json!(shown), stats.as_object_mut()) {
@@ -62,22 +109,13 @@ pub fn fly(
         }
         leave(&finish_args, flight, &stats)
     });
-    let launch = window::Launch {
+    Ok(window::Opening {
+        input: args.input.clone(),
         prepare,
         finish,
-        size: args.size.map(|s| (s.width, s.height)),
+        resume: resume(args),
         log: args.log.clone(),
         seconds: args.seconds,
-        resume: resume(args),
-        overlays,
-        guides,
-        panels: program.all_panels(),
-        layout: args.layout.clone(),
-    };
-    window::run(display, launch, progress).inspect_err(|e| {
-        if !flown.get() {
-            leave_unflown(args, &timings.lock().unwrap_or_else(PoisonError::into_inner), e);
-        }
     })
 }
 

@@ -69,6 +69,8 @@ pub enum WindowRequest {
     Fullscreen,
     /// End the program.
     Quit,
+    /// Show the scans that can be opened, or hide them.
+    Open,
     /// Show the layout of this number.
     Layout(usize),
     /// Show or hide the panel of this number.
@@ -193,6 +195,7 @@ const TABLE: &[Row] = &[
         possible: shows_slices,
         ..once("slices-reset", "slices: as at the beginning", "Ctrl+9", Cockpit::reset_slices)
     },
+    Row { does: Does::Window(WindowRequest::Open), ..once("open", "open another scan", "Ctrl+O", |_, _| {}) },
     once("measure", "measure a distance by two clicks, or stop measuring", "C", Cockpit::switch_measuring),
     once("undo", "undo the last change of distances", "Ctrl+Z", Cockpit::undo_measure),
     once("delete-last", "take the last distance away", "Delete", Cockpit::delete_last_measure),
@@ -221,7 +224,7 @@ const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the way"
 
 /// The menus: actions by their ids. An id that ends in `-` stands for all that begin so.
 pub const MENUS: &[(&str, &[&str])] = &[
-    ("File", &["screenshot", "quit"]),
+    ("File", &["open", "screenshot", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
     ("View", &["detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
     ("Slices", &["window-", "slab", "slab-kind", "slices-reset"]),

@@ -64,6 +64,11 @@ impl Framebuffer {
         })
     }
 
+    /// Forgets the slices: they were another scan's.
+    pub fn forget_slices(&mut self) {
+        self.slices.clear();
+    }
+
     /// The window.
     pub fn window(&self) -> Rc<Window> {
         Rc::clone(&self.screen.window)

@@ -23,6 +23,7 @@ pub mod panels;
 pub mod plane;
 mod planning;
 mod presented;
+mod recent;
 mod saver;
 mod screen;
 mod screenshot;
@@ -106,20 +107,30 @@ pub struct Shown {
     pub moving: Option<Moving>,
 }
 
-/// What a window is to show.
-pub struct Launch {
+/// A scan that a window is to show.
+pub struct Opening {
+    /// Where it is; none for the embedded phantom.
+    pub input: Option<PathBuf>,
     /// Makes the flight; called on another thread while the window shows how far it has come.
     pub prepare: Prepare,
-    /// Called when the window is closed, after the log was written.
+    /// Called when the scan is closed, after the log was written.
     pub finish: Finish,
-    /// Size of the window in pixels; a usual one if none.
-    pub size: Option<(usize, usize)>,
+    /// What is taken up from the last time that this scan was open.
+    pub resume: Resume,
     /// Where steps are logged.
     pub log: Option<PathBuf>,
     /// The window closes after so many simulated seconds.
     pub seconds: Option<f64>,
-    /// What is taken up from the last time that this scan was open.
-    pub resume: Resume,
+}
+
+/// What a window is to show.
+pub struct Launch {
+    /// The scan that it opens with.
+    pub first: Opening,
+    /// Opens another one.
+    pub open: Box<dyn Fn(PathBuf) -> Result<Opening>>,
+    /// Size of the window in pixels; a usual one if none.
+    pub size: Option<(usize, usize)>,
     /// What can be drawn over the picture.
     pub overlays: Vec<Overlay>,
     /// The guides that can be handed over to: those of the flight's scene.

@@ -151,16 +151,8 @@ pub fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
     text(p, area.center_bottom() - vec2(0.0, MARGIN), Align2::CENTER_BOTTOM, DISCLAIMER, TEXT, SOFT);
 }
 
-/// Why a scan cannot be flown.
-pub fn failed(p: &Painter, area: Rect, why: &str) {
-    let wrap = (area.width() * 0.85 - 16.0).min(720.0);
-    let list = [
-        ("This scan cannot be flown.", 20.0, Mood::Calling.colour()),
-        (why, 16.0, INK),
-        ("Esc closes the window.", TEXT, SOFT),
-    ];
-    lines(p, area.center(), Align2::CENTER_CENTER, wrap, &list);
-}
+/// What stands above the reason why a scan cannot be flown.
+pub const CANNOT: &str = "This scan cannot be flown.";
 
 /// Places of marks are held within so many pixels: what lies farther out is in no window.
 const FAR_PIXELS: f32 = 1e5;

@@ -208,7 +208,7 @@ mod tests {
             let size = WindowSize { pixels, scale };
             self.interface.lay_out(RawInput::default(), size, Instant::now(), |ui| {
                 let area = ui.ctx().content_rect();
-                overlay::failed(&ui.ctx().layer_painter(LayerId::background()), area, text);
+                overlay::loading(&ui.ctx().layer_painter(LayerId::background()), area, text, None);
                 picture.then_some(area).into_iter().collect()
             });
             if let Some(layout) = self.interface.layout() {

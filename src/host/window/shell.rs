@@ -19,15 +19,17 @@ use super::folders::Folder;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
 use super::keys::{Chord, HeldKeys};
-use super::loading::{Loading, Ready};
+use super::loading::{Loading, Prepare, Ready};
 use super::measures::Measures;
 use super::overlay::{self, Content};
+use super::panels::open::FileList;
 use super::panels::{Context, Request, Requests};
 use super::presented::Presented;
+use super::recent::Recent;
 use super::saver::WakeUp;
 use super::session::Session;
 use super::workspace::Workspace;
-use super::{Finish, Launch, Resume, Shown};
+use super::{Finish, Launch, Opening, Resume, Shown};
 use crate::app::Overlay;
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
@@ -95,6 +97,15 @@ pub struct Shell {
     /// The file that the scan's session would have: its name is the scan's own.
     scan: Option<PathBuf>,
     finish: Option<Finish>,
+    /// The scan that is open, or that is being opened; none for the embedded phantom.
+    opening: Option<PathBuf>,
+    open: Box<dyn Fn(PathBuf) -> Result<Opening>>,
+    /// Whether it is the scan that the window was opened with.
+    is_first: bool,
+    recent: Recent,
+    /// For a window whose scan could not be opened.
+    file_list: FileList,
+    proxy: EventLoopProxy<Wake>,
     progress: Arc<Progress>,
     saveable: WakeUp,
     presented: Presented,
@@ -117,13 +128,17 @@ impl Shell {
             eprintln!("note: {e}");
         }
         let unsettled = unsettled.or(unread);
-        let done = proxy.clone();
-        let loading = Loading::start(launch.prepare, progress, move || {
-            // There is nobody to wake when the window is gone.
-            let _ = done.send_event(Wake::Loaded);
-        })?;
+        let (recent, unlisted) = Recent::open(Recent::usual_file());
+        if let Some(e) = &unlisted {
+            eprintln!("note: {e}");
+        }
+        let unsettled = unsettled.or(unlisted);
+        let first = launch.first;
+        let loading = load(first.prepare, progress, &proxy)?;
+        let waker = proxy.clone();
         let saveable: WakeUp = Arc::new(move || {
-            let _ = proxy.send_event(Wake::Saveable);
+            // There is nobody to wake when the window is gone.
+            let _ = waker.send_event(Wake::Saveable);
         });
         Ok(Self {
             stage: Stage::Loading(loading),
@@ -141,14 +156,20 @@ impl Shell {
             due: Instant::now(),
             asked: false,
             modifiers: ModifiersState::empty(),
-            log_path: launch.log,
+            log_path: first.log,
             log: None,
-            seconds: launch.seconds,
+            seconds: first.seconds,
             size: launch.size,
-            resume: launch.resume,
+            resume: first.resume,
+            opening: first.input,
+            open: launch.open,
+            is_first: true,
+            recent,
+            file_list: FileList::default(),
+            proxy,
             session: None,
             scan: None,
-            finish: Some(launch.finish),
+            finish: Some(first.finish),
             progress: Arc::clone(progress),
             saveable,
             presented: Presented::default(),
@@ -164,15 +185,25 @@ impl Shell {
     /// # Errors
     /// The first of what went wrong.
     pub fn end(mut self) -> Result<()> {
+        if let Err(e) = self.workspace.keep() {
+            eprintln!("note: the layout is not kept: {e}");
+        }
+        let closed = self.close();
+        self.outcome.and(closed)
+    }
+
+    /// Closes the scan that is open, and writes what its flight leaves behind.
+    ///
+    /// # Errors
+    /// The first of what went wrong.
+    fn close(&mut self) -> Result<()> {
         let stage = std::mem::replace(&mut self.stage, Stage::Over);
         match stage {
             Stage::Flying(mut cockpit) => {
                 cockpit.save_the_rest();
+                self.framebuffer = cockpit.flight_mut().take_presenter();
                 let flight = cockpit.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
-                if let Err(e) = self.workspace.keep() {
-                    eprintln!("note: the layout is not kept: {e}");
-                }
                 if let Some(path) = self.session.take() {
                     let session = Session::of(flight, cockpit.along_mm());
                     if let Err(e) = Session::keep(session.as_ref(), &path) {
@@ -181,13 +212,55 @@ impl Shell {
                 }
                 let shown = Shown { present_ms: self.presented.summary(), moving: cockpit.moving() };
                 let finished = self.finish.take().map_or(Ok(()), |f| f(flight, cockpit.frames(), &shown));
-                self.outcome.and(logged).and(finished)
+                logged.and(finished)
             }
-            Stage::Failed(e) => Err(e),
+            // What was opened in the window was told there.
+            Stage::Failed(e) => {
+                if self.is_first {
+                    Err(e)
+                } else {
+                    Ok(())
+                }
+            }
             // Closed while loading: the worker gives up by itself, and leaves nothing behind.
-            Stage::Loading(_) => Err(Error::cancelled("loading")),
-            Stage::Over => self.outcome,
+            Stage::Loading(_) => {
+                self.progress.cancel();
+                if self.is_first { Err(Error::cancelled("loading")) } else { Ok(()) }
+            }
+            Stage::Over => Ok(()),
         }
+    }
+
+    /// Opens another scan in the place of the one that is open.
+    fn open_scan(&mut self, path: PathBuf, events: &ActiveEventLoop) {
+        let opening = match (self.open)(path) {
+            Ok(opening) => opening,
+            Err(e) => {
+                if let Stage::Flying(c) = &mut self.stage {
+                    c.say(e.to_string(), Instant::now());
+                }
+                return;
+            }
+        };
+        if let Err(e) = self.close() {
+            eprintln!("{e}");
+            self.outcome = std::mem::replace(&mut self.outcome, Ok(())).and(Err(e));
+        }
+        // One that is cancelled stays so.
+        self.progress = Arc::new(Progress::new());
+        match load(opening.prepare, &self.progress, &self.proxy) {
+            Ok(loading) => self.stage = Stage::Loading(loading),
+            Err(e) => return self.fail(e, events),
+        }
+        (self.opening, self.finish, self.resume) = (opening.input, Some(opening.finish), opening.resume);
+        (self.log_path, self.seconds, self.is_first) = (opening.log, opening.seconds, false);
+        (self.session, self.scan, self.laid_out, self.painted) = (None, None, None, None);
+        (self.flight_at, self.presented) = ([0; 4], Presented::default());
+        self.slices_at.clear();
+        if let Some(framebuffer) = &mut self.framebuffer {
+            framebuffer.forget_slices();
+        }
+        self.ask_for_picture();
     }
 
     fn fail(&mut self, e: Error, events: &ActiveEventLoop) {
@@ -252,7 +325,12 @@ impl Shell {
             let camera = flight.app().camera_id();
             flight.present_to(camera, framebuffer)?;
         }
-        let overlays = std::mem::take(&mut self.overlays);
+        let overlays = self.overlays.clone();
+        if let Some(scan) = &self.opening
+            && let Err(e) = self.recent.opened(scan)
+        {
+            eprintln!("note: the list of scans is not kept: {e}");
+        }
         let mut cockpit =
             Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
         let file = self.scan.as_deref().and_then(Path::file_name).map(|name| Path::new("measures").join(name));
@@ -341,14 +419,25 @@ impl Shell {
         }
         let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return };
         let (stage, workspace, mut requests) = (&self.stage, &mut self.workspace, Requests::default());
-        let actions = &*self.actions;
+        let (actions, recent) = (&*self.actions, self.recent.scans());
+        let (file_list, mut chosen) = (&mut self.file_list, None);
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             let area = ui.ctx().content_rect();
             match (&content, stage) {
                 (Content::Flight(readings), Stage::Flying(cockpit)) => {
-                    workspace.ui(&Context::new(cockpit, actions, readings), ui, &mut requests);
+                    workspace.ui(&Context::new(cockpit, actions, recent, readings), ui, &mut requests);
                 }
-                (Content::Failed { text }, _) => overlay::failed(&background(ui), area, text),
+                (Content::Failed { text }, _) => {
+                    ui.add_space(24.0);
+                    ui.vertical_centered(|ui| {
+                        ui.set_max_width((area.width() * 0.85).min(720.0));
+                        ui.heading(overlay::CANNOT);
+                        ui.label(text);
+                        ui.label("Open another scan, or drop one on the window. Esc closes it.");
+                        ui.separator();
+                        chosen = file_list.ui(recent, ui);
+                    });
+                }
                 (Content::Loading { stage, share }, _) => overlay::loading(&background(ui), area, stage, *share),
                 (Content::Flight(_), _) => {}
             }
@@ -358,8 +447,9 @@ impl Shell {
         self.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
         self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         self.laid_out = Some((content, size));
-        for request in requests.take() {
+        for request in chosen.map(Request::Open).into_iter().chain(requests.take()) {
             match request {
+                Request::Open(path) => self.open_scan(path, events),
                 Request::Flight(request) => {
                     let moment = self.moment(now);
                     if let Stage::Flying(cockpit) = &mut self.stage {
@@ -394,6 +484,7 @@ impl Shell {
         match request {
             WindowRequest::Quit => self.quit(events),
             WindowRequest::Fullscreen => self.switch_fullscreen(),
+            WindowRequest::Open => self.workspace.switch_named("open"),
             WindowRequest::Layout(n) => self.workspace.choose(n),
             WindowRequest::Panel(n) => self.workspace.switch(n),
         }
@@ -477,6 +568,15 @@ impl Shell {
     }
 }
 
+/// Begins to load a scan.
+fn load(prepare: Prepare, progress: &Arc<Progress>, proxy: &EventLoopProxy<Wake>) -> Result<Loading> {
+    let done = proxy.clone();
+    Loading::start(prepare, progress, move || {
+        // There is nobody to wake when the window is gone.
+        let _ = done.send_event(Wake::Loaded);
+    })
+}
+
 /// The painter of what lies below all panels.
 fn background(ui: &egui::Ui) -> egui::Painter {
     ui.ctx().layer_painter(LayerId::background())
@@ -555,6 +655,7 @@ impl ApplicationHandler<Wake> for Shell {
                 self.touched = true;
                 self.ask_for_picture();
             }
+            WindowEvent::DroppedFile(path) => self.open_scan(path, events),
             WindowEvent::KeyboardInput { event, .. } => self.key(&event, events),
             WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
             WindowEvent::Focused(false) => {

@@ -311,6 +311,11 @@ impl Workspace {
         self.layout = layout.min(LAYOUTS.len() - 1);
     }
 
+    /// Shows or hides a panel, by its name.
+    pub fn switch_named(&mut self, name: &str) {
+        self.layouts[self.layout].switch(name);
+    }
+
     /// Shows or hides a panel, by its number.
     pub fn switch(&mut self, panel: usize) {
         if let Some(p) = self.panels.get(panel) {

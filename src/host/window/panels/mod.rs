@@ -4,7 +4,10 @@
 
 pub mod flight;
 pub mod measures;
+pub mod open;
 pub mod slices;
+
+use std::path::PathBuf;
 
 use egui::{Rect, Ui};
 use glam::DVec3;
@@ -18,7 +21,7 @@ use crate::components::slices::{Orientation, SliceView};
 
 /// The panels that every window has.
 pub const BUILT_IN: &[PanelEntry] =
-    &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS, measures::PANEL];
+    &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS, measures::PANEL, open::PANEL];
 
 /// A panel, as a window makes it.
 #[derive(Clone, Copy, Debug)]
@@ -55,13 +58,20 @@ pub struct Context<'a> {
     pub flight: &'a FlightApp,
     pub(super) cockpit: &'a Cockpit,
     pub(super) actions: &'a Actions,
+    /// The scans that were open lately, the last one first.
+    pub(super) recent: &'a [PathBuf],
     /// The flight in words.
     pub(super) readings: &'a Readings,
 }
 
 impl<'a> Context<'a> {
-    pub(super) fn new(cockpit: &'a Cockpit, actions: &'a Actions, readings: &'a Readings) -> Self {
-        Self { flight: cockpit.flight(), cockpit, actions, readings }
+    pub(super) fn new(
+        cockpit: &'a Cockpit,
+        actions: &'a Actions,
+        recent: &'a [PathBuf],
+        readings: &'a Readings,
+    ) -> Self {
+        Self { flight: cockpit.flight(), cockpit, actions, recent, readings }
     }
 
     /// The place that all views show, world mm: one that was pointed at, or where the camera is.
@@ -127,6 +137,8 @@ pub enum Request {
     Slice(SliceRequest),
     /// An action of the window, by its id.
     Action(String),
+    /// Open another scan.
+    Open(PathBuf),
 }
 
 /// What is asked of the slices.
@@ -181,6 +193,11 @@ impl Requests {
     /// Asks something of the slices.
     pub(super) fn slice(&mut self, request: SliceRequest) {
         self.ask(Request::Slice(request));
+    }
+
+    /// Opens another scan in the place of this one.
+    pub fn open(&mut self, scan: PathBuf) {
+        self.ask(Request::Open(scan));
     }
 
     /// Points at a place, world mm: all views show it until the flight goes on.

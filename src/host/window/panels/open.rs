@@ -1,0 +1,148 @@
+//! Opens another scan: one that was open lately, or one from a folder.
+
+use std::path::{Path, PathBuf};
+
+use egui::{RichText, ScrollArea, Ui};
+
+use super::{Context, Panel, PanelEntry, Requests};
+use crate::host::window::overlay::SOFT;
+
+/// Its entry in the table.
+pub const PANEL: PanelEntry =
+    PanelEntry { name: "open", title: "Open a scan", make: || Box::<FileList>::default(), ..PanelEntry::NONE };
+
+/// How the names of files end that can be opened.
+const ENDINGS: [&str; 9] = [".nii", ".nii.gz", ".mhd", ".mha", ".nrrd", ".nhdr", ".dcm", ".ima", ".dicom"];
+/// No more entries of a folder are listed.
+const MOST: usize = 2000;
+
+/// What is in a folder.
+#[derive(Debug, Default, PartialEq)]
+struct Listing {
+    folders: Vec<PathBuf>,
+    scans: Vec<PathBuf>,
+    /// Why it cannot be listed.
+    fault: Option<String>,
+}
+
+impl Listing {
+    fn of(folder: &Path) -> Self {
+        let entries = match std::fs::read_dir(folder) {
+            Ok(entries) => entries,
+            Err(e) => return Self { fault: Some(e.to_string()), ..Self::default() },
+        };
+        let mut listing = Self::default();
+        for path in entries.filter_map(|e| Some(e.ok()?.path())).take(MOST) {
+            let name = name(&path).to_lowercase();
+            if name.starts_with('.') {
+                continue;
+            }
+            if path.is_dir() {
+                listing.folders.push(path);
+            } else if ENDINGS.iter().any(|e| name.ends_with(e)) {
+                listing.scans.push(path);
+            }
+        }
+        listing.folders.sort();
+        listing.scans.sort();
+        listing
+    }
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// A list of scans and folders.
+#[derive(Debug, Default)]
+pub struct FileList {
+    folder: Option<PathBuf>,
+    /// Read once, not with every picture.
+    listing: Option<Listing>,
+}
+
+impl FileList {
+    /// Lays the list out; the scan that was chosen, if one was.
+    pub fn ui(&mut self, recent: &[PathBuf], ui: &mut Ui) -> Option<PathBuf> {
+        let mut chosen = None;
+        let folder = self.folder.get_or_insert_with(|| {
+            let last = recent.iter().find_map(|r| r.parent().filter(|p| p.is_dir()));
+            let here = || std::env::current_dir().unwrap_or_else(|_| PathBuf::from("/"));
+            last.map_or_else(here, Path::to_owned)
+        });
+        let listing = self.listing.get_or_insert_with(|| Listing::of(folder));
+        let mut go = None;
+        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            if !recent.is_empty() {
+                ui.label(RichText::new("Opened lately").color(SOFT));
+            }
+            for path in recent {
+                if ui.button(name(path)).on_hover_text(path.display().to_string()).clicked() {
+                    chosen = Some(path.clone());
+                }
+            }
+            ui.separator();
+            ui.label(RichText::new(folder.display().to_string()).color(SOFT));
+            ui.horizontal(|ui| {
+                if let Some(parent) = folder.parent().filter(|_| ui.button("Up").clicked()) {
+                    go = Some(parent.to_owned());
+                }
+                if ui.button("Read again").clicked() {
+                    go = Some(folder.clone());
+                }
+                if ui.button("Open this folder").on_hover_text("a DICOM series, or a stack of PNG slices").clicked() {
+                    chosen = Some(folder.clone());
+                }
+            });
+            if let Some(fault) = &listing.fault {
+                ui.label(fault);
+            }
+            for path in &listing.folders {
+                if ui.button(format!("{}/", name(path))).clicked() {
+                    go = Some(path.clone());
+                }
+            }
+            for path in &listing.scans {
+                if ui.button(name(path)).clicked() {
+                    chosen = Some(path.clone());
+                }
+            }
+            if listing.fault.is_none() && listing.folders.is_empty() && listing.scans.is_empty() {
+                ui.label(RichText::new("no scan here").color(SOFT));
+            }
+        });
+        if let Some(next) = go {
+            (self.folder, self.listing) = (Some(next), None);
+        }
+        chosen
+    }
+}
+
+impl Panel for FileList {
+    fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+        if let Some(path) = Self::ui(self, context.recent, ui) {
+            requests.open(path);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_lists_its_folders_and_scans() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["b.nii.gz", "a.NRRD", "notes.txt", ".hidden.nii"] {
+            std::fs::write(dir.path().join(name), "").unwrap();
+        }
+        std::fs::create_dir(dir.path().join("series")).unwrap();
+        let listing = Listing::of(dir.path());
+        let names = |list: &[PathBuf]| list.iter().map(|p| name(p)).collect::<Vec<_>>();
+        assert_eq!(
+            (names(&listing.folders), names(&listing.scans)),
+            (vec!["series".to_owned()], vec!["a.NRRD".to_owned(), "b.nii.gz".to_owned()])
+        );
+        assert!(Listing::of(&dir.path().join("gone")).fault.is_some());
+    }
+}

@@ -1,0 +1,108 @@
+//! The scans that were open lately.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::folders::{self, Folder};
+use crate::error::{Error, Result};
+use crate::output;
+
+/// The present form of the file.
+const VERSION: u32 = 1;
+/// What comes of a file that is none.
+const MEND: &str = "it is left as it is, and nothing is kept";
+/// So many are kept.
+const MOST: usize = 12;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Kept {
+    version: u32,
+    scans: Vec<PathBuf>,
+}
+
+/// The scans that were open lately, the last one first.
+#[derive(Debug, Default)]
+pub struct Recent {
+    scans: Vec<PathBuf>,
+    /// Where they are kept; none where they are not.
+    file: Option<PathBuf>,
+}
+
+impl Recent {
+    /// Where they are kept; none on a system that names no folder for it.
+    pub fn usual_file() -> Option<PathBuf> {
+        Folder::State.file("recent.json")
+    }
+
+    /// Those that were kept in a file, and what is wrong with it: then there are none, and it is not written.
+    pub fn open(file: Option<PathBuf>) -> (Self, Option<Error>) {
+        match file.as_deref().map_or(Ok(Vec::new()), read) {
+            Ok(scans) => (Self { scans, file }, None),
+            Err(e) => (Self::default(), Some(e)),
+        }
+    }
+
+    /// All of them.
+    pub fn scans(&self) -> &[PathBuf] {
+        &self.scans
+    }
+
+    /// One was opened.
+    ///
+    /// # Errors
+    /// Status 5 when that cannot be kept.
+    pub fn opened(&mut self, scan: &Path) -> Result<()> {
+        let scan = std::path::absolute(scan).unwrap_or_else(|_| scan.to_owned());
+        self.scans.retain(|s| *s != scan);
+        self.scans.insert(0, scan);
+        self.scans.truncate(MOST);
+        let Some(path) = &self.file else { return Ok(()) };
+        if let Some(folder) = path.parent() {
+            output::make_folder(folder)?;
+        }
+        output::write_json(path, &Kept { version: VERSION, scans: self.scans.clone() })
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<PathBuf>> {
+    let bad = |why: String| Error::file(path, why, MEND);
+    let Some(bytes) = folders::read(path, MEND)? else { return Ok(Vec::new()) };
+    let kept: Kept = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
+    if kept.version != VERSION {
+        return Err(bad(format!("has version {}, not {VERSION}", kept.version)));
+    }
+    Ok(kept.scans.into_iter().take(MOST).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_one_is_first_and_stands_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = Some(dir.path().join("a").join("recent.json"));
+        let (mut recent, error) = Recent::open(file.clone());
+        assert!(error.is_none() && recent.scans().is_empty());
+        for name in ["/a", "/b", "/a"] {
+            recent.opened(Path::new(name)).unwrap();
+        }
+        assert_eq!(recent.scans(), [Path::new("/a"), Path::new("/b")]);
+        (0..40).for_each(|n| recent.opened(Path::new(&format!("/{n}"))).unwrap());
+        let (again, _) = Recent::open(file);
+        assert_eq!((again.scans(), again.scans().len()), (recent.scans(), MOST));
+    }
+
+    #[test]
+    fn a_damaged_list_is_left_as_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("recent.json");
+        std::fs::write(&path, "[").unwrap();
+        let (mut recent, error) = Recent::open(Some(path.clone()));
+        assert!(error.is_some());
+        recent.opened(Path::new("/a")).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "[");
+    }
+}
