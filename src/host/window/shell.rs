@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{LayerId, ViewportId};
+use egui::{LayerId, Rect, ViewportId};
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::{ElementState, KeyEvent, StartCause, WindowEvent};
@@ -428,9 +428,9 @@ impl Shell {
                     workspace.ui(&Context::new(cockpit, actions, recent, readings), ui, &mut requests);
                 }
                 (Content::Failed { text }, _) => {
-                    ui.add_space(24.0);
-                    ui.vertical_centered(|ui| {
-                        ui.set_max_width((area.width() * 0.85).min(720.0));
+                    let width = (area.width() * 0.85).min(720.0);
+                    let column = Rect::from_center_size(area.center(), egui::vec2(width, area.height() - 48.0));
+                    ui.scope_builder(egui::UiBuilder::new().max_rect(column), |ui| {
                         ui.heading(overlay::CANNOT);
                         ui.label(text);
                         ui.label("Open another scan, or drop one on the window. Esc closes it.");
