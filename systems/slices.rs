@@ -53,7 +53,7 @@ mod tests {
         let slice = app.world.spawn(SliceView::new(Orientation::Axial, [16, 16])).id();
         plugin(&mut app).unwrap();
         app.build().unwrap();
-        let mut after = |app: &mut App, z: f64| {
+        let after = |app: &mut App, z: f64| {
             app.camera().insert(at(z));
             app.frame().unwrap();
             let view = app.world.get::<SliceView>(slice).unwrap();
