@@ -148,6 +148,8 @@ pub enum Mark {
 pub struct Canvas {
     view: View,
     scale: f32,
+    /// Points.
+    foot: f32,
     marks: Vec<Mark>,
     /// Settings of the overlay that draws.
     options: Options,
@@ -168,7 +170,13 @@ impl Canvas {
 
     /// Nothing drawn yet over the picture of `view`, on a screen of `scale` pixels a point.
     pub fn at_scale(view: View, scale: f32) -> Self {
-        Self { view, scale, marks: Vec::new(), options: Options::NONE, taken: Vec::new() }
+        Self { view, scale, foot: 0.0, marks: Vec::new(), options: Options::NONE, taken: Vec::new() }
+    }
+
+    /// The same where text covers so many points of the picture's lower edge.
+    #[must_use]
+    pub fn with_foot(self, points: f32) -> Self {
+        Self { foot: points, ..self }
     }
 
     /// Lets an overlay draw. What it had drawn before it panicked is taken back.
@@ -201,6 +209,12 @@ impl Canvas {
     /// Pixels a point: what is to look alike on every screen is so many times its size.
     pub fn scale(&self) -> f32 {
         self.scale
+    }
+
+    /// How much of the picture's lower edge is covered by text, pixels: a window has its figures there, a recording nothing. What
+    /// stands at the lower edge, such as a legend, belongs above it.
+    pub fn foot(&self) -> f32 {
+        self.foot * self.scale
     }
 
     /// The view that is drawn over.

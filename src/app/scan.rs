@@ -39,9 +39,20 @@ use crate::volume::io::{self, LoadOptions};
 pub struct Scan {
     volume: PreparedVolume,
     lumen: Option<Arc<Lumen>>,
+    drained: Option<Drained>,
     timings: Timings,
     notes: Vec<String>,
     progress: Arc<Progress>,
+}
+
+/// The scan with its tagged fluid as gas, for guides that want it so. It is derived once and kept for the next such flight; the
+/// scan itself stays as it was loaded.
+#[derive(Clone, Debug)]
+struct Drained {
+    volume: PreparedVolume,
+    lumen: Arc<Lumen>,
+    /// What to tell the user of each flight through it.
+    note: Option<String>,
 }
 
 /// How a scan is opened.
@@ -103,7 +114,7 @@ impl Scan {
 
     /// A scan that is ready for rays already.
     pub fn prepared(volume: PreparedVolume, progress: Arc<Progress>) -> Self {
-        Self { volume, lumen: None, timings: Timings::default(), notes: Vec::new(), progress }
+        Self { volume, lumen: None, drained: None, timings: Timings::default(), notes: Vec::new(), progress }
     }
 
     fn made(volume: Volume, options: &OpenOptions, mut timings: Timings) -> Self {
@@ -111,7 +122,7 @@ impl Scan {
         let volume = options.preset.preparation.prepare(Arc::new(volume), options.transfer);
         timings.add("flags_s", begun.elapsed().as_secs_f64());
         let progress = Arc::clone(&options.progress);
-        Self { volume, lumen: None, timings, notes: Vec::new(), progress }
+        Self { volume, lumen: None, drained: None, timings, notes: Vec::new(), progress }
     }
 
     /// The volume, ready for rays.
@@ -142,29 +153,38 @@ impl Scan {
         Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
     }
 
-    /// Takes tagged fluid as gas where it joins the main segment to others, so that they are flown as one. The scan shows it as
-    /// gas from then on.
-    fn drain(&mut self) -> Result<()> {
+    /// The volume and the lumen of a flight whose guide takes tagged fluid as gas: drained where fluid joins the main segment to
+    /// others, so that they are flown as one, and the scan's own where it joins none.
+    fn drained(&mut self) -> Result<(PreparedVolume, Arc<Lumen>)> {
         let found = self.lumen()?;
         let main = found.main_segment().map(|n| &found.segments[n]);
         if main.is_none_or(|s| s.joined_to.is_empty()) {
-            return Ok(());
+            return Ok((self.volume.clone(), found));
         }
-        let count = found.segments.len();
+        let drained = match &self.drained {
+            Some(drained) => drained,
+            None => {
+                let drained = self.drain(&found)?;
+                self.drained.insert(drained)
+            }
+        };
+        self.notes.extend(drained.note.clone());
+        Ok((drained.volume.clone(), Arc::clone(&drained.lumen)))
+    }
+
+    fn drain(&mut self, found: &Lumen) -> Result<Drained> {
         let begun = Instant::now();
-        let drained = Arc::new(drain::drained(self.volume.volume(), &found));
-        self.volume.replace(drained);
+        let volume = self.volume.with_voxels(Arc::new(drain::drained(self.volume.volume(), found)));
         self.timings.add("drain_s", begun.elapsed().as_secs_f64());
-        let mut again = self.timings.time("joined_lumen_s", || lumen::find(self.volume.volume(), &self.progress))?;
-        drain::keep_ends(&mut again, &found);
-        if again.segments.len() < count {
-            self.notes.push(format!(
-                "tagged fluid joins segments of gas: it is taken as free and shown as gas ({count} segments become {})",
-                again.segments.len()
-            ));
-        }
-        self.lumen = Some(Arc::new(again));
-        Ok(())
+        let mut lumen = self.timings.time("joined_lumen_s", || lumen::find(volume.volume(), &self.progress))?;
+        drain::keep_ends(&mut lumen, found);
+        let [before, now] = [found.segments.len(), lumen.segments.len()];
+        let note = (now < before).then(|| {
+            format!(
+                "tagged fluid joins segments of gas: it is taken as free and shown as gas ({before} segments become {now})"
+            )
+        });
+        Ok(Drained { volume, lumen: Arc::new(lumen), note })
     }
 
     /// Start and goal of a flight, for a body of `radius_mm`.
@@ -172,37 +192,42 @@ impl Scan {
     /// # Errors
     /// Status 4 when there is no colon to fly, a point lies outside the lumen, or the lumen is too narrow.
     pub fn plan(&mut self, wish: &Wish, radius_mm: f64) -> Result<Plan> {
-        let lumen = self.lumen()?;
-        self.timings.time("plan_s", || plan::plan(&self.volume, &lumen, wish, radius_mm, &self.progress))
+        let (volume, lumen) = (self.volume.clone(), self.lumen()?);
+        self.plan_in(&volume, &lumen, wish, radius_mm)
     }
 
-    /// A flight at its start, with everything that the scene asks for.
+    fn plan_in(&mut self, volume: &PreparedVolume, lumen: &Lumen, wish: &Wish, radius_mm: f64) -> Result<Plan> {
+        self.timings.time("plan_s", || plan::plan(volume, lumen, wish, radius_mm, &self.progress))
+    }
+
+    /// A flight at its start, with everything that the scene asks for. The scan stays as it is: what one flight needs changes
+    /// nothing for the next.
     ///
     /// # Errors
     /// Status 2 for a scene that makes no sense, 3 for a log of another scan, 4 when there is no colon or no way between the
     /// points, or when interrupted.
     pub fn flight(&mut self, scene: Scene, wish: &Wish) -> Result<FlightApp> {
-        let (lumen, plan) = match scene.play() {
+        let (volume, lumen, plan) = match scene.play() {
             Some(play) => {
                 check_log(play, &self.volume)?;
-                (Arc::new(Lumen::none(self.volume.volume().grid())), plan::as_logged(play))
+                let lumen = Lumen::none(self.volume.volume().grid());
+                (self.volume.clone(), Arc::new(lumen), plan::as_logged(play))
             }
             None => {
-                if scene.needs().fluid_as_gas {
-                    self.drain()?;
-                }
-                let plan = self.plan(wish, scene.body.radius_mm)?;
-                (self.lumen()?, plan)
+                let drains = scene.needs().fluid_as_gas;
+                let (volume, lumen) = if drains { self.drained()? } else { (self.volume.clone(), self.lumen()?) };
+                let plan = self.plan_in(&volume, &lumen, wish, scene.body.radius_mm)?;
+                (volume, lumen, plan)
             }
         };
         self.notes.extend(plan.notes.iter().cloned());
-        self.fly(scene, lumen, plan)
+        self.fly(volume, lumen, plan, scene)
     }
 
     /// A flight whose plan is known.
-    fn fly(&mut self, scene: Scene, lumen: Arc<Lumen>, plan: Plan) -> Result<FlightApp> {
+    fn fly(&mut self, volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<FlightApp> {
         let begun = Instant::now();
-        let mut flight = FlightApp::prepared(self.volume.clone(), lumen, plan, scene, Arc::clone(&self.progress))?;
+        let mut flight = FlightApp::prepared(volume, lumen, plan, scene, Arc::clone(&self.progress))?;
         self.notes.extend(flight.take_notes());
         let fields = flight.take_field_times();
         let spent: f64 = fields.iter().map(|f| f.1).sum();

@@ -405,7 +405,7 @@ pub enum Refused {
     NotBuilt(Error),
 }
 
-/// Whether `name` is a command of this crate, in this release or in the contract.
+/// Whether `name` is a command of this crate, built or planned.
 pub(super) fn is_command(name: &str) -> bool {
     name == "help" || unbuilt::is_command(name) || Args::command().get_subcommands().any(|c| c.get_name() == name)
 }

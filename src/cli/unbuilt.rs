@@ -1,4 +1,4 @@
-//! What the contract names and this release does not have: told as such, and never taken for anything else.
+//! Planned commands, options and values that are not built yet: they are refused as such, and never taken for anything else.
 
 use std::ffi::OsString;
 
@@ -6,11 +6,11 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use crate::error::Error;
 
-/// Commands, with what else is told of them.
+/// Planned commands.
 const COMMANDS: [&str; 7] = ["cleanse", "unfold", "measure", "candidates", "match", "dataset", "batch"];
-/// Options of commands that there are.
+/// Planned options of built commands.
 const OPTIONS: [&str; 6] = ["--cleanse", "--second", "--coverage-mesh", "--review", "--normals", "--truth"];
-/// Values of options, and of the argument `<SUBJECT>`, that there are.
+/// Planned values of built options, and of the argument `<SUBJECT>`.
 const VALUES: [(&str, &str); 6] = [
     ("--camera", "fisheye"),
     ("--camera", "panorama"),
@@ -37,7 +37,7 @@ pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error
     })
 }
 
-/// Whether the contract has a command of that name that is not built.
+/// Whether `name` is a planned command that is not built yet.
 pub(super) fn is_command(name: &str) -> bool {
     COMMANDS.contains(&name)
 }

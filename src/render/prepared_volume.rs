@@ -28,11 +28,9 @@ impl PreparedVolume {
         Self { volume, transfer, flags }
     }
 
-    /// Takes other voxels in the place of these, which are let go of first, and makes them ready in the same way.
-    pub fn replace(&mut self, volume: Arc<Volume>) {
-        let make = if self.flags.has_bits() { Flags::new } else { Flags::bricks_only };
-        self.volume = volume;
-        self.flags = Arc::new(make(&self.volume, self.transfer));
+    /// Other voxels made ready in the same way, for the same transfer function.
+    pub fn with_voxels(&self, volume: Arc<Volume>) -> Self {
+        if self.flags.has_bits() { Self::new(volume, self.transfer) } else { Self::lean(volume, self.transfer) }
     }
 
     /// The voxels.

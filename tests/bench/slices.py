@@ -41,7 +41,7 @@ def arguments():
 
 
 def axes(plane):
-    """Right and down of a picture, from the contract's words alone."""
+    """Right and down of a picture, by their definition in words and not by the program's code."""
     if plane in AXES:
         return tuple(np.array(a, float) for a in AXES[plane])
     normal = np.array([float(c) for c in plane.split(",")])

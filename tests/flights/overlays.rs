@@ -171,6 +171,21 @@ fn the_views_of_the_surroundings_and_the_legend_are_shared() {
     }
 }
 
+/// They reach down to the picture's margin, or to the text that covers its lower edge.
+#[test]
+fn legend_and_views_stand_above_the_foot() {
+    let f = flown("tentacles", 1.0);
+    for (foot, scale, free) in [(0.0, 1.0, 1014.0), (100.0, 1.0, 924.0), (60.0, 2.0, 904.0)] {
+        let mut canvas = Canvas::at_scale(f.view().unwrap(), scale).with_foot(foot);
+        assert_eq!(canvas.foot(), foot * scale);
+        for overlay in colvis::app::overlays::BUILT_IN {
+            (overlay.draw)(&f, &mut canvas);
+        }
+        let lowest = |m: &Mark| if let Mark::Panel { high, .. } = m { high[1] } else { 0.0 };
+        assert_eq!(canvas.into_marks().iter().map(lowest).fold(0.0, f32::max), free);
+    }
+}
+
 /// A recording carries the overlays that are asked for, and no others.
 #[test]
 #[cfg(feature = "window")]

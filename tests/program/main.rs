@@ -2,7 +2,7 @@
 
 mod centerline;
 mod command_line;
-mod contract;
+mod commands;
 mod examples;
 mod layers;
 mod leftovers;

@@ -29,9 +29,7 @@ const YELLOW: Colour = [240, 228, 66];
 const VERMILION: Colour = [240, 110, 30];
 const VIOLET: Colour = [186, 150, 255];
 
-/// Room that the foot of the window takes, points.
-const FOOT: f32 = 80.0;
-/// From the window's edge, points.
+/// From the picture's edge, points.
 const MARGIN: f32 = 10.0;
 /// Height of the legend's text and of its rows, points.
 const SMALL: f32 = 12.0;
@@ -70,15 +68,20 @@ fn arrow(canvas: &mut Canvas, from: Place2, to: Place2, colour: Colour) {
     }
 }
 
+/// The lower edge of what is free for legends and views, pixels.
+fn bottom(canvas: &Canvas) -> f32 {
+    canvas.size()[1] - canvas.foot().max(MARGIN * canvas.scale())
+}
+
 /// The next row of the legend, which grows upwards from the picture's lower left corner: the left end of its middle line, on
 /// a backing. None where the picture has no room for it.
 fn legend_row(canvas: &mut Canvas) -> Option<Place2> {
     let pt = canvas.scale();
     let [width, height] = canvas.size();
-    let row = canvas.take("legend", 1) as f32;
+    let (row, bottom) = (canvas.take("legend", 1) as f32, bottom(canvas));
     let wide = (0.5 * width - 48.0 * pt).min(310.0 * pt);
     // Whole pixels, so that rows meet without a seam.
-    let [low, high] = [row + 1.0, row].map(|n| (height - (FOOT + ROW * n) * pt).round());
+    let [low, high] = [row + 1.0, row].map(|n| (bottom - ROW * n * pt).round());
     if wide < 120.0 * pt || low < 0.5 * height {
         return None;
     }

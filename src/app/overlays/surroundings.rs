@@ -4,7 +4,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{EDGE, FOOT, GREY, MARGIN, SMALL, WHITE, arrow};
+use super::{EDGE, GREY, MARGIN, SMALL, WHITE, arrow, bottom};
 use crate::app::FlightApp;
 use crate::app::overlay::{Align, Canvas, Colour, Place2};
 use crate::render::first_crossing;
@@ -136,7 +136,7 @@ pub fn surroundings(flight: &FlightApp, canvas: &mut Canvas) -> Option<[Pane; 2]
         return None;
     }
     let high = wide * 2.0 / 3.0;
-    let bottom = height - FOOT * pt;
+    let bottom = bottom(canvas);
     let pose = flight.pose();
     let (forward, up, left) = (pose.attitude.forward, pose.attitude.up, -pose.attitude.right());
     let pane = |right_edge: f32, axes: [DVec3; 2]| Pane {

@@ -1,14 +1,13 @@
 //! Gets a flight ready on another thread while the window is there.
 
-use std::panic::resume_unwind;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::thread::JoinHandle;
 
+use super::job::Job;
 use super::overlay::Content;
 use super::session;
 use crate::app::FlightApp;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -39,33 +38,15 @@ impl SessionFile {
 pub type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<Ready> + Send>;
 
 /// A flight being made ready.
-pub struct Loading {
-    worker: JoinHandle<Result<Ready>>,
-    progress: Arc<Progress>,
-}
-
-/// Calls when it is dropped: also where the worker panics.
-struct AtEnd<F: Fn()>(F);
-
-impl<F: Fn()> Drop for AtEnd<F> {
-    fn drop(&mut self) {
-        (self.0)();
-    }
-}
+pub struct Loading(Job<Ready>);
 
 impl Loading {
     /// Begins; `done` is called on the other thread when it is over, whatever came of it.
     ///
     /// # Errors
     /// Status 1 when the system gives no thread.
-    pub fn start(prepare: Prepare, progress: &Arc<Progress>, done: impl Fn() + Send + 'static) -> Result<Self> {
-        let shared = Arc::clone(progress);
-        let worker = std::thread::Builder::new().name("loading".to_owned()).spawn(move || {
-            let _done = AtEnd(done);
-            prepare(&shared)
-        });
-        let worker = worker.map_err(|e| Error::fault("loading", e.to_string(), "close other programs"))?;
-        Ok(Self { worker, progress: Arc::clone(progress) })
+    pub fn start(prepare: Prepare, progress: &Arc<Progress>, done: impl FnOnce() + Send + 'static) -> Result<Self> {
+        Job::start("loading", progress, prepare, done).map(Self)
     }
 
     /// What came of it; waits if it is not over.
@@ -73,13 +54,12 @@ impl Loading {
     /// # Errors
     /// What the preparation fails with.
     pub fn finish(self) -> Result<Ready> {
-        // A panic over there is a fault of the program, and is shown as one here.
-        self.worker.join().unwrap_or_else(|panic| resume_unwind(panic))
+        self.0.wait()
     }
 
     /// What to show meanwhile.
     pub fn content(&self) -> Content {
-        let (stage, done, total) = self.progress.snapshot();
+        let (stage, done, total) = self.0.progress().snapshot();
         let share = (total > 0).then(|| (done.min(total) as f64 / total as f64 * 1000.0).round() / 1000.0);
         Content::Loading { stage, share }
     }
@@ -88,6 +68,7 @@ impl Loading {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
     use std::sync::mpsc;
     use std::time::Duration;
 

@@ -11,6 +11,7 @@ mod figures;
 mod folders;
 mod framebuffer;
 mod interface;
+mod job;
 mod keys;
 mod layer;
 mod loading;

@@ -4,6 +4,10 @@ use crate::app::overlay::{Canvas, Mark};
 use crate::app::{FlightApp, Overlay};
 use crate::error::Error;
 
+/// The height of the bar and the lines of text that [`overlay::flight`](super::overlay::flight) lays over the picture's lower edge, points: that of
+/// a narrow window, where they are highest, so that overlays do not jump as its size changes.
+const FOOT: f32 = 80.0;
+
 /// Overlays, each shown or not.
 #[derive(Clone, Debug, Default)]
 pub struct Overlays {
@@ -29,7 +33,7 @@ impl Overlays {
     /// hidden, and told of.
     pub fn draw(&mut self, flight: &FlightApp, scale: f32) -> (Vec<Mark>, Option<Error>) {
         let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return (Vec::new(), None) };
-        let mut canvas = Canvas::at_scale(view, scale);
+        let mut canvas = Canvas::at_scale(view, scale).with_foot(FOOT);
         let mut fault = None;
         for (overlay, shown) in self.all.iter().zip(&mut self.shown).filter(|o| *o.1) {
             if let Err(e) = canvas.draw(overlay, flight) {
@@ -38,5 +42,49 @@ impl Overlays {
             }
         }
         (canvas.into_marks(), fault)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use egui::{Context, LayerId, Pos2, RawInput, Rect, Shape, Vec2};
+
+    use super::*;
+    use crate::host::window::directions::Directions;
+    use crate::host::window::overlay::{self, Mood, Readings};
+
+    /// Height of what lies over the whole lower edge of a picture without marks, points.
+    fn foot(size: Vec2) -> f32 {
+        let readings = Readings {
+            state: String::new(),
+            mood: Mood::Well,
+            more: Vec::new(),
+            figures: Vec::new(),
+            directions: Directions::default(),
+            per_mille: 500,
+            place: "place".to_owned(),
+            marks: Vec::new(),
+            message: None,
+            help: Vec::new(),
+            marks_drawn: Vec::new(),
+        };
+        let area = Rect::from_min_size(Pos2::ZERO, size);
+        let input = RawInput { screen_rect: Some(area), ..RawInput::default() };
+        let output = Context::default().run_ui(input, |ui| {
+            overlay::flight(&ui.ctx().layer_painter(LayerId::background()), area, &readings);
+        });
+        let spans = |shape: &Shape| match shape {
+            Shape::Rect(r) if r.rect.width() == area.width() && r.rect.max.y == area.max.y => Some(r.rect.height()),
+            _ => None,
+        };
+        output.shapes.iter().find_map(|s| spans(&s.shape)).expect("a foot")
+    }
+
+    #[test]
+    fn overlays_keep_off_the_foot() {
+        for size in [[300.0, 200.0], [420.0, 300.0], [640.0, 480.0], [1280.0, 720.0], [3840.0, 2160.0]] {
+            let foot = foot(Vec2::from(size));
+            assert!((30.0..=FOOT).contains(&foot), "{foot} points at {size:?}");
+        }
     }
 }

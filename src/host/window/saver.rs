@@ -1,15 +1,16 @@
 //! Traces screenshots of a moving camera besides the flight: the operator does not want to wait for them.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, channel};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use super::job::Job;
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::fence;
+use crate::progress::Progress;
 use crate::render::{CameraModel, Frame, PreparedVolume, Preset, Reuse, Settings, View, renderer};
 
 /// An image to be saved.
@@ -70,9 +71,8 @@ pub struct Saver {
     pool: ThreadPool,
     space: PreparedVolume,
     wake: WakeUp,
-    sender: Sender<Result<Traced>>,
-    receiver: Receiver<Result<Traced>>,
-    coming: usize,
+    /// In the order in which they were begun.
+    jobs: Vec<Job<Traced>>,
 }
 
 impl Saver {
@@ -86,36 +86,26 @@ impl Saver {
             .thread_name(|n| format!("screenshot {n}"))
             .build()
             .map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads"))?;
-        let (sender, receiver) = channel();
-        Ok(Self { pool, space, wake, sender, receiver, coming: 0 })
+        Ok(Self { pool, space, wake, jobs: Vec::new() })
     }
 
     /// Begins an image.
     pub fn begin(&mut self, request: PictureRequest) {
-        let (space, sender, wake) = (self.space.clone(), self.sender.clone(), Arc::clone(&self.wake));
-        self.coming += 1;
-        self.pool.spawn(move || {
-            // Whoever asked for it may have gone.
-            let _ = sender.send(request.trace(&space));
-            wake();
-        });
+        let (space, wake) = (self.space.clone(), Arc::clone(&self.wake));
+        let trace = move |_: &Arc<Progress>| request.trace(&space);
+        self.jobs.push(Job::start_in(&self.pool, "screenshot", &Arc::new(Progress::new()), trace, move || wake()));
     }
 
     /// An image that has become ready since the last call.
     pub fn take(&mut self) -> Option<Result<Traced>> {
-        let traced = self.receiver.try_recv().ok()?;
-        self.coming -= 1;
+        let (n, traced) = self.jobs.iter_mut().enumerate().find_map(|(n, job)| Some((n, job.take()?)))?;
+        self.jobs.remove(n);
         Some(traced)
     }
 
     /// Waits for the next image if one is still to come.
     pub fn wait(&mut self) -> Option<Result<Traced>> {
-        if self.coming == 0 {
-            return None;
-        }
-        let traced = self.receiver.recv().ok()?;
-        self.coming -= 1;
-        Some(traced)
+        (!self.jobs.is_empty()).then(|| self.jobs.remove(0).wait())
     }
 }
 

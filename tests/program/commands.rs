@@ -1,4 +1,4 @@
-//! The contract's commands, options and values: what there is shows in the help, what there is not yet is told as such, and
+//! Commands, options and values: what is built shows in the help, what is planned is refused as not built yet, and
 //! values that make no sense are refused whether or not the command has a use for them.
 
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ const COMMANDS: [(&str, &str); 21] = [
     ("!batch list.csv --out b/ --do segment --shard 1/2", ""),
 ];
 
-/// Options whose values the contract names.
+/// Options with a fixed set of values; a `!` stands before what is not built.
 const VALUES: [(&[&str], &str); 12] = [
     (&["fly", "--guide"], "tentacles potential path manual"),
     (&["fly", "--quality"], "high low adaptive reference"),
@@ -105,7 +105,7 @@ fn values_are_there_or_told_as_not_built() {
                 }
             }
         }
-        // What is in no contract is wrong, not missing.
+        // What nobody plans is wrong, not missing.
         let wrong = told(&[option, &["warp"]].concat());
         assert!(!wrong.contains("not built"), "{wrong}");
     }
