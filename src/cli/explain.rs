@@ -6,11 +6,16 @@ use crate::app::explain::explain;
 use crate::cli::args::{ExplainArgs, Global};
 use crate::cli::{Program, fly, print};
 use crate::components::output::FrameCache;
+#[cfg(feature = "window")]
+use crate::components::slices::SliceView;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
 /// A flight with plug-ins is flown for so long to see what they take, simulated seconds.
 const TRIAL_S: f64 = 0.25;
+/// Slices are explained in this size, pixels: about that of a tile in a window of the usual size.
+#[cfg(feature = "window")]
+const SLICE: [usize; 2] = [400, 300];
 
 /// Builds the flight that `fly` would fly with the same options and says what it is made of.
 ///
@@ -23,6 +28,12 @@ pub fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Ar
     let scene = fly::scene(program, &args.fly, global, screen)?;
     let mut scan = fly::open(&args.fly, global, &scene, progress)?;
     let mut flight = fly::flight(&args.fly, &mut scan, scene)?;
+    #[cfg(feature = "window")]
+    if let Some(layout) = args.fly.layout.as_deref().filter(|_| windowed) {
+        for orientation in crate::host::window::slices_of(layout) {
+            flight.add_slice(SliceView::new(orientation, SLICE))?;
+        }
+    }
     if flight.camera::<FrameCache>().is_some() {
         // Only frames fill it: the last one's and the one before's memory is used in turn.
         flight.frame()?;

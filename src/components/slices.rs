@@ -182,7 +182,7 @@ impl SliceView {
 
     /// What it keeps in memory.
     pub fn bytes(&self) -> usize {
-        self.hu.capacity() * size_of::<f32>() + self.grey.capacity() + self.frame.pixels().len() * size_of::<[u8; 3]>()
+        self.hu.capacity() * size_of::<f32>() + self.grey.capacity() + size_of_val(self.frame.pixels())
     }
 }
 

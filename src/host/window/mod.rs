@@ -57,6 +57,7 @@ use panels::PanelEntry;
 pub use presented::PresentMs;
 use settings::Settings;
 use shell::{Shell, Wake};
+pub use workspace::slices_of;
 
 /// All keys of the window with what they do, in the order in which its help shows them, as they are without a settings file.
 ///

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::actions::{Does, MENUS, WindowRequest};
 use super::folders::{self, Folder};
 use super::overlay::{DISCLAIMER, Mood, SOFT};
-use super::panels::{Context, Panel, PanelEntry, Request, Requests};
+use super::panels::{Context, Panel, PanelEntry, Request, Requests, slices};
+use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 use crate::{fence, output};
 
@@ -104,6 +105,18 @@ impl Split {
             Self::Row(children) | Self::Column(children) => children.iter().any(|c| c.1.shows(panel)),
         }
     }
+}
+
+/// The slices that a layout shows as it comes, by its name; none of one that there is not.
+pub fn slices_of(layout: &str) -> Vec<Orientation> {
+    let Some(entry) = LAYOUTS.iter().find(|l| l.name == layout) else { return Vec::new() };
+    let panels = [
+        (slices::AXIAL, Orientation::Axial),
+        (slices::CORONAL, Orientation::Coronal),
+        (slices::SAGITTAL, Orientation::Sagittal),
+        (slices::ACROSS, Orientation::Across),
+    ];
+    panels.into_iter().filter(|(panel, _)| entry.tiles.shows(panel.name)).map(|p| p.1).collect()
 }
 
 fn linear(
