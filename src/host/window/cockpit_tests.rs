@@ -4,9 +4,11 @@ use glam::{DMat3, DVec3};
 
 use super::*;
 use crate::app::{ImageSettings, Plan, Scene};
+use crate::components::slices::Orientation;
 use crate::fields::lumen;
 use crate::host::window::actions::KeySettings;
 use crate::host::window::keys::Hold;
+use crate::host::window::panels::{FlightRequest, SliceRequest};
 use crate::progress::Progress;
 use crate::render::{PreparedVolume, Preset, Quality, Settings, TransferFunction};
 use crate::volume::{Grid, Volume};
@@ -56,7 +58,8 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
     FlightApp::new(PreparedVolume::new(volume, TransferFunction::default()), lumen, plan, scene).unwrap()
 }
 
-fn cockpit(guide: &'static str) -> Cockpit {
+/// The operator of such a flight.
+pub fn cockpit(guide: &'static str) -> Cockpit {
     cockpit_of(flight(guide), 0.0, Vec::new())
 }
 
@@ -400,4 +403,84 @@ fn a_slow_plugin_is_among_the_figures() {
     fly(&mut c, &mut now, 20);
     let figures = c.readings(now + Duration::from_secs(1)).figures;
     assert!(figures.iter().any(|f| f.starts_with("plug-in sleeper takes ")), "{figures:?}");
+}
+
+/// The slices of a reading layout, in these tests' size.
+const SLICES: [(Orientation, [usize; 2]); 2] = [(Orientation::Axial, [64, 64]), (Orientation::Across, [64, 64])];
+
+/// Traces a picture with slices beside it.
+fn trace_with_slices(c: &mut Cockpit, now: Instant) {
+    let due = c.prepare(WINDOW, &SLICES, now).unwrap();
+    c.show(due).unwrap();
+}
+
+#[test]
+fn a_click_in_a_slice_stops_the_flight_and_takes_the_camera_along_where_it_fits() {
+    let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
+    c.flight_mut().record_acts();
+    fly(&mut c, &mut now, 10);
+    trace_with_slices(&mut c, now);
+    let view = c.slices().view(c.flight(), Orientation::Axial).unwrap();
+    assert_eq!(view.size, [64, 64]);
+    let at = |c: &Cockpit| c.flight().pose().position;
+    let (start, gas, tissue) = (at(&c), DVec3::new(17.0, 40.0, 15.0), DVec3::new(2.0, 40.0, 16.0));
+    c.slice(SliceRequest::Click(tissue), now);
+    assert_eq!((at(&c), c.slices().cursor()), (start, Some(tissue)));
+    fly(&mut c, &mut now, 5);
+    assert_eq!(c.readings(now).state, "paused");
+    c.slice(SliceRequest::Click(gas), now);
+    assert_eq!((at(&c), c.slices().cursor()), (gas, Some(gas)));
+    trace_with_slices(&mut c, now);
+    let through = c.slices().view(c.flight(), Orientation::Across).unwrap().shown().unwrap();
+    assert!(through.pixel(gas).1.abs() < 1e-9, "the slices go through it");
+    // The flight goes on, and the slices with it.
+    perform(&mut c, "pause", now);
+    assert_eq!(c.slices().cursor(), None);
+    fly(&mut c, &mut now, 20);
+    assert!(at(&c).y > gas.y + 1.0);
+    // What the operator did is kept as any other command.
+    let acts = serde_json::to_string(c.flight().acts()).unwrap();
+    assert!(acts.contains("\"go\""), "{acts}");
+    assert_eq!(serde_json::from_str::<Vec<crate::components::input::Act>>(&acts).unwrap(), c.flight().acts());
+}
+
+#[test]
+fn distances_are_measured_on_the_wall_and_in_slices() {
+    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    fly(&mut c, &mut now, 2);
+    trace(&mut c, now);
+    perform(&mut c, "measure", now);
+    let at = Moment { window: WINDOW, now };
+    let middle = WINDOW.1 as f64 / 2.0;
+    c.follow(FlightRequest::Click([4.0, middle]), at);
+    assert!(c.measures().begun().is_some());
+    c.follow(FlightRequest::Click([WINDOW.0 as f64 - 4.0, middle]), at);
+    let made = c.measures().list()[0];
+    assert!((made.mm() - 20.0).abs() < 0.6, "from wall to wall of a tube of 20 mm: {}", made.text());
+    // The camera is half a millimetre beside the middle.
+    assert!((made.from.y - made.to.y).abs() < 1.5 && made.from.x < made.to.x);
+    // Mixed: from the wall to a place of a slice.
+    c.follow(FlightRequest::Click([4.0, middle]), at);
+    c.slice(SliceRequest::Click(made.from + DVec3::Y * 3.0), now);
+    assert!((c.measures().list()[1].mm() - 3.0).abs() < 1e-6);
+    perform(&mut c, "undo", now);
+    perform(&mut c, "delete-last", now);
+    assert!(c.measures().list().is_empty());
+    perform(&mut c, "undo", now);
+    assert_eq!(c.measures().list(), [made]);
+}
+
+#[test]
+fn a_double_click_flies_to_what_it_looks_at() {
+    let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
+    fly(&mut c, &mut now, 2);
+    trace(&mut c, now);
+    c.follow(FlightRequest::LookAt([70.0, 36.0]), Moment { window: WINDOW, now });
+    let place = c.slices().cursor().unwrap();
+    fly(&mut c, &mut now, 60);
+    let pose = c.flight().pose();
+    let way = place - pose.position;
+    assert!(way.normalize().dot(pose.attitude.forward) > 0.999, "it looks at it");
+    assert!((5.0..30.0).contains(&way.length()), "{} mm", way.length());
+    assert_eq!(c.readings(now).state, "paused");
 }

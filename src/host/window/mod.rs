@@ -192,7 +192,7 @@ pub fn run(display: Display, launch: Launch, progress: &Arc<Progress>) -> Result
         let _ = wake.send_event(Wake::Interrupted);
     });
     watcher.map_err(|e| Error::fault("window", e.to_string(), "close other programs"))?;
-    let mut shell = Shell::new(launch, progress, proxy)?;
+    let mut shell = Shell::new(launch, proxy)?;
     let looped = display.0.run_app(&mut shell);
     // Logs and the like first: they are to be whole even if the display went away.
     shell.end()?;

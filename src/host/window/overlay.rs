@@ -22,9 +22,10 @@ pub const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
 const BACKING: Color32 = Color32::from_black_alpha(165);
 
 /// How urgent a state is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mood {
     /// All goes by itself.
+    #[default]
     Well,
     /// The operator has stopped or taken over.
     Waiting,
@@ -63,7 +64,7 @@ pub enum Content {
 }
 
 /// What is known of a flight at a moment, as it is shown.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Readings {
     /// How the flight stands.
     pub state: String,

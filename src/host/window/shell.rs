@@ -121,7 +121,7 @@ impl Shell {
     ///
     /// # Errors
     /// Status 1 when the system gives no thread.
-    pub fn new(launch: Launch, progress: &Arc<Progress>, proxy: EventLoopProxy<Wake>) -> Result<Self> {
+    pub fn new(launch: Launch, proxy: EventLoopProxy<Wake>) -> Result<Self> {
         let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels)?;
         let (workspace, unread) = Workspace::new(&launch.panels, launch.layout.as_deref(), Workspace::usual_file());
         for e in unsettled.iter().chain(&unread) {
@@ -134,7 +134,9 @@ impl Shell {
         }
         let unsettled = unsettled.or(unlisted);
         let first = launch.first;
-        let loading = load(first.prepare, progress, &proxy)?;
+        // A scan that is closed while it is loaded is cancelled, and the program is not.
+        let progress = Arc::new(Progress::new());
+        let loading = load(first.prepare, &progress, &proxy)?;
         let waker = proxy.clone();
         let saveable: WakeUp = Arc::new(move || {
             // There is nobody to wake when the window is gone.
@@ -170,7 +172,7 @@ impl Shell {
             session: None,
             scan: None,
             finish: Some(first.finish),
-            progress: Arc::clone(progress),
+            progress,
             saveable,
             presented: Presented::default(),
             overlays: launch.overlays,
@@ -623,11 +625,9 @@ impl ApplicationHandler<Wake> for Shell {
             }
             Wake::Saveable => self.ask_for_picture(),
             Wake::Interrupted => {
-                if matches!(self.stage, Stage::Flying(_)) {
-                    self.fail(Error::cancelled("flight"), events);
-                } else {
-                    events.exit();
-                }
+                self.progress.cancel();
+                let what = if matches!(self.stage, Stage::Flying(_)) { "flight" } else { "loading" };
+                self.fail(Error::cancelled(what), events);
             }
         }
     }

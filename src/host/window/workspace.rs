@@ -459,6 +459,10 @@ fn told(ui: &mut Ui, rect: egui::Rect, title: &str, why: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::host::window::actions::{Actions, KeySettings};
+    use crate::host::window::cockpit::Cockpit;
+    use crate::host::window::interface::{Interface, WindowSize};
+    use crate::host::window::panels::{FlightRequest, SliceRequest};
 
     struct Nothing;
 
@@ -500,6 +504,85 @@ mod tests {
         assert!(second.layouts[0].is_shown("own"));
         // What is asked for wins.
         assert_eq!(Workspace::new(&entries(), Some("flight"), Some(path)).0.layout, 0);
+    }
+
+    /// A panel that fails with its third picture.
+    struct Fails(u32);
+
+    impl Panel for Fails {
+        fn ui(&mut self, _: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+            self.0 += 1;
+            assert!(self.0 < 3, "the third time");
+            if ui.button("press").clicked() {
+                requests.action("pause");
+            }
+        }
+    }
+
+    /// Lays a workspace out after some events; what was asked for.
+    fn lay_out(w: &mut Workspace, interface: &mut Interface, cockpit: &Cockpit, events: Vec<egui::Event>) -> Requests {
+        let actions = Actions::new(&cockpit.flight().scene().guides, &[], &entries(), &KeySettings::new()).unwrap();
+        let readings = crate::host::window::overlay::Readings::default();
+        let size = WindowSize { pixels: (1000, 700), scale: 1.0 };
+        let input = egui::RawInput { events, ..egui::RawInput::default() };
+        let mut requests = Requests::default();
+        interface.lay_out(input, size, std::time::Instant::now(), |ui| {
+            w.ui(&Context::new(cockpit, &actions, &[], &readings), ui, &mut requests);
+            Vec::new()
+        });
+        requests
+    }
+
+    fn press(at: egui::Pos2, pressed: bool) -> Vec<egui::Event> {
+        let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+        vec![egui::Event::PointerMoved(at), egui::Event::PointerButton { pos: at, button, pressed, modifiers }]
+    }
+
+    #[test]
+    fn panels_are_laid_out_and_clicked_without_a_window() {
+        let mut cockpit = crate::host::window::cockpit::tests::cockpit("tentacles");
+        let (mut w, mut interface) = (Workspace::new(&entries(), Some("reading"), None).0, Interface::new());
+        let shown = lay_out(&mut w, &mut interface, &cockpit, Vec::new());
+        let flight = shown.flight_at().unwrap();
+        let places: Vec<egui::Rect> = shown.slices_at().iter().map(|s| s.1).chain([flight]).collect();
+        assert_eq!(places.len(), 4);
+        for (n, a) in places.iter().enumerate() {
+            assert!(a.width() > 150.0 && a.height() > 150.0, "{a:?}");
+            assert!(places[..n].iter().all(|b| !a.shrink(1.0).intersects(*b)), "they lie side by side");
+        }
+        // The slices are drawn, and a click in one is a place of the world.
+        let size = |r: &egui::Rect| [r.width() as usize, r.height() as usize];
+        let slices: Vec<_> = shown.slices_at().iter().map(|(o, r)| (*o, size(r))).collect();
+        let due = cockpit.prepare((100, 100), &slices, std::time::Instant::now()).unwrap();
+        cockpit.show(due).unwrap();
+        let (orientation, axial) = shown.slices_at()[0];
+        lay_out(&mut w, &mut interface, &cockpit, Vec::new());
+        let mut asked = lay_out(&mut w, &mut interface, &cockpit, press(axial.center(), true));
+        let slice = cockpit.slices().view(cockpit.flight(), orientation).unwrap().shown().unwrap();
+        let [Request::Slice(SliceRequest::Click(place))] = asked.take()[..] else { panic!("a click in the slice") };
+        let offset = f64::from(axial.center().x - axial.min.x) - slice.pixel(place).0[0];
+        assert!(offset.abs() < 1e-3 && slice.pixel(place).1.abs() < 1e-9);
+        // A drag in the flight looks around.
+        lay_out(&mut w, &mut interface, &cockpit, press(axial.center(), false));
+        let mut events = press(flight.center(), true);
+        events.push(egui::Event::PointerMoved(flight.center() + egui::vec2(30.0, 0.0)));
+        let asked = lay_out(&mut w, &mut interface, &cockpit, events).take();
+        assert!(asked.contains(&Request::Flight(FlightRequest::Look([30.0, 0.0]))), "{asked:?}");
+    }
+
+    #[test]
+    fn a_panel_that_panics_says_so_in_its_place_and_the_others_stay() {
+        let cockpit = crate::host::window::cockpit::tests::cockpit("tentacles");
+        let fails =
+            PanelEntry { name: "fails", title: "Fails", shown: true, make: || Box::new(Fails(0)), ..PanelEntry::NONE };
+        let all = [entries(), vec![fails]].concat();
+        let (mut w, mut interface) = (Workspace::new(&all, Some("flight"), None).0, Interface::new());
+        for n in 0..6 {
+            let shown = lay_out(&mut w, &mut interface, &cockpit, Vec::new());
+            assert!(shown.flight_at().is_some(), "{n}");
+            assert_eq!(w.panels.last().unwrap().fault.is_some(), n >= 2, "{n}");
+        }
+        assert!(w.panels.last().unwrap().fault.as_ref().unwrap().contains("the third time"));
     }
 
     #[test]
