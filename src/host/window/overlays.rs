@@ -4,7 +4,7 @@ use crate::app::overlay::{Canvas, Mark};
 use crate::app::{FlightApp, Overlay};
 use crate::error::Error;
 
-/// The height of the bar and the lines of text that [`overlay::flight`](super::overlay::flight) lays over the picture's lower edge, points: that of
+/// Height of the bar and the lines of text that [`flight`](super::overlay::flight) lays over the picture's lower edge, points: that of
 /// a narrow window, where they are highest, so that overlays do not jump as its size changes.
 const FOOT: f32 = 80.0;
 
