@@ -39,6 +39,8 @@ use crate::render::adaptive::FRAME;
 
 /// Time between two pictures while loading.
 const LOADING: Duration = Duration::from_millis(60);
+/// Time between two layouts of panels that show a flight that goes on.
+const LAYOUTS: Duration = Duration::from_millis(30);
 /// Size of a window where none is asked for, in points.
 const USUAL: LogicalSize<f64> = LogicalSize::new(1024.0, 768.0);
 
@@ -69,6 +71,7 @@ pub struct Shell {
     framebuffer: Option<Framebuffer>,
     /// What the layout shows, and the window that it is for: laid out again when it differs.
     laid_out: Option<(Content, WindowSize)>,
+    laid_out_at: Option<Instant>,
     interface: Interface,
     /// The window's events for the interface.
     input: Option<egui_winit::State>,
@@ -147,6 +150,7 @@ impl Shell {
             window: None,
             framebuffer: None,
             laid_out: None,
+            laid_out_at: None,
             interface: Interface::new(),
             input: None,
             touched: false,
@@ -415,6 +419,8 @@ impl Shell {
             Stage::Flying(c) => c.has_marks() || self.workspace.shows_more_than_the_flight(),
             Stage::Loading(_) | Stage::Failed(_) | Stage::Over => false,
         };
+        // What moves by itself is laid out half as often as pictures are shown: to rasterise it takes the time of a small picture.
+        let more = more && self.laid_out_at.is_none_or(|t| now.saturating_duration_since(t) >= LAYOUTS);
         let touched = std::mem::take(&mut self.touched) || more || self.interface.next().is_some_and(|t| t <= now);
         if !touched && self.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
             return;
@@ -449,6 +455,7 @@ impl Shell {
         self.flight_at = requests.flight_at().map_or([0; 4], |at| size.in_pixels(at));
         self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         self.laid_out = Some((content, size));
+        self.laid_out_at = Some(now);
         for request in chosen.map(Request::Open).into_iter().chain(requests.take()) {
             match request {
                 Request::Open(path) => self.open_scan(path, events),
@@ -626,8 +633,12 @@ impl ApplicationHandler<Wake> for Shell {
             Wake::Saveable => self.ask_for_picture(),
             Wake::Interrupted => {
                 self.progress.cancel();
-                let what = if matches!(self.stage, Stage::Flying(_)) { "flight" } else { "loading" };
-                self.fail(Error::cancelled(what), events);
+                match self.stage {
+                    Stage::Flying(_) => self.fail(Error::cancelled("flight"), events),
+                    Stage::Loading(_) => self.fail(Error::cancelled("loading"), events),
+                    // Why it could not be opened is what there is to tell.
+                    Stage::Failed(_) | Stage::Over => events.exit(),
+                }
             }
         }
     }
