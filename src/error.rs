@@ -51,6 +51,8 @@ pub struct Error {
     pub why: String,
     /// What the user can do about it, as a request.
     pub mend: String,
+    /// Where an input holds several scans: each in words, in the order that `--series` counts from 1.
+    pub choices: Vec<String>,
 }
 
 /// The result of anything that can fail.
@@ -59,7 +61,7 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// A failure of the given kind.
     pub fn new(kind: Kind, what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self { kind, what: what.into(), why: why.into(), mend: mend.into() }
+        Self { kind, what: what.into(), why: why.into(), mend: mend.into(), choices: Vec::new() }
     }
 
     /// A fault of the program's own: status 1.

@@ -21,7 +21,9 @@ pub fn follow_trail(camera: Single<(&Pose, &Flight, &mut Trail, Option<&Planned>
     let (pose, flight, mut trail, planned) = camera.into_inner();
     let planned = planned.map(|p| (p.s_mm, p.route.length_mm()));
     trail.follow((pose.position, pose.attitude), flight.length_mm, planned);
-    if flight.state == State::Arrived {
-        trail.arrive();
+    match flight.state {
+        State::Arrived => trail.arrive(),
+        State::Operator => trail.call(),
+        State::Flying | State::Ended => {}
     }
 }

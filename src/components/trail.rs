@@ -10,6 +10,11 @@ const STEP_MM: f64 = 2.0;
 /// … or has turned so much, as the cosine of the angle: 10°.
 const TURN: f64 = 0.984_807_753_012_208;
 
+/// Calls nearer to each other than this share of the way are one.
+const ONE_CALL: f64 = 0.01;
+/// No more calls than this are kept.
+const CALLS: usize = 64;
+
 /// The views of a flight, in order, each with the share of the way (0 to 1, from the start to the goal as they are now) at
 /// which it lies.
 ///
@@ -31,6 +36,8 @@ pub struct Trail {
     flown_mm: f64,
     /// Where the camera is.
     share: f64,
+    /// Where the guide called for the operator since the flight last set out.
+    calls: Vec<f64>,
 }
 
 impl Trail {
@@ -38,6 +45,7 @@ impl Trail {
     pub fn set_out(&mut self, length_mm: f64) {
         (self.begins, self.length_mm, self.flown_mm) = (self.views.len(), length_mm.max(0.0), 0.0);
         self.legs.clear();
+        self.calls.clear();
         self.jump(0.0);
     }
 
@@ -49,7 +57,29 @@ impl Trail {
     /// Start and goal are swapped.
     pub fn turn_round(&mut self) {
         self.share = 1.0 - self.share;
-        self.shares[self.begins..].iter_mut().for_each(|s| *s = 1.0 - *s);
+        self.shares[self.begins..].iter_mut().chain(&mut self.calls).for_each(|s| *s = 1.0 - *s);
+    }
+
+    /// The guide calls for the operator here.
+    pub fn call(&mut self) {
+        if self.calls.len() < CALLS && self.calls.iter().all(|c| (c - self.share).abs() > ONE_CALL) {
+            self.calls.push(self.share);
+        }
+    }
+
+    /// Where the guide called for the operator since the flight set out, as shares of the way.
+    pub fn calls(&self) -> &[f64] {
+        &self.calls
+    }
+
+    /// Where the camera is: the share of the way behind it.
+    pub fn share(&self) -> f64 {
+        self.share
+    }
+
+    /// Of the way, mm.
+    pub fn length_mm(&self) -> f64 {
+        self.length_mm
     }
 
     /// The goal is reached, whatever was counted.
@@ -154,6 +184,25 @@ mod tests {
         assert!(t.at(0.52).is_none() && t.at(1.0).is_none());
         t.follow((DVec3::X * 99.9, Attitude::new(DVec3::Y, DVec3::Z)), flown, None);
         assert_eq!(t.views().last().unwrap().1.forward, DVec3::Y, "a turn on the spot is a view of its own");
+    }
+
+    #[test]
+    fn calls_are_kept_once_and_turn_round_with_the_way() {
+        let (mut t, mut flown) = (Trail::default(), 0.0);
+        t.set_out(200.0);
+        fly(&mut t, 0.0, 60.0, &mut flown);
+        t.call();
+        t.call();
+        assert!((t.share() - 0.3).abs() < 1e-9 && t.calls() == [t.share()]);
+        t.turn_round();
+        assert!((t.share() - 0.7).abs() < 1e-9 && t.calls() == [t.share()]);
+        for n in 0..300 {
+            t.jump(f64::from(n) / 300.0);
+            t.call();
+        }
+        assert!(t.calls().len() <= CALLS);
+        t.set_out(0.0);
+        assert!(t.calls().is_empty() && t.share() == 0.0);
     }
 
     #[test]

@@ -267,6 +267,8 @@ fn series_are_told_apart_and_chosen() {
     let two = [other_series(12, "1.9", 3, "CT"), other_series(11, "1.8", 1, "CT")].concat();
     let why = refusal(&two);
     assert!(why.contains("1 = CT, 11 slices of 6×4, 2 = CT, 12 slices of 6×4; choose one with --series N"), "{why}");
+    let choices = read(&two, &LoadOptions::default()).unwrap_err().choices;
+    assert_eq!(choices, ["1 = CT, 11 slices of 6×4", "2 = CT, 12 slices of 6×4"], "for a window to list");
     let options = LoadOptions { series: Some(2), ..LoadOptions::default() };
     assert_eq!(read(&two, &options).unwrap().volume.grid().dims()[2], 12);
     let e = read(&two, &LoadOptions { series: Some(3), ..LoadOptions::default() }).unwrap_err();

@@ -17,6 +17,7 @@ use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, State};
 use crate::components::input::Act;
 use crate::components::output::{FlightLog, Follows, FrameCache, LogLine, Picture};
+use crate::components::play::Playback;
 use crate::components::scan::{Scan, Walls};
 use crate::components::slices::SliceView;
 use crate::components::trail::Trail;
@@ -505,6 +506,13 @@ impl FlightApp {
         self.app.camera().insert(Pose { position, attitude });
         self.rest(position, attitude.forward);
         true
+    }
+
+    /// Share of the way behind the camera, 0 to 1, and the way's length, mm: by the plan or the log that is played, or coarsely by the
+    /// way flown.
+    pub fn way(&self) -> (f64, f64) {
+        let Some(trail) = self.trail() else { return (0.0, 0.0) };
+        (self.camera::<Playback>().map_or(trail.share(), Playback::share), trail.length_mm())
     }
 
     /// Says how far along the way the camera stands, mm: for a flight that goes on from where another was left.

@@ -37,7 +37,7 @@ pub fn fly(
     let flown = Rc::new(Cell::new(false));
     let first = opening(args, global, scene, &timings, Rc::clone(&flown))?;
     let (own_program, own_args, own_global) = (program.clone(), args.clone(), global.clone());
-    let open = move |input: PathBuf| {
+    let open = move |input: PathBuf, series: Option<usize>| {
         // What belongs to one flight alone stays with the first: its place, its files, its length.
         let args = FlyArgs {
             input: Some(input),
@@ -53,7 +53,7 @@ pub fn fly(
             coverage: false,
             ..own_args.clone()
         };
-        let global = Global { series: None, ..own_global.clone() };
+        let global = Global { series, ..own_global.clone() };
         let scene = super::scene(&own_program, &args, &global, Screen::Window)?;
         opening(&args, &global, scene, &Arc::default(), Rc::default())
     };

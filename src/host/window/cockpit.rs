@@ -27,16 +27,14 @@ use super::screenshot;
 use super::sight::{Due, Sight};
 use super::slices::Slices;
 use super::travel::Travel;
-use super::way::Way;
 use crate::app::{FlightApp, Overlay};
 use crate::components::camera::Velocity;
 use crate::components::clock::Accumulator;
 use crate::components::flight::State;
-use crate::components::guide::Planned;
 use crate::components::input::{Command, Hand};
 use crate::components::output::Picture;
-use crate::components::play::Playback;
 use crate::components::slices::Orientation;
+use crate::components::trail::Trail;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
@@ -75,7 +73,6 @@ pub struct Cockpit {
     notches: f64,
     /// Notches by which the view angle is to get narrower before the next step.
     zoom: f64,
-    way: Way,
     slices: Slices,
     measures: Measures,
     /// Where the camera is being taken.
@@ -99,22 +96,15 @@ pub struct Cockpit {
 }
 
 impl Cockpit {
-    /// The operator of `flight`, whose place along the way is `along_mm`.
+    /// The operator of `flight`.
     ///
     /// The numbers of overlays in `actions` are their places in `overlays`. `wake` is called from another thread when an image is
     /// ready to be saved.
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
-    pub fn new(
-        flight: FlightApp,
-        along_mm: f64,
-        wake: WakeUp,
-        overlays: Vec<Overlay>,
-        actions: Rc<Actions>,
-    ) -> Result<Self> {
+    pub fn new(flight: FlightApp, wake: WakeUp, overlays: Vec<Overlay>, actions: Rc<Actions>) -> Result<Self> {
         let now = Instant::now();
-        let way = Way::new(flight.plan().length_mm, flight.flight().length_mm).at(along_mm);
         let sight = Sight::new(flight.volume().clone(), wake)?;
         let scene = flight.scene();
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
@@ -131,7 +121,6 @@ impl Cockpit {
             roll: 0.0,
             notches: 0.0,
             zoom: 0.0,
-            way,
             slices: Slices::default(),
             measures: Measures::default(),
             travel: None,
@@ -177,11 +166,6 @@ impl Cockpit {
     /// Learns what presentations take, ms.
     pub fn presented(&mut self, ms: f64) {
         self.sight.presented(ms);
-    }
-
-    /// Place along the way, mm.
-    pub fn along_mm(&self) -> f64 {
-        self.way.along_mm()
     }
 
     /// The image as it was last traced.
@@ -401,7 +385,6 @@ impl Cockpit {
     /// Turns round and flies back.
     pub fn reverse(&mut self, at: Moment) {
         if self.act(Command::Reverse, at.now) {
-            self.way.turn_round();
             self.say("flying back", at.now);
         }
     }
@@ -409,7 +392,6 @@ impl Cockpit {
     /// Sets out from the other end.
     pub fn other_end(&mut self, at: Moment) {
         self.act(Command::OtherEnd, at.now);
-        self.set_out();
     }
 
     /// Saves the image.
@@ -469,7 +451,7 @@ impl Cockpit {
     pub fn seek(&mut self, share: f64, now: Instant) {
         self.quiet = 0;
         match self.flight.act(Command::Seek(share)) {
-            Ok(()) => self.way.jump(share),
+            Ok(()) => {}
             Err(e) => self.say(format!("{}: {}; {}", e.what, e.why, e.mend), now),
         }
         self.figures.touch();
@@ -501,17 +483,9 @@ impl Cockpit {
             return;
         }
         self.act(Command::Segment(next), now);
-        self.set_out();
         let ml = self.flight.lumen().segments[next].ml;
         if self.flight.plan().segment == Some(next) {
             self.say(format!("segment {} of {count}: {ml:.0} ml", next + 1), now);
-        }
-    }
-
-    /// A flight that may have set out anew counts its way from there.
-    fn set_out(&mut self) {
-        if self.flight.flight().length_mm == 0.0 {
-            self.way = Way::new(self.flight.plan().length_mm, 0.0);
         }
     }
 
@@ -582,19 +556,9 @@ impl Cockpit {
         Ok(())
     }
 
-    /// Follows a step: the way, and whether the flight has come to rest.
+    /// Follows a step: whether the flight has come to rest.
     fn watch(&mut self) {
         let flight = self.flight.flight();
-        match (self.flight.camera::<Planned>(), self.flight.camera::<Playback>()) {
-            (Some(p), _) => self.way.set(p.s_mm, p.route.length_mm(), flight.length_mm),
-            (None, Some(play)) => self.way.jump(play.share()),
-            (None, None) => self.way.go(flight.length_mm),
-        }
-        match flight.state {
-            State::Arrived => self.way.arrive(),
-            State::Operator => self.way.mark(),
-            State::Flying | State::Ended => {}
-        }
         let hand = self.hand();
         let left_alone = hand.paused || flight.state != State::Flying || self.is_by_hand();
         let still = self.flight.camera::<Velocity>().is_none_or(|v| v.0.length() < REST_MM_S)
@@ -629,7 +593,7 @@ impl Cockpit {
 
     /// What there is to say now.
     pub fn readings(&mut self, now: Instant) -> Readings {
-        let figures = self.figures.read(&self.flight, &self.sight, &self.way, now).to_vec();
+        let figures = self.figures.read(&self.flight, &self.sight, now).to_vec();
         self.attention = false;
         let flight = self.flight.flight();
         let (state, mood) = self.state(&flight.state);
@@ -644,7 +608,8 @@ impl Cockpit {
             }
             State::Flying | State::Ended => {}
         }
-        let (along, length) = (self.way.along_mm(), self.way.length_mm());
+        let (share, length) = self.flight.way();
+        let along = share * length;
         let (marks_drawn, fault) = self.overlays.draw(&self.flight, self.scale);
         if let Some(e) = fault {
             self.tell_fault(&e, now);
@@ -656,7 +621,13 @@ impl Cockpit {
             figures,
             directions: Directions::of(&self.flight.pose().attitude),
             per_mille: self.figures.per_mille(),
-            marks: self.way.marks().iter().map(|m| (m * 1000.0).round() as u32).collect(),
+            marks: self
+                .flight
+                .trail()
+                .map_or(&[][..], Trail::calls)
+                .iter()
+                .map(|m| (m * 1000.0).round() as u32)
+                .collect(),
             // The length is coarse: digits that it does not have are not shown.
             place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),

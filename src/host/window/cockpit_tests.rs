@@ -63,10 +63,17 @@ pub fn cockpit(guide: &'static str) -> Cockpit {
     cockpit_of(flight(guide), 0.0, Vec::new())
 }
 
+/// How far along its way a flight is, whole mm.
+fn along_mm(c: &Cockpit) -> i64 {
+    let (share, length_mm) = c.flight().way();
+    (share * length_mm).round() as i64
+}
+
 /// The operator of `flight`, at `along_mm` of its way.
-fn cockpit_of(flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> Cockpit {
+fn cockpit_of(mut flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> Cockpit {
+    flight.stands_at(along_mm);
     let actions = Actions::new(&flight.scene().guides, &overlays, &[], &KeySettings::new()).unwrap();
-    Cockpit::new(flight, along_mm, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
+    Cockpit::new(flight, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
 }
 
 /// Does the action of that name.
@@ -182,11 +189,11 @@ fn it_flies_back_only_where_there_is_a_way_back() {
     let goal = c.flight().plan().goal;
     perform(&mut c, "reverse", now);
     assert!(c.readings(now).message.is_some_and(|m| m != "flying back"));
-    assert_eq!((c.flight().plan().goal, c.along_mm()), (goal, 20.0));
+    assert_eq!((c.flight().plan().goal, along_mm(&c)), (goal, 20));
     let mut c = cockpit_of(flight("path"), 20.0, Vec::new());
     perform(&mut c, "reverse", now);
     assert_eq!(c.readings(now).message.as_deref(), Some("flying back"));
-    assert_ne!((c.flight().plan().goal, c.along_mm()), (goal, 20.0));
+    assert_ne!((c.flight().plan().goal, along_mm(&c)), (goal, 20));
 }
 
 #[test]

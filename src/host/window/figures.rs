@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use super::sight::{Sight, quality_of, refined};
-use super::way::Way;
 use crate::app::FlightApp;
 use crate::components::camera::{Contact, Velocity};
 use crate::components::input::Hand;
@@ -48,7 +47,7 @@ impl Figures {
     }
 
     /// The figures, one a line, read anew if it is time.
-    pub fn read(&mut self, flight: &FlightApp, sight: &Sight, way: &Way, now: Instant) -> &[String] {
+    pub fn read(&mut self, flight: &FlightApp, sight: &Sight, now: Instant) -> &[String] {
         self.stale |= sight.frames().len() > self.counted;
         let elapsed = now.saturating_duration_since(self.since);
         if !self.stale || (elapsed < READ_EVERY && !self.lines[0].is_empty()) {
@@ -65,7 +64,7 @@ impl Figures {
             let rate = detail.and_then(refined).unwrap_or_else(|| format!("{fps:.0} fps"));
             self.lines[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");
         }
-        self.per_mille = (way.share() * 1000.0).round() as u32;
+        self.per_mille = (flight.way().0 * 1000.0).round() as u32;
         (self.counted, self.since, self.stale) = (sight.frames().len(), now, false);
         let hand: Hand = flight.camera().copied().unwrap_or_default();
         let speed = flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());

@@ -34,7 +34,6 @@ mod shell;
 mod sight;
 mod slices;
 mod travel;
-mod way;
 mod workspace;
 
 use std::path::PathBuf;
@@ -129,8 +128,8 @@ pub struct Opening {
 pub struct Launch {
     /// The scan that it opens with.
     pub first: Opening,
-    /// Opens another one.
-    pub open: Box<dyn Fn(PathBuf) -> Result<Opening>>,
+    /// Opens another one; of a folder that holds several series, the one of this number.
+    pub open: Box<dyn Fn(PathBuf, Option<usize>) -> Result<Opening>>,
     /// Size of the window in pixels; a usual one if none.
     pub size: Option<(usize, usize)>,
     /// What can be drawn over the picture.

@@ -50,7 +50,8 @@ pub struct Session {
 
 impl Session {
     /// Of a flight that is on its way; one that has arrived, or that flies outside the colon, is not taken up again.
-    pub fn of(flight: &FlightApp, along_mm: f64) -> Option<Self> {
+    pub fn of(flight: &FlightApp) -> Option<Self> {
+        let (share, length_mm) = flight.way();
         let segment = flight.plan().segment?;
         if flight.flight().state == State::Arrived {
             return None;
@@ -65,7 +66,7 @@ impl Session {
             reversed: flight.is_reversed(),
             guide: flight.scene().guide_name().to_owned(),
             speed: flight.camera::<Hand>().map_or(1.0, |h| h.speed),
-            along_mm,
+            along_mm: share * length_mm,
         })
     }
 

@@ -102,7 +102,7 @@ pub struct Shell {
     finish: Option<Finish>,
     /// The scan that is open, or that is being opened; none for the embedded phantom.
     opening: Option<PathBuf>,
-    open: Box<dyn Fn(PathBuf) -> Result<Opening>>,
+    open: Box<dyn Fn(PathBuf, Option<usize>) -> Result<Opening>>,
     /// Whether it is the scan that the window was opened with.
     is_first: bool,
     recent: Recent,
@@ -211,7 +211,7 @@ impl Shell {
                 let flight = cockpit.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
                 if let Some(path) = self.session.take() {
-                    let session = Session::of(flight, cockpit.along_mm());
+                    let session = Session::of(flight);
                     if let Err(e) = Session::keep(session.as_ref(), &path) {
                         eprintln!("note: the place of this flight is not kept: {e}");
                     }
@@ -238,8 +238,8 @@ impl Shell {
     }
 
     /// Opens another scan in the place of the one that is open.
-    fn open_scan(&mut self, path: PathBuf, events: &ActiveEventLoop) {
-        let opening = match (self.open)(path) {
+    fn open_scan(&mut self, path: PathBuf, series: Option<usize>, events: &ActiveEventLoop) {
+        let opening = match (self.open)(path, series) {
             Ok(opening) => opening,
             Err(e) => {
                 if let Stage::Flying(c) = &mut self.stage {
@@ -337,8 +337,7 @@ impl Shell {
         {
             eprintln!("note: the list of scans is not kept: {e}");
         }
-        let mut cockpit =
-            Cockpit::new(flight, along.unwrap_or(0.0), Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
+        let mut cockpit = Cockpit::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
         let file = self.scan.as_deref().and_then(Path::file_name).map(|name| Path::new("measures").join(name));
         let (measures, unread) = Measures::open(file.and_then(|f| Folder::State.file(f)));
         cockpit.take_up_measures(measures);
@@ -428,7 +427,8 @@ impl Shell {
         let (Some(input), Some(window)) = (&mut self.input, &self.window) else { return };
         let (stage, workspace, mut requests) = (&self.stage, &mut self.workspace, Requests::default());
         let (actions, recent) = (&*self.actions, self.recent.scans());
-        let (file_list, mut chosen) = (&mut self.file_list, None);
+        let (file_list, opening, mut chosen) = (&mut self.file_list, self.opening.as_deref(), None);
+        let choices = if let Stage::Failed(e) = stage { &e.choices[..] } else { &[] };
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             let area = ui.ctx().content_rect();
             match (&content, stage) {
@@ -443,7 +443,15 @@ impl Shell {
                         ui.label(text);
                         ui.label("Open another scan, or drop one on the window. Esc closes it.");
                         ui.separator();
-                        chosen = file_list.ui(recent, ui);
+                        for (n, series) in choices.iter().enumerate() {
+                            if ui.button(series).clicked() {
+                                chosen = opening.map(|path| Request::Open(path.to_owned(), Some(n + 1)));
+                            }
+                        }
+                        if !choices.is_empty() {
+                            ui.separator();
+                        }
+                        chosen = chosen.take().or(file_list.ui(recent, ui).map(|path| Request::Open(path, None)));
                     });
                 }
                 (Content::Loading { stage, share }, _) => overlay::loading(&background(ui), area, stage, *share),
@@ -456,9 +464,9 @@ impl Shell {
         self.slices_at = requests.slices_at().iter().map(|(o, at)| (*o, size.in_pixels(*at))).collect();
         self.laid_out = Some((content, size));
         self.laid_out_at = Some(now);
-        for request in chosen.map(Request::Open).into_iter().chain(requests.take()) {
+        for request in chosen.into_iter().chain(requests.take()) {
             match request {
-                Request::Open(path) => self.open_scan(path, events),
+                Request::Open(path, series) => self.open_scan(path, series, events),
                 Request::Flight(request) => {
                     let moment = self.moment(now);
                     if let Stage::Flying(cockpit) = &mut self.stage {
@@ -666,7 +674,7 @@ impl ApplicationHandler<Wake> for Shell {
                 self.touched = true;
                 self.ask_for_picture();
             }
-            WindowEvent::DroppedFile(path) => self.open_scan(path, events),
+            WindowEvent::DroppedFile(path) => self.open_scan(path, None, events),
             WindowEvent::KeyboardInput { event, .. } => self.key(&event, events),
             WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
             WindowEvent::Focused(false) => {

@@ -7,7 +7,6 @@ use glam::DVec3;
 use super::Cockpit;
 use crate::components::camera::Pose;
 use crate::components::flight::State;
-use crate::components::guide::Planned;
 use crate::components::input::Command;
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
@@ -57,13 +56,11 @@ impl Cockpit {
             return;
         }
         if other {
-            self.set_out();
             self.say(format!("segment {} of {}", segment + 1, self.flight.lumen().segments.len()), now);
         }
         let pose = Pose { position: place, ..self.flight.pose() };
         if self.flight.act(go_to(pose)).is_ok() {
             self.travel = None;
-            self.found(place);
         }
         // Where the camera came along is no place that it left.
         self.slices.point(&self.flight, place);
@@ -80,16 +77,6 @@ impl Cockpit {
         let flies = self.flight.flight().state == State::Flying && !self.is_by_hand();
         if flies && !self.hand().paused && self.flight.scene().play().is_none() {
             self.act(Command::Pause(true), now);
-        }
-    }
-
-    /// The bar follows to where the camera was taken, where it is known how far along that is.
-    fn found(&mut self, place: DVec3) {
-        let flown = self.flight.flight().length_mm;
-        if let Some(p) = self.flight.camera::<Planned>()
-            && let Some(s) = p.route.nearest(place).first()
-        {
-            self.way.set(*s, p.route.length_mm(), flown);
         }
     }
 
@@ -178,7 +165,6 @@ impl Cockpit {
         if self.flight.act(go_to(pose)).is_err() || over {
             self.travel = None;
         }
-        self.found(self.flight.pose().position);
         self.quiet = 0;
     }
 

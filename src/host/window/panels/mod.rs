@@ -137,8 +137,8 @@ pub enum Request {
     Slice(SliceRequest),
     /// An action of the window, by its id.
     Action(String),
-    /// Open another scan.
-    Open(PathBuf),
+    /// Open another scan; of a folder that holds several series, this one.
+    Open(PathBuf, Option<usize>),
 }
 
 /// What is asked of the slices.
@@ -197,7 +197,7 @@ impl Requests {
 
     /// Opens another scan in the place of this one.
     pub fn open(&mut self, scan: PathBuf) {
-        self.ask(Request::Open(scan));
+        self.ask(Request::Open(scan, None));
     }
 
     /// Points at a place, world mm: all views show it until the flight goes on.

@@ -122,22 +122,26 @@ fn choose(input: &Path, series: &[Vec<Slice>], asked: Option<usize>, notes: &mut
             ));
             Ok(k)
         }
-        _ => Err(Error::file(
-            input,
-            format!("holds {} series: {}", series.len(), words(series)),
-            "choose one with --series N",
-        )),
+        _ => {
+            let why = format!("holds {} series: {}", series.len(), words(series));
+            let choices = (1..).zip(series).map(|(n, s)| in_words(n, s)).collect();
+            Err(Error { choices, ..Error::file(input, why, "choose one with --series N") })
+        }
     }
 }
 
 /// The series in words, for messages.
 fn words(series: &[Vec<Slice>]) -> String {
-    let one = |(k, s): (usize, &Vec<Slice>)| {
-        let f = &s[0].file;
-        let kind = if s[0].localizer { " localizer" } else { "" };
-        format!("{} = {}{kind}, {} slices of {}×{}", k + 1, s[0].modality, s.len(), f.cols, f.rows)
-    };
-    series.iter().enumerate().map(one).collect::<Vec<_>>().join("; ").replace(';', ",")
+    (1..).zip(series).map(|(n, s)| in_words(n, s)).collect::<Vec<_>>().join(", ")
+}
+
+/// A series in words.
+fn in_words(number: usize, slices: &[Slice]) -> String {
+    let f = &slices[0].file;
+    let kind = if slices[0].localizer { " localizer" } else { "" };
+    let words = format!("{number} = {}{kind}, {} slices of {}×{}", slices[0].modality, slices.len(), f.cols, f.rows);
+    // What stands between the parts of a message.
+    words.replace(';', ",")
 }
 
 /// The series as `info` lists them.
