@@ -116,6 +116,18 @@ impl SliceView {
         }
     }
 
+    /// The same slice without its image.
+    pub fn without_image(&self) -> Self {
+        Self {
+            place: self.place,
+            pan_mm: self.pan_mm,
+            zoom: self.zoom,
+            windowing: self.windowing,
+            slab: self.slab,
+            ..Self::new(self.orientation, self.size)
+        }
+    }
+
     /// The plane that is to be shown of a scan for a camera.
     pub fn slice(&self, grid: &Grid, pose: &Pose) -> Slice {
         let frame = self.orientation.frame(pose);

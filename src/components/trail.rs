@@ -126,6 +126,13 @@ impl Trail {
         &self.views
     }
 
+    /// The share of the way at the view nearest to a place (world, mm) since the flight set out; where the camera is if there is none.
+    pub fn share_near(&self, place: DVec3) -> f64 {
+        let views = self.views.iter().zip(&self.shares).skip(self.begins);
+        let near = views.map(|(v, s)| (v.0.distance_squared(place), *s)).min_by(|a, b| a.0.total_cmp(&b.0));
+        near.map_or(self.share, |n| n.1)
+    }
+
     /// The last view at a share of the way; none if the flight was not there since it set out.
     pub fn at(&self, share: f64) -> Option<(DVec3, Attitude)> {
         let count = self.views.len();

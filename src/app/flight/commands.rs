@@ -133,6 +133,8 @@ impl FlightApp {
                 let share = s / length;
                 self.jump(share);
             }
+        } else if let Some(share) = self.trail().map(|t| t.share_near(to)) {
+            self.jump(share);
         }
         self.set_free();
         Ok(())

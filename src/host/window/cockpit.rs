@@ -255,6 +255,8 @@ impl Cockpit {
     /// Sends the flight a command; whether it was followed. One that cannot be is said, and changes nothing.
     fn act(&mut self, command: Command, now: Instant) -> bool {
         self.quiet = 0;
+        // Whatever the operator does comes before where the camera is being taken.
+        self.travel = None;
         let followed = self.flight.act(command);
         if let Err(e) = &followed {
             self.say(format!("{}: {}", e.what, e.why), now);
@@ -396,6 +398,10 @@ impl Cockpit {
 
     /// Saves the image.
     pub fn take_screenshot(&mut self, at: Moment) {
+        if at.window.0 == 0 || at.window.1 == 0 {
+            self.say("the flight is not shown", at.now);
+            return;
+        }
         self.sight.order_to_save(&self.flight, at.window);
         self.say("saving the image", at.now);
     }
@@ -519,9 +525,6 @@ impl Cockpit {
         for note in self.flight.take_notes() {
             self.say(note, now);
         }
-        if self.message.as_ref().is_some_and(|m| now >= m.1) {
-            self.message = None;
-        }
         if self.look != [0.0; 2] {
             let look = std::mem::take(&mut self.look);
             self.act(Command::Look(look), now);
@@ -593,6 +596,9 @@ impl Cockpit {
 
     /// What there is to say now.
     pub fn readings(&mut self, now: Instant) -> Readings {
+        if self.message.as_ref().is_some_and(|m| now >= m.1) {
+            self.message = None;
+        }
         let figures = self.figures.read(&self.flight, &self.sight, now).to_vec();
         self.attention = false;
         let flight = self.flight.flight();

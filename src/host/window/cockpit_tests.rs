@@ -491,3 +491,47 @@ fn a_double_click_flies_to_what_it_looks_at() {
     assert!((5.0..30.0).contains(&way.length()), "{} mm", way.length());
     assert_eq!(c.readings(now).state, "paused");
 }
+
+#[test]
+fn what_was_said_goes_away_while_the_flight_rests() {
+    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    fly(&mut c, &mut now, 60);
+    c.say("here", now);
+    assert_eq!(c.readings(now).message.as_deref(), Some("here"));
+    assert!(c.readings(now + MESSAGE * 2).message.is_none());
+}
+
+#[test]
+fn a_hidden_flight_is_not_made_better_and_not_saved() {
+    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    fly(&mut c, &mut now, 60);
+    perform(&mut c, "light", now);
+    assert!(c.next().is_some_and(|t| t <= now), "another light is another picture");
+    c.readings(now);
+    let due = c.prepare((0, 0), &SLICES, now).unwrap();
+    c.show(due).unwrap();
+    now += MESSAGE * 2;
+    c.readings(now);
+    assert!(c.prepare((0, 0), &SLICES, now).unwrap().is_none(), "the slices are drawn, and the flight is not seen");
+    let rests = |t: Instant| t > now;
+    assert!(c.next().is_none_or(rests), "nothing is due");
+    c.take_screenshot(Moment { window: (0, 0), now });
+    assert_eq!(c.readings(now).message.as_deref(), Some("the flight is not shown"));
+}
+
+#[test]
+fn slices_are_scrolled_by_every_notch_and_by_parts_of_one() {
+    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    fly(&mut c, &mut now, 2);
+    trace_with_slices(&mut c, now);
+    let layer = |c: &Cockpit| c.slices().cursor().map(|p| p.z.round());
+    let from = c.flight().pose().position.z.round();
+    for _ in 0..3 {
+        c.slice(SliceRequest::Scroll(Orientation::Axial, 1.0), now);
+    }
+    assert_eq!(layer(&c), Some(from - 3.0), "towards who looks from below");
+    for _ in 0..8 {
+        c.slice(SliceRequest::Scroll(Orientation::Axial, -0.25), now);
+    }
+    assert_eq!(layer(&c), Some(from - 1.0));
+}

@@ -1,7 +1,7 @@
 //! The interface: what lies over and beside the flight's picture, laid out by egui on the event loop's thread.
 //!
-//! A layout is made only when something that it shows may have changed, and is rasterised only if it has. It knows no window: who has
-//! one gives it the window's events as egui has them, and a test makes them up.
+//! A layout is made only when something that it shows may have changed, and is rasterised only if it has. It does not
+//! depend on a window: the caller passes egui's events, and tests make them up.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -108,6 +108,8 @@ impl Interface {
         egui.all_styles_mut(|style| {
             // A picture that is rasterised on a processor does not fade.
             style.animation_time = 0.0;
+            // A divider is grabbed where it lies, and what lies beside it is the panels'.
+            style.interaction.resize_grab_radius_side = 2.0;
             // As legible as what lies over the pictures.
             style.visuals.override_text_color = Some(super::overlay::INK);
         });

@@ -71,7 +71,8 @@ impl Layer {
     fn cover(&self, y: usize, out: &mut [u32]) {
         for run in self.rows.get(y).into_iter().flatten() {
             let over = &self.pixels[run.first..][..run.columns.len()];
-            for (out, &over) in out[run.columns.clone()].iter_mut().zip(over) {
+            // A layer that is wider is cut off.
+            for (out, &over) in out.iter_mut().skip(run.columns.start).zip(over) {
                 *out = blend(*out, over);
             }
         }

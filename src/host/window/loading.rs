@@ -49,10 +49,16 @@ impl Loading {
         Job::start("loading", progress, prepare, done).map(Self)
     }
 
-    /// What came of it; waits if it is not over.
+    /// What came of it, once, as soon as it is over. Does not wait.
     ///
     /// # Errors
-    /// What the preparation fails with.
+    /// What the preparation fails with; status 1 when it panicked.
+    pub fn take(&mut self) -> Option<Result<Ready>> {
+        self.0.take()
+    }
+
+    /// What came of it; waits if it is not over.
+    #[cfg(test)]
     pub fn finish(self) -> Result<Ready> {
         self.0.wait()
     }

@@ -86,6 +86,11 @@ impl Painter {
             compose(pictures, &Layer::default(), surface, size.0);
             return true;
         };
+        if wanted.size.pixels != size {
+            // The window has another size by now, and gets a layout of it with the next picture.
+            compose(pictures, &Layer::default(), surface, size.0);
+            return false;
+        }
         self.take(false);
         if !self.shown.as_ref().is_some_and(|s| s.may_stand_in_for(&wanted)) {
             while !is(self.shown.as_ref(), &wanted) && self.request(&wanted) && self.take(true) {}

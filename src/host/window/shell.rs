@@ -194,8 +194,14 @@ impl Shell {
         if let Err(e) = self.workspace.keep() {
             eprintln!("note: the layout is not kept: {e}");
         }
+        let unopened = match &self.stage {
+            // What was opened in the window was told there.
+            Stage::Failed(e) if self.is_first => Err(e.clone()),
+            Stage::Loading(_) if self.is_first => Err(Error::cancelled("loading")),
+            Stage::Failed(_) | Stage::Loading(_) | Stage::Flying(_) | Stage::Over => Ok(()),
+        };
         let closed = self.close();
-        self.outcome.and(closed)
+        self.outcome.and(unopened).and(closed)
     }
 
     /// Closes the scan that is open, and writes what its flight leaves behind.
@@ -220,20 +226,11 @@ impl Shell {
                 let finished = self.finish.take().map_or(Ok(()), |f| f(flight, cockpit.frames(), &shown));
                 logged.and(finished)
             }
-            // What was opened in the window was told there.
-            Stage::Failed(e) => {
-                if self.is_first {
-                    Err(e)
-                } else {
-                    Ok(())
-                }
-            }
             // Closed while loading: the worker gives up by itself, and leaves nothing behind.
-            Stage::Loading(_) => {
+            Stage::Loading(_) | Stage::Failed(_) | Stage::Over => {
                 self.progress.cancel();
-                if self.is_first { Err(Error::cancelled("loading")) } else { Ok(()) }
+                Ok(())
             }
-            Stage::Over => Ok(()),
         }
     }
 
@@ -242,9 +239,12 @@ impl Shell {
         let opening = match (self.open)(path, series) {
             Ok(opening) => opening,
             Err(e) => {
-                if let Stage::Flying(c) = &mut self.stage {
-                    c.say(e.to_string(), Instant::now());
+                match &mut self.stage {
+                    Stage::Flying(c) => c.say(e.to_string(), Instant::now()),
+                    Stage::Failed(shown) => *shown = e,
+                    Stage::Loading(_) | Stage::Over => eprintln!("note: {e}"),
                 }
+                self.touched = true;
                 return;
             }
         };
@@ -298,8 +298,11 @@ impl Shell {
 
     /// The loading is over: takes off, or shows why not.
     fn take_off(&mut self) -> Result<()> {
-        let Stage::Loading(loading) = std::mem::replace(&mut self.stage, Stage::Over) else { return Ok(()) };
-        let Ready { mut flight, session } = match loading.finish() {
+        let Stage::Loading(loading) = &mut self.stage else { return Ok(()) };
+        // What woke the window may be the end of a loading that was given up for this one.
+        let Some(loaded) = loading.take() else { return Ok(()) };
+        self.stage = Stage::Over;
+        let Ready { mut flight, session } = match loaded {
             Ok(ready) => ready,
             Err(e) if self.progress.is_cancelled() => return Err(e),
             Err(e) => {
@@ -360,7 +363,7 @@ impl Shell {
         // A button that was reached by Tab has its keys for itself, and an open menu the one that closes it.
         let egui = self.interface.egui();
         let widget = egui.egui_wants_keyboard_input() || egui::Popup::is_any_open(egui);
-        if pressed && widget && matches!(event.logical_key, Key::Named(_)) {
+        if pressed && (egui.text_edit_focused() || widget && matches!(event.logical_key, Key::Named(_))) {
             return;
         }
         // Ctrl-C and the like are not ours.
@@ -441,7 +444,7 @@ impl Shell {
                     ui.scope_builder(egui::UiBuilder::new().max_rect(column), |ui| {
                         ui.heading(overlay::CANNOT);
                         ui.label(text);
-                        ui.label("Open another scan, or drop one on the window. Esc closes it.");
+                        ui.label("Open another scan, or drop one on the window. Esc quits.");
                         ui.separator();
                         for (n, series) in choices.iter().enumerate() {
                             if ui.button(series).clicked() {

@@ -70,6 +70,8 @@ pub struct Sight {
     waiting: Option<PictureRequest>,
     /// What presentations take, ms.
     present_ms: f64,
+    /// Whether no picture of the flight is shown: then it is not made better.
+    hidden: bool,
 }
 
 impl Sight {
@@ -87,6 +89,7 @@ impl Sight {
             to_save: Vec::new(),
             waiting: None,
             present_ms: 0.0,
+            hidden: false,
         })
     }
 
@@ -120,7 +123,7 @@ impl Sight {
     /// Whether a still image is to be made better, or anew with other settings.
     pub fn is_refining(&self, flight: &FlightApp) -> bool {
         let made = flight.camera::<FrameCache>().zip(flight.camera::<Picture>());
-        self.shown.is_some() && made.is_some_and(|(cache, picture)| cache.is_unfinished(picture))
+        !self.hidden && self.shown.is_some() && made.is_some_and(|(cache, picture)| cache.is_unfinished(picture))
     }
 
     /// Has the image of a window of the given size saved: what is shown when it is as good as it gets, or if the camera
@@ -182,7 +185,8 @@ impl Sight {
             }
         }
         let Some(now) = Shown::now(flight, window) else { return Ok(None) };
-        if window.0 == 0 || window.1 == 0 {
+        self.hidden = window.0 == 0 || window.1 == 0;
+        if self.hidden {
             return Ok(beside.then(|| Due { now, rest: false, stays: true, begun: Instant::now() }));
         }
         let rest = self.shown.is_some_and(|s| s.is(&now));

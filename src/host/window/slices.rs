@@ -32,6 +32,8 @@ pub struct Slices {
     cursor: Option<(DVec3, DVec3)>,
     windowing: Windowing,
     slab: Slab,
+    /// Parts of a notch that were scrolled in the slice that was scrolled last.
+    scrolled: Option<(Orientation, f64)>,
 }
 
 impl Slices {
@@ -45,12 +47,12 @@ impl Slices {
         flight.app().world.get(self.entity(orientation)?)
     }
 
-    /// A place that was pointed at; none while everything follows the flight.
+    /// A place that was pointed at, world mm; none while everything follows the flight.
     pub fn cursor(&self) -> Option<DVec3> {
         self.cursor.map(|c| c.0)
     }
 
-    /// Points at a place.
+    /// Points at a place, world mm.
     pub fn point(&mut self, flight: &FlightApp, place: DVec3) {
         if place.is_finite() {
             self.cursor = Some((place, flight.pose().position));
@@ -127,15 +129,25 @@ impl Slices {
 
     /// Goes on by so many layers of the scan.
     fn scroll(&mut self, flight: &FlightApp, orientation: Orientation, notches: f64) {
-        let Some(slice) = self.view(flight, orientation).and_then(SliceView::shown) else { return };
+        let Some(view) = self.view(flight, orientation) else { return };
         let grid = flight.volume().volume().grid();
+        // As it is to be, not as it was last drawn: several notches may come between two pictures.
+        let mut view = view.without_image();
+        view.place = self.cursor();
+        let slice = view.slice(grid, &flight.pose());
         let normal = slice.frame.normal();
         // As far as a voxel reaches along the normal.
         let voxels = grid.to_voxel().transform_vector3(normal).length().max(1e-9);
         let place = self.cursor().unwrap_or(flight.pose().position);
         // From the layer that is shown: a place between two would be rounded to one of them twice.
         let layer = place + normal * (slice.centre - place).dot(normal);
-        self.point(flight, layer + normal * (notches / voxels));
+        // A smooth scroll comes in parts of a notch.
+        let (scrolled, left) = self.scrolled.filter(|s| s.0 == orientation).unwrap_or((orientation, 0.0));
+        let notches = left + notches;
+        self.scrolled = Some((scrolled, notches - notches.trunc()));
+        if notches.trunc() != 0.0 {
+            self.point(flight, layer + normal * (notches.trunc() / voxels));
+        }
     }
 
     /// Sets the window of greys; one that is none changes nothing.

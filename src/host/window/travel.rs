@@ -16,7 +16,9 @@ const TAKES: Duration = Duration::from_millis(700);
 #[derive(Clone, Copy, Debug)]
 pub struct Travel {
     from: Pose,
+    /// World, mm.
     to: DVec3,
+    /// Unit vector.
     forward: DVec3,
     begun: Instant,
 }

@@ -150,7 +150,7 @@ impl Arrangement {
         let root = linear(&mut tiles, LinearDir::Horizontal, |_| vec![(1.0 - SIDE, own), (SIDE, side)]);
         let mut made = Self { tree: Tree::new(entry.name, root, tiles), side: (side, ids) };
         for (id, name) in made.side.1.clone().into_iter().zip(&others) {
-            // Beside the slices the flight is not shown, too: who wants it has another layout.
+            // A layout of slices alone is not to have the flight beside it.
             let shown = panels.iter().any(|p| p.entry.name == *name && p.entry.shown && *name != "flight");
             made.tree.set_visible(id, shown);
         }
@@ -336,7 +336,7 @@ impl Workspace {
         }
     }
 
-    /// Whether a panel besides the flight's is shown: they may show anything of the flight, and are laid out with every picture.
+    /// Whether a panel besides the flight's is shown: they may show anything of the flight, and are laid out again while it goes on.
     pub fn shows_more_than_the_flight(&self) -> bool {
         self.panels.iter().any(|p| p.entry.name != "flight" && self.layouts[self.layout].is_shown(p.entry.name))
     }

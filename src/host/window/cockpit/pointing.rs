@@ -6,7 +6,6 @@ use glam::DVec3;
 
 use super::Cockpit;
 use crate::components::camera::Pose;
-use crate::components::flight::State;
 use crate::components::input::Command;
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
@@ -24,7 +23,7 @@ impl Cockpit {
         &self.slices
     }
 
-    /// Does what a panel asks of the slices. Who points at a place wants to look at it: a flight that goes by itself stops.
+    /// Does what a panel asks of the slices. Pointing at a place stops a flight that goes by itself.
     pub fn slice(&mut self, request: SliceRequest, now: Instant) {
         let points = match request {
             SliceRequest::Click(place) if self.measures.is_on() => return self.measure(place, now),
@@ -72,10 +71,9 @@ impl Cockpit {
         measures || self.slices.cursor().is_some()
     }
 
-    /// Stops a flight that goes by itself.
+    /// Stops a flight that goes by itself, also one that has arrived or calls: where the camera is taken it stays.
     fn stop(&mut self, now: Instant) {
-        let flies = self.flight.flight().state == State::Flying && !self.is_by_hand();
-        if flies && !self.hand().paused && self.flight.scene().play().is_none() {
+        if !self.is_by_hand() && !self.hand().paused && self.flight.scene().play().is_none() {
             self.act(Command::Pause(true), now);
         }
     }

@@ -67,7 +67,13 @@ impl FlightPanel {
     fn mouse(&mut self, ui: &Ui, rect: Rect, requests: &mut Requests) {
         let scale = f64::from(ui.pixels_per_point());
         let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
-        let (events, time) = ui.input(|i| (i.events.clone(), i.time));
+        let (events, time, down) = ui.input(|i| (i.events.clone(), i.time, i.pointer.any_down()));
+        if !down && !events.iter().any(|e| matches!(e, Event::PointerButton { .. })) {
+            // The button went up while this panel was not shown.
+            (self.drag, self.pressed) = (None, None);
+        }
+        // A press beside an open menu closes it, and does nothing else.
+        let menu = egui::Popup::is_any_open(ui.ctx());
         for event in events {
             match event {
                 Event::PointerMoved(at) => {
@@ -80,7 +86,7 @@ impl FlightPanel {
                     }
                     self.pointer = Some(at);
                 }
-                Event::PointerButton { pos, button, pressed: true, modifiers } if here(pos) => {
+                Event::PointerButton { pos, button, pressed: true, modifiers } if here(pos) && !menu => {
                     self.pointer = Some(pos);
                     match (button, overlay::on_bar(rect, pos)) {
                         (PointerButton::Primary, Some(share)) => requests.fly(FlightRequest::Seek(share)),

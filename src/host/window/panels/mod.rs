@@ -115,7 +115,8 @@ impl<'a> Context<'a> {
 
 /// Something in the window that others can add to.
 pub trait Panel {
-    /// Lays it out in what is left of `ui`. Called with every picture while it is shown. One that panics is not called again: the
+    /// Lays it out in what is left of `ui`. Called whenever something that it shows may have changed: while the flight goes on 30 times a
+    /// second, at rest after the operator has done something. One that panics is not called again: the
     /// window says so in its place.
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests);
 }

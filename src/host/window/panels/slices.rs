@@ -116,13 +116,20 @@ impl Panel for SlicePanel {
 impl SlicePanel {
     fn mouse(&mut self, ui: &Ui, rect: Rect, placed: Option<Placed>, requests: &mut Requests) {
         let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
+        // A press beside an open menu closes it, and does nothing else.
+        let menu = egui::Popup::is_any_open(ui.ctx());
         let scale = ui.pixels_per_point();
         let point = |at: Pos2, requests: &mut Requests| {
             if let Some(placed) = placed {
                 requests.slice(SliceRequest::Point(placed.world(at)));
             }
         };
-        for event in ui.input(|i| i.events.clone()) {
+        let (events, down) = ui.input(|i| (i.events.clone(), i.pointer.any_down()));
+        if !down && !events.iter().any(|e| matches!(e, Event::PointerButton { .. })) {
+            // The button went up while this panel was not shown.
+            self.drag = None;
+        }
+        for event in events {
             match event {
                 Event::PointerMoved(at) => {
                     let moved = self.pointer.map_or(Vec2::ZERO, |last| (at - last) * scale);
@@ -138,7 +145,7 @@ impl SlicePanel {
                     }
                     self.pointer = Some(at);
                 }
-                Event::PointerButton { pos, button, pressed: true, modifiers } if here(pos) => {
+                Event::PointerButton { pos, button, pressed: true, modifiers } if here(pos) && !menu => {
                     self.pointer = Some(pos);
                     self.drag = match button {
                         PointerButton::Primary if !modifiers.shift => Some(Drag::Point),
