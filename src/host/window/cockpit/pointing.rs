@@ -8,7 +8,7 @@ use super::Cockpit;
 use crate::components::camera::Pose;
 use crate::components::flight::State;
 use crate::components::guide::Planned;
-use crate::components::input::Command;
+use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::error::Result;
@@ -53,7 +53,7 @@ impl Cockpit {
     fn go(&mut self, place: DVec3, now: Instant) {
         let Some(segment) = self.flight.lumen().segment_at(place) else { return };
         let other = self.flight.plan().segment.is_some_and(|s| s != segment);
-        if other && !self.act(Command::Segment(segment), now) {
+        if other && !self.act(FlightCommand::Segment(segment), now) {
             return;
         }
         if other {
@@ -79,7 +79,7 @@ impl Cockpit {
     fn stop(&mut self, now: Instant) {
         let flies = self.flight.flight().state == State::Flying && !self.is_by_hand();
         if flies && !self.hand().paused && self.flight.scene().play().is_none() {
-            self.act(Command::Pause(true), now);
+            self.act(HandCommand::Pause(true), now);
         }
     }
 
@@ -208,7 +208,7 @@ impl Cockpit {
     }
 }
 
-fn go_to(pose: Pose) -> Command {
+fn go_to(pose: Pose) -> FlightCommand {
     let [to, forward, up] = [pose.position, pose.attitude.forward, pose.attitude.up].map(|v| v.to_array());
-    Command::Go { to, forward, up }
+    FlightCommand::Go { to, forward, up }
 }
