@@ -7,7 +7,7 @@ use crate::components::camera::{Body, Heading, Pose};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, State, Watch};
 use crate::components::guide::MineField;
-use crate::components::input::{Command, Hand, Inbox};
+use crate::components::input::{Hand, HandCommand, Inbox};
 use crate::dynamics::hand;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Main};
@@ -40,28 +40,28 @@ pub fn take_commands(
     let mut touched = false;
     for command in inbox.0.drain(..) {
         match command {
-            Command::Push(p) => operator.push = unit(p),
-            Command::Turn(t) => operator.turn = unit(t),
-            Command::Look([right, up]) if right.is_finite() && up.is_finite() => {
+            HandCommand::Push(p) => operator.push = unit(p),
+            HandCommand::Turn(t) => operator.turn = unit(t),
+            HandCommand::Look([right, up]) if right.is_finite() && up.is_finite() => {
                 let (axis_up, axis_right) = (pose.attitude.up, pose.attitude.right());
                 pose.attitude.rotate(axis_up, -right.to_radians());
                 pose.attitude.rotate(axis_right, up.to_radians());
                 operator.looking_until = after(LOOK_S);
                 operator.turned_until = operator.looking_until;
             }
-            Command::Roll(clockwise) if clockwise.is_finite() => {
+            HandCommand::Roll(clockwise) if clockwise.is_finite() => {
                 let axis = pose.attitude.forward;
                 pose.attitude.rotate(axis, clockwise.to_radians());
                 operator.turned_until = after(LOOK_S);
             }
-            Command::Pause(p) => {
+            HandCommand::Pause(p) => {
                 operator.paused = p;
                 touched = true;
             }
-            Command::Speed(s) if s.is_finite() => operator.speed = s.clamp(0.1, 5.0),
-            Command::Resume => touched = true,
-            // The others rebuild the flight and never reach a system.
-            _ => {}
+            HandCommand::Speed(s) if s.is_finite() => operator.speed = s.clamp(0.1, 5.0),
+            HandCommand::Resume => touched = true,
+            // No number: nothing to turn by, and no speed.
+            HandCommand::Look(_) | HandCommand::Roll(_) | HandCommand::Speed(_) => {}
         }
     }
     operator.turning = hand::turning(&pose.attitude, operator.turn);

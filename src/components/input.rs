@@ -1,17 +1,20 @@
 //! The operator's hand.
 
 use std::collections::VecDeque;
+use std::fmt;
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use serde::de::value::{EnumAccessDeserializer, StrDeserializer};
+use serde::de::{self, DeserializeSeed, EnumAccess, IntoDeserializer, VariantAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::dynamics::hand;
 
-/// One act of the operator, as it is recorded and replayed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Command {
+/// What the operator's hand does. The operator's system applies it, in the step that it is due in.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HandCommand {
     /// Pushes along right, up, forward of the view, each −1 to 1, until the next `Push`.
     Push([f64; 3]),
     /// Turns about up (to the right), right (upwards) and forward (clockwise), each −1 to 1, until the next `Turn`.
@@ -20,17 +23,23 @@ pub enum Command {
     Look([f64; 2]),
     /// Rolls the view once, degrees clockwise (a mouse move).
     Roll(f64),
-    /// Sets the view angle over the picture's shorter side, degrees, held to what the camera can show. It is a matter of
-    /// the picture alone: a flight without one takes note of nothing.
-    ViewAngle(f64),
     /// Stops to look around, or goes on.
     Pause(bool),
     /// Cruise speed as a multiple of the scene's.
     Speed(f64),
-    /// Swaps the ends and turns round.
-    Reverse,
+    /// Takes the flight up again after the guide called for help.
+    Resume,
+}
+
+/// What changes the flight: its guide, its end, its direction, the camera's place or picture. The flight follows it at once,
+/// or refuses it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum FlightCommand {
     /// Hands over to another guide.
     Guide(String),
+    /// Swaps the ends and turns round.
+    Reverse,
     /// Flies another segment of the lumen, counted from 0, from the end nearer to the rectum.
     Segment(usize),
     /// Sets out anew in the same segment, from the end that the flight was going to.
@@ -46,18 +55,127 @@ pub enum Command {
         /// Up direction.
         up: [f64; 3],
     },
-    /// Takes the flight up again after the guide called for help.
-    Resume,
+    /// Sets the view angle over the picture's shorter side, degrees, held to what the camera can show. It is a matter of
+    /// the picture alone: a flight without one takes note of nothing.
+    ViewAngle(f64),
+}
+
+/// One act of the operator, as it is recorded and replayed. In a file both kinds look alike: the name tells them apart.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Command {
+    /// What the hand does.
+    Hand(HandCommand),
+    /// What changes the flight.
+    Flight(FlightCommand),
+}
+
+impl From<HandCommand> for Command {
+    fn from(command: HandCommand) -> Self {
+        Self::Hand(command)
+    }
+}
+
+impl From<FlightCommand> for Command {
+    fn from(command: FlightCommand) -> Self {
+        Self::Flight(command)
+    }
+}
+
+/// Every command's name in a file; the first [`HAND_NAMES`] are those of [`HandCommand`].
+const NAMES: [&str; 14] = [
+    "push",
+    "turn",
+    "look",
+    "roll",
+    "pause",
+    "speed",
+    "resume",
+    "guide",
+    "reverse",
+    "segment",
+    "other_end",
+    "seek",
+    "go",
+    "view_angle",
+];
+const HAND_NAMES: usize = 7;
+
+/// Written out, because an untagged enum of serde does not say which command is unknown or which number is wrong, and where.
+impl<'de> Deserialize<'de> for Command {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_enum("Command", &NAMES, CommandVisitor)
+    }
+}
+
+struct CommandVisitor;
+
+impl<'de> Visitor<'de> for CommandVisitor {
+    type Value = Command;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("a command")
+    }
+
+    fn visit_enum<A: EnumAccess<'de>>(self, data: A) -> Result<Command, A::Error> {
+        let (Name(place), content) = data.variant()?;
+        let named = EnumAccessDeserializer::new(Named { name: NAMES[place], content });
+        if place < HAND_NAMES {
+            HandCommand::deserialize(named).map(Command::Hand)
+        } else {
+            FlightCommand::deserialize(named).map(Command::Flight)
+        }
+    }
+}
+
+/// A command's place in [`NAMES`].
+struct Name(usize);
+
+impl<'de> Deserialize<'de> for Name {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_identifier(NameVisitor)
+    }
+}
+
+struct NameVisitor;
+
+impl Visitor<'_> for NameVisitor {
+    type Value = Name;
+
+    fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str("the name of a command")
+    }
+
+    fn visit_str<E: de::Error>(self, name: &str) -> Result<Name, E> {
+        let place = NAMES.iter().position(|n| *n == name);
+        place.map(Name).ok_or_else(|| E::unknown_variant(name, &NAMES))
+    }
+}
+
+/// A command whose name was read and whose content was not.
+struct Named<A> {
+    name: &'static str,
+    content: A,
+}
+
+impl<'de, A: VariantAccess<'de>> EnumAccess<'de> for Named<A> {
+    type Error = A::Error;
+    type Variant = A;
+
+    fn variant_seed<S: DeserializeSeed<'de>>(self, seed: S) -> Result<(S::Value, A), A::Error> {
+        let name: StrDeserializer<A::Error> = self.name.into_deserializer();
+        Ok((seed.deserialize(name)?, self.content))
+    }
 }
 
 /// A command and the step before which it acts.
 ///
 /// ```
-/// use colvis::components::input::{Act, Command};
+/// use colvis::components::input::{Act, HandCommand};
 ///
 /// // A line of `--record-input`: from step 240 on the hand pushes to the right.
 /// let act: Act = serde_json::from_str(r#"{"tick": 240, "command": {"push": [1.0, 0.0, 0.0]}}"#)?;
-/// assert_eq!(act, Act { tick: 240, command: Command::Push([1.0, 0.0, 0.0]) });
+/// assert_eq!(act, Act { tick: 240, command: HandCommand::Push([1.0, 0.0, 0.0]).into() });
 /// # Ok::<(), serde_json::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,9 +187,9 @@ pub struct Act {
     pub command: Command,
 }
 
-/// Commands for the coming step, in order.
+/// What the hand does in the coming step, in order.
 #[derive(Resource, Default, Debug)]
-pub struct Inbox(pub VecDeque<Command>);
+pub struct Inbox(pub VecDeque<HandCommand>);
 
 /// What the operator's hand asks for now.
 #[derive(Component, Clone, Copy, Debug)]
@@ -143,6 +261,63 @@ mod tests {
         for line in old.lines().chain(new) {
             let act: Act = serde_json::from_str(line).unwrap();
             assert_eq!(serde_json::to_string(&act).unwrap(), line);
+        }
+    }
+
+    #[test]
+    fn every_command_has_its_form_in_a_file() {
+        let forms: [(Command, &str); 14] = [
+            (HandCommand::Push([1.0, 0.0, -0.5]).into(), r#"{"push":[1.0,0.0,-0.5]}"#),
+            (HandCommand::Turn([0.6, 0.3, 0.0]).into(), r#"{"turn":[0.6,0.3,0.0]}"#),
+            (HandCommand::Look([60.0, -20.0]).into(), r#"{"look":[60.0,-20.0]}"#),
+            (HandCommand::Roll(-35.0).into(), r#"{"roll":-35.0}"#),
+            (HandCommand::Pause(true).into(), r#"{"pause":true}"#),
+            (HandCommand::Speed(0.1 + 0.2).into(), r#"{"speed":0.30000000000000004}"#),
+            (HandCommand::Resume.into(), r#""resume""#),
+            (FlightCommand::Guide("path".to_owned()).into(), r#"{"guide":"path"}"#),
+            (FlightCommand::Reverse.into(), r#""reverse""#),
+            (FlightCommand::Segment(2).into(), r#"{"segment":2}"#),
+            (FlightCommand::OtherEnd.into(), r#""other_end""#),
+            (FlightCommand::Seek(0.5).into(), r#"{"seek":0.5}"#),
+            (
+                FlightCommand::Go { to: [1.0, 2.0, 3.0], forward: [0.0, 1.0, 0.0], up: [0.0, 0.0, 1.0] }.into(),
+                r#"{"go":{"to":[1.0,2.0,3.0],"forward":[0.0,1.0,0.0],"up":[0.0,0.0,1.0]}}"#,
+            ),
+            (FlightCommand::ViewAngle(40.0).into(), r#"{"view_angle":40.0}"#),
+        ];
+        for ((command, form), name) in forms.into_iter().zip(NAMES) {
+            assert!(form.contains(&format!("\"{name}\"")), "{form}: {name}");
+            let line = format!(r#"{{"tick":240,"command":{form}}}"#);
+            let act = Act { tick: 240, command };
+            assert_eq!(serde_json::to_string(&act).unwrap(), line);
+            assert_eq!(serde_json::from_str::<Act>(&line).unwrap(), act);
+        }
+        // What serde derives knows the same names in the same order: a new command needs a place in `NAMES`.
+        let known =
+            |e: serde_json::Error| e.to_string().split('`').skip(3).step_by(2).map(str::to_owned).collect::<Vec<_>>();
+        let hand = known(serde_json::from_str::<HandCommand>(r#""dance""#).unwrap_err());
+        let flight = known(serde_json::from_str::<FlightCommand>(r#""dance""#).unwrap_err());
+        assert_eq!((hand.len(), [hand, flight].concat()), (HAND_NAMES, NAMES.map(str::to_owned).to_vec()));
+    }
+
+    #[test]
+    fn a_damaged_command_is_told_with_its_name_and_place() {
+        let names = NAMES.map(|n| format!("`{n}`")).join(", ");
+        for (command, told) in [
+            (r#""dance""#, format!("unknown variant `dance`, expected one of {names} at line 1 column 29")),
+            (r#"{"dance":1}"#, format!("unknown variant `dance`, expected one of {names} at line 1 column 30")),
+            (r#"{"push":[1.0,"up"]}"#, "invalid type: string \"up\", expected f64 at line 1 column 39".to_owned()),
+            (r#""push""#, "invalid type: unit variant, expected newtype variant at line 1 column 29".to_owned()),
+            (r#"{"reverse":1}"#, "invalid type: integer `1`, expected unit at line 1 column 34".to_owned()),
+            (
+                r#"{"go":{"at":[0.0,0.0,0.0]}}"#,
+                "unknown field `at`, expected one of `to`, `forward`, `up` at line 1 column 33".to_owned(),
+            ),
+            (r#"{"segment":-1}"#, "invalid value: integer `-1`, expected usize at line 1 column 35".to_owned()),
+            (r#"{"pause":true,"speed":1.0}"#, "expected value at line 1 column 35".to_owned()),
+        ] {
+            let line = format!(r#"{{"tick":240,"command":{command}}}"#);
+            assert_eq!(serde_json::from_str::<Act>(&line).unwrap_err().to_string(), told);
         }
     }
 }

@@ -21,7 +21,7 @@ use crate::render::Options;
 /// ```
 /// use bevy_ecs::prelude::*;
 /// use colvis::app::{Scan, Scene, Wish};
-/// use colvis::components::input::Command;
+/// use colvis::components::input::FlightCommand;
 /// use colvis::schedule::{App, FlightSystems};
 ///
 /// #[derive(Resource, Default)]
@@ -34,7 +34,7 @@ use crate::render::Options;
 /// };
 /// let mut flight = Scan::phantom(1)?.flight(Scene::default().plug(("count", count))?, &Wish::default())?;
 /// flight.fly(1.0)?;
-/// flight.act(Command::Guide("manual".to_owned()))?;
+/// flight.act(FlightCommand::Guide("manual".to_owned()))?;
 /// flight.fly(1.0)?;
 /// assert_eq!(flight.app().world.resource::<Steps>().0, 240);
 /// # Ok::<(), colvis::error::Error>(())

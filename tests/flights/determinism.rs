@@ -4,7 +4,7 @@ use std::path::Path;
 
 use colvis::app::Scene;
 use colvis::app::plan::Wish;
-use colvis::components::input::{Act, Command};
+use colvis::components::input::{Act, FlightCommand, HandCommand};
 use colvis::math::hash;
 use colvis::phantom::{PhantomSettings, Size};
 
@@ -82,14 +82,16 @@ fn a_wild_operator_is_repeated_and_never_perforates() {
     for n in 0..400u64 {
         let u = |k| hash::uniform(11, n * 16 + k) * 2.0 - 1.0;
         let command = match hash::bits(5, n) % 10 {
-            0..=4 => Command::Push([u(0), u(1), u(2) * 9.0]),
-            5 => Command::Turn([u(3), u(4), u(5)]),
-            6 => Command::Look([u(6) * 200.0, u(7) * 200.0]),
-            7 => Command::Speed(u(8) * 20.0),
-            8 => Command::Guide(if u(9) > 0.0 { "manual" } else { "tentacles" }.to_owned()),
-            _ => [Command::Reverse, Command::Pause(u(10) > 0.7), Command::Push([f64::NAN, 1.0, f64::INFINITY])]
-                [(hash::bits(6, n) % 3) as usize]
-                .clone(),
+            0..=4 => HandCommand::Push([u(0), u(1), u(2) * 9.0]).into(),
+            5 => HandCommand::Turn([u(3), u(4), u(5)]).into(),
+            6 => HandCommand::Look([u(6) * 200.0, u(7) * 200.0]).into(),
+            7 => HandCommand::Speed(u(8) * 20.0).into(),
+            8 => FlightCommand::Guide(if u(9) > 0.0 { "manual" } else { "tentacles" }.to_owned()).into(),
+            _ => match hash::bits(6, n) % 3 {
+                0 => FlightCommand::Reverse.into(),
+                1 => HandCommand::Pause(u(10) > 0.7).into(),
+                _ => HandCommand::Push([f64::NAN, 1.0, f64::INFINITY]).into(),
+            },
         };
         acts.push(Act { tick: n * 9, command });
     }

@@ -4,7 +4,7 @@ use colvis::app::plan::Wish;
 use colvis::app::{FlightApp, Scene};
 use colvis::components::camera::{Pose, Spin};
 use colvis::components::flight::State;
-use colvis::components::input::Command;
+use colvis::components::input::HandCommand;
 use colvis::dynamics::Integrator;
 use colvis::phantom::{PhantomSettings, Size, Truth};
 use colvis::render::value;
@@ -48,7 +48,7 @@ fn a_camera_in_the_wall_calls_the_operator() {
     assert!(told.reason.contains("in the wall") && told.place.distance(inside) < 1e-9, "{told:?}");
     assert_eq!(f.pose().position, inside, "it was moved nowhere");
     // The operator cannot push it through the wall either.
-    f.act(Command::Push([1.0, 0.0, 0.0])).unwrap();
+    f.act(HandCommand::Push([1.0, 0.0, 0.0])).unwrap();
     steps(&mut f, 240);
     assert!(f.pose().position.distance(inside) < 1e-9);
 }
@@ -60,10 +60,10 @@ fn the_hand_turns_and_pushes_in_six_degrees_of_freedom() {
     let mut f = flight(volume, scene, &Wish::default());
     for (turn, axis) in [([1.0, 0.0, 0.0], 0), ([0.0, -1.0, 0.0], 1), ([0.0, 0.0, 1.0], 2)] {
         let before = f.pose().attitude;
-        f.act(Command::Turn(turn)).unwrap();
+        f.act(HandCommand::Turn(turn)).unwrap();
         steps(&mut f, 120);
         assert!(f.camera::<Spin>().unwrap().0.length() > 0.0, "angular momentum, not a jump");
-        f.act(Command::Turn([0.0; 3])).unwrap();
+        f.act(HandCommand::Turn([0.0; 3])).unwrap();
         steps(&mut f, 240);
         let after = f.pose().attitude;
         let (view, up) = (before.forward.angle_between(after.forward), before.up.angle_between(after.up));
@@ -78,9 +78,9 @@ fn the_hand_turns_and_pushes_in_six_degrees_of_freedom() {
     }
     for push in [[0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.3], [0.0, 0.0, -0.3]] {
         let before = f.pose();
-        f.act(Command::Push(push)).unwrap();
+        f.act(HandCommand::Push(push)).unwrap();
         steps(&mut f, 10);
-        f.act(Command::Push([0.0; 3])).unwrap();
+        f.act(HandCommand::Push([0.0; 3])).unwrap();
         let moved = f.pose().position - before.position;
         let [x, y, z] = push;
         let a = before.attitude;

@@ -7,7 +7,7 @@ use colvis::app::Scene;
 use colvis::app::plan::Wish;
 use colvis::components::flight::State;
 use colvis::components::guide::{Planned, PotentialField};
-use colvis::components::input::{Act, Command};
+use colvis::components::input::{Act, FlightCommand, HandCommand};
 use colvis::components::output::LogLine;
 use colvis::math::hash;
 use colvis::phantom::{PhantomSettings, Size};
@@ -83,8 +83,8 @@ fn the_operator_may_intervene_at_any_time() {
         for n in 0..6u64 {
             let u = |k| hash::uniform(31, 8 * n + k) * 2.0 - 1.0;
             let tick = 200 + 420 * n;
-            acts.push(Act { tick, command: Command::Push([u(0), u(1), u(2)]) });
-            acts.push(Act { tick: tick + 120, command: Command::Push([0.0; 3]) });
+            acts.push(Act { tick, command: HandCommand::Push([u(0), u(1), u(2)]).into() });
+            acts.push(Act { tick: tick + 120, command: HandCommand::Push([0.0; 3]).into() });
         }
         f.replay(acts.clone());
         let log = fly(&mut f, 240.0);
@@ -128,28 +128,28 @@ fn guides_change_in_flight_and_their_fields_come_and_go() {
     let go = |f: &mut colvis::app::FlightApp, steps: usize| (0..steps).for_each(|_| f.step().unwrap());
     go(&mut f, 240);
     assert!(f.fields().walls().is_none() && f.fields().route().is_none());
-    f.act(Command::Guide("path".to_owned())).unwrap();
+    f.act(FlightCommand::Guide("path".to_owned())).unwrap();
     assert!(f.camera::<Planned>().is_some() && f.fields().walls().is_none(), "the centerline alone is kept");
     let times = f.take_field_times();
     assert!(times.iter().any(|t| t.0 == "centerline_s") && times.iter().any(|t| t.0 == "distance_s"));
     go(&mut f, 360);
     let before = f.camera::<Planned>().unwrap().s_mm;
-    f.act(Command::Guide("potential".to_owned())).unwrap();
+    f.act(FlightCommand::Guide("potential".to_owned())).unwrap();
     assert!(f.camera::<Planned>().is_none() && f.camera::<PotentialField>().is_some());
     assert!(f.fields().route().is_none() && f.fields().target().is_some());
     go(&mut f, 360);
-    f.act(Command::Guide("manual".to_owned())).unwrap();
+    f.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     assert!(f.fields().walls().is_none() && f.fields().target().is_none() && f.camera::<PotentialField>().is_none());
     go(&mut f, 60);
-    f.act(Command::Guide("path".to_owned())).unwrap();
+    f.act(FlightCommand::Guide("path".to_owned())).unwrap();
     go(&mut f, 240);
     assert!(f.camera::<Planned>().unwrap().s_mm > before + 60.0, "each went on");
     // To a place of the way, and back from there.
-    f.act(Command::Seek(0.5)).unwrap();
+    f.act(FlightCommand::Seek(0.5)).unwrap();
     let planned = f.camera::<Planned>().unwrap();
     let half = planned.route.place(planned.route.length_mm() / 2.0);
     assert!(f.pose().position.distance(half) < 1e-6);
-    f.act(Command::Reverse).unwrap();
+    f.act(FlightCommand::Reverse).unwrap();
     go(&mut f, 360);
     let planned = f.camera::<Planned>().unwrap();
     assert!(planned.s_mm > planned.route.length_mm() / 2.0 + 30.0, "flying back: {}", planned.s_mm);

@@ -12,7 +12,7 @@ use colvis::app::{FlightApp, ImageSettings, Overlay, Plan, Scene};
 use colvis::components::camera::{Heading, Pose, Velocity};
 use colvis::components::flight::State;
 use colvis::components::guide::GuideThrust;
-use colvis::components::input::Command;
+use colvis::components::input::HandCommand;
 use colvis::components::output::{LogLine, Picture};
 use colvis::dynamics::Body;
 use colvis::error::{Kind, Result};
@@ -230,7 +230,7 @@ fn the_hand_moves_the_body_whatever_the_guide_says() {
             let moved = in_time(&format!("hand {what} {number}"), move || {
                 let mut flight = set_out(scene).unwrap();
                 let start = flight.pose().position;
-                flight.act(Command::Push([0.0, 0.0, 1.0])).unwrap();
+                flight.act(HandCommand::Push([0.0, 0.0, 1.0])).unwrap();
                 for _ in 0..120 {
                     flight.step().unwrap();
                 }

@@ -7,7 +7,7 @@ use colvis::app::plan::{self, Place, Plan, Wish};
 use colvis::app::{FlightApp, ImageSettings, Scene, Steering};
 use colvis::components::camera::Pose;
 use colvis::components::flight::State;
-use colvis::components::input::Command;
+use colvis::components::input::{FlightCommand, HandCommand};
 use colvis::components::output::{LogLine, Picture};
 use colvis::components::play::{Direction, Playback};
 use colvis::error::Result;
@@ -51,20 +51,20 @@ fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
         let (space, lumen, plan) = (space.clone(), Arc::clone(&lumen), plan.clone());
         let mut f = FlightApp::new(space, lumen, plan, scene("path")).unwrap();
         if falls_short {
-            f.act(Command::Seek(0.97)).unwrap();
+            f.act(FlightCommand::Seek(0.97)).unwrap();
             fly(&mut f, 20.0);
             assert_eq!(f.flight().state, State::Operator);
             assert!(f.flight().reason.contains("the cecum lies elsewhere"), "{}", f.flight().reason);
         } else {
-            f.act(Command::Reverse).unwrap();
-            f.act(Command::Seek(0.97)).unwrap();
+            f.act(FlightCommand::Reverse).unwrap();
+            f.act(FlightCommand::Seek(0.97)).unwrap();
             fly(&mut f, 20.0);
             assert_eq!(f.flight().state, State::Arrived, "{}", f.flight().reason);
-            f.act(Command::Reverse).unwrap();
+            f.act(FlightCommand::Reverse).unwrap();
             assert!(f.plan().falls_short.is_some());
         }
-        f.act(Command::Seek(0.5)).unwrap();
-        f.act(Command::Segment(1)).unwrap();
+        f.act(FlightCommand::Seek(0.5)).unwrap();
+        f.act(FlightCommand::Segment(1)).unwrap();
         assert!(f.unflown().is_empty(), "{falls_short}: {:?}", f.unflown());
     }
 }
@@ -82,9 +82,9 @@ fn seeking_without_a_plan_goes_where_the_bar_shows() {
         places.push((f.flight().length_mm / length, f.pose().position));
     }
     let there = |share: f64| places[places.partition_point(|p| p.0 < share)].1;
-    f.act(Command::Reverse).unwrap();
+    f.act(FlightCommand::Reverse).unwrap();
     for share in [0.2, 0.6, 0.9] {
-        f.act(Command::Seek(share)).unwrap();
+        f.act(FlightCommand::Seek(share)).unwrap();
         let off = f.pose().position.distance(there(1.0 - share));
         assert!(off < 0.9, "{share}: {off} mm off");
     }
@@ -92,18 +92,18 @@ fn seeking_without_a_plan_goes_where_the_bar_shows() {
     for _ in 0..120 {
         f.step().unwrap();
     }
-    assert!(f.act(Command::Seek(0.05)).is_err(), "the flight was turned round before it came there");
-    f.act(Command::Reverse).unwrap();
-    f.act(Command::Seek(0.5)).unwrap();
+    assert!(f.act(FlightCommand::Seek(0.05)).is_err(), "the flight was turned round before it came there");
+    f.act(FlightCommand::Reverse).unwrap();
+    f.act(FlightCommand::Seek(0.5)).unwrap();
     assert!(f.pose().position.distance(there(0.5)) < 0.9);
     // A new way begins at its own start.
-    f.act(Command::OtherEnd).unwrap();
+    f.act(FlightCommand::OtherEnd).unwrap();
     let start = f.pose().position;
-    assert!(f.act(Command::Seek(0.5)).is_err());
+    assert!(f.act(FlightCommand::Seek(0.5)).is_err());
     for _ in 0..360 {
         f.step().unwrap();
     }
-    f.act(Command::Seek(0.0)).unwrap();
+    f.act(FlightCommand::Seek(0.0)).unwrap();
     assert!(f.pose().position.distance(start) < 0.012);
 }
 
@@ -112,7 +112,7 @@ fn seeking_without_a_plan_goes_where_the_bar_shows() {
 fn a_plan_is_taken_up_without_a_jolt() {
     let (space, lumen, plan) = small();
     let mut f = FlightApp::new(space, Arc::new(lumen), plan, scene("tentacles")).unwrap();
-    let go = |f: &mut FlightApp, command: Option<Command>, steps: usize| {
+    let go = |f: &mut FlightApp, command: Option<FlightCommand>, steps: usize| {
         command.into_iter().for_each(|c| f.act(c).unwrap());
         f.take_log();
         (0..steps).for_each(|_| f.step().unwrap());
@@ -120,13 +120,13 @@ fn a_plan_is_taken_up_without_a_jolt() {
     };
     go(&mut f, None, 360);
     let mut before = go(&mut f, None, 3);
-    let after = go(&mut f, Some(Command::Guide("path".to_owned())), 240);
+    let after = go(&mut f, Some(FlightCommand::Guide("path".to_owned())), 240);
     before.extend(after);
     let changed = jerk(&before);
     // At cruise speed, where a difference of velocities to a body at rest would be an acceleration of thousands.
-    let sought = jerk(&go(&mut f, Some(Command::Seek(0.5)), 240));
+    let sought = jerk(&go(&mut f, Some(FlightCommand::Seek(0.5)), 240));
     let mut before = go(&mut f, None, 3);
-    before.extend(go(&mut f, Some(Command::Reverse), 240));
+    before.extend(go(&mut f, Some(FlightCommand::Reverse), 240));
     let turned = jerk(&before);
     println!("jerk: guide changed {changed:.0}, sought {sought:.0}, turned round {turned:.0} mm/s³");
     assert!(changed < 6000.0 && sought < 300.0 && turned < 4600.0, "{changed} {sought} {turned}");
@@ -202,11 +202,11 @@ fn a_log_that_is_played_is_looked_around_in() {
     let logged = plan::as_logged(&play);
     let scene = Scene { steering: Steering::Log(play), ..scene("tentacles") };
     let mut f = FlightApp::new(space, none, logged, scene).unwrap();
-    assert!(f.act(Command::Reverse).unwrap_err().to_string().contains("a log that is played"));
+    assert!(f.act(FlightCommand::Reverse).unwrap_err().to_string().contains("a log that is played"));
     let mut turned = 0.0;
     for paused in [false, true] {
-        f.act(Command::Pause(paused)).unwrap();
-        f.act(Command::Turn([1.0, 0.0, 0.0])).unwrap();
+        f.act(HandCommand::Pause(paused)).unwrap();
+        f.act(HandCommand::Turn([1.0, 0.0, 0.0])).unwrap();
         for _ in 0..60 {
             f.step().unwrap();
         }
@@ -215,8 +215,8 @@ fn a_log_that_is_played_is_looked_around_in() {
         let right = f.camera::<Pose>().unwrap().attitude.forward.x;
         assert!((right - f64::sin(turned)).abs() < 1e-9, "{right} after {turned} rad");
     }
-    f.act(Command::Turn([0.0; 3])).unwrap();
-    f.act(Command::Pause(false)).unwrap();
+    f.act(HandCommand::Turn([0.0; 3])).unwrap();
+    f.act(HandCommand::Pause(false)).unwrap();
     for _ in 0..200 {
         f.step().unwrap();
     }
@@ -235,12 +235,12 @@ fn a_roll_is_the_operators_and_stays() {
             let mut f = FlightApp::new(space.clone(), Arc::clone(&lumen), plan.clone(), scene(guide)).unwrap();
             let mut log = fly(&mut f, 2.0);
             if rolls {
-                f.act(Command::Roll(20.0)).unwrap();
-                f.act(Command::Turn([0.0, 0.0, 1.0])).unwrap();
+                f.act(HandCommand::Roll(20.0)).unwrap();
+                f.act(HandCommand::Turn([0.0, 0.0, 1.0])).unwrap();
             }
             log.extend(fly(&mut f, 1.0));
             if rolls {
-                f.act(Command::Turn([0.0; 3])).unwrap();
+                f.act(HandCommand::Turn([0.0; 3])).unwrap();
             }
             log.extend(fly(&mut f, 6.0));
             log
@@ -320,7 +320,7 @@ fn a_changed_view_angle_is_rendered_as_if_it_had_always_been() {
         let mut f = FlightApp::new(space, Arc::clone(&lumen), plan.clone(), scene).unwrap();
         fly(&mut f, 1.0);
         for asked in [90.0, 60.0, 59.0, 8.0, 120.0, 500.0, -3.0] {
-            f.act(Command::ViewAngle(asked)).unwrap();
+            f.act(FlightCommand::ViewAngle(asked)).unwrap();
             for _ in 0..4 {
                 f.step().unwrap();
             }
@@ -331,7 +331,7 @@ fn a_changed_view_angle_is_rendered_as_if_it_had_always_been() {
             let psnr = psnr(&picture.frame, &fresh);
             assert!(psnr > 45.0, "{preset:?} at {asked}°: {psnr} dB");
         }
-        f.act(Command::ViewAngle(f64::NAN)).unwrap();
+        f.act(FlightCommand::ViewAngle(f64::NAN)).unwrap();
         assert_eq!(f.camera::<Picture>().unwrap().fov_degrees, 1.0, "what is no number changes nothing");
     }
 }

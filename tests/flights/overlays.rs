@@ -5,7 +5,7 @@ use colvis::app::overlays::forces::{Force, forces};
 use colvis::app::{FlightApp, Overlay, Scene, Wish};
 use colvis::components::camera::Velocity;
 use colvis::components::guide::{MineField, Tentacles};
-use colvis::components::input::Command;
+use colvis::components::input::HandCommand;
 use colvis::phantom::{PhantomSettings, Size};
 use colvis::render::first_crossing;
 use colvis::volume::Volume;
@@ -87,7 +87,7 @@ fn mines_are_filled_in_sight_and_hollow_behind_a_wall() {
     let mines: Vec<DVec3> = f.camera::<MineField>().unwrap().mines.iter().collect();
     assert!(mines.len() >= 10, "{}", mines.len());
     // Looking back, without a step: the operator's look would be one, and takes nothing from the mines.
-    f.act(Command::Look([180.0, 0.0])).unwrap();
+    f.act(HandCommand::Look([180.0, 0.0])).unwrap();
     f.step().unwrap();
     let mines: Vec<DVec3> = f.camera::<MineField>().unwrap().mines.iter().collect();
     let marks = drawn(&f, "mines", 1.0);
@@ -117,10 +117,10 @@ fn the_forces_drawn_are_those_that_move_the_body() {
         let (mut compared, mut mean, mut pushed) = (0, 0.0, 0.0f64);
         for step in 0..240 {
             if step == 60 {
-                f.act(Command::Push([0.4, 0.2, 0.6])).unwrap();
+                f.act(HandCommand::Push([0.4, 0.2, 0.6])).unwrap();
             }
             if step == 150 {
-                f.act(Command::Push([0.0; 3])).unwrap();
+                f.act(HandCommand::Push([0.0; 3])).unwrap();
             }
             let before = f.camera::<Velocity>().unwrap().0;
             f.step().unwrap();

@@ -6,7 +6,7 @@ use colvis::app::{Catalog, Scene, Wish};
 use colvis::components::camera::{Body, Pose};
 use colvis::components::flight::State;
 use colvis::components::guide::{GuideThrust, Tentacles};
-use colvis::components::input::Command;
+use colvis::components::input::FlightCommand;
 use colvis::components::scan::{Centerline, TargetDistances};
 use colvis::dynamics;
 use colvis::dynamics::tentacles::TentacleSettings;
@@ -157,12 +157,12 @@ fn it_has_fields_settings_and_its_place_among_the_guides() {
     assert!(Scene::read(&file, &catalog).is_err());
     let mut flight = flight(volume, scene, &Wish::default());
     assert!(flight.fields().walls().is_none() && flight.fields().target().is_none());
-    flight.act(Command::Guide("planner".to_owned())).unwrap();
+    flight.act(FlightCommand::Guide("planner".to_owned())).unwrap();
     assert!(flight.fields().walls().is_some() && flight.fields().route().is_some());
     let told = explain(&flight);
     assert!(told.built.iter().any(|b| b.part == "target distance field"));
     flight.fly(5.0).unwrap();
     assert!(flight.flight().length_mm > 50.0 && flight.scene().guide_name() == "planner");
-    flight.act(Command::Guide("manual".to_owned())).unwrap();
+    flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     assert!(flight.fields().walls().is_none() && flight.fields().target().is_none());
 }

@@ -5,7 +5,7 @@ use colvis::app::explain::explain;
 use colvis::app::{FlightApp, ImageSettings, Scan, Scene, Wish};
 use colvis::components::camera::Pose;
 use colvis::components::guide::Tentacles;
-use colvis::components::input::Command;
+use colvis::components::input::FlightCommand;
 use colvis::components::output::{Follows, FrameCache, Picture};
 use colvis::error::Result;
 use colvis::render::Preset;
@@ -58,10 +58,10 @@ fn a_plugin_is_built_once_and_counts_through_every_change() {
         names.iter_mut().for_each(|mut name| name.set(n.to_string()));
     });
     let changes = [
-        Command::Guide("manual".to_owned()),
-        Command::Guide("potential".to_owned()),
-        Command::Reverse,
-        Command::Guide("tentacles".to_owned()),
+        FlightCommand::Guide("manual".to_owned()),
+        FlightCommand::Guide("potential".to_owned()),
+        FlightCommand::Reverse,
+        FlightCommand::Guide("tentacles".to_owned()),
     ];
     for change in changes {
         for _ in 0..48 {
@@ -119,7 +119,7 @@ fn every_entity_with_a_picture_is_a_view() {
         assert!(told.built.iter().any(|b| b.part == view && b.bytes > 0), "{view}: {:?}", told.built);
     }
     // It lives through a change of guide.
-    flight.act(Command::Guide("manual".to_owned())).unwrap();
+    flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     let before = picture(&flight, rear).frame.clone();
     assert!(flight.place(pose.position, pose.attitude.forward, pose.attitude.up));
     flight.frame().unwrap();
@@ -140,7 +140,7 @@ fn a_view_can_be_added_to_a_flight_without_pictures() {
         flight.frame().unwrap();
         assert!(picture(&flight, view).traced);
         assert!(!explain(&flight).left_out.iter().any(|l| l.part == "picture"));
-        flight.act(Command::Guide("manual".to_owned())).unwrap();
+        flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
         flight.frame().unwrap();
         assert!(picture(&flight, view).traced);
     }
@@ -189,7 +189,7 @@ fn each_view_has_its_presenter() {
         flight.present_to(view, Kept::default()).unwrap();
     }
     flight.frame().unwrap();
-    flight.act(Command::Guide("manual".to_owned())).unwrap();
+    flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     flight.frame().unwrap();
     flight.present();
     let kept = [camera, rear].map(|view| present::take::<Kept>(flight.app_mut(), view).unwrap().0);
@@ -230,7 +230,7 @@ fn post_processes_need_not_know_each_other() {
     let mut frames = Vec::new();
     for order in [[true, false], [false, true]] {
         let mut flight = small(scene(order));
-        flight.act(Command::Guide("manual".to_owned())).unwrap();
+        flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
         flight.frame().unwrap();
         let told = explain(&flight);
         let place = |name: &str| told.frame.iter().position(|s| s.contains(name)).unwrap();
@@ -295,7 +295,7 @@ fn sets_and_order_of_ones_own() {
     };
     let mut flight = small(Scene { operator: true, ..Scene::default() }.plug(ordered).unwrap());
     for guide in ["manual", "tentacles"] {
-        flight.act(Command::Guide(guide.to_owned())).unwrap();
+        flight.act(FlightCommand::Guide(guide.to_owned())).unwrap();
         flight.fly(0.1).unwrap();
     }
 }
@@ -339,7 +339,7 @@ fn a_plugin_gives_a_view_its_presenter_on_whichever_thread_it_is_built() {
     };
     let made = std::thread::spawn(move || small(seen().plug(presents).unwrap()));
     let mut flight = made.join().unwrap();
-    flight.act(Command::Guide("manual".to_owned())).unwrap();
+    flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     flight.frame().unwrap();
     let camera = flight.app().camera_id();
     flight.present_to(camera, Kept::default()).unwrap();

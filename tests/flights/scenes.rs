@@ -94,14 +94,14 @@ fn a_scene_that_plans_has_what_it_plans_by_and_no_more() {
 #[test]
 fn a_guide_is_changed_in_flight_and_its_parts_go() {
     use colvis::components::guide::{MineField, Tentacles};
-    use colvis::components::input::Command;
+    use colvis::components::input::FlightCommand;
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let mut f = flight(volume, Scene { operator: true, log: true, ..Scene::default() }, &Wish::default());
     for _ in 0..120 {
         f.step().unwrap();
     }
     let before = f.pose().position;
-    f.act(Command::Guide("manual".to_owned())).unwrap();
+    f.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     assert!(f.camera::<Tentacles>().is_none() && f.camera::<MineField>().is_none());
     assert_eq!(f.pose().position, before, "the camera stays where it was");
     for _ in 0..240 {
@@ -109,12 +109,12 @@ fn a_guide_is_changed_in_flight_and_its_parts_go() {
     }
     let drift = f.take_log().last().unwrap().velocity;
     assert!(drift.iter().all(|v| v.abs() < 3.4e-4), "it drifts to rest");
-    f.act(Command::Guide("tentacles".to_owned())).unwrap();
+    f.act(FlightCommand::Guide("tentacles".to_owned())).unwrap();
     for _ in 0..240 {
         f.step().unwrap();
     }
     assert!(f.pose().position.distance(before) > 25.0, "and the guide goes on");
-    assert!(f.act(Command::Guide("warp".to_owned())).is_err());
+    assert!(f.act(FlightCommand::Guide("warp".to_owned())).is_err());
 }
 
 #[test]

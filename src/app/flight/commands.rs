@@ -6,7 +6,7 @@ use crate::app::scene::Steering;
 use crate::components::camera::{Heading, Pose};
 use crate::components::flight::{Flight, Flown, State, Watch};
 use crate::components::guide::{MineField, Planned};
-use crate::components::input::{Act, Command, Inbox};
+use crate::components::input::{Act, Command, FlightCommand, Inbox};
 use crate::components::output::Picture;
 use crate::components::play::Playback;
 use crate::components::trail::Trail;
@@ -18,9 +18,16 @@ impl FlightApp {
     ///
     /// # Errors
     /// When a command asks for something that there is not.
-    pub fn act(&mut self, command: Command) -> Result<()> {
-        let tick = self.clock().tick;
-        self.follow(command.clone())?;
+    pub fn act(&mut self, command: impl Into<Command>) -> Result<()> {
+        let (tick, command) = (self.clock().tick, command.into());
+        match &command {
+            Command::Hand(command) => {
+                if let Some(mut inbox) = self.app.world.get_resource_mut::<Inbox>() {
+                    inbox.0.push_back(*command);
+                }
+            }
+            Command::Flight(command) => self.follow(command)?,
+        }
         // Only what was followed: a replay must not stop at what was refused.
         if let Some(acted) = &mut self.acted {
             acted.push(Act { tick, command });
@@ -28,16 +35,16 @@ impl FlightApp {
         Ok(())
     }
 
-    fn follow(&mut self, command: Command) -> Result<()> {
+    fn follow(&mut self, command: &FlightCommand) -> Result<()> {
         match command {
-            Command::Guide(name) => {
-                let guide = self.scene.find(&name)?.name;
+            FlightCommand::Guide(name) => {
+                let guide = self.scene.find(name)?.name;
                 self.refuse_while_playing("guide")?;
                 let before = std::mem::replace(&mut self.scene.steering, Steering::Guide(guide));
                 self.change(|flight| flight.scene.steering = before)?;
                 self.resume();
             }
-            Command::Reverse => {
+            FlightCommand::Reverse => {
                 self.refuse_while_playing("reverse")?;
                 let before = self.plan.clone();
                 let plan = &mut self.plan;
@@ -54,17 +61,17 @@ impl FlightApp {
                 }
                 self.resume();
             }
-            Command::Segment(number) => {
+            FlightCommand::Segment(number) => {
                 let plan = plan::through_segment(
                     &self.volume,
                     &self.lumen,
-                    number,
+                    *number,
                     SegmentEnd::Cecal,
                     self.scene.body.radius_mm,
                 )?;
                 self.set_out_on(plan)?;
             }
-            Command::OtherEnd => {
+            FlightCommand::OtherEnd => {
                 let number = self
                     .plan
                     .segment
@@ -74,19 +81,14 @@ impl FlightApp {
                 let plan = plan::through_segment(&self.volume, &self.lumen, number, other, radius)?;
                 self.set_out_on(plan)?;
             }
-            Command::Seek(share) => self.seek(share)?,
-            Command::Go { to, forward, up } => self.go([to, forward, up].map(DVec3::from_array))?,
-            Command::ViewAngle(degrees) => {
+            FlightCommand::Seek(share) => self.seek(*share)?,
+            FlightCommand::Go { to, forward, up } => self.go([*to, *forward, *up].map(DVec3::from_array))?,
+            &FlightCommand::ViewAngle(degrees) => {
                 let usual = self.scene.image.fov_degrees;
                 if let Some(mut picture) = self.camera_mut::<Picture>() {
                     // What the flight began with may lie beyond what is offered.
                     let held = if degrees == usual { Some(usual) } else { picture.camera.held(degrees) };
                     picture.fov_degrees = held.unwrap_or(picture.fov_degrees);
-                }
-            }
-            other => {
-                if let Some(mut inbox) = self.app.world.get_resource_mut::<Inbox>() {
-                    inbox.0.push_back(other);
                 }
             }
         }

@@ -31,7 +31,7 @@ use crate::app::{FlightApp, Overlay};
 use crate::components::camera::Velocity;
 use crate::components::clock::Accumulator;
 use crate::components::flight::State;
-use crate::components::input::{Command, Hand};
+use crate::components::input::{Command, FlightCommand, Hand, HandCommand};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::components::trail::Trail;
@@ -215,7 +215,7 @@ impl Cockpit {
         if self.flight.is_guide_off() {
             let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
             if let Some(by_hand) = by_hand {
-                self.flight.act(Command::Guide(by_hand.to_owned()))?;
+                self.flight.act(FlightCommand::Guide(by_hand.to_owned()))?;
             }
         }
         Ok(())
@@ -253,7 +253,7 @@ impl Cockpit {
     }
 
     /// Sends the flight a command; whether it was followed. One that cannot be is said, and changes nothing.
-    fn act(&mut self, command: Command, now: Instant) -> bool {
+    fn act(&mut self, command: impl Into<Command>, now: Instant) -> bool {
         self.quiet = 0;
         // Whatever the operator does comes before where the camera is being taken.
         self.travel = None;
@@ -271,10 +271,10 @@ impl Cockpit {
         }
         let (push, turn) = (self.held.push(), self.held.turn());
         if push != self.sent.0 {
-            self.act(Command::Push(push), now);
+            self.act(HandCommand::Push(push), now);
         }
         if turn != self.sent.1 {
-            self.act(Command::Turn(turn), now);
+            self.act(HandCommand::Turn(turn), now);
         }
         self.sent = (push, turn);
     }
@@ -319,7 +319,7 @@ impl Cockpit {
     }
 
     fn change_angle(&mut self, degrees: f64, now: Instant) {
-        self.act(Command::ViewAngle(degrees), now);
+        self.act(FlightCommand::ViewAngle(degrees), now);
         let Some(degrees) = self.flight.camera::<Picture>().map(|p| p.fov_degrees) else { return };
         let usual = self.flight.scene().image.fov_degrees;
         let back = if degrees == usual { "" } else { " (0 sets it back)" };
@@ -335,7 +335,7 @@ impl Cockpit {
 
     fn change_speed(&mut self, notches: f64, now: Instant) {
         let speed = (self.hand().speed * FASTER.powf(notches)).clamp(0.1, 5.0);
-        self.act(Command::Speed(speed), now);
+        self.act(HandCommand::Speed(speed), now);
         let cruise = self.flight.scene().cruise_mm_s() * speed;
         self.say(format!("cruise {cruise:.0} mm/s"), now);
     }
@@ -367,7 +367,7 @@ impl Cockpit {
         if !paused {
             self.slices.follow();
         }
-        self.act(Command::Pause(paused), at.now);
+        self.act(HandCommand::Pause(paused), at.now);
     }
 
     /// Hands over to the operator, or back to the last guide.
@@ -386,14 +386,14 @@ impl Cockpit {
 
     /// Turns round and flies back.
     pub fn reverse(&mut self, at: Moment) {
-        if self.act(Command::Reverse, at.now) {
+        if self.act(FlightCommand::Reverse, at.now) {
             self.say("flying back", at.now);
         }
     }
 
     /// Sets out from the other end.
     pub fn other_end(&mut self, at: Moment) {
-        self.act(Command::OtherEnd, at.now);
+        self.act(FlightCommand::OtherEnd, at.now);
     }
 
     /// Saves the image.
@@ -426,7 +426,7 @@ impl Cockpit {
     }
 
     fn change_guide(&mut self, guide: &'static str, now: Instant) {
-        self.act(Command::Guide(guide.to_owned()), now);
+        self.act(FlightCommand::Guide(guide.to_owned()), now);
         if self.flight.scene().guide_name() == guide {
             if self.flight.scene().is_automatic() {
                 self.last_guide = guide;
@@ -456,7 +456,8 @@ impl Cockpit {
     /// Goes to a share of the way, 0 to 1.
     pub fn seek(&mut self, share: f64, now: Instant) {
         self.quiet = 0;
-        match self.flight.act(Command::Seek(share)) {
+        self.travel = None;
+        match self.flight.act(FlightCommand::Seek(share)) {
             Ok(()) => {}
             Err(e) => self.say(format!("{}: {}; {}", e.what, e.why, e.mend), now),
         }
@@ -488,7 +489,7 @@ impl Cockpit {
             self.say("there is no other segment", now);
             return;
         }
-        self.act(Command::Segment(next), now);
+        self.act(FlightCommand::Segment(next), now);
         let ml = self.flight.lumen().segments[next].ml;
         if self.flight.plan().segment == Some(next) {
             self.say(format!("segment {} of {count}: {ml:.0} ml", next + 1), now);
@@ -527,11 +528,11 @@ impl Cockpit {
         }
         if self.look != [0.0; 2] {
             let look = std::mem::take(&mut self.look);
-            self.act(Command::Look(look), now);
+            self.act(HandCommand::Look(look), now);
         }
         if self.roll != 0.0 {
             let roll = std::mem::take(&mut self.roll);
-            self.act(Command::Roll(roll), now);
+            self.act(HandCommand::Roll(roll), now);
         }
         if self.zoom != 0.0 {
             let zoom = std::mem::take(&mut self.zoom);

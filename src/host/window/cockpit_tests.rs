@@ -248,7 +248,7 @@ fn another_view_angle_is_another_picture() {
     fly(&mut c, &mut now, 1);
     assert!(c.sight.is_refining(&c.flight));
     c.sight.order_to_save(&c.flight, WINDOW);
-    c.act(Command::ViewAngle(90.0), now);
+    c.act(FlightCommand::ViewAngle(90.0), now);
     assert!(trace(&mut c, now));
     let saved = c.sight.all_to_save();
     assert_eq!((saved.len(), saved[0].request.fov_degrees, angle(&c)), (1, 81.8, 90.0));

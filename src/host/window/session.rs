@@ -12,7 +12,7 @@ use super::Resume;
 use super::folders::{self, Folder};
 use crate::app::FlightApp;
 use crate::components::flight::State;
-use crate::components::input::{Command, Hand};
+use crate::components::input::{FlightCommand, Hand, HandCommand};
 use crate::error::{Error, Result};
 use crate::math::hash;
 use crate::output;
@@ -81,10 +81,10 @@ impl Session {
         if taken.is_err() {
             // Back to what the flight was able to be just now; the refusal is what there is to tell.
             if let Some(n) = segment.filter(|_| flight.plan().segment != segment) {
-                let _ = flight.act(Command::Segment(n));
+                let _ = flight.act(FlightCommand::Segment(n));
             }
             if flight.is_reversed() != reversed {
-                let _ = flight.act(Command::Reverse);
+                let _ = flight.act(FlightCommand::Reverse);
             }
             flight.place(start.position, start.attitude.forward, start.attitude.up);
         }
@@ -99,15 +99,15 @@ impl Session {
         // The segments of a scan whose fluid was taken as free are counted otherwise: the place tells which one it is.
         let segment = flight.lumen().segment_at(position).unwrap_or(self.segment);
         if flight.plan().segment != Some(segment) {
-            flight.act(Command::Segment(segment))?;
+            flight.act(FlightCommand::Segment(segment))?;
         }
         if flight.is_reversed() != self.reversed {
-            flight.act(Command::Reverse)?;
+            flight.act(FlightCommand::Reverse)?;
         }
         if what == Resume::Everything && flight.scene().guide_name() != self.guide {
-            flight.act(Command::Guide(self.guide.clone()))?;
+            flight.act(FlightCommand::Guide(self.guide.clone()))?;
         }
-        flight.act(Command::Speed(self.speed))?;
+        flight.act(HandCommand::Speed(self.speed))?;
         // Another segment sets out from its end.
         flight.place(position, forward, up);
         flight.stands_at(self.along_mm);

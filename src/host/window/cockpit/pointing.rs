@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::Cockpit;
 use crate::components::camera::Pose;
-use crate::components::input::Command;
+use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::error::Result;
@@ -51,7 +51,7 @@ impl Cockpit {
     fn go(&mut self, place: DVec3, now: Instant) {
         let Some(segment) = self.flight.lumen().segment_at(place) else { return };
         let other = self.flight.plan().segment.is_some_and(|s| s != segment);
-        if other && !self.act(Command::Segment(segment), now) {
+        if other && !self.act(FlightCommand::Segment(segment), now) {
             return;
         }
         if other {
@@ -74,7 +74,7 @@ impl Cockpit {
     /// Stops a flight that goes by itself, also one that has arrived or calls: where the camera is taken it stays.
     fn stop(&mut self, now: Instant) {
         if !self.is_by_hand() && !self.hand().paused && self.flight.scene().play().is_none() {
-            self.act(Command::Pause(true), now);
+            self.act(HandCommand::Pause(true), now);
         }
     }
 
@@ -192,7 +192,7 @@ impl Cockpit {
     }
 }
 
-fn go_to(pose: Pose) -> Command {
+fn go_to(pose: Pose) -> FlightCommand {
     let [to, forward, up] = [pose.position, pose.attitude.forward, pose.attitude.up].map(|v| v.to_array());
-    Command::Go { to, forward, up }
+    FlightCommand::Go { to, forward, up }
 }
