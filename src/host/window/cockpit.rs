@@ -335,7 +335,7 @@ impl Cockpit {
 
     fn change_speed(&mut self, notches: f64, now: Instant) {
         let speed = (self.hand().speed * FASTER.powf(notches)).clamp(0.1, 5.0);
-        self.act(HandCommand::Speed(speed), now);
+        self.act(HandCommand::Speed(recordable(speed)), now);
         let cruise = self.flight.scene().cruise_mm_s() * speed;
         self.say(format!("cruise {cruise:.0} mm/s"), now);
     }
@@ -528,11 +528,11 @@ impl Cockpit {
         }
         if self.look != [0.0; 2] {
             let look = std::mem::take(&mut self.look);
-            self.act(HandCommand::Look(look), now);
+            self.act(HandCommand::Look(look.map(recordable)), now);
         }
         if self.roll != 0.0 {
             let roll = std::mem::take(&mut self.roll);
-            self.act(HandCommand::Roll(roll), now);
+            self.act(HandCommand::Roll(recordable(roll)), now);
         }
         if self.zoom != 0.0 {
             let zoom = std::mem::take(&mut self.zoom);
@@ -656,6 +656,12 @@ impl Cockpit {
         };
         (text.to_owned(), mood)
     }
+}
+
+/// A number of at most nine decimals: as text it has so few digits that every reader finds the same one again, and a recorded hand
+/// is repeated bit for bit.
+fn recordable(x: f64) -> f64 {
+    (x * 1e9).round() / 1e9
 }
 
 #[cfg(test)]

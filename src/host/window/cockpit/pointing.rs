@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::Cockpit;
+use super::{Cockpit, recordable};
 use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
@@ -193,6 +193,7 @@ impl Cockpit {
 }
 
 fn go_to(pose: Pose) -> FlightCommand {
-    let [to, forward, up] = [pose.position, pose.attitude.forward, pose.attitude.up].map(|v| v.to_array());
+    let [to, forward, up] =
+        [pose.position, pose.attitude.forward, pose.attitude.up].map(|v| v.to_array().map(recordable));
     FlightCommand::Go { to, forward, up }
 }

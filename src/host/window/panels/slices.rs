@@ -41,7 +41,7 @@ pub const SAGITTAL: PanelEntry = PanelEntry {
 /// The slice across the way.
 pub const ACROSS: PanelEntry = PanelEntry {
     name: "across",
-    title: "Slice across the way",
+    title: "Slice across the path",
     picture: true,
     make: || panel(Orientation::Across),
     ..PanelEntry::NONE
@@ -189,7 +189,9 @@ impl SlicePanel {
         label(p, inner.left_center(), Align2::LEFT_CENTER, &edges[0]);
         label(p, inner.right_center(), Align2::RIGHT_CENTER, &edges[1]);
         label(p, inner.center_top(), Align2::CENTER_TOP, &edges[2]);
-        label(p, inner.center_bottom(), Align2::CENTER_BOTTOM, &edges[3]);
+        // Above the scale bar where that reaches to the middle.
+        let up = if inner.width() < 320.0 { 26.0 } else { 0.0 };
+        label(p, inner.center_bottom() - vec2(0.0, up), Align2::CENTER_BOTTOM, &edges[3]);
         words(p, inner.left_top(), Align2::LEFT_TOP, self.orientation.name(), INK);
         let (windowing, slab) = (view.windowing, view.slab);
         let kind = match slab.kind() {
