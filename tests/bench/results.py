@@ -271,7 +271,7 @@ def window(b):
     rows, lines = [], []
     for name, scan in b.subjects():
         stats = b.at("window.json")
-        command = [b.args.colvis, "fly", scan, "--size", f"{side}x{side}", "--seconds", seconds, "--stats", stats]
+        command = [b.args.colvis, "fly", scan, "--size", f"{side}x{side}", "--seconds", seconds, "--layout", "flight", "--stats", stats]
         b.run([*shlex.split(b.args.display or ""), *command])
         lines.append(command_block(b.shown(command)))
         with open(stats, encoding="utf-8") as f:

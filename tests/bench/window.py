@@ -49,6 +49,8 @@ def main():
             with tempfile.TemporaryDirectory() as home:
                 stats = os.path.join(home, "stats.json")
                 command = [args.binary, "fly", args.scan, "--size", args.size, "--seconds", args.seconds]
+                if "--layout" not in further:
+                    command += ["--layout", "flight"]
                 env = dict(os.environ, DISPLAY=display, HOME=home, XDG_STATE_HOME=home, XDG_CONFIG_HOME=home)
                 subprocess.run(command + ["--stats", stats] + further, env=env, check=True, stderr=subprocess.DEVNULL)
                 with open(stats) as f:
