@@ -228,8 +228,8 @@ struct Kept {
     layout: String,
     /// For each layout, where its dividers are.
     shares: BTreeMap<String, BTreeMap<String, f32>>,
-    /// For each layout, the panels that are shown beside its own.
-    beside: BTreeMap<String, Vec<String>>,
+    /// For each layout, which of the panels beside its own are shown. One that is not named was not known then.
+    beside: BTreeMap<String, BTreeMap<String, bool>>,
 }
 
 /// A panel of this window.
@@ -280,9 +280,9 @@ impl Workspace {
             if let Some(shares) = kept.shares.get(entry.name) {
                 layout.take(shares);
             }
-            let beside = kept.beside.get(entry.name).map_or(&[][..], Vec::as_slice);
+            let beside = kept.beside.get(entry.name);
             for panel in self.panels.iter().map(|p| p.entry.name).filter(|p| !entry.tiles.shows(p)) {
-                if layout.is_shown(panel) != beside.iter().any(|b| b == panel) {
+                if beside.and_then(|b| b.get(panel)).is_some_and(|shown| *shown != layout.is_shown(panel)) {
                     layout.switch(panel);
                 }
             }
@@ -300,7 +300,7 @@ impl Workspace {
         let all = || LAYOUTS.iter().zip(&self.layouts);
         let beside = |entry: &LayoutEntry, layout: &Arrangement| {
             let names = self.panels.iter().map(|p| p.entry.name);
-            names.filter(|p| !entry.tiles.shows(p) && layout.is_shown(p)).map(str::to_owned).collect()
+            names.filter(|p| !entry.tiles.shows(p)).map(|p| (p.to_owned(), layout.is_shown(p))).collect()
         };
         let kept = Kept {
             version: VERSION,
@@ -604,8 +604,13 @@ mod tests {
             assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
         }
         // Layouts and panels that there are not any more are no fault.
-        let old = "{\"version\": 1, \"layout\": \"x\", \"shares\": {\"x\": {}}, \"beside\": {\"flight\": [\"gone\"]}}";
+        let old =
+            "{\"version\": 1, \"layout\": \"x\", \"shares\": {\"x\": {}}, \"beside\": {\"flight\": {\"gone\": true}}}";
         std::fs::write(&path, old).unwrap();
         assert!(workspace(&path).1.is_none());
+        // A panel that was not there then is shown if it is at first.
+        let new = PanelEntry { name: "new", shown: true, ..PanelEntry::NONE };
+        let (made, _) = Workspace::new(&[entries(), vec![new]].concat(), None, Some(path));
+        assert!(made.layouts[0].is_shown("new") && !made.layouts[0].is_shown("own"));
     }
 }
