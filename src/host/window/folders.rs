@@ -2,7 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
 use crate::error::{Error, Result};
+use crate::output;
 
 /// No file of ours is larger, bytes.
 const MOST_BYTES: u64 = 1 << 20;
@@ -51,6 +55,41 @@ pub fn read(path: &Path, mend: &str) -> Result<Option<Vec<u8>>> {
         Ok(_) => {}
     }
     std::fs::read(path).map(Some).map_err(|e| bad(format!("cannot be read ({e})")))
+}
+
+/// What is kept as JSON.
+pub trait Kept: Serialize + DeserializeOwned {
+    /// The present form.
+    const VERSION: u32;
+
+    /// The form that it was written in.
+    fn version(&self) -> u32;
+}
+
+/// Reads what was kept in a file; none where there is none. `mend` is what an error says is to be done.
+///
+/// # Errors
+/// Status 3 where it cannot be read, is damaged or is of another version.
+pub fn read_kept<T: Kept>(path: &Path, mend: &str) -> Result<Option<T>> {
+    let Some(bytes) = read(path, mend)? else { return Ok(None) };
+    let bad = |why: String| Error::file(path, why, mend);
+    let kept: T = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
+    if kept.version() == T::VERSION {
+        Ok(Some(kept))
+    } else {
+        Err(bad(format!("has version {}, not {}", kept.version(), T::VERSION)))
+    }
+}
+
+/// Writes it, and the folder that it is in.
+///
+/// # Errors
+/// Status 5 when it cannot be written; what was kept before is as it was.
+pub fn keep<T: Kept>(path: &Path, kept: &T) -> Result<()> {
+    if let Some(folder) = path.parent() {
+        output::make_folder(folder)?;
+    }
+    output::write_json(path, kept)
 }
 
 #[cfg(test)]

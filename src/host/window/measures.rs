@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::folders;
 use crate::error::{Error, Result};
-use crate::output;
 
 /// The present form of the file.
 const VERSION: u32 = 1;
@@ -46,6 +45,14 @@ struct Kept {
     version: u32,
     /// World, mm: the ends of each.
     measures: Vec<[[f64; 3]; 2]>,
+}
+
+impl folders::Kept for Kept {
+    const VERSION: u32 = VERSION;
+
+    fn version(&self) -> u32 {
+        self.version
+    }
 }
 
 /// What was measured in a scan.
@@ -154,21 +161,13 @@ impl Measures {
     fn keep(&self) -> Result<()> {
         let Some(path) = &self.file else { return Ok(()) };
         let measures = self.list.iter().map(|m| [m.from, m.to].map(|p| p.to_array())).collect();
-        if let Some(folder) = path.parent() {
-            output::make_folder(folder)?;
-        }
-        output::write_json(path, &Kept { version: VERSION, measures })
+        folders::keep(path, &Kept { version: VERSION, measures })
     }
 }
 
 fn read(path: &Path) -> Result<Vec<Measure>> {
-    let bad = |why: String| Error::file(path, why, MEND);
-    let Some(bytes) = folders::read(path, MEND)? else { return Ok(Vec::new()) };
-    let kept: Kept = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
-    if kept.version != VERSION {
-        return Err(bad(format!("has version {}, not {VERSION}", kept.version)));
-    }
-    let measures = kept.measures.into_iter().map(|m| m.map(DVec3::from_array));
+    let kept: Option<Kept> = folders::read_kept(path, MEND)?;
+    let measures = kept.into_iter().flat_map(|k| k.measures).map(|m| m.map(DVec3::from_array));
     Ok(measures.take(MOST).map(|[from, to]| Measure { from, to }).collect())
 }
 

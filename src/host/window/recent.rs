@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 
 use super::folders::{self, Folder};
 use crate::error::{Error, Result};
-use crate::output;
 
 /// The present form of the file.
 const VERSION: u32 = 1;
@@ -20,6 +19,14 @@ const MOST: usize = 12;
 struct Kept {
     version: u32,
     scans: Vec<PathBuf>,
+}
+
+impl folders::Kept for Kept {
+    const VERSION: u32 = VERSION;
+
+    fn version(&self) -> u32 {
+        self.version
+    }
 }
 
 /// The scans that were open lately, the last one first.
@@ -59,21 +66,13 @@ impl Recent {
         self.scans.insert(0, scan);
         self.scans.truncate(MOST);
         let Some(path) = &self.file else { return Ok(()) };
-        if let Some(folder) = path.parent() {
-            output::make_folder(folder)?;
-        }
-        output::write_json(path, &Kept { version: VERSION, scans: self.scans.clone() })
+        folders::keep(path, &Kept { version: VERSION, scans: self.scans.clone() })
     }
 }
 
 fn read(path: &Path) -> Result<Vec<PathBuf>> {
-    let bad = |why: String| Error::file(path, why, MEND);
-    let Some(bytes) = folders::read(path, MEND)? else { return Ok(Vec::new()) };
-    let kept: Kept = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
-    if kept.version != VERSION {
-        return Err(bad(format!("has version {}, not {VERSION}", kept.version)));
-    }
-    Ok(kept.scans.into_iter().take(MOST).collect())
+    let kept: Option<Kept> = folders::read_kept(path, MEND)?;
+    Ok(kept.into_iter().flat_map(|k| k.scans).take(MOST).collect())
 }
 
 #[cfg(test)]

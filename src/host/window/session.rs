@@ -13,7 +13,7 @@ use super::folders::{self, Folder};
 use crate::app::FlightApp;
 use crate::components::flight::State;
 use crate::components::input::{FlightCommand, Hand, HandCommand};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::math::hash;
 use crate::output;
 use crate::volume::Volume;
@@ -46,6 +46,14 @@ pub struct Session {
     speed: f64,
     /// Place along the way, mm.
     along_mm: f64,
+}
+
+impl folders::Kept for Session {
+    const VERSION: u32 = VERSION;
+
+    fn version(&self) -> u32 {
+        self.version
+    }
 }
 
 impl Session {
@@ -119,13 +127,7 @@ impl Session {
     /// # Errors
     /// Status 3 where there is a file that is none.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        let bad = |why: String| Error::file(path, why, MEND);
-        let Some(text) = folders::read(path, MEND)? else { return Ok(None) };
-        let session: Self = serde_json::from_slice(&text).map_err(|e| bad(e.to_string()))?;
-        if session.version != VERSION {
-            return Err(bad(format!("has version {}, not {VERSION}", session.version)));
-        }
-        Ok(Some(session))
+        folders::read_kept(path, MEND)
     }
 
     /// Writes the session of a flight, or removes the one that there was where the flight has none.
@@ -139,10 +141,7 @@ impl Session {
                 _ => Ok(()),
             };
         };
-        if let Some(folder) = path.parent() {
-            output::make_folder(folder)?;
-        }
-        output::write_json(path, session)
+        folders::keep(path, session)
     }
 }
 

@@ -13,7 +13,7 @@ use super::overlay::{DISCLAIMER, Mood, SOFT};
 use super::panels::{Context, Panel, PanelEntry, Request, Requests, slices};
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
-use crate::{fence, output};
+use crate::fence;
 
 /// The present form of the file of layouts.
 const VERSION: u32 = 1;
@@ -232,6 +232,14 @@ struct Kept {
     beside: BTreeMap<String, BTreeMap<String, bool>>,
 }
 
+impl folders::Kept for Kept {
+    const VERSION: u32 = VERSION;
+
+    fn version(&self) -> u32 {
+        self.version
+    }
+}
+
 /// A panel of this window.
 struct Shown {
     entry: PanelEntry,
@@ -270,12 +278,7 @@ impl Workspace {
 
     fn take_up(&mut self) -> Result<()> {
         let Some(path) = &self.file else { return Ok(()) };
-        let Some(bytes) = folders::read(path, MEND)? else { return Ok(()) };
-        let bad = |why: String| Error::file(path, why, MEND);
-        let kept: Kept = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
-        if kept.version != VERSION {
-            return Err(bad(format!("has version {}, not {VERSION}", kept.version)));
-        }
+        let Some(kept) = folders::read_kept::<Kept>(path, MEND)? else { return Ok(()) };
         for (entry, layout) in LAYOUTS.iter().zip(&mut self.layouts) {
             if let Some(shares) = kept.shares.get(entry.name) {
                 layout.take(shares);
@@ -308,10 +311,7 @@ impl Workspace {
             shares: all().map(|(e, l)| (e.name.to_owned(), l.shares())).collect(),
             beside: all().map(|(e, l)| (e.name.to_owned(), beside(e, l))).collect(),
         };
-        if let Some(folder) = path.parent() {
-            output::make_folder(folder)?;
-        }
-        output::write_json(path, &kept)
+        folders::keep(path, &kept)
     }
 
     /// Where it is kept; none on a system that names no folder for it.
