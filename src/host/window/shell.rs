@@ -526,6 +526,8 @@ impl Shell {
                 }
                 let slices: Vec<_> = self.slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
                 due = cockpit.prepare((width, height), &slices, now)?;
+                // What lies over slices tells of them as they were when it was laid out: at rest nothing else lays it out again.
+                self.touched |= due.is_some() && !slices.is_empty() && cockpit.rests();
             }
             Stage::Loading(_) | Stage::Failed(_) => {}
             Stage::Over => return Ok(()),

@@ -105,10 +105,10 @@ impl Slices {
         match request {
             SliceRequest::Click(place) | SliceRequest::Point(place) => self.point(flight, place),
             SliceRequest::Scroll(orientation, notches) => self.scroll(flight, orientation, notches),
-            SliceRequest::Pan(orientation, [right, down]) => self.change(flight, orientation, |view, _| {
+            SliceRequest::Pan(orientation, [right, down]) => self.change(flight, orientation, |view| {
                 view.pan_mm = [view.pan_mm[0] + right, view.pan_mm[1] + down];
             }),
-            SliceRequest::Zoom(orientation, notches) => self.change(flight, orientation, |view, _| {
+            SliceRequest::Zoom(orientation, notches) => self.change(flight, orientation, |view| {
                 view.zoom = (view.zoom * CLOSER.powf(notches)).clamp(ZOOMS[0], ZOOMS[1]);
             }),
             SliceRequest::Window([right, up]) => {
@@ -119,11 +119,10 @@ impl Slices {
         }
     }
 
-    fn change(&self, flight: &mut FlightApp, orientation: Orientation, change: impl FnOnce(&mut SliceView, f64)) {
-        let spacing = flight.volume().volume().grid().spacing().min_element();
+    fn change(&self, flight: &mut FlightApp, orientation: Orientation, change: impl FnOnce(&mut SliceView)) {
         let entity = self.entity(orientation);
         if let Some(mut view) = entity.and_then(|e| flight.app_mut().world.get_mut::<SliceView>(e)) {
-            change(&mut view, spacing);
+            change(&mut view);
         }
     }
 
@@ -161,7 +160,7 @@ impl Slices {
     pub fn reset(&mut self, flight: &mut FlightApp) {
         (self.windowing, self.slab) = (Windowing::default(), Slab::default());
         for orientation in Orientation::ALL {
-            self.change(flight, orientation, |view, _| (view.pan_mm, view.zoom) = ([0.0; 2], 1.0));
+            self.change(flight, orientation, |view| (view.pan_mm, view.zoom) = ([0.0; 2], 1.0));
         }
     }
 

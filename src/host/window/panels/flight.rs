@@ -1,9 +1,9 @@
 //! The flight: its picture with what there is to say over it, and the mouse that looks around in it.
 
-use egui::{Color32, Event, MouseWheelUnit, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, vec2};
+use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, vec2};
 use glam::DVec3;
 
-use super::{Context, FlightRequest, Panel, PanelEntry, Requests, measures};
+use super::{Context, FlightRequest, Panel, PanelEntry, Requests, measures, notches};
 use crate::components::output::Picture;
 use crate::host::window::overlay::{self, Mood};
 use crate::render::first_crossing;
@@ -17,9 +17,6 @@ pub const PANEL: PanelEntry = PanelEntry {
     make: || Box::<FlightPanel>::default(),
     ..PanelEntry::NONE
 };
-
-/// Pixels of a smooth scroll that count as a notch.
-const NOTCH: f64 = 40.0;
 
 /// A button that goes up within so many points of where it went down, and within so many seconds, is a click.
 const CLICK: f32 = 4.0;
@@ -111,10 +108,7 @@ impl FlightPanel {
                 }
                 Event::WindowFocused(false) => (self.drag, self.pressed) = (None, None),
                 Event::MouseWheel { unit, delta, modifiers, .. } if self.pointer.is_some_and(here) => {
-                    let notches = match unit {
-                        MouseWheelUnit::Line | MouseWheelUnit::Page => f64::from(delta.y),
-                        MouseWheelUnit::Point => f64::from(delta.y) * scale / NOTCH,
-                    };
+                    let notches = notches(unit, delta, ui.pixels_per_point());
                     let zooms = modifiers.command || modifiers.ctrl;
                     requests.fly(if zooms { FlightRequest::Zoom(notches) } else { FlightRequest::Hurry(notches) });
                 }

@@ -9,7 +9,7 @@ pub mod slices;
 
 use std::path::PathBuf;
 
-use egui::{Rect, Ui};
+use egui::{MouseWheelUnit, Rect, Ui, Vec2};
 use glam::DVec3;
 
 use super::actions::{Action, Actions};
@@ -50,6 +50,17 @@ struct Empty;
 
 impl Panel for Empty {
     fn ui(&mut self, _: &Context<'_>, _: &mut Ui, _: &mut Requests) {}
+}
+
+/// Pixels of a smooth scroll that count as a notch of the wheel.
+const NOTCH: f32 = 40.0;
+
+/// The notches that a wheel was turned by, away from who turns it, on a screen of `scale` pixels a point.
+fn notches(unit: MouseWheelUnit, delta: Vec2, scale: f32) -> f64 {
+    f64::from(match unit {
+        MouseWheelUnit::Line | MouseWheelUnit::Page => delta.y,
+        MouseWheelUnit::Point => delta.y * scale / NOTCH,
+    })
 }
 
 /// What a panel reads.

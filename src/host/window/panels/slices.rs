@@ -3,13 +3,10 @@
 //! A click points at a place, a right drag windows, a middle drag (or Shift and a drag) moves the image, the wheel goes through the
 //! layers, and with Ctrl magnifies.
 
-use egui::{
-    Align2, Color32, Event, MouseWheelUnit, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2,
-};
+use egui::{Align2, Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
 use glam::DVec3;
 
-use super::measures;
-use super::{Context, Panel, PanelEntry, Requests, SliceRequest};
+use super::{Context, Panel, PanelEntry, Requests, SliceRequest, measures, notches};
 use crate::components::slices::{Orientation, SliceView};
 use crate::host::window::overlay::{ACCENT, INK, Mood, SOFT, TEXT, label, text};
 use crate::render::slice::{SlabKind, Slice};
@@ -47,8 +44,6 @@ pub const ACROSS: PanelEntry = PanelEntry {
     ..PanelEntry::NONE
 };
 
-/// Pixels of a smooth scroll that count as a notch.
-const NOTCH: f32 = 40.0;
 /// The camera is drawn while it is within so many mm of the plane.
 const NEAR_MM: f64 = 12.0;
 /// Ends of measures are drawn while they are within so many mm of the plane.
@@ -160,10 +155,7 @@ impl SlicePanel {
                 Event::PointerButton { pressed: false, .. } | Event::WindowFocused(false) => self.drag = None,
                 Event::PointerGone => self.pointer = None,
                 Event::MouseWheel { unit, delta, modifiers, .. } if self.pointer.is_some_and(here) => {
-                    let notches = f64::from(match unit {
-                        MouseWheelUnit::Line | MouseWheelUnit::Page => delta.y,
-                        MouseWheelUnit::Point => delta.y * scale / NOTCH,
-                    });
+                    let notches = notches(unit, delta, scale);
                     let zooms = modifiers.command || modifiers.ctrl;
                     requests.slice(if zooms {
                         SliceRequest::Zoom(self.orientation, notches)
