@@ -81,6 +81,9 @@ pub struct SliceView {
     pub slab: Slab,
     /// Width and height, pixels.
     pub size: [usize; 2],
+    /// Samples of the scan that a slab may take in a frame; none for as many as it needs. One that needs more has larger pixels while
+    /// it moves, and once it stays where it is it becomes fine over the next frames.
+    pub most_samples: Option<usize>,
     /// The image.
     pub frame: Frame,
     /// Whether this frame has made it.
@@ -90,10 +93,15 @@ pub struct SliceView {
     grey: Vec<u8>,
     /// What the image shows.
     shown: Option<(Slice, Slab, Windowing)>,
+    /// While the image has larger pixels: those of the fine one, and how many of its rows are there.
+    finer: Vec<f32>,
+    rows: Option<usize>,
 }
 
 /// A slice across the way shows so much, mm.
 const ACROSS_MM: f64 = 100.0;
+/// A moving slice has pixels of so many times their side at the most.
+const COARSEST: usize = 4;
 /// Magnifications are held to these.
 pub const ZOOMS: [f64; 2] = [0.25, 40.0];
 
@@ -108,11 +116,14 @@ impl SliceView {
             windowing: Windowing::default(),
             slab: Slab::default(),
             size,
+            most_samples: None,
             frame: Frame::default(),
             made: false,
             hu: Vec::new(),
             grey: Vec::new(),
             shown: None,
+            finer: Vec::new(),
+            rows: None,
         }
     }
 
@@ -124,6 +135,7 @@ impl SliceView {
             zoom: self.zoom,
             windowing: self.windowing,
             slab: self.slab,
+            most_samples: self.most_samples,
             ..Self::new(self.orientation, self.size)
         }
     }
@@ -164,21 +176,24 @@ impl SliceView {
         (x < self.size[0]).then(|| self.hu.get(y * self.size[0] + x).copied()).flatten()
     }
 
-    /// Whether the image is not what is to be shown.
+    /// Whether the image is not what is to be shown, or not as fine.
     pub fn is_stale(&self, grid: &Grid, pose: &Pose) -> bool {
-        self.shown != Some((self.slice(grid, pose), self.slab, self.windowing))
+        self.rows.is_some() || self.shown != Some((self.slice(grid, pose), self.slab, self.windowing))
     }
 
     /// Makes the image if it is stale.
     pub fn make(&mut self, volume: &Volume, pose: &Pose) {
         let wanted = (self.slice(volume.grid(), pose), self.slab, self.windowing);
+        let (slice, slab) = (wanted.0, wanted.1);
         self.made = self.shown != Some(wanted);
+        // Another window of greys needs no other values.
+        if self.shown.is_none_or(|s| (s.0, s.1) != (slice, slab)) {
+            self.fill(volume, slice, slab);
+        } else if let Some(rows) = self.rows {
+            self.made |= self.refine(volume, slice, slab, rows);
+        }
         if !self.made {
             return;
-        }
-        // Another window of greys needs no other values.
-        if self.shown.is_none_or(|s| (s.0, s.1) != (wanted.0, wanted.1)) {
-            wanted.0.fill_slab(volume, self.slab, &mut self.hu);
         }
         self.grey.resize(self.hu.len(), 0);
         self.windowing.fill(&self.hu, &mut self.grey);
@@ -192,9 +207,42 @@ impl SliceView {
         self.shown = Some(wanted);
     }
 
+    /// Fills the image with the values of another plane: at once, or with larger pixels if it takes too many samples.
+    fn fill(&mut self, volume: &Volume, slice: Slice, slab: Slab) {
+        let samples = slice.size[0] * slice.size[1] * slab.samples_a_pixel(volume.grid());
+        let most = self.most_samples.filter(|_| slab.mm() > 0.0);
+        let too_many = most.map_or(0, |most| samples / most.max(1));
+        // The least whole number whose square they are.
+        let larger = (1..COARSEST).find(|n| n * n > too_many).unwrap_or(COARSEST);
+        self.rows = (larger > 1).then_some(0);
+        if larger == 1 {
+            return slice.fill_slab(volume, slab, &mut self.hu);
+        }
+        let coarse = slice.with_larger_pixels(larger);
+        coarse.fill_slab(volume, slab, &mut self.finer);
+        coarse.enlarge(&self.finer, larger, slice.size, &mut self.hu);
+    }
+
+    /// Makes more rows of the fine image; whether that was the last of them.
+    fn refine(&mut self, volume: &Volume, slice: Slice, slab: Slab, rows: usize) -> bool {
+        let [width, height] = slice.size;
+        let a_row = (width * slab.samples_a_pixel(volume.grid())).max(1);
+        let more = self.most_samples.map_or(height, |most| most / a_row).max(1).min(height - rows);
+        self.finer.resize(width * height, 0.0);
+        slice.fill_rows(volume, slab, rows, &mut self.finer[rows * width..(rows + more) * width]);
+        let done = rows + more == height;
+        self.rows = (!done).then_some(rows + more);
+        if done {
+            std::mem::swap(&mut self.hu, &mut self.finer);
+        }
+        done
+    }
+
     /// What it keeps in memory.
     pub fn bytes(&self) -> usize {
-        self.hu.capacity() * size_of::<f32>() + self.grey.capacity() + size_of_val(self.frame.pixels())
+        (self.hu.capacity() + self.finer.capacity()) * size_of::<f32>()
+            + self.grey.capacity()
+            + size_of_val(self.frame.pixels())
     }
 }
 
@@ -225,6 +273,7 @@ fn snap(grid: &Grid, place: DVec3, normal: DVec3) -> DVec3 {
 mod tests {
     use super::*;
     use crate::dynamics::Attitude;
+    use crate::render::slice::SlabKind;
     use glam::DMat3;
 
     fn scan() -> Volume {
@@ -284,6 +333,64 @@ mod tests {
     }
 
     #[test]
+    fn a_thick_slab_is_coarse_while_it_moves_and_then_becomes_what_it_would_have_been() {
+        let grid = Grid::new([60; 3], DVec3::ONE, DVec3::new(-7.0, 3.0, 11.0), DMat3::IDENTITY).unwrap();
+        let value = |n: usize| (n % 60 + 2 * (n / 60 % 60) + n / 3600) as i16 * 4 - 1000;
+        let volume = Volume::new(grid, (0..216_000).map(value).collect());
+        let here = pose(volume.grid().world(DVec3::splat(29.0)));
+        let slab = Slab::new(20.0, SlabKind::Mean).unwrap();
+        for orientation in Orientation::ALL {
+            for size in [[70, 50], [71, 53], [1, 1], [90, 70]] {
+                let mut at_once = SliceView { slab, zoom: 3.0, ..SliceView::new(orientation, size) };
+                at_once.make(&volume, &here);
+                assert!(at_once.rows.is_none());
+                let mut view = SliceView { most_samples: Some(20_000), ..at_once.without_image() };
+                view.make(&volume, &here);
+                assert!(view.made && view.shown() == at_once.shown() && view.hu.len() == at_once.hu.len());
+                // Mirrored, shifted or black it would be farther off: the values go from -1000 to -60.
+                let off = view.hu.iter().zip(&at_once.hu);
+                let (mut sum, mut count) = (0.0, 0);
+                off.for_each(|(a, b)| (sum, count) = (sum + f64::from(a - b).abs(), count + 1));
+                assert!(sum <= 2.0 * f64::from(count), "{orientation:?} {size:?}: {}", sum / f64::from(count));
+                let (coarse, mut frames) = (view.rows.is_some(), 0);
+                assert_eq!(coarse, size[0] * size[1] > 300);
+                while view.is_stale(volume.grid(), &here) {
+                    view.make(&volume, &here);
+                    frames += 1;
+                    assert!(frames < 60);
+                    assert_eq!(view.made, view.rows.is_none(), "it is shown when it is whole");
+                }
+                assert!(frames > 2 || !coarse);
+                assert!(view.hu == at_once.hu && view.frame == at_once.frame);
+            }
+        }
+    }
+
+    #[test]
+    fn a_slice_that_moves_on_begins_anew_and_greys_change_at_any_time() {
+        let volume = scan();
+        let at = |x: f64| pose(volume.grid().world(DVec3::new(x, 15.0, 20.0)));
+        let slab = Slab::new(10.0, SlabKind::Max).unwrap();
+        let mut view =
+            SliceView { slab, most_samples: Some(20_000), ..SliceView::new(Orientation::Sagittal, [70, 50]) };
+        view.make(&volume, &at(10.0));
+        view.make(&volume, &at(10.0));
+        assert!(view.rows.is_some_and(|rows| rows > 0) && !view.made);
+        view.windowing = Windowing::new(-900.0, 200.0).unwrap();
+        view.make(&volume, &at(10.0));
+        assert!(view.made, "other greys at once");
+        view.make(&volume, &at(4.0));
+        assert_eq!((view.rows, view.made), (Some(0), true));
+        while view.is_stale(volume.grid(), &at(4.0)) {
+            view.make(&volume, &at(4.0));
+        }
+        let mut at_once =
+            SliceView { slab, windowing: view.windowing, ..SliceView::new(Orientation::Sagittal, [70, 50]) };
+        at_once.make(&volume, &at(4.0));
+        assert!(view.frame == at_once.frame);
+    }
+
+    #[test]
     fn what_is_no_number_shows_something() {
         let (volume, mut view) = (scan(), SliceView::new(Orientation::Sagittal, [4, 0]));
         for (place, zoom, pan, size) in [
@@ -292,6 +399,10 @@ mod tests {
             (DVec3::ZERO, 0.0, -1e300, [1, 1]),
         ] {
             (view.place, view.zoom, view.pan_mm, view.size) = (Some(place), zoom, [pan; 2], size);
+            view.make(&volume, &pose(DVec3::ZERO));
+            assert_eq!(view.hu.len(), size[0] * size[1]);
+            (view.most_samples, view.slab) = (Some(0), Slab::new(1.0, SlabKind::Min).unwrap());
+            view.make(&volume, &pose(DVec3::ZERO));
             view.make(&volume, &pose(DVec3::ZERO));
             assert_eq!(view.hu.len(), size[0] * size[1]);
         }

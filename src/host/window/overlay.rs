@@ -152,9 +152,6 @@ pub fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
     text(p, area.center_bottom() - vec2(0.0, MARGIN), Align2::CENTER_BOTTOM, DISCLAIMER, TEXT, SOFT);
 }
 
-/// What stands above the reason why a scan cannot be flown.
-pub const CANNOT: &str = "This scan cannot be flown.";
-
 /// Places of marks are held within so many pixels: what lies farther out is in no window.
 const FAR_PIXELS: f32 = 1e5;
 /// A mark's text is held to these sizes, points, and to so many characters.

@@ -165,17 +165,19 @@ impl Marker {
 }
 
 /// Rasterises layouts.
-struct Artist {
+pub struct Artist {
     raster: EguiSoftwareRender,
     canvas: Vec<Bgra>,
 }
 
 impl Artist {
-    fn new() -> Self {
+    /// It has painted nothing yet.
+    pub fn new() -> Self {
         Self { raster: EguiSoftwareRender::new(ColorFieldOrder::Bgra), canvas: Vec::new() }
     }
 
-    fn paint(&mut self, layout: &Layout, textures: &TexturesDelta) -> Layer {
+    /// Rasterises a layout, with what has changed of the textures since the one before.
+    pub fn paint(&mut self, layout: &Layout, textures: &TexturesDelta) -> Layer {
         let (width, height) = layout.size.pixels;
         let shapes = layout.tessellate();
         self.raster.render_to_canvas(width, height, &shapes, textures, layout.size.pixels_a_point());

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use egui::{LayerId, Rect, ViewportId};
+use egui::{LayerId, ViewportId};
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalSize, Size};
 use winit::event::{ElementState, KeyEvent, StartCause, WindowEvent};
@@ -433,31 +433,16 @@ impl Shell {
         let (file_list, opening, mut chosen) = (&mut self.file_list, self.opening.as_deref(), None);
         let choices = if let Stage::Failed(e) = stage { &e.choices[..] } else { &[] };
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
-            let area = ui.ctx().content_rect();
             match (&content, stage) {
                 (Content::Flight(readings), Stage::Flying(cockpit)) => {
                     workspace.ui(&Context::new(cockpit, actions, recent, readings), ui, &mut requests);
                 }
                 (Content::Failed { text }, _) => {
-                    let width = (area.width() * 0.85).min(720.0);
-                    let column = Rect::from_center_size(area.center(), egui::vec2(width, area.height() - 48.0));
-                    ui.scope_builder(egui::UiBuilder::new().max_rect(column), |ui| {
-                        ui.heading(overlay::CANNOT);
-                        ui.label(text);
-                        ui.label("Open another scan, or drop one on the window. Esc quits.");
-                        ui.separator();
-                        for (n, series) in choices.iter().enumerate() {
-                            if ui.button(series).clicked() {
-                                chosen = opening.map(|path| Request::Open(path.to_owned(), Some(n + 1)));
-                            }
-                        }
-                        if !choices.is_empty() {
-                            ui.separator();
-                        }
-                        chosen = chosen.take().or(file_list.ui(recent, ui).map(|path| Request::Open(path, None)));
-                    });
+                    chosen = file_list.instead(text, opening, choices, recent, ui);
                 }
-                (Content::Loading { stage, share }, _) => overlay::loading(&background(ui), area, stage, *share),
+                (Content::Loading { stage, share }, _) => {
+                    overlay::loading(&background(ui), ui.ctx().content_rect(), stage, *share);
+                }
                 (Content::Flight(_), _) => {}
             }
             requests.flight_at().into_iter().chain(requests.slices_at().iter().map(|s| s.1)).collect()

@@ -21,6 +21,8 @@ const WIDTHS: [f64; 2] = [1.0, 8000.0];
 const LEVELS: [f64; 2] = [-2000.0, 6000.0];
 /// Slabs that a key goes through, mm.
 const SLABS_MM: [f64; 5] = [0.0, 3.0, 5.0, 10.0, 20.0];
+/// Samples that a thick slab takes in a frame while it moves: some ms of two cores.
+const SAMPLES: usize = 1 << 20;
 /// A notch of the wheel magnifies by this factor.
 const CLOSER: f64 = 1.15;
 
@@ -84,7 +86,9 @@ impl Slices {
         }
         for (orientation, size) in wanted {
             if !self.entities.contains_key(orientation) {
-                let entity = flight.add_slice(SliceView::new(*orientation, *size))?;
+                let mut view = SliceView::new(*orientation, *size);
+                view.most_samples = Some(SAMPLES);
+                let entity = flight.add_slice(view)?;
                 self.entities.insert(*orientation, entity);
             }
         }

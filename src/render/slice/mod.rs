@@ -47,6 +47,45 @@ impl Slice {
         ([0, 1].map(|a| along[a] / self.mm_per_pixel + self.size[a] as f64 / 2.0), d.dot(self.frame.normal()))
     }
 
+    /// The same part of the plane in pixels of `factor` times the side; the last ones of rows and columns may reach beyond it.
+    pub fn with_larger_pixels(&self, factor: usize) -> Self {
+        let factor = factor.max(1);
+        let size = self.size.map(|s| s.div_ceil(factor));
+        // The corner at the top left stays.
+        let [right, down] = [0, 1].map(|a| ((size[a] * factor) as f64 - self.size[a] as f64) / 2.0 * self.mm_per_pixel);
+        Self {
+            centre: self.centre + self.frame.right() * right + self.frame.down() * down,
+            frame: self.frame,
+            mm_per_pixel: self.mm_per_pixel * factor as f64,
+            size,
+        }
+    }
+
+    /// Turns values of this slice into an image of `size`, of pixels smaller by `factor`, whose corner at the top left is the same:
+    /// linear between the centres of the larger pixels.
+    pub fn enlarge(&self, values: &[f32], factor: usize, size: [usize; 2], out: &mut Vec<f32>) {
+        out.resize(size[0] * size[1], 0.0);
+        let [width, height] = self.size;
+        if values.len() != width * height || values.is_empty() || size[0] == 0 {
+            return;
+        }
+        // The pixel before, and how far it is from there to the next.
+        let place = |n: usize, most: usize| {
+            let at = ((n as f32 + 0.5) / factor.max(1) as f32 - 0.5).clamp(0.0, (most - 1) as f32);
+            let before = (at as usize).min(most - 1);
+            (before, (before + 1).min(most - 1), at - before as f32)
+        };
+        out.par_chunks_mut(size[0]).enumerate().for_each(|(y, row)| {
+            let (above, below, down) = place(y, height);
+            let [above, below] = [above, below].map(|y| &values[y * width..][..width]);
+            for (x, pixel) in row.iter_mut().enumerate() {
+                let (left, right, along) = place(x, width);
+                let between = |row: &[f32]| row[left] + (row[right] - row[left]) * along;
+                *pixel = between(above) + (between(below) - between(above)) * down;
+            }
+        });
+    }
+
     /// Fills `out` with the HU of the pixels, row by row; −1024 outside the scan. It allocates nothing where `out` has the size
     /// already, and gives the same bytes for every number of threads.
     ///

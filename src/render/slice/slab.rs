@@ -56,11 +56,20 @@ impl Slab {
         self.kind
     }
 
+    /// How many samples of a scan on this grid a pixel takes.
+    pub fn samples_a_pixel(self, grid: &Grid) -> usize {
+        self.steps(grid) + 1
+    }
+
+    /// As many before the plane as behind it; 0 for the plane alone.
+    fn steps(self, grid: &Grid) -> usize {
+        (2 * (self.mm / grid.min_spacing()).ceil() as usize).min(MAX_STEPS)
+    }
+
     /// Where to sample on a grid, along a normal of unit length (world).
     pub(super) fn samples(self, grid: &Grid, normal: DVec3) -> Samples {
-        // As many before the plane as behind it.
-        let steps = (2 * (self.mm / grid.min_spacing()).ceil() as usize).min(MAX_STEPS);
-        Samples { across: grid.to_voxel().transform_vector3(normal * self.mm), steps, kind: self.kind }
+        let across = grid.to_voxel().transform_vector3(normal * self.mm);
+        Samples { across, steps: self.steps(grid), kind: self.kind }
     }
 }
 

@@ -5,6 +5,8 @@
 pub mod flight;
 pub mod measures;
 pub mod open;
+#[cfg(test)]
+mod pictures;
 pub mod slices;
 
 use std::path::PathBuf;

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use egui::{RichText, ScrollArea, Ui};
+use egui::{Rect, RichText, ScrollArea, Ui};
 
-use super::{Context, Panel, PanelEntry, Requests};
+use super::{Context, Panel, PanelEntry, Request, Requests};
 use crate::host::window::overlay::SOFT;
 
 /// Its entry in the table.
@@ -15,14 +15,18 @@ pub const PANEL: PanelEntry =
 const ENDINGS: [&str; 9] = [".nii", ".nii.gz", ".mhd", ".mha", ".nrrd", ".nhdr", ".dcm", ".ima", ".dicom"];
 /// No more entries of a folder are listed.
 const MOST: usize = 2000;
+/// What stands above the reason why a scan cannot be flown.
+const CANNOT: &str = "This scan cannot be flown.";
 
 /// What is in a folder.
 #[derive(Debug, Default, PartialEq)]
-struct Listing {
-    folders: Vec<PathBuf>,
-    scans: Vec<PathBuf>,
+pub struct Listing {
+    /// Folders in it.
+    pub folders: Vec<PathBuf>,
+    /// Files that can be opened.
+    pub scans: Vec<PathBuf>,
     /// Why it cannot be listed.
-    fault: Option<String>,
+    pub fault: Option<String>,
 }
 
 impl Listing {
@@ -62,6 +66,44 @@ pub struct FileList {
 }
 
 impl FileList {
+    /// One of a folder whose listing is known.
+    #[cfg(test)]
+    pub fn of(folder: impl Into<PathBuf>, listing: Listing) -> Self {
+        Self { folder: Some(folder.into()), listing: Some(listing) }
+    }
+
+    /// Lays out what a window shows in the place of a flight whose scan, `opening`, could not be opened: why not, which of its
+    /// `series` may be chosen, and other scans. What was chosen.
+    pub fn instead(
+        &mut self,
+        why: &str,
+        opening: Option<&Path>,
+        series: &[String],
+        recent: &[PathBuf],
+        ui: &mut Ui,
+    ) -> Option<Request> {
+        let area = ui.ctx().content_rect();
+        let width = (area.width() * 0.85).min(720.0);
+        let column = Rect::from_center_size(area.center(), egui::vec2(width, area.height() - 48.0));
+        let mut chosen = None;
+        ui.scope_builder(egui::UiBuilder::new().max_rect(column), |ui| {
+            ui.heading(CANNOT);
+            ui.label(why);
+            ui.label("Open another scan, or drop one on the window. Esc quits.");
+            ui.separator();
+            for (n, series) in series.iter().enumerate() {
+                if ui.button(series).clicked() {
+                    chosen = opening.map(|path| Request::Open(path.to_owned(), Some(n + 1)));
+                }
+            }
+            if !series.is_empty() {
+                ui.separator();
+            }
+            chosen = chosen.take().or(self.ui(recent, ui).map(|path| Request::Open(path, None)));
+        });
+        chosen
+    }
+
     /// Lays the list out; the scan that was chosen, if one was.
     pub fn ui(&mut self, recent: &[PathBuf], ui: &mut Ui) -> Option<PathBuf> {
         let mut chosen = None;

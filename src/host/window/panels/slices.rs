@@ -199,7 +199,9 @@ impl SlicePanel {
         scale_bar(p, inner, placed);
         let pointer = ui.input(|i| i.pointer.latest_pos()).filter(|at| placed.rect.contains(*at));
         if let Some(at) = pointer.filter(|_| inner.width() > 220.0) {
-            words(p, inner.left_bottom(), Align2::LEFT_BOTTOM, &readout(context, view, placed, at), INK);
+            // Below the letter at the top, and away from the scale bar.
+            let below = inner.left_top() + vec2(0.0, 28.0);
+            words(p, below, Align2::LEFT_TOP, &readout(context, view, placed, at), INK);
         }
     }
 }

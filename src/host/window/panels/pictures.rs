@@ -1,0 +1,246 @@
+//! Golden pictures of the panels and layouts: laid out, clicked and rasterised as in a window, without one.
+//!
+//! `COLVIS_REPLACE=1 cargo test --release --lib panels::pictures` writes `tests/panels/*.png` anew, where a change is meant: look at
+//! them before they are committed. Every panel of [`BUILT_IN`] has one.
+
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Instant;
+
+use egui::{Event, Modifiers, PointerButton, Pos2, RawInput, Rect, Ui};
+use glam::DVec3;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+
+use super::open::{FileList, Listing};
+use super::*;
+use crate::app::{Scan, Scene, Wish};
+use crate::host::window::actions::{KeySettings, Moment};
+use crate::host::window::directions::Directions;
+use crate::host::window::interface::{Interface, WindowSize};
+use crate::host::window::layer::{Placed, compose};
+use crate::host::window::overlay::{self, Mood};
+use crate::host::window::painter::Artist;
+use crate::host::window::workspace::{LAYOUTS, Workspace};
+use crate::render::{Frame, Light};
+
+/// A pixel differs if one of its colours does by more than this, and a picture if more pixels do than these: another processor may
+/// round an edge another way, and the smallest letter has more pixels.
+const COLOUR: u8 = 24;
+const PIXELS: usize = 4;
+
+/// A flight through the phantom, in a window of this size.
+struct Stage {
+    cockpit: Cockpit,
+    actions: Rc<Actions>,
+    interface: Interface,
+    artist: Artist,
+    size: WindowSize,
+    readings: Readings,
+    recent: Vec<PathBuf>,
+}
+
+impl Stage {
+    fn new(pixels: (usize, usize), scale: f32) -> Self {
+        let mut scene = Scene { picture: true, operator: true, ..Scene::guided_by("tentacles") };
+        scene.image.settings.light = Light::ENDOSCOPE;
+        let flight = Scan::phantom(1).and_then(|mut scan| scan.flight(scene, &Wish::default())).unwrap();
+        let actions = Actions::new(&flight.scene().guides, &[], BUILT_IN, &KeySettings::new()).map(Rc::new).unwrap();
+        let readings = Readings {
+            state: "flying".to_owned(),
+            mood: Mood::Well,
+            figures: ["12 ms, 60 pictures a second", "20 mm/s", "9.5 mm from the wall"].map(str::to_owned).to_vec(),
+            directions: Directions::of(&flight.pose().attitude),
+            per_mille: 310,
+            place: "250 of about 810 mm".to_owned(),
+            marks: vec![620],
+            ..Readings::default()
+        };
+        let cockpit = Cockpit::new(flight, Arc::new(|| {}), Vec::new(), Rc::clone(&actions)).unwrap();
+        let (interface, size) = (Interface::new(), WindowSize { pixels, scale });
+        let recent = ["/scans/prone.nii.gz", "/scans/supine"].map(PathBuf::from).to_vec();
+        Self { cockpit, actions, interface, artist: Artist::new(), size, readings, recent }
+    }
+
+    /// Lays out after some events.
+    fn lay_out(
+        &mut self,
+        events: Vec<Event>,
+        draw: &mut dyn FnMut(&Context<'_>, &mut Ui, &mut Requests),
+    ) -> (Frame, Requests) {
+        let context = Context::new(&self.cockpit, &self.actions, &self.recent, &self.readings);
+        let mut requests = Requests::default();
+        self.interface.lay_out(RawInput { events, ..RawInput::default() }, self.size, Instant::now(), |ui| {
+            requests = Requests::default();
+            draw(&context, ui, &mut requests);
+            Vec::new()
+        });
+        // Rasterised each time: what has changed of a texture is told once.
+        let layout = self.interface.layout().unwrap();
+        let layer = self.artist.paint(layout, &layout.textures);
+        let (width, height) = self.size.pixels;
+        let world = &self.cockpit.flight().app().world;
+        let slices = requests.slices_at().iter().filter_map(|(orientation, at)| {
+            let view = world.get::<SliceView>(self.cockpit.slices().entity(*orientation)?)?;
+            Some((at, &view.frame))
+        });
+        let flight = requests.flight_at().zip(self.cockpit.image());
+        let placed: Vec<Placed<'_>> = (flight.iter().map(|(at, frame)| (at, *frame)).chain(slices))
+            .map(|(at, frame)| {
+                let [left, top, ..] = self.size.in_pixels(*at);
+                Placed { at: (left, top), frame }
+            })
+            .collect();
+        let mut surface = vec![0; width * height];
+        compose(&placed, &layer, &mut surface, width);
+        let mut picture = Frame::new(width, height);
+        for (pixel, colour) in picture.buffers().0.iter_mut().zip(surface) {
+            let [_, r, g, b] = colour.to_be_bytes();
+            *pixel = [r, g, b];
+        }
+        (picture, requests)
+    }
+
+    /// What is shown once all pictures are made.
+    fn picture(&mut self, mut draw: impl FnMut(&Context<'_>, &mut Ui, &mut Requests)) -> Frame {
+        for _ in 0..2 {
+            let (_, requests) = self.lay_out(Vec::new(), &mut draw);
+            let size = |at: &Rect| self.size.in_pixels(*at);
+            let [.., width, height] = requests.flight_at().map_or([0; 4], |at| size(&at));
+            let slices: Vec<_> =
+                requests.slices_at().iter().map(|(o, at)| (*o, size(at))).map(|(o, [.., w, h])| (o, [w, h])).collect();
+            // At rest: every picture is as good as it gets.
+            while let Some(due) = self.cockpit.prepare((width, height), &slices, Instant::now()).unwrap() {
+                self.cockpit.show(Some(due)).unwrap();
+            }
+        }
+        self.lay_out(Vec::new(), &mut draw).0
+    }
+
+    /// What is shown of a layout.
+    fn layout(&mut self, name: &str) -> Frame {
+        let mut workspace = Workspace::new(BUILT_IN, Some(name), None).0;
+        self.picture(|context, ui, requests| workspace.ui(context, ui, requests))
+    }
+
+    /// What is shown of a panel that has the window for itself.
+    fn panel(&mut self, panel: &mut dyn Panel) -> Frame {
+        self.picture(|context, ui, requests| panel.ui(context, ui, requests))
+    }
+
+    /// Clicks on a place of the world, as in a slice.
+    fn click(&mut self, place: DVec3) {
+        self.cockpit.slice(SliceRequest::Click(place), Instant::now());
+    }
+}
+
+fn write(path: &Path, picture: &Frame) {
+    let mut png = Vec::new();
+    let encoder = PngEncoder::new_with_quality(&mut png, CompressionType::Best, FilterType::Adaptive);
+    let (width, height) = (picture.width() as u32, picture.height() as u32);
+    encoder.write_image(picture.pixels().as_flattened(), width, height, ExtendedColorType::Rgb8).unwrap();
+    std::fs::write(path, png).unwrap();
+}
+
+/// Holds a picture against the one that is kept, or keeps it.
+fn hold(name: &str, picture: &Frame) {
+    let path = Path::new("tests/panels").join(format!("{name}.png"));
+    if std::env::var_os("COLVIS_REPLACE").is_some() {
+        std::fs::create_dir_all("tests/panels").unwrap();
+        write(&path, picture);
+        return;
+    }
+    let anew = "look at it, and if it is meant: COLVIS_REPLACE=1 cargo test --release --lib panels::pictures";
+    let kept = image::open(&path).unwrap_or_else(|e| panic!("{}: {e}; {anew}", path.display())).into_rgb8();
+    assert_eq!((kept.width() as usize, kept.height() as usize), (picture.width(), picture.height()), "{name}; {anew}");
+    let differ = |(a, b): (&[u8; 3], &image::Rgb<u8>)| a.iter().zip(b.0).any(|(a, b)| a.abs_diff(b) > COLOUR);
+    let differing = picture.pixels().iter().zip(kept.pixels()).filter(|p| differ((p.0, p.1))).count();
+    if differing > PIXELS {
+        let seen = std::env::temp_dir().join(format!("colvis-{name}.png"));
+        write(&seen, picture);
+        panic!("{name}: {differing} pixels differ, see {}; {anew}", seen.display());
+    }
+}
+
+#[test]
+fn every_panel_looks_as_it_did() {
+    let mut stage = Stage::new((440, 320), 1.0);
+    let start = stage.cockpit.flight().pose().position;
+    for entry in BUILT_IN {
+        // What is listed is another on each machine.
+        let mut panel = if entry.name == "open" { Box::new(scans()) } else { (entry.make)() };
+        hold(entry.name, &stage.panel(&mut *panel));
+    }
+    // Two distances, and one that is begun.
+    stage.cockpit.perform(stage.actions.named("measure").unwrap(), Moment { window: (0, 0), now: Instant::now() });
+    for x in [0.0, 12.0, 4.0, 4.0, -3.0] {
+        stage.click(start + DVec3::new(x, 0.5 * x, 0.0));
+    }
+    for entry in [measures::PANEL, slices::AXIAL] {
+        hold(&format!("{}-measured", entry.name), &stage.panel(&mut *(entry.make)()));
+    }
+}
+
+/// A folder as it may be listed.
+fn scans() -> FileList {
+    let list = |names: &[&str]| names.iter().map(|n| Path::new("/scans").join(n)).collect();
+    let scans = list(&["abdomen.nii", "prone.nii.gz"]);
+    FileList::of("/scans", Listing { folders: list(&["supine", "thorax"]), scans, fault: None })
+}
+
+#[test]
+fn every_layout_looks_as_it_did() {
+    let mut stage = Stage::new((880, 560), 1.0);
+    for layout in LAYOUTS {
+        hold(&format!("layout-{}", layout.name), &stage.layout(layout.name));
+    }
+    stage.readings.help = stage.actions.help();
+    hold("layout-help", &stage.layout("flight"));
+}
+
+#[test]
+fn what_is_small_or_dense_looks_as_it_did() {
+    // Pixels of half the size, and a window that is as small as it gets.
+    hold("dense", &Stage::new((1280, 800), 2.0).layout("reading"));
+    let mut small = Stage::new((320, 240), 1.0);
+    (small.readings.mood, small.readings.state) = (Mood::Calling, "operator needed".to_owned());
+    hold("small", &small.layout("flight"));
+}
+
+#[test]
+fn what_is_under_the_pointer_is_told_beside_letters_and_scale_bar() {
+    let mut stage = Stage::new((260, 240), 1.0);
+    let mut panel = (slices::CORONAL.make)();
+    stage.panel(&mut *panel);
+    let events = vec![Event::PointerMoved(Pos2::new(70.0, 90.0))];
+    hold("readout", &stage.lay_out(events, &mut |context, ui, requests| panel.ui(context, ui, requests)).0);
+}
+
+#[test]
+fn loading_and_a_scan_that_cannot_be_flown_look_as_they_did() {
+    let mut stage = Stage::new((640, 420), 1.0);
+    let loading = |_: &Context<'_>, ui: &mut Ui, _: &mut Requests| {
+        let area = ui.ctx().content_rect();
+        overlay::loading(&ui.ctx().layer_painter(egui::LayerId::background()), area, "reading", Some(0.4));
+    };
+    hold("loading", &stage.picture(loading));
+    let mut list = scans();
+    let series = ["1: 512 images, Abdomen".to_owned(), "2: 498 images, Abdomen prone".to_owned()];
+    let mut failed = |stage: &mut Stage, events: Vec<Event>| {
+        let mut chosen = None;
+        let (picture, _) = stage.lay_out(events, &mut |context, ui, _| {
+            chosen = list.instead("study: holds 2 series", Some(Path::new("/study")), &series, context.recent, ui);
+        });
+        (picture, chosen)
+    };
+    hold("failed", &failed(&mut stage, Vec::new()).0);
+    // The second series is chosen from the list.
+    let at = Pos2::new(120.0, 122.0);
+    let click =
+        |pressed| Event::PointerButton { pos: at, button: PointerButton::Primary, pressed, modifiers: Modifiers::NONE };
+    failed(&mut stage, vec![Event::PointerMoved(at)]);
+    failed(&mut stage, vec![click(true)]);
+    let chosen = failed(&mut stage, vec![click(false)]).1;
+    assert_eq!(chosen, Some(Request::Open(PathBuf::from("/study"), Some(2))));
+}
