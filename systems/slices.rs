@@ -18,15 +18,32 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Makes the images of all slices that have changed. They follow the flight's camera, and show the scan that is flown through.
+/// Makes the images of slices that have changed: of all that have no budget, and of one of those that have. They follow the flight's
+/// camera, and show the scan that is flown through. `last` is the one that had its turn last.
 pub fn make_slices(
+    mut last: Local<Option<Entity>>,
     cameras: Query<&Pose, With<Main>>,
     scans: Query<&Scan, With<Main>>,
-    mut slices: Query<&mut SliceView>,
+    mut slices: Query<(Entity, &mut SliceView)>,
 ) {
     let (Some(pose), Some(scan)) = (cameras.iter().next(), scans.iter().next()) else { return };
-    for mut slice in &mut slices {
-        slice.make(scan.0.volume(), pose);
+    let volume = scan.0.volume();
+    let mut waiting = Vec::new();
+    for (entity, mut slice) in &mut slices {
+        if !slice.may_wait() {
+            slice.make(volume, pose);
+            continue;
+        }
+        slice.wait();
+        if slice.is_stale(volume.grid(), pose) {
+            waiting.push(entity);
+        }
+    }
+    // The next one after the last, or the first.
+    let next = waiting.iter().filter(|e| last.is_some_and(|l| **e > l)).min().or(waiting.iter().min());
+    if let Some((entity, mut slice)) = next.and_then(|e| slices.get_mut(*e).ok()) {
+        *last = Some(entity);
+        slice.make(volume, pose);
     }
 }
 
@@ -41,6 +58,44 @@ mod tests {
     use crate::dynamics::Attitude;
     use crate::render::{PreparedVolume, TransferFunction};
     use crate::volume::{Grid, Volume};
+
+    #[test]
+    fn slices_with_a_budget_take_turns() {
+        let grid = Grid::new([8; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let volume = Arc::new(Volume::new(grid, (0..512).map(|n| (n % 8) as i16 * 100).collect()));
+        let mut app = App::new();
+        let scan = Scan(PreparedVolume::new(volume, TransferFunction::default()));
+        let at = |x: f64| Pose { position: DVec3::splat(x), attitude: Attitude::new(DVec3::Y, DVec3::Z) };
+        app.camera().insert((at(2.0), scan));
+        let ids = Orientation::ALL.map(|o| {
+            let mut view = SliceView::new(o, [16, 16]);
+            view.budget = (o != Orientation::Across).then_some(1000);
+            app.world.spawn(view).id()
+        });
+        plugin(&mut app).unwrap();
+        app.build().unwrap();
+        let made = |app: &mut App, x: f64| {
+            app.camera().insert(at(x));
+            app.frame().unwrap();
+            ids.map(|e| u8::from(app.world.get::<SliceView>(e).unwrap().made))
+        };
+        assert_eq!(made(&mut app, 0.0), [1; 4], "each has an image at first");
+        // The one without a budget is made each time, and each of the others every third time.
+        let moving: Vec<_> = (0..6).map(|n| made(&mut app, f64::from(n) + 1.0)).collect();
+        assert!(moving.iter().all(|m| m[3] == 1 && m[..3].iter().sum::<u8>() == 1), "{moving:?}");
+        assert!((0..3).all(|o| moving.iter().map(|m| m[o]).sum::<u8>() == 2), "{moving:?}");
+        // At rest all come to show the same place, and then none is made again.
+        let rest: Vec<_> = (0..4).map(|_| made(&mut app, 6.0)).collect();
+        assert_eq!(rest.iter().flatten().sum::<u8>(), 2, "{rest:?}");
+        assert!(ids.iter().all(|e| {
+            let view = app.world.get::<SliceView>(*e).unwrap();
+            view.shown().is_some_and(|s| (s.centre.dot(s.frame.normal()).abs() - 6.0).abs() < 1e-9)
+        }));
+        // Another size is made at once.
+        app.world.get_mut::<SliceView>(ids[0]).unwrap().size = [9, 9];
+        app.world.get_mut::<SliceView>(ids[1]).unwrap().size = [9, 9];
+        assert_eq!(made(&mut app, 6.0), [1, 1, 0, 0]);
+    }
 
     #[test]
     fn a_slice_is_made_when_it_changes_and_only_then() {

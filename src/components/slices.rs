@@ -81,9 +81,10 @@ pub struct SliceView {
     pub slab: Slab,
     /// Width and height, pixels.
     pub size: [usize; 2],
-    /// Samples of the scan that a slab may take in a frame; none for as many as it needs. One that needs more has larger pixels while
-    /// it moves, and once it stays where it is it becomes fine over the next frames.
-    pub most_samples: Option<usize>,
+    /// Samples of the scan that it may take in a frame; none for as many as it needs. A slab that needs more has larger pixels while it
+    /// moves, and once it stays where it is it becomes fine over the next frames. Of all slices that have a budget a frame makes one,
+    /// in turn.
+    pub budget: Option<usize>,
     /// The image.
     pub frame: Frame,
     /// Whether this frame has made it.
@@ -101,7 +102,7 @@ pub struct SliceView {
 /// A slice across the way shows so much, mm.
 const ACROSS_MM: f64 = 100.0;
 /// A moving slice has pixels of so many times their side at the most.
-const COARSEST: usize = 4;
+const COARSEST: usize = 8;
 /// Magnifications are held to these.
 pub const ZOOMS: [f64; 2] = [0.25, 40.0];
 
@@ -116,7 +117,7 @@ impl SliceView {
             windowing: Windowing::default(),
             slab: Slab::default(),
             size,
-            most_samples: None,
+            budget: None,
             frame: Frame::default(),
             made: false,
             hu: Vec::new(),
@@ -135,7 +136,7 @@ impl SliceView {
             zoom: self.zoom,
             windowing: self.windowing,
             slab: self.slab,
-            most_samples: self.most_samples,
+            budget: self.budget,
             ..Self::new(self.orientation, self.size)
         }
     }
@@ -176,6 +177,16 @@ impl SliceView {
         (x < self.size[0]).then(|| self.hu.get(y * self.size[0] + x).copied()).flatten()
     }
 
+    /// Leaves the image as it is in this frame.
+    pub fn wait(&mut self) {
+        self.made = false;
+    }
+
+    /// Whether it may wait for its turn: it has an image, in its size.
+    pub fn may_wait(&self) -> bool {
+        self.budget.is_some() && self.shown.is_some_and(|s| s.0.size == self.size)
+    }
+
     /// Whether the image is not what is to be shown, or not as fine.
     pub fn is_stale(&self, grid: &Grid, pose: &Pose) -> bool {
         self.rows.is_some() || self.shown != Some((self.slice(grid, pose), self.slab, self.windowing))
@@ -210,7 +221,7 @@ impl SliceView {
     /// Fills the image with the values of another plane: at once, or with larger pixels if it takes too many samples.
     fn fill(&mut self, volume: &Volume, slice: Slice, slab: Slab) {
         let samples = slice.size[0] * slice.size[1] * slab.samples_a_pixel(volume.grid());
-        let most = self.most_samples.filter(|_| slab.mm() > 0.0);
+        let most = self.budget.filter(|_| slab.mm() > 0.0);
         let too_many = most.map_or(0, |most| samples / most.max(1));
         // The least whole number whose square they are.
         let larger = (1..COARSEST).find(|n| n * n > too_many).unwrap_or(COARSEST);
@@ -227,7 +238,7 @@ impl SliceView {
     fn refine(&mut self, volume: &Volume, slice: Slice, slab: Slab, rows: usize) -> bool {
         let [width, height] = slice.size;
         let a_row = (width * slab.samples_a_pixel(volume.grid())).max(1);
-        let more = self.most_samples.map_or(height, |most| most / a_row).max(1).min(height - rows);
+        let more = self.budget.map_or(height, |most| most / a_row).max(1).min(height - rows);
         self.finer.resize(width * height, 0.0);
         slice.fill_rows(volume, slab, rows, &mut self.finer[rows * width..(rows + more) * width]);
         let done = rows + more == height;
@@ -344,7 +355,7 @@ mod tests {
                 let mut at_once = SliceView { slab, zoom: 3.0, ..SliceView::new(orientation, size) };
                 at_once.make(&volume, &here);
                 assert!(at_once.rows.is_none());
-                let mut view = SliceView { most_samples: Some(20_000), ..at_once.without_image() };
+                let mut view = SliceView { budget: Some(20_000), ..at_once.without_image() };
                 view.make(&volume, &here);
                 assert!(view.made && view.shown() == at_once.shown() && view.hu.len() == at_once.hu.len());
                 // Mirrored, shifted or black it would be farther off: the values go from -1000 to -60.
@@ -371,8 +382,7 @@ mod tests {
         let volume = scan();
         let at = |x: f64| pose(volume.grid().world(DVec3::new(x, 15.0, 20.0)));
         let slab = Slab::new(10.0, SlabKind::Max).unwrap();
-        let mut view =
-            SliceView { slab, most_samples: Some(20_000), ..SliceView::new(Orientation::Sagittal, [70, 50]) };
+        let mut view = SliceView { slab, budget: Some(20_000), ..SliceView::new(Orientation::Sagittal, [70, 50]) };
         view.make(&volume, &at(10.0));
         view.make(&volume, &at(10.0));
         assert!(view.rows.is_some_and(|rows| rows > 0) && !view.made);
@@ -401,7 +411,7 @@ mod tests {
             (view.place, view.zoom, view.pan_mm, view.size) = (Some(place), zoom, [pan; 2], size);
             view.make(&volume, &pose(DVec3::ZERO));
             assert_eq!(view.hu.len(), size[0] * size[1]);
-            (view.most_samples, view.slab) = (Some(0), Slab::new(1.0, SlabKind::Min).unwrap());
+            (view.budget, view.slab) = (Some(0), Slab::new(1.0, SlabKind::Min).unwrap());
             view.make(&volume, &pose(DVec3::ZERO));
             view.make(&volume, &pose(DVec3::ZERO));
             assert_eq!(view.hu.len(), size[0] * size[1]);

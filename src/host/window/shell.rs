@@ -88,6 +88,8 @@ pub struct Shell {
     settled: bool,
     /// When the next picture is due at the earliest.
     due: Instant,
+    /// When the last picture was to be begun.
+    beat: Instant,
     /// Whether the program itself asked for the next picture.
     asked: bool,
     modifiers: ModifiersState,
@@ -160,6 +162,7 @@ impl Shell {
             painted: None,
             settled: true,
             due: Instant::now(),
+            beat: Instant::now(),
             asked: false,
             modifiers: ModifiersState::empty(),
             log_path: first.log,
@@ -518,7 +521,10 @@ impl Shell {
             Stage::Over => return Ok(()),
         }
         let period = if matches!(self.stage, Stage::Loading(_)) { LOADING } else { FRAME };
-        self.due = now + period;
+        // A picture that begins a little late does not put off those after it.
+        let beat = self.beat + period;
+        self.beat = if now.saturating_duration_since(beat) < period / 2 { beat.min(now) } else { now };
+        self.due = self.beat + period;
         let (pixels, Some(layout)) = (self.window_size().pixels, self.interface.layout()) else { return Ok(()) };
         if pixels.0 == 0 || pixels.1 == 0 {
             // Minimised: the flight goes on, there is nothing to paint on.

@@ -87,7 +87,7 @@ impl Slices {
         for (orientation, size) in wanted {
             if !self.entities.contains_key(orientation) {
                 let mut view = SliceView::new(*orientation, *size);
-                view.most_samples = Some(SAMPLES);
+                view.budget = Some(SAMPLES);
                 let entity = flight.add_slice(view)?;
                 self.entities.insert(*orientation, entity);
             }

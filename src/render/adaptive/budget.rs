@@ -15,16 +15,22 @@ const LEAST: f64 = 0.25;
 /// lasts is known after a twentieth of a second.
 const REMEMBERED: usize = 8;
 const RANK: usize = 2;
+/// Their median says what lasts: three hiccups do not, and a machine that has become busy is known after a twelfth of a second.
+const LASTING: usize = 4;
+/// Three quarters of the side are worth a picture that is planned to take so many times as long.
+const LATE: f64 = 1.25;
 /// What four shown pixels cost whatever is traced, in samples: they are copied.
 const SHOWING: u64 = 1;
-/// What a sample takes before any was measured, ns.
-const FIRST_NS: f64 = 3.0;
+/// What a sample takes before any was measured, ns: what it takes two cores of today.
+const FIRST_NS: f64 = 2.2;
 
 /// What a picture may cost, in samples ([`cost`](super::cost)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
     /// A picture is as fine as this allows.
     pub samples: u64,
+    /// It is no coarser than three quarters of its side while this allows that, which no hiccup changes.
+    pub lasting: u64,
     /// It is no coarser than half its side while that costs no more than this.
     pub at_half: u64,
 }
@@ -32,7 +38,7 @@ pub struct Budget {
 impl Budget {
     /// So many samples, whatever has to become coarse for that.
     pub const fn strict(samples: u64) -> Self {
-        Self { samples, at_half: samples }
+        Self { samples, lasting: samples, at_half: samples }
     }
 }
 
@@ -53,17 +59,17 @@ impl Default for SampleTime {
 }
 
 impl SampleTime {
-    /// What a sample usually takes now, ns.
-    fn usual(&self) -> f64 {
+    /// What a sample takes now, ns: the slowest of the last pictures but for `rank` others.
+    fn slowest(&self, rank: usize) -> f64 {
         let mut sorted = self.recent;
         sorted.sort_by(|a, b| b.total_cmp(a));
-        sorted[RANK]
+        sorted[rank]
     }
 
     fn took(&mut self, ns: f64) {
         self.recent[self.next] = ns.clamp(1e-2, 1e9);
         self.next = (self.next + 1) % REMEMBERED;
-        self.quiet = self.quiet.min(self.usual());
+        self.quiet = self.quiet.min(self.slowest(RANK));
     }
 }
 
@@ -83,7 +89,11 @@ impl FrameBudget {
         let planned = (ms(FRAME) * PLANNED - present_ms).max(ms(FRAME) * LEAST);
         let showing = pixels as u64 / 4 * SHOWING;
         let samples = |ms: f64, ns: f64| ((ms * 1e6 / ns) as u64).saturating_sub(showing);
-        Budget { samples: samples(planned, time.usual()), at_half: samples(ms(SLOW_FRAME) * PLANNED, time.quiet) }
+        Budget {
+            samples: samples(planned, time.slowest(RANK)),
+            lasting: samples(planned * LATE, time.slowest(LASTING)),
+            at_half: samples(ms(SLOW_FRAME) * PLANNED, time.quiet),
+        }
     }
 
     /// Learns that a picture of `pixels` pixels, whose tracing cost `samples`, took `ms`.
@@ -131,6 +141,10 @@ mod tests {
         b.took(false, 3_000_000, 0, 18.0);
         let busy = b.next(false, 2.0, 0);
         assert_eq!(busy.samples, quiet.samples / 3);
+        assert_eq!(busy.lasting, quiet.lasting, "three hiccups do not last");
+        b.took(false, 3_000_000, 0, 18.0);
+        b.took(false, 3_000_000, 0, 18.0);
+        assert_eq!(b.next(false, 2.0, 0).lasting, quiet.lasting / 3);
         assert_eq!(busy.at_half, quiet.at_half, "a busy machine is no slow one");
         for _ in 0..REMEMBERED {
             b.took(false, 3_000_000, 0, 6.0);

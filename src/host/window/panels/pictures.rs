@@ -129,6 +129,12 @@ impl Stage {
         self.picture(|context, ui, requests| panel.ui(context, ui, requests))
     }
 
+    /// Does the action of that name.
+    fn perform(&mut self, action: &str) {
+        let at = Moment { window: (0, 0), now: Instant::now() };
+        self.cockpit.perform(self.actions.named(action).unwrap(), at);
+    }
+
     /// Clicks on a place of the world, as in a slice.
     fn click(&mut self, place: DVec3) {
         self.cockpit.slice(SliceRequest::Click(place), Instant::now());
@@ -173,7 +179,7 @@ fn every_panel_looks_as_it_did() {
         hold(entry.name, &stage.panel(&mut *panel));
     }
     // Two distances, and one that is begun.
-    stage.cockpit.perform(stage.actions.named("measure").unwrap(), Moment { window: (0, 0), now: Instant::now() });
+    stage.perform("measure");
     for x in [0.0, 12.0, 4.0, 4.0, -3.0] {
         stage.click(start + DVec3::new(x, 0.5 * x, 0.0));
     }
@@ -212,6 +218,8 @@ fn what_is_small_or_dense_looks_as_it_did() {
 fn what_is_under_the_pointer_is_told_beside_letters_and_scale_bar() {
     let mut stage = Stage::new((260, 240), 1.0);
     let mut panel = (slices::CORONAL.make)();
+    stage.panel(&mut *panel);
+    stage.perform("slab");
     stage.panel(&mut *panel);
     let events = vec![Event::PointerMoved(Pos2::new(70.0, 90.0))];
     hold("readout", &stage.lay_out(events, &mut |context, ui, requests| panel.ui(context, ui, requests)).0);

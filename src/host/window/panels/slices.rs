@@ -191,10 +191,14 @@ impl SlicePanel {
             SlabKind::Max => "greatest",
             SlabKind::Min => "least",
         };
-        let thick = if slab.mm() > 0.0 { format!("  {kind} of {:.0} mm", slab.mm()) } else { String::new() };
-        let greys = format!("W {:.0}  L {:.0}{thick}", windowing.width(), windowing.level());
         if inner.width() > 220.0 {
+            let greys = format!("W {:.0}  L {:.0}", windowing.width(), windowing.level());
             words(p, inner.right_top(), Align2::RIGHT_TOP, &greys, SOFT);
+            if slab.mm() > 0.0 {
+                // Beside the letter, and below its row in a narrow image.
+                let below = inner.right_top() + vec2(0.0, 22.0);
+                words(p, below, Align2::RIGHT_TOP, &format!("{kind} of {:.0} mm", slab.mm()), SOFT);
+            }
         }
         scale_bar(p, inner, placed);
         let pointer = ui.input(|i| i.pointer.latest_pos()).filter(|at| placed.rect.contains(*at));
