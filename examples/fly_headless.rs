@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release --example fly_headless -- scan.nii.gz`; without a scan it flies the embedded phantom.
 
-use colvis::app::{Scan, Scene, Wish};
+use colvis::app::{FlightRequest, Scan, Scene};
 use colvis::components::flight::State;
 use colvis::error::Result;
 
@@ -14,7 +14,7 @@ fn main() -> Result<()> {
         None => Scan::phantom(1)?,
     };
     let scene = Scene { log: true, ..Scene::guided_by("tentacles") };
-    let mut flight = scan.flight(scene, &Wish::default())?;
+    let mut flight = scan.flight(scene, &FlightRequest::default())?;
     let state = flight.fly(5.0)?;
     let (pose, flown) = (flight.pose(), flight.flight());
     println!(

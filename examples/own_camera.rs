@@ -46,9 +46,9 @@ fn main() -> std::process::ExitCode {
 
 #[test]
 fn a_flight_is_seen_through_it() -> colvis::error::Result<()> {
-    use colvis::app::{ImageSettings, Scan, Scene, Wish};
+    use colvis::app::{FlightRequest, ImageSettings, Scan, Scene};
     let image = ImageSettings { camera: MODEL, fov_degrees: 12.0, ..ImageSettings::default() };
-    let flight = Scan::phantom(1)?.flight(Scene { image, ..Scene::default() }, &Wish::default())?;
+    let flight = Scan::phantom(1)?.flight(Scene { image, ..Scene::default() }, &FlightRequest::default())?;
     assert!(flight.look(64, 48)?.pixels().iter().any(|p| p[0] > 60));
     Ok(())
 }

@@ -43,8 +43,8 @@ impl Guide for Downhill {
 fn steer(goal: Single<&TargetDistances>, camera: Single<(&Pose, &Body, &Downhill, &mut GuideThrust)>) {
     let (pose, body, settings, mut guide) = camera.into_inner();
     let Some(here) = goal.into_inner().0.sample(pose.position) else { return };
-    let (way, limit) = (-here.gradient.normalize_or_zero(), settings.cruise_mm_s * body.0.drag_per_s);
-    *guide = GuideThrust { thrust: way * limit, limit, way, ..GuideThrust::default() };
+    let (direction, limit) = (-here.gradient.normalize_or_zero(), settings.cruise_mm_s * body.0.drag_per_s);
+    *guide = GuideThrust { thrust: direction * limit, limit, look_direction: direction, ..GuideThrust::default() };
 }
 
 fn main() -> std::process::ExitCode {
@@ -53,7 +53,7 @@ fn main() -> std::process::ExitCode {
 
 #[test]
 fn it_comes_nearer_to_the_goal() -> Result<()> {
-    use colvis::app::{Scan, Scene, Wish};
-    let mut flight = Scan::phantom(1)?.flight(Scene::steered_by(Downhill::default()), &Wish::default())?;
+    use colvis::app::{FlightRequest, Scan, Scene};
+    let mut flight = Scan::phantom(1)?.flight(Scene::steered_by(Downhill::default()), &FlightRequest::default())?;
     Ok(assert!(flight.fly(3.0).is_ok() && flight.flight().length_mm > 40.0))
 }

@@ -33,8 +33,9 @@ fn main() -> std::process::ExitCode {
 
 #[test]
 fn it_draws() -> colvis::error::Result<()> {
-    use colvis::app::{Scan, Scene, Wish};
-    let mut flight = Scan::phantom(1)?.flight(Scene { picture: true, ..Scene::default() }, &Wish::default())?;
+    use colvis::app::{FlightRequest, Scan, Scene};
+    let mut flight =
+        Scan::phantom(1)?.flight(Scene { picture: true, ..Scene::default() }, &FlightRequest::default())?;
     flight.fly(2.0)?;
     flight.fly(0.1)?;
     let mut canvas = Canvas::new(flight.view().expect("the scene has a picture"));

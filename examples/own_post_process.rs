@@ -50,9 +50,9 @@ fn main() -> std::process::ExitCode {
 
 #[test]
 fn mucosa_is_red() -> Result<()> {
-    use colvis::app::{Scan, Scene, Wish};
+    use colvis::app::{FlightRequest, Scan, Scene};
     let scene = Scene { picture: true, ..Scene::default() };
-    let mut flight = Scan::phantom(1)?.flight(scene.plug(tissue_colours)?, &Wish::default())?;
+    let mut flight = Scan::phantom(1)?.flight(scene.plug(tissue_colours)?, &FlightRequest::default())?;
     flight.frame()?;
     let red = flight.camera::<Picture>().unwrap().frame.pixels().iter().filter(|p| p[0] > p[1] && p[1] > p[2]).count();
     Ok(assert!(red > 1024 * 1024 / 2))

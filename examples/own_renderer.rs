@@ -50,9 +50,9 @@ fn main() -> std::process::ExitCode {
 
 #[test]
 fn a_flight_is_seen_by_it() -> colvis::error::Result<()> {
-    use colvis::app::{ImageSettings, Scan, Scene, Wish};
+    use colvis::app::{FlightRequest, ImageSettings, Scan, Scene};
     let image = ImageSettings { preset: DISTANCE, ..ImageSettings::default() };
-    let flight = Scan::phantom(1)?.flight(Scene { image, ..Scene::default() }, &Wish::default())?;
+    let flight = Scan::phantom(1)?.flight(Scene { image, ..Scene::default() }, &FlightRequest::default())?;
     let picture = flight.look(64, 48)?;
     assert!(picture.pixels().iter().all(|[r, g, b]| r == g && g == b) && picture.pixels().iter().any(|p| p[0] > 100));
     Ok(())

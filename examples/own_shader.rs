@@ -48,11 +48,11 @@ fn main() -> std::process::ExitCode {
 
 #[test]
 fn what_is_far_is_dark() -> Result<()> {
-    use colvis::app::{Catalog, Scan, Scene, Wish};
+    use colvis::app::{Catalog, FlightRequest, Scan, Scene};
     let lit = |mm: u32| -> Result<u64> {
         let text = format!("plugins = [\"path\"]\n[render]\nshade = \"lamp\"\n[lamp]\nreach_mm = {mm}.0");
         let scene = Scene::parse(&text, &Catalog::default().shader(LAMP))?;
-        let frame = Scan::phantom(1)?.flight(scene, &Wish::default())?.look(64, 64)?;
+        let frame = Scan::phantom(1)?.flight(scene, &FlightRequest::default())?.look(64, 64)?;
         Ok(frame.pixels().iter().map(|p| u64::from(p[0])).sum())
     };
     Ok(assert!(lit(10)? < lit(40)? && lit(40)? < lit(1000)? && lit(0).is_err()))

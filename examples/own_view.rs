@@ -48,9 +48,9 @@ fn main() -> std::process::ExitCode {
 
 #[test]
 fn the_corner_shows_what_lies_behind() -> Result<()> {
-    use colvis::app::{Scan, Scene, Wish};
+    use colvis::app::{FlightRequest, Scan, Scene};
     let scene = Scene { picture: true, ..Scene::default() };
-    let mut flight = Scan::phantom(1)?.flight(scene.plug(rear_view)?, &Wish::default())?;
+    let mut flight = Scan::phantom(1)?.flight(scene.plug(rear_view)?, &FlightRequest::default())?;
     flight.frame()?;
     let (rear, picture) = (flight.other_views()[0].0, flight.camera::<Picture>().unwrap());
     let corner = &picture.frame.pixels()[(1024 - 60 - 100) * 1024 + 1024 - 12 - 100];

@@ -3,7 +3,7 @@
 //! `cargo run --release --example render_poses -- scan.nii.gz poses.json`; without them some poses of a flight through the
 //! embedded phantom.
 
-use colvis::app::{Scan, Scene, Wish};
+use colvis::app::{FlightRequest, Scan, Scene};
 use colvis::error::{Error, Result};
 use colvis::render::{Frame, Preset, Reuse, Settings, View, renderer};
 use glam::DVec3;
@@ -22,7 +22,7 @@ fn poses(path: &str) -> Result<Vec<Pose>> {
 
 /// Poses a second of flight apart.
 fn flown(scan: &mut Scan) -> Result<Vec<Pose>> {
-    let mut flight = scan.flight(Scene::default(), &Wish::default())?;
+    let mut flight = scan.flight(Scene::default(), &FlightRequest::default())?;
     let next = |_| {
         flight.fly(1.0)?;
         let pose = flight.pose();

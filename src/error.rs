@@ -41,7 +41,7 @@ pub enum Kind {
 /// assert_eq!(e.kind as u8, 2, "the exit status");
 /// ```
 #[derive(Clone, Debug, thiserror::Error)]
-#[error("{}: {}; {}", one_line(.what), one_line(.why), one_line(.mend))]
+#[error("{}: {}; {}", one_line(.what), one_line(.why), one_line(.hint))]
 pub struct Error {
     /// The exit status this failure stands for.
     pub kind: Kind,
@@ -50,7 +50,7 @@ pub struct Error {
     /// Why it failed, with the value that was wrong.
     pub why: String,
     /// What the user can do about it, as a request.
-    pub mend: String,
+    pub hint: String,
     /// Where an input holds several scans: each in words, in the order that `--series` counts from 1.
     pub choices: Vec<String>,
 }
@@ -60,38 +60,38 @@ pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
     /// A failure of the given kind.
-    pub fn new(kind: Kind, what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self { kind, what: what.into(), why: why.into(), mend: mend.into(), choices: Vec::new() }
+    pub fn new(kind: Kind, what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self { kind, what: what.into(), why: why.into(), hint: hint.into(), choices: Vec::new() }
     }
 
     /// A fault of the program's own: status 1.
-    pub fn fault(what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(Kind::Fault, what, why, mend)
+    pub fn fault(what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::new(Kind::Fault, what, why, hint)
     }
 
     /// Wrong usage: status 2.
-    pub fn usage(what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(Kind::Usage, what, why, mend)
+    pub fn usage(what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::new(Kind::Usage, what, why, hint)
     }
 
     /// The input cannot be read or used: status 3.
-    pub fn input(what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(Kind::Input, what, why, mend)
+    pub fn input(what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::new(Kind::Input, what, why, hint)
     }
 
     /// [`Error::input`] about a file.
-    pub fn file(path: &Path, why: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::input(path.display().to_string(), why, mend)
+    pub fn file(path: &Path, why: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::input(path.display().to_string(), why, hint)
     }
 
     /// The flight or path cannot be completed: status 4.
-    pub fn incomplete(what: impl Into<String>, why: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(Kind::Incomplete, what, why, mend)
+    pub fn incomplete(what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::new(Kind::Incomplete, what, why, hint)
     }
 
     /// An output cannot be written: status 5.
-    pub fn output(path: &Path, why: impl Into<String>, mend: impl Into<String>) -> Self {
-        Self::new(Kind::Output, path.display().to_string(), why, mend)
+    pub fn output(path: &Path, why: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::new(Kind::Output, path.display().to_string(), why, hint)
     }
 
     /// The user asked to stop (Ctrl-C, or the window's cancel key): status 4.

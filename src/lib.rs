@@ -75,7 +75,7 @@
 //! - **Mines**: points laid behind the camera that push it on, so that it does not turn back: [`dynamics::mines`].
 //! - **Potential**: the paper's V(x). The wall repels, the target attracts: [`dynamics::potential`].
 //! - **Scene**: what a flight is made of, as a list of plugins and their settings: [`app::Scene`].
-//! - **Wish**: which ends were asked for. **Plan**: start and goal that come of it: [`app::Wish`], [`app::Plan`].
+//! - **FlightRequest**: which ends were asked for. **Plan**: start and goal that come of it: [`app::FlightRequest`], [`app::Plan`].
 //! - **Way**: the line that is flown, and in a guide the direction in which it goes on. A **route** is a way that is planned
 //!   ahead, with its speeds: [`dynamics::Route`].
 //! - **Trail**: where the camera has been.
@@ -114,12 +114,12 @@ pub mod cli;
 pub mod components;
 pub mod dynamics;
 pub mod error;
-pub mod fence;
 pub mod fields;
 pub mod host;
 pub mod math;
 pub mod memory;
 pub mod output;
+pub mod panics;
 pub mod phantom;
 pub mod plane;
 pub mod progress;

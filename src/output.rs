@@ -12,12 +12,12 @@ use crate::error::{Error, Kind, Result};
 
 pub use npy::{write_npy, write_npy_head, write_npy_values};
 
-/// A file being written: a temporary one beside its target, renamed on [`Whole::finish`] and removed when dropped
+/// A file being written: a temporary one beside its target, renamed on [`AtomicFile::finish`] and removed when dropped
 /// before. What killed programs have left in the folder is taken away first.
 ///
 /// A symbolic link is followed. A target that exists and is no regular file, or that is reached through `/dev` or
 /// `/proc` (`/dev/stdout`), is written to directly, never replaced. A file that is replaced keeps its permissions.
-pub struct Whole {
+pub struct AtomicFile {
     path: PathBuf,
     sink: BufWriter<Sink>,
 }
@@ -74,7 +74,7 @@ impl Write for Sink {
     }
 }
 
-impl Whole {
+impl AtomicFile {
     /// Starts to write `path`.
     ///
     /// # Errors
@@ -131,7 +131,7 @@ impl Whole {
     }
 }
 
-impl Write for Whole {
+impl Write for AtomicFile {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
         self.sink.write(buf)
     }
@@ -146,7 +146,7 @@ impl Write for Whole {
 /// # Errors
 /// Status 5 when it cannot be written; an [`Error`] wrapped in the `io::Error` by `fill` (a cancellation) is kept.
 pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let mut file = Whole::create(path)?;
+    let mut file = AtomicFile::create(path)?;
     fill(&mut file).map_err(|e| cannot(path, &e))?;
     file.finish()
 }
@@ -175,13 +175,13 @@ pub fn cannot(path: &Path, e: &io::Error) -> Error {
     if let Some(own) = e.get_ref().and_then(|inner| inner.downcast_ref::<Error>()) {
         return own.clone();
     }
-    let mend = match e.kind() {
+    let hint = match e.kind() {
         io::ErrorKind::PermissionDenied => "choose a place you may write to",
         io::ErrorKind::NotFound => "make the folder first",
         io::ErrorKind::StorageFull => "free some space, or choose another disk",
         _ => "choose another place",
     };
-    Error::new(Kind::Output, path.display().to_string(), format!("cannot be written ({})", plain(e)), mend)
+    Error::new(Kind::Output, path.display().to_string(), format!("cannot be written ({})", plain(e)), hint)
 }
 
 /// Whether a path leads through the system's own folders of devices; what is in `/dev/shm` is files.
@@ -300,7 +300,7 @@ mod tests {
     #[test]
     fn files_being_written_are_known() {
         let dir = tempfile::tempdir().unwrap();
-        let file = Whole::create(&dir.path().join("a")).unwrap();
+        let file = AtomicFile::create(&dir.path().join("a")).unwrap();
         let place = file.place().to_owned();
         assert!(temporary().contains(&place));
         file.finish().unwrap();

@@ -3,7 +3,7 @@
 
 use bevy_ecs::prelude::*;
 
-use crate::components::flight::{FallsShort, Flight, Flown, State};
+use crate::components::flight::{Flight, Flown, GoalMissed, State};
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Main};
 
@@ -15,13 +15,13 @@ pub fn plugin(app: &mut App) -> Result<()> {
 }
 
 /// Notes a segment that was flown to its end, and calls the operator at an end that is not the goal.
-pub fn note_arrival(camera: Single<(&mut Flight, &mut Flown, &FallsShort), With<Main>>) {
-    let (mut flight, mut flown, falls_short) = camera.into_inner();
+pub fn note_arrival(camera: Single<(&mut Flight, &mut Flown, &GoalMissed), With<Main>>) {
+    let (mut flight, mut flown, goal_missed) = camera.into_inner();
     if flight.state != State::Arrived {
         return;
     }
     flown.note(flight.state);
-    if let Some(why) = &falls_short.0 {
+    if let Some(why) = &goal_missed.0 {
         flight.state = State::Operator;
         flight.reason = format!("the gas ends here: {why}");
     }

@@ -3,7 +3,7 @@
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
-use crate::components::camera::{Acceleration, Body, Contact, Heading, Pose, Spin, Velocity};
+use crate::components::camera::{Acceleration, AngularMomentum, Body, Contact, Heading, Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, State};
 use crate::components::guide::{GuideThrust, MinePush, PotentialField};
@@ -82,7 +82,7 @@ pub fn sum_forces(
     name: Option<Res<GuideName>>,
 ) {
     let (mut sum, flight, hand, mut guide, mines) = camera.into_inner();
-    if let Some(wrong) = guide.as_deref_mut().and_then(GuideThrust::tame) {
+    if let Some(wrong) = guide.as_deref_mut().and_then(GuideThrust::sanitize) {
         let name = name.map_or("", |n| n.0);
         note(format!("guide {name}"), format!("gave a {wrong} that is none: it counts as zero"));
     }
@@ -101,7 +101,7 @@ pub fn move_body(
     walls: Single<&Walls, With<Main>>,
     camera: Single<
         (
-            (&mut Pose, &mut Velocity, &mut Spin, &mut Heading, &mut Contact, &mut Flight),
+            (&mut Pose, &mut Velocity, &mut AngularMomentum, &mut Heading, &mut Contact, &mut Flight),
             (&Acceleration, &Body),
             (Option<&GuideThrust>, Option<&PotentialField>, Option<&Hand>),
         ),
@@ -119,12 +119,12 @@ pub fn move_body(
     };
     let guided = flight.state == State::Flying && !hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
     let looking = hand.is_some_and(|h| clock.tick < h.looking_until);
-    let turning = match guide.filter(|g| guided && !looking && g.way != DVec3::ZERO) {
+    let turning = match guide.filter(|g| guided && !looking && g.look_direction != DVec3::ZERO) {
         // Where the guide sees the lumen open, with a little of where the body goes, so that the view does not twitch
         // when two openings are alike.
         // The operator may roll meanwhile, and the roll stays: the turn towards the way has no part about the view.
         Some(guide) => {
-            let towards = Turning::towards(heading.0 * 0.25 + guide.way, VIEW_S, VIEW_RATE);
+            let towards = Turning::towards(heading.0 * 0.25 + guide.look_direction, VIEW_S, VIEW_RATE);
             Turning { push: hand.map_or(DVec3::ZERO, |h| h.turning) * towards.drag, ..towards }
         }
         None => Turning::by_hand(hand.map_or(DVec3::ZERO, |h| h.turning), HAND_TURN_PER_S),

@@ -11,7 +11,7 @@ use crate::components::flight::{Flight, HelpCall, State};
 use crate::components::guide::{GuideThrust, Planned};
 use crate::components::input::Hand;
 use crate::components::scan::{Centerline, Walls};
-use crate::dynamics::route::pilot::Pilot;
+use crate::dynamics::route::follower::RouteFollower;
 use crate::dynamics::route::profile::PathSettings;
 use crate::dynamics::{self};
 use crate::error::{Error, Result};
@@ -19,10 +19,10 @@ use crate::schedule::{App, FlightSystems, Guide, Main, Needs};
 
 /// Who holds the body to the plan.
 #[derive(Component, Clone, Debug)]
-pub struct PathPilot {
+pub struct PathFollower {
     settings: PathSettings,
     /// None while somebody else has the body.
-    pilot: Option<Pilot>,
+    follower: Option<RouteFollower>,
     /// World mm/s, before the last step; none where the body was not moved from then to now.
     velocity_before: Option<DVec3>,
     /// What was asked of the body last, world mm/s².
@@ -55,10 +55,10 @@ impl Guide for PathSettings {
         let (settings, last) = (*self, DVec3::ZERO);
         app.equip((
             Planned::new(route, self.look_ahead_mm),
-            PathPilot { settings, pilot: None, velocity_before: None, last, jumps: 0 },
+            PathFollower { settings, follower: None, velocity_before: None, last, jumps: 0 },
         ));
         app.add_systems(FlightSystems::Guide, guide_by_plan);
-        app.add_systems(FlightSystems::Answer, tell_narrow_place);
+        app.add_systems(FlightSystems::Answer, report_narrow_place);
         Ok(())
     }
 }
@@ -68,23 +68,23 @@ pub fn guide_by_plan(
     clock: Res<Clock>,
     walls: Single<&Walls, With<Main>>,
     camera: Single<
-        (&Pose, &Velocity, &Body, &Flight, &mut Planned, &mut PathPilot, &mut GuideThrust, Option<&Hand>),
+        (&Pose, &Velocity, &Body, &Flight, &mut Planned, &mut PathFollower, &mut GuideThrust, Option<&Hand>),
         With<Main>,
     >,
 ) {
     let (pose, velocity, body, flight, mut planned, mut held, mut guide, hand) = camera.into_inner();
     let Planned { route, s_mm, jumps, .. } = &mut *planned;
     if held.jumps != *jumps {
-        (held.pilot, held.velocity_before, held.last, held.jumps) = (None, None, DVec3::ZERO, *jumps);
+        (held.follower, held.velocity_before, held.last, held.jumps) = (None, None, DVec3::ZERO, *jumps);
     }
-    let PathPilot { settings, pilot, velocity_before, last, .. } = &mut *held;
+    let PathFollower { settings, follower, velocity_before, last, .. } = &mut *held;
     let acceleration = velocity_before.map_or(DVec3::ZERO, |before| (velocity.0 - before) / clock.dt());
     *velocity_before = Some(velocity.0);
     let limit = settings.cruise_mm_s * body.0.drag_per_s.max(1.0);
     *guide = GuideThrust { limit, exact: true, ..GuideThrust::default() };
     let away = hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
     if away || flight.state != State::Flying {
-        *pilot = None;
+        *follower = None;
         *s_mm = route.nearest_reachable(&walls.0, pose.position);
         // What was asked last is let go of, not dropped.
         guide.thrust = *last * hand.filter(|_| away).map_or(0.0, Hand::share);
@@ -92,24 +92,24 @@ pub fn guide_by_plan(
     }
     let rate = hand.map_or(1.0, |h| h.speed);
     let state = (pose.position, velocity.0);
-    let order = pilot.as_mut().and_then(|p| p.command(route, state, body.0.drag_per_s, rate, clock.dt()));
+    let order = follower.as_mut().and_then(|p| p.command(route, state, body.0.drag_per_s, rate, clock.dt()));
     let order = order.or_else(|| {
         let s = route.nearest_reachable(&walls.0, pose.position);
-        let mut anew = Pilot::join(route, s, [state.0, state.1, acceleration], rate, settings);
+        let mut anew = RouteFollower::join(route, s, [state.0, state.1, acceleration], rate, settings);
         let order = anew.command(route, state, body.0.drag_per_s, rate, clock.dt());
-        *pilot = Some(anew);
+        *follower = Some(anew);
         order
     });
     if let Some(order) = order {
         *s_mm = order.s;
         *last = order.acceleration;
         guide.thrust = order.acceleration;
-        guide.way = route.look(order.s, settings.look_ahead_mm);
+        guide.look_direction = route.look(order.s, settings.look_ahead_mm);
     }
 }
 
 /// Tells the operator where a plan leads to a place that the body does not fit through.
-pub fn tell_narrow_place(camera: Single<(&Body, &Planned, &mut HelpCall), With<Main>>) {
+pub fn report_narrow_place(camera: Single<(&Body, &Planned, &mut HelpCall), With<Main>>) {
     let (body, planned, mut call) = camera.into_inner();
     if let Some(help) = &mut call.0
         && let Some(narrow) = planned.route.narrow_place(planned.s_mm, body.0.radius_mm)

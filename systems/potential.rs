@@ -70,9 +70,9 @@ pub fn guide_by_potential(
     if clock.tick < settings.yields_until {
         field.potential.wall_energy *= YIELDING;
     }
-    let way = field.target.as_deref().map_or(DVec3::ZERO, |t| ahead(t, pose.position));
+    let look_direction = field.target.as_deref().map_or(DVec3::ZERO, |t| ahead(t, pose.position));
     let limit = settings.potential.target_force / body.0.mass_g;
-    *guide = GuideThrust { limit, way, ..GuideThrust::default() };
+    *guide = GuideThrust { limit, look_direction, ..GuideThrust::default() };
 }
 
 /// A local minimum of V is one of the wall's making, as D_t has none: before the operator is called, the wall's strength

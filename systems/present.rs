@@ -9,7 +9,7 @@ use bevy_ecs::prelude::*;
 use crate::components::output::Picture;
 use crate::components::slices::SliceView;
 use crate::error::Result;
-use crate::fence;
+use crate::panics;
 use crate::render::Frame;
 use crate::schedule::{App, FlightSystems, Slot, book_time, report_fault};
 
@@ -122,7 +122,7 @@ pub fn present_pictures(
     let Some(mut presenters) = presenters else { return };
     for (entity, slice) in slices.iter().filter(|s| s.1.made) {
         presenters.0.retain_mut(|(_, presenter)| {
-            let taken = fence::caught(|| presenter.beside(entity, &slice.frame));
+            let taken = panics::catch(|| presenter.beside(entity, &slice.frame));
             taken.inspect_err(|why| report_fault(format!("presenter {}", presenter.name()), why.as_str())).is_ok()
         });
     }
@@ -132,7 +132,7 @@ pub fn present_pictures(
 /// Hands a picture to a presenter; whether it did not panic. One that has is not asked again.
 fn presents(presenter: &mut dyn Presenter, picture: &Picture) -> bool {
     let begun = Instant::now();
-    let presented = fence::caught(|| presenter.present(picture));
+    let presented = panics::catch(|| presenter.present(picture));
     // This crate's own are told in other figures.
     if !["window", "recording"].contains(&presenter.name()) {
         book_time(format!("presenter {}", presenter.name()), begun.elapsed().as_secs_f64() * 1e3);

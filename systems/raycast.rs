@@ -8,7 +8,7 @@ use crate::components::camera::Pose;
 use crate::components::output::{Follows, FrameCache, Picture};
 use crate::components::scan::Scan;
 use crate::error::Result;
-use crate::fence;
+use crate::panics;
 use crate::render::{CameraModel, Options, PreparedVolume, Preset, ShaderModel, View, camera, presets, shaders};
 use crate::schedule::{App, FlightSystems, Main, Phase, Slot, book_time, note, report_fault};
 
@@ -71,7 +71,7 @@ pub fn cast_pictures(
         let (forward, up) = (pose.attitude.forward, pose.attitude.up);
         let model = picture.camera;
         let view =
-            fence::caught(|| View::with_model(pose.position, forward, up, model, picture.fov_degrees, width, height));
+            panics::catch(|| View::with_model(pose.position, forward, up, model, picture.fov_degrees, width, height));
         let view = match view {
             Ok(Ok(view)) => view,
             Ok(Err(e)) => {
@@ -88,7 +88,7 @@ pub fn cast_pictures(
         if !due && picture.view.as_ref() == Some(&view) {
             continue;
         }
-        match fence::caught(|| trace(picture, &mut cache, &scan.0, &view)) {
+        match panics::catch(|| trace(picture, &mut cache, &scan.0, &view)) {
             Ok(()) => (picture.view, picture.traced) = (Some(view), true),
             Err(why) => {
                 // Whatever it keeps may be half done, and the frame too.
@@ -123,7 +123,7 @@ fn fall_back(picture: &mut Picture) {
     picture.settings.shader = ShaderModel::default();
     picture.settings.options = Options::NONE;
     picture.camera = CameraModel::default();
-    picture.fov_degrees = picture.camera.held(picture.fov_degrees).unwrap_or(90.0);
+    picture.fov_degrees = picture.camera.clamp_fov(picture.fov_degrees).unwrap_or(90.0);
 }
 
 /// What of other crates takes part in a picture; its preset where there is nothing.

@@ -27,7 +27,7 @@ pub fn make_slices(
     mut slices: Query<(Entity, &mut SliceView)>,
 ) {
     let (Some(pose), Some(scan)) = (cameras.iter().next(), scans.iter().next()) else { return };
-    let volume = scan.0.volume();
+    let volume = scan.0.voxels();
     let mut waiting = Vec::new();
     for (entity, mut slice) in &mut slices {
         if !slice.may_wait() {

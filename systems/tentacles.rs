@@ -55,14 +55,20 @@ pub fn guide_by_tentacles(
         &settings,
         body.0.drag_per_s,
     );
-    *guide = GuideThrust { thrust: s.thrust, limit: s.limit, wall: s.wall, way: s.look, ..GuideThrust::default() };
+    *guide = GuideThrust {
+        thrust: s.thrust,
+        limit: s.limit,
+        wall: s.wall,
+        look_direction: s.look,
+        ..GuideThrust::default()
+    };
     // A goal in plain sight draws the camera, as the paper's D_t does; behind a wall it does not.
     if let Some(goal) = goal
-        && let Some((thrust, way)) = approach(pose.position, goal.at, &tentacles.settings, body.0.drag_per_s)
-        && first_crossing(&scan.0, pose.position, way, pose.position.distance(goal.at)).is_none()
+        && let Some((thrust, direction)) = approach(pose.position, goal.at, &tentacles.settings, body.0.drag_per_s)
+        && first_crossing(&scan.0, pose.position, direction, pose.position.distance(goal.at)).is_none()
     {
         guide.thrust = thrust;
         guide.limit = thrust.length();
-        guide.way = way;
+        guide.look_direction = direction;
     }
 }

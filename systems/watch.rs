@@ -11,7 +11,7 @@ use crate::components::input::Hand;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::rescue::{Rescue, RescueAction};
 use crate::dynamics::tentacles::Drive;
-use crate::dynamics::trap::Felt;
+use crate::dynamics::trap::TentacleReading;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Main};
 
@@ -75,7 +75,7 @@ pub fn watch_flight(
         watch.rescue.restart();
         return;
     }
-    let felt = tentacles.map(|t| Felt {
+    let reading = tentacles.map(|t| TentacleReading {
         directions: &t.directions,
         lengths: &t.lengths,
         heading: heading.0,
@@ -85,7 +85,7 @@ pub fn watch_flight(
     // Only who feels their way can set out the wrong way.
     let other_end = goal.filter(|_| tentacles.is_some()).map(|g| g.other_end);
     let before = (rescue.turns(), rescue.escapes());
-    let order = rescue.follow(pose.position, clock.dt(), felt.as_ref(), other_end, settings);
+    let order = rescue.follow(pose.position, clock.dt(), reading.as_ref(), other_end, settings);
     // The rescue's own counts are what the guide may still do: they begin anew whenever the operator takes part.
     flight.turns += rescue.turns() - before.0;
     flight.escapes += rescue.escapes() - before.1;

@@ -51,9 +51,9 @@ pub struct Explanation {
 ///
 /// ```
 /// use colvis::app::explain::explain;
-/// use colvis::app::{Scan, Scene, Wish};
+/// use colvis::app::{Scan, Scene, FlightRequest};
 ///
-/// let flight = Scan::phantom(1)?.flight(Scene::guided_by("manual"), &Wish::default())?;
+/// let flight = Scan::phantom(1)?.flight(Scene::guided_by("manual"), &FlightRequest::default())?;
 /// let told = explain(&flight);
 /// assert!(told.step.iter().any(|system| system == "motion::move_body"));
 /// assert!(told.left_out.iter().any(|part| part.part == "tentacles"), "no guide feels its way");
@@ -64,7 +64,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     let volume = flight.volume();
     let part = Built::new;
     let mut built = vec![
-        part("volume (16 bit)", volume.volume().bytes(), "everything"),
+        part("volume (16 bit)", volume.voxels().bytes(), "everything"),
         part("lumen (runs)", flight.lumen().bytes(), "start and end of the flight"),
         part("homogeneous-region flags", volume.bytes(), "rays: the first heading, tentacles, images"),
     ];
@@ -113,8 +113,8 @@ pub fn explain(flight: &FlightApp) -> Explanation {
             MemoryPart::FrameCache if choices.key_frames.is_some() => "the scene: [render] key_frames",
             _ => "the picture's preset",
         };
-        let told = |(part, bytes): (MemoryPart, usize)| Built::new(part.name(), bytes, needed_by(part));
-        built.extend(own.map(told).collect::<Vec<_>>());
+        let reported = |(part, bytes): (MemoryPart, usize)| Built::new(part.name(), bytes, needed_by(part));
+        built.extend(own.map(reported).collect::<Vec<_>>());
     }
     let pictures = flight.camera::<Picture>().is_some() && flight.scene().picture;
     let other = |why| if pictures { why } else { "there is no picture" };

@@ -10,7 +10,7 @@ use crate::dynamics::Route;
 use crate::error::{Error, Result};
 use crate::fields::centerline::{self, CenterlineMethod, End};
 use crate::fields::clearance::TOLERANCE_MM;
-use crate::fields::{Lumen, TargetDistance, Through, Traveller, WallDistance};
+use crate::fields::{BodyClearance, Lumen, TargetDistance, Through, WallDistance};
 use crate::progress::Progress;
 use crate::schedule::Needs;
 use crate::volume::Volume;
@@ -23,7 +23,7 @@ pub struct Fields {
     gas: Option<Arc<Lumen>>,
     /// With the place that was asked for: the field's own may have been moved into the lumen.
     target: Option<(DVec3, Arc<TargetDistance>)>,
-    route: Option<Planning>,
+    route: Option<PlannedRoute>,
     /// What was built, and how long each took, s.
     took: Vec<(&'static str, f64)>,
     /// What there is to say to the user of what was built.
@@ -32,7 +32,7 @@ pub struct Fields {
 
 /// A way and the ends that it was planned for.
 #[derive(Clone, Debug)]
-struct Planning {
+struct PlannedRoute {
     ends: [DVec3; 2],
     planner: CenterlineMethod,
     route: Arc<Route>,
@@ -124,7 +124,7 @@ impl Fields {
         let planned = match known {
             Some(known) if known == ends => self.route.clone(),
             Some(known) if known == [ends[1], ends[0]] => {
-                self.route.as_ref().map(|r| Planning { ends, planner, route: Arc::new(r.route.reversed()) })
+                self.route.as_ref().map(|r| PlannedRoute { ends, planner, route: Arc::new(r.route.reversed()) })
             }
             _ => None,
         };
@@ -144,13 +144,13 @@ impl Fields {
                 let route = Route::along(&line.points, &line.radius_mm, DVec3::NEG_Y).ok_or_else(|| {
                     Error::incomplete("path", "its start is its end", "give --from and --to that are apart")
                 })?;
-                self.route = Some(Planning { ends, planner, route: Arc::new(route) });
+                self.route = Some(PlannedRoute { ends, planner, route: Arc::new(route) });
             }
             if wanted.distances && !aimed {
                 // Between the centres of two neighbours, along any axis, the wall may be nearer than at either by half
                 // their distance.
                 let clearance_mm = radius_mm + TOLERANCE_MM + 0.5 * volume.grid().spacing().max_element();
-                let body = Traveller { from: plan.begin, clearance_mm };
+                let body = BodyClearance { from: plan.begin, clearance_mm };
                 let target =
                     self.timed("target_s", || TargetDistance::to(&walls, plan.goal, Some(body), &[], progress))?;
                 if target.clearance_mm() < clearance_mm {

@@ -5,7 +5,7 @@ use serde::Deserialize;
 use crate::app::Catalog;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::fence::asked;
+use crate::panics::ask_plugin;
 use crate::render::{
     CameraModel, Choices, Classification, GradientSource, Leaping, Light, LowDetail, Options, Preset, Settings,
     ShaderModel,
@@ -91,8 +91,8 @@ impl ImageSettings {
     pub fn check(&self) -> Result<()> {
         self.settings.choices.check()?;
         let preset = || format!("preset {}", self.preset.name);
-        asked(preset, || (self.preset.takes)(&self.settings.choices))?;
-        asked(preset, || (self.preset.check)(self.settings.options))?;
+        ask_plugin(preset, || (self.preset.takes)(&self.settings.choices))?;
+        ask_plugin(preset, || (self.preset.check)(self.settings.options))?;
         self.settings.shader.check()?;
         self.camera.camera(self.fov_degrees, 1.0).map(drop)
     }

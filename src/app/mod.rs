@@ -19,7 +19,7 @@ pub use catalog::Catalog;
 pub use flight::FlightApp;
 pub use images::{ImageSettings, RenderSettings};
 pub use overlay::{Canvas, Overlay};
-pub use plan::{Place, Plan, Wish};
+pub use plan::{FlightRequest, Place, Plan};
 pub use scan::{OpenOptions, Scan};
 pub use scene::{Scene, Steering};
 pub use timings::Timings;

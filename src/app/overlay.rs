@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::{FlightApp, overlays};
 use crate::error::{Error, Result};
-use crate::fence;
+use crate::panics;
 use crate::render::{Options, View};
 use crate::schedule::book_time;
 
@@ -186,13 +186,13 @@ impl Canvas {
     pub fn draw(&mut self, overlay: &Overlay, flight: &FlightApp) -> Result<()> {
         self.options = overlay.options;
         let (before, begun) = (self.marks.len(), Instant::now());
-        let drawn = fence::caught(|| (overlay.draw)(flight, self));
+        let drawn = panics::catch(|| (overlay.draw)(flight, self));
         if overlays::BUILT_IN.iter().all(|o| o.name != overlay.name) {
             book_time(format!("overlay {}", overlay.name), begun.elapsed().as_secs_f64() * 1e3);
         }
         drawn.map_err(|why| {
             self.marks.truncate(before);
-            Error::fault(format!("overlay {}", overlay.name), format!("panicked: {why}"), "mend it, or hide it")
+            Error::fault(format!("overlay {}", overlay.name), format!("panicked: {why}"), "fix it, or hide it")
         })
     }
 

@@ -35,15 +35,15 @@ pub enum Place {
 /// What was asked for.
 ///
 /// ```
-/// use colvis::app::{Place, Scan, Scene, Wish};
+/// use colvis::app::{Place, Scan, Scene, FlightRequest};
 ///
-/// let wish = Wish { from: Some(Place::Cecum), ..Wish::default() }; // and on to the other end
+/// let wish = FlightRequest { from: Some(Place::Cecum), ..FlightRequest::default() }; // and on to the other end
 /// let flight = Scan::phantom(1)?.flight(Scene::default(), &wish)?;
 /// assert!(flight.is_reversed() && flight.plan().length_mm > 300.0);
 /// # Ok::<(), colvis::error::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Wish {
+pub struct FlightRequest {
     /// Start.
     pub from: Option<Place>,
     /// Goal.
@@ -74,9 +74,9 @@ pub struct Plan {
     /// The gas of the flight, where it is no segment of the colon.
     pub gas: Option<Arc<Lumen>>,
     /// Where the goal asked for lies beyond the gas that this flight can reach: what to say at its end.
-    pub falls_short: Option<String>,
+    pub goal_missed: Option<String>,
     /// The same of the other end, for a flight that is turned round.
-    pub other_falls_short: Option<String>,
+    pub other_goal_missed: Option<String>,
     /// What there is to say to the user.
     pub notes: Vec<String>,
 }
@@ -85,16 +85,22 @@ pub struct Plan {
 ///
 /// # Errors
 /// Status 4 when there is no colon to fly, a point is outside the lumen, or the lumen is too narrow for the body.
-pub fn plan(space: &PreparedVolume, lumen: &Lumen, wish: &Wish, radius_mm: f64, progress: &Progress) -> Result<Plan> {
+pub fn plan(
+    volume: &PreparedVolume,
+    lumen: &Lumen,
+    request: &FlightRequest,
+    radius_mm: f64,
+    progress: &Progress,
+) -> Result<Plan> {
     let mut notes = Vec::new();
-    if let Some(Place::World(from)) = wish.from {
+    if let Some(Place::World(from)) = request.from {
         let found = lumen.nearest_gas(from, SNAP_MM).map(|(s, p)| (Some(s), lumen.segments[s].clone(), p));
         let mut own = None;
         let found = match found {
             Some(f) => f,
             // Gas of any size that is no part of the colon as it was found: the operator wants to be there.
             None => {
-                let gas = lumen::gas_at(space.volume(), from, progress)?.ok_or_else(|| outside("--from", from))?;
+                let gas = lumen::gas_at(volume.voxels(), from, progress)?.ok_or_else(|| outside("--from", from))?;
                 let (s, p) = gas.nearest_gas(from, SNAP_MM).ok_or_else(|| outside("--from", from))?;
                 let segment = gas.segments[s].clone();
                 own = Some(Arc::new(gas));
@@ -103,13 +109,13 @@ pub fn plan(space: &PreparedVolume, lumen: &Lumen, wish: &Wish, radius_mm: f64, 
         };
         let (number, segment, gas) = found;
         // The voxel's centre only where the point itself is not in gas.
-        let inside = f64::from(crate::render::value(space, from)) < space.transfer().iso();
+        let inside = f64::from(crate::render::value(volume, from)) < volume.transfer().iso();
         let at = if inside { from } else { gas };
         if !inside {
             notes.push(format!("--from {} lies outside the lumen; taken to {}", triple(from), triple(gas)));
         }
-        let way = Through { number, segment: &segment, lumen, own: own.as_deref() };
-        let plan = finish(space, way, Some(at), wish, radius_mm, notes)?;
+        let gas = FlownGas { number, segment: &segment, lumen, own: own.as_deref() };
+        let plan = finish(volume, gas, Some(at), request, radius_mm, notes)?;
         return Ok(Plan { gas: own, ..plan });
     }
     if !lumen.is_flyable() {
@@ -122,14 +128,14 @@ pub fn plan(space: &PreparedVolume, lumen: &Lumen, wish: &Wish, radius_mm: f64, 
         Place::Cecum if lumen.ordered => last,
         _ => main,
     };
-    let number = match (wish.from, wish.to) {
+    let number = match (request.from, request.to) {
         (Some(p), _) => named(p),
         (None, Some(Place::World(to))) => lumen.nearest_gas(to, SNAP_MM).ok_or_else(|| outside("--to", to))?.0,
         (None, Some(p)) => named(p),
         (None, None) => main,
     };
-    let way = Through { number: Some(number), segment: &lumen.segments[number], lumen, own: None };
-    finish(space, way, None, wish, radius_mm, notes)
+    let gas = FlownGas { number: Some(number), segment: &lumen.segments[number], lumen, own: None };
+    finish(volume, gas, None, request, radius_mm, notes)
 }
 
 /// An end of a segment.
@@ -146,7 +152,7 @@ pub enum SegmentEnd {
 /// # Errors
 /// Status 4 when the segment is too narrow for the body.
 pub fn through_segment(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     lumen: &Lumen,
     number: usize,
     to: SegmentEnd,
@@ -155,14 +161,14 @@ pub fn through_segment(
     let segment = lumen.segments.get(number).ok_or_else(|| {
         Error::incomplete("segment", format!("there is no segment {number}"), "choose one that there is")
     })?;
-    let wish = Wish { reverse: to == SegmentEnd::Rectal, ..Wish::default() };
-    let way = Through { number: Some(number), segment, lumen, own: None };
-    finish(space, way, None, &wish, radius_mm, Vec::new())
+    let request = FlightRequest { reverse: to == SegmentEnd::Rectal, ..FlightRequest::default() };
+    let gas = FlownGas { number: Some(number), segment, lumen, own: None };
+    finish(volume, gas, None, &request, radius_mm, Vec::new())
 }
 
 /// The gas that a flight goes through.
 #[derive(Clone, Copy)]
-struct Through<'a> {
+struct FlownGas<'a> {
     /// None where it is no segment of the colon.
     number: Option<usize>,
     segment: &'a Segment,
@@ -172,17 +178,17 @@ struct Through<'a> {
 }
 
 fn finish(
-    space: &PreparedVolume,
-    Through { number, segment, lumen, own }: Through,
+    volume: &PreparedVolume,
+    FlownGas { number, segment, lumen, own }: FlownGas,
     from: Option<DVec3>,
-    wish: &Wish,
+    request: &FlightRequest,
     radius_mm: f64,
     mut notes: Vec<String>,
 ) -> Result<Plan> {
-    let walls = ClearanceFinder::new(space.shared_volume(), space.transfer().iso() as f32, SNAP_MM + radius_mm + 1.0);
-    let (first, last) = ends_of(segment, wish);
-    let mut falls_short = None;
-    let (goal, within_mm) = match wish.to {
+    let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, SNAP_MM + radius_mm + 1.0);
+    let (first, last) = ends_of(segment, request);
+    let mut goal_missed = None;
+    let (goal, within_mm) = match request.to {
         Some(Place::World(to)) => {
             let in_own = own.and_then(|gas| gas.nearest_gas(to, SNAP_MM)).map(|(_, p)| (None, p));
             let in_colon = lumen.nearest_gas(to, SNAP_MM).map(|(s, p)| (Some(s), p));
@@ -190,24 +196,24 @@ fn finish(
             let nearest = in_own.into_iter().chain(in_colon).min_by(|a, b| far(a).total_cmp(&far(b)));
             let (s, p) = nearest.ok_or_else(|| outside("--to", to))?;
             if s == number {
-                let inside = f64::from(crate::render::value(space, to)) < space.transfer().iso();
+                let inside = f64::from(crate::render::value(volume, to)) < volume.transfer().iso();
                 if !inside {
                     notes.push(format!("--to {} lies outside the lumen; taken to {}", triple(to), triple(p)));
                 }
                 (if inside { to } else { p }, ARRIVED_MM)
             } else {
-                falls_short = Some(format!("--to {} lies in another gas segment{}", triple(to), begins(lumen, s)));
-                (last, end_reach(space, last))
+                goal_missed = Some(format!("--to {} lies in another gas segment{}", triple(to), begins(lumen, s)));
+                (last, end_reach(volume, last))
             }
         }
-        _ => (last, end_reach(space, last)),
+        _ => (last, end_reach(volume, last)),
     };
     let other = |end: &str, next| format!("the {end} lies in another gas segment{}", begins(lumen, Some(next)));
-    match (wish.to, number) {
+    match (request.to, number) {
         (Some(Place::Cecum), Some(n)) if lumen.ordered && n + 1 < lumen.segments.len() => {
-            falls_short = Some(other("cecum", n + 1));
+            goal_missed = Some(other("cecum", n + 1));
         }
-        (Some(Place::Rectum), Some(n)) if lumen.ordered && n > 0 => falls_short = Some(other("rectum", n - 1)),
+        (Some(Place::Rectum), Some(n)) if lumen.ordered && n > 0 => goal_missed = Some(other("rectum", n - 1)),
         _ => {}
     }
     let wanted = from.unwrap_or(first);
@@ -224,18 +230,18 @@ fn finish(
         within_mm,
         begin: if from.is_some() { start } else { first },
         other_end: first,
-        other_within_mm: end_reach(space, first),
+        other_within_mm: end_reach(volume, first),
         length_mm: segment.length_mm,
         segment: number,
         gas: None,
-        falls_short,
-        other_falls_short: None,
+        goal_missed,
+        other_goal_missed: None,
         notes,
     })
 }
 
 /// The segment's end at which the flight starts (where no point is given) and the one at which it ends.
-fn ends_of(segment: &Segment, wish: &Wish) -> (DVec3, DVec3) {
+fn ends_of(segment: &Segment, request: &FlightRequest) -> (DVec3, DVec3) {
     let [rectal, cecal] = segment.ends;
     let end = |place| match place {
         Some(Place::Rectum) => Some(rectal),
@@ -243,17 +249,17 @@ fn ends_of(segment: &Segment, wish: &Wish) -> (DVec3, DVec3) {
         _ => None,
     };
     let other = |end: DVec3| if end == rectal { cecal } else { rectal };
-    let (first, last) = match (end(wish.from), end(wish.to), wish.to) {
+    let (first, last) = match (end(request.from), end(request.to), request.to) {
         (Some(first), Some(last), _) => (first, last),
         (Some(first), None, _) => (first, other(first)),
         (None, Some(last), _) => (other(last), last),
         // With only a goal given, the flight starts at the end that is further from it.
-        (None, None, Some(Place::World(to))) if wish.from.is_none() && to.distance(rectal) < to.distance(cecal) => {
+        (None, None, Some(Place::World(to))) if request.from.is_none() && to.distance(rectal) < to.distance(cecal) => {
             (cecal, rectal)
         }
         _ => (rectal, cecal),
     };
-    if wish.reverse { (last, first) } else { (first, last) }
+    if request.reverse { (last, first) } else { (first, last) }
 }
 
 /// Where another segment begins, for the operator to set out from.
@@ -270,24 +276,26 @@ fn roomy(walls: &ClearanceFinder, at: DVec3, radius: f64) -> Option<DVec3> {
 
 /// How near to the centre of the ball at a lumen's end is arrived, mm: half the ball's radius (the shortest of many
 /// rays), for the end wall is then within one and a half radii.
-fn end_reach(space: &PreparedVolume, at: DVec3) -> f64 {
-    let radius =
-        directions(PROBES).into_iter().map(|d| first_crossing(space, at, d, 60.0).unwrap_or(60.0)).fold(60.0, f64::min);
+fn end_reach(volume: &PreparedVolume, at: DVec3) -> f64 {
+    let radius = directions(PROBES)
+        .into_iter()
+        .map(|d| first_crossing(volume, at, d, 60.0).unwrap_or(60.0))
+        .fold(60.0, f64::min);
     (0.5 * radius).max(1.0)
 }
 
 /// The first heading: towards a goal in plain sight, else the longest free direction. The view's up is the patient's
 /// front, so that fluid lies at the bottom of the image of a patient on the back.
-pub fn first_attitude(space: &PreparedVolume, start: DVec3, goal: DVec3) -> Attitude {
+pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Attitude {
     let to = goal - start;
-    let seen = to.length() > 1.0 && first_crossing(space, start, to.normalize(), to.length()).is_none();
+    let seen = to.length() > 1.0 && first_crossing(volume, start, to.normalize(), to.length()).is_none();
     let forward = if seen {
         to
     } else {
         // The first of equals, so that the choice never depends on rounding further on.
         let mut best = (f64::NEG_INFINITY, DVec3::Z);
         for d in directions(PROBES) {
-            let free = first_crossing(space, start, d, 300.0).unwrap_or(300.0);
+            let free = first_crossing(volume, start, d, 300.0).unwrap_or(300.0);
             if free > best.0 {
                 best = (free, d);
             }
@@ -336,8 +344,8 @@ pub fn as_logged(play: &Playback) -> Plan {
         length_mm: play.length_mm(),
         segment: None,
         gas: None,
-        falls_short: None,
-        other_falls_short: None,
+        goal_missed: None,
+        other_goal_missed: None,
         notes: Vec::new(),
     }
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use crate::app::plan::{self, Plan, Wish};
+use crate::app::plan::{self, FlightRequest, Plan};
 use crate::app::timings::Timings;
 use crate::app::{FlightApp, Scene};
 use crate::components::play::Playback;
@@ -21,13 +21,13 @@ use crate::volume::io::{self, LoadOptions};
 /// A scan that can be flown through, with its colon once somebody has asked for it.
 ///
 /// ```
-/// use colvis::app::{Scan, Scene, Wish};
+/// use colvis::app::{Scan, Scene, FlightRequest};
 /// use colvis::components::flight::State;
 ///
 /// # fn main() -> colvis::error::Result<()> {
 /// let mut scan = Scan::phantom(1)?; // or Scan::open("scan.nii.gz")?
 /// let scene = Scene { log: true, ..Scene::guided_by("tentacles") };
-/// let mut flight = scan.flight(scene, &Wish::default())?; // through the largest segment, rectum to cecum
+/// let mut flight = scan.flight(scene, &FlightRequest::default())?; // through the largest segment, rectum to cecum
 /// assert_eq!(flight.fly(2.0)?, State::Flying);
 /// let picture = flight.look(320, 240)?;
 /// println!("{} after {:.0} mm", flight.pose().position, flight.flight().length_mm);
@@ -148,8 +148,8 @@ impl Scan {
         if let Some(lumen) = &self.lumen {
             return Ok(Arc::clone(lumen));
         }
-        check_thick(self.volume.volume())?;
-        let found = self.timings.time("lumen_s", || lumen::find(self.volume.volume(), &self.progress))?;
+        check_thick(self.volume.voxels())?;
+        let found = self.timings.time("lumen_s", || lumen::find(self.volume.voxels(), &self.progress))?;
         Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
     }
 
@@ -174,9 +174,9 @@ impl Scan {
 
     fn drain(&mut self, found: &Lumen) -> Result<Drained> {
         let begun = Instant::now();
-        let volume = self.volume.with_voxels(Arc::new(drain::drained(self.volume.volume(), found)));
+        let volume = self.volume.with_voxels(Arc::new(drain::drained(self.volume.voxels(), found)));
         self.timings.add("drain_s", begun.elapsed().as_secs_f64());
-        let mut lumen = self.timings.time("joined_lumen_s", || lumen::find(volume.volume(), &self.progress))?;
+        let mut lumen = self.timings.time("joined_lumen_s", || lumen::find(volume.voxels(), &self.progress))?;
         drain::keep_ends(&mut lumen, found);
         let [before, now] = [found.segments.len(), lumen.segments.len()];
         let note = (now < before).then(|| {
@@ -191,13 +191,19 @@ impl Scan {
     ///
     /// # Errors
     /// Status 4 when there is no colon to fly, a point lies outside the lumen, or the lumen is too narrow.
-    pub fn plan(&mut self, wish: &Wish, radius_mm: f64) -> Result<Plan> {
+    pub fn plan(&mut self, request: &FlightRequest, radius_mm: f64) -> Result<Plan> {
         let (volume, lumen) = (self.volume.clone(), self.lumen()?);
-        self.plan_in(&volume, &lumen, wish, radius_mm)
+        self.plan_in(&volume, &lumen, request, radius_mm)
     }
 
-    fn plan_in(&mut self, volume: &PreparedVolume, lumen: &Lumen, wish: &Wish, radius_mm: f64) -> Result<Plan> {
-        self.timings.time("plan_s", || plan::plan(volume, lumen, wish, radius_mm, &self.progress))
+    fn plan_in(
+        &mut self,
+        volume: &PreparedVolume,
+        lumen: &Lumen,
+        request: &FlightRequest,
+        radius_mm: f64,
+    ) -> Result<Plan> {
+        self.timings.time("plan_s", || plan::plan(volume, lumen, request, radius_mm, &self.progress))
     }
 
     /// A flight at its start, with everything that the scene asks for. The scan stays as it is: what one flight needs changes
@@ -206,17 +212,17 @@ impl Scan {
     /// # Errors
     /// Status 2 for a scene that makes no sense, 3 for a log of another scan, 4 when there is no colon or no way between the
     /// points, or when interrupted.
-    pub fn flight(&mut self, scene: Scene, wish: &Wish) -> Result<FlightApp> {
+    pub fn flight(&mut self, scene: Scene, request: &FlightRequest) -> Result<FlightApp> {
         let (volume, lumen, plan) = match scene.play() {
             Some(play) => {
                 check_log(play, &self.volume)?;
-                let lumen = Lumen::none(self.volume.volume().grid());
+                let lumen = Lumen::none(self.volume.voxels().grid());
                 (self.volume.clone(), Arc::new(lumen), plan::as_logged(play))
             }
             None => {
                 let drains = scene.needs().fluid_as_gas;
                 let (volume, lumen) = if drains { self.drained()? } else { (self.volume.clone(), self.lumen()?) };
-                let plan = self.plan_in(&volume, &lumen, wish, scene.body.radius_mm)?;
+                let plan = self.plan_in(&volume, &lumen, request, scene.body.radius_mm)?;
                 (volume, lumen, plan)
             }
         };
@@ -250,7 +256,7 @@ pub fn check_thick(volume: &Volume) -> Result<()> {
 
 /// A log can only be played in the scan that it was flown in, as far as that can be told.
 fn check_log(play: &Playback, volume: &PreparedVolume) -> Result<()> {
-    let grid = volume.volume().grid();
+    let grid = volume.voxels().grid();
     let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
     let outside = |p: DVec3| {
         let v = grid.voxel(p);

@@ -17,7 +17,7 @@ use crate::dynamics::mines::MineSettings;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::tentacles::{Drive, TentacleSettings};
 use crate::error::{Error, Result};
-use crate::fence::{asked, caught};
+use crate::panics::{ask_plugin, catch};
 use crate::render::{CameraModel, Options, ShaderModel};
 use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Plugins, Slot};
 use crate::systems;
@@ -176,8 +176,8 @@ impl Scene {
     /// # Errors
     /// Status 2 when it is no scene or a setting in it makes no sense.
     pub fn parse(text: &str, catalog: &Catalog) -> Result<Self> {
-        let mend = "name known plugins and settings";
-        let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), mend))?;
+        let hint = "name known plugins and settings";
+        let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), hint))?;
         let (mut guides, mut plugins) = (catalog.guides.clone(), catalog.plugins.clone());
         let options = SceneOptions {
             named: named_options(file.named, catalog, &mut guides, &mut plugins)?,
@@ -205,7 +205,7 @@ impl Scene {
                 name if scene.plugins.iter().any(|p| p.name() == name) => {}
                 name => match scene.guides.named(name) {
                     Some(guide) => named.push(guide.name),
-                    None => return Err(Error::usage("scene", format!("there is no plugin {name:?}"), mend)),
+                    None => return Err(Error::usage("scene", format!("there is no plugin {name:?}"), hint)),
                 },
             }
         }
@@ -281,7 +281,7 @@ impl Scene {
 
     /// Speed of the flight where nothing holds it up, mm/s; 0 where nothing moves the camera by itself.
     pub fn cruise_mm_s(&self) -> f64 {
-        let cruise = self.guide().map(|g| caught(|| g.cruise_mm_s(&self.body)));
+        let cruise = self.guide().map(|g| catch(|| g.cruise_mm_s(&self.body)));
         // What a guide cannot tell is as if nothing moved.
         cruise.and_then(std::result::Result::ok).filter(|mm_s| mm_s.is_finite() && *mm_s >= 0.0).unwrap_or(0.0)
     }
@@ -462,7 +462,7 @@ fn named_options(
         }
         let in_table = |e: Error| Error { what: format!("[{name}] {}", e.what), ..e };
         if let Ok(preset) = catalog.find_preset(&name) {
-            asked(|| format!("preset {name}"), || (preset.check)(options)).map_err(in_table)?;
+            ask_plugin(|| format!("preset {name}"), || (preset.check)(options)).map_err(in_table)?;
         } else if let Ok(shader) = catalog.find_shader(&name) {
             ShaderModel { options, ..shader }.check().map_err(in_table)?;
         } else if let Ok(camera) = catalog.find_camera(&name) {
@@ -487,7 +487,7 @@ fn overlay_options(tables: toml::Table, catalog: &Catalog) -> Result<BTreeMap<St
             return Err(Error::usage(format!("overlay.{name}"), "is no table", format!("write [overlay.{name}]")));
         };
         let options = Options::new(table);
-        asked(|| format!("overlay {name}"), || (overlay.check)(options))
+        ask_plugin(|| format!("overlay {name}"), || (overlay.check)(options))
             .map_err(|e| Error { what: format!("[overlay.{name}] {}", e.what), ..e })?;
         overlays.insert(name, options);
     }

@@ -379,26 +379,26 @@ impl Args {
     ///
     /// # Errors
     /// What is wrong with them; also help and version, which are asked for.
-    pub(super) fn read(args: impl Iterator<Item = OsString>, program: &Program) -> Result<Self, Refused> {
+    pub(super) fn read(args: impl Iterator<Item = OsString>, program: &Program) -> Result<Self, ParseError> {
         let args: Vec<OsString> = args.collect();
-        unbuilt::check_command(&args, command_place(&args)).map_err(Refused::NotBuilt)?;
+        unbuilt::check_command(&args, command_place(&args)).map_err(ParseError::NotBuilt)?;
         let command = command(program);
         let args = command_first(args, &command);
-        let mut matches = command.try_get_matches_from(args).map_err(Refused::Line)?;
+        let mut matches = command.try_get_matches_from(args).map_err(ParseError::Line)?;
         let own = matches.subcommand_name().filter(|n| program.commands.iter().any(|c| c.name == *n));
         if own.is_some()
             && let Some((name, matches)) = matches.remove_subcommand()
         {
-            let global = Global::from_arg_matches(&matches).map_err(Refused::Line)?;
+            let global = Global::from_arg_matches(&matches).map_err(ParseError::Line)?;
             return Ok(Self { command: Some(Command::Own { name, matches }), fly: FlyArgs::default(), global });
         }
-        Self::from_arg_matches(&matches).map_err(Refused::Line)
+        Self::from_arg_matches(&matches).map_err(ParseError::Line)
     }
 }
 
 /// Why a command line is not followed.
 #[derive(Debug)]
-pub enum Refused {
+pub enum ParseError {
     /// It is wrong, or asks for help or the version.
     Line(clap::Error),
     /// It names a command that is not built.
@@ -410,7 +410,7 @@ pub(super) fn is_command(name: &str) -> bool {
     name == "help" || unbuilt::is_command(name) || Args::command().get_subcommands().any(|c| c.get_name() == name)
 }
 
-impl fmt::Display for Refused {
+impl fmt::Display for ParseError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line(e) => e.fmt(f),
@@ -457,12 +457,12 @@ fn choices(
     what: &str,
     list: &[(&'static str, &'static str)],
 ) -> clap::Command {
-    let told: Vec<String> = list.iter().map(|(name, summary)| format!("{name} ({summary})")).collect();
+    let reported: Vec<String> = list.iter().map(|(name, summary)| format!("{name} ({summary})")).collect();
     let names: Vec<&'static str> = list.iter().map(|l| l.0).collect();
     command.mut_arg(option, |a| {
         a.value_parser(PossibleValuesParser::new(names))
             .hide_possible_values(true)
-            .help(format!("{what}: {}", told.join(", ")))
+            .help(format!("{what}: {}", reported.join(", ")))
     })
 }
 
@@ -567,10 +567,10 @@ fn command_place(args: &[OsString]) -> usize {
 }
 
 /// Prints help as it is, anything else as one line: `error: WHAT: WHY; HOW TO MEND`.
-pub fn refuse(refused: &Refused) -> ExitCode {
+pub fn refuse(refused: &ParseError) -> ExitCode {
     let e = match refused {
-        Refused::Line(e) => e,
-        Refused::NotBuilt(error) => return failed(error),
+        ParseError::Line(e) => e,
+        ParseError::NotBuilt(error) => return failed(error),
     };
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
         // A closed pipe (`colvis --help | head -1`) is no failure.

@@ -28,11 +28,11 @@ use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::app::{Catalog, Overlay};
 use crate::error::{Error, Result};
-use crate::fence::{is_fenced, note_place};
 use crate::host::terminal::Bar;
 #[cfg(feature = "window")]
 use crate::host::window::panels::PanelEntry;
 use crate::output;
+use crate::panics::{is_catching, note_place};
 use crate::progress::Progress;
 use crate::render::{CameraModel, Preset, ShaderModel};
 use crate::schedule::{Guide, Plugin};
@@ -182,18 +182,18 @@ impl Program {
 
     /// As [`Program::run`], with these arguments; the first is the program's name.
     pub fn run_from<T: Into<OsString>>(self, args: impl IntoIterator<Item = T>) -> ExitCode {
-        let told = |e: &Error| {
+        let reported = |e: &Error| {
             eprintln!("error: {e}");
             ExitCode::from(e.kind as u8)
         };
         if let Err(e) = self.check() {
-            return told(&e);
+            return reported(&e);
         }
         let args = match self.parse(args) {
             Ok(args) => args,
             Err(e) => return args::refuse(&e),
         };
-        guarded(|| run(&self, args)).map_or_else(|e| told(&e), |()| ExitCode::SUCCESS)
+        guarded(|| run(&self, args)).map_or_else(|e| reported(&e), |()| ExitCode::SUCCESS)
     }
 
     /// Reads a command line; the first argument is the program's name.
@@ -203,7 +203,7 @@ impl Program {
     pub fn parse<T: Into<OsString>>(
         &self,
         args: impl IntoIterator<Item = T>,
-    ) -> std::result::Result<Args, args::Refused> {
+    ) -> std::result::Result<Args, args::ParseError> {
         Args::read(args.into_iter().map(Into::into), self)
     }
 
@@ -247,7 +247,7 @@ fn guarded(work: impl FnOnce() -> Result<()>) -> Result<()> {
 /// `RUST_BACKTRACE` is set. Of a panic that a [fence](crate::fence) catches it takes no note.
 fn noting(usual: PanicHook) -> PanicHook {
     Box::new(move |info| {
-        if is_fenced() {
+        if is_catching() {
             note_place(info.location().map_or_else(String::new, ToString::to_string));
             return;
         }
@@ -382,11 +382,11 @@ fn print(write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fence;
+    use crate::panics;
 
     #[test]
     fn a_fenced_panic_is_not_the_one_reported() {
-        let _hook = fence::HOOK.lock().unwrap_or_else(PoisonError::into_inner);
+        let _hook = panics::HOOK.lock().unwrap_or_else(PoisonError::into_inner);
         let usual = Arc::new(panic::take_hook());
         let mine = std::thread::current().id();
         let (note, others) = (noting(Box::new(|_| {})), Arc::clone(&usual));
@@ -394,23 +394,23 @@ mod tests {
             move |info| if std::thread::current().id() == mine { note(info) } else { others(info) },
         ));
         let place = || PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let caught = fence::fenced(|| panic!("a decoder's"));
+        let caught = panics::catch_panic(|| panic!("a decoder's"));
         let after_fence = place();
         let escaped = catch_unwind(|| panic!("the program's"));
         panic::set_hook(Box::new(move |info| usual(info)));
-        assert!(caught == Err::<(), _>(fence::Panicked) && escaped.is_err());
+        assert!(caught == Err::<(), _>(panics::Panicked) && escaped.is_err());
         assert_eq!(after_fence, None);
         assert!(place().is_some_and(|p| p.contains(file!())), "{:?}", place());
     }
 
     #[test]
     fn a_panic_is_one_line_and_a_fault() {
-        let told = |panic: Box<dyn Any + Send>, place| panicked(&*panic, place);
-        let e = told(Box::new("no\nvoxel"), Some("src/a.rs:3:5"));
+        let reported = |panic: Box<dyn Any + Send>, place| panicked(&*panic, place);
+        let e = reported(Box::new("no\nvoxel"), Some("src/a.rs:3:5"));
         assert_eq!(e.to_string(), "colvis: no voxel (src/a.rs:3:5); report it, with the command");
         assert_eq!(e.kind as u8, 1);
-        let e = told(Box::new("index 7".to_owned()), None);
+        let e = reported(Box::new("index 7".to_owned()), None);
         assert_eq!(e.why, "index 7");
-        assert_eq!(told(Box::new(7), None).why, "panicked");
+        assert_eq!(reported(Box::new(7), None).why, "panicked");
     }
 }

@@ -71,7 +71,7 @@ fn settings(path: &Path) -> Result<PlaneSettings> {
     let what = || path.display().to_string();
     let scene = Scene::parse(&text, &crate::app::Catalog::default())
         .map_err(|e| Error::usage(what(), e.to_string(), "see assets/scenes"))?;
-    let refuse = |why: String, mend: &str| Err(Error::usage(what(), why, mend));
+    let refuse = |why: String, hint: &str| Err(Error::usage(what(), why, hint));
     if scene.guide_name() != TentacleSettings::NAME {
         let why = match scene.guide() {
             Some(guide) => format!("is steered by {}, and a drawing is flown by tentacles alone", guide.name),

@@ -14,7 +14,7 @@ use crate::fields::{Lumen, lumen};
 use crate::memory::resident_bytes;
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
-use crate::render::fast::simd_level;
+use crate::render::packets::simd_level;
 use crate::render::{CameraModel, Preset, Quality, Settings, TransferFunction};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
@@ -119,7 +119,7 @@ pub fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Ar
     };
     let Some(path) = input else { return Scan::phantom_with(global.seed.unwrap_or(1), &options) };
     let mut scan = Scan::open_with(path, &options)?;
-    tell_unused(path, scan.volume().volume(), global);
+    report_unused(path, scan.volume().voxels(), global);
     scan.take_notes().iter().for_each(|note| say(note));
     Ok(scan)
 }
@@ -130,7 +130,7 @@ pub fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Ar
 /// As [`open`].
 pub fn load(input: &Path, global: &Global, progress: &Progress) -> Result<Volume> {
     let loaded = io::load(input, &checked_options(global)?, progress)?;
-    tell_unused(input, &loaded.volume, global);
+    report_unused(input, &loaded.volume, global);
     loaded.notes.iter().for_each(|note| say(note));
     Ok(loaded.volume)
 }
@@ -172,7 +172,7 @@ pub fn lumen_from(volume: &Volume, from: Option<DVec3>, timings: &mut Timings, p
 }
 
 /// Says which options had no say.
-fn tell_unused(path: &Path, volume: &Volume, global: &Global) {
+fn report_unused(path: &Path, volume: &Volume, global: &Global) {
     let own = volume.grid().spacing();
     if global.spacing.is_some_and(|s| s.0 != own) {
         say(&format!("--spacing is not used: the scan has its own, {own} mm"));

@@ -13,11 +13,11 @@ use crate::cli::args::{Global, QualityName, RenderArgs, Size};
 use crate::cli::prepare::say;
 use crate::cli::{Program, prepare};
 use crate::error::{Error, Result};
-use crate::fence;
 use crate::host::frames::FrameStats;
 use crate::host::record::write_png;
 use crate::host::terminal::Bar;
 use crate::output;
+use crate::panics;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Frame, Preset, Reuse, View, renderer};
 
@@ -64,7 +64,7 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
         .map(|(n, p)| {
             let [position, forward, up] = [p.position, p.forward, p.up].map(DVec3::from_array);
             View::with_model(position, forward, up, camera, fov, size.width, size.height)
-                .map_err(|e| Error::file(&args.poses, format!("pose {n}: {}: {}", e.what, e.why), e.mend))
+                .map_err(|e| Error::file(&args.poses, format!("pose {n}: {}: {}", e.what, e.why), e.hint))
         })
         .collect::<Result<_>>()?;
     output::make_folder(&args.out)?;
@@ -81,9 +81,9 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
     let mut complaints = BTreeSet::new();
     let mut one = |n: usize, view: &View| {
         let begun = Instant::now();
-        let work = fence::caught(|| renderer.render(view, &mut frame)).map_err(|why| {
+        let work = panics::catch(|| renderer.render(view, &mut frame)).map_err(|why| {
             let what = format!("preset {}", preset.name);
-            Error::fault(what, format!("panicked at pose {n}: {why}"), "mend it, or choose another preset")
+            Error::fault(what, format!("panicked at pose {n}: {why}"), "fix it, or choose another preset")
         })?;
         if let Some((who, what)) = renderer.complaint().filter(|c| complaints.insert(c.clone())) {
             say(&format!("{who} {what}"));
@@ -100,21 +100,21 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
     // Interrupted, too, it tells of the frames that there are.
     let rendered = views.iter().enumerate().try_for_each(|(n, view)| one(n, view));
     drop(bar);
-    let told = args.stats.as_ref().map_or(Ok(()), |path| {
+    let reported = args.stats.as_ref().map_or(Ok(()), |path| {
         let mut m = prepare::stats_head(&timings);
         m.insert("frames".to_owned(), json!(frames));
         output::write_json(path, &m)
     });
-    rendered.and(told)
+    rendered.and(reported)
 }
 
 fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
-    let mend = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
+    let hint = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
     let text =
-        std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), mend))?;
-    let poses: Poses = serde_json::from_slice(&text).map_err(|e| Error::file(path, e.to_string(), mend))?;
+        std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), hint))?;
+    let poses: Poses = serde_json::from_slice(&text).map_err(|e| Error::file(path, e.to_string(), hint))?;
     if let Some(fov) = poses.fov_degrees {
-        camera.camera(fov, 1.0).map_err(|e| Error::file(path, format!("fov_degrees: {}", e.why), mend))?;
+        camera.camera(fov, 1.0).map_err(|e| Error::file(path, format!("fov_degrees: {}", e.why), hint))?;
     }
     Ok(poses)
 }

@@ -84,8 +84,8 @@ fn one(
             fields::report(Effort::new(args.quick), global.seed.unwrap_or(1), scan, folder, progress)
         }
         _ => {
-            let space = phantom(args.quick, global, progress)?;
-            scenes::report(&space, &program.catalog.plugins, Effort::new(args.quick), folder, progress)
+            let volume = phantom(args.quick, global, progress)?;
+            scenes::report(&volume, &program.catalog.plugins, Effort::new(args.quick), folder, progress)
         }
     }
 }
@@ -107,13 +107,13 @@ fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<V
     let size = if args.quick { "small" } else { "standard" };
     let named = format!("Phantom ({size}, seed {})", global.seed.unwrap_or(1));
     let mut subjects =
-        vec![Subject { name: "phantom".to_owned(), title: named, space: phantom(args.quick, global, progress)? }];
+        vec![Subject { name: "phantom".to_owned(), title: named, volume: phantom(args.quick, global, progress)? }];
     match &args.scan {
         Some(scan) => {
             let volume = prepare::load(scan, global, progress)?;
             check_thick(&volume)?;
-            let space = PreparedVolume::new(Arc::new(volume), prepare::transfer(global)?);
-            subjects.push(Subject { name: "scan".to_owned(), title: title(scan), space });
+            let volume = PreparedVolume::new(Arc::new(volume), prepare::transfer(global)?);
+            subjects.push(Subject { name: "scan".to_owned(), title: title(scan), volume });
         }
         None => say("only the phantom is reported on; --scan F adds a scan"),
     }

@@ -99,7 +99,7 @@ pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<(
         if let Some(wall) = &wall {
             stats.insert("wall_ml".to_owned(), json!(wall.ml));
             stats.insert("wall_thickness".to_owned(), json!(wall.thickness));
-            stats.insert("wall_told".to_owned(), json!(wall.told));
+            stats.insert("wall_told".to_owned(), json!(wall.reported));
         }
         if let Some(others) = &others {
             stats.insert("not_colon".to_owned(), json!(not_colon(others)));

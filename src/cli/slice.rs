@@ -44,7 +44,7 @@ impl Format {
 /// interrupted, 5 when the picture cannot be written.
 pub fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
-    let usage = |option: &'static str, mend: &'static str| move |why: String| Error::usage(option, why, mend);
+    let usage = |option: &'static str, hint: &'static str| move |why: String| Error::usage(option, why, hint);
     let frame =
         args.plane.frame().map_err(usage("--plane", "give axial, coronal, sagittal or a normal such as 1,0,2"))?;
     let middle = Windowing::default();

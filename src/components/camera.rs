@@ -16,7 +16,7 @@ pub struct Pose {
 
 /// The body that must not touch the wall. A camera without one does not move.
 #[derive(Component, Clone, Copy, Debug)]
-#[require(Velocity, Spin, Acceleration, Contact, Heading)]
+#[require(Velocity, AngularMomentum, Acceleration, Contact, Heading)]
 pub struct Body(pub dynamics::Body);
 
 /// Velocity, world mm/s.
@@ -25,7 +25,7 @@ pub struct Velocity(pub DVec3);
 
 /// Angular momentum about the body's centre, world g·mm²/s.
 #[derive(Component, Clone, Copy, Debug, Default)]
-pub struct Spin(pub DVec3);
+pub struct AngularMomentum(pub DVec3);
 
 /// The sum of all forces divided by the mass, world mm/s².
 #[derive(Component, Clone, Copy, Debug, Default)]

@@ -51,7 +51,7 @@ pub struct Goal {
 
 /// Why the goal is not where the flight was asked to end: what there is to say when it is reached. None where it is.
 #[derive(Component, Clone, Debug, Default)]
-pub struct FallsShort(pub Option<String>);
+pub struct GoalMissed(pub Option<String>);
 
 /// Segments of the lumen and which of them were flown.
 #[derive(Component, Clone, Debug, Default)]

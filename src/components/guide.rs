@@ -21,7 +21,7 @@ pub struct GuideThrust {
     /// Acceleration that keeps off the wall, world mm/s². Acts always.
     pub wall: DVec3,
     /// Unit direction of the way on, world; zero where the guide knows none. The view turns there.
-    pub way: DVec3,
+    pub look_direction: DVec3,
     /// The thrust is a plan's and acts as it is: it has the operator's speed in it, and comes in gently by itself.
     pub exact: bool,
 }
@@ -32,26 +32,26 @@ const ABSURD: f64 = 1e7;
 impl GuideThrust {
     /// Takes away what is no acceleration or no direction: numbers that are not finite, and accelerations beyond all reason. What
     /// it was, if there was anything.
-    pub fn tame(&mut self) -> Option<&'static str> {
+    pub fn sanitize(&mut self) -> Option<&'static str> {
         let absurd = |v: DVec3| !v.is_finite() || v.abs().max_element() > ABSURD;
-        let mut told = None;
+        let mut reported = None;
         for (name, vector) in [("thrust", &mut self.thrust), ("wall force", &mut self.wall)] {
             if absurd(*vector) {
-                (*vector, told) = (DVec3::ZERO, Some(name));
+                (*vector, reported) = (DVec3::ZERO, Some(name));
             }
         }
         if self.limit.is_nan() || self.limit < 0.0 {
-            (self.limit, told) = (0.0, Some("limit"));
+            (self.limit, reported) = (0.0, Some("limit"));
         }
         self.limit = self.limit.min(ABSURD);
         // Of any length: scaled first, so that it keeps its direction.
-        let longest = self.way.abs().max_element();
-        if !self.way.is_finite() {
-            (self.way, told) = (DVec3::ZERO, Some("direction"));
+        let longest = self.look_direction.abs().max_element();
+        if !self.look_direction.is_finite() {
+            (self.look_direction, reported) = (DVec3::ZERO, Some("direction"));
         } else if longest > 0.0 && !(1e-3..1e3).contains(&longest) {
-            self.way = (self.way / longest).normalize_or_zero();
+            self.look_direction = (self.look_direction / longest).normalize_or_zero();
         }
-        told
+        reported
     }
 }
 

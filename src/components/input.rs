@@ -171,16 +171,16 @@ impl<'de, A: VariantAccess<'de>> EnumAccess<'de> for Named<A> {
 /// A command and the step before which it acts.
 ///
 /// ```
-/// use colvis::components::input::{Act, HandCommand};
+/// use colvis::components::input::{TimedCommand, HandCommand};
 ///
 /// // A line of `--record-input`: from step 240 on the hand pushes to the right.
-/// let act: Act = serde_json::from_str(r#"{"tick": 240, "command": {"push": [1.0, 0.0, 0.0]}}"#)?;
-/// assert_eq!(act, Act { tick: 240, command: HandCommand::Push([1.0, 0.0, 0.0]).into() });
+/// let act: TimedCommand = serde_json::from_str(r#"{"tick": 240, "command": {"push": [1.0, 0.0, 0.0]}}"#)?;
+/// assert_eq!(act, TimedCommand { tick: 240, command: HandCommand::Push([1.0, 0.0, 0.0]).into() });
 /// # Ok::<(), serde_json::Error>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Act {
+pub struct TimedCommand {
     /// Step.
     pub tick: u64,
     /// What the operator did.
@@ -259,7 +259,7 @@ mod tests {
             r#"{"tick":3,"command":{"turn":[0.0,0.0,-1.0]}}"#,
         ];
         for line in old.lines().chain(new) {
-            let act: Act = serde_json::from_str(line).unwrap();
+            let act: TimedCommand = serde_json::from_str(line).unwrap();
             assert_eq!(serde_json::to_string(&act).unwrap(), line);
         }
     }
@@ -288,9 +288,9 @@ mod tests {
         for ((command, form), name) in forms.into_iter().zip(NAMES) {
             assert!(form.contains(&format!("\"{name}\"")), "{form}: {name}");
             let line = format!(r#"{{"tick":240,"command":{form}}}"#);
-            let act = Act { tick: 240, command };
+            let act = TimedCommand { tick: 240, command };
             assert_eq!(serde_json::to_string(&act).unwrap(), line);
-            assert_eq!(serde_json::from_str::<Act>(&line).unwrap(), act);
+            assert_eq!(serde_json::from_str::<TimedCommand>(&line).unwrap(), act);
         }
         // What serde derives knows the same names in the same order: a new command needs a place in `NAMES`.
         let known =
@@ -303,7 +303,7 @@ mod tests {
     #[test]
     fn a_damaged_command_is_told_with_its_name_and_place() {
         let names = NAMES.map(|n| format!("`{n}`")).join(", ");
-        for (command, told) in [
+        for (command, reported) in [
             (r#""dance""#, format!("unknown variant `dance`, expected one of {names} at line 1 column 29")),
             (r#"{"dance":1}"#, format!("unknown variant `dance`, expected one of {names} at line 1 column 30")),
             (r#"{"push":[1.0,"up"]}"#, "invalid type: string \"up\", expected f64 at line 1 column 39".to_owned()),
@@ -317,7 +317,7 @@ mod tests {
             (r#"{"pause":true,"speed":1.0}"#, "expected value at line 1 column 35".to_owned()),
         ] {
             let line = format!(r#"{{"tick":240,"command":{command}}}"#);
-            assert_eq!(serde_json::from_str::<Act>(&line).unwrap_err().to_string(), told);
+            assert_eq!(serde_json::from_str::<TimedCommand>(&line).unwrap_err().to_string(), reported);
         }
     }
 }

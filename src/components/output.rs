@@ -50,10 +50,10 @@ pub struct GuideName(pub &'static str);
 /// a [`Pose`] of its own, or [`Follows`].
 ///
 /// ```
-/// use colvis::app::{Scan, Scene, Wish};
+/// use colvis::app::{Scan, Scene, FlightRequest};
 /// use colvis::components::output::{Follows, Picture};
 ///
-/// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &Wish::default())?;
+/// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
 /// let rear = flight.add_view((Picture::new(160, 120), Follows::rear()))?;
 /// flight.fly(1.0)?;
 /// flight.frame()?;
@@ -175,7 +175,7 @@ impl FrameCache {
     ) -> &mut (dyn Renderer + 'static) {
         let fits = |k: &Kept| {
             (k.settings, k.preset, k.transfer) == (settings, preset, scan.transfer())
-                && std::ptr::eq(&*k.volume, scan.volume())
+                && std::ptr::eq(&*k.volume, scan.voxels())
         };
         if !self.kept.as_ref().is_some_and(fits) {
             // The old one goes first: both at once would double the memory.
@@ -185,7 +185,7 @@ impl FrameCache {
             renderer: renderer(scan, settings, preset, Reuse::Allowed),
             settings,
             preset,
-            volume: scan.shared_volume(),
+            volume: scan.shared_voxels(),
             transfer: scan.transfer(),
         };
         &mut *self.kept.get_or_insert_with(made).renderer

@@ -32,7 +32,7 @@ impl Orientation {
             Self::Axial => "axial",
             Self::Coronal => "coronal",
             Self::Sagittal => "sagittal",
-            Self::Across => "across the way",
+            Self::Across => "across the path",
         }
     }
 
@@ -52,13 +52,13 @@ impl Orientation {
 /// A slice: an entity with one has it drawn in each frame in which it has changed.
 ///
 /// It goes through a place, and follows the flight's camera if it names none. The axis slices show the layer of voxels nearest to it,
-/// and the same part of the body until they are moved; the one across the way has the place in its middle.
+/// and the same part of the body until they are moved; the one across the path has the place in its middle.
 ///
 /// ```
-/// use colvis::app::{Scan, Scene, Wish};
+/// use colvis::app::{Scan, Scene, FlightRequest};
 /// use colvis::components::slices::{Orientation, SliceView};
 ///
-/// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &Wish::default())?;
+/// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
 /// let axial = flight.add_slice(SliceView::new(Orientation::Axial, [160, 120]))?;
 /// flight.frame()?;
 /// let view = flight.app().world.get::<SliceView>(axial).expect("it was just added");
@@ -73,7 +73,7 @@ pub struct SliceView {
     pub place: Option<DVec3>,
     /// How far the image was moved, mm to the right and downwards.
     pub pan_mm: [f64; 2],
-    /// Magnification: 1 shows the whole scan, or 100 mm about the place across the way.
+    /// Magnification: 1 shows the whole scan, or 100 mm about the place across the path.
     pub zoom: f64,
     /// How HU become greys.
     pub windowing: Windowing,
@@ -99,7 +99,7 @@ pub struct SliceView {
     rows: Option<usize>,
 }
 
-/// A slice across the way shows so much, mm.
+/// A slice across the path shows so much, mm.
 const ACROSS_MM: f64 = 100.0;
 /// A moving slice has pixels of so many times their side at the most.
 const COARSEST: usize = 8;

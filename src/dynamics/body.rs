@@ -160,11 +160,11 @@ mod tests {
                 let u = |k| hash::uniform(7, 8 * n + k) * 2.0 - 1.0;
                 let turn = DQuat::from_scaled_axis(DVec3::new(u(0), u(1), u(2)) * 3.0);
                 // The cylinder's farthest point along a direction of its own frame, and how far it reaches there.
-                let way = DVec3::new(u(3), u(4), u(5)).normalize();
-                let across = DVec3::new(way.x, way.y, 0.0);
-                let point = across.normalize() * r + DVec3::Z * (0.5 * l * way.z.signum());
+                let direction = DVec3::new(u(3), u(4), u(5)).normalize();
+                let across = DVec3::new(direction.x, direction.y, 0.0);
+                let point = across.normalize() * r + DVec3::Z * (0.5 * l * direction.z.signum());
                 assert!((turn * point).length() <= body.radius_mm * (1.0 + 1e-9));
-                widest = widest.max(body.radius_mm - way.dot(point));
+                widest = widest.max(body.radius_mm - direction.dot(point));
             }
             assert!(widest <= body.gap_mm() + 1e-9 && widest > 0.5 * body.gap_mm(), "{widest} {}", body.gap_mm());
         }

@@ -41,8 +41,8 @@ pub struct PotentialForce<'a> {
 impl PotentialForce<'_> {
     /// `V` and its derivatives at a world point, mm.
     pub fn sample(&self, at: DVec3) -> super::potential::PotentialSample {
-        let told = |field: Option<&dyn Distance>| field.and_then(|f| f.sample(at));
-        self.potential.at(told(self.wall), told(self.target))
+        let reported = |field: Option<&dyn Distance>| field.and_then(|f| f.sample(at));
+        self.potential.at(reported(self.wall), reported(self.target))
     }
 }
 

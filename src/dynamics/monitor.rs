@@ -41,7 +41,7 @@ impl MonitorSettings {
 
 /// How a flight fails to make progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Trouble {
+pub enum StallKind {
     /// It hangs in place.
     Stuck,
     /// It moves but stays where it is: two forces or two ways take turns.
@@ -54,9 +54,9 @@ pub enum Trouble {
 
 /// A trouble and its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Alarm {
+pub struct StallAlarm {
     /// The trouble.
-    pub trouble: Trouble,
+    pub stall: StallKind,
     /// Where it began, world mm; for a flight that turned back, where it turned.
     pub place: DVec3,
 }
@@ -79,7 +79,7 @@ const DITHER_MM: f64 = 18.0;
 struct Sample {
     time: f64,
     at: DVec3,
-    way: f64,
+    path_length: f64,
 }
 
 /// The camera's trail and what can be read from it.
@@ -91,7 +91,7 @@ pub struct Monitor {
     recent: VecDeque<Sample>,
     last: Option<DVec3>,
     time: f64,
-    way: f64,
+    path_length: f64,
     against: f64,
     along: f64,
 }
@@ -99,7 +99,7 @@ pub struct Monitor {
 impl Monitor {
     /// Distance flown since the last [`Monitor::restart`], mm.
     pub fn way_mm(&self) -> f64 {
-        self.way
+        self.path_length
     }
 
     /// The trail since the last [`Monitor::restart`], world mm.
@@ -126,16 +126,16 @@ impl Monitor {
 
     /// Takes the camera's position (world mm) after a step of `dt` seconds; reports trouble once it is certain. A
     /// position that is not finite is ignored.
-    pub fn follow(&mut self, at: DVec3, dt: f64, settings: &MonitorSettings) -> Option<Alarm> {
+    pub fn follow(&mut self, at: DVec3, dt: f64, settings: &MonitorSettings) -> Option<StallAlarm> {
         if !at.is_finite() {
             return None;
         }
         let moved = self.last.map_or(DVec3::ZERO, |l| at - l);
         self.last = Some(at);
         self.time += dt;
-        self.way += moved.length();
+        self.path_length += moved.length();
         if self.recent.back().is_none_or(|r| self.time - r.time >= settings.window_s / SAMPLES) {
-            self.recent.push_back(Sample { time: self.time, at, way: self.way });
+            self.recent.push_back(Sample { time: self.time, at, path_length: self.path_length });
         }
         while self.recent.len() > 1 && self.time - self.recent[1].time >= DITHER_WINDOWS[1] * settings.window_s {
             self.recent.pop_front();
@@ -147,23 +147,25 @@ impl Monitor {
     }
 
     /// The trouble of a flight that stays in one place.
-    fn stay(&self, at: DVec3, settings: &MonitorSettings) -> Option<Alarm> {
+    fn stay(&self, at: DVec3, settings: &MonitorSettings) -> Option<StallAlarm> {
         let (mut low, mut high) = (at, at);
         let mut is_stuck = false;
         for s in self.recent.iter().rev() {
             (low, high) = (low.min(s.at), high.max(s.at));
-            let (extent, way, time) = ((high - low).length(), self.way - s.way, self.time - s.time);
-            let is_long = time >= DITHER_WINDOWS[0] * settings.window_s && way > 3.0 * settings.least_progress_mm;
-            if is_long && way > DITHER * extent && extent < DITHER_MM {
-                return Some(Alarm { trouble: Trouble::Dithering, place: at });
+            let (extent, path_length, time) =
+                ((high - low).length(), self.path_length - s.path_length, self.time - s.time);
+            let is_long =
+                time >= DITHER_WINDOWS[0] * settings.window_s && path_length > 3.0 * settings.least_progress_mm;
+            if is_long && path_length > DITHER * extent && extent < DITHER_MM {
+                return Some(StallAlarm { stall: StallKind::Dithering, place: at });
             }
             is_stuck |= time >= settings.window_s && extent < settings.least_progress_mm;
         }
-        is_stuck.then_some(Alarm { trouble: Trouble::Stuck, place: at })
+        is_stuck.then_some(StallAlarm { stall: StallKind::Stuck, place: at })
     }
 
     /// Adds up the distance over visited ground, against and along the trail; new ground resets it.
-    fn revisit(&mut self, at: DVec3, moved: DVec3, settings: &MonitorSettings) -> Option<Alarm> {
+    fn revisit(&mut self, at: DVec3, moved: DVec3, settings: &MonitorSettings) -> Option<StallAlarm> {
         let old = self.trail.len().saturating_sub((RECENT_MM / TRAIL_STEP_MM) as usize);
         let near = (1..old).map(|i| (i, self.trail[i].distance_squared(at))).min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((i, _)) = near.filter(|n| n.1 < settings.visited_mm.powi(2)) else {
@@ -178,9 +180,12 @@ impl Monitor {
         self.along += signed.max(0.0);
         if self.against > settings.revisited_mm {
             // There and back is the same length: it turned in the middle of the trail since it was here.
-            return Some(Alarm { trouble: Trouble::TurnedBack, place: self.trail[(i + self.trail.len() - 1) / 2] });
+            return Some(StallAlarm {
+                stall: StallKind::TurnedBack,
+                place: self.trail[(i + self.trail.len() - 1) / 2],
+            });
         }
-        (self.along > settings.revisited_mm).then_some(Alarm { trouble: Trouble::Circling, place: at })
+        (self.along > settings.revisited_mm).then_some(StallAlarm { stall: StallKind::Circling, place: at })
     }
 }
 
@@ -192,7 +197,7 @@ mod tests {
 
     use crate::dynamics::STEP_S as DT;
 
-    fn fly(path: impl Fn(f64) -> DVec3, seconds: f64) -> Option<(f64, Alarm)> {
+    fn fly(path: impl Fn(f64) -> DVec3, seconds: f64) -> Option<(f64, StallAlarm)> {
         let mut m = Monitor::default();
         (0..(seconds / DT) as usize).find_map(|n| {
             let t = n as f64 * DT;
@@ -220,31 +225,36 @@ mod tests {
     /// Each trouble, at 30 mm/s, within two seconds of its beginning.
     #[test]
     fn each_trouble_is_told_within_two_seconds() {
-        let told = |path: &dyn Fn(f64) -> DVec3, begins: f64, trouble: Trouble, place: Option<DVec3>| {
+        let reported = |path: &dyn Fn(f64) -> DVec3, begins: f64, stall: StallKind, place: Option<DVec3>| {
             let (t, alarm) = fly(path, 20.0).unwrap();
-            assert_eq!(alarm.trouble, trouble);
-            assert!(t > begins && t - begins <= 2.0, "{trouble:?} after {} s", t - begins);
+            assert_eq!(alarm.stall, stall);
+            assert!(t > begins && t - begins <= 2.0, "{stall:?} after {} s", t - begins);
             if let Some(p) = place {
-                assert!(alarm.place.distance(p) < 6.0, "{trouble:?} at {}, not {p}", alarm.place);
+                assert!(alarm.place.distance(p) < 6.0, "{stall:?} at {}, not {p}", alarm.place);
             }
         };
         let tip = DVec3::X * 90.0;
-        told(&|t| DVec3::X * 30.0 * t.min(3.0), 3.0, Trouble::Stuck, Some(tip));
+        reported(&|t| DVec3::X * 30.0 * t.min(3.0), 3.0, StallKind::Stuck, Some(tip));
         let sway =
             |t: f64, a: f64, w: f64| DVec3::X * if t < 3.0 { 30.0 * t } else { 90.0 + a * (w * (t - 3.0)).sin() };
-        told(&|t| sway(t, 2.0, 15.0), 3.0, Trouble::Dithering, Some(tip));
+        reported(&|t| sway(t, 2.0, 15.0), 3.0, StallKind::Dithering, Some(tip));
         // Between two ways 14 mm apart, at full speed: the trap is a trap from the second turn on.
-        told(&|t| sway(t, 7.0, 30.0 / 7.0), 3.0, Trouble::Dithering, None);
+        reported(&|t| sway(t, 7.0, 30.0 / 7.0), 3.0, StallKind::Dithering, None);
         // Slower, between two ways nearly as far apart: it turns first after 0.45 s.
-        told(
+        reported(
             &|t| sway(t, 6.5, std::f64::consts::TAU / 1.8) + DVec3::Y * (t - 3.0).max(0.0),
             3.45,
-            Trouble::Dithering,
+            StallKind::Dithering,
             None,
         );
-        told(&|t| DVec3::X * 30.0 * (3.0 - (t - 3.0).abs()), 3.0, Trouble::TurnedBack, Some(tip));
+        reported(&|t| DVec3::X * 30.0 * (3.0 - (t - 3.0).abs()), 3.0, StallKind::TurnedBack, Some(tip));
         let round = std::f64::consts::TAU * 20.0 / 30.0;
-        told(&|t| DVec3::new(20.0 * (1.5 * t).cos(), 20.0 * (1.5 * t).sin(), 0.0), round, Trouble::Circling, None);
+        reported(
+            &|t| DVec3::new(20.0 * (1.5 * t).cos(), 20.0 * (1.5 * t).sin(), 0.0),
+            round,
+            StallKind::Circling,
+            None,
+        );
     }
 
     proptest! {

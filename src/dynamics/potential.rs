@@ -177,8 +177,8 @@ mod tests {
                 let slope = (a.energy - b.energy) / (2.0 * h);
                 prop_assert!((slope - s.gradient.dot(axis)).abs() <= 1e-5 * (1.0 + s.gradient.length() + s.energy));
                 let bend = (a.gradient - b.gradient) / (2.0 * h);
-                let told = s.hessian * axis;
-                prop_assert!((bend - told).length() <= 1e-4 * (1.0 + told.length() + s.gradient.length()), "{bend} {told}");
+                let reported = s.hessian * axis;
+                prop_assert!((bend - reported).length() <= 1e-4 * (1.0 + reported.length() + s.gradient.length()), "{bend} {reported}");
             }
         }
     }
@@ -210,9 +210,9 @@ mod tests {
 
     impl Distance for ToPoint {
         fn sample(&self, at: DVec3) -> Option<Sample> {
-            let way = at - self.0;
-            let gradient = way.normalize_or_zero();
-            (at.z > -1.0).then_some(Sample { mm: way.length(), gradient, hessian: DMat3::ZERO })
+            let direction = at - self.0;
+            let gradient = direction.normalize_or_zero();
+            (at.z > -1.0).then_some(Sample { mm: direction.length(), gradient, hessian: DMat3::ZERO })
         }
     }
 

@@ -13,9 +13,9 @@ use std::collections::VecDeque;
 
 use glam::DVec3;
 
-use super::monitor::{Monitor, MonitorSettings, Trouble};
+use super::monitor::{Monitor, MonitorSettings, StallKind};
 use super::tentacles::TentacleSettings;
-use super::trap::{Felt, Trap, recognise};
+use super::trap::{TentacleReading, Trap, recognise};
 
 /// A dead end within this of the lumen's other end means that the flight set out the wrong way, mm.
 const WRONG_END_MM: f64 = 40.0;
@@ -159,16 +159,16 @@ impl Rescue {
         &mut self,
         at: DVec3,
         dt: f64,
-        felt: Option<&Felt>,
+        reading: Option<&TentacleReading>,
         other_end: Option<DVec3>,
         settings: &MonitorSettings,
     ) -> RescueAction {
         self.time += dt;
         let moved = self.last.replace(at).map_or(0.0, |l| l.distance(at));
-        if let Some(felt) = felt
+        if let Some(reading) = reading
             && self.notes.back().is_none_or(|n| n.0.distance(at) >= NOTE_MM)
         {
-            self.notes.push_back((at, felt.kind()));
+            self.notes.push_back((at, reading.kind()));
             if self.notes.len() > NOTES {
                 self.notes.pop_front();
             }
@@ -180,7 +180,7 @@ impl Rescue {
                 if let Some(order) = self.going_back(at, moved, settings) {
                     return order;
                 }
-                if alarm.is_some_and(|a| a.trouble == Trouble::TurnedBack) {
+                if alarm.is_some_and(|a| a.stall == StallKind::TurnedBack) {
                     // It is meant to fly back.
                     self.monitor.forgive();
                     return RescueAction::GoOn;
@@ -189,29 +189,31 @@ impl Rescue {
             _ => {}
         }
         let Some(alarm) = alarm else { return RescueAction::GoOn };
-        let kind = match alarm.trouble {
-            Trouble::Stuck => felt.map(Felt::kind),
-            Trouble::TurnedBack => self.noted(alarm.place),
-            Trouble::Dithering | Trouble::Circling => {
+        let kind = match alarm.stall {
+            StallKind::Stuck => reading.map(TentacleReading::kind),
+            StallKind::TurnedBack => self.noted(alarm.place),
+            StallKind::Dithering | StallKind::Circling => {
                 // Before a neck it also flies off and comes again.
-                let neck = felt.map(Felt::kind).filter(|t| *t == Trap::Narrow);
+                let neck = reading.map(TentacleReading::kind).filter(|t| *t == Trap::Narrow);
                 neck.or_else(|| self.closed_nearby(alarm.place).filter(|_| self.is_in_one_place()))
             }
         };
-        let trap = recognise(alarm.trouble, kind);
-        let turned = alarm.trouble == Trouble::TurnedBack;
+        let trap = recognise(alarm.stall, kind);
+        let turned = alarm.stall == StallKind::TurnedBack;
         let heading = if turned { Heading::Keep } else { Heading::Back };
         if self.turns == 0 && self.was_at_wrong_end(other_end) {
             self.turns += 1;
             self.monitor.restart();
             self.go_on();
             // A camera that was noticed on its way back has the right heading already.
-            let heading = felt.filter(|_| !turned).map(|f| f.longest(|_| true).0);
+            let heading = reading.filter(|_| !turned).map(|f| f.longest(|_| true).0);
             return RescueAction::SetOff { heading, clear_mines: true };
         }
         let (trap, place) = *self.because.get_or_insert((trap, alarm.place));
         // A guide that feels nothing is not helped by another heading.
-        let Some(felt) = felt.filter(|_| self.escapes < ESCAPES) else { return RescueAction::Call { trap, place } };
+        let Some(reading) = reading.filter(|_| self.escapes < ESCAPES) else {
+            return RescueAction::Call { trap, place };
+        };
         self.escapes += 1;
         self.monitor.forgive();
         let closed = matches!(trap, Trap::BlindEnd | Trap::Narrow | Trap::TurnedBack);
@@ -219,17 +221,17 @@ impl Rescue {
             Course::On if !closed => {
                 self.course = Course::Aside(self.time + ASIDE_S);
                 RescueAction::SetOff {
-                    heading: Some(felt.opening().0).filter(|d| *d != DVec3::ZERO),
+                    heading: Some(reading.opening().0).filter(|d| *d != DVec3::ZERO),
                     clear_mines: false,
                 }
             }
             Course::Back { .. } => RescueAction::Call { trap, place },
-            Course::On | Course::Aside(_) => self.turn_back(at, alarm.place, felt, heading),
+            Course::On | Course::Aside(_) => self.turn_back(at, alarm.place, reading, heading),
         }
     }
 
     /// Sets out on the way back from a trap at `place`.
-    fn turn_back(&mut self, at: DVec3, place: DVec3, felt: &Felt, heading: Heading) -> RescueAction {
+    fn turn_back(&mut self, at: DVec3, place: DVec3, reading: &TentacleReading, heading: Heading) -> RescueAction {
         let trail = self.monitor.trail();
         let nearest = (0..trail.len()).min_by(|&a, &b| {
             let d = |i: usize| trail[i].distance_squared(place);
@@ -238,7 +240,7 @@ impl Rescue {
         });
         let turn = nearest.unwrap_or(0);
         let back = trail[..turn].iter().rev().find(|p| p.distance(at) > 8.0);
-        let towards = back.and_then(|p| (*p - at).try_normalize()).unwrap_or_else(|| felt.longest(|_| true).0);
+        let towards = back.and_then(|p| (*p - at).try_normalize()).unwrap_or_else(|| reading.longest(|_| true).0);
         let until_mm = self.monitor.way_mm() * 2.5 + 100.0;
         self.course = Course::Back { turn, new_mm: 0.0, until_mm };
         RescueAction::SetOff { heading: (heading == Heading::Back).then_some(towards), clear_mines: true }
@@ -282,8 +284,8 @@ impl Rescue {
 
     /// A neck or a blind end that was felt near a place, whatever the heading was then.
     fn closed_nearby(&self, place: DVec3) -> Option<Trap> {
-        let felt = |t: Trap| self.notes.iter().any(|n| n.1 == t && n.0.distance(place) < NEARBY_MM);
-        [Trap::Narrow, Trap::BlindEnd].into_iter().find(|t| felt(*t))
+        let reading = |t: Trap| self.notes.iter().any(|n| n.1 == t && n.0.distance(place) < NEARBY_MM);
+        [Trap::Narrow, Trap::BlindEnd].into_iter().find(|t| reading(*t))
     }
 
     /// What kind of place the one nearest to `place` was.
@@ -304,12 +306,12 @@ mod tests {
     fn orders(
         path: impl Fn(f64) -> DVec3,
         seconds: f64,
-        felt: Option<&Felt>,
+        reading: Option<&TentacleReading>,
         end: Option<DVec3>,
     ) -> Vec<(f64, RescueAction)> {
         let mut r = Rescue::default();
         (0..(seconds / DT) as usize)
-            .map(|n| (n as f64 * DT, r.follow(path(n as f64 * DT), DT, felt, end, &MonitorSettings::default())))
+            .map(|n| (n as f64 * DT, r.follow(path(n as f64 * DT), DT, reading, end, &MonitorSettings::default())))
             .filter(|o| o.1 != RescueAction::GoOn)
             .collect()
     }
@@ -325,10 +327,10 @@ mod tests {
     fn a_blind_end_is_left_the_way_it_was_entered_and_told_of_at_the_start() {
         let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z, DVec3::NEG_X];
         let lengths = [8.0, 10.0, 10.0, 10.0, 10.0, 90.0];
-        let felt = Felt { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
+        let reading = TentacleReading { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
         // In, a pause at the tip, out again.
         let path = |t: f64| DVec3::X * (if t < 6.0 { 30.0 * t.min(3.0) } else { (90.0 - 30.0 * (t - 6.0)).max(0.0) });
-        let all = orders(path, 20.0, Some(&felt), None);
+        let all = orders(path, 20.0, Some(&reading), None);
         assert!(
             matches!(all[0].1, RescueAction::SetOff { heading: Some(h), clear_mines: true } if h.x < -0.9),
             "{all:?}"
@@ -344,24 +346,28 @@ mod tests {
     #[test]
     fn a_local_minimum_is_left_boldly() {
         let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::NEG_X];
-        let felt =
-            Felt { directions: &directions, lengths: &[80.0, 10.0, 10.0, 90.0], heading: DVec3::X, radius_mm: 1.5 };
+        let reading = TentacleReading {
+            directions: &directions,
+            lengths: &[80.0, 10.0, 10.0, 90.0],
+            heading: DVec3::X,
+            radius_mm: 1.5,
+        };
         let (mut r, s) = (Rescue::default(), TentacleSettings::default());
-        let mut told = None;
+        let mut reported = None;
         for n in 0..(12.0 / DT) as usize {
             // Gets away half a second or so after it was noticed.
             let t = n as f64 * DT;
             let at = DVec3::X * 30.0 * if t < 5.2 { t.min(3.0) } else { t - 2.2 };
-            let order = r.follow(at, DT, Some(&felt), None, &MonitorSettings::default());
+            let order = r.follow(at, DT, Some(&reading), None, &MonitorSettings::default());
             if order != RescueAction::GoOn {
                 assert_eq!(order, RescueAction::SetOff { heading: Some(DVec3::X), clear_mines: false });
-                assert!(told.is_none(), "once");
-                told = Some(t);
+                assert!(reported.is_none(), "once");
+                reported = Some(t);
                 assert!(r.temper(&s).wall_push < 0.2 * s.wall_push && r.forbidden().0.len() > 40);
                 assert_eq!(r.trap().map(|t| t.0), Some(Trap::LocalMinimum));
             }
         }
-        assert!(told.is_some_and(|t| t < 5.0), "{told:?}");
+        assert!(reported.is_some_and(|t| t < 5.0), "{reported:?}");
         assert!(r.temper(&s) == s && r.forbidden().0.is_empty() && r.trap().is_none() && r.escapes() == 1);
     }
 
@@ -372,14 +378,15 @@ mod tests {
         let round = |t: f64| DVec3::new(20.0 * (1.5 * t).cos(), 20.0 * (1.5 * t).sin(), 0.0);
         let tube = |p: DVec3| p.y.abs() < 10.0 && p.z.abs() < 10.0;
         let slit = |p: DVec3| tube(p) && (p.x < 4.0 || p.x > 6.0 || p.y.abs().max(p.z.abs()) < 1.2);
-        let told = |inside: &dyn Fn(DVec3) -> bool| {
+        let reported = |inside: &dyn Fn(DVec3) -> bool| {
             let reach = |d: &DVec3| (1..1500).map(|n| f64::from(n) * 0.1).find(|l| !inside(*d * *l)).unwrap_or(150.0);
             let lengths: Vec<f64> = directions.iter().map(reach).collect();
-            let felt = Felt { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
-            orders(round, 9.0, Some(&felt), None)[0].1
+            let reading =
+                TentacleReading { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
+            orders(round, 9.0, Some(&reading), None)[0].1
         };
-        assert!(matches!(told(&slit), RescueAction::SetOff { clear_mines: true, .. }), "{:?}", told(&slit));
-        assert!(matches!(told(&tube), RescueAction::SetOff { clear_mines: false, .. }), "{:?}", told(&tube));
+        assert!(matches!(reported(&slit), RescueAction::SetOff { clear_mines: true, .. }), "{:?}", reported(&slit));
+        assert!(matches!(reported(&tube), RescueAction::SetOff { clear_mines: false, .. }), "{:?}", reported(&tube));
     }
 
     #[test]

@@ -36,12 +36,12 @@ pub fn step(
     walls: &impl Clearances,
     dt: f64,
 ) -> Step {
-    step_told(method, body, motion, forces, turning, walls, dt, &mut |_, _| {})
+    step_reporting(method, body, motion, forces, turning, walls, dt, &mut |_, _| {})
 }
 
 /// [`step()`], which calls `piece` with the beginning and the end of each straight piece of the way (world mm).
 #[expect(clippy::too_many_arguments, reason = "those of `step`, and the callback")]
-pub fn step_told(
+pub fn step_reporting(
     method: &dyn Stepper,
     body: &Body,
     motion: &RigidBodyState,

@@ -124,7 +124,7 @@ pub struct Steering {
     /// Acceleration away from near walls, mm/s².
     pub wall: DVec3,
     /// Unit vector of the way ahead; zero where every direction is closed.
-    pub way: DVec3,
+    pub direction: DVec3,
     /// Unit vector to where the lumen opens furthest along the way: where to look; zero where every direction is
     /// closed.
     pub look: DVec3,
@@ -166,16 +166,22 @@ pub fn steer(
             wall -= d * ((p / l - 1.0) * (p / l) * (p / l) / p);
         }
     }
-    let way = pull.normalize_or_zero();
+    let direction = pull.normalize_or_zero();
     let n = directions.len().max(1) as f64;
     // Slow down where the way bends away from the heading, so that the view can follow.
-    let pace = if heading == DVec3::ZERO { 1.0 } else { 0.3 + 0.7 * heading.dot(way).max(0.0) };
+    let pace = if heading == DVec3::ZERO { 1.0 } else { 0.3 + 0.7 * heading.dot(direction).max(0.0) };
     let cruise = settings.cruise_mm_s * drag_per_s;
     let (thrust, limit) = match settings.drive {
-        Drive::Thrust => (way * (cruise * pace), cruise),
+        Drive::Thrust => (direction * (cruise * pace), cruise),
         Drive::Mines => (DVec3::ZERO, f64::INFINITY),
     };
-    Steering { thrust, limit, wall: wall * (2.0 * p * settings.wall_push / n), way, look: look.normalize_or_zero() }
+    Steering {
+        thrust,
+        limit,
+        wall: wall * (2.0 * p * settings.wall_push / n),
+        direction,
+        look: look.normalize_or_zero(),
+    }
 }
 
 /// The thrust and the unit way straight towards a goal that is near: full cruise speed until 15 mm before it, slower
@@ -186,8 +192,8 @@ pub fn approach(at: DVec3, goal: DVec3, settings: &TentacleSettings, drag_per_s:
     if settings.drive == Drive::Mines || !(1e-6..60.0).contains(&distance) {
         return None;
     }
-    let way = to / distance;
-    Some((way * (settings.cruise_mm_s * drag_per_s * (distance / 15.0).min(1.0)), way))
+    let direction = to / distance;
+    Some((direction * (settings.cruise_mm_s * drag_per_s * (distance / 15.0).min(1.0)), direction))
 }
 
 /// Weight of a direction against mines, 0 to 1: near 0 where it points at a mine that the tentacle could touch.
@@ -235,13 +241,13 @@ mod tests {
             })
             .collect();
         let st = steer((&d, &lengths), at, DVec3::Z, None, (&[], 0.0), &s, 6.0);
-        assert!(st.way.z > 0.95 && st.wall.x < 0.0 && st.wall.z.abs() < 0.3 * st.wall.x.abs());
+        assert!(st.direction.z > 0.95 && st.wall.x < 0.0 && st.wall.z.abs() < 0.3 * st.wall.x.abs());
         let mut mines = Mines::default();
         let ms = MineSettings::default();
         mines.follow(DVec3::new(0.0, 0.0, 10.0), &ms);
         mines.follow(DVec3::new(0.0, 0.0, 20.0), &ms);
         let st = steer((&d, &lengths), at, DVec3::ZERO, Some((&mines, &ms)), (&[], 0.0), &s, 6.0);
-        assert!(st.way.z < -0.5, "away from the mine: {}", st.way);
+        assert!(st.direction.z < -0.5, "away from the mine: {}", st.direction);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::monitor::Trouble;
+use super::monitor::StallKind;
 
 /// A kind of trap.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +47,7 @@ impl Trap {
 
 /// What the tentacles feel at a place.
 #[derive(Clone, Copy, Debug)]
-pub struct Felt<'a> {
+pub struct TentacleReading<'a> {
     /// Unit directions of the tentacles.
     pub directions: &'a [DVec3],
     /// Lengths of the tentacles, mm.
@@ -72,7 +72,7 @@ const LONG: f64 = 0.6;
 /// Longer than the gap that a body of its radius needs, mm: tentacles are apart and walls are rough.
 const SLACK_MM: f64 = 0.5;
 
-impl Felt<'_> {
+impl TentacleReading<'_> {
     fn ahead(&self) -> impl Iterator<Item = (DVec3, f64)> + Clone + '_ {
         self.all().filter(|(d, _)| self.heading.dot(*d) > AHEAD)
     }
@@ -102,7 +102,7 @@ impl Felt<'_> {
 
     /// The kind of place, for a body that makes no progress.
     pub fn kind(&self) -> Trap {
-        let (way, length) = self.opening();
+        let (direction, length) = self.opening();
         // What stands straight ahead, and what is open beside it.
         let front = self.all().max_by(|a, b| self.heading.dot(a.0).total_cmp(&self.heading.dot(b.0)));
         let front = front.map_or(0.0, |f| f.1);
@@ -119,16 +119,16 @@ impl Felt<'_> {
         if !is_hidden {
             return Trap::LocalMinimum;
         }
-        let way_aside = (way - self.heading * self.heading.dot(way)).normalize_or_zero();
+        let way_aside = (direction - self.heading * self.heading.dot(direction)).normalize_or_zero();
         let other_side = self.ahead().any(|(d, l)| l >= LONG * length && d.dot(way_aside) < -0.2);
         if other_side { Trap::Bridge } else { Trap::Obstacle }
     }
 
     /// Whether walls on two opposite sides of the ray along `way` leave no room for the body before `length`.
-    fn is_narrow(&self, way: DVec3, length: f64) -> bool {
+    fn is_narrow(&self, direction: DVec3, length: f64) -> bool {
         let hits = |(d, l): (DVec3, f64)| {
-            let along = way.dot(d) * l;
-            let off = d * l - way * along;
+            let along = direction.dot(d) * l;
+            let off = d * l - direction * along;
             // Only the first part of the way: further on the ray comes near the wall that it ends at.
             ((0.0..0.5 * length).contains(&along) && off.length() < self.radius_mm + SLACK_MM).then_some(off)
         };
@@ -138,16 +138,16 @@ impl Felt<'_> {
 }
 
 /// The trap behind a trouble, given what was felt where it began.
-pub fn recognise(trouble: Trouble, felt: Option<Trap>) -> Trap {
-    match (trouble, felt) {
+pub fn recognise(stall: StallKind, reading: Option<Trap>) -> Trap {
+    match (stall, reading) {
         // It wanders about before something.
-        (Trouble::Dithering | Trouble::Circling, Some(t @ (Trap::BlindEnd | Trap::Narrow))) => t,
-        (Trouble::Dithering, _) => Trap::Dithering,
-        (Trouble::Circling, _) => Trap::Circling,
-        (Trouble::Stuck, felt) => felt.unwrap_or(Trap::Stuck),
+        (StallKind::Dithering | StallKind::Circling, Some(t @ (Trap::BlindEnd | Trap::Narrow))) => t,
+        (StallKind::Dithering, _) => Trap::Dithering,
+        (StallKind::Circling, _) => Trap::Circling,
+        (StallKind::Stuck, reading) => reading.unwrap_or(Trap::Stuck),
         // What was passed by is no reason to turn.
-        (Trouble::TurnedBack, Some(t @ (Trap::BlindEnd | Trap::Narrow | Trap::Bridge | Trap::Obstacle))) => t,
-        (Trouble::TurnedBack, _) => Trap::TurnedBack,
+        (StallKind::TurnedBack, Some(t @ (Trap::BlindEnd | Trap::Narrow | Trap::Bridge | Trap::Obstacle))) => t,
+        (StallKind::TurnedBack, _) => Trap::TurnedBack,
     }
 }
 
@@ -177,21 +177,21 @@ mod tests {
         for (inside, want) in drawn {
             for all in [circle(128), directions(1024)] {
                 let l = lengths(&all, inside);
-                let felt = Felt { directions: &all, lengths: &l, heading: DVec3::X, radius_mm: 1.5 };
-                assert_eq!(felt.kind(), want, "{} directions", all.len());
+                let reading = TentacleReading { directions: &all, lengths: &l, heading: DVec3::X, radius_mm: 1.5 };
+                assert_eq!(reading.kind(), want, "{} directions", all.len());
             }
         }
     }
 
     #[test]
     fn nothing_felt_and_nonsense_still_have_a_name() {
-        let none = Felt { directions: &[], lengths: &[], heading: DVec3::ZERO, radius_mm: 1.5 };
+        let none = TentacleReading { directions: &[], lengths: &[], heading: DVec3::ZERO, radius_mm: 1.5 };
         assert_eq!(none.kind(), Trap::BlindEnd);
         let d = directions(3);
         for l in [[0.0; 3], [f64::NAN; 3], [f64::INFINITY; 3]] {
-            let _ = Felt { directions: &d, lengths: &l, heading: DVec3::X, radius_mm: 0.0 }.kind();
+            let _ = TentacleReading { directions: &d, lengths: &l, heading: DVec3::X, radius_mm: 0.0 }.kind();
         }
-        assert_eq!(recognise(Trouble::Stuck, None), Trap::Stuck);
-        assert_eq!(recognise(Trouble::TurnedBack, Some(Trap::LocalMinimum)), Trap::TurnedBack);
+        assert_eq!(recognise(StallKind::Stuck, None), Trap::Stuck);
+        assert_eq!(recognise(StallKind::TurnedBack, Some(Trap::LocalMinimum)), Trap::TurnedBack);
     }
 }

@@ -404,14 +404,14 @@ mod tests {
             places.sort_by(f64::total_cmp);
             let profile: Vec<f64> = places.into_iter().map(|s| value(begin + way * s) + 650.0).collect();
             let sampled = profile.windows(2).any(|w| w[0] < 0.0 && w[1] >= 0.0);
-            let told = f.enters(p, q * spacing);
-            prop_assert!(told || !sampled, "a way into the wall was missed");
+            let reported = f.enters(p, q * spacing);
+            prop_assert!(reported || !sampled, "a way into the wall was missed");
             // What turns between two samples is no further from either than half the second derivative times the square
             // of their distance. The mixed differences of values that span 1200 HU are at most 2400 HU.
             let second = 2.0 * 2400.0 * ((way.x * way.y).abs() + (way.y * way.z).abs() + (way.z * way.x).abs());
             let hidden = 1e-6 + 0.5 * second / (2000.0 * 2000.0);
             let grazes = profile.windows(2).any(|w| w[0].abs() <= hidden && w[1].abs() <= hidden);
-            prop_assert!(sampled || !told || grazes, "a way that does not enter the wall is told of");
+            prop_assert!(sampled || !reported || grazes, "a way that does not enter the wall is reported");
             prop_assert!(c.mm >= brute - TOLERANCE_MM - diagonal || value(p / spacing) >= -650.0, "{} far below {brute}", c.mm);
         }
     }

@@ -17,4 +17,4 @@ pub use clearance::{Clearance, ClearanceFinder, Clearances};
 pub use distance::{Through, WallDistance};
 pub use lumen::Lumen;
 pub use sample::{Distance, Sample};
-pub use target::{TargetDistance, Traveller};
+pub use target::{BodyClearance, TargetDistance};

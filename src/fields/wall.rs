@@ -40,7 +40,7 @@ pub struct Wall {
     /// Thickness at its innermost voxels where the values tell it, mm; none where they tell it nowhere.
     pub thickness: Option<Thickness>,
     /// The share of the innermost voxels where the values tell the thickness.
-    pub told: f64,
+    pub reported: f64,
 }
 
 /// How thick the wall is.
@@ -101,15 +101,17 @@ pub fn around(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Wal
         .collect::<Result<_>>()?;
     let (voxels, inner): (Vec<Vec<usize>>, Vec<Vec<Option<f64>>>) = slices.into_iter().unzip();
     let (voxels, inner) = (voxels.concat(), inner.concat());
-    let mut told: Vec<f64> = inner.iter().flatten().copied().collect();
-    told.sort_unstable_by(f64::total_cmp);
-    let thickness = (!told.is_empty())
-        .then(|| Thickness { mean_mm: told.iter().sum::<f64>() / told.len() as f64, median_mm: told[told.len() / 2] });
+    let mut reported: Vec<f64> = inner.iter().flatten().copied().collect();
+    reported.sort_unstable_by(f64::total_cmp);
+    let thickness = (!reported.is_empty()).then(|| Thickness {
+        mean_mm: reported.iter().sum::<f64>() / reported.len() as f64,
+        median_mm: reported[reported.len() / 2],
+    });
     Ok(Wall {
         ml: voxels.len() as f64 * volume.grid().voxel_ml(),
         voxels,
         thickness,
-        told: told.len() as f64 / inner.len().max(1) as f64,
+        reported: reported.len() as f64 / inner.len().max(1) as f64,
     })
 }
 

@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use crate::components::flight::State;
 use crate::components::output::LogLine;
 use crate::error::Result;
-use crate::output::{Whole, cannot};
+use crate::output::{AtomicFile, cannot};
 
 /// A log under way. It appears when it is finished; one that could not be written does not.
 pub struct Log {
     path: PathBuf,
     /// None once a line could not be written.
-    file: Option<Whole>,
+    file: Option<AtomicFile>,
     /// The newest line: the last one carries the flight's final state, so it waits for the next.
     last: Option<LogLine>,
 }
@@ -23,7 +23,7 @@ impl Log {
     /// # Errors
     /// Status 5 when it cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
-        Ok(Self { path: path.to_owned(), file: Some(Whole::create(path)?), last: None })
+        Ok(Self { path: path.to_owned(), file: Some(AtomicFile::create(path)?), last: None })
     }
 
     /// Adds steps.
@@ -48,7 +48,7 @@ impl Log {
             last.state = state;
             self.write(&last)?;
         }
-        self.file.map_or(Ok(()), Whole::finish)
+        self.file.map_or(Ok(()), AtomicFile::finish)
     }
 
     fn write(&mut self, line: &LogLine) -> Result<()> {

@@ -13,7 +13,7 @@ use crate::app::overlay::Mark;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
-use crate::output::{self, Whole};
+use crate::output::{self, AtomicFile};
 use crate::render::Frame;
 use crate::systems::present::Presenter;
 
@@ -155,7 +155,7 @@ pub enum Recorder {
         /// The encoder.
         child: Child,
         /// The file it writes.
-        file: Whole,
+        file: AtomicFile,
         /// What the file will be called.
         path: PathBuf,
     },
@@ -175,7 +175,7 @@ impl Recorder {
         }
         match ending.as_deref() {
             Some("gif") => {
-                let file = Shared(Arc::new(Mutex::new(Some(Whole::create(&path)?))));
+                let file = Shared(Arc::new(Mutex::new(Some(AtomicFile::create(&path)?))));
                 let mut encoder = GifEncoder::new_with_speed(file.clone(), 10);
                 encoder.set_repeat(Repeat::Infinite).map_err(|e| failed(&path, &e))?;
                 Ok(Self::Gif { encoder: Box::new(encoder), file, path, fps, count: 0 })
@@ -190,7 +190,7 @@ impl Recorder {
     }
 
     fn video(path: PathBuf, (width, height): (usize, usize), fps: f64) -> Result<Self> {
-        let file = Whole::create(&path)?;
+        let file = AtomicFile::create(&path)?;
         let mut ffmpeg = std::process::Command::new("ffmpeg");
         #[cfg(unix)]
         {
@@ -260,7 +260,7 @@ impl Recorder {
                 let whole = file.0.lock().map(|mut f| f.take()).unwrap_or_default();
                 whole.map_or_else(
                     || Err(Error::output(&path, "could not be written", "choose another place")),
-                    Whole::finish,
+                    AtomicFile::finish,
                 )
             }
             Self::Video { mut child, file, path } => {
@@ -277,10 +277,10 @@ impl Recorder {
 
 /// A file that an encoder writes to and that somebody else finishes. A write that failed takes it away for good.
 #[derive(Clone)]
-pub struct Shared(Arc<Mutex<Option<Whole>>>);
+pub struct Shared(Arc<Mutex<Option<AtomicFile>>>);
 
 impl Shared {
-    fn with<T>(&self, f: impl FnOnce(&mut Whole) -> std::io::Result<T>) -> std::io::Result<T> {
+    fn with<T>(&self, f: impl FnOnce(&mut AtomicFile) -> std::io::Result<T>) -> std::io::Result<T> {
         let gone = || std::io::Error::other("the file could not be written before");
         let mut file = self.0.lock().map_err(|_| gone())?;
         let result = f(file.as_mut().ok_or_else(gone)?);

@@ -33,9 +33,9 @@ fn prefix(machine: &str) -> String {
 /// The machine's name; `here` where the system does not tell it.
 fn machine() -> String {
     let files = ["/proc/sys/kernel/hostname", "/etc/hostname"].into_iter().map(std::fs::read_to_string);
-    let told =
+    let reported =
         files.filter_map(io::Result::ok).chain(["COMPUTERNAME", "HOSTNAME"].map(std::env::var).into_iter().flatten());
-    told.map(|name| name.trim().to_owned()).find(|name| !name.is_empty()).unwrap_or_else(|| "here".to_owned())
+    reported.map(|name| name.trim().to_owned()).find(|name| !name.is_empty()).unwrap_or_else(|| "here".to_owned())
 }
 
 /// A new temporary file in `folder`, locked where the disk knows locks. `set_up` gives it what else it needs.

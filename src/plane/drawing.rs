@@ -35,7 +35,7 @@ impl Drawing {
     /// # Errors
     /// Status 3 for one that is too small or too large, or that has no lumen or no wall.
     pub fn new(what: &str, (width, height): (usize, usize), lumen: Vec<bool>) -> Result<Self> {
-        let refuse = |why: String, mend: &str| Err(Error::input(what, why, mend));
+        let refuse = |why: String, hint: &str| Err(Error::input(what, why, hint));
         if width < 3 || height < 3 {
             return refuse(format!("is {width}x{height} pixels, too small for a lumen"), "draw at least 3x3 pixels");
         }

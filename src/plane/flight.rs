@@ -15,7 +15,7 @@ use crate::dynamics::mines::{MineSettings, Mines};
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::rescue::{Rescue, RescueAction};
 use crate::dynamics::tentacles::{Drive, TentacleSettings, approach, circle, steer};
-use crate::dynamics::trap::{Felt, Trap};
+use crate::dynamics::trap::{TentacleReading, Trap};
 use crate::dynamics::{Attitude, Body, RigidBodyState, STEP_HZ, Turning, step};
 use crate::error::{Error, Result};
 use crate::fields::Clearances;
@@ -151,8 +151,8 @@ impl Flight {
 
     /// The unit direction to a place in plain sight.
     fn sees(&self, goal: DVec3, at: DVec3) -> Option<DVec3> {
-        let way = (goal - at).try_normalize()?;
-        self.walls.crossing(at, way, goal.distance(at)).is_none().then_some(way)
+        let direction = (goal - at).try_normalize()?;
+        self.walls.crossing(at, direction, goal.distance(at)).is_none().then_some(direction)
     }
 
     fn feel(&mut self, at: DVec3) {
@@ -208,7 +208,7 @@ impl Flight {
             return;
         }
         let Some(settings) = settings else { return };
-        let felt = Felt {
+        let felt = TentacleReading {
             directions: &self.directions,
             lengths: &self.lengths,
             heading: self.heading,

@@ -31,10 +31,10 @@ const TILE_COLUMNS: usize = 32;
 
 /// Renders `view` of `space` into `frame` (made to fit if it does not), on all of rayon's threads. The same bytes for
 /// every number of threads.
-pub fn render(space: &PreparedVolume, view: &View, settings: &Settings, frame: &mut Frame) -> Work {
-    let request = ImageRequest { space, view, settings };
+pub fn render(volume: &PreparedVolume, view: &View, settings: &Settings, frame: &mut Frame) -> Work {
+    let request = ImageRequest { volume, view, settings };
     if settings.quality == Quality::Reference {
-        let high = Trilinear::new(space);
+        let high = Trilinear::new(volume);
         let mut kept = vec![(); view.width() * view.height()];
         return match settings.classification {
             Classification::Value => request.image(&high, &Everything, &ByValue, &FromScratch, &mut kept, frame),
@@ -48,7 +48,7 @@ pub fn render(space: &PreparedVolume, view: &View, settings: &Settings, frame: &
 #[derive(Clone, Copy)]
 pub struct ImageRequest<'a> {
     /// The volume that it shows.
-    pub space: &'a PreparedVolume,
+    pub volume: &'a PreparedVolume,
     /// The camera, and its pixels.
     pub view: &'a View,
     /// The quality, and what goes with it.
@@ -77,10 +77,10 @@ struct Caster<'a, S, K, C, B> {
 impl ImageRequest<'_> {
     /// The picture by the 16-bit voxels and the flags.
     pub fn plain<B: Begin>(&self, begin: &B, kept: &mut [B::Kept], frame: &mut Frame) -> Work {
-        let (high, low) = (Trilinear::new(self.space), Nearest::new(self.space));
-        let (voxels, bricks) = (Leap::<true>::new(self.space), Leap::<false>::new(self.space));
+        let (high, low) = (Trilinear::new(self.volume), Nearest::new(self.volume));
+        let (voxels, bricks) = (Leap::<true>::new(self.volume), Leap::<false>::new(self.volume));
         // Without a bit for each voxel it is quicker to sample than to look at 27 voxels.
-        let bits = self.space.flags().has_bits();
+        let bits = self.volume.flags().has_bits();
         match (self.settings.quality, self.settings.classification) {
             (Quality::Low, Classification::Value) if bits => self.image(&low, &voxels, &ByValue, begin, kept, frame),
             (Quality::Low, Classification::Value) => self.image(&low, &bricks, &ByValue, begin, kept, frame),
@@ -101,19 +101,19 @@ impl ImageRequest<'_> {
         kept: &mut [B::Kept],
         frame: &mut Frame,
     ) -> Work {
-        let Self { space, view, settings } = *self;
-        let step = Step::new(space, settings.step_power);
+        let Self { volume, view, settings } = *self;
+        let step = Step::new(volume, settings.step_power);
         let caster = Caster {
             request: *self,
             sampler,
             skipper,
             classifier,
             begin,
-            headlight: Headlight::new(space),
-            lighting: (settings.light != Light::HEADLIGHT).then(|| Lighting::new(settings.light, space)),
-            border: Vec3::from_array(space.volume().grid().dims().map(|n| (n + 1) as f32)),
+            headlight: Headlight::new(volume),
+            lighting: (settings.light != Light::HEADLIGHT).then(|| Lighting::new(settings.light, volume)),
+            border: Vec3::from_array(volume.voxels().grid().dims().map(|n| (n + 1) as f32)),
             shader: settings.shader.own(),
-            ramp: Ramp::new(space.transfer(), step.power),
+            ramp: Ramp::new(volume.transfer(), step.power),
             step,
             samples_per_pixel: settings.samples_per_pixel.max(1),
         };
@@ -121,7 +121,7 @@ impl ImageRequest<'_> {
         let (pixels, depth) = frame.buffers();
         let band = TILE_ROWS * view.width();
         if let Some(depth) = depth {
-            depths(space, view, depth);
+            depths(volume, view, depth);
         }
         let bands = pixels.par_chunks_mut(band).zip(kept.par_chunks_mut(band)).enumerate().map(|(n, (band, kept))| {
             let mut work = Work::default();
@@ -133,11 +133,11 @@ impl ImageRequest<'_> {
 }
 
 /// Fills in the exact distance to the wall of every pixel of `view`, mm.
-pub(super) fn depths(space: &PreparedVolume, view: &View, depth: &mut [f32]) {
+pub(super) fn depths(volume: &PreparedVolume, view: &View, depth: &mut [f32]) {
     let band = TILE_ROWS * view.width();
     depth.par_chunks_mut(band).enumerate().for_each(|(n, band)| {
         tiles(view.width(), n, band, &mut vec![(); band.len()], |x, y, out, ()| {
-            let hit = view.ray(x, y).and_then(|r| first_crossing(space, r.origin, r.direction, f64::INFINITY));
+            let hit = view.ray(x, y).and_then(|r| first_crossing(volume, r.origin, r.direction, f64::INFINITY));
             *out = hit.map_or(f32::INFINITY, |t| t as f32);
         });
     });
@@ -175,14 +175,14 @@ pub(super) fn within_pixel(n: u32, count: u32) -> (f64, f64) {
 
 impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
     fn pixel(&self, x: usize, y: usize, kept: &mut B::Kept, work: &mut Work) -> [u8; 3] {
-        let ImageRequest { space, view, .. } = self.request;
+        let ImageRequest { volume, view, .. } = self.request;
         let mut light = Vec3::ZERO;
         *kept = B::Kept::default();
         for n in 0..self.samples_per_pixel {
             let (u, v) = within_pixel(n, self.samples_per_pixel);
             let Some(CameraRay { origin, direction }) = view.ray_at(x as f64 + u, y as f64 + v) else { continue };
             work.rays += 1;
-            if let Some(ray) = Ray::new(space, origin, direction, self.step) {
+            if let Some(ray) = Ray::new(volume, origin, direction, self.step) {
                 let (start, reused) = self.begin.begin(x, y, &ray, kept);
                 work.reused += u64::from(reused);
                 let (radiance, first) = self.cast(&ray, start, &mut work.samples);

@@ -8,7 +8,7 @@ use crate::math::hash;
 use crate::render::{TransferFunction, psnr};
 use crate::volume::{Grid, Volume};
 
-fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
+fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-3.0, 5.0, 7.0), direction).unwrap();
     let mut data = Vec::new();
     for k in 0..dims[2] {
@@ -23,7 +23,7 @@ fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -
 
 /// Air with random specks of any density: as uneven as a volume can be.
 fn specks(dims: [usize; 3], seed: u64, share: f64) -> PreparedVolume {
-    space(dims, DVec3::new(0.7, 0.6, 1.1), DMat3::from_rotation_x(0.4), |p| {
+    volume(dims, DVec3::new(0.7, 0.6, 1.1), DMat3::from_rotation_x(0.4), |p| {
         let n = (p.x + 128.0 * (p.y + 128.0 * p.z)) as u64;
         if hash::uniform(seed, n) < share { -1000.0 + 1000.0 * hash::uniform(!seed, n) } else { -1000.0 }
     })
@@ -33,18 +33,18 @@ fn cavity(centre: DVec3, radius: f64) -> impl Fn(DVec3) -> f64 {
     move |p| -1000.0 + 1050.0 * (((p - centre).length() - radius) / 2.0 + 1.0 / 3.0).clamp(0.0, 1.0)
 }
 
-fn shoot(space: &PreparedVolume, view: &View, settings: &Settings) -> (Frame, Work) {
+fn shoot(volume: &PreparedVolume, view: &View, settings: &Settings) -> (Frame, Work) {
     let mut frame = Frame::with_depth(1, 1);
-    let work = render(space, view, settings, &mut frame);
+    let work = render(volume, view, settings, &mut frame);
     (frame, work)
 }
 
 /// The picture with the parts of `settings` but nothing skipped.
-fn unskipped(space: &PreparedVolume, view: &View, settings: &Settings) -> Frame {
+fn unskipped(volume: &PreparedVolume, view: &View, settings: &Settings) -> Frame {
     let mut frame = Frame::with_depth(1, 1);
-    let (high, low) = (Trilinear::new(space), Nearest::new(space));
+    let (high, low) = (Trilinear::new(volume), Nearest::new(volume));
     let (request, all, mut kept) =
-        (ImageRequest { space, view, settings }, &Everything, vec![(); view.width() * view.height()]);
+        (ImageRequest { volume, view, settings }, &Everything, vec![(); view.width() * view.height()]);
     match (settings.quality, settings.classification) {
         (Quality::Low, Classification::Value) => {
             request.image(&low, all, &ByValue, &FromScratch, &mut kept, &mut frame)
@@ -65,8 +65,8 @@ proptest! {
         fov in 20.0..150.0f64, wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -500.0)), Just((-999.5, 40.0))],
     ) {
         let s = specks(dims, seed, share);
-        let s = PreparedVolume::new(Arc::new(s.volume().clone()), TransferFunction::new(wall.0, wall.1).unwrap());
-        let grid = s.volume().grid();
+        let s = PreparedVolume::new(Arc::new(s.voxels().clone()), TransferFunction::new(wall.0, wall.1).unwrap());
+        let grid = s.voxels().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(std::array::from_fn(|a| q[a] * dims[a] as f64)));
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, fov, 24, 16).unwrap();
         let mut settings = Settings::new([Quality::High, Quality::Low][quality % 2]);
@@ -82,7 +82,7 @@ fn skipping_changes_no_bit_along_axes_and_planes() {
     let s = PreparedVolume::new(
         Arc::new(Volume::new(
             Grid::new([70, 50, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap(),
-            s.volume().data().to_vec(),
+            s.voxels().data().to_vec(),
         )),
         TransferFunction::default(),
     );
@@ -100,8 +100,8 @@ fn skipping_changes_no_bit_along_axes_and_planes() {
 
 #[test]
 fn any_number_of_threads_renders_the_same_bytes() {
-    let s = space([60; 3], DVec3::ONE, DMat3::IDENTITY, cavity(DVec3::splat(30.0), 22.0));
-    let centre = s.volume().grid().world(DVec3::splat(27.0));
+    let s = volume([60; 3], DVec3::ONE, DMat3::IDENTITY, cavity(DVec3::splat(30.0), 22.0));
+    let centre = s.voxels().grid().world(DVec3::splat(27.0));
     let view = View::new(centre, DVec3::X, DVec3::Z, 90.0, 203, 101).unwrap();
     let on = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -117,12 +117,12 @@ fn any_number_of_threads_renders_the_same_bytes() {
 #[test]
 fn high_is_near_reference() {
     let centre = DVec3::splat(40.0);
-    let s = space([80; 3], DVec3::splat(0.7), DMat3::IDENTITY, |p| {
+    let s = volume([80; 3], DVec3::splat(0.7), DMat3::IDENTITY, |p| {
         // A cavity with bumps, as folds are.
         let r = 25.0 + 4.0 * (0.5 * p.x).sin() * (0.4 * p.y).cos();
         cavity(centre, r)(p)
     });
-    let view = View::new(s.volume().grid().world(centre), DVec3::new(1.0, 0.3, 0.2), DVec3::Z, 90.0, 160, 160).unwrap();
+    let view = View::new(s.voxels().grid().world(centre), DVec3::new(1.0, 0.3, 0.2), DVec3::Z, 90.0, 160, 160).unwrap();
     let (reference, brute) = shoot(&s, &view, &Settings::new(Quality::Reference));
     let (high, work) = shoot(&s, &view, &Settings::new(Quality::High));
     let (low, _) = shoot(&s, &view, &Settings::new(Quality::Low));
@@ -180,8 +180,8 @@ fn depth_is_that_of_the_analytic_wall() {
     assert!((profile(0.0) + 650.0).abs() < 1e-6);
     for tube in [true, false] {
         let offset = |p: DVec3| if tube { across(p).length() - 20.0 } else { (p - centre).length() - 20.0 };
-        let s = space([71; 3], DVec3::splat(h), DMat3::IDENTITY, |p| profile(offset(p)));
-        let grid = s.volume().grid();
+        let s = volume([71; 3], DVec3::splat(h), DMat3::IDENTITY, |p| profile(offset(p)));
+        let grid = s.voxels().grid();
         let from = centre + DVec3::new(6.0, -5.0, 4.0);
         let view = View::new(grid.world(from), DVec3::new(1.0, 0.2, 0.1), DVec3::Z, 120.0, 120, 120).unwrap();
         let (frame, _) = shoot(&s, &view, &Settings::default());
@@ -215,17 +215,17 @@ fn every_view_of_every_volume_is_a_picture() {
     let thick = DVec3::new(0.3, 0.3, 10.0);
     let lumen = |p: DVec3| if p.x == 5.0 && p.y == 5.0 { -1000.0 } else { 40.0 };
     let spaces = [
-        space([1; 3], one, DMat3::IDENTITY, |_| 40.0),
-        space([2, 2, 2], thick, DMat3::IDENTITY, |p| -1000.0 * p.x),
-        space([40, 40, 1], thick, DMat3::IDENTITY, |p| -1000.0 + 30.0 * p.x),
-        space([20; 3], thick, DMat3::IDENTITY, cavity(DVec3::splat(10.0), 8.0)),
-        space([11, 11, 30], one, DMat3::IDENTITY, lumen),
-        space([20; 3], one, DMat3::IDENTITY, |_| -1000.0),
-        space([20; 3], one, DMat3::IDENTITY, |_| 40.0),
-        space([20; 3], DVec3::new(1e-6, 1.0, 1e6), DMat3::IDENTITY, |p| -1000.0 + 100.0 * p.y),
+        volume([1; 3], one, DMat3::IDENTITY, |_| 40.0),
+        volume([2, 2, 2], thick, DMat3::IDENTITY, |p| -1000.0 * p.x),
+        volume([40, 40, 1], thick, DMat3::IDENTITY, |p| -1000.0 + 30.0 * p.x),
+        volume([20; 3], thick, DMat3::IDENTITY, cavity(DVec3::splat(10.0), 8.0)),
+        volume([11, 11, 30], one, DMat3::IDENTITY, lumen),
+        volume([20; 3], one, DMat3::IDENTITY, |_| -1000.0),
+        volume([20; 3], one, DMat3::IDENTITY, |_| 40.0),
+        volume([20; 3], DVec3::new(1e-6, 1.0, 1e6), DMat3::IDENTITY, |p| -1000.0 + 100.0 * p.y),
     ];
     for s in &spaces {
-        let grid = s.volume().grid();
+        let grid = s.voxels().grid();
         let dims = DVec3::from_array(grid.dims().map(|n| n as f64));
         for at in [0.5, 0.499, 0.0, 1.0, -3.0, 40.0] {
             let voxel = if at == 0.5 { (dims * at).floor() } else { dims * at };
@@ -243,8 +243,8 @@ fn every_view_of_every_volume_is_a_picture() {
 
 #[test]
 fn outside_in_tissue_and_in_air() {
-    let tissue = space([20; 3], DVec3::ONE, DMat3::IDENTITY, |_| 40.0);
-    let c = tissue.volume().grid().world(DVec3::splat(9.5));
+    let tissue = volume([20; 3], DVec3::ONE, DMat3::IDENTITY, |_| 40.0);
+    let c = tissue.voxels().grid().world(DVec3::splat(9.5));
     let request = |s: &PreparedVolume, from, forward| {
         let view = View::new(from, forward, DVec3::Z, 40.0, 21, 21).unwrap();
         shoot(s, &view, &Settings::default()).0
@@ -261,14 +261,14 @@ fn outside_in_tissue_and_in_air() {
     let away = request(&tissue, c - DVec3::X * 40.0, DVec3::NEG_X);
     assert!(away.pixels().iter().all(|p| *p == [0; 3]));
     assert!(away.depth().unwrap().iter().all(|d| *d == f32::INFINITY));
-    let air = space([20; 3], DVec3::ONE, DMat3::IDENTITY, |_| -1000.0);
+    let air = volume([20; 3], DVec3::ONE, DMat3::IDENTITY, |_| -1000.0);
     assert!(request(&air, c, DVec3::X).pixels().iter().all(|p| *p == [0; 3]));
 }
 
 #[test]
 fn classifying_by_filtered_density_draws_the_same_wall() {
-    let s = space([60; 3], DVec3::ONE, DMat3::IDENTITY, cavity(DVec3::splat(30.0), 22.0));
-    let view = View::new(s.volume().grid().world(DVec3::splat(30.0)), DVec3::X, DVec3::Z, 90.0, 80, 80).unwrap();
+    let s = volume([60; 3], DVec3::ONE, DMat3::IDENTITY, cavity(DVec3::splat(30.0), 22.0));
+    let view = View::new(s.voxels().grid().world(DVec3::splat(30.0)), DVec3::X, DVec3::Z, 90.0, 80, 80).unwrap();
     let filtered = Settings { classification: Classification::Filtered, ..Settings::default() };
     let (by_value, by_density) = (shoot(&s, &view, &Settings::default()).0, shoot(&s, &view, &filtered).0);
     assert!(by_value != by_density && psnr(&by_value, &by_density) > 30.0);

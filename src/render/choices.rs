@@ -85,8 +85,8 @@ impl Choices {
     pub fn check(&self) -> Result<()> {
         match self.key_frames {
             Some(n) if !(1..=MOST_KEY_FRAMES).contains(&n) => {
-                let mend = format!("give a whole number from 1 to {MOST_KEY_FRAMES}");
-                Err(Error::usage("render.key_frames", format!("is {n}"), mend))
+                let hint = format!("give a whole number from 1 to {MOST_KEY_FRAMES}");
+                Err(Error::usage("render.key_frames", format!("is {n}"), hint))
             }
             _ => Ok(()),
         }

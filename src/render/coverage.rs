@@ -26,7 +26,7 @@ pub struct Coverage {
 
 /// Which way a view looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Looking {
+enum Facing {
     /// As it was flown.
     Ahead,
     /// From the same place in the opposite direction.
@@ -35,15 +35,20 @@ enum Looking {
 
 /// The share of `wall` that is seen from `views` (world mm, and where they look) by a perspective camera with a square image
 /// of `fov_degrees` (from 1 to 179; what is no angle sees nothing).
-pub fn coverage(space: &PreparedVolume, wall: &[WallPlace], views: &[(DVec3, Attitude)], fov_degrees: f64) -> Coverage {
+pub fn coverage(
+    volume: &PreparedVolume,
+    wall: &[WallPlace],
+    views: &[(DVec3, Attitude)],
+    fov_degrees: f64,
+) -> Coverage {
     Perspective::new(fov_degrees.clamp(1.0, 179.0))
-        .map_or_else(|_| Coverage::default(), |camera| coverage_by(space, wall, views, &camera))
+        .map_or_else(|_| Coverage::default(), |camera| coverage_by(volume, wall, views, &camera))
 }
 
 /// The share of `wall` that is seen from `views` (world mm, and where they look) in the square image of `camera`, whose rays
 /// all begin at its place.
 pub fn coverage_by(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     wall: &[WallPlace],
     views: &[(DVec3, Attitude)],
     camera: &dyn Camera,
@@ -53,26 +58,24 @@ pub fn coverage_by(
         .par_iter()
         .with_min_len(256)
         .map(|p| {
-            let mut near: Vec<(f64, Looking, DVec3)> = views
+            let mut near: Vec<(f64, Facing, DVec3)> = views
                 .iter()
                 .map(|(at, a)| (at, a, p.at - *at))
                 .filter(|(.., to)| to.length() <= REACH_MM)
                 .flat_map(|(at, a, to)| {
                     let [right, up, ahead] = [a.right(), a.up, a.forward].map(|axis| to.dot(axis));
                     // Turned round, what is on the right is on the left.
-                    let ways = [
-                        (Looking::Ahead, DVec3::new(right, up, ahead)),
-                        (Looking::Back, DVec3::new(-right, up, -ahead)),
-                    ];
-                    let seen = ways.map(|(way, place)| within(place).then_some((to.length(), way, *at)));
+                    let ways =
+                        [(Facing::Ahead, DVec3::new(right, up, ahead)), (Facing::Back, DVec3::new(-right, up, -ahead))];
+                    let seen = ways.map(|(direction, place)| within(place).then_some((to.length(), direction, *at)));
                     seen.into_iter().flatten()
                 })
                 .collect();
             // The nearest first: it is the most likely to see it. A stable sort, so ties stay in the flight's order.
             near.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let by = |way: Looking| near.iter().any(|v| v.1 == way && is_seen(space, v.2, p.at));
-            let ahead = by(Looking::Ahead);
-            [ahead, ahead || by(Looking::Back)]
+            let by = |direction: Facing| near.iter().any(|v| v.1 == direction && is_seen(volume, v.2, p.at));
+            let ahead = by(Facing::Ahead);
+            [ahead, ahead || by(Facing::Back)]
         })
         .collect();
     let total: f64 = wall.iter().map(|p| p.mm2).sum();
@@ -84,11 +87,11 @@ pub fn coverage_by(
 }
 
 /// Whether no wall lies between a camera and a place at the wall.
-fn is_seen(space: &PreparedVolume, from: DVec3, to: DVec3) -> bool {
+fn is_seen(volume: &PreparedVolume, from: DVec3, to: DVec3) -> bool {
     let d = from.distance(to);
     let Some(direction) = (to - from).try_normalize() else { return true };
-    let grazing = space.volume().grid().spacing().max_element();
-    first_crossing(space, from, direction, d).is_none_or(|t| t >= d - grazing)
+    let grazing = volume.voxels().grid().spacing().max_element();
+    first_crossing(volume, from, direction, d).is_none_or(|t| t >= d - grazing)
 }
 
 #[cfg(test)]
@@ -151,11 +154,11 @@ mod tests {
     #[test]
     fn a_tube_with_a_pocket() {
         use std::f64::consts::PI;
-        let (space, wall) = scene();
+        let (volume, wall) = scene();
         // Up along x, so that the image's edge is across the pocket.
         let view = |z: f64| (DVec3::new(0.0, 0.0, z), Attitude::new(DVec3::Z, DVec3::X));
         let views: Vec<_> = (0..=80).map(|n| view(10.0 + f64::from(n))).collect();
-        let c = coverage(&space, &wall, &views, 90.0);
+        let c = coverage(&volume, &wall, &views, 90.0);
         // Faces of voxels have 4/π times the area of a round wall, and that of a flat one.
         let round = 4.0 / PI;
         let (side, cap, hole) = (round * 2.0 * PI * 10.0 * 100.0, PI * 100.0, round * PI * 16.0);
@@ -170,17 +173,17 @@ mod tests {
         assert!(c.both_ways < 0.97, "the pocket's depth is never seen");
         // Turned round, the other end is seen instead: the same both ways.
         let back: Vec<_> = views.iter().map(|v| (v.0, Attitude::new(-v.1.forward, v.1.up))).collect();
-        let b = coverage(&space, &wall, &back, 90.0);
+        let b = coverage(&volume, &wall, &back, 90.0);
         assert!((b.both_ways - c.both_ways).abs() < 1e-12 && (b.one_way - c.one_way).abs() < 0.02);
     }
 
     #[test]
     fn nothing_seen_and_nothing_to_see() {
-        let (space, wall) = scene();
-        assert_eq!(coverage(&space, &wall, &[], 90.0), Coverage::default());
-        assert_eq!(coverage(&space, &[], &[(DVec3::Z, Attitude::new(DVec3::Z, DVec3::X))], 90.0), Coverage::default());
+        let (volume, wall) = scene();
+        assert_eq!(coverage(&volume, &wall, &[], 90.0), Coverage::default());
+        assert_eq!(coverage(&volume, &[], &[(DVec3::Z, Attitude::new(DVec3::Z, DVec3::X))], 90.0), Coverage::default());
         let lost =
             [(DVec3::NAN, Attitude::new(DVec3::Z, DVec3::X)), (DVec3::splat(1e9), Attitude::new(DVec3::Z, DVec3::X))];
-        assert_eq!(coverage(&space, &wall, &lost, f64::NAN), Coverage::default());
+        assert_eq!(coverage(&volume, &wall, &lost, f64::NAN), Coverage::default());
     }
 }

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use fearless_simd::Level;
 use glam::{DMat3, DQuat, DVec3};
 
-use super::fast::{Fast, Pixels};
+use super::packets::{PacketRenderer, Pixels};
 use super::reuse::paper::Trace;
 use super::reuse::{Refresh, Reusing, WordStorage};
 use super::*;
@@ -26,10 +26,10 @@ use crate::volume::{Grid, Volume};
 type Make = fn(&PreparedVolume, Settings) -> Box<dyn Renderer>;
 
 /// The preset with a way to leap and key frames, which change no bit.
-fn leaping(space: &PreparedVolume, settings: Settings, preset: Preset, leap: Leaping) -> Box<dyn Renderer> {
+fn leaping(volume: &PreparedVolume, settings: Settings, preset: Preset, leap: Leaping) -> Box<dyn Renderer> {
     let gradients = settings.choices.gradients;
     let choices = Choices { leap: Some(leap), gradients, key_frames: Some(3), low: Some(LowDetail::Nearest) };
-    renderer(space, Settings { choices, ..settings }, preset, Reuse::Allowed)
+    renderer(volume, Settings { choices, ..settings }, preset, Reuse::Allowed)
 }
 
 /// Every renderer, with the rays that it casts at once. The first six make the same bytes as each other, and so do the four
@@ -37,7 +37,7 @@ fn leaping(space: &PreparedVolume, settings: Settings, preset: Preset, leap: Lea
 const RENDERERS: [(&str, usize, Make); 14] = [
     ("direct", 1, |s, q| Box::new(Direct::new(s, q))),
     ("lean", 1, |s, q| {
-        renderer(&PreparedVolume::lean(s.shared_volume(), s.transfer()), q, presets::lean::PRESET, Reuse::Allowed)
+        renderer(&PreparedVolume::lean(s.shared_voxels(), s.transfer()), q, presets::lean::PRESET, Reuse::Allowed)
     }),
     ("reusing", 1, |s, q| Box::new(Reusing::<_, f32>::new(WordStorage::new(s), q, Refresh::Staggered(16)))),
     ("paper's rule", 1, |s, q| Box::new(Reusing::<_, Trace>::new(WordStorage::new(s), q, Refresh::KeyFrames(10)))),
@@ -52,13 +52,15 @@ const RENDERERS: [(&str, usize, Make); 14] = [
         leaping(s, Settings { choices, ..q }, presets::colvis::PRESET, Leaping::Flag)
     }),
     ("default", 16, |s, q| renderer(s, q, Preset::default(), Reuse::Allowed)),
-    ("packets", 16, |s, q| Box::new(Fast::new(s, q, Pixels::All))),
-    ("packets at the lowest level", 16, |s, q| Box::new(Fast::with_level(s, q, Pixels::All, Level::baseline()))),
+    ("packets", 16, |s, q| Box::new(PacketRenderer::new(s, q, Pixels::All))),
+    ("packets at the lowest level", 16, |s, q| {
+        Box::new(PacketRenderer::with_level(s, q, Pixels::All, Level::baseline()))
+    }),
 ];
 
 const QUALITIES: [Quality; 3] = [Quality::High, Quality::Low, Quality::Reference];
 
-fn space(dims: [usize; 3], spacing: DVec3, origin: DVec3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
+fn volume(dims: [usize; 3], spacing: DVec3, origin: DVec3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, origin, DMat3::IDENTITY).unwrap();
     let place =
         |n: usize| DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
@@ -79,7 +81,7 @@ fn look(
     name: &str,
     lanes: usize,
     r: &mut dyn Renderer,
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     view: &View,
     settings: &Settings,
 ) -> Frame {
@@ -88,7 +90,7 @@ fn look(
     let alone = frame.clone();
     let again = r.render(view, &mut frame);
     assert!(frame == alone, "{name}: the same view again is another picture: {view:?}");
-    let (grid, step) = (space.volume().grid(), march::Step::new(space, settings.step_power).mm);
+    let (grid, step) = (volume.voxels().grid(), march::Step::new(volume, settings.step_power).mm);
     let diagonal = (DVec3::from_array(grid.dims().map(|n| (n + 1) as f64)) * grid.spacing()).length();
     // Renderers of single rays cast one for each sample of a pixel. Packets count every lane of a step as a sample, also
     // those that lie beside the picture or have ended, but only some of them as rays: their bound is as many times looser,
@@ -126,27 +128,27 @@ fn no_view_of_any_volume_breaks_a_renderer() {
     let lumen = |p: DVec3| if p.x == 5.0 && p.y == 5.0 { -1000.0 } else { 40.0 };
     let noise = |p: DVec3| 2000.0 * hash::uniform(7, (p.x + 31.0 * (p.y + 31.0 * p.z)) as u64) - 1024.0;
     let volumes = [
-        ("one voxel", space([1; 3], one, zero, |_| 40.0)),
-        ("two voxels", space([2, 1, 1], one, zero, |p| -1000.0 + 1040.0 * p.x)),
-        ("eight voxels", space([2; 3], thick, zero, |p| -1000.0 * p.x)),
-        ("flat", space([24, 24, 1], thick, zero, |p| -1000.0 + 50.0 * p.x)),
-        ("all air", space([20; 3], one, zero, |_| -1000.0)),
-        ("all tissue", space([20; 3], one, zero, |_| 40.0)),
-        ("one-voxel lumen", space([11, 11, 30], one, zero, lumen)),
+        ("one voxel", volume([1; 3], one, zero, |_| 40.0)),
+        ("two voxels", volume([2, 1, 1], one, zero, |p| -1000.0 + 1040.0 * p.x)),
+        ("eight voxels", volume([2; 3], thick, zero, |p| -1000.0 * p.x)),
+        ("flat", volume([24, 24, 1], thick, zero, |p| -1000.0 + 50.0 * p.x)),
+        ("all air", volume([20; 3], one, zero, |_| -1000.0)),
+        ("all tissue", volume([20; 3], one, zero, |_| 40.0)),
+        ("one-voxel lumen", volume([11, 11, 30], one, zero, lumen)),
         (
             "thick slices",
-            space([24, 24, 8], thick, zero, cavity(DVec3::new(12.0, 12.0, 4.0), DVec3::new(10.0, 10.0, 3.0))),
+            volume([24, 24, 8], thick, zero, cavity(DVec3::new(12.0, 12.0, 4.0), DVec3::new(10.0, 10.0, 3.0))),
         ),
-        ("noise", space([17, 19, 23], one, zero, noise)),
-        ("extreme values", space([9; 3], one, zero, |p| if p.x > 4.0 { 32767.0 } else { -32768.0 })),
-        ("extreme spacing", space([20; 3], DVec3::new(1e-6, 1.0, 1e6), zero, |p| -1000.0 + 100.0 * p.y)),
+        ("noise", volume([17, 19, 23], one, zero, noise)),
+        ("extreme values", volume([9; 3], one, zero, |p| if p.x > 4.0 { 32767.0 } else { -32768.0 })),
+        ("extreme spacing", volume([20; 3], DVec3::new(1e-6, 1.0, 1e6), zero, |p| -1000.0 + 100.0 * p.y)),
         (
             "3 m away",
-            space([20; 3], one, DVec3::new(3000.0, -3000.0, 3000.0), cavity(DVec3::splat(9.5), DVec3::splat(7.0))),
+            volume([20; 3], one, DVec3::new(3000.0, -3000.0, 3000.0), cavity(DVec3::splat(9.5), DVec3::splat(7.0))),
         ),
     ];
     for (volume, s) in &volumes {
-        let grid = s.volume().grid();
+        let grid = s.voxels().grid();
         let dims = DVec3::from_array(grid.dims().map(|n| n as f64));
         // A voxel's centre, a cell's, the wall, a corner of the volume, just out of it, and far from it.
         for at in [(dims * 0.5).floor(), (dims * 0.5).floor() + 0.5, dims * 0.15, zero, dims, dims * -2.0] {
@@ -184,14 +186,14 @@ fn a_closed_wall_has_no_crack() {
     ] {
         let centre = (radii + 3.0).ceil();
         let dims = (centre * 2.0).to_array().map(|n| n as usize + 1);
-        let s = space(dims, spacing, origin, cavity(centre, radii));
+        let s = volume(dims, spacing, origin, cavity(centre, radii));
         for from in [centre, centre + 0.5, centre + DVec3::new(0.0, 0.0, 0.85 * radii.z)] {
             for quality in QUALITIES {
                 let settings = Settings::new(quality);
                 for (name, lanes, make) in RENDERERS {
                     let mut r = make(&s, settings);
                     let every = if quality == Quality::Reference { 8 } else { 3 };
-                    for view in views(s.volume().grid().world(from), 25).into_iter().step_by(every) {
+                    for view in views(s.voxels().grid().world(from), 25).into_iter().step_by(every) {
                         let frame = look(name, lanes, &mut *r, &s, &view, &settings);
                         let black = frame.pixels().iter().filter(|p| p[0] < 15).count();
                         assert_eq!(black, 0, "{name}, {spacing}, {from}, {quality:?}: {view:?}");
@@ -221,13 +223,13 @@ fn slabs_thicker_than_a_voxel_stop_every_ray() {
         };
         for quality in QUALITIES {
             let thickness = if quality == Quality::Low { 2.75 } else { 1.05 };
-            let s = space([n as usize; 3], DVec3::ONE, DVec3::ZERO, |p| -1000.0 + 1050.0 * share(p, thickness));
+            let s = volume([n as usize; 3], DVec3::ONE, DVec3::ZERO, |p| -1000.0 + 1050.0 * share(p, thickness));
             let settings = Settings::new(quality);
             for (name, lanes, make) in RENDERERS {
                 let mut r = make(&s, settings);
                 for (u, fov) in [(0.0, 40.0), (0.4, 30.0), (1.0, 10.0)] {
                     let aim = (normal + turn * DVec3::Y * u).normalize();
-                    let view = View::new(s.volume().grid().world(centre), aim, turn * DVec3::Z, fov, 31, 31).unwrap();
+                    let view = View::new(s.voxels().grid().world(centre), aim, turn * DVec3::Z, fov, 31, 31).unwrap();
                     let frame = look(name, lanes, &mut *r, &s, &view, &settings);
                     for (at, p) in frame.pixels().iter().enumerate() {
                         let ray = view.ray(at % 31, at / 31).unwrap().direction;
@@ -245,11 +247,11 @@ fn slabs_thicker_than_a_voxel_stop_every_ray() {
 #[test]
 fn any_opacity_and_any_step() {
     let centre = DVec3::splat(10.0);
-    let base = space([21; 3], DVec3::ONE, DVec3::ZERO, cavity(centre, DVec3::splat(7.0)));
-    let at = base.volume().grid().world(centre);
+    let base = volume([21; 3], DVec3::ONE, DVec3::ZERO, cavity(centre, DVec3::splat(7.0)));
+    let at = base.voxels().grid().world(centre);
     let walls = [(-800.0, -500.0), (-1000.0, -999.0), (-999.9, 32767.0), (32766.0, 32767.0), (-32767.0, -32766.0)];
     for (lo, hi) in walls {
-        let s = PreparedVolume::new(base.shared_volume(), TransferFunction::new(lo, hi).unwrap());
+        let s = PreparedVolume::new(base.shared_voxels(), TransferFunction::new(lo, hi).unwrap());
         for step_power in [-7, -4, -1, 0, 3, 7] {
             for sensitivity in [0.0, 1e-7, 1.0 / 512.0, 0.999] {
                 let settings = Settings { step_power, sensitivity, ..Settings::default() };
@@ -278,9 +280,9 @@ fn any_opacity_and_any_step() {
 #[test]
 fn a_faint_opacity_adds_up() {
     // 1e-4 of the ramp of h, in steps of h/1024: 1e-7 a step.
-    let s = space([65, 9, 9], DVec3::ONE, DVec3::ZERO, |_| -500.0);
-    let s = PreparedVolume::new(s.shared_volume(), TransferFunction::new(-503.2767, 32263.0).unwrap());
-    let from = s.volume().grid().world(DVec3::new(0.0, 4.0, 4.0));
+    let s = volume([65, 9, 9], DVec3::ONE, DVec3::ZERO, |_| -500.0);
+    let s = PreparedVolume::new(s.shared_voxels(), TransferFunction::new(-503.2767, 32263.0).unwrap());
+    let from = s.voxels().grid().world(DVec3::new(0.0, 4.0, 4.0));
     let view = View::new(from, DVec3::X, DVec3::Z, 1.0, 1, 1).unwrap();
     let bright = |step_power: i32| {
         let settings = Settings { step_power, sensitivity: 0.0, ..Settings::default() };

@@ -34,20 +34,20 @@ use super::renderer::Renderer;
 /// assert!((frame.depth().expect("asked for")[40] - 5.34).abs() < 0.01);
 /// # Ok::<(), colvis::error::Error>(())
 /// ```
-pub fn renderer(space: &PreparedVolume, settings: Settings, preset: Preset, reuse: Reuse) -> Box<dyn Renderer> {
+pub fn renderer(volume: &PreparedVolume, settings: Settings, preset: Preset, reuse: Reuse) -> Box<dyn Renderer> {
     if settings.adaptive {
         let settings = Settings { adaptive: false, ..settings };
-        let moving = renderer(space, settings, preset, reuse);
+        let moving = renderer(volume, settings, preset, reuse);
         let fine = Adaptive::fine(settings).and_then(|fine| match moving.refining(fine) {
-            None if is_built_in(preset) => Some(Box::new(Direct::new(space, fine)) as Box<dyn Renderer>),
+            None if is_built_in(preset) => Some(Box::new(Direct::new(volume, fine)) as Box<dyn Renderer>),
             own => own,
         });
-        return Box::new(Adaptive::new(space, moving, fine));
+        return Box::new(Adaptive::new(volume, moving, fine));
     }
     match settings.quality {
-        Quality::Reference if is_built_in(preset) => Box::new(Direct::new(space, settings)),
-        _ if is_built_in(preset) => (preset.make)(space, settings, reuse),
-        _ => Box::new(Checked::new(preset.name, (preset.make)(space, settings, reuse))),
+        Quality::Reference if is_built_in(preset) => Box::new(Direct::new(volume, settings)),
+        _ if is_built_in(preset) => (preset.make)(volume, settings, reuse),
+        _ => Box::new(Checked::new(preset.name, (preset.make)(volume, settings, reuse))),
     }
 }
 

@@ -46,8 +46,8 @@ pub struct GradientCache {
 
 impl GradientCache {
     /// An empty cache for `space`, whose densities lie between two values, HU.
-    pub fn new(space: &PreparedVolume, densities: [f32; 2]) -> Self {
-        let grid = space.volume().grid();
+    pub fn new(volume: &PreparedVolume, densities: [f32; 2]) -> Self {
+        let grid = volume.voxels().grid();
         let dims = grid.dims();
         let voxels = dims.iter().map(|&n| n as u64 + 2).product::<u64>();
         // No more voxels to an entry than the tag tells apart.
@@ -57,7 +57,7 @@ impl GradientCache {
         // No 16-bit volume changes by more than this over a step of h.
         let steepest = 65536.0 / grid.min_spacing() as f32;
         let unit = steepest / (PART_MAX * (1 << EXPONENT_MAX) as f32);
-        let density = DensityScale::new(densities, space.transfer(), DENSITY_BITS);
+        let density = DensityScale::new(densities, volume.transfer(), DENSITY_BITS);
         Self { entries, row: [dims[0] + 2, dims[1] + 2], unit, density }
     }
 
@@ -154,9 +154,9 @@ mod tests {
     #[test]
     fn voxels_that_share_an_entry_are_told_apart() {
         let grid = Grid::new([1000, 1000, 5], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-        let space =
+        let volume =
             PreparedVolume::new(Arc::new(Volume::new(grid.clone(), vec![0; grid.len()])), TransferFunction::default());
-        let cache = GradientCache::new(&space, [-1024.0, 3071.0]);
+        let cache = GradientCache::new(&volume, [-1024.0, 3071.0]);
         let fit = |n: usize| Fit { gradient: Vec3::new(n as f32, 0.0, 0.0), density: -700.0 };
         let at = |n: usize| [(n % 1002) as i32, (n / 1002 % 1002) as i32, (n / 1002 / 1002) as i32];
         for n in [5, 5 + (1 << CACHE_BITS), 5 + (2 << CACHE_BITS)] {

@@ -4,7 +4,7 @@
 //! Both keep the regressions at voxels and interpolate them, as the paper does; quantised, so that the same voxel always
 //! gives the same bits: here to 16 bits a component, which is 1/8 HU per h.
 //!
-//! Packets of rays do not use it: their cache holds whole cells ([`fast`](super::fast)).
+//! Packets of rays do not use it: their cache holds whole cells ([`packets`](super::fast)).
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -74,9 +74,9 @@ struct Quantum {
 }
 
 impl Quantum {
-    fn new(space: &PreparedVolume, densities: [f32; 2]) -> Self {
-        let gradient = 0.125 / space.volume().grid().min_spacing() as f32;
-        Self { gradient, density: DensityScale::new(densities, space.transfer(), 16) }
+    fn new(volume: &PreparedVolume, densities: [f32; 2]) -> Self {
+        let gradient = 0.125 / volume.voxels().grid().min_spacing() as f32;
+        Self { gradient, density: DensityScale::new(densities, volume.transfer(), 16) }
     }
 
     fn pack(self, fit: Fit) -> [i16; 4] {
@@ -126,8 +126,8 @@ pub struct GradientVolume {
 
 impl GradientVolume {
     /// Computes what is stored of `space`, in parallel, as `sampler` sees its voxels.
-    pub fn new<S: VoxelSampler>(sampler: &S, space: &PreparedVolume, stored: Stored) -> Self {
-        let dims = space.volume().grid().dims();
+    pub fn new<S: VoxelSampler>(sampler: &S, volume: &PreparedVolume, stored: Stored) -> Self {
+        let dims = volume.voxels().grid().dims();
         // Voxel −1 to n of each axis: those at the border have gradients too.
         let bricks = dims.map(|n| (n + 2).div_ceil(EDGE));
         let count: usize = bricks.iter().product();
@@ -141,7 +141,7 @@ impl GradientVolume {
             (0..VOXELS).any(|m| {
                 let [i, j, k] = voxel(n, m).map(|c| c as usize);
                 let inside = (1..=dims[0]).contains(&i) && (1..=dims[1]).contains(&j) && (1..=dims[2]).contains(&k);
-                inside && !space.flags().homogeneous(space.volume(), i - 1, j - 1, k - 1)
+                inside && !volume.flags().homogeneous(volume.voxels(), i - 1, j - 1, k - 1)
             })
         };
         let wanted: Vec<bool> = (0..count).into_par_iter().map(|n| stored == Stored::Everywhere || near(n)).collect();
@@ -150,7 +150,7 @@ impl GradientVolume {
             index[n] = list.len() as u32;
             list.push(n);
         }
-        let quantum = Quantum::new(space, sampler.densities());
+        let quantum = Quantum::new(volume, sampler.densities());
         let mut fits = vec![[0; 4]; list.len() * VOXELS];
         fits.par_chunks_mut(VOXELS).zip(&list).for_each(|(out, &n)| {
             for (m, out) in out.iter_mut().enumerate() {
@@ -189,15 +189,17 @@ pub enum Fits {
 impl Fits {
     /// What `source` needs for `space`, whose voxels `sampler` sees. Where the wall's ramp is so steep that kept densities would
     /// not tell its opacities apart, nothing is kept.
-    pub fn new<S: VoxelSampler>(source: GradientSource, sampler: &S, space: &PreparedVolume) -> Self {
-        let (wall, densities) = (space.transfer(), sampler.densities());
+    pub fn new<S: VoxelSampler>(source: GradientSource, sampler: &S, volume: &PreparedVolume) -> Self {
+        let (wall, densities) = (volume.transfer(), sampler.densities());
         let serves = |bits| DensityScale::new(densities, wall, bits).serves(wall);
         match source {
             GradientSource::None => Self::Fused,
             GradientSource::Cached if serves(gradient_cache::DENSITY_BITS) => {
-                Self::Cached(GradientCache::new(space, densities))
+                Self::Cached(GradientCache::new(volume, densities))
             }
-            GradientSource::Stored if serves(16) => Self::Stored(GradientVolume::new(sampler, space, Stored::NearWall)),
+            GradientSource::Stored if serves(16) => {
+                Self::Stored(GradientVolume::new(sampler, volume, Stored::NearWall))
+            }
             GradientSource::Eight | GradientSource::Cached | GradientSource::Stored => Self::Eight,
         }
     }

@@ -64,9 +64,9 @@ fn stored_and_cached_fits_are_the_regressions() {
 #[test]
 fn pictures_are_the_same_to_the_eye_and_for_any_number_of_threads() {
     let s = cavity(48, 0.0);
-    let view = View::new(s.volume().grid().world(DVec3::splat(24.0)), DVec3::X, DVec3::Z, 90.0, 80, 80).unwrap();
+    let view = View::new(s.voxels().grid().world(DVec3::splat(24.0)), DVec3::X, DVec3::Z, 90.0, 80, 80).unwrap();
     let settings = Settings::default();
-    let (request, mut kept) = (ImageRequest { space: &s, view: &view, settings: &settings }, vec![(); 6400]);
+    let (request, mut kept) = (ImageRequest { volume: &s, view: &view, settings: &settings }, vec![(); 6400]);
     let mut plain = Frame::default();
     render(&s, &view, &settings, &mut plain);
     let leap = Leap::<true>::new(&s);

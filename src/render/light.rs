@@ -104,9 +104,9 @@ pub struct Lighting {
 
 impl Lighting {
     /// That of `light` in `space`.
-    pub fn new(light: Light, space: &PreparedVolume) -> Self {
-        let wall = space.transfer();
-        let to_voxel = space.volume().grid().to_voxel().matrix3;
+    pub fn new(light: Light, volume: &PreparedVolume) -> Self {
+        let wall = volume.transfer();
+        let to_voxel = volume.voxels().grid().to_voxel().matrix3;
         Self { light, to_voxel, lo: wall.lo(), scale: 1.0 / (wall.hi() - wall.lo()) }
     }
 
@@ -179,7 +179,7 @@ mod tests {
     /// All of the ball is seen head on, as far away, with nothing near before it.
     #[test]
     fn a_ball_has_the_formulas_brightness() {
-        let space = ball();
+        let volume = ball();
         let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 60.0, 64, 64).unwrap();
         let arriving = arriving(19.7);
         let parts = Light::HEADLIGHT;
@@ -193,7 +193,7 @@ mod tests {
                 let render = |light| {
                     let settings = Settings { light, ..Settings::new(quality) };
                     let mut frame = Frame::default();
-                    renderer(&space, settings, Preset::default(), Reuse::Never).render(&view, &mut frame);
+                    renderer(&volume, settings, Preset::default(), Reuse::Never).render(&view, &mut frame);
                     frame.pixels()[32 * 64 + 32].map(f32::from)
                 };
                 let (plain, lit) = (render(parts), render(light));
@@ -210,7 +210,7 @@ mod tests {
     fn every_renderer_has_the_same_light() {
         let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
         let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
-        let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+        let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
         let axis = &phantom.shape().axis;
         let mut worst = f64::INFINITY;
         for share in [0.15, 0.4, 0.62, 0.9] {
@@ -219,7 +219,7 @@ mod tests {
             let render = |quality, preset, light| {
                 let mut frame = Frame::default();
                 let settings = Settings { light, ..Settings::new(quality) };
-                renderer(&space, settings, preset, Reuse::Never).render(&view, &mut frame);
+                renderer(&volume, settings, preset, Reuse::Never).render(&view, &mut frame);
                 frame
             };
             let reference = render(Quality::Reference, Preset::default(), Light::ENDOSCOPE);

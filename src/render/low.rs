@@ -4,8 +4,8 @@
 
 use super::caster::depths;
 use super::enlarge::Enlarger;
-use super::fast::{Fast, Pixels};
 use super::memory::MemoryPart;
+use super::packets::{PacketRenderer, Pixels};
 use super::renderer::Renderer;
 use super::{Frame, PreparedVolume, Settings, View, Work};
 
@@ -14,7 +14,7 @@ const PART: usize = 3;
 
 /// Renders at a part of the resolution, and stretches the picture.
 pub struct Low {
-    space: PreparedVolume,
+    volume: PreparedVolume,
     renderer: Box<dyn Renderer>,
     small: Frame,
     enlarger: Enlarger,
@@ -23,14 +23,14 @@ pub struct Low {
 impl Low {
     /// Renders `space` by packets of rays and `settings`, but by steps of half a voxel at the most: longer ones save little and
     /// cost much.
-    pub fn new(space: &PreparedVolume, settings: Settings) -> Self {
+    pub fn new(volume: &PreparedVolume, settings: Settings) -> Self {
         let settings = Settings { step_power: settings.step_power.min(-1), ..settings };
-        Self::around(space, Box::new(Fast::new(space, settings, Pixels::Needed)))
+        Self::around(volume, Box::new(PacketRenderer::new(volume, settings, Pixels::Needed)))
     }
 
     /// Stretches the pictures of `space` that a renderer makes.
-    pub fn around(space: &PreparedVolume, renderer: Box<dyn Renderer>) -> Self {
-        Self { space: space.clone(), renderer, small: Frame::default(), enlarger: Enlarger::default() }
+    pub fn around(volume: &PreparedVolume, renderer: Box<dyn Renderer>) -> Self {
+        Self { volume: volume.clone(), renderer, small: Frame::default(), enlarger: Enlarger::default() }
     }
 }
 
@@ -41,7 +41,7 @@ impl Renderer for Low {
         let work = self.renderer.render(&view.resized(width, height), &mut self.small);
         self.enlarger.enlarge(&self.small, frame);
         if let Some(depth) = frame.buffers().1 {
-            depths(&self.space, view, depth);
+            depths(&self.volume, view, depth);
         }
         work
     }

@@ -25,8 +25,8 @@ pub struct Step {
 
 impl Step {
     /// The step of the wanted `power` in `space`, or the next longer one that keeps every ray's samples bounded.
-    pub fn new(space: &PreparedVolume, power: i32) -> Self {
-        let grid = space.volume().grid();
+    pub fn new(volume: &PreparedVolume, power: i32) -> Self {
+        let grid = volume.voxels().grid();
         let dims = grid.dims().map(|n| (n + 1) as f64);
         let diagonal = (DVec3::from_array(dims) * grid.spacing()).length() * 2.0;
         let least = (diagonal / grid.min_spacing() / MAX_SAMPLES).log2().ceil() as i32;
@@ -71,8 +71,8 @@ pub fn round(q: Vec3) -> [i32; 3] {
 impl Ray {
     /// The samples of the ray from `origin` (world, mm) along `direction` (world, of unit length); `None` where it
     /// misses the volume.
-    pub fn new(space: &PreparedVolume, origin: DVec3, direction: DVec3, step: Step) -> Option<Self> {
-        let grid = space.volume().grid();
+    pub fn new(volume: &PreparedVolume, origin: DVec3, direction: DVec3, step: Step) -> Option<Self> {
+        let grid = volume.voxels().grid();
         let (enter, exit) = clip(grid.dims(), grid.voxel(origin), grid.to_voxel().transform_vector3(direction))?;
         let first = (enter / step.mm - 0.5).ceil().max(0.0);
         let count = (exit / step.mm - 0.5).floor() - first + 1.0;

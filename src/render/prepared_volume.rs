@@ -34,12 +34,12 @@ impl PreparedVolume {
     }
 
     /// The voxels.
-    pub fn shared_volume(&self) -> Arc<Volume> {
+    pub fn shared_voxels(&self) -> Arc<Volume> {
         Arc::clone(&self.volume)
     }
 
     /// The voxels.
-    pub fn volume(&self) -> &Volume {
+    pub fn voxels(&self) -> &Volume {
         &self.volume
     }
 

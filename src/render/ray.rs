@@ -21,8 +21,8 @@ use super::prepared_volume::PreparedVolume;
 const TOUCH: f64 = 1e-9;
 
 /// Trilinear HU at a `world` point (mm, LPS). Outside the volume is air, mixed with the border voxels within one voxel.
-pub fn value(space: &PreparedVolume, world: DVec3) -> f32 {
-    trilinear(space.volume(), space.volume().grid().voxel(world)) as f32
+pub fn value(volume: &PreparedVolume, world: DVec3) -> f32 {
+    trilinear(volume.voxels(), volume.voxels().grid().voxel(world)) as f32
 }
 
 /// Trilinear HU at voxel coordinates `p`; air where they are not finite.
@@ -41,19 +41,19 @@ pub(crate) fn trilinear(volume: &Volume, p: DVec3) -> f64 {
 ///
 /// 0 if `origin` is already there. `None` if there is no crossing within `max_mm` (which may be infinite), or if an
 /// argument is not finite or `direction` is zero. From outside, the ray walks in through air.
-pub fn first_crossing(space: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
-    first_crossing_counted(space, origin, direction, max_mm, &mut 0)
+pub fn first_crossing(volume: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
+    first_crossing_counted(volume, origin, direction, max_mm, &mut 0)
 }
 
 /// [`first_crossing`], adding to `cells` the number of cells and bricks that the ray visited.
 pub fn first_crossing_counted(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     origin: DVec3,
     direction: DVec3,
     max_mm: f64,
     cells: &mut u64,
 ) -> Option<f64> {
-    let grid = space.volume().grid();
+    let grid = volume.voxels().grid();
     // Twice, so that neither denormal nor huge components lose the direction.
     let direction = (direction / direction.abs().max_element()).normalize_or_zero();
     if !origin.is_finite() || direction == DVec3::ZERO || max_mm.is_nan() || max_mm < 0.0 {
@@ -61,7 +61,7 @@ pub fn first_crossing_counted(
     }
     let from = grid.voxel(origin);
     *cells += 1;
-    if trilinear(space.volume(), from) >= space.transfer().iso() - TOUCH {
+    if trilinear(volume.voxels(), from) >= volume.transfer().iso() - TOUCH {
         return Some(0.0);
     }
     let (enter, exit) = clip(grid.dims(), from, grid.to_voxel().transform_vector3(direction))?;
@@ -71,7 +71,7 @@ pub fn first_crossing_counted(
     }
     // From the box's border on, so that a camera far away costs no precision inside.
     let start = grid.voxel(origin + direction * enter);
-    let walk = Walk::new(space, start, grid.to_voxel().transform_vector3(direction));
+    let walk = Walk::new(volume, start, grid.to_voxel().transform_vector3(direction));
     walk.run(end - enter, cells).map(|t| enter + t)
 }
 
@@ -99,7 +99,7 @@ pub(crate) fn clip(dims: [usize; 3], from: DVec3, along: DVec3) -> Option<(f64, 
 
 /// A ray on its way through the cells −1 … n − 1 of each axis.
 struct Walk<'a> {
-    space: &'a PreparedVolume,
+    volume: &'a PreparedVolume,
     iso: f64,
     /// The least whole HU at the wall or above.
     wall: i16,
@@ -111,11 +111,11 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    fn new(space: &'a PreparedVolume, from: DVec3, along: DVec3) -> Self {
-        let last = space.volume().grid().dims().map(|n| n as i64 - 1);
+    fn new(volume: &'a PreparedVolume, from: DVec3, along: DVec3) -> Self {
+        let last = volume.voxels().grid().dims().map(|n| n as i64 - 1);
         let step = from_fn(|a| if along[a].abs() < STILL { 0 } else { along[a].signum() as i64 });
-        let iso = space.transfer().iso();
-        Self { space, iso, wall: iso.ceil() as i16, from, along, inverse: along.recip(), last, step }
+        let iso = volume.transfer().iso();
+        Self { volume, iso, wall: iso.ceil() as i16, from, along, inverse: along.recip(), last, step }
     }
 
     /// Distance to the first crossing within `end`. Each turn moves on by at least one cell and none ever moves back,
@@ -124,13 +124,13 @@ impl<'a> Walk<'a> {
         let mut cell: [i64; 3] = from_fn(|a| (self.from[a].floor() as i64).clamp(-1, self.last[a]));
         let mut t = 0.0;
         let mut planes = self.planes(&cell, &cell);
-        let bricks = self.space.flags().bricks().map(|n| n as i64);
+        let bricks = self.volume.flags().bricks().map(|n| n as i64);
         loop {
             *cells += 1;
             let brick = cell.map(|c| (c + 1) >> BRICK_SHIFT);
             let (axis, next);
             let index = brick[0] + bricks[0] * (brick[1] + bricks[1] * brick[2]);
-            if self.space.flags().empty_brick(index as isize) {
+            if self.volume.flags().empty_brick(index as isize) {
                 let first = brick.map(|b| (b << BRICK_SHIFT) - 1);
                 let last = first.map(|c| c + (1 << BRICK_SHIFT) - 1);
                 (axis, next) = nearest(&self.planes(&first, &last));
@@ -176,7 +176,7 @@ impl<'a> Walk<'a> {
     /// First crossing within a cell, between the distances `t` and `until` of its entry and exit.
     #[inline(always)]
     fn cross(&self, base: [i64; 3], t: f64, until: f64) -> Option<f64> {
-        let corners = corners(self.space.volume(), base);
+        let corners = corners(self.volume.voxels(), base);
         // The walk stays in air before the wall, so nearly all cells end here.
         if corners.iter().all(|&c| c < self.wall) {
             return None;

@@ -8,7 +8,7 @@ use crate::math::hash;
 use crate::render::TransferFunction;
 use crate::volume::Grid;
 
-fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
+fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-3.0, 5.0, 7.0), direction).unwrap();
     let mut data = Vec::new();
     for k in 0..dims[2] {
@@ -22,10 +22,10 @@ fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -
 }
 
 /// Tiny steps, and bisection where the sign changes: what [`first_crossing`] must agree with.
-fn by_steps(space: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
-    let grid = space.volume().grid();
-    let iso = space.transfer().iso();
-    let f = |t: f64| trilinear(space.volume(), grid.voxel(origin + direction * t)) - iso;
+fn by_steps(volume: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
+    let grid = volume.voxels().grid();
+    let iso = volume.transfer().iso();
+    let f = |t: f64| trilinear(volume.voxels(), grid.voxel(origin + direction * t)) - iso;
     if f(0.0) >= 0.0 {
         return Some(0.0);
     }
@@ -58,12 +58,12 @@ proptest! {
         from in prop::array::uniform3(-0.6..1.6f64), to in prop::array::uniform3(-0.1..1.1f64), tall in 0.3..4.0f64,
         wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -1080.0)), Just((-999.5, -700.0))],
     ) {
-        let s = space(dims, DVec3::new(0.7, 0.6, tall), rotation(seed), |p| {
+        let s = volume(dims, DVec3::new(0.7, 0.6, tall), rotation(seed), |p| {
             let n = (p.x + 32.0 * (p.y + 32.0 * p.z)) as u64;
             if hash::uniform(seed, n) < share { -900.0 + 1000.0 * hash::uniform(!seed, n) } else { -1000.0 }
         });
-        let s = PreparedVolume::new(Arc::new(s.volume().clone()), TransferFunction::new(wall.0, wall.1).unwrap());
-        let grid = s.volume().grid();
+        let s = PreparedVolume::new(Arc::new(s.voxels().clone()), TransferFunction::new(wall.0, wall.1).unwrap());
+        let grid = s.voxels().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(from_fn(|a| q[a] * dims[a] as f64)));
         let (origin, target) = (at(from), at(to));
         prop_assume!((target - origin).length() > 1e-3);
@@ -75,7 +75,7 @@ proptest! {
             // A graze between two steps is what stepping misses; it must be a touch of the wall all the same.
             (Some(e), _) => {
                 prop_assert!(stepped.is_none_or(|b| e < b), "{e} is later than {stepped:?}");
-                let v = trilinear(s.volume(), grid.voxel(origin + direction * e));
+                let v = trilinear(s.voxels(), grid.voxel(origin + direction * e));
                 prop_assert!((v - s.transfer().iso()).abs() < 1e-4, "no wall at {e}: {v}");
             }
             (None, Some(b)) => prop_assert!(false, "missed the wall at {b}"),
@@ -86,8 +86,8 @@ proptest! {
 /// Looks from all sides along axes, faces, edges and diagonals at one voxel of wall.
 #[test]
 fn no_crack_along_axes_faces_edges_and_corners() {
-    let s = space([21; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p == DVec3::splat(10.0) { 1000.0 } else { -1000.0 });
-    let centre = s.volume().grid().world(DVec3::splat(10.0));
+    let s = volume([21; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p == DVec3::splat(10.0) { 1000.0 } else { -1000.0 });
+    let centre = s.voxels().grid().world(DVec3::splat(10.0));
     for n in 0..27 {
         let d = IVec3::new(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1).as_dvec3();
         if d == DVec3::ZERO {
@@ -110,8 +110,8 @@ fn no_crack_along_axes_faces_edges_and_corners() {
 #[test]
 fn a_thin_sheet_is_never_missed() {
     // One voxel of wall, only just: its crossing is 1/350 voxel wide.
-    let s = space([32; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x == 20.0 { -649.0 } else { -1000.0 });
-    let grid = s.volume().grid();
+    let s = volume([32; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x == 20.0 { -649.0 } else { -1000.0 });
+    let grid = s.voxels().grid();
     for n in 0..500 {
         let u = |k| hash::uniform(n, k);
         let origin = grid.world(DVec3::new(18.0 * u(0), 1.0 + 29.0 * u(1), 1.0 + 29.0 * u(2)));
@@ -126,8 +126,8 @@ fn a_thin_sheet_is_never_missed() {
 #[test]
 fn touching_counts() {
     // An edge of voxels exactly at the wall, passed along a neighbouring axis: the value only just reaches it.
-    let s = space([9; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x == 4.0 && p.y == 4.0 { -650.0 } else { -1000.0 });
-    let grid = s.volume().grid();
+    let s = volume([9; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x == 4.0 && p.y == 4.0 { -650.0 } else { -1000.0 });
+    let grid = s.voxels().grid();
     let hit = first_crossing(&s, grid.world(DVec3::new(1.0, 4.0, 3.0)), DVec3::X, 20.0).unwrap();
     assert!((hit - 3.0).abs() < 1e-9);
     assert_eq!(first_crossing(&s, grid.world(DVec3::new(1.0, 4.0, 3.0)), DVec3::X, 2.9), None);
@@ -137,8 +137,8 @@ fn touching_counts() {
 
 #[test]
 fn inside_and_outside() {
-    let tissue = space([4; 3], DVec3::ONE, DMat3::IDENTITY, |_| 40.0);
-    let grid = tissue.volume().grid();
+    let tissue = volume([4; 3], DVec3::ONE, DMat3::IDENTITY, |_| 40.0);
+    let grid = tissue.voxels().grid();
     let c = grid.world(DVec3::splat(1.5));
     assert_eq!(first_crossing(&tissue, c, DVec3::X, 1.0), Some(0.0));
     // From −1024 one voxel outside to 40 at the border.
@@ -147,11 +147,11 @@ fn inside_and_outside() {
     assert!((hit - (10.0 + enter)).abs() < 1e-9);
     assert_eq!(first_crossing(&tissue, c - DVec3::X * 11.5, DVec3::X, 5.0), None);
     assert_eq!(first_crossing(&tissue, c - DVec3::X * 11.5, DVec3::Y, 100.0), None);
-    let air = space([3; 3], DVec3::ONE, DMat3::IDENTITY, |_| -1000.0);
+    let air = volume([3; 3], DVec3::ONE, DMat3::IDENTITY, |_| -1000.0);
     assert_eq!(first_crossing(&air, c, DVec3::X, f64::INFINITY), None);
     for dims in [[1, 1, 1], [2, 1, 1], [1, 2, 70]] {
-        let s = space(dims, DVec3::new(0.3, 0.3, 10.0), DMat3::IDENTITY, |_| 40.0);
-        let c = s.volume().grid().world(DVec3::ZERO);
+        let s = volume(dims, DVec3::new(0.3, 0.3, 10.0), DMat3::IDENTITY, |_| 40.0);
+        let c = s.voxels().grid().world(DVec3::ZERO);
         let hit = first_crossing(&s, c - DVec3::Z * 100.0, DVec3::Z, 1e3).unwrap();
         assert!((hit - (100.0 + 10.0 * enter)).abs() < 1e-9);
     }
@@ -159,8 +159,8 @@ fn inside_and_outside() {
 
 #[test]
 fn what_is_no_ray_has_no_crossing() {
-    let s = space([4; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x < 2.0 { -1000.0 } else { 0.0 });
-    let c = s.volume().grid().world(DVec3::ZERO);
+    let s = volume([4; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x < 2.0 { -1000.0 } else { 0.0 });
+    let c = s.voxels().grid().world(DVec3::ZERO);
     let nan = DVec3::new(f64::NAN, 0.0, 0.0);
     assert_eq!(first_crossing(&s, nan, DVec3::X, 9.0), None);
     assert_eq!(first_crossing(&s, c, nan, 9.0), None);
@@ -181,10 +181,10 @@ fn what_is_no_ray_has_no_crossing() {
 #[test]
 fn a_sphere_lies_where_it_is() {
     let r = 20.0;
-    let s = space([64; 3], DVec3::new(0.8, 0.8, 0.8), rotation(3), |p| {
+    let s = volume([64; 3], DVec3::new(0.8, 0.8, 0.8), rotation(3), |p| {
         (-1000.0 + 1050.0 * (((p - DVec3::splat(31.3)).length() - r) / 2.0 + 1.0 / 3.0).clamp(0.0, 1.0)).round()
     });
-    let grid = s.volume().grid();
+    let grid = s.voxels().grid();
     let origin = grid.world(DVec3::splat(31.3) + DVec3::new(5.0, -3.0, 2.0));
     let centre = grid.world(DVec3::splat(31.3));
     let mut cells = 0;

@@ -43,16 +43,16 @@ pub trait VoxelSampler: Sampler {
 const SCANNER_HU: [f32; 2] = [-1024.0, 3071.0];
 
 /// The densities of the 16-bit voxels of `space`.
-fn densities(space: &PreparedVolume) -> [f32; 2] {
-    [SCANNER_HU[0].min(space.transfer().lo()), SCANNER_HU[1].max(space.transfer().hi())]
+fn densities(volume: &PreparedVolume) -> [f32; 2] {
+    [SCANNER_HU[0].min(volume.transfer().lo()), SCANNER_HU[1].max(volume.transfer().hi())]
 }
 
 /// Whether the voxel nearest to `q` is flagged as homogeneous.
 #[inline(always)]
-pub(super) fn is_homogeneous(space: &PreparedVolume, q: Vec3) -> bool {
-    let dims = space.volume().grid().dims();
+pub(super) fn is_homogeneous(volume: &PreparedVolume, q: Vec3) -> bool {
+    let dims = volume.voxels().grid().dims();
     let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
-    i < dims[0] && j < dims[1] && k < dims[2] && space.flags().homogeneous(space.volume(), i, j, k)
+    i < dims[0] && j < dims[1] && k < dims[2] && volume.flags().homogeneous(volume.voxels(), i, j, k)
 }
 
 /// Whether the voxel nearest to `q` is flagged as homogeneous, and not empty.
@@ -60,50 +60,50 @@ pub(super) fn is_homogeneous(space: &PreparedVolume, q: Vec3) -> bool {
 /// The flag alone does not do: a filtered density depends on voxels beyond the flag's neighbourhood, so that it may be seen
 /// where the nearest voxel is flagged as empty.
 #[inline(always)]
-pub(super) fn is_within_tissue(space: &PreparedVolume, q: Vec3) -> bool {
-    let volume = space.volume();
-    let dims = volume.grid().dims();
+pub(super) fn is_within_tissue(volume: &PreparedVolume, q: Vec3) -> bool {
+    let voxels = volume.voxels();
+    let dims = voxels.grid().dims();
     let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
     i < dims[0]
         && j < dims[1]
         && k < dims[2]
-        && volume.data()[volume.grid().index(i, j, k)] > space.flags().empty_up_to()
-        && space.flags().homogeneous(volume, i, j, k)
+        && voxels.data()[voxels.grid().index(i, j, k)] > volume.flags().empty_up_to()
+        && volume.flags().homogeneous(voxels, i, j, k)
 }
 
 /// High detail: trilinear values, and the regressions of the eight nearest voxels interpolated.
 pub struct Trilinear<'a> {
-    space: &'a PreparedVolume,
+    volume: &'a PreparedVolume,
     regression: Regression,
 }
 
 /// Low detail: everything is that of the nearest voxel.
 pub struct Nearest<'a> {
-    space: &'a PreparedVolume,
+    volume: &'a PreparedVolume,
     regression: Regression,
 }
 
 impl<'a> Trilinear<'a> {
     /// A sampler of `space`.
-    pub fn new(space: &'a PreparedVolume) -> Self {
-        Self { space, regression: regression(space) }
+    pub fn new(volume: &'a PreparedVolume) -> Self {
+        Self { volume, regression: regression(volume) }
     }
 
     /// What is sampled.
-    pub fn space(&self) -> &'a PreparedVolume {
-        self.space
+    pub fn volume(&self) -> &'a PreparedVolume {
+        self.volume
     }
 }
 
 impl<'a> Nearest<'a> {
     /// A sampler of `space`.
-    pub fn new(space: &'a PreparedVolume) -> Self {
-        Self { space, regression: regression(space) }
+    pub fn new(volume: &'a PreparedVolume) -> Self {
+        Self { volume, regression: regression(volume) }
     }
 }
 
-pub(super) fn regression(space: &PreparedVolume) -> Regression {
-    let spacing: DVec3 = space.volume().grid().spacing();
+pub(super) fn regression(volume: &PreparedVolume) -> Regression {
+    let spacing: DVec3 = volume.voxels().grid().spacing();
     Regression::new(spacing, Weighting::InverseSquare)
 }
 
@@ -125,7 +125,7 @@ impl Sampler for Trilinear<'_> {
     #[inline(always)]
     fn value(&self, q: Vec3) -> f32 {
         let (cell, t) = split(q);
-        let [a, b, c, d, e, f, g, h] = corners(self.space, cell);
+        let [a, b, c, d, e, f, g, h] = corners(self.volume, cell);
         let mix = |a: i16, b: i16, t: f32| {
             let a = f32::from(a);
             a + (f32::from(b) - a) * t
@@ -138,12 +138,12 @@ impl Sampler for Trilinear<'_> {
     #[inline(always)]
     fn fit(&self, q: Vec3) -> Fit {
         let (cell, t) = split(q);
-        self.regression.fit(&block(self.space.volume(), cell.map(|c| c - 2)), t)
+        self.regression.fit(&block(self.volume.voxels(), cell.map(|c| c - 2)), t)
     }
 
     #[inline(always)]
     fn is_within_tissue(&self, q: Vec3) -> bool {
-        is_within_tissue(self.space, q)
+        is_within_tissue(self.volume, q)
     }
 }
 
@@ -153,32 +153,32 @@ impl VoxelSampler for Trilinear<'_> {
     // A function of its own: within the loop of a ray the optimiser gives up on it.
     #[inline(never)]
     fn fit_at(&self, v: [i32; 3]) -> Fit {
-        self.regression.fit(&block(self.space.volume(), v.map(|c| c - 2)), Vec3::ZERO)
+        self.regression.fit(&block(self.volume.voxels(), v.map(|c| c - 2)), Vec3::ZERO)
     }
 
     fn densities(&self) -> [f32; 2] {
-        densities(self.space)
+        densities(self.volume)
     }
 }
 
 impl Sampler for Nearest<'_> {
     #[inline(always)]
     fn value(&self, q: Vec3) -> f32 {
-        let volume = self.space.volume();
-        let dims = volume.grid().dims();
+        let voxels = self.volume.voxels();
+        let dims = voxels.grid().dims();
         let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
         let inside = i < dims[0] && j < dims[1] && k < dims[2];
-        f32::from(if inside { volume.data()[volume.grid().index(i, j, k)] } else { AIR_HU })
+        f32::from(if inside { voxels.data()[voxels.grid().index(i, j, k)] } else { AIR_HU })
     }
 
     #[inline(always)]
     fn fit(&self, q: Vec3) -> Fit {
-        self.regression.fit(&block(self.space.volume(), nearest(q).map(|c| c - 2)), Vec3::ZERO)
+        self.regression.fit(&block(self.volume.voxels(), nearest(q).map(|c| c - 2)), Vec3::ZERO)
     }
 
     #[inline(always)]
     fn is_within_tissue(&self, q: Vec3) -> bool {
-        is_within_tissue(self.space, q)
+        is_within_tissue(self.volume, q)
     }
 }
 
@@ -188,25 +188,25 @@ impl VoxelSampler for Nearest<'_> {
     // A function of its own: within the loop of a ray the optimiser gives up on it.
     #[inline(never)]
     fn fit_at(&self, v: [i32; 3]) -> Fit {
-        self.regression.fit(&block(self.space.volume(), v.map(|c| c - 2)), Vec3::ZERO)
+        self.regression.fit(&block(self.volume.voxels(), v.map(|c| c - 2)), Vec3::ZERO)
     }
 
     fn densities(&self) -> [f32; 2] {
-        densities(self.space)
+        densities(self.volume)
     }
 }
 
 /// The corners of a cell counted from cell −1: x fastest, then y, then z; air outside the volume.
 #[inline(always)]
-fn corners(space: &PreparedVolume, cell: [i32; 3]) -> [i16; 8] {
-    let volume = space.volume();
-    let dims = volume.grid().dims();
+fn corners(volume: &PreparedVolume, cell: [i32; 3]) -> [i16; 8] {
+    let voxels = volume.voxels();
+    let dims = voxels.grid().dims();
     let inside = |a: usize| cell[a] >= 1 && (cell[a] as usize) < dims[a];
     if inside(0) && inside(1) && inside(2) {
         let [i, j, k] = cell.map(|c| c as usize - 1);
-        let n = volume.grid().index(i, j, k);
+        let n = voxels.grid().index(i, j, k);
         let (row, slice) = (dims[0], dims[0] * dims[1]);
-        let data = volume.data();
+        let data = voxels.data();
         let pair = |n: usize| data[n..n + 2].first_chunk().copied().unwrap_or([AIR_HU; 2]);
         let ([a, b], [c, d]) = (pair(n), pair(n + row));
         let ([e, f], [g, h]) = (pair(n + slice), pair(n + slice + row));
@@ -215,7 +215,7 @@ fn corners(space: &PreparedVolume, cell: [i32; 3]) -> [i16; 8] {
         let [i, j, k] = cell.map(|c| i64::from(c) - 1);
         std::array::from_fn(|n| {
             let n = n as i64;
-            volume.get(i + (n & 1), j + (n >> 1 & 1), k + (n >> 2))
+            voxels.get(i + (n & 1), j + (n >> 1 & 1), k + (n >> 2))
         })
     }
 }
@@ -235,16 +235,16 @@ mod tests {
     fn samples_are_those_of_the_exact_ray() {
         let grid = Grid::new([5, 4, 6], DVec3::new(0.5, 0.7, 1.0), DVec3::ONE, DMat3::IDENTITY).unwrap();
         let data = (0..grid.len() as u64).map(|n| (2000.0 * hash::uniform(1, n)) as i16 - 1000).collect();
-        let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+        let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
         for n in 0..3000 {
             let u = |k| hash::uniform(n, k);
             let q = Vec3::new(6.0 * u(0) as f32, 5.0 * u(1) as f32, 7.0 * u(2) as f32);
-            let exact = ray::trilinear(space.volume(), q.as_dvec3() - 1.0);
-            assert!((f64::from(Trilinear::new(&space).value(q)) - exact).abs() < 0.02, "{q}");
+            let exact = ray::trilinear(volume.voxels(), q.as_dvec3() - 1.0);
+            assert!((f64::from(Trilinear::new(&volume).value(q)) - exact).abs() < 0.02, "{q}");
             let voxel = (q - 0.5).floor();
-            let near = space.volume().get(voxel.x as i64, voxel.y as i64, voxel.z as i64);
-            assert_eq!(Nearest::new(&space).value(q), f32::from(near), "{q}");
-            let (low, high) = (Nearest::new(&space).fit(q), Trilinear::new(&space).fit(voxel + 1.0));
+            let near = volume.voxels().get(voxel.x as i64, voxel.y as i64, voxel.z as i64);
+            assert_eq!(Nearest::new(&volume).value(q), f32::from(near), "{q}");
+            let (low, high) = (Nearest::new(&volume).fit(q), Trilinear::new(&volume).fit(voxel + 1.0));
             assert!((low.gradient - high.gradient).length() < 1e-3);
         }
     }

@@ -27,8 +27,13 @@ pub struct Accelerations {
 
 impl Accelerations {
     /// What `leap` and `gradients` need for `space`, whose voxels `sampler` sees.
-    pub fn new<S: VoxelSampler>(space: &PreparedVolume, sampler: &S, leap: Leaping, gradients: GradientSource) -> Self {
-        Self { leaper: Leaper::new(leap, space), fits: Fits::new(gradients, sampler, space) }
+    pub fn new<S: VoxelSampler>(
+        volume: &PreparedVolume,
+        sampler: &S,
+        leap: Leaping,
+        gradients: GradientSource,
+    ) -> Self {
+        Self { leaper: Leaper::new(leap, volume), fits: Fits::new(gradients, sampler, volume) }
     }
 
     /// Casts a picture through voxels that `sampler` sees; by the storage's own flags it leaps with the first of `flags` where
@@ -45,11 +50,11 @@ impl Accelerations {
         let sampler = FitSampler::new(sampler, &self.fits);
         match request.settings.classification {
             Classification::Value => {
-                let leap = self.leaper.skipper::<_, 1>(request.space, flags.0);
+                let leap = self.leaper.skipper::<_, 1>(request.volume, flags.0);
                 request.image(&sampler, &leap, &ByValue, begin, kept, frame)
             }
             Classification::Filtered => {
-                let leap = self.leaper.skipper::<_, 2>(request.space, flags.1);
+                let leap = self.leaper.skipper::<_, 2>(request.volume, flags.1);
                 request.image(&sampler, &leap, &ByDensity, begin, kept, frame)
             }
         }
@@ -62,17 +67,17 @@ impl Accelerations {
 }
 
 /// Rays through the 16-bit voxels by the choices of `settings`.
-pub fn words(space: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
+pub fn words(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
     let choices = settings.choices;
     if !choices.need_single_rays() {
-        return Box::new(Direct::new(space, settings));
+        return Box::new(Direct::new(volume, settings));
     }
     // Where no voxel has a flag, bricks do what the flags would.
-    let own = if space.flags().has_bits() { Leaping::Flag } else { Leaping::Brick };
+    let own = if volume.flags().has_bits() { Leaping::Flag } else { Leaping::Brick };
     let gradients = choices.gradients.unwrap_or(GradientSource::None);
-    let accelerations = Accelerations::new(space, &Trilinear::new(space), choices.leap.unwrap_or(own), gradients);
+    let accelerations = Accelerations::new(volume, &Trilinear::new(volume), choices.leap.unwrap_or(own), gradients);
     let key_frames = choices.key_frames.filter(|_| reuse == Reuse::Allowed);
-    let storage = WordStorage::accelerated(space, accelerations, key_frames.is_some());
+    let storage = WordStorage::accelerated(volume, accelerations, key_frames.is_some());
     by_frames(storage, settings, key_frames)
 }
 

@@ -37,7 +37,7 @@ impl Skipper for Everything {
 /// Leaps over empty bricks, and with `VOXELS` also over single voxels that are flagged as homogeneous and empty. The
 /// latter only tells of 3×3×3 voxels, too few where a sample depends on the regressions of all eight voxels around it.
 pub struct Leap<'a, const VOXELS: bool> {
-    space: &'a PreparedVolume,
+    volume: &'a PreparedVolume,
     flags: &'a Flags,
 }
 
@@ -92,22 +92,22 @@ impl Bricks {
 
 impl<'a, const VOXELS: bool> Leap<'a, VOXELS> {
     /// Leaps by the flags of `space`.
-    pub fn new(space: &'a PreparedVolume) -> Self {
-        Self { space, flags: space.flags() }
+    pub fn new(volume: &'a PreparedVolume) -> Self {
+        Self { volume, flags: volume.flags() }
     }
 }
 
 /// Whether the nearest voxel to `q` and its 26 neighbours are empty.
 #[inline(always)]
-pub(super) fn is_empty_voxel(space: &PreparedVolume, q: Vec3) -> bool {
-    let volume = space.volume();
-    let dims = volume.grid().dims();
+pub(super) fn is_empty_voxel(volume: &PreparedVolume, q: Vec3) -> bool {
+    let voxels = volume.voxels();
+    let dims = voxels.grid().dims();
     let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
     i < dims[0]
         && j < dims[1]
         && k < dims[2]
-        && volume.data()[volume.grid().index(i, j, k)] <= space.flags().empty_up_to()
-        && space.flags().homogeneous(volume, i, j, k)
+        && voxels.data()[voxels.grid().index(i, j, k)] <= volume.flags().empty_up_to()
+        && volume.flags().homogeneous(voxels, i, j, k)
 }
 
 impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
@@ -150,7 +150,7 @@ impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
         loop {
             let end = walk.exit.min(ray.count);
             while n < end {
-                if !VOXELS || !is_empty_voxel(self.space, ray.at(n)) {
+                if !VOXELS || !is_empty_voxel(self.volume, ray.at(n)) {
                     return n;
                 }
                 // The whole neighbourhood is empty, out to a voxel from its centre, and the place is within half of

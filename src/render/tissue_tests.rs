@@ -52,8 +52,8 @@ fn at(place: DVec3, detail: Quality, of_voxel: impl Fn([i64; 3]) -> f64) -> f64 
 }
 
 /// The picture's truth.
-fn truth(space: &PreparedVolume, view: &View, settings: &Settings, by_density: bool) -> Vec<Vec3> {
-    let (volume, grid) = (space.volume(), space.volume().grid());
+fn truth(volume: &PreparedVolume, view: &View, settings: &Settings, by_density: bool) -> Vec<Vec3> {
+    let (volume, grid) = (volume.voxels(), volume.voxels().grid());
     let first = 0.5 * grid.min_spacing() * 2f64.powi(settings.step_power);
     let pixel = |n: usize| {
         let ray = view.ray(n % view.width(), n / view.width()).unwrap();
@@ -72,8 +72,8 @@ fn truth(space: &PreparedVolume, view: &View, settings: &Settings, by_density: b
 fn tissue_all_round_is_as_bright_as_a_wall_seen_head_on() {
     let (filtered, bytes) = (Classification::Filtered, presets::colvis::PRESET);
     for spacing in [DVec3::ONE, DVec3::new(0.6, 0.7, 2.0)] {
-        let space = tissue(spacing);
-        let from = space.volume().grid().world(DVec3::new(11.3, 12.1, 12.4));
+        let volume = tissue(spacing);
+        let from = volume.voxels().grid().world(DVec3::new(11.3, 12.1, 12.4));
         let view = View::new(from, DVec3::new(0.3, -0.5, 0.8), DVec3::Z, 90.0, 21, 15).unwrap();
         for quality in [Quality::High, Quality::Low] {
             let low = Some(LowDetail::Nearest);
@@ -89,8 +89,8 @@ fn tissue_all_round_is_as_bright_as_a_wall_seen_head_on() {
             }
             for (preset, settings, by_density) in all {
                 let mut frame = Frame::default();
-                renderer(&space, settings, preset, Reuse::Allowed).render(&view, &mut frame);
-                let want = truth(&space, &view, &settings, by_density);
+                renderer(&volume, settings, preset, Reuse::Allowed).render(&view, &mut frame);
+                let want = truth(&volume, &view, &settings, by_density);
                 for (got, want) in frame.pixels().iter().zip(want) {
                     let got = Vec3::from_array(got.map(f32::from));
                     let off = (got - want).abs().max_element();
@@ -108,11 +108,11 @@ fn gas_beside_a_slanted_wall_has_its_gradient() {
     let grid = Grid::new([SIZE; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let wall = |n: usize| if (n % SIZE) as f64 - 0.5 * (n / SIZE % SIZE) as f64 > 6.0 { 3000 } else { -1000 };
     let volume = Volume::new(grid.clone(), (0..grid.len()).map(wall).collect());
-    let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+    let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
     let view = View::new(DVec3::new(4.0, 12.0, 12.0), DVec3::X, DVec3::Z, 10.0, 15, 15).unwrap();
     let settings = Settings { classification: Classification::Filtered, ..Settings::default() };
     let mut frame = Frame::default();
-    renderer(&space, settings, presets::standard::PRESET, Reuse::Allowed).render(&view, &mut frame);
+    renderer(&volume, settings, presets::standard::PRESET, Reuse::Allowed).render(&view, &mut frame);
     // The wall is seen 27° from head on, and 20° to 34° over the picture and the steps of its voxels: 0.1 + 0.9 cos of full light,
     // which is 230 to 242 in red.
     let brightest = frame.pixels().iter().map(|p| p[0]).max().unwrap();

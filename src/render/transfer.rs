@@ -29,13 +29,13 @@ impl TransferFunction {
     /// # Errors
     /// Wrong usage when a bound is not a finite 16-bit HU value or `lo` is not below `hi`.
     pub fn new(lo: f32, hi: f32) -> Result<Self> {
-        let mend = "give LO,HI in HU with LO below HI, such as -800,-500";
+        let hint = "give LO,HI in HU with LO below HI, such as -800,-500";
         let range = -32767.0..=32767.0;
         if !range.contains(&lo) || !range.contains(&hi) {
-            return Err(Error::usage("--wall", format!("{lo},{hi} is not within ±32767 HU"), mend));
+            return Err(Error::usage("--wall", format!("{lo},{hi} is not within ±32767 HU"), hint));
         }
         if lo >= hi {
-            return Err(Error::usage("--wall", format!("{lo} HU is not below {hi} HU"), mend));
+            return Err(Error::usage("--wall", format!("{lo} HU is not below {hi} HU"), hint));
         }
         Ok(Self { lo, hi })
     }

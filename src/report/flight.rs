@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use crate::app::{Scan, Scene, Wish};
+use crate::app::{FlightRequest, Scan, Scene};
 use crate::components::flight::State;
 use crate::components::output::LogLine;
 use crate::error::{Error, Result};
@@ -70,10 +70,10 @@ pub struct Flown {
 ///
 /// # Errors
 /// Status 4 where there is no colon to fly, or when interrupted.
-pub fn fly(space: &PreparedVolume, progress: &Progress) -> Result<Flown> {
+pub fn fly(volume: &PreparedVolume, progress: &Progress) -> Result<Flown> {
     let scene = Scene { log: true, ..Scene::default() };
-    let mut scan = Scan::prepared(space.clone(), Arc::new(progress.clone()));
-    let mut flight = scan.flight(scene, &Wish::default())?;
+    let mut scan = Scan::prepared(volume.clone(), Arc::new(progress.clone()));
+    let mut flight = scan.flight(scene, &FlightRequest::default())?;
     let hz = f64::from(flight.clock().hz);
     progress.stage("flying", (flight.plan().length_mm / flight.scene().cruise_mm_s() * hz * 1.3) as u64);
     let mut log = Vec::new();

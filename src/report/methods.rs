@@ -1,10 +1,10 @@
 //! The rendering methods that `report render` compares. A new method is one more line here.
 
 use crate::error::Result;
-use crate::render::fast::{Fast, Pixels};
 use crate::render::flags::Flags;
 use crate::render::gradient_store::{GradientVolume, Stored};
 use crate::render::leap::VoxelWalls;
+use crate::render::packets::{PacketRenderer, Pixels};
 use crate::render::reuse::{Refresh, Reusing, Rule, WordStorage};
 use crate::render::sampler::Trilinear;
 use crate::render::{
@@ -44,42 +44,42 @@ const OTHER: Traits = Traits { other_picture: true, ..PLAIN };
 
 /// The ray caster of a quality with steps of h · 2^`step_power` and some samples a pixel.
 fn direct(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     quality: Quality,
     step_power: i32,
     samples_per_pixel: u32,
 ) -> Result<Box<dyn Renderer>> {
     let settings = Settings { step_power, samples_per_pixel, ..Settings::new(quality) };
-    Ok(Box::new(Direct::new(space, settings)))
+    Ok(Box::new(Direct::new(volume, settings)))
 }
 
-fn filtered(space: &PreparedVolume) -> Result<Box<dyn Renderer>> {
+fn filtered(volume: &PreparedVolume) -> Result<Box<dyn Renderer>> {
     let settings = Settings { classification: Classification::Filtered, ..Settings::default() };
-    Ok(Box::new(Direct::new(space, settings)))
+    Ok(Box::new(Direct::new(volume, settings)))
 }
 
 const KEEPS: Traits = Traits { keeps: true, ..PLAIN };
 
 /// Packets of rays with samples every h · 2^(`step_power` + 1).
-fn packets(space: &PreparedVolume, step_power: i32, pixels: Pixels) -> Result<Box<dyn Renderer>> {
-    Ok(Box::new(Fast::new(space, Settings { step_power, ..Settings::default() }, pixels)))
+fn packets(volume: &PreparedVolume, step_power: i32, pixels: Pixels) -> Result<Box<dyn Renderer>> {
+    Ok(Box::new(PacketRenderer::new(volume, Settings { step_power, ..Settings::default() }, pixels)))
 }
 
-fn reusing<R: Rule + 'static>(space: &PreparedVolume, refresh: Refresh) -> Result<Box<dyn Renderer>> {
-    Ok(Box::new(Reusing::<_, R>::new(WordStorage::new(space), Settings::default(), refresh)))
+fn reusing<R: Rule + 'static>(volume: &PreparedVolume, refresh: Refresh) -> Result<Box<dyn Renderer>> {
+    Ok(Box::new(Reusing::<_, R>::new(WordStorage::new(volume), Settings::default(), refresh)))
 }
 
 /// The preset `default` with a scene's choices.
-fn chosen(space: &PreparedVolume, choices: Choices) -> Result<Box<dyn Renderer>> {
+fn chosen(volume: &PreparedVolume, choices: Choices) -> Result<Box<dyn Renderer>> {
     let settings = Settings { choices, ..Settings::default() };
-    Ok(renderer(space, settings, presets::standard::PRESET, Reuse::Allowed))
+    Ok(renderer(volume, settings, presets::standard::PRESET, Reuse::Allowed))
 }
 
 const NOTHING: Choices = Choices { leap: None, gradients: None, key_frames: None, low: None };
 
-fn lean(space: &PreparedVolume) -> Result<Box<dyn Renderer>> {
-    let space = PreparedVolume::lean(space.shared_volume(), space.transfer());
-    Ok(renderer(&space, Settings::default(), presets::lean::PRESET, Reuse::Allowed))
+fn lean(volume: &PreparedVolume) -> Result<Box<dyn Renderer>> {
+    let volume = PreparedVolume::lean(volume.shared_voxels(), volume.transfer());
+    Ok(renderer(&volume, Settings::default(), presets::lean::PRESET, Reuse::Allowed))
 }
 
 /// The reference that all others are measured against.
@@ -151,7 +151,7 @@ pub struct Preparation {
 /// All preparations. One that the paper's claims compare with is one more line here; a claim without it is left out.
 #[rustfmt::skip]
 pub const PREPARATIONS: &[Preparation] = &[
-    Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.volume(), s.transfer()).bytes()) },
+    Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.voxels(), s.transfer()).bytes()) },
     Preparation { name: "wall distance per voxel", role: Role::Field, build: |s| Ok(VoxelWalls::new(s).bytes()) },
     Preparation { name: "gradients near the wall", role: Role::Gradients, build: |s| Ok(GradientVolume::new(&Trilinear::new(s), s, Stored::NearWall).bytes()) },
     Preparation { name: "marching cubes mesh", role: Role::Surface, build: |s| Ok(Mesh::new(s)?.bytes()) },

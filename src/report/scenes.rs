@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::app::explain::explain;
-use crate::app::{FlightApp, ImageSettings, Plan, Scan, Scene, Steering, Wish};
+use crate::app::{FlightApp, FlightRequest, ImageSettings, Plan, Scan, Scene, Steering};
 use crate::components::guide::Tentacles;
 use crate::dynamics::STEP_HZ;
 use crate::error::Result;
@@ -95,7 +95,7 @@ struct Cost {
 /// # Errors
 /// Status 4 when the scan cannot be flown or when interrupted, 5 when a file cannot be written.
 pub fn report(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     plugins: &Plugins,
     effort: Effort,
     folder: &Path,
@@ -103,13 +103,13 @@ pub fn report(
 ) -> Result<Vec<String>> {
     let (rounds, pixels) = effort.choose((12, 256), (60, 512));
     let begun = Instant::now();
-    let flags = Flags::new(space.volume(), space.transfer());
+    let flags = Flags::new(volume.voxels(), volume.transfer());
     let flags_s = begun.elapsed().as_secs_f64();
-    let mut scan = Scan::prepared(space.clone(), Arc::new(progress.clone()));
+    let mut scan = Scan::prepared(volume.clone(), Arc::new(progress.clone()));
     let lumen = scan.lumen()?;
     let lumen_s: f64 = scan.timings().parts().iter().map(|p| p.1).sum();
     let default = Scene::default();
-    let plan = scan.plan(&Wish::default(), default.body.radius_mm)?;
+    let plan = scan.plan(&FlightRequest::default(), default.body.radius_mm)?;
     let full = Scene { picture: true, log: true, operator: true, ..Scene::default() };
     let mut scenes = vec![("default".to_owned(), default), ("everything".to_owned(), full.clone())];
     for (name, text) in SHIPPED {
@@ -130,7 +130,7 @@ pub fn report(
     }
     let mut running = Vec::new();
     for (name, scene) in scenes {
-        running.push(Running::new(name, space, &lumen, &plan, &scene, pixels)?);
+        running.push(Running::new(name, volume, &lumen, &plan, &scene, pixels)?);
     }
     progress.stage("measuring scenes", rounds as u64);
     for n in 0..rounds {
@@ -142,13 +142,13 @@ pub fn report(
     }
     let costs: Vec<Cost> = running.iter().map(Running::cost).collect();
     let built = [("homogeneous-region flags", flags.bytes(), flags_s), ("lumen (runs)", lumen.bytes(), lumen_s)];
-    write(&costs, &built, space.volume().bytes(), pixels, folder)
+    write(&costs, &built, volume.voxels().bytes(), pixels, folder)
 }
 
 impl Running {
     fn new(
         name: String,
-        space: &PreparedVolume,
+        volume: &PreparedVolume,
         lumen: &Arc<Lumen>,
         plan: &Plan,
         scene: &Scene,
@@ -159,16 +159,16 @@ impl Running {
         let image = ImageSettings { width: pixels, height: pixels, settings, ..ImageSettings::default() };
         let scene = Scene { image, ..scene.clone() };
         let mut scene_ms = Vec::new();
-        let make = || FlightApp::new(space.clone(), Arc::clone(lumen), plan.clone(), scene.clone());
+        let make = || FlightApp::new(volume.clone(), Arc::clone(lumen), plan.clone(), scene.clone());
         for _ in 0..3 {
             let begun = Instant::now();
             drop(make()?);
             scene_ms.push(begun.elapsed().as_secs_f64() * 1e3);
         }
         let flight = make()?;
-        let told = explain(&flight);
-        let bytes = told.built.iter().skip(VOLUME).map(|b| b.bytes).sum();
-        let systems = told.step.len() + told.frame.len();
+        let reported = explain(&flight);
+        let bytes = reported.built.iter().skip(VOLUME).map(|b| b.bytes).sum();
+        let systems = reported.step.len() + reported.frame.len();
         Ok(Self {
             name,
             flight,

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use glam::{DMat3, DVec3};
 
-use crate::app::plan::{self, Plan, Wish};
+use crate::app::plan::{self, FlightRequest, Plan};
 use crate::app::{FlightApp, Scan, Scene};
 use crate::components::clock::Clock;
 use crate::components::flight::State;
@@ -21,7 +21,7 @@ use crate::volume::{Grid, Volume};
 /// A volume to fly through, from end to end.
 pub struct Course {
     /// The volume.
-    pub space: PreparedVolume,
+    pub volume: PreparedVolume,
     /// Its colon.
     pub lumen: Arc<Lumen>,
     /// Start and goal.
@@ -35,10 +35,10 @@ impl Course {
     ///
     /// # Errors
     /// Status 4 where there is no colon to fly or when interrupted.
-    pub fn new(space: PreparedVolume, truth: Option<Truth>, progress: &Progress) -> Result<Self> {
-        let mut scan = Scan::prepared(space.clone(), Arc::new(progress.clone()));
-        let plan = scan.plan(&Wish::default(), Scene::default().body.radius_mm)?;
-        Ok(Self { space, lumen: scan.lumen()?, plan, truth })
+    pub fn new(volume: PreparedVolume, truth: Option<Truth>, progress: &Progress) -> Result<Self> {
+        let mut scan = Scan::prepared(volume.clone(), Arc::new(progress.clone()));
+        let plan = scan.plan(&FlightRequest::default(), Scene::default().body.radius_mm)?;
+        Ok(Self { volume, lumen: scan.lumen()?, plan, truth })
     }
 
     /// A course through a phantom.
@@ -87,11 +87,16 @@ impl Course {
             length_mm: 300.0,
             segment: None,
             gas: None,
-            falls_short: None,
-            other_falls_short: None,
+            goal_missed: None,
+            other_goal_missed: None,
             notes: Vec::new(),
         };
-        Ok(Self { space: PreparedVolume::new(Arc::new(volume), TransferFunction::default()), lumen, plan, truth: None })
+        Ok(Self {
+            volume: PreparedVolume::new(Arc::new(volume), TransferFunction::default()),
+            lumen,
+            plan,
+            truth: None,
+        })
     }
 
     /// How far each place of the lumen is from the goal, along the lumen.
@@ -100,7 +105,7 @@ impl Course {
     /// Status 4 when interrupted.
     pub fn to_goal(&self, progress: &Progress) -> Result<TargetDistance> {
         let gas = self.plan.gas.as_deref().unwrap_or(&self.lumen);
-        let walls = WallDistance::of_lumen(self.space.volume(), gas, Through::Gas, progress)?;
+        let walls = WallDistance::of_lumen(self.volume.voxels(), gas, Through::Gas, progress)?;
         TargetDistance::to(&Arc::new(walls), self.plan.goal, None, &[], progress)
     }
 
@@ -109,9 +114,9 @@ impl Course {
     /// # Errors
     /// Status 4 where there is no colon to fly.
     pub fn reversed(&self, progress: &Progress) -> Result<Self> {
-        let wish = Wish { reverse: true, ..Wish::default() };
-        let plan = plan::plan(&self.space, &self.lumen, &wish, Scene::default().body.radius_mm, progress)?;
-        Ok(Self { space: self.space.clone(), lumen: Arc::clone(&self.lumen), plan, truth: self.truth.clone() })
+        let request = FlightRequest { reverse: true, ..FlightRequest::default() };
+        let plan = plan::plan(&self.volume, &self.lumen, &request, Scene::default().body.radius_mm, progress)?;
+        Ok(Self { volume: self.volume.clone(), lumen: Arc::clone(&self.lumen), plan, truth: self.truth.clone() })
     }
 }
 
@@ -167,8 +172,8 @@ impl Trial {
 /// Status 2 for a scene that makes no sense.
 pub fn fly(course: &Course, scene: &Scene, seconds: f64) -> Result<Trial> {
     let scene = Scene { log: true, ..scene.clone() };
-    let (space, lumen) = (course.space.clone(), Arc::clone(&course.lumen));
-    let mut flight = FlightApp::new(space, lumen, course.plan.clone(), scene)?;
+    let (volume, lumen) = (course.volume.clone(), Arc::clone(&course.lumen));
+    let mut flight = FlightApp::new(volume, lumen, course.plan.clone(), scene)?;
     let steps = (seconds * f64::from(Clock::default().hz)) as usize;
     let mut log = Vec::new();
     let begun = Instant::now();

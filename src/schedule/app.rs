@@ -16,7 +16,7 @@ use bevy_ecs::system::{ScheduleSystem, SystemAccess};
 use super::ledger::{self, Fault, Ledger, PluginTime};
 use super::{FlightSystems, Phase, Plugin};
 use crate::error::{Error, Result};
-use crate::fence;
+use crate::panics;
 
 /// A place that exactly one plugin may fill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -208,10 +208,10 @@ impl App {
     /// What `add` returns; status 1 when it panics.
     pub fn on_account<R>(&mut self, name: &str, add: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
         let before = std::mem::replace(&mut self.account, self.ledger.as_ref().map(|l| l.open(name)));
-        let added = fence::caught(|| add(self));
+        let added = panics::catch(|| add(self));
         self.account = before;
         added.unwrap_or_else(|why| {
-            Err(Error::fault(format!("plug-in {name}"), format!("panicked: {why}"), "mend it, or fly without it"))
+            Err(Error::fault(format!("plug-in {name}"), format!("panicked: {why}"), "fix it, or fly without it"))
         })
     }
 
@@ -445,7 +445,7 @@ impl App {
     fn run(&mut self, phase: Phase) -> Result<()> {
         let Self { step, frame, world, ledger, .. } = self;
         let schedule = if phase == Phase::Step { step } else { frame };
-        let ran = fence::caught(|| schedule.run(world));
+        let ran = panics::catch(|| schedule.run(world));
         if let Some(ledger) = ledger {
             ledger.finish(phase);
         }

@@ -13,7 +13,7 @@ use bevy_ecs::error::{BevyError, ErrorContext};
 
 use super::Phase;
 use crate::error::Error;
-use crate::fence::panic_text;
+use crate::panics::panic_text;
 
 thread_local! {
     /// What went wrong on this thread since it was last asked for.
@@ -113,12 +113,12 @@ struct Account {
 }
 
 #[derive(Debug, Default)]
-struct Book {
+struct PluginAccounts {
     accounts: Vec<Account>,
     since: Option<(usize, Instant)>,
 }
 
-impl Book {
+impl PluginAccounts {
     fn close(&mut self) {
         if let Some((owner, since)) = self.since.take()
             && let Some(account) = self.accounts.get_mut(owner)
@@ -130,10 +130,10 @@ impl Book {
 
 /// The owners of systems, and their times.
 #[derive(Debug, Default)]
-pub(super) struct Ledger(Mutex<Book>);
+pub(super) struct Ledger(Mutex<PluginAccounts>);
 
 impl Ledger {
-    fn book(&self) -> MutexGuard<'_, Book> {
+    fn book(&self) -> MutexGuard<'_, PluginAccounts> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -205,5 +205,5 @@ pub(super) fn fault_error(name: Option<String>, fault: &Fault) -> Error {
         Some(name) => format!("plug-in {name} ({})", fault.what),
         None => fault.what.clone(),
     };
-    Error::fault(what, fault.why.clone(), "mend it, or fly without it")
+    Error::fault(what, fault.why.clone(), "fix it, or fly without it")
 }

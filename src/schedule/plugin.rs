@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::App;
 use crate::error::{Error, Result};
-use crate::fence::asked;
+use crate::panics::ask_plugin;
 use crate::render::Options;
 
 /// Something that another crate adds to a flight: systems, entities, resources. It is a value, so it can carry settings and
@@ -20,7 +20,7 @@ use crate::render::Options;
 ///
 /// ```
 /// use bevy_ecs::prelude::*;
-/// use colvis::app::{Scan, Scene, Wish};
+/// use colvis::app::{Scan, Scene, FlightRequest};
 /// use colvis::components::input::FlightCommand;
 /// use colvis::schedule::{App, FlightSystems};
 ///
@@ -32,7 +32,7 @@ use crate::render::Options;
 ///     app.add_systems(FlightSystems::Log, |mut steps: ResMut<Steps>| steps.0 += 1);
 ///     Ok(())
 /// };
-/// let mut flight = Scan::phantom(1)?.flight(Scene::default().plug(("count", count))?, &Wish::default())?;
+/// let mut flight = Scan::phantom(1)?.flight(Scene::default().plug(("count", count))?, &FlightRequest::default())?;
 /// flight.fly(1.0)?;
 /// flight.act(FlightCommand::Guide("manual".to_owned()))?;
 /// flight.fly(1.0)?;
@@ -125,7 +125,7 @@ impl Plugins {
     pub fn configure(&mut self, name: &str, options: Options) -> Result<bool> {
         let Some(plugin) = self.0.iter_mut().find(|p| p.name() == name) else { return Ok(false) };
         let configured =
-            asked(|| format!("plug-in {name}"), || plugin.with_options(options)).map_err(|e| in_table(name, e))?;
+            ask_plugin(|| format!("plug-in {name}"), || plugin.with_options(options)).map_err(|e| in_table(name, e))?;
         if let Some(configured) = configured {
             *plugin = configured;
         }

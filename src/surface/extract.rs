@@ -17,15 +17,15 @@ use crate::volume::{Grid, Volume};
 const BLOCK: usize = 4;
 
 /// See [`Mesh::new`].
-pub(super) fn extract(space: &PreparedVolume) -> Result<Mesh> {
-    let (volume, iso) = (space.volume(), space.transfer().iso());
-    let signs = Signs::new(volume, iso);
+pub(super) fn extract(volume: &PreparedVolume) -> Result<Mesh> {
+    let (voxels, iso) = (volume.voxels(), volume.transfer().iso());
+    let signs = Signs::new(voxels, iso);
     let numbers = Numbers::new(&signs);
     check_count(&numbers)?;
-    let (places, normals) = vertices(space, &signs, &numbers);
-    let above = |v| value(volume, v) - iso;
-    let (triangles, blocks) = triangles(volume.grid(), above, &signs, &numbers, &places);
-    Ok(Mesh { origin: volume.grid().origin(), places, normals, triangles, blocks })
+    let (places, normals) = vertices(volume, &signs, &numbers);
+    let above = |v| value(voxels, v) - iso;
+    let (triangles, blocks) = triangles(voxels.grid(), above, &signs, &numbers, &places);
+    Ok(Mesh { origin: voxels.grid().origin(), places, normals, triangles, blocks })
 }
 
 /// Refuses what has more triangles than can be numbered.
@@ -53,18 +53,18 @@ pub(super) fn each_crossed(signs: &Signs, z: usize, mut visit: impl FnMut([usize
 }
 
 /// Value of a grown voxel, HU.
-fn value(volume: &Volume, [x, y, z]: [usize; 3]) -> f64 {
-    f64::from(volume.get(x as i64 - 1, y as i64 - 1, z as i64 - 1))
+fn value(voxels: &Volume, [x, y, z]: [usize; 3]) -> f64 {
+    f64::from(voxels.get(x as i64 - 1, y as i64 - 1, z as i64 - 1))
 }
 
 /// A vertex for each crossed edge: where the value between the two voxels, which is linear, is that of the wall.
-fn vertices(space: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<Vec3>, Vec<Normal>) {
-    let (volume, iso) = (space.volume(), space.transfer().iso());
+fn vertices(volume: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<Vec3>, Vec<Normal>) {
+    let (voxels, iso) = (volume.voxels(), volume.transfer().iso());
     let total = numbers.total() as usize;
     let mut places = vec![Vec3::ZERO; total];
     let mut normals = vec![Normal::NONE; total];
-    let sampler = Trilinear::new(space);
-    let turn = to_world(volume);
+    let sampler = Trilinear::new(volume);
+    let turn = to_world(voxels);
     let mut planes = Vec::with_capacity(signs.dims[2]);
     let (mut rest, mut rest_normals) = (&mut places[..], &mut normals[..]);
     for z in 0..signs.dims[2] {
@@ -79,11 +79,11 @@ fn vertices(space: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<Ve
         each_crossed(signs, z, |from, axis| {
             let mut to = from;
             to[axis] += 1;
-            let (a, b) = (value(volume, from), value(volume, to));
+            let (a, b) = (value(voxels, from), value(voxels, to));
             let mut q = DVec3::from_array(from.map(|c| c as f64));
             q[axis] += (iso - a) / (b - a);
             if let Some((place, normal)) = out.next() {
-                *place = volume.grid().to_world().transform_vector3(q - 1.0).as_vec3();
+                *place = voxels.grid().to_world().transform_vector3(q - 1.0).as_vec3();
                 *normal = Normal::new(turn * sampler.fit(q.as_vec3()).gradient);
             }
         });

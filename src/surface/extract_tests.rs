@@ -8,7 +8,7 @@ use crate::math::hash;
 use crate::render::{PreparedVolume, TransferFunction, value};
 use crate::volume::{Grid, Volume};
 
-fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
+fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-7.0, 11.0, 3.0), direction).unwrap();
     let place = |n: usize| {
         grid.world(DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64))
@@ -22,7 +22,7 @@ fn space(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -
 fn ball(n: usize, h: f64, r: f64, slope: f64) -> (PreparedVolume, DVec3) {
     let centre = DVec3::new(-7.0, 11.0, 3.0) + 0.5 * (n as f64 - 1.0) * h + DVec3::new(0.03, 0.11, 0.07);
     let f = |p: DVec3| -650.0 - slope * (p.distance(centre) - r);
-    (space([n; 3], DVec3::splat(h), DMat3::IDENTITY, f), centre)
+    (volume([n; 3], DVec3::splat(h), DMat3::IDENTITY, f), centre)
 }
 
 /// Every side is run through once in each direction; returns vertices − sides + triangles.
@@ -64,8 +64,8 @@ fn a_ball_is_closed_and_its_area_converges_at_order_two() {
     let errors: Vec<f64> = [16, 32, 64]
         .iter()
         .map(|&n| {
-            let (space, centre) = ball(n, 26.0 / n as f64, r, 1000.0);
-            let mesh = Mesh::new(&space).unwrap();
+            let (volume, centre) = ball(n, 26.0 / n as f64, r, 1000.0);
+            let mesh = Mesh::new(&volume).unwrap();
             assert_eq!(euler(&mesh), 2, "a sphere");
             let (area, volume) = area_and_volume(&mesh);
             assert!(volume > 0.0, "wound so that the tissue is inside");
@@ -87,7 +87,7 @@ fn a_ball_is_closed_and_its_area_converges_at_order_two() {
 fn vertices_lie_on_the_wall_that_rays_see() {
     let shear = DMat3::from_cols(DVec3::NEG_X, DVec3::new(0.0, 0.8, 0.6), DVec3::new(0.1, -0.6, 0.9));
     for direction in [DMat3::IDENTITY, shear, DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0))] {
-        let s = space([9, 8, 7], DVec3::new(0.5, 0.7, 2.0), direction, |p| {
+        let s = volume([9, 8, 7], DVec3::new(0.5, 0.7, 2.0), direction, |p| {
             2000.0 * hash::uniform(3, p.x.to_bits() ^ p.y.to_bits() << 1 ^ p.z.to_bits() << 2) - 1400.0
         });
         let mesh = Mesh::new(&s).unwrap();
@@ -103,7 +103,7 @@ fn vertices_lie_on_the_wall_that_rays_see() {
 fn noise_makes_no_crack() {
     // Every ambiguous face occurs here, and every border.
     for seed in 0..20u64 {
-        let s = space([13, 17, 11], DVec3::ONE, DMat3::IDENTITY, |p| {
+        let s = volume([13, 17, 11], DVec3::ONE, DMat3::IDENTITY, |p| {
             let share = [0.5, 0.1, 0.9][seed as usize % 3];
             let u = |k: u64| hash::uniform(seed + k, (p.x * 1.0 + p.y * 100.0 + p.z * 10_000.0).to_bits());
             // Some values are exactly the wall's.
@@ -122,13 +122,13 @@ fn noise_makes_no_crack() {
 #[test]
 fn a_ring_has_a_hole_and_two_balls_are_two() {
     let c = DVec3::new(-7.0, 11.0, 3.0) + 15.0;
-    let ring = space([31; 3], DVec3::ONE, DMat3::IDENTITY, |p| {
+    let ring = volume([31; 3], DVec3::ONE, DMat3::IDENTITY, |p| {
         let d = p - c;
         let tube = (d.truncate().length() - 8.0).hypot(d.z);
         -650.0 - 200.0 * (tube - 3.3)
     });
     assert_eq!(euler(&Mesh::new(&ring).unwrap()), 0);
-    let two = space([31; 3], DVec3::ONE, DMat3::IDENTITY, |p| {
+    let two = volume([31; 3], DVec3::ONE, DMat3::IDENTITY, |p| {
         let d = (p - c - DVec3::X * 7.0).length().min((p - c + DVec3::X * 7.0).length());
         -650.0 - 200.0 * (d - 4.6)
     });
@@ -139,7 +139,7 @@ fn a_ring_has_a_hole_and_two_balls_are_two() {
 fn a_diagonal_pair_meets_where_the_saddle_is_solid() {
     // Two solid voxels across a face, their neighbours a little or far below the wall.
     let pair = |gas: f64| {
-        space([2, 2, 1], DVec3::ONE, DMat3::IDENTITY, |p| {
+        volume([2, 2, 1], DVec3::ONE, DMat3::IDENTITY, |p| {
             let d = p - DVec3::new(-7.0, 11.0, 3.0);
             if (d.x > 0.5) == (d.y > 0.5) { -600.0 } else { gas }
         })
@@ -150,7 +150,7 @@ fn a_diagonal_pair_meets_where_the_saddle_is_solid() {
 
 #[test]
 fn volumes_without_a_wall_or_of_a_few_voxels() {
-    let flat = |dims, hu: f64| Mesh::new(&space(dims, DVec3::ONE, DMat3::IDENTITY, |_| hu)).unwrap();
+    let flat = |dims, hu: f64| Mesh::new(&volume(dims, DVec3::ONE, DMat3::IDENTITY, |_| hu)).unwrap();
     for dims in [[1, 1, 1], [2, 2, 2], [5, 1, 1], [70, 3, 2]] {
         assert!(flat(dims, -1000.0).triangles().is_empty() && flat(dims, -1000.0).bytes() == 0);
         // Tissue up to the border is closed by the air outside.

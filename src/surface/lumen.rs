@@ -104,14 +104,14 @@ fn sliders(interior: &Interior<'_>, signs: &Signs, numbers: &Numbers) -> Vec<Sli
                 let first_inside = interior.set().contains(low);
                 let (inside, outside) = if first_inside { (low, high) } else { (high, low) };
                 let scanned = (0..dims[axis]).contains(&outside[axis]);
-                let told = if scanned { interior.crossing(inside, outside) } else { Some(0.5) };
-                let share = told.unwrap_or(0.5);
+                let reported = if scanned { interior.crossing(inside, outside) } else { Some(0.5) };
+                let share = reported.unwrap_or(0.5);
                 let t = if first_inside { share } else { 1.0 - share } as f32;
                 let base = DVec3::from_array(low.map(|x| x as f64));
                 out.push(Slider {
                     base: grid.to_world().transform_vector3(base).as_vec3(),
                     axis: axis as u8,
-                    free: told.is_none(),
+                    free: reported.is_none(),
                     t: t.clamp(KEEP_OFF, 1.0 - KEEP_OFF),
                 });
             });

@@ -36,8 +36,8 @@ impl Mesh {
     ///
     /// # Errors
     /// Status 4 when there are more vertices than 32 bits count.
-    pub fn new(space: &PreparedVolume) -> Result<Self> {
-        super::extract::extract(space)
+    pub fn new(volume: &PreparedVolume) -> Result<Self> {
+        super::extract::extract(volume)
     }
 
     /// What [`Mesh::places`] and the blocks are counted from, world mm.

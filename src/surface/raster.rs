@@ -25,7 +25,7 @@ const NEAR: f64 = 0.02;
 /// The indirect method as a renderer. Opacity is that of a surface: full at the wall. Triangles stay straight in the images of
 /// perspective cameras alone: those of others are made by the direct method, ray by ray.
 pub struct Rasteriser {
-    space: PreparedVolume,
+    volume: PreparedVolume,
     mesh: Arc<Mesh>,
     colour: Vec3,
 }
@@ -107,14 +107,14 @@ impl Rasteriser {
     ///
     /// # Errors
     /// As [`Mesh::new`].
-    pub fn new(space: &PreparedVolume) -> Result<Self> {
-        Ok(Self::of(space, Arc::new(Mesh::new(space)?)))
+    pub fn new(volume: &PreparedVolume) -> Result<Self> {
+        Ok(Self::of(volume, Arc::new(Mesh::new(volume)?)))
     }
 
     /// Draws `mesh`, the wall of `space`.
-    pub fn of(space: &PreparedVolume, mesh: Arc<Mesh>) -> Self {
-        let colour = Palette::default().colour(space.transfer().iso() as f32);
-        Self { space: space.clone(), mesh, colour }
+    pub fn of(volume: &PreparedVolume, mesh: Arc<Mesh>) -> Self {
+        let colour = Palette::default().colour(volume.transfer().iso() as f32);
+        Self { volume: volume.clone(), mesh, colour }
     }
 
     /// The mesh.
@@ -131,9 +131,9 @@ impl Rasteriser {
 
     /// The picture from within the tissue: what the camera touches.
     fn blind(&self, view: &View, frame: &mut Frame) -> Work {
-        let volume = self.space.volume();
-        let q = volume.grid().voxel(view.position()) + DVec3::ONE;
-        let normal = to_world(volume) * Trilinear::new(&self.space).fit(q.as_vec3()).gradient;
+        let voxels = self.volume.voxels();
+        let q = voxels.grid().voxel(view.position()) + DVec3::ONE;
+        let normal = to_world(voxels) * Trilinear::new(&self.volume).fit(q.as_vec3()).gradient;
         let (width, rays) = (view.width(), (view.width() * view.height()) as u64);
         let (pixels, depth) = frame.buffers();
         for (n, p) in pixels.iter_mut().enumerate() {
@@ -192,13 +192,13 @@ impl Rasteriser {
 impl Renderer for Rasteriser {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
         let Some(tangent) = view.camera().tangent() else {
-            return render(&self.space, view, &Settings::default(), frame);
+            return render(&self.volume, view, &Settings::default(), frame);
         };
         frame.resize(view.width(), view.height());
-        if f64::from(value(&self.space, view.position())) >= self.space.transfer().iso() {
+        if f64::from(value(&self.volume, view.position())) >= self.volume.transfer().iso() {
             return self.blind(view, frame);
         }
-        let near = (self.space.volume().grid().min_spacing() * NEAR) as f32;
+        let near = (self.volume.voxels().grid().min_spacing() * NEAR) as f32;
         let eye = Eye::new(view, tangent, &self.mesh, near);
         let look = |(n, block)| eye.look(n, block);
         let mut seen: Vec<Seen> = self.mesh.blocks.par_iter().enumerate().filter_map(look).collect();

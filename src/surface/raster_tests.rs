@@ -21,22 +21,22 @@ fn tube(n: usize) -> PreparedVolume {
     PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
-fn view(space: &PreparedVolume, voxel: DVec3, forward: DVec3, fov: f64, size: [usize; 2]) -> View {
-    View::new(space.volume().grid().world(voxel), forward, DVec3::Y, fov, size[0], size[1]).unwrap()
+fn view(volume: &PreparedVolume, voxel: DVec3, forward: DVec3, fov: f64, size: [usize; 2]) -> View {
+    View::new(volume.voxels().grid().world(voxel), forward, DVec3::Y, fov, size[0], size[1]).unwrap()
 }
 
 #[test]
 fn the_picture_is_near_that_of_the_rays() {
-    let space = tube(48);
-    let mut raster = Rasteriser::new(&space).unwrap();
+    let volume = tube(48);
+    let mut raster = Rasteriser::new(&volume).unwrap();
     for (voxel, forward) in [
         (DVec3::splat(23.5), DVec3::Z),
         (DVec3::new(23.0, 28.0, 10.0), DVec3::new(0.2, -0.1, 1.0)),
         (DVec3::new(20.0, 24.0, 40.0), DVec3::new(1.0, 0.3, -0.2)),
     ] {
-        let v = view(&space, voxel, forward, 90.0, [150, 130]);
+        let v = view(&volume, voxel, forward, 90.0, [150, 130]);
         let (mut rays, mut mesh) = (Frame::with_depth(1, 1), Frame::with_depth(1, 1));
-        render(&space, &v, &Settings::default(), &mut rays);
+        render(&volume, &v, &Settings::default(), &mut rays);
         let work = raster.render(&v, &mut mesh);
         assert_eq!(work.rays, 150 * 130);
         let db = psnr(&rays, &mesh);
@@ -68,14 +68,14 @@ fn no_hole_from_anywhere_in_the_gas() {
             }
         })
         .collect();
-    let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
-    let mut raster = Rasteriser::new(&space).unwrap();
+    let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+    let mut raster = Rasteriser::new(&volume).unwrap();
     let mut frame = Frame::with_depth(1, 1);
     for n in 0..60 {
         let u = |k| hash::uniform(n, k);
         let voxel = DVec3::new(3.0 + 5.0 * u(0), 3.0 + 5.0 * u(1), 3.0 + 5.0 * u(2));
         let forward = DVec3::new(u(3) - 0.5, u(4) - 0.5, u(5) - 0.5);
-        let v = view(&space, voxel, forward, [1.0, 60.0, 90.0, 150.0, 170.0][n as usize % 5], [70, 45]);
+        let v = view(&volume, voxel, forward, [1.0, 60.0, 90.0, 150.0, 170.0][n as usize % 5], [70, 45]);
         raster.render(&v, &mut frame);
         // A mesh cannot be drawn nearer than the near plane; the trilinear wall and its triangles differ within a cell.
         let holes = frame.depth().unwrap().iter().filter(|d| d.is_infinite()).count();
@@ -85,15 +85,15 @@ fn no_hole_from_anywhere_in_the_gas() {
 
 #[test]
 fn in_the_tissue_and_outside() {
-    let space = tube(32);
-    let mut raster = Rasteriser::new(&space).unwrap();
+    let volume = tube(32);
+    let mut raster = Rasteriser::new(&volume).unwrap();
     let mut frame = Frame::with_depth(1, 1);
-    raster.render(&view(&space, DVec3::new(2.0, 3.0, 15.0), DVec3::X, 90.0, [20, 20]), &mut frame);
+    raster.render(&view(&volume, DVec3::new(2.0, 3.0, 15.0), DVec3::X, 90.0, [20, 20]), &mut frame);
     assert!(frame.depth().unwrap().iter().all(|&d| d == 0.0));
-    raster.render(&view(&space, DVec3::new(-60.0, 15.5, 15.5), DVec3::X, 60.0, [64, 64]), &mut frame);
+    raster.render(&view(&volume, DVec3::new(-60.0, 15.5, 15.5), DVec3::X, 60.0, [64, 64]), &mut frame);
     let seen = frame.depth().unwrap().iter().filter(|d| d.is_finite()).count();
     assert!(seen > 500 && seen < 4000, "{seen} pixels see the block of tissue");
-    raster.render(&view(&space, DVec3::new(-60.0, 15.5, 15.5), DVec3::NEG_X, 60.0, [64, 64]), &mut frame);
+    raster.render(&view(&volume, DVec3::new(-60.0, 15.5, 15.5), DVec3::NEG_X, 60.0, [64, 64]), &mut frame);
     assert!(frame.depth().unwrap().iter().all(|d| d.is_infinite()) && frame.pixels().iter().all(|p| *p == [0; 3]));
 }
 
@@ -112,13 +112,13 @@ fn empty_volumes_and_odd_sizes() {
 
 #[test]
 fn any_number_of_threads_draws_the_same() {
-    let space = tube(40);
-    let mesh = Arc::new(Mesh::new(&space).unwrap());
-    let v = view(&space, DVec3::splat(19.5), DVec3::new(0.3, 0.2, 1.0), 100.0, [200, 90]);
+    let volume = tube(40);
+    let mesh = Arc::new(Mesh::new(&volume).unwrap());
+    let v = view(&volume, DVec3::splat(19.5), DVec3::new(0.3, 0.2, 1.0), 100.0, [200, 90]);
     let draw = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut frame = Frame::with_depth(1, 1);
-        let work = pool.install(|| Rasteriser::of(&space, Arc::clone(&mesh)).render(&v, &mut frame));
+        let work = pool.install(|| Rasteriser::of(&volume, Arc::clone(&mesh)).render(&v, &mut frame));
         (frame, work)
     };
     assert_eq!(draw(1), draw(2));

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
-use colvis::render::fast::{Fast, Pixels};
+use colvis::render::packets::{PacketRenderer, Pixels};
 use colvis::render::{
     Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, psnr, renderer, value,
 };
@@ -109,7 +109,7 @@ fn regrid(grid: &Grid, spacing: [f64; 3]) -> Grid {
 
 /// A scan at other voxels' places, trilinearly.
 fn resampled(volume: &PreparedVolume, spacing: [f64; 3]) -> Volume {
-    let grid = regrid(volume.volume().grid(), spacing);
+    let grid = regrid(volume.voxels().grid(), spacing);
     let [nx, ny, _] = grid.dims();
     let at = |n: usize| {
         let voxel = DVec3::new((n % nx) as f64, (n / nx % ny) as f64, (n / nx / ny) as f64);
@@ -136,18 +136,18 @@ fn picture(frame: &Frame) -> RgbImage {
 /// Compares on one volume at all sizes; the least PSNR.
 fn compare(name: &str, volume: Arc<Volume>, options: &Options) -> f64 {
     let grid = volume.grid().spacing();
-    let space = PreparedVolume::new(volume, TransferFunction::default());
-    let flown = match flight::fly(&space, &Progress::new()) {
+    let volume = PreparedVolume::new(volume, TransferFunction::default());
+    let flown = match flight::fly(&volume, &Progress::new()) {
         Ok(flown) => flown,
         Err(why) => {
             println!("| {name} | {grid} | not flown: {why} |");
             return f64::INFINITY;
         }
     };
-    let poses = poses::hard(&flown, &space, options.poses);
-    let mut default = renderer(&space, Settings::default(), Preset::default(), Reuse::Allowed);
-    let mut all = Fast::new(&space, Settings::default(), Pixels::All);
-    let mut reference = Direct::new(&space, Settings::new(Quality::Reference));
+    let poses = poses::hard(&flown, &volume, options.poses);
+    let mut default = renderer(&volume, Settings::default(), Preset::default(), Reuse::Allowed);
+    let mut all = PacketRenderer::new(&volume, Settings::default(), Pixels::All);
+    let mut reference = Direct::new(&volume, Settings::new(Quality::Reference));
     let [mut fast, mut every, mut exact] = [(); 3].map(|()| Frame::default());
     let mut least = f64::INFINITY;
     for &size in &options.sizes {
@@ -218,7 +218,7 @@ fn main() {
         for spacing in SCAN_GRIDS {
             least = least.min(compare(&name, Arc::new(resampled(&scan, spacing)), &options));
         }
-        least = least.min(compare(&name, scan.shared_volume(), &options));
+        least = least.min(compare(&name, scan.shared_voxels(), &options));
     }
     println!("least: {least:.2} dB");
     assert!(least >= LEAST_DB, "a frame has less than {LEAST_DB} dB");

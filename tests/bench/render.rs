@@ -42,21 +42,21 @@ fn scene() -> (PreparedVolume, Vec<View>) {
 }
 
 /// Places near the wall, as rays visit them.
-fn places(space: &PreparedVolume) -> Vec<Vec3> {
-    let dims = space.volume().grid().dims();
+fn places(volume: &PreparedVolume) -> Vec<Vec3> {
+    let dims = volume.voxels().grid().dims();
     let place =
         |n: u64| Vec3::from_array(std::array::from_fn(|a| (dims[a] as f64 * hash::uniform(n, a as u64)) as f32));
     let near = |q: &Vec3| {
         let [i, j, k] = (*q - 1.0).max(Vec3::ZERO).to_array().map(|c| c as usize);
-        !space.flags().homogeneous(space.volume(), i, j, k)
+        !volume.flags().homogeneous(volume.voxels(), i, j, k)
     };
     (0..200_000).map(place).filter(near).flat_map(|q| (0..8).map(move |n| q + 0.3 * n as f32)).take(20_000).collect()
 }
 
 /// Each part on its own: a list of what is measured, one after the other.
 fn parts(c: &mut Criterion) {
-    let (space, views) = scene();
-    let s = &space;
+    let (volume, views) = scene();
+    let s = &volume;
     let places = places(s);
     let one = ByteVolume::new(s, 1);
     let bytes = ByteTrilinear::new(s, &one);
@@ -65,7 +65,7 @@ fn parts(c: &mut Criterion) {
     let size = |fits: &Fits| fits.part().map_or(0, |p| p.1);
     println!(
         "bytes: volume {}, flags {}, 7 + 1 bits {}, wall distance per voxel {}, per brick {}, gradients {}, cache {}",
-        s.volume().bytes(),
+        s.voxels().bytes(),
         s.bytes(),
         one.bytes(),
         VoxelWalls::new(s).bytes(),
@@ -97,7 +97,7 @@ fn parts(c: &mut Criterion) {
 
     let mut group = c.benchmark_group("preparing");
     group.sample_size(10);
-    group.bench_function("flags", |b| b.iter(|| PreparedVolume::new(s.shared_volume(), s.transfer())));
+    group.bench_function("flags", |b| b.iter(|| PreparedVolume::new(s.shared_voxels(), s.transfer())));
     group.bench_function("7 + 1 bits", |b| b.iter(|| ByteVolume::new(s, 2)));
     group.bench_function("wall distance per voxel", |b| b.iter(|| VoxelWalls::new(s)));
     group.bench_function("wall distance per brick", |b| b.iter(|| BrickWalls::new(s)));
@@ -105,7 +105,7 @@ fn parts(c: &mut Criterion) {
     group.finish();
 
     let settings = Settings::default();
-    let request = ImageRequest { space: s, view: &views[0], settings: &settings };
+    let request = ImageRequest { volume: s, view: &views[0], settings: &settings };
     let (mut kept, mut frame) = (vec![(); SIDE * SIDE], Frame::default());
     let (walls, boxes) = (VoxelWalls::new(s), BrickWalls::new(s));
     let mut group = c.benchmark_group("leaping, a frame");
@@ -146,7 +146,7 @@ fn parts(c: &mut Criterion) {
         ("colvis without reuse", &|| renderer(s, settings, presets::colvis::PRESET, Reuse::Never)),
         ("lean", &|| {
             renderer(
-                &PreparedVolume::lean(s.shared_volume(), s.transfer()),
+                &PreparedVolume::lean(s.shared_voxels(), s.transfer()),
                 settings,
                 presets::lean::PRESET,
                 Reuse::Allowed,

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use colvis::app::Scene;
-use colvis::app::plan::Wish;
-use colvis::components::input::{Act, FlightCommand, HandCommand};
+use colvis::app::plan::FlightRequest;
+use colvis::components::input::{FlightCommand, HandCommand, TimedCommand};
 use colvis::math::hash;
 use colvis::phantom::{PhantomSettings, Size};
 
@@ -78,7 +78,7 @@ fn detail_follows_the_need_without_a_clock() {
 #[test]
 fn a_wild_operator_is_repeated_and_never_perforates() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
-    let mut acts = Vec::new();
+    let mut timed_commands = Vec::new();
     for n in 0..400u64 {
         let u = |k| hash::uniform(11, n * 16 + k) * 2.0 - 1.0;
         let command = match hash::bits(5, n) % 10 {
@@ -93,20 +93,20 @@ fn a_wild_operator_is_repeated_and_never_perforates() {
                 _ => HandCommand::Push([f64::NAN, 1.0, f64::INFINITY]).into(),
             },
         };
-        acts.push(Act { tick: n * 9, command });
+        timed_commands.push(TimedCommand { tick: n * 9, command });
     }
     let scene = Scene { log: true, operator: true, ..Scene::default() };
     let logs = [0, 1].map(|_| {
-        let mut f = flight(volume.clone(), scene.clone(), &Wish::default());
+        let mut f = flight(volume.clone(), scene.clone(), &FlightRequest::default());
         f.record_acts();
-        f.replay(acts.clone());
+        f.replay(timed_commands.clone());
         let mut log = Vec::new();
         // On and on, also where the guide has called for help or has arrived.
         for _ in 0..3600 {
             f.step().unwrap();
             log.append(&mut f.take_log());
         }
-        assert!(f.acts().len() > 250, "the operator acted");
+        assert!(f.timed_commands().len() > 250, "the operator acted");
         log
     });
     assert_eq!(logs[0], logs[1]);

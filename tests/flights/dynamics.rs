@@ -1,8 +1,8 @@
 //! The rigid body in flight: under the operator's hand, stuck in a wall, and moved by every integrator.
 
-use colvis::app::plan::Wish;
+use colvis::app::plan::FlightRequest;
 use colvis::app::{FlightApp, Scene};
-use colvis::components::camera::{Pose, Spin};
+use colvis::components::camera::{AngularMomentum, Pose};
 use colvis::components::flight::State;
 use colvis::components::input::HandCommand;
 use colvis::dynamics::Integrator;
@@ -28,7 +28,7 @@ fn steps(f: &mut FlightApp, count: usize) {
 fn a_camera_in_the_wall_calls_the_operator() {
     let (volume, truth) = small();
     let scene = Scene { log: true, operator: true, ..Scene::default() };
-    let mut f = flight(volume, scene, &Wish::default());
+    let mut f = flight(volume, scene, &FlightRequest::default());
     // Deep in tissue: out from the axis, until there is none but tissue around.
     let axis = truth.centerline[truth.centerline.len() / 2];
     let solid = |p: DVec3| {
@@ -57,12 +57,12 @@ fn a_camera_in_the_wall_calls_the_operator() {
 fn the_hand_turns_and_pushes_in_six_degrees_of_freedom() {
     let (volume, _) = small();
     let scene = Scene { log: true, operator: true, ..Scene::guided_by("manual") };
-    let mut f = flight(volume, scene, &Wish::default());
+    let mut f = flight(volume, scene, &FlightRequest::default());
     for (turn, axis) in [([1.0, 0.0, 0.0], 0), ([0.0, -1.0, 0.0], 1), ([0.0, 0.0, 1.0], 2)] {
         let before = f.pose().attitude;
         f.act(HandCommand::Turn(turn)).unwrap();
         steps(&mut f, 120);
-        assert!(f.camera::<Spin>().unwrap().0.length() > 0.0, "angular momentum, not a jump");
+        assert!(f.camera::<AngularMomentum>().unwrap().0.length() > 0.0, "angular momentum, not a jump");
         f.act(HandCommand::Turn([0.0; 3])).unwrap();
         steps(&mut f, 240);
         let after = f.pose().attitude;
@@ -74,7 +74,7 @@ fn the_hand_turns_and_pushes_in_six_degrees_of_freedom() {
         assert!((turned[0] - 1.2).abs() < 1.5e-7 && (turned[1] - 1.2).abs() < 1.5e-7, "{axis}: {turned:?}");
         steps(&mut f, 60);
         assert_eq!(f.pose().attitude, after, "at rest to the last bit");
-        assert_eq!(f.camera::<Spin>().unwrap().0, DVec3::ZERO);
+        assert_eq!(f.camera::<AngularMomentum>().unwrap().0, DVec3::ZERO);
     }
     for push in [[0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.3], [0.0, 0.0, -0.3]] {
         let before = f.pose();
@@ -98,7 +98,7 @@ fn every_integrator_flies_by_its_name_in_a_scene() {
         );
         let scene = Scene { log: true, ..Scene::parse(&text, &colvis::app::Catalog::default()).unwrap() };
         assert_eq!(scene.body.integrator, integrator);
-        let mut f = flight(volume.clone(), scene, &Wish::default());
+        let mut f = flight(volume.clone(), scene, &FlightRequest::default());
         let log = fly(&mut f, 5.0);
         assert!(f.flight().length_mm > 80.0, "{name}: {:?}", f.flight());
         assert!(log.iter().all(|l| l.clearance_mm >= 1.5), "{name}");

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use colvis::app::Scene;
-use colvis::app::plan::{self, Place, Wish};
+use colvis::app::plan::{self, FlightRequest, Place};
 use colvis::components::flight::State;
 use colvis::dynamics::mines::MineSettings;
 use colvis::dynamics::tentacles::TentacleSettings;
@@ -27,7 +27,7 @@ fn logged() -> Scene {
 /// From rectum to cecum: at least 99 % of the centerline passed, at most this share of the radius away from it.
 fn end_to_end(settings: &PhantomSettings, offset: f64) {
     let (volume, truth) = phantom(settings);
-    let mut flight = flight(volume, logged(), &Wish::default());
+    let mut flight = flight(volume, logged(), &FlightRequest::default());
     let log = fly(&mut flight, 120.0);
     let f = flight.flight();
     assert_eq!(f.state, State::Arrived, "{}", f.reason);
@@ -73,8 +73,8 @@ fn the_wrong_way_first_then_turned_round() {
     for part in 1..6 {
         let from = truth.centerline[truth.centerline.len() * part / 6];
         for to in [Place::Rectum, Place::Cecum] {
-            let wish = Wish { from: Some(Place::World(from)), to: Some(to), reverse: false };
-            let mut flight = flight(volume.clone(), logged(), &wish);
+            let request = FlightRequest { from: Some(Place::World(from)), to: Some(to), reverse: false };
+            let mut flight = flight(volume.clone(), logged(), &request);
             fly(&mut flight, 200.0);
             let f = flight.flight();
             assert_eq!(f.state, State::Arrived, "from {from} to {to:?}: {}", f.reason);
@@ -88,7 +88,8 @@ fn the_wrong_way_first_then_turned_round() {
 fn a_goal_is_reached_within_three_millimetres() {
     let (volume, truth) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let to = truth.centerline[truth.centerline.len() / 2];
-    let mut flight = flight(volume, logged(), &Wish { to: Some(Place::World(to)), ..Wish::default() });
+    let mut flight =
+        flight(volume, logged(), &FlightRequest { to: Some(Place::World(to)), ..FlightRequest::default() });
     let log = fly(&mut flight, 120.0);
     assert_eq!(flight.flight().state, State::Arrived);
     assert!(DVec3::from_array(log[log.len() - 1].position).distance(to) <= 3.0);
@@ -100,7 +101,7 @@ fn few_tentacles_are_as_safe_as_many() {
     for count in [3, 8, 64, 300] {
         let mut scene = logged();
         scene.guides.edit::<TentacleSettings>(|t| t.count = count);
-        let mut flight = flight(volume.clone(), scene, &Wish::default());
+        let mut flight = flight(volume.clone(), scene, &FlightRequest::default());
         let log = fly(&mut flight, 60.0);
         let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
         assert!(least >= 1.5, "{count} tentacles: {least}");
@@ -120,7 +121,7 @@ fn no_mines_and_ten_thousand_are_as_safe_as_twelve() {
     for (kept, spacing_mm, seconds) in [(0, 8.0, 60.0), (1, 8.0, 60.0), (10_000, 0.1, 12.0)] {
         let mut scene = logged();
         scene.mines = Some(MineSettings { kept, spacing_mm, ..MineSettings::default() });
-        let mut flight = flight(volume.clone(), scene, &Wish::default());
+        let mut flight = flight(volume.clone(), scene, &FlightRequest::default());
         let log = fly(&mut flight, seconds);
         let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
         assert!(least >= 1.5, "{kept} mines: {least}");
@@ -137,8 +138,8 @@ fn where_the_camera_does_not_fit_no_flight_begins() {
     let grid = Grid::new([40, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let data = (0..grid.len()).map(|n| if n % 40 == 20 && n / 40 % 40 == 20 { -1000 } else { 40 }).collect();
     let progress = Progress::new();
-    let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
-    let lumen = lumen::find(space.volume(), &progress).unwrap();
+    let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+    let lumen = lumen::find(volume.voxels(), &progress).unwrap();
     for at in [
         DVec3::splat(20.0),
         DVec3::new(20.34, 20.0, 20.0),
@@ -146,8 +147,8 @@ fn where_the_camera_does_not_fit_no_flight_begins() {
         DVec3::new(-50.0, 20.0, 20.0),
         DVec3::NAN,
     ] {
-        let wish = Wish { from: Some(Place::World(at)), ..Wish::default() };
-        let e = plan::plan(&space, &lumen, &wish, 1.5, &progress).unwrap_err();
+        let request = FlightRequest { from: Some(Place::World(at)), ..FlightRequest::default() };
+        let e = plan::plan(&volume, &lumen, &request, 1.5, &progress).unwrap_err();
         assert_eq!(e.kind as i32, 4, "{at}: {e}");
     }
 }

@@ -4,10 +4,10 @@
 use std::path::Path;
 
 use colvis::app::Scene;
-use colvis::app::plan::Wish;
+use colvis::app::plan::FlightRequest;
 use colvis::components::flight::State;
 use colvis::components::guide::{Planned, PotentialField};
-use colvis::components::input::{Act, FlightCommand, HandCommand};
+use colvis::components::input::{FlightCommand, HandCommand, TimedCommand};
 use colvis::components::output::LogLine;
 use colvis::math::hash;
 use colvis::phantom::{PhantomSettings, Size};
@@ -39,8 +39,8 @@ fn automatic_flights_hold_the_papers_conditions() {
         let (volume, truth) = phantom(&small(seed));
         for guide in GUIDES {
             for reverse in [false, true] {
-                let wish = Wish { reverse, ..Wish::default() };
-                let mut f = flight(volume.clone(), scene(guide), &wish);
+                let request = FlightRequest { reverse, ..FlightRequest::default() };
+                let mut f = flight(volume.clone(), scene(guide), &request);
                 let log = fly(&mut f, 180.0);
                 let (state, goal) = (f.flight(), f.plan().goal);
                 assert_eq!(state.state, State::Arrived, "{guide:?} {seed}: {}", state.reason);
@@ -78,20 +78,20 @@ fn automatic_flights_hold_the_papers_conditions() {
 fn the_operator_may_intervene_at_any_time() {
     let (volume, _) = phantom(&small(1));
     for guide in ["path", "potential", "tentacles"] {
-        let mut f = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &Wish::default());
-        let mut acts = Vec::new();
+        let mut f = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &FlightRequest::default());
+        let mut timed_commands = Vec::new();
         for n in 0..6u64 {
             let u = |k| hash::uniform(31, 8 * n + k) * 2.0 - 1.0;
             let tick = 200 + 420 * n;
-            acts.push(Act { tick, command: HandCommand::Push([u(0), u(1), u(2)]).into() });
-            acts.push(Act { tick: tick + 120, command: HandCommand::Push([0.0; 3]).into() });
+            timed_commands.push(TimedCommand { tick, command: HandCommand::Push([u(0), u(1), u(2)]).into() });
+            timed_commands.push(TimedCommand { tick: tick + 120, command: HandCommand::Push([0.0; 3]).into() });
         }
-        f.replay(acts.clone());
+        f.replay(timed_commands.clone());
         let log = fly(&mut f, 240.0);
         assert_eq!(f.flight().state, State::Arrived, "{guide:?}: {}", f.flight().reason);
         assert!(log.iter().all(|l| l.clearance_mm >= RADIUS_MM));
         // The hand is felt at once: within a second the camera is somewhere else than it would be.
-        let mut alone = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &Wish::default());
+        let mut alone = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &FlightRequest::default());
         let free = fly(&mut alone, 4.0);
         assert!(place(&free[320]).distance(place(&log[320])) > 13.0, "{guide:?}");
     }
@@ -124,7 +124,7 @@ fn a_recorded_hand_never_perforates_and_the_guide_takes_over_smoothly() {
 #[test]
 fn guides_change_in_flight_and_their_fields_come_and_go() {
     let (volume, _) = phantom(&small(1));
-    let mut f = flight(volume, Scene { operator: true, ..scene("tentacles") }, &Wish::default());
+    let mut f = flight(volume, Scene { operator: true, ..scene("tentacles") }, &FlightRequest::default());
     let go = |f: &mut colvis::app::FlightApp, steps: usize| (0..steps).for_each(|_| f.step().unwrap());
     go(&mut f, 240);
     assert!(f.fields().walls().is_none() && f.fields().route().is_none());

@@ -65,8 +65,8 @@ fn set_out(scene: Scene) -> Result<FlightApp> {
         length_mm: 60.0,
         segment: None,
         gas: None,
-        falls_short: None,
-        other_falls_short: None,
+        goal_missed: None,
+        other_goal_missed: None,
         notes: Vec::new(),
     };
     let (volume, lumen) = tube();
@@ -171,12 +171,12 @@ impl Guide for Bad {
 fn misguide(camera: Single<(&Bad, &mut GuideThrust)>) {
     let (bad, mut guide) = camera.into_inner();
     let fine = DVec3::Y * 100.0;
-    *guide = GuideThrust { thrust: fine, limit: 150.0, way: DVec3::Y, ..GuideThrust::default() };
+    *guide = GuideThrust { thrust: fine, limit: 150.0, look_direction: DVec3::Y, ..GuideThrust::default() };
     let odd = DVec3::new(0.0, bad.number, bad.number);
     match bad.what {
         0 => guide.thrust = odd,
         1 => guide.wall = odd,
-        2 => guide.way = odd,
+        2 => guide.look_direction = odd,
         3 => guide.limit = bad.number,
         _ => panic!("guided badly"),
     }

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use colvis::app::plan::{self, Place, Plan, Wish};
+use colvis::app::plan::{self, FlightRequest, Place, Plan};
 use colvis::app::{FlightApp, ImageSettings, Scene, Steering};
 use colvis::components::camera::Pose;
 use colvis::components::flight::State;
@@ -32,25 +32,26 @@ fn scene(guide: &'static str) -> Scene {
 fn small() -> (PreparedVolume, Lumen, Plan) {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, seed: 1, ..PhantomSettings::default() });
     let progress = Progress::new();
-    let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
-    let lumen = lumen::find(space.volume(), &progress).unwrap();
-    let plan = plan::plan(&space, &lumen, &Wish::default(), Scene::default().body.radius_mm, &progress).unwrap();
-    (space, lumen, plan)
+    let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+    let lumen = lumen::find(volume.voxels(), &progress).unwrap();
+    let plan =
+        plan::plan(&volume, &lumen, &FlightRequest::default(), Scene::default().body.radius_mm, &progress).unwrap();
+    (volume, lumen, plan)
 }
 
 /// A goal beyond the gas calls for the operator at the gas's end; the end where the flight began is simply reached. Either
 /// way the segment is flown, whatever the operator does next.
 #[test]
 fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
-    let (space, mut lumen, mut plan) = small();
+    let (volume, mut lumen, mut plan) = small();
     let again = lumen.segments[0].clone();
     lumen.segments.push(again);
-    plan.falls_short = Some("the cecum lies elsewhere".to_owned());
+    plan.goal_missed = Some("the cecum lies elsewhere".to_owned());
     let lumen = Arc::new(lumen);
-    for falls_short in [true, false] {
-        let (space, lumen, plan) = (space.clone(), Arc::clone(&lumen), plan.clone());
-        let mut f = FlightApp::new(space, lumen, plan, scene("path")).unwrap();
-        if falls_short {
+    for goal_missed in [true, false] {
+        let (volume, lumen, plan) = (volume.clone(), Arc::clone(&lumen), plan.clone());
+        let mut f = FlightApp::new(volume, lumen, plan, scene("path")).unwrap();
+        if goal_missed {
             f.act(FlightCommand::Seek(0.97)).unwrap();
             fly(&mut f, 20.0);
             assert_eq!(f.flight().state, State::Operator);
@@ -61,20 +62,20 @@ fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
             fly(&mut f, 20.0);
             assert_eq!(f.flight().state, State::Arrived, "{}", f.flight().reason);
             f.act(FlightCommand::Reverse).unwrap();
-            assert!(f.plan().falls_short.is_some());
+            assert!(f.plan().goal_missed.is_some());
         }
         f.act(FlightCommand::Seek(0.5)).unwrap();
         f.act(FlightCommand::Segment(1)).unwrap();
-        assert!(f.unflown().is_empty(), "{falls_short}: {:?}", f.unflown());
+        assert!(f.unflown().is_empty(), "{goal_missed}: {:?}", f.unflown());
     }
 }
 
 /// Without a plan the bar over the way counts what was flown, the other way round after the flight was turned round.
 #[test]
 fn seeking_without_a_plan_goes_where_the_bar_shows() {
-    let (space, lumen, plan) = small();
+    let (volume, lumen, plan) = small();
     let length = plan.length_mm;
-    let mut f = FlightApp::new(space, Arc::new(lumen), plan, scene("tentacles")).unwrap();
+    let mut f = FlightApp::new(volume, Arc::new(lumen), plan, scene("tentacles")).unwrap();
     let mut places = Vec::new();
     while f.flight().length_mm < 0.9 * length {
         f.step().unwrap();
@@ -110,8 +111,8 @@ fn seeking_without_a_plan_goes_where_the_bar_shows() {
 /// The plan is taken up from however the body moves, in flight, after a jump, and after it was turned round.
 #[test]
 fn a_plan_is_taken_up_without_a_jolt() {
-    let (space, lumen, plan) = small();
-    let mut f = FlightApp::new(space, Arc::new(lumen), plan, scene("tentacles")).unwrap();
+    let (volume, lumen, plan) = small();
+    let mut f = FlightApp::new(volume, Arc::new(lumen), plan, scene("tentacles")).unwrap();
     let go = |f: &mut FlightApp, command: Option<FlightCommand>, steps: usize| {
         command.into_iter().for_each(|c| f.act(c).unwrap());
         f.take_log();
@@ -137,28 +138,29 @@ fn elsewhere(gas: impl Fn(DVec3) -> bool) -> (PreparedVolume, Lumen) {
     let grid = Grid::new([80, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let place = |n: usize| DVec3::new((n % 80) as f64, (n / 80 % 40) as f64, (n / 3200) as f64);
     let data = (0..grid.len()).map(|n| if gas(place(n)) { -1000 } else { 40 }).collect();
-    let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
-    let none = Lumen::none(space.volume().grid());
-    (space, none)
+    let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+    let none = Lumen::none(volume.voxels().grid());
+    (volume, none)
 }
 
 /// The plan through that gas from its one end.
-fn between(space: &PreparedVolume, colon: &Lumen, to: DVec3) -> Result<Plan> {
+fn between(volume: &PreparedVolume, colon: &Lumen, to: DVec3) -> Result<Plan> {
     let from = DVec3::new(15.0, 20.0, 20.0);
-    let wish = Wish { from: Some(Place::World(from)), to: Some(Place::World(to)), ..Wish::default() };
-    plan::plan(space, colon, &wish, 1.5, &Progress::new())
+    let request =
+        FlightRequest { from: Some(Place::World(from)), to: Some(Place::World(to)), ..FlightRequest::default() };
+    plan::plan(volume, colon, &request, 1.5, &Progress::new())
 }
 
 /// Where the way to the goal is narrower than the camera needs, the user is told before it gets stuck there.
 #[test]
 fn a_way_that_is_too_narrow_is_told_of() {
     for (narrow, said) in [(2.0, 1), (7.0, 0)] {
-        let (space, colon) = elsewhere(|p| {
+        let (volume, colon) = elsewhere(|p| {
             let radius = if (33.0..37.0).contains(&p.x) { narrow } else { 7.0 };
             p.x > 10.0 && p.x < 60.0 && (p.y - 20.0).hypot(p.z - 20.0) < radius
         });
-        let plan = between(&space, &colon, DVec3::new(55.0, 20.0, 20.0)).unwrap();
-        let mut f = FlightApp::new(space, Arc::new(colon), plan, scene("potential")).unwrap();
+        let plan = between(&volume, &colon, DVec3::new(55.0, 20.0, 20.0)).unwrap();
+        let mut f = FlightApp::new(volume, Arc::new(colon), plan, scene("potential")).unwrap();
         let notes = f.take_notes();
         println!("{notes:?}");
         assert_eq!(notes.len(), said, "{notes:?}");
@@ -170,13 +172,13 @@ fn a_way_that_is_too_narrow_is_told_of() {
 #[test]
 fn a_goal_in_tissue_is_refused_in_gas_of_any_kind() {
     let gas = |p: DVec3| p.x > 10.0 && p.x < 60.0 && (p.y - 20.0).hypot(p.z - 20.0) < 7.0;
-    let (space, colon) = elsewhere(gas);
-    let plan = |to: DVec3| between(&space, &colon, to);
+    let (volume, colon) = elsewhere(gas);
+    let plan = |to: DVec3| between(&volume, &colon, to);
     let inside = DVec3::new(50.3, 21.0, 19.0);
     let p = plan(inside).unwrap();
     assert!(p.gas.is_some() && p.goal == inside && p.notes.is_empty(), "{:?}", p.notes);
     let p = plan(DVec3::new(62.0, 20.0, 20.0)).unwrap();
-    assert!(gas(p.goal) && p.notes.len() == 1 && p.falls_short.is_none(), "{:?} {:?}", p.goal, p.notes);
+    assert!(gas(p.goal) && p.notes.len() == 1 && p.goal_missed.is_none(), "{:?} {:?}", p.goal, p.notes);
     for to in [DVec3::new(70.0, 20.0, 20.0), DVec3::new(30.0, 35.0, 20.0), DVec3::splat(1e4), DVec3::NAN] {
         let e = plan(to).unwrap_err();
         assert!(e.kind as i32 == 4 && e.to_string().contains("--to"), "{to}: {e}");
@@ -186,7 +188,7 @@ fn a_goal_in_tissue_is_refused_in_gas_of_any_kind() {
 /// A log goes its own way: it is not turned round, but one may look around, while it plays and while it rests.
 #[test]
 fn a_log_that_is_played_is_looked_around_in() {
-    let (space, _, plan) = small();
+    let (volume, _, plan) = small();
     let line = |n: i32| LogLine {
         t: f64::from(n) / 120.0,
         position: plan.start.to_array(),
@@ -198,10 +200,10 @@ fn a_log_that_is_played_is_looked_around_in() {
         guide: "path".to_owned(),
     };
     let play = Playback::new((1..2400).map(line).collect(), 1.0, Direction::Forwards).unwrap();
-    let none = Arc::new(Lumen::none(space.volume().grid()));
+    let none = Arc::new(Lumen::none(volume.voxels().grid()));
     let logged = plan::as_logged(&play);
     let scene = Scene { steering: Steering::Log(play), ..scene("tentacles") };
-    let mut f = FlightApp::new(space, none, logged, scene).unwrap();
+    let mut f = FlightApp::new(volume, none, logged, scene).unwrap();
     assert!(f.act(FlightCommand::Reverse).unwrap_err().to_string().contains("a log that is played"));
     let mut turned = 0.0;
     for paused in [false, true] {
@@ -228,11 +230,11 @@ fn a_log_that_is_played_is_looked_around_in() {
 /// when the hand lets go, and the view goes on following the way meanwhile.
 #[test]
 fn a_roll_is_the_operators_and_stays() {
-    let (space, lumen, plan) = small();
+    let (volume, lumen, plan) = small();
     let lumen = Arc::new(lumen);
     for guide in ["tentacles", "path"] {
         let flown = |rolls: bool| {
-            let mut f = FlightApp::new(space.clone(), Arc::clone(&lumen), plan.clone(), scene(guide)).unwrap();
+            let mut f = FlightApp::new(volume.clone(), Arc::clone(&lumen), plan.clone(), scene(guide)).unwrap();
             let mut log = fly(&mut f, 2.0);
             if rolls {
                 f.act(HandCommand::Roll(20.0)).unwrap();
@@ -311,13 +313,13 @@ fn roll_and_view_angle_are_recorded_and_replayed() {
 /// The view angle changes under way: the picture is that of the new angle, whatever the renderer kept of the last frames.
 #[test]
 fn a_changed_view_angle_is_rendered_as_if_it_had_always_been() {
-    let (space, lumen, plan) = small();
+    let (volume, lumen, plan) = small();
     let lumen = Arc::new(lumen);
     for preset in BUILT_IN {
         let image = ImageSettings { width: 96, height: 72, preset, ..ImageSettings::default() };
         let scene = Scene { picture: true, image, ..scene("tentacles") };
-        let space = preset.preparation.prepare(space.shared_volume(), space.transfer());
-        let mut f = FlightApp::new(space, Arc::clone(&lumen), plan.clone(), scene).unwrap();
+        let volume = preset.preparation.prepare(volume.shared_voxels(), volume.transfer());
+        let mut f = FlightApp::new(volume, Arc::clone(&lumen), plan.clone(), scene).unwrap();
         fly(&mut f, 1.0);
         for asked in [90.0, 60.0, 59.0, 8.0, 120.0, 500.0, -3.0] {
             f.act(FlightCommand::ViewAngle(asked)).unwrap();

@@ -2,7 +2,7 @@
 
 use colvis::app::overlay::{Canvas, Mark, Place2};
 use colvis::app::overlays::forces::{Force, forces};
-use colvis::app::{FlightApp, Overlay, Scene, Wish};
+use colvis::app::{FlightApp, FlightRequest, Overlay, Scene};
 use colvis::components::camera::Velocity;
 use colvis::components::guide::{MineField, Tentacles};
 use colvis::components::input::HandCommand;
@@ -20,7 +20,7 @@ fn small() -> Volume {
 
 fn flown(guide: &'static str, seconds: f64) -> FlightApp {
     let scene = Scene { picture: true, operator: true, log: true, ..Scene::guided_by(guide) };
-    let mut f = flight(small(), scene, &Wish::default());
+    let mut f = flight(small(), scene, &FlightRequest::default());
     fly(&mut f, seconds);
     f
 }

@@ -2,7 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use colvis::app::explain::explain;
-use colvis::app::{Catalog, Scene, Wish};
+use colvis::app::{Catalog, FlightRequest, Scene};
 use colvis::components::camera::{Body, Pose};
 use colvis::components::flight::State;
 use colvis::components::guide::{GuideThrust, Tentacles};
@@ -23,9 +23,9 @@ fn follow_the_longest(camera: Single<(&Pose, &Body, &Tentacles, &mut GuideThrust
     let (pose, body, tentacles, mut guide) = camera.into_inner();
     let ahead = |d: &glam::DVec3| d.dot(pose.attitude.forward) > 0.0;
     let felt = tentacles.directions.iter().zip(&tentacles.lengths).filter(|(d, _)| ahead(d));
-    let Some((&way, _)) = felt.max_by(|a, b| a.1.total_cmp(b.1)) else { return };
+    let Some((&direction, _)) = felt.max_by(|a, b| a.1.total_cmp(b.1)) else { return };
     let limit = 30.0 * body.0.drag_per_s; // what drag balances at 30 mm/s
-    *guide = GuideThrust { thrust: way * limit, limit, way, ..GuideThrust::default() };
+    *guide = GuideThrust { thrust: direction * limit, limit, look_direction: direction, ..GuideThrust::default() };
 }
 
 #[derive(Clone, Debug, Default, serde::Deserialize)]
@@ -51,7 +51,7 @@ impl Guide for Longest {
 fn it_flies() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let scene = Scene { log: true, ..Scene::steered_by(Longest {}) };
-    let mut flight = flight(volume, scene, &Wish::default());
+    let mut flight = flight(volume, scene, &FlightRequest::default());
     let log = fly(&mut flight, 10.0);
     assert!(flight.flight().length_mm > 150.0, "{:?}", flight.flight());
     assert!(log.iter().all(|l| l.guide == "longest" && l.clearance_mm >= 1.5));
@@ -83,7 +83,7 @@ impl Guide for Blind {
 fn a_guide_without_tentacles_is_watched_too() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let scene = Scene { log: true, ..Scene::steered_by(Blind {}) };
-    let mut flight = flight(volume, scene, &Wish::default());
+    let mut flight = flight(volume, scene, &FlightRequest::default());
     let log = fly(&mut flight, 30.0);
     let f = flight.flight();
     assert!(f.state == State::Operator && f.reason.contains("hangs in place"), "{f:?}");
@@ -135,10 +135,10 @@ impl Guide for Planner {
 fn fly_down_the_target(target: Single<&TargetDistances>, camera: Single<(&Pose, &Body, &mut GuideThrust)>) {
     use colvis::fields::Distance;
     let (pose, body, mut guide) = camera.into_inner();
-    let way =
+    let direction =
         target.into_inner().0.sample(pose.position).map_or(glam::DVec3::ZERO, |s| -s.gradient.normalize_or_zero());
     let limit = 20.0 * body.0.drag_per_s;
-    *guide = GuideThrust { thrust: way * limit, limit, way, ..GuideThrust::default() };
+    *guide = GuideThrust { thrust: direction * limit, limit, look_direction: direction, ..GuideThrust::default() };
 }
 
 /// Fields come and go with a guide from outside as with one of the crate, its settings stand in scene files, and the operator
@@ -155,7 +155,7 @@ fn it_has_fields_settings_and_its_place_among_the_guides() {
     assert_eq!(Scene::read(&file, &catalog).unwrap().cruise_mm_s(), 12.5);
     std::fs::write(&file, "plugins = [\"planner\"]\n[planner]\ncruise_mm_s = -1").unwrap();
     assert!(Scene::read(&file, &catalog).is_err());
-    let mut flight = flight(volume, scene, &Wish::default());
+    let mut flight = flight(volume, scene, &FlightRequest::default());
     assert!(flight.fields().walls().is_none() && flight.fields().target().is_none());
     flight.act(FlightCommand::Guide("planner".to_owned())).unwrap();
     assert!(flight.fields().walls().is_some() && flight.fields().route().is_some());

@@ -2,7 +2,7 @@
 
 use bevy_ecs::prelude::*;
 use colvis::app::explain::explain;
-use colvis::app::{FlightApp, ImageSettings, Scan, Scene, Wish};
+use colvis::app::{FlightApp, FlightRequest, ImageSettings, Scan, Scene};
 use colvis::components::camera::Pose;
 use colvis::components::guide::Tentacles;
 use colvis::components::input::FlightCommand;
@@ -34,7 +34,7 @@ impl Plugin for StepCounter {
 }
 
 fn small(scene: Scene) -> FlightApp {
-    Scan::phantom(1).unwrap().flight(scene, &Wish::default()).unwrap()
+    Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()).unwrap()
 }
 
 /// A scene with pictures of 96 × 64 pixels.
@@ -286,7 +286,7 @@ fn sets_and_order_of_ones_own() {
         Ok(())
     };
     let scene = Scene::default().plug(clash).unwrap();
-    let Err(e) = Scan::phantom(1).unwrap().flight(scene, &Wish::default()) else { panic!("it is ambiguous") };
+    let Err(e) = Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()) else { panic!("it is ambiguous") };
     let e = e.to_string();
     assert!(e.contains("blow") && e.contains("move_body") && e.contains("`a.before(b)`"), "{e}");
     let ordered = |app: &mut App| {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use colvis::app::{FlightApp, OpenOptions, Scan, Scene, Wish};
+use colvis::app::{FlightApp, FlightRequest, OpenOptions, Scan, Scene};
 use colvis::components::output::LogLine;
 use colvis::volume::{Grid, Volume};
 use glam::{DMat3, DVec3};
@@ -32,7 +32,7 @@ fn parted() -> Scan {
 
 fn begun(scan: &mut Scan, guide: &'static str) -> FlightApp {
     let scene = Scene { log: true, ..Scene::guided_by(guide) };
-    scan.flight(scene, &Wish::default()).unwrap()
+    scan.flight(scene, &FlightRequest::default()).unwrap()
 }
 
 fn flown(scan: &mut Scan, guide: &'static str) -> Vec<LogLine> {
@@ -47,29 +47,29 @@ fn a_guide_that_drains_fluid_leaves_the_scan_as_it_was() {
     assert_ne!(fresh[0][0].clearance_mm, fresh[1][0].clearance_mm, "the pool makes no difference here");
     for order in [[0, 1], [1, 0]] {
         let mut scan = parted();
-        let voxels = scan.volume().volume().data().to_vec();
+        let voxels = scan.volume().voxels().data().to_vec();
         let lumen = scan.lumen().unwrap();
         for n in order {
             assert!(flown(&mut scan, guides[n]) == fresh[n], "{} in the order {order:?}", guides[n]);
             let notes = scan.take_notes().join("\n");
             assert_eq!(notes.contains("tagged fluid joins segments of gas"), n == 0, "{notes}");
         }
-        assert!(scan.volume().volume().data() == voxels && Arc::ptr_eq(&scan.lumen().unwrap(), &lumen));
+        assert!(scan.volume().voxels().data() == voxels && Arc::ptr_eq(&scan.lumen().unwrap(), &lumen));
     }
 }
 
 #[test]
 fn voxels_are_shared_and_drained_once() {
     let mut scan = parted();
-    let own = scan.volume().shared_volume();
+    let own = scan.volume().shared_voxels();
     let plain = begun(&mut scan, "tentacles");
-    assert!(Arc::ptr_eq(&plain.volume().shared_volume(), &own));
-    let [first, second] = ["path", "potential"].map(|guide| begun(&mut scan, guide).volume().shared_volume());
+    assert!(Arc::ptr_eq(&plain.volume().shared_voxels(), &own));
+    let [first, second] = ["path", "potential"].map(|guide| begun(&mut scan, guide).volume().shared_voxels());
     assert!(Arc::ptr_eq(&first, &second) && !Arc::ptr_eq(&first, &own));
     let times = |part: &str| scan.timings().parts().iter().filter(|p| p.0 == part).count();
     assert_eq!((times("lumen_s"), times("drain_s"), times("joined_lumen_s")), (1, 1, 1));
     // Where fluid joins nothing there is nothing to drain.
     let mut dry = Scan::phantom(1).unwrap();
-    let own = dry.volume().shared_volume();
-    assert!(Arc::ptr_eq(&begun(&mut dry, "path").volume().shared_volume(), &own));
+    let own = dry.volume().shared_voxels();
+    assert!(Arc::ptr_eq(&begun(&mut dry, "path").volume().shared_voxels(), &own));
 }

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use colvis::app::Scene;
 use colvis::app::explain::{Explanation, explain};
-use colvis::app::plan::Wish;
+use colvis::app::plan::FlightRequest;
 use colvis::phantom::{PhantomSettings, Size};
 use colvis::volume::Volume;
 
@@ -19,7 +19,7 @@ fn shipped(name: &str) -> Scene {
 fn explained(scene: Scene) -> Explanation {
     static VOLUME: OnceLock<Volume> = OnceLock::new();
     let volume = VOLUME.get_or_init(|| phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() }).0);
-    explain(&flight(volume.clone(), scene, &Wish::default()))
+    explain(&flight(volume.clone(), scene, &FlightRequest::default()))
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn a_guide_is_changed_in_flight_and_its_parts_go() {
     use colvis::components::guide::{MineField, Tentacles};
     use colvis::components::input::FlightCommand;
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
-    let mut f = flight(volume, Scene { operator: true, log: true, ..Scene::default() }, &Wish::default());
+    let mut f = flight(volume, Scene { operator: true, log: true, ..Scene::default() }, &FlightRequest::default());
     for _ in 0..120 {
         f.step().unwrap();
     }
@@ -267,7 +267,7 @@ fn the_volume_is_a_component_that_systems_query() {
     use colvis::components::scan::Scan;
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let scene = Scene { picture: true, ..Scene::default() };
-    let flight = flight(volume, scene, &Wish::default());
+    let flight = flight(volume, scene, &FlightRequest::default());
     let querying = flight.app().systems_that_query::<Scan>();
     for system in ["raycast::cast_pictures", "sense::cast_tentacles", "tentacles::guide_by_tentacles"] {
         assert!(querying.iter().any(|s| s == system), "{system} is not among {querying:?}");

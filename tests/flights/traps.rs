@@ -21,8 +21,8 @@ use crate::support::flights::fly;
 
 /// A flight in three dimensions from a drawing's start to its goal.
 fn through(drawing: &Drawing, scene: Scene) -> FlightApp {
-    let Course { space, lumen, plan, .. } = Course::drawn(drawing, &Progress::new()).unwrap();
-    FlightApp::new(space, lumen, plan, scene).unwrap()
+    let Course { volume, lumen, plan, .. } = Course::drawn(drawing, &Progress::new()).unwrap();
+    FlightApp::new(volume, lumen, plan, scene).unwrap()
 }
 
 #[test]
@@ -92,8 +92,9 @@ fn dither(camera: Single<(&Pose, &mut GuideThrust)>, mut up: Local<bool>) {
         *up = off.y < 0.0;
     }
     let mouth = PARTING + DVec3::new(7.0, if *up { 7.0 } else { -7.0 }, 0.0);
-    let way = (mouth - pose.position).normalize_or_zero();
-    *guide = GuideThrust { thrust: way * 180.0, limit: 180.0, way, ..GuideThrust::default() };
+    let direction = (mouth - pose.position).normalize_or_zero();
+    *guide =
+        GuideThrust { thrust: direction * 180.0, limit: 180.0, look_direction: direction, ..GuideThrust::default() };
 }
 
 /// Dithering between two lumens is told within two seconds, where they part; who feels the way looks for another before

@@ -38,8 +38,8 @@ fn refused(folder: &Path, arguments: &[&str], status: i32, fragment: &str) {
     assert_eq!(errors.len(), 1, "{arguments:?}: {stderr}");
     assert!(stderr.lines().all(|l| l.starts_with("error: ") || l.starts_with("note: ")), "{arguments:?}: {stderr}");
     assert!(errors[0].contains(fragment), "{arguments:?}: {:?} is not in {stderr}", fragment);
-    let (why, mend) = errors[0].split_once("; ").unwrap_or_else(|| panic!("{arguments:?}: no mend in {stderr}"));
-    assert!(why["error: ".len()..].contains(": ") && mend.trim().len() > 5, "{arguments:?}: {stderr}");
+    let (why, hint) = errors[0].split_once("; ").unwrap_or_else(|| panic!("{arguments:?}: no hint in {stderr}"));
+    assert!(why["error: ".len()..].contains(": ") && hint.trim().len() > 5, "{arguments:?}: {stderr}");
 }
 
 const MHA: &str = "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n";

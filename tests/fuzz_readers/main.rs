@@ -111,7 +111,7 @@ fn trial(path: &Path, input: &[u8]) -> Result<bool, String> {
     }
     match result {
         Ok(_) => Ok(true),
-        Err(e) if e.kind as i32 == 3 && !e.why.is_empty() && !e.mend.is_empty() => Ok(false),
+        Err(e) if e.kind as i32 == 3 && !e.why.is_empty() && !e.hint.is_empty() => Ok(false),
         Err(e) => Err(format!("has status {}: {e}", e.kind as i32)),
     }
 }

@@ -13,7 +13,7 @@ use crate::frames::shown;
 
 const SIDE: usize = 128;
 
-fn space() -> PreparedVolume {
+fn volume() -> PreparedVolume {
     PreparedVolume::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), TransferFunction::default())
 }
 
@@ -60,15 +60,15 @@ fn fly(mut renderer: Box<dyn Renderer>) -> Flown {
     Flown { frames, work, parts: renderer.parts() }
 }
 
-fn chosen(space: &PreparedVolume, preset: Preset, settings: Settings, choices: Choices) -> Flown {
-    fly(renderer(space, Settings { choices, ..settings }, preset, Reuse::Allowed))
+fn chosen(volume: &PreparedVolume, preset: Preset, settings: Settings, choices: Choices) -> Flown {
+    fly(renderer(volume, Settings { choices, ..settings }, preset, Reuse::Allowed))
 }
 
 const NOTHING: Choices = Choices { leap: None, gradients: None, key_frames: None, low: None };
 
 #[test]
 fn leaping_changes_samples_and_memory_and_no_bit_of_a_picture() {
-    let space = space();
+    let volume = volume();
     let filtered = Settings { classification: Classification::Filtered, ..Settings::default() };
     let low = Settings::new(Quality::Low);
     for (preset, settings) in [
@@ -78,7 +78,7 @@ fn leaping_changes_samples_and_memory_and_no_bit_of_a_picture() {
         (presets::standard::PRESET, filtered),
         (presets::standard::PRESET, low),
     ] {
-        let by = |leap| chosen(&space, preset, settings, Choices { leap: Some(leap), ..NOTHING });
+        let by = |leap| chosen(&volume, preset, settings, Choices { leap: Some(leap), ..NOTHING });
         let [none, flag, brick, voxel] = [Leaping::None, Leaping::Flag, Leaping::Brick, Leaping::Voxel].map(by);
         let name = format!("{} {:?} {:?}", preset.name, settings.quality, settings.classification);
         println!(
@@ -94,14 +94,14 @@ fn leaping_changes_samples_and_memory_and_no_bit_of_a_picture() {
         // What is known of the frame before lets rays begin far on, whatever they leap by: here they begin at the camera.
         let alone = |leap| {
             let choices = Choices { leap: Some(leap), ..NOTHING };
-            fly(renderer(&space, Settings { choices, ..settings }, preset, Reuse::Never)).samples()
+            fly(renderer(&volume, Settings { choices, ..settings }, preset, Reuse::Never)).samples()
         };
         let plain = alone(Leaping::None);
         for leap in [Leaping::Flag, Leaping::Brick, Leaping::Voxel] {
             assert!(alone(leap) < plain, "{name} {leap:?}: {:.1} {plain:.1}", alone(leap));
         }
         assert!(voxel.samples() <= 1.02 * flag.samples().min(brick.samples()), "{name}");
-        let voxels = space.volume().grid().len();
+        let voxels = volume.voxels().grid().len();
         assert_eq!([&none, &flag, &brick, &voxel].map(|f| f.part(MemoryPart::VoxelDistances)), [0, 0, 0, voxels]);
         assert!(brick.part(MemoryPart::BrickDistances) > 0 && brick.part(MemoryPart::BrickDistances) < voxels / 300);
     }
@@ -109,12 +109,12 @@ fn leaping_changes_samples_and_memory_and_no_bit_of_a_picture() {
 
 #[test]
 fn gradients_come_from_where_they_are_chosen_to() {
-    let space = space();
+    let volume = volume();
     for preset in [presets::colvis::PRESET, presets::standard::PRESET] {
         for quality in [Quality::High, Quality::Low] {
             let by = |gradients| {
                 let choices = Choices { gradients: Some(gradients), low: Some(LowDetail::Nearest), ..NOTHING };
-                chosen(&space, preset, Settings::new(quality), choices)
+                chosen(&volume, preset, Settings::new(quality), choices)
             };
             let [none, eight, cached, stored] =
                 [GradientSource::None, GradientSource::Eight, GradientSource::Cached, GradientSource::Stored].map(by);
@@ -135,9 +135,9 @@ fn gradients_come_from_where_they_are_chosen_to() {
 
 #[test]
 fn key_frames_come_as_often_as_they_are_chosen_to() {
-    let space = space();
+    let volume = volume();
     for preset in [presets::colvis::PRESET, presets::standard::PRESET] {
-        let by = |n| chosen(&space, preset, Settings::default(), Choices { key_frames: Some(n), ..NOTHING });
+        let by = |n| chosen(&volume, preset, Settings::default(), Choices { key_frames: Some(n), ..NOTHING });
         let [one, three, never] = [1, 3, 1000].map(by);
         let from_scratch = |f: &Flown| f.work.iter().map(|w| w.reused == 0).collect::<Vec<_>>();
         assert_eq!(from_scratch(&one), [true; 5]);
@@ -147,24 +147,24 @@ fn key_frames_come_as_often_as_they_are_chosen_to() {
         assert!(three.part(MemoryPart::FrameCache) > 0);
     }
     // The default's own renderer reuses nothing.
-    let own = chosen(&space, presets::standard::PRESET, Settings::default(), NOTHING);
+    let own = chosen(&volume, presets::standard::PRESET, Settings::default(), NOTHING);
     assert_eq!(own.part(MemoryPart::FrameCache), 0);
 }
 
 #[test]
 fn low_detail_is_what_it_is_chosen_to_be_in_every_preset() {
     let lean = || {
-        let s = space();
-        PreparedVolume::lean(s.shared_volume(), s.transfer())
+        let s = volume();
+        PreparedVolume::lean(s.shared_voxels(), s.transfer())
     };
-    for (preset, space, own) in [
-        (presets::standard::PRESET, space(), LowDetail::Third),
-        (presets::colvis::PRESET, space(), LowDetail::Nearest),
+    for (preset, volume, own) in [
+        (presets::standard::PRESET, volume(), LowDetail::Third),
+        (presets::colvis::PRESET, volume(), LowDetail::Nearest),
         (presets::lean::PRESET, lean(), LowDetail::Nearest),
     ] {
-        let by = |low| chosen(&space, preset, Settings::new(Quality::Low), Choices { low, ..NOTHING });
+        let by = |low| chosen(&volume, preset, Settings::new(Quality::Low), Choices { low, ..NOTHING });
         let [unsaid, nearest, third] = [None, Some(LowDetail::Nearest), Some(LowDetail::Third)].map(by);
-        let high = chosen(&space, preset, Settings::default(), NOTHING);
+        let high = chosen(&volume, preset, Settings::default(), NOTHING);
         assert!(unsaid.frames == if own == LowDetail::Third { &third } else { &nearest }.frames[..], "{}", preset.name);
         assert_eq!(nearest.work[0].rays, (SIDE * SIDE) as u64, "{}", preset.name);
         assert!(third.work[0].rays <= (SIDE.div_ceil(3) * SIDE.div_ceil(3)) as u64 + 200, "{:?}", third.work[0]);
@@ -178,9 +178,9 @@ fn low_detail_is_what_it_is_chosen_to_be_in_every_preset() {
 /// Each choice against brute force with the same classification.
 #[test]
 fn every_choice_keeps_its_bound_against_the_reference() {
-    let space = space();
+    let volume = volume();
     let reference = |classification| {
-        fly(Box::new(Direct::new(&space, Settings { classification, ..Settings::new(Quality::Reference) })))
+        fly(Box::new(Direct::new(&volume, Settings { classification, ..Settings::new(Quality::Reference) })))
     };
     let (by_value, by_density) = (reference(Classification::Value), reference(Classification::Filtered));
     for leap in [Leaping::None, Leaping::Voxel] {
@@ -190,7 +190,7 @@ fn every_choice_keeps_its_bound_against_the_reference() {
             for (preset, truth, least) in
                 [(presets::standard::PRESET, &by_value, 38.0), (presets::colvis::PRESET, &by_density, 33.0)]
             {
-                let db = chosen(&space, preset, Settings::default(), choices).psnr(truth);
+                let db = chosen(&volume, preset, Settings::default(), choices).psnr(truth);
                 println!("{} {choices:?}: {db:.1} dB", preset.name);
                 assert!(db > least, "{}: {choices:?}: {db}", preset.name);
             }

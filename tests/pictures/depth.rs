@@ -118,9 +118,9 @@ fn depth_is_that_of_the_analytic_wall() {
     for n in 0..6 {
         let view = view(pose(&volumes[0].1, n), 64);
         let truth = truth(&volumes[0].1, &view);
-        for (noise, phantom, space) in &volumes {
+        for (noise, phantom, volume) in &volumes {
             let mut frame = Frame::with_depth(64, 64);
-            render(space, &view, &settings, &mut frame);
+            render(volume, &view, &settings, &mut frame);
             judge(&format!("pose {n}, {noise}"), phantom, &truth, frame.depth().unwrap());
         }
     }

@@ -47,7 +47,7 @@ const CASES: [(u64, [f64; 3], &[Pose]); 4] = [
 ];
 
 /// The small phantom of a seed on voxels of `spacing`.
-fn space(seed: u64, spacing: [f64; 3]) -> PreparedVolume {
+fn volume(seed: u64, spacing: [f64; 3]) -> PreparedVolume {
     let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed, ..PhantomSettings::default() });
     let own = phantom.grid();
     let spacing = DVec3::from_array(spacing);
@@ -61,9 +61,9 @@ fn space(seed: u64, spacing: [f64; 3]) -> PreparedVolume {
 #[test]
 fn every_frame_is_good_on_every_grid() {
     for (seed, spacing, poses) in CASES {
-        let space = space(seed, spacing);
-        let mut default = renderer(&space, Settings::default(), Preset::default(), Reuse::Allowed);
-        let mut reference = Direct::new(&space, Settings::new(Quality::Reference));
+        let volume = volume(seed, spacing);
+        let mut default = renderer(&volume, Settings::default(), Preset::default(), Reuse::Allowed);
+        let mut reference = Direct::new(&volume, Settings::new(Quality::Reference));
         let (mut fast, mut exact) = (Frame::default(), Frame::default());
         for pose in poses {
             let [position, forward, up] = pose.map(DVec3::from_array);

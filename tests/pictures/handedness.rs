@@ -101,13 +101,13 @@ struct Eye {
 
 impl Eye {
     fn look(&self, volume: Volume) -> Frame {
-        let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+        let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
         let view = View::new(self.position, self.forward, DVec3::NEG_Y, 90.0, SIDE, SIDE).unwrap();
         let mut frame = Frame::with_depth(SIDE, SIDE);
-        render::render(&space, &view, &render::Settings::new(Quality::Reference), &mut frame);
+        render::render(&volume, &view, &render::Settings::new(Quality::Reference), &mut frame);
         // What is flown with must not be turned round either.
         let mut flown = Frame::default();
-        renderer(&space, render::Settings::default(), Preset::default(), Reuse::Allowed).render(&view, &mut flown);
+        renderer(&volume, render::Settings::default(), Preset::default(), Reuse::Allowed).render(&view, &mut flown);
         let db = psnr(&flown, &frame);
         assert!(
             db >= 47.0,
@@ -239,13 +239,13 @@ fn metaimage(v: &Volume) -> Vec<u8> {
 }
 
 /// The NRRD file of a volume in one of the spaces that the format has; `sign` takes LPS there.
-fn nrrd(v: &Volume, space: &str, sign: DVec3) -> Vec<u8> {
+fn nrrd(v: &Volume, volume: &str, sign: DVec3) -> Vec<u8> {
     let g = v.grid();
     let vector = |v: DVec3| format!("({},{},{})", v.x, v.y, v.z);
     let step = |n: usize| vector(g.direction().col(n) * g.spacing()[n] * sign);
     let [nx, ny, nz] = g.dims();
     let mut out = format!(
-        "NRRD0004\ntype: short\ndimension: 3\nspace: {space}\nsizes: {nx} {ny} {nz}\nspace directions: {} {} {}\n\
+        "NRRD0004\ntype: short\ndimension: 3\nspace: {volume}\nsizes: {nx} {ny} {nz}\nspace directions: {} {} {}\n\
          kinds: domain domain domain\nendian: little\nencoding: raw\nspace origin: {}\n\n",
         step(0),
         step(1),

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use colvis::phantom::{Phantom, PhantomSettings as Colon, Size};
 use colvis::progress::Progress;
-use colvis::render::fast::{Fast, Pixels};
+use colvis::render::packets::{PacketRenderer, Pixels};
 use colvis::render::{
     Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, psnr, renderer,
 };
@@ -15,7 +15,7 @@ use crate::frames::shown;
 
 const SIDE: usize = 256;
 
-fn space() -> PreparedVolume {
+fn volume() -> PreparedVolume {
     PreparedVolume::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), TransferFunction::default())
 }
 
@@ -33,13 +33,13 @@ fn views() -> Vec<View> {
 
 #[test]
 fn every_picture_is_as_good_as_the_reference_whatever_came_before() {
-    let space = space();
-    let mut default = renderer(&space, Settings::default(), Preset::default(), Reuse::Allowed);
-    let mut reference = Direct::new(&space, Settings::new(Quality::Reference));
+    let volume = volume();
+    let mut default = renderer(&volume, Settings::default(), Preset::default(), Reuse::Allowed);
+    let mut reference = Direct::new(&volume, Settings::new(Quality::Reference));
     let (mut fast, mut alone, mut exact) = (Frame::default(), Frame::default(), Frame::default());
     for (n, view) in views().iter().enumerate() {
         let work = default.render(view, &mut fast);
-        renderer(&space, Settings::default(), Preset::default(), Reuse::Never).render(view, &mut alone);
+        renderer(&volume, Settings::default(), Preset::default(), Reuse::Never).render(view, &mut alone);
         assert!(
             fast == alone,
             "picture {n} depends on those before; {}",
@@ -58,10 +58,10 @@ fn every_picture_is_as_good_as_the_reference_whatever_came_before() {
 
 #[test]
 fn every_level_makes_the_same_bytes() {
-    let space = space();
+    let volume = volume();
     let levels = [Level::new(), Level::new().as_avx2().map_or(Level::baseline(), Level::Avx2), Level::baseline()];
     for pixels in [Pixels::Needed, Pixels::All] {
-        let mut all = levels.map(|l| Fast::with_level(&space, Settings::default(), pixels, l));
+        let mut all = levels.map(|l| PacketRenderer::with_level(&volume, Settings::default(), pixels, l));
         for view in views().iter().take(4) {
             let [a, b, c] = all.each_mut().map(|r| {
                 let mut frame = Frame::default();
@@ -78,10 +78,10 @@ fn every_level_makes_the_same_bytes() {
 /// Blocks, bands and packets reach over a picture's edges, whatever its size.
 #[test]
 fn pictures_of_any_size_are_filled_to_the_edge() {
-    let space = space();
+    let volume = volume();
     let view = &views()[0];
-    let mut default = Fast::new(&space, Settings::default(), Pixels::Needed);
-    let mut reference = Direct::new(&space, Settings::new(Quality::Reference));
+    let mut default = PacketRenderer::new(&volume, Settings::default(), Pixels::Needed);
+    let mut reference = Direct::new(&volume, Settings::new(Quality::Reference));
     let (mut fast, mut exact) = (Frame::default(), Frame::default());
     for [width, height] in [[1, 1], [3, 5], [9, 17], [37, 23], [130, 66], [2, 200], [200, 3]] {
         let view = View::new(view.position(), view.forward(), view.up(), 60.0, width, height).unwrap();
@@ -102,12 +102,12 @@ fn pictures_of_any_size_are_filled_to_the_edge() {
 /// Fewer rays than pixels where the wall is near and smooth, and fewer samples than the plain ray caster's.
 #[test]
 fn most_pixels_need_no_ray() {
-    let space = space();
+    let volume = volume();
     let mut frame = Frame::default();
     let [mut needed, mut plain] = [0, 0];
     for view in views() {
-        needed += Fast::new(&space, Settings::default(), Pixels::Needed).render(&view, &mut frame).rays;
-        plain += Direct::new(&space, Settings::default()).render(&view, &mut frame).rays;
+        needed += PacketRenderer::new(&volume, Settings::default(), Pixels::Needed).render(&view, &mut frame).rays;
+        plain += Direct::new(&volume, Settings::default()).render(&view, &mut frame).rays;
     }
     println!("{:.3} rays a pixel", needed as f64 / plain as f64);
     assert!(needed * 2 < plain);

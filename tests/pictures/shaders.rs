@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use colvis::app::{Scan, Wish};
+use colvis::app::{FlightRequest, Scan};
 use colvis::error::Result;
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
@@ -46,28 +46,28 @@ fn model(name: &'static str, make: fn(Options) -> Result<Arc<dyn Shader>>) -> Sh
 fn colon() -> (PreparedVolume, View) {
     let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
-    let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
-    let mut scan = Scan::prepared(space.clone(), Arc::default());
-    let plan = scan.plan(&Wish::default(), 1.5).unwrap();
+    let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+    let mut scan = Scan::prepared(volume.clone(), Arc::default());
+    let plan = scan.plan(&FlightRequest::default(), 1.5).unwrap();
     let view = View::new(plan.start, plan.goal - plan.start, glam::DVec3::Z, 90.0, 160, 120).unwrap();
-    (space, view)
+    (volume, view)
 }
 
-fn rendered(space: &PreparedVolume, view: &View, preset: Preset, settings: Settings) -> Frame {
+fn rendered(volume: &PreparedVolume, view: &View, preset: Preset, settings: Settings) -> Frame {
     let mut frame = Frame::with_depth(view.width(), view.height());
-    renderer(space, settings, preset, Reuse::Allowed).render(view, &mut frame);
+    renderer(volume, settings, preset, Reuse::Allowed).render(view, &mut frame);
     frame
 }
 
 #[test]
 fn a_copy_of_the_headlight_shows_what_the_headlight_shows() {
-    let (space, view) = colon();
+    let (volume, view) = colon();
     for preset in colvis::render::presets::BUILT_IN {
         for quality in [Quality::High, Quality::Low, Quality::Reference] {
             for several in [1, 3] {
                 let settings = Settings { samples_per_pixel: several, ..Settings::new(quality) };
                 let own = Settings { shader: model("own", headlight), ..settings };
-                let [a, b] = [settings, own].map(|s| rendered(&space, &view, preset, s));
+                let [a, b] = [settings, own].map(|s| rendered(&volume, &view, preset, s));
                 let near = psnr(&a, &b);
                 // Packets guess pixels between rays by the headlight, and none by what they do not know.
                 let packets = preset.name == "default" && quality != Quality::Reference && several == 1;
@@ -79,10 +79,10 @@ fn a_copy_of_the_headlight_shows_what_the_headlight_shows() {
 
 #[test]
 fn a_point_is_told_as_it_is() {
-    let (space, view) = colon();
+    let (volume, view) = colon();
     for preset in ["default", "colvis", "lean"].map(|name| Preset::named(name).unwrap()) {
         let settings = Settings { shader: model("distance", distance), ..Settings::new(Quality::High) };
-        let frame = rendered(&space, &view, preset, settings);
+        let frame = rendered(&volume, &view, preset, settings);
         let depth = frame.depth().unwrap();
         let (mut compared, mut off) = (0, 0);
         for (n, (pixel, &mm)) in frame.pixels().iter().zip(depth).enumerate() {
@@ -106,11 +106,11 @@ fn a_point_is_told_as_it_is() {
 
 #[test]
 fn what_is_no_colour_is_black() {
-    let (space, view) = colon();
+    let (volume, view) = colon();
     for preset in colvis::render::presets::BUILT_IN {
         for quality in [Quality::High, Quality::Low, Quality::Reference] {
             let settings = Settings { shader: model("nothing", nothing), ..Settings::new(quality) };
-            let frame = rendered(&space, &view, preset, settings);
+            let frame = rendered(&volume, &view, preset, settings);
             assert!(frame.pixels().iter().all(|p| *p == [0; 3]), "{} {quality:?}", preset.name);
         }
     }
@@ -119,18 +119,18 @@ fn what_is_no_colour_is_black() {
 #[test]
 fn a_shader_is_the_same_on_every_level_and_number_of_threads() {
     use colvis::render::Renderer;
-    use colvis::render::fast::{Fast, Pixels, levels};
-    let (space, view) = colon();
+    use colvis::render::packets::{PacketRenderer, Pixels, levels};
+    let (volume, view) = colon();
     let settings = Settings { shader: model("distance", distance), ..Settings::new(Quality::High) };
     let mut all = Vec::new();
     for (_, level) in levels() {
         let mut frame = Frame::default();
-        Fast::with_level(&space, settings, Pixels::Needed, level).render(&view, &mut frame);
+        PacketRenderer::with_level(&volume, settings, Pixels::Needed, level).render(&view, &mut frame);
         all.push(frame);
     }
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        all.push(pool.install(|| rendered(&space, &view, Preset::default(), settings)));
+        all.push(pool.install(|| rendered(&volume, &view, Preset::default(), settings)));
     }
     assert!(all.iter().all(|f| f.pixels() == all[0].pixels()));
 }

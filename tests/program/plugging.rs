@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use colvis::app::{Catalog, Overlay, Scan, Scene, Wish};
+use colvis::app::{Catalog, FlightRequest, Overlay, Scan, Scene};
 use colvis::cli::Program;
 use colvis::cli::args::Command;
 use colvis::dynamics::Body;
@@ -206,7 +206,7 @@ fn a_scene_file_names_and_sets_everything() {
                 [grey]\nnumber = 77\n[narrow]\nnumber = 0.5\n[numbered]\nnumber = 3.0\n[overlay.marked]\nnumber = 9.0\n";
     let scene = Scene::parse(text, &catalog()).unwrap();
     let marked = scene.options.overlay(catalog().find_overlay("marked").unwrap());
-    let flight = Scan::phantom(1).unwrap().flight(scene, &Wish::default()).unwrap();
+    let flight = Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()).unwrap();
     assert_eq!(flight.app().world.resource::<Told>().0, 3.0);
     let tangent = flight.view().unwrap().camera().tangent().unwrap();
     assert!((tangent - 15f64.to_radians().tan()).abs() < 1e-12, "half of 60°");
@@ -246,7 +246,7 @@ fn no_quality_replaces_an_own_preset() {
         let image =
             colvis::app::ImageSettings { width: 160, height: 120, settings, preset: GREY, ..Default::default() };
         let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
-        let mut flight = Scan::phantom(1).unwrap().flight(scene, &Wish::default()).unwrap();
+        let mut flight = Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()).unwrap();
         // At rest, as a window is: it would be refined from the second picture on.
         for n in 0..10 {
             flight.frame().unwrap();

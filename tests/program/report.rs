@@ -96,12 +96,12 @@ fn scenes_are_reported() {
 #[test]
 fn renderers_are_reported() {
     let dir = tempfile::tempdir().unwrap();
-    let space =
+    let volume =
         || PreparedVolume::new(Phantom::embedded(&Progress::new()).unwrap().into(), TransferFunction::default());
-    let subjects = [("a", space()), ("b", space())].map(|(name, space)| Subject {
+    let subjects = [("a", volume()), ("b", volume())].map(|(name, volume)| Subject {
         name: name.to_owned(),
         title: format!("Subject {name}"),
-        space,
+        volume,
     });
     let extent = Extent {
         pixels: 48,

@@ -1,6 +1,6 @@
 //! Flights through volumes, and how well they went.
 
-use colvis::app::{FlightApp, OpenOptions, Scan, Scene, Wish};
+use colvis::app::{FlightApp, FlightRequest, OpenOptions, Scan, Scene};
 use colvis::components::flight::State;
 use colvis::components::output::LogLine;
 use colvis::phantom::Truth;
@@ -8,8 +8,8 @@ use colvis::volume::Volume;
 use glam::DVec3;
 
 /// A flight through a volume.
-pub fn flight(volume: Volume, scene: Scene, wish: &Wish) -> FlightApp {
-    Scan::of(volume, &OpenOptions::default()).flight(scene, wish).expect("a flight")
+pub fn flight(volume: Volume, scene: Scene, request: &FlightRequest) -> FlightApp {
+    Scan::of(volume, &OpenOptions::default()).flight(scene, request).expect("a flight")
 }
 
 /// Flies until the flight ends by itself, or for `seconds`; the scene must have a log.

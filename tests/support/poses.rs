@@ -12,7 +12,7 @@ const CLOSE: [f64; 2] = [1.0, 2.0];
 
 /// `count` poses: half of them spread evenly over the flight, and of the rest a third each in its narrowest bends, close to
 /// the wall, and turned to look elsewhere.
-pub fn hard(flown: &Flown, space: &PreparedVolume, count: usize) -> Vec<(&'static str, Pose)> {
+pub fn hard(flown: &Flown, volume: &PreparedVolume, count: usize) -> Vec<(&'static str, Pose)> {
     let last = flown.log.len() - 1;
     let third = count / 6;
     let even = count - 3 * third;
@@ -25,7 +25,7 @@ pub fn hard(flown: &Flown, space: &PreparedVolume, count: usize) -> Vec<(&'stati
         let right = pose.forward.cross(pose.up).normalize();
         let aside = DQuat::from_axis_angle(pose.forward, 6.3 * random(0)) * right;
         let gap = CLOSE[0] + CLOSE[1] * random(1);
-        let shift = first_crossing(space, pose.position, aside, 100.0).map_or(0.0, |mm| (mm - gap).max(0.0));
+        let shift = first_crossing(volume, pose.position, aside, 100.0).map_or(0.0, |mm| (mm - gap).max(0.0));
         let turn = DQuat::from_axis_angle(pose.forward.cross(aside).normalize(), 2.0 * random(2) - 0.7);
         let [forward, up] = [pose.forward, pose.up].map(|v| turn * v);
         all.push(("close", Pose { position: pose.position + aside * shift, forward, up }));

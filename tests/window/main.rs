@@ -355,13 +355,13 @@ fn slices_beside_the_flight() {
     let row = |y: u32| (400..600).filter(|&x| yellow(still.get_pixel(x, y).0)).count();
     let kept = || keep("window crosshair", &still).display().to_string();
     assert!((99..=101).any(|y| row(y) > 120), "a crosshair through the click: {}", kept());
-    // Another window of greys, then four slices, then the flight and the slice across the way.
+    // Another window of greys, then four slices, then the flight and the slice across the path.
     screen.key("ctrl+2");
     screen.shot_when("soft tissue", |i| right(i).pixels().ne(right(&still).pixels()));
     screen.key("F4");
     screen.shot_when("four slices", |i| share(i, |p| p[0] == p[1] && p[1] == p[2]) > 0.9);
     screen.key("F5");
-    screen.shot_when("the slice across the way", |i| share(i, |[r, g, ..]| r > 100 && r > g + g / 3) > 0.1);
+    screen.shot_when("the slice across the path", |i| share(i, |[r, g, ..]| r > 100 && r > g + g / 3) > 0.1);
     screen.key("q");
     let status = window.wait();
     let (_, err) = window.output();

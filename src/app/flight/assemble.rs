@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::FlightApp;
 use crate::app::plan::{self, Plan};
 use crate::app::scene::Scene;
-use crate::components::camera::{Body, Contact, Heading, Pose, Spin, Velocity};
-use crate::components::flight::{FallsShort, Flight, Flown, Goal};
+use crate::components::camera::{AngularMomentum, Body, Contact, Heading, Pose, Velocity};
+use crate::components::flight::{Flight, Flown, Goal, GoalMissed};
 use crate::components::guide::{Automatic, GuideThrust, Planned};
 use crate::components::play::Playback;
 use crate::components::scan::{Centerline, TargetDistances, WallDistances, Walls};
@@ -27,7 +27,7 @@ impl FlightApp {
     pub(super) fn rebuild(&mut self) -> Result<()> {
         self.fields.build(
             self.scene.needs(),
-            self.volume.volume(),
+            self.volume.voxels(),
             &self.lumen,
             &self.plan,
             self.scene.body.radius_mm,
@@ -48,7 +48,7 @@ impl FlightApp {
         let mut scan = self.app.scan();
         if self.scene.moves() && !scan.contains::<Walls>() {
             let iso = self.volume.transfer().iso() as f32;
-            scan.insert(Walls(ClearanceFinder::new(self.volume.shared_volume(), iso, CLEARANCE_MM)));
+            scan.insert(Walls(ClearanceFinder::new(self.volume.shared_voxels(), iso, CLEARANCE_MM)));
         }
         scan.remove::<(WallDistances, TargetDistances, Centerline)>();
         if let (Some(walls), true) = (self.fields.walls(), self.scene.needs().distances) {
@@ -86,7 +86,7 @@ impl FlightApp {
         self.app.camera().insert((
             Heading(forward),
             Velocity::default(),
-            Spin::default(),
+            AngularMomentum::default(),
             Contact { clearance_mm, ..Contact::default() },
         ));
     }
@@ -105,7 +105,7 @@ fn equip_camera(app: &mut App, scene: &Scene, plan: &Plan) {
     if moves {
         camera.insert_if_new((Body(scene.body), GuideThrust::default()));
     }
-    camera.insert(FallsShort(plan.falls_short.clone()));
+    camera.insert(GoalMissed(plan.goal_missed.clone()));
     if let Some(mut flown) = camera.get_mut::<Flown>() {
         flown.segment = plan.segment;
     }

@@ -6,7 +6,7 @@ use crate::app::scene::Steering;
 use crate::components::camera::{Heading, Pose};
 use crate::components::flight::{Flight, Flown, State, Watch};
 use crate::components::guide::{MineField, Planned};
-use crate::components::input::{Act, Command, FlightCommand, Inbox};
+use crate::components::input::{Command, FlightCommand, Inbox, TimedCommand};
 use crate::components::output::Picture;
 use crate::components::play::Playback;
 use crate::components::trail::Trail;
@@ -30,7 +30,7 @@ impl FlightApp {
         }
         // Only what was followed: a replay must not stop at what was refused.
         if let Some(acted) = &mut self.acted {
-            acted.push(Act { tick, command });
+            acted.push(TimedCommand { tick, command });
         }
         Ok(())
     }
@@ -51,7 +51,7 @@ impl FlightApp {
                 plan.begin = plan.goal;
                 std::mem::swap(&mut plan.goal, &mut plan.other_end);
                 std::mem::swap(&mut plan.within_mm, &mut plan.other_within_mm);
-                std::mem::swap(&mut plan.falls_short, &mut plan.other_falls_short);
+                std::mem::swap(&mut plan.goal_missed, &mut plan.other_goal_missed);
                 self.change(|flight| flight.plan = before)?;
                 if let Some(mut trail) = self.camera_mut::<Trail>() {
                     trail.turn_round();
@@ -87,7 +87,7 @@ impl FlightApp {
                 let usual = self.scene.image.fov_degrees;
                 if let Some(mut picture) = self.camera_mut::<Picture>() {
                     // What the flight began with may lie beyond what is offered.
-                    let held = if degrees == usual { Some(usual) } else { picture.camera.held(degrees) };
+                    let held = if degrees == usual { Some(usual) } else { picture.camera.clamp_fov(degrees) };
                     picture.fov_degrees = held.unwrap_or(picture.fov_degrees);
                 }
             }
@@ -211,8 +211,8 @@ impl FlightApp {
     }
 
     /// Replays acts in the steps they were made in.
-    pub fn replay(&mut self, acts: Vec<Act>) {
-        self.coming = acts.into();
+    pub fn replay(&mut self, timed_commands: Vec<TimedCommand>) {
+        self.coming = timed_commands.into();
     }
 
     /// Whether acts are still to be replayed.
@@ -226,7 +226,7 @@ impl FlightApp {
     }
 
     /// The acts kept since [`FlightApp::record_acts`].
-    pub fn acts(&self) -> &[Act] {
+    pub fn timed_commands(&self) -> &[TimedCommand] {
         self.acted.as_deref().unwrap_or(&[])
     }
 }

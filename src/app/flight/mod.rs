@@ -12,10 +12,10 @@ use glam::DVec3;
 use crate::app::fields::Fields;
 use crate::app::plan::{self, Plan};
 use crate::app::scene::Scene;
-use crate::components::camera::{Heading, Pose, Spin, Velocity};
+use crate::components::camera::{AngularMomentum, Heading, Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, State};
-use crate::components::input::Act;
+use crate::components::input::TimedCommand;
 use crate::components::output::{FlightLog, Follows, FrameCache, LogLine, Picture};
 use crate::components::play::Playback;
 use crate::components::scan::{Scan, Walls};
@@ -23,9 +23,9 @@ use crate::components::slices::SliceView;
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
-use crate::fence;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, lumen};
+use crate::panics;
 use crate::progress::Progress;
 use crate::render::{Coverage, Frame, PreparedVolume, Reuse, Settings, View, coverage, renderer};
 use crate::schedule::{App, note};
@@ -42,9 +42,9 @@ pub struct FlightApp {
     lumen: Arc<Lumen>,
     plan: Plan,
     /// Commands still to come (a replay), by step.
-    coming: VecDeque<Act>,
+    coming: VecDeque<TimedCommand>,
     /// Every command that acted, for recording.
-    acted: Option<Vec<Act>>,
+    acted: Option<Vec<TimedCommand>>,
     fields: Fields,
     progress: Arc<Progress>,
     /// The camera's last pose that was one.
@@ -162,8 +162,8 @@ impl FlightApp {
         }
         p.settings.choices.check()?;
         let preset = || format!("preset {}", p.preset.name);
-        fence::asked(preset, || (p.preset.takes)(&p.settings.choices))?;
-        fence::asked(preset, || (p.preset.check)(p.settings.options))?;
+        panics::ask_plugin(preset, || (p.preset.takes)(&p.settings.choices))?;
+        panics::ask_plugin(preset, || (p.preset.check)(p.settings.options))?;
         p.settings.shader.check()?;
         let (width, height) = (p.frame.width(), p.frame.height());
         View::with_model(DVec3::ZERO, DVec3::Y, DVec3::Z, p.camera, p.fov_degrees, width, height).map(drop)
@@ -175,7 +175,7 @@ impl FlightApp {
         let mut views = app.world.query::<(&Picture, &mut FrameCache)>();
         for (picture, mut cache) in views.iter_mut(&mut app.world) {
             if picture.scan.is_none() {
-                fence::asked(
+                panics::ask_plugin(
                     || format!("preset {}", picture.preset.name),
                     || {
                         cache.renderer_for(volume, picture.settings, picture.preset);
@@ -276,7 +276,7 @@ impl FlightApp {
         let Some(pose) = self.camera::<Pose>().copied() else { return };
         let moving = [
             self.camera::<Velocity>().map(|v| v.0),
-            self.camera::<Spin>().map(|s| s.0),
+            self.camera::<AngularMomentum>().map(|s| s.0),
             self.camera::<Heading>().map(|h| h.0),
         ];
         let sound = |v: DVec3, most: f64| v.is_finite() && v.abs().max_element() <= most;
@@ -289,7 +289,7 @@ impl FlightApp {
         let writers = [
             self.app.own_systems_that_write::<Pose>(),
             self.app.own_systems_that_write::<Velocity>(),
-            self.app.own_systems_that_write::<Spin>(),
+            self.app.own_systems_that_write::<AngularMomentum>(),
             self.app.own_systems_that_write::<Heading>(),
         ]
         .concat();
@@ -376,12 +376,12 @@ impl FlightApp {
         let view = View::with_model(pose.position, forward, up, image.camera, fov_degrees, width, height)?;
         let settings = Settings { adaptive: false, ..image.settings };
         let mut frame = Frame::new(width, height);
-        let traced = fence::caught(|| {
+        let traced = panics::catch(|| {
             renderer(&self.volume, settings, image.preset, Reuse::Never).render(&view, &mut frame);
         });
         traced.map_err(|why| {
             let what = format!("preset {}", image.preset.name);
-            Error::fault(what, format!("panicked: {why}"), "mend it, or choose another preset")
+            Error::fault(what, format!("panicked: {why}"), "fix it, or choose another preset")
         })?;
         Ok(frame)
     }
@@ -466,9 +466,9 @@ impl FlightApp {
             && let Some(first) = places.first()
         {
             // A log that was played: the colon was not asked for until now.
-            gas = Arc::new(lumen::find(self.volume.volume(), &self.progress)?);
+            gas = Arc::new(lumen::find(self.volume.voxels(), &self.progress)?);
             if gas.segment_at(first.0).is_none()
-                && let Some(there) = lumen::gas_at(self.volume.volume(), first.0, &self.progress)?
+                && let Some(there) = lumen::gas_at(self.volume.voxels(), first.0, &self.progress)?
             {
                 gas = Arc::new(there);
             }
@@ -510,7 +510,7 @@ impl FlightApp {
 
     /// Share of the way behind the camera, 0 to 1, and the way's length, mm: by the plan or the log that is played, or coarsely by the
     /// way flown.
-    pub fn way(&self) -> (f64, f64) {
+    pub fn progress(&self) -> (f64, f64) {
         let Some(trail) = self.trail() else { return (0.0, 0.0) };
         (self.camera::<Playback>().map_or(trail.share(), Playback::share), trail.length_mm())
     }

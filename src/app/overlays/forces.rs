@@ -55,16 +55,16 @@ pub fn forces(flight: &FlightApp) -> Vec<Force> {
     }
     let body = flight.scene().body;
     let (hand, guide) = (flight.camera::<Hand>(), flight.camera::<GuideThrust>());
-    let acts = acting(&flight.flight(), hand, guide, flight.camera::<MinePush>());
+    let timed_commands = acting(&flight.flight(), hand, guide, flight.camera::<MinePush>());
     let [field_wall, field_target] = by_field(flight, hand);
     let velocity = flight.camera::<Velocity>().map_or(DVec3::ZERO, |v| v.0);
     let pull = if flight.camera::<PotentialField>().is_some() { "target's pull" } else { "guide's thrust" };
     let force = |name, letter, acceleration, colour| Force { name, letter, acceleration, colour };
     let mut all = vec![
-        force("wall's push", "W", acts.wall + field_wall, VERMILION),
-        force("mines' push", "M", acts.mines, YELLOW),
-        force(pull, "G", acts.drive - acts.mines + field_target, GREEN),
-        force("operator's push", "H", acts.hand, VIOLET),
+        force("wall's push", "W", timed_commands.wall + field_wall, VERMILION),
+        force("mines' push", "M", timed_commands.mines, YELLOW),
+        force(pull, "G", timed_commands.drive - timed_commands.mines + field_target, GREEN),
+        force("operator's push", "H", timed_commands.hand, VIOLET),
         force("drag", "D", velocity * -body.drag_per_s, SKY),
     ];
     let sum = all.iter().map(|f| f.acceleration).sum();
@@ -102,8 +102,8 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
             canvas.stroke([from[0], from[1] - arm], [from[0], from[1] + arm], width, colour);
         }
         for force in strong(&all) {
-            let way = (force.acceleration * IN_PICTURE).clamp_length_max(LONGEST_MM);
-            if let Some(tip) = canvas.find(origin + way) {
+            let direction = (force.acceleration * IN_PICTURE).clamp_length_max(LONGEST_MM);
+            if let Some(tip) = canvas.find(origin + direction) {
                 arrow(canvas, from, tip, force.colour);
                 letter(canvas, from, tip, force);
             }

@@ -69,8 +69,8 @@ impl Pane {
 
     /// Draws an arrow from the camera along `way` (world, mm); one that is longer than the view has no head. Its tip, if that
     /// is in the view.
-    pub fn arrow(&self, canvas: &mut Canvas, way: DVec3, colour: Colour) -> Option<Place2> {
-        let tip = self.find(self.at + way);
+    pub fn arrow(&self, canvas: &mut Canvas, direction: DVec3, colour: Colour) -> Option<Place2> {
+        let tip = self.find(self.at + direction);
         if self.holds(tip) {
             arrow(canvas, self.camera, tip, colour);
             return Some(tip);
@@ -111,9 +111,9 @@ impl Pane {
             .with_min_len(30)
             .map(|n| {
                 let (sine, cosine) = (step * n as f64).sin_cos();
-                let way = self.axes[0] * cosine + self.axes[1] * sine;
-                let length = first_crossing(flight.volume(), self.at, way, REACH_MM)?;
-                Some((length, self.at + way * length))
+                let direction = self.axes[0] * cosine + self.axes[1] * sine;
+                let length = first_crossing(flight.volume(), self.at, direction, REACH_MM)?;
+                Some((length, self.at + direction * length))
             })
             .collect();
         for n in 0..RAYS {

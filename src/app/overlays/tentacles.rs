@@ -48,8 +48,8 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
     let pt = canvas.scale();
     let at = flight.pose().position;
     let [width, height] = canvas.size();
-    for (&way, &length) in t.directions.iter().zip(&t.lengths) {
-        let Some([x, y]) = canvas.find(at + way * length) else { continue };
+    for (&direction, &length) in t.directions.iter().zip(&t.lengths) {
+        let Some([x, y]) = canvas.find(at + direction * length) else { continue };
         if !(-9.0 * pt..width + 9.0 * pt).contains(&x) || !(-9.0 * pt..height + 9.0 * pt).contains(&y) {
             continue;
         }
@@ -64,9 +64,9 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
         }
     }
     for pane in surroundings(flight, canvas).into_iter().flatten() {
-        for (&way, &length) in t.directions.iter().zip(&t.lengths) {
-            if pane.leaves(way) < LEAVES {
-                let tip = pane.find(at + way * length);
+        for (&direction, &length) in t.directions.iter().zip(&t.lengths) {
+            if pane.leaves(direction) < LEAVES {
+                let tip = pane.find(at + direction * length);
                 if pane.stroke(canvas, pane.find(at), tip, 1.0, colour(length)) {
                     canvas.disc(tip, 1.8 * pt, colour(length));
                 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde_json::json;
 
 use crate::app::plan::triple;
-use crate::app::{Catalog, FlightApp, ImageSettings, Overlay, Place, Scan, Scene, Steering, Timings, Wish};
+use crate::app::{Catalog, FlightApp, FlightRequest, ImageSettings, Overlay, Place, Scan, Scene, Steering, Timings};
 use crate::cli::Program;
 use crate::cli::args::{FlyArgs, Global, Point, Size};
 use crate::cli::prepare::{self, say};
@@ -24,7 +24,7 @@ use crate::host::terminal::Bar;
 use crate::output;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Light, Settings};
-use files::{read_acts, read_log, write_acts};
+use files::{read_commands, read_log, write_commands};
 
 /// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
 const HEADLESS_SECONDS: f64 = 600.0;
@@ -182,13 +182,13 @@ fn overlays(program: &Program, args: &FlyArgs, scene: &Scene) -> Result<Vec<Over
 }
 
 /// Start and goal that the arguments ask for.
-pub fn wish(args: &FlyArgs) -> Wish {
+pub fn request(args: &FlyArgs) -> FlightRequest {
     let place = |p: Point| match p {
         Point::Rectum => Place::Rectum,
         Point::Cecum => Place::Cecum,
         Point::World(w) => Place::World(w),
     };
-    Wish { from: args.from.map(place), to: args.to.map(place), reverse: args.reverse }
+    FlightRequest { from: args.from.map(place), to: args.to.map(place), reverse: args.reverse }
 }
 
 /// How images are to be made. Those of a window adapt, whatever the quality: an operator cannot fly by pictures that come
@@ -238,7 +238,7 @@ pub fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progr
 /// # Errors
 /// As [`Scan::flight`].
 pub fn flight(args: &FlyArgs, scan: &mut Scan, scene: Scene) -> Result<FlightApp> {
-    let made = scan.flight(scene, &wish(args));
+    let made = scan.flight(scene, &request(args));
     scan.take_notes().iter().for_each(|note| say(note));
     made
 }
@@ -249,7 +249,7 @@ fn leave(args: &FlyArgs, flight: &FlightApp, stats: &serde_json::Value) -> Resul
         output::write_json(path, stats)?;
     }
     if let Some(path) = &args.record_input {
-        write_acts(path, flight.acts())?;
+        write_commands(path, flight.timed_commands())?;
     }
     Ok(())
 }
@@ -299,7 +299,7 @@ fn fly_with(
     let overlays = overlays(program, args, &scene)?.into_iter().filter(|o| args.overlay.iter().any(|n| n == o.name));
     let overlays = overlays.collect();
     let view = args.coverage.then(|| prepare::fov(global, CameraModel::default())).transpose()?;
-    let acts = args.replay.as_deref().map(read_acts).transpose()?;
+    let commands = args.replay.as_deref().map(read_commands).transpose()?;
     if extent == Extent::Short && args.size.is_none() {
         (scene.image.width, scene.image.height) = (320, 320);
     }
@@ -329,8 +329,8 @@ fn fly_with(
     if short {
         output::make_folder(Path::new(SHORT_FOLDER))?;
     }
-    if let Some(acts) = acts {
-        flight.replay(acts);
+    if let Some(commands) = commands {
+        flight.replay(commands);
     }
     if args.record_input.is_some() {
         flight.record_acts();

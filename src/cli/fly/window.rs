@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::json;
 
-use super::files::read_acts;
+use super::files::read_commands;
 use super::{Screen, flight, leave, leave_unflown, open, overlays, scene, stats};
 use crate::app::{FlightApp, Scene, Timings};
 use crate::cli::Program;
@@ -81,17 +81,17 @@ fn opening(
     timings: &Arc<Mutex<Timings>>,
     flown: Rc<Cell<bool>>,
 ) -> Result<window::Opening> {
-    let acts = args.replay.as_deref().map(read_acts).transpose()?;
+    let commands = args.replay.as_deref().map(read_commands).transpose()?;
     let (kept, prepare_args, prepare_global) = (Arc::clone(timings), args.clone(), global.clone());
     let prepare: window::Prepare = Box::new(move |progress| {
         let args = &prepare_args;
         let mut scan = open(args, &prepare_global, &scene, progress)?;
-        let session = window::SessionFile::of(scan.volume().volume());
+        let session = window::SessionFile::of(scan.volume().voxels());
         let made = flight(args, &mut scan, scene);
         *kept.lock().unwrap_or_else(PoisonError::into_inner) = scan.timings().clone();
         let mut flight = made?;
-        if let Some(acts) = acts {
-            flight.replay(acts);
+        if let Some(commands) = commands {
+            flight.replay(commands);
         }
         if args.record_input.is_some() {
             flight.record_acts();

@@ -132,7 +132,7 @@ fn implicit_methods_are_stable_where_explicit_ones_are_not() {
             if matches!(integrator, B | M | R) {
                 assert!(m.position.length() < 2.0, "{name}: {}", m.position);
             } else if integrator != Integrator::DormandPrince {
-                assert!(m.position.length() > 1e3 || !m.position.is_finite(), "{name} is told to be unstable here");
+                assert!(m.position.length() > 1e3 || !m.position.is_finite(), "{name} is reported unstable here");
             }
         }
     }

@@ -126,8 +126,8 @@ mod tests {
             let h = 1e-6;
             let rate = inverse_dexp(theta, omega);
             let moved = exp(theta + rate * h) * exp(theta - rate * h).conjugate();
-            let told = moved.to_scaled_axis() / (2.0 * h);
-            assert!((told - omega).length() < 1e-6, "{theta}: {told}");
+            let reported = moved.to_scaled_axis() / (2.0 * h);
+            assert!((reported - omega).length() < 1e-6, "{theta}: {reported}");
         }
         assert!(inverse_dexp(DVec3::splat(1e6), DVec3::ONE).is_finite());
     }

@@ -4,8 +4,8 @@
 //! it like anything that has mass, with bounded acceleration and jerk. The body still moves by forces alone
 //! ([`pilot`]), so that an operator may push it off the plan at any time and give it back anywhere.
 
+pub mod follower;
 pub mod frames;
-pub mod pilot;
 pub mod profile;
 
 use glam::DVec3;
@@ -281,9 +281,9 @@ mod tests {
     }
 
     /// A wall at y = 1 that everything above is behind.
-    struct Shelf;
+    struct RouteCache;
 
-    impl Clearances for Shelf {
+    impl Clearances for RouteCache {
         fn clearance(&self, at: DVec3) -> crate::fields::Clearance {
             crate::fields::Clearance { mm: (1.0 - at.y).max(0.0), toward: DVec3::Y }
         }
@@ -302,9 +302,9 @@ mod tests {
             .collect();
         let r = Route::along(&line, &vec![2.0; line.len()], DVec3::Z).unwrap();
         let at = DVec3::new(10.0, 0.9, 2.0);
-        assert!((r.nearest_reachable(&Shelf, at) - 10.0).abs() < 0.1);
+        assert!((r.nearest_reachable(&RouteCache, at) - 10.0).abs() < 0.1);
         let above = DVec3::new(10.0, 2.5, 0.0);
-        assert!((r.nearest_reachable(&Shelf, above) - 73.0).abs() < 1.0);
+        assert!((r.nearest_reachable(&RouteCache, above) - 73.0).abs() < 1.0);
     }
 
     #[test]
@@ -313,8 +313,8 @@ mod tests {
         let clearance: Vec<_> = (0..=100).map(|n| if n == 50 { 1.2 } else { 6.0 }).collect();
         let r = Route::along(&line, &clearance, DVec3::Z).unwrap();
         assert!((r.narrowest_ahead(40.0) - 1.2).abs() < 1e-9 && r.narrowest_ahead(20.0) == 6.0);
-        let told = r.narrow_place(40.0, 1.5).unwrap();
-        assert_eq!(told, "the way ahead narrows to 2.4 mm across, the camera has 3.0 mm");
+        let reported = r.narrow_place(40.0, 1.5).unwrap();
+        assert_eq!(reported, "the way ahead narrows to 2.4 mm across, the camera has 3.0 mm");
         assert!(r.narrow_place(40.0, 0.5).is_none() && r.narrow_place(20.0, 1.5).is_none());
     }
 

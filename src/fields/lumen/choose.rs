@@ -52,7 +52,7 @@ pub(super) enum Kind {
 
 impl Kind {
     /// Its name, and how it is told; none where nothing is.
-    pub fn told(self) -> Option<(&'static str, &'static str)> {
+    pub fn reported(self) -> Option<(&'static str, &'static str)> {
         match self {
             Self::Unsure => None,
             Self::Outside => Some(("outside", "it reaches a lateral face of the scan")),
@@ -96,7 +96,7 @@ impl Found {
 }
 
 /// A look at all components.
-struct Looked {
+struct ComponentReview {
     pieces: Vec<Piece>,
     voxel_ml: f64,
     /// The largest of those within the body, by volume, the largest first (ties by label).
@@ -105,7 +105,7 @@ struct Looked {
     gas: i32,
 }
 
-impl Looked {
+impl ComponentReview {
     fn ml(&self, c: u32) -> f64 {
         self.pieces[c as usize].voxels as f64 * self.voxel_ml
     }
@@ -118,7 +118,7 @@ impl Looked {
 }
 
 /// Looks at the components.
-fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Looked {
+fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> ComponentReview {
     let pieces = survey(rows, components, frame);
     let voxel_ml = volume.grid().voxel_ml();
     let ml = |c: u32| pieces[c as usize].voxels as f64 * voxel_ml;
@@ -142,7 +142,7 @@ fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Looked
     let ample = |&&(c, _): &&(u32, i32)| ml(c) >= AMPLE_ML;
     let darkest = seen.iter().filter(ample).map(|s| s.1).min().or_else(|| seen.iter().map(|s| s.1).min());
     let gas = darkest.unwrap_or(GAS_AT_MOST).min(GAS_AT_MOST);
-    Looked { pieces, voxel_ml, inside, gas }
+    ComponentReview { pieces, voxel_ml, inside, gas }
 }
 
 /// The components that are probably colon, by volume, the largest first (ties by label).

@@ -38,14 +38,14 @@ pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Optio
     let second = inward(graph, second);
     let back = graph.ways(second);
     let first = inward(graph, farthest(&back)?);
-    let mut way = vec![graph.nodes[first as usize].centre];
+    let mut polyline = vec![graph.nodes[first as usize].centre];
     let mut n = first;
     while back.before[n as usize] != n {
         n = back.before[n as usize];
-        way.push(graph.nodes[n as usize].centre);
+        polyline.push(graph.nodes[n as usize].centre);
     }
     let at = [first, second].map(|n| centred(grid, rows, &graph.nodes[n as usize]));
-    Some(Ends { at, length_mm: smooth_length(&way) })
+    Some(Ends { at, length_mm: smooth_length(&polyline) })
 }
 
 /// Climbs from a tip to where the lumen is wide near it: a gain in clearance is worth five times the distance.
@@ -66,12 +66,12 @@ fn inward(graph: &Graph, tip: u32) -> u32 {
 }
 
 /// Length of a way without the zigzag of the cells: each point is replaced by the mean of five.
-fn smooth_length(way: &[DVec3]) -> f64 {
+fn smooth_length(polyline: &[DVec3]) -> f64 {
     let smooth = |n: usize| {
-        let reach = 2.min(n).min(way.len() - 1 - n);
-        way[n - reach..=n + reach].iter().sum::<DVec3>() / (2 * reach + 1) as f64
+        let reach = 2.min(n).min(polyline.len() - 1 - n);
+        polyline[n - reach..=n + reach].iter().sum::<DVec3>() / (2 * reach + 1) as f64
     };
-    (1..way.len()).map(|n| smooth(n).distance(smooth(n - 1))).sum()
+    (1..polyline.len()).map(|n| smooth(n).distance(smooth(n - 1))).sum()
 }
 
 /// The voxel near a node's centre where the inscribed ball is largest among its neighbours, by steps that halve.
@@ -86,8 +86,8 @@ fn centred(grid: &Grid, rows: &Rows, node: &Node) -> DVec3 {
         let step = (DVec3::splat(step_mm) / voxel_mm).round();
         let start = at;
         for n in 0..27 {
-            let way = DVec3::new(f64::from(n % 3 - 1), f64::from(n / 3 % 3 - 1), f64::from(n / 9 - 1));
-            let to = to_index(grid.voxel(start) + way * step);
+            let polyline = DVec3::new(f64::from(n % 3 - 1), f64::from(n / 3 % 3 - 1), f64::from(n / 9 - 1));
+            let to = to_index(grid.voxel(start) + polyline * step);
             if rows.find(to[0], to[1], to[2]).is_some_and(|r| r.label == node.label) {
                 let to = grid.world(DVec3::new(to[0] as f64, to[1] as f64, to[2] as f64));
                 let r = ball(grid, rows, to, node.label);

@@ -11,7 +11,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::GAS_HU;
-use super::frame::{Frame, Way};
+use super::frame::{AxisDirection, Frame};
 use super::runs::{Rows, Run, Sets, touching};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -83,7 +83,7 @@ pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, prog
 }
 
 /// Columns of fluid under gas.
-fn columns(volume: &Volume, gas: &Rows, frame: Frame, down: Way, progress: &Progress) -> Result<Vec<Column>> {
+fn columns(volume: &Volume, gas: &Rows, frame: Frame, down: AxisDirection, progress: &Progress) -> Result<Vec<Column>> {
     let [_, ny, nz] = gas.dims();
     let step = down.step();
     let spacing = volume.grid().spacing()[down.axis];
@@ -98,7 +98,7 @@ fn columns(volume: &Volume, gas: &Rows, frame: Frame, down: Way, progress: &Prog
                 let hu = |n: i64| volume.get(at[0] + step[0] * n, at[1] + step[1] * n, at[2] + step[2] * n);
                 let Some(depth) = (0..blur).find(|&n| hu(n) > BRIGHT_HU) else { return };
                 let hu = (depth..=depth + look).map(hu).max().unwrap_or(BRIGHT_HU);
-                let along = |w: Way| at[w.axis] as u32;
+                let along = |w: AxisDirection| at[w.axis] as u32;
                 out.push(Column {
                     slice: along(frame.superior),
                     across: along(frame.left),
@@ -183,7 +183,7 @@ struct Flood<'a> {
     volume: &'a Volume,
     gas: &'a Rows,
     frame: Frame,
-    down: Way,
+    down: AxisDirection,
     /// How far neighbours must be bright, voxels along each index axis.
     reach: [i64; 3],
     /// One bit for each voxel: taken by some pool.
@@ -197,7 +197,7 @@ struct Flood<'a> {
 }
 
 impl<'a> Flood<'a> {
-    fn new(volume: &'a Volume, gas: &'a Rows, frame: Frame, down: Way, pools: usize) -> Self {
+    fn new(volume: &'a Volume, gas: &'a Rows, frame: Frame, down: AxisDirection, pools: usize) -> Self {
         let reach = volume.grid().spacing().to_array().map(|s| (PASSAGE_MM / s).round().min(3.0) as i64);
         let bits = if pools == 0 { 0 } else { volume.grid().len().div_ceil(64) };
         Self {

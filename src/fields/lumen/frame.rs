@@ -4,14 +4,14 @@ use crate::volume::Grid;
 
 /// An index axis and the way along it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Way {
+pub(super) struct AxisDirection {
     /// 0, 1 or 2: i, j or k.
     pub axis: usize,
     /// 1 where the index grows this way, −1 where it falls.
     pub sign: i64,
 }
 
-impl Way {
+impl AxisDirection {
     pub fn back(self) -> Self {
         Self { sign: -self.sign, ..self }
     }
@@ -27,9 +27,9 @@ impl Way {
 /// The index ways that come nearest to the patient's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Frame {
-    pub left: Way,
-    pub posterior: Way,
-    pub superior: Way,
+    pub left: AxisDirection,
+    pub posterior: AxisDirection,
+    pub superior: AxisDirection,
 }
 
 impl Frame {
@@ -45,8 +45,9 @@ impl Frame {
                 best = o;
             }
         }
-        let way = |w: usize| Way { axis: best[w], sign: if toward(best[w], w) < 0.0 { -1 } else { 1 } };
-        Self { left: way(0), posterior: way(1), superior: way(2) }
+        let axis_direction =
+            |w: usize| AxisDirection { axis: best[w], sign: if toward(best[w], w) < 0.0 { -1 } else { 1 } };
+        Self { left: axis_direction(0), posterior: axis_direction(1), superior: axis_direction(2) }
     }
 }
 
@@ -60,9 +61,9 @@ mod tests {
         // i runs to superior, j to the right, k to anterior, all tilted a little.
         let d = DMat3::from_cols(DVec3::new(0.1, 0.0, 1.0), DVec3::new(-1.0, 0.2, 0.0), DVec3::new(0.0, -1.0, 0.2));
         let f = Frame::of(&Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, d).unwrap());
-        assert_eq!(f.left, Way { axis: 1, sign: -1 });
-        assert_eq!(f.posterior, Way { axis: 2, sign: -1 });
-        assert_eq!(f.superior, Way { axis: 0, sign: 1 });
+        assert_eq!(f.left, AxisDirection { axis: 1, sign: -1 });
+        assert_eq!(f.posterior, AxisDirection { axis: 2, sign: -1 });
+        assert_eq!(f.superior, AxisDirection { axis: 0, sign: 1 });
     }
 
     #[test]

@@ -72,7 +72,7 @@ pub fn not_colon(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<
         }
     }
     let piece = |c: usize| {
-        let (kind, why) = kinds[c].told()?;
+        let (kind, why) = kinds[c].reported()?;
         Some(Other { ml: voxels[c] as f64 * volume.grid().voxel_ml(), kind, why, bounds_mm: bounds[c] })
     };
     let mut pieces: Vec<Other> = (0..components).filter(|&c| voxels[c] > 0).filter_map(piece).collect();

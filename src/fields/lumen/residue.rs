@@ -4,7 +4,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::frame::Way;
+use super::frame::AxisDirection;
 use super::runs::{Rows, Run};
 use super::{GAS_HU, Lumen};
 use crate::error::Result;
@@ -240,14 +240,14 @@ fn slice_runs(voxels: &[[i64; 3]], ny: usize) -> (Vec<u32>, Vec<Run>) {
 fn thin_gaps(lumen: &Lumen, k: usize, most_x: u32, most_y: f64) -> Vec<[i64; 3]> {
     let gas = &lumen.gas;
     let [_, ny, _] = gas.dims();
-    let way = Way { axis: 1, sign: 1 };
+    let axis_direction = AxisDirection { axis: 1, sign: 1 };
     let mut out = Vec::new();
     for j in 0..ny {
         for w in gas.row(j, k).windows(2).filter(|w| w[1].start - w[0].end <= most_x) {
             out.extend((w[0].end..w[1].start).map(|i| [j as i64, i64::from(i)]));
         }
         for &r in gas.row(j, k) {
-            gas.beyond(r, j, k, way, |[i, j, k]| {
+            gas.beyond(r, j, k, axis_direction, |[i, j, k]| {
                 let gap = (1..=most_y as i64).find(|n| gas.find(i, j + n, k).is_some());
                 out.extend((0..gap.unwrap_or(0)).map(|n| [j + n, i]));
             });

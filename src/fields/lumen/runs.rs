@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::frame::Way;
+use super::frame::AxisDirection;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -125,9 +125,16 @@ impl Rows {
     }
 
     /// Calls `visit` for the voxels that follow the given run of row (j, k) one step `way` on and are in no run.
-    pub(super) fn beyond(&self, r: Run, j: usize, k: usize, way: Way, mut visit: impl FnMut([i64; 3])) {
+    pub(super) fn beyond(
+        &self,
+        r: Run,
+        j: usize,
+        k: usize,
+        axis_direction: AxisDirection,
+        mut visit: impl FnMut([i64; 3]),
+    ) {
         let [nx, ny, nz] = self.dims;
-        let [di, dj, dk] = way.step();
+        let [di, dj, dk] = axis_direction.step();
         if di != 0 {
             let i = if di > 0 { i64::from(r.end) } else { i64::from(r.start) - 1 };
             // Another run, of another label, may follow at once.

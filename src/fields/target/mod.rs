@@ -50,7 +50,7 @@ pub struct TargetDistance {
 
 /// The body that a way is looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Traveller {
+pub struct BodyClearance {
     /// Where it begins, world mm.
     pub from: DVec3,
     /// The clearance that it needs, mm.
@@ -68,7 +68,7 @@ impl TargetDistance {
     pub fn to(
         walls: &Arc<WallDistance>,
         target: DVec3,
-        traveller: Option<Traveller>,
+        body: Option<BodyClearance>,
         guesses: &[[DVec3; 2]],
         progress: &Progress,
     ) -> Result<Self> {
@@ -78,16 +78,16 @@ impl TargetDistance {
         };
         let target = if walls.is_inside(walls.voxel(target)) { target } else { walls.world(voxel) };
         progress.stage("measuring the distance to the target", walls.voxels() as u64);
-        let asked = traveller.map_or(0.0, |t| t.clearance_mm.max(0.0));
+        let asked = body.map_or(0.0, |t| t.clearance_mm.max(0.0));
         let mut open = vec![target];
-        open.extend(traveller.map(|t| t.from));
+        open.extend(body.map(|t| t.from));
         for clearance in [asked, 0.5 * asked, 0.0] {
             let mut march = March::new(walls, clearance, &open);
             march.ball(voxel, target);
             march.run(progress)?;
             let guessed = march.bridge(guesses, progress)?;
             if clearance > 0.0 {
-                if traveller.is_some_and(|t| !march.reaches(t.from)) {
+                if body.is_some_and(|t| !march.reaches(t.from)) {
                     continue;
                 }
                 march.extend(progress)?;

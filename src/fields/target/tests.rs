@@ -118,7 +118,8 @@ fn leads_where_the_body_fits() {
     let (from, target) = (DVec3::new(8.0, 10.0, 8.0), DVec3::new(32.0, 10.0, 8.0));
     let way = |wide: bool, clearance_mm: f64| {
         let w = walls([41, 44, 17], DVec3::ONE, rooms(wide));
-        let d = TargetDistance::to(&w, target, Some(Traveller { from, clearance_mm }), &[], &Progress::new()).unwrap();
+        let d =
+            TargetDistance::to(&w, target, Some(BodyClearance { from, clearance_mm }), &[], &Progress::new()).unwrap();
         let (mut at, mut least) = (from, f64::INFINITY);
         for _ in 0..2000 {
             let Some(s) = d.sample(at) else { break };

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use super::cockpit::Cockpit;
+use super::controller::FlightController;
 use super::keys::{Chord, Hold};
 use super::panels::PanelEntry;
 use super::workspace::LAYOUTS;
@@ -33,16 +33,16 @@ pub struct Action {
     /// Why it is not possible now, if it is not: its button is grey then.
     pub possible: Possible,
     /// What it does.
-    pub does: Does,
+    pub effect: Effect,
 }
 
 /// What an action does.
 #[derive(Clone, Copy, Debug)]
-pub enum Does {
+pub enum Effect {
     /// Steers for as long as the key is held.
     Hold(Hold),
     /// Changes the flight, or how it is shown.
-    Once(fn(&mut Cockpit, Moment)),
+    Once(fn(&mut FlightController, ActionContext)),
     /// Hands over to the guide of this name.
     HandTo(&'static str),
     /// Shows or hides the overlay of this number.
@@ -55,7 +55,7 @@ pub enum Does {
 
 /// When and where an action happens.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment {
+pub struct ActionContext {
     /// Size of the flight's picture, pixels.
     pub window: (usize, usize),
     /// Now.
@@ -81,18 +81,18 @@ pub enum WindowRequest {
 pub type KeySettings = BTreeMap<String, Vec<String>>;
 
 /// Whether something can be done now; the error says why not.
-pub type Possible = fn(&Cockpit) -> std::result::Result<(), &'static str>;
+pub type Possible = fn(&FlightController) -> std::result::Result<(), &'static str>;
 
-fn always(_: &Cockpit) -> std::result::Result<(), &'static str> {
+fn always(_: &FlightController) -> std::result::Result<(), &'static str> {
     Ok(())
 }
 
 /// A log that is played goes its own way.
-fn flies_itself(c: &Cockpit) -> std::result::Result<(), &'static str> {
+fn flies_itself(c: &FlightController) -> std::result::Result<(), &'static str> {
     if c.flight().scene().play().is_some() { Err("a log is played") } else { Ok(()) }
 }
 
-fn shows_slices(c: &Cockpit) -> std::result::Result<(), &'static str> {
+fn shows_slices(c: &FlightController) -> std::result::Result<(), &'static str> {
     if c.shows_slices() { Ok(()) } else { Err("no slice is shown") }
 }
 
@@ -106,7 +106,7 @@ struct Row {
     gesture: &'static str,
     repeats: bool,
     possible: Possible,
-    does: Does,
+    effect: Effect,
 }
 
 const ROW: Row = Row {
@@ -118,20 +118,25 @@ const ROW: Row = Row {
     gesture: "",
     repeats: false,
     possible: always,
-    does: Does::Gesture,
+    effect: Effect::Gesture,
 };
 
 const fn hold(id: &'static str, text: &'static str, row: &'static str, keys: &'static str, hold: Hold) -> Row {
-    Row { id, text, row, keys, does: Does::Hold(hold), ..ROW }
+    Row { id, text, row, keys, effect: Effect::Hold(hold), ..ROW }
 }
 
-const fn once(id: &'static str, text: &'static str, keys: &'static str, does: fn(&mut Cockpit, Moment)) -> Row {
-    Row { id, text, row: text, keys, does: Does::Once(does), ..ROW }
+const fn once(
+    id: &'static str,
+    text: &'static str,
+    keys: &'static str,
+    effect: fn(&mut FlightController, ActionContext),
+) -> Row {
+    Row { id, text, row: text, keys, effect: Effect::Once(effect), ..ROW }
 }
 
 /// Every action but those of guides and overlays, in the order of the help. Keys are set apart by spaces.
 const TABLE: &[Row] = &[
-    once("pause", "stop and look around, go on", "Space", Cockpit::switch_pause),
+    once("pause", "stop and look around, go on", "Space", FlightController::switch_pause),
     hold("forward", "fly forward", "fly forward, back", "W Up", Hold::Forward),
     hold("back", "fly back", "fly forward, back", "S Down", Hold::Back),
     hold("left", "fly to the left", "fly to the left, right", "A", Hold::Left),
@@ -159,19 +164,30 @@ const TABLE: &[Row] = &[
         repeats: true,
         ..once("wider", "wider view angle", "] Ctrl+-", |c, _| c.zoom(-1.0))
     },
-    once("usual-angle", "the view angle of the beginning", "0 Ctrl+0", Cockpit::usual_angle),
+    once("usual-angle", "the view angle of the beginning", "0 Ctrl+0", FlightController::usual_angle),
     Row {
         row: "faster, slower",
         shifted: "=",
         gesture: "wheel",
         repeats: true,
-        ..once("faster", "faster", "+", |c, _| c.hurry(1.0))
+        ..once("faster", "faster", "+", |c, _| c.change_speed_by(1.0))
     },
-    Row { row: "faster, slower", shifted: "_", repeats: true, ..once("slower", "slower", "-", |c, _| c.hurry(-1.0)) },
-    Row { possible: flies_itself, ..once("reverse", "turn round and fly back", "R B Backspace", Cockpit::reverse) },
-    Row { possible: flies_itself, ..once("next", "fly the next segment", "N", Cockpit::next_segment) },
-    Row { possible: flies_itself, ..once("other-end", "set out from the other end", "E", Cockpit::other_end) },
-    Row { possible: flies_itself, ..once("guide", "by hand, and back to the guide", "G", Cockpit::switch_guide) },
+    Row {
+        row: "faster, slower",
+        shifted: "_",
+        repeats: true,
+        ..once("slower", "slower", "-", |c, _| c.change_speed_by(-1.0))
+    },
+    Row {
+        possible: flies_itself,
+        ..once("reverse", "turn round and fly back", "R B Backspace", FlightController::reverse)
+    },
+    Row { possible: flies_itself, ..once("next", "fly the next segment", "N", FlightController::next_segment) },
+    Row { possible: flies_itself, ..once("other-end", "set out from the other end", "E", FlightController::other_end) },
+    Row {
+        possible: flies_itself,
+        ..once("guide", "by hand, and back to the guide", "G", FlightController::switch_guide)
+    },
     Row {
         id: "seek",
         text: "go to a place of the way",
@@ -179,30 +195,34 @@ const TABLE: &[Row] = &[
         gesture: "click on the bar",
         ..ROW
     },
-    once("detail", "detail: high or low", "L", Cockpit::switch_detail),
-    once("light", "light: endoscope or headlight", "I", Cockpit::switch_light),
+    once("detail", "detail: high or low", "L", FlightController::switch_detail),
+    once("light", "light: endoscope or headlight", "I", FlightController::switch_light),
     greys("window-colon", "window for the colon", "Ctrl+1", |c, _| c.window(0.0, 2000.0)),
     greys("window-soft", "window for soft tissue", "Ctrl+2", |c, _| c.window(40.0, 400.0)),
     greys("window-bone", "window for bone", "Ctrl+3", |c, _| c.window(300.0, 1500.0)),
     greys("window-lung", "window for lung", "Ctrl+4", |c, _| c.window(-600.0, 1500.0)),
-    Row { row: SLAB_ROW, possible: shows_slices, ..once("slab", "thicker slices", "Ctrl+5", Cockpit::next_slab) },
     Row {
         row: SLAB_ROW,
         possible: shows_slices,
-        ..once("slab-kind", "mean, greatest or least of a thick slice", "Ctrl+6", Cockpit::next_slab_kind)
+        ..once("slab", "thicker slices", "Ctrl+5", FlightController::next_slab)
+    },
+    Row {
+        row: SLAB_ROW,
+        possible: shows_slices,
+        ..once("slab-kind", "mean, greatest or least of a thick slice", "Ctrl+6", FlightController::next_slab_kind)
     },
     Row {
         possible: shows_slices,
-        ..once("slices-reset", "slices: as at the beginning", "Ctrl+9", Cockpit::reset_slices)
+        ..once("slices-reset", "slices: as at the beginning", "Ctrl+9", FlightController::reset_slices)
     },
-    Row { does: Does::Window(WindowRequest::Open), ..once("open", "open another scan", "Ctrl+O", |_, _| {}) },
-    once("measure", "measure a distance by two clicks, or stop measuring", "C", Cockpit::switch_measuring),
-    once("undo", "undo the last change of distances", "Ctrl+Z", Cockpit::undo_measure),
-    once("delete-last", "take the last distance away", "Delete", Cockpit::delete_last_measure),
-    once("screenshot", "screenshot, and its pose", "P F12", Cockpit::take_screenshot),
-    Row { does: Does::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
-    Row { shifted: "?", ..once("help", "this help", "H", Cockpit::switch_help) },
-    Row { does: Does::Window(WindowRequest::Quit), ..once("quit", "quit", "Q Esc", |_, _| {}) },
+    Row { effect: Effect::Window(WindowRequest::Open), ..once("open", "open another scan", "Ctrl+O", |_, _| {}) },
+    once("measure", "measure a distance by two clicks, or stop measuring", "C", FlightController::switch_measuring),
+    once("undo", "undo the last change of distances", "Ctrl+Z", FlightController::undo_measure),
+    once("delete-last", "take the last distance away", "Delete", FlightController::delete_last_measure),
+    once("screenshot", "screenshot, and its pose", "P F12", FlightController::take_screenshot),
+    Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
+    Row { shifted: "?", ..once("help", "this help", "H", FlightController::switch_help) },
+    Row { effect: Effect::Window(WindowRequest::Quit), ..once("quit", "quit", "Q Esc", |_, _| {}) },
 ];
 
 /// Keys of the windows of greys.
@@ -210,8 +230,13 @@ const WINDOW_ROW: &str = "slices: colon, soft tissue, bone, lung";
 /// Keys of thick slices.
 const SLAB_ROW: &str = "slices: thickness, mean or greatest or least";
 
-const fn greys(id: &'static str, text: &'static str, keys: &'static str, does: fn(&mut Cockpit, Moment)) -> Row {
-    Row { row: WINDOW_ROW, possible: shows_slices, ..once(id, text, keys, does) }
+const fn greys(
+    id: &'static str,
+    text: &'static str,
+    keys: &'static str,
+    effect: fn(&mut FlightController, ActionContext),
+) -> Row {
+    Row { row: WINDOW_ROW, possible: shows_slices, ..once(id, text, keys, effect) }
 }
 
 /// The guides and overlays have rows of their own after this action's.
@@ -220,7 +245,7 @@ const OWN_AFTER: &str = "guide";
 const LAYOUTS_AFTER: &str = "fullscreen";
 
 /// The row of the help that all layouts stand in.
-const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the way";
+const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path";
 
 /// The menus: actions by their ids. An id that ends in `-` stands for all that begin so.
 pub const MENUS: &[(&str, &[&str])] = &[
@@ -248,7 +273,7 @@ impl From<&Row> for Action {
             gesture: r.gesture,
             repeats: r.repeats,
             possible: r.possible,
-            does: r.does,
+            effect: r.effect,
         }
     }
 }
@@ -267,9 +292,9 @@ impl Action {
 
     /// Whose it is, for messages.
     fn owner(&self) -> String {
-        match self.does {
-            Does::HandTo(guide) => format!("guide {guide}"),
-            Does::Overlay(_) | Does::Window(WindowRequest::Panel(_)) => self.id.replacen('-', " ", 1),
+        match self.effect {
+            Effect::HandTo(guide) => format!("guide {guide}"),
+            Effect::Overlay(_) | Effect::Window(WindowRequest::Panel(_)) => self.id.replacen('-', " ", 1),
             _ => format!("the window's {}", self.id),
         }
     }
@@ -285,15 +310,15 @@ impl Actions {
     /// # Errors
     /// Status 2 where two actions have one key or one name, or a setting names no action or no key.
     pub fn new(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry], settings: &KeySettings) -> Result<Self> {
-        let own = |id: String, text: String, row: String, key: Option<char>, does: Does| Action {
+        let own = |id: String, text: String, row: String, key: Option<char>, effect: Effect| Action {
             id: id.into(),
             text: text.into(),
             row: row.into(),
             keys: key.into_iter().map(Chord::character).collect(),
-            does,
+            effect,
             ..Action::from(&ROW)
         };
-        let window = |n: usize| Does::Window(WindowRequest::Layout(n));
+        let window = |n: usize| Effect::Window(WindowRequest::Layout(n));
         let names: Vec<&str> = guides.iter().filter(|g| g.key.is_some()).map(|g| g.name).collect();
         let mut all = Vec::new();
         for row in TABLE {
@@ -301,11 +326,11 @@ impl Actions {
             if row.id == OWN_AFTER {
                 all.extend(guides.iter().map(|g| {
                     let text = format!("hand over to the guide {}", g.name);
-                    own(format!("guide-{}", g.name), text, names.join(", "), g.key, Does::HandTo(g.name))
+                    own(format!("guide-{}", g.name), text, names.join(", "), g.key, Effect::HandTo(g.name))
                 }));
                 all.extend(overlays.iter().enumerate().map(|(n, o)| {
                     let text = o.summary.to_owned();
-                    own(format!("overlay-{}", o.name), text.clone(), text, o.key, Does::Overlay(n))
+                    own(format!("overlay-{}", o.name), text.clone(), text, o.key, Effect::Overlay(n))
                 }));
             }
             if row.id == LAYOUTS_AFTER {
@@ -314,14 +339,14 @@ impl Actions {
                     ..own(format!("layout-{}", l.name), l.text.to_owned(), LAYOUT_ROW.to_owned(), None, window(n))
                 }));
                 all.extend(panels.iter().enumerate().map(|(n, p)| {
-                    let (text, does) = (format!("panel: {}", p.title), Does::Window(WindowRequest::Panel(n)));
-                    own(format!("panel-{}", p.name), text.clone(), text, p.key, does)
+                    let (text, effect) = (format!("panel: {}", p.title), Effect::Window(WindowRequest::Panel(n)));
+                    own(format!("panel-{}", p.name), text.clone(), text, p.key, effect)
                 }));
             }
         }
         for (id, keys) in settings {
             let action = all.iter_mut().find(|a| a.id == *id);
-            let Some(action) = action.filter(|a| !matches!(a.does, Does::Gesture)) else {
+            let Some(action) = action.filter(|a| !matches!(a.effect, Effect::Gesture)) else {
                 let why = format!("there is no {id:?}");
                 return Err(Error::usage(
                     "keys: action",

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::sight::{Sight, quality_of, refined};
+use super::view_renderer::{ViewRenderer, quality_of, refined};
 use crate::app::FlightApp;
 use crate::components::camera::{Contact, Velocity};
 use crate::components::input::Hand;
@@ -47,25 +47,25 @@ impl Figures {
     }
 
     /// The figures, one a line, read anew if it is time.
-    pub fn read(&mut self, flight: &FlightApp, sight: &Sight, now: Instant) -> &[String] {
-        self.stale |= sight.frames().len() > self.counted;
+    pub fn read(&mut self, flight: &FlightApp, view_renderer: &ViewRenderer, now: Instant) -> &[String] {
+        self.stale |= view_renderer.frames().len() > self.counted;
         let elapsed = now.saturating_duration_since(self.since);
         if !self.stale || (elapsed < READ_EVERY && !self.lines[0].is_empty()) {
             return &self.lines;
         }
-        let new = sight.frames().get(self.counted..).unwrap_or_default();
+        let new = view_renderer.frames().get(self.counted..).unwrap_or_default();
         if !new.is_empty() {
             let count = new.len() as f64;
             let ms = new.iter().map(|f| f.ms).sum::<f64>() / count;
             let fps = count / elapsed.as_secs_f64().max(1e-3);
-            let detail = sight.detail(flight);
+            let detail = view_renderer.detail(flight);
             let (width, height) = detail.map_or((0, 0), |d| d.size);
             // A rate tells nothing of a picture that stands still.
             let rate = detail.and_then(refined).unwrap_or_else(|| format!("{fps:.0} fps"));
             self.lines[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");
         }
-        self.per_mille = (flight.way().0 * 1000.0).round() as u32;
-        (self.counted, self.since, self.stale) = (sight.frames().len(), now, false);
+        self.per_mille = (flight.progress().0 * 1000.0).round() as u32;
+        (self.counted, self.since, self.stale) = (view_renderer.frames().len(), now, false);
         let hand: Hand = flight.camera().copied().unwrap_or_default();
         let speed = flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());
         let cruise = flight.scene().cruise_mm_s() * hand.speed;

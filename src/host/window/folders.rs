@@ -45,8 +45,8 @@ impl Folder {
 ///
 /// # Errors
 /// Status 3 where it cannot be read, or is too large to be one of ours.
-pub fn read(path: &Path, mend: &str) -> Result<Option<Vec<u8>>> {
-    let bad = |why: String| Error::file(path, why, mend);
+pub fn read(path: &Path, hint: &str) -> Result<Option<Vec<u8>>> {
+    let bad = |why: String| Error::file(path, why, hint);
     match std::fs::metadata(path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(bad(format!("cannot be read ({e})"))),
@@ -70,9 +70,9 @@ pub trait Kept: Serialize + DeserializeOwned {
 ///
 /// # Errors
 /// Status 3 where it cannot be read, is damaged or is of another version.
-pub fn read_kept<T: Kept>(path: &Path, mend: &str) -> Result<Option<T>> {
-    let Some(bytes) = read(path, mend)? else { return Ok(None) };
-    let bad = |why: String| Error::file(path, why, mend);
+pub fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
+    let Some(bytes) = read(path, hint)? else { return Ok(None) };
+    let bad = |why: String| Error::file(path, why, hint);
     let kept: T = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
     if kept.version() == T::VERSION {
         Ok(Some(kept))

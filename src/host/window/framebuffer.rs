@@ -26,7 +26,7 @@ pub struct Framebuffer {
     next: Option<(Places, Instant)>,
     /// The slices as they were last handed over.
     slices: Vec<(Entity, Frame)>,
-    presented: Option<Result<Presented>>,
+    presented: Option<Result<PresentResult>>,
 }
 
 /// Where pictures lie in the window: their left upper corners, pixels.
@@ -40,7 +40,7 @@ pub struct Places {
 
 /// What came of a presentation.
 #[derive(Clone, Copy, Debug)]
-pub struct Presented {
+pub struct PresentResult {
     /// Whether what was to lie over the picture does; else it comes with one of the next.
     pub settled: bool,
     /// From the finished picture to the presented one, ms.
@@ -86,22 +86,22 @@ impl Framebuffer {
     ///
     /// # Errors
     /// Status 1 when the window system refuses.
-    pub fn show_alone(&mut self, layout: &Arc<Layout>) -> Result<Presented> {
+    pub fn show_alone(&mut self, layout: &Arc<Layout>) -> Result<PresentResult> {
         self.painter.prepare(layout);
         self.show(&[])
     }
 
     /// What came of the last presentation; none if there was none.
-    pub fn take_presented(&mut self) -> Option<Result<Presented>> {
+    pub fn take_presented(&mut self) -> Option<Result<PresentResult>> {
         self.presented.take()
     }
 
     /// Shows the layout over `pictures`. A window without pixels shows nothing.
-    fn show(&mut self, pictures: &[Placed<'_>]) -> Result<Presented> {
+    fn show(&mut self, pictures: &[Placed<'_>]) -> Result<PresentResult> {
         let begun = Instant::now();
         let size = self.screen.window.inner_size();
         let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) else {
-            return Ok(Presented { settled: true, ms: 0.0, traced_ms: 0.0 });
+            return Ok(PresentResult { settled: true, ms: 0.0, traced_ms: 0.0 });
         };
         let mut show = || {
             self.screen.surface.resize(width, height)?;
@@ -113,7 +113,7 @@ impl Framebuffer {
         };
         let settled =
             show().map_err(|e: softbuffer::SoftBufferError| Error::fault("window", e.to_string(), "use --headless"))?;
-        Ok(Presented { settled, ms: begun.elapsed().as_secs_f64() * 1e3, traced_ms: 0.0 })
+        Ok(PresentResult { settled, ms: begun.elapsed().as_secs_f64() * 1e3, traced_ms: 0.0 })
     }
 }
 
@@ -135,7 +135,7 @@ impl Presenter for Framebuffer {
             }));
             let shown = self.show(&placed);
             self.slices = slices;
-            self.presented = Some(shown.map(|p| Presented { traced_ms, ..p }));
+            self.presented = Some(shown.map(|p| PresentResult { traced_ms, ..p }));
         }
     }
 

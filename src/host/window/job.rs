@@ -7,7 +7,7 @@ use std::thread;
 use rayon::ThreadPool;
 
 use crate::error::{Error, Result};
-use crate::fence;
+use crate::panics;
 use crate::progress::Progress;
 
 /// Work that was begun and whose result has not been taken yet. To drop it cancels it.
@@ -60,7 +60,7 @@ impl<T: Send + 'static> Job<T> {
         let shared = Arc::clone(progress);
         let run = move || {
             // In a pool it may have been cancelled before its turn.
-            let worked = fence::caught(|| shared.check().and_then(|()| work(&shared)));
+            let worked = panics::catch(|| shared.check().and_then(|()| work(&shared)));
             let panicked = |why| Err(Error::fault(name, format!("panicked: {why}"), "report it"));
             // Whoever began it may have dropped it.
             let _ = done.send(worked.unwrap_or_else(panicked));
@@ -74,7 +74,7 @@ impl<T: Send + 'static> Job<T> {
         &self.progress
     }
 
-    /// The result, once, as soon as it is there. Does not wait.
+    /// The result, once, as soon as it is there. Effect not wait.
     ///
     /// # Errors
     /// Those of the work; status 1 when it panicked.
@@ -123,14 +123,14 @@ mod tests {
     fn begun(work: fn(&Progress) -> Result<u32>) -> [(Job<u32>, Receiver<()>); 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         [false, true].map(|pooled| {
-            let (tell, told) = channel();
+            let (tell, reported) = channel();
             let wake = move || tell.send(()).unwrap_or_default();
             let (progress, work) = (Arc::new(Progress::new()), move |p: &Arc<Progress>| work(p));
             let job = match pooled {
                 true => Job::start_in(&pool, "job", &progress, work, wake),
                 false => Job::start("job", &progress, work, wake).unwrap(),
             };
-            (job, told)
+            (job, reported)
         })
     }
 
@@ -192,7 +192,7 @@ mod tests {
     #[test]
     fn a_panic_is_a_fault_of_the_program() {
         // Others exchange the hook that a panic calls.
-        let _hook = fence::HOOK.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let _hook = panics::HOOK.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         for (mut job, woken) in begun(|_| panic!("no such voxel")) {
             woken.recv_timeout(SOON).unwrap();
             let fault = job.take().unwrap().unwrap_err();

@@ -49,7 +49,7 @@ impl Loading {
         Job::start("loading", progress, prepare, done).map(Self)
     }
 
-    /// What came of it, once, as soon as it is over. Does not wait.
+    /// What came of it, once, as soon as it is over. Effect not wait.
     ///
     /// # Errors
     /// What the preparation fails with; status 1 when it panicked.
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn an_error_comes_back_and_the_window_is_woken() {
-        let (tell, told) = mpsc::channel();
+        let (tell, reported) = mpsc::channel();
         let progress = Arc::new(Progress::new());
         let prepare: Prepare = Box::new(|p| {
             p.stage("reading", 4);
@@ -88,7 +88,7 @@ mod tests {
             Err(Error::input("scan", "wrong", "another"))
         });
         let loading = Loading::start(prepare, &progress, move || tell.send(()).unwrap()).unwrap();
-        told.recv_timeout(Duration::from_secs(10)).unwrap();
+        reported.recv_timeout(Duration::from_secs(10)).unwrap();
         assert_eq!(loading.content(), Content::Loading { stage: "reading".to_owned(), share: Some(0.25) });
         assert_eq!(loading.finish().map(drop).unwrap_err().kind as i32, 3);
     }

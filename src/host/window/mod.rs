@@ -5,8 +5,9 @@
 //! and repeated.
 
 mod actions;
-mod cockpit;
+mod controller;
 mod directions;
+mod field_job;
 mod figures;
 mod folders;
 mod framebuffer;
@@ -22,18 +23,17 @@ mod overlays;
 mod painter;
 pub mod panels;
 pub mod plane;
-mod planning;
-mod presented;
+mod present_timer;
 mod recent;
-mod saver;
 mod screen;
 mod screenshot;
+mod screenshot_renderer;
 mod session;
 mod settings;
 mod shell;
-mod sight;
 mod slices;
 mod travel;
+mod view_renderer;
 mod workspace;
 
 use std::path::PathBuf;
@@ -44,8 +44,8 @@ use winit::event_loop::EventLoop;
 
 use crate::app::{FlightApp, Overlay};
 use crate::error::{Error, Result};
-use crate::fence::fenced;
 use crate::host::frames::FrameStats;
+use crate::panics::catch_panic;
 use crate::progress::Progress;
 use crate::schedule::Guides;
 use actions::{Actions, KeySettings};
@@ -53,7 +53,7 @@ pub use loading::{Prepare, Ready, SessionFile};
 pub use moving::{Interval, Moving, Side};
 pub use painter::{Marker, pixels_a_point};
 use panels::PanelEntry;
-pub use presented::PresentMs;
+pub use present_timer::PresentMs;
 use settings::Settings;
 use shell::{Shell, Wake};
 pub use workspace::slices_of;
@@ -170,7 +170,7 @@ impl Display {
         }
         // Where a system library or an extension of the X server is missing, winit panics instead of failing. There is
         // no display to use then, and the flight goes on without one.
-        fenced(|| EventLoop::with_user_event().build().ok()).ok().flatten().map(Self)
+        catch_panic(|| EventLoop::with_user_event().build().ok()).ok().flatten().map(Self)
     }
 }
 

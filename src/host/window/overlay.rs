@@ -23,23 +23,23 @@ const BACKING: Color32 = Color32::from_black_alpha(165);
 
 /// How urgent a state is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mood {
+pub enum Severity {
     /// All goes by itself.
     #[default]
-    Well,
+    Normal,
     /// The operator has stopped or taken over.
-    Waiting,
+    Notice,
     /// Something is to be done.
-    Calling,
+    Alert,
 }
 
-impl Mood {
+impl Severity {
     /// Its colour.
     pub fn colour(self) -> Color32 {
         match self {
-            Self::Well => Color32::from_rgb(120, 220, 140),
-            Self::Waiting => Color32::from_rgb(255, 214, 102),
-            Self::Calling => Color32::from_rgb(255, 128, 112),
+            Self::Normal => Color32::from_rgb(120, 220, 140),
+            Self::Notice => Color32::from_rgb(255, 214, 102),
+            Self::Alert => Color32::from_rgb(255, 128, 112),
         }
     }
 }
@@ -60,16 +60,16 @@ pub enum Content {
         text: String,
     },
     /// The flight.
-    Flight(Box<Readings>),
+    Flight(Box<HudState>),
 }
 
 /// What is known of a flight at a moment, as it is shown.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Readings {
+pub struct HudState {
     /// How the flight stands.
     pub state: String,
     /// How urgent that is.
-    pub mood: Mood,
+    pub severity: Severity,
     /// More about it: why help is called for, what is left to fly.
     pub more: Vec<String>,
     /// Frame time, speed, clearance and the like, one a line.
@@ -159,7 +159,7 @@ const TEXT_SIZES: [f32; 2] = [4.0, 96.0];
 const LONGEST_TEXT: usize = 400;
 
 /// A mark whose numbers can be painted, whatever an overlay has given; none where a place is no number.
-fn tamed(mark: &Mark) -> Option<Mark> {
+fn sanitized(mark: &Mark) -> Option<Mark> {
     let place =
         |[x, y]: Place2| (x.is_finite() && y.is_finite()).then(|| [x, y].map(|c| c.clamp(-FAR_PIXELS, FAR_PIXELS)));
     let within = |x: f32, low: f32, high: f32| if x.is_nan() { low } else { x.clamp(low, high) };
@@ -191,7 +191,7 @@ pub fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
     let scale = p.ctx().pixels_per_point();
     let at = |[x, y]: Place2| area.min + vec2(x, y) / scale;
     let ink = |[r, g, b]: Colour| Color32::from_rgb(r, g, b);
-    for mark in marks.iter().filter_map(tamed) {
+    for mark in marks.iter().filter_map(sanitized) {
         match &mark {
             Mark::Line { from, to, colour, width } => {
                 p.line_segment([at(*from), at(*to)], (*width, ink(*colour)));
@@ -220,7 +220,7 @@ pub fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
 }
 
 /// What there is to say of a flight, over its picture in an area given in points.
-pub fn flight(p: &Painter, area: Rect, r: &Readings) {
+pub fn flight(p: &Painter, area: Rect, r: &HudState) {
     marks(p, area, &r.marks_drawn);
     let inner = area.shrink(MARGIN);
     // A small window shows the bar and the directions first, and leaves out what takes room.
@@ -236,7 +236,7 @@ pub fn flight(p: &Painter, area: Rect, r: &Readings) {
     let at = |per_mille: u32| track.min.x + track.width() * per_mille.min(1000) as f32 / 1000.0;
     for &mark in &r.marks {
         let rect = Rect::from_center_size(pos2(at(mark), track.center().y), vec2(4.0, 12.0));
-        p.rect_filled(rect, 0.0, Mood::Calling.colour());
+        p.rect_filled(rect, 0.0, Severity::Alert.colour());
     }
     // The camera.
     p.rect_filled(Rect::from_center_size(pos2(at(r.per_mille), track.center().y), vec2(4.0, 12.0)), 0.0, INK);
@@ -251,7 +251,7 @@ pub fn flight(p: &Painter, area: Rect, r: &Readings) {
         text(p, pos2(inner.min.x, foot), Align2::LEFT_TOP, SHORT_HELP, TEXT, SOFT);
     }
     let foot = foot - 8.0;
-    let mut head: Vec<(&str, f32, Color32)> = vec![(&r.state, 17.0, r.mood.colour())];
+    let mut head: Vec<(&str, f32, Color32)> = vec![(&r.state, 17.0, r.severity.colour())];
     head.extend(r.more.iter().map(|l| (l.as_str(), TEXT, INK)));
     let figures = r.figures.iter().take(if roomy { usize::MAX } else { 1 });
     head.extend(figures.map(|l| (l.as_str(), TEXT, INK)));
@@ -314,7 +314,7 @@ fn help(p: &Painter, area: Rect, list: &[(String, String)]) {
     for (n, (key, what)) in list.iter().enumerate() {
         let y = rect.min.y + 12.0 + n as f32 * row;
         let x = rect.min.x + 14.0;
-        p.text(pos2(x, y), Align2::LEFT_TOP, key, font(size), Mood::Waiting.colour());
+        p.text(pos2(x, y), Align2::LEFT_TOP, key, font(size), Severity::Notice.colour());
         p.text(pos2(x + keys + gap, y), Align2::LEFT_TOP, what, font(size), INK);
     }
 }

@@ -51,13 +51,13 @@ mod tests {
 
     use super::*;
     use crate::host::window::directions::Directions;
-    use crate::host::window::overlay::{self, Mood, Readings};
+    use crate::host::window::overlay::{self, HudState, Severity};
 
     /// Height of what lies over the whole lower edge of a picture without marks, points.
     fn foot(size: Vec2) -> f32 {
-        let readings = Readings {
+        let hud = HudState {
             state: String::new(),
-            mood: Mood::Well,
+            severity: Severity::Normal,
             more: Vec::new(),
             figures: Vec::new(),
             directions: Directions::default(),
@@ -71,7 +71,7 @@ mod tests {
         let area = Rect::from_min_size(Pos2::ZERO, size);
         let input = RawInput { screen_rect: Some(area), ..RawInput::default() };
         let output = Context::default().run_ui(input, |ui| {
-            overlay::flight(&ui.ctx().layer_painter(LayerId::background()), area, &readings);
+            overlay::flight(&ui.ctx().layer_painter(LayerId::background()), area, &hud);
         });
         let spans = |shape: &Shape| match shape {
             Shape::Rect(r) if r.rect.width() == area.width() && r.rect.max.y == area.max.y => Some(r.rect.height()),

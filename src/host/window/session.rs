@@ -59,7 +59,7 @@ impl folders::Kept for Session {
 impl Session {
     /// Of a flight that is on its way; one that has arrived, or that flies outside the colon, is not taken up again.
     pub fn of(flight: &FlightApp) -> Option<Self> {
-        let (share, length_mm) = flight.way();
+        let (share, length_mm) = flight.progress();
         let segment = flight.plan().segment?;
         if flight.flight().state == State::Arrived {
             return None;
@@ -83,7 +83,7 @@ impl Session {
     ///
     /// # Errors
     /// When the flight refuses a segment or guide: it is at its start then, as it began.
-    pub fn take_up(&self, flight: &mut FlightApp, what: Resume) -> Result<Option<f64>> {
+    pub fn resume(&self, flight: &mut FlightApp, what: Resume) -> Result<Option<f64>> {
         let (start, segment, reversed) = (flight.pose(), flight.plan().segment, flight.is_reversed());
         let taken = self.follow(flight, what);
         if taken.is_err() {
@@ -198,21 +198,21 @@ mod tests {
 
     #[test]
     fn what_the_flight_refuses_leaves_it_at_its_start() {
-        let tube = || crate::host::window::cockpit::tests::flight("tentacles");
+        let tube = || crate::host::window::controller::tests::flight("tentacles");
         let start = tube().pose();
         let inside = Session { position: [16.0, 40.0, 16.0], reversed: false, guide: "none".to_owned(), ..session() };
         let mut flight = tube();
-        let e = inside.take_up(&mut flight, Resume::Everything).unwrap_err();
+        let e = inside.resume(&mut flight, Resume::Everything).unwrap_err();
         assert!(e.why.contains("none"), "{e}");
         assert_eq!((flight.pose(), flight.scene().guide_name()), (start, "tentacles"));
         flight.step().unwrap();
         // Without that guide it is taken up, and what is no place for a camera is not.
         let mut flight = tube();
-        assert_eq!(inside.take_up(&mut flight, Resume::Place).unwrap(), Some(310.5));
+        assert_eq!(inside.resume(&mut flight, Resume::Place).unwrap(), Some(310.5));
         assert_eq!(flight.pose().position, DVec3::new(16.0, 40.0, 16.0));
         let mut flight = tube();
         let within = Session { position: [1.0; 3], ..inside };
-        assert_eq!(within.take_up(&mut flight, Resume::Place).unwrap(), None);
+        assert_eq!(within.resume(&mut flight, Resume::Place).unwrap(), None);
         assert_eq!(flight.pose(), start);
     }
 

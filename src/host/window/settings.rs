@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 /// The present form of the file.
 const VERSION: u32 = 1;
 /// What is to be done about a file that is none.
-const MEND: &str = "mend it or move it away; the defaults are taken until then";
+const MEND: &str = "fix it or move it away; the defaults are taken until then";
 
 /// What a user has chosen.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]

@@ -13,8 +13,8 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
 use winit::keyboard::{Key, ModifiersState};
 use winit::window::{Fullscreen, Window, WindowId};
 
-use super::actions::{Action, Actions, Does, Moment, WindowRequest};
-use super::cockpit::Cockpit;
+use super::actions::{Action, ActionContext, Actions, Effect, WindowRequest};
+use super::controller::FlightController;
 use super::folders::Folder;
 use super::framebuffer::{Framebuffer, Places};
 use super::interface::{Interface, WindowSize};
@@ -24,9 +24,9 @@ use super::measures::Measures;
 use super::overlay::{self, Content};
 use super::panels::open::FileList;
 use super::panels::{Context, Request, Requests};
-use super::presented::Presented;
+use super::present_timer::PresentTimer;
 use super::recent::Recent;
-use super::saver::WakeUp;
+use super::screenshot_renderer::WakeUp;
 use super::session::Session;
 use super::workspace::Workspace;
 use super::{Finish, Launch, Opening, Resume, Shown};
@@ -58,7 +58,7 @@ pub enum Wake {
 enum Stage {
     Loading(Loading),
     Failed(Error),
-    Flying(Box<Cockpit>),
+    Flying(Box<FlightController>),
     /// Nothing is shown any more.
     Over,
 }
@@ -113,7 +113,7 @@ pub struct Shell {
     proxy: EventLoopProxy<Wake>,
     progress: Arc<Progress>,
     saveable: WakeUp,
-    presented: Presented,
+    presented: PresentTimer,
     overlays: Vec<Overlay>,
     actions: Rc<Actions>,
     /// What is wrong with the settings file.
@@ -181,7 +181,7 @@ impl Shell {
             finish: Some(first.finish),
             progress,
             saveable,
-            presented: Presented::default(),
+            presented: PresentTimer::default(),
             overlays: launch.overlays,
             actions: Rc::new(actions),
             unsettled,
@@ -214,10 +214,10 @@ impl Shell {
     fn close(&mut self) -> Result<()> {
         let stage = std::mem::replace(&mut self.stage, Stage::Over);
         match stage {
-            Stage::Flying(mut cockpit) => {
-                cockpit.save_the_rest();
-                self.framebuffer = cockpit.flight_mut().take_presenter();
-                let flight = cockpit.flight();
+            Stage::Flying(mut controller) => {
+                controller.save_the_rest();
+                self.framebuffer = controller.flight_mut().take_presenter();
+                let flight = controller.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
                 if let Some(path) = self.session.take() {
                     let session = Session::of(flight);
@@ -225,8 +225,8 @@ impl Shell {
                         eprintln!("note: the place of this flight is not kept: {e}");
                     }
                 }
-                let shown = Shown { present_ms: self.presented.summary(), moving: cockpit.moving() };
-                let finished = self.finish.take().map_or(Ok(()), |f| f(flight, cockpit.frames(), &shown));
+                let shown = Shown { present_ms: self.presented.summary(), moving: controller.moving() };
+                let finished = self.finish.take().map_or(Ok(()), |f| f(flight, controller.frames(), &shown));
                 logged.and(finished)
             }
             // Closed while loading: the worker gives up by itself, and leaves nothing behind.
@@ -264,7 +264,7 @@ impl Shell {
         (self.opening, self.finish, self.resume) = (opening.input, Some(opening.finish), opening.resume);
         (self.log_path, self.seconds, self.is_first) = (opening.log, opening.seconds, false);
         (self.session, self.scan, self.laid_out, self.painted) = (None, None, None, None);
-        (self.flight_at, self.presented) = ([0; 4], Presented::default());
+        (self.flight_at, self.presented) = ([0; 4], PresentTimer::default());
         self.slices_at.clear();
         if let Some(framebuffer) = &mut self.framebuffer {
             framebuffer.forget_slices();
@@ -295,8 +295,8 @@ impl Shell {
     }
 
     /// Now, in the flight's picture.
-    fn moment(&self, now: Instant) -> Moment {
-        Moment { window: (self.flight_at[2], self.flight_at[3]), now }
+    fn moment(&self, now: Instant) -> ActionContext {
+        ActionContext { window: (self.flight_at[2], self.flight_at[3]), now }
     }
 
     /// The loading is over: takes off, or shows why not.
@@ -328,7 +328,7 @@ impl Shell {
         };
         // What cannot be taken up must not keep the scan from being opened.
         let along = left.and_then(|left| {
-            left.take_up(&mut flight, self.resume).unwrap_or_else(|e| {
+            left.resume(&mut flight, self.resume).unwrap_or_else(|e| {
                 eprintln!("note: the flight does not go on where it was left: {e}");
                 None
             })
@@ -343,20 +343,21 @@ impl Shell {
         {
             eprintln!("note: the list of scans is not kept: {e}");
         }
-        let mut cockpit = Cockpit::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
+        let mut controller =
+            FlightController::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
         let file = self.scan.as_deref().and_then(Path::file_name).map(|name| Path::new("measures").join(name));
         let (measures, unread) = Measures::open(file.and_then(|f| Folder::State.file(f)));
-        cockpit.take_up_measures(measures);
+        controller.set_measures(measures);
         if let Some(e) = &unread {
             eprintln!("note: {e}");
         }
         self.unsettled = self.unsettled.take().or(unread);
         if let Some(e) = self.unsettled.take() {
-            cockpit.say(format!("{}: {}", e.what, e.why), Instant::now());
+            controller.say(format!("{}: {}", e.what, e.why), Instant::now());
         } else if along.is_some() {
-            cockpit.say("going on where you left (E starts from the end)", Instant::now());
+            controller.say("going on where you left (E starts from the end)", Instant::now());
         }
-        self.stage = Stage::Flying(Box::new(cockpit));
+        self.stage = Stage::Flying(Box::new(controller));
         Ok(())
     }
 
@@ -377,8 +378,8 @@ impl Shell {
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
         let Some(action) = action.filter(|_| !pressed || !other) else { return };
         let once = pressed && (action.repeats || !event.repeat);
-        match (action.does, &mut self.stage) {
-            (Does::Hold(hold), Stage::Flying(c)) => {
+        match (action.effect, &mut self.stage) {
+            (Effect::Hold(hold), Stage::Flying(c)) => {
                 c.steer(|held| if pressed { held.press(hold) } else { held.release(hold) }, now);
             }
             _ if once => self.run(action, now, events),
@@ -414,9 +415,9 @@ impl Shell {
         let content = match &mut self.stage {
             Stage::Loading(loading) => loading.content(),
             Stage::Failed(e) => Content::Failed { text: e.to_string() },
-            Stage::Flying(cockpit) => {
-                cockpit.scaled(size.pixels_a_point());
-                Content::Flight(Box::new(cockpit.readings(now)))
+            Stage::Flying(controller) => {
+                controller.scaled(size.pixels_a_point());
+                Content::Flight(Box::new(controller.hud(now)))
             }
             Stage::Over => return,
         };
@@ -437,8 +438,8 @@ impl Shell {
         let choices = if let Stage::Failed(e) = stage { &e.choices[..] } else { &[] };
         let output = self.interface.lay_out(input.take_egui_input(window), size, now, |ui| {
             match (&content, stage) {
-                (Content::Flight(readings), Stage::Flying(cockpit)) => {
-                    workspace.ui(&Context::new(cockpit, actions, recent, readings), ui, &mut requests);
+                (Content::Flight(hud), Stage::Flying(controller)) => {
+                    workspace.ui(&Context::new(controller, actions, recent, hud), ui, &mut requests);
                 }
                 (Content::Failed { text }, _) => {
                     chosen = file_list.instead(text, opening, choices, recent, ui);
@@ -460,13 +461,13 @@ impl Shell {
                 Request::Open(path, series) => self.open_scan(path, series, events),
                 Request::Flight(request) => {
                     let moment = self.moment(now);
-                    if let Stage::Flying(cockpit) = &mut self.stage {
-                        cockpit.follow(request, moment);
+                    if let Stage::Flying(controller) = &mut self.stage {
+                        controller.follow(request, moment);
                     }
                 }
                 Request::Slice(request) => {
-                    if let Stage::Flying(cockpit) = &mut self.stage {
-                        cockpit.slice(request, now);
+                    if let Stage::Flying(controller) = &mut self.stage {
+                        controller.slice(request, now);
                     }
                 }
                 Request::Action(id) => {
@@ -478,13 +479,13 @@ impl Shell {
         }
     }
 
-    /// Does an action once.
+    /// Effect an action once.
     fn run(&mut self, action: &Action, now: Instant, events: &ActiveEventLoop) {
         let moment = self.moment(now);
-        match (action.does, &mut self.stage) {
-            (Does::Window(request), _) => self.run_window(request, events),
-            (Does::Once(_) | Does::HandTo(_) | Does::Overlay(_), Stage::Flying(c)) => c.perform(action, moment),
-            (Does::Once(_) | Does::HandTo(_) | Does::Overlay(_) | Does::Hold(_) | Does::Gesture, _) => {}
+        match (action.effect, &mut self.stage) {
+            (Effect::Window(request), _) => self.run_window(request, events),
+            (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_), Stage::Flying(c)) => c.perform(action, moment),
+            (Effect::Once(_) | Effect::HandTo(_) | Effect::Overlay(_) | Effect::Hold(_) | Effect::Gesture, _) => {}
         }
     }
 
@@ -507,15 +508,15 @@ impl Shell {
         let flight = (width * height > 0).then_some((left, top));
         let mut due = None;
         match &mut self.stage {
-            Stage::Flying(cockpit) => {
-                cockpit.advance(now)?;
+            Stage::Flying(controller) => {
+                controller.advance(now)?;
                 if let Some(log) = &mut self.log {
-                    log.add(cockpit.flight_mut().take_log())?;
+                    log.add(controller.flight_mut().take_log())?;
                 }
                 let slices: Vec<_> = self.slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
-                due = cockpit.prepare((width, height), &slices, now)?;
+                due = controller.prepare((width, height), &slices, now)?;
                 // What lies over slices tells of them as they were when it was laid out: at rest nothing else lays it out again.
-                self.touched |= due.is_some() && !slices.is_empty() && cockpit.rests();
+                self.touched |= due.is_some() && !slices.is_empty() && controller.rests();
             }
             Stage::Loading(_) | Stage::Failed(_) => {}
             Stage::Over => return Ok(()),
@@ -534,17 +535,17 @@ impl Shell {
             return Ok(());
         }
         let shown = match &mut self.stage {
-            Stage::Flying(cockpit) => {
+            Stage::Flying(controller) => {
                 let place =
-                    |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((cockpit.slices().entity(*o)?, (*x, *y)));
+                    |(o, [x, y, ..]): &(Orientation, [usize; 4])| Some((controller.slices().entity(*o)?, (*x, *y)));
                 let slices = self.slices_at.iter().filter_map(place).collect();
-                if let Some(mut framebuffer) = cockpit.framebuffer() {
+                if let Some(mut framebuffer) = controller.framebuffer() {
                     framebuffer.prepare(layout, Places { flight, slices });
                 }
-                let shown = cockpit.show(due)?;
+                let shown = controller.show(due)?;
                 if let Some(shown) = &shown {
                     self.presented.took(shown.ms);
-                    cockpit.presented(self.presented.usual_ms());
+                    controller.presented(self.presented.usual_ms());
                 }
                 shown
             }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use bevy_ecs::prelude::Entity;
 use glam::DVec3;
 
-use super::panels::SliceRequest;
+use super::panels::SliceInput;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView, ZOOMS};
 use crate::error::Result;
@@ -93,7 +93,7 @@ impl Slices {
             }
         }
         let (mut stale, place) = (false, self.cursor());
-        let grid = flight.volume().volume().grid().clone();
+        let grid = flight.volume().voxels().grid().clone();
         for (orientation, size) in wanted {
             let world = &mut flight.app_mut().world;
             let view = self.entities.get(orientation).and_then(|e| world.get_mut::<SliceView>(*e));
@@ -104,18 +104,18 @@ impl Slices {
         Ok(stale)
     }
 
-    /// Does what a panel asks for.
-    pub fn ask(&mut self, flight: &mut FlightApp, request: SliceRequest) {
+    /// Effect what a panel asks for.
+    pub fn ask(&mut self, flight: &mut FlightApp, request: SliceInput) {
         match request {
-            SliceRequest::Click(place) | SliceRequest::Point(place) => self.point(flight, place),
-            SliceRequest::Scroll(orientation, notches) => self.scroll(flight, orientation, notches),
-            SliceRequest::Pan(orientation, [right, down]) => self.change(flight, orientation, |view| {
+            SliceInput::Click(place) | SliceInput::Point(place) => self.point(flight, place),
+            SliceInput::Scroll(orientation, notches) => self.scroll(flight, orientation, notches),
+            SliceInput::Pan(orientation, [right, down]) => self.change(flight, orientation, |view| {
                 view.pan_mm = [view.pan_mm[0] + right, view.pan_mm[1] + down];
             }),
-            SliceRequest::Zoom(orientation, notches) => self.change(flight, orientation, |view| {
+            SliceInput::Zoom(orientation, notches) => self.change(flight, orientation, |view| {
                 view.zoom = (view.zoom * CLOSER.powf(notches)).clamp(ZOOMS[0], ZOOMS[1]);
             }),
-            SliceRequest::Window([right, up]) => {
+            SliceInput::Window([right, up]) => {
                 let width = (self.windowing.width() * (right / DOUBLES).exp2()).clamp(WIDTHS[0], WIDTHS[1]);
                 let level = self.windowing.level() + up * self.windowing.width() / (4.0 * DOUBLES);
                 self.window(level.clamp(LEVELS[0], LEVELS[1]), width);
@@ -133,7 +133,7 @@ impl Slices {
     /// Goes on by so many layers of the scan.
     fn scroll(&mut self, flight: &FlightApp, orientation: Orientation, notches: f64) {
         let Some(view) = self.view(flight, orientation) else { return };
-        let grid = flight.volume().volume().grid();
+        let grid = flight.volume().voxels().grid();
         // As it is to be, not as it was last drawn: several notches may come between two pictures.
         let mut view = view.without_image();
         view.place = self.cursor();

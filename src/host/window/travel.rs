@@ -26,9 +26,9 @@ pub struct Travel {
 impl Travel {
     /// From a pose to look at a place (world, mm) from a good distance. One that is nearer stays where it is, and turns.
     pub fn to_look_at(from: Pose, place: DVec3, now: Instant) -> Self {
-        let way = place - from.position;
-        let forward = way.try_normalize().unwrap_or(from.attitude.forward);
-        let to = from.position + forward * (way.length() - GOOD_MM).max(0.0);
+        let direction = place - from.position;
+        let forward = direction.try_normalize().unwrap_or(from.attitude.forward);
+        let to = from.position + forward * (direction.length() - GOOD_MM).max(0.0);
         Self { from, to, forward, begun: now }
     }
 

@@ -7,13 +7,13 @@ use egui::{Align, MenuBar, RichText, Ui, UiBuilder, WidgetText};
 use egui_tiles::{Behavior, Container, LinearDir, SimplificationOptions, Tile, TileId, Tiles, Tree, UiResponse};
 use serde::{Deserialize, Serialize};
 
-use super::actions::{Does, MENUS, WindowRequest};
+use super::actions::{Effect, MENUS, WindowRequest};
 use super::folders::{self, Folder};
-use super::overlay::{DISCLAIMER, Mood, SOFT};
+use super::overlay::{DISCLAIMER, SOFT, Severity};
 use super::panels::{Context, Panel, PanelEntry, Request, Requests, slices};
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
-use crate::fence;
+use crate::panics;
 
 /// The present form of the file of layouts.
 const VERSION: u32 = 1;
@@ -82,7 +82,7 @@ pub const LAYOUTS: &[LayoutEntry] = &[
     },
     LayoutEntry {
         name: "across",
-        text: "the flight and the slice across the way",
+        text: "the flight and the slice across the path",
         key: "F5",
         menus: true,
         tiles: Split::Row(&[(1.0, Split::Panel("flight")), (1.0, Split::Panel("across"))]),
@@ -266,7 +266,7 @@ impl Workspace {
         let layouts = LAYOUTS.iter().map(|l| Arrangement::new(l, &panels)).collect();
         let first = LAYOUTS.iter().position(|l| l.name == FIRST).unwrap_or(0);
         let mut made = Self { panels, layout: first, layouts, file };
-        let error = made.take_up().err();
+        let error = made.resume().err();
         if error.is_some() {
             made.file = None;
         }
@@ -276,7 +276,7 @@ impl Workspace {
         (made, error)
     }
 
-    fn take_up(&mut self) -> Result<()> {
+    fn resume(&mut self) -> Result<()> {
         let Some(path) = &self.file else { return Ok(()) };
         let Some(kept) = folders::read_kept::<Kept>(path, MEND)? else { return Ok(()) };
         for (entry, layout) in LAYOUTS.iter().zip(&mut self.layouts) {
@@ -356,7 +356,7 @@ impl Workspace {
                 ui.menu_button(*title, |ui| {
                     for action in entries.iter().flat_map(|e| context.actions.of_menu(e)) {
                         let button = egui::Button::new(action.title()).shortcut_text(action.key_text());
-                        let button = button.selected(self.is_on(action.does));
+                        let button = button.selected(self.is_on(action.effect));
                         let why_not = context.why_not(action);
                         let shown = ui.add_enabled(why_not.is_none(), button);
                         if shown.on_disabled_hover_text(why_not.unwrap_or_default()).clicked() {
@@ -368,8 +368,8 @@ impl Workspace {
             ui.with_layout(egui::Layout::right_to_left(Align::Center), |ui| {
                 ui.label(RichText::new(DISCLAIMER).color(SOFT));
                 ui.separator();
-                let r = context.readings;
-                ui.label(RichText::new(&r.state).color(r.mood.colour()));
+                let r = context.hud;
+                ui.label(RichText::new(&r.state).color(r.severity.colour()));
                 // Where the flight is not shown its messages are not, either.
                 if let Some(message) = r.message.as_ref().filter(|_| !self.layouts[self.layout].is_shown("flight")) {
                     ui.separator();
@@ -380,10 +380,10 @@ impl Workspace {
     }
 
     /// Whether what an action switches is on.
-    fn is_on(&self, does: Does) -> bool {
-        match does {
-            Does::Window(WindowRequest::Layout(n)) => n == self.layout,
-            Does::Window(WindowRequest::Panel(n)) => {
+    fn is_on(&self, effect: Effect) -> bool {
+        match effect {
+            Effect::Window(WindowRequest::Layout(n)) => n == self.layout,
+            Effect::Window(WindowRequest::Panel(n)) => {
                 self.panels.get(n).is_some_and(|p| self.layouts[self.layout].is_shown(p.entry.name))
             }
             _ => false,
@@ -406,7 +406,7 @@ impl Behavior<String> for Tiling<'_, '_> {
             ui.painter().rect_filled(rect, 0.0, ui.visuals().panel_fill);
         }
         if let Some(why) = &shown.fault {
-            told(ui, rect, shown.entry.title, why);
+            reported(ui, rect, shown.entry.title, why);
             return UiResponse::None;
         }
         // In a child of its own, so that what a panel leaves behind when it panics is not the others'.
@@ -414,7 +414,7 @@ impl Behavior<String> for Tiling<'_, '_> {
             ui.new_child(UiBuilder::new().max_rect(if shown.entry.picture { rect } else { rect.shrink(8.0) }));
         own.set_clip_rect(rect.intersect(ui.clip_rect()));
         let (context, requests) = (self.context, &mut *self.requests);
-        let laid_out = fence::caught(|| {
+        let laid_out = panics::catch(|| {
             if !shown.entry.picture {
                 own.label(RichText::new(shown.entry.title).strong());
                 own.separator();
@@ -423,7 +423,7 @@ impl Behavior<String> for Tiling<'_, '_> {
         });
         if let Err(why) = laid_out {
             eprintln!("note: panel {} panicked: {why}; it is not shown any more", shown.entry.name);
-            told(ui, rect, shown.entry.title, &why);
+            reported(ui, rect, shown.entry.title, &why);
             shown.fault = Some(why);
         }
         UiResponse::None
@@ -448,10 +448,10 @@ impl Behavior<String> for Tiling<'_, '_> {
 }
 
 /// Says in a panel's place why it is not there.
-fn told(ui: &mut Ui, rect: egui::Rect, title: &str, why: &str) {
+fn reported(ui: &mut Ui, rect: egui::Rect, title: &str, why: &str) {
     let layout = egui::Layout::top_down(Align::Min);
     ui.scope_builder(UiBuilder::new().max_rect(rect.shrink(8.0)).layout(layout), |ui| {
-        ui.label(RichText::new(format!("{title}: panicked")).color(Mood::Calling.colour()));
+        ui.label(RichText::new(format!("{title}: panicked")).color(Severity::Alert.colour()));
         ui.label(why);
     });
 }
@@ -460,9 +460,9 @@ fn told(ui: &mut Ui, rect: egui::Rect, title: &str, why: &str) {
 mod tests {
     use super::*;
     use crate::host::window::actions::{Actions, KeySettings};
-    use crate::host::window::cockpit::Cockpit;
+    use crate::host::window::controller::FlightController;
     use crate::host::window::interface::{Interface, WindowSize};
-    use crate::host::window::panels::{FlightRequest, SliceRequest};
+    use crate::host::window::panels::{FlightInput, SliceInput};
 
     struct Nothing;
 
@@ -520,14 +520,19 @@ mod tests {
     }
 
     /// Lays a workspace out after some events; what was asked for.
-    fn lay_out(w: &mut Workspace, interface: &mut Interface, cockpit: &Cockpit, events: Vec<egui::Event>) -> Requests {
-        let actions = Actions::new(&cockpit.flight().scene().guides, &[], &entries(), &KeySettings::new()).unwrap();
-        let readings = crate::host::window::overlay::Readings::default();
+    fn lay_out(
+        w: &mut Workspace,
+        interface: &mut Interface,
+        controller: &FlightController,
+        events: Vec<egui::Event>,
+    ) -> Requests {
+        let actions = Actions::new(&controller.flight().scene().guides, &[], &entries(), &KeySettings::new()).unwrap();
+        let hud = crate::host::window::overlay::HudState::default();
         let size = WindowSize { pixels: (1000, 700), scale: 1.0 };
         let input = egui::RawInput { events, ..egui::RawInput::default() };
         let mut requests = Requests::default();
         interface.lay_out(input, size, std::time::Instant::now(), |ui| {
-            w.ui(&Context::new(cockpit, &actions, &[], &readings), ui, &mut requests);
+            w.ui(&Context::new(controller, &actions, &[], &hud), ui, &mut requests);
             Vec::new()
         });
         requests
@@ -540,9 +545,9 @@ mod tests {
 
     #[test]
     fn panels_are_laid_out_and_clicked_without_a_window() {
-        let mut cockpit = crate::host::window::cockpit::tests::cockpit("tentacles");
+        let mut controller = crate::host::window::controller::tests::controller("tentacles");
         let (mut w, mut interface) = (Workspace::new(&entries(), Some("reading"), None).0, Interface::new());
-        let shown = lay_out(&mut w, &mut interface, &cockpit, Vec::new());
+        let shown = lay_out(&mut w, &mut interface, &controller, Vec::new());
         let flight = shown.flight_at().unwrap();
         let places: Vec<egui::Rect> = shown.slices_at().iter().map(|s| s.1).chain([flight]).collect();
         assert_eq!(places.len(), 4);
@@ -553,32 +558,32 @@ mod tests {
         // The slices are drawn, and a click in one is a place of the world.
         let size = |r: &egui::Rect| [r.width() as usize, r.height() as usize];
         let slices: Vec<_> = shown.slices_at().iter().map(|(o, r)| (*o, size(r))).collect();
-        let due = cockpit.prepare((100, 100), &slices, std::time::Instant::now()).unwrap();
-        cockpit.show(due).unwrap();
+        let due = controller.prepare((100, 100), &slices, std::time::Instant::now()).unwrap();
+        controller.show(due).unwrap();
         let (orientation, axial) = shown.slices_at()[0];
-        lay_out(&mut w, &mut interface, &cockpit, Vec::new());
-        let mut asked = lay_out(&mut w, &mut interface, &cockpit, press(axial.center(), true));
-        let slice = cockpit.slices().view(cockpit.flight(), orientation).unwrap().shown().unwrap();
-        let [Request::Slice(SliceRequest::Click(place))] = asked.take()[..] else { panic!("a click in the slice") };
+        lay_out(&mut w, &mut interface, &controller, Vec::new());
+        let mut asked = lay_out(&mut w, &mut interface, &controller, press(axial.center(), true));
+        let slice = controller.slices().view(controller.flight(), orientation).unwrap().shown().unwrap();
+        let [Request::Slice(SliceInput::Click(place))] = asked.take()[..] else { panic!("a click in the slice") };
         let offset = f64::from(axial.center().x - axial.min.x) - slice.pixel(place).0[0];
         assert!(offset.abs() < 1e-3 && slice.pixel(place).1.abs() < 1e-9);
         // A drag in the flight looks around.
-        lay_out(&mut w, &mut interface, &cockpit, press(axial.center(), false));
+        lay_out(&mut w, &mut interface, &controller, press(axial.center(), false));
         let mut events = press(flight.center(), true);
         events.push(egui::Event::PointerMoved(flight.center() + egui::vec2(30.0, 0.0)));
-        let asked = lay_out(&mut w, &mut interface, &cockpit, events).take();
-        assert!(asked.contains(&Request::Flight(FlightRequest::Look([30.0, 0.0]))), "{asked:?}");
+        let asked = lay_out(&mut w, &mut interface, &controller, events).take();
+        assert!(asked.contains(&Request::Flight(FlightInput::Look([30.0, 0.0]))), "{asked:?}");
     }
 
     #[test]
     fn a_panel_that_panics_says_so_in_its_place_and_the_others_stay() {
-        let cockpit = crate::host::window::cockpit::tests::cockpit("tentacles");
+        let controller = crate::host::window::controller::tests::controller("tentacles");
         let fails =
             PanelEntry { name: "fails", title: "Fails", shown: true, make: || Box::new(Fails(0)), ..PanelEntry::NONE };
         let all = [entries(), vec![fails]].concat();
         let (mut w, mut interface) = (Workspace::new(&all, Some("flight"), None).0, Interface::new());
         for n in 0..6 {
-            let shown = lay_out(&mut w, &mut interface, &cockpit, Vec::new());
+            let shown = lay_out(&mut w, &mut interface, &controller, Vec::new());
             assert!(shown.flight_at().is_some(), "{n}");
             assert_eq!(w.panels.last().unwrap().fault.is_some(), n >= 2, "{n}");
         }

@@ -20,12 +20,12 @@ pub struct Probes {
 
 impl Probes {
     /// Follows what `view` shows of `space`: one exact ray for each of 25 points that the camera shows anything at.
-    pub fn new(space: &PreparedVolume, view: &View) -> Self {
+    pub fn new(volume: &PreparedVolume, view: &View) -> Self {
         let place = |n: usize, length: usize| (n as f64 + 0.5) / SIDE as f64 * length as f64;
         let point = |n: usize| {
             let at = [place(n % SIDE, view.width()), place(n / SIDE, view.height())];
             let CameraRay { origin, direction } = view.ray_at(at[0], at[1])?;
-            let depth = first_crossing(space, origin, direction, FAR_MM).unwrap_or(FAR_MM);
+            let depth = first_crossing(volume, origin, direction, FAR_MM).unwrap_or(FAR_MM);
             Some((origin + direction * depth, at))
         };
         Self { view: view.clone(), points: (0..SIDE * SIDE).filter_map(point).collect() }
@@ -84,8 +84,8 @@ mod tests {
 
     #[test]
     fn it_is_that_of_the_wall_that_is_seen() {
-        let (space, at) = (wall(), DVec3::new(30.0, 32.0, 32.0));
-        let probes = Probes::new(&space, &view(at, DVec3::X));
+        let (volume, at) = (wall(), DVec3::new(30.0, 32.0, 32.0));
+        let probes = Probes::new(&volume, &view(at, DVec3::X));
         assert_eq!(probes.flow(&view(at, DVec3::X)), 0.0);
         // A pixel covers 0.01 of the distance of about 20.3 mm.
         let sideways = probes.flow(&view(at + DVec3::Y * 2.0, DVec3::X));
@@ -98,14 +98,14 @@ mod tests {
 
     #[test]
     fn cuts_are_infinite() {
-        let (space, at) = (wall(), DVec3::new(30.0, 32.0, 32.0));
+        let (volume, at) = (wall(), DVec3::new(30.0, 32.0, 32.0));
         let v = view(at, DVec3::X);
-        let probes = Probes::new(&space, &v);
+        let probes = Probes::new(&volume, &v);
         assert_eq!(probes.flow(&view(at, DVec3::NEG_X)), f64::INFINITY);
         assert_eq!(probes.flow(&v.resized(201, 200)), f64::INFINITY);
         // Outside and within the wall nothing is NaN.
         for from in [DVec3::splat(-1e3), DVec3::new(60.0, 32.0, 32.0), DVec3::splat(1e8)] {
-            let probes = Probes::new(&space, &view(from, DVec3::X));
+            let probes = Probes::new(&volume, &view(from, DVec3::X));
             assert!(!probes.flow(&view(from + DVec3::Y, DVec3::X)).is_nan());
         }
     }

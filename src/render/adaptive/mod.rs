@@ -49,7 +49,7 @@ pub fn cost_shown(work: &Work, detail: Option<Detail>, shown: (usize, usize)) ->
 
 /// Follows the need with two renderers of the same space.
 pub struct Adaptive {
-    space: PreparedVolume,
+    volume: PreparedVolume,
     moving: Box<dyn Renderer>,
     /// Makes samples of the reference; none at a quality that does not ask for it.
     fine: Option<Box<dyn Renderer>>,
@@ -68,9 +68,9 @@ pub struct Adaptive {
 
 impl Adaptive {
     /// Follows the need by `moving`, and at rest by `fine`, which makes one sample a pixel.
-    pub fn new(space: &PreparedVolume, moving: Box<dyn Renderer>, fine: Option<Box<dyn Renderer>>) -> Self {
+    pub fn new(volume: &PreparedVolume, moving: Box<dyn Renderer>, fine: Option<Box<dyn Renderer>>) -> Self {
         Self {
-            space: space.clone(),
+            volume: volume.clone(),
             moving,
             fine,
             budget: BUDGET,
@@ -114,7 +114,7 @@ impl Adaptive {
             work
         };
         self.governor.took(cost(&work), size.0 * size.1);
-        self.probes = Some(Probes::new(&self.space, view));
+        self.probes = Some(Probes::new(&self.volume, view));
         frame.show(&self.last);
         work
     }
@@ -145,7 +145,7 @@ impl Renderer for Adaptive {
             None => self.in_motion(view, f64::INFINITY, frame),
         };
         if let Some(depth) = frame.buffers().1 {
-            depths(&self.space, view, depth);
+            depths(&self.volume, view, depth);
         }
         work
     }

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::cost;
 use crate::render::caster::within_pixel;
-use crate::render::fast::BLOCK;
+use crate::render::packets::BLOCK;
 use crate::render::renderer::{Renderer, SQUARE};
 use crate::render::{Frame, View, Work};
 

@@ -17,8 +17,8 @@ fn colon() -> (PreparedVolume, Vec<DVec3>) {
     (PreparedVolume::new(Arc::new(volume), TransferFunction::default()), line)
 }
 
-fn adaptive(space: &PreparedVolume, quality: Quality) -> Box<dyn Renderer> {
-    renderer(space, Settings { adaptive: true, ..Settings::new(quality) }, Preset::default(), Reuse::Allowed)
+fn adaptive(volume: &PreparedVolume, quality: Quality) -> Box<dyn Renderer> {
+    renderer(volume, Settings { adaptive: true, ..Settings::new(quality) }, Preset::default(), Reuse::Allowed)
 }
 
 fn view(at: DVec3, forward: DVec3) -> View {
@@ -41,9 +41,9 @@ fn flight(line: &[DVec3], pictures: usize) -> Vec<View> {
 
 #[test]
 fn a_flight_with_sudden_turns_keeps_its_budget() {
-    let (space, line) = colon();
+    let (volume, line) = colon();
     for budget in [20_000, 60_000, 150_000] {
-        let mut r = adaptive(&space, Quality::High);
+        let mut r = adaptive(&volume, Quality::High);
         r.set_budget(Budget::strict(budget));
         let mut frame = Frame::new(SIDE, SIDE);
         let views = flight(&line, 400);
@@ -58,11 +58,11 @@ fn a_flight_with_sudden_turns_keeps_its_budget() {
 
 #[test]
 fn the_same_on_one_thread_and_on_two() {
-    let (space, line) = colon();
+    let (volume, line) = colon();
     let make = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let mut r = adaptive(&space, Quality::High);
+            let mut r = adaptive(&volume, Quality::High);
             r.set_budget(Budget::strict(60_000));
             let mut frame = Frame::new(SIDE, SIDE);
             let mut all = Vec::new();
@@ -81,16 +81,16 @@ fn the_same_on_one_thread_and_on_two() {
 
 #[test]
 fn at_rest_it_becomes_the_reference_and_stops() {
-    let (space, line) = colon();
+    let (volume, line) = colon();
     let v = view(line[60], line[70] - line[60]);
     let settings = Settings { samples_per_pixel: SAMPLES, ..Settings::new(Quality::Reference) };
     let mut reference = Frame::default();
-    Direct::new(&space, settings).render(&v, &mut reference);
+    Direct::new(&volume, settings).render(&v, &mut reference);
     for (preset, budget) in
         [(Preset::default(), 40_000), (Preset::default(), u64::MAX), (presets::lean::PRESET, 400_000)]
     {
         let settings = Settings { adaptive: true, ..Settings::default() };
-        let mut r = renderer(&space, settings, preset, Reuse::Allowed);
+        let mut r = renderer(&volume, settings, preset, Reuse::Allowed);
         r.set_budget(Budget::strict(budget));
         let mut frame = Frame::new(SIDE, SIDE);
         let mut pictures = 0;
@@ -116,8 +116,8 @@ fn at_rest_it_becomes_the_reference_and_stops() {
 
 #[test]
 fn what_moves_on_begins_anew() {
-    let (space, line) = colon();
-    let mut r = adaptive(&space, Quality::High);
+    let (volume, line) = colon();
+    let mut r = adaptive(&volume, Quality::High);
     r.set_budget(Budget::strict(100_000));
     let mut frame = Frame::with_depth(SIDE, SIDE);
     let first = view(line[60], line[70] - line[60]);
@@ -131,7 +131,7 @@ fn what_moves_on_begins_anew() {
         r.render(&next, &mut frame);
         assert_eq!((frame.width(), frame.height()), (next.width(), next.height()));
         r.set_budget(Budget::strict(u64::MAX));
-        let (mut alone, mut fresh) = (Frame::with_depth(1, 1), adaptive(&space, Quality::High));
+        let (mut alone, mut fresh) = (Frame::with_depth(1, 1), adaptive(&volume, Quality::High));
         fresh.set_budget(Budget::strict(u64::MAX));
         for _ in 0..2 {
             r.render(&next, &mut frame);
@@ -146,12 +146,12 @@ fn what_moves_on_begins_anew() {
 
 #[test]
 fn low_detail_at_rest_is_that_of_a_picture_made_at_once() {
-    let (space, line) = colon();
+    let (volume, line) = colon();
     for (width, height) in [(128, 40), (40, 128), (SIDE, SIDE)] {
         let v = View::new(line[60], line[70] - line[60], DVec3::Z, 90.0, width, height).unwrap();
         let mut at_once = Frame::default();
-        renderer(&space, Settings::new(Quality::Low), Preset::default(), Reuse::Allowed).render(&v, &mut at_once);
-        let (mut r, mut frame) = (adaptive(&space, Quality::Low), Frame::default());
+        renderer(&volume, Settings::new(Quality::Low), Preset::default(), Reuse::Allowed).render(&v, &mut at_once);
+        let (mut r, mut frame) = (adaptive(&volume, Quality::Low), Frame::default());
         r.set_budget(Budget::strict(1));
         r.render(&v, &mut frame);
         for _ in 0..20 {
@@ -164,14 +164,14 @@ fn low_detail_at_rest_is_that_of_a_picture_made_at_once() {
 
 #[test]
 fn low_detail_is_cheaper_and_rests_when_it_is_sharp() {
-    let (space, line) = colon();
+    let (volume, line) = colon();
     let v = view(line[60], line[70] - line[60]);
     let works = [Quality::High, Quality::Low].map(|quality| {
-        let mut r = renderer(&space, Settings::new(quality), Preset::default(), Reuse::Allowed);
+        let mut r = renderer(&volume, Settings::new(quality), Preset::default(), Reuse::Allowed);
         r.render(&v, &mut Frame::default())
     });
     assert!(cost(&works[1]) * 2 < cost(&works[0]), "{works:?}");
-    let (mut r, mut frame) = (adaptive(&space, Quality::Low), Frame::default());
+    let (mut r, mut frame) = (adaptive(&volume, Quality::Low), Frame::default());
     r.set_budget(Budget::strict(1));
     r.render(&v, &mut frame);
     r.set_budget(Budget::strict(u64::MAX));

@@ -72,8 +72,8 @@ fn class(code: u8) -> u8 {
 impl ByteVolume {
     /// The codes and flags of `space`, in parallel. Flags look at voxels up to `reach` away: what a sample is made of
     /// decides how many must be homogeneous for it to be skipped (1 for values, 2 for regressions).
-    pub fn new(space: &PreparedVolume, reach: usize) -> Self {
-        let (volume, wall) = (space.volume(), space.transfer());
+    pub fn new(volume: &PreparedVolume, reach: usize) -> Self {
+        let (volume, wall) = (volume.voxels(), volume.transfer());
         let per_hu = 1.0 / unit(wall);
         let data = volume.data().par_iter().with_min_len(1 << 16).map(|&v| code(v, wall, per_hu)).collect();
         let air = code(AIR_HU, wall, per_hu);
@@ -155,7 +155,7 @@ fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [
 
 /// Pictures through the volume of 7 + 1 bits. The 16-bit voxels are only asked for a picture's depth.
 pub struct ByteStorage {
-    space: PreparedVolume,
+    volume: PreparedVolume,
     bytes: ByteVolume,
     accelerations: Accelerations,
 }
@@ -163,21 +163,21 @@ pub struct ByteStorage {
 impl ByteStorage {
     /// Looks at `bytes`, which were made from `space`, leaping and fitting as told. The distances that some ways to leap need
     /// are those of the 16-bit voxels: what is empty in those is so here.
-    pub fn new(space: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
-        let accelerations = Accelerations::new(space, &ByteTrilinear::new(space, &bytes), leap, gradients);
-        Self { space: space.clone(), bytes, accelerations }
+    pub fn new(volume: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
+        let accelerations = Accelerations::new(volume, &ByteTrilinear::new(volume, &bytes), leap, gradients);
+        Self { volume: volume.clone(), bytes, accelerations }
     }
 }
 
 impl VoxelStorage for ByteStorage {
     type Radius<'a> = ChosenRadius<'a, ByteSurroundings<'a>>;
 
-    fn space(&self) -> &PreparedVolume {
-        &self.space
+    fn volume(&self) -> &PreparedVolume {
+        &self.volume
     }
 
     fn empty_radius(&self) -> Self::Radius<'_> {
-        self.accelerations.leaper.radius(&self.space, Some(ByteSurroundings { bytes: &self.bytes }))
+        self.accelerations.leaper.radius(&self.volume, Some(ByteSurroundings { bytes: &self.bytes }))
     }
 
     fn image<B: Begin>(
@@ -188,19 +188,19 @@ impl VoxelStorage for ByteStorage {
         kept: &mut [B::Kept],
         frame: &mut Frame,
     ) -> Work {
-        let request = ImageRequest { space: &self.space, view, settings };
+        let request = ImageRequest { volume: &self.volume, view, settings };
         let flags = (ByteLeap::new(&self.bytes), ByteLeap::new(&self.bytes));
         if settings.quality == Quality::Low {
-            let low = ByteNearest::new(&self.space, &self.bytes);
+            let low = ByteNearest::new(&self.volume, &self.bytes);
             self.accelerations.image(&request, low, flags, begin, kept, frame)
         } else {
-            let high = ByteTrilinear::new(&self.space, &self.bytes);
+            let high = ByteTrilinear::new(&self.volume, &self.bytes);
             self.accelerations.image(&request, high, flags, begin, kept, frame)
         }
     }
 
     fn parts(&self) -> Vec<(MemoryPart, usize)> {
-        let own = [(MemoryPart::Flags, self.space.bytes()), (MemoryPart::ByteVolume, self.bytes.bytes())];
+        let own = [(MemoryPart::Flags, self.volume.bytes()), (MemoryPart::ByteVolume, self.bytes.bytes())];
         own.into_iter().chain(self.accelerations.parts()).collect()
     }
 }

@@ -43,8 +43,8 @@ pub struct ByteNearest<'a> {
 
 impl<'a> ByteTrilinear<'a> {
     /// A sampler of `bytes`, which were made from `space`.
-    pub fn new(space: &PreparedVolume, bytes: &'a ByteVolume) -> Self {
-        Self { bytes, decode: Decode::new(bytes), lo: bytes.wall.lo(), regression: regression(space) }
+    pub fn new(volume: &PreparedVolume, bytes: &'a ByteVolume) -> Self {
+        Self { bytes, decode: Decode::new(bytes), lo: bytes.wall.lo(), regression: regression(volume) }
     }
 
     /// The value in floating point, to compare with.
@@ -62,8 +62,8 @@ impl<'a> ByteTrilinear<'a> {
 
 impl<'a> ByteNearest<'a> {
     /// A sampler of `bytes`, which were made from `space`.
-    pub fn new(space: &PreparedVolume, bytes: &'a ByteVolume) -> Self {
-        Self { bytes, decode: Decode::new(bytes), regression: regression(space) }
+    pub fn new(volume: &PreparedVolume, bytes: &'a ByteVolume) -> Self {
+        Self { bytes, decode: Decode::new(bytes), regression: regression(volume) }
     }
 }
 

@@ -13,13 +13,13 @@ use crate::render::skip::Everything;
 use crate::render::{Classification, Frame, Settings, View, psnr};
 use crate::volume::Volume;
 
-fn space(dims: [usize; 3], wall: TransferFunction, f: impl Fn(usize) -> i16) -> PreparedVolume {
+fn volume(dims: [usize; 3], wall: TransferFunction, f: impl Fn(usize) -> i16) -> PreparedVolume {
     let grid = Grid::new(dims, DVec3::new(0.7, 0.6, 1.1), DVec3::ZERO, DMat3::IDENTITY).unwrap();
     PreparedVolume::new(Arc::new(Volume::new(grid.clone(), (0..grid.len()).map(f).collect())), wall)
 }
 
 fn specks(dims: [usize; 3], wall: TransferFunction, seed: u64, share: f64) -> PreparedVolume {
-    space(dims, wall, |n| {
+    volume(dims, wall, |n| {
         let u = |s: u64| hash::uniform(s, n as u64);
         if u(seed) < share { -1000 + (1000.0 * u(!seed)) as i16 } else { -1000 }
     })
@@ -33,7 +33,7 @@ proptest! {
         wall in prop_oneof![Just((-800.0, -500.0)), Just((-2000.0, -1100.0)), Just((-1100.0, -500.0))],
     ) {
         let wall = TransferFunction::new(wall.0, wall.1).unwrap();
-        let s = space(dims, wall, |n| match (hash::uniform(seed, n as u64) < share, tissue) {
+        let s = volume(dims, wall, |n| match (hash::uniform(seed, n as u64) < share, tissue) {
             (true, _) => -650,
             (false, true) => 40,
             (false, false) => -1024,
@@ -55,11 +55,11 @@ proptest! {
         wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -500.0)), Just((-999.5, 40.0))],
     ) {
         let s = specks(dims, TransferFunction::new(wall.0, wall.1).unwrap(), seed, share);
-        let grid = s.volume().grid();
+        let grid = s.voxels().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(std::array::from_fn(|a| q[a] * dims[a] as f64)));
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, 90.0, 24, 16).unwrap();
         let settings = Settings::default();
-        let request = ImageRequest { space: &s, view: &view, settings: &settings };
+        let request = ImageRequest { volume: &s, view: &view, settings: &settings };
         let mut kept = vec![(); 24 * 16];
         let mut frames = vec![Frame::new(24, 16); 4];
         let [a, b, c, d] = &mut frames[..] else { unreachable!() };
@@ -76,9 +76,9 @@ proptest! {
 #[test]
 fn values_are_off_by_half_a_code() {
     let wall = TransferFunction::default();
-    let s = space([30, 20, 10], wall, |n| -1028 + (906.0 * hash::uniform(4, n as u64)) as i16);
+    let s = volume([30, 20, 10], wall, |n| -1028 + (906.0 * hash::uniform(4, n as u64)) as i16);
     let bytes = ByteVolume::new(&s, 1);
-    assert!((bytes.error_hu() - 150.0 / 42.0).abs() < 1e-4 && bytes.bytes() * 2 == s.volume().bytes());
+    assert!((bytes.error_hu() - 150.0 / 42.0).abs() < 1e-4 && bytes.bytes() * 2 == s.voxels().bytes());
     let (exact, fixed) = (crate::render::sampler::Trilinear::new(&s), ByteTrilinear::new(&s, &bytes));
     for n in 0..4000 {
         let u = |k: u64| hash::uniform(n, k) as f32;
@@ -99,17 +99,17 @@ fn values_are_off_by_half_a_code() {
 #[test]
 fn seven_bits_draw_the_same_wall() {
     let n = 60;
-    let s = space([n; 3], TransferFunction::default(), |i| {
+    let s = volume([n; 3], TransferFunction::default(), |i| {
         let p = DVec3::new((i % n) as f64, (i / n % n) as f64, (i / n / n) as f64) - 30.0;
         let r = p.length() - 22.0 - 2.0 * (0.5 * p.x).sin();
         (-1000.0 + 1050.0 * (r / 2.0 + 0.4).clamp(0.0, 1.0)) as i16
     });
-    let view = View::new(s.volume().grid().world(DVec3::splat(30.0)), DVec3::X, DVec3::Z, 90.0, 90, 90).unwrap();
+    let view = View::new(s.voxels().grid().world(DVec3::splat(30.0)), DVec3::X, DVec3::Z, 90.0, 90, 90).unwrap();
     for classification in [Classification::Value, Classification::Filtered] {
         let settings = Settings { classification, ..Settings::default() };
         let mut frames = [Frame::default(), Frame::default()];
         render(&s, &view, &settings, &mut frames[0]);
-        let (request, mut kept) = (ImageRequest { space: &s, view: &view, settings: &settings }, vec![(); 8100]);
+        let (request, mut kept) = (ImageRequest { volume: &s, view: &view, settings: &settings }, vec![(); 8100]);
         let bytes = ByteVolume::new(&s, 2);
         let (high, leap) = (ByteTrilinear::new(&s, &bytes), ByteLeap::new(&bytes));
         match classification {

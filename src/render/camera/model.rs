@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use crate::error::Result;
-use crate::fence::asked;
+use crate::panics::ask_plugin;
 use crate::render::options::Options;
 
 /// A camera's geometry: which ray each point of its image shows, and where in the image a place is seen.
@@ -113,12 +113,12 @@ impl CameraModel {
     /// # Errors
     /// Status 2 when the model has no such camera.
     pub fn camera(&self, fov_degrees: f64, aspect: f64) -> Result<Arc<dyn Camera>> {
-        asked(|| format!("camera {}", self.name), || (self.make)(fov_degrees, aspect, self.options))
+        ask_plugin(|| format!("camera {}", self.name), || (self.make)(fov_degrees, aspect, self.options))
     }
 
     /// The view angle (degrees) nearest to `fov_degrees` that an operator may choose in flight: from 1° to the most that
     /// the model has a camera for, of a perspective camera to 170°. None for what is no number.
-    pub fn held(&self, fov_degrees: f64) -> Option<f64> {
+    pub fn clamp_fov(&self, fov_degrees: f64) -> Option<f64> {
         if !fov_degrees.is_finite() {
             return None;
         }

@@ -97,7 +97,7 @@ fn cameras() -> [Arc<dyn Camera>; 4] {
     ]
 }
 
-fn space(preset: Preset) -> PreparedVolume {
+fn volume(preset: Preset) -> PreparedVolume {
     let volume = Arc::new(Phantom::embedded(&Progress::default()).unwrap());
     match preset.preparation {
         crate::render::Preparation::Flags => PreparedVolume::new(volume, TransferFunction::default()),
@@ -116,15 +116,15 @@ fn view(camera: &Arc<dyn Camera>, share: f64) -> View {
 #[test]
 fn every_preset_shows_what_the_reference_does() {
     for preset in presets::BUILT_IN {
-        let space = space(preset);
+        let volume = volume(preset);
         // The paper's preset classifies by filtered density.
         let filtered = preset == presets::colvis::PRESET;
         let classification = if filtered { Classification::Filtered } else { Classification::Value };
         let reference = Settings { classification, ..Settings::new(Quality::Reference) };
-        let (mut reference, mut exact) = (Direct::new(&space, reference), Frame::default());
+        let (mut reference, mut exact) = (Direct::new(&volume, reference), Frame::default());
         for camera in cameras() {
-            let mut high = renderer(&space, Settings::default(), preset, Reuse::Allowed);
-            let mut low = renderer(&space, Settings::new(Quality::Low), preset, Reuse::Allowed);
+            let mut high = renderer(&volume, Settings::default(), preset, Reuse::Allowed);
+            let mut low = renderer(&volume, Settings::new(Quality::Low), preset, Reuse::Allowed);
             // Twice from places nearby, so that what is kept from frame to frame is used.
             for share in [0.3, 0.301, 0.7] {
                 let view = view(&camera, share);
@@ -139,7 +139,7 @@ fn every_preset_shows_what_the_reference_does() {
                 for (n, &depth) in frame.depth().unwrap().iter().enumerate() {
                     let crossing = view
                         .ray(n % 144, n / 144)
-                        .and_then(|ray| first_crossing(&space, ray.origin, ray.direction, f64::INFINITY));
+                        .and_then(|ray| first_crossing(&volume, ray.origin, ray.direction, f64::INFINITY));
                     assert_eq!(depth, crossing.map_or(f32::INFINITY, |mm| mm as f32));
                 }
             }
@@ -149,10 +149,10 @@ fn every_preset_shows_what_the_reference_does() {
 
 #[test]
 fn pictures_at_rest_come_to_the_reference() {
-    let space = space(Preset::default());
+    let volume = volume(Preset::default());
     for camera in cameras() {
         let settings = Settings { adaptive: true, ..Settings::default() };
-        let mut adaptive = renderer(&space, settings, Preset::default(), Reuse::Allowed);
+        let mut adaptive = renderer(&volume, settings, Preset::default(), Reuse::Allowed);
         let (view, mut frame, mut exact) = (view(&camera, 0.5), Frame::default(), Frame::default());
         adaptive.set_budget(Budget::strict(u64::MAX));
         for _ in 0..4 {
@@ -160,7 +160,7 @@ fn pictures_at_rest_come_to_the_reference() {
         }
         assert!(adaptive.detail().unwrap().best, "{camera:?} is equal to itself");
         let settings = Settings { samples_per_pixel: SAMPLES, ..Adaptive::fine(Settings::default()).unwrap() };
-        Direct::new(&space, settings).render(&view, &mut exact);
+        Direct::new(&volume, settings).render(&view, &mut exact);
         let db = psnr(&frame, &exact);
         println!("{camera:?}: {db:.1} dB");
         assert!(db >= 40.0, "{camera:?}: {db}");
@@ -170,13 +170,13 @@ fn pictures_at_rest_come_to_the_reference() {
 /// Whether packets set up directions at once or ask for each makes no difference to be seen.
 #[test]
 fn a_pinhole_is_a_pinhole_however_it_is_asked() {
-    let space = space(Preset::default());
+    let volume = volume(Preset::default());
     let pinhole = Perspective::new(90.0).unwrap();
     let views: [View; 2] =
         [&(Arc::new(pinhole) as Arc<dyn Camera>), &(Arc::new(Disguised(pinhole)) as _)].map(|camera| view(camera, 0.4));
     let [plain, disguised] = views.each_ref().map(|view| {
         let mut frame = Frame::default();
-        renderer(&space, Settings::default(), Preset::default(), Reuse::Never).render(view, &mut frame);
+        renderer(&volume, Settings::default(), Preset::default(), Reuse::Never).render(view, &mut frame);
         frame
     });
     let db = psnr(&plain, &disguised);
@@ -216,10 +216,10 @@ fn models_are_found_by_their_names_and_know_their_limits() {
 #[test]
 fn a_view_angle_is_held_to_what_a_model_can_show() {
     let flat = CameraModel::default();
-    for (asked, held) in [(60.0, 60.0), (170.0, 170.0), (175.0, 170.0), (1e9, 170.0), (0.0, 1.0), (-5.0, 1.0)] {
-        assert_eq!(flat.held(asked), Some(held), "{asked}");
+    for (asked, clamp_fov) in [(60.0, 60.0), (170.0, 170.0), (175.0, 170.0), (1e9, 170.0), (0.0, 1.0), (-5.0, 1.0)] {
+        assert_eq!(flat.clamp_fov(asked), Some(clamp_fov), "{asked}");
     }
-    assert_eq!((flat.held(f64::NAN), flat.held(f64::INFINITY)), (None, None));
+    assert_eq!((flat.clamp_fov(f64::NAN), flat.clamp_fov(f64::INFINITY)), (None, None));
     let round = CameraModel {
         name: "round",
         summary: "",
@@ -229,5 +229,5 @@ fn a_view_angle_is_held_to_what_a_model_can_show() {
             d => Err(crate::error::Error::usage("view angle", format!("{d}°"), "give 220° at the most")),
         },
     };
-    assert_eq!([219.5, 220.4, 1e3].map(|d| round.held(d)), [Some(219.5), Some(220.0), Some(220.0)]);
+    assert_eq!([219.5, 220.4, 1e3].map(|d| round.clamp_fov(d)), [Some(219.5), Some(220.0), Some(220.0)]);
 }

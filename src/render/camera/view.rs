@@ -270,7 +270,7 @@ mod tests {
     }
 
     /// The direction of the ray through a point.
-    fn way(view: &View, x: f64, y: f64) -> DVec3 {
+    fn direction(view: &View, x: f64, y: f64) -> DVec3 {
         view.ray_at(x, y).unwrap().direction
     }
 
@@ -279,7 +279,7 @@ mod tests {
         // Looking to posterior, superior on top: the patient's left is on the right.
         let v = view(DVec3::Y, DVec3::Z, 101, 101);
         assert!((v.right() - DVec3::X).length() < 1e-15);
-        assert!(way(&v, 100.5, 50.5).x > 0.5 && way(&v, 50.5, 0.5).z > 0.5);
+        assert!(direction(&v, 100.5, 50.5).x > 0.5 && direction(&v, 50.5, 0.5).z > 0.5);
         assert!((v.ray(50, 50).unwrap().direction - DVec3::Y).length() < 1e-15);
     }
 
@@ -288,9 +288,9 @@ mod tests {
         for (w, h) in [(200, 100), (100, 200), (100, 100)] {
             let v = view(DVec3::X, DVec3::Z, w, h);
             let (top, bottom) = if w >= h {
-                (way(&v, 0.5 * w as f64, 0.0), way(&v, 0.5 * w as f64, h as f64))
+                (direction(&v, 0.5 * w as f64, 0.0), direction(&v, 0.5 * w as f64, h as f64))
             } else {
-                (way(&v, 0.0, 0.5 * h as f64), way(&v, w as f64, 0.5 * h as f64))
+                (direction(&v, 0.0, 0.5 * h as f64), direction(&v, w as f64, 0.5 * h as f64))
             };
             assert!(top.dot(bottom).abs() < 1e-12);
         }
@@ -301,10 +301,10 @@ mod tests {
         let v = view(DVec3::X, DVec3::Z, 80, 60);
         let strip = v.strip(16..40, [0.25, -0.125]);
         assert_eq!((strip.width(), strip.height()), (80, 24));
-        assert!((strip.ray(7, 3).unwrap().direction - way(&v, 7.75, 19.375)).length() < 1e-15);
+        assert!((strip.ray(7, 3).unwrap().direction - direction(&v, 7.75, 19.375)).length() < 1e-15);
         assert_eq!(v.strip(48..100, [0.0; 2]).height(), 12);
         let small = v.resized(40, 30);
-        assert!((way(&small, 10.0, 20.0) - way(&v, 20.0, 40.0)).length() < 1e-15);
+        assert!((direction(&small, 10.0, 20.0) - direction(&v, 20.0, 40.0)).length() < 1e-15);
         assert_eq!(v.strip(0..60, [0.0; 2]), v);
     }
 

@@ -18,8 +18,8 @@ pub struct BrickWalls {
 impl BrickWalls {
     /// Distances between the bricks of `space`'s flags. Outside them is air: where that is not empty, no brick at the
     /// border is.
-    pub fn new(space: &PreparedVolume) -> Self {
-        let flags = space.flags();
+    pub fn new(volume: &PreparedVolume) -> Self {
+        let flags = volume.flags();
         let bricks = flags.bricks();
         let count: usize = bricks.iter().product();
         let mut distance: Vec<u8> = (0..count).map(|n| if flags.empty_brick(n as isize) { FAR } else { 0 }).collect();
@@ -59,14 +59,14 @@ impl EmptyRadius for BrickWalls {
 /// Leaps from box to box of empty bricks; with `VOXELS` also over single voxels flagged as empty, as
 /// [`Leap`](crate::render::skip::Leap) does.
 pub struct BrickLeap<'a, const VOXELS: bool> {
-    space: &'a PreparedVolume,
+    volume: &'a PreparedVolume,
     walls: &'a BrickWalls,
 }
 
 impl<'a, const VOXELS: bool> BrickLeap<'a, VOXELS> {
     /// Leaps by `walls`, which are those of `space`.
-    pub fn new(space: &'a PreparedVolume, walls: &'a BrickWalls) -> Self {
-        Self { space, walls }
+    pub fn new(volume: &'a PreparedVolume, walls: &'a BrickWalls) -> Self {
+        Self { volume, walls }
     }
 }
 
@@ -105,7 +105,7 @@ impl<const VOXELS: bool> Skipper for BrickLeap<'_, VOXELS> {
                     continue;
                 }
             }
-            if !VOXELS || !is_empty_voxel(self.space, q) {
+            if !VOXELS || !is_empty_voxel(self.volume, q) {
                 return n;
             }
             n += ray.near;

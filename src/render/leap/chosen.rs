@@ -24,12 +24,12 @@ pub enum Leaper {
 
 impl Leaper {
     /// What `leaping` needs in `space`.
-    pub fn new(leaping: Leaping, space: &PreparedVolume) -> Self {
+    pub fn new(leaping: Leaping, volume: &PreparedVolume) -> Self {
         match leaping {
             Leaping::None => Self::Nothing,
             Leaping::Flag => Self::Flag,
-            Leaping::Brick => Self::Bricks(BrickWalls::new(space)),
-            Leaping::Voxel => Self::Voxels(VoxelWalls::new(space)),
+            Leaping::Brick => Self::Bricks(BrickWalls::new(volume)),
+            Leaping::Voxel => Self::Voxels(VoxelWalls::new(volume)),
         }
     }
 
@@ -45,17 +45,17 @@ impl Leaper {
     /// The skipper of rays whose samples depend on voxels nearer than `REACH`; `flag` leaps by the storage's own flags.
     pub fn skipper<'a, F: Skipper, const REACH: u8>(
         &'a self,
-        space: &'a PreparedVolume,
+        volume: &'a PreparedVolume,
         flag: F,
     ) -> ChosenLeap<'a, F, REACH> {
         match self {
             Self::Nothing => ChosenLeap::Nothing,
             Self::Flag => ChosenLeap::Flag(flag),
             // The bits tell of 3×3×3 voxels, too few for regressions; without bits it is quicker to sample than to look.
-            Self::Bricks(walls) if REACH == 1 && space.flags().has_bits() => {
-                ChosenLeap::BricksAndBits(BrickLeap::new(space, walls))
+            Self::Bricks(walls) if REACH == 1 && volume.flags().has_bits() => {
+                ChosenLeap::BricksAndBits(BrickLeap::new(volume, walls))
             }
-            Self::Bricks(walls) => ChosenLeap::Bricks(BrickLeap::new(space, walls)),
+            Self::Bricks(walls) => ChosenLeap::Bricks(BrickLeap::new(volume, walls)),
             Self::Voxels(walls) => ChosenLeap::Voxels(VoxelLeap::new(walls)),
         }
     }
@@ -128,10 +128,10 @@ pub enum ChosenRadius<'a, R> {
 
 impl Leaper {
     /// The clearance that it tells in `space`; else what `flags` tell.
-    pub fn radius<'a, R>(&'a self, space: &'a PreparedVolume, flags: Option<R>) -> ChosenRadius<'a, R> {
+    pub fn radius<'a, R>(&'a self, volume: &'a PreparedVolume, flags: Option<R>) -> ChosenRadius<'a, R> {
         match self {
             Self::Voxels(walls) => ChosenRadius::Voxels(walls),
-            Self::Bricks(bricks) => ChosenRadius::Bricks(Surroundings { space, bricks }, flags),
+            Self::Bricks(bricks) => ChosenRadius::Bricks(Surroundings { volume, bricks }, flags),
             Self::Nothing | Self::Flag => flags.map_or(ChosenRadius::Nothing, ChosenRadius::Flags),
         }
     }

@@ -32,7 +32,7 @@ pub trait EmptyRadius: Sync {
 /// The clearance that flags and bricks tell.
 pub struct Surroundings<'a> {
     /// The flags.
-    pub space: &'a PreparedVolume,
+    pub volume: &'a PreparedVolume,
     /// The distances from brick to brick.
     pub bricks: &'a BrickWalls,
 }
@@ -43,7 +43,7 @@ impl EmptyRadius for Surroundings<'_> {
         let among_bricks = self.bricks.around(q);
         // The neighbours of a voxel that is at most half a voxel away are empty; the next ones are two away from it.
         // Without a bit for each voxel, looking is too slow.
-        if among_bricks == 0.0 && self.space.flags().has_bits() && is_empty_voxel(self.space, q) {
+        if among_bricks == 0.0 && self.volume.flags().has_bits() && is_empty_voxel(self.volume, q) {
             1.5
         } else {
             among_bricks

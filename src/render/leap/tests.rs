@@ -56,12 +56,12 @@ proptest! {
         wall in prop_oneof![Just((-800.0, -500.0)), Just((-1100.0, -500.0)), Just((-999.5, 40.0))],
     ) {
         let s = specks(dims, spacing, TransferFunction::new(wall.0, wall.1).unwrap(), seed, share);
-        let grid = s.volume().grid();
+        let grid = s.voxels().grid();
         let at = |q: [f64; 3]| grid.world(DVec3::from_array(std::array::from_fn(|a| q[a] * dims[a] as f64)));
         let view = View::new(at(from), at(to) - at(from), DVec3::Z, fov, 24, 16).unwrap();
         let settings = Settings::default();
         let (bricks, voxels) = (BrickWalls::new(&s), VoxelWalls::new(&s));
-        let (request, high) = (ImageRequest { space: &s, view: &view, settings: &settings }, Trilinear::new(&s));
+        let (request, high) = (ImageRequest { volume: &s, view: &view, settings: &settings }, Trilinear::new(&s));
         let mut kept = vec![(); 24 * 16];
         let mut frames = vec![Frame::new(24, 16); 7];
         let [a, b, c, d, e, f, g] = &mut frames[..] else { unreachable!() };
@@ -83,7 +83,7 @@ proptest! {
     ) {
         let s = specks(dims, DVec3::ONE, TransferFunction::new(wall.0, wall.1).unwrap(), seed, share);
         let (bricks, voxels) = (BrickWalls::new(&s), VoxelWalls::new(&s));
-        let both = Surroundings { space: &s, bricks: &bricks };
+        let both = Surroundings { volume: &s, bricks: &bricks };
         for n in 0..60 {
             let q = Vec3::from_array(std::array::from_fn(|a| (dims[a] + 1) as f32 * hash::uniform(seed, 3 * n + a as u64) as f32));
             for free in [both.around(q), voxels.around(q)] {
@@ -91,7 +91,7 @@ proptest! {
                 let range = |a: usize| (q[a] - free).ceil() as i64..=(q[a] + free).floor() as i64;
                 for k in range(2) { for j in range(1) { for i in range(0) {
                     let near = (Vec3::new(i as f32, j as f32, k as f32) - q).abs().max_element() < free - 1e-4;
-                    prop_assert!(!near || s.volume().get(i - 1, j - 1, k - 1) <= s.flags().empty_up_to());
+                    prop_assert!(!near || s.voxels().get(i - 1, j - 1, k - 1) <= s.flags().empty_up_to());
                 }}}
             }
         }
@@ -101,6 +101,6 @@ proptest! {
 #[test]
 fn memory_is_as_told() {
     let s = specks([64, 48, 40], DVec3::ONE, TransferFunction::default(), 1, 0.0);
-    assert_eq!(VoxelWalls::new(&s).bytes() * 2, s.volume().bytes());
+    assert_eq!(VoxelWalls::new(&s).bytes() * 2, s.voxels().bytes());
     assert_eq!(BrickWalls::new(&s).bytes(), 9 * 7 * 6);
 }

@@ -21,8 +21,8 @@ pub struct VoxelWalls {
 
 impl VoxelWalls {
     /// Distances in `space`, in parallel; outside the volume is air.
-    pub fn new(space: &PreparedVolume) -> Self {
-        let (volume, lo) = (space.volume(), space.flags().empty_up_to());
+    pub fn new(volume: &PreparedVolume) -> Self {
+        let (volume, lo) = (volume.voxels(), volume.flags().empty_up_to());
         let dims = volume.grid().dims();
         let mut distance: Vec<u8> =
             volume.data().par_iter().with_min_len(1 << 16).map(|&v| if v <= lo { FAR } else { 0 }).collect();

@@ -50,14 +50,14 @@ pub const GRADIENTS: GradientSource = GradientSource::Cached;
 /// The flags reach as far as a filtered density does: two voxels.
 const REACH: usize = 2;
 
-fn make(space: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
+fn make(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
     let chosen = settings.choices;
     let settings = Settings { classification: Classification::Filtered, ..settings };
     if settings.quality == Quality::Low && chosen.low == Some(LowDetail::Third) {
-        return Box::new(Low::around(space, make(space, stretched(settings), reuse)));
+        return Box::new(Low::around(volume, make(volume, stretched(settings), reuse)));
     }
     let (leap, gradients) = (chosen.leap.unwrap_or(LEAPING), chosen.gradients.unwrap_or(GRADIENTS));
-    let storage = ByteStorage::new(space, ByteVolume::new(space, REACH), leap, gradients);
+    let storage = ByteStorage::new(volume, ByteVolume::new(volume, REACH), leap, gradients);
     let key_frames = chosen.key_frames.unwrap_or(KEY_FRAMES);
     by_frames(storage, settings, (reuse == Reuse::Allowed).then_some(key_frames))
 }

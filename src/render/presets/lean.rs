@@ -24,8 +24,8 @@ pub const PRESET: Preset = Preset {
 /// What costs memory for each voxel or from frame to frame is none of its business.
 fn takes(choices: &Choices) -> Result<()> {
     let instead = "or the preset colvis or default";
-    let refuse = |what: &str, why: &str, mend: String| {
-        Err(Error::usage(format!("render.{what}"), format!("the preset lean {why}"), mend))
+    let refuse = |what: &str, why: &str, hint: String| {
+        Err(Error::usage(format!("render.{what}"), format!("the preset lean {why}"), hint))
     };
     if matches!(choices.leap, Some(Leaping::Flag | Leaping::Voxel)) {
         return refuse("leap", "keeps nothing for each voxel", format!("choose \"brick\" or \"none\", {instead}"));
@@ -39,9 +39,9 @@ fn takes(choices: &Choices) -> Result<()> {
     Ok(())
 }
 
-fn make(space: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
+fn make(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
     if settings.quality == Quality::Low && settings.choices.low == Some(LowDetail::Third) {
-        return Box::new(Low::around(space, words(space, stretched(settings), reuse)));
+        return Box::new(Low::around(volume, words(volume, stretched(settings), reuse)));
     }
-    words(space, settings, reuse)
+    words(volume, settings, reuse)
 }

@@ -2,10 +2,10 @@
 
 use crate::render::choices::{self, LowDetail};
 use crate::render::direct::Direct;
-use crate::render::fast::{Fast, Pixels};
 use crate::render::low::Low;
 use crate::render::memory::MemoryPart;
 use crate::render::options::Options;
+use crate::render::packets::{PacketRenderer, Pixels};
 use crate::render::preset::{Preparation, Preset, Reuse};
 use crate::render::quality::{Classification, Quality, Settings};
 use crate::render::renderer::Renderer;
@@ -23,31 +23,31 @@ pub const PRESET: Preset = Preset {
     make,
 };
 
-fn make(space: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
+fn make(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
     // Packets classify by values alone, and leap, shade and begin in their own way.
     let single = settings.classification != Classification::Value || settings.choices.need_single_rays();
     let several = settings.samples_per_pixel > 1;
     match (settings.quality, settings.choices.low) {
-        (Quality::Low, Some(LowDetail::Nearest)) => words(space, settings, reuse),
+        (Quality::Low, Some(LowDetail::Nearest)) => words(volume, settings, reuse),
         (Quality::Low, Some(LowDetail::Third)) if single || several => {
-            Box::new(Low::around(space, make(space, stretched(settings), reuse)))
+            Box::new(Low::around(volume, make(volume, stretched(settings), reuse)))
         }
-        _ if single => words(space, settings, reuse),
-        _ if several => Box::new(Supersampled::new(space, settings)),
-        (Quality::Low, _) => Box::new(Low::new(space, settings)),
-        _ => Box::new(Fast::new(space, settings, Pixels::Needed)),
+        _ if single => words(volume, settings, reuse),
+        _ if several => Box::new(Supersampled::new(volume, settings)),
+        (Quality::Low, _) => Box::new(Low::new(volume, settings)),
+        _ => Box::new(PacketRenderer::new(volume, settings, Pixels::Needed)),
     }
 }
 
 /// Several rays a pixel, which packets do not know: they are cast one after the other, and refined by packets.
 struct Supersampled {
-    space: PreparedVolume,
+    volume: PreparedVolume,
     direct: Direct,
 }
 
 impl Supersampled {
-    fn new(space: &PreparedVolume, settings: Settings) -> Self {
-        Self { space: space.clone(), direct: Direct::new(space, settings) }
+    fn new(volume: &PreparedVolume, settings: Settings) -> Self {
+        Self { volume: volume.clone(), direct: Direct::new(volume, settings) }
     }
 }
 
@@ -61,6 +61,6 @@ impl Renderer for Supersampled {
     }
 
     fn refining(&self, settings: Settings) -> Option<Box<dyn Renderer>> {
-        Some(Box::new(Fast::refining_alone(&self.space, settings)))
+        Some(Box::new(PacketRenderer::refining_alone(&self.volume, settings)))
     }
 }

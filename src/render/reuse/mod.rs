@@ -59,7 +59,7 @@ pub trait VoxelStorage: Send + Sync {
         Self: 'a;
 
     /// The space that rays are cast in.
-    fn space(&self) -> &PreparedVolume;
+    fn volume(&self) -> &PreparedVolume;
 
     /// What tells the surroundings.
     fn empty_radius(&self) -> Self::Radius<'_>;
@@ -104,7 +104,7 @@ impl<S: VoxelStorage> Renderer for Plain<S> {
 
 /// The 16-bit voxels, with the wall's distance per brick.
 pub struct WordStorage {
-    space: PreparedVolume,
+    volume: PreparedVolume,
     /// What reuse is proven by, where leaping knows nothing that serves.
     bricks: Option<BrickWalls>,
     /// None: the flags and computed regressions, put together ahead of time.
@@ -113,29 +113,29 @@ pub struct WordStorage {
 
 impl WordStorage {
     /// Prepares `space`.
-    pub fn new(space: &PreparedVolume) -> Self {
-        Self { space: space.clone(), bricks: Some(BrickWalls::new(space)), accelerations: None }
+    pub fn new(volume: &PreparedVolume) -> Self {
+        Self { volume: volume.clone(), bricks: Some(BrickWalls::new(volume)), accelerations: None }
     }
 
     /// Casts rays through `space` with `accelerations`, which were made for it; `reuses` where the last picture is to help.
-    pub fn accelerated(space: &PreparedVolume, accelerations: Accelerations, reuses: bool) -> Self {
+    pub fn accelerated(volume: &PreparedVolume, accelerations: Accelerations, reuses: bool) -> Self {
         let knows = matches!(accelerations.leaper, Leaper::Bricks(_) | Leaper::Voxels(_));
-        let bricks = (reuses && !knows).then(|| BrickWalls::new(space));
-        Self { space: space.clone(), bricks, accelerations: Some(accelerations) }
+        let bricks = (reuses && !knows).then(|| BrickWalls::new(volume));
+        Self { volume: volume.clone(), bricks, accelerations: Some(accelerations) }
     }
 }
 
 impl VoxelStorage for WordStorage {
     type Radius<'a> = ChosenRadius<'a, Surroundings<'a>>;
 
-    fn space(&self) -> &PreparedVolume {
-        &self.space
+    fn volume(&self) -> &PreparedVolume {
+        &self.volume
     }
 
     fn empty_radius(&self) -> Self::Radius<'_> {
-        let own = self.bricks.as_ref().map(|bricks| Surroundings { space: &self.space, bricks });
+        let own = self.bricks.as_ref().map(|bricks| Surroundings { volume: &self.volume, bricks });
         let leaper = self.accelerations.as_ref().map_or(&Leaper::Flag, |a| &a.leaper);
-        leaper.radius(&self.space, own)
+        leaper.radius(&self.volume, own)
     }
 
     fn image<B: Begin>(
@@ -146,19 +146,19 @@ impl VoxelStorage for WordStorage {
         kept: &mut [B::Kept],
         frame: &mut Frame,
     ) -> Work {
-        let request = ImageRequest { space: &self.space, view, settings };
+        let request = ImageRequest { volume: &self.volume, view, settings };
         let Some(accelerations) = &self.accelerations else { return request.plain(begin, kept, frame) };
-        let flags = (Leap::<true>::new(&self.space), Leap::<false>::new(&self.space));
+        let flags = (Leap::<true>::new(&self.volume), Leap::<false>::new(&self.volume));
         if settings.quality == Quality::Low {
-            accelerations.image(&request, Nearest::new(&self.space), flags, begin, kept, frame)
+            accelerations.image(&request, Nearest::new(&self.volume), flags, begin, kept, frame)
         } else {
-            accelerations.image(&request, Trilinear::new(&self.space), flags, begin, kept, frame)
+            accelerations.image(&request, Trilinear::new(&self.volume), flags, begin, kept, frame)
         }
     }
 
     fn parts(&self) -> Vec<(MemoryPart, usize)> {
         let proof = self.bricks.iter().map(|b| (MemoryPart::BrickDistances, b.bytes()));
-        let flags = (MemoryPart::Flags, self.space.bytes());
+        let flags = (MemoryPart::Flags, self.volume.bytes());
         [flags].into_iter().chain(proof).chain(self.accelerations.iter().flat_map(Accelerations::parts)).collect()
     }
 }
@@ -231,14 +231,14 @@ impl<S: VoxelStorage, R: Rule> Reusing<S, R> {
 
 impl<S: VoxelStorage, R: Rule> Renderer for Reusing<S, R> {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
-        let space = self.storage.space();
+        let volume = self.storage.volume();
         // Pixels of other cameras are no pyramids: nothing is proven of them.
-        let Some(pyramid) = Pyramid::new(space, view, self.settings.samples_per_pixel, self.reach()) else {
+        let Some(pyramid) = Pyramid::new(volume, view, self.settings.samples_per_pixel, self.reach()) else {
             self.known = None;
             let mut kept = vec![(); view.width() * view.height()];
             return self.storage.image(view, &self.settings, &FromScratch, &mut kept, frame);
         };
-        let free = free_mm(space, &self.storage.empty_radius(), view.position(), self.reach());
+        let free = free_mm(volume, &self.storage.empty_radius(), view.position(), self.reach());
         let (mut kept, coarse, mm) = std::mem::take(&mut self.spare);
         kept.resize(view.width() * view.height(), R::default());
         let known = self.known.take();
@@ -274,15 +274,15 @@ impl<S: VoxelStorage, R: Rule> Renderer for Reusing<S, R> {
 }
 
 /// How far samples are empty all round a place, mm.
-fn free_mm(space: &PreparedVolume, clear: &impl EmptyRadius, world: DVec3, reach: f32) -> f64 {
-    let grid = space.volume().grid();
+fn free_mm(volume: &PreparedVolume, clear: &impl EmptyRadius, world: DVec3, reach: f32) -> f64 {
+    let grid = volume.voxels().grid();
     let q = grid.voxel(world) + DVec3::ONE;
     let inside = (0..3).all(|a| q[a] > 0.0 && q[a] < (grid.dims()[a] + 1) as f64);
     if !inside {
         return 0.0;
     }
     let free = clear.around(Vec3::new(q.x as f32, q.y as f32, q.z as f32)) - reach - SLACK;
-    f64::from(free.max(0.0)) * prove::mm_per_voxel(space)
+    f64::from(free.max(0.0)) * prove::mm_per_voxel(volume)
 }
 
 /// Rays begin where the last picture lets them.
@@ -298,7 +298,7 @@ struct FromLast<'a, C, R> {
 impl<C: EmptyRadius, R: Rule> FromLast<'_, C, R> {
     /// The proven bound of a pixel, mm, and where the rule lets its ray begin.
     #[inline(always)]
-    fn told(&self, x: usize, y: usize, ray: &Ray) -> (f32, f32) {
+    fn reported(&self, x: usize, y: usize, ray: &Ray) -> (f32, f32) {
         match self.last {
             Some((known, motion, bounds)) => (bounds.at(x, y), R::begin(known, motion, x, y, ray)),
             None => (self.free, f32::INFINITY),
@@ -314,7 +314,7 @@ impl<C: EmptyRadius, R: Rule> Begin for FromLast<'_, C, R> {
         if !ray.inside {
             return (0, false);
         }
-        let (proven, wished) = self.told(x, y, ray);
+        let (proven, wished) = self.reported(x, y, ray);
         let from = proven.min(wished.max(self.free));
         let cos = ray.direction.dot(self.forward).max(1e-6);
         let empty = self.pyramid.empty_mm(&self.clear, ray, cos, from);

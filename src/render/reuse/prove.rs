@@ -28,10 +28,10 @@ pub struct Pyramid {
 impl Pyramid {
     /// For pixels of `view` with `samples_per_pixel` rays each, and samples that depend on `reach` voxels of `space`; none
     /// where its camera is not a perspective one.
-    pub fn new(space: &PreparedVolume, view: &View, samples_per_pixel: u32, reach: f32) -> Option<Self> {
+    pub fn new(volume: &PreparedVolume, view: &View, samples_per_pixel: u32, reach: f32) -> Option<Self> {
         let across = if samples_per_pixel > 1 { 2f64.sqrt() } else { 0.5f64.sqrt() };
         let spread = (view.pixel()? * (across + 3.0 * BEYOND)) as f32;
-        Some(Self { mm_per_voxel: mm_per_voxel(space) as f32, reach, spread })
+        Some(Self { mm_per_voxel: mm_per_voxel(volume) as f32, reach, spread })
     }
 
     /// How far the pyramid around `ray`, which makes the angle whose cosine is `cos` with the view, is empty, if it is
@@ -66,8 +66,8 @@ impl Pyramid {
 }
 
 /// mm that move a place by at most one voxel along every axis.
-pub fn mm_per_voxel(space: &PreparedVolume) -> f64 {
-    let m = space.volume().grid().to_voxel().matrix3.transpose();
+pub fn mm_per_voxel(volume: &PreparedVolume) -> f64 {
+    let m = volume.voxels().grid().to_voxel().matrix3.transpose();
     let fastest = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
     // Rounded down by more than f32 can be wrong.
     (1.0 - 1e-6) / fastest

@@ -10,15 +10,15 @@ use crate::render::{Quality, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 /// Every way of reuse, over the same space.
-fn ways(space: &PreparedVolume, settings: Settings) -> Vec<Box<dyn Renderer>> {
+fn ways(volume: &PreparedVolume, settings: Settings) -> Vec<Box<dyn Renderer>> {
     vec![
-        Box::new(Reusing::<_, f32>::new(WordStorage::new(space), settings, Refresh::Staggered(16))),
-        Box::new(Reusing::<_, f32>::new(WordStorage::new(space), settings, Refresh::Staggered(1000))),
-        Box::new(Reusing::<_, Trace>::new(WordStorage::new(space), settings, Refresh::KeyFrames(10))),
+        Box::new(Reusing::<_, f32>::new(WordStorage::new(volume), settings, Refresh::Staggered(16))),
+        Box::new(Reusing::<_, f32>::new(WordStorage::new(volume), settings, Refresh::Staggered(1000))),
+        Box::new(Reusing::<_, Trace>::new(WordStorage::new(volume), settings, Refresh::KeyFrames(10))),
     ]
 }
 
-fn space(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), f: impl Fn(DVec3, u64) -> f64) -> PreparedVolume {
+fn volume(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), f: impl Fn(DVec3, u64) -> f64) -> PreparedVolume {
     let grid = Grid::new(dims, spacing, DVec3::new(-3.0, 5.0, 7.0), DMat3::from_rotation_x(0.4)).unwrap();
     let place =
         |n: usize| DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
@@ -31,7 +31,7 @@ fn lumen(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), seed: u64, share: f
     let half = DVec3::from_array(dims.map(|n| 0.5 * n as f64));
     let r = 0.4 * dims[0].min(dims[1]) as f64;
     let (fold, polyp) = (half.z * 0.8, half + DVec3::new(0.0, 0.7 * r, 0.1 * half.z));
-    space(dims, spacing, wall, |p, n| {
+    volume(dims, spacing, wall, |p, n| {
         let across = (p - half).truncate().length();
         let tube = if (p.z - fold).abs() < 1.5 { 0.6 * r } else { r };
         let inside = (across - tube).max(0.25 * r - (p - polyp).length());
@@ -50,16 +50,16 @@ struct Shoot {
     size: (usize, usize),
 }
 
-fn view(space: &PreparedVolume, s: Shoot) -> View {
-    let grid = space.volume().grid();
+fn view(volume: &PreparedVolume, s: Shoot) -> View {
+    let grid = volume.voxels().grid();
     let at = DVec3::from_array(std::array::from_fn(|a| s.at[a] * grid.dims()[a] as f64));
     let q = DQuat::from_euler(glam::EulerRot::ZYX, s.turn[0], s.turn[1], s.turn[2]);
     View::new(grid.world(at), q * DVec3::Z, q * DVec3::Y, s.fov, s.size.0, s.size.1).unwrap()
 }
 
 /// Renders the views in order in every way and compares each with the picture on its own; the rays that were spared.
-fn check(space: &PreparedVolume, settings: Settings, views: &[View]) -> Vec<u64> {
-    ways(space, settings)
+fn check(volume: &PreparedVolume, settings: Settings, views: &[View]) -> Vec<u64> {
+    ways(volume, settings)
         .iter_mut()
         .enumerate()
         .map(|(way, renderer)| {
@@ -67,7 +67,7 @@ fn check(space: &PreparedVolume, settings: Settings, views: &[View]) -> Vec<u64>
             let (mut got, mut want) = (Frame::with_depth(1, 1), Frame::with_depth(1, 1));
             for (n, view) in views.iter().enumerate() {
                 let work = renderer.render(view, &mut got);
-                let alone = render(space, view, &settings, &mut want);
+                let alone = render(volume, view, &settings, &mut want);
                 assert!(got == want, "way {way}, picture {n}: {view:?}");
                 assert_eq!(work.rays, alone.rays);
                 reused += work.reused;
@@ -153,7 +153,7 @@ fn flights_of_every_kind_reuse_and_are_right() {
                 let n = f64::from(n);
                 let mut s1 = first;
                 (0..3).for_each(|a| {
-                    s1.at[a] += n * by[a] / s.volume().grid().dims()[a] as f64;
+                    s1.at[a] += n * by[a] / s.voxels().grid().dims()[a] as f64;
                     s1.turn[a] += n * turn[a];
                 });
                 view(&s, s1)

@@ -35,8 +35,8 @@ pub const DIFFUSE: f32 = 0.9;
 
 impl Headlight {
     /// The light for rays through `space`.
-    pub fn new(space: &PreparedVolume) -> Self {
-        Self { palette: Palette::default(), to_world: to_world(space.volume()) }
+    pub fn new(volume: &PreparedVolume) -> Self {
+        Self { palette: Palette::default(), to_world: to_world(volume.voxels()) }
     }
 
     /// Red, green and blue of a point of value `hu` whose value changes by `gradient` (HU/mm along the index axes), seen along
@@ -100,8 +100,8 @@ mod tests {
     #[test]
     fn brightness_is_linear_in_the_cosine() {
         let grid = Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-        let space = PreparedVolume::new(Arc::new(Volume::new(grid, vec![0; 8])), TransferFunction::default());
-        let light = Headlight::new(&space);
+        let volume = PreparedVolume::new(Arc::new(Volume::new(grid, vec![0; 8])), TransferFunction::default());
+        let light = Headlight::new(&volume);
         let full = Palette::default().colour(-650.0);
         let bright = |gradient: Vec3, ray: Vec3| {
             let share = light.colour(-650.0, gradient, ray) / full;

@@ -13,7 +13,7 @@ use glam::{DVec3, Vec3};
 
 use super::options::Options;
 use crate::error::{Error, Result};
-use crate::fence::asked;
+use crate::panics::ask_plugin;
 
 /// Every shader of this crate.
 pub const BUILT_IN: [ShaderModel; 1] = [headlight::MODEL];
@@ -88,7 +88,7 @@ impl ShaderModel {
     }
 
     fn shader(&self) -> Result<Arc<dyn Shader>> {
-        asked(|| format!("shader {}", self.name), || (self.make)(self.options))
+        ask_plugin(|| format!("shader {}", self.name), || (self.make)(self.options))
     }
 
     /// # Errors

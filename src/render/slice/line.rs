@@ -3,7 +3,7 @@
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::DVec3;
 
-use crate::render::fast::lanes::{Corners, Voxels};
+use crate::render::packets::lanes::{Corners, Voxels};
 use crate::volume::{AIR_HU, Volume};
 
 /// Samples at once.

@@ -108,6 +108,6 @@ pub fn letters(direction: DVec3) -> String {
     let mut named = [(d.x, ['L', 'R']), (d.y, ['P', 'A']), (d.z, ['S', 'I'])];
     // A stable order: of two components as large the first one stays first.
     named.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
-    let told = named.iter().take(2).filter(|(c, _)| c.abs() >= SECOND_LETTER);
-    told.map(|(c, [plus, minus])| if *c > 0.0 { *plus } else { *minus }).collect()
+    let reported = named.iter().take(2).filter(|(c, _)| c.abs() >= SECOND_LETTER);
+    reported.map(|(c, [plus, minus])| if *c > 0.0 { *plus } else { *minus }).collect()
 }

@@ -212,7 +212,7 @@ fn threads_and_parts_change_nothing() {
             slice.fill_rows(&volume, slab, n * 50, part);
         }
         assert!(rows.iter().map(|hu| hu.to_bits()).eq(one.iter().copied()));
-        for (name, level) in crate::render::fast::levels() {
+        for (name, level) in crate::render::packets::levels() {
             slice.fill_rows_on(level, &volume, slab, 0, &mut rows);
             assert!(rows.iter().map(|hu| hu.to_bits()).eq(one.iter().copied()), "{name}");
         }

@@ -41,7 +41,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     page.text(
         "Two flights of two seconds, each against itself in steps of 1/7680 s. Free: that of the soft wall above, which \
          touches nothing. Pushed: the operator pushes towards the wall so hard that without the clamp the camera would be \
-         outside, and the camera slides along it. The clamp is told exact distances.",
+         outside, and the camera slides along it. The clamp is reported exact distances.",
     );
     let mut t = Table::new(&[
         "method",

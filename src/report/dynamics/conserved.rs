@@ -24,7 +24,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     let seconds = effort.choose(5.0, 30.0);
     page.text(&format!(
         "Without drag and without a target the body swings across the tube for {seconds} s; the error of its energy at \
-         the end is told as a share of what it began with, above that of rest on the axis."
+         the end is reported as a share of what it began with, above that of rest on the axis."
     ));
     let mut series = Vec::new();
     let mut at_flight = Vec::new();
@@ -67,11 +67,11 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
          won, and the angle to the exact motion.",
     ));
     page.table("free-motion", &t)?;
-    let told: Vec<String> = at_flight.iter().map(|(name, d)| format!("{name} {d:+.0e}")).collect();
+    let reported: Vec<String> = at_flight.iter().map(|(name, d)| format!("{name} {d:+.0e}")).collect();
     Ok(vec![format!(
         "Without drag the energy is off after {seconds} s in steps of 1/{STEP_HZ} s by a share of: {}. Without forces momentum \
          and angular momentum stay within {worst:.0e} in every method, at a spin of 1e4 rad/s.",
-        told.join(", ")
+        reported.join(", ")
     )])
 }
 

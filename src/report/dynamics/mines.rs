@@ -110,9 +110,9 @@ fn worth(effort: Effort, page: &mut Page, progress: &Progress) -> Result<String>
         progress.check()?;
         table.row(row);
         if shares.iter().any(|s| *s != shares[0]) {
-            let told: Vec<String> =
+            let reported: Vec<String> =
                 WORTH.iter().zip(&shares).map(|(kept, s)| format!("{:.0} % with {kept}", 100.0 * s)).collect();
-            decided.push(format!("{name} ({})", told.join(", ")));
+            decided.push(format!("{name} ({})", reported.join(", ")));
         }
     }
     page.table("mines-worth", &table)?;

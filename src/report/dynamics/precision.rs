@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::Subject;
 use super::contenders::{ADAPTIVE, FIXED, label};
 use super::reference;
-use super::tube::{Tube, WayLeft};
+use super::tube::{RemainingLength, Tube};
 use crate::dynamics::integrators::{Control, StepCost, Stepper};
 use crate::dynamics::rigid::{RigidBodyState, Turning, angle, orientation};
 use crate::dynamics::step::integrate;
@@ -46,7 +46,7 @@ const MIDDLE: usize = 1;
 /// The tube of all flights, its kink rounded over a voxel.
 pub(super) const TUBE: Tube = Tube { radius: 15.0, bend: 50.0, rounding: 0.7 };
 /// The remaining way in it.
-pub(super) const WAY: WayLeft = WayLeft { tube: TUBE, end: 3.0 };
+pub(super) const WAY: RemainingLength = RemainingLength { tube: TUBE, end: 3.0 };
 
 /// The force of a case. Its reach spans the tube, so that all derivatives exist everywhere on the way.
 pub(super) fn forces(wall_energy: f64) -> PotentialForce<'static> {
@@ -295,7 +295,7 @@ fn default_finding(runs: &[Run]) -> Vec<String> {
     let each = FIXED.iter().filter_map(|(name, _)| Some((*name, [at(0, name)?, at(1, name)?, at(2, name)?])));
     let micro = |r: &Run| r.microseconds * r.setting / SECONDS;
     let error = |r: &Run| if r.position < 1e3 { format!("{:.0e}", r.position) } else { "unstable".to_owned() };
-    let told: Vec<String> = each
+    let reported: Vec<String> = each
         .clone()
         .map(|(name, r)| {
             format!("{name} {}, {}, {} mm in {:.1} µs", error(r[0]), error(r[1]), error(r[2]), micro(r[0]))
@@ -306,7 +306,7 @@ fn default_finding(runs: &[Run]) -> Vec<String> {
     let euler = each.clone().find(|(name, _)| *name == label(Integrator::BackwardEuler));
     let mut findings = vec![format!(
         "At the flight's step of 1/{STEP_HZ} s, against a soft, middle and stiff wall: {}.",
-        told.join("; ")
+        reported.join("; ")
     )];
     if let (Some((name, mine)), Some((other, euler))) = (mine, euler) {
         findings.push(format!(

@@ -89,8 +89,8 @@ fn courses(subject: &Subject, progress: &Progress) -> Result<Vec<(&'static str, 
         let settings = PhantomSettings { size: Size::Standard, ..PhantomSettings::default() };
         there.push(("phantoms", "standard phantom".to_owned(), Course::phantom(&settings, progress)?));
     }
-    if let Some((title, space)) = &subject.scan {
-        there.push(("scan", title.clone(), Course::new(space.clone(), None, progress)?));
+    if let Some((title, volume)) = &subject.scan {
+        there.push(("scan", title.clone(), Course::new(volume.clone(), None, progress)?));
     }
     let mut all = Vec::new();
     for (kind, name, course) in there {
@@ -151,14 +151,14 @@ fn table(all: &[Flown]) -> Table {
 
 /// What the flights of one kind come to; none where there are none.
 fn finding(kind: &str, all: &[Flown], scenes: &[&str]) -> Option<String> {
-    let told = |scene: &&str| {
+    let reported = |scene: &&str| {
         let of: Vec<&Flown> = all.iter().filter(|f| f.kind == kind && f.scene == *scene).collect();
         let arrived = of.iter().filter(|f| f.trial.arrived()).count();
         let reached = mean(&of.iter().map(|f| 100.0 * f.reached).collect::<Vec<_>>());
         format!("{scene} {arrived} of {} arrive, {reached:.0} % of the way reached", of.len())
     };
     let any = all.iter().any(|f| f.kind == kind);
-    any.then(|| format!("Flights of {kind}: {}.", scenes.iter().map(told).collect::<Vec<_>>().join("; ")))
+    any.then(|| format!("Flights of {kind}: {}.", scenes.iter().map(reported).collect::<Vec<_>>().join("; ")))
 }
 
 #[cfg(test)]

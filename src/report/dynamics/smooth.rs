@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::Subject;
 use super::contenders::FIXED;
 use super::precision::TUBE;
-use super::tube::{Tube, WayLeft};
+use super::tube::{RemainingLength, Tube};
 use crate::dynamics::integrators::{Integrator, Stepper};
 use crate::dynamics::rigid::{RigidBodyState, Turning};
 use crate::dynamics::step::integrate;
@@ -52,13 +52,13 @@ pub fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<St
         progress.check()?;
     }
     page.table("lateral-jerk", &t)?;
-    let told: Vec<String> = worst.iter().map(|(name, j)| format!("{name} {j:.3}")).collect();
+    let reported: Vec<String> = worst.iter().map(|(name, j)| format!("{name} {j:.3}")).collect();
     let default = Integrator::default();
     let [jerk, _] = fly(default.stepper(), TUBE.rounding, 1e2);
     Ok(vec![format!(
         "Lateral jerk in steady flight over the kink of the centerline, the worst of six, in mm/s³: {}; the default, {}, \
          has {jerk:.3} on a field rounded over a voxel.",
-        told.join(", "),
+        reported.join(", "),
         default.name()
     )])
 }
@@ -66,9 +66,9 @@ pub fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<St
 /// Lateral jerk, mm/s³, and offset, mm.
 fn fly(method: &dyn Stepper, rounding: f64, wall_energy: f64) -> [f64; 2] {
     let tube = Tube { rounding, ..TUBE };
-    let way = WayLeft { tube, end: 8.0 };
+    let remaining = RemainingLength { tube, end: 8.0 };
     let potential = Potential { wall_energy, reach_mm: 20.0, ..Potential::default() };
-    let force = PotentialForce { potential, wall: Some(&tube), target: Some(&way), push: DVec3::ZERO };
+    let force = PotentialForce { potential, wall: Some(&tube), target: Some(&remaining), push: DVec3::ZERO };
     let body = Body::default();
     let mut m = RigidBodyState::at_rest(tube.place(-1.5, 0.3, -0.2), Attitude::new(DVec3::Z, DVec3::Y));
     let mut across = Vec::new();

@@ -62,7 +62,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     let least = sensed.iter().rev().take_while(|s| s.arrived >= 1.0).last();
     let default = TentacleSettings::default().count;
     let at = sensed.iter().find(|s| s.count == default);
-    let told = |s: &Sensed| {
+    let reported = |s: &Sensed| {
         let (median, most) = s.error_mm;
         format!("{} sense D_s {median:.2} mm too long (95 %: {most:.2} mm), {:.0}° off", s.count, s.angle_degrees)
     };
@@ -70,7 +70,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
         || "No number of tentacles brings every flight to its end.".to_owned(),
         |s| format!("From {} tentacles on every flight arrives.", s.count),
     );
-    Ok(vec![at.map_or_else(|| needed.clone(), |s| format!("{needed} The default's {}.", told(s)))])
+    Ok(vec![at.map_or_else(|| needed.clone(), |s| format!("{needed} The default's {}.", reported(s)))])
 }
 
 /// Measures [`COUNTS`] tentacles (for a quick report [`QUICK`]) on phantoms, whose places are drawn around the true
@@ -101,7 +101,7 @@ fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Ve
 /// Compares what tentacles sense with the exact clearance at places around the centerline.
 fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<f64>) {
     let Some(truth) = &course.truth else { return };
-    let finder = ClearanceFinder::new(course.space.shared_volume(), course.space.transfer().iso() as f32, EXACT_MM);
+    let finder = ClearanceFinder::new(course.volume.shared_voxels(), course.volume.transfer().iso() as f32, EXACT_MM);
     let all = directions(count);
     let reach = TentacleSettings::default().reach_mm;
     for n in 0..PLACES {
@@ -113,7 +113,7 @@ fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<
         if exact.mm < 1.0 || exact.toward == DVec3::ZERO {
             continue;
         }
-        let felt = all.iter().map(|&d| (first_crossing(&course.space, at, d, reach).unwrap_or(reach), d));
+        let felt = all.iter().map(|&d| (first_crossing(&course.volume, at, d, reach).unwrap_or(reach), d));
         if let Some((length, d)) = felt.min_by(|a, b| a.0.total_cmp(&b.0)) {
             errors.push(length - exact.mm);
             angles.push(d.angle_between(exact.toward).to_degrees());

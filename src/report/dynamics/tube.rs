@@ -58,14 +58,14 @@ impl Distance for Tube {
 
 /// `D_t` in the tube: the way left along the axis to the angle `end`.
 #[derive(Clone, Copy, Debug)]
-pub struct WayLeft {
+pub struct RemainingLength {
     /// The tube.
     pub tube: Tube,
     /// The target's angle, rad.
     pub end: f64,
 }
 
-impl Distance for WayLeft {
+impl Distance for RemainingLength {
     fn sample(&self, at: DVec3) -> Option<Sample> {
         let rho = at.x.hypot(at.z);
         if !at.is_finite() || rho < 1e-9 {
@@ -94,8 +94,8 @@ mod tests {
     #[test]
     fn derivatives_are_those_of_the_distances() {
         let tube = Tube { radius: 12.0, bend: 50.0, rounding: 0.7 };
-        let way = WayLeft { tube, end: 2.0 };
-        for field in [&tube as &dyn Distance, &way] {
+        let remaining = RemainingLength { tube, end: 2.0 };
+        for field in [&tube as &dyn Distance, &remaining] {
             for at in [tube.place(0.3, 4.0, -2.0), tube.place(1.2, -0.2, 0.1), tube.place(-1.0, 0.0, 9.0)] {
                 let s = field.sample(at).unwrap();
                 let h = 1e-4;

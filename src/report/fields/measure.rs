@@ -147,9 +147,9 @@ fn line_of(
 /// Distance of a point from a line, mm.
 fn off(p: DVec3, line: &[DVec3]) -> f64 {
     let part = |w: &[DVec3]| {
-        let way = w[1] - w[0];
-        let t = ((p - w[0]).dot(way) / way.length_squared().max(1e-12)).clamp(0.0, 1.0);
-        p.distance(w[0] + way * t)
+        let direction = w[1] - w[0];
+        let t = ((p - w[0]).dot(direction) / direction.length_squared().max(1e-12)).clamp(0.0, 1.0);
+        p.distance(w[0] + direction * t)
     };
     line.windows(2).map(part).fold(f64::INFINITY, f64::min)
 }

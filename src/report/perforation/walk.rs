@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3};
 use super::judge::Judge;
 use crate::dynamics::integrators::Integrator;
 use crate::dynamics::rigid::{RigidBodyState, Turning, orientation};
-use crate::dynamics::step::{Step, step_told};
+use crate::dynamics::step::{Step, step_reporting};
 use crate::dynamics::{Attitude, Body, Forces, Potential, PotentialForce};
 use crate::fields::{Clearance, ClearanceFinder, Clearances, Distance, Sample};
 use crate::math::hash;
@@ -46,16 +46,18 @@ impl Tally {
     }
 
     /// One step of `body`, and how it was judged.
-    fn of(told: &Step, body: &Body, judged: Result<f64, Fault>) -> Self {
+    fn of(reported: &Step, body: &Body, judged: Result<f64, Fault>) -> Self {
         Self {
             steps: 1,
             perforations: u64::from(judged.is_err()),
-            broken: u64::from(!told.motion.is_finite() || (told.motion.orientation.length() - 1.0).abs() > 1e-9),
-            hangs: u64::from(told.cost.rates > HANG),
-            too_near: u64::from(told.advance.clearance_mm < body.radius_mm),
-            stuck: u64::from(told.advance.stuck),
-            blocked: u64::from(told.advance.blocked.is_some()),
-            most_rates: told.cost.rates,
+            broken: u64::from(
+                !reported.motion.is_finite() || (reported.motion.orientation.length() - 1.0).abs() > 1e-9,
+            ),
+            hangs: u64::from(reported.cost.rates > HANG),
+            too_near: u64::from(reported.advance.clearance_mm < body.radius_mm),
+            stuck: u64::from(reported.advance.stuck),
+            blocked: u64::from(reported.advance.blocked.is_some()),
+            most_rates: reported.cost.rates,
             margin_mm: judged.unwrap_or(f64::NEG_INFINITY),
         }
     }
@@ -291,15 +293,16 @@ pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, T
             &Slanted { force: push, slope, origin: m.position }
         };
         let mut pieces = Vec::new();
-        let told = step_told(integrator.stepper(), &body, &m, force, &turning, &ground.walls, dt, &mut |a, b| {
-            pieces.push((a, b));
-        });
-        let judged = judge_step(ground, &body, &m, &pieces, &told);
+        let reported =
+            step_reporting(integrator.stepper(), &body, &m, force, &turning, &ground.walls, dt, &mut |a, b| {
+                pieces.push((a, b));
+            });
+        let judged = judge_step(ground, &body, &m, &pieces, &reported);
         if let Err(what) = judged {
             failures.push(Failure { walk, step, from: m.position, radius_mm: body.radius_mm, what });
         }
-        tally = tally.and(Tally::of(&told, &body, judged));
-        m = told.motion;
+        tally = tally.and(Tally::of(&reported, &body, judged));
+        m = reported.motion;
     }
     (integrator, tally, failures)
 }
@@ -310,11 +313,11 @@ fn judge_step(
     body: &Body,
     before: &RigidBodyState,
     pieces: &[(DVec3, DVec3)],
-    told: &Step,
+    reported: &Step,
 ) -> Result<f64, Fault> {
-    let begun = if told.advance.clearance_mm < body.radius_mm { Begun::TooNear } else { Begun::Free };
+    let begun = if reported.advance.clearance_mm < body.radius_mm { Begun::TooNear } else { Begun::Free };
     let judged = judge(ground, before, pieces, body.radius_mm, begun);
-    let arrived = pieces.last().is_none_or(|p| p.1 == told.motion.position);
+    let arrived = pieces.last().is_none_or(|p| p.1 == reported.motion.position);
     if arrived { judged } else { Err(Fault::Gap) }
 }
 

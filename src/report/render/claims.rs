@@ -59,29 +59,29 @@ pub struct Claims {
 
 /// Builds the preparations in turn, and tells what follows from them and from the frames.
 pub fn claims(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     measured: &[Measured],
     stops: &[Stop],
     extent: &Extent,
     progress: &Progress,
 ) -> Result<Claims> {
-    let costs = costs(space, PREPARATIONS, progress)?;
-    let near = near_wall(space);
+    let costs = costs(volume, PREPARATIONS, progress)?;
+    let near = near_wall(volume);
     let flown: Vec<Stop> = stops.iter().filter(|s| !s.jump).take(FRAMES).cloned().collect();
     let claims = [
         sampling_steps(measured),
-        recalculation(recount(space, &flown, extent)?, extent.pixels),
+        recalculation(recount(volume, &flown, extent)?, extent.pixels),
         flag_against_field(&costs),
-        memory_of_field(&costs, space),
-        Some(memory_of_gradients(&costs, space, near)),
+        memory_of_field(&costs, volume),
+        Some(memory_of_gradients(&costs, volume, near)),
         reuse(measured),
-        frame_time(space, &flown, extent, progress)?,
-        Some(fixed_point(space)),
+        frame_time(volume, &flown, extent, progress)?,
+        Some(fixed_point(volume)),
     ];
     Ok(Claims { costs, claims: claims.into_iter().flatten().collect() })
 }
 
-fn costs(space: &PreparedVolume, preparations: &[Preparation], progress: &Progress) -> Result<Vec<Cost>> {
+fn costs(volume: &PreparedVolume, preparations: &[Preparation], progress: &Progress) -> Result<Vec<Cost>> {
     progress.stage("building", (BUILDS * preparations.len()) as u64);
     let mut times = vec![Vec::new(); preparations.len()];
     let mut bytes = vec![0; preparations.len()];
@@ -89,7 +89,7 @@ fn costs(space: &PreparedVolume, preparations: &[Preparation], progress: &Progre
         for ((p, times), bytes) in preparations.iter().zip(&mut times).zip(&mut bytes) {
             if times.iter().sum::<f64>() < SECONDS {
                 let begun = Instant::now();
-                *bytes = (p.build)(space)?;
+                *bytes = (p.build)(volume)?;
                 times.push(begun.elapsed().as_secs_f64());
             }
             progress.advance(1)?;
@@ -100,11 +100,11 @@ fn costs(space: &PreparedVolume, preparations: &[Preparation], progress: &Progre
 }
 
 /// The share of voxels that lie near a wall: those whose neighbourhood is not all of one class.
-fn near_wall(space: &PreparedVolume) -> f64 {
-    let [nx, ny, nz] = space.volume().grid().dims();
-    let row = |j: usize, k: usize| (0..nx).filter(|&i| !space.flags().homogeneous(space.volume(), i, j, k)).count();
+fn near_wall(volume: &PreparedVolume) -> f64 {
+    let [nx, ny, nz] = volume.voxels().grid().dims();
+    let row = |j: usize, k: usize| (0..nx).filter(|&i| !volume.flags().homogeneous(volume.voxels(), i, j, k)).count();
     let count: usize = (0..nz).map(|k| (0..ny).map(|j| row(j, k)).sum::<usize>()).sum();
-    count as f64 / space.volume().grid().len() as f64
+    count as f64 / volume.voxels().grid().len() as f64
 }
 
 fn sampling_steps(measured: &[Measured]) -> Option<Claim> {
@@ -138,10 +138,10 @@ fn recalculation(r: Recount, pixels: usize) -> Option<Claim> {
 }
 
 /// Samples of the byte volume in fixed point and in floats, at places all over it, in turn.
-fn fixed_point(space: &PreparedVolume) -> Claim {
-    let bytes = ByteVolume::new(space, 1);
-    let sampler = ByteTrilinear::new(space, &bytes);
-    let dims = Vec3::from_array(space.volume().grid().dims().map(|n| n as f32));
+fn fixed_point(volume: &PreparedVolume) -> Claim {
+    let bytes = ByteVolume::new(volume, 1);
+    let sampler = ByteTrilinear::new(volume, &bytes);
+    let dims = Vec3::from_array(volume.voxels().grid().dims().map(|n| n as f32));
     // Runs of places as rays have them: memory is not what is compared.
     let place = |n: u64| Vec3::from_array(std::array::from_fn(|a| hash::uniform(n, a as u64) as f32)) * dims;
     let places: Vec<Vec3> =
@@ -168,13 +168,13 @@ fn fixed_point(space: &PreparedVolume) -> Claim {
 
 /// The paper's seconds for a frame, and those it wants: the first frame without anything that spares work, the others as parts of
 /// a flight.
-fn frame_time(space: &PreparedVolume, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Option<Claim>> {
+fn frame_time(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Option<Claim>> {
     if stops.is_empty() {
         return Ok(None);
     }
     progress.stage("the paper's frame", stops.len() as u64);
-    let default = || renderer(space, Settings::default(), Preset::default(), Reuse::Allowed);
-    let mut all = [Variant::Unaccelerated.renderer(space), Variant::Whole.renderer(space), default()];
+    let default = || renderer(volume, Settings::default(), Preset::default(), Reuse::Allowed);
+    let mut all = [Variant::Unaccelerated.renderer(volume), Variant::Whole.renderer(volume), default()];
     let mut times = [(); 3].map(|()| Vec::new());
     let mut frame = Frame::default();
     for stop in stops {
@@ -224,23 +224,23 @@ fn flag_against_field(costs: &[Cost]) -> Option<Claim> {
     })
 }
 
-fn memory_of_field(costs: &[Cost], space: &PreparedVolume) -> Option<Claim> {
+fn memory_of_field(costs: &[Cost], volume: &PreparedVolume) -> Option<Claim> {
     let field = find(costs, Role::Field)?;
-    let voxels = space.volume().grid().len() as f64;
+    let voxels = volume.voxels().grid().len() as f64;
     Some(Claim {
         paper: "Memory is at least doubled if the potential field is calculated.",
         measured: format!(
             "{:.2} bytes a voxel beside the volume: {:.2} times the paper's 8-bit volume, {:.2} times the 16-bit one.",
             field.bytes as f64 / voxels,
             1.0 + field.bytes as f64 / voxels,
-            1.0 + field.bytes as f64 / space.volume().bytes() as f64
+            1.0 + field.bytes as f64 / volume.voxels().bytes() as f64
         ),
     })
 }
 
-fn memory_of_gradients(costs: &[Cost], space: &PreparedVolume, near: f64) -> Claim {
+fn memory_of_gradients(costs: &[Cost], volume: &PreparedVolume, near: f64) -> Claim {
     let stored = find(costs, Role::Gradients).map_or_else(String::new, |c| {
-        let times = 1.0 + c.bytes as f64 / space.volume().bytes() as f64;
+        let times = 1.0 + c.bytes as f64 / volume.voxels().bytes() as f64;
         format!(" As stored here it is {times:.2} times the 16-bit volume.")
     });
     Claim {

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
-use crate::render::fast::{self, Fast, Pixels};
+use crate::render::packets::{self, PacketRenderer, Pixels};
 use crate::render::{Frame, PreparedVolume, Renderer, Settings};
 use crate::report::flight::{self, Flown, Stop};
 use crate::report::{median, quantile};
@@ -66,7 +66,7 @@ pub struct Growth {
 
 /// Measures at the poses of `stops`, rendered in turn by all.
 pub fn growth(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     flown: &Flown,
     stops: &[Stop],
     extent: &Extent,
@@ -75,25 +75,27 @@ pub fn growth(
     let mut sized = Vec::new();
     for &side in extent.sides {
         progress.stage("resampling", 1);
-        let volume = Arc::new(resample(space.volume(), side)?);
-        sized.push(Runner::new(format!("{side}³"), &volume, space, None, fast::levels()[0].1)?);
+        let voxels = Arc::new(resample(volume.voxels(), side)?);
+        sized.push(Runner::new(format!("{side}³"), &voxels, volume, None, packets::levels()[0].1)?);
         progress.advance(1)?;
     }
     let volumes = race(sized, stops, extent, progress)?;
 
-    let volume = space.shared_volume();
-    let best = fast::levels()[0].1;
+    let voxels = volume.shared_voxels();
+    let best = packets::levels()[0].1;
     let mut counts = vec![1, 2, rayon::current_num_threads()];
     counts.sort_unstable();
     counts.dedup();
     let pools = counts.iter().map(|&n| pool(n)).collect::<Result<Vec<_>>>()?;
     let mut same_log = true;
     for p in &pools {
-        same_log &= p.install(|| flight::fly(space, progress))?.log == flown.log;
+        same_log &= p.install(|| flight::fly(volume, progress))?.log == flown.log;
     }
-    let with_threads = counts.iter().zip(pools).map(|(n, p)| Runner::new(n.to_string(), &volume, space, Some(p), best));
+    let with_threads =
+        counts.iter().zip(pools).map(|(n, p)| Runner::new(n.to_string(), &voxels, volume, Some(p), best));
     let threads = race(with_threads.collect::<Result<_>>()?, stops, extent, progress)?;
-    let on_level = fast::levels().into_iter().map(|(name, l)| Runner::new(name.to_owned(), &volume, space, None, l));
+    let on_level =
+        packets::levels().into_iter().map(|(name, l)| Runner::new(name.to_owned(), &voxels, volume, None, l));
     let levels = race(on_level.collect::<Result<_>>()?, stops, extent, progress)?;
     Ok(Growth { volumes, threads, levels, same_log })
 }
@@ -106,20 +108,20 @@ fn pool(threads: usize) -> Result<ThreadPool> {
 struct Runner {
     row: Row,
     pool: Option<ThreadPool>,
-    renderer: Fast,
+    renderer: PacketRenderer,
 }
 
 impl Runner {
     fn new(
         name: String,
-        volume: &Arc<Volume>,
+        voxels: &Arc<Volume>,
         like: &PreparedVolume,
         pool: Option<ThreadPool>,
         level: fearless_simd::Level,
     ) -> Result<Self> {
         let make = || {
-            let space = PreparedVolume::new(Arc::clone(volume), like.transfer());
-            Fast::with_level(&space, Settings::default(), Pixels::Needed, level)
+            let volume = PreparedVolume::new(Arc::clone(voxels), like.transfer());
+            PacketRenderer::with_level(&volume, Settings::default(), Pixels::Needed, level)
         };
         let build = || {
             let begun = Instant::now();
@@ -137,7 +139,7 @@ impl Runner {
         let renderer = renderer.ok_or_else(|| Error::fault("renderer", "was not built", "build one"))?;
         let row = Row {
             name,
-            voxels: volume.grid().len(),
+            voxels: voxels.grid().len(),
             prepare_s: median(&times),
             bytes: 0,
             ms: Vec::new(),
@@ -198,8 +200,8 @@ fn race(mut runners: Vec<Runner>, stops: &[Stop], extent: &Extent, progress: &Pr
 ///
 /// # Errors
 /// When so many voxels cannot be addressed or held.
-fn resample(volume: &Volume, side: usize) -> Result<Volume> {
-    let grid = volume.grid();
+fn resample(voxels: &Volume, side: usize) -> Result<Volume> {
+    let grid = voxels.grid();
     let dims = grid.dims();
     let ratio = DVec3::from_array(dims.map(|d| (d as f64 - 1.0) / (side as f64 - 1.0)));
     let new = Grid::new([side; 3], grid.spacing() * ratio, grid.origin(), grid.direction());
@@ -219,7 +221,7 @@ fn resample(volume: &Volume, side: usize) -> Result<Volume> {
         (0..side).map(|n| split(at(n))).collect()
     };
     let [xs, ys, zs] = [between(0), between(1), between(2)];
-    let row = |j: usize, k: usize| &volume.data()[grid.index(0, j, k)..][..dims[0]];
+    let row = |j: usize, k: usize| &voxels.data()[grid.index(0, j, k)..][..dims[0]];
     data.par_chunks_mut(side * side).zip(&zs).for_each(|(slice, &(k0, k1, tz))| {
         let mut line = vec![0f32; dims[0]];
         for (out, &(j0, j1, ty)) in slice.chunks_exact_mut(side).zip(&ys) {

@@ -77,13 +77,13 @@ impl Measured {
 /// A method at work.
 struct Running<'a> {
     renderer: Box<dyn Renderer>,
-    space: &'a PreparedVolume,
+    volume: &'a PreparedVolume,
     measured: Measured,
 }
 
 /// Measures `methods`, and the reference as the first of the result.
 pub fn measure(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     methods: &[RenderMethod],
     stops: &[Stop],
     extent: &Extent,
@@ -92,10 +92,10 @@ pub fn measure(
     progress.stage("preparing", methods.len() as u64);
     let mut running = Vec::with_capacity(methods.len());
     for &method in methods {
-        running.push(Running::new(space, method)?);
+        running.push(Running::new(volume, method)?);
         progress.advance(1)?;
     }
-    let mut reference = Running::new(space, REFERENCE)?;
+    let mut reference = Running::new(volume, REFERENCE)?;
     progress.stage("measuring", (stops.len() * (methods.len() + 1)) as u64);
     for (n, stop) in stops.iter().enumerate() {
         let truth = reference.truth(n, stop, extent)?;
@@ -117,9 +117,9 @@ fn timed(renderer: &mut dyn Renderer, view: &View, frame: &mut Frame) -> (f64, W
 }
 
 impl<'a> Running<'a> {
-    fn new(space: &'a PreparedVolume, method: RenderMethod) -> Result<Self> {
+    fn new(volume: &'a PreparedVolume, method: RenderMethod) -> Result<Self> {
         let begun = Instant::now();
-        let renderer = (method.make)(space)?;
+        let renderer = (method.make)(volume)?;
         let prepare_s = begun.elapsed().as_secs_f64();
         let measured = Measured {
             method,
@@ -130,7 +130,7 @@ impl<'a> Running<'a> {
             faults: Vec::new(),
             worst: None,
         };
-        Ok(Self { renderer, space, measured })
+        Ok(Self { renderer, volume, measured })
     }
 
     /// The reference's picture and depth of a pose, timed without depth.
@@ -141,7 +141,7 @@ impl<'a> Running<'a> {
         // The crossings are exact whatever the picture's quality, so a quick picture tells them.
         let mut truth = Frame::with_depth(extent.pixels, extent.pixels);
         let quick = crate::render::Settings { step_power: 1, ..crate::render::Settings::default() };
-        crate::render::render(self.space, &view, &quick, &mut truth);
+        crate::render::render(self.volume, &view, &quick, &mut truth);
         truth.buffers().0.copy_from_slice(frame.pixels());
         self.note(n, stop, ms, work, &frame, &truth, None, None);
         Ok(truth)
@@ -169,7 +169,7 @@ impl<'a> Running<'a> {
         let displaced = self.displaced(extent, &view, truth);
         let reuse = if traits.keeps {
             let mut alone = Frame::new(extent.pixels, extent.pixels);
-            (self.measured.method.make)(self.space)?.render(&view, &mut alone);
+            (self.measured.method.make)(self.volume)?.render(&view, &mut alone);
             Some([psnr(&frame, &alone), psnr(&alone, truth)])
         } else {
             None
@@ -186,7 +186,7 @@ impl<'a> Running<'a> {
         }
         let mut frame = Frame::with_depth(extent.pixels, extent.pixels);
         self.renderer.render(view, &mut frame);
-        let tolerance = TOLERANCE * self.space.volume().grid().min_spacing();
+        let tolerance = TOLERANCE * self.volume.voxels().grid().min_spacing();
         frame.depth().zip(truth.depth()).map(|(a, b)| displaced(a, b, tolerance))
     }
 

@@ -30,7 +30,7 @@ pub struct Subject {
     /// As a person reads it.
     pub title: String,
     /// The scan.
-    pub space: PreparedVolume,
+    pub volume: PreparedVolume,
 }
 
 /// How much is measured.
@@ -98,19 +98,19 @@ pub fn report(subjects: &[Subject], extent: &Extent, folder: &Path, progress: &P
     pages::introduction(&mut page, extent);
     let mut findings = Vec::new();
     for (n, s) in subjects.iter().enumerate() {
-        let flown = flight::fly(&s.space, progress)?;
+        let flown = flight::fly(&s.volume, progress)?;
         let stops = flown.stops(extent.along, extent.jumps, extent.lead);
-        let measured = measure::measure(&s.space, &methods, &stops, extent, progress)?;
-        let claims = claims::claims(&s.space, &measured, &stops, extent, progress)?;
+        let measured = measure::measure(&s.volume, &methods, &stops, extent, progress)?;
+        let claims = claims::claims(&s.volume, &measured, &stops, extent, progress)?;
         findings.extend(pages::subject(&mut page, s, &measured, &claims)?);
-        let taken = worth::measure(&s.space, &stops, extent, progress)?;
+        let taken = worth::measure(&s.volume, &stops, extent, progress)?;
         worth::tell(&mut page, s, &taken, extent)?;
         drop(taken);
         drop(measured);
-        let moved = motion::motion(&s.space, &flown, extent, progress)?;
+        let moved = motion::motion(&s.volume, &flown, extent, progress)?;
         findings.push(pages::motion(&mut page, s, &moved, extent)?);
         if n == 0 {
-            let grown = growth::growth(&s.space, &flown, &stops, extent, progress)?;
+            let grown = growth::growth(&s.volume, &flown, &stops, extent, progress)?;
             findings.push(pages::growth(&mut page, s, &grown, extent)?);
         }
         if flown.state != State::Arrived {

@@ -64,14 +64,14 @@ impl AdaptiveMeasurement {
 
 /// Flies `extent.moving` frames of the flight, sixty a second, with sudden turns, and stops now and then.
 pub fn motion(
-    space: &PreparedVolume,
+    volume: &PreparedVolume,
     flown: &Flown,
     extent: &Extent,
     progress: &Progress,
 ) -> Result<AdaptiveMeasurement> {
     let settings = Settings { adaptive: true, ..Settings::new(Quality::High) };
     let mut eye = Eye {
-        renderer: renderer(space, settings, Preset::default(), Reuse::Allowed),
+        renderer: renderer(volume, settings, Preset::default(), Reuse::Allowed),
         budget: FrameBudget::default(),
         frame: Frame::default(),
     };
@@ -112,7 +112,7 @@ pub fn motion(
     m.traced = median(&traced);
     if let Some((view, refined)) = first {
         progress.stage("reference", 1);
-        m.refined_db = psnr(&refined, &reference(space, &view, settings));
+        m.refined_db = psnr(&refined, &reference(volume, &view, settings));
         progress.advance(1)?;
     }
     Ok(m)
@@ -120,10 +120,10 @@ pub fn motion(
 
 /// What a picture is refined to, by rays one after the other that skip what is empty: the report tells how far these,
 /// `high h/8`, are from brute force.
-fn reference(space: &PreparedVolume, view: &View, settings: Settings) -> Frame {
+fn reference(volume: &PreparedVolume, view: &View, settings: Settings) -> Frame {
     let settings = Settings { samples_per_pixel: SAMPLES, ..Adaptive::fine(settings).unwrap_or(settings) };
     let mut frame = Frame::default();
-    Direct::new(space, settings).render(view, &mut frame);
+    Direct::new(volume, settings).render(view, &mut frame);
     frame
 }
 

@@ -44,7 +44,7 @@ pub fn introduction(page: &mut Page, extent: &Extent) {
 
 /// A subject's section. Returns its finding.
 pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Claims) -> Result<Vec<String>> {
-    let volume = s.space.volume();
+    let volume = s.volume.voxels();
     let dims = volume.grid().dims();
     page.section(&s.title);
     page.text(&format!(
@@ -274,7 +274,7 @@ fn reuse(measured: &[Measured]) -> Table {
 fn preparations(s: &Subject, claims: &Claims) -> Table {
     let mut t = Table::new(&["built before the first frame", "time / s", "memory / MiB", "memory / 16-bit volume"]);
     for c in &claims.costs {
-        let share = c.bytes as f64 / s.space.volume().bytes() as f64;
+        let share = c.bytes as f64 / s.volume.voxels().bytes() as f64;
         t.row(vec![c.name.into(), number(c.seconds, 4), number(mib(c.bytes), 1), number(share, 3)]);
     }
     t
@@ -295,7 +295,7 @@ fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'stati
         }
         Plot { title: format!("{}: {what}", s.title), x: x.to_owned(), y: y.to_owned(), front: true, series }
     };
-    let volume = s.space.volume().bytes() as f64;
+    let volume = s.volume.voxels().bytes() as f64;
     let time = "median frame / ms";
     let mut all = vec![
         (
@@ -388,7 +388,7 @@ fn indirect(s: &Subject, measured: &[Measured]) -> String {
         s.title,
         m.method.name,
         m.prepare_s,
-        m.bytes as f64 / s.space.volume().bytes() as f64,
+        m.bytes as f64 / s.volume.voxels().bytes() as f64,
         median(&m.ms),
         m.worst_psnr(),
         100.0 * displaced(m).unwrap_or(f64::NAN)

@@ -46,9 +46,9 @@ struct Counts {
 }
 
 impl Counts {
-    fn new(space: &PreparedVolume) -> Self {
+    fn new(volume: &PreparedVolume) -> Self {
         // Voxels are counted from −1: those beside the volume have regressions too.
-        let dims = space.volume().grid().dims().map(|n| n + 2);
+        let dims = volume.voxels().grid().dims().map(|n| n + 2);
         let bits = || (0..dims.iter().product::<usize>().div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
         Self { dims, once: bits(), again: bits(), all: AtomicU64::new(0) }
     }
@@ -101,13 +101,13 @@ impl<S: VoxelSampler> VoxelSampler for Counting<'_, S> {
 ///
 /// # Errors
 /// For a pose that is none.
-pub fn recount(space: &PreparedVolume, stops: &[Stop], extent: &Extent) -> Result<Recount> {
-    let bytes = ByteVolume::new(space, 2);
+pub fn recount(volume: &PreparedVolume, stops: &[Stop], extent: &Extent) -> Result<Recount> {
+    let bytes = ByteVolume::new(volume, 2);
     let mut sum = Recount::default();
     for stop in stops {
         let view = stop.pose.view(extent.fov_degrees, extent.pixels)?;
-        let [voxels, again, computed] = frame(space, &bytes, &view, GradientSource::Eight);
-        let [_, _, cached] = frame(space, &bytes, &view, GradientSource::Cached);
+        let [voxels, again, computed] = frame(volume, &bytes, &view, GradientSource::Eight);
+        let [_, _, cached] = frame(volume, &bytes, &view, GradientSource::Cached);
         sum = Recount {
             voxels: sum.voxels + voxels,
             again: sum.again + again,
@@ -118,14 +118,14 @@ pub fn recount(space: &PreparedVolume, stops: &[Stop], extent: &Extent) -> Resul
     Ok(sum)
 }
 
-fn frame(space: &PreparedVolume, bytes: &ByteVolume, view: &View, source: GradientSource) -> [u64; 3] {
+fn frame(volume: &PreparedVolume, bytes: &ByteVolume, view: &View, source: GradientSource) -> [u64; 3] {
     let settings = Settings { classification: Classification::Filtered, ..Settings::default() };
-    let counts = Counts::new(space);
-    let plain = ByteTrilinear::new(space, bytes);
-    let fits = Fits::new(source, &plain, space);
+    let counts = Counts::new(volume);
+    let plain = ByteTrilinear::new(volume, bytes);
+    let fits = Fits::new(source, &plain, volume);
     let sampler = FitSampler::new(Counting { plain, counts: &counts }, &fits);
     let mut kept = vec![(); view.width() * view.height()];
-    ImageRequest { space, view, settings: &settings }.image(
+    ImageRequest { volume, view, settings: &settings }.image(
         &sampler,
         &ByteLeap::new(bytes),
         &ByDensity,

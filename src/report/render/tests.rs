@@ -31,8 +31,8 @@ impl Renderer for Late {
     }
 }
 
-fn late(space: &PreparedVolume) -> Outcome<Box<dyn Renderer>> {
-    Ok(Box::new(Late(Direct::new(space, Settings::default()), None)))
+fn late(volume: &PreparedVolume) -> Outcome<Box<dyn Renderer>> {
+    Ok(Box::new(Late(Direct::new(volume, Settings::default()), None)))
 }
 
 fn tube() -> PreparedVolume {
@@ -148,8 +148,8 @@ fn each_idea_is_worth_what_it_takes_away() {
     assert!(samples(Variant::NoSensitivity) > 1.5 * whole && samples(Variant::Unaccelerated) > 1.5 * whole);
     assert!((samples(Variant::Gradients(GradientSource::Eight)) - whole).abs() < 0.05 * whole);
     assert!(of(Variant::NoReuse).work.reused == 0 && of(Variant::Whole).work.reused > 0);
-    assert!(of(Variant::Leap(Leaping::Voxel)).bytes >= of(Variant::Whole).bytes + s.volume().grid().len());
+    assert!(of(Variant::Leap(Leaping::Voxel)).bytes >= of(Variant::Whole).bytes + s.voxels().grid().len());
     assert!(of(Variant::Low).worst_psnr < of(Variant::Whole).worst_psnr);
-    let table = worth::table(&taken, s.volume().bytes());
+    let table = worth::table(&taken, s.voxels().bytes());
     assert_eq!(table.csv().lines().count(), 14, "a row for each idea");
 }

@@ -73,8 +73,8 @@ const IDEAS: &[Idea] = &[
 
 impl Variant {
     /// Its renderer.
-    pub fn renderer(self, space: &PreparedVolume) -> Box<dyn Renderer> {
-        let make = |settings: Settings, reuse| renderer(space, settings, colvis::PRESET, reuse);
+    pub fn renderer(self, volume: &PreparedVolume) -> Box<dyn Renderer> {
+        let make = |settings: Settings, reuse| renderer(volume, settings, colvis::PRESET, reuse);
         let chosen = |choices| make(Settings { choices, ..Settings::default() }, Reuse::Allowed);
         let nothing = Choices::default();
         match self {
@@ -82,14 +82,14 @@ impl Variant {
             Self::NoSensitivity => make(Settings { sensitivity: 0.0, ..Settings::default() }, Reuse::Allowed),
             Self::Low => make(Settings::new(Quality::Low), Reuse::Allowed),
             Self::ByValue => {
-                let storage = ByteStorage::new(space, ByteVolume::new(space, 1), colvis::LEAPING, colvis::GRADIENTS);
+                let storage = ByteStorage::new(volume, ByteVolume::new(volume, 1), colvis::LEAPING, colvis::GRADIENTS);
                 by_frames(storage, Settings::default(), Some(colvis::KEY_FRAMES))
             }
             Self::Words => {
                 let (leap, gradients) = (Some(colvis::LEAPING), Some(colvis::GRADIENTS));
                 let choices = Choices { leap, gradients, key_frames: Some(colvis::KEY_FRAMES), ..nothing };
                 let settings = Settings { classification: Classification::Filtered, choices, ..Settings::default() };
-                renderer(space, settings, standard::PRESET, Reuse::Allowed)
+                renderer(volume, settings, standard::PRESET, Reuse::Allowed)
             }
             Self::Leap(leap) => chosen(Choices { leap: Some(leap), ..nothing }),
             Self::Gradients(source) => chosen(Choices { gradients: Some(source), ..nothing }),
@@ -125,17 +125,17 @@ pub struct Taken {
 }
 
 /// Renders the stops that are part of the flight, and some frames before each, by every variant in turn.
-pub fn measure(space: &PreparedVolume, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Vec<Taken>> {
+pub fn measure(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Vec<Taken>> {
     let mut all: Vec<Taken> = Vec::new();
     for variant in IDEAS.iter().flat_map(|idea| [idea.with, idea.without]) {
         if all.iter().all(|t| t.variant != variant) {
-            let renderer = variant.renderer(space);
+            let renderer = variant.renderer(volume);
             let (ms, work) = (Vec::new(), Work::default());
             all.push(Taken { variant, renderer, ms, work, bytes: 0, worst_psnr: f64::INFINITY });
         }
     }
     let settings = Settings { classification: Classification::Filtered, ..Settings::new(Quality::Reference) };
-    let mut reference = Direct::new(space, settings);
+    let mut reference = Direct::new(volume, settings);
     let flown: Vec<&Stop> = stops.iter().filter(|s| !s.jump).collect();
     let every = flown.len().div_ceil(extent.effort.choose(3, 8)).max(1);
     let flown: Vec<&Stop> = flown.into_iter().step_by(every).collect();
@@ -174,7 +174,7 @@ pub fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> R
          gradients tells the regression's error beside others; SIMD levels are below.",
         extent.pixels
     ));
-    page.table(&format!("{}-worth", s.name), &table(taken, s.space.volume().bytes()))
+    page.table(&format!("{}-worth", s.name), &table(taken, s.volume.voxels().bytes()))
 }
 
 /// The table: a row for each idea.

@@ -140,7 +140,7 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
     let sizes: Vec<usize> = some(value)
         .filter(|v: &Vec<usize>| v.len() == count)
         .ok_or_else(|| bad(path, "sizes", value, &format!("{count} whole numbers")))?;
-    let to_lps = space(f, notes)?;
+    let to_lps = volume(f, notes)?;
     let steps = match f.get(&["space directions"]) {
         None => vec![None; count],
         Some((key, value)) => {
@@ -154,11 +154,11 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
             .filter(|v: &Vec<f64>| v.len() == count)
             .ok_or_else(|| bad(path, key, value, &format!("{count} numbers")))?,
     };
-    let told = f.map.contains_key("spacings");
+    let reported = f.map.contains_key("spacings");
     let mut axes = Vec::new();
     for ((size, step), spacing) in sizes.iter().zip(steps).zip(spacings) {
         // NaN says "no spacing" for an axis that is not one of space.
-        if told && !spacing.is_nan() {
+        if reported && !spacing.is_nan() {
             frame::check_spacing(path, "spacings", &[spacing])?;
         }
         axes.push(Axis { size: *size, step, spacing: Some(spacing).filter(|s| !s.is_nan()) });
@@ -177,7 +177,7 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
     }
     let dims = std::array::from_fn(|k| axes.get(k).map_or(1, |a| a.size));
     text::voxel_count(path, dims)?;
-    if told && axes.iter().any(|a| a.spacing.is_none() && a.step.is_none()) {
+    if reported && axes.iter().any(|a| a.spacing.is_none() && a.step.is_none()) {
         return Err(Error::file(path, "spacings has NaN, which is not positive and finite", "correct the header"));
     }
     if axes.iter().any(|a| a.step.is_none() && a.spacing.is_none()) {
@@ -201,7 +201,7 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
 }
 
 /// What turns the file's space into LPS.
-fn space(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
+fn volume(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
     let flip = |x: f64, y: f64| DMat3::from_diagonal(DVec3::new(x, y, 1.0));
     let Some((key, value)) = f.get(&["space"]) else {
         match f.get(&["space dimension"]) {
@@ -328,7 +328,7 @@ pub fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> String {
     let _ = write!(
         h,
         "NRRD0004\ntype: {}\ndimension: 3\nspace: left-posterior-superior\nsizes: {x} {y} {z}\n\
-         space directions: {} {} {}\nkinds: domain domain domain\nendian: little\nencoding: gzip\nspace origin: {}\n",
+         volume directions: {} {} {}\nkinds: domain domain domain\nendian: little\nencoding: gzip\nspace origin: {}\n",
         match kind {
             VoxelKind::Scan => "int16",
             VoxelKind::Labels => "uint8",

@@ -66,7 +66,7 @@ pub fn unreadable(path: &Path, e: &io::Error) -> Error {
     if let Some(own) = e.get_ref().and_then(|inner| inner.downcast_ref::<Error>()) {
         return own.clone();
     }
-    let (why, mend) = match e.kind() {
+    let (why, hint) = match e.kind() {
         io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => ("does not exist".to_owned(), "check the name"),
         io::ErrorKind::PermissionDenied => ("permission denied".to_owned(), "make it readable"),
         io::ErrorKind::UnexpectedEof => ("ends early".to_owned(), "copy or export it again"),
@@ -75,7 +75,7 @@ pub fn unreadable(path: &Path, e: &io::Error) -> Error {
         }
         _ => (format!("cannot be read ({e})"), "check the file and its disk"),
     };
-    Error::file(path, why, mend)
+    Error::file(path, why, hint)
 }
 
 /// Reads at most `limit` bytes from the beginning of a file, unpacked where it is gzip.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::deflate::{self, BLOCK};
 use super::{metaimage, nifti, nrrd};
 use crate::error::{Error, Kind, Result};
-use crate::output::{Whole, cannot};
+use crate::output::{AtomicFile, cannot};
 use crate::progress::Progress;
 use crate::volume::Grid;
 
@@ -159,8 +159,8 @@ impl Fail {
     }
 }
 
-fn one(path: &Path, fill: impl FnOnce(&mut Whole) -> std::result::Result<(), Fail>) -> Result<()> {
-    let mut file = Whole::create(path)?;
+fn one(path: &Path, fill: impl FnOnce(&mut AtomicFile) -> std::result::Result<(), Fail>) -> Result<()> {
+    let mut file = AtomicFile::create(path)?;
     fill(&mut file).map_err(|e| e.about(path))?;
     file.finish()
 }
@@ -170,10 +170,10 @@ fn two(
     path: &Path,
     header: &[u8],
     data: &Path,
-    fill: impl FnOnce(&mut Whole) -> std::result::Result<(), Fail>,
+    fill: impl FnOnce(&mut AtomicFile) -> std::result::Result<(), Fail>,
 ) -> Result<()> {
-    let mut first = Whole::create(data)?;
-    let mut second = Whole::create(path)?;
+    let mut first = AtomicFile::create(data)?;
+    let mut second = AtomicFile::create(path)?;
     fill(&mut first).map_err(|e| e.about(data))?;
     second.write_all(header).map_err(|e| cannot(path, &e))?;
     first.finish()?;

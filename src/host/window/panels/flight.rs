@@ -3,9 +3,9 @@
 use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, vec2};
 use glam::DVec3;
 
-use super::{Context, FlightRequest, Panel, PanelEntry, Requests, measures, notches};
+use super::{Context, FlightInput, Panel, PanelEntry, Requests, measures, notches};
 use crate::components::output::Picture;
-use crate::host::window::overlay::{self, Mood};
+use crate::host::window::overlay::{self, Severity};
 use crate::render::first_crossing;
 
 /// Its entry in the table.
@@ -55,7 +55,7 @@ impl Panel for FlightPanel {
         requests.show_flight(rect);
         let p = ui.painter_at(rect);
         marks(context, &p, rect);
-        overlay::flight(&p, rect, context.readings);
+        overlay::flight(&p, rect, context.hud);
     }
 }
 
@@ -77,8 +77,8 @@ impl FlightPanel {
                     if let (Some(drag), Some(last)) = (self.drag, self.pointer) {
                         let [right, down] = [at.x - last.x, at.y - last.y].map(|d| f64::from(d) * scale);
                         requests.fly(match drag {
-                            Drag::Look => FlightRequest::Look([right, down]),
-                            Drag::Roll => FlightRequest::Roll(right),
+                            Drag::Look => FlightInput::Look([right, down]),
+                            Drag::Roll => FlightInput::Roll(right),
                         });
                     }
                     self.pointer = Some(at);
@@ -86,7 +86,7 @@ impl FlightPanel {
                 Event::PointerButton { pos, button, pressed: true, modifiers } if here(pos) && !menu => {
                     self.pointer = Some(pos);
                     match (button, overlay::on_bar(rect, pos)) {
-                        (PointerButton::Primary, Some(share)) => requests.fly(FlightRequest::Seek(share)),
+                        (PointerButton::Primary, Some(share)) => requests.fly(FlightInput::Seek(share)),
                         (PointerButton::Primary, None) if !modifiers.shift => {
                             self.drag = Some(Drag::Look);
                             self.pressed = Some((pos, time));
@@ -102,7 +102,7 @@ impl FlightPanel {
                         let at = (pos - rect.min) * ui.pixels_per_point();
                         let at = [at.x, at.y].map(f64::from);
                         let twice = self.clicked.take().is_some_and(|c| near(&c, TWICE_S));
-                        requests.fly(if twice { FlightRequest::LookAt(at) } else { FlightRequest::Click(at) });
+                        requests.fly(if twice { FlightInput::LookAt(at) } else { FlightInput::Click(at) });
                         self.clicked = (!twice).then_some((pos, time));
                     }
                 }
@@ -110,7 +110,7 @@ impl FlightPanel {
                 Event::MouseWheel { unit, delta, modifiers, .. } if self.pointer.is_some_and(here) => {
                     let notches = notches(unit, delta, ui.pixels_per_point());
                     let zooms = modifiers.command || modifiers.ctrl;
-                    requests.fly(if zooms { FlightRequest::Zoom(notches) } else { FlightRequest::Hurry(notches) });
+                    requests.fly(if zooms { FlightInput::Zoom(notches) } else { FlightInput::Speed(notches) });
                 }
                 _ => {}
             }
@@ -125,18 +125,19 @@ fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
         return;
     }
     let Some(view) = context.flight.camera::<Picture>().and_then(|picture| picture.view.as_ref()) else { return };
-    let (space, scale) = (context.flight.volume(), p.pixels_per_point());
+    let (volume, scale) = (context.flight.volume(), p.pixels_per_point());
     let find = |place: DVec3| {
         let [x, y] = view.project(place)?;
         let ray = view.ray_at(x, y)?;
         let distance = ray.origin.distance(place);
-        let hidden = first_crossing(space, ray.origin, ray.direction, distance).is_some_and(|d| d < distance - SEEN_MM);
+        let hidden =
+            first_crossing(volume, ray.origin, ray.direction, distance).is_some_and(|d| d < distance - SEEN_MM);
         let within = x >= 0.0 && y >= 0.0 && x < view.width() as f64 && y < view.height() as f64;
         (within && !hidden).then(|| rect.min + vec2(x as f32, y as f32) / scale)
     };
     measures::draw(context, p, find);
     if let Some(at) = cursor.and_then(find) {
-        for (colour, width) in [(Color32::BLACK, 3.5), (Mood::Waiting.colour(), 1.5)] {
+        for (colour, width) in [(Color32::BLACK, 3.5), (Severity::Notice.colour(), 1.5)] {
             p.circle_stroke(at, 7.0, Stroke::new(width, colour));
             for d in [vec2(1.0, 0.0), vec2(-1.0, 0.0), vec2(0.0, 1.0), vec2(0.0, -1.0)] {
                 p.line_segment([at + d * 7.0, at + d * 13.0], Stroke::new(width, colour));

@@ -15,9 +15,9 @@ use egui::{MouseWheelUnit, Rect, Ui, Vec2};
 use glam::DVec3;
 
 use super::actions::{Action, Actions};
-use super::cockpit::Cockpit;
+use super::controller::FlightController;
 use super::measures::Measures;
-use super::overlay::Readings;
+use super::overlay::HudState;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView};
 
@@ -69,22 +69,22 @@ fn notches(unit: MouseWheelUnit, delta: Vec2, scale: f32) -> f64 {
 pub struct Context<'a> {
     /// The flight.
     pub flight: &'a FlightApp,
-    pub(super) cockpit: &'a Cockpit,
+    pub(super) controller: &'a FlightController,
     pub(super) actions: &'a Actions,
     /// The scans that were open lately, the last one first.
     pub(super) recent: &'a [PathBuf],
     /// The flight in words.
-    pub(super) readings: &'a Readings,
+    pub(super) hud: &'a HudState,
 }
 
 impl<'a> Context<'a> {
     pub(super) fn new(
-        cockpit: &'a Cockpit,
+        controller: &'a FlightController,
         actions: &'a Actions,
         recent: &'a [PathBuf],
-        readings: &'a Readings,
+        hud: &'a HudState,
     ) -> Self {
-        Self { flight: cockpit.flight(), cockpit, actions, recent, readings }
+        Self { flight: controller.flight(), controller, actions, recent, hud }
     }
 
     /// The place that all views show, world mm: one that was pointed at, or where the camera is.
@@ -94,22 +94,22 @@ impl<'a> Context<'a> {
 
     /// A place that was pointed at, world mm; none while everything follows the flight.
     pub fn cursor(&self) -> Option<DVec3> {
-        self.cockpit.slices().cursor()
+        self.controller.slices().cursor()
     }
 
     /// What was measured.
     pub(super) fn measures(&self) -> &'a Measures {
-        self.cockpit.measures()
+        self.controller.measures()
     }
 
     /// A slice that is shown.
     pub(super) fn slice(&self, orientation: Orientation) -> Option<&'a SliceView> {
-        self.cockpit.slices().view(self.flight, orientation)
+        self.controller.slices().view(self.flight, orientation)
     }
 
     /// Why an action cannot be done now; none if it can.
     pub(super) fn why_not(&self, action: &Action) -> Option<&'static str> {
-        (action.possible)(self.cockpit).err()
+        (action.possible)(self.controller).err()
     }
 
     /// A button for an action of the window, by its id, with its text and key as a tooltip; grey while it is not possible.
@@ -146,9 +146,9 @@ pub struct Requests {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// Something of the flight.
-    Flight(FlightRequest),
+    Flight(FlightInput),
     /// Something of the slices.
-    Slice(SliceRequest),
+    Slice(SliceInput),
     /// An action of the window, by its id.
     Action(String),
     /// Open another scan; of a folder that holds several series, this one.
@@ -157,7 +157,7 @@ pub enum Request {
 
 /// What is asked of the slices.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum SliceRequest {
+pub enum SliceInput {
     /// A click at a place, world mm.
     Click(DVec3),
     /// Point at a place, world mm.
@@ -174,7 +174,7 @@ pub enum SliceRequest {
 
 /// What is asked of the flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum FlightRequest {
+pub enum FlightInput {
     /// Look around: the view was dragged by so many pixels to the right and downwards.
     Look([f64; 2]),
     /// Roll: the view was dragged by so many pixels to the right.
@@ -182,7 +182,7 @@ pub enum FlightRequest {
     /// Make the view angle narrower by so many notches of the wheel.
     Zoom(f64),
     /// Fly faster by so many notches of the wheel.
-    Hurry(f64),
+    Speed(f64),
     /// Go to a share of the way.
     Seek(f64),
     /// A click on what is seen at a point of the picture, pixels.
@@ -200,12 +200,12 @@ impl Requests {
     }
 
     /// Asks something of the flight.
-    pub(super) fn fly(&mut self, request: FlightRequest) {
+    pub(super) fn fly(&mut self, request: FlightInput) {
         self.ask(Request::Flight(request));
     }
 
     /// Asks something of the slices.
-    pub(super) fn slice(&mut self, request: SliceRequest) {
+    pub(super) fn slice(&mut self, request: SliceInput) {
         self.ask(Request::Slice(request));
     }
 
@@ -216,12 +216,12 @@ impl Requests {
 
     /// Points at a place, world mm: all views show it until the flight goes on.
     pub fn point(&mut self, place: DVec3) {
-        self.slice(SliceRequest::Point(place));
+        self.slice(SliceInput::Point(place));
     }
 
     /// Takes a measure away, by its number.
     pub(super) fn delete_measure(&mut self, number: usize) {
-        self.fly(FlightRequest::DeleteMeasure(number));
+        self.fly(FlightInput::DeleteMeasure(number));
     }
 
     /// Has a slice below the interface, as the flight's picture.
@@ -234,14 +234,14 @@ impl Requests {
         &self.slices_at
     }
 
-    /// Does an action of the window, by its id in the settings file: `"pause"`, `"reverse"`. One that there is not is nothing.
+    /// Effect an action of the window, by its id in the settings file: `"pause"`, `"reverse"`. One that there is not is nothing.
     pub fn action(&mut self, id: &str) {
         self.ask(Request::Action(id.to_owned()));
     }
 
     /// Goes to a share of the way, 0 to 1.
     pub fn seek(&mut self, share: f64) {
-        self.fly(FlightRequest::Seek(share));
+        self.fly(FlightInput::Seek(share));
     }
 
     /// Has the flight's picture below the interface, in a rectangle in points that nothing opaque is drawn in.

@@ -15,12 +15,12 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use super::open::{FileList, Listing};
 use super::*;
-use crate::app::{Scan, Scene, Wish};
-use crate::host::window::actions::{KeySettings, Moment};
+use crate::app::{FlightRequest, Scan, Scene};
+use crate::host::window::actions::{ActionContext, KeySettings};
 use crate::host::window::directions::Directions;
 use crate::host::window::interface::{Interface, WindowSize};
 use crate::host::window::layer::{Placed, compose};
-use crate::host::window::overlay::{self, Mood};
+use crate::host::window::overlay::{self, Severity};
 use crate::host::window::painter::Artist;
 use crate::host::window::workspace::{LAYOUTS, Workspace};
 use crate::render::{Frame, Light};
@@ -32,12 +32,12 @@ const PIXELS: usize = 4;
 
 /// A flight through the phantom, in a window of this size.
 struct Stage {
-    cockpit: Cockpit,
+    controller: FlightController,
     actions: Rc<Actions>,
     interface: Interface,
     artist: Artist,
     size: WindowSize,
-    readings: Readings,
+    hud: HudState,
     recent: Vec<PathBuf>,
 }
 
@@ -45,22 +45,22 @@ impl Stage {
     fn new(pixels: (usize, usize), scale: f32) -> Self {
         let mut scene = Scene { picture: true, operator: true, ..Scene::guided_by("tentacles") };
         scene.image.settings.light = Light::ENDOSCOPE;
-        let flight = Scan::phantom(1).and_then(|mut scan| scan.flight(scene, &Wish::default())).unwrap();
+        let flight = Scan::phantom(1).and_then(|mut scan| scan.flight(scene, &FlightRequest::default())).unwrap();
         let actions = Actions::new(&flight.scene().guides, &[], BUILT_IN, &KeySettings::new()).map(Rc::new).unwrap();
-        let readings = Readings {
+        let hud = HudState {
             state: "flying".to_owned(),
-            mood: Mood::Well,
+            severity: Severity::Normal,
             figures: ["12 ms, 60 pictures a second", "20 mm/s", "9.5 mm from the wall"].map(str::to_owned).to_vec(),
             directions: Directions::of(&flight.pose().attitude),
             per_mille: 310,
             place: "250 of about 810 mm".to_owned(),
             marks: vec![620],
-            ..Readings::default()
+            ..HudState::default()
         };
-        let cockpit = Cockpit::new(flight, Arc::new(|| {}), Vec::new(), Rc::clone(&actions)).unwrap();
+        let controller = FlightController::new(flight, Arc::new(|| {}), Vec::new(), Rc::clone(&actions)).unwrap();
         let (interface, size) = (Interface::new(), WindowSize { pixels, scale });
         let recent = ["/scans/prone.nii.gz", "/scans/supine"].map(PathBuf::from).to_vec();
-        Self { cockpit, actions, interface, artist: Artist::new(), size, readings, recent }
+        Self { controller, actions, interface, artist: Artist::new(), size, hud, recent }
     }
 
     /// Lays out after some events.
@@ -69,7 +69,7 @@ impl Stage {
         events: Vec<Event>,
         draw: &mut dyn FnMut(&Context<'_>, &mut Ui, &mut Requests),
     ) -> (Frame, Requests) {
-        let context = Context::new(&self.cockpit, &self.actions, &self.recent, &self.readings);
+        let context = Context::new(&self.controller, &self.actions, &self.recent, &self.hud);
         let mut requests = Requests::default();
         self.interface.lay_out(RawInput { events, ..RawInput::default() }, self.size, Instant::now(), |ui| {
             requests = Requests::default();
@@ -80,12 +80,12 @@ impl Stage {
         let layout = self.interface.layout().unwrap();
         let layer = self.artist.paint(layout, &layout.textures);
         let (width, height) = self.size.pixels;
-        let world = &self.cockpit.flight().app().world;
+        let world = &self.controller.flight().app().world;
         let slices = requests.slices_at().iter().filter_map(|(orientation, at)| {
-            let view = world.get::<SliceView>(self.cockpit.slices().entity(*orientation)?)?;
+            let view = world.get::<SliceView>(self.controller.slices().entity(*orientation)?)?;
             Some((at, &view.frame))
         });
-        let flight = requests.flight_at().zip(self.cockpit.image());
+        let flight = requests.flight_at().zip(self.controller.image());
         let placed: Vec<Placed<'_>> = (flight.iter().map(|(at, frame)| (at, *frame)).chain(slices))
             .map(|(at, frame)| {
                 let [left, top, ..] = self.size.in_pixels(*at);
@@ -111,8 +111,8 @@ impl Stage {
             let slices: Vec<_> =
                 requests.slices_at().iter().map(|(o, at)| (*o, size(at))).map(|(o, [.., w, h])| (o, [w, h])).collect();
             // At rest: every picture is as good as it gets.
-            while let Some(due) = self.cockpit.prepare((width, height), &slices, Instant::now()).unwrap() {
-                self.cockpit.show(Some(due)).unwrap();
+            while let Some(due) = self.controller.prepare((width, height), &slices, Instant::now()).unwrap() {
+                self.controller.show(Some(due)).unwrap();
             }
         }
         self.lay_out(Vec::new(), &mut draw).0
@@ -129,15 +129,15 @@ impl Stage {
         self.picture(|context, ui, requests| panel.ui(context, ui, requests))
     }
 
-    /// Does the action of that name.
+    /// Effect the action of that name.
     fn perform(&mut self, action: &str) {
-        let at = Moment { window: (0, 0), now: Instant::now() };
-        self.cockpit.perform(self.actions.named(action).unwrap(), at);
+        let at = ActionContext { window: (0, 0), now: Instant::now() };
+        self.controller.perform(self.actions.named(action).unwrap(), at);
     }
 
     /// Clicks on a place of the world, as in a slice.
     fn click(&mut self, place: DVec3) {
-        self.cockpit.slice(SliceRequest::Click(place), Instant::now());
+        self.controller.slice(SliceInput::Click(place), Instant::now());
     }
 }
 
@@ -172,7 +172,7 @@ fn hold(name: &str, picture: &Frame) {
 #[test]
 fn every_panel_looks_as_it_did() {
     let mut stage = Stage::new((440, 320), 1.0);
-    let start = stage.cockpit.flight().pose().position;
+    let start = stage.controller.flight().pose().position;
     for entry in BUILT_IN {
         // What is listed is another on each machine.
         let mut panel = if entry.name == "open" { Box::new(scans()) } else { (entry.make)() };
@@ -201,7 +201,7 @@ fn every_layout_looks_as_it_did() {
     for layout in LAYOUTS {
         hold(&format!("layout-{}", layout.name), &stage.layout(layout.name));
     }
-    stage.readings.help = stage.actions.help();
+    stage.hud.help = stage.actions.help();
     hold("layout-help", &stage.layout("flight"));
 }
 
@@ -210,7 +210,7 @@ fn what_is_small_or_dense_looks_as_it_did() {
     // Pixels of half the size, and a window that is as small as it gets.
     hold("dense", &Stage::new((1280, 800), 2.0).layout("reading"));
     let mut small = Stage::new((320, 240), 1.0);
-    (small.readings.mood, small.readings.state) = (Mood::Calling, "operator needed".to_owned());
+    (small.hud.severity, small.hud.state) = (Severity::Alert, "operator needed".to_owned());
     hold("small", &small.layout("flight"));
 }
 

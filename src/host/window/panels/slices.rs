@@ -6,9 +6,9 @@
 use egui::{Align2, Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
 use glam::DVec3;
 
-use super::{Context, Panel, PanelEntry, Requests, SliceRequest, measures, notches};
+use super::{Context, Panel, PanelEntry, Requests, SliceInput, measures, notches};
 use crate::components::slices::{Orientation, SliceView};
-use crate::host::window::overlay::{ACCENT, INK, Mood, SOFT, TEXT, label, text};
+use crate::host::window::overlay::{ACCENT, INK, SOFT, Severity, TEXT, label, text};
 use crate::render::slice::{SlabKind, Slice};
 
 /// The axial slice.
@@ -35,7 +35,7 @@ pub const SAGITTAL: PanelEntry = PanelEntry {
     make: || panel(Orientation::Sagittal),
     ..PanelEntry::NONE
 };
-/// The slice across the way.
+/// The slice across the path.
 pub const ACROSS: PanelEntry = PanelEntry {
     name: "across",
     title: "Slice across the path",
@@ -116,7 +116,7 @@ impl SlicePanel {
         let scale = ui.pixels_per_point();
         let point = |at: Pos2, requests: &mut Requests| {
             if let Some(placed) = placed {
-                requests.slice(SliceRequest::Point(placed.world(at)));
+                requests.slice(SliceInput::Point(placed.world(at)));
             }
         };
         let (events, down) = ui.input(|i| (i.events.clone(), i.pointer.any_down()));
@@ -132,9 +132,9 @@ impl SlicePanel {
                     let mm = placed.map_or(0.0, |p| p.slice.mm_per_pixel);
                     match self.drag {
                         Some(Drag::Point) => point(at.clamp(rect.min, rect.max), requests),
-                        Some(Drag::Window) => requests.slice(SliceRequest::Window([right, -down])),
+                        Some(Drag::Window) => requests.slice(SliceInput::Window([right, -down])),
                         Some(Drag::Pan) => {
-                            requests.slice(SliceRequest::Pan(self.orientation, [right * mm, down * mm]));
+                            requests.slice(SliceInput::Pan(self.orientation, [right * mm, down * mm]));
                         }
                         None => {}
                     }
@@ -149,7 +149,7 @@ impl SlicePanel {
                         PointerButton::Extra1 | PointerButton::Extra2 => None,
                     };
                     if let Some(placed) = placed.filter(|_| self.drag == Some(Drag::Point)) {
-                        requests.slice(SliceRequest::Click(placed.world(pos)));
+                        requests.slice(SliceInput::Click(placed.world(pos)));
                     }
                 }
                 Event::PointerButton { pressed: false, .. } | Event::WindowFocused(false) => self.drag = None,
@@ -158,9 +158,9 @@ impl SlicePanel {
                     let notches = notches(unit, delta, scale);
                     let zooms = modifiers.command || modifiers.ctrl;
                     requests.slice(if zooms {
-                        SliceRequest::Zoom(self.orientation, notches)
+                        SliceInput::Zoom(self.orientation, notches)
                     } else {
-                        SliceRequest::Scroll(self.orientation, notches)
+                        SliceInput::Scroll(self.orientation, notches)
                     });
                 }
                 _ => {}
@@ -213,7 +213,7 @@ impl SlicePanel {
 /// HU, voxel and place under the pointer.
 fn readout(context: &Context<'_>, view: &SliceView, placed: Placed, at: Pos2) -> String {
     let world = placed.world(at);
-    let grid = context.flight.volume().volume().grid();
+    let grid = context.flight.volume().voxels().grid();
     let pixel = (at - placed.rect.min) * placed.scale;
     let hu = view.hu_at([pixel.x, pixel.y].map(|c| c.max(0.0) as usize)).unwrap_or(f32::NAN);
     let voxel = grid.voxel(world).round();
@@ -237,7 +237,7 @@ fn words(p: &Painter, at: Pos2, align: Align2, words: &str, colour: Color32) {
 
 fn crosshair(p: &Painter, placed: Placed, at: Pos2) {
     let rect = placed.rect;
-    let [r, g, b, _] = Mood::Waiting.colour().to_array();
+    let [r, g, b, _] = Severity::Notice.colour().to_array();
     let stroke = Stroke::new(1.0, Color32::from_rgba_unmultiplied(r, g, b, 150));
     for [from, to] in [
         [pos2(rect.min.x, at.y), pos2(at.x - GAP, at.y)],

@@ -161,12 +161,12 @@ fn list(series: &[Vec<Slice>], chosen: usize) -> Value {
 }
 
 fn refuse_gaps(input: &Path, stack: &Stack) -> Result<()> {
-    let mend = "export the whole series, or resample over it with --allow-gaps";
+    let hint = "export the whole series, or resample over it with --allow-gaps";
     if let Some(text) = gaps_in_words(&stack.gaps) {
-        return Err(Error::file(input, format!("slices are missing: {text}"), mend));
+        return Err(Error::file(input, format!("slices are missing: {text}"), hint));
     }
     if let Some((least, most)) = stack.uneven {
-        return Err(Error::file(input, format!("its slices are {least:.3} to {most:.3} mm apart"), mend));
+        return Err(Error::file(input, format!("its slices are {least:.3} to {most:.3} mm apart"), hint));
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ use super::dataset::{self, Fault};
 use super::rle;
 use super::slice::{FileHead, Slice};
 use crate::error::{Error, Result};
-use crate::fence::fenced;
+use crate::panics::catch_panic;
 use crate::progress::Progress;
 use crate::volume::AIR_HU;
 use crate::volume::io::raw::{ByteOrder, to_hu};
@@ -215,7 +215,7 @@ fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Vec<u8>> {
             return Err(damaged(why));
         }
     }
-    let outcome = fenced(|| match codec {
+    let outcome = catch_panic(|| match codec {
         Codec::JpegLs => by_jpegls(file, packed),
         Codec::Rle => rle::unpack(packed, size / sample, sample),
         _ => by_registry(file, packed),

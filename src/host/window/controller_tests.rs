@@ -8,7 +8,7 @@ use crate::components::slices::Orientation;
 use crate::fields::lumen;
 use crate::host::window::actions::KeySettings;
 use crate::host::window::keys::Hold;
-use crate::host::window::panels::{FlightRequest, SliceRequest};
+use crate::host::window::panels::{FlightInput, SliceInput};
 use crate::progress::Progress;
 use crate::render::{PreparedVolume, Preset, Quality, Settings, TransferFunction};
 use crate::volume::{Grid, Volume};
@@ -47,8 +47,8 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
         length_mm: 60.0,
         segment: None,
         gas: None,
-        falls_short: None,
-        other_falls_short: None,
+        goal_missed: None,
+        other_goal_missed: None,
         notes: Vec::new(),
     };
     let settings = Settings { adaptive: true, ..Settings::new(Quality::High) };
@@ -59,31 +59,31 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
 }
 
 /// The operator of such a flight.
-pub fn cockpit(guide: &'static str) -> Cockpit {
+pub fn controller(guide: &'static str) -> FlightController {
     cockpit_of(flight(guide), 0.0, Vec::new())
 }
 
 /// How far along its way a flight is, whole mm.
-fn along_mm(c: &Cockpit) -> i64 {
-    let (share, length_mm) = c.flight().way();
+fn along_mm(c: &FlightController) -> i64 {
+    let (share, length_mm) = c.flight().progress();
     (share * length_mm).round() as i64
 }
 
 /// The operator of `flight`, at `along_mm` of its way.
-fn cockpit_of(mut flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> Cockpit {
+fn cockpit_of(mut flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> FlightController {
     flight.stands_at(along_mm);
     let actions = Actions::new(&flight.scene().guides, &overlays, &[], &KeySettings::new()).unwrap();
-    Cockpit::new(flight, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
+    FlightController::new(flight, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
 }
 
-/// Does the action of that name.
-fn perform(c: &mut Cockpit, action: &str, now: Instant) {
+/// Effect the action of that name.
+fn perform(c: &mut FlightController, action: &str, now: Instant) {
     let actions = Rc::clone(&c.actions);
-    c.perform(actions.named(action).unwrap(), Moment { window: WINDOW, now });
+    c.perform(actions.named(action).unwrap(), ActionContext { window: WINDOW, now });
 }
 
 /// Traces the picture that is due, if one is; whether one was.
-fn trace(c: &mut Cockpit, now: Instant) -> bool {
+fn trace(c: &mut FlightController, now: Instant) -> bool {
     let due = c.prepare(WINDOW, &[], now).unwrap();
     let any = due.is_some();
     if any {
@@ -93,7 +93,7 @@ fn trace(c: &mut Cockpit, now: Instant) -> bool {
 }
 
 /// Flies on for `frames` pictures; how many of them were new.
-fn fly(c: &mut Cockpit, now: &mut Instant, frames: usize) -> usize {
+fn fly(c: &mut FlightController, now: &mut Instant, frames: usize) -> usize {
     let mut new = 0;
     for _ in 0..frames {
         *now += FRAME;
@@ -105,27 +105,27 @@ fn fly(c: &mut Cockpit, now: &mut Instant, frames: usize) -> usize {
 
 #[test]
 fn a_still_scene_is_refined_and_then_left_alone() {
-    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let (mut c, mut now) = (controller("manual"), Instant::now());
     assert_eq!(fly(&mut c, &mut now, 1), 1);
-    assert!(c.sight.is_refining(&c.flight) && c.next().is_some());
+    assert!(c.view_renderer.is_refining(&c.flight) && c.next().is_some());
     fly(&mut c, &mut now, 60);
     assert!(c.rests());
     let begun = Instant::now();
-    while c.sight.is_refining(&c.flight) {
+    while c.view_renderer.is_refining(&c.flight) {
         fly(&mut c, &mut now, 1);
         assert!(begun.elapsed() < Duration::from_secs(60));
     }
     let image = c.image().unwrap();
     assert_eq!((image.width(), image.height()), WINDOW);
-    assert_eq!(c.sight.detail(&c.flight).unwrap().samples, crate::render::adaptive::SAMPLES);
-    c.readings(now + Duration::from_secs(1));
+    assert_eq!(c.view_renderer.detail(&c.flight).unwrap().samples, crate::render::adaptive::SAMPLES);
+    c.hud(now + Duration::from_secs(1));
     assert_eq!(c.next(), None, "nothing to wake up for");
     let (ticks, frames) = (c.flight().clock().tick, c.frames().len());
     assert_eq!(fly(&mut c, &mut now, 50), 0);
     assert_eq!((c.flight().clock().tick, c.frames().len()), (ticks, frames), "neither simulated nor traced");
     // A word about something wakes it up to say it, and nothing is traced for that.
     perform(&mut c, "help", now);
-    assert!(c.next().is_some_and(|t| t <= now) && !c.readings(now).help.is_empty());
+    assert!(c.next().is_some_and(|t| t <= now) && !c.hud(now).help.is_empty());
     assert_eq!(fly(&mut c, &mut now, 1), 0);
     // A look does move the picture.
     c.drag((9.0, 0.0), WINDOW);
@@ -134,7 +134,7 @@ fn a_still_scene_is_refined_and_then_left_alone() {
 
 #[test]
 fn a_slow_machine_flies_slower_and_does_not_fall_behind() {
-    let (mut c, now) = (cockpit("tentacles"), Instant::now());
+    let (mut c, now) = (controller("tentacles"), Instant::now());
     c.advance(now).unwrap();
     assert_eq!(c.flight().clock().tick, 0, "no time has gone by");
     c.advance(now + Duration::from_millis(50)).unwrap();
@@ -145,15 +145,15 @@ fn a_slow_machine_flies_slower_and_does_not_fall_behind() {
 
 #[test]
 fn aided_flight_starts_by_itself_and_stops_for_the_operator() {
-    let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
+    let (mut c, mut now) = (controller("tentacles"), Instant::now());
     let start = c.flight().pose().position;
     fly(&mut c, &mut now, 40);
     assert!(c.flight().pose().position.distance(start) > 2.0);
-    assert_eq!(c.readings(now).state, "flying");
+    assert_eq!(c.hud(now).state, "flying");
     perform(&mut c, "pause", now);
     fly(&mut c, &mut now, 150);
     assert!(c.rests());
-    assert_eq!(c.readings(now).state, "paused");
+    assert_eq!(c.hud(now).state, "paused");
     // The hand wins over the pause, and never goes through the wall.
     c.steer(|h| h.press(Hold::Forward), now);
     fly(&mut c, &mut now, 250);
@@ -167,14 +167,14 @@ fn aided_flight_starts_by_itself_and_stops_for_the_operator() {
 
 #[test]
 fn what_there_is_not_is_said_and_changes_nothing() {
-    let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
+    let (mut c, mut now) = (controller("tentacles"), Instant::now());
     fly(&mut c, &mut now, 2);
     let pose = c.flight().pose();
     perform(&mut c, "other-end", now);
-    assert!(c.readings(now).message.is_some_and(|m| m.contains("other end")));
+    assert!(c.hud(now).message.is_some_and(|m| m.contains("other end")));
     assert_eq!(c.flight().pose(), pose);
     perform(&mut c, "detail", now);
-    assert_eq!(c.readings(now).message.as_deref(), Some("detail: low"));
+    assert_eq!(c.hud(now).message.as_deref(), Some("detail: low"));
     for _ in 0..60 {
         perform(&mut c, "faster", now);
     }
@@ -188,69 +188,69 @@ fn it_flies_back_only_where_there_is_a_way_back() {
     let mut c = cockpit_of(flight_from("path", far), 20.0, Vec::new());
     let goal = c.flight().plan().goal;
     perform(&mut c, "reverse", now);
-    assert!(c.readings(now).message.is_some_and(|m| m != "flying back"));
+    assert!(c.hud(now).message.is_some_and(|m| m != "flying back"));
     assert_eq!((c.flight().plan().goal, along_mm(&c)), (goal, 20));
     let mut c = cockpit_of(flight("path"), 20.0, Vec::new());
     perform(&mut c, "reverse", now);
-    assert_eq!(c.readings(now).message.as_deref(), Some("flying back"));
+    assert_eq!(c.hud(now).message.as_deref(), Some("flying back"));
     assert_ne!((c.flight().plan().goal, along_mm(&c)), (goal, 20));
 }
 
 #[test]
 fn a_screenshot_is_what_is_shown_or_what_was_seen() {
-    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let (mut c, mut now) = (controller("manual"), Instant::now());
     fly(&mut c, &mut now, 60);
-    while c.sight.is_refining(&c.flight) {
+    while c.view_renderer.is_refining(&c.flight) {
         fly(&mut c, &mut now, 1);
     }
-    c.sight.order_to_save(&c.flight, WINDOW);
-    let saved = c.sight.take_to_save();
+    c.view_renderer.order_to_save(&c.flight, WINDOW);
+    let saved = c.view_renderer.take_to_save();
     assert!(saved.len() == 1 && Some(&saved[0].frame) == c.image());
     // A camera that has moved on before its image was good enough.
     let start = c.flight().pose();
-    let look_from = |c: &mut Cockpit, mm: f64| {
+    let look_from = |c: &mut FlightController, mm: f64| {
         assert!(c.flight.place(start.position + DVec3::Y * mm, start.attitude.forward, start.attitude.up));
         assert!(trace(c, now));
         c.flight().pose()
     };
     let pose = look_from(&mut c, 1.0);
-    c.sight.order_to_save(&c.flight, WINDOW);
+    c.view_renderer.order_to_save(&c.flight, WINDOW);
     look_from(&mut c, 2.0);
-    let saved = c.sight.all_to_save();
+    let saved = c.view_renderer.all_to_save();
     assert_eq!(saved.len(), 1);
     assert_eq!((saved[0].request.pose, saved[0].frame.width(), saved[0].frame.height()), (pose, WINDOW.0, WINDOW.1));
 }
 
 #[test]
 fn another_view_angle_is_another_picture() {
-    let (mut c, mut now) = (cockpit("manual"), Instant::now());
-    let still = |c: &mut Cockpit, now: &mut Instant| {
+    let (mut c, mut now) = (controller("manual"), Instant::now());
+    let still = |c: &mut FlightController, now: &mut Instant| {
         fly(c, now, 60);
-        while c.sight.is_refining(&c.flight) {
+        while c.view_renderer.is_refining(&c.flight) {
             fly(c, now, 1);
         }
         c.image().unwrap().clone()
     };
-    let angle = |c: &Cockpit| c.flight().camera::<Picture>().unwrap().fov_degrees;
+    let angle = |c: &FlightController| c.flight().camera::<Picture>().unwrap().fov_degrees;
     let usual = still(&mut c, &mut now);
     assert_eq!(fly(&mut c, &mut now, 5), 0);
     perform(&mut c, "narrower", now);
     c.zoom(1.0);
     assert!(fly(&mut c, &mut now, 2) > 0, "it is traced again");
     assert_eq!(angle(&c), 74.4);
-    assert!(c.readings(now).message.is_some_and(|m| m.contains("74.4°")));
+    assert!(c.hud(now).message.is_some_and(|m| m.contains("74.4°")));
     let narrow = still(&mut c, &mut now);
     assert!(narrow != usual);
     now += Duration::from_secs(1);
-    assert!(c.readings(now).figures.iter().any(|f| f.ends_with("view 74.4°")), "{:?}", c.readings(now).figures);
+    assert!(c.hud(now).figures.iter().any(|f| f.ends_with("view 74.4°")), "{:?}", c.hud(now).figures);
     // A screenshot that still waits for a better picture is of the angle that was seen.
     perform(&mut c, "wider", now);
     fly(&mut c, &mut now, 1);
-    assert!(c.sight.is_refining(&c.flight));
-    c.sight.order_to_save(&c.flight, WINDOW);
+    assert!(c.view_renderer.is_refining(&c.flight));
+    c.view_renderer.order_to_save(&c.flight, WINDOW);
     c.act(FlightCommand::ViewAngle(90.0), now);
     assert!(trace(&mut c, now));
-    let saved = c.sight.all_to_save();
+    let saved = c.view_renderer.all_to_save();
     assert_eq!((saved.len(), saved[0].request.fov_degrees, angle(&c)), (1, 81.8, 90.0));
     assert!(still(&mut c, &mut now) == usual, "as many notches back are the angle of before");
     // The limits, and back.
@@ -266,9 +266,9 @@ fn another_view_angle_is_another_picture() {
 
 #[test]
 fn keys_and_mouse_roll_the_view() {
-    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let (mut c, mut now) = (controller("manual"), Instant::now());
     let before = c.flight().pose().attitude;
-    let rolled = |c: &Cockpit| {
+    let rolled = |c: &FlightController| {
         let now = c.flight().pose().attitude;
         assert!(now.forward.distance(before.forward) < 1e-6);
         before.up.cross(now.up).dot(before.forward).atan2(before.up.dot(now.up)).to_degrees()
@@ -303,13 +303,13 @@ fn an_overlay_costs_nothing_while_it_is_hidden() {
     };
     let now = Instant::now();
     let mut c = cockpit_of(flight("tentacles"), 0.0, vec![counted]);
-    assert!(c.readings(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 0);
+    assert!(c.hud(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 0);
     c.scaled(2.0);
     perform(&mut c, "overlay-counted", now);
     let disc = crate::app::overlay::Mark::Disc { centre: [4.0; 2], radius: 4.0, colour: [1, 2, 3] };
-    assert_eq!(c.readings(now).marks_drawn, [disc]);
+    assert_eq!(c.hud(now).marks_drawn, [disc]);
     perform(&mut c, "overlay-counted", now);
-    assert!(c.readings(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 1);
+    assert!(c.hud(now).marks_drawn.is_empty() && DRAWN.load(Ordering::Relaxed) == 1);
 }
 
 /// A guide that panics.
@@ -379,12 +379,12 @@ fn a_window_outlives_what_is_plugged_into_it() {
         let flight = flight_with("tentacles", other_end, change);
         let mut c = cockpit_of(flight, 0.0, overlays);
         let mut now = Instant::now();
-        let mut told = String::new();
+        let mut reported = String::new();
         for _ in 0..10 {
             fly(&mut c, &mut now, 1);
-            told += &c.readings(now).message.unwrap_or_default();
+            reported += &c.hud(now).message.unwrap_or_default();
         }
-        assert!(told.contains(who) && told.contains(why), "{who}: {told}");
+        assert!(reported.contains(who) && reported.contains(why), "{who}: {reported}");
         // It goes on: pictures come, and the hand moves the camera.
         let at = c.flight().pose().position;
         c.steer(|hands| hands.press(Hold::Forward), now);
@@ -408,7 +408,7 @@ fn a_slow_plugin_is_among_the_figures() {
     let mut c = cockpit_of(flight, 0.0, Vec::new());
     let mut now = Instant::now();
     fly(&mut c, &mut now, 20);
-    let figures = c.readings(now + Duration::from_secs(1)).figures;
+    let figures = c.hud(now + Duration::from_secs(1)).figures;
     assert!(figures.iter().any(|f| f.starts_with("plug-in sleeper takes ")), "{figures:?}");
 }
 
@@ -416,26 +416,26 @@ fn a_slow_plugin_is_among_the_figures() {
 const SLICES: [(Orientation, [usize; 2]); 2] = [(Orientation::Axial, [64, 64]), (Orientation::Across, [64, 64])];
 
 /// Traces a picture with slices beside it.
-fn trace_with_slices(c: &mut Cockpit, now: Instant) {
+fn trace_with_slices(c: &mut FlightController, now: Instant) {
     let due = c.prepare(WINDOW, &SLICES, now).unwrap();
     c.show(due).unwrap();
 }
 
 #[test]
 fn a_click_in_a_slice_stops_the_flight_and_takes_the_camera_along_where_it_fits() {
-    let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
+    let (mut c, mut now) = (controller("tentacles"), Instant::now());
     c.flight_mut().record_acts();
     fly(&mut c, &mut now, 10);
     trace_with_slices(&mut c, now);
     let view = c.slices().view(c.flight(), Orientation::Axial).unwrap();
     assert_eq!(view.size, [64, 64]);
-    let at = |c: &Cockpit| c.flight().pose().position;
+    let at = |c: &FlightController| c.flight().pose().position;
     let (start, gas, tissue) = (at(&c), DVec3::new(17.0, 40.0, 15.0), DVec3::new(2.0, 40.0, 16.0));
-    c.slice(SliceRequest::Click(tissue), now);
+    c.slice(SliceInput::Click(tissue), now);
     assert_eq!((at(&c), c.slices().cursor()), (start, Some(tissue)));
     fly(&mut c, &mut now, 5);
-    assert_eq!(c.readings(now).state, "paused");
-    c.slice(SliceRequest::Click(gas), now);
+    assert_eq!(c.hud(now).state, "paused");
+    c.slice(SliceInput::Click(gas), now);
     assert_eq!((at(&c), c.slices().cursor()), (gas, Some(gas)));
     trace_with_slices(&mut c, now);
     let through = c.slices().view(c.flight(), Orientation::Across).unwrap().shown().unwrap();
@@ -446,29 +446,32 @@ fn a_click_in_a_slice_stops_the_flight_and_takes_the_camera_along_where_it_fits(
     fly(&mut c, &mut now, 20);
     assert!(at(&c).y > gas.y + 1.0);
     // What the operator did is kept as any other command.
-    let acts = serde_json::to_string(c.flight().acts()).unwrap();
-    assert!(acts.contains("\"go\""), "{acts}");
-    assert_eq!(serde_json::from_str::<Vec<crate::components::input::Act>>(&acts).unwrap(), c.flight().acts());
+    let commands = serde_json::to_string(c.flight().timed_commands()).unwrap();
+    assert!(commands.contains("\"go\""), "{commands}");
+    assert_eq!(
+        serde_json::from_str::<Vec<crate::components::input::TimedCommand>>(&commands).unwrap(),
+        c.flight().timed_commands()
+    );
 }
 
 #[test]
 fn distances_are_measured_on_the_wall_and_in_slices() {
-    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let (mut c, mut now) = (controller("manual"), Instant::now());
     fly(&mut c, &mut now, 2);
     trace(&mut c, now);
     perform(&mut c, "measure", now);
-    let at = Moment { window: WINDOW, now };
+    let at = ActionContext { window: WINDOW, now };
     let middle = WINDOW.1 as f64 / 2.0;
-    c.follow(FlightRequest::Click([4.0, middle]), at);
+    c.follow(FlightInput::Click([4.0, middle]), at);
     assert!(c.measures().begun().is_some());
-    c.follow(FlightRequest::Click([WINDOW.0 as f64 - 4.0, middle]), at);
+    c.follow(FlightInput::Click([WINDOW.0 as f64 - 4.0, middle]), at);
     let made = c.measures().list()[0];
     assert!((made.mm() - 20.0).abs() < 0.6, "from wall to wall of a tube of 20 mm: {}", made.text());
     // The camera is half a millimetre beside the middle.
     assert!((made.from.y - made.to.y).abs() < 1.5 && made.from.x < made.to.x);
     // Mixed: from the wall to a place of a slice.
-    c.follow(FlightRequest::Click([4.0, middle]), at);
-    c.slice(SliceRequest::Click(made.from + DVec3::Y * 3.0), now);
+    c.follow(FlightInput::Click([4.0, middle]), at);
+    c.slice(SliceInput::Click(made.from + DVec3::Y * 3.0), now);
     assert!((c.measures().list()[1].mm() - 3.0).abs() < 1e-6);
     perform(&mut c, "undo", now);
     perform(&mut c, "delete-last", now);
@@ -479,59 +482,59 @@ fn distances_are_measured_on_the_wall_and_in_slices() {
 
 #[test]
 fn a_double_click_flies_to_what_it_looks_at() {
-    let (mut c, mut now) = (cockpit("tentacles"), Instant::now());
+    let (mut c, mut now) = (controller("tentacles"), Instant::now());
     fly(&mut c, &mut now, 2);
     trace(&mut c, now);
-    c.follow(FlightRequest::LookAt([70.0, 36.0]), Moment { window: WINDOW, now });
+    c.follow(FlightInput::LookAt([70.0, 36.0]), ActionContext { window: WINDOW, now });
     let place = c.slices().cursor().unwrap();
     fly(&mut c, &mut now, 60);
     let pose = c.flight().pose();
-    let way = place - pose.position;
-    assert!(way.normalize().dot(pose.attitude.forward) > 0.999, "it looks at it");
-    assert!((5.0..30.0).contains(&way.length()), "{} mm", way.length());
-    assert_eq!(c.readings(now).state, "paused");
+    let direction = place - pose.position;
+    assert!(direction.normalize().dot(pose.attitude.forward) > 0.999, "it looks at it");
+    assert!((5.0..30.0).contains(&direction.length()), "{} mm", direction.length());
+    assert_eq!(c.hud(now).state, "paused");
 }
 
 #[test]
 fn what_was_said_goes_away_while_the_flight_rests() {
-    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let (mut c, mut now) = (controller("manual"), Instant::now());
     fly(&mut c, &mut now, 60);
     c.say("here", now);
-    assert_eq!(c.readings(now).message.as_deref(), Some("here"));
-    assert!(c.readings(now + MESSAGE * 2).message.is_none());
+    assert_eq!(c.hud(now).message.as_deref(), Some("here"));
+    assert!(c.hud(now + MESSAGE * 2).message.is_none());
 }
 
 #[test]
 fn a_hidden_flight_is_not_made_better_and_not_saved() {
-    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let (mut c, mut now) = (controller("manual"), Instant::now());
     fly(&mut c, &mut now, 60);
     perform(&mut c, "light", now);
     assert!(c.next().is_some_and(|t| t <= now), "another light is another picture");
-    c.readings(now);
+    c.hud(now);
     let due = c.prepare((0, 0), &SLICES, now).unwrap();
     c.show(due).unwrap();
     now += MESSAGE * 2;
-    c.readings(now);
+    c.hud(now);
     assert!(c.prepare((0, 0), &SLICES, now).unwrap().is_none(), "the slices are drawn, and the flight is not seen");
     let rests = |t: Instant| t > now;
     assert!(c.next().is_none_or(rests), "nothing is due");
-    c.take_screenshot(Moment { window: (0, 0), now });
-    assert_eq!(c.readings(now).message.as_deref(), Some("the flight is not shown"));
+    c.take_screenshot(ActionContext { window: (0, 0), now });
+    assert_eq!(c.hud(now).message.as_deref(), Some("the flight is not shown"));
 }
 
 #[test]
 fn slices_are_scrolled_by_every_notch_and_by_parts_of_one() {
-    let (mut c, mut now) = (cockpit("manual"), Instant::now());
+    let (mut c, mut now) = (controller("manual"), Instant::now());
     fly(&mut c, &mut now, 2);
     trace_with_slices(&mut c, now);
-    let layer = |c: &Cockpit| c.slices().cursor().map(|p| p.z.round());
+    let layer = |c: &FlightController| c.slices().cursor().map(|p| p.z.round());
     let from = c.flight().pose().position.z.round();
     for _ in 0..3 {
-        c.slice(SliceRequest::Scroll(Orientation::Axial, 1.0), now);
+        c.slice(SliceInput::Scroll(Orientation::Axial, 1.0), now);
     }
     assert_eq!(layer(&c), Some(from - 3.0), "towards who looks from below");
     for _ in 0..8 {
-        c.slice(SliceRequest::Scroll(Orientation::Axial, -0.25), now);
+        c.slice(SliceInput::Scroll(Orientation::Axial, -0.25), now);
     }
     assert_eq!(layer(&c), Some(from - 1.0));
 }

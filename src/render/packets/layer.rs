@@ -308,7 +308,7 @@ impl Rays<'_> {
         while lanes != 0 {
             let n = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
-            if is_homogeneous(self.space, Vec3::new(q[0][n], q[1][n], q[2][n])) {
+            if is_homogeneous(self.volume, Vec3::new(q[0][n], q[1][n], q[2][n])) {
                 facing[n] = 1.0;
             }
         }
@@ -379,8 +379,8 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::fast::levels;
-    use crate::render::fast::occupancy::Occupancy;
+    use crate::render::packets::levels;
+    use crate::render::packets::occupancy::Occupancy;
     use crate::render::{PreparedVolume, Quality, Settings, TransferFunction, View};
     use crate::volume::{Grid, Volume};
 
@@ -395,13 +395,13 @@ mod tests {
             let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
             slope.dot(turn * (DVec3::new(x, y, z) * DVec3::new(0.7, 0.9, 1.6))).round() as i16
         };
-        let space = PreparedVolume::new(
+        let volume = PreparedVolume::new(
             Arc::new(Volume::new(grid, (0..20 * 18 * 16).map(value).collect())),
             TransferFunction::default(),
         );
-        let occupancy = Occupancy::new(space.volume(), space.transfer());
+        let occupancy = Occupancy::new(volume.voxels(), volume.transfer());
         let view = View::new(DVec3::ZERO, DVec3::X, DVec3::Z, 90.0, 64, 64).unwrap();
-        let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High), None).unwrap();
+        let rays = Rays::new(&volume, &occupancy, 1.0, &view, &Settings::new(Quality::High), None).unwrap();
         for seed in 0..20 {
             let random = |lane: u64, a: u64| hash::uniform(seed, 6 * lane + a) as f32;
             let mut cell = [[0i32; 16]; 3];
@@ -441,11 +441,11 @@ mod tests {
             (20.0 * (DVec3::new(x, y, z) * spacing).distance_squared(middle)).round() as i16
         };
         let data = (0..20 * 18 * 16).map(value).collect();
-        let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
-        let occupancy = Occupancy::new(space.volume(), space.transfer());
+        let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+        let occupancy = Occupancy::new(volume.voxels(), volume.transfer());
         let camera = middle + DVec3::new(-1.2, 1.0, 0.8);
         let view = View::new(camera, DVec3::X, DVec3::Z, 40.0, 64, 64).unwrap();
-        let rays = Rays::new(&space, &occupancy, 1.0, &view, &Settings::new(Quality::High), None).unwrap();
+        let rays = Rays::new(&volume, &occupancy, 1.0, &view, &Settings::new(Quality::High), None).unwrap();
         let layers = [(0.5, 1.0, 2.0), (0.2, 2.5, 3.0), (0.1, 4.0, 1.0)];
         fearless_simd::dispatch!(levels()[0].1, simd => {
             let number: [f32; 16] = std::array::from_fn(|n| n as f32);
@@ -465,10 +465,10 @@ mod tests {
             rays.shade(simd, &ray, &mut light, &mut cells, Medium::Air);
             let (bright, tone, depth) = (light.bright.to_array(), light.tone.to_array(), light.depth.to_array());
             for n in 0..16 {
-                let way = DVec3::from_array([0, 1, 2].map(|a| f64::from(ray.world[a][n])));
+                let direction = DVec3::from_array([0, 1, 2].map(|a| f64::from(ray.world[a][n])));
                 let expected = layers.map(|(share, place, _)| {
-                    let place = camera + way * f64::from(place * rays.step()) * spacing.min_element();
-                    let dot = (place - middle).normalize().dot(way).max(0.0);
+                    let place = camera + direction * f64::from(place * rays.step()) * spacing.min_element();
+                    let dot = (place - middle).normalize().dot(direction).max(0.0);
                     f64::from(share) * (f64::from(AMBIENT) + f64::from(DIFFUSE) * dot)
                 });
                 let expected: f64 = expected.iter().sum();

@@ -61,7 +61,7 @@ const STILL: f32 = 1e-9;
 
 /// What all rays of a picture have in common.
 pub struct Rays<'a> {
-    pub(super) space: &'a PreparedVolume,
+    pub(super) volume: &'a PreparedVolume,
     pub(super) voxels: Voxels<'a>,
     occupancy: &'a Occupancy,
     lookup: OccupancyLanes<'a>,
@@ -130,16 +130,16 @@ pub struct PacketResult {
 
 /// Whether something of the wall is about as near as [`NEAR`] to the camera, which is in `cell`. The voxels themselves are asked, so that
 /// pictures do not depend on what is known to be empty.
-fn is_near(space: &PreparedVolume, cell: IVec3) -> bool {
-    let (volume, foot) = (space.volume(), space.transfer().lo() + FOOT);
-    let grid = volume.grid();
+fn is_near(volume: &PreparedVolume, cell: IVec3) -> bool {
+    let (voxels, foot) = (volume.voxels(), volume.transfer().lo() + FOOT);
+    let grid = voxels.grid();
     let reach = (NEAR * grid.min_spacing() / grid.spacing()).ceil().as_ivec3();
     // Cell g lies between the voxels g − 1 and g.
     let (first, last) = (cell - 1 - reach, cell + reach);
     let range = |a: usize| first[a].max(0)..=last[a].min(grid.dims()[a] as i32 - 1);
     range(2).any(|z| {
         range(1)
-            .any(|y| range(0).any(|x| f32::from(volume.data()[grid.index(x as usize, y as usize, z as usize)]) > foot))
+            .any(|y| range(0).any(|x| f32::from(voxels.data()[grid.index(x as usize, y as usize, z as usize)]) > foot))
     })
 }
 
@@ -148,16 +148,16 @@ impl<'a> Rays<'a> {
     /// does not have: two voxels along each axis, no more voxels, and pieces of their bits, than an `i32` counts, a camera within
     /// ten thousand voxels, rays that all begin there.
     pub fn new(
-        space: &'a PreparedVolume,
+        volume: &'a PreparedVolume,
         occupancy: &'a Occupancy,
         waves: f32,
         view: &View,
         settings: &Settings,
         shader: Option<&'a dyn Shader>,
     ) -> Option<Self> {
-        let volume = space.volume();
-        let grid = volume.grid();
-        let voxels = Voxels::new(volume)?;
+        let samples = volume.voxels();
+        let grid = samples.grid();
+        let voxels = Voxels::new(samples)?;
         let origin = grid.voxel(view.position()) + DVec3::ONE;
         if origin.abs().max_element() > FAR || view.camera().origins() != Origins::One {
             return None;
@@ -165,23 +165,23 @@ impl<'a> Rays<'a> {
         let smooth = waves >= blur::LONGEST;
         // Half as many samples: values between them are known well enough, but where rays run along a wall that is close.
         // Who asks for shorter steps has them already.
-        let near = settings.step_power >= -1 && is_near(space, origin.floor().as_ivec3());
+        let near = settings.step_power >= -1 && is_near(volume, origin.floor().as_ivec3());
         let power = settings.step_power + 1 - i32::from(near);
-        let step = Step::new(space, power + i32::from(smooth));
+        let step = Step::new(volume, power + i32::from(smooth));
         let per_step = [view.forward(), view.right(), view.up()]
             .map(|d| (grid.to_voxel().transform_vector3(d) * step.mm).as_vec3());
-        let wall = space.transfer();
+        let wall = volume.transfer();
         let border = Vec3::from_array(grid.dims().map(|n| (n + 1) as f32));
         // All directions are of unit length in the orthonormal frame of the camera, so that this holds where the volume's axes
         // are not at right angles, too.
         let longest = per_step.iter().map(|&s| s * s).sum::<Vec3>().max_element().sqrt();
         Some(Self {
-            space,
+            volume,
             voxels,
             occupancy,
             lookup: OccupancyLanes::new(occupancy)?,
-            source: Source::new(volume, Regression::new(grid.spacing(), Weighting::InverseSquare), to_world(volume)),
-            scalar: Trilinear::new(space),
+            source: Source::new(samples, Regression::new(grid.spacing(), Weighting::InverseSquare), to_world(samples)),
+            scalar: Trilinear::new(volume),
             origin: origin.as_vec3(),
             directions: DirectionSource::new(view, grid.to_voxel().matrix3 * step.mm, per_step),
             longest: longest.max(STILL),
@@ -544,14 +544,14 @@ mod tests {
         };
         for behind in [-1000, -900, -800, -700, -600, -300, 0] {
             let data = (0..grid.len()).map(|n| value(n, behind)).collect();
-            let space = PreparedVolume::new(Arc::new(Volume::new(grid.clone(), data)), TransferFunction::default());
-            let occupancy = Occupancy::new(space.volume(), space.transfer());
+            let volume = PreparedVolume::new(Arc::new(Volume::new(grid.clone(), data)), TransferFunction::default());
+            let occupancy = Occupancy::new(volume.voxels(), volume.transfer());
             for shift in 0..40 {
                 let from = DVec3::new(4.0 + 0.05 * f64::from(shift), 24.3, 23.6);
                 let view = View::new(from, DVec3::X, DVec3::Z, 12.0, 16, 16).unwrap();
                 let settings = Settings::new(Quality::High);
                 let [short, long] = [1.0, blur::LONGEST].map(|waves| {
-                    let rays = Rays::new(&space, &occupancy, waves, &view, &settings, None).unwrap();
+                    let rays = Rays::new(&volume, &occupancy, waves, &view, &settings, None).unwrap();
                     assert_eq!(rays.step(), waves);
                     let mut cells = Cells::default();
                     fearless_simd::dispatch!(levels()[0].1, simd => rays.packet(simd, [0, 0], 4, 0.0, &mut cells))

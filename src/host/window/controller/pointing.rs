@@ -4,34 +4,34 @@ use std::time::Instant;
 
 use glam::DVec3;
 
-use super::{Cockpit, recordable};
+use super::{FlightController, recordable};
 use crate::components::camera::Pose;
 use crate::components::input::{FlightCommand, HandCommand};
 use crate::components::output::Picture;
 use crate::components::slices::Orientation;
 use crate::error::Result;
-use crate::host::window::actions::Moment;
+use crate::host::window::actions::ActionContext;
 use crate::host::window::measures::Measures;
-use crate::host::window::panels::SliceRequest;
+use crate::host::window::panels::SliceInput;
 use crate::host::window::slices::Slices;
 use crate::host::window::travel::Travel;
 use crate::render::first_crossing;
 
-impl Cockpit {
+impl FlightController {
     /// The slices that are shown.
     pub fn slices(&self) -> &Slices {
         &self.slices
     }
 
-    /// Does what a panel asks of the slices. Pointing at a place stops a flight that goes by itself.
-    pub fn slice(&mut self, request: SliceRequest, now: Instant) {
+    /// Effect what a panel asks of the slices. Pointing at a place stops a flight that goes by itself.
+    pub fn slice(&mut self, request: SliceInput, now: Instant) {
         let points = match request {
-            SliceRequest::Click(place) if self.measures.is_on() => return self.measure(place, now),
+            SliceInput::Click(place) if self.measures.is_on() => return self.measure(place, now),
             // A drag that began with an end of a measure.
-            SliceRequest::Point(_) if self.measures.is_on() => return,
-            SliceRequest::Click(place) | SliceRequest::Point(place) => Some(place),
-            SliceRequest::Scroll(..) => None,
-            SliceRequest::Pan(..) | SliceRequest::Zoom(..) | SliceRequest::Window(_) => {
+            SliceInput::Point(_) if self.measures.is_on() => return,
+            SliceInput::Click(place) | SliceInput::Point(place) => Some(place),
+            SliceInput::Scroll(..) => None,
+            SliceInput::Pan(..) | SliceInput::Zoom(..) | SliceInput::Window(_) => {
                 self.slices.ask(&mut self.flight, request);
                 self.attention = true;
                 return;
@@ -84,12 +84,12 @@ impl Cockpit {
     }
 
     /// Takes up what was measured the last time that this scan was open.
-    pub fn take_up_measures(&mut self, measures: Measures) {
+    pub fn set_measures(&mut self, measures: Measures) {
         self.measures = measures;
     }
 
     /// Has clicks measure, or not.
-    pub fn switch_measuring(&mut self, at: Moment) {
+    pub fn switch_measuring(&mut self, at: ActionContext) {
         self.measures.switch();
         if self.measures.is_on() {
             self.stop(at.now);
@@ -98,15 +98,15 @@ impl Cockpit {
     }
 
     /// Takes the last change of what was measured back.
-    pub fn undo_measure(&mut self, at: Moment) {
+    pub fn undo_measure(&mut self, at: ActionContext) {
         let kept = self.measures.undo();
-        self.tell_kept(kept, at.now);
+        self.report_kept(kept, at.now);
     }
 
     /// Takes the last measure away.
-    pub fn delete_last_measure(&mut self, at: Moment) {
+    pub fn delete_last_measure(&mut self, at: ActionContext) {
         let kept = self.measures.delete_last();
-        self.tell_kept(kept, at.now);
+        self.report_kept(kept, at.now);
     }
 
     fn measure(&mut self, place: DVec3, now: Instant) {
@@ -115,12 +115,12 @@ impl Cockpit {
         match self.measures.click(place) {
             Ok(Some(made)) => self.say(made.text(), now),
             Ok(None) => {}
-            Err(e) => self.tell_kept(Err(e), now),
+            Err(e) => self.report_kept(Err(e), now),
         }
     }
 
     /// Says that a measure is there for now alone.
-    pub(super) fn tell_kept(&mut self, kept: Result<()>, now: Instant) {
+    pub(super) fn report_kept(&mut self, kept: Result<()>, now: Instant) {
         if let Err(e) = kept {
             self.say(format!("not kept: {}: {}", e.what, e.why), now);
         }
@@ -172,17 +172,17 @@ impl Cockpit {
     }
 
     /// The slices as they were at the beginning.
-    pub fn reset_slices(&mut self, _: Moment) {
+    pub fn reset_slices(&mut self, _: ActionContext) {
         self.slices.reset(&mut self.flight);
     }
 
     /// Thicker slices, and after the thickest one the plane alone.
-    pub fn next_slab(&mut self, _: Moment) {
+    pub fn next_slab(&mut self, _: ActionContext) {
         self.slices.next_slab();
     }
 
     /// The mean, the greatest or the least of a thick slice.
-    pub fn next_slab_kind(&mut self, _: Moment) {
+    pub fn next_slab_kind(&mut self, _: ActionContext) {
         self.slices.next_slab_kind();
     }
 

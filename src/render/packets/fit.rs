@@ -59,8 +59,8 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::fast::lanes::Voxels;
-    use crate::render::fast::levels;
+    use crate::render::packets::lanes::Voxels;
+    use crate::render::packets::levels;
     use crate::render::regression::{Weighting, block};
     use crate::volume::{Grid, Volume};
 

@@ -78,8 +78,8 @@ pub enum Pixels {
 }
 
 /// Renders one space by packets of rays.
-pub struct Fast {
-    space: PreparedVolume,
+pub struct PacketRenderer {
+    volume: PreparedVolume,
     settings: Settings,
     pixels: Pixels,
     occupancy: Arc<Occupancy>,
@@ -94,34 +94,34 @@ pub struct Fast {
     direct: Direct,
 }
 
-impl Fast {
+impl PacketRenderer {
     /// Prepares `space`: one parallel pass over its voxels.
-    pub fn new(space: &PreparedVolume, settings: Settings, pixels: Pixels) -> Self {
-        Self::with_level(space, settings, pixels, Level::new())
+    pub fn new(volume: &PreparedVolume, settings: Settings, pixels: Pixels) -> Self {
+        Self::with_level(volume, settings, pixels, Level::new())
     }
 
-    /// As [`Fast::new`], on a given SIMD level.
-    pub fn with_level(space: &PreparedVolume, settings: Settings, pixels: Pixels, level: Level) -> Self {
-        let occupancy = Arc::new(Occupancy::new(space.volume(), space.transfer()));
+    /// As [`PacketRenderer::new`], on a given SIMD level.
+    pub fn with_level(volume: &PreparedVolume, settings: Settings, pixels: Pixels, level: Level) -> Self {
+        let occupancy = Arc::new(Occupancy::new(volume.voxels(), volume.transfer()));
         let cells = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
         Self {
-            space: space.clone(),
+            volume: volume.clone(),
             settings,
             pixels,
             occupancy,
-            waves: blur::waves(space.volume(), space.transfer()),
+            waves: blur::waves(volume.voxels(), volume.transfer()),
             cells,
             samples: ImageSamples::default(),
             level,
             shader: settings.shader.own(),
-            direct: Direct::new(space, settings),
+            direct: Direct::new(volume, settings),
         }
     }
 
     /// Another renderer of the same space, which shares what was prepared.
     pub fn beside(&self, settings: Settings) -> Self {
         Self {
-            space: self.space.clone(),
+            volume: self.volume.clone(),
             settings,
             pixels: self.pixels,
             occupancy: Arc::clone(&self.occupancy),
@@ -130,13 +130,13 @@ impl Fast {
             samples: ImageSamples::default(),
             level: self.level,
             shader: self.shader.clone(),
-            direct: Direct::new(&self.space, settings),
+            direct: Direct::new(&self.volume, settings),
         }
     }
 
     /// As [`Renderer::refining`], for a renderer that has prepared nothing to be shared.
-    pub fn refining_alone(space: &PreparedVolume, settings: Settings) -> Self {
-        Self::new(space, like_rays(settings), Pixels::Needed)
+    pub fn refining_alone(volume: &PreparedVolume, settings: Settings) -> Self {
+        Self::new(volume, like_rays(settings), Pixels::Needed)
     }
 }
 
@@ -146,17 +146,17 @@ fn like_rays(settings: Settings) -> Settings {
     Settings { step_power: settings.step_power + 1, ..settings }
 }
 
-impl Renderer for Fast {
+impl Renderer for PacketRenderer {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
         let Some(rays) =
-            Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings, self.shader.as_deref())
+            Rays::new(&self.volume, &self.occupancy, self.waves, view, &self.settings, self.shader.as_deref())
         else {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());
         let (pixels, depth) = frame.buffers();
         if let Some(depth) = depth {
-            depths(&self.space, view, depth);
+            depths(&self.volume, view, depth);
         }
         match self.pixels {
             Pixels::Needed => picture::needed(&mut self.samples, &rays, view, pixels, &self.cells, self.level),
@@ -171,7 +171,7 @@ impl Renderer for Fast {
     /// With a ray for every pixel of the `wanted` squares.
     fn render_squares(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
         let Some(rays) =
-            Rays::new(&self.space, &self.occupancy, self.waves, view, &self.settings, self.shader.as_deref())
+            Rays::new(&self.volume, &self.occupancy, self.waves, view, &self.settings, self.shader.as_deref())
         else {
             return self.direct.render(view, frame);
         };
@@ -179,7 +179,7 @@ impl Renderer for Fast {
         picture::squares_of(&rays, view, frame.buffers().0, &self.cells, self.level, wanted)
     }
 
-    /// What is not shared with those [beside](Fast::beside).
+    /// What is not shared with those [beside](PacketRenderer::beside).
     fn own_bytes(&self) -> usize {
         self.samples.bytes()
     }
@@ -187,7 +187,7 @@ impl Renderer for Fast {
     fn parts(&self) -> Vec<(MemoryPart, usize)> {
         let cells = self.cells.iter().map(|c| c.lock().unwrap_or_else(PoisonError::into_inner).bytes());
         vec![
-            (MemoryPart::Flags, self.space.bytes()),
+            (MemoryPart::Flags, self.volume.bytes()),
             (MemoryPart::Occupancy, self.occupancy.bytes()),
             (MemoryPart::GradientCache, cells.sum()),
             (MemoryPart::SampledRays, self.samples.bytes()),
@@ -207,12 +207,12 @@ mod tests {
     use crate::volume::{Grid, Volume};
 
     /// With and without the knowledge of empty cells pictures are the same to the bit; the samples that were taken, of how many.
-    fn compare(space: &PreparedVolume, views: &[View], power: i32, pixels: Pixels) -> [u64; 2] {
+    fn compare(volume: &PreparedVolume, views: &[View], power: i32, pixels: Pixels) -> [u64; 2] {
         let settings = Settings { step_power: power, ..Settings::new(Quality::High) };
-        let mut fast = Fast::new(space, settings, pixels);
+        let mut fast = PacketRenderer::new(volume, settings, pixels);
         let mut slow = fast.beside(settings);
         let everything = TransferFunction::new(-3000.0, 0.0).unwrap();
-        slow.occupancy = Arc::new(Occupancy::new(space.volume(), everything));
+        slow.occupancy = Arc::new(Occupancy::new(volume.voxels(), everything));
         let mut samples = [0; 2];
         for (n, view) in views.iter().enumerate() {
             let (mut a, mut b) = (Frame::default(), Frame::default());
@@ -234,17 +234,18 @@ mod tests {
             if n.is_multiple_of(7919) { -300 } else { (-650.0 + 1000.0 * wall).clamp(-1000.0, 0.0) as i16 }
         };
         let volume = Volume::new(grid.clone(), (0..grid.len()).map(value).collect());
-        let space = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
-        assert_eq!(Fast::new(&space, Settings::default(), Pixels::Needed).waves, blur::LONGEST);
-        let views = [DVec3::X, DVec3::new(0.3, -0.8, 0.1), DVec3::new(-1.0, 1.0, 1.0)]
-            .map(|way| View::new(grid.world(DVec3::new(30.3, 32.1, 29.7)), way, DVec3::Z, 100.0, 90, 80).unwrap());
+        let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
+        assert_eq!(PacketRenderer::new(&volume, Settings::default(), Pixels::Needed).waves, blur::LONGEST);
+        let views = [DVec3::X, DVec3::new(0.3, -0.8, 0.1), DVec3::new(-1.0, 1.0, 1.0)].map(|direction| {
+            View::new(grid.world(DVec3::new(30.3, 32.1, 29.7)), direction, DVec3::Z, 100.0, 90, 80).unwrap()
+        });
         for power in [-4, -1, 0, 2] {
-            let [taken, all] = compare(&space, &views, power, Pixels::Needed);
+            let [taken, all] = compare(&volume, &views, power, Pixels::Needed);
             assert!(taken < all, "{taken} {all}");
         }
         let pictures = levels().into_iter().map(|(_, level)| {
             let (mut fast, mut frame) =
-                (Fast::with_level(&space, Settings::default(), Pixels::Needed, level), Frame::default());
+                (PacketRenderer::with_level(&volume, Settings::default(), Pixels::Needed, level), Frame::default());
             fast.render(&views[1], &mut frame);
             frame
         });
@@ -255,7 +256,7 @@ mod tests {
     /// Squares of pixels are what they are in a picture with a ray for every pixel, at its borders, too.
     #[test]
     fn squares_are_those_of_the_whole_picture() {
-        let space = PreparedVolume::new(
+        let volume = PreparedVolume::new(
             Arc::new(Phantom::embedded(&Progress::default()).unwrap()),
             TransferFunction::default(),
         );
@@ -263,7 +264,7 @@ mod tests {
         let lumen = phantom.shape().axis.frame(phantom.shape().axis.length() * 0.4);
         let settings = Settings { step_power: -2, ..Settings::new(Quality::High) };
         for (_, level) in levels() {
-            let mut fast = Fast::with_level(&space, settings, Pixels::All, level);
+            let mut fast = PacketRenderer::with_level(&volume, settings, Pixels::All, level);
             for [width, height] in [[1, 1], [3, 2], [70, 33], [33, 70]] {
                 let view = View::new(lumen.at, lumen.tangent, lumen.normal, 90.0, width, height).unwrap();
                 let (mut whole, mut part) = (Frame::default(), Frame::default());
@@ -284,7 +285,7 @@ mod tests {
 
     #[test]
     fn what_is_left_out_of_a_colon_changes_nothing() {
-        let space = PreparedVolume::new(
+        let volume = PreparedVolume::new(
             Arc::new(Phantom::embedded(&Progress::default()).unwrap()),
             TransferFunction::default(),
         );
@@ -298,7 +299,7 @@ mod tests {
             View::new(lumen.at - lumen.tangent * away, lumen.tangent, lumen.normal, angle, 100, 90).unwrap()
         });
         for power in [-6, -3, 0, 1, 3, 6] {
-            let [taken, all] = compare(&space, &views, power, Pixels::Needed);
+            let [taken, all] = compare(&volume, &views, power, Pixels::Needed);
             assert!(taken < all, "{taken} {all}");
         }
     }
@@ -315,13 +316,13 @@ mod tests {
             };
             let data = (0..grid.len()).map(|n| if box_of(n) { 100 } else { -1000 }).collect();
             let centre = grid.world(DVec3::new(60.0, 55.0, 50.0));
-            let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+            let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
             // The ways along which a step moves farthest along an axis.
             let [x, y, z] = [shear.y_axis, shear.z_axis, shear.x_axis];
             let views = [x.cross(y), y.cross(z), z.cross(x), y.cross(x)]
                 .map(|forward| View::new(centre, forward, DVec3::new(0.1, 0.2, 1.0), 100.0, 160, 160).unwrap());
             for pixels in [Pixels::Needed, Pixels::All] {
-                let [taken, all] = compare(&space, &views, 0, pixels);
+                let [taken, all] = compare(&volume, &views, 0, pixels);
                 assert!(taken * 2 < all, "{taken} {all}");
             }
         }
@@ -334,14 +335,14 @@ mod tests {
             let grid = Grid::new([20, ny, 22], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
             let centre = grid.world(DVec3::new(10.0, 9.0, 11.0));
             let data = vec![-2000; grid.len()];
-            let space = PreparedVolume::new(
+            let volume = PreparedVolume::new(
                 Arc::new(Volume::new(grid, data)),
                 TransferFunction::new(-1100.0, -1000.0).unwrap(),
             );
             let views = [DVec3::Y, DVec3::NEG_Y, DVec3::X]
                 .map(|forward| View::new(centre, forward, DVec3::Z, 60.0, 40, 40).unwrap());
             for power in [0, 1, 2] {
-                compare(&space, &views, power, Pixels::All);
+                compare(&volume, &views, power, Pixels::All);
             }
         }
     }

@@ -2,7 +2,7 @@
 //! machine without its libraries): the panic becomes a value.
 //!
 //! The process's panic hook belongs to the program, so that a fence leaves it alone: the hook is called for a fenced
-//! panic as for every other. A program that wants to hear nothing of these asks [`is_fenced`] in its hook.
+//! panic as for every other. A program that wants to hear nothing of these asks [`is_catching`] in its hook.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -29,7 +29,7 @@ pub struct Panicked;
 ///
 /// # Errors
 /// [`Panicked`] where it panicked, also on another thread that passes its panics on to this one, as thread pools do.
-pub fn fenced<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
+pub fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));
     FENCES.with(|f| f.set(f.get() - 1));
@@ -40,7 +40,7 @@ pub fn fenced<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
 ///
 /// # Errors
 /// That text.
-pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+pub fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));
     FENCES.with(|f| f.set(f.get() - 1));
@@ -51,8 +51,8 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 ///
 /// # Errors
 /// What `ask` returns; status 1 when it panics.
-pub fn asked<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
-    caught(ask).unwrap_or_else(|why| Err(Error::fault(what(), format!("panicked: {why}"), "mend it, or do without it")))
+pub fn ask_plugin<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+    catch(ask).unwrap_or_else(|why| Err(Error::fault(what(), format!("panicked: {why}"), "fix it, or do without it")))
 }
 
 /// What a panic said, on one line, and where it happened if that is known.
@@ -69,7 +69,7 @@ pub fn note_place(place: String) {
 
 /// Whether what this thread is doing is behind a fence, so that a panic on it will be caught: for a panic hook to ask.
 /// The threads of a pool that the work uses do not know of the fence.
-pub fn is_fenced() -> bool {
+pub fn is_catching() -> bool {
     FENCES.try_with(|f| f.get() > 0).unwrap_or(false)
 }
 
@@ -86,12 +86,12 @@ mod tests {
 
     #[test]
     fn a_panic_is_caught_and_fences_nest() {
-        assert_eq!(fenced(|| (3, is_fenced())), Ok((3, true)));
+        assert_eq!(catch_panic(|| (3, is_catching())), Ok((3, true)));
         let _hook = HOOK.lock().unwrap_or_else(PoisonError::into_inner);
         let empty: [u8; 0] = [];
-        let nested = fenced(|| (fenced(|| empty[std::hint::black_box(7)]), is_fenced()));
+        let nested = catch_panic(|| (catch_panic(|| empty[std::hint::black_box(7)]), is_catching()));
         assert_eq!(nested, Ok((Err(Panicked), true)));
-        assert!(!is_fenced());
+        assert!(!is_catching());
     }
 
     #[test]
@@ -102,12 +102,12 @@ mod tests {
         let (hear, mine, others) = (Arc::clone(&heard), std::thread::current().id(), Arc::clone(&usual));
         set_hook(Box::new(move |info| {
             if std::thread::current().id() == mine {
-                hear.lock().unwrap().push(is_fenced());
+                hear.lock().unwrap().push(is_catching());
             } else {
                 others(info);
             }
         }));
-        assert_eq!(fenced(|| panic!("inside")), Err::<(), _>(Panicked));
+        assert_eq!(catch_panic(|| panic!("inside")), Err::<(), _>(Panicked));
         assert!(catch_unwind(|| panic!("outside")).is_err());
         set_hook(Box::new(move |info| usual(info)));
         assert_eq!(*heard.lock().unwrap(), [true, false]);

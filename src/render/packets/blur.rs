@@ -69,11 +69,11 @@ mod tests {
     use crate::volume::Grid;
 
     /// A wall about the height 40 mm along `way`, which rises from air to tissue within `thick` mm.
-    fn sloping(dims: [usize; 3], spacing: DVec3, way: DVec3, thick: f64) -> Volume {
+    fn sloping(dims: [usize; 3], spacing: DVec3, direction: DVec3, thick: f64) -> Volume {
         let grid = Grid::new(dims, spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let value = |n: usize| {
             let voxel = [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]].map(|c| c as f64);
-            let height = (DVec3::from_array(voxel) * spacing).dot(way) - 40.0;
+            let height = (DVec3::from_array(voxel) * spacing).dot(direction) - 40.0;
             (-650.0 + f64::from(RISE) * height / thick).clamp(-1000.0, 0.0).round() as i16
         };
         let data = (0..grid.len()).map(value).collect();
@@ -87,8 +87,8 @@ mod tests {
         fn it_is_the_walls_thickness(axis in 0..3usize, thick in 2.0..12.0, across in 0.5..2.0, tilt in 0.0..0.1) {
             let mut spacing = DVec3::ONE;
             spacing[axis] = across;
-            let way = (DVec3::AXES[axis] + DVec3::splat(tilt)).normalize();
-            let volume = sloping([100, 100, 100], spacing, way, thick);
+            let direction = (DVec3::AXES[axis] + DVec3::splat(tilt)).normalize();
+            let volume = sloping([100, 100, 100], spacing, direction, thick);
             let expected = thick / spacing.min_element();
             let found = f64::from(blur(&volume, TransferFunction::default()));
             // Values next to the wall's ends are cut off where it takes few voxels.

@@ -264,7 +264,7 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::fast::levels;
+    use crate::render::packets::levels;
     use crate::render::transfer::TransferFunction;
     use crate::volume::Grid;
 

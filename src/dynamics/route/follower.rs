@@ -20,7 +20,7 @@ const WAITS_MM: [f64; 2] = [1.0, 4.0];
 
 /// A flight along a route from where the body joined it.
 #[derive(Clone, Debug)]
-pub struct Pilot {
+pub struct RouteFollower {
     profile: Profile,
     /// Time of the plan, and real time, since the body joined it, s.
     time: f64,
@@ -46,7 +46,7 @@ pub struct GuidanceCommand {
     pub s: f64,
 }
 
-impl Pilot {
+impl RouteFollower {
     /// Joins the route at `s` mm with a body at `position` (world mm) with `velocity` (world mm/s) and `acceleration`
     /// (world mm/s²), flown at `rate` times the plan's speed.
     pub fn join(
@@ -67,11 +67,11 @@ impl Pilot {
         let by_speed = 4.0 * w.length() / JOIN_MM_S2;
         let join_s = JOIN_S.max(by_place).max(by_speed.min(2.0)).min(4.0);
         let off = [off, w, DVec3::ZERO];
-        let mut pilot = Self { profile, time: 0.0, since: 0.0, off, join_s, rate, s: begin.s, waits };
-        let [.., planned] = pilot.wanted(route);
+        let mut follower = Self { profile, time: 0.0, since: 0.0, off, join_s, rate, s: begin.s, waits };
+        let [.., planned] = follower.wanted(route);
         // What stopped at a wall has no acceleration to go on with.
-        pilot.off[2] = (acceleration - planned).clamp_length_max(4.0 * JOIN_MM_S2);
-        pilot
+        follower.off[2] = (acceleration - planned).clamp_length_max(4.0 * JOIN_MM_S2);
+        follower
     }
 
     /// Place along the route, mm.
@@ -125,7 +125,7 @@ impl Pilot {
 
     /// Advances by `dt` seconds at `rate` times the plan's speed: the command for a body at `position` (world mm) with
     /// `velocity` (world mm/s) and a drag of `drag` 1/s. None where the body is too far from its planned position:
-    /// something holds it, and it must [`Pilot::join`] again.
+    /// something holds it, and it must [`RouteFollower::join`] again.
     ///
     /// `a = a_w + k v_w + ω² (x_w − x) + (2ω − k)⁺ (v_w − v)`: with the drag −k v the error obeys
     /// `ë + 2ω ė + ω² e = 0`, the critically damped oscillator.
@@ -173,7 +173,7 @@ mod tests {
 
     /// Flies a body along the route for `seconds`; positions and velocities.
     fn fly(
-        pilot: &mut Pilot,
+        follower: &mut RouteFollower,
         route: &Route,
         start: (DVec3, DVec3),
         rate: f64,
@@ -183,7 +183,7 @@ mod tests {
         let (mut x, mut v) = start;
         let (mut xs, mut vs) = (vec![x], vec![v]);
         for _ in 0..(seconds / DT) as usize {
-            let order = pilot.command(route, (x, v), k, rate, DT).expect("nothing holds it");
+            let order = follower.command(route, (x, v), k, rate, DT).expect("nothing holds it");
             // Exact for an acceleration that is held: v' = a − k v.
             let (rest, decay) = (order.acceleration / k, (-k * DT).exp());
             x += rest * DT + (v - rest) * ((1.0 - decay) / k);
@@ -207,9 +207,9 @@ mod tests {
         let (route, set) = (route(), PathSettings::default());
         for rate in [0.5, 1.0, 2.0] {
             let start = (route.place(0.0), DVec3::ZERO);
-            let mut pilot = Pilot::join(&route, 0.0, [start.0, start.1, DVec3::ZERO], rate, &set);
-            let seconds = pilot.profile.seconds() / rate + 1.0;
-            let (x, v) = fly(&mut pilot, &route, start, rate, seconds);
+            let mut follower = RouteFollower::join(&route, 0.0, [start.0, start.1, DVec3::ZERO], rate, &set);
+            let seconds = follower.profile.seconds() / rate + 1.0;
+            let (x, v) = fly(&mut follower, &route, start, rate, seconds);
             let off = x.iter().map(|p| route.nearest(*p).first().map_or(9.0, |&s| route.place(s).distance(*p)));
             let off = off.fold(0.0, f64::max);
             assert!(off < 0.1 * rate.max(1.0) * rate, "{off} mm off at {rate}");
@@ -234,11 +234,11 @@ mod tests {
         ] {
             let start = (route.place(s) + off, v);
             let near = route.nearest(start.0)[0];
-            let mut pilot = Pilot::join(&route, near, [start.0, start.1, start.1 * -6.0], 1.0, &set);
-            let (x, vs) = fly(&mut pilot, &route, start, 1.0, 6.0);
+            let mut follower = RouteFollower::join(&route, near, [start.0, start.1, start.1 * -6.0], 1.0, &set);
+            let (x, vs) = fly(&mut follower, &route, start, 1.0, 6.0);
             let end = x[x.len() - 1];
             assert!(route.place(route.nearest(end)[0]).distance(end) < 0.1, "back on the line");
-            assert!(pilot.s() > near + 40.0, "and on");
+            assert!(follower.s() > near + 40.0, "and on");
             let (a, j) = jerk(&vs);
             println!(
                 "joined {:.1} mm off at {:.0} mm/s: acceleration {a:.0} mm/s², jerk {j:.0} mm/s³",
@@ -253,10 +253,11 @@ mod tests {
     fn held_fast_is_noticed_and_nonsense_is_survived() {
         let (route, set) = (route(), PathSettings::default());
         let start = (route.place(50.0), DVec3::ZERO);
-        let mut pilot = Pilot::join(&route, 50.0, [start.0, start.1, DVec3::ZERO], 1.0, &set);
-        assert!((0..600).any(|_| pilot.command(&route, start, 6.0, 1.0, DT).is_none()), "it hangs");
+        let mut follower = RouteFollower::join(&route, 50.0, [start.0, start.1, DVec3::ZERO], 1.0, &set);
+        assert!((0..600).any(|_| follower.command(&route, start, 6.0, 1.0, DT).is_none()), "it hangs");
         for bad in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e9] {
-            let mut p = Pilot::join(&route, bad, [DVec3::ZERO, DVec3::splat(bad), DVec3::splat(bad)], bad, &set);
+            let mut p =
+                RouteFollower::join(&route, bad, [DVec3::ZERO, DVec3::splat(bad), DVec3::splat(bad)], bad, &set);
             for _ in 0..100 {
                 if let Some(o) = p.command(&route, start, 6.0, bad, DT) {
                     assert!(o.acceleration.is_finite() && o.s.is_finite());

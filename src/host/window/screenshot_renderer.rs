@@ -9,7 +9,7 @@ use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::fence;
+use crate::panics;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Frame, PreparedVolume, Preset, Reuse, Settings, View, renderer};
 
@@ -40,12 +40,12 @@ impl PictureRequest {
         Some(Self { pose: flight.pose(), size: (width.max(1), height.max(1)), camera, fov_degrees, settings, preset })
     }
 
-    fn trace(&self, space: &PreparedVolume) -> Result<Traced> {
+    fn trace(&self, volume: &PreparedVolume) -> Result<Traced> {
         let (a, (width, height)) = (self.pose.attitude, self.size);
         let view = View::with_model(self.pose.position, a.forward, a.up, self.camera, self.fov_degrees, width, height)?;
         let mut frame = Frame::new(width, height);
-        let traced = fence::caught(|| {
-            renderer(space, self.settings, self.preset, Reuse::Never).render(&view, &mut frame);
+        let traced = panics::catch(|| {
+            renderer(volume, self.settings, self.preset, Reuse::Never).render(&view, &mut frame);
         });
         traced.map_err(|why| {
             Error::fault(format!("preset {}", self.preset.name), format!("panicked: {why}"), "choose another preset")
@@ -62,37 +62,37 @@ pub struct Traced {
     pub frame: Frame,
 }
 
-/// A [`Saver`]'s thread calls this after each image.
+/// A [`ScreenshotRenderer`]'s thread calls this after each image.
 pub type WakeUp = Arc<dyn Fn() + Send + Sync>;
 
 /// Traces images in the background.
-pub struct Saver {
+pub struct ScreenshotRenderer {
     /// Threads of their own: in the common pool, images would have to wait for a plan that is being made.
     pool: ThreadPool,
-    space: PreparedVolume,
+    volume: PreparedVolume,
     wake: WakeUp,
     /// In the order in which they were begun.
     jobs: Vec<Job<Traced>>,
 }
 
-impl Saver {
+impl ScreenshotRenderer {
     /// Traces in `space`, and calls `wake` when an image is there.
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
-    pub fn new(space: PreparedVolume, wake: WakeUp) -> Result<Self> {
+    pub fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
         let pool = ThreadPoolBuilder::new()
             .num_threads(rayon::current_num_threads())
             .thread_name(|n| format!("screenshot {n}"))
             .build()
             .map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads"))?;
-        Ok(Self { pool, space, wake, jobs: Vec::new() })
+        Ok(Self { pool, volume, wake, jobs: Vec::new() })
     }
 
     /// Begins an image.
     pub fn begin(&mut self, request: PictureRequest) {
-        let (space, wake) = (self.space.clone(), Arc::clone(&self.wake));
-        let trace = move |_: &Arc<Progress>| request.trace(&space);
+        let (volume, wake) = (self.volume.clone(), Arc::clone(&self.wake));
+        let trace = move |_: &Arc<Progress>| request.trace(&volume);
         self.jobs.push(Job::start_in(&self.pool, "screenshot", &Arc::new(Progress::new()), trace, move || wake()));
     }
 
@@ -121,7 +121,7 @@ mod tests {
     fn the_same_image_as_in_the_foreground() {
         let grid = Grid::new([16, 16, 16], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let data = (0..16 * 16 * 16).map(|n| if n % 16 < 4 { 100 } else { -1000 }).collect();
-        let space = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+        let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
         let request = PictureRequest {
             pose: Pose { position: DVec3::splat(8.0), attitude: Attitude::new(DVec3::NEG_X, DVec3::Z) },
             size: (30, 20),
@@ -130,12 +130,12 @@ mod tests {
             settings: Settings::new(Quality::High),
             preset: Preset::default(),
         };
-        let mut saver = Saver::new(space.clone(), Arc::new(|| {})).unwrap();
-        assert!(saver.wait().is_none(), "nothing was asked for");
-        saver.begin(request);
-        let traced = saver.wait().unwrap().unwrap();
-        assert_eq!(traced.frame, request.trace(&space).unwrap().frame);
+        let mut screenshots = ScreenshotRenderer::new(volume.clone(), Arc::new(|| {})).unwrap();
+        assert!(screenshots.wait().is_none(), "nothing was asked for");
+        screenshots.begin(request);
+        let traced = screenshots.wait().unwrap().unwrap();
+        assert_eq!(traced.frame, request.trace(&volume).unwrap().frame);
         assert!(traced.frame.pixels().iter().any(|p| p[0] > 60));
-        assert!(saver.take().is_none() && saver.wait().is_none());
+        assert!(screenshots.take().is_none() && screenshots.wait().is_none());
     }
 }

@@ -134,17 +134,17 @@ impl DirectionSource {
 /// does that shows something, so that they widen no bundle, or forward.
 #[inline(never)]
 fn each<S: Simd>(simd: S, view: &View, to_step: DMat3, [x, y]: [[f32; 16]; 2]) -> Directions<S> {
-    let ways: [_; 16] = from_fn(|n| view.ray_at(f64::from(x[n]), f64::from(y[n])).map(|ray| ray.direction));
-    let other = ways.iter().flatten().next().copied().unwrap_or(view.forward());
+    let directions: [_; 16] = from_fn(|n| view.ray_at(f64::from(x[n]), f64::from(y[n])).map(|ray| ray.direction));
+    let other = directions.iter().flatten().next().copied().unwrap_or(view.forward());
     let (mut along, mut world, mut shown) = ([[0.0; 16]; 3], [[0.0; 16]; 3], [0.0; 16]);
-    for (n, way) in ways.into_iter().enumerate() {
-        let direction = way.unwrap_or(other);
+    for (n, chosen) in directions.into_iter().enumerate() {
+        let direction = chosen.unwrap_or(other);
         let step = to_step * direction;
         for a in 0..3 {
             along[a][n] = step[a] as f32;
             world[a][n] = direction[a] as f32;
         }
-        shown[n] = f32::from(u8::from(way.is_some()));
+        shown[n] = f32::from(u8::from(chosen.is_some()));
     }
     let load = |values: &[f32; 16]| f32x16::load_array_ref(simd, values);
     Directions {

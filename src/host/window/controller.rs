@@ -11,22 +11,22 @@ use std::time::{Duration, Instant};
 use bevy_ecs::change_detection::Mut;
 use glam::DVec3;
 
-use super::actions::{Action, Actions, Does, Moment};
+use super::actions::{Action, ActionContext, Actions, Effect};
 use super::directions::Directions;
+use super::field_job::FieldJob;
 use super::figures::{Figures, angle, detail};
-use super::framebuffer::{Framebuffer, Presented};
+use super::framebuffer::{Framebuffer, PresentResult};
 use super::keys::HeldKeys;
 use super::measures::Measures;
 use super::moving::Moving;
-use super::overlay::{Mood, Readings};
+use super::overlay::{HudState, Severity};
 use super::overlays::Overlays;
-use super::panels::FlightRequest;
-use super::planning::Planning;
-use super::saver::{Traced, WakeUp};
+use super::panels::FlightInput;
 use super::screenshot;
-use super::sight::{Due, Sight};
+use super::screenshot_renderer::{Traced, WakeUp};
 use super::slices::Slices;
 use super::travel::Travel;
+use super::view_renderer::{Due, ViewRenderer};
 use crate::app::{FlightApp, Overlay};
 use crate::components::camera::Velocity;
 use crate::components::clock::Accumulator;
@@ -58,7 +58,7 @@ const FASTER: f64 = 1.15;
 const NARROWER: f64 = 1.0 / 1.1;
 
 /// A flight with its operator.
-pub struct Cockpit {
+pub struct FlightController {
     flight: FlightApp,
     accumulator: Accumulator,
     start: Instant,
@@ -77,14 +77,14 @@ pub struct Cockpit {
     measures: Measures,
     /// Where the camera is being taken.
     travel: Option<Travel>,
-    sight: Sight,
+    view_renderer: ViewRenderer,
     figures: Figures,
     message: Option<(String, Instant)>,
     /// Faults that were printed.
-    told: BTreeSet<String>,
+    reported: BTreeSet<String>,
     help: bool,
     /// What is being built for a guide that is to take over.
-    planning: Option<Planning>,
+    planning: Option<FieldJob>,
     /// The guide that has the flight back when the operator gives it.
     last_guide: &'static str,
     overlays: Overlays,
@@ -95,7 +95,7 @@ pub struct Cockpit {
     attention: bool,
 }
 
-impl Cockpit {
+impl FlightController {
     /// The operator of `flight`.
     ///
     /// The numbers of overlays in `actions` are their places in `overlays`. `wake` is called from another thread when an image is
@@ -105,7 +105,7 @@ impl Cockpit {
     /// Status 1 when the system gives no threads.
     pub fn new(flight: FlightApp, wake: WakeUp, overlays: Vec<Overlay>, actions: Rc<Actions>) -> Result<Self> {
         let now = Instant::now();
-        let sight = Sight::new(flight.volume().clone(), wake)?;
+        let view_renderer = ViewRenderer::new(flight.volume().clone(), wake)?;
         let scene = flight.scene();
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
         let last_guide = automatic.map_or("", |g| g.name);
@@ -124,10 +124,10 @@ impl Cockpit {
             slices: Slices::default(),
             measures: Measures::default(),
             travel: None,
-            sight,
+            view_renderer,
             figures: Figures::new(now),
             message: None,
-            told: BTreeSet::new(),
+            reported: BTreeSet::new(),
             help: false,
             planning: None,
             last_guide,
@@ -155,23 +155,23 @@ impl Cockpit {
 
     /// What the images took.
     pub fn frames(&self) -> &[FrameStats] {
-        self.sight.frames()
+        self.view_renderer.frames()
     }
 
     /// How large and how frequent the pictures of a moving camera were.
     pub fn moving(&self) -> Option<Moving> {
-        self.sight.moving()
+        self.view_renderer.moving()
     }
 
     /// Learns what presentations take, ms.
     pub fn presented(&mut self, ms: f64) {
-        self.sight.presented(ms);
+        self.view_renderer.presented(ms);
     }
 
     /// The image as it was last traced.
     #[cfg(test)]
     pub fn image(&self) -> Option<&Frame> {
-        self.sight.image(&self.flight)
+        self.view_renderer.image(&self.flight)
     }
 
     /// Traces the picture that is due, and presents it; with none due, presents the last one again. What came of the presentation, if
@@ -179,18 +179,18 @@ impl Cockpit {
     ///
     /// # Errors
     /// Status 1 when a frame cannot be made or shown.
-    pub fn show(&mut self, due: Option<Due>) -> Result<Option<Presented>> {
+    pub fn show(&mut self, due: Option<Due>) -> Result<Option<PresentResult>> {
         match &due {
             Some(_) => {
                 if let Err(e) = self.flight.frame_of_due() {
-                    self.survive(e, Instant::now())?;
+                    self.recover(e, Instant::now())?;
                 }
             }
             None => self.flight.present(),
         }
         let presented = self.framebuffer().and_then(|mut f| f.take_presented()).transpose()?;
         if let Some(due) = due {
-            self.sight.traced(&self.flight, &due, presented.map(|p| p.traced_ms));
+            self.view_renderer.traced(&self.flight, &due, presented.map(|p| p.traced_ms));
             self.save_traced(Instant::now());
             self.figures.touch();
         }
@@ -207,11 +207,11 @@ impl Cockpit {
     ///
     /// # Errors
     /// Any other error.
-    fn survive(&mut self, e: Error, now: Instant) -> Result<()> {
+    fn recover(&mut self, e: Error, now: Instant) -> Result<()> {
         if e.kind != Kind::Fault {
             return Err(e);
         }
-        self.tell_fault(&e, now);
+        self.report_fault(&e, now);
         if self.flight.is_guide_off() {
             let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
             if let Some(by_hand) = by_hand {
@@ -221,10 +221,10 @@ impl Cockpit {
         Ok(())
     }
 
-    fn tell_fault(&mut self, e: &Error, now: Instant) {
+    fn report_fault(&mut self, e: &Error, now: Instant) {
         let text = format!("{}: {}; going on without it", e.what, e.why);
         // What fails in every step is printed once.
-        if self.told.insert(text.clone()) {
+        if self.reported.insert(text.clone()) {
             eprintln!("note: {text}");
         }
         self.message = Some((text, now + FAULT_MESSAGE));
@@ -247,7 +247,7 @@ impl Cockpit {
     pub fn next(&self) -> Option<Instant> {
         let message = self.message.as_ref().map(|m| m.1);
         let attention = self.attention.then_some(self.start);
-        let finer = self.sight.is_refining(&self.flight).then_some(self.start);
+        let finer = self.view_renderer.is_refining(&self.flight).then_some(self.start);
         let planned = self.planning.is_some().then_some(self.start);
         [finer, message, self.figures.next(), attention, planned].into_iter().flatten().min()
     }
@@ -279,19 +279,19 @@ impl Cockpit {
         self.sent = (push, turn);
     }
 
-    /// Does what a panel asks of the flight.
-    pub fn follow(&mut self, request: FlightRequest, at: Moment) {
+    /// Effect what a panel asks of the flight.
+    pub fn follow(&mut self, request: FlightInput, at: ActionContext) {
         match request {
-            FlightRequest::Look([right, down]) => self.drag((right, down), at.window),
-            FlightRequest::Roll(right) => self.roll(right, at.window),
-            FlightRequest::Zoom(notches) => self.zoom(notches),
-            FlightRequest::Hurry(notches) => self.hurry(notches),
-            FlightRequest::Seek(share) => self.seek(share, at.now),
-            FlightRequest::Click(pixel) => self.click(pixel, at.now),
-            FlightRequest::LookAt(pixel) => self.look_at(pixel, at.now),
-            FlightRequest::DeleteMeasure(n) => {
+            FlightInput::Look([right, down]) => self.drag((right, down), at.window),
+            FlightInput::Roll(right) => self.roll(right, at.window),
+            FlightInput::Zoom(notches) => self.zoom(notches),
+            FlightInput::Speed(notches) => self.change_speed_by(notches),
+            FlightInput::Seek(share) => self.seek(share, at.now),
+            FlightInput::Click(pixel) => self.click(pixel, at.now),
+            FlightInput::LookAt(pixel) => self.look_at(pixel, at.now),
+            FlightInput::DeleteMeasure(n) => {
                 let kept = self.measures.delete(n);
-                self.tell_kept(kept, at.now);
+                self.report_kept(kept, at.now);
             }
         }
     }
@@ -328,7 +328,7 @@ impl Cockpit {
     }
 
     /// Changes the speed by so many notches, before the next step.
-    pub fn hurry(&mut self, notches: f64) {
+    pub fn change_speed_by(&mut self, notches: f64) {
         self.notches += notches;
         self.quiet = 0;
     }
@@ -344,25 +344,25 @@ impl Cockpit {
         self.flight.camera().copied().unwrap_or_default()
     }
 
-    /// Does what an action stands for, or says why not. What it holds is for [`Cockpit::steer`], and what concerns the window alone
+    /// Effect what an action stands for, or says why not. What it holds is for [`FlightController::steer`], and what concerns the window alone
     /// for the window.
-    pub fn perform(&mut self, action: &Action, at: Moment) {
+    pub fn perform(&mut self, action: &Action, at: ActionContext) {
         if let Err(why) = (action.possible)(self) {
             self.say(format!("{}: not while {why}", action.text), at.now);
             return;
         }
-        match action.does {
-            Does::Once(act) => act(self, at),
-            Does::HandTo(guide) => self.hand_over(guide, at.now),
-            Does::Overlay(n) => self.overlays.switch(n),
-            Does::Hold(_) | Does::Window(_) | Does::Gesture => return,
+        match action.effect {
+            Effect::Once(act) => act(self, at),
+            Effect::HandTo(guide) => self.hand_over(guide, at.now),
+            Effect::Overlay(n) => self.overlays.switch(n),
+            Effect::Hold(_) | Effect::Window(_) | Effect::Gesture => return,
         }
         self.attention = true;
         self.figures.touch();
     }
 
     /// Stops, or goes on.
-    pub fn switch_pause(&mut self, at: Moment) {
+    pub fn switch_pause(&mut self, at: ActionContext) {
         let paused = !self.hand().paused;
         if !paused {
             self.slices.follow();
@@ -371,7 +371,7 @@ impl Cockpit {
     }
 
     /// Hands over to the operator, or back to the last guide.
-    pub fn switch_guide(&mut self, at: Moment) {
+    pub fn switch_guide(&mut self, at: ActionContext) {
         let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
         let next = if self.is_by_hand() { Some(self.last_guide) } else { by_hand };
         if let Some(next) = next {
@@ -380,41 +380,41 @@ impl Cockpit {
     }
 
     /// Sets the view angle back to what the flight began with.
-    pub fn usual_angle(&mut self, at: Moment) {
+    pub fn usual_angle(&mut self, at: ActionContext) {
         self.change_angle(self.flight.scene().image.fov_degrees, at.now);
     }
 
     /// Turns round and flies back.
-    pub fn reverse(&mut self, at: Moment) {
+    pub fn reverse(&mut self, at: ActionContext) {
         if self.act(FlightCommand::Reverse, at.now) {
             self.say("flying back", at.now);
         }
     }
 
     /// Sets out from the other end.
-    pub fn other_end(&mut self, at: Moment) {
+    pub fn other_end(&mut self, at: ActionContext) {
         self.act(FlightCommand::OtherEnd, at.now);
     }
 
     /// Saves the image.
-    pub fn take_screenshot(&mut self, at: Moment) {
+    pub fn take_screenshot(&mut self, at: ActionContext) {
         if at.window.0 == 0 || at.window.1 == 0 {
             self.say("the flight is not shown", at.now);
             return;
         }
-        self.sight.order_to_save(&self.flight, at.window);
+        self.view_renderer.order_to_save(&self.flight, at.window);
         self.say("saving the image", at.now);
     }
 
     /// Shows or hides the keys.
-    pub fn switch_help(&mut self, _: Moment) {
+    pub fn switch_help(&mut self, _: ActionContext) {
         self.help = !self.help;
     }
 
     /// Hands the flight over to a guide. What it needs of the lumen is built beside the flight, which goes on meanwhile.
     fn hand_over(&mut self, guide: &'static str, now: Instant) {
         self.planning = None;
-        let begun = self.flight.scene().guides.named(guide).and_then(|g| Planning::begin(&self.flight, g));
+        let begun = self.flight.scene().guides.named(guide).and_then(|g| FieldJob::begin(&self.flight, g));
         match begun {
             Some(Ok(planning)) => {
                 self.planning = Some(planning);
@@ -442,7 +442,7 @@ impl Cockpit {
 
     /// Takes over what was built for a guide, if it is there.
     fn take_planned(&mut self, now: Instant) {
-        let Some((guide, built)) = self.planning.as_mut().and_then(Planning::take) else { return };
+        let Some((guide, built)) = self.planning.as_mut().and_then(FieldJob::take) else { return };
         self.planning = None;
         match built {
             Ok(fields) => {
@@ -459,27 +459,27 @@ impl Cockpit {
         self.travel = None;
         match self.flight.act(FlightCommand::Seek(share)) {
             Ok(()) => {}
-            Err(e) => self.say(format!("{}: {}; {}", e.what, e.why, e.mend), now),
+            Err(e) => self.say(format!("{}: {}; {}", e.what, e.why, e.hint), now),
         }
         self.figures.touch();
     }
 
     /// Changes between high and low detail.
-    pub fn switch_detail(&mut self, Moment { now, .. }: Moment) {
-        if let Some(quality) = self.sight.switch_detail(&mut self.flight) {
+    pub fn switch_detail(&mut self, ActionContext { now, .. }: ActionContext) {
+        if let Some(quality) = self.view_renderer.switch_detail(&mut self.flight) {
             self.say(format!("detail: {}", detail(quality)), now);
         }
     }
 
     /// Changes between the endoscope's light and the headlight.
-    pub fn switch_light(&mut self, Moment { now, .. }: Moment) {
-        if let Some(light) = self.sight.switch_light(&mut self.flight) {
+    pub fn switch_light(&mut self, ActionContext { now, .. }: ActionContext) {
+        if let Some(light) = self.view_renderer.switch_light(&mut self.flight) {
             self.say(format!("light: {}", light.name()), now);
         }
     }
 
     /// Flies the next segment that was not flown yet, or else the next of all.
-    pub fn next_segment(&mut self, Moment { now, .. }: Moment) {
+    pub fn next_segment(&mut self, ActionContext { now, .. }: ActionContext) {
         let count = self.flight.lumen().segments.len();
         // The next that was not flown, or where there is none the next of all.
         let here = self.flight.plan().segment.map_or(0, |n| n + 1);
@@ -512,7 +512,7 @@ impl Cockpit {
 
     /// Saves the screenshots that are still being traced, at the end.
     pub fn save_the_rest(&mut self) {
-        for traced in self.sight.all_to_save() {
+        for traced in self.view_renderer.all_to_save() {
             self.save(&traced, Instant::now());
         }
     }
@@ -553,7 +553,7 @@ impl Cockpit {
         self.simulated = Some(now);
         for _ in 0..self.accumulator.take(elapsed, self.flight.clock().hz, STEPS) {
             if let Err(e) = self.flight.step() {
-                self.survive(e, now)?;
+                self.recover(e, now)?;
             }
             self.watch();
         }
@@ -584,26 +584,26 @@ impl Cockpit {
         let hand = self.hand();
         let held = (hand.paused || self.travel.is_some()) && hand.push == DVec3::ZERO;
         let stale = self.slices.show(&mut self.flight, slices, held)?;
-        let due = self.sight.prepare(&mut self.flight, window, stale)?;
+        let due = self.view_renderer.prepare(&mut self.flight, window, stale)?;
         self.save_traced(now);
         Ok(due)
     }
 
     fn save_traced(&mut self, now: Instant) {
-        for traced in self.sight.take_to_save() {
+        for traced in self.view_renderer.take_to_save() {
             self.save(&traced, now);
         }
     }
 
     /// What there is to say now.
-    pub fn readings(&mut self, now: Instant) -> Readings {
+    pub fn hud(&mut self, now: Instant) -> HudState {
         if self.message.as_ref().is_some_and(|m| now >= m.1) {
             self.message = None;
         }
-        let figures = self.figures.read(&self.flight, &self.sight, now).to_vec();
+        let figures = self.figures.read(&self.flight, &self.view_renderer, now).to_vec();
         self.attention = false;
         let flight = self.flight.flight();
-        let (state, mood) = self.state(&flight.state);
+        let (state, severity) = self.state(&flight.state);
         let mut more = Vec::new();
         match flight.state {
             State::Operator => {
@@ -615,15 +615,15 @@ impl Cockpit {
             }
             State::Flying | State::Ended => {}
         }
-        let (share, length) = self.flight.way();
+        let (share, length) = self.flight.progress();
         let along = share * length;
         let (marks_drawn, fault) = self.overlays.draw(&self.flight, self.scale);
         if let Some(e) = fault {
-            self.tell_fault(&e, now);
+            self.report_fault(&e, now);
         }
-        Readings {
+        HudState {
             state,
-            mood,
+            severity,
             more,
             figures,
             directions: Directions::of(&self.flight.pose().attitude),
@@ -643,18 +643,18 @@ impl Cockpit {
         }
     }
 
-    fn state(&self, state: &State) -> (String, Mood) {
-        let (text, mood) = match state {
-            State::Operator => ("operator needed", Mood::Calling),
-            State::Arrived => ("arrived", Mood::Well),
-            State::Ended => ("time is over", Mood::Well),
-            State::Flying if self.hand().paused => ("paused", Mood::Waiting),
-            State::Flying if self.is_by_hand() => ("manual", Mood::Waiting),
-            State::Flying if self.flight.scene().play().is_some() => ("playing a log", Mood::Well),
-            State::Flying if self.flight.clock().tick < self.hand().on_until => ("flying by hand", Mood::Waiting),
-            State::Flying => ("flying", Mood::Well),
+    fn state(&self, state: &State) -> (String, Severity) {
+        let (text, severity) = match state {
+            State::Operator => ("operator needed", Severity::Alert),
+            State::Arrived => ("arrived", Severity::Normal),
+            State::Ended => ("time is over", Severity::Normal),
+            State::Flying if self.hand().paused => ("paused", Severity::Notice),
+            State::Flying if self.is_by_hand() => ("manual", Severity::Notice),
+            State::Flying if self.flight.scene().play().is_some() => ("playing a log", Severity::Normal),
+            State::Flying if self.flight.clock().tick < self.hand().on_until => ("flying by hand", Severity::Notice),
+            State::Flying => ("flying", Severity::Normal),
         };
-        (text.to_owned(), mood)
+        (text.to_owned(), severity)
     }
 }
 
@@ -665,5 +665,5 @@ fn recordable(x: f64) -> f64 {
 }
 
 #[cfg(test)]
-#[path = "cockpit_tests.rs"]
+#[path = "controller_tests.rs"]
 pub mod tests;

@@ -18,12 +18,12 @@ pub struct PresentMs {
 
 /// Measures presentations.
 #[derive(Clone, Debug, Default)]
-pub struct Presented {
+pub struct PresentTimer {
     all: VecDeque<f32>,
     usual: Option<f64>,
 }
 
-impl Presented {
+impl PresentTimer {
     /// One took `ms`.
     pub fn took(&mut self, ms: f64) {
         if self.all.len() == KEPT {
@@ -53,7 +53,7 @@ mod tests {
 
     #[test]
     fn most_and_nearly_all() {
-        let mut p = Presented::default();
+        let mut p = PresentTimer::default();
         assert_eq!((p.summary(), p.usual_ms()), (None, 0.0));
         p.took(3.0);
         assert_eq!(p.summary(), Some(PresentMs { median: 3.0, p99: 3.0 }));

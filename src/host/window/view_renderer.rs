@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use super::moving::{Moving, MovingPictures};
-use super::saver::{PictureRequest, Saver, Traced, WakeUp};
+use super::screenshot_renderer::{PictureRequest, ScreenshotRenderer, Traced, WakeUp};
 use crate::app::FlightApp;
 use crate::components::camera::Pose;
 use crate::components::output::{FrameCache, Picture};
@@ -59,10 +59,10 @@ pub struct Due {
 }
 
 /// What the operator sees.
-pub struct Sight {
+pub struct ViewRenderer {
     budget: FrameBudget,
     shown: Option<Shown>,
-    saver: Saver,
+    screenshots: ScreenshotRenderer,
     frames: Vec<FrameStats>,
     moving: MovingPictures,
     to_save: Vec<Traced>,
@@ -74,16 +74,16 @@ pub struct Sight {
     hidden: bool,
 }
 
-impl Sight {
+impl ViewRenderer {
     /// No image yet. `wake` is called from another thread when one is ready to be saved.
     ///
     /// # Errors
     /// Status 1 when the system gives no threads.
-    pub fn new(space: PreparedVolume, wake: WakeUp) -> Result<Self> {
+    pub fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
         Ok(Self {
             budget: FrameBudget::default(),
             shown: None,
-            saver: Saver::new(space, wake)?,
+            screenshots: ScreenshotRenderer::new(volume, wake)?,
             frames: Vec::new(),
             moving: MovingPictures::default(),
             to_save: Vec::new(),
@@ -145,9 +145,9 @@ impl Sight {
     /// Images to be saved, waiting for those under way.
     pub fn all_to_save(&mut self) -> Vec<Traced> {
         if let Some(request) = self.waiting.take() {
-            self.saver.begin(request);
+            self.screenshots.begin(request);
         }
-        while let Some(traced) = self.saver.wait() {
+        while let Some(traced) = self.screenshots.wait() {
             self.to_save.extend(traced.ok());
         }
         self.take_to_save()
@@ -178,7 +178,7 @@ impl Sight {
     /// # Errors
     /// Status 1 when an image that was to be saved could not be made: an internal error.
     pub fn prepare(&mut self, flight: &mut FlightApp, window: (usize, usize), beside: bool) -> Result<Option<Due>> {
-        while let Some(traced) = self.saver.take() {
+        while let Some(traced) = self.screenshots.take() {
             match traced {
                 Ok(traced) => self.to_save.push(traced),
                 Err(e) => note(e.what, e.why),
@@ -233,7 +233,7 @@ impl Sight {
     fn save_waiting(&mut self, flight: &FlightApp, now: &Shown, rest: bool) {
         let Some(request) = self.waiting else { return };
         if !rest && self.shown.is_some_and(|s| !s.sees_as(now)) {
-            self.saver.begin(request);
+            self.screenshots.begin(request);
         } else if let Some(frame) = self.image(flight).filter(|_| rest && !self.is_refining(flight)) {
             self.to_save.push(Traced { request, frame: frame.clone() });
         } else {

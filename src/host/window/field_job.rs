@@ -10,12 +10,12 @@ use crate::progress::Progress;
 use crate::schedule::GuideEntry;
 
 /// Fields under way.
-pub struct Planning {
+pub struct FieldJob {
     guide: &'static str,
     job: Job<Fields>,
 }
 
-impl Planning {
+impl FieldJob {
     /// Begins to build what `guide` needs for the flight as it is; none where it needs nothing that is not there.
     pub fn begin(flight: &FlightApp, guide: &GuideEntry) -> Option<Result<Self>> {
         let (wanted, guide) = (guide.needs, guide.name);
@@ -23,7 +23,7 @@ impl Planning {
         if fields.has(wanted, flight.plan()) || flight.scene().play().is_some() {
             return None;
         }
-        let (volume, lumen, plan) = (flight.volume().shared_volume(), flight.shared_lumen(), flight.plan().clone());
+        let (volume, lumen, plan) = (flight.volume().shared_voxels(), flight.shared_lumen(), flight.plan().clone());
         let radius_mm = flight.scene().body.radius_mm;
         let build = move |progress: &Arc<Progress>| {
             fields.build(wanted, &volume, &lumen, &plan, radius_mm, progress).map(|()| fields)
