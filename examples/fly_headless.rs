@@ -1,13 +1,13 @@
-//! Opens a scan, flies it without a screen, and says where it came to.
+//! Opens a scan, flies it headless, and prints where the flight ended.
 //!
-//! `cargo run --release --example fly_headless -- scan.nii.gz`; without a scan it flies the embedded phantom.
+//! `cargo run --release --example fly_headless -- scan.nii.gz`. Without a scan it flies the embedded phantom.
 
 use colvis::app::{FlightRequest, Scan, Scene};
 use colvis::components::flight::State;
 use colvis::error::Result;
 
 fn main() -> Result<()> {
-    // Cargo's test runner calls this too, with options of its own.
+    // Cargo's test runner also calls this, with its own options.
     let scan = std::env::args().nth(1).filter(|a| !a.starts_with('-'));
     let mut scan = match scan {
         Some(path) => Scan::open(path)?,

@@ -1,7 +1,7 @@
-//! A program that is colvis with one more camera: an orthographic one, whose rays are parallel.
+//! Adds a camera model to colvis: an orthographic camera, whose rays are parallel.
 //!
-//! `cargo run --release --example own_camera -- fly --camera orthographic --fov 60` (and `render`): `--fov` is the height
-//! in mm of what the image's shorter side shows.
+//! `cargo run --release --example own_camera -- fly --camera orthographic --fov 60` (also `render`). `--fov` is the length
+//! in mm that the image's shorter side shows.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ const MODEL: CameraModel = CameraModel {
     },
 };
 
-/// Shows twice this over the image's shorter side, mm.
+/// The image's shorter side shows twice `half_mm`.
 #[derive(Debug, PartialEq)]
 struct Orthographic {
     half_mm: f64,

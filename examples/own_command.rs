@@ -1,6 +1,6 @@
-//! A program that is colvis with one more command: how wide the colon is along its way.
+//! Adds a command to colvis: `widths` prints how wide the colon is along its path.
 //!
-//! `cargo run --release --example own_command -- widths scan.nii.gz --every 50` (and `--help`)
+//! `cargo run --release --example own_command -- widths scan.nii.gz --every 50` (also `--help`)
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -9,12 +9,12 @@ use colvis::app::{FlightRequest, Scene};
 use colvis::cli::{Program, Session};
 use colvis::error::Result;
 
-/// Its arguments, by `clap` 4; beside them it takes the options of every command.
+/// The command's arguments, by `clap` 4. It also takes the options common to all commands.
 #[derive(clap::Args)]
 struct Widths {
-    /// A scan; the embedded phantom if left out
+    /// Scan to open; the embedded phantom if left out
     input: Option<PathBuf>,
-    /// A line for each so many mm
+    /// Print one line every MM millimetres
     #[arg(long, value_name = "MM", default_value_t = 100.0)]
     every: f64,
 }

@@ -1,6 +1,6 @@
-//! A program that is colvis with one more guide, which has settings, fields and a key like any other.
+//! Adds a guide to colvis, with settings, fields and a key like any built-in guide.
 //!
-//! `cargo run --release --example own_guide -- fly --guide downhill` (and `explain`, `--help`, key 5 in the window).
+//! `cargo run --release --example own_guide -- fly --guide downhill` (also `explain`, `--help`, key 5 in the window)
 
 use bevy_ecs::prelude::*;
 use colvis::components::camera::{Body, Pose};
@@ -11,7 +11,7 @@ use colvis::error::Result;
 use colvis::fields::Distance;
 use colvis::schedule::{App, FlightSystems, Guide, Needs};
 
-/// Its settings; in a scene file: `[downhill]` `cruise_mm_s = 15.0`.
+/// The guide's settings. In a scene file: `[downhill]` `cruise_mm_s = 15.0`.
 #[derive(Component, Clone, Debug, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Downhill {

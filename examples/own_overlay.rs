@@ -1,4 +1,4 @@
-//! A program that is colvis with an overlay in its window: the way flown, drawn on the key O.
+//! Adds an overlay to the window of colvis: the path flown, shown and hidden with the key O.
 //!
 //! `cargo run --release --example own_overlay`
 
@@ -13,7 +13,7 @@ const FLOWN: Overlay = Overlay {
     ..Overlay::PLAIN
 };
 
-/// A line along the places that the camera has been at, as far as they are in the picture, and how far it has come.
+/// Draws the part of the camera's trail that is in view, and the distance flown as text.
 fn draw_way_flown(flight: &FlightApp, canvas: &mut Canvas) {
     let green = [120, 220, 140];
     let places = flight.trail().map_or(&[][..], |t| t.views()).iter().map(|v| canvas.find(v.0));

@@ -1,6 +1,6 @@
-//! A program that is colvis with a panel of its own: how far the wall was in the last seconds.
+//! Adds a panel to colvis: the distance to the wall over the last seconds.
 //!
-//! `cargo run --release --example own_panel` (its key is J)
+//! `cargo run --release --example own_panel` (key J)
 
 use std::collections::VecDeque;
 
@@ -9,9 +9,9 @@ use colvis::components::camera::Contact;
 use colvis::egui::{Color32, Sense, Shape, Stroke, Ui, pos2, vec2};
 use colvis::panel::{Context, Panel, PanelEntry, Requests};
 
-/// So many pictures are shown.
+/// Number of frames plotted.
 const LENGTH: usize = 600;
-/// The top of the diagram, mm.
+/// Distance at the top of the plot, mm.
 const TOP: f64 = 20.0;
 
 #[derive(Default)]

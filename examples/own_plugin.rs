@@ -1,4 +1,4 @@
-//! A program that is colvis with a plug-in that has settings and state: how close the camera came to the wall.
+//! Adds a plug-in with settings and state to colvis: it measures how long the camera was near the wall.
 //!
 //! `cargo run --release --example own_plugin` (key O; headless: `-- fly --headless --record film.gif --overlay near_wall`)
 
@@ -12,7 +12,7 @@ use colvis::error::Result;
 use colvis::render::Options;
 use colvis::schedule::{App, FlightSystems, Main, Plugin};
 
-/// Its settings; in a scene file: `[near_wall]` `near_mm = 3.0`. Its state is the same value, as a resource.
+/// Settings and state in one value, stored as a resource. In a scene file: `[near_wall]` `near_mm = 3.0`.
 #[derive(Resource, Clone, Debug, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct NearWall {

@@ -1,6 +1,6 @@
-//! A program that is colvis with pictures in the colours of mucosa, darker towards the edges.
+//! Adds a post-process to colvis: images in the colours of mucosa, darker towards the edges.
 //!
-//! `cargo run --release --example own_post_process` (and `-- fly --headless --record film.gif`)
+//! `cargo run --release --example own_post_process` (also `-- fly --headless --record film.gif`)
 
 use bevy_ecs::prelude::*;
 use colvis::components::output::Picture;
@@ -8,7 +8,7 @@ use colvis::error::Result;
 use colvis::schedule::{App, FlightSystems};
 use rayon::prelude::*;
 
-/// Colours of the darkest, the middle and the brightest pixels.
+/// Colours of the darkest, middle and brightest pixels.
 const TISSUE: [[f32; 3]; 3] = [[0.0, 0.0, 0.0], [190.0, 88.0, 70.0], [255.0, 232.0, 214.0]];
 
 fn tissue_colours(app: &mut App) -> Result<()> {
@@ -16,7 +16,7 @@ fn tissue_colours(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Replaces each pixel's colour by that of its brightness. What this frame has not traced has its colours already.
+/// Maps each pixel's brightness to a colour. Views that were not traced in this frame are coloured already.
 fn colour(mut views: Query<&mut Picture>) {
     let colours: Vec<[u8; 3]> = (0..=255u8)
         .map(|light| {
@@ -30,7 +30,7 @@ fn colour(mut views: Query<&mut Picture>) {
     }
 }
 
-/// Takes up to a third of the light away, by the square of the distance from the middle.
+/// Darkens pixels by up to a third, with the square of their distance from the centre.
 fn darken_edges(mut views: Query<&mut Picture>) {
     for mut view in views.iter_mut().filter(|v| v.traced) {
         let (width, height) = (view.frame.width() as f32, view.frame.height() as f32);

@@ -1,6 +1,6 @@
-//! A program that is colvis with one more renderer: the distance to the wall as a grey value.
+//! Adds a renderer to colvis: it shows the distance to the wall as a grey value.
 //!
-//! `cargo run --release --example own_renderer -- fly --preset distance` (and `render`, `explain`, scene files).
+//! `cargo run --release --example own_renderer -- fly --preset distance` (also `render`, `explain`, scene files)
 
 use colvis::render::choices;
 use colvis::render::presets::standard;
@@ -16,7 +16,7 @@ const DISTANCE: Preset = Preset {
     ..standard::PRESET
 };
 
-/// Black from here on, mm.
+/// Distances from here on are black, mm.
 const FAR_MM: f64 = 100.0;
 
 struct Distance(PreparedVolume);

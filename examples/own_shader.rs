@@ -1,7 +1,7 @@
-//! A program that is colvis with one more shader: light that falls off with the distance, and a gloss.
+//! Adds a shader to colvis: light that falls off with distance, and a gloss.
 //!
-//! `cargo run --release --example own_shader -- fly --scene lamp.toml`; in that file `plugins = ["tentacles", "mines", "watch"]`,
-//! `[render]` `shade = "lamp"`, and if you like `[lamp]` `reach_mm = 60.0`.
+//! `cargo run --release --example own_shader -- fly --scene lamp.toml`. In `lamp.toml`: `plugins = ["tentacles", "mines",
+//! "watch"]`, `[render]` `shade = "lamp"`, and optionally `[lamp]` `reach_mm = 60.0`.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use glam::Vec3;
 const LAMP: ShaderModel =
     ShaderModel { name: "lamp", summary: "a lamp at the camera, and wet mucosa", options: Options::NONE, make: lamp };
 
-/// Its settings; half of the light is left at `reach_mm`.
+/// The shader's settings. At `reach_mm` half of the light is left.
 #[derive(Debug, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Lamp {

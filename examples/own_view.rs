@@ -1,6 +1,6 @@
-//! A program that is colvis with a rear view, shown as a picture in the picture.
+//! Adds a rear view to colvis, shown as a picture-in-picture inset.
 //!
-//! `cargo run --release --example own_view` (and `-- fly --headless --record film.gif`)
+//! `cargo run --release --example own_view` (also `-- fly --headless --record film.gif`)
 
 use bevy_ecs::prelude::*;
 use colvis::components::output::{Follows, Picture};
@@ -8,11 +8,11 @@ use colvis::error::Result;
 use colvis::render::Frame;
 use colvis::schedule::{App, FlightSystems, Main};
 
-/// Marks the rear view.
+/// Marks the rear view's entity.
 #[derive(Component)]
 struct Rear;
 
-/// Pixels between the inset and the edges of the picture.
+/// Pixels between the inset and the image's edges.
 const MARGIN: usize = 12;
 
 fn rear_view(app: &mut App) -> Result<()> {
@@ -22,13 +22,13 @@ fn rear_view(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Keeps the rear view a quarter as wide as the picture.
+/// Keeps the rear view a quarter as wide as the main image.
 fn fit_inset(mut rear: Single<&mut Picture, With<Rear>>, main: Single<&Picture, (With<Main>, Without<Rear>)>) {
     let width = (main.into_inner().frame.width() / 4).max(1);
     rear.frame.resize(width, (width * 3 / 4).max(1));
 }
 
-/// Draws the rear view into the lower right corner, in a grey frame.
+/// Draws the rear view into the lower right corner, with a grey border.
 fn draw_inset(rear: Single<&Picture, With<Rear>>, mut main: Single<&mut Picture, (With<Main>, Without<Rear>)>) {
     let rear = rear.into_inner();
     if main.traced {

@@ -1,14 +1,14 @@
-//! Renders a scan from a list of poses, with depth: what `colvis render --poses` does, by hand.
+//! Renders a list of poses of a scan, with depth: the library calls behind `colvis render --poses`.
 //!
-//! `cargo run --release --example render_poses -- scan.nii.gz poses.json`; without them some poses of a flight through the
-//! embedded phantom.
+//! `cargo run --release --example render_poses -- scan.nii.gz poses.json`. Without arguments it renders some poses of a flight
+//! through the embedded phantom.
 
 use colvis::app::{FlightRequest, Scan, Scene};
 use colvis::error::{Error, Result};
 use colvis::render::{Frame, Preset, Reuse, Settings, View, renderer};
 use glam::DVec3;
 
-/// Position, forward and up, world, mm.
+/// Position (mm), forward and up, in world coordinates.
 type Pose = [DVec3; 3];
 
 fn poses(path: &str) -> Result<Vec<Pose>> {
@@ -20,7 +20,7 @@ fn poses(path: &str) -> Result<Vec<Pose>> {
     list.iter().map(|p| Ok([vector(&p["position"])?, vector(&p["forward"])?, vector(&p["up"])?])).collect()
 }
 
-/// Poses a second of flight apart.
+/// Poses along a flight, one every second.
 fn flown(scan: &mut Scan) -> Result<Vec<Pose>> {
     let mut flight = scan.flight(Scene::default(), &FlightRequest::default())?;
     let next = |_| {
@@ -32,7 +32,7 @@ fn flown(scan: &mut Scan) -> Result<Vec<Pose>> {
 }
 
 fn main() -> Result<()> {
-    // Cargo's test runner calls this too, with options of its own.
+    // Cargo's test runner also calls this, with its own options.
     let args: Vec<String> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).collect();
     let (scan, poses) = match &args[..] {
         [scan, list, ..] => (Scan::open(scan)?, poses(list)?),

@@ -1,4 +1,4 @@
-//! A deterministic test of one system: a world with just what the system touches, a step, and a look at what it wrote.
+//! A deterministic test of one system: build a world with only what the system touches, step it, and check the results.
 //!
 //! `cargo test --release --example test_one_system`
 
@@ -13,12 +13,12 @@ use colvis::schedule::{App, FlightSystems};
 use colvis::systems::{clock, mines};
 use glam::DVec3;
 
-/// Moves the camera by a millimetre a step: what `motion` would do.
+/// Stands in for `motion`: moves the camera by a millimetre a step.
 fn move_on(mut pose: Single<&mut Pose>) {
     pose.position.x += 1.0;
 }
 
-/// Mines as they lie after so many steps, and what they exert.
+/// Number of mines after `steps` steps, and the push they exert.
 fn laid(steps: usize) -> Result<(usize, DVec3)> {
     let mut app = App::new();
     app.camera().insert(Pose { position: DVec3::ZERO, attitude: Attitude::new(DVec3::X, DVec3::Z) });

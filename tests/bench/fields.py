@@ -1,16 +1,18 @@
 #!/usr/bin/env python3
-"""Lumen, wall distance and centerline of colvis, and of another program on the same scan in the same run.
+"""Measures lumen, wall distance and centerline of colvis, and of another program on the same scan in the same run.
 
 usage: python3 tests/bench/fields.py SCAN [--colvis BINARY] [--truth T.json] [--threads 2] [--rounds 3]
                                      [--peer "PYTHON fields.py"] [--json OUT]
 
-Runs `colvis centerline SCAN` and prints a line for each: the parts of the preparation (seconds, the medians of the rounds),
-their sum without reading the file, the peak of memory, and the line's error against the truth that `colvis phantom --truth`
-wrote (mm: mean, 95 %, worst; both ways between the line's ends). --peer names a command that takes
-`SCAN --seed X Y Z --threads N [--truth T.json]`, the seed being the line's first point, and prints a line of JSON with its
-seconds and errors. The standard library is enough. --json writes all numbers to a file, too.
+Runs `colvis centerline SCAN` and prints the preparation times (seconds, median of the rounds), their sum without reading the
+file, the peak memory, and the line's error. The error is measured against the truth from `colvis phantom --truth` (mm: mean,
+95 %, worst; in both directions, between the line's ends).
 
-The program is --colvis, or what the environment variable COLVIS names, or target/release/colvis.
+--peer names a command that takes `SCAN --seed X Y Z --threads N [--truth T.json]` and prints one line of JSON with its
+seconds and errors. The seed is the line's first point. --json also writes all numbers to a file. Requires only the standard
+library.
+
+The program is --colvis, else the environment variable COLVIS, else target/release/colvis.
 """
 import argparse, json, math, os, pathlib, shlex, statistics, subprocess, sys, tempfile
 
@@ -44,7 +46,7 @@ ap.add_argument("--truth")
 ap.add_argument("--threads", default="2")
 ap.add_argument("--rounds", type=int, default=3)
 ap.add_argument("--peer")
-ap.add_argument("--json", help="also write the numbers there")
+ap.add_argument("--json", help="also write the numbers to this file")
 a = ap.parse_args()
 colvis = a.colvis or str(pathlib.Path(__file__).resolve().parents[2] / "target/release/colvis")
 with tempfile.TemporaryDirectory() as folder:
@@ -77,9 +79,9 @@ if a.peer:
         said = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
         peer = json.loads(said.strip().splitlines()[-1])
     except (OSError, subprocess.CalledProcessError, ValueError, IndexError) as e:
-        # That spoils no number of colvis.
+        # The numbers of colvis stay valid.
         why = f"exit status {e.returncode}" if isinstance(e, subprocess.CalledProcessError) else f"{type(e).__name__}: {e}"
-        print(f"the peer failed: {why}", file=sys.stderr)
+        print(f"the other program failed: {why}", file=sys.stderr)
         out["peer_failed"] = why
     else:
         seconds = sum(v for k, v in peer.items() if k.endswith("_s"))

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Flies each automatic guide, both ways, through phantoms with everything on and through scans, and prints the table.
+"""Flies each automatic guide both ways through phantoms with all features and through scans, and prints a table.
 
     python3 tests/bench/flights.py [--colvis BINARY] [--seeds 1-10] [--size standard] [--guides tentacles,potential,path]
                                    [--scan SCAN ...] [--json OUT]
 
-Only the standard library is needed. A row is the two flights of one guide through one scan, to the cecum and back:
-arrived (or the reason why not, which is the program's own), simulated seconds, mean and least clearance (mm), mean distance from the
-centerline (mm; from the phantom's truth, for a scan from `colvis centerline`), 99th percentile of the jerk (mm/s^3, by
-differences over a step), and the share of the wall seen one way and both ways.
+Each row covers one guide's two flights through one scan, to the cecum and back: how they ended (arrived, or the program's reason
+for stopping), simulated seconds, mean and least clearance (mm), mean distance from the centerline (mm; from the phantom's truth,
+or from `colvis centerline` for a scan), 99th percentile of the jerk (mm/s^3, by finite differences over a step), and the share
+of the wall seen one way and both ways. Requires only the standard library.
 """
 
 import argparse
@@ -22,20 +22,20 @@ import tempfile
 
 def arguments():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--colvis", default=os.environ.get("COLVIS", "target/release/colvis"), help="the program; COLVIS if left out")
-    p.add_argument("--seeds", default="1-10", help="of the phantoms: A-B, or none")
-    p.add_argument("--size", default="standard", help="of the phantoms")
+    p.add_argument("--colvis", default=os.environ.get("COLVIS", "target/release/colvis"), help="program to run; default: COLVIS")
+    p.add_argument("--seeds", default="1-10", help="phantom seeds: A-B, or none")
+    p.add_argument("--size", default="standard", help="phantom size")
     p.add_argument("--with", dest="features", default="folds,polyps,fluid,bridges,noise")
     p.add_argument("--guides", default="tentacles,potential,path")
     p.add_argument("--scan", action="append", default=[])
     p.add_argument("--one-way", action="store_true", help="do not fly back")
-    p.add_argument("--keep", metavar="FOLDER", help="keep the phantoms there, and take those that are there already")
-    p.add_argument("--json", help="also write the rows there")
+    p.add_argument("--keep", metavar="FOLDER", help="keep the phantoms in this folder, and reuse those already there")
+    p.add_argument("--json", help="also write the rows to this file")
     return p.parse_args()
 
 
 class Line:
-    """Points of a centerline, and the distance of a place from it."""
+    """A centerline's points; measures the distance of a position from them."""
 
     def __init__(self, points):
         self.points = sorted((tuple(p) for p in points), key=lambda p: p[2])
@@ -106,8 +106,8 @@ def main():
     args = arguments()
     with tempfile.TemporaryDirectory() as folder:
         rows = []
-        print("| scan | guide | end: there, back | s | clearance mean, least mm | off the centerline mm | jerk 99 % mm/s³ "
-              "| wall seen one way | both ways |\n|---|---|---|---|---|---|---|---|---|", flush=True)
+        print("| scan | guide | end: out, back | s | clearance mean, least mm | distance from the centerline mm "
+              "| jerk p99 mm/s³ | wall seen one way | both ways |\n|---|---|---|---|---|---|---|---|---|", flush=True)
         first, _, last = args.seeds.partition("-")
         seeds = [] if args.seeds == "none" else range(int(first), int(last or first) + 1)
         for what in [*seeds, *args.scan]:

@@ -1,31 +1,33 @@
 #!/usr/bin/env python3
-"""Frame times of colvis along a flight, and of another renderer on the same poses in the same run.
+"""Measures frame times of colvis along a flight, and of another renderer on the same poses in the same run.
 
 usage: python3 tests/bench/frames.py SCAN [--colvis BINARY] [--sizes 512,1024] [--poses 240] [--threads 2] [--runs 1]
                                      [--check N] [--vtk "PYTHON vtk_raycast.py"] [--json OUT]
 
-Flies SCAN headless, spreads the poses over the flight, renders them at 512 and 1024 pixels square in high quality, and prints
-one line each: median and 99th percentile of a frame, ms, and what came before the first frame. --runs N renders them N times and
-prints the same of each pose's least time as well: which poses are slow, whatever else the machine did meanwhile. --vtk names a
-command that takes `SCAN POSES --size N --threads N` and prints a line of JSON with median_ms. --check N renders every N-th pose
-by brute force as well and prints the least and the mean PSNR; it needs NumPy and SimpleITK, without it the standard library is
-enough. At the end the scan is flown headless with pictures, by the presets default and lean: peak of memory, and seconds from the
-scan in memory to the first picture. --json writes all numbers to a file, too.
+Flies SCAN headless and prints the preparation times. Then spreads the poses over the flight, renders them at 512 and 1024 pixels
+square in high quality, and prints the median and 99th percentile of the frame time in ms for each size. At the end it flies the
+scan headless with images, by the presets default and lean, and prints the peak memory and the seconds from the scan in memory
+to the first image.
 
-The program is --colvis, or what the environment variable COLVIS names, or target/release/colvis.
+--runs N renders the poses N times and also prints the same figures for each pose's shortest time. That shows which poses are
+slow, whatever else ran on the machine. --vtk names a command that takes `SCAN POSES --size N --threads N` and prints one line of
+JSON with median_ms. --check N also renders every Nth pose by brute force and prints the least and the mean PSNR; it needs NumPy
+and SimpleITK. Without it the standard library is enough. --json also writes all numbers to a file.
+
+The program is --colvis, else the environment variable COLVIS, else target/release/colvis.
 """
 import argparse, json, os, pathlib, shlex, subprocess, sys, tempfile
 
 ap = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 ap.add_argument("scan")
 ap.add_argument("--colvis", default=os.environ.get("COLVIS"))
-ap.add_argument("--sizes", default="512,1024", help="of the images, pixels")
+ap.add_argument("--sizes", default="512,1024", help="image sizes, pixels")
 ap.add_argument("--poses", type=int, default=240)
 ap.add_argument("--threads", default="2")
 ap.add_argument("--runs", type=int, default=1)
 ap.add_argument("--vtk")
 ap.add_argument("--check", type=int, default=0)
-ap.add_argument("--json", help="also write the numbers there")
+ap.add_argument("--json", help="also write the numbers to this file")
 a = ap.parse_args()
 if a.check:
     try:
@@ -41,7 +43,7 @@ def spread(ms):
 
 
 def run(command):
-    """Runs a program, which says nothing unless it fails."""
+    """Runs a program and returns its output; exits with its errors if it fails."""
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     if done.returncode != 0:
         sys.exit(f"{shlex.join(map(str, command))}: exit status {done.returncode}\n{done.stderr[-2000:]}")
@@ -49,12 +51,15 @@ def run(command):
 
 
 def ask(command):
-    """The last line of JSON that another program prints; none, and why, if it fails. That spoils no number of colvis."""
+    """The last line of JSON that another program prints, or None and the reason if it fails.
+
+    The numbers of colvis stay valid either way.
+    """
     try:
         done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         if done.returncode == 0:
             return json.loads(done.stdout.strip().splitlines()[-1]), None
-        why = f"exit status {done.returncode}: {(done.stderr.strip().splitlines() or ['no word'])[-1]}"
+        why = f"exit status {done.returncode}: {(done.stderr.strip().splitlines() or ['no output'])[-1]}"
     except (OSError, ValueError, IndexError) as e:
         why = f"{type(e).__name__}: {e}"
     print(f"the other program failed: {why}", file=sys.stderr)
@@ -67,7 +72,7 @@ def load(path):
 
 
 def images_psnr(images, others, numbers):
-    """PSNR of pairs of images, dB, least first."""
+    """PSNR of image pairs in dB, in ascending order."""
     read = lambda path: SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(path)).astype(float)
     pairs = [(f"{images}/{n:04}.png", f"{others}/{k:04}.png") for k, n in enumerate(numbers)]
     return sorted(float(10 * numpy.log10(255**2 / max(1e-9, ((read(x) - read(y)) ** 2).mean()))) for x, y in pairs)
@@ -81,7 +86,7 @@ with tempfile.TemporaryDirectory() as folder:
     stats = load(at("stats"))
     before = {k: round(v, 3) for k, v in stats["prepare"].items()}
     out.update(state=stats["state"], length_mm=stats["length_mm"], prepare=before, peak_rss_bytes=stats["peak_rss_bytes"])
-    print(f"flight: {stats['state']}, {stats['length_mm']:.0f} mm, peak {stats['peak_rss_bytes'] / 2**20:.0f} MiB; before it: {before}")
+    print(f"flight: {stats['state']}, {stats['length_mm']:.0f} mm, peak {stats['peak_rss_bytes'] / 2**20:.0f} MiB; preparation: {before}")
     with open(at("log")) as log:
         steps = [json.loads(line) for line in log]
     chosen = steps[:: max(1, len(steps) // a.poses)][: a.poses]
@@ -106,20 +111,20 @@ with tempfile.TemporaryDirectory() as folder:
             row["peer_failed"] = why
         if a.vtk and found:
             ratio = found["median_ms"] / median
-            line += f"; the other median {found['median_ms']:.0f} ms, first frame {found['first_frame_s']:.1f} s, peak {found['peak_rss_mib']} MiB: ratio {ratio:.2f}"
+            line += f"; other renderer: median {found['median_ms']:.0f} ms, first frame {found['first_frame_s']:.1f} s, peak {found['peak_rss_mib']} MiB, ratio {ratio:.2f}"
             row["peer"] = {**found, "ratio": ratio}
         print(line, flush=True)
         if a.runs > 1:
             median, p99 = spread(map(min, zip(*runs)))
             row["least"] = {"runs": a.runs, "median_ms": median, "p99_ms": p99}
-            print(f"  each pose's least of {a.runs} runs: median {median:.1f} ms, p99 {p99:.1f} ms, {p99 / median:.2f} times as long")
+            print(f"  shortest of {a.runs} runs for each pose: median {median:.1f} ms, p99 {p99:.1f} ms, ratio {p99 / median:.2f}")
         if a.check:
             with open(at("some"), "w") as f:
                 json.dump({"fov_degrees": 90, "poses": poses[:: a.check]}, f)
             run([colvis, "render", a.scan, "--poses", at("some"), "--out", at("reference"), "--size", f"{size}x{size}", "--quality", "reference"])
             psnr = images_psnr(at("images"), at("reference"), range(0, len(poses), a.check))
             row["psnr"] = {"poses": len(psnr), "least_db": psnr[0], "mean_db": sum(psnr) / len(psnr)}
-            print(f"  against brute force, {len(psnr)} poses: PSNR at least {psnr[0]:.1f} dB, mean {sum(psnr) / len(psnr):.1f} dB")
+            print(f"  against brute force, {len(psnr)} poses: PSNR least {psnr[0]:.1f} dB, mean {sum(psnr) / len(psnr):.1f} dB")
         out["sizes"].append(row)
     largest = max(map(int, a.sizes.split(",")))
     for preset in ("default", "lean"):
@@ -128,7 +133,7 @@ with tempfile.TemporaryDirectory() as folder:
         stats = load(at("stats"))
         first = sum(v for k, v in stats["prepare"].items() if k != "load_s") + stats["frames"][0]["ms"] / 1e3
         out["memory"].append({"preset": preset, "peak_rss_bytes": stats["peak_rss_bytes"], "first_frame_s": first})
-        print(f"flown with pictures, {preset}: peak {stats['peak_rss_bytes'] / 2**20:.0f} MiB, first picture {first:.2f} s after the scan is in memory")
+        print(f"flight with images, {preset}: peak {stats['peak_rss_bytes'] / 2**20:.0f} MiB, first image {first:.2f} s after the scan is in memory")
 if a.json:
     with open(a.json, "w") as f:
         json.dump(out, f, indent=1)

@@ -1,24 +1,24 @@
 #!/usr/bin/env python3
-"""Writes RESULTS.md anew: everything that this project measures of itself, on this machine, now.
+"""Regenerates RESULTS.md: repeats all measurements of this project on this machine.
 
     cargo build --release
     python3 tests/bench/results.py [--scan SCAN] [--vtk "COMMAND"] [--fields-peer "COMMAND"] [--display "COMMAND"]
                                    [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation]
                                    [--quick] [--check N] [--colvis BINARY] [--keep FOLDER] [--out RESULTS.md]
 
-It builds nothing: it runs the program (`--colvis`, or what the environment variable COLVIS names, or target/release/colvis) and
-the scripts frames.py, flights.py and fields.py beside this one. Each table of the page stands under the command that made it.
-What was not measured in this run is said in its place; no number of an earlier run is carried over. The whole takes some hours
-on two cores, --quick some minutes. Nothing else should run on the machine meanwhile.
+This script builds nothing. It runs the program (`--colvis`, else the environment variable COLVIS, else target/release/colvis)
+and the scripts frames.py, flights.py and fields.py in the same folder. Each table on the page follows the command that made it.
+The page marks what this run did not measure; it never reuses numbers from an earlier run. A full run takes some hours on two
+cores, --quick some minutes. Leave the machine otherwise idle during the run.
 
---scan         a CT colonography, beside the phantoms, which are made by the program
---vtk          a renderer to compare frames with; takes `SCAN POSES --size N --threads N`, see frames.py
---fields-peer  a program to compare lumen, distance and centerline with; takes `SCAN --seed X Y Z --threads N`, see fields.py
---display      what gives the window a screen, such as `xvfb-run -a -s "-screen 0 1280x1280x24"`; not needed where DISPLAY is set
---check        each N-th pose of the frames is compared with brute force too (needs NumPy and SimpleITK)
---keep         leaves the phantoms, the reports and the JSON of the scripts in a folder
+--scan         measures a CT colonography in addition to the phantoms, which the program generates
+--vtk          compares frames with another renderer; the command takes `SCAN POSES --size N --threads N`, see frames.py
+--fields-peer  compares lumen, distance and centerline with another program: `SCAN --seed X Y Z --threads N`, see fields.py
+--display      provides the window's screen, such as `xvfb-run -a -s "-screen 0 1280x1280x24"`; not needed if DISPLAY is set
+--check        also compares every Nth pose of the frames with brute force (needs NumPy and SimpleITK)
+--keep         keeps the phantoms, the reports and the scripts' JSON in a folder
 
-Only the standard library is needed. The exit status is 1 when a part failed; the page is written all the same and says which.
+Requires only the standard library. If a part fails, the page is still written and names the part, and the exit status is 1.
 """
 
 import argparse
@@ -34,7 +34,7 @@ import subprocess
 import sys
 import tempfile
 
-# A table with more rows than this is folded away.
+# Tables with more rows than this are collapsed.
 LONG = 30
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -42,11 +42,11 @@ ROOT = HERE.parents[1]
 
 
 class Failed(Exception):
-    """A command that did not succeed."""
+    """A command failed."""
 
 
 class Missing(Exception):
-    """Something that this run was not given."""
+    """This run lacks something that a part needs."""
 
 
 def arguments():
@@ -66,24 +66,24 @@ def arguments():
     a.parts = [part.strip() for part in a.parts.split(",") if part.strip()]
     unknown = [part for part in a.parts if part not in PARTS]
     if unknown:
-        p.error(f"there is no part {', '.join(unknown)}; choose among {', '.join(PARTS)}")
+        p.error(f"unknown part {', '.join(unknown)}; choose from {', '.join(PARTS)}")
     a.colvis = os.path.abspath(a.colvis)
     if not os.access(a.colvis, os.X_OK):
-        p.error(f"{a.colvis} is no program: cargo build --release makes it, or name one by --colvis")
+        p.error(f"{a.colvis} is not an executable: run cargo build --release, or name one with --colvis")
     if a.scan and not os.path.exists(a.scan):
         p.error(f"{a.scan} does not exist")
     return a
 
 
-# What is on the page -------------------------------------------------------------------------------------------------
+# Page content --------------------------------------------------------------------------------------------------------
 
 
 class Text(str):
-    """Words and numbers that are written as they shall stand."""
+    """Text that is already formatted and printed unchanged."""
 
 
 def cell(value):
-    """A number as a person reads it: three digits."""
+    """Formats a table cell; numbers get three significant digits."""
     if isinstance(value, Text):
         return value
     if value is None or value == "":
@@ -103,13 +103,13 @@ def cell(value):
     if 1e-3 <= abs(number) < 1e5:
         digits = max(0, 2 - math.floor(math.log10(abs(number))))
         text, short = f"{number:.{digits}f}", f"{number:g}"
-        # A setting such as 0.07 stands as it was set.
+        # Keep a setting such as 0.07 as it was written.
         return short if float(short) == number and len(short) < len(text) else text
     return f"{number:.1e}".replace("e-0", "e-").replace("e+0", "e")
 
 
 def table(head, rows):
-    """A table in Markdown."""
+    """A Markdown table."""
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     lines += ["| " + " | ".join(cell(c) for c in row) + " |" for row in rows]
     text = "\n".join(lines)
@@ -121,13 +121,13 @@ def command_block(text):
 
 
 def findings(text):
-    """What a report says it found, a paragraph each."""
+    """A report's findings as a list, one item for each line."""
     lines = [line.strip() for line in text.splitlines()]
     return "\n".join(f"- {line}" for line in lines if line and not line.startswith("see "))
 
 
 def read_csv(path):
-    """The columns' names and the rows of a report's CSV."""
+    """Column names and rows of a report's CSV."""
     with open(path, newline="", encoding="utf-8") as f:
         head, *rows = list(csv.reader(f))
     return head, rows
@@ -137,11 +137,11 @@ def mib(size):
     return f"{size / 2**20:.0f} MiB"
 
 
-# What is run ---------------------------------------------------------------------------------------------------------
+# Commands ------------------------------------------------------------------------------------------------------------
 
 
 class Bench:
-    """The commands of a run, its folder, and its subjects."""
+    """Runs the commands; holds the run's folder and its subjects."""
 
     def __init__(self, args, folder):
         self.args = args
@@ -153,24 +153,24 @@ class Bench:
         return os.path.join(self.folder, name)
 
     def run(self, command):
-        """Runs a command and returns what it printed."""
+        """Runs a command and returns its standard output."""
         command = [str(c) for c in command]
         print(f"{datetime.datetime.now():%H:%M:%S} {self.shown(command)}", file=sys.stderr, flush=True)
         env = {**os.environ, "COLVIS": self.args.colvis}
         done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=env)
         if done.returncode != 0:
             said = (done.stderr or done.stdout).strip().splitlines()
-            raise Failed(f"`{self.shown(command)}` ended with status {done.returncode}: {self.plain(said[-1]) if said else 'no word'}")
+            raise Failed(f"`{self.shown(command)}` exited with status {done.returncode}: {self.plain(said[-1]) if said else 'no output'}")
         return done.stdout
 
     def plain(self, text):
-        """A text without the paths of this machine."""
+        """The text without this machine's paths."""
         for path, name in ((self.folder + os.sep, ""), (str(ROOT) + os.sep, ""), (self.args.scan, "SCAN"), (self.args.colvis, "colvis")):
             text = text.replace(path, name) if path else text
         return text
 
     def shown(self, command):
-        """A command as it stands on the page: without the paths of this machine."""
+        """The command as the page shows it, without this machine's paths."""
         named = {self.args.colvis: "colvis", sys.executable: "python3"}
         for path, name in ((self.args.scan, "SCAN"), (self.args.vtk, '"VTK"'), (self.args.fields_peer, '"PEER"')):
             if path:
@@ -185,7 +185,7 @@ class Bench:
         return " ".join(words)
 
     def invocation(self):
-        """How this script was called, without what names this machine."""
+        """This script's command line, without anything that identifies the machine."""
         a = self.args
         given = [*(["--scan", "SCAN"] if a.scan else []), *(["--vtk", '"VTK"'] if a.vtk else [])]
         given += [*(["--fields-peer", '"PEER"'] if a.fields_peer else []), *(["--display", '"SCREEN"'] if a.display else [])]
@@ -194,7 +194,7 @@ class Bench:
         return " ".join(["python3 tests/bench/results.py", *given])
 
     def script(self, name, *options):
-        """Runs a script beside this one; what it found, and the command."""
+        """Runs a script from this folder. Returns its results and the command."""
         self.scripts += 1
         out = self.at(f"{self.scripts}-{name}.json")
         command = [sys.executable, HERE / f"{name}.py", *options]
@@ -203,7 +203,7 @@ class Bench:
             return json.load(f), self.shown([str(c) for c in command])
 
     def report(self, subject, *options):
-        """Runs a report; where its CSV are, what it said, and the command."""
+        """Runs a report. Returns a reader for its CSV files, its output and the command."""
         folder = self.at(f"report-{subject}")
         quick = ["--quick"] if self.args.quick else []
         command = [self.args.colvis, "report", subject, "--out", folder, "--threads", self.args.threads, *quick, *options]
@@ -211,7 +211,7 @@ class Bench:
         return (lambda name: read_csv(os.path.join(folder, name + ".csv"))), said, self.shown(command)
 
     def phantom(self):
-        """The phantom and its truth; made at the first call."""
+        """The phantom and its truth, generated on the first call."""
         scan, truth = self.at("phantom.nii"), self.at("phantom.json")
         if not os.path.exists(truth):
             size = "small" if self.small else "standard"
@@ -219,15 +219,15 @@ class Bench:
         return scan, truth
 
     def subjects(self):
-        """The phantom, and the scan where there is one."""
+        """The phantom, and the scan if one was given."""
         scan = [("the scan", self.args.scan)] if self.args.scan else []
         return [("the phantom", self.phantom()[0]), *scan]
 
     def without_scan(self):
-        return [] if self.args.scan else ["No scan of a patient was measured in this run (`--scan`)."]
+        return [] if self.args.scan else ["This run measured no patient scan (`--scan`)."]
 
 
-# The parts -----------------------------------------------------------------------------------------------------------
+# Parts ---------------------------------------------------------------------------------------------------------------
 
 
 def frames(b):
@@ -251,22 +251,22 @@ def frames(b):
         if others:
             first, peak = others[-1].get("first_frame_s"), max(o.get("peak_rss_mib", 0) for o in others)
             memory.append([name, "VTK", f"{peak} MiB", first])
-    head = ["", "image", "median / ms", "99 % / ms", "99 % of the poses, of the median", "rays a pixel",
-            "PSNR least / dB", "PSNR mean / dB", "VTK's median / ms", "ratio"]
-    lines += [table(head, rows), "Poses are spread over a flight through the whole lumen. *99 % of the poses, of the median*: of "
-              "each pose's least time of several runs, which is free of what else the machine did. PSNR is against brute force. "
-              "VTK renders as many of the poses as its command takes."]
+    head = ["", "image", "median / ms", "p99 / ms", "p99 / median, by pose", "rays a pixel",
+            "PSNR, least / dB", "PSNR, mean / dB", "VTK, median / ms", "ratio"]
+    lines += [table(head, rows), "The poses are spread over a flight through the whole lumen. *p99 / median, by pose* uses each pose's "
+              "shortest time of several runs, which excludes other load on the machine. PSNR is against brute force. "
+              "The VTK command decides how many of the poses VTK renders."]
     if not b.args.vtk:
-        lines.append("No other renderer was measured in this run (`--vtk`).")
+        lines.append("This run measured no other renderer (`--vtk`).")
     if not b.args.check:
-        lines.append("No pose was compared with brute force in this run (`--check`); the part *Renderers* has errors.")
-    lines += [table(["", "preset", "peak of memory, headless flight with pictures", "scan in memory → first picture / s"], memory)]
+        lines.append("This run compared no pose with brute force (`--check`). The section *Renderers* lists errors.")
+    lines += [table(["", "preset", "peak memory, headless flight with images", "scan in memory → first image / s"], memory)]
     return lines + failed + b.without_scan()
 
 
 def window(b):
     if not b.args.display and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise Missing("there is no screen (`--display`)")
+        raise Missing("no screen is available (`--display`)")
     side, seconds = (512, "3") if b.args.quick else (1024, "10")
     rows, lines = [], []
     for name, scan in b.subjects():
@@ -279,7 +279,7 @@ def window(b):
         ms = sorted(f["ms"] for f in stats["frames"])
         shown = stats.get("present_ms") or {}
         rows.append([name, len(ms), ms[len(ms) // 2], ms[int(len(ms) * 0.99)], shown.get("median"), shown.get("p99")])
-    head = ["", "frames", "median / ms", "99 % / ms", "presentation, median / ms", "presentation, 99 % / ms"]
+    head = ["", "frames", "median / ms", "p99 / ms", "presentation, median / ms", "presentation, p99 / ms"]
     return [*lines, table(head, rows), *b.without_scan()]
 
 
@@ -310,11 +310,11 @@ def flights(b):
     phantoms = [r for r in found if r["scan"].startswith("seed ")]
     rows += [row(f"phantoms {seeds.replace('-', ' to ')}", [r for r in phantoms if r["guide"] == g]) for g in guides]
     rows += [row("the scan", [r]) for r in found if not r["scan"].startswith("seed ")]
-    head = ["", "guide", "end: there, back", "s", "clearance mean / mm", "least / mm", "off the centerline / mm",
-            "jerk 99 % / mm/s³", "wall seen one way", "both ways"]
-    words = ("Each guide there and back. Phantoms have folds, polyps, fluid, bridges and noise. `tentacles` flies the largest segment "
-             "of gas; `path` and `potential` fly as one what tagged fluid joins. Wall seen: the share of the area of the wall of "
-             "the gas flown through that was within 100 mm, inside a square image and not hidden.")
+    head = ["", "guide", "end: out, back", "s", "clearance, mean / mm", "clearance, least / mm", "distance from the centerline / mm",
+            "jerk, p99 / mm/s³", "wall seen, one way", "wall seen, both ways"]
+    words = ("Each guide flies to the cecum and back. The phantoms have folds, polyps, fluid, bridges and noise. `tentacles` flies the "
+             "largest segment of gas; `path` and `potential` treat segments joined by tagged fluid as one. *Wall seen*: of the area "
+             "of the wall around the gas flown through, the share that was within 100 mm, inside a square image and not hidden.")
     return [command_block(command), words, table(head, rows), *b.without_scan()]
 
 
@@ -330,17 +330,17 @@ def fields(b):
         parts = [prepare.get(k) for k in ("lumen_s", "distance_s", "centerline_s")]
         rows.append([name, "colvis", *parts, found["sum_s"], mib(found["peak_rss_bytes"]), off.get("mean"), off.get("p95"), off.get("worst")])
         if "peer_failed" in found:
-            lines.append(f"The peer failed on {name}: {b.plain(found['peer_failed'])}.")
+            lines.append(f"The other program failed on {name}: {b.plain(found['peer_failed'])}.")
         if "peer" in found:
             p = found["peer"]
             part = lambda word: next((v for k, v in p.items() if k.startswith(word) and k.endswith("_s")), None)
             rows.append([name, "peer", part("segment"), part("distance"), part("centerline"), p["sum_s"], f"{p.get('peak_rss_mib', '–')} MiB",
                          p.get("centerline_mean_mm"), p.get("centerline_p95_mm"), p.get("centerline_max_mm")])
-    head = ["", "program", "lumen / s", "distance / s", "centerline / s", "sum / s", "peak of memory",
-            "line off the truth, mean / mm", "95 % / mm", "worst / mm"]
+    head = ["", "program", "lumen / s", "distance / s", "centerline / s", "sum / s", "peak memory",
+            "line's error, mean / mm", "line's error, 95 % / mm", "line's error, worst / mm"]
     lines += [table(head, rows), *b.without_scan()]
     if not b.args.fields_peer:
-        lines.append("No other program was measured in this run (`--fields-peer`).")
+        lines.append("This run measured no other program (`--fields-peer`).")
     read, said, command = b.report("fields", *(["--scan", b.args.scan] if b.args.scan else []))
     lines += [command_block(command), findings(said)]
     return lines + [table(*read(name)) for name in ("distance-methods", "centerline-methods", "preparation")]
@@ -359,7 +359,7 @@ def render(b):
         columns = [head.index(k) for k in kept if k in head]
         lines += [f"### {name}: renderers", table([head[n] for n in columns], [[r[n] for n in columns] for r in rows])]
         lines += [f"### {name}: the paper's claims", table(*read(f"{subject}-claims"))]
-        lines += [f"### {name}: what each idea of the paper is worth in its preset", table(*read(f"{subject}-worth"))]
+        lines += [f"### {name}: value of each of the paper's ideas in its preset", table(*read(f"{subject}-worth"))]
     for what, title in (("voxels", "Voxels"), ("threads", "Threads"), ("simd", "SIMD levels")):
         lines += [f"### {title}, default preset", table(*read(f"phantom-{what}"))]
     return lines + b.without_scan()
@@ -383,8 +383,8 @@ def gradients(b):
 def scenes(b):
     read, said, command = b.report("scenes")
     lines = [command_block(command), findings(said)]
-    for name, title in (("scenes", "Scenes"), ("lights", "What the light at the camera costs"), ("parts", "What a part left out saves"), ("built", "What is built before the first step"),
-                        ("tentacles", "What tentacles take beside a picture")):
+    for name, title in (("scenes", "Scenes"), ("lights", "Cost of the camera light"), ("parts", "Savings by part"), ("built", "Built before the first step"),
+                        ("tentacles", "Cost of tentacles relative to an image")):
         lines += [f"### {title}", table(*read(name))]
     return lines
 
@@ -398,7 +398,7 @@ def dynamics(b):
     walls = list(dict.fromkeys(r[0] for r in rows))
     best = {}
     for r in rows:
-        # The step of a flight, or the nearest that was measured; adaptive methods have tolerances there.
+        # A flight's step, or the nearest one measured; adaptive methods have tolerances in this column.
         off = abs(math.log(float(r[step]) * 120.0))
         if off < 0.1 and off < best.get((r[1], r[0]), (math.inf,))[0]:
             best[(r[1], r[0])] = (off, r)
@@ -410,8 +410,8 @@ def dynamics(b):
     lines += ["### Error in position after a flight in steps of 1/120 s", table(["method", *(f"{w} / mm" for w in walls), f"time of the flight, {walls[0]} / µs"], body)]
     tables = (("stable-step-by-wall-table", "Largest stable step, by the wall's constant / s"),
               ("stable-step-by-clearance-table", "Largest stable step, by clearance / s"),
-              ("lateral-jerk", "Steady flight"), ("clamp", "What the clamp costs"), ("free-motion", "What is conserved in free motion"),
-              ("tentacles", "Numbers of tentacles"), ("mines", "Mines"), ("mines-worth", "Mines: drawings with and without"),
+              ("lateral-jerk", "Steady flight"), ("clamp", "Cost of the clamp"), ("free-motion", "Conservation in free motion"),
+              ("tentacles", "Number of tentacles"), ("mines", "Mines"), ("mines-worth", "Mines: drawings flown with and without them"),
               ("repulsion", "Flights by repulsion alone"))
     return lines + [t for name, title in tables for t in (f"### {title}", table(*read(name)))] + b.without_scan()
 
@@ -425,32 +425,32 @@ def perforation(b):
 PARTS = {
     "frames": ("Frames of a flight", frames),
     "window": ("In a window", window),
-    "flights": ("Flights of each guide", flights),
+    "flights": ("Flights by guide", flights),
     "fields": ("Lumen, wall distance, centerline", fields),
     "render": ("Renderers: error against time", render),
     "gradients": ("Gradient estimators", gradients),
-    "scenes": ("What leaving out saves", scenes),
+    "scenes": ("Savings from omitted parts", scenes),
     "dynamics": ("Dynamics", dynamics),
-    "perforation": ("Steps at random against the wall", perforation),
+    "perforation": ("Random steps against the wall", perforation),
 }
 
-BY_TESTS = """## Held by tests
+BY_TESTS = """## Bounds held by tests
 
-These numbers are bounds of tests, which print what they measure: `cargo test --release WHICH -- --nocapture`.
+Tests hold these numbers within bounds and print what they measure: `cargo test --release TESTS -- --nocapture`.
 
-| what | which |
+| measurement | TESTS |
 |---|---|
 | depth against the analytic wall, with folds, polyps and noise; normals at that wall | `--test pictures depth` |
-| normals of a tube and a sphere at several levels of noise | `--lib gradient` |
+| normals of a tube and a sphere at several noise levels | `--lib gradient` |
 | share of the centerline passed, distance from it, least clearance | `--test flights flight` |
-| jerk when a guide has the flight again after the operator's hand | `--test flights guides` |
-| traps: noticed, told apart, left | `--test flights traps` |
-| error of the default preset's pictures against brute force | `--test pictures packets` |
-| flights and pictures as they were before a change | `--test flights digests` |
+| jerk when a guide resumes after operator input | `--test flights guides` |
+| traps: noticed, identified, left | `--test flights traps` |
+| error of the default preset's images against brute force | `--test pictures packets` |
+| flights and images identical to those before a change | `--test flights digests` |
 """
 
 
-# The page ------------------------------------------------------------------------------------------------------------
+# Page ----------------------------------------------------------------------------------------------------------------
 
 
 def cores():
@@ -469,14 +469,14 @@ def first_match(path, key):
 
 
 def machine(b):
-    """What this ran on, a row each."""
+    """The machine, one property for each row."""
     memory = first_match("/proc/meminfo", "MemTotal")
-    memory = f"{int(memory.split()[0]) / 2**20:.1f} GiB" if memory else "not told"
+    memory = f"{int(memory.split()[0]) / 2**20:.1f} GiB" if memory else "unknown"
     stats = b.at("machine.json")
     b.run([b.args.colvis, "fly", "--headless", "--seconds", "0.05", "--stats", stats])
     with open(stats, encoding="utf-8") as f:
-        simd = json.load(f).get("simd", "not told")
-    return [["processor", first_match("/proc/cpuinfo", "model name") or platform.processor() or "not told"], ["cores", cores()],
+        simd = json.load(f).get("simd", "unknown")
+    return [["processor", first_match("/proc/cpuinfo", "model name") or platform.processor() or "unknown"], ["cores", cores()],
             ["threads used", b.args.threads], ["memory", memory], ["SIMD level", simd], ["system", f"{platform.system()} {platform.machine()}"]]
 
 
@@ -489,11 +489,11 @@ def git(*words):
 
 
 def commit():
-    name = git("describe", "--tags", "--always") or "not told"
+    name = git("describe", "--tags", "--always") or "unknown"
     full = git("rev-parse", "--short=12", "HEAD")
     changed = git("status", "--porcelain", "--untracked-files=no", "--", ".", ":!RESULTS.md")
     named = name if not full or full.startswith(name) or name.startswith(full) else f"{name} ({full})"
-    return named + (", with changes that are not committed" if changed else "")
+    return named + (", with uncommitted changes" if changed else "")
 
 
 def older_than_sources(binary):
@@ -503,11 +503,11 @@ def older_than_sources(binary):
 
 
 def load():
-    return f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "not told"
+    return f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
 
 
 def part(b, name):
-    """A section of the page, and whether it failed."""
+    """A section's text, and True if the part failed."""
     title, measure = PARTS[name]
     if name not in b.args.parts:
         return f"## {title}\n\nNot measured in this run (`--parts`).", False
@@ -525,22 +525,22 @@ def page(b):
     begun, busy = datetime.datetime.now(datetime.timezone.utc), load()
     stale = older_than_sources(b.args.colvis)
     if stale:
-        print("the program is older than the sources: cargo build --release", file=sys.stderr)
+        print("the program is older than the sources: run cargo build --release", file=sys.stderr)
     about = [["command", Text(f"`{b.invocation()}`")], ["date", f"{begun:%Y-%m-%d %H:%M} UTC"], ["commit", commit() + ("; the program is older than the sources" if stale else "")], *machine(b)]
     about.append(["scan", os.path.basename(b.args.scan) if b.args.scan else "none: phantoms only"])
     sections = [part(b, name) for name in PARTS]
     took = (datetime.datetime.now(datetime.timezone.utc) - begun).total_seconds() / 60
-    about.append(["load of the machine before, after; minutes taken", f"{busy}, {load()}; {took:.0f}"])
+    about.append(["machine load before, after; minutes taken", f"{busy}, {load()}; {took:.0f}"])
     intro = (
-        "What this project measures of itself. One command writes this page anew and carries no number over from an earlier "
-        "run; its options are told by `--help`:\n\n```sh\ncargo build --release\npython3 tests/bench/results.py --scan SCAN "
+        "Measurements of this project. One command regenerates this page and reuses no number from an earlier run; `--help` "
+        "lists its options:\n\n```sh\ncargo build --release\npython3 tests/bench/results.py --scan SCAN "
         '--vtk "VTK" --fields-peer "PEER" --display "xvfb-run -a -s \'-screen 0 1280x1280x24\'"\n```\n\n'
-        "Under each heading stands the command that made its tables. `colvis` is `target/release/colvis`; `SCAN` is the scan "
-        "named below; `phantom.nii` is the synthetic colon of `colvis phantom --out phantom.nii --truth phantom.json"
+        "The command below each heading made the tables of that section. `colvis` is `target/release/colvis`. `SCAN` is the scan "
+        "named below. `phantom.nii` is the synthetic colon of `colvis phantom --out phantom.nii --truth phantom.json"
         + (" --size small" if b.small else "")
-        + "`; *VTK* and *PEER* stand for other programs, which are compared on the same data with as many threads in the same run."
+        + "`. *VTK* and *PEER* are other programs, measured in the same run on the same data with the same number of threads."
     )
-    quick = "**A quick run**: smaller phantoms, fewer poses, less repeated. It shows that everything runs, not how fast it is."
+    quick = "**Quick run**: smaller phantoms, fewer poses, fewer repetitions. It shows that everything runs, not how fast it is."
     head = ["# Results", intro, *([quick] if b.args.quick else []), table(["this run", ""], about)]
     return "\n\n".join([*head, *(text for text, _ in sections), BY_TESTS.strip()]) + "\n", any(failed for _, failed in sections)
 
@@ -551,7 +551,7 @@ def main():
         if args.keep:
             os.makedirs(args.keep, exist_ok=True)
         text, failed = page(Bench(args, args.keep or folder))
-    # Whole or not at all.
+    # Replace the file in one step, so that it is never half written.
     new = args.out + ".new"
     with open(new, "w", encoding="utf-8") as f:
         f.write(text)

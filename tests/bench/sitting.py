@@ -1,9 +1,10 @@
-"""A sitting in the window, driven by keys and mouse under Xvfb, with a picture of each step.
+"""Drives the window by keys and mouse under Xvfb and takes a screenshot of each step.
 
     python tests/bench/sitting.py SCAN OUT/ [--size 1600x1000] [--binary target/release/colvis]
 
-Needs Xvfb, xdotool and ImageMagick's import. Opens the scan, flies, stops, clicks in each slice and on the wall, measures in the
-flight and in a slice, changes the greys, drags a divider, closes and opens again: layout and distances are there.
+Needs Xvfb, xdotool and ImageMagick's import. The session opens the scan, flies, stops, clicks in each slice and on the wall,
+measures in the flight and in a slice, changes the grey levels and drags a divider. Then it closes the window and opens it again
+to show that layout and distances are restored.
 """
 
 import argparse
@@ -42,14 +43,14 @@ class Sitting:
     def close(self):
         self.key("q")
         if self.program.wait(30):
-            raise SystemExit("it did not end well")
+            raise SystemExit("colvis exited with an error")
 
     def key(self, key):
         self.tool("xdotool", "key", key)
         time.sleep(0.6)
 
     def click(self, x, y, times=1):
-        """At a share of the window's width and height."""
+        """Clicks at (x, y), given as fractions of the window's width and height."""
         self.move(x, y)
         self.tool("xdotool", "click", "--repeat", str(times), "--delay", "120", "1")
         time.sleep(1.2)

@@ -1,11 +1,12 @@
-"""Holds the cross-sections of `colvis slice` against another program's linear resampling, SimpleITK's.
+"""Compares the cross-sections of `colvis slice` with SimpleITK's linear resampling.
 
     python tests/bench/slices.py [--colvis target/release/colvis] [--scan SCAN]... [--at X,Y,Z]... [--json F.json]
 
-Needs SimpleITK and numpy (`pip install SimpleITK numpy`). Axial, coronal, sagittal and oblique planes through a phantom and
-through each scan, in HU; also slabs, against the same samples of SimpleITK's. Prints a row for each picture: pixels inside the
-scan, the largest difference in HU there, and pixels that only one of the two takes to be inside. Fails where a difference is
-above 0.5 HU. Both programs have the world in mm LPS; SimpleITK turns NIfTI's RAS into it when it reads.
+Needs SimpleITK and numpy (`pip install SimpleITK numpy`). Tests axial, coronal, sagittal and oblique planes through a phantom and
+through each scan, in HU, and slabs against the same samples from SimpleITK. Prints a row for each image: the number of pixels
+inside the scan, the largest difference there in HU, and the number of pixels that only one program counts as inside. Fails if a
+difference exceeds 0.5 HU, or if the pixels of the last kind exceed 1 % in an image. Both programs use world coordinates in mm LPS;
+SimpleITK converts NIfTI's RAS when it reads a file.
 """
 
 import argparse
@@ -19,7 +20,7 @@ import tempfile
 import numpy as np
 import SimpleITK as sitk
 
-AXES = {  # right, down, in the world
+AXES = {  # right and down, in world coordinates
     "axial": ((1, 0, 0), (0, 1, 0)),
     "coronal": ((1, 0, 0), (0, 0, -1)),
     "sagittal": ((0, 1, 0), (0, 0, -1)),
@@ -35,13 +36,13 @@ def arguments():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--colvis", default="target/release/colvis")
     p.add_argument("--scan", action="append", default=[])
-    p.add_argument("--at", action="append", default=[], metavar="X,Y,Z", help="points for all scans (three in each if left out)")
-    p.add_argument("--json", help="also write the rows there")
+    p.add_argument("--at", action="append", default=[], metavar="X,Y,Z", help="points for all scans (default: three in each)")
+    p.add_argument("--json", help="also write the rows to this file")
     return p.parse_args()
 
 
 def axes(plane):
-    """Right and down of a picture, by their definition in words and not by the program's code."""
+    """Right and down of an image, from their written definition, independent of the program's code."""
     if plane in AXES:
         return tuple(np.array(a, float) for a in AXES[plane])
     normal = np.array([float(c) for c in plane.split(",")])
@@ -54,7 +55,7 @@ def axes(plane):
 
 
 def resampled(image, at, right, down, size, side):
-    """SimpleITK's picture, and which of its pixels are inside the scan."""
+    """SimpleITK's image; pixels outside the scan are NaN."""
     grid = sitk.Image([size[0], size[1], 1], sitk.sitkFloat32)
     across = np.cross(right, down)
     grid.SetDirection(np.stack([right, down, across], axis=1).ravel().tolist())
@@ -100,7 +101,7 @@ def ours(colvis, scan, at, plane, size, side, slab, out):
 
 
 def points(image):
-    """Places in a scan: its middle, one off the voxels' centres, one near its border."""
+    """Points in a scan: the middle, one away from voxel centres, one near the border."""
     dims = np.array(image.GetSize(), float)
     shares = [(0.5, 0.5, 0.5), (0.371, 0.448, 0.629), (0.93, 0.12, 0.05)]
     return [np.array(image.TransformContinuousIndexToPhysicalPoint(((dims - 1) * np.array(s)).tolist())) for s in shares]
@@ -115,7 +116,7 @@ def main():
         quick = os.path.join(folder, "scan.nii")
         for name, scan in [("phantom", phantom)] + [(os.path.basename(s), s) for s in a.scan]:
             image = sitk.Cast(sitk.ReadImage(scan), sitk.sitkInt16)
-            # Read once for each picture: uncompressed that is quick.
+            # colvis reads the file for each image; uncompressed, that is quick.
             sitk.WriteImage(image, quick)
             given = [np.array([float(c) for c in p.split(",")]) for p in a.at] if scan != phantom else []
             for n, at in enumerate(given or points(image)):
@@ -127,7 +128,7 @@ def main():
                             hu = ours(a.colvis, quick, at, plane, size, size[2], slab, out)
                             wanted, inside = expected(image, at, plane, size, side, slab)
                             assert hu.dtype == np.float32 and hu.shape == wanted.shape
-                            # What is at the scan's very border, rounding decides.
+                            # At the scan's outermost border, rounding decides what is inside.
                             apart = (np.abs(hu - wanted) > ALLOWED) & ((hu == OUTSIDE) | ~inside)
                             largest = float(np.abs(hu - wanted)[inside & ~apart].max(initial=0.0))
                             rows.append(
@@ -150,12 +151,12 @@ def main():
                             )
     worst = max(rows, key=lambda r: r["largest_hu"])
     border = max(r["border"] / max(1, r["inside"]) for r in rows)
-    print(f"{len(rows)} pictures: at most {worst['largest_hu']:.5f} HU; {100 * border:.3f} % of the pixels at the border")
+    print(f"{len(rows)} images: at most {worst['largest_hu']:.5f} HU; {100 * border:.3f} % of the pixels at the border")
     if a.json:
         with open(a.json, "w") as f:
             json.dump(rows, f, indent=1)
     if worst["largest_hu"] > ALLOWED or border > 0.01:
-        sys.exit("the pictures differ")
+        sys.exit("the images differ")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-"""Reads meshes that `colvis surface` wrote with another program, VTK, and holds them against its stats.
+"""Reads the meshes of `colvis surface` with VTK and checks them against its stats.
 
     colvis surface SCAN --out m.ply --stats m.json   # and the same as .stl and .obj
     python tests/bench/surface.py m.json m.ply m.stl m.obj [--picture m.png]
 
-Needs vtk and numpy (`pip install vtk numpy`). Fails where VTK finds an edge with one triangle or with more than two, a
-triangle without area, or another volume, area or number of triangles than the stats tell; with --picture it draws the first
-mesh from four sides.
+Needs vtk and numpy (`pip install vtk numpy`). Fails if VTK finds an edge with one triangle or with more than two, a triangle
+without area, or a volume, area or number of triangles, vertices or components that differs from the stats. --picture draws the
+first mesh from four sides.
 """
 
 import json
@@ -19,7 +19,7 @@ READERS = {"ply": vtk.vtkPLYReader, "stl": vtk.vtkSTLReader, "obj": vtk.vtkOBJRe
 
 
 def read(path):
-    """The mesh in a file, vertices in the same place joined."""
+    """Reads a mesh and merges vertices at the same position."""
     reader = READERS[path.rsplit(".", 1)[1].lower()]()
     reader.SetFileName(path)
     reader.Update()
@@ -33,7 +33,7 @@ def read(path):
 
 
 def edges(mesh, boundary, non_manifold):
-    """Number of edges of a kind."""
+    """Number of boundary or non-manifold edges."""
     found = vtk.vtkFeatureEdges()
     found.SetInputData(mesh)
     found.FeatureEdgesOff()
@@ -45,7 +45,7 @@ def edges(mesh, boundary, non_manifold):
 
 
 def measure(mesh):
-    """What there is to compare."""
+    """The mesh's properties to compare with the stats."""
     mass = vtk.vtkMassProperties()
     mass.SetInputData(mesh)
     mass.Update()
@@ -71,7 +71,7 @@ def measure(mesh):
 
 
 def draw(mesh, path):
-    """The mesh from the front, the back, the left and from above."""
+    """Draws the mesh from the front, the back, the left and from above."""
     window = vtk.vtkRenderWindow()
     window.SetOffScreenRendering(1)
     window.SetSize(1400, 1400)
@@ -115,10 +115,10 @@ def main(args):
         print(path, json.dumps(seen))
         for name in ["triangles", "vertices", "components"]:
             if seen[name] != stats[name]:
-                wrong.append(f"{path}: {name} {seen[name]}, not {stats[name]}")
+                wrong.append(f"{path}: {name} {seen[name]}, expected {stats[name]}")
         for name in ["area_mm2", "volume_ml"]:
             if abs(seen[name] / stats[name] - 1.0) > 1e-5:
-                wrong.append(f"{path}: {name} {seen[name]}, not {stats[name]}")
+                wrong.append(f"{path}: {name} {seen[name]}, expected {stats[name]}")
         for name in ["boundary_edges", "non_manifold_edges"]:
             if seen[name] != 0:
                 wrong.append(f"{path}: {seen[name]} {name}")

@@ -1,9 +1,9 @@
-"""How large and how frequent the pictures of a moving window are, quiet and with busy threads beside it.
+"""Measures the size and rate of a moving window's images, on a quiet machine and beside busy threads.
 
     python tests/bench/window.py SCAN [--size 1600x1000] [--busy 2] [--seconds 12] [--binary target/release/colvis]
                                  [-- further options of `colvis fly`]
 
-Opens a window under Xvfb, once for each number of busy threads (0 and --busy), and prints its stats.
+Opens a window under Xvfb once for each number of busy threads (0 and --busy) and prints its stats.
 """
 
 import argparse
