@@ -17,11 +17,11 @@ use crate::error::Error;
 use crate::fields::CenterlineMethod;
 use crate::render::slice::{Slab, SlicePlane};
 
-/// Flies through the inside of the colon of a CT scan. Research software, not for diagnosis.
+/// Virtual colonoscopy: flies a camera through the colon of a CT scan. Research software, not for diagnosis.
 #[derive(Parser, Debug)]
 #[command(name = "colvis", version, args_conflicts_with_subcommands = true, max_term_width = 120)]
 pub struct Args {
-    /// What to do; `fly` if left out.
+    /// The command (default: `fly`).
     #[command(subcommand)]
     pub command: Option<Command>,
     /// Without a command: `fly`.
@@ -35,31 +35,31 @@ pub struct Args {
 /// Options that every command takes.
 #[derive(ClapArgs, Clone, Debug, Default)]
 pub struct Global {
-    /// Threads to use (all cores if left out)
+    /// Number of threads [default: all cores]
     #[arg(long, global = true, value_name = "N", value_parser = count)]
     pub threads: Option<usize>,
-    /// HU where the wall's opacity starts and is full
+    /// HU at which the wall starts to be opaque, and at which it is fully opaque
     #[arg(long, global = true, value_name = "LO,HI", allow_hyphen_values = true)]
     pub wall: Option<Pair>,
-    /// Voxel spacing in mm, for inputs that carry none (a folder of PNG slices)
+    /// Voxel spacing in mm, for inputs without one (a folder of PNG slices)
     #[arg(long, global = true, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub spacing: Option<Triple>,
-    /// HU of black and white, for inputs that carry no HU
+    /// HU of black and of white, for inputs that are not in HU (PNG slices)
     #[arg(long, global = true, value_name = "LO,HI", allow_hyphen_values = true)]
     pub hu: Option<Pair>,
-    /// Which DICOM series of a folder to take
+    /// Number of the DICOM series to open, if a folder has several
     #[arg(long, global = true, value_name = "N", value_parser = count)]
     pub series: Option<usize>,
-    /// Resample over missing DICOM slices instead of refusing them
+    /// Interpolate missing DICOM slices instead of refusing the series
     #[arg(long, global = true)]
     pub allow_gaps: bool,
-    /// View angle over the image's shorter side, degrees (90 if left out)
+    /// View angle over the shorter side of the image, in degrees [default: 90]
     #[arg(long, global = true, value_name = "D", allow_hyphen_values = true)]
     pub fov: Option<f64>,
-    /// Which camera (perspective if left out)
+    /// Camera model [default: perspective]
     #[arg(long, global = true, value_name = "MODEL")]
     pub camera: Option<String>,
-    /// Seed of the phantom
+    /// Random seed of the phantom
     #[arg(long, global = true, value_name = "N")]
     pub seed: Option<u64>,
 }
@@ -67,27 +67,27 @@ pub struct Global {
 /// The commands.
 #[derive(Subcommand, Debug)]
 pub enum Command {
-    /// Flies through the colon, in a window or headless
+    /// Fly through the colon, in a window or headless
     Fly(FlyArgs),
-    /// Renders a list of poses
+    /// Render a list of poses
     Render(RenderArgs),
-    /// Writes a cross-section
+    /// Write a cross-section of the scan
     Slice(SliceArgs),
-    /// Writes the colon's lumen as a mask
+    /// Write the colon's lumen as a mask
     Segment(SegmentArgs),
-    /// Writes the surface of the colon's lumen as a closed mesh
+    /// Write the surface of the colon's lumen as a closed mesh
     Surface(SurfaceArgs),
-    /// Writes the colon's centerline
+    /// Write the colon's centerline
     Centerline(CenterlineArgs),
-    /// Writes a synthetic colon with its ground truth
+    /// Write a synthetic colon and its ground truth
     Phantom(PhantomArgs),
-    /// Says what is in an input, as JSON
+    /// Print an input's size, spacing, orientation and header as JSON
     Info(InfoArgs),
-    /// Says what a flight would run and build, what it leaves out, and why
+    /// Print the systems that a flight would run, what it would build, and what it leaves out and why
     Explain(ExplainArgs),
-    /// Tentacles and mines in two dimensions
+    /// Run tentacles and mines in a two-dimensional drawing
     Plane(PlaneArgs),
-    /// Measures error against run time
+    /// Measure error against run time
     Report(ReportArgs),
     /// A command that another crate has added.
     #[command(skip)]
@@ -102,70 +102,70 @@ pub enum Command {
 /// `fly`'s arguments.
 #[derive(ClapArgs, Clone, Debug, Default)]
 pub struct FlyArgs {
-    /// A scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices; the embedded phantom if left out
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices [default: the embedded phantom]
     pub input: Option<PathBuf>,
     /// Fly without a window
     #[arg(long)]
     pub headless: bool,
-    /// Who steers (the help lists every guide)
+    /// Steering method (`--help` lists them)
     #[arg(long, value_name = "GUIDE")]
     pub guide: Option<String>,
-    /// Where to start: rectum, cecum or X,Y,Z in mm LPS
+    /// Start: rectum, cecum, or X,Y,Z in mm LPS
     #[arg(long, value_name = "P", allow_hyphen_values = true)]
     pub from: Option<Point>,
-    /// Where to arrive
+    /// Goal: rectum, cecum, or X,Y,Z in mm LPS
     #[arg(long, value_name = "P", allow_hyphen_values = true)]
     pub to: Option<Point>,
-    /// Swap the ends
+    /// Swap start and goal
     #[arg(long)]
     pub reverse: bool,
-    /// Simulated seconds at the most (600 headless)
+    /// Limit in simulated seconds [default: 600 if headless]
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub seconds: Option<f64>,
-    /// Frames per simulated second of a recording (30)
+    /// Frames per simulated second in a recording [default: 30]
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     pub fps: Option<f64>,
-    /// Image size (1024x1024)
+    /// Image size in pixels [default: 1024x1024]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
-    /// Image quality (high)
+    /// Image quality [default: high]
     #[arg(long, value_enum)]
     pub quality: Option<QualityName>,
-    /// Which renderer (default)
+    /// Renderer [default: default]
     #[arg(long, value_name = "PRESET")]
     pub preset: Option<String>,
-    /// Where to record: a folder (ends in /), .gif or .mp4
+    /// Record the flight to a folder of PNGs (a name that ends in /), a .gif or a .mp4
     #[arg(long, value_name = "OUT")]
     pub record: Option<String>,
-    /// Where to log each simulation step, as JSON lines
+    /// Log every simulation step as JSON lines
     #[arg(long, value_name = "F.jsonl")]
     pub log: Option<PathBuf>,
-    /// Where to write what the flight took
+    /// Write the flight's outcome, times and memory as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
-    /// Add the share of the wall that was seen to the stats
+    /// Add the fraction of the wall that was seen to the stats
     #[arg(long)]
     pub coverage: bool,
-    /// Keep the operator's input
+    /// Record the operator's input
     #[arg(long, value_name = "F")]
     pub record_input: Option<PathBuf>,
-    /// Repeat an operator's input
+    /// Replay recorded operator input
     #[arg(long, value_name = "F")]
     pub replay: Option<PathBuf>,
-    /// Repeat a flight's log
+    /// Replay a flight from its log
     #[arg(long, value_name = "LOG")]
     pub play: Option<PathBuf>,
-    /// Speed of --play relative to the flight's own
+    /// Speed of --play relative to the original flight
     #[arg(long, value_name = "R", requires = "play", allow_hyphen_values = true)]
     pub rate: Option<f64>,
-    /// A scene file: plugins and settings
+    /// Scene file with plugins and settings
     #[arg(long, value_name = "S.toml")]
     pub scene: Option<PathBuf>,
-    /// The window's panels: the flight alone, the flight and three slices, four slices, or the flight and the slice across the
-    /// way; as they were the last time if left out
+    /// Panels of the window: the flight alone, the flight and three slices, four slices, or the flight and the slice across the
+    /// path [default: as you left them]
     #[arg(long, value_parser = ["flight", "reading", "slices", "across"])]
     pub layout: Option<String>,
-    /// Overlays to draw into the recording, or to show in the window from the beginning (the help of keys lists them)
+    /// Overlays to draw into the recording, or to show when the window opens (the list of keys names them)
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub overlay: Vec<String>,
 }
@@ -173,33 +173,33 @@ pub struct FlyArgs {
 /// `render`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct RenderArgs {
-    /// A scan
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
     pub input: PathBuf,
-    /// The poses, as JSON
+    /// Poses, as JSON
     #[arg(long, value_name = "P.json")]
     pub poses: PathBuf,
-    /// The folder for the images
+    /// Folder for the images
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Image size (1024x1024)
+    /// Image size in pixels [default: 1024x1024]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
-    /// Image quality (high)
+    /// Image quality [default: high]
     #[arg(long, value_enum)]
     pub quality: Option<QualityName>,
-    /// Which renderer (default)
+    /// Renderer [default: default]
     #[arg(long, value_name = "PRESET")]
     pub preset: Option<String>,
-    /// Samples a pixel
+    /// Samples per pixel
     #[arg(long, value_name = "N", value_parser = count)]
     pub samples: Option<usize>,
-    /// Render every frame on its own
+    /// Render every frame from scratch, without reuse of the frame before
     #[arg(long)]
     pub no_reuse: bool,
-    /// Write the depth too, as NumPy files
+    /// Also write depth as NumPy files
     #[arg(long)]
     pub depth: bool,
-    /// Where to write what the frames took
+    /// Write times and sample counts of the frames as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
 }
@@ -207,30 +207,30 @@ pub struct RenderArgs {
 /// `slice`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct SliceArgs {
-    /// A scan; the embedded phantom if left out
+    /// Scan [default: the embedded phantom]
     pub input: Option<PathBuf>,
-    /// The point in the middle of the picture, mm LPS
+    /// Point at the centre of the image, mm LPS
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub at: Triple,
-    /// axial, coronal, sagittal, or the normal of a plane that is seen against it
+    /// axial, coronal, sagittal, or the normal of an oblique plane, which points at the viewer
     #[arg(long, value_name = "PLANE", value_parser = plane, allow_hyphen_values = true)]
     pub plane: SlicePlane,
-    /// The picture: .png (8-bit grey), or .npy (float32 HU)
+    /// Output: .png (8-bit grey) or .npy (float32 HU)
     #[arg(long, value_name = "F")]
     pub out: PathBuf,
-    /// Image size (512x512)
+    /// Image size in pixels [default: 512x512]
     #[arg(long, value_name = "WxH")]
     pub size: Option<Size>,
-    /// Side of a pixel, mm (the scan's least spacing)
+    /// Pixel size in mm [default: the scan's smallest spacing]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     pub mm_per_pixel: Option<f64>,
-    /// HU in the middle of a PNG's greys (0)
+    /// Window level: HU shown as middle grey in a PNG [default: 0]
     #[arg(long, value_name = "L", value_parser = number, allow_hyphen_values = true)]
     pub level: Option<f64>,
-    /// HU from a PNG's black to its white (2000)
+    /// Window width: HU from black to white in a PNG [default: 2000]
     #[arg(long, value_name = "W", value_parser = number, allow_hyphen_values = true)]
     pub window: Option<f64>,
-    /// Thickness in mm, 0 to 20, and what is shown of it: mean, max or min
+    /// Slab thickness in mm, 0 to 20, and its projection: mean, max or min
     #[arg(long, value_name = "MM,KIND", value_parser = slab, allow_hyphen_values = true)]
     pub slab: Option<Slab>,
 }
@@ -238,18 +238,18 @@ pub struct SliceArgs {
 /// `segment`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct SegmentArgs {
-    /// A scan
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
     pub input: PathBuf,
-    /// The mask: 0 outside, 1 gas, 2 tagged fluid
+    /// Output mask: 0 outside, 1 gas, 2 tagged fluid
     #[arg(long, value_name = "MASK")]
     pub out: PathBuf,
-    /// What else is marked: other (3: surely no colon, as lungs and the air outside) and wall (4: the colon's)
+    /// More labels: other (3: certainly not colon, such as lungs and outside air) and wall (4: the colon's wall)
     #[arg(long, value_enum, value_delimiter = ',', value_name = "LABEL,...")]
     pub labels: Vec<LabelName>,
-    /// Take the gas there for the colon, whatever it looks like
+    /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<Triple>,
-    /// Where to write volumes and bounds
+    /// Write volumes and bounds as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
 }
@@ -257,19 +257,19 @@ pub struct SegmentArgs {
 /// `surface`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct SurfaceArgs {
-    /// A scan: the surface of its colon's gas and tagged fluid
+    /// Scan; the surface encloses its colon's gas and tagged fluid
     #[arg(required_unless_present = "mask")]
     pub input: Option<PathBuf>,
-    /// A mask instead of a scan: any voxel that is not 0 is lumen; its steps are smoothed
+    /// Mask to use instead of a scan: every voxel other than 0 is lumen; voxel steps are smoothed
     #[arg(long, value_name = "M.nii.gz")]
     pub mask: Option<PathBuf>,
-    /// The surface, mm LPS, normals out of the lumen: .stl, .ply or .obj
+    /// Output mesh, mm LPS, normals pointing out of the lumen: .stl, .ply or .obj
     #[arg(long, value_name = "F")]
     pub out: PathBuf,
-    /// Take the gas there for the colon, whatever it looks like
+    /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<Triple>,
-    /// Where to write area, volume and times
+    /// Write area, volume and times as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
 }
@@ -277,27 +277,26 @@ pub struct SurfaceArgs {
 /// `centerline`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct CenterlineArgs {
-    /// A scan
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
     #[arg(required_unless_present = "mask")]
     pub input: Option<PathBuf>,
-    /// A mask of the lumen instead of a scan
+    /// Mask of the lumen to use instead of a scan
     #[arg(long, value_name = "M.nii.gz")]
     pub mask: Option<PathBuf>,
-    /// The line: .json, .csv or .mrk.json
+    /// Output: .json, .csv or .mrk.json (a curve for 3D Slicer)
     #[arg(long, value_name = "F")]
     pub out: PathBuf,
-    /// How the line is found: penalised (the default: keeps from walls, moved to the axis), peel-onion (peeled from
-    /// the wall inwards), roadmap (along inscribed balls; minutes on a whole scan) or cell-decomposition (over cells, voxel by
-    /// voxel)
+    /// Method: penalised (default; keeps away from walls, then moves to the axis), peel-onion (peels from the wall inwards),
+    /// roadmap (along inscribed balls; takes minutes on a whole scan) or cell-decomposition (from cell to cell)
     #[arg(long, value_name = "METHOD", value_parser = methods())]
     pub method: Option<CenterlineMethod>,
-    /// Where to start
+    /// Start: rectum, cecum, or X,Y,Z in mm LPS
     #[arg(long, value_name = "P", allow_hyphen_values = true)]
     pub from: Option<Point>,
-    /// Where to end
+    /// End: rectum, cecum, or X,Y,Z in mm LPS
     #[arg(long, value_name = "P", allow_hyphen_values = true)]
     pub to: Option<Point>,
-    /// Where to write length and times
+    /// Write length and times as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
 }
@@ -305,16 +304,16 @@ pub struct CenterlineArgs {
 /// `phantom`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct PhantomArgs {
-    /// The volume; the format follows the ending
+    /// Output volume; the ending selects the format
     #[arg(long, value_name = "V.nii.gz")]
     pub out: PathBuf,
-    /// Where to write the ground truth
+    /// Write the ground truth as JSON
     #[arg(long, value_name = "T.json")]
     pub truth: Option<PathBuf>,
-    /// small, standard or large
+    /// Size of the colon and its voxels
     #[arg(long, value_enum, default_value = "standard")]
     pub size: PhantomSize,
-    /// What it has
+    /// Features to include
     #[arg(long, value_enum, value_delimiter = ',', default_value = "folds,polyps,noise")]
     pub with: Vec<PhantomFeature>,
 }
@@ -322,7 +321,7 @@ pub struct PhantomArgs {
 /// `info`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct InfoArgs {
-    /// A scan
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
     pub input: PathBuf,
 }
 
@@ -332,7 +331,7 @@ pub struct ExplainArgs {
     /// The flight to explain.
     #[command(flatten)]
     pub fly: FlyArgs,
-    /// As JSON
+    /// Print JSON
     #[arg(long)]
     pub json: bool,
 }
@@ -340,16 +339,16 @@ pub struct ExplainArgs {
 /// `plane`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct PlaneArgs {
-    /// A drawn lumen: a PNG (bright is lumen, dark is wall, red the start, green the goal; half a millimetre a pixel), or
+    /// Drawing of a lumen: a PNG (bright is lumen, dark is wall, red is the start, green the goal; 0.5 mm per pixel), or
     /// one of bends, straight, fork, pocket, ring, touching, bridge, polyp, neck, spiral (bends)
     pub lumen: Option<PathBuf>,
-    /// Without a window
+    /// Run without a window
     #[arg(long)]
     pub headless: bool,
-    /// The picture: .png, or .gif for all of the flight
+    /// Output: .png of the end, or .gif of the whole flight
     #[arg(long, value_name = "F")]
     pub out: Option<PathBuf>,
-    /// A scene file: the settings of tentacles, mines, body and watch; its guide must be tentacles
+    /// Scene file with settings of tentacles, mines, body and watch; its guide must be tentacles
     #[arg(long, value_name = "S.toml")]
     pub scene: Option<PathBuf>,
 }
@@ -357,19 +356,19 @@ pub struct PlaneArgs {
 /// `report`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct ReportArgs {
-    /// Which report
+    /// Report to run
     #[arg(value_enum)]
     pub subject: ReportSubject,
-    /// The folder
+    /// Output folder
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Under a minute
+    /// Smaller inputs and fewer repetitions: under a minute
     #[arg(long)]
     pub quick: bool,
-    /// A scan to report on beside the phantom (`render`, `fields`)
+    /// Scan to measure in addition to the phantom (`render`, `fields`)
     #[arg(long, value_name = "F")]
     pub scan: Option<PathBuf>,
-    /// Steps of the perforation test
+    /// Number of steps in the perforation test
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub steps: Option<u64>,
 }
@@ -378,7 +377,7 @@ impl Args {
     /// Reads the arguments of a program that has this to choose from.
     ///
     /// # Errors
-    /// What is wrong with them; also help and version, which are asked for.
+    /// What is wrong with the arguments; also when help or the version is requested.
     pub(super) fn read(args: impl Iterator<Item = OsString>, program: &Program) -> Result<Self, ParseError> {
         let args: Vec<OsString> = args.collect();
         unbuilt::check_command(&args, command_place(&args)).map_err(ParseError::NotBuilt)?;
@@ -396,16 +395,16 @@ impl Args {
     }
 }
 
-/// Why a command line is not followed.
+/// Why a command line was not run.
 #[derive(Debug)]
 pub enum ParseError {
-    /// It is wrong, or asks for help or the version.
+    /// It is invalid, or it requests help or the version.
     Line(clap::Error),
-    /// It names a command that is not built.
+    /// It names a command that does not exist yet.
     NotBuilt(Error),
 }
 
-/// Whether `name` is a command of this crate, built or planned.
+/// True if `name` is a command of this crate, implemented or planned.
 pub(super) fn is_command(name: &str) -> bool {
     name == "help" || unbuilt::is_command(name) || Args::command().get_subcommands().any(|c| c.get_name() == name)
 }
@@ -419,23 +418,23 @@ impl fmt::Display for ParseError {
     }
 }
 
-/// The command line, with what there is to choose from as the values of its options.
+/// The command line, with the catalog's entries as the values of its options.
 fn command(program: &Program) -> clap::Command {
     let catalog = &program.catalog;
     let guides: Vec<_> = catalog.guides.iter().map(|g| (g.name, g.summary)).collect();
     let presets: Vec<_> = catalog.presets.iter().map(|p| (p.name, p.summary)).collect();
     let cameras: Vec<_> = catalog.cameras.iter().map(|c| (c.name, c.summary)).collect();
-    let renders = |c| choices(c, "preset", "Which renderer", &presets);
-    let flies = |c| choices(renders(c), "guide", "Who steers", &guides);
+    let renders = |c| choices(c, "preset", "Renderer", &presets);
+    let flies = |c| choices(renders(c), "guide", "Steering method", &guides);
     let window = |c: clap::Command| c.after_help(keys(program));
     let all = Args::command().subcommands(program.commands.iter().map(|c| c.line()));
-    choices(window(flies(all)), "camera", "Which camera", &cameras)
+    choices(window(flies(all)), "camera", "Camera model", &cameras)
         .mut_subcommand("fly", |c| window(flies(c)))
         .mut_subcommand("explain", flies)
         .mut_subcommand("render", renders)
 }
 
-/// The window's keys, for the help; nothing where there is no window.
+/// The window's keys for the help; empty in builds without a window.
 fn keys(program: &Program) -> String {
     let rows = program.key_help().unwrap_or_default();
     let wide = rows.iter().map(|r| r.0.chars().count()).max().unwrap_or(0);
@@ -450,7 +449,7 @@ fn methods() -> impl TypedValueParser<Value = CenterlineMethod> {
         .map(move |name| named(name).unwrap_or_default())
 }
 
-/// Gives an option its values, each a name and what it is.
+/// Gives an option its values: names with their summaries.
 fn choices(
     command: clap::Command,
     option: &'static str,
@@ -472,19 +471,19 @@ fn choices(
 pub enum QualityName {
     /// Trilinear.
     High,
-    /// A third of the resolution, stretched; with the presets colvis and lean, or if a scene says `low = "nearest"`, the nearest voxel.
+    /// A third of the resolution, enlarged; with the presets colvis and lean, or `low = "nearest"` in a scene, nearest voxel.
     Low,
-    /// What budget and speed allow; at rest, up to the reference.
+    /// As fine as frame time and motion allow; refined to the reference at rest.
     Adaptive,
-    /// Brute force, to measure against.
+    /// Brute force, the ground truth for measurements.
     Reference,
 }
 
-/// What a mask marks beside gas and fluid.
+/// Labels of a mask besides gas and fluid.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum LabelName {
-    /// What is surely no colon: 3.
+    /// Certainly not colon: 3.
     Other,
     /// The colon's wall: 4.
     Wall,
@@ -494,15 +493,15 @@ pub enum LabelName {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum PhantomSize {
-    /// Quick, some 0.7 m of colon.
+    /// Quick to make; about 0.7 m of colon.
     Small,
-    /// An adult's colon at the resolution of a scan.
+    /// An adult colon at CT resolution.
     Standard,
-    /// The same at twice the resolution.
+    /// An adult colon at twice that resolution.
     Large,
 }
 
-/// What a phantom can have.
+/// Features of a phantom.
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum PhantomFeature {
@@ -514,7 +513,7 @@ pub enum PhantomFeature {
     Fluid,
     /// Thin strands across the lumen.
     Bridges,
-    /// Noise of the scanner.
+    /// Scanner noise.
     Noise,
 }
 
@@ -526,7 +525,7 @@ pub enum ReportSubject {
     Render,
     /// Gradient estimators.
     Gradients,
-    /// What leaving out saves.
+    /// Savings from what a scene leaves out.
     Scenes,
     /// Integrators.
     Dynamics,
@@ -538,8 +537,8 @@ pub enum ReportSubject {
     All,
 }
 
-/// Global options may stand before the command too. clap would take the command for an input there, as `colvis INPUT` is
-/// a flight; so the command is moved to the front.
+/// Moves the command to the front, so that global options may precede it. clap would take the command for an input there,
+/// because `colvis INPUT` is a flight.
 fn command_first(mut args: Vec<OsString>, command: &clap::Command) -> Vec<OsString> {
     let at = command_place(&args);
     let is_command = |a: &OsString| command.get_subcommands().any(|c| a.as_os_str() == c.get_name());
@@ -549,7 +548,7 @@ fn command_first(mut args: Vec<OsString>, command: &clap::Command) -> Vec<OsStri
     args
 }
 
-/// Where a command stands: after the global options that begin the line.
+/// Position of the command: after the global options at the start of the line.
 fn command_place(args: &[OsString]) -> usize {
     let mut at = 1;
     while let Some(arg) = args.get(at).and_then(|a| a.to_str()) {
@@ -566,7 +565,7 @@ fn command_place(args: &[OsString]) -> usize {
     at
 }
 
-/// Prints help as it is, anything else as one line: `error: WHAT: WHY; HOW TO MEND`.
+/// Prints help verbatim, and anything else as one line: `error: WHAT: WHY; HINT`.
 pub fn refuse(refused: &ParseError) -> ExitCode {
     let e = match refused {
         ParseError::Line(e) => e,

@@ -244,7 +244,7 @@ fn guarded(work: impl FnOnce() -> Result<()>) -> Result<()> {
 }
 
 /// The program's panic hook: it notes where the first panic happened and prints nothing, or what `usual` prints if
-/// `RUST_BACKTRACE` is set. Of a panic that a [fence](crate::fence) catches it takes no note.
+/// `RUST_BACKTRACE` is set. Panics that [`panics`](crate::panics) catches are ignored.
 fn noting(usual: PanicHook) -> PanicHook {
     Box::new(move |info| {
         if is_catching() {
