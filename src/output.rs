@@ -221,7 +221,7 @@ pub fn check_targets(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
 pub fn check_folders(outputs: &[&Path]) -> Result<()> {
     let is_missing = |p: &&&Path| place(p).parent().is_some_and(|f| !f.is_dir());
     outputs.iter().find(is_missing).map_or(Ok(()), |path| {
-        Err(Error::output(path, "cannot be written (its folder is not there)", "make the folder first"))
+        Err(Error::output(path, "cannot be written (its folder does not exist)", "make the folder first"))
     })
 }
 

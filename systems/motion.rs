@@ -84,7 +84,7 @@ pub fn sum_forces(
     let (mut sum, flight, hand, mut guide, mines) = camera.into_inner();
     if let Some(wrong) = guide.as_deref_mut().and_then(GuideThrust::sanitize) {
         let name = name.map_or("", |n| n.0);
-        note(format!("guide {name}"), format!("gave a {wrong} that is none: it counts as zero"));
+        note(format!("guide {name}"), format!("gave an invalid {wrong}: it counts as zero"));
     }
     let total = acting(flight, hand, guide.as_deref(), mines).sum();
     sum.0 = if total.is_finite() {

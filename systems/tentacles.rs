@@ -15,7 +15,7 @@ use crate::systems::sense;
 
 impl Guide for TentacleSettings {
     const NAME: &'static str = "tentacles";
-    const SUMMARY: &'static str = "feels its way along the walls";
+    const SUMMARY: &'static str = "steers by sensory rays along the walls";
     const KEY: Option<char> = Some('1');
 
     fn check(&self) -> Result<()> {

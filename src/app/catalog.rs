@@ -187,7 +187,11 @@ fn unique(names: &mut [(String, &str)]) -> Result<()> {
 
 /// Two want to have the same thing.
 pub(crate) fn taken(what: &str, first: &str, second: &str, thing: &str) -> Error {
-    Error::usage(what, format!("is taken twice: by {first} and by {second}"), format!("give one another {thing}"))
+    Error::usage(
+        what,
+        format!("is used twice: by {first} and by {second}"),
+        format!("give one of them a different {thing}"),
+    )
 }
 
 /// There is no such thing.

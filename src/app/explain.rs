@@ -56,7 +56,7 @@ pub struct Explanation {
 /// let flight = Scan::phantom(1)?.flight(Scene::guided_by("manual"), &FlightRequest::default())?;
 /// let told = explain(&flight);
 /// assert!(told.step.iter().any(|system| system == "motion::move_body"));
-/// assert!(told.left_out.iter().any(|part| part.part == "tentacles"), "no guide feels its way");
+/// assert!(told.left_out.iter().any(|part| part.part == "tentacles"), "no guide uses sensory rays");
 /// # Ok::<(), colvis::error::Error>(())
 /// ```
 pub fn explain(flight: &FlightApp) -> Explanation {

@@ -45,7 +45,7 @@ fn narrower(kept_mm: f64, asked_mm: f64) -> String {
         mm => format!("it keeps {mm:.1} mm"),
     };
     format!(
-        "no way to the goal keeps {asked_mm:.1} mm from the wall, as the camera needs; {kept}, and may be too narrow"
+        "no path to the goal keeps the {asked_mm:.1} mm from the wall that the camera needs; {kept}, which may be too narrow"
     )
 }
 
@@ -142,7 +142,7 @@ impl Fields {
                     centerline::to_fly(planner, &walls, End::At(ends[0]), End::At(ends[1]), progress)
                 })?;
                 let route = Route::along(&line.points, &line.radius_mm, DVec3::NEG_Y).ok_or_else(|| {
-                    Error::incomplete("path", "its start is its end", "give --from and --to that are apart")
+                    Error::incomplete("path", "start and goal coincide", "give --from and --to that are apart")
                 })?;
                 self.route = Some(PlannedRoute { ends, planner, route: Arc::new(route) });
             }

@@ -112,7 +112,7 @@ pub fn plan(
         let inside = f64::from(crate::render::value(volume, from)) < volume.transfer().iso();
         let at = if inside { from } else { gas };
         if !inside {
-            notes.push(format!("--from {} lies outside the lumen; taken to {}", triple(from), triple(gas)));
+            notes.push(format!("--from {} lies outside the lumen; moved to {}", triple(from), triple(gas)));
         }
         let gas = FlownGas { number, segment: &segment, lumen, own: own.as_deref() };
         let plan = finish(volume, gas, Some(at), request, radius_mm, notes)?;
@@ -198,7 +198,7 @@ fn finish(
             if s == number {
                 let inside = f64::from(crate::render::value(volume, to)) < volume.transfer().iso();
                 if !inside {
-                    notes.push(format!("--to {} lies outside the lumen; taken to {}", triple(to), triple(p)));
+                    notes.push(format!("--to {} lies outside the lumen; moved to {}", triple(to), triple(p)));
                 }
                 (if inside { to } else { p }, ARRIVED_MM)
             } else {
@@ -312,7 +312,7 @@ pub fn no_colon(lumen: &Lumen) -> Error {
         Some(s) => format!("the largest gas in the body is {:.0} ml and {:.0} mm long", s.ml, s.length_mm),
     };
     Error::incomplete(
-        "no colon to fly through",
+        "no colon found to fly through",
         format!("{found} (an unprepared or collapsed colon?)"),
         "start in any gas with --from X,Y,Z",
     )

@@ -181,7 +181,7 @@ impl Scan {
         let [before, now] = [found.segments.len(), lumen.segments.len()];
         let note = (now < before).then(|| {
             format!(
-                "tagged fluid joins segments of gas: it is taken as free and shown as gas ({before} segments become {now})"
+                "tagged fluid joins segments of gas: it counts as free and is shown as gas ({before} segments become {now})"
             )
         });
         Ok(Drained { volume, lumen: Arc::new(lumen), note })
@@ -248,7 +248,7 @@ impl Scan {
 pub fn check_thick(volume: &Volume) -> Result<()> {
     let dims = volume.grid().dims();
     if dims.iter().any(|&d| d < 2) {
-        let why = format!("has {}×{}×{} voxels: no lumen can be found in one slice", dims[0], dims[1], dims[2]);
+        let why = format!("has {}×{}×{} voxels: a single slice has no lumen", dims[0], dims[1], dims[2]);
         return Err(Error::incomplete("volume", why, "give the whole scan; info and render take this one"));
     }
     Ok(())

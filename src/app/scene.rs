@@ -310,7 +310,7 @@ impl Scene {
         if self.operator && self.moves() {
             systems::operator::plugin(app)?;
         } else {
-            app.leave_out("operator", "neither a window nor a recorded input, or nothing that moves");
+            app.leave_out("operator", "no window and no recorded input, or nothing that moves");
         }
         if self.log {
             systems::log::plugin(app)?;
@@ -318,8 +318,8 @@ impl Scene {
             app.leave_out("log", "no --log was asked for");
         }
         for (part, why) in [
-            ("picture", "neither a window nor a recording: no ray is cast for an image"),
-            ("presentation", "neither a window nor a recording: nothing is shown or kept"),
+            ("picture", "no window and no recording: no image is rendered"),
+            ("presentation", "no window and no recording: nothing is presented"),
             ("slices", "no panel shows one"),
         ] {
             app.leave_out(part, why);
@@ -374,7 +374,7 @@ impl Scene {
     fn plug_steering(&self, app: &mut App) -> Result<()> {
         match &self.steering {
             Steering::Nobody => {
-                app.leave_out("guide", "the scene names none: the camera stays where it is");
+                app.leave_out("guide", "the scene has none, so the camera stays in place");
                 app.leave_out("motion", "nothing moves the camera");
             }
             Steering::Guide(name) => {
@@ -394,7 +394,7 @@ impl Scene {
         }
         match self.mines {
             _ if app.camera_get::<Tentacles>().is_none() => {
-                app.leave_out("tentacles", "no guide feels its way");
+                app.leave_out("tentacles", "no guide uses sensory rays");
                 app.leave_out("mines", "no guide that they could push on");
             }
             Some(mines) => systems::mines::plug(app, mines)?,
@@ -422,18 +422,18 @@ impl Scene {
         if !needs.distances {
             let why = match needs.centerline {
                 true => "the centerline is found by it, then it goes: clearances are exact and local",
-                false => "no part of the scene asks for it: clearances are exact and local",
+                false => "nothing in the scene needs it: clearances are exact and local",
             };
             app.leave_out("wall distance field", why);
             let why = match (needs.centerline, feels) {
-                (true, _) => "no part of the scene asks for it: the plan takes its place",
-                (_, true) => "no part of the scene asks for it: mines take its place",
-                _ => "no part of the scene asks for it",
+                (true, _) => "nothing in the scene needs it: the plan takes its place",
+                (_, true) => "nothing in the scene needs it: mines take its place",
+                _ => "nothing in the scene needs it",
             };
             app.leave_out("target distance field", why);
         }
         if !needs.centerline {
-            app.leave_out("centerline", "no part of the scene asks for it");
+            app.leave_out("centerline", "nothing in the scene needs it");
         }
     }
 }

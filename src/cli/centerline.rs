@@ -20,7 +20,7 @@ use crate::volume::Volume;
 /// A point outside the lumen is moved into it within this, mm.
 const SNAP_MM: f64 = 5.0;
 
-/// What the line's file is.
+/// Format of the line's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Json,
@@ -36,7 +36,7 @@ impl Format {
             .find(|(ending, _)| name.ends_with(ending) && name.len() > ending.len())
             .map(|f| f.1)
             .ok_or_else(|| {
-                let why = "its ending names no format of a line";
+                let why = "its ending is not that of a line format";
                 Error::usage(path.display().to_string(), why, "end it in .json, .csv or .mrk.json")
             })
     }
@@ -45,8 +45,8 @@ impl Format {
 /// Runs the command.
 ///
 /// # Errors
-/// Status 2 for an ending that is none or an input beside a mask, 3 when the input cannot be read, 4 when there is no
-/// lumen, no way through it, or the work is interrupted, 5 when an output cannot be written.
+/// Returns status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if there is no lumen or no
+/// path through it, or if interrupted, 5 if an output cannot be written.
 pub fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
     let (input, is_mask) = match (&args.input, &args.mask) {
@@ -153,7 +153,7 @@ fn joined(lumen: &Lumen) -> [DVec3; 2] {
     outermost(lumen, first..last + 1)
 }
 
-/// The line between the points asked for; `ends` are the rectal and the cecal one.
+/// The line between the requested points; `ends` are the rectal and the cecal end.
 fn plan(
     walls: &WallDistance,
     args: &CenterlineArgs,
@@ -184,7 +184,7 @@ fn plan(
     }
 }
 
-/// The longer of two lines, or the one there is.
+/// The longer of two lines, or the only one.
 fn farther([a, b]: [Result<Centerline>; 2]) -> Result<Centerline> {
     match (a, b) {
         (Ok(a), Ok(b)) => Ok(if b.length_mm > a.length_mm { b } else { a }),
@@ -210,7 +210,7 @@ fn write(path: &Path, format: Format, line: &Centerline) -> Result<()> {
     }
 }
 
-/// A curve as 3D Slicer's markups have it.
+/// A curve in the format of 3D Slicer's markups.
 fn markups(line: &Centerline) -> Value {
     let point = |(n, p): (usize, &DVec3)| {
         json!({

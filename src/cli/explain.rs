@@ -11,13 +11,13 @@ use crate::components::slices::SliceView;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-/// A flight with plug-ins is flown for so long to see what they take, simulated seconds.
+/// Simulated seconds that a flight with plug-ins is flown to measure their time.
 const TRIAL_S: f64 = 0.25;
-/// Slices are explained in this size, pixels: about that of a tile in a window of the usual size.
+/// Size of explained slices, pixels: about that of a tile in a window of the usual size.
 #[cfg(feature = "window")]
 const SLICE: [usize; 2] = [400, 300];
 
-/// Builds the flight that `fly` would fly with the same options and says what it is made of.
+/// Builds the flight that `fly` would fly with the same options and prints its parts.
 ///
 /// # Errors
 /// As `fly`'s preparation.

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::io::{self, LoadOptions};
 
-/// Prints what is in an input, as JSON; what there is to say about reading it goes to standard error.
+/// Prints an input's contents as JSON. Notes about reading it go to standard error.
 ///
 /// # Errors
 /// Status 3 when the input cannot be read, 5 when standard output cannot be written.

@@ -41,7 +41,7 @@ pub use clap;
 use own::OwnCommand;
 pub use own::Session;
 
-/// The program `colvis`, with whatever another program adds to it.
+/// The program `colvis`, with everything that another program adds to it.
 ///
 /// ```no_run
 /// # use colvis::dynamics::Body;
@@ -64,14 +64,14 @@ pub use own::Session;
 /// | [`guide`](Self::guide) | a navigation method | `--guide`, its key, scene files |
 /// | [`preset`](Self::preset) | a renderer | `--preset`, `[render] preset` |
 /// | [`camera`](Self::camera) | a camera model | `--camera`, `[render] camera` |
-/// | [`shader`](Self::shader) | what the wall looks like | `[render] shade` |
+/// | [`shader`](Self::shader) | shading of the wall | `[render] shade` |
 /// | [`overlay`](Self::overlay) | marks over the picture | its key, `fly --overlay` |
 /// | `panel` | a part of the window | its key, the menu |
 /// | [`plugin`](Self::plugin) | systems, views, post-processes | every flight |
 /// | [`command`](Self::command) | a command | its name |
 ///
-/// Each of the first six may have settings, in a table of its name in a scene file (an overlay's is `[overlay.NAME]`). Names and
-/// keys that are taken are refused when the program runs.
+/// Each of the first six may have settings in a scene file, in a table with its name (`[overlay.NAME]` for an overlay). Duplicate
+/// names and keys are refused when the program runs.
 #[derive(Clone, Debug, Default)]
 pub struct Program {
     catalog: Catalog,
@@ -113,7 +113,7 @@ impl Program {
 
     /// Adds a panel to the window: to its menu, with the key that shows and hides it and its row of help.
     ///
-    /// One whose name or key is taken is refused when the program runs.
+    /// A duplicate name or key is refused when the program runs.
     #[cfg(feature = "window")]
     #[must_use]
     pub fn panel(mut self, panel: PanelEntry) -> Self {
@@ -127,7 +127,7 @@ impl Program {
         crate::host::window::panels::BUILT_IN.iter().chain(&self.panels).copied().collect()
     }
 
-    /// The window's keys with what they do; nothing where there is no window.
+    /// The window's keys and their actions; empty in builds without a window.
     fn key_help(&self) -> Result<Vec<(String, String)>> {
         #[cfg(feature = "window")]
         return crate::host::window::key_help(&self.catalog.guides, &self.catalog.overlays, &self.all_panels());
@@ -137,21 +137,21 @@ impl Program {
 
     /// Adds a plug-in to every flight: in the window, headless, in `explain` and in `report scenes`.
     ///
-    /// One whose name is taken is refused when the program runs.
+    /// A duplicate name is refused when the program runs.
     #[must_use]
     pub fn plugin(self, plugin: impl Plugin) -> Self {
         Self { catalog: self.catalog.plugin(plugin), ..self }
     }
 
-    /// Adds a command. Its arguments are a type that derives `clap::Args` (your crate depends on the same major version of clap as
-    /// [`clap`] here is, 4, with its feature `derive`); beside them it takes the global options, and `--help` lists it.
+    /// Adds a command. Its arguments are a type that derives `clap::Args` (your crate depends on clap 4, like this one, with the
+    /// feature `derive`). The command also takes the global options, and `--help` lists it.
     ///
     /// ```no_run
     /// use colvis::cli::Program;
     ///
     /// #[derive(clap::Args)]
     /// struct Volume {
-    ///     /// A scan; the embedded phantom if left out
+    ///     /// Scan [default: the embedded phantom]
     ///     input: Option<std::path::PathBuf>,
     /// }
     ///
@@ -174,13 +174,13 @@ impl Program {
         self
     }
 
-    /// Runs the program with the arguments that it was started with, and returns its exit status. Every failure prints exactly
-    /// one line beginning `error: `.
+    /// Runs the program with its command-line arguments and returns its exit status. Every failure prints exactly one line that
+    /// begins with `error: `.
     pub fn run(self) -> ExitCode {
         self.run_from(std::env::args_os())
     }
 
-    /// As [`Program::run`], with these arguments; the first is the program's name.
+    /// Like [`Program::run`], with these arguments; the first is the program's name.
     pub fn run_from<T: Into<OsString>>(self, args: impl IntoIterator<Item = T>) -> ExitCode {
         let reported = |e: &Error| {
             eprintln!("error: {e}");
@@ -199,7 +199,7 @@ impl Program {
     /// Reads a command line; the first argument is the program's name.
     ///
     /// # Errors
-    /// What is wrong with it; also help and version, which are asked for.
+    /// What is wrong with the arguments; also when help or the version is requested.
     pub fn parse<T: Into<OsString>>(
         &self,
         args: impl IntoIterator<Item = T>,
@@ -207,10 +207,10 @@ impl Program {
         Args::read(args.into_iter().map(Into::into), self)
     }
 
-    /// Checks that every name, key and command stands for one thing.
+    /// Checks that no name, key or command is used twice.
     ///
     /// # Errors
-    /// Status 2 for the first that is taken twice, with both of its owners.
+    /// Returns status 2 for the first one that is used twice, and names both owners.
     pub fn check(&self) -> Result<()> {
         self.catalog.check()?;
         let taken = crate::app::catalog::taken;
@@ -228,13 +228,13 @@ impl Program {
     }
 }
 
-/// What is called for every panic.
+/// Type of a panic hook.
 type PanicHook = Box<dyn Fn(&PanicHookInfo<'_>) + Sync + Send>;
 
-/// Where the first panic happened that no fence caught.
+/// Location of the first panic that [`panics`](crate::panics) did not catch.
 static PANICKED_AT: Mutex<Option<String>> = Mutex::new(None);
 
-/// Does the program's work; a panic is a fault of its own, told like any other.
+/// Runs the program's work; turns a panic into an internal error.
 fn guarded(work: impl FnOnce() -> Result<()>) -> Result<()> {
     static NOTING: Once = Once::new();
     NOTING.call_once(|| panic::set_hook(noting(panic::take_hook())));
@@ -260,17 +260,17 @@ fn noting(usual: PanicHook) -> PanicHook {
     })
 }
 
-/// The fault that a panic stands for, which happened at `place`.
+/// The internal error for a panic at `place`.
 fn panicked(panic: &(dyn Any + Send), place: Option<&str>) -> Error {
     let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
     let at = place.map_or_else(String::new, |p| format!(" ({p})"));
     Error::fault("colvis", format!("{}{at}", text.unwrap_or("panicked")), "report it, with the command")
 }
 
-/// The progress of the run under way: what an interrupt cancels.
+/// Progress of the current run; an interrupt cancels it.
 static UNDER_WAY: Mutex<Option<Arc<Progress>>> = Mutex::new(None);
 
-/// Lets an interrupt cancel `progress`, in the place of an earlier run's.
+/// Makes interrupts cancel `progress` instead of an earlier run's.
 fn on_interrupt(progress: &Arc<Progress>) -> Result<()> {
     let run = || UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner);
     let first = run().replace(Arc::clone(progress)).is_none();
@@ -340,13 +340,12 @@ fn run(program: &Program, args: Args) -> Result<()> {
     }
 }
 
-/// Makes this thread one of the `threads` (by default one for each processor) among which its work is parted.
+/// Makes this thread one of the `threads` (default: one per processor) that share its work.
 ///
-/// rayon's common pool would take the work from it and wake all of its own threads, two of which the system often sets on
-/// one processor for some milliseconds: a frame of 6 ms then takes 12. Threads beside this one, which load or plan, keep the
-/// common pool, so that no frame waits for them.
+/// rayon's global pool would move the work to its own threads, and the system often runs two of them on one processor for some
+/// milliseconds: a frame of 6 ms then takes 12. Loading and planning stay on the global pool, so that no frame waits for them.
 ///
-/// A process has its threads for good: a later run with another number of them is refused.
+/// A process keeps its threads: a later run with a different number is refused.
 fn gather_threads(threads: Option<usize>) -> Result<()> {
     static GATHERED: Mutex<Option<(Option<usize>, ThreadPool)>> = Mutex::new(None);
     let mut gathered = GATHERED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -369,7 +368,7 @@ fn gather_threads(threads: Option<usize>) -> Result<()> {
     Ok(())
 }
 
-/// Writes to standard output; a reader that has seen enough (`colvis … | head -1`) is no failure.
+/// Writes to standard output; a reader that closes early (`colvis … | head -1`) is not an error.
 fn print(write: impl FnOnce(&mut dyn std::io::Write) -> std::io::Result<()>) -> Result<()> {
     match write(&mut std::io::stdout().lock()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {

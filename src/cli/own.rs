@@ -12,7 +12,7 @@ use crate::cli::{Program, prepare};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-/// What a command of another crate runs with.
+/// Context of another crate's command.
 pub struct Session<'a> {
     pub(super) program: &'a Program,
     pub(super) global: &'a Global,
@@ -20,23 +20,23 @@ pub struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// Opens a scan by the global options (`--wall`, `--series`, …), or the embedded phantom where there is none. Says what
-    /// there is to say about it.
+    /// Opens a scan with the global options (`--wall`, `--series`, …), or the embedded phantom without an input, and prints notes
+    /// about it.
     ///
     /// # Errors
-    /// Status 2 for options that make no sense, 3 when it cannot be read, 4 when interrupted.
+    /// Returns status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
     pub fn open(&self, input: Option<&Path>) -> Result<Scan> {
         let preset = self.scene().image.preset;
         prepare::open(input, self.global, preset, self.progress)
     }
 
-    /// The default scene with everything that the program has: its guides and plug-ins.
+    /// The default scene with the program's guides and plug-ins.
     pub fn scene(&self) -> Scene {
         let Catalog { guides, plugins, .. } = self.program.catalog.clone();
         Scene { guides, plugins, ..Scene::default() }
     }
 
-    /// What the program has to choose from.
+    /// The program's catalog: guides, presets, cameras, shaders, overlays, plug-ins.
     pub fn catalog(&self) -> &Catalog {
         &self.program.catalog
     }
@@ -46,21 +46,21 @@ impl Session<'_> {
         self.global
     }
 
-    /// How far the work has come; tells of an interrupt.
+    /// Progress of the work; reports interrupts.
     pub fn progress(&self) -> &Arc<Progress> {
         self.progress
     }
 
-    /// Writes to standard output. A reader that has seen enough (`… | head -1`) is no failure.
+    /// Writes to standard output. A reader that closes early (`… | head -1`) is not an error.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn print(&self, text: impl fmt::Display) -> Result<()> {
         super::print(|out| writeln!(out, "{text}"))
     }
 }
 
-/// What a command does with its arguments.
+/// Function that runs a command with its arguments.
 type Run = dyn Fn(&ArgMatches, &Session<'_>) -> Result<()> + Send + Sync;
 
 /// A command of another crate.
@@ -86,7 +86,7 @@ impl OwnCommand {
         Self { name, summary, augment: A::augment_args, run: Arc::new(run) }
     }
 
-    /// The command as the command line knows it.
+    /// The command for the command line.
     pub fn line(&self) -> clap::Command {
         (self.augment)(clap::Command::new(self.name)).about(self.summary)
     }

@@ -12,7 +12,7 @@ use crate::volume::io;
 /// Runs the command.
 ///
 /// # Errors
-/// Status 2 for an ending that no writer takes, 4 when cancelled, 5 when an output cannot be written.
+/// Returns status 2 for an unknown ending, 4 if cancelled, 5 if an output cannot be written.
 pub fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.truth).map(PathBuf::as_path).collect();
     output::check_targets(&[], &outputs)?;

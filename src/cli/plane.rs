@@ -17,16 +17,16 @@ use crate::plane::{Drawing, Flight, PlaneSettings, State, shipped};
 use crate::progress::Progress;
 use crate::schedule::Guide;
 
-/// What a flight through a drawing reads of a scene file.
+/// Tables of a scene file that a flight through a drawing uses.
 const USED: [&str; 5] = ["plugins", "body", "tentacles", "mines", "watch"];
-/// Where the picture goes where there is no display and nothing was asked for.
+/// Path of the picture without a display, if none was requested.
 const FALLBACK: &str = "plane.png";
 
 /// Runs the command.
 ///
 /// # Errors
-/// Status 2 for wrong usage, 3 for a drawing that cannot be used, 4 where the flight calls the operator, 5 where the
-/// picture cannot be written.
+/// Returns status 2 for invalid arguments, 3 for an unusable drawing, 4 if the flight calls the operator, 5 if the picture cannot be
+/// written.
 pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     let named: Vec<&Path> = args.lumen.iter().chain(&args.scene).map(PathBuf::as_path).collect();
     if let Some(out) = &args.out {
@@ -60,11 +60,10 @@ pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     fly(flight, Path::new(FALLBACK), progress)
 }
 
-/// The settings of a scene file, the same as for a flight in a scan. Only tentacles can feel a drawing's walls, and there are
-/// no pictures to render.
+/// The settings of a scene file, as for a flight through a scan. Only tentacles work in a drawing, and nothing is rendered.
 ///
 /// # Errors
-/// Status 3 where it cannot be read, 2 where it is no scene, or one that a drawing cannot be flown by.
+/// Returns status 3 if it cannot be read, 2 if it is not a scene or not one for a drawing.
 fn settings(path: &Path) -> Result<PlaneSettings> {
     let text = std::fs::read_to_string(path)
         .map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), "give a scene file"))?;
@@ -74,18 +73,18 @@ fn settings(path: &Path) -> Result<PlaneSettings> {
     let refuse = |why: String, hint: &str| Err(Error::usage(what(), why, hint));
     if scene.guide_name() != TentacleSettings::NAME {
         let why = match scene.guide() {
-            Some(guide) => format!("is steered by {}, and a drawing is flown by tentacles alone", guide.name),
+            Some(guide) => format!("uses the guide {}, but only tentacles can fly through a drawing", guide.name),
             None => "names no guide: nothing would move".to_owned(),
         };
         return refuse(why, "give a scene with the plugin tentacles, such as assets/scenes/tentacles.toml");
     }
     if scene.picture {
-        return refuse("names render, and a drawing has no picture to render".to_owned(), "leave that plugin out");
+        return refuse("has a [render] table, but a drawing is not rendered".to_owned(), "leave that plugin out");
     }
     let table: toml::Table =
         text.parse().map_err(|e: toml::de::Error| Error::usage(what(), e.message().to_owned(), "see assets/scenes"))?;
     for name in table.keys().filter(|name| !USED.contains(&name.as_str())) {
-        say(&format!("{}: [{name}] has no part in a drawing", path.display()));
+        say(&format!("{}: [{name}] does not apply to a drawing", path.display()));
     }
     let usual = PlaneSettings::default();
     let mut tentacles = scene.guides.get::<TentacleSettings>();
@@ -96,7 +95,7 @@ fn settings(path: &Path) -> Result<PlaneSettings> {
     Ok(PlaneSettings { body: scene.body, tentacles, mines: scene.mines, watch: scene.watch, ..usual })
 }
 
-/// The drawing that was asked for: a shipped one by its name, or a file.
+/// The requested drawing: a shipped one by name, or a file.
 fn drawing(lumen: Option<&Path>) -> Result<Drawing> {
     let Some(path) = lumen else { return Drawing::decode(shipped::DRAWINGS[0].0, shipped::DRAWINGS[0].1) };
     // A file of that name would have an ending.

@@ -1,4 +1,4 @@
-//! What options stand for that several commands have, and what their stats begin with.
+//! Options that several commands share, and the head of their stats.
 
 use glam::DVec3;
 use serde_json::{Map, Value, json};
@@ -19,8 +19,7 @@ use crate::render::{CameraModel, Preset, Quality, Settings, TransferFunction};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
 
-/// Refuses global options that make no sense, whether or not the command has a use for them; `scene` is the scene file of a
-/// flight.
+/// Refuses invalid global options, even if the command ignores them; `scene` is a flight's scene file.
 ///
 /// # Errors
 /// Status 2.
@@ -35,7 +34,7 @@ pub fn check(program: &Program, global: &Global, scene: Option<&Path>) -> Result
     fov(global, named).map(|_| ())
 }
 
-/// The options of reading an input.
+/// Options for reading an input.
 pub fn load_options(global: &Global) -> LoadOptions {
     LoadOptions {
         spacing: global.spacing.map(|s| s.0),
@@ -45,10 +44,10 @@ pub fn load_options(global: &Global) -> LoadOptions {
     }
 }
 
-/// The same, where they make sense.
+/// The same, checked.
 ///
 /// # Errors
-/// Status 2 where they do not.
+/// Returns status 2 if they are invalid.
 fn checked_options(global: &Global) -> Result<LoadOptions> {
     if let Some(h) = global.hu.filter(|h| h.0 >= h.1) {
         return Err(Error::usage("--hu", format!("{} HU is not below {} HU", h.0, h.1), "give black,white"));
@@ -57,30 +56,30 @@ fn checked_options(global: &Global) -> Result<LoadOptions> {
         return Err(Error::usage("--hu", format!("{},{} is not within ±32767 HU", h.0, h.1), "give black,white"));
     }
     if let Some(s) = global.spacing.map(|s| s.0).filter(|s| s.min_element() < 1e-6 || s.max_element() > 1e6) {
-        return Err(Error::usage("--spacing", format!("{s} mm is no voxel of a body"), "give three sizes in mm"));
+        return Err(Error::usage("--spacing", format!("spacing {s} mm is out of range"), "give three sizes in mm"));
     }
     Ok(load_options(global))
 }
 
-/// The ramp that `--wall` asks for.
+/// The opacity ramp of `--wall`.
 ///
 /// # Errors
-/// Status 2 when it is none.
+/// Returns status 2 if it is invalid.
 pub fn transfer(global: &Global) -> Result<TransferFunction> {
     global.wall.map_or(Ok(TransferFunction::default()), |p| TransferFunction::new(p.0 as f32, p.1 as f32))
 }
 
-/// The view angle that `--fov` asks for, degrees, of a camera that has its own limits.
+/// The view angle of `--fov`, degrees, checked against the camera's limits.
 ///
 /// # Errors
-/// Status 2 when it is beyond them.
+/// Returns status 2 if it exceeds them.
 pub fn fov(global: &Global, camera: CameraModel) -> Result<f64> {
     let fov = global.fov.unwrap_or(90.0);
     camera.camera(fov, 1.0).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))?;
     Ok(fov)
 }
 
-/// The renderer's settings that a quality on the command line stands for.
+/// The renderer's settings for a quality on the command line.
 pub fn quality(name: Option<QualityName>) -> Settings {
     match name.unwrap_or(QualityName::High) {
         QualityName::High => Settings::new(Quality::High),
@@ -90,26 +89,26 @@ pub fn quality(name: Option<QualityName>) -> Settings {
     }
 }
 
-/// The renderer that `--preset` asks for, or else the scene.
+/// The renderer of `--preset`, or else of the scene.
 ///
 /// # Errors
-/// Status 2 for one that there is not.
+/// Returns status 2 for an unknown name.
 pub fn preset(program: &Program, named: Option<&str>, scene: Preset) -> Result<Preset> {
     named.map_or(Ok(scene), |name| program.catalog.find_preset(name))
 }
 
-/// The camera that `--camera` asks for, or else the scene.
+/// The camera of `--camera`, or else of the scene.
 ///
 /// # Errors
-/// Status 2 for one that there is not.
+/// Returns status 2 for an unknown name.
 pub fn camera(program: &Program, global: &Global, scene: CameraModel) -> Result<CameraModel> {
     global.camera.as_deref().map_or(Ok(scene), |name| program.catalog.find_camera(name))
 }
 
-/// Opens the input, or the embedded phantom where there is none, ready for a renderer; says what there is to say about it.
+/// Opens the input, or the embedded phantom if there is none, ready to render, and prints notes about it.
 ///
 /// # Errors
-/// Status 2 for options that make no sense, 3 when it cannot be read, 4 when interrupted.
+/// Returns status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
 pub fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<Scan> {
     let options = OpenOptions {
         load: checked_options(global)?,
@@ -124,7 +123,7 @@ pub fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Ar
     Ok(scan)
 }
 
-/// Reads the input as it is; says what there is to say about it.
+/// Reads the input without preparing it, and prints notes about it.
 ///
 /// # Errors
 /// As [`open`].
@@ -135,7 +134,7 @@ pub fn load(input: &Path, global: &Global, progress: &Progress) -> Result<Volume
     Ok(loaded.volume)
 }
 
-/// As [`load`], or makes the embedded phantom where there is no input.
+/// Like [`load`]; without an input it makes the embedded phantom.
 ///
 /// # Errors
 /// As [`open`].
@@ -152,33 +151,33 @@ pub fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &Progres
 /// The colon in a scan.
 ///
 /// # Errors
-/// Status 4 for a volume of one voxel or one slice, or when interrupted.
+/// Returns status 4 for a volume of one voxel or one slice, or if interrupted.
 pub fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
     check_thick(volume)?;
     timings.time("lumen_s", || lumen::find(volume, progress))
 }
 
-/// The colon in a scan; with a place (world, mm) the gas there, whatever it looks like.
+/// The colon in a scan; with a point (world, mm) the gas there, whatever it looks like.
 ///
 /// # Errors
-/// As [`lumen`](fn@lumen), and status 4 when there is no gas at the place.
+/// As [`lumen`](fn@lumen), and status 4 if there is no gas at the point.
 pub fn lumen_from(volume: &Volume, from: Option<DVec3>, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
     let Some(p) = from else { return lumen(volume, timings, progress) };
     check_thick(volume)?;
     timings.time("lumen_s", || lumen::gas_at(volume, p, progress))?.ok_or_else(|| {
-        let why = format!("{:.1},{:.1},{:.1} has no gas of the inside of a body within 5 mm", p.x, p.y, p.z);
+        let why = format!("{:.1},{:.1},{:.1} has no gas inside the body within 5 mm", p.x, p.y, p.z);
         Error::incomplete("--from", why, "give a point in the colon")
     })
 }
 
-/// Says which options had no say.
+/// Prints which options had no effect.
 fn report_unused(path: &Path, volume: &Volume, global: &Global) {
     let own = volume.grid().spacing();
     if global.spacing.is_some_and(|s| s.0 != own) {
-        say(&format!("--spacing is not used: the scan has its own, {own} mm"));
+        say(&format!("--spacing is ignored: the scan has its own, {own} mm"));
     }
     if global.hu.is_some() && path.is_file() {
-        say("--hu is not used: the scan holds HU");
+        say("--hu is ignored: the scan holds HU");
     }
 }
 

@@ -21,7 +21,7 @@ use crate::panics;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Frame, Preset, Reuse, View, renderer};
 
-/// A list of poses, as `--poses` takes it. Other programs' extra fields are none of our business.
+/// A list of poses for `--poses`. Unknown fields are ignored.
 #[derive(Deserialize)]
 struct Poses {
     fov_degrees: Option<f64>,
@@ -38,8 +38,7 @@ struct Pose {
 /// Runs the command.
 ///
 /// # Errors
-/// Status 2 for options that make no sense, 3 for an input that cannot be used, 4 when interrupted, 5 for an output that cannot be
-/// written.
+/// Returns status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be written.
 pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     if args.no_reuse && args.quality == Some(QualityName::Adaptive) {
         let why = "with --quality adaptive each picture goes on from the one before";

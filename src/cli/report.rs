@@ -30,8 +30,7 @@ const ALL: [(ReportSubject, &str); 6] = [
 /// Runs the command.
 ///
 /// # Errors
-/// Status 2 for options that make no sense, 3 for an input that cannot be used, 4 when interrupted, 5 for an output that cannot be
-/// written.
+/// Returns status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be written.
 pub fn run(program: &Program, args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     prepare::transfer(global)?;
     prepare::fov(global, CameraModel::default())?;
@@ -97,12 +96,12 @@ fn scan(path: &Path, global: &Global, progress: &Progress) -> Result<(String, Vo
     Ok((title(path), volume))
 }
 
-/// Only the file's name: a path may tell of a patient.
+/// Only the file's name: a path may identify a patient.
 fn title(path: &Path) -> String {
     path.file_name().map_or_else(|| "Scan".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
-/// The phantom, and the scan where one is given.
+/// The phantom, and the scan if given.
 fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<Vec<Subject>> {
     let size = if args.quick { "small" } else { "standard" };
     let named = format!("Phantom ({size}, seed {})", global.seed.unwrap_or(1));
@@ -115,7 +114,7 @@ fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<V
             let volume = PreparedVolume::new(Arc::new(volume), prepare::transfer(global)?);
             subjects.push(Subject { name: "scan".to_owned(), title: title(scan), volume });
         }
-        None => say("only the phantom is reported on; --scan F adds a scan"),
+        None => say("measures the phantom only; --scan F adds a scan"),
     }
     Ok(subjects)
 }

@@ -16,9 +16,9 @@ use crate::output;
 use crate::progress::Progress;
 use crate::volume::io;
 
-/// The mask's value of what is surely no colon.
+/// Mask value of what is certainly not colon.
 const OTHER: u8 = 3;
-/// The mask's value of the colon's wall.
+/// Mask value of the colon's wall.
 const WALL: u8 = 4;
 
 /// A segment in the stats. Places are world, mm LPS.
@@ -32,7 +32,7 @@ struct Part {
     joined_to: Vec<usize>,
 }
 
-/// Gas that is none of the colon's, in the stats.
+/// Gas outside the colon, in the stats.
 #[derive(Serialize)]
 struct NotColon {
     ml: f64,
@@ -52,8 +52,8 @@ struct Mark {
 /// Runs the command.
 ///
 /// # Errors
-/// Status 3 when the input cannot be read, 4 when it is too flat to have an interior or the work is interrupted, 5 when
-/// an output cannot be written.
+/// Returns status 3 if the input cannot be read, 4 if it is too flat to have an interior or if interrupted, 5 if an output cannot
+/// be written.
 pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
     output::check_targets(&[&args.input], &outputs)?;

@@ -12,10 +12,10 @@ use crate::progress::Progress;
 use crate::render::slice::{Slab, Slice, Windowing};
 use crate::volume::Volume;
 
-/// Rows between two looks at whether the user wants to stop.
+/// Rows between two checks for an interrupt.
 const BAND: usize = 64;
 
-/// What the picture is written as.
+/// Output format of the picture.
 #[derive(Clone, Copy)]
 enum Format {
     Png,
@@ -23,14 +23,14 @@ enum Format {
 }
 
 impl Format {
-    /// The one that a file's ending names.
+    /// The format of a file's ending.
     fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         match ending.as_str() {
             "png" => Ok(Self::Png),
             "npy" => Ok(Self::Npy),
             _ => {
-                let why = "its ending names no format of a slice";
+                let why = "its ending is not that of an image or NumPy file";
                 Err(Error::usage(path.display().to_string(), why, "end it in .png or .npy"))
             }
         }
@@ -40,8 +40,8 @@ impl Format {
 /// Runs the command.
 ///
 /// # Errors
-/// Status 2 for options that make no sense, 3 when the input cannot be read, 4 when the point is outside the scan or the work is
-/// interrupted, 5 when the picture cannot be written.
+/// Returns status 2 for invalid options, 3 if the input cannot be read, 4 if the point is outside the scan or if interrupted, 5 if
+/// the picture cannot be written.
 pub fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
     let usage = |option: &'static str, hint: &'static str| move |why: String| Error::usage(option, why, hint);
@@ -51,7 +51,7 @@ pub fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()>
     let windowing = Windowing::new(args.level.unwrap_or(middle.level()), args.window.unwrap_or(middle.width()))
         .map_err(usage("--window", "give a width in HU such as 400"))?;
     if let Some(s) = args.mm_per_pixel.filter(|s| !(1e-6..=1e6).contains(s)) {
-        let why = format!("{s} mm is no side of a pixel");
+        let why = format!("pixel size {s} mm is out of range");
         return Err(Error::usage("--mm-per-pixel", why, "give a size in mm such as 0.5"));
     }
     let input: Vec<&Path> = args.input.iter().map(PathBuf::as_path).collect();
@@ -88,7 +88,7 @@ pub fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()>
     }
 }
 
-/// Gives the picture's HU to `take`, some rows at a time.
+/// Passes the picture's HU to `take`, a few rows at a time.
 fn bands(
     slice: &Slice,
     volume: &Volume,

@@ -17,8 +17,8 @@ use crate::volume::Volume;
 /// Runs the command.
 ///
 /// # Errors
-/// Status 2 for an ending that is none or an input beside a mask, 3 when the input cannot be read, 4 when there is no lumen
-/// in it or the work is interrupted, 5 when an output cannot be written.
+/// Returns status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if it has no lumen or if
+/// interrupted, 5 if an output cannot be written.
 pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<()> {
     MeshFormat::of(&args.out)?;
     let iso = prepare::transfer(global)?.iso();
@@ -40,7 +40,7 @@ pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<(
     let volume = timings.time("load_s", || prepare::load(input, global, progress))?;
     let (mesh, scan) = if is_mask {
         if global.wall.is_some() {
-            say("--wall is not used: a mask has no values");
+            say("--wall is ignored: a mask has no HU");
         }
         (timings.time("surface_s", || of_mask(&volume, progress))?, None)
     } else {

@@ -1,4 +1,4 @@
-//! Planned commands, options and values that are not built yet: they are refused as such, and never taken for anything else.
+//! Planned commands, options and values that are not built yet. They are refused with that reason and never mistaken for an input.
 
 use std::ffi::OsString;
 
@@ -20,15 +20,15 @@ const VALUES: [(&str, &str); 6] = [
     ("<SUBJECT>", "candidates"),
 ];
 
-/// Refuses a command that is not built; `place` is where a command stands in the line. As an input such a name is told from
-/// the command by its path (`./cleanse`) or by the command before it (`fly cleanse`).
+/// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
+/// (`./cleanse`) or an explicit command (`fly cleanse`).
 ///
 /// # Errors
 /// Status 2.
 pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error> {
     let named = line.get(place).and_then(|a| a.to_str()).and_then(|a| COMMANDS.into_iter().find(|c| *c == a));
     named.map_or(Ok(()), |command| {
-        let why = "this command is not built: it is not in this release";
+        let why = "this command is not built yet";
         Err(Error::usage(
             format!("colvis {command}"),
             why,
@@ -37,12 +37,12 @@ pub(super) fn check_command(line: &[OsString], place: usize) -> Result<(), Error
     })
 }
 
-/// Whether `name` is a planned command that is not built yet.
+/// True if `name` is a planned command that is not built yet.
 pub(super) fn is_command(name: &str) -> bool {
     COMMANDS.contains(&name)
 }
 
-/// The refusal of an option or a value that is not built, where that is what the command line was refused for.
+/// The refusal of an option or value that is not built yet, if that is why the command line was refused.
 pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
     let text = |kind| match e.get(kind) {
         Some(ContextValue::String(s)) => s.as_str(),
@@ -60,5 +60,5 @@ pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
         }
         _ => return None,
     };
-    Some(Error::usage(what, "is not built: it is not in this release", "see colvis --help, or that of the command"))
+    Some(Error::usage(what, "is not built yet", "see colvis --help, or that of the command"))
 }

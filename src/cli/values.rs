@@ -24,9 +24,7 @@ impl FromStr for Point {
         match s.to_ascii_lowercase().as_str() {
             "rectum" => Ok(Self::Rectum),
             "cecum" => Ok(Self::Cecum),
-            _ => {
-                Ok(Self::World(s.parse::<Triple>().map_err(|e| format!("neither rectum nor cecum nor X,Y,Z: {e}"))?.0))
-            }
+            _ => Ok(Self::World(s.parse::<Triple>().map_err(|e| format!("is not rectum, cecum or X,Y,Z: {e}"))?.0)),
         }
     }
 }
@@ -101,7 +99,7 @@ pub fn plane(s: &str) -> Result<SlicePlane, String> {
         "coronal" => SlicePlane::Coronal,
         "sagittal" => SlicePlane::Sagittal,
         _ => {
-            let normal = numbers(s).map_err(|e| format!("neither axial, coronal, sagittal nor NX,NY,NZ: {e}"))?;
+            let normal = numbers(s).map_err(|e| format!("is not axial, coronal, sagittal or NX,NY,NZ: {e}"))?;
             SlicePlane::Oblique(DVec3::from_array(normal))
         }
     };

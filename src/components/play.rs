@@ -61,7 +61,7 @@ impl Playback {
         for (n, l) in lines.iter().enumerate() {
             let mut numbers = l.position.iter().chain(&l.forward).chain(&l.up).chain(&l.velocity);
             if !(l.t.is_finite() && l.clearance_mm.is_finite() && numbers.all(|x| x.is_finite())) {
-                return Err(bad(format!("line {}: holds what is no number", n + 1)));
+                return Err(bad(format!("line {}: contains a value that is not a number", n + 1)));
             }
             if n > 0 && l.t <= lines[n - 1].t {
                 return Err(bad(format!("line {}: goes back in time", n + 1)));

@@ -49,10 +49,10 @@ impl Drawing {
             return refuse(format!("has {} pixels instead of {}", lumen.len(), width * height), "give every pixel");
         }
         if !lumen.contains(&true) {
-            return refuse("holds no lumen: every pixel is dark or transparent".to_owned(), "draw the lumen bright");
+            return refuse("has no lumen: every pixel is dark or transparent".to_owned(), "draw the lumen bright");
         }
         if !lumen.contains(&false) {
-            return refuse("holds no wall: every pixel is bright".to_owned(), "draw the wall dark");
+            return refuse("has no wall: every pixel is bright".to_owned(), "draw the wall dark");
         }
         Ok(Self { width, height, lumen, start: None, goal: None })
     }
@@ -74,7 +74,7 @@ impl Drawing {
     /// # Errors
     /// As [`Drawing::read`].
     pub fn decode(what: &str, bytes: &[u8]) -> Result<Self> {
-        let broken = |e: &ImageError| Error::input(what, format!("is no PNG that can be read ({e})"), "give a PNG");
+        let broken = |e: &ImageError| Error::input(what, format!("is not a readable PNG ({e})"), "give a PNG");
         // The size is in the header: a picture that is too large is refused before any of it is unpacked.
         let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
         let (width, height) = reader().into_dimensions().map_err(|e| broken(&e))?;

@@ -376,7 +376,7 @@ impl App {
         if let Some(other) = self.filled.iter().find(|f| f.slot == slot) {
             return Err(Error::usage(
                 format!("{slot:?}"),
-                format!("both {} and {name} want to be it", other.name),
+                format!("both {} and {name} claim it", other.name),
                 "name one of them in the scene",
             ));
         }

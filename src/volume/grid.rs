@@ -45,7 +45,7 @@ impl Grid {
             return Err(format!("spacing {spacing} mm is not positive and finite"));
         }
         if spacing.min_element() < 1e-6 || spacing.max_element() > 1e6 {
-            return Err(format!("spacing {spacing} mm is not that of a body"));
+            return Err(format!("spacing {spacing} mm is out of range"));
         }
         if !origin.is_finite() || origin.abs().max_element() > 1e9 {
             return Err(format!("origin {origin} mm is not a place"));

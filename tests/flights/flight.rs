@@ -181,7 +181,7 @@ fn real_scan_end_to_end() {
 fn no_colon_to_fly() {
     let Some(scan) = data("abdomen_unprepared.nii.gz") else { return };
     let out = run(&["fly", scan.to_str().unwrap(), "--headless"], 4);
-    assert!(String::from_utf8_lossy(&out.stderr).contains("no colon to fly through"));
+    assert!(String::from_utf8_lossy(&out.stderr).contains("no colon found to fly through"));
     let dir = tempfile::tempdir().unwrap();
     let mask = dir.path().join("m.nii.gz");
     run(&["segment", scan.to_str().unwrap(), "--out", mask.to_str().unwrap()], 0);

@@ -290,7 +290,7 @@ fn a_scene_file_has_the_settings() {
     assert!(told.contains("the time is over"), "{told}");
     // What a drawing has no part for is said.
     let (same, told) = by_scene("bends", Some(&format!("{all}[potential]\nreach_mm = 5")), 0);
-    assert!(same == usual && told.contains("[potential] has no part in a drawing"), "{told}");
+    assert!(same == usual && told.contains("[potential] does not apply to a drawing"), "{told}");
 }
 
 #[test]

@@ -73,12 +73,12 @@ fn files() {
     let table: Vec<(&str, Vec<u8>, &str)> = vec![
         // Anything.
         ("empty.nii", vec![], "is empty"),
-        ("noise.bin", (0..5000u64).map(|i| colvis::math::hash::bits(3, i) as u8).collect(), "no supported format"),
+        ("noise.bin", (0..5000u64).map(|i| colvis::math::hash::bits(3, i) as u8).collect(), "not in a supported format"),
         ("text.txt", b"hello, this is no scan\n".to_vec(), "give NIfTI"),
         ("image.png", b"\x89PNG\r\n\x1a\n_______".to_vec(), "single PNG"),
         ("short.gz", vec![0x1f, 0x8b, 8], "ends early"),
-        ("other.gz", gz(b"some text that is no scan"), "packs no NIfTI"),
-        ("packed.nrrd.gz", gz(&nrrd("short", "short", raw)), "packs no NIfTI"),
+        ("other.gz", gz(b"some text that is no scan"), "does not contain NIfTI"),
+        ("packed.nrrd.gz", gz(&nrrd("short", "short", raw)), "does not contain NIfTI"),
         ("noise.nii.gz", [&[0x1f, 0x8b, 8, 0][..], &[0x77; 300]].concat(), "damaged"),
         // NIfTI.
         ("head.nii", small.bytes()[..300].to_vec(), "bytes of a header of 348"),
@@ -233,7 +233,7 @@ fn dicom() {
     series("sizes", &[at(0.0), Slice { rows: 6, cols: 4, ..at(1.0) }]);
     refused(dir.path(), &["info", "sizes"], 3, "its size");
     series("far", &[at(0.0), at(1.0), at(2.0), at(30000.0)]);
-    refused(dir.path(), &["info", "far"], 3, "spread over");
+    refused(dir.path(), &["info", "far"], 3, "span the space");
     series("nowhere", &[at(0.0), Slice { position: None, ..at(1.0) }]);
     refused(dir.path(), &["info", "nowhere"], 3, "no ImagePositionPatient");
 }

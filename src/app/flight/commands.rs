@@ -98,7 +98,7 @@ impl FlightApp {
     /// A log goes its own way.
     fn refuse_while_playing(&self, what: &str) -> Result<()> {
         if self.scene.play().is_some() {
-            return Err(Error::usage(what, "the flight is a log that is played", "fly without --play"));
+            return Err(Error::usage(what, "the flight replays a log", "fly without --play"));
         }
         Ok(())
     }
@@ -161,7 +161,7 @@ impl FlightApp {
             }
             None => {
                 let at = self.trail().and_then(|t| t.at(share)).ok_or_else(|| {
-                    Error::incomplete("way", "not flown until there, and not planned", "change the guide to path (G)")
+                    Error::incomplete("way", "not flown yet, and no planned route", "change the guide to path (G)")
                 })?;
                 (at.0, at.1.forward, at.1.up)
             }

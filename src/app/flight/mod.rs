@@ -294,7 +294,7 @@ impl FlightApp {
         ]
         .concat();
         let who = if writers.is_empty() { "a system".to_owned() } else { writers.join(" or ") };
-        note(who, "has written what is no place, no direction or no speed: the camera is put back, at rest");
+        note(who, "wrote an invalid position, direction or speed: the camera was put back, at rest");
         let back = self.sound.unwrap_or(Pose {
             position: self.plan.start,
             attitude: plan::first_attitude(&self.volume, self.plan.start, self.plan.goal),

@@ -1,4 +1,4 @@
-//! The files that a flight is repeated from: logs, and what the operator did.
+//! Files that replay a flight: logs and recorded operator input.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -11,14 +11,14 @@ use crate::components::play::{Direction, Playback};
 use crate::error::{Error, Kind, Result};
 use crate::output;
 
-/// Reads a flight's log to be played: one [`LogLine`] a line.
+/// Reads a flight's log for replay: one [`LogLine`] per line.
 pub fn read_log(path: &Path, rate: f64, direction: Direction) -> Result<Playback> {
     let hint = "give a log that --log wrote";
     let bad = |e: Error| if e.kind == Kind::Usage { e } else { Error::file(path, e.why, hint) };
     Playback::new(read_lines::<LogLine>(path, hint)?, rate, direction).map_err(bad)
 }
 
-/// Reads a file with a value on each line, as JSON; empty lines are none.
+/// Reads a file with one JSON value per line; skips empty lines.
 fn read_lines<T: DeserializeOwned>(path: &Path, hint: &str) -> Result<Vec<T>> {
     let unread = |e: std::io::Error| Error::file(path, format!("cannot be read ({})", output::plain(&e)), hint);
     let file = std::fs::File::open(path).map_err(unread)?;
@@ -33,7 +33,7 @@ fn read_lines<T: DeserializeOwned>(path: &Path, hint: &str) -> Result<Vec<T>> {
     Ok(values)
 }
 
-/// Reads an operator's recorded input: one [`TimedCommand`] a line.
+/// Reads recorded operator input: one [`TimedCommand`] per line.
 pub fn read_commands(path: &Path) -> Result<Vec<TimedCommand>> {
     let hint = "give a file that --record-input wrote";
     let commands: Vec<TimedCommand> = read_lines(path, hint)?;
@@ -43,10 +43,10 @@ pub fn read_commands(path: &Path) -> Result<Vec<TimedCommand>> {
     }
 }
 
-/// Writes an operator's input, one [`TimedCommand`] a line.
+/// Writes operator input, one [`TimedCommand`] per line.
 ///
 /// # Errors
-/// Status 5 when it cannot be written.
+/// Returns status 5 if it cannot be written.
 pub fn write_commands(path: &Path, commands: &[TimedCommand]) -> Result<()> {
     output::write_whole(path, |w| {
         for act in commands {

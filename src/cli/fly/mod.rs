@@ -26,9 +26,9 @@ use crate::progress::Progress;
 use crate::render::{CameraModel, Light, Settings};
 use files::{read_commands, read_log, write_commands};
 
-/// Simulated seconds of a headless flight at the most, if `--seconds` does not say otherwise.
+/// Limit of a headless flight in simulated seconds, without `--seconds`.
 const HEADLESS_SECONDS: f64 = 600.0;
-/// What a flight leaves where there is no display and nothing was asked for, and the folder that it is in.
+/// Files that a flight writes without a display if no output was requested, and their folder.
 const SHORT_FILM: &str = "flight/flight.gif";
 const SHORT_LOG: &str = "flight/flight.jsonl";
 const SHORT_FOLDER: &str = "flight";
@@ -36,8 +36,8 @@ const SHORT_FOLDER: &str = "flight";
 /// Runs the command.
 ///
 /// # Errors
-/// Status 2 for options that make no sense, 3 for an input that cannot be used, 4 for a flight that cannot be completed, 5 for
-/// an output that cannot be written.
+/// Returns status 2 for invalid options, 3 for an unusable input, 4 if the flight cannot be completed, 5 if an output cannot be
+/// written.
 pub fn run(program: &Program, args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     check(args)?;
     check_files(args)?;
@@ -64,7 +64,7 @@ pub fn run(program: &Program, args: &FlyArgs, global: &Global, progress: &Arc<Pr
     fly_with(program, &args, global, progress, Extent::Asked)
 }
 
-/// Refuses what makes no sense, before anything is read.
+/// Refuses invalid combinations before anything is read.
 ///
 /// # Errors
 /// Status 2.
@@ -91,7 +91,7 @@ pub fn check(args: &FlyArgs) -> Result<()> {
             ("--record-input", args.record_input.is_some()),
         ] {
             if given {
-                let why = "has no part in a flight that is played again";
+                let why = "does not apply to a replayed flight";
                 return Err(Error::usage(name, why, "leave it out, or fly without --play"));
             }
         }
@@ -99,7 +99,7 @@ pub fn check(args: &FlyArgs) -> Result<()> {
     Ok(())
 }
 
-/// Refuses an input that is not there and outputs that cannot be, before any work is done.
+/// Refuses a missing input and impossible outputs before any work is done.
 fn check_files(args: &FlyArgs) -> Result<()> {
     if let Some(input) = args.input.as_deref().filter(|i| !i.exists()) {
         return Err(Error::file(input, "does not exist", "check the name, or see colvis --help for the commands"));
@@ -124,14 +124,14 @@ fn check_apart(args: &FlyArgs) -> Result<()> {
 pub enum Screen {
     /// In a window.
     Window,
-    /// Nowhere; its pictures may be recorded.
+    /// Not shown; its pictures may be recorded.
     None,
 }
 
-/// The scene that the arguments ask for; options win over the scene file.
+/// The scene of the arguments; options override the scene file.
 ///
 /// # Errors
-/// Status 2 for a scene that makes no sense.
+/// Returns status 2 for an invalid scene.
 pub fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen) -> Result<Scene> {
     let mut scene = match args.scene.as_deref() {
         Some(file) => Scene::read(file, &program.catalog)?,
@@ -162,10 +162,10 @@ pub fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen)
     Ok(scene)
 }
 
-/// The program's overlays with the scene's settings; those that `--overlay` names are shown from the beginning.
+/// The program's overlays with the scene's settings; those of `--overlay` are visible from the start.
 ///
 /// # Errors
-/// Status 2 for an overlay that there is not, or that cannot be drawn.
+/// Returns status 2 for an unknown overlay or one that cannot be drawn.
 fn overlays(program: &Program, args: &FlyArgs, scene: &Scene) -> Result<Vec<Overlay>> {
     for name in &args.overlay {
         program.catalog.find_overlay(name)?;
@@ -181,7 +181,7 @@ fn overlays(program: &Program, args: &FlyArgs, scene: &Scene) -> Result<Vec<Over
     Ok(all.collect())
 }
 
-/// Start and goal that the arguments ask for.
+/// Start and goal of the arguments.
 pub fn request(args: &FlyArgs) -> FlightRequest {
     let place = |p: Point| match p {
         Point::Rectum => Place::Rectum,
@@ -191,11 +191,10 @@ pub fn request(args: &FlyArgs) -> FlightRequest {
     FlightRequest { from: args.from.map(place), to: args.to.map(place), reverse: args.reverse }
 }
 
-/// How images are to be made. Those of a window adapt, whatever the quality: an operator cannot fly by pictures that come
-/// late.
+/// Image settings. A window always adapts its detail, whatever the quality, because an operator cannot steer by late pictures.
 ///
 /// # Errors
-/// Status 2 for a view angle that is none.
+/// Returns status 2 for an invalid view angle.
 fn image_settings(
     program: &Program,
     args: &FlyArgs,
@@ -225,15 +224,15 @@ fn image_settings(
     })
 }
 
-/// Opens the scan that a scene is flown in.
+/// Opens the scan for a scene.
 ///
 /// # Errors
-/// Status 2 for options that make no sense, 3 when it cannot be read, 4 when interrupted.
+/// Returns status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
 pub fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progress>) -> Result<Scan> {
     prepare::open(args.input.as_deref(), global, scene.image.preset, progress)
 }
 
-/// Makes the flight in a scan, and says what there is to say.
+/// Prepares the flight through a scan and prints notes.
 ///
 /// # Errors
 /// As [`Scan::flight`].
@@ -243,7 +242,7 @@ pub fn flight(args: &FlyArgs, scan: &mut Scan, scene: Scene) -> Result<FlightApp
     made
 }
 
-/// Writes what stands for what was flown, whether or not it came to a good end: stats and the operator's input.
+/// Writes stats and operator input of a flight, successful or not.
 fn leave(args: &FlyArgs, flight: &FlightApp, stats: &serde_json::Value) -> Result<()> {
     if let Some(path) = &args.stats {
         output::write_json(path, stats)?;
@@ -254,8 +253,8 @@ fn leave(args: &FlyArgs, flight: &FlightApp, stats: &serde_json::Value) -> Resul
     Ok(())
 }
 
-/// Leaves what there is of a flight that could not set out: an empty log, and stats that say why. What cannot be written is
-/// only noted: the reason why there is no flight is what there is to tell.
+/// Writes an empty log and stats with the reason for a flight that could not start. A failed write is only noted, because the
+/// reason for the missing flight matters more.
 fn leave_unflown(args: &FlyArgs, timings: &Timings, why: &Error) {
     if why.kind == Kind::Incomplete
         && let Err(e) = write_unflown(args, timings, why)
@@ -279,12 +278,12 @@ fn write_unflown(args: &FlyArgs, timings: &Timings, why: &Error) -> Result<()> {
     Ok(())
 }
 
-/// How much of a flight is recorded.
+/// How much of a flight to record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Extent {
-    /// What the options say.
+    /// According to the options.
     Asked,
-    /// A small, quick film of the whole way.
+    /// A small, quick film of the whole flight.
     Short,
 }
 
@@ -324,7 +323,7 @@ fn fly_with(
     };
     let short = extent == Extent::Short;
     if !flight.scene().moves() {
-        say("nothing in the scene moves the camera: it stays where it is");
+        say("nothing in the scene moves the camera, so it stays in place");
     }
     if short {
         output::make_folder(Path::new(SHORT_FOLDER))?;
@@ -358,7 +357,7 @@ fn fly_with(
     headless::outcome(&flight)
 }
 
-/// Says how the flight ended.
+/// Prints how the flight ended.
 fn report(flight: &FlightApp) {
     let f = flight.flight();
     let s = flight.clock().seconds();
@@ -372,7 +371,7 @@ fn report(flight: &FlightApp) {
     }
 }
 
-/// What there is to say of a flight; with a view angle (degrees), also how much of the wall was seen with it.
+/// Stats of a flight; with a view angle (degrees) they include the coverage of the wall.
 fn stats(
     flight: &FlightApp,
     timings: &Timings,

@@ -73,7 +73,7 @@ pub fn fly(
     })
 }
 
-/// How a scan is opened; `flown` is set once it was flown.
+/// How to open a scan; sets `flown` once it was flown.
 fn opening(
     args: &FlyArgs,
     global: &Global,
@@ -119,7 +119,7 @@ fn opening(
     })
 }
 
-/// What a flight in a window takes up from the last time that its scan was open.
+/// What a flight in a window resumes from the last time its scan was open.
 fn resume(args: &FlyArgs) -> Resume {
     let repeats = args.replay.is_some() || args.record_input.is_some() || args.play.is_some();
     let placed = args.from.is_some() || args.to.is_some() || args.reverse;

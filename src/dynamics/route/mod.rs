@@ -226,7 +226,11 @@ impl Route {
     pub fn narrow_place(&self, s: f64, radius_mm: f64) -> Option<String> {
         let least = self.narrowest_ahead(s);
         (least < radius_mm + NARROW_MM).then(|| {
-            format!("the way ahead narrows to {:.1} mm across, the camera has {:.1} mm", 2.0 * least, 2.0 * radius_mm)
+            format!(
+                "the path ahead narrows to {:.1} mm across; the camera needs {:.1} mm",
+                2.0 * least,
+                2.0 * radius_mm
+            )
         })
     }
 }
@@ -314,7 +318,7 @@ mod tests {
         let r = Route::along(&line, &clearance, DVec3::Z).unwrap();
         assert!((r.narrowest_ahead(40.0) - 1.2).abs() < 1e-9 && r.narrowest_ahead(20.0) == 6.0);
         let reported = r.narrow_place(40.0, 1.5).unwrap();
-        assert_eq!(reported, "the way ahead narrows to 2.4 mm across, the camera has 3.0 mm");
+        assert_eq!(reported, "the path ahead narrows to 2.4 mm across; the camera needs 3.0 mm");
         assert!(r.narrow_place(40.0, 0.5).is_none() && r.narrow_place(20.0, 1.5).is_none());
     }
 

@@ -222,7 +222,7 @@ impl FlightController {
     }
 
     fn report_fault(&mut self, e: &Error, now: Instant) {
-        let text = format!("{}: {}; going on without it", e.what, e.why);
+        let text = format!("{}: {}; continuing without it", e.what, e.why);
         // What fails in every step is printed once.
         if self.reported.insert(text.clone()) {
             eprintln!("note: {text}");
@@ -611,7 +611,7 @@ impl FlightController {
                 more.push("Fly on by hand, or R back, N next segment.".to_owned());
             }
             State::Arrived => {
-                more.extend(headless::unflown_text(&self.flight).map(|t| format!("{t} (N flies the next)")));
+                more.extend(headless::unflown_text(&self.flight).map(|t| format!("{t} (N flies to the next)")));
             }
             State::Flying | State::Ended => {}
         }

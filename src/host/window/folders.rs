@@ -77,7 +77,7 @@ pub fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
     if kept.version() == T::VERSION {
         Ok(Some(kept))
     } else {
-        Err(bad(format!("has version {}, not {}", kept.version(), T::VERSION)))
+        Err(bad(format!("has version {}; this program reads version {}", kept.version(), T::VERSION)))
     }
 }
 

@@ -6,7 +6,7 @@ use super::directions::Directions;
 use crate::app::overlay::{Align, Colour, Mark, Place2};
 
 /// One short line of help, shown always.
-const SHORT_HELP: &str = "H keys   Space stop   W A S D fly   drag to look   R back   Q quit";
+const SHORT_HELP: &str = "H keys   Space pause   W A S D steer   drag to look   R turn round   Q quit";
 /// Shown always.
 pub const DISCLAIMER: &str = "Research software. Not for diagnosis.";
 const MARGIN: f32 = 10.0;

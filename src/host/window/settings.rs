@@ -46,7 +46,7 @@ impl Settings {
         if settings.version == VERSION {
             Ok(Some(settings))
         } else {
-            Err(wrong(format!("is of version {}, this program knows {VERSION}", settings.version)))
+            Err(wrong(format!("has version {}; this program reads version {VERSION}", settings.version)))
         }
     }
 }

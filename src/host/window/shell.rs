@@ -195,7 +195,7 @@ impl Shell {
     /// The first of what went wrong.
     pub fn end(mut self) -> Result<()> {
         if let Err(e) = self.workspace.keep() {
-            eprintln!("note: the layout is not kept: {e}");
+            eprintln!("note: the layout was not saved: {e}");
         }
         let unopened = match &self.stage {
             // What was opened in the window was told there.
@@ -222,7 +222,7 @@ impl Shell {
                 if let Some(path) = self.session.take() {
                     let session = Session::of(flight);
                     if let Err(e) = Session::keep(session.as_ref(), &path) {
-                        eprintln!("note: the place of this flight is not kept: {e}");
+                        eprintln!("note: the position of this flight was not saved: {e}");
                     }
                 }
                 let shown = Shown { present_ms: self.presented.summary(), moving: controller.moving() };
@@ -329,7 +329,7 @@ impl Shell {
         // What cannot be taken up must not keep the scan from being opened.
         let along = left.and_then(|left| {
             left.resume(&mut flight, self.resume).unwrap_or_else(|e| {
-                eprintln!("note: the flight does not go on where it was left: {e}");
+                eprintln!("note: the flight does not resume where you left it: {e}");
                 None
             })
         });
@@ -341,7 +341,7 @@ impl Shell {
         if let Some(scan) = &self.opening
             && let Err(e) = self.recent.opened(scan)
         {
-            eprintln!("note: the list of scans is not kept: {e}");
+            eprintln!("note: the list of recent scans was not saved: {e}");
         }
         let mut controller =
             FlightController::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
@@ -355,7 +355,7 @@ impl Shell {
         if let Some(e) = self.unsettled.take() {
             controller.say(format!("{}: {}", e.what, e.why), Instant::now());
         } else if along.is_some() {
-            controller.say("going on where you left (E starts from the end)", Instant::now());
+            controller.say("resumed where you left off (E starts from the other end)", Instant::now());
         }
         self.stage = Stage::Flying(Box::new(controller));
         Ok(())

@@ -422,7 +422,7 @@ impl Behavior<String> for Tiling<'_, '_> {
             shown.panel.ui(context, &mut own, requests);
         });
         if let Err(why) = laid_out {
-            eprintln!("note: panel {} panicked: {why}; it is not shown any more", shown.entry.name);
+            eprintln!("note: panel {} panicked: {why}; it is hidden", shown.entry.name);
             reported(ui, rect, shown.entry.title, &why);
             shown.fault = Some(why);
         }

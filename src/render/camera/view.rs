@@ -122,7 +122,7 @@ impl View {
             Some((v / v.abs().max_element()).normalize_or_zero())
                 .filter(|&u| v.is_finite() && u != DVec3::ZERO)
                 .ok_or_else(|| {
-                    Error::usage("camera", format!("{name} {v} is no direction"), "give three numbers, not all zero")
+                    Error::usage("camera", format!("{name} {v} is not a direction"), "give three numbers, not all zero")
                 })
         };
         let (forward, up) = (unit("forward", forward)?, unit("up", up)?);

@@ -145,7 +145,7 @@ fn detect(path: &Path, progress: &Progress) -> Result<Format> {
         if nifti::recognises(&head) {
             Ok(Format::Nifti)
         } else {
-            Err(Error::file(path, "is gzip that packs no NIfTI", "unpack it first"))
+            Err(Error::file(path, "is gzip, but does not contain NIfTI", "unpack it first"))
         }
     } else if nrrd::recognises(&head) {
         Ok(Format::Nrrd)
@@ -158,7 +158,7 @@ fn detect(path: &Path, progress: &Progress) -> Result<Format> {
     } else if png::recognises(&head) {
         Err(Error::file(path, "is a single PNG", "give the folder of all its slices"))
     } else {
-        Err(Error::file(path, "is of no supported format", SUPPORTED))
+        Err(Error::file(path, "is not in a supported format", SUPPORTED))
     }
 }
 
@@ -202,7 +202,7 @@ fn describe(volume: &Volume) -> Map<String, Value> {
 
 /// The note about voxels that were not finite.
 fn strange_note(count: usize) -> Option<String> {
-    (count > 0).then(|| format!("{count} voxels are not finite and were taken as air"))
+    (count > 0).then(|| format!("{count} voxels are not finite and became air"))
 }
 
 /// Writes a scan; the format follows the ending (.nii, .nii.gz, .mhd, .mha, .nrrd, .nhdr).
@@ -220,7 +220,7 @@ pub fn save(path: &Path, volume: &Volume, progress: &Progress) -> Result<()> {
 pub fn save_mask(path: &Path, grid: &Grid, mask: &[u8], progress: &Progress) -> Result<()> {
     if mask.len() != grid.len() {
         let why = format!("{} labels for {} voxels", mask.len(), grid.len());
-        return Err(Error::fault(path.display().to_string(), why, "report this fault"));
+        return Err(Error::fault(path.display().to_string(), why, "report this as a bug"));
     }
     write::write(path, grid, write::Voxels::Labels(mask), progress)
 }

@@ -69,7 +69,11 @@ fn image_of(path: &Path) -> Result<std::path::PathBuf> {
     let lower = name.to_ascii_lowercase();
     let stem = ["hdr.gz", "hdr", "nii.gz", "nii"].iter().find(|e| lower.ends_with(*e)).map(|e| name.len() - e.len());
     let Some(stem) = stem.and_then(|n| name.get(..n)) else {
-        return Err(Error::file(path, "is the header of a pair but does not end in .hdr", "rename it to .hdr"));
+        return Err(Error::file(
+            path,
+            "is the header of a two-file pair but its name does not end in .hdr",
+            "rename it to .hdr",
+        ));
     };
     let plain = text::data_file(path, &format!("{stem}img"));
     plain.or_else(|missing| text::data_file(path, &format!("{stem}img.gz")).map_err(|_| missing))
@@ -314,7 +318,7 @@ fn grid(path: &Path, c: &Common, dims: [usize; 3], notes: &mut Vec<String>) -> R
         1 => 1000.0,
         3 => 0.001,
         other => {
-            return Err(Error::file(path, format!("xyzt_units {other} is no unit of length"), "correct the header"));
+            return Err(Error::file(path, format!("xyzt_units {other} is not a unit of length"), "correct the header"));
         }
     };
     let spacing = DVec3::from_array(pixdim) * mm;
@@ -341,7 +345,7 @@ fn rotation(path: &Path, c: &Common) -> Result<DMat3> {
     let square = v.length_squared();
     // Single precision leaves a little more than one.
     if !square.is_finite() || square > 1.001 {
-        return Err(Error::file(path, format!("quaternion {:?} is no rotation", c.quatern), "correct the header"));
+        return Err(Error::file(path, format!("quaternion {:?} is not a rotation", c.quatern), "correct the header"));
     }
     let q = DQuat::from_xyzw(v.x, v.y, v.z, (1.0 - square).max(0.0).sqrt()).normalize();
     let mut direction = DMat3::from_quat(q);

@@ -27,7 +27,7 @@ pub fn to_air(volume: Volume, notes: &mut Vec<String>) -> Volume {
     }
     let Volume { grid, mut data } = volume;
     data.par_iter_mut().filter(|v| **v == value).for_each(|v| *v = AIR_HU);
-    notes.push(format!("{value} HU in the corners of the slices is padding and was taken as air"));
+    notes.push(format!("{value} HU in the corners of the slices is padding and became air"));
     Volume { grid, data }
 }
 

@@ -83,7 +83,7 @@ fn format(path: &Path) -> Result<Format> {
         .ok_or_else(|| {
             Error::usage(
                 path.display().to_string(),
-                "its ending names no format that can be written",
+                "its ending does not name a format that can be written",
                 "end it in .nii, .nii.gz, .mha, .mhd, .nrrd or .nhdr",
             )
         })
@@ -128,7 +128,8 @@ fn beside(path: &Path, ending: &str) -> Result<(PathBuf, String)> {
     name.push(".");
     name.push(ending);
     let text = name.to_str().filter(|n| !n.contains(['\n', '\r', '%']) && n.trim() == *n).map(str::to_owned);
-    let text = text.ok_or_else(|| Error::output(path, "its name cannot stand in a header", "choose a plain name"))?;
+    let text =
+        text.ok_or_else(|| Error::output(path, "its name cannot be stored in a header", "choose a plain name"))?;
     Ok((path.with_file_name(name), text))
 }
 

@@ -122,7 +122,7 @@ impl FlightController {
     /// Says that a measure is there for now alone.
     pub(super) fn report_kept(&mut self, kept: Result<()>, now: Instant) {
         if let Err(e) = kept {
-            self.say(format!("not kept: {}: {}", e.what, e.why), now);
+            self.say(format!("not saved: {}: {}", e.what, e.why), now);
         }
     }
 

@@ -26,14 +26,14 @@ impl Panel for MeasuresPanel {
         let hint = match (measures.is_on(), measures.begun()) {
             (true, None) => "Click the first end, in the flight or in a slice.",
             (true, Some(_)) => "Click the other end.",
-            (false, _) if measures.list().is_empty() => "Nothing is measured yet.",
+            (false, _) if measures.list().is_empty() => "No distances yet.",
             (false, _) => "",
         };
         ui.label(egui::RichText::new(hint).color(SOFT));
         ScrollArea::vertical().show(ui, |ui| {
             for (n, m) in measures.list().iter().enumerate() {
                 ui.horizontal(|ui| {
-                    if ui.button("Delete").on_hover_text("take this one away").clicked() {
+                    if ui.button("Delete").on_hover_text("delete this distance").clicked() {
                         requests.delete_measure(n);
                     }
                     let name = format!("{}.  {}", n + 1, m.text());

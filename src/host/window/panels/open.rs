@@ -116,7 +116,7 @@ impl FileList {
         let mut go = None;
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
             if !recent.is_empty() {
-                ui.label(RichText::new("Opened lately").color(SOFT));
+                ui.label(RichText::new("Recent scans").color(SOFT));
             }
             for path in recent {
                 if ui.button(name(path)).on_hover_text(path.display().to_string()).clicked() {

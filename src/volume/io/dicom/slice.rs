@@ -189,7 +189,7 @@ impl Slice {
         if self.file.frames > 1 && own.is_none() {
             return Err(Error::file(
                 path,
-                format!("has {} frames without a place for each", self.file.frames),
+                format!("has {} frames but no position for each", self.file.frames),
                 "export it as single slices or as Enhanced CT",
             ));
         }
@@ -280,7 +280,11 @@ fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Resul
     let samples = root.short(SAMPLES).unwrap_or(1);
     let photometric = root.text(PHOTOMETRIC).unwrap_or_else(|| "MONOCHROME2".to_owned());
     if samples != 1 || !photometric.starts_with("MONOCHROME") {
-        return Err(Error::file(path, format!("holds colours ({photometric}), not HU"), "give slices of grey values"));
+        return Err(Error::file(
+            path,
+            format!("contains colours ({photometric}), not HU"),
+            "give slices of grey values",
+        ));
     }
     let allocated = need(ALLOCATED, "BitsAllocated")?;
     let stored = root.short(STORED).unwrap_or(allocated);

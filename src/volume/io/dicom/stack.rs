@@ -177,7 +177,7 @@ fn without_duplicates(slices: Vec<Slice>, normal: DVec3, notes: &mut Vec<String>
                 if !pixels::same_pixels(last, &s)? {
                     return Err(Error::file(
                         two,
-                        format!("duplicates the place of {} with other values", one.display()),
+                        format!("has the position of {} but other values", one.display()),
                         "keep one of the two slices",
                     ));
                 }
@@ -208,7 +208,7 @@ fn layout(input: &Path, along: &[f64]) -> Result<Layout> {
     if !total.is_finite() || total > 4.0 * along.len() as f64 + 16.0 {
         return Err(Error::file(
             input,
-            format!("its {} slices are spread over the room of {total} (usual distance {usual} mm)", along.len()),
+            format!("its {} slices span the space of {total} (usual distance {usual} mm)", along.len()),
             "export the whole series",
         ));
     }
