@@ -62,7 +62,7 @@ pub enum FlightCommand {
     ViewAngle(f64),
 }
 
-/// A command of the operator, as recorded and replayed. In a file both kinds look alike: the name tells them apart.
+/// A command of the operator, as recorded and replayed. In a file, only the name distinguishes the two kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Command {

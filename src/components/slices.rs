@@ -103,7 +103,7 @@ pub struct SliceView {
 
 /// Extent of a slice across the path, mm.
 const ACROSS_MM: f64 = 100.0;
-/// Maximum pixel size of a moving slice, as a multiple.
+/// Maximum pixel size of a moving slice, as a multiple of the full-resolution pixel size.
 const COARSEST: usize = 8;
 /// Range of magnifications.
 pub const ZOOMS: [f64; 2] = [0.25, 40.0];

@@ -257,7 +257,7 @@ impl App {
         self.world.entity_mut(self.scan)
     }
 
-    /// Returns the camera entity: its pose, the forces on it and its views.
+    /// Returns the camera entity: its pose, its motion and its view.
     pub fn camera(&mut self) -> EntityWorldMut<'_> {
         self.world.entity_mut(self.camera)
     }
@@ -470,7 +470,7 @@ impl App {
         self.outcome()
     }
 
-    /// Returns the faults since the last call, including those outside a schedule: see
+    /// Reports faults since the last call, including those outside a schedule: see
     /// [`report_fault`](super::report_fault).
     ///
     /// # Errors
