@@ -1,5 +1,4 @@
-//! What an arrival means: the segment is flown, and where the goal that was asked for lies in other gas, the operator is
-//! called.
+//! Handles arrivals: marks the segment as flown, and calls the operator if the requested goal is in other gas.
 
 use bevy_ecs::prelude::*;
 
@@ -7,14 +6,14 @@ use crate::components::flight::{Flight, Flown, GoalMissed, State};
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Main};
 
-/// Adds the arrival to the scene; what the flight falls short of is equipment of the camera.
+/// Adds arrival handling to the scene and the components it needs to the camera.
 pub fn plugin(app: &mut App) -> Result<()> {
     app.camera().insert_if_new(Flown::default());
     app.add_systems(FlightSystems::Call, note_arrival);
     Ok(())
 }
 
-/// Notes a segment that was flown to its end, and calls the operator at an end that is not the goal.
+/// Marks a segment flown to its end, and calls the operator if that end is not the goal.
 pub fn note_arrival(camera: Single<(&mut Flight, &mut Flown, &GoalMissed), With<Main>>) {
     let (mut flight, mut flown, goal_missed) = camera.into_inner();
     if flight.state != State::Arrived {

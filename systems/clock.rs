@@ -1,4 +1,4 @@
-//! Simulated time: it is counted in whole steps and goes on at the end of each.
+//! Simulated time, counted in whole steps and advanced at the end of each.
 
 use bevy_ecs::prelude::*;
 
@@ -13,7 +13,7 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// The step is done.
+/// Advances the clock by one step.
 pub fn tick(mut clock: ResMut<Clock>) {
     clock.tick += 1;
 }

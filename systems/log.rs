@@ -1,4 +1,4 @@
-//! Writes down each step.
+//! Logs each step.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -17,8 +17,9 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Appends the step that was just done. What a plug-in has left that is no number stands in no log: the last sound value does, at
-/// first 0.
+/// Appends the step that was just completed.
+///
+/// Values that a plug-in has made non-finite are not logged. The last valid value is logged instead, initially 0.
 pub fn log_step(
     clock: Res<Clock>,
     guide: Res<GuideName>,

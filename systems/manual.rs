@@ -8,7 +8,7 @@ use crate::dynamics::hand::PUSH_MM_S;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Guide};
 
-/// Has no settings.
+/// The settings of the manual guide. It has none.
 #[derive(Clone, Copy, Debug, Default, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Manual {}
@@ -19,7 +19,7 @@ impl Guide for Manual {
     const KEY: Option<char> = Some('4');
     const AUTOMATIC: bool = false;
 
-    /// What a full push holds.
+    /// Returns the speed that a full push holds.
     fn cruise_mm_s(&self, _: &Body) -> f64 {
         PUSH_MM_S
     }
@@ -30,7 +30,7 @@ impl Guide for Manual {
     }
 }
 
-/// Takes back whatever another guide wanted before.
+/// Clears the thrust left by a previous guide.
 pub fn let_drift(mut guides: Query<&mut GuideThrust>) {
     for mut guide in &mut guides {
         *guide = GuideThrust::default();

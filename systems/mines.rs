@@ -1,4 +1,4 @@
-//! Mines: laid behind the camera, pushing it on.
+//! Mines: laid behind the camera, they push it forward.
 
 use bevy_ecs::prelude::*;
 
@@ -12,21 +12,23 @@ use crate::schedule::{App, FlightSystems, Main};
 /// Lets the camera lay mines.
 ///
 /// # Errors
-/// None.
+/// Never fails.
 pub fn plug(app: &mut App, settings: MineSettings) -> Result<()> {
     app.equip((MineField { settings, mines: Mines::default() }, MinePush::default()));
     app.add_systems(FlightSystems::Force, (lay_mines, push_by_mines).chain());
     Ok(())
 }
 
-/// What the mines exert at the camera's place.
+/// Computes the push of the mines at the camera's position.
 pub fn push_by_mines(camera: Single<(&Pose, &MineField, &mut MinePush), With<Main>>) {
     let (pose, field, mut push) = camera.into_inner();
     push.0 = field.mines.push(pose.position, &field.settings);
 }
 
-/// Lays a mine when the camera has come far enough from the last one; where nothing else drives it, the first one at once,
-/// behind the way that it is to set out.
+/// Lays a mine once the camera is far enough from the last one.
+///
+/// If mines alone drive the camera, the first mine is laid immediately, behind the direction in which the camera will set
+/// out.
 pub fn lay_mines(camera: Single<(&Pose, &Heading, &mut MineField, Option<&Tentacles>), With<Main>>) {
     let (pose, heading, mut field, tentacles) = camera.into_inner();
     let MineField { settings, mines } = &mut *field;

@@ -1,28 +1,30 @@
-//! Every scheduled system, one file each: the functions that are scheduled, and what puts them into their sets with the
-//! components that they need.
+//! All scheduled systems, one file each.
+//!
+//! Each file holds the functions that are scheduled, and the code that adds them to their sets together with the
+//! components they need.
 //!
 //! | file | set | what it does |
 //! |---|---|---|
-//! | `operator` | `Input` | the operator's hand: thrust, look, roll, pause |
+//! | `operator` | `Input` | applies operator input: thrust, look, roll, pause |
 //! | `sense` | `Sense` | casts the tentacles |
 //! | `tentacles` | `Guide` | steers by tentacles and mines |
-//! | `potential` | `Guide`, `Answer` | follows the potential of wall and target; lets the wall yield in a trap |
-//! | `path` | `Guide`, `Answer` | holds the body to a planned way; tells of narrow places |
+//! | `potential` | `Guide`, `Answer` | follows the potential of wall and target; weakens the wall in a trap |
+//! | `path` | `Guide`, `Answer` | keeps the body on a planned path; reports narrow places |
 //! | `manual` | `Guide` | leaves the steering to the operator |
-//! | `mines` | `Force` | mines are laid and push |
+//! | `mines` | `Force` | lays mines and computes their push |
 //! | `motion` | `Sum`, `Integrate` | adds up the forces; moves and turns the rigid body |
-//! | `play` | `Integrate` | flies a log again, in place of `motion` |
-//! | `watch` | `Watch`, `Call` | arrival and trouble; calls the operator |
-//! | `arrival` | `Call` | notes what is flown; a goal beyond the gas |
-//! | `trail` | `Trail` | where the flight has been |
-//! | `log` | `Log` | writes down the step |
+//! | `play` | `Integrate` | replays a log, in place of `motion` |
+//! | `watch` | `Watch`, `Call` | detects arrivals and stalls; calls the operator |
+//! | `arrival` | `Call` | marks flown segments; reports a goal beyond the gas |
+//! | `trail` | `Trail` | records where the flight has been |
+//! | `log` | `Log` | logs the step |
 //! | `clock` | `Clock` | counts the steps |
 //! | `raycast` | `RayCast` | traces the image |
 //! | `slices` | `Slices` | draws slices that have changed |
-//! | `present` | `Present` | hands the image to a window or a recording |
+//! | `present` | `Present` | passes the image to a window or a recording |
 //!
-//! To add a navigation method: write a file like `manual`, in which a type of yours implements
-//! [`Guide`](crate::schedule::Guide), and add it to [`guides`].
+//! To add a navigation method, write a file like `manual` with a type that implements [`Guide`](crate::schedule::Guide),
+//! and add that type to [`guides`].
 
 pub mod arrival;
 pub mod clock;
@@ -47,7 +49,7 @@ use crate::dynamics::route::profile::PathSettings;
 use crate::dynamics::tentacles::TentacleSettings;
 use crate::schedule::Guides;
 
-/// The guides of this crate, in the order in which they are listed. The first is the default.
+/// Returns the guides of this crate, in the order in which they are listed. The first is the default.
 pub fn guides() -> Guides {
     Guides::default().with::<TentacleSettings>().with::<Potential>().with::<PathSettings>().with::<manual::Manual>()
 }

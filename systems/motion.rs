@@ -1,4 +1,5 @@
-//! The equations of motion: adds up the forces, moves the rigid body as far as the wall allows, and turns it with its view.
+//! The equations of motion: adds up the forces, moves the rigid body as far as the wall allows, and turns it together
+//! with its view.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -17,12 +18,12 @@ use crate::error::Result;
 use crate::fields::Distance;
 use crate::schedule::{App, FlightSystems, Main, note};
 
-/// How far the view lags behind the way, s, and its greatest rate, rad/s.
+/// Time by which the view lags behind the path, s, and its maximum rate, rad/s.
 const VIEW_S: f64 = 0.45;
 const VIEW_RATE: f64 = 1.8;
-/// How promptly the view follows the operator's hand, and comes to rest without it, 1/s.
+/// How promptly the view follows operator input, and comes to rest without it, 1/s.
 const HAND_TURN_PER_S: f64 = 15.0;
-/// A view that turns slower than this, and by nobody's will, is at rest, rad/s.
+/// A view that turns more slowly than this, without a target or input, counts as at rest, rad/s.
 const STILL_RAD_S: f64 = 1e-6;
 
 /// Adds motion to the camera.
@@ -32,31 +33,32 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// What acts on the body beside its drag, a potential and the wall's contact; accelerations, world mm/s².
+/// The accelerations that act on the body, world mm/s². Drag, a potential and wall contact are not included.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Acting {
-    /// The operator's hand.
+    /// Operator input.
     pub hand: DVec3,
-    /// The guide's push off the wall.
+    /// The guide's push away from the wall.
     pub wall: DVec3,
-    /// The guide's thrust and the mines' push together, held to cruise speed.
+    /// The guide's thrust and the mines' push together, limited to cruise speed.
     pub drive: DVec3,
-    /// The mines' part of that.
+    /// The mines' share of the drive.
     pub mines: DVec3,
 }
 
 impl Acting {
-    /// All of it.
+    /// Returns the total.
     pub fn sum(&self) -> DVec3 {
         self.hand + self.wall + self.drive
     }
 }
 
-/// What acts on a body now. The operator's hand takes the place of the guide's thrust and of the mines, which go and come
-/// again gradually.
+/// Returns the accelerations that act on a body now.
+///
+/// Operator input replaces the guide's thrust and the mines, which fade out and in gradually.
 pub fn acting(flight: &Flight, hand: Option<&Hand>, guide: Option<&GuideThrust>, mines: Option<&MinePush>) -> Acting {
     let mut acting = Acting { hand: hand.map_or(DVec3::ZERO, |h| h.acceleration), ..Acting::default() };
-    // Stopped to look around: drag alone brings the body to rest, and nothing shifts it then.
+    // Paused to look around: drag alone brings the body to rest, and nothing moves it after that.
     let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
     let Some(guide) = guide.filter(|_| !stopped) else { return acting };
     acting.wall = guide.wall;
@@ -64,7 +66,7 @@ pub fn acting(flight: &Flight, hand: Option<&Hand>, guide: Option<&GuideThrust>,
         acting.drive = guide.thrust;
     } else if flight.state == State::Flying {
         let pace = hand.map_or(1.0, Hand::pace);
-        // Mines steer; they must not make the flight faster than it is meant to be.
+        // Mines steer. They must not make the flight faster than intended.
         let mines = mines.map_or(DVec3::ZERO, |m| m.0);
         let drive = guide.thrust + mines;
         acting.drive = drive.clamp_length_max(guide.limit) * pace;
@@ -73,7 +75,7 @@ pub fn acting(flight: &Flight, hand: Option<&Hand>, guide: Option<&GuideThrust>,
     acting
 }
 
-/// Adds up what acts on the body.
+/// Adds up the accelerations that act on the body.
 pub fn sum_forces(
     camera: Single<
         (&mut Acceleration, &Flight, Option<&Hand>, Option<&mut GuideThrust>, Option<&MinePush>),
@@ -95,7 +97,7 @@ pub fn sum_forces(
     };
 }
 
-/// One step of the rigid body, clamped to free space.
+/// Advances the rigid body by one step, limited to free space.
 pub fn move_body(
     clock: Res<Clock>,
     walls: Single<&Walls, With<Main>>,
@@ -120,9 +122,9 @@ pub fn move_body(
     let guided = flight.state == State::Flying && !hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
     let looking = hand.is_some_and(|h| clock.tick < h.looking_until);
     let turning = match guide.filter(|g| guided && !looking && g.look_direction != DVec3::ZERO) {
-        // Where the guide sees the lumen open, with a little of where the body goes, so that the view does not twitch
-        // when two openings are alike.
-        // The operator may roll meanwhile, and the roll stays: the turn towards the way has no part about the view.
+        // Look where the guide sees the lumen open, blended with a little of the direction of motion, so that the view
+        // does not twitch between two similar openings. The operator may roll meanwhile, and the roll stays: the turn
+        // towards the path has no component about the view direction.
         Some(guide) => {
             let towards = Turning::towards(heading.0 * 0.25 + guide.look_direction, VIEW_S, VIEW_RATE);
             Turning { push: hand.map_or(DVec3::ZERO, |h| h.turning) * towards.drag, ..towards }
@@ -144,7 +146,7 @@ pub fn move_body(
     };
     let after = moved.motion;
     velocity.0 = after.momentum / body.mass_g;
-    // What has come to rest stays there to the last bit, so that a still picture is not rendered again.
+    // A body at rest stays there to the last bit, so that a still picture is not rendered again.
     let rate = body.inertia().rate(after.angular, after.orientation * DVec3::Z);
     let still = turning.target == DVec3::ZERO && turning.push == DVec3::ZERO && rate.length() < STILL_RAD_S;
     spin.0 = if still { DVec3::ZERO } else { after.angular };

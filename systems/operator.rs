@@ -1,4 +1,4 @@
-//! The operator's hand: what it pushes, where it looks and how it rolls, whether it stops the flight.
+//! Operator input: push, view direction, roll and pause.
 
 use bevy_ecs::prelude::*;
 use glam::{DVec2, DVec3};
@@ -12,12 +12,12 @@ use crate::dynamics::hand;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Main};
 
-/// The guide waits so long after the last push before it thrusts again, s.
+/// Time after the last push before the guide thrusts again, s.
 const HAND_OFF_S: f64 = 0.4;
-/// The view stays where the operator turned it for so long, s.
+/// Time for which the view stays where the operator turned it, s.
 const LOOK_S: f64 = 1.5;
 
-/// Adds the operator to the camera.
+/// Adds operator input to the camera.
 pub fn plugin(app: &mut App) -> Result<()> {
     app.world.init_resource::<Inbox>();
     app.camera().insert_if_new(Hand::default());
@@ -25,7 +25,7 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Applies the commands due in this step, and says what the hand that is held asks for.
+/// Applies the commands due in this step, then updates the push and turn that are held down.
 pub fn take_commands(
     clock: Res<Clock>,
     mut inbox: ResMut<Inbox>,
@@ -60,7 +60,7 @@ pub fn take_commands(
             }
             HandCommand::Speed(s) if s.is_finite() => operator.speed = s.clamp(0.1, 5.0),
             HandCommand::Resume => touched = true,
-            // No number: nothing to turn by, and no speed.
+            // Not a finite number: ignore the turn or the speed.
             HandCommand::Look(_) | HandCommand::Roll(_) | HandCommand::Speed(_) => {}
         }
     }
@@ -68,7 +68,7 @@ pub fn take_commands(
     if operator.turn != DVec3::ZERO {
         operator.turned_until = after(LOOK_S);
     }
-    // Who only rolls looks where the flight does: the view goes on following the way.
+    // Rolling alone does not change the view direction, so the view keeps following the path.
     if operator.turn.truncate() != DVec2::ZERO {
         operator.looking_until = after(LOOK_S);
     }
@@ -78,13 +78,13 @@ pub fn take_commands(
     if push != DVec3::ZERO {
         operator.on_until = after(HAND_OFF_S);
         touched = true;
-        // The guide goes on from where the hand leaves it, in the hand's direction.
+        // The guide resumes from where the operator releases control, in the direction of the push.
         heading.0 = push.normalize_or_zero();
     }
     let away = operator.paused || clock.tick < operator.on_until || flight.state != State::Flying;
     operator.guided = if away { hand::let_go } else { hand::take_up }(operator.guided, clock.dt());
     if touched {
-        // What the operator does is no circling, and mines laid on the way there must not forbid it.
+        // Operator input is not circling, and mines laid on the way there must not block it.
         if let Some(w) = watch.as_mut() {
             w.rescue.restart();
         }

@@ -1,4 +1,4 @@
-//! The guide that follows a plan: a force holds the body to where it should be on its way.
+//! The guide that follows a plan: a force keeps the body at its planned position.
 
 use std::sync::Arc;
 
@@ -17,17 +17,17 @@ use crate::dynamics::{self};
 use crate::error::{Error, Result};
 use crate::schedule::{App, FlightSystems, Guide, Main, Needs};
 
-/// Who holds the body to the plan.
+/// Keeps the body on its plan.
 #[derive(Component, Clone, Debug)]
 pub struct PathFollower {
     settings: PathSettings,
-    /// None while somebody else has the body.
+    /// The follower of the route; `None` while the guide does not have control.
     follower: Option<RouteFollower>,
-    /// World mm/s, before the last step; none where the body was not moved from then to now.
+    /// Velocity before the last step, world mm/s; `None` if the body was not moved in between.
     velocity_before: Option<DVec3>,
-    /// What was asked of the body last, world mm/s².
+    /// The last acceleration commanded, world mm/s².
     last: DVec3,
-    /// Jumps of the plan that are known.
+    /// The number of jumps of the plan handled so far.
     jumps: u32,
 }
 
@@ -63,7 +63,9 @@ impl Guide for PathSettings {
     }
 }
 
-/// Asks of the body what the plan wants. Whenever somebody else has had it, the plan is taken up from its nearest place.
+/// Commands the acceleration that the plan requires.
+///
+/// After an interruption, the plan is joined again at its nearest reachable position.
 pub fn guide_by_plan(
     clock: Res<Clock>,
     walls: Single<&Walls, With<Main>>,
@@ -86,7 +88,7 @@ pub fn guide_by_plan(
     if away || flight.state != State::Flying {
         *follower = None;
         *s_mm = route.nearest_reachable(&walls.0, pose.position);
-        // What was asked last is let go of, not dropped.
+        // Fade out the last command instead of dropping it.
         guide.thrust = *last * hand.filter(|_| away).map_or(0.0, Hand::share);
         return;
     }
@@ -108,7 +110,7 @@ pub fn guide_by_plan(
     }
 }
 
-/// Tells the operator where a plan leads to a place that the body does not fit through.
+/// Replaces the reason of a call for help if the plan leads to a place that the body does not fit through.
 pub fn report_narrow_place(camera: Single<(&Body, &Planned, &mut HelpCall), With<Main>>) {
     let (body, planned, mut call) = camera.into_inner();
     if let Some(help) = &mut call.0

@@ -1,4 +1,4 @@
-//! Flies a log again: the camera is where the log says, nothing pushes it.
+//! Replays a log: the camera follows the logged poses, and no force acts on it.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -14,21 +14,21 @@ use crate::schedule::{App, FlightSystems, Main};
 /// Puts a log in the guide's place.
 ///
 /// # Errors
-/// None.
+/// Never fails.
 pub fn plug(app: &mut App, play: &Playback) -> Result<()> {
     app.camera().insert_if_new(play.clone());
     app.add_systems(FlightSystems::Integrate, follow_log);
     Ok(())
 }
 
-/// Takes the camera to where the log has it after this step; the operator may stop, hurry and look around.
+/// Moves the camera to its logged pose after this step. The operator may pause, change the speed and look around.
 pub fn follow_log(
     clock: Res<Clock>,
     camera: Single<(&mut Pose, &mut Velocity, &mut Contact, &mut Flight, &mut Playback, Option<&Hand>), With<Main>>,
 ) {
     let (mut pose, mut velocity, mut contact, mut flight, mut play, hand) = camera.into_inner();
     let looking = hand.filter(|h| clock.tick < h.turned_until);
-    // What a mouse turns is turned already; keys turn as long as they are held, also while the log rests.
+    // Mouse turns are already applied. Keys turn the view as long as they are held, even while the log is paused.
     if let Some(turning) = looking.map(|h| h.turning).filter(|t| *t != DVec3::ZERO) {
         pose.attitude.rotate(turning.normalize(), turning.length() * clock.dt());
     }
@@ -47,7 +47,7 @@ pub fn follow_log(
     velocity.0 = now.velocity * speed;
     *contact = Contact { clearance_mm: now.clearance_mm, ..Contact::default() };
     if over {
-        // Whatever ended the flight that was logged: it has been shown to its end.
+        // However the logged flight ended, it has been shown to its end.
         flight.state = if play.last_state() == State::Arrived { State::Arrived } else { State::Ended };
         flight.place = now.position;
     }

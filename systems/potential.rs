@@ -15,20 +15,20 @@ use crate::dynamics::{self, Potential};
 use crate::error::{Error, Result};
 use crate::schedule::{App, FlightSystems, Guide, Main, Needs};
 
-/// In a trap the wall's strength is this share of itself, until the target's pull has led out of it.
+/// Factor on the wall's strength in a trap, until the target's pull has led the body out.
 const YIELDING: f64 = 0.02;
-/// The wall yields so often in one flight, for so long, s.
+/// How often the wall yields in one flight, and for how long, s.
 const YIELDS: u32 = 6;
 const YIELD_S: f64 = 4.0;
 
-/// What the guide was asked for: in a trap the field itself differs for a while.
+/// The requested potential. In a trap, the field differs from it for a while.
 #[derive(Component, Clone, Copy, Debug)]
 pub struct YieldingPotential {
     /// `C_t`, `C_s`, `p`.
     potential: Potential,
-    /// How often the wall's strength has yielded to lead out of a trap.
+    /// How often the wall has yielded to lead the body out of a trap.
     yields: u32,
-    /// It yields until this tick.
+    /// The wall yields until this tick.
     yields_until: u64,
 }
 
@@ -60,7 +60,7 @@ impl Guide for Potential {
     }
 }
 
-/// Tells the view where the target draws it. The potential itself acts within the step of the body.
+/// Directs the view towards the target. The potential itself acts in the body's step.
 pub fn guide_by_potential(
     clock: Res<Clock>,
     camera: Single<(&Pose, &Body, &YieldingPotential, &mut PotentialField, &mut GuideThrust), With<Main>>,
@@ -75,8 +75,9 @@ pub fn guide_by_potential(
     *guide = GuideThrust { limit, look_direction, ..GuideThrust::default() };
 }
 
-/// A local minimum of V is one of the wall's making, as D_t has none: before the operator is called, the wall's strength
-/// yields for some seconds. The step still cannot perforate.
+/// Weakens the wall for a few seconds before the operator is called.
+///
+/// D_t has no local minima, so the wall causes any local minimum of V. The step still cannot perforate.
 pub fn yield_to_trap(
     clock: Res<Clock>,
     camera: Single<(&mut YieldingPotential, &mut HelpCall, Option<&mut Watch>, &mut Flight), With<Main>>,

@@ -1,4 +1,4 @@
-//! Hands finished pictures to what shows or keeps them: the window's framebuffer, a recording.
+//! Passes finished pictures to a presenter: the window's framebuffer or a recording.
 
 use std::any::Any;
 use std::sync::{Mutex, PoisonError};
@@ -13,22 +13,26 @@ use crate::panics;
 use crate::render::Frame;
 use crate::schedule::{App, FlightSystems, Slot, book_time, report_fault};
 
-/// A place that a view's pictures go to. It stays on its thread.
+/// A destination for a view's pictures. It stays on its thread.
 pub trait Presenter: Any {
-    /// Its name, for messages.
+    /// Returns the name used in messages.
     fn name(&self) -> &'static str;
 
-    /// Takes the picture as it is now. Called in each frame, also when nothing new was traced (`picture.traced` is false
-    /// then, and so it is where something over the picture has changed): what it has shown already it need not show again.
+    /// Takes the current picture.
+    ///
+    /// Called every frame, even when nothing new was traced. `picture.traced` is then false, and it is also false if only
+    /// an overlay has changed. A presenter need not show a picture again that it has already shown.
     fn present(&mut self, picture: &Picture);
 
-    /// Takes a slice that is to be shown beside the pictures to come, whenever it has changed. A presenter that shows none does nothing.
+    /// Takes a slice to show beside the following pictures, whenever it has changed.
+    ///
+    /// Does nothing by default, for presenters that show no slices.
     fn beside(&mut self, slice: Entity, frame: &Frame) {
         let _ = (slice, frame);
     }
 }
 
-/// The presenters, by the entities whose pictures they take: a resource of the world that stays on its thread.
+/// The presenters, with the entities whose pictures they take. A resource of the world that stays on its thread.
 #[derive(Default)]
 pub struct Presenters(Vec<(Entity, Box<dyn Presenter>)>);
 
@@ -47,28 +51,28 @@ impl Presenters {
     }
 }
 
-/// Adds the system that hands pictures on.
+/// Adds the system that passes pictures to presenters.
 ///
 /// # Errors
-/// Status 2 when there is another one.
+/// Returns status 2 if another plugin has already added such a system.
 pub fn plugin(app: &mut App) -> Result<()> {
     app.fill(Slot::Presentation, "presenters")?;
     app.add_systems(FlightSystems::Present, present_pictures);
     Ok(())
 }
 
-/// The presenter of a view, if it is a `P`.
+/// Returns the presenter of a view, if it is a `P`.
 pub fn presenter<P: Presenter>(app: &mut App, view: Entity) -> Option<Mut<'_, P>> {
     let presenters = app.world.get_non_send_mut::<Presenters>()?;
     presenters.filter_map_unchanged(|p| p.get_mut(view))
 }
 
-/// Takes the presenter of a view away, if it is a `P`.
+/// Removes and returns the presenter of a view, if it is a `P`.
 pub fn take<P: Presenter>(app: &mut App, view: Entity) -> Option<P> {
     app.world.get_non_send_mut::<Presenters>()?.take(view)
 }
 
-/// Hands a view's picture to its presenter again, outside a frame: for something new that lies over it.
+/// Passes a view's picture to its presenter again, outside a frame: for a new overlay.
 pub fn present_again(app: &mut App, view: Entity) {
     let Some(mut presenters) = app.world.remove_non_send::<Presenters>() else { return };
     if let Some(picture) = app.world.get::<Picture>(view) {
@@ -77,9 +81,9 @@ pub fn present_again(app: &mut App, view: Entity) {
     app.world.insert_non_send(presenters);
 }
 
-/// Gives a view the presenter that its pictures go to from now on, in the place of another one.
+/// Sets the presenter of a view's pictures, replacing any previous one.
 ///
-/// A presenter stays on the thread that calls this; a plug-in uses [`plug`].
+/// A presenter stays on the thread that calls this function; plug-ins use [`plug`].
 pub fn hand_to(app: &mut App, view: Entity, presenter: impl Presenter) {
     hand_over(app, view, Box::new(presenter));
 }
@@ -94,18 +98,19 @@ fn hand_over(app: &mut App, view: Entity, presenter: Box<dyn Presenter>) {
     presenters.0.sort_by_key(|(e, _)| e.index_u32());
 }
 
-/// Presenters of plug-ins, until the thread that runs frames takes them over.
+/// Presenters of plug-ins that wait for the thread that runs frames to take them over.
 #[derive(Resource)]
 pub struct Waiting(Mutex<Vec<(Entity, Box<dyn Presenter + Send>)>>);
 
-/// Gives a view a presenter from within a plug-in: it may be built on another thread than the one that runs frames, and goes there
-/// with the first of them.
+/// Sets the presenter of a view from within a plug-in.
+///
+/// The presenter may be created on another thread than the one that runs frames, and moves there with the first frame.
 pub fn plug(app: &mut App, view: Entity, presenter: impl Presenter + Send) {
     let mut waiting = app.world.get_resource_or_insert_with(|| Waiting(Mutex::default()));
     waiting.0.get_mut().unwrap_or_else(PoisonError::into_inner).push((view, Box::new(presenter)));
 }
 
-/// Takes over the presenters that plug-ins have given: on the thread that runs frames.
+/// Takes over the presenters that plug-ins have set. Call it on the thread that runs frames.
 pub fn take_over(app: &mut App) {
     let Some(waiting) = app.world.remove_resource::<Waiting>() else { return };
     for (view, presenter) in waiting.0.into_inner().unwrap_or_else(PoisonError::into_inner) {
@@ -113,7 +118,7 @@ pub fn take_over(app: &mut App) {
     }
 }
 
-/// Hands each view's picture to its presenter, in the order of the entities.
+/// Passes each view's picture to its presenter, in the order of the entities.
 pub fn present_pictures(
     presenters: Option<NonSendMut<Presenters>>,
     pictures: Query<&Picture>,
@@ -129,11 +134,11 @@ pub fn present_pictures(
     presenters.0.retain_mut(|(view, presenter)| pictures.get(*view).map_or(true, |p| presents(&mut **presenter, p)));
 }
 
-/// Hands a picture to a presenter; whether it did not panic. One that has is not asked again.
+/// Passes a picture to a presenter. Returns false if the presenter panicked; it is then not called again.
 fn presents(presenter: &mut dyn Presenter, picture: &Picture) -> bool {
     let begun = Instant::now();
     let presented = panics::catch(|| presenter.present(picture));
-    // This crate's own are told in other figures.
+    // The presenters of this crate are measured elsewhere.
     if !["window", "recording"].contains(&presenter.name()) {
         book_time(format!("presenter {}", presenter.name()), begun.elapsed().as_secs_f64() * 1e3);
     }

@@ -12,20 +12,20 @@ use crate::panics;
 use crate::render::{CameraModel, Options, PreparedVolume, Preset, ShaderModel, View, camera, presets, shaders};
 use crate::schedule::{App, FlightSystems, Main, Phase, Slot, book_time, note, report_fault};
 
-/// Plugs the ray caster into the renderer's slot.
+/// Adds the ray caster to the renderer slot.
 ///
 /// # Errors
-/// Status 2 when there is another one.
+/// Returns status 2 if the slot is already filled.
 pub fn plugin(app: &mut App) -> Result<()> {
     app.fill(Slot::Renderer, "ray caster")?;
     app.add_systems(FlightSystems::RayCast, cast_pictures);
     Ok(())
 }
 
-/// Gives pictures back their size after post-processes: for scenes that have any.
+/// Restores the size of pictures after post-processes, for scenes that have any.
 ///
 /// # Errors
-/// Status 2 when something else does.
+/// Returns status 2 if the slot is already filled.
 pub fn keep_sizes_plugin(app: &mut App) -> Result<()> {
     app.fill(Slot::PictureSize, "picture sizes")?;
     let between = keep_sizes.after(FlightSystems::PostProcess).before(FlightSystems::Present);
@@ -33,17 +33,19 @@ pub fn keep_sizes_plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Gives each picture back the size that it was traced in.
+/// Restores each picture to the size that it was traced in.
 pub fn keep_sizes(mut pictures: Query<&mut Picture>) {
     pictures.iter_mut().for_each(|mut picture| picture.keep_size());
 }
 
-/// What makes up a view.
+/// The components of a view.
 type Views<'w, 's> =
     Query<'w, 's, (&'static mut Picture, &'static mut FrameCache, Option<&'static Pose>, Option<&'static Follows>)>;
 
-/// Renders every view that is due, in the order of the entities: the camera's first, others as they were spawned. A view
-/// without a pose, or of an entity that is no scan, keeps its image.
+/// Renders every view that is due, in the order of the entities: the camera's first, then the others in the order in
+/// which they were spawned.
+///
+/// A view without a pose, or with an entity that is not a scan, keeps its image.
 pub fn cast_pictures(
     main: Query<Entity, With<Main>>,
     scans: Query<&Scan>,
@@ -84,14 +86,14 @@ pub fn cast_pictures(
                 continue;
             }
         };
-        // Where `Aim` has moved it, it is another picture.
+        // If `Aim` has moved it, it is a different picture.
         if !due && picture.view.as_ref() == Some(&view) {
             continue;
         }
         match panics::catch(|| trace(picture, &mut cache, &scan.0, &view)) {
             Ok(()) => (picture.view, picture.traced) = (Some(view), true),
             Err(why) => {
-                // Whatever it keeps may be half done, and the frame too.
+                // The cache and the frame may be incomplete.
                 *cache = FrameCache::default();
                 picture.frame.resize(width, height);
                 report_fault(makers(picture), why);
@@ -117,7 +119,7 @@ fn trace(picture: &mut Picture, cache: &mut FrameCache, scan: &PreparedVolume, v
     }
 }
 
-/// Goes on with what this crate has: something of another crate has panicked, and would again.
+/// Falls back to this crate's parts: a part of another crate has panicked, and would panic again.
 fn fall_back(picture: &mut Picture) {
     picture.preset = Preset::default();
     picture.settings.shader = ShaderModel::default();
@@ -126,12 +128,12 @@ fn fall_back(picture: &mut Picture) {
     picture.fov_degrees = picture.camera.clamp_fov(picture.fov_degrees).unwrap_or(90.0);
 }
 
-/// What of other crates takes part in a picture; its preset where there is nothing.
+/// Returns the parts of other crates used for a picture, or its preset if there are none.
 fn makers(picture: &Picture) -> String {
     own_makers(picture).unwrap_or_else(|| format!("preset {}", picture.preset.name))
 }
 
-/// What of other crates takes part in a picture.
+/// Returns the parts of other crates used for a picture.
 fn own_makers(picture: &Picture) -> Option<String> {
     let preset = (!presets::BUILT_IN.contains(&picture.preset)).then(|| format!("preset {}", picture.preset.name));
     let shader = picture.settings.shader.name;

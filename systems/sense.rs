@@ -1,4 +1,4 @@
-//! Feels the surroundings: tentacles are rays like those of the image, but only their length is of interest.
+//! Senses the surroundings. Tentacles are rays like those of the image, but only their length matters.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -12,24 +12,24 @@ use crate::error::Result;
 use crate::render::{PreparedVolume, first_crossing};
 use crate::schedule::{App, FlightSystems, Main};
 
-/// Gives the camera tentacles: for any guide that feels its way.
+/// Gives the camera tentacles, for any guide that uses them.
 ///
 /// # Errors
-/// None.
+/// Never fails.
 pub fn plug(app: &mut App, settings: TentacleSettings) -> Result<()> {
     app.equip(Tentacles::new(settings));
     app.add_systems(FlightSystems::Sense, cast_tentacles);
     Ok(())
 }
 
-/// Casts every tentacle from where the camera is.
+/// Casts all tentacles from the camera's position.
 pub fn cast_tentacles(scan: Single<&Scan, With<Main>>, camera: Single<(&Pose, &mut Tentacles), With<Main>>) {
     let (pose, mut tentacles) = camera.into_inner();
     let Tentacles { settings, directions, lengths, .. } = &mut *tentacles;
     cast(&scan.0, pose.position, directions, settings.reach_mm, lengths);
 }
 
-/// How far a place (world mm) is free along each of the unit `directions`, mm, `reach` at the most.
+/// Measures the free length from a point `at` (world mm) along each of the unit `directions`, mm, up to `reach`.
 pub fn cast(volume: &PreparedVolume, at: DVec3, directions: &[DVec3], reach: f64, lengths: &mut [f64]) {
     lengths.par_iter_mut().zip(directions.par_iter()).with_min_len(32).for_each(|(length, &d)| {
         *length = first_crossing(volume, at, d, reach).unwrap_or(reach);

@@ -11,15 +11,17 @@ use crate::schedule::{App, FlightSystems, Main, Slot};
 /// Adds the system that draws slices.
 ///
 /// # Errors
-/// Status 2 when there is another one.
+/// Returns status 2 if the slot is already filled.
 pub fn plugin(app: &mut App) -> Result<()> {
     app.fill(Slot::Slices, "slices")?;
     app.add_systems(FlightSystems::Slices, make_slices);
     Ok(())
 }
 
-/// Makes the images of slices that have changed: of all that have no budget, and of one of those that have. They follow the flight's
-/// camera, and show the scan that is flown through. `last` is the one that had its turn last.
+/// Draws the slices that have changed: all slices without a budget, and one of those with a budget.
+///
+/// Slices follow the flight's camera and show the scan that is flown through. `last` is the slice that was drawn in the
+/// previous turn.
 pub fn make_slices(
     mut last: Local<Option<Entity>>,
     cameras: Query<&Pose, With<Main>>,
@@ -80,18 +82,18 @@ mod tests {
             ids.map(|e| u8::from(app.world.get::<SliceView>(e).unwrap().made))
         };
         assert_eq!(made(&mut app, 0.0), [1; 4], "each has an image at first");
-        // The one without a budget is made each time, and each of the others every third time.
+        // The slice without a budget is drawn every time, and each of the others every third time.
         let moving: Vec<_> = (0..6).map(|n| made(&mut app, f64::from(n) + 1.0)).collect();
         assert!(moving.iter().all(|m| m[3] == 1 && m[..3].iter().sum::<u8>() == 1), "{moving:?}");
         assert!((0..3).all(|o| moving.iter().map(|m| m[o]).sum::<u8>() == 2), "{moving:?}");
-        // At rest all come to show the same place, and then none is made again.
+        // At rest, all slices come to show the same position; after that none is drawn again.
         let rest: Vec<_> = (0..4).map(|_| made(&mut app, 6.0)).collect();
         assert_eq!(rest.iter().flatten().sum::<u8>(), 2, "{rest:?}");
         assert!(ids.iter().all(|e| {
             let view = app.world.get::<SliceView>(*e).unwrap();
             view.shown().is_some_and(|s| (s.centre.dot(s.frame.normal()).abs() - 6.0).abs() < 1e-9)
         }));
-        // Another size is made at once.
+        // A new size is drawn immediately.
         app.world.get_mut::<SliceView>(ids[0]).unwrap().size = [9, 9];
         app.world.get_mut::<SliceView>(ids[1]).unwrap().size = [9, 9];
         assert_eq!(made(&mut app, 6.0), [1, 1, 0, 0]);

@@ -1,4 +1,5 @@
-//! The guide that feels its way: tentacles keep off the wall and find the way on, mines keep from turning back.
+//! The guide that steers by tentacles: they keep the camera off the wall and find the path, and mines keep it from
+//! turning back.
 
 use bevy_ecs::prelude::*;
 
@@ -33,7 +34,7 @@ impl Guide for TentacleSettings {
     }
 }
 
-/// Decides on the way from what the tentacles told.
+/// Chooses the direction from the tentacle readings.
 pub fn guide_by_tentacles(
     scan: Single<&Scan, With<Main>>,
     camera: Single<
@@ -43,7 +44,7 @@ pub fn guide_by_tentacles(
 ) {
     let (pose, heading, body, tentacles, mut guide, mines, goal, watch) = camera.into_inner();
     let mines = mines.map(|m| (&m.mines, &m.settings));
-    // Where the guide looks for another way, its whole trail is forbidden ground, not only the last few mines.
+    // While the guide looks for another direction, its whole trail is forbidden ground, not only the last few mines.
     let trail = watch.map_or((&[][..], 0.0), |w| w.rescue.forbidden());
     let settings = watch.map_or(tentacles.settings, |w| w.rescue.temper(&tentacles.settings));
     let s = steer(
@@ -62,7 +63,7 @@ pub fn guide_by_tentacles(
         look_direction: s.look,
         ..GuideThrust::default()
     };
-    // A goal in plain sight draws the camera, as the paper's D_t does; behind a wall it does not.
+    // A goal in direct view attracts the camera, as the paper's D_t does; a goal behind a wall does not.
     if let Some(goal) = goal
         && let Some((thrust, direction)) = approach(pose.position, goal.at, &tentacles.settings, body.0.drag_per_s)
         && first_crossing(&scan.0, pose.position, direction, pose.position.distance(goal.at)).is_none()

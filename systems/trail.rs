@@ -1,4 +1,4 @@
-//! Where the flight has been: for coverage, for going back, for the bar over the way.
+//! Records where the flight has been: for coverage, for flying back and for the progress bar.
 
 use bevy_ecs::prelude::*;
 
@@ -16,7 +16,7 @@ pub fn plugin(app: &mut App) -> Result<()> {
     Ok(())
 }
 
-/// Takes the view after a step, and how far along the way it lies: by the plan, or by the way flown.
+/// Records the view after a step, and its position along the path: by the plan, or by the distance flown.
 pub fn follow_trail(camera: Single<(&Pose, &Flight, &mut Trail, Option<&Planned>), With<Main>>) {
     let (pose, flight, mut trail, planned) = camera.into_inner();
     let planned = planned.map(|p| (p.s_mm, p.route.length_mm()));

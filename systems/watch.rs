@@ -1,5 +1,5 @@
-//! Notices that the camera has arrived, or that it gets nowhere; the latter is tried to be mended, then the operator is
-//! called.
+//! Detects that the camera has arrived or makes no progress. In the second case it attempts recovery, then calls the
+//! operator.
 
 use bevy_ecs::prelude::*;
 
@@ -15,14 +15,15 @@ use crate::dynamics::trap::TentacleReading;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Main};
 
-/// The operator is called when the body was stuck in the wall for so long, s: a guide may need a moment to push it out.
+/// Time in the wall after which the operator is called, s: a guide may need a moment to push the body out.
 const STUCK_S: f64 = 0.5;
 
-/// Has the flight to a goal watched. A guide that knows better than to call the operator says so in the set
-/// [`Answer`](FlightSystems::Answer).
+/// Watches the flight to a goal.
+///
+/// A guide with a better answer than calling the operator gives it in the set [`Answer`](FlightSystems::Answer).
 ///
 /// # Errors
-/// None.
+/// Never fails.
 pub fn plug(app: &mut App, settings: MonitorSettings, goal: Goal) -> Result<()> {
     app.equip((Watch { settings, rescue: Rescue::default() }, HelpCall::default(), goal));
     app.add_systems(FlightSystems::Watch, watch_flight);
@@ -70,7 +71,7 @@ pub fn watch_flight(
             "the camera is in the wall, or the lumen is narrower than it is, and no way out was found".to_owned();
         return;
     }
-    // Without a guide that moves the camera there is nothing to watch, nor while the operator has it.
+    // There is nothing to watch without a guide that moves the camera, or while the operator has control.
     if !automatic || hand.is_some_and(|h| h.paused || clock.tick < h.on_until) {
         watch.rescue.restart();
         return;
@@ -82,11 +83,11 @@ pub fn watch_flight(
         radius_mm: body.0.radius_mm,
     });
     let Watch { settings, rescue } = &mut *watch;
-    // Only who feels their way can set out the wrong way.
+    // Only a guide with tentacles can set out in the wrong direction.
     let other_end = goal.filter(|_| tentacles.is_some()).map(|g| g.other_end);
     let before = (rescue.turns(), rescue.escapes());
     let order = rescue.follow(pose.position, clock.dt(), reading.as_ref(), other_end, settings);
-    // The rescue's own counts are what the guide may still do: they begin anew whenever the operator takes part.
+    // The counts in `rescue` limit what the guide may still try, and restart whenever the operator takes part.
     flight.turns += rescue.turns() - before.0;
     flight.escapes += rescue.escapes() - before.1;
     match order {
@@ -100,7 +101,7 @@ pub fn watch_flight(
                 if clear_mines {
                     mines.clear();
                 }
-                // A heading alone moves nothing where mines drive.
+                // A heading alone moves nothing if mines drive.
                 if let (Some(to), true) = (to, tentacles.is_some_and(|t| t.settings.drive == Drive::Mines)) {
                     mines.lay_behind(pose.position, to, settings);
                 }
@@ -112,7 +113,7 @@ pub fn watch_flight(
     }
 }
 
-/// Calls the operator where a call for help was not answered.
+/// Calls the operator if no guide has answered a call for help.
 pub fn call_operator(camera: Single<(&mut Flight, &mut HelpCall), With<Main>>) {
     let (mut flight, mut call) = camera.into_inner();
     if let Some(help) = call.0.take() {

@@ -1,14 +1,14 @@
-//! The camera entity: where it is, what moves it, what it sees.
+//! The camera entity: its pose, the body that moves it, and its contact with the wall.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use crate::dynamics;
 
-/// Where the camera is and where it looks.
+/// Position and view frame of the camera.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// World, mm.
+    /// Position, world mm.
     pub position: DVec3,
     /// View frame.
     pub attitude: dynamics::Attitude,
@@ -31,15 +31,16 @@ pub struct AngularMomentum(pub DVec3);
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Acceleration(pub DVec3);
 
-/// Unit direction of the flight, world: where the body has been going, smoothed; zero before it first moves.
+/// Unit heading, world: the direction in which the body has been moving, smoothed; zero before it first moves.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Heading(pub DVec3);
 
-/// What the last step told of the wall.
+/// Wall contact in the last step.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Contact {
     /// Distance from the camera's centre to the nearest wall, mm; a lower bound above the finder's limit.
     pub clearance_mm: f64,
-    /// Steps in a row in which the body was in the wall, or nearer to it than its radius, and no way out was found.
+    /// Number of consecutive steps in which the body was in the wall, or closer to it than its radius, and found no way
+    /// out.
     pub stuck_steps: u32,
 }

@@ -6,12 +6,14 @@ use bevy_ecs::prelude::*;
 
 use crate::dynamics::STEP_HZ;
 
-/// The fixed step of the simulation: a whole number of steps a second, so that time is counted and never summed up.
+/// The clock with the fixed time step of the simulation.
+///
+/// A second is a whole number of steps, so time is counted and never summed up.
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct Clock {
-    /// Steps done.
+    /// Number of completed steps.
     pub tick: u64,
-    /// Steps a simulated second.
+    /// Steps per simulated second.
     pub hz: u32,
 }
 
@@ -22,26 +24,28 @@ impl Default for Clock {
 }
 
 impl Clock {
-    /// Length of a step, s.
+    /// Returns the length of a step, s.
     pub fn dt(&self) -> f64 {
         1.0 / f64::from(self.hz)
     }
 
-    /// Simulated time, s.
+    /// Returns the simulated time, s.
     pub fn seconds(&self) -> f64 {
         self.tick as f64 / f64::from(self.hz)
     }
 }
 
-/// Turns elapsed real time into whole steps, keeping the rest (Fiedler, *Fix your timestep*, 2004).
+/// Converts elapsed real time into whole steps and keeps the remainder (Fiedler, *Fix your timestep*, 2004).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Accumulator {
     rest: Duration,
 }
 
 impl Accumulator {
-    /// Whole steps of `1/hz` s in what was left over and `elapsed`; at most `most`, the remainder being dropped so that
-    /// a slow machine flies slower instead of falling ever further behind.
+    /// Returns the number of whole steps of `1/hz` s in the kept remainder plus `elapsed`, at most `most`.
+    ///
+    /// If the limit is reached, the remainder is dropped, so a slow machine flies slower instead of falling ever further
+    /// behind.
     pub fn take(&mut self, elapsed: Duration, hz: u32, most: u32) -> u32 {
         self.rest += elapsed;
         let step = Duration::from_nanos(1_000_000_000 / u64::from(hz.max(1)));

@@ -1,4 +1,4 @@
-//! Where a flight is going and how it stands.
+//! The goal and the state of a flight.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -6,14 +6,14 @@ use glam::DVec3;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::rescue::Rescue;
 
-/// How a flight stands, as the log has it.
+/// The state of a flight, as written to the log.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
     /// On the way.
     #[default]
     Flying,
-    /// At its goal.
+    /// At the goal.
     Arrived,
     /// The guide calls for the operator.
     Operator,
@@ -21,49 +21,49 @@ pub enum State {
     Ended,
 }
 
-/// How the flight stands, why and where.
+/// The state of the flight, with the reason and the position of a call for help.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Flight {
     /// State.
     pub state: State,
-    /// Why help is called for; empty otherwise.
+    /// Why help is needed; empty otherwise.
     pub reason: String,
-    /// Where that was, world mm.
+    /// Where help is needed, or where the flight arrived or ended, world mm.
     pub place: DVec3,
-    /// Way flown, mm.
+    /// Distance flown, mm.
     pub length_mm: f64,
-    /// Number of times the camera turned round at a dead end, since the flight set out.
+    /// Number of times the camera turned round at a dead end since the flight set out.
     pub turns: u32,
-    /// Number of places at which the guide looked for another way, since the flight set out.
+    /// Number of places at which the guide looked for another direction since the flight set out.
     pub escapes: u32,
 }
 
-/// Where the flight ends.
+/// The goal of the flight.
 #[derive(Component, Clone, Copy, Debug)]
 pub struct Goal {
-    /// World mm.
+    /// Position, world mm.
     pub at: DVec3,
-    /// The camera has arrived within this of `at`, mm.
+    /// Distance from `at` within which the camera has arrived, mm.
     pub within_mm: f64,
-    /// The lumen's other end: a dead end there means that the flight set out the wrong way. World mm.
+    /// The lumen's other end, world mm. A dead end there means that the flight set out in the wrong direction.
     pub other_end: DVec3,
 }
 
-/// Why the goal is not where the flight was asked to end: what there is to say when it is reached. None where it is.
+/// The message shown on arrival if the goal differs from the requested end; `None` if they coincide.
 #[derive(Component, Clone, Debug, Default)]
 pub struct GoalMissed(pub Option<String>);
 
-/// Segments of the lumen and which of them were flown.
+/// The current segment of the lumen, and the segments flown so far.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Flown {
-    /// The one being flown; none for gas that is none of the lumen's segments.
+    /// The segment being flown; `None` in gas that belongs to no segment of the lumen.
     pub segment: Option<usize>,
-    /// Those flown to their end.
+    /// Segments flown to their end.
     pub done: Vec<usize>,
 }
 
 impl Flown {
-    /// Notes the present segment as flown where the flight has arrived.
+    /// Marks the current segment as flown if the flight has arrived.
     pub fn note(&mut self, state: State) {
         if let Some(n) = self.segment.filter(|n| state == State::Arrived && !self.done.contains(n)) {
             self.done.push(n);
@@ -71,26 +71,28 @@ impl Flown {
     }
 }
 
-/// A guide's call for help that is still to be answered: by the guide itself in the set
-/// [`Answer`](crate::schedule::FlightSystems::Answer), else by the operator.
+/// A guide's call for help that has not been answered yet.
+///
+/// The guide itself may answer it in the set [`Answer`](crate::schedule::FlightSystems::Answer); otherwise the operator
+/// does.
 #[derive(Component, Clone, Debug, Default)]
 pub struct HelpCall(pub Option<Help>);
 
-/// What help is called for.
+/// The reason and the position of a call for help.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Help {
-    /// Why, as the operator reads it.
+    /// The reason, as shown to the operator.
     pub reason: String,
-    /// Where, world mm.
+    /// Position, world mm.
     pub place: DVec3,
 }
 
-/// Notices when a flight gets nowhere.
+/// Detects a flight that makes no progress.
 #[derive(Component, Clone, Debug)]
 #[require(HelpCall)]
 pub struct Watch {
     /// Settings.
     pub settings: MonitorSettings,
-    /// What it has seen and does about it.
+    /// Detection and recovery.
     pub rescue: Rescue,
 }

@@ -1,4 +1,4 @@
-//! What guides feel and decide.
+//! The readings and decisions of guides.
 
 use std::sync::Arc;
 
@@ -11,27 +11,30 @@ use crate::dynamics::route::Route;
 use crate::dynamics::tentacles::{TentacleSettings, directions};
 use crate::fields::Distance;
 
-/// What the guide wants: the socket between any navigation method and the forces.
+/// The output of a guide: the interface between any navigation method and the forces.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct GuideThrust {
-    /// Acceleration along the way, world mm/s². Taken back while the operator's hand is on or the flight is paused.
+    /// Acceleration along the path, world mm/s². Withdrawn during operator input and while the flight is paused.
     pub thrust: DVec3,
-    /// The thrust and the mines together are held to this, mm/s²: what drag balances at cruise speed.
+    /// Limit on the thrust and the mines together, mm/s²: the value that drag balances at cruise speed.
     pub limit: f64,
-    /// Acceleration that keeps off the wall, world mm/s². Acts always.
+    /// Acceleration away from the wall, world mm/s². Always acts.
     pub wall: DVec3,
-    /// Unit direction of the way on, world; zero where the guide knows none. The view turns there.
+    /// Unit direction of the path ahead, world; zero if the guide knows none. The view turns there.
     pub look_direction: DVec3,
-    /// The thrust is a plan's and acts as it is: it has the operator's speed in it, and comes in gently by itself.
+    /// True if the thrust is that of a plan and acts unchanged: it already includes the operator's speed and starts
+    /// gently.
     pub exact: bool,
 }
 
-/// An acceleration that no guide can mean, mm/s²: a thousand times that of gravity.
+/// Acceleration that no guide can intend, mm/s²: a thousand times that of gravity.
 const ABSURD: f64 = 1e7;
 
 impl GuideThrust {
-    /// Takes away what is no acceleration or no direction: numbers that are not finite, and accelerations beyond all reason. What
-    /// it was, if there was anything.
+    /// Removes invalid accelerations and directions: values that are not finite, and accelerations that are absurdly
+    /// large.
+    ///
+    /// Returns the name of the invalid value, if there was one.
     pub fn sanitize(&mut self) -> Option<&'static str> {
         let absurd = |v: DVec3| !v.is_finite() || v.abs().max_element() > ABSURD;
         let mut reported = None;
@@ -44,7 +47,7 @@ impl GuideThrust {
             (self.limit, reported) = (0.0, Some("limit"));
         }
         self.limit = self.limit.min(ABSURD);
-        // Of any length: scaled first, so that it keeps its direction.
+        // The length is arbitrary. Scale it first, so that the direction is kept.
         let longest = self.look_direction.abs().max_element();
         if !self.look_direction.is_finite() {
             (self.look_direction, reported) = (DVec3::ZERO, Some("direction"));
@@ -55,37 +58,41 @@ impl GuideThrust {
     }
 }
 
-/// A planned way and the place on it: whoever carries it is shown on the way's bar and can be taken to any place of it.
+/// A planned path and the position on it.
+///
+/// An entity with this component is shown on the progress bar and can be moved to any position along the path.
 #[derive(Component, Clone, Debug)]
 #[require(GuideThrust)]
 pub struct Planned {
-    /// The way.
+    /// The path.
     pub route: Arc<Route>,
-    /// Place along the way, mm.
+    /// Position along the path, mm.
     pub s_mm: f64,
-    /// The view is directed at the way this far ahead, mm.
+    /// Distance ahead on the path that the view is directed at, mm.
     pub look_ahead_mm: f64,
-    /// How often the operator has taken the camera elsewhere: nothing of how the body was moving is left then.
+    /// How often the operator has moved the camera to another position. A jump discards the body's previous motion.
     pub jumps: u32,
 }
 
 impl Planned {
-    /// A way that nobody has taken up yet.
+    /// Creates a plan at the start of its route.
     pub fn new(route: Arc<Route>, look_ahead_mm: f64) -> Self {
         Self { route, s_mm: 0.0, look_ahead_mm, jumps: 0 }
     }
 }
 
-/// On a camera whose guide moves it by itself: its flight is watched. A guide that leaves all to the operator has none.
+/// Marks a camera that its guide moves automatically; its flight is watched. Absent if the guide leaves everything to the
+/// operator.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Automatic;
 
-/// A field of distances that a guide shares with the step.
+/// A distance field that a guide shares with the step.
 pub type Field = Arc<dyn Distance + Send + Sync>;
 
-/// The paper's `V(x)`, for any guide that steers by it: acts on the body beside [`GuideThrust`], and as a force that varies within a step, so that an
-/// implicit method knows its stiffness. The target's pull is taken back while the operator's hand is on; the wall's push
-/// acts always.
+/// The paper's `V(x)`, for any guide that steers by it.
+///
+/// It acts on the body in addition to [`GuideThrust`], as a force that varies within a step, so an implicit method knows
+/// its stiffness. The target's pull is withdrawn during operator input; the wall's push always acts.
 #[derive(Component, Clone)]
 #[require(GuideThrust)]
 pub struct PotentialField {
@@ -93,11 +100,11 @@ pub struct PotentialField {
     pub potential: Potential,
     /// `D_s`.
     pub wall: Field,
-    /// `D_t`; none while there is no target.
+    /// `D_t`; `None` while there is no target.
     pub target: Option<Field>,
 }
 
-/// Sensory rays and what they last told.
+/// Sensory rays and their last readings.
 #[derive(Component, Clone, Debug)]
 #[require(GuideThrust)]
 pub struct Tentacles {
@@ -110,19 +117,19 @@ pub struct Tentacles {
 }
 
 impl Tentacles {
-    /// Tentacles that have felt nothing yet.
+    /// Creates tentacles without readings.
     pub fn new(settings: TentacleSettings) -> Self {
         let directions = directions(settings.count.max(3));
         Self { lengths: vec![0.0; directions.len()], directions, settings }
     }
 
-    /// Memory.
+    /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.directions.as_slice()) + size_of_val(self.lengths.as_slice())
     }
 }
 
-/// Mines behind the camera.
+/// The mines behind the camera.
 #[derive(Component, Clone, Debug)]
 #[require(MinePush)]
 pub struct MineField {
@@ -132,6 +139,6 @@ pub struct MineField {
     pub mines: Mines,
 }
 
-/// What the mines exert, world mm/s².
+/// Acceleration from the mines, world mm/s².
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct MinePush(pub DVec3);

@@ -1,4 +1,4 @@
-//! The operator's hand.
+//! Operator input.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -11,11 +11,11 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::dynamics::hand;
 
-/// What the operator's hand does. The operator's system applies it, in the step that it is due in.
+/// A direct control command of the operator. The operator system applies it in the step for which it is due.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HandCommand {
-    /// Pushes along right, up, forward of the view, each −1 to 1, until the next `Push`.
+    /// Pushes along the view's right, up and forward axes, each −1 to 1, until the next `Push`.
     Push([f64; 3]),
     /// Turns about up (to the right), right (upwards) and forward (clockwise), each −1 to 1, until the next `Turn`.
     Turn([f64; 3]),
@@ -23,50 +23,52 @@ pub enum HandCommand {
     Look([f64; 2]),
     /// Rolls the view once, degrees clockwise (a mouse move).
     Roll(f64),
-    /// Stops to look around, or goes on.
+    /// Pauses to look around, or continues.
     Pause(bool),
-    /// Cruise speed as a multiple of the scene's.
+    /// Sets the cruise speed, as a multiple of the scene's.
     Speed(f64),
-    /// Takes the flight up again after the guide called for help.
+    /// Resumes the flight after the guide called for help.
     Resume,
 }
 
-/// What changes the flight: its guide, its end, its direction, the camera's place or picture. The flight follows it at once,
-/// or refuses it.
+/// A command that changes the flight: its guide, its end, its direction, or the camera's position or picture.
+///
+/// The flight executes it immediately or refuses it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum FlightCommand {
-    /// Hands over to another guide.
+    /// Switches to another guide.
     Guide(String),
-    /// Swaps the ends and turns round.
+    /// Swaps start and goal and turns round.
     Reverse,
     /// Flies another segment of the lumen, counted from 0, from the end nearer to the rectum.
     Segment(usize),
-    /// Sets out anew in the same segment, from the end that the flight was going to.
+    /// Restarts in the same segment, from the end that the flight was heading for.
     OtherEnd,
-    /// Goes to a share of the way, 0 to 1: of the plan, or without one of the way that was flown.
+    /// Goes to a share of the path, 0 to 1: of the plan, or of the path flown if there is no plan.
     Seek(f64),
-    /// Takes the camera to a place of the lumen, world mm, looking so.
+    /// Moves the camera to a position in the lumen, world mm, with the given view.
     Go {
-        /// World, mm.
+        /// Position, world mm.
         to: [f64; 3],
         /// View direction.
         forward: [f64; 3],
         /// Up direction.
         up: [f64; 3],
     },
-    /// Sets the view angle over the picture's shorter side, degrees, held to what the camera can show. It is a matter of
-    /// the picture alone: a flight without one takes note of nothing.
+    /// Sets the view angle over the shorter side of the picture, degrees, clamped to what the camera can show.
+    ///
+    /// It affects only the picture: a flight without one ignores it.
     ViewAngle(f64),
 }
 
-/// One act of the operator, as it is recorded and replayed. In a file both kinds look alike: the name tells them apart.
+/// A command of the operator, as recorded and replayed. In a file, only the name distinguishes the two kinds.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Command {
-    /// What the hand does.
+    /// Direct control.
     Hand(HandCommand),
-    /// What changes the flight.
+    /// A change of the flight.
     Flight(FlightCommand),
 }
 
@@ -82,7 +84,7 @@ impl From<FlightCommand> for Command {
     }
 }
 
-/// Every command's name in a file; the first [`HAND_NAMES`] are those of [`HandCommand`].
+/// The name of every command in a file. The first [`HAND_NAMES`] are those of [`HandCommand`].
 const NAMES: [&str; 14] = [
     "push",
     "turn",
@@ -101,7 +103,8 @@ const NAMES: [&str; 14] = [
 ];
 const HAND_NAMES: usize = 7;
 
-/// Written out, because an untagged enum of serde does not say which command is unknown or which number is wrong, and where.
+/// Written by hand, because serde's untagged enums do not report which command is unknown, or which number is wrong and
+/// where.
 impl<'de> Deserialize<'de> for Command {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_enum("Command", &NAMES, CommandVisitor)
@@ -128,7 +131,7 @@ impl<'de> Visitor<'de> for CommandVisitor {
     }
 }
 
-/// A command's place in [`NAMES`].
+/// The index of a command in [`NAMES`].
 struct Name(usize);
 
 impl<'de> Deserialize<'de> for Name {
@@ -152,7 +155,7 @@ impl Visitor<'_> for NameVisitor {
     }
 }
 
-/// A command whose name was read and whose content was not.
+/// A command whose name has been read but not its content.
 struct Named<A> {
     name: &'static str,
     content: A,
@@ -181,39 +184,39 @@ impl<'de, A: VariantAccess<'de>> EnumAccess<'de> for Named<A> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TimedCommand {
-    /// Step.
+    /// Step before which the command acts.
     pub tick: u64,
-    /// What the operator did.
+    /// The operator's command.
     pub command: Command,
 }
 
-/// What the hand does in the coming step, in order.
+/// Control commands for the coming step, in order.
 #[derive(Resource, Default, Debug)]
 pub struct Inbox(pub VecDeque<HandCommand>);
 
-/// What the operator's hand asks for now.
+/// The current operator input.
 #[derive(Component, Clone, Copy, Debug)]
 pub struct Hand {
-    /// Right, up, forward, each −1 to 1.
+    /// Push to the right, up and forward, each −1 to 1.
     pub push: DVec3,
     /// Yaw, pitch, roll, each −1 to 1.
     pub turn: DVec3,
-    /// Whether the flight is paused.
+    /// True if the flight is paused.
     pub paused: bool,
     /// Multiple of the scene's cruise speed.
     pub speed: f64,
-    /// Until this tick the hand counts as on: the guide does not thrust.
+    /// Tick until which the operator has control and the guide does not thrust.
     pub on_until: u64,
-    /// Until this tick the view is turned aside by the operator: it does not turn back to the way.
+    /// Tick until which the view stays turned aside by the operator and does not turn back to the path.
     pub looking_until: u64,
-    /// Until this tick the operator has turned the view in any way. A roll alone does not keep the view from following the
-    /// way, and stays when it does.
+    /// Tick until which the operator has turned the view in any way. A roll alone does not keep the view from following
+    /// the path, and it stays when the view does so.
     pub turned_until: u64,
     /// Acceleration from the push, world mm/s².
     pub acceleration: DVec3,
-    /// Angular velocity that the turn asks for, world rad/s.
+    /// Angular velocity requested by the turn, world rad/s.
     pub turning: DVec3,
-    /// How much of the flight the guide has, 0 to 1: it goes and comes again gradually.
+    /// The guide's part of the control, 0 to 1. It fades out and in gradually.
     pub guided: f64,
 }
 
@@ -235,12 +238,12 @@ impl Default for Hand {
 }
 
 impl Hand {
-    /// What the guide's thrust is multiplied by: the operator's speed, eased in and out with the hand-over.
+    /// Returns the factor on the guide's thrust: the operator's speed, eased in and out when control changes.
     pub fn pace(&self) -> f64 {
         self.speed * self.share()
     }
 
-    /// How much of its thrust the guide has, 0 to 1.
+    /// Returns the share of its thrust that the guide may use, 0 to 1.
     pub fn share(&self) -> f64 {
         hand::share(self.guided)
     }
@@ -292,7 +295,7 @@ mod tests {
             assert_eq!(serde_json::to_string(&act).unwrap(), line);
             assert_eq!(serde_json::from_str::<TimedCommand>(&line).unwrap(), act);
         }
-        // What serde derives knows the same names in the same order: a new command needs a place in `NAMES`.
+        // The derived serde code knows the same names in the same order. A new command needs an entry in `NAMES`.
         let known =
             |e: serde_json::Error| e.to_string().split('`').skip(3).step_by(2).map(str::to_owned).collect::<Vec<_>>();
         let hand = known(serde_json::from_str::<HandCommand>(r#""dance""#).unwrap_err());

@@ -1,7 +1,7 @@
-//! What the entities of a flight carry.
+//! The components of a flight's entities.
 //!
-//! There is one scan entity ([`scan`]) and one camera entity ([`camera`], [`guide`], [`flight`], [`trail`]). A component that
-//! no plugin asked for is on no entity.
+//! There is one scan entity ([`scan`]) and one camera entity ([`camera`], [`guide`], [`flight`], [`trail`]). A component
+//! that no plugin requests is not added to any entity.
 
 pub mod camera;
 pub mod clock;

@@ -1,4 +1,4 @@
-//! What a flight leaves behind: the log, and the images of its views.
+//! The output of a flight: its log and the images of its views.
 
 use std::sync::Arc;
 
@@ -19,23 +19,23 @@ use crate::volume::Volume;
 pub struct LogLine {
     /// Simulated time, s.
     pub t: f64,
-    /// World mm.
+    /// Position, world mm.
     pub position: [f64; 3],
     /// Unit view direction.
     pub forward: [f64; 3],
     /// Unit up direction.
     pub up: [f64; 3],
-    /// World mm/s.
+    /// Velocity, world mm/s.
     pub velocity: [f64; 3],
     /// Distance from the camera's centre to the nearest wall, mm.
     pub clearance_mm: f64,
-    /// How the flight stands.
+    /// State of the flight.
     pub state: State,
-    /// Who steers.
+    /// Name of the guide.
     pub guide: String,
 }
 
-/// The steps since the log was last written out.
+/// The steps since the log was last written.
 #[derive(Resource, Default)]
 pub struct FlightLog(pub Vec<LogLine>);
 
@@ -43,11 +43,12 @@ pub struct FlightLog(pub Vec<LogLine>);
 #[derive(Resource, Clone, Copy, Debug)]
 pub struct GuideName(pub &'static str);
 
-/// A view: an image of the scan and how it is made. Every entity that has one is rendered in each frame.
+/// A view: an image of the scan and the settings it is made with. Every entity with this component is rendered each
+/// frame.
 ///
-/// The camera's own is there in a scene with a window or a recording. Add others with
-/// [`FlightApp::add_view`](crate::app::FlightApp::add_view), or spawn them. An entity with a view needs a place to look from:
-/// a [`Pose`] of its own, or [`Follows`].
+/// The camera has one in a scene with a window or a recording. Add more with
+/// [`FlightApp::add_view`](crate::app::FlightApp::add_view), or spawn them. An entity with a view needs a viewpoint: its
+/// own [`Pose`], or [`Follows`].
 ///
 /// ```
 /// use colvis::app::{Scan, Scene, FlightRequest};
@@ -68,30 +69,30 @@ pub struct Picture {
     pub camera: CameraModel,
     /// View angle over the shorter side, degrees.
     pub fov_degrees: f64,
-    /// Quality and the renderer's other settings.
+    /// Quality and other settings of the renderer.
     pub settings: Settings,
     /// Renderer.
     pub preset: Preset,
-    /// Samples that an image may take, where detail follows the need; none for the renderer's own measure.
+    /// Sample budget of an image for adaptive detail; `None` for the renderer's default.
     pub budget: Option<Budget>,
-    /// The entity whose [`Scan`](super::scan::Scan) is shown; none for the scan that is flown through.
+    /// The entity whose [`Scan`](super::scan::Scan) is shown; `None` for the scan that is flown through.
     pub scan: Option<Entity>,
     /// The image. Its size is the size of the view.
     pub frame: Frame,
-    /// Where the image was seen from, and through which camera; none before the first one.
+    /// Viewpoint and camera of the current image; `None` before the first one.
     pub view: Option<View>,
-    /// What the last image took.
+    /// Work done for the last image.
     pub work: Work,
-    /// Whether the next frame is to trace it. One that sees something else than before is traced in any case.
+    /// True if the next frame must trace this view. A view that has changed is traced in any case.
     pub due: bool,
-    /// Whether this frame has traced it.
+    /// True if this frame has traced the view.
     pub traced: bool,
-    /// Whether a post-process has resized it in this frame, which was undone.
+    /// True if a post-process resized the image in this frame; the change was undone.
     pub resized: bool,
 }
 
 impl Picture {
-    /// A view of `width` × `height` pixels: perspective, 90°, the default renderer at high quality.
+    /// Creates a view of `width` × `height` pixels: perspective, 90°, the default renderer at high quality.
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             camera: CameraModel::default(),
@@ -109,7 +110,7 @@ impl Picture {
         }
     }
 
-    /// Gives the image back the size that it was traced in.
+    /// Restores the image to the size that it was traced in.
     pub fn keep_size(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.traced) else { return };
         let size = (view.width(), view.height());
@@ -120,16 +121,16 @@ impl Picture {
     }
 }
 
-/// Lets a view look from where another entity is: the flight's camera, unless it names one.
+/// Makes a view follow another entity: the flight's camera, unless one is named.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Follows {
-    /// The entity whose pose it follows; none for the flight's camera.
+    /// The entity whose pose the view follows; `None` for the flight's camera.
     pub whom: Option<Entity>,
-    /// Degrees that the view is turned to the right by.
+    /// Rotation of the view to the right, degrees.
     pub yaw_degrees: f64,
-    /// Degrees that the turned view is tilted upwards by.
+    /// Upward tilt of the rotated view, degrees.
     pub pitch_degrees: f64,
-    /// How far the view stands off, mm: to the right, upwards and forward of the entity that it follows.
+    /// Offset of the view from the entity that it follows, mm: to the right, upwards and forward.
     pub offset_mm: DVec3,
 }
 
@@ -139,7 +140,7 @@ impl Follows {
         Self { yaw_degrees: 180.0, ..Self::default() }
     }
 
-    /// The view's pose where the entity that it follows has `pose`.
+    /// Returns the view's pose, given the `pose` of the entity that it follows.
     pub fn pose(&self, pose: &Pose) -> Pose {
         let mut attitude = pose.attitude;
         let [right, up, forward] = [attitude.right(), attitude.up, attitude.forward];
@@ -150,7 +151,7 @@ impl Follows {
     }
 }
 
-/// A view's renderer, with what it keeps from one image to the next.
+/// A view's renderer, with the data that it keeps between images.
 #[derive(Component, Default)]
 pub struct FrameCache {
     kept: Option<Kept>,
@@ -160,13 +161,13 @@ struct Kept {
     renderer: Box<dyn Renderer>,
     settings: Settings,
     preset: Preset,
-    /// The voxels that it renders, and what of them is wall.
+    /// The voxels that it renders; the transfer function defines their wall.
     volume: Arc<Volume>,
     transfer: TransferFunction,
 }
 
 impl FrameCache {
-    /// The renderer of `scan` by these settings: the one that is there, or a new one if anything has changed.
+    /// Returns the renderer of `scan` with these settings: the existing one, or a new one if anything has changed.
     pub fn renderer_for(
         &mut self,
         scan: &PreparedVolume,
@@ -178,7 +179,7 @@ impl FrameCache {
                 && std::ptr::eq(&*k.volume, scan.voxels())
         };
         if !self.kept.as_ref().is_some_and(fits) {
-            // The old one goes first: both at once would double the memory.
+            // Drop the old one first: both at once would double the memory.
             self.kept = None;
         }
         let made = || Kept {
@@ -191,12 +192,12 @@ impl FrameCache {
         &mut *self.kept.get_or_insert_with(made).renderer
     }
 
-    /// The renderer, once there is one.
+    /// Returns the renderer, if there is one yet.
     pub fn renderer(&self) -> Option<&dyn Renderer> {
         self.kept.as_ref().map(|k| &*k.renderer)
     }
 
-    /// Whether the image would become better, or another one, if the same view were rendered again with `picture`'s settings.
+    /// Returns true if rendering the same view again with `picture`'s settings would improve or change the image.
     pub fn is_unfinished(&self, picture: &Picture) -> bool {
         self.kept.as_ref().is_none_or(|k| {
             let other = (k.settings, k.preset) != (picture.settings, picture.preset);
@@ -217,7 +218,7 @@ mod tests {
         let rear = Follows::rear().pose(&camera);
         near(rear.attitude.forward, DVec3::NEG_Y);
         near(rear.attitude.up, DVec3::Z);
-        // To posterior with superior on top, the patient's left is on the right.
+        // Facing posterior with superior on top, the patient's left is on the right.
         let right = Follows { yaw_degrees: 90.0, ..Follows::default() }.pose(&camera);
         near(right.attitude.forward, DVec3::X);
         let up = Follows { yaw_degrees: 90.0, pitch_degrees: 90.0, ..Follows::default() }.pose(&camera);

@@ -1,4 +1,4 @@
-//! A flight's log that is flown again.
+//! Replay of a flight's log.
 
 use std::sync::Arc;
 
@@ -10,46 +10,46 @@ use crate::components::output::LogLine;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 
-/// Which way a log is played.
+/// The direction of playback.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// As it was flown.
+    /// As flown.
     Forwards,
-    /// From its end.
+    /// From the end.
     Backwards,
 }
 
-/// A log as it is played: at any speed, forwards or backwards.
+/// A log being replayed: at any speed, forwards or backwards.
 #[derive(Component, Clone, Debug)]
 pub struct Playback {
-    /// The log's lines, at least one, in the order of time.
+    /// Lines of the log, at least one, in chronological order.
     lines: Arc<[LogLine]>,
-    /// Times the flight's own speed.
+    /// Playback speed as a multiple of the original.
     rate: f64,
     direction: Direction,
-    /// Time played, in the log's own seconds.
+    /// Time played, in seconds of the log.
     played: f64,
 }
 
-/// A moment of a log.
+/// An instant of a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Played {
-    /// World, mm.
+    /// Position, world mm.
     pub position: DVec3,
-    /// View.
+    /// View frame.
     pub attitude: Attitude,
-    /// World mm/s, as it was flown then.
+    /// Velocity, world mm/s, scaled to the playback rate and direction.
     pub velocity: DVec3,
-    /// To the nearest wall, mm, as it was logged.
+    /// Logged distance to the nearest wall, mm.
     pub clearance_mm: f64,
 }
 
 impl Playback {
-    /// A log to be played at `rate` times its speed.
+    /// Creates a playback of a log at `rate` times its speed.
     ///
     /// # Errors
-    /// Status 2 for a rate that is not a positive number; status 3 for a log without lines, with places that are no
-    /// numbers, or that goes back in time.
+    /// Returns status 2 if the rate is not a positive number, and status 3 if the log has no lines, holds values that are
+    /// not finite, or goes back in time.
     pub fn new(lines: Vec<LogLine>, rate: f64, direction: Direction) -> Result<Self> {
         if !(rate.is_finite() && rate > 0.0) {
             return Err(Error::usage("--rate", format!("{rate} is not above 0"), "give a positive number"));
@@ -74,56 +74,55 @@ impl Playback {
         self.direction == Direction::Backwards
     }
 
-    /// The log's lines.
+    /// Returns the lines of the log.
     pub fn lines(&self) -> &[LogLine] {
         &self.lines
     }
 
-    /// The log's last state, if the log is played to its end.
+    /// Returns the last state of the log, if it is played to its end.
     pub fn last_state(&self) -> State {
         if self.is_backwards() { State::Ended } else { self.lines[self.lines.len() - 1].state }
     }
 
-    /// From the first to the last step, s of the flight.
+    /// Returns the time from the first to the last step, s of the flight.
     pub fn seconds(&self) -> f64 {
         self.lines[self.lines.len() - 1].t - self.lines[0].t
     }
 
-    /// How long it takes to play, s.
+    /// Returns the time needed to play the log, s.
     pub fn takes_s(&self) -> f64 {
         self.seconds() / self.rate
     }
 
-    /// Length of its path, mm.
+    /// Returns the length of the path, mm.
     pub fn length_mm(&self) -> f64 {
         let place = |l: &LogLine| DVec3::from_array(l.position);
         self.lines.windows(2).map(|w| place(&w[0]).distance(place(&w[1]))).sum()
     }
 
-    /// The first and last place, in the order they are played; world mm.
+    /// Returns the first and last positions in playback order; world mm.
     pub fn ends(&self) -> [DVec3; 2] {
         let ends = [&self.lines[0], &self.lines[self.lines.len() - 1]].map(|l| DVec3::from_array(l.position));
         if self.is_backwards() { [ends[1], ends[0]] } else { ends }
     }
 
-    /// Goes on by `dt` seconds at `speed` times the rate; whether that was the end.
+    /// Advances by `dt` seconds at `speed` times the rate. Returns true at the end of the log.
     pub fn go(&mut self, dt: f64, speed: f64) -> bool {
         self.played = (self.played + dt * self.rate * speed).min(self.seconds());
         self.played >= self.seconds()
     }
 
-    /// Goes to where `share` (0 to 1) of the time is played.
+    /// Jumps to a `share` (0 to 1) of the time.
     pub fn seek(&mut self, share: f64) {
         self.played = self.seconds() * share.clamp(0.0, 1.0);
     }
 
-    /// Share of the time that is played, 0 to 1.
+    /// Returns the share of the time already played, 0 to 1.
     pub fn share(&self) -> f64 {
         if self.seconds() > 0.0 { self.played / self.seconds() } else { 1.0 }
     }
 
-    /// The moment that is played now; between two steps the straight line between them, on which every step's own place
-    /// lies.
+    /// Returns the instant being played. Positions between two steps are on the straight line that connects them.
     pub fn now(&self) -> Played {
         let first = self.lines[0].t;
         let t = if self.is_backwards() { first + self.seconds() - self.played } else { first + self.played };

@@ -1,4 +1,4 @@
-//! The scan entity: the volume, and what was derived from it because somebody needs it.
+//! The scan entity: the volume, and data derived from it on demand.
 
 use std::sync::Arc;
 
@@ -8,11 +8,11 @@ use crate::dynamics::Route;
 use crate::fields::{ClearanceFinder, TargetDistance, WallDistance};
 use crate::render::PreparedVolume;
 
-/// The volume, with what lets rays leap: what every system that feels or renders queries.
+/// The prepared volume, which every system that senses or renders queries.
 #[derive(Component, Clone)]
 pub struct Scan(pub PreparedVolume);
 
-/// Exact clearances around the body.
+/// Exact clearances near the body.
 #[derive(Component)]
 pub struct Walls(pub ClearanceFinder);
 
@@ -24,6 +24,6 @@ pub struct WallDistances(pub Arc<WallDistance>);
 #[derive(Component, Clone)]
 pub struct TargetDistances(pub Arc<TargetDistance>);
 
-/// The centerline from one end of the way to the other.
+/// The centerline from start to goal.
 #[derive(Component, Clone)]
 pub struct Centerline(pub Arc<Route>);

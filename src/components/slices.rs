@@ -1,4 +1,4 @@
-//! Slices: cross-sections that are drawn beside the flight's picture.
+//! Slices: cross-sections of the scan drawn beside the flight's picture.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
@@ -8,7 +8,7 @@ use crate::render::Frame;
 use crate::render::slice::{PlaneFrame, Slab, Slice, SlicePlane, Windowing};
 use crate::volume::{Grid, Volume};
 
-/// Which way a slice lies.
+/// The orientation of a slice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Orientation {
     /// Across the body.
@@ -18,15 +18,15 @@ pub enum Orientation {
     Coronal,
     /// Along the body, seen from its left.
     Sagittal,
-    /// Across the way: perpendicular to the camera's view, seen as the camera sees it.
+    /// Across the path: perpendicular to the camera's view, seen as the camera sees it.
     Across,
 }
 
 impl Orientation {
-    /// All of them.
+    /// All orientations.
     pub const ALL: [Self; 4] = [Self::Axial, Self::Coronal, Self::Sagittal, Self::Across];
 
-    /// As it is called.
+    /// Returns the name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Axial => "axial",
@@ -36,7 +36,7 @@ impl Orientation {
         }
     }
 
-    /// The axes of its image, for a camera that looks so.
+    /// Returns the axes of the image for a camera at `pose`.
     fn frame(self, pose: &Pose) -> PlaneFrame {
         let plane = match self {
             Self::Axial => SlicePlane::Axial,
@@ -44,15 +44,16 @@ impl Orientation {
             Self::Sagittal => SlicePlane::Sagittal,
             Self::Across => return PlaneFrame::looking(pose.attitude.forward, pose.attitude.up),
         };
-        // These planes have axes whatever the camera does.
+        // These planes have axes for any camera pose.
         plane.frame().unwrap_or_else(|_| PlaneFrame::looking(DVec3::Z, DVec3::NEG_Y))
     }
 }
 
-/// A slice: an entity with one has it drawn in each frame in which it has changed.
+/// A slice of the scan. It is redrawn in every frame in which it has changed.
 ///
-/// It goes through a place, and follows the flight's camera if it names none. The axis slices show the layer of voxels nearest to it,
-/// and the same part of the body until they are moved; the one across the path has the place in its middle.
+/// It passes through a given place, or follows the flight's camera. The axis-aligned slices show the layer of voxels
+/// nearest to that place, and the same part of the body until they are moved. The slice across the path is centred on the
+/// place.
 ///
 /// ```
 /// use colvis::app::{Scan, Scene, FlightRequest};
@@ -67,47 +68,48 @@ impl Orientation {
 /// ```
 #[derive(Component, Clone, Debug)]
 pub struct SliceView {
-    /// Which way it lies.
+    /// Orientation.
     pub orientation: Orientation,
-    /// The place that it goes through, world mm; none for the camera's.
+    /// The place that the slice passes through, world mm; `None` for the camera's position.
     pub place: Option<DVec3>,
-    /// How far the image was moved, mm to the right and downwards.
+    /// Offset of the image, mm to the right and downwards.
     pub pan_mm: [f64; 2],
-    /// Magnification: 1 shows the whole scan, or 100 mm about the place across the path.
+    /// Magnification: 1 shows the whole scan, or 100 mm around the place for the slice across the path.
     pub zoom: f64,
-    /// How HU become greys.
+    /// Mapping from HU to grey levels.
     pub windowing: Windowing,
-    /// Its thickness.
+    /// Thickness and projection.
     pub slab: Slab,
     /// Width and height, pixels.
     pub size: [usize; 2],
-    /// Samples of the scan that it may take in a frame; none for as many as it needs. A slab that needs more has larger pixels while it
-    /// moves, and once it stays where it is it becomes fine over the next frames. Of all slices that have a budget a frame makes one,
-    /// in turn.
+    /// Maximum samples of the scan per frame; `None` for no limit.
+    ///
+    /// A slab that needs more is drawn with larger pixels while it moves, and is refined over the next frames once it
+    /// stays in place. Each frame draws one of the slices that have a budget, in turn.
     pub budget: Option<usize>,
     /// The image.
     pub frame: Frame,
-    /// Whether this frame has made it.
+    /// True if this frame has drawn the image.
     pub made: bool,
-    /// Its HU, row by row.
+    /// HU values of the image, row by row.
     hu: Vec<f32>,
     grey: Vec<u8>,
-    /// What the image shows.
+    /// The slice, slab and greys of the current image.
     shown: Option<(Slice, Slab, Windowing)>,
-    /// While the image has larger pixels: those of the fine one, and how many of its rows are there.
+    /// While the image has larger pixels: the values of the fine image, and the number of its rows done so far.
     finer: Vec<f32>,
     rows: Option<usize>,
 }
 
-/// A slice across the path shows so much, mm.
+/// Extent of a slice across the path, mm.
 const ACROSS_MM: f64 = 100.0;
-/// A moving slice has pixels of so many times their side at the most.
+/// Maximum pixel size of a moving slice, as a multiple of the full-resolution pixel size.
 const COARSEST: usize = 8;
-/// Magnifications are held to these.
+/// Range of magnifications.
 pub const ZOOMS: [f64; 2] = [0.25, 40.0];
 
 impl SliceView {
-    /// The whole scan, windowed for the colon, where the camera is.
+    /// Creates a slice of the whole scan at the camera's position, windowed for the colon.
     pub fn new(orientation: Orientation, size: [usize; 2]) -> Self {
         Self {
             orientation,
@@ -128,7 +130,7 @@ impl SliceView {
         }
     }
 
-    /// The same slice without its image.
+    /// Returns the same slice without its image.
     pub fn without_image(&self) -> Self {
         Self {
             place: self.place,
@@ -141,7 +143,7 @@ impl SliceView {
         }
     }
 
-    /// The plane that is to be shown of a scan for a camera.
+    /// Returns the plane to show, given the scan's grid and the camera's pose.
     pub fn slice(&self, grid: &Grid, pose: &Pose) -> Slice {
         let frame = self.orientation.frame(pose);
         let place = self.place.unwrap_or(pose.position);
@@ -151,7 +153,8 @@ impl SliceView {
         let centre = if across {
             place
         } else {
-            // The voxels' own layer: nothing is interpolated between layers, and a slow flight changes the image seldom.
+            // Snap to a layer of voxels: nothing is interpolated between layers, and a slow flight seldom changes the
+            // image.
             let layer = snap(grid, place, normal);
             middle + normal * (layer - middle).dot(normal)
         };
@@ -167,37 +170,37 @@ impl SliceView {
         }
     }
 
-    /// What the image shows; none before the first one.
+    /// Returns the plane that the image shows; `None` before the first one.
     pub fn shown(&self) -> Option<Slice> {
         self.shown.map(|s| s.0)
     }
 
-    /// HU at a pixel of the image; none beside it.
+    /// Returns the HU value at a pixel of the image; `None` outside it.
     pub fn hu_at(&self, [x, y]: [usize; 2]) -> Option<f32> {
         (x < self.size[0]).then(|| self.hu.get(y * self.size[0] + x).copied()).flatten()
     }
 
-    /// Leaves the image as it is in this frame.
+    /// Leaves the image unchanged in this frame.
     pub fn wait(&mut self) {
         self.made = false;
     }
 
-    /// Whether it may wait for its turn: it has an image, in its size.
+    /// Returns true if the slice may wait for its turn: it has an image in its current size.
     pub fn may_wait(&self) -> bool {
         self.budget.is_some() && self.shown.is_some_and(|s| s.0.size == self.size)
     }
 
-    /// Whether the image is not what is to be shown, or not as fine.
+    /// Returns true if the image is out of date or not yet refined.
     pub fn is_stale(&self, grid: &Grid, pose: &Pose) -> bool {
         self.rows.is_some() || self.shown != Some((self.slice(grid, pose), self.slab, self.windowing))
     }
 
-    /// Makes the image if it is stale.
+    /// Draws the image if it is stale.
     pub fn make(&mut self, volume: &Volume, pose: &Pose) {
         let wanted = (self.slice(volume.grid(), pose), self.slab, self.windowing);
         let (slice, slab) = (wanted.0, wanted.1);
         self.made = self.shown != Some(wanted);
-        // Another window of greys needs no other values.
+        // New grey levels need no new values.
         if self.shown.is_none_or(|s| (s.0, s.1) != (slice, slab)) {
             self.fill(volume, slice, slab);
         } else if let Some(rows) = self.rows {
@@ -218,12 +221,13 @@ impl SliceView {
         self.shown = Some(wanted);
     }
 
-    /// Fills the image with the values of another plane: at once, or with larger pixels if it takes too many samples.
+    /// Fills the image with the values of another plane: at full resolution, or with larger pixels if that takes too many
+    /// samples.
     fn fill(&mut self, volume: &Volume, slice: Slice, slab: Slab) {
         let samples = slice.size[0] * slice.size[1] * slab.samples_a_pixel(volume.grid());
         let most = self.budget.filter(|_| slab.mm() > 0.0);
         let too_many = most.map_or(0, |most| samples / most.max(1));
-        // The least whole number whose square they are.
+        // The least whole number whose square is large enough.
         let larger = (1..COARSEST).find(|n| n * n > too_many).unwrap_or(COARSEST);
         self.rows = (larger > 1).then_some(0);
         if larger == 1 {
@@ -234,7 +238,7 @@ impl SliceView {
         coarse.enlarge(&self.finer, larger, slice.size, &mut self.hu);
     }
 
-    /// Makes more rows of the fine image; whether that was the last of them.
+    /// Computes more rows of the fine image. Returns true once the last row is done.
     fn refine(&mut self, volume: &Volume, slice: Slice, slab: Slab, rows: usize) -> bool {
         let [width, height] = slice.size;
         let a_row = (width * slab.samples_a_pixel(volume.grid())).max(1);
@@ -249,7 +253,7 @@ impl SliceView {
         done
     }
 
-    /// What it keeps in memory.
+    /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         (self.hu.capacity() + self.finer.capacity()) * size_of::<f32>()
             + self.grey.capacity()
@@ -257,7 +261,7 @@ impl SliceView {
     }
 }
 
-/// Middle of a scan, and how far it reaches along two directions, mm.
+/// Returns the centre of a scan and its extent along two directions, mm.
 fn extent(grid: &Grid, right: DVec3, down: DVec3) -> (DVec3, [f64; 2]) {
     let dims = DVec3::from_array(grid.dims().map(|d| d as f64));
     let middle = grid.world((dims - DVec3::ONE) * 0.5);
@@ -266,7 +270,7 @@ fn extent(grid: &Grid, right: DVec3, down: DVec3) -> (DVec3, [f64; 2]) {
     (middle, [reach(right), reach(down)])
 }
 
-/// The place moved along a normal to the nearest layer of voxels, where layers lie along it.
+/// Moves the place along a normal to the nearest layer of voxels, if layers are perpendicular to it.
 fn snap(grid: &Grid, place: DVec3, normal: DVec3) -> DVec3 {
     let voxel = grid.voxel(place);
     let along = grid.to_voxel().transform_vector3(normal);
@@ -311,7 +315,7 @@ mod tests {
         assert!(!view.made, "the same layer");
         view.make(&volume, &pose(here + DVec3::Z));
         assert!(view.made);
-        // A place is where a place is: the image knows it back.
+        // The image maps the position back to itself.
         let slice = view.shown().unwrap();
         let (at, before) = slice.pixel(here);
         assert!((slice.world(at) - here).dot(slice.frame.right()).abs() < 1e-9 && before.abs() <= 2.0);
@@ -358,7 +362,7 @@ mod tests {
                 let mut view = SliceView { budget: Some(20_000), ..at_once.without_image() };
                 view.make(&volume, &here);
                 assert!(view.made && view.shown() == at_once.shown() && view.hu.len() == at_once.hu.len());
-                // Mirrored, shifted or black it would be farther off: the values go from -1000 to -60.
+                // Mirrored, shifted or black, it would be farther off: the values range from -1000 to -60.
                 let off = view.hu.iter().zip(&at_once.hu);
                 let (mut sum, mut count) = (0.0, 0);
                 off.for_each(|(a, b)| (sum, count) = (sum + f64::from(a - b).abs(), count + 1));

@@ -1,47 +1,47 @@
-//! Where a flight has been and what it looked at, coarsely: for coverage, and for going back.
+//! The path and views of a flight, recorded coarsely: for coverage and for flying back.
 
 use bevy_ecs::prelude::*;
 use glam::DVec3;
 
 use crate::dynamics::Attitude;
 
-/// A view is kept when the camera has come so far from the last one, mm, …
+/// A view is recorded when the camera is this far from the last one, mm, …
 const STEP_MM: f64 = 2.0;
-/// … or has turned so much, as the cosine of the angle: 10°.
+/// … or has turned by this angle, as its cosine: 10°.
 const TURN: f64 = 0.984_807_753_012_208;
 
-/// Calls nearer to each other than this share of the way are one.
+/// Calls closer together than this share of the path count as one.
 const ONE_CALL: f64 = 0.01;
-/// No more calls than this are kept.
+/// Maximum number of calls kept.
 const CALLS: usize = 64;
 
-/// The views of a flight, in order, each with the share of the way (0 to 1, from the start to the goal as they are now) at
-/// which it lies.
+/// The views of a flight, in order, each with its share of the path (0 to 1, from the current start to the current goal).
 ///
-/// The share is counted as the operator is shown it: from a plan, or without one by the way flown over the way's coarse
-/// length; the other way round after the flight was turned round; from where the camera was taken to after a jump.
+/// The share matches what the operator is shown: it comes from the plan, or without one from the distance flown over the
+/// approximate length of the path. It is reversed after the flight turns round, and after a jump it counts from the new
+/// position.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Trail {
     views: Vec<(DVec3, Attitude)>,
     shares: Vec<f64>,
-    /// The first view since the flight last set out: those before lie on another way.
+    /// Index of the first view since the flight last set out. Earlier views are on another path.
     begins: usize,
-    /// The first view of each leg since then: no way leads to it from the one before.
+    /// Index of the first view of each leg since then: no path connects it to the view before.
     legs: Vec<usize>,
-    /// The next view begins a leg.
+    /// True if the next view starts a leg.
     leaves: bool,
-    /// Of the way, mm.
+    /// Length of the path, mm.
     length_mm: f64,
-    /// Until the last step, mm.
+    /// Distance flown until the last step, mm.
     flown_mm: f64,
-    /// Where the camera is.
+    /// The camera's share of the path.
     share: f64,
-    /// Where the guide called for the operator since the flight last set out.
+    /// Where the guide called the operator since the flight last set out.
     calls: Vec<f64>,
 }
 
 impl Trail {
-    /// The flight sets out anew, on a way of `length_mm`. What was seen before stays seen.
+    /// Starts a new path of length `length_mm`. Views recorded earlier are kept.
     pub fn set_out(&mut self, length_mm: f64) {
         (self.begins, self.length_mm, self.flown_mm) = (self.views.len(), length_mm.max(0.0), 0.0);
         self.legs.clear();
@@ -49,46 +49,48 @@ impl Trail {
         self.jump(0.0);
     }
 
-    /// The camera was taken to a share of the way.
+    /// Moves the camera to a share of the path.
     pub fn jump(&mut self, share: f64) {
         (self.share, self.leaves) = (share, true);
     }
 
-    /// Start and goal are swapped.
+    /// Swaps start and goal.
     pub fn turn_round(&mut self) {
         self.share = 1.0 - self.share;
         self.shares[self.begins..].iter_mut().chain(&mut self.calls).for_each(|s| *s = 1.0 - *s);
     }
 
-    /// The guide calls for the operator here.
+    /// Records a call for the operator here.
     pub fn call(&mut self) {
         if self.calls.len() < CALLS && self.calls.iter().all(|c| (c - self.share).abs() > ONE_CALL) {
             self.calls.push(self.share);
         }
     }
 
-    /// Where the guide called for the operator since the flight set out, as shares of the way.
+    /// Returns where the guide called the operator since the flight set out, as shares of the path.
     pub fn calls(&self) -> &[f64] {
         &self.calls
     }
 
-    /// Where the camera is: the share of the way behind it.
+    /// Returns the camera's share of the path.
     pub fn share(&self) -> f64 {
         self.share
     }
 
-    /// Of the way, mm.
+    /// Returns the length of the path, mm.
     pub fn length_mm(&self) -> f64 {
         self.length_mm
     }
 
-    /// The goal is reached, whatever was counted.
+    /// Marks the goal as reached, regardless of the count.
     pub fn arrive(&mut self) {
         self.share = 1.0;
     }
 
-    /// Takes the view after a step, with the flight's length until then (mm), and the place along a plan and the plan's
-    /// length (mm) if there is one.
+    /// Records the view after a step.
+    ///
+    /// `flown_mm` is the flight's length so far. `planned` is the position along a plan and the plan's length (mm), if
+    /// there is one.
     pub fn follow(&mut self, view: (DVec3, Attitude), flown_mm: f64, planned: Option<(f64, f64)>) {
         let before = self.share;
         let along_mm = match planned {
@@ -102,7 +104,7 @@ impl Trail {
         self.share = if self.length_mm > 0.0 { (along_mm / self.length_mm).clamp(0.0, 1.0) } else { 0.0 };
         if std::mem::take(&mut self.leaves) {
             self.legs.push(self.views.len());
-            // The step that follows a jump is short; from its beginning on the way is known.
+            // The step after a jump is short; the path is known from its start on.
             self.keep(view, before);
             return;
         }
@@ -121,26 +123,28 @@ impl Trail {
         self.shares.push(share);
     }
 
-    /// The views, in order.
+    /// Returns the views, in order.
     pub fn views(&self) -> &[(DVec3, Attitude)] {
         &self.views
     }
 
-    /// The share of the way at the view nearest to a place (world, mm) since the flight set out; where the camera is if there is none.
+    /// Returns the share of the path at the view nearest to a place (world mm) since the flight set out.
+    ///
+    /// Returns the camera's share if there is no view.
     pub fn share_near(&self, place: DVec3) -> f64 {
         let views = self.views.iter().zip(&self.shares).skip(self.begins);
         let near = views.map(|(v, s)| (v.0.distance_squared(place), *s)).min_by(|a, b| a.0.total_cmp(&b.0));
         near.map_or(self.share, |n| n.1)
     }
 
-    /// The last view at a share of the way; none if the flight was not there since it set out.
+    /// Returns the last view at a share of the path, or `None` if the flight has not been there since it set out.
     pub fn at(&self, share: f64) -> Option<(DVec3, Attitude)> {
         let count = self.views.len();
-        // Who points at where the camera is may point a little beyond.
+        // Pointing at the camera's position may select a point slightly beyond it.
         let about = self.share + if self.length_mm > 0.0 { STEP_MM / self.length_mm } else { 0.0 };
         for n in (self.begins..count).rev() {
             let here = self.shares[n];
-            // On the same leg; what comes after the last view is too near to it to be one.
+            // On the same leg. Anything after the last view is too near to it to be recorded.
             let next = match n + 1 {
                 m if m == count => {
                     if self.leaves {
@@ -167,7 +171,7 @@ mod tests {
 
     const LOOK: Attitude = Attitude { forward: DVec3::X, up: DVec3::Z };
 
-    /// Flies along x in steps of 0.1 mm; the way flown is `flown` before and after.
+    /// Flies along x in steps of 0.1 mm; `flown` is the distance flown, updated in place.
     fn fly(t: &mut Trail, from: f64, to: f64, flown: &mut f64) {
         let steps = ((to - from).abs() * 10.0).round() as i32;
         for n in 1..=steps {
@@ -219,7 +223,7 @@ mod tests {
         let near = |a: Option<f64>, b: f64| a.is_some_and(|a| (a - b).abs() < 2.1);
         t.set_out(200.0);
         fly(&mut t, 0.0, 120.0, &mut flown);
-        // Turned round at 60 %: that is 40 % of the way back; the goal now lies at x = 0.
+        // Turned round at 60 %: that is 40 % of the way back. The goal is now at x = 0.
         t.turn_round();
         fly(&mut t, 120.0, 100.0, &mut flown);
         assert!(near(x(&t, 0.45), 110.0) && near(x(&t, 0.9), 20.0), "{:?} {:?}", x(&t, 0.45), x(&t, 0.9));
@@ -228,13 +232,13 @@ mod tests {
         t.jump(0.8);
         fly(&mut t, 40.0, 30.0, &mut flown);
         assert!(near(x(&t, 0.84), 32.0) && near(x(&t, 0.6), 80.0) && near(x(&t, 1.0), 0.0));
-        // Another way: nothing of the former counts, but all was seen.
+        // Another path: none of the former shares count, but all views are kept.
         let seen = t.views().len();
         t.set_out(50.0);
         assert!(t.at(0.0).is_none());
         fly(&mut t, 500.0, 510.0, &mut 0.0);
         assert!(near(x(&t, 0.1), 505.0) && t.at(0.5).is_none() && t.views().len() > seen);
-        // More was flown than the coarse length says.
+        // The flight covered more than the approximate length.
         fly(&mut t, 510.0, 580.0, &mut 10.0);
         t.arrive();
         assert!(t.at(1.0).is_some() && near(x(&t, 0.5), 525.0));
@@ -249,7 +253,7 @@ mod tests {
             t.follow((DVec3::X * s, LOOK), s, Some((s, 200.0)));
         }
         assert!((t.at(0.25).unwrap().0.x - 50.0).abs() < 2.1 && t.at(0.6).is_none());
-        // Without it the count goes on from there.
+        // Without a plan the count continues from there.
         let mut flown = 99.0;
         fly(&mut t, 99.0, 140.0, &mut flown);
         assert!((t.at(0.6).unwrap().0.x - 120.0).abs() < 2.1);

@@ -1,53 +1,54 @@
 //! The step that cannot perforate: conservative advancement of a sphere through exact clearances.
 //!
 //! The distance to the wall is 1-Lipschitz: within a displacement of `c − r` from a point of clearance `c`, every point
-//! keeps a clearance of at least `r`. So the body moves by at most that, asks again, and so on (conservative
-//! advancement, Mirtich 1996; the same idea as sphere tracing, Hart 1996). The guarantee rests on
-//! [`Clearances::clearance`] never being more than the true distance, and on nothing else: neither the number of
-//! tentacles, nor the size of the force or of the step.
+//! keeps a clearance of at least `r`. The body moves by at most that distance, queries the clearance again, and repeats
+//! (conservative advancement, Mirtich 1996; the same idea as sphere tracing, Hart 1996). The guarantee depends only on
+//! [`Clearances::clearance`] never exceeding the true distance. It does not depend on the number of tentacles, the size
+//! of the force or the size of the step.
 //!
-//! **Why a sphere, where the camera is a cylinder.** The sphere of [`Body::radius_mm`](super::Body::radius_mm) encloses the
-//! cylinder however that is turned, so a turn in place cannot bring any part of it into the wall, and the guarantee is one of
-//! places alone: one clearance a move, where a cylinder would need its least clearance over all attitudes of the step. What
-//! this costs is room. The camera stays farther off the wall than its cylinder has to by at most the gap between the two
-//! surfaces, [`Body::gap_mm`](super::Body::gap_mm): 0.44 mm for the usual body of 1.5 mm, less than the side of a voxel. So it
-//! may be refused a passage that is narrower than 3 mm, and never enters one that is too narrow.
+//! **Why a sphere when the camera is a cylinder.** The sphere of [`Body::radius_mm`](super::Body::radius_mm) encloses the
+//! cylinder in every orientation, so turning in place cannot bring any part of it into the wall. The guarantee then
+//! depends on position alone and takes one clearance per move. A cylinder would need its least clearance over all
+//! attitudes of the step. The price is room: the camera stays farther from the wall than its cylinder requires, by at
+//! most the gap between the two surfaces, [`Body::gap_mm`](super::Body::gap_mm). That is 0.44 mm for the default body of
+//! 1.5 mm, less than the side of a voxel. The camera may therefore be refused a passage narrower than 3 mm, and it never
+//! enters one that is too narrow.
 
 use glam::DVec3;
 
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Clearance, Clearances};
 
-/// Clearances that one step may ask for; what is left of the displacement then is not moved.
+/// Maximum clearance queries per step; any displacement left after them is dropped.
 const MAX_MOVES: usize = 16;
-/// Within this much of touching, mm, the part of the motion that goes into the wall is taken out and the rest slides.
+/// Within this distance of contact, mm, the motion into the wall is removed and the rest slides along it.
 const SKIN_MM: f64 = 0.05;
-/// The longest single move along the wall, mm.
+/// Longest single move along the wall, mm.
 const CREEP_MM: f64 = 0.1;
 
 /// The outcome of a move.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Advance {
-    /// Where the body is after the move, world mm.
+    /// Position of the body after the move, world mm.
     pub position: DVec3,
-    /// Unit vector into the wall that stopped it, if one did.
+    /// Unit vector into the wall that stopped the body, if one did.
     pub blocked: Option<DVec3>,
     /// Clearance before the move, mm.
     pub clearance_mm: f64,
-    /// Whether the body is in the wall or too near to it and was not moved, because no move raised the clearance.
+    /// True if the body is in the wall or too close to it and did not move, because no move raised the clearance.
     pub stuck: bool,
 }
 
 /// Moves a sphere of `radius` mm from `position` by `displacement` (world, mm) as far as the wall allows.
 ///
-/// The body keeps the finder's tolerance beyond its radius, so that reported clearances never fall below the radius.
-/// Where it begins in the wall or too near to it, only motion that raises the clearance is allowed. A displacement that
-/// is not finite does not move it.
+/// The body keeps the finder's tolerance beyond its radius, so reported clearances never fall below the radius. If it
+/// starts in the wall or too close to it, only motion that raises the clearance is allowed. A displacement that is not
+/// finite does not move it.
 pub fn advance(walls: &impl Clearances, position: DVec3, displacement: DVec3, radius: f64) -> Advance {
     sweep(walls, position, displacement, radius, &mut |_, _| {})
 }
 
-/// [`advance()`], which calls `piece` with the beginning and the end of each straight piece of the way.
+/// Does the same as [`advance()`] and calls `piece` with the start and end of each straight piece of the path.
 pub fn sweep(
     walls: &impl Clearances,
     position: DVec3,
@@ -93,11 +94,12 @@ pub fn sweep(
     Advance { position: at, blocked, clearance_mm: first.mm, stuck }
 }
 
-/// A short move along the wall that the body touches, leaning away from it as much as needed. It is tried, not bounded:
-/// with a clearance of `c₀` at its beginning and `c₁` at its end, a move of length `l` keeps at least `(c₀ + c₁ −
-/// l)/2`. From a place in the wall or too near to it, any such move will do that raises the clearance and does not lead
-/// the centre into the wall. The latter is tested exactly: a clearance of 0 may belong to a place in gas, beside a wall
-/// that is thinner than the move.
+/// Makes a short move along the wall that the body touches, leaning away from it as far as needed.
+///
+/// Candidates are tried rather than bounded: with clearance `c₀` at the start and `c₁` at the end, a move of length `l`
+/// keeps at least `(c₀ + c₁ − l)/2`. If the body starts in the wall or too close to it, any candidate is accepted that
+/// raises the clearance and does not lead the centre into the wall. That last condition is tested exactly: a clearance of
+/// 0 may belong to a point in gas beside a wall that is thinner than the move.
 fn creep(walls: &impl Clearances, at: DVec3, here: Clearance, along: DVec3, radius: f64) -> Option<(DVec3, Clearance)> {
     let direction = along.try_normalize()?;
     let length = along.length().min(CREEP_MM);
@@ -153,7 +155,7 @@ mod tests {
                 let from = at;
                 let a = advance(&walls, at, DVec3::new(u(0), u(1), u(2)) * size, radius);
                 at = a.position;
-                // Along the straight line between the ends only where the move was not bent by sliding.
+                // Check along the straight line between the ends only if the move was not bent by sliding.
                 let parts = if a.blocked.is_none() { 8 } else { 1 };
                 for p in 0..parts {
                     let c = walls.at(at.lerp(from, f64::from(p) / 8.0)).mm;

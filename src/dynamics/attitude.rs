@@ -12,8 +12,9 @@ pub struct Attitude {
 }
 
 impl Attitude {
-    /// Looks along `forward` with `up` made orthogonal to it; any vectors will do: degenerate ones
-    /// are replaced (+z up; or +y where the view is along z).
+    /// Creates a frame that looks along `forward`, with `up` made orthogonal to it.
+    ///
+    /// Accepts any vectors. Degenerate ones are replaced (by +z up, or +y if the view is along z).
     pub fn new(forward: DVec3, up: DVec3) -> Self {
         let forward = forward.try_normalize().unwrap_or(DVec3::Y);
         let up = [up, DVec3::Z, DVec3::Y]

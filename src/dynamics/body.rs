@@ -1,26 +1,25 @@
-//! The moving body: size, mass, drag and the method that moves it.
+//! The moving body: size, mass, drag and integration method.
 
 use crate::dynamics::integrators::Integrator;
 use crate::dynamics::rigid::Inertia;
 use crate::error::{Error, Result};
 
-/// The camera as a body, and how its motion is integrated.
+/// The camera as a rigid body, with the method that integrates its motion.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Body {
-    /// Radius of the sphere that must not touch the wall, mm. The cylinder lies within it, however it is turned; why contact
-    /// is tested by the sphere is told where [that is done](mod@crate::dynamics::advance).
+    /// Radius of the sphere that must not touch the wall, mm. It encloses the cylinder in every orientation.
+    /// [`advance`](mod@crate::dynamics::advance) explains why contact is tested with the sphere.
     pub radius_mm: f64,
     /// Mass, g. Only the ratio of force to mass matters; forces are in g·mm/s².
     pub mass_g: f64,
-    /// Drag `k_t`, 1/s: without forces the speed falls by e each `1/k_t` seconds.
+    /// Drag `k_t`, 1/s: without forces the speed falls by a factor of e every `1/k_t` seconds.
     pub drag_per_s: f64,
-    /// Radius of the cylinder, mm; if left out, that of the largest cylinder in the sphere that is as long as it is
-    /// wide.
+    /// Radius of the cylinder, mm. Defaults to that of the largest cylinder in the sphere that is as long as it is wide.
     pub cylinder_radius_mm: Option<f64>,
-    /// Length of the cylinder along the view, mm; if left out, as above.
+    /// Length of the cylinder along the view direction, mm. Defaults as for the radius.
     pub cylinder_length_mm: Option<f64>,
-    /// How the equations of motion are solved.
+    /// Method that solves the equations of motion.
     pub integrator: Integrator,
 }
 
@@ -38,14 +37,16 @@ impl Default for Body {
 }
 
 impl Body {
+    /// Checks the settings.
+    ///
     /// # Errors
-    /// Status 2 for a mass that is not positive, a radius or drag that is negative, a cylinder that sticks out of the
-    /// sphere, or anything not finite.
+    /// Returns status 2 if the mass is not positive, the radius or the drag is negative, the cylinder sticks out of the
+    /// sphere, or any value is not finite.
     pub fn check(&self) -> Result<()> {
         let refuse = |what: &str, value: f64, want: &str| {
             Err(Error::usage(format!("body.{what}"), format!("is {value}"), format!("give {want}")))
         };
-        // Beyond these the products of forces, times and inverse masses overflow.
+        // Outside this range, products of forces, times and inverse masses overflow.
         if !(1e-9..=1e9).contains(&self.mass_g) {
             return refuse("mass_g", self.mass_g, "a positive mass, 1e-9 to 1e9 g");
         }
@@ -70,7 +71,8 @@ impl Body {
         Ok(())
     }
 
-    /// Radius and length of the cylinder, mm. If one is left out, it is the largest that fits beside the other.
+    /// Returns the radius and length of the cylinder, mm. A dimension that is not set is the largest that fits with the
+    /// other.
     pub fn cylinder(&self) -> (f64, f64) {
         let sphere = self.radius_mm;
         let beside = |x: f64| (sphere * sphere - x * x).max(0.0).sqrt();
@@ -82,14 +84,16 @@ impl Body {
         }
     }
 
-    /// The widest gap between the cylinder's surface and the sphere's, mm: so much farther than its cylinder has to does the
-    /// body stay off the wall at the most. It is that at the cylinder's side, or at the middle of its ends.
+    /// Returns the widest gap between the surface of the cylinder and that of the sphere, mm.
+    ///
+    /// The body stays farther from the wall than its cylinder requires by at most this distance. The gap is widest at the
+    /// side of the cylinder or at the middle of its ends.
     pub fn gap_mm(&self) -> f64 {
         let (radius, length) = self.cylinder();
         self.radius_mm - radius.min(0.5 * length)
     }
 
-    /// The cylinder's moments of inertia.
+    /// Returns the cylinder's moments of inertia.
     pub fn inertia(&self) -> Inertia {
         let (radius, length) = self.cylinder();
         Inertia::cylinder(self.mass_g, radius, length)
@@ -146,8 +150,8 @@ mod tests {
         assert!((r.hypot(l / 2.0) - 1.5).abs() < 1e-12 && (l - 2.0 * r).abs() < 1e-12);
     }
 
-    /// What the contact test by the sphere rests on: no turn takes a point of the cylinder out of it, and the wall is at most
-    /// the gap farther away than the cylinder would let it be.
+    /// The basis of the contact test with the sphere: no turn takes a point of the cylinder out of it, and the wall is
+    /// farther away than the cylinder requires by at most the gap.
     #[test]
     fn the_sphere_encloses_the_cylinder_however_it_is_turned() {
         assert!((Body::default().gap_mm() - 0.44).abs() < 0.001, "as the docs of the contact test have it");
@@ -159,7 +163,7 @@ mod tests {
             for n in 0..500u64 {
                 let u = |k| hash::uniform(7, 8 * n + k) * 2.0 - 1.0;
                 let turn = DQuat::from_scaled_axis(DVec3::new(u(0), u(1), u(2)) * 3.0);
-                // The cylinder's farthest point along a direction of its own frame, and how far it reaches there.
+                // The cylinder's farthest point along a direction in its own frame, and its extent in that direction.
                 let direction = DVec3::new(u(3), u(4), u(5)).normalize();
                 let across = DVec3::new(direction.x, direction.y, 0.0);
                 let point = across.normalize() * r + DVec3::Z * (0.5 * l * direction.z.signum());

@@ -1,57 +1,57 @@
-//! The operator's hand on the flight: how a push builds up, how fast a turn is, and how the guide lets go and takes up
-//! the flight again.
+//! Operator input in flight: how a push builds up, how fast the view turns, and how control passes between guide and
+//! operator.
 
 use glam::DVec3;
 
 use super::Attitude;
 
-/// Speed that a full push holds against the drag, mm/s: faster than the guide's cruise, so that the hand wins.
+/// Speed that a full push holds against the drag, mm/s. Faster than the guide's cruise speed, so operator input wins.
 pub const PUSH_MM_S: f64 = 45.0;
-/// Least multiple of the cruise speed that a push is scaled by: a slow flight must still be steerable.
+/// Least speed multiple that a push is scaled by, so that a slow flight can still be steered.
 const LEAST_SPEED: f64 = 0.3;
-/// Rate of a full turn, rad/s.
+/// Angular rate of a full turn, rad/s.
 const TURN_RATE: f64 = 1.2;
-/// A push builds up and dies away with this time constant, s: no hand is faster, and a flight must not jerk.
+/// Time constant with which a push builds up and decays, s: no hand is faster, and the flight must not jerk.
 const PUSH_S: f64 = 0.06;
-/// What is left of a push below this counts as none, mm/s².
+/// A decaying push below this value counts as zero, mm/s².
 const NO_PUSH: f64 = 1e-3;
-/// Time within which the guide lets go after the hand is on, s.
+/// Time in which the guide releases control after operator input starts, s.
 const LET_GO_S: f64 = 0.15;
-/// Time within which the guide takes up the flight again, s.
+/// Time in which the guide takes control again, s.
 const TAKE_UP_S: f64 = 0.8;
 
-/// A push in the world, from its components along the view's right, up and forward, each −1 to 1.
+/// Returns a push in the world, given its components along the view's right, up and forward axes, each −1 to 1.
 pub fn push_direction(view: &Attitude, push: DVec3) -> DVec3 {
     view.right() * push.x + view.up * push.y + view.forward * push.z
 }
 
-/// Angular velocity (world rad/s) that a turn asks for: yaw to the right, pitch upwards, roll clockwise, each −1 to 1.
+/// Returns the angular velocity (world rad/s) for a turn: yaw to the right, pitch upwards, roll clockwise, each −1 to 1.
 pub fn turning(view: &Attitude, turn: DVec3) -> DVec3 {
     let turn = turn * TURN_RATE;
     view.right() * turn.y - view.up * turn.x + view.forward * turn.z
 }
 
-/// The acceleration of the hand (world mm/s²) after `dt` seconds: `before` approaches what `push` (see
-/// [`push_direction`]) asks for, exponentially. A full push in the end holds 45 mm/s against a drag of `drag_per_s`,
-/// times
-/// `speed`, the operator's multiple of the cruise speed.
+/// Returns the acceleration from operator input (world mm/s²) after `dt` seconds.
+///
+/// `before` approaches the value that `push` (see [`push_direction`]) asks for, exponentially. A full push settles at 45
+/// mm/s times `speed`, the operator's multiple of the cruise speed, against a drag of `drag_per_s`.
 pub fn push_acceleration(before: DVec3, push: DVec3, drag_per_s: f64, speed: f64, dt: f64) -> DVec3 {
     let asked = push * (PUSH_MM_S * drag_per_s * speed.max(LEAST_SPEED));
     let after = asked + (before - asked) * (-dt / PUSH_S).exp();
     if asked == DVec3::ZERO && after.length() < NO_PUSH { DVec3::ZERO } else { after }
 }
 
-/// The guide's part of the flight, 0 to 1, `dt` seconds on, while the operator has it: none after 0.15 s.
+/// Returns the guide's part of the control, 0 to 1, after another `dt` seconds of operator input; 0 after 0.15 s.
 pub fn let_go(guided: f64, dt: f64) -> f64 {
     (guided + -dt / LET_GO_S).clamp(0.0, 1.0)
 }
 
-/// The guide's part of the flight, 0 to 1, `dt` seconds on, while it takes the flight up again: all after 0.8 s.
+/// Returns the guide's part of the control, 0 to 1, `dt` seconds later while it takes control again; 1 after 0.8 s.
 pub fn take_up(guided: f64, dt: f64) -> f64 {
     (guided + dt / TAKE_UP_S).clamp(0.0, 1.0)
 }
 
-/// The share of its thrust that a guide with the part `guided` of the flight has, 0 to 1: eased in and out
+/// Returns the share of its thrust, 0 to 1, that a guide with the part `guided` of the control may use: eased in and out
 /// (smoothstep).
 pub fn share(guided: f64) -> f64 {
     let g = guided.clamp(0.0, 1.0);

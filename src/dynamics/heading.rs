@@ -1,13 +1,13 @@
-//! Where a body has been going: its velocity's direction, smoothed.
+//! The direction in which a body has been moving: its velocity's direction, smoothed.
 
 use glam::DVec3;
 
 /// Time constant with which the heading follows the velocity, s.
 const HEADING_S: f64 = 0.25;
-/// Slower than this the body drifts, and its velocity does not tell where the flight is going, mm/s.
+/// Below this speed the body drifts and its velocity does not indicate where the flight is heading, mm/s.
 const LEAST_MM_S: f64 = 2.0;
 
-/// The unit heading after `dt` seconds at `velocity` (mm/s).
+/// Returns the unit heading after `dt` seconds at `velocity` (world mm/s).
 pub fn follow_velocity(heading: DVec3, velocity: DVec3, dt: f64) -> DVec3 {
     if velocity.length() <= LEAST_MM_S {
         return heading;

@@ -1,4 +1,4 @@
-//! Mines: points laid behind the camera that repel it, so that it does not turn back (paper, section 3.2).
+//! Mines: points laid behind the camera that repel it, so it does not turn back (paper, section 3.2).
 
 use std::collections::VecDeque;
 
@@ -6,20 +6,20 @@ use super::settings::{not_negative, positive};
 use crate::error::{Error, Result};
 use glam::DVec3;
 
-/// A mine that is laid right behind the camera is no further from it than this, mm.
+/// Maximum distance from the camera of a mine laid directly behind it, mm.
 const BEHIND_MM: f64 = 3.0;
 
 /// How mines are laid and how they push.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MineSettings {
-    /// How many of the last mines are kept.
+    /// Number of most recent mines kept.
     pub kept: usize,
     /// Distance flown between two mines, mm.
     pub spacing_mm: f64,
-    /// A mine further than this from the camera does not push, mm.
+    /// A mine farther than this from the camera does not push, mm.
     pub reach_mm: f64,
-    /// Push of a mine at distance 0 as an acceleration, mm/s²; it falls linearly to 0 at the reach.
+    /// Push of a mine at distance 0, as an acceleration, mm/s². It falls linearly to 0 at the reach.
     pub push: f64,
 }
 
@@ -30,8 +30,10 @@ impl Default for MineSettings {
 }
 
 impl MineSettings {
+    /// Checks the settings.
+    ///
     /// # Errors
-    /// Status 2 for a setting that makes no sense.
+    /// Returns status 2 if a setting is out of range.
     pub fn check(&self) -> Result<()> {
         positive("mines.spacing_mm", self.spacing_mm)?;
         positive("mines.reach_mm", self.reach_mm)?;
@@ -64,7 +66,7 @@ pub struct Mines {
 }
 
 impl Mines {
-    /// Follows the camera (world mm); each `spacing_mm` it lays a mine where the camera was.
+    /// Follows the camera (world mm) and lays a mine at its position every `spacing_mm`.
     pub fn follow(&mut self, camera: DVec3, settings: &MineSettings) {
         match self.last {
             None => self.last = Some(camera),
@@ -73,13 +75,13 @@ impl Mines {
         }
     }
 
-    /// Lays a mine right behind a camera (world mm) that is to set off along the unit `heading`: the first one of a flight
-    /// that only mines drive, or one that drives it another way.
+    /// Lays a mine directly behind a camera (world mm) that sets off along the unit `heading`: the first mine of a flight
+    /// driven by mines alone, or one that sends it in another direction.
     pub fn lay_behind(&mut self, camera: DVec3, heading: DVec3, settings: &MineSettings) {
         self.lay(camera - heading * (0.5 * settings.spacing_mm).min(BEHIND_MM), camera, settings);
     }
 
-    /// Lays a mine at a place; the next one comes where the camera has gone `spacing_mm` from here.
+    /// Lays a mine at `place`. The next one follows once the camera is `spacing_mm` away from its position now.
     fn lay(&mut self, place: DVec3, camera: DVec3, settings: &MineSettings) {
         self.points.push_back(place);
         self.last = Some(camera);
@@ -88,29 +90,30 @@ impl Mines {
         }
     }
 
-    /// Removes all mines, as after a turn.
+    /// Removes all mines, for example after a turn.
     pub fn clear(&mut self) {
         self.points.clear();
         self.last = None;
     }
 
-    /// World positions, mm, oldest first.
+    /// Iterates over the mines' world positions, mm, oldest first.
     pub fn iter(&self) -> impl Iterator<Item = DVec3> + '_ {
         self.points.iter().copied()
     }
 
-    /// Number of mines.
+    /// Returns the number of mines.
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
-    /// Whether there are no mines.
+    /// Returns true if there are no mines.
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
-    /// The acceleration (mm/s²) that the mines exert at a world point: each is the source of the potential
-    /// `push · reach/2 · (1 − d/reach)²` within its reach.
+    /// Returns the acceleration (world mm/s²) that the mines exert at a world point (mm).
+    ///
+    /// Within its reach, each mine contributes the potential `push · reach/2 · (1 − d/reach)²`.
     pub fn push(&self, at: DVec3, settings: &MineSettings) -> DVec3 {
         self.iter()
             .map(|m| {

@@ -1,7 +1,7 @@
-//! How the camera moves: forces on a small body with drag, and a step that cannot pass through the wall.
+//! Camera motion: forces on a small body with drag, and a step that cannot pass through the wall.
 //!
-//! Equation of motion (paper, section 3.1.1): `P′(t) = −∇V(x) − k_t P(t) + F_user(t)`, with `P = m v`. In
-//! *tentacles and mines* (section 3.2) `−∇V` is replaced by what the sensory rays and the mines exert.
+//! Equation of motion (paper, section 3.1.1): `P′(t) = −∇V(x) − k_t P(t) + F_user(t)`, with `P = m v`. In *tentacles and
+//! mines* (section 3.2), the forces of the sensory rays and the mines replace `−∇V`.
 
 pub mod advance;
 pub mod attitude;
@@ -21,9 +21,9 @@ pub mod step;
 pub mod tentacles;
 pub mod trap;
 
-/// Steps of the simulation a second, unless a scene says otherwise.
+/// Simulation steps per second, unless a scene sets another rate.
 pub const STEP_HZ: u32 = 120;
-/// Length of one of them, s.
+/// Length of a simulation step, s.
 pub const STEP_S: f64 = 1.0 / STEP_HZ as f64;
 
 pub use advance::{Advance, advance};

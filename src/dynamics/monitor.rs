@@ -1,6 +1,7 @@
-//! Detects that a flight makes no progress, from its trail alone: hanging in place, dithering, turning back, circling
-//! (paper, sections 3.1.1 and 3.2). [`super::trap`] classifies the place, [`super::rescue`] decides what is done about
-//! it.
+//! Detects a flight that makes no progress.
+//!
+//! It uses only the trail and recognises hanging in place, dithering, turning back and circling (paper, sections 3.1.1
+//! and 3.2). [`super::trap`] classifies the place, [`super::rescue`] decides how to recover.
 
 use std::collections::VecDeque;
 
@@ -8,15 +9,16 @@ use super::settings::{not_negative, positive};
 use crate::error::Result;
 use glam::DVec3;
 
-/// When a flight counts as making no progress. The defaults notice each trouble within two seconds at cruise speed.
+/// Thresholds for a flight that makes no progress. The defaults detect each kind of stall within two seconds at cruise
+/// speed.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MonitorSettings {
-    /// How far back the progress is measured, s; dithering is looked for over twice as long.
+    /// Time window for measuring progress, s. Dithering is searched for over twice this time.
     pub window_s: f64,
     /// Staying within a box of this diagonal for the whole window is no progress, mm.
     pub least_progress_mm: f64,
-    /// A place counts as visited when it comes within this of the trail, mm.
+    /// A position counts as visited if it comes within this distance of the trail, mm.
     pub visited_mm: f64,
     /// Distance over visited ground that counts as turning back (against the trail) or circling (along it), mm.
     pub revisited_mm: f64,
@@ -29,8 +31,10 @@ impl Default for MonitorSettings {
 }
 
 impl MonitorSettings {
+    /// Checks the settings.
+    ///
     /// # Errors
-    /// Status 2 for a setting that makes no sense.
+    /// Returns status 2 if a setting is out of range.
     pub fn check(&self) -> Result<()> {
         positive("watch.window_s", self.window_s)?;
         positive("watch.revisited_mm", self.revisited_mm)?;
@@ -44,18 +48,18 @@ impl MonitorSettings {
 pub enum StallKind {
     /// It hangs in place.
     Stuck,
-    /// It moves but stays where it is: two forces or two ways take turns.
+    /// It moves but stays in the same place: two forces or two directions take turns.
     Dithering,
     /// It flies back over its own trail.
     TurnedBack,
-    /// It flies over its own trail again in the same sense.
+    /// It flies over its own trail again in the same direction.
     Circling,
 }
 
-/// A trouble and its place.
+/// A detected stall and its position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StallAlarm {
-    /// The trouble.
+    /// The kind of stall.
     pub stall: StallKind,
     /// Where it began, world mm; for a flight that turned back, where it turned.
     pub place: DVec3,
@@ -63,15 +67,16 @@ pub struct StallAlarm {
 
 /// Distance flown between two points of the trail, mm.
 const TRAIL_STEP_MM: f64 = 2.0;
-/// Trail nearer than this along the way is not "visited ground" but where the camera has just been, mm.
+/// Trail closer than this along the path is where the camera has just been, not "visited ground", mm.
 const RECENT_MM: f64 = 30.0;
-/// Positions kept within a window: less than 2 mm apart at cruise speed.
+/// Positions kept per window: less than 2 mm apart at cruise speed.
 const SAMPLES: f64 = 32.0;
-/// A path longer than this many times the size of the box around it is dithering: once there and back is 2.
+/// A path longer than this many times the size of its bounding box is dithering. Once there and back is 2.
 const DITHER: f64 = 2.5;
-/// The times, in windows, over which that is measured: a wide sway takes long, and a forgiven flight needs some time.
+/// The durations, in windows, over which dithering is measured: a wide sway takes long, and a forgiven flight needs some
+/// time.
 const DITHER_WINDOWS: [f64; 2] = [0.5, 2.0];
-/// In a box larger than this the flight circles, mm.
+/// In a box larger than this the flight is circling, mm.
 const DITHER_MM: f64 = 18.0;
 
 /// A recent position.
@@ -82,12 +87,12 @@ struct Sample {
     path_length: f64,
 }
 
-/// The camera's trail and what can be read from it.
+/// The camera's trail and the stall detection based on it.
 #[derive(Clone, Debug, Default)]
 pub struct Monitor {
     /// Points [`TRAIL_STEP_MM`] apart along the path, world mm.
     trail: Vec<DVec3>,
-    /// Positions of the last window, and of as long before as dithering takes, oldest first.
+    /// Positions of the last window and of the additional time that dithering needs, oldest first.
     recent: VecDeque<Sample>,
     last: Option<DVec3>,
     time: f64,
@@ -97,35 +102,36 @@ pub struct Monitor {
 }
 
 impl Monitor {
-    /// Distance flown since the last [`Monitor::restart`], mm.
+    /// Returns the distance flown since the last [`Monitor::restart`], mm.
     pub fn way_mm(&self) -> f64 {
         self.path_length
     }
 
-    /// The trail since the last [`Monitor::restart`], world mm.
+    /// Returns the trail since the last [`Monitor::restart`], world mm.
     pub fn trail(&self) -> &[DVec3] {
         &self.trail
     }
 
-    /// The last points of the trail, over `mm` of the way, latest first; world mm.
+    /// Iterates over the last `mm` of the trail, latest point first; world mm.
     pub fn last_mm(&self, mm: f64) -> impl Iterator<Item = DVec3> + '_ {
         self.trail.iter().rev().take((mm / TRAIL_STEP_MM).ceil() as usize).copied()
     }
 
-    /// Starts over, as after a turn or when the operator took over: what was flown so far may be flown again.
+    /// Starts over, for example after a turn or operator input: the path flown so far may be flown again.
     pub fn restart(&mut self) {
         *self = Self::default();
     }
 
-    /// Clears the counts but keeps the trail.
+    /// Clears the counters but keeps the trail.
     pub fn forgive(&mut self) {
         self.recent.clear();
         self.against = 0.0;
         self.along = 0.0;
     }
 
-    /// Takes the camera's position (world mm) after a step of `dt` seconds; reports trouble once it is certain. A
-    /// position that is not finite is ignored.
+    /// Takes the camera's position (world mm) after a step of `dt` seconds and reports a stall once it is certain.
+    ///
+    /// A position that is not finite is ignored.
     pub fn follow(&mut self, at: DVec3, dt: f64, settings: &MonitorSettings) -> Option<StallAlarm> {
         if !at.is_finite() {
             return None;
@@ -146,7 +152,7 @@ impl Monitor {
         self.revisit(at, moved, settings).or_else(|| self.stay(at, settings))
     }
 
-    /// The trouble of a flight that stays in one place.
+    /// Returns the stall of a flight that stays in one place.
     fn stay(&self, at: DVec3, settings: &MonitorSettings) -> Option<StallAlarm> {
         let (mut low, mut high) = (at, at);
         let mut is_stuck = false;
@@ -164,7 +170,7 @@ impl Monitor {
         is_stuck.then_some(StallAlarm { stall: StallKind::Stuck, place: at })
     }
 
-    /// Adds up the distance over visited ground, against and along the trail; new ground resets it.
+    /// Adds up the distance over visited ground, against and along the trail. New ground resets it.
     fn revisit(&mut self, at: DVec3, moved: DVec3, settings: &MonitorSettings) -> Option<StallAlarm> {
         let old = self.trail.len().saturating_sub((RECENT_MM / TRAIL_STEP_MM) as usize);
         let near = (1..old).map(|i| (i, self.trail[i].distance_squared(at))).min_by(|a, b| a.1.total_cmp(&b.1));
@@ -179,7 +185,7 @@ impl Monitor {
         self.against += (-signed).max(0.0);
         self.along += signed.max(0.0);
         if self.against > settings.revisited_mm {
-            // There and back is the same length: it turned in the middle of the trail since it was here.
+            // There and back have the same length, so it turned in the middle of the trail since it was here.
             return Some(StallAlarm {
                 stall: StallKind::TurnedBack,
                 place: self.trail[(i + self.trail.len() - 1) / 2],
@@ -208,7 +214,7 @@ mod tests {
     #[test]
     fn steady_flight_is_no_trouble() {
         assert_eq!(fly(|t| DVec3::new(30.0 * t, 10.0 * t.sin(), 0.0), 60.0), None);
-        // A helix with neighbouring turns further apart than a lumen is wide.
+        // A helix with neighbouring turns farther apart than the width of a lumen.
         assert_eq!(fly(|t| DVec3::new(20.0 * t.cos(), 20.0 * t.sin(), 3.0 * t), 60.0), None);
         // Narrow coils, and a fast one.
         for radius in [8.0, 11.0] {
@@ -222,7 +228,7 @@ mod tests {
         assert_eq!(fly(|t| DVec3::new(30.0 * (t - 5.0).abs(), 14.0 * (t - 5.0).tanh(), 0.0), 20.0), None);
     }
 
-    /// Each trouble, at 30 mm/s, within two seconds of its beginning.
+    /// Each kind of stall, at 30 mm/s, within two seconds of its start.
     #[test]
     fn each_trouble_is_told_within_two_seconds() {
         let reported = |path: &dyn Fn(f64) -> DVec3, begins: f64, stall: StallKind, place: Option<DVec3>| {
@@ -238,9 +244,9 @@ mod tests {
         let sway =
             |t: f64, a: f64, w: f64| DVec3::X * if t < 3.0 { 30.0 * t } else { 90.0 + a * (w * (t - 3.0)).sin() };
         reported(&|t| sway(t, 2.0, 15.0), 3.0, StallKind::Dithering, Some(tip));
-        // Between two ways 14 mm apart, at full speed: the trap is a trap from the second turn on.
+        // Between two directions 14 mm apart, at full speed: it counts as a trap from the second turn on.
         reported(&|t| sway(t, 7.0, 30.0 / 7.0), 3.0, StallKind::Dithering, None);
-        // Slower, between two ways nearly as far apart: it turns first after 0.45 s.
+        // Slower, between two directions nearly as far apart: it first turns after 0.45 s.
         reported(
             &|t| sway(t, 6.5, std::f64::consts::TAU / 1.8) + DVec3::Y * (t - 3.0).max(0.0),
             3.45,
@@ -258,7 +264,7 @@ mod tests {
     }
 
     proptest! {
-        /// Nothing that it is fed makes it panic, and what never comes near its own trail and moves on is no trouble.
+        /// No input makes it panic, and a path that moves on and never comes near its own trail is no stall.
         #[test]
         fn wild_places_are_survived(v in prop::collection::vec(prop::num::f64::ANY, 3..90)) {
             let mut m = Monitor::default();

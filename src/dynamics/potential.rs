@@ -1,6 +1,6 @@
 //! The potential field of the paper (section 3.1.1): the wall repels, the target attracts.
 //!
-//! `V(x) = C_t D_t(x) + C_s (p/D_s(x) − 1)²` where `0 < D_s < p`, and `V(x) = C_t D_t(x)` elsewhere, with
+//! `V(x) = C_t D_t(x) + C_s (p/D_s(x) − 1)²` if `0 < D_s < p`, and `V(x) = C_t D_t(x)` otherwise, with
 //!
 //! | paper | here | unit |
 //! |---|---|---|
@@ -10,13 +10,13 @@
 //! | `C_s` | [`Potential::wall_energy`] | g·mm²/s² |
 //! | `p` | [`Potential::reach_mm`] | mm |
 //!
-//! With `s(D) = (p/D − 1)²`, `s′ = −2 (p/D − 1) p/D²` and `s″ = 2 p²/D⁴ + 4 (p/D − 1) p/D³`, the chain rule gives
-//! `∇V = C_t ∇D_t + C_s s′ ∇D_s` and `∇²V = C_t ∇²D_t + C_s (s″ ∇D_s ∇D_sᵀ + s′ ∇²D_s)`.
+//! With `s(D) = (p/D − 1)²`, `s′ = −2 (p/D − 1) p/D²` and `s″ = 2 p²/D⁴ + 4 (p/D − 1) p/D³`, the chain rule gives `∇V =
+//! C_t ∇D_t + C_s s′ ∇D_s` and `∇²V = C_t ∇²D_t + C_s (s″ ∇D_s ∇D_sᵀ + s′ ∇²D_s)`.
 //!
-//! **The barrier.** `s` is unbounded as `D_s → 0`. Below `δ = 10⁻⁴ p` it is continued by its Taylor polynomial of
-//! second degree at `δ`, also through 0 to the negative distances inside the wall: value, force and stiffness are
-//! continuous there, the force keeps growing into the wall, and stays finite: at most about `10¹² C_s/p` at the wall
-//! itself. At `D_s = p` the force begins from 0, so that only its slope jumps (by `2 C_s/p²`).
+//! **The barrier.** `s` is unbounded as `D_s → 0`. Below `δ = 10⁻⁴ p` it is continued by its second-degree Taylor
+//! polynomial at `δ`, through 0 and into the negative distances inside the wall. Value, force and stiffness are
+//! continuous at `δ`. The force keeps growing into the wall but stays finite: at most about `10¹² C_s/p` at the wall. At
+//! `D_s = p` the force starts from 0, so only its slope jumps (by `2 C_s/p²`).
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -27,9 +27,9 @@ use crate::fields::{Distance, Sample};
 /// Below this share of `p` the barrier is continued by its Taylor polynomial.
 const FLOOR: f64 = 1e-4;
 
-/// The view looks at the way this far ahead, mm, which is followed in steps of [`AHEAD_STEP_MM`].
+/// The view is directed at the path this far ahead, mm. The path is followed in steps of [`AHEAD_STEP_MM`].
 const AHEAD_MM: f64 = 24.0;
-/// One step along that way, mm.
+/// One step along that path, mm.
 const AHEAD_STEP_MM: f64 = 3.0;
 
 /// The parameters of `V(x)`.
@@ -45,13 +45,13 @@ pub struct Potential {
 }
 
 impl Default for Potential {
-    /// Drag of 6/s holds the pull at 30 mm/s for 1 g; the wall balances that pull at 4 mm.
+    /// A drag of 6/s holds the pull at 30 mm/s for 1 g; the wall balances that pull at 4 mm.
     fn default() -> Self {
         Self { target_force: 180.0, wall_energy: 100.0, reach_mm: 10.0 }
     }
 }
 
-/// `V` with its first and second derivatives at a place, in the world.
+/// `V` with its first and second derivatives at a point, in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PotentialSample {
     /// `V`, g·mm²/s².
@@ -63,13 +63,15 @@ pub struct PotentialSample {
 }
 
 impl PotentialSample {
-    /// No potential. Not `Default`, since the default matrix is the identity.
+    /// No potential. The type does not derive `Default`, since the default matrix is the identity.
     pub const ZERO: Self = Self { energy: 0.0, gradient: DVec3::ZERO, hessian: DMat3::ZERO };
 }
 
 impl Potential {
+    /// Checks the parameters.
+    ///
     /// # Errors
-    /// Status 2 for a negative constant, a reach that is not positive, or anything not finite.
+    /// Returns status 2 if a constant is negative, the reach is not positive, or any value is not finite.
     pub fn check(&self) -> Result<()> {
         let refuse = |what: &str, value: f64, want: &str| {
             Err(Error::usage(format!("potential.{what}"), format!("is {value}"), format!("give {want}")))
@@ -79,14 +81,14 @@ impl Potential {
                 return refuse(what, value, "a finite number of at least 0");
             }
         }
-        // Smaller or larger ones overflow in the fourth power of their inverse.
+        // Outside this range, the fourth power of the inverse overflows.
         if !(1e-6..=1e6).contains(&self.reach_mm) {
             return refuse("reach_mm", self.reach_mm, "a distance from 1e-6 to 1e6 mm");
         }
         Ok(())
     }
 
-    /// `V` and its derivatives, given the distances to the wall and to the target; one that is `None` adds nothing.
+    /// Returns `V` and its derivatives, given the distances to the wall and to the target. `None` contributes nothing.
     pub fn at(&self, wall: Option<Sample>, target: Option<Sample>) -> PotentialSample {
         let mut v = PotentialSample::ZERO;
         if let Some(t) = target {
@@ -105,7 +107,7 @@ impl Potential {
         v
     }
 
-    /// `s`, `s′` (1/mm) and `s″` (1/mm²) at the distance `d` mm; zero from `p` on.
+    /// Returns `s`, `s′` (1/mm) and `s″` (1/mm²) at the distance `d` mm; zero from `p` on.
     pub fn barrier(&self, d: f64) -> [f64; 3] {
         let p = self.reach_mm;
         if d.is_nan() || d >= p {
@@ -116,14 +118,16 @@ impl Potential {
         let s = over * over;
         let s1 = -2.0 * over * q / at;
         let s2 = (2.0 * q * q + 4.0 * over * q) / (at * at);
-        // Zero unless the floor was taken; no deeper than p, beyond which distances inside the wall mean nothing.
+        // Zero unless the floor applies. Limited to depth p, because distances deeper inside the wall mean nothing.
         let deeper = (d - at).max(-p);
         [s + deeper * (s1 + 0.5 * deeper * s2), s1 + deeper * s2, s2]
     }
 }
 
-/// Unit direction (world) from `from` (world mm) to the way ahead: the mean direction of the places on the steepest
-/// descent of the distance to the target, up to 24 mm on. Zero where the distance is not known, and at the target.
+/// Returns the unit direction (world) from `from` (world mm) to the path ahead.
+///
+/// It is the mean direction of the points on the steepest descent of the distance to the target, up to 24 mm ahead. Zero
+/// if the distance is unknown, and at the target.
 pub fn ahead(target: &dyn Distance, from: DVec3) -> DVec3 {
     let mut at = from;
     let mut sum = DVec3::ZERO;
@@ -145,7 +149,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Distance to a sphere of radius `r` about `centre`, from inside.
+    /// Distance to a sphere of radius `r` around `centre`, from inside.
     fn sphere(at: DVec3, centre: DVec3, r: f64) -> Sample {
         let (d, n) = ((at - centre).length(), (at - centre).normalize());
         let outer = DMat3::from_cols(n * n.x, n * n.y, n * n.z);
@@ -154,7 +158,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(256))]
-        /// Gradient and Hessian are those of the value, by central differences.
+        /// Gradient and Hessian match central differences of the value.
         #[test]
         fn derivatives_are_those_of_the_value(
             d in 0.3f64..11.0, c_s in 0.1f64..1e4, c_t in 0.0f64..1e3, x in -1.0f64..1.0, y in -1.0f64..1.0, z in -1.0f64..1.0,
@@ -205,7 +209,7 @@ mod tests {
         assert_eq!(Potential::default().at(None, None), PotentialSample::ZERO);
     }
 
-    /// Distance to a point, known only where z > −1.
+    /// Distance to a point, defined only where z > −1.
     struct ToPoint(DVec3);
 
     impl Distance for ToPoint {

@@ -1,13 +1,12 @@
-//! Recovery from traps: another way is tried, then the way back, then the operator is called.
+//! Recovery from traps: the flight tries another direction, then flies back, then calls the operator.
 //!
-//! - Where the lumen is open ahead (a local minimum, a bridge, a polyp, dithering, circling), the guide sets off again
-//!   along the longest tentacle ahead; for some seconds the wall repels it less, it keeps its heading, and its whole
-//!   trail
-//!   is forbidden ground, not only the last few mines.
-//! - Where it is closed (a blind end, a neck too narrow), or where that does not help, the mines are cleared and the
-//!   guide flies back along its trail until a side way opens that it has not flown; new mines keep it from returning. A
-//!   dead end near the lumen's other end only means that the flight set out the wrong way.
-//! - Back at the start, or after too many attempts, the operator is called, with the place and the kind of the trap.
+//! - If the lumen is open ahead (a local minimum, a bridge, a polyp, dithering, circling), the guide sets off again along
+//!   the longest tentacle ahead. For a few seconds the wall repels it less, it keeps its heading, and its whole trail is
+//!   forbidden ground, not only the last few mines.
+//! - If the lumen is closed (a blind end, a neck too narrow), or if the first measure does not help, the mines are
+//!   cleared and the guide flies back along its trail until a side branch opens that it has not flown. New mines keep it
+//!   from returning. A dead end near the lumen's other end only means that the flight set out in the wrong direction.
+//! - Back at the start, or after too many attempts, the operator is called and given the place and the kind of the trap.
 
 use std::collections::VecDeque;
 
@@ -17,57 +16,57 @@ use super::monitor::{Monitor, MonitorSettings, StallKind};
 use super::tentacles::TentacleSettings;
 use super::trap::{TentacleReading, Trap, recognise};
 
-/// A dead end within this of the lumen's other end means that the flight set out the wrong way, mm.
+/// A dead end within this distance of the lumen's other end means that the flight set out in the wrong direction, mm.
 const WRONG_END_MM: f64 = 40.0;
-/// How far back along the trail that is checked, mm: the camera may have left the dead end before that was certain.
+/// How far back along the trail to check for that, mm: the camera may have left the dead end before it was certain.
 const WRONG_END_BACK_MM: f64 = 120.0;
-/// How long the guide looks for another way, s, and how many times in one flight.
+/// How long the guide looks for another direction, s, and how often in one flight.
 const ASIDE_S: f64 = 4.0;
 const ESCAPES: u32 = 6;
-/// While it looks for a way past something: share of the wall's push, and least agreement with the heading.
+/// While it looks for a path past an obstacle: share of the wall's push, and least agreement with the heading.
 const BOLD_PUSH: f64 = 0.1;
 const BOLD_AGREEMENT: f64 = 8.0;
-/// On the way back, ground this far from the trail is new, in units of [`MonitorSettings::visited_mm`]; this
-/// distance over it ends the way back, mm.
+/// On the way back, ground this far from the trail is new, in units of [`MonitorSettings::visited_mm`]. Flying this
+/// distance over it ends the return flight, mm.
 const NEW_GROUND: f64 = 1.5;
 const NEW_GROUND_MM: f64 = 20.0;
-/// Weight of a direction over the trail on the way back: a side way wins, and where there is none the trail does.
+/// Weight of a direction over the trail on the way back: a side branch wins, and without one the trail does.
 const TRAIL_COUNTS: f64 = 0.1;
-/// Within this of the trail's first point the way back has failed, mm.
+/// The return flight has failed within this distance of the trail's first point, mm.
 const START_MM: f64 = 8.0;
-/// A path of this length within a box of little more than half of it is wandering in one place, mm.
+/// A path of this length within a box of little more than half of it counts as wandering in one place, mm.
 const WANDERED_MM: f64 = 80.0;
-/// Notes from within this distance count as nearby, mm.
+/// Notes within this distance count as nearby, mm.
 const NEARBY_MM: f64 = 15.0;
-/// Number of notes that are kept, and their distance, mm.
+/// Number of notes kept, and the distance between them, mm.
 const NOTES: usize = 64;
 const NOTE_MM: f64 = 2.0;
 
-/// What the flight is to do now.
+/// What the flight should do next.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RescueAction {
     /// Nothing: all is well, or a recovery is under way.
     GoOn,
-    /// Take this unit heading (keep the present one if none is given); the mines are cleared if `clear_mines`.
+    /// Take this unit heading (or keep the current one if there is none), and clear the mines if `clear_mines` is set.
     SetOff {
         /// The new unit heading, world.
         heading: Option<DVec3>,
-        /// Whether the mines are cleared, so that they cannot hold the camera.
+        /// True if the mines are cleared, so that they cannot hold the camera.
         clear_mines: bool,
     },
     /// Call the operator.
     Call {
         /// The trap.
         trap: Trap,
-        /// Its place, world mm.
+        /// Its position, world mm.
         place: DVec3,
     },
 }
 
-/// The heading of a camera that is to fly back.
+/// The heading of a camera that starts to fly back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Heading {
-    /// It flies back already.
+    /// It is flying back already.
     Keep,
     /// It has to turn round.
     Back,
@@ -77,10 +76,10 @@ enum Heading {
 enum Course {
     #[default]
     On,
-    /// Looks for another way ahead until this time, s.
+    /// Looks for another direction ahead until this time, s.
     Aside(f64),
-    /// Flies back along the trail before the point of this number; way over new ground so far, and the way at which it
-    /// gives up, mm.
+    /// Flies back along the trail before the point with this index. Holds the distance flown over new ground so far, and
+    /// the distance flown at which it gives up, mm.
     Back { turn: usize, new_mm: f64, until_mm: f64 },
 }
 
@@ -89,9 +88,9 @@ enum Course {
 pub struct Rescue {
     monitor: Monitor,
     course: Course,
-    /// The trap that it is recovering from, and its place (world mm).
+    /// The trap that it is recovering from, and its position (world mm).
     because: Option<(Trap, DVec3)>,
-    /// The kinds of the last places.
+    /// The kinds of the last places visited.
     notes: VecDeque<(DVec3, Trap)>,
     last: Option<DVec3>,
     time: f64,
@@ -100,33 +99,32 @@ pub struct Rescue {
 }
 
 impl Rescue {
-    /// The camera's trail.
+    /// Returns the camera's trail.
     pub fn monitor(&self) -> &Monitor {
         &self.monitor
     }
 
-    /// Number of times the flight turned round because it had set out the wrong way.
+    /// Returns how often the flight turned round because it had set out in the wrong direction.
     pub fn turns(&self) -> u32 {
         self.turns
     }
 
-    /// Number of places at which another way was looked for, since the operator last took part, which resets
-    /// the count.
+    /// Returns the number of places at which the guide looked for another direction. Operator input resets it.
     pub fn escapes(&self) -> u32 {
         self.escapes
     }
 
-    /// Whether another way is being looked for.
+    /// Returns true while the guide looks for another direction.
     pub fn is_escaping(&self) -> bool {
         self.course != Course::On
     }
 
-    /// The trap that the flight is recovering from, and its place (world mm).
+    /// Returns the trap that the flight is recovering from, and its position (world mm).
     pub fn trap(&self) -> Option<(Trap, DVec3)> {
         self.because
     }
 
-    /// Forbidden ground (world mm), and the weight that a direction over it still has, 0 to 1.
+    /// Returns forbidden ground (world mm), and the weight that a direction over it still has, 0 to 1.
     pub fn forbidden(&self) -> (&[DVec3], f64) {
         match self.course {
             Course::On => (&[], 0.0),
@@ -135,16 +133,18 @@ impl Rescue {
         }
     }
 
-    /// The operator took over: what was flown so far may be flown again, and nothing counts against the guide.
+    /// Starts over after operator input: the path flown so far may be flown again, and all counts are cleared.
     pub fn restart(&mut self) {
         *self = Self { turns: self.turns, ..Self::default() };
     }
 
-    /// The guide's settings for now: while it looks for a way past something, it keeps its heading more and the wall
-    /// repels it less, so that a gap that is wide enough for the body is not too narrow for the guide.
+    /// Returns the guide's settings to use now.
+    ///
+    /// While the guide looks for a path past an obstacle, it keeps its heading more and the wall repels it less. A gap
+    /// wide enough for the body is then not too narrow for the guide.
     pub fn temper(&self, settings: &TentacleSettings) -> TentacleSettings {
         let mut s = *settings;
-        // A circling flight is not held up by a wall.
+        // A circling flight is not blocked by a wall.
         let held_up = self.because.is_some_and(|(trap, _)| trap != Trap::Circling);
         if held_up && matches!(self.course, Course::Aside(_)) {
             s.wall_push *= BOLD_PUSH;
@@ -153,8 +153,10 @@ impl Rescue {
         s
     }
 
-    /// Takes the camera's position (world mm) after a step of `dt` seconds, what its tentacles felt there if it has
-    /// any, and the end of the lumen that it is not flying to, if that is known.
+    /// Takes the camera's position (world mm) after a step of `dt` seconds and returns what to do.
+    ///
+    /// `reading` holds the tentacles at that position if the camera has any. `other_end` is the end of the lumen that the
+    /// flight is not heading for, if known (world mm).
     pub fn follow(
         &mut self,
         at: DVec3,
@@ -181,7 +183,7 @@ impl Rescue {
                     return order;
                 }
                 if alarm.is_some_and(|a| a.stall == StallKind::TurnedBack) {
-                    // It is meant to fly back.
+                    // It is supposed to fly back.
                     self.monitor.forgive();
                     return RescueAction::GoOn;
                 }
@@ -193,7 +195,7 @@ impl Rescue {
             StallKind::Stuck => reading.map(TentacleReading::kind),
             StallKind::TurnedBack => self.noted(alarm.place),
             StallKind::Dithering | StallKind::Circling => {
-                // Before a neck it also flies off and comes again.
+                // In front of a neck it also flies off and comes back.
                 let neck = reading.map(TentacleReading::kind).filter(|t| *t == Trap::Narrow);
                 neck.or_else(|| self.closed_nearby(alarm.place).filter(|_| self.is_in_one_place()))
             }
@@ -205,12 +207,12 @@ impl Rescue {
             self.turns += 1;
             self.monitor.restart();
             self.go_on();
-            // A camera that was noticed on its way back has the right heading already.
+            // A camera detected while turning back already has the right heading.
             let heading = reading.filter(|_| !turned).map(|f| f.longest(|_| true).0);
             return RescueAction::SetOff { heading, clear_mines: true };
         }
         let (trap, place) = *self.because.get_or_insert((trap, alarm.place));
-        // A guide that feels nothing is not helped by another heading.
+        // Another heading does not help a guide without tentacles.
         let Some(reading) = reading.filter(|_| self.escapes < ESCAPES) else {
             return RescueAction::Call { trap, place };
         };
@@ -230,12 +232,12 @@ impl Rescue {
         }
     }
 
-    /// Sets out on the way back from a trap at `place`.
+    /// Starts the return flight from a trap at `place`.
     fn turn_back(&mut self, at: DVec3, place: DVec3, reading: &TentacleReading, heading: Heading) -> RescueAction {
         let trail = self.monitor.trail();
         let nearest = (0..trail.len()).min_by(|&a, &b| {
             let d = |i: usize| trail[i].distance_squared(place);
-            // The later one of equals.
+            // On a tie, the later one.
             d(a).total_cmp(&d(b)).then(b.cmp(&a))
         });
         let turn = nearest.unwrap_or(0);
@@ -246,13 +248,13 @@ impl Rescue {
         RescueAction::SetOff { heading: (heading == Heading::Back).then_some(towards), clear_mines: true }
     }
 
-    /// On the way back: whether new ground was found, or the way back failed.
+    /// Checks on the way back if new ground was found or the return flight failed.
     fn going_back(&mut self, at: DVec3, moved: f64, settings: &MonitorSettings) -> Option<RescueAction> {
         let Course::Back { turn, new_mm, until_mm } = &mut self.course else { return None };
         let trail = &self.monitor.trail()[..*turn];
         let near = |p: &DVec3| p.distance(at) < NEW_GROUND * settings.visited_mm;
         *new_mm = if trail.iter().any(near) { 0.0 } else { *new_mm + moved };
-        // Within the dead end itself everything is near the trail; beyond its tip nothing is.
+        // Everything within the dead end is near the trail; nothing beyond its tip is.
         if *new_mm > NEW_GROUND_MM {
             self.go_on();
             return Some(RescueAction::GoOn);
@@ -274,7 +276,7 @@ impl Rescue {
         self.monitor.way_mm() > WRONG_END_MM && other_end.is_some_and(was_at)
     }
 
-    /// Whether it has been wandering about in one place, instead of round something larger.
+    /// Returns true if it has been wandering in one place rather than around something larger.
     fn is_in_one_place(&self) -> bool {
         let bounds = |(l, h): (DVec3, DVec3), p: DVec3| (l.min(p), h.max(p));
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -282,13 +284,13 @@ impl Rescue {
         (high - low).length() < 0.6 * WANDERED_MM
     }
 
-    /// A neck or a blind end that was felt near a place, whatever the heading was then.
+    /// Returns a neck or a blind end recorded near a place, regardless of the heading at the time.
     fn closed_nearby(&self, place: DVec3) -> Option<Trap> {
         let reading = |t: Trap| self.notes.iter().any(|n| n.1 == t && n.0.distance(place) < NEARBY_MM);
         [Trap::Narrow, Trap::BlindEnd].into_iter().find(|t| reading(*t))
     }
 
-    /// What kind of place the one nearest to `place` was.
+    /// Returns the kind of the recorded place nearest to `place`.
     fn noted(&self, place: DVec3) -> Option<Trap> {
         let d = |n: &&(DVec3, Trap)| n.0.distance_squared(place);
         self.notes.iter().min_by(|a, b| d(a).total_cmp(&d(b))).map(|n| n.1)
@@ -302,7 +304,7 @@ mod tests {
 
     use crate::dynamics::STEP_S as DT;
 
-    /// Flies `path` and returns the orders other than to go on, with their times.
+    /// Flies `path` and returns all actions other than `GoOn`, with their times.
     fn orders(
         path: impl Fn(f64) -> DVec3,
         seconds: f64,
@@ -341,8 +343,7 @@ mod tests {
         assert!(place.distance(DVec3::X * 90.0) < 6.0);
     }
 
-    /// In a local minimum it sets off along the longest tentacle ahead, bolder, over no ground that it knows, for a
-    /// while.
+    /// In a local minimum it sets off along the longest tentacle ahead, bolder, and avoids known ground for a while.
     #[test]
     fn a_local_minimum_is_left_boldly() {
         let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::NEG_X];
@@ -355,7 +356,7 @@ mod tests {
         let (mut r, s) = (Rescue::default(), TentacleSettings::default());
         let mut reported = None;
         for n in 0..(12.0 / DT) as usize {
-            // Gets away half a second or so after it was noticed.
+            // It gets away about half a second after detection.
             let t = n as f64 * DT;
             let at = DVec3::X * 30.0 * if t < 5.2 { t.min(3.0) } else { t - 2.2 };
             let order = r.follow(at, DT, Some(&reading), None, &MonitorSettings::default());
@@ -371,7 +372,7 @@ mod tests {
         assert!(r.temper(&s) == s && r.forbidden().0.is_empty() && r.trap().is_none() && r.escapes() == 1);
     }
 
-    /// A flight that circles is turned back where a neck is before it, and looks for another way elsewhere.
+    /// A circling flight is turned back if a neck is in front of it; elsewhere it looks for another direction.
     #[test]
     fn circling_before_a_neck_is_no_circling() {
         let directions = tentacles::directions(1024);

@@ -1,15 +1,19 @@
-//! Checks that settings share.
+//! Checks shared by several settings.
 
 use crate::error::{Error, Result};
 
+/// Checks that the setting `name` is positive.
+///
 /// # Errors
-/// Status 2 (wrong usage) for a setting that is not a finite number above 0.
+/// Returns status 2 (invalid arguments) if the value is not a finite number above 0.
 pub fn positive(name: &str, value: f64) -> Result<()> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { refuse(name, value, "above 0") }
 }
 
+/// Checks that the setting `name` is not negative.
+///
 /// # Errors
-/// Status 2 (wrong usage) for a setting that is not a finite number of at least 0.
+/// Returns status 2 (invalid arguments) if the value is not a finite number of at least 0.
 pub fn not_negative(name: &str, value: f64) -> Result<()> {
     if value.is_finite() && value >= 0.0 { Ok(()) } else { refuse(name, value, "of at least 0") }
 }

@@ -1,4 +1,4 @@
-//! One step of the rigid body: integrated by the chosen method, and moved as far as the wall allows.
+//! One step of the rigid body: integrated by the chosen method, then moved as far as the wall allows.
 
 use glam::DVec3;
 
@@ -14,19 +14,19 @@ use crate::fields::Clearances;
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// The body's new state.
+    /// New state of the body.
     pub motion: RigidBodyState,
-    /// How far the wall let it move.
+    /// Result of the move along the displacement, limited by the wall.
     pub advance: Advance,
-    /// Cost of translation and rotation together.
+    /// Combined cost of translation and rotation.
     pub cost: StepCost,
 }
 
-/// Moves a body by `dt` seconds under `forces` and `turning`, both as they are at the beginning of the step.
+/// Moves a body by `dt` seconds under `forces` and `turning`, both as given at the start of the step.
 ///
-/// The displacement goes through [`super::advance()`], whatever the method returns: perforation is impossible by
-/// construction. The momentum into the wall is lost (inelastic). A method that overflows leaves the body where it is,
-/// at rest; a `dt` that is not positive and finite does not move it.
+/// The displacement goes through [`super::advance()`] regardless of what the method returns, so perforation is impossible
+/// by construction. The momentum into the wall is lost (inelastic). If a method overflows, the body stays where it is, at
+/// rest. A `dt` that is not positive and finite does not move it.
 pub fn step(
     method: &dyn Stepper,
     body: &Body,
@@ -39,7 +39,7 @@ pub fn step(
     step_reporting(method, body, motion, forces, turning, walls, dt, &mut |_, _| {})
 }
 
-/// [`step()`], which calls `piece` with the beginning and the end of each straight piece of the way (world mm).
+/// Does the same as [`step()`] and calls `piece` with the start and end of each straight piece of the path (world mm).
 #[expect(clippy::too_many_arguments, reason = "those of `step`, and the callback")]
 pub fn step_reporting(
     method: &dyn Stepper,
@@ -63,7 +63,7 @@ pub fn step_reporting(
     Step { motion: next, advance, cost }
 }
 
-/// The step without walls, for measurements.
+/// Steps without walls, for measurements.
 pub fn integrate(
     method: &dyn Stepper,
     body: &Body,
@@ -83,7 +83,7 @@ pub fn integrate(
     (RigidBodyState { orientation: turned.orientation, angular: turned.angular, ..moved }, cost)
 }
 
-/// The part of the step that moves the centre of mass.
+/// Moves the centre of mass.
 pub fn translate(
     method: &dyn Stepper,
     body: &Body,
@@ -99,7 +99,7 @@ pub fn translate(
     (if next.is_finite() { next } else { halted }, cost)
 }
 
-/// The part of the step that turns the body.
+/// Turns the body.
 pub fn turn(
     method: &dyn Stepper,
     body: &Body,

@@ -6,38 +6,38 @@ use super::settings::{not_negative, positive};
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::error::{Error, Result};
 
-/// What moves a camera that has tentacles.
+/// What propels a camera with tentacles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Drive {
-    /// A thrust at cruise speed along the way that the tentacles find open; mines only steer, and a goal in plain sight draws
-    /// the camera.
+    /// A thrust at cruise speed in the direction that the tentacles find open. Mines only steer, and a goal in direct
+    /// view attracts the camera.
     #[default]
     Thrust,
-    /// Nothing but what walls and mines exert, as in the paper's section 3.2: *mines forcing the camera to advance*. There is
-    /// no thrust, no cruise speed and no goal that draws; drag alone limits the speed.
+    /// Only the forces of walls and mines, as in the paper's section 3.2: *mines forcing the camera to advance*. There is
+    /// no thrust, no cruise speed and no attraction by the goal; drag alone limits the speed.
     Mines,
 }
 
-/// How a camera steers by its tentacles.
+/// Settings for steering by tentacles.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TentacleSettings {
     /// Number of sensory rays, at least 3.
     pub count: usize,
-    /// What moves the camera.
+    /// What propels the camera.
     pub drive: Drive,
     /// Length of a ray that meets no wall, mm.
     pub reach_mm: f64,
-    /// The wall repels within this distance, mm: the paper's `p`.
+    /// Distance within which the wall repels, mm: the paper's `p`.
     pub wall_mm: f64,
-    /// Strength of the wall's repulsion, mm/s²: the paper's `C_s` is this times `p`, for a body of unit mass.
+    /// Strength of the wall's repulsion, mm/s². The paper's `C_s` is this value times `p`, for a body of unit mass.
     pub wall_push: f64,
-    /// Speed along a straight lumen, mm/s. Driven by mines it is only what progress is told by.
+    /// Speed along a straight lumen, mm/s. If mines drive, it is only used to measure progress.
     pub cruise_mm_s: f64,
-    /// How strongly the present heading is preferred: the weight of a direction is `((1 + cos)/2)^agreement`.
+    /// How strongly the current heading is preferred: the weight of a direction is `((1 + cos)/2)^agreement`.
     pub agreement: f64,
-    /// Half-width of the cone around a mine in which directions are weighted down, rad.
+    /// Half-width of the cone around a mine in which directions lose weight, rad.
     pub mine_cone: f64,
 }
 
@@ -57,8 +57,10 @@ impl Default for TentacleSettings {
 }
 
 impl TentacleSettings {
+    /// Checks the settings.
+    ///
     /// # Errors
-    /// Status 2 for a setting that makes no sense.
+    /// Returns status 2 if a setting is out of range.
     pub fn check(&self) -> Result<()> {
         for (name, value) in [
             ("tentacles.reach_mm", self.reach_mm),
@@ -79,8 +81,10 @@ impl TentacleSettings {
     }
 }
 
-/// `count` unit vectors spread evenly over the sphere: a Fibonacci lattice (González, *Measurement of areas on a sphere
-/// using Fibonacci and latitude–longitude lattices*, 2010), point-symmetric in its statistics and the same every time.
+/// Returns `count` unit vectors spread evenly over the sphere.
+///
+/// They form a Fibonacci lattice (González, *Measurement of areas on a sphere using Fibonacci and latitude–longitude
+/// lattices*, 2010), which is point-symmetric in its statistics and the same on every call.
 ///
 /// ```
 /// use colvis::dynamics::tentacles::directions;
@@ -102,7 +106,7 @@ pub fn directions(count: usize) -> Vec<DVec3> {
         .collect()
 }
 
-/// `count` unit vectors spread evenly over the circle in the plane z = 0: the tentacles of a drawn lumen.
+/// Returns `count` unit vectors spread evenly over the circle in the plane z = 0: the tentacles for a drawn lumen.
 pub fn circle(count: usize) -> Vec<DVec3> {
     let step = std::f64::consts::TAU / count.max(1) as f64;
     (0..count)
@@ -113,31 +117,30 @@ pub fn circle(count: usize) -> Vec<DVec3> {
         .collect()
 }
 
-/// What the tentacles ask for.
+/// The steering that results from the tentacles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Steering {
-    /// Acceleration of the guide's thrust, mm/s²: along the way ahead, sized so that with the drag it keeps cruise
-    /// speed. Zero where mines drive.
+    /// Acceleration of the guide's thrust, world mm/s²: along the path ahead, sized to balance the drag at cruise speed.
+    /// Zero if mines drive.
     pub thrust: DVec3,
-    /// Thrust and mines together are held to this, mm/s²: what drag balances at cruise speed; infinite where mines drive.
+    /// Limit on thrust and mines together, mm/s²: the value that drag balances at cruise speed. Infinite if mines drive.
     pub limit: f64,
-    /// Acceleration away from near walls, mm/s².
+    /// Acceleration away from near walls, world mm/s².
     pub wall: DVec3,
-    /// Unit vector of the way ahead; zero where every direction is closed.
+    /// Unit vector of the path ahead; zero if every direction is closed.
     pub direction: DVec3,
-    /// Unit vector to where the lumen opens furthest along the way: where to look; zero where every direction is
-    /// closed.
+    /// Unit vector to where the lumen opens furthest along the path: where to look. Zero if every direction is closed.
     pub look: DVec3,
 }
 
-/// Reads the tentacles (`directions` and their `lengths` in mm) at world place `at`, with the present unit `heading`
-/// (zero if there is none yet) and drag `k_t`. `trail` is further ground that must not be flown again, and the
-/// weight that a direction over it still has, 0 to 1.
+/// Computes the steering from the tentacles (`directions` and their `lengths` in mm) at the world position `at` (mm).
 ///
-/// The way ahead is the mean of all directions, weighted by length², by agreement with the heading, and against mines;
-/// the wall's repulsion is the slope of the paper's `C_s (p/D_s − 1)²`, `C_s = wall_push · p`, with each tentacle taken
-/// as a
-/// `D_s` along its own direction.
+/// `heading` is the current unit heading (zero if there is none yet) and `drag_per_s` the drag `k_t`. `trail` holds
+/// further ground that must not be flown again, and the weight that a direction over it still has, 0 to 1.
+///
+/// The direction ahead is the mean of all directions, weighted by length², by agreement with the heading, and against
+/// mines. The wall's repulsion is the slope of the paper's `C_s (p/D_s − 1)²` with `C_s = wall_push · p`, where each
+/// tentacle counts as a `D_s` along its own direction.
 pub fn steer(
     (directions, lengths): (&[DVec3], &[f64]),
     at: DVec3,
@@ -160,15 +163,15 @@ pub fn steer(
         // A higher power picks the deepest opening instead of the mean of all.
         look += d * (length.powi(4) * agrees * open);
         if length < p {
-            // The slope grows without bound at the wall; the body's radius keeps the length from 0, and the floor does
-            // where a scene has a body without a radius.
+            // The slope grows without bound at the wall. The body's radius keeps the length away from 0; this floor does
+            // so for scenes with a body without a radius.
             let l = length.max(0.25);
             wall -= d * ((p / l - 1.0) * (p / l) * (p / l) / p);
         }
     }
     let direction = pull.normalize_or_zero();
     let n = directions.len().max(1) as f64;
-    // Slow down where the way bends away from the heading, so that the view can follow.
+    // Slow down where the path bends away from the heading, so that the view can follow.
     let pace = if heading == DVec3::ZERO { 1.0 } else { 0.3 + 0.7 * heading.dot(direction).max(0.0) };
     let cruise = settings.cruise_mm_s * drag_per_s;
     let (thrust, limit) = match settings.drive {
@@ -184,8 +187,10 @@ pub fn steer(
     }
 }
 
-/// The thrust and the unit way straight towards a goal that is near: full cruise speed until 15 mm before it, slower
-/// from there. `None` beyond 60 mm, at the goal, or where mines drive.
+/// Returns the thrust and the unit direction straight towards a nearby goal (world mm).
+///
+/// The thrust gives full cruise speed until 15 mm before the goal and decreases from there. Returns `None` beyond 60 mm,
+/// at the goal, or if mines drive.
 pub fn approach(at: DVec3, goal: DVec3, settings: &TentacleSettings, drag_per_s: f64) -> Option<(DVec3, DVec3)> {
     let to = goal - at;
     let distance = to.length();
@@ -196,7 +201,7 @@ pub fn approach(at: DVec3, goal: DVec3, settings: &TentacleSettings, drag_per_s:
     Some((direction * (settings.cruise_mm_s * drag_per_s * (distance / 15.0).min(1.0)), direction))
 }
 
-/// Weight of a direction against mines, 0 to 1: near 0 where it points at a mine that the tentacle could touch.
+/// Returns the weight of a direction against mines, 0 to 1: near 0 if it points at a mine that the tentacle could touch.
 fn openness(direction: DVec3, length: f64, at: DVec3, mines: impl Iterator<Item = DVec3>, cone: f64) -> f64 {
     let mut open = 1.0;
     for m in mines {
@@ -225,7 +230,8 @@ mod tests {
         }
     }
 
-    /// In a straight tube the way on is along it, the wall pushes to the middle, and a mine behind decides which way.
+    /// In a straight tube the path ahead follows it, the wall pushes to the middle, and a mine behind decides the
+    /// direction.
     #[test]
     fn follows_a_tube() {
         let s = TentacleSettings::default();

@@ -1,5 +1,5 @@
-//! The kind of place that a flight is caught in, recognised by its tentacles (paper, sections 3.1.1 and 3.2: *both
-//! cases should be detected and operator intervention should be called for*).
+//! The kind of trap that a flight is caught in, recognised from its tentacles (paper, sections 3.1.1 and 3.2: *both cases
+//! should be detected and operator intervention should be called for*).
 
 use glam::DVec3;
 
@@ -12,24 +12,24 @@ pub enum Trap {
     BlindEnd,
     /// The lumen is open ahead, but the forces balance.
     LocalMinimum,
-    /// The lumen goes on, but the body does not fit through.
+    /// The lumen continues, but the body does not fit through.
     Narrow,
-    /// Something thin across the view, with lumen on both sides of it.
+    /// Something thin blocks the view, with lumen on both sides of it.
     Bridge,
     /// Something on one side fills the view: a polyp or a fold.
     Obstacle,
-    /// Two ways, or two forces, take turns.
+    /// Two directions, or two forces, take turns.
     Dithering,
-    /// The flight came back on its own trail and goes round.
+    /// The flight came back to its own trail and goes in circles.
     Circling,
-    /// The flight turned back, and nothing that was felt explains it.
+    /// The flight turned back, and no tentacle reading explains it.
     TurnedBack,
     /// A guide without tentacles hangs in place.
     Stuck,
 }
 
 impl Trap {
-    /// The text for the operator.
+    /// Returns the text for the operator.
     pub fn text(self) -> &'static str {
         match self {
             Self::BlindEnd => "no way on: a blind end",
@@ -45,31 +45,31 @@ impl Trap {
     }
 }
 
-/// What the tentacles feel at a place.
+/// The readings of the tentacles at a position.
 #[derive(Clone, Copy, Debug)]
 pub struct TentacleReading<'a> {
     /// Unit directions of the tentacles.
     pub directions: &'a [DVec3],
     /// Lengths of the tentacles, mm.
     pub lengths: &'a [f64],
-    /// Unit heading: where the body has been going; zero if it has not moved.
+    /// Unit heading: the direction in which the body has been moving; zero if it has not moved.
     pub heading: DVec3,
     /// The body's radius, mm.
     pub radius_mm: f64,
 }
 
-/// Directions within 75° of the heading lie ahead, cos.
+/// Cosine of the angle to the heading within which directions count as ahead: 75°.
 const AHEAD: f64 = 0.26;
-/// Directions between 60° and 120° of the heading are sideways, cos.
+/// Absolute cosine below which directions count as sideways: 60° to 120° from the heading.
 const SIDE: f64 = 0.5;
-/// The lumen is closed where it reaches ahead by no more than this many times its half-width, or than that many where
-/// nothing stands in the view.
+/// The lumen is closed if it reaches ahead by no more than the first multiple of its half-width, or no more than the
+/// second if nothing blocks the view.
 const CLOSED: (f64, f64) = (1.6, 2.5);
-/// What lies in the view is an obstacle where it is nearer than this share of what lies beyond it.
+/// Whatever blocks the view is an obstacle if it is nearer than this share of the distance beyond it.
 const NEAR: f64 = 0.5;
-/// A tentacle of this share of the longest is another way.
+/// A tentacle of at least this share of the longest counts as another direction.
 const LONG: f64 = 0.6;
-/// Longer than the gap that a body of its radius needs, mm: tentacles are apart and walls are rough.
+/// Slack on the gap that a body of its radius needs, mm: tentacles are spaced apart and walls are rough.
 const SLACK_MM: f64 = 0.5;
 
 impl TentacleReading<'_> {
@@ -81,18 +81,18 @@ impl TentacleReading<'_> {
         self.directions.iter().copied().zip(self.lengths.iter().copied())
     }
 
-    /// The longest tentacle of those that `keep`: its direction and length; zero where there is none.
+    /// Returns the direction and length (mm) of the longest tentacle for which `keep` is true; zero if there is none.
     pub fn longest(&self, keep: impl Fn(DVec3) -> bool) -> (DVec3, f64) {
         let longest = self.all().filter(|(d, _)| keep(*d)).max_by(|a, b| a.1.total_cmp(&b.1));
         longest.unwrap_or((DVec3::ZERO, 0.0))
     }
 
-    /// The longest tentacle that leads ahead.
+    /// Returns the longest tentacle that points ahead.
     pub fn opening(&self) -> (DVec3, f64) {
         self.longest(|d| self.heading.dot(d) > AHEAD)
     }
 
-    /// Half of the lumen's width across the heading: the middle one of the tentacles to the sides, mm.
+    /// Returns half the width of the lumen across the heading, mm: the median of the sideways tentacles.
     pub fn half_width(&self) -> f64 {
         let mut sides: Vec<f64> =
             self.all().filter(|(d, _)| self.heading.dot(*d).abs() < SIDE).map(|(_, l)| l).collect();
@@ -100,10 +100,10 @@ impl TentacleReading<'_> {
         sides.get(sides.len() / 2).copied().unwrap_or(0.0)
     }
 
-    /// The kind of place, for a body that makes no progress.
+    /// Classifies the place, for a body that makes no progress.
     pub fn kind(&self) -> Trap {
         let (direction, length) = self.opening();
-        // What stands straight ahead, and what is open beside it.
+        // The obstacle straight ahead, and the opening beside it.
         let front = self.all().max_by(|a, b| self.heading.dot(a.0).total_cmp(&self.heading.dot(b.0)));
         let front = front.map_or(0.0, |f| f.1);
         let is_hidden = front < NEAR * length;
@@ -124,12 +124,13 @@ impl TentacleReading<'_> {
         if other_side { Trap::Bridge } else { Trap::Obstacle }
     }
 
-    /// Whether walls on two opposite sides of the ray along `way` leave no room for the body before `length`.
+    /// Returns true if walls on two opposite sides of the ray along `direction` leave no room for the body within
+    /// `length` mm.
     fn is_narrow(&self, direction: DVec3, length: f64) -> bool {
         let hits = |(d, l): (DVec3, f64)| {
             let along = direction.dot(d) * l;
             let off = d * l - direction * along;
-            // Only the first part of the way: further on the ray comes near the wall that it ends at.
+            // Only the first part of the path: further on, the ray comes near the wall that it ends at.
             ((0.0..0.5 * length).contains(&along) && off.length() < self.radius_mm + SLACK_MM).then_some(off)
         };
         let near: Vec<DVec3> = self.all().filter_map(hits).collect();
@@ -137,15 +138,15 @@ impl TentacleReading<'_> {
     }
 }
 
-/// The trap behind a trouble, given what was felt where it began.
+/// Returns the trap behind a stall, given the reading where it began.
 pub fn recognise(stall: StallKind, reading: Option<Trap>) -> Trap {
     match (stall, reading) {
-        // It wanders about before something.
+        // It wanders in front of something.
         (StallKind::Dithering | StallKind::Circling, Some(t @ (Trap::BlindEnd | Trap::Narrow))) => t,
         (StallKind::Dithering, _) => Trap::Dithering,
         (StallKind::Circling, _) => Trap::Circling,
         (StallKind::Stuck, reading) => reading.unwrap_or(Trap::Stuck),
-        // What was passed by is no reason to turn.
+        // A place that the flight has passed is no reason to turn.
         (StallKind::TurnedBack, Some(t @ (Trap::BlindEnd | Trap::Narrow | Trap::Bridge | Trap::Obstacle))) => t,
         (StallKind::TurnedBack, _) => Trap::TurnedBack,
     }
@@ -156,7 +157,7 @@ mod tests {
     use super::*;
     use crate::dynamics::tentacles::{circle, directions};
 
-    /// Lengths of tentacles in a place that `inside` draws.
+    /// Lengths of the tentacles in the place drawn by `inside`.
     fn lengths(directions: &[DVec3], inside: impl Fn(DVec3) -> bool) -> Vec<f64> {
         directions
             .iter()

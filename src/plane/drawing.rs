@@ -1,4 +1,4 @@
-//! A drawn lumen: a PNG in which bright pixels are lumen.
+//! A drawn lumen: a PNG whose bright pixels are lumen.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -10,30 +10,31 @@ use crate::error::{Error, Result};
 
 /// Scale of a drawing: length of a pixel's side, mm.
 pub const MM_PER_PIXEL: f64 = 0.5;
-/// Longest side of a drawing, pixels: two metres.
+/// Maximum side length of a drawing, pixels: two metres.
 pub const MOST_PIXELS: u32 = 4096;
-/// A pixel is lumen from this brightness on (0 to 255), where it is not transparent.
+/// Minimum brightness of a lumen pixel (0 to 255), unless it is transparent.
 const BRIGHT: u32 = 128;
-/// A start is red and a goal green: this much of the one colour, at most that much of the two others.
+/// A start is red and a goal green: minimum of the marking channel, and maximum of the two others.
 const COLOUR: (u8, u8) = (160, 96);
 
-/// Which pixels are lumen, and where the flight starts and ends.
+/// The lumen pixels of a drawing, and where the flight starts and ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drawing {
     width: usize,
     height: usize,
     lumen: Vec<bool>,
-    /// Middle of the red pixels, mm.
+    /// Centroid of the red pixels, mm.
     pub start: Option<DVec3>,
-    /// Middle of the green pixels, mm.
+    /// Centroid of the green pixels, mm.
     pub goal: Option<DVec3>,
 }
 
 impl Drawing {
-    /// A drawing of `width` × `height` pixels, row by row, without start and goal.
+    /// Creates a drawing of `width` × `height` pixels, row by row, without start and goal. Messages call it `what`.
     ///
     /// # Errors
-    /// Status 3 for one that is too small or too large, or that has no lumen or no wall.
+    /// Returns status 3 if the drawing is too small or too large, has the wrong number of pixels, or has no lumen or no
+    /// wall.
     pub fn new(what: &str, (width, height): (usize, usize), lumen: Vec<bool>) -> Result<Self> {
         let refuse = |why: String, hint: &str| Err(Error::input(what, why, hint));
         if width < 3 || height < 3 {
@@ -60,7 +61,7 @@ impl Drawing {
     /// Reads a PNG file.
     ///
     /// # Errors
-    /// Status 3 when it cannot be read, is no PNG, or is no drawing of a lumen.
+    /// Returns status 3 if the file cannot be read, is not a PNG, or is not a drawing of a lumen.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|e| {
             let why = format!("cannot be read ({})", crate::output::plain(&e));
@@ -69,13 +70,13 @@ impl Drawing {
         Self::decode(&path.display().to_string(), &bytes)
     }
 
-    /// Decodes a PNG that is called `what` in messages.
+    /// Decodes a PNG that messages call `what`.
     ///
     /// # Errors
-    /// As [`Drawing::read`].
+    /// Returns status 3 as [`Drawing::read`] does.
     pub fn decode(what: &str, bytes: &[u8]) -> Result<Self> {
         let broken = |e: &ImageError| Error::input(what, format!("is not a readable PNG ({e})"), "give a PNG");
-        // The size is in the header: a picture that is too large is refused before any of it is unpacked.
+        // The size is in the header: an image that is too large is refused before any of it is unpacked.
         let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
         let (width, height) = reader().into_dimensions().map_err(|e| broken(&e))?;
         let size = (width as usize, height as usize);
@@ -106,7 +107,7 @@ impl Drawing {
                     green.add(at);
                     true
                 } else {
-                    // Weights of Rec. 601, as image editors turn colours into grey.
+                    // Rec. 601 weights, as image editors convert colours to grey.
                     299 * u32::from(r) + 587 * u32::from(g) + 114 * u32::from(b) >= 1000 * BRIGHT
                 }
             })
@@ -115,35 +116,35 @@ impl Drawing {
         Ok(Self { start: red.middle(), goal: green.middle(), ..drawing })
     }
 
-    /// Pixels in a row.
+    /// Returns the number of pixels in a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Whether a pixel is lumen; beyond the drawing is wall.
+    /// Returns true if a pixel is lumen. Everything outside the drawing is wall.
     pub fn is_lumen(&self, i: i64, j: i64) -> bool {
         (0..self.width as i64).contains(&i)
             && (0..self.height as i64).contains(&j)
             && self.lumen[i as usize + self.width * j as usize]
     }
 
-    /// Every pixel, row by row.
+    /// Returns all pixels, row by row; true for lumen.
     pub fn lumen(&self) -> &[bool] {
         &self.lumen
     }
 }
 
-/// The centre of a pixel, mm.
+/// Returns the centre of a pixel, mm.
 pub fn pixel_centre(i: usize, j: usize) -> DVec3 {
     DVec3::new(i as f64 + 0.5, j as f64 + 0.5, 0.0) * MM_PER_PIXEL
 }
 
-/// The middle of marked pixels.
+/// Accumulates the centroid of marked pixels.
 #[derive(Default)]
 struct Mark {
     sum: DVec3,

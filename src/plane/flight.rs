@@ -1,8 +1,8 @@
 //! A flight through a drawing.
 //!
-//! Its step is its own, beside the scheduled systems of the flights in three dimensions: it has no operator, no view to
-//! turn and nothing to plug in. What both have in common, how a guide feels, steers, moves and is rescued, are the
-//! functions of [`crate::dynamics`] that both call.
+//! It has a separate step function, not the scheduled systems of three-dimensional flights, because it has no operator,
+//! no view to turn and no plug-ins. Both share the functions of [`crate::dynamics`] for sensing, steering, moving and
+//! recovery.
 
 use glam::DVec3;
 
@@ -20,23 +20,23 @@ use crate::dynamics::{Attitude, Body, RigidBodyState, STEP_HZ, Turning, step};
 use crate::error::{Error, Result};
 use crate::fields::Clearances;
 
-/// Simulation steps a second.
+/// Simulation steps per second.
 pub const HZ: u32 = STEP_HZ;
-/// How far walls are looked for, mm.
+/// Distance within which walls are searched for, mm.
 const LIMIT_MM: f64 = 40.0;
-/// Longest view for the first heading, mm.
+/// Maximum viewing distance when choosing the first heading, mm.
 const VIEW_MM: f64 = 300.0;
 
 /// The settings of a flight in two dimensions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaneSettings {
-    /// The camera.
+    /// The camera's body.
     pub body: Body,
-    /// Its tentacles, spread over a circle.
+    /// Tentacles, spread over a circle.
     pub tentacles: TentacleSettings,
-    /// Its mines.
+    /// Mines; `None` for a flight without them.
     pub mines: Option<MineSettings>,
-    /// When the flight counts as making no progress; unwatched, nothing looks for another way and nobody is called.
+    /// Detection of stalls. If `None`, the flight looks for no other direction and calls nobody.
     pub watch: Option<MonitorSettings>,
     /// Simulated time after which the flight ends, s.
     pub seconds: f64,
@@ -57,9 +57,9 @@ impl Default for PlaneSettings {
 /// A call for the operator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Call {
-    /// The trap.
+    /// The kind of trap.
     pub trap: Trap,
-    /// Its place, mm.
+    /// Position of the trap, mm.
     pub place: DVec3,
 }
 
@@ -82,10 +82,10 @@ pub struct Flight {
 }
 
 impl Flight {
-    /// A flight at its start.
+    /// Creates a flight at its start.
     ///
     /// # Errors
-    /// Status 4 where the body does not fit at the start, status 2 for settings that make no sense.
+    /// Returns status 4 if the body does not fit at the start, and status 2 if a setting is out of range.
     pub fn new(drawing: Drawing, settings: PlaneSettings) -> Result<Self> {
         settings.body.check()?;
         settings.tentacles.check()?;
@@ -113,17 +113,17 @@ impl Flight {
         Ok(flight)
     }
 
-    /// Starts again near another place (mm).
+    /// Restarts near another position (mm).
     ///
     /// # Errors
-    /// Status 4 where there is no room for the body.
+    /// Returns status 4 if there is no room for the body.
     pub fn start_at(&mut self, at: DVec3) -> Result<()> {
         let at = plan::start_at(&self.walls, at, self.settings.body.radius_mm)?;
         self.set_out(at);
         Ok(())
     }
 
-    /// Starts again from its last start.
+    /// Restarts from the last start.
     pub fn restart(&mut self) {
         self.set_out(self.plan.start);
     }
@@ -138,7 +138,7 @@ impl Flight {
         self.call = None;
         self.length_mm = 0.0;
         self.feel(at);
-        // Towards a goal in plain sight, else the longest free direction, the first of equals.
+        // Towards a goal in direct view, otherwise along the longest free direction (on a tie, the first).
         let mut best = (f64::NEG_INFINITY, DVec3::X);
         for d in circle(512) {
             let free = self.walls.crossing(at, d, VIEW_MM).unwrap_or(VIEW_MM);
@@ -149,7 +149,7 @@ impl Flight {
         self.heading = self.sees(self.plan.goal, at).unwrap_or(best.1);
     }
 
-    /// The unit direction to a place in plain sight.
+    /// Returns the unit direction to `goal` if it is in direct view.
     fn sees(&self, goal: DVec3, at: DVec3) -> Option<DVec3> {
         let direction = (goal - at).try_normalize()?;
         self.walls.crossing(at, direction, goal.distance(at)).is_none().then_some(direction)
@@ -162,7 +162,7 @@ impl Flight {
         }
     }
 
-    /// One step of the simulation; nothing once the flight is over.
+    /// Advances the simulation by one step. Does nothing once the flight is over.
     pub fn step(&mut self) {
         if self.state != State::Flying {
             return;
@@ -234,80 +234,80 @@ impl Flight {
         }
     }
 
-    /// Where the camera is, mm.
+    /// Returns the camera's position, mm.
     pub fn position(&self) -> DVec3 {
         self.places.last().copied().unwrap_or(self.plan.start)
     }
 
-    /// The positions of all steps, mm.
+    /// Returns the positions of all steps, mm.
     pub fn places(&self) -> &[DVec3] {
         &self.places
     }
 
-    /// Unit heading.
+    /// Returns the unit heading.
     pub fn heading(&self) -> DVec3 {
         self.heading
     }
 
-    /// The tentacles: directions, and lengths in mm.
+    /// Returns the tentacles: unit directions, and lengths in mm.
     pub fn tentacles(&self) -> (&[DVec3], &[f64]) {
         (&self.directions, &self.lengths)
     }
 
-    /// The mines.
+    /// Returns the mines.
     pub fn mines(&self) -> &Mines {
         &self.mines
     }
 
-    /// Its recovery from traps.
+    /// Returns the state of recovery from traps.
     pub fn rescue(&self) -> &Rescue {
         &self.rescue
     }
 
-    /// The settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &PlaneSettings {
         &self.settings
     }
 
-    /// The plan: start and goal.
+    /// Returns the plan: start and goal.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The walls.
+    /// Returns the walls.
     pub fn walls(&self) -> &Walls {
         &self.walls
     }
 
-    /// The flight's state.
+    /// Returns the flight's state.
     pub fn state(&self) -> State {
         self.state
     }
 
-    /// The call for the operator, if there is one.
+    /// Returns the call for the operator, if there is one.
     pub fn call(&self) -> Option<Call> {
         self.call
     }
 
-    /// Distance flown, mm.
+    /// Returns the distance flown, mm.
     pub fn length_mm(&self) -> f64 {
         self.length_mm
     }
 
-    /// Simulated time, s.
+    /// Returns the simulated time, s.
     pub fn seconds(&self) -> f64 {
         (self.places.len() - 1) as f64 / f64::from(HZ)
     }
 
-    /// Clearance where the camera is, mm.
+    /// Returns the clearance at the camera's position, mm.
     pub fn clearance_mm(&self) -> f64 {
         self.walls.clearance(self.position()).mm
     }
 
-    /// The outcome of the flight.
+    /// Returns the outcome of the flight.
     ///
     /// # Errors
-    /// Status 4 when the operator is called, with where and why.
+    /// Returns status 4 if the operator is called, with the place and the reason.
     pub fn outcome(&self) -> Result<()> {
         self.call.map_or(Ok(()), |c| {
             let what = format!("flight at {}", pair(c.place));

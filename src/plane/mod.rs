@@ -1,9 +1,9 @@
-//! Tentacles and mines in two dimensions (paper, figure 6): a drawn lumen, the same kernels as in the scan, one
-//! dimension less.
+//! Tentacles and mines in two dimensions (paper, figure 6): a drawn lumen and the same kernels as in the scan, one
+//! dimension lower.
 //!
-//! The drawing lies in the plane z = 0: x runs to the right and y downwards, [`drawing::MM_PER_PIXEL`] mm a pixel, with
-//! the origin at the drawing's upper left corner. Steering, mines, body, the step that cannot perforate and the
-//! detection of traps are those of [`crate::dynamics`]; only tentacles are spread over a circle
+//! The drawing is in the plane z = 0: x points right and y down, [`drawing::MM_PER_PIXEL`] mm per pixel, with the origin
+//! at the upper left corner. Steering, mines, body, the step that cannot perforate and trap detection come from
+//! [`crate::dynamics`]. Only two things differ: tentacles are spread over a circle
 //! ([`crate::dynamics::tentacles::circle`]) and walls are pixels ([`walls::Walls`]).
 
 pub mod drawing;

@@ -1,4 +1,4 @@
-//! The picture of a flight through a drawing: potential, trajectory, tentacles, mines, camera.
+//! The picture of a flight through a drawing: potential, trajectory, tentacles, mines and camera.
 
 use glam::DVec3;
 
@@ -7,14 +7,14 @@ use super::flight::{Flight, State};
 use super::potential::Potential;
 use crate::render::Frame;
 
-/// The parts of a flight that are drawn.
+/// The parts of a flight to draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Show {
-    /// Tentacles at the camera's place.
+    /// Tentacles at the camera's position.
     pub tentacles: bool,
-    /// Mines and how far they reach.
+    /// Mines and their reach.
     pub mines: bool,
-    /// The potential, as shading and lines of equal height.
+    /// The potential, as shading and contour lines.
     pub potential: bool,
     /// The trajectory.
     pub trajectory: bool,
@@ -40,32 +40,32 @@ const GOAL: Colour = [20, 160, 40];
 const CAMERA: Colour = [20, 20, 24];
 const CALLED: Colour = [190, 20, 190];
 
-/// The height of the first line of equal potential, mm²/s²; each further one is four times as high.
+/// Potential of the first contour line, mm²/s². Each further line is at four times the previous value.
 const FIRST_LINE: f32 = 15.0;
-/// Levels of shading.
+/// Number of shading levels.
 const LEVELS: f32 = 6.0;
 
-/// Draws flights of one drawing.
+/// Draws flights through one drawing.
 pub struct Painter {
     potential: Potential,
-    /// The level of each pixel's potential.
+    /// The contour level of each pixel.
     levels: Vec<i8>,
 }
 
 impl Painter {
-    /// A painter for a flight's drawing.
+    /// Creates a painter for a flight's drawing.
     pub fn new(flight: &Flight) -> Self {
         let potential = Potential::new(flight.walls(), flight.settings());
         Self { potential, levels: Vec::new() }
     }
 
-    /// The whole number of picture pixels a drawing's pixel that fits `width` × `height` best, at least 1.
+    /// Returns the whole number of picture pixels per drawing pixel that best fits `width` × `height`, at least 1.
     pub fn scale_for(flight: &Flight, (width, height): (usize, usize)) -> usize {
         let drawing = flight.walls().drawing();
         (width / drawing.width()).min(height / drawing.height()).max(1)
     }
 
-    /// Draws a flight as it stands, `scale` picture pixels a pixel of the drawing.
+    /// Draws the current state of a flight, with `scale` picture pixels per pixel of the drawing.
     pub fn paint(&mut self, flight: &Flight, show: Show, scale: usize, frame: &mut Frame) {
         let drawing = flight.walls().drawing();
         let (w, h) = (drawing.width(), drawing.height());
@@ -80,7 +80,7 @@ impl Painter {
             }
         }
         if show.trajectory {
-            // One point a picture pixel is enough.
+            // One point per picture pixel is enough.
             let mut last = flight.plan().start;
             for &p in flight.places() {
                 if p.distance(last) >= 2.0 * thin {
@@ -114,7 +114,7 @@ impl Painter {
         }
     }
 
-    /// Wall, lumen and potential.
+    /// Draws wall, lumen and potential.
     fn ground(&mut self, flight: &Flight, show: Show, scale: usize, frame: &mut Frame) {
         let drawing = flight.walls().drawing();
         let w = drawing.width();
@@ -150,7 +150,7 @@ impl Painter {
     }
 }
 
-/// How many lines of equal height lie below a potential.
+/// Returns the number of contour lines below a potential.
 fn level(v: f32) -> i8 {
     if v < FIRST_LINE { 0 } else { (1.0 + (v / FIRST_LINE).log2() / 2.0).min(100.0) as i8 }
 }
@@ -159,14 +159,15 @@ fn mix(a: Colour, b: Colour, share: f64) -> Colour {
     std::array::from_fn(|c| (f64::from(a[c]) + (f64::from(b[c]) - f64::from(a[c])) * share).round() as u8)
 }
 
-/// Draws in mm.
+/// Draws in millimetres.
 struct Pen<'a> {
     frame: &'a mut Frame,
     per_mm: f64,
 }
 
 impl Pen<'_> {
-    /// Covers the pixels within the box between two places (picture pixels) by what `share` says, 0 to 1.
+    /// Blends `colour` into the pixels of the box between two corners (picture pixels), each with the weight that `share`
+    /// returns, 0 to 1.
     fn cover(&mut self, low: DVec3, high: DVec3, colour: Colour, share: impl Fn(DVec3) -> f64) {
         let (w, h) = (self.frame.width(), self.frame.height());
         let from = |x: f64| x.floor().max(0.0) as usize;
@@ -194,20 +195,20 @@ impl Pen<'_> {
         self.cover(c - reach, c + reach, colour, |p| share * (1.2 - (p.distance(c) - r).abs()).min(1.0));
     }
 
-    /// A line of half-width `half_mm`.
+    /// Draws a line of half-width `half_mm`.
     fn line(&mut self, from: DVec3, to: DVec3, half_mm: f64, colour: Colour, share: f64) {
         let (a, b, r) = (from * self.per_mm, to * self.per_mm, half_mm * self.per_mm);
         let along = b - a;
         let length2 = along.length_squared();
         let reach = DVec3::new(r + 1.0, r + 1.0, 0.0);
-        // A long slanted line lies in a large box: it is drawn in pieces.
+        // The bounding box of a long slanted line is large, so the line is drawn in pieces.
         let pieces = (along.length() / 24.0).ceil().max(1.0);
         let near = |p: DVec3| {
             let t = if length2 > 0.0 { ((p - a).dot(along) / length2).clamp(0.0, 1.0) } else { 0.0 };
             (p - a - along * t).length()
         };
         for n in 0..pieces as usize {
-            // Each pixel belongs to the piece that its foot lies in, so that none is covered twice.
+            // Each pixel belongs to the piece that contains its foot point, so none is covered twice.
             let (s, e) = (n as f64 / pieces, (n as f64 + 1.0) / pieces);
             let (p, q) = (a + along * s, a + along * e);
             let last = n + 1 == pieces as usize;

@@ -1,4 +1,4 @@
-//! Where a flight through a drawing starts and ends.
+//! The start and the goal of a flight through a drawing.
 
 use std::collections::VecDeque;
 
@@ -10,38 +10,39 @@ use crate::error::{Error, Result};
 use crate::fields::Clearances;
 use crate::math::lattice::nearest_first;
 
-/// A start at which the body does not fit is taken to the nearest place that has room within this, mm.
+/// If the body does not fit at the start, the start moves to the nearest place with room within this distance, mm.
 const SNAP_MM: f64 = 5.0;
-/// A goal that is drawn is reached within this, mm.
+/// Distance within which a drawn goal counts as reached, mm.
 const ARRIVED_MM: f64 = 3.0;
-/// Room beyond the body's radius that a start must have, mm.
+/// Clearance beyond the body's radius that a start needs, mm.
 const ROOM_MM: f64 = 0.1;
 
-/// A flight to be flown.
+/// The plan of a flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Where it starts, mm.
+    /// Start, mm.
     pub start: DVec3,
-    /// Where it ends, mm.
+    /// Goal, mm.
     pub goal: DVec3,
-    /// Arrived within this of the goal, mm.
+    /// Distance from the goal within which the flight has arrived, mm.
     pub within_mm: f64,
     /// Notes for the user.
     pub notes: Vec<String>,
 }
 
-/// Plans a flight from the red mark to the green one. Where the drawing has none, an end is the place that is furthest
-/// from the other, along ways that are wide enough for the body.
+/// Plans a flight from the red mark to the green one.
+///
+/// If the drawing lacks a mark, that end is the place farthest from the other, along paths wide enough for the body.
 ///
 /// # Errors
-/// Status 4 where the body fits nowhere, or not at the start.
+/// Returns status 4 if the body fits nowhere, or not at the start.
 pub fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
     let drawing = walls.drawing();
     let mut notes = Vec::new();
-    // Looking no further than the body needs makes the sweeps quick.
+    // A search range no larger than the body needs keeps the sweeps fast.
     let near = Walls::new(drawing.clone(), radius_mm + 1.0);
     let fits = |p: DVec3| near.clearance(p).mm > radius_mm + ROOM_MM;
-    // Two sweeps: the furthest place from any place of a way is one of its ends.
+    // Two sweeps: the place farthest from any point of a path is one of its ends.
     let furthest = |from: DVec3| reach(walls, from, &fits);
     let start = match drawing.start {
         Some(start) => roomy(start, &fits, &mut notes).ok_or_else(|| {
@@ -72,10 +73,10 @@ pub fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
     Ok(Plan { start, goal, within_mm, notes })
 }
 
-/// A start anywhere else: the nearest place with room within 5 mm.
+/// Returns a start near another position (mm): the nearest place with room within 5 mm.
 ///
 /// # Errors
-/// Status 4 where there is none.
+/// Returns status 4 if there is none.
 pub fn start_at(walls: &Walls, at: DVec3, radius_mm: f64) -> Result<DVec3> {
     let fits = |p: DVec3| walls.clearance(p).mm > radius_mm + ROOM_MM;
     roomy(at, &fits, &mut Vec::new()).ok_or_else(|| {
@@ -87,11 +88,11 @@ pub fn start_at(walls: &Walls, at: DVec3, radius_mm: f64) -> Result<DVec3> {
     })
 }
 
-/// The place in the drawing with the most clearance, the first of equals.
+/// Returns the place in the drawing with the most clearance (on a tie, the first).
 fn roomiest(walls: &Walls) -> Option<DVec3> {
     let drawing = walls.drawing();
     let mut best = (0.0, None);
-    // Every fourth pixel will do: it is only the beginning of a search.
+    // Every fourth pixel is enough, as this only starts a search.
     let step = if drawing.width().max(drawing.height()) < 64 { 1 } else { 4 };
     for j in (0..drawing.height()).step_by(step) {
         for i in (0..drawing.width()).step_by(step) {
@@ -105,7 +106,7 @@ fn roomiest(walls: &Walls) -> Option<DVec3> {
     best.1
 }
 
-/// The place that is furthest from `from` among those that can be reached in steps of a pixel through what `fits`.
+/// Returns the place farthest from `from` that can be reached pixel by pixel through places where `fits` is true.
 fn reach(walls: &Walls, from: DVec3, fits: &impl Fn(DVec3) -> bool) -> DVec3 {
     let (w, h) = (walls.drawing().width(), walls.drawing().height());
     let mut seen = vec![false; w * h];
@@ -126,7 +127,7 @@ fn reach(walls: &Walls, from: DVec3, fits: &impl Fn(DVec3) -> bool) -> DVec3 {
     if last == first { from } else { pixel_centre(last.0, last.1) }
 }
 
-/// The nearest place with room within [`SNAP_MM`], looked for on a lattice in order of distance.
+/// Returns the nearest place with room within [`SNAP_MM`], searching a lattice in order of distance.
 fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> Option<DVec3> {
     let offsets = nearest_first(SNAP_MM, MM_PER_PIXEL, IVec3::new(1, 1, 0));
     let found = offsets.into_iter().map(|o| at + o).find(|p| fits(*p))?;
@@ -136,7 +137,7 @@ fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> O
     Some(found)
 }
 
-/// A place of the drawing, as text.
+/// Formats a position in the drawing as text.
 pub fn pair(p: DVec3) -> String {
     format!("{:.1},{:.1}", p.x, p.y)
 }

@@ -1,6 +1,7 @@
-//! The potential that corresponds to tentacles and mines, over a whole drawing (paper, sections 3.1.1 and 3.2):
-//! `C_s (p/D_s − 1)²` with `C_s = wall_push · p` where `0 < D_s < p`, and for each mine `push · reach/2 · (1 −
-//! d/reach)²` within its reach.
+//! The potential that corresponds to tentacles and mines, over a whole drawing (paper, sections 3.1.1 and 3.2).
+//!
+//! It is `C_s (p/D_s − 1)²` with `C_s = wall_push · p` where `0 < D_s < p`, plus `push · reach/2 · (1 − d/reach)²` for
+//! each mine within its reach.
 
 use rayon::prelude::*;
 
@@ -10,7 +11,7 @@ use super::walls::Walls;
 use crate::dynamics::mines::{MineSettings, Mines};
 use crate::fields::Clearances;
 
-/// The potential at the centre of each pixel, mm²/s² (an acceleration times a way); infinite in the wall.
+/// The potential at the centre of each pixel, mm²/s² (an acceleration times a distance); infinite in the wall.
 #[derive(Clone, Debug)]
 pub struct Potential {
     width: usize,
@@ -19,11 +20,11 @@ pub struct Potential {
 }
 
 impl Potential {
-    /// The wall's part, which stays.
+    /// Computes the wall's part, which stays constant.
     pub fn new(walls: &Walls, settings: &PlaneSettings) -> Self {
         let (w, h) = (walls.drawing().width(), walls.drawing().height());
         let (p, strength) = (settings.tentacles.wall_mm, settings.tentacles.wall_push);
-        // Beyond `p` the potential is 0: no need to look further.
+        // Beyond `p` the potential is 0, so there is no need to search further.
         let near = Walls::new(walls.drawing().clone(), p);
         let value = |n: usize| {
             let d = near.clearance(pixel_centre(n % w, n / w)).mm;
@@ -33,7 +34,7 @@ impl Potential {
         Self { width: w, now: wall.clone(), wall }
     }
 
-    /// With the mines as they lie now.
+    /// Returns the potential with the current mines added.
     pub fn with_mines(&mut self, mines: Option<(&Mines, &MineSettings)>) -> &[f32] {
         self.now.copy_from_slice(&self.wall);
         let Some((mines, s)) = mines else { return &self.now };

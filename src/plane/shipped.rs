@@ -1,10 +1,11 @@
-//! The drawings that ship with the program, each with a known trap. `assets/plane/README.md` describes how they are
-//! made and what to expect of each.
+//! The drawings shipped with the program, each with a known trap.
+//!
+//! `assets/plane/README.md` describes how they are made and what to expect of each.
 
 use super::drawing::Drawing;
 use crate::error::Result;
 
-/// Name and PNG of each; the first is flown where none is named.
+/// Name and PNG of each drawing. The first is flown by default.
 pub const DRAWINGS: [(&str, &[u8]); 10] = [
     ("bends", include_bytes!("../../assets/plane/bends.png")),
     ("straight", include_bytes!("../../assets/plane/straight.png")),
@@ -18,12 +19,12 @@ pub const DRAWINGS: [(&str, &[u8]); 10] = [
     ("spiral", include_bytes!("../../assets/plane/spiral.png")),
 ];
 
-/// The drawing of that name, if there is one.
+/// Returns the drawing of that name, if it exists.
 pub fn named(name: &str) -> Option<Result<Drawing>> {
     DRAWINGS.iter().find(|d| d.0 == name).map(|(name, png)| Drawing::decode(name, png))
 }
 
-/// All names, for messages.
+/// Returns all names, for messages.
 pub fn names() -> String {
     DRAWINGS.map(|d| d.0).join(", ")
 }

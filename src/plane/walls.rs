@@ -1,24 +1,24 @@
-//! Exact distances to the wall in a drawing: the nearest, and along a ray.
+//! Exact distances to the wall in a drawing: to the nearest wall, and along a ray.
 
 use glam::DVec3;
 
 use super::drawing::{Drawing, MM_PER_PIXEL};
 use crate::fields::{Clearance, Clearances};
 
-/// Side of a block of pixels; for each block it is known whether it holds any wall.
+/// Side of a block of pixels. Each block records whether it contains any wall.
 const BLOCK: usize = 8;
 
-/// The walls of a drawing: every dark pixel is a closed square, and so is everything beyond the border.
+/// The walls of a drawing: every dark pixel is a closed square of wall, and everything beyond the border is wall.
 #[derive(Clone, Debug)]
 pub struct Walls {
     drawing: Drawing,
-    /// Blocks in a row, and whether each holds a wall pixel.
+    /// Number of blocks in a row, and for each block, true if it contains a wall pixel.
     blocks: (usize, Vec<bool>),
     limit: f64,
 }
 
 impl Walls {
-    /// The walls of a drawing, looked for within `limit_mm`.
+    /// Creates the walls of a drawing, searched for within `limit_mm`.
     pub fn new(drawing: Drawing, limit_mm: f64) -> Self {
         let (bw, bh) = (drawing.width().div_ceil(BLOCK), drawing.height().div_ceil(BLOCK));
         let mut blocks = vec![false; bw * bh];
@@ -28,21 +28,23 @@ impl Walls {
         Self { drawing, blocks: (bw, blocks), limit: limit_mm }
     }
 
-    /// The drawing.
+    /// Returns the drawing.
     pub fn drawing(&self) -> &Drawing {
         &self.drawing
     }
 
-    /// Whether a place (mm) is in the lumen.
+    /// Returns true if a position (mm) is in the lumen.
     pub fn is_lumen(&self, at: DVec3) -> bool {
         let u = (at / MM_PER_PIXEL).floor();
-        // Far outside, and not-a-number, before either becomes an index.
+        // Reject positions far outside and NaN before they become an index.
         u.abs().max_element() < 1e9 && u.is_finite() && self.drawing.is_lumen(u.x as i64, u.y as i64)
     }
 
-    /// Exact distance from a place (mm) along a unit direction in the plane to where a ray first enters a wall pixel;
-    /// none within `reach_mm`. 0 in the wall. Pixels are walked in the order that the ray passes through them
-    /// (Amanatides and Woo, *A fast voxel traversal algorithm for ray tracing*, 1987).
+    /// Returns the exact distance (mm) from a position (mm) to where a ray first enters a wall pixel.
+    ///
+    /// `direction` is a unit vector in the plane. Returns `None` if there is no wall within `reach_mm`, and 0 in the
+    /// wall. Pixels are visited in the order in which the ray passes through them (Amanatides and Woo, *A fast voxel
+    /// traversal algorithm for ray tracing*, 1987).
     pub fn crossing(&self, at: DVec3, direction: DVec3, reach_mm: f64) -> Option<f64> {
         if !self.is_lumen(at) {
             return Some(0.0);
@@ -61,11 +63,11 @@ impl Walls {
         loop {
             let axis = usize::from(next[1] < next[0]);
             let length = next[axis];
-            // Written so that a NaN direction ends here too.
+            // Written so that a NaN direction also ends here.
             if length > reach || length.is_nan() {
                 return None;
             }
-            // Through a corner the ray touches both neighbours: either of them stops it.
+            // At a corner the ray touches both neighbours, and either of them stops it.
             let corner = next[0] == next[1];
             let side = [cell[0] + step[0], cell[1] + step[1]];
             cell[axis] += step[axis];
@@ -78,7 +80,8 @@ impl Walls {
         }
     }
 
-    /// The nearest point of a wall pixel within the limit, as an offset in pixels from `u`; the square of its distance.
+    /// Returns the squared distance to the nearest point of a wall pixel within the limit, and its offset from `u`, in
+    /// pixels.
     fn nearest(&self, u: [f64; 2]) -> (f64, [f64; 2]) {
         let limit = self.limit / MM_PER_PIXEL;
         let (w, h) = (self.drawing.width() as f64, self.drawing.height() as f64);
@@ -96,7 +99,7 @@ impl Walls {
         let bh = blocks.len() / bw;
         let home = [u[0] as usize / BLOCK, u[1] as usize / BLOCK];
         for ring in 0..=(*bw).max(bh) {
-            // What lies on this ring of blocks around the point's own is at least so far away.
+            // Everything in this ring of blocks around the point's block is at least this far away.
             let away = (ring as f64 - 1.0) * BLOCK as f64;
             if away > 0.0 && away * away >= best.0 {
                 break;
@@ -169,7 +172,7 @@ mod tests {
 
     #[test]
     fn no_ray_slips_between_two_pixels_that_touch_at_a_corner() {
-        // A checkerboard of four: the diagonal passes through its middle.
+        // A checkerboard of four: the diagonal passes through its centre.
         let mut room = vec![true; 64];
         (room[3 + 8 * 4], room[4 + 8 * 3]) = (false, false);
         let w = drawn(&room, 8);
@@ -178,7 +181,7 @@ mod tests {
     }
 
     proptest! {
-        /// Against every pixel, and a ray never passes nearer to a wall than the clearance.
+        /// Compares with every pixel, and checks that a ray never passes closer to a wall than the clearance.
         #[test]
         fn clearance_is_the_brute_force_distance(bits in prop::collection::vec(prop::bool::weighted(0.93), 24 * 31), x in 0.0f64..12.0, y in 0.0f64..15.5, angle in 0.0f64..std::f64::consts::TAU) {
             prop_assume!(bits.contains(&true) && bits.contains(&false));

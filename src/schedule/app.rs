@@ -18,27 +18,27 @@ use super::{FlightSystems, Phase, Plugin};
 use crate::error::{Error, Result};
 use crate::panics;
 
-/// A place that exactly one plugin may fill.
+/// A slot that exactly one plugin may fill.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Slot {
-    /// Who steers.
+    /// The guide.
     Guide,
-    /// Who renders.
+    /// The renderer.
     Renderer,
-    /// What draws slices.
+    /// The system that draws slices.
     Slices,
-    /// What hands pictures to their presenters.
+    /// The system that passes pictures to their presenters.
     Presentation,
-    /// What holds pictures to their size after post-processes.
+    /// The system that restores the size of pictures after post-processes.
     PictureSize,
 }
 
-/// Something that a scene could have and does not.
+/// An optional part that a scene does not have.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct LeftOut {
     /// The part.
     pub part: &'static str,
-    /// Why it is not there.
+    /// Why it was left out.
     pub why: String,
 }
 
@@ -48,20 +48,22 @@ struct Step;
 #[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
 struct Frame;
 
-/// Every system that belongs to the scene and goes when the scene changes.
+/// All systems of the scene, which are removed when the scene changes.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct OfScene;
 
-/// The systems of an owner in the ledger.
+/// The systems of one owner in the ledger.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Account(usize);
 
-/// The post-process that was added as the so many-th.
+/// The post-process with this index, in the order of addition.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct PostProcess(u32);
 
-/// Marks the scan that is flown through and the camera that flies. The systems of a simulation step work on these two alone,
-/// so entities of other crates may carry the same components without disturbing the flight.
+/// Marks the scan that is flown through and the camera that flies.
+///
+/// The systems of a simulation step work only on these two, so entities of other crates may carry the same components
+/// without disturbing the flight.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub struct Main;
 
@@ -91,30 +93,30 @@ pub struct App {
     frame: Schedule,
     filled: Vec<Filled>,
     left_out: Vec<LeftOut>,
-    /// What takes the present scene's equipment off the camera again.
+    /// Functions that remove the current scene's equipment from the camera.
     strip: Vec<fn(&mut EntityWorldMut)>,
-    /// Who adds systems and components now.
+    /// The current owner of newly added systems and components.
     owner: Owner,
-    /// The account of who adds systems now, where it has one.
+    /// The account that newly added systems are booked to, if there is one.
     account: Option<usize>,
-    /// Who runs, for how long; none where nobody asks.
+    /// Records which system runs and for how long; `None` if no account is kept.
     ledger: Option<Arc<Ledger>>,
     post_processes: u32,
     plugged: Vec<String>,
-    /// The owner of each system, by its full name.
+    /// The owner of each system, by the system's full name.
     owners: BTreeMap<String, usize>,
-    /// What renderers, overlays and presenters of other crates take in a frame, ms.
+    /// Time that renderers, overlays and presenters of other crates take per frame, ms.
     makers: BTreeMap<String, f64>,
     said: BTreeSet<(String, String)>,
     notes: Vec<String>,
 }
 
-/// Whom systems and components belong to.
+/// The owner of systems and components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Owner {
-    /// The scene: they go when it changes.
+    /// The scene: they are removed when it changes.
     Scene,
-    /// A plug-in, or whoever has the flight: they stay.
+    /// A plug-in, or the code that owns the flight: they stay.
     Plugin,
 }
 
@@ -131,9 +133,9 @@ impl Default for App {
 }
 
 impl App {
-    /// A world with a bare scan and a bare camera, and schedules without systems.
+    /// Creates a world with a bare scan, a bare camera, and schedules without systems.
     pub fn new() -> Self {
-        // What an earlier world on this thread has left is none of this one's.
+        // Discard anything that an earlier world on this thread has left behind.
         drop((ledger::take_faults(), ledger::take_notes(), ledger::take_times()));
         let mut world = World::new();
         world.insert_resource(FallbackErrorHandler(ledger::system_failed));
@@ -159,11 +161,13 @@ impl App {
         }
     }
 
-    /// Replaces the scene: takes away the systems and the [equipment](App::equip) of the last one, then calls `plug` for those
-    /// of the next. What plug-ins added stays, with the state of their systems.
+    /// Replaces the scene.
+    ///
+    /// Removes the systems and the [equipment](App::equip) of the previous scene, then calls `plug` to add those of the
+    /// next one. Additions of plug-ins stay, with the state of their systems.
     ///
     /// # Errors
-    /// What `plug` returns, and status 1 when the schedules were left in a state that cannot be built.
+    /// Returns the error of `plug`, and status 1 if the schedules were left in a state that cannot be built.
     pub fn set_scene(&mut self, plug: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         for schedule in [&mut self.step, &mut self.frame] {
             remove_scene(schedule, &mut self.world)?;
@@ -179,10 +183,10 @@ impl App {
         plugged
     }
 
-    /// Builds a plug-in. What it adds stays when the scene changes.
+    /// Builds a plug-in. Its additions stay when the scene changes.
     ///
     /// # Errors
-    /// What the plug-in returns; status 2 when one of its name is there already.
+    /// Returns the error of the plug-in, and status 2 if a plug-in of that name already exists.
     pub fn plug(&mut self, plugin: &dyn Plugin) -> Result<()> {
         let name = plugin.name().into_owned();
         if self.plugged.contains(&name) {
@@ -196,16 +200,17 @@ impl App {
         built
     }
 
-    /// Keeps account of what runs from now on: of whom each system is, and what it takes. For a flight with plug-ins or guides of
-    /// other crates; the systems of one that is not kept account of have no conditions.
+    /// Starts to record the owner and the run time of each system added from now on.
+    ///
+    /// Use it for flights with plug-ins or guides of other crates. Without it, systems have no run conditions.
     pub fn keep_account(&mut self) {
         self.ledger.get_or_insert_default();
     }
 
-    /// Books the systems that `add` adds to `name`. A panic of `add` is an error.
+    /// Books the systems that `add` adds to the account `name`. A panic in `add` becomes an error.
     ///
     /// # Errors
-    /// What `add` returns; status 1 when it panics.
+    /// Returns the error of `add`, and status 1 if it panics.
     pub fn on_account<R>(&mut self, name: &str, add: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
         let before = std::mem::replace(&mut self.account, self.ledger.as_ref().map(|l| l.open(name)));
         let added = panics::catch(|| add(self));
@@ -215,12 +220,12 @@ impl App {
         })
     }
 
-    /// Whether the systems of `name` were switched off after a panic.
+    /// Returns true if the systems of `name` were switched off after a panic.
     pub fn is_off(&self, name: &str) -> bool {
         self.ledger.as_ref().is_some_and(|l| l.is_off(name))
     }
 
-    /// What plug-ins take, and guides, renderers, overlays and presenters of other crates.
+    /// Returns the run times of plug-ins, and of guides, renderers, overlays and presenters of other crates.
     pub fn plugin_times(&self) -> Vec<PluginTime> {
         let mut times = self.ledger.as_ref().map_or_else(Vec::new, |l| l.times());
         let makers = self.makers.iter();
@@ -228,7 +233,7 @@ impl App {
         times
     }
 
-    /// Takes what there is to say to the user of plug-ins since the last call.
+    /// Takes the messages about plug-ins to show to the user since the last call.
     pub fn take_notes(&mut self) -> Vec<String> {
         self.collect_notes();
         std::mem::take(&mut self.notes)
@@ -242,48 +247,50 @@ impl App {
         }
     }
 
-    /// Names of the plug-ins, in the order in which they were built.
+    /// Returns the names of the plug-ins, in the order in which they were built.
     pub fn plugged(&self) -> &[String] {
         &self.plugged
     }
 
-    /// The scan entity: the volume and what was derived from it.
+    /// Returns the scan entity: the volume and data derived from it.
     pub fn scan(&mut self) -> EntityWorldMut<'_> {
         self.world.entity_mut(self.scan)
     }
 
-    /// The camera entity: where it is, what moves it, what it sees.
+    /// Returns the camera entity: its pose, its motion and its view.
     pub fn camera(&mut self) -> EntityWorldMut<'_> {
         self.world.entity_mut(self.camera)
     }
 
-    /// The scan's entity.
+    /// Returns the ID of the scan entity.
     pub fn scan_id(&self) -> Entity {
         self.scan
     }
 
-    /// The camera's entity.
+    /// Returns the ID of the camera entity.
     pub fn camera_id(&self) -> Entity {
         self.camera
     }
 
-    /// A component of the scan.
+    /// Returns a component of the scan.
     pub fn scan_get<T: Component>(&self) -> Option<&T> {
         self.world.get(self.scan)
     }
 
-    /// A component of the camera.
+    /// Returns a component of the camera.
     pub fn camera_get<T: Component>(&self) -> Option<&T> {
         self.world.get(self.camera)
     }
 
-    /// A component of the camera, to change it.
+    /// Returns a mutable component of the camera.
     pub fn camera_get_mut<T: Component<Mutability = bevy_ecs::component::Mutable>>(&mut self) -> Option<Mut<'_, T>> {
         self.world.get_mut(self.camera)
     }
 
-    /// Gives the camera components. Those of a scene are taken off again when the scene changes, its guide for example; those
-    /// of a plug-in stay.
+    /// Adds components to the camera.
+    ///
+    /// Components of a scene, for example those of its guide, are removed when the scene changes. Those of a plug-in
+    /// stay.
     pub fn equip<B: Bundle>(&mut self, components: B) -> &mut Self {
         if self.owner == Owner::Scene {
             self.strip.push(|camera| {
@@ -296,8 +303,8 @@ impl App {
 
     /// Adds systems to a set of the step or of the frame.
     ///
-    /// Two systems of one set may not touch the same data, unless one is ordered before the other. In
-    /// [`PostProcess`](FlightSystems::PostProcess) they may: there they run in the order in which they were added.
+    /// Two systems in one set may not touch the same data unless one is ordered before the other. In
+    /// [`PostProcess`](FlightSystems::PostProcess) they may: systems there run in the order in which they were added.
     pub fn add_systems<M>(
         &mut self,
         set: FlightSystems,
@@ -315,8 +322,10 @@ impl App {
         self.add_systems_to(set.phase(), systems.in_set(set))
     }
 
-    /// Adds systems that choose their own place in a phase: `in_set` a set of your own that
-    /// [`configure_sets`](App::configure_sets) has ordered, or directly `before` or `after` a [`FlightSystems`].
+    /// Adds systems that choose their place in a phase.
+    ///
+    /// Place them with `in_set`, in a custom set that [`configure_sets`](App::configure_sets) has ordered, or directly
+    /// with `before` or `after` a [`FlightSystems`].
     pub fn add_systems_to<M>(
         &mut self,
         phase: Phase,
@@ -337,7 +346,7 @@ impl App {
         self
     }
 
-    /// Orders sets of your own within a phase, relative to each other and to [`FlightSystems`].
+    /// Orders custom sets within a phase, relative to each other and to [`FlightSystems`].
     ///
     /// ```
     /// use bevy_ecs::prelude::*;
@@ -368,10 +377,10 @@ impl App {
         }
     }
 
-    /// Takes a slot for the plugin `name`.
+    /// Fills a slot for the plugin `name`.
     ///
     /// # Errors
-    /// Status 2 when another plugin has it.
+    /// Returns status 2 if another plugin has filled it.
     pub fn fill(&mut self, slot: Slot, name: &'static str) -> Result<()> {
         if let Some(other) = self.filled.iter().find(|f| f.slot == slot) {
             return Err(Error::usage(
@@ -384,27 +393,27 @@ impl App {
         Ok(())
     }
 
-    /// Whether there are post-processes.
+    /// Returns true if there are post-processes.
     pub fn has_post_processes(&self) -> bool {
         self.post_processes > 0
     }
 
-    /// Whether a slot is taken.
+    /// Returns true if a slot is filled.
     pub fn is_filled(&self, slot: Slot) -> bool {
         self.filled.iter().any(|f| f.slot == slot)
     }
 
-    /// Notes that a part is not there, for `explain`.
+    /// Records that a part was left out, for `explain`.
     pub fn leave_out(&mut self, part: &'static str, why: impl Into<String>) {
         self.left_out.push(LeftOut { part, why: why.into() });
     }
 
-    /// Notes that a part is there after all.
+    /// Removes a part from the record of parts left out.
     pub fn take_in(&mut self, part: &str) {
         self.left_out.retain(|l| l.part != part);
     }
 
-    /// What was left out.
+    /// Returns the parts that were left out.
     pub fn left_out(&self) -> &[LeftOut] {
         &self.left_out
     }
@@ -412,7 +421,7 @@ impl App {
     /// Builds both schedules.
     ///
     /// # Errors
-    /// Status 1 when two systems of one set touch the same data, or when their order goes round in a circle.
+    /// Returns status 1 if two systems in one set touch the same data, or if their order is circular.
     pub fn build(&mut self) -> Result<()> {
         for schedule in [&mut self.step, &mut self.frame] {
             build(schedule, &mut self.world)?;
@@ -421,23 +430,24 @@ impl App {
         Ok(())
     }
 
-    /// Whether systems were added or taken away since the schedules were [built](App::build).
+    /// Returns true if systems were added or removed since the schedules were [built](App::build).
     pub fn is_changed(&self) -> bool {
         self.step.is_changed() || self.frame.is_changed()
     }
 
-    /// One simulation step.
+    /// Runs one simulation step.
     ///
     /// # Errors
-    /// Status 1 when a system has panicked, with its plug-in's name. All the others have run, and that plug-in is switched off.
+    /// Returns status 1 if a system has panicked, with the name of its plug-in. All other systems have run, and that
+    /// plug-in is switched off.
     pub fn step(&mut self) -> Result<()> {
         self.run(Phase::Step)
     }
 
-    /// One frame.
+    /// Runs one frame.
     ///
     /// # Errors
-    /// As [`App::step`].
+    /// Returns status 1 as [`App::step`] does.
     pub fn frame(&mut self) -> Result<()> {
         self.run(Phase::Frame)
     }
@@ -460,15 +470,16 @@ impl App {
         self.outcome()
     }
 
-    /// What has gone wrong since the last call, outside a schedule too: see [`report_fault`](super::report_fault).
+    /// Reports faults since the last call, including those outside a schedule: see
+    /// [`report_fault`](super::report_fault).
     ///
     /// # Errors
-    /// Status 1 for the first fault that was caught.
+    /// Returns status 1 for the first fault that was caught.
     pub fn outcome(&mut self) -> Result<()> {
         let mut first = Ok(());
         for fault in ledger::take_faults() {
             let off = self.owner_of(&fault.what).and_then(|owner| self.ledger.as_ref()?.switch_off(owner));
-            // Of an owner that is off already only run conditions are asked, and what they say is known.
+            // For an owner already switched off, only run conditions are called, and their faults are known.
             if off.as_ref().is_some_and(|(_, was_on)| !was_on) {
                 continue;
             }
@@ -481,14 +492,15 @@ impl App {
         first
     }
 
-    /// The owner of a system; of a command, which has a name of its own, that of the system that it is written in.
+    /// Returns the owner of a system. A command has a separate name and belongs to the owner of the system that it is
+    /// written in.
     fn owner_of(&self, name: &str) -> Option<usize> {
         let written_in =
             || self.owners.iter().find(|(system, _)| name.contains(system.as_str())).map(|(_, owner)| owner);
         self.owners.get(name).or_else(|| written_in().filter(|_| name.contains("handle_error"))).copied()
     }
 
-    /// Notes whose each system is.
+    /// Records the owner of each system.
     fn find_owners(&mut self) {
         let Some(ledger) = &self.ledger else { return };
         self.owners.clear();
@@ -503,7 +515,7 @@ impl App {
         }
     }
 
-    /// Names of the systems that run in a step and in a frame, in order, as the built schedules hold them.
+    /// Returns the names of the systems that run in a step and in a frame, in the order of the built schedules.
     pub fn systems(&self) -> [Vec<String>; 2] {
         [&self.step, &self.frame].map(|s| {
             s.systems().map_or_else(
@@ -518,13 +530,13 @@ impl App {
         })
     }
 
-    /// Names of the systems, as [`App::systems`] has them, that read or write the component `T`.
+    /// Returns the names, as in [`App::systems`], of the systems that read or write the component `T`.
     pub fn systems_that_query<T: Component>(&self) -> Vec<String> {
         let names = self.systems_by(|access, id| access.has_read(id), self.world.component_id::<T>());
         names.iter().map(|n| short(n)).collect()
     }
 
-    /// Names of the systems of other crates that write the component `T`.
+    /// Returns the names of the systems of other crates that write the component `T`.
     pub fn own_systems_that_write<T: Component>(&self) -> Vec<String> {
         let names = self.systems_by(|access, id| access.has_write(id), self.world.component_id::<T>());
         let own =
@@ -532,7 +544,7 @@ impl App {
         own.map(|n| short(n)).collect()
     }
 
-    /// Full names of the systems with such an access to a component; those that may do anything have it.
+    /// Returns the full names of the systems with a given access to a component. Exclusive systems have every access.
     fn systems_by(&self, has: fn(&Access, ComponentId) -> bool, id: Option<ComponentId>) -> Vec<String> {
         let Some(id) = id else { return Vec::new() };
         let of = |s: &Schedule| -> Vec<String> {
@@ -547,8 +559,10 @@ impl App {
         [of(&self.step), of(&self.frame)].concat()
     }
 
-    /// Names of all components on any entity, sorted: what is really in memory. A component of this crate has its short name,
-    /// one of another crate has that crate's name before it: `own_view::Rear`.
+    /// Returns the names of all components on any entity, sorted: those that are really in memory.
+    ///
+    /// A component of this crate has its short name. A component of another crate is prefixed with the crate's name:
+    /// `own_view::Rear`.
     pub fn components_in_use(&self) -> Vec<String> {
         let mut names: Vec<String> = self
             .world
@@ -558,21 +572,21 @@ impl App {
             .flat_map(|a| a.components().iter().copied())
             .filter_map(|id| self.world.components().get_name(id))
             .map(|n| component_name(&n.to_string()))
-            // What every world has for its own bookkeeping.
+            // Drop the bookkeeping of every world.
             .filter(|n| {
                 !["IsResource", "Schedules", "DefaultQueryFilters", "FallbackErrorHandler"]
                     .map(|k| format!("bevy_ecs::{k}"))
                     .contains(n)
             })
             .collect();
-        // This crate's come first, and each crate's are together.
+        // This crate's components come first, then those of each other crate together.
         names.sort_by_key(|n| (n.contains("::"), n.clone()));
         names.dedup();
         names
     }
 }
 
-/// The short name of a component, with the crate it comes from if that is another one.
+/// Returns the short name of a component, prefixed with its crate if that is another one.
 fn component_name(name: &str) -> String {
     let path = name.split('<').next().unwrap_or(name);
     let krate = path.split("::").next().unwrap_or(path);
@@ -580,7 +594,7 @@ fn component_name(name: &str) -> String {
     if krate == "colvis" { last.to_owned() } else { format!("{krate}::{last}") }
 }
 
-/// A schedule whose sets run one after the other.
+/// Creates a schedule whose sets run one after the other.
 fn schedule(label: impl ScheduleLabel, sets: &[FlightSystems]) -> Schedule {
     let mut s = Schedule::new(label);
     s.set_build_settings(strict());
@@ -591,8 +605,10 @@ fn schedule(label: impl ScheduleLabel, sets: &[FlightSystems]) -> Schedule {
     s
 }
 
+/// Builds a schedule.
+///
 /// # Errors
-/// Status 1 when the schedule is ambiguous or its order goes round in a circle.
+/// Returns status 1 if the schedule is ambiguous or its order is circular.
 fn build(schedule: &mut Schedule, world: &mut World) -> Result<()> {
     match schedule.initialize(world) {
         Ok(_) => Ok(()),
@@ -605,11 +621,11 @@ fn build(schedule: &mut Schedule, world: &mut World) -> Result<()> {
     }
 }
 
-/// Takes the scene's systems out of a schedule.
+/// Removes the scene's systems from a schedule.
 fn remove_scene(schedule: &mut Schedule, world: &mut World) -> Result<()> {
     if schedule.is_changed() {
-        // Which systems belong to a set is known once a schedule is built. One that is ambiguous has to be built for that, too:
-        // it is what a change of the scene that failed has left behind.
+        // The systems of a set are known only once the schedule is built. That includes an ambiguous schedule, left
+        // behind by a change of scene that failed.
         schedule.set_build_settings(ScheduleBuildSettings { ambiguity_detection: LogLevel::Ignore, ..strict() });
         let built = build(schedule, world);
         schedule.set_build_settings(strict());
@@ -621,8 +637,10 @@ fn remove_scene(schedule: &mut Schedule, world: &mut World) -> Result<()> {
     }
 }
 
-/// A system's name as a person reads it: its file and function, `watch::watch_flight`; of a generic one also the bare name of
-/// what it is for. One of another crate has its whole path; one that a type's `build` adds as a closure, the type's.
+/// Returns the readable name of a system: its file and function, such as `watch::watch_flight`.
+///
+/// A generic system also has the bare name of its type argument. A system of another crate has its whole path, or the
+/// name of the type if it was added as a closure by the type's `build`.
 fn short(name: &str) -> String {
     let name = &name.replace("::{{closure}}", "");
     if let Some((ty, rest)) = name.strip_prefix('<').and_then(|n| n.split_once('>')) {

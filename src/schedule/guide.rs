@@ -1,4 +1,4 @@
-//! What a navigation method says of itself, and the table of all of them.
+//! The trait for navigation methods, and the table of all guides.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -11,11 +11,12 @@ use crate::dynamics::Body;
 use crate::error::{Error, Result};
 use crate::fields::centerline::CenterlineMethod;
 
-/// What has to be built from the lumen before a guide can fly; it is on the scan entity then
-/// ([`components::scan`](crate::components::scan)) for as long as that guide steers.
+/// The data to derive from the lumen before a guide can fly.
+///
+/// It is on the scan entity ([`components::scan`](crate::components::scan)) for as long as the guide steers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// The distances to the wall and to the target, with derivatives:
+    /// Distances to the wall and to the target, with derivatives:
     /// [`WallDistances`](crate::components::scan::WallDistances) and
     /// [`TargetDistances`](crate::components::scan::TargetDistances).
     pub distances: bool,
@@ -23,58 +24,61 @@ pub struct Needs {
     pub centerline: bool,
     /// The method that finds the centerline.
     pub planner: CenterlineMethod,
-    /// Tagged fluid taken as gas, so that segments of gas which it joins are flown as one.
+    /// True to treat tagged fluid as gas, so that segments of gas joined by fluid are flown as one.
     pub fluid_as_gas: bool,
 }
 
 impl Needs {
-    /// Nothing beside the scan and its lumen.
+    /// Nothing besides the scan and its lumen.
     pub const NOTHING: Self =
         Self { distances: false, centerline: false, planner: CenterlineMethod::PenalisedPath, fluid_as_gas: false };
 }
 
-/// A navigation method, built in or from outside. The value itself is its settings: as they stand under its name in a scene
-/// file, or their defaults.
+/// A navigation method, built in or external. The value holds its settings: those under its name in a scene file, or the
+/// defaults.
 ///
-/// What it says here is all that the command line, the keys, the help, `explain`, the preparation and the progress know of it;
-/// `examples/own_guide.rs` is a whole one.
+/// The command line, the keys, the help, `explain`, the preparation and the progress know a guide only through this
+/// trait. `examples/own_guide.rs` is a complete example.
 pub trait Guide: Clone + Debug + Default + DeserializeOwned + Send + Sync + 'static {
-    /// Its name: on the command line, in scene files, in logs.
+    /// Name on the command line, in scene files and in logs.
     const NAME: &'static str;
-    /// What it does, in a few words, for the help.
+    /// Short description for the help.
     const SUMMARY: &'static str;
-    /// The key of the window that hands over to it.
+    /// Window key that switches to this guide.
     const KEY: Option<char> = None;
-    /// What has to be built for it.
+    /// Data that must be built for this guide.
     const NEEDS: Needs = Needs::NOTHING;
-    /// Whether it moves the camera by itself. Its flight is watched then.
+    /// True if the guide moves the camera automatically. Its flight is then watched.
     const AUTOMATIC: bool = true;
 
-    /// What has to be built for it with these settings, where they have a say in it; else [`Guide::NEEDS`].
+    /// Returns the data that must be built for these settings. Defaults to [`Guide::NEEDS`]; override it if it depends on
+    /// settings.
     fn needs(&self) -> Needs {
         Self::NEEDS
     }
 
-    /// Refuses settings that make no sense.
+    /// Checks the settings.
     ///
     /// # Errors
-    /// Status 2 (wrong usage), naming the setting.
+    /// Returns status 2 (invalid arguments) and names the setting that is out of range.
     fn check(&self) -> Result<()> {
         Ok(())
     }
 
-    /// Speed of the flight where nothing holds it up, mm/s: for the display and for progress.
+    /// Returns the speed of the flight if nothing limits it, mm/s: for the display and for progress.
     fn cruise_mm_s(&self, body: &Body) -> f64;
 
-    /// Adds its systems to the schedule, in the set [`Guide`](super::FlightSystems::Guide) and wherever else it takes part, and
-    /// [equips](App::equip) the camera with its components.
+    /// Adds the guide's systems to the schedule and [equips](App::equip) the camera with its components.
+    ///
+    /// The systems go to the set [`Guide`](super::FlightSystems::Guide) and to any other set that the guide takes part
+    /// in.
     ///
     /// # Errors
-    /// When something that it needs is missing.
+    /// Returns an error if required data is missing.
     fn plug(&self, app: &mut App) -> Result<()>;
 }
 
-/// A [`Guide`] of whichever type.
+/// A [`Guide`] of any type.
 trait AnyGuide: Debug + Send + Sync {
     fn needs(&self) -> Needs;
     fn check(&self) -> Result<()>;
@@ -113,15 +117,15 @@ impl<G: Guide> AnyGuide for G {
 /// A guide in the table, with its settings.
 #[derive(Clone, Debug)]
 pub struct GuideEntry {
-    /// As [`Guide::NAME`].
+    /// [`Guide::NAME`].
     pub name: &'static str,
-    /// As [`Guide::SUMMARY`].
+    /// [`Guide::SUMMARY`].
     pub summary: &'static str,
-    /// As [`Guide::KEY`].
+    /// [`Guide::KEY`].
     pub key: Option<char>,
-    /// As [`Guide::needs`].
+    /// [`Guide::needs`].
     pub needs: Needs,
-    /// As [`Guide::AUTOMATIC`].
+    /// [`Guide::AUTOMATIC`].
     pub automatic: bool,
     settings: Arc<dyn AnyGuide>,
 }
@@ -138,33 +142,33 @@ impl GuideEntry {
         }
     }
 
-    /// As [`Guide::cruise_mm_s`].
+    /// Calls [`Guide::cruise_mm_s`].
     pub fn cruise_mm_s(&self, body: &Body) -> f64 {
         self.settings.cruise_mm_s(body)
     }
 
-    /// As [`Guide::plug`].
+    /// Calls [`Guide::plug`].
     ///
     /// # Errors
-    /// As there.
+    /// Returns the errors of [`Guide::plug`].
     pub fn plug(&self, app: &mut App) -> Result<()> {
         self.settings.plug(app)
     }
 }
 
-/// The guides that a flight may be handed to, in the order in which they are listed, each with its settings.
+/// The guides available to a flight, in the order in which they are listed, each with its settings.
 #[derive(Clone, Debug, Default)]
 pub struct Guides(Vec<GuideEntry>);
 
 impl Guides {
-    /// Adds a guide with its default settings, in the place of one of the same name if there is one.
+    /// Adds a guide with its default settings, replacing any guide of the same name.
     #[must_use]
     pub fn with<G: Guide>(mut self) -> Self {
         self.set(G::default());
         self
     }
 
-    /// Settings of a guide, which is added if it is not there.
+    /// Sets the settings of a guide and adds the guide if it is missing.
     pub fn set<G: Guide>(&mut self, settings: G) {
         let entry = GuideEntry::of(settings);
         match self.0.iter_mut().find(|g| g.name == entry.name) {
@@ -173,7 +177,7 @@ impl Guides {
         }
     }
 
-    /// Settings of a guide; its defaults where it is not there.
+    /// Returns the settings of a guide, or its defaults if it is missing.
     pub fn get<G: Guide>(&self) -> G {
         let there = self.0.iter().find_map(|g| g.settings.as_any().downcast_ref::<G>());
         there.cloned().unwrap_or_default()
@@ -186,20 +190,20 @@ impl Guides {
         self.set(settings);
     }
 
-    /// The guide of that name.
+    /// Returns the guide of that name.
     pub fn named(&self, name: &str) -> Option<&GuideEntry> {
         self.0.iter().find(|g| g.name == name)
     }
 
-    /// All of them.
+    /// Iterates over all guides.
     pub fn iter(&self) -> impl Iterator<Item = &GuideEntry> {
         self.0.iter()
     }
 
-    /// Takes over the settings of the guide `name` as a scene file has them; whether there is such a guide.
+    /// Reads the settings of the guide `name` from a scene file's table. Returns false if there is no such guide.
     ///
     /// # Errors
-    /// Status 2 for settings that it does not have.
+    /// Returns status 2 if the guide does not have one of the settings.
     pub fn read(&mut self, name: &str, settings: toml::Table) -> Result<bool> {
         let Some(entry) = self.0.iter_mut().find(|g| g.name == name) else { return Ok(false) };
         let read = entry.settings.read(settings);
@@ -209,10 +213,10 @@ impl Guides {
         Ok(true)
     }
 
-    /// Refuses settings that make no sense.
+    /// Checks the settings of all guides.
     ///
     /// # Errors
-    /// Status 2, naming the first.
+    /// Returns status 2 and names the first setting that is out of range.
     pub fn check(&self) -> Result<()> {
         self.0.iter().try_for_each(|g| g.settings.check())
     }

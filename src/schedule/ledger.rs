@@ -1,8 +1,8 @@
-//! What plug-ins take, and what has gone wrong in them.
+//! Run times and faults of plug-ins.
 //!
-//! While systems run, a system's run condition says whose it is ([`Ledger::begin`]), and time is booked to its owner. A panic is
-//! told with the owner's name: each owner's systems are in a set of their own. An owner that has panicked is switched off: its systems do not run any more. A flight
-//! without plug-ins has no such conditions.
+//! While systems run, each system's run condition identifies its owner ([`Ledger::begin`]), and time is booked to that
+//! owner. A panic is reported with the owner's name, since each owner's systems are in a separate set. An owner that has
+//! panicked is switched off and its systems no longer run. A flight without plug-ins has no such conditions.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -16,36 +16,38 @@ use crate::error::Error;
 use crate::panics::panic_text;
 
 thread_local! {
-    /// What went wrong on this thread since it was last asked for.
+    /// Faults on this thread since they were last taken.
     static FAULTS: RefCell<Vec<Fault>> = const { RefCell::new(Vec::new()) };
-    /// What makers of pictures have taken on this thread since it was last asked for, ms.
+    /// Time spent by the makers of pictures on this thread since it was last taken, ms.
     static TIMES: RefCell<BTreeMap<String, f64>> = const { RefCell::new(BTreeMap::new()) };
-    /// What is to be said to the user: who, and what of it.
+    /// Messages to the user: the subject and the text.
     static NOTES: RefCell<Vec<(String, String)>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Something that panicked.
+/// A panic or failure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Fault {
-    /// What it is: a system's full name, or what was reported.
+    /// The subject: a system's full name, or the name that was reported.
     pub what: String,
-    /// What happened: `panicked: …`, with what the panic said.
+    /// The cause: `panicked: …` with the panic's message.
     pub why: String,
 }
 
-/// Reports that something of a plug-in has panicked and was caught: it ends the step or the frame under way with an error, and
-/// a headless flight in order. `what` names it, for example `preset distance`.
+/// Reports a panic in a part of a plug-in that was caught.
+///
+/// It ends the current step or frame with an error, and a headless flight in an orderly way. `what` names the part, for
+/// example `preset distance`.
 pub fn report_fault(what: impl Into<String>, why: impl Into<String>) {
     let fault = Fault { what: what.into(), why: format!("panicked: {}", why.into()) };
     FAULTS.with_borrow_mut(|faults| faults.push(fault));
 }
 
-/// Says something about a plug-in to the user, once for each `who` and `what`.
+/// Shows the user a message about a plug-in, once for each pair of `who` and `what`.
 pub fn note(who: impl Into<String>, what: impl Into<String>) {
     NOTES.with_borrow_mut(|notes| notes.push((who.into(), what.into())));
 }
 
-/// The world's handler for systems that fail.
+/// Handles systems that fail in the world.
 pub(super) fn system_failed(error: BevyError, context: ErrorContext) {
     let mut error = error;
     let why = match error.take_payload() {
@@ -60,7 +62,7 @@ pub(super) fn system_failed(error: BevyError, context: ErrorContext) {
     FAULTS.with_borrow_mut(|faults| faults.push(fault));
 }
 
-/// Books what a renderer, an overlay or a presenter of another crate has taken in this frame, by its name.
+/// Books the time that a renderer, an overlay or a presenter of another crate took in this frame, under its name.
 pub fn book_time(name: impl Into<String>, ms: f64) {
     TIMES.with_borrow_mut(|times| *times.entry(name.into()).or_default() += ms);
 }
@@ -77,38 +79,40 @@ pub(super) fn take_notes() -> Vec<(String, String)> {
     NOTES.take()
 }
 
-/// What a plug-in takes.
+/// Run time of a plug-in.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct PluginTime {
-    /// Its name.
+    /// Name of the plug-in.
     pub name: String,
-    /// Milliseconds of a step.
+    /// Milliseconds per step.
     pub step_ms: f64,
-    /// Milliseconds of a frame.
+    /// Milliseconds per frame.
     pub frame_ms: f64,
 }
 
 impl PluginTime {
-    /// Whether it holds the flight up: by more than an eighth of the time between two steps, or a fifth of that between two
-    /// frames of sixty a second.
+    /// Returns true if the plug-in delays the flight.
+    ///
+    /// The limits are more than an eighth of the time between two steps, or a fifth of that between two frames at sixty
+    /// per second.
     pub fn is_slow(&self) -> bool {
         self.step_ms > 1.0 || self.frame_ms > 3.3
     }
 
-    /// As a person reads it: "plug-in snow takes 12.0 ms a step, 0.3 ms a frame".
+    /// Returns a readable text: "plug-in snow takes 12.0 ms a step, 0.3 ms a frame".
     pub fn text(&self) -> String {
         format!("plug-in {} takes {:.1} ms a step, {:.1} ms a frame", self.name, self.step_ms, self.frame_ms)
     }
 }
 
-/// A plug-in, or a guide of another crate.
+/// The account of a plug-in, or of a guide of another crate.
 #[derive(Clone, Debug)]
 struct Account {
     name: String,
     off: bool,
-    /// Milliseconds of the step or frame under way.
+    /// Milliseconds of the current step or frame.
     now: f64,
-    /// Milliseconds of a step and of a frame, the newest counting most.
+    /// Milliseconds per step and per frame, averaged with most weight on the newest.
     usual: [Option<f64>; 2],
 }
 
@@ -128,7 +132,7 @@ impl PluginAccounts {
     }
 }
 
-/// The owners of systems, and their times.
+/// The accounts of the owners of systems, with their run times.
 #[derive(Debug, Default)]
 pub(super) struct Ledger(Mutex<PluginAccounts>);
 
@@ -137,7 +141,7 @@ impl Ledger {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// An account for an owner; the one that is there if it has one.
+    /// Opens an account for an owner, or returns the existing one.
     pub fn open(&self, name: &str) -> usize {
         let mut book = self.book();
         if let Some(n) = book.accounts.iter().position(|a| a.name == name) {
@@ -148,7 +152,7 @@ impl Ledger {
         book.accounts.len() - 1
     }
 
-    /// A system of `owner` (none: this crate's) is about to run; whether it may.
+    /// Records that a system of `owner` (`None` for this crate) is about to run. Returns false if it must not.
     pub fn begin(&self, owner: Option<usize>) -> bool {
         let mut book = self.book();
         book.close();
@@ -160,7 +164,7 @@ impl Ledger {
         on
     }
 
-    /// All systems of a phase have run.
+    /// Ends a phase after all its systems have run.
     pub fn finish(&self, phase: Phase) {
         let mut book = self.book();
         book.close();
@@ -171,7 +175,7 @@ impl Ledger {
         }
     }
 
-    /// Switches an owner's systems off; its name, and whether they were on.
+    /// Switches an owner's systems off. Returns its name, and true if they were on.
     pub fn switch_off(&self, owner: usize) -> Option<(String, bool)> {
         let mut book = self.book();
         let account = book.accounts.get_mut(owner)?;
@@ -179,17 +183,17 @@ impl Ledger {
         Some((account.name.clone(), on))
     }
 
-    /// How many owners there are.
+    /// Returns the number of owners.
     pub fn owners(&self) -> usize {
         self.book().accounts.len()
     }
 
-    /// Whether an owner's systems are switched off.
+    /// Returns true if an owner's systems are switched off.
     pub fn is_off(&self, name: &str) -> bool {
         self.book().accounts.iter().any(|a| a.off && a.name == name)
     }
 
-    /// What each owner takes.
+    /// Returns the run times of all owners.
     pub fn times(&self) -> Vec<PluginTime> {
         let time = |a: &Account| {
             let [step_ms, frame_ms] = a.usual.map(|u| u.unwrap_or(0.0));
@@ -199,7 +203,7 @@ impl Ledger {
     }
 }
 
-/// The error that a fault of `name` is.
+/// Converts a fault of `name` to an error.
 pub(super) fn fault_error(name: Option<String>, fault: &Fault) -> Error {
     let what = match name {
         Some(name) => format!("plug-in {name} ({})", fault.what),

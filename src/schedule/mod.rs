@@ -1,10 +1,10 @@
-//! The sockets that systems plug into: the order of everything that is scheduled, the world it runs on, and what a
-//! navigation method says of itself.
+//! The interfaces that systems plug into: the order of everything that is scheduled, the world it runs on, and the
+//! description of a navigation method.
 //!
-//! - [`FlightSystems`]: the one order of a simulation step and of a frame.
+//! - [`FlightSystems`]: the order of a simulation step and of a frame.
 //! - [`App`]: a world with a scan entity, a camera entity and the two schedules.
-//! - [`Plugin`]: something of another crate that adds systems and components to it and stays for the whole flight.
-//! - [`Guide`] and [`Guides`]: a navigation method with its settings, and the table of those that a flight may be handed to.
+//! - [`Plugin`]: an extension from another crate that adds systems and components and stays for the whole flight.
+//! - [`Guide`] and [`Guides`]: a navigation method with its settings, and the table of guides available to a flight.
 
 mod app;
 mod guide;

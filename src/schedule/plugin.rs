@@ -10,13 +10,13 @@ use crate::error::{Error, Result};
 use crate::panics::ask_plugin;
 use crate::render::Options;
 
-/// Something that another crate adds to a flight: systems, entities, resources. It is a value, so it can carry settings and
+/// An extension of a flight from another crate: systems, entities, resources. It is a value, so it can carry settings and
 /// state.
 ///
-/// A plug-in is built once for each flight, before the scene's own systems. What it adds stays for the whole flight, through
-/// every change of guide, direction and segment. `examples/own_plugin.rs` is a complete one.
+/// A plug-in is built once per flight, before the scene's own systems. Its additions stay for the whole flight, through
+/// every change of guide, direction and segment. `examples/own_plugin.rs` is a complete example.
 ///
-/// A closure is a plug-in, and a pair of a name and a closure is one with that name:
+/// A closure is a plug-in, and a pair of a name and a closure is a plug-in with that name:
 ///
 /// ```
 /// use bevy_ecs::prelude::*;
@@ -40,24 +40,29 @@ use crate::render::Options;
 /// # Ok::<(), colvis::error::Error>(())
 /// ```
 pub trait Plugin: Send + Sync + 'static {
-    /// Its name: in `explain`, in messages, and as its table in scene files. Two plug-ins of one flight cannot share it.
+    /// Returns the name: used in `explain`, in messages, and as the name of its table in scene files.
+    ///
+    /// Two plug-ins in one flight cannot share a name.
     fn name(&self) -> Cow<'static, str> {
         short_type_name(type_name::<Self>()).into()
     }
 
-    /// The plug-in with these settings, which stand in a scene file under its name; itself where it is to stay as it is. A
-    /// plug-in that has settings reads them with [`Options::read`]; the others refuse any.
+    /// Returns the plug-in with the settings from its table in a scene file, or `None` to keep the plug-in unchanged.
+    ///
+    /// A plug-in with settings reads them with [`Options::read`]; the others refuse any.
     ///
     /// # Errors
-    /// Status 2 for settings that it does not have or that make no sense.
+    /// Returns status 2 if a setting does not exist or is out of range.
     fn with_options(&self, options: Options) -> Result<Option<Arc<dyn Plugin>>> {
         options.none().map(|()| None)
     }
 
-    /// Adds its parts to the flight. The scan and the camera are there; the camera has its pose only once the flight sets out.
+    /// Adds the plug-in's parts to the flight.
+    ///
+    /// The scan and the camera exist, but the camera has a pose only once the flight sets out.
     ///
     /// # Errors
-    /// Whatever it reports: the flight is not made then.
+    /// May return any error; the flight is then not created.
     fn build(&self, app: &mut App) -> Result<()>;
 }
 
@@ -83,7 +88,7 @@ where
     }
 }
 
-/// A type's name without the modules that it lies in; of a closure, the function that it stands in.
+/// Returns a type's name without its modules; for a closure, the function that contains it.
 fn short_type_name(name: &'static str) -> &'static str {
     let name = name.split('<').next().unwrap_or(name).trim_end_matches("::{{closure}}");
     name.rsplit("::").next().unwrap_or(name)
@@ -97,7 +102,7 @@ impl Plugins {
     /// Adds a plug-in.
     ///
     /// # Errors
-    /// Status 2 when one of its name is there already.
+    /// Returns status 2 if a plug-in of that name already exists.
     pub fn add(&mut self, plugin: impl Plugin) -> Result<()> {
         let name = plugin.name();
         if self.iter().any(|p| p.name() == name) {
@@ -108,20 +113,20 @@ impl Plugins {
         Ok(())
     }
 
-    /// Adds a plug-in, whatever its name: a flight refuses to build two of one name.
+    /// Adds a plug-in regardless of its name. A flight refuses to build two plug-ins of the same name.
     pub fn push(&mut self, plugin: impl Plugin) {
         self.0.push(Arc::new(plugin));
     }
 
-    /// All of them.
+    /// Iterates over all plug-ins.
     pub fn iter(&self) -> impl Iterator<Item = &dyn Plugin> {
         self.0.iter().map(|p| &**p)
     }
 
-    /// Gives a plug-in the settings of a scene file; whether there is one of that name.
+    /// Passes the settings of a scene file to a plug-in. Returns false if there is no plug-in of that name.
     ///
     /// # Errors
-    /// As [`Plugin::with_options`].
+    /// Returns the errors of [`Plugin::with_options`].
     pub fn configure(&mut self, name: &str, options: Options) -> Result<bool> {
         let Some(plugin) = self.0.iter_mut().find(|p| p.name() == name) else { return Ok(false) };
         let configured =
@@ -132,13 +137,13 @@ impl Plugins {
         Ok(true)
     }
 
-    /// Whether there is none.
+    /// Returns true if there are no plug-ins.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 }
 
-/// An error of a table of settings, which names the table.
+/// Names the table of settings in an error.
 fn in_table(name: &str, e: Error) -> Error {
     let named = e.what.contains(name);
     Error { what: if named { e.what } else { format!("[{name}] {}", e.what) }, ..e }

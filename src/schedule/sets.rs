@@ -1,56 +1,56 @@
-//! The one order of everything that is scheduled.
+//! The order of everything that is scheduled.
 
 use bevy_ecs::prelude::*;
 
-/// The order of a flight's systems; the only one there is.
+/// The order of a flight's systems, and the only one.
 ///
-/// `Input` to `Clock` run in each simulation step, `Aim` to `Present` in each frame. Two systems of one set must not touch
-/// the same data in a way that depends on their order: the build of such a schedule fails. Only in `PostProcess` they may.
-/// There they run in the order in which they were added.
+/// `Input` to `Clock` run in each simulation step, `Aim` to `Present` in each frame. Two systems in one set must not
+/// touch the same data in a way that depends on their order; otherwise the schedule does not build. The exception is
+/// `PostProcess`, where systems run in the order in which they were added.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum FlightSystems {
-    /// The operator's hand: push, look, pause.
+    /// Applies operator input: push, look, pause.
     Input,
-    /// Feeling the surroundings: tentacles.
+    /// Senses the surroundings with tentacles.
     Sense,
-    /// The guide decides on the way. A socket: exactly one navigation method is plugged in.
+    /// The guide chooses the direction. A slot: exactly one navigation method is plugged in.
     Guide,
-    /// Every force that acts besides the guide's; mines are laid before they push.
+    /// Computes all forces besides the guide's. Mines are laid before they push.
     Force,
-    /// All forces are added up.
+    /// Adds up all forces.
     Sum,
-    /// The equation of motion, the step that cannot perforate, and the turn of the view.
+    /// Solves the equation of motion with the step that cannot perforate, and turns the view.
     Integrate,
-    /// What follows from the new place: arrival, trouble. Whoever needs help asks for it here.
+    /// Evaluates the new position: arrivals and stalls. Systems that need help ask for it here.
     Watch,
-    /// A guide's own answer to a call for help, before the operator hears it.
+    /// A guide answers a call for help before the operator receives it.
     Answer,
-    /// The operator is called; what was flown to its end is noted.
+    /// Calls the operator and marks segments flown to their end.
     Call,
-    /// Where the camera has been.
+    /// Records where the camera has been.
     Trail,
-    /// Writing down the step.
+    /// Logs the step.
     Log,
-    /// Simulated time goes on.
+    /// Advances simulated time.
     Clock,
-    /// Placing the views of plug-ins before they are traced.
+    /// Places the views of plug-ins before they are traced.
     Aim,
-    /// Tracing the images of all views. A socket: one renderer.
+    /// Traces the images of all views. A slot: one renderer.
     RayCast,
-    /// Drawing slices.
+    /// Draws slices.
     Slices,
-    /// Changing finished images. Any number of systems, in the order in which they were added.
+    /// Changes finished images. Takes any number of systems, in the order in which they were added.
     PostProcess,
-    /// Showing or recording the finished images.
+    /// Shows or records the finished images.
     Present,
 }
 
-/// The two parts that the systems of a flight run in.
+/// The two phases in which the systems of a flight run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// A simulation step of fixed length.
     Step,
-    /// A frame, whenever an image is wanted.
+    /// A frame, run whenever an image is needed.
     Frame,
 }
 
@@ -73,7 +73,7 @@ impl FlightSystems {
     /// The sets of a frame, in order.
     pub const FRAME: [Self; 5] = [Self::Aim, Self::RayCast, Self::Slices, Self::PostProcess, Self::Present];
 
-    /// The phase that it is a part of.
+    /// Returns the phase that the set belongs to.
     pub fn phase(self) -> Phase {
         if Self::FRAME.contains(&self) { Phase::Frame } else { Phase::Step }
     }

@@ -1,25 +1,25 @@
-//! Step size control for methods that estimate their own error.
+//! Step size control for methods that estimate their error.
 
 use super::{ExponentialEuler, Phase, StepCost, Stepper, System};
 
-/// Control of the parts (substeps) that a step is cut into.
+/// Controls the parts (substeps) that a step is divided into.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Control {
-    /// Error allowed in one part: mm or rad, and mm/s or rad/s; relative to the speed above 1 mm/s or rad/s.
+    /// Error allowed per part: mm or rad, and mm/s or rad/s. Relative to the speed above 1 mm/s or rad/s.
     pub tolerance: f64,
-    /// Greatest number of parts in one step, rejected ones included; the rest is one step of [`ExponentialEuler`].
+    /// Maximum number of parts per step, including rejected ones. [`ExponentialEuler`] takes the remainder in one step.
     pub most_parts: u32,
 }
 
-/// One part: the new state, and its difference to that of the embedded method.
+/// Computes one part: the new state and its difference from that of the embedded method.
 pub(super) type Part<'a> = dyn FnMut(f64, Phase, f64, &mut StepCost) -> (Phase, Phase) + 'a;
 
 impl Control {
-    /// Steps over `h` s in parts whose error is about `tolerance`; `order` is the order of the error.
+    /// Steps over `h` s in parts with an error of about `tolerance` each; `order` is the order of the error.
     ///
-    /// PI control (Gustafsson 1991; Hairer and Wanner, *Solving ODEs II*, IV.2):
-    /// `h′ = 0.9 h ε^(−0.7/q) ε₋₁^(0.4/q)` with the scaled error `ε`, the one before `ε₋₁` and `q = order`; at most 5
-    /// times larger or smaller, and not larger after a rejected part.
+    /// PI control (Gustafsson 1991; Hairer and Wanner, *Solving ODEs II*, IV.2): `h′ = 0.9 h ε^(−0.7/q) ε₋₁^(0.4/q)`,
+    /// where `ε` is the scaled error, `ε₋₁` the previous one and `q = order`. The size changes by at most a factor of 5
+    /// either way, and does not grow after a rejected part.
     pub(super) fn steps(
         &self,
         system: &dyn System,
@@ -49,7 +49,7 @@ impl Control {
                 size = length * grow.clamp(0.2, if thrown { 1.0 } else { 5.0 });
                 (before, thrown) = (error.max(1e-4), false);
             } else {
-                // Also where the error is NaN.
+                // Also reached if the error is NaN.
                 let shrink = if error.is_finite() { 0.9 * error.powf(-1.0 / order) } else { 0.1 };
                 size = length * shrink.clamp(0.1, 0.9);
                 thrown = true;

@@ -2,9 +2,10 @@
 
 use super::{Control, Counted, Phase, StepCost, Stepper, System};
 
-/// Seven stages, of which the last is the first of the next part; the solution of fifth order is kept, and its
-/// difference to that of fourth order is the error estimate. Stable for parts of about `1/ω`, which the error control
-/// finds by itself.
+/// Seven stages, the last of which is the first of the next part.
+///
+/// The fifth-order solution is kept, and its difference from the fourth-order one is the error estimate. Stable for parts
+/// of about `1/ω`, a size that the error control finds automatically.
 pub struct DormandPrince(pub Control);
 
 const C: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
@@ -17,13 +18,13 @@ const A: [[f64; 6]; 7] = [
     [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
     [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
 ];
-/// Weights of the fifth order minus those of the fourth.
+/// Fifth-order weights minus fourth-order weights.
 const E: [f64; 7] =
     [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339200.0, 22.0 / 525.0, -1.0 / 40.0];
 
 impl DormandPrince {
-    /// One part of the fifth order and its difference to the fourth; `first` is the rate at its beginning; the
-    /// third value is the rate at its end.
+    /// Computes one fifth-order part, its difference from fourth order, and the rate at its end. `first` is the rate at
+    /// its start.
     fn part(f: &mut Counted<'_>, t: f64, y: Phase, h: f64, first: Phase) -> (Phase, Phase, Phase) {
         let mut k = [first; 7];
         let mut next = y;
@@ -35,7 +36,7 @@ impl DormandPrince {
         (next, difference, k[6])
     }
 
-    /// One part of the fifth order without control, to measure its order.
+    /// Computes one fifth-order part without error control, to measure the order.
     pub fn fixed(system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
         cost.parts += 1;
         let mut f = Counted::new(system, cost);
@@ -46,7 +47,7 @@ impl DormandPrince {
 
 impl Stepper for DormandPrince {
     fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
-        // The rate at a place, kept for the part that begins there: after an accepted part its last stage.
+        // The rate at a state, kept for the part that starts there: the last stage of an accepted part.
         let mut known = (y, Counted::new(system, cost).rate(0.0, y));
         let mut after = known;
         self.0.steps(system, y, h, 5.0, cost, &mut |t, y, h, cost| {

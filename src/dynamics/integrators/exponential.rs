@@ -2,10 +2,11 @@
 
 use super::{Counted, Phase, StepCost, Stepper, System};
 
-/// Exact in the drag, with the force `N` held over the step: `w′ = N − k w` is linear in `w`, so
-/// `w₁ = e^(−k h) w₀ + h φ₁(k h) N` and, with `u′ = B w`, `u₁ = u₀ + B (h φ₁ w₀ + h² φ₂ N)`, where
-/// `φ₁(x) = (1 − e⁻ˣ)/x` and `φ₂ = (1 − φ₁)/x` (Hochbruck and Ostermann, *Exponential integrators*, Acta Numerica
-/// 2010). Order 1 where the force varies with place, exact where it does not. Stable in the drag for every `h`, as
+/// Exact in the drag, with the force `N` held constant during the step.
+///
+/// `w′ = N − k w` is linear in `w`, so `w₁ = e^(−k h) w₀ + h φ₁(k h) N` and, with `u′ = B w`, `u₁ = u₀ + B (h φ₁ w₀ + h²
+/// φ₂ N)`, where `φ₁(x) = (1 − e⁻ˣ)/x` and `φ₂ = (1 − φ₁)/x` (Hochbruck and Ostermann, *Exponential integrators*, Acta
+/// Numerica 2010). Order 1 if the force varies with position, exact if it does not. Stable in the drag for every `h`, as
 /// `e^(−k h)` never leaves [0, 1]; in a well only for steps of about `1/ω` and less.
 pub struct ExponentialEuler;
 
@@ -25,7 +26,7 @@ impl Stepper for ExponentialEuler {
     }
 }
 
-/// `e⁻ˣ`, `φ₁(x)` and `φ₂(x)` for `x ≥ 0`, by their series where the quotients cancel.
+/// Returns `e⁻ˣ`, `φ₁(x)` and `φ₂(x)` for `x ≥ 0`, using their series where the quotients cancel.
 fn phi(x: f64) -> [f64; 3] {
     let decay = (-x).exp();
     if x < 1e-4 {

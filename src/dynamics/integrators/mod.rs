@@ -1,19 +1,20 @@
-//! Numerical integrators for the equations of motion: interchangeable one-step methods, which `colvis report dynamics`
-//! compares.
+//! Numerical integrators for the equations of motion.
+//!
+//! They are interchangeable one-step methods; `colvis report dynamics` compares them.
 //!
 //! | name | order | implicit | stable step for `x″ = −ω² x − k x′` |
 //! |---|---|---|---|
 //! | `explicit-euler` | 1 | no | none without drag; `h < k/ω²` with a little |
 //! | `semi-implicit-euler` | 1 | no | `h < 2/ω` |
 //! | `rk4` | 4 | no | `h < 2.83/ω` |
-//! | `dormand-prince` | 5(4), adaptive | no | cuts the step into as many parts as it needs, up to a bound |
+//! | `dormand-prince` | 5(4), adaptive | no | divides the step into as many parts as it needs, up to a limit |
 //! | `implicit-midpoint` | 2 | yes | every `h` (A-stable) |
 //! | `backward-euler` | 1 | yes | every `h` (L-stable) |
 //! | `rosenbrock` | 3 | linearly | every `h` (L-stable) |
 //! | `exponential-euler` | 1 | no | `h ≲ 1/ω`; every `h` in the drag |
 //!
-//! A [`Stepper`] steps a [`System`] of two vectors, `u` (place or angle) and `w` (momentum): the translation and the
-//! rotation of a rigid body are one such system each, and each gets its own error control and its own Newton iteration.
+//! A [`Stepper`] advances a [`System`] of two vectors, `u` (position or angle) and `w` (momentum). The translation and
+//! the rotation of a rigid body are one such system each, with separate error control and separate Newton iterations.
 
 mod control;
 mod dormand_prince;
@@ -37,36 +38,37 @@ pub use rosenbrock::{Rosenbrock, RosenbrockAdaptive};
 
 use glam::DMat3;
 
-/// `u′, w′` as a function of time and state, with its derivatives. Time runs from 0 at the beginning of the step.
+/// `u′, w′` as a function of time and state, with its derivatives. Time is 0 at the start of the step.
 pub trait System {
-    /// `(u′, w′)` at time `t` s.
+    /// Returns `(u′, w′)` at time `t` s.
     fn rate(&self, t: f64, y: Phase) -> Phase;
 
-    /// Its derivative by the state.
+    /// Returns the derivative of the rate with respect to the state.
     fn jacobian(&self, t: f64, y: Phase) -> Blocks;
 
-    /// Its derivative by time, where it has one; `scale` is a time over which it changes little, s.
+    /// Returns the derivative of the rate with respect to time, if it has one. `scale` is a time over which it changes
+    /// little, s.
     fn time_rate(&self, _t: f64, _y: Phase, _scale: f64) -> Phase {
         Phase::default()
     }
 
-    /// `k` of the part `−k w` of `w′`, 1/s.
+    /// Returns the coefficient `k` of the term `−k w` in `w′`, 1/s.
     fn drag(&self) -> f64;
 
-    /// `∂u′/∂w` at the beginning of the step: turns momenta into velocities.
+    /// Returns `∂u′/∂w` at the start of the step: it converts momenta into velocities.
     fn mobility(&self) -> DMat3;
 }
 
-/// What a step cost.
+/// The cost of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StepCost {
-    /// Evaluations of the force or torque.
+    /// Number of evaluations of the force or torque.
     pub rates: u32,
-    /// Evaluations of its derivative.
+    /// Number of evaluations of its derivative.
     pub jacobians: u32,
-    /// Parts into which the step was cut, rejected ones included.
+    /// Number of parts that the step was divided into, including rejected ones.
     pub parts: u32,
-    /// Whether a bound was reached (of parts or of Newton's iterations), so that the rest was taken by a cheap method.
+    /// True if a limit was reached (on parts or on Newton iterations) and a cheap method took the remainder.
     pub cut_short: bool,
 }
 
@@ -82,11 +84,12 @@ impl StepCost {
 
 /// A one-step method: advances a system by one step.
 pub trait Stepper: Sync {
-    /// The state `h` s after `y`. Always ends, after a bounded number of evaluations. The caller checks
-    /// for overflow ([`Phase::is_finite`]).
+    /// Returns the state `h` s after `y`.
+    ///
+    /// Always terminates, after a bounded number of evaluations. The caller checks for overflow ([`Phase::is_finite`]).
     fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase;
 
-    /// Order of convergence for smooth forces.
+    /// Returns the order of convergence for smooth forces.
     fn order(&self) -> u32;
 }
 
@@ -112,31 +115,31 @@ impl<'a> Counted<'a> {
     }
 }
 
-/// The methods by name, as scene files write them.
+/// The available methods, named as in scene files.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Integrator {
-    /// For comparison only: it is unstable without drag.
+    /// For comparison only: unstable without drag.
     ExplicitEuler,
-    /// The velocity first, then the position with the new velocity.
+    /// Updates the velocity first, then the position with the new velocity.
     SemiImplicitEuler,
-    /// The classical method of four stages.
+    /// The classical four-stage method.
     Rk4,
     /// Adaptive, explicit.
     DormandPrince,
-    /// Nearly conserves energy, stable for every step.
+    /// Nearly conserves energy; stable for every step.
     ImplicitMidpoint,
-    /// Damps what it does not resolve.
+    /// Damps motion that it does not resolve.
     BackwardEuler,
-    /// Linearly implicit: no iteration. The default, chosen by `colvis report dynamics`.
+    /// Linearly implicit, without iteration. The default, chosen by `colvis report dynamics`.
     #[default]
     Rosenbrock,
-    /// Exact in the drag, for a force held constant over the step.
+    /// Exact in the drag for a force that is constant during the step.
     ExponentialEuler,
 }
 
 impl Integrator {
-    /// All methods, with their names.
+    /// All methods with their names.
     pub const ALL: [(Self, &'static str); 8] = [
         (Self::ExplicitEuler, "explicit-euler"),
         (Self::SemiImplicitEuler, "semi-implicit-euler"),
@@ -148,7 +151,7 @@ impl Integrator {
         (Self::ExponentialEuler, "exponential-euler"),
     ];
 
-    /// The method, with its settings for a flight.
+    /// Returns the method with its settings for a flight.
     pub fn stepper(self) -> &'static dyn Stepper {
         const FLIGHT: DormandPrince = DormandPrince(Control { tolerance: 1e-4, most_parts: 256 });
         match self {
@@ -163,7 +166,7 @@ impl Integrator {
         }
     }
 
-    /// The name in a scene file.
+    /// Returns the name used in scene files.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|i| i.0 == self).map_or("", |i| i.1)
     }

@@ -1,20 +1,23 @@
-//! Implicit methods, solved by Newton's iteration with the analytic Hessian of the potential.
+//! Implicit methods, solved by Newton iteration with the analytic Hessian of the potential.
 
 use super::{Counted, Phase, StepCost, Stepper, System};
 
-/// Greatest number of iterations, and of halvings of the step of each.
+/// Maximum number of iterations, and of step halvings in each.
 const ITERATIONS: u32 = 20;
 const HALVINGS: u32 = 8;
-/// How long an error of the momentum goes on moving the body, s: about the time constant of the drag.
+/// How long an error in the momentum keeps moving the body, s: about the time constant of the drag.
 const LASTS_S: f64 = 0.05;
-/// How many times a step that cannot be solved is halved.
+/// How often a step is halved if it cannot be solved.
 const DEPTH: u32 = 4;
 
-/// `y₁ = y₀ + h f(y₁)`. Order 1, L-stable: what a step does not resolve is damped away, in the drag as at the wall.
+/// `y₁ = y₀ + h f(y₁)`. Order 1, L-stable: motion that a step does not resolve is damped out, in the drag and at the wall
+/// alike.
 pub struct BackwardEuler;
 
-/// `y₁ = y₀ + h f((y₀ + y₁)/2)`. Order 2, A-stable, symplectic: without drag the energy of a smooth well does not drift
-/// (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, VI.4). What it does not resolve oscillates undamped.
+/// `y₁ = y₀ + h f((y₀ + y₁)/2)`. Order 2, A-stable, symplectic.
+///
+/// Without drag the energy of a smooth well does not drift (Hairer, Lubich and Wanner, *Geometric Numerical Integration*,
+/// VI.4). Motion that it does not resolve oscillates undamped.
 pub struct ImplicitMidpoint;
 
 impl Stepper for BackwardEuler {
@@ -37,8 +40,10 @@ impl Stepper for ImplicitMidpoint {
     }
 }
 
-/// `Y = y₀ + g h f(t + g h, Y)` and `y₁ = y₀ + (Y − y₀)/g`, by halves where Newton's iteration fails; where that does
-/// not help either, by the linearly implicit Euler method, `(I − h J) (y₁ − y₀) = h f(y₀)`.
+/// Solves `Y = y₀ + g h f(t + g h, Y)` and returns `y₁ = y₀ + (Y − y₀)/g`.
+///
+/// If Newton iteration fails, the step is split into halves. If that fails too, the linearly implicit Euler method is
+/// used: `(I − h J) (y₁ − y₀) = h f(y₀)`.
 fn step(system: &dyn System, y: Phase, t: f64, h: f64, g: f64, depth: u32, cost: &mut StepCost) -> Phase {
     cost.parts += 1;
     match solve(system, y, t + g * h, g * h, cost) {
@@ -52,21 +57,23 @@ fn step(system: &dyn System, y: Phase, t: f64, h: f64, g: f64, depth: u32, cost:
             let mut f = Counted::new(system, cost);
             let rate = f.rate(t, y);
             let linear = f.jacobian(t, y).shifted(h).map(|solver| y + solver.solve(rate * h));
-            // Where that has no solution either, the rest of the step is not moved.
+            // If that has no solution either, the state stays unchanged for the rest of the step.
             linear.filter(Phase::is_finite).unwrap_or(y)
         }
     }
 }
 
-/// Newton's iteration did not converge within its bounds.
+/// Newton iteration did not converge within its limits.
 struct NoSolution;
 
-/// Newton's iteration for `r(Y) = Y − y₀ − s f(t, Y) = 0` from `y₀` on: `(I − s J) δ = −r`, with the step halved until
-/// the residual falls (Deuflhard, *Newton Methods for Nonlinear Problems*, 3.3). Bounded in every loop.
+/// Solves `r(Y) = Y − y₀ − s f(t, Y) = 0` by Newton iteration from `y₀`.
+///
+/// Each iteration solves `(I − s J) δ = −r` and halves the step until the residual falls (Deuflhard, *Newton Methods for
+/// Nonlinear Problems*, 3.3). Every loop is bounded.
 fn solve(system: &dyn System, start: Phase, t: f64, s: f64, cost: &mut StepCost) -> Result<Phase, NoSolution> {
     let b = system.mobility();
     let mut f = Counted::new(system, cost);
-    // In mm (or rad): an error of the momentum is what it moves within the step.
+    // In mm (or rad): an error in the momentum is measured by the distance that it moves the body within the step.
     let size = |r: Phase| Phase { u: r.u, w: r.w * s }.norm(b);
     let residual = |f: &mut Counted<'_>, y: Phase| {
         let r = y - start - f.rate(t, y) * s;
@@ -80,8 +87,8 @@ fn solve(system: &dyn System, start: Phase, t: f64, s: f64, cost: &mut StepCost)
         if !delta.is_finite() {
             break;
         }
-        // What is wrong with the momentum goes on moving the body after the step: the shorter the step, the less of it
-        // is seen within, and the less is enough.
+        // An error in the momentum keeps moving the body after the step. The shorter the step, the less of that shows
+        // within it, so the tolerance must be tighter.
         let enough = 1e-12 * (1.0 + y.u.length() + size(y)) * s / (s + LASTS_S);
         let mut share = 1.0;
         let mut better = None;
@@ -95,7 +102,7 @@ fn solve(system: &dyn System, start: Phase, t: f64, s: f64, cost: &mut StepCost)
             share *= 0.5;
         }
         let Some((to, there, left)) = better else {
-            // Only rounding is left.
+            // Only rounding error is left.
             if size(delta) <= 1e3 * enough {
                 return Ok(y);
             }

@@ -1,10 +1,10 @@
-//! The state of a system and the small linear algebra of its derivatives.
+//! The state of a system, and the small linear algebra for its derivatives.
 
 use std::ops::{Add, Mul, Sub};
 
 use glam::{DMat3, DVec3};
 
-/// A place (or angle) and a momentum, or their rates.
+/// A position (or angle) and a momentum, or their rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Phase {
     /// mm or rad.
@@ -14,12 +14,13 @@ pub struct Phase {
 }
 
 impl Phase {
-    /// Whether all components are finite.
+    /// Returns true if all components are finite.
     pub fn is_finite(&self) -> bool {
         self.u.is_finite() && self.w.is_finite()
     }
 
-    /// The norm in which errors are measured: the larger of `|u|` and `|B w|` times one second, with the mobility `B`.
+    /// Returns the norm used to measure errors: the larger of `|u|` and `|B w|` times one second, where `B` is the
+    /// mobility.
     pub fn norm(&self, mobility: DMat3) -> f64 {
         let (u, w) = (self.u.length(), (mobility * self.w).length());
         // `max` would drop a NaN.
@@ -48,7 +49,7 @@ impl Mul<f64> for Phase {
     }
 }
 
-/// The derivative of a rate by the state, in blocks: `uw` is `∂u′/∂w`.
+/// The derivative of a rate with respect to the state, in blocks: `uw` is `∂u′/∂w`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Blocks {
     /// `∂u′/∂u`.
@@ -62,14 +63,14 @@ pub struct Blocks {
 }
 
 impl Blocks {
-    /// The product of the matrix and a state.
+    /// Returns the product of this matrix and a state.
     pub fn apply(&self, y: Phase) -> Phase {
         Phase { u: self.uu * y.u + self.uw * y.w, w: self.wu * y.u + self.ww * y.w }
     }
 
-    /// `I − g J`, decomposed for solving. `None` where it is singular or not finite.
+    /// Decomposes `I − g J` for solving. Returns `None` if it is singular or not finite.
     ///
-    /// `w` is scaled by the mobility's size, so that masses of 10⁻⁶ and of 10⁶ g are solved equally well.
+    /// `w` is scaled by the magnitude of the mobility, so masses of 10⁻⁶ g and 10⁶ g are solved equally well.
     pub fn shifted(&self, g: f64) -> Option<Solver> {
         let scale = self.uw.to_cols_array().iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let scale = if scale > 1e-300 && scale.is_finite() { scale } else { 1.0 };
@@ -87,7 +88,7 @@ impl Blocks {
     }
 }
 
-/// A 6×6 matrix decomposed by Gaussian elimination with row scaling and partial pivoting.
+/// A 6×6 matrix, decomposed by Gaussian elimination with row scaling and partial pivoting.
 #[derive(Clone, Copy, Debug)]
 pub struct Solver {
     lu: [[f64; 6]; 6],
@@ -128,7 +129,7 @@ impl Solver {
         Some(Self { lu: a, rows, weight, scale })
     }
 
-    /// The solution for a right-hand side.
+    /// Returns the solution for a right-hand side.
     pub fn solve(&self, b: Phase) -> Phase {
         let w = b.w * self.scale;
         let given = [b.u.x, b.u.y, b.u.z, w.x, w.y, w.z];
@@ -154,7 +155,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// `(I − g J) x = b`, for masses over twelve orders of magnitude.
+        /// Solves `(I − g J) x = b` for masses over twelve orders of magnitude.
         #[test]
         fn solves(values in prop::collection::vec(-1.0f64..1.0, 30), g in 1e-3f64..1.0, mass in -6.0f64..6.0) {
             let m = |n: usize| DMat3::from_cols_array(&std::array::from_fn(|i| values[(n + i) % 30]));

@@ -2,8 +2,9 @@
 
 use super::{Counted, Phase, StepCost, Stepper, System};
 
-/// `y₁ = y₀ + h/6 (k₁ + 2 k₂ + 2 k₃ + k₄)`. Order 4. Stable for `h < 2.83/ω` in a well and for `h < 2.79/k` in the
-/// drag.
+/// `y₁ = y₀ + h/6 (k₁ + 2 k₂ + 2 k₃ + k₄)`. Order 4.
+///
+/// Stable for `h < 2.83/ω` in a well and for `h < 2.79/k` in the drag.
 pub struct Rk4;
 
 impl Stepper for Rk4 {

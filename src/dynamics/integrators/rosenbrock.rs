@@ -1,18 +1,21 @@
-//! A Rosenbrock–W method: linearly implicit, so that a stiff wall costs one small linear system and no iteration.
+//! A Rosenbrock–W method: linearly implicit, so a stiff wall costs one small linear system and no iteration.
 
 use super::{Control, Counted, ExponentialEuler, Phase, StepCost, Stepper, System};
 
-/// ROS34PW2 (Rang and Angermann, *New Rosenbrock W-methods of order 3 for PDAEs of index 1*, BIT 2005): four stages,
-/// order 3 for any approximate Jacobian, L-stable, stiffly accurate, with an embedded method of order 2.
+/// ROS34PW2, a third-order Rosenbrock–W method (Rang and Angermann, *New Rosenbrock W-methods of order 3 for PDAEs of
+/// index 1*, BIT 2005).
+///
+/// It has four stages, order 3 for any approximate Jacobian, and an embedded method of order 2. It is L-stable and
+/// stiffly accurate:
 ///
 /// ```text
 /// (I − γ h J) k_i = h f(t + c_i h, y + Σ α_ij k_j) + h J Σ γ_ij k_j + h² d_i f_t      y₁ = y + Σ b_i k_i
 /// ```
 ///
-/// with `J` and `f_t` at the beginning. Stable for every step.
+/// where `J` and `f_t` are taken at the start. Stable for every step.
 pub struct Rosenbrock;
 
-/// The same with parts of a size chosen by the embedded method.
+/// The same method, in parts sized by the embedded method.
 pub struct RosenbrockAdaptive(pub Control);
 
 const GAMMA: f64 = 4.358_665_215_084_59e-1;
@@ -31,7 +34,7 @@ const G: [[f64; 3]; 4] = [
 const B: [f64; 4] = [2.421_238_070_609_535e-1, -1.223_250_583_904_515, 1.545_260_255_335_102, 4.358_665_215_084_59e-1];
 const EMBEDDED: [f64; 4] = [3.781_090_314_581_937e-1, -9.604_229_221_242_318e-2, 5e-1, 2.179_332_607_542_295e-1];
 
-/// One part and its difference to the embedded method; `None` where the linear system has no solution.
+/// Computes one part and its difference from the embedded method. Returns `None` if the linear system has no solution.
 fn part(system: &dyn System, t: f64, y: Phase, h: f64, cost: &mut StepCost) -> Option<(Phase, Phase)> {
     let mut f = Counted::new(system, cost);
     let j = f.jacobian(t, y);

@@ -1,4 +1,4 @@
-//! Every method against known solutions, and driven past reason.
+//! Tests of every method against known solutions and at extreme parameters.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -8,7 +8,7 @@ use crate::dynamics::forces::Forces;
 use crate::dynamics::rigid::{RigidBodyState, Turning, angle, free};
 use crate::dynamics::step;
 
-/// A pendulum in each direction: smooth, nonlinear, with a fixed derivative nowhere.
+/// A pendulum in each direction: smooth and nonlinear, with a derivative that is constant nowhere.
 struct Waves;
 
 impl Forces for Waves {
@@ -50,7 +50,7 @@ fn fly(method: &dyn Stepper, turning: &Turning, seconds: f64, steps: u32) -> Rig
     (0..steps).fold(start(), |m, _| step::integrate(method, &body(), &m, &Waves, turning, h).0)
 }
 
-/// A step of the fifth order without control.
+/// A fifth-order step without error control.
 struct Fixed5;
 
 impl Stepper for Fixed5 {
@@ -62,7 +62,7 @@ impl Stepper for Fixed5 {
     }
 }
 
-/// Halving the step divides the error by two to the power of the order, in place and in angle.
+/// Halving the step divides the error by two to the power of the order, in position and in angle.
 #[test]
 fn orders_are_those_of_theory() {
     let turning =
@@ -86,8 +86,8 @@ fn orders_are_those_of_theory() {
         for (n, what) in ["position", "orientation"].into_iter().enumerate() {
             let order = (errors[0][n] / errors[1][n]).log2();
             println!("{name}, {what}: order {order:.2}, error {:.1e}", errors[1][n]);
-            // On a nearly linear system the term of Dormand and Prince's error that is of order 5 is so small (z⁶/3600)
-            // that the next one hides it: it may be better than told.
+            // On a nearly linear system, the order-5 term of Dormand and Prince's error is so small (z⁶/3600) that the
+            // next term hides it. The measured order may exceed the nominal one.
             let more = if (name, what) == ("dormand-prince", "orientation") { 1.0 } else { 0.2 };
             let theory = f64::from(method.order());
             assert!(order > theory - 0.2 && order < theory + more, "{name}, {what}: {order} ({errors:?})");
@@ -109,7 +109,7 @@ fn adaptive_methods_keep_their_tolerance() {
     }
 }
 
-/// A well so stiff that no explicit step of this size could follow.
+/// A well too stiff for any explicit step of this size.
 #[test]
 fn implicit_methods_are_stable_where_explicit_ones_are_not() {
     struct Spring(f64);
@@ -138,7 +138,7 @@ fn implicit_methods_are_stable_where_explicit_ones_are_not() {
     }
 }
 
-/// The numbers of the issue, each with each. Nothing hangs: evaluations are bounded.
+/// All combinations of extreme parameters. Every run terminates: evaluations are bounded.
 #[test]
 fn past_reason_everything_stays_finite() {
     struct Forced(f64);
@@ -232,7 +232,7 @@ fn the_view_arrives_without_overshoot_and_the_horizon_stays() {
                 last = left;
             }
             assert!(last < 1e-3 && fastest < 1.9, "{name} {dt}: {last} rad left, {fastest} rad/s");
-            // The target lies level: up stays up.
+            // The target is level, so up stays up.
             assert!((m.orientation * DVec3::Y).dot(DVec3::Y) > 1.0 - 1e-9, "{name}");
         }
     }

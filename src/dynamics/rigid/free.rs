@@ -1,16 +1,17 @@
-//! The free motion of a body with an axis of symmetry, exactly, for any time and any spin.
+//! The free motion of a body with an axis of symmetry, exact for any time and any spin.
 
 use glam::{DQuat, DVec3};
 
 use super::{Inertia, unit};
 
-/// The orientation `seconds` after `start` of a body whose angular momentum (world, g·mm²/s) decays as
-/// `L(t) = L₀ e^(−k t)` with `drag` `k` (1/s), and nothing else acts.
+/// Returns the orientation `seconds` after `start` of a body on which nothing acts but drag.
+///
+/// Its angular momentum (world, g·mm²/s) decays as `L(t) = L₀ e^(−k t)` with `drag` `k` (1/s).
 ///
 /// `ω = L/J_t + (1/J_a − 1/J_t)(L·a) a` for the axis `a`. Without drag `L` and `L·a` are constant, and the motion is a
 /// turn about the body's axis followed by one about `L` (regular precession; Goldstein, *Classical Mechanics*, 5.6):
-/// `q(t) = exp(t L/J_t) q₀ exp(t (1/J_a − 1/J_t)(L·a) e_z)`. Drag only rescales `L`, so it only slows time down to
-/// `s(t) = (1 − e^(−k t))/k`.
+/// `q(t) = exp(t L/J_t) q₀ exp(t (1/J_a − 1/J_t)(L·a) e_z)`. Drag only rescales `L`, so it only slows time down to `s(t)
+/// = (1 − e^(−k t))/k`.
 pub fn turn(start: DQuat, angular: DVec3, inertia: &Inertia, drag: f64, seconds: f64) -> DQuat {
     let s = slowed(drag, seconds);
     let along = angular.dot(start * DVec3::Z);
@@ -18,12 +19,12 @@ pub fn turn(start: DQuat, angular: DVec3, inertia: &Inertia, drag: f64, seconds:
     unit(exp(angular * (s / inertia.transverse)) * start * about_axis)
 }
 
-/// `(1 − e^(−k t))/k`, s: the integral of a decay at rate `k` over the time `t`.
+/// Returns `(1 − e^(−k t))/k`, s: the integral of a decay at rate `k` over the time `t`.
 pub fn slowed(k: f64, t: f64) -> f64 {
     if k * t < 1e-300 { t } else { -(-k * t).exp_m1() / k }
 }
 
-/// The rotation by the vector `v` (rad, about its direction); none for a vector that is not finite.
+/// Returns the rotation by the vector `v` (rad, about its direction); the identity if `v` is not finite.
 pub fn exp(v: DVec3) -> DQuat {
     if v.is_finite() { unit(DQuat::from_scaled_axis(v)) } else { DQuat::IDENTITY }
 }
@@ -32,7 +33,7 @@ pub fn exp(v: DVec3) -> DQuat {
 mod tests {
     use super::*;
 
-    /// Against the equation `q′ = ½ ω q` by many small steps.
+    /// Compares with the equation `q′ = ½ ω q`, solved in many small steps.
     #[test]
     fn is_the_solution_of_the_equation() {
         for (j, drag) in [
@@ -66,10 +67,10 @@ mod tests {
             for t in [1e-6, crate::dynamics::STEP_S, 10.0] {
                 let q = turn(q0, angular, &j, 0.0, t);
                 assert!((q.length() - 1.0).abs() < 1e-12);
-                // What is conserved: the momentum along the axis, and so the energy.
+                // Conserved: the momentum along the axis, and so the energy.
                 let along = |q: DQuat| angular.dot(q * DVec3::Z) / angular.length();
                 assert!((along(q) - along(q0)).abs() < 1e-9, "{r} {l} {t}");
-                // A group: two halves are the whole, to the rounding of an angle of 1e5 rad.
+                // A group: two halves make the whole, to the rounding of an angle of 1e5 rad.
                 let halves = turn(turn(q0, angular, &j, 0.0, t / 2.0), angular, &j, 0.0, t / 2.0);
                 if r > 1e-3 && l > 1e-3 {
                     assert!(q.angle_between(halves) < 1e-7, "{}", q.angle_between(halves));

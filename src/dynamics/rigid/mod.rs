@@ -1,14 +1,14 @@
 //! The camera as a rigid body (paper, section 3.1.1): a small cylinder with six degrees of freedom.
 //!
-//! State: position `x` (mm), momentum `P = m v` (g·mm/s), orientation `q` (body to world), angular momentum `L`
-//! (g·mm²/s), all in the world. Equations of motion, with `k_t` the drag of either kind:
+//! State: position `x` (mm), momentum `P = m v` (g·mm/s), orientation `q` (body to world) and angular momentum `L`
+//! (g·mm²/s), all in the world frame. Equations of motion, where `k_t` and `k` are the drags:
 //!
 //! ```text
 //! x′ = P/m      P′ = F(x) − k_t P           q′ = ½ ω q,  ω = J(q)⁻¹ L      L′ = T(q) − k L
 //! ```
 //!
-//! In the world frame there is no gyroscopic term in `L′`; it sits in `ω = J(q)⁻¹ L`, and a cylinder's free motion is
-//! known exactly ([`free`]), so that a fast spin costs no stability ([`rotation`]).
+//! In the world frame `L′` has no gyroscopic term; it is contained in `ω = J(q)⁻¹ L`. The free motion of a cylinder is
+//! known exactly ([`free`]), so a fast spin costs no stability ([`rotation`]).
 
 pub mod free;
 pub mod rotation;
@@ -21,7 +21,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::attitude::Attitude;
 
-/// The state of a rigid body: where it is and how it moves, in the world.
+/// The state of a rigid body in the world: its position, its orientation and its motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigidBodyState {
     /// Centre of mass, mm.
@@ -35,17 +35,17 @@ pub struct RigidBodyState {
 }
 
 impl RigidBodyState {
-    /// The state at rest.
+    /// Creates a state at rest, at a world position (mm).
     pub fn at_rest(position: DVec3, attitude: Attitude) -> Self {
         Self { position, momentum: DVec3::ZERO, orientation: orientation(attitude), angular: DVec3::ZERO }
     }
 
-    /// The view frame.
+    /// Returns the view frame.
     pub fn attitude(&self) -> Attitude {
         Attitude::new(self.orientation * DVec3::Z, self.orientation * DVec3::Y)
     }
 
-    /// Whether all components are finite.
+    /// Returns true if all components are finite.
     pub fn is_finite(&self) -> bool {
         self.position.is_finite()
             && self.momentum.is_finite()
@@ -54,64 +54,65 @@ impl RigidBodyState {
     }
 }
 
-/// The unit quaternion that takes the body's axes (x left, y up, z forward) to a view frame.
+/// Returns the unit quaternion that takes the body's axes (x left, y up, z forward) to a view frame.
 pub fn orientation(attitude: Attitude) -> DQuat {
     let frame = DMat3::from_cols(-attitude.right(), attitude.up, attitude.forward);
     DQuat::from_mat3(&frame).normalize()
 }
 
-/// A unit quaternion near `q`; no rotation where there is none.
+/// Normalises `q`; the identity if `q` has no direction.
 pub fn unit(q: DQuat) -> DQuat {
     let length = q.length();
     if length.is_finite() && length > 1e-150 { q / length } else { DQuat::IDENTITY }
 }
 
-/// The angle between two orientations, rad, 0 to π; exact for small angles too. Lengths do not matter.
+/// Returns the angle between two orientations, rad, 0 to π. Exact for small angles too; the lengths do not matter.
 pub fn angle(a: DQuat, b: DQuat) -> f64 {
     let turn = a * b.conjugate();
-    // Both signs of a quaternion are the same rotation; the sine resolves small angles where the cosine does not.
+    // Both signs of a quaternion are the same rotation. The sine resolves small angles, the cosine does not.
     2.0 * turn.xyz().length().atan2(turn.w.abs())
 }
 
 /// Moments of inertia of a body with an axis of symmetry, g·mm².
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inertia {
-    /// About the axis (the view's direction).
+    /// About the axis (the view direction).
     pub axial: f64,
-    /// About any line across it.
+    /// About any line perpendicular to the axis.
     pub transverse: f64,
 }
 
 impl Inertia {
-    /// Of a solid cylinder: `½ m r²` about its axis and `m (3 r² + l²)/12` across it. Lengths below 10⁻⁶ mm count as
-    /// that, so that needles, discs and points have an inverse too.
+    /// Returns the moments of a solid cylinder: `½ m r²` about its axis and `m (3 r² + l²)/12` across it.
+    ///
+    /// Lengths below 10⁻⁶ mm are raised to that value, so needles, discs and points also have an inverse.
     pub fn cylinder(mass_g: f64, radius_mm: f64, length_mm: f64) -> Self {
         let (r, l) = (radius_mm.max(1e-6), length_mm.max(1e-6));
         Self { axial: 0.5 * mass_g * r * r, transverse: mass_g * (3.0 * r * r + l * l) / 12.0 }
     }
 
-    /// `1/J_a − 1/J_t`: how much faster the body turns about its axis than a ball with `J_t` would, 1/(g·mm²).
+    /// Returns `1/J_a − 1/J_t`, 1/(g·mm²): how much faster the body turns about its axis than a ball with `J_t` would.
     pub fn excess(&self) -> f64 {
         1.0 / self.axial - 1.0 / self.transverse
     }
 
-    /// Angular velocity, rad/s, of a body whose unit axis is `axis`.
+    /// Returns the angular velocity, rad/s, of a body with angular momentum `angular` (g·mm²/s) and unit axis `axis`.
     pub fn rate(&self, angular: DVec3, axis: DVec3) -> DVec3 {
         angular / self.transverse + axis * (self.excess() * angular.dot(axis))
     }
 
-    /// Angular momentum, g·mm²/s, of a body that turns at `rate` rad/s; the inertia tensor applied.
+    /// Returns the angular momentum, g·mm²/s, of a body that turns at `rate` rad/s: the inertia tensor applied to `rate`.
     pub fn momentum(&self, rate: DVec3, axis: DVec3) -> DVec3 {
         rate * self.transverse + axis * ((self.axial - self.transverse) * rate.dot(axis))
     }
 
-    /// The inverse inertia tensor in the world, 1/(g·mm²).
+    /// Returns the inverse inertia tensor in the world, 1/(g·mm²).
     pub fn inverse(&self, axis: DVec3) -> DMat3 {
         let outer = DMat3::from_cols(axis * axis.x, axis * axis.y, axis * axis.z);
         DMat3::IDENTITY * (1.0 / self.transverse) + outer * self.excess()
     }
 
-    /// Energy of rotation, g·mm²/s².
+    /// Returns the rotational energy, g·mm²/s².
     pub fn energy(&self, angular: DVec3, axis: DVec3) -> f64 {
         0.5 * angular.dot(self.rate(angular, axis))
     }
@@ -125,7 +126,7 @@ mod tests {
     fn a_cylinder_has_its_moments() {
         let j = Inertia::cylinder(12.0, 1.0, 3.0);
         assert_eq!((j.axial, j.transverse), (6.0, 12.0));
-        // A length of √3 radii turns alike about every line.
+        // With a length of √3 radii, the moment is the same about every line.
         let ball = Inertia::cylinder(2.0, 1.0, 3f64.sqrt());
         assert!((ball.axial - ball.transverse).abs() < 1e-12);
         let axis = DVec3::new(1.0, 2.0, -2.0) / 3.0;

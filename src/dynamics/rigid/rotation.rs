@@ -1,8 +1,8 @@
-//! The rotation as a system to integrate, seen from the free motion: what is exact stays exact.
+//! The rotation as a system to integrate, relative to the free motion, so that everything known exactly stays exact.
 //!
-//! The orientation is written as `q(t) = exp(θ(t)) R(t)` where `R` is the body's free, dragged motion of [`free`], and
-//! the angular momentum as `L(t) = L₀ e^(−k t) + w(t)`. What is left to integrate begins at zero and knows nothing of a
-//! fast spin (an interaction picture; for the chart see Iserles, Munthe-Kaas, Nørsett and Zanna, *Lie-group methods*,
+//! The orientation is written as `q(t) = exp(θ(t)) R(t)`, where `R` is the body's free, damped motion of [`free`], and
+//! the angular momentum as `L(t) = L₀ e^(−k t) + w(t)`. The remainder to integrate starts at zero and does not contain
+//! the fast spin (an interaction picture; for the chart see Iserles, Munthe-Kaas, Nørsett and Zanna, *Lie-group methods*,
 //! Acta Numerica 2000):
 //!
 //! ```text
@@ -20,10 +20,11 @@ use super::free::{self, exp};
 use super::{Inertia, Turning, unit};
 use crate::dynamics::integrators::{Blocks, Phase, System};
 
-/// The chart is singular at a turn of 2π beyond the free motion; past this its factor is held, and the rest is finite.
+/// The chart is singular at a turn of 2π relative to the free motion. Beyond this angle its factor is held constant, and
+/// all else stays finite.
 const FAR: f64 = 6.0;
 
-/// `u = θ` (rad), `w` (g·mm²/s) as above, over one step.
+/// `u = θ` (rad) and `w` (g·mm²/s) as above, over one step.
 pub struct Rotation<'a> {
     /// `T`.
     pub turning: &'a Turning,
@@ -33,17 +34,17 @@ pub struct Rotation<'a> {
     pub start: DQuat,
     /// `L₀`, world g·mm²/s.
     pub angular: DVec3,
-    /// Torques evaluated for differences, which are no stages of a method.
+    /// Number of torque evaluations for finite differences, which are not stages of a method.
     pub beside: Cell<u32>,
 }
 
 impl<'a> Rotation<'a> {
-    /// The rotation from `start` on.
+    /// Creates the rotation that starts at `start`.
     pub fn new(turning: &'a Turning, inertia: Inertia, start: DQuat, angular: DVec3) -> Self {
         Self { turning, inertia, start, angular, beside: Cell::new(0) }
     }
 
-    /// Orientation and angular momentum at the time `t` for a state of the system.
+    /// Returns the orientation and the angular momentum at time `t` for a state of the system.
     pub fn read(&self, t: f64, y: Phase) -> (DQuat, DVec3) {
         let free = free::turn(self.start, self.angular, &self.inertia, self.turning.drag, t);
         (unit(exp(y.u) * free), self.angular * (-self.turning.drag * t).exp() + y.w)
@@ -58,14 +59,14 @@ impl System for Rotation<'_> {
         let q = unit(turn * free);
         let axis = q * DVec3::Z;
         let angular = decayed + y.w;
-        // exp(θ) ω_R, with the free motion's axis turned along.
+        // exp(θ) ω_R, with the axis of the free motion rotated too.
         let carried = self.inertia.rate(turn * decayed, axis);
         let u = inverse_dexp(y.u, self.inertia.rate(angular, axis) - carried);
         let torque = self.inertia.momentum(self.turning.acceleration(q), axis);
         Phase { u, w: torque - y.w * self.turning.drag }
     }
 
-    /// By central differences: three angles and three momenta, twelve torques.
+    /// By central differences over three angles and three momenta: twelve torques.
     fn jacobian(&self, t: f64, y: Phase) -> Blocks {
         self.beside.set(self.beside.get() + 12);
         let angle = 1e-5 * (1.0 + y.u.length());

@@ -9,7 +9,7 @@ use crate::dynamics::integrators::{Blocks, Phase, System};
 pub struct Translation<'a> {
     /// `F` and its derivative.
     pub forces: &'a dyn Forces,
-    /// `x₀`: where the step begins, world mm. Small differences are not lost beside large coordinates.
+    /// `x₀`: the start of the step, world mm. Small differences are not lost next to large coordinates.
     pub origin: DVec3,
     /// `m`, g.
     pub mass_g: f64,

@@ -1,17 +1,19 @@
-//! The torque on the camera: it turns the view towards the way ahead, or as the operator's hand asks.
+//! The torque on the camera: it turns the view towards the path ahead, or as the operator commands.
 
 use glam::{DQuat, DVec3};
 
-/// What turns the body, held over a step. The torque is `T = J (ω₀² e(q) + α)` beside the drag `−k L`, so that the
-/// response does not depend on the body's mass or shape (computed torque; Craig, *Introduction to Robotics*, 10.4).
+/// The cause of the body's rotation, constant during a step.
 ///
-/// `e(q)` is the rotation vector (rad) of the least turn that takes the view to the target, shortened to
-/// `e/√(1 + (|e|/e_max)²)`; with `k = 2 ω₀` the turn is critically damped, and its rate stays below `ω₀ e_max/2`. The
-/// least turn has no part about the view itself, and drag takes away what there is: the horizon stays where it was
-/// (a rotation-minimising frame), and rolls with nothing but the operator's hand.
+/// The torque is `T = J (ω₀² e(q) + α)` in addition to the drag `−k L`, so the response does not depend on the body's
+/// mass or shape (computed torque; Craig, *Introduction to Robotics*, 10.4).
+///
+/// `e(q)` is the rotation vector (rad) of the smallest turn that takes the view to the target, shortened to `e/√(1 +
+/// (|e|/e_max)²)`. With `k = 2 ω₀` the turn is critically damped, and its rate stays below `ω₀ e_max/2`. The smallest
+/// turn has no component about the view direction, and drag removes any that exists. The horizon therefore stays where it
+/// was (a rotation-minimising frame) and rolls only on operator input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turning {
-    /// Unit direction to look in, world; zero for none.
+    /// Unit direction to look in, world; zero if there is none.
     pub target: DVec3,
     /// `ω₀`, rad/s.
     pub stiffness: f64,
@@ -19,7 +21,7 @@ pub struct Turning {
     pub reach: f64,
     /// `k`, 1/s.
     pub drag: f64,
-    /// `α`: the angular acceleration that the operator asks for, world rad/s².
+    /// `α`: the angular acceleration from operator input, world rad/s².
     pub push: DVec3,
 }
 
@@ -27,7 +29,7 @@ impl Turning {
     /// Nothing turns the body, not even drag.
     pub const FREE: Self = Self { target: DVec3::ZERO, stiffness: 0.0, reach: 1.0, drag: 0.0, push: DVec3::ZERO };
 
-    /// Towards `target` (world, any length; zero for none) with the lag `tau` s behind a target that moves, no faster
+    /// Turns towards `target` (world, any length; zero for none), lagging `tau` s behind a moving target and no faster
     /// than `rate` rad/s. Critically damped: `ω₀ = 2/τ`, `k = 2 ω₀`.
     pub fn towards(target: DVec3, tau: f64, rate: f64) -> Self {
         let w = 2.0 / tau.max(1e-6);
@@ -35,13 +37,13 @@ impl Turning {
         Self { target, stiffness: w, reach: 2.0 * rate.max(0.0) / w, drag: 2.0 * w, push: DVec3::ZERO }
     }
 
-    /// At `rate` (world, rad/s) as the operator asks; the drag `k` (1/s) sets how promptly, and brings the body to
-    /// rest when nobody turns it.
+    /// Turns at `rate` (world, rad/s) as the operator commands. The drag `k` (1/s) sets how promptly the body responds,
+    /// and brings it to rest without input.
     pub fn by_hand(rate: DVec3, drag: f64) -> Self {
         Self { target: DVec3::ZERO, stiffness: 0.0, reach: 1.0, drag, push: rate * drag }
     }
 
-    /// The angular acceleration beside the drag, world rad/s².
+    /// Returns the angular acceleration without the drag, world rad/s².
     pub fn acceleration(&self, q: DQuat) -> DVec3 {
         if self.target == DVec3::ZERO || self.stiffness == 0.0 {
             return self.push;
@@ -53,7 +55,7 @@ impl Turning {
         let error = if sine > 1e-9 {
             across * (angle / sine)
         } else if cosine < 0.0 {
-            // Straight behind: any axis does; about `up` keeps the horizon.
+            // Directly behind: any axis works; the one along `up` keeps the horizon.
             q * DVec3::Y * angle
         } else {
             DVec3::ZERO
@@ -77,7 +79,7 @@ mod tests {
             let a = turning.acceleration(q);
             assert!(a.dot(q * DVec3::Z).abs() < 1e-9, "no roll: {a}");
             assert!(a.length() > 0.1 && a.length() <= turning.stiffness.powi(2) * turning.reach);
-            // A steady turn against the drag stays below the rate.
+            // The steady rate against the drag stays below the limit.
             assert!(a.length() / turning.drag <= 1.8);
         }
         let q = orientation(Attitude::new(DVec3::X, DVec3::Z));

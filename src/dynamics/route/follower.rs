@@ -1,48 +1,47 @@
-//! Guidance along a plan: holds a body to it by force, from wherever the body joins it.
+//! Guidance along a plan: keeps a body on it by force, from wherever the body joins it.
 
 use glam::DVec3;
 
 use super::Route;
 use super::profile::{PathSettings, Profile};
 
-/// Natural frequency with which the body is pulled back to the plan, rad/s: critically damped, well below the step
-/// rate.
+/// Natural frequency of the pull back to the plan, rad/s: critically damped, well below the step rate.
 const PULL: f64 = 6.0;
-/// A body that is further than this from its planned position is held by something, mm: it must join the plan again.
+/// A body farther than this from its planned position is blocked, mm: it must join the plan again.
 const LOST_MM: f64 = 6.0;
-/// Least time in which a body that is off the plan is led back to it, s …
+/// Minimum time for leading a body back to the plan, s …
 const JOIN_S: f64 = 1.0;
-/// … and greatest acceleration of doing so, mm/s².
+/// … and the maximum acceleration for it, mm/s².
 const JOIN_MM_S2: f64 = 30.0;
-/// From the first distance on, mm, the flight along the route waits in part for a body that is led back, from the
-/// second on altogether: a body that flies on beside the route meets the next fold.
+/// From the first offset on, mm, progress along the route slows down for a body that is being led back; from the second
+/// on it stops. A body that flies on beside the route would hit the next fold.
 const WAITS_MM: [f64; 2] = [1.0, 4.0];
 
 /// A flight along a route from where the body joined it.
 #[derive(Clone, Debug)]
 pub struct RouteFollower {
     profile: Profile,
-    /// Time of the plan, and real time, since the body joined it, s.
+    /// Time of the plan since the body joined it, and real time since then, s.
     time: f64,
     since: f64,
-    /// Offset of the body from the plan then, mm, with its first and second derivative, mm/s and mm/s².
+    /// Offset of the body from the plan at that moment, mm, with its first and second derivatives, mm/s and mm/s².
     off: [DVec3; 3],
-    /// Time after which the offset is gone, s.
+    /// Time after which the offset is zero, s.
     join_s: f64,
-    /// Present multiple of the plan's speed.
+    /// Current multiple of the plan's speed.
     rate: f64,
-    /// Place along the route, mm.
+    /// Position along the route, mm.
     s: f64,
-    /// How much the flight along the route waits for the body to be back on it, 0 to 1.
+    /// How much the progress along the route waits for the body to return to it, 0 to 1.
     waits: f64,
 }
 
-/// What the pilot asks of the body.
+/// A command from the route follower to the body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GuidanceCommand {
-    /// Acceleration in addition to the drag's, world mm/s².
+    /// Acceleration in addition to that of the drag, world mm/s².
     pub acceleration: DVec3,
-    /// Place along the route, mm.
+    /// Position along the route, mm.
     pub s: f64,
 }
 
@@ -62,25 +61,27 @@ impl RouteFollower {
         let off = position - route.place(begin.s);
         let waits = ((off.length() - WAITS_MM[0]) / (WAITS_MM[1] - WAITS_MM[0])).clamp(0.0, 1.0);
         let w = velocity - route.tangent(begin.s) * (begin.v * rate * (1.0 - waits));
-        // The quintic that leads an offset d to rest has an acceleration of at most 5.8 d/T² (from a speed w, 4 w/T).
+        // The quintic that brings an offset d to rest has an acceleration of at most 5.8 d/T² (from a speed w, 4 w/T).
         let by_place = (5.8 * off.length() / JOIN_MM_S2).sqrt();
         let by_speed = 4.0 * w.length() / JOIN_MM_S2;
         let join_s = JOIN_S.max(by_place).max(by_speed.min(2.0)).min(4.0);
         let off = [off, w, DVec3::ZERO];
         let mut follower = Self { profile, time: 0.0, since: 0.0, off, join_s, rate, s: begin.s, waits };
         let [.., planned] = follower.wanted(route);
-        // What stopped at a wall has no acceleration to go on with.
+        // A body stopped by a wall has no acceleration to continue with.
         follower.off[2] = (acceleration - planned).clamp_length_max(4.0 * JOIN_MM_S2);
         follower
     }
 
-    /// Place along the route, mm.
+    /// Returns the position along the route, mm.
     pub fn s(&self) -> f64 {
         self.s
     }
 
-    /// The offset of the body from the plan at `u = t/T` after it joined: `d(u)`, `ḋ`, `d̈`. The quintic Hermite
-    /// polynomial from `(d₀, w, b)` to rest at 0: place, speed and acceleration go on from what they were.
+    /// Returns the offset of the body from the plan at `u = t/T` after it joined: `d(u)`, `ḋ`, `d̈`.
+    ///
+    /// It is the quintic Hermite polynomial from `(d₀, w, b)` to rest at 0, so position, velocity and acceleration are
+    /// continuous.
     fn offset(&self) -> [DVec3; 3] {
         let [d, w, b] = self.off;
         let big = self.join_s;
@@ -102,7 +103,7 @@ impl RouteFollower {
         [place, speed / big, bent / (big * big)]
     }
 
-    /// The rate of the plan's time now and its change within a second: a flight that waits sets out gradually
+    /// Returns the current rate of the plan's time and its change per second. A flight that waits starts gradually
     /// (smoothstep).
     fn pace(&self) -> (f64, f64) {
         let u = (self.since / self.join_s).min(1.0);
@@ -110,25 +111,26 @@ impl RouteFollower {
         (self.rate * share, self.rate * self.waits * 6.0 * u * (1.0 - u) / self.join_s)
     }
 
-    /// Where the body should be now, and its velocity and acceleration (world; mm, mm/s, mm/s²).
+    /// Returns the planned position of the body now, with velocity and acceleration (world; mm, mm/s, mm/s²).
     fn wanted(&self, route: &Route) -> [DVec3; 3] {
         let m = self.profile.at(self.time);
         let (pace, quickens) = self.pace();
         let (v, a) = (m.v * pace, m.a * pace * pace + m.v * quickens);
         let tangent = route.tangent(m.s);
-        // The curve's second derivative, by its tangents on both sides.
+        // The curve's second derivative, from its tangents on both sides.
         let (before, after) = ((m.s - 0.5).max(0.0), (m.s + 0.5).min(route.length_mm()));
         let curve = (route.tangent(after) - route.tangent(before)) / (after - before).max(1e-9);
         let [d, d1, d2] = self.offset();
         [route.place(m.s) + d, tangent * v + d1, tangent * a + curve * (v * v) + d2]
     }
 
-    /// Advances by `dt` seconds at `rate` times the plan's speed: the command for a body at `position` (world mm) with
-    /// `velocity` (world mm/s) and a drag of `drag` 1/s. None where the body is too far from its planned position:
-    /// something holds it, and it must [`RouteFollower::join`] again.
+    /// Advances by `dt` seconds at `rate` times the plan's speed and returns the command for a body.
     ///
-    /// `a = a_w + k v_w + ω² (x_w − x) + (2ω − k)⁺ (v_w − v)`: with the drag −k v the error obeys
-    /// `ë + 2ω ė + ω² e = 0`, the critically damped oscillator.
+    /// The body is at `position` (world mm) with `velocity` (world mm/s) and a drag of `drag` 1/s. Returns `None` if it
+    /// is too far from its planned position: it is blocked and must [`RouteFollower::join`] again.
+    ///
+    /// `a = a_w + k v_w + ω² (x_w − x) + (2ω − k)⁺ (v_w − v)`: with the drag −k v the error satisfies `ë + 2ω ė + ω² e =
+    /// 0`, the critically damped oscillator.
     pub fn command(
         &mut self,
         route: &Route,
@@ -137,7 +139,7 @@ impl RouteFollower {
         rate: f64,
         dt: f64,
     ) -> Option<GuidanceCommand> {
-        // The rate is not jumped to, so that the body can follow.
+        // The rate changes gradually, so the body can follow.
         let rate = if rate.is_finite() { rate.max(1e-3) } else { self.rate };
         self.rate += (rate - self.rate) * (1.0 - (-dt / 0.3).exp());
         let [x, v, a] = self.wanted(route);
@@ -171,7 +173,7 @@ mod tests {
         Route::along(&line, &vec![15.0; 400], DVec3::Y).unwrap()
     }
 
-    /// Flies a body along the route for `seconds`; positions and velocities.
+    /// Flies a body along the route for `seconds` and returns its positions and velocities.
     fn fly(
         follower: &mut RouteFollower,
         route: &Route,
@@ -184,7 +186,7 @@ mod tests {
         let (mut xs, mut vs) = (vec![x], vec![v]);
         for _ in 0..(seconds / DT) as usize {
             let order = follower.command(route, (x, v), k, rate, DT).expect("nothing holds it");
-            // Exact for an acceleration that is held: v' = a − k v.
+            // Exact for a constant acceleration: v' = a − k v.
             let (rest, decay) = (order.acceleration / k, (-k * DT).exp());
             x += rest * DT + (v - rest) * ((1.0 - decay) / k);
             v = rest + (v - rest) * decay;
@@ -194,7 +196,7 @@ mod tests {
         (xs, vs)
     }
 
-    /// Greatest acceleration and jerk by differences of velocities.
+    /// Returns the greatest acceleration and jerk, from differences of the velocities.
     fn jerk(v: &[DVec3]) -> (f64, f64) {
         let diff = |v: &[DVec3]| v.windows(2).map(|w| (w[1] - w[0]) / DT).collect::<Vec<_>>();
         let most = |v: &[DVec3]| v.iter().map(|a| a.length()).fold(0.0, f64::max);
@@ -217,7 +219,7 @@ mod tests {
             let fastest = v.iter().map(|v| v.length()).fold(0.0, f64::max);
             assert!(fastest <= 30.5 * rate && fastest > 25.0 * rate, "{fastest} mm/s at {rate}");
             if rate == 1.0 {
-                // Along the way and across it: both within their bounds, so together within √2 of them.
+                // Along the path and across it: each within its limit, so together within √2 of it.
                 let (a, j) = jerk(&v);
                 assert!(a < 57.0 && j < 400.0, "{a} {j}");
             }

@@ -1,18 +1,20 @@
-//! Frames along a curve that turn about it as little as can be.
+//! Frames along a curve with the least possible rotation about it.
 
 use glam::DVec3;
 
 use crate::dynamics::Attitude;
 use crate::math::reflection::doubly_reflected;
 
-/// Unit up vectors of a rotation-minimising frame along a curve of points (world mm) with unit tangents, beginning with
-/// `up` (made orthogonal), by double reflection.
+/// Returns the unit up vectors of a rotation-minimising frame along a curve.
+///
+/// `points` (world mm) and unit `tangents` describe the curve. The frame starts with `up` (made orthogonal) and is
+/// propagated by double reflection.
 pub fn rotation_minimising(points: &[DVec3], tangents: &[DVec3], up: DVec3) -> Vec<DVec3> {
     let Some(&first) = tangents.first() else { return Vec::new() };
     let mut r = Attitude::new(first, up).up;
     let mut ups = vec![r];
     for (x, t) in points.windows(2).zip(tangents.windows(2)) {
-        // Rounding must not add up over thousands of points.
+        // Rounding errors must not add up over thousands of points.
         r = Attitude::new(t[1], doubly_reflected(r, [x[0], x[1]], [t[0], t[1]])).up;
         ups.push(r);
     }
@@ -23,7 +25,7 @@ pub fn rotation_minimising(points: &[DVec3], tangents: &[DVec3], up: DVec3) -> V
 mod tests {
     use super::*;
 
-    /// A helix turns its Frenet frame by its torsion; against that the rotation-minimising one is known exactly.
+    /// A helix turns its Frenet frame by its torsion, which gives the rotation-minimising frame exactly.
     fn error(points: usize) -> f64 {
         let (a, b): (f64, f64) = (10.0, 4.0);
         let c = (a * a + b * b).sqrt();

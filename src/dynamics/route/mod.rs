@@ -1,8 +1,8 @@
-//! A planned way: a smooth curve with frames, a speed for each place of it, and how a body is held to it.
+//! A planned path: a smooth curve with frames, a speed at each position, and the guidance that keeps a body on it.
 //!
-//! Automated flight planning (paper, section 3): after start and end are given the path is known, and the camera flies
-//! it like anything that has mass, with bounded acceleration and jerk. The body still moves by forces alone
-//! ([`pilot`]), so that an operator may push it off the plan at any time and give it back anywhere.
+//! Automated flight planning (paper, section 3): start and goal determine the path, and the camera flies it with mass,
+//! with bounded acceleration and jerk. The body still moves by forces alone ([`follower`]), so an operator may push it
+//! off the plan at any time and release it anywhere.
 
 pub mod follower;
 pub mod frames;
@@ -12,17 +12,18 @@ use glam::DVec3;
 
 use crate::fields::Clearances;
 
-/// Way between two control points of a route, mm.
+/// Path length between two control points of a route, mm.
 pub const STEP_MM: f64 = 1.0;
-/// So many places of the way are tried for one that the body can get to.
+/// Number of positions along the route tried when looking for one that the body can reach.
 const REACHABLE_TRIED: usize = 6;
-/// Narrow places are looked for this far ahead, mm.
+/// Distance ahead that is searched for narrow places, mm.
 const NARROW_AHEAD_MM: f64 = 15.0;
-/// The way is narrow where it leaves the body no more than this on each side, mm.
+/// The path is narrow where it leaves the body no more than this on each side, mm.
 const NARROW_MM: f64 = 0.5;
 
-/// A way through the lumen, world mm: a uniform cubic B-spline through points [`STEP_MM`] apart, hence with continuous
-/// curvature, inside the hull of any four neighbours.
+/// A path through the lumen, world mm: a uniform cubic B-spline through points [`STEP_MM`] apart.
+///
+/// Its curvature is continuous, and it lies inside the hull of any four neighbours.
 ///
 /// ```
 /// use colvis::dynamics::Route;
@@ -38,17 +39,19 @@ const NARROW_MM: f64 = 0.5;
 pub struct Route {
     /// Control points, at least two, about [`STEP_MM`] apart.
     points: Vec<DVec3>,
-    /// Way between two of them, mm.
+    /// Path length between two of them, mm.
     step: f64,
-    /// Distance from each to the nearest wall, mm.
+    /// Distance from each control point to the nearest wall, mm.
     clearance: Vec<f64>,
-    /// Unit up vector of the rotation-minimising frame at each.
+    /// Unit up vector of the rotation-minimising frame at each control point.
     ups: Vec<DVec3>,
 }
 
 impl Route {
-    /// The route along a polyline (world mm) whose every point is `clearance` (mm) from the wall; the frames begin with
-    /// `up`. Points that are not finite or that repeat another are left out. None where fewer than two remain.
+    /// Creates a route along a polyline (world mm) whose points are `clearance` (mm) from the wall. The frames start with
+    /// `up`.
+    ///
+    /// Points that are not finite or that repeat another are dropped. Returns `None` if fewer than two remain.
     pub fn along(line: &[DVec3], clearance: &[f64], up: DVec3) -> Option<Self> {
         let mut kept: Vec<(DVec3, f64)> = Vec::with_capacity(line.len());
         for (n, &p) in line.iter().enumerate() {
@@ -84,7 +87,7 @@ impl Route {
         Some(route)
     }
 
-    /// The route from its end to its beginning.
+    /// Returns the route from its end to its start.
     pub fn reversed(&self) -> Self {
         let back = |v: &[DVec3]| v.iter().rev().copied().collect();
         Self {
@@ -95,22 +98,23 @@ impl Route {
         }
     }
 
-    /// Length, mm.
+    /// Returns the length, mm.
     pub fn length_mm(&self) -> f64 {
         self.step * (self.points.len() - 1) as f64
     }
 
-    /// Control points, world mm, evenly spaced along the way.
+    /// Returns the control points, world mm, evenly spaced along the path.
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }
 
-    /// Size in memory, bytes.
+    /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         self.points.len() * (2 * size_of::<DVec3>() + size_of::<f64>())
     }
 
-    /// A control point; beyond the ends, mirrored at them, so that the curve begins and ends in the outermost ones.
+    /// Returns a control point. Beyond the ends, points are mirrored, so that the curve starts and ends at the outermost
+    /// ones.
     fn control(&self, n: i64) -> DVec3 {
         let last = self.points.len() as i64 - 1;
         if n < 0 {
@@ -122,7 +126,7 @@ impl Route {
         }
     }
 
-    /// The cell of a place along the way, and where in it, 0 to 1.
+    /// Returns the cell of a position along the path, and the position within it, 0 to 1.
     fn cell(&self, s: f64) -> (i64, f64) {
         let u = if s.is_finite() { (s / self.step).clamp(0.0, (self.points.len() - 1) as f64) } else { 0.0 };
         let n = u.floor().min((self.points.len() - 2) as f64);
@@ -135,7 +139,7 @@ impl Route {
         (0..4).map(|k| self.control(n - 1 + k as i64) * w[k]).sum()
     }
 
-    /// The place after `s` mm of the way, world mm; clamped to its beginning and its end.
+    /// Returns the point after `s` mm of the path, world mm; clamped to its start and end.
     pub fn place(&self, s: f64) -> DVec3 {
         self.blend(s, |t| {
             let r = 1.0 - t;
@@ -144,7 +148,7 @@ impl Route {
         })
     }
 
-    /// Unit direction of the way at `s` mm, world; z where it has none.
+    /// Returns the unit direction of the path at `s` mm, world; z if it has none.
     pub fn tangent(&self, s: f64) -> DVec3 {
         let derivative = self.blend(s, |t| {
             let r = 1.0 - t;
@@ -153,20 +157,20 @@ impl Route {
         derivative.try_normalize().unwrap_or(DVec3::Z)
     }
 
-    /// Curvature around `s` mm, 1/mm: the turn of the tangent over `window` mm.
+    /// Returns the curvature around `s` mm, 1/mm: the turn of the tangent over `window` mm.
     pub fn bend(&self, s: f64, window: f64) -> f64 {
         let (a, b) = ((s - window / 2.0).max(0.0), (s + window / 2.0).min(self.length_mm()));
         if b > a { self.tangent(a).angle_between(self.tangent(b)) / (b - a) } else { 0.0 }
     }
 
-    /// Distance from the way to the nearest wall at `s` mm, mm.
+    /// Returns the distance from the path to the nearest wall at `s` mm, mm.
     pub fn clearance(&self, s: f64) -> f64 {
         let (n, t) = self.cell(s);
         let n = n as usize;
         self.clearance[n] + (self.clearance[n + 1] - self.clearance[n]) * t
     }
 
-    /// Unit up vector of the rotation-minimising frame at `s` mm, world.
+    /// Returns the unit up vector of the rotation-minimising frame at `s` mm, world.
     pub fn up(&self, s: f64) -> DVec3 {
         let (n, t) = self.cell(s);
         let tangent = self.tangent(s);
@@ -174,14 +178,15 @@ impl Route {
         (up - tangent * up.dot(tangent)).try_normalize().unwrap_or_else(|| tangent.any_orthonormal_vector())
     }
 
-    /// The view direction from `s` mm: a unit vector, world, towards the way ahead, averaged over `ahead` mm of it so
-    /// that it turns smoothly; the tangent at the end.
+    /// Returns the view direction at `s` mm: a unit vector (world) towards the path ahead.
+    ///
+    /// It is averaged over the next `ahead` mm, so it turns smoothly. At the end it is the tangent.
     pub fn look(&self, s: f64, ahead: f64) -> DVec3 {
         let end = (s + ahead).min(self.length_mm());
         if end - s < self.step {
             return self.tangent(s);
         }
-        // Place by place, the nearer half too: a look at one far point would cut every corner.
+        // Average over all positions, including the nearer half: looking at one far point would cut every corner.
         let n = ((end - s) / (2.0 * self.step)).ceil().clamp(1.0, 64.0) as usize;
         let here = self.place(s);
         let sum: DVec3 =
@@ -189,8 +194,10 @@ impl Route {
         sum.try_normalize().unwrap_or_else(|| self.tangent(s))
     }
 
-    /// Places along the way, mm, that are nearest to `at` (world mm) among their neighbours, the nearest of all first.
-    /// The colon's loops touch, so that the nearest of all may lie in another loop.
+    /// Returns the positions along the path, mm, that are nearest to `at` (world mm) among their neighbours, nearest
+    /// first.
+    ///
+    /// Loops of the colon touch, so the nearest of all may be in another loop.
     pub fn nearest(&self, at: DVec3) -> Vec<f64> {
         let d: Vec<f64> = self.points.iter().map(|p| p.distance_squared(at)).collect();
         let last = d.len() - 1;
@@ -207,22 +214,24 @@ impl Route {
         found.into_iter().map(|f| f.1).collect()
     }
 
-    /// The nearest place of the way, mm along it, to which the straight line from `at` (world mm) is free; the nearest
-    /// of all where none is.
+    /// Returns the nearest position along the path, mm, that a free straight line from `at` (world mm) reaches.
+    ///
+    /// If no line is free, returns the nearest position of all.
     pub fn nearest_reachable(&self, walls: &impl Clearances, at: DVec3) -> f64 {
         let places = self.nearest(at);
         let free = |&&s: &&f64| !walls.enters(at, self.place(s));
         places.iter().take(REACHABLE_TRIED).find(free).or(places.first()).copied().unwrap_or(0.0)
     }
 
-    /// The least distance from the way to the nearest wall over the next 15 mm from `s` mm on, mm.
+    /// Returns the least distance from the path to the nearest wall over the next 15 mm after `s` mm, mm.
     pub fn narrowest_ahead(&self, s: f64) -> f64 {
         let ahead = (0..(NARROW_AHEAD_MM as i32)).map(|n| self.clearance(s + f64::from(n)));
         ahead.fold(f64::INFINITY, f64::min)
     }
 
-    /// What to tell the operator where the way from `s` mm on soon leads through a place too narrow for a body of
-    /// `radius_mm`: less than 0.5 mm free on each side.
+    /// Returns a message for the operator if the path soon after `s` mm is too narrow for a body of `radius_mm`.
+    ///
+    /// A place is too narrow if less than 0.5 mm is free on each side.
     pub fn narrow_place(&self, s: f64, radius_mm: f64) -> Option<String> {
         let least = self.narrowest_ahead(s);
         (least < radius_mm + NARROW_MM).then(|| {
@@ -264,7 +273,7 @@ mod tests {
             let near = r.nearest(p)[0];
             assert!((near - s).abs() < 0.1, "{near} for {s}");
         }
-        // The second derivative is continuous: no jump of the tangent's change anywhere.
+        // The second derivative is continuous: the change of the tangent never jumps.
         let h = 0.01;
         let turn = |s: f64| (r.tangent(s + h) - r.tangent(s)) / h;
         for n in 0..2000 {
@@ -284,7 +293,7 @@ mod tests {
         assert!(r.look(10.0, 20.0).dot(r.tangent(10.0)) > 0.8);
     }
 
-    /// A wall at y = 1 that everything above is behind.
+    /// A wall at y = 1; everything above it is hidden.
     struct RouteCache;
 
     impl Clearances for RouteCache {
@@ -299,7 +308,7 @@ mod tests {
 
     #[test]
     fn a_loop_behind_a_wall_is_no_place_to_join() {
-        // There at y = 0, back at y = 3: the way back is nearer, but behind the shelf.
+        // There at y = 0, back at y = 3: the return path is nearer, but behind the shelf.
         let line: Vec<_> = (0..=40)
             .map(|n| DVec3::new(f64::from(n), 0.0, 0.0))
             .chain((0..=40).map(|n| DVec3::new(40.0 - f64::from(n), 3.0, 0.0)))
@@ -330,7 +339,7 @@ mod tests {
         let r = Route::along(&[DVec3::ZERO, DVec3::NAN, DVec3::X * 1e-3], &[], DVec3::NAN).unwrap();
         assert!(r.place(0.5e-3).is_finite() && r.up(0.0).is_finite() && r.look(0.0, 9.0).is_finite());
         assert_eq!(r.clearance(0.0), 0.0);
-        // Straight there and back: no tangent at the turn, but no nonsense either.
+        // Straight there and back: no tangent at the turn, but all values stay finite.
         let r = Route::along(&[DVec3::ZERO, DVec3::X * 5.0, DVec3::ZERO], &[1.0; 3], DVec3::Y).unwrap();
         for n in 0..100 {
             let s = 0.1 * f64::from(n);

@@ -4,26 +4,26 @@ use super::Route;
 use crate::error::{Error, Result};
 use crate::fields::centerline::CenterlineMethod;
 
-/// Curvature is measured over this length, mm: what is sharper within it is a wiggle, not a bend.
+/// Length over which curvature is measured, mm. Anything sharper is a wiggle, not a bend.
 const BEND_MM: f64 = 6.0;
-/// Least speed, however narrow and bent a place is, mm/s.
+/// Minimum speed, however narrow and bent the path is, mm/s.
 const LEAST_MM_S: f64 = 2.0;
 
-/// How a planned way is flown.
+/// How a planned path is flown.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PathSettings {
-    /// Speed where nothing limits it, mm/s.
+    /// Speed if nothing limits it, mm/s.
     pub cruise_mm_s: f64,
-    /// Greatest acceleration along the way, and across it in bends, mm/s².
+    /// Maximum acceleration along the path, and across it in bends, mm/s².
     pub acceleration_mm_s2: f64,
-    /// Greatest jerk along the way, mm/s³.
+    /// Maximum jerk along the path, mm/s³.
     pub jerk_mm_s3: f64,
-    /// Least time to the nearest wall at the present speed, s: narrow places are flown slowly.
+    /// Minimum time to the nearest wall at the current speed, s: narrow places are flown slowly.
     pub wall_s: f64,
     /// Length of the route ahead that the view is directed at, mm.
     pub look_ahead_mm: f64,
-    /// Which method finds the line that is flown.
+    /// Method that finds the path to fly.
     pub planner: CenterlineMethod,
 }
 
@@ -41,8 +41,10 @@ impl Default for PathSettings {
 }
 
 impl PathSettings {
+    /// Checks the settings.
+    ///
     /// # Errors
-    /// Status 2 for a setting that is not a positive number, or far too large.
+    /// Returns status 2 if a setting is not a positive number, or far too large.
     pub fn check(&self) -> Result<()> {
         for (name, value, most) in [
             ("path.cruise_mm_s", self.cruise_mm_s, 1e4),
@@ -58,7 +60,8 @@ impl PathSettings {
         Ok(())
     }
 
-    /// Speed at a place of a way, mm/s: `v ≤ cruise`, `v² · curvature ≤ acceleration`, `v ≤ clearance / wall_s`.
+    /// Returns the speed at a position along a path, mm/s: `v ≤ cruise`, `v² · curvature ≤ acceleration`, `v ≤ clearance
+    /// / wall_s`.
     pub fn speed(&self, route: &Route, s: f64) -> f64 {
         let bend = route.bend(s, BEND_MM).max(1e-9);
         let allowed = (self.acceleration_mm_s2 / bend).sqrt().min(route.clearance(s) / self.wall_s);
@@ -66,52 +69,52 @@ impl PathSettings {
     }
 }
 
-/// A moment of a flight along its way.
+/// The state of a flight along its path at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
-    /// Distance from the beginning, mm.
+    /// Distance from the start, mm.
     pub s: f64,
-    /// mm/s.
+    /// Speed, mm/s.
     pub v: f64,
-    /// mm/s².
+    /// Acceleration, mm/s².
     pub a: f64,
 }
 
 /// Distance along the route over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// Moments each [`Profile::TICK`] seconds.
+    /// States at intervals of [`Profile::TICK`] seconds.
     moments: Vec<Moment>,
 }
 
 impl Profile {
-    /// Time between two moments, s.
+    /// Time between two states, s.
     const TICK: f64 = crate::dynamics::STEP_S;
-    /// Longest duration of a plan, s.
+    /// Maximum duration of a plan, s.
     const LONGEST: f64 = 36_000.0;
 
-    /// Plans the way from `from` mm to its end, beginning with `speed` mm/s (less where the way is too short to stop
-    /// from it) and ending at rest.
+    /// Plans the motion from `from` mm to the end of the route, starting at `speed` mm/s and ending at rest. The initial
+    /// speed is lower if the route is too short to stop from `speed`.
     ///
-    /// First the fastest way over time under the speeds allowed and the bounded acceleration, by a pass forwards and
-    /// one backwards over the way (`v² ≤ v₀² + 2 a Δs`; Bobrow, Dubowsky, Gibson 1985), then its average over the last
-    /// `T = 2 a / jerk` seconds: the mean of bounded accelerations is bounded by the same number, and its change within
-    /// a second by `2 a / T`, the jerk. An average of what was allowed a moment ago may be faster than is allowed now,
-    /// by no more than `a T / 2`.
+    /// The first stage finds the fastest motion under the speed limits and the bounded acceleration, with one forward and
+    /// one backward pass over the route (`v² ≤ v₀² + 2 a Δs`; Bobrow, Dubowsky, Gibson 1985). The second stage averages
+    /// it over the last `T = 2 a / jerk` seconds. The mean of bounded accelerations has the same bound, and its change
+    /// per second is bounded by `2 a / T`, the jerk. Because the average covers speeds allowed a moment ago, it may
+    /// exceed the current limit, by no more than `a T / 2`.
     pub fn new(route: &Route, from: f64, speed: f64, settings: &PathSettings) -> Self {
         let a = settings.acceleration_mm_s2;
         let window = ((2.0 * a / settings.jerk_mm_s3 / Self::TICK).round() as usize).clamp(1, 1200);
         let length = route.length_mm();
         let from = if from.is_finite() { from.clamp(0.0, length) } else { 0.0 };
         let speed = if speed.is_finite() { speed.max(0.0) } else { 0.0 };
-        // The average lags behind by half a window, so the way begins that much ahead.
+        // The average lags half a window behind, so the path starts that much ahead.
         let lead = |v: f64| (v * Self::TICK * (window - 1) as f64 / 2.0).min(length - from);
         let (mut fast, begun) = Self::fastest(route, from + lead(speed), speed, settings);
         if begun < speed {
             fast = Self::fastest(route, from + lead(begun), begun, settings).0;
         }
         let speed = begun;
-        // Before the beginning it came with the speed that it begins with; after the end it rests.
+        // Before the start it arrived at its initial speed; after the end it is at rest.
         let before = |n: usize| fast[0] - speed * Self::TICK * n as f64;
         let mut sum: f64 = (1..window).map(before).sum::<f64>() + fast[0];
         let count = fast.len() + window - 1;
@@ -131,7 +134,8 @@ impl Profile {
         Self { moments }
     }
 
-    /// Distance over time under speed and acceleration alone, each [`Profile::TICK`], and the speed it begins with.
+    /// Returns the distance over time under speed and acceleration limits alone, every [`Profile::TICK`], and the initial
+    /// speed.
     fn fastest(route: &Route, from: f64, speed: f64, settings: &PathSettings) -> (Vec<f64>, f64) {
         let length = route.length_mm() - from;
         let cells = (length / super::STEP_MM).ceil().clamp(8.0, 1e6) as usize;
@@ -146,8 +150,7 @@ impl Profile {
             }
         };
         brake_in_time(&mut v);
-        // A body that arrives faster than is allowed brakes as hard as it may; if that is not enough, it arrived too
-        // fast.
+        // A body that arrives faster than allowed brakes as hard as it can. If that is not enough, it arrived too fast.
         v[0] = speed;
         for n in 1..=cells {
             let before = v[n - 1].powi(2);
@@ -182,12 +185,12 @@ impl Profile {
         }
     }
 
-    /// Duration, s.
+    /// Returns the duration, s.
     pub fn seconds(&self) -> f64 {
         Self::TICK * (self.moments.len() - 1) as f64
     }
 
-    /// The moment after `t` seconds; clamped to its ends.
+    /// Returns the state after `t` seconds; clamped to the start and end.
     pub fn at(&self, t: f64) -> Moment {
         let last = self.moments.len() - 1;
         let u = if t.is_finite() { (t / Self::TICK).clamp(0.0, last as f64) } else { 0.0 };
@@ -218,7 +221,7 @@ mod tests {
         Route::along(&line, &clearance, DVec3::Z).unwrap()
     }
 
-    /// Largest speed, acceleration and jerk by differences over a tick, and the speed at given places.
+    /// Returns the greatest speed, acceleration and jerk, from differences over a tick.
     fn measure(p: &Profile) -> (f64, f64, f64) {
         let n = p.moments.len();
         let s: Vec<f64> = (0..n + 2).map(|n| p.at(n as f64 * Profile::TICK).s).collect();
@@ -236,7 +239,7 @@ mod tests {
         let p = Profile::new(&route, 0.0, 0.0, &set);
         let (v, a, j) = measure(&p);
         assert!((v - 30.0).abs() < 0.1, "cruise is reached: {v}");
-        // Differences of differences: rounding of 1e-13 mm is 1e-7 mm/s³, but cells' ends fall between ticks.
+        // Second differences: rounding of 1e-13 mm is 1e-7 mm/s³, but the ends of cells fall between ticks.
         assert!(a <= set.acceleration_mm_s2 * 1.02 && j <= set.jerk_mm_s3 * 1.05, "{a} {j}");
         let speed_at = |s: f64| {
             let t = (0..).map(|n| f64::from(n) * 0.01).find(|&t| p.at(t).s >= s).unwrap();
@@ -261,7 +264,7 @@ mod tests {
         assert!((p.at(0.0).s - 50.0).abs() < 1e-9 && (p.at(0.0).v - 18.0).abs() < 0.5, "{:?}", p.at(0.0));
         let (_, a, j) = measure(&p);
         assert!(a <= 41.0 && j <= 170.0, "{a} {j}");
-        // Too fast to stop in time: the guidance must lose the excess.
+        // Too fast to stop in time: the guidance must shed the excess.
         let short = Profile::new(&route, route.length_mm() - 1.0, 50.0, &set);
         assert!(short.at(0.0).v <= (2.0f64 * 40.0).sqrt() + 0.5);
         assert!((short.at(9.0).s - route.length_mm()).abs() < 1e-9);
