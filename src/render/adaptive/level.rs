@@ -22,7 +22,7 @@ pub const STRETCHED: f64 = 0.75;
 /// not flicker.
 const HEADROOM: f64 = 0.9;
 const CALMER: f64 = 0.7;
-/// This must hold for so many consecutive pictures: detail is lost at once and comes back in steps.
+/// This must hold for this many consecutive pictures: detail is lost at once and comes back in steps.
 const PATIENCE: u32 = 4;
 /// Detail that is lost again within this many pictures came back too soon. The next time the prediction must hold for
 /// twice as many pictures, up to half of this number.

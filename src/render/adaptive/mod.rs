@@ -6,7 +6,7 @@
 //! **At rest** the picture first becomes sharp and is then refined to the reference with 16 samples a pixel. Every
 //! requested picture adds a part, within the same budget (`still`). Once this is done, no more rays are cast. Pixels
 //! whose first three samples are alike get no others, and packets of rays take steps of half a voxel instead of the
-//! reference's eighth: the result is within 50 dB of the reference or better.
+//! reference's eighth. The result has a PSNR of 50 dB or more against the reference.
 //!
 //! This module uses no clock: a budget is a number of samples. A caller with a clock converts time into samples from
 //! measured times per sample. A caller without one gets the same pictures every time.

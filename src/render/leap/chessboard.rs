@@ -11,7 +11,7 @@ use rayon::prelude::*;
 /// Initial value of an unmarked cell.
 pub const FAR: u8 = u8::MAX;
 
-/// What is outside the grid.
+/// The surroundings of the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outside {
     /// Marked cells.

@@ -22,7 +22,7 @@ pub use voxels::{VoxelLeap, VoxelWalls};
 /// Positions are computed in f32, so reported clearances are this much less than the known ones, voxels.
 pub const SLACK: f32 = 0.01;
 
-/// Returns the distance from a position to the wall.
+/// A source of distances from a position to the wall.
 pub trait EmptyRadius: Sync {
     /// Returns a distance, voxels, such that all voxels nearer to `q` (grown voxel coordinates) along every axis are
     /// empty; 0 if nothing is known.

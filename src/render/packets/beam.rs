@@ -9,9 +9,9 @@ const MOST: i32 = 8;
 /// The most bricks along an axis whose distances are looked up one by one.
 const MOST_BRICKS: i32 = 3;
 
-/// A bundle of rays `origin + k · along` whose `along` lie in a box.
+/// A bundle of rays `origin + k · along` whose `along` are within a box.
 ///
-/// At any `k` the rays' positions lie in a box too, and this box leaps as a whole. It moves from empty brick to empty
+/// At any `k` the rays' positions are within a box too, and this box leaps as a whole. It moves from empty brick to empty
 /// brick (after Amanatides and Woo 1987, with the box's leading faces in place of a point). Where bricks are not empty,
 /// it advances by one cell length at a time.
 pub struct Beam {
@@ -176,7 +176,7 @@ mod tests {
         })
     }
 
-    /// A trailing face, too, may lie beyond the bricks that are known to be empty.
+    /// A trailing face, too, may extend beyond the bricks that are known to be empty.
     #[test]
     fn a_wide_bundle_leaps_over_nothing_beside_it() {
         let o = occupancy([99, 119, 11], (0..11).map(|z| [40, 86, z]));

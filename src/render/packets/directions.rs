@@ -90,7 +90,7 @@ impl DirectionSource {
         }
     }
 
-    /// Returns by how much the direction of any ray within a rectangle may lie outside those of sixteen rays, as a
+    /// Returns by how much the direction of any ray within a rectangle may deviate from those of sixteen rays, as a
     /// length relative to unit directions; `None` if unknown.
     ///
     /// The sixteen rays form rows that reach to the rectangle's edges, with `apart` pixels between neighbours.

@@ -26,14 +26,14 @@ use crate::render::transfer::PALETTE_HU;
 /// If sixteen rays are in more cells than this, the regression is computed for each ray. On AVX-512 that pays off from
 /// four cells on, on AVX2 from eight; a single number is used so that every SIMD level gives the same bits.
 const MANY: usize = 8;
-/// Limit for a layer's share of the light times how far back it lies, steps. The error of a layer's light scales with
-/// its share and grows with its length.
+/// Limit for a layer's share of the light times how far back it is, steps. The error of a layer's light scales with its
+/// share and grows with its length.
 const LONG: f32 = 0.1;
-/// A layer is shaded when its mean position lies this many steps back, whatever its share.
+/// A layer is shaded when its mean position is this many steps back, whatever its share.
 const FAR: f32 = 4.0;
 
-/// Returns how far back, in steps, a layer's mean position may lie before another layer begins: times its share of the
-/// light, and regardless of the share.
+/// Returns the limits for how far back, in steps, a layer's mean position may be before another layer begins: one for
+/// the distance times the layer's share of the light, and one for the distance alone.
 ///
 /// Steps are 2^`power` times as long as those of a flight; over `waves` of these the wall's gradient turns little.
 /// Shorter steps mean that less error is wanted, too: layers are then a quarter of a flight's step.
@@ -56,8 +56,8 @@ pub enum Medium {
     Wall,
 }
 
-/// What sixteen rays meet of the wall: its weight, and the weight times position (steps) and times value (HU above the
-/// palette's first).
+/// The part of the wall that sixteen rays meet: its weight, and the weight times position (steps) and times value (HU
+/// above the palette's first).
 #[derive(Clone, Copy)]
 pub struct Layer<S: Simd> {
     pub weight: f32x16<S>,
@@ -95,7 +95,7 @@ impl<S: Simd> Layer<S> {
     }
 }
 
-/// What sixteen rays have accumulated; weights are shares of the light that reaches the camera.
+/// Sums accumulated by sixteen rays. Weights are shares of the light that reaches the camera.
 pub struct Sums<S: Simd> {
     pub bright: f32x16<S>,
     pub tone: f32x16<S>,

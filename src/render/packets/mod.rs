@@ -331,7 +331,7 @@ mod tests {
         }
     }
 
-    /// Where air itself is above the ramp's foot, the surroundings of a volume with lower values are visible.
+    /// If air itself is above the ramp's foot, the surroundings of a volume with lower values are visible.
     #[test]
     fn air_around_the_volume_is_seen_where_it_is_no_air_to_the_wall() {
         for ny in 18..22 {

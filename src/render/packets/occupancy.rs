@@ -1,10 +1,9 @@
-//! Where something may be visible: a bit for each cell, in bricks of 4×4×4 cells, and each brick's distance to the next
-//! brick in which a bit is set.
+//! The occupancy of cells, which shows where something may be visible: a bit for each cell, in bricks of 4×4×4 cells,
+//! and each brick's distance to the next brick in which a bit is set.
 //!
 //! Cells are counted from the border of the volume grown by a voxel of air, as in [`march`](crate::render::march): cell
-//! g of an axis lies between the voxels g − 1 and g, so that n voxels have n + 1 cells. A cell's bit is set if the
-//! voxel at one of its eight corners lies above the ramp's foot. If it is not set, every trilinear value in the cell is
-//! empty.
+//! g of an axis is between the voxels g − 1 and g, so that n voxels have n + 1 cells. A cell's bit is set if the voxel
+//! at one of its eight corners is above the ramp's foot. If it is not set, every trilinear value in the cell is empty.
 //!
 //! The distance is the chessboard distance in bricks ([`chessboard`]). All bricks nearer than that are empty, so rays
 //! may leap to where they leave their cube. The bits take 1/16 of the 16-bit volume, the distances 1/128.
@@ -277,7 +276,7 @@ impl<'a> Slab<'a> {
     }
 }
 
-/// Turns the bits of voxels into those of cells along a row: cell g lies between the voxels g − 1 and g.
+/// Turns the bits of voxels into those of cells along a row: cell g is between the voxels g − 1 and g.
 fn spread(voxels: &[u64], cells: &mut [u64]) {
     for (w, to) in cells.iter_mut().enumerate() {
         let left = if w > 0 { voxels[w - 1] } else { 0 };

@@ -54,10 +54,10 @@ const NEAR: f64 = 2.0;
 /// After this many empty steps in a row, the distances of the rays' bricks are looked up; near a wall this is not
 /// worthwhile. After a leap, and where nothing was known before, they are looked up at once.
 const PATIENCE: f32 = 8.0;
-/// What rounding may add to a leap, voxels: over the longest leap that a distance allows, and for each voxel from the
-/// first one to the ray's position.
+/// Rounding errors that a leap must allow for, voxels: over the longest leap that a distance allows, and for each voxel
+/// from the first one to the ray's position.
 const ROUNDING: [f32; 2] = [2e-3, 4e-7];
-/// A camera farther from the volume than this is rendered in double precision, voxels.
+/// A camera with a larger grown voxel coordinate than this is rendered in double precision.
 const FAR: f64 = 1e4;
 /// A step that moves less than this along an axis does not move along it, voxels: a million steps add up to a
 /// thousandth.
@@ -85,7 +85,7 @@ pub struct Rays<'a> {
     pub(super) lo: f32,
     iso: f32,
     pub(super) scale: f32,
-    /// A step is h · 2^`power`, which determines how the opacity is halved.
+    /// A step is h · 2^`power`, which determines how often the opacity is halved.
     power: i32,
     sensitivity: f32,
     /// A layer is shaded, and another begins, in two cases. Its mean position's distance back, in steps, times its
@@ -101,7 +101,7 @@ pub struct Rays<'a> {
     pub(super) camera: DVec3,
     /// Length of a step, mm.
     pub(super) step_mm: f32,
-    /// What the light at the camera adds to the headlight.
+    /// Effects of the light at the camera, in addition to the headlight.
     pub(super) lighting: Option<PacketLighting>,
     /// The shader that takes the headlight's place.
     pub(super) shader: Option<&'a dyn Shader>,
@@ -141,7 +141,7 @@ fn is_near(volume: &PreparedVolume, cell: IVec3) -> bool {
     let (voxels, foot) = (volume.voxels(), volume.transfer().lo() + FOOT);
     let grid = voxels.grid();
     let reach = (NEAR * grid.min_spacing() / grid.spacing()).ceil().as_ivec3();
-    // Cell g lies between the voxels g − 1 and g.
+    // Cell g is between the voxels g − 1 and g.
     let (first, last) = (cell - 1 - reach, cell + reach);
     let range = |a: usize| first[a].max(0)..=last[a].min(grid.dims()[a] as i32 - 1);
     range(2).any(|z| {

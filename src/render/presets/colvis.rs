@@ -5,15 +5,15 @@
 //! | L and A front to back, to the end at the camera's sensitivity | [`caster`](crate::render::caster) | `[render] sensitivity` |
 //! | headlight, simplified Phong | [`headlight`](crate::render::shaders::headlight) | `[render] shade`, default |
 //! | gradient and filtered density by 4D linear regression | [`regression`](crate::render::regression) | always |
-//! | … interpolated between the eight nearest voxels: high detail | [`sampler`](crate::render::bytes::sampler) | `--quality high` |
+//! | … between the eight nearest voxels: high detail | [`sampler`](crate::render::bytes::sampler) | `--quality high` |
 //! | … the nearest voxel's: low detail | [`sampler`](crate::render::bytes::sampler) | `--quality low`, `[render] low` |
-//! | a tissue's gradient points at the camera where its surroundings are homogeneous | [`sampler`](crate::render::sampler) | always |
-//! | 7 + 1 bits a voxel, including the homogeneous-region flag | [`bytes`](crate::render::bytes) | `[render] leap = "flag"`, default |
+//! | tissue in homogeneous surroundings has a gradient towards the camera | [`sampler`](crate::render::sampler) | always |
+//! | 7 + 1 bits a voxel with a homogeneous-region flag | [`bytes`](crate::render::bytes) | `[render] leap = "flag"`, default |
 //! | the potential field to leap by | [`leap::voxels`](crate::render::leap::voxels) | `[render] leap = "voxel"` |
-//! | gradients cached at frame level | [`gradient_cache`](crate::render::gradient_cache) | `[render] gradients = "cached"`, default |
-//! | gradients and densities ahead of time | [`gradient_store`](crate::render::gradient_store) | `[render] gradients = "stored"` |
+//! | frame-level gradient cache | [`gradient_cache`](crate::render::gradient_cache) | `[render] gradients = "cached"`, default |
+//! | precomputed gradients and densities | [`gradient_store`](crate::render::gradient_store) | `[render] gradients = "stored"` |
 //! | fixed point | [`ByteTrilinear::value`](crate::render::bytes::ByteTrilinear) | where values, not densities, are classified |
-//! | frame-to-frame reuse forwards, backwards and in rotation | [`reuse::paper`](crate::render::reuse::paper) | without `--no-reuse` |
+//! | frame-to-frame reuse: forwards, backwards, rotation | [`reuse::paper`](crate::render::reuse::paper) | without `--no-reuse` |
 //! | every Nth frame from scratch | [`reuse`](crate::render::reuse) | `[render] key_frames`, 10 |
 //!
 //! `colvis report render` measures the benefit of each.

@@ -1,4 +1,4 @@
-//! What a picture proves to be empty, and what follows for the rays of the next one.
+//! Proves which parts of a picture are empty, and derives from it where the rays of the next one are empty.
 //!
 //! Each pixel of the old picture is the square pyramid of all rays through it, and stores a distance up to which that
 //! whole pyramid is empty ([`super::prove`]). Together the pyramids fill the old picture's view without gaps. A point
@@ -6,9 +6,9 @@
 //! camera than the distance stored for the old pixel there.
 //!
 //! A bound is computed for all rays of a block of new pixels at once. From some distance z on, and without end, the
-//! rays sweep a region whose projection lies in the bounding box of eight points: of its four corners at z, and of its
-//! four directions. The block is empty up to the least distance of the old pixels in this box, less the camera's
-//! motion. With z moved to that distance, the box shrinks and gives a better bound.
+//! rays sweep a region whose projection is within the bounding box of eight points: the projections of its four corners
+//! at z, and of its four directions. The block is empty up to the least distance of the old pixels in this box, less
+//! the camera's motion. With z moved to that distance, the box shrinks and gives a better bound.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -56,7 +56,7 @@ impl Refresh {
 
 /// Voxels that pictures are rendered from, with the clearance that proves their emptiness.
 pub trait VoxelStorage: Send + Sync {
-    /// Returns the clearance around a position.
+    /// The type that returns the clearance around a position.
     type Radius<'a>: EmptyRadius
     where
         Self: 'a;
@@ -121,7 +121,7 @@ impl WordStorage {
     }
 
     /// Casts rays through `volume` with `accelerations`, which must be made for it. `reuses` is true if the last
-    /// picture is to be used.
+    /// picture may be used.
     pub fn accelerated(volume: &PreparedVolume, accelerations: Accelerations, reuses: bool) -> Self {
         let knows = matches!(accelerations.leaper, Leaper::Bricks(_) | Leaper::Voxels(_));
         let bricks = (reuses && !knows).then(|| BrickWalls::new(volume));

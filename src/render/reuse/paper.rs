@@ -6,7 +6,7 @@
 //! |---|---|
 //! | jump-skip distance of a pixel in the old frame | distance of its first sample that was not empty |
 //! | neighbours corresponding to the rotation | the four old pixels around where the new ray's direction was seen |
-//! | shortening function | distance moved forward / cos(angle between ray and view); exact if the wall is a plane across the view |
+//! | shortening function | distance moved forward / cos(angle of ray to view); exact if the wall is a plane across the view |
 //! | proximity of the wall, in which an average of 4 samples are needed | [`NEAR_SAMPLES`] kept |
 //!
 //! The rule is a guess: a wall that runs along the view, or a fold that comes out from behind another, breaks it.
@@ -17,7 +17,7 @@ use crate::render::march::Ray;
 /// Number of samples before the guessed wall that are traced again.
 pub const NEAR_SAMPLES: f32 = 4.0;
 
-/// What is stored for a pixel for the paper's rule and its proof.
+/// The record of a pixel for the paper's rule and its proof.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Trace {
     /// How far the pixel's pyramid is empty, mm.

@@ -1,9 +1,9 @@
 //! Finds how far the pyramid of a pixel is empty, along its ray.
 //!
-//! At t mm from the camera every ray of a pixel is within t · spread of its central ray. If the empty surroundings
-//! ([`EmptyRadius`]) of a point on that ray are larger than this, the rest is the length of ray, before and behind the
-//! point, for which the pyramid is empty. The ray is walked from one such point to the next (sphere tracing, Hart 1996,
-//! of a cone: Amanatides 1984).
+//! At t mm from the camera every ray of a pixel is within t · spread of its central ray. If a point on the central ray
+//! has more empty surroundings ([`EmptyRadius`]) than this, the pyramid is empty along the ray before and behind the
+//! point, for a length equal to the surplus. The ray is walked from one such point to the next (sphere tracing, Hart
+//! 1996, of a cone: Amanatides 1984).
 
 use super::known::BEYOND;
 use crate::render::View;
@@ -14,7 +14,7 @@ use crate::render::prepared_volume::PreparedVolume;
 /// The least that a step must gain, voxels.
 const GAIN: f32 = 0.1;
 
-/// What a walk along a pyramid needs besides the ray.
+/// The parameters of a walk along a pyramid, besides the ray.
 #[derive(Clone, Copy, Debug)]
 pub struct Pyramid {
     /// Distance in mm that moves a position by at most one voxel along every axis.
