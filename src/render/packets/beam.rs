@@ -4,7 +4,7 @@ use glam::{BVec3A, Vec3, Vec3A};
 
 use super::occupancy::{BRICK_SHIFT, Occupancy};
 
-/// The most cells along an axis that are looked up at once; a thicker bundle advances by single steps instead.
+/// The most cells along an axis that are looked up at once. A thicker bundle does not leap: its rays take ordinary steps.
 const MOST: i32 = 8;
 /// The most bricks along an axis whose distances are looked up one by one.
 const MOST_BRICKS: i32 = 3;
