@@ -1,54 +1,57 @@
-//! What a picture may cost for the frame time to be kept: a clock's view of a budget in samples.
+//! The budget of samples with which a picture keeps the frame time, derived from a clock.
 
 use std::time::Duration;
 
-/// Time from one picture to the next: sixty a second.
+/// Time from one picture to the next, at sixty a second.
 pub const FRAME: Duration = Duration::from_micros(16_667);
-/// Pictures come at half that rate before a machine that is busy with other things makes them coarser than half their side.
+/// On a machine that is busy with other tasks, the rate drops to half before pictures become coarser than half their
+/// side.
 const SLOW_FRAME: Duration = FRAME.saturating_mul(2);
-/// Share of it that a picture is planned to take, beside its presentation: the rest is for the simulation and for what
+/// Share of the frame time planned for a picture and its presentation. The rest is for the simulation and for whatever
 /// cannot be predicted.
 const PLANNED: f64 = 0.8;
-/// A picture is given this share of the frame at the least.
+/// Least share of the frame that a picture gets.
 const LEAST: f64 = 0.25;
-/// What samples take is the third slowest of so many pictures: one or two hiccups of the machine change nothing, and what
-/// lasts is known after a twentieth of a second.
+/// The time per sample is the third slowest of this many pictures. One or two hiccups of the machine change nothing,
+/// and a lasting change is known after a twentieth of a second.
 const REMEMBERED: usize = 8;
 const RANK: usize = 2;
-/// Their median says what lasts: three hiccups do not, and a machine that has become busy is known after a twelfth of a second.
+/// The median shows what lasts: three hiccups do not, and a machine that has become busy is known after a twelfth of a
+/// second.
 const LASTING: usize = 4;
-/// Three quarters of the side are worth a picture that is planned to take so many times as long.
+/// Three quarters of the side are worth a picture that is planned to take this many times as long.
 const LATE: f64 = 1.25;
-/// What four shown pixels cost whatever is traced, in samples: they are copied.
+/// Cost of four shown pixels, in samples, however few are traced: they are copied.
 const SHOWING: u64 = 1;
-/// What a sample takes before any was measured, ns: what it takes two cores of today.
+/// Time per sample before any was measured, ns: that of two present-day cores.
 const FIRST_NS: f64 = 2.2;
 
-/// What a picture may cost, in samples ([`cost`](super::cost)).
+/// The cost that a picture may have, in samples ([`cost`](super::cost)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
     /// A picture is as fine as this allows.
     pub samples: u64,
-    /// It is no coarser than three quarters of its side while this allows that, which no hiccup changes.
+    /// A picture is no coarser than three quarters of its side while this allows that size. No hiccup changes this
+    /// number.
     pub lasting: u64,
-    /// It is no coarser than half its side while that costs no more than this.
+    /// A picture is no coarser than half its side while that size costs no more than this.
     pub at_half: u64,
 }
 
 impl Budget {
-    /// So many samples, whatever has to become coarse for that.
+    /// Creates a budget of this many samples, however coarse a picture has to become for it.
     pub const fn strict(samples: u64) -> Self {
         Self { samples, lasting: samples, at_half: samples }
     }
 }
 
-/// What samples took of late.
+/// The recent time per sample.
 #[derive(Clone, Debug)]
 struct SampleTime {
-    /// Of the last pictures, ns, the newest replacing the oldest.
+    /// Times of the last pictures, ns; the newest replaces the oldest.
     recent: [f64; REMEMBERED],
     next: usize,
-    /// The fastest that was ever usual: that of a quiet machine.
+    /// The fastest time that was ever usual: that of a quiet machine, ns.
     quiet: f64,
 }
 
@@ -59,7 +62,7 @@ impl Default for SampleTime {
 }
 
 impl SampleTime {
-    /// What a sample takes now, ns: the slowest of the last pictures but for `rank` others.
+    /// Returns the current time per sample, ns: the slowest of the last pictures except for `rank` others.
     fn slowest(&self, rank: usize) -> f64 {
         let mut sorted = self.recent;
         sorted.sort_by(|a, b| b.total_cmp(a));
@@ -73,7 +76,7 @@ impl SampleTime {
     }
 }
 
-/// Turns time into samples by what samples took.
+/// Turns time into samples, using measured times per sample.
 #[derive(Clone, Debug, Default)]
 pub struct FrameBudget {
     moving: SampleTime,
@@ -81,8 +84,10 @@ pub struct FrameBudget {
 }
 
 impl FrameBudget {
-    /// What tracing the next picture may cost, of `pixels` pixels and with a presentation that will take `present_ms`;
-    /// `rest` for one that is refined.
+    /// Returns the cost that tracing the next picture may have.
+    ///
+    /// The picture has `pixels` pixels, and its presentation will take `present_ms` milliseconds. `rest` is true for a
+    /// picture that is being refined.
     pub fn next(&self, rest: bool, present_ms: f64, pixels: usize) -> Budget {
         let time = if rest { &self.refined } else { &self.moving };
         let ms = |frame: Duration| frame.as_secs_f64() * 1e3;
@@ -96,7 +101,7 @@ impl FrameBudget {
         }
     }
 
-    /// Learns that a picture of `pixels` pixels, whose tracing cost `samples`, took `ms`.
+    /// Records that a picture of `pixels` pixels, whose tracing cost `samples`, took `ms` milliseconds.
     pub fn took(&mut self, rest: bool, samples: u64, pixels: usize, ms: f64) {
         if samples == 0 || !(ms.is_finite() && ms >= 0.0) {
             return;
@@ -106,7 +111,7 @@ impl FrameBudget {
         time.took(ms * 1e6 / samples as f64);
     }
 
-    /// Forgets what samples take: the quality of the pictures has changed.
+    /// Forgets the times per sample, because the quality of the pictures has changed.
     pub fn forget(&mut self) {
         *self = Self::default();
     }

@@ -1,25 +1,25 @@
-//! How fast a picture moves: the image flow of what is seen.
+//! Image flow: how fast a picture moves.
 
 use glam::DVec3;
 
 use crate::render::ray::first_crossing;
 use crate::render::{CameraRay, PreparedVolume, View};
 
-/// Points along each side of the picture that are followed.
+/// Number of tracked points along each side of the picture.
 const SIDE: usize = 5;
-/// Where there is no wall, what is seen is so far away, mm.
+/// Assumed distance where there is no wall, mm.
 const FAR_MM: f64 = 1e6;
 
-/// A few points of the wall that a view shows, to be found again in the next one.
+/// A few points of the wall that a view shows, to be found again in the next view.
 #[derive(Clone, Debug)]
 pub struct Probes {
     view: View,
-    /// World, mm, and where each is in the picture, pixels.
+    /// Positions in the world, mm, and in the picture, pixels.
     points: Vec<(DVec3, [f64; 2])>,
 }
 
 impl Probes {
-    /// Follows what `view` shows of `space`: one exact ray for each of 25 points that the camera shows anything at.
+    /// Tracks what `view` shows of `volume`: one exact ray for each of 25 points at which the camera shows anything.
     pub fn new(volume: &PreparedVolume, view: &View) -> Self {
         let place = |n: usize, length: usize| (n as f64 + 0.5) / SIDE as f64 * length as f64;
         let point = |n: usize| {
@@ -31,13 +31,15 @@ impl Probes {
         Self { view: view.clone(), points: (0..SIDE * SIDE).filter_map(point).collect() }
     }
 
-    /// The view that they were seen in.
+    /// Returns the view in which the points were seen.
     pub fn view(&self) -> &View {
         &self.view
     }
 
-    /// By how many pixels the picture moves from that view to the view `to`: a quarter of the points move farther. Where
-    /// they are out of sight, or the picture is of another size or camera, it is infinite: a cut.
+    /// Returns by how many pixels the picture moves from that view to the view `to`. A quarter of the points move
+    /// farther.
+    ///
+    /// The flow is infinite (a cut) if the points are out of sight, or if the picture has another size or camera.
     pub fn flow(&self, to: &View) -> f64 {
         if *to == self.view {
             return 0.0;
@@ -52,10 +54,11 @@ impl Probes {
     }
 }
 
-/// Pixels between the place `at` and the one where `view` shows `point`; infinite where it does not.
+/// Returns the distance in pixels between `at` and the position where `view` shows `point`; infinite if it does not
+/// show it.
 fn distance(view: &View, point: DVec3, at: [f64; 2]) -> f64 {
     if point == view.position() {
-        // A camera that is right at the wall sees it where it was.
+        // A camera right at the wall sees it where it was.
         return 0.0;
     }
     view.project(point).map_or(f64::INFINITY, |[x, y]| (x - at[0]).hypot(y - at[1]))
@@ -103,7 +106,7 @@ mod tests {
         let probes = Probes::new(&volume, &v);
         assert_eq!(probes.flow(&view(at, DVec3::NEG_X)), f64::INFINITY);
         assert_eq!(probes.flow(&v.resized(201, 200)), f64::INFINITY);
-        // Outside and within the wall nothing is NaN.
+        // Nothing is NaN outside and within the wall.
         for from in [DVec3::splat(-1e3), DVec3::new(60.0, 32.0, 32.0), DVec3::splat(1e8)] {
             let probes = Probes::new(&volume, &view(from, DVec3::X));
             assert!(!probes.flow(&view(from + DVec3::Y, DVec3::X)).is_nan());

@@ -1,75 +1,75 @@
-//! How many rays the next picture gets: as many as its budget allows, and as its motion lets one see.
+//! Chooses how many rays the next picture gets: as many as its budget allows and its motion lets the eye see.
 
 use super::budget::Budget;
 
 /// Sides of the traced picture relative to the shown one, as fractions, fine to coarse.
 const LEVELS: [(usize, usize); 7] = [(1, 1), (3, 4), (1, 2), (3, 8), (1, 4), (1, 6), (1, 8)];
-/// A picture that moves on by no more pixels than this is traced in full; one that moves twice as far shows half as much. No
-/// eye follows sixty times as much in a second.
+/// A picture that moves by no more pixels than this is traced in full; one that moves twice as far shows half the
+/// detail. No eye follows sixty times as much in a second.
 const SHARP: f64 = 80.0;
-/// However fast it moves, nothing coarser than this level is chosen for that alone.
+/// Motion alone never selects a level coarser than this.
 const BLURRED: usize = 4;
-/// Three quarters of the side, and half of it.
+/// Levels of three quarters of the side, and of half of it.
 const THREE_QUARTERS: usize = 1;
 const HALF: usize = 2;
-/// What a level may cost beyond the budget before it is given up for the next: three quarters of the side are worth a picture
-/// that comes a little late.
+/// How far a level may exceed the budget before the next coarser one replaces it, as a factor. Three quarters of the
+/// side are worth a picture that comes a little late.
 const SLACK: [f64; LEVELS.len()] = [1.0, 1.3, 1.0, 1.0, 1.0, 1.0, 1.0];
-/// What a pixel costs that is stretched from a coarser picture, in samples. Were it left out, a coarse picture, which is mostly
-/// stretching, would make samples look slow and stay coarse.
+/// Cost of a pixel that is stretched from a coarser picture, in samples. If it were left out, a coarse picture, which
+/// is mostly stretching, would make samples look slow and stay coarse.
 pub const STRETCHED: f64 = 0.75;
-/// A finer level must promise to stay below these shares of the budget and of the motion, so that the choice does not
-/// flicker.
+/// A finer level must be predicted to stay below these shares of the budget and of the motion, so that the choice does
+/// not flicker.
 const HEADROOM: f64 = 0.9;
 const CALMER: f64 = 0.7;
-/// It must do so for so many pictures: detail is lost at once and comes back in steps.
+/// This must hold for this many consecutive pictures: detail is lost at once and comes back in steps.
 const PATIENCE: u32 = 4;
-/// Detail that is lost again within so many pictures came back too soon: the next time it must be promised twice as long,
-/// for half of them at the most.
+/// Detail that is lost again within this many pictures came back too soon. The next time the prediction must hold for
+/// twice as many pictures, up to half of this number.
 const DOUBT: u32 = 240;
-/// Predictions are taken for so much larger than they are: for a picture much like the last, and for one that has
-/// nothing to do with it.
+/// Factors by which predictions are increased: for a picture much like the last, and for one that has nothing in common
+/// with it.
 const MARGIN: [f64; 2] = [1.08, 1.35];
-/// A picture that has moved by this share of its shorter side has little to do with the last.
+/// A picture that has moved by this share of its shorter side has little in common with the last.
 const NEW: f64 = 0.25;
-/// What the dearest picture was is forgotten by this share with each one.
+/// The cost of the most expensive picture decays by this share with each picture.
 const FORGET: f64 = 0.004;
-/// What a pixel costs before any was made, in samples.
+/// Assumed cost of a pixel before any was rendered, in samples.
 const FIRST: f64 = 2.0;
-/// Share of a full picture's cost that a coarser one costs too, however small: packets of rays span more of the scene where
-/// pixels are larger. On the CT half the side costs 0.40 of it and three quarters 0.64.
+/// Share of a full picture's cost that a coarser one has too, however small: packets of rays span more of the scene
+/// where pixels are larger. On the CT, half the side costs 0.40 of the full picture and three quarters 0.64.
 const CONSTANT: f64 = 0.15;
 
-/// What a picture cost, rays counted as samples too ([`cost`](super::cost)).
+/// The cost of a picture, with rays counted as samples too ([`cost`](super::cost)).
 #[derive(Clone, Copy, Debug)]
 struct Cost {
     /// Samples for each pixel of the shown picture.
     samples: f64,
-    /// Side of the traced picture relative to it.
+    /// Side of the traced picture relative to the shown one.
     side: f64,
 }
 
 impl Cost {
-    /// What the same would cost at another side. Where all of the cost grows with the pixels, the next finer level costs 1.2
-    /// times what is said here at the most, and is given up again.
+    /// Predicts the cost at another side. If all of the cost grows with the pixels, the next finer level costs at most
+    /// 1.2 times this prediction, and is given up again.
     fn at(self, side: f64) -> f64 {
         let cost = |side: f64| CONSTANT + (1.0 - CONSTANT) * side * side;
         self.samples * cost(side) / cost(self.side)
     }
 }
 
-/// Chooses levels from what earlier pictures cost. It knows no clock: the budget is in samples.
+/// Chooses levels from the cost of earlier pictures. It uses no clock: the budget is in samples.
 #[derive(Clone, Debug)]
 pub struct Governor {
     level: usize,
     last: Cost,
     dearest: Cost,
-    /// Pictures for which a finer level has promised to be cheap enough, and how many it takes.
+    /// Number of pictures for which a finer level was predicted to be cheap enough, and the number required.
     calm: u32,
     patience: u32,
     /// Pictures since a finer level was chosen.
     kept: u32,
-    /// What it was expected to cost, in samples.
+    /// Expected cost of that level, in samples.
     expected: f64,
 }
 
@@ -80,20 +80,22 @@ impl Default for Governor {
     }
 }
 
-/// The side of a level.
+/// Returns the side of a level.
 fn side(level: usize) -> f64 {
     let (n, d) = LEVELS[level];
     n as f64 / d as f64
 }
 
-/// What a pixel of a level costs beside being traced, in samples.
+/// Returns what a pixel of a level costs besides being traced, in samples.
 fn stretched(level: usize) -> f64 {
     if level == 0 { 0.0 } else { STRETCHED }
 }
 
 impl Governor {
-    /// Size in pixels of the next picture to be traced, to be shown in `width` × `height`, that moves by `flow` pixels
-    /// (infinite for a cut) and may cost `budget`.
+    /// Returns the size in pixels at which the next picture is traced.
+    ///
+    /// The picture is shown in `width` × `height` pixels, moves by `flow` pixels (infinite for a cut) and may cost
+    /// `budget`.
     pub fn next(&mut self, (width, height): (usize, usize), flow: f64, budget: Budget) -> (usize, usize) {
         let at_half = budget.at_half as f64;
         let allowed = |level| if level == THREE_QUARTERS { budget.lasting as f64 } else { budget.samples as f64 };
@@ -104,7 +106,7 @@ impl Governor {
             let (last, dearest) = (self.last.at(side(level)), self.dearest.at(side(level)));
             pixels * (stretched(level) + margin * (last + (dearest - last).max(0.0) * strange))
         };
-        // A cut is no motion: there is nothing that the eye would follow.
+        // A cut is not motion: there is nothing that the eye would follow.
         let flow = if flow.is_finite() { flow } else { 0.0 };
         let blurred = (0..BLURRED).find(|&l| flow * side(l) <= SHARP).unwrap_or(BLURRED);
         let mut level = self.level.max(blurred);
@@ -114,7 +116,8 @@ impl Governor {
         {
             level += 1;
         }
-        // Not by a turn, nor because the machine has become slower, but because the picture cost more than was expected.
+        // Not because of a turn, nor because the machine has become slower, but because the picture cost more than
+        // expected.
         let own = pixels * (stretched(self.level) + self.last.samples);
         let too_dear = level > self.level && own > allowed(self.level) * SLACK[self.level] && own > self.expected;
         self.kept = self.kept.saturating_add(1);
@@ -138,7 +141,7 @@ impl Governor {
         (scaled(width), scaled(height))
     }
 
-    /// Learns what the picture took, shown in so many pixels.
+    /// Records the cost of the picture, shown in `pixels` pixels.
     pub fn took(&mut self, samples: u64, pixels: usize) {
         if pixels == 0 {
             return;
@@ -158,7 +161,7 @@ mod tests {
     const SHOWN: (usize, usize) = (1024, 768);
     const PIXELS: usize = 1024 * 768;
 
-    /// Follows pictures that take `density` samples a traced pixel.
+    /// Simulates pictures that take `density` samples a traced pixel.
     fn fly(g: &mut Governor, pictures: usize, flow: f64, density: f64, budget: u64) -> Vec<(usize, usize)> {
         let mut sizes = Vec::new();
         for _ in 0..pictures {
@@ -218,7 +221,8 @@ mod tests {
     #[test]
     fn hiccups_leave_three_quarters_of_the_side() {
         let mut g = Governor::default();
-        // In every tenth to twelfth picture samples seem to take twice as long: of 768 × 576 pixels it would be too dear.
+        // In three of every ten pictures samples seem to take twice as long: a picture of 768 × 576 pixels would be too
+        // expensive.
         for n in 0..300 {
             let samples = if n % 10 < 3 { 3_000_000 } else { 6_000_000 };
             let (w, h) = g.next(SHOWN, 2.0, Budget { samples, lasting: 6_000_000, at_half: 12_000_000 });
@@ -232,7 +236,7 @@ mod tests {
         let mut g = Governor::default();
         let mut sizes = Vec::new();
         for n in 0..300 {
-            // Near where both the motion and the cost of a finer level begin to allow it.
+            // Close to where both the motion and the cost of a finer level begin to allow it.
             let noise = if n % 2 == 0 { 0.93 } else { 1.07 };
             let (w, h) = g.next(SHOWN, SHARP * noise, Budget::strict(8_000_000));
             g.took((14.0 * noise * (w * h) as f64) as u64, PIXELS);
@@ -245,7 +249,7 @@ mod tests {
     #[test]
     fn what_proved_too_dear_is_not_tried_again_soon() {
         let mut g = Governor::default();
-        // Its last level costs three times as much as the one before, which is more than is foreseen.
+        // The finest level costs three times as much as the one before, which is more than predicted.
         let mut sizes = Vec::new();
         for _ in 0..1200 {
             let size = g.next(SHOWN, 2.0, Budget::strict(5_000_000));
@@ -254,7 +258,7 @@ mod tests {
         }
         let tried = sizes.iter().filter(|&&s| s == SHOWN).count();
         assert!((2..20).contains(&tried), "{tried} times");
-        // And when it can be afforded it comes.
+        // It comes once it can be afforded.
         assert_eq!(fly(&mut g, 130, 2.0, 4.0, 5_000_000).last(), Some(&SHOWN));
     }
 

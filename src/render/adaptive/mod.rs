@@ -1,14 +1,15 @@
 //! Detail that follows the need (the paper's plan of detail relative to speed).
 //!
-//! **In motion** a picture is traced at a part of its resolution and stretched: as finely as its budget of samples and its
-//! image flow allow (`level`, `flow`). What an earlier picture took predicts what the next will take.
+//! **In motion** a picture is traced at part of its resolution and stretched, as finely as its budget of samples and
+//! its image flow allow (`level`, `flow`). The cost of earlier pictures predicts that of the next.
 //!
-//! **At rest** it is made sharp first, and then refined to the reference with 16 samples a pixel, a part with every picture
-//! that is asked for, within the same budget (`still`). When that is done, no ray is cast any more. Where three samples are
-//! alike there are no others, and packets of rays take steps of half a voxel for the reference's eighth: 50 dB of it and more.
+//! **At rest** the picture first becomes sharp and is then refined to the reference with 16 samples a pixel. Every
+//! requested picture adds a part, within the same budget (`still`). Once this is done, no more rays are cast. Pixels
+//! whose first three samples are alike get no others, and packets of rays take steps of half a voxel instead of the
+//! reference's eighth. The result has a PSNR of 50 dB or more against the reference.
 //!
-//! There is no clock here: a budget is a number of samples. Who has a clock turns it into samples by what samples have
-//! taken; who has none gets the same pictures every time.
+//! This module uses no clock: a budget is a number of samples. A caller with a clock converts time into samples from
+//! measured times per sample. A caller without one gets the same pictures every time.
 
 mod budget;
 mod flow;
@@ -28,46 +29,47 @@ use still::{Means, Still};
 pub use budget::{Budget, FRAME, FrameBudget};
 pub use still::SAMPLES;
 
-/// What a picture may cost where nobody says otherwise, in samples: what two cores of today take in a sixtieth of a second.
+/// Default budget of a picture, in samples: what two present-day cores take in a sixtieth of a second.
 pub const BUDGET: Budget = Budget::strict(5_000_000);
-/// A ray costs as much as so many samples, beside its own: to be set up, shaded and shown.
+/// Cost of a ray in samples, besides those it takes: to be set up, shaded and shown.
 const RAY: u64 = 8;
-/// A picture that would move by no more pixels than this since it was begun is at rest.
+/// A picture that has moved by no more pixels than this since it was begun is at rest.
 const REST: f64 = 0.5;
 
-/// What a picture cost, in samples.
+/// Returns the cost of a picture, in samples.
 pub fn cost(work: &Work) -> u64 {
     work.samples.saturating_add(work.rays.saturating_mul(RAY))
 }
 
-/// What a picture of `shown` pixels cost, in samples, stretching included: of the detail that its renderer tells.
+/// Returns the cost of a picture of `shown` pixels, in samples, including stretching. `detail` is what its renderer
+/// reports.
 pub fn cost_shown(work: &Work, detail: Option<Detail>, shown: (usize, usize)) -> u64 {
     let stretched = detail.is_some_and(|d| d.size != shown);
     let pixels = (shown.0 * shown.1) as f64;
     cost(work).saturating_add(if stretched { (pixels * level::STRETCHED) as u64 } else { 0 })
 }
 
-/// Follows the need with two renderers of the same space.
+/// Adapts the detail with two renderers of the same volume.
 pub struct Adaptive {
     volume: PreparedVolume,
     moving: Box<dyn Renderer>,
-    /// Makes samples of the reference; none at a quality that does not ask for it.
+    /// Renders samples of the reference; `None` for a quality that does not ask for it.
     fine: Option<Box<dyn Renderer>>,
     budget: Budget,
     governor: Governor,
-    /// Of the last view that was another.
+    /// Probes of the last view that differed.
     probes: Option<Probes>,
     small: Frame,
     enlarger: Enlarger,
     still: Still,
     resting: bool,
-    /// The last picture of a moving camera: a camera that stops begins with it.
+    /// The last picture of a moving camera. A camera that stops starts from it.
     last: Frame,
     traced: (usize, usize),
 }
 
 impl Adaptive {
-    /// Follows the need by `moving`, and at rest by `fine`, which makes one sample a pixel.
+    /// Creates a renderer that uses `moving` in motion, and at rest `fine`, which takes one sample a pixel.
     pub fn new(volume: &PreparedVolume, moving: Box<dyn Renderer>, fine: Option<Box<dyn Renderer>>) -> Self {
         Self {
             volume: volume.clone(),
@@ -85,7 +87,8 @@ impl Adaptive {
         }
     }
 
-    /// The settings of [`Adaptive`]'s finest samples, for pictures by `settings`; none where those do not go so far.
+    /// Returns the settings of [`Adaptive`]'s finest samples for pictures with `settings`; `None` if those are not
+    /// refined.
     pub fn fine(settings: Settings) -> Option<Settings> {
         let Settings { sensitivity, step_power, .. } = Settings::new(Quality::Reference);
         let fine = Settings {
@@ -105,7 +108,7 @@ impl Adaptive {
         let (width, height) = self.governor.next(size, flow, self.budget);
         self.traced = (width, height);
         let work = if self.traced == size {
-            // Not into `frame`: its depth is seen to by the caller.
+            // Not into `frame`: the caller handles its depth.
             self.moving.render(view, &mut self.last)
         } else {
             let work = self.moving.render(&view.resized(width, height), &mut self.small);
@@ -137,7 +140,7 @@ impl Adaptive {
 
 impl Renderer for Adaptive {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
-        // A camera at rest may tremble: its picture stays that of the view that it came to rest at.
+        // A camera at rest may tremble: its picture remains that of the view in which it came to rest.
         let rest = self.probes.as_ref().map(|p| (p.flow(view), p.view().clone()));
         let work = match rest {
             Some((flow, of)) if flow <= REST => self.at_rest(&of, frame),
@@ -153,7 +156,7 @@ impl Renderer for Adaptive {
     fn parts(&self) -> Vec<(MemoryPart, usize)> {
         let pixels = |f: &Frame| f.pixels().len() * 3;
         let mut parts = self.moving.parts();
-        // What both share is told once.
+        // Memory that both share is counted once.
         let own = self.fine.as_ref().map_or(0, |fine| fine.own_bytes());
         if own > 0 {
             parts.push((MemoryPart::RefinementRays, own));

@@ -10,82 +10,84 @@ use crate::render::{Frame, View, Work};
 
 /// Samples a pixel of the finished picture.
 pub const SAMPLES: u32 = 16;
-/// Rows of the strips that a pass is made in are a multiple of this, and of a block's.
+/// Strips of a pass have a multiple of this many rows, which is also a multiple of a block's.
 const ROWS: usize = 4 * BLOCK;
-/// Passes that take a sample of every pixel. The others go on where these have differed: samples that are alike have no more
-/// to tell.
+/// Number of passes that sample every pixel. The later ones continue where these have differed: samples that are alike
+/// add nothing.
 const EVERYWHERE: u32 = 3;
-/// A sample that differs from those before it by no more grey levels is alike.
+/// A sample that differs from the earlier ones by no more grey levels than this counts as alike.
 const RESTLESS: u8 = 2;
-/// What a pixel of a sharp pass, of a fine one, and of one for some squares alone costs before any was made, in samples.
+/// Assumed cost of a pixel before any was rendered, in samples: for a sharp pass, a fine pass, and a pass over selected
+/// squares.
 const FIRST: [f64; 3] = [12.0, 24.0, 12.0];
-/// Predictions are taken for so much larger than they are.
+/// Factor by which predictions are increased.
 const MARGIN: f64 = 1.15;
 
 /// A picture that is being refined, pass by pass and strip by strip.
 #[derive(Default)]
 pub struct Still {
-    /// What is to be shown.
+    /// The picture to be shown.
     shown: Frame,
     /// Sum of each pixel's samples.
     sums: Vec<[u16; 3]>,
-    /// For each square, by how many grey levels a sample differed from those before it.
+    /// For each square, by how many grey levels a sample differed from the earlier ones.
     unrest: Vec<u8>,
-    /// The squares of a strip that another sample is worth its cost in.
+    /// The squares of a strip in which another sample is worth its cost.
     wanted: Vec<bool>,
     strip: Frame,
-    /// The pass under way: 0 makes the picture sharp, the others take a sample a pixel each.
+    /// The current pass: 0 makes the picture sharp, each other pass takes one sample a pixel.
     pass: u32,
-    /// The first row that it has not come to.
+    /// The first row that it has not reached.
     row: usize,
-    /// What a pixel of the last strips of each kind of pass cost, in samples.
+    /// Cost of a pixel in the last strips of each kind of pass, in samples.
     cost: Option<[f64; 3]>,
 }
 
-/// What a picture is refined with.
+/// The renderers that refine a picture.
 pub struct Means<'a> {
-    /// Makes the picture that was sought all along.
+    /// Renders the sharp picture.
     pub sharp: &'a mut (dyn Renderer + 'static),
-    /// Makes one of its samples; none if it is as good as it gets when it is sharp.
+    /// Renders one of the reference's samples; `None` if the picture is finished when it is sharp.
     pub fine: Option<&'a mut (dyn Renderer + 'static)>,
 }
 
 impl Means<'_> {
-    /// So many passes refine a picture that is sharp.
+    /// Returns the number of passes that refine a sharp picture.
     fn passes(&self) -> u32 {
         if self.fine.is_some() { SAMPLES } else { 0 }
     }
 }
 
 impl Still {
-    /// Begins with `picture`; whether all of its pixels were traced.
+    /// Starts with `picture`. `sharp` is true if all of its pixels were traced.
     pub fn begin(&mut self, picture: &Frame, sharp: bool) {
         self.shown.show(picture);
         (self.pass, self.row) = (u32::from(sharp), 0);
     }
 
-    /// The picture as it is.
+    /// Returns the current picture.
     pub fn shown(&self) -> &Frame {
         &self.shown
     }
 
-    /// Samples of the reference that pixels have.
+    /// Returns the number of reference samples that each pixel has.
     pub fn samples(&self) -> u32 {
         self.pass.saturating_sub(1)
     }
 
-    /// Whether every pixel was traced.
+    /// True if every pixel was traced.
     pub fn is_sharp(&self) -> bool {
         self.pass > 0
     }
 
-    /// Whether the picture is as good as it gets, by `passes` that each take a sample a pixel.
+    /// True if the picture is finished after `passes` that each take one sample a pixel.
     pub fn is_done(&self, passes: u32) -> bool {
         self.pass > passes
     }
 
-    /// Goes on with the picture of `view` for `budget` samples, or for one strip if that takes more. A sharp picture that
-    /// is stretched is one strip: its rays are few.
+    /// Continues the picture of `view` with `budget` samples, or with one strip if that takes more.
+    ///
+    /// A sharp picture from a stretching renderer is one strip, since its rays are few.
     pub fn go_on(&mut self, view: &View, mut means: Means<'_>, budget: u64) -> Work {
         let mut all = Work::default();
         let mut expected = self.cost.unwrap_or(FIRST);
@@ -113,7 +115,7 @@ impl Still {
                 Some(fine) if kind == 1 => fine.render(&part, &mut self.strip),
                 _ => means.sharp.render(&part, &mut self.strip),
             };
-            // Strips differ: the dearer of two tells more of the next.
+            // Strips differ: the more expensive of two is the better prediction for the next.
             let now = cost(&work) as f64 / (part.width() * part.height()) as f64;
             expected[kind] = now.max(0.75 * expected[kind]);
             self.take(kind, view);
@@ -127,7 +129,7 @@ impl Still {
         all
     }
 
-    /// Marks the squares of a strip that get a sample: all of them at first, then those whose samples differ.
+    /// Marks the squares of a strip that get a sample: at first all of them, then those whose samples differ.
     fn choose(&mut self, part: &View, kind: usize) {
         let (across, down) = (part.width().div_ceil(SQUARE), part.height().div_ceil(SQUARE));
         let first = self.row / SQUARE * across;
@@ -144,7 +146,7 @@ impl Still {
         self.wanted.extend(self.unrest[first..first + across * down].iter().map(|&u| kind < 2 || u > RESTLESS));
     }
 
-    /// Puts a finished strip into the picture.
+    /// Copies a finished strip into the picture.
     fn take(&mut self, kind: usize, view: &View) {
         let (width, pixels) = (view.width(), self.strip.pixels());
         let first = self.row * width;
@@ -182,7 +184,7 @@ impl Still {
         });
     }
 
-    /// Memory taken, bytes.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         let pixels = |f: &Frame| f.pixels().len() * 3;
         pixels(&self.shown)
@@ -193,7 +195,8 @@ impl Still {
     }
 }
 
-/// Whether the camera shows something in a part of a square and nothing in another: few samples do not tell how much.
+/// True if the camera shows something in one part of a square and nothing in another. A few samples cannot show how
+/// much.
 fn is_at_border(view: &View, x: usize, y: usize) -> bool {
     if view.pixel().is_some() {
         return false;
@@ -202,9 +205,11 @@ fn is_at_border(view: &View, x: usize, y: usize) -> bool {
     (1..4).any(|n| shown(n) != shown(0))
 }
 
-/// Where the rays of sample `n` pass through their pixels, from the pixels' centres, pixels to the right and downwards:
-/// the points of the reference, in an order whose mean stays near the centre, so that a picture does not drift while it is
-/// refined.
+/// Returns where the rays of sample `n` pass through their pixels, from the pixels' centres, pixels to the right and
+/// downwards.
+///
+/// These are the points of the reference, in an order whose mean stays near the centre, so that a picture does not
+/// drift while it is refined.
 fn place(n: u32) -> [f64; 2] {
     let mut left: Vec<[f64; 2]> = (0..SAMPLES)
         .map(|n| {
@@ -221,7 +226,7 @@ fn place(n: u32) -> [f64; 2] {
     left[nearest(&left, sum)]
 }
 
-/// The point that brings the sum of all nearest to the centre.
+/// Returns the index of the point that brings the sum of all nearest to the centre.
 fn nearest(points: &[[f64; 2]], sum: [f64; 2]) -> usize {
     let far = |p: &[f64; 2]| (sum[0] + p[0]).hypot(sum[1] + p[1]);
     let of_two = |a: usize, b: usize| if far(&points[b]) < far(&points[a]) { b } else { a };

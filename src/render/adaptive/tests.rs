@@ -9,7 +9,7 @@ use crate::render::{Direct, Preset, Reuse, TransferFunction, presets, psnr, rend
 
 const SIDE: usize = 96;
 
-/// A small colon, and the poses of its centerline.
+/// A small colon, and the points of its centerline.
 fn colon() -> (PreparedVolume, Vec<DVec3>) {
     let phantom = Phantom::new(&phantom::PhantomSettings { size: phantom::Size::Small, ..Default::default() });
     let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
@@ -25,7 +25,7 @@ fn view(at: DVec3, forward: DVec3) -> View {
     View::new(at, forward, DVec3::Z, 90.0, SIDE, SIDE).unwrap()
 }
 
-/// A flight along the line with a sudden turn now and then.
+/// A flight along the centerline with an occasional sudden turn.
 fn flight(line: &[DVec3], pictures: usize) -> Vec<View> {
     let mut turned = 0.0f64;
     (0..pictures)
@@ -67,7 +67,7 @@ fn the_same_on_one_thread_and_on_two() {
             let mut frame = Frame::new(SIDE, SIDE);
             let mut all = Vec::new();
             for v in flight(&line, 30) {
-                // It rests for a moment at each place.
+                // The camera rests for a moment at each position.
                 for _ in 0..3 {
                     all.push((r.render(&v, &mut frame), frame.pixels().to_vec(), r.detail()));
                 }

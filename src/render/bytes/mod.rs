@@ -1,12 +1,13 @@
-//! The paper's volume of eight bits a voxel (section 2.2): seven for the value, and one that says whether the voxel's
-//! surroundings are homogeneous.
+//! The paper's volume of eight bits a voxel (section 2.2): seven bits for the value, and one that marks homogeneous
+//! surroundings.
 //!
 //! The 128 codes cover the values that matter: `lo` of the wall's ramp is code 32 and `hi` is code 74, so a code stands
-//! for (hi − lo)/42 HU, 7.1 HU by default, from −1028 to −122 HU; what lies beyond is the nearest code. Within, a value
-//! is off by half of that at the most ([`ByteVolume::error_hu`]). No empty voxel gets a code that is not empty.
+//! for (hi − lo)/42 HU, 7.1 HU by default, from −1028 to −122 HU. Values outside this range get the nearest code.
+//! Within it, the error of a value is at most half a code ([`ByteVolume::error_hu`]). No empty voxel gets a code that
+//! is not empty.
 //!
-//! The flag lies in the voxel's own byte, as in the paper, and not in the [`flags`](super::flags) of the 16-bit volume: one
-//! look tells value and flag, which is what this preset is there to measure.
+//! The flag is stored in the voxel's own byte, as in the paper, and not in the [`flags`](super::flags) of the 16-bit
+//! volume. One read returns value and flag, which is what this preset is meant to measure.
 
 pub mod sampler;
 pub mod skip;
@@ -30,11 +31,11 @@ use super::{Frame, View, Work};
 pub use sampler::{ByteNearest, ByteTrilinear};
 pub use skip::{ByteLeap, ByteSurroundings};
 
-/// The greatest code that is empty: that of the ramp's `lo`.
+/// The greatest empty code: that of the ramp's `lo`.
 pub const EMPTY: u8 = 32;
-/// The least code that is opaque: that of the ramp's `hi`.
+/// The least opaque code: that of the ramp's `hi`.
 pub const OPAQUE: u8 = 74;
-/// The bit that says that a voxel's surroundings are homogeneous.
+/// The bit that marks a voxel's surroundings as homogeneous.
 const FLAG: u8 = 0x80;
 /// The bits of the value.
 const CODE: u8 = 0x7F;
@@ -45,33 +46,36 @@ const SLAB: usize = 16;
 pub struct ByteVolume {
     grid: Grid,
     wall: TransferFunction,
-    /// The flag is set where all voxels up to so many away are of one class, empty or opaque.
+    /// The flag is set if all voxels up to this many voxels away are of one class, empty or opaque.
     reach: usize,
     data: Vec<u8>,
     air: u8,
 }
 
-/// HU for each code.
+/// Returns the HU of one code step.
 fn unit(wall: TransferFunction) -> f32 {
     (wall.hi() - wall.lo()) / f32::from(OPAQUE - EMPTY)
 }
 
-/// The code of a value.
+/// Returns the code of a value.
 #[inline(always)]
 fn code(hu: i16, wall: TransferFunction, per_hu: f32) -> u8 {
-    // A cast to an integer stops at its bounds.
+    // A cast to an integer saturates.
     (((f32::from(hu) - wall.lo()) * per_hu + (f32::from(EMPTY) + 0.5)) as u8).min(CODE)
 }
 
-/// 1 for an empty code, 2 for an opaque one, 0 between: equal where two of them and-ed are not 0.
+/// Returns 1 for an empty code, 2 for an opaque one, 0 in between. Codes are of one class if the bitwise and of their
+/// classes is not 0.
 #[inline(always)]
 fn class(code: u8) -> u8 {
     u8::from(code <= EMPTY) | u8::from(code >= OPAQUE) << 1
 }
 
 impl ByteVolume {
-    /// The codes and flags of `space`, in parallel. Flags look at voxels up to `reach` away: what a sample is made of
-    /// decides how many must be homogeneous for it to be skipped (1 for values, 2 for regressions).
+    /// Computes the codes and flags of `volume`, in parallel.
+    ///
+    /// Flags cover voxels up to `reach` away. How many must be homogeneous for a sample to be skipped depends on what
+    /// the sample is made of: 1 for values, 2 for regressions.
     pub fn new(volume: &PreparedVolume, reach: usize) -> Self {
         let (volume, wall) = (volume.voxels(), volume.transfer());
         let per_hu = 1.0 / unit(wall);
@@ -114,7 +118,7 @@ impl ByteVolume {
         }
     }
 
-    /// The byte of a voxel counted from voxel −1; air outside.
+    /// Returns the byte of a voxel counted from voxel −1; air outside.
     #[inline(always)]
     fn get(&self, [i, j, k]: [i32; 3]) -> u8 {
         let [nx, ny, nz] = self.grid.dims();
@@ -122,19 +126,20 @@ impl ByteVolume {
         if i < nx && j < ny && k < nz { self.data[i + nx * (j + ny * k)] } else { self.air }
     }
 
-    /// By how much a value between −1028 and −122 HU (by default) is off at the most, HU.
+    /// Returns the largest error of a value between −1028 and −122 HU (by default), HU.
     pub fn error_hu(&self) -> f32 {
         0.5 * unit(self.wall)
     }
 
-    /// Memory.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         self.data.len()
     }
 }
 
-/// Ands the classes of each voxel's neighbours up to `reach` away within its slice; `air` is the class outside. The
-/// flags of the slice may be set already.
+/// Ands the classes of each voxel's neighbours up to `reach` away within its slice.
+///
+/// `air` is the class outside. The flags of the slice may already be set.
 fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [u8], out: &mut [u8]) {
     let ny = slice.len() / nx;
     let mut classes = vec![air; nx + 2 * reach];
@@ -153,7 +158,7 @@ fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [
     }
 }
 
-/// Pictures through the volume of 7 + 1 bits. The 16-bit voxels are only asked for a picture's depth.
+/// Renders pictures from the volume of 7 + 1 bits. The 16-bit voxels are used only for a picture's depth.
 pub struct ByteStorage {
     volume: PreparedVolume,
     bytes: ByteVolume,
@@ -161,8 +166,10 @@ pub struct ByteStorage {
 }
 
 impl ByteStorage {
-    /// Looks at `bytes`, which were made from `space`, leaping and fitting as told. The distances that some ways to leap need
-    /// are those of the 16-bit voxels: what is empty in those is so here.
+    /// Renders from `bytes`, which must be made from `volume`, with the given leaping and gradients.
+    ///
+    /// Some leaping methods need distances. These are computed from the 16-bit voxels: whatever is empty there is also
+    /// empty here.
     pub fn new(volume: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
         let accelerations = Accelerations::new(volume, &ByteTrilinear::new(volume, &bytes), leap, gradients);
         Self { volume: volume.clone(), bytes, accelerations }

@@ -1,4 +1,4 @@
-//! Sampling the volume of 7 + 1 bits: the nearest voxel, or between eight of them in fixed point.
+//! Samples the volume of 7 + 1 bits: the nearest voxel, or interpolation between eight voxels in fixed point.
 
 use glam::{Vec3, Vec4};
 
@@ -8,7 +8,7 @@ use crate::render::sampler::{Sampler, VoxelSampler, nearest, regression, split};
 
 use super::{ByteVolume, CODE, EMPTY, FLAG, OPAQUE, unit};
 
-/// Codes to HU: `value = scale · code + offset`.
+/// Turns codes into HU: `value = scale · code + offset`.
 #[derive(Clone, Copy)]
 struct Decode {
     scale: f32,
@@ -34,7 +34,7 @@ pub struct ByteTrilinear<'a> {
     regression: Regression,
 }
 
-/// Low detail: everything is that of the nearest voxel.
+/// Low detail: everything is taken from the nearest voxel.
 pub struct ByteNearest<'a> {
     bytes: &'a ByteVolume,
     decode: Decode,
@@ -42,12 +42,12 @@ pub struct ByteNearest<'a> {
 }
 
 impl<'a> ByteTrilinear<'a> {
-    /// A sampler of `bytes`, which were made from `space`.
+    /// Creates a sampler of `bytes`, which must be made from `volume`.
     pub fn new(volume: &PreparedVolume, bytes: &'a ByteVolume) -> Self {
         Self { bytes, decode: Decode::new(bytes), lo: bytes.wall.lo(), regression: regression(volume) }
     }
 
-    /// The value in floating point, to compare with.
+    /// Returns the value computed in floating point, for comparison, HU.
     pub fn value_in_floats(&self, q: Vec3) -> f32 {
         let (cell, t) = split(q);
         let c = corners(self.bytes, cell).map(f32::from);
@@ -61,13 +61,13 @@ impl<'a> ByteTrilinear<'a> {
 }
 
 impl<'a> ByteNearest<'a> {
-    /// A sampler of `bytes`, which were made from `space`.
+    /// Creates a sampler of `bytes`, which must be made from `volume`.
     pub fn new(volume: &PreparedVolume, bytes: &'a ByteVolume) -> Self {
         Self { bytes, decode: Decode::new(bytes), regression: regression(volume) }
     }
 }
 
-/// The codes at the corners of a cell counted from cell −1: x fastest, then y, then z.
+/// Returns the codes at the corners of a cell counted from cell −1: x fastest, then y, then z.
 #[inline(always)]
 fn corners(bytes: &ByteVolume, cell: [i32; 3]) -> [u8; 8] {
     let dims = bytes.grid.dims();
@@ -89,7 +89,7 @@ fn corners(bytes: &ByteVolume, cell: [i32; 3]) -> [u8; 8] {
     all.map(|v| v & CODE)
 }
 
-/// The codes of 4×4×4 voxels from `first` on, counted from voxel 0.
+/// Returns the codes of 4×4×4 voxels from `first` on, counted from voxel 0.
 #[inline(always)]
 fn block(bytes: &ByteVolume, first: [i32; 3]) -> Block {
     let dims = bytes.grid.dims();
@@ -116,13 +116,13 @@ fn block(bytes: &ByteVolume, first: [i32; 3]) -> Block {
     }
 }
 
-/// Whether the voxel nearest to `q` is flagged as homogeneous, and opaque.
+/// True if the voxel nearest to `q` is opaque and flagged as homogeneous.
 #[inline(always)]
 fn is_within_tissue(bytes: &ByteVolume, q: Vec3) -> bool {
     bytes.get(nearest(q)) >= FLAG | OPAQUE
 }
 
-/// Places within a cell have eight bits in fixed point: with seven bits of value the sum of three products fits 31 bits.
+/// Fixed-point bits of a position within a cell. With seven bits of value the sum of three products fits 31 bits.
 const PLACE_BITS: i32 = 8;
 
 impl Sampler for ByteTrilinear<'_> {
@@ -134,12 +134,12 @@ impl Sampler for ByteTrilinear<'_> {
         let mix = |a: i32, b: i32, t: i32| (a << PLACE_BITS) + (b - a) * t;
         let near = mix(mix(c[0], c[1], x), mix(c[2], c[3], x), y);
         let far = mix(mix(c[4], c[5], x), mix(c[6], c[7], x), y);
-        // Counted from the ramp's foot, so that what is empty stays so exactly.
+        // Counted from the ramp's foot, so that empty values stay exactly empty.
         let above = mix(near, far, z) - (i32::from(EMPTY) << (3 * PLACE_BITS));
         above as f32 * (self.decode.scale / (1 << (3 * PLACE_BITS)) as f32) + self.lo
     }
 
-    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    // A separate function: inside the loop of a ray, the optimiser gives up on it.
     #[inline(never)]
     fn fit(&self, q: Vec3) -> Fit {
         let (cell, t) = split(q);
@@ -171,7 +171,7 @@ impl Sampler for ByteNearest<'_> {
         f32::from(self.bytes.get(nearest(q)) & CODE) * self.decode.scale + self.decode.offset
     }
 
-    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    // A separate function: inside the loop of a ray, the optimiser gives up on it.
     #[inline(never)]
     fn fit(&self, q: Vec3) -> Fit {
         self.decode.fit(self.regression.fit(&block(self.bytes, nearest(q).map(|c| c - 2)), Vec3::ZERO))

@@ -1,5 +1,5 @@
-//! Leaping by the flag of the 7 + 1-bit volume: "a very fast check of the homogenous region flag quickly reveals that we
-//! are sampling in an empty region, and the ray may be incremented" (the paper's section 2.2).
+//! Leaping by the flag of the 7 + 1-bit volume: "a very fast check of the homogenous region flag quickly reveals that
+//! we are sampling in an empty region, and the ray may be incremented" (the paper's section 2.2).
 
 use glam::Vec3;
 
@@ -11,7 +11,7 @@ use crate::render::skip::Skipper;
 use super::{ByteVolume, EMPTY, FLAG};
 
 impl ByteVolume {
-    /// Whether the nearest voxel to `q` and all up to the flags' reach from it are empty: one byte tells.
+    /// True if the voxel nearest to `q`, and all within the flags' reach of it, are empty. Reads one byte.
     #[inline(always)]
     fn is_empty(&self, q: Vec3) -> bool {
         (FLAG..=FLAG | EMPTY).contains(&self.get(nearest(q)))
@@ -37,7 +37,8 @@ impl Skipper for ByteLeap<'_> {
 
     #[inline(always)]
     fn next(&self, (): &mut (), ray: &Ray, mut n: u32) -> u32 {
-        // The place is within half a voxel of the flagged one, and so are the samples less than half a voxel on.
+        // The position is within half a voxel of the flagged voxel, and so are samples less than half a voxel further
+        // on.
         while n < ray.count && self.bytes.is_empty(ray.at(n)) {
             n += ray.near;
         }
@@ -45,9 +46,9 @@ impl Skipper for ByteLeap<'_> {
     }
 }
 
-/// The clearance that the flags tell.
+/// The clearance known from the flags.
 pub struct ByteSurroundings<'a> {
-    /// The flags.
+    /// The volume with its flags.
     pub bytes: &'a ByteVolume,
 }
 

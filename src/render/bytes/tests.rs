@@ -85,10 +85,10 @@ fn values_are_off_by_half_a_code() {
         let q = Vec3::new(1.0 + 28.9 * u(0), 1.0 + 18.9 * u(1), 1.0 + 8.9 * u(2));
         let floats = fixed.value_in_floats(q);
         assert!((floats - exact.value(q)).abs() <= bytes.error_hu() + 0.01, "{q}");
-        // A place is rounded to 1/256 of a cell along each axis, over which the value changes by up to 906 HU.
+        // A position is rounded to 1/256 of a cell along each axis, over which the value changes by up to 906 HU.
         assert!((fixed.value(q) - floats).abs() <= 3.0 * 907.0 / 512.0 + 0.01, "{q}");
     }
-    // No empty value becomes visible, and nothing beyond the codes is lost from its class.
+    // No empty value becomes visible, and no value beyond the codes leaves its class.
     for hu in i16::MIN..=i16::MAX {
         let c = code(hu, wall, 1.0 / unit(wall));
         assert!(f32::from(hu) > wall.lo() || c <= EMPTY);

@@ -1,8 +1,8 @@
-//! Cameras: where they stand, and the ray through each pixel of their image.
+//! Cameras: their poses, and the ray through each pixel of their image.
 //!
-//! A [`Camera`] knows its own frame alone; a [`View`] is a camera that stands somewhere and has pixels. Every renderer gets
-//! its rays through these two, so that a camera model of this crate is one file here and a line in [`BUILT_IN`], and one
-//! from outside is given to [`View::with_camera`].
+//! A [`Camera`] knows only its own frame. A [`View`] is a camera with a pose and pixels. Every renderer gets its rays
+//! through these two. A camera model of this crate is therefore one file here and a line in [`BUILT_IN`]; one from
+//! outside is passed to [`View::with_camera`].
 
 pub mod model;
 pub mod perspective;
@@ -16,7 +16,7 @@ pub use view::View;
 pub const BUILT_IN: [CameraModel; 1] = [perspective::MODEL];
 
 impl CameraModel {
-    /// The model of this crate that has that name.
+    /// Returns the model of this crate with that name.
     pub fn named(name: &str) -> Option<Self> {
         BUILT_IN.into_iter().find(|m| m.name == name)
     }

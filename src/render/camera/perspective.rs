@@ -19,20 +19,20 @@ pub const MODEL: CameraModel = CameraModel {
     },
 };
 
-/// Places nearer than this to the plane through the camera, as a share of their distance, are not seen.
+/// Positions nearer than this to the plane through the camera, as a share of their distance, are not visible.
 const GRAZING: f64 = 1e-3;
 
-/// The pinhole camera of a view angle.
+/// A pinhole camera with a view angle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Perspective {
     tangent: f64,
 }
 
 impl Perspective {
-    /// Of the view angle `fov_degrees` over the shorter side of the image, from edge to edge.
+    /// Creates a camera with the view angle `fov_degrees` over the shorter side of the image, from edge to edge.
     ///
     /// # Errors
-    /// Wrong usage when the angle is not between 0 and 180°.
+    /// Returns status 2 if the angle is not between 0 and 180°.
     pub fn new(fov_degrees: f64) -> Result<Self> {
         if !(fov_degrees > 0.0 && fov_degrees < 180.0) {
             let why = format!("{fov_degrees}° is not between 0 and 180");

@@ -1,4 +1,5 @@
-//! Cameras that no renderer knows: they show what they should by every preset and quality, with the exact depth.
+//! Tests cameras that no renderer knows: they must show what they should with every preset and quality, with the exact
+//! depth.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
@@ -15,11 +16,12 @@ use crate::render::{
     first_crossing, presets, psnr, renderer,
 };
 
-/// An equidistant fisheye: the angle from the axis grows with the distance from the middle, and ends at the shorter side.
+/// An equidistant fisheye: the angle from the axis grows with the distance from the middle, and ends at the shorter
+/// side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Fisheye {
     half_angle: f64,
-    /// Whether it tells how much directions turn.
+    /// True if it reports how much directions turn.
     tells: bool,
 }
 
@@ -44,7 +46,7 @@ impl Camera for Fisheye {
     }
 }
 
-/// Rays side by side.
+/// Parallel rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Orthographic {
     half_mm: f64,
@@ -64,7 +66,7 @@ impl Camera for Orthographic {
     }
 }
 
-/// A pinhole that does not tell that it is one.
+/// A pinhole that does not report that it is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Disguised(Perspective);
 
@@ -125,7 +127,7 @@ fn every_preset_shows_what_the_reference_does() {
         for camera in cameras() {
             let mut high = renderer(&volume, Settings::default(), preset, Reuse::Allowed);
             let mut low = renderer(&volume, Settings::new(Quality::Low), preset, Reuse::Allowed);
-            // Twice from places nearby, so that what is kept from frame to frame is used.
+            // Twice from nearby positions, so that data kept from frame to frame is used.
             for share in [0.3, 0.301, 0.7] {
                 let view = view(&camera, share);
                 let (mut frame, mut coarse) = (Frame::with_depth(1, 1), Frame::default());
@@ -167,7 +169,7 @@ fn pictures_at_rest_come_to_the_reference() {
     }
 }
 
-/// Whether packets set up directions at once or ask for each makes no difference to be seen.
+/// Whether packets set up directions at once or request each makes no visible difference.
 #[test]
 fn a_pinhole_is_a_pinhole_however_it_is_asked() {
     let volume = volume(Preset::default());

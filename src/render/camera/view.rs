@@ -1,4 +1,4 @@
-//! A camera that stands somewhere, and its pixels.
+//! A camera with a pose, and its pixels.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -9,13 +9,13 @@ use super::model::{Camera, CameraModel, CameraRay};
 use super::perspective::Perspective;
 use crate::error::{Error, Result};
 
-/// A camera, and where its rays begin, may be so far from the origin, mm.
+/// How far a camera, and the origins of its rays, may be from the world's origin, mm.
 const FARTHEST_MM: f64 = 1e9;
 
 /// The longest side of an image, pixels.
 pub const MAX_SIDE: usize = 32_768;
 
-/// A camera in the world: square pixels, row 0 on top, right = forward × up, one ray through each pixel's centre.
+/// A camera in the world: square pixels, row 0 at the top, right = forward × up, one ray through each pixel's centre.
 ///
 /// ```
 /// use colvis::render::View;
@@ -41,7 +41,7 @@ pub struct View {
     height: usize,
     /// Width and height of a pixel, in halves of the image's shorter side.
     unit: DVec2,
-    /// Of a perspective camera, the side of a pixel in the plane at distance 1.
+    /// For a perspective camera, the side of a pixel in the plane at distance 1.
     pixel: Option<f64>,
     /// The middle of the camera's image, pixels from the top left corner.
     centre: [f64; 2],
@@ -56,14 +56,16 @@ impl PartialEq for View {
 }
 
 impl View {
-    /// A perspective camera at `position` (world, mm) that looks along `forward` with `up` upwards (world, of any length;
-    /// `up` is made orthogonal to `forward`). `fov_degrees` spans the shorter side of the image from edge to edge.
+    /// Creates a perspective camera at `position` (world, mm) that looks along `forward` with `up` upwards.
     ///
-    /// An `up` along `forward` tells nothing: superior takes its place, or anterior where that is along `forward` too.
+    /// `forward` and `up` are in the world frame, of any length; `up` is made orthogonal to `forward`. `fov_degrees`
+    /// spans the shorter side of the image from edge to edge.
+    ///
+    /// If `up` is along `forward`, it is replaced by superior, or by anterior if superior is along `forward` too.
     ///
     /// # Errors
-    /// Wrong usage when a number is not finite, `forward` or `up` is zero, the field of view is not between 0 and 180°
-    /// or the image has no pixels or a side beyond [`MAX_SIDE`].
+    /// Returns status 2 if a number is not finite, the position is too far from the origin, `forward` or `up` is zero,
+    /// the field of view is not between 0 and 180°, or the image has no pixels or a side beyond [`MAX_SIDE`].
     pub fn new(
         position: DVec3,
         forward: DVec3,
@@ -75,10 +77,10 @@ impl View {
         Self::made(position, [forward, up], || Ok(Arc::new(Perspective::new(fov_degrees)?)), width, height)
     }
 
-    /// As [`View::new`], with a camera of a model.
+    /// Like [`View::new`], with a camera of a model.
     ///
     /// # Errors
-    /// As [`View::new`], with the model's own limits of the view angle.
+    /// As for [`View::new`], with the model's own limits of the view angle.
     pub fn with_model(
         position: DVec3,
         forward: DVec3,
@@ -92,10 +94,10 @@ impl View {
         Self::made(position, [forward, up], camera, width, height)
     }
 
-    /// As [`View::new`], with any camera.
+    /// Like [`View::new`], with any camera.
     ///
     /// # Errors
-    /// As [`View::new`].
+    /// As for [`View::new`].
     pub fn with_camera(
         position: DVec3,
         forward: DVec3,
@@ -139,7 +141,7 @@ impl View {
             .unwrap_or(DVec3::X)
             .normalize();
         let shorter = width.min(height) as f64;
-        // A tangent that is none is not relied upon.
+        // An invalid tangent is not relied upon.
         let tangent = camera.tangent().filter(|t| t.is_finite() && (1e-9..1e9).contains(t));
         let pixel = tangent.map(|tangent| 2.0 * tangent / shorter);
         let (up, centre) = (right.cross(forward), [0.5 * width as f64, 0.5 * height as f64]);
@@ -147,8 +149,10 @@ impl View {
         Ok(Self { position, forward, right, up, camera, width, height, unit, pixel, centre })
     }
 
-    /// The image's `rows` as an image of their own, each ray moved by `shift` pixels to the right and downwards. As many
-    /// rows as there are at the most, and at least one.
+    /// Returns the image's `rows` as a separate image, with each ray moved by `shift` pixels to the right and
+    /// downwards.
+    ///
+    /// Has at most as many rows as the image, and at least one.
     pub fn strip(&self, rows: Range<usize>, [right, down]: [f64; 2]) -> Self {
         let first = rows.start.min(self.height - 1);
         let height = rows.end.min(self.height).saturating_sub(first).max(1);
@@ -156,7 +160,7 @@ impl View {
         Self { height, centre: [x - right, y - first as f64 - down], ..self.clone() }
     }
 
-    /// The same image in `width` × `height` pixels (at least one each).
+    /// Returns the same image in `width` × `height` pixels (at least one each).
     pub fn resized(&self, width: usize, height: usize) -> Self {
         let (width, height) = (width.max(1), height.max(1));
         let [x, y] = self.centre;
@@ -166,67 +170,69 @@ impl View {
         Self { width, height, unit, pixel, centre: [x * across, y * down], ..self.clone() }
     }
 
-    /// The camera's place, world, mm.
+    /// Returns the camera's position, world, mm.
     pub fn position(&self) -> DVec3 {
         self.position
     }
 
-    /// Where it looks, world, of unit length.
+    /// Returns the viewing direction, world, of unit length.
     pub fn forward(&self) -> DVec3 {
         self.forward
     }
 
-    /// The image's right, world, of unit length.
+    /// Returns the direction to the image's right, world, of unit length.
     pub fn right(&self) -> DVec3 {
         self.right
     }
 
-    /// The image's top, world, of unit length and orthogonal to `forward`.
+    /// Returns the direction to the image's top, world, of unit length and orthogonal to `forward`.
     pub fn up(&self) -> DVec3 {
         self.up
     }
 
-    /// The camera's geometry.
+    /// Returns the camera's geometry.
     pub fn camera(&self) -> &dyn Camera {
         &*self.camera
     }
 
-    /// Side of a pixel in the plane at distance 1 from the camera, if that is a perspective one: the rays through the points
-    /// (x, y) of the image (pixels, from the [middle](View::centre) to the right and upwards) run along
-    /// `forward` + `right`·x·side + `up`·y·side.
+    /// Returns the side of a pixel in the plane at distance 1 from the camera; `None` unless the camera is perspective.
+    ///
+    /// The rays through the points (x, y) of the image (pixels, from the [middle](View::centre) to the right and
+    /// upwards) run along `forward` + `right`·x·side + `up`·y·side.
     pub fn pixel(&self) -> Option<f64> {
         self.pixel
     }
 
-    /// By how much unit directions of neighbouring pixels in a row or column differ at the most, where that is known.
+    /// Returns by how much unit directions of neighbouring pixels in a row or column differ at most; `None` if unknown.
     pub fn pixel_turn(&self) -> Option<f64> {
-        // What is no number, or negative, or larger than any two unit directions differ by, tells nothing.
+        // A value that is NaN, negative, or larger than any two unit directions can differ is ignored.
         let most_turn = || self.camera.most_turn().filter(|t| (0.0..1e6).contains(t));
         self.pixel.or_else(|| Some(most_turn()? * self.unit.max_element()))
     }
 
-    /// The middle of the camera's image, in pixels from the top left corner: that of this image, but for a [`View::strip`].
+    /// Returns the middle of the camera's image, in pixels from the top left corner: that of this image, except for a
+    /// [`View::strip`].
     pub fn centre(&self) -> [f64; 2] {
         self.centre
     }
 
-    /// Pixels in a row.
+    /// Returns the number of pixels in a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// The world ray through the centre of the pixel in column `x` of row `y`: see [`View::ray_at`].
+    /// Returns the world ray through the centre of the pixel in column `x` of row `y`: see [`View::ray_at`].
     pub fn ray(&self, x: usize, y: usize) -> Option<CameraRay> {
         self.ray_at(x as f64 + 0.5, y as f64 + 0.5)
     }
 
-    /// The world ray through the point (`x`, `y`) of the image, in pixels from its top left corner; none where the camera
-    /// shows nothing.
+    /// Returns the world ray through the point (`x`, `y`) of the image, in pixels from its top left corner; `None`
+    /// where the camera shows nothing.
     #[inline]
     pub fn ray_at(&self, x: f64, y: f64) -> Option<CameraRay> {
         let (x, y) = (x - self.centre[0], self.centre[1] - y);
@@ -236,15 +242,18 @@ impl View {
         }
         let ray = self.camera.ray(DVec2::new(x, y) * self.unit)?;
         let world = |v: DVec3| self.right * v.x + self.up * v.y + self.forward * v.z;
-        // Scaled first, so that neither denormal nor huge components lose the direction; without one the pixel shows nothing.
+        // Scaled first, so that neither denormal nor huge components lose the direction. Without a direction the pixel
+        // shows nothing.
         let direction = (ray.direction / ray.direction.abs().max_element()).try_normalize()?;
         let origin = self.position + world(ray.origin);
         let near = origin.is_finite() && origin.abs().max_element() <= FARTHEST_MM;
         near.then(|| CameraRay { origin, direction: world(direction).normalize() })
     }
 
-    /// The point of the image, in pixels from its top left corner, at which a `place` (world, mm) is seen if nothing is in
-    /// front of it, which may lie beyond the edges; none where no ray goes.
+    /// Returns the point of the image, in pixels from its top left corner, at which a `place` (world, mm) is seen if
+    /// nothing is in front of it.
+    ///
+    /// The point may be beyond the edges. `None` where no ray goes.
     pub fn project(&self, place: DVec3) -> Option<[f64; 2]> {
         let p = place - self.position;
         let local = DVec3::new(p.dot(self.right), p.dot(self.up), p.dot(self.forward));
@@ -276,7 +285,7 @@ mod tests {
 
     #[test]
     fn right_is_forward_cross_up() {
-        // Looking to posterior, superior on top: the patient's left is on the right.
+        // Looking to posterior, superior at the top: the patient's left is on the right.
         let v = view(DVec3::Y, DVec3::Z, 101, 101);
         assert!((v.right() - DVec3::X).length() < 1e-15);
         assert!(direction(&v, 100.5, 50.5).x > 0.5 && direction(&v, 50.5, 0.5).z > 0.5);

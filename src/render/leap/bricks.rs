@@ -1,4 +1,4 @@
-//! The wall's distance at every brick of 8×8×8 cells: a byte each, 1/1024 of the 16-bit volume.
+//! The wall's distance for every brick of 8×8×8 cells: a byte each, 1/1024 of the 16-bit volume.
 
 use glam::Vec3;
 
@@ -9,15 +9,17 @@ use crate::render::skip::{Skipper, is_empty_voxel};
 use super::chessboard::{FAR, Outside, chessboard};
 use super::{EDGE, EmptyRadius};
 
-/// For each brick the number of bricks, by chessboard moves, to the nearest one in which something may be seen; 0 there.
+/// For each brick the number of bricks, by chessboard moves, to the nearest one in which something may be visible; 0
+/// there.
 pub struct BrickWalls {
     bricks: [usize; 3],
     distance: Vec<u8>,
 }
 
 impl BrickWalls {
-    /// Distances between the bricks of `space`'s flags. Outside them is air: where that is not empty, no brick at the
-    /// border is.
+    /// Computes the distances between the bricks of `volume`'s flags.
+    ///
+    /// Air is assumed outside them: where air is not empty, no brick at the border is empty either.
     pub fn new(volume: &PreparedVolume) -> Self {
         let flags = volume.flags();
         let bricks = flags.bricks();
@@ -27,7 +29,7 @@ impl BrickWalls {
         Self { bricks, distance }
     }
 
-    /// Distance of the brick that `q` lies in, and the brick's first corner; 0 outside the volume.
+    /// Returns the distance of the brick that contains `q`, bricks, and the brick's first corner; 0 outside the volume.
     #[inline(always)]
     fn at(&self, q: Vec3) -> (u8, Vec3) {
         let b = (q / EDGE).to_array().map(|c| c as usize);
@@ -37,7 +39,7 @@ impl BrickWalls {
         (distance, Vec3::new(b[0] as f32, b[1] as f32, b[2] as f32) * EDGE)
     }
 
-    /// Memory.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         self.distance.len()
     }
@@ -50,27 +52,27 @@ impl EmptyRadius for BrickWalls {
         if distance == 0 {
             return 0.0;
         }
-        // Within the box of empty bricks around this one, and two voxels beyond it, nothing is to be seen.
+        // Nothing is visible within the box of empty bricks around this one, and two voxels beyond it.
         let inner = (q - corner).min(corner + EDGE - q).min_element().max(0.0);
         EDGE * f32::from(distance - 1) + inner + 2.0
     }
 }
 
-/// Leaps from box to box of empty bricks; with `VOXELS` also over single voxels flagged as empty, as
-/// [`Leap`](crate::render::skip::Leap) does.
+/// Leaps from box to box of empty bricks; with `VOXELS` also over single voxels flagged as empty, like
+/// [`Leap`](crate::render::skip::Leap).
 pub struct BrickLeap<'a, const VOXELS: bool> {
     volume: &'a PreparedVolume,
     walls: &'a BrickWalls,
 }
 
 impl<'a, const VOXELS: bool> BrickLeap<'a, VOXELS> {
-    /// Leaps by `walls`, which are those of `space`.
+    /// Leaps by `walls`, which must be those of `volume`.
     pub fn new(volume: &'a PreparedVolume, walls: &'a BrickWalls) -> Self {
         Self { volume, walls }
     }
 }
 
-/// Samples before the ray leaves the box from `low` to `high` (grown voxel coordinates).
+/// Returns the number of samples before the ray leaves the box from `low` to `high` (grown voxel coordinates).
 #[inline(always)]
 fn leaves(ray: &Ray, low: Vec3, high: Vec3) -> f32 {
     let ahead = Vec3::select(ray.inverse.cmpge(Vec3::ZERO), high, low);
@@ -78,7 +80,7 @@ fn leaves(ray: &Ray, low: Vec3, high: Vec3) -> f32 {
 }
 
 impl<const VOXELS: bool> Skipper for BrickLeap<'_, VOXELS> {
-    /// The samples before this one may be seen.
+    /// Samples before this one may be visible.
     type Walk = u32;
 
     #[inline(always)]
@@ -99,7 +101,7 @@ impl<const VOXELS: bool> Skipper for BrickLeap<'_, VOXELS> {
                 } else {
                     let margin = EDGE * f32::from(distance - 1);
                     let end = leaves(ray, corner - margin, corner + EDGE + margin);
-                    // Not the last one before the plane, whose rounding might lie beyond it.
+                    // Not the last one before the plane: with rounding it might be beyond it.
                     let slack = 0.01 + end * 1e-6;
                     n = ((end - slack).clamp(0.0, 4e9) as u32).max(n) + 1;
                     continue;

@@ -1,17 +1,17 @@
-//! The chessboard distance transform: for each cell of a grid the number of king's moves to the nearest cell that is
-//! marked, exact up to 255, in place and in linear time.
+//! The chessboard distance transform: for each cell of a grid, the number of king's moves to the nearest marked cell.
+//! Exact up to 255, in place and in linear time.
 //!
-//! Slice by slice: a move between slices may be along any diagonal, so a cell's distance is 1 more than the least of the
-//! 3×3 cells beside it in the slice before; sweeps upwards and downwards give the distance to all marked cells that are
-//! farther away along the axis than within the slice, and the same method by rows, and then by cells, does the rest
-//! (Rosenfeld and Pfaltz 1968, separated so that the cells of a slice and the slices are each independent).
+//! It works slice by slice. A move between slices may be along any diagonal, so a cell's distance is 1 more than the
+//! least of the 3×3 cells beside it in the slice before. Sweeps upwards and downwards give the distance to all marked
+//! cells that are farther away along the axis than within the slice. The same method by rows, and then by cells, does
+//! the rest (Rosenfeld and Pfaltz 1968, separated so that the cells of a slice and the slices are each independent).
 
 use rayon::prelude::*;
 
-/// What a cell that is not marked begins with.
+/// Initial value of an unmarked cell.
 pub const FAR: u8 = u8::MAX;
 
-/// What lies outside the grid.
+/// The surroundings of the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outside {
     /// Marked cells.
@@ -20,8 +20,9 @@ pub enum Outside {
     Unmarked,
 }
 
-/// Replaces each cell by its chessboard distance to the nearest cell that is 0, or to the `outside` where that is marked. Cells
-/// are 0 or [`FAR`], x fastest.
+/// Replaces each cell by its chessboard distance to the nearest cell that is 0, or to the `outside` if that is marked.
+///
+/// Cells must be 0 or [`FAR`], x fastest.
 pub fn chessboard(cells: &mut [u8], dims: [usize; 3], outside: Outside) {
     let [nx, ny, nz] = dims;
     let plane = nx * ny;
@@ -72,7 +73,7 @@ pub fn chessboard(cells: &mut [u8], dims: [usize; 3], outside: Outside) {
 /// Lowers the cells of a slice to one more than the least of the 3×3 cells beside them in the slice `from`.
 fn lower_slice(slice: &mut [u8], from: &[u8], nx: usize) {
     let ny = slice.len() / nx;
-    // A few rows a task: a row alone is too little work.
+    // A few rows a task: a single row is too little work.
     slice.par_chunks_mut(nx * 64).enumerate().for_each_init(
         || vec![0; nx],
         |least, (n, rows)| {

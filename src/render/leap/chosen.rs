@@ -1,4 +1,4 @@
-//! Leaping by whatever a scene chooses.
+//! Leaping by the method that a scene selects.
 
 use glam::Vec3;
 
@@ -10,7 +10,7 @@ use crate::render::skip::Skipper;
 
 use super::{BrickLeap, BrickWalls, EmptyRadius, Surroundings, VoxelLeap, VoxelWalls};
 
-/// What leaping needs beside the flags.
+/// The data that leaping needs besides the flags.
 pub enum Leaper {
     /// [`Leaping::None`].
     Nothing,
@@ -23,7 +23,7 @@ pub enum Leaper {
 }
 
 impl Leaper {
-    /// What `leaping` needs in `space`.
+    /// Computes the data that `leaping` needs for `volume`.
     pub fn new(leaping: Leaping, volume: &PreparedVolume) -> Self {
         match leaping {
             Leaping::None => Self::Nothing,
@@ -33,7 +33,7 @@ impl Leaper {
         }
     }
 
-    /// Its memory, where it has any.
+    /// Returns its memory, bytes; `None` if it takes none.
     pub fn part(&self) -> Option<(MemoryPart, usize)> {
         match self {
             Self::Nothing | Self::Flag => None,
@@ -42,7 +42,8 @@ impl Leaper {
         }
     }
 
-    /// The skipper of rays whose samples depend on voxels nearer than `REACH`; `flag` leaps by the storage's own flags.
+    /// Returns the skipper for rays whose samples depend on voxels nearer than `REACH`. `flag` leaps by the storage's
+    /// own flags.
     pub fn skipper<'a, F: Skipper, const REACH: u8>(
         &'a self,
         volume: &'a PreparedVolume,
@@ -51,7 +52,7 @@ impl Leaper {
         match self {
             Self::Nothing => ChosenLeap::Nothing,
             Self::Flag => ChosenLeap::Flag(flag),
-            // The bits tell of 3×3×3 voxels, too few for regressions; without bits it is quicker to sample than to look.
+            // The bits cover 3×3×3 voxels, too few for regressions. Without bits, sampling is quicker than looking.
             Self::Bricks(walls) if REACH == 1 && volume.flags().has_bits() => {
                 ChosenLeap::BricksAndBits(BrickLeap::new(volume, walls))
             }
@@ -63,15 +64,15 @@ impl Leaper {
 
 /// Leaps by one of several skippers. See [`VoxelLeap`] for `REACH`.
 pub enum ChosenLeap<'a, F, const REACH: u8> {
-    /// Looks at every sample.
+    /// Takes every sample.
     Nothing,
-    /// By flags.
+    /// Leaps by flags.
     Flag(F),
-    /// By the distances of bricks.
+    /// Leaps by the distances of bricks.
     Bricks(BrickLeap<'a, false>),
-    /// The same, and by a bit for each voxel.
+    /// Leaps by the distances of bricks and by a bit for each voxel.
     BricksAndBits(BrickLeap<'a, true>),
-    /// By the distances of voxels.
+    /// Leaps by the distances of voxels.
     Voxels(VoxelLeap<'a, REACH>),
 }
 
@@ -108,13 +109,13 @@ impl<F: Skipper, const REACH: u8> Skipper for ChosenLeap<'_, F, REACH> {
             (Self::Bricks(bricks), ChosenWalk::Bricks(walk)) => bricks.next(walk, ray, n),
             (Self::BricksAndBits(bricks), ChosenWalk::Bricks(walk)) => bricks.next(walk, ray, n),
             (Self::Voxels(voxels), ChosenWalk::Voxels(walk)) => voxels.next(walk, ray, n),
-            // Looking at a sample is never wrong.
+            // Taking a sample is never wrong.
             _ => n,
         }
     }
 }
 
-/// Knows how far the wall is by what a [`Leaper`] has, or else by what the storage's own flags tell.
+/// Clearance known from a [`Leaper`]'s data, or otherwise from the storage's own flags.
 pub enum ChosenRadius<'a, R> {
     /// Nothing is known.
     Nothing,
@@ -127,7 +128,7 @@ pub enum ChosenRadius<'a, R> {
 }
 
 impl Leaper {
-    /// The clearance that it tells in `space`; else what `flags` tell.
+    /// Returns the clearance that this method knows in `volume`, or otherwise that of `flags`.
     pub fn radius<'a, R>(&'a self, volume: &'a PreparedVolume, flags: Option<R>) -> ChosenRadius<'a, R> {
         match self {
             Self::Voxels(walls) => ChosenRadius::Voxels(walls),
@@ -144,7 +145,7 @@ impl<R: EmptyRadius> EmptyRadius for ChosenRadius<'_, R> {
             Self::Nothing => 0.0,
             Self::Flags(flags) => flags.around(q),
             Self::Bricks(bricks, flags) => match (bricks.around(q), flags) {
-                // Beside a wall the storage's own flags may tell more.
+                // Beside a wall the storage's own flags may know more.
                 (little, Some(flags)) if little < 2.0 => little.max(flags.around(q)),
                 (free, _) => free,
             },

@@ -1,8 +1,8 @@
-//! Leaping by the distance to the wall (the paper's potential-field assisted method), per voxel and per brick; and how
-//! much emptiness is known to surround a place, which is what frame-to-frame reuse is proven by.
+//! Leaping by the distance to the wall (the paper's potential-field assisted method), per voxel and per brick. Also
+//! provides the empty distance around a position, which frame-to-frame reuse is proven by.
 //!
-//! The distances are in addition to the [`flags`](super::flags), made from them: they exist only for renderers that leap by them
-//! or prove reuse by them, and would cost all others their memory.
+//! The distances are made from the [`flags`](super::flags) and stored in addition to them. They exist only for
+//! renderers that leap or prove reuse by them; all others are spared the memory.
 
 pub mod bricks;
 pub mod chessboard;
@@ -19,19 +19,19 @@ pub use bricks::{BrickLeap, BrickWalls};
 pub use chosen::Leaper;
 pub use voxels::{VoxelLeap, VoxelWalls};
 
-/// Places are computed in f32: this much less emptiness is claimed than is known, voxels.
+/// Positions are computed in f32, so reported clearances are this much less than the known ones, voxels.
 pub const SLACK: f32 = 0.01;
 
-/// Knows how far the wall is from a place.
+/// A source of distances from a position to the wall.
 pub trait EmptyRadius: Sync {
-    /// All voxels nearer to `q` (grown voxel coordinates) than this along every axis are empty, voxels; 0 where nothing
-    /// is known.
+    /// Returns a distance, voxels, such that all voxels nearer to `q` (grown voxel coordinates) along every axis are
+    /// empty; 0 if nothing is known.
     fn around(&self, q: Vec3) -> f32;
 }
 
-/// The clearance that flags and bricks tell.
+/// The clearance known from flags and bricks.
 pub struct Surroundings<'a> {
-    /// The flags.
+    /// The volume with its flags.
     pub volume: &'a PreparedVolume,
     /// The distances from brick to brick.
     pub bricks: &'a BrickWalls,

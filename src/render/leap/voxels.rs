@@ -1,4 +1,4 @@
-//! The wall's distance at every voxel: a byte each, half as much again as the 16-bit volume.
+//! The wall's distance for every voxel: a byte each, half as much again as the 16-bit volume.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -12,15 +12,17 @@ use crate::volume::AIR_HU;
 use super::chessboard::{FAR, Outside, chessboard};
 use super::{EmptyRadius, SLACK};
 
-/// For each voxel the number of voxels, by chessboard moves, to the nearest one that is not empty; 255 means at least so
-/// many. Chessboard and not Euclidean distance: what a sample depends on is a box of voxels, whatever their spacing.
+/// For each voxel the number of voxels, by chessboard moves, to the nearest one that is not empty; 255 means at least
+/// 255.
+///
+/// Chessboard and not Euclidean distance, because a sample depends on a box of voxels, whatever their spacing.
 pub struct VoxelWalls {
     dims: [usize; 3],
     distance: Vec<u8>,
 }
 
 impl VoxelWalls {
-    /// Distances in `space`, in parallel; outside the volume is air.
+    /// Computes the distances in `volume`, in parallel. Air is assumed outside the volume.
     pub fn new(volume: &PreparedVolume) -> Self {
         let (volume, lo) = (volume.voxels(), volume.flags().empty_up_to());
         let dims = volume.grid().dims();
@@ -31,7 +33,7 @@ impl VoxelWalls {
         Self { dims, distance }
     }
 
-    /// Distance of the voxel nearest to `q`; 0 outside the volume.
+    /// Returns the distance of the voxel nearest to `q`, voxels; 0 outside the volume.
     #[inline(always)]
     fn at(&self, q: Vec3) -> u8 {
         let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
@@ -39,7 +41,7 @@ impl VoxelWalls {
         if i < nx && j < ny && k < nz { self.distance[i + nx * (j + ny * k)] } else { 0 }
     }
 
-    /// Memory.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         self.distance.len()
     }
@@ -53,8 +55,10 @@ impl EmptyRadius for VoxelWalls {
     }
 }
 
-/// Leaps from sample to sample by the wall's distance at the nearest voxel. `REACH`: a sample depends on voxels nearer
-/// than so many along every axis ([`Classifier::REACH`](crate::render::classify::Classifier::REACH)).
+/// Leaps from sample to sample by the wall's distance at the nearest voxel.
+///
+/// `REACH`: a sample depends on voxels nearer than this many voxels along every axis
+/// ([`Classifier::REACH`](crate::render::classify::Classifier::REACH)).
 pub struct VoxelLeap<'a, const REACH: u8> {
     walls: &'a VoxelWalls,
 }

@@ -1,34 +1,37 @@
-//! A bundle of rays from one point, and how far it runs through empty space.
+//! A bundle of rays from one point, and the distance it can leap through empty space.
 
 use glam::{BVec3A, Vec3, Vec3A};
 
 use super::occupancy::{BRICK_SHIFT, Occupancy};
 
-/// The most cells along an axis that are asked for what they hold; a thicker bundle goes on in steps.
+/// The most cells along an axis that are looked up at once. A thicker bundle does not leap: its rays take ordinary steps.
 const MOST: i32 = 8;
-/// The most bricks along an axis whose distances are asked for one by one.
+/// The most bricks along an axis whose distances are looked up one by one.
 const MOST_BRICKS: i32 = 3;
 
-/// Rays `origin + k · along` whose `along` lie in a box: at any `k` the rays' places lie in a box too, and it is the box
-/// that leaps: from empty brick to empty brick (after Amanatides and Woo 1987, with the box's leading faces in place of a
-/// point), and where bricks are not empty by a cell's length at a time.
+/// A bundle of rays `origin + k · along` whose `along` are within a box.
+///
+/// At any `k` the rays' positions are within a box too, and this box leaps as a whole. It moves from empty brick to empty
+/// brick (after Amanatides and Woo 1987, with the box's leading faces in place of a point). Where bricks are not empty,
+/// it advances by one cell length at a time.
 pub struct Beam {
     origin: Vec3A,
-    /// The box of steps.
+    /// Corners of the box of steps, voxels.
     bottom: Vec3A,
     top: Vec3A,
-    /// Along which axes some ray runs up, or down, and 1 / the step of the steepest.
+    /// The axes along which some ray runs up (`rises`) or down (`falls`), and 1 / the steepest step in each direction.
     rises: BVec3A,
     falls: BVec3A,
     up: Vec3A,
     down: Vec3A,
-    /// Voxels that the steepest ray comes along its steepest axis with a step, and steps to a voxel.
+    /// The largest step of any ray along any axis, voxels; `cell` is its inverse, in steps per voxel.
     steepest: f32,
     cell: f32,
 }
 
 impl Beam {
-    /// The bundle from `origin` (grown voxel coordinates) of the rays whose steps (voxels) lie between `low` and `high`.
+    /// Creates the bundle from `origin` (grown voxel coordinates) of the rays whose steps (voxels) lie between `low`
+    /// and `high`.
     #[inline(always)]
     pub fn new(origin: Vec3, low: Vec3, high: Vec3) -> Self {
         let (bottom, top) = (Vec3A::from(low), Vec3A::from(high));
@@ -46,7 +49,7 @@ impl Beam {
         }
     }
 
-    /// When a leading face of the box meets the planes `low` and `high`.
+    /// Returns the `k` at which a leading face of the box meets the planes `low` and `high`.
     #[inline(always)]
     fn meets(&self, low: Vec3A, high: Vec3A) -> f32 {
         let far = Vec3A::INFINITY;
@@ -55,8 +58,10 @@ impl Beam {
         up.min(down).min_element()
     }
 
-    /// When the bundle leaves the bricks from `first` to `last` and those around them that are empty where the next brick
-    /// with anything is `distance` bricks away; before the camera where one of them has something itself.
+    /// Returns the `k` at which the bundle leaves the bricks from `first` to `last` and the empty bricks around them.
+    ///
+    /// `distance` is the distance to the next occupied brick, bricks. If one of the bricks is itself occupied, the
+    /// result is behind the camera.
     #[inline(always)]
     fn leaves(&self, first: [i32; 3], last: [i32; 3], distance: u8) -> f32 {
         if distance == 0 {
@@ -68,22 +73,24 @@ impl Beam {
         self.meets((corner(first) - reach) * side, (corner(last) + (1.0 + reach)) * side)
     }
 
-    /// The first `k` from `k` on at which one of the rays may meet something, or `end` if there is none before it; a thousandth
-    /// of a voxel early or so. What is outside the grown volume is not known.
+    /// Returns the first `k` from `k` on at which one of the rays may meet something, or `end` if there is none before
+    /// it.
+    ///
+    /// The result is early by about a thousandth of a voxel. Nothing is known outside the grown volume.
     #[inline(always)]
     pub fn next(&self, occupancy: &Occupancy, k: f32, end: f32) -> f32 {
         let next = self.leap(occupancy, k, end);
-        // Twice, for what a border's place is rounded by.
+        // Twice, to cover the rounding of a border's position.
         if next < end { (next - 2.0 * self.nudge(next)).max(k) } else { end }
     }
 
-    /// What takes a leap over a border for certain, however far away, steps.
+    /// How far past a border a leap goes, so that it crosses it for certain at any distance, steps.
     #[inline(always)]
     fn nudge(&self, k: f32) -> f32 {
         (1e-3 * self.cell).max(k * 1e-6)
     }
 
-    /// [`next`](Beam::next), late by a nudge where a leap ended there.
+    /// Computes [`next`](Beam::next), late by one nudge where a leap ended there.
     #[inline(always)]
     fn leap(&self, occupancy: &Occupancy, mut k: f32, end: f32) -> f32 {
         let bricks = occupancy.bricks().map(|n| n as i32);
@@ -109,14 +116,14 @@ impl Beam {
                     continue;
                 }
             } else if distance > 0 && (0..3).all(|a| c[a] - b[a] < MOST_BRICKS) {
-                // None of the bricks that it touches may have anything.
+                // None of the bricks that the box touches may hold anything.
                 let leaves = self.leaves(b, c, occupancy.nearest(b, c));
                 if leaves > k {
                     k = leaves + nudge;
                     continue;
                 }
             }
-            // What the box sweeps on its way through about a cell.
+            // The box's sweep over about one cell.
             let far = k + self.cell.max(nudge);
             let (low, high) =
                 (low.min(self.origin + self.bottom * far - slack), high.max(self.origin + self.top * far + slack));
@@ -144,7 +151,7 @@ mod tests {
     use crate::render::transfer::TransferFunction;
     use crate::volume::{Grid, Volume};
 
-    /// The cells next to the given voxels of an empty volume.
+    /// The occupancy of an empty volume in which the given voxels are set.
     fn occupancy(dims: [usize; 3], set: impl Iterator<Item = [usize; 3]>) -> Occupancy {
         let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let mut data = vec![-1000; grid.len()];
@@ -154,7 +161,7 @@ mod tests {
         Occupancy::new(&Volume::new(grid, data), TransferFunction::default())
     }
 
-    /// Where one of the rays at the corners of the box, or within, is in a set cell before `until`.
+    /// Returns where one of the rays at the box's corners, or within it, is in a set cell before `until`.
     fn missed(o: &Occupancy, origin: Vec3, [low, high]: [Vec3; 2], from: f32, until: f32) -> Option<Vec3> {
         let cells = o.bricks().map(|n| n as f32 * 4.0);
         let pace = 0.05 / low.abs().max(high.abs()).max_element();
@@ -169,7 +176,7 @@ mod tests {
         })
     }
 
-    /// A face that trails may lie beyond the bricks that are known to be empty, too.
+    /// A trailing face, too, may extend beyond the bricks that are known to be empty.
     #[test]
     fn a_wide_bundle_leaps_over_nothing_beside_it() {
         let o = occupancy([99, 119, 11], (0..11).map(|z| [40, 86, z]));

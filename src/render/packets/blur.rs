@@ -1,4 +1,4 @@
-//! How thick the wall is in the scan: what depends on it need not be finer.
+//! The thickness of the wall in the scan. Whatever depends on it need not be finer.
 
 use std::array::from_fn;
 
@@ -9,25 +9,28 @@ use crate::volume::Volume;
 
 /// The wall's rise from air to tissue, HU.
 const RISE: f32 = 1000.0;
-/// Every so many rows of a slice tell of the blur, and by how many they lie further up in the next slice: so that all rows'
-/// places and all slices are among them.
+/// Every 64th row of a slice is measured. In the next slice the rows start 27 higher, so that the samples cover all row
+/// positions and all slices.
 const ROWS: [usize; 2] = [64, 27];
-/// Voxels of blur up to which waves are taken to be as short as the grid can hold: as many as the phantom has at 0.7 mm; a CT has
-/// fewer.
+/// Blur, in voxels, up to which waves are taken to be as short as the grid can hold. The phantom has this much at 0.7
+/// mm; a CT has less.
 const SHARP: f32 = 2.1;
-/// The longest waves that are counted on.
+/// The longest waves that are made use of, in the unit of [`waves`].
 pub const LONGEST: f32 = 2.0;
-/// HU that differences of neighbouring voxels are counted by, and how many such classes there are.
+/// The width of a class of differences between neighbouring voxels, HU, and the number of classes.
 const CLASS: [usize; 2] = [4, 512];
 
-/// How long the finest waves are that the scan holds, twice the smallest spacing: 1 where the wall is as sharp as voxels can show.
+/// Returns the length of the finest waves in the scan, in units of twice the smallest spacing.
+///
+/// 1 means that the wall is as sharp as voxels can show.
 pub fn waves(volume: &Volume, wall: TransferFunction) -> f32 {
     (blur(volume, wall) / SHARP).clamp(1.0, LONGEST)
 }
 
-/// How thick the wall is where it is sharp, voxels of the smallest spacing: so many share the rise from air to tissue where nine
-/// tenths of the neighbouring voxels on both sides of the wall differ by less. The number is the scanner's, the kernel's and the
-/// grid's; noise makes it smaller. 0 where there is no wall.
+/// Returns the thickness of the wall where it is sharp, in voxels of the smallest spacing; 0 if there is no wall.
+///
+/// This many voxels share the rise from air to tissue if nine tenths of the neighbouring voxels on both sides of the
+/// wall differ by less. The number depends on the scanner, the kernel and the grid. Noise makes it smaller.
 fn blur(volume: &Volume, wall: TransferFunction) -> f32 {
     let grid = volume.grid();
     let [nx, ny, nz] = grid.dims();
@@ -68,7 +71,7 @@ mod tests {
     use super::*;
     use crate::volume::Grid;
 
-    /// A wall about the height 40 mm along `way`, which rises from air to tissue within `thick` mm.
+    /// A wall at a height of 40 mm along `direction`, which rises from air to tissue within `thick` mm.
     fn sloping(dims: [usize; 3], spacing: DVec3, direction: DVec3, thick: f64) -> Volume {
         let grid = Grid::new(dims, spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
         let value = |n: usize| {
@@ -82,7 +85,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
-        /// It is the thickness by the smallest spacing where the wall is met along an axis, whichever.
+        /// The blur is the thickness divided by the smallest spacing, whichever axis meets the wall.
         #[test]
         fn it_is_the_walls_thickness(axis in 0..3usize, thick in 2.0..12.0, across in 0.5..2.0, tilt in 0.0..0.1) {
             let mut spacing = DVec3::ONE;
@@ -91,7 +94,7 @@ mod tests {
             let volume = sloping([100, 100, 100], spacing, direction, thick);
             let expected = thick / spacing.min_element();
             let found = f64::from(blur(&volume, TransferFunction::default()));
-            // Values next to the wall's ends are cut off where it takes few voxels.
+            // Values next to the wall's ends are cut off where the wall takes few voxels.
             prop_assume!(thick / across > 3.0);
             prop_assert!((found / expected - 1.0).abs() < 0.1, "{found} {expected}");
         }

@@ -1,27 +1,30 @@
-//! The gradient cache (the paper's cache at frame level): the regressions at the eight corners of a cell, kept as long as
-//! there is room. A voxel covers hundreds of pixels of a colon's wall, and the next frame shows nearly the same cells. Where it
-//! covers few, [`fit`](super::fit) goes without.
+//! The gradient cache (the paper's cache at frame level): the regressions at a cell's eight corners, kept as long as
+//! there is room.
 //!
-//! [`gradient_store`](crate::render::gradient_store) keeps gradients of single voxels, quantised, for rays one after the other
-//! and shared by all threads; sixteen rays shade cell by cell, in full precision, each thread from a cache of its own.
+//! A voxel covers hundreds of pixels of a colon's wall, and the next frame shows nearly the same cells. Where a voxel
+//! covers few pixels, [`fit`](super::fit) works without the cache.
+//!
+//! [`gradient_store`](crate::render::gradient_store) keeps quantised gradients of single voxels, shared by all threads,
+//! for rays traced one by one. Sixteen rays are shaded cell by cell, in full precision, and each thread has its own
+//! cache.
 
 use glam::{Mat3, Vec3, Vec4, Vec4Swizzles};
 
 use crate::render::regression::{Block, Regression, block};
 use crate::volume::Volume;
 
-/// Cells that are kept: a power of two. Four times as many are no faster.
+/// Number of cells kept, a power of two. Four times as many are no faster.
 const SIZE: usize = 1 << 13;
 
-/// World gradient (HU/mm) at the corners of a cell, as the coefficients of a trilinear polynomial of the place within:
-/// k₀ + k₁u + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw for each component.
+/// World gradient (HU/mm) in a cell, as the coefficients of a trilinear polynomial of the position within it: k₀ + k₁u
+/// + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw for each component.
 pub type Corners = [[f32; 8]; 3];
 
-/// A direct-mapped cache: what is found does not depend on what was asked before, only the time it takes.
+/// A direct-mapped cache. Earlier lookups affect only the time a lookup takes, never its result.
 pub struct Cells {
     keys: Vec<i32>,
     corners: Vec<Corners>,
-    /// Red, green and blue that a shader of its own has given to the rays of the packet under way.
+    /// Red, green and blue that a custom shader has given to the rays of the current packet.
     pub colours: Colours,
 }
 
@@ -35,10 +38,10 @@ impl Default for Cells {
 }
 
 impl Cells {
-    /// The gradient in the cell `key`, whose place (counted from cell −1) is `cell`.
+    /// Returns the gradient in the cell `key`, whose position (counted from cell −1) is `cell`.
     #[inline(always)]
     pub fn get(&mut self, source: &Source, key: i32, cell: [i32; 3]) -> &Corners {
-        // Neighbours along each axis fall on different places.
+        // Neighbours along each axis map to different slots.
         let at = (cell[0] & 31 | (cell[1] & 15) << 5 | (cell[2] & 15) << 9) as usize % SIZE;
         if self.keys[at] != key {
             self.keys[at] = key;
@@ -47,13 +50,13 @@ impl Cells {
         &self.corners[at]
     }
 
-    /// Memory taken, bytes.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         self.keys.len() * size_of::<i32>() + self.corners.len() * size_of::<Corners>()
     }
 }
 
-/// Where gradients come from.
+/// The source of gradients: a volume and its regression.
 pub struct Source<'a> {
     volume: &'a Volume,
     regression: Regression,
@@ -61,7 +64,7 @@ pub struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// The regressions of `volume`, turned into the world's gradient by `to_world`.
+    /// Uses the regressions of `volume`, turned into world gradients by `to_world`.
     pub fn new(volume: &'a Volume, regression: Regression, to_world: Mat3) -> Self {
         Self { volume, regression, to_world }
     }
@@ -72,13 +75,13 @@ impl<'a> Source<'a> {
         &self.regression
     }
 
-    /// The rows of what turns changes along the index axes into the world's gradient.
+    /// Returns the rows of the matrix that turns changes along the index axes into a world gradient.
     #[inline(always)]
     pub fn to_world(&self) -> [Vec3; 3] {
         [0, 1, 2].map(|n| self.to_world.row(n))
     }
 
-    /// Out of line: it is rare, and its registers are not those of the rays.
+    /// Computes a cell's entry. Out of line, because it is rare and needs other registers than the rays.
     #[inline(never)]
     fn corners(&self, cell: [i32; 3], out: &mut Corners) {
         let [a, b, c] = at_corners(&self.regression, &block(self.volume, cell.map(|c| c - 2)));
@@ -91,16 +94,19 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The regression's A, B and C at the eight inner voxels of a block: for z = 0 and 1 the voxels (0, 0), (1, 0), (0, 1),
-/// (1, 1) of (x, y). The same sums as [`Regression::fit`], with no interpolation to do first.
+/// Returns the regression's A, B and C at the eight inner voxels of a block.
+///
+/// For z = 0 and 1 the voxels are (0, 0), (1, 0), (0, 1), (1, 1) of (x, y). The sums are those of [`Regression::fit`],
+/// without its interpolation.
 fn at_corners(r: &Regression, block: &Block) -> [[Vec4; 2]; 3] {
     let middle = |p: Vec4, q: Vec4| Vec4::new(p.y, p.z, q.y, q.z);
     let low = |p: Vec4, q: Vec4| Vec4::new(p.x, p.y, q.x, q.y);
     let high = |p: Vec4, q: Vec4| Vec4::from((p.zw(), q.zw()));
-    // For each slice: what A and B take from the slice itself and from those beside, and what C takes from those beside.
+    // For each slice: what A and B take from the slice itself and from its neighbours, and what C takes from the
+    // neighbours.
     let slice = |[r0, r1, r2, r3]: [Vec4; 4]| {
         let (sum, difference) = ((r0 + r2, r1 + r3), (r2 - r0, r3 - r1));
-        // Even and odd parts along x: of the rows themselves, of the sums and of the differences of their neighbours.
+        // Even and odd parts along x: of the rows themselves, and of the sums and the differences of their neighbours.
         let (cc, (lo, hi)) = (middle(r1, r2), (low(r1, r2), high(r1, r2)));
         let (ec, oc) = (hi + lo, hi - lo);
         let (ce, (lo, hi)) = (middle(sum.0, sum.1), (low(sum.0, sum.1), high(sum.0, sum.1)));

@@ -1,4 +1,4 @@
-//! Where sixteen rays go, and which cells they are in.
+//! The directions of sixteen rays, and the cells they are in.
 
 use std::array::from_fn;
 
@@ -10,9 +10,9 @@ use crate::render::camera::View;
 
 /// How directions are found.
 pub enum DirectionSource {
-    /// By a plane at distance 1 from a perspective camera.
+    /// From a plane at distance 1 in front of a perspective camera.
     Perspective {
-        /// The step along the axis of view, and its change along the picture's right and top: voxels.
+        /// The step along the viewing axis, and its change along the picture's right and up directions, voxels.
         step: [Vec3; 3],
         /// The same as world directions.
         world: [Vec3; 3],
@@ -20,10 +20,10 @@ pub enum DirectionSource {
         pixel: f32,
         centre: [f32; 2],
     },
-    /// By asking the camera, ray by ray.
+    /// From the camera model, ray by ray.
     Any {
         view: Box<View>,
-        /// From a world direction to a step, voxels.
+        /// Turns a world direction into a step, voxels.
         to_step: DMat3,
         /// [`View::pixel_turn`].
         turn: Option<f32>,
@@ -32,30 +32,30 @@ pub enum DirectionSource {
 
 /// The directions of sixteen rays.
 pub struct Directions<S: Simd> {
-    /// A step, voxels.
+    /// A step along each axis, voxels.
     pub along: [f32x16<S>; 3],
-    /// World direction, of unit length.
+    /// World directions, of unit length.
     pub world: [f32x16<S>; 3],
-    /// Those that the camera shows anything at; the others go as one of these does, or anywhere.
+    /// Rays for which the camera shows something. The others follow one of these, or point anywhere.
     pub shown: mask32x16<S>,
 }
 
 impl<S: Simd> Directions<S> {
-    /// The rays' places `k` steps from `origin`.
+    /// Returns the rays' positions `k` steps from `origin`.
     #[inline(always)]
     pub fn at(&self, origin: Vec3, k: f32) -> [f32x16<S>; 3] {
         let [x, y, z] = self.along;
         [x * k + origin.x, y * k + origin.y, z * k + origin.z]
     }
 
-    /// As [`Directions::at`], each ray with its own `k`.
+    /// Like [`Directions::at`], but each ray has its own `k`.
     #[inline(always)]
     pub fn at_each(&self, origin: Vec3, k: f32x16<S>) -> [f32x16<S>; 3] {
         let [x, y, z] = self.along;
         [x * k + origin.x, y * k + origin.y, z * k + origin.z]
     }
 
-    /// The bundle of the rays, and of those whose steps are up to `margin` beside theirs, voxels.
+    /// Returns the bundle of these rays and of all whose steps differ from theirs by up to `margin`, voxels.
     #[inline(always)]
     pub fn beam(&self, origin: Vec3, margin: f32) -> Beam {
         let [x, y, z] = self.along;
@@ -66,7 +66,8 @@ impl<S: Simd> Directions<S> {
 }
 
 impl DirectionSource {
-    /// That of `view`, where `to_step` turns world directions into steps in voxels, and forward, right and up into `step`.
+    /// Creates the source for `view`. `to_step` turns world directions into steps in voxels; `step` holds the steps for
+    /// forward, right and up.
     pub fn new(view: &View, to_step: DMat3, step: [Vec3; 3]) -> Self {
         match view.pixel() {
             Some(pixel) => Self::Perspective {
@@ -81,7 +82,7 @@ impl DirectionSource {
         }
     }
 
-    /// By how much unit directions of neighbouring pixels differ at the most, where that is known.
+    /// Returns by how much unit directions of neighbouring pixels differ at most; `None` if unknown.
     pub fn pixel_turn(&self) -> Option<f32> {
         match self {
             Self::Perspective { pixel, .. } => Some(*pixel),
@@ -89,18 +90,19 @@ impl DirectionSource {
         }
     }
 
-    /// By how much the direction of any ray within a rectangle may lie beside those of sixteen rays in rows that are `apart`
-    /// pixels from each other and reach to its edges, as lengths of unit directions; none where that is not known.
+    /// Returns by how much the direction of any ray within a rectangle may deviate from those of sixteen rays, as a
+    /// length relative to unit directions; `None` if unknown.
+    ///
+    /// The sixteen rays form rows that reach to the rectangle's edges, with `apart` pixels between neighbours.
     #[inline(always)]
     pub fn margin<S: Simd>(&self, ray: &Directions<S>, apart: [f32; 2]) -> Option<f32> {
         match self {
-            // Between two rays that are an angle δ apart a direction bulges by δ²/8 at the most, along two axes of the
-            // picture.
+            // Between two rays at an angle δ, a direction bulges by δ²/8 at most, along two axes of the picture.
             Self::Perspective { pixel, .. } => {
                 let angle = (apart[0].max(apart[1]) * pixel).min(2.0);
                 Some(0.5 * angle * angle)
             }
-            // No direction is farther from one of the sixteen than from the middle of four to one of these.
+            // No direction is farther from one of the sixteen than the middle of four of them is.
             Self::Any { turn: Some(turn), .. } if (!ray.shown).to_bitmask() == 0 => {
                 Some(0.5 * apart[0].hypot(apart[1]) * turn)
             }
@@ -108,7 +110,7 @@ impl DirectionSource {
         }
     }
 
-    /// The rays through the points (`x`, `y`) of the picture.
+    /// Returns the rays through the points (`x`, `y`) of the picture, pixels.
     #[inline(always)]
     pub fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Directions<S> {
         let (step, world, pixel, centre) = match self {
@@ -130,8 +132,10 @@ impl DirectionSource {
     }
 }
 
-/// The rays of any camera through the points (`x`, `y`) of the picture, one by one. Those that show nothing go as the first
-/// does that shows something, so that they widen no bundle, or forward.
+/// Returns the rays of any camera through the points (`x`, `y`) of the picture, one by one.
+///
+/// Rays that show nothing take the direction of the first one that does, so that they do not widen the bundle, or else
+/// point forward.
 #[inline(never)]
 fn each<S: Simd>(simd: S, view: &View, to_step: DMat3, [x, y]: [[f32; 16]; 2]) -> Directions<S> {
     let directions: [_; 16] = from_fn(|n| view.ray_at(f64::from(x[n]), f64::from(y[n])).map(|ray| ray.direction));
@@ -154,10 +158,10 @@ fn each<S: Simd>(simd: S, view: &View, to_step: DMat3, [x, y]: [[f32; 16]; 2]) -
     }
 }
 
-/// Cells (counted from cell −1) and the places within them, 0 to 1.
+/// Splits positions into cells (counted from cell −1) and positions within them, 0 to 1.
 #[inline(always)]
 pub fn split<S: Simd>(q: [f32x16<S>; 3]) -> ([i32x16<S>; 3], [f32x16<S>; 3]) {
-    // Not by `map`: closures do not inherit the level's instructions.
+    // Not with `map`: closures do not inherit the level's instructions.
     let floor = [q[0].floor(), q[1].floor(), q[2].floor()];
     let place = [q[0] - floor[0], q[1] - floor[1], q[2] - floor[2]];
     let cell = [floor[0].to_int(), floor[1].to_int(), floor[2].to_int()];

@@ -1,15 +1,16 @@
-//! The regression at sixteen places at once.
+//! The gradient regression at sixteen places at once.
 //!
-//! Where voxels are fine, each of a bundle's rays meets the wall in a cell of its own, and the next picture's meet it in
-//! others: a cell's eight regressions, made to be kept ([`cells`](super::cells)), would serve one ray. Here the regression is
-//! made for the rays' own places, as [`Regression::fit`] does it for one, with a lane for each ray.
+//! Where voxels are fine, each ray of a bundle meets the wall in a different cell, and the next picture's rays meet it
+//! in others. A cell's eight regressions, computed to be cached ([`cells`](super::cells)), would serve a single ray.
+//! Here the regression is computed at the rays' exact positions, like [`Regression::fit`] does for one position, with a
+//! lane for each ray.
 
 use fearless_simd::{Simd, f32x16, prelude::*};
 
 use super::lanes::Blocks;
 use crate::render::regression::{Regression, parts};
 
-/// The gradients along the index axes (HU/mm) at the places `t` of the blocks' inner cells.
+/// Returns the gradients along the index axes (HU/mm) at the positions `t` in the blocks' inner cells.
 #[inline(always)]
 pub fn gradients<S: Simd>(simd: S, regression: &Regression, blocks: &Blocks<S>, t: [f32x16<S>; 3]) -> [f32x16<S>; 3] {
     let Regression { a, b, c: of_c, .. } = regression;
@@ -35,7 +36,7 @@ pub fn gradients<S: Simd>(simd: S, regression: &Regression, blocks: &Blocks<S>, 
         let [cc, ce, co] = part(0);
         let [ec, ee, eo] = part(1);
         let [oc, oe, _] = part(2);
-        // What this voxel has in c, e and o along x.
+        // This voxel's coefficients in c, e and o along x.
         let (c, e, o) = match x {
             0 => (zero, sx, zero - sx),
             1 => (sx, tx, zero - tx),
@@ -64,7 +65,7 @@ mod tests {
     use crate::render::regression::{Weighting, block};
     use crate::volume::{Grid, Volume};
 
-    /// Sixteen cells and places from `n` on.
+    /// Sixteen random cells and positions, with seeds from `n` on.
     fn lanes(dims: [usize; 3], n: u64) -> [([i32; 3], Vec3); 16] {
         std::array::from_fn(|lane| {
             let random = |a: u64| hash::uniform(n + lane as u64, a);
@@ -130,7 +131,7 @@ mod tests {
                 fearless_simd::dispatch!(levels()[0].1, simd => {
                     let (cell, place) = at(simd, &lanes);
                     assert_eq!(voxels.blocks(simd, cell, all(simd)).is_some(), within, "axis {a}, cell {c}");
-                    // A lane that is not asked for does no harm.
+                    // A lane that is not wanted does no harm.
                     let others = !cell[a].simd_eq(c) | cell[a].simd_eq(2);
                     let blocks = voxels.blocks(simd, cell, others).unwrap();
                     let r = Regression::new(DVec3::ONE, Weighting::InverseSquare);

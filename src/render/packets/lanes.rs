@@ -1,9 +1,8 @@
-//! Voxels, and what is known of empty cells, for sixteen rays at once: the one place of the crate that is not checked by the
-//! compiler.
+//! Lookup of voxels and of empty cells for sixteen rays at once. This is the only module of the crate with unsafe code.
 //!
-//! A trilinear sample needs four pairs of voxels that are neighbours along x. Each pair is one unaligned 32-bit load, and
-//! sixteen of them one gather where the processor has it. All arithmetic around it is `fearless_simd`'s, without fused
-//! multiplications, so that every SIMD level gives the same bits.
+//! A trilinear sample needs four pairs of voxels that are neighbours along x. Each pair is one unaligned 32-bit load,
+//! and sixteen of them are one gather where the processor has it. All arithmetic around it is `fearless_simd`'s,
+//! without fused multiplications, so that every SIMD level gives the same bits.
 
 #![expect(
     unsafe_code,
@@ -22,10 +21,10 @@ compile_error!("packets of rays load pairs of numbers as little-endian processor
 const _: () =
     assert!(size_of::<Line<u64, 8>>() == 2 * PIECES as usize && size_of::<Line<u8, 64>>() == 2 * PIECES as usize);
 
-/// Voxels whose pairs can be gathered: at least two along each axis and no more than an `i32` counts.
+/// Voxels whose pairs can be gathered: at least two along each axis and no more than an `i32` can count.
 pub struct Voxels<'a> {
     data: &'a [i16],
-    /// The last cell with all corners in the volume, for each axis: voxels − 1. The first is 1.
+    /// For each axis, the last cell with all corners in the volume: voxels − 1. The first is 1.
     last: [i32; 3],
     row: i32,
     slice: i32,
@@ -34,11 +33,12 @@ pub struct Voxels<'a> {
 /// Eight corners of a cell for each lane, as pairs along x: at (y, z) = (0, 0), (1, 0), (0, 1), (1, 1).
 pub type Corners<S> = [i32x16<S>; 4];
 
-/// The scale of the weights of [`interpolate`]: they are whole numbers so that one instruction weighs a pair.
+/// The scale of the weights in [`interpolate`]. They are integers so that one instruction weights a pair.
 const ONE: f32 = (1 << 14) as f32;
 
 impl<'a> Voxels<'a> {
-    /// The voxels of `volume`; `None` where an axis has fewer than two of them or there are more than an `i32` counts.
+    /// Returns the voxels of `volume`; `None` if an axis has fewer than two of them, or if there are more than an `i32`
+    /// can count.
     pub fn new(volume: &'a Volume) -> Option<Self> {
         let dims = volume.grid().dims();
         let data = volume.data();
@@ -47,24 +47,25 @@ impl<'a> Voxels<'a> {
         (fits && dims.iter().all(|&n| n >= 2)).then(|| Self { data, last: dims.map(|n| n as i32 - 1), row, slice })
     }
 
-    /// The last cell of each axis that lies wholly within the volume; the first is 1.
+    /// Returns, for each axis, the last cell that is wholly within the volume. The first is 1.
     #[inline(always)]
     pub fn last(&self) -> [i32; 3] {
         self.last
     }
 
-    /// The corners of the cells `g` (counted from cell −1) of the lanes in `wanted`; those of the nearest cell within where one
-    /// is not in the volume. Other lanes get those of the first cell: rays that have ended would go on to where nothing is in
-    /// the cache.
+    /// Returns the corners of the cells `g` (counted from cell −1) of the lanes in `wanted`.
+    ///
+    /// A cell outside the volume is replaced by the nearest one within. Unwanted lanes get the first cell: rays that
+    /// have ended would otherwise keep reading memory that is not in the processor's cache.
     #[inline(always)]
     pub fn corners<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Corners<S> {
         let [x, y, z] = g;
         let [nx, ny, nz] = self.last;
         let (x, y, z) = (x.max(1).min(nx) - 1, y.max(1).min(ny) - 1, z.max(1).min(nz) - 1);
         let at = wanted.select(x + y * self.row + z * self.slice, i32x16::splat(simd, 0));
-        // SAFETY: x ≤ n_x − 2, y ≤ n_y − 2 and z ≤ n_z − 2, so that the pair at (x, y + 1, z + 1) ends at the last voxel
-        // at most, and nothing is below 0; `new` made sure that the product of the n is the length of `data` and fits
-        // an i32.
+        // SAFETY: x ≤ n_x − 2, y ≤ n_y − 2 and z ≤ n_z − 2, so the pair at (x, y + 1, z + 1) ends at the last voxel at
+        // most, and no index is below 0. `new` ensured that the product of the n is the length of `data` and fits an
+        // i32.
         unsafe {
             [
                 pairs(simd, self.data.as_ptr(), at),
@@ -76,15 +77,15 @@ impl<'a> Voxels<'a> {
     }
 }
 
-/// For each lane the place of a 4×4×4 block of voxels that lies wholly within the volume.
+/// For each lane, the position of a 4×4×4 block of voxels that is wholly within the volume.
 pub struct Blocks<'a, S: Simd> {
     voxels: &'a Voxels<'a>,
     first: i32x16<S>,
 }
 
 impl<'a> Voxels<'a> {
-    /// The blocks about the cells `g` (counted from cell −1) of the lanes in `wanted`; `None` where one of them leaves the
-    /// volume. Other lanes get the volume's first block.
+    /// Returns the blocks around the cells `g` (counted from cell −1) of the lanes in `wanted`; `None` if one of them
+    /// leaves the volume. Other lanes get the volume's first block.
     #[inline(always)]
     pub fn blocks<S: Simd>(&'a self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Option<Blocks<'a, S>> {
         let [x, y, z] = g;
@@ -101,15 +102,15 @@ impl<'a> Voxels<'a> {
 }
 
 impl<S: Simd> Blocks<'_, S> {
-    /// The four voxels of the block's row (`y`, `z`), each from 0 to 3, HU.
+    /// Returns the four voxels of the block's row (`y`, `z`), HU. Both indices are from 0 to 3.
     #[inline(always)]
     pub fn row(&self, simd: S, [y, z]: [usize; 2]) -> [f32x16<S>; 4] {
         let Voxels { data, row, slice, .. } = *self.voxels;
         let at = self.first + ((y as i32 & 3) * row + (z as i32 & 3) * slice);
         let at = at.as_array();
-        // A load for each lane, as all eight bytes are of use: two gathers of pairs take longer.
-        // SAFETY: `blocks` made sure that the block's first voxel is three voxels or more before the last along each axis,
-        // and no more than 3 is added here along x, y and z.
+        // One load for each lane, since all eight bytes are used: two gathers of pairs take longer.
+        // SAFETY: `blocks` ensured that the block's first voxel is at least three voxels before the last along each
+        // axis, and no more than 3 is added here along x, y and z.
         let four = |n: usize| unsafe { data.as_ptr().offset(at[n] as isize).cast::<i64>().read_unaligned() };
         let low: i64x8<S> = [four(0), four(1), four(2), four(3), four(4), four(5), four(6), four(7)].simd_into(simd);
         let high: i64x8<S> =
@@ -124,23 +125,23 @@ impl<S: Simd> Blocks<'_, S> {
     }
 }
 
-/// An [`Occupancy`] that sixteen rays look up at once, each at the place of its own cell; a cell beside the volume is taken as
+/// An [`Occupancy`] that sixteen rays look up at once, each at its own cell. A cell outside the volume is replaced by
 /// the nearest one within.
 pub struct OccupancyLanes<'a> {
     /// The last cell of each axis.
     last: [i32; 3],
     bits: &'a [Line<u64, 8>],
-    /// Cubes of bits along x, and in a layer of them; the same of distances.
+    /// Cubes of bits along x, and in a layer. `distance_cubes` has the same for distances.
     bit_cubes: [i32; 2],
     distances: &'a [Line<u8, 64>],
     distance_cubes: [i32; 2],
 }
 
-/// Pieces of 16 bits in a line of the cache.
+/// 16-bit pieces in a cache line.
 const PIECES: i32 = 32;
 
 impl<'a> OccupancyLanes<'a> {
-    /// That of `occupancy`; `None` where it has more than an `i32` counts in pieces of 16 bits.
+    /// Wraps `occupancy`; `None` if it has more 16-bit pieces than an `i32` can count.
     pub fn new(occupancy: &'a Occupancy) -> Option<Self> {
         let (bits, distances) = (occupancy.bit_cubes(), occupancy.distance_cubes());
         let bricks = occupancy.bricks();
@@ -159,34 +160,35 @@ impl<'a> OccupancyLanes<'a> {
         })
     }
 
-    /// Whether the bit of one of the cells `g` of the lanes in `wanted` is set.
+    /// True if the bit of one of the cells `g` of the lanes in `wanted` is set.
     #[inline(always)]
     pub fn any<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> bool {
         (wanted & self.set(simd, g)).any_true()
     }
 
-    /// The lanes in whose cells `g` the bit is set.
+    /// Returns the lanes whose cells `g` have their bit set.
     #[inline(always)]
     pub fn set<S: Simd>(&self, simd: S, g: [i32x16<S>; 3]) -> mask32x16<S> {
         let [x, y, z] = self.within(g);
         let line = (x >> 3) + (y >> 3) * self.bit_cubes[0] + (z >> 3) * self.bit_cubes[1];
-        // Four pieces to a brick, of which each holds a layer: two layers are loaded.
+        // A brick has four pieces, one for each layer; two layers are loaded.
         let at = line * PIECES + ((x & 4) + ((y & 4) << 1) + ((z & 4) << 2) + (z & 2));
         let bit = (x & 3) + ((y & 3) << 2) + ((z & 1) << 4);
-        // SAFETY: the piece within the line is one of the first 31. The line is that of a cell within the bricks, and `new`
-        // made sure that `bits` has all of these and that their pieces fit an i32. A line is `repr(C)` and has no padding.
+        // SAFETY: the piece is one of the line's first 31. The line belongs to a cell within the bricks, and `new`
+        // ensured that `bits` holds all of these and that their pieces fit an i32. A line is `repr(C)` and has no
+        // padding.
         let found = unsafe { pairs(simd, self.bits.as_ptr().cast(), at) };
         ((found >> bit) & 1).simd_eq(1)
     }
 
-    /// The least distance of the bricks about the cells `g` of the lanes in `wanted`, bricks.
+    /// Returns the least distance of the bricks around the cells `g` of the lanes in `wanted`, bricks.
     #[inline(always)]
     pub fn nearest<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> i32 {
         let [x, y, z] = self.within(g);
         let line = (x >> 4) + (y >> 4) * self.distance_cubes[0] + (z >> 4) * self.distance_cubes[1];
         // A row of four distances is two pieces.
         let at = line * PIECES + (((y >> 1) & 6) + ((z << 1) & 24));
-        // SAFETY: as in `set`; the piece within the line is one of the first 31.
+        // SAFETY: as in `set`; the piece is one of the line's first 31.
         let found = unsafe { pairs(simd, self.distances.as_ptr().cast(), at) };
         let distance = (found >> ((x << 1) & 24)) & 255;
         wanted.select(distance, i32x16::splat(simd, 255)).reduce_min()
@@ -199,10 +201,10 @@ impl<'a> OccupancyLanes<'a> {
     }
 }
 
-/// Trilinear values within the corners' cells, at the places `t` (0 to 1 along each axis), HU.
+/// Returns trilinear values within the cells, at the positions `t` (0 to 1 along each axis), HU.
 #[inline(always)]
 pub fn interpolate<S: Simd>(simd: S, corners: Corners<S>, t: [f32x16<S>; 3]) -> f32x16<S> {
-    // The pair's weights, as two 16-bit numbers in one: 1 − t below, t above.
+    // The pair's weights as two 16-bit halves of one number: 1 − t below, t above.
     let tx: i32x16<S> = (t[0] * ONE + 0.5).to_int();
     let weights: i16x32<S> = ((tx << 16) + (i32x16::splat(simd, ONE as i32) - tx)).bitcast();
     let [a, b, c, d] = corners;
@@ -213,16 +215,16 @@ pub fn interpolate<S: Simd>(simd: S, corners: Corners<S>, t: [f32x16<S>; 3]) -> 
     (near + (far - near) * t[2]) * (1.0 / ONE)
 }
 
-/// The weighted sum of each pair.
+/// Returns the weighted sum of each pair.
 #[inline(always)]
 fn weigh<S: Simd>(simd: S, pair: i32x16<S>, weights: i16x32<S>) -> f32x16<S> {
     simd.pairwise_dot_product_i16x32(pair.bitcast(), weights).to_float()
 }
 
-/// The pairs of the 16-bit numbers at `at` and the one after, the first in the lower half.
+/// Returns the pairs of 16-bit numbers at `at` and `at + 1`, the first in the lower half.
 ///
 /// # Safety
-/// What `data` points to holds the numbers at each index and at the one after it.
+/// `data` must point to memory that holds the numbers at each index and at the one after it.
 #[inline(always)]
 unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> {
     let from = data.cast::<i32>();
@@ -230,7 +232,8 @@ unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> 
         #[cfg(target_arch = "x86_64")]
         Level::Avx512(_) => {
             use std::arch::x86_64::{_mm512_i32gather_epi32, _mm512_loadu_si512};
-            // SAFETY: the level tells that the processor has AVX-512; the loads are within the data by the caller's word.
+            // SAFETY: the level guarantees that the processor has AVX-512; the caller guarantees that the loads are
+            // within the data.
             let found = unsafe { _mm512_i32gather_epi32::<2>(_mm512_loadu_si512(at.as_array().as_ptr().cast()), from) };
             found.simd_into(simd)
         }
@@ -238,7 +241,8 @@ unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> 
         Level::Avx2(_) => {
             use std::arch::x86_64::{_mm256_i32gather_epi32, _mm256_loadu_si256};
             let at = at.as_array().as_ptr();
-            // SAFETY: the level tells that the processor has AVX2; the loads are within the data by the caller's word.
+            // SAFETY: the level guarantees that the processor has AVX2; the caller guarantees that the loads are within
+            // the data.
             let (low, high) = unsafe {
                 let (low, high) = (_mm256_loadu_si256(at.cast()), _mm256_loadu_si256(at.add(8).cast()));
                 (_mm256_i32gather_epi32::<2>(from, low), _mm256_i32gather_epi32::<2>(from, high))
@@ -249,7 +253,7 @@ unsafe fn pairs<S: Simd>(simd: S, data: *const i16, at: i32x16<S>) -> i32x16<S> 
         _ => {
             let mut found = [0; 16];
             for (found, at) in found.iter_mut().zip(at.as_array()) {
-                // SAFETY: within the data by the caller's word.
+                // SAFETY: the caller guarantees that the load is within the data.
                 *found = unsafe { from.byte_offset(2 * *at as isize).read_unaligned() };
             }
             found.simd_into(simd)
@@ -270,7 +274,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Sixteen cells at once, some of them beside the volume, on every level.
+        /// Sixteen cells at once, some of them outside the volume, on every level.
         #[test]
         fn lanes_find_what_cells_hold(
             nx in 1usize..70, ny in 1usize..70, nz in 1usize..70, many in 0u64..20, wanted: u16, seed: u64,

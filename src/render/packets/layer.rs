@@ -1,10 +1,14 @@
-//! Layers: a layer is a surface hit that a ray goes through or ends in.
+//! Layers: a layer is a surface hit that a ray passes through or ends in.
 //!
-//! A layer's light is that of its mean place and mean value, both weighted by what each quarter of a step adds, so that the
-//! gradient is looked at once and not at each sample. Brightness is no linear function of place: a ray that grazes a rim sees
-//! the wall turn from towards it to away, where brightness stays at its least. So a layer ends where its values begin to fall,
-//! and one place does not stand for a long one. A layer that has ended waits until another of its ray's ends, or all rays have:
-//! the more of them are shaded at once, the less each takes.
+//! A layer's light is computed at its mean position and mean value, both weighted by what each quarter of a step adds.
+//! The gradient is therefore evaluated once per layer and not at each sample.
+//!
+//! Brightness is not a linear function of position: along a ray that grazes a rim, the wall turns from facing the ray
+//! to facing away, where brightness stays at its minimum. So a layer ends where its values begin to fall, and one
+//! position does not stand for a long stretch.
+//!
+//! A layer that has ended waits until another layer of the same ray ends, or until all rays have ended. The more layers
+//! are shaded at once, the less time each takes.
 
 use fearless_simd::{Simd, f32x16, i32x16, mask32x16, prelude::*};
 use glam::Vec3;
@@ -19,18 +23,20 @@ use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
 use crate::render::shaders::{Shader, SurfacePoint, shown};
 use crate::render::transfer::PALETTE_HU;
 
-/// When sixteen rays are in more cells than this, the regression is made for each ray. On AVX-512 that pays from four cells
-/// on, on AVX2 from eight; it is one number, so that every SIMD level gives the same bits.
+/// If sixteen rays are in more cells than this, the regression is computed for each ray. On AVX-512 that pays off from
+/// four cells on, on AVX2 from eight; a single number is used so that every SIMD level gives the same bits.
 const MANY: usize = 8;
-/// What the share of a layer and how far back it lies may come to: its light is a share of the whole, and errs by the more the
-/// longer it is.
+/// Limit for a layer's share of the light times how far back it is, steps. The error of a layer's light scales with its
+/// share and grows with its length.
 const LONG: f32 = 0.1;
-/// Whatever a layer holds, it is shaded when it is so far back.
+/// A layer is shaded when its mean position is this many steps back, whatever its share.
 const FAR: f32 = 4.0;
 
-/// How far back, in steps, a layer's mean place may lie before another begins: times its share of the light, and whatever it
-/// holds. Steps are 2^`power` times as long as those of a flight, over `waves` of which the wall's gradient turns little. Who
-/// asks for shorter ones wants less error, too: layers are a quarter of a flight's step then.
+/// Returns the limits for how far back, in steps, a layer's mean position may be before another layer begins: one for
+/// the distance times the layer's share of the light, and one for the distance alone.
+///
+/// Steps are 2^`power` times as long as those of a flight; over `waves` of these the wall's gradient turns little.
+/// Shorter steps mean that less error is wanted, too: layers are then a quarter of a flight's step.
 pub fn steps(waves: f32, power: i32) -> [f32; 2] {
     let step = 2f32.powi(power);
     if power < 0 {
@@ -41,16 +47,17 @@ pub fn steps(waves: f32, power: i32) -> [f32; 2] {
     }
 }
 
-/// What a camera is in.
+/// The medium that a camera is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Medium {
-    /// What rays see nothing of.
+    /// Air: rays see nothing of it.
     Air,
-    /// What they see: the camera is within the wall.
+    /// Visible matter: the camera is within the wall.
     Wall,
 }
 
-/// What sixteen rays meet of the wall: its weight, and that times place (steps) and value (HU above the palette's first).
+/// The part of the wall that sixteen rays meet: its weight, and the weight times position (steps) and times value (HU
+/// above the palette's first).
 #[derive(Clone, Copy)]
 pub struct Layer<S: Simd> {
     pub weight: f32x16<S>,
@@ -59,20 +66,20 @@ pub struct Layer<S: Simd> {
 }
 
 impl<S: Simd> Layer<S> {
-    /// Nothing.
+    /// Returns an empty layer.
     #[inline(always)]
     pub fn none(simd: S) -> Self {
         let zero = f32x16::splat(simd, 0.0);
         Self { weight: zero, place: zero, value: zero }
     }
 
-    /// The rays that have something.
+    /// Returns the rays that have something.
     #[inline(always)]
     pub fn any(&self) -> mask32x16<S> {
         self.weight.simd_gt(0.0)
     }
 
-    /// That of the rays in `mask`, which have nothing then.
+    /// Takes the layer of the rays in `mask` and leaves them an empty one.
     #[inline(always)]
     fn take(&mut self, simd: S, mask: mask32x16<S>) -> Self {
         let all = *self;
@@ -88,27 +95,27 @@ impl<S: Simd> Layer<S> {
     }
 }
 
-/// What sixteen rays have gathered; weights are shares of the light that reaches the camera.
+/// Sums accumulated by sixteen rays. Weights are shares of the light that reaches the camera.
 pub struct Sums<S: Simd> {
     pub bright: f32x16<S>,
     pub tone: f32x16<S>,
     pub depth: f32x16<S>,
     /// 1 − A.
     pub through: f32x16<S>,
-    /// The layer that is under way.
+    /// The current layer.
     pub layer: Layer<S>,
     /// A layer that has ended and is not yet shaded.
     pub waiting: Layer<S>,
     /// Number of layers that ended before another began.
     pub layers: f32x16<S>,
-    /// Of the first of them, if there was another after it: its weight, and that times place.
+    /// The weight of the first of them, and its weight times position, if another layer came after it.
     pub front: [f32x16<S>; 2],
-    /// Normals into the gas (world) times weights, where the light is another than the headlight.
+    /// Normals into the gas (world) times weights, for lights other than the headlight.
     pub normal: [f32x16<S>; 3],
 }
 
 impl<S: Simd> Sums<S> {
-    /// Nothing yet.
+    /// Creates empty sums.
     #[inline(always)]
     pub fn new(simd: S) -> Self {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
@@ -126,7 +133,7 @@ impl<S: Simd> Sums<S> {
         }
     }
 
-    /// Has the layers of the rays in `mask`, for which none waits, wait to be shaded.
+    /// Makes the layers of the rays in `mask` wait to be shaded. None of these rays may have a waiting layer.
     #[inline(always)]
     pub fn end(&mut self, simd: S, mask: mask32x16<S>) {
         let ended = self.layer.take(simd, mask);
@@ -146,7 +153,7 @@ impl<S: Simd> Sums<S> {
     }
 }
 
-/// The layers of sixteen rays, as a shader from outside is asked about them.
+/// The layers of sixteen rays, in the form in which a custom shader is called for them.
 struct OwnLayers {
     weight: [f32; 16],
     place: [f32; 16],
@@ -158,7 +165,8 @@ struct OwnLayers {
 }
 
 impl Rays<'_> {
-    /// Ends the layers of the rays in `mask`; where another one waits already those that do are shaded.
+    /// Ends the layers of the rays in `mask`. If one of these rays already has a waiting layer, the waiting layers are
+    /// shaded first.
     #[inline(always)]
     pub fn end<S: Simd>(
         &self,
@@ -175,7 +183,7 @@ impl Rays<'_> {
         light.end(simd, mask);
     }
 
-    /// Shades the layers that wait.
+    /// Shades the waiting layers.
     #[inline(never)]
     pub fn shade<S: Simd>(&self, simd: S, ray: &Directions<S>, light: &mut Sums<S>, cells: &mut Cells, camera: Medium) {
         simd.vectorize(
@@ -215,7 +223,7 @@ impl Rays<'_> {
                         light.tone += mask.select(value * shade, zero);
                     }
                     Some(shader) => {
-                        // A gradient of 0 is that of a homogeneous region.
+                        // A gradient of 0 marks a homogeneous region.
                         let flat = (steep & facing.simd_lt(one)).select(one, zero);
                         let layers = OwnLayers {
                             weight: weight.to_array(),
@@ -232,7 +240,9 @@ impl Rays<'_> {
         );
     }
 
-    /// Brightness of sixteen points, `distance` mm from the camera, in another light than the headlight, but for contact:
+    /// Returns the brightness of sixteen points in a light other than the headlight, without contact shadow. `distance`
+    /// is the distance from the camera, mm.
+    ///
     /// [`light`](crate::render::light) has the formula.
     #[inline(always)]
     fn lit<S: Simd>(&self, simd: S, lighting: &PacketLighting, facing: f32x16<S>, distance: f32x16<S>) -> f32x16<S> {
@@ -255,7 +265,7 @@ impl Rays<'_> {
         bright
     }
 
-    /// Darkens rays whose walls have another one near before them.
+    /// Darkens rays whose wall has another wall close in front of it.
     #[inline(never)]
     pub fn darken<S: Simd>(&self, simd: S, ray: &Directions<S>, light: &mut Sums<S>, lighting: &PacketLighting) {
         simd.vectorize(
@@ -284,7 +294,7 @@ impl Rays<'_> {
         );
     }
 
-    /// Adds the light of the layers in `lanes` that a shader of its own gives them.
+    /// Adds the light that a custom shader gives to the layers in `lanes`.
     #[inline(never)]
     fn shade_by(&self, shader: &dyn Shader, layers: &OwnLayers, mut lanes: u64, colours: &mut Colours) {
         while lanes != 0 {
@@ -302,7 +312,7 @@ impl Rays<'_> {
         }
     }
 
-    /// In a homogeneous region the gradient points at the camera: only a camera within the wall sees one.
+    /// Makes homogeneous regions face the camera. Only a camera within the wall sees one.
     #[inline(never)]
     fn face_camera<S: Simd>(&self, facing: &mut f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) {
         while lanes != 0 {
@@ -314,8 +324,9 @@ impl Rays<'_> {
         }
     }
 
-    /// The world gradient at the places `t` of the cells of the rays in `mask`: where neighbouring rays share them, cell by
-    /// cell, and where they are many, ray by ray.
+    /// Returns the world gradient at the positions `t` in the cells of the rays in `mask`.
+    ///
+    /// It is computed cell by cell where neighbouring rays share cells, and ray by ray where there are many cells.
     #[inline(always)]
     fn gradient<S: Simd>(
         &self,
@@ -343,7 +354,7 @@ impl Rays<'_> {
         self.gradient_by_cells(simd, lanes, key, cell, t, cells)
     }
 
-    /// The same, cell by cell.
+    /// Computes the gradient cell by cell.
     #[inline(always)]
     fn gradient_by_cells<S: Simd>(
         &self,
@@ -384,12 +395,12 @@ mod tests {
     use crate::render::{PreparedVolume, Quality, Settings, TransferFunction, View};
     use crate::volume::{Grid, Volume};
 
-    /// On a turned grid of stretched voxels both ways give the world's gradient, in rays that are asked for and no others.
+    /// On a rotated grid of stretched voxels both methods give the world gradient, in the wanted rays and in no others.
     #[test]
     fn cell_by_cell_is_ray_by_ray() {
         let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
         let grid = Grid::new([20, 18, 16], DVec3::new(0.7, 0.9, 1.6), DVec3::splat(-3.0), turn).unwrap();
-        // The world's gradient is (30, -20, 10) everywhere, in whole HU.
+        // The world gradient is (30, -20, 10) everywhere, in whole HU.
         let slope = DVec3::new(30.0, -20.0, 10.0);
         let value = |n: usize| {
             let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
@@ -428,8 +439,8 @@ mod tests {
         }
     }
 
-    /// Whether a ray's layers are shaded one by one or two at once, each adds its own light at its own place: the gradient
-    /// turns by more than a right angle between them.
+    /// Whether a ray's layers are shaded one by one or two at once, each adds its own light at its own position: the
+    /// gradient turns by more than a right angle between them.
     #[test]
     fn layers_that_wait_are_not_lost() {
         let spacing = DVec3::new(0.7, 0.9, 1.6);
@@ -453,7 +464,7 @@ mod tests {
             let ray = rays.directions.lanes(simd, number * 4.0, number * 2.0 + 7.0);
             let mut light = Sums::new(simd);
             let mut cells = Cells::default();
-            // Each layer ends in some of the rays before it does in the others.
+            // Each layer ends in some of the rays earlier than in the others.
             for (share, place, rest) in layers {
                 let late = (number - (number * (1.0 / rest) + 0.01).floor() * rest).simd_lt(0.5);
                 light.layer.weight += f32x16::splat(simd, share);

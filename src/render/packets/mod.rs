@@ -31,12 +31,12 @@ use packet::Rays;
 pub use sampling::BLOCK;
 use sampling::ImageSamples;
 
-/// The name of the SIMD level that packets of rays use on this machine.
+/// Returns the name of the SIMD level that ray packets use on this machine.
 pub fn simd_level() -> &'static str {
     name(Level::new())
 }
 
-/// The SIMD levels of this machine that packets of rays are compiled for, the best first, with their names.
+/// Returns the SIMD levels of this machine that ray packets are compiled for, best first, with their names.
 pub fn levels() -> Vec<(&'static str, Level)> {
     let best = Level::new();
     let mut all = vec![(name(best), best)];
@@ -67,17 +67,17 @@ fn name(level: Level) -> &'static str {
     }
 }
 
-/// Which pixels get a ray of their own.
+/// Which pixels get their own ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Pixels {
-    /// Those that the rays around do not tell of.
+    /// Only those that the rays around them do not determine.
     #[default]
     Needed,
     /// All.
     All,
 }
 
-/// Renders one space by packets of rays.
+/// Renders one volume with ray packets.
 pub struct PacketRenderer {
     volume: PreparedVolume,
     settings: Settings,
@@ -85,7 +85,7 @@ pub struct PacketRenderer {
     occupancy: Arc<Occupancy>,
     /// How smooth the scan is: [`blur::waves`].
     waves: f32,
-    /// A cache for each thread; what is in it depends on the space alone.
+    /// A cache for each thread. Its entries depend on the volume alone.
     cells: Arc<[Mutex<Cells>]>,
     samples: ImageSamples,
     level: Level,
@@ -95,12 +95,12 @@ pub struct PacketRenderer {
 }
 
 impl PacketRenderer {
-    /// Prepares `space`: one parallel pass over its voxels.
+    /// Prepares `volume` in one parallel pass over its voxels.
     pub fn new(volume: &PreparedVolume, settings: Settings, pixels: Pixels) -> Self {
         Self::with_level(volume, settings, pixels, Level::new())
     }
 
-    /// As [`PacketRenderer::new`], on a given SIMD level.
+    /// Like [`PacketRenderer::new`], on a given SIMD level.
     pub fn with_level(volume: &PreparedVolume, settings: Settings, pixels: Pixels, level: Level) -> Self {
         let occupancy = Arc::new(Occupancy::new(volume.voxels(), volume.transfer()));
         let cells = (0..rayon::current_num_threads()).map(|_| Mutex::default()).collect();
@@ -118,7 +118,7 @@ impl PacketRenderer {
         }
     }
 
-    /// Another renderer of the same space, which shares what was prepared.
+    /// Creates another renderer of the same volume that shares the prepared data.
     pub fn beside(&self, settings: Settings) -> Self {
         Self {
             volume: self.volume.clone(),
@@ -134,14 +134,15 @@ impl PacketRenderer {
         }
     }
 
-    /// As [`Renderer::refining`], for a renderer that has prepared nothing to be shared.
+    /// Like [`Renderer::refining`], for a renderer that has no prepared data to share.
     pub fn refining_alone(volume: &PreparedVolume, settings: Settings) -> Self {
         Self::new(volume, like_rays(settings), Pixels::Needed)
     }
 }
 
-/// What packets need for samples like those that rays one after the other take by `settings`: half as many, as values
-/// between them are taken as linear.
+/// Returns the settings with which packets sample like rays traced one by one do with `settings`.
+///
+/// Packets take half as many samples, since values in between are taken as linear.
 fn like_rays(settings: Settings) -> Settings {
     Settings { step_power: settings.step_power + 1, ..settings }
 }
@@ -168,7 +169,7 @@ impl Renderer for PacketRenderer {
         Some(Box::new(self.beside(like_rays(settings))))
     }
 
-    /// With a ray for every pixel of the `wanted` squares.
+    /// Renders the `wanted` squares with a ray for every pixel.
     fn render_squares(&mut self, view: &View, frame: &mut Frame, wanted: &[bool]) -> Work {
         let Some(rays) =
             Rays::new(&self.volume, &self.occupancy, self.waves, view, &self.settings, self.shader.as_deref())
@@ -179,7 +180,7 @@ impl Renderer for PacketRenderer {
         picture::squares_of(&rays, view, frame.buffers().0, &self.cells, self.level, wanted)
     }
 
-    /// What is not shared with those [beside](PacketRenderer::beside).
+    /// Returns the bytes that are not shared with renderers made by [`beside`](PacketRenderer::beside).
     fn own_bytes(&self) -> usize {
         self.samples.bytes()
     }
@@ -206,7 +207,8 @@ mod tests {
     use crate::render::{Quality, TransferFunction};
     use crate::volume::{Grid, Volume};
 
-    /// With and without the knowledge of empty cells pictures are the same to the bit; the samples that were taken, of how many.
+    /// Asserts that pictures are the same to the bit with and without the knowledge of empty cells. Returns the number
+    /// of samples with and without it.
     fn compare(volume: &PreparedVolume, views: &[View], power: i32, pixels: Pixels) -> [u64; 2] {
         let settings = Settings { step_power: power, ..Settings::new(Quality::High) };
         let mut fast = PacketRenderer::new(volume, settings, pixels);
@@ -253,7 +255,7 @@ mod tests {
         assert!(pictures.windows(2).all(|two| two[0] == two[1]), "SIMD levels differ");
     }
 
-    /// Squares of pixels are what they are in a picture with a ray for every pixel, at its borders, too.
+    /// Squares of pixels match a picture with a ray for every pixel, at its borders, too.
     #[test]
     fn squares_are_those_of_the_whole_picture() {
         let volume = PreparedVolume::new(
@@ -293,7 +295,7 @@ mod tests {
         let axis = &phantom.shape().axis;
         let views = [0, 1, 2, 3].map(|n| {
             let lumen = axis.frame(axis.length() * (n as f64 + 0.5) / 4.0);
-            // The last one from outside.
+            // The last one looks from outside.
             let away = [0.0, 0.0, 0.0, 300.0][n];
             let angle = [60.0, 90.0, 150.0, 40.0][n];
             View::new(lumen.at - lumen.tangent * away, lumen.tangent, lumen.normal, angle, 100, 90).unwrap()
@@ -304,7 +306,8 @@ mod tests {
         }
     }
 
-    /// A thin-walled box, so wide that leaps are long, on axes that are not at right angles and with slices that are far apart.
+    /// A thin-walled box, so wide that leaps are long, on axes that are not at right angles and with slices that are
+    /// far apart.
     #[test]
     fn what_is_left_out_of_a_sheared_grid_changes_nothing() {
         let shear = DMat3::from_cols(DVec3::X, DVec3::new(0.7, 0.7, 0.1), DVec3::new(0.2, -0.3, 0.9));
@@ -317,7 +320,7 @@ mod tests {
             let data = (0..grid.len()).map(|n| if box_of(n) { 100 } else { -1000 }).collect();
             let centre = grid.world(DVec3::new(60.0, 55.0, 50.0));
             let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
-            // The ways along which a step moves farthest along an axis.
+            // The directions along which a step moves farthest along an axis.
             let [x, y, z] = [shear.y_axis, shear.z_axis, shear.x_axis];
             let views = [x.cross(y), y.cross(z), z.cross(x), y.cross(x)]
                 .map(|forward| View::new(centre, forward, DVec3::new(0.1, 0.2, 1.0), 100.0, 160, 160).unwrap());
@@ -328,7 +331,7 @@ mod tests {
         }
     }
 
-    /// Where air itself is above the ramp's foot, what lies around a volume of less is seen.
+    /// If air itself is above the ramp's foot, the surroundings of a volume with lower values are visible.
     #[test]
     fn air_around_the_volume_is_seen_where_it_is_no_air_to_the_wall() {
         for ny in 18..22 {

@@ -1,19 +1,17 @@
-//! Where something may be seen: a bit for each cell, in bricks of 4×4×4 cells, and each brick's distance to the next
-//! brick in which a bit is set.
+//! The occupancy of cells, which shows where something may be visible: a bit for each cell, in bricks of 4×4×4 cells,
+//! and each brick's distance to the next brick in which a bit is set.
 //!
-//! Cells are counted from the border of the volume grown by a voxel of air, as in [`march`](crate::render::march): cell g of an
-//! axis lies between the voxels g − 1 and g, so that n voxels have n + 1 cells. A cell's bit is set when the
-//! voxel at one of its eight corners lies above the ramp's foot; where it is not set every trilinear value in the cell is
-//! empty.
+//! Cells are counted from the border of the volume grown by a voxel of air, as in [`march`](crate::render::march): cell
+//! g of an axis is between the voxels g − 1 and g, so that n voxels have n + 1 cells. A cell's bit is set if the voxel
+//! at one of its eight corners is above the ramp's foot. If it is not set, every trilinear value in the cell is empty.
 //!
-//! The distance is the chessboard distance in bricks ([`chessboard`]);
-//! all bricks nearer than it are empty, so rays may leap to where they leave their cube. The bits take 1/16 of the
-//! 16-bit volume, the distances 1/128.
+//! The distance is the chessboard distance in bricks ([`chessboard`]). All bricks nearer than that are empty, so rays
+//! may leap to where they leave their cube. The bits take 1/16 of the 16-bit volume, the distances 1/128.
 //!
-//! Rays go all ways, so a line of the processor's cache holds a cube: the bits of 2×2×2 bricks, or the distances of 4×4×4.
+//! Rays go in all directions, so a cache line holds a cube: the bits of 2×2×2 bricks, or the distances of 4×4×4.
 //!
-//! The homogeneous-region [`flags`](crate::render::flags) do not serve here: they tell of a voxel's 3³ neighbours in rows, where
-//! sixteen rays need the cell alone, in cubes, and a distance to leap by.
+//! The homogeneous-region [`flags`](crate::render::flags) cannot be used here. They describe a voxel's 3³ neighbours,
+//! in rows, while sixteen rays need single cells, in cubes, and a distance to leap by.
 
 use rayon::prelude::*;
 
@@ -27,12 +25,12 @@ pub const BRICK_SHIFT: u32 = 2;
 /// Layers of bricks that one task fills.
 const SLAB: usize = 4;
 
-/// What is known of the bricks of a cube with sides of a power of two, in a line of the cache.
+/// The entries of the bricks of a cube, in one cache line. The cube's side is a power of two.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct Line<T, const N: usize>([T; N]);
 
-/// Where bricks are in a list of [`Line`]s of cubes of `1 << SHIFT` bricks a side.
+/// Positions of bricks in a list of [`Line`]s, each a cube of `1 << SHIFT` bricks a side.
 #[derive(Clone, Copy, Debug)]
 struct Lines<const SHIFT: u32> {
     /// Lines along x, and in a layer.
@@ -41,13 +39,13 @@ struct Lines<const SHIFT: u32> {
 }
 
 impl<const SHIFT: u32> Lines<SHIFT> {
-    /// Those of so many bricks along each axis; how many layers there are.
+    /// Returns the layout for this many bricks along each axis, and its number of layers.
     fn new(bricks: [usize; 3]) -> (Self, usize) {
         let [x, y, z] = bricks.map(|n| n.div_ceil(1 << SHIFT));
         (Self { row: x, layer: x * y }, z)
     }
 
-    /// The line of a brick, and its place there.
+    /// Returns the line of a brick, and its index there.
     #[inline(always)]
     fn at(self, [x, y, z]: [usize; 3]) -> (usize, usize) {
         let within = |c: usize| c & ((1 << SHIFT) - 1);
@@ -55,7 +53,7 @@ impl<const SHIFT: u32> Lines<SHIFT> {
         (line, within(x) | within(y) << SHIFT | within(z) << (2 * SHIFT))
     }
 
-    /// The first brick of a line.
+    /// Returns the first brick of a line.
     fn first(self, line: usize) -> [usize; 3] {
         [line % self.row, line % self.layer / self.row, line / self.layer].map(|c| c << SHIFT)
     }
@@ -75,19 +73,19 @@ pub struct Occupancy {
 }
 
 impl Occupancy {
-    /// The cells of `volume` with a corner above `wall`'s foot, in parallel and in time linear in the voxels.
+    /// Finds the cells of `volume` with a corner above `wall`'s foot. Runs in parallel, in time linear in the voxels.
     pub fn new(volume: &Volume, wall: TransferFunction) -> Self {
         let lo = wall.lo().floor() as i16;
         let dims = volume.grid().dims();
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
         let (bit_lines, layers) = Lines::new(bricks);
-        // By all threads, as what touches fresh memory first waits for it.
+        // By all threads, since the first touch of fresh memory has to wait for it.
         let mut bits: Vec<_> = (0..bit_lines.layer * layers).into_par_iter().map(|_| Line([0u64; 8])).collect();
         bits.par_chunks_mut(bit_lines.layer * SLAB / 2).enumerate().for_each(|(n, out)| {
             Slab::new(volume, lo, bricks).fill(n * SLAB, out, bit_lines);
         });
         let [nx, ny, nz] = bricks;
-        // Row by row, as the transform wants them.
+        // Row by row, as the transform needs them.
         let mut rows = vec![0; nx * ny * nz];
         rows.par_chunks_mut(nx).enumerate().for_each(|(n, row)| {
             for (x, to) in row.iter_mut().enumerate() {
@@ -115,32 +113,34 @@ impl Occupancy {
         Self { bricks, bits, bit_lines, distance, distance_lines }
     }
 
-    /// Bricks along each axis.
+    /// Returns the number of bricks along each axis.
     pub fn bricks(&self) -> [usize; 3] {
         self.bricks
     }
 
-    /// The bits of all bricks: for each cube of 2×2×2 its bricks, cubes and bricks with x fastest.
+    /// Returns the bits of all bricks: cubes of 2×2×2 bricks. Cubes, and bricks within a cube, are ordered with x
+    /// fastest.
     pub fn bit_cubes(&self) -> &[Line<u64, 8>] {
         &self.bits
     }
 
-    /// The distances of all bricks: for each cube of 4×4×4 its bricks, cubes and bricks with x fastest.
+    /// Returns the distances of all bricks: cubes of 4×4×4 bricks. Cubes, and bricks within a cube, are ordered with x
+    /// fastest.
     pub fn distance_cubes(&self) -> &[Line<u8, 64>] {
         &self.distance
     }
 
-    /// The bits of the brick `b`.
+    /// Returns the bits of the brick `b`.
     #[inline(always)]
     pub fn bits(&self, b: [usize; 3]) -> u64 {
         let (line, n) = self.bit_lines.at(b);
         self.bits.get(line).map_or(u64::MAX, |l| l.0[n & 7])
     }
 
-    /// Whether a bit is set between the cells `first` and `last`, both included, which must be within the bricks.
+    /// True if a bit is set between the cells `first` and `last`, both included. Both must be within the bricks.
     #[inline(always)]
     pub fn any(&self, first: [i32; 3], last: [i32; 3]) -> bool {
-        // Along each axis: the bricks, and the cells of one of them, as the bits that a whole brick has there.
+        // Along each axis: the bricks, and the cells within one of them, as the bits that a whole brick has there.
         let bricks = |a: usize| first[a] >> BRICK_SHIFT..=last[a] >> BRICK_SHIFT;
         let cells = |a: usize, brick: i32| {
             let (from, until) = ((first[a] - 4 * brick).max(0) as u32, (last[a] - 4 * brick).min(3) as u32);
@@ -162,14 +162,14 @@ impl Occupancy {
         false
     }
 
-    /// The distance of the brick `b`, bricks.
+    /// Returns the distance of the brick `b`, bricks.
     #[inline(always)]
     pub fn distance(&self, b: [i32; 3]) -> u8 {
         let (line, n) = self.distance_lines.at(b.map(|c| c as usize));
         self.distance.get(line).map_or(0, |l| l.0[n & 63])
     }
 
-    /// The least distance of the bricks from `first` to `last`, both included.
+    /// Returns the least distance of the bricks from `first` to `last`, both included, bricks.
     #[inline(always)]
     pub fn nearest(&self, first: [i32; 3], last: [i32; 3]) -> u8 {
         let mut least = FAR;
@@ -183,13 +183,13 @@ impl Occupancy {
         least
     }
 
-    /// Memory taken.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.bits.as_slice()) + size_of_val(self.distance.as_slice())
     }
 }
 
-/// Makes the bits of some layers of bricks.
+/// Computes the bits of some layers of bricks.
 struct Slab<'a> {
     volume: &'a Volume,
     lo: i16,
@@ -203,15 +203,15 @@ impl<'a> Slab<'a> {
         Self { volume, lo, bricks, words: (bricks[0] << BRICK_SHIFT).div_ceil(64) }
     }
 
-    /// Fills the layers of bricks from `first` on that `out` has room for.
+    /// Fills as many layers of bricks, from `first` on, as `out` has room for.
     fn fill(&self, first: usize, out: &mut [Line<u64, 8>], lines: Lines<1>) {
         let [nx, ny, nz] = self.volume.grid().dims();
         let rows = self.bricks[1] << BRICK_SHIFT;
         let plane = rows * self.words;
-        // Two slices of voxels are or-ed to a layer of cells.
+        // Two slices of voxels are or-ed into a layer of cells.
         let mut ring = vec![vec![0u64; plane]; 2];
         let mut raw = vec![0u64; self.words * (ny + 2)];
-        // Of what lies beyond.
+        // The bits of everything outside the volume.
         let air = if AIR_HU > self.lo { u64::MAX } else { 0 };
         let mut slice = |k: isize, to: &mut Vec<u64>| {
             // A row of air before, and one after.
@@ -262,7 +262,7 @@ impl<'a> Slab<'a> {
         }
     }
 
-    /// Sets the cells around the volume, where air itself is not empty.
+    /// Sets the cells around the volume, for transfer functions to which air itself is not empty.
     fn close(&self, raw: &mut [u64], nx: usize, ny: usize) {
         for (j, row) in raw.chunks_exact_mut(self.words).enumerate() {
             if (1..=ny).contains(&j) {
@@ -276,7 +276,7 @@ impl<'a> Slab<'a> {
     }
 }
 
-/// From the bits of voxels to those of cells along a row: cell g lies between the voxels g − 1 and g.
+/// Turns the bits of voxels into those of cells along a row: cell g is between the voxels g − 1 and g.
 fn spread(voxels: &[u64], cells: &mut [u64]) {
     for (w, to) in cells.iter_mut().enumerate() {
         let left = if w > 0 { voxels[w - 1] } else { 0 };

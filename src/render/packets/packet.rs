@@ -1,25 +1,28 @@
-//! Sixteen rays at once, from their first sample to their light.
+//! Traces sixteen rays at once, from their first sample to their light.
 //!
-//! The recurrence is that of [`caster`](crate::render::caster): L ← L + (1 − A)·C, (1 − A) ← (1 − A)(1 − a). Three things are
-//! different.
+//! The recurrence is that of [`caster`](crate::render::caster): L ← L + (1 − A)·C, (1 − A) ← (1 − A)(1 − a). Three
+//! things differ.
 //!
-//! **Steps.** The volume is sampled at t = k·Δs, and between two samples the value is taken as linear (pre-integration,
-//! Engel, Kraus and Ertl 2001), or, where the ray was in the wall before, as the parabola through the sample before, too: a
-//! ray that grazes a rim is deepest between two samples. Each step is composed of four quarter steps at their middles, so that
-//! the ramp is met where it is in a step that rises over all of it. Values are
-//! smooth on the scale of a voxel, so that this is as good as quarter steps with samples of their own. Where the scan is smooth on
-//! the scale of two ([`blur`](super::blur)) steps are twice as long. So that no wall is passed over that shorter ones would meet,
-//! a step with both ends before the wall and its middle in a cell that holds something is sampled there, too.
+//! **Steps.** The volume is sampled at t = k·Δs. Between two samples the value is taken as linear (pre-integration,
+//! Engel, Kraus and Ertl 2001). Where the ray was in the wall before, it is taken as the parabola that also passes
+//! through the previous sample, because a ray that grazes a rim is deepest between two samples. Each step is composed
+//! of four quarter steps evaluated at their middles, so that a step that rises over the whole ramp still meets the ramp
+//! in the right place. Values are smooth on the scale of a voxel, so this is as good as quarter steps that are each
+//! sampled. Where the scan is smooth on the scale of two voxels ([`blur`](super::blur)), steps are twice as long. So
+//! that these miss no wall that shorter steps would meet, a step is also sampled in its middle if both its ends are
+//! before the wall and its middle is in an occupied cell.
 //!
-//! **Light.** A ray's light from one layer of the wall is that of the layer's mean place and mean value
-//! ([`layer`](super::layer)). A layer ends where a step adds nothing, where values begin to fall, as behind the middle of a thin
-//! fold, or when it is long ([`layer::steps`]): that matters where a ray runs along the wall, which turns beneath it. Close to
-//! the camera rays run along the wall in whole parts of the picture, and steps are half as long.
+//! **Light.** A ray's light from one layer of the wall is computed at the layer's mean position and mean value
+//! ([`layer`](super::layer)). A layer ends where a step adds nothing, where values begin to fall, as behind the middle
+//! of a thin fold, or when it gets long ([`layer::steps`]). Length matters where a ray runs along the wall and the wall
+//! turns beneath it. Close to the camera, rays run along the wall in whole regions of the picture, and steps are half
+//! as long.
 //!
-//! **Empty space.** Where a bundle of rays meets something first may be known before it is cast
-//! ([`Beam`](super::beam::Beam)). From there on a step at whose beginning no ray sees anything, and of which all places to sample
-//! lie in empty cells, is taken without looking at the volume; after some of these in a row ([`PATIENCE`]) the rays leap, all of
-//! them equally far. Samples lie on the same places whatever is left out, so that this changes no bit of the picture.
+//! **Empty space.** The distance at which a bundle of rays first meets something may be known before it is cast
+//! ([`Beam`](super::beam::Beam)). From there on, a step is taken without reading the volume if no ray sees anything at
+//! its start and all positions to sample are in empty cells. After several such steps in a row ([`PATIENCE`]) the rays
+//! leap, all of them equally far. Samples stay at the same positions whatever is left out, so this changes no bit of
+//! the picture.
 
 use std::array::from_fn;
 
@@ -43,23 +46,24 @@ use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::shaders::Shader;
 use crate::render::transfer::{FOOT, PALETTE_HU};
 
-/// A ray runs along the wall where its value changes by less than this over a path of h, the smallest spacing, HU. One that
-/// goes straight through it has one layer: its brightness hardly depends on how the wall turns.
+/// A ray runs along the wall where its value changes by less than this over a path of h, the smallest spacing, HU. A
+/// ray that goes straight through the wall has one layer: its brightness hardly depends on how the wall turns.
 const STEEP: f32 = 200.0;
-/// A camera is close to the wall where something of it is within about so many voxels of the smallest spacing.
+/// A camera is close to the wall if something of the wall is within about this many voxels of the smallest spacing.
 const NEAR: f64 = 2.0;
-/// After so many empty steps in a row the distances of the rays' bricks are looked up: near a wall they are not worth it. After
-/// a leap, and where nothing was known before, they are looked up at once.
+/// After this many empty steps in a row, the distances of the rays' bricks are looked up; near a wall this is not
+/// worthwhile. After a leap, and where nothing was known before, they are looked up at once.
 const PATIENCE: f32 = 8.0;
-/// What rounding may add to a leap, voxels: for a leap over all the bricks that a distance can tell of, and for each voxel
-/// from the first one to the ray's place.
+/// Rounding errors that a leap must allow for, voxels: over the longest leap that a distance allows, and for each voxel
+/// from the first one to the ray's position.
 const ROUNDING: [f32; 2] = [2e-3, 4e-7];
-/// A camera farther away than this is left to double precision, voxels.
+/// A camera with a larger grown voxel coordinate than this is rendered in double precision.
 const FAR: f64 = 1e4;
-/// An axis along which a step moves less than this is not moved along, voxels: a million steps make a thousandth.
+/// A step that moves less than this along an axis does not move along it, voxels: a million steps add up to a
+/// thousandth.
 const STILL: f32 = 1e-9;
 
-/// What all rays of a picture have in common.
+/// The state that all rays of a picture share.
 pub struct Rays<'a> {
     pub(super) volume: &'a PreparedVolume,
     pub(super) voxels: Voxels<'a>,
@@ -67,74 +71,77 @@ pub struct Rays<'a> {
     lookup: OccupancyLanes<'a>,
     pub(super) source: Source<'a>,
     scalar: Trilinear<'a>,
-    /// The camera, grown voxel coordinates.
+    /// The camera's position, grown voxel coordinates.
     pub(super) origin: Vec3,
-    /// Where rays go.
+    /// The rays' directions.
     pub(super) directions: DirectionSource,
-    /// What a step moves along an axis of the volume at the most, voxels.
+    /// The most that a step moves along an axis of the volume, voxels.
     longest: f32,
-    /// By how much less is leapt than a distance tells, voxels.
+    /// How much a leap is shortened to allow for rounding, voxels.
     rounding: f32,
-    /// Border of the grown volume.
+    /// Far corner of the grown volume.
     border: Vec3,
     foot: f32,
     pub(super) lo: f32,
     iso: f32,
     pub(super) scale: f32,
-    /// A step is h · 2^`power`: halvings of the opacity follow from it.
+    /// A step is h · 2^`power`, which determines how often the opacity is halved.
     power: i32,
     sensitivity: f32,
-    /// A layer is shaded, and another begins, when the steps that its mean place lies back times its share of the light are
-    /// more than the first number and the ray runs along the wall, and when it lies farther back than the second number.
+    /// A layer is shaded, and another begins, in two cases. Its mean position's distance back, in steps, times its
+    /// share of the light exceeds the first number while the ray runs along the wall; or the distance exceeds the
+    /// second number.
     layer: [f32; 2],
-    /// What a value changes by over a step at the most where a ray runs along the wall, HU: see [`STEEP`].
+    /// The most that a value changes over a step where a ray runs along the wall, HU: see [`STEEP`].
     steep: f32,
-    /// Whether steps are twice as long as was asked for.
+    /// True if steps are twice as long as requested.
     smooth: bool,
     limit: f32,
-    /// The camera, world, mm.
+    /// The camera's position, world, mm.
     pub(super) camera: DVec3,
-    /// A step, mm.
+    /// Length of a step, mm.
     pub(super) step_mm: f32,
-    /// What the light at the camera adds to the headlight.
+    /// Effects of the light at the camera, in addition to the headlight.
     pub(super) lighting: Option<PacketLighting>,
     /// The shader that takes the headlight's place.
     pub(super) shader: Option<&'a dyn Shader>,
 }
 
-/// Another light than the headlight, for packets.
+/// A light other than the headlight, for packets.
 pub struct PacketLighting {
     pub light: Light,
-    /// The rows of what turns world directions into voxels.
+    /// The rows of the matrix that turns world directions into voxels.
     pub to_voxel: [Vec3; 3],
 }
 
-/// What came of sixteen rays.
+/// The result of sixteen rays.
 #[derive(Clone, Copy, Default)]
 pub struct PacketResult {
-    /// Brightness, weighted by what came through, 0 to 1.
+    /// Brightness, weighted by the light that passed through, 0 to 1.
     pub bright: [f32; 16],
     /// Brightness × HU above the palette's first.
     pub tone: [f32; 16],
     /// Share of light that would still come from beyond; NaN where the camera shows nothing.
     pub through: [f32; 16],
-    /// Mean place of what is seen, steps from the camera, weighted as the light is (not divided by it).
+    /// Mean position of the visible matter, steps from the camera, weighted like the light (not divided by the weight).
     pub depth: [f32; 16],
     /// Number of layers that ended before another began.
     pub layers: [f32; 16],
-    /// Of the first of several layers: its share of the light, and that times its place; 0 where there is one alone.
+    /// For the first of several layers: its share of the light, and that share times its position; 0 if there is only
+    /// one.
     pub front: [[f32; 16]; 2],
-    /// Samples taken.
+    /// Number of samples taken.
     pub samples: u32,
 }
 
-/// Whether something of the wall is about as near as [`NEAR`] to the camera, which is in `cell`. The voxels themselves are asked, so that
-/// pictures do not depend on what is known to be empty.
+/// True if something of the wall is within about [`NEAR`] of the camera, which is in `cell`.
+///
+/// The voxels themselves are read, so that pictures do not depend on what is known to be empty.
 fn is_near(volume: &PreparedVolume, cell: IVec3) -> bool {
     let (voxels, foot) = (volume.voxels(), volume.transfer().lo() + FOOT);
     let grid = voxels.grid();
     let reach = (NEAR * grid.min_spacing() / grid.spacing()).ceil().as_ivec3();
-    // Cell g lies between the voxels g − 1 and g.
+    // Cell g is between the voxels g − 1 and g.
     let (first, last) = (cell - 1 - reach, cell + reach);
     let range = |a: usize| first[a].max(0)..=last[a].min(grid.dims()[a] as i32 - 1);
     range(2).any(|z| {
@@ -144,9 +151,11 @@ fn is_near(volume: &PreparedVolume, cell: IVec3) -> bool {
 }
 
 impl<'a> Rays<'a> {
-    /// Prepares the rays of `view` in a scan with these [`waves`](super::blur::waves); `None` where they need what this caster
-    /// does not have: two voxels along each axis, no more voxels, and pieces of their bits, than an `i32` counts, a camera within
-    /// ten thousand voxels, rays that all begin there.
+    /// Prepares the rays of `view` in a scan with the given [`waves`](super::blur::waves).
+    ///
+    /// Returns `None` if this caster cannot render the view. It needs at least two voxels along each axis, no more
+    /// voxels and pieces of their bits than an `i32` can count, a camera within ten thousand voxels, and rays that all
+    /// start at the camera.
     pub fn new(
         volume: &'a PreparedVolume,
         occupancy: &'a Occupancy,
@@ -163,8 +172,8 @@ impl<'a> Rays<'a> {
             return None;
         }
         let smooth = waves >= blur::LONGEST;
-        // Half as many samples: values between them are known well enough, but where rays run along a wall that is close.
-        // Who asks for shorter steps has them already.
+        // Half as many samples: values between them are known well enough, except where rays run along a close wall.
+        // Callers that request shorter steps already have them.
         let near = settings.step_power >= -1 && is_near(volume, origin.floor().as_ivec3());
         let power = settings.step_power + 1 - i32::from(near);
         let step = Step::new(volume, power + i32::from(smooth));
@@ -172,8 +181,8 @@ impl<'a> Rays<'a> {
             .map(|d| (grid.to_voxel().transform_vector3(d) * step.mm).as_vec3());
         let wall = volume.transfer();
         let border = Vec3::from_array(grid.dims().map(|n| (n + 1) as f32));
-        // All directions are of unit length in the orthonormal frame of the camera, so that this holds where the volume's axes
-        // are not at right angles, too.
+        // All directions are of unit length in the camera's orthonormal frame, so this also holds where the volume's
+        // axes are not at right angles.
         let longest = per_step.iter().map(|&s| s * s).sum::<Vec3>().max_element().sqrt();
         Some(Self {
             volume,
@@ -207,24 +216,26 @@ impl<'a> Rays<'a> {
         })
     }
 
-    /// The colours of the packet that was cast last, where a shader of its own has given them.
+    /// Returns the colours of the most recent packet if a custom shader has set them.
     #[inline(always)]
     pub fn colours<'c>(&self, cells: &'c Cells) -> Option<&'c Colours> {
         self.shader.map(|_| &cells.colours)
     }
 
-    /// By how much unit directions of neighbouring pixels differ at the most, where that is known.
+    /// Returns by how much unit directions of neighbouring pixels differ at most; `None` if unknown.
     pub fn pixel_turn(&self) -> Option<f32> {
         self.directions.pixel_turn()
     }
 
-    /// A step, voxels of the smallest spacing.
+    /// Returns the length of a step, voxels of the smallest spacing.
     pub fn step(&self) -> f32 {
         2f32.powi(self.power)
     }
 
-    /// Casts a packet of rays `apart` pixels from each other, row by row, the first through the centre of pixel (`x`, `y`);
-    /// nothing may be met before `from` steps.
+    /// Casts a packet of rays `apart` pixels from each other, row by row, the first through the centre of pixel (`x`,
+    /// `y`).
+    ///
+    /// The rays must meet nothing before `from` steps.
     #[inline(always)]
     pub fn packet<S: Simd>(
         &self,
@@ -237,7 +248,8 @@ impl<'a> Rays<'a> {
         self.cast(simd, |n| [x + n % SIDE * apart, y + n / SIDE * apart], from, cells)
     }
 
-    /// Casts the rays through the centres of pixels, each lane's as `pixel` says; nothing may be met before `from` steps.
+    /// Casts rays through the centres of pixels; `pixel` returns the pixel of each lane. The rays must meet nothing
+    /// before `from` steps.
     #[inline(always)]
     pub fn cast<S: Simd>(
         &self,
@@ -252,7 +264,7 @@ impl<'a> Rays<'a> {
         light
     }
 
-    /// A function of its own on each level, not inlined where it is called: it is large.
+    /// A separate function for each level, not inlined into its callers: it is large.
     #[inline(never)]
     fn cast_lanes<S: Simd>(
         &self,
@@ -273,8 +285,8 @@ impl<'a> Rays<'a> {
 
     /// Casts the rays through the points (`x`, `y`) of the picture, in pixels from its top left corner.
     ///
-    /// The loop is one long function on purpose: its dozen vectors live in registers from step to step, and what is handed
-    /// to another function and back would not.
+    /// The loop is one long function on purpose: its dozen vectors stay in registers from step to step, which they
+    /// would not if they were passed to another function and back.
     #[inline(always)]
     fn trace<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>, from: f32, cells: &mut Cells) -> PacketResult {
         let one = f32x16::splat(simd, 1.0);
@@ -291,21 +303,21 @@ impl<'a> Rays<'a> {
             let first = active.select(enter, f32x16::splat(simd, self.limit)).reduce_min().max(from);
             let mut k = first.min(end + 1.0).floor();
             let (foot, never) = (f32x16::splat(simd, self.foot), zero.simd_gt(one));
-            // Who knows where to begin knows that nothing is seen there, and has leapt.
+            // If the start is known, the rays have already leapt there, and nothing is visible at it.
             let begun = from > 0.0 && first == from;
             let (mut v_before, mut v0) = (foot, foot);
             if !begun {
-                // All of them: at 0 they are in one place, which tells whether the camera is in the wall.
+                // All of them: at 0 they are in one place, which shows whether the camera is in the wall.
                 v0 = self.value(simd, &ray, k, !never);
                 samples += 16;
             }
             let camera = if k == 0.0 && v0[0] > self.foot { Medium::Wall } else { Medium::Air };
-            // Whether v0 was looked at, or is only known to be nothing.
+            // True if v0 was sampled, false if it is only known to be empty.
             let mut sampled = !begun;
             let mut ask = if begun { k + PATIENCE } else { k };
             let mut open = never;
             while k < end + 1.0 {
-                // Rays before the wall whose place in the middle of the step is in a cell that holds something.
+                // Rays before the wall whose position in the middle of the step is in an occupied cell.
                 let mut thin = never;
                 if self.smooth {
                     let before = active & v0.simd_le(self.iso);
@@ -340,17 +352,18 @@ impl<'a> Rays<'a> {
                 if thin.any_true() {
                     middle = self.value(simd, &ray, k + 0.5, thin);
                     samples += 16;
-                    // Where nothing is, the cell may as well be known to be empty.
+                    // A middle that shows nothing is treated like a cell that is known to be empty.
                     thin &= middle.simd_gt(foot);
                     shows |= thin;
                 }
-                // How far below the foot it was matters where something shows after it.
+                // How far v0 was below the foot matters if something shows after it.
                 if !sampled && shows.any_true() {
                     v0 = self.value(simd, &ray, k, active);
                     samples += 16;
                 }
                 sampled = true;
-                // A parabola through three samples for the rays that were in the wall before this step, too, a line for others.
+                // A parabola through three samples for rays that were in the wall before this step, too, and a line for
+                // the others.
                 let rise = v1 - v0;
                 let curve = (open & v0.simd_gt(foot)).select(rise - (v0 - v_before), zero);
                 let [outer, inner] = [curve * (7.0 / 128.0), curve * (15.0 / 128.0)];
@@ -358,7 +371,7 @@ impl<'a> Rays<'a> {
                 let [mut c, mut d] = [v0 + rise * 0.625 - inner, v0 + rise * 0.875 - outer];
                 let mut v_behind = v0;
                 if thin.any_true() {
-                    // The next step's parabola goes on from what is known of this one's second half.
+                    // The next step's parabola continues from the second half of this one.
                     v_behind = thin.select(middle * 2.0 - v1, v0);
                     let [near, far] = [middle - v0, v1 - middle];
                     [a, b] = [thin.select(v0 + near * 0.25, a), thin.select(v0 + near * 0.75, b)];
@@ -397,7 +410,7 @@ impl<'a> Rays<'a> {
                     break;
                 }
             }
-            // First those that wait and those of the rays for which none does, then what is left.
+            // First the waiting layers, and those of the rays without a waiting layer; then the rest.
             for _ in 0..2 {
                 let free = light.layer.any() & !light.waiting.any();
                 light.end(simd, free);
@@ -420,7 +433,7 @@ impl<'a> Rays<'a> {
         }
     }
 
-    /// Where the rays enter and leave the grown volume, steps.
+    /// Returns where the rays enter and leave the grown volume, steps.
     #[inline(always)]
     fn span<S: Simd>(&self, simd: S, ray: &Directions<S>) -> [f32x16<S>; 2] {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
@@ -438,15 +451,17 @@ impl<'a> Rays<'a> {
         [enter, exit]
     }
 
-    /// How many steps a ray may leap from a brick that is `distance` bricks from the next one with anything.
+    /// Returns how many steps a ray may leap from a brick that is `distance` bricks from the next occupied one.
     #[inline(always)]
     fn leap(&self, distance: i32) -> f32 {
         let voxels = ((distance - 1).max(0) << BRICK_SHIFT) as f32;
         ((voxels - self.rounding).max(0.0) / self.longest).floor()
     }
 
-    /// How many steps no ray through the rectangle of `size` pixels with the top left corner (`x`, `y`) meets anything, if it
-    /// is known that they meet nothing before `from` steps.
+    /// Returns the number of steps for which no ray through a rectangle of the picture meets anything.
+    ///
+    /// The rectangle has `size` pixels and its top left corner at (`x`, `y`). Its rays must be known to meet nothing
+    /// before `from` steps.
     #[inline(never)]
     pub fn start<S: Simd>(&self, simd: S, [x, y]: [f32; 2], size: [f32; 2], from: f32) -> f32 {
         simd.vectorize(
@@ -463,13 +478,13 @@ impl<'a> Rays<'a> {
         )
     }
 
-    /// Trilinear HU of the rays in `wanted` at `k`; of the others anything.
+    /// Returns the trilinear HU of the rays in `wanted` at `k`; other lanes are arbitrary.
     #[inline(always)]
     fn value<S: Simd>(&self, simd: S, ray: &Directions<S>, k: f32, wanted: mask32x16<S>) -> f32x16<S> {
         self.value_at(simd, ray.at(self.origin, k), wanted)
     }
 
-    /// Trilinear HU at the places `q` of the lanes in `wanted`; of the others anything.
+    /// Returns the trilinear HU at the positions `q` of the lanes in `wanted`; other lanes are arbitrary.
     #[inline(always)]
     pub(super) fn value_at<S: Simd>(&self, simd: S, q: [f32x16<S>; 3], wanted: mask32x16<S>) -> f32x16<S> {
         let (cell, t) = split(q);
@@ -484,7 +499,7 @@ impl<'a> Rays<'a> {
         value
     }
 
-    /// Values at and beyond the volume's border, one by one.
+    /// Returns values at and beyond the volume's border, one by one.
     #[inline(never)]
     fn at_border<S: Simd>(&self, simd: S, value: f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) -> f32x16<S> {
         let mut all = value.to_array();
@@ -497,7 +512,7 @@ impl<'a> Rays<'a> {
         all.simd_into(simd)
     }
 
-    /// What a quarter of a step at the value `hu` lets through.
+    /// Returns the share of light that a quarter of a step at the value `hu` lets through.
     #[inline(always)]
     fn through<S: Simd>(&self, simd: S, hu: f32x16<S>) -> f32x16<S> {
         let one = f32x16::splat(simd, 1.0);
@@ -512,7 +527,7 @@ impl<'a> Rays<'a> {
         t
     }
 
-    /// HU above the palette's first.
+    /// Returns HU above the palette's first.
     #[inline(always)]
     fn tone<S: Simd>(&self, simd: S, hu: f32x16<S>) -> f32x16<S> {
         let [low, high] = PALETTE_HU;
@@ -532,8 +547,8 @@ mod tests {
     use crate::render::{Quality, TransferFunction};
     use crate::volume::{Grid, Volume};
 
-    /// Steps of two voxels meet walls of one voxel and more wherever the steps' ends lie. Without a look at the middle they pass
-    /// over some of them.
+    /// Steps of two voxels meet walls of one voxel or more wherever the steps end. Without a sample in the middle they
+    /// would pass over some of them.
     #[test]
     fn long_steps_miss_no_thin_wall() {
         let grid = Grid::new([64, 48, 48], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();

@@ -1,4 +1,4 @@
-//! From light to pixels.
+//! Turns light into pixels.
 
 use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 
@@ -9,26 +9,26 @@ use crate::render::Work;
 use crate::render::renderer::SQUARE;
 use crate::render::transfer::{PALETTE, PALETTE_HU};
 
-/// Rows of a picture that are being filled.
+/// The rows of a picture that are being filled.
 pub struct Canvas<'a> {
     pixels: &'a mut [[u8; 3]],
     width: usize,
-    /// The first row's place in the picture.
+    /// Index of the first row in the picture.
     top: usize,
 }
 
 impl<'a> Canvas<'a> {
-    /// The rows from `top` on of a picture that is `width` pixels wide.
+    /// Wraps the rows from `top` on of a picture that is `width` pixels wide.
     pub fn new(pixels: &'a mut [[u8; 3]], width: usize, top: usize) -> Self {
         Self { pixels, width, top }
     }
 
-    /// Whether it holds the pixel (`x`, `y`) of the picture.
+    /// True if the canvas holds the pixel (`x`, `y`) of the picture.
     pub fn holds(&self, [x, y]: [usize; 2]) -> bool {
         x < self.width && y >= self.top && (y - self.top) * self.width < self.pixels.len()
     }
 
-    /// Fills the pixels of a packet whose rays are a pixel apart, the first through `at`.
+    /// Fills the pixels of a packet whose rays are one pixel apart, the first through `at`.
     #[inline(never)]
     pub fn packet<S: Simd>(&mut self, simd: S, light: &PacketResult, own: Option<&Colours>, at: [usize; 2]) -> Work {
         simd.vectorize(
@@ -63,7 +63,7 @@ impl<'a> Canvas<'a> {
         Work { rays: 4 * at.len() as u64, samples: u64::from(light.samples), ..Work::default() }
     }
 
-    /// Fills the block from pixel `at` on with the weighted sums of the rays' `light`, brightness and tone.
+    /// Fills the block from pixel `at` on with weighted sums of the rays' `light`, brightness and tone.
     #[inline(never)]
     pub fn blend<S: Simd, const N: usize>(
         &mut self,
@@ -94,7 +94,7 @@ impl<'a> Canvas<'a> {
         }
     }
 
-    /// Writes some pixels of a row, as far as they are there.
+    /// Writes some pixels of a row, as far as they exist.
     #[inline(always)]
     fn row(&mut self, colours: &[i32], [x, y]: [usize; 2]) {
         let from = (y - self.top) * self.width;
@@ -116,7 +116,7 @@ impl<'a> Canvas<'a> {
     }
 }
 
-/// The pixels of a packet: by the palette, or as a shader of its own has coloured them.
+/// Returns the pixels of a packet, coloured by the palette or by a custom shader.
 #[inline(always)]
 fn packed<S: Simd>(simd: S, light: &PacketResult, own: Option<&Colours>) -> [i32; SIDE * SIDE] {
     let load = f32x16::load_array_ref;
@@ -132,7 +132,7 @@ fn packed<S: Simd>(simd: S, light: &PacketResult, own: Option<&Colours>) -> [i32
     }
 }
 
-/// Another byte below those that are `packed`: a share of light, 0 to 1.
+/// Adds another byte below those already `packed`: a share of light, 0 to 1.
 #[inline(always)]
 fn byte<S: Simd>(simd: S, packed: i32x16<S>, light: f32x16<S>) -> i32x16<S> {
     let c = light * 255.0 + 0.5;
@@ -140,7 +140,7 @@ fn byte<S: Simd>(simd: S, packed: i32x16<S>, light: f32x16<S>) -> i32x16<S> {
     (packed << 8) | c.to_int::<i32x16<S>>()
 }
 
-/// Red, green and blue in the lower three bytes.
+/// Returns red, green and blue in the lower three bytes.
 #[inline(always)]
 fn colours<S: Simd>(simd: S, bright: f32x16<S>, tone: f32x16<S>) -> [i32; SIDE * SIDE] {
     let [base, top] = PALETTE;

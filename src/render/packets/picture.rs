@@ -1,4 +1,4 @@
-//! From packets of rays to pictures.
+//! Turns packets of rays into pictures.
 
 use std::array::from_fn;
 use std::sync::{Mutex, PoisonError};
@@ -16,14 +16,14 @@ use crate::render::{View, Work};
 
 /// Rows of blocks in a band of the picture.
 const ROWS: usize = 2;
-/// Side of the tiles that squares are cast by, pixels.
+/// Side of the tiles in which squares are cast, pixels.
 const TILE: usize = SIDE * BLOCK;
 
-/// So many packets in a row leap over what is empty near the camera together.
+/// This many packets in a row leap together over the empty space near the camera.
 const TOGETHER: usize = 4;
 
-/// Does something on the SIMD level that is there: AVX-512, AVX2 or NEON, else on what every processor of the kind has.
-/// More levels would take long to compile, for processors that are hardly about.
+/// Runs `$part` on the available SIMD level: AVX-512, AVX2 or NEON, otherwise the baseline of the architecture. More
+/// levels would take long to compile, for processors that are rare.
 macro_rules! on_level {
     ($level:expr, $simd:ident => $part:expr) => {
         match $level {
@@ -38,7 +38,7 @@ macro_rules! on_level {
                 Level::Sse2($simd) => $part,
                 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
                 Level::Fallback($simd) => $part,
-                // Every processor of these two kinds has the level above.
+                // Every processor of these two architectures has the level above.
                 _ => {}
             },
         }
@@ -51,7 +51,7 @@ fn with_cells<T>(all: &[Mutex<Cells>], part: impl FnOnce(&mut Cells) -> T) -> T 
     part(&mut all[thread].lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// A ray for every pixel.
+/// Casts a ray for every pixel.
 pub fn pixels_of(rays: &Rays<'_>, view: &View, pixels: &mut [[u8; 3]], cells: &[Mutex<Cells>], level: Level) -> Work {
     let width = view.width();
     let bands = pixels.par_chunks_mut(width * SIDE).enumerate().map(|(n, band)| {
@@ -70,7 +70,7 @@ pub fn pixels_of(rays: &Rays<'_>, view: &View, pixels: &mut [[u8; 3]], cells: &[
     bands.reduce(Work::default, |a, b| a + b)
 }
 
-/// A ray for every pixel of the `wanted` squares, row by row of squares.
+/// Casts a ray for every pixel of the `wanted` squares, row by row of squares.
 pub fn squares_of(
     rays: &Rays<'_>,
     view: &View,
@@ -88,8 +88,8 @@ pub fn squares_of(
             let top = n * TILE;
             let mut band = Band::new(rays, cells, Canvas::new(band, width, top));
             on_level!(level, simd => {
-                // Tile by tile, so that those that wait for each other are close, and what is empty in front of all of them is
-                // leapt over once.
+                // Tile by tile, so that squares that wait for each other are close, and the empty space in front of all
+                // of them is leapt over once.
                 for left in (0..across).step_by(TILE / SQUARE) {
                     let mut start = None;
                     for (row, wanted) in wanted.chunks(across).enumerate() {
@@ -108,8 +108,10 @@ pub fn squares_of(
     bands.reduce(Work::default, |a, b| a + b)
 }
 
-/// Rays where they are needed: those of `samples`, and more where they do not tell enough. A ray for every pixel where it is
-/// not known how far those of neighbours are apart, or what a shader makes of what lies between them.
+/// Casts rays where they are needed: those of `samples`, and more where these are not enough.
+///
+/// Casts a ray for every pixel if it is unknown how far apart neighbouring rays are, or how a shader colours what lies
+/// between them.
 pub fn needed(
     samples: &mut ImageSamples,
     rays: &Rays<'_>,
@@ -159,7 +161,7 @@ pub fn needed(
             on_level!(level, simd => {
                 for first in (0..blocks).step_by(LANES) {
                     let verdicts: [_; ROWS] = from_fn(|row| samples.judge(simd, [first, n * ROWS + row.min(rows - 1)], side));
-                    // Column by column, so that those that wait for each other are close.
+                    // Column by column, so that blocks that wait for each other are close.
                     for (x, row) in (first..blocks.min(first + LANES)).flat_map(|x| (0..rows).map(move |row| (x, row))) {
                         let (block, bit) = ([x, n * ROWS + row], 1 << (x - first));
                         let at = block.map(|b| b * BLOCK);

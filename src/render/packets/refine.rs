@@ -1,7 +1,7 @@
-//! From the rays of adaptive image-plane sampling to pixels, with more rays where they are needed.
+//! Turns the rays of adaptive image-plane sampling into pixels, with more rays where they are needed.
 //!
-//! Blocks that are to be subdivided, and squares of pixels that must be traced, wait until there are four of them, which is a
-//! whole packet. Which rays share a packet does not change what comes of them.
+//! Blocks to be subdivided, and squares of pixels that must be traced, wait until there are four of them, which make a
+//! whole packet. Which rays share a packet does not affect their results.
 
 use std::array::from_fn;
 
@@ -15,7 +15,7 @@ use super::subdivided::{MIDDLES, SUBDIVIDED_WEIGHTS, Subdivided};
 use crate::render::Work;
 use crate::render::renderer::SQUARE;
 
-/// So many blocks, or squares, make a packet.
+/// Number of blocks, or squares, in a packet.
 const GROUP: usize = 4;
 
 /// Some rows of a picture's blocks that are being filled.
@@ -37,11 +37,11 @@ struct Coarse {
     start: f32,
 }
 
-/// What waits for rays.
+/// Items that wait for rays.
 struct Waiting<T> {
     items: [T; GROUP],
     len: usize,
-    /// How many steps nothing is met by any of the rays.
+    /// The number of steps for which none of the rays meets anything.
     start: f32,
 }
 
@@ -52,7 +52,7 @@ impl<T: Copy + Default> Default for Waiting<T> {
 }
 
 impl<T: Copy + Default> Waiting<T> {
-    /// Adds one to fewer than [`GROUP`]; whether there are enough now.
+    /// Adds an item; there must be fewer than [`GROUP`]. True if the group is now complete.
     #[inline(always)]
     fn push(&mut self, item: T, start: f32) -> bool {
         self.items[self.len] = item;
@@ -61,7 +61,7 @@ impl<T: Copy + Default> Waiting<T> {
         self.len == GROUP
     }
 
-    /// The one whose rays lane `n` of a packet holds, four to each. Lanes that are not needed do what the last one does.
+    /// Returns the item whose rays are in lane `n` of a packet, four to each. Unneeded lanes repeat the last item.
     #[inline(always)]
     fn of_lane(&self, n: usize) -> &T {
         &self.items[(n / 4).min(self.len - 1)]
@@ -69,25 +69,25 @@ impl<T: Copy + Default> Waiting<T> {
 }
 
 impl<'a, 'b> Band<'a, 'b> {
-    /// Casts `rays` for the pixels of `canvas`.
+    /// Creates a band that casts `rays` for the pixels of `canvas`.
     pub fn new(rays: &'a Rays<'b>, cells: &'a mut Cells, canvas: Canvas<'a>) -> Self {
         Self { rays, cells, canvas, blocks: Waiting::default(), squares: Waiting::default(), work: Work::default() }
     }
 
-    /// Fills a smooth block, whose top left corner is at pixel `at`.
+    /// Fills a smooth block whose top left corner is at pixel `at`.
     #[inline(always)]
     pub fn smooth<S: Simd>(&mut self, simd: S, block: &Block, at: [usize; 2]) {
         self.canvas.blend(simd, block.points().map(|p| [p.bright, p.tone]), &WEIGHTS, at);
     }
 
-    /// Casts a ray for every pixel of a block; nothing may be met before `start` steps.
+    /// Casts a ray for every pixel of a block. The rays must meet nothing before `start` steps.
     #[inline(always)]
     pub fn rough<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
         let light = self.rays.packet(simd, at, 1, start, self.cells);
         self.work = self.work + self.canvas.packet(simd, &light, self.rays.colours(self.cells), at);
     }
 
-    /// Has a block wait until it is subdivided.
+    /// Queues a block for subdivision.
     #[inline(always)]
     pub fn coarse<S: Simd>(&mut self, simd: S, block: Block, at: [usize; 2], start: f32) {
         if self.blocks.push(Coarse { block, at, start }, start) {
@@ -95,7 +95,7 @@ impl<'a, 'b> Band<'a, 'b> {
         }
     }
 
-    /// Has a square of pixels wait until a ray is cast for each of them; nothing may be met before `start` steps.
+    /// Queues a square of pixels to be traced with a ray each. The rays must meet nothing before `start` steps.
     #[inline(always)]
     pub fn square<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
         if self.squares.push(at, start) {
@@ -103,7 +103,7 @@ impl<'a, 'b> Band<'a, 'b> {
         }
     }
 
-    /// Fills what still waits; what it all took.
+    /// Fills everything that still waits. Returns the work of the whole band.
     pub fn finish<S: Simd>(&mut self, simd: S) -> Work {
         if self.blocks.len > 0 {
             self.subdivide(simd);

@@ -1,18 +1,19 @@
-//! Adaptive image-plane sampling: pixels between rays. A voxel of the wall covers hundreds of pixels of a frame, so that
-//! most rays tell nothing new.
+//! Adaptive image-plane sampling: interpolates pixels between rays. A voxel of the wall covers hundreds of pixels of a
+//! frame, so most rays add no information.
 //!
-//! Rays are cast through the corners and the centres of blocks of 4×4 pixels. Where the centre is what the corners make
-//! one expect, and nothing else speaks against it, the block's pixels are interpolated. What must hold
+//! Rays are cast through the corners and the centres of blocks of 4×4 pixels. If the centre is what the corners
+//! predict, and nothing else speaks against it, the block's pixels are interpolated. These conditions must hold
 //! ([`ImageSamples::judge`]):
 //!
-//! - all five rays end in the wall in their first layer, or all in their second, or all five meet nothing;
-//! - its rays (corners and centre) are no farther apart than two voxels where it lies, which is how long the finest waves
-//!   are that the scan can hold: it has little to show between them;
-//! - inverse depth, which is linear over a plane, of each layer and brightness are those of the corners' mean at the
-//!   centre, and the corners are not twisted.
+//! - All five rays end in the wall in their first layer, or all in their second, or all five meet nothing.
+//! - The block's rays (corners and centre) are no farther apart than two voxels at its distance. That is the length of
+//!   the finest waves that the scan can hold, so the block has little to show between them.
+//! - At the centre, brightness and the inverse depth of each layer (which is linear over a plane) match the mean of the
+//!   corners, and the corners are not twisted.
 //!
-//! Between the corners values are bilinear, with a tent over the centre for what it differs by: blocks meet without a
-//! seam. A block that is nearly smooth is divided into quarters ([`subdivided`](super::subdivided)); everywhere else each pixel gets its own ray.
+//! Between the corners values are bilinear, plus a tent over the centre for its difference: blocks meet without a seam.
+//! A block that is nearly smooth is divided into quarters ([`subdivided`](super::subdivided)). Everywhere else each
+//! pixel gets its own ray.
 
 use fearless_simd::{Simd, f32x16, prelude::*};
 use rayon::prelude::*;
@@ -23,42 +24,42 @@ use super::packet::PacketResult;
 pub const BLOCK: usize = 4;
 /// Side of a packet, rays.
 pub const SIDE: usize = 4;
-/// Blocks that are judged at once.
+/// Number of blocks judged at once.
 pub const LANES: usize = 16;
-/// By how much the centre may differ from the corners' mean: brightness, 0 to 1.
+/// How much the centre may differ from the corners' mean: brightness, 0 to 1.
 const BRIGHTNESS: f32 = 0.027;
 /// The most that brightness may change over a block.
 pub const CONTRAST: f32 = 0.5;
-/// By how much the centre's depth may differ, voxels (the smallest spacing).
+/// How much the centre's depth may differ, voxels (the smallest spacing).
 const DEPTH: f32 = 0.25;
 /// The most that depth may change over a block, voxels.
 pub const SLOPE: f32 = 3.0;
 /// The largest side of a block, voxels: 2√2, at which the rays of corners and centres are 2 voxels apart.
 const LARGEST: f32 = 2.83;
-/// A ray has ended in the wall when no more than this comes from beyond.
+/// A ray has ended in the wall when no more than this share of light comes from beyond.
 const OPAQUE: f32 = 0.02;
-/// A block with errors up to so many times those allowed is likely to be smooth at half the side, where they are a
-/// quarter: it is subdivided.
+/// A block with errors up to this multiple of those allowed is likely to be smooth at half the side, where they are a
+/// quarter. It is subdivided.
 const NEARLY_SMOOTH: f32 = 4.0;
-/// Values that are kept of a ray: those of [`Point`].
+/// Values kept for each ray: those of [`Point`].
 const FIELDS: usize = 4;
 
-/// What came of one ray.
+/// The result of one ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Point {
-    /// 1 / depth of where the ray ended, 1 / voxels of the smallest spacing; 0 where nothing was met; NaN unless the ray ended
-    /// in the wall in its first layer or its second, or met nothing.
+    /// 1 / depth at which the ray ended, 1 / voxels of the smallest spacing; 0 if it met nothing; NaN unless it ended
+    /// in the wall in its first or second layer, or met nothing.
     pub near: f32,
     /// 1 / depth of the layer before, 0 if there is none.
     pub front: f32,
-    /// As [`PacketResult::bright`].
+    /// Same as [`PacketResult::bright`].
     pub bright: f32,
-    /// As [`PacketResult::tone`].
+    /// Same as [`PacketResult::tone`].
     pub tone: f32,
 }
 
 impl Point {
-    /// What came of the rays of a packet whose steps are `step` voxels of the smallest spacing long.
+    /// Returns the results of a packet whose steps are `step` voxels of the smallest spacing long.
     #[inline(always)]
     pub fn all<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [Self; 16] {
         let [near, front] = nearness(simd, light, step);
@@ -66,7 +67,7 @@ impl Point {
     }
 }
 
-/// As [`Point::near`] and [`Point::front`], for each ray of a packet.
+/// Returns [`Point::near`] and [`Point::front`] for each ray of a packet.
 #[inline(always)]
 fn nearness<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [[f32; 16]; 2] {
     let load = |values| f32x16::load_array_ref(simd, values);
@@ -75,7 +76,7 @@ fn nearness<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [[f32; 16]; 2]
     let (zero, one, least) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0), f32x16::splat(simd, 1e-6));
     let weight = one - through;
     let ended = through.simd_le(OPAQUE) & layers.simd_lt(1.5);
-    // Of two layers the second one must have something that differs from rounding.
+    // If there are two layers, the second must hold more than rounding errors.
     let (last, last_depth) = (weight - front, depth - front_depth);
     let ended = ended & last.simd_gt(1e-3) & last_depth.simd_gt(zero);
     let near = ended.select(last / (last_depth * step).max(least), f32x16::splat(simd, f32::NAN));
@@ -96,7 +97,7 @@ impl Points {
         Point { near: row[0], front: row[stride], bright: row[2 * stride], tone: row[3 * stride] }
     }
 
-    /// Both nearnesses and brightness of [`LANES`] rays in a row from (`x`, `y`) on.
+    /// Returns both inverse depths and the brightness of [`LANES`] rays in a row from (`x`, `y`) on.
     #[inline(always)]
     fn load<S: Simd>(&self, simd: S, stride: usize, [x, y]: [usize; 2]) -> [f32x16<S>; 3] {
         let at = FIELDS * stride * y + x;
@@ -108,11 +109,11 @@ impl Points {
 /// The rays through the corners and the centres of a picture's blocks.
 #[derive(Default)]
 pub struct ImageSamples {
-    /// Corners in a row, of blocks and up to the next whole packet.
+    /// Corners in a row of blocks, rounded up to a whole packet.
     stride: usize,
     corners: Points,
     centres: Points,
-    /// How many steps nothing is met by any ray among those of a packet.
+    /// For each packet, the number of steps for which no ray among its rays meets anything.
     starts: Vec<f32>,
 }
 
@@ -130,13 +131,13 @@ impl ImageSamples {
         self.stride = (width.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
         let rows = (height.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
         for points in [&mut self.corners, &mut self.centres] {
-            // What is judged beside the last block is not looked at.
+            // Verdicts beyond the last block are ignored.
             points.values.resize(FIELDS * self.stride * rows + LANES + 1, 0.0);
         }
         self.starts.resize(self.stride / SIDE * rows / SIDE, 0.0);
     }
 
-    /// Its rows of packets, from top to bottom.
+    /// Returns its rows of packets, from top to bottom.
     pub fn rows(&mut self) -> impl IndexedParallelIterator<Item = Rows<'_>> {
         let stride = self.stride;
         let length = FIELDS * stride * SIDE;
@@ -152,7 +153,7 @@ impl ImageSamples {
         })
     }
 
-    /// The block (`x`, `y`).
+    /// Returns the block (`x`, `y`).
     #[inline(always)]
     pub fn block(&self, [x, y]: [usize; 2]) -> Block {
         let corner = |x, y| self.corners.get(self.stride, [x, y]);
@@ -160,13 +161,13 @@ impl ImageSamples {
         Block { corners, centre: self.centres.get(self.stride, [x, y]) }
     }
 
-    /// How many steps no ray through the block (`x`, `y`) meets anything.
+    /// Returns the number of steps for which no ray through the block (`x`, `y`) meets anything.
     #[inline(always)]
     pub fn start(&self, [x, y]: [usize; 2]) -> f32 {
         self.starts[y / SIDE * (self.stride / SIDE) + x / SIDE]
     }
 
-    /// What to do with [`LANES`] blocks in a row from (`x`, `y`) on. `side` is the side of a block at distance 1.
+    /// Judges [`LANES`] blocks in a row from (`x`, `y`) on. `side` is the side of a block at distance 1.
     #[inline(never)]
     pub fn judge<S: Simd>(&self, simd: S, at: [usize; 2], side: f32) -> Verdict {
         simd.vectorize(
@@ -185,16 +186,16 @@ impl ImageSamples {
         let front = Five::new([a[1], b[1], c[1], d[1]], centre[1]);
         let bright = Five::new([a[2], b[2], c[2], d[2]], centre[2]);
 
-        // NaN is not itself.
+        // NaN does not equal itself.
         let all = near.sum + near.centre;
         let plain = all.simd_eq(all);
         let nothing = plain & all.simd_le(zero);
-        // All have a layer in front or none has.
+        // All have a layer in front, or none has.
         let alike = front.least.min(front.centre).simd_gt(zero) | front.most.max(front.centre).simd_le(zero);
         let met = plain & alike & near.least.min(near.centre).simd_gt(zero);
         let close = met & (near.centre * LARGEST).simd_ge(side);
-        // The greatest of all errors, as multiples of what is allowed; second differences fall with the side's square,
-        // first ones with the side.
+        // The largest of all errors, as multiples of those allowed. Second differences shrink with the square of the
+        // side, first differences with the side.
         let [near, front] = [near.surface(simd), front.surface(simd)];
         let second = (bright.bend() * (1.0 / BRIGHTNESS)).max(bright.twist * (0.25 / BRIGHTNESS));
         let second = second.max(near[0]).max(front[0]);
@@ -204,20 +205,20 @@ impl ImageSamples {
         Verdict { smooth: smooth.to_bitmask() as u16, subdivided: subdivided.to_bitmask() as u16 }
     }
 
-    /// Memory taken, bytes.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         size_of::<f32>() * (self.corners.values.len() + self.centres.values.len() + self.starts.len())
     }
 }
 
-/// A value at the corners (a and b above c and d) and at the centre of blocks. Methods, since closures do not inherit the
-/// level's instructions.
+/// A value at the corners (a and b above c and d) and at the centre of blocks. Has methods because closures do not
+/// inherit the level's instructions.
 struct Five<S: Simd> {
     centre: f32x16<S>,
     sum: f32x16<S>,
     /// How much the corners are twisted: |a + d − b − c|.
     twist: f32x16<S>,
-    /// Of the corners.
+    /// Least and greatest value at the corners.
     least: f32x16<S>,
     most: f32x16<S>,
 }
@@ -229,16 +230,17 @@ impl<S: Simd> Five<S> {
         Self { centre, sum: a + b + c + d, twist: (a + d - b - c).abs(), least, most }
     }
 
-    /// By how much the centre differs from the corners' mean.
+    /// Returns how much the centre differs from the corners' mean.
     #[inline(always)]
     fn bend(&self) -> f32x16<S> {
         (self.centre - self.sum * 0.25).abs()
     }
 
-    /// Of a surface's inverse depth: its errors in depth as multiples of what is allowed, of second and of first differences.
+    /// For a surface's inverse depth: returns its errors in depth, of second and of first differences, as multiples of
+    /// those allowed.
     #[inline(always)]
     fn surface(&self, simd: S) -> [f32x16<S>; 2] {
-        // With n = 1/depth, a small change of n by δ is one of depth by δ/n².
+        // With n = 1/depth, a small change of n by δ is a change of depth by δ/n².
         let one = f32x16::splat(simd, 1.0);
         let scale = one / self.centre.simd_gt(0.0).select(self.centre * self.centre, one);
         let slope = self.most.max(self.centre) - self.least.min(self.centre);
@@ -248,13 +250,14 @@ impl<S: Simd> Five<S> {
 }
 
 impl Rows<'_> {
-    /// Packets in the rows.
+    /// Returns the number of packets in the rows.
     pub fn packets(&self) -> usize {
         self.starts.len()
     }
 
-    /// Keeps the packet `n` of the corners and that of the centres, whose steps are `step` voxels of the smallest spacing
-    /// long and which meet nothing before `start` steps.
+    /// Stores the packet `n` of the corners and that of the centres.
+    ///
+    /// Their steps are `step` voxels of the smallest spacing long, and they meet nothing before `start` steps.
     #[inline(never)]
     pub fn keep<S: Simd>(&mut self, simd: S, n: usize, [corners, centres]: [&PacketResult; 2], step: f32, start: f32) {
         simd.vectorize(
@@ -275,12 +278,12 @@ impl Rows<'_> {
     }
 }
 
-/// What to do with some blocks, a bit for each.
+/// The verdicts on some blocks, a bit for each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Verdict {
     /// Blocks whose pixels may be interpolated.
     pub smooth: u16,
-    /// Blocks that are worth halving.
+    /// Blocks that are worth subdividing.
     pub subdivided: u16,
 }
 
@@ -294,7 +297,7 @@ pub struct Block {
 }
 
 impl Block {
-    /// All its rays.
+    /// Returns all its rays.
     #[inline(always)]
     pub fn points(&self) -> [Point; 5] {
         let [a, b, c, d] = self.corners;
@@ -302,8 +305,8 @@ impl Block {
     }
 }
 
-/// Weights of a block's rays (corners, then centre) in each of its pixels, row by row: bilinear between the corners, and
-/// a tent over the centre for what it differs by from their mean.
+/// Weights of a block's rays (corners, then centre) in each of its pixels, row by row: bilinear between the corners,
+/// plus a tent over the centre for its difference from their mean.
 pub static WEIGHTS: [[f32; BLOCK * BLOCK]; 5] = weights();
 
 const fn weights() -> [[f32; BLOCK * BLOCK]; 5] {
@@ -329,7 +332,7 @@ mod tests {
 
     use super::*;
 
-    /// Rays that end as the points say; a layer in front takes half of their light.
+    /// A packet whose rays end at the given points; a layer in front takes half of their light.
     fn light(points: [Point; 16]) -> PacketResult {
         let mut light = PacketResult { through: [0.0; 16], ..PacketResult::default() };
         for (n, p) in points.iter().enumerate() {
@@ -347,7 +350,7 @@ mod tests {
         light
     }
 
-    /// The samples of a picture of `size`, its rays as `of` says of a place in pixels.
+    /// The samples of a picture of `size`; `of` returns the result of a ray at a position in pixels.
     fn samples_of(size: [usize; 2], of: impl Fn(f32, f32) -> Point + Sync) -> ImageSamples {
         let mut samples = ImageSamples::default();
         samples.resize(size);
@@ -405,7 +408,7 @@ mod tests {
             &|near| Point { front: if near > 0.05 { 0.0 } else { 0.1 }, ..grey },
         ];
         for (n, of) in tests.into_iter().enumerate() {
-            // Blocks 0 to 4 lie before the edge, 5 has it within.
+            // Blocks 0 to 4 are before the edge, block 5 contains it.
             let samples = samples_of(SIZE, |x, _| of(if x < 21.0 { 0.05 } else { 0.1 }));
             let verdict = judge(&samples, [0, 3], SMALL);
             assert_eq!(verdict.smooth & 0x3f, 0x1f, "{n}");

@@ -1,16 +1,16 @@
-//! Blocks of half the side: rays through the middles of a block's sides, too, and quarters that are judged by the second
+//! Blocks of half the side: adds rays through the middles of a block's sides, and judges quarters by the second
 //! differences along their sides.
 
 use super::sampling::{BLOCK, Block, CONTRAST, Point, SLOPE};
 
-/// The most that a second difference along a quarter's side may be, brightness and voxels: an eighth of it is what linear
-/// interpolation errs by.
+/// The largest second difference along a quarter's side, brightness and voxels. The error of linear interpolation is an
+/// eighth of it.
 const BEND: [f32; 2] = [0.192, 1.2];
 
-/// Where the middles of a block's sides are, pixels from its top left corner: top, left, right and bottom.
+/// Positions of the middles of a block's sides, pixels from its top left corner: top, left, right and bottom.
 pub const MIDDLES: [[usize; 2]; 4] = [[BLOCK / 2, 0], [0, BLOCK / 2], [BLOCK, BLOCK / 2], [BLOCK / 2, BLOCK]];
 
-/// A block with rays through the middles of its sides, too.
+/// A block with additional rays through the middles of its sides.
 pub struct Subdivided {
     /// Corners and centre.
     pub block: Block,
@@ -19,14 +19,15 @@ pub struct Subdivided {
 }
 
 impl Subdivided {
-    /// Its rays row by row.
+    /// Returns its rays row by row.
     #[inline(always)]
     pub fn points(&self) -> [Point; 9] {
         let ([a, b, c, d], [top, left, right, bottom]) = (self.block.corners, self.middles);
         [a, top, b, left, self.block.centre, right, c, bottom, d]
     }
 
-    /// Which of the four quarters (left to right, then top to bottom) may be interpolated between their corners.
+    /// Returns which of the four quarters (left to right, then top to bottom) may be interpolated between their
+    /// corners.
     pub fn smooth(&self) -> [bool; 4] {
         let p = self.points();
         let straight = |first: usize, stride: usize| is_straight([p[first], p[first + stride], p[first + 2 * stride]]);
@@ -39,7 +40,7 @@ impl Subdivided {
     }
 }
 
-/// Whether the middle one of three rays in a line is nearly what the other two make one expect.
+/// True if the middle one of three rays in a line is close to what the other two predict.
 fn is_straight([a, b, c]: [Point; 3]) -> bool {
     let bend = |of: fn(&Point) -> f32| (of(&a) + of(&c) - 2.0 * of(&b)).abs();
     bend(|p| p.bright) <= BEND[0]
@@ -47,13 +48,13 @@ fn is_straight([a, b, c]: [Point; 3]) -> bool {
         && bend(|p| p.front) <= BEND[1] * b.front * b.front
 }
 
-/// Whether the corners of a quarter are one surface's.
+/// True if the corners of a quarter belong to one surface.
 fn is_even(p: [Point; 4]) -> bool {
     let bright = p.map(|p| p.bright);
     twist(bright) <= BEND[0] && span(bright) <= CONTRAST && is_flat(p.map(|p| p.near)) && is_flat(p.map(|p| p.front))
 }
 
-/// Whether inverse depths are those of one surface, or all zero.
+/// True if the inverse depths belong to one surface, or are all zero.
 fn is_flat(near: [f32; 4]) -> bool {
     let [least, most] = ends(near);
     twist(near) <= BEND[1] * least * most && most - least <= SLOPE * least * most
@@ -72,7 +73,8 @@ fn ends([a, b, c, d]: [f32; 4]) -> [f32; 2] {
     [a.min(b).min(c).min(d), a.max(b).max(c).max(d)]
 }
 
-/// Weights of a subdivided block's rays ([`Subdivided::points`]) in each of its pixels, row by row: bilinear in each quarter.
+/// Weights of a subdivided block's rays ([`Subdivided::points`]) in each of its pixels, row by row: bilinear in each
+/// quarter.
 pub static SUBDIVIDED_WEIGHTS: [[f32; BLOCK * BLOCK]; 9] = subdivided_weights();
 
 const fn subdivided_weights() -> [[f32; BLOCK * BLOCK]; 9] {
@@ -112,13 +114,13 @@ mod tests {
             |c: f32| subdivide(move |x, y| Point { near: 0.05, bright: c * (x * x - y * y), ..Point::default() });
         assert_eq!(bent(0.8 * BEND[0] / 8.0).smooth(), [true; 4]);
         assert_eq!(bent(1.1 * BEND[0] / 8.0).smooth(), [false; 4]);
-        // A corner's other surface: it is one of the three rays of two sides, which are those of three quarters.
+        // Another surface at a corner affects one of the three rays of two sides. These are sides of three quarters.
         for other in [f32::NAN, 0.0, 0.5] {
             let near = move |x: f32, y: f32| if x + y > 6.0 { other } else { 0.05 };
             let cut = subdivide(move |x, y| Point { near: near(x, y), bright: 0.5, ..Point::default() });
             assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
         }
-        // The same of a surface in front, which may also be the corner's alone.
+        // The same for a surface in front, which may also exist at the corner alone.
         for [front, other] in [[0.1, 0.0], [0.1, 0.5], [0.0, 0.1]] {
             let front = move |x: f32, y: f32| if x + y > 6.0 { other } else { front };
             let cut = subdivide(move |x, y| Point { near: 0.05, front: front(x, y), bright: 0.5, ..Point::default() });
@@ -127,7 +129,7 @@ mod tests {
     }
 
     proptest! {
-        /// Between the rays, pixels are what is linear between them, and rays keep their own light.
+        /// Between the rays, pixels follow what is linear between them, and rays keep their own light.
         #[test]
         fn weights_reproduce_what_is_linear(a in -1.0f32..1.0, b in -1.0f32..1.0, c in -1.0f32..1.0) {
             let of = |x: f32, y: f32| Point { near: 0.05, bright: a + b * x + c * y, ..Point::default() };

@@ -1,22 +1,22 @@
-//! `colvis`: the paper's own renderer, everything of its section 2.2 together.
+//! `colvis`: the paper's own renderer, with everything of its section 2.2.
 //!
 //! | idea of section 2.2 | file | setting |
 //! |---|---|---|
 //! | L and A front to back, to the end at the camera's sensitivity | [`caster`](crate::render::caster) | `[render] sensitivity` |
-//! | headlight, simplified Phong | [`headlight`](crate::render::shaders::headlight) | `[render] shade`, its own |
+//! | headlight, simplified Phong | [`headlight`](crate::render::shaders::headlight) | `[render] shade`, default |
 //! | gradient and filtered density by 4D linear regression | [`regression`](crate::render::regression) | always |
-//! | … interpolated between the eight nearest voxels: high detail | [`sampler`](crate::render::bytes::sampler) | `--quality high` |
+//! | … between the eight nearest voxels: high detail | [`sampler`](crate::render::bytes::sampler) | `--quality high` |
 //! | … the nearest voxel's: low detail | [`sampler`](crate::render::bytes::sampler) | `--quality low`, `[render] low` |
-//! | a tissue's gradient points at the camera where its surroundings are homogeneous | [`sampler`](crate::render::sampler) | always |
-//! | 7 + 1 bits a voxel, the homogeneous-region flag among them | [`bytes`](crate::render::bytes) | `[render] leap = "flag"`, its own |
+//! | tissue in homogeneous surroundings has a gradient towards the camera | [`sampler`](crate::render::sampler) | always |
+//! | 7 + 1 bits a voxel with a homogeneous-region flag | [`bytes`](crate::render::bytes) | `[render] leap = "flag"`, default |
 //! | the potential field to leap by | [`leap::voxels`](crate::render::leap::voxels) | `[render] leap = "voxel"` |
-//! | gradients cached at frame level | [`gradient_cache`](crate::render::gradient_cache) | `[render] gradients = "cached"`, its own |
-//! | gradients and densities ahead of time | [`gradient_store`](crate::render::gradient_store) | `[render] gradients = "stored"` |
-//! | fixed point | [`ByteTrilinear::value`](crate::render::bytes::ByteTrilinear) | where values are classified: densities are not |
-//! | frame-to-frame reuse forwards, backwards and in rotation | [`reuse::paper`](crate::render::reuse::paper) | without `--no-reuse` |
+//! | frame-level gradient cache | [`gradient_cache`](crate::render::gradient_cache) | `[render] gradients = "cached"`, default |
+//! | precomputed gradients and densities | [`gradient_store`](crate::render::gradient_store) | `[render] gradients = "stored"` |
+//! | fixed point | [`ByteTrilinear::value`](crate::render::bytes::ByteTrilinear) | where values, not densities, are classified |
+//! | frame-to-frame reuse: forwards, backwards, rotation | [`reuse::paper`](crate::render::reuse::paper) | without `--no-reuse` |
 //! | every Nth frame from scratch | [`reuse`](crate::render::reuse) | `[render] key_frames`, 10 |
 //!
-//! `colvis report render` measures what each of them is worth.
+//! `colvis report render` measures the benefit of each.
 
 use crate::render::PreparedVolume;
 use crate::render::bytes::{ByteStorage, ByteVolume};
@@ -28,8 +28,9 @@ use crate::render::quality::{Classification, Quality, Settings};
 use crate::render::renderer::Renderer;
 use crate::render::single::{by_frames, stretched};
 
-/// The paper's own: 7 + 1 bits a voxel, classification by filtered density, the homogeneous-region flag, the nearest
-/// voxel at low detail and trilinear at high, a gradient cache, frame-to-frame reuse by the paper's rule with key frames.
+/// The paper's renderer: 7 + 1 bits a voxel, classification by filtered density, the homogeneous-region flag, the
+/// nearest voxel at low detail and trilinear at high, a gradient cache, and frame-to-frame reuse by the paper's rule
+/// with key frames.
 pub const PRESET: Preset = Preset {
     name: "colvis",
     summary: "The paper's own combination: 7 + 1 bits a voxel, reuse with key frames",
@@ -40,11 +41,11 @@ pub const PRESET: Preset = Preset {
     make,
 };
 
-/// Frames from one key frame to the next, where a scene says nothing.
+/// Default number of frames from one key frame to the next.
 pub const KEY_FRAMES: u32 = 10;
-/// How it leaps, where a scene says nothing.
+/// Default leaping method.
 pub const LEAPING: Leaping = Leaping::Flag;
-/// Where its regressions come from, where a scene says nothing.
+/// Default source of regressions.
 pub const GRADIENTS: GradientSource = GradientSource::Cached;
 
 /// The flags reach as far as a filtered density does: two voxels.

@@ -10,7 +10,7 @@ use crate::render::quality::{Quality, Settings};
 use crate::render::renderer::Renderer;
 use crate::render::single::{stretched, words};
 
-/// The least memory: bricks to leap by, no flag for each voxel, nothing kept between frames.
+/// The renderer with the least memory: bricks to leap by, no flag for each voxel, nothing kept between frames.
 pub const PRESET: Preset = Preset {
     name: "lean",
     summary: "The least memory: bricks to leap by, nothing kept between frames",
@@ -21,7 +21,7 @@ pub const PRESET: Preset = Preset {
     make,
 };
 
-/// What costs memory for each voxel or from frame to frame is none of its business.
+/// Refuses choices that cost memory for each voxel or from frame to frame.
 fn takes(choices: &Choices) -> Result<()> {
     let instead = "or the preset colvis or default";
     let refuse = |what: &str, why: &str, hint: String| {

@@ -1,4 +1,4 @@
-//! The presets of this crate: a file each, and a line in [`BUILT_IN`].
+//! The presets of this crate. Each is one file and a line in [`BUILT_IN`].
 
 pub mod colvis;
 pub mod lean;
@@ -16,7 +16,7 @@ pub const BUILT_IN: [Preset; 3] = [standard::PRESET, colvis::PRESET, lean::PRESE
 const NAMES: &[&str] = &[standard::PRESET.name, colvis::PRESET.name, lean::PRESET.name];
 
 impl Preset {
-    /// The preset of this crate that has that name.
+    /// Returns the preset of this crate with that name.
     pub fn named(name: &str) -> Option<Self> {
         BUILT_IN.into_iter().find(|p| p.name == name)
     }
@@ -28,14 +28,14 @@ impl Default for Preset {
     }
 }
 
-/// As its name.
+/// Serialises as its name.
 impl Serialize for Preset {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.serialize_str(self.name)
     }
 }
 
-/// From the name of one of [`BUILT_IN`].
+/// Deserialises from the name of one of [`BUILT_IN`].
 impl<'de> Deserialize<'de> for Preset {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let name = String::deserialize(deserializer)?;

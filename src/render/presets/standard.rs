@@ -1,4 +1,4 @@
-//! `default`: packets of rays; single rays where a scene chooses what packets cannot do.
+//! `default`: packets of rays, or single rays if a scene selects something that packets cannot do.
 
 use crate::render::choices::{self, LowDetail};
 use crate::render::direct::Direct;
@@ -12,7 +12,7 @@ use crate::render::renderer::Renderer;
 use crate::render::single::{stretched, words};
 use crate::render::{Frame, PreparedVolume, View, Work};
 
-/// The best there is: packets of rays, a third of the resolution at low quality.
+/// The best available renderer: packets of rays, with a third of the resolution at low quality.
 pub const PRESET: Preset = Preset {
     name: "default",
     summary: "The best there is: packets of rays",
@@ -24,7 +24,7 @@ pub const PRESET: Preset = Preset {
 };
 
 fn make(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
-    // Packets classify by values alone, and leap, shade and begin in their own way.
+    // Packets classify by values alone, and have their own leaping, shading and ray starts.
     let single = settings.classification != Classification::Value || settings.choices.need_single_rays();
     let several = settings.samples_per_pixel > 1;
     match (settings.quality, settings.choices.low) {
@@ -39,7 +39,7 @@ fn make(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Re
     }
 }
 
-/// Several rays a pixel, which packets do not know: they are cast one after the other, and refined by packets.
+/// Several rays a pixel, which packets do not support: they are cast one by one, and refined by packets.
 struct Supersampled {
     volume: PreparedVolume,
     direct: Direct,

@@ -1,30 +1,32 @@
-//! What a picture proves to be empty, and what that says of the rays of the next one.
+//! Proves which parts of a picture are empty, and derives from it where the rays of the next one are empty.
 //!
-//! Each pixel of the old picture is the square pyramid of all rays through it, and keeps a distance up to which that
-//! whole pyramid is empty ([`super::prove`]). Together the pyramids fill the old picture's view without gaps, so a point
-//! of a new ray is known to be empty if it lies within the old picture, in front of it, and nearer to the old camera
-//! than the old pixel there tells. What holds of a block of new pixels is found for all its rays at once: from some
-//! distance z on, and without end, they sweep a region whose projection lies in the bounding box of eight points: of its
-//! four corners at z, and of its four directions. Up to the least distance that the old pixels in this box tell, less
-//! the camera's motion, the block is empty; and with z moved on to there, the box shrinks and tells more.
+//! Each pixel of the old picture is the square pyramid of all rays through it, and stores a distance up to which that
+//! whole pyramid is empty ([`super::prove`]). Together the pyramids fill the old picture's view without gaps. A point
+//! of a new ray is therefore known to be empty if it is within the old picture, in front of it, and nearer to the old
+//! camera than the distance stored for the old pixel there.
+//!
+//! A bound is computed for all rays of a block of new pixels at once. From some distance z on, and without end, the
+//! rays sweep a region whose projection is within the bounding box of eight points: the projections of its four corners
+//! at z, and of its four directions. The block is empty up to the least distance of the old pixels in this box, less
+//! the camera's motion. With z moved to that distance, the box shrinks and gives a better bound.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::render::View;
 
-/// Edge of the blocks of pixels whose least distances are kept beside the pixels', and of the blocks bounded first.
+/// Edge of the blocks of pixels whose least distances are stored besides the pixels', and of the blocks bounded first.
 const COARSE: usize = 16;
 /// Edge of the blocks of pixels that are bounded together in the end.
 pub const BLOCK: usize = 4;
-/// So far beyond a pixel's edges it is proven to be empty, pixels: far more than f64 rounds.
+/// How far beyond its edges a pixel is proven to be empty, pixels: far more than the rounding of f64.
 pub const BEYOND: f64 = 1e-3;
 /// Boxes of more coarse blocks than this are not searched.
 const MOST: usize = 400;
 
-/// Something kept of a pixel that tells how far its pyramid is empty, mm.
+/// A pixel's record of how far its pyramid is empty, mm.
 pub trait Empty {
-    /// The distance; 0 where nothing is known.
+    /// Returns the distance, mm; 0 if unknown.
     fn empty_mm(&self) -> f32;
 }
 
@@ -36,16 +38,16 @@ impl Empty for f32 {
 
 /// An old picture.
 pub struct Known<K> {
-    /// The camera that saw it.
+    /// The view in which it was rendered.
     pub view: View,
-    /// What was kept of each pixel.
+    /// The record of each pixel.
     pub pixels: Vec<K>,
-    /// The least distance of each coarse block.
+    /// The least distance of each coarse block, mm.
     coarse: Vec<f32>,
 }
 
 impl<K: Empty + Sync> Known<K> {
-    /// What was kept of the `pixels` of a picture.
+    /// Creates the record of a picture from its `pixels`.
     pub fn new(view: View, pixels: Vec<K>, mut coarse: Vec<f32>) -> Self {
         let (width, blocks) = (view.width(), view.width().div_ceil(COARSE));
         coarse.clear();
@@ -60,18 +62,18 @@ impl<K: Empty + Sync> Known<K> {
         Self { view, pixels, coarse }
     }
 
-    /// Memory.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.pixels.as_slice()) + size_of_val(self.coarse.as_slice())
     }
 
-    /// Gives its memory back, to be filled anew.
+    /// Returns its memory for reuse.
     pub fn into_parts(self) -> (Vec<K>, Vec<f32>) {
         (self.pixels, self.coarse)
     }
 
-    /// The least distance over the pixels from column `x[0]` to `x[1]` and row `y[0]` to `y[1]`; 0 where that would
-    /// take too long to find.
+    /// Returns the least distance over the pixels from column `x[0]` to `x[1]` and row `y[0]` to `y[1]`, mm; 0 if that
+    /// would take too long to find.
     fn least(&self, x: [usize; 2], y: [usize; 2]) -> f64 {
         let width = self.view.width();
         let scan = |row: &[f32]| row.iter().fold(f32::INFINITY, |l, v| l.min(*v));
@@ -92,11 +94,11 @@ impl<K: Empty + Sync> Known<K> {
     }
 }
 
-/// How a perspective camera has moved and turned since the old picture.
+/// The motion and rotation of a perspective camera since the old picture.
 pub struct Reprojection {
     old: Image,
     new: Image,
-    /// The new camera's place in the old one's axes: forward, right, up; mm.
+    /// The new camera's position in the old one's axes: forward, right, up; mm.
     pub moved: DVec3,
     /// The new camera's axes in the old one's.
     axes: [DVec3; 3],
@@ -111,14 +113,14 @@ struct Image {
 }
 
 impl Image {
-    /// That of `view`; none where its camera is another.
+    /// Returns the image of `view`; `None` unless its camera is perspective.
     fn new(view: &View) -> Option<Self> {
         Some(Self { size: [view.width(), view.height()], pixel: view.pixel()?, centre: view.centre() })
     }
 }
 
 impl Reprojection {
-    /// From the `old` picture to the `new` one; none where one of them is not that of a perspective camera.
+    /// Computes the motion from the `old` picture to the `new` one; `None` unless both have a perspective camera.
     pub fn new(old: &View, new: &View) -> Option<Self> {
         let turn = |v: DVec3| DVec3::new(v.dot(old.forward()), v.dot(old.right()), v.dot(old.up()));
         let moved = turn(new.position() - old.position());
@@ -126,8 +128,9 @@ impl Reprojection {
         Some(Self { old: Image::new(old)?, new: Image::new(new)?, moved, axes })
     }
 
-    /// Direction through the point (`x`, `y`) of the new image in the old camera's axes; its length is the distance at
-    /// which it meets the plane at distance 1 from the new camera.
+    /// Returns the direction through the point (`x`, `y`) of the new image in the old camera's axes.
+    ///
+    /// Its length is the distance at which it meets the plane at distance 1 from the new camera.
     #[inline]
     pub fn direction(&self, x: f64, y: f64) -> DVec3 {
         let Image { pixel, centre, .. } = self.new;
@@ -135,7 +138,8 @@ impl Reprojection {
         self.axes[0] + self.axes[1] * a + self.axes[2] * b
     }
 
-    /// Where a place (in the old camera's axes) is seen in the old image; not finite or far out where it is not.
+    /// Returns where a position (in the old camera's axes) appears in the old image, pixels. The result is not finite
+    /// or far outside the image if it does not appear.
     #[inline]
     pub fn project(&self, p: DVec3) -> [f64; 2] {
         let Image { pixel, centre, .. } = self.old;
@@ -143,16 +147,16 @@ impl Reprojection {
         [centre[0] + p.y * scale, centre[1] - p.z * scale]
     }
 
-    /// The block's box in the old image (pixels, `[first, last]` in x and y) from `from` mm on.
+    /// Returns the block's box in the old image (pixels, `[first, last]` in x and y) from `from` mm on.
     fn shadow(&self, corners: &[DVec3; 4], from: f64) -> Option<[[usize; 2]; 2]> {
-        // Rays of the block are at least so far in front of the camera's plane when they are `from` mm away.
+        // Rays of the block are at least this far in front of the camera's plane when they are `from` mm away.
         let longest = corners.iter().fold(0.0f64, |l, c| l.max(c.length_squared())).sqrt();
         let still = self.moved == DVec3::ZERO;
         let depth = if still { 1.0 } else { from / longest };
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for &c in corners {
             for p in [c, self.moved + c * depth] {
-                // Also refuses what is so near the camera's plane that rounding decides.
+                // Also rejects points so near the camera's plane that rounding decides.
                 if p.x.is_nan() || p.x <= 1e-9 * p.abs().max_element() {
                     return None;
                 }
@@ -164,7 +168,7 @@ impl Reprojection {
             }
         }
         let sides = self.old.size.map(|n| n as f64);
-        // Old pixels are proven to be empty a little beyond their edges, so that a block that lies as the old ones do
+        // Old pixels are proven to be empty slightly beyond their edges, so that a block that coincides with old pixels
         // needs no others.
         let inside = |a: usize| low[a] >= -BEYOND && high[a] <= sides[a] + BEYOND;
         (inside(0) && inside(1)).then(|| {
@@ -176,15 +180,17 @@ impl Reprojection {
     }
 }
 
-/// How far blocks of a new picture are empty, as far as an old one tells.
+/// How far blocks of a new picture are known to be empty from an old one.
 pub struct Bounds {
     blocks: usize,
     mm: Vec<f32>,
 }
 
 impl Bounds {
-    /// Bounds for the rays of `motion`'s new picture, whose first `free` mm (all round) are known to be empty. Coarse
-    /// blocks that `skip` names keep no more than that.
+    /// Computes bounds for the rays of `motion`'s new picture, whose first `free` mm (in all directions) are known to
+    /// be empty.
+    ///
+    /// Coarse blocks selected by `skip` keep the bound `free`.
     pub fn new<K: Empty + Sync>(
         known: &Known<K>,
         motion: &Reprojection,
@@ -207,7 +213,7 @@ impl Bounds {
                     for (u, out) in row.iter_mut().enumerate().skip(i * SPLIT).take(SPLIT) {
                         let (x, y) = (corner(u, BLOCK), corner(j * SPLIT + v, BLOCK));
                         let one = bound(known, motion, x.map(|x| x.min(width)), y.map(|y| y.min(height)), all, 2);
-                        // Rounded down; what is known to infinity stays so.
+                        // Rounded down; infinite bounds stay infinite.
                         *out = (one * (1.0 - 1e-6)) as f32;
                     }
                 }
@@ -216,24 +222,24 @@ impl Bounds {
         Self { blocks, mm }
     }
 
-    /// The bound of pixel (`x`, `y`), mm.
+    /// Returns the bound of pixel (`x`, `y`), mm.
     #[inline(always)]
     pub fn at(&self, x: usize, y: usize) -> f32 {
         self.mm[x / BLOCK + self.blocks * (y / BLOCK)]
     }
 
-    /// Memory.
+    /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.mm.as_slice())
     }
 
-    /// Gives its memory back.
+    /// Returns its memory for reuse.
     pub fn into_mm(self) -> Vec<f32> {
         self.mm
     }
 }
 
-/// How far the block of new pixels between the given edges is empty, if it is so up to `free` mm.
+/// Returns how far the block of new pixels between the given edges is empty, mm. It must be empty up to `free` mm.
 fn bound<K: Empty + Sync>(
     known: &Known<K>,
     motion: &Reprojection,
@@ -247,12 +253,12 @@ fn bound<K: Empty + Sync>(
     let middle = motion.direction(0.5 * (x[0] + x[1]), 0.5 * (y[0] + y[1])).normalize();
     let off = corners.iter().fold(0.0f64, |m, c| m.max((c.normalize() - middle).length()));
     let far = motion.moved.length();
-    // The greatest part of the motion that any ray of the block goes along with.
+    // The greatest part of the motion in the direction of any ray of the block.
     let along = motion.moved.dot(middle) + far * off;
     for _ in 0..turns {
         let Some([i, j]) = motion.shadow(&corners, free) else { break };
         let least = known.least(i, j);
-        // A point t mm along a ray d lies |moved + t·d| from the old camera; this is where that is `least`.
+        // A point t mm along a ray d is |moved + t·d| from the old camera; this is where that equals `least`.
         let room = least * least - far * far + along * along;
         let reached = if least > far { room.max(0.0).sqrt() - along } else { 0.0 };
         if reached <= free {

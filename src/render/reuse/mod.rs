@@ -1,10 +1,12 @@
 //! Frame-to-frame acceleration (the paper's section 2.2) that is never wrong.
 //!
 //! The camera moves little between pictures, so most of what a ray passes was seen to be empty in the last one.
-//! [`known`] says which part of each new ray is proven to be so, for any motion with six degrees of freedom; what is not
-//! proven is traced anew. [`prove`] finds along each ray what the next picture may rely on. [`paper`] has the paper's own
-//! rule, a guess that is cut back to what is proven. Rays only ever leave out samples of opacity 0 that lie at the same
-//! places as all others, so a picture is the same bit for bit with and without reuse.
+//! [`known`] returns which part of each new ray is proven to be empty, for any motion with six degrees of freedom.
+//! Everything else is traced again. [`prove`] finds along each ray what the next picture may rely on. [`paper`] has the
+//! paper's own rule, a guess that is limited to what is proven.
+//!
+//! Rays leave out only samples of opacity 0, and all samples stay at the same positions. A picture is therefore the
+//! same bit for bit with and without reuse.
 
 pub mod known;
 pub mod paper;
@@ -30,41 +32,42 @@ use known::{Bounds, Empty, Known, Reprojection};
 use paper::Trace;
 use prove::Pyramid;
 
-/// When pictures are made without the last one's help.
+/// When pictures are rendered without using the last one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refresh {
-    /// Every so many pictures (the paper's key frames): from scratch.
+    /// Renders every Nth picture from scratch (the paper's key frames).
     KeyFrames(u32),
-    /// A part in so many of each picture, another one each time, so that no single picture pays for all.
+    /// Renders one Nth of each picture from scratch, a different part each time, so that no single picture pays for
+    /// all.
     Staggered(u32),
 }
 
 impl Refresh {
-    /// Whether picture `n` is made from scratch.
+    /// True if picture `n` is rendered from scratch.
     fn is_key_frame(self, n: u32) -> bool {
         matches!(self, Self::KeyFrames(every) if n.is_multiple_of(every.max(1)))
     }
 
-    /// Whether picture `n` makes its coarse block number `block` from scratch.
+    /// True if picture `n` renders its coarse block number `block` from scratch.
     fn is_stale(self, n: u32, block: usize) -> bool {
         matches!(self, Self::Staggered(parts) if block as u32 % parts.max(1) == n % parts.max(1))
     }
 }
 
-/// What pictures are cast through, with the clearance that their emptiness is proven by.
+/// Voxels that pictures are rendered from, with the clearance that proves their emptiness.
 pub trait VoxelStorage: Send + Sync {
-    /// Tells the surroundings of a place.
+    /// The type that returns the clearance around a position.
     type Radius<'a>: EmptyRadius
     where
         Self: 'a;
 
-    /// The space that rays are cast in.
+    /// Returns the volume that rays are cast in.
     fn volume(&self) -> &PreparedVolume;
 
-    /// What tells the surroundings.
+    /// Returns the source of clearance.
     fn empty_radius(&self) -> Self::Radius<'_>;
 
-    /// Casts a picture.
+    /// Renders a picture.
     fn image<B: Begin>(
         &self,
         view: &View,
@@ -74,18 +77,18 @@ pub trait VoxelStorage: Send + Sync {
         frame: &mut Frame,
     ) -> Work;
 
-    /// Memory beside the 16-bit voxels, by what it is for.
+    /// Returns the memory besides the 16-bit voxels, by purpose.
     fn parts(&self) -> Vec<(MemoryPart, usize)>;
 }
 
-/// Renders every picture on its own.
+/// Renders every picture independently.
 pub struct Plain<S> {
     storage: S,
     settings: Settings,
 }
 
 impl<S: VoxelStorage> Plain<S> {
-    /// Renders `storage` by `settings`.
+    /// Renders `storage` with `settings`.
     pub fn new(storage: S, settings: Settings) -> Self {
         Self { storage, settings }
     }
@@ -105,19 +108,20 @@ impl<S: VoxelStorage> Renderer for Plain<S> {
 /// The 16-bit voxels, with the wall's distance per brick.
 pub struct WordStorage {
     volume: PreparedVolume,
-    /// What reuse is proven by, where leaping knows nothing that serves.
+    /// Proves reuse if the leaping method has no distances that can.
     bricks: Option<BrickWalls>,
-    /// None: the flags and computed regressions, put together ahead of time.
+    /// `None` selects the compile-time combination of flags and computed regressions.
     accelerations: Option<Accelerations>,
 }
 
 impl WordStorage {
-    /// Prepares `space`.
+    /// Prepares `volume`.
     pub fn new(volume: &PreparedVolume) -> Self {
         Self { volume: volume.clone(), bricks: Some(BrickWalls::new(volume)), accelerations: None }
     }
 
-    /// Casts rays through `space` with `accelerations`, which were made for it; `reuses` where the last picture is to help.
+    /// Casts rays through `volume` with `accelerations`, which must be made for it. `reuses` is true if the last
+    /// picture may be used.
     pub fn accelerated(volume: &PreparedVolume, accelerations: Accelerations, reuses: bool) -> Self {
         let knows = matches!(accelerations.leaper, Leaper::Bricks(_) | Leaper::Voxels(_));
         let bricks = (reuses && !knows).then(|| BrickWalls::new(volume));
@@ -163,17 +167,17 @@ impl VoxelStorage for WordStorage {
     }
 }
 
-/// What a way of reuse keeps of each pixel, and how it lets a ray begin.
+/// A method of reuse: what it stores for each pixel, and where it lets a ray start.
 pub trait Rule: Copy + Default + Empty + Send + Sync {
-    /// How far a ray begins at the most, mm.
+    /// Returns the largest distance at which a ray may start, mm.
     fn begin(known: &Known<Self>, motion: &Reprojection, x: usize, y: usize, ray: &Ray) -> f32;
-    /// Keeps how far the pyramid is empty.
+    /// Records how far the pyramid is empty, mm.
     fn keep_empty(&mut self, mm: f32);
-    /// Keeps where the ray first met something.
+    /// Records where the ray first met something, mm.
     fn keep_first(&mut self, mm: f32);
 }
 
-/// Six degrees of freedom: a ray begins where the proof ends.
+/// Six degrees of freedom: a ray starts where the proof ends.
 impl Rule for f32 {
     #[inline(always)]
     fn begin(_: &Known<Self>, _: &Reprojection, _: usize, _: usize, _: &Ray) -> f32 {
@@ -204,7 +208,7 @@ impl Rule for Trace {
     }
 }
 
-/// Renders with what the last picture tells.
+/// Renders with the help of the last picture.
 pub struct Reusing<S, R> {
     storage: S,
     settings: Settings,
@@ -216,7 +220,7 @@ pub struct Reusing<S, R> {
 }
 
 impl<S: VoxelStorage, R: Rule> Reusing<S, R> {
-    /// Renders `storage` by `settings`.
+    /// Renders `storage` with `settings`.
     pub fn new(storage: S, settings: Settings, refresh: Refresh) -> Self {
         Self { storage, settings, refresh, known: None, spare: (Vec::new(), Vec::new(), Vec::new()), pictures: 0 }
     }
@@ -232,7 +236,7 @@ impl<S: VoxelStorage, R: Rule> Reusing<S, R> {
 impl<S: VoxelStorage, R: Rule> Renderer for Reusing<S, R> {
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work {
         let volume = self.storage.volume();
-        // Pixels of other cameras are no pyramids: nothing is proven of them.
+        // Pixels of other cameras are not pyramids: nothing is proven about them.
         let Some(pyramid) = Pyramid::new(volume, view, self.settings.samples_per_pixel, self.reach()) else {
             self.known = None;
             let mut kept = vec![(); view.width() * view.height()];
@@ -273,7 +277,7 @@ impl<S: VoxelStorage, R: Rule> Renderer for Reusing<S, R> {
     }
 }
 
-/// How far samples are empty all round a place, mm.
+/// Returns how far samples are empty in all directions around a position, mm.
 fn free_mm(volume: &PreparedVolume, clear: &impl EmptyRadius, world: DVec3, reach: f32) -> f64 {
     let grid = volume.voxels().grid();
     let q = grid.voxel(world) + DVec3::ONE;
@@ -285,18 +289,18 @@ fn free_mm(volume: &PreparedVolume, clear: &impl EmptyRadius, world: DVec3, reac
     f64::from(free.max(0.0)) * prove::mm_per_voxel(volume)
 }
 
-/// Rays begin where the last picture lets them.
+/// Starts rays where the last picture allows.
 struct FromLast<'a, C, R> {
     clear: C,
     pyramid: Pyramid,
     forward: Vec3,
-    /// So much is empty all round the camera, mm.
+    /// How far it is empty in all directions around the camera, mm.
     free: f32,
     last: Option<(&'a Known<R>, &'a Reprojection, &'a Bounds)>,
 }
 
 impl<C: EmptyRadius, R: Rule> FromLast<'_, C, R> {
-    /// The proven bound of a pixel, mm, and where the rule lets its ray begin.
+    /// Returns the proven bound of a pixel, mm, and the distance at which the rule lets its ray start, mm.
     #[inline(always)]
     fn reported(&self, x: usize, y: usize, ray: &Ray) -> (f32, f32) {
         match self.last {
@@ -319,7 +323,7 @@ impl<C: EmptyRadius, R: Rule> Begin for FromLast<'_, C, R> {
         let cos = ray.direction.dot(self.forward).max(1e-6);
         let empty = self.pyramid.empty_mm(&self.clear, ray, cos, from);
         kept.keep_empty(empty.max(proven.min(ray.mm(ray.count))));
-        // Samples nearer than that are empty. A hundredth of a step is more than rounding.
+        // Samples nearer than that are empty. A hundredth of a step is more than the rounding.
         let n = ((empty - ray.start_mm) * ray.per_mm - 0.01).floor() + 1.0;
         (n.max(0.0) as u32, from > self.free)
     }

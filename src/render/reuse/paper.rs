@@ -1,12 +1,12 @@
 //! The paper's own rule for what a ray may skip (section 2.2): "distances along the rays to the colon wall in the new
-//! frame will roughly equal those in the old frame minus the distance the camera moved", by a shortening function of the
-//! pixel's place; for a rotation, the distances of the neighbours that correspond to its angle and axis.
+//! frame will roughly equal those in the old frame minus the distance the camera moved", with a shortening function of
+//! the pixel's position; for a rotation, the distances of the neighbours that correspond to its angle and axis.
 //!
 //! | paper | here |
 //! |---|---|
 //! | jump-skip distance of a pixel in the old frame | distance of its first sample that was not empty |
 //! | neighbours corresponding to the rotation | the four old pixels around where the new ray's direction was seen |
-//! | shortening function | distance moved forward · 1/cos of the angle between ray and view: exact where the wall is a plane across the view |
+//! | shortening function | distance moved forward / cos(angle of ray to view); exact if the wall is a plane across the view |
 //! | proximity of the wall, in which an average of 4 samples are needed | [`NEAR_SAMPLES`] kept |
 //!
 //! The rule is a guess: a wall that runs along the view, or a fold that comes out from behind another, breaks it.
@@ -14,15 +14,15 @@
 use super::known::{Empty, Known, Reprojection};
 use crate::render::march::Ray;
 
-/// So many samples before the guessed wall are looked at again.
+/// Number of samples before the guessed wall that are traced again.
 pub const NEAR_SAMPLES: f32 = 4.0;
 
-/// What is kept of a pixel for the paper's rule and for its proof.
+/// The record of a pixel for the paper's rule and its proof.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Trace {
     /// How far the pixel's pyramid is empty, mm.
     pub empty_mm: f32,
-    /// Distance of the first sample that was not empty, mm; the ray's end if none was.
+    /// Distance of the first sample that was not empty, mm; the ray's end if there was none.
     pub first_mm: f32,
 }
 
@@ -32,8 +32,8 @@ impl Empty for Trace {
     }
 }
 
-/// How far the paper's rule would let a `ray` through pixel (`x`, `y`) begin, mm; 0 where the old picture does not show
-/// its direction.
+/// Returns the distance at which the paper's rule would let a `ray` through pixel (`x`, `y`) start, mm; 0 if the old
+/// picture does not show its direction.
 pub fn guess(known: &Known<Trace>, motion: &Reprojection, x: usize, y: usize, ray: &Ray) -> f32 {
     let direction = motion.direction(x as f64 + 0.5, y as f64 + 0.5);
     if direction.x <= 0.0 {

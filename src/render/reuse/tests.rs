@@ -9,7 +9,7 @@ use crate::render::caster::render;
 use crate::render::{Quality, TransferFunction};
 use crate::volume::{Grid, Volume};
 
-/// Every way of reuse, over the same space.
+/// Every method of reuse, for the same volume.
 fn ways(volume: &PreparedVolume, settings: Settings) -> Vec<Box<dyn Renderer>> {
     vec![
         Box::new(Reusing::<_, f32>::new(WordStorage::new(volume), settings, Refresh::Staggered(16))),
@@ -26,7 +26,7 @@ fn volume(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), f: impl Fn(DVec3, 
     PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::new(wall.0, wall.1).unwrap())
 }
 
-/// A lumen with a fold across it and a polyp behind the fold, in tissue; specks of anything in its air.
+/// A lumen with a fold across it and a polyp behind the fold, in tissue; its air has specks of arbitrary values.
 fn lumen(dims: [usize; 3], spacing: DVec3, wall: (f32, f32), seed: u64, share: f64) -> PreparedVolume {
     let half = DVec3::from_array(dims.map(|n| 0.5 * n as f64));
     let r = 0.4 * dims[0].min(dims[1]) as f64;
@@ -57,7 +57,8 @@ fn view(volume: &PreparedVolume, s: Shoot) -> View {
     View::new(grid.world(at), q * DVec3::Z, q * DVec3::Y, s.fov, s.size.0, s.size.1).unwrap()
 }
 
-/// Renders the views in order in every way and compares each with the picture on its own; the rays that were spared.
+/// Renders the views in order with every method and compares each with an independently rendered picture. Returns the
+/// number of rays that skipped something.
 fn check(volume: &PreparedVolume, settings: Settings, views: &[View]) -> Vec<u64> {
     ways(volume, settings)
         .iter_mut()
@@ -84,7 +85,7 @@ fn shoot() -> impl Strategy<Value = Shoot> {
         .prop_map(|(at, turn, fov, size)| Shoot { at, turn, fov, size })
 }
 
-/// How a view comes from the one before: a small step of any kind, mostly; or a cut.
+/// The change from one view to the next: mostly a small step of any kind, or a cut.
 fn change() -> impl Strategy<Value = (u8, [f64; 3], [f64; 3], Shoot)> {
     (0u8..12, prop::array::uniform3(-1.0..1.0f64), prop::array::uniform3(-1.0..1.0f64), shoot())
 }
@@ -131,12 +132,12 @@ proptest! {
     }
 }
 
-/// A flight of each kind of motion: the same bytes, and most rays are spared some of their way.
+/// A flight of each kind of motion: the bytes are the same, and most rays skip part of their path.
 #[test]
 fn flights_of_every_kind_reuse_and_are_right() {
     let s = lumen([90, 90, 160], DVec3::new(0.7, 0.7, 1.0), (-800.0, -500.0), 3, 0.0);
     let first = Shoot { at: [0.5, 0.5, 0.15], turn: [0.4, 0.1, -0.3], fov: 90.0, size: (120, 100) };
-    // By voxels and radians a picture.
+    // In voxels and radians per picture.
     let kinds: [(&str, [f64; 3], [f64; 3], f64); 8] = [
         ("still", [0.0; 3], [0.0; 3], 0.9),
         ("forward", [0.0, 0.0, 1.0], [0.0; 3], 0.8),
@@ -171,7 +172,7 @@ fn flights_of_every_kind_reuse_and_are_right() {
     }
 }
 
-/// The camera in tissue, at the wall, outside, far away; a new space.
+/// The camera in tissue, at the wall, outside, far away; a new volume.
 #[test]
 fn unusual_places_are_right() {
     let s = lumen([60, 60, 80], DVec3::ONE, (-800.0, -500.0), 1, 0.001);
@@ -189,7 +190,7 @@ fn unusual_places_are_right() {
     check(&s, Settings::default(), &views);
 }
 
-/// The more emptiness a picture tells, the less the next one looks at.
+/// The more emptiness a picture proves, the fewer samples the next one takes.
 #[test]
 fn reuse_looks_at_no_more_samples() {
     let s = lumen([90, 90, 160], DVec3::new(0.7, 0.7, 1.0), (-800.0, -500.0), 3, 0.0);
@@ -200,13 +201,13 @@ fn reuse_looks_at_no_more_samples() {
         let v =
             view(&s, Shoot { at: [0.5, 0.5, 0.2 + 0.005 * f64::from(n)], turn: [0.0; 3], fov: 90.0, size: (64, 64) });
         let (work, alone) = (renderer.render(&v, &mut frame), render(&s, &v, &settings, &mut Frame::default()));
-        // Flags are met at other places when a ray begins elsewhere.
+        // Flags are met at other positions if a ray starts elsewhere.
         assert!(work.samples * 50 <= alone.samples * 51, "{work:?} {alone:?}");
     }
     assert!(renderer.bytes() > s.bytes() + 64 * 64 * 8);
 }
 
-/// The paper's own rule is wrong at times, and is put right.
+/// The paper's own rule is sometimes wrong, and is corrected.
 #[test]
 fn the_papers_rule_is_counted_when_it_misleads() {
     let s = lumen([90, 90, 160], DVec3::new(0.7, 0.7, 1.0), (-800.0, -500.0), 3, 0.0);

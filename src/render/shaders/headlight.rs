@@ -21,8 +21,8 @@ pub const MODEL: ShaderModel = ShaderModel {
 /// A headlight: a light at the camera, so that the only angle that matters is that between the ray and the normal.
 ///
 /// Brightness is `ambient + diffuse · max(0, n·ray)`, n the normalised gradient. HU rise into the wall, so n·ray is
-/// positive where the wall faces the camera. In a homogeneous region the gradient points at the camera: brightness is
-/// full.
+/// positive where the wall faces the camera. In a homogeneous region the gradient points at the camera, and brightness
+/// is full.
 pub struct Headlight {
     palette: Palette,
     to_world: Mat3,
@@ -34,20 +34,22 @@ pub const AMBIENT: f32 = 0.1;
 pub const DIFFUSE: f32 = 0.9;
 
 impl Headlight {
-    /// The light for rays through `space`.
+    /// Creates the light for rays through `volume`.
     pub fn new(volume: &PreparedVolume) -> Self {
         Self { palette: Palette::default(), to_world: to_world(volume.voxels()) }
     }
 
-    /// Red, green and blue of a point of value `hu` whose value changes by `gradient` (HU/mm along the index axes), seen along
-    /// `direction` (world, of unit length). A gradient of 0 is that of a homogeneous region.
+    /// Returns red, green and blue of a point of value `hu`.
+    ///
+    /// The value changes by `gradient` (HU/mm along the index axes), and the point is seen along `direction` (world, of
+    /// unit length). A gradient of 0 marks a homogeneous region.
     #[inline(always)]
     pub fn colour(&self, hu: f32, gradient: Vec3, direction: Vec3) -> Vec3 {
         let facing = self.facing(self.to_world * gradient, direction);
         self.palette.colour(hu) * (AMBIENT + DIFFUSE * facing)
     }
 
-    /// Cosine between a world gradient and the ray, 0 to 1; 1 in a homogeneous region.
+    /// Returns the cosine between a world gradient and the ray, 0 to 1; 1 in a homogeneous region.
     #[inline(always)]
     pub fn facing(&self, gradient: Vec3, direction: Vec3) -> f32 {
         let square = gradient.length_squared();
@@ -55,25 +57,25 @@ impl Headlight {
         if square > 1e-6 { (gradient.dot(direction) / square.sqrt()).max(0.0) } else { 1.0 }
     }
 
-    /// The wall's own colour at a value.
+    /// Returns the wall's own colour at a value, HU.
     #[inline(always)]
     pub fn tissue(&self, hu: f32) -> Vec3 {
         self.palette.colour(hu)
     }
 
-    /// The world gradient (HU/mm) of one along the index axes.
+    /// Converts a gradient along the index axes to the world gradient (HU/mm).
     #[inline(always)]
     pub fn world_gradient(&self, gradient: Vec3) -> Vec3 {
         self.to_world * gradient
     }
 }
 
-/// The colour of tissue of value `hu` in full light, 0 to 1: a warm tone like that of mucosa.
+/// Returns the colour of tissue of value `hu` in full light, 0 to 1: a warm tone like that of mucosa.
 pub fn tissue(hu: f32) -> Vec3 {
     Palette::default().colour(hu)
 }
 
-/// The headlight as a [`Shader`] like any other.
+/// The headlight as an ordinary [`Shader`].
 #[derive(Debug, Default)]
 struct Tissue {
     palette: Palette,
@@ -95,8 +97,9 @@ mod tests {
     use crate::render::TransferFunction;
     use crate::volume::{Grid, Volume};
 
-    /// Between a wall seen head on and one seen edge on brightness is linear in gradient · ray, however long the gradient; a
-    /// wall seen from behind has the light that comes from everywhere, and a homogeneous region all of it.
+    /// Between a wall seen head on and one seen edge on, brightness is linear in gradient · ray, however long the
+    /// gradient. A wall seen from behind gets only the light that comes from everywhere, and a homogeneous region gets
+    /// all of it.
     #[test]
     fn brightness_is_linear_in_the_cosine() {
         let grid = Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();

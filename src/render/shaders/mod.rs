@@ -1,8 +1,8 @@
-//! Shaders: what a point of the wall looks like. One file each, and a line in [`BUILT_IN`].
+//! Shaders: the colour of a point of the wall. Each is one file and a line in [`BUILT_IN`].
 //!
-//! Every renderer of this crate asks the chosen [`Shader`] for colours. The default, [`headlight`], is part of the renderers and
-//! costs no call; any other one is called for each point of the wall that a ray meets, and packets of rays cast a ray for every
-//! pixel then, as they cannot know what lies between two.
+//! Every renderer of this crate gets its colours from the chosen [`Shader`]. The default, [`headlight`], is part of the
+//! renderers and costs no call. Any other shader is called for each point of the wall that a ray meets. Packets of rays
+//! then cast a ray for every pixel, as they cannot know what is between two rays.
 
 pub mod headlight;
 
@@ -18,26 +18,28 @@ use crate::panics::ask_plugin;
 /// Every shader of this crate.
 pub const BUILT_IN: [ShaderModel; 1] = [headlight::MODEL];
 
-/// A point of the wall, as a ray from the camera meets it.
+/// A point of the wall where a ray from the camera meets it.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfacePoint {
-    /// World, mm.
+    /// Position, world, mm.
     pub position: DVec3,
     /// Value, HU.
     pub hu: f32,
-    /// From the wall towards the gas, world, of unit length. Where the tissue is homogeneous it points at the camera.
+    /// Normal from the wall towards the gas, world, of unit length. In homogeneous tissue it points at the camera.
     pub normal: Vec3,
     /// The ray's direction, world, of unit length.
     pub direction: Vec3,
-    /// Cosine of the angle between the normal and the way back to the camera, 0 to 1: 1 for a wall seen head on.
+    /// Cosine of the angle between the normal and the direction back to the camera, 0 to 1: 1 for a wall seen head on.
     pub facing: f32,
     /// Distance from the camera, mm.
     pub distance_mm: f32,
 }
 
 impl SurfacePoint {
-    /// A point `distance_mm` from `camera` along `direction`, where values rise along `gradient` (world, HU/mm). A gradient of
-    /// less than a thousandth is the rounding of a homogeneous region.
+    /// Creates a point `distance_mm` from `camera` (world, mm) along `direction`, where values rise along `gradient`
+    /// (world, HU/mm).
+    ///
+    /// A gradient of less than a thousandth is the rounding of a homogeneous region.
     #[inline(always)]
     pub fn new(camera: DVec3, direction: Vec3, distance_mm: f32, hu: f32, gradient: Vec3) -> Self {
         let square = gradient.length_squared();
@@ -48,22 +50,23 @@ impl SurfacePoint {
     }
 }
 
-/// The colour of points of the wall. It must depend on the point alone: points are asked for in any order, by all threads.
+/// The colour of points of the wall. It must depend on the point alone: points are requested in any order, by all
+/// threads.
 pub trait Shader: Send + Sync + Debug {
-    /// Red, green and blue of a point, 0 to 1 each, as they are shown. What is no number counts as 0.
+    /// Returns red, green and blue of a point as shown, 0 to 1 each. NaN counts as 0.
     fn colour(&self, point: &SurfacePoint) -> Vec3;
 }
 
-/// A shader by its name. Those of this crate are in [`BUILT_IN`]; a program may have its own, which work wherever these do.
+/// A named shader. Those of this crate are in [`BUILT_IN`]; a program may add its own, which work wherever these do.
 #[derive(Clone, Copy, Debug)]
 pub struct ShaderModel {
-    /// Its name in scene files, `[render] shade = "…"`; shaders of the same name are equal if their settings are.
+    /// Its name in scene files, `[render] shade = "…"`. Shaders of the same name are equal if their settings are.
     pub name: &'static str,
-    /// What it is, in a sentence for people.
+    /// A one-sentence description for users.
     pub summary: &'static str,
-    /// Its settings: the scene file's table of its name.
+    /// Its settings: the table with its name in the scene file.
     pub options: Options,
-    /// Makes the shader of these settings; an error (wrong usage) if they make no sense.
+    /// Makes the shader with these settings. It must return a usage error if they make no sense.
     pub make: fn(Options) -> Result<Arc<dyn Shader>>,
 }
 
@@ -82,7 +85,7 @@ impl Default for ShaderModel {
 }
 
 impl ShaderModel {
-    /// The shader, where it is another one than what the renderers have built in.
+    /// Returns the shader; `None` if it is the one built into the renderers.
     pub(super) fn own(&self) -> Option<Arc<dyn Shader>> {
         if self.name == headlight::MODEL.name { None } else { self.shader().ok() }
     }
@@ -91,8 +94,10 @@ impl ShaderModel {
         ask_plugin(|| format!("shader {}", self.name), || (self.make)(self.options))
     }
 
+    /// Checks that the shader accepts its settings.
+    ///
     /// # Errors
-    /// Status 2 for settings that make no sense.
+    /// Returns status 2 if the settings make no sense.
     pub fn check(&self) -> Result<()> {
         let shader = format!("shader {}", self.name);
         self.shader().map(drop).map_err(|e| {
@@ -102,10 +107,10 @@ impl ShaderModel {
     }
 }
 
-/// A colour that a shader gave, as light: what is no number is none, and nothing is brighter than white.
+/// Turns a shader's colour into light: NaN becomes 0, and nothing is brighter than white.
 #[inline(always)]
 pub(super) fn shown(colour: Vec3) -> Vec3 {
-    // The order matters: of NaN and a number the greater one is the number.
+    // The order matters: the maximum of NaN and a number is the number.
     colour.max(Vec3::ZERO).min(Vec3::ONE)
 }
 

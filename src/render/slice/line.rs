@@ -6,18 +6,18 @@ use glam::DVec3;
 use crate::render::packets::lanes::{Corners, Voxels};
 use crate::volume::{AIR_HU, Volume};
 
-/// Samples at once.
+/// Number of samples taken at once.
 pub(super) const LANES: usize = 16;
-/// Voxels along an axis from one sample to the next, up to which sixteen are taken in single precision: they are then exact to
-/// 1e-5 voxels.
+/// The longest step along an axis, voxels, up to which sixteen samples are taken in single precision. They are then
+/// exact to 1e-5 voxels.
 const LONGEST_STEP: f64 = 8.0;
 /// The number of each lane.
 const NUMBERS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
-/// All lanes, a bit each.
+/// A mask with a bit for each lane.
 pub(super) const ALL: u64 = (1 << LANES) - 1;
 
-/// A scan to sample. A voxel reaches half its size beyond its centre, and the outermost ones keep their value there; what is farther
-/// out is outside.
+/// A scan to sample. A voxel reaches half its size beyond its centre, and the outermost voxels keep their value there.
+/// Positions farther out are outside.
 pub(super) struct Sampler<'a> {
     volume: &'a Volume,
     voxels: Option<Voxels<'a>>,
@@ -30,12 +30,12 @@ impl<'a> Sampler<'a> {
         Self { volume, voxels: Voxels::new(volume), dims: volume.grid().dims().map(|n| n as f64) }
     }
 
-    /// HU at the places `start + step · i`, i from 0 to 15, in voxel coordinates, and a bit for each that is in the scan; of the
-    /// others anything finite.
+    /// Returns the HU at the positions `start + step · i`, i from 0 to 15, in voxel coordinates, and a bit for each
+    /// that is in the scan. Values outside the scan are arbitrary but finite.
     #[inline(always)]
     pub(super) fn sixteen<S: Simd>(&self, simd: S, start: DVec3, step: DVec3) -> (f32x16<S>, u64) {
         let last = start + step * (LANES - 1) as f64;
-        // A line is where its ends are.
+        // The two ends decide for the whole line.
         let mut within = true;
         for a in 0..3 {
             let end = self.dims[a] - 0.5;
@@ -45,7 +45,7 @@ impl<'a> Sampler<'a> {
             within &= start[a] >= -0.5 && start[a] < end && last[a] >= -0.5 && last[a] < end;
         }
         let inside = if within { ALL } else { self.inside(start, step) };
-        // False for what is no number.
+        // False for NaN.
         let is_fine = step.abs().max_element() <= LONGEST_STEP && !step.is_nan();
         match &self.voxels {
             Some(voxels) if is_fine => (self.between(simd, voxels, start, step), inside),
@@ -53,24 +53,25 @@ impl<'a> Sampler<'a> {
         }
     }
 
-    /// A bit for each of the places that is in the scan.
+    /// Returns a bit for each of the positions that is in the scan.
     #[inline(never)]
     fn inside(&self, start: DVec3, step: DVec3) -> u64 {
         let is_in = |i: usize| {
             let at = start + step * i as f64;
-            // False for what is no number.
+            // False for NaN.
             (0..3).all(|a| at[a] >= -0.5 && at[a] < self.dims[a] - 0.5)
         };
         (0..LANES).map(|i| u64::from(is_in(i)) << i).sum()
     }
 
-    /// Values of places on a line that is near the scan; beside it those of its nearest places.
+    /// Returns the values at positions on a line near the scan. Positions outside take the value of the nearest
+    /// position within.
     #[inline(always)]
     fn between<S: Simd>(&self, simd: S, voxels: &Voxels<'_>, start: DVec3, step: DVec3) -> f32x16<S> {
         let lane = f32x16::load_array_ref(simd, &NUMBERS);
         let (mut cell, mut share) = ([i32x16::splat(simd, 0); 3], [lane; 3]);
         for a in 0..3 {
-            // Relative to the first place's cell single precision is enough.
+            // Relative to the first position's cell, single precision is enough.
             let base = start[a].floor();
             let at = lane * (step[a] as f32) + ((start[a] - base) as f32);
             let at = at.max((0.0 - base) as f32).min((self.dims[a] - 1.0 - base) as f32);
@@ -83,20 +84,20 @@ impl<'a> Sampler<'a> {
         blend(voxels.corners(simd, cell, all), share)
     }
 
-    /// Values of places that lie far apart, or in a scan of one voxel along an axis.
+    /// Returns the values at positions that are far apart, or in a scan of one voxel along an axis.
     #[inline(never)]
     fn one_by_one(&self, start: DVec3, step: DVec3) -> [f32; LANES] {
         std::array::from_fn(|i| value(self.volume, start + step * i as f64))
     }
 }
 
-/// Trilinear HU at a voxel coordinate, or at the nearest one in the scan.
+/// Returns the trilinear HU at a voxel coordinate, or at the nearest one in the scan.
 fn value(volume: &Volume, at: DVec3) -> f32 {
     let (grid, data) = (volume.grid(), volume.data());
     let dims = grid.dims();
     let (mut low, mut high, mut share) = ([0; 3], [0; 3], [0.0f32; 3]);
     for a in 0..3 {
-        // 0 for what is no number.
+        // 0 for NaN.
         let held = at[a].max(0.0).min((dims[a] - 1) as f64);
         low[a] = (held as usize).min(dims[a].saturating_sub(2));
         high[a] = (low[a] + 1).min(dims[a] - 1);
@@ -115,8 +116,10 @@ fn value(volume: &Volume, at: DVec3) -> f32 {
     a + (b - a) * share[2]
 }
 
-/// The values between the corners, as [`value`] has them. Weights are floats, as HU are written to files here; a ray's rounder ones
-/// would be a quarter of an HU off.
+/// Interpolates between the corners like [`value`].
+///
+/// Weights are floats because HU are written to files here. The rounded weights of rays would be off by a quarter of an
+/// HU.
 #[inline(always)]
 fn blend<S: Simd>(corners: Corners<S>, share: [f32x16<S>; 3]) -> f32x16<S> {
     let [a, b, c, d] = corners;
@@ -127,7 +130,7 @@ fn blend<S: Simd>(corners: Corners<S>, share: [f32x16<S>; 3]) -> f32x16<S> {
     near + (far - near) * share[2]
 }
 
-/// The values between the two of each pair.
+/// Interpolates between the two values of each pair.
 #[inline(always)]
 fn along_x<S: Simd>(pair: i32x16<S>, share: f32x16<S>) -> f32x16<S> {
     let low: f32x16<S> = (pair << 16 >> 16).to_float();
@@ -135,13 +138,13 @@ fn along_x<S: Simd>(pair: i32x16<S>, share: f32x16<S>) -> f32x16<S> {
     low + (high - low) * share
 }
 
-/// The lanes of `bits`.
+/// Returns the lanes of `bits`.
 #[inline(always)]
 pub(super) fn lanes<S: Simd>(simd: S, bits: u64) -> mask32x16<S> {
     mask32x16::from_bitmask(simd, bits)
 }
 
-/// [`AIR_HU`] in all lanes.
+/// Returns [`AIR_HU`] in all lanes.
 #[inline(always)]
 pub(super) fn air<S: Simd>(simd: S) -> f32x16<S> {
     f32x16::splat(simd, f32::from(AIR_HU))

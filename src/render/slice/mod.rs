@@ -1,5 +1,5 @@
-//! Cross-sections: a plane through the volume, trilinear, as radiologists look at it; alone or as a slab of some thickness, in HU or
-//! in grey.
+//! Cross-sections of the scan as radiologists read them: a plane through the volume, trilinear, as a single plane or as
+//! a slab of some thickness, in HU or in grey.
 
 mod line;
 mod plane;
@@ -19,13 +19,15 @@ pub use plane::{PlaneFrame, SlicePlane, letters};
 pub use slab::{MAX_SLAB_MM, Slab, SlabKind};
 pub use windowing::Windowing;
 
-/// An image of a plane. The centre of pixel (i, j) lies at `centre + right · (i + ½ − W/2) s + down · (j + ½ − H/2) s`, s the pixels'
-/// side, so that `centre` is in the middle of the image, between pixels where their number is even.
+/// An image of a plane.
+///
+/// The centre of pixel (i, j) is at `centre + right · (i + ½ − W/2) s + down · (j + ½ − H/2) s`, where s is the pixels'
+/// side. `centre` is therefore in the middle of the image, between pixels if their number is even.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Slice {
-    /// World, mm.
+    /// Position of the image's middle, world, mm.
     pub centre: DVec3,
-    /// Its axes.
+    /// The image's axes.
     pub frame: PlaneFrame,
     /// Side of a pixel, mm.
     pub mm_per_pixel: f64,
@@ -34,24 +36,26 @@ pub struct Slice {
 }
 
 impl Slice {
-    /// Where a point of the image is in the world, mm; `at` counts pixels from the image's top left corner.
+    /// Returns where a point of the image is in the world, mm. `at` is in pixels from the image's top left corner.
     pub fn world(&self, at: [f64; 2]) -> DVec3 {
         let [x, y] = [0, 1].map(|a| (at[a] - self.size[a] as f64 / 2.0) * self.mm_per_pixel);
         self.centre + self.frame.right() * x + self.frame.down() * y
     }
 
-    /// Where a point of the world (mm) is in the image, pixels from its top left corner, and how far before the plane (mm).
+    /// Returns where a point of the world (mm) is in the image, pixels from its top left corner, and how far in front
+    /// of the plane it is (mm).
     pub fn pixel(&self, world: DVec3) -> ([f64; 2], f64) {
         let d = world - self.centre;
         let along = [d.dot(self.frame.right()), d.dot(self.frame.down())];
         ([0, 1].map(|a| along[a] / self.mm_per_pixel + self.size[a] as f64 / 2.0), d.dot(self.frame.normal()))
     }
 
-    /// The same part of the plane in pixels of `factor` times the side; the last ones of rows and columns may reach beyond it.
+    /// Returns the same part of the plane with pixels of `factor` times the side. The last ones of rows and columns may
+    /// reach beyond it.
     pub fn with_larger_pixels(&self, factor: usize) -> Self {
         let factor = factor.max(1);
         let size = self.size.map(|s| s.div_ceil(factor));
-        // The corner at the top left stays.
+        // The top left corner stays in place.
         let [right, down] = [0, 1].map(|a| ((size[a] * factor) as f64 - self.size[a] as f64) / 2.0 * self.mm_per_pixel);
         Self {
             centre: self.centre + self.frame.right() * right + self.frame.down() * down,
@@ -61,15 +65,17 @@ impl Slice {
         }
     }
 
-    /// Turns values of this slice into an image of `size`, of pixels smaller by `factor`, whose corner at the top left is the same:
-    /// linear between the centres of the larger pixels.
+    /// Enlarges values of this slice to an image of `size`, with pixels smaller by `factor` and the same top left
+    /// corner.
+    ///
+    /// Values are linear between the centres of the larger pixels.
     pub fn enlarge(&self, values: &[f32], factor: usize, size: [usize; 2], out: &mut Vec<f32>) {
         out.resize(size[0] * size[1], 0.0);
         let [width, height] = self.size;
         if values.len() != width * height || values.is_empty() || size[0] == 0 {
             return;
         }
-        // The pixel before, and how far it is from there to the next.
+        // The pixel before, and the distance from there towards the next.
         let place = |n: usize, most: usize| {
             let at = ((n as f32 + 0.5) / factor.max(1) as f32 - 0.5).clamp(0.0, (most - 1) as f32);
             let before = (at as usize).min(most - 1);
@@ -86,27 +92,30 @@ impl Slice {
         });
     }
 
-    /// Fills `out` with the HU of the pixels, row by row; −1024 outside the scan. It allocates nothing where `out` has the size
-    /// already, and gives the same bytes for every number of threads.
+    /// Fills `out` with the HU of the pixels, row by row; −1024 outside the scan.
     ///
-    /// A voxel reaches half its size beyond its centre. The outermost ones keep their value there; farther out is outside.
+    /// Allocates nothing if `out` already has the right size, and gives the same bytes for every number of threads.
+    ///
+    /// A voxel reaches half its size beyond its centre. The outermost voxels keep their value there; farther out is
+    /// outside.
     pub fn fill(&self, volume: &Volume, out: &mut Vec<f32>) {
         self.fill_slab(volume, Slab::default(), out);
     }
 
-    /// As [`fill`](Self::fill), of a slab about the plane.
+    /// Like [`fill`](Self::fill), for a slab around the plane.
     pub fn fill_slab(&self, volume: &Volume, slab: Slab, out: &mut Vec<f32>) {
         out.resize(self.size[0] * self.size[1], 0.0);
         self.fill_rows(volume, slab, 0, out);
     }
 
-    /// Fills `rows`, whole rows of the image from row `first` on, as [`fill_slab`](Self::fill_slab) does: for an image too large
-    /// to be held or to be made in one go.
+    /// Fills `rows`, whole rows of the image from row `first` on, like [`fill_slab`](Self::fill_slab).
+    ///
+    /// Use this for an image too large to hold in memory or to compute in one go.
     pub fn fill_rows(&self, volume: &Volume, slab: Slab, first: usize, rows: &mut [f32]) {
         self.fill_rows_on(Level::new(), volume, slab, first, rows);
     }
 
-    /// As [`fill_rows`](Self::fill_rows), on a given SIMD level; all give the same bytes.
+    /// Like [`fill_rows`](Self::fill_rows), on a given SIMD level. All levels give the same bytes.
     fn fill_rows_on(&self, level: Level, volume: &Volume, slab: Slab, first: usize, rows: &mut [f32]) {
         let width = self.size[0];
         if width == 0 {

@@ -1,4 +1,4 @@
-//! Slabs: what lies within some distance of a plane, as one image.
+//! Slabs: everything within some distance of a plane, as one image.
 
 use fearless_simd::{Simd, f32x16, prelude::*};
 use glam::DVec3;
@@ -8,13 +8,13 @@ use crate::volume::Grid;
 
 /// The thickest slab, mm.
 pub const MAX_SLAB_MM: f64 = 20.0;
-/// No slab has more samples than this between its faces: enough for voxels from 10 µm on.
+/// The most steps between a slab's faces: enough for voxels of 10 µm and more.
 const MAX_STEPS: usize = 4096;
 
-/// What a slab shows of the samples behind a pixel.
+/// How a slab combines the samples behind a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum SlabKind {
-    /// Their mean: less noise, as a thicker slice has.
+    /// Their mean: less noise, like a thicker slice.
     #[default]
     Mean,
     /// The largest (maximum intensity projection): contrast medium, bone.
@@ -23,11 +23,12 @@ pub enum SlabKind {
     Min,
 }
 
-/// A slab about a plane, as thick on either side. Without thickness it is the plane itself.
+/// A slab centred on a plane. With thickness 0 it is the plane itself.
 ///
-/// A pixel's samples lie on the line along the plane's normal, from one face of the slab to the other, both included and the plane
-/// itself among them, evenly and at most half the scan's least spacing apart. The mean is that of the values between the faces by the trapezoidal rule: the two samples
-/// on the faces count half. Samples outside the scan do not count; where all are outside the pixel is outside.
+/// A pixel's samples are on the line along the plane's normal, from one face of the slab to the other. They include
+/// both faces and the plane, and are evenly spaced, at most half the scan's least spacing apart. The mean is that of
+/// the values between the faces by the trapezoidal rule: the two samples on the faces count half. Samples outside the
+/// scan do not count. A pixel is outside if all of its samples are.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Slab {
     mm: f64,
@@ -35,10 +36,10 @@ pub struct Slab {
 }
 
 impl Slab {
-    /// A slab of a thickness, mm.
+    /// Creates a slab of a thickness, mm.
     ///
     /// # Errors
-    /// Says in a few words what is wrong with the thickness: it is not between 0 and [`MAX_SLAB_MM`].
+    /// Returns a short reason if the thickness is not between 0 and [`MAX_SLAB_MM`].
     pub fn new(mm: f64, kind: SlabKind) -> Result<Self, String> {
         if !(0.0..=MAX_SLAB_MM).contains(&mm) {
             return Err(format!("a thickness of {mm} mm is not within 0 to {MAX_SLAB_MM} mm"));
@@ -46,27 +47,28 @@ impl Slab {
         Ok(Self { mm, kind })
     }
 
-    /// Its thickness, mm.
+    /// Returns its thickness, mm.
     pub fn mm(self) -> f64 {
         self.mm
     }
 
-    /// What it shows.
+    /// Returns how it combines samples.
     pub fn kind(self) -> SlabKind {
         self.kind
     }
 
-    /// How many samples of a scan on this grid a pixel takes.
+    /// Returns the number of samples a pixel takes in a scan on this grid.
     pub fn samples_a_pixel(self, grid: &Grid) -> usize {
         self.steps(grid) + 1
     }
 
-    /// As many before the plane as behind it; 0 for the plane alone.
+    /// Returns the number of steps between the faces, the same in front of the plane as behind it; 0 for the plane
+    /// alone.
     fn steps(self, grid: &Grid) -> usize {
         (2 * (self.mm / grid.min_spacing()).ceil() as usize).min(MAX_STEPS)
     }
 
-    /// Where to sample on a grid, along a normal of unit length (world).
+    /// Returns the samples to take on a grid, along a normal of unit length (world).
     pub(super) fn samples(self, grid: &Grid, normal: DVec3) -> Samples {
         let across = grid.to_voxel().transform_vector3(normal * self.mm);
         Samples { across, steps: self.steps(grid), kind: self.kind }
@@ -101,7 +103,7 @@ impl Samples {
         }
     }
 
-    /// The sample k lies here from the plane, voxels.
+    /// Returns the offset of sample k from the plane, voxels.
     #[inline(always)]
     fn offset(&self, k: usize) -> DVec3 {
         self.across * (k as f64 / self.steps as f64 - 0.5)

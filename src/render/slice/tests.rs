@@ -1,4 +1,4 @@
-//! Cross-sections of volumes whose values are known.
+//! Tests cross-sections of volumes whose values are known.
 
 use glam::DMat3;
 
@@ -17,7 +17,7 @@ fn planes_are_seen_as_radiologists_see_them() {
     }
 }
 
-/// Linear values come out exactly on a turned grid of stretched voxels, and a click goes to the world and back.
+/// Linear values are exact on a rotated grid of stretched voxels, and a click maps to the world and back.
 #[test]
 fn linear_values_are_exact_in_every_plane() {
     let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
@@ -59,8 +59,8 @@ fn linear_values_are_exact_in_every_plane() {
     assert_eq!(out, [-1024.0; 6]);
 }
 
-/// A volume of 40×36×32 voxels of 0.8×0.7×1.1 mm on a turned grid, with the values that `f` gives at places relative to its middle
-/// (world, mm).
+/// A volume of 40×36×32 voxels of 0.8×0.7×1.1 mm on a rotated grid. `f` gives the values at positions relative to its
+/// middle (world, mm).
 fn volume_of(turn: DMat3, f: impl Fn(DVec3) -> f64) -> (Volume, DVec3) {
     let grid = Grid::new([40, 36, 32], DVec3::new(0.8, 0.7, 1.1), DVec3::new(12.0, -7.0, 30.0), turn).unwrap();
     let middle = grid.world(DVec3::new(19.5, 17.5, 15.5));
@@ -69,7 +69,7 @@ fn volume_of(turn: DMat3, f: impl Fn(DVec3) -> f64) -> (Volume, DVec3) {
     (Volume::new(grid, data), middle)
 }
 
-/// All 48 ways in which a grid's axes can lie along the patient's.
+/// All 48 orientations of a grid's axes along the patient's.
 fn orientations() -> Vec<DMat3> {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z];
     let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
@@ -79,8 +79,8 @@ fn orientations() -> Vec<DMat3> {
     orders.into_iter().flat_map(|o| (0..8).map(move |bits| one(o, bits))).collect()
 }
 
-/// Every orientation of the grid shows the same side of the patient at each edge: towards the edge that says L, values that
-/// grow to the left grow.
+/// Every orientation of the grid shows the same side of the patient at each edge: values that increase to the patient's
+/// left increase towards the edge labelled L.
 #[test]
 fn letters_hold_in_every_orientation() {
     assert_eq!(orientations().len(), 48);
@@ -109,7 +109,7 @@ fn letters_hold_in_every_orientation() {
     }
 }
 
-/// Of a linear volume the mean is the value in the plane, and the extremes are those on the faces.
+/// For a linear volume the mean is the value in the plane, and the extremes are those on the faces.
 #[test]
 fn slabs_of_a_linear_volume() {
     let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
@@ -134,12 +134,13 @@ fn slabs_of_a_linear_volume() {
     }
 }
 
-/// Of values c·z² the mean across z is c·T²/12 about 0, the largest c·T²/4, the least 0.
+/// For values c·z² the mean across z is c·T²/12 about 0, the largest c·T²/4, the least 0.
 #[test]
 fn slabs_of_a_quadratic_volume() {
     let (volume, middle) = volume_of(DMat3::IDENTITY, |d| 100.0 * d.z * d.z);
     let slice = Slice { centre: middle, frame: SlicePlane::Axial.frame().unwrap(), mm_per_pixel: 0.3, size: [8, 8] };
-    // Trilinear values lie above the parabola by c·h²/6 on the average, and the trapezoidal rule adds c·s²/6, s at most h/2.
+    // Trilinear values exceed the parabola by c·h²/6 on average, and the trapezoidal rule adds c·s²/6, with s at most
+    // h/2.
     for mm in [4.0, 11.0, 20.0] {
         let mut out = Vec::new();
         let mut fill = |kind| {
@@ -158,7 +159,7 @@ fn slabs_of_a_quadratic_volume() {
     }
 }
 
-/// Samples outside the scan do not count, unless all are.
+/// Samples outside the scan do not count, unless all are outside.
 #[test]
 fn slabs_at_the_scans_end_count_what_is_in_it() {
     let (volume, _) = volume_of(DMat3::IDENTITY, |d| 10.0 * d.z);
@@ -188,7 +189,8 @@ fn slabs_at_the_scans_end_count_what_is_in_it() {
     }
 }
 
-/// Any number of threads, any part of the rows at a time and every SIMD level give the same bytes; a second filling needs no other memory.
+/// Any number of threads, any subset of rows at a time and every SIMD level give the same bytes. A second fill needs no
+/// new memory.
 #[test]
 fn threads_and_parts_change_nothing() {
     let turn = DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(-0.2);
@@ -219,7 +221,7 @@ fn threads_and_parts_change_nothing() {
     }
 }
 
-/// Slices and scans at the end of what there is: nothing panics, and what is outside is −1024.
+/// Extreme slices and scans: nothing panics, and everything outside is −1024.
 #[test]
 fn extreme_slices() {
     let frame = SlicePlane::Axial.frame().unwrap();
@@ -252,7 +254,7 @@ fn extreme_slices() {
     }
 }
 
-/// The two ways to sample, at the scan's border and within, agree.
+/// The two sampling methods, at the scan's border and within, agree.
 #[test]
 fn runs_agree_with_single_samples() {
     let turn = DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(-0.2);

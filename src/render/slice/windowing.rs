@@ -1,6 +1,6 @@
 //! Windowing: HU to grey.
 
-/// A window of HU that is spread over the greys from black to white.
+/// A window of HU that is mapped to the greys from black to white.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Windowing {
     level: f64,
@@ -15,10 +15,10 @@ impl Default for Windowing {
 }
 
 impl Windowing {
-    /// A window about `level` that is `width` wide, HU.
+    /// Creates a window around `level` that is `width` wide, HU.
     ///
     /// # Errors
-    /// Says in a few words what is wrong: the level is not finite, or the width not positive and finite.
+    /// Returns a short reason if the level is not finite, or the width is not positive and finite.
     pub fn new(level: f64, width: f64) -> Result<Self, String> {
         if !level.is_finite() {
             return Err(format!("a level of {level} HU is not finite"));
@@ -29,25 +29,25 @@ impl Windowing {
         Ok(Self { level, width })
     }
 
-    /// The grey that is in the middle, HU.
+    /// Returns the value shown as middle grey, HU.
     pub fn level(self) -> f64 {
         self.level
     }
 
-    /// From black to white, HU.
+    /// Returns the range from black to white, HU.
     pub fn width(self) -> f64 {
         self.width
     }
 
-    /// 255 · clamp((HU − L + W/2)/W, 0, 1), rounded.
+    /// Returns 255 · clamp((HU − L + W/2)/W, 0, 1), rounded.
     #[inline]
     pub fn grey(self, hu: f32) -> u8 {
         let share = ((f64::from(hu) - self.level + self.width / 2.0) / self.width).clamp(0.0, 1.0);
-        // Halves go up; the cast cuts off.
+        // Halves round up; the cast truncates.
         (255.0 * share + 0.5) as u8
     }
 
-    /// The greys of an image in HU; `out` is as long.
+    /// Converts an image in HU to greys. `out` must have the same length.
     pub fn fill(self, hu: &[f32], out: &mut [u8]) {
         for (out, hu) in out.iter_mut().zip(hu) {
             *out = self.grey(*hu);
