@@ -36,7 +36,7 @@ pub fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     result.map_err(|_| Panicked)
 }
 
-/// As [`fenced`]; what the panic said, on one line, and where it happened if the program's hook has [noted](note_place) it.
+/// As [`catch_panic`]; what the panic said, on one line, and where it happened if the program's hook has [noted](note_place) it.
 ///
 /// # Errors
 /// That text.

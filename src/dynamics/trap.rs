@@ -146,7 +146,7 @@ pub fn recognise(stall: StallKind, reading: Option<Trap>) -> Trap {
         (StallKind::Dithering, _) => Trap::Dithering,
         (StallKind::Circling, _) => Trap::Circling,
         (StallKind::Stuck, reading) => reading.unwrap_or(Trap::Stuck),
-        // A place that the flight has passed is no reason to turn.
+        // A local minimum that the flight has already left is no reason to turn.
         (StallKind::TurnedBack, Some(t @ (Trap::BlindEnd | Trap::Narrow | Trap::Bridge | Trap::Obstacle))) => t,
         (StallKind::TurnedBack, _) => Trap::TurnedBack,
     }

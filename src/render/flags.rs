@@ -9,7 +9,7 @@
 //! trilinear values and for regressions over 3×3×3 neighbourhoods alike.
 //!
 //! Its bricks of 8³ serve single rays, which look at the voxel's own flag between them; packets have bricks of 4³ of their own
-//! ([`packets`](super::fast)), since sixteen rays at once can afford neither the wider margin nor a look at single voxels.
+//! ([`packets`](super::packets)), since sixteen rays at once can afford neither the wider margin nor a look at single voxels.
 
 use rayon::prelude::*;
 

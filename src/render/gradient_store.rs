@@ -4,7 +4,7 @@
 //! Both keep the regressions at voxels and interpolate them, as the paper does; quantised, so that the same voxel always
 //! gives the same bits: here to 16 bits a component, which is 1/8 HU per h.
 //!
-//! Packets of rays do not use it: their cache holds whole cells ([`packets`](super::fast)).
+//! Packets of rays do not use it: their cache holds whole cells ([`packets`](super::packets)).
 
 use glam::Vec3;
 use rayon::prelude::*;

@@ -7,7 +7,7 @@ pub enum MemoryPart {
     Flags,
     /// The paper's volume of 7 + 1 bits a voxel ([`bytes`](super::bytes)).
     ByteVolume,
-    /// Which cells may be seen, and how far bricks are from the next such cell ([`packets`](super::fast)).
+    /// Which cells may be seen, and how far bricks are from the next such cell ([`packets`](super::packets)).
     Occupancy,
     /// Gradients kept from one frame to the next.
     GradientCache,
@@ -19,7 +19,7 @@ pub enum MemoryPart {
     BrickDistances,
     /// What the last picture proves to be empty ([`reuse`](super::reuse)).
     FrameCache,
-    /// The rays of adaptive image-plane sampling ([`packets`](super::fast)).
+    /// The rays of adaptive image-plane sampling ([`packets`](super::packets)).
     SampledRays,
     /// A picture of a part of the resolution, to be stretched.
     SmallPicture,
