@@ -136,15 +136,15 @@ const fn once(
 
 /// Every action but those of guides and overlays, in the order of the help. Keys are set apart by spaces.
 const TABLE: &[Row] = &[
-    once("pause", "stop and look around, go on", "Space", FlightController::switch_pause),
+    once("pause", "pause, resume", "Space", FlightController::switch_pause),
     hold("forward", "fly forward", "fly forward, back", "W Up", Hold::Forward),
     hold("back", "fly back", "fly forward, back", "S Down", Hold::Back),
-    hold("left", "fly to the left", "fly to the left, right", "A", Hold::Left),
-    hold("right", "fly to the right", "fly to the left, right", "D", Hold::Right),
+    hold("left", "fly left", "fly left, right", "A", Hold::Left),
+    hold("right", "fly right", "fly left, right", "D", Hold::Right),
     hold("up", "fly up", "fly up, down", "PageUp", Hold::Up),
     hold("down", "fly down", "fly up, down", "PageDown", Hold::Down),
-    hold("turn-left", "look to the left", "look around", "Left", Hold::TurnLeft),
-    hold("turn-right", "look to the right", "look around", "Right", Hold::TurnRight),
+    hold("turn-left", "look left", "look around", "Left", Hold::TurnLeft),
+    hold("turn-right", "look right", "look around", "Right", Hold::TurnRight),
     hold("turn-up", "look up", "look around", "Home", Hold::TurnUp),
     hold("turn-down", "look down", "look around", "End", Hold::TurnDown),
     Row { id: "look", row: "look around", gesture: "drag", ..ROW },
@@ -164,7 +164,7 @@ const TABLE: &[Row] = &[
         repeats: true,
         ..once("wider", "wider view angle", "] Ctrl+-", |c, _| c.zoom(-1.0))
     },
-    once("usual-angle", "the view angle of the beginning", "0 Ctrl+0", FlightController::usual_angle),
+    once("usual-angle", "reset the view angle", "0 Ctrl+0", FlightController::usual_angle),
     Row {
         row: "faster, slower",
         shifted: "=",
@@ -182,16 +182,16 @@ const TABLE: &[Row] = &[
         possible: flies_itself,
         ..once("reverse", "turn round and fly back", "R B Backspace", FlightController::reverse)
     },
-    Row { possible: flies_itself, ..once("next", "fly the next segment", "N", FlightController::next_segment) },
-    Row { possible: flies_itself, ..once("other-end", "set out from the other end", "E", FlightController::other_end) },
+    Row { possible: flies_itself, ..once("next", "fly to the next segment", "N", FlightController::next_segment) },
+    Row { possible: flies_itself, ..once("other-end", "start from the other end", "E", FlightController::other_end) },
     Row {
         possible: flies_itself,
-        ..once("guide", "by hand, and back to the guide", "G", FlightController::switch_guide)
+        ..once("guide", "manual, and back to the guide", "G", FlightController::switch_guide)
     },
     Row {
         id: "seek",
-        text: "go to a place of the way",
-        row: "go to that place of the way",
+        text: "jump to a place on the path",
+        row: "jump to that place on the path",
         gesture: "click on the bar",
         ..ROW
     },
@@ -204,31 +204,31 @@ const TABLE: &[Row] = &[
     Row {
         row: SLAB_ROW,
         possible: shows_slices,
-        ..once("slab", "thicker slices", "Ctrl+5", FlightController::next_slab)
+        ..once("slab", "slab thickness", "Ctrl+5", FlightController::next_slab)
     },
     Row {
         row: SLAB_ROW,
         possible: shows_slices,
-        ..once("slab-kind", "mean, greatest or least of a thick slice", "Ctrl+6", FlightController::next_slab_kind)
+        ..once("slab-kind", "projection of a slab: mean, maximum, minimum", "Ctrl+6", FlightController::next_slab_kind)
     },
     Row {
         possible: shows_slices,
-        ..once("slices-reset", "slices: as at the beginning", "Ctrl+9", FlightController::reset_slices)
+        ..once("slices-reset", "slices: reset", "Ctrl+9", FlightController::reset_slices)
     },
     Row { effect: Effect::Window(WindowRequest::Open), ..once("open", "open another scan", "Ctrl+O", |_, _| {}) },
-    once("measure", "measure a distance by two clicks, or stop measuring", "C", FlightController::switch_measuring),
-    once("undo", "undo the last change of distances", "Ctrl+Z", FlightController::undo_measure),
-    once("delete-last", "take the last distance away", "Delete", FlightController::delete_last_measure),
-    once("screenshot", "screenshot, and its pose", "P F12", FlightController::take_screenshot),
+    once("measure", "measure a distance with two clicks, stop measuring", "C", FlightController::switch_measuring),
+    once("undo", "undo the last change to distances", "Ctrl+Z", FlightController::undo_measure),
+    once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
+    once("screenshot", "screenshot and its pose", "P F12", FlightController::take_screenshot),
     Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
-    Row { shifted: "?", ..once("help", "this help", "H", FlightController::switch_help) },
+    Row { shifted: "?", ..once("help", "list of keys", "H", FlightController::switch_help) },
     Row { effect: Effect::Window(WindowRequest::Quit), ..once("quit", "quit", "Q Esc", |_, _| {}) },
 ];
 
 /// Keys of the windows of greys.
-const WINDOW_ROW: &str = "slices: colon, soft tissue, bone, lung";
+const WINDOW_ROW: &str = "window: colon, soft tissue, bone, lung";
 /// Keys of thick slices.
-const SLAB_ROW: &str = "slices: thickness, mean or greatest or least";
+const SLAB_ROW: &str = "slices: slab thickness, projection";
 
 const fn greys(
     id: &'static str,
@@ -325,7 +325,7 @@ impl Actions {
             all.push(Action::from(row));
             if row.id == OWN_AFTER {
                 all.extend(guides.iter().map(|g| {
-                    let text = format!("hand over to the guide {}", g.name);
+                    let text = format!("switch to guide {}", g.name);
                     own(format!("guide-{}", g.name), text, names.join(", "), g.key, Effect::HandTo(g.name))
                 }));
                 all.extend(overlays.iter().enumerate().map(|(n, o)| {

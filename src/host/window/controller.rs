@@ -608,7 +608,7 @@ impl FlightController {
         match flight.state {
             State::Operator => {
                 more.push(flight.reason);
-                more.push("Fly on by hand, or R back, N next segment.".to_owned());
+                more.push("Steer by hand, R turns round, N flies to the next segment.".to_owned());
             }
             State::Arrived => {
                 more.extend(headless::unflown_text(&self.flight).map(|t| format!("{t} (N flies to the next)")));
@@ -650,8 +650,8 @@ impl FlightController {
             State::Ended => ("time is over", Severity::Normal),
             State::Flying if self.hand().paused => ("paused", Severity::Notice),
             State::Flying if self.is_by_hand() => ("manual", Severity::Notice),
-            State::Flying if self.flight.scene().play().is_some() => ("playing a log", Severity::Normal),
-            State::Flying if self.flight.clock().tick < self.hand().on_until => ("flying by hand", Severity::Notice),
+            State::Flying if self.flight.scene().play().is_some() => ("replaying a log", Severity::Normal),
+            State::Flying if self.flight.clock().tick < self.hand().on_until => ("manual input", Severity::Notice),
             State::Flying => ("flying", Severity::Normal),
         };
         (text.to_owned(), severity)

@@ -53,10 +53,10 @@ enum Split {
 
 /// All layouts, in the order of the menus.
 pub const LAYOUTS: &[LayoutEntry] = &[
-    LayoutEntry { name: "flight", text: "the flight alone", key: "F2", menus: false, tiles: Split::Panel("flight") },
+    LayoutEntry { name: "flight", text: "flight alone", key: "F2", menus: false, tiles: Split::Panel("flight") },
     LayoutEntry {
         name: "reading",
-        text: "the flight and three slices",
+        text: "flight and three slices",
         key: "F3",
         menus: true,
         tiles: Split::Row(&[
@@ -82,7 +82,7 @@ pub const LAYOUTS: &[LayoutEntry] = &[
     },
     LayoutEntry {
         name: "across",
-        text: "the flight and the slice across the path",
+        text: "flight and the slice across the path",
         key: "F5",
         menus: true,
         tiles: Split::Row(&[(1.0, Split::Panel("flight")), (1.0, Split::Panel("across"))]),

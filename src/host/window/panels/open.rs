@@ -89,7 +89,7 @@ impl FileList {
         ui.scope_builder(egui::UiBuilder::new().max_rect(column), |ui| {
             ui.heading(CANNOT);
             ui.label(why);
-            ui.label("Open another scan, or drop one on the window. Esc quits.");
+            ui.label("Open another scan below, or drop one on the window. Esc quits.");
             ui.separator();
             for (n, series) in series.iter().enumerate() {
                 if ui.button(series).clicked() {
@@ -150,7 +150,7 @@ impl FileList {
                 }
             }
             if listing.fault.is_none() && listing.folders.is_empty() && listing.scans.is_empty() {
-                ui.label(RichText::new("no scan here").color(SOFT));
+                ui.label(RichText::new("no scans here").color(SOFT));
             }
         });
         if let Some(next) = go {

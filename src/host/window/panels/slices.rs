@@ -188,8 +188,8 @@ impl SlicePanel {
         let (windowing, slab) = (view.windowing, view.slab);
         let kind = match slab.kind() {
             SlabKind::Mean => "mean",
-            SlabKind::Max => "greatest",
-            SlabKind::Min => "least",
+            SlabKind::Max => "max",
+            SlabKind::Min => "min",
         };
         if inner.width() > 220.0 {
             let greys = format!("W {:.0}  L {:.0}", windowing.width(), windowing.level());
