@@ -5,8 +5,8 @@
 //!
 //! * headlight (the paper's simplified Phong model): `b = 0.1 + 0.9 (n·r)`;
 //! * falloff: `b ← 1.2 b / (1 + (d/55)²)`, the inverse square of a light of finite size, exposed for near surfaces;
-//! * gloss: `b ← b + 0.4 (n·r)⁶⁴ / (1 + (d/55)²)`, the Blinn-Phong highlight, whose half vector is the ray since light and
-//!   eye are in one place. Colours saturate towards white there;
+//! * gloss: `b ← b + 0.4 (n·r)⁶⁴ / (1 + (d/55)²)`, the Blinn-Phong highlight, whose half vector is the ray since light
+//!   and eye are in one place. Colours saturate towards white there;
 //! * contact: `b ← b (1 − 0.5 o)`, with o the opacity (0 to 1) 3 mm before the wall along its normal. This is ambient
 //!   occlusion by one sample. It darkens the feet of folds, clefts, and the floor beneath an object. Packets of rays take
 //!   the sample once per ray, at the mean place and normal of everything that the ray meets.

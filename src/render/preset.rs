@@ -66,7 +66,7 @@ impl Preparation {
     }
 }
 
-/// Selects if a renderer may use data from earlier frames.
+/// Determines if a renderer may use data from earlier frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reuse {
     /// It may use earlier frames.
