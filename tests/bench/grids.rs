@@ -1,5 +1,5 @@
-//! The default renderer's pictures against the reference's, on many grids and at many sizes: `cargo bench --bench
-//! grids`.
+//! The default renderer's pictures against the reference's, on many grids and at many sizes.
+//! Run it with `cargo bench --bench grids`.
 //!
 //! It uses phantoms on six grids, from cubes to voxels five times as long as wide, and the given scans, on their own
 //! grid and resampled to two others. On each it flies a flight. At poses along it, in its narrowest bends, close to the

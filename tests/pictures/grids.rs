@@ -13,7 +13,7 @@ use glam::DVec3;
 
 use crate::frames::shown;
 
-/// Sides of the pictures, pixels: one is no power of two and no whole number of packets.
+/// Sides of the pictures, pixels. 330 is neither a power of two nor a whole number of packets.
 const SIDES: [usize; 2] = [256, 330];
 /// The minimum PSNR of every frame, dB.
 const LEAST_DB: f64 = 40.0;
