@@ -64,7 +64,7 @@ struct Caster<'a, S, K, C, B> {
     classifier: &'a C,
     begin: &'a B,
     headlight: Headlight,
-    /// What the light at the camera adds to the headlight.
+    /// The effects that the light adds to the headlight.
     lighting: Option<Lighting>,
     /// Upper border of the volume grown by one voxel of air, voxels.
     border: Vec3,

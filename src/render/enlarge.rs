@@ -144,7 +144,7 @@ impl Enlarger {
     /// fills nothing.
     ///
     /// Each row is stretched horizontally once for all the rows around it, so a coarse picture costs little more than
-    /// what is written.
+    /// writing the result.
     pub fn enlarge(&mut self, small: &Frame, out: &mut Frame) {
         let (width, height, w, h) = (out.width(), out.height(), small.width(), small.height());
         if width == 0 || height == 0 || w == 0 || h == 0 {

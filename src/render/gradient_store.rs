@@ -179,13 +179,13 @@ impl GradientVolume {
 
 /// The source of a renderer's regressions, with the data kept for it.
 pub enum Fits {
-    /// [`GradientSource::None`].
+    /// Regressions by [`GradientSource::None`].
     Fused,
-    /// [`GradientSource::Eight`].
+    /// Regressions by [`GradientSource::Eight`].
     Eight,
-    /// [`GradientSource::Cached`].
+    /// Regressions by [`GradientSource::Cached`].
     Cached(GradientCache),
-    /// [`GradientSource::Stored`].
+    /// Regressions by [`GradientSource::Stored`].
     Stored(GradientVolume),
 }
 
