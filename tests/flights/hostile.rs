@@ -1,4 +1,4 @@
-//! Misbehaving plug-ins: numbers that are not finite, wrong sizes, panics. Whatever they do, the flight ends in order,
+//! Misbehaving plug-ins: invalid numbers, wrong sizes, panics. Whatever they do, the flight ends in order,
 //! recorded data is preserved, and the plug-in is named.
 
 use std::path::Path;
