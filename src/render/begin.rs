@@ -1,24 +1,27 @@
-//! Where a ray begins to look, and what is kept of it for the next picture.
+//! The first sample of a ray to look at, and what is kept of the ray for the next picture.
 
 use super::march::Ray;
 
-/// Tells each ray how much of it need not be looked at. It may only leave out samples whose opacity is 0, so that the
-/// picture is the same bit for bit with any of them.
+/// Determines how much of each ray can be left out.
+///
+/// An implementation may only leave out samples whose opacity is 0, so all of them produce the same picture bit for
+/// bit.
 pub trait Begin: Sync {
-    /// What is kept of a pixel; its default where no ray of the pixel meets the volume.
+    /// The data kept for a pixel. It is the default where no ray of the pixel meets the volume.
     type Kept: Copy + Default + Send + Sync;
 
-    /// The first sample that may be seen of a ray through pixel (`x`, `y`); whether an earlier picture told it.
+    /// Returns the first sample that may be visible on a ray through pixel (`x`, `y`), and true if that bound comes
+    /// from an earlier picture.
     fn begin(&self, x: usize, y: usize, ray: &Ray, kept: &mut Self::Kept) -> (u32, bool);
 
-    /// Hears the first sample that was not empty (the ray's count if none was); whether the ray had been misled: told
-    /// of a bound that lies behind that sample.
+    /// Records the first sample that was not empty (the ray's count if there was none). Returns true if the ray was
+    /// misled: its bound was behind that sample.
     fn seen(&self, _x: usize, _y: usize, _ray: &Ray, _first: u32, _kept: &mut Self::Kept) -> bool {
         false
     }
 }
 
-/// Every ray is traced anew, and nothing is kept.
+/// Traces every ray from scratch and keeps nothing.
 pub struct FromScratch;
 
 impl Begin for FromScratch {

@@ -29,8 +29,9 @@ pub(super) const TILE_ROWS: usize = 16;
 /// Columns of a tile: neighbouring rays visit the same voxels while they are in the cache.
 const TILE_COLUMNS: usize = 32;
 
-/// Renders `view` of `space` into `frame` (made to fit if it does not), on all of rayon's threads. The same bytes for
-/// every number of threads.
+/// Renders `view` of `volume` into `frame`, resizing it if needed, on all of rayon's threads.
+///
+/// The bytes are the same for every number of threads.
 pub fn render(volume: &PreparedVolume, view: &View, settings: &Settings, frame: &mut Frame) -> Work {
     let request = ImageRequest { volume, view, settings };
     if settings.quality == Quality::Reference {
@@ -44,18 +45,18 @@ pub fn render(volume: &PreparedVolume, view: &View, settings: &Settings, frame: 
     request.plain(&FromScratch, &mut vec![(); view.width() * view.height()], frame)
 }
 
-/// A picture to be made.
+/// The inputs of a picture.
 #[derive(Clone, Copy)]
 pub struct ImageRequest<'a> {
-    /// The volume that it shows.
+    /// The volume to show.
     pub volume: &'a PreparedVolume,
-    /// The camera, and its pixels.
+    /// The camera and its pixels.
     pub view: &'a View,
-    /// The quality, and what goes with it.
+    /// The quality and the settings that go with it.
     pub settings: &'a Settings,
 }
 
-/// The parts of a ray caster put together.
+/// A ray caster assembled from its parts.
 struct Caster<'a, S, K, C, B> {
     request: ImageRequest<'a>,
     sampler: &'a S,
@@ -63,11 +64,11 @@ struct Caster<'a, S, K, C, B> {
     classifier: &'a C,
     begin: &'a B,
     headlight: Headlight,
-    /// What the light at the camera adds to the headlight.
+    /// The effects that the light adds to the headlight.
     lighting: Option<Lighting>,
-    /// Border of the volume grown by a voxel of air, voxels.
+    /// Upper border of the volume grown by one voxel of air, voxels.
     border: Vec3,
-    /// The shader that takes the headlight's place.
+    /// The shader that replaces the headlight.
     shader: Option<Arc<dyn Shader>>,
     ramp: Ramp,
     step: Step,
@@ -75,11 +76,11 @@ struct Caster<'a, S, K, C, B> {
 }
 
 impl ImageRequest<'_> {
-    /// The picture by the 16-bit voxels and the flags.
+    /// Renders the picture from the 16-bit voxels and the flags.
     pub fn plain<B: Begin>(&self, begin: &B, kept: &mut [B::Kept], frame: &mut Frame) -> Work {
         let (high, low) = (Trilinear::new(self.volume), Nearest::new(self.volume));
         let (voxels, bricks) = (Leap::<true>::new(self.volume), Leap::<false>::new(self.volume));
-        // Without a bit for each voxel it is quicker to sample than to look at 27 voxels.
+        // Without a bit per voxel, sampling is faster than checking 27 voxels.
         let bits = self.volume.flags().has_bits();
         match (self.settings.quality, self.settings.classification) {
             (Quality::Low, Classification::Value) if bits => self.image(&low, &voxels, &ByValue, begin, kept, frame),
@@ -91,7 +92,7 @@ impl ImageRequest<'_> {
         }
     }
 
-    /// Casts the whole picture with the given parts. `kept` has a place for each pixel.
+    /// Casts the whole picture with the given parts. `kept` has one entry per pixel.
     pub fn image<S: Sampler, K: Skipper, C: Classifier, B: Begin>(
         &self,
         sampler: &S,
@@ -132,7 +133,7 @@ impl ImageRequest<'_> {
     }
 }
 
-/// Fills in the exact distance to the wall of every pixel of `view`, mm.
+/// Fills `depth` with the exact distance to the wall for every pixel of `view`, mm.
 pub(super) fn depths(volume: &PreparedVolume, view: &View, depth: &mut [f32]) {
     let band = TILE_ROWS * view.width();
     depth.par_chunks_mut(band).enumerate().for_each(|(n, band)| {
@@ -143,7 +144,7 @@ pub(super) fn depths(volume: &PreparedVolume, view: &View, depth: &mut [f32]) {
     });
 }
 
-/// Calls `each` for the pixels of the `n`-th band of rows, and for what belongs to them, tile by tile.
+/// Calls `each` for every pixel of the `n`-th band of rows and its entry in `beside`, tile by tile.
 fn tiles<T, U>(
     width: usize,
     n: usize,
@@ -163,8 +164,10 @@ fn tiles<T, U>(
     }
 }
 
-/// Where ray `n` of `count` passes through a pixel, each coordinate 0 to 1: the centre for one ray, else the points of
-/// a grid along the golden ratio, which are evenly spread for every count.
+/// Returns where ray `n` of `count` passes through a pixel, each coordinate from 0 to 1.
+///
+/// A single ray passes through the centre. Several use the points of a golden-ratio lattice, which are evenly spread
+/// for every count.
 pub(super) fn within_pixel(n: u32, count: u32) -> (f64, f64) {
     if count == 1 {
         return (0.5, 0.5);
@@ -193,8 +196,8 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
         (light / self.samples_per_pixel as f32).to_array().map(|c| (c * 255.0 + 0.5) as u8)
     }
 
-    /// The radiance that comes along a ray from sample `n` on, and the first sample that was not empty; the ray's count
-    /// if none was.
+    /// Returns the radiance that arrives along a ray from sample `n` on, and the first sample that was not empty (the
+    /// ray's count if there was none).
     #[inline(always)]
     fn cast(&self, ray: &Ray, mut n: u32, samples: &mut u64) -> (Vec3, u32) {
         let (mut light, mut through) = (Vec3::ZERO, 1.0f32);
@@ -214,7 +217,8 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
             let a = self.ramp.opacity(hu);
             if a > 0.0 {
                 first = first.min(n);
-                // The flag goes before a gradient that came for nothing: of tissue all round, that is noise.
+                // The flag takes precedence over a gradient that was free to compute: inside solid tissue that gradient
+                // is noise.
                 let gradient = match gradient {
                     Some(gradient) if !self.sampler.is_within_tissue(q) => gradient,
                     Some(_) => Vec3::ZERO,
@@ -236,7 +240,7 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
         (light, first)
     }
 
-    /// The colour of sample `n` of a ray in another light than the headlight.
+    /// Returns the colour of sample `n` of a ray in a light other than the headlight.
     fn lit(&self, lighting: &Lighting, ray: &Ray, n: u32, hu: f32, gradient: Vec3) -> Vec3 {
         let distance = ray.start_mm + n as f32 / ray.per_mm;
         let q = ray.at(n);
@@ -246,7 +250,7 @@ impl<S: Sampler, K: Skipper, C: Classifier, B: Begin> Caster<'_, S, K, C, B> {
         self.headlight.tissue(hu) * lighting.brightness(facing, distance, gradient, value)
     }
 
-    /// The colour that a shader from outside gives to sample `n` of a ray.
+    /// Returns the colour that a custom shader gives to sample `n` of a ray.
     #[cold]
     fn shaded(&self, shader: &dyn Shader, ray: &Ray, n: u32, hu: f32, gradient: Vec3) -> Vec3 {
         let distance = ray.start_mm + n as f32 / ray.per_mm;

@@ -21,7 +21,7 @@ fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) 
     PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
-/// Air with random specks of any density: as uneven as a volume can be.
+/// Air with random specks of any density: the most uneven volume possible.
 fn specks(dims: [usize; 3], seed: u64, share: f64) -> PreparedVolume {
     volume(dims, DVec3::new(0.7, 0.6, 1.1), DMat3::from_rotation_x(0.4), |p| {
         let n = (p.x + 128.0 * (p.y + 128.0 * p.z)) as u64;
@@ -39,7 +39,7 @@ fn shoot(volume: &PreparedVolume, view: &View, settings: &Settings) -> (Frame, W
     (frame, work)
 }
 
-/// The picture with the parts of `settings` but nothing skipped.
+/// Renders the picture with the parts of `settings`, skipping nothing.
 fn unskipped(volume: &PreparedVolume, view: &View, settings: &Settings) -> Frame {
     let mut frame = Frame::with_depth(1, 1);
     let (high, low) = (Trilinear::new(volume), Nearest::new(volume));
@@ -89,7 +89,7 @@ fn skipping_changes_no_bit_along_axes_and_planes() {
     for n in 0..6 {
         let mut forward = DVec3::ZERO;
         forward[n % 3] = if n < 3 { 1.0 } else { -1.0 };
-        // Pixel (16, 16)'s corner, not its centre, lies on the axis; odd sizes send rays along it.
+        // The corner of pixel (16, 16), not its centre, is on the axis; odd sizes send rays along it.
         for (position, size) in [(DVec3::splat(7.0), 33), (DVec3::splat(15.5), 33), (DVec3::splat(23.0), 32)] {
             let view = View::new(position, forward, DVec3::new(0.0, 1.0, 1.0), 90.0, size, size).unwrap();
             let settings = Settings::default();
@@ -118,7 +118,7 @@ fn any_number_of_threads_renders_the_same_bytes() {
 fn high_is_near_reference() {
     let centre = DVec3::splat(40.0);
     let s = volume([80; 3], DVec3::splat(0.7), DMat3::IDENTITY, |p| {
-        // A cavity with bumps, as folds are.
+        // A cavity with bumps that resemble folds.
         let r = 25.0 + 4.0 * (0.5 * p.x).sin() * (0.4 * p.y).cos();
         cavity(centre, r)(p)
     });
@@ -131,11 +131,11 @@ fn high_is_near_reference() {
     assert!(psnr(&low, &reference) > 15.0 && psnr(&low, &reference) < psnr(&high, &reference));
     assert!(work.samples * 10 < brute.samples);
     assert_eq!(psnr(&reference, &reference), f64::INFINITY);
-    // The wall closes all round, so no pixel is darker than what ambient light leaves of it.
+    // The wall is closed on all sides, so no pixel is darker than ambient light makes it.
     assert!(high.pixels().iter().all(|p| p[0] > 20));
 }
 
-/// An asymmetric block in air: which side of the image it is on.
+/// An asymmetric block in air, which must appear on the correct side of the image.
 #[test]
 fn left_and_right_are_right_for_every_handedness() {
     for sign in [1.0, -1.0] {
@@ -143,7 +143,7 @@ fn left_and_right_are_right_for_every_handedness() {
             let direction = DMat3::from_rotation_z(tilt) * DMat3::from_diagonal(DVec3::new(sign, 1.0, 1.0));
             let grid = Grid::new([40; 3], DVec3::ONE, DVec3::ZERO, direction).unwrap();
             let centre = grid.world(DVec3::splat(19.5));
-            // Tissue at the patient's left, superior, 10 mm behind the camera's plane.
+            // Tissue on the patient's left and superior, 10 mm behind the camera's plane.
             let target = centre + DVec3::new(6.0, 10.0, 3.0);
             let data = (0..grid.len()).map(|n| {
                 let p = DVec3::new((n % 40) as f64, (n / 40 % 40) as f64, (n / 1600) as f64);
@@ -156,7 +156,7 @@ fn left_and_right_are_right_for_every_handedness() {
                 let (frame, _) = shoot(&s, &view, &Settings::new(quality));
                 let lit: Vec<usize> = (0..41 * 41).filter(|&n| frame.pixels()[n][0] > 40).collect();
                 let mean = |f: fn(usize) -> usize| lit.iter().map(|&n| f(n) as f64).sum::<f64>() / lit.len() as f64;
-                // 6 mm to the right and 3 mm up at 10 mm distance.
+                // 6 mm to the right and 3 mm up at a distance of 10 mm.
                 assert!((mean(|n| n % 41) - (20.0 + 0.6 * 20.5)).abs() < 1.5, "{sign} {tilt} {quality:?}");
                 assert!((mean(|n| n / 41) - (20.0 - 0.3 * 20.5)).abs() < 1.5);
                 let depth = frame.depth().unwrap();
@@ -167,14 +167,14 @@ fn left_and_right_are_right_for_every_handedness() {
     }
 }
 
-/// Depth against a tube and a sphere known analytically, sampled on the grid.
+/// Depth against an analytic tube and sphere, sampled on the grid.
 #[test]
 fn depth_is_that_of_the_analytic_wall() {
     let h = 0.7;
     let axis = DVec3::new(0.2, 0.3, 1.0).normalize();
     let centre = DVec3::splat(35.0);
     let across = |p: DVec3| (p - centre) - axis * (p - centre).dot(axis);
-    // A logistic edge from −1000 to 50 HU, shifted to be at −650 HU, a third of its height, on the analytic wall.
+    // A logistic edge from −1000 to 50 HU, shifted so that −650 HU, a third of its height, is on the analytic wall.
     let width = 0.45;
     let profile = |d: f64| -1000.0 + 1050.0 / (1.0 + (-(d / width) + 2f64.ln()).exp());
     assert!((profile(0.0) + 650.0).abs() < 1e-6);

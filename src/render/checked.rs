@@ -1,11 +1,11 @@
-//! A renderer of another crate, held to what a renderer promises.
+//! A wrapper that checks a renderer of another crate against the renderer contract.
 
 use super::adaptive::Budget;
 use super::memory::MemoryPart;
 use super::renderer::{Detail, Renderer};
 use super::{Frame, Settings, View, Work};
 
-/// Passes everything on to a renderer, and gives its frames the size that was asked for.
+/// Forwards every call to a renderer and enforces the requested frame size.
 pub struct Checked {
     name: &'static str,
     inner: Box<dyn Renderer>,
@@ -13,7 +13,7 @@ pub struct Checked {
 }
 
 impl Checked {
-    /// Holds the renderer of the preset `name`.
+    /// Wraps the renderer of the preset `name`.
     pub fn new(name: &'static str, inner: Box<dyn Renderer>) -> Self {
         Self { name, inner, complaint: None }
     }

@@ -1,6 +1,6 @@
-//! What a scene may choose of the paper's ideas (section 2.2), whichever preset makes the pictures.
+//! Choices among the paper's ideas (section 2.2) that a scene can make for any preset.
 //!
-//! Each is a key of a scene file's table `[render]`:
+//! Each choice is a key in a scene file's `[render]` table:
 //!
 //! ```toml
 //! [render]
@@ -10,78 +10,82 @@
 //! low = "nearest"       # nearest, third: what low detail is
 //! ```
 //!
-//! What is left out is the preset's own. The preset `colvis` takes all of them in its stride; packets of rays, which the
-//! preset `default` is made of, know none of the first three, so that with one of them it casts rays one after the other.
-//! `lean` refuses what would take the memory that it is there to spare. The quality `reference` skips and keeps nothing,
-//! whatever is chosen.
+//! A key that is left out keeps the preset's default. The preset `colvis` supports all of them. Packets of rays, which
+//! the preset `default` uses, support none of the first three; with any of these `default` casts single rays instead.
+//! `lean` refuses choices that would take the memory it is there to save. The quality `reference` skips and keeps
+//! nothing, whatever is chosen.
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-/// How rays pass over what is empty. Pictures are the same bit for bit with all of them.
+/// How rays skip empty space. All variants produce the same pictures bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Leaping {
-    /// Every sample is looked at.
+    /// Looks at every sample.
     None,
-    /// By the homogeneous-region flag, as the paper does. That of the 16-bit voxels tells too little where densities are
-    /// classified: there by empty bricks alone.
+    /// Uses the homogeneous-region flag, as the paper does. The flags of the 16-bit voxels are not sufficient where
+    /// densities are classified; empty bricks alone are used there.
     Flag,
-    /// By the wall's distance for each brick of 8×8×8 voxels.
+    /// Uses the distance to the wall for each brick of 8×8×8 voxels.
     Brick,
-    /// By the wall's distance for each voxel: the paper's potential-field assisted method.
+    /// Uses the distance to the wall for each voxel: the paper's potential-field assisted method.
     Voxel,
 }
 
-/// Where the regressions at a sample come from.
+/// The source of the regressions at a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum GradientSource {
-    /// Each sample's own, by one sum over the 64 voxels around it: regression and interpolation are both linear.
+    /// Computes each sample's regression directly, as one sum over the 64 voxels around it: regression and
+    /// interpolation are both linear.
     None,
-    /// The eight nearest voxels' for each sample, interpolated, as the paper has it; at low detail the nearest one's.
+    /// Interpolates the regressions of the eight nearest voxels for each sample, as in the paper. At low detail it uses
+    /// the nearest voxel's.
     Eight,
-    /// The same, each voxel's kept for the samples and frames to come.
+    /// As `Eight`, with each voxel's regression cached for later samples and frames.
     Cached,
-    /// The same, computed ahead of time near the wall.
+    /// As `Eight`, with the regressions near the wall computed ahead of time.
     Stored,
 }
 
-/// What low detail is.
+/// The method for low detail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LowDetail {
-    /// A sample is what the nearest voxel is: the paper's.
+    /// A sample takes the nearest voxel's data, as in the paper.
     Nearest,
-    /// A ray for nine pixels, at high detail, and the picture is stretched.
+    /// One ray for nine pixels at high detail; the picture is then stretched.
     Third,
 }
 
-/// The most frames from one key frame to the next.
+/// The largest number of frames from one key frame to the next.
 pub const MOST_KEY_FRAMES: u32 = 1_000_000;
 
-/// What a scene chooses; the preset's own where it says nothing.
+/// A scene's choices. `None` keeps the preset's default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Choices {
-    /// How rays pass over what is empty.
+    /// How rays skip empty space.
     pub leap: Option<Leaping>,
-    /// Where regressions come from.
+    /// The source of regressions.
     pub gradients: Option<GradientSource>,
-    /// Frames from one key frame to the next, at least 1; with it pictures are made with the last one's help.
+    /// Frames from one key frame to the next, at least 1. If set, each picture reuses the previous one.
     pub key_frames: Option<u32>,
-    /// What low detail is.
+    /// The method for low detail.
     pub low: Option<LowDetail>,
 }
 
 impl Choices {
-    /// Whether packets of rays cannot do what is chosen.
+    /// Returns true if packets of rays do not support these choices.
     pub fn need_single_rays(&self) -> bool {
         self.leap.is_some() || self.gradients.is_some() || self.key_frames.is_some()
     }
 
+    /// Checks that all numbers are in range.
+    ///
     /// # Errors
-    /// Status 2 where a number makes no sense.
+    /// Returns status 2 if a number is out of range.
     pub fn check(&self) -> Result<()> {
         match self.key_frames {
             Some(n) if !(1..=MOST_KEY_FRAMES).contains(&n) => {
@@ -93,18 +97,18 @@ impl Choices {
     }
 }
 
-/// Takes every choice: for a [`Preset`](super::Preset) that follows them all.
+/// Accepts every choice. For a [`Preset`](super::Preset) that supports them all.
 ///
 /// # Errors
-/// None.
+/// Never returns an error.
 pub fn all(_: &Choices) -> Result<()> {
     Ok(())
 }
 
-/// Takes no choice: for a [`Preset`](super::Preset) that is one way to make pictures and no other.
+/// Accepts no choice. For a [`Preset`](super::Preset) with a single rendering method.
 ///
 /// # Errors
-/// Status 2 where anything is chosen.
+/// Returns status 2 if anything is chosen.
 pub fn none(choices: &Choices) -> Result<()> {
     if *choices == Choices::default() {
         return Ok(());

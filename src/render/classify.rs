@@ -1,15 +1,15 @@
-//! What the opacity of a place is looked up by.
+//! Lookups of the value that determines opacity.
 
 use glam::Vec3;
 
 use super::sampler::Sampler;
 
-/// Looks up the value that decides on opacity.
+/// Looks up the value that determines opacity.
 pub trait Classifier: Sync {
-    /// A sample depends on voxels that are nearer than this along every axis, voxels.
+    /// A sample depends only on voxels closer than this along every axis, voxels.
     const REACH: f32;
 
-    /// The value at `q`, HU, with the gradient where it comes for nothing.
+    /// Returns the value at `q` in HU, and the gradient if it is free to compute.
     fn look<S: Sampler>(&self, sampler: &S, q: Vec3) -> (f32, Option<Vec3>);
 }
 

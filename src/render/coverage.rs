@@ -1,8 +1,9 @@
-//! How much of the wall a flight has seen.
+//! Coverage: how much of the wall a flight has seen.
 //!
-//! A place at the wall counts as seen when, from some view of the flight, it is no further away than [`REACH_MM`], lies
-//! within a square image, and no wall is between: the ray to it crosses none, or only within a voxel of it, as it does
-//! where it grazes the wall that the place belongs to. So the share does not depend on how densely an image is sampled.
+//! A wall point counts as seen if, from some view of the flight, it is no further away than [`REACH_MM`], is inside a
+//! square image, and no wall is in between: the ray to it crosses none, or crosses one only within a voxel of it, as
+//! happens where it grazes the wall that the point belongs to. The share therefore does not depend on how densely an
+//! image is sampled.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -12,29 +13,31 @@ use super::{PreparedVolume, first_crossing};
 use crate::dynamics::Attitude;
 use crate::fields::lumen::WallPlace;
 
-/// What is further away is not counted as seen, mm.
+/// The largest distance at which a wall point counts as seen, mm.
 pub const REACH_MM: f64 = 100.0;
 
 /// The share of a wall's area that was seen, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Coverage {
-    /// By the views as they were.
+    /// Seen in the direction of flight.
     pub one_way: f64,
-    /// By these and by those from the same places in the opposite direction, as if the way had been flown back too.
+    /// Seen from the same positions in either direction, as if the path had been flown back too.
     pub both_ways: f64,
 }
 
-/// Which way a view looks.
+/// The direction of a view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Facing {
-    /// As it was flown.
+    /// The direction of flight.
     Ahead,
-    /// From the same place in the opposite direction.
+    /// The opposite direction, from the same position.
     Back,
 }
 
-/// The share of `wall` that is seen from `views` (world mm, and where they look) by a perspective camera with a square image
-/// of `fov_degrees` (from 1 to 179; what is no angle sees nothing).
+/// Returns the share of `wall` that is seen from `views` by a perspective camera.
+///
+/// Each view is a world position (mm) and an attitude. The image is square, and its `fov_degrees` is clamped to 1 to
+/// 179; an angle that is not a number sees nothing.
 pub fn coverage(
     volume: &PreparedVolume,
     wall: &[WallPlace],
@@ -45,8 +48,9 @@ pub fn coverage(
         .map_or_else(|_| Coverage::default(), |camera| coverage_by(volume, wall, views, &camera))
 }
 
-/// The share of `wall` that is seen from `views` (world mm, and where they look) in the square image of `camera`, whose rays
-/// all begin at its place.
+/// Returns the share of `wall` that is seen from `views` in the square image of `camera`.
+///
+/// Each view is a world position (mm) and an attitude. All rays of the camera must start at its position.
 pub fn coverage_by(
     volume: &PreparedVolume,
     wall: &[WallPlace],
@@ -64,14 +68,15 @@ pub fn coverage_by(
                 .filter(|(.., to)| to.length() <= REACH_MM)
                 .flat_map(|(at, a, to)| {
                     let [right, up, ahead] = [a.right(), a.up, a.forward].map(|axis| to.dot(axis));
-                    // Turned round, what is on the right is on the left.
+                    // Looking back, right becomes left.
                     let ways =
                         [(Facing::Ahead, DVec3::new(right, up, ahead)), (Facing::Back, DVec3::new(-right, up, -ahead))];
                     let seen = ways.map(|(direction, place)| within(place).then_some((to.length(), direction, *at)));
                     seen.into_iter().flatten()
                 })
                 .collect();
-            // The nearest first: it is the most likely to see it. A stable sort, so ties stay in the flight's order.
+            // Try the nearest view first: it is the most likely to see the point. The sort is stable, so ties keep the
+            // flight's order.
             near.sort_by(|a, b| a.0.total_cmp(&b.0));
             let by = |direction: Facing| near.iter().any(|v| v.1 == direction && is_seen(volume, v.2, p.at));
             let ahead = by(Facing::Ahead);
@@ -86,7 +91,7 @@ pub fn coverage_by(
     Coverage { one_way: share(0), both_ways: share(1) }
 }
 
-/// Whether no wall lies between a camera and a place at the wall.
+/// Returns true if no wall is between a camera at `from` and a wall point `to`.
 fn is_seen(volume: &PreparedVolume, from: DVec3, to: DVec3) -> bool {
     let d = from.distance(to);
     let Some(direction) = (to - from).try_normalize() else { return true };
@@ -104,8 +109,8 @@ mod tests {
     use crate::render::TransferFunction;
     use crate::volume::{Grid, Volume};
 
-    /// A tube of radius 10 mm along z, from 0 to 100 mm, closed at both ends; at z = 50 a pocket of radius 4 mm leads 30 mm
-    /// deep along x.
+    /// A tube of radius 10 mm along z, from 0 to 100 mm, closed at both ends. At z = 50 a pocket of radius 4 mm extends
+    /// 30 mm along x.
     fn inside(p: DVec3) -> bool {
         let tube = p.truncate().length() <= 10.0 && (0.0..=100.0).contains(&p.z);
         let pocket = (p.z - 50.0).hypot(p.y) <= 4.0 && (0.0..=40.0).contains(&p.x);
@@ -131,8 +136,9 @@ mod tests {
         (PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default()), wall)
     }
 
-    /// Areas of the pocket's side that can be looked into from the tube's axis with an image of 90°, forwards and either
-    /// way. The flattest view of a place 10 + d from the axis is from as far before it, and passes the mouth at z − d.
+    /// Areas of the pocket's side that are visible from the tube's axis in a 90° image, looking forwards and in either
+    /// direction. A point 10 + d from the axis is seen at the flattest angle from the same distance before it, through
+    /// the mouth at z − d.
     fn pocket_seen() -> [f64; 2] {
         let (na, nd) = (720, 600);
         let mut areas = [0.0; 2];
@@ -155,23 +161,24 @@ mod tests {
     fn a_tube_with_a_pocket() {
         use std::f64::consts::PI;
         let (volume, wall) = scene();
-        // Up along x, so that the image's edge is across the pocket.
+        // Up is along x, so the image's edge runs across the pocket.
         let view = |z: f64| (DVec3::new(0.0, 0.0, z), Attitude::new(DVec3::Z, DVec3::X));
         let views: Vec<_> = (0..=80).map(|n| view(10.0 + f64::from(n))).collect();
         let c = coverage(&volume, &wall, &views, 90.0);
-        // Faces of voxels have 4/π times the area of a round wall, and that of a flat one.
+        // Voxel faces have 4/π times the area of a round wall, and exactly the area of a flat one.
         let round = 4.0 / PI;
         let (side, cap, hole) = (round * 2.0 * PI * 10.0 * 100.0, PI * 100.0, round * PI * 16.0);
         let pocket = round * 2.0 * PI * 4.0 * 30.0 + PI * 16.0;
         let all = side + 2.0 * cap - hole + pocket;
-        // Forwards from z = 10 the side is seen from 10 + 10 max(|cos|, |sin|) mm on; its mean is 10 · 4 √½ · 2/π.
+        // Looking forwards from z = 10, the side is seen from 10 + 10 max(|cos|, |sin|) mm on; its mean is 10 · 4 √½ ·
+        // 2/π.
         let unseen = round * 2.0 * PI * 10.0 * (10.0 + 10.0 * 2.0 * 2f64.sqrt() / PI) + cap;
         let [one, both] = pocket_seen().map(|a| a * round);
         let truth = [(all - unseen - pocket + one) / all, (all - pocket + both) / all];
         println!("coverage {c:?}, truth {truth:?}");
         assert!((c.one_way - truth[0]).abs() < 0.015 && (c.both_ways - truth[1]).abs() < 0.015, "{c:?} {truth:?}");
         assert!(c.both_ways < 0.97, "the pocket's depth is never seen");
-        // Turned round, the other end is seen instead: the same both ways.
+        // Facing the other end instead gives the same result for both directions.
         let back: Vec<_> = views.iter().map(|v| (v.0, Attitude::new(-v.1.forward, v.1.up))).collect();
         let b = coverage(&volume, &wall, &back, 90.0);
         assert!((b.both_ways - c.both_ways).abs() < 1e-12 && (b.one_way - c.one_way).abs() < 0.02);

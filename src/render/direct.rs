@@ -1,17 +1,17 @@
-//! Rays one after the other as a renderer.
+//! A renderer that casts rays one by one.
 
 use super::memory::MemoryPart;
 use super::renderer::Renderer;
 use super::{Frame, PreparedVolume, Settings, View, Work, caster};
 
-/// The ray caster of [`caster::render`]: nothing is kept between frames.
+/// The ray caster of [`caster::render`] as a renderer. It keeps nothing between frames.
 pub struct Direct {
     volume: PreparedVolume,
     settings: Settings,
 }
 
 impl Direct {
-    /// Renders `space` by `settings`.
+    /// Creates a renderer of `volume` with `settings`.
     pub fn new(volume: &PreparedVolume, settings: Settings) -> Self {
         Self { volume: volume.clone(), settings }
     }

@@ -1,4 +1,4 @@
-//! Stretches a picture over a larger one, bilinearly.
+//! Bilinear stretching of a picture to a larger one.
 
 use rayon::prelude::*;
 
@@ -7,15 +7,17 @@ use super::frame::Frame;
 /// Rows of a task.
 const ROWS: usize = 32;
 
-/// Where a pixel of the larger picture lies in the smaller one: the first of two neighbours, and the share of the second
-/// of 256; it is 0 where there is no second one.
+/// The position of a pixel of the larger picture in the smaller one.
+///
+/// It is the first of two neighbours and the weight of the second, out of 256. The weight is 0 if there is no second
+/// one.
 #[derive(Clone, Copy, Debug)]
 struct Between {
     low: u32,
     share: u16,
 }
 
-/// Neighbours of each of `n` pixels in a line of `m`; pixels are squares, so their centres lie at halves.
+/// Returns the neighbours of each of `n` pixels in a line of `m`. Pixels are squares, so their centres are at halves.
 fn between(n: usize, m: usize) -> impl Fn(usize) -> Between {
     let scale = m as f64 / n.max(1) as f64;
     move |x| {
@@ -25,8 +27,10 @@ fn between(n: usize, m: usize) -> impl Fn(usize) -> Between {
     }
 }
 
-/// A pixel of the smaller picture with sixteen bits for each colour, so that one multiplication mixes all three: 256 times
-/// the pixel, a half for rounding, and the difference to the next pixel. No colour's sum leaves its sixteen bits.
+/// A pixel of the smaller picture, with sixteen bits per colour so that one multiplication mixes all three.
+///
+/// It holds 256 times the pixel plus a half for rounding, and the difference to the next pixel. No colour's sum
+/// overflows its sixteen bits.
 #[derive(Clone, Copy, Debug)]
 struct Spread {
     start: u64,
@@ -39,7 +43,7 @@ impl Spread {
         Self { start: spread(pixel) * 256 + 0x0080_0080_0080, slope: spread(next).wrapping_sub(spread(pixel)) }
     }
 
-    /// The pixel on the way to the next: red, green and blue in the lower three bytes.
+    /// Returns the pixel interpolated towards the next: red, green and blue in the lower three bytes.
     #[inline(always)]
     fn at(self, share: u16) -> u32 {
         let mixed = self.start.wrapping_add(self.slope.wrapping_mul(u64::from(share)));
@@ -47,30 +51,30 @@ impl Spread {
     }
 }
 
-/// The value between two, `share` of 256 of the second.
+/// Interpolates between two values; `share` is the weight of the second, out of 256.
 #[inline(always)]
 fn mix(a: u8, b: u8, share: u16) -> u8 {
     ((u16::from(a) * (256 - share) + u16::from(b) * share + 128) >> 8) as u8
 }
 
-/// Stretches pictures; keeps what it needs for that from one to the next.
+/// Stretches pictures and keeps its working memory from one to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Enlarger {
     columns: Vec<Between>,
     bands: Vec<Band>,
 }
 
-/// What a band of the larger picture's rows is made from.
+/// Working memory for a band of the larger picture's rows.
 #[derive(Clone, Debug, Default)]
 struct Band {
     /// A row of the smaller picture.
     row: Vec<Spread>,
-    /// The two rows of the smaller picture about a row of the larger one, as wide as that.
+    /// The two stretched rows of the smaller picture that surround a row of the larger one.
     wide: [Vec<[u8; 3]>; 2],
 }
 
 impl Band {
-    /// Stretches a row of the smaller picture sideways, into one of the two.
+    /// Stretches a row of the smaller picture horizontally into one of the two.
     fn widen(&mut self, n: usize, row: &[[u8; 3]], columns: &[Between]) {
         self.row.clear();
         self.row.extend(row.array_windows().map(|&[p, next]| Spread::new(p, next)));
@@ -81,7 +85,7 @@ impl Band {
         let (four, rest) = columns.as_chunks::<4>();
         let (wide_four, wide_rest) = wide.as_chunks_mut::<4>();
         for (out, four) in wide_four.iter_mut().zip(four) {
-            // Four pixels are three words.
+            // Four pixels fit in three words.
             let [a, b, c, d] = four.each_ref().map(pixel);
             let words = [a | b << 24, b >> 8 | c << 16, c >> 16 | d << 8];
             for (out, word) in out.as_flattened_mut().chunks_exact_mut(4).zip(words) {
@@ -108,7 +112,7 @@ impl Band {
         let mut held = [u32::MAX; 2];
         for (n, out) in rows.chunks_exact_mut(columns.len()).enumerate() {
             let y = row_of(first + n);
-            // What was below is above now, or soon will be.
+            // The lower row becomes the upper one, now or soon.
             if held[1] == y.low {
                 held.swap(0, 1);
                 self.wide.swap(0, 1);
@@ -129,18 +133,18 @@ impl Band {
 }
 
 impl Enlarger {
-    /// Memory taken.
+    /// Returns the memory in use, bytes.
     pub fn bytes(&self) -> usize {
         let band =
             |b: &Band| size_of_val(b.row.as_slice()) + b.wide.iter().map(|w| size_of_val(w.as_slice())).sum::<usize>();
         size_of_val(self.columns.as_slice()) + self.bands.iter().map(band).sum::<usize>()
     }
 
-    /// Fills `out`, as large as it is, with `small` stretched to fit; its depth is left alone. A picture without pixels
+    /// Fills `out` at its current size with `small` stretched to fit, leaving its depth alone. A picture without pixels
     /// fills nothing.
     ///
-    /// Rows are stretched sideways once for all the rows that lie about them, so that a coarse picture costs little more
-    /// than what is written.
+    /// Each row is stretched horizontally once for all the rows around it, so a coarse picture costs little more than
+    /// writing the result.
     pub fn enlarge(&mut self, small: &Frame, out: &mut Frame) {
         let (width, height, w, h) = (out.width(), out.height(), small.width(), small.height());
         if width == 0 || height == 0 || w == 0 || h == 0 {
@@ -187,7 +191,7 @@ mod tests {
         assert_eq!(same, ramp(9, 5));
     }
 
-    /// Each pixel by itself, without rounding in between: two roundings are at most one grey level away.
+    /// Computes each pixel directly, without intermediate rounding: rounding twice is off by at most one grey level.
     #[test]
     fn rows_and_columns_are_those_of_each_pixel() {
         for (w, h, width, height) in [(7, 50, 29, 131), (40, 3, 41, 97), (1, 9, 5, 70), (64, 64, 48, 40)] {
@@ -196,7 +200,7 @@ mod tests {
                 *p = [(n * 89 % 256) as u8, (n * n % 251) as u8, if n % 3 == 0 { 255 } else { 0 }];
             }
             let mut out = Frame::new(width, height);
-            // What was kept of another size does not show.
+            // Data kept from another size must not show.
             let mut enlarger = Enlarger::default();
             enlarger.enlarge(&ramp(33, 70), &mut Frame::new(90, 200));
             enlarger.enlarge(&small, &mut out);
@@ -226,7 +230,7 @@ mod tests {
         assert!(out.pixels().iter().all(|p| *p == [127, 127, 7]));
     }
 
-    /// What stretching to 1600×1000 takes; run it by name to see.
+    /// Measures stretching to 1600×1000. Run it by name to see the time.
     #[test]
     fn stretching_is_cheap() {
         let (mut out, mut enlarger) = (Frame::new(1600, 1000), Enlarger::default());

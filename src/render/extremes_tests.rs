@@ -1,14 +1,14 @@
-//! Extreme cases for rays, over every renderer there is: a new one is one more line in [`RENDERERS`].
+//! Extreme cases for rays, tested with every renderer. To add a renderer, add a line to [`RENDERERS`].
 //!
-//! What must hold of each picture: no NaN (a colour cast from NaN is 0, so a wall would be black), no endless loop (as
-//! many samples as a ray's length has steps, at the most), no crack (not black where the wall closes all round), and no
-//! wall missed that is thicker than a voxel.
+//! Every picture must satisfy four conditions. It has no NaN (a colour cast from NaN is 0, so a wall would be black).
+//! There is no endless loop: the samples are at most as many as the ray's length has steps. There is no crack: no pixel
+//! is black where the wall is closed on all sides. No wall thicker than a voxel is missed.
 //!
-//! Why none is missed: a scanner's voxel is the mean over its box, so of a wall that is h thick or more (h the smallest
-//! spacing) the voxels whose centres are within h/2 of its middle are tissue by half at least, −475 HU of −1000 to 50,
-//! and so is every trilinear value within h/4 of the middle: opaque. Steps of h/2 (high) or less put a sample there,
-//! whatever the angle: a slanted ray is within for longer. The nearest voxel (low) may be √3/2 h away from the sample, and
-//! the sample h/2 from the middle, so low detail is sure of walls from 2.75 h on alone:
+//! Why none is missed: a scanner's voxel is the mean over its box. For a wall that is at least h thick (h the smallest
+//! spacing), the voxels whose centres are within h/2 of its middle are at least half tissue: −475 HU for −1000 to 50.
+//! So is every trilinear value within h/4 of the middle, which is therefore opaque. Steps of h/2 (high) or less put a
+//! sample there at any angle, since a slanted ray stays inside for longer. The nearest voxel (low) may be √3/2 h away
+//! from the sample, and the sample h/2 from the middle, so low detail is only certain for walls from 2.75 h on:
 //! [`slabs_thicker_than_a_voxel_stop_every_ray`].
 
 use std::sync::Arc;
@@ -25,14 +25,14 @@ use crate::volume::{Grid, Volume};
 
 type Make = fn(&PreparedVolume, Settings) -> Box<dyn Renderer>;
 
-/// The preset with a way to leap and key frames, which change no bit.
+/// The preset with a leaping method and key frames, which change no bit.
 fn leaping(volume: &PreparedVolume, settings: Settings, preset: Preset, leap: Leaping) -> Box<dyn Renderer> {
     let gradients = settings.choices.gradients;
     let choices = Choices { leap: Some(leap), gradients, key_frames: Some(3), low: Some(LowDetail::Nearest) };
     renderer(volume, Settings { choices, ..settings }, preset, Reuse::Allowed)
 }
 
-/// Every renderer, with the rays that it casts at once. The first six make the same bytes as each other, and so do the four
+/// Every renderer, with the number of rays that it casts at once. The first six produce identical bytes, as do the four
 /// of `colvis` and the two that give every pixel a ray of a packet.
 const RENDERERS: [(&str, usize, Make); 14] = [
     ("direct", 1, |s, q| Box::new(Direct::new(s, q))),
@@ -76,7 +76,8 @@ fn cavity(centre: DVec3, radii: DVec3) -> impl Fn(DVec3) -> f64 {
     }
 }
 
-/// Renders the view twice, the second time with whatever was kept of the first, and checks what holds of any picture.
+/// Renders the view twice, the second time with any data kept from the first, and checks the conditions for every
+/// picture.
 fn look(
     name: &str,
     lanes: usize,
@@ -92,9 +93,9 @@ fn look(
     assert!(frame == alone, "{name}: the same view again is another picture: {view:?}");
     let (grid, step) = (volume.voxels().grid(), march::Step::new(volume, settings.step_power).mm);
     let diagonal = (DVec3::from_array(grid.dims().map(|n| (n + 1) as f64)) * grid.spacing()).length();
-    // Renderers of single rays cast one for each sample of a pixel. Packets count every lane of a step as a sample, also
-    // those that lie beside the picture or have ended, but only some of them as rays: their bound is as many times looser,
-    // and still shows that none goes on for ever.
+    // Renderers of single rays cast one per sample of a pixel. Packets count every lane of a step as a sample,
+    // including lanes that are outside the picture or have ended, but count only some of them as rays. Their bound is
+    // looser by that factor, and still shows that no loop is endless.
     let pixels = view.width() * view.height() * settings.samples_per_pixel as usize;
     for work in [first, again] {
         let rays = if lanes == 1 { pixels } else { lanes * work.rays as usize };
@@ -105,7 +106,7 @@ fn look(
     frame
 }
 
-/// Views along axes, faces, edges and corners and at odd angles, and the narrowest and widest.
+/// Views along axes, faces, edges and corners and at odd angles, including the narrowest and widest.
 fn views(at: DVec3, size: usize) -> Vec<View> {
     let one = |v: [f64; 3]| DVec3::from_array(v);
     let mut forwards = vec![one([0.3, -0.8, 0.52]), one([1.0, 1e-7, -1e-7]), one([1.0, 1.0 + 1e-9, 1.0])];
@@ -150,11 +151,11 @@ fn no_view_of_any_volume_breaks_a_renderer() {
     for (volume, s) in &volumes {
         let grid = s.voxels().grid();
         let dims = DVec3::from_array(grid.dims().map(|n| n as f64));
-        // A voxel's centre, a cell's, the wall, a corner of the volume, just out of it, and far from it.
+        // A voxel's centre, a cell's, the wall, a corner of the volume, just outside it, and far from it.
         for at in [(dims * 0.5).floor(), (dims * 0.5).floor() + 0.5, dims * 0.15, zero, dims, dims * -2.0] {
             for quality in QUALITIES {
                 let settings = Settings::new(quality);
-                // The reference looks at everything, so it looks at fewer views.
+                // The reference evaluates every sample, so it renders fewer views.
                 let every = if quality == Quality::Reference { 7 } else { 2 };
                 let mut pictures: Vec<Vec<Frame>> = Vec::new();
                 for (name, lanes, make) in RENDERERS {
@@ -174,7 +175,7 @@ fn no_view_of_any_volume_breaks_a_renderer() {
     }
 }
 
-/// Nowhere black, as the reference is nowhere: the wall closes all round.
+/// The wall is closed on all sides, so no pixel is black, as none is in the reference.
 #[test]
 fn a_closed_wall_has_no_crack() {
     let far = DVec3::new(3000.0, -2999.5, 3000.25);
@@ -204,7 +205,7 @@ fn a_closed_wall_has_no_crack() {
     }
 }
 
-/// A slab of 1.05 voxels (of 2.75 for low detail), as a scanner sees it, at every angle to the grid and to the rays.
+/// A slab of 1.05 voxels (2.75 for low detail), as a scanner sees it, at every angle to the grid and to the rays.
 #[test]
 fn slabs_thicker_than_a_voxel_stop_every_ray() {
     let n = 36;
@@ -243,7 +244,7 @@ fn slabs_thicker_than_a_voxel_stop_every_ray() {
     }
 }
 
-/// Opacity 1, nearly none and none at all; steps from a hundredth of a voxel to a hundred.
+/// Opacity 1, almost none and none at all, with steps from a hundredth of a voxel to a hundred voxels.
 #[test]
 fn any_opacity_and_any_step() {
     let centre = DVec3::splat(10.0);
@@ -267,7 +268,7 @@ fn any_opacity_and_any_step() {
                 if (lo, hi) == (32766.0, 32767.0) {
                     assert!(pictures.iter().flatten().all(black), "nothing is that dense");
                 }
-                // A longer first step may lead out of the volume.
+                // A longer first step may leave the volume.
                 if (lo, hi) == (-32767.0, -32766.0) && step_power <= 0 {
                     assert!(pictures.iter().flatten().all(|f| f.pixels().iter().all(|p| p[0] > 200)), "all is opaque");
                 }
@@ -276,10 +277,10 @@ fn any_opacity_and_any_step() {
     }
 }
 
-/// An opacity of 1e-7 a step adds up over many steps, as the formula has it: nothing is lost to rounding for good.
+/// An opacity of 1e-7 per step adds up over many steps as the formula requires: rounding loses nothing.
 #[test]
 fn a_faint_opacity_adds_up() {
-    // 1e-4 of the ramp of h, in steps of h/1024: 1e-7 a step.
+    // 1e-4 of the ramp of h, in steps of h/1024: 1e-7 per step.
     let s = volume([65, 9, 9], DVec3::ONE, DVec3::ZERO, |_| -500.0);
     let s = PreparedVolume::new(s.shared_voxels(), TransferFunction::new(-503.2767, 32263.0).unwrap());
     let from = s.voxels().grid().world(DVec3::new(0.0, 4.0, 4.0));

@@ -1,4 +1,4 @@
-//! From settings and a preset to a renderer.
+//! Creation of a renderer from settings and a preset.
 
 use super::adaptive::Adaptive;
 use super::checked::Checked;
@@ -8,14 +8,14 @@ use super::preset::{Preset, Reuse};
 use super::quality::{Quality, Settings};
 use super::renderer::Renderer;
 
-/// The renderer of `space` by `settings` that `preset` stands for.
+/// Creates the renderer that `preset` and `settings` select for `volume`.
 ///
-/// Two things are the same in every preset of this crate. The quality `reference` is what all of them are measured against.
-/// Where detail follows the need ([`Settings::adaptive`]) the moving pictures are the preset's, and at rest they come to the
-/// reference.
+/// Two things are the same for every preset of this crate. The quality `reference` is the baseline that all of them are
+/// measured against. With adaptive detail ([`Settings::adaptive`]) the preset renders moving pictures, and at rest they
+/// converge to the reference.
 ///
-/// A preset of another crate makes its pictures itself at every quality. At rest they become as sharp as it makes them, and
-/// better where it says how ([`Renderer::refining`]).
+/// A preset of another crate renders every quality itself. At rest its pictures become as sharp as it can make them,
+/// and sharper if it provides [`Renderer::refining`].
 ///
 /// ```
 /// use std::sync::Arc;
@@ -51,7 +51,7 @@ pub fn renderer(volume: &PreparedVolume, settings: Settings, preset: Preset, reu
     }
 }
 
-/// Whether a preset is one of this crate's.
+/// Returns true if a preset is one of this crate's.
 fn is_built_in(preset: Preset) -> bool {
     super::presets::BUILT_IN.contains(&preset)
 }

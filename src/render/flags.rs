@@ -1,15 +1,17 @@
-//! The homogeneous-region flag (the paper's section 2.2): one bit a voxel, and a coarse level of bricks to leap by.
+//! The homogeneous-region flag (the paper's section 2.2): one bit per voxel, and a coarse level of bricks for leaping.
 //!
-//! A voxel's flag is set when its 3×3×3 neighbourhood, with air outside the volume, lies wholly in one class: *empty*
-//! (≤ the wall's `lo`) or *opaque* (≥ its `hi`); the voxel's own value tells which. It costs 1/16 of the 16-bit volume.
+//! A voxel's flag is set when its 3×3×3 neighbourhood, with air outside the volume, is entirely in one class: *empty*
+//! (≤ the wall's `lo`) or *opaque* (≥ its `hi`). The voxel's own value shows which. The flags take 1/16 of the 16-bit
+//! volume.
 //!
-//! Rays see the volume grown by one voxel of air, since a trilinear cell at the border still mixes voxels with air. So
-//! bricks hold 8×8×8 *cells*, the first of them being cell −1 of each axis. A brick is empty when every voxel that a
-//! cell of it touches is flagged empty: then all voxels within two of any point in it are empty, which is enough for
-//! trilinear values and for regressions over 3×3×3 neighbourhoods alike.
+//! Rays see the volume grown by one voxel of air, since a trilinear cell at the border still mixes voxels with air.
+//! Bricks therefore hold 8×8×8 *cells*, starting with cell −1 of each axis. A brick is empty when every voxel that one
+//! of its cells touches is flagged empty. Then all voxels within two of any point in it are empty, which is enough for
+//! both trilinear values and regressions over 3×3×3 neighbourhoods.
 //!
-//! Its bricks of 8³ serve single rays, which look at the voxel's own flag between them; packets have bricks of 4³ of their own
-//! ([`packets`](super::packets)), since sixteen rays at once can afford neither the wider margin nor a look at single voxels.
+//! These bricks of 8³ serve single rays, which check the voxel's own flag between them. Packets have separate bricks of
+//! 4³ ([`packets`](super::packets)), since sixteen rays at once can afford neither the wider margin nor a check of single
+//! voxels.
 
 use rayon::prelude::*;
 
@@ -19,16 +21,16 @@ use super::transfer::TransferFunction;
 
 /// Cells along a brick's edge, as a power of two.
 pub const BRICK_SHIFT: u32 = 3;
-/// Slices that one task flags; it reads one more on either side.
+/// Slices flagged by one task, which also reads one more on either side.
 const SLAB: usize = 16;
 
-/// Homogeneous-region flags of a volume, and its empty bricks.
+/// Homogeneous-region flags and empty bricks of a volume.
 #[derive(Clone, Debug)]
 pub struct Flags {
     dims: [usize; 3],
     /// 64-bit words in a row of flags.
     words: usize,
-    /// A bit for each voxel; none where only bricks are kept.
+    /// One bit per voxel; empty if only bricks are kept.
     bits: Vec<u64>,
     classes: Classes,
     bricks: [usize; 3],
@@ -43,7 +45,7 @@ struct Classes {
 }
 
 impl Flags {
-    /// Flags of `volume` for the classes of `wall`, in parallel.
+    /// Computes the flags of `volume` for the classes of `wall`, in parallel.
     pub fn new(volume: &Volume, wall: TransferFunction) -> Self {
         let mut flags = Self::unfilled(volume, wall);
         let (words, bricks) = (flags.words, flags.bricks);
@@ -61,8 +63,8 @@ impl Flags {
         flags
     }
 
-    /// The same bricks without the bits: 1/512 byte a voxel instead of 1/8, at no time more than a few layers of bits.
-    /// [`Flags::homogeneous`] then looks at the voxels themselves.
+    /// Computes the same bricks without the bits: 1/512 byte per voxel instead of 1/8. At no time does it hold more
+    /// than a few layers of bits. [`Flags::homogeneous`] then reads the voxels themselves.
     pub fn bricks_only(volume: &Volume, wall: TransferFunction) -> Self {
         let mut flags = Self::unfilled(volume, wall);
         let [bx, by, bz] = flags.bricks;
@@ -81,21 +83,22 @@ impl Flags {
         flags
     }
 
-    /// Flags of which nothing is known yet.
+    /// Creates flags with nothing filled in yet.
     fn unfilled(volume: &Volume, wall: TransferFunction) -> Self {
-        // `TransferFunction` keeps its bounds within ±32767, so both roundings fit.
+        // `TransferFunction` keeps its bounds within ±32767, so both rounded values fit.
         let classes = Classes { lo: wall.lo().floor() as i16, hi: wall.hi().ceil() as i16 };
         let dims = volume.grid().dims();
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
         Self { dims, words: dims[0].div_ceil(64), bits: Vec::new(), classes, bricks, empty: Vec::new() }
     }
 
-    /// Whether there is a bit for each voxel.
+    /// Returns true if there is a bit for each voxel.
     pub fn has_bits(&self) -> bool {
         !self.bits.is_empty()
     }
 
-    /// Whether the neighbourhood of voxel (`i`, `j`, `k`) of the `volume` that was flagged lies wholly in one class.
+    /// Returns true if the neighbourhood of voxel (`i`, `j`, `k`) is entirely in one class. `volume` must be the one
+    /// that was flagged.
     #[inline]
     pub fn homogeneous(&self, volume: &Volume, i: usize, j: usize, k: usize) -> bool {
         match self.bits.get((k * self.dims[1] + j) * self.words + i / 64) {
@@ -104,7 +107,7 @@ impl Flags {
         }
     }
 
-    /// [`Flags::homogeneous`] from the voxels.
+    /// Computes [`Flags::homogeneous`] from the voxels.
     fn look(&self, volume: &Volume, [i, j, k]: [i64; 3]) -> bool {
         let Classes { lo, hi } = self.classes;
         let around = |test: &dyn Fn(i16) -> bool| {
@@ -113,31 +116,33 @@ impl Flags {
         around(&|v| v <= lo) || around(&|v| v >= hi)
     }
 
-    /// Greatest voxel value that is empty, HU.
+    /// Returns the greatest voxel value that is empty, HU.
     #[inline]
     pub fn empty_up_to(&self) -> i16 {
         self.classes.lo
     }
 
-    /// Whether nothing is to be seen in brick `n` of the list (x fastest), or there is no such brick; brick `b` of an axis
-    /// holds cells `8b − 1` to `8b + 6`.
+    /// Returns true if brick `n` of the list (x fastest) is empty or does not exist. Brick `b` of an axis holds cells
+    /// `8b − 1` to `8b + 6`.
     #[inline]
     pub fn empty_brick(&self, n: isize) -> bool {
         self.empty.get(n as usize).is_none_or(|&e| e)
     }
 
-    /// Bricks along each axis.
+    /// Returns the number of bricks along each axis.
     pub fn bricks(&self) -> [usize; 3] {
         self.bricks
     }
 
-    /// Memory of all flags.
+    /// Returns the memory of all flags, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.bits.as_slice()) + size_of_val(self.empty.as_slice())
     }
 
-    /// Finds the empty bricks of a whole row of them at once, number `by` and `bz` along y and z, by the `bits` from
-    /// slice `first` on. `all` is room for a row of flags.
+    /// Finds the empty bricks of a whole row at once.
+    ///
+    /// `by` and `bz` are the row's indices along y and z, `bits` starts at slice `first`, and `all` is working memory
+    /// for a row of flags.
     fn empty_bricks(
         &self,
         volume: &Volume,
@@ -159,33 +164,33 @@ impl Flags {
         for (b, empty) in row.iter_mut().enumerate() {
             let mut x = voxels_of(b, self.dims[0]);
             let first = x.start;
-            // Flagged neighbours share voxels, so the whole brick is of one class, and one voxel tells which.
+            // Neighbouring flagged voxels share voxels, so the whole brick is of one class and any voxel shows which.
             *empty = x.all(|i| all[i / 64] >> (i % 64) & 1 != 0)
                 && volume.data()[volume.grid().index(first, y.start, z.start)] <= self.classes.lo;
         }
     }
 }
 
-/// The voxels that the cells of brick `b` touch along an axis, 8b − 1 to 8b + 7, as far as there are such.
+/// Returns the voxels that the cells of brick `b` touch along an axis: 8b − 1 to 8b + 7, clipped to the volume.
 fn voxels_of(b: usize, n: usize) -> std::ops::Range<usize> {
     let first = b << BRICK_SHIFT;
     first.saturating_sub(1)..(first + (1 << BRICK_SHIFT)).min(n)
 }
 
-/// The masks of one slice, one for each class, after the and over each voxel's 3×3 neighbours in the slice.
+/// The masks of one slice, one for each class, and-ed over each voxel's 3×3 neighbours in the slice.
 struct Slice {
     empty: Vec<u64>,
     opaque: Vec<u64>,
 }
 
-/// Flags the slices from `first` on that `out` has room for.
+/// Flags the slices from `first` on, as many as `out` holds.
 fn flag_slab(volume: &Volume, classes: Classes, first: usize, words: usize, out: &mut [u64]) {
     let [_, ny, nz] = volume.grid().dims();
     let plane = words * ny;
     let mut ring = [(); 3].map(|()| Slice { empty: vec![0; plane], opaque: vec![0; plane] });
     let mut rows = [vec![0u64; plane], vec![0u64; plane]];
     let mut load = |z: usize, slice: &mut Slice| {
-        // `z` counts from one below the first slice, so that the air below is 0.
+        // `z` counts from one below the first slice, so the air below has index 0.
         if (1..=nz).contains(&z) {
             slice_masks(volume, classes, z - 1, words, &mut rows, slice);
         } else {
@@ -204,7 +209,7 @@ fn flag_slab(volume: &Volume, classes: Classes, first: usize, words: usize, out:
     }
 }
 
-/// Class masks of slice `k`, and-ed over x and then over y.
+/// Computes the class masks of slice `k`, and-ed over x and then over y.
 fn slice_masks(volume: &Volume, c: Classes, k: usize, words: usize, rows: &mut [Vec<u64>; 2], out: &mut Slice) {
     let [nx, ny, _] = volume.grid().dims();
     let data = &volume.data()[nx * ny * k..nx * ny * (k + 1)];
@@ -231,7 +236,7 @@ fn slice_masks(volume: &Volume, c: Classes, k: usize, words: usize, rows: &mut [
     }
 }
 
-/// Writes a bit for each value of a row, set where it lies above `lo`; words beyond the row become 0.
+/// Writes a bit for each value of a row, set if the value is above `lo`. Words beyond the row become 0.
 pub(super) fn above(row: &[i16], lo: i16, words: &mut [u64]) {
     words.fill(0);
     for (values, word) in row.chunks(64).zip(words) {
@@ -239,13 +244,14 @@ pub(super) fn above(row: &[i16], lo: i16, words: &mut [u64]) {
     }
 }
 
-/// A bit for each of up to 64 values.
+/// Returns a bit for each of up to 64 values.
 #[inline(always)]
 fn mask(values: &[i16], test: impl Fn(i16) -> bool) -> u64 {
     let Some(values) = values.first_chunk::<64>() else {
         return values.iter().enumerate().fold(0, |word, (n, &v)| word | u64::from(test(v)) << n);
     };
-    // Eight values at a time, the tests of the k-th eight in bits k: whole vectors, turned round once at the end.
+    // Eight values at a time, with the tests of the k-th eight in bits k. This uses whole vectors, transposed once at
+    // the end.
     let mut eights = [0u16; 8];
     for k in 0..8 {
         for i in 0..8 {
@@ -255,8 +261,7 @@ fn mask(values: &[i16], test: impl Fn(i16) -> bool) -> u64 {
     transpose(u64::from_le_bytes(eights.map(|e| e as u8)))
 }
 
-/// An 8×8 matrix of bits, turned round its diagonal (Warren, Hacker's Delight, section 7-3): bit `8i + k` goes to
-/// `8k + i`.
+/// Transposes an 8×8 matrix of bits (Warren, Hacker's Delight, section 7-3): bit `8i + k` moves to `8k + i`.
 fn transpose(mut x: u64) -> u64 {
     for (shift, half) in [(7, 0x00AA_00AA_00AA_00AA), (14, 0x0000_CCCC_0000_CCCC), (28, 0x0000_0000_F0F0_F0F0)] {
         let swapped = (x ^ (x >> shift)) & half;
@@ -265,7 +270,8 @@ fn transpose(mut x: u64) -> u64 {
     x
 }
 
-/// Each bit becomes the and of itself and its two neighbours in a row of `n` bits; `outside` is the class of air.
+/// Replaces each bit with the and of itself and its two neighbours in a row of `n` bits. `outside` is the class bit of
+/// air.
 fn and_along_row(row: &mut [u64], n: usize, outside: bool) {
     let last = row.len() - 1;
     let tail = (n - 1) % 64 + 1;

@@ -1,6 +1,6 @@
-//! A picture, and what it took to make it.
+//! Rendered pictures and counts of the work they took.
 
-/// A rendered picture, row 0 on top. Reuse it: rendering into a frame of the right size allocates nothing.
+/// A rendered picture, row 0 on top. Reuse it: rendering into a frame of the right size does not allocate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
     width: usize,
@@ -10,38 +10,38 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A black picture of `width` × `height` pixels.
+    /// Creates a black picture of `width` × `height` pixels.
     pub fn new(width: usize, height: usize) -> Self {
         Self { width, height, pixels: vec![[0; 3]; width * height], depth: None }
     }
 
-    /// A black picture of `width` × `height` pixels with room for each pixel's depth: infinite.
+    /// Creates a black picture of `width` × `height` pixels with a depth for each pixel, initially infinite.
     pub fn with_depth(width: usize, height: usize) -> Self {
         Self { depth: Some(vec![f32::INFINITY; width * height]), ..Self::new(width, height) }
     }
 
-    /// Pixels in a row.
+    /// Returns the number of pixels in a row.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Red, green and blue of each pixel, row by row.
+    /// Returns red, green and blue of each pixel, row by row.
     pub fn pixels(&self) -> &[[u8; 3]] {
         &self.pixels
     }
 
-    /// Distance in mm from the camera to the wall for each pixel, row by row; infinite where there is none. Only where
-    /// the frame was made with depth.
+    /// Returns the distance from the camera to the wall for each pixel, row by row, mm. It is infinite where there is
+    /// no wall. `None` if the frame was created without depth.
     pub fn depth(&self) -> Option<&[f32]> {
         self.depth.as_deref()
     }
 
-    /// Makes the frame `width` × `height`, keeping its memory where that suffices.
+    /// Resizes the frame to `width` × `height`, reusing its memory if that is large enough.
     pub fn resize(&mut self, width: usize, height: usize) {
         if (self.width, self.height) != (width, height) {
             (self.width, self.height) = (width, height);
@@ -52,13 +52,14 @@ impl Frame {
         }
     }
 
-    /// Takes over the pixels of a picture of the same size, or becomes one; a depth of its own is left alone.
+    /// Copies the pixels of another picture, taking its size. The depth of this frame is left alone.
     pub fn show(&mut self, other: &Self) {
         self.resize(other.width, other.height);
         self.pixels.copy_from_slice(&other.pixels);
     }
 
-    /// Draws another picture into this one, its top left pixel at `column`, `row`; what lies beyond the edges is cut off.
+    /// Draws another picture into this one with its top left pixel at `column`, `row`. Pixels beyond the edges are cut
+    /// off.
     pub fn draw(&mut self, other: &Self, column: usize, row: usize) {
         let across = other.width.min(self.width.saturating_sub(column));
         if across == 0 {
@@ -70,22 +71,23 @@ impl Frame {
         }
     }
 
-    /// Pixels and, where there is any, depth, to be drawn into.
+    /// Returns the pixels and, if present, the depth for writing.
     pub fn buffers(&mut self) -> (&mut [[u8; 3]], Option<&mut [f32]>) {
         (&mut self.pixels, self.depth.as_deref_mut())
     }
 }
 
-/// What a picture took.
+/// The work that a picture took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Rays cast for the image; those for depth are not counted.
+    /// Rays cast for the image, not counting those for depth.
     pub rays: u64,
-    /// Samples looked at along them.
+    /// Samples evaluated along them.
     pub samples: u64,
-    /// Rays that an earlier picture shortened or spared.
+    /// Rays that an earlier picture shortened or made unnecessary.
     pub reused: u64,
-    /// Rays whose start an earlier picture suggested too late by the paper's own rule, and which were put right.
+    /// Rays that the paper's own rule would have started too late, based on an earlier picture, and that were
+    /// corrected.
     pub misled: u64,
 }
 
@@ -102,7 +104,8 @@ impl std::ops::Add for Work {
     }
 }
 
-/// Peak signal-to-noise ratio of two pictures of the same size in dB, over all colours; infinite if they are equal.
+/// Returns the peak signal-to-noise ratio of two pictures of the same size in dB, over all colours. It is infinite if
+/// they are equal.
 pub fn psnr(a: &Frame, b: &Frame) -> f64 {
     let square = |(a, b): (&u8, &u8)| u64::from(a.abs_diff(*b)).pow(2);
     let sum: u64 = a.pixels.as_flattened().iter().zip(b.pixels.as_flattened()).map(square).sum();

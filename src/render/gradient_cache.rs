@@ -1,6 +1,6 @@
-//! Regressions at voxels, each computed once in a while (the paper's section 2.2: "caching gradients at frame level").
+//! A cache of regressions at voxels (the paper's section 2.2: "caching gradients at frame level").
 //!
-//! The volume does not change, so neither do they: what one frame has computed serves the next one too.
+//! The volume does not change, so neither do the regressions: what one frame computes is valid for the next.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -12,45 +12,46 @@ use super::regression::Fit;
 
 /// Entries, as a power of two: 4 MiB.
 const CACHE_BITS: u32 = 19;
-/// Bits of a component of the gradient, its sign among them.
+/// Bits of a component of the gradient, including its sign.
 const PART_BITS: u32 = 12;
 /// Bits of the density.
 pub(super) const DENSITY_BITS: u32 = 12;
 /// The greatest component.
 const PART_MAX: f32 = ((1 << (PART_BITS - 1)) - 1) as f32;
-/// The gradient's components share an exponent of two, which follows them.
+/// Position of the exponent of two that the gradient's components share; it follows them.
 const EXPONENT_AT: u32 = 3 * PART_BITS;
 /// The greatest exponent.
 const EXPONENT_MAX: u32 = 15;
-/// Where the density begins.
+/// Position of the density.
 const DENSITY_AT: u32 = EXPONENT_AT + 4;
-/// Where the tag begins, which tells the voxels apart that share an entry; 0 is an entry that was never filled.
+/// Position of the tag, which identifies the voxel among those that share an entry. 0 marks an entry that was never
+/// filled.
 const TAG_AT: u32 = DENSITY_AT + DENSITY_BITS;
-/// So many voxels may share an entry.
+/// The number of voxels that may share an entry.
 const TAGS: u64 = (1 << (64 - TAG_AT)) - 1;
 
-/// A cache of regressions at voxels that lives as long as its owner: for a frame or for many.
+/// A cache of regressions at voxels that lives as long as its owner: for one frame or many.
 ///
-/// Direct-mapped, eight bytes an entry: three components of the gradient (12 bits, with a common exponent: 1/2000 of the
-/// greatest), the density (12 bits over what voxels can be, 1 HU of 16-bit ones) and 12 bits that tell the voxels apart which
-/// share the entry. An entry is one atomic word, so any number of threads may use it; what it says depends on the voxel
-/// alone, so pictures do not depend on who came first.
+/// It is direct-mapped, with eight bytes per entry: three components of the gradient (12 bits each, with a common
+/// exponent: 1/2000 of the greatest), the density (12 bits over the range of voxel values, 1 HU for 16-bit ones) and 12
+/// bits that identify the voxel among those that share the entry. An entry is one atomic word, so any number of threads
+/// may use it. Its content depends on the voxel alone, so pictures do not depend on which thread came first.
 pub struct GradientCache {
     entries: Vec<AtomicU64>,
-    /// Voxels along x and y, with the one before and behind.
+    /// Voxels along x and y, including one before and one behind.
     row: [usize; 2],
-    /// HU/mm of a step of a component at exponent 0.
+    /// HU/mm per step of a component at exponent 0.
     unit: f32,
     density: DensityScale,
 }
 
 impl GradientCache {
-    /// An empty cache for `space`, whose densities lie between two values, HU.
+    /// Creates an empty cache for `volume`. `densities` are the least and the greatest density, HU.
     pub fn new(volume: &PreparedVolume, densities: [f32; 2]) -> Self {
         let grid = volume.voxels().grid();
         let dims = grid.dims();
         let voxels = dims.iter().map(|&n| n as u64 + 2).product::<u64>();
-        // No more voxels to an entry than the tag tells apart.
+        // An entry may be shared by no more voxels than the tag can distinguish.
         let bits = CACHE_BITS.max((voxels / TAGS).checked_ilog2().map_or(0, |b| b + 1));
         let mut entries = Vec::new();
         entries.resize_with(1 << bits, AtomicU64::default);
@@ -61,12 +62,12 @@ impl GradientCache {
         Self { entries, row: [dims[0] + 2, dims[1] + 2], unit, density }
     }
 
-    /// Memory.
+    /// Returns the memory in use, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.entries.as_slice())
     }
 
-    /// The fit at voxel `v` (counted from voxel −1), which `compute` gives where it is not known.
+    /// Returns the fit at voxel `v` (counted from voxel −1), calling `compute` if it is not cached.
     #[inline(always)]
     pub fn get(&self, v: [i32; 3], compute: impl FnOnce() -> Fit) -> Fit {
         let [i, j, k] = v.map(|c| c as usize);
@@ -80,13 +81,13 @@ impl GradientCache {
         }
         let packed = self.pack(compute());
         entry.store(tag << TAG_AT | packed, Ordering::Relaxed);
-        // As it will be read from now on, so that the picture does not depend on whether it was there.
+        // Return the value as it will be read back later, so that the picture does not depend on whether it was cached.
         self.unpack(packed)
     }
 
     fn pack(&self, fit: Fit) -> u64 {
         let least = fit.gradient.abs().max_element() / (self.unit * PART_MAX);
-        // The least power of two that is not below it, or the next one.
+        // The least power of two that is not below `least`, or the next one.
         let exponent = if least > 1.0 { (least.to_bits() >> 23) - 126 } else { 0 }.min(EXPONENT_MAX);
         let parts =
             (fit.gradient / (self.unit * power(exponent))).round().clamp(Vec3::splat(-PART_MAX), Vec3::splat(PART_MAX));

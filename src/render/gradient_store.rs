@@ -1,10 +1,10 @@
-//! Gradients that are not computed anew for every sample: those near the wall, or all, ahead of time (the paper's section
-//! 2.2), or [each once in a while](super::gradient_cache).
+//! Gradients that are not recomputed for every sample. They are computed ahead of time, near the wall or everywhere
+//! (the paper's section 2.2), or [cached](super::gradient_cache).
 //!
-//! Both keep the regressions at voxels and interpolate them, as the paper does; quantised, so that the same voxel always
-//! gives the same bits: here to 16 bits a component, which is 1/8 HU per h.
+//! Both keep the regressions at voxels and interpolate them, as the paper does. They are quantised, so that the same
+//! voxel always gives the same bits: here to 16 bits per component, which is 1/8 HU per h.
 //!
-//! Packets of rays do not use it: their cache holds whole cells ([`packets`](super::packets)).
+//! Packets of rays do not use this: their cache holds whole cells ([`packets`](super::packets)).
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -17,58 +17,60 @@ use super::regression::Fit;
 use super::sampler::{Sampler, VoxelSampler, nearest, split};
 use super::transfer::TransferFunction;
 
-/// Edge of the bricks that are stored or not, voxels.
+/// Edge of the bricks that are stored or left out, voxels.
 const EDGE: usize = 4;
-/// Voxels of a brick.
+/// Voxels in a brick.
 const VOXELS: usize = EDGE * EDGE * EDGE;
-/// A brick that is not stored.
+/// Marks a brick that is not stored.
 const NONE: u32 = u32::MAX;
 
-/// Densities in a few bits: evenly spaced over what a storage's voxels can be, with the ramp's foot on a step, so that what is
-/// empty stays so.
+/// Densities quantised to a few bits.
+///
+/// Levels are evenly spaced over the storage's range of voxel values. The ramp's foot is on a level, so that what is
+/// empty stays empty.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DensityScale {
     /// The ramp's foot, HU.
     foot: f32,
-    /// Its level.
+    /// The level of the ramp's foot.
     foot_level: f32,
-    /// HU from a level to the next.
+    /// HU from one level to the next.
     step: f32,
     /// The greatest level.
     most: f32,
 }
 
 impl DensityScale {
-    /// From `low` to `high` HU in so many `bits`, for the ramp of `wall`, which lies between them.
+    /// Creates a scale from `low` to `high` HU with `bits` bits, for the ramp of `wall`, which is between them.
     pub(super) fn new([low, high]: [f32; 2], wall: TransferFunction, bits: u32) -> Self {
         let most = ((1u32 << bits) - 1) as f32;
-        // One level is lost to the foot's being on a step.
+        // One level is lost by placing the foot on a level.
         let step = (high - low) / (most - 1.0);
         Self { foot: wall.lo(), foot_level: ((wall.lo() - low) / step).ceil(), step, most }
     }
 
-    /// Whether it tells opacities of the ramp of `wall` apart.
+    /// Returns true if the scale is fine enough to distinguish opacities of the ramp of `wall`.
     fn serves(&self, wall: TransferFunction) -> bool {
         self.step <= (wall.hi() - wall.lo()) / 16.0
     }
 
-    /// The nearest level to a density, HU.
+    /// Returns the level nearest to a density, HU.
     #[inline(always)]
     pub(super) fn level(&self, density: f32) -> u32 {
         ((density - self.foot) / self.step + self.foot_level).round().clamp(0.0, self.most) as u32
     }
 
-    /// The density of a level, HU.
+    /// Returns the density of a level, HU.
     #[inline(always)]
     pub(super) fn value(&self, level: u32) -> f32 {
         (level as f32 - self.foot_level) * self.step + self.foot
     }
 }
 
-/// A fit in 64 bits: gradient along the index axes and density.
+/// The scale of a fit in 64 bits: gradient along the index axes and density.
 #[derive(Clone, Copy)]
 struct Quantum {
-    /// HU/mm of a step of a gradient's component.
+    /// HU/mm per step of a gradient component.
     gradient: f32,
     density: DensityScale,
 }
@@ -80,7 +82,7 @@ impl Quantum {
     }
 
     fn pack(self, fit: Fit) -> [i16; 4] {
-        // A cast stops at the bounds of 16 bits: ±4096 HU over h.
+        // The cast saturates at the bounds of 16 bits: ±4096 HU over h.
         let [a, b, c] = (fit.gradient / self.gradient).round().to_array().map(|g| g as i16);
         [a, b, c, self.density.level(fit.density) as u16 as i16]
     }
@@ -92,7 +94,7 @@ impl Quantum {
     }
 }
 
-/// The weights of a cell's corners at the place `t` in it: x fastest.
+/// Returns the weights of a cell's corners at the place `t` in it, x fastest.
 #[inline(always)]
 fn weights(t: Vec3) -> [f32; 8] {
     let s = Vec3::ONE - t;
@@ -106,29 +108,30 @@ fn corner(cell: [i32; 3], n: usize) -> [i32; 3] {
     [cell[0] + (n & 1), cell[1] + (n >> 1 & 1), cell[2] + (n >> 2)]
 }
 
-/// Which voxels' gradients are stored.
+/// The voxels whose gradients are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stored {
-    /// Those near the wall: of bricks with a voxel that is neither empty nor opaque with all its neighbours.
+    /// Voxels near the wall: those of bricks with a voxel that is neither empty nor opaque together with all its
+    /// neighbours.
     NearWall,
-    /// All.
+    /// All voxels.
     Everywhere,
 }
 
-/// Gradients and densities computed ahead of time: eight bytes a stored voxel.
+/// Gradients and densities computed ahead of time: eight bytes per stored voxel.
 pub struct GradientVolume {
     bricks: [usize; 3],
-    /// Where each brick's voxels begin, in bricks; [`NONE`] for those that are not stored.
+    /// The start of each brick's voxels, in bricks; [`NONE`] for bricks that are not stored.
     index: Vec<u32>,
     fits: Vec<[i16; 4]>,
     quantum: Quantum,
 }
 
 impl GradientVolume {
-    /// Computes what is stored of `space`, in parallel, as `sampler` sees its voxels.
+    /// Computes the stored voxels of `volume`, as `sampler` sees them, in parallel.
     pub fn new<S: VoxelSampler>(sampler: &S, volume: &PreparedVolume, stored: Stored) -> Self {
         let dims = volume.voxels().grid().dims();
-        // Voxel −1 to n of each axis: those at the border have gradients too.
+        // Voxels −1 to n of each axis: those at the border have gradients too.
         let bricks = dims.map(|n| (n + 2).div_ceil(EDGE));
         let count: usize = bricks.iter().product();
         let corner =
@@ -160,7 +163,7 @@ impl GradientVolume {
         Self { bricks, index, fits, quantum }
     }
 
-    /// Memory.
+    /// Returns the memory in use, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.index.as_slice()) + size_of_val(self.fits.as_slice())
     }
@@ -174,21 +177,22 @@ impl GradientVolume {
     }
 }
 
-/// Where the regressions of a renderer's samples come from, with what is kept for it.
+/// The source of a renderer's regressions, with the data kept for it.
 pub enum Fits {
-    /// [`GradientSource::None`].
+    /// Regressions by [`GradientSource::None`].
     Fused,
-    /// [`GradientSource::Eight`].
+    /// Regressions by [`GradientSource::Eight`].
     Eight,
-    /// [`GradientSource::Cached`].
+    /// Regressions by [`GradientSource::Cached`].
     Cached(GradientCache),
-    /// [`GradientSource::Stored`].
+    /// Regressions by [`GradientSource::Stored`].
     Stored(GradientVolume),
 }
 
 impl Fits {
-    /// What `source` needs for `space`, whose voxels `sampler` sees. Where the wall's ramp is so steep that kept densities would
-    /// not tell its opacities apart, nothing is kept.
+    /// Prepares what `source` needs for `volume`, whose voxels `sampler` sees.
+    ///
+    /// Nothing is kept if the wall's ramp is so steep that stored densities could not distinguish its opacities.
     pub fn new<S: VoxelSampler>(source: GradientSource, sampler: &S, volume: &PreparedVolume) -> Self {
         let (wall, densities) = (volume.transfer(), sampler.densities());
         let serves = |bits| DensityScale::new(densities, wall, bits).serves(wall);
@@ -204,7 +208,7 @@ impl Fits {
         }
     }
 
-    /// Its memory, where it has any.
+    /// Returns its memory, if it has any.
     pub fn part(&self) -> Option<(MemoryPart, usize)> {
         match self {
             Self::Fused | Self::Eight => None,
@@ -214,19 +218,20 @@ impl Fits {
     }
 }
 
-/// A sampler whose regressions come from [`Fits`]; what is not stored is computed.
+/// A sampler that takes its regressions from [`Fits`] and computes those that are not stored.
 pub struct FitSampler<'a, S> {
     plain: S,
     fits: &'a Fits,
 }
 
 impl<'a, S: VoxelSampler> FitSampler<'a, S> {
-    /// Samples as `plain` does, with the regressions of `fits`, which were made for it.
+    /// Creates a sampler that samples as `plain` does, with the regressions of `fits`, which must have been made for
+    /// it.
     pub fn new(plain: S, fits: &'a Fits) -> Self {
         Self { plain, fits }
     }
 
-    /// The fit at `q` of those at voxels that `at` gives; none where it does not give them all.
+    /// Returns the fit at `q` from those at voxels that `at` returns, or `None` if one is missing.
     #[inline(always)]
     fn of_voxels(&self, q: Vec3, at: impl Fn([i32; 3]) -> Option<Fit>) -> Option<Fit> {
         if !S::INTERPOLATES {

@@ -37,7 +37,7 @@ fn stored_and_cached_fits_are_the_regressions() {
     let [a, b, c, d] = [&all, &near, &cache, &eight].map(|fits| FitSampler::new(Trilinear::new(&s), fits));
     let step = Quantum::new(&s, plain.densities()).gradient;
     for n in 0..4000 {
-        // Out to the border of the grown volume.
+        // Includes the border of the grown volume.
         let u = |k: u64| 25.0 * hash::uniform(n, k) as f32;
         let q = Vec3::new(u(0), u(1), u(2));
         let want = plain.fit(q);
@@ -45,10 +45,10 @@ fn stored_and_cached_fits_are_the_regressions() {
             assert!((got.gradient - want.gradient).abs().max_element() < 0.6 * step + 1e-2, "{q}");
             assert!((got.density - want.density).abs() < 0.1, "{q}");
         }
-        // The second time it is in the cache.
+        // The second round reads the cache.
         for _ in 0..2 {
             let got = c.fit(q);
-            // A two-thousandth of the steepest of the eight, which may cancel each other.
+            // The bound is 1/2000 of the steepest of the eight, which may cancel each other.
             assert!((got.gradient - want.gradient).abs().max_element() < 0.6, "{q} {want:?} {got:?}");
             assert!((got.density - want.density).abs() < 0.6, "{q}");
         }
@@ -98,7 +98,7 @@ fn pictures_are_the_same_to_the_eye_and_for_any_number_of_threads() {
             assert!(first.get_or_insert_with(|| both.clone()) == &both);
         }
     }
-    // Densities are stored too.
+    // Densities are stored as well.
     by_density.image(&with(&s, &stored), &Leap::<false>::new(&s), &ByDensity, &FromScratch, &mut kept, &mut got);
     assert!(psnr(&plain_density, &got) > 50.0, "{}", psnr(&plain_density, &got));
 }

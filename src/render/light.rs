@@ -1,14 +1,15 @@
-//! Light at the camera: the paper's headlight, and what an endoscope adds to it.
+//! Light at the camera: the paper's headlight, and the additions of an endoscope.
 //!
-//! A point's brightness is a factor of the wall's colour. With n·r the cosine between normal and ray, d the distance (mm):
+//! The brightness of a point scales the wall's colour. With n·r the cosine between normal and ray and d the distance
+//! (mm):
 //!
 //! * headlight (the paper's simplified Phong model): `b = 0.1 + 0.9 (n·r)`;
-//! * falloff: `b ← 1.2 b / (1 + (d/55)²)`, the inverse square of a light of finite size, exposed for what is near;
-//! * gloss: `b ← b + 0.4 (n·r)⁶⁴ / (1 + (d/55)²)`, Blinn and Phong's highlight, whose half vector is the ray where light and eye are in
-//!   one place: colours saturate towards white there;
-//! * contact: `b ← b (1 − 0.5 o)`, o the opacity (0 to 1) 3 mm before the wall along its normal: ambient occlusion by one sample,
-//!   which darkens folds' feet, clefts, and the floor beneath what lies on it. Packets of rays look once for each ray, at the mean
-//!   place and normal of all that it meets.
+//! * falloff: `b ← 1.2 b / (1 + (d/55)²)`, the inverse square of a light of finite size, exposed for near surfaces;
+//! * gloss: `b ← b + 0.4 (n·r)⁶⁴ / (1 + (d/55)²)`, the Blinn-Phong highlight, whose half vector is the ray since light
+//!   and eye are in one place. Colours saturate towards white there;
+//! * contact: `b ← b (1 − 0.5 o)`, with o the opacity (0 to 1) 3 mm before the wall along its normal. This is ambient
+//!   occlusion by one sample. It darkens the feet of folds, clefts, and the floor beneath an object. Packets of rays take
+//!   the sample once per ray, at the mean place and normal of everything that the ray meets.
 
 use glam::{DMat3, Vec3};
 use serde::de::Error as _;
@@ -17,27 +18,27 @@ use serde::{Deserialize, Deserializer};
 use super::prepared_volume::PreparedVolume;
 use super::shaders::headlight::{AMBIENT, DIFFUSE};
 
-/// What the light at the camera does. With nothing it is the paper's headlight.
+/// The effects of the light at the camera. With none it is the paper's headlight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Light {
-    /// What is far is darker.
+    /// Distant surfaces are darker.
     pub falloff: bool,
-    /// The wet wall shines where it faces the camera.
+    /// The wet wall is glossy where it faces the camera.
     pub gloss: bool,
-    /// It is darker where another wall is near.
+    /// Surfaces are darker where another wall is near.
     pub contact: bool,
 }
 
-/// Names of the parts in scene files.
+/// Names of the effects in scene files.
 const PARTS: [&str; 3] = ["falloff", "gloss", "contact"];
 
 impl Light {
-    /// The paper's: brightness is linear in the cosine between ray and normal.
+    /// The paper's light: brightness is linear in the cosine between ray and normal.
     pub const HEADLIGHT: Self = Self { falloff: false, gloss: false, contact: false };
-    /// An endoscope's, for the eye: near and far, fold and floor differ at a glance.
+    /// An endoscope's light. It makes near and far, fold and floor easy to distinguish.
     pub const ENDOSCOPE: Self = Self { falloff: true, gloss: true, contact: true };
 
-    /// Its name in messages.
+    /// Returns the light's name for messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::HEADLIGHT => "headlight",
@@ -48,7 +49,7 @@ impl Light {
 }
 
 impl<'de> Deserialize<'de> for Light {
-    /// `"headlight"`, `"endoscope"`, or a list of the parts that the headlight gets.
+    /// Reads `"headlight"`, `"endoscope"`, or a list of effects to add to the headlight.
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(untagged)]
@@ -76,42 +77,44 @@ impl<'de> Deserialize<'de> for Light {
 pub const EXPOSURE: f32 = 1.2;
 /// The distance at which half of the light arrives, mm.
 pub const HALF_MM: f32 = 55.0;
-/// The highlight's brightness.
+/// The brightness of the highlight.
 pub const GLOSS: f32 = 0.4;
-/// Its exponent is 2 to this power.
+/// The highlight's exponent is 2 to this power.
 pub const GLOSS_DOUBLINGS: u32 = 6;
-/// Where another wall is looked for, mm before the wall.
+/// Distance before the wall at which another wall is detected, mm.
 pub const CONTACT_MM: f32 = 3.0;
-/// By how much it darkens the wall, as a share.
+/// The share by which a near wall darkens the surface.
 pub const CONTACT: f32 = 0.5;
 
-/// How much light of the camera arrives at `distance_mm`, as a share.
+/// Returns the share of the camera's light that arrives at `distance_mm`.
 #[inline(always)]
 fn arriving(distance_mm: f32) -> f32 {
     let d = distance_mm * (1.0 / HALF_MM);
     1.0 / (1.0 + d * d)
 }
 
-/// What a [`Light`] needs to know of a volume.
+/// A [`Light`] with the volume data that it needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Lighting {
     light: Light,
-    /// From world to voxels.
+    /// Transforms world to voxel directions.
     to_voxel: DMat3,
     lo: f32,
     scale: f32,
 }
 
 impl Lighting {
-    /// That of `light` in `space`.
+    /// Prepares `light` for `volume`.
     pub fn new(light: Light, volume: &PreparedVolume) -> Self {
         let wall = volume.transfer();
         let to_voxel = volume.voxels().grid().to_voxel().matrix3;
         Self { light, to_voxel, lo: wall.lo(), scale: 1.0 / (wall.hi() - wall.lo()) }
     }
 
-    /// Brightness of a point whose normal and ray have the cosine `facing`, `distance_mm` from the camera. `value` tells the HU at a
-    /// distance from the point given in voxels, and `gradient` (world) is 0 in a homogeneous region.
+    /// Returns the brightness of a point `distance_mm` from the camera whose normal and ray have the cosine `facing`.
+    ///
+    /// `gradient` (world) is 0 in a homogeneous region. `value` returns the HU at an offset from the point, given in
+    /// voxels.
     #[inline(always)]
     pub fn brightness(&self, facing: f32, distance_mm: f32, gradient: Vec3, value: impl Fn(Vec3) -> f32) -> f32 {
         let Light { falloff, gloss, contact } = self.light;
@@ -165,7 +168,7 @@ mod tests {
         }
     }
 
-    /// A ball of gas of 20 mm around the camera, blurred as a scan is.
+    /// A ball of gas of radius 20 mm around the camera, blurred like a scan.
     fn ball() -> PreparedVolume {
         let grid = Grid::new([64; 3], DVec3::ONE, DVec3::splat(-31.5), DMat3::IDENTITY).unwrap();
         let value = |n: usize| {
@@ -176,7 +179,7 @@ mod tests {
         PreparedVolume::new(Arc::new(volume), TransferFunction::default())
     }
 
-    /// All of the ball is seen head on, as far away, with nothing near before it.
+    /// The whole ball is seen head on, at the same distance, with nothing near in front of it.
     #[test]
     fn a_ball_has_the_formulas_brightness() {
         let volume = ball();
@@ -205,7 +208,7 @@ mod tests {
         }
     }
 
-    /// Packets of rays make the pictures that rays one after the other make, and every preset knows the light.
+    /// Packets of rays produce the same pictures as single rays, and every preset supports the light.
     #[test]
     fn every_renderer_has_the_same_light() {
         let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
@@ -229,7 +232,7 @@ mod tests {
                 let (db, other) = (psnr(&lit, &reference), psnr(&plain, &reference));
                 println!("{} at {share}: {db:.1} dB; another light {other:.1} dB", preset.name);
                 assert!(other < 25.0, "the light shows");
-                // The volume of 7 + 1 bits is far from the reference in any light.
+                // The volume of 7 + 1 bits differs much from the reference in any light.
                 worst = worst.min(if preset.name == "colvis" { f64::INFINITY } else { db });
             }
         }

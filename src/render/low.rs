@@ -1,6 +1,8 @@
-//! Low detail by fewer rays: one for nine pixels at the most. A voxel of the wall covers more than that of most pictures, so
-//! that by packets of rays it is three times cheaper than high detail and still better than the nearest voxel for each pixel,
-//! which is the paper's low detail ([`sampler::Nearest`](super::sampler::Nearest)).
+//! Low detail by fewer rays: one for nine pixels at the most.
+//!
+//! A voxel of the wall covers more than nine pixels of most pictures. With packets of rays this is three times cheaper
+//! than high detail, and still better than the nearest voxel for each pixel, which is the paper's low detail
+//! ([`sampler::Nearest`](super::sampler::Nearest)).
 
 use super::caster::depths;
 use super::enlarge::Enlarger;
@@ -9,10 +11,10 @@ use super::packets::{PacketRenderer, Pixels};
 use super::renderer::Renderer;
 use super::{Frame, PreparedVolume, Settings, View, Work};
 
-/// Sides of the picture are so many times those of the traced one.
+/// The factor between the sides of the picture and of the traced picture.
 const PART: usize = 3;
 
-/// Renders at a part of the resolution, and stretches the picture.
+/// Renders at a fraction of the resolution and stretches the picture.
 pub struct Low {
     volume: PreparedVolume,
     renderer: Box<dyn Renderer>,
@@ -21,14 +23,14 @@ pub struct Low {
 }
 
 impl Low {
-    /// Renders `space` by packets of rays and `settings`, but by steps of half a voxel at the most: longer ones save little and
-    /// cost much.
+    /// Renders `volume` with packets of rays and `settings`, with steps of half a voxel at the most: longer steps save
+    /// little and cost much quality.
     pub fn new(volume: &PreparedVolume, settings: Settings) -> Self {
         let settings = Settings { step_power: settings.step_power.min(-1), ..settings };
         Self::around(volume, Box::new(PacketRenderer::new(volume, settings, Pixels::Needed)))
     }
 
-    /// Stretches the pictures of `space` that a renderer makes.
+    /// Stretches the pictures of `volume` that `renderer` makes.
     pub fn around(volume: &PreparedVolume, renderer: Box<dyn Renderer>) -> Self {
         Self { volume: volume.clone(), renderer, small: Frame::default(), enlarger: Enlarger::default() }
     }

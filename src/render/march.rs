@@ -1,17 +1,18 @@
-//! A ray of the image, as evenly spaced samples.
+//! An image ray as evenly spaced samples.
 //!
-//! Sample k of a ray lies at t = (k + ½)·Δs from the **camera**, wherever the volume begins and whatever is skipped, so
-//! that skipping leaves every bit of the picture as it was. The ray is set up in f64, clipped to the volume grown by
-//! one voxel of air, and walked in f32 from the first sample within.
+//! Sample k of a ray is at t = (k + ½)·Δs from the **camera**, regardless of where the volume begins and what is
+//! skipped. Skipping therefore changes no bit of the picture. The ray is set up in f64, clipped to the volume grown by
+//! one voxel of air, and walked in f32 from the first sample inside.
 //!
-//! Places are *grown* voxel coordinates: voxel coordinates plus one, never negative within the clipped ray.
+//! Positions are *grown* voxel coordinates: voxel coordinates plus one, never negative within the clipped ray.
 
 use glam::{DVec3, Vec3};
 
 use super::prepared_volume::PreparedVolume;
 use super::ray::clip;
 
-/// The most samples that a ray may have; where h is so small against the volume that it would need more, steps grow.
+/// The maximum number of samples of a ray. If h is so small relative to the volume that a ray would need more, steps
+/// grow.
 const MAX_SAMPLES: f64 = (1 << 22) as f64;
 
 /// The step length: Δs = h · 2^`power`, h the smallest spacing.
@@ -24,7 +25,7 @@ pub struct Step {
 }
 
 impl Step {
-    /// The step of the wanted `power` in `space`, or the next longer one that keeps every ray's samples bounded.
+    /// Returns the step of the given `power` in `volume`, or the next longer one that keeps within the sample limit.
     pub fn new(volume: &PreparedVolume, power: i32) -> Self {
         let grid = volume.voxels().grid();
         let dims = grid.dims().map(|n| (n + 1) as f64);
@@ -40,28 +41,32 @@ impl Step {
 pub struct Ray {
     /// Sample 0, grown voxel coordinates.
     pub from: Vec3,
-    /// From one sample to the next, voxels.
+    /// Offset from one sample to the next, voxels.
     pub along: Vec3,
-    /// The plane p of an axis is met after p · `inverse` + `offset` samples: 1 / `along`, 0 where the ray keeps its place.
+    /// 1 / `along`, or 0 where the ray does not move. The ray meets the plane p of an axis after p · `inverse` +
+    /// `offset` samples.
     pub inverse: Vec3,
-    /// −`from` / `along`, infinite where the ray keeps its place.
+    /// −`from` / `along`, or infinite where the ray does not move.
     pub offset: Vec3,
-    /// World direction, of unit length.
+    /// World direction, unit length.
     pub direction: Vec3,
     /// Number of samples.
     pub count: u32,
     /// Distance of sample 0 from the camera, mm.
     pub start_mm: f32,
-    /// Samples for each mm.
+    /// Samples per mm.
     pub per_mm: f32,
-    /// Whether the camera is within the grown volume: then sample 0 is the first from the camera on.
+    /// True if the camera is within the grown volume. Sample 0 is then the first one from the camera.
     pub inside: bool,
-    /// So many samples on, a place may be half a voxel away along an axis; all before are nearer.
+    /// The first sample offset at which a position may be half a voxel away along an axis. All smaller offsets are
+    /// nearer.
     pub near: u32,
 }
 
-/// The nearest whole number to each coordinate, between 0 and 2²² and even if two are as near: the bits of a float
-/// beside 2²³ count in ones. Much cheaper than a cast, which must mind what does not fit.
+/// Rounds each coordinate, between 0 and 2²², to the nearest whole number, ties to even.
+///
+/// It uses the fact that the bits of a float near 2²³ count in ones. This is much cheaper than a cast, which must
+/// handle values out of range.
 #[inline(always)]
 pub fn round(q: Vec3) -> [i32; 3] {
     const SHIFT: f32 = (1 << 23) as f32;
@@ -69,7 +74,7 @@ pub fn round(q: Vec3) -> [i32; 3] {
 }
 
 impl Ray {
-    /// The samples of the ray from `origin` (world, mm) along `direction` (world, of unit length); `None` where it
+    /// Returns the samples of the ray from `origin` (world, mm) along `direction` (world, unit length), or `None` if it
     /// misses the volume.
     pub fn new(volume: &PreparedVolume, origin: DVec3, direction: DVec3, step: Step) -> Option<Self> {
         let grid = volume.voxels().grid();
@@ -82,7 +87,7 @@ impl Ray {
         let start = grid.voxel(origin + direction * ((first + 0.5) * step.mm)) + DVec3::ONE;
         let along = (grid.to_voxel().transform_vector3(direction) * step.mm).as_vec3();
         let from = start.as_vec3();
-        // Less than this moves a place by a hundredth of a voxel at the end of the longest ray.
+        // Less than this moves a sample by a hundredth of a voxel at the end of the longest ray.
         let moves = along.abs().cmpgt(Vec3::splat(1e-9));
         Some(Self {
             from,
@@ -94,24 +99,24 @@ impl Ray {
             start_mm: ((first + 0.5) * step.mm) as f32,
             per_mm: (1.0 / step.mm) as f32,
             inside: first == 0.0 && enter == 0.0,
-            // A thousandth less than half a voxel, for the rounding of places.
+            // A thousandth less than half a voxel, to allow for rounding.
             near: 1 + (0.499 / along.abs().max_element()).min(1e3) as u32,
         })
     }
 
-    /// Place of sample `n`, grown voxel coordinates.
+    /// Returns the position of sample `n`, grown voxel coordinates.
     #[inline(always)]
     pub fn at(&self, n: u32) -> Vec3 {
         self.from + self.along * n as f32
     }
 
-    /// Place at `mm` from the camera, grown voxel coordinates.
+    /// Returns the position at `mm` from the camera, grown voxel coordinates.
     #[inline(always)]
     pub fn at_mm(&self, mm: f32) -> Vec3 {
         self.from + self.along * ((mm - self.start_mm) * self.per_mm)
     }
 
-    /// Distance of sample `n` from the camera, mm.
+    /// Returns the distance of sample `n` from the camera, mm.
     #[inline(always)]
     pub fn mm(&self, n: u32) -> f32 {
         self.start_mm + n as f32 / self.per_mm

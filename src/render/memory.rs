@@ -1,4 +1,4 @@
-//! What a renderer's memory is for.
+//! The purposes of a renderer's memory.
 
 /// A part of the memory that a renderer keeps beside the 16-bit voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -7,9 +7,9 @@ pub enum MemoryPart {
     Flags,
     /// The paper's volume of 7 + 1 bits a voxel ([`bytes`](super::bytes)).
     ByteVolume,
-    /// Which cells may be seen, and how far bricks are from the next such cell ([`packets`](super::packets)).
+    /// Which cells may be visible, and how far bricks are from the next such cell ([`packets`](super::packets)).
     Occupancy,
-    /// Gradients kept from one frame to the next.
+    /// Gradients cached from one frame to the next.
     GradientCache,
     /// Gradients computed ahead of time.
     StoredGradients,
@@ -17,11 +17,11 @@ pub enum MemoryPart {
     VoxelDistances,
     /// The distance to the wall for each brick.
     BrickDistances,
-    /// What the last picture proves to be empty ([`reuse`](super::reuse)).
+    /// The space that the last picture proved empty ([`reuse`](super::reuse)).
     FrameCache,
     /// The rays of adaptive image-plane sampling ([`packets`](super::packets)).
     SampledRays,
-    /// A picture of a part of the resolution, to be stretched.
+    /// A picture at a fraction of the resolution, to be stretched.
     SmallPicture,
     /// Rays of a picture that is refined at rest.
     RefinementRays,
@@ -29,12 +29,12 @@ pub enum MemoryPart {
     RefinementPictures,
     /// The triangles of the wall.
     Mesh,
-    /// Anything else, as a renderer from outside names it.
+    /// Anything else, named by a custom renderer.
     Other(&'static str),
 }
 
 impl MemoryPart {
-    /// Its name, for people.
+    /// Returns the readable name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Flags => "homogeneous-region flags",

@@ -1,12 +1,12 @@
-//! Rays through a scan: how far the wall is, and the picture of it (the paper's section 2.2).
+//! Ray casting in a scan: distances to the wall, and pictures of it (the paper's section 2.2).
 //!
-//! A ray caster is put together from parts that know nothing of each other, chosen at compile time: a
-//! [`Sampler`](sampler::Sampler) says what a place is like, a [`Skipper`](skip::Skipper) which samples need not be
-//! looked at, a [`Shader`] what the wall looks like; [`caster`] joins them along each
-//! [`Ray`](march::Ray). Apart from pictures, [`ray`] finds where a ray meets the wall, exactly.
+//! A ray caster consists of independent parts, chosen at compile time. A [`Sampler`](sampler::Sampler) evaluates the
+//! volume at a point, a [`Skipper`](skip::Skipper) selects the samples that can be left out, and a [`Shader`] colours
+//! the wall. [`caster`] combines them along each [`Ray`](march::Ray). Separately from pictures, [`ray`] finds exactly
+//! where a ray meets the wall.
 //!
-//! Two sockets take what this crate does not have: a [`Preset`] makes a [`Renderer`] ([`presets`] has those of this crate), and
-//! a [`Camera`] knows the rays of its image ([`camera`]).
+//! There are two extension points. A [`Preset`] makes a [`Renderer`] ([`presets`] has those of this crate), and a
+//! [`Camera`] defines the rays of its image ([`camera`]).
 
 pub mod adaptive;
 pub mod begin;

@@ -1,4 +1,4 @@
-//! Settings of presets, cameras, shaders, overlays and plug-ins, as they stand in a scene file.
+//! Settings of presets, cameras, shaders, overlays and plug-ins, as written in a scene file.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -8,10 +8,10 @@ use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Result};
 
-/// A table of settings: what a scene file has under the name of a preset, camera, shader, overlay or plug-in. Empty where it
-/// says nothing.
+/// A table of settings: the table that a scene file has under the name of a preset, camera, shader, overlay or plug-in.
+/// It is empty if there is none.
 ///
-/// It is a small value to be copied. Equal tables are kept once, for as long as the program runs.
+/// The value is small and cheap to copy. Equal tables are stored once, until the program ends.
 ///
 /// ```
 /// use colvis::render::Options;
@@ -37,14 +37,14 @@ use crate::error::{Error, Result};
 #[derive(Clone, Copy, Default)]
 pub struct Options(Option<&'static toml::Table>);
 
-/// Every table that there was, by its text.
+/// Every table created so far, by its text.
 static TABLES: Mutex<BTreeMap<String, &'static toml::Table>> = Mutex::new(BTreeMap::new());
 
 impl Options {
-    /// No settings: the defaults.
+    /// No settings: everything is at its default.
     pub const NONE: Self = Self(None);
 
-    /// These settings.
+    /// Creates the settings from a table.
     pub fn new(table: toml::Table) -> Self {
         if table.is_empty() {
             return Self::NONE;
@@ -53,15 +53,15 @@ impl Options {
         Self(Some(tables.entry(table.to_string()).or_insert_with(|| Box::leak(Box::new(table)))))
     }
 
-    /// Whether there are none.
+    /// Returns true if there are no settings.
     pub fn is_empty(self) -> bool {
         self.0.is_none()
     }
 
-    /// The settings as a type's value; `name` is the table's, for the message.
+    /// Deserialises the settings into a type. `name` is the table's name for error messages.
     ///
     /// # Errors
-    /// Status 2 for settings that the type does not have.
+    /// Returns status 2 if there is a setting that the type does not have.
     pub fn read<T: DeserializeOwned>(self, name: &str) -> Result<T> {
         let table = self.0.cloned().unwrap_or_default();
         table.try_into().map_err(|e: toml::de::Error| {
@@ -69,10 +69,10 @@ impl Options {
         })
     }
 
-    /// Refuses any setting: for what has none.
+    /// Rejects any setting. For types that have none.
     ///
     /// # Errors
-    /// Status 2 where there is one.
+    /// Returns status 2 if there is a setting.
     pub fn none(self) -> Result<()> {
         #[derive(serde::Deserialize)]
         #[serde(deny_unknown_fields)]

@@ -1,4 +1,4 @@
-//! A choice of renderer: what a name such as `default` stands for.
+//! Presets: named renderers such as `default`.
 
 use std::sync::Arc;
 
@@ -11,27 +11,31 @@ use super::renderer::Renderer;
 use crate::error::Result;
 use crate::volume::Volume;
 
-/// A renderer by its name. Those of this crate are in [`presets::BUILT_IN`](super::presets::BUILT_IN); a program may have
-/// its own, which work wherever these do.
+/// A named renderer.
 ///
-/// The quality `reference` is common to the presets of this crate, and `adaptive` to all: see [`renderer`](super::renderer()).
+/// [`presets::BUILT_IN`](super::presets::BUILT_IN) lists those of this crate. A program can add its own, which work
+/// everywhere that these do.
+///
+/// The quality `reference` is the same for all presets of this crate, and `adaptive` for all presets: see
+/// [`renderer`](super::renderer()).
 #[derive(Clone, Copy, Debug)]
 pub struct Preset {
-    /// Its name on the command line and in scene files; presets of the same name are equal.
+    /// The name on the command line and in scene files. Presets with the same name are equal.
     pub name: &'static str,
-    /// What it is, in a sentence for people.
+    /// A one-sentence description for users.
     pub summary: &'static str,
-    /// What it keeps in memory beside the 16-bit voxels, in a sentence for people.
+    /// A one-sentence description of its memory beside the 16-bit voxels, for users.
     pub memory: &'static str,
     /// How the volume is prepared for it.
     pub preparation: Preparation,
-    /// Whether it follows what a scene chooses: [`choices::all`](super::choices::all), [`choices::none`](super::choices::none),
-    /// or a function of its own, whose error (wrong usage) says why not.
+    /// Checks a scene's choices: [`choices::all`](super::choices::all), [`choices::none`](super::choices::none), or a
+    /// custom function whose error (invalid arguments) gives the reason.
     pub takes: fn(&Choices) -> Result<()>,
-    /// Checks its own settings ([`Settings::options`]), an error (wrong usage) if they make no sense: [`Options::none`] for a
-    /// preset without any.
+    /// Checks the preset's settings ([`Settings::options`]) and returns an error (invalid arguments) if they are
+    /// invalid. Use [`Options::none`] for a preset without settings.
     pub check: fn(Options) -> Result<()>,
-    /// Makes the renderer of a volume, prepared so, at high or low quality; of an own preset at the quality `reference`, too.
+    /// Creates the renderer of a volume that was prepared accordingly, at high or low quality. A custom preset also
+    /// receives the quality `reference`.
     pub make: fn(&PreparedVolume, Settings, Reuse) -> Box<dyn Renderer>,
 }
 
@@ -43,17 +47,17 @@ impl PartialEq for Preset {
 
 impl Eq for Preset {}
 
-/// How a volume is made ready for rays.
+/// How a volume is prepared for ray casting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preparation {
-    /// With the homogeneous-region flag of each voxel, and empty bricks.
+    /// With the homogeneous-region flag of each voxel and empty bricks.
     Flags,
-    /// With empty bricks alone: the least memory.
+    /// With empty bricks only, which takes the least memory.
     BricksOnly,
 }
 
 impl Preparation {
-    /// Makes a volume ready.
+    /// Prepares a volume.
     pub fn prepare(self, volume: Arc<Volume>, transfer: TransferFunction) -> PreparedVolume {
         match self {
             Self::Flags => PreparedVolume::new(volume, transfer),
@@ -62,11 +66,11 @@ impl Preparation {
     }
 }
 
-/// Whether a renderer may use what it kept of earlier frames.
+/// Determines if a renderer may use data from earlier frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reuse {
-    /// It may.
+    /// It may use earlier frames.
     Allowed,
-    /// Each frame is made from scratch.
+    /// Each frame is rendered from scratch.
     Never,
 }

@@ -1,9 +1,10 @@
-//! Where a ray meets the wall, exactly: no step size, so that no wall is too thin and no answer depends on a setting.
+//! Exact intersections of rays with the wall. There is no step size, so no wall is too thin and no result depends on a
+//! setting.
 //!
 //! Between eight neighbouring voxels (a *cell*) the trilinear value along a ray is a cubic polynomial of the distance.
-//! The ray walks from cell to cell (Amanatides and Woo 1987, the distance to each plane computed anew from the plane's
-//! index, so that nothing accumulates), leaps over empty bricks, passes cells whose corners are all below the wall, and
-//! in the others finds the cubic's first root between its critical points.
+//! The ray walks from cell to cell (Amanatides and Woo 1987), computing the distance to each plane from the plane's
+//! index so that no error accumulates. It leaps over empty bricks and passes cells whose corners are all below the
+//! wall. In the other cells it finds the cubic's first root between its critical points.
 
 use std::array::from_fn;
 
@@ -16,16 +17,17 @@ use crate::volume::{AIR_HU, Volume};
 use super::flags::BRICK_SHIFT;
 use super::prepared_volume::PreparedVolume;
 
-/// How far below the wall a value may lie and count as touching it, HU: above the rounding of the cubics, and far below
-/// anything that can be seen.
+/// How far below the wall a value may be and still count as touching it, HU. This is above the rounding of the cubics
+/// and far below anything visible.
 const TOUCH: f64 = 1e-9;
 
-/// Trilinear HU at a `world` point (mm, LPS). Outside the volume is air, mixed with the border voxels within one voxel.
+/// Returns the trilinear HU at a `world` point (mm, LPS). Outside the volume is air, mixed with the border voxels
+/// within one voxel.
 pub fn value(volume: &PreparedVolume, world: DVec3) -> f32 {
     trilinear(volume.voxels(), volume.voxels().grid().voxel(world)) as f32
 }
 
-/// Trilinear HU at voxel coordinates `p`; air where they are not finite.
+/// Returns the trilinear HU at voxel coordinates `p`, or air if they are not finite.
 pub(crate) fn trilinear(volume: &Volume, p: DVec3) -> f64 {
     let dims = volume.grid().dims();
     let inside = |a: usize| p[a] > -1.0 && p[a] < dims[a] as f64;
@@ -36,16 +38,17 @@ pub(crate) fn trilinear(volume: &Volume, p: DVec3) -> f64 {
     Cell::load(volume, base.to_array().map(|c| c as i64)).at(p - base)
 }
 
-/// Distance in mm from `origin` along `direction` (world; normalised here) to where the trilinear volume first crosses
-/// from below to at least the wall ([`TransferFunction::iso`](super::TransferFunction::iso)), touching included.
+/// Returns the distance in mm from `origin` along `direction` (world; normalised here) to the wall.
 ///
-/// 0 if `origin` is already there. `None` if there is no crossing within `max_mm` (which may be infinite), or if an
-/// argument is not finite or `direction` is zero. From outside, the ray walks in through air.
+/// The wall is where the trilinear volume first crosses from below to at least
+/// [`TransferFunction::iso`](super::TransferFunction::iso), touching included. The distance is 0 if `origin` is already
+/// there. It is `None` if there is no crossing within `max_mm` (which may be infinite), or if an argument is not finite
+/// or `direction` is zero. From outside, the ray enters through air.
 pub fn first_crossing(volume: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
     first_crossing_counted(volume, origin, direction, max_mm, &mut 0)
 }
 
-/// [`first_crossing`], adding to `cells` the number of cells and bricks that the ray visited.
+/// Works like [`first_crossing`] and adds the number of cells and bricks that the ray visited to `cells`.
 pub fn first_crossing_counted(
     volume: &PreparedVolume,
     origin: DVec3,
@@ -54,7 +57,7 @@ pub fn first_crossing_counted(
     cells: &mut u64,
 ) -> Option<f64> {
     let grid = volume.voxels().grid();
-    // Twice, so that neither denormal nor huge components lose the direction.
+    // Normalise twice, so that neither denormal nor huge components lose the direction.
     let direction = (direction / direction.abs().max_element()).normalize_or_zero();
     if !origin.is_finite() || direction == DVec3::ZERO || max_mm.is_nan() || max_mm < 0.0 {
         return None;
@@ -69,17 +72,18 @@ pub fn first_crossing_counted(
     if enter > end {
         return None;
     }
-    // From the box's border on, so that a camera far away costs no precision inside.
+    // Start at the box's border, so that a distant camera costs no precision inside.
     let start = grid.voxel(origin + direction * enter);
     let walk = Walk::new(volume, start, grid.to_voxel().transform_vector3(direction));
     walk.run(end - enter, cells).map(|t| enter + t)
 }
 
-/// Slower components than this (voxels/mm) are none: even 10⁹ mm of path would move by less than a voxel's millionth.
+/// Components slower than this (voxels/mm) count as zero: even 10⁹ mm of path would move by less than a millionth of a
+/// voxel.
 const STILL: f64 = 1e-15;
 
-/// Distances at which the ray `from + t · along` (voxel coordinates) enters and leaves the volume grown by one voxel;
-/// `None` if it misses it or leaves it behind. The first is never negative.
+/// Returns the distances at which the ray `from + t · along` (voxel coordinates) enters and leaves the volume grown by
+/// one voxel, or `None` if it misses the volume or the volume is behind it. The first is never negative.
 pub(crate) fn clip(dims: [usize; 3], from: DVec3, along: DVec3) -> Option<(f64, f64)> {
     let (mut enter, mut exit) = (0.0f64, f64::INFINITY);
     for a in 0..3 {
@@ -97,11 +101,11 @@ pub(crate) fn clip(dims: [usize; 3], from: DVec3, along: DVec3) -> Option<(f64, 
     (enter <= exit && exit.is_finite()).then_some((enter, exit))
 }
 
-/// A ray on its way through the cells −1 … n − 1 of each axis.
+/// A ray walking through the cells −1 … n − 1 of each axis.
 struct Walk<'a> {
     volume: &'a PreparedVolume,
     iso: f64,
-    /// The least whole HU at the wall or above.
+    /// The least whole HU that is at or above the wall.
     wall: i16,
     from: DVec3,
     along: DVec3,
@@ -118,8 +122,10 @@ impl<'a> Walk<'a> {
         Self { volume, iso, wall: iso.ceil() as i16, from, along, inverse: along.recip(), last, step }
     }
 
-    /// Distance to the first crossing within `end`. Each turn moves on by at least one cell and none ever moves back,
-    /// so there are at most as many turns as the three axes have cells.
+    /// Returns the distance to the first crossing within `end`.
+    ///
+    /// Each iteration advances by at least one cell and none moves back, so there are at most as many iterations as the
+    /// three axes have cells.
     fn run(&self, end: f64, cells: &mut u64) -> Option<f64> {
         let mut cell: [i64; 3] = from_fn(|a| (self.from[a].floor() as i64).clamp(-1, self.last[a]));
         let mut t = 0.0;
@@ -139,7 +145,7 @@ impl<'a> Walk<'a> {
                         continue;
                     }
                     let here = ((self.from[a] + self.along[a] * next).floor() as i64).clamp(first[a], last[a]);
-                    // Rounding must not turn the walk back.
+                    // Rounding must not move the walk back.
                     cell[a] = if self.step[a] > 0 { here.max(cell[a]) } else { here.min(cell[a]) };
                 }
                 cell[axis] = if self.step[axis] > 0 { last[axis] + 1 } else { first[axis] - 1 };
@@ -159,7 +165,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Distance at which the ray leaves the cells `first` to `last` along an axis.
+    /// Returns the distance at which the ray leaves the cells `first` to `last` along an axis.
     #[inline(always)]
     fn plane(&self, axis: usize, first: i64, last: i64) -> f64 {
         match self.step[axis] {
@@ -173,7 +179,7 @@ impl<'a> Walk<'a> {
         from_fn(|a| self.plane(a, first[a], last[a]))
     }
 
-    /// First crossing within a cell, between the distances `t` and `until` of its entry and exit.
+    /// Returns the first crossing within a cell, between the distances `t` and `until` of its entry and exit.
     #[inline(always)]
     fn cross(&self, base: [i64; 3], t: f64, until: f64) -> Option<f64> {
         let corners = corners(self.volume.voxels(), base);
@@ -188,7 +194,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// The axis whose plane is met first, and where.
+/// Returns the axis whose plane is met first, and its distance.
 #[inline(always)]
 fn nearest(planes: &[f64; 3]) -> (usize, f64) {
     let xy = if planes[1] < planes[0] { 1 } else { 0 };
@@ -196,7 +202,7 @@ fn nearest(planes: &[f64; 3]) -> (usize, f64) {
     (axis, planes[axis])
 }
 
-/// The first s in [0, 1] at which the cubic (lowest power first, HU) is at least 0, up to [`TOUCH`].
+/// Returns the first s in [0, 1] at which the cubic (lowest power first, HU) is at least 0, up to [`TOUCH`].
 fn first_root(c: [f64; 4]) -> Option<f64> {
     if c[0] >= -TOUCH {
         return Some(0.0);
@@ -218,8 +224,8 @@ fn first_root(c: [f64; 4]) -> Option<f64> {
     None
 }
 
-/// The root of a cubic that rises from below 0 at `lo` to at least 0 at `hi` without turning: Newton's method, kept
-/// within its bracket by bisection.
+/// Finds the root of a cubic that rises monotonically from below 0 at `lo` to at least 0 at `hi`. It uses Newton's
+/// method, kept within its bracket by bisection.
 fn root_between(c: [f64; 4], lo: (f64, f64), hi: (f64, f64)) -> f64 {
     let (mut a, mut b) = (lo.0, hi.0);
     let mut s = a - lo.1 * (b - a) / (hi.1 - lo.1);

@@ -21,7 +21,7 @@ fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) 
     PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
-/// Tiny steps, and bisection where the sign changes: what [`first_crossing`] must agree with.
+/// Takes tiny steps and bisects where the sign changes. [`first_crossing`] must agree with it.
 fn by_steps(volume: &PreparedVolume, origin: DVec3, direction: DVec3, max_mm: f64) -> Option<f64> {
     let grid = volume.voxels().grid();
     let iso = volume.transfer().iso();
@@ -72,7 +72,7 @@ proptest! {
         match (exact, stepped) {
             (None, None) => {}
             (Some(e), Some(b)) if (e - b).abs() < 1e-6 => {}
-            // A graze between two steps is what stepping misses; it must be a touch of the wall all the same.
+            // Stepping may miss a graze between two steps, but it must still be a touch of the wall.
             (Some(e), _) => {
                 prop_assert!(stepped.is_none_or(|b| e < b), "{e} is later than {stepped:?}");
                 let v = trilinear(s.voxels(), grid.voxel(origin + direction * e));
@@ -83,7 +83,7 @@ proptest! {
     }
 }
 
-/// Looks from all sides along axes, faces, edges and diagonals at one voxel of wall.
+/// Looks at one voxel of wall from all sides, along axes, faces, edges and diagonals.
 #[test]
 fn no_crack_along_axes_faces_edges_and_corners() {
     let s = volume([21; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p == DVec3::splat(10.0) { 1000.0 } else { -1000.0 });
@@ -109,7 +109,7 @@ fn no_crack_along_axes_faces_edges_and_corners() {
 
 #[test]
 fn a_thin_sheet_is_never_missed() {
-    // One voxel of wall, only just: its crossing is 1/350 voxel wide.
+    // One voxel that is only just wall: its crossing is 1/350 voxel wide.
     let s = volume([32; 3], DVec3::ONE, DMat3::IDENTITY, |p| if p.x == 20.0 { -649.0 } else { -1000.0 });
     let grid = s.voxels().grid();
     for n in 0..500 {
@@ -171,7 +171,7 @@ fn what_is_no_ray_has_no_crossing() {
     assert_eq!(first_crossing(&s, DVec3::splat(1e300), DVec3::X, f64::INFINITY), None);
     assert_eq!(value(&s, nan), -1024.0);
     assert_eq!(value(&s, DVec3::splat(-1e300)), -1024.0);
-    // Directions of any length are the same direction.
+    // Directions of any length are equivalent.
     let hit = first_crossing(&s, c, DVec3::X, 9.0).unwrap();
     for scale in [1e-310, 1e-12, 1e12, 1e308] {
         assert_eq!(first_crossing(&s, c, DVec3::X * scale, 9.0), Some(hit));

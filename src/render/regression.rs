@@ -2,17 +2,17 @@
 //!
 //! f(x, y, z) = Ax + By + Cz + D is fitted to the 26 neighbours of a voxel by weighted least squares, with x, y, z in
 //! mm along the index axes and weights w = 1/d². The window and the weights are symmetric in every axis, so all mixed
-//! sums vanish and the fit decouples: A = Σwfx / Σwx², B and C alike, D = Σwf / Σw. The centre voxel has d = 0 and is
-//! left out, also of D: it has no part in A, B and C, and an infinite one in D, which would filter nothing.
-//! On a sheared grid d is taken as if the axes were orthogonal: any symmetric weights give a fit, and (A, B, C) is
-//! turned into the world's gradient by the inverse transpose of the directions, which is exact for every grid.
+//! sums vanish and the fit decouples: A = Σwfx / Σwx², B and C likewise, D = Σwf / Σw. The centre voxel has d = 0 and
+//! is left out, also of D: it contributes nothing to A, B and C, and would have infinite weight in D, which would then
+//! filter nothing. On a sheared grid d is computed as if the axes were orthogonal. Any symmetric weights give a fit,
+//! and the inverse transpose of the directions turns (A, B, C) into the world gradient, which is exact for every grid.
 //!
 //! At a point between voxels the paper interpolates the regressions of the eight voxels around it. Both steps are
-//! linear, so they commute, and the kernel here interpolates first: along each axis the four samples −1 … 2 around the
-//! point give, with t the point's place between 0 and 1, the shifted values f(−1), f(0), f(1) by linear interpolation,
-//! of which the sums only need the even part e = f(−1) + f(1), the odd part o = f(1) − f(−1) and c = f(0): since w
-//! depends on |x|, |y|, |z| alone, A = Σ a(y, z) · o_x · (c or e)_y · (c or e)_z with four coefficients, B and C alike,
-//! and D has eight. The 64 voxels are read once and reduced axis by axis.
+//! linear, so they commute, and the kernel here interpolates first. Along each axis, with t the point's place between 0
+//! and 1, linear interpolation of the four samples −1 … 2 around the point gives the shifted values f(−1), f(0), f(1).
+//! The sums only need their even part e = f(−1) + f(1), their odd part o = f(1) − f(−1), and c = f(0). Since w depends
+//! on |x|, |y|, |z| alone, A = Σ a(y, z) · o_x · (c or e)_y · (c or e)_z with four coefficients, B and C likewise, and
+//! D has eight. The 64 voxels are read once and reduced axis by axis.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -20,7 +20,7 @@ use glam::{DVec3, Mat3, Vec3, Vec4};
 
 use crate::volume::Volume;
 
-/// What the regression weighs a neighbour at the distance d (mm) with.
+/// The weight that the regression gives a neighbour at the distance d (mm).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weighting {
     /// 1/d², the default.
@@ -29,7 +29,7 @@ pub enum Weighting {
     Inverse,
 }
 
-/// A fit: the gradient along the index axes in HU/mm, and the filtered density in HU.
+/// A regression fit: the gradient along the index axes in HU/mm, and the filtered density in HU.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fit {
     /// (A, B, C): change along each index axis, HU/mm.
@@ -41,21 +41,21 @@ pub struct Fit {
 /// Rows of four voxels along x: `[z][y]`.
 pub type Block = [[Vec4; 4]; 4];
 
-/// The coefficients of the regression for one grid.
+/// The regression coefficients for one grid.
 #[derive(Clone, Copy, Debug)]
 pub struct Regression {
-    /// For A: indexed by whether |z| is 1, then |y|.
+    /// For A, indexed by |z|, then |y| (each 0 or 1).
     pub(super) a: [[f32; 2]; 2],
-    /// For B: whether |x| is 1, then |z|.
+    /// For B, indexed by |x|, then |z|.
     pub(super) b: [[f32; 2]; 2],
-    /// For C: whether |x| is 1, then |y|.
+    /// For C, indexed by |x|, then |y|.
     pub(super) c: [[f32; 2]; 2],
-    /// For D: whether |x| is 1, then |z|, then |y|.
+    /// For D, indexed by |x|, then |z|, then |y|.
     d: [[[f32; 2]; 2]; 2],
 }
 
 impl Regression {
-    /// Coefficients for voxels of `spacing` mm.
+    /// Computes the coefficients for voxels of `spacing` mm.
     pub fn new(spacing: DVec3, weighting: Weighting) -> Self {
         let weight = |x: usize, y: usize, z: usize| {
             let d2 = (DVec3::new(x as f64, y as f64, z as f64) * spacing).length_squared();
@@ -73,7 +73,7 @@ impl Regression {
             let w = |u, v| [weight(1, u, v), weight(u, 1, v), weight(u, v, 1)][axis];
             2.0 * places.map(|(u, v)| w(u, v) * count(u) * count(v)).sum::<f64>()
         };
-        // w·x / Σwx², the x of the neighbour at ±1 being ±spacing.
+        // w·x / Σwx², with ±spacing as the x of the neighbour at ±1.
         let scale: [f64; 3] = std::array::from_fn(|axis| 1.0 / (sum(axis) * spacing[axis]));
         let all: f64 = two
             .iter()
@@ -88,12 +88,12 @@ impl Regression {
         }
     }
 
-    /// The fit at the point `t` (0 to 1 along each axis) of the block's inner cell.
+    /// Returns the fit at the point `t` (0 to 1 along each axis) of the block's inner cell.
     #[inline(always)]
     pub fn fit(&self, block: &Block, t: Vec3) -> Fit {
         let z = std::array::from_fn::<_, 4, _>(|y| parts([block[0][y], block[1][y], block[2][y], block[3][y]], t.z));
         let part = |n: usize| parts([z[0][n], z[1][n], z[2][n], z[3][n]], t.y);
-        // Named by the part along z, then along y.
+        // Named after the part along z, then along y.
         let [cc, ce, co] = part(0);
         let [ec, ee, eo] = part(1);
         let [oc, oe, _] = part(2);
@@ -109,7 +109,7 @@ impl Regression {
     }
 }
 
-/// c, e and o (see the module) of four samples at `t` between the middle two.
+/// Returns c, e and o (see the module) of four samples at `t` between the middle two.
 #[inline(always)]
 pub(super) fn parts<V: Copy + Add<Output = V> + Sub<Output = V> + Mul<T, Output = V>, T: Copy>(
     r: [V; 4],
@@ -120,7 +120,7 @@ pub(super) fn parts<V: Copy + Add<Output = V> + Sub<Output = V> + Mul<T, Output 
     [r[1] + (r[2] - r[1]) * t, e0 + (e1 - e0) * t, o0 + (o1 - o0) * t]
 }
 
-/// The 4×4×4 voxels from `first` on; air outside the volume.
+/// Returns the 4×4×4 voxels from `first` on, with air outside the volume.
 #[inline(always)]
 pub fn block(volume: &Volume, first: [i32; 3]) -> Block {
     let dims = volume.grid().dims();
@@ -129,7 +129,7 @@ pub fn block(volume: &Volume, first: [i32; 3]) -> Block {
         let n = volume.grid().index(first[0] as usize, first[1] as usize, first[2] as usize);
         let (row, slice) = (dims[0], dims[0] * dims[1]);
         let data = volume.data();
-        // Loops, not closures: within the loop of a ray the optimiser may give up on the latter.
+        // Use loops, not closures: inside a ray's loop the optimiser may give up on closures.
         let mut all = [[Vec4::ZERO; 4]; 4];
         for (z, plane) in all.iter_mut().enumerate() {
             for (y, four) in plane.iter_mut().enumerate() {
@@ -147,8 +147,8 @@ pub fn block(volume: &Volume, first: [i32; 3]) -> Block {
     }
 }
 
-/// Central differences at voxels, interpolated to the point `t` of the block's inner cell, HU/mm along the index axes:
-/// what the regression is compared with.
+/// Returns central differences at voxels, interpolated to the point `t` of the block's inner cell, HU/mm along the
+/// index axes. The regression is compared with them.
 pub fn central_differences(block: &Block, t: Vec3, spacing: Vec3) -> Vec3 {
     let z = std::array::from_fn::<_, 4, _>(|y| parts([block[0][y], block[1][y], block[2][y], block[3][y]], t.z));
     let [cc, _, co] = parts([z[0][0], z[1][0], z[2][0], z[3][0]], t.y);
@@ -158,7 +158,8 @@ pub fn central_differences(block: &Block, t: Vec3, spacing: Vec3) -> Vec3 {
     Vec3::new(o.dot(cc), c.dot(co), c.dot(oc)) / (2.0 * spacing)
 }
 
-/// What turns changes along the index axes (per mm) into the world's gradient: the inverse transpose of the directions.
+/// Returns the matrix that turns changes along the index axes (per mm) into the world gradient: the inverse transpose
+/// of the directions.
 pub fn to_world(volume: &Volume) -> Mat3 {
     volume.grid().direction().inverse().transpose().as_mat3()
 }

@@ -17,7 +17,7 @@ fn sampled(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3)
     Volume::new(grid, data)
 }
 
-/// The paper's form: a regression by the sums' definition at each of the eight voxels, then interpolated.
+/// The paper's form: a regression by the definition of the sums at each of the eight voxels, then interpolated.
 fn naive(volume: &Volume, p: DVec3, spacing: DVec3) -> (DVec3, f64) {
     let base = p.floor();
     let t = p - base;
@@ -59,7 +59,7 @@ fn interpolating_first_is_the_same() {
     let regression = Regression::new(spacing, Weighting::InverseSquare);
     for n in 0..500 {
         let u = |k| hash::uniform(n, k);
-        // Also beyond the border, where air takes part.
+        // Includes places beyond the border, where air takes part.
         let p = DVec3::new(9.0 * u(0) - 1.0, 10.0 * u(1) - 1.0, 8.0 * u(2) - 1.0);
         let (first, t) = place(p);
         let fit = regression.fit(&block(&v, first), t);
@@ -71,7 +71,7 @@ fn interpolating_first_is_the_same() {
 
 #[test]
 fn linear_values_are_fitted_exactly_in_the_world() {
-    // Sheared, turned, left-handed, and with slices far apart.
+    // Sheared, rotated, left-handed, and with slices far apart.
     let shear = DMat3::from_cols(DVec3::NEG_X, DVec3::new(0.0, 0.8, 0.6), DVec3::new(0.1, -0.6, 0.9));
     for spacing in [DVec3::ONE, DVec3::new(0.3, 0.3, 10.0), DVec3::new(1.0, 2.0, 0.5)] {
         let g = DVec3::new(80.0, -50.0, 30.0);
@@ -88,7 +88,8 @@ fn linear_values_are_fitted_exactly_in_the_world() {
     }
 }
 
-/// The error function by its series and continued fraction's asymptote, to 1e-7: enough for an edge of 1000 HU.
+/// The error function, by its series and the asymptote of its continued fraction, to 1e-7: accurate enough for an edge
+/// of 1000 HU.
 fn erf(x: f64) -> f64 {
     if x.abs() > 4.0 {
         return x.signum();
@@ -101,8 +102,8 @@ fn erf(x: f64) -> f64 {
     sum * 2.0 / std::f64::consts::PI.sqrt()
 }
 
-/// Mean angular error in degrees on a tube of 20 voxels radius, edge 1000 HU blurred by one voxel, for the noise
-/// levels 0, 30 and 100 HU: central differences, then 1/d², then 1/d.
+/// Mean angular error in degrees on a tube of 20 voxels radius with an edge of 1000 HU blurred by one voxel, for the
+/// noise levels 0, 30 and 100 HU: central differences, then 1/d², then 1/d.
 fn tube_errors() -> [[f64; 3]; 3] {
     let axis = DVec3::new(0.3, 0.2, 1.0).normalize();
     let centre = DVec3::splat(31.7);

@@ -1,74 +1,81 @@
-//! A way to make pictures, with whatever it keeps from one to the next.
+//! The renderer interface.
 
 use super::adaptive::Budget;
 use super::memory::MemoryPart;
 use super::{Frame, Settings, View, Work};
 
-/// Side of the squares of pixels by which [`Renderer::render_squares`] is told what to trace.
+/// Side of the pixel squares that [`Renderer::render_squares`] traces, pixels.
 pub const SQUARE: usize = 2;
 
-/// Renders views of one volume, in the order of a flight. It may keep what it likes between frames as long as each
-/// frame is as good on its own: the views may jump.
+/// Renders views of one volume in the order of a flight.
+///
+/// A renderer may keep any data between frames as long as each frame is as good as it would be without: the views may
+/// jump.
 pub trait Renderer: Send + Sync {
-    /// Renders `view` into `frame` (made to fit if it does not), on all of rayon's threads; the same bytes for every
-    /// number of threads, if the views before were the same.
+    /// Renders `view` into `frame`, resizing it if needed, on all of rayon's threads.
+    ///
+    /// The bytes are the same for every number of threads, provided that the previous views were the same.
     fn render(&mut self, view: &View, frame: &mut Frame) -> Work;
 
-    /// Memory that it takes now, beside the 16-bit voxels, bytes.
+    /// Returns the memory in use beside the 16-bit voxels, bytes.
     fn bytes(&self) -> usize {
         self.parts().iter().map(|p| p.1).sum()
     }
 
-    /// What that memory is for, and how much of it, bytes.
+    /// Returns the purposes of that memory with their sizes, bytes.
     fn parts(&self) -> Vec<(MemoryPart, usize)>;
 
-    /// Lets each picture from now on cost about so much. Only renderers whose detail follows the need listen.
+    /// Sets the approximate cost of each following picture. Only renderers with adaptive detail use it.
     fn set_budget(&mut self, _budget: Budget) {}
 
-    /// Whether it traces a part of the pixels and stretches them: strips of a picture, each rendered as one of its own, would
-    /// not fit together.
+    /// Returns true if the renderer traces a part of the pixels and stretches them. Strips of a picture that are
+    /// rendered separately would then not fit together.
     fn stretches(&self) -> bool {
         false
     }
 
-    /// How detailed the last picture is, where that follows the need.
+    /// Returns the detail of the last picture, if the detail adapts.
     fn detail(&self) -> Option<Detail> {
         None
     }
 
-    /// A renderer of the same volume for the samples that a picture at rest is refined with, as good as rays one after the
-    /// other by `settings`; it shares what this one has prepared. Where it is none, rays one after the other make the samples of
-    /// this crate's presets, and the pictures of a preset of another crate stay as sharp as that makes them.
+    /// Creates a renderer of the same volume for the samples that refine a picture at rest, with the quality of single
+    /// rays by `settings`. It shares this renderer's prepared data.
+    ///
+    /// If it returns `None`, single rays make the samples for this crate's presets, and the pictures of a preset of
+    /// another crate stay as sharp as that preset makes them.
     fn refining(&self, _settings: Settings) -> Option<Box<dyn Renderer>> {
         None
     }
 
-    /// As [`Renderer::render`], where only the squares of [`SQUARE`] × [`SQUARE`] pixels that are `wanted` (row by row of
-    /// squares) are looked at: what `frame` holds elsewhere does not matter.
+    /// Renders like [`Renderer::render`], but only needs to trace the squares of [`SQUARE`] × [`SQUARE`] pixels that
+    /// are `wanted` (row by row of squares). The content of `frame` elsewhere does not matter.
     fn render_squares(&mut self, view: &View, frame: &mut Frame, _wanted: &[bool]) -> Work {
         self.render(view, frame)
     }
 
-    /// What it did wrong since the last call, where somebody holds it to its promises: who, and what. Renderers of other crates
-    /// are held to theirs; they need not implement this.
+    /// Returns a violation of the renderer contract since the last call, if the renderer is checked: the culprit and
+    /// the problem.
+    ///
+    /// Renderers of other crates are checked automatically and need not implement this.
     fn complaint(&mut self) -> Option<(String, String)> {
         None
     }
 
-    /// Memory that it takes now and shares neither with the renderer that it [refines](Renderer::refining) nor with the
-    /// volume, bytes.
+    /// Returns the memory in use that is shared neither with the renderer that this one [refines](Renderer::refining)
+    /// nor with the volume, bytes.
     fn own_bytes(&self) -> usize {
         0
     }
 }
 
-/// How detailed a picture is.
+/// The detail of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Detail {
-    /// Pixels that were traced, before the picture was stretched.
+    /// Traced pixels, before the picture was stretched.
     pub size: (usize, usize),
-    /// Samples of the reference that each pixel has.
+    /// Reference-quality samples per pixel.
     pub samples: u32,
-    /// Whether the same view rendered again would be no better.
+    /// True if rendering the same view again would not improve it.
     pub best: bool,
 }

@@ -1,5 +1,5 @@
-//! What a place in the volume is like: its value and the fit around it, interpolated (high detail) or of the nearest
-//! voxel (low detail).
+//! Sampling of the volume: the value and the fit at a point, interpolated (high detail) or from the nearest voxel (low
+//! detail).
 
 use glam::{DVec3, Vec3};
 
@@ -9,45 +9,47 @@ use super::march::round;
 use super::prepared_volume::PreparedVolume;
 use super::regression::{Fit, Regression, Weighting, block};
 
-/// How voxels are turned into values between them. Places are grown voxel coordinates (see [`super::march`]).
+/// Evaluates the volume between voxels. Positions are grown voxel coordinates (see [`super::march`]).
 pub trait Sampler: Sync {
-    /// HU at `q`.
+    /// Returns the HU at `q`.
     fn value(&self, q: Vec3) -> f32;
-    /// The 4D regression at `q`.
+    /// Returns the 4D regression at `q`.
     fn fit(&self, q: Vec3) -> Fit;
-    /// Whether `q` lies in a homogeneous region that is not empty: the nearest voxel is flagged, and opaque.
+    /// Returns true if `q` is in a homogeneous region that is not empty: the nearest voxel is flagged and opaque.
     fn is_within_tissue(&self, q: Vec3) -> bool;
 
-    /// The gradient at a place that is not empty, HU/mm along the index axes. In a homogeneous region it is 0, which stands
-    /// for one that points at the camera (the paper's section 2.2).
+    /// Returns the gradient at a point that is not empty, HU/mm along the index axes.
+    ///
+    /// It is 0 in a homogeneous region, which stands for a gradient that points at the camera (the paper's section
+    /// 2.2).
     #[inline(always)]
     fn gradient(&self, q: Vec3) -> Vec3 {
         if self.is_within_tissue(q) { Vec3::ZERO } else { self.fit(q).gradient }
     }
 }
 
-/// A sampler whose regressions are those at voxels, so that they can be kept: each at one voxel, or interpolated between
-/// eight.
+/// A sampler whose regressions are computed at voxels, so that they can be kept. Each is that of one voxel, or is
+/// interpolated between eight.
 pub trait VoxelSampler: Sampler {
-    /// Whether the fit at a place is interpolated between the eight voxels around it, or that at the nearest one.
+    /// True if a fit is interpolated between the eight voxels around it, false if it is that of the nearest one.
     const INTERPOLATES: bool;
 
-    /// The regression at voxel `v`, counted from voxel −1.
+    /// Returns the regression at voxel `v`, counted from voxel −1.
     fn fit_at(&self, v: [i32; 3]) -> Fit;
 
-    /// The least and the greatest density that matter, HU; the wall's ramp lies between them.
+    /// Returns the least and the greatest relevant density, HU. The wall's ramp is between them.
     fn densities(&self) -> [f32; 2];
 }
 
-/// Densities of a scanner's 16-bit voxels, HU; what lies beyond is as if it were at the bound.
+/// Range of a scanner's 16-bit voxels, HU. Values beyond are clamped.
 const SCANNER_HU: [f32; 2] = [-1024.0, 3071.0];
 
-/// The densities of the 16-bit voxels of `space`.
+/// Returns the density range of the 16-bit voxels of `volume`.
 fn densities(volume: &PreparedVolume) -> [f32; 2] {
     [SCANNER_HU[0].min(volume.transfer().lo()), SCANNER_HU[1].max(volume.transfer().hi())]
 }
 
-/// Whether the voxel nearest to `q` is flagged as homogeneous.
+/// Returns true if the voxel nearest to `q` is flagged as homogeneous.
 #[inline(always)]
 pub(super) fn is_homogeneous(volume: &PreparedVolume, q: Vec3) -> bool {
     let dims = volume.voxels().grid().dims();
@@ -55,10 +57,10 @@ pub(super) fn is_homogeneous(volume: &PreparedVolume, q: Vec3) -> bool {
     i < dims[0] && j < dims[1] && k < dims[2] && volume.flags().homogeneous(volume.voxels(), i, j, k)
 }
 
-/// Whether the voxel nearest to `q` is flagged as homogeneous, and not empty.
+/// Returns true if the voxel nearest to `q` is flagged as homogeneous, and is not empty.
 ///
-/// The flag alone does not do: a filtered density depends on voxels beyond the flag's neighbourhood, so that it may be seen
-/// where the nearest voxel is flagged as empty.
+/// The flag alone is not sufficient. A filtered density depends on voxels beyond the flag's neighbourhood, so it may be
+/// visible where the nearest voxel is flagged as empty.
 #[inline(always)]
 pub(super) fn is_within_tissue(volume: &PreparedVolume, q: Vec3) -> bool {
     let voxels = volume.voxels();
@@ -71,32 +73,32 @@ pub(super) fn is_within_tissue(volume: &PreparedVolume, q: Vec3) -> bool {
         && volume.flags().homogeneous(voxels, i, j, k)
 }
 
-/// High detail: trilinear values, and the regressions of the eight nearest voxels interpolated.
+/// High detail: trilinear values, and interpolated regressions of the eight nearest voxels.
 pub struct Trilinear<'a> {
     volume: &'a PreparedVolume,
     regression: Regression,
 }
 
-/// Low detail: everything is that of the nearest voxel.
+/// Low detail: everything comes from the nearest voxel.
 pub struct Nearest<'a> {
     volume: &'a PreparedVolume,
     regression: Regression,
 }
 
 impl<'a> Trilinear<'a> {
-    /// A sampler of `space`.
+    /// Creates a sampler of `volume`.
     pub fn new(volume: &'a PreparedVolume) -> Self {
         Self { volume, regression: regression(volume) }
     }
 
-    /// What is sampled.
+    /// Returns the sampled volume.
     pub fn volume(&self) -> &'a PreparedVolume {
         self.volume
     }
 }
 
 impl<'a> Nearest<'a> {
-    /// A sampler of `space`.
+    /// Creates a sampler of `volume`.
     pub fn new(volume: &'a PreparedVolume) -> Self {
         Self { volume, regression: regression(volume) }
     }
@@ -107,15 +109,15 @@ pub(super) fn regression(volume: &PreparedVolume) -> Regression {
     Regression::new(spacing, Weighting::InverseSquare)
 }
 
-/// A cell that `q` lies in, counted from cell −1, and the place within it, 0 to 1. On the plane between two cells,
-/// either is as good.
+/// Returns a cell that contains `q`, counted from cell −1, and the position within it, 0 to 1. On the plane between two
+/// cells, either is valid.
 #[inline(always)]
 pub(super) fn split(q: Vec3) -> ([i32; 3], Vec3) {
     let cell = round(q + 0.5).map(|c| c - 1);
     (cell, q - Vec3::from_array(cell.map(|c| c as f32)))
 }
 
-/// The nearest voxel to `q`, counted from voxel −1; of two as near the even one.
+/// Returns the voxel nearest to `q`, counted from voxel −1; ties go to the even one.
 #[inline(always)]
 pub(crate) fn nearest(q: Vec3) -> [i32; 3] {
     round(q)
@@ -150,7 +152,7 @@ impl Sampler for Trilinear<'_> {
 impl VoxelSampler for Trilinear<'_> {
     const INTERPOLATES: bool = true;
 
-    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    // A separate function: inside a ray's loop the optimiser gives up on it.
     #[inline(never)]
     fn fit_at(&self, v: [i32; 3]) -> Fit {
         self.regression.fit(&block(self.volume.voxels(), v.map(|c| c - 2)), Vec3::ZERO)
@@ -185,7 +187,7 @@ impl Sampler for Nearest<'_> {
 impl VoxelSampler for Nearest<'_> {
     const INTERPOLATES: bool = false;
 
-    // A function of its own: within the loop of a ray the optimiser gives up on it.
+    // A separate function: inside a ray's loop the optimiser gives up on it.
     #[inline(never)]
     fn fit_at(&self, v: [i32; 3]) -> Fit {
         self.regression.fit(&block(self.volume.voxels(), v.map(|c| c - 2)), Vec3::ZERO)
@@ -196,7 +198,7 @@ impl VoxelSampler for Nearest<'_> {
     }
 }
 
-/// The corners of a cell counted from cell −1: x fastest, then y, then z; air outside the volume.
+/// Returns the corners of a cell counted from cell −1: x fastest, then y, then z, with air outside the volume.
 #[inline(always)]
 fn corners(volume: &PreparedVolume, cell: [i32; 3]) -> [i16; 8] {
     let voxels = volume.voxels();

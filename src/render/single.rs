@@ -1,4 +1,4 @@
-//! Rays one after the other with the ideas of the paper's section 2.2 that a scene chooses ([`Choices`](super::Choices)).
+//! Single rays with the ideas of the paper's section 2.2 that a scene can choose ([`Choices`](super::Choices)).
 
 use super::begin::Begin;
 use super::caster::ImageRequest;
@@ -17,16 +17,16 @@ use super::sampler::{Trilinear, VoxelSampler};
 use super::skip::Skipper;
 use super::{Frame, PreparedVolume, Work};
 
-/// How rays through a storage leap, and where their regressions come from.
+/// The leaping method and the regression source for the rays of a storage.
 pub struct Accelerations {
-    /// How they leap.
+    /// The leaping method.
     pub leaper: Leaper,
-    /// Where regressions come from.
+    /// The source of the regressions.
     pub fits: Fits,
 }
 
 impl Accelerations {
-    /// What `leap` and `gradients` need for `space`, whose voxels `sampler` sees.
+    /// Prepares what `leap` and `gradients` need for `volume`, whose voxels `sampler` sees.
     pub fn new<S: VoxelSampler>(
         volume: &PreparedVolume,
         sampler: &S,
@@ -36,8 +36,10 @@ impl Accelerations {
         Self { leaper: Leaper::new(leap, volume), fits: Fits::new(gradients, sampler, volume) }
     }
 
-    /// Casts a picture through voxels that `sampler` sees; by the storage's own flags it leaps with the first of `flags` where
-    /// values are classified, with the second where densities are.
+    /// Casts a picture through the voxels that `sampler` sees.
+    ///
+    /// `flags` leap by the storage's own flags: the first is used where values are classified, the second where
+    /// densities are.
     pub fn image<S: VoxelSampler, V: Skipper, D: Skipper, B: Begin>(
         &self,
         request: &ImageRequest<'_>,
@@ -60,19 +62,19 @@ impl Accelerations {
         }
     }
 
-    /// Memory beside the flags, by what it is for.
+    /// Returns the memory beside the flags, by purpose.
     pub fn parts(&self) -> impl Iterator<Item = (MemoryPart, usize)> {
         self.leaper.part().into_iter().chain(self.fits.part())
     }
 }
 
-/// Rays through the 16-bit voxels by the choices of `settings`.
+/// Creates a renderer of the 16-bit voxels with the choices of `settings`.
 pub fn words(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
     let choices = settings.choices;
     if !choices.need_single_rays() {
         return Box::new(Direct::new(volume, settings));
     }
-    // Where no voxel has a flag, bricks do what the flags would.
+    // If no voxel has a flag, bricks replace the flags.
     let own = if volume.flags().has_bits() { Leaping::Flag } else { Leaping::Brick };
     let gradients = choices.gradients.unwrap_or(GradientSource::None);
     let accelerations = Accelerations::new(volume, &Trilinear::new(volume), choices.leap.unwrap_or(own), gradients);
@@ -81,7 +83,7 @@ pub fn words(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<d
     by_frames(storage, settings, key_frames)
 }
 
-/// Pictures each on its own, or by the paper's rule with a key frame every so often.
+/// Creates a renderer of independent pictures, or one that follows the paper's rule with regular key frames.
 pub fn by_frames<S: VoxelStorage + 'static>(
     storage: S,
     settings: Settings,
@@ -93,8 +95,8 @@ pub fn by_frames<S: VoxelStorage + 'static>(
     }
 }
 
-/// The settings of the traced part of a picture that low detail stretches: high detail, by steps of half a voxel at the most,
-/// since longer ones save little and cost much.
+/// Returns the settings for tracing a picture that low detail stretches: high detail, with steps of half a voxel at the
+/// most, since longer ones save little and cost much quality.
 pub fn stretched(settings: Settings) -> Settings {
     Settings { quality: Quality::High, step_power: settings.step_power.min(-1), ..settings }
 }

@@ -1,4 +1,4 @@
-//! Which samples of a ray need not be looked at.
+//! Skipping of samples that need not be evaluated.
 
 use glam::{Vec3, Vec3A};
 
@@ -7,20 +7,21 @@ use super::march::Ray;
 use super::prepared_volume::PreparedVolume;
 use super::sampler::nearest;
 
-/// Leaps over samples whose opacity is 0. It may only leave out such samples, so that the picture is the same bit for
-/// bit with any skipper.
+/// Leaps over samples whose opacity is 0.
+///
+/// An implementation may only leave out such samples, so all of them produce the same picture bit for bit.
 pub trait Skipper: Sync {
-    /// Where a ray has come to.
+    /// The state of a ray's walk.
     type Walk;
 
-    /// Begins a ray at sample `n`, which is one of its samples.
+    /// Starts a ray at sample `n`, which must be one of its samples.
     fn start(&self, ray: &Ray, n: u32) -> Self::Walk;
 
-    /// The first sample from `n` on that may be seen; the ray's count or more where there is none.
+    /// Returns the first sample from `n` on that may be visible, or the ray's count or more if there is none.
     fn next(&self, walk: &mut Self::Walk, ray: &Ray, n: u32) -> u32;
 }
 
-/// Leaves out nothing: brute force.
+/// Skips nothing: brute force.
 pub struct Everything;
 
 impl Skipper for Everything {
@@ -34,51 +35,54 @@ impl Skipper for Everything {
     }
 }
 
-/// Leaps over empty bricks, and with `VOXELS` also over single voxels that are flagged as homogeneous and empty. The
-/// latter only tells of 3×3×3 voxels, too few where a sample depends on the regressions of all eight voxels around it.
+/// Leaps over empty bricks, and with `VOXELS` also over single voxels that are flagged as homogeneous and empty.
+///
+/// A voxel's flag only covers 3×3×3 voxels, which is too few where a sample depends on the regressions of all eight
+/// voxels around it.
 pub struct Leap<'a, const VOXELS: bool> {
     volume: &'a PreparedVolume,
     flags: &'a Flags,
 }
 
-/// A ray on its way from brick to brick (Amanatides and Woo 1987), without branches: it waits for results, not for work.
+/// A ray walking from brick to brick (Amanatides and Woo 1987), without branches: it is bound by latency, not
+/// throughput.
 pub struct Bricks {
     /// The planes ahead, grown voxel coordinates.
     planes: Vec3A,
-    /// From a plane to the next.
+    /// Offset from one plane to the next.
     step: Vec3A,
-    /// At how many samples the planes ahead are met.
+    /// The numbers of samples after which the planes ahead are met.
     meets: Vec3A,
     inverse: Vec3A,
     offset: Vec3A,
-    /// The brick's place in the list of bricks.
+    /// The index of the brick in the list of bricks.
     brick: isize,
-    /// By how much that changes for each set of axes along which the walk moves on (bit 0: x, …).
+    /// The change of that index for each set of axes along which the walk advances (bit 0: x, …).
     strides: [isize; 8],
-    /// Samples from here on lie in later bricks.
+    /// Samples from here on are in later bricks.
     exit: u32,
 }
 
 impl Bricks {
-    /// How many samples of the ray lie before the next plane, at least: fewer by more than the errors of f32.
+    /// Returns a lower bound for the number of samples before the next plane, allowing for f32 errors.
     #[inline(always)]
     fn fewest_before(ahead: f32) -> u32 {
         ((ahead - Self::slack(ahead)) as u32).saturating_add(1)
     }
 
-    /// How many samples of the ray lie before the next plane, at most: more by more than the errors of f32.
+    /// Returns an upper bound for the number of samples before the next plane, allowing for f32 errors.
     #[inline(always)]
     fn most_before(ahead: f32) -> u32 {
         ((ahead + Self::slack(ahead)) as u32).saturating_add(1)
     }
 
-    /// More than f32 errs by, samples.
+    /// Returns an upper bound for the f32 error, samples.
     #[inline(always)]
     fn slack(ahead: f32) -> f32 {
         0.01 + ahead * 1e-6
     }
 
-    /// Moves on by one brick and returns after how many samples.
+    /// Advances by one brick and returns the number of samples at which that happens.
     #[inline(always)]
     fn advance(&mut self) -> f32 {
         let t = self.meets.min_element();
@@ -91,13 +95,13 @@ impl Bricks {
 }
 
 impl<'a, const VOXELS: bool> Leap<'a, VOXELS> {
-    /// Leaps by the flags of `space`.
+    /// Leaps by the flags of `volume`.
     pub fn new(volume: &'a PreparedVolume) -> Self {
         Self { volume, flags: volume.flags() }
     }
 }
 
-/// Whether the nearest voxel to `q` and its 26 neighbours are empty.
+/// Returns true if the nearest voxel to `q` and its 26 neighbours are empty.
 #[inline(always)]
 pub(super) fn is_empty_voxel(volume: &PreparedVolume, q: Vec3) -> bool {
     let voxels = volume.voxels();
@@ -153,11 +157,11 @@ impl<const VOXELS: bool> Skipper for Leap<'_, VOXELS> {
                 if !VOXELS || !is_empty_voxel(self.volume, ray.at(n)) {
                     return n;
                 }
-                // The whole neighbourhood is empty, out to a voxel from its centre, and the place is within half of
-                // one; so are all samples less than the other half away.
+                // The whole neighbourhood is empty, out to one voxel from its centre, and the sample is within half a
+                // voxel of it. So are all samples that are less than another half voxel away.
                 n += ray.near;
             }
-            // On to the next brick in which something may be seen.
+            // Advance to the next brick in which something may be visible.
             let entry = loop {
                 let t = walk.advance();
                 if t >= count {

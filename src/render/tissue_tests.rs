@@ -1,7 +1,7 @@
-//! The camera within tissue: a homogeneous region that is not empty, whose gradient points at the camera.
+//! A camera within tissue: a homogeneous region that is not empty, whose gradient points at the camera.
 //!
-//! The truth is computed here, voxel by voxel: the first sample of each ray is opaque, so the picture is the colour of its value
-//! or filtered density in full light, as of a wall that is seen head on.
+//! The expected picture is computed here, voxel by voxel. The first sample of each ray is opaque, so the picture is the
+//! colour of its value or filtered density in full light, as on a wall seen head on.
 
 use std::sync::Arc;
 
@@ -14,15 +14,15 @@ use crate::volume::{Grid, Volume};
 
 const SIZE: usize = 24;
 
-/// Tissue all round, its density uneven, as noise makes it: a regression finds a gradient of any direction in it. Within what
-/// seven bits tell apart.
+/// Tissue everywhere, with uneven density as from noise: a regression finds gradients of any direction in it. The
+/// values are within what seven bits can distinguish.
 fn tissue(spacing: DVec3) -> PreparedVolume {
     let grid = Grid::new([SIZE; 3], spacing, DVec3::new(5.0, -7.0, 11.0), DMat3::from_rotation_y(0.3)).unwrap();
     let data = (0..grid.len() as u64).map(|n| (-450.0 + 300.0 * hash::uniform(3, n)) as i16).collect();
     PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
-/// D of the 4D regression at a voxel: the mean of its 26 neighbours, weighted by 1/d².
+/// Returns D of the 4D regression at a voxel: the mean of its 26 neighbours, weighted by 1/d².
 fn density(volume: &Volume, v: [i64; 3]) -> f64 {
     let spacing = volume.grid().spacing();
     let (mut sum, mut weights) = (0.0, 0.0);
@@ -36,7 +36,7 @@ fn density(volume: &Volume, v: [i64; 3]) -> f64 {
     sum / weights
 }
 
-/// What `of_voxel` gives at a place (voxel coordinates): interpolated between eight voxels, or at the nearest one.
+/// Evaluates `of_voxel` at a place (voxel coordinates): interpolated between eight voxels, or at the nearest one.
 fn at(place: DVec3, detail: Quality, of_voxel: impl Fn([i64; 3]) -> f64) -> f64 {
     if detail == Quality::Low {
         return of_voxel(place.round().to_array().map(|c| c as i64));
@@ -51,7 +51,7 @@ fn at(place: DVec3, detail: Quality, of_voxel: impl Fn([i64; 3]) -> f64) -> f64 
         .sum()
 }
 
-/// The picture's truth.
+/// Computes the expected picture.
 fn truth(volume: &PreparedVolume, view: &View, settings: &Settings, by_density: bool) -> Vec<Vec3> {
     let (volume, grid) = (volume.voxels(), volume.voxels().grid());
     let first = 0.5 * grid.min_spacing() * 2f64.powi(settings.step_power);
@@ -101,8 +101,8 @@ fn tissue_all_round_is_as_bright_as_a_wall_seen_head_on() {
     }
 }
 
-/// A filtered density reaches beyond the flag's neighbourhood: next to the wall it is seen where the nearest voxel is flagged as
-/// empty, and is shaded by its gradient all the same.
+/// A filtered density reaches beyond the flag's neighbourhood. Next to the wall it is visible where the nearest voxel
+/// is flagged as empty, and its gradient shades it all the same.
 #[test]
 fn gas_beside_a_slanted_wall_has_its_gradient() {
     let grid = Grid::new([SIZE; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
@@ -113,8 +113,8 @@ fn gas_beside_a_slanted_wall_has_its_gradient() {
     let settings = Settings { classification: Classification::Filtered, ..Settings::default() };
     let mut frame = Frame::default();
     renderer(&volume, settings, presets::standard::PRESET, Reuse::Allowed).render(&view, &mut frame);
-    // The wall is seen 27° from head on, and 20° to 34° over the picture and the steps of its voxels: 0.1 + 0.9 cos of full light,
-    // which is 230 to 242 in red.
+    // The wall is seen 27° from head on, and 20° to 34° over the picture and the steps of its voxels: 0.1 + 0.9 cos of
+    // full light, which is 230 to 242 in red.
     let brightest = frame.pixels().iter().map(|p| p[0]).max().unwrap();
     assert!((190..230).contains(&brightest), "{brightest}");
 }

@@ -1,14 +1,14 @@
-//! From HU to opacity and colour.
+//! The transfer function: opacity and colour for HU values.
 
 use glam::Vec3;
 
 use crate::error::{Error, Result};
 
-/// Values so little above the ramp's foot are still empty, HU: the rounding of interpolated values must not lend
+/// Values this little above the ramp's foot are still empty, HU. The rounding of interpolated values must not give
 /// opacity to a neighbourhood that is flagged as empty, so that skipping it changes no bit of the picture.
 pub(super) const FOOT: f32 = 0.01;
 
-/// The ramp of opacity over HU: nothing is seen up to `lo`, everything is opaque from `hi`, linear between.
+/// The opacity ramp over HU: transparent up to `lo`, opaque from `hi`, linear between.
 ///
 /// ```
 /// use colvis::render::TransferFunction;
@@ -24,10 +24,10 @@ pub struct TransferFunction {
 }
 
 impl TransferFunction {
-    /// A ramp from `lo` to `hi`, HU.
+    /// Creates a ramp from `lo` to `hi`, HU.
     ///
     /// # Errors
-    /// Wrong usage when a bound is not a finite 16-bit HU value or `lo` is not below `hi`.
+    /// Returns status 2 if a bound is not a finite 16-bit HU value or `lo` is not below `hi`.
     pub fn new(lo: f32, hi: f32) -> Result<Self> {
         let hint = "give LO,HI in HU with LO below HI, such as -800,-500";
         let range = -32767.0..=32767.0;
@@ -40,33 +40,33 @@ impl TransferFunction {
         Ok(Self { lo, hi })
     }
 
-    /// Opacity begins above this value, HU.
+    /// Returns the value above which opacity begins, HU.
     pub fn lo(self) -> f32 {
         self.lo
     }
 
-    /// Opacity is 1 from this value on, HU.
+    /// Returns the value from which opacity is 1, HU.
     pub fn hi(self) -> f32 {
         self.hi
     }
 
-    /// The wall itself: the ramp's middle, HU.
+    /// Returns the value of the wall, the middle of the ramp, HU.
     pub fn iso(self) -> f64 {
         0.5 * (f64::from(self.lo) + f64::from(self.hi))
     }
 }
 
 impl Default for TransferFunction {
-    /// −800 to −500 HU, the wall at −650.
+    /// Returns the ramp from −800 to −500 HU, with the wall at −650.
     fn default() -> Self {
         Self { lo: -800.0, hi: -500.0 }
     }
 }
 
-/// Opacity of one step along a ray.
+/// The opacity of one step along a ray.
 ///
-/// The opacity a of the ramp holds for a path of h, the smallest spacing; over Δs it is 1 − (1 − a)^(Δs/h). Steps are
-/// h · 2^p for a whole p, so that the power is a few square roots or squares: exact, and the same on every machine.
+/// The ramp's opacity a applies to a path of h, the smallest spacing; over Δs it is 1 − (1 − a)^(Δs/h). Steps are h ·
+/// 2^p for a whole p, so the power consists of a few square roots or squares: exact, and the same on every machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Ramp {
     foot: f32,
@@ -76,12 +76,12 @@ pub struct Ramp {
 }
 
 impl Ramp {
-    /// The ramp of `wall` for steps of h · 2^`power`.
+    /// Creates the ramp of `wall` for steps of h · 2^`power`.
     pub fn new(wall: TransferFunction, power: i32) -> Self {
         Self { foot: wall.lo() + FOOT, lo: wall.lo(), scale: 1.0 / (wall.hi() - wall.lo()), power }
     }
 
-    /// Opacity, 0 to 1, of a step at a point of value `hu`.
+    /// Returns the opacity, 0 to 1, of a step at a point of value `hu`.
     #[inline(always)]
     pub fn opacity(&self, hu: f32) -> f32 {
         if hu <= self.foot {
@@ -98,19 +98,21 @@ impl Ramp {
     }
 }
 
-/// The colour of the wall over HU, as linear shares of red, green and blue: a warm tone like that of mucosa, a little
-/// paler where the tissue is denser. It is shown as it is (no display curve), as in the paper.
+/// The colour of the wall over HU, as linear shares of red, green and blue.
+///
+/// It is a warm tone like that of mucosa, a little paler where the tissue is denser. As in the paper, no display curve
+/// is applied.
 #[derive(Clone, Copy, Debug)]
 pub struct Palette {
-    /// Colour at [`PALETTE_HU`]'s first value, and below.
+    /// The colour at and below the first value of [`PALETTE_HU`].
     base: Vec3,
-    /// Change of the colour for each HU above.
+    /// The change of the colour per HU above it.
     slope: Vec3,
 }
 
-/// Between these values the colour changes, HU.
+/// The values between which the colour changes, HU.
 pub const PALETTE_HU: [f32; 2] = [-1000.0, 100.0];
-/// The colours at them.
+/// The colours at these values.
 pub const PALETTE: [[f32; 3]; 2] = [[0.90, 0.50, 0.40], [0.95, 0.60, 0.50]];
 
 impl Default for Palette {
@@ -121,7 +123,7 @@ impl Default for Palette {
 }
 
 impl Palette {
-    /// Colour at a value.
+    /// Returns the colour at a value, HU.
     #[inline(always)]
     pub fn colour(&self, hu: f32) -> Vec3 {
         self.base + self.slope * (hu.clamp(PALETTE_HU[0], PALETTE_HU[1]) - PALETTE_HU[0])

@@ -1,10 +1,12 @@
-//! The cases of marching cubes: which edges of a cell the wall crosses, joined to triangles.
+//! The cases of marching cubes: the cell edges that the wall crosses, joined to triangles.
 //!
-//! Corner c of a cell lies at (c & 1, c >> 1 & 1, c >> 2). Edge 4a + n runs along axis a from its lower corner; n holds
-//! the two other coordinates of that corner, the next axis (cyclic) in bit 0. On each face of the cell, walked round
-//! counter-clockwise as seen from outside, the wall leaves through an edge that goes from solid to gas and comes in
-//! through one that goes from gas to solid. Every crossed edge is left through in one of its two faces and entered in
-//! the other, so following the faces gives closed loops, which are then cut into triangles.
+//! Corner c of a cell is at (c & 1, c >> 1 & 1, c >> 2). Edge 4a + n runs along axis a from its lower corner; n holds
+//! the two other coordinates of that corner, with the next axis (cyclic) in bit 0.
+//!
+//! On each face of the cell, traversed counter-clockwise as seen from outside, the wall leaves through an edge that
+//! goes from solid to gas and enters through one that goes from gas to solid. Every crossed edge is an exit in one of
+//! its two faces and an entry in the other. Following the faces therefore gives closed loops, which are then cut into
+//! triangles.
 
 use std::sync::LazyLock;
 
@@ -22,14 +24,14 @@ const FACES: [[u8; 4]; 6] = {
     faces
 };
 
-/// The edge between two corners that differ in one bit.
+/// Returns the edge between two corners that differ in one bit.
 fn edge(c: u8, d: u8) -> u8 {
     let a = (c ^ d).trailing_zeros() as u8;
     let bit = |n: u8| (c & d) >> (n % 3) & 1;
     4 * a + (bit(a + 1) | bit(a + 2) << 1)
 }
 
-/// Axis of edge `e`, and the coordinates of its lower corner.
+/// Returns the axis of edge `e` and the coordinates of its lower corner.
 pub fn place(e: u8) -> (usize, [usize; 3]) {
     let a = usize::from(e / 4);
     let mut low = [0; 3];
@@ -38,31 +40,34 @@ pub fn place(e: u8) -> (usize, [usize; 3]) {
     (a, low)
 }
 
-/// The faces of the cell that an edge lies on.
+/// Returns the two faces of the cell that contain an edge.
 fn faces_of(e: u8) -> [usize; 2] {
     let (a, low) = place(e);
     [1, 2].map(|n| 2 * ((a + n) % 3) + low[(a + n) % 3])
 }
 
-/// Whether a cut between two edges' vertices must not be: it would run along a face, and the cell beyond might cut the
-/// same way, so that four triangles met in one side. Some loops through several faces cannot do without, so a cell may
-/// join the two edges along axis a + 1 of its face on the low side of axis a, and those along a + 2 on the high side:
-/// never what its neighbour may.
+/// Returns true if a cut between the vertices of two edges is not allowed.
+///
+/// Such a cut would run along a face, and the cell beyond might make the same cut, so that four triangles would share a
+/// side. Some loops through several faces cannot avoid it. A cell may therefore join the two edges along axis a + 1 of
+/// its face on the low side of axis a, and those along a + 2 on the high side, which its neighbour may never do.
 fn clashes(e: u8, f: u8) -> bool {
     let may = |face: usize| e / 4 == f / 4 && usize::from(e / 4) == (face / 2 + 1 + face % 2) % 3;
     faces_of(e).into_iter().any(|face| faces_of(f).contains(&face) && !may(face))
 }
 
-/// The faces (bit f: face f) of a cell with the given `solid` corners whose corners alternate round the face: two
-/// readings are possible.
+/// Returns the ambiguous faces (bit f: face f) of a cell with the given `solid` corners: those whose corners alternate
+/// around the face, so that two interpretations are possible.
 pub fn ambiguous_faces(solid: u8) -> u8 {
     let is = |c: u8| solid >> c & 1 == 1;
     let alternates = |f: &[u8; 4]| is(f[0]) == is(f[2]) && is(f[1]) == is(f[3]) && is(f[0]) != is(f[1]);
     FACES.iter().enumerate().fold(0, |set, (n, f)| set | u8::from(alternates(f)) << n)
 }
 
-/// Whether the solid corners of an ambiguous face are joined across it: the value at the saddle of its bilinear
-/// function is solid. `above` is how far each corner of the cell lies above the wall.
+/// Returns true if the solid corners of an ambiguous face are joined across it: the value at the saddle of its bilinear
+/// function is solid.
+///
+/// `above` is the difference between each corner of the cell and the wall.
 pub fn is_joined(face: usize, above: &[f64; 8]) -> bool {
     let [a, b, c, d] = FACES[face].map(|c| above[usize::from(c)]);
     // The saddle's value is (ac − bd) / (a + c − b − d), and the divisor has the sign of a.
@@ -73,7 +78,7 @@ pub fn is_joined(face: usize, above: &[f64; 8]) -> bool {
     high >= low
 }
 
-/// The loops of the wall through a cell's edges, clockwise as seen from the gas.
+/// Returns the loops of the wall through a cell's edges, clockwise as seen from the gas.
 fn loops(solid: u8, joined: u8) -> Vec<Vec<u8>> {
     let is = |c: u8| solid >> c & 1 == 1;
     let mut next = [None; 12];
@@ -82,7 +87,8 @@ fn loops(solid: u8, joined: u8) -> Vec<Vec<u8>> {
             if !is(f[i]) || is(f[(i + 1) % 4]) {
                 continue;
             }
-            // Joined solid corners part the gas corners: the wall goes round the next corner, else round this one.
+            // Joined solid corners separate the gas corners, so the wall goes around the next corner, otherwise around
+            // this one.
             let ahead = joined >> n & 1 == 1 || ambiguous_faces(solid) >> n & 1 == 0;
             let steps = if ahead { [1, 2, 3] } else { [3, 2, 1] };
             let enters = steps.map(|s| (i + s) % 4).into_iter().find(|&k| !is(f[k]) && is(f[(k + 1) % 4]));
@@ -104,8 +110,8 @@ fn loops(solid: u8, joined: u8) -> Vec<Vec<u8>> {
     found
 }
 
-/// Cuts the polygon's part from `i` to `j` into triangles with as few cuts that clash as possible (the tests show that
-/// there is none). Returns how many.
+/// Cuts the polygon's part from `i` to `j` into triangles with as few clashing cuts as possible (the tests show that
+/// there are none). Returns the number of clashes.
 fn cut(polygon: &[u8], i: usize, j: usize, out: &mut Vec<[u8; 3]>) -> usize {
     let is_cut = |a: usize, b: usize| b - a > 1 && (a, b) != (0, polygon.len() - 1);
     let bad = |a: usize, b: usize| usize::from(is_cut(a, b) && clashes(polygon[a], polygon[b]));
@@ -126,7 +132,7 @@ fn cut(polygon: &[u8], i: usize, j: usize, out: &mut Vec<[u8; 3]>) -> usize {
 /// All cases.
 struct Cases {
     triangles: Vec<[u8; 3]>,
-    /// First and last of a case's triangles, by 64 · solid + joined.
+    /// The first and last of a case's triangles, indexed by 64 · solid + joined.
     ranges: Vec<(u32, u32)>,
 }
 
@@ -147,9 +153,10 @@ static CASES: LazyLock<Cases> = LazyLock::new(|| {
     cases
 });
 
-/// The triangles of a cell with the given `solid` corners (bit c: corner c), each three edges, counter-clockwise as
-/// seen from the gas in right-handed coordinates. `joined` tells of each ambiguous face whether its solid corners are
-/// joined.
+/// Returns the triangles of a cell with the given `solid` corners (bit c: corner c).
+///
+/// Each triangle has three edges, counter-clockwise as seen from the gas in right-handed coordinates. `joined` is set
+/// for each ambiguous face whose solid corners are joined.
 pub fn triangles(solid: u8, joined: u8) -> &'static [[u8; 3]] {
     let cases = &*CASES;
     let (first, last) = cases.ranges[64 * usize::from(solid) + usize::from(joined & ambiguous_faces(solid))];
@@ -160,7 +167,7 @@ pub fn triangles(solid: u8, joined: u8) -> &'static [[u8; 3]] {
 mod tests {
     use super::*;
 
-    /// Every case with every reading of its ambiguous faces.
+    /// Returns every case with every interpretation of its ambiguous faces.
     fn all() -> impl Iterator<Item = (u8, u8)> {
         (0..=255u8).flat_map(|s| (0..64u8).filter(move |j| j & !ambiguous_faces(s) == 0).map(move |j| (s, j)))
     }
@@ -199,7 +206,7 @@ mod tests {
 
     #[test]
     fn what_one_side_of_a_face_may_cut_the_other_may_not() {
-        // The same two edges of a face, as the cell below it and the one above number them.
+        // The same two edges of a face, numbered by the cell below it and by the one above.
         for (e, f) in (0..12).flat_map(|e| (0..12).map(move |f| (e, f))).filter(|(e, f)| e != f) {
             for axis in 0..3 {
                 let high = |e: u8| faces_of(e).contains(&(2 * axis + 1));

@@ -1,30 +1,31 @@
-//! Triangles before the camera, on the screen.
+//! Clipping of triangles and projection to the screen.
 //!
-//! The camera is inside the mesh, so triangles reach behind it: they are cut off at a plane just before it. A side that
-//! two triangles share is cut at the same point of both, because it is always walked from its end in front.
+//! The camera is inside the mesh, so triangles extend behind it. They are clipped at a plane just in front of it. A
+//! side that two triangles share is cut at the same point in both, because it is always traversed from its front end.
 
 use glam::Vec3;
 
-/// Subpixels in a pixel.
+/// Subpixels per pixel.
 pub const SUB: i64 = 256;
-/// Places on the screen are kept within this many pixels of its corner, so that products of differences fit 64 bits.
+/// Screen positions are kept within this many pixels of the screen's corner, so that products of differences fit 64
+/// bits.
 const FAR_OFF: f32 = (1 << 21) as f32;
 
-/// How camera coordinates (x to the right, y down, z ahead, mm) become places on the screen.
+/// The projection from camera coordinates (x to the right, y down, z ahead, mm) to screen positions.
 #[derive(Clone, Copy, Debug)]
 pub struct Screen {
-    /// Pixels to the unit of x / z.
+    /// Pixels per unit of x / z.
     pub focal: f32,
     /// The middle of the screen, pixels.
     pub middle: [f32; 2],
-    /// Nothing nearer than this is drawn, mm.
+    /// The near plane: nothing nearer is drawn, mm.
     pub near: f32,
 }
 
 /// A corner on the screen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Corner {
-    /// Place in subpixels.
+    /// Position in subpixels.
     pub at: [i64; 2],
     /// 1 / z, which is linear over the screen.
     pub inverse: f32,
@@ -36,14 +37,15 @@ impl Screen {
         let inverse = 1.0 / p.z;
         let at = |c: f32, middle: f32| {
             let pixels = (c * inverse * self.focal + middle).clamp(-FAR_OFF, FAR_OFF);
-            // Rounded by cutting off what is never negative: much cheaper than a call of round.
+            // Rounds by truncating a value that is never negative, which is much cheaper than calling round.
             const SHIFT: f64 = FAR_OFF as f64 * SUB as f64;
             (f64::from(pixels) * SUB as f64 + (SHIFT + 0.5)) as i64 - SHIFT as i64
         };
         Corner { at: [at(p.x, self.middle[0]), at(p.y, self.middle[1])], inverse }
     }
 
-    /// The part of a triangle (camera coordinates) in front of the near plane: nothing, a triangle or a quadrilateral.
+    /// Clips a triangle (camera coordinates) at the near plane and returns the number of corners: nothing, a triangle
+    /// or a quadrilateral.
     pub fn clip(&self, triangle: [Vec3; 3], out: &mut [Corner; 4]) -> usize {
         let is_front = |p: Vec3| p.z >= self.near;
         if triangle.iter().all(|&p| is_front(p)) {

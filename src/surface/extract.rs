@@ -13,7 +13,7 @@ use crate::render::regression::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
 use crate::volume::{Grid, Volume};
 
-/// Cells along a block's edge, a divisor of 64.
+/// Cells along a block's edge. It must divide 64.
 const BLOCK: usize = 4;
 
 /// See [`Mesh::new`].
@@ -28,12 +28,12 @@ pub(super) fn extract(volume: &PreparedVolume) -> Result<Mesh> {
     Ok(Mesh { origin: voxels.grid().origin(), places, normals, triangles, blocks })
 }
 
-/// Refuses what has more triangles than can be numbered.
+/// Checks that all triangles can be numbered.
 ///
 /// # Errors
-/// Status 4.
+/// Returns status 4 if there are too many.
 pub(super) fn check_count(numbers: &Numbers) -> Result<()> {
-    // Some two triangles a vertex, five at the most.
+    // There are about two triangles per vertex, five at the most.
     if numbers.total() > u64::from(u32::MAX / 5) {
         let why = format!("its wall has {} vertices, more than 32 bits count", numbers.total());
         return Err(Error::incomplete("surface", why, "resample the scan"));
@@ -52,12 +52,13 @@ pub(super) fn each_crossed(signs: &Signs, z: usize, mut visit: impl FnMut([usize
     }
 }
 
-/// Value of a grown voxel, HU.
+/// Returns the value of a grown voxel, HU.
 fn value(voxels: &Volume, [x, y, z]: [usize; 3]) -> f64 {
     f64::from(voxels.get(x as i64 - 1, y as i64 - 1, z as i64 - 1))
 }
 
-/// A vertex for each crossed edge: where the value between the two voxels, which is linear, is that of the wall.
+/// Computes a vertex for each crossed edge: the point where the value, linear between the two voxels, equals the
+/// wall's.
 fn vertices(volume: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<Vec3>, Vec<Normal>) {
     let (voxels, iso) = (volume.voxels(), volume.transfer().iso());
     let total = numbers.total() as usize;
@@ -91,8 +92,8 @@ fn vertices(volume: &PreparedVolume, signs: &Signs, numbers: &Numbers) -> (Vec<V
     (places, normals)
 }
 
-/// The triangles, block by block, of cells whose grown voxels lie so far `above` the wall: more than 0 exactly where they
-/// are solid, or 0.
+/// Computes the triangles, block by block. `above` is the difference between a grown voxel and the wall; it is more
+/// than 0 exactly where the voxel is solid, or 0.
 pub(super) fn triangles(
     grid: &Grid,
     above: impl Fn([usize; 3]) -> f64 + Sync,
@@ -102,7 +103,7 @@ pub(super) fn triangles(
 ) -> (Vec<[u32; 3]>, Vec<Block>) {
     let cells = signs.dims.map(|n| n - 1);
     let blocks = cells.map(|n| n.div_ceil(BLOCK));
-    // A mirrored grid turns every triangle round.
+    // A mirrored grid reverses every triangle.
     let mirrored = grid.direction().determinant() < 0.0;
     let rows: Vec<(Vec<[u32; 3]>, Vec<Block>)> = (0..blocks[1] * blocks[2])
         .into_par_iter()
@@ -133,7 +134,7 @@ pub(super) fn triangles(
     (all, all_blocks)
 }
 
-/// The triangles of the block of cells from `first` on.
+/// Computes the triangles of the block of cells from `first` on.
 fn block(
     above: &impl Fn([usize; 3]) -> f64,
     signs: &Signs,
@@ -169,13 +170,13 @@ fn block(
     }
 }
 
-/// A ball around triangles.
+/// Returns the centre and radius of a ball around triangles.
 fn ball(triangles: &[[u32; 3]], places: &[Vec3]) -> (Vec3, f32) {
     let all = || triangles.as_flattened().iter().map(|&v| places[v as usize]);
     let (low, high) =
         all().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p: Vec3| (low.min(p), high.max(p)));
     let centre = 0.5 * (low + high);
     let square = all().map(|p| p.distance_squared(centre)).fold(0.0, f32::max);
-    // A little more, for the rounding.
+    // A little larger, to allow for rounding.
     (centre, square.sqrt() * 1.0001 + 1e-6)
 }

@@ -17,7 +17,7 @@ fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) 
     PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default())
 }
 
-/// A ball of tissue of radius `r` mm about the middle of a cube of `n` voxels of `h` mm, whose values are linear in the
+/// A ball of tissue of radius `r` mm in the middle of a cube of `n` voxels of `h` mm. Its values are linear in the
 /// distance from the centre.
 fn ball(n: usize, h: f64, r: f64, slope: f64) -> (PreparedVolume, DVec3) {
     let centre = DVec3::new(-7.0, 11.0, 3.0) + 0.5 * (n as f64 - 1.0) * h + DVec3::new(0.03, 0.11, 0.07);
@@ -25,7 +25,7 @@ fn ball(n: usize, h: f64, r: f64, slope: f64) -> (PreparedVolume, DVec3) {
     (volume([n; 3], DVec3::splat(h), DMat3::IDENTITY, f), centre)
 }
 
-/// Every side is run through once in each direction; returns vertices − sides + triangles.
+/// Checks that every side is traversed once in each direction, and returns vertices − sides + triangles.
 fn euler(mesh: &Mesh) -> i64 {
     let mut sides: BTreeMap<(u32, u32), i32> = BTreeMap::new();
     for &[a, b, c] in mesh.triangles() {
@@ -101,12 +101,12 @@ fn vertices_lie_on_the_wall_that_rays_see() {
 
 #[test]
 fn noise_makes_no_crack() {
-    // Every ambiguous face occurs here, and every border.
+    // These volumes contain every ambiguous face and every border.
     for seed in 0..20u64 {
         let s = volume([13, 17, 11], DVec3::ONE, DMat3::IDENTITY, |p| {
             let share = [0.5, 0.1, 0.9][seed as usize % 3];
             let u = |k: u64| hash::uniform(seed + k, (p.x * 1.0 + p.y * 100.0 + p.z * 10_000.0).to_bits());
-            // Some values are exactly the wall's.
+            // Some values are exactly at the wall.
             if u(900) < 0.1 {
                 -650.0
             } else if u(0) < share {
@@ -137,7 +137,7 @@ fn a_ring_has_a_hole_and_two_balls_are_two() {
 
 #[test]
 fn a_diagonal_pair_meets_where_the_saddle_is_solid() {
-    // Two solid voxels across a face, their neighbours a little or far below the wall.
+    // Two solid voxels across a face, with neighbours slightly or far below the wall.
     let pair = |gas: f64| {
         volume([2, 2, 1], DVec3::ONE, DMat3::IDENTITY, |p| {
             let d = p - DVec3::new(-7.0, 11.0, 3.0);
@@ -153,12 +153,12 @@ fn volumes_without_a_wall_or_of_a_few_voxels() {
     let flat = |dims, hu: f64| Mesh::new(&volume(dims, DVec3::ONE, DMat3::IDENTITY, |_| hu)).unwrap();
     for dims in [[1, 1, 1], [2, 2, 2], [5, 1, 1], [70, 3, 2]] {
         assert!(flat(dims, -1000.0).triangles().is_empty() && flat(dims, -1000.0).bytes() == 0);
-        // Tissue up to the border is closed by the air outside.
+        // The air outside closes tissue that reaches the border.
         for hu in [-650.0, 40.0, 32767.0] {
             assert_eq!(euler(&flat(dims, hu)), 2, "{dims:?} {hu}");
         }
     }
-    // Where even air is wall, gas in it is a bubble.
+    // If even air is wall, gas in it is a bubble.
     let volume = flat_volume(-2000);
     let solid_air = PreparedVolume::new(volume, TransferFunction::new(-1500.0, -1400.0).unwrap());
     assert_eq!(euler(&Mesh::new(&solid_air).unwrap()), 2);

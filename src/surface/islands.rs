@@ -1,10 +1,11 @@
-//! Islands in the lumen: what it encloses on all sides is no wall.
+//! Removal of islands in the lumen: what the lumen encloses on all sides is not wall.
 
 use glam::DVec3;
 
 use super::lumen::LumenMesh;
 
-/// The connected piece of every vertex, numbered from 0 in the order of their first vertices, and how many there are.
+/// Returns the connected component of every vertex, numbered from 0 in the order of their first vertices, and the
+/// number of components.
 pub(super) fn components(mesh: &LumenMesh) -> (Vec<u32>, usize) {
     let mut parent: Vec<u32> = (0..mesh.places.len() as u32).collect();
     let find = |parent: &mut [u32], mut v: u32| {
@@ -22,7 +23,8 @@ pub(super) fn components(mesh: &LumenMesh) -> (Vec<u32>, usize) {
     }
     let mut count = 0;
     for v in 0..parent.len() {
-        // A root is the smallest of its piece: it was numbered before the others, and until then it is its own parent.
+        // A root is the smallest vertex of its component. It was numbered before the others, and until then it is its
+        // own parent.
         let p = parent[v] as usize;
         parent[v] = if p == v {
             count += 1;
@@ -35,8 +37,8 @@ pub(super) fn components(mesh: &LumenMesh) -> (Vec<u32>, usize) {
 }
 
 impl LumenMesh {
-    /// The surface without the pieces that enclose what is no lumen (specks in the fluid, residue afloat), and how many
-    /// these are: they are wound the other way round, so that their volume is negative.
+    /// Removes the components that enclose something other than lumen (specks in the fluid, floating residue), and
+    /// returns the surface with their number. They are wound in the opposite direction, so their volume is negative.
     #[must_use]
     pub fn without_islands(self) -> (Self, usize) {
         let (piece, count) = components(&self);

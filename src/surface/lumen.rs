@@ -1,9 +1,9 @@
 //! The surface of the colon's lumen as a closed mesh, for other programs.
 //!
-//! Marching cubes over the set of the lumen's voxels, its vertices on the edges of the grid where the values place the
-//! wall. Nothing beyond the grid is lumen: where the lumen meets the scan's faces it is capped, along the outer faces of
-//! the outermost voxels. Where the values do not tell where on its edge a vertex is (everywhere on a mask), it is drawn
-//! smooth between its neighbours (see [`relax`](super::relax)).
+//! It is built by marching cubes over the set of the lumen's voxels, with vertices on the edges of the grid where the
+//! values place the wall. Nothing outside the grid is lumen: where the lumen meets the scan's faces it is capped, along
+//! the outer faces of the outermost voxels. Where the values do not determine a vertex's position on its edge
+//! (everywhere on a mask), it is smoothed between its neighbours (see [`relax`](super::relax)).
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -15,13 +15,13 @@ use crate::error::Result;
 use crate::fields::lumen::Interior;
 use crate::progress::Progress;
 
-/// Vertices keep this share of their edge's length from its ends: two on edges that meet in a voxel never coincide, so that
-/// no triangle is a line or a point.
+/// Vertices keep this share of their edge's length from its ends. Two vertices on edges that meet in a voxel therefore
+/// never coincide, and no triangle degenerates to a line or a point.
 pub(super) const KEEP_OFF: f32 = 0.02;
 
-/// A closed surface. Every side has one triangle on either hand, and the triangles around a vertex are one fan.
+/// A closed surface. Every side has one triangle on either side, and the triangles around a vertex form one fan.
 ///
-/// Places are single-precision offsets (mm, world directions) from an origin near the volume.
+/// Positions are single-precision offsets (mm, world directions) from an origin near the volume.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LumenMesh {
     pub(super) origin: DVec3,
@@ -29,24 +29,24 @@ pub struct LumenMesh {
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// A vertex while its place is sought: on the grid's edge from `base`, `t` of the way along `axis`.
+/// A vertex whose position is being determined: on the grid's edge from `base`, at the share `t` along `axis`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slider {
     /// Offset of the edge's lower voxel, mm.
     pub base: Vec3,
     /// Axis of the edge.
     pub axis: u8,
-    /// Whether the values do not tell the place.
+    /// True if the values do not determine the position.
     pub free: bool,
-    /// Share of the edge.
+    /// Position along the edge, as a share of its length.
     pub t: f32,
 }
 
 impl LumenMesh {
-    /// The surface of a lumen, on all of rayon's threads; the same for every number of them.
+    /// Extracts the surface of a lumen on all of rayon's threads. The result is the same for every number of threads.
     ///
     /// # Errors
-    /// Status 4 when there are more vertices than 32 bits count, or when interrupted.
+    /// Returns status 4 if there are more vertices than 32 bits can count, or if interrupted.
     pub fn new(interior: &Interior<'_>, progress: &Progress) -> Result<Self> {
         progress.stage("making the surface", 0);
         let grid = interior.grid();
@@ -65,31 +65,31 @@ impl LumenMesh {
         Ok(Self { origin: grid.origin(), places: places(&sliders), triangles })
     }
 
-    /// Number of vertices.
+    /// Returns the number of vertices.
     pub fn vertices(&self) -> usize {
         self.places.len()
     }
 
-    /// A vertex in the world, mm LPS.
+    /// Returns the world position of a vertex, mm LPS.
     pub fn world(&self, vertex: u32) -> DVec3 {
         self.origin + self.places[vertex as usize].as_dvec3()
     }
 
-    /// Triangles, three vertices each, counter-clockwise as seen from outside the lumen: normals lead out of it, into the
-    /// tissue.
+    /// Returns the triangles, three vertices each, counter-clockwise as seen from outside the lumen. Normals point out
+    /// of the lumen, into the tissue.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 }
 
 impl Slider {
-    /// Where it is, an offset in mm; `steps` lead along the grid's edges.
+    /// Returns its position, an offset in mm. `steps` are the vectors along the grid's edges.
     pub fn place(&self, steps: &[Vec3; 3]) -> Vec3 {
         self.base + self.t * steps[usize::from(self.axis)]
     }
 }
 
-/// A vertex for each crossed edge, in their order.
+/// Creates a vertex for each crossed edge, in their order.
 fn sliders(interior: &Interior<'_>, signs: &Signs, numbers: &Numbers) -> Vec<Slider> {
     let grid = interior.grid();
     let dims = grid.dims().map(|n| n as i64);

@@ -1,4 +1,4 @@
-//! What there is to say of a closed surface.
+//! Measurements of a closed surface.
 
 use glam::DVec3;
 
@@ -8,24 +8,24 @@ use super::lumen::LumenMesh;
 /// Measures of a closed surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Measures {
-    /// Its triangles.
+    /// Number of triangles.
     pub triangles: usize,
-    /// Its vertices.
+    /// Number of vertices.
     pub vertices: usize,
-    /// Its area, mm².
+    /// Area, mm².
     pub area_mm2: f64,
-    /// What it encloses, ml (divergence theorem).
+    /// Enclosed volume, ml (divergence theorem).
     pub volume_ml: f64,
-    /// Its connected pieces.
+    /// Number of connected components.
     pub components: usize,
-    /// Sides that do not have one triangle on either hand: 0.
+    /// Number of sides that do not have one triangle on either side: 0.
     pub boundary_edges: usize,
 }
 
 impl Measures {
     /// Measures a surface.
     pub fn of(mesh: &LumenMesh) -> Self {
-        // From a place near the surface, so that no digits are lost.
+        // Measured from a point near the surface, so that no digits are lost.
         let place = |v: u32| mesh.places[v as usize].as_dvec3();
         let (mut area, mut volume) = (0.0, 0.0);
         for t in &mesh.triangles {
@@ -44,12 +44,12 @@ impl Measures {
     }
 }
 
-/// Signed volume between a triangle and the origin.
+/// Returns the signed volume between a triangle and the origin.
 fn tetrahedron(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     a.dot(b.cross(c)) / 6.0
 }
 
-/// Sides that are not run through once in each direction.
+/// Returns the number of sides that are not traversed once in each direction.
 fn boundary_edges(mesh: &LumenMesh) -> usize {
     let mut begins = vec![0u32; mesh.places.len() + 1];
     let sides = || mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);

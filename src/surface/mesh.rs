@@ -5,14 +5,14 @@ use glam::{DVec3, Vec3};
 use crate::error::Result;
 use crate::render::PreparedVolume;
 
-/// Triangles that lie together: those of 4×4×4 cells, with a ball around them.
+/// A group of neighbouring triangles: those of 4×4×4 cells, with a bounding ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
-    /// Centre of the ball, mm in the world's directions from the mesh's origin.
+    /// Centre of the ball, mm from the mesh's origin in world directions.
     pub centre: Vec3,
     /// Radius of the ball, mm.
     pub radius: f32,
-    /// First triangle.
+    /// Index of the first triangle.
     pub first: u32,
     /// Number of triangles.
     pub count: u32,
@@ -20,8 +20,8 @@ pub struct Block {
 
 /// A closed mesh of the wall.
 ///
-/// Vertices are shared by number. Places are single-precision offsets (mm, world directions) from an origin near the
-/// volume, so that a patient far from the world's origin loses nothing.
+/// Triangles share vertices by index. Positions are single-precision offsets (mm, world directions) from an origin near
+/// the volume, so that no precision is lost if the patient is far from the world's origin.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     pub(super) origin: DVec3,
@@ -32,46 +32,47 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// The wall of `space` by marching cubes, on all of rayon's threads; the same for every number of them.
+    /// Extracts the wall of `volume` by marching cubes on all of rayon's threads. The result is the same for every
+    /// number of threads.
     ///
     /// # Errors
-    /// Status 4 when there are more vertices than 32 bits count.
+    /// Returns status 4 if there are more vertices than 32 bits can count.
     pub fn new(volume: &PreparedVolume) -> Result<Self> {
         super::extract::extract(volume)
     }
 
-    /// What [`Mesh::places`] and the blocks are counted from, world mm.
+    /// Returns the origin of [`Mesh::places`] and of the blocks, world mm.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// Vertices, mm in the world's directions from [`Mesh::origin`].
+    /// Returns the vertices, mm from [`Mesh::origin`] in world directions.
     pub fn places(&self) -> &[Vec3] {
         &self.places
     }
 
-    /// A vertex in the world, mm.
+    /// Returns the world position of a vertex, mm.
     pub fn world(&self, vertex: u32) -> DVec3 {
         self.origin + self.places[vertex as usize].as_dvec3()
     }
 
-    /// The unit normal at a vertex, from the volume's gradient there, into the tissue (world); zero where the gradient
-    /// is.
+    /// Returns the unit normal at a vertex (world), which points into the tissue. It comes from the volume's gradient
+    /// there, and is zero where the gradient is zero.
     pub fn normal(&self, vertex: u32) -> Vec3 {
         self.normals[vertex as usize].vector()
     }
 
-    /// Triangles, three vertices each, counter-clockwise as seen from the gas.
+    /// Returns the triangles, three vertices each, counter-clockwise as seen from the gas.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// The triangles' blocks.
+    /// Returns the blocks of triangles.
     pub fn blocks(&self) -> &[Block] {
         &self.blocks
     }
 
-    /// Size in memory, bytes.
+    /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.places.as_slice())
             + size_of_val(self.normals.as_slice())
@@ -80,7 +81,7 @@ impl Mesh {
     }
 }
 
-/// A unit vector in four bytes: the octahedral map (Cigolle et al. 2014), within 0.003°.
+/// A unit vector in four bytes, by the octahedral map (Cigolle et al. 2014), accurate to 0.003°.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Normal([i16; 2]);
 
@@ -88,7 +89,7 @@ impl Normal {
     /// No direction.
     pub const NONE: Self = Self([i16::MIN; 2]);
 
-    /// The direction of `v`; [`Normal::NONE`] if it has none.
+    /// Encodes the direction of `v`, or [`Normal::NONE`] if it has none.
     pub fn new(v: Vec3) -> Self {
         let sum = v.abs().element_sum();
         if !(sum > 0.0 && sum.is_finite()) {
@@ -99,7 +100,7 @@ impl Normal {
         Self([fold(v.x, v.y), fold(v.y, v.x)].map(|c| (c * 32767.0).round() as i16))
     }
 
-    /// The unit vector; zero for [`Normal::NONE`].
+    /// Returns the unit vector, or zero for [`Normal::NONE`].
     #[inline]
     pub fn vector(self) -> Vec3 {
         if self == Self::NONE {

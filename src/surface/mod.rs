@@ -1,11 +1,12 @@
 //! The indirect method (the paper's section 2): the wall as a triangle mesh, and pictures of the mesh.
 //!
-//! Marching cubes (Lorensen and Cline 1987) over the same trilinear volume as the rays see, with air outside, so that
-//! the mesh is closed. The table of cases is derived, not typed in ([`cases`]); faces on which two readings are
-//! possible are decided by the value at the face's saddle (Nielson and Hamann 1991), which both cells that share the
-//! face see alike: the mesh has no crack. [`Rasteriser`] draws it with a z-buffer and the ray caster's light.
+//! Marching cubes (Lorensen and Cline 1987) run over the same trilinear volume that the rays see, with air outside, so
+//! the mesh is closed. The table of cases is derived, not typed in ([`cases`]). Faces with two possible interpretations
+//! are decided by the value at the face's saddle (Nielson and Hamann 1991). Both cells that share the face compute the
+//! same value, so the mesh has no cracks. [`Rasteriser`] draws it with a z-buffer and the ray caster's light.
 //!
-//! [`LumenMesh`] is the colon's own surface, for other programs: the same cubes over the voxels of its lumen alone.
+//! [`LumenMesh`] is the surface of the colon alone, for other programs: the same cubes over the voxels of its lumen
+//! only.
 
 pub mod cases;
 mod clip;

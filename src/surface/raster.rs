@@ -1,8 +1,8 @@
-//! Pictures of the mesh by a z-buffer.
+//! Rendering of the mesh with a z-buffer.
 //!
-//! Blocks of triangles outside the view are left out, the others sorted from near to far and handed to the tiles of the
-//! screen that they may touch. A tile is finished when the next block is farther than everything in it: what lies
-//! behind the wall costs nothing. Pixels are shaded at the end, once each, by the ray through their centre.
+//! Blocks of triangles outside the view are culled. The others are sorted from near to far and assigned to the screen
+//! tiles that they may touch. A tile is finished when the next block is farther than everything in it, so triangles
+//! behind the wall cost nothing. Pixels are shaded at the end, once each, by the ray through their centre.
 
 use std::sync::Arc;
 
@@ -19,33 +19,35 @@ use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
 use crate::render::transfer::Palette;
 use crate::render::{CameraRay, Frame, MemoryPart, PreparedVolume, Renderer, Settings, View, Work, render, value};
 
-/// Nearest that a triangle is drawn, as a share of the smallest spacing.
+/// The near plane, as a share of the smallest spacing.
 const NEAR: f64 = 0.02;
 
-/// The indirect method as a renderer. Opacity is that of a surface: full at the wall. Triangles stay straight in the images of
-/// perspective cameras alone: those of others are made by the direct method, ray by ray.
+/// The indirect method as a renderer.
+///
+/// Opacity is that of a surface: full at the wall. Triangles stay straight only in the images of perspective cameras,
+/// so the direct method renders images of other cameras, ray by ray.
 pub struct Rasteriser {
     volume: PreparedVolume,
     mesh: Arc<Mesh>,
     colour: Vec3,
 }
 
-/// A block that may be seen.
+/// A block that may be visible.
 struct Seen {
-    /// Least z of its ball, mm.
+    /// Smallest z of its ball, mm.
     nearest: f32,
     block: u32,
     /// First and last tile along x and y.
     tiles: [[u16; 2]; 2],
 }
 
-/// The camera in the mesh's coordinates.
+/// The camera in mesh coordinates.
 struct Eye {
-    /// From the mesh's origin, mm.
+    /// Position relative to the mesh's origin, mm.
     at: DVec3,
-    /// The same; places keep a thousandth of a voxel within a patient.
+    /// The same in single precision, accurate to a thousandth of a voxel within a patient.
     near_at: Vec3A,
-    /// Rows: right, down, ahead.
+    /// Rotation, with the rows right, down and ahead.
     turn: Mat3A,
     screen: Screen,
     size: [usize; 2],
@@ -65,13 +67,13 @@ impl Eye {
         }
     }
 
-    /// Camera coordinates of a vertex.
+    /// Returns the camera coordinates of a vertex.
     #[inline(always)]
     fn see(&self, place: Vec3) -> Vec3 {
         (self.turn * (Vec3A::from(place) - self.near_at)).into()
     }
 
-    /// The tiles that a block may touch; none if it is out of view.
+    /// Returns the tiles that a block may touch, or `None` if it is out of view.
     fn look(&self, number: usize, block: &Block) -> Option<Seen> {
         let c = self.see(block.centre);
         let r = block.radius;
@@ -85,7 +87,7 @@ impl Eye {
             let (low, high) = if nearest <= self.screen.near {
                 (0.0, pixels)
             } else {
-                // The ball's box, seen at the end that reaches farther out.
+                // The ball's bounding box, seen at the end that extends farther outwards.
                 let edge = |v: f32, outward: bool| {
                     let z = if outward { nearest } else { c.z + r };
                     v / z * self.screen.focal + self.screen.middle[a]
@@ -103,33 +105,33 @@ impl Eye {
 }
 
 impl Rasteriser {
-    /// Makes the mesh of `space`'s wall, to be drawn.
+    /// Extracts the mesh of the wall of `volume` and creates a renderer for it.
     ///
     /// # Errors
-    /// As [`Mesh::new`].
+    /// Fails as [`Mesh::new`] does.
     pub fn new(volume: &PreparedVolume) -> Result<Self> {
         Ok(Self::of(volume, Arc::new(Mesh::new(volume)?)))
     }
 
-    /// Draws `mesh`, the wall of `space`.
+    /// Creates a renderer of `mesh`, the wall of `volume`.
     pub fn of(volume: &PreparedVolume, mesh: Arc<Mesh>) -> Self {
         let colour = Palette::default().colour(volume.transfer().iso() as f32);
         Self { volume: volume.clone(), mesh, colour }
     }
 
-    /// The mesh.
+    /// Returns the mesh.
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
     }
 
-    /// The headlight's colour where the wall's normal is `normal` (any length; zero in a homogeneous region).
+    /// Returns the headlight's colour for the wall normal `normal` (any length; zero in a homogeneous region).
     fn shade(&self, normal: Vec3, direction: Vec3) -> [u8; 3] {
         let normal = normal.normalize_or_zero();
         let facing = if normal == Vec3::ZERO { 1.0 } else { normal.dot(direction).max(0.0) };
         (self.colour * (AMBIENT + DIFFUSE * facing)).to_array().map(|c| (c * 255.0 + 0.5) as u8)
     }
 
-    /// The picture from within the tissue: what the camera touches.
+    /// Renders the picture from within the tissue, shaded by the gradient at the camera.
     fn blind(&self, view: &View, frame: &mut Frame) -> Work {
         let voxels = self.volume.voxels();
         let q = voxels.grid().voxel(view.position()) + DVec3::ONE;
@@ -169,7 +171,7 @@ impl Rasteriser {
         tile
     }
 
-    /// Colour and depth of a pixel that sees triangle `id`.
+    /// Returns colour and depth of a pixel that shows triangle `id`.
     fn pixel(&self, eye: &Eye, view: &View, id: u32, x: usize, y: usize) -> ([u8; 3], f32) {
         let Some(CameraRay { direction, .. }) = view.ray(x, y) else { return ([0; 3], f32::INFINITY) };
         let vertices = self.mesh.triangles[id as usize];
@@ -178,7 +180,8 @@ impl Rasteriser {
         let shares = [direction.dot(b.cross(c)), direction.dot(c.cross(a)), direction.dot(a.cross(b))];
         let sum: f64 = shares.iter().sum();
         let distance = a.dot(b.cross(c)) / sum;
-        // A triangle seen exactly from the side has no such point; nor may a pixel on its rim lie beyond its corners.
+        // A triangle seen exactly edge-on has no such point. A pixel on its rim must not be placed beyond its corners
+        // either.
         let bounds = [a, b, c].map(DVec3::length);
         let (near, far) = (bounds[0].min(bounds[1]).min(bounds[2]), bounds[0].max(bounds[1]).max(bounds[2]));
         let distance = if distance.is_finite() { distance.clamp(0.0, far) } else { near };
@@ -215,7 +218,7 @@ impl Renderer for Rasteriser {
         }
         let (pixels, depth) = frame.buffers();
         let band = TILE * view.width();
-        // Depth is asked for or not; without it, empty bands stand in.
+        // Depth is optional: empty bands stand in if it was not requested.
         let mut none = vec![Vec::new(); lists.len() / across];
         let depths: Vec<&mut [f32]> = match depth {
             Some(depth) => depth.chunks_mut(band).collect(),

@@ -7,7 +7,7 @@ use crate::math::hash;
 use crate::render::{Frame, PreparedVolume, Renderer, Settings, TransferFunction, View, psnr, render};
 use crate::volume::{Grid, Volume};
 
-/// A tube of gas along z with a bulge, in tissue whose edge is three voxels wide.
+/// A tube of gas along z with a bulge, in tissue with an edge three voxels wide.
 fn tube(n: usize) -> PreparedVolume {
     let grid = Grid::new([n; 3], DVec3::splat(0.8), DVec3::new(100.0, -50.0, 20.0), DMat3::IDENTITY).unwrap();
     let c = 0.5 * (n as f64 - 1.0);
@@ -40,7 +40,7 @@ fn the_picture_is_near_that_of_the_rays() {
         let work = raster.render(&v, &mut mesh);
         assert_eq!(work.rays, 150 * 130);
         let db = psnr(&rays, &mesh);
-        // Where rays see the ramp's soft edge, at silhouettes, a mesh is hard: that, and nothing else, differs much.
+        // Rays see the ramp's soft edge at silhouettes, where a mesh is hard. Nothing else differs much.
         assert!(db > 24.0, "{db} dB");
         let pairs = rays.pixels().as_flattened().iter().zip(mesh.pixels().as_flattened());
         let mut apart: Vec<u8> = pairs.map(|(a, b)| a.abs_diff(*b)).collect();
@@ -56,7 +56,7 @@ fn the_picture_is_near_that_of_the_rays() {
 
 #[test]
 fn no_hole_from_anywhere_in_the_gas() {
-    // Closed by its border, so that every ray ends.
+    // The border closes it, so every ray ends.
     let grid = Grid::new([12; 3], DVec3::new(0.5, 0.7, 1.5), DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let border = |i: usize| [i % 12, i / 12 % 12, i / 144].iter().any(|c| !(2..=9).contains(c));
     let data = (0..grid.len())
@@ -77,7 +77,7 @@ fn no_hole_from_anywhere_in_the_gas() {
         let forward = DVec3::new(u(3) - 0.5, u(4) - 0.5, u(5) - 0.5);
         let v = view(&volume, voxel, forward, [1.0, 60.0, 90.0, 150.0, 170.0][n as usize % 5], [70, 45]);
         raster.render(&v, &mut frame);
-        // A mesh cannot be drawn nearer than the near plane; the trilinear wall and its triangles differ within a cell.
+        // A mesh cannot be drawn nearer than the near plane. The trilinear wall and its triangles differ within a cell.
         let holes = frame.depth().unwrap().iter().filter(|d| d.is_infinite()).count();
         assert_eq!(holes, 0, "pose {n}");
     }

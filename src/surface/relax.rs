@@ -1,9 +1,9 @@
-//! Vertices whose places the values do not tell, drawn smooth.
+//! Smoothing of vertices whose positions the values do not determine.
 //!
-//! Half-way between two voxels of a mask, vertices make steps. Each may slide along its own edge of the grid, so that every
-//! voxel's centre stays on its side of the surface and no triangle turns over (the constrained surfaces of Gibson 1998,
-//! Whitaker 2000). Steps of the umbrella operator alone would shrink what is round; every second one goes back a little
-//! more (Taubin 1995).
+//! Half-way between two voxels of a mask, vertices form steps. Each may slide along its own grid edge, so every voxel's
+//! centre stays on its side of the surface and no triangle turns over (the constrained surfaces of Gibson 1998,
+//! Whitaker 2000). Steps of the umbrella operator alone would shrink round shapes; every second step goes back slightly
+//! farther (Taubin 1995).
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -12,12 +12,13 @@ use super::lumen::{KEEP_OFF, Slider};
 use crate::error::Result;
 use crate::progress::Progress;
 
-/// Steps forth and back: Taubin's λ and μ.
+/// Forward and backward step factors: Taubin's λ and μ.
 const STEPS: [f32; 2] = [0.5, -0.52];
-/// How often both are taken.
+/// Number of rounds of both steps.
 const ROUNDS: usize = 12;
 
-/// Slides the free vertices of closed `triangles` along their edges; `steps` lead along the grid's edges, mm.
+/// Slides the free vertices of closed `triangles` along their edges. `steps` are the vectors along the grid's edges,
+/// mm.
 pub(super) fn relax(
     sliders: &mut [Slider],
     steps: &[Vec3; 3],
@@ -55,8 +56,8 @@ pub(super) fn relax(
     Ok(())
 }
 
-/// Where the neighbours of each vertex of `free` begin, and the neighbours: on a closed mesh each side that leaves a vertex
-/// leads to one.
+/// Returns where the neighbours of each vertex of `free` begin, and the neighbours. On a closed mesh each side that
+/// leaves a vertex leads to one.
 fn neighbours(free: &[u32], vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     const NONE: u32 = u32::MAX;
     let mut number = vec![NONE; vertices];

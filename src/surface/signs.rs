@@ -1,8 +1,9 @@
-//! Which voxels are solid, as bits, and which of the edges between voxels the wall crosses.
+//! The solid voxels as bits, and the edges between voxels that the wall crosses.
 //!
-//! Places are *grown* voxel coordinates: voxel coordinates plus one, so that a layer of air lies about the volume. The
-//! vertices of the mesh are the crossed edges, numbered plane by plane, row by row, along x, y, z: a vertex's number is
-//! the count of crossed edges before it, which counting bits finds without any table of the volume's size.
+//! Positions are *grown* voxel coordinates: voxel coordinates plus one, so that a layer of air surrounds the volume.
+//! The vertices of the mesh are the crossed edges, numbered plane by plane, row by row, along x, y, z. A vertex's
+//! number is the count of crossed edges before it, which is found by counting bits, without a table of the volume's
+//! size.
 
 use rayon::prelude::*;
 
@@ -19,7 +20,7 @@ pub(super) struct Signs {
 }
 
 impl Signs {
-    /// Solid is what is at least `iso` HU.
+    /// Marks the voxels of at least `iso` HU as solid.
     pub fn new(volume: &Volume, iso: f64) -> Self {
         let [nx, ny, nz] = volume.grid().dims();
         let dims = [nx + 2, ny + 2, nz + 2];
@@ -45,7 +46,7 @@ impl Signs {
         Self { dims, words, bits }
     }
 
-    /// Solid is what a set holds; nothing beyond its grid is.
+    /// Marks the voxels of a set as solid, and nothing beyond its grid.
     pub fn of_set(set: &VoxelSet) -> Self {
         let [nx, ny, nz] = set.dims();
         let dims = [nx + 2, ny + 2, nz + 2];
@@ -65,7 +66,7 @@ impl Signs {
         Self { dims, words, bits }
     }
 
-    /// Words in a row.
+    /// Returns the number of words in a row.
     pub fn words(&self) -> usize {
         self.words
     }
@@ -75,19 +76,19 @@ impl Signs {
         &self.bits[at..at + self.words]
     }
 
-    /// Bits of word `w` of a row, each moved down by one voxel.
+    /// Returns the bits of word `w` of a row, each moved down by one voxel.
     fn ahead(&self, y: usize, z: usize, w: usize) -> u64 {
         let row = self.row(y, z);
         row[w] >> 1 | row.get(w + 1).map_or(0, |next| next << 63)
     }
 
-    /// Bits of word `w` that stand for a voxel with another one ahead along x.
+    /// Returns the bits of word `w` whose voxel has another one ahead along x.
     fn inner(&self, w: usize) -> u64 {
         let n = (self.dims[0] - 1).saturating_sub(64 * w);
         if n >= 64 { u64::MAX } else { (1 << n) - 1 }
     }
 
-    /// Edges along `axis` from the voxels of word `w` of row (`y`, `z`) that the wall crosses.
+    /// Returns the edges along `axis` from the voxels of word `w` of row (`y`, `z`) that the wall crosses.
     pub fn crossed(&self, axis: usize, y: usize, z: usize, w: usize) -> u64 {
         let here = self.row(y, z)[w];
         match axis {
@@ -98,8 +99,8 @@ impl Signs {
         }
     }
 
-    /// Cells from the voxels of word `w` of row (`y`, `z`) whose corners are not all alike. `y` and `z` have a next
-    /// row.
+    /// Returns the cells from the voxels of word `w` of row (`y`, `z`) whose corners are not all equal. `y` and `z`
+    /// must have a next row.
     pub fn mixed(&self, y: usize, z: usize, w: usize) -> u64 {
         let rows = [(y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1)];
         let (mut any, mut all) = (0, u64::MAX);
@@ -111,7 +112,7 @@ impl Signs {
         any & !all & self.inner(w)
     }
 
-    /// The solid corners of the cell at a grown voxel, bit c for corner c.
+    /// Returns the solid corners of the cell at a grown voxel, bit c for corner c.
     pub fn corners(&self, x: usize, y: usize, z: usize) -> u8 {
         let pair = |y: usize, z: usize| {
             let row = self.row(y, z);
@@ -122,8 +123,8 @@ impl Signs {
     }
 }
 
-/// Numbers of the vertices: for each row and axis the number before its first, and for each word how many precede it in
-/// the row.
+/// Numbers of the vertices: for each row and axis the number before its first, and for each word the count of vertices
+/// before it in the row.
 pub(super) struct Numbers {
     words: usize,
     rows: Vec<u64>,
@@ -152,17 +153,17 @@ impl Numbers {
         Self { words, rows: totals, before }
     }
 
-    /// Number of vertices.
+    /// Returns the number of vertices.
     pub fn total(&self) -> u64 {
         self.rows.last().copied().unwrap_or(0)
     }
 
-    /// How many vertices come before plane `z`.
+    /// Returns the number of vertices before plane `z`.
     pub fn before_plane(&self, signs: &Signs, z: usize) -> usize {
         self.rows[3 * signs.dims[1] * z] as usize
     }
 
-    /// The number of the vertex on the crossed edge along `axis` from a grown voxel.
+    /// Returns the number of the vertex on the crossed edge along `axis` from a grown voxel.
     pub fn of(&self, signs: &Signs, axis: usize, [x, y, z]: [usize; 3]) -> u32 {
         let row = 3 * (y + signs.dims[1] * z) + axis;
         let (w, bit) = (x / 64, x % 64);

@@ -1,7 +1,7 @@
-//! A tile of the screen: which triangle is nearest in each pixel.
+//! A screen tile with the nearest triangle of each pixel.
 //!
-//! Pixels are decided by exact integer edge functions with the top-left rule (Pineda 1988), so that triangles which
-//! share a side leave no gap and cover no pixel twice.
+//! Coverage is decided by exact integer edge functions with the top-left rule (Pineda 1988), so triangles that share a
+//! side leave no gap and cover no pixel twice.
 
 use super::clip::{Corner, SUB};
 
@@ -12,21 +12,21 @@ pub const NONE: u32 = u32::MAX;
 
 /// The nearest triangle of each pixel of a tile, row by row.
 pub struct Tile {
-    /// The screen's pixel in the tile's corner.
+    /// The screen pixel in the tile's corner.
     left: i64,
     top: i64,
-    /// Its pixels on the screen, across and down.
+    /// Its size on the screen, pixels across and down.
     size: [usize; 2],
-    /// Pixels without a triangle.
+    /// Number of pixels without a triangle.
     open: usize,
     inverse: [f32; TILE * TILE],
     triangle: [u32; TILE * TILE],
-    /// Depth tests made.
+    /// Number of depth tests.
     pub tests: u64,
 }
 
 impl Tile {
-    /// A tile without triangles whose corner is the pixel (`left`, `top`), with `size` pixels on the screen.
+    /// Creates a tile without triangles, with its corner at the pixel (`left`, `top`) and `size` pixels on the screen.
     pub fn new(left: usize, top: usize, size: [usize; 2]) -> Self {
         let size = size.map(|n| n.min(TILE));
         Self {
@@ -40,12 +40,12 @@ impl Tile {
         }
     }
 
-    /// The nearest triangle in a pixel of the tile.
+    /// Returns the nearest triangle in a pixel of the tile.
     pub fn triangle(&self, x: usize, y: usize) -> u32 {
         self.triangle[y * TILE + x]
     }
 
-    /// What is farther than this (z, mm) cannot be seen; infinite while a pixel is open.
+    /// Returns the distance (z, mm) beyond which nothing is visible. It is infinite while a pixel has no triangle.
     pub fn farthest(&self) -> f32 {
         if self.open > 0 {
             return f32::INFINITY;
@@ -54,7 +54,7 @@ impl Tile {
         1.0 / rows.flat_map(|r| &r[..self.size[0]]).fold(f32::INFINITY, |m, &i| m.min(i))
     }
 
-    /// Draws the convex polygon of the first `n` corners of triangle `id`. Returns whether a pixel has changed.
+    /// Draws the convex polygon of the first `n` corners of triangle `id`. Returns true if a pixel has changed.
     pub fn draw(&mut self, corners: &[Corner; 4], n: usize, id: u32) -> bool {
         let mut changed = false;
         for k in 2..n {
@@ -70,12 +70,12 @@ impl Tile {
         if area == 0 {
             return false;
         }
-        // Either side of the wall is drawn; one order is enough for the edge functions.
+        // Both sides of the wall are drawn. A single orientation is enough for the edge functions.
         if area < 0 {
             c.swap(1, 2);
             area = -area;
         }
-        // First and last pixel of the tile whose centre may be inside.
+        // The first and last pixel of the tile whose centre may be inside.
         let range = |a: usize, first: i64| {
             let (low, high) = (c[0].at[a].min(c[1].at[a]).min(c[2].at[a]), c[0].at[a].max(c[1].at[a]).max(c[2].at[a]));
             let low = (low - SUB / 2 + SUB - 1).div_euclid(SUB) - first;
@@ -88,7 +88,7 @@ impl Tile {
         }
         let centre = |n: i64, first: i64| (n + first) * SUB + SUB / 2;
         let start = [centre(x.0, self.left), centre(y.0, self.top)];
-        // Edge k lies across from corner k.
+        // Edge k is opposite corner k.
         let sides = [(c[1].at, c[2].at), (c[2].at, c[0].at), (c[0].at, c[1].at)];
         // A pixel exactly on a side belongs to the triangle to its right or below.
         let owned = |(a, b): ([i64; 2], [i64; 2])| b[1] < a[1] || (b[1] == a[1] && b[0] > a[0]);
@@ -130,10 +130,10 @@ mod tests {
 
     #[test]
     fn a_fan_covers_every_pixel_once() {
-        // Triangles around a point fill a square exactly, wherever their corners lie.
+        // Triangles around a point fill a square exactly, wherever their corners are.
         for seed in 0..200 {
             let u = |k: u64| (hash::uniform(seed, k) * (TILE as i64 * SUB) as f64) as i64;
-            // Corners also on pixel centres, where rules decide.
+            // Also place corners on pixel centres, where the rules decide.
             let snap = |v: i64| if seed % 2 == 0 { v / SUB * SUB + SUB / 2 } else { v };
             let middle = [snap(u(0)), snap(u(1))];
             let (lo, hi) = (-SUB, (TILE as i64 + 1) * SUB);

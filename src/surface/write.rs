@@ -1,4 +1,4 @@
-//! A closed surface as a file: STL (binary), PLY (binary, little endian) or OBJ; millimetres, LPS.
+//! Writing of a closed surface to a file: STL (binary), PLY (binary, little endian) or OBJ, in millimetres, LPS.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -10,13 +10,13 @@ use crate::error::{Error, Result};
 use crate::output;
 use crate::progress::Progress;
 
-/// Triangles and vertices between two looks at whether to stop.
+/// Triangles and vertices between two checks for interruption.
 const BATCH: usize = 1 << 15;
-/// Single precision places what is nearer to the world's origin than this within 2 µm, mm; beyond, PLY has double precision
-/// and STL, which cannot, is refused.
+/// Largest distance from the world's origin at which single precision is accurate to 2 µm, mm. Beyond it PLY uses
+/// double precision, and STL, which cannot, is refused.
 const NEAR_MM: f64 = 32_768.0;
 
-/// What kind of file a surface is written to.
+/// The file format of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MeshFormat {
     /// Binary STL: triangles with their normals; vertices are not shared.
@@ -28,10 +28,10 @@ pub enum MeshFormat {
 }
 
 impl MeshFormat {
-    /// The one that a file's ending names.
+    /// Returns the format for a file's extension.
     ///
     /// # Errors
-    /// Status 2 where it names none.
+    /// Returns status 2 if the extension is not one of them.
     pub fn of(path: &Path) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         match ending.as_str() {
@@ -47,11 +47,11 @@ impl MeshFormat {
 }
 
 impl LumenMesh {
-    /// Writes the surface, whole or not at all, in the format that the ending names.
+    /// Writes the complete surface, or nothing, in the format of the file's extension.
     ///
     /// # Errors
-    /// Status 2 for an ending that names none, or an STL so far from the world's origin that single precision cannot tell
-    /// its vertices apart; 4 when interrupted; 5 when it cannot be written.
+    /// Returns status 2 for an unknown extension, or for an STL so far from the world's origin that single precision
+    /// cannot distinguish its vertices; 4 if interrupted; 5 if the file cannot be written.
     pub fn save(&self, path: &Path, progress: &Progress) -> Result<()> {
         let format = MeshFormat::of(path)?;
         progress.stage("writing the surface", (self.triangles.len()) as u64);

@@ -1,10 +1,11 @@
-//! The default renderer's pictures against the reference's, on many grids and at many sizes: `cargo bench --bench grids`.
+//! The default renderer's pictures against the reference's, on many grids and at many sizes.
+//! Run it with `cargo bench --bench grids`.
 //!
-//! Phantoms on six grids, from cubes to voxels five times as long as wide, and the scans that are named, on their own grid and
-//! resampled to two. On each a flight is flown, and at poses along it, in its narrowest bends, close to the wall and turned
-//! aside, pictures are compared with those of quality `reference`. A row is a grid and a size: PSNR of the worst frame and
-//! in the mean, that of the worst frame with a ray for every pixel (what is missing to it is owed to interpolation between
-//! rays), the worst pose, and rays a pixel. It fails where a frame has less than 40 dB.
+//! It uses phantoms on six grids, from cubes to voxels five times as long as wide, and the given scans, on their own
+//! grid and resampled to two others. On each it flies a flight. At poses along it, in its narrowest bends, close to the
+//! wall and turned aside, it compares pictures with those of quality `reference`. A row is a grid and a size: the PSNR
+//! of the worst frame and the mean, the PSNR of the worst frame with a ray for every pixel (the rest of its error is
+//! due to interpolation between rays), the worst pose, and rays per pixel. It fails if a frame has less than 40 dB.
 //!
 //! ```sh
 //! cargo bench --bench grids -- SCAN.nii.gz …                          # all of it, half an hour
@@ -38,18 +39,18 @@ mod support {
 use support::panels::panels;
 use support::poses;
 
-/// Voxels, mm: those of phantoms.
+/// Voxels of the phantoms, mm.
 const GRIDS: [[f64; 3]; 6] =
     [[1.0, 1.0, 1.0], [0.5, 0.5, 0.5], [0.7, 0.7, 1.0], [0.9, 0.9, 1.25], [0.8, 0.8, 2.0], [0.6, 0.6, 3.0]];
-/// Voxels, mm, that scans are resampled to beside their own.
+/// Voxels that scans are resampled to in addition to their own, mm.
 const SCAN_GRIDS: [[f64; 3]; 2] = [[1.0, 1.0, 1.0], [0.8, 0.8, 2.0]];
-/// Sides of pictures.
+/// Sides of the pictures, pixels.
 const SIZES: [usize; 5] = [256, 384, 512, 768, 1024];
-/// What every frame must reach.
+/// The minimum PSNR of every frame, dB.
 const LEAST_DB: f64 = 40.0;
 const FOV_DEGREES: f64 = 90.0;
 
-/// What is asked for.
+/// The command-line options.
 struct Options {
     grids: Vec<[f64; 3]>,
     sizes: Vec<usize>,
@@ -98,7 +99,7 @@ impl Options {
     }
 }
 
-/// A grid of other voxels over the same space.
+/// Returns a grid with other voxels over the same space.
 fn regrid(grid: &Grid, spacing: [f64; 3]) -> Grid {
     let spacing = DVec3::from_array(spacing);
     let last = grid.dims().map(|n| (n - 1) as f64);
@@ -107,7 +108,7 @@ fn regrid(grid: &Grid, spacing: [f64; 3]) -> Grid {
     Grid::new(dims, spacing, grid.origin(), grid.direction()).expect("a grid")
 }
 
-/// A scan at other voxels' places, trilinearly.
+/// Resamples a scan to other voxels, trilinearly.
 fn resampled(volume: &PreparedVolume, spacing: [f64; 3]) -> Volume {
     let grid = regrid(volume.voxels().grid(), spacing);
     let [nx, ny, _] = grid.dims();
@@ -119,7 +120,7 @@ fn resampled(volume: &PreparedVolume, spacing: [f64; 3]) -> Volume {
     Volume::new(grid, data)
 }
 
-/// What came of a size on a grid.
+/// The result for a size on a grid.
 struct Row {
     least: (f64, usize),
     sum: f64,
@@ -133,7 +134,7 @@ fn picture(frame: &Frame) -> RgbImage {
     RgbImage::from_raw(frame.width() as u32, frame.height() as u32, bytes).expect("a whole picture")
 }
 
-/// Compares on one volume at all sizes; the least PSNR.
+/// Compares one volume at all sizes and returns the lowest PSNR.
 fn compare(name: &str, volume: Arc<Volume>, options: &Options) -> f64 {
     let grid = volume.grid().spacing();
     let volume = PreparedVolume::new(volume, TransferFunction::default());

@@ -1,7 +1,8 @@
-//! What each part of the ray caster takes: sampling, leaping, gradients, whole frames. `cargo bench --bench render`.
+//! Times of the ray caster's parts: sampling, leaping, gradients, whole frames. `cargo bench --bench render`.
 //!
-//! On the analytic phantom (small), one view from the middle of its centerline, 512×512; on the machine's own number of
-//! threads. A part's name is the line's second half, so `cargo bench --bench render -- leaping` compares leaping alone.
+//! It uses the small analytic phantom and one view from the middle of its centerline, 512×512, on the machine's own
+//! number of threads. A part's name is the second half of the line, so `cargo bench --bench render -- leaping` compares
+//! leaping alone.
 #![expect(missing_docs, reason = "criterion_group makes a public function without a comment")]
 
 use std::hint::black_box;
@@ -29,7 +30,7 @@ use glam::{DVec3, Vec3};
 
 const SIDE: usize = 512;
 
-/// The phantom, and the views of a flight along its centerline, 1 mm apart.
+/// The phantom, with the views of a flight along its centerline, 1 mm apart.
 fn scene() -> (PreparedVolume, Vec<View>) {
     let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed: 1, ..Default::default() });
     let volume = phantom.voxelise(&phantom.grid(), &Progress::default()).expect("a phantom");
@@ -41,7 +42,7 @@ fn scene() -> (PreparedVolume, Vec<View>) {
     (PreparedVolume::new(Arc::new(volume), TransferFunction::default()), (0..10).map(view).collect())
 }
 
-/// Places near the wall, as rays visit them.
+/// Points near the wall, as rays visit them.
 fn places(volume: &PreparedVolume) -> Vec<Vec3> {
     let dims = volume.voxels().grid().dims();
     let place =
@@ -53,7 +54,7 @@ fn places(volume: &PreparedVolume) -> Vec<Vec3> {
     (0..200_000).map(place).filter(near).flat_map(|q| (0..8).map(move |n| q + 0.3 * n as f32)).take(20_000).collect()
 }
 
-/// Each part on its own: a list of what is measured, one after the other.
+/// Measures each part separately, in sequence.
 fn parts(c: &mut Criterion) {
     let (volume, views) = scene();
     let s = &volume;

@@ -1,7 +1,7 @@
-//! What a cross-section takes: `cargo bench --bench slices`.
+//! Time of a cross-section: `cargo bench --bench slices`.
 //!
-//! 512×512 pixels of 0.7 mm through the middle of a made-up scan of 512×512×400 voxels of 0.7×0.7×1.0 mm; on the machine's own
-//! number of threads.
+//! It takes 512×512 pixels of 0.7 mm through the middle of an artificial scan of 512×512×400 voxels of 0.7×0.7×1.0 mm,
+//! on the machine's own number of threads.
 #![expect(missing_docs, reason = "criterion_group makes a public function without a comment")]
 
 use colvis::render::slice::{Slab, SlabKind, Slice, SlicePlane, Windowing};
@@ -9,7 +9,7 @@ use colvis::volume::{Grid, Volume};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DMat3, DVec3};
 
-/// A scan whose neighbouring voxels differ.
+/// A scan whose neighbouring voxels all differ.
 fn scan() -> Volume {
     let grid = Grid::new([512, 512, 400], DVec3::new(0.7, 0.7, 1.0), DVec3::ZERO, DMat3::IDENTITY).expect("a grid");
     let data = (0..grid.len() as u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 20) as i16 - 1024).collect();

@@ -1,5 +1,7 @@
-//! The search for the parameters of tentacles and mines: each changed alone, then many at once, on standard phantoms with
-//! everything on, on real scans, and on the ten drawn lumens with traps in three dimensions. Prints CSV: `assets/tuning/tentacles.csv` is what it printed.
+//! A parameter search for tentacles and mines: each parameter changed alone, then many at once.
+//!
+//! It flies on standard phantoms with everything on, on real scans, and on the ten drawn lumens with traps in three
+//! dimensions. It prints CSV; `assets/tuning/tentacles.csv` is its output.
 //!
 //! ```sh
 //! cargo bench --bench tune -- SCAN.nii.gz … > tune.csv     # the scans both ways, the drawn lumens, phantoms 1 to 10
@@ -21,14 +23,14 @@ use colvis::report::trials::{self, Course, Trial};
 use colvis::volume::io::{self, LoadOptions};
 use rayon::prelude::*;
 
-/// Simulated seconds of a flight at the most.
+/// The maximum simulated time of a flight, seconds.
 const SECONDS: f64 = 150.0;
-/// PhantomSettings with several parameters changed at once.
+/// Number of settings with several parameters changed at once.
 const AROUND: u64 = 12;
 
 type Set = fn(&mut Scene, f64);
 
-/// What is searched: name, values (the default among them), and how a value is set.
+/// The searched parameters: name, values (including the default), and the function that sets a value.
 const PARAMETERS: [(&str, &[f64], Set); 12] = [
     ("tentacles.count", &[16.0, 32.0, 64.0, 128.0, 256.0, 512.0], |s, v| {
         s.guides.edit::<TentacleSettings>(|t| t.count = v as usize);
@@ -54,7 +56,7 @@ fn mines(scene: &mut Scene) -> &mut colvis::dynamics::mines::MineSettings {
     scene.mines.get_or_insert_default()
 }
 
-/// Every setting that is tried, with its name; the defaults first.
+/// Returns every setting to try, with its name, the defaults first.
 fn candidates(around: u64) -> Vec<(String, Scene)> {
     let mut all = vec![("default".to_owned(), Scene::default())];
     for (name, values, set) in PARAMETERS {
@@ -66,7 +68,7 @@ fn candidates(around: u64) -> Vec<(String, Scene)> {
             }
         }
     }
-    // The neighbourhood: each parameter but count and speed times 0.5 to 2, all at once.
+    // The neighbourhood: each parameter except count and speed times 0.5 to 2, all at once.
     for n in 0..around {
         let mut scene = Scene::default();
         let mut name = Vec::new();
@@ -91,7 +93,7 @@ fn candidates(around: u64) -> Vec<(String, Scene)> {
 }
 
 fn main() {
-    // Cargo adds --bench; whatever is no option is a scan.
+    // Cargo adds --bench. Everything that is not an option is a scan.
     let args: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
     let value = |name: &str| args.iter().position(|a| a == name).and_then(|i| args.get(i + 1));
     let number = |s: &str| s.parse::<u64>().unwrap_or_else(|_| panic!("{s} is no number"));
@@ -119,7 +121,7 @@ fn main() {
         let drawing = named(name).expect("a picture").expect("a drawing");
         (format!("drawn {name}"), Course::drawn(&drawing, &progress).expect("a lumen"))
     };
-    // One volume at a time; scans both ways.
+    // One volume at a time, and scans in both directions.
     let courses = scans.map(|s| (true, scan(s)));
     let courses = courses.chain(DRAWINGS.iter().map(|d| (false, drawn(d))));
     for (both, (name, there)) in courses.chain(seeds.iter().map(|s| (false, phantom(s)))) {

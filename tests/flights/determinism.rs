@@ -1,4 +1,4 @@
-//! Same input, same bytes: for any number of threads, and for a recorded operator.
+//! Same input, same bytes: for any number of threads, and for recorded operator input.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::support::flights::flight;
 use crate::support::phantom::phantom;
 use crate::support::program::colvis;
 
-/// All files of a folder by name, with their bytes.
+/// Returns all files of a folder by name, with their bytes.
 fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let mut all: Vec<_> = std::fs::read_dir(folder)
         .unwrap()
@@ -74,7 +74,7 @@ fn detail_follows_the_need_without_a_clock() {
     assert!(outputs[0] == outputs[1], "images");
 }
 
-/// An operator who does everything there is, wildly: the same input gives the same flight, and never a perforation.
+/// Wild operator input of every kind: the same input gives the same flight, and never a perforation.
 #[test]
 fn a_wild_operator_is_repeated_and_never_perforates() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
@@ -101,7 +101,7 @@ fn a_wild_operator_is_repeated_and_never_perforates() {
         f.record_acts();
         f.replay(timed_commands.clone());
         let mut log = Vec::new();
-        // On and on, also where the guide has called for help or has arrived.
+        // Continue even after the guide has called for help or has arrived.
         for _ in 0..3600 {
             f.step().unwrap();
             log.append(&mut f.take_log());

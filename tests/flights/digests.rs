@@ -1,7 +1,9 @@
-//! Flights and pictures as they were: positions of the first 500 steps and a picture at their end, for each guide, and a
-//! picture by each renderer, on the embedded phantom and on a real scan. What changes the structure must not change them.
+//! Regression digests of flights and pictures: the positions of the first 500 steps and a picture at their end for each
+//! guide, and a picture by each renderer, on the embedded phantom and on a real scan. A change of structure must not
+//! change them.
 //!
-//! `COLVIS_REPLACE=1 cargo test --release --test flights digests` writes `tests/digests/*.txt` anew, where a change of behaviour is meant.
+//! After an intended change of behaviour, `COLVIS_REPLACE=1 cargo test --release --test flights digests` rewrites
+//! `tests/digests/*.txt`.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -12,7 +14,7 @@ use crate::support::failed::keep;
 use crate::support::run::run;
 use crate::support::scans::data;
 
-/// Steps that are flown: so many seconds at 120 a second.
+/// The duration of [`STEPS`] at 120 steps a second, seconds.
 const SECONDS: &str = "4.1666667";
 const STEPS: usize = 500;
 
@@ -21,17 +23,17 @@ fn digest(bytes: impl IntoIterator<Item = u8>) -> u64 {
     bytes.into_iter().fold(0xcbf2_9ce4_8422_2325, |h, b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// The digest of a picture; the picture itself goes to `pictures`, after its name.
+/// Returns the digest of a picture, and appends the picture with its name to `pictures`.
 fn picture(name: &str, path: &Path, pictures: &mut Pictures) -> u64 {
     let picture = image::open(path).expect("a picture").to_rgb8();
     pictures.push((name.to_owned(), picture.clone()));
     digest(picture.into_raw())
 }
 
-/// Pictures after their names, kept until it is known whether all are as before.
+/// Named pictures, kept until it is known if all digests match.
 type Pictures = Vec<(String, RgbImage)>;
 
-/// A line for a guide: digest of the positions of 500 steps, the last position, digest of the last picture.
+/// Returns the line for a guide: digest of the positions of 500 steps, the last position, digest of the last picture.
 fn flown(guide: &str, scan: Option<&str>, folder: &Path, pictures: &mut Pictures) -> String {
     let folder = folder.join(guide);
     let log = folder.join("f.jsonl");
@@ -58,7 +60,7 @@ fn flown(guide: &str, scan: Option<&str>, folder: &Path, pictures: &mut Pictures
     format!("guide {guide}: positions {positions:016x}, ends at {x:.6},{y:.6},{z:.6}, picture {seen:016x}")
 }
 
-/// A line for a way to render: digest of the pictures of two poses.
+/// Returns the line for a renderer: digest of the pictures of two poses.
 fn rendered(way: [&str; 2], scan: &str, poses: &Path, folder: &Path, pictures: &mut Pictures) -> String {
     let [preset, quality] = way;
     let out = folder.join(format!("{preset}-{quality}"));

@@ -1,4 +1,4 @@
-//! The rigid body in flight: under the operator's hand, stuck in a wall, and moved by every integrator.
+//! The rigid body in flight: under operator input, stuck in a wall, and moved by every integrator.
 
 use colvis::app::plan::FlightRequest;
 use colvis::app::{FlightApp, Scene};
@@ -29,7 +29,7 @@ fn a_camera_in_the_wall_calls_the_operator() {
     let (volume, truth) = small();
     let scene = Scene { log: true, operator: true, ..Scene::default() };
     let mut f = flight(volume, scene, &FlightRequest::default());
-    // Deep in tissue: out from the axis, until there is none but tissue around.
+    // Deep in tissue: out from the axis, until there is only tissue around.
     let axis = truth.centerline[truth.centerline.len() / 2];
     let solid = |p: DVec3| {
         (0..6).all(|n| {
@@ -68,7 +68,7 @@ fn the_hand_turns_and_pushes_in_six_degrees_of_freedom() {
         let after = f.pose().attitude;
         let (view, up) = (before.forward.angle_between(after.forward), before.up.angle_between(after.up));
         let right = before.right().angle_between(after.right());
-        // What lies along the axis stays, the others turn by a second at 1.2 rad/s.
+        // The vector along the axis stays; the others turn by one second at 1.2 rad/s.
         let turned = [[view, right, up], [view, up, right], [up, right, view]][axis];
         assert!(turned[2] < 1e-7, "{axis}: {turned:?}");
         assert!((turned[0] - 1.2).abs() < 1.5e-7 && (turned[1] - 1.2).abs() < 1.5e-7, "{axis}: {turned:?}");

@@ -1,4 +1,4 @@
-//! Flights by tentacles and mines from end to end, against the phantom's truth and on a real scan.
+//! Complete flights by tentacles and mines, against the phantom's truth and on a real scan.
 
 use std::sync::Arc;
 
@@ -24,7 +24,8 @@ fn logged() -> Scene {
     Scene { log: true, ..Scene::default() }
 }
 
-/// From rectum to cecum: at least 99 % of the centerline passed, at most this share of the radius away from it.
+/// Flies from rectum to cecum, passing at least 99 % of the centerline, with a mean distance from it of at most
+/// `offset` times the radius.
 fn end_to_end(settings: &PhantomSettings, offset: f64) {
     let (volume, truth) = phantom(settings);
     let mut flight = flight(volume, logged(), &FlightRequest::default());
@@ -38,7 +39,7 @@ fn end_to_end(settings: &PhantomSettings, offset: f64) {
     let start = DVec3::from_array(log[0].position);
     let [rectum, cecum] = [0, truth.centerline.len() - 1].map(|i| truth.centerline[i]);
     assert!(start.distance(rectum) < start.distance(cecum), "it starts at the rectum");
-    // Everything logged lies inside the lumen.
+    // Every logged position is inside the lumen.
     for line in &log {
         assert!(value(flight.volume(), DVec3::from_array(line.position)) < -650.0, "{line:?}");
     }
@@ -68,7 +69,7 @@ fn with_fluid_and_bridges() {
 fn the_wrong_way_first_then_turned_round() {
     let settings = PhantomSettings { size: Size::Small, ..PhantomSettings::default() };
     let (volume, truth) = phantom(&settings);
-    // From many places on the way, to both ends: sooner or later the longest free direction is the wrong one.
+    // From many places along the path to both ends: at some point the longest free direction is the wrong one.
     let mut turned = 0;
     for part in 1..6 {
         let from = truth.centerline[truth.centerline.len() * part / 6];
@@ -109,7 +110,7 @@ fn few_tentacles_are_as_safe_as_many() {
         if count >= 8 {
             assert_eq!(f.state, State::Arrived, "{count} tentacles: {}", f.reason);
         } else {
-            // The paper's least number need not find the way, but it must end, and say why.
+            // The paper's smallest number need not find the path, but the flight must end and give a reason.
             assert!(f.state == State::Arrived || !f.reason.is_empty(), "{f:?}");
         }
     }
@@ -132,7 +133,7 @@ fn no_mines_and_ten_thousand_are_as_safe_as_twelve() {
     }
 }
 
-/// A lumen one voxel wide, and starts in its wall, at distance 0 from it and outside: refused with the reason.
+/// A lumen one voxel wide, and starts in its wall, at distance 0 from it and outside: all are refused with the reason.
 #[test]
 fn where_the_camera_does_not_fit_no_flight_begins() {
     let grid = Grid::new([40, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();

@@ -1,5 +1,5 @@
-//! The guides that plan: the paper's four conditions (section 3) as invariants, the hand-over between guide and operator,
-//! logs that are played again, and how much of the wall was seen.
+//! Guides that plan: the paper's four conditions (section 3) as invariants, the hand-over between guide and operator,
+//! replayed logs, and the share of the wall that was seen.
 
 use std::path::Path;
 
@@ -31,8 +31,8 @@ fn small(seed: u64) -> PhantomSettings {
     PhantomSettings { size: Size::Small, seed, ..PhantomSettings::default() }
 }
 
-/// Conditions 1, 3 and 4: always from the start towards the end along a valid path, as far from the wall as can be, never
-/// through it.
+/// Conditions 1, 3 and 4: always from the start towards the end along a valid path, as far from the wall as possible,
+/// never through it.
 #[test]
 fn automatic_flights_hold_the_papers_conditions() {
     for seed in [1, 2] {
@@ -44,7 +44,7 @@ fn automatic_flights_hold_the_papers_conditions() {
                 let log = fly(&mut f, 180.0);
                 let (state, goal) = (f.flight(), f.plan().goal);
                 assert_eq!(state.state, State::Arrived, "{guide:?} {seed}: {}", state.reason);
-                // 1: in every two seconds it comes nearer to the end, measured along the truth's centerline.
+                // 1: in every two seconds it gets nearer to the end, measured along the truth's centerline.
                 let along = |l: &LogLine| {
                     let d = |i: &usize| truth.centerline[*i].distance_squared(place(l));
                     (0..truth.centerline.len()).min_by(|a, b| d(a).total_cmp(&d(b))).unwrap() as f64
@@ -62,7 +62,7 @@ fn automatic_flights_hold_the_papers_conditions() {
                     log[log.len() - 1].t,
                     jerk(&log)
                 );
-                // The shortest way, which draws a potential, cuts corners as far as the wall lets it.
+                // The shortest path, which shapes a potential, cuts corners as far as the wall allows.
                 let allowed = if guide == "path" { 0.055 } else { 0.4 };
                 assert!(course.passed >= 0.99 && course.offset <= allowed, "{guide:?}: {course:?}");
                 // 4: the body never touches the wall.
@@ -72,8 +72,8 @@ fn automatic_flights_hold_the_papers_conditions() {
     }
 }
 
-/// Conditions 2 and 4: the operator may intervene at any time, wildly, and never perforates; the guide goes on from there
-/// and still arrives.
+/// Conditions 2 and 4: the operator may intervene at any time, wildly, and never perforates. The guide resumes from
+/// there and still arrives.
 #[test]
 fn the_operator_may_intervene_at_any_time() {
     let (volume, _) = phantom(&small(1));
@@ -90,14 +90,14 @@ fn the_operator_may_intervene_at_any_time() {
         let log = fly(&mut f, 240.0);
         assert_eq!(f.flight().state, State::Arrived, "{guide:?}: {}", f.flight().reason);
         assert!(log.iter().all(|l| l.clearance_mm >= RADIUS_MM));
-        // The hand is felt at once: within a second the camera is somewhere else than it would be.
+        // Operator input acts at once: within a second the camera is not where it would otherwise be.
         let mut alone = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &FlightRequest::default());
         let free = fly(&mut alone, 4.0);
         assert!(place(&free[320]).distance(place(&log[320])) > 13.0, "{guide:?}");
     }
 }
 
-/// A recorded operator who pushes into the wall, sideways, backwards, looks around, stops and lets go.
+/// Recorded operator input that pushes into the wall, sideways and backwards, looks around, stops and releases control.
 #[test]
 fn a_recorded_hand_never_perforates_and_the_guide_takes_over_smoothly() {
     let dir = tempfile::tempdir().unwrap();
@@ -108,7 +108,8 @@ fn a_recorded_hand_never_perforates_and_the_guide_takes_over_smoothly() {
         let lines = read_log(&log);
         let least = lines.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
         assert!(least >= RADIUS_MM, "{guide}: {least}");
-        // From when the guide begins to have the flight again, 0.4 s after the hand let go, for two seconds.
+        // Two seconds from the moment when the guide starts to take over again, 0.4 s after the operator released
+        // control.
         let jerks: Vec<f64> = [480, 960, 1500, 2040].into_iter().map(|t| jerk(&lines[t + 48..t + 48 + 240])).collect();
         let most = jerks.iter().fold(0.0f64, |a, b| a.max(*b));
         println!("{guide}: least clearance {least:.2} mm, jerk at the hand-over {most:.0} mm/s³ {jerks:.0?}");
@@ -144,7 +145,7 @@ fn guides_change_in_flight_and_their_fields_come_and_go() {
     f.act(FlightCommand::Guide("path".to_owned())).unwrap();
     go(&mut f, 240);
     assert!(f.camera::<Planned>().unwrap().s_mm > before + 60.0, "each went on");
-    // To a place of the way, and back from there.
+    // To a place on the path, and back from there.
     f.act(FlightCommand::Seek(0.5)).unwrap();
     let planned = f.camera::<Planned>().unwrap();
     let half = planned.route.place(planned.route.length_mm() / 2.0);
@@ -177,7 +178,7 @@ fn a_log_is_played_at_any_rate_on_the_same_path() {
             played.iter().rev().map(place).collect()
         };
         for p in forward {
-            // The steps it lies between come in the log's own order.
+            // The log steps that surround it come in the log's own order.
             let off = |n: usize| {
                 let (a, along) = (path[n], path[n + 1] - path[n]);
                 let t = ((p - a).dot(along) / along.length_squared().max(1e-30)).clamp(0.0, 1.0);
@@ -198,7 +199,7 @@ fn a_log_is_played_at_any_rate_on_the_same_path() {
     run(&["fly", "--headless", "--play", &at("a.json")], 3);
     run(&["fly", "--headless", "--play", &at("missing.jsonl")], 3);
     run(&["fly", "--headless", "--rate", "2"], 2);
-    // What was seen is a share, and more both ways.
+    // Coverage is a share, and is larger in both directions.
     let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(at("a.json")).unwrap()).unwrap();
     let [one, both] = ["coverage", "coverage_both_ways"].map(|k| stats[k].as_f64().unwrap());
     println!("coverage {one:.3} one way, {both:.3} both ways");
@@ -208,7 +209,7 @@ fn a_log_is_played_at_any_rate_on_the_same_path() {
     }
 }
 
-/// Gas segments that tagged fluid separates are flown as one by the guides that plan.
+/// Guides that plan fly gas segments that tagged fluid separates as one.
 #[test]
 fn fluid_joins() {
     let Some(scan) = data("ctc_prone.nii.gz") else { return };

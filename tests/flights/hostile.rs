@@ -1,5 +1,5 @@
-//! Plug-ins that misbehave: numbers that are none, wrong sizes, panics. Whatever they do, the flight ends in order, what was
-//! recorded is there, and the name is told.
+//! Misbehaving plug-ins: invalid numbers, wrong sizes, panics. Whatever they do, the flight ends in order,
+//! recorded data is preserved, and the plug-in is named.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -30,14 +30,14 @@ use colvis::systems::present::Presenter;
 use colvis::volume::{Grid, Volume};
 use glam::{DMat3, DVec2, DVec3, Vec3};
 
-/// Whatever a plug-in does, a flight of a third of a second is over by then.
+/// Time limit for a flight of a third of a second, whatever a plug-in does.
 const PATIENCE: Duration = Duration::from_secs(60);
 const SECONDS: f64 = 0.3;
 
-/// Numbers that nobody means.
+/// Numbers that make no sense.
 const ODD: [f64; 8] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0, 1e300, -1e300, 1e-310];
 
-/// A square tube of 20 mm along y, and its lumen.
+/// Creates a square tube of 20 mm along y, and its lumen.
 fn tube() -> (PreparedVolume, Arc<Lumen>) {
     static TUBE: OnceLock<(PreparedVolume, Arc<Lumen>)> = OnceLock::new();
     let made = TUBE.get_or_init(|| {
@@ -73,17 +73,17 @@ fn set_out(scene: Scene) -> Result<FlightApp> {
     FlightApp::new(volume, lumen, plan, scene)
 }
 
-/// What came of a flight.
+/// The outcome of a flight.
 struct Outcome {
     said: String,
     kind: Option<Kind>,
     lines: usize,
-    /// The state in the last line.
+    /// The state in the last log line.
     last: Option<State>,
     images: usize,
 }
 
-/// Does something within [`PATIENCE`], or fails by its name.
+/// Runs `work` within [`PATIENCE`], or fails with its name.
 fn in_time<T: Send + 'static>(name: &str, work: impl FnOnce() -> T + Send + 'static) -> T {
     let (done, wait) = channel();
     let worker = std::thread::spawn(move || done.send(work()));
@@ -94,7 +94,7 @@ fn in_time<T: Send + 'static>(name: &str, work: impl FnOnce() -> T + Send + 'sta
     }
 }
 
-/// Flies a scene, logs and records it.
+/// Flies a scene, with a log and a recording.
 fn fly(scene: Scene, overlays: &[Overlay]) -> Outcome {
     let dir = tempfile::tempdir().unwrap();
     let log = dir.path().join("f.jsonl");
@@ -113,20 +113,20 @@ fn fly(scene: Scene, overlays: &[Overlay]) -> Outcome {
         }
         Err(e) => (said, kind) = (e.to_string(), Some(e.kind)),
     }
-    // Each line that is there is a whole one.
+    // Every line present is complete.
     let text = std::fs::read_to_string(&log).unwrap_or_default();
     let lines: Vec<LogLine> = text.lines().map(|l| serde_json::from_str(l).expect("a whole line")).collect();
     let images = images(&dir.path().join("images"));
     Outcome { said, kind, last: lines.last().map(|l| l.state), lines: lines.len(), images }
 }
 
-/// How many pictures there are in a folder, all of the size that was asked for.
+/// Returns the number of pictures in a folder, and checks that all have the requested size.
 fn images(folder: &Path) -> usize {
     let Ok(files) = std::fs::read_dir(folder) else { return 0 };
     files.map(|f| image::image_dimensions(f.unwrap().path()).unwrap()).filter(|size| *size == (32, 24)).count()
 }
 
-/// Every preset at every quality.
+/// Returns image settings for every preset at every quality.
 fn images_by_all() -> Vec<ImageSettings> {
     let mut all = Vec::new();
     for preset in presets::BUILT_IN {
@@ -144,10 +144,10 @@ fn recorded(image: ImageSettings) -> Scene {
     Scene { picture: true, presented: true, operator: true, image, ..Scene::default() }
 }
 
-/// What a bad guide does.
+/// A guide that misbehaves.
 #[derive(Component, Clone, Debug, Default, serde::Deserialize)]
 struct Bad {
-    /// 0 thrust, 1 wall force, 2 direction, 3 limit, 4 panics in its system, 5 when it is plugged in.
+    /// 0 thrust, 1 wall force, 2 direction, 3 limit, 4 panics in its system, 5 panics when it is plugged in.
     what: usize,
     number: f64,
 }
@@ -186,7 +186,7 @@ fn misguide(camera: Single<(&Bad, &mut GuideThrust)>) {
 fn guides_that_misbehave() {
     for (n, image) in images_by_all().into_iter().enumerate() {
         let mut cases: Vec<Bad> = (4..6).map(|what| Bad { what, number: 1.0 }).collect();
-        // The numbers of a guide have nothing to do with pictures: all of them with one, some with each.
+        // A guide's numbers do not affect pictures: test all of them with one renderer, and some with each.
         for what in 0..4 {
             let some = ODD.iter().enumerate().filter(|(k, _)| n == 0 || k % 12 == n % 12);
             cases.extend(some.map(|(_, &number)| Bad { what, number }));
@@ -236,13 +236,13 @@ fn the_hand_moves_the_body_whatever_the_guide_says() {
                 }
                 flight.pose().position.distance(start)
             });
-            // A wall force that can be meant acts, too.
+            // A plausible wall force also acts.
             assert!(moved > 15.0 || what == 1 && number.abs() == 1.0, "{what} {number}: {moved:.1} mm");
         }
     }
 }
 
-/// A camera one of whose numbers is odd.
+/// A camera with one odd number.
 #[derive(Debug, PartialEq)]
 struct Odd {
     what: u32,
@@ -277,14 +277,14 @@ impl Camera for Odd {
     fn most_turn(&self) -> Option<f64> {
         match self.what {
             6 => Some(self.number),
-            // Told wrongly: rays turn far more.
+            // A false value: rays turn far more.
             7 => Some(1e-3),
             _ => Some(1.0),
         }
     }
 }
 
-/// Models carry no state of their own: which camera they make is in their settings.
+/// Models have no state, so their settings select the camera that they make.
 #[derive(Default, serde::Deserialize)]
 #[serde(default)]
 struct Which {
@@ -339,7 +339,7 @@ fn overlays_built_in() -> Vec<Overlay> {
     colvis::app::overlays::BUILT_IN.to_vec()
 }
 
-/// A renderer that does something odd from the second picture on.
+/// A renderer that misbehaves from the second picture on.
 struct Crooked {
     what: u32,
     pictures: u32,
@@ -448,7 +448,7 @@ fn shaders_that_misbehave() {
     }
 }
 
-/// What the next overlay draws.
+/// The variant that the next overlay draws.
 static DRAWN: AtomicU32 = AtomicU32::new(0);
 
 #[test]
@@ -482,7 +482,7 @@ fn overlays_that_misbehave() {
     }
 }
 
-/// What a bad system does, once a tenth of a second is over.
+/// Returns a plug-in with a system that misbehaves after a tenth of a second.
 fn misbehave(what: usize, number: f64) -> impl Fn(&mut App) -> Result<()> + Send + Sync + 'static {
     move |app: &mut App| {
         let odd = DVec3::new(number, 0.0, number);

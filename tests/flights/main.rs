@@ -1,4 +1,4 @@
-//! Flights, in two dimensions and in three: where they go, what steers them, what stops them.
+//! Flights, in two dimensions and in three: their paths, their steering, and what stops them.
 
 mod determinism;
 mod digests;

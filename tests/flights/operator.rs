@@ -1,5 +1,5 @@
-//! What the operator changes about a flight under way: its direction, its guide, the camera's place on the way; and the
-//! points between which it is flown.
+//! Operator changes during a flight: its direction, its guide, the camera's place on the path; and the points between
+//! which it is flown.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ fn scene(guide: &'static str) -> Scene {
     Scene { log: true, operator: true, ..Scene::guided_by(guide) }
 }
 
-/// The small phantom as it is flown from end to end.
+/// Returns the small phantom with a plan from end to end.
 fn small() -> (PreparedVolume, Lumen, Plan) {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, seed: 1, ..PhantomSettings::default() });
     let progress = Progress::new();
@@ -39,8 +39,8 @@ fn small() -> (PreparedVolume, Lumen, Plan) {
     (volume, lumen, plan)
 }
 
-/// A goal beyond the gas calls for the operator at the gas's end; the end where the flight began is simply reached. Either
-/// way the segment is flown, whatever the operator does next.
+/// A goal beyond the gas calls for the operator at the end of the gas, while the end where the flight began is simply
+/// reached. In both cases the segment counts as flown, whatever the operator does next.
 #[test]
 fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
     let (volume, mut lumen, mut plan) = small();
@@ -70,7 +70,7 @@ fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
     }
 }
 
-/// Without a plan the bar over the way counts what was flown, the other way round after the flight was turned round.
+/// Without a plan the path bar counts the distance flown, reversed after the flight was turned round.
 #[test]
 fn seeking_without_a_plan_goes_where_the_bar_shows() {
     let (volume, lumen, plan) = small();
@@ -89,7 +89,7 @@ fn seeking_without_a_plan_goes_where_the_bar_shows() {
         let off = f.pose().position.distance(there(1.0 - share));
         assert!(off < 0.9, "{share}: {off} mm off");
     }
-    // On from there, and on a leg that overlaps the one before the last leg counts.
+    // The flight continues from there. On a leg that overlaps the previous one, the last leg counts.
     for _ in 0..120 {
         f.step().unwrap();
     }
@@ -97,7 +97,7 @@ fn seeking_without_a_plan_goes_where_the_bar_shows() {
     f.act(FlightCommand::Reverse).unwrap();
     f.act(FlightCommand::Seek(0.5)).unwrap();
     assert!(f.pose().position.distance(there(0.5)) < 0.9);
-    // A new way begins at its own start.
+    // A new path begins at its own start.
     f.act(FlightCommand::OtherEnd).unwrap();
     let start = f.pose().position;
     assert!(f.act(FlightCommand::Seek(0.5)).is_err());
@@ -108,7 +108,7 @@ fn seeking_without_a_plan_goes_where_the_bar_shows() {
     assert!(f.pose().position.distance(start) < 0.012);
 }
 
-/// The plan is taken up from however the body moves, in flight, after a jump, and after it was turned round.
+/// The plan is joined smoothly whatever the body's motion: in flight, after a jump, and after turning round.
 #[test]
 fn a_plan_is_taken_up_without_a_jolt() {
     let (volume, lumen, plan) = small();
@@ -124,7 +124,7 @@ fn a_plan_is_taken_up_without_a_jolt() {
     let after = go(&mut f, Some(FlightCommand::Guide("path".to_owned())), 240);
     before.extend(after);
     let changed = jerk(&before);
-    // At cruise speed, where a difference of velocities to a body at rest would be an acceleration of thousands.
+    // At cruise speed, where a velocity difference to a body at rest would be an acceleration of thousands.
     let sought = jerk(&go(&mut f, Some(FlightCommand::Seek(0.5)), 240));
     let mut before = go(&mut f, None, 3);
     before.extend(go(&mut f, Some(FlightCommand::Reverse), 240));
@@ -133,7 +133,7 @@ fn a_plan_is_taken_up_without_a_jolt() {
     assert!(changed < 6000.0 && sought < 300.0 && turned < 4600.0, "{changed} {sought} {turned}");
 }
 
-/// Gas in tissue, with the colon elsewhere.
+/// Creates gas in tissue, with the colon elsewhere.
 fn elsewhere(gas: impl Fn(DVec3) -> bool) -> (PreparedVolume, Lumen) {
     let grid = Grid::new([80, 40, 40], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let place = |n: usize| DVec3::new((n % 80) as f64, (n / 80 % 40) as f64, (n / 3200) as f64);
@@ -143,7 +143,7 @@ fn elsewhere(gas: impl Fn(DVec3) -> bool) -> (PreparedVolume, Lumen) {
     (volume, none)
 }
 
-/// The plan through that gas from its one end.
+/// Plans through that gas from one end.
 fn between(volume: &PreparedVolume, colon: &Lumen, to: DVec3) -> Result<Plan> {
     let from = DVec3::new(15.0, 20.0, 20.0);
     let request =
@@ -151,7 +151,7 @@ fn between(volume: &PreparedVolume, colon: &Lumen, to: DVec3) -> Result<Plan> {
     plan::plan(volume, colon, &request, 1.5, &Progress::new())
 }
 
-/// Where the way to the goal is narrower than the camera needs, the user is told before it gets stuck there.
+/// If the path to the goal is too narrow for the camera, the user is told before it gets stuck.
 #[test]
 fn a_way_that_is_too_narrow_is_told_of() {
     for (narrow, said) in [(2.0, 1), (7.0, 0)] {
@@ -168,7 +168,7 @@ fn a_way_that_is_too_narrow_is_told_of() {
     }
 }
 
-/// A goal is moved into gas that is no part of the colon within 5 mm, and refused beyond that.
+/// A goal is moved into gas that is not part of the colon within 5 mm, and refused beyond that.
 #[test]
 fn a_goal_in_tissue_is_refused_in_gas_of_any_kind() {
     let gas = |p: DVec3| p.x > 10.0 && p.x < 60.0 && (p.y - 20.0).hypot(p.z - 20.0) < 7.0;
@@ -185,7 +185,8 @@ fn a_goal_in_tissue_is_refused_in_gas_of_any_kind() {
     }
 }
 
-/// A log goes its own way: it is not turned round, but one may look around, while it plays and while it rests.
+/// A log follows its own path. It cannot be turned round, but you can look around while it plays and while it is
+/// paused.
 #[test]
 fn a_log_that_is_played_is_looked_around_in() {
     let (volume, _, plan) = small();
@@ -226,8 +227,8 @@ fn a_log_that_is_played_is_looked_around_in() {
     assert!(place(f.take_log().last().unwrap()) == plan.start);
 }
 
-/// The hand rolls an aided flight by keys and by mouse: the flight is the same to the last bit but for the roll, which stays
-/// when the hand lets go, and the view goes on following the way meanwhile.
+/// The operator rolls an assisted flight by keys and by mouse. Except for the roll, the flight is the same to the last
+/// bit. The roll stays when the operator releases control, and the view keeps following the path meanwhile.
 #[test]
 fn a_roll_is_the_operators_and_stays() {
     let (volume, lumen, plan) = small();
@@ -259,26 +260,25 @@ fn a_roll_is_the_operators_and_stays() {
                 a.t
             );
             let off = vector(a.forward).angle_between(vector(b.forward));
-            // A body that spins swings a little while it turns, as a gyroscope does.
+            // A spinning body swings a little while it turns, as a gyroscope does.
             assert!(off < 0.1, "{guide}: at {} s the view is {off} rad off the way", a.t);
             swing = swing.max(off);
             last = off;
         }
         println!("{guide}: the view swings by {swing:.4} rad, and is {last:.1e} rad off in the end");
         assert!(last < 1e-5, "{guide}: {last}");
-        // Clockwise about the view: 20°, and a second at 1.2 rad/s.
+        // Clockwise about the view: 20°, plus one second at 1.2 rad/s.
         let (a, b) = (straight.last().unwrap(), rolled.last().unwrap());
         let (up, now, forward) = (vector(a.up), vector(b.up), vector(a.forward));
         let roll = up.cross(now).dot(forward).atan2(up.dot(now));
         let asked = 20f64.to_radians() + 1.2;
-        // The way bends while the body spins about the view, and some of the spin is lost to that swing.
+        // The path bends while the body spins about the view, and some of the spin is lost to that swing.
         println!("{guide}: rolled by {roll:.4} of {asked:.4} rad");
         assert!((roll - asked).abs() < 0.1, "{guide}: {roll} of {asked} rad");
     }
 }
 
-/// What a recording of the operator's input holds, old ones included, is flown again to the same log, the same input and the
-/// same pictures.
+/// Recordings of operator input, including old ones, replay to the same log, the same input and the same pictures.
 #[test]
 fn roll_and_view_angle_are_recorded_and_replayed() {
     let dir = tempfile::tempdir().unwrap();
@@ -299,18 +299,19 @@ fn roll_and_view_angle_are_recorded_and_replayed() {
     let again = fly(&at("1.in"), 2);
     assert!(first == again);
     assert!(first.1.starts_with(new), "{}", first.1);
-    // Without the view angle the flight is the same, and the pictures after it are others.
+    // Without the view angle the flight is the same, and the pictures after it differ.
     let wide = new.lines().skip(1).map(|l| format!("{l}\n")).collect::<String>();
     std::fs::write(at("wide.jsonl"), format!("{wide}{old}")).unwrap();
     let other = fly(&at("wide.jsonl"), 3);
     assert!(other.0 == first.0 && other.2[0] == first.2[0] && other.2[2] != first.2[2]);
-    // Without a picture it has no part, and is kept all the same.
+    // Without pictures the view angle has no effect, but it is kept.
     run(&["fly", "--headless", "--seconds", "1", "--replay", &at("in.jsonl"), "--record-input", &at("bare.in")], 0);
     let kept = std::fs::read_to_string(at("bare.in")).unwrap();
     assert!(kept.lines().eq(new.lines().take(3)), "{kept}");
 }
 
-/// The view angle changes under way: the picture is that of the new angle, whatever the renderer kept of the last frames.
+/// The view angle changes during the flight: the picture is that of the new angle, whatever the renderer kept of the
+/// last frames.
 #[test]
 fn a_changed_view_angle_is_rendered_as_if_it_had_always_been() {
     let (volume, lumen, plan) = small();

@@ -1,4 +1,4 @@
-//! What the overlays draw of a flight: tentacles, mines and forces as they are.
+//! The overlays of a flight: tentacles, mines and forces are drawn with their true values.
 
 use colvis::app::overlay::{Canvas, Mark, Place2};
 use colvis::app::overlays::forces::{Force, forces};
@@ -29,7 +29,7 @@ fn built_in(name: &str) -> Overlay {
     *colvis::app::overlays::BUILT_IN.iter().find(|o| o.name == name).unwrap()
 }
 
-/// What an overlay draws, at a scale; the picture is 1024 pixels wide and high.
+/// Returns the marks of an overlay at a scale. The picture is 1024 pixels wide and high.
 fn drawn(f: &FlightApp, name: &str, scale: f32) -> Vec<Mark> {
     let mut canvas = Canvas::at_scale(f.view().unwrap(), scale);
     (built_in(name).draw)(f, &mut canvas);
@@ -76,7 +76,7 @@ fn each_tentacle_in_the_picture_is_a_disc_where_it_touches_the_wall() {
     }
     assert!(seen > 10, "{seen}");
     assert!(texts(&marks).contains("128 tentacles"));
-    // A guide without tentacles has nothing to draw but that.
+    // For a guide without tentacles the overlay only draws that message.
     let text = texts(&drawn(&flown("path", 0.5), "tentacles", 1.0));
     assert!(text.contains("path has no tentacles"), "{text}");
 }
@@ -86,7 +86,7 @@ fn mines_are_filled_in_sight_and_hollow_behind_a_wall() {
     let mut f = flown("tentacles", 6.0);
     let mines: Vec<DVec3> = f.camera::<MineField>().unwrap().mines.iter().collect();
     assert!(mines.len() >= 10, "{}", mines.len());
-    // Looking back, without a step: the operator's look would be one, and takes nothing from the mines.
+    // Look back. The operator's look takes one step, and takes nothing from the mines.
     f.act(HandCommand::Look([180.0, 0.0])).unwrap();
     f.step().unwrap();
     let mines: Vec<DVec3> = f.camera::<MineField>().unwrap().mines.iter().collect();
@@ -109,7 +109,7 @@ fn mines_are_filled_in_sight_and_hollow_behind_a_wall() {
     assert!(filled > 1 && hollow > 1, "{filled} filled, {hollow} hollow");
 }
 
-/// The sum of what is drawn is what the body does: the change of its velocity over a step.
+/// The sum of the drawn forces matches the body's motion: the change of its velocity over a step.
 #[test]
 fn the_forces_drawn_are_those_that_move_the_body() {
     for guide in ["tentacles", "potential", "path", "manual"] {
@@ -124,7 +124,8 @@ fn the_forces_drawn_are_those_that_move_the_body() {
             }
             let before = f.camera::<Velocity>().unwrap().0;
             f.step().unwrap();
-            // Those of the last step, at the place that it led to, with its new velocity; the drag is that of both ends' mean.
+            // The forces of the last step, at the place that it led to, with its new velocity. The drag is that of the
+            // mean of both ends.
             let all = forces(&f);
             let after = f.camera::<Velocity>().unwrap().0;
             let sum = all.last().unwrap();
@@ -134,7 +135,7 @@ fn the_forces_drawn_are_those_that_move_the_body() {
             let drag = f.scene().body.drag_per_s;
             let expected = sum.acceleration + (after - before) * (0.5 * drag);
             let change = (after - before) * 120.0;
-            // Within a step a potential changes with the place, and a touched wall stops what goes into it.
+            // Within a step a potential changes with the place, and a touched wall stops motion into it.
             if f.camera::<colvis::components::camera::Contact>().unwrap().clearance_mm > 2.5 {
                 compared += 1;
                 let off = expected.distance(change) / (change.length().max(expected.length()) + 20.0);
@@ -153,8 +154,8 @@ fn the_forces_drawn_are_those_that_move_the_body() {
     }
 }
 
-/// The views of the surroundings are drawn once, whoever asks for them, and every row of the legend is there on a screen of
-/// twice the density too.
+/// The views of the surroundings are drawn once, however many overlays request them. Every row of the legend also
+/// appears on a screen of twice the density.
 #[test]
 fn the_views_of_the_surroundings_and_the_legend_are_shared() {
     let f = flown("tentacles", 3.0);
@@ -171,7 +172,7 @@ fn the_views_of_the_surroundings_and_the_legend_are_shared() {
     }
 }
 
-/// They reach down to the picture's margin, or to the text that covers its lower edge.
+/// They extend down to the picture's margin, or to the text that covers its lower edge.
 #[test]
 fn legend_and_views_stand_above_the_foot() {
     let f = flown("tentacles", 1.0);
@@ -186,7 +187,7 @@ fn legend_and_views_stand_above_the_foot() {
     }
 }
 
-/// A recording carries the overlays that are asked for, and no others.
+/// A recording contains the overlays that are requested, and no others.
 #[test]
 #[cfg(feature = "window")]
 fn a_recording_carries_the_overlays_that_are_named() {

@@ -1,4 +1,4 @@
-//! A navigation method of one's own has all that a built-in one has; `examples/own_guide.rs` is one as a program.
+//! A custom guide has all the features of a built-in one. `examples/own_guide.rs` is such a guide as a program.
 
 use bevy_ecs::prelude::*;
 use colvis::app::explain::explain;
@@ -18,13 +18,13 @@ use colvis::systems::sense;
 use crate::support::flights::{flight, fly};
 use crate::support::phantom::phantom;
 
-/// Flies where the longest tentacle points that does not lead back.
+/// Flies in the direction of the longest tentacle that does not lead back.
 fn follow_the_longest(camera: Single<(&Pose, &Body, &Tentacles, &mut GuideThrust)>) {
     let (pose, body, tentacles, mut guide) = camera.into_inner();
     let ahead = |d: &glam::DVec3| d.dot(pose.attitude.forward) > 0.0;
     let felt = tentacles.directions.iter().zip(&tentacles.lengths).filter(|(d, _)| ahead(d));
     let Some((&direction, _)) = felt.max_by(|a, b| a.1.total_cmp(b.1)) else { return };
-    let limit = 30.0 * body.0.drag_per_s; // what drag balances at 30 mm/s
+    let limit = 30.0 * body.0.drag_per_s; // the speed at which drag balances it is 30 mm/s
     *guide = GuideThrust { thrust: direction * limit, limit, look_direction: direction, ..GuideThrust::default() };
 }
 
@@ -57,7 +57,7 @@ fn it_flies() {
     assert!(log.iter().all(|l| l.guide == "longest" && l.clearance_mm >= 1.5));
 }
 
-/// A guide that feels nothing and flies straight on until a wall holds it.
+/// A guide without sensors that flies straight on until a wall stops it.
 #[derive(Clone, Debug, Default, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Blind {}
@@ -78,7 +78,7 @@ impl Guide for Blind {
     }
 }
 
-/// The watch is for every guide that flies by itself, with tentacles or without.
+/// Every automatic guide is watched, with or without tentacles.
 #[test]
 fn a_guide_without_tentacles_is_watched_too() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
@@ -87,13 +87,13 @@ fn a_guide_without_tentacles_is_watched_too() {
     let log = fly(&mut flight, 30.0);
     let f = flight.flight();
     assert!(f.state == State::Operator && f.reason.contains("hangs in place"), "{f:?}");
-    // It was there for two seconds at most, and once more if it was told to turn round.
+    // It was there for two seconds at most, and for the same time again after each turn.
     let there = |l: &&colvis::components::output::LogLine| f.place.distance(l.position.into()) < 6.0;
     let seconds = log.iter().filter(there).count() as f64 / 120.0;
     assert!(seconds <= 2.2 * f64::from(1 + f.turns), "{seconds} s");
 }
 
-/// A guide that asks for everything that can be built, with settings of its own.
+/// A guide that requests everything that can be built, with custom settings.
 #[derive(Clone, Debug, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Planner {
@@ -131,7 +131,7 @@ impl Guide for Planner {
     }
 }
 
-/// Where the distance to the goal falls fastest.
+/// Flies in the direction in which the distance to the goal falls fastest.
 fn fly_down_the_target(target: Single<&TargetDistances>, camera: Single<(&Pose, &Body, &mut GuideThrust)>) {
     use colvis::fields::Distance;
     let (pose, body, mut guide) = camera.into_inner();
@@ -141,8 +141,8 @@ fn fly_down_the_target(target: Single<&TargetDistances>, camera: Single<(&Pose, 
     *guide = GuideThrust { thrust: direction * limit, limit, look_direction: direction, ..GuideThrust::default() };
 }
 
-/// Fields come and go with a guide from outside as with one of the crate, its settings stand in scene files, and the operator
-/// may hand over to it and take the flight back.
+/// For a custom guide, as for a built-in one, fields come and go with the guide, scene files can set its settings, and
+/// the operator can hand over to it and take control back.
 #[test]
 fn it_has_fields_settings_and_its_place_among_the_guides() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });

@@ -1,4 +1,4 @@
-//! Twenty thousand random steps against walls of every kind; a million by `colvis report perforation`.
+//! Twenty thousand random steps against walls of every kind. `colvis report perforation` takes a million.
 
 use colvis::progress::Progress;
 use colvis::report::perforation::run;
@@ -14,7 +14,7 @@ fn twenty_thousand_steps_never_perforate() {
     }
     let all = outcome.all;
     assert_eq!(all.steps, 20_000);
-    // It was no walk in the park.
+    // The steps were difficult.
     assert!(all.blocked > 4000 && all.too_near > 2000 && all.stuck > 1900, "{all:?}");
     assert!(all.margin_mm >= 0.0 && all.margin_mm < 0.11, "the wall was touched: {all:?}");
 }

@@ -1,5 +1,5 @@
-//! The 2D program: ten drawn lumens with known traps, extreme ones, and drawings that are none. What the traps
-//! are in three dimensions stands in `traps.rs`.
+//! The 2D program: ten drawn lumens with known traps, extreme ones, and invalid drawings. `traps.rs` covers the traps
+//! in three dimensions.
 
 use colvis::dynamics::mines::MineSettings;
 use colvis::dynamics::trap::Trap;
@@ -13,10 +13,10 @@ use glam::DVec3;
 
 use crate::support::run::run;
 
-/// What is known of each drawing: what it catches the flight by where the operator is called (none where it arrives), the
-/// number of places at which another way was looked for, and the digest of the trajectory.
+/// The known outcome of each drawing: the trap that calls the operator (none if the flight arrives), the number of
+/// places at which another path was searched, and the digest of the trajectory.
 ///
-/// To update a digest after a change that is meant to change flights: run with `-- --nocapture` and copy what is printed.
+/// To update a digest after an intended change of flights, run with `-- --nocapture` and copy the output.
 const KNOWN: [(&str, Option<Trap>, u32, u64); 10] = [
     ("bends", None, 0, 0xaf1d_a9b5_7bdf_0d21),
     ("straight", None, 0, 0x597b_1c1b_24da_044a),
@@ -30,16 +30,16 @@ const KNOWN: [(&str, Option<Trap>, u32, u64); 10] = [
     ("spiral", None, 0, 0x4ffc_81bb_bdff_1293),
 ];
 
-/// FNV-1a of the places each tenth of a second, to a hundredth of a millimetre.
+/// FNV-1a of the positions every tenth of a second, to a hundredth of a millimetre.
 fn digest(places: &[DVec3]) -> u64 {
     let numbers = places.iter().step_by(12).flat_map(|p| [p.x, p.y].map(|x| (x * 100.0).round() as i64));
     numbers.fold(0xcbf2_9ce4_8422_2325, |h, n| (h ^ n as u64).wrapping_mul(0x0100_0000_01b3))
 }
 
-/// What happened on a flight.
+/// The events of a flight.
 struct Flown {
     flight: Flight,
-    /// Each trap: time at which it was told, which and where, and for how long the camera had been there.
+    /// Each trap: the time at which it was reported, its kind and place, and how long the camera had been there.
     traps: Vec<(f64, Trap, DVec3, f64)>,
 }
 
@@ -57,8 +57,8 @@ fn fly(drawing: Drawing, settings: PlaneSettings) -> Flown {
         );
         let trap = flight.rescue().trap();
         if let Some((kind, at)) = trap.filter(|_| trap != was) {
-            // It was in the trap from when it came near the place, or, where it turned back, from when it left again and was
-            // over ground that it knew.
+            // The camera was in the trap since it came near the place. If it turned back, it was in the trap since it
+            // left again over known ground.
             let places = flight.places();
             let near = |p: &DVec3| p.distance(at) <= 6.0;
             let last_near = places.iter().rposition(near).unwrap_or(0);
@@ -100,7 +100,7 @@ fn ten_lumens_come_out_as_known() {
     assert!(wrong.is_empty(), "not as known: {wrong:?}");
 }
 
-/// The shipped pictures are what the generator draws; `COLVIS_REPLACE=1` writes them anew.
+/// The shipped pictures match the generator. `COLVIS_REPLACE=1` rewrites them.
 #[test]
 fn the_drawings_are_what_the_generator_draws() {
     for (name, png) in DRAWINGS {
@@ -118,7 +118,7 @@ fn the_drawings_are_what_the_generator_draws() {
     }
 }
 
-/// A straight lumen of the given half-width, pixels, between two ends.
+/// Creates a straight lumen of the given half-width, pixels, between two ends.
 fn corridor(half: i64) -> Drawing {
     let (w, h) = (240, 80);
     let inside = |n: usize| (8..232).contains(&(n % w)) && ((n / w) as i64 - 40).abs() <= half;
@@ -146,13 +146,13 @@ fn few_tentacles_none_and_many_mines_stay_safe() {
 
 #[test]
 fn no_room_at_the_start_is_told() {
-    // One pixel wide: nowhere is there room.
+    // One pixel wide: the camera fits nowhere.
     let narrow = Flight::new(corridor(0), PlaneSettings::default()).unwrap_err();
     assert!(narrow.kind as i32 == 4 && narrow.to_string().contains("narrower than the camera"), "{narrow}");
     let mut unmarked = corridor(0);
     (unmarked.start, unmarked.goal) = (None, None);
     assert_eq!(Flight::new(unmarked, PlaneSettings::default()).unwrap_err().kind as i32, 4);
-    // In the wall, at distance exactly 0 from it, outside, beyond all numbers: taken to the lumen nearby, or refused.
+    // In the wall, at distance exactly 0 from it, outside, beyond all numbers: moved into the lumen nearby, or refused.
     for (start, fits) in [
         (DVec3::new(10.0, 10.0, 0.0), true),
         (DVec3::new(10.0, 12.0, 0.0), true),
@@ -178,7 +178,7 @@ fn no_room_at_the_start_is_told() {
     assert_ne!(flight.state(), State::Flying);
 }
 
-/// Random walls: whatever is drawn, a flight ends, stays in the lumen and is the same again.
+/// Random walls: whatever is drawn, a flight ends, stays in the lumen and is reproducible.
 #[test]
 fn anything_drawn_is_survived() {
     for seed in 0..24u64 {
@@ -209,7 +209,7 @@ fn pictures_are_whole_however_the_flight_ends() {
     for (file, size) in [("a.png", (720, 240)), ("b.gif", (720, 240)), ("c.png", (600, 480))] {
         assert_eq!(image::image_dimensions(at(file)).unwrap(), size, "{file}");
     }
-    // A drawing from a file is as good as a shipped one.
+    // A drawing from a file works like a shipped one.
     std::fs::write(at("mine.png"), DRAWINGS[1].1).unwrap();
     run(&["plane", &at("mine.png"), "--headless", "--out", &at("d.png")], 0);
     assert!(std::fs::read(at("a.png")).unwrap() == std::fs::read(at("d.png")).unwrap());
@@ -250,7 +250,7 @@ fn what_cannot_be_drawn_or_written_is_told() {
     assert_eq!(MM_PER_PIXEL, 0.5, "as README and help have it");
 }
 
-/// Flies a drawing by a scene file; the picture's bytes, and what was said.
+/// Flies a drawing with a scene file and returns the picture's bytes and the output.
 fn by_scene(drawing: &str, scene: Option<&str>, status: i32) -> (Vec<u8>, String) {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
@@ -268,7 +268,7 @@ fn by_scene(drawing: &str, scene: Option<&str>, status: i32) -> (Vec<u8>, String
 fn a_scene_file_has_the_settings() {
     let all = "plugins = [\"tentacles\", \"mines\", \"watch\"]\n";
     let (usual, told) = by_scene("bends", None, 0);
-    // A scene that sets nothing is the default.
+    // A scene without settings is the default.
     assert!(by_scene("bends", Some(all), 0).0 == usual);
     // Each setting changes the flight.
     let seconds = |told: &str| told.split_whitespace().rev().nth(1).unwrap().parse::<f64>().unwrap();
@@ -285,10 +285,10 @@ fn a_scene_file_has_the_settings() {
         assert!(by_scene("bends", Some(&format!("{all}{setting}")), 0).0 != usual, "{setting}");
     }
     assert!(by_scene("bends", Some("plugins = [\"tentacles\", \"watch\"]"), 0).0 != usual, "without mines");
-    // Nobody watches: the neck keeps the camera until the time is over, and nobody is called.
+    // Without the trap watch, the neck holds the camera until the time is over, and the operator is not called.
     let (_, told) = by_scene("neck", Some("plugins = [\"tentacles\", \"mines\"]"), 0);
     assert!(told.contains("the time is over"), "{told}");
-    // What a drawing has no part for is said.
+    // Settings that do not apply to a drawing are reported.
     let (same, told) = by_scene("bends", Some(&format!("{all}[potential]\nreach_mm = 5")), 0);
     assert!(same == usual && told.contains("[potential] does not apply to a drawing"), "{told}");
 }
@@ -309,7 +309,7 @@ fn a_scene_that_no_drawing_can_be_flown_by_is_refused() {
         let (picture, told) = by_scene("straight", Some(&scene), 2);
         assert!(picture.is_empty() && told.contains(why) && told.lines().count() == 1, "{scene}: {told}");
     }
-    // The shipped ones: those of tentacles are flown, the others say who steers them.
+    // Shipped scenes: those of tentacles are flown, the others are refused with the name of their guide.
     for (name, refused) in [
         ("tentacles", None),
         ("tentacles-without-mines", None),
@@ -323,6 +323,6 @@ fn a_scene_that_no_drawing_can_be_flown_by_is_refused() {
         assert!(told.contains(refused.unwrap_or("arrived at")), "{name}: {told}");
     }
     run(&["plane", "straight", "--headless", "--out", "x.png", "--scene", "assets/scenes/none.toml"], 3);
-    // What was read is not written over.
+    // Inputs are not overwritten.
     run(&["plane", "--headless", "--out", "assets/plane/fork.png", "--scene", "assets/plane/fork.png"], 2);
 }

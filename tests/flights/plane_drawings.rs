@@ -3,7 +3,7 @@
 use colvis::plane::drawing::MM_PER_PIXEL;
 use image::{Rgb, RgbImage};
 
-/// A drawing under way; places and lengths in mm.
+/// A drawing in progress. Positions and lengths are in mm.
 pub struct Canvas {
     image: RgbImage,
 }
@@ -17,7 +17,7 @@ impl Canvas {
         Self { image: RgbImage::from_pixel(pixels(width_mm), pixels(height_mm), WALL) }
     }
 
-    /// Paints what lies within `half` of the line through `points`.
+    /// Paints everything within `half` of the line through `points`.
     fn stroke(mut self, points: &[(f64, f64)], half: f64, colour: Rgb<u8>) -> Self {
         for (x, y, pixel) in self.image.enumerate_pixels_mut() {
             let p = ((f64::from(x) + 0.5) * MM_PER_PIXEL, (f64::from(y) + 0.5) * MM_PER_PIXEL);
@@ -36,7 +36,7 @@ impl Canvas {
         self.stroke(points, half, WALL)
     }
 
-    /// Start (red) and goal (green), two by two pixels each.
+    /// Marks start (red) and goal (green), two by two pixels each.
     fn between(mut self, start: (f64, f64), goal: (f64, f64)) -> RgbImage {
         for (at, colour) in [(start, Rgb([255, 0, 0])), (goal, Rgb([0, 255, 0]))] {
             for (i, j) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -66,13 +66,13 @@ fn arc(centre: (f64, f64), radius: impl Fn(f64) -> f64, from: f64, to: f64) -> V
         .collect()
 }
 
-/// The drawing of that name.
+/// Draws the lumen with that name.
 pub fn draw(name: &str) -> RgbImage {
     match name {
         "straight" => {
             Canvas::new(180.0, 60.0).lumen(&[(16.0, 30.0), (164.0, 30.0)], 10.0).between((18.0, 30.0), (160.0, 30.0))
         }
-        // A colon in the plane: hairpins, with folds that reach in from both sides in turn.
+        // A colon in the plane: hairpins, with folds that extend from both sides in turn.
         "bends" => {
             let way = [
                 (20.0, 100.0),
@@ -96,18 +96,18 @@ pub fn draw(name: &str) -> RgbImage {
             }
             canvas.between((20.0, 98.0), (159.0, 27.0))
         }
-        // The blind branch goes straight on; the way on leaves it to the side, backwards.
+        // The blind branch goes straight on. The path to the goal leaves it sideways and backwards.
         "fork" => Canvas::new(180.0, 120.0)
             .lumen(&[(16.0, 30.0), (164.0, 30.0)], 9.0)
             .lumen(&[(92.0, 30.0), (60.0, 92.0), (160.0, 100.0)], 9.0)
             .between((18.0, 30.0), (158.0, 100.0)),
-        // A wide cave that faces the camera; the way on is a gap in its rear, beside the entrance.
+        // A wide cave that faces the camera. The exit is a gap in its rear, beside the entrance.
         "pocket" => Canvas::new(180.0, 120.0)
             .lumen(&[(16.0, 40.0), (90.0, 40.0)], 9.0)
             .lumen(&[(112.0, 40.0), (120.0, 40.0)], 30.0)
             .lumen(&[(92.0, 58.0), (76.0, 86.0), (90.0, 104.0), (160.0, 100.0)], 7.0)
             .between((18.0, 40.0), (156.0, 100.0)),
-        // Round and round: the way to the goal is narrower than the camera.
+        // A ring: the path to the goal is narrower than the camera.
         "ring" => Canvas::new(150.0, 120.0)
             .lumen(&arc((62.0, 60.0), |_| 40.0, 0.0, 360.0), 9.0)
             .lumen(&[(100.0, 60.0), (122.0, 60.0)], 1.0)
@@ -118,7 +118,7 @@ pub fn draw(name: &str) -> RgbImage {
             .lumen(&[(16.0, 38.0), (60.0, 36.0), (90.0, 50.0), (120.0, 36.0), (164.0, 38.0)], 9.0)
             .lumen(&[(16.0, 92.0), (60.0, 84.0), (90.0, 67.0), (120.0, 84.0), (164.0, 92.0)], 9.0)
             .between((18.0, 38.0), (160.0, 38.0)),
-        // A strand that stands in the middle of the view: the forces balance before it.
+        // A strand in the middle of the view: the forces balance in front of it.
         "bridge" => Canvas::new(180.0, 60.0)
             .lumen(&[(18.0, 30.0), (162.0, 30.0)], 12.0)
             .wall(&[(90.0, 24.0), (90.0, 36.0)], 1.0)

@@ -1,4 +1,4 @@
-//! What other crates add to a flight: plug-ins with state, views, post-processes, presenters.
+//! Additions of other crates to a flight: plug-ins with state, views, post-processes, presenters.
 
 use bevy_ecs::prelude::*;
 use colvis::app::explain::explain;
@@ -24,7 +24,7 @@ impl Plugin for StepCounter {
     fn build(&self, app: &mut App) -> Result<()> {
         app.world.insert_resource(Counted(self.start));
         app.add_systems(FlightSystems::Log, |mut counted: ResMut<Counted>, mut runs: Local<u32>| {
-            // Both what lies in the world and what the system keeps for itself must live on.
+            // Both the world's data and the system's local data must persist.
             *runs += 1;
             assert_eq!(*runs, counted.0 + 1);
             counted.0 += 1;
@@ -37,7 +37,7 @@ fn small(scene: Scene) -> FlightApp {
     Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()).unwrap()
 }
 
-/// A scene with pictures of 96 × 64 pixels.
+/// Returns a scene with pictures of 96 × 64 pixels.
 fn seen() -> Scene {
     let image = ImageSettings { width: 96, height: 64, ..ImageSettings::default() };
     Scene { picture: true, operator: true, image, ..Scene::default() }
@@ -51,7 +51,7 @@ fn picture(flight: &FlightApp, view: Entity) -> &Picture {
 fn a_plugin_is_built_once_and_counts_through_every_change() {
     let scene = Scene { operator: true, ..Scene::default() }.plug(StepCounter { start: 0 }).unwrap();
     let mut flight = small(scene);
-    // What is added to the flight itself is a plug-in, too.
+    // Additions to the flight itself are plug-ins, too.
     flight.app_mut().world.spawn(Name::new("late"));
     flight.app_mut().add_systems(FlightSystems::Trail, |mut names: Query<&mut Name>, mut n: Local<u32>| {
         *n += 1;
@@ -97,7 +97,7 @@ fn every_entity_with_a_picture_is_a_view() {
     let spawned = flight.app_mut().world.spawn((Picture::new(40, 40), Follows::default())).id();
     let pose = flight.pose();
     let fixed = flight.app_mut().world.spawn((Picture::new(40, 40), pose)).id();
-    // Neither another camera-like entity nor another scan gets into the flight's way.
+    // Neither another entity that resembles a camera nor another scan interferes with the flight.
     let scan = flight.app_mut().scan_get::<colvis::components::scan::Scan>().cloned().unwrap();
     let other = Scan::phantom(2).unwrap().volume().clone();
     flight.app_mut().world.spawn((scan, pose));
@@ -118,7 +118,7 @@ fn every_entity_with_a_picture_is_a_view() {
     for view in ["picture", "view 2", "view 5"] {
         assert!(told.built.iter().any(|b| b.part == view && b.bytes > 0), "{view}: {:?}", told.built);
     }
-    // It lives through a change of guide.
+    // It survives a change of guide.
     flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     let before = picture(&flight, rear).frame.clone();
     assert!(flight.place(pose.position, pose.attitude.forward, pose.attitude.up));
@@ -159,14 +159,14 @@ fn what_is_no_view_is_refused() {
         assert_eq!(said.unwrap_err().kind as u8, 2);
     }
     assert!(explain(&flight).frame.is_empty());
-    // What is spawned cannot be refused: it keeps its black picture.
+    // A spawned entity cannot be refused: it keeps its black picture.
     let odd = flight.app_mut().world.spawn((Picture::new(0, 0), Follows::default())).id();
     let lost = flight.app_mut().world.spawn(Picture::new(8, 8)).id();
     flight.frame().unwrap();
     assert!(!picture(&flight, odd).traced && !picture(&flight, lost).traced);
 }
 
-/// Presents into a list.
+/// A presenter that records into a list.
 #[derive(Default)]
 struct Kept(Vec<(usize, bool)>);
 
@@ -280,7 +280,7 @@ fn sets_and_order_of_ones_own() {
     let step = explain(&flight).step;
     let place = |name: &str| step.iter().position(|s| s.contains(name)).unwrap();
     assert!(place("move_body") < place("blow") && place("blow") < place("watch_flight"), "{step:?}");
-    // Two that touch the same data are refused, and the message names what helps; that does help.
+    // Two that access the same data are refused, and the message names a fix that works.
     let clash = |app: &mut App| {
         app.add_systems(FlightSystems::Integrate, blow);
         Ok(())
@@ -329,7 +329,7 @@ fn two_views_and_two_post_processes_are_the_same_on_any_number_of_threads() {
     }
 }
 
-/// A presenter that a plug-in gives goes to the thread that runs frames, wherever the flight was made.
+/// A plug-in's presenter moves to the thread that runs frames, whichever thread created the flight.
 #[test]
 fn a_plugin_gives_a_view_its_presenter_on_whichever_thread_it_is_built() {
     let presents = |app: &mut App| {
@@ -365,7 +365,7 @@ fn a_view_that_aim_moves_is_traced_where_it_is_now() {
     let pose = flight.pose();
     let view = flight.add_view((Picture::new(32, 24), pose)).unwrap();
     for n in 1..4 {
-        // As a window does, which does not know what the set will do.
+        // As in a window, which does not know what the set will do.
         flight.frame_of_due().unwrap();
         let seen = picture(&flight, view);
         assert!(seen.traced && seen.view.as_ref().unwrap().position().x == pose.position.x + 0.5 * f64::from(n));

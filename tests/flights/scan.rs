@@ -1,4 +1,4 @@
-//! Several flights of one scan: none changes the scan for the next.
+//! Several flights through one scan: none changes the scan for the next.
 
 use std::sync::Arc;
 
@@ -9,13 +9,13 @@ use glam::{DMat3, DVec3};
 
 use crate::support::flights::fly;
 
-/// HU of two long chambers of gas over one pool of tagged fluid.
+/// Returns the HU of two long chambers of gas over one pool of tagged fluid.
 fn basin(p: DVec3) -> i16 {
     let inside = p.x.abs() < 14.0 && p.z.abs() < 300.0 && p.y.abs() < 16.0;
     match p {
         _ if !inside || p.z.abs() <= 6.0 && p.y <= 8.0 => 40,
         _ if p.y < 2.0 => -1000,
-        // The level, blurred.
+        // The blurred fluid level.
         _ if p.y < 3.0 => -150,
         _ => 600,
     }
@@ -39,7 +39,7 @@ fn flown(scan: &mut Scan, guide: &'static str) -> Vec<LogLine> {
     fly(&mut begun(scan, guide), 3.0)
 }
 
-/// `path` takes tagged fluid as gas, `tentacles` does not.
+/// `path` treats tagged fluid as gas, `tentacles` does not.
 #[test]
 fn a_guide_that_drains_fluid_leaves_the_scan_as_it_was() {
     let guides = ["path", "tentacles"];
@@ -68,7 +68,7 @@ fn voxels_are_shared_and_drained_once() {
     assert!(Arc::ptr_eq(&first, &second) && !Arc::ptr_eq(&first, &own));
     let times = |part: &str| scan.timings().parts().iter().filter(|p| p.0 == part).count();
     assert_eq!((times("lumen_s"), times("drain_s"), times("joined_lumen_s")), (1, 1, 1));
-    // Where fluid joins nothing there is nothing to drain.
+    // If fluid joins nothing, there is nothing to drain.
     let mut dry = Scan::phantom(1).unwrap();
     let own = dry.volume().shared_voxels();
     assert!(Arc::ptr_eq(&begun(&mut dry, "path").volume().shared_voxels(), &own));

@@ -1,4 +1,4 @@
-//! What a scene does not ask for is neither scheduled nor in memory.
+//! Parts that a scene does not request are neither scheduled nor in memory.
 
 use std::sync::OnceLock;
 
@@ -31,7 +31,7 @@ fn four_scenes_four_schedules() {
             assert_ne!((&a.step, &a.frame), (&b.step, &b.frame));
         }
     }
-    // (scene, system or component, is there)
+    // (scene, system or component, true if present)
     let has = |n: usize, name: &str| {
         let scheduled = all[n].step.iter().chain(&all[n].frame).any(|s| s.contains(name));
         let carried = all[n].components.iter().any(|c| c == name);
@@ -59,7 +59,7 @@ fn four_scenes_four_schedules() {
             assert_eq!(has(n, name), want, "{name} in {}: {:?} {:?}", scenes[n], all[n].step, all[n].components);
         }
     }
-    // Whatever is not there is told with a reason.
+    // Every missing part is reported with a reason.
     let left_out = |n: usize| -> Vec<&str> { all[n].left_out.iter().map(|l| l.part).collect() };
     assert!(left_out(1).contains(&"mines") && left_out(2).contains(&"tentacles") && left_out(3).contains(&"motion"));
     for (n, e) in all.iter().enumerate() {
@@ -153,7 +153,8 @@ fn a_frame_cache_is_there_where_the_preset_reuses() {
     assert!(cache["bytes"].as_u64().unwrap() >= 48 * 32 * 16);
 }
 
-/// Of a flight by a scene's choices: what `explain` says is kept, the samples and reused rays of each frame, and the frames.
+/// Flies with a scene's choices and returns the memory that `explain` reports, the samples and reused rays of each
+/// frame, and the frames.
 fn flown_by(choices: &str, preset: &str) -> (serde_json::Value, Vec<[u64; 3]>, Vec<Vec<u8>>) {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).display().to_string();
@@ -261,7 +262,7 @@ fn the_whole_step_and_the_whole_frame_are_systems() {
     }
 }
 
-/// The volume is a component, and what feels or renders queries it.
+/// The volume is a component that sensing and rendering systems query.
 #[test]
 fn the_volume_is_a_component_that_systems_query() {
     use colvis::components::scan::Scan;

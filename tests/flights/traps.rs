@@ -1,4 +1,4 @@
-//! Traps in three dimensions: the drawn ones, and two lumens that a guide cannot choose between.
+//! Traps in three dimensions: the drawn ones, and two lumens between which a guide cannot decide.
 
 use bevy_ecs::prelude::*;
 use colvis::app::{FlightApp, Scene};
@@ -19,7 +19,7 @@ use glam::DVec3;
 
 use crate::support::flights::fly;
 
-/// A flight in three dimensions from a drawing's start to its goal.
+/// Creates a flight in three dimensions from a drawing's start to its goal.
 fn through(drawing: &Drawing, scene: Scene) -> FlightApp {
     let Course { volume, lumen, plan, .. } = Course::drawn(drawing, &Progress::new()).unwrap();
     FlightApp::new(volume, lumen, plan, scene).unwrap()
@@ -29,7 +29,7 @@ fn through(drawing: &Drawing, scene: Scene) -> FlightApp {
 fn the_same_traps_in_three_dimensions() {
     let mut wrong = Vec::new();
     for (name, _) in DRAWINGS {
-        // With a third dimension there is more room for the guide: most traps are none to it.
+        // With a third dimension the guide has more room: most traps do not catch it.
         let want = [("ring", Trap::Circling), ("neck", Trap::Narrow)].into_iter().find(|w| w.0 == name).map(|w| w.1);
         let drawing = named(name).unwrap().unwrap();
         let mut flight = through(&drawing, Scene { log: true, ..Scene::default() });
@@ -56,13 +56,13 @@ fn the_same_traps_in_three_dimensions() {
     assert!(wrong.is_empty(), "not as known: {wrong:?}");
 }
 
-/// Where a lumen parts in two that are 90° apart, mm.
+/// Where a lumen divides into two that are 90° apart, mm.
 const PARTING: DVec3 = DVec3::new(60.0, 40.0, 0.0);
 
-/// This far from the middle it is in one of them, mm.
+/// At this distance from the middle it is inside one of them, mm.
 const IN_IT_MM: f64 = 5.0;
 
-/// A guide that takes the upper way until it is in it, then the lower one, and so on: the dithering of section 3.1.1.
+/// A guide that takes the upper path until it is inside, then the lower one, and so on: the dithering of section 3.1.1.
 #[derive(Clone, Debug, Default, serde::Deserialize)]
 struct Torn {
     feels: bool,
@@ -97,8 +97,8 @@ fn dither(camera: Single<(&Pose, &mut GuideThrust)>, mut up: Local<bool>) {
         GuideThrust { thrust: direction * 180.0, limit: 180.0, look_direction: direction, ..GuideThrust::default() };
 }
 
-/// Dithering between two lumens is told within two seconds, where they part; who feels the way looks for another before
-/// the operator is called.
+/// Dithering between two lumens is detected within two seconds, where they divide. A guide with tentacles searches for
+/// another path before the operator is called.
 #[test]
 fn dithering_between_two_lumens_is_told_in_three_dimensions() {
     let (w, h) = (240, 160);
@@ -123,7 +123,7 @@ fn dithering_between_two_lumens_is_told_in_three_dimensions() {
             }
         }
         let (f, told) = (flight.flight(), told.expect("it is told"));
-        // It sways from its second turn on: one alone may have its reason.
+        // It dithers from its second turn on: a single turn may have a reason.
         let off = |n: usize| DVec3::from(log[n].position) - PARTING;
         let turns = |&n: &usize| {
             let [a, b, c] = [off(n - 1).y, off(n).y, off(n + 1).y];

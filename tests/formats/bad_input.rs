@@ -1,5 +1,5 @@
-//! Bad inputs through the real program: the status, one line that says what, why and how to mend it, no panic, soon,
-//! and within little memory whatever a header claims.
+//! Bad inputs through the real program. It must report the exit status and one line with the problem, the reason and
+//! the fix. It must not panic, and must finish quickly and within little memory whatever a header claims.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
@@ -8,9 +8,10 @@ use std::time::{Duration, Instant};
 use crate::support::nifti::Nifti;
 use crate::support::packing::{gz, zlib};
 
-/// Address space that the program may use, KiB: enough for itself and its threads, far less than the lies below claim.
+/// Address space available to the program, KiB: enough for itself and its threads, far less than the false headers
+/// below claim.
 const ROOM: u32 = 1_500_000;
-/// How long a refusal may take.
+/// The maximum time for a refusal.
 const SOON: Duration = Duration::from_secs(10);
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
@@ -28,7 +29,7 @@ fn run(folder: &Path, arguments: &[&str]) -> Output {
     output
 }
 
-/// Asserts what every failure says.
+/// Asserts the properties of every error message.
 fn refused(folder: &Path, arguments: &[&str], status: i32, fragment: &str) {
     let output = run(folder, arguments);
     let stderr = String::from_utf8_lossy(&output.stderr);
@@ -61,7 +62,7 @@ fn nifti(change: impl FnOnce(&mut Nifti)) -> Vec<u8> {
     n.bytes()
 }
 
-/// A table of files, each with what must be said of it: long, and read from top to bottom.
+/// A table of files with the expected message of each: long, and meant to be read from top to bottom.
 #[test]
 fn files() {
     let local = "ElementDataFile = LOCAL\n";
@@ -71,7 +72,7 @@ fn files() {
     let huge = |n: &mut Nifti| n.dim = [3, 30000, 30000, 30000, 1, 1, 1, 1];
     #[rustfmt::skip]
     let table: Vec<(&str, Vec<u8>, &str)> = vec![
-        // Anything.
+        // Any format.
         ("empty.nii", vec![], "is empty"),
         ("noise.bin", (0..5000u64).map(|i| colvis::math::hash::bits(3, i) as u8).collect(), "not in a supported format"),
         ("text.txt", b"hello, this is no scan\n".to_vec(), "give NIfTI"),
@@ -174,7 +175,7 @@ fn dicom() {
     lie.cols = 16000;
     let coded = |syntax, packed: &[u8]| Slice { syntax, packed: Some(packed.to_vec()), ..at(0.0) };
     let length = {
-        // The length of a value beyond the file.
+        // A value whose length extends beyond the file.
         let mut b = image.bytes();
         let k = b.windows(4).position(|w| w == b"\x08\0\x60\0").unwrap();
         b.splice(k + 4..k + 8, *b"UN\0\0\xf0\xff\xff\x7f");
@@ -252,7 +253,7 @@ fn folders_and_places() {
     refused(here, &["info", "other"], 3, "none of them DICOM or PNG");
     std::fs::write(here.join("other/scan.nii"), Nifti::small().bytes()).unwrap();
     refused(here, &["info", "other"], 3, "name the file: other/scan.nii");
-    // A name with a line break must not make a second line.
+    // A name with a line break must not produce a second line.
     refused(here, &["info", "a\nerror: b"], 3, "does not exist");
     std::fs::create_dir(here.join("folder.raw")).unwrap();
     std::fs::write(here.join("folder.mhd"), format!("{MHA}ElementDataFile = folder.raw\n")).unwrap();
@@ -266,7 +267,7 @@ fn folders_and_places() {
         let secret = here.join("secret.nii");
         std::fs::write(&secret, Nifti::small().bytes()).unwrap();
         std::fs::set_permissions(&secret, std::fs::Permissions::from_mode(0o000)).unwrap();
-        // The superuser may read everything.
+        // The superuser can read everything.
         if std::fs::File::open(&secret).is_err() {
             refused(here, &["info", "secret.nii"], 3, "permission denied");
         }

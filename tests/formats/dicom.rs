@@ -1,4 +1,4 @@
-//! DICOM: real files, and series made for each thing that can be different or wrong.
+//! DICOM: real files, and artificial series for everything that can vary or be wrong.
 
 use crate::support::dicom::{self, Slice};
 use crate::support::reading::load;
@@ -9,7 +9,7 @@ use colvis::volume::io::{self, LoadOptions, Loaded};
 use glam::DVec3;
 
 impl Slice {
-    /// The HU of the slice.
+    /// Returns the HU of the slice.
     pub fn hu(&self) -> Vec<i16> {
         self.pixels.iter().map(|p| *p as i16 - 1024).collect()
     }
@@ -37,7 +37,7 @@ fn refusal(slices: &[Slice]) -> String {
     e.to_string()
 }
 
-/// Slices at 0, 2.5, 5, … in an order that is not theirs.
+/// Returns slices at 0, 2.5, 5, … in shuffled order.
 fn stack(n: usize) -> Vec<Slice> {
     (0..n).map(|k| Slice::at(2.5 * ((k * 7) % n) as f64)).collect()
 }
@@ -87,7 +87,7 @@ fn slices_are_sorted_and_placed() {
 
 #[test]
 fn every_lying_of_the_patient_lands_in_the_patients_frame() {
-    // The plane's axes as scanners write them: the image is seen from the feet, the table is below.
+    // The plane's axes as scanners write them: the image is seen from the feet, with the table below.
     for (name, orientation) in [
         ("HFS", [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]),
         ("HFP", [-1.0, 0.0, 0.0, 0.0, -1.0, 0.0]),
@@ -95,7 +95,7 @@ fn every_lying_of_the_patient_lands_in_the_patients_frame() {
         ("FFP", [1.0, 0.0, 0.0, 0.0, -1.0, 0.0]),
         ("HFDR", [0.0, 1.0, 0.0, -1.0, 0.0, 0.0]),
     ] {
-        // A mark at column 5, row 1 of the slice at z = 5, wherever that comes to lie.
+        // A mark at column 5, row 1 of the slice at z = 5, wherever that ends up.
         let x = DVec3::from_slice(&orientation[..3]);
         let y = DVec3::from_slice(&orientation[3..]);
         let place = DVec3::new(-10.0, -20.0, 5.0) + x * 0.5 * 5.0 + y * 0.75;
@@ -142,7 +142,7 @@ fn frames_of_an_enhanced_image_are_slices() {
 
 #[test]
 fn bits_slope_and_padding() {
-    // Twelve bits in the middle of sixteen, unsigned, an overlay bit above and noise below.
+    // Twelve bits in the middle of sixteen, unsigned, with an overlay bit above and noise below.
     let shifted = Slice {
         stored: 12,
         high: 13,
@@ -154,7 +154,7 @@ fn bits_slope_and_padding() {
     // Twelve bits, signed: the sign is the twelfth bit.
     let negative = Slice { stored: 12, high: 11, pixels: vec![0x0FFF; 24], intercept: "0", ..Slice::at(0.0) };
     assert_eq!(plain(&[negative]).volume.data()[0], -1);
-    // Each slice has its own slope.
+    // Each slice has a different slope.
     let mut slices = stack(11);
     slices[3].slope = "0.5";
     let expected = to_hu(f64::from(slices[3].pixels[0]) * 0.5 - 1024.0);
@@ -167,7 +167,7 @@ fn bits_slope_and_padding() {
     padded.padding_limit = Some(-1990i16 as u16);
     padded.pixels[6] = -1995i16 as u16;
     assert_eq!(plain(&[padded]).volume.data()[5..7], [-1024, -1024]);
-    // Eight bits; low values shown bright are the same values.
+    // Eight bits. Inverted display does not change the values.
     let eight = Slice { allocated: 8, stored: 8, high: 7, signed: false, photometric: "MONOCHROME1", ..Slice::at(0.0) };
     let eight = Slice { pixels: (100..124).collect(), ..eight };
     let loaded = plain(&[eight]);
@@ -190,7 +190,7 @@ fn missing_slices_are_found_named_and_filled_only_when_allowed() {
     let loaded = read(&slices, &LoadOptions { allow_gaps: true, ..LoadOptions::default() }).unwrap();
     assert_eq!(loaded.volume.grid().dims(), [6, 4, 20]);
     assert_eq!(loaded.notes.len(), 1, "{:?}", loaded.notes);
-    // The values are linear in z, so interpolation gives back what is missing.
+    // The values are linear in z, so interpolation restores the missing ones.
     for k in 0..20 {
         assert_eq!(loaded.volume.data()[24 * k], (1000 + 48 * k as i16) - 1024);
     }
@@ -306,6 +306,6 @@ fn other_files_in_the_folder_are_passed_over() {
     std::fs::write(dir.path().join("readme.txt"), "not a slice").unwrap();
     std::fs::write(dir.path().join("empty"), "").unwrap();
     assert_eq!(load(dir.path()).unwrap().volume.grid().dims()[2], 12);
-    // A single file is that file alone.
+    // A single file is read alone.
     assert_eq!(load(&below.join("3.dcm")).unwrap().volume.grid().dims()[2], 1);
 }

@@ -1,4 +1,4 @@
-//! Every writer against every reader, and every form of header against what it means.
+//! Every writer against every reader, and every form of header against its meaning.
 
 use crate::support::nifti::Nifti;
 use crate::support::packing::{gz, zlib};
@@ -36,7 +36,7 @@ proptest! {
         if mirrored {
             direction.y_axis = -direction.y_axis;
         }
-        // Every second case has a tilted gantry, which no quaternion can hold.
+        // Every second case has a tilted gantry, which no quaternion can represent.
         if oblique > 0.0 {
             direction.z_axis = (direction.z_axis + oblique * direction.y_axis).normalize();
         }
@@ -48,7 +48,7 @@ proptest! {
             let back = load(&path).unwrap();
             prop_assert!(back.notes.is_empty(), "{name}: {:?}", back.notes);
             prop_assert_eq!(back.volume.data(), volume.data(), "{}", name);
-            // NIfTI-1 keeps single precision.
+            // NIfTI-1 stores single precision.
             let tolerance = if name.contains("nii") { 2e-3 } else { 1e-9 };
             prop_assert!(same_place(&back.volume, &volume, tolerance), "{name}");
             let (a, b) = (back.volume.grid().direction(), volume.grid().direction());
@@ -158,16 +158,16 @@ fn nifti_of_every_type_version_order_and_packing() {
 
 #[test]
 fn nifti_orientation() {
-    // sform wins over qform; qform where it is alone; neither: a note.
+    // sform takes precedence over qform; qform is used if it is alone; with neither there is a note.
     let both = Nifti { qform_code: 1, qoffset: [1.0, 2.0, 3.0], ..Nifti::small() };
     assert_eq!(read("a.nii", &both.bytes()).unwrap().volume.grid().origin(), DVec3::new(-10.0, -20.0, 30.0));
-    // A half turn about z: RAS x and y point to the right and to anterior, that is LPS with identity direction.
+    // A half turn about z: RAS x and y point to the right and to anterior, which is LPS with identity direction.
     let alone = Nifti { sform_code: 0, quatern: [0.0, 0.0, 1.0], ..both };
     let g = read("a.nii", &alone.bytes()).unwrap().volume.grid().clone();
     assert!((g.origin() - DVec3::new(-1.0, -2.0, 3.0)).length() < 1e-6);
     assert!(g.direction().abs_diff_eq(DMat3::IDENTITY, 1e-6));
     assert!((g.spacing() - DVec3::new(0.5, 0.75, 2.0)).length() < 1e-6);
-    // qfac -1 turns the third axis round.
+    // qfac -1 reverses the third axis.
     let flipped = Nifti { pixdim: [-1.0, 0.5, 0.75, 2.0, 0.0, 0.0, 0.0, 0.0], ..alone };
     assert!(read("a.nii", &flipped.bytes()).unwrap().volume.grid().direction().determinant() < 0.0);
     let neither = Nifti { sform_code: 0, ..Nifti::small() };
@@ -184,7 +184,7 @@ fn nifti_orientation() {
 
 #[test]
 fn nifti_oddities() {
-    // One frame of a fourth dimension; a slope that is not a number; trailing bytes; members of a gzip.
+    // One frame of a fourth dimension; a NaN slope; trailing bytes; members of a gzip.
     let n = Nifti { dim: [4, 4, 3, 2, 1, 1, 1, 1], slope: f64::NAN, ..Nifti::small() };
     let mut bytes = n.bytes();
     bytes.extend([0xAB; 99]);
@@ -194,13 +194,13 @@ fn nifti_oddities() {
     let mut members = [gz(a), gz(b)].concat();
     members.extend([0; 64]);
     assert_eq!(read("a.nii.gz", &members).unwrap().volume, plain);
-    // A pair.
+    // A header and data pair.
     let dir = tempfile::tempdir().unwrap();
     let pair = Nifti { magic: b"ni1\0", vox_offset: 0.0, ..Nifti::small() };
     std::fs::write(dir.path().join("p.hdr"), pair.header()).unwrap();
     std::fs::write(dir.path().join("p.img"), &pair.data).unwrap();
     assert_eq!(load(&dir.path().join("p.hdr")).unwrap().volume.data(), plain.data());
-    // Values that are not finite are air, with one note.
+    // Non-finite values become air, with one note.
     let data: Vec<u8> = (0..24).flat_map(|i| if i < 3 { f32::NAN } else { i as f32 }.to_le_bytes()).collect();
     let n = Nifti { datatype: 16, bitpix: 32, data, ..Nifti::small() };
     let loaded = read("a.nii", &n.bytes()).unwrap();
@@ -219,7 +219,7 @@ fn metaimage_forms() {
     let with = |extra: &str, data: &[u8]| [format!("{MHA}{extra}ElementDataFile = LOCAL\n").as_bytes(), data].concat();
     let reference = read("a.mha", &with("", &le)).unwrap().volume;
     assert_eq!(reference.data()[23], 23);
-    // The first index axis runs along world y, the second against world x.
+    // The first index axis runs along world y, the second along negative world x.
     assert!((reference.grid().world(DVec3::X) - DVec3::new(-10.0, -19.5, 30.0)).length() < 1e-12);
     assert!((reference.grid().world(DVec3::Y) - DVec3::new(-10.75, -20.0, 30.0)).length() < 1e-12);
     for (extra, data) in [
@@ -235,11 +235,11 @@ fn metaimage_forms() {
     let aliases = MHA.replace("Offset", "Position").replace("TransformMatrix", "Orientation");
     let bytes = [format!("{aliases}ElementDataFile = LOCAL\n").as_bytes(), &le].concat();
     assert_eq!(read("any.name", &bytes).unwrap().volume, reference);
-    // No spacing at all is said.
+    // A missing spacing is reported.
     let untold = MHA.replace("ElementSpacing = 0.5 0.75 2\n", "");
     let loaded = read("a.mha", &[format!("{untold}ElementDataFile = LOCAL\n").as_bytes(), &le].concat()).unwrap();
     assert_eq!((loaded.volume.grid().spacing(), loaded.notes.len()), (DVec3::ONE, 1));
-    // Two dimensions, and the size of an element in place of the spacing.
+    // Two dimensions, and the element size in place of the spacing.
     let flat = "NDims = 2\nDimSize = 4 6\nElementSize = 0.5 0.75\nElementType = MET_SHORT\nElementDataFile = LOCAL\n";
     let v = read("a.mha", &[flat.as_bytes(), &le].concat()).unwrap().volume;
     assert_eq!((v.grid().dims(), v.grid().spacing()), ([4, 6, 1], DVec3::new(0.5, 0.75, 1.0)));
@@ -349,7 +349,7 @@ fn png_slices() {
         assert_eq!((loaded.volume.get(0, 0, k as i64), loaded.volume.get(4, 3, k as i64)), (1000, -1000));
     }
     assert!(loaded.notes.is_empty());
-    // Sixteen bits keep their depth; colours are taken by their luma.
+    // Sixteen bits keep their depth. Colours are converted by luma.
     let sixteen = |dir: &std::path::Path| {
         let slice = image::ImageBuffer::<image::Luma<u16>, _>::from_vec(2, 1, vec![0, 30000]).unwrap();
         slice.save(dir.join("a.png")).unwrap();
@@ -360,7 +360,7 @@ fn png_slices() {
         image::RgbImage::from_pixel(2, 2, image::Rgb([255, 255, 255])).save(dir.join("a.png")).unwrap();
     };
     assert_eq!(slices(colour, &options).volume.data(), [1000; 4]);
-    // Without --hu the histogram decides, and says so.
+    // Without --hu the histogram decides, which is reported.
     let body = |dir: &std::path::Path| {
         image::GrayImage::from_fn(64, 64, |x, _| image::Luma([if x < 20 { 10 } else { 180 }]))
             .save(dir.join("a.png"))

@@ -1,4 +1,4 @@
-//! `colvis segment --labels`: the wall and what is no colon, against the phantom's own anatomy.
+//! `colvis segment --labels`: the wall and what is not colon, against the phantom's own anatomy.
 
 use std::path::Path;
 use std::process::Command;
@@ -35,9 +35,9 @@ fn the_wall_of_a_phantom_is_its_soft_tissue() {
         segment(&[&at("v.nii.gz"), "--out", &at("plain.nii.gz")]);
         segment(&[&at("v.nii.gz"), "--labels", "other,wall", "--out", &at("m.nii.gz"), "--stats", &at("s.json")]);
         let (plain, marked) = (mask(&at("plain.nii.gz")), mask(&at("m.nii.gz")));
-        // Only what was nothing is marked, and nothing lies bare.
+        // Only unlabelled voxels are marked, and no lumen is left without a wall.
         let [nx, ny, nz] = grid.dims();
-        // Farther from the lumen than five millimetres there is no wall.
+        // There is no wall farther than five millimetres from the lumen.
         let near = VoxelSet::from_fn(grid.dims(), |n| plain[n] != 0).unwrap().dilated(6).unwrap();
         let steps = [1, nx, nx * ny];
         let (mut wall, mut agree, mut either) = (0, 0, 0);
@@ -55,7 +55,7 @@ fn the_wall_of_a_phantom_is_its_soft_tissue() {
             }
             let is_wall = marked[n] == 4;
             wall += u64::from(is_wall);
-            // The wall's inner edge is blurred; behind it, it is what is brighter than fat.
+            // The wall's inner edge is blurred. Behind it, the wall is whatever is brighter than fat.
             let truly = plain[n] == 0 && near.contains(v.map(|x| x as i64)) && {
                 let p = grid.world(DVec3::from_array(v.map(|x| x as f64)));
                 let far = phantom.wall(p);
@@ -74,7 +74,7 @@ fn the_wall_of_a_phantom_is_its_soft_tissue() {
         let median = stats["wall_thickness"]["median_mm"].as_f64().unwrap();
         assert!((median - 3.0).abs() < 0.5, "median {median} mm");
         assert!(stats["wall_told"].as_f64().unwrap() > 0.8);
-        // The air about the patient and the lungs are told; nothing of the colon is among them.
+        // The air around the patient and the lungs are reported; no part of the colon is among them.
         let other = stats["not_colon"].as_array().unwrap();
         for kind in ["outside", "lung"] {
             assert!(other.iter().any(|o| o["kind"] == kind && o["ml"].as_f64().unwrap() > 20.0), "{kind}: {other:?}");

@@ -1,4 +1,4 @@
-//! What is read and written: every format, and every way in which a file can be wrong.
+//! Input and output: every format, and every way in which a file can be wrong.
 
 mod bad_input;
 #[cfg(feature = "dicom")]

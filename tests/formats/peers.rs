@@ -1,7 +1,7 @@
-//! Files that we write opened by others, and theirs by us: the same voxels at the same world coordinates.
+//! Our files opened by other programs, and theirs by us: the same voxels at the same world coordinates.
 //!
-//! Needs a Python with SimpleITK, nibabel, pydicom and numpy, which the environment variable `COLVIS_PEERS` names;
-//! skipped without it.
+//! This needs a Python with SimpleITK, nibabel, pydicom and numpy, which the environment variable `COLVIS_PEERS` names.
+//! The tests are skipped without it.
 
 use std::path::Path;
 use std::process::Command;
@@ -25,7 +25,7 @@ fn python(action: &str, folder: &Path) -> bool {
     true
 }
 
-/// An oblique grid, and its mirror image.
+/// Returns volumes on an oblique grid and on its mirror image.
 fn volumes() -> [Volume; 3] {
     let turn = DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -0.2, 2.0));
     let mirror = DMat3::from_cols(turn.x_axis, -turn.y_axis, turn.z_axis);

@@ -1,4 +1,4 @@
-//! `colvis surface`: meshes read back and measured here, against what is known of balls, tubes, masks and phantoms.
+//! `colvis surface`: meshes read back and measured here, against known properties of balls, tubes, masks and phantoms.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -82,8 +82,8 @@ fn read(path: &Path) -> Read {
 }
 
 impl Read {
-    /// Every side is run through once in each direction, every vertex is used, no triangle is without area. Returns area
-    /// (mm²) and volume (mm³).
+    /// Checks that every side is traversed once in each direction, every vertex is used, and every triangle has an
+    /// area. Returns area (mm²) and volume (mm³).
     fn check(&self) -> (f64, f64) {
         let mut sides: BTreeMap<(usize, usize), u32> = BTreeMap::new();
         let mut used = vec![false; self.places.len()];
@@ -107,7 +107,7 @@ impl Read {
     }
 }
 
-/// Runs the command, prints what it said where the status is not as wanted.
+/// Runs the command and prints its output if the exit status is not as expected.
 fn surface(args: &[&str], status: i32) -> String {
     let out = Command::new(env!("CARGO_BIN_EXE_colvis")).arg("surface").args(args).output().unwrap();
     let said = String::from_utf8_lossy(&out.stderr).into_owned();
@@ -115,7 +115,7 @@ fn surface(args: &[&str], status: i32) -> String {
     said
 }
 
-/// Runs the command for each format; all hold the same mesh, and the stats tell of it.
+/// Runs the command for each format and checks that all contain the same mesh, which the stats describe.
 fn in_all_formats(folder: &Path, args: &[&str]) -> (Read, f64, f64) {
     let at = |n: &str| folder.join(n).to_str().unwrap().to_owned();
     let mut all: Vec<(Read, f64, f64)> = Vec::new();
@@ -140,7 +140,7 @@ fn in_all_formats(folder: &Path, args: &[&str]) -> (Read, f64, f64) {
     all.swap_remove(1)
 }
 
-/// HU with a linear edge of 600 HU/mm at `far` mm outside gas.
+/// Returns the HU of a linear edge of 600 HU/mm at `far` mm outside gas.
 fn edge(far: f64) -> f64 {
     (-650.0 + 600.0 * far).clamp(-1000.0, 40.0)
 }
@@ -153,7 +153,7 @@ fn written(path: &Path, grid: &Grid, hu: impl Fn(DVec3) -> f64) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// A tilted grid of anisotropic voxels, also mirrored.
+/// Creates a tilted grid of anisotropic voxels, optionally mirrored.
 fn oblique(mirror: f64) -> Grid {
     let (s, c) = 0.4f64.sin_cos();
     let turn = DMat3::from_cols(DVec3::new(c, s, 0.0), DVec3::new(-s, c, 0.0), DVec3::new(0.0, 0.0, mirror));
@@ -175,7 +175,7 @@ fn a_ball_in_a_tilted_grid_is_where_it_is_in_the_world() {
         for p in &mesh.places {
             assert!((p.distance(middle) - r).abs() < 0.15, "{p} is {} mm from the middle", p.distance(middle));
         }
-        // Another wall lies elsewhere: at −350 HU half a millimetre farther out.
+        // Another wall is elsewhere: at −350 HU it is half a millimetre farther out.
         let wide = in_all_formats(dir.path(), &[&scan, &from, "--wall=-500,-200"]).2;
         let far = r + 0.5;
         assert!((wide / (4.0 / 3.0 * PI * far.powi(3)) - 1.0).abs() < 0.01, "{wide} mm³");
@@ -219,7 +219,7 @@ fn a_masks_steps_are_smoothed() {
 
 #[test]
 fn noise_is_closed_too() {
-    // Voxels that meet in edges and corners in every way, up to the faces of the grid.
+    // Voxels that meet at edges and corners in every way, up to the faces of the grid.
     for (seed, share) in [(1, 0.5), (2, 0.2), (3, 0.8)] {
         let dims = [17, 15, 13];
         let grid = Grid::new(dims, DVec3::new(1.0, 0.5, 2.0), DVec3::ZERO, DMat3::IDENTITY).unwrap();
@@ -237,9 +237,9 @@ fn noise_is_closed_too() {
 
 /// The phantom's area and volume: by the surface, and by integrals over its analytic wall.
 ///
-/// With w the signed distance to first order, ∫ |∇w| dV over |w| < ε, divided by 2ε, is the mean area of the level sets about
-/// the wall (co-area formula); how that differs from the area of w = 0 is of second order in ε. One jittered sample is
-/// taken in each eighth of a voxel near the wall.
+/// With w the signed distance to first order, ∫ |∇w| dV over |w| < ε, divided by 2ε, is the mean area of the level sets
+/// around the wall (co-area formula). Its difference from the area of w = 0 is of second order in ε. One jittered
+/// sample is taken in each eighth of a voxel near the wall.
 #[test]
 fn a_phantoms_area_and_volume_are_its_truths() {
     const BAND_MM: f64 = 0.5;

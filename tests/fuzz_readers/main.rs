@@ -1,10 +1,10 @@
 //! Readers against mutated files: no panic, no hang, no allocation beyond the file's own size class.
 //!
-//! Deterministic: the n-th mutation is the same everywhere. `COLVIS_FUZZ_SECONDS` is the time for each reader (2 if
-//! unset), `COLVIS_FUZZ_START` the first mutation's number. A finding is written to the folder `COLVIS_FUZZ_KEEP`, if
-//! that is set, and belongs into `tests/regressions/`, which is run first.
+//! The test is deterministic: the n-th mutation is the same everywhere. `COLVIS_FUZZ_SECONDS` sets the time for each
+//! reader (2 if unset), `COLVIS_FUZZ_START` the number of the first mutation. A finding is written to the folder
+//! `COLVIS_FUZZ_KEEP`, if that is set. Move it to `tests/regressions/`, which is run first.
 //!
-//! A program of its own, for what it counts is allocated by the whole of it.
+//! This is a separate program because it counts the allocations of the whole process.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ mod support {
     pub mod volumes;
 }
 
-/// The system's allocator, counting.
+/// The system allocator with a counter.
 struct Counting;
 
 static NOW: AtomicUsize = AtomicUsize::new(0);
@@ -49,7 +49,7 @@ fn grown(by: usize) {
 }
 
 #[expect(unsafe_code, reason = "counting allocations needs a global allocator of our own, in this test alone")]
-// SAFETY: every call goes to the system's allocator unchanged; counting touches no memory of the caller's.
+// SAFETY: every call goes to the system allocator unchanged; counting touches no memory of the caller's.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         grown(layout.size());
@@ -80,18 +80,19 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// One reader at a time, so that the count is its own.
+/// Runs one reader at a time, so that the count belongs to it.
 static TURN: Mutex<()> = Mutex::new(());
 
-/// What a reader may allocate for an input: buffers, and what the input can unpack to by its format's own limit.
+/// Returns the memory that a reader may allocate for an input: buffers, and the unpacked size up to the format's own
+/// limit.
 fn allowance(input: &[u8]) -> usize {
     (48 << 20) + 64 * input.len()
 }
 
-/// How long one read may take.
+/// The maximum duration of one read.
 const SLOWEST: Duration = Duration::from_secs(5);
 
-/// Reads one input and says what is wrong with how that went. A PNG is read as the folder that it is in.
+/// Reads one input and describes any fault. A PNG is read through the folder that contains it.
 fn trial(path: &Path, input: &[u8]) -> Result<bool, String> {
     std::fs::write(path, input).map_err(|e| e.to_string())?;
     let is_png = path.extension().is_some_and(|e| e == "png");
@@ -116,8 +117,8 @@ fn trial(path: &Path, input: &[u8]) -> Result<bool, String> {
     }
 }
 
-/// The `n`-th mutation of a seed: bytes, runs, cuts, and numbers in the header replaced by dangerous ones, binary or as
-/// text.
+/// Returns the `n`-th mutation of a seed: bytes, runs, cuts, and numbers in the header replaced by dangerous ones, in
+/// binary or as text.
 fn mutate(seed: &[u8], n: u64) -> Vec<u8> {
     let mut out = seed.to_vec();
     let mut draw = 0;
@@ -157,7 +158,7 @@ fn mutate(seed: &[u8], n: u64) -> Vec<u8> {
                 let into = pick(out.len());
                 out.splice(into..into, copy);
             }
-            // A number in text becomes another one.
+            // Replaces a number in text.
             7 | 8 => {
                 let digits: Vec<usize> = (0..reach).filter(|&i| out[i].is_ascii_digit()).collect();
                 if !digits.is_empty() {
@@ -182,7 +183,7 @@ fn seconds() -> f64 {
 }
 
 fn fuzz(name: &str, seeds: &[Vec<u8>]) {
-    // A failed neighbour says so itself.
+    // A failure of another test reports itself.
     let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join(name);

@@ -1,4 +1,5 @@
-//! What a scene may choose of the paper's ideas: it changes what runs and what is kept, and not what is seen.
+//! The choices among the paper's ideas that a scene can make: they change what runs and what is kept, but not the
+//! picture.
 
 use std::sync::Arc;
 
@@ -44,7 +45,7 @@ impl Flown {
         self.parts.iter().filter(|p| p.0 == part).map(|p| p.1).sum()
     }
 
-    /// The least PSNR of two flights' frames.
+    /// Returns the lowest PSNR between the frames of two flights.
     fn psnr(&self, other: &Self) -> f64 {
         self.frames.iter().zip(&other.frames).map(|(a, b)| psnr(a, b)).fold(f64::INFINITY, f64::min)
     }
@@ -91,7 +92,8 @@ fn leaping_changes_samples_and_memory_and_no_bit_of_a_picture() {
         for other in [&flag, &brick, &voxel] {
             assert!(none.frames == other.frames, "{name}: {}", shown("leaping", &none.frames[4], &other.frames[4]));
         }
-        // What is known of the frame before lets rays begin far on, whatever they leap by: here they begin at the camera.
+        // Data from the previous frame lets rays begin far ahead, whatever their leaping method. Here they begin at the
+        // camera.
         let alone = |leap| {
             let choices = Choices { leap: Some(leap), ..NOTHING };
             fly(renderer(&volume, Settings { choices, ..settings }, preset, Reuse::Never)).samples()
@@ -146,7 +148,7 @@ fn key_frames_come_as_often_as_they_are_chosen_to() {
         assert!(one.frames == three.frames && one.frames == never.frames, "reuse is proven");
         assert!(three.part(MemoryPart::FrameCache) > 0);
     }
-    // The default's own renderer reuses nothing.
+    // The default preset's own renderer reuses nothing.
     let own = chosen(&volume, presets::standard::PRESET, Settings::default(), NOTHING);
     assert_eq!(own.part(MemoryPart::FrameCache), 0);
 }
@@ -175,7 +177,7 @@ fn low_detail_is_what_it_is_chosen_to_be_in_every_preset() {
     }
 }
 
-/// Each choice against brute force with the same classification.
+/// Compares each choice with brute force using the same classification.
 #[test]
 fn every_choice_keeps_its_bound_against_the_reference() {
     let volume = volume();

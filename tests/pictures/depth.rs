@@ -1,8 +1,8 @@
 //! Depth and normals of the renderer against the phantom's analytic wall.
 //!
-//! Interpolated between voxels, the blurred wall lies some 0.07 voxels nearer to the camera than it is: below the edge's
-//! middle the value bends upwards, and chords of it lie above. So a ray that just passes a fold's rim may meet it, which
-//! makes the few large errors; all of them are on such rims.
+//! Interpolated between voxels, the blurred wall appears about 0.07 voxels too near to the camera: below the edge's
+//! middle the value curves upwards, and its chords are above it. A ray that just passes a fold's rim may therefore hit
+//! it. This causes the few large errors, all of which are on such rims.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,9 +18,9 @@ use rayon::prelude::*;
 
 use crate::support::program::colvis;
 
-/// Rays that meet the wall at a smaller angle than this to it are not judged, degrees.
+/// Rays that meet the wall at a smaller angle than this are not judged, degrees.
 const GRAZING: f64 = 20.0;
-/// Beyond this a ray is not followed, mm: the small body is smaller.
+/// Rays are not followed beyond this, mm: the small body is smaller.
 const FAR: f64 = 300.0;
 
 fn phantom(noise: bool) -> (Phantom, Volume) {
@@ -29,7 +29,7 @@ fn phantom(noise: bool) -> (Phantom, Volume) {
     (phantom, volume)
 }
 
-/// A pose in the lumen: at a share of the way, off the axis, turned away from it.
+/// A pose in the lumen, at a share of the path's length, off the axis and turned away from it.
 #[derive(Clone, Copy)]
 struct Pose {
     position: DVec3,
@@ -51,7 +51,7 @@ fn view(p: Pose, side: usize) -> View {
     View::new(p.position, p.forward, p.up, 90.0, side, side).unwrap()
 }
 
-/// Distance to the analytic wall along a ray, by steps and bisection; infinite if there is none.
+/// Returns the distance to the analytic wall along a ray, by steps and bisection, or infinity if there is none.
 fn true_distance(phantom: &Phantom, from: DVec3, direction: DVec3) -> f64 {
     const STEP: f64 = 0.2;
     let outside = |t: f64| phantom.wall(from + direction * t) >= 0.0;
@@ -70,7 +70,7 @@ fn true_distance(phantom: &Phantom, from: DVec3, direction: DVec3) -> f64 {
     0.5 * (lo + hi)
 }
 
-/// The true depth of each pixel, mm, where its ray does not graze the wall.
+/// Returns the true depth of each pixel whose ray does not graze the wall, mm.
 fn truth(phantom: &Phantom, view: &View) -> Vec<Option<f64>> {
     assert!(phantom.wall(view.position()) < -1.0, "the camera is in the lumen");
     let one = |n: usize| {
@@ -86,7 +86,7 @@ fn quantile(sorted: &[f64], share: f64) -> f64 {
     sorted[((sorted.len() - 1) as f64 * share) as usize]
 }
 
-/// Holds a depth image against its truth, in voxels (the least spacing), and prints the numbers.
+/// Compares a depth image with its truth, in voxels (the least spacing), and prints the numbers.
 fn judge(name: &str, phantom: &Phantom, truth: &[Option<f64>], depth: &[f32]) {
     let voxel = phantom.grid().min_spacing();
     assert_eq!(truth.len(), depth.len());
@@ -105,7 +105,7 @@ fn judge(name: &str, phantom: &Phantom, truth: &[Option<f64>], depth: &[f32]) {
 
 #[test]
 fn depth_is_that_of_the_analytic_wall() {
-    // Noise is in the voxels alone: both have the same wall.
+    // Only the voxels have noise: both volumes have the same wall.
     let volumes = [false, true].map(|noise| {
         let (phantom, volume) = phantom(noise);
         (
@@ -126,7 +126,7 @@ fn depth_is_that_of_the_analytic_wall() {
     }
 }
 
-/// Reads a NumPy array of float32, checking everything its header says.
+/// Reads a NumPy array of float32 and checks its whole header.
 fn npy(path: &Path, rows: usize, columns: usize) -> Vec<f32> {
     let bytes = std::fs::read(path).unwrap();
     assert_eq!(bytes[..8], *b"\x93NUMPY\x01\x00");
@@ -162,7 +162,7 @@ fn the_program_writes_that_depth() {
     judge("through the program", &phantom, &truth(&phantom, &view), &depth);
 }
 
-/// Mean angular errors in degrees at places on the wall: central differences, then w = 1/d², then w = 1/d.
+/// Returns mean angular errors in degrees at points on the wall: central differences, then w = 1/d², then w = 1/d.
 fn angular_errors(phantom: &Phantom, volume: &Volume) -> [f64; 3] {
     let grid = volume.grid();
     let turn = to_world(volume).as_dmat3();
@@ -194,7 +194,7 @@ fn normals_are_ordered_by_their_estimators() {
         println!("{:8} {:9.2} {:6.2} {:5.2}", if noise { 22 } else { 0 }, e[0], e[1], e[2]);
         e
     });
-    // The order that a tube of 20 voxels radius has, too, without noise and with 30 HU.
+    // A tube of 20 voxels radius has the same order, without noise and with 30 HU.
     for e in [clean, noisy] {
         assert!(e[1] < e[2] && e[2] < e[0], "{e:?}");
     }

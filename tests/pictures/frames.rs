@@ -1,11 +1,11 @@
-//! Rendered pictures for people to look at, where a comparison fails.
+//! Rendered pictures to look at when a comparison fails.
 
 use colvis::render::Frame;
 use image::RgbImage;
 
 use crate::support::panels::panels;
 
-/// Keeps what was expected, what came and the difference in one picture, and says where.
+/// Saves the expected picture, the actual one and their difference as one picture, and returns its location.
 pub fn shown(name: &str, expected: &Frame, got: &Frame) -> String {
     let [expected, got] = [expected, got].map(|frame| {
         let bytes = frame.pixels().concat();

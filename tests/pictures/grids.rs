@@ -1,5 +1,5 @@
-//! The default renderer against the reference where rays run along the wall, on grids from cubes to voxels five times as long
-//! as wide. All of it, with more poses and sizes, is `cargo bench --bench grids`.
+//! The default renderer against the reference where rays run along the wall, on grids from cubes to voxels five times
+//! as long as wide. `cargo bench --bench grids` runs the full comparison, with more poses and sizes.
 
 use std::sync::Arc;
 
@@ -13,23 +13,23 @@ use glam::DVec3;
 
 use crate::frames::shown;
 
-/// Sides of pictures, pixels: neither a power of two nor a whole number of packets.
+/// Sides of the pictures, pixels. 330 is neither a power of two nor a whole number of packets.
 const SIDES: [usize; 2] = [256, 330];
-/// What every frame must reach, dB.
+/// The minimum PSNR of every frame, dB.
 const LEAST_DB: f64 = 40.0;
 
-/// A place to look from: position (mm), forward, up.
+/// A pose: position (mm), forward, up.
 type Pose = [[f64; 3]; 3];
 
-/// Seed of the phantom, voxels (mm) and the places on which frames were worst. The dark rims of near folds fill much of these
-/// pictures.
+/// Seeds of the phantom, voxels (mm) and the poses whose frames were worst. The dark rims of near folds fill much of
+/// these pictures.
 const CASES: [(u64, [f64; 3], &[Pose]); 4] = [
     (
         1,
         [0.6, 0.6, 3.0],
         &[
             [[41.647, -30.021, 52.492], [-0.7021, -0.5320, -0.4733], [-0.6915, 0.6680, 0.2749]],
-            // A millimetre from a thin fold that light shines through.
+            // One millimetre from a thin fold that light shines through.
             [[-64.793, 12.824, 44.815], [-0.4008, -0.1597, -0.9021], [0.6403, 0.6555, -0.4005]],
         ],
     ),

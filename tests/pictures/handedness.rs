@@ -1,5 +1,5 @@
-//! Left and right, front and back: one body with one polyp, through every reader and on every kind of grid, gives one
-//! picture, and the polyp is where the camera must show it.
+//! Left and right, front and back: one body with one polyp gives the same picture through every reader and on every
+//! kind of grid, and the polyp is where the camera must show it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -15,12 +15,12 @@ use crate::frames::shown;
 use crate::support::nifti::Nifti;
 use crate::support::reading::load;
 
-/// Pixels of a side of the square image, with 90° of view.
+/// Side of the square image with a view angle of 90°, pixels.
 const SIDE: usize = 96;
-/// How far before the polyp the camera stands, mm.
+/// Distance of the camera from the polyp, mm.
 const BEFORE: f64 = 22.0;
-/// Around the polyp's place on the axis the body is kept within this, mm; beyond it all turns into tissue, so that the
-/// picture does not depend on where a grid ends.
+/// The body is kept within this distance of the polyp's place on the axis, mm. Beyond it everything becomes tissue, so
+/// that the picture does not depend on where a grid ends.
 const KEPT: f64 = 27.0;
 /// Half of a grid's edge, mm.
 const HALF: f64 = 32.0;
@@ -29,10 +29,10 @@ const VOXEL: f64 = 0.7;
 /// To the patient's left and a little to the front.
 const LEFT_FRONT: DVec3 = DVec3::new(1.0, -0.5, 0.0);
 
-/// The wall near a place of the axis that runs along the patient's long axis, with a polyp on a side or without.
+/// The wall near a point where the axis runs along the patient's long axis, with or without a polyp on one side.
 struct Body {
     phantom: Phantom,
-    /// Arc length and place on the axis.
+    /// Arc length and point on the axis.
     s: f64,
     centre: DVec3,
     /// Centre of the polyp's ball.
@@ -60,15 +60,15 @@ impl Body {
         Self { phantom: Phantom::with_polyps(&settings, &polyps), s, centre, polyp }
     }
 
-    /// A grid about the place with the given directions of its index axes.
+    /// Creates a grid around the point with the given directions of its index axes.
     fn grid(&self, direction: DMat3, spacing: DVec3) -> Grid {
         let dims = (2.0 * HALF / spacing).ceil();
-        // What a header holds in a few digits.
+        // Rounded to the few digits that a header holds.
         let origin = ((self.centre - direction * (0.5 * (dims - 1.0) * spacing)) * 1e4).round() / 1e4;
         Grid::new(dims.to_array().map(|n| n as usize), spacing, origin, direction).unwrap()
     }
 
-    /// The body's values at the voxels' places in the world.
+    /// Returns the body's values at the voxels' world positions.
     fn on(&self, grid: &Grid) -> Volume {
         let [nx, ny, _] = grid.dims();
         let mut data = self.phantom.voxelise(grid, &Progress::new()).unwrap().data().to_vec();
@@ -93,7 +93,7 @@ impl Body {
     }
 }
 
-/// A camera that looks along the axis with the patient's front on top.
+/// A camera that looks along the axis with the patient's front at the top.
 struct Eye {
     position: DVec3,
     forward: DVec3,
@@ -105,7 +105,7 @@ impl Eye {
         let view = View::new(self.position, self.forward, DVec3::NEG_Y, 90.0, SIDE, SIDE).unwrap();
         let mut frame = Frame::with_depth(SIDE, SIDE);
         render::render(&volume, &view, &render::Settings::new(Quality::Reference), &mut frame);
-        // What is flown with must not be turned round either.
+        // The renderer used in flight must not flip the image either.
         let mut flown = Frame::default();
         renderer(&volume, render::Settings::default(), Preset::default(), Reuse::Allowed).render(&view, &mut flown);
         let db = psnr(&flown, &frame);
@@ -117,7 +117,7 @@ impl Eye {
         frame
     }
 
-    /// Where a place is in the image, in pixels from the centre: to the right, and up.
+    /// Returns the image position of a point, in pixels from the centre, to the right and up.
     fn project(&self, place: DVec3) -> [f64; 2] {
         let forward = self.forward.normalize();
         let right = forward.cross(DVec3::NEG_Y).normalize();
@@ -128,8 +128,8 @@ impl Eye {
     }
 }
 
-/// Centre of what differs between two pictures, in pixels from the image's centre, to the right and up, by depth and by
-/// brightness.
+/// Returns the centre of the differences between two pictures, in pixels from the image's centre, to the right and up,
+/// by depth and by brightness.
 fn difference(a: &Frame, b: &Frame) -> [[f64; 2]; 2] {
     let depth: Vec<f64> = a
         .depth()
@@ -157,7 +157,7 @@ fn difference(a: &Frame, b: &Frame) -> [[f64; 2]; 2] {
     })
 }
 
-/// The polyp is seen where it is: `with` differs from `without` about its place.
+/// Asserts that the polyp is where it should be: `with` differs from `without` around its place.
 fn assert_there(name: &str, place: [f64; 2], with: &Frame, without: &Frame) {
     for (kind, at) in ["depth", "brightness"].iter().zip(difference(with, without)) {
         let off = (at[0] - place[0]).hypot(at[1] - place[1]);
@@ -181,8 +181,8 @@ fn a_polyp_is_on_its_side() {
         let body = Body::new(Some(side));
         for backwards in [false, true] {
             let eye = body.eye(backwards);
-            // Looking to the head with the front on top, the patient's left is on the right: as lying on the back
-            // and looking up along the own body. Looking to the feet it is the other way round.
+            // Looking towards the head with the front at the top, the patient's left is on the right, as when you lie
+            // on your back and look up along your own body. Looking towards the feet it is reversed.
             let right_is_left = eye.forward.z.signum();
             let place = eye.project(body.polyp.unwrap());
             assert_eq!(place[0].signum(), side.x.signum() * right_is_left, "{name}: {place:?}");
@@ -199,7 +199,7 @@ fn raw(volume: &Volume) -> Vec<u8> {
     volume.data().iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// The NIfTI file of a volume, from the format's own description: rows of an affine to RAS.
+/// The NIfTI file of a volume, written from the format's own description: rows of an affine to RAS.
 fn nifti(v: &Volume) -> Vec<u8> {
     let g = v.grid();
     let (step, origin) = (g.direction() * DMat3::from_diagonal(g.spacing()), g.origin());
@@ -219,7 +219,7 @@ fn nifti(v: &Volume) -> Vec<u8> {
     .bytes()
 }
 
-/// The MetaImage file of a volume: the directions of the index axes one after the other, LPS.
+/// The MetaImage file of a volume: the directions of the index axes in sequence, LPS.
 fn metaimage(v: &Volume) -> Vec<u8> {
     let g = v.grid();
     let list = |v: &[f64]| v.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
@@ -238,7 +238,7 @@ fn metaimage(v: &Volume) -> Vec<u8> {
     out
 }
 
-/// The NRRD file of a volume in one of the spaces that the format has; `sign` takes LPS there.
+/// The NRRD file of a volume in one of the format's spaces. `sign` converts from LPS.
 fn nrrd(v: &Volume, volume: &str, sign: DVec3) -> Vec<u8> {
     let g = v.grid();
     let vector = |v: DVec3| format!("({},{},{})", v.x, v.y, v.z);
@@ -273,9 +273,9 @@ fn written_and_read(folder: &Path, name: &str, v: &Volume) -> Volume {
     read(&path)
 }
 
-/// The body as a DICOM series: how the patient lay, and the directions of rows and columns that a scanner writes for
-/// it, in the patient's own frame. Images are always seen from the same end of the table, and their top is up in the
-/// room.
+/// Reads the body as a DICOM series with the patient's position on the table and the row and column directions that a
+/// scanner writes for it, in the patient's frame. Images are always seen from the same end of the table, and their top
+/// is up in the room.
 #[cfg(feature = "dicom")]
 fn series(body: &Body, patient_position: &'static str, row: DVec3, column: DVec3) -> Volume {
     use crate::support::dicom::Slice;
@@ -285,7 +285,7 @@ fn series(body: &Body, patient_position: &'static str, row: DVec3, column: DVec3
     let volume = body.on(&grid);
     let [nx, ny, nz] = grid.dims();
     let slices: Vec<Slice> = (0..nz)
-        // Not in the order of their places.
+        // Not in spatial order.
         .map(|n| (n * 7 + 3) % nz)
         .map(|k| {
             let place = (grid.world(DVec3::new(0.0, 0.0, k as f64)) * 1e4).round() / 1e4;
@@ -306,7 +306,7 @@ fn series(body: &Body, patient_position: &'static str, row: DVec3, column: DVec3
     read(folder.path())
 }
 
-/// The body on every kind of grid and through every reader, each with a name.
+/// Returns the body on every kind of grid and through every reader, each with a name.
 fn through_every_reader(body: &Body) -> Vec<(String, Volume)> {
     let cube = DVec3::splat(VOXEL);
     let diagonal = |x: f64, y: f64, z: f64| DMat3::from_diagonal(DVec3::new(x, y, z));
@@ -364,14 +364,14 @@ fn every_grid_and_every_reader_give_one_picture() {
         })
         .fold(f64::INFINITY, f64::min);
     println!("{} pictures, {worst:.1} dB between the most different two", frames.len());
-    // The same with the polyp on the right is another picture: the bound tells them apart.
+    // With the polyp on the right the picture must differ: the bound distinguishes the two.
     let other = Body::new(Some(DVec3::new(-1.0, -0.5, 0.0)));
     let db = psnr(&eye.look(other.plain()), &frames[0].1);
     println!("{db:.1} dB to the polyp on the right");
     assert!(db < 30.0, "{db:.1} dB to the polyp on the right");
 }
 
-/// Root mean square of what two slices differ by, HU.
+/// Returns the root mean square difference of two slices, HU.
 fn rms(a: &[f32], b: &[f32]) -> f64 {
     (a.iter().zip(b).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
 }
@@ -380,7 +380,7 @@ fn rms(a: &[f32], b: &[f32]) -> f64 {
 fn every_grid_and_every_reader_give_the_same_slices() {
     let body = Body::new(Some(LEFT_FRONT));
     let polyp = body.polyp.unwrap();
-    // A place beside the polyp, so that each plane shows it off the middle, and within its ball.
+    // A point beside the polyp and within its ball, so that each plane shows the polyp off-centre.
     let centre = polyp + DVec3::new(-2.0, 1.5, 1.0);
     let without = Body::new(None).plain();
     let other = Body::new(Some(DVec3::new(-1.0, -0.5, 0.0))).plain();
@@ -397,7 +397,7 @@ fn every_grid_and_every_reader_give_the_same_slices() {
             slice.fill(volume, &mut out);
             out
         };
-        // Where the polyp is, from the middle: to the right, and down.
+        // The polyp's position relative to the middle: to the right, and down.
         let (place, _) = slice.pixel(polyp);
         let off = [place[0] - 32.0, place[1] - 30.0];
         assert!(off[0] * sides[0] > 1.5 && off[1] * sides[1] > 1.5, "{plane:?}: {off:?}");
@@ -412,7 +412,7 @@ fn every_grid_and_every_reader_give_the_same_slices() {
             };
             let seen = [mean(|n| n % 64), mean(|n| n / 64)];
             let far = (seen[0] - place[0]).hypot(seen[1] - place[1]);
-            // Where it sits on the wall there is no difference.
+            // There is no difference where the polyp is attached to the wall.
             assert!(far < 4.0, "{name}, {plane:?}: the polyp is at {seen:?}, expected {place:?}");
             worst = worst.max(rms(&shown, &first));
             assert!(rms(&shown, &first) < 30.0, "{name}, {plane:?}: {:.1} HU", rms(&shown, &first));
@@ -420,7 +420,7 @@ fn every_grid_and_every_reader_give_the_same_slices() {
         let right = rms(&turned, &first);
         println!("{plane:?}: {} slices, {worst:.1} HU at most; {right:.1} HU to the polyp on the right", all.len());
         assert!(right > 100.0, "{plane:?}: {right:.1} HU");
-        // A click goes to the world and back.
+        // A click converts to the world and back.
         for at in [[0.0, 0.0], [13.5, 42.25], [64.0, 60.0], [-7.0, 99.0]] {
             let world = slice.world(at);
             let (back, before) = slice.pixel(world);

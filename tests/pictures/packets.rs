@@ -1,5 +1,5 @@
-//! The default renderer, packets of rays with pixels between them, against the brute-force reference, through the embedded
-//! phantom: each picture is good on its own, whatever came before, and the same on every SIMD level.
+//! The default renderer, packets of rays with pixels between them, against the brute-force reference, through the
+//! embedded phantom. Each picture is good on its own, whatever came before, and identical at every SIMD level.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ fn volume() -> PreparedVolume {
     PreparedVolume::new(Arc::new(Phantom::embedded(&Progress::default()).unwrap()), TransferFunction::default())
 }
 
-/// Along the axis, then in an order that jumps from end to end, and turned round at each.
+/// Views along the axis, then in an order that jumps from end to end, looking back at each.
 fn views() -> Vec<View> {
     let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
     let axis = &phantom.shape().axis;
@@ -75,7 +75,7 @@ fn every_level_makes_the_same_bytes() {
     }
 }
 
-/// Blocks, bands and packets reach over a picture's edges, whatever its size.
+/// Blocks, bands and packets extend beyond a picture's edges at some sizes.
 #[test]
 fn pictures_of_any_size_are_filled_to_the_edge() {
     let volume = volume();
@@ -85,7 +85,7 @@ fn pictures_of_any_size_are_filled_to_the_edge() {
     let (mut fast, mut exact) = (Frame::default(), Frame::default());
     for [width, height] in [[1, 1], [3, 5], [9, 17], [37, 23], [130, 66], [2, 200], [200, 3]] {
         let view = View::new(view.position(), view.forward(), view.up(), 60.0, width, height).unwrap();
-        // What was there before must not look like the picture.
+        // The previous content must not resemble the picture.
         fast.resize(width, height);
         fast.buffers().0.fill([0, 255, 0]);
         let work = default.render(&view, &mut fast);
@@ -99,7 +99,7 @@ fn pictures_of_any_size_are_filled_to_the_edge() {
     }
 }
 
-/// Fewer rays than pixels where the wall is near and smooth, and fewer samples than the plain ray caster's.
+/// Where the wall is near and smooth there are fewer rays than pixels, and fewer samples than in the plain ray caster.
 #[test]
 fn most_pixels_need_no_ray() {
     let volume = volume();

@@ -1,4 +1,4 @@
-//! A shader from outside colours every point of the wall, in rays one after the other and in packets.
+//! A custom shader colours every point of the wall, with single rays and with packets.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use colvis::render::{
 };
 use glam::Vec3;
 
-/// A shader that a function is.
+/// A shader that wraps a function.
 #[derive(Debug)]
 struct By(fn(&SurfacePoint) -> Vec3);
 
@@ -31,7 +31,7 @@ fn nothing(_: Options) -> Result<Arc<dyn Shader>> {
     Ok(Arc::new(By(|_| Vec3::new(f32::NAN, f32::NEG_INFINITY, -1e-30))))
 }
 
-/// How far it is, as a share of 100 mm: red by the distance, green by the place, blue by the normal.
+/// A shader of distance as a share of 100 mm: red from the distance, green from the position, blue from the normal.
 fn distance(_: Options) -> Result<Arc<dyn Shader>> {
     Ok(Arc::new(By(|p| {
         let back = (p.position.as_vec3() / 100.0).length();
@@ -69,7 +69,8 @@ fn a_copy_of_the_headlight_shows_what_the_headlight_shows() {
                 let own = Settings { shader: model("own", headlight), ..settings };
                 let [a, b] = [settings, own].map(|s| rendered(&volume, &view, preset, s));
                 let near = psnr(&a, &b);
-                // Packets guess pixels between rays by the headlight, and none by what they do not know.
+                // Packets interpolate pixels between rays with the headlight, but never with a shader that they do not
+                // know.
                 let packets = preset.name == "default" && quality != Quality::Reference && several == 1;
                 assert!(near > if packets { 42.0 } else { 60.0 }, "{} {quality:?} {several}: {near} dB", preset.name);
             }
@@ -94,7 +95,7 @@ fn a_point_is_told_as_it_is() {
             let ray = view.ray(n % 160, n / 160).unwrap();
             let place = ray.origin + ray.direction * f64::from(mm);
             let expected = [f64::from(mm) / 100.0, place.length() / 100.0].map(|c| (c * 255.0).min(255.0));
-            // 2.4 mm: as much as the ramp is wide where a ray grazes it.
+            // 2.4 mm: the width of the ramp where a ray grazes it.
             let far = |c: usize| (f64::from(pixel[c]) - expected[c]).abs() > 6.0;
             off += usize::from(far(0) || far(1));
             assert!(pixel[2] <= 130, "the normal points at the camera: {pixel:?}");

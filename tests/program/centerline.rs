@@ -1,4 +1,4 @@
-//! `colvis centerline`: phantoms against their truth, masks of every kind, statuses, the real scan.
+//! `colvis centerline`: phantoms against their truth, masks of every kind, exit statuses, the real scan.
 
 use std::path::{Path, PathBuf};
 
@@ -29,7 +29,7 @@ fn off(p: DVec3, line: &[DVec3]) -> f64 {
     line.windows(2).map(part).fold(f64::INFINITY, f64::min)
 }
 
-/// A mask written beside its grid, of what `is_in` accepts (voxel indices).
+/// Writes a mask of the voxels (indices) that `is_in` accepts, and returns it with its grid.
 fn mask(at: PathBuf, dims: [usize; 3], spacing: DVec3, is_in: impl Fn([i64; 3]) -> bool) -> (PathBuf, Grid, Vec<u8>) {
     let grid = Grid::new(dims, spacing, DVec3::new(-20.0, 10.0, 5.0), DMat3::IDENTITY).unwrap();
     let voxels: Vec<u8> = (0..grid.len())
@@ -40,7 +40,7 @@ fn mask(at: PathBuf, dims: [usize; 3], spacing: DVec3, is_in: impl Fn([i64; 3]) 
     (at, grid, voxels)
 }
 
-/// Every place of a line, sampled finely, is in a voxel of the mask.
+/// Returns true if every point of a line, sampled finely, is in a voxel of the mask.
 fn is_inside(line: &[DVec3], grid: &Grid, voxels: &[u8]) -> bool {
     let [nx, ny, _] = grid.dims();
     line.windows(2).all(|w| {
@@ -51,7 +51,7 @@ fn is_inside(line: &[DVec3], grid: &Grid, voxels: &[u8]) -> bool {
     })
 }
 
-/// Runs the command on a mask; its points and length.
+/// Runs the command on a mask and returns the points and the length.
 fn through_mask(mask: &Path, more: &[&str]) -> (Vec<DVec3>, f64) {
     let out = mask.with_file_name("line.json");
     let args = ["centerline", "--mask", mask.to_str().unwrap(), "--out", out.to_str().unwrap()];
@@ -81,7 +81,7 @@ fn phantoms_are_met_from_end_to_end() {
         let radii = line["radius_mm"].as_array().unwrap();
         assert!(radii.len() == p.len() && radii.iter().all(|r| r.as_f64().unwrap() > 2.5));
         assert!((line["length_mm"].as_f64().unwrap() - truth.length_mm).abs() < 0.005 * truth.length_mm);
-        // From the rectum on, and between the two ends' balls nothing is left out.
+        // The line starts at the rectum, and nothing is missing between the balls at the two ends.
         assert!(p[0].distance(truth.centerline[0]) < p[0].distance(*truth.centerline.last().unwrap()));
         let missed = |n: usize| off(truth.centerline[n], &p);
         let worst = (0..truth.centerline.len()).map(missed).fold(0.0, f64::max);
@@ -130,7 +130,7 @@ fn formats_and_directions() {
     assert!(serde_json::from_value::<DVec3>(controls[7]["position"].clone()).unwrap().distance(there[7]) < 1e-9);
     let back = points(&json(Path::new(&at("back.json"))));
     assert!(back[0].distance(*there.last().unwrap()) < 0.4 && back.last().unwrap().distance(there[0]) < 1.0);
-    // Between two places of the line, and from one to the end that is farther along.
+    // Between two points of the line, and from one to the end that is farther along.
     let place = |p: DVec3| format!("{:.2},{:.2},{:.2}", p.x, p.y, p.z);
     let (a, b) = (there[100], there[300]);
     line("part.json", &["--from", &place(a), "--to", &place(b)]);
@@ -142,7 +142,7 @@ fn formats_and_directions() {
     assert!(points(&json(Path::new(&at("rest.json")))).last().unwrap().distance(*there.last().unwrap()) < 0.8);
 }
 
-/// A serpentine of 1.5 m whose limbs share walls of one voxel.
+/// A serpentine of 1.5 m whose limbs share walls one voxel thick.
 #[test]
 fn a_long_serpentine_mask() {
     let dir = tempfile::tempdir().unwrap();
@@ -159,7 +159,7 @@ fn a_long_serpentine_mask() {
     let (line, length) = through_mask(&path, &[]);
     assert!(is_inside(&line, &grid, &voxels));
     assert!(length > 1400.0 && length < 1700.0, "{length}");
-    // Each limb is passed in turn: the line's y never goes back by more than a limb's width.
+    // The line passes each limb in turn: its y never goes back by more than a limb's width.
     let (mut most, mut back) = (f64::NEG_INFINITY, 0.0f64);
     let forwards: Vec<DVec3> = if line[0].y < line[line.len() - 1].y { line } else { line.into_iter().rev().collect() };
     for p in &forwards {
@@ -173,7 +173,7 @@ fn a_long_serpentine_mask() {
 fn masks_of_every_kind() {
     let dir = tempfile::tempdir().unwrap();
     let at = |n: &str| dir.path().join(n);
-    // Touching along edges: a staircase wall.
+    // Walls that touch along edges: a staircase.
     let (path, grid, voxels) = mask(at("edges.nii.gz"), [62, 19, 13], DVec3::ONE, |v| {
         let inside = (1..=60).contains(&v[0]) && (1..=17).contains(&v[1]) && (2..=10).contains(&v[2]);
         inside && (v[1] != 9 + (v[0] + v[2]) % 2 || v[0] > 53)

@@ -1,4 +1,4 @@
-//! The command line: statuses, the one error line, and interruption.
+//! The command line: exit statuses, the single error line, and interruption.
 
 use std::path::Path;
 use std::process::Command;
@@ -66,7 +66,7 @@ fn without_a_display_it_flies_headless_and_leaves_a_film() {
     assert_eq!(log.lines().count(), 480);
 }
 
-/// Both ways through the embedded phantom, by ffmpeg; what ffprobe then says of the film.
+/// Films both directions through the embedded phantom with ffmpeg, and checks the film with ffprobe.
 #[test]
 fn a_planned_flight_is_filmed_both_ways() {
     let dir = tempfile::tempdir().unwrap();
@@ -89,7 +89,7 @@ fn a_planned_flight_is_filmed_both_ways() {
             .unwrap();
         let told = String::from_utf8_lossy(&out.stdout);
         let told: Vec<&str> = told.trim().split(',').collect();
-        // An odd width is made even, as the film's coding asks.
+        // An odd width is made even, as the film's encoding requires.
         assert_eq!(told[..4], ["video", "82", "60", "24/1"]);
         assert!(told[4].parse::<u32>().unwrap() > 400, "{told:?}");
     }
@@ -141,7 +141,7 @@ fn a_render_of_two_poses_and_their_depth() {
     let frames = stats["frames"].as_array().unwrap();
     let cast = |f: &serde_json::Value| f["rays"].as_u64().unwrap() > 0 && f["samples"].as_u64().unwrap() > 0;
     assert!(frames.len() == 2 && frames.iter().all(|f| cast(f) && f["ms"].as_f64().unwrap() > 0.0));
-    // The same place again and again: it is refined, and then nothing is left to do.
+    // The same pose repeatedly: the picture is refined until nothing is left to do.
     let still = serde_json::json!({ "poses": vec![poses[0].clone(); 12] });
     std::fs::write(at("still.json"), still.to_string()).unwrap();
     let args = ["render", &at("v.nii.gz"), "--poses", &at("still.json"), "--out", &at("o3"), "--size", "60x40"];
@@ -163,7 +163,7 @@ fn an_interrupted_flight_leaves_whole_files() {
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
-    // Recording so many large images takes minutes; the first are there when the flight is under way.
+    // Recording this many large images takes minutes; the first ones exist while the flight is under way.
     wait_for(&mut child, || dir.path().join("i/0001.png").exists());
     signal(&child.id().to_string());
     let out = child.wait_with_output().unwrap();
@@ -180,18 +180,18 @@ fn an_interrupted_flight_leaves_whole_files() {
     assert_eq!(frames(&dir.path().join("s.json")), images, "the stats tell of each");
 }
 
-/// How many frames stats tell of.
+/// Returns the number of frames in the stats.
 fn frames(stats: &Path) -> usize {
     let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(stats).unwrap()).unwrap();
     stats["frames"].as_array().unwrap().len()
 }
 
-/// Whether a program can be run.
+/// Returns true if a program can be run.
 fn tool(name: &str) -> bool {
     Command::new(name).arg("-version").output().is_ok()
 }
 
-/// Waits for something while a program runs.
+/// Waits for a condition while a program runs.
 #[cfg(unix)]
 fn wait_for(child: &mut std::process::Child, mut there: impl FnMut() -> bool) {
     while !there() {
@@ -205,7 +205,7 @@ fn signal(target: &str) {
     assert!(Command::new("kill").args(["-s", "INT", "--", target]).status().unwrap().success());
 }
 
-/// Temporary files in a folder, by their sizes.
+/// Returns the sizes of the temporary files in a folder.
 #[cfg(unix)]
 fn temporary(folder: &Path) -> Vec<u64> {
     let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap());
@@ -213,7 +213,7 @@ fn temporary(folder: &Path) -> Vec<u64> {
     hidden.filter_map(|e| Some(e.metadata().ok()?.len())).collect()
 }
 
-/// Ctrl-C in a terminal reaches every program of the group.
+/// Ctrl-C in a terminal reaches every program of the process group.
 #[cfg(unix)]
 #[test]
 fn an_interrupted_film_is_whole() {
@@ -251,7 +251,7 @@ fn an_interrupted_film_is_whole() {
 fn a_second_interrupt_ends_at_once_and_leaves_nothing_unfinished() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
-    // An image of this kind takes minutes.
+    // An image with these settings takes minutes.
     let mut child = colvis()
         .args(["fly", "--headless", "--quality", "reference", "--size", "8192x8192", "--record", &at("i/")])
         .args(["--log", &at("f.jsonl")])
@@ -292,7 +292,7 @@ fn an_interrupted_rendering_tells_of_its_frames() {
     assert_eq!(frames(Path::new(&at("s.json"))), std::fs::read_dir(at("o")).unwrap().count());
 }
 
-/// A block of tissue: there is nothing to fly in it.
+/// Writes a block of tissue, in which there is nothing to fly.
 fn solid(path: &str) {
     let head = "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n\
                 BinaryDataByteOrderMSB = False\nElementDataFile = LOCAL\n";
@@ -300,7 +300,7 @@ fn solid(path: &str) {
     std::fs::write(path, head.bytes().chain(voxels).collect::<Vec<u8>>()).unwrap();
 }
 
-/// The program where there is no display.
+/// Runs the program without a display.
 fn blind(folder: &Path, args: &[&str], status: i32) -> String {
     let mut colvis = colvis();
     for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"] {
@@ -319,7 +319,7 @@ fn without_a_display_the_reason_why_nothing_is_flown_is_told() {
     solid(dir.path().join("s.mha").to_str().unwrap());
     let said = blind(dir.path(), &["s.mha"], 4);
     assert_eq!(std::fs::read(dir.path().join("flight/flight.jsonl")).unwrap(), b"");
-    // Where the folder cannot be, the reason is the same.
+    // The reason is the same if the folder cannot be created.
     std::fs::remove_dir_all(dir.path().join("flight")).unwrap();
     std::fs::write(dir.path().join("flight"), "in the way").unwrap();
     let again = blind(dir.path(), &["s.mha"], 4);
@@ -371,7 +371,7 @@ fn no_output_takes_the_place_of_an_input() {
 fn explain_tells_of_the_renderer_that_flies() {
     for (args, windowed) in [(&[][..], cfg!(feature = "window")), (&["--headless", "--record", "x/"], false)] {
         let out = run(&[&["explain"], args].concat(), 0);
-        // A window's pictures are refined when the camera rests.
+        // A window refines its pictures when the camera rests.
         assert_eq!(String::from_utf8_lossy(&out.stdout).contains("refinement"), windowed, "{args:?}");
     }
 }

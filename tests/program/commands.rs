@@ -1,12 +1,12 @@
-//! Commands, options and values: what is built shows in the help, what is planned is refused as not built yet, and
-//! values that make no sense are refused whether or not the command has a use for them.
+//! Commands, options and values. Those that are built are in the help, planned ones are refused as not built yet, and
+//! invalid values are refused even if the command does not use them.
 
 use std::collections::BTreeMap;
 
 use crate::support::program::colvis;
 use crate::support::run::run;
 
-/// Each command with its options; a `!` stands before what is not built.
+/// Each command with its options. A `!` marks what is not built.
 const COMMANDS: [(&str, &str); 21] = [
     ("", "--threads --wall --spacing --hu --series --allow-gaps --fov --camera --seed !--cleanse"),
     (
@@ -35,7 +35,7 @@ const COMMANDS: [(&str, &str); 21] = [
     ("!batch list.csv --out b/ --do segment --shard 1/2", ""),
 ];
 
-/// Options with a fixed set of values; a `!` stands before what is not built.
+/// Options with a fixed set of values. A `!` marks what is not built.
 const VALUES: [(&[&str], &str); 12] = [
     (&["fly", "--guide"], "tentacles potential path manual"),
     (&["fly", "--quality"], "high low adaptive reference"),
@@ -69,7 +69,7 @@ fn commands_and_options_are_there_or_told_as_not_built() {
         if let Some(missing) = command.strip_prefix('!') {
             let args: Vec<&str> = missing.split_whitespace().collect();
             assert!(told(&args).contains("not built"), "{missing}");
-            // Also after options of every command.
+            // Also after the options common to all commands.
             assert!(
                 told(&[&["--threads", "2", "--allow-gaps"], &args[..]].concat()).contains("not built"),
                 "{missing}"
@@ -105,7 +105,7 @@ fn values_are_there_or_told_as_not_built() {
                 }
             }
         }
-        // What nobody plans is wrong, not missing.
+        // A value that is not planned is invalid, not missing.
         let wrong = told(&[option, &["warp"]].concat());
         assert!(!wrong.contains("not built"), "{wrong}");
     }

@@ -1,4 +1,4 @@
-//! The examples: each is built with the tests, and runs to its end.
+//! The examples: each is built with the tests and runs to completion.
 
 use std::path::Path;
 use std::process::Command;
@@ -6,11 +6,11 @@ use std::process::Command;
 use crate::support::program::colvis;
 use crate::support::skips::skip;
 
-/// Each in a folder of its own, without arguments.
+/// Runs each example in a separate folder, without arguments.
 #[test]
 fn every_example_runs() {
     let Ok(examples) = std::fs::read_dir("examples") else { return };
-    // Built by `cargo test`, once: as targets with tests of their own each would be linked a second time.
+    // `cargo test` builds them once. As targets with tests each would be linked a second time.
     let built = Path::new(colvis().get_program()).with_file_name("examples");
     for example in examples.map(|e| e.unwrap().path()) {
         let name = example.file_stem().unwrap();

@@ -1,15 +1,15 @@
-//! Who may use whom: the table of layers in the docs of `src/lib.rs` holds for every path in the sources.
+//! The module dependencies: the table of layers in the docs of `src/lib.rs` holds for every path in the sources.
 //!
-//! The table is a block marked `text layers`: a line for each layer, from the bottom up, its modules separated by commas. A
-//! module may use those of lines before its own, and itself; modules of one line do not know each other. Test modules may
-//! use everything.
+//! The table is a block marked `text layers`. It has a line for each layer, from the bottom up, with the layer's
+//! modules separated by commas. A module may use itself and modules on earlier lines. Modules on the same line must not
+//! use each other. Test modules may use everything.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use crate::rust_source::{SourceFile, uses};
 
-/// The line of each module in the table of layers, counted from the bottom.
+/// Returns the line of each module in the table of layers, counted from the bottom.
 fn layers(lib: &str) -> BTreeMap<String, usize> {
     let docs = lib.lines().map(|l| l.trim_start_matches("//!").trim());
     let table = docs.skip_while(|l| *l != "```text layers").skip(1).take_while(|l| *l != "```");
@@ -22,7 +22,7 @@ fn layers(lib: &str) -> BTreeMap<String, usize> {
     all
 }
 
-/// What points upwards or aside in the crate whose root this is: `file:line: module uses path`.
+/// Returns the paths that point upwards or sideways in the crate with this root: `file:line: module uses path`.
 fn upward(lib: &Path) -> Vec<String> {
     let root = SourceFile::read(lib, Vec::new());
     let layers = layers(&root.text);
@@ -38,7 +38,7 @@ fn upward(lib: &Path) -> Vec<String> {
             let module = [&file.module[..], &[name]].concat();
             files.push(SourceFile::read(&path, module));
         }
-        // The root itself names what there is.
+        // The root itself declares the modules.
         let Some(own) = file.module.first() else { continue };
         for used in uses(&file) {
             let Some(to) = used.path.first().filter(|to| *to != own) else { continue };
@@ -47,7 +47,7 @@ fn upward(lib: &Path) -> Vec<String> {
                 (Some(own), Some(to)) if to < own => {}
                 (Some(_), Some(_)) => wrong.push(format!("{at}, which is not below it")),
                 (_, None) => wrong.push(format!("{at}, which is in no line of the table of layers")),
-                // Told above.
+                // Reported above.
                 (None, _) => {}
             }
         }
@@ -70,7 +70,7 @@ fn the_table_names_the_modules_that_there_are() {
     assert!(gone.is_empty(), "in the table of layers and nowhere else: {gone:?}");
 }
 
-/// A made-up crate in a folder.
+/// Writes an artificial crate to a folder.
 fn made_up(files: &[(&str, &str)]) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     for (name, text) in files {
@@ -122,7 +122,7 @@ fn an_upward_import_is_found_wherever_it_stands() {
         "parts/ray.rs:12: render uses gone, which is in no line of the table of layers".to_owned(),
         format!("parts/ray.rs:4: render uses app::call, {not_below}"),
         format!("plane/flight.rs:3: plane uses app::fly, {not_below}"),
-        // Beside is not below.
+        // A module on the same line is not below.
         format!("src/math.rs:2: math uses error::Error, {not_below}"),
     ];
     let mut found = found;

@@ -1,4 +1,5 @@
-//! What a killed program leaves behind is taken away by the next that writes there; what a living one writes is not.
+//! Files left behind by a killed program are removed by the next one that writes there; files of a running program are
+//! not.
 #![cfg(unix)]
 
 use std::path::Path;
@@ -8,7 +9,7 @@ use std::time::{Duration, Instant};
 use crate::support::program::colvis;
 use crate::support::run::run;
 
-/// A flight that writes its log for minutes.
+/// Starts a flight that writes its log for minutes.
 fn flight(folder: &Path, name: &str) -> Child {
     let at = |n: &str| folder.join(n).to_str().unwrap().to_owned();
     let pictures = folder.parent().unwrap().join(name);
@@ -45,7 +46,7 @@ fn a_killed_writers_files_go_and_a_living_ones_stay() {
     let own = temporary(&folder);
     let mut killed = flight(&folder, "killed");
     wait_for(|| temporary(&folder).len() == 2);
-    // SIGKILL: nothing of the program's own runs any more.
+    // SIGKILL leaves the program no chance to clean up.
     killed.kill().unwrap();
     killed.wait().unwrap();
     assert_eq!(temporary(&folder).len(), 2, "it cannot clean up after itself");

@@ -1,4 +1,4 @@
-//! The program as a whole: its command line, its reports, and the order of its modules.
+//! The whole program: its command line, its reports, and its module dependencies.
 
 mod centerline;
 mod command_line;

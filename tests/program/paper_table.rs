@@ -1,13 +1,13 @@
-//! The table of the paper's systems in ARCHITECTURE.md names files, tests, scenes' keys and commands that there are.
+//! The table of the paper's systems in ARCHITECTURE.md: the files, tests, scene keys and commands that it names exist.
 
 use std::path::Path;
 
-/// What stands between backticks.
+/// Returns the texts between backticks.
 fn quoted(cell: &str) -> Vec<&str> {
     cell.split('`').skip(1).step_by(2).collect()
 }
 
-/// The cells of the rows whose first is a number, after this heading.
+/// Returns the cells of the rows after this heading whose first cell is a number.
 fn rows<'a>(text: &'a str, heading: &str) -> Vec<Vec<&'a str>> {
     let part = text.split(heading).nth(1).unwrap_or_else(|| panic!("ARCHITECTURE.md has no {heading:?}"));
     let part = part.split("\n#").next().unwrap_or(part);
@@ -36,7 +36,7 @@ fn the_papers_systems_are_where_the_table_says() {
         for pair in tests.chunks(2) {
             let &[file, test] = pair else { panic!("system {number}: a file without its test: {pair:?}") };
             let source = std::fs::read_to_string(root.join(file)).unwrap_or_default();
-            // Property tests stand in a macro, where their arguments follow.
+            // Property tests are in a macro, where their arguments follow the name.
             assert!(source.contains(&format!("fn {test}(")), "system {number}: {file} has no test {test}");
             assert!(source.contains("#[test]"), "{file}");
         }

@@ -1,4 +1,4 @@
-//! The four methods of a centerline: chosen on the command line, and as the planner of a flight.
+//! The four centerline methods, selected on the command line and as the planner of a flight.
 
 use std::path::Path;
 
@@ -22,7 +22,7 @@ fn points(line: &Value) -> Vec<DVec3> {
     serde_json::from_value(line["points"].clone()).unwrap()
 }
 
-/// Each goes from end to end; how far its points are from the truth sets them apart.
+/// Each method runs from end to end. The distance of its points from the truth distinguishes the methods.
 #[test]
 fn every_method_finds_the_line_of_a_phantom() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! What another program adds is there by its name; names and keys that are taken are refused, with both of their owners.
+//! Plug-ins of another program are available by name. Names and keys that are taken are refused, naming both owners.
 
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ use colvis::render::{
 };
 use colvis::schedule::{App, Guide, Plugin};
 
-/// A guide of a name and a key.
+/// A guide with a name and a key.
 macro_rules! guide {
     ($type:ident, $name:literal, $key:expr) => {
         #[derive(Clone, Debug, Default, serde::Deserialize)]
@@ -112,7 +112,7 @@ fn names_and_keys_that_are_taken_are_refused_with_both_owners() {
     assert!(own.parse(["colvis", "fly", "--guide", "fine", "--preset", "own preset"]).is_ok());
 }
 
-/// Takes a number.
+/// Settings that take a number.
 #[derive(Debug, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Number {
@@ -132,7 +132,7 @@ fn checked(options: Options) -> Result<()> {
     }
 }
 
-/// All pixels of one grey: its number.
+/// A renderer that fills all pixels with the grey of its number.
 struct Grey(u8);
 
 impl Renderer for Grey {
@@ -247,7 +247,7 @@ fn no_quality_replaces_an_own_preset() {
             colvis::app::ImageSettings { width: 160, height: 120, settings, preset: GREY, ..Default::default() };
         let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
         let mut flight = Scan::phantom(1).unwrap().flight(scene, &FlightRequest::default()).unwrap();
-        // At rest, as a window is: it would be refined from the second picture on.
+        // At rest, like a window: the picture would be refined from the second one on.
         for n in 0..10 {
             flight.frame().unwrap();
             let picture = flight.camera::<colvis::components::output::Picture>().unwrap();

@@ -1,4 +1,4 @@
-//! The reports: files, columns, and numbers that can be trusted.
+//! The reports: their files, columns, and plausible numbers.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use colvis::report::render::{Extent, Subject, report};
 
 use crate::support::run::run;
 
-/// A CSV's columns and its rows, each row as wide as the columns.
+/// Returns a CSV's columns and its rows, and checks that each row is as wide as the columns.
 fn csv(path: &Path) -> (Vec<String>, Vec<Vec<String>>) {
     let text = std::fs::read_to_string(path).unwrap();
     let mut rows = text.lines().map(|line| {
@@ -30,7 +30,7 @@ fn csv(path: &Path) -> (Vec<String>, Vec<Vec<String>>) {
     (columns, rows)
 }
 
-/// One whole page that needs nothing else, with so many plots.
+/// Checks a complete, self-contained page with this number of plots.
 fn page(folder: &Path, plots: usize) -> String {
     let html = std::fs::read_to_string(folder.join("report.html")).unwrap();
     assert!(html.starts_with("<!DOCTYPE html>") && html.trim_end().ends_with("</html>"));
@@ -38,7 +38,7 @@ fn page(folder: &Path, plots: usize) -> String {
     for outside in ["src=\"http", "href=\"http", "<script", "@import"] {
         assert!(!html.contains(outside), "{outside}");
     }
-    // Without the pictures, whose letters are chance.
+    // Leaves out the pictures, whose letters are arbitrary.
     let words: String = html.split("base64,").map(|part| part.split_once('"').map_or(part, |(_, rest)| rest)).collect();
     assert!(!words.contains("NaN") && !words.contains(">inf<"));
     html
@@ -141,7 +141,7 @@ fn renderers_are_reported() {
     }
     let (_, frames) = csv(&dir.path().join("a-frames.csv"));
     assert_eq!(frames.len(), 3 * methods.len());
-    // All but the times is the same for the same scan.
+    // Everything except the times is the same for the same scan.
     let (_, again) = csv(&dir.path().join("b-frames.csv"));
     for (a, b) in frames.iter().zip(&again) {
         assert_eq!((&a[..6], &a[7..]), (&b[..6], &b[7..]));
@@ -161,7 +161,7 @@ fn renderers_are_reported() {
     {
         assert!(claims.iter().any(|c| c[0].contains(claim)), "{claim}");
     }
-    // What an idea is worth: the flag spares samples, the potential field takes memory, and so on, in both subjects.
+    // The value of each idea: the flag saves samples, the potential field takes memory, and so on, for both subjects.
     let (columns, worth) = csv(&dir.path().join("b-worth.csv"));
     let number = |idea: &str, column: &str| {
         let row = worth.iter().find(|r| r[0].contains(idea)).unwrap();

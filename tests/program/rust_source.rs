@@ -1,32 +1,32 @@
-//! Just as much of the Rust language as tells which modules a source file declares and which paths it uses.
+//! A minimal parser of Rust sources: the modules that a file declares and the paths that it uses.
 
 use std::path::{Path, PathBuf};
 
-/// A file of sources.
+/// A source file.
 pub struct SourceFile {
     pub path: PathBuf,
-    /// The module that it is, from the crate's root.
+    /// The module path from the crate's root.
     pub module: Vec<String>,
     pub text: String,
-    /// The text with comments, literals and test items blanked, byte for byte at the same places.
+    /// The text with comments, literals and test items blanked, with every remaining byte at its original position.
     code: String,
 }
 
-/// A path that is used, from the crate's root.
+/// A used path, from the crate's root.
 pub struct Use {
     pub path: Vec<String>,
     pub line: usize,
 }
 
 impl SourceFile {
-    /// Reads the file of a module.
+    /// Reads a module's file.
     pub fn read(path: &Path, module: Vec<String>) -> Self {
         let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let code = without_tests(&without_literals(&text));
         Self { path: path.to_owned(), module, text, code }
     }
 
-    /// The modules that it declares in files of their own, with these files.
+    /// Returns the modules that the file declares in separate files, with those files.
     pub fn modules(&self) -> Vec<(String, PathBuf)> {
         let tokens = tokens(&self.code);
         let folder = self.path.parent().unwrap();
@@ -45,10 +45,10 @@ impl SourceFile {
         all
     }
 
-    /// The file that a `path` attribute of the item at `at` names.
+    /// Returns the file that a `path` attribute of the item at `at` names.
     fn path_attribute(&self, at: usize) -> Option<&str> {
         let begin = self.code[..at].rfind([';', '}']).map_or(0, |n| n + 1);
-        // Comments between the attribute and the item may hold anything: only what is left as code is looked at.
+        // Comments between the attribute and the item may contain anything, so look only at the remaining code.
         let attribute = begin + self.code[begin..at].find("#[path")?;
         self.text[attribute..at].split('"').nth(1)
     }
@@ -83,7 +83,7 @@ fn without_literals(text: &str) -> String {
     String::from_utf8(out).unwrap()
 }
 
-/// Length of a block comment, which may hold others.
+/// Returns the length of a block comment, which may contain others.
 fn block_comment(rest: &str) -> usize {
     let (mut depth, mut n) = (0, 0);
     while n < rest.len() {
@@ -104,7 +104,7 @@ fn block_comment(rest: &str) -> usize {
     rest.len()
 }
 
-/// Length of a string literal with its quotes.
+/// Returns the length of a string literal with its quotes.
 fn string(rest: &str) -> usize {
     let bytes = rest.as_bytes();
     let mut n = 1;
@@ -114,7 +114,7 @@ fn string(rest: &str) -> usize {
     (n + 1).min(bytes.len())
 }
 
-/// Length of a character literal; 0 for a lifetime.
+/// Returns the length of a character literal, or 0 for a lifetime.
 fn character(rest: &str) -> usize {
     let mut chars = rest.char_indices().skip(1);
     let Some((_, first)) = chars.next() else { return 0 };
@@ -128,7 +128,7 @@ fn character(rest: &str) -> usize {
     }
 }
 
-/// Blanks what only tests have: items with the attribute `#[cfg(test)]`.
+/// Blanks the items that only tests contain: those with the attribute `#[cfg(test)]`.
 fn without_tests(code: &str) -> String {
     let mut out = code.to_owned();
     while let Some(at) = out.find("#[cfg(test)]") {
@@ -148,7 +148,7 @@ fn without_tests(code: &str) -> String {
     out
 }
 
-/// Words, `::` and single other characters, with their places.
+/// Returns words, `::` and single other characters, with their positions.
 fn tokens(code: &str) -> Vec<(usize, &str)> {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let mut all = Vec::new();
@@ -171,10 +171,10 @@ fn tokens(code: &str) -> Vec<(usize, &str)> {
     all
 }
 
-/// Every path of a file that begins with `crate` or `super`, from the crate's root.
+/// Returns every path in a file that begins with `crate` or `super`, from the crate's root.
 pub fn uses(file: &SourceFile) -> Vec<Use> {
     let tokens = tokens(&file.code);
-    // The modules written out in this file, each with the depth of its braces.
+    // The inline modules of this file, each with its brace depth.
     let (mut module, mut open, mut depth) = (file.module.clone(), Vec::new(), 0);
     let (mut all, mut n) = (Vec::new(), 0);
     while n < tokens.len() {
@@ -208,8 +208,8 @@ pub fn uses(file: &SourceFile) -> Vec<Use> {
     all
 }
 
-/// Follows a path, or a tree of them, from token `n` on; adds each with the place of its first word below the root, and
-/// returns the token after it.
+/// Follows a path, or a tree of paths, from token `n` on. Adds each with the position of its first word below the root,
+/// and returns the index of the token after it.
 fn follow(
     tokens: &[(usize, &str)],
     mut n: usize,
@@ -238,7 +238,7 @@ fn follow(
         let goes_on = |t: &str| t == "{" || t == "*" || t.starts_with(|c: char| c.is_alphanumeric() || c == '_');
         if next(n) != Some("::") || !next(n + 1).is_some_and(goes_on) {
             found.push((place, base));
-            // Another name changes nothing.
+            // An alias changes nothing.
             return if next(n) == Some("as") { n + 2 } else { n };
         }
         n += 1;

@@ -1,10 +1,10 @@
-//! `colvis slice`: its files, and what it refuses.
+//! `colvis slice`: its files and its errors.
 
 use std::path::Path;
 
 use crate::support::run::run;
 
-/// Shape and values of an array of float32.
+/// Returns the shape and the values of an array of float32.
 fn npy(path: &Path) -> (String, Vec<f32>) {
     let bytes = std::fs::read(path).unwrap();
     let head = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
@@ -30,7 +30,7 @@ fn a_picture_is_the_windowed_values() {
         slice(&[plane], "a.npy");
         let (shape, hu) = npy(Path::new(&at("a.npy")));
         assert_eq!((shape.as_str(), hu.len()), ("(40, 61)", 61 * 40));
-        // The centerline is in gas: the pixels next to the middle, which is between two rows.
+        // The centerline is in gas: check the pixels next to the middle, which is between two rows.
         assert!(hu[19 * 61 + 30] < -900.0 && hu[20 * 61 + 30] < -900.0, "{plane}");
         for (level, window) in [(None, None), (Some(-500.0), Some(700.0))] {
             let given = [level.map(|l| format!("--level={l}")), window.map(|w| format!("--window={w}"))];
@@ -54,7 +54,7 @@ fn a_picture_is_the_windowed_values() {
     }
     slice(&["--plane=axial", "--slab=0,max"], "slab.npy");
     assert!(npy(Path::new(&at("slab.npy"))).1 == plane, "a slab without thickness is the plane");
-    // Any number of threads, the same bytes.
+    // The bytes are the same for any number of threads.
     for threads in ["1", "2", "3"] {
         slice(&["--plane=1,1,1", "--slab=3,mean", "--threads", threads], &format!("t{threads}.npy"));
     }

@@ -1,4 +1,4 @@
-//! DICOM files made byte by byte, so that every attribute can be wrong.
+//! DICOM files built byte by byte, so that every attribute can be wrong.
 
 pub const EXPLICIT: &str = "1.2.840.10008.1.2.1";
 pub const IMPLICIT: &str = "1.2.840.10008.1.2";
@@ -21,7 +21,7 @@ pub struct Slice {
     pub cols: u16,
     pub position: Option<[f64; 3]>,
     pub orientation: [f64; 6],
-    /// Between rows, between columns.
+    /// Spacing between rows, then between columns.
     pub spacing: String,
     pub slope: &'static str,
     pub intercept: &'static str,
@@ -34,16 +34,16 @@ pub struct Slice {
     pub padding: Option<u16>,
     pub padding_limit: Option<u16>,
     pub frames: Option<&'static str>,
-    /// Places of the frames of an enhanced image, in functional groups (explicit, little-endian forms only).
+    /// Positions of the frames of an enhanced image, in functional groups (explicit, little-endian forms only).
     pub places: Vec<[f64; 3]>,
     /// Stored samples, in their low bits.
     pub pixels: Vec<u16>,
-    /// Bytes to take the place of the packed pixels.
+    /// Bytes that replace the packed pixels.
     pub packed: Option<Vec<u8>>,
 }
 
 impl Slice {
-    /// A 6×4 slice at `z` whose stored values are 1000 + 24 z + index: HU are 1024 less.
+    /// Creates a 6×4 slice at `z` whose stored values are 1000 + 24 z + index. HU are 1024 less.
     pub fn at(z: f64) -> Self {
         Self {
             syntax: EXPLICIT,
@@ -74,7 +74,7 @@ impl Slice {
         }
     }
 
-    /// The file.
+    /// Returns the bytes of the file.
     pub fn bytes(&self) -> Vec<u8> {
         let big = self.syntax == BIG;
         let explicit = self.syntax != IMPLICIT;
@@ -139,7 +139,8 @@ impl Slice {
         out
     }
 
-    /// One item for each frame, sequences and items of undefined length, each with a PlanePositionSequence of known one.
+    /// Writes one item for each frame, with sequences and items of undefined length, each with a PlanePositionSequence
+    /// of known length.
     fn functional_groups(&self, body: &mut Writer) {
         body.out.extend(b"\x00\x52\x30\x92SQ\0\0\xff\xff\xff\xff");
         for place in &self.places {
@@ -235,7 +236,7 @@ impl Writer {
     }
 }
 
-/// RLE of PS3.5, annex G: two segments (high bytes, low bytes) of literal runs.
+/// Encodes RLE of PS3.5, annex G: two segments (high bytes, low bytes) of literal runs.
 fn rle(pixels: &[u16]) -> Vec<u8> {
     let segment = |shift: u32| {
         let plane: Vec<u8> = pixels.iter().map(|p| (p >> shift) as u8).collect();
@@ -252,7 +253,7 @@ fn rle(pixels: &[u16]) -> Vec<u8> {
     out
 }
 
-/// Lossless JPEG of T.81, annex H: predictor 1, one Huffman table of 17 codes of five bits each.
+/// Encodes lossless JPEG of T.81, annex H: predictor 1, one Huffman table of 17 codes of five bits each.
 fn jpeg_lossless(pixels: &[u16], cols: u16, rows: u16) -> Vec<u8> {
     let mut out = b"\xff\xd8\xff\xc3\0\x0b\x10".to_vec();
     out.extend(rows.to_be_bytes());
@@ -288,7 +289,7 @@ fn jpeg_lossless(pixels: &[u16], cols: u16, rows: u16) -> Vec<u8> {
             put(low as u32 & ((1 << category) - 1), category, &mut out);
         }
     }
-    // Ones fill the last byte.
+    // Pad the last byte with ones.
     put(0x7F, 7, &mut out);
     out.extend(b"\xff\xd9");
     out

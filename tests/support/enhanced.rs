@@ -3,7 +3,7 @@
 use super::dicom::Slice;
 
 impl Slice {
-    /// Twelve frames of an enhanced image, from top to bottom.
+    /// Creates an enhanced image with twelve frames, from top to bottom.
     pub fn enhanced() -> Self {
         let frames = || (0..12).rev().map(|k| Self::at(2.5 * f64::from(k)));
         Self {

@@ -1,10 +1,10 @@
-//! Pictures of tests that fail, for people to look at.
+//! Pictures of failed tests, kept for inspection.
 
 use std::path::{Path, PathBuf};
 
 use image::RgbImage;
 
-/// Keeps a picture as `target/failed/NAME.png`, and returns where.
+/// Saves a picture as `target/failed/NAME.png` and returns its path.
 pub fn keep(name: &str, picture: &RgbImage) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).with_file_name("failed");
     std::fs::create_dir_all(&folder).expect("a folder for pictures");

@@ -1,4 +1,4 @@
-//! Flights through volumes, and how well they went.
+//! Flights through volumes, and measures of their quality.
 
 use colvis::app::{FlightApp, FlightRequest, OpenOptions, Scan, Scene};
 use colvis::components::flight::State;
@@ -7,12 +7,12 @@ use colvis::phantom::Truth;
 use colvis::volume::Volume;
 use glam::DVec3;
 
-/// A flight through a volume.
+/// Creates a flight through a volume.
 pub fn flight(volume: Volume, scene: Scene, request: &FlightRequest) -> FlightApp {
     Scan::of(volume, &OpenOptions::default()).flight(scene, request).expect("a flight")
 }
 
-/// Flies until the flight ends by itself, or for `seconds`; the scene must have a log.
+/// Flies until the flight ends or `seconds` have passed. The scene must have a log.
 pub fn fly(flight: &mut FlightApp, seconds: f64) -> Vec<LogLine> {
     let mut log = Vec::new();
     for _ in 0..(seconds * 120.0) as usize {
@@ -25,18 +25,18 @@ pub fn fly(flight: &mut FlightApp, seconds: f64) -> Vec<LogLine> {
     log
 }
 
-/// How well a flight followed a true centerline.
+/// How closely a flight followed a true centerline.
 #[derive(Debug)]
 pub struct Course {
-    /// Share of the centerline's length that was passed within the lumen.
+    /// Share of the centerline's length that was passed inside the lumen.
     pub passed: f64,
-    /// Mean distance from the centerline as a share of the local radius.
+    /// Mean distance from the centerline, as a share of the local radius.
     pub offset: f64,
     /// Least clearance, mm.
     pub clearance_mm: f64,
 }
 
-/// Judges a flight by the truth.
+/// Compares a flight with the truth.
 pub fn judge(log: &[LogLine], truth: &Truth) -> Course {
     let line: Vec<DVec3> = truth.centerline.clone();
     let radius = &truth.radius_mm;
@@ -68,7 +68,7 @@ pub fn judge(log: &[LogLine], truth: &Truth) -> Course {
     }
 }
 
-/// Greatest jerk (mm/s³) of the velocities in some lines of a log, by differences over its steps.
+/// Returns the greatest jerk (mm/s³) of the velocities in some lines of a log, by differences over its steps.
 pub fn jerk(lines: &[LogLine]) -> f64 {
     let v: Vec<DVec3> = lines.iter().map(|l| DVec3::from_array(l.velocity)).collect();
     v.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).length() * 120.0 * 120.0).fold(0.0, f64::max)

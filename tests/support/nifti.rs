@@ -1,6 +1,6 @@
 //! NIfTI files built byte by byte, so that every field can be wrong.
 
-/// A NIfTI-1 file of which every field can be changed.
+/// A NIfTI-1 file whose fields can all be changed.
 #[derive(Clone)]
 pub struct Nifti {
     pub big: bool,
@@ -19,12 +19,12 @@ pub struct Nifti {
     pub qoffset: [f64; 3],
     pub srow: [[f64; 4]; 3],
     pub magic: &'static [u8],
-    /// Voxels as they stand in the file.
+    /// Voxels as stored in the file.
     pub data: Vec<u8>,
 }
 
 impl Nifti {
-    /// 4×3×2 `i16` voxels 0, 1, 2, …, sform only.
+    /// Creates 4×3×2 `i16` voxels 0, 1, 2, …, with an sform only.
     pub fn small() -> Self {
         Self {
             big: false,
@@ -47,14 +47,14 @@ impl Nifti {
         }
     }
 
-    /// The file.
+    /// Returns the bytes of the file.
     pub fn bytes(&self) -> Vec<u8> {
         let mut out = self.header();
         out.extend(&self.data);
         out
     }
 
-    /// The header, up to `vox_offset` where that is sensible.
+    /// Returns the header, up to `vox_offset` if that is plausible.
     pub fn header(&self) -> Vec<u8> {
         let one = self.version == 1;
         let mut h = vec![0u8; if one { 352 } else { 544 }];

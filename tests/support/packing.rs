@@ -1,4 +1,4 @@
-//! Packing as other programs do it.
+//! Compression as other programs do it.
 
 /// gzip.
 pub fn gz(bytes: &[u8]) -> Vec<u8> {

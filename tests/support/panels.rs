@@ -1,16 +1,17 @@
-//! Two pictures that should be one, side by side.
+//! Side-by-side images of two pictures that should be equal.
 
 use image::{Rgb, RgbImage, imageops};
 
 use super::failed::keep;
 
-/// Differences are shown as many times as large, so that one of a few grey levels can be seen.
+/// Factor by which differences are amplified, so that a few grey levels are visible.
 const AMPLIFIED: u8 = 16;
 /// Pixels between the panels.
 const GAP: u32 = 4;
 
-/// Keeps a picture of three panels, what was expected, what came and the amplified difference, and says where. Where only
-/// one of two pictures has a pixel the difference is white.
+/// Saves a picture of three panels (expected, actual, and the amplified difference) and returns its location.
+///
+/// The difference is white where only one of the two pictures has a pixel.
 pub fn panels(name: &str, expected: &RgbImage, got: &RgbImage) -> String {
     let path = keep(name, &side_by_side(expected, got));
     format!("expected, got and the difference {AMPLIFIED} times as large: {}", path.display())
@@ -40,7 +41,7 @@ fn panels_show_both_pictures_and_where_they_differ() {
     let at = |panel: u32, x, y| all.get_pixel(panel * (5 + GAP) + x, y).0;
     assert_eq!([at(0, 4, 2), at(1, 4, 2), at(2, 4, 2)], [[10, 20, 30], [10, 23, 255], [0, 48, 255]]);
     assert_eq!([at(0, 0, 0), at(1, 0, 0), at(2, 0, 0)], [[10, 20, 30], [10, 20, 30], [0; 3]]);
-    // A picture of another size is white where it has nothing to compare.
+    // A picture of another size is white where there is nothing to compare.
     let wide = side_by_side(&expected, &RgbImage::new(6, 3));
     assert_eq!(wide.get_pixel(2 * (6 + GAP) + 5, 0).0, [255; 3]);
 }

@@ -4,7 +4,7 @@ use colvis::phantom::{Phantom, PhantomSettings, Truth};
 use colvis::progress::Progress;
 use colvis::volume::Volume;
 
-/// A phantom with its truth.
+/// Creates a phantom with its truth.
 pub fn phantom(settings: &PhantomSettings) -> (Volume, Truth) {
     let phantom = Phantom::new(settings);
     let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).expect("not cancelled");

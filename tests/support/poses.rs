@@ -1,17 +1,17 @@
-//! Places to look from along a flight: among them those that are hard to render.
+//! Poses along a flight, including those that are hard to render.
 
 use colvis::math::hash;
 use colvis::render::{PreparedVolume, first_crossing};
 use colvis::report::flight::{Flown, Pose};
 use glam::{DQuat, DVec3};
 
-/// Steps before and after a place between which a bend is measured: half a second of flight.
+/// Steps before and after a pose between which a bend is measured: half a second of flight.
 const AROUND: usize = 30;
-/// How near to the wall a camera is taken, mm: the least and how much more.
+/// Distance from the wall of a close camera, mm: the minimum and the range above it.
 const CLOSE: [f64; 2] = [1.0, 2.0];
 
-/// `count` poses: half of them spread evenly over the flight, and of the rest a third each in its narrowest bends, close to
-/// the wall, and turned to look elsewhere.
+/// Returns `count` poses. Half of them are spread evenly over the flight. Of the rest, a third each are in its
+/// narrowest bends, close to the wall, and turned to look elsewhere.
 pub fn hard(flown: &Flown, volume: &PreparedVolume, count: usize) -> Vec<(&'static str, Pose)> {
     let last = flown.log.len() - 1;
     let third = count / 6;
@@ -43,7 +43,7 @@ fn at(flown: &Flown, n: usize) -> Pose {
     Pose { position, forward, up }
 }
 
-/// The steps at which the view turns most, far enough from each other to be different bends.
+/// Returns the steps at which the view turns most, far enough apart to be different bends.
 fn bends(flown: &Flown, count: usize) -> Vec<usize> {
     let last = flown.log.len() - 1;
     let turned =

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-/// The program under test.
+/// Returns a command that runs the program under test.
 pub fn colvis() -> Command {
     Command::new(env!("CARGO_BIN_EXE_colvis"))
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use colvis::progress::Progress;
 use colvis::volume::io::{self, LoadOptions, Loaded};
 
-/// Loads with default options.
+/// Loads a scan with default options.
 pub fn load(path: &Path) -> colvis::error::Result<Loaded> {
     io::load(path, &LoadOptions::default(), &Progress::new())
 }

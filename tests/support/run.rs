@@ -1,10 +1,10 @@
-//! The program under test, run to its end.
+//! Complete runs of the program under test.
 
 use std::process::Output;
 
 use super::program::colvis;
 
-/// Runs the program and returns what it said; prints it when the status is not as wanted.
+/// Runs the program and returns its output, which is printed if the exit status is not as expected.
 pub fn run(args: &[&str], status: i32) -> Output {
     let out = colvis().args(args).output().expect("the program can be run");
     let said = String::from_utf8_lossy(&out.stderr).into_owned();

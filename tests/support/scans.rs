@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use super::skips::skip;
 
-/// A file of the test data. The test is skipped where there is no test data at all; where there is, all of it must be
-/// there.
+/// Returns a file of the test data. The test is skipped if there is no test data; otherwise all of it must be there.
 #[track_caller]
 pub fn data(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("COLVIS_TEST_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);

@@ -1,22 +1,22 @@
-//! Tests that cannot be run here: counted and named, or failed.
+//! Tests that cannot run here: they are counted and named, or fail.
 
 use std::io::Write as _;
 use std::panic::Location;
 
-/// Tells that the test is skipped, for it needs a `part` that is not there: `data`, `screen`, `film` or `peers`.
+/// Reports that the test is skipped because a `part` it needs is missing: `data`, `screen`, `film` or `peers`.
 ///
-/// A line about it is appended to the file that the environment variable `COLVIS_SKIPS` names, if it is set. With
-/// `COLVIS_NO_SKIP` set, a skip is a failure: `all` of them, or `all-but-data,peers` but for the parts named.
+/// If the environment variable `COLVIS_SKIPS` is set, a line is appended to the file that it names. With
+/// `COLVIS_NO_SKIP` set, a skip is a failure: `all` of them, or with `all-but-data,peers` all except the named parts.
 #[track_caller]
 pub fn skip(part: &str, why: &str) {
     let thread = std::thread::current();
-    // On one thread alone tests have no names: the place tells.
+    // On a single thread tests have no names; the location identifies them.
     let test = thread.name().filter(|n| *n != "main").unwrap_or("a test");
     let line = format!("{test} ({}) needs {part}: {why}", Location::caller());
     println!("skipped: {line}");
     if let Some(file) = std::env::var_os("COLVIS_SKIPS") {
         let mut file = std::fs::File::options().append(true).create(true).open(file).expect("the list of skips");
-        // In one piece, as other tests write at the same time.
+        // Write in one piece, since other tests write at the same time.
         file.write_all(format!("{line}\n").as_bytes()).expect("the list of skips can be written");
     }
     if let Ok(kept) = std::env::var("COLVIS_NO_SKIP") {

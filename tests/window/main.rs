@@ -1,4 +1,4 @@
-//! The window on a virtual X server: what it shows, what the keys do, and what it leaves behind.
+//! The window on a virtual X server: its display, its keys, and the files it leaves behind.
 #![cfg(all(feature = "window", target_os = "linux"))]
 
 use std::fs;
@@ -31,12 +31,12 @@ const PATIENCE: Duration = Duration::from_secs(180);
 /// The camera's radius, mm.
 const RADIUS_MM: f64 = 1.5;
 
-/// A program that is ended when the test is over, however it ends.
+/// A program that is killed at the end of the test, however that ends.
 struct Running(Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // It may have exited already.
         let _ = self.0.kill();
         let _ = self.0.wait();
     }
@@ -68,7 +68,7 @@ struct Screen {
 }
 
 impl Screen {
-    /// A virtual screen; none where the tools for it are missing.
+    /// Opens a virtual screen, or returns `None` if the tools for it are missing.
     fn open() -> Option<Self> {
         for tool in ["Xvfb", "xdotool", "import"] {
             let path = std::env::var_os("PATH")?;
@@ -104,13 +104,13 @@ impl Screen {
         image::load_from_memory(&png).unwrap().to_rgb8()
     }
 
-    /// Waits for a picture that `wanted` likes.
+    /// Waits for a picture that `wanted` accepts.
     fn shot_when(&self, what: &str, wanted: impl FnMut(&RgbImage) -> bool) -> RgbImage {
         let kept = |shot: &RgbImage| format!("the last shot is {}", keep(&format!("window {what}"), shot).display());
         self.shot_when_else(what, wanted, kept)
     }
 
-    /// Waits for a picture that `wanted` likes; `told` shows the last one where none ever is.
+    /// Waits for a picture that `wanted` accepts. `told` shows the last one if none is accepted.
     fn shot_when_else(
         &self,
         what: &str,
@@ -138,12 +138,12 @@ impl Screen {
         self.open_window(folder, &[&all[..], args].concat(), flies)
     }
 
-    /// Starts the program, waits until it shows what `wanted` likes, and gives it the keys.
+    /// Starts the program, waits until it shows a picture that `wanted` accepts, and gives it the keyboard focus.
     fn open_window(&self, folder: &Path, args: &[&str], wanted: impl FnMut(&RgbImage) -> bool) -> Running {
         self.open_program(colvis(), folder, args, wanted)
     }
 
-    /// As [`Screen::open_window`], of another program.
+    /// Works like [`Screen::open_window`] with another program.
     fn open_program(
         &self,
         mut program: Command,
@@ -165,7 +165,7 @@ impl Screen {
         let running = Running(child);
         self.shot_when("the flight", wanted);
         let window = String::from_utf8(self.tool("xdotool", &["search", "--name", "colvis"])).unwrap();
-        // There is no window manager that would give it the keys.
+        // There is no window manager to set the keyboard focus.
         self.tool("xdotool", &["windowfocus", "--sync", window.lines().next().unwrap()]);
         running
     }
@@ -176,17 +176,17 @@ fn share(image: &RgbImage, of: impl Fn([u8; 3]) -> bool) -> f64 {
     n as f64 / f64::from(image.width() * image.height())
 }
 
-/// The colour of the bar for the way.
+/// Returns true for the colour of the path bar.
 fn is_bar([r, g, b]: [u8; 3]) -> bool {
     r < 140 && (160..220).contains(&g) && b > 240
 }
 
-/// The lumen's pink, red first.
+/// Returns true if the image shows the lumen's pink, red strongest.
 fn shows(image: &RgbImage) -> bool {
     share(image, |[r, g, b]| r > 60 && r > g + g / 4 && g >= b) > 0.2
 }
 
-/// The lumen and the overlay, on the way.
+/// Returns true if the image shows the lumen and the overlay, in flight.
 fn flies(image: &RgbImage) -> bool {
     shows(image) && share(image, is_bar) > 0.0
 }
@@ -195,14 +195,14 @@ fn log(folder: &Path, name: &str) -> Vec<LogLine> {
     read_log(&folder.join(name))
 }
 
-/// One session from the first picture to the last, step by step, as an operator would: a window takes seconds to open.
+/// One session from the first picture to the last, step by step like an operator, since opening a window takes seconds.
 #[test]
 fn a_flight_in_a_window() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
 
-    // It flies by itself, and says so.
+    // The window flies automatically and says so.
     let mut window = screen.fly(folder, "first.jsonl");
     let shot = screen.shot();
     let panel = image::imageops::crop_imm(&shot, 0, 0, 200, 110).to_image();
@@ -212,7 +212,7 @@ fn a_flight_in_a_window() {
     std::thread::sleep(Duration::from_secs(2));
     assert!(screen.shot().pixels().ne(shot.pixels()), "it moves");
 
-    // Paused, it comes to rest, refined; the saved image is what was shown, but for the overlay.
+    // When paused, the picture is refined. The saved image matches the display except for the overlay.
     screen.key("space");
     let mut before = None;
     screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
@@ -244,13 +244,13 @@ fn a_flight_in_a_window() {
     assert!(status.success(), "{status}: {err}");
     assert_eq!(err, "");
 
-    // What the pictures took, and what it took to present them.
+    // The stats contain the cost of the pictures and of presenting them.
     let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
     let [median, p99] = ["median", "p99"].map(|of| stats["present_ms"][of].as_f64().unwrap());
     println!("presenting {}x{}: {median:.2} ms, 99 % within {p99:.2} ms", SIZE.0, SIZE.1);
     assert!(median > 0.0 && median <= p99 && stats["frames"].as_array().unwrap().len() > 10);
 
-    // The log is whole, the pose that was printed is in it, and nobody went through a wall.
+    // The log is complete and contains the printed pose, and there was no perforation.
     let lines = log(folder, "first.jsonl");
     let pose: serde_json::Value = serde_json::from_str(out.trim()).unwrap();
     assert_eq!(pose["fov_degrees"], 90.0);
@@ -267,7 +267,7 @@ fn a_flight_in_a_window() {
     });
     assert_eq!(steered, ["tentacles", "manual", "tentacles"]);
 
-    // Opened again, it goes on from there; interrupted, everything is still written.
+    // When reopened, the flight resumes there. When interrupted, everything is still written.
     let mut window = screen.fly(folder, "second.jsonl");
     Command::new("kill").args(["-INT", &window.0.id().to_string()]).status().unwrap();
     let status = window.wait();
@@ -279,13 +279,13 @@ fn a_flight_in_a_window() {
     assert!(gap < 1.0, "{gap} mm from where it was left");
 }
 
-/// What is kept of a flight for the next time.
+/// Returns the session files kept for later.
 fn sessions(folder: &Path) -> Vec<std::path::PathBuf> {
     let list = fs::read_dir(folder.join("state/colvis/sessions"));
     list.map_or_else(|_| Vec::new(), |list| list.map(|e| e.unwrap().path()).collect())
 }
 
-/// However a scan was left, it can be opened again.
+/// A scan can be opened again whatever state it was left in.
 #[test]
 fn a_kept_session_never_keeps_a_scan_from_being_opened() {
     let Some(screen) = Screen::open() else { return };
@@ -298,25 +298,25 @@ fn a_kept_session_never_keeps_a_scan_from_being_opened() {
         assert!(status.success(), "{status}: {err}");
         err
     };
-    // Nobody steers.
+    // Without a guide.
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/render.toml");
     let still = screen.open_window(folder, &["--scene", scene.to_str().unwrap(), "--layout", "flight"], shows);
     assert_eq!(quit(still), "");
     assert!(sessions(folder).is_empty());
-    // A flight keeps its place, whoever steers and whatever copy of the scan it is flown in.
+    // A flight keeps its place, whatever its guide and whichever copy of the scan is used.
     let window = screen.fly(folder, "f.jsonl");
     std::thread::sleep(Duration::from_secs(2));
     assert_eq!(quit(window), "");
     let kept = sessions(folder);
     assert_eq!(kept.len(), 1);
-    // What it says cannot be followed: that is said, and the scan is flown from its start.
+    // An unusable session is reported, and the flight starts from the beginning.
     let text = fs::read_to_string(&kept[0]).unwrap();
     fs::write(&kept[0], text.replace("\"tentacles\"", "\"none\"")).unwrap();
     let err = quit(screen.fly(folder, "again.jsonl"));
     assert!(err.starts_with("note: ") && err.contains("\"none\""), "{err}");
     let [first, again] = ["f.jsonl", "again.jsonl"].map(|name| place(&log(folder, name)[0]));
     assert!(first.distance(again) < 1.0);
-    // A log that is played, backwards too, touches nothing of it.
+    // Playing a log, even backwards, leaves the session untouched.
     fs::write(&kept[0], &text).unwrap();
     for more in [&[][..], &["--reverse"]] {
         let played = screen.open_window(
@@ -330,7 +330,7 @@ fn a_kept_session_never_keeps_a_scan_from_being_opened() {
     }
 }
 
-/// The reading layout: slices follow the flight, a click in one stops it, and the layout is there the next time.
+/// The reading layout: slices follow the flight, a click in one stops it, and the layout persists.
 #[test]
 fn slices_beside_the_flight() {
     let Some(screen) = Screen::open() else { return };
@@ -342,12 +342,12 @@ fn slices_beside_the_flight() {
     // Tissue in the axial slice, and the lumen beside it.
     let reads = |i: &RgbImage| share(&right(i), grey) > 0.2 && share(i, |[r, g, ..]| r > 100 && r > g + g / 3) > 0.1;
     let args = ["fly", "--size", &size, "--stats", "stats.json", "--log", "f.jsonl"];
-    // A window that is opened for the first time has it.
+    // It is the layout of a window that is opened for the first time.
     let mut window = screen.open_window(folder, &args, reads);
     let shot = right(&screen.shot());
     std::thread::sleep(Duration::from_secs(2));
     assert!(right(&screen.shot()).pixels().ne(shot.pixels()), "the slices follow the flight");
-    // A click stops it, and the crosshair is where it was.
+    // A click stops the flight, and the crosshair is at the clicked place.
     screen.tool("xdotool", &["mousemove", "500", "100", "click", "1"]);
     let mut before = None;
     let still = screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
@@ -369,7 +369,7 @@ fn slices_beside_the_flight() {
     let lines = log(folder, "f.jsonl");
     let last = lines.iter().rev().take(30).map(place).collect::<Vec<_>>();
     assert!(last.iter().all(|p| p.distance(last[0]) < 0.5), "it stands still");
-    // It is opened again as it was left; damaged, it is told of and left as it is.
+    // The layout is restored. A damaged file is reported and left unchanged.
     let kept = folder.join("state/colvis/layout.json");
     assert!(fs::read_to_string(&kept).unwrap().contains("\"layout\": \"across\""));
     let across = |i: &RgbImage| shows(i) && share(&right(i), |p| p[0] == p[1] && p[1] == p[2]) > 0.8;
@@ -385,7 +385,7 @@ fn slices_beside_the_flight() {
     assert_eq!(fs::read_to_string(&kept).unwrap(), "{}");
 }
 
-/// What cannot be flown is shown, and told like without a window.
+/// A scan that cannot be flown is shown, and the reason is the same as without a window.
 #[test]
 fn a_scan_without_a_way_leaves_an_empty_log_and_the_reason() {
     let Some(screen) = Screen::open() else { return };
@@ -397,7 +397,7 @@ fn a_scan_without_a_way_leaves_an_empty_log_and_the_reason() {
     fs::write(folder.join("s.mha"), head.bytes().chain(voxels).collect::<Vec<u8>>()).unwrap();
     let args = ["fly", "s.mha", "--size", "640x480", "--log", "f.jsonl", "--stats", "stats.json"];
     let mut told = 0;
-    // The words stay as they are once it has failed.
+    // The text no longer changes after the failure.
     let mut window = screen.open_window(folder, &args, |i| {
         told += usize::from(share(i, |p| p.iter().all(|&c| c > 150)) > 0.005);
         told > 3
@@ -411,7 +411,8 @@ fn a_scan_without_a_way_leaves_an_empty_log_and_the_reason() {
     assert!(stats["state"] == "operator" && err.contains(stats["reason"].as_str().unwrap()), "{stats}");
 }
 
-/// The recorded hand, which pushes into the wall, in the window and without it: the same log, and never a perforation.
+/// The recorded input, which pushes into the wall, gives the same log in the window and headless, and never a
+/// perforation.
 #[test]
 fn a_recorded_hand_is_the_same_in_the_window_and_headless() {
     let Some(screen) = Screen::open() else { return };
@@ -433,7 +434,7 @@ fn a_recorded_hand_is_the_same_in_the_window_and_headless() {
             .unwrap();
         assert!(headless.success());
         let (window, headless) = (log(folder, "window.jsonl"), log(folder, "headless.jsonl"));
-        // The last line has the final state, and a window may be a few steps late to notice that its time is over.
+        // The last line has the final state. A window may notice a few steps late that its time is over.
         let steps = headless.len() - 1;
         assert!(steps > 1000 && window.len() >= steps);
         assert_eq!(window[..steps], headless[..steps], "{guide}");
@@ -441,7 +442,7 @@ fn a_recorded_hand_is_the_same_in_the_window_and_headless() {
     }
 }
 
-/// Guides by number, and a click on the bar.
+/// Guides selected by number, and a click on the bar.
 #[test]
 fn guides_and_places_are_chosen_in_flight() {
     let Some(screen) = Screen::open() else { return };
@@ -456,7 +457,7 @@ fn guides_and_places_are_chosen_in_flight() {
             "path" => "3",
             _ => "4",
         });
-        // What it needs is built beside the flight.
+        // The guide's data is built in the background.
         std::thread::sleep(Duration::from_secs(6));
     };
     steers("path");
@@ -479,8 +480,8 @@ fn guides_and_places_are_chosen_in_flight() {
     assert!(lines.iter().all(|l| l.clearance_mm >= RADIUS_MM - 1e-6));
 }
 
-/// Roll and view angle by keys and mouse; tentacles, mines and forces over the picture, and not in what is saved; and all that
-/// the hand did, flown again without a window.
+/// Roll and view angle by keys and mouse; tentacles, mines and forces over the picture but not in the saved one; and
+/// all operator input replayed without a window.
 #[test]
 fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
     let Some(screen) = Screen::open() else { return };
@@ -488,7 +489,7 @@ fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
     let folder = folder.path();
     let mut window = screen.fly_with(folder, &["--log", "f.jsonl", "--record-input", "hand.jsonl"]);
     std::thread::sleep(Duration::from_secs(2));
-    // The colours of the overlays: the pink wall has none of them.
+    // The colours of the overlays, none of which are in the pink wall.
     let is_sky = |[r, g, b]: [u8; 3]| b > 200 && (150..210).contains(&g) && r < 130 && b > g + 30;
     let is_yellow = |[r, g, b]: [u8; 3]| (225..250).contains(&r) && (215..240).contains(&g) && b < 100;
     let is_green = |[r, g, b]: [u8; 3]| r < 40 && g > 150 && (100..170).contains(&b);
@@ -501,7 +502,7 @@ fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
     screen.shot_when("mines", |i| share(&views(i), is_yellow) > 0.001);
     screen.key("v");
     screen.shot_when("forces", |i| share(&views(i), is_green) > 0.0005);
-    // At rest: a roll by key and by mouse, a view angle by key, by wheel and by the browser's keys.
+    // At rest: roll by key and by mouse, view angle by key, by wheel and by the browser's keys.
     screen.key("space");
     std::thread::sleep(Duration::from_secs(1));
     screen.tool("xdotool", &["keydown", "period", "sleep", "0.6", "keyup", "period"]);
@@ -520,7 +521,7 @@ fn the_view_is_rolled_and_narrowed_and_what_is_felt_is_drawn() {
     let (out, err) = window.output();
     assert!(status.success() && err.is_empty(), "{status}: {err}");
     let pose: serde_json::Value = serde_json::from_str(out.trim()).unwrap();
-    // Notches of 1.1: one of each key, and of the wheel one, or two where the server tells of it twice.
+    // Notches of 1.1: one for each key, and one for the wheel, or two if the server reports it twice.
     let angle = pose["fov_degrees"].as_f64().unwrap();
     assert!([67.6, 61.5].contains(&angle), "{angle}");
     let lines = log(folder, "f.jsonl");
@@ -554,11 +555,11 @@ fn a_drawn_lumen_in_a_window() {
     screen.shot_when("no tentacles", |i| feelers(i) < feelers(&paused) / 2.0);
     screen.key("s");
     screen.shot_when("no way flown", |i| way(i) < way(&paused) / 4.0);
-    // The potential is shaded in many blues; without it the lumen is of one grey.
+    // The potential is shaded in many blues. Without it the lumen is a single grey.
     let grey = |i: &RgbImage| share(i, |p| p == [232, 236, 240]);
     screen.key("v");
     screen.shot_when("no potential", |i| grey(i) > grey(&paused) + 0.1);
-    // A click on the ring's lower part starts there: paused, the camera stands on its start.
+    // A click on the ring's lower part starts there: when paused, the camera is at its start.
     let camera = |i: &RgbImage| {
         let there = image::imageops::crop_imm(i, 228, 385, 40, 30).to_image();
         share(&there, |p| p == [20, 20, 24])
@@ -570,7 +571,7 @@ fn a_drawn_lumen_in_a_window() {
     assert!(status.success() && window.output().1.is_empty());
 }
 
-/// The examples that show something in the window show it there, and end as they should.
+/// The examples with window content show it, and exit correctly.
 #[test]
 fn examples_of_plug_ins_in_a_window() {
     let Some(screen) = Screen::open() else { return };
@@ -579,16 +580,16 @@ fn examples_of_plug_ins_in_a_window() {
     fs::write(folder.join("lamp.toml"), "plugins = [\"tentacles\", \"mines\"]\n[render]\nshade = \"lamp\"\n").unwrap();
     fs::write(folder.join("near.toml"), "plugins = [\"tentacles\", \"mines\"]\n[near_wall]\nnear_mm = 30.0\n").unwrap();
     let built = Path::new(colvis().get_program()).with_file_name("examples");
-    // The rear view's frame; the edges that are darker than the middle; the lamp's pale gloss; the overlay's green words.
+    // The rear view's frame; edges darker than the middle; the lamp's pale gloss; the overlay's green text.
     let grey = |i: &RgbImage| {
-        // Along the inset's upper edge.
+        // Along the upper edge of the inset.
         (0..SIZE.1).any(|y| (500..620).filter(|&x| i.get_pixel(x, y).0 == [170; 3]).count() > 100)
     };
     let pale = |i: &RgbImage| share(i, |[r, g, b]| r > 200 && g > 150 && b > 130) > 0.01;
     let dark = |i: &RgbImage| flies(i) && share(i, |[r, ..]| r > 20 && r < 80) > 0.3;
     let green = |i: &RgbImage| share(i, |p| p == [120, 220, 140]) > 0.0002;
     type Wanted<'a> = &'a dyn Fn(&RgbImage) -> bool;
-    // The panel's line, at the right edge where the flight's picture is not.
+    // The panel's line, at the right edge outside the flight's picture.
     let line = |i: &RgbImage| {
         let right = image::imageops::crop_imm(i, 460, 60, 180, 400).to_image();
         share(&right, |p| p == [27, 27, 27]) > 0.5 && share(&right, is_bar) > 0.0005
