@@ -3,7 +3,6 @@
 //!
 //! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is one 6-connected
 //! piece of the lumen within a cell, and two nodes are neighbours only if their voxels share a face.
-//! piece of the lumen within a cell, and two nodes are neighbours only where voxels of theirs share a face.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -42,7 +42,6 @@ impl<'a> Interior<'a> {
     ///
     /// # Errors
     /// Returns status 4 when interrupted, status 3 if there are more voxels than can be numbered.
-    /// Status 4 when interrupted, 3 when there are more voxels than can be numbered.
     pub fn of_lumen(volume: &'a Volume, lumen: &Lumen, iso: f64, progress: &Progress) -> Result<Self> {
         let level = iso.floor().clamp(-32768.0, 32767.0) as i16;
         let grown = (level > GAS_HU).then(|| grow(volume, lumen.gas.clone(), level, GROWTH, progress)).transpose()?;

@@ -272,7 +272,6 @@ impl Steps {
     /// Thin is relative to the fourth thinnest of the thirteen lines. A line at an angle φ to a rod of thickness t
     /// passes through t / sin φ of it, so only the one or two lines within about 25° of the rod see much more. At φ to
     /// a sheet's normal a line passes through t / cos φ, and a third of all lines see much more.
-    /// more; at φ to a sheet's normal it runs through t / cos φ, and a third of all lines see much more.
     fn thin_lines(&self, volume: &Volume, p: [i64; 3]) -> usize {
         let mut runs = [f64::INFINITY; 13];
         let mut endless = 0;
