@@ -1,4 +1,4 @@
-//! Output files: each appears whole or not at all, also when the program is interrupted.
+//! Atomic output files: each appears complete or not at all, even when the program is interrupted.
 
 mod leftover;
 mod npy;
@@ -12,11 +12,13 @@ use crate::error::{Error, Kind, Result};
 
 pub use npy::{write_npy, write_npy_head, write_npy_values};
 
-/// A file being written: a temporary one beside its target, renamed on [`AtomicFile::finish`] and removed when dropped
-/// before. What killed programs have left in the folder is taken away first.
+/// A file that appears only when it is complete.
 ///
-/// A symbolic link is followed. A target that exists and is no regular file, or that is reached through `/dev` or
-/// `/proc` (`/dev/stdout`), is written to directly, never replaced. A file that is replaced keeps its permissions.
+/// Data goes to a temporary file beside the target. [`AtomicFile::finish`] renames it; dropping it earlier removes it.
+/// Temporary files that killed programs left in the folder are removed first.
+///
+/// Symbolic links are followed. A target that exists and is not a regular file, or that is reached through `/dev` or
+/// `/proc` (`/dev/stdout`), is written to directly and never replaced. A replaced file keeps its permissions.
 pub struct AtomicFile {
     path: PathBuf,
     sink: BufWriter<Sink>,
@@ -27,10 +29,10 @@ enum Sink {
     Direct(File),
 }
 
-/// The temporary files that exist now.
+/// Temporary files that currently exist.
 static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// A temporary file's entry among [`TEMPORARY`].
+/// Keeps a temporary file in [`TEMPORARY`] until it is dropped.
 struct Listed(PathBuf);
 
 impl Listed {
@@ -50,10 +52,10 @@ fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
     TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the files being written, for a program that exits at once, when nothing is dropped.
+/// Removes all files being written. Call it before the process exits without running destructors.
 pub fn remove_temporary() {
     for path in temporary().iter() {
-        // It may have been renamed just now.
+        // It may just have been renamed.
         let _ = std::fs::remove_file(path);
     }
 }
@@ -75,10 +77,10 @@ impl Write for Sink {
 }
 
 impl AtomicFile {
-    /// Starts to write `path`.
+    /// Starts writing `path`.
     ///
     /// # Errors
-    /// Status 5 when the folder is missing, not writable, or `path` is a folder.
+    /// Returns status 5 if the folder is missing or not writable, or if `path` is a folder.
     pub fn create(path: &Path) -> Result<Self> {
         let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         let special = is_special(&absolute);
@@ -96,7 +98,8 @@ impl AtomicFile {
                     #[cfg(unix)]
                     {
                         use std::os::unix::fs::PermissionsExt;
-                        // The usual permissions (the umask still applies), not the owner-only ones of a temporary file.
+                        // Use default permissions (the umask still applies), not the owner-only ones of a temporary
+                        // file.
                         let mode = existing.as_ref().map_or(0o666, |m| m.permissions().mode() & 0o777);
                         _builder.permissions(std::fs::Permissions::from_mode(mode));
                     }
@@ -109,7 +112,7 @@ impl AtomicFile {
         Ok(Self { path: path.to_owned(), sink: BufWriter::with_capacity(1 << 20, sink) })
     }
 
-    /// The temporary file's path, for another program to write to instead.
+    /// The temporary file's path, for another program to write to.
     pub fn place(&self) -> &Path {
         match self.sink.get_ref() {
             Sink::Temporary(f, _) => f.path(),
@@ -117,10 +120,10 @@ impl AtomicFile {
         }
     }
 
-    /// Flushes the file and gives it its name.
+    /// Flushes the file and renames it to its target.
     ///
     /// # Errors
-    /// Status 5 when the last bytes cannot be written or the file cannot be renamed.
+    /// Returns status 5 if the last bytes cannot be written or the file cannot be renamed.
     pub fn finish(mut self) -> Result<()> {
         self.sink.flush().map_err(|e| cannot(&self.path, &e))?;
         // `into_parts` cannot lose data: the buffer was flushed above.
@@ -141,20 +144,21 @@ impl Write for AtomicFile {
     }
 }
 
-/// Writes `path` whole or not at all with what `fill` produces.
+/// Writes `path` atomically with the bytes that `fill` produces.
 ///
 /// # Errors
-/// Status 5 when it cannot be written; an [`Error`] wrapped in the `io::Error` by `fill` (a cancellation) is kept.
+/// Returns status 5 if the file cannot be written. If `fill` wraps an [`Error`] in the `io::Error` (a cancellation),
+/// that error is returned instead.
 pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let mut file = AtomicFile::create(path)?;
     fill(&mut file).map_err(|e| cannot(path, &e))?;
     file.finish()
 }
 
-/// Writes a JSON value, indented, whole or not at all.
+/// Writes a JSON value, indented, atomically.
 ///
 /// # Errors
-/// Status 5 when it cannot be written.
+/// Returns status 5 if the file cannot be written.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     write_whole(path, |w| {
         serde_json::to_writer_pretty(&mut *w, value)?;
@@ -162,15 +166,15 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     })
 }
 
-/// Makes a folder (and its parents) for outputs.
+/// Creates an output folder and its parents.
 ///
 /// # Errors
-/// Status 5 when it cannot be made.
+/// Returns status 5 if the folder cannot be created.
 pub fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|e| cannot(path, &e))
 }
 
-/// The output failure that an `io::Error` stands for.
+/// Converts an `io::Error` to an output error about `path`. An [`Error`] wrapped inside is returned unchanged.
 pub fn cannot(path: &Path, e: &io::Error) -> Error {
     if let Some(own) = e.get_ref().and_then(|inner| inner.downcast_ref::<Error>()) {
         return own.clone();
@@ -184,14 +188,14 @@ pub fn cannot(path: &Path, e: &io::Error) -> Error {
     Error::new(Kind::Output, path.display().to_string(), format!("cannot be written ({})", plain(e)), hint)
 }
 
-/// Whether a path leads through the system's own folders of devices; what is in `/dev/shm` is files.
+/// True if a path leads through the system's device folders. `/dev/shm` does not count: it holds ordinary files.
 fn is_special(absolute: &Path) -> bool {
     ["/dev", "/proc"].iter().any(|root| absolute.starts_with(root)) && !absolute.starts_with("/dev/shm")
 }
 
-/// The system's text for a failure, without the name of a temporary file and without the error number.
+/// Returns the system's text for an error, without temporary file names and without the error number.
 pub fn plain(e: &io::Error) -> String {
-    // A wrapped error carries the path of the temporary file, which the user does not know.
+    // A wrapped error carries the temporary file's path, which means nothing to the user.
     let code = e.raw_os_error().or_else(|| {
         let mut source: Option<&(dyn std::error::Error + 'static)> = e.get_ref().map(|inner| inner as _);
         std::iter::from_fn(|| {
@@ -205,19 +209,20 @@ pub fn plain(e: &io::Error) -> String {
     text.split(" (os error").next().unwrap_or(&text).to_lowercase()
 }
 
-/// Refuses outputs that would overwrite an input or each other, and missing folders, before any work is done.
+/// Rejects outputs that would overwrite an input or each other, and outputs in missing folders, before any work is
+/// done.
 ///
 /// # Errors
-/// Status 2 for two of the same name, status 5 for a folder that is missing.
+/// Returns status 2 if two paths are the same, status 5 if a folder is missing.
 pub fn check_targets(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
     check_apart(inputs, outputs)?;
     check_folders(outputs)
 }
 
-/// Refuses files whose folders are missing.
+/// Rejects files whose folder is missing.
 ///
 /// # Errors
-/// Status 5 for a folder that is missing.
+/// Returns status 5 if a folder is missing.
 pub fn check_folders(outputs: &[&Path]) -> Result<()> {
     let is_missing = |p: &&&Path| place(p).parent().is_some_and(|f| !f.is_dir());
     outputs.iter().find(is_missing).map_or(Ok(()), |path| {
@@ -225,16 +230,16 @@ pub fn check_folders(outputs: &[&Path]) -> Result<()> {
     })
 }
 
-/// The path with its links followed.
+/// Returns the absolute path with links followed.
 fn place(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     if is_special(&absolute) { absolute } else { std::fs::canonicalize(path).unwrap_or(absolute) }
 }
 
-/// Refuses outputs (files, or folders of them) that would overwrite an input or each other.
+/// Rejects outputs (files or folders) that would overwrite an input or each other.
 ///
 /// # Errors
-/// Status 2 for two of the same name.
+/// Returns status 2 if two paths are the same.
 pub fn check_apart(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
     let mut taken: Vec<PathBuf> = inputs.iter().map(|p| place(p)).collect();
     for &path in outputs {
@@ -312,7 +317,7 @@ mod tests {
         let e = write_whole(Path::new("/dev/full"), |w| w.write_all(b"x")).unwrap_err();
         assert_eq!(e.kind, Kind::Output);
         assert!(!std::fs::metadata("/dev/full").unwrap().is_file());
-        // What is shared memory is a folder like any other.
+        // Shared memory behaves like an ordinary folder.
         if let Ok(dir) = tempfile::tempdir_in("/dev/shm") {
             let path = dir.path().join("a.txt");
             for text in ["longer", "short"] {

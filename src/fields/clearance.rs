@@ -1,11 +1,11 @@
-//! Clearance: the exact distance from a point to the nearest wall, searched for in the voxels around it, without a
-//! distance field. It makes perforation impossible.
+//! Clearance: the exact distance from a point to the nearest wall, searched in the voxels around it, without a distance
+//! field. It makes perforation impossible.
 //!
-//! The wall is where the trilinearly interpolated volume reaches the iso value, and the volume's border: what was not
-//! scanned cannot be flown through. A trilinear function takes its extremes over an axis-aligned box at the box's
-//! corners, so a box has no wall exactly when all eight corners lie below iso, and a corner that does not is itself a
-//! point of the wall. Branch and bound over the cells between voxels, and inside them over halved boxes, therefore
-//! encloses the distance as tightly as asked; here within [`TOLERANCE_MM`].
+//! The wall is where the trilinearly interpolated volume reaches the iso value. The volume's border is a wall too,
+//! because unscanned space cannot be flown through. A trilinear function takes its extremes over an axis-aligned box at
+//! the box's corners. So a box contains no wall exactly when all eight corners are below iso, and a corner that is not
+//! below iso is itself a point of the wall. Branch and bound over the cells between voxels, and inside them over halved
+//! boxes, therefore bounds the distance as tightly as required; here within [`TOLERANCE_MM`].
 
 use std::sync::Arc;
 
@@ -15,29 +15,29 @@ use crate::math::cubic;
 use crate::volume::Volume;
 use crate::volume::cell::Cell;
 
-/// How much less than the true distance [`Clearance::mm`] may be, mm.
+/// Maximum amount by which [`Clearance::mm`] is below the true distance, mm.
 pub const TOLERANCE_MM: f64 = 0.05;
 
 /// Distance to the nearest wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Never more than the true distance, and at most [`TOLERANCE_MM`] less where it is below the search's limit; 0 in
-    /// tissue and outside the volume.
+    /// Distance, mm: never more than the true distance, and at most [`TOLERANCE_MM`] less if it is below the search
+    /// limit. It is 0 in tissue and outside the volume.
     pub mm: f64,
-    /// Unit world vector towards the nearest wall; zero where none was found within the limit, or in the wall.
+    /// Unit world vector towards the nearest wall; zero if none was found within the limit, or in the wall.
     pub toward: DVec3,
 }
 
-/// A source of clearances: what [`crate::dynamics::advance()`] moves a body by.
+/// A source of clearances, used by [`crate::dynamics::advance()`] to move a body.
 pub trait Clearances: Sync {
-    /// Clearance of a world point (mm), never more than the true distance; 0 in the wall and for a point that is not
-    /// finite.
+    /// Returns the clearance of a world point (mm), never more than the true distance. It is 0 in the wall and for a
+    /// point that is not finite.
     fn clearance(&self, at: DVec3) -> Clearance;
 
-    /// Whether the straight line between two places goes from gas into the wall anywhere; leaving the wall in which it
-    /// begins does not count. The answer may be a false yes, never a false no.
+    /// True if the straight line between two points (world, mm) passes from gas into the wall anywhere. Leaving the
+    /// wall in which it starts does not count. The answer may be a false positive, never a false negative.
     ///
-    /// By default it follows from the clearances of both ends, and is yes for every line longer than their sum.
+    /// The default derives it from the clearances of both ends, and is true for every line longer than their sum.
     fn enters(&self, from: DVec3, to: DVec3) -> bool {
         let (a, b) = (self.clearance(from), self.clearance(to));
         let begins_in_wall = a.mm == 0.0 && a.toward == DVec3::ZERO;
@@ -64,20 +64,20 @@ pub struct ClearanceFinder {
     spacing: DVec3,
     /// Voxel axes (unit columns) in the world.
     axes: DMat3,
-    /// Smallest singular value of `axes`: 1 for orthogonal axes. A sheared grid's distances are bounded from below by
-    /// this much of the distance along its axes taken as orthogonal.
+    /// Smallest singular value of `axes`: 1 for orthogonal axes. On a sheared grid, this factor times the distance
+    /// along the axes taken as orthogonal is a lower bound of the distance.
     shrink: f64,
-    /// Rows of cells (offsets in y and z from the cell of the point) by rising least distance, mm².
+    /// Rows of cells (offsets in y and z from the point's cell), ordered by least distance, mm².
     rows: Vec<(f64, i32, i32)>,
 }
 
 impl ClearanceFinder {
-    /// A finder for the wall at `iso` HU, with a search limit of `limit_mm`.
+    /// Creates a finder for the wall at `iso` HU, with a search limit of `limit_mm`.
     pub fn new(volume: Arc<Volume>, iso: f32, limit_mm: f64) -> Self {
         let spacing = volume.grid().spacing();
         let axes = volume.grid().direction();
         let limit = limit_mm.clamp(0.1, 100.0);
-        // No cell lies further off than the volume is wide, however fine its voxels.
+        // No cell is farther away than the volume is wide, however fine its voxels.
         let dims = volume.grid().dims();
         let reach = |axis: usize| (limit / spacing[axis]).ceil().min(dims[axis] as f64) as i32 + 1;
         let (ry, rz) = (reach(1), reach(2));
@@ -91,17 +91,17 @@ impl ClearanceFinder {
         Self { shrink: smallest_singular_value(axes), volume, iso, limit, spacing, axes, rows }
     }
 
-    /// Search limit, mm.
+    /// Returns the search limit, mm.
     pub fn limit_mm(&self) -> f64 {
         self.limit * self.shrink
     }
 
-    /// Size in memory without the volume, bytes.
+    /// Returns the size in memory without the volume, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.rows.as_slice())
     }
 
-    /// Clearance of a world point (mm). NaN counts as outside.
+    /// Returns the clearance of a world point (mm). NaN counts as outside.
     pub fn at(&self, world: DVec3) -> Clearance {
         let none = Clearance { mm: 0.0, toward: DVec3::ZERO };
         let dims = self.volume.grid().dims();
@@ -110,7 +110,7 @@ impl ClearanceFinder {
         if !(u.cmpge(DVec3::ZERO).all() && u.cmple(last).all()) || last.min_element() < 1.0 {
             return none;
         }
-        // Everything below is in mm along the voxel axes, relative to the point.
+        // From here on, all coordinates are in mm along the voxel axes, relative to the point.
         let mut best = Best { mm2: self.limit * self.limit, at: DVec3::ZERO };
         for axis in 0..3 {
             let mut unit = DVec3::ZERO;
@@ -147,7 +147,7 @@ impl ClearanceFinder {
     }
 
     /// Searches one row of cells for walls nearer than `best`. `y`, `z`: offset of the row's low corner, mm; `off`:
-    /// the square of the row's distance from the point across x.
+    /// squared distance of the row from the point across x, mm².
     fn scan_row(&self, base: i64, fraction: f64, j: usize, k: usize, (y, z, off): (f64, f64, f64), best: &mut Best) {
         let [nx, ny, _] = self.volume.grid().dims();
         let data = self.volume.data();
@@ -177,7 +177,7 @@ impl ClearanceFinder {
     }
 }
 
-/// The nearest wall point known so far, as an offset in mm along the voxel axes.
+/// The nearest wall point found so far, as an offset in mm along the voxel axes.
 struct Best {
     mm2: f64,
     at: DVec3,
@@ -192,13 +192,13 @@ impl Best {
     }
 }
 
-/// Square of the distance from 0 to the interval `[a, a + s]`.
+/// Returns the squared distance from 0 to the interval `[a, a + s]`.
 fn gap2(a: f64, s: f64) -> f64 {
     let g = if a > 0.0 { a } else { (-(a + s)).max(0.0) };
     g * g
 }
 
-/// Halves the box `[lo, hi]` (corner values `v`, x fastest) until no part of it can hold a wall that is nearer than
+/// Halves the box `[lo, hi]` (corner values `v`, x fastest) until no part of it can contain a wall that is nearer than
 /// `best` by more than the tolerance.
 fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
     let near = DVec3::ZERO.clamp(lo, hi).length();
@@ -211,7 +211,7 @@ fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
             best.offer(DVec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z)));
         }
     }
-    // A little below the tolerance, so that the sum of this bound and rounding stays within it.
+    // Slightly below the tolerance, so that this bound plus rounding stays within it.
     if near + 0.9 * TOLERANCE_MM >= best.mm2.sqrt() {
         return;
     }
@@ -229,7 +229,7 @@ fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
         *(if upper { &mut a[axis] } else { &mut b[axis] }) = cut;
         (values, a, b)
     };
-    // The half on the point's side first: it tightens the bound for the other.
+    // The half on the point's side comes first: it tightens the bound for the other.
     let upper_first = cut < 0.0;
     for upper in [upper_first, !upper_first] {
         let (values, a, b) = half(upper);
@@ -237,8 +237,8 @@ fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
     }
 }
 
-/// [`Clearances::enters`], exactly: within each cell the value along the line is a cubic, which is checked from one
-/// extremum to the next. Outside the volume is wall.
+/// Exact version of [`Clearances::enters`]. Within each cell the value along the line is a cubic, which is checked from
+/// one extremum to the next. Outside the volume is wall.
 fn enters(volume: &Volume, iso: f64, from: DVec3, to: DVec3) -> bool {
     let grid = volume.grid();
     let start = grid.voxel(from);
@@ -251,7 +251,7 @@ fn enters(volume: &Volume, iso: f64, from: DVec3, to: DVec3) -> bool {
     let mut gas = false;
     let mut t = 0.0;
     loop {
-        // Each turn passes one plane between cells, and the planes ahead are counted by whole numbers.
+        // Each iteration passes one plane between cells; the number of planes ahead is an integer.
         let plane = |a: usize| {
             let ahead = cell[a] + i64::from(along[a] > 0.0);
             if along[a] == 0.0 { f64::INFINITY } else { (ahead as f64 - start[a]) / along[a] }
@@ -282,7 +282,7 @@ fn enters(volume: &Volume, iso: f64, from: DVec3, to: DVec3) -> bool {
     }
 }
 
-/// Smallest singular value of a matrix with unit columns, from below: 1 when they are orthogonal.
+/// Returns a lower bound of the smallest singular value of a matrix with unit columns; 1 if they are orthogonal.
 pub(super) fn smallest_singular_value(m: DMat3) -> f64 {
     let g = m.transpose() * m;
     let off = (g.x_axis.y.abs() + g.x_axis.z.abs()).max(g.y_axis.x.abs() + g.y_axis.z.abs());
@@ -352,7 +352,7 @@ mod tests {
         }
     }
 
-    /// Voxels so fine that the search's limit is thousands of them: it looks through the volume and no further.
+    /// The voxels are so fine that the search limit spans thousands of them. The search stays within the volume.
     #[test]
     fn fine_voxels_take_no_more_rows_than_there_are() {
         for spacing in [7e-4, 1e-6] {
@@ -367,7 +367,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Against a fine lattice of points of the trilinear field: never above the truth, close below it.
+        /// Compares with a fine lattice of points of the trilinear field: never above the truth, and close below it.
         #[test]
         fn encloses_the_brute_force_distance(values in prop::collection::vec(-1000i16..200, 125), x in 0.5f64..3.5, y in 0.5f64..3.5, z in 0.5f64..3.5) {
             let spacing = DVec3::new(0.4, 0.7, 1.3);
@@ -394,11 +394,11 @@ mod tests {
             let c = f.at(p);
             let diagonal = (spacing * (4.0 / f64::from(n))).length();
             prop_assert!(c.mm <= brute + 1e-9, "{} above {brute}", c.mm);
-            // A way to anywhere enters the wall where the values along it, finely sampled, do.
+            // A segment enters the wall where its finely sampled values do.
             let q = DVec3::new(z, x, y);
             let (begin, way) = (DVec3::new(x, y, z), q - DVec3::new(x, y, z));
             let mut places: Vec<f64> = (0..=2000).map(|n| f64::from(n) / 2000.0).collect();
-            // Between cells the values bend sharply, so that a peak there would hide from even samples.
+            // Values bend sharply between cells, so even samples could miss a peak there.
             let planes = (0..15).map(|n| (f64::from(n / 3) - begin[n as usize % 3]) / way[n as usize % 3]);
             places.extend(planes.filter(|s| *s > 0.0 && *s < 1.0));
             places.sort_by(f64::total_cmp);
@@ -406,8 +406,8 @@ mod tests {
             let sampled = profile.windows(2).any(|w| w[0] < 0.0 && w[1] >= 0.0);
             let reported = f.enters(p, q * spacing);
             prop_assert!(reported || !sampled, "a way into the wall was missed");
-            // What turns between two samples is no further from either than half the second derivative times the square
-            // of their distance. The mixed differences of values that span 1200 HU are at most 2400 HU.
+            // A turning point between two samples differs from either by at most half the second derivative times the
+            // square of their distance. Mixed differences of values that span 1200 HU are at most 2400 HU.
             let second = 2.0 * 2400.0 * ((way.x * way.y).abs() + (way.y * way.z).abs() + (way.z * way.x).abs());
             let hidden = 1e-6 + 0.5 * second / (2000.0 * 2000.0);
             let grazes = profile.windows(2).any(|w| w[0].abs() <= hidden && w[1].abs() <= hidden);

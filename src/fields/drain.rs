@@ -1,4 +1,4 @@
-//! A scan with its tagged fluid replaced by gas, so that the segments that the fluid joins are flown as one.
+//! A scan with its tagged fluid replaced by gas, so that the segments joined by fluid are flown as one.
 
 use super::Lumen;
 use super::lumen::Segment;
@@ -7,8 +7,8 @@ use crate::volume::Volume;
 /// Value that replaces the fluid, HU: gas.
 const GAS: i16 = -1000;
 
-/// The volume with gas in place of the lumen's tagged fluid. The blurred layer between gas and fluid belongs to the
-/// fluid, so that no film is left between them; the wall under the fluid stays as it is.
+/// Returns the volume with gas in place of the lumen's tagged fluid. The blurred layer between gas and fluid counts as
+/// fluid, so no film remains between them. The wall under the fluid is unchanged.
 pub fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
     let grid = volume.grid();
     let mut data = volume.data().to_vec();
@@ -19,8 +19,8 @@ pub fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
     Volume::new(grid.clone(), data)
 }
 
-/// Gives the segments of a drained scan the ends of those that were joined to them, where their order from rectum to
-/// cecum was known: the drained fluid may lead on into the bowel beyond, which is not flown.
+/// Keeps the ends of the original segments in a drained scan, if their order from rectum to cecum was known. The
+/// drained fluid may lead on into bowel beyond them, which is not flown.
 pub fn keep_ends(drained: &mut Lumen, before: &Lumen) {
     if !before.ordered {
         return;

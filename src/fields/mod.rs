@@ -1,5 +1,5 @@
 //! Fields and structures for navigation, computed from a volume: the lumen, distances to wall and target, centerlines.
-//! Each is computed only when a scene asks for it.
+//! Each is computed only when a scene needs it.
 
 pub mod centerline;
 pub mod clearance;

@@ -1,5 +1,5 @@
-//! Which of the numbered nodes of a map touch each other, and the ways of least cost over them: shared by the coarse
-//! map of the gas and by the cells that the centerline runs through.
+//! Neighbours of a map's numbered nodes, and least-cost paths over them. Shared by the coarse map of the gas and the
+//! cells of the centerline.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -9,32 +9,32 @@ use rayon::prelude::*;
 /// The neighbours of each node, as compressed rows.
 #[derive(Clone, Debug, Default)]
 pub(in crate::fields) struct Neighbours {
-    /// Where each node's neighbours begin in `nodes`; one entry more than there are nodes.
+    /// Index of each node's first neighbour in `nodes`; one more entry than there are nodes.
     first: Vec<u32>,
     nodes: Vec<u32>,
 }
 
-/// The ways of least cost from one node.
+/// The least-cost paths from one node.
 #[derive(Debug)]
 pub(in crate::fields) struct Ways {
-    /// Length of the way to every node, mm; infinite where there is none.
+    /// Length of the path to every node, mm; infinite if there is none.
     pub length: Vec<f64>,
-    /// The node before every node on its way; itself at the start and where there is none.
+    /// Predecessor of every node on its path; the node itself at the start and if there is no path.
     pub before: Vec<u32>,
 }
 
-/// What a run of Dijkstra's algorithm finds.
+/// The result of Dijkstra's algorithm.
 #[derive(Debug)]
 struct Tree {
     cost: Vec<f64>,
-    /// The node before every node; itself at a start and where there is none.
+    /// Predecessor of every node; the node itself at a start and if there is no path.
     before: Vec<u32>,
-    /// The nodes in the order they were reached.
+    /// The nodes in the order in which they were reached.
     settled: Vec<u32>,
 }
 
 impl Neighbours {
-    /// Of `count` nodes, from pairs in both directions, in any order; a pair may come several times.
+    /// Creates the neighbours of `count` nodes from pairs in both directions, in any order, with or without duplicates.
     pub fn new(count: usize, mut pairs: Vec<(u32, u32)>) -> Self {
         pairs.par_sort_unstable();
         pairs.dedup();
@@ -48,13 +48,13 @@ impl Neighbours {
         Self { first, nodes: pairs.into_iter().map(|p| p.1).collect() }
     }
 
-    /// The neighbours of one node, ascending.
+    /// Returns the neighbours of a node, ascending.
     pub fn of(&self, n: u32) -> &[u32] {
         &self.nodes[self.first[n as usize] as usize..self.first[n as usize + 1] as usize]
     }
 
-    /// The ways of least cost from `start` to all nodes, or as far as `to`. One costs its length times `weight`; `step`
-    /// is the distance of two nodes, mm.
+    /// Returns the least-cost paths from `start` to all nodes, or as far as `to`. A path costs its length times
+    /// `weight`; `step` is the distance between two nodes, mm.
     pub fn ways(
         &self,
         start: u32,
@@ -71,20 +71,20 @@ impl Neighbours {
         Ways { length, before }
     }
 
-    /// The least cost of a way to each node from any of the starts `from` (nodes and what they cost by themselves).
+    /// Returns the least cost of a path to each node from any of the starts `from` (nodes with their initial costs).
     pub fn costs(&self, from: &[(u32, f64)], cost: impl Fn(u32, u32) -> f64) -> Vec<f64> {
         self.dijkstra(from, None, cost).cost
     }
 
-    /// Dijkstra's algorithm over neighbours and their neighbours, so that a way may run diagonally through two cells.
-    /// Ties go to the smaller node.
+    /// Runs Dijkstra's algorithm over neighbours and their neighbours, so that a path may run diagonally through two
+    /// cells. Ties go to the smaller node.
     fn dijkstra(&self, from: &[(u32, f64)], to: Option<u32>, step_cost: impl Fn(u32, u32) -> f64) -> Tree {
         let count = self.first.len() - 1;
         let mut cost = vec![f64::INFINITY; count];
         let mut before: Vec<u32> = (0..count as u32).collect();
         let mut done = vec![false; count];
         let mut settled = Vec::new();
-        // Costs are not negative, so their bits order as they do.
+        // Costs are not negative, so their bits have the same order.
         let mut open: BinaryHeap<Reverse<(u64, u32)>> = BinaryHeap::new();
         for &(n, c) in from {
             cost[n as usize] = c;
@@ -122,7 +122,7 @@ impl Neighbours {
 mod tests {
     use super::*;
 
-    /// A row of nodes 1 mm apart, and one that stands alone.
+    /// A row of nodes 1 mm apart, and an isolated node.
     fn row(count: u32) -> Neighbours {
         let pairs = (1..count).flat_map(|n| [(n - 1, n), (n, n - 1), (n - 1, n)]).collect();
         Neighbours::new(count as usize + 1, pairs)

@@ -1,8 +1,9 @@
-//! A set of numbered voxels: fields over the lumen store one value for each.
+//! A set of numbered voxels. Fields over the lumen store one value for each member.
 //!
-//! One bit for each voxel of the grid, rows padded to whole words, and the number of members before each word. A
-//! member's number is found with one look at each and a count of bits (a rank dictionary, Jacobson 1989), so that a
-//! field costs its values and an eighth of a byte and half of that for each voxel of the grid, never a value for each.
+//! The set has one bit for each voxel of the grid, with rows padded to whole words, and the number of members before
+//! each word. One look-up in each and a bit count give a member's number (a rank dictionary, Jacobson 1989). A field
+//! therefore costs its values plus an eighth of a byte and half of that for each voxel of the grid, never a value for
+//! each voxel.
 
 use std::ops::Range;
 
@@ -12,15 +13,16 @@ use rayon::prelude::*;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VoxelSet {
     dims: [usize; 3],
-    /// Words of a row.
+    /// Words per row.
     words: usize,
     bits: Vec<u64>,
-    /// Members before each word.
+    /// Number of members before each word.
     ranks: Vec<u32>,
 }
 
 impl VoxelSet {
-    /// The voxels of runs (j, k, range of i) on a grid of `dims`. None where there are more than 2³².
+    /// Creates a set from runs (j, k, range of i) on a grid of `dims`. Returns `None` if there are more than 2³²
+    /// voxels.
     pub fn from_runs(dims: [usize; 3], runs: impl Iterator<Item = (usize, usize, Range<usize>)>) -> Option<Self> {
         let words = dims[0].div_ceil(64);
         let mut bits = vec![0u64; words * dims[1] * dims[2]];
@@ -30,7 +32,7 @@ impl VoxelSet {
         Self::of_bits(dims, bits)
     }
 
-    /// The voxels that `is_in` accepts, given as linear indices.
+    /// Creates a set of the voxels that `is_in` accepts, given as linear indices.
     pub fn from_fn(dims: [usize; 3], is_in: impl Fn(usize) -> bool) -> Option<Self> {
         let words = dims[0].div_ceil(64);
         let mut bits = vec![0u64; words * dims[1] * dims[2]];
@@ -53,7 +55,7 @@ impl VoxelSet {
         Some(Self { dims, words: dims[0].div_ceil(64), bits, ranks })
     }
 
-    /// All voxels within `reach` voxels of a member along every axis (Chebyshev distance), as far as the grid goes.
+    /// Returns all voxels within `reach` voxels of a member along every axis (Chebyshev distance), limited to the grid.
     pub fn dilated(&self, reach: usize) -> Option<Self> {
         let [nx, ny, nz] = self.dims;
         let w = self.words;
@@ -76,38 +78,38 @@ impl VoxelSet {
         Self::of_bits(self.dims, bits)
     }
 
-    /// Voxels along each axis of the grid.
+    /// Returns the number of voxels along each axis of the grid.
     pub fn dims(&self) -> [usize; 3] {
         self.dims
     }
 
-    /// Number of members.
+    /// Returns the number of members.
     pub fn len(&self) -> usize {
         self.ranks.last().map_or(0, |&r| r as usize) + self.bits.last().map_or(0, |w| w.count_ones() as usize)
     }
 
-    /// Whether the set is empty.
+    /// True if the set is empty.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The bits of row (j, k).
+    /// Returns the bits of row (j, k).
     pub fn row(&self, j: usize, k: usize) -> &[u64] {
         &self.bits[self.words * (j + self.dims[1] * k)..][..self.words]
     }
 
-    /// The number of the first member in row (j, k) or after it; the number of all after the last row.
+    /// Returns the number of the first member in row (j, k) or after it; the number of all members after the last row.
     pub fn row_start(&self, j: usize, k: usize) -> usize {
         self.ranks.get(self.words * (j + self.dims[1] * k)).map_or_else(|| self.len(), |&r| r as usize)
     }
 
-    /// Whether a voxel is a member; none outside the grid is.
+    /// True if a voxel is a member. Voxels outside the grid are not.
     #[inline]
     pub fn contains(&self, [i, j, k]: [i64; 3]) -> bool {
         self.number([i, j, k]).is_some()
     }
 
-    /// The number of a member.
+    /// Returns a member's number.
     #[inline]
     pub fn number(&self, [i, j, k]: [i64; 3]) -> Option<usize> {
         let [nx, ny, nz] = self.dims;
@@ -119,7 +121,7 @@ impl VoxelSet {
         (word & bit != 0).then(|| self.ranks[at] as usize + (word & (bit - 1)).count_ones() as usize)
     }
 
-    /// The member of a number below [`VoxelSet::len`].
+    /// Returns the member with a number below [`VoxelSet::len`].
     pub fn voxel(&self, number: usize) -> [i64; 3] {
         let at = self.ranks.partition_point(|&r| r as usize <= number) - 1;
         let mut word = self.bits[at];
@@ -142,13 +144,13 @@ impl VoxelSet {
         }
     }
 
-    /// Size in memory.
+    /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.bits.as_slice()) + size_of_val(self.ranks.as_slice())
     }
 }
 
-/// Calls `visit` for the place of every bit that is set, ascending.
+/// Calls `visit` with the position of every set bit, ascending.
 #[inline]
 pub fn each_bit(mut word: u64, mut visit: impl FnMut(usize)) {
     while word != 0 {
@@ -185,7 +187,7 @@ fn dilate_row(row: &mut [u64], reach: usize, count: usize) {
             before = here;
         }
     }
-    // Padding bits are no voxels.
+    // Padding bits are not voxels.
     if let (Some(last), 1..) = (row.last_mut(), count % 64) {
         *last &= (1 << (count % 64)) - 1;
     }
@@ -209,7 +211,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(40))]
-        /// Numbers, runs and dilation against a plain list of flags.
+        /// Compares numbers, runs and dilation with a plain list of flags.
         #[test]
         fn is_a_list_of_flags(
             nx in prop::sample::select(vec![1usize, 3, 63, 64, 65, 130]), ny in 1usize..6, nz in 1usize..6,

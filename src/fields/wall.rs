@@ -1,11 +1,10 @@
-//! The colon's wall around its lumen, as voxels, and how thick it is.
+//! The colon's wall around its lumen, as voxels, and its thickness.
 //!
-//! From the nearest place of the lumen's surface a ray leads through each voxel and on outwards. The wall is soft tissue; it
-//! ends where the values along the ray fall below that of fat's edge (fat, or gas beyond), or rise to that of tagged fluid or
-//! bone. A wall that is so thin that its blurred values never come up to soft tissue ends at their top. Where soft tissue goes
-//! on too far to be the wall alone (an organ lies against it), the values do not tell and the wall is taken to be
-//! [`DEFAULT_MM`] thick. What lies between two pieces of lumen is the wall of both: half of it counts as the thickness of
-//! each.
+//! A ray leads from the nearest point of the lumen's surface through each voxel and on outwards. The wall is soft
+//! tissue. It ends where the values along the ray fall below the edge of fat (fat, or gas beyond), or rise to tagged
+//! fluid or bone. A wall so thin that its blurred values never reach soft tissue ends at their maximum. If soft tissue
+//! continues too far to be the wall alone (an adjacent organ), the thickness cannot be measured and is taken as
+//! [`DEFAULT_MM`]. Tissue between two pieces of lumen is the wall of both: half of it counts as the thickness of each.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -17,33 +16,33 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 use crate::volume::cell::Cell;
 
-/// Thickness where the values do not tell it, mm.
+/// Thickness where it cannot be measured, mm.
 pub const DEFAULT_MM: f64 = 3.0;
-/// Soft tissue farther than this from the lumen is not the wall's alone, mm.
+/// Soft tissue farther than this from the lumen is not the wall alone, mm.
 const REACH_MM: f64 = 6.0;
 /// Soft tissue is brighter than this, HU: half-way from fat to muscle …
 const SOFT_HU: f64 = -30.0;
-/// … and darker than this: beyond are bone and tagged fluid.
+/// … and darker than this: bone and tagged fluid are above.
 const BRIGHT_HU: f64 = 180.0;
-/// The blurred edge between the lumen and the wall is at most this wide, mm.
+/// Maximum width of the blurred edge between lumen and wall, mm.
 const EDGE_MM: f64 = 2.5;
-/// A thin wall's top is passed when the values have fallen by so much, HU: more than noise.
+/// The maximum of a thin wall is passed when the values have fallen by this much, HU: more than noise.
 const FALL_HU: f64 = 60.0;
 
-/// The wall.
+/// The colon's wall.
 #[derive(Clone, Debug)]
 pub struct Wall {
-    /// Its voxels, as linear indices (x fastest), ascending.
+    /// Voxels of the wall, as linear indices (x fastest), ascending.
     pub voxels: Vec<usize>,
-    /// Its volume, ml.
+    /// Volume, ml.
     pub ml: f64,
-    /// Thickness at its innermost voxels where the values tell it, mm; none where they tell it nowhere.
+    /// Thickness at the innermost voxels where it can be measured; `None` if it cannot be measured anywhere.
     pub thickness: Option<Thickness>,
-    /// The share of the innermost voxels where the values tell the thickness.
+    /// Fraction of the innermost voxels where the thickness can be measured.
     pub reported: f64,
 }
 
-/// How thick the wall is.
+/// Thickness of the wall.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Thickness {
     /// Mean, mm.
@@ -52,20 +51,20 @@ pub struct Thickness {
     pub median_mm: f64,
 }
 
-/// How a ray's way through soft tissue ends.
+/// The end of a ray's path through soft tissue.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Ending {
-    /// Way from the lumen, mm.
+    /// Distance from the lumen, mm.
     at_mm: f64,
-    /// The wall's thickness, mm.
+    /// Thickness of the wall, mm.
     thick_mm: f64,
 }
 
-/// The wall around gas and tagged fluid of a lumen that was found in `volume`. Voxels of the lumen are none of the wall;
-/// every other one that shares a face with one is.
+/// Finds the wall around gas and tagged fluid of a lumen found in `volume`. Voxels of the lumen do not belong to the
+/// wall; every other voxel that shares a face with one does.
 ///
 /// # Errors
-/// Status 4 when interrupted, 3 when there are more voxels than can be numbered.
+/// Returns status 4 when interrupted, status 3 if there are more voxels than can be numbered.
 pub fn around(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Wall> {
     progress.stage("finding the wall", 0);
     let walls = WallDistance::around_lumen(volume, lumen, REACH_MM, progress)?;
@@ -115,7 +114,7 @@ pub fn around(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Wal
     })
 }
 
-/// Whether a voxel shares a face with the lumen.
+/// True if a voxel shares a face with the lumen.
 fn touches(walls: &WallDistance, voxel: [i64; 3]) -> bool {
     (0..6).any(|s| {
         let mut beside = voxel;
@@ -124,7 +123,8 @@ fn touches(walls: &WallDistance, voxel: [i64; 3]) -> bool {
     })
 }
 
-/// Where soft tissue ends on the way from the lumen through a voxel that is `far` mm from it; none where that is not told.
+/// Returns where soft tissue ends from the lumen through a voxel that is `far` mm from it; `None` if that cannot be
+/// measured.
 fn ending(volume: &Volume, walls: &WallDistance, voxel: [i64; 3], far: f64) -> Option<Ending> {
     let place = walls.world(voxel);
     let inwards = inwards(walls, voxel)?;
@@ -142,7 +142,7 @@ fn ending(volume: &Volume, walls: &WallDistance, voxel: [i64; 3], far: f64) -> O
     Some(Ending { at_mm, thick_mm: if shared { 0.5 * at_mm } else { at_mm } })
 }
 
-/// The unit direction (world) in which the lumen is nearest from a voxel: along the gradient of the distance, by central
+/// Returns the unit direction (world) from a voxel to the nearest lumen: along the gradient of the distance, by central
 /// differences.
 fn inwards(walls: &WallDistance, voxel: [i64; 3]) -> Option<DVec3> {
     let mut slope = [0.0; 3];
@@ -154,7 +154,7 @@ fn inwards(walls: &WallDistance, voxel: [i64; 3]) -> Option<DVec3> {
         };
         *s = match (beside(-1), beside(1)) {
             (Some(low), Some(high)) => 0.5 * (high - low),
-            // At the scan's end.
+            // At the border of the scan.
             (None, Some(high)) => high - f64::from(walls.at(voxel)?),
             (Some(low), None) => f64::from(walls.at(voxel)?) - low,
             (None, None) => 0.0,
@@ -163,20 +163,21 @@ fn inwards(walls: &WallDistance, voxel: [i64; 3]) -> Option<DVec3> {
     (walls.grid().to_voxel().matrix3.transpose() * DVec3::from_array(slope)).try_normalize()
 }
 
-/// How soft tissue ends.
+/// The change in value at which soft tissue ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// In what is darker.
+    /// The values fall.
     Fall,
-    /// In what is brighter.
+    /// The values rise.
     Rise,
 }
 
-/// Where soft tissue ends along a ray from the lumen, mm, whose value at a way (mm) `hu` gives, and how.
+/// Returns the distance (mm) at which soft tissue ends along a ray from the lumen, and how. `hu` gives the value at a
+/// distance (mm).
 fn through_tissue(hu: impl Fn(f64) -> f64, step_mm: f64) -> Option<(f64, End)> {
     let count = (REACH_MM / step_mm).ceil() as usize + 1;
     let (mut in_tissue, mut top) = (false, (f64::NEG_INFINITY, 0usize));
-    // Three values in a row even out noise; what is before the first is the lumen.
+    // Three consecutive values average out noise; before the first one is the lumen.
     let mut last = [-step_mm, 0.0, step_mm].map(&hu);
     let mut before = last.iter().sum::<f64>() / 3.0;
     for n in 0..count {
@@ -216,7 +217,7 @@ mod tests {
     use super::*;
     use crate::math::hash::uniform;
 
-    /// Values that change from one to the next within half a millimetre about each place.
+    /// Returns values that change from one layer to the next within half a millimetre around each boundary.
     fn layers(first: f64, rest: &[(f64, f64)]) -> impl Fn(f64) -> f64 {
         move |mm| {
             let mut value = first;

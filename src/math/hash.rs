@@ -1,5 +1,5 @@
-//! Counter-based pseudo-random numbers: a value belongs to its counter, not to the order of calls, so that any number
-//! of threads draws the same.
+//! Counter-based pseudo-random numbers. A value depends on its counter, not on the order of calls, so any number of
+//! threads draws the same numbers.
 
 /// SplitMix64's output function (Steele, Lea, Flood 2014) of `seed` and `counter`: 64 well-mixed bits.
 #[inline]
@@ -10,13 +10,14 @@ pub fn bits(seed: u64, counter: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// A uniform number in `[0, 1)`.
+/// Returns a uniform number in `[0, 1)`.
 #[inline]
 pub fn uniform(seed: u64, counter: u64) -> f64 {
     (bits(seed, counter) >> 11) as f64 * (1.0 / (1u64 << 53) as f64)
 }
 
-/// A nearly normal number of mean 0 and standard deviation 1: the sum of four 16-bit uniforms (Irwin–Hall of order 4).
+/// Returns an approximately normal number with mean 0 and standard deviation 1: the sum of four 16-bit uniforms
+/// (Irwin–Hall of order 4).
 #[inline]
 pub fn normal(seed: u64, counter: u64) -> f64 {
     let b = bits(seed, counter);

@@ -1,9 +1,10 @@
-//! Points of a lattice in order of their distance.
+//! Lattice points, ordered by distance.
 
 use glam::{DVec3, IVec3};
 
-/// Offsets of a lattice of `step` (mm) within `reach_mm`, in order of their length; along `axes` only. Of equal lengths
-/// those come first that are lower in z, then in y, then in x, the same every time.
+/// Returns the offsets of a lattice of `step` (mm) within `reach_mm`, shortest first, along `axes` only.
+///
+/// Ties are ordered by z, then y, then x, lowest first, so the result is deterministic.
 pub fn nearest_first(reach_mm: f64, step: f64, axes: IVec3) -> Vec<DVec3> {
     let n = axes * (reach_mm / step) as i32;
     let mut offsets: Vec<DVec3> = (-n.z..=n.z)
@@ -11,7 +12,7 @@ pub fn nearest_first(reach_mm: f64, step: f64, axes: IVec3) -> Vec<DVec3> {
         .map(|o| o.as_dvec3() * step)
         .filter(|o| o.length() <= reach_mm)
         .collect();
-    // A stable sort: ties stay in lattice order.
+    // The sort is stable: ties stay in lattice order.
     offsets.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
     offsets
 }

@@ -1,4 +1,4 @@
-//! Small mathematics that several concepts share.
+//! Small mathematical helpers shared by several modules.
 
 pub mod cubic;
 pub mod hash;

@@ -2,15 +2,17 @@
 
 use glam::DVec3;
 
-/// One step of double reflection (Wang, Jüttler, Zheng, Liu, *Computation of rotation minimizing frames*, ACM
-/// Transactions on Graphics 27(1), 2008): what a normal `r` at the place `x[0]` of a curve is at its place `x[1]`,
-/// whose unit tangents are `t[0]` and `t[1]`.
+/// Transports a normal along a curve by one step of double reflection (Wang, Jüttler, Zheng, Liu, *Computation of
+/// rotation minimizing frames*, ACM Transactions on Graphics 27(1), 2008).
 ///
-/// The frame `(r, t)` is mirrored at the plane midway between the two places, `r′ = r − (2/c₁)(v₁·r) v₁`, `v₁ = x₁ −
-/// x₀`,
-/// `c₁ = v₁·v₁`, and then at the one that takes the mirrored tangent to the next one, `v₂ = t₁ − t′`. Global error of
-/// order 4 in the distance of the places. Where two places or two tangents coincide the reflection is left out, as
-/// nothing turns there. Rounding accumulates: over thousands of places the normal must be made orthogonal again.
+/// `r` is the normal at the point `x[0]`; the result is the normal at `x[1]`. `t[0]` and `t[1]` are the unit tangents
+/// at the two points.
+///
+/// The frame `(r, t)` is first reflected in the plane midway between the points: `r′ = r − (2/c₁)(v₁·r) v₁`, `v₁ = x₁ −
+/// x₀`, `c₁ = v₁·v₁`. The second reflection maps the reflected tangent to the next tangent, `v₂ = t₁ − t′`. The global
+/// error is of order 4 in the distance between the points. If two points or two tangents coincide, that reflection is
+/// skipped, because nothing turns there. Rounding errors accumulate: over thousands of points, re-orthogonalise the
+/// normal.
 pub fn doubly_reflected(r: DVec3, x: [DVec3; 2], t: [DVec3; 2]) -> DVec3 {
     let mirror = |v: DVec3, normal: DVec3| {
         let c = normal.length_squared();

@@ -1,10 +1,12 @@
-//! Temporary files whose writer is gone (killed, or the machine went down) are taken away by the next program that writes
-//! into their folder.
+//! Cleanup of abandoned temporary files. If a writer was killed or the machine went down, the next program that writes
+//! into the same folder removes its temporary files.
 //!
-//! A writer holds an advisory lock on its temporary file for as long as it writes it; the system lets go of the lock
-//! however the writer ends. A file is taken away only under that lock, so a living writer's never is, whichever process
-//! or container of this machine it is. Its name carries the machine's: on a shared disk whose locks may not reach from
-//! one machine to another, the files of others are left alone, and so are those of a disk that knows no locks.
+//! A writer holds an advisory lock on its temporary file while writing, and the system releases the lock however the
+//! writer ends. A file is removed only under that lock, so a live writer's file is never removed, whichever process or
+//! container of this machine owns it.
+//!
+//! The file name contains the machine's name. On a shared disk, locks may not work across machines, so files of other
+//! machines are left alone. Files on a disk without locks are left alone too.
 
 use std::collections::BTreeSet;
 use std::fs::{File, TryLockError};
@@ -12,25 +14,25 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{LazyLock, Mutex, PoisonError};
 
-/// How often a new file is tried for where another program takes each away before it is locked.
+/// Number of attempts at creating a file when another program removes each one before it is locked.
 const TRIES: usize = 16;
-/// The end of a temporary file's name.
+/// Suffix of temporary file names.
 pub(super) const SUFFIX: &str = ".tmp";
 
-/// The beginning of the names of this machine's temporary files.
+/// Prefix of this machine's temporary file names.
 static PREFIX: LazyLock<String> = LazyLock::new(|| prefix(&machine()));
 
-/// Folders that this program has looked through.
+/// Folders that this program has already checked.
 static LOOKED_AT: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// The beginning of the names of a machine's temporary files. A point, which no machine's part of it holds, ends it: `a`
-/// does not begin as `ab` does.
+/// Returns the prefix of a machine's temporary file names. It ends with a dot, which the machine part cannot contain,
+/// so the prefix of machine `a` does not match files of machine `ab`.
 fn prefix(machine: &str) -> String {
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '-' { c } else { '-' };
     format!(".colvis-{}.", machine.chars().take(40).map(plain).collect::<String>())
 }
 
-/// The machine's name; `here` where the system does not tell it.
+/// Returns the machine's name, or `here` if the system does not report one.
 fn machine() -> String {
     let files = ["/proc/sys/kernel/hostname", "/etc/hostname"].into_iter().map(std::fs::read_to_string);
     let reported =
@@ -38,10 +40,10 @@ fn machine() -> String {
     reported.map(|name| name.trim().to_owned()).find(|name| !name.is_empty()).unwrap_or_else(|| "here".to_owned())
 }
 
-/// A new temporary file in `folder`, locked where the disk knows locks. `set_up` gives it what else it needs.
+/// Creates a temporary file in `folder`, locked if the disk supports locks. `set_up` configures the builder further.
 ///
 /// # Errors
-/// When it cannot be made.
+/// Returns an error if the file cannot be created.
 pub(super) fn locked(
     folder: &Path,
     set_up: impl Fn(&mut tempfile::Builder<'_, '_>),
@@ -53,17 +55,17 @@ pub(super) fn locked(
         set_up(&mut builder);
         let file = builder.tempfile_in(folder)?;
         match file.as_file().try_lock() {
-            // Before it was locked, another program may have taken it for one whose writer is gone.
+            // Before we locked it, another program may have removed it as abandoned.
             Ok(()) if is_at(file.as_file(), file.path()) => return Ok(file),
             Ok(()) | Err(TryLockError::WouldBlock) => {}
-            // A disk without locks: nobody takes it away there.
+            // The disk has no locks, so no program removes files there.
             Err(TryLockError::Error(_)) => return Ok(file),
         }
     }
     Err(io::Error::other("another program takes its temporary files away"))
 }
 
-/// Takes away what was left behind in `folder`, once for each folder. What cannot be taken away stays.
+/// Removes abandoned files in `folder`, once for each folder. Files that cannot be removed stay.
 pub(super) fn remove_once(folder: &Path) {
     let place = std::fs::canonicalize(folder).unwrap_or_else(|_| folder.to_owned());
     if LOOKED_AT.lock().unwrap_or_else(PoisonError::into_inner).insert(place) {
@@ -76,23 +78,23 @@ fn remove(folder: &Path, prefix: &str) {
     for entry in entries.flatten() {
         let name = entry.file_name();
         let is_ours = name.to_str().is_some_and(|n| n.starts_with(prefix) && n.ends_with(SUFFIX));
-        // Nothing that could wait when it is opened, and no link.
+        // Skip links and anything that could block on open.
         if is_ours && entry.file_type().is_ok_and(|t| t.is_file()) {
-            // Another program may take it away just now.
+            // Another program may be removing it at the same time.
             let _ = remove_abandoned(&entry.path());
         }
     }
 }
 
-/// Takes a file away if nobody holds its lock.
+/// Removes a file if no process holds its lock.
 fn remove_abandoned(path: &Path) -> io::Result<()> {
-    // Some disks lock only what may be written.
+    // Some disks only lock files opened for writing.
     let file = File::options().read(true).write(true).open(path)?;
-    // It may have been given its own name, and another the temporary one, since it was opened.
+    // Since it was opened, the file may have been renamed and another created under the temporary name.
     if file.try_lock().is_ok() && is_at(&file, path) { std::fs::remove_file(path) } else { Ok(()) }
 }
 
-/// Whether `path` leads to this very file.
+/// True if `path` leads to this exact file.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -103,7 +105,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Whether `path` leads to a file: elsewhere a file that is open keeps its name.
+/// True if `path` exists. On these systems an open file keeps its name.
 #[cfg(not(unix))]
 fn is_at(_: &File, path: &Path) -> bool {
     path.exists()
@@ -136,7 +138,7 @@ mod tests {
         let left = there(dir.path());
         assert!(!left.contains(&gone), "its writer is gone: {left:?}");
         assert!([&name, &other, &own].into_iter().all(|n| left.contains(n)) && left.len() == 4, "{left:?}");
-        // As its writer lets go of it, so may anybody else.
+        // Once its writer releases it, any program may remove it.
         let (file, path) = living.keep().unwrap();
         remove(dir.path(), &PREFIX);
         assert!(path.exists());

@@ -1,4 +1,4 @@
-//! NumPy's array files, format 1.0.
+//! NumPy array files, format 1.0.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -6,14 +6,14 @@ use std::path::Path;
 use super::write_whole;
 use crate::error::Result;
 
-/// Writes what comes before the values of an array of float32 in C order.
+/// Writes the header of a float32 array in C order.
 ///
 /// # Errors
-/// What the writer says.
+/// Returns the writer's error.
 pub fn write_npy_head(w: &mut dyn Write, shape: &[usize]) -> io::Result<()> {
     let shape: Vec<String> = shape.iter().map(usize::to_string).collect();
     let mut head = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}), }}", shape.join(", "));
-    // The format asks for a header that ends on a multiple of 64 bytes with a line break.
+    // The header must end at a multiple of 64 bytes with a line break.
     while (10 + head.len() + 1) % 64 != 0 {
         head.push(' ');
     }
@@ -23,18 +23,18 @@ pub fn write_npy_head(w: &mut dyn Write, shape: &[usize]) -> io::Result<()> {
     w.write_all(head.as_bytes())
 }
 
-/// Writes values of an array of float32.
+/// Writes the values of a float32 array.
 ///
 /// # Errors
-/// What the writer says.
+/// Returns the writer's error.
 pub fn write_npy_values(w: &mut dyn Write, values: &[f32]) -> io::Result<()> {
     values.iter().try_for_each(|v| w.write_all(&v.to_le_bytes()))
 }
 
-/// Writes an array of float32 of two or more dimensions, in C order, whole or not at all.
+/// Writes a float32 array of two or more dimensions, in C order, atomically.
 ///
 /// # Errors
-/// Status 5 when it cannot be written.
+/// Returns status 5 if the file cannot be written.
 pub fn write_npy(path: &Path, values: &[f32], shape: &[usize]) -> Result<()> {
     write_whole(path, |w| {
         write_npy_head(w, shape)?;

@@ -1,14 +1,14 @@
-//! The body around the colon: the abdomen's shells and organs, the spine, the bases of the lungs, the air outside.
+//! The body around the colon: abdominal layers and organs, the spine, the lung bases and the air outside.
 
 use glam::DVec3;
 
 use super::profile::{FAT, GAS, mix, smooth_step};
 use crate::math::hash;
 
-/// An ellipsoid of one value.
+/// An ellipsoid with a constant value.
 struct Organ {
     centre: DVec3,
-    /// One over each half axis.
+    /// Reciprocals of the half axes.
     inverse: DVec3,
     shortest: f64,
     hu: f64,
@@ -24,8 +24,8 @@ const fn organ(centre: [f64; 3], semi: [f64; 3], hu: f64) -> Organ {
     }
 }
 
-/// In the adult's mm, later ones over earlier ones: liver, spleen, stomach's wall, kidneys, psoas muscles, aorta, vena
-/// cava, bladder, iliac muscles.
+/// Organs in an adult's mm; later ones are painted over earlier ones: liver, spleen, stomach wall, kidneys, psoas
+/// muscles, aorta, vena cava, bladder, iliac muscles.
 const ORGANS: [Organ; 13] = [
     organ([-62.0, -2.0, 168.0], [84.0, 86.0, 52.0], 62.0),
     organ([112.0, 58.0, 182.0], [30.0, 40.0, 34.0], 50.0),
@@ -42,18 +42,18 @@ const ORGANS: [Organ; 13] = [
     organ([0.0, 122.0, -30.0], [58.0, 14.0, 260.0], 52.0),
 ];
 
-/// The two lungs' bases; the diaphragm is a shell about them.
+/// The bases of the two lungs. The diaphragm is a shell around them.
 const LUNGS: [Organ; 2] =
     [organ([84.0, 24.0, 226.0], [56.0, 72.0, 38.0], -860.0), organ([-84.0, 24.0, 228.0], [56.0, 72.0, 38.0], -860.0)];
 
 const CENTRE: DVec3 = DVec3::new(0.0, 5.0, 0.0);
-/// Half axes of the skin across and front to back, mm.
+/// Half axes of the skin, side to side and front to back, mm.
 const HALF: [f64; 2] = [164.0, 128.0];
 
 /// Thickness of the diaphragm, mm.
 const DIAPHRAGM_MM: f64 = 3.5;
 
-/// A value that layers are painted over.
+/// A value under construction: layers are painted over it.
 struct Paint {
     hu: f64,
     edge: f64,
@@ -61,8 +61,8 @@ struct Paint {
 }
 
 impl Paint {
-    /// Where the depth `d` (mm, changing no faster than the place) passes from below 0 to above, the value becomes
-    /// `hu`.
+    /// Changes the value to `hu` where the depth `d` passes from negative to positive. `d` is in mm and must not change
+    /// faster than the position.
     #[inline]
     fn over(&mut self, d: f64, hu: f64) {
         self.free = self.free.min(d.abs() - self.edge);
@@ -72,10 +72,10 @@ impl Paint {
     }
 }
 
-/// The parts of the body near a region; the others do not reach into it.
+/// The parts of the body that reach into a region.
 #[derive(Clone, Copy, Debug)]
 pub struct Near {
-    /// A bit for each organ.
+    /// One bit for each organ.
     organs: u32,
     lungs: bool,
     spine: bool,
@@ -85,7 +85,7 @@ impl Near {
     const ALL: Self = Self { organs: (1 << ORGANS.len()) - 1, lungs: true, spine: true };
 }
 
-/// The body of an anatomy of some scale, with edges blurred over a few tenths of a millimetre.
+/// The body at a given scale, with edges blurred over a few tenths of a millimetre.
 #[derive(Clone, Debug)]
 pub struct Body {
     scale: f64,
@@ -93,56 +93,56 @@ pub struct Body {
     seed: u64,
 }
 
-/// A value and how far about it nothing changes.
+/// A value and the distance over which it stays constant.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
     /// HU.
     pub hu: f64,
-    /// Within this distance the value is the same, mm (0: not known).
+    /// Radius within which the value is constant, mm; 0 if unknown.
     pub constant_mm: f64,
 }
 
 impl Body {
-    /// A body of `scale` (1 is an adult) with edges of `sigma` mm.
+    /// Creates a body of `scale` (1 is an adult) with edges of `sigma` mm.
     pub fn new(scale: f64, sigma: f64, seed: u64) -> Self {
         Self { scale, sigma, seed }
     }
 
-    /// The value at `p` (world, mm) without the colon, HU.
+    /// Returns the value at `p` (world, mm) without the colon, HU.
     pub fn value(&self, p: DVec3) -> f64 {
         self.paint(p, Near::ALL).hu
     }
 
-    /// As [`Body::value`], given what is near.
+    /// Same as [`Body::value`], restricted to the parts in `near`.
     pub fn value_among(&self, p: DVec3, near: Near) -> f64 {
         self.paint(p, near).hu
     }
 
-    /// The value at `p` and how far about it nothing changes.
+    /// Returns the value at `p` (world, mm) and the distance over which it stays constant.
     pub fn sample(&self, p: DVec3) -> Sample {
         let paint = self.paint(p, Near::ALL);
         Sample { hu: paint.hu, constant_mm: paint.free.max(0.0) }
     }
 
-    /// What places within `reach` mm of `centre` depend on.
+    /// Returns the parts that positions within `reach` mm of `centre` depend on.
     pub fn near(&self, centre: DVec3, reach: f64) -> Near {
         let (o, more) = (centre / self.scale, (reach + 2.0 * self.sigma) / self.scale);
         let touches = |organ: &Organ, more: f64| organ.depth(o) > -more;
         let organs = (0..ORGANS.len()).filter(|&i| touches(&ORGANS[i], more)).fold(0, |bits, i| bits | 1 << i);
         let lungs = LUNGS.iter().any(|l| touches(l, more + DIAPHRAGM_MM / self.scale));
-        // A generous box about the spine.
+        // A generous box around the spine.
         let spine = o.x.abs() < 30.0 + more && o.y > 54.0 - more;
         Near { organs, lungs, spine }
     }
 
-    /// The layers from the outside in, each over the ones before.
+    /// Paints the layers from the outside in, each over the previous ones.
     fn paint(&self, p: DVec3, near: Near) -> Paint {
         let (o, scale, edge) = (p / self.scale, self.scale, 2.0 * self.sigma);
         let q = o - CENTRE;
         let mut paint = Paint { hu: GAS, edge, free: f64::INFINITY };
         let skin = (1.0 - ((q.x / HALF[0]).powi(2) + (q.y / HALF[1]).powi(2)).sqrt()) * HALF[0].min(HALF[1]) * scale;
         if skin < -edge {
-            // The table: a shallow tray under the back, at most this much steeper than level.
+            // The table: a shallow tray under the back. 1.04 bounds how much steeper it is than level.
             let tray = (q.y - 141.0 - 0.0006 * q.x * q.x) * scale;
             paint.over((5.0 * scale - tray.abs()) / 1.04, -720.0);
             paint.free = paint.free.min(-skin - edge);
@@ -173,26 +173,26 @@ impl Body {
         paint
     }
 
-    /// The vertebral column: bodies with a dense shell, discs between them, a spinous process behind; in the pelvis it
-    /// recedes as the sacrum does.
+    /// Paints the vertebral column: vertebral bodies with a dense shell, discs between them and a spinous process
+    /// behind. In the pelvis it recedes like the sacrum.
     fn spine(&self, o: DVec3, paint: &mut Paint) {
         let back = smooth_step(-10.0, -110.0, o.z);
         let y = o.y - mix(84.0, 114.0, back);
         let radius = mix(23.0, 12.0, back);
-        // The shift changes by at most 0.45 mm a mm of z, the radius by less than 0.17.
+        // The shift changes by at most 0.45 mm per mm of z, the radius by less than 0.17.
         let shrink = self.scale / 1.3;
         let d = (radius - (o.x * o.x + 1.44 * y * y).sqrt() / 1.2) * shrink;
         let process = (0.9 - ((o.x / 7.0).powi(2) + ((y - 27.0) / 18.0).powi(2)).sqrt()) * 7.0 * shrink;
         paint.over(process, 330.0);
         paint.over(d, 430.0);
         paint.over(d - 2.5 * self.scale, 190.0);
-        // A disc every 34 mm, 9 mm high.
+        // One disc every 34 mm, 9 mm high.
         let z = o.z / 34.0;
         let disc = (4.5 - 34.0 * (z - z.floor() - 0.5).abs()) * self.scale;
         paint.over(disc.min(d + 0.5 * self.scale), 90.0);
     }
 
-    /// Vessels in the lung: bright branching ridges over a dark ground, with a standard deviation of about 70 HU.
+    /// Lung vessels: bright branching ridges on a dark background, with a standard deviation of about 70 HU.
     fn lung_texture(&self, p: DVec3, side: u64) -> f64 {
         let seed = hash::bits(self.seed, 0x1046 + side);
         let ridge = 1.0 - (2.0 * lattice(seed, p / 9.0) - 1.0).abs() * 3.0;
@@ -202,13 +202,14 @@ impl Body {
 }
 
 impl Organ {
-    /// Depth below the surface, in the adult's mm; a lower bound of the distance, exact along the shortest half axis.
+    /// Returns the depth below the surface in an adult's mm: a lower bound of the distance, exact along the shortest
+    /// half axis.
     fn depth(&self, o: DVec3) -> f64 {
         (1.0 - ((o - self.centre) * self.inverse).length()) * self.shortest
     }
 }
 
-/// Value noise in [0, 1) on the unit lattice, C2.
+/// Returns C2 value noise in [0, 1) on the unit lattice.
 fn lattice(seed: u64, p: DVec3) -> f64 {
     let cell = p.floor();
     let t = p - cell;

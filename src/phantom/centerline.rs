@@ -1,5 +1,5 @@
-//! The colon's axis: from anatomical control points to a smooth curve with frames, and the way back from a place to its
-//! nearest points on the curve.
+//! The colon's axis: a smooth curve with frames through anatomical control points, and the search for the points of the
+//! curve nearest to a position.
 
 use std::ops::Range;
 
@@ -8,18 +8,18 @@ use glam::DVec3;
 use super::spline::{Beyond, Spline, b_spline};
 use crate::math::hash;
 
-/// Distance of the curve's knots, mm (roughly: a whole number of them makes the length).
+/// Distance between the curve's knots, mm. Approximate: the length is divided into a whole number of steps.
 const KNOT_MM: f64 = 4.0;
 
 /// An anatomical control point of the full-sized colon.
 struct Station {
-    /// World, mm LPS, the body's middle being the origin.
+    /// World position, mm LPS; the origin is the middle of the body.
     at: [f64; 3],
     /// Mean radius of the lumen, mm.
     radius: f64,
-    /// How triangular the cross-section is (a share of the radius).
+    /// How triangular the cross-section is, as a fraction of the radius.
     triangle: f64,
-    /// Spacing of the folds relative to the usual one.
+    /// Fold spacing relative to the usual one.
     spacing: f64,
 }
 
@@ -27,14 +27,14 @@ const fn station(at: [f64; 3], radius: f64, triangle: f64, spacing: f64) -> Stat
     Station { at, radius, triangle, spacing }
 }
 
-/// From rectum to cecum.
+/// Control points from rectum to cecum.
 const STATIONS: [Station; 29] = [
     // Rectum, along the sacrum.
     station([2.0, 52.0, -156.5], 18.0, 0.0, 1.6),
     station([0.0, 74.0, -128.0], 22.0, 0.0, 1.6),
     station([-3.0, 80.0, -88.0], 21.0, 0.0, 1.5),
     station([2.0, 62.0, -54.0], 17.0, 0.0, 1.2),
-    // Sigmoid: up and to the right, forward and down, to the left.
+    // Sigmoid: up and right, forward and down, then left.
     station([-20.0, 24.0, -38.0], 14.0, 0.01, 1.0),
     station([-42.0, -14.0, -58.0], 13.0, 0.01, 1.0),
     station([-36.0, -52.0, -98.0], 13.0, 0.01, 1.0),
@@ -68,67 +68,67 @@ const STATIONS: [Station; 29] = [
     station([-94.0, 24.0, -104.0], 24.0, 0.0, 1.2),
 ];
 
-/// Slow functions along the axis.
+/// Quantities that vary slowly along the axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Profile {
     /// Mean radius, mm, and its derivative in s.
     pub radius: (f64, f64),
-    /// Triangularity (a share of the radius) and its derivative in s.
+    /// Triangularity (a fraction of the radius) and its derivative in s.
     pub triangle: (f64, f64),
 }
 
-/// The curve, parametrised by arc length s in mm from the rectal end.
+/// The axis, parametrised by arc length s in mm from the rectal end.
 #[derive(Clone, Debug)]
 pub struct Centerline {
     curve: Spline,
     normals: Spline,
-    /// x: mean radius, y: triangularity, z: relative spacing of the folds.
+    /// x: mean radius, y: triangularity, z: relative fold spacing.
     profile: Spline,
 }
 
-/// A point of the axis that is locally nearest to a place.
+/// A point of the axis that is locally nearest to a position.
 #[derive(Clone, Copy, Debug)]
 pub struct FootPoint {
     /// Arc length, mm.
     pub s: f64,
-    /// From the axis to the place, mm, world.
+    /// Vector from the axis to the position, world mm.
     pub offset: DVec3,
-    /// Its length.
+    /// Length of `offset`, mm.
     pub rho: f64,
-    /// Along the axis, towards the cecum, a unit vector.
+    /// Unit tangent of the axis, towards the cecum.
     pub tangent: DVec3,
-    /// How many mm across the place one mm of arc length is: 1 − offset · curvature vector.
+    /// Millimetres at the position for each mm of arc length: 1 − offset · curvature vector.
     pub stretch: f64,
 }
 
-/// The axis' own directions at a place: unit vectors, right-handed.
+/// The axis' local frame: right-handed unit vectors at a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
-    /// The axis' point, world mm.
+    /// Point of the axis, world mm.
     pub at: DVec3,
-    /// Along the axis, towards the cecum.
+    /// Tangent of the axis, towards the cecum.
     pub tangent: DVec3,
-    /// Where the angle φ is 0; it does not rotate about the axis.
+    /// Direction of φ = 0; it does not rotate about the axis.
     pub normal: DVec3,
-    /// Where φ is 90°.
+    /// Direction of φ = 90°.
     pub binormal: DVec3,
 }
 
 impl Frame {
-    /// The unit direction of angle φ.
+    /// Returns the unit direction of angle φ.
     pub fn direction(&self, phi: f64) -> DVec3 {
         self.normal * phi.cos() + self.binormal * phi.sin()
     }
 
-    /// The angle φ of a direction.
+    /// Returns the angle φ of a direction.
     pub fn angle(&self, direction: DVec3) -> f64 {
         direction.dot(self.binormal).atan2(direction.dot(self.normal))
     }
 }
 
 impl Centerline {
-    /// The axis for an anatomy of `scale` (1 is an adult), `radius` mapping an adult's radius to this one's, and the
-    /// control points moved at random by up to `jitter` mm (of the adult).
+    /// Creates the axis of an anatomy of `scale` (1 is an adult). `radius` maps an adult's radius to this anatomy's.
+    /// Control points move at random by up to `jitter` mm (in the adult).
     pub fn new(scale: f64, radius: impl Fn(f64) -> f64, jitter: f64, seed: u64) -> Self {
         let draw = |i: usize, k: u64| 2.0 * hash::uniform(seed, 16 * i as u64 + k) - 1.0;
         let places: Vec<DVec3> = (STATIONS.iter().enumerate())
@@ -137,7 +137,7 @@ impl Centerline {
         let profile: Vec<DVec3> = (STATIONS.iter().enumerate())
             .map(|(i, s)| DVec3::new(radius(s.radius) * (1.0 + 0.008 * jitter * draw(i, 3)), s.triangle, s.spacing))
             .collect();
-        // Arc length over the B-spline's own parameter, by short chords.
+        // Measure arc length over the B-spline's parameter by short chords.
         const FINE: usize = 128;
         let count = (places.len() - 1) * FINE;
         let fine: Vec<DVec3> =
@@ -165,49 +165,49 @@ impl Centerline {
         Self { curve, normals, profile: Spline::new(step, along, DVec3::ZERO, DVec3::ZERO) }
     }
 
-    /// Length between the centres of the two end caps, mm.
+    /// Returns the length between the centres of the two end caps, mm.
     pub fn length(&self) -> f64 {
         self.curve.end()
     }
 
-    /// The knots of the curve, world mm.
+    /// Returns the curve's knots, world mm.
     pub fn knots(&self) -> &[DVec3] {
         self.curve.points()
     }
 
-    /// Arc length between knots, mm.
+    /// Returns the arc length between knots, mm.
     pub fn knot_step(&self) -> f64 {
         self.curve.step()
     }
 
-    /// Mean radius and triangularity at s.
+    /// Returns the mean radius and triangularity at s.
     #[inline]
     pub fn profile(&self, s: f64) -> Profile {
         let j = self.profile.jet(s);
         Profile { radius: (j.at.x, j.d1.x), triangle: (j.at.y, j.d1.y) }
     }
 
-    /// Spacing of the folds at s, relative to the usual one.
+    /// Returns the fold spacing at s, relative to the usual one.
     pub fn fold_spacing(&self, s: f64) -> f64 {
         self.profile.jet(s).at.z
     }
 
-    /// Curvature at s, 1/mm.
+    /// Returns the curvature at s, 1/mm.
     pub fn curvature(&self, s: f64) -> f64 {
         let j = self.curve.jet(s);
         j.d1.cross(j.d2).length() / j.d1.length().powi(3)
     }
 
-    /// The angle φ of a foot's offset.
+    /// Returns the angle φ of a foot point's offset.
     #[inline]
     pub fn angle(&self, foot: &FootPoint) -> f64 {
         let n = self.normals.jet(foot.s).at;
-        // Neither vector's length matters, and the tangent's share of the normal is all that must go.
+        // The vectors' lengths do not matter; only the tangential part of the normal has to be removed.
         let normal = n - foot.tangent * n.dot(foot.tangent);
         foot.offset.dot(foot.tangent.cross(normal)).atan2(foot.offset.dot(normal))
     }
 
-    /// The frame at s.
+    /// Returns the frame at s.
     #[inline]
     pub fn frame(&self, s: f64) -> Frame {
         let j = self.curve.jet(s);
@@ -217,7 +217,7 @@ impl Centerline {
         Frame { at: j.at, tangent, normal, binormal: tangent.cross(normal) }
     }
 
-    /// The runs of knots that lie within `more` mm plus their own entry of `reach` of `centre`.
+    /// Collects the runs of knots that are within `more` mm plus their own entry in `reach` of `centre`.
     pub fn runs_near(&self, centre: DVec3, more: f64, reach: &[f64], out: &mut Vec<Range<usize>>) {
         out.clear();
         for (i, c) in self.knots().iter().enumerate() {
@@ -231,8 +231,8 @@ impl Centerline {
         }
     }
 
-    /// Calls `found` with the feet of `p`: one for each knot of `run` that is nearer than both its neighbours and
-    /// within its entry of `reach`, mm.
+    /// Calls `found` with the foot points of `p`: one for each knot of `run` that is nearer than both its neighbours
+    /// and within its entry in `reach`, mm.
     #[inline]
     pub fn feet(&self, p: DVec3, run: Range<usize>, reach: &[f64], mut found: impl FnMut(FootPoint)) {
         let knots = self.knots();
@@ -248,10 +248,10 @@ impl Centerline {
         }
     }
 
-    /// The foot that belongs to knot `i`, given the squared distances of that knot and its neighbours.
+    /// Returns the foot point that belongs to knot `i`, given the squared distances of the knot and its neighbours.
     ///
-    /// Newton's method on (p − c(s)) · c'(s) = 0, from the parabola through the three squared distances; it ends at the
-    /// curve's ends where the foot would lie beyond them (the caps).
+    /// Solves (p − c(s)) · c'(s) = 0 with Newton's method, starting from the parabola through the three squared
+    /// distances. If the foot would be beyond an end of the curve, that end is returned (the caps).
     fn foot(&self, p: DVec3, i: usize, [before, here, after]: [f64; 3]) -> FootPoint {
         let h = self.curve.step();
         let mut s = i as f64 * h;
@@ -267,7 +267,7 @@ impl Centerline {
             let moved = next - s;
             s = next;
             j = self.curve.jet(s);
-            // What is left is below moved² · curvature, 10⁻⁹ mm.
+            // The remaining error is below moved² · curvature, 10⁻⁹ mm.
             if moved.abs() < 1e-4 {
                 break;
             }
@@ -278,8 +278,8 @@ impl Centerline {
     }
 }
 
-/// Normals that do not rotate about the curve, by the double reflection method (Wang, Jüttler, Zheng, Liu 2008),
-/// starting from the direction that faces anterior.
+/// Transports normals along the curve without rotation, by the double reflection method (Wang, Jüttler, Zheng, Liu
+/// 2008). The first normal faces anterior.
 fn transport(curve: &Spline) -> Spline {
     let step = curve.step();
     let count = curve.points().len();

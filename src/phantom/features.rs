@@ -1,4 +1,4 @@
-//! Where folds, polyps, bridges and fluid go: drawn from the seed, within the room that a flight needs.
+//! Placement of folds, polyps, bridges and fluid: drawn from the seed, within the space that a flight leaves.
 
 use std::f64::consts::TAU;
 
@@ -7,10 +7,10 @@ use super::centerline::Centerline;
 use super::shape::{Attached, Bridge, Fold, Polyp, Shape};
 use crate::math::hash;
 
-/// No fold and no polyp comes nearer to the axis than this, mm (fillets between two of them may take 0.9 of it).
+/// Minimum distance of folds and polyps from the axis, mm. A fillet between two of them may reduce it by 0.9 mm.
 pub const CHANNEL_MM: f64 = 6.0;
 
-/// Numbers drawn one after the other from a stream of their own.
+/// A separate stream of random numbers.
 struct Stream {
     seed: u64,
     next: u64,
@@ -27,7 +27,7 @@ impl Stream {
     }
 }
 
-/// The colon's wall about `axis`, with the features that the settings ask for.
+/// Builds the wall around `axis` with the features that the settings enable.
 pub fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
     let seed = settings.seed;
     let taenia = Stream::new(seed, 0).within(0.0, TAU);
@@ -45,8 +45,8 @@ pub fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
     shape
 }
 
-/// Arc lengths of a row's constrictions, from 0 to the axis' length: 20 to 30 mm apart in a wide colon, staggered
-/// against the other rows.
+/// Returns the arc lengths of a row's constrictions, from 0 to the axis' length: 20 to 30 mm apart in a wide colon and
+/// staggered against the other rows.
 fn constrictions(axis: &Centerline, seed: u64, row: usize) -> Vec<f64> {
     let mut draw = Stream::new(seed, 1 + row as u64);
     let end = axis.length();
@@ -61,7 +61,7 @@ fn constrictions(axis: &Centerline, seed: u64, row: usize) -> Vec<f64> {
     all
 }
 
-/// The angle midway between the taeniae of a row.
+/// Returns the angle midway between a row's taeniae.
 fn middle(shape: &Shape, row: usize) -> f64 {
     shape.taenia + TAU / 3.0 * (row as f64 + 0.5)
 }
@@ -85,7 +85,7 @@ fn place_folds(shape: &Shape, seed: u64) -> Vec<Fold> {
     folds
 }
 
-/// A polyp that sits on the plain wall at arc length `s` and angle `phi`, its centre within the lumen by 0.35 radii.
+/// Returns a polyp on the plain wall at arc length `s` (mm) and angle `phi`. Its centre is 0.35 radii inside the lumen.
 pub fn sessile(shape: &Shape, s: f64, phi: f64, diameter_mm: f64) -> Attached<Polyp> {
     let frame = shape.axis.frame(s);
     let rho = shape.radius(s, phi) - 0.175 * diameter_mm;
@@ -100,7 +100,7 @@ fn place_polyps(shape: &Shape, seed: u64) -> Vec<Attached<Polyp>> {
         .map(|i| {
             let last = f64::from(count - 1);
             let share = f64::from(i) / last;
-            // From 4 to 12 mm, in mixed order along the colon.
+            // Diameters from 4 to 12 mm, in mixed order along the colon.
             let wanted = 4.0 + 8.0 * f64::from((i * 4) % count) / last;
             let mut best = (f64::INFINITY, sessile(shape, 0.5 * end, 0.0, 4.0));
             for _ in 0..40 {
@@ -108,7 +108,7 @@ fn place_polyps(shape: &Shape, seed: u64) -> Vec<Attached<Polyp>> {
                 let phi = middle(shape, draw.within(0.0, 3.0) as usize) + draw.within(-0.6, 0.6);
                 let radius = shape.radius(s, phi);
                 let diameter = wanted.min((radius - CHANNEL_MM) / 0.675);
-                // Room to the folds nearby, in the polyp's own radii: it should be seen, not buried.
+                // Space to nearby folds, in the polyp's radii: it should be visible, not buried.
                 let room = shape
                     .folds
                     .iter()
@@ -131,13 +131,13 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
     let count = 5;
     (0..count)
         .map(|i| {
-            // Of some places the one that is farthest from the folds, so that the strand stands free.
+            // Of several candidates take the one farthest from the folds, so that the strand is free-standing.
             let middle = end * (f64::from(i) + 0.5) / f64::from(count);
             let free = |s: f64| shape.folds.iter().map(|f| (f.s - s).abs()).fold(f64::INFINITY, f64::min);
             let s = (0..12).map(|_| middle + draw.within(-20.0, 20.0)).max_by(|a, b| free(*a).total_cmp(&free(*b)));
             let s = s.unwrap_or(middle);
             let phi = draw.within(0.0, TAU);
-            // The chord passes the axis at half the radius or more, so that it never bars the way.
+            // The chord passes the axis at half the radius or more, so it never blocks the path.
             let across = draw.within(75f64, 110.0).to_radians();
             let place = |s: f64, phi: f64| {
                 let frame = shape.axis.frame(s);
@@ -154,30 +154,29 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
         .collect()
 }
 
-/// A pool of tagged fluid: a stretch of the colon that is filled up to a horizontal level (supine: the patient's back
-/// is down).
+/// A pool of tagged fluid: a stretch of colon filled up to a horizontal level, with the patient supine (back down).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pool {
-    /// Where it begins, mm of arc length.
+    /// Start, mm of arc length.
     pub from: f64,
-    /// Where it ends. At both ends the whole lumen lies above the level, or the colon is closed.
+    /// End, mm of arc length. At both ends the whole lumen is above the level, or the colon is closed.
     pub to: f64,
-    /// World y of the surface, mm: fluid lies posterior of it.
+    /// World y of the surface, mm; fluid is posterior of it.
     pub level: f64,
 }
 
-/// The pools of a colon: every place of its back wall that is lower than its surroundings holds fluid, up to the lowest
-/// saddle and to 36 % of the lumen's height at the most.
+/// Returns the pools of a colon. Each low point of the back wall holds fluid, up to the lowest saddle and at most 36 %
+/// of the lumen's height.
 pub fn pools(shape: &Shape) -> Vec<Pool> {
     const STEP: f64 = 1.0;
     let count = (shape.axis.length() / STEP) as usize + 1;
     let s = |i: usize| (i as f64 * STEP).min(shape.axis.length());
-    // The lowest and the highest the lumen may reach about each arc length, and where fluid may stand.
+    // The lowest and highest positions that the lumen can reach at each arc length, and where fluid can be.
     let place: Vec<(f64, f64)> =
         (0..count).map(|i| (shape.axis.frame(s(i)).at.y, shape.largest_radius(s(i)))).collect();
     let bottom = |i: usize| place[i].0 + place[i].1;
     let highest = |i: usize| place[i].0 + place[i].1 * (1.0 - 2.0 * 0.36);
-    // Margin at the ends beyond which blur carries nothing, mm.
+    // Margin at the ends, mm; blur does not reach beyond it.
     let margin = 4.0;
     let mut order: Vec<usize> = (0..count)
         .filter(|&i| (i == 0 || bottom(i) > bottom(i - 1)) && (i + 1 == count || bottom(i) >= bottom(i + 1)))
@@ -186,7 +185,7 @@ pub fn pools(shape: &Shape) -> Vec<Pool> {
     let mut pools: Vec<Pool> = Vec::new();
     for lowest in order {
         let mut level = highest(lowest);
-        // Raising y lowers the surface; the stretch then only shrinks, so this ends.
+        // Raising y lowers the surface, which only shrinks the stretch, so the loop terminates.
         let (from, to) = loop {
             let mut from = lowest;
             while from > 0 && bottom(from) > level - margin {

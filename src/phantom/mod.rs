@@ -1,8 +1,8 @@
 //! A synthetic colon whose value, gradient and anatomy are known at every point.
 //!
-//! The lumen is a tube about a smooth axis ([`centerline`]): haustra, taeniae, semilunar folds, polyps and bridges
-//! shape its wall ([`shape`], placed by [`features`]), the abdomen lies about it ([`body`]). Every edge carries a
-//! scanner's blur, a normal distribution; the wall is where the value is −650 HU against gas.
+//! The lumen is a tube around a smooth axis ([`centerline`]). Haustra, taeniae, semilunar folds, polyps and bridges
+//! shape its wall ([`shape`], placed by [`features`]). The abdomen surrounds it ([`body`]). Every edge is blurred like
+//! a scanner's, by a normal distribution. The wall is where the value is −650 HU against gas.
 
 pub mod body;
 pub mod centerline;
@@ -36,22 +36,22 @@ pub use truth::{TruePolyp, Truth};
 /// Standard deviation of the noise, HU.
 pub const NOISE_HU: f64 = 22.0;
 
-/// Two loops' walls merge smoothly within this, mm: less than the tissue between them.
+/// Distance within which two loops' walls blend, mm; smaller than the tissue between them.
 const LOOP_BLEND: f64 = 2.0;
 
-/// How large a phantom is.
+/// Size of a phantom.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Size {
-    /// A colon of some 0.7 m on about ten million voxels of 0.9 mm.
+    /// A colon of about 0.7 m on about ten million voxels of 0.9 mm.
     Small,
-    /// An adult's colon, 512×512×400 voxels of 0.7×0.7×1.0 mm.
+    /// An adult colon on 512×512×400 voxels of 0.7×0.7×1.0 mm.
     #[default]
     Standard,
-    /// The same on 1024×1024×800 voxels of half the spacing.
+    /// The adult colon on 1024×1024×800 voxels of half the spacing.
     Large,
 }
 
-/// The features of a phantom.
+/// Selects the features of a phantom.
 ///
 /// ```
 /// use colvis::phantom::{Phantom, PhantomSettings, Size};
@@ -64,7 +64,7 @@ pub enum Size {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PhantomSettings {
-    /// Its size.
+    /// Size of the phantom.
     pub size: Size,
     /// Semilunar folds.
     pub folds: bool,
@@ -74,14 +74,14 @@ pub struct PhantomSettings {
     pub fluid: bool,
     /// Thin strands of tissue across the lumen.
     pub bridges: bool,
-    /// Noise of [`NOISE_HU`] in the voxels.
+    /// Voxel noise of [`NOISE_HU`].
     pub noise: bool,
-    /// Seed of the anatomy: each gives another colon.
+    /// Seed of the anatomy. Each seed gives a different colon.
     pub seed: u64,
 }
 
 impl PhantomSettings {
-    /// The phantom that the program has within it, for commands without an input: small, another one for each seed.
+    /// Settings of the embedded phantom, for commands without an input: small, and different for each seed.
     pub fn embedded(seed: u64) -> Self {
         Self { size: Size::Small, seed, ..Self::default() }
     }
@@ -100,19 +100,19 @@ pub struct Phantom {
     shape: Shape,
     body: Body,
     pools: Vec<Pool>,
-    /// For each knot of the axis, the distance within which places depend on it, mm.
+    /// For each knot of the axis, the distance within which positions depend on it, mm.
     reach: Vec<f64>,
     sigma: f64,
     noise_seed: u64,
 }
 
 impl Phantom {
-    /// The phantom that `settings` describe.
+    /// Creates the phantom described by `settings`.
     pub fn new(settings: &PhantomSettings) -> Self {
         let small = settings.size == Size::Small;
         let scale = if small { 0.58 } else { 1.0 };
         let radius = |r: f64| if small { 4.5 + 0.48 * r } else { r };
-        // A seed whose loops come too close gets a tamer variation; the tame anatomy itself has room.
+        // If a seed's loops come too close, reduce the variation; the anatomy without variation always has room.
         let axis = [4.0, 3.0, 2.0, 1.0]
             .into_iter()
             .map(|jitter| Centerline::new(scale, radius, jitter, hash::bits(settings.seed, 0xA715)))
@@ -126,7 +126,7 @@ impl Phantom {
             Size::Large => 0.26,
         };
         let pools = if settings.fluid { features::pools(&shape) } else { Vec::new() };
-        // A place whose foot is half a knot away is a little farther from the knot than from the foot.
+        // A position whose foot point is half a knot away is slightly farther from the knot than from the foot point.
         let reach = (0..shape.axis.knots().len())
             .map(|i| shape.largest_radius(i as f64 * shape.axis.knot_step()) + DEEP + 1.5)
             .collect();
@@ -135,7 +135,8 @@ impl Phantom {
         Self { settings: *settings, shape, body, pools, reach, sigma, noise_seed: hash::bits(seed, 0x4015E) }
     }
 
-    /// The same body with exactly the given polyps, made by [`Phantom::polyp_at`] or placed by hand on the wall.
+    /// Creates the same body with exactly the given polyps, which come from [`Phantom::polyp_at`] or are placed
+    /// manually on the wall.
     pub fn with_polyps(settings: &PhantomSettings, polyps: &[Polyp]) -> Self {
         let mut phantom = Self::new(&PhantomSettings { polyps: false, ..*settings });
         let s_of = |p: &Polyp| phantom.nearest(p.position).map_or(0.0, |f| f.s);
@@ -144,16 +145,16 @@ impl Phantom {
         phantom
     }
 
-    /// The small phantom of seed 1 with folds, polyps and noise: what an engine without an input flies through.
+    /// Returns the small phantom of seed 1 with folds, polyps and noise, used when the engine has no input.
     ///
     /// # Errors
-    /// Only when cancelled through `progress`.
+    /// Returns an error only if cancelled through `progress`.
     pub fn embedded(progress: &Progress) -> Result<Volume> {
         let phantom = Self::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
         phantom.voxelise(&phantom.grid(), progress)
     }
 
-    /// The grid that belongs to the size, axes along the patient's (LPS), the body in its middle.
+    /// Returns the grid of this size, aligned with the patient axes (LPS) and centred on the body.
     pub fn grid(&self) -> Grid {
         let (dims, spacing) = match self.settings.size {
             Size::Small => ([230, 186, 272], DVec3::splat(0.9)),
@@ -167,43 +168,43 @@ impl Phantom {
         grid
     }
 
-    /// Its settings.
+    /// Returns the settings.
     pub fn settings(&self) -> &PhantomSettings {
         &self.settings
     }
 
-    /// The colon's shape.
+    /// Returns the colon's shape.
     pub fn shape(&self) -> &Shape {
         &self.shape
     }
 
-    /// The pools of fluid.
+    /// Returns the pools of fluid.
     pub fn pools(&self) -> &[Pool] {
         &self.pools
     }
 
-    /// Standard deviation of the scanner's blur, mm.
+    /// Returns the standard deviation of the scanner's blur, mm.
     pub fn sigma(&self) -> f64 {
         self.sigma
     }
 
-    /// A polyp of `diameter_mm` for [`Phantom::with_polyps`], on the wall at `s` mm from the rectal end, on the side of
-    /// the axis that faces `towards` (world direction).
+    /// Returns a polyp of `diameter_mm` for [`Phantom::with_polyps`]. It is on the wall, `s` mm from the rectal end, on
+    /// the side of the axis that faces `towards` (world direction).
     pub fn polyp_at(&self, s: f64, towards: DVec3, diameter_mm: f64) -> Polyp {
         let phi = self.shape.axis.frame(s).angle(towards);
         features::sessile(&self.shape, s, phi, diameter_mm).what
     }
 
-    /// The noise-free value at a place (world, mm LPS), HU.
+    /// Returns the noise-free value at a position (world, mm LPS), HU.
     pub fn value(&self, world: DVec3) -> f64 {
         self.value_among(world, &[self.all_knots()], |p| self.body.value(p))
     }
 
-    /// The gradient of [`Phantom::value`], HU/mm, world directions.
+    /// Returns the gradient of [`Phantom::value`], HU/mm, in world directions.
     ///
-    /// Five-point central differences of the double-precision value, 1 µm apart: the truncation error is
-    /// h⁴·f⁗′/30, below 10⁻⁹ of the wall's own gradient; what the search for the nearest point of the axis leaves is
-    /// below 10⁻² HU/mm (the wall's own gradient is some 700).
+    /// Uses five-point central differences of the double-precision value, 1 µm apart. The truncation error is
+    /// h⁴·f⁗′/30, below 10⁻⁹ of the wall's own gradient. The search for the nearest point of the axis adds less than
+    /// 10⁻² HU/mm; the wall's own gradient is about 700.
     pub fn gradient(&self, world: DVec3) -> DVec3 {
         const H: f64 = 1e-3;
         let mut runs = Vec::new();
@@ -216,14 +217,16 @@ impl Phantom {
         DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
     }
 
-    /// Signed distance to the lumen's wall, mm, negative in gas and fluid, positive in tissue, to first order near the
-    /// wall and saturated at −8 and 6 mm. It is 0 exactly where the value is −650 HU against gas; towards the axis it
-    /// is continuous but for the axis itself, where it is deep in its saturation or the lumen narrow.
+    /// Returns the signed distance to the lumen's wall, mm: negative in gas and fluid, positive in tissue.
+    ///
+    /// The distance is correct to first order near the wall and saturates at −8 and 6 mm. It is 0 exactly where the
+    /// value is −650 HU against gas. It is continuous except on the axis itself, where it is far into saturation or the
+    /// lumen is narrow.
     pub fn wall(&self, world: DVec3) -> f64 {
         self.distances_among(world, &[self.all_knots()]).0.wall
     }
 
-    /// The point of the axis nearest to a place, if the place is within reach of the colon.
+    /// Returns the point of the axis nearest to a position, or `None` out of reach of the colon.
     fn nearest(&self, p: DVec3) -> Option<FootPoint> {
         let mut best: Option<FootPoint> = None;
         self.shape.axis.feet(p, self.all_knots(), &self.reach, |f| {
@@ -238,13 +241,13 @@ impl Phantom {
         0..self.shape.axis.knots().len()
     }
 
-    /// The runs of knots that places within `more` mm of `centre` depend on.
+    /// Collects the runs of knots that positions within `more` mm of `centre` depend on.
     fn runs_near(&self, centre: DVec3, more: f64, out: &mut Vec<Range<usize>>) {
         self.shape.axis.runs_near(centre, more, &self.reach, out);
     }
 
-    /// The distances of a place, and the arc length of the loop that it is deepest in, given the runs of knots that
-    /// matter. Where two loops are near, their lumens are joined by a smooth minimum, which changes nothing at a wall.
+    /// Returns a position's distances and the arc length of the loop that it is deepest in, given the relevant runs of
+    /// knots. Where two loops are close, a smooth minimum joins their lumens, which does not move either wall.
     fn distances_among(&self, p: DVec3, runs: &[Range<usize>]) -> (Distances, f64) {
         let mut all = Distances { wall: DEEP, plain: DEEP, normal: DVec3::ZERO };
         let (mut deepest, mut s) = (f64::INFINITY, 0.0);
@@ -262,7 +265,7 @@ impl Phantom {
         (all, s)
     }
 
-    /// The value of a place, given the runs of knots that matter and what the body has there.
+    /// Returns the value at a position, given the relevant runs of knots and the body's value there.
     fn value_among(&self, p: DVec3, runs: &[Range<usize>], body: impl Fn(DVec3) -> f64) -> f64 {
         let (d, s) = self.distances_among(p, runs);
         let tissue = tissue_share(d.wall, self.sigma);
@@ -270,7 +273,7 @@ impl Phantom {
         if tissue <= 0.0 {
             return inside;
         }
-        // The wall is about 3 mm thick; fat of the mesentery fades into what lies there.
+        // The wall is about 3 mm thick; mesenteric fat fades into the surrounding body.
         let layer = smooth_step(2.0, 4.0, d.plain);
         let outside = if layer > 0.0 {
             let body = body(p);
@@ -282,7 +285,7 @@ impl Phantom {
         mix(inside, outside, tissue)
     }
 
-    /// Gas, or fluid below the level of the pool at arc length `s`.
+    /// Returns the value of gas, or of fluid below the level of the pool at arc length `s`.
     fn content(&self, p: DVec3, s: f64) -> f64 {
         match self.pools.iter().find(|pool| (pool.from..=pool.to).contains(&s)) {
             Some(pool) => mix(GAS, FLUID, normal_cdf((p.y - pool.level) / self.sigma)),
@@ -291,7 +294,7 @@ impl Phantom {
     }
 }
 
-/// Whether no two loops' walls come nearer than 4 mm, and no bend is so tight that the wall would fold over itself.
+/// True if no two loops' walls are closer than 4 mm and no bend is so tight that the wall would fold over itself.
 fn has_room(axis: &Centerline) -> bool {
     let tight = |i: usize| {
         let s = i as f64 * axis.knot_step();
@@ -300,14 +303,14 @@ fn has_room(axis: &Centerline) -> bool {
     loop_clearance(axis) >= 4.0 && !(0..axis.knots().len()).any(tight)
 }
 
-/// The least tissue between the plain walls of two loops, mm.
+/// Returns the least tissue between the plain walls of two loops, mm.
 fn loop_clearance(axis: &Centerline) -> f64 {
     let knots = axis.knots();
     let radius: Vec<f64> = (0..knots.len()).map(|i| shape::largest(axis, i as f64 * axis.knot_step())).collect();
     let mut least = f64::INFINITY;
     for i in 0..knots.len() {
         for j in i + 1..knots.len() {
-            // Within a half circle about a bend's inner wall it is the same loop.
+            // Within a half circle around a bend's inner wall it is the same loop.
             let along = (j - i) as f64 * axis.knot_step();
             if along > PI * 0.5 * (radius[i] + radius[j]) + 20.0 {
                 least = least.min((knots[i] - knots[j]).length() - radius[i] - radius[j]);

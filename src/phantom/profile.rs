@@ -1,4 +1,4 @@
-//! The scalar functions that turn distances into Hounsfield units.
+//! Scalar functions that turn distances into Hounsfield units.
 
 /// Gas, HU.
 pub const GAS: f64 = -1000.0;
@@ -11,11 +11,12 @@ pub const FAT: f64 = -100.0;
 /// The wall's iso-value, HU: the middle of the default opacity ramp.
 pub const WALL_HU: f64 = -650.0;
 
-/// Where the normal distribution reaches (WALL_HU − GAS) / (TISSUE − GAS), so that distance 0 is exactly [`WALL_HU`].
+/// The argument where the normal distribution equals (WALL_HU − GAS) / (TISSUE − GAS). It makes distance 0 exactly
+/// [`WALL_HU`].
 const SHIFT: f64 = -0.421_928_888_748_565_5;
 
-/// Φ(x), the cumulative normal distribution, by Marsaglia's series ("Evaluating the normal distribution", 2004):
-/// Φ = ½ + φ(x)·(x + x³/3 + x⁵/(3·5) + …). Beyond |x| = 6 it is 0 or 1 (off by 10⁻⁹).
+/// Returns Φ(x), the cumulative normal distribution, by Marsaglia's series ("Evaluating the normal distribution",
+/// 2004): Φ = ½ + φ(x)·(x + x³/3 + x⁵/(3·5) + …). Beyond |x| = 6 it returns 0 or 1 (error 10⁻⁹).
 pub fn normal_cdf(x: f64) -> f64 {
     if x.abs() >= 6.0 {
         return if x < 0.0 { 0.0 } else { 1.0 };
@@ -30,33 +31,34 @@ pub fn normal_cdf(x: f64) -> f64 {
     0.5 + sum * (-0.5 * square).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
-/// The share of tissue at a signed distance of `d` mm from the wall (positive in tissue), for a scanner blur of
+/// Returns the tissue fraction at a signed distance of `d` mm from the wall (positive in tissue), for a scanner blur of
 /// `sigma` mm.
 pub fn tissue_share(d: f64, sigma: f64) -> f64 {
     normal_cdf(d / sigma + SHIFT)
 }
 
-/// `a` where `t` is 0, `b` where it is 1.
+/// Interpolates linearly: `a` at `t` = 0, `b` at `t` = 1.
 #[inline]
 pub fn mix(a: f64, b: f64, t: f64) -> f64 {
     a + (b - a) * t
 }
 
-/// The cubic step from 0 at `lo` to 1 at `hi`.
+/// Returns the cubic step from 0 at `lo` to 1 at `hi`.
 #[inline]
 pub fn smooth_step(lo: f64, hi: f64, x: f64) -> f64 {
     let t = ((x - lo) / (hi - lo)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A C1 maximum: where `a` and `b` differ by `k` or more it is the larger one, where they are equal it is `k`/4 above.
+/// Returns a C1 maximum: the larger value where `a` and `b` differ by `k` or more, and `k`/4 above where they are
+/// equal.
 #[inline]
 pub fn smooth_max(a: f64, b: f64, k: f64) -> f64 {
     let h = (k - (a - b).abs()).max(0.0);
     a.max(b) + h * h / (4.0 * k)
 }
 
-/// The C1 minimum that belongs to [`smooth_max`].
+/// Returns the C1 minimum that corresponds to [`smooth_max`].
 #[inline]
 pub fn smooth_min(a: f64, b: f64, k: f64) -> f64 {
     -smooth_max(-a, -b, k)

@@ -1,8 +1,8 @@
-//! The wall about the axis: haustra, taeniae, folds, polyps and bridges as one signed distance.
+//! The colon's wall: haustra, taeniae, folds, polyps and bridges as one signed distance.
 //!
-//! Everything is a distance in mm to first order: each part's implicit function is divided by the length of its own
-//! gradient, so that the scanner's blur is as wide on a fold's flank as on the plain wall. Parts are joined by a smooth
-//! maximum, which rounds the fillets between them.
+//! All distances are in mm and correct to first order. Each part's implicit function is divided by the length of its
+//! gradient, so that the scanner's blur is as wide on a fold's flank as on the plain wall. A smooth maximum joins the
+//! parts and rounds the fillets between them.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,46 +11,45 @@ use glam::DVec3;
 use super::centerline::{Centerline, FootPoint};
 use super::profile::smooth_max;
 
-/// Distances in the lumen saturate here, mm: nothing depends on the wall farther away, and features need not be looked
-/// for.
+/// Saturation of distances in the lumen, mm. Nothing depends on a wall farther away, so features beyond it are skipped.
 pub const REACH: f64 = 8.0;
-/// Distances in the tissue saturate here, mm.
+/// Saturation of distances in the tissue, mm.
 pub const DEEP: f64 = 6.0;
 
-/// Arc length from a place within which features may matter, mm (more than [`REACH`]: in a bend's inner side arcs are
-/// longer than distances).
+/// Arc length within which features can matter, mm. It is larger than [`REACH`] because arcs on the inside of a bend
+/// are longer than distances.
 const WINDOW: f64 = 30.0;
-/// The plain wall leaves the mean radius by at most this share of it (and [`TAENIA_MM`]).
+/// Maximum deviation of the plain wall from the mean radius, as a fraction of it; [`TAENIA_MM`] is added.
 const BULGE: f64 = 0.16;
-/// Height of the taeniae's bands, mm.
+/// Height of the taeniae, mm.
 const TAENIA_MM: f64 = 0.8;
-/// Over this length the cross-section becomes round towards the caps, mm.
+/// Length over which the cross-section becomes round towards the caps, mm.
 const ROUND_MM: f64 = 14.0;
-/// Fillet radii (of [`smooth_max`]) of folds, polyps and bridges, mm.
+/// Fillet radii of folds, polyps and bridges for [`smooth_max`], mm.
 const FILLET: [f64; 3] = [3.0, 1.0, 0.8];
 
-/// A semilunar fold: a curved plate that stands on the wall between two taeniae.
+/// A semilunar fold: a curved plate on the wall between two taeniae.
 #[derive(Clone, Debug)]
 pub struct Fold {
-    /// Arc length at its middle, mm.
+    /// Arc length at the middle, mm.
     pub s: f64,
-    /// Angle of its middle.
+    /// Angle of the middle.
     pub phi: f64,
-    /// Half of the angle it spans.
+    /// Half the angle that the fold spans.
     pub half_width: f64,
-    /// How far it stands out in its middle, mm.
+    /// Height above the wall at the middle, mm.
     pub depth: f64,
-    /// Thickness, mm; the free edge is a half circle.
+    /// Thickness, mm. The free edge is a half circle.
     pub thickness: f64,
-    /// Mean radius of the lumen here, mm.
+    /// Mean radius of the lumen at the fold, mm.
     pub radius: f64,
-    /// How its line on the wall leaves the plane across the axis, mm: a slant and a bow.
+    /// Slant of the fold's line on the wall, mm. Slant and bow are its deviation from the plane across the axis.
     pub slant: f64,
-    /// See [`Fold::slant`].
+    /// Bow of the line, mm; see [`Fold::slant`].
     pub bow: f64,
 }
 
-/// A sessile polyp: a ball that sits on the wall.
+/// A sessile polyp: a ball on the wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Polyp {
     /// Centre of the ball, world mm.
@@ -66,11 +65,11 @@ pub struct Bridge {
     pub from: DVec3,
     /// The other end.
     pub to: DVec3,
-    /// Its diameter, mm.
+    /// Diameter, mm.
     pub diameter_mm: f64,
 }
 
-/// A feature and the arc length of the axis' point it belongs to: another loop's lumen is not changed by it.
+/// A feature and its arc length on the axis. The arc length keeps it from changing the lumen of another loop.
 #[derive(Clone, Copy, Debug)]
 pub struct Attached<T> {
     /// Arc length, mm.
@@ -79,28 +78,28 @@ pub struct Attached<T> {
     pub what: T,
 }
 
-/// The signed distances of one place to the colon.
+/// Signed distances of one position to the colon.
 #[derive(Clone, Copy, Debug)]
 pub struct Distances {
-    /// To the lumen's wall with all it carries, mm, negative in the lumen.
+    /// Distance to the wall with all its features, mm; negative in the lumen.
     pub wall: f64,
-    /// To the plain wall without folds, polyps and bridges.
+    /// Distance to the plain wall without folds, polyps and bridges, mm.
     pub plain: f64,
-    /// The wall's unit normal, into the tissue, in closed form: exact on the plain wall, on polyps and bridges, to
+    /// Unit normal of the wall, into the tissue, in closed form: exact on the plain wall, polyps and bridges, and to
     /// first order in the fillets (a few degrees).
     pub normal: DVec3,
 }
 
-/// The lumen's shape about its axis.
+/// The lumen's shape around its axis.
 #[derive(Clone, Debug)]
 pub struct Shape {
     /// The axis.
     pub axis: Centerline,
     /// Angle of the first taenia; the others are 120° and 240° away.
     pub taenia: f64,
-    /// For each of the three rows of haustra the arc lengths of its constrictions, from 0 to the axis' length.
+    /// Arc lengths of the constrictions of each of the three rows of haustra, from 0 to the axis' length.
     pub rows: [Vec<f64>; 3],
-    /// By arc length.
+    /// Folds, by arc length.
     pub folds: Vec<Fold>,
     /// Sessile polyps.
     pub polyps: Vec<Attached<Polyp>>,
@@ -108,7 +107,7 @@ pub struct Shape {
     pub bridges: Vec<Attached<Bridge>>,
 }
 
-/// A function's value with its two partial derivatives in arc length and angle.
+/// A radius with its partial derivatives in arc length and angle.
 #[derive(Clone, Copy)]
 struct Radius {
     at: f64,
@@ -117,12 +116,12 @@ struct Radius {
 }
 
 impl Shape {
-    /// The largest radius that the plain wall has about s, mm.
+    /// Returns the largest radius of the plain wall near s, mm.
     pub fn largest_radius(&self, s: f64) -> f64 {
         largest(&self.axis, s)
     }
 
-    /// Radius of the plain wall at arc length `s` and angle `phi`, mm.
+    /// Returns the radius of the plain wall at arc length `s` and angle `phi`, mm.
     pub fn radius(&self, s: f64, phi: f64) -> f64 {
         self.plain(s, phi).at
     }
@@ -141,7 +140,7 @@ impl Shape {
         let row = &self.rows[((theta / TAU - (theta / TAU).floor()) * 3.0) as usize % 3];
         let (sac, sac_s) = sacculation(row, s);
         let haustra = 0.14 * between * between;
-        // A share of the radius, and a height.
+        // A fraction of the radius, and a height.
         let share = -tri * c3 + haustra * (sac - 0.4);
         let share_s = -tri_s * c3 + haustra * sac_s;
         let share_phi = 3.0 * tri * s3 + 0.28 * between * between_phi * (sac - 0.4);
@@ -152,12 +151,12 @@ impl Shape {
         Radius { at: r + round * height, by_s: r_s + round * height_s + round_s * height, by_phi: round * height_phi }
     }
 
-    /// The distances of `p` to the part of the colon about one of its feet.
+    /// Returns the distances of `p` to the part of the colon around one of its foot points.
     pub fn distances(&self, p: DVec3, foot: &FootPoint) -> Distances {
         let near = self.axis.profile(foot.s).radius.0;
         let phi = self.axis.angle(foot);
         let r = self.plain(foot.s, phi);
-        // Near the axis the angle means little; the distance there is beyond what anything depends on.
+        // Near the axis the angle is ill-defined, but nothing depends on the distance there.
         let arm = foot.rho.max(0.3 * near);
         let (by_s, by_phi) = (r.by_s / foot.stretch, r.by_phi / arm);
         let steep = (1.0 + by_s * by_s + by_phi * by_phi).sqrt();
@@ -169,7 +168,7 @@ impl Shape {
         let here = Here { foot, phi, arm, outward, along: foot.tangent, around: foot.tangent.cross(outward) };
         let normal = (outward - here.along * by_s - here.around * by_phi) / steep;
         let mut surface = Surface { d: plain, normal };
-        // Deeper in the tissue than a fold is thick it changes nothing.
+        // A fold does not reach deeper into the tissue than its own thickness.
         let folds = if plain < 5.0 { &self.folds[..] } else { &[] };
         let first = folds.partition_point(|f| f.s < foot.s - WINDOW);
         for fold in folds[first..].iter().take_while(|f| f.s <= foot.s + WINDOW) {
@@ -187,13 +186,13 @@ impl Shape {
     }
 }
 
-/// A place in the tube's own coordinates.
+/// A position in the tube's coordinates.
 struct Here<'a> {
     foot: &'a FootPoint,
     phi: f64,
-    /// Distance from the axis, not less than what an angle can be multiplied by.
+    /// Distance from the axis, with a lower bound so that angles can be scaled by it.
     arm: f64,
-    /// Unit vectors away from the axis, along it, and around it (growing φ).
+    /// Unit vectors: away from the axis, along it, and around it (increasing φ).
     outward: DVec3,
     along: DVec3,
     around: DVec3,
@@ -207,15 +206,15 @@ struct Surface {
 }
 
 impl Surface {
-    /// A ball of tissue.
+    /// Returns the surface of a ball of tissue.
     fn about(centre: DVec3, radius: f64, p: DVec3) -> Self {
         let away = p - centre;
         let length = away.length();
         Self { d: radius - length, normal: -away / length.max(1e-9) }
     }
 
-    /// The union of two bodies of tissue with a fillet of `k` mm ([`smooth_max`]), divided by its gradient's length so
-    /// that it stays a distance within the fillet.
+    /// Joins two bodies of tissue with a fillet of `k` mm ([`smooth_max`]). The result is divided by its gradient's
+    /// length so that it stays a distance within the fillet.
     fn join(self, other: Self, k: f64) -> Self {
         let h = (k - (self.d - other.d).abs()).max(0.0);
         let share = h / (2.0 * k);
@@ -224,32 +223,33 @@ impl Surface {
             return near;
         }
         let gradient = near.normal * (1.0 - share) + far.normal * share;
-        // Faces that meet at a right angle need the most; in an undercut the distance may be too short, never too long.
+        // Faces that meet at a right angle need the largest correction. In an undercut the distance may be too short,
+        // never too long.
         let length = gradient.length().max(0.7);
         Self { d: smooth_max(self.d, other.d, k) / length, normal: gradient / length }
     }
 }
 
 impl Fold {
-    /// Angle from the fold's middle, within ±π.
+    /// Returns the angle from the fold's middle, within ±π.
     fn off_middle(&self, phi: f64) -> f64 {
         let delta = phi - self.phi;
         delta - TAU * (delta / TAU).round()
     }
 
-    /// How far the fold stands out at angle `phi`, mm; negative beyond its ends, where it lies buried in the wall.
+    /// Returns the fold's height at angle `phi`, mm; negative beyond its ends, where it is buried in the wall.
     pub fn height(&self, phi: f64) -> f64 {
         let u = self.off_middle(phi) / self.half_width;
         self.depth * (1.0 - u * u)
     }
 
-    /// The fold's surface, `None` where it is more than [`REACH`] away.
+    /// Returns the fold's surface, or `None` if it is more than [`REACH`] away.
     fn surface(&self, here: &Here<'_>) -> Option<Surface> {
         let foot = here.foot;
         let off = foot.s - self.s;
         let wander = self.slant.abs() + self.bow.abs();
         let half = 0.5 * self.thickness;
-        // The line on the wall is at least this far off, whatever the angle (its slope shortens by a fifth at most).
+        // Lower bound of the distance to the line on the wall at any angle (its slope shortens it by a fifth at most).
         if (off.abs() - wander) * foot.stretch * 0.8 > REACH + half {
             return None;
         }
@@ -266,7 +266,7 @@ impl Fold {
         let steep = (by_s * by_s + by_phi * by_phi).sqrt();
         let across = (off - line) / steep;
         let across_normal = (here.along * by_s - here.around * by_phi) / steep;
-        // Beyond the centre of the edge's half circle.
+        // Beyond the centre of the half circle at the edge.
         let by_phi = 2.0 * self.depth * u / self.half_width / here.arm;
         let steep = (1.0 + by_phi * by_phi).sqrt();
         let beyond = ((foot.rho - (self.radius - height) - half) / steep).min(0.0);
@@ -285,12 +285,12 @@ impl Bridge {
     }
 }
 
-/// The largest radius that the plain wall has about s, mm.
+/// Returns the largest radius of the plain wall near s, mm.
 pub fn largest(axis: &Centerline, s: f64) -> f64 {
     axis.profile(s).radius.0 * (1.0 + BULGE)
 }
 
-/// 0 at a row's constrictions, 1 midway between them, with its derivative.
+/// Returns 0 at a row's constrictions and 1 midway between them, with its derivative.
 fn sacculation(row: &[f64], s: f64) -> (f64, f64) {
     let i = row.partition_point(|&x| x <= s).clamp(1, row.len() - 1);
     let gap = row[i] - row[i - 1];
@@ -298,7 +298,7 @@ fn sacculation(row: &[f64], s: f64) -> (f64, f64) {
     (sin * sin, 2.0 * PI / gap * sin * cos)
 }
 
-/// 0 at the caps, where the angle means nothing, 1 in between, with its derivative.
+/// Returns 0 at the caps, where the angle is ill-defined, and 1 in between, with its derivative.
 fn roundness(s: f64, length: f64) -> (f64, f64) {
     let ramp = |x: f64| {
         let t = (x / ROUND_MM).clamp(0.0, 1.0);

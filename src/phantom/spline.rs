@@ -1,20 +1,20 @@
-//! Cubic splines: the B-spline that smooths the anatomy's control points, and the interpolating spline on uniform knots
-//! that everything is evaluated from.
+//! Cubic splines: a B-spline smooths the anatomy's control points, and an interpolating spline on uniform knots is used
+//! for all evaluation.
 
 use glam::DVec3;
 
-/// What lies beyond the ends of a B-spline's control points.
+/// Continuation beyond the ends of a B-spline's control points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Beyond {
-    /// The reflection of the curve through its end point: no curvature there. For places.
+    /// Reflects the curve through its end point: no curvature there. Use it for positions.
     PointReflection,
-    /// The mirror image of the curve: no slope there. For quantities along a curve.
+    /// Mirrors the curve: no slope there. Use it for quantities along a curve.
     MirrorImage,
 }
 
-/// A uniform cubic B-spline's value at `u` spans from the first control point; `u` runs from 0 to `points.len() - 1`.
+/// Evaluates a uniform cubic B-spline at `u` spans from the first control point; `u` runs from 0 to `points.len() - 1`.
 ///
-/// The curve starts at the first and ends at the last control point where what is beyond them is a point reflection.
+/// With [`Beyond::PointReflection`] the curve starts at the first and ends at the last control point.
 pub fn b_spline(points: &[DVec3], u: f64, ends: Beyond) -> DVec3 {
     let last = points.len() - 1;
     let at = |i: isize| {
@@ -57,10 +57,10 @@ pub struct Jet {
 }
 
 impl Spline {
-    /// The spline through `points`, `step` apart in the parameter, with the two end slopes given.
+    /// Creates the spline through `points`, spaced by `step` in the parameter, with the given end slopes.
     ///
-    /// The inner slopes make the second derivative continuous: m₋ + 4m + m₊ = 3(p₊ − p₋)/step, a tridiagonal system
-    /// solved by Thomas's algorithm.
+    /// The inner slopes make the second derivative continuous: m₋ + 4m + m₊ = 3(p₊ − p₋)/step. Thomas's algorithm
+    /// solves this tridiagonal system.
     pub fn new(step: f64, points: Vec<DVec3>, first: DVec3, last: DVec3) -> Self {
         let n = points.len();
         let mut slopes = vec![DVec3::ZERO; n];
@@ -80,22 +80,22 @@ impl Spline {
         Self { step, points, slopes }
     }
 
-    /// The points it passes through.
+    /// Returns the interpolated points.
     pub fn points(&self) -> &[DVec3] {
         &self.points
     }
 
-    /// Distance of the knots in the parameter.
+    /// Returns the knot distance in the parameter.
     pub fn step(&self) -> f64 {
         self.step
     }
 
-    /// Parameter of the last knot.
+    /// Returns the parameter of the last knot.
     pub fn end(&self) -> f64 {
         self.step * (self.points.len() - 1) as f64
     }
 
-    /// Value and derivatives at `s`, which is clamped to the knots' range.
+    /// Returns the value and derivatives at `s`, clamped to the knots' range.
     #[inline]
     pub fn jet(&self, s: f64) -> Jet {
         let x = (s / self.step).clamp(0.0, (self.points.len() - 1) as f64);

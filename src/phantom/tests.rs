@@ -6,19 +6,19 @@ fn make(size: Size, seed: u64) -> Phantom {
     Phantom::new(&PhantomSettings { size, seed, ..PhantomSettings::default() })
 }
 
-/// Everything but noise.
+/// A phantom with every feature except noise.
 fn quiet(size: Size) -> Phantom {
     Phantom::new(&PhantomSettings { size, fluid: true, bridges: true, noise: false, ..PhantomSettings::default() })
 }
 
-/// A place in the colon's surroundings: arc length, angle and distance from the axis drawn from `n`.
+/// Returns a position near the colon: arc length, angle and distance from the axis are drawn from `n`.
 fn place(phantom: &Phantom, n: u64, most: f64) -> DVec3 {
     let u = |k| hash::uniform(13, 4 * n + k);
     let frame = phantom.shape.axis.frame(phantom.shape.axis.length() * u(0));
     frame.at + frame.direction(6.3 * u(1)) * (most * u(2))
 }
 
-/// Places on the wall, found by bisection from the axis outwards, with the direction they were found in.
+/// Returns points on the wall, found by bisection from the axis outwards, with the search direction.
 fn wall_points(phantom: &Phantom, count: u64) -> Vec<(DVec3, DVec3)> {
     let axis = &phantom.shape.axis;
     let find = |n: u64| {
@@ -47,14 +47,14 @@ fn the_wall_is_where_the_value_is() {
 #[test]
 fn the_gradient_is_the_values_and_the_walls_blur_is_as_wide_everywhere() {
     let phantom = make(Size::Standard, 2);
-    // The derivative of the blurred edge at the wall, per mm of true distance.
+    // Derivative of the blurred edge at the wall, per mm of true distance.
     let h = 1e-5;
     let edge = |d| mix(GAS, TISSUE, tissue_share(d, phantom.sigma));
     let slope = (edge(h) - edge(-h)) / (2.0 * h);
     let (mut lengths, mut leans) = (Vec::new(), Vec::new());
     for (p, _) in wall_points(&phantom, 300) {
         let g = phantom.gradient(p);
-        // Two-point differences of two steps, extrapolated: another route to the same derivative.
+        // Two-point differences at two step sizes, extrapolated: an independent route to the same derivative.
         let n = g.normalize();
         let by = |h: f64| (phantom.value(p + n * h) - phantom.value(p - n * h)) / (2.0 * h);
         let along = (4.0 * by(4e-4) - by(8e-4)) / 3.0;
@@ -62,7 +62,7 @@ fn the_gradient_is_the_values_and_the_walls_blur_is_as_wide_everywhere() {
         let normal = phantom.distances_among(p, &[phantom.all_knots()]).0.normal;
         let lean = n.dot(normal).clamp(-1.0, 1.0).acos().to_degrees();
         leans.push(lean);
-        // Along the wall the value stays.
+        // Along the wall the value is constant.
         let across = n.any_orthonormal_vector() * 1e-4;
         assert!((phantom.value(p + across) - phantom.value(p - across)).abs() < 2e-3, "{p}");
         lengths.push(g.length() / slope);
@@ -70,7 +70,7 @@ fn the_gradient_is_the_values_and_the_walls_blur_is_as_wide_everywhere() {
     lengths.sort_by(f64::total_cmp);
     leans.sort_by(f64::total_cmp);
     assert!(lengths[15] > 0.95 && lengths[285] < 1.05, "{} {}", lengths[15], lengths[285]);
-    // The closed form of the normal, exact but for fillets.
+    // The closed-form normal is exact except in fillets.
     assert!(leans[150] < 0.01 && leans[270] < 4.0, "{} {}", leans[150], leans[270]);
 }
 
@@ -124,7 +124,7 @@ fn the_true_volume_is_the_voxels() {
     for (n, _) in volume.data().iter().enumerate().filter(|&(_, &hu)| f64::from(hu) < WALL_HU) {
         let [nx, ny, _] = grid.dims();
         let p = grid.world(DVec3::new((n % nx) as f64, (n / nx % ny) as f64, (n / nx / ny) as f64));
-        // Not the air outside and not the lung.
+        // Exclude the air outside and the lung.
         count += usize::from(phantom.body.value(p) > -500.0);
     }
     let (counted, truth) = (count as f64 * grid.voxel_ml(), phantom.truth());
@@ -138,7 +138,7 @@ fn the_true_volume_is_the_voxels() {
     assert!(truth.centerline[0].z < -70.0 && truth.centerline.last().unwrap().x < -40.0, "rectum low, cecum right");
 }
 
-/// A coarse grid over the small body with everything a scanner may do to it: oblique, flipped, anisotropic.
+/// A coarse grid over the small body with everything that a scanner can do to it: oblique, flipped, anisotropic.
 fn odd_grid() -> Grid {
     let direction =
         DMat3::from_rotation_z(0.3) * DMat3::from_rotation_x(-0.2) * DMat3::from_diagonal(DVec3::new(-1.0, 1.0, -1.0));
@@ -247,7 +247,7 @@ fn fluid_lies_behind_a_horizontal_level_and_is_closed_in() {
                 if !(pool.from - 3.0..=pool.to + 3.0).contains(&s) || d.wall > 1.5 {
                     continue;
                 }
-                // Beyond the pool's ends all of the lumen is above the level: nothing is cut off there.
+                // Beyond the pool's ends the whole lumen is above the level, so nothing is cut off there.
                 if s < pool.from || s > pool.to {
                     let closed = pool.from < 2.0 || pool.to > phantom.shape.axis.length() - 2.0;
                     assert!(closed || p.y < pool.level - 1.0, "{size:?}: open at {s}: {p}");

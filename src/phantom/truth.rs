@@ -1,4 +1,4 @@
-//! The ground truth of a phantom, as the command line writes it.
+//! The ground truth of a phantom, in the form that the command line writes.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,8 +11,8 @@ use super::shape::{DEEP, Polyp};
 /// The ground truth of a phantom.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
-    /// Points of the axis from rectum to cecum, about 1 mm apart, world mm LPS. Both ends are centres of the rounded
-    /// end walls.
+    /// Points of the axis from rectum to cecum, about 1 mm apart, world mm LPS. Both ends are the centres of the
+    /// rounded end walls.
     pub centerline: Vec<DVec3>,
     /// Mean radius of the lumen, without folds, at each point, mm.
     pub radius_mm: Vec<f64>,
@@ -31,7 +31,7 @@ pub struct Truth {
 pub struct TruePolyp {
     /// Centre of the ball, world mm LPS.
     pub position: DVec3,
-    /// Its diameter, mm.
+    /// Diameter of the ball, mm.
     pub diameter_mm: f64,
 }
 
@@ -42,7 +42,7 @@ impl From<Polyp> for TruePolyp {
 }
 
 impl Phantom {
-    /// The ground truth.
+    /// Returns the ground truth.
     pub fn truth(&self) -> Truth {
         let axis = &self.shape.axis;
         let count = axis.length().round() as usize;
@@ -57,15 +57,15 @@ impl Phantom {
         }
     }
 
-    /// The polyps, in the order of the centerline.
+    /// Returns the polyps, in the order of the centerline.
     pub fn polyps(&self) -> Vec<TruePolyp> {
         let mut polyps = self.shape.polyps.clone();
         polyps.sort_by(|a, b| a.s.total_cmp(&b.s));
         polyps.iter().map(|p| p.what.into()).collect()
     }
 
-    /// Volume within the wall, ml: cells of 0.9 mm, those on the wall counted by the share that the plane at the wall's
-    /// distance cuts off.
+    /// Returns the volume within the wall, ml. It sums cells of 0.9 mm; a cell on the wall counts by the fraction that
+    /// a plane at the wall's distance cuts off.
     fn lumen_ml(&self) -> f64 {
         const CELL: f64 = 0.9;
         const BRICK: i64 = 8;
@@ -97,7 +97,8 @@ impl Phantom {
             }
             sum
         };
-        // Each layer is summed in its own order and the layers in theirs: the same for any number of threads.
+        // Sums within a layer and over layers have a fixed order, so the result does not depend on the number of
+        // threads.
         let layers: Vec<f64> = (0..bricks.z as i64).into_par_iter().map(layer).collect();
         layers.iter().sum::<f64>() * CELL.powi(3) / 1000.0
     }

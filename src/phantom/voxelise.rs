@@ -1,4 +1,4 @@
-//! From the analytic body to voxels, on any grid.
+//! Sampling of the analytic body on any voxel grid.
 
 use std::ops::Range;
 
@@ -11,22 +11,22 @@ use crate::math::hash;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// Edge of the bricks that are looked at as a whole, voxels.
+/// Edge of the bricks that are classified as a whole, voxels.
 const BRICK: usize = 8;
 
-/// Work space of one slab.
+/// Scratch memory of one slab.
 #[derive(Default)]
 struct Scratch {
     runs: Vec<Range<usize>>,
 }
 
 impl Phantom {
-    /// The body sampled at the voxels' centres of `grid`, with noise where the settings have it.
+    /// Samples the body at the voxel centres of `grid`, with noise if the settings enable it.
     ///
-    /// The grid may be anisotropic, oblique and flipped. The values do not depend on the number of threads.
+    /// The grid may be anisotropic, oblique or flipped. The values do not depend on the number of threads.
     ///
     /// # Errors
-    /// Only when cancelled through `progress`.
+    /// Returns an error only if cancelled through `progress`.
     pub fn voxelise(&self, grid: &Grid, progress: &Progress) -> Result<Volume> {
         let [nx, ny, nz] = grid.dims();
         let mut data = vec![0i16; grid.len()];
@@ -48,13 +48,13 @@ impl Phantom {
         Ok(Volume::new(grid.clone(), data))
     }
 
-    /// Fills one brick of the slab `out`, whose first slice is the brick's.
+    /// Fills one brick of the slab `out`. The slab starts at the brick's first slice.
     fn fill(&self, grid: &Grid, first: [usize; 3], size: [usize; 3], out: &mut [i16], scratch: &mut Scratch) {
         let [nx, ny, _] = grid.dims();
         let corner = DVec3::new(first[0] as f64, first[1] as f64, first[2] as f64);
         let half = DVec3::new(size[0] as f64 - 1.0, size[1] as f64 - 1.0, size[2] as f64 - 1.0) * 0.5;
         let m = grid.to_world().matrix3;
-        // Half of a (possibly slanted) brick's longest diagonal.
+        // Half the longest diagonal of a (possibly slanted) brick.
         let reach = (half.x * m.x_axis.length()) + (half.y * m.y_axis.length()) + (half.z * m.z_axis.length());
         let reach = if m.x_axis.dot(m.y_axis).abs() + m.y_axis.dot(m.z_axis).abs() + m.z_axis.dot(m.x_axis).abs() < 1e-9
         {
@@ -81,14 +81,14 @@ impl Phantom {
         }
     }
 
-    /// The noise of a voxel, HU.
+    /// Returns a voxel's noise, HU.
     fn noise(&self, index: u64) -> f64 {
         if self.settings.noise { super::NOISE_HU * hash::normal(self.noise_seed, index) } else { 0.0 }
     }
 }
 
-/// The nearest whole HU of a value well within their range, halves upwards: a cast cuts off towards zero, so the value
-/// is made positive first. (A plain `round` is a call of the mathematics library for each voxel.)
+/// Rounds a value well within the range to the nearest whole HU, halves upwards. A cast truncates towards zero, so the
+/// value is made positive first. (A plain `round` would call the mathematics library for every voxel.)
 fn round(hu: f64) -> i16 {
     ((hu + 32_768.5) as i32 - 32_768) as i16
 }

@@ -1,4 +1,4 @@
-//! The space between eight neighbouring voxels, in which the volume is trilinear.
+//! The cell between eight neighbouring voxels, in which the volume is trilinear.
 
 use std::array::from_fn;
 
@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::Volume;
 
-/// The eight corners of the cell at `base`: x fastest, then y, then z.
+/// Returns the eight corner values of the cell at `base`: x fastest, then y, then z.
 #[inline(always)]
 pub fn corners(volume: &Volume, base: [i64; 3]) -> [i16; 8] {
     let dims = volume.grid().dims();
@@ -25,25 +25,25 @@ pub fn corners(volume: &Volume, base: [i64; 3]) -> [i16; 8] {
     }
 }
 
-/// A cell's value as k₀ + k₁u + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw of the coordinates within it.
+/// A cell's value as a polynomial in the coordinates within it: k₀ + k₁u + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell([f64; 8]);
 
 impl Cell {
-    /// The cell whose lowest corner is the voxel `base`; air beyond the volume.
+    /// Loads the cell whose lowest corner is the voxel `base`. Voxels outside the volume are air.
     #[inline]
     pub fn load(volume: &Volume, base: [i64; 3]) -> Self {
         Self::new(corners(volume, base))
     }
 
-    /// Of the values at its corners, HU, x fastest.
+    /// Creates a cell from its corner values, HU, x fastest.
     #[inline]
     pub fn new(corners: [i16; 8]) -> Self {
         let [a, b, c, d, e, f, g, h] = corners.map(f64::from);
         Self([a, b - a, c - a, e - a, d - c - b + a, f - e - b + a, g - e - c + a, h - g - f + e - d + c + b - a])
     }
 
-    /// HU at `p`, in voxels from the lowest corner.
+    /// Returns the HU at `p`, in voxels from the lowest corner.
     #[inline]
     pub fn at(&self, p: DVec3) -> f64 {
         let [k0, k1, k2, k3, k4, k5, k6, k7] = self.0;
@@ -51,7 +51,7 @@ impl Cell {
         k0 + k1 * u + k2 * v + k3 * w + k4 * u * v + k5 * u * w + k6 * v * w + k7 * u * v * w
     }
 
-    /// Coefficients, lowest power first, of the value at `p + s·d` as a cubic of s; `p`, `d` in voxels.
+    /// Returns the value at `p + s·d` as a cubic in s: its coefficients, lowest power first. `p` and `d` are in voxels.
     #[inline]
     pub fn along(&self, p: DVec3, d: DVec3) -> [f64; 4] {
         let [_, k1, k2, k3, k4, k5, k6, k7] = self.0;

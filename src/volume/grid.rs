@@ -1,10 +1,10 @@
-//! Where voxels lie in the patient.
+//! The voxel grid and its position in the patient.
 
 use glam::{DAffine3, DMat3, DVec3};
 
 /// A regular grid in the world: `world = origin + direction · (spacing ∘ index)`, mm, LPS.
 ///
-/// `direction` has unit columns. It may be left- or right-handed, and oblique (a tilted gantry), but never singular.
+/// `direction` has unit columns. It may be left- or right-handed and oblique (a tilted gantry), but never singular.
 ///
 /// ```
 /// use colvis::volume::Grid;
@@ -27,12 +27,14 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid of `dims` voxels, `spacing` in mm, `origin` (centre of voxel 0,0,0) in mm LPS, `direction` with the world
-    /// directions of the three index axes as columns (they are normalised here).
+    /// Creates a grid of `dims` voxels.
+    ///
+    /// `spacing` is in mm. `origin` is the centre of voxel (0, 0, 0), mm LPS. The columns of `direction` are the world
+    /// directions of the three index axes; they are normalised here.
     ///
     /// # Errors
-    /// Says in a few words what is wrong: no voxels, more than can be addressed, spacing that is not positive and
-    /// finite, an origin that is not finite, a direction that is singular or not finite.
+    /// Returns a short description of the problem: no voxels, more than can be addressed, spacing that is not positive
+    /// and finite, an origin that is not finite, or a direction that is singular or not finite.
     pub fn new(dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Self, String> {
         if dims.contains(&0) {
             return Err(format!("has no voxels (dims {dims:?})"));
@@ -60,70 +62,70 @@ impl Grid {
         Ok(Self { dims, spacing, origin, direction, to_world, to_voxel })
     }
 
-    /// Voxels along each index axis.
+    /// Returns the number of voxels along each index axis.
     pub fn dims(&self) -> [usize; 3] {
         self.dims
     }
 
-    /// Distance between neighbouring voxels along each index axis, mm.
+    /// Returns the distance between neighbouring voxels along each index axis, mm.
     pub fn spacing(&self) -> DVec3 {
         self.spacing
     }
 
-    /// The smallest spacing, mm: the `h` of the opacity formula and the unit of steps along a ray.
+    /// Returns the smallest spacing, mm: the `h` of the opacity formula and the unit of steps along a ray.
     pub fn min_spacing(&self) -> f64 {
         self.spacing.min_element()
     }
 
-    /// Centre of voxel (0, 0, 0), mm LPS.
+    /// Returns the centre of voxel (0, 0, 0), mm LPS.
     pub fn origin(&self) -> DVec3 {
         self.origin
     }
 
-    /// World directions of the index axes, as unit columns.
+    /// Returns the world directions of the index axes, as unit columns.
     pub fn direction(&self) -> DMat3 {
         self.direction
     }
 
-    /// Number of voxels.
+    /// Returns the number of voxels.
     #[expect(clippy::len_without_is_empty, reason = "a grid is never empty")]
     pub fn len(&self) -> usize {
         self.dims[0] * self.dims[1] * self.dims[2]
     }
 
-    /// Voxel coordinates to world, mm LPS.
+    /// Returns the transform from voxel coordinates to world, mm LPS.
     pub fn to_world(&self) -> &DAffine3 {
         &self.to_world
     }
 
-    /// World, mm LPS, to voxel coordinates.
+    /// Returns the transform from world, mm LPS, to voxel coordinates.
     pub fn to_voxel(&self) -> &DAffine3 {
         &self.to_voxel
     }
 
-    /// World position of a (fractional) voxel index.
+    /// Returns the world position (mm LPS) of a (fractional) voxel index.
     pub fn world(&self, voxel: DVec3) -> DVec3 {
         self.to_world.transform_point3(voxel)
     }
 
-    /// (Fractional) voxel index of a world position.
+    /// Returns the (fractional) voxel index of a world position (mm LPS).
     pub fn voxel(&self, world: DVec3) -> DVec3 {
         self.to_voxel.transform_point3(world)
     }
 
-    /// Whether a place in the world, mm LPS, lies in a voxel; each reaches half its size beyond its centre.
+    /// True if a world position (mm LPS) is inside a voxel. Each voxel extends half its size beyond its centre.
     pub fn contains(&self, world: DVec3) -> bool {
         let at = self.voxel(world).to_array();
-        // False for what is no number.
+        // Written so that NaN gives false.
         (0..3).all(|a| at[a] >= -0.5 && at[a] < self.dims[a] as f64 - 0.5)
     }
 
-    /// Volume of one voxel, ml.
+    /// Returns the volume of one voxel, ml.
     pub fn voxel_ml(&self) -> f64 {
         self.to_world.matrix3.determinant().abs() / 1000.0
     }
 
-    /// Linear index of a voxel within the grid.
+    /// Returns the linear index of a voxel within the grid.
     #[inline]
     pub fn index(&self, i: usize, j: usize, k: usize) -> usize {
         i + self.dims[0] * (j + self.dims[1] * k)

@@ -1,4 +1,4 @@
-//! A scan: Hounsfield units on a regular grid, and where that grid lies in the patient.
+//! A scan: Hounsfield units on a regular grid, and the grid's position in the patient.
 
 pub mod cell;
 mod grid;
@@ -6,10 +6,10 @@ pub mod io;
 
 pub use grid::Grid;
 
-/// The value of everything outside a volume or outside the scanner's field of view, HU.
+/// Value of everything outside the volume or the scanner's field of view, HU.
 pub const AIR_HU: i16 = -1024;
 
-/// A CT volume: one `i16` HU for each voxel, x fastest, then y, then z.
+/// A CT volume: one `i16` HU per voxel, x fastest, then y, then z.
 ///
 /// ```
 /// use colvis::volume::{Grid, Volume};
@@ -27,31 +27,31 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// A volume of `data` on `grid`.
+    /// Creates a volume of `data` (HU, x fastest) on `grid`.
     ///
     /// # Panics
-    /// When the number of values is not the grid's; readers check that before.
+    /// Panics if the number of values does not match the grid. Readers check that beforehand.
     pub fn new(grid: Grid, data: Vec<i16>) -> Self {
         assert_eq!(grid.len(), data.len(), "a volume's values must match its grid");
         Self { grid, data }
     }
 
-    /// The grid.
+    /// Returns the grid.
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// All values, HU, x fastest.
+    /// Returns all values, HU, x fastest.
     pub fn data(&self) -> &[i16] {
         &self.data
     }
 
-    /// Size of the values in memory, bytes.
+    /// Returns the size of the values in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.data.as_slice())
     }
 
-    /// Value of a voxel, HU; [`AIR_HU`] outside the grid.
+    /// Returns the value of a voxel, HU, or [`AIR_HU`] outside the grid.
     #[inline]
     pub fn get(&self, i: i64, j: i64, k: i64) -> i16 {
         let [nx, ny, nz] = self.grid.dims();

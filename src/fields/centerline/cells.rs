@@ -1,8 +1,8 @@
-//! The lumen in cells of up to 64 voxels, split where a wall runs through them, and which of them touch: an exact
-//! cell decomposition in which each piece is one machine word.
+//! Cell decomposition of the lumen: cells of up to 64 voxels, split where a wall runs through them, and the contacts
+//! between the pieces. It is exact, and each piece is one machine word.
 //!
 //! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is one 6-connected
-//! piece of the lumen within a cell, and two nodes are neighbours only where voxels of theirs share a face.
+//! piece of the lumen within a cell, and two nodes are neighbours only if their voxels share a face.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -16,27 +16,27 @@ use crate::progress::Progress;
 /// A piece of the lumen in one cell.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::fields) struct Node {
-    /// Which of the cell's voxels it holds, x fastest.
+    /// The cell's voxels that belong to the piece, x fastest.
     mask: u64,
-    /// The first voxel of its cell.
+    /// The first voxel of the cell.
     corner: [i32; 3],
-    /// The voxel of its own that is farthest from the wall, and how far that is, mm.
+    /// The piece's voxel farthest from the wall.
     pub widest: [i64; 3],
-    /// See [`Node::widest`].
+    /// Wall distance of [`Node::widest`], mm.
     pub clearance: f64,
 }
 
-/// The shape of a cell: its voxels along each axis are powers of two whose product is at most 64.
+/// The shape of a cell: its sides, in voxels, are powers of two whose product is at most 64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Shape {
     side: [usize; 3],
-    /// The voxels of a cell that lie on its first and on its last face across each axis.
+    /// For each axis, the cell's voxels on its first and on its last face.
     first: [u64; 3],
     last: [u64; 3],
 }
 
 impl Shape {
-    /// As near to a cube as powers of two make it.
+    /// Returns the shape nearest to a cube.
     fn of(spacing: DVec3) -> Self {
         let mut side = [1usize; 3];
         for _ in 0..6 {
@@ -64,16 +64,16 @@ impl Shape {
         [bit % self.side[0], bit / self.side[0] % self.side[1], bit / self.side[0] / self.side[1]].map(|x| x as i64)
     }
 
-    /// A set of voxels and those of the cell that share a face with it.
+    /// Grows a set of voxels by those of the cell that share a face with it.
     fn grown(&self, m: u64) -> u64 {
         (0..3).fold(m, |g, a| {
             let s = self.stride(a) as u32;
-            // A cell that is one voxel wide along an axis has no neighbours of its own along it.
+            // A cell that is one voxel wide along an axis has no neighbours inside itself along it.
             if self.side[a] == 1 { g } else { g | (m & !self.last[a]) << s | (m & !self.first[a]) >> s }
         })
     }
 
-    /// The 6-connected piece of `all` that holds `seed`.
+    /// Returns the 6-connected piece of `all` that contains `seed`.
     fn piece(&self, all: u64, seed: u64) -> u64 {
         let mut piece = seed;
         loop {
@@ -85,26 +85,26 @@ impl Shape {
         }
     }
 
-    /// Whether a piece of one cell touches one of the next cell along an axis.
+    /// True if a piece of one cell touches a piece of the next cell along an axis.
     fn touches(&self, a: usize, here: u64, next: u64) -> bool {
         ((here & self.last[a]) >> ((self.side[a] - 1) * self.stride(a))) & next != 0
     }
 }
 
-/// The decomposition.
+/// The cell decomposition.
 #[derive(Debug)]
 pub(in crate::fields) struct Cells {
     shape: Shape,
     pub nodes: Vec<Node>,
     places: Vec<DVec3>,
-    /// Where each cell's nodes begin; one entry more than there are cells.
+    /// Index of each cell's first node; one more entry than there are cells.
     of_cell: Vec<u32>,
     dims: [usize; 3],
     neighbours: Neighbours,
 }
 
 impl Cells {
-    /// The cells of the lumen of `walls`.
+    /// Decomposes the lumen of `walls`.
     pub fn of(walls: &WallDistance, progress: &Progress) -> Result<Self> {
         let grid = walls.grid();
         let shape = Shape::of(grid.spacing());
@@ -160,17 +160,17 @@ impl Cells {
         self.neighbours = Neighbours::new(self.nodes.len(), pairs);
     }
 
-    /// The nodes that share a face with one.
+    /// Returns the nodes that share a face with node `n`.
     pub fn neighbours(&self, n: u32) -> &[u32] {
         self.neighbours.of(n)
     }
 
-    /// Where a node's widest voxel is, world, mm.
+    /// Returns the position of a node's widest voxel, world, mm.
     pub fn place(&self, n: u32) -> DVec3 {
         self.places[n as usize]
     }
 
-    /// The node that holds a voxel of the lumen.
+    /// Returns the node that contains a voxel of the lumen.
     pub fn node_at(&self, voxel: [i64; 3]) -> Option<u32> {
         let corner: [i32; 3] =
             std::array::from_fn(|a| voxel[a] as i32 / self.shape.side[a] as i32 * self.shape.side[a] as i32);
@@ -184,7 +184,7 @@ impl Cells {
         self.bit(n, voxel).is_some_and(|b| self.nodes[n as usize].mask >> b & 1 == 1)
     }
 
-    /// The bit of a voxel in a node's cell.
+    /// Returns the bit of a voxel in a node's cell.
     fn bit(&self, n: u32, voxel: [i64; 3]) -> Option<usize> {
         let mut bit = 0;
         for (a, (v, corner)) in voxel.into_iter().zip(self.nodes[n as usize].corner).enumerate() {
@@ -197,22 +197,22 @@ impl Cells {
         Some(bit)
     }
 
-    /// The ways of least cost from `start` to all nodes, or as far as `to`; a way costs its length times what `weight`
-    /// gives for the two nodes' mean clearance (mm).
+    /// Returns the least-cost paths from `start` to all nodes, or as far as `to`. A path costs its length times
+    /// `weight` of the two nodes' mean clearance (mm).
     pub fn ways(&self, start: u32, to: Option<u32>, weight: impl Fn(f64) -> f64) -> Ways {
         let step = |a: u32, b: u32| self.places[a as usize].distance(self.places[b as usize]);
         let mean = |a: u32, b: u32| 0.5 * (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance);
         self.neighbours.ways(start, to, step, |a, b| weight(mean(a, b)))
     }
 
-    /// The nodes on the way from the start of `ways` to `to`, each touching the one before; the start alone where there
-    /// is no way.
+    /// Returns the nodes on the path from the start of `ways` to `to`, each touching the previous one, or the start
+    /// alone if there is no path.
     pub fn way(&self, ways: &Ways, to: u32) -> Vec<u32> {
         let mut out = vec![to];
         let mut n = to;
         while ways.before[n as usize] != n {
             let b = ways.before[n as usize];
-            // Of the nodes between two that do not touch, the widest.
+            // Between two nodes that do not touch, insert the widest common neighbour.
             if !self.neighbours(n).contains(&b) {
                 let between = self.neighbours(n).iter().copied().filter(|m| self.neighbours(*m).contains(&b));
                 let widest = |m: &u32| self.nodes[*m as usize].clearance;
@@ -225,7 +225,7 @@ impl Cells {
         out
     }
 
-    /// A 6-connected way of voxels from `from` to `to` along nodes that touch one after the other: never out of them.
+    /// Returns a 6-connected path of voxels from `from` to `to` that stays inside the given sequence of touching nodes.
     pub fn voxels(&self, way: &[u32], from: [i64; 3], to: [i64; 3]) -> Vec<[i64; 3]> {
         let mut out = vec![from];
         let mut at = from;
@@ -240,7 +240,7 @@ impl Cells {
         out
     }
 
-    /// The shortest way from `from` to `to` through the voxels of two nodes, without its first voxel.
+    /// Returns the shortest path from `from` to `to` through the voxels of two nodes, without its first voxel.
     fn hop(&self, pair: &[u32], from: [i64; 3], to: [i64; 3]) -> Vec<[i64; 3]> {
         let mut reached: Vec<([i64; 3], usize)> = vec![(from, 0)];
         let mut seen = [0u64; 2];
@@ -280,7 +280,7 @@ impl Cells {
     }
 }
 
-/// Nodes in each cell of a layer, and the nodes.
+/// Returns the number of nodes in each cell of a layer, and the nodes.
 fn nodes_of(walls: &WallDistance, shape: &Shape, dims: [usize; 3], layer: usize) -> (Vec<u32>, Vec<Node>) {
     let [_, ny, nz] = walls.grid().dims();
     let set = walls.set();
@@ -328,7 +328,7 @@ fn nodes_of(walls: &WallDistance, shape: &Shape, dims: [usize; 3], layer: usize)
 }
 
 impl Cells {
-    /// The nodes of a node's connected piece, ascending.
+    /// Returns the nodes of a node's connected piece, ascending.
     fn connected(&self, start: u32, seen: &mut [bool]) -> Vec<u32> {
         let mut piece = vec![start];
         seen[start as usize] = true;
@@ -345,12 +345,13 @@ impl Cells {
         piece
     }
 
-    /// The smallest node of the connected piece that a node belongs to: the piece's name.
+    /// Returns the smallest node of a node's connected piece, which identifies the piece.
     pub fn piece(&self, n: u32) -> u32 {
         self.connected(n, &mut vec![false; self.nodes.len()])[0]
     }
 
-    /// The nodes of the connected piece with the most voxels; the first of equal ones. Empty without any lumen.
+    /// Returns the nodes of the connected piece with the most voxels, the first one if several are equal. Empty if
+    /// there is no lumen.
     pub fn largest_piece(&self) -> Vec<u32> {
         let mut seen = vec![false; self.nodes.len()];
         let mut best = (0, Vec::new());

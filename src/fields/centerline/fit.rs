@@ -1,9 +1,9 @@
-//! From the middle of the largest balls to the lumen's axis.
+//! Fitting of a line of largest balls to the lumen's axis.
 //!
-//! Folds stand into the lumen from one side and push the largest ball to the other, so that a line of such balls swings
-//! from haustrum to haustrum about the axis. Here the lumen is cut across the line instead, by rays to the wall; along
-//! each direction the middle value of the radii over a stretch as long as a haustrum passes over folds, polyps and
-//! strands; and the line moves by what the centroids of these cross-sections say, smoothed along it.
+//! Folds stand into the lumen from one side and push the largest ball to the other, so a line of such balls swings
+//! around the axis from haustrum to haustrum. This module instead cuts the lumen across the line, by rays to the wall.
+//! For each direction, the median radius over a stretch as long as a haustrum skips folds, polyps and strands. The line
+//! then moves by the centroids of these cross-sections, smoothed along it.
 
 use std::f64::consts::TAU;
 
@@ -14,31 +14,31 @@ use super::polyline::{is_free, smoothed};
 use crate::fields::WallDistance;
 use crate::math::reflection::doubly_reflected;
 
-/// Rays in a cross-section.
+/// Number of rays in a cross-section.
 const RAYS: usize = 48;
-/// Rounds of cutting and moving.
+/// Number of rounds of cutting and moving.
 const ROUNDS: usize = 4;
-/// Half of the stretch whose cross-sections are taken together, mm: a haustrum is about 25 mm long.
+/// Half the length of the stretch whose cross-sections are combined, mm: a haustrum is about 25 mm long.
 const HALF_MM: f64 = 14.0;
-/// Standard deviations of the smoothing, mm: of the line before it is cut, and of the centroids along it.
+/// Standard deviations of the smoothing, mm: of the line before cutting, and of the centroids along it.
 const LINE_MM: f64 = 5.0;
 const OFFSET_MM: f64 = 7.0;
-/// A ray is not followed farther than this many mean distances to the wall: it has left the cross-section.
+/// Maximum ray length as a multiple of the wall distance at the line; a longer ray has left the cross-section.
 const FAR: f64 = 3.0;
-/// Of the clearance of the line that was given, a moved point keeps at least this, as far as [`AMPLE_MM`].
+/// A moved point keeps at least this fraction of the input line's clearance, but never needs more than [`AMPLE_MM`].
 const KEPT: f64 = 0.6;
 const AMPLE_MM: f64 = 4.0;
-/// Over so many points the line goes over from the given one to the fitted one.
+/// Number of points over which the line blends from the input to the fitted one.
 const EASE: usize = 5;
 
-/// A frame across the line at a point.
+/// A frame perpendicular to the line at a point.
 #[derive(Clone, Copy, Debug)]
 struct Across {
     u: DVec3,
     v: DVec3,
 }
 
-/// Moves a free line (points about `step` mm apart, world) towards the lumen's axis, as far as it stays free.
+/// Moves a free line (world, points about `step` mm apart) towards the lumen's axis, as far as it stays free.
 pub(super) fn to_axis(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<DVec3> {
     if line.len() < 5 {
         return line.to_vec();
@@ -55,7 +55,7 @@ pub(super) fn to_axis(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<DV
     kept_free(walls, line, &fitted)
 }
 
-/// How far each point may leave the given line: not at its ends, which are the centres of balls.
+/// Returns how far each point may leave the input line. The ends stay, since they are centres of balls.
 fn ends_eased(count: usize, step: f64) -> Vec<f64> {
     let share = |n: usize| {
         let t = (n.min(count - 1 - n) as f64 * step / HALF_MM).min(1.0);
@@ -64,7 +64,7 @@ fn ends_eased(count: usize, step: f64) -> Vec<f64> {
     (0..count).map(share).collect()
 }
 
-/// Where the centroids of the cross-sections lie from the line's points.
+/// Returns the offsets of the cross-sections' centroids from the line's points.
 fn offsets(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<DVec3> {
     let frames = frames(line);
     let radii: Vec<[f32; RAYS]> = line.par_iter().zip(&frames).map(|(&p, f)| cut(walls, p, f)).collect();
@@ -89,7 +89,7 @@ fn offsets(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<DVec3> {
         .collect()
 }
 
-/// Centroid of the polygon that the rays' ends span, from the point they start at.
+/// Returns the centroid of the polygon of ray ends, relative to the rays' origin.
 fn centroid(radius: &[f64; RAYS], frame: &Across) -> DVec3 {
     let ray = |r: usize| {
         let (sin, cos) = (TAU * r as f64 / RAYS as f64).sin_cos();
@@ -106,8 +106,8 @@ fn centroid(radius: &[f64; RAYS], frame: &Across) -> DVec3 {
     if area > 1e-9 { (frame.u * x + frame.v * y) / area } else { DVec3::ZERO }
 }
 
-/// Frames that turn about the line no more than it demands (double reflection), so that the rays of neighbouring
-/// cross-sections belong together.
+/// Returns rotation-minimising frames along the line (double reflection), so that the rays of neighbouring
+/// cross-sections correspond.
 fn frames(line: &[DVec3]) -> Vec<Across> {
     let last = line.len() - 1;
     let tangent = |n: usize| (line[(n + 1).min(last)] - line[n.saturating_sub(1)]).normalize_or(DVec3::Z);
@@ -124,7 +124,8 @@ fn frames(line: &[DVec3]) -> Vec<Across> {
         .collect()
 }
 
-/// Distances to the wall along the rays across the line, mm; 0 where a ray leaves the cross-section without meeting it.
+/// Returns the distances to the wall along the rays across the line, mm; 0 if a ray leaves the cross-section without
+/// hitting it.
 fn cut(walls: &WallDistance, at: DVec3, frame: &Across) -> [f32; RAYS] {
     let grid = walls.grid();
     let centre = grid.voxel(at);
@@ -139,7 +140,7 @@ fn cut(walls: &WallDistance, at: DVec3, frame: &Across) -> [f32; RAYS] {
         while t < far {
             let d = walls.at((centre + way * t).to_array().map(|x| x.round() as i64)).map_or(-1.0, f64::from);
             if d < 0.0 {
-                // The wall lies between the last free place and this one, by their distances from it.
+                // Interpolate the wall between the last free position and this one, by their wall distances.
                 let share = if last.1 - d > 0.0 { last.1 / (last.1 - d) } else { 0.5 };
                 return (last.0 + (t - last.0) * share.clamp(0.0, 1.0)) as f32;
             }
@@ -150,12 +151,13 @@ fn cut(walls: &WallDistance, at: DVec3, frame: &Across) -> [f32; RAYS] {
     })
 }
 
-/// The values within [`EASE`] points of one.
+/// Returns the values within [`EASE`] points of point `n`.
 fn around(values: &[f64], n: usize) -> &[f64] {
     &values[n.saturating_sub(EASE)..(n + EASE + 1).min(values.len())]
 }
 
-/// The fitted line where it is free, else as much nearer to the given one as it must be: that one is free.
+/// Returns the fitted line where it is free. Elsewhere it moves towards the input line, which is free, only as far as
+/// necessary.
 fn kept_free(walls: &WallDistance, line: &[DVec3], fitted: &[DVec3]) -> Vec<DVec3> {
     let clear = |p: DVec3| f64::from(walls.at(walls.voxel(p)).unwrap_or(-1.0));
     let mut share: Vec<f64> = line
@@ -166,7 +168,7 @@ fn kept_free(walls: &WallDistance, line: &[DVec3], fitted: &[DVec3]) -> Vec<DVec
             [1.0, 0.75, 0.5, 0.25].into_iter().find(|&s| clear(l.lerp(f, s)) >= least).unwrap_or(0.0)
         })
         .collect();
-    // A point that must stay near the given line keeps its neighbours there too, so that the line has no steps.
+    // Keep the neighbours of a constrained point near the input line too, so that the line has no steps.
     let least: Vec<f64> = (0..share.len()).map(|n| around(&share, n).iter().copied().fold(1.0, f64::min)).collect();
     share = (0..share.len()).map(|n| around(&least, n).iter().sum::<f64>() / around(&least, n).len() as f64).collect();
     let at = |share: &[f64], n: usize| line[n].lerp(fitted[n], share[n]);

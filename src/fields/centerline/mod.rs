@@ -1,9 +1,9 @@
 //! The line through the middle of the lumen from one end to the other.
 //!
-//! The way is found over the lumen's cells (see `cells`) at a cost of length × (1 + (8 mm / clearance)²), and led
-//! through their voxels from face to face, so that it cannot pass through a wall however thin. That line is pulled
-//! straight as long as it stays inside, and moved towards the lumen's axis (see `fit`). Collapsed stretches between two
-//! pieces of the lumen are bridged by a straight line, which is listed as a guess.
+//! The path is found over the lumen's cells (see `cells`) at a cost of length × (1 + (8 mm / clearance)²). It runs
+//! through their voxels from face to face, so it cannot pass through a wall, however thin. The line is then tightened
+//! while it stays inside, and moved towards the lumen's axis (see `fit`). Collapsed stretches between two pieces of the
+//! lumen are bridged by a straight line, which is listed as a guess.
 
 mod cells;
 mod fit;
@@ -20,71 +20,71 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use cells::Cells;
 
-/// Distance of the line's points, mm.
+/// Distance between the line's points, mm.
 const STEP_MM: f64 = 1.0;
-/// A point outside the lumen is moved into it within this, mm.
+/// Maximum distance over which a point outside the lumen is moved into it, mm.
 const SNAP_MM: f64 = 5.0;
-/// Clearance at which narrowness begins to cost, mm.
+/// Clearance at which narrowness begins to add cost, mm.
 const NARROW_MM: f64 = 8.0;
-/// Rounds of pulling the line straight, before and after it is moved towards the axis; then without leaning, since
-/// walls push it off the axis.
+/// Number of tightening rounds before and after the line is moved towards the axis. The later ones do not lean away
+/// from walls, since walls push the line off the axis.
 const TIGHTEN: usize = 12;
 const EVEN: usize = 4;
-/// Clearance that each millimetre of drawing an end back from the lumen's tip must gain, mm: see [`last_ball`].
+/// Clearance that each millimetre of retreat from the lumen's tip must gain, mm: see [`last_ball`].
 const INWARD: f64 = 0.3;
-/// The lumen's tip is looked for within this of where an end is known to be, mm.
+/// Maximum distance of the lumen's tip from the known end, mm.
 const TIP_MM: f64 = 40.0;
-/// Least clearance of a tip, mm, so that the tube of a catheter is not taken for one; less where an end is known to be
+/// Minimum clearance of a tip, mm, so that a catheter's tube is not taken for one. It is lower if the known end is
 /// narrower.
 const TIP_CLEARANCE_MM: f64 = 3.5;
-/// The last ball is looked for within this of the tip, mm.
+/// Maximum distance of the last ball from the tip, mm.
 const INWARD_MM: f64 = 45.0;
 
 /// A line through the lumen.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Centerline {
-    /// World, mm, about 1 mm apart.
+    /// World positions, mm, about 1 mm apart.
     pub points: Vec<DVec3>,
-    /// Distance to the wall at each point, mm; 0 on a guessed stretch.
+    /// Distance to the wall at each point, mm; 0 on guessed stretches.
     pub radius_mm: Vec<f64>,
     /// Length, mm.
     pub length_mm: f64,
-    /// Stretches (from, to; mm of length) where the lumen is collapsed and the line is only a guess.
+    /// Stretches (from, to; mm along the line) where the lumen is collapsed and the line is only a guess.
     pub guessed: Vec<[f64; 2]>,
 }
 
 /// An end of the line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum End {
-    /// The centre of the last ball at the lumen's tip near this place (world, mm).
+    /// The centre of the last ball at the lumen's tip near this position (world, mm).
     Tip(DVec3),
-    /// This place (world, mm), moved into the lumen within 5 mm.
+    /// This position (world, mm), moved into the lumen by at most 5 mm.
     At(DVec3),
 }
 
-/// The method that finds the line; its name stands on the command line, in scene files and in `explain`.
+/// The method that finds the line. Its name appears on the command line, in scene files and in `explain`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum CenterlineMethod {
-    /// The shortest way over the lumen's cells that keeps from walls, pulled straight and moved to the lumen's axis.
+    /// The shortest path over the lumen's cells that keeps away from walls, tightened and moved to the lumen's axis.
     #[default]
     #[serde(rename = "penalised")]
     PenalisedPath,
-    /// What is left when the lumen is peeled from the wall inwards (see `peel`), pulled straight.
+    /// The remainder of peeling the lumen from the wall inwards (see `peel`), tightened.
     #[serde(rename = "peel-onion")]
     PeelOnion,
-    /// The shortest way along sampled inscribed balls that overlap (see `roadmap`).
+    /// The shortest path along overlapping inscribed balls at sampled positions (see `roadmap`).
     #[serde(rename = "roadmap")]
     Roadmap,
-    /// The shortest way over the lumen's cells, voxel by voxel.
+    /// The shortest path over the lumen's cells, voxel by voxel.
     #[serde(rename = "cell-decomposition")]
     Cells,
 }
 
 impl CenterlineMethod {
-    /// All of them.
+    /// All methods.
     pub const ALL: [Self; 4] = [Self::PenalisedPath, Self::PeelOnion, Self::Roadmap, Self::Cells];
 
-    /// Its name.
+    /// Returns the method's name.
     pub fn name(self) -> &'static str {
         match self {
             Self::PenalisedPath => "penalised",
@@ -94,7 +94,7 @@ impl CenterlineMethod {
         }
     }
 
-    /// What it does, in a few words, for help and `explain`.
+    /// Returns a short description for help and `explain`.
     pub fn summary(self) -> &'static str {
         match self {
             Self::PenalisedPath => "the way over cells that keeps from walls, moved to the axis",
@@ -105,11 +105,13 @@ impl CenterlineMethod {
     }
 }
 
-/// The line of a lumen from `from` to `to`. `guesses` are pairs of places (world, mm) between which the lumen may be
-/// collapsed (see [`gaps`]); they are used only where there is no other way.
+/// Finds the line of a lumen from `from` to `to`.
+///
+/// `guesses` are pairs of positions (world, mm) between which the lumen may be collapsed (see [`gaps`]). They are used
+/// only if there is no other path.
 ///
 /// # Errors
-/// Status 4 when an end is not in the lumen, when there is no way, or when interrupted.
+/// Returns status 4 if an end is not in the lumen, if there is no path, or when interrupted.
 pub fn between(
     walls: &WallDistance,
     from: End,
@@ -120,10 +122,10 @@ pub fn between(
     by(CenterlineMethod::PenalisedPath, walls, from, to, guesses, progress)
 }
 
-/// [`between`] by another method.
+/// Same as [`between`], with another method.
 ///
 /// # Errors
-/// As [`between`].
+/// Same as [`between`].
 pub fn by(
     method: CenterlineMethod,
     walls: &WallDistance,
@@ -136,11 +138,11 @@ pub fn by(
     search(method, smooth, walls, [from, to], guesses, progress)
 }
 
-/// [`by`], for a body to follow: the line is pulled straight and leans away from walls, whichever method found it. Some
-/// lead from voxel to voxel, or from ball to ball.
+/// Same as [`by`], for a body to follow. The line is tightened and leans away from walls, whichever method found it.
+/// Some methods lead from voxel to voxel or from ball to ball.
 ///
 /// # Errors
-/// As [`between`].
+/// Same as [`between`].
 pub fn to_fly(
     method: CenterlineMethod,
     walls: &WallDistance,
@@ -168,11 +170,11 @@ fn search(
     }
 }
 
-/// The two ends of the lumen's piece with the most voxels, world, mm, the lower one first: the farthest place from its
-/// widest one, and the farthest from that (a double sweep).
+/// Returns the two ends of the lumen's piece with the most voxels, world, mm, the lower one first. They are the
+/// position farthest from the widest one, and the position farthest from that (a double sweep).
 ///
 /// # Errors
-/// Status 4 when there is no lumen, or when interrupted.
+/// Returns status 4 if there is no lumen, or when interrupted.
 pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]> {
     let cells = Cells::of(walls, progress)?;
     let clearance = |n: u32| cells.nodes[n as usize].clearance;
@@ -192,9 +194,8 @@ pub fn far_ends(walls: &WallDistance, progress: &Progress) -> Result<[DVec3; 2]>
     Ok(if ends[0].z <= ends[1].z { ends } else { [ends[1], ends[0]] })
 }
 
-/// The gaps between segments of gas that follow each other from rectum to cecum: where the lumen may be collapsed.
-/// Fluid may join two of them; such a gap lies within one piece of the lumen and is not used. Empty where the order is
-/// not known.
+/// Returns the gaps between consecutive gas segments from rectum to cecum, where the lumen may be collapsed. If fluid
+/// joins two segments, their gap is within one piece of the lumen and is not used. Empty if the order is unknown.
 pub fn gaps(lumen: &Lumen) -> Vec<[DVec3; 2]> {
     if !lumen.ordered {
         return Vec::new();
@@ -206,11 +207,11 @@ fn narrow(clearance: f64) -> f64 {
     1.0 + (NARROW_MM / clearance.max(0.3)).powi(2)
 }
 
-/// The inputs of the search for a line.
+/// Inputs of the search for a line.
 #[derive(Clone, Copy)]
 struct Planner<'a> {
     method: CenterlineMethod,
-    /// Whether the line is pulled straight.
+    /// True if the line is tightened.
     smooth: bool,
     walls: &'a WallDistance,
     cells: &'a Cells,
@@ -218,7 +219,7 @@ struct Planner<'a> {
 }
 
 impl Planner<'_> {
-    /// The line within one piece of the lumen; none where its ends lie in two.
+    /// Finds the line within one piece of the lumen; `None` if the ends are in different pieces.
     fn route(&self, from: End, to: End) -> Result<Option<Centerline>> {
         let walls = self.walls;
         let (start, goal) = (voxel_of(walls, from.place())?, voxel_of(walls, to.place())?);
@@ -245,7 +246,7 @@ impl Planner<'_> {
         Ok(Some(finished(walls, &polyline::resampled(walls, &line, STEP_MM))))
     }
 
-    /// A way inside the lumen, if there is one, world, mm; `nodes` lead from the start's to the goal's.
+    /// Finds a path inside the lumen, if there is one, world, mm. `nodes` lead from the start's node to the goal's.
     fn way(&self, start: [i64; 3], goal: [i64; 3], nodes: &[u32]) -> Result<Option<Vec<DVec3>>> {
         let walls = self.walls;
         let world = |way: Vec<[i64; 3]>| way.into_iter().map(|v| walls.world(v)).collect();
@@ -258,8 +259,8 @@ impl Planner<'_> {
         }
     }
 
-    /// The ends with those that are tips moved to the place near them that is farthest along the lumen from the other
-    /// end, and the nodes of the way between them; none where there is no way.
+    /// Moves ends that are tips to the nearby position farthest along the lumen from the other end. Returns the ends
+    /// and the nodes of the path between them; `None` if there is no path.
     fn tips(
         &self,
         (from, start): (End, [i64; 3]),
@@ -294,21 +295,21 @@ impl Planner<'_> {
         Some((start, goal, nodes))
     }
 
-    /// The connected piece of the lumen that a place lies in.
+    /// Returns the connected piece of the lumen at a position (world, mm).
     fn piece(&self, place: DVec3) -> Option<u32> {
         let voxel = self.walls.nearest(place, SNAP_MM)?;
         self.cells.node_at(voxel).map(|n| self.cells.piece(n))
     }
 
-    /// A line over gaps: the lumen's pieces one after the other, a straight guess between each two.
+    /// Finds a line across gaps: the lumen's pieces in order, joined by straight guesses.
     fn bridged(&self, from: End, to: End, guesses: &[[DVec3; 2]]) -> Result<Centerline> {
         let goal = self.piece(to.place());
         let mut line: Option<Centerline> = None;
         let mut here = from;
-        // Within one piece there is nothing to guess.
+        // A guess within one piece is not needed.
         let mut open: Vec<[DVec3; 2]> =
             guesses.iter().copied().filter(|g| self.piece(g[0]) != self.piece(g[1])).collect();
-        // Guesses follow each other along the colon: towards the cecum, or back towards the rectum.
+        // Guesses follow each other along the colon, towards the cecum or back towards the rectum.
         if open
             .iter()
             .position(|g| self.piece(g[1]) == self.piece(from.place()))
@@ -340,7 +341,7 @@ impl End {
         }
     }
 
-    /// Where the line ends, given the voxel of the lumen that was found for the end.
+    /// Returns the end point of the line, given the voxel of the lumen found for the end.
     fn within(self, walls: &WallDistance, voxel: [i64; 3]) -> DVec3 {
         match self {
             Self::At(p) if walls.voxel(p) == voxel => p,
@@ -374,16 +375,18 @@ fn voxel_of(walls: &WallDistance, place: DVec3) -> Result<[i64; 3]> {
     })
 }
 
-/// Draws the end of a line back from the lumen's tip to the centre of the last ball that touches it: on the way in, the
-/// clearance grows as fast as the distance from the tip until the ball meets the side walls too. The place where
-/// clearance less a share of the way back is largest does not wander on through a lumen that merely widens.
+/// Shortens a line from the lumen's tip to the centre of the last ball that touches the tip.
+///
+/// On the way in, the clearance grows as fast as the distance from the tip, until the ball also meets the side walls.
+/// The line ends where the clearance minus a fraction of the distance from the tip is largest. That point does not
+/// drift onward through a lumen that merely widens.
 fn last_ball(walls: &WallDistance, line: &mut Vec<DVec3>) {
     let (mut back, mut best) = (0.0, (f64::NEG_INFINITY, line.len()));
     for n in (0..line.len()).rev() {
         if n + 1 < line.len() {
             back += line[n].distance(line[n + 1]);
         }
-        // At least half of the line stays.
+        // Keep at least half of the line.
         if back > INWARD_MM || 2 * n < line.len() {
             break;
         }
@@ -395,7 +398,7 @@ fn last_ball(walls: &WallDistance, line: &mut Vec<DVec3>) {
     line.truncate(best.1);
 }
 
-/// A line continued by another, with a guess between them.
+/// Appends a line to another, with a guess between them.
 fn joined(line: Option<Centerline>, rest: Centerline) -> Centerline {
     let Some(mut line) = line else { return rest };
     let (Some(&a), Some(&b)) = (line.points.last(), rest.points.first()) else { return rest };

@@ -1,11 +1,11 @@
-//! *Peel onion* (paper, section 3.1): the lumen is peeled voxel by voxel from the wall inwards until a line is left.
+//! *Peel onion* (paper, section 3.1): peels the lumen voxel by voxel from the wall inwards until a line remains.
 //!
-//! Distance-ordered homotopic thinning (Pudney 1998): voxels go in the order of their distance to the wall, each only
-//! if its removal changes no topology. The lumen is 6-connected here and what surrounds it 26-connected, so that loops
-//! whose walls touch in an edge or a corner stay apart; a voxel is simple when, among its neighbours, the lumen has one
-//! piece that touches its faces (within the 18-neighbourhood) and the outside has one piece (Bertrand and Malandain
-//! 1994). The two ends are never taken. What is left holds one line between them, a loop about every strand across the
-//! lumen, and a shell about every island in it.
+//! This is distance-ordered homotopic thinning (Pudney 1998): voxels are removed in the order of their distance to the
+//! wall, each only if its removal does not change the topology. The lumen is 6-connected here and its surroundings are
+//! 26-connected, so loops whose walls touch in an edge or a corner stay apart. A voxel is simple if, among its
+//! neighbours, the lumen has one piece that touches its faces (within the 18-neighbourhood) and the outside has one
+//! piece (Bertrand and Malandain 1994). The two ends are never removed. The remainder contains a line between them, a
+//! loop around every strand across the lumen, and a shell around every island in it.
 
 use std::collections::VecDeque;
 
@@ -14,12 +14,13 @@ use crate::fields::WallDistance;
 use crate::fields::voxels::each_bit;
 use crate::progress::Progress;
 
-/// Buckets of distance in a millimetre.
+/// Distance buckets per millimetre.
 const PER_MM: f32 = 8.0;
-/// Voxels between two looks at whether to stop.
+/// Number of voxels between two checks for cancellation.
 const EVERY: u64 = 1 << 16;
 
-/// The shortest way of voxels from `start` to `goal` through what peeling leaves; none where they are not connected.
+/// Returns the shortest path of voxels from `start` to `goal` through the peeled remainder; `None` if they are not
+/// connected.
 pub(super) fn peeled(
     walls: &WallDistance,
     start: [i64; 3],
@@ -37,7 +38,7 @@ pub(super) fn peeled(
         }
         buckets[b].push(v.map(|x| x as i32));
     };
-    // The skin first; every voxel that goes bares its neighbours.
+    // Start with the skin. Every removed voxel exposes its neighbours.
     let mut skin = Vec::new();
     walls.set().for_each(|n, v| {
         let v = v.map(|x| x as i64);
@@ -51,7 +52,7 @@ pub(super) fn peeled(
     let mut steps = 0u64;
     while at < buckets.len() {
         let Some(v) = buckets[at].pop() else {
-            // Voxels are listed each time that a neighbour goes, all in all many times over: what is done is freed.
+            // A voxel is listed each time a neighbour goes, many times in total, so free finished buckets.
             buckets[at] = Vec::new();
             at += 1;
             continue;
@@ -74,7 +75,7 @@ pub(super) fn peeled(
     Ok(way(walls, &left, start, goal))
 }
 
-/// The shortest way across faces through the voxels that are left.
+/// Returns the shortest path across faces through the remaining voxels.
 fn way(walls: &WallDistance, left: &Left, start: [i64; 3], goal: [i64; 3]) -> Option<Vec<[i64; 3]>> {
     let mut reached = vec![(start, 0usize)];
     let mut seen = vec![false; walls.set().len()];
@@ -105,7 +106,7 @@ fn way(walls: &WallDistance, left: &Left, start: [i64; 3], goal: [i64; 3]) -> Op
     None
 }
 
-/// The voxels that are left, one bit each, with a rim of empty ones so that neighbours need no test.
+/// The remaining voxels, one bit each, with an empty rim so that neighbours need no bounds check.
 struct Left {
     words: usize,
     rows: usize,
@@ -126,7 +127,7 @@ impl Left {
         left
     }
 
-    /// Word and bit of a voxel; −1 and the grid's size are the rim.
+    /// Returns word and bit of a voxel. −1 and the grid's size are the rim.
     fn place(&self, v: [i64; 3]) -> (usize, u64) {
         let [i, j, k] = v.map(|x| (x + 1) as usize);
         (self.words * (j + self.rows * k) + i / 64, 1 << (i % 64))
@@ -142,10 +143,10 @@ impl Left {
         self.bits[word] &= !bit;
     }
 
-    /// The 26 neighbours of a voxel as bits, x fastest; its own (bit 13) is not set.
+    /// Returns the 26 neighbours of a voxel as bits, x fastest; the voxel's own bit (13) is not set.
     fn around(&self, [i, j, k]: [i64; 3]) -> u32 {
         let mut out = 0;
-        // The voxel before this one, in the rim's counting.
+        // The previous voxel, in rim coordinates.
         let x = i as usize;
         for dk in 0..3 {
             for dj in 0..3 {
@@ -162,12 +163,12 @@ impl Left {
     }
 }
 
-/// Which of the 27 voxels about one touch each other.
+/// Adjacency of the 27 voxels in a neighbourhood.
 struct Tables {
-    /// Neighbours across faces within the 18-neighbourhood, and all 26 neighbours.
+    /// For each voxel, its neighbours across faces within the 18-neighbourhood, and all its 26-neighbours.
     six: [u32; 27],
     all: [u32; 27],
-    /// The six neighbours of the middle across its faces, and its 18-neighbourhood.
+    /// The middle voxel's six neighbours across faces, and its 18-neighbourhood.
     faces: u32,
     eighteen: u32,
 }
@@ -188,7 +189,7 @@ impl Tables {
         }
     }
 
-    /// The part of `set` that is connected to `seed` by `touching`.
+    /// Returns the part of `set` that is connected to `seed` by `touching`.
     fn piece(set: u32, seed: u32, touching: &[u32; 27]) -> u32 {
         let (mut piece, mut fresh) = (seed, seed);
         while fresh != 0 {
@@ -200,7 +201,7 @@ impl Tables {
         piece
     }
 
-    /// Whether the middle voxel may go, given which of its neighbours are of the lumen.
+    /// True if the middle voxel may be removed, given which of its neighbours belong to the lumen.
     fn is_simple(&self, near: u32) -> bool {
         let faces = near & self.faces;
         let outside = !near & ((1 << 27) - 1) & !(1 << 13);
@@ -216,7 +217,7 @@ impl Tables {
 mod tests {
     use super::*;
 
-    /// The definition, by counting pieces with a plain flood.
+    /// Checks against the definition, by counting pieces with a plain flood fill.
     #[test]
     fn simple_voxels_are_those_of_the_definition() {
         let tables = Tables::new();

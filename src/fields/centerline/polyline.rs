@@ -1,32 +1,32 @@
-//! Lines of points that stay inside the lumen.
+//! Polylines that stay inside the lumen.
 
 use glam::DVec3;
 
 use crate::fields::{Distance, WallDistance};
 
-/// Two crossings this near each other along a way, as a share of it, are one.
+/// Two crossings closer than this fraction of a segment count as one.
 const TIE: f64 = 1e-9;
-/// How strongly a line that is pulled straight leans away from walls: mm a round at a distance of 1 mm.
+/// How strongly a tightened line leans away from walls: mm per round at a distance of 1 mm.
 pub(super) const LEAN: f64 = 0.4;
 
-/// Whether every voxel that the straight way from `a` to `b` (world, mm) passes through is of the lumen.
+/// True if every voxel on the straight segment from `a` to `b` (world, mm) belongs to the lumen.
 pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
     let start = walls.voxel(a);
     let Some(clear) = walls.at(start).filter(|&d| d >= 0.0) else { return false };
-    // Within the ball that the distance clears there is nothing else; a voxel reaches half a diagonal farther than its
-    // centre, at both ends.
+    // The ball given by the distance contains only lumen. At both ends a voxel reaches half a diagonal beyond its
+    // centre.
     if f64::from(clear) >= a.distance(b) + walls.grid().spacing().length() {
         return true;
     }
     let (u, v) = (walls.grid().voxel(a) + 0.5, walls.grid().voxel(b) + 0.5);
     let end = walls.voxel(b);
     let way = v - u;
-    // Voxel by voxel (Amanatides and Woo 1987): when the way crosses into the next one along each axis.
+    // Traverse voxel by voxel (Amanatides and Woo 1987), tracking the next crossing along each axis.
     let mut at = start;
     let cross = |a: usize, at: i64| {
         if way[a] == 0.0 { f64::INFINITY } else { ((if way[a] > 0.0 { at + 1 } else { at }) as f64 - u[a]) / way[a] }
     };
-    // `round` and `floor` differ on the faces between voxels, so the last voxel is looked at by itself.
+    // `round` and `floor` differ on the faces between voxels, so check the last voxel separately.
     let most: u64 = (0..3).map(|a| end[a].abs_diff(start[a]) + 1).sum();
     for _ in 0..=most {
         if !walls.is_inside(at) {
@@ -37,8 +37,8 @@ pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
         if next > 1.0 {
             break;
         }
-        // Where the way passes through an edge or a corner, all voxels that meet there count: a part of the way,
-        // rounded otherwise, may pass on either side.
+        // If the segment passes through an edge or a corner, check all voxels that meet there: a part of the segment
+        // with different rounding may pass on either side.
         let crossed: [bool; 3] = std::array::from_fn(|a| t[a] - next < TIE);
         for sides in 1..8 {
             if (0..3).all(|a| sides >> a & 1 == 0 || crossed[a]) {
@@ -56,21 +56,21 @@ pub(super) fn is_free(walls: &WallDistance, a: DVec3, b: DVec3) -> bool {
     walls.is_inside(end)
 }
 
-/// Points of a line, so that each straight way from one to the next is free and about `step` mm long: where a shorter
-/// way would cut a corner, the line's own points stay. The line itself must be free.
+/// Resamples a line so that each straight segment is free and about `step` mm long. If a shorter path would cut a
+/// corner, the line's own points are kept. The line itself must be free.
 pub(super) fn resampled(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<DVec3> {
     let Some(&first) = line.first() else { return Vec::new() };
     let mut out = vec![first];
     let mut at = first;
     let mut next = 1;
     while next < line.len() {
-        // The farthest place of the line within a step of arc that can be seen from here.
+        // Find the farthest point of the line within one step of arc that is visible from here.
         let mut best = None;
         let (mut from, mut run, mut n) = (at, 0.0, next);
         while n < line.len() {
             let part = line[n].distance(from);
             let is_last = run + part >= step;
-            // A point of the line stays as it is, to the last digit.
+            // Keep a point of the line bit for bit.
             let cuts = run + part > step + 1e-9;
             let place = if cuts { from.lerp(line[n], ((step - run) / part).clamp(0.0, 1.0)) } else { line[n] };
             if is_free(walls, at, place) {
@@ -89,13 +89,13 @@ pub(super) fn resampled(walls: &WallDistance, line: &[DVec3], step: f64) -> Vec<
     out
 }
 
-/// Length of a line, mm.
+/// Returns the length of a line, mm.
 pub(super) fn length(line: &[DVec3]) -> f64 {
     line.windows(2).map(|w| w[0].distance(w[1])).sum()
 }
 
-/// Means of a line's values under a bell curve of standard deviation `sigma` (in points), mirrored through the ends,
-/// which stay.
+/// Smooths a line's values with a Gaussian of standard deviation `sigma` (in points). Values are mirrored through the
+/// ends, which stay.
 pub(super) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
     let reach = (3.0 * sigma).ceil() as i64;
     let bell: Vec<f64> = (-reach..=reach).map(|n| (-0.5 * (n as f64 / sigma.max(1e-9)).powi(2)).exp()).collect();
@@ -109,9 +109,10 @@ pub(super) fn smoothed(values: &[DVec3], sigma: f64) -> Vec<DVec3> {
     (0..=last).map(|n| bell.iter().zip(n - reach..).map(|(&b, m)| value(m) * b).sum::<DVec3>() / total).collect()
 }
 
-/// Pulls a free line straight and towards the middle of the lumen: each point goes to the mean of its neighbours and up
-/// the distance to the wall where it is narrow (by `lean` mm a round at a distance of 1 mm), as long as both ways to
-/// its neighbours stay free. The ends stay.
+/// Tightens a free line towards the middle of the lumen.
+///
+/// Each point moves to the mean of its neighbours and, in narrow places, up the wall distance (by `lean` mm per round
+/// at a distance of 1 mm), as long as both segments to its neighbours stay free. The ends stay.
 pub(super) fn tightened(walls: &WallDistance, line: &mut [DVec3], rounds: usize, lean: f64) {
     for _ in 0..rounds {
         for n in 1..line.len().saturating_sub(1) {

@@ -1,13 +1,13 @@
-//! Roadmap (paper, section 3.1): balls inscribed at sampled places, and the ways between those that touch.
+//! Roadmap (paper, section 3.1): balls inscribed at sampled positions, and paths between those that touch.
 //!
-//! A sample climbs to where the wall is farthest (retraction to the medial axis, Wilmarth, Amato and Stiller 1999) and
-//! its ball owns the voxels that it covers and no other does yet. Samples are drawn from what has no owner until
-//! nothing is left, so that the balls' voxels are the lumen, also where it is narrow; the order is a fixed walk through
-//! all voxels. Two balls are neighbours where voxels of theirs share a face, and the way from one to the other leads
-//! straight from centre to centre where that is free, else through such a pair of voxels.
+//! A sample climbs to where the wall is farthest (retraction to the medial axis, Wilmarth, Amato and Stiller 1999). Its
+//! ball owns the voxels that it covers and that no other ball owns yet. Samples are drawn from voxels without an owner
+//! until none are left, so the balls' voxels cover the lumen, even where it is narrow. The order is a fixed traversal
+//! of all voxels. Two balls are neighbours if their voxels share a face. The path between them leads straight from
+//! centre to centre if that is free, else through such a pair of voxels.
 //!
-//! The search is its own, and not that of the maps of cells (`fields::neighbours`): it steps from ball to ball only,
-//! and remembers through which pair of voxels.
+//! The search is separate from that of the cell maps (`fields::neighbours`): it steps only from ball to ball, and it
+//! remembers the pair of voxels used.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -20,13 +20,13 @@ use crate::error::Result;
 use crate::fields::WallDistance;
 use crate::progress::Progress;
 
-/// Steps of a sample's climb at the most.
+/// Maximum number of steps in a sample's climb.
 const CLIMB: usize = 60;
-/// Samples between two looks at whether to stop.
+/// Number of samples between two checks for cancellation.
 const EVERY: usize = 1 << 14;
-/// Contacts that are listed before the best of each two balls are sorted out.
+/// Number of contacts to list before reducing them to the best one of each pair.
 const CONTACTS: usize = 1 << 22;
-/// The owner of a voxel that no ball owns.
+/// The owner of a voxel without a ball.
 const NOBODY: u32 = u32::MAX;
 
 /// A ball inscribed in the lumen.
@@ -36,10 +36,10 @@ struct Ball {
     radius: f64,
 }
 
-/// Where two balls' voxels share a face: the smaller ball, the larger one, the voxels of each (numbers).
+/// A shared face between two balls' voxels: the smaller ball, the larger one, and the voxel numbers of each.
 type Contact = (u32, u32, u32, u32);
 
-/// The way of least cost from `start` to `goal` along balls; none where they are not connected.
+/// Returns the least-cost path from `start` to `goal` along balls; `None` if they are not connected.
 pub(super) fn way(
     walls: &WallDistance,
     start: [i64; 3],
@@ -76,7 +76,7 @@ pub(super) fn way(
     Ok(None)
 }
 
-/// The line to ball 1 along the contacts by which the balls were reached.
+/// Returns the line to ball 1 along the contacts by which the balls were reached.
 fn line(walls: &WallDistance, balls: &[Ball], before: &[Option<Contact>]) -> Vec<DVec3> {
     let mut out = vec![balls[1].at];
     let mut n = 1;
@@ -92,8 +92,8 @@ fn line(walls: &WallDistance, balls: &[Ball], before: &[Option<Contact>]) -> Vec
     out
 }
 
-/// Pairs of balls whose voxels share a face, in both directions, ascending; of each pair the place farthest from the
-/// wall.
+/// Returns the pairs of balls whose voxels share a face, in both directions, ascending. Each pair has the contact
+/// farthest from the wall.
 fn contacts(walls: &WallDistance, owner: &[u32], progress: &Progress) -> Result<Vec<Contact>> {
     let mut all: Vec<(Contact, u32)> = Vec::new();
     let mut most = CONTACTS;
@@ -112,7 +112,7 @@ fn contacts(walls: &WallDistance, owner: &[u32], progress: &Progress) -> Result<
             let Some(m) = walls.set().number(next).filter(|&m| owner[m] != NOBODY && owner[m] != owner[n]) else {
                 continue;
             };
-            // Distances are not negative here, so their bits order as they do; the largest first.
+            // Distances are not negative here, so their bits have the same order. The largest comes first.
             let rank = !walls.values()[n].min(walls.values()[m]).to_bits();
             all.push(((owner[n], owner[m], n as u32, m as u32), rank));
             all.push(((owner[m], owner[n], m as u32, n as u32), rank));
@@ -123,13 +123,13 @@ fn contacts(walls: &WallDistance, owner: &[u32], progress: &Progress) -> Result<
     Ok(all.into_iter().map(|c| c.0).collect())
 }
 
-/// Keeps of each pair of balls the contact of the least rank, in the order of the pairs.
+/// Keeps the contact of least rank for each pair of balls, in the order of the pairs.
 fn best_of_each(all: &mut Vec<(Contact, u32)>) {
     all.sort_unstable_by_key(|&((a, b, x, y), rank)| (a, b, rank, x, y));
     all.dedup_by_key(|c| (c.0.0, c.0.1));
 }
 
-/// Balls that own the lumen's voxels, and each voxel's owner; the first two balls are those of the ends.
+/// Returns balls that own the lumen's voxels, and each voxel's owner. The first two balls are at the ends.
 fn balls(walls: &WallDistance, ends: [[i64; 3]; 2], progress: &Progress) -> Result<(Vec<Ball>, Vec<u32>)> {
     let count = walls.set().len();
     let mut owner = vec![NOBODY; count];
@@ -137,13 +137,13 @@ fn balls(walls: &WallDistance, ends: [[i64; 3]; 2], progress: &Progress) -> Resu
     for end in ends {
         add(walls, end, &mut owner, &mut balls);
     }
-    // A stride without a common factor with the count visits every voxel once, far from the one before.
+    // A stride coprime to the count visits every voxel once, each far from the previous one.
     let mut stride = (count as f64 * 0.618_033_988_75) as usize | 1;
     while gcd(stride, count) != 1 {
         stride += 2;
     }
     progress.stage("sampling balls", count as u64);
-    // Many samples climb to one place: its ball is made once.
+    // Many samples climb to the same position; create its ball only once.
     let mut made = vec![false; count];
     for end in ends {
         walls.set().number(end).into_iter().for_each(|n| made[n] = true);
@@ -169,7 +169,7 @@ fn balls(walls: &WallDistance, ends: [[i64; 3]; 2], progress: &Progress) -> Resu
     Ok((balls, owner))
 }
 
-/// Uphill among the 26 neighbours until none is farther from the wall.
+/// Climbs among the 26 neighbours until none is farther from the wall.
 fn climbed(walls: &WallDistance, from: [i64; 3]) -> [i64; 3] {
     let mut at = from;
     for _ in 0..CLIMB {
@@ -184,8 +184,9 @@ fn climbed(walls: &WallDistance, from: [i64; 3]) -> [i64; 3] {
     at
 }
 
-/// Adds the ball at a voxel and gives it what it covers and nobody owns: a diagonal less than its radius, so that the
-/// straight way from its centre to any of its voxels passes through no voxel outside; its own voxel in any case.
+/// Adds the ball at a voxel and assigns it the unowned voxels that it covers. It covers a diagonal less than its
+/// radius, so that the straight segment from its centre to any of its voxels passes through no voxel outside. It always
+/// covers its centre voxel.
 fn add(walls: &WallDistance, centre: [i64; 3], owner: &mut [u32], balls: &mut Vec<Ball>) {
     let radius = f64::from(walls.at(centre).unwrap_or(0.0).max(0.0));
     let own = balls.len() as u32;
@@ -201,13 +202,13 @@ fn add(walls: &WallDistance, centre: [i64; 3], owner: &mut [u32], balls: &mut Ve
             }
             let along = ((covers * covers - across).sqrt() / spacing.x) as i64;
             let row = |i: i64| [centre[0] + i, centre[1] + dj, centre[2] + dk];
-            // All of a ball's voxels are of the lumen, so those of a row are numbered one after the other.
+            // All of a ball's voxels belong to the lumen, so those of a row have consecutive numbers.
             if let (Some(a), Some(b)) = (walls.set().number(row(-along)), walls.set().number(row(along))) {
                 owner[a..=b].iter_mut().filter(|o| **o == NOBODY).for_each(|o| *o = own);
             }
         }
     }
-    // The ends' balls own their centres, even where another ball covered them first: the search begins and ends there.
+    // The end balls own their centres, even if another ball covered them first: the search starts and ends there.
     if let Some(n) = walls.set().number(centre).filter(|_| own < 2) {
         owner[n] = own;
     }

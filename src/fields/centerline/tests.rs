@@ -7,7 +7,7 @@ use crate::math::hash::uniform;
 const METHODS: [CenterlineMethod; 4] =
     [CenterlineMethod::PenalisedPath, CenterlineMethod::PeelOnion, CenterlineMethod::Roadmap, CenterlineMethod::Cells];
 
-/// What is true of every line without a guess.
+/// Checks the invariants of every line without a guess.
 fn holds_together(walls: &WallDistance, line: &Centerline) {
     assert_eq!(line.points.len(), line.radius_mm.len());
     assert!(line.points.windows(2).all(|w| is_free(walls, w[0], w[1])), "a line leaves the lumen");
@@ -25,7 +25,7 @@ fn off(p: DVec3, line: &[DVec3]) -> f64 {
     line.windows(2).map(part).fold(f64::INFINITY, f64::min)
 }
 
-/// A straight tube: the axis, from the centre of one end's ball to the other's, by every method.
+/// Every method finds the axis of a straight tube, from the centre of one end's ball to the other's.
 #[test]
 fn a_tube_has_its_axis() {
     let (a, b) = (DVec3::new(12.0, 13.0, 12.0), DVec3::new(60.0, 33.0, 40.0));
@@ -45,7 +45,7 @@ fn a_tube_has_its_axis() {
     }
 }
 
-/// Two limbs of a hairpin that share a wall of one voxel, touch along an edge, or along a corner: the line goes round.
+/// Two limbs of a hairpin share a wall of one voxel, or touch along an edge or at a corner: the line goes around.
 #[test]
 fn touching_loops_are_not_cut() {
     let hairpin = |p: DVec3, wall: &dyn Fn(DVec3) -> bool| {
@@ -53,7 +53,7 @@ fn touching_loops_are_not_cut() {
         limbs && (!wall(p) || p.x > 53.0)
     };
     let one_voxel = |p: DVec3| p.y == 9.0;
-    // Steps of a staircase between the limbs that touch in edges only.
+    // A staircase between the limbs whose steps touch only in edges.
     let edges = |p: DVec3| p.y == 9.0 + (p.x + p.z) % 2.0;
     for (name, walls) in [
         ("one voxel", WallDistance::drawn([62, 19, 13], DVec3::ONE, |p| hairpin(p, &one_voxel))),
@@ -104,7 +104,7 @@ fn extremes() {
         holds_together(&ring, &line);
         assert!((30.0..75.0).contains(&line.length_mm), "{method:?}: half of the ring, {} mm", line.length_mm);
     }
-    // One voxel, and two points that are the same.
+    // One voxel, and two identical points.
     let one = WallDistance::drawn([5, 5, 5], DVec3::ONE, |w| w == DVec3::splat(2.0));
     for method in METHODS {
         let line = by(method, &one, End::Tip(DVec3::splat(2.0)), End::Tip(DVec3::splat(2.0)), &[], &p).unwrap();
@@ -120,7 +120,7 @@ fn extremes() {
     assert!(between(&ring, End::Tip(ends[0]), End::Tip(ends[1]), &[], &cancelled).is_err());
 }
 
-/// A tube in three pieces: bridged in order, in both directions, only when guesses are given, and marked.
+/// A tube in three pieces is bridged in order, in both directions, only when guesses are given, and marked.
 #[test]
 fn collapsed_stretches_are_marked_guesses() {
     let walls = WallDistance::drawn([120, 15, 15], DVec3::ONE, |p| {
@@ -141,7 +141,7 @@ fn collapsed_stretches_are_marked_guesses() {
         assert_eq!(line.points.len(), line.radius_mm.len());
         assert!(line.radius_mm.iter().filter(|r| **r == 0.0).count() >= 20);
     }
-    // A guess within one piece, as fluid leaves it that joins two segments of gas, bridges nothing.
+    // A guess within one piece bridges nothing. Fluid that joins two gas segments leaves such guesses.
     let more = [[at(10.0), at(20.0)], guesses[0], [at(52.0), at(60.0)], guesses[1], [at(90.0), at(100.0)]];
     for (from, to) in [(5.0, 110.0), (110.0, 5.0)] {
         let [line, with_more] =
@@ -155,8 +155,8 @@ fn collapsed_stretches_are_marked_guesses() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
-    /// Caves of chance: a line, where there is a way at all, inside everywhere, whatever the method; a way there is
-    /// exactly where a flood from one end reaches the other.
+    /// In random caves, every method finds a line that is inside everywhere, if and only if a flood fill from one end
+    /// reaches the other.
     #[test]
     fn lines_stay_inside_caves(seed: u64, share in 0.45f64..0.9, sx in 0.3f64..2.0, sz in 0.3f64..4.0) {
         let dims = [17usize, 15, 13];
@@ -194,7 +194,7 @@ proptest! {
     }
 }
 
-/// Random walks through the voxels of a cave stay free when they are resampled and pulled straight.
+/// Random walks through a cave's voxels stay free when resampled and tightened.
 #[test]
 fn resampling_and_tightening_keep_a_line_free() {
     let walls = WallDistance::drawn([20, 20, 20], DVec3::new(0.5, 0.7, 1.1), |p| {

@@ -1,21 +1,22 @@
-//! Approximate distances to the wall, to compare the exact one with: two passes over the grid's box about the lumen.
+//! Approximate distances to the wall, for comparison with the exact one: two passes over the grid's box around the
+//! lumen.
 //!
-//! Chamfer distances (Borgefors 1986) add the lengths of steps to the 26 neighbours; the chessboard distance counts
-//! voxels along the longest axis, and is in mm the count times the least spacing, a lower bound. Both take the wall to
-//! lie half-way between voxels.
+//! Chamfer distances (Borgefors 1986) add the lengths of steps to the 26 neighbours. The chessboard distance counts
+//! voxels along the longest axis; in mm it is the count times the smallest spacing, a lower bound. Both assume that the
+//! wall is half-way between voxels.
 
 use crate::fields::WallDistance;
 
-/// An approximate distance.
+/// An approximate distance measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cheap {
-    /// Steps to 26 neighbours at their Euclidean lengths.
+    /// Steps to the 26 neighbours at their Euclidean lengths.
     Chamfer,
-    /// The larger of the steps along each axis.
+    /// The maximum of the steps along each axis.
     Chessboard,
 }
 
-/// Distances (mm) of the voxels of the set of `walls` that are of the lumen, in its order; 0 for the others.
+/// Returns the distances (mm) of the voxels in the set of `walls`, in its order; 0 for those outside the lumen.
 pub fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
     let set = walls.set();
     let spacing = walls.grid().spacing();
@@ -31,7 +32,7 @@ pub fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
         Cheap::Chessboard => 0.5 * unit,
     } as f32;
     let mut out: Vec<f32> = walls.values().iter().map(|&v| if v >= 0.0 { f32::INFINITY } else { 0.0 }).collect();
-    // Beside the wall: half a voxel along the axis that leads out.
+    // Next to the wall: half a voxel along the axis that leads out.
     set.for_each(|n, v| {
         let v = v.map(|x| x as i64);
         if out[n] > 0.0 {

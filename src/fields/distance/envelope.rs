@@ -1,6 +1,7 @@
 //! The lower envelope of parabolas, in one sweep (Felzenszwalb and Huttenlocher 2012).
 
-/// The first whole place from a place on; 0 for one before it. (`ceil` is a call on a plain machine.)
+/// Returns the first whole position at or after `place`, or 0 if it is negative. (`ceil` is a function call on a
+/// baseline CPU.)
 fn from(place: f32) -> usize {
     let whole = place as usize;
     whole + usize::from((whole as f32) < place)
@@ -9,26 +10,26 @@ fn from(place: f32) -> usize {
 /// A parabola of an envelope.
 #[derive(Clone, Copy, Debug)]
 struct Parabola {
-    /// Where its bottom is.
+    /// Position of the minimum.
     at: u32,
-    /// Where it begins to be the lowest.
+    /// Start of the range in which it is the lowest.
     begin: f32,
-    /// Its height at the bottom, mm².
+    /// Height at the minimum, mm².
     height: f32,
 }
 
-/// Room that the envelopes are built in.
+/// Scratch memory for building envelopes.
 #[derive(Debug, Default)]
 pub(super) struct Envelope {
     /// Heights along the run, mm².
     pub heights: Vec<f32>,
     parabolas: Vec<Parabola>,
-    /// 1/n, as far as it was needed: a division takes several times as long as all the rest of a step.
+    /// 1/n, as far as needed so far: a division takes several times as long as the rest of a step.
     inverse: Vec<f32>,
 }
 
 impl Envelope {
-    /// Replaces the heights h(q) of a run by min over p of h(p) + (s·(q − p))², `square` = s².
+    /// Replaces the heights h(q) of a run by min over p of h(p) + (s·(q − p))², with `square` = s² (mm²).
     pub fn lower(&mut self, square: f32) {
         let Self { heights, parabolas, inverse } = self;
         let known = inverse.len();

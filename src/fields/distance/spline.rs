@@ -5,8 +5,8 @@ use glam::{DMat3, DVec3};
 use crate::fields::Sample;
 use crate::volume::Grid;
 
-/// The weights of the four voxels about a place at fraction `t` after the second one, and their first and second
-/// derivatives (per voxel): the uniform cubic B-spline.
+/// Returns the uniform cubic B-spline's weights of the four voxels around a position at fraction `t` after the second
+/// one, with their first and second derivatives (per voxel).
 fn weights(t: f64) -> [[f64; 4]; 3] {
     let u = 1.0 - t;
     [
@@ -16,7 +16,7 @@ fn weights(t: f64) -> [[f64; 4]; 3] {
     ]
 }
 
-/// Orders of the derivatives (x, y, z) that are computed: value, gradient, Hessian.
+/// Derivative orders (x, y, z) that are computed: value, gradient, Hessian.
 const ORDERS: [[usize; 3]; 10] =
     [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [2, 0, 0], [0, 2, 0], [0, 0, 2], [1, 1, 0], [1, 0, 1], [0, 1, 1]];
 
@@ -44,9 +44,9 @@ impl Local {
     }
 }
 
-/// Calls `visit` for each of the 64 voxels about a world point with its weight and the weight's derivatives, until it
-/// answers false. None outside the grid, for a point that is not finite, and after a false. Beyond the grid's border
-/// its outermost voxels are repeated.
+/// Calls `visit` for each of the 64 voxels around a world point with its weight and the weight's derivatives, until it
+/// returns false. Returns `None` outside the grid, for a point that is not finite, and after a false. Beyond the grid's
+/// border the outermost voxels are repeated.
 fn each(grid: &Grid, at: DVec3, mut visit: impl FnMut([i64; 3], &[f64; 10]) -> bool) -> Option<()> {
     let u = grid.voxel(at);
     let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
@@ -75,14 +75,16 @@ fn add(sums: &mut [f64; 10], weight: &[f64; 10], value: f64) {
     sums.iter_mut().zip(weight).for_each(|(s, w)| *s += w * value);
 }
 
-/// The spline at a world point, with `value` (mm) at each voxel as its coefficients; None where one is missing.
+/// Evaluates the spline at a world point, with `value` (mm) at each voxel as its coefficients; `None` if one is
+/// missing.
 pub(in crate::fields) fn sample(grid: &Grid, at: DVec3, value: impl Fn([i64; 3]) -> Option<f32>) -> Option<Sample> {
     let mut sums = [0.0; 10];
     each(grid, at, |v, weight| value(v).map(|x| add(&mut sums, weight, f64::from(x))).is_some())?;
     Some(Local::of(sums).in_world(grid))
 }
 
-/// The same over the voxels that have a value alone, their weights scaled to a sum of 1; None where there is none.
+/// Same as [`sample`], using only the voxels that have a value, with weights scaled to a sum of 1; `None` if there are
+/// none.
 pub(in crate::fields) fn sample_some(
     grid: &Grid,
     at: DVec3,
@@ -130,7 +132,7 @@ mod tests {
         assert!(s.hessian.to_cols_array().iter().all(|h| h.abs() < 1e-4));
     }
 
-    /// Derivatives against differences of the spline itself: it has two continuous ones, across voxels too.
+    /// Compares derivatives with differences of the spline itself. It has two continuous ones, across voxels too.
     #[test]
     fn derivatives_are_those_of_the_spline() {
         let grid = oblique();
@@ -149,7 +151,7 @@ mod tests {
         }
     }
 
-    /// The same for the scaled one, with holes.
+    /// Same for the scaled spline, with holes.
     #[test]
     fn derivatives_of_the_scaled_spline() {
         let grid = oblique();

@@ -19,13 +19,13 @@ fn volume(grid: Grid, hu: impl Fn(DVec3) -> f64) -> Volume {
     Volume::new(grid, data)
 }
 
-/// The gas of a volume as the lumen, whatever it is.
+/// Takes all gas of a volume as the lumen.
 fn of_gas(v: &Volume) -> WallDistance {
     let inside = VoxelSet::from_fn(v.grid().dims(), |n| v.data()[n] <= GAS_HU).unwrap();
     WallDistance::build(v.grid(), &inside, Some((v.data(), GAS_HU)), SHELL, &Progress::new()).unwrap()
 }
 
-/// Every crossing of a grid edge and every gas voxel on the border, in mm along the axes.
+/// Returns every crossing of a grid edge and every gas voxel on the border, in mm along the axes.
 fn crossings(v: &Volume, is_mask: bool) -> Vec<DVec3> {
     let dims = v.grid().dims();
     let at = |n: usize| [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]];
@@ -58,7 +58,7 @@ fn crossings(v: &Volume, is_mask: bool) -> Vec<DVec3> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
-    /// Every voxel's distance to the nearest of all crossings, found one by one.
+    /// Compares every voxel's distance with the nearest of all crossings, found by brute force.
     #[test]
     fn is_the_distance_to_the_nearest_crossing(
         nx in prop::sample::select(vec![1usize, 2, 9, 65]), ny in 1usize..9, nz in 1usize..9,
@@ -67,7 +67,7 @@ proptest! {
         let mut spacing = DVec3::new(0.7, 0.9, 1.3);
         spacing[flat] = 6.0;
         let g = grid([nx, ny, nz], spacing);
-        // Blobs and noise: thick and thin parts.
+        // Blobs and noise give thick and thin parts.
         let solid = |n: usize| uniform(seed, (n / 7) as u64) < share;
         let data: Vec<i16> = (0..g.len())
             .map(|n| match (solid(n), is_mask) {
@@ -86,10 +86,10 @@ proptest! {
             let p = DVec3::new(i as f64, j as f64, k as f64) * spacing;
             let brute = all.iter().map(|c| c.distance(p)).fold(f64::INFINITY, f64::min);
             let got = f64::from(d.values()[n]);
-            // Beside the wall the plane through the samples may be nearer than each, by no more than √3.
+            // Beside the wall, the plane through the samples can be nearer than each sample, by at most a factor √3.
             let tangent = !is_mask && got.abs() >= brute / 3f64.sqrt() - 1e-4 && brute <= spacing.max_element();
             let exact = (got.abs() - brute).abs() < 1e-3;
-            // In the shell the way to the nearest crossing may lead out of it.
+            // In the shell, the path to the nearest crossing may leave the shell.
             let outside = got < 0.0 && got.abs() >= brute - 1e-3;
             if !(exact || tangent || outside) && brute.is_finite() {
                 failed = Some(([i, j, k], got, brute));
@@ -99,7 +99,7 @@ proptest! {
     }
 }
 
-/// Balls of gas with a linear edge: the values' error at voxel centres, and the spline's between them.
+/// Balls of gas with a linear edge: the error of values at voxel centres, and of the spline between them.
 #[test]
 fn a_sphere_is_met_to_hundredths_of_a_voxel() {
     for spacing in [DVec3::ONE, DVec3::new(0.7, 0.7, 1.0), DVec3::new(0.5, 0.8, 1.5)] {
@@ -107,8 +107,8 @@ fn a_sphere_is_met_to_hundredths_of_a_voxel() {
         let centre = DVec3::new(16.6, 25.3, 28.9);
         let v = volume(grid(dims, spacing), |p| {
             let d = p.distance(centre) - 15.0;
-            // −650 HU at d = 0, and linear about it: what is measured is the distance's error, not that of
-            // interpolation.
+            // −650 HU at d = 0, and linear around it, so that the test measures the distance's error, not the
+            // interpolation's.
             (-650.0 + 200.0 * d).clamp(-1000.0, 40.0)
         });
         let field = of_gas(&v);
@@ -145,7 +145,7 @@ fn a_sphere_is_met_to_hundredths_of_a_voxel() {
     }
 }
 
-/// A bent tube with coarse, noisy voxels: the bound is one, and of use.
+/// A bent tube with coarse, noisy voxels: the bound holds and is useful.
 #[test]
 fn clearances_are_bounds_of_the_finders() {
     let shear = DMat3::from_cols(DVec3::X, DVec3::Y, DVec3::new(0.0, 0.3, 1.0));

@@ -1,17 +1,17 @@
-//! The exact Euclidean distance to every place where a grid edge crosses the wall, in time linear in the number of
-//! voxels asked for.
+//! The exact Euclidean distance to the points where grid edges cross the wall, in time linear in the number of
+//! requested voxels.
 //!
-//! The sources lie on grid edges, off the voxels' centres, along one axis each. For the sources on edges along x, the
-//! nearest along a row is found by scanning it, and the lower envelope of parabolas (Felzenszwalb and Huttenlocher
-//! 2012) takes it across y and then z, where those sources lie on whole indices: exact. The same holds for y and z with
-//! the scan along their own axis. Taking one family's distance along its own axis a second time would add the squares
-//! of two parts of one distance and fall below the truth, so the three families are only joined where what remains to
-//! be done is the same:
+//! Sources are on grid edges, off the voxels' centres along one axis each. For sources on edges along x, a scan finds
+//! the nearest one along each row. The lower envelope of parabolas (Felzenszwalb and Huttenlocher 2012) extends this
+//! across y and then z, where those sources are at whole indices, so it is exact. The same holds for y and z with the
+//! scan along their own axis. Extending one family's distance along its own axis a second time would add the squares of
+//! two parts of one distance and fall below the truth. The three families are therefore merged only when their
+//! remaining passes are the same:
 //!
 //! D² = min(Pz(min(Py(fx²), Px(fy²))), Py(Px(fz²))),  P_a the envelope along axis a, f_a the scan.
 //!
-//! All of it runs within the voxels asked for: the ball that a distance clears holds every voxel that its computation
-//! passes through, so that nothing beyond the lumen and its shell is ever looked at.
+//! Everything runs within the requested voxels: the ball given by a distance contains every voxel that its computation
+//! passes through, so nothing beyond the lumen and its shell is read.
 
 use std::ops::Range;
 
@@ -22,17 +22,17 @@ use crate::error::Result;
 use crate::fields::voxels::{VoxelSet, each_bit, each_run};
 use crate::progress::Progress;
 
-/// Which voxels are inside, and where between two voxels the wall is.
+/// The voxels inside, and the position of the wall between two voxels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Walls<'a> {
-    /// The voxels on this side of the wall.
+    /// The voxels on the inner side of the wall.
     pub inside: &'a VoxelSet,
-    /// The values that place the wall between two voxels, HU, and its iso value; the wall is half-way without.
+    /// The values that locate the wall between two voxels, HU, and its iso value. Without them the wall is half-way.
     pub hu: Option<(&'a [i16], i16)>,
 }
 
 impl Walls<'_> {
-    /// How far from an inside voxel towards its neighbour outside the wall is, voxels.
+    /// Returns the position of the wall from an inside voxel towards its outside neighbour, voxels.
     #[inline]
     fn fraction(&self, inside: usize, outside: usize) -> f32 {
         let Some((hu, iso)) = self.hu else { return 0.5 };
@@ -40,14 +40,14 @@ impl Walls<'_> {
         if a <= iso && b > iso { (iso - a) / (b - a) } else { 0.5 }
     }
 
-    /// Where the wall is beyond the grid's outermost voxels, voxels: what was not scanned cannot be flown, but of a
-    /// mask's outermost voxels all is lumen.
+    /// Returns the position of the wall beyond the grid's outermost voxels, voxels. Unscanned space cannot be flown
+    /// through, but a mask's outermost voxels are entirely lumen.
     fn border(&self) -> f32 {
         if self.hu.is_some() { 0.0 } else { 0.5 }
     }
 
-    /// Along a line of voxels, given as the bits of `count` rows one after the other: calls `visit(line, x, place)` for
-    /// every crossing between `line` and the next, `place` counted in lines.
+    /// Calls `visit(line, x, place)` for every crossing between line `n` and the next. Lines are given as the bits of
+    /// rows; `place` is counted in lines.
     #[inline]
     fn crossings(&self, lines: &Lines, n: usize, mut visit: impl FnMut(usize, f32)) {
         let (a, b) = (lines.row(self.inside, n), lines.row(self.inside, n + 1));
@@ -67,8 +67,7 @@ impl Walls<'_> {
     }
 }
 
-/// The rows of one plane of the grid, one after the other: those of a slice (fixed k, along y) or of a layer (fixed j,
-/// along z).
+/// The rows of one plane of the grid, in order: those of a slice (fixed k, along y) or of a layer (fixed j, along z).
 #[derive(Clone, Copy, Debug)]
 struct Lines {
     dims: [usize; 3],
@@ -87,7 +86,7 @@ impl Lines {
         set.row(j, k)
     }
 
-    /// Linear index of the line's first voxel.
+    /// Returns the linear index of the line's first voxel.
     fn base(&self, n: usize) -> usize {
         let (j, k) = self.place(n);
         self.dims[0] * (j + self.dims[1] * k)
@@ -98,7 +97,7 @@ impl Lines {
     }
 }
 
-/// The part of a plane that holds voxels asked for: lines, and x within them.
+/// The part of a plane that contains requested voxels: lines, and x within them.
 #[derive(Clone, Debug)]
 struct Window {
     lines: Range<usize>,
@@ -134,7 +133,7 @@ impl Window {
     }
 }
 
-/// Squares of the distance along the lines' axis to the nearest crossing on it, mm², for the whole window.
+/// Computes squared distances along the lines' axis to the nearest crossing on it, mm², for the whole window.
 fn scan(walls: &Walls, lines: &Lines, window: &Window, spacing: f32, out: &mut Vec<f32>) {
     let width = window.width();
     out.clear();
@@ -192,7 +191,7 @@ fn each_member(row: &[u64], xs: &Range<usize>, mut visit: impl FnMut(usize)) {
     }
 }
 
-/// The same along x itself, for one row.
+/// Same as [`scan`] along x itself, for one row.
 fn scan_row(
     walls: &Walls,
     (j, k): (usize, usize),
@@ -219,7 +218,7 @@ fn scan_row(
     places.push(f32::INFINITY);
     let mut x = xs.start;
     for pair in places.windows(2) {
-        // Voxels from one crossing up to the next; a voxel on a crossing has distance 0 from either side.
+        // Voxels from one crossing up to the next. A voxel on a crossing has distance 0 from either side.
         let end = (pair[1].ceil() as usize).clamp(x, xs.end);
         for (n, o) in out[x - xs.start..end - xs.start].iter_mut().enumerate() {
             let here = (x + n) as f32;
@@ -231,7 +230,7 @@ fn scan_row(
 }
 
 impl Envelope {
-    /// Along every run of `set` in one row.
+    /// Applies the envelope to every run of `set` in one row.
     fn along_row(&mut self, row: &[u64], xs: &Range<usize>, square: f32, values: &mut [f32]) {
         each_run(row, |r| {
             let here = &mut values[r.start - xs.start..r.end - xs.start];
@@ -242,7 +241,7 @@ impl Envelope {
         });
     }
 
-    /// Along every run of `set` across the lines of a plane.
+    /// Applies the envelope to every run of `set` across the lines of a plane.
     fn across(&mut self, set: &VoxelSet, lines: &Lines, window: &Window, square: f32, values: &mut [f32]) {
         let width = window.width();
         let (first, x0) = (window.lines.start, window.xs.start);
@@ -274,11 +273,11 @@ impl Envelope {
     }
 }
 
-/// Values of the members of each row of a plane.
+/// Values of the members in each row of a plane.
 type PlaneRows<'v> = Vec<&'v mut [f32]>;
 
-/// The values of `set` parted into the rows of slices (fixed k) or of layers (fixed j), which different threads may
-/// write.
+/// Splits the values of `set` into the rows of slices (fixed k) or of layers (fixed j), so that different threads can
+/// write them.
 fn planes<'v>(set: &VoxelSet, mut values: &'v mut [f32], axis: usize) -> Vec<PlaneRows<'v>> {
     let [_, ny, nz] = set.dims();
     let (count, each) = if axis == 1 { (nz, ny) } else { (ny, nz) };
@@ -318,7 +317,7 @@ fn collect(set: &VoxelSet, lines: &Lines, window: &Window, values: &[f32], rows:
     }
 }
 
-/// Room for one slice: squares by family of sources.
+/// Scratch memory for one slice: squares by family of sources.
 #[derive(Debug, Default)]
 struct Slice {
     x: Vec<f32>,
@@ -370,9 +369,9 @@ impl Slice {
     }
 }
 
-/// Square of the distance to the plane through the crossings within one voxel along two or three axes, mm²; infinite
-/// where there are fewer. Crossings are samples of the surface: right beside it the plane through them is nearer than
-/// any.
+/// Returns the squared distance to the plane through the crossings within one voxel along two or three axes, mm²;
+/// infinite if there are fewer. Crossings are samples of the surface: right beside it, the plane through them is nearer
+/// than any of them.
 fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
     let (mut sum, mut count) = (0.0, 0);
     for a in 0..3 {
@@ -384,8 +383,8 @@ fn tangent(f: [f32; 3], squares: [f32; 3]) -> f32 {
     if count > 1 { 1.0 / sum } else { f32::INFINITY }
 }
 
-/// Distances (mm) of the voxels of `asked` to the nearest crossing, in their order, less than 0 for those outside;
-/// `most` (mm) where there is none. Spacing in mm; distances are multiplied by `scale`.
+/// Returns the distances (mm) of the voxels of `asked` to the nearest crossing, in their order: negative for those
+/// outside, and `most` (mm) if there is no crossing. Spacing is in mm; distances are multiplied by `scale`.
 pub(super) fn distances(
     walls: &Walls,
     asked: &VoxelSet,
@@ -398,7 +397,7 @@ pub(super) fn distances(
     progress.stage("measuring the distance to the wall", (2 * dims[1] + dims[2]) as u64);
     let mut across = vec![f32::INFINITY; asked.len()];
     let mut within = vec![f32::INFINITY; asked.len()];
-    // Along z: each layer of rows with one j.
+    // Along z: each layer of rows with the same j.
     let layers = planes(asked, &mut across, 2).into_par_iter().enumerate();
     layers.try_for_each_init(Vec::new, |values, (j, mut rows)| {
         let lines = Lines { dims, axis: 2, at: j };

@@ -1,4 +1,4 @@
-//! Which pieces of gas are colon: outside air, gas around the patient, and lungs are recognised by place and texture.
+//! Selection of the colon's gas: outside air, gas around the patient and lungs are recognised by position and texture.
 
 use rayon::prelude::*;
 
@@ -6,52 +6,53 @@ use super::frame::Frame;
 use super::runs::{Rows, Run};
 use crate::volume::Volume;
 
-/// A piece of gas smaller than this share of the largest one is not kept, unless it is [`AMPLE_ML`].
+/// Minimum size of a piece of gas as a fraction of the largest one, unless it is [`AMPLE_ML`].
 const LEAST_SHARE: f64 = 0.05;
-/// Gas of this volume is kept however large the largest piece is: a part of the colon between two collapsed ones, ml.
+/// Gas of this volume is kept however large the largest piece is, ml: part of the colon between two collapsed
+/// stretches.
 const AMPLE_ML: f64 = 15.0;
-/// Bubbles below this are never kept beside a larger piece, ml.
+/// Bubbles smaller than this are never kept beside a larger piece, ml.
 const BUBBLE_ML: f64 = 0.1;
-/// No more pieces than this are kept (the largest).
+/// Maximum number of pieces (the largest are kept).
 const MOST: usize = 32;
-/// Tissue that gas inside the body has around it on every side, mm: more than the shell of a table, less than skin and
+/// Tissue that surrounds gas inside the body on every side, mm: more than the shell of a table, less than the skin and
 /// muscle of a lean patient.
 const ENCLOSING_MM: f64 = 6.0;
 /// Tissue is brighter than this, HU: between fat (−120) and lung.
 const TISSUE_HU: i16 = -300;
-/// How much brighter than the scan's own gas lung is at least, in the median, HU. Even emphysema seldom comes nearer.
+/// Minimum excess of the lung's median over the scan's own gas, HU. Even emphysema rarely comes closer.
 const LUNG_ABOVE_GAS: i32 = 70;
-/// The same for gas that reaches the scan's superior end, where lungs are to be expected.
+/// Same for gas that reaches the scan's superior end, where lungs are expected.
 const LUNG_ABOVE_GAS_AT_TOP: i32 = 45;
-/// The gas of a scan without a darker one is taken to be at most this bright, HU.
+/// Maximum value of the scan's gas if there is no darker one, HU.
 const GAS_AT_MOST: i32 = -950;
-/// Voxels of a piece from which the surroundings are looked at.
+/// Number of voxels of a piece whose surroundings are examined.
 const PROBES: usize = 160;
 
-/// One connected component of gas.
+/// A connected component of gas.
 #[derive(Clone, Copy, Debug, Default)]
 struct Piece {
     voxels: u64,
-    /// On a face of the grid that is neither the superior nor the inferior one.
+    /// True if it touches a face of the grid other than the superior and the inferior one.
     on_side: bool,
     on_top: bool,
 }
 
-/// What a component is, where that is beyond doubt.
+/// The kind of a component, if it is beyond doubt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// It may be colon.
     Unsure,
-    /// The air outside the patient.
+    /// Air outside the patient.
     Outside,
-    /// Gas that no body encloses: in the table, in folds of clothes.
+    /// Gas not enclosed by the body: in the table, in folds of clothes.
     Around,
-    /// Lung, with its airways.
+    /// Lung with its airways.
     Lung,
 }
 
 impl Kind {
-    /// Its name, and how it is told; none where nothing is.
+    /// Returns its name and the reason; `None` if unsure.
     pub fn reported(self) -> Option<(&'static str, &'static str)> {
         match self {
             Self::Unsure => None,
@@ -62,12 +63,12 @@ impl Kind {
     }
 }
 
-/// What each component is.
+/// Returns the kind of each component.
 pub(super) fn kinds(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<Kind> {
     let looked = look(volume, rows, components, frame);
     let mut kinds: Vec<Kind> =
         looked.pieces.iter().map(|p| if p.on_side { Kind::Outside } else { Kind::Unsure }).collect();
-    // A bubble's few voxels are brighter than gas since its wall is near, and say little of what is around it.
+    // The few voxels of a bubble are near its wall, hence brighter than gas, and say little about its surroundings.
     for &(c, found) in looked.inside.iter().filter(|&&(c, _)| looked.ml(c) >= AMPLE_ML) {
         kinds[c as usize] = match found {
             Found::Dark(median) if looked.is_dark(c, median) => Kind::Unsure,
@@ -78,12 +79,12 @@ pub(super) fn kinds(volume: &Volume, rows: &Rows, components: usize, frame: Fram
     kinds
 }
 
-/// What a look at a component's probes tells.
+/// The result of examining a component's probes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Found {
-    /// Its median, HU: that of gas, maybe, with tissue around it.
+    /// Median, HU, possibly that of gas, with tissue around it.
     Dark(i32),
-    /// Brighter than lung can be, however dark the scan's gas is: nobody has looked around.
+    /// Brighter than lung can be, however dark the scan's gas is; the surroundings were not examined.
     Bright,
     /// No tissue around it.
     Bare,
@@ -95,13 +96,13 @@ impl Found {
     }
 }
 
-/// A look at all components.
+/// The examination of all components.
 struct ComponentReview {
     pieces: Vec<Piece>,
     voxel_ml: f64,
-    /// The largest of those within the body, by volume, the largest first (ties by label).
+    /// The largest components within the body, by volume, the largest first (ties by label).
     inside: Vec<(u32, Found)>,
-    /// The scan's own gas, HU.
+    /// The value of the scan's own gas, HU.
     gas: i32,
 }
 
@@ -110,21 +111,21 @@ impl ComponentReview {
         self.pieces[c as usize].voxels as f64 * self.voxel_ml
     }
 
-    /// Whether a component's median is that of gas rather than of lung.
+    /// True if a component's median is that of gas rather than of lung.
     fn is_dark(&self, c: u32, median: i32) -> bool {
         let margin = if self.pieces[c as usize].on_top { LUNG_ABOVE_GAS_AT_TOP } else { LUNG_ABOVE_GAS };
         median - self.gas <= margin
     }
 }
 
-/// Looks at the components.
+/// Examines the components.
 fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> ComponentReview {
     let pieces = survey(rows, components, frame);
     let voxel_ml = volume.grid().voxel_ml();
     let ml = |c: u32| pieces[c as usize].voxels as f64 * voxel_ml;
     let mut inside: Vec<u32> = (0..components as u32).filter(|&c| !pieces[c as usize].on_side).collect();
     inside.sort_by_key(|&c| (std::cmp::Reverse(pieces[c as usize].voxels), c));
-    // Bubbles by the thousand need no closer look: the largest piece that passes decides what is kept.
+    // Thousands of bubbles need no closer examination: the largest piece that passes decides what is kept.
     inside.truncate(8 * MOST);
     let samples = sample(rows, &inside, components);
     let found: Vec<Found> = samples
@@ -145,7 +146,7 @@ fn look(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Compon
     ComponentReview { pieces, voxel_ml, inside, gas }
 }
 
-/// The components that are probably colon, by volume, the largest first (ties by label).
+/// Returns the components that are probably colon, by volume, the largest first (ties by label).
 pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Frame) -> Vec<u32> {
     let looked = look(volume, rows, components, frame);
     let ml = |c: u32| looked.ml(c);
@@ -159,7 +160,7 @@ pub(super) fn colon(volume: &Volume, rows: &Rows, components: usize, frame: Fram
     kept
 }
 
-/// Whether a component reaches a lateral face of the grid, as outside air does.
+/// True if a component reaches a lateral face of the grid, as outside air does.
 pub(super) fn is_outside(rows: &Rows, component: u32, frame: Frame) -> bool {
     let dims = rows.dims();
     rows.iter().any(|(j, k, r)| r.label == component && faces(dims, frame, j, k, r).0)
@@ -178,7 +179,7 @@ fn survey(rows: &Rows, components: usize, frame: Frame) -> Vec<Piece> {
     pieces
 }
 
-/// Whether a run reaches a lateral face, and whether it reaches the superior one.
+/// Returns two flags: the run reaches a lateral face, and it reaches the superior face.
 fn faces(dims: [usize; 3], frame: Frame, j: usize, k: usize, r: Run) -> (bool, bool) {
     let up = frame.superior;
     let low = [r.start == 0, j == 0, k == 0];
@@ -187,7 +188,7 @@ fn faces(dims: [usize; 3], frame: Frame, j: usize, k: usize, r: Run) -> (bool, b
     (side, if up.sign > 0 { high[up.axis] } else { low[up.axis] })
 }
 
-/// Voxels of each of the `chosen` components, spread evenly over its voxels.
+/// Returns voxels of each of the `chosen` components, spread evenly over it.
 fn sample(rows: &Rows, chosen: &[u32], components: usize) -> Vec<Vec<[i64; 3]>> {
     const NONE: u32 = u32::MAX;
     let mut place = vec![NONE; components];
@@ -202,7 +203,7 @@ fn sample(rows: &Rows, chosen: &[u32], components: usize) -> Vec<Vec<[i64; 3]>> 
     let mut passed = vec![0u64; chosen.len()];
     for (j, k, r) in rows.iter().filter(|(_, _, r)| place[r.label as usize] != NONE) {
         let n = place[r.label as usize] as usize;
-        // Probe p sits in the middle of the p-th of PROBES equal shares of the component's voxels.
+        // Probe p is in the middle of the p-th of PROBES equal parts of the component's voxels.
         let at = |p: usize| (2 * p as u64 + 1) * voxels[n] / (2 * PROBES as u64);
         while out[n].len() < PROBES && at(out[n].len()) < passed[n] + u64::from(r.len()) {
             let i = i64::from(r.start) + at(out[n].len()).saturating_sub(passed[n]) as i64;
@@ -219,7 +220,7 @@ fn median(volume: &Volume, probes: &[[i64; 3]]) -> i32 {
     i32::from(values[values.len() / 2])
 }
 
-/// Whether most probes have tissue around them: in the axial plane, in all of eight directions but one.
+/// True if most probes have tissue around them: in the axial plane, in at least seven of eight directions.
 fn is_enclosed(volume: &Volume, frame: Frame, probes: &[[i64; 3]]) -> bool {
     const COMPASS: [(f64, f64); 8] =
         [(1.0, 0.0), (0.7, 0.7), (0.0, 1.0), (-0.7, 0.7), (-1.0, 0.0), (-0.7, -0.7), (0.0, -1.0), (0.7, -0.7)];
@@ -241,8 +242,8 @@ fn is_enclosed(volume: &Volume, frame: Frame, probes: &[[i64; 3]]) -> bool {
     !probes.is_empty() && 5 * enclosed >= 3 * probes.len()
 }
 
-/// Whether the way from `from` by `step` (voxels, `step_mm` long) leads through enough tissue, or through tissue to the
-/// grid's end.
+/// True if the ray from `from` by `step` (voxels, `step_mm` long) passes through enough tissue, or through tissue to
+/// the grid's border.
 fn is_walled(volume: &Volume, from: &[i64; 3], step: [f64; 3], step_mm: f64) -> bool {
     let dims = volume.grid().dims();
     let (mut tissue, mut last) = (0.0, false);

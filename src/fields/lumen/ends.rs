@@ -1,4 +1,4 @@
-//! The two ends of each piece of gas, and how far apart they are along it.
+//! The two ends of each piece of gas, and their distance along it.
 
 use glam::DVec3;
 
@@ -7,11 +7,11 @@ use super::runs::Rows;
 use crate::fields::neighbours::Ways;
 use crate::volume::Grid;
 
-/// Clearance that an end must have so that the tube of a catheter is none, mm. Where all is narrower, anything goes.
+/// Minimum clearance of an end, mm, so that a catheter's tube is not taken for one. Ignored if everything is narrower.
 const END_CLEARANCE_MM: f64 = 3.5;
-/// How far an end is moved from the tip into the wider lumen, mm.
+/// Maximum distance by which an end moves from the tip into the wider lumen, mm.
 const INWARD_MM: f64 = 25.0;
-/// An inscribed ball is not measured beyond this radius, mm.
+/// Maximum measured radius of an inscribed ball, mm.
 const BALL_MM: f64 = 40.0;
 
 /// The ends of one piece of gas.
@@ -21,8 +21,8 @@ pub(super) struct Ends {
     pub length_mm: f64,
 }
 
-/// Finds the ends of the gas of `label`: twice the farthest place from the one found before (a double sweep), along
-/// ways that keep clear of walls, so that a pocket between two folds is nearer than the end behind it.
+/// Finds the ends of the gas of `label` by a double sweep: twice the farthest position from the previous one, along
+/// paths that keep away from walls, so that a pocket between two folds is nearer than the end behind it.
 pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Option<Ends> {
     let nodes: Vec<u32> = graph.of_label(label).collect();
     let clearance = |n: u32| graph.nodes[n as usize].clearance;
@@ -48,7 +48,7 @@ pub(super) fn ends(grid: &Grid, rows: &Rows, graph: &Graph, label: u32) -> Optio
     Some(Ends { at, length_mm: smooth_length(&polyline) })
 }
 
-/// Climbs from a tip to where the lumen is wide near it: a gain in clearance is worth five times the distance.
+/// Climbs from a tip to where the lumen near it is wide: a gain in clearance is worth five times the distance.
 fn inward(graph: &Graph, tip: u32) -> u32 {
     let node = |n: u32| &graph.nodes[n as usize];
     let away = |n: u32| node(n).centre.distance(node(tip).centre);
@@ -65,7 +65,7 @@ fn inward(graph: &Graph, tip: u32) -> u32 {
     }
 }
 
-/// Length of a way without the zigzag of the cells: each point is replaced by the mean of five.
+/// Returns the length of a path without the zigzag of the cells: each point is replaced by the mean of five.
 fn smooth_length(polyline: &[DVec3]) -> f64 {
     let smooth = |n: usize| {
         let reach = 2.min(n).min(polyline.len() - 1 - n);
@@ -74,7 +74,8 @@ fn smooth_length(polyline: &[DVec3]) -> f64 {
     (1..polyline.len()).map(|n| smooth(n).distance(smooth(n - 1))).sum()
 }
 
-/// The voxel near a node's centre where the inscribed ball is largest among its neighbours, by steps that halve.
+/// Returns the voxel near a node's centre with the largest inscribed ball among its neighbours, found with halving
+/// steps.
 fn centred(grid: &Grid, rows: &Rows, node: &Node) -> DVec3 {
     let Some(mut at) = nearest(grid, rows, node.centre, BALL_MM, |l| l == node.label).map(|n| n.1) else {
         return node.centre;
@@ -103,13 +104,14 @@ fn centred(grid: &Grid, rows: &Rows, node: &Node) -> DVec3 {
     at
 }
 
-/// The voxel that holds (fractional) voxel coordinates.
+/// Returns the voxel at (fractional) voxel coordinates.
 pub(super) fn to_index(voxel: DVec3) -> [i64; 3] {
-    // `as` saturates, so a place far outside stays outside.
+    // `as` saturates, so a position far outside stays outside.
     voxel.to_array().map(|x| x.round() as i64)
 }
 
-/// Distance, mm, from the centre of the gas voxel at `world` to the nearest voxel centre that is not gas of `label`.
+/// Returns the distance, mm, from the centre of the gas voxel at `world` to the nearest voxel centre that is not gas of
+/// `label`.
 fn ball(grid: &Grid, rows: &Rows, world: DVec3, label: u32) -> f64 {
     let [i, j, k] = to_index(grid.voxel(world));
     let spacing = grid.spacing();
@@ -137,7 +139,7 @@ fn outward(n: i64) -> impl Iterator<Item = i64> {
     (0..=2 * n).map(|a| if a % 2 == 1 { a / 2 + 1 } else { -(a / 2) })
 }
 
-/// The nearest voxel within `within_mm` of a label that `of` accepts: its label and centre.
+/// Returns the nearest voxel within `within_mm` whose label `of` accepts: its label and centre.
 pub(super) fn nearest(
     grid: &Grid,
     rows: &Rows,
@@ -150,7 +152,7 @@ pub(super) fn nearest(
     }
     let centre = grid.voxel(world);
     let dims = rows.dims();
-    // How far a distance in the world reaches along an index: the length of that row of the inverse matrix.
+    // The index span of a world distance is the length of that row of the inverse matrix.
     let inverse = grid.to_voxel().matrix3.transpose();
     let reach = |a: usize| inverse.col(a).length() * within_mm;
     let span = |a: usize| {

@@ -1,9 +1,9 @@
-//! Tagged fluid: what is bright below a level surface of the gas.
+//! Tagged fluid: bright voxels below a level surface of the gas.
 //!
-//! Gravity pulls towards the patient's back or front, whichever side the level surfaces are on. Neighbouring columns
-//! with one level make a pool; a pool's own brightness gives the threshold between it and the wall. From there the
-//! fluid is flooded, never above its level, through what is bright *and* has bright neighbours, so that it runs neither
-//! through a blurred wall into the tagged small bowel nor into bone.
+//! Gravity pulls towards the patient's back or front, whichever side the level surfaces are on. Neighbouring columns at
+//! the same level form a pool, and a pool's own brightness gives the threshold between it and the wall. From there the
+//! fluid is flooded, never above its level, through voxels that are bright *and* have bright neighbours. It therefore
+//! runs neither through a blurred wall into the tagged small bowel nor into bone.
 
 use std::collections::VecDeque;
 
@@ -17,50 +17,51 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// Brighter than this may be tagged, HU: above muscle, organs and most vessels.
+/// Voxels brighter than this may be tagged, HU: above muscle, organs and most vessels.
 const BRIGHT_HU: i16 = 180;
-/// The wall's own brightness, HU; half-way from it to the fluid's is where the fluid ends.
+/// Brightness of the wall itself, HU. Fluid ends half-way between this and its own brightness.
 const WALL_HU: i32 = 60;
-/// Thickest partial-volume layer between gas and fluid, mm (three voxels at least).
+/// Maximum thickness of the partial-volume layer between gas and fluid, mm (at least three voxels).
 const BLUR_MM: f64 = 3.0;
-/// Narrowest piece of a level surface, across the patient, mm.
+/// Minimum width of a piece of level surface, across the patient, mm.
 const LEVEL_MM: f64 = 6.0;
-/// Least area of a pool's surface, mm².
+/// Minimum area of a pool's surface, mm².
 const SURFACE_MM2: f64 = 60.0;
-/// How many times more level surface there must be on one side than on the other to know which way is down.
+/// Required ratio of level surface between the two sides to determine which way is down.
 const SURE: usize = 3;
-/// How deep fluid is taken below its surface where it is too thin to flood, mm.
+/// Depth of fluid below its surface where it is too thin to flood, mm.
 const FILM_MM: f64 = 5.0;
-/// Fluid is not followed farther than this from its surface, mm.
+/// Maximum distance of fluid from its surface, mm.
 const FAR_MM: f64 = 160.0;
-/// A passage narrower than about twice this is not flooded through, mm.
+/// Passages narrower than about twice this are not flooded, mm.
 const PASSAGE_MM: f64 = 1.2;
-/// No colon holds a pool of more, ml: beyond this the flood has leaked, and only what lies under the surface counts.
+/// Maximum volume of a pool in the colon, ml. Beyond it the flood has leaked, and only fluid directly under the surface
+/// counts.
 const POOL_ML: f64 = 400.0;
 
-/// Tagged fluid and what it joins.
+/// Tagged fluid and the segments that it joins.
 #[derive(Debug)]
 pub(super) struct Fluid {
-    /// Labelled with the segment it is counted for.
+    /// Runs, labelled with the segment that they count towards.
     pub rows: Rows,
-    /// For each segment the others that share a pool with it.
+    /// For each segment, the others that share a pool with it.
     pub joined: Vec<Vec<usize>>,
 }
 
 /// A voxel below the gas, with fluid a few voxels further down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Column {
-    /// Along the patient's axis, across, and the level: voxel indices.
+    /// Voxel indices: along the patient's axis, across, and the level.
     slice: u32,
     across: u32,
     level: u32,
     label: u32,
-    /// Voxels from here down to the first bright one.
+    /// Number of voxels from here down to the first bright one.
     depth: u32,
     hu: i16,
 }
 
-/// Finds the fluid below gas of `count` labels.
+/// Finds the fluid below the gas of `count` labels.
 pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Fluid> {
     let sides = [frame.posterior, frame.posterior.back()];
     let mut found = Vec::with_capacity(2);
@@ -82,7 +83,7 @@ pub(super) fn find(volume: &Volume, gas: &Rows, count: usize, frame: Frame, prog
     flood.finish(&pools, count)
 }
 
-/// Columns of fluid under gas.
+/// Returns the columns of fluid under gas.
 fn columns(volume: &Volume, gas: &Rows, frame: Frame, down: AxisDirection, progress: &Progress) -> Result<Vec<Column>> {
     let [_, ny, nz] = gas.dims();
     let step = down.step();
@@ -119,7 +120,7 @@ fn columns(volume: &Volume, gas: &Rows, frame: Frame, down: AxisDirection, progr
     Ok(slices.concat())
 }
 
-/// Keeps the columns that at least `least` others of their label and slice share the level with; sorts them.
+/// Keeps the columns whose level is shared by at least `least` others of their label and slice; sorts them.
 fn keep_level(columns: &mut Vec<Column>, least: usize) {
     let key = |c: &Column| (c.label, c.slice, c.level);
     columns.sort_unstable_by_key(|c| (key(c), c.across));
@@ -133,11 +134,11 @@ fn keep_level(columns: &mut Vec<Column>, least: usize) {
     *columns = kept;
 }
 
-/// Columns that lie side by side at one level.
+/// Adjacent columns at the same level.
 #[derive(Debug)]
 struct Pool {
     columns: Vec<Column>,
-    /// The fluid's brightness, HU.
+    /// Brightness of the fluid, HU.
     hu: i32,
     label: u32,
 }
@@ -145,7 +146,7 @@ struct Pool {
 fn pools(grid: &Grid, frame: Frame, columns: Vec<Column>) -> Vec<Pool> {
     let mut sets = Sets::new(columns.len());
     for (n, c) in columns.iter().enumerate() {
-        // A neighbour may be missing where a bubble floats on the fluid: look two voxels far.
+        // A neighbour may be missing where a bubble floats on the fluid, so look two voxels far.
         for (ds, da) in [(0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0)] {
             let (slice, across) = (c.slice + ds, i64::from(c.across) + da);
             let from = columns.partition_point(|o| (o.slice, i64::from(o.across)) < (slice, across));
@@ -178,21 +179,21 @@ fn pools(grid: &Grid, frame: Frame, columns: Vec<Column>) -> Vec<Pool> {
     pools
 }
 
-/// The flood's state over all pools.
+/// State of the flood over all pools.
 struct Flood<'a> {
     volume: &'a Volume,
     gas: &'a Rows,
     frame: Frame,
     down: AxisDirection,
-    /// How far neighbours must be bright, voxels along each index axis.
+    /// Distance within which neighbours must be bright, voxels along each index axis.
     reach: [i64; 3],
-    /// One bit for each voxel: taken by some pool.
+    /// One bit per voxel: taken by some pool.
     taken: Vec<u64>,
-    /// The voxels of the pool that is being flooded.
+    /// Voxels of the pool being flooded.
     voxels: Vec<u64>,
-    /// Runs of the pools before, labelled with their pool, and the rows they lie in.
+    /// Runs of the previous pools, labelled with their pool, and their rows.
     runs: Vec<(u64, Run)>,
-    /// Voxels that a pool wanted below its own surface and another had taken: the two are one.
+    /// Voxels that a pool reached below its own surface but another had taken: the two pools are one.
     met: Vec<([i64; 3], u32)>,
 }
 
@@ -217,7 +218,7 @@ impl<'a> Flood<'a> {
         let threshold = ((WALL_HU + pool.hu) / 2).max(i32::from(BRIGHT_HU)) as i16;
         let grid = self.volume.grid();
         let step = self.down.step();
-        // Depth below the patient's uppermost point in the world, so that a tilted grid has level surfaces too.
+        // Measure depth from the patient's uppermost point in the world, so that a tilted grid also has level surfaces.
         let pull =
             if (grid.to_world().matrix3.col(self.down.axis) * self.down.sign as f64).y < 0.0 { -1.0 } else { 1.0 };
         let depth = |p: [i64; 3]| pull * grid.world(place(p)).y;
@@ -253,7 +254,8 @@ impl<'a> Flood<'a> {
                     if self.hu(q) <= threshold || self.is_taken(q) || far > FAR_MM || depth(q) < surface {
                         continue;
                     }
-                    // Beyond the core only its rim is taken, as wide as the core keeps from what is not bright.
+                    // Outside the core only its rim is taken, as wide as the core's distance from voxels that are not
+                    // bright.
                     let left = if self.is_core(q, threshold) { rim } else { left - 1 };
                     if self.take(q) && left > 0 {
                         open.push_back((q, far, left));
@@ -271,7 +273,7 @@ impl<'a> Flood<'a> {
         self.compress(id);
     }
 
-    /// Turns the voxels of a pool into runs.
+    /// Converts the voxels of a pool to runs.
     fn compress(&mut self, id: u32) {
         let nx = self.gas.dims()[0] as u64;
         self.voxels.sort_unstable();
@@ -286,7 +288,7 @@ impl<'a> Flood<'a> {
         self.voxels.clear();
     }
 
-    /// The voxel just below the gas of a column.
+    /// Returns the voxel just below the gas of a column.
     fn index(&self, c: &Column) -> [i64; 3] {
         let mut at = [0; 3];
         at[self.frame.superior.axis] = i64::from(c.slice);
@@ -299,7 +301,7 @@ impl<'a> Flood<'a> {
         self.volume.get(p[0], p[1], p[2])
     }
 
-    /// Whether a voxel and its neighbours are brighter than `threshold`.
+    /// True if a voxel and its neighbours are brighter than `threshold`.
     fn is_core(&self, p: [i64; 3], threshold: i16) -> bool {
         self.hu(p) > threshold
             && (0..3).all(|axis| {
@@ -313,10 +315,10 @@ impl<'a> Flood<'a> {
             })
     }
 
-    /// Takes a voxel for a pool; false where it is gas, outside, or taken before.
+    /// Takes a voxel for a pool; returns false if it is gas, outside, or already taken.
     fn take(&mut self, p: [i64; 3]) -> bool {
         let Some(v) = self.linear(p) else { return false };
-        // Only what is dark enough can be gas: the search is seldom needed.
+        // Only dark voxels can be gas, so the search is rarely needed.
         let is_gas = || self.hu(p) <= GAS_HU && self.gas.find(p[0], p[1], p[2]).is_some();
         if self.is_taken(p) || is_gas() {
             return false;
@@ -368,7 +370,7 @@ impl Flood<'_> {
                 }
             }
         }
-        // Pools were numbered by the size of their surface, so the first of a set has the largest.
+        // Pools are numbered by the size of their surface, so the first of a set has the largest.
         let roots: Vec<usize> = (0..pools.len() as u32).map(|p| sets.find(p) as usize).collect();
         let mut joined = vec![Vec::new(); count];
         for (p, &root) in roots.iter().enumerate() {

@@ -1,13 +1,13 @@
-//! Which way the patient lies in the grid.
+//! The patient's orientation in the grid.
 
 use crate::volume::Grid;
 
-/// An index axis and the way along it.
+/// An index axis with a direction along it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct AxisDirection {
     /// 0, 1 or 2: i, j or k.
     pub axis: usize,
-    /// 1 where the index grows this way, −1 where it falls.
+    /// 1 if the index increases in this direction, −1 if it decreases.
     pub sign: i64,
 }
 
@@ -16,7 +16,7 @@ impl AxisDirection {
         Self { sign: -self.sign, ..self }
     }
 
-    /// One voxel this way.
+    /// Returns the step of one voxel in this direction.
     pub fn step(self) -> [i64; 3] {
         let mut s = [0; 3];
         s[self.axis] = self.sign;
@@ -24,7 +24,7 @@ impl AxisDirection {
     }
 }
 
-/// The index ways that come nearest to the patient's axes.
+/// The index directions closest to the patient's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Frame {
     pub left: AxisDirection,
@@ -33,7 +33,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// Matches each index axis with one world axis so that together they agree best, however the grid is stored.
+    /// Matches index axes to world axes for the best overall agreement, however the grid is stored.
     pub fn of(grid: &Grid) -> Self {
         let d = grid.direction();
         let toward = |axis: usize, world: usize| d.col(axis)[world];
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn ways_follow_the_direction_matrix() {
-        // i runs to superior, j to the right, k to anterior, all tilted a little.
+        // i runs to superior, j to the right, k to anterior, all slightly tilted.
         let d = DMat3::from_cols(DVec3::new(0.1, 0.0, 1.0), DVec3::new(-1.0, 0.2, 0.0), DVec3::new(0.0, -1.0, 0.2));
         let f = Frame::of(&Grid::new([2; 3], DVec3::ONE, DVec3::ZERO, d).unwrap());
         assert_eq!(f.left, AxisDirection { axis: 1, sign: -1 });

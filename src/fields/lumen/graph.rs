@@ -1,7 +1,8 @@
-//! A coarse map of the gas: cells of at least 4 mm, split where a wall runs through them, and which of them touch.
+//! A coarse map of the gas: cells of at least 4 mm, split where a wall runs through them, and the contacts between
+//! them.
 //!
-//! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is the part of
-//! *one* connected piece of gas that lies in a cell, and two nodes are neighbours only where their voxels touch.
+//! A plain coarse grid would join two loops whose common wall is thinner than a cell. Here a node is the part of *one*
+//! connected piece of gas within a cell, and two nodes are neighbours only if their voxels touch.
 
 use std::ops::Range;
 
@@ -14,19 +15,19 @@ use crate::fields::neighbours::{Neighbours, Ways};
 use crate::progress::Progress;
 use crate::volume::Grid;
 
-/// Least side of a cell, mm.
+/// Minimum side of a cell, mm.
 const CELL_MM: f64 = 4.0;
-/// Layers of cells that are made at a time: their cut runs are many times as large as what they leave.
+/// Number of cell layers made at a time: their cut runs are many times as large as the result.
 const SLABS: usize = 8;
-/// Clearance at which narrowness begins to cost, mm: the cost of a way is its length times 1 + (this / clearance)².
+/// Clearance at which narrowness begins to add cost, mm: a path costs its length times 1 + (this / clearance)².
 const NARROW_MM: f64 = 8.0;
 
-/// The part of one piece of gas that lies in one cell.
+/// The part of one piece of gas within one cell.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
-    /// Centre of its voxels, world, mm.
+    /// Mean position of its voxels, world, mm.
     pub centre: DVec3,
-    /// Distance to the wall, mm: as coarse as the map.
+    /// Distance to the wall, mm, as coarse as the map.
     pub clearance: f64,
     /// Label of the gas.
     pub label: u32,
@@ -39,20 +40,20 @@ pub(super) struct Graph {
     neighbours: Neighbours,
 }
 
-/// The sum of a node's voxel indices, how many they are, and their label.
+/// The sum of a node's voxel indices, the number of its voxels, and their label.
 type Sum = (DVec3, u32, u32);
 
 /// One layer of cells.
 #[derive(Debug, Default)]
 struct Slab {
     sums: Vec<Sum>,
-    /// Pairs of its own nodes that touch, each once.
+    /// Pairs of the slab's own nodes that touch, each once.
     links: Vec<(u32, u32)>,
-    /// Its first and its last slice, whose runs are labelled with the slab's nodes.
+    /// The first and the last slice, whose runs are labelled with the slab's nodes.
     faces: [Slice; 2],
 }
 
-/// The cut runs of a slice, and where each row begins.
+/// The cut runs of a slice, and the start of each row.
 #[derive(Clone, Debug, Default)]
 struct Slice {
     runs: Vec<Run>,
@@ -64,7 +65,7 @@ impl Slice {
         &self.runs[self.offsets[j]..self.offsets[j + 1]]
     }
 
-    /// Runs cut at every `side` voxels, labelled with their number counted from `first`.
+    /// Cuts the runs at every `side` voxels and labels them with their number, counted from `first`.
     fn cut(rows: &Rows, k: usize, side: u32, first: u32) -> Self {
         let mut out = Self { runs: Vec::new(), offsets: vec![0] };
         for j in 0..rows.dims()[1] {
@@ -83,7 +84,7 @@ impl Slice {
 }
 
 impl Graph {
-    /// The map of labelled gas, in which runs of different labels never touch.
+    /// Creates the map of labelled gas, in which runs of different labels never touch.
     pub fn of(grid: &Grid, rows: &Rows, progress: &Progress) -> Result<Self> {
         let side: [usize; 3] = std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1));
         let [_, ny, nz] = rows.dims();
@@ -121,7 +122,7 @@ impl Graph {
     fn measure(&mut self, grid: &Grid, side: [usize; 3], sums: Vec<Sum>) {
         let full = side.iter().product::<usize>() as f64;
         let half = (0..3).map(|a| side[a] as f64 * grid.spacing()[a]).fold(f64::MAX, f64::min) / 2.0;
-        // A node that does not fill its cell has the wall in it; how much of the cell it fills says how near.
+        // A node that does not fill its cell contains the wall; the filled fraction indicates how near it is.
         self.nodes = sums
             .into_iter()
             .map(|(sum, n, label)| {
@@ -142,17 +143,17 @@ impl Graph {
         self.neighbours.of(n)
     }
 
-    /// Distance of two nodes' centres, mm.
+    /// Returns the distance between two nodes' centres, mm.
     fn step(&self, a: u32, b: u32) -> f64 {
         self.nodes[a as usize].centre.distance(self.nodes[b as usize].centre)
     }
 
-    /// The nodes of a label.
+    /// Returns the nodes of a label.
     pub fn of_label(&self, label: u32) -> impl Iterator<Item = u32> + '_ {
         (0..self.nodes.len() as u32).filter(move |&n| self.nodes[n as usize].label == label)
     }
 
-    /// The ways from `start` that keep clear of walls.
+    /// Returns the paths from `start` that keep away from walls.
     pub fn ways(&self, start: u32) -> Ways {
         let weight = |a: u32, b: u32| {
             let clear = (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance) / 2.0;
@@ -162,7 +163,7 @@ impl Graph {
     }
 }
 
-/// The layer of cells that consists of the slices `ks`.
+/// Returns the layer of cells that consists of the slices `ks`.
 fn slab(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> Slab {
     let ny = rows.dims()[1];
     let mut slices: Vec<Slice> = Vec::with_capacity(ks.len());
@@ -177,7 +178,7 @@ fn slab(rows: &Rows, side: [usize; 3], ks: Range<usize>) -> Slab {
         for j in 0..ny {
             let here = slice.row(j);
             contacts.extend(here.windows(2).filter(|w| w[0].end == w[1].start).map(|w| (w[0].label, w[1].label)));
-            // Runs were cut at cell sides, so two that share an x lie in the same column of cells.
+            // Runs were cut at cell sides, so two that share an x are in the same column of cells.
             if n > 0 {
                 let other = slices[n - 1].row(j);
                 touching(other, here, |a, b| sets.join(other[a].label, here[b].label));

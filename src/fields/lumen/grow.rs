@@ -1,11 +1,11 @@
-//! From the gas's core, which keeps neighbouring loops apart, to its surface.
+//! Growth of the gas from its core, which keeps neighbouring loops apart, to its surface.
 
 use super::runs::{Rows, Run};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// Adds to every labelled run the voxels at or below `limit` HU that are 6-connected to it within `rounds` voxels.
+/// Grows every labelled run by the voxels at or below `limit` HU that are 6-connected to it within `rounds` voxels.
 /// Where two labels meet, the smaller one wins.
 pub(super) fn grow(volume: &Volume, mut rows: Rows, limit: i16, rounds: usize, progress: &Progress) -> Result<Rows> {
     for _ in 0..rounds {
@@ -54,7 +54,7 @@ fn layer(volume: &Volume, rows: &Rows, limit: i16, progress: &Progress) -> Resul
     })
 }
 
-/// Lists (x, label) for the voxels of `with` that no run of `own` holds and whose value is at or below `limit`.
+/// Lists (x, label) for the voxels of `with` that are in no run of `own` and whose value is at or below `limit` HU.
 fn uncovered(own: &[Run], with: Run, values: &[i16], limit: i16, added: &mut Vec<(u32, u32)>) {
     let mut x = with.start;
     let mut at = own.partition_point(|r| r.end <= x);
@@ -68,7 +68,7 @@ fn uncovered(own: &[Run], with: Run, values: &[i16], limit: i16, added: &mut Vec
 
 /// Appends the union of `own` and `added` as runs.
 fn merge(own: &[Run], added: &mut Vec<(u32, u32)>, out: &mut Vec<Run>) {
-    // By x, then by label, so that of two labels for one voxel the smaller one stays.
+    // Sort by x, then by label, so that the smaller of two labels for one voxel stays.
     added.sort_unstable();
     added.dedup_by_key(|a| a.0);
     let first = out.len();

@@ -1,4 +1,4 @@
-//! The lumen, gas and tagged fluid together, and where between two voxels its wall is.
+//! The lumen, gas and tagged fluid together, and the position of its wall between voxels.
 
 use super::grow::grow;
 use super::runs::Rows;
@@ -8,21 +8,21 @@ use crate::fields::voxels::VoxelSet;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// The brightness of the wall itself, HU: half-way from it to the fluid's is where fluid ends.
+/// Brightness of the wall itself, HU. Fluid ends half-way between this and its own brightness.
 const WALL_HU: f64 = 60.0;
-/// Fluid is at least this bright, HU, where its own brightness cannot be told.
+/// Minimum brightness of fluid, HU, used if its own brightness cannot be measured.
 const LEAST_TAG_HU: f64 = 240.0;
-/// How far above or below its wall's value a voxel counts where its own value does not tell, HU.
+/// Offset of a voxel from its wall's value if its own value does not determine it, HU.
 const UNTOLD_HU: f64 = 1.0;
 
 /// The colon's interior as a set of voxels.
 ///
-/// Against tissue the wall of gas is where the value is that of the ramp's middle, and the wall of tagged fluid where it is
-/// half-way from the tissue's to the fluid's. Gas meets fluid inside: there is no wall between the two.
+/// The wall of gas against tissue is at the middle of the opacity ramp. The wall of tagged fluid is half-way between
+/// the values of tissue and fluid. Gas meets fluid inside: there is no wall between the two.
 #[derive(Clone, Debug)]
 pub struct Interior<'a> {
     grid: &'a Grid,
-    /// None of a mask.
+    /// `None` for a mask.
     values: Option<Values<'a>>,
     set: VoxelSet,
 }
@@ -31,17 +31,17 @@ pub struct Interior<'a> {
 struct Values<'a> {
     volume: &'a Volume,
     iso: f64,
-    /// Fluid that is no gas, and the value of its wall, HU, by label.
+    /// Fluid that is not gas, and the value of its wall, HU, by label.
     fluid: Rows,
     fluid_iso: Vec<f64>,
 }
 
 impl<'a> Interior<'a> {
-    /// That of a lumen which was found in `volume`, as far as its gas reaches with the wall at `iso` HU: at another value
-    /// than [`GAS_HU`] it loses its outermost voxels, or grows by some.
+    /// Creates the interior of a lumen found in `volume`, with the gas wall at `iso` HU. At a value other than
+    /// [`GAS_HU`] the gas loses its outermost voxels or grows by a few.
     ///
     /// # Errors
-    /// Status 4 when interrupted, 3 when there are more voxels than can be numbered.
+    /// Returns status 4 when interrupted, status 3 if there are more voxels than can be numbered.
     pub fn of_lumen(volume: &'a Volume, lumen: &Lumen, iso: f64, progress: &Progress) -> Result<Self> {
         let level = iso.floor().clamp(-32768.0, 32767.0) as i16;
         let grown = (level > GAS_HU).then(|| grow(volume, lumen.gas.clone(), level, GROWTH, progress)).transpose()?;
@@ -66,43 +66,44 @@ impl<'a> Interior<'a> {
         Ok(Self { grid, values: Some(values), set })
     }
 
-    /// That of a mask: any voxel that is not 0.
+    /// Creates the interior of a mask: every nonzero voxel.
     ///
     /// # Errors
-    /// Status 3 when there are more voxels than can be numbered.
+    /// Returns status 3 if there are more voxels than can be numbered.
     pub fn of_mask(mask: &'a Volume) -> Result<Self> {
         let set = VoxelSet::from_fn(mask.grid().dims(), |n| mask.data()[n] != 0).ok_or_else(too_many)?;
         Ok(Self { grid: mask.grid(), values: None, set })
     }
 
-    /// Its voxels.
+    /// Returns the voxels inside.
     pub fn set(&self) -> &VoxelSet {
         &self.set
     }
 
-    /// The grid.
+    /// Returns the grid.
     pub fn grid(&self) -> &Grid {
         self.grid
     }
 
-    /// How far a voxel lies inside the wall, HU (of a mask, without a unit): above 0 inside, below 0 outside.
+    /// Returns how far a voxel is inside the wall, HU (unitless for a mask): positive inside, negative outside.
     pub fn above(&self, voxel: [i64; 3]) -> f64 {
         let inside = self.set.contains(voxel);
         let Some(values) = &self.values else {
-            // Voxels of a mask that meet in an edge only are not joined, as they are not for a flight.
+            // Voxels of a mask that meet only in an edge are not joined, just as in a flight.
             return if inside { UNTOLD_HU } else { -2.0 * UNTOLD_HU };
         };
         let own = values.above(voxel);
         if inside { own.max(UNTOLD_HU) } else { own.min(-UNTOLD_HU) }
     }
 
-    /// Where the wall is on the way from a voxel inside to its neighbour outside, as a share of that way; none where the
-    /// values do not tell.
+    /// Returns the position of the wall between an inside voxel and its outside neighbour, as a fraction of the
+    /// distance; `None` if the values do not determine it.
     pub fn crossing(&self, inside: [i64; 3], outside: [i64; 3]) -> Option<f64> {
         let values = self.values.as_ref()?;
         let iso = values.iso_of(inside);
         let [a, b] = [inside, outside].map(|v| f64::from(values.volume.get(v[0], v[1], v[2])));
-        // In fluid tissue is darker, in gas it is brighter; a neighbour on the same side is left out for another reason.
+        // Tissue is darker than fluid and brighter than gas. A neighbour on the same side is excluded for another
+        // reason.
         let parted = if values.is_fluid(inside) { a > iso && b <= iso } else { a <= iso && b > iso };
         parted.then(|| (iso - a) / (b - a))
     }
@@ -113,7 +114,7 @@ impl Values<'_> {
         self.fluid.find(i, j, k).is_some()
     }
 
-    /// The value of the wall beside a voxel, HU.
+    /// Returns the value of the wall beside a voxel, HU.
     fn iso_of(&self, [i, j, k]: [i64; 3]) -> f64 {
         self.fluid.find(i, j, k).map_or(self.iso, |r| self.fluid_iso[r.label as usize])
     }
@@ -124,7 +125,7 @@ impl Values<'_> {
     }
 }
 
-/// The brightness of the fluid of each label, HU: its median.
+/// Returns the brightness of the fluid of each label, HU: its median.
 fn tags(volume: &Volume, fluid: &Rows) -> Vec<f64> {
     let labels = fluid.runs().iter().map(|r| r.label as usize + 1).max().unwrap_or(0);
     let mut counts = vec![Vec::new(); labels];

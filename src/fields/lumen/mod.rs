@@ -1,9 +1,9 @@
 //! The colon's interior: from HU to gas and tagged fluid, in segments from rectum to cecum.
 //!
-//! Gas is what lies at or below the wall's middle ([`GAS_HU`]). Connected gas is found at [`CORE_HU`], where a thin
-//! wall between two loops still parts them, and then grown to the wall's middle. Outside air, what lies around the
-//! patient and lungs are recognised by place and texture (see `choose`). Everything is kept as runs along the index x
-//! axis: no field of the volume's size is made.
+//! Gas is at or below the wall's middle ([`GAS_HU`]). Connected gas is found at [`CORE_HU`], where a thin wall between
+//! two loops still separates them, and then grown to the wall's middle. Outside air, gas around the patient and lungs
+//! are recognised by position and texture (see `choose`). Everything is stored as runs along the index x axis, so no
+//! field of the volume's size is created.
 
 mod choose;
 mod ends;
@@ -36,52 +36,51 @@ pub use others::{Other, Others, not_colon};
 pub use residue::{Remnant, Residue, residue};
 pub use surface::WallPlace;
 
-/// At or below this a voxel is gas, HU: the middle of the wall's opacity ramp.
+/// A voxel at or below this is gas, HU: the middle of the wall's opacity ramp.
 pub const GAS_HU: i16 = -650;
-/// At or below this gas connects, HU: the foot of the opacity ramp. A wall of one voxel between two loops is blurred to
-/// something in between, and must not let the camera through.
+/// Gas connects at or below this, HU: the foot of the opacity ramp. A one-voxel wall between two loops is blurred to a
+/// value in between and must not let the camera through.
 pub const CORE_HU: i16 = -800;
-/// How many voxels the gas may grow from its core to the wall's middle.
+/// Maximum growth of the gas from its core to the wall's middle, voxels.
 const GROWTH: usize = 3;
-/// A point of the lumen is looked for this far from the one given, mm.
+/// Maximum distance of the lumen from a given point, mm.
 const SNAP_MM: f64 = 5.0;
-/// A segment to fly through is at least this long, mm, unless it is part of a colon that is known from rectum to cecum
-/// …
+/// Minimum length of a segment to fly through, mm, unless it belongs to a colon that is known from rectum to cecum …
 const FLYABLE_MM: f64 = 250.0;
-/// … and holds at least this much gas, ml.
+/// … and minimum volume of its gas, ml.
 const FLYABLE_ML: f64 = 20.0;
 
-/// A connected piece of the colon's gas, with the fluid that lies in it.
+/// A connected piece of the colon's gas, with the fluid in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segment {
-    /// Gas, ml.
+    /// Volume of gas, ml.
     pub ml: f64,
-    /// Tagged fluid, ml. A pool that several segments share counts for the one with the longest interface.
+    /// Volume of tagged fluid, ml. A pool shared by several segments counts towards the one with the longest interface.
     pub fluid_ml: f64,
-    /// Least and greatest world coordinates of its gas voxels' centres, mm.
+    /// Minimum and maximum world coordinates of the gas voxels' centres, mm.
     pub bounds_mm: [DVec3; 2],
-    /// The rectal end, then the cecal one: centres of good inscribed balls within the gas near the lumen's two ends,
-    /// world, mm.
+    /// The rectal end, then the cecal one: centres of good inscribed balls in the gas near the lumen's two ends, world,
+    /// mm.
     pub ends: [DVec3; 2],
-    /// Other segments that tagged fluid joins to this one.
+    /// Other segments joined to this one by tagged fluid.
     pub joined_to: Vec<usize>,
-    /// Length from end to end along the lumen, mm: coarse, within about a tenth.
+    /// Length from end to end along the lumen, mm; accurate to about a tenth.
     pub length_mm: f64,
 }
 
 /// The colon's interior.
 #[derive(Clone, Debug)]
 pub struct Lumen {
-    /// From rectum to cecum where [`Lumen::ordered`], else by volume, the largest first.
+    /// Segments from rectum to cecum if [`Lumen::ordered`], else by volume, the largest first.
     pub segments: Vec<Segment>,
-    /// Whether the segments form a chain from rectum to cecum that can be trusted.
+    /// True if the segments form a reliable chain from rectum to cecum.
     pub ordered: bool,
     grid: Grid,
     gas: Rows,
     fluid: Rows,
 }
 
-/// Finds the colon's gas, its segments, their ends and order. No seed is needed. A scan without a colon has no
+/// Finds the colon's gas, its segments, their ends and order. No seed point is needed. A scan without a colon has no
 /// segments, which is not an error.
 ///
 /// ```
@@ -97,7 +96,7 @@ pub struct Lumen {
 /// ```
 ///
 /// # Errors
-/// When cancelled, or when the volume cannot be addressed.
+/// Returns an error if cancelled, or if the volume cannot be addressed.
 pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {
     progress.stage("finding the colon", volume.grid().dims()[2] as u64);
     let frame = Frame::of(volume.grid());
@@ -108,11 +107,11 @@ pub fn find(volume: &Volume, progress: &Progress) -> Result<Lumen> {
     lumen(volume, core, chosen.len(), frame, progress)
 }
 
-/// The gas that contains `world` (mm), or comes within 5 mm of it, whatever its size, as a lumen of one segment with
-/// its ends. None where there is no gas, or only the air outside the patient.
+/// Finds the gas that contains `world` (mm) or is within 5 mm of it, whatever its size. Returns a lumen of one segment
+/// with its ends, or `None` if there is no gas, or only the air outside the patient.
 ///
 /// # Errors
-/// When cancelled, or when the volume cannot be addressed.
+/// Returns an error if cancelled, or if the volume cannot be addressed.
 pub fn gas_at(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Option<Lumen>> {
     progress.stage("finding the gas at the given point", volume.grid().dims()[2] as u64);
     let frame = Frame::of(volume.grid());
@@ -126,7 +125,7 @@ pub fn gas_at(volume: &Volume, world: DVec3, progress: &Progress) -> Result<Opti
     lumen(volume, core, 1, frame, progress).map(Some)
 }
 
-/// A lumen of the cores labelled 0 to `count` − 1, the largest first.
+/// Builds a lumen from the cores labelled 0 to `count` − 1, the largest first.
 fn lumen(volume: &Volume, core: Rows, count: usize, frame: Frame, progress: &Progress) -> Result<Lumen> {
     let grid = volume.grid();
     let graph = Graph::of(grid, &core, progress)?;
@@ -185,7 +184,7 @@ fn lumen(volume: &Volume, core: Rows, count: usize, frame: Frame, progress: &Pro
     Ok(Lumen { segments, ordered: order.trusted, grid: grid.clone(), gas, fluid })
 }
 
-/// Volume and bounds of each label.
+/// Returns volume and bounds of each label.
 fn measured(grid: &Grid, gas: &Rows, count: usize) -> Vec<Segment> {
     let none = Segment {
         ml: 0.0,
@@ -212,30 +211,30 @@ fn measured(grid: &Grid, gas: &Rows, count: usize) -> Vec<Segment> {
 }
 
 impl Lumen {
-    /// An empty lumen: for a flight that is only played again.
+    /// Creates an empty lumen, for a flight that is only replayed.
     pub fn none(grid: &Grid) -> Self {
         let rows = Rows::default();
         Self { segments: Vec::new(), ordered: false, grid: grid.clone(), gas: rows.clone(), fluid: rows }
     }
 
-    /// The segment whose gas holds a place (world, mm).
+    /// Returns the segment whose gas contains a position (world, mm).
     pub fn segment_at(&self, world: DVec3) -> Option<usize> {
         let [i, j, k] = ends::to_index(self.grid.voxel(world));
         self.gas.find(i, j, k).map(|r| r.label as usize)
     }
 
-    /// Whether a place (world, mm) lies in tagged fluid.
+    /// True if a position (world, mm) is in tagged fluid.
     pub fn is_fluid(&self, world: DVec3) -> bool {
         let [i, j, k] = ends::to_index(self.grid.voxel(world));
         self.fluid.find(i, j, k).is_some()
     }
 
-    /// The centre (world, mm) of the gas voxel nearest to a place, and its segment, if one is within `within_mm`.
+    /// Returns the segment and centre (world, mm) of the gas voxel nearest to a position, if one is within `within_mm`.
     pub fn nearest_gas(&self, world: DVec3, within_mm: f64) -> Option<(usize, DVec3)> {
         ends::nearest(&self.grid, &self.gas, world, within_mm, |_| true).map(|(s, p)| (s as usize, p))
     }
 
-    /// One byte for each voxel, x fastest: 0 outside, 1 gas, 2 tagged fluid.
+    /// Returns one byte per voxel, x fastest: 0 outside, 1 gas, 2 tagged fluid.
     pub fn mask(&self) -> Vec<u8> {
         let mut out = vec![0; self.grid.len()];
         for (value, rows) in [(1, &self.gas), (2, &self.fluid)] {
@@ -247,48 +246,48 @@ impl Lumen {
         out
     }
 
-    /// The grid of the scan it was found in.
+    /// Returns the grid of the scan in which the lumen was found.
     pub fn grid(&self) -> &Grid {
         &self.grid
     }
 
-    /// The runs of gas, labelled with their segment.
+    /// Returns the runs of gas, labelled with their segment.
     pub(in crate::fields) fn gas(&self) -> &Rows {
         &self.gas
     }
 
-    /// The runs of tagged fluid, labelled with the segment they are counted for.
+    /// Returns the runs of tagged fluid, labelled with the segment that they count towards.
     pub(in crate::fields) fn fluid(&self) -> &Rows {
         &self.fluid
     }
 
-    /// The segment with the most gas, if there is any.
+    /// Returns the segment with the most gas, if there is any.
     pub fn largest(&self) -> Option<usize> {
         (0..self.segments.len()).reduce(|a, b| if self.segments[b].ml > self.segments[a].ml { b } else { a })
     }
 
-    /// The largest segment, if it is a colon to fly through: long, and well filled with gas.
+    /// Returns the largest segment if it is a colon to fly through: long, and well filled with gas.
     pub fn main_segment(&self) -> Option<usize> {
         let is_long = |s: usize| self.ordered || self.segments[s].length_mm >= FLYABLE_MM;
         self.largest().filter(|&s| is_long(s) && self.segments[s].ml >= FLYABLE_ML)
     }
 
-    /// Whether there is a colon to fly through that needs no start point.
+    /// True if there is a colon to fly through without a start point.
     pub fn is_flyable(&self) -> bool {
         self.main_segment().is_some()
     }
 
-    /// All gas, ml.
+    /// Returns the volume of all gas, ml.
     pub fn gas_ml(&self) -> f64 {
         self.segments.iter().map(|s| s.ml).sum()
     }
 
-    /// All tagged fluid, ml.
+    /// Returns the volume of all tagged fluid, ml.
     pub fn fluid_ml(&self) -> f64 {
         self.segments.iter().map(|s| s.fluid_ml).sum()
     }
 
-    /// Size in memory.
+    /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         self.gas.bytes() + self.fluid.bytes() + self.segments.capacity() * size_of::<Segment>()
     }

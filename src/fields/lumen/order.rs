@@ -1,33 +1,33 @@
-//! From rectum to cecum: which end is which, and which segment follows which.
+//! The order from rectum to cecum: the ends of each segment, and the sequence of segments.
 
 use glam::DVec3;
 
 use crate::volume::{Grid, Volume};
 
-/// Segments beyond this many (by volume) are not put in order.
+/// Maximum number of segments to order (the largest by volume).
 const ORDERED_AT_MOST: usize = 9;
-/// Cost of a millimetre between two segments that tagged fluid joins.
+/// Cost of a millimetre between two segments joined by tagged fluid.
 const FLUID_GAP: f64 = 0.3;
-/// How far right of the midline the cecum lies at least, for the order to be trusted, mm.
+/// For a trusted order: minimum distance of the cecum to the right of the midline, mm.
 const CECUM_RIGHT_MM: f64 = 20.0;
-/// How far from the midline the rectum lies at most, for the order to be trusted, mm.
+/// For a trusted order: maximum distance of the rectum from the midline, mm.
 const RECTUM_ASIDE_MM: f64 = 60.0;
-/// The widest gap between two segments for the order to be trusted, mm.
+/// For a trusted order: maximum gap between two segments, mm.
 const WIDEST_GAP_MM: f64 = 150.0;
-/// The least length from end to end for the order to be trusted, mm.
+/// For a trusted order: minimum length from end to end, mm.
 const LEAST_COLON_MM: f64 = 200.0;
 
-/// The rectum lies within this share of the scanned body's height, from below, for the order to be trusted.
+/// For a trusted order: the rectum is within this fraction of the scanned body's height, from below.
 const RECTUM_HEIGHT: f64 = 0.4;
 
 /// Position of the patient, world, mm LPS.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Body {
-    /// Mean place of the tissue: its x is near the midline.
+    /// Mean position of the tissue; its x is near the midline.
     pub centre: DVec3,
-    /// Least and greatest z of the tissue.
+    /// Minimum and maximum z of the tissue.
     pub span: [f64; 2],
-    /// The lowest gas of the colon (z).
+    /// z of the lowest gas of the colon.
     pub lowest: f64,
 }
 
@@ -56,18 +56,18 @@ impl Body {
         Self { centre: if count > 0.0 { sum / count } else { grid.world(middle) }, span, lowest }
     }
 
-    /// How unlike the rectum's a place is, mm: high, aside, or anterior.
+    /// Returns how unlike the rectum a position is, mm: high, off the midline, or anterior.
     fn unlike_rectum(&self, p: DVec3) -> f64 {
         (p.z - self.lowest) + (p.x - self.centre.x).abs() + 0.5 * (self.centre.y - p.y).max(0.0)
     }
 
-    /// How unlike the cecum's a place is, mm: not on the right, or high.
+    /// Returns how unlike the cecum a position is, mm: not on the right, or high.
     fn unlike_cecum(&self, p: DVec3) -> f64 {
         (p.x - self.centre.x + 2.0 * CECUM_RIGHT_MM).max(0.0) + 0.3 * (p.z - self.lowest)
     }
 }
 
-/// What the order is found from: a segment's ends, in whatever order, its length, and what fluid joins it to.
+/// Input of the ordering: a segment's ends in any order, its length, and the segments that fluid joins to it.
 #[derive(Clone, Debug)]
 pub(super) struct Link {
     pub ends: [DVec3; 2],
@@ -78,15 +78,16 @@ pub(super) struct Link {
 /// An order of segments.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SegmentOrder {
-    /// (segment, whether its ends must be swapped so that the rectal one comes first).
+    /// (segment, true if its ends must be swapped so that the rectal one comes first).
     pub chain: Vec<(usize, bool)>,
-    /// Whether the chain is one from rectum to cecum that can be trusted.
+    /// True if the chain reliably runs from rectum to cecum.
     pub trusted: bool,
 }
 
-/// The cheapest chain of the segments (given by volume, the largest first) from rectum to cecum: each is passed once,
-/// in either direction; the first end's place, the gaps, and the last end's place cost. Exact, by dynamic programming
-/// over subsets (Held and Karp 1962).
+/// Returns the cheapest chain of the segments (given by volume, the largest first) from rectum to cecum.
+///
+/// Each is passed once, in either direction. The first end's position, the gaps and the last end's position have a
+/// cost. Exact, by dynamic programming over subsets (Held and Karp 1962).
 pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let n = links.len().min(ORDERED_AT_MOST);
     let entry = |s: usize, swapped: bool| links[s].ends[usize::from(swapped)];
@@ -94,8 +95,8 @@ pub(super) fn order(links: &[Link], body: &Body) -> SegmentOrder {
     let gap = |a: usize, b: usize, from: DVec3, to: DVec3| {
         from.distance(to) * if links[a].joined_to.contains(&b) { FLUID_GAP } else { 1.0 }
     };
-    // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the state
-    // before.
+    // best[set][state]: least cost of passing `set` and ending in `state` (segment and direction), and the previous
+    // state.
     let states = 2 * n;
     let mut best = vec![(f64::INFINITY, usize::MAX); (1 << n) * states];
     for s in 0..states {

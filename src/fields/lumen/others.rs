@@ -1,4 +1,4 @@
-//! Gas that is surely none of the colon's: the air outside, gas around the patient, lungs.
+//! Gas that certainly does not belong to the colon: the air outside, gas around the patient, lungs.
 
 use glam::DVec3;
 
@@ -11,29 +11,29 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// A piece of gas that is none of the colon's.
+/// A piece of gas that does not belong to the colon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Other {
-    /// Its volume, ml.
+    /// Volume, ml.
     pub ml: f64,
-    /// What it is: `outside`, `around` (in the table, in clothes) or `lung`.
+    /// Kind: `outside`, `around` (in the table, in clothes) or `lung`.
     pub kind: &'static str,
-    /// How that is told.
+    /// Reason for the classification.
     pub why: &'static str,
-    /// Least and greatest world coordinates of its voxels' centres, mm.
+    /// Minimum and maximum world coordinates of its voxels' centres, mm.
     pub bounds_mm: [DVec3; 2],
 }
 
-/// All such gas.
+/// All gas outside the colon.
 #[derive(Clone, Debug)]
 pub struct Others {
-    /// Its pieces, the largest first.
+    /// Pieces, the largest first.
     pub pieces: Vec<Other>,
     rows: Rows,
 }
 
 impl Others {
-    /// Marks its voxels in a mask (x fastest) wherever that is 0.
+    /// Sets `label` in a mask (x fastest) at these voxels wherever it is 0.
     pub fn mark(&self, mask: &mut [u8], label: u8) {
         let [nx, ny, _] = self.rows.dims();
         for (j, k, r) in self.rows.iter() {
@@ -43,18 +43,18 @@ impl Others {
     }
 }
 
-/// Finds what is surely none of the colon's in the scan that `lumen` was found in. Of small pieces, and of those that look
-/// like the colon without being a part of it, nothing is said.
+/// Finds gas that certainly does not belong to the colon in the scan where `lumen` was found. Small pieces are not
+/// classified, and neither are those that look like the colon without being part of it.
 ///
 /// # Errors
-/// When cancelled, or when the volume cannot be addressed.
+/// Returns an error if cancelled, or if the volume cannot be addressed.
 pub fn not_colon(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Others> {
     progress.stage("finding what is no colon", volume.grid().dims()[2] as u64);
     let frame = Frame::of(volume.grid());
     let (rows, components) = runs::components_below(volume, CORE_HU, progress)?;
     let mut kinds = choose::kinds(volume, &rows, components, frame);
     for (j, k, r) in rows.iter() {
-        // A place that was given may make a colon of anything.
+        // A given position can make anything a colon.
         if lumen.gas.find(i64::from(r.start), j as i64, k as i64).is_some() {
             kinds[r.label as usize] = Kind::Unsure;
         }

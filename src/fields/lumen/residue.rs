@@ -11,26 +11,27 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// Tissue with gas on both sides is thin up to this, mm.
+/// Maximum thickness of thin tissue with gas on both sides, mm.
 const THIN_MM: f64 = 5.0;
-/// A voxel along this many of the thirteen lines through its neighbours is thin if it belongs to a rod: a rod is long
-/// along one line, or between two, a sheet (a fold) along four.
+/// A voxel that is thin along this many of the thirteen lines through its neighbours belongs to a rod. A rod is long
+/// along one line, or between two; a sheet (a fold) along four.
 const THIN_LINES: usize = 11;
-/// Voxels with this many belong to a rod if they touch others that are surely its own.
+/// Voxels that are thin along this many lines belong to a rod if they touch voxels that certainly do.
 const NEARLY_THIN_LINES: usize = 10;
-/// How much thicker than at its thinnest a rod may look along a line …
+/// How many times thicker than at its thinnest a rod may appear along a line …
 const THIN_RATIO: f64 = 2.2;
-/// … and how much more for the voxels' own size, mm.
+/// … plus this much for the size of the voxels, mm.
 const THIN_SLACK_MM: f64 = 0.5;
-/// Fewer voxels that are surely of a rod make none.
+/// Minimum number of voxels that certainly belong to a rod.
 const SURE_VOXELS: usize = 4;
-/// At most this share of a bridge's voxels touches other tissue: only its ends do, the rim of a fold does all along.
+/// Maximum fraction of a bridge's voxels that touch other tissue: only its ends do, while the rim of a fold does all
+/// along.
 const ATTACHED_SHARE: f64 = 0.5;
-/// A bridge is at least this long, mm.
+/// Minimum length of a bridge, mm.
 const BRIDGE_MM: f64 = 3.0;
-/// An island is at least this large, ml: a single noisy voxel is none …
+/// Minimum volume of an island, ml: a single noisy voxel does not count …
 const ISLAND_LEAST_ML: f64 = 0.002;
-/// … and at most this large, ml: beyond that it is a loop of the wall, seen through.
+/// … and maximum volume, ml: anything larger is a loop of the wall.
 const ISLAND_MOST_ML: f64 = 10.0;
 
 /// The thirteen lines through a voxel and its neighbours, one direction of each.
@@ -53,9 +54,9 @@ const LINES: [[i64; 3]; 13] = [
 /// A bridge or an island.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Remnant {
-    /// Its middle, world, mm.
+    /// Middle, world, mm.
     pub at: DVec3,
-    /// Its volume, ml.
+    /// Volume, ml.
     pub ml: f64,
     /// Diagonal of the box around its voxels' centres, mm.
     pub length_mm: f64,
@@ -73,10 +74,10 @@ pub struct Residue {
     pub islands: Vec<Remnant>,
 }
 
-/// Marks bridges and islands within a lumen. Nothing else needs them, so they are found only when asked for.
+/// Finds bridges and islands within a lumen. Nothing else needs them, so they are only computed on request.
 ///
 /// # Errors
-/// When cancelled, or when the volume cannot be addressed.
+/// Returns an error if cancelled, or if the volume cannot be addressed.
 pub fn residue(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Residue> {
     progress.stage("marking bridges and islands", volume.grid().dims()[2] as u64);
     let loose = islands(lumen, progress)?;
@@ -88,13 +89,13 @@ pub fn residue(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Re
 
 fn largest_first(found: impl Iterator<Item = Remnant>) -> Vec<Remnant> {
     let mut found: Vec<Remnant> = found.collect();
-    // Stable, so that equal ones stay in the order of their voxels.
+    // The sort is stable, so equal ones stay in voxel order.
     found.sort_by(|a, b| b.ml.total_cmp(&a.ml));
     found
 }
 
-/// Runs that are neither gas nor fluid, border on gas and are 26-connected to nothing outside, labelled by component
-/// from 0.
+/// Returns runs that are neither gas nor fluid, border on gas and are not 26-connected to anything outside, labelled by
+/// component from 0.
 fn islands(lumen: &Lumen, progress: &Progress) -> Result<Rows> {
     let dims @ [nx, ny, nz] = lumen.gas.dims();
     let slices: Vec<_> = (0..nz)
@@ -114,7 +115,7 @@ fn islands(lumen: &Lumen, progress: &Progress) -> Result<Rows> {
     let rows = Rows::from_slices(dims, slices)?;
     progress.check()?;
     let (set, count) = rows.components_by_corners();
-    // An island within the fluid alone is undissolved tagging or noise, not something in the gas.
+    // An island entirely within fluid is undissolved tagging or noise, not something in the gas.
     let mut in_gas = vec![false; count];
     let mut outer = vec![false; count];
     for k in 0..nz {
@@ -142,7 +143,7 @@ fn islands(lumen: &Lumen, progress: &Progress) -> Result<Rows> {
     Ok(rows.pick(|n, _| numbers[set[n] as usize]))
 }
 
-/// Appends what two rows of runs leave free of 0 to `nx`.
+/// Appends the parts of 0 to `nx` that two rows of runs leave uncovered.
 fn complement(covered: [&[Run]; 2], nx: u32, out: &mut Vec<Run>) {
     let [a, b] = covered;
     let (mut i, mut j, mut next) = (0, 0, 0);
@@ -168,7 +169,7 @@ fn complement(covered: [&[Run]; 2], nx: u32, out: &mut Vec<Run>) {
     }
 }
 
-/// The voxels that belong to rods, labelled by rod.
+/// Returns the voxels that belong to rods, labelled by rod.
 fn rods(volume: &Volume, lumen: &Lumen, loose: &Rows, progress: &Progress) -> Result<Rows> {
     let dims @ [_, ny, nz] = lumen.gas.dims();
     let grid = volume.grid();
@@ -209,7 +210,7 @@ fn rods(volume: &Volume, lumen: &Lumen, loose: &Rows, progress: &Progress) -> Re
     Ok(labelled.select(|rod| is_bridge(rod as usize).then_some(rod)))
 }
 
-/// Whether one of a voxel's 26 neighbours is tissue that belongs to no rod.
+/// True if one of a voxel's 26 neighbours is tissue that does not belong to a rod.
 fn is_attached(volume: &Volume, rods: &Rows, p: [i64; 3]) -> bool {
     LINES.iter().flat_map(|l| [*l, l.map(|x| -x)]).any(|l| {
         let [i, j, k]: [i64; 3] = std::array::from_fn(|a| p[a] + l[a]);
@@ -217,7 +218,7 @@ fn is_attached(volume: &Volume, rods: &Rows, p: [i64; 3]) -> bool {
     })
 }
 
-/// The runs of a slice's voxels (in order), as [`Rows::from_slices`] takes them.
+/// Returns the runs of a slice's voxels (in order), in the form that [`Rows::from_slices`] takes.
 fn slice_runs(voxels: &[[i64; 3]], ny: usize) -> (Vec<u32>, Vec<Run>) {
     let mut runs: Vec<Run> = Vec::new();
     let mut lengths = vec![0; ny];
@@ -235,8 +236,8 @@ fn slice_runs(voxels: &[[i64; 3]], ny: usize) -> (Vec<u32>, Vec<Run>) {
     (lengths, runs)
 }
 
-/// The voxels of slice `k` that lie, along x or along y, in a gap of the gas no longer than the given number of voxels:
-/// whatever a rod's direction, one of the two crosses it. In the order of voxels.
+/// Returns the voxels of slice `k` that are, along x or along y, in a gap of the gas no longer than the given number of
+/// voxels, in voxel order. Whatever a rod's direction, one of the two crosses it.
 fn thin_gaps(lumen: &Lumen, k: usize, most_x: u32, most_y: f64) -> Vec<[i64; 3]> {
     let gas = &lumen.gas;
     let [_, ny, _] = gas.dims();
@@ -266,11 +267,11 @@ impl Steps {
         Self(LINES.map(|line| (line, (DVec3::from_array(line.map(|x| x as f64)) * grid.spacing()).length())))
     }
 
-    /// Along how many lines the tissue about a voxel is thin, with gas at both ends.
+    /// Returns the number of lines along which the tissue around a voxel is thin, with gas at both ends.
     ///
-    /// Thin is relative to where it is nearly thinnest, the fourth of the thirteen: a line at an angle φ to a rod of
-    /// thickness t runs through t / sin φ of it, so that only lines within some 25° of the rod, one or two, see much
-    /// more; at φ to a sheet's normal it runs through t / cos φ, and a third of all lines see much more.
+    /// Thin is relative to the fourth thinnest of the thirteen lines. A line at an angle φ to a rod of thickness t
+    /// passes through t / sin φ of it, so only the one or two lines within about 25° of the rod see much more. At φ to
+    /// a sheet's normal a line passes through t / cos φ, and a third of all lines see much more.
     fn thin_lines(&self, volume: &Volume, p: [i64; 3]) -> usize {
         let mut runs = [f64::INFINITY; 13];
         let mut endless = 0;
@@ -292,7 +293,7 @@ impl Steps {
     }
 }
 
-/// Place and size of each label that there is.
+/// Returns the position and size of each existing label.
 fn gather(grid: &Grid, rows: &Rows) -> impl Iterator<Item = Remnant> {
     let count = rows.runs().iter().map(|r| r.label as usize + 1).max().unwrap_or(0);
     let mut found = vec![(DVec3::ZERO, 0.0, DVec3::INFINITY, DVec3::NEG_INFINITY); count];

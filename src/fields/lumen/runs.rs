@@ -11,10 +11,10 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// Slices that are made at a time.
+/// Number of slices made at a time.
 const SLICES: usize = 32;
 
-/// Voxels `start..end` of one row, all of the same `label`.
+/// Voxels `start..end` of one row, all with the same `label`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::fields) struct Run {
     pub start: u32,
@@ -32,11 +32,11 @@ impl Run {
     }
 }
 
-/// Runs in the order of their voxels, found by row. Runs of a row are disjoint and ascending.
+/// Runs in voxel order, accessible by row. Runs of a row are disjoint and ascending.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(in crate::fields) struct Rows {
     dims: [usize; 3],
-    /// Where each row begins in `runs`; one entry more than there are rows.
+    /// Start of each row in `runs`; one more entry than there are rows.
     offsets: Vec<u32>,
     runs: Vec<Run>,
 }
@@ -45,18 +45,18 @@ impl Rows {
     /// Joins the rows of slices given in order, each as (length of every row, runs).
     ///
     /// # Errors
-    /// When the runs are too many to be numbered with 32 bits.
+    /// Returns an error if there are too many runs to number with 32 bits.
     pub fn from_slices(dims: [usize; 3], slices: Vec<(Vec<u32>, Vec<Run>)>) -> Result<Self> {
         let mut rows = Self::without_rows(dims);
         slices.into_iter().try_for_each(|s| rows.append(s))?;
         Ok(rows)
     }
 
-    /// The same of slices that `slice` makes by number, in parallel. At no time are there many slices beside the rows:
-    /// all of a scan's gas and noise is tens of megabytes.
+    /// Same as [`Rows::from_slices`] with slices that `slice` makes by number, in parallel. Only a few slices exist
+    /// beside the rows at any time: all of a scan's gas and noise is tens of megabytes.
     ///
     /// # Errors
-    /// As above, and the first of those of `slice`.
+    /// Same as [`Rows::from_slices`], and the first error of `slice`.
     pub fn gather(dims: [usize; 3], slice: impl Fn(usize) -> Result<(Vec<u32>, Vec<Run>)> + Sync) -> Result<Self> {
         let mut rows = Self::without_rows(dims);
         for first in (0..dims[2]).step_by(SLICES) {
@@ -91,12 +91,12 @@ impl Rows {
         self.dims
     }
 
-    /// The runs of row (j, k).
+    /// Returns the runs of row (j, k).
     pub fn row(&self, j: usize, k: usize) -> &[Run] {
         &self.runs[self.row_range(j, k)]
     }
 
-    /// Where the runs of row (j, k) are among all runs.
+    /// Returns the range of row (j, k) among all runs.
     pub fn row_range(&self, j: usize, k: usize) -> Range<usize> {
         let r = j + self.dims[1] * k;
         self.offsets[r] as usize..self.offsets[r + 1] as usize
@@ -106,14 +106,14 @@ impl Rows {
         &self.runs
     }
 
-    /// All runs with their row: (j, k, run).
+    /// Returns all runs with their row: (j, k, run).
     pub fn iter(&self) -> impl Iterator<Item = (usize, usize, Run)> + '_ {
         (0..self.dims[2])
             .flat_map(move |k| (0..self.dims[1]).map(move |j| (j, k)))
             .flat_map(move |(j, k)| self.row(j, k).iter().map(move |&r| (j, k, r)))
     }
 
-    /// The run that holds voxel (i, j, k); none for a voxel outside the grid.
+    /// Returns the run that contains voxel (i, j, k); `None` outside the grid.
     pub fn find(&self, i: i64, j: i64, k: i64) -> Option<Run> {
         let [nx, ny, nz] = self.dims;
         if (i as u64) >= nx as u64 || (j as u64) >= ny as u64 || (k as u64) >= nz as u64 {
@@ -124,7 +124,7 @@ impl Rows {
         row.get(at).copied().filter(|r| i64::from(r.start) <= i)
     }
 
-    /// Calls `visit` for the voxels that follow the given run of row (j, k) one step `way` on and are in no run.
+    /// Calls `visit` for the voxels one step in `axis_direction` from the given run of row (j, k) that are in no run.
     pub(super) fn beyond(
         &self,
         r: Run,
@@ -137,7 +137,7 @@ impl Rows {
         let [di, dj, dk] = axis_direction.step();
         if di != 0 {
             let i = if di > 0 { i64::from(r.end) } else { i64::from(r.start) - 1 };
-            // Another run, of another label, may follow at once.
+            // A run with another label may follow immediately.
             if (0..nx as i64).contains(&i) && self.find(i, j as i64, k as i64).is_none() {
                 visit([i, j as i64, k as i64]);
             }
@@ -156,12 +156,12 @@ impl Rows {
         (next..r.end).for_each(|i| visit([i64::from(i), j, k]));
     }
 
-    /// The runs whose label `keep` maps to a new one, relabelled; the others are dropped.
+    /// Keeps the runs whose label `keep` maps to a new one, relabelled; drops the others.
     pub fn select(&self, keep: impl Fn(u32) -> Option<u32>) -> Self {
         self.pick(|_, r| keep(r.label))
     }
 
-    /// The runs that `keep`, given a run's number and the run, maps to a new label.
+    /// Keeps the runs that `keep`, given a run's number and the run, maps to a new label.
     pub fn pick(&self, keep: impl Fn(usize, Run) -> Option<u32>) -> Self {
         let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
         out.offsets.push(0);
@@ -177,7 +177,8 @@ impl Rows {
         out
     }
 
-    /// The 26-connected component of every run, and how many there are. The runs of each row must be separate.
+    /// Returns the 26-connected component of every run, and the number of components. The runs of each row must be
+    /// separate.
     pub fn components_by_corners(&self) -> (Vec<u32>, usize) {
         let [_, ny, nz] = self.dims;
         let mut sets = Sets::new(self.runs.len());
@@ -194,7 +195,7 @@ impl Rows {
         sets.numbered()
     }
 
-    /// Size in memory.
+    /// Returns the size in memory, bytes.
     pub fn bytes(&self) -> usize {
         self.offsets.capacity() * size_of::<u32>() + self.runs.capacity() * size_of::<Run>()
     }
@@ -204,7 +205,7 @@ fn too_many() -> Error {
     Error::input("volume", "is too large and too noisy to be segmented", "crop or resample it")
 }
 
-/// Union-find whose roots are the smallest members, so that the outcome depends on no order of work.
+/// Union-find whose roots are the smallest members, so that the result does not depend on the order of operations.
 #[derive(Debug, Default)]
 pub(super) struct Sets {
     parent: Vec<u32>,
@@ -231,7 +232,7 @@ impl Sets {
         }
     }
 
-    /// The set of every member, numbered from 0 in the order of first members, and how many there are.
+    /// Returns the set of every member, numbered from 0 in the order of first members, and the number of sets.
     pub fn numbered(mut self) -> (Vec<u32>, usize) {
         let mut count = 0;
         for a in 0..self.parent.len() {
@@ -253,8 +254,8 @@ pub(super) fn touching(a: &[Run], b: &[Run], f: impl FnMut(usize, usize)) {
     near(a, b, 0, f);
 }
 
-/// The same for runs that share an x or, where `slack` is 1, lie corner to corner. Then the runs of each row must be
-/// separate.
+/// Same as [`touching`], for runs that share an x or, if `slack` is 1, touch corner to corner. In that case the runs of
+/// each row must be separate.
 pub(super) fn near(a: &[Run], b: &[Run], slack: u32, mut f: impl FnMut(usize, usize)) {
     let (mut i, mut j) = (0, 0);
     while i < a.len() && j < b.len() {
@@ -269,10 +270,10 @@ pub(super) fn near(a: &[Run], b: &[Run], slack: u32, mut f: impl FnMut(usize, us
     }
 }
 
-/// The voxels at or below `limit` HU with their 6-connected components as labels (numbered from 0 in the order of
-/// their first voxels), and the number of components.
+/// Returns the voxels at or below `limit` HU with their 6-connected components as labels (numbered from 0 in the order
+/// of their first voxels), and the number of components.
 ///
-/// Slices are scanned and joined within themselves in parallel, then joined to each other in order.
+/// Slices are scanned and joined internally in parallel, then joined to each other in order.
 pub(super) fn components_below(volume: &Volume, limit: i16, progress: &Progress) -> Result<(Rows, usize)> {
     let dims @ [nx, ny, nz] = volume.grid().dims();
     if u32::try_from(nx).is_err() {
@@ -290,7 +291,7 @@ pub(super) fn components_below(volume: &Volume, limit: i16, progress: &Progress)
         Ok((lengths, runs))
     })?;
     let slice_starts: Vec<usize> = (0..=nz).map(|k| rows.offsets[k * ny] as usize).collect();
-    // Within a slice a union-find of its own: disjoint pieces of one array, whose roots stay within their slice.
+    // Each slice has a separate union-find on a disjoint piece of one array; its roots stay within the slice.
     let mut sets = Sets::new(rows.runs.len());
     let mut pieces = Vec::with_capacity(nz);
     let mut rest = sets.parent.as_mut_slice();
@@ -328,18 +329,18 @@ pub(super) fn components_below(volume: &Volume, limit: i16, progress: &Progress)
     Ok((rows, count))
 }
 
-/// Appends the runs of a row's values at or below `limit`.
+/// Appends the runs of a row's values at or below `limit` HU.
 fn scan_row(row: &[i16], limit: i16, runs: &mut Vec<Run>) {
     let mut start = None;
     for (block, values) in row.chunks(64).enumerate() {
         let base = (block * 64) as u32;
-        // Most blocks are all of a kind, which counting tells faster than collecting bits does.
+        // Most blocks are uniform, which counting detects faster than collecting bits.
         let inside = match values.iter().map(|&v| u16::from(v <= limit)).sum::<u16>() {
             0 => 0,
             64 => u64::MAX,
             _ => values.iter().enumerate().fold(0, |m, (x, &v)| m | (u64::from(v <= limit) << x)),
         };
-        // Bit x of `edges` is set where voxel x differs from the one before it.
+        // Bit x of `edges` is set where voxel x differs from the previous one.
         let mut edges = inside ^ ((inside << 1) | u64::from(start.is_some()));
         if values.len() < 64 {
             edges &= (1 << values.len()) - 1;
@@ -369,7 +370,7 @@ mod tests {
         Volume::new(Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap(), data)
     }
 
-    /// Components by flooding voxel after voxel, numbered by their first voxels.
+    /// Finds components by flooding voxel after voxel, numbered by their first voxels.
     fn flooded(v: &Volume, limit: i16) -> Vec<Option<u32>> {
         let [nx, ny, nz] = v.grid().dims();
         let mut out = vec![None; v.data().len()];

@@ -1,25 +1,25 @@
-//! Sample places on the lumen's wall, to measure how much of it was seen.
+//! Sample positions on the lumen's wall, for measuring how much of it was seen.
 
 use glam::DVec3;
 
 use super::Lumen;
 use crate::math::hash;
 
-/// Approximate number of gas voxels that are looked at, however many there are.
+/// Approximate number of gas voxels to examine, however many there are.
 const LOOKED_AT: u64 = 1 << 20;
 
-/// A place at the wall, which stands for a piece of it.
+/// A position at the wall that represents a piece of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallPlace {
-    /// Centre of a gas voxel that the wall touches, world mm.
+    /// Centre of a gas voxel that touches the wall, world mm.
     pub at: DVec3,
-    /// Area of the voxel's faces to the wall, mm².
+    /// Area of wall that it represents, mm².
     pub mm2: f64,
 }
 
 impl Lumen {
-    /// Places at the wall of the given segments: gas voxels with a face to what is neither gas nor tagged fluid nor the
-    /// end of the scan, one in so many of them, evenly strewn and the same every time.
+    /// Returns positions at the wall of the given segments. They are gas voxels with a face to anything other than gas,
+    /// tagged fluid or the border of the scan. Every Nth voxel on average is used, spread evenly and deterministically.
     pub fn wall_places(&self, segments: &[usize]) -> Vec<WallPlace> {
         let wanted = |label: u32| segments.contains(&(label as usize));
         let dims = self.grid.dims().map(|n| n as i64);

@@ -1,4 +1,4 @@
-//! Bodies made for one question each, and the scans of the data folder.
+//! Synthetic bodies, one per question, and the scans of the data folder.
 
 #[path = "../../../tests/support/skips.rs"]
 mod skips;
@@ -14,7 +14,7 @@ use crate::math::hash;
 const GAS: f64 = -1000.0;
 const TISSUE: f64 = 40.0;
 
-/// A volume of what `hu` says at every voxel's centre (world, mm).
+/// Samples `hu` at every voxel's centre (world, mm).
 fn scan(grid: &Grid, hu: impl Fn(DVec3) -> f64 + Sync) -> Volume {
     let [nx, ny, _] = grid.dims();
     let data = (0..grid.len())
@@ -24,7 +24,7 @@ fn scan(grid: &Grid, hu: impl Fn(DVec3) -> f64 + Sync) -> Volume {
     Volume::new(grid.clone(), data)
 }
 
-/// A grid of about `size` mm around the world's origin.
+/// Returns a grid of about `size` mm around the world's origin.
 fn grid_around(size: DVec3, spacing: DVec3) -> Grid {
     let dims = (size / spacing).to_array().map(|n| n.round() as usize);
     let last = DVec3::from_array(dims.map(|n| n as f64 - 1.0));
@@ -37,7 +37,7 @@ fn found(volume: &Volume) -> Lumen {
     lumen
 }
 
-/// What is true of every lumen.
+/// Checks the invariants of every lumen.
 fn holds_together(volume: &Volume, lumen: &Lumen) {
     let grid = volume.grid();
     let mask = lumen.mask();
@@ -95,11 +95,11 @@ fn the_colon_is_told_from_outside_air_table_and_lungs() {
     let s = &lumen.segments[0];
     assert!(s.ends[0].distance(DVec3::new(0.0, 20.0, -68.0)) < 8.0, "the rectum comes first: {:?}", s.ends);
     assert!(s.ends[1].distance(DVec3::new(-50.0, 0.0, -40.0)) < 8.0, "the cecum comes last: {:?}", s.ends);
-    // 84.9, 99.3 and 57.2 mm from corner to corner; corners are cut.
+    // 84.9, 99.3 and 57.2 mm from corner to corner; the path cuts corners.
     assert!((200.0..260.0).contains(&s.length_mm), "{}", s.length_mm);
 }
 
-/// The same body stored in any order of axes and either way along each is the same colon in the world.
+/// The same body, stored in any order of axes and in either direction along each, gives the same colon in the world.
 #[test]
 fn flipped_and_permuted_grids_give_the_same_colon() {
     let spacing = DVec3::new(2.0, 2.2, 1.8);
@@ -150,7 +150,7 @@ fn a_thin_blurred_wall_parts_two_loops() {
     assert_eq!(lumen.segments.len(), 2);
     assert_ne!(lumen.segment_at(DVec3::new(8.0, 0.0, 0.0)), lumen.segment_at(DVec3::new(-8.0, 0.0, 0.0)));
     assert!(lumen.segment_at(DVec3::ZERO).is_some(), "the wall's dark half belongs to one of them");
-    // A point beside the gas finds it, one far away does not.
+    // A point beside the gas finds it; one far away does not.
     let (_, p) = lumen.nearest_gas(DVec3::new(17.0, 0.0, 0.0), 5.0).unwrap();
     assert!(p.distance(DVec3::new(14.0, 0.0, 0.0)) < 1e-9);
     assert!(lumen.nearest_gas(DVec3::new(21.0, 0.0, 0.0), 5.0).is_none());
@@ -158,7 +158,7 @@ fn a_thin_blurred_wall_parts_two_loops() {
     assert!(lumen.nearest_gas(DVec3::splat(1e300), 5.0).is_none());
 }
 
-/// A basin of two chambers over one pool; `down` is where gravity pulls (+1 to posterior).
+/// A basin of two chambers over one pool; `down` is the direction of gravity (+1 to posterior).
 fn basin(p: DVec3, down: f64) -> f64 {
     let y = down * p.y;
     let chamber = p.z.abs() > 6.0 && p.z.abs() < 36.0 && p.x.abs() < 14.0 && y > -16.0 && y < 16.0;
@@ -317,7 +317,7 @@ fn threads_change_nothing() {
     assert_eq!(one, two);
 }
 
-/// A file of the data folder; says so where it is absent.
+/// Loads a file of the data folder; reports a skip if it is absent.
 fn data(name: &str) -> Option<Volume> {
     let folder = std::env::var_os("COLVIS_TEST_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     let path = folder.join(name);
@@ -333,7 +333,7 @@ fn the_prone_scan_has_three_segments_in_order() {
     let Some(volume) = data("ctc_prone.nii.gz") else { return };
     let lumen = found(&volume);
     assert!(lumen.ordered && lumen.is_flyable());
-    // At the core's threshold they hold 281, 183 and 2479 ml; the surface lies at a brighter one.
+    // At the core's threshold they contain 281, 183 and 2479 ml; the surface is at a brighter one.
     let ml: Vec<f64> = lumen.segments.iter().map(|s| s.ml).collect();
     assert_eq!(ml.len(), 3, "{ml:?}");
     for (ml, expected) in ml.into_iter().zip([292.0, 192.0, 2560.0]) {
@@ -344,7 +344,7 @@ fn the_prone_scan_has_three_segments_in_order() {
     assert!(main.ends[0].distance(DVec3::new(131.0, -64.0, -126.0)) < 20.0, "{:?}", main.ends);
     assert!(main.ends[1].distance(DVec3::new(-90.0, -103.0, -258.0)) < 45.0, "{:?}", main.ends);
     assert!((780.0..1000.0).contains(&main.length_mm), "{}", main.length_mm);
-    // Fluid separates neighbours and nothing else.
+    // Only fluid separates neighbours.
     let joined: Vec<&[usize]> = lumen.segments.iter().map(|s| s.joined_to.as_slice()).collect();
     assert_eq!(joined, [&[1][..], &[0, 2], &[1]]);
     let share = lumen.fluid_ml() / (lumen.gas_ml() + lumen.fluid_ml());
@@ -369,12 +369,12 @@ fn an_unprepared_abdomen_is_no_colon_to_fly() {
     let Some(volume) = data("abdomen_unprepared.nii.gz") else { return };
     let lumen = found(&volume);
     assert!(!lumen.is_flyable() && !lumen.ordered, "{:?}", lumen.segments);
-    // There is gas all the same, and it can be asked for.
+    // There is gas all the same, and it can be requested.
     let inside = lumen.segments[0].ends[0];
     let one = gas_at(&volume, inside, &Progress::new()).unwrap().unwrap();
     holds_together(&volume, &one);
     assert_eq!(one.segments.len(), 1);
-    // Alone it grows into the blur that it otherwise shares with its neighbours.
+    // On its own it also grows into the blur that it otherwise shares with its neighbours.
     let [alone, among] = [one.segments[0].ml, lumen.segments[0].ml];
     assert!(alone >= among && alone < 1.1 * among, "{alone} {among}");
 }

@@ -1,4 +1,4 @@
-//! The front that brings the distance to a target: fast marching over the lumen's voxels, and the values around it.
+//! The front that computes the distance to a target: fast marching over the lumen's voxels, and extension to the rest.
 
 use glam::DVec3;
 
@@ -7,9 +7,9 @@ use crate::error::Result;
 use crate::fields::WallDistance;
 use crate::progress::Progress;
 
-/// Buckets in the least spacing.
+/// Number of buckets per smallest spacing.
 const FINENESS: f64 = 4.0;
-/// How fast the distance grows from where the body fits into where it does not, mm/mm.
+/// Slope of the distance from where the body fits into where it does not, mm/mm.
 const RISE: f32 = 1.5;
 
 /// A voxel on the front.
@@ -18,18 +18,18 @@ type Front = (u32, [i32; 3]);
 /// The marching front.
 pub struct March<'a> {
     walls: &'a WallDistance,
-    /// The distances, in the order of the walls' set; infinite where the front did not arrive.
+    /// Distances in the order of the walls' set, mm; infinite where the front did not arrive.
     pub values: Vec<f32>,
     done: Vec<bool>,
-    /// Voxels by their value; the lowest that is not empty is next.
+    /// Voxels by value; the lowest bucket that is not empty is next.
     buckets: Vec<Vec<Front>>,
     next: usize,
     per_mm: f64,
     spacing: [f32; 3],
-    /// Only where the wall is so far away, mm, or near one of these places.
+    /// The front passes only where the wall is at least this far away, mm, or near one of the `open` positions.
     clearance: f32,
     open: &'a [DVec3],
-    /// What each voxel takes from the neighbour that the front came from.
+    /// A value that each voxel inherits from the neighbour that the front came from.
     track: Option<Vec<f32>>,
 }
 
@@ -50,19 +50,19 @@ impl<'a> March<'a> {
         }
     }
 
-    /// Whether the front may come to a voxel.
+    /// True if the front may enter a voxel.
     fn passes(&self, n: usize, voxel: [i64; 3]) -> bool {
         let d = self.walls.values()[n];
         d >= self.clearance
             || d >= 0.0 && self.open.iter().any(|&o| self.walls.world(voxel).distance_squared(o) <= SNAP_MM * SNAP_MM)
     }
 
-    /// Continues across collapsed stretches, where a guess leads from reached voxels to others. Returns the guesses
-    /// used, each from the side of the target on.
+    /// Continues across collapsed stretches if a guess leads from reached voxels to others. Returns the guesses used,
+    /// each starting on the target's side.
     pub fn bridge(&mut self, guesses: &[[DVec3; 2]], progress: &Progress) -> Result<Vec<[DVec3; 2]>> {
         let mut guessed = Vec::new();
         let mut left: Vec<[DVec3; 2]> = guesses.to_vec();
-        // Each pass over what is left uses one guess, so it ends.
+        // Each pass uses one of the remaining guesses, so the loop ends.
         while let Some(at) = left.iter().position(|g| self.reaches(g[0]) != self.reaches(g[1])) {
             let [a, b] = left.remove(at);
             let (from, to) = if self.reaches(a) { (a, b) } else { (b, a) };
@@ -75,8 +75,8 @@ impl<'a> March<'a> {
         Ok(guessed)
     }
 
-    /// Gives every voxel of the lumen that the front did not come to the value of the nearest one that it did, and
-    /// [`RISE`] times the way there.
+    /// Extends the distance to every voxel of the lumen that the front did not reach: the value of the nearest reached
+    /// voxel plus [`RISE`] times the path from it.
     pub fn extend(&mut self, progress: &Progress) -> Result<()> {
         let mut away = March::new(self.walls, 0.0, &[]);
         self.walls.set().for_each(|n, voxel| {
@@ -94,7 +94,7 @@ impl<'a> March<'a> {
         Ok(())
     }
 
-    /// Starts with the ball inscribed at `target`, which lies in `voxel`.
+    /// Starts with the ball inscribed at `target` (world, mm), which is in `voxel`.
     pub fn ball(&mut self, voxel: [i64; 3], target: DVec3) {
         self.seed(voxel, self.walls.world(voxel).distance(target) as f32);
         let radius = f64::from(self.walls.at(voxel).unwrap_or(0.0)) - self.walls.grid().spacing().length();
@@ -121,7 +121,7 @@ impl<'a> March<'a> {
     fn offer(&mut self, n: usize, voxel: [i64; 3], value: f32) {
         if value < self.values[n] && !self.done[n] {
             self.values[n] = value;
-            // A guess may start again below the bucket that came last.
+            // A guess may restart below the last bucket.
             let bucket = (f64::from(value) * self.per_mm) as usize;
             if bucket >= self.buckets.len() {
                 self.buckets.resize_with(bucket + 1, Vec::new);
@@ -134,7 +134,7 @@ impl<'a> March<'a> {
     pub fn run(&mut self, progress: &Progress) -> Result<()> {
         let mut steps = 0u64;
         while self.next < self.buckets.len() {
-            // What arrives in this bucket meanwhile is taken in the next round.
+            // Voxels that arrive in this bucket meanwhile are processed in the next round.
             let front = std::mem::take(&mut self.buckets[self.next]);
             if front.is_empty() {
                 self.next += 1;
@@ -154,7 +154,7 @@ impl<'a> March<'a> {
         progress.advance(steps)
     }
 
-    /// Takes what is tracked from the neighbour that is nearest to where the front began.
+    /// Inherits the tracked value from the neighbour nearest to the start of the front.
     fn take(&mut self, n: usize, at: [i64; 3]) {
         let Some(mut track) = self.track.take() else { return };
         let mut nearest = (self.values[n], n);
@@ -182,7 +182,7 @@ impl<'a> March<'a> {
         }
     }
 
-    /// The value that the neighbours whose own is final give a voxel.
+    /// Returns the value that a voxel gets from its neighbours with final values.
     fn upwind(&self, at: [i64; 3]) -> f32 {
         let mut lowest = [(f32::INFINITY, 1.0f32); 3];
         for a in 0..3 {
@@ -196,7 +196,7 @@ impl<'a> March<'a> {
             }
         }
         lowest.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // Values relative to the lowest: large distances lose no digits.
+        // Use values relative to the lowest, so that large distances lose no digits.
         let base = lowest[0].0;
         let mut value = lowest[0].1;
         let (mut a, mut b, mut c) = (0.0, 0.0, -1.0);

@@ -1,4 +1,4 @@
-//! The distance to a target in lumens that are known.
+//! The distance to a target in known lumens.
 
 use super::*;
 
@@ -6,7 +6,7 @@ fn walls(dims: [usize; 3], spacing: DVec3, is_in: impl Fn(DVec3) -> bool) -> Arc
     Arc::new(WallDistance::drawn(dims, spacing, is_in))
 }
 
-/// A tube of radius 5 mm bent to three quarters of a circle of radius 15 mm: its ends come near each other.
+/// A tube of radius 5 mm, bent to three quarters of a circle of radius 15 mm: its ends are close to each other.
 fn bend(p: DVec3) -> bool {
     let q = p - DVec3::new(24.0, 24.0, 8.0);
     let ring = (q.x.hypot(q.y) - 15.0).hypot(q.z);
@@ -44,8 +44,8 @@ fn follows_the_lumen_and_has_no_minimum_but_the_target() {
             assert!(f64::from(here) >= w.world(v).distance(target) - 1e-4);
         });
         assert_eq!(lower, 1);
-        // The taut way about the ring's inner side (10 mm) is 64.5 mm long; fast marching of first order about a wall
-        // of steps finds it longer, never shorter.
+        // The taut path around the ring's inner side (10 mm) is 64.5 mm long. First-order fast marching around a
+        // stepped wall gives a longer one, never a shorter one.
         let far = d.sample(DVec3::new(39.0, 22.0, 8.0)).unwrap().mm;
         assert!((64.0..77.0).contains(&far), "{far}");
     }
@@ -102,7 +102,7 @@ fn a_gap_is_bridged_only_as_a_guess() {
     assert!(TargetDistance::to(&w, DVec3::NAN, None, &[], &Progress::new()).is_err());
 }
 
-/// Two rooms with a slit between them, and perhaps a wide way round.
+/// Two rooms with a slit between them, and optionally a wide detour.
 fn rooms(wide: bool) -> impl Fn(DVec3) -> bool {
     move |p| {
         let room = (p.x - 20.0).abs() < 18.0 && (p.y - 10.0).abs() < 8.0 && (p.z - 8.0).abs() < 7.0;
@@ -133,7 +133,7 @@ fn leads_where_the_body_fits() {
     };
     let (d, there, least) = way(true, 2.5);
     assert!(there && d.clearance_mm() == 2.5 && least > 1.7, "{there} {least}");
-    // From the slit it leads back to the room that it is nearer to.
+    // From the slit the field leads back to the nearer room.
     for x in [17.0, 18.0, 19.0] {
         let g = d.sample(DVec3::new(x, 10.0, 8.0)).unwrap().gradient;
         assert!(g.x > 0.3, "at {x}: {g}");

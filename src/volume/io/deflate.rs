@@ -1,8 +1,7 @@
-//! gzip by all threads, as one ordinary member.
+//! Multithreaded gzip that writes one ordinary member.
 //!
-//! The stream is cut into blocks of fixed size; each is deflated on its own and ends on a byte boundary (a sync flush),
-//! so that the blocks can be set one after the other. The cut does not depend on the number of threads, and neither do
-//! the bytes.
+//! The data is cut into blocks of fixed size. Each block is deflated separately and ends on a byte boundary (a sync
+//! flush), so the blocks can be concatenated. Neither the cuts nor the bytes depend on the number of threads.
 
 use std::io::{self, Write};
 
@@ -11,13 +10,13 @@ use rayon::prelude::*;
 
 use crate::progress::Progress;
 
-/// Unpacked bytes of one block: enough that restarting costs next to no compression.
+/// Uncompressed bytes of one block, large enough that restarting costs almost no compression.
 pub const BLOCK: usize = 1 << 20;
 
-/// Writes `prefix` and then `blocks` blocks made by `make`, gzipped. `progress` advances by unpacked bytes.
+/// Gzips `prefix` followed by `blocks` blocks made by `make`. `progress` advances by uncompressed bytes.
 ///
 /// # Errors
-/// What the sink reports, or the cancellation (wrapped).
+/// Returns the sink's error, or the cancellation (wrapped).
 pub fn gzip(
     sink: &mut dyn Write,
     prefix: &[u8],
@@ -44,7 +43,7 @@ pub fn gzip(
             progress.advance(u64::from(crc.amount())).map_err(io::Error::other)?;
         }
     }
-    // An empty last block of stored type ends the stream.
+    // An empty final block of stored type ends the stream.
     sink.write_all(&[1, 0, 0, 0xff, 0xff])?;
     sink.write_all(&sum.sum().to_le_bytes())?;
     sink.write_all(&sum.amount().to_le_bytes())
@@ -58,7 +57,7 @@ fn block(bytes: &[u8]) -> io::Result<(Crc, Vec<u8>)> {
     loop {
         let from = deflate.total_in() as usize;
         deflate.compress_vec(&bytes[from..], &mut packed, FlushCompress::Sync).map_err(io::Error::other)?;
-        // Room left over means that the flush is complete.
+        // If there is room left, the flush is complete.
         if deflate.total_in() as usize == bytes.len() && packed.len() < packed.capacity() {
             return Ok((crc, packed));
         }
@@ -81,7 +80,7 @@ mod tests {
             let mut out = Vec::new();
             gzip(&mut out, b"head", len.div_ceil(BLOCK), &make, &Progress::new()).unwrap();
             let mut back = Vec::new();
-            // A decoder of a single member: there must be only one.
+            // This decoder reads a single member, so there must be only one.
             flate2::read::GzDecoder::new(&out[..]).read_to_end(&mut back).unwrap();
             assert_eq!(&back[..4], b"head");
             assert!(back[4..] == data[..]);

@@ -1,4 +1,4 @@
-//! Folders of slices: DICOM or PNG, told by the files' content.
+//! Folders of slices: DICOM or PNG, recognised by content.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -7,23 +7,23 @@ use super::source;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-/// How deep folders are looked into.
+/// Maximum depth of nested folders.
 const DEEPEST: usize = 8;
-/// More files than any scan has.
+/// Maximum number of files; more than any scan has.
 const MOST_FILES: usize = 200_000;
 
-/// What a folder holds, in natural order of names.
+/// The contents of a folder, in natural order of names.
 pub enum Folder {
-    /// DICOM files, from all folders below.
+    /// DICOM files, including those in subfolders.
     Dicom(Vec<PathBuf>),
-    /// PNG slices of this very folder.
+    /// PNG slices directly in the folder.
     Png(Vec<PathBuf>),
 }
 
-/// Looks into a folder.
+/// Opens a folder and recognises its contents.
 ///
 /// # Errors
-/// Status 3 when it is empty, unreadable or holds neither.
+/// Returns status 3 if the folder is empty, unreadable or contains neither kind.
 pub fn open(path: &Path, progress: &Progress) -> Result<Folder> {
     progress.stage("looking into the folder", 0);
     let mut files = Vec::new();
@@ -61,7 +61,7 @@ pub fn open(path: &Path, progress: &Progress) -> Result<Folder> {
     })
 }
 
-/// Whether the bytes begin a DICOM file (with the 128-byte preamble, or straight with its meta group).
+/// True if the bytes are the start of a DICOM file (with the 128-byte preamble, or directly with its meta group).
 pub fn is_dicom(head: &[u8]) -> bool {
     head.get(128..132) == Some(b"DICM") || head.starts_with(b"\x02\0\0\0UL")
 }
@@ -76,7 +76,7 @@ fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>, progress: &Progr
     });
     for entry in entries {
         let path = entry.path();
-        // A link to a folder is not followed: it may lead round in a circle.
+        // Do not follow links to folders: they may form a cycle.
         let kind = entry.file_type().map_err(fail)?;
         if kind.is_dir() {
             if depth > 0 {
@@ -93,7 +93,7 @@ fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>, progress: &Progr
     Ok(())
 }
 
-/// Names with numbers in them by the numbers' value: `s2` before `s10`.
+/// Compares names by the value of the numbers in them: `s2` comes before `s10`.
 fn natural(a: &str, b: &str) -> std::cmp::Ordering {
     let (mut a, mut b) = (a, b);
     loop {

@@ -1,4 +1,4 @@
-//! From what headers say about place and direction to a [`Grid`] in the world (mm, LPS).
+//! Conversion of header positions and directions to a [`Grid`] in the world (mm, LPS).
 
 use std::path::Path;
 
@@ -7,30 +7,30 @@ use glam::{DMat3, DVec3};
 use crate::error::{Error, Result};
 use crate::volume::Grid;
 
-/// Turns NIfTI's and NRRD's RAS into LPS and back: left and right, front and back change sign.
+/// Converts NIfTI's and NRRD's RAS to LPS and back by negating x and y.
 pub const RAS_LPS: DMat3 = DMat3::from_cols_array(&[-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]);
 
-/// A grid from three steps (the world vector from one voxel to its neighbour along each index axis, mm LPS).
+/// Builds a grid from three steps (the world vectors from a voxel to its neighbours along each index axis, mm LPS).
 ///
 /// # Errors
-/// Status 3 with what is impossible about it.
+/// Returns status 3 with the reason if the grid is impossible.
 pub fn from_steps(path: &Path, dims: [usize; 3], steps: DMat3, origin: DVec3) -> Result<Grid> {
     let spacing = DVec3::new(steps.x_axis.length(), steps.y_axis.length(), steps.z_axis.length());
     grid(path, dims, spacing, origin, steps)
 }
 
-/// [`Grid::new`] with its complaint made an error about `path`.
+/// Same as [`Grid::new`], with its error turned into one about `path`.
 ///
 /// # Errors
-/// Status 3 with what is impossible about it.
+/// Returns status 3 with the reason if the grid is impossible.
 pub fn grid(path: &Path, dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Grid> {
     Grid::new(dims, spacing, origin, direction).map_err(|why| Error::file(path, why, "correct the header"))
 }
 
-/// Refuses spacing that is zero, negative or not finite.
+/// Rejects spacing that is zero, negative or not finite.
 ///
 /// # Errors
-/// Status 3 naming the field and its value.
+/// Returns status 3 with the field and its value.
 pub fn check_spacing(path: &Path, field: &str, spacing: &[f64]) -> Result<()> {
     match spacing.iter().find(|s| !(s.is_finite() && **s > 0.0)) {
         Some(s) => Err(Error::file(
@@ -42,7 +42,7 @@ pub fn check_spacing(path: &Path, field: &str, spacing: &[f64]) -> Result<()> {
     }
 }
 
-/// Whether the columns are unit vectors at right angles, as far as single-precision headers can tell.
+/// True if the columns are orthonormal, within the precision of single-precision headers.
 pub fn is_orthonormal(m: &DMat3) -> bool {
     let t = m.transpose() * *m;
     (t - DMat3::IDENTITY).to_cols_array().iter().all(|x| x.abs() < 1e-4)

@@ -1,6 +1,6 @@
-//! MetaImage: `.mha` with its data behind the header, `.mhd` with its data in a file beside.
+//! MetaImage: `.mha` with the data after the header, `.mhd` with the data in a separate file.
 //!
-//! Tags and their aliases are those of ITK's MetaIO; its frame is LPS in mm, as ours.
+//! Tags and their aliases follow ITK's MetaIO. Its frame is LPS in mm, the same as ours.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -17,14 +17,14 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// Whether the bytes begin a MetaImage header.
+/// True if the bytes are the start of a MetaImage header.
 pub fn recognises(head: &[u8]) -> bool {
     let first = head.split(|b| *b == b'\n').find(|l| !l.trim_ascii().is_empty()).unwrap_or_default();
     let key = first.split(|b| *b == b'=').next().unwrap_or_default().trim_ascii();
     first.contains(&b'=') && [&b"ObjectType"[..], b"NDims", b"Comment", b"ObjectSubType"].contains(&key)
 }
 
-/// The tags of a header, and where the header ends.
+/// The tags of a header and the position of its end.
 struct Tags<'a> {
     path: &'a Path,
     map: BTreeMap<String, String>,
@@ -32,7 +32,7 @@ struct Tags<'a> {
 }
 
 impl Tags<'_> {
-    /// The value of the first of several names for the same thing.
+    /// Returns the first value among several names for the same field.
     fn get(&self, names: &[&'static str]) -> Option<(&'static str, &str)> {
         names.iter().find_map(|n| self.map.get(*n).map(|v| (*n, v.as_str())))
     }
@@ -46,7 +46,7 @@ impl Tags<'_> {
         }
     }
 
-    /// The first of the named fields as `axes` numbers, filled up to three with `fill`.
+    /// Parses the first of the named fields as `axes` numbers, padded to three with `fill`.
     fn vector(&self, names: &[&'static str], axes: usize, fill: f64) -> Result<Option<[f64; 3]>> {
         let Some((key, value)) = self.get(names) else { return Ok(None) };
         let numbers: Vec<f64> = some(value)
@@ -81,7 +81,7 @@ fn tags<'a>(path: &'a Path, head: &[u8]) -> Result<Tags<'a>> {
 /// Reads the scan.
 ///
 /// # Errors
-/// Status 3 for what the header cannot mean or the data does not hold; 4 when cancelled.
+/// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
 pub fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
     let head = source::head(path, text::MAX_HEADER)?;
     let tags = tags(path, &head)?;
@@ -121,7 +121,7 @@ fn grid(t: &Tags, axes: usize, notes: &mut Vec<String>) -> Result<Grid> {
     let dims = std::array::from_fn(|k| sizes.get(k).copied().unwrap_or(1));
     text::voxel_count(path, dims)?;
     let solid = axes.min(3);
-    // Each is checked by itself: a field that is wrong is refused even where another one is right.
+    // Check each separately: an invalid field is an error even if the other one is valid.
     let mut spacing = [1.0; 3];
     for name in ["ElementSize", "ElementSpacing"] {
         if let Some(s) = t.vector(&[name], solid, 1.0)? {
@@ -139,7 +139,7 @@ fn grid(t: &Tags, axes: usize, notes: &mut Vec<String>) -> Result<Grid> {
             let m: Vec<f64> = some(value)
                 .filter(|m: &Vec<f64>| m.len() == axes * axes)
                 .ok_or_else(|| bad(path, key, value, &format!("{} numbers", axes * axes)))?;
-            // The numbers are the world directions of the index axes, one after the other.
+            // The numbers are the world directions of the index axes, in order.
             let axis = |k: usize| {
                 if k < axes {
                     DVec3::from_array(std::array::from_fn(|i| if i < axes { m[k * axes + i] } else { 0.0 }))
@@ -198,7 +198,7 @@ fn section(t: &Tags, grid: &Grid, encoding: &Encoding) -> Result<Section> {
         return Err(Error::file(path, "keeps each slice in a file of its own", "convert it to one data file"));
     }
     let data = if local { path.to_owned() } else { text::data_file(path, name)? };
-    // A header without BinaryData is binary in practice; only an explicit "False" means numbers as text.
+    // A header without BinaryData is binary in practice; only an explicit "False" means text.
     let packing = match (t.truth(&["CompressedData"])?, t.get(&["BinaryData"])) {
         (true, _) => Packing::Zlib,
         (false, Some(_)) if !t.truth(&["BinaryData"])? => Packing::Text,
@@ -223,7 +223,7 @@ fn section(t: &Tags, grid: &Grid, encoding: &Encoding) -> Result<Section> {
     Ok(Section { path: data, offset, skip: 0, packing })
 }
 
-/// The header for `grid`, of voxels of `kind`, whose data is `data_file` (`LOCAL`: behind the header).
+/// Returns the header for `grid` with voxels of `kind` and the data in `data_file` (`LOCAL`: after the header).
 pub fn header(grid: &Grid, kind: VoxelKind, data_file: &str) -> String {
     let d = grid.direction().to_cols_array().map(|x| x.to_string()).join(" ");
     let (o, s, [x, y, z]) = (grid.origin(), grid.spacing(), grid.dims());

@@ -1,7 +1,7 @@
 //! Reading and writing scans.
 //!
-//! One file for each format; what they share is `raw` (bytes to HU), `source` (voxels from a part of a file, never
-//! more memory than the file's own size class), `frame` (headers to grids) and `text` (text headers).
+//! Each format has its own file. Shared code is in `raw` (bytes to HU), `source` (voxels from a section of a file,
+//! using no more memory than the file's size class), `frame` (headers to grids) and `text` (text headers).
 
 mod deflate;
 #[cfg(feature = "dicom")]
@@ -34,15 +34,15 @@ use crate::volume::{Grid, Volume};
 pub struct LoadOptions {
     /// Voxel spacing for inputs that carry none (a folder of PNG slices), mm.
     pub spacing: Option<DVec3>,
-    /// The HU of black and of white for inputs that carry no HU.
+    /// HU of black and of white for inputs without HU.
     pub hu: Option<(f64, f64)>,
-    /// Which DICOM series to take, counted from 1 as the printed list counts them.
+    /// DICOM series to read, counted from 1 as in the printed list.
     pub series: Option<usize>,
-    /// Resample over missing slices instead of refusing them.
+    /// Resamples across missing slices instead of rejecting them.
     pub allow_gaps: bool,
 }
 
-/// A scan, and notes about how it was read.
+/// A scan and the notes from reading it.
 #[derive(Debug)]
 pub struct Loaded {
     /// The scan.
@@ -51,16 +51,16 @@ pub struct Loaded {
     pub notes: Vec<String>,
 }
 
-/// The inputs that can be read, for messages.
+/// Supported inputs, for messages.
 const SUPPORTED: &str = "give NIfTI (.nii, .nii.gz), MetaImage (.mha, .mhd), NRRD (.nrrd, .nhdr), DICOM (a file or a \
                          folder) or a folder of PNG slices";
 
-/// Of which modality a scan must be.
+/// The modality that a scan must have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::volume::io) enum Modality {
     /// CT, whose values are HU.
     Ct,
-    /// Any, where the values do not matter.
+    /// Any modality; the values do not matter.
     Any,
 }
 
@@ -92,12 +92,12 @@ enum Format {
 /// ```
 ///
 /// # Errors
-/// Status 3 with what is wrong with the input; status 4 when cancelled.
+/// Returns status 3 with the reason if the input is unusable, status 4 if cancelled.
 pub fn load(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Loaded> {
     read(path, options, Modality::Ct, progress).map(|(loaded, _)| loaded)
 }
 
-/// Reads an input, with the facts that only its format has.
+/// Reads an input and the facts specific to its format.
 fn read(
     path: &Path,
     options: &LoadOptions,
@@ -123,7 +123,7 @@ fn read(
             Err(Error::file(path, "is DICOM, which this build leaves out", "build it with the feature \"dicom\""))
         }
     }?;
-    // Values of other modalities are not HU; none of them means padding.
+    // Values of other modalities are not HU, so none of them means padding.
     let volume =
         if facts.get("modality").is_some_and(|m| m != "CT") { volume } else { padding::to_air(volume, &mut notes) };
     Ok((Loaded { volume, notes }, facts))
@@ -141,7 +141,7 @@ fn detect(path: &Path, progress: &Progress) -> Result<Format> {
     if head.is_empty() {
         Err(Error::file(path, "is empty", SUPPORTED))
     } else if source::is_gzip(path)? {
-        // Of all formats NIfTI alone is packed as a whole.
+        // NIfTI is the only format that is compressed as a whole.
         if nifti::recognises(&head) {
             Ok(Format::Nifti)
         } else {
@@ -162,18 +162,18 @@ fn detect(path: &Path, progress: &Progress) -> Result<Format> {
     }
 }
 
-/// The facts about an input, as the `info` command prints them.
+/// Returns the facts about an input, as printed by the `info` command.
 ///
 /// # Errors
-/// As [`load`].
+/// Same as [`load`].
 pub fn info(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<Value> {
     inspect(path, options, progress).map(|(value, _)| value)
 }
 
-/// [`info`] with the notes of reading the input.
+/// Same as [`info`], plus the notes from reading the input.
 ///
 /// # Errors
-/// As [`load`].
+/// Same as [`load`].
 pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Result<(Value, Vec<String>)> {
     let (loaded, facts) = read(path, options, Modality::Any, progress)?;
     let mut map = describe(&loaded.volume);
@@ -181,7 +181,7 @@ pub fn inspect(path: &Path, options: &LoadOptions, progress: &Progress) -> Resul
     Ok((Value::Object(map), loaded.notes))
 }
 
-/// The part of `info` that every format has.
+/// Returns the part of `info` that every format has.
 fn describe(volume: &Volume) -> Map<String, Value> {
     let grid = volume.grid();
     let (low, high) = volume
@@ -200,23 +200,23 @@ fn describe(volume: &Volume) -> Map<String, Value> {
     map
 }
 
-/// The note about voxels that were not finite.
+/// Returns a note about voxels that were not finite.
 fn strange_note(count: usize) -> Option<String> {
     (count > 0).then(|| format!("{count} voxels are not finite and became air"))
 }
 
-/// Writes a scan; the format follows the ending (.nii, .nii.gz, .mhd, .mha, .nrrd, .nhdr).
+/// Writes a scan. The file extension selects the format (.nii, .nii.gz, .mhd, .mha, .nrrd, .nhdr).
 ///
 /// # Errors
-/// Status 2 for an unknown ending, 4 when cancelled, 5 when it cannot be written.
+/// Returns status 2 for an unknown extension, status 4 if cancelled, status 5 if the file cannot be written.
 pub fn save(path: &Path, volume: &Volume, progress: &Progress) -> Result<()> {
     write::write(path, volume.grid(), write::Voxels::Scan(volume.data()), progress)
 }
 
-/// Writes a label mask (one byte for each voxel, x fastest) on `grid`; the format follows the ending.
+/// Writes a label mask (one byte per voxel, x fastest) on `grid`. The file extension selects the format.
 ///
 /// # Errors
-/// As [`save`]; status 1 when the mask is not of the grid's size.
+/// Same as [`save`]; status 1 if the mask does not match the grid's size.
 pub fn save_mask(path: &Path, grid: &Grid, mask: &[u8], progress: &Progress) -> Result<()> {
     if mask.len() != grid.len() {
         let why = format!("{} labels for {} voxels", mask.len(), grid.len());

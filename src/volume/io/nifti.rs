@@ -1,6 +1,6 @@
 //! NIfTI-1 and NIfTI-2: single files, gzipped files and header/image pairs.
 //!
-//! Field offsets and the three methods of orientation are those of the standard's `nifti1.h` and `nifti2.h`.
+//! Field offsets and the three orientation methods follow the standard's `nifti1.h` and `nifti2.h`.
 
 use std::path::Path;
 
@@ -15,10 +15,10 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// Bytes that suffice to recognise a header of either version.
+/// Number of bytes needed to recognise a header of either version.
 pub const HEAD: usize = 540;
 
-/// What the header says, in one form for both versions.
+/// The header's contents, independent of the version.
 struct Header {
     grid: Grid,
     encoding: Encoding,
@@ -27,12 +27,12 @@ struct Header {
     notes: Vec<String>,
 }
 
-/// Whether the bytes begin a NIfTI (or look like its older relative, so that the refusal can say so).
+/// True if the bytes are the start of a NIfTI file, or look like its predecessor, so that the error can name it.
 pub fn recognises(head: &[u8]) -> bool {
     version(head).is_some()
 }
 
-/// Version (1 or 2) and byte order.
+/// Returns the version (1 or 2) and byte order.
 fn version(head: &[u8]) -> Option<(u8, ByteOrder)> {
     let size: [u8; 4] = head.get(..4)?.try_into().ok()?;
     match (i32::from_le_bytes(size), i32::from_be_bytes(size)) {
@@ -47,7 +47,7 @@ fn version(head: &[u8]) -> Option<(u8, ByteOrder)> {
 /// Reads the scan.
 ///
 /// # Errors
-/// Status 3 for what the header cannot mean or the data does not hold; 4 when cancelled.
+/// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
 pub fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
     let head = source::head(path, HEAD as u64)?;
     let header = parse(path, &head)?;
@@ -63,7 +63,7 @@ pub fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
     Ok((Volume::new(header.grid, data), notes))
 }
 
-/// The image of a header/image pair.
+/// Returns the image file of a header/image pair.
 fn image_of(path: &Path) -> Result<std::path::PathBuf> {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let lower = name.to_ascii_lowercase();
@@ -116,7 +116,7 @@ impl Fields<'_> {
     }
 }
 
-/// The fields that matter, whichever version they come from.
+/// The relevant fields of either version.
 struct Common {
     dim: [i64; 8],
     datatype: i16,
@@ -209,7 +209,7 @@ fn parse(path: &Path, head: &[u8]) -> Result<Header> {
     text::voxel_count(path, dims)?;
     let element = element(path, &c)?;
     let grid = grid(path, &c, dims, &mut notes)?;
-    // The header and its extension flag come first in a single file; zero means "right after them" to every reader.
+    // In a single file the header and its extension flag come first. Every reader takes zero as "right after them".
     let least = match (c.pair, c.version) {
         (true, _) => 0.0,
         (false, 1) => 352.0,
@@ -291,7 +291,7 @@ fn element(path: &Path, c: &Common) -> Result<Element> {
     Ok(element)
 }
 
-/// `scl_slope` and `scl_inter`; a slope of zero (or none at all) stands for "no scaling".
+/// Returns `scl_slope` and `scl_inter`. A slope of zero, or a missing one, means "no scaling".
 fn scale(path: &Path, c: &Common) -> Result<(f64, f64)> {
     if c.slope == 0.0 || !c.slope.is_finite() {
         return Ok((1.0, 0.0));
@@ -302,7 +302,7 @@ fn scale(path: &Path, c: &Common) -> Result<(f64, f64)> {
     Ok((c.slope, c.intercept))
 }
 
-/// The grid by the method that the header asks for: sform, else qform, else spacing alone.
+/// Returns the grid by the method that the header selects: sform, else qform, else spacing alone.
 fn grid(path: &Path, c: &Common, dims: [usize; 3], notes: &mut Vec<String>) -> Result<Grid> {
     let mut pixdim = [c.pixdim[1], c.pixdim[2], c.pixdim[3]];
     let axes = (c.dim[0] as usize).min(3);
@@ -339,27 +339,27 @@ fn grid(path: &Path, c: &Common, dims: [usize; 3], notes: &mut Vec<String>) -> R
     frame::grid(path, dims, spacing, DVec3::ZERO, DMat3::IDENTITY)
 }
 
-/// The qform's direction: a quaternion without its real part, and qfac.
+/// Returns the qform's direction: a quaternion without its real part, and qfac.
 fn rotation(path: &Path, c: &Common) -> Result<DMat3> {
     let v = DVec3::from_array(c.quatern);
     let square = v.length_squared();
-    // Single precision leaves a little more than one.
+    // Single precision can exceed one slightly.
     if !square.is_finite() || square > 1.001 {
         return Err(Error::file(path, format!("quaternion {:?} is not a rotation", c.quatern), "correct the header"));
     }
     let q = DQuat::from_xyzw(v.x, v.y, v.z, (1.0 - square).max(0.0).sqrt()).normalize();
     let mut direction = DMat3::from_quat(q);
-    // pixdim[0] is qfac: -1 turns the third axis round.
+    // pixdim[0] is qfac: −1 flips the third axis.
     if c.pixdim[0] < 0.0 {
         direction.z_axis = -direction.z_axis;
     }
     Ok(direction)
 }
 
-/// The 352 bytes of a NIfTI-1 header for `grid`, little-endian, of voxels of `kind`.
+/// Returns the 352 bytes of a little-endian NIfTI-1 header for `grid` with voxels of `kind`.
 ///
 /// # Errors
-/// A few words where NIfTI-1 cannot hold the grid.
+/// Returns a short description if NIfTI-1 cannot represent the grid.
 pub fn header(grid: &Grid, kind: VoxelKind) -> std::result::Result<Vec<u8>, String> {
     let mut h = vec![0u8; 352];
     let mut put = |offset: usize, bytes: &[u8]| h[offset..offset + bytes.len()].copy_from_slice(bytes);
@@ -389,7 +389,7 @@ pub fn header(grid: &Grid, kind: VoxelKind) -> std::result::Result<Vec<u8>, Stri
     put(108, &352f32.to_le_bytes());
     put(112, &1f32.to_le_bytes());
     put(123, &[2]); // millimetres
-    // "scanner" for both; a quaternion holds no shear, so an oblique grid has the sform alone.
+    // "scanner" for both. A quaternion cannot hold shear, so an oblique grid only has the sform.
     let code = 1i16.to_le_bytes();
     if frame::is_orthonormal(&direction) {
         let mut proper = direction;

@@ -1,7 +1,7 @@
-//! HU for grey values that carry none: contrast enhancement and normalisation, as the paper's section 1.2 has them done
-//! to the cross-sections before everything else.
+//! HU for grey values that carry none: contrast enhancement and normalisation, which the paper's section 1.2 applies to
+//! the cross-sections before everything else.
 //!
-//! Grey values are 0 to 65535, stored less 32768.
+//! Grey values are 0 to 65535, stored minus 32768.
 
 use rayon::prelude::*;
 
@@ -10,7 +10,7 @@ use super::raw::to_hu;
 /// HU of the two landmarks of an abdominal histogram.
 const AIR: f64 = -1000.0;
 const SOFT_TISSUE: f64 = 40.0;
-/// Classes of the histogram.
+/// Number of histogram bins.
 const BINS: usize = 256;
 
 /// Maps black (0) and white (65535) linearly.
@@ -23,8 +23,8 @@ fn map(data: &mut [i16], hu: impl Fn(f64) -> f64) {
     data.par_iter_mut().for_each(|v| *v = table[(i32::from(*v) + 32768) as usize]);
 }
 
-/// Finds air (the darkest big mode) and soft tissue (the biggest mode well above it), stretches the contrast between
-/// them to their HU, and says so.
+/// Finds air (the darkest large mode) and soft tissue (the largest mode well above it), stretches the contrast between
+/// them to their HU, and returns a note about it.
 pub fn by_histogram(data: &mut [i16]) -> String {
     let (air, tissue, note) = match landmarks(data) {
         Some((air, tissue)) => {
@@ -35,7 +35,7 @@ pub fn by_histogram(data: &mut [i16]) -> String {
             );
             (air, tissue, said)
         }
-        // Nothing to tell air from tissue by: the usual display window, black −1000 to white 400 HU.
+        // Air and tissue cannot be separated, so use the usual display window: black −1000 to white 400 HU.
         None => {
             let white = (SOFT_TISSUE - AIR) / 1400.0 * 65535.0;
             (0.0, white, "carries no HU and too little contrast: black was taken as -1000 HU, white as 400".to_owned())
@@ -45,7 +45,7 @@ pub fn by_histogram(data: &mut [i16]) -> String {
     note
 }
 
-/// Grey values of air and of soft tissue.
+/// Returns the grey values of air and of soft tissue.
 fn landmarks(data: &[i16]) -> Option<(f64, f64)> {
     let mut histogram = vec![0u64; 65536];
     data.iter().for_each(|v| histogram[(i32::from(*v) + 32768) as usize] += 1);
@@ -59,7 +59,7 @@ fn landmarks(data: &[i16]) -> Option<(f64, f64)> {
     for (grey, n) in histogram.iter().enumerate().take(high + 1).skip(low) {
         bins[(((grey - low) as f64 / width) as usize).min(BINS - 1)] += *n as f64;
     }
-    // A hat of five classes: eight-bit slices leave every other class empty.
+    // A triangular filter of five bins: eight-bit slices leave every other bin empty.
     let at = |k: isize| usize::try_from(k).ok().and_then(|k| bins.get(k)).copied().unwrap_or(0.0);
     let smooth: Vec<f64> = (0..BINS as isize)
         .map(|k| (at(k - 2) + 2.0 * at(k - 1) + 3.0 * at(k) + 2.0 * at(k + 1) + at(k + 2)) / 9.0)
@@ -72,9 +72,9 @@ fn landmarks(data: &[i16]) -> Option<(f64, f64)> {
         })
         .collect();
     let highest = peaks.iter().map(|k| smooth[*k]).fold(0.0, f64::max);
-    // Big: a twentieth of the highest mode.
+    // Large: at least a twentieth of the highest mode.
     let air = *peaks.iter().find(|k| smooth[**k] >= 0.05 * highest)?;
-    // Well above: lung and fat lie in between, bone and contrast agent are fewer than soft tissue.
+    // Well above: lung and fat are in between; bone and contrast agent are rarer than soft tissue.
     let apart = air + BINS / 5;
     let tissue = *peaks.iter().filter(|k| **k >= apart).max_by(|a, b| smooth[**a].total_cmp(&smooth[**b]))?;
     let grey = |k: usize| low as f64 + (k as f64 + 0.5) * width;
@@ -92,7 +92,7 @@ mod tests {
 
     #[test]
     fn air_and_tissue_are_found() {
-        // A third air around 30, a twentieth fat around 140, the rest tissue around 170 of 255, some bone.
+        // Of 255: a third is air around 30, a twentieth fat around 140, the rest tissue around 170, some bone.
         let class = |i: u64| match i % 60 {
             0..20 => 30.0,
             20..23 => 140.0,

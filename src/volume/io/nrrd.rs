@@ -1,6 +1,6 @@
-//! NRRD: `.nrrd` with its data behind the header, `.nhdr` with its data in a file beside.
+//! NRRD: `.nrrd` with the data after the header, `.nhdr` with the data in a separate file.
 //!
-//! Fields and encodings are those of Teem's "Definition of NRRD File Format".
+//! Fields and encodings follow Teem's "Definition of NRRD File Format".
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -17,16 +17,16 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
-/// Whether the bytes begin a NRRD.
+/// True if the bytes are the start of a NRRD file.
 pub fn recognises(head: &[u8]) -> bool {
     head.starts_with(b"NRRD")
 }
 
-/// The fields of a header and where its data would begin.
+/// The fields of a header and the position where its data would begin.
 struct Fields<'a> {
     path: &'a Path,
     map: BTreeMap<String, String>,
-    /// Where the empty line ends; `None` for a header without one, which cannot have data behind it.
+    /// End of the empty line; `None` for a header without one, which cannot be followed by data.
     end: Option<u64>,
 }
 
@@ -69,7 +69,7 @@ fn fields<'a>(path: &'a Path, head: &[u8]) -> Result<Fields<'a>> {
 /// Reads the scan.
 ///
 /// # Errors
-/// Status 3 for what the header cannot mean or the data does not hold; 4 when cancelled.
+/// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
 pub fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
     let head = source::head(path, text::MAX_HEADER)?;
     let fields = fields(path, &head)?;
@@ -123,7 +123,7 @@ fn packing(f: &Fields) -> Result<Packing> {
     }
 }
 
-/// One axis: its size, and its step through the world where the header tells it.
+/// One axis: its size, and its step through the world if the header gives one.
 struct Axis {
     size: usize,
     step: Option<DVec3>,
@@ -157,7 +157,7 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
     let reported = f.map.contains_key("spacings");
     let mut axes = Vec::new();
     for ((size, step), spacing) in sizes.iter().zip(steps).zip(spacings) {
-        // NaN says "no spacing" for an axis that is not one of space.
+        // NaN means "no spacing" for an axis that is not spatial.
         if reported && !spacing.is_nan() {
             frame::check_spacing(path, "spacings", &[spacing])?;
         }
@@ -200,7 +200,7 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
     frame::from_steps(path, dims, to_lps * DMat3::from_cols(steps[0], steps[1], steps[2]) * mm, to_lps * origin * mm)
 }
 
-/// What turns the file's space into LPS.
+/// Returns the matrix from the file's space to LPS.
 fn volume(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
     let flip = |x: f64, y: f64| DMat3::from_diagonal(DVec3::new(x, y, 1.0));
     let Some((key, value)) = f.get(&["space"]) else {
@@ -219,7 +219,7 @@ fn volume(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
     }
 }
 
-/// Millimetres for each unit of the file's space; all axes must agree.
+/// Returns the millimetres per unit of the file's space; all axes must agree.
 fn units(f: &Fields) -> Result<f64> {
     let Some((key, value)) = f.get(&["space units"]) else { return Ok(1.0) };
     let mut names = value.split_whitespace().map(|u| u.trim_matches('"'));
@@ -236,7 +236,7 @@ fn units(f: &Fields) -> Result<f64> {
     }
 }
 
-/// Vectors as NRRD writes them: `(1,0,0) none (0,0,1)`.
+/// Parses vectors as NRRD writes them: `(1,0,0) none (0,0,1)`.
 fn vectors(value: &str) -> Option<Vec<Option<DVec3>>> {
     let mut out = Vec::new();
     let mut rest = value.trim();
@@ -294,13 +294,13 @@ fn section(f: &Fields, grid: &Grid, encoding: &Encoding) -> Result<Section> {
             Ok(Section { path: data, offset, skip: 0, packing })
         }
         (-1, _) => Err(bad(path, "byte skip", "-1", "zero or more unless the encoding is raw")),
-        // The skip counts unpacked bytes.
+        // The skip counts uncompressed bytes.
         (n, Packing::Gzip) => Ok(Section { path: data, offset: begin, skip: n as u64, packing }),
         (n, _) => Ok(Section { path: data, offset: begin.saturating_add(n as u64), skip: 0, packing }),
     }
 }
 
-/// Where the line after `lines` more lines begins.
+/// Returns the position after skipping `lines` lines.
 fn after_lines(path: &Path, begin: u64, lines: u64) -> Result<u64> {
     use std::io::{BufRead, BufReader, Seek, SeekFrom};
     let (mut file, _) = source::open(path)?;
@@ -318,7 +318,7 @@ fn after_lines(path: &Path, begin: u64, lines: u64) -> Result<u64> {
     Ok(at)
 }
 
-/// The header for `grid`, of voxels of `kind`, gzipped, in `data_file` or (`None`) behind the header.
+/// Returns the header for `grid` with gzipped voxels of `kind`, in `data_file` or (`None`) after the header.
 pub fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> String {
     let [x, y, z] = grid.dims();
     let steps = grid.direction() * DMat3::from_diagonal(grid.spacing());

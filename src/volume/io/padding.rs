@@ -1,16 +1,17 @@
-//! The scanner's padding outside its round field of view, where a file does not say what it is.
+//! Detection of the scanner's padding outside its round field of view, if the file does not declare it.
 
 use rayon::prelude::*;
 
 use crate::volume::{AIR_HU, Volume};
 
-/// HU at or below which nothing is tissue, gas or noise: scanners pad with −2000, −2048, −3024 and the like.
+/// HU at or below which a value is neither tissue nor gas nor noise: scanners pad with −2000, −2048, −3024 and the
+/// like.
 const NO_TISSUE_HU: i16 = -1500;
 
-/// Turns padding into air.
+/// Replaces padding by air.
 ///
-/// Padding is one value of at most −1500 HU, the same in at least three quarters of the corners of all slices (a round
-/// field of view leaves the corners), in slices that also hold something else.
+/// Padding is a single value of at most −1500 HU. It fills at least three quarters of the corners of all slices (a
+/// round field of view leaves the corners empty), in slices that also contain something else.
 pub fn to_air(volume: Volume, notes: &mut Vec<String>) -> Volume {
     let [nx, ny, nz] = volume.grid.dims();
     if nx < 8 || ny < 8 {

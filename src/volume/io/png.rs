@@ -13,18 +13,18 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// Longest side of a slice.
+/// Maximum side of a slice, pixels.
 const LONGEST_SIDE: u32 = 16384;
 
-/// Whether the bytes begin a PNG.
+/// True if the bytes are the start of a PNG file.
 pub fn recognises(head: &[u8]) -> bool {
     head.starts_with(b"\x89PNG\r\n\x1a\n")
 }
 
-/// Reads the slices, the most inferior first; rows run to posterior, columns to the patient's left.
+/// Reads the slices, the most inferior first. Rows run to posterior, columns to the patient's left.
 ///
 /// # Errors
-/// Status 3 for slices that differ or are damaged, and without a spacing; 4 when cancelled.
+/// Returns status 3 if slices differ or are damaged, or if no spacing is given; status 4 if cancelled.
 pub fn load(
     input: &Path,
     files: &[PathBuf],
@@ -87,7 +87,7 @@ fn decoder(path: &Path) -> Result<PngDecoder<BufReader<std::fs::File>>> {
     PngDecoder::with_limits(BufReader::new(file), limits).map_err(|e| damaged(path, &e))
 }
 
-/// Width, height, and whether samples have 16 bits.
+/// Returns the width, the height, and true if samples have 16 bits.
 fn size(path: &Path) -> Result<(u32, u32, bool)> {
     let d = decoder(path)?;
     let (w, h) = d.dimensions();
@@ -98,7 +98,7 @@ fn is_deep(color: ColorType) -> bool {
     matches!(color, ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16)
 }
 
-/// Grey values of one slice, 0 to 65535 (eight bits are spread over that range), stored less 32768.
+/// Decodes the grey values of one slice: 0 to 65535 (eight bits are spread over that range), stored minus 32768.
 fn decode(path: &Path, wanted: (u32, u32), out: &mut [i16]) -> Result<bool> {
     let (_, len) = source::open(path)?;
     let d = decoder(path)?;

@@ -1,4 +1,4 @@
-//! Bytes of any element type to Hounsfield units.
+//! Conversion of bytes of any element type to Hounsfield units.
 
 use rayon::prelude::*;
 
@@ -20,7 +20,7 @@ pub enum Element {
 }
 
 impl Element {
-    /// Size of one voxel, bytes.
+    /// Returns the size of one voxel, bytes.
     pub fn size(self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,
@@ -31,43 +31,43 @@ impl Element {
     }
 }
 
-/// Which byte of a number comes first.
+/// Byte order of a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ByteOrder {
-    /// The least significant one.
+    /// Least significant byte first.
     #[default]
     Little,
-    /// The most significant one.
+    /// Most significant byte first.
     Big,
 }
 
-/// How stored voxels become HU: `HU = slope · stored + intercept`.
+/// Conversion of stored voxels to HU: `HU = slope · stored + intercept`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encoding {
     /// Type of a stored voxel.
     pub element: Element,
     /// Order of its bytes.
     pub order: ByteOrder,
-    /// HU for each stored unit.
+    /// HU per stored unit.
     pub slope: f64,
     /// HU of a stored zero.
     pub intercept: f64,
 }
 
-/// Voxels that one task converts; small enough to share the work of one buffer among threads.
+/// Voxels that one task converts; small enough to distribute one buffer among threads.
 const PIECE: usize = 1 << 16;
 
 impl Encoding {
-    /// The encoding of voxels that are stored as HU.
+    /// Returns the encoding of voxels that are stored as HU.
     pub fn plain(element: Element, order: ByteOrder) -> Self {
         Self { element, order, slope: 1.0, intercept: 0.0 }
     }
 
-    /// Converts as many voxels as `out` holds, rounding to the nearest HU (halves away from zero) and clamping to
-    /// `i16`; values that are not finite become [`AIR_HU`]. Returns how many those were.
+    /// Converts voxels until `out` is full and returns how many were not finite. Values are rounded to the nearest HU
+    /// (halves away from zero) and clamped to `i16`; values that are not finite become [`AIR_HU`].
     pub fn convert(&self, bytes: &[u8], out: &mut [i16]) -> usize {
         let size = self.element.size();
-        // Copying two-byte integers is as fast as memory; only the rest is worth sharing.
+        // Copying two-byte integers is as fast as memory; only other conversions are worth distributing.
         let cheap = size <= 2 && self.is_identity();
         if cheap || out.len() <= PIECE {
             return self.convert_piece(bytes, out);
@@ -125,7 +125,7 @@ impl Encoding {
     }
 }
 
-/// The nearest `i16` HU; [`AIR_HU`] for values that are not finite.
+/// Returns the nearest `i16` HU, or [`AIR_HU`] for values that are not finite.
 #[inline]
 pub fn to_hu(hu: f64) -> i16 {
     // A float-to-integer cast saturates, which is the clamp.

@@ -1,4 +1,4 @@
-//! Voxels from a part of a file: checked against the file's real size, read in chunks, counted, cancellable.
+//! Reading voxels from a section of a file: checked against the file's real size, chunked, with progress, cancellable.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -11,45 +11,45 @@ use super::raw::Encoding;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-/// The most that deflate can shrink (1032 to 1, from the format's longest match), rounded up.
+/// Maximum compression ratio of deflate (1032 to 1, from the format's longest match), rounded up.
 const MAX_DEFLATE_RATIO: u64 = 1040;
-/// Bytes of stored voxels on their way from the file to the volume; three such buffers are under way.
+/// Size of a buffer of stored voxels between file and volume, bytes; three are in use.
 const CHUNK: usize = 1 << 20;
-/// The first allocation for data whose real size only decompression can tell.
+/// First allocation for data whose real size is only known after decompression, voxels.
 const FIRST_GROWTH: usize = 8 << 20;
 
 /// How voxels are packed in their file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Packing {
-    /// As they are.
+    /// Not packed.
     Raw,
     /// gzip, one or several members.
     Gzip,
-    /// zlib or gzip, told apart by the first bytes.
+    /// zlib or gzip, distinguished by the first bytes.
     Zlib,
     /// Decimal numbers separated by white space or commas.
     Text,
 }
 
-/// The part of a file that voxels lie in.
+/// The section of a file that contains voxels.
 #[derive(Clone, Debug)]
 pub struct Section {
     /// The file.
     pub path: PathBuf,
-    /// Where the section begins, bytes.
+    /// Start of the section, bytes.
     pub offset: u64,
     /// Bytes of unpacked data before the first voxel.
     pub skip: u64,
-    /// How it is packed.
+    /// Packing of the section.
     pub packing: Packing,
 }
 
-/// Opens a regular file and says how long it is.
+/// Opens a regular file and returns it with its length in bytes.
 ///
 /// # Errors
-/// Status 3 when it is missing, a folder, a device, or may not be read.
+/// Returns status 3 if the file is missing, a folder, a device, or not readable.
 pub fn open(path: &Path) -> Result<(File, u64)> {
-    // Checked before opening: opening a pipe without a writer would wait for ever.
+    // Check before opening: opening a pipe without a writer would block forever.
     let meta = std::fs::metadata(path).map_err(|e| unreadable(path, &e))?;
     if meta.is_dir() {
         return Err(Error::file(path, "is a folder where a file is expected", "name a file"));
@@ -61,7 +61,7 @@ pub fn open(path: &Path) -> Result<(File, u64)> {
     Ok((file, meta.len()))
 }
 
-/// The failure that an `io::Error` while reading stands for.
+/// Converts an `io::Error` from reading `path` to an error.
 pub fn unreadable(path: &Path, e: &io::Error) -> Error {
     if let Some(own) = e.get_ref().and_then(|inner| inner.downcast_ref::<Error>()) {
         return own.clone();
@@ -78,10 +78,10 @@ pub fn unreadable(path: &Path, e: &io::Error) -> Error {
     Error::file(path, why, hint)
 }
 
-/// Reads at most `limit` bytes from the beginning of a file, unpacked where it is gzip.
+/// Reads at most `limit` bytes from the start of a file, decompressed if it is gzip.
 ///
 /// # Errors
-/// As [`open`]; damaged gzip data.
+/// Same as [`open`]; also if gzip data is damaged.
 pub fn head(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let (file, len) = open(path)?;
     let mut reader = BufReader::new(file);
@@ -96,7 +96,7 @@ pub fn head(path: &Path, limit: u64) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Whether the file begins like gzip.
+/// True if the file starts like gzip.
 pub fn is_gzip(path: &Path) -> Result<bool> {
     let (file, _) = open(path)?;
     let mut magic = Vec::new();
@@ -104,10 +104,10 @@ pub fn is_gzip(path: &Path) -> Result<bool> {
     Ok(magic == [0x1f, 0x8b])
 }
 
-/// Refuses what cannot fit: `count` voxels as `i16` against the memory that the system has left.
+/// Rejects a volume of `count` `i16` voxels that does not fit in the system's available memory.
 ///
 /// # Errors
-/// Status 3 naming both sizes.
+/// Returns status 3 with both sizes.
 pub fn check_memory(path: &Path, count: usize) -> Result<()> {
     let needed = 2 * count as u64;
     let free = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
@@ -124,33 +124,33 @@ pub fn check_memory(path: &Path, count: usize) -> Result<()> {
     }
 }
 
-/// An empty vector with room for `count` values.
+/// Reserves room in `values` for `extra` more values.
 ///
 /// # Errors
-/// Status 3 when the memory cannot be had.
+/// Returns status 3 if the memory cannot be allocated.
 pub fn reserve(path: &Path, values: &mut Vec<i16>, extra: usize) -> Result<()> {
     values.try_reserve_exact(extra).map_err(|_| {
         Error::file(path, format!("needs {} bytes of memory", 2 * (values.len() + extra)), "crop or resample it first")
     })
 }
 
-/// Whether the number of voxels is certain before they are read.
+/// How reliable the number of voxels is before they are read.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Size {
-    /// The file has as many bytes.
+    /// The file has this many bytes.
     Certain,
-    /// The header says so, and packed data may turn out to be shorter.
+    /// The header declares it, but packed data may turn out to be shorter.
     Declared,
 }
 
 impl Section {
-    /// Reads `count` voxels. The number of voxels that were not finite comes with them.
+    /// Reads `count` voxels and returns them with the number of voxels that were not finite.
     ///
-    /// The header's `count` is checked against the file's size before anything of that size is allocated:
-    /// exactly where data is raw, by deflate's limit where it is packed, and then memory grows with what arrives.
+    /// The header's `count` is checked against the file's size before anything of that size is allocated. The check is
+    /// exact for raw data and uses deflate's limit for packed data, where memory then grows with the data that arrives.
     ///
     /// # Errors
-    /// Status 3 when the data is shorter than declared or damaged; status 4 when cancelled.
+    /// Returns status 3 if the data is damaged or shorter than declared, status 4 if cancelled.
     pub fn read(&self, count: usize, encoding: &Encoding, progress: &Progress) -> Result<(Vec<i16>, usize)> {
         let (mut file, len) = open(&self.path)?;
         let path = self.path.as_path();
@@ -192,7 +192,7 @@ impl Section {
         }
     }
 
-    /// One thread unpacks while this one converts, so that loading takes as long as unpacking.
+    /// Fills the volume. One thread unpacks while this one converts, so loading takes as long as unpacking.
     fn fill(
         &self,
         mut source: impl Read + Send,
@@ -217,7 +217,7 @@ impl Section {
                         buffer.truncate(got);
                         left -= got;
                         let short = got == 0;
-                        // A closed channel means that the other side has given up and knows why.
+                        // A closed channel means that the other side has stopped and has its own error.
                         if short || full_in.send(Ok(buffer)).is_err() {
                             return Ok(());
                         }
@@ -225,7 +225,7 @@ impl Section {
                     finish(&mut source)
                 });
                 if let Err(e) = outcome {
-                    // As above.
+                    // Same as above.
                     let _ = full_in.send(Err(e));
                 }
             });
@@ -246,7 +246,7 @@ impl Section {
                 }
                 data.resize(to, 0);
                 strange += encoding.convert(&chunk, &mut data[from..]);
-                // A full channel of empty buffers only means one buffer less to reuse.
+                // If the channel of empty buffers is full, one buffer is simply not reused.
                 let _ = empty_in.try_send(chunk);
             }
             if data.len() < count {
@@ -275,7 +275,7 @@ impl Section {
         let mut token = Vec::new();
         while data.len() < count {
             token.clear();
-            // Numbers are short; a longer run without a separator is no number.
+            // Numbers are short; a longer run without a separator is not a number.
             let got = token_into(&mut source, &mut token, 64).map_err(|e| unreadable(path, &e))?;
             if !got {
                 return Err(Error::file(
@@ -337,7 +337,7 @@ fn read_full(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
             Ok(0) => break,
             Ok(n) => got += n,
             Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-            // A stream that stops in the middle is reported as what arrived, with both sizes.
+            // A truncated stream is reported later by what arrived, with both sizes.
             Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => break,
             Err(e) => return Err(e),
         }
@@ -345,7 +345,7 @@ fn read_full(source: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
     Ok(got)
 }
 
-/// Reads a little past the last voxel, so that a packed stream checks its sum; more data than declared does no harm.
+/// Reads slightly past the last voxel, so that a packed stream verifies its checksum. Extra data does no harm.
 fn finish(source: &mut impl Read) -> io::Result<()> {
     let mut rest = [0; 4096];
     for _ in 0..16 {
@@ -356,7 +356,7 @@ fn finish(source: &mut impl Read) -> io::Result<()> {
     Ok(())
 }
 
-/// A file that tells the progress how much of it was read, and stops when the job is cancelled.
+/// A file that reports bytes read to the progress and stops when the job is cancelled.
 struct Counted<'a> {
     file: File,
     progress: &'a Progress,
@@ -370,7 +370,7 @@ impl Read for Counted<'_> {
     }
 }
 
-/// gzip of one or several members; what follows the last member is ignored, as zero padding and the like is common.
+/// A gzip reader for one or several members. Data after the last member is ignored, since zero padding is common.
 struct Gunzip<R: BufRead> {
     member: Option<GzDecoder<R>>,
 }

@@ -1,34 +1,34 @@
-//! What the text headers of MetaImage and NRRD share.
+//! Helpers for the text headers of MetaImage and NRRD.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
 
-/// The longest text header that is read, bytes: some writers keep whole protocols in it.
+/// Maximum length of a text header, bytes. Some writers store whole protocols in it.
 pub const MAX_HEADER: u64 = 1 << 20;
 
-/// Exactly `N` numbers (or anything else that parses) separated by white space.
+/// Parses exactly `N` numbers (or other values) separated by white space.
 pub fn exactly<T: FromStr + Copy, const N: usize>(value: &str) -> Option<[T; N]> {
     some(value)?.try_into().ok()
 }
 
-/// All the numbers of a line.
+/// Parses all numbers of a line.
 pub fn some<T: FromStr>(value: &str) -> Option<Vec<T>> {
     value.split_whitespace().map(|t| t.parse().ok()).collect()
 }
 
-/// The failure of a header's field.
+/// Returns the error for an invalid header field.
 pub fn bad(path: &Path, key: &str, value: &str, wanted: &str) -> Error {
-    // A damaged header can hold kilobytes in one line.
+    // A damaged header can contain kilobytes in one line.
     let value: String = value.chars().take(60).collect();
     Error::file(path, format!("{key} is {value:?}, not {wanted}"), "correct the header")
 }
 
-/// The data file that a header names, which must lie in or below the header's folder.
+/// Returns the data file that a header names. It must be in or below the header's folder.
 ///
 /// # Errors
-/// Status 3 when it is missing or lies elsewhere, be it by an absolute path, by `..` or behind a link.
+/// Returns status 3 if the file is missing or elsewhere, by an absolute path, by `..` or behind a link.
 pub fn data_file(header: &Path, name: &str) -> Result<PathBuf> {
     let outside = || {
         Error::file(
@@ -49,16 +49,16 @@ pub fn data_file(header: &Path, name: &str) -> Result<PathBuf> {
     match folder.join(named).canonicalize() {
         Ok(data) if data.starts_with(folder) && data != folder => Ok(data),
         Ok(_) => Err(outside()),
-        // Whether something exists elsewhere is not told.
+        // Do not reveal whether something exists elsewhere.
         Err(_) if leaves => Err(outside()),
         Err(_) => Err(missing()),
     }
 }
 
-/// `count` voxels from dims.
+/// Returns the number of voxels for `dims`.
 ///
 /// # Errors
-/// Status 3 when one is zero or the product is beyond what can be addressed.
+/// Returns status 3 if a dimension is zero or the product cannot be addressed.
 pub fn voxel_count(path: &Path, dims: [usize; 3]) -> Result<usize> {
     if dims.contains(&0) {
         return Err(Error::file(path, format!("has no voxels (dims {dims:?})"), "correct the header"));

@@ -16,16 +16,16 @@ use crate::volume::Grid;
 pub enum Voxels<'a> {
     /// HU.
     Scan(&'a [i16]),
-    /// Labels of a mask.
+    /// Mask labels.
     Labels(&'a [u8]),
 }
 
-/// What voxels that are written mean, and so how they are stored.
+/// The meaning of the voxels, which determines how they are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VoxelKind {
     /// HU, as `i16`.
     Scan,
-    /// Labels of a mask, as `u8`.
+    /// Mask labels, as `u8`.
     Labels,
 }
 
@@ -48,7 +48,7 @@ impl Voxels<'_> {
         self.bytes().div_ceil(BLOCK)
     }
 
-    /// The little-endian bytes of one block.
+    /// Returns the little-endian bytes of one block.
     fn block(self, k: usize) -> Vec<u8> {
         let (from, to) = (k * BLOCK, self.bytes().min((k + 1) * BLOCK));
         match self {
@@ -89,10 +89,10 @@ fn format(path: &Path) -> Result<Format> {
         })
 }
 
-/// Writes voxels on a grid in the format that the path's ending names; each file whole or not at all.
+/// Writes voxels on a grid, each file atomically. The path's extension selects the format.
 ///
 /// # Errors
-/// Status 2 for an unknown ending, 4 when cancelled, 5 when it cannot be written.
+/// Returns status 2 for an unknown extension, status 4 if cancelled, status 5 if the file cannot be written.
 pub fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progress) -> Result<()> {
     let format = format(path)?;
     let kind = voxels.kind();
@@ -122,7 +122,7 @@ pub fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progress) -> R
     }
 }
 
-/// The data file beside a header, and its name as the header tells it.
+/// Returns the path of the data file beside a header, and its name as written in the header.
 fn beside(path: &Path, ending: &str) -> Result<(PathBuf, String)> {
     let mut name: OsString = path.file_stem().unwrap_or_default().to_owned();
     name.push(".");
@@ -133,7 +133,7 @@ fn beside(path: &Path, ending: &str) -> Result<(PathBuf, String)> {
     Ok((path.with_file_name(name), text))
 }
 
-/// A failure of either kind; both end as the program's own.
+/// An error of either kind; both are reported as an [`Error`].
 enum Fail {
     Own(Error),
     Io(io::Error),
@@ -166,7 +166,7 @@ fn one(path: &Path, fill: impl FnOnce(&mut AtomicFile) -> std::result::Result<()
     file.finish()
 }
 
-/// A header and its data: both are complete before either appears, the data first.
+/// Writes a header and its data. Both are complete before either appears; the data appears first.
 fn two(
     path: &Path,
     header: &[u8],

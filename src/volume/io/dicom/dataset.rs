@@ -1,7 +1,7 @@
-//! The elements of a DICOM data set, walked over bytes that are already in memory.
+//! The elements of a DICOM data set, parsed from bytes in memory.
 //!
-//! Every length is checked against what is there before it is used, so that a false header costs nothing; the walk
-//! stops at the pixel data and keeps only its place. Encodings are those of PS3.5, section 7 and annex A.
+//! Every length is checked against the available bytes before it is used, so an invalid header costs nothing. Parsing
+//! stops at the pixel data and only records its position. Encodings follow PS3.5, section 7 and annex A.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -17,21 +17,21 @@ const ITEM: Tag = (0xFFFE, 0xE000);
 const ITEM_END: Tag = (0xFFFE, 0xE00D);
 const SEQUENCE_END: Tag = (0xFFFE, 0xE0DD);
 const TRANSFER_SYNTAX: Tag = (0x0002, 0x0010);
-/// The length that says "until the delimiter".
+/// The length that means "until the delimiter".
 const UNDEFINED: u32 = u32::MAX;
-/// Values longer than this (curves, look-up tables, private blobs) are passed over.
+/// Maximum length of a value, bytes. Longer ones (curves, look-up tables, private blobs) are skipped.
 const LONGEST_VALUE: usize = 1 << 16;
-/// How deep sequences may lie in each other.
+/// Maximum depth of nested sequences.
 const DEEPEST: u32 = 12;
-/// The most that a deflated data set may unpack to.
+/// Maximum unpacked size of a deflated data set, bytes.
 const MOST_UNPACKED: u64 = 1 << 30;
 
-/// Why a walk failed.
+/// The reason a parse failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// The bytes end inside an element; more of the file may help.
+    /// The bytes end inside an element. Reading more of the file may help.
     Short,
-    /// It is damaged.
+    /// The data is damaged.
     Bad(String),
 }
 
@@ -51,7 +51,7 @@ pub struct Item {
 }
 
 impl Item {
-    /// The text of an element, without padding; `None` where absent or empty.
+    /// Returns the text of an element without padding; `None` if absent or empty.
     pub fn text(&self, tag: Tag) -> Option<String> {
         let bytes = self.values.get(&tag)?;
         let text = String::from_utf8_lossy(bytes);
@@ -59,17 +59,17 @@ impl Item {
         (!text.is_empty()).then(|| text.to_owned())
     }
 
-    /// The numbers of a decimal or integer string.
+    /// Returns the numbers of a decimal or integer string.
     pub fn decimals(&self, tag: Tag) -> Option<Vec<f64>> {
         self.text(tag)?.split('\\').map(|t| t.trim().parse().ok()).collect()
     }
 
-    /// The first of the numbers of a decimal or integer string.
+    /// Returns the first number of a decimal or integer string.
     pub fn decimal(&self, tag: Tag) -> Option<f64> {
         self.decimals(tag)?.first().copied()
     }
 
-    /// An unsigned short.
+    /// Returns an unsigned short.
     pub fn short(&self, tag: Tag) -> Option<u16> {
         let b: [u8; 2] = self.values.get(&tag)?.get(..2)?.try_into().ok()?;
         Some(match self.order {
@@ -78,18 +78,18 @@ impl Item {
         })
     }
 
-    /// The items of a sequence.
+    /// Returns the items of a sequence.
     pub fn items(&self, tag: Tag) -> &[Item] {
         self.sequences.get(&tag).map_or(&[], Vec::as_slice)
     }
 }
 
-/// Where pixel data lies in the (inflated) bytes.
+/// Position of pixel data in the (inflated) bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PixelPlace {
-    /// Its first byte.
+    /// Offset of the first byte.
     pub offset: usize,
-    /// Its length; `None` for encapsulated fragments.
+    /// Length in bytes; `None` for encapsulated fragments.
     pub length: Option<usize>,
 }
 
@@ -100,15 +100,15 @@ pub struct DataSet {
     pub root: Item,
     /// UID of the transfer syntax.
     pub syntax: String,
-    /// The pixel data, if there is any.
+    /// The pixel data, if any.
     pub pixels: Option<PixelPlace>,
 }
 
-/// Walks a file's bytes. With a deflated transfer syntax the inflated bytes, which the pixel data's place refers to,
-/// come back too; else `bytes` itself.
+/// Parses a file's bytes. Also returns the bytes that the pixel position refers to: the inflated ones for a deflated
+/// transfer syntax, else `bytes` itself.
 ///
 /// # Errors
-/// [`Fault::Short`] when `bytes` end inside an element.
+/// Returns [`Fault::Short`] if `bytes` end inside an element, [`Fault::Bad`] if they are damaged.
 pub fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
     let start = if bytes.get(128..132) == Some(b"DICM") { 132 } else { 0 };
     let mut meta = Walk { bytes, at: start, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
@@ -180,7 +180,7 @@ impl<'a> Walk<'a> {
         Ok((self.u16()?, self.u16()?))
     }
 
-    /// The group of the next element; `None` at the end.
+    /// Returns the group of the next element; `None` at the end.
     fn peek_group(&mut self) -> Result<Option<u16>, Fault> {
         if self.at >= self.bytes.len() {
             return Ok(None);
@@ -191,7 +191,7 @@ impl<'a> Walk<'a> {
         group.map(Some)
     }
 
-    /// Value representation and length of the element whose tag was read.
+    /// Reads value representation and length of the element whose tag has just been read.
     fn representation(&mut self) -> Result<([u8; 2], u32), Fault> {
         if !self.form.explicit {
             return Ok(([0, 0], self.u32()?));
@@ -243,12 +243,13 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// Implicit form does not tell sequences from values; an item's tag at the beginning does.
+    /// True if a value looks like a sequence. Implicit form does not distinguish sequences from values, but an item's
+    /// tag at the start does.
     fn looks_like_items(&self, length: u32) -> bool {
         length >= 8 && self.bytes.get(self.at..self.at.saturating_add(4)) == Some(&[0xFE, 0xFF, 0x00, 0xE0])
     }
 
-    /// Where a part of known length ends, which must lie within the bytes.
+    /// Returns the end of a part of known length, which must be within the bytes.
     fn end_of(&self, length: u32) -> Result<usize, Fault> {
         if length == UNDEFINED {
             return Ok(usize::MAX);
@@ -291,10 +292,10 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// The fragments of encapsulated pixel data, without the offset table before them (PS3.5, A.4).
+/// Returns the fragments of encapsulated pixel data, without the preceding offset table (PS3.5, A.4).
 ///
 /// # Errors
-/// [`Fault::Short`] when the data ends inside a fragment.
+/// Returns [`Fault::Short`] if the data ends inside a fragment.
 pub fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault> {
     let mut walk = Walk { bytes, at: offset, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
     let mut out = Vec::new();
@@ -342,7 +343,7 @@ mod tests {
 
     #[test]
     fn nested_sequences_of_both_lengths() {
-        // SQ (0008,1140) of undefined length holding an item of undefined length with a value and another SQ of
+        // SQ (0008,1140) of undefined length with an item of undefined length that holds a value and another SQ of
         // defined length.
         let mut body = b"\x08\0\x40\x11SQ\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\xff\xff\xff\xff".to_vec();
         body.extend(b"\x28\0\x10\0US\x02\0\x07\0");

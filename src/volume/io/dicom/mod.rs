@@ -1,7 +1,7 @@
-//! DICOM: one file, or a folder of slices.
+//! DICOM: one file or a folder of slices.
 //!
-//! [`dataset`] walks a file's elements, [`slice`] keeps what matters of them, [`stack`] orders slices in space and
-//! [`pixels`] turns stored values into HU.
+//! [`dataset`] parses a file's elements, [`slice`] keeps the relevant ones, [`stack`] orders slices in space and
+//! [`pixels`] converts stored values to HU.
 
 mod dataset;
 mod pixels;
@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// A scan, its notes, and what `info` says about DICOM beyond every format's facts.
+/// A scan, its notes, and the DICOM facts that `info` adds to those of every format.
 pub struct Read {
     /// The scan.
     pub volume: Volume,
@@ -32,13 +32,13 @@ pub struct Read {
     pub facts: Map<String, Value>,
 }
 
-/// How many slices make a series the one that is meant, where others are shorter.
+/// If exactly one CT series has more than this many slices, it is chosen.
 const FEW_SLICES: usize = 10;
 
-/// Reads the series that is meant from `files` of `input`. It must be of the modality `wanted`.
+/// Reads the chosen series from `files` of `input`. It must be of the modality `wanted`.
 ///
 /// # Errors
-/// Status 3 where no series can be chosen, is incomplete, or holds what cannot be read; 4 when cancelled.
+/// Returns status 3 if no series can be chosen, or if it is incomplete or unreadable; status 4 if cancelled.
 pub fn load(
     input: &Path,
     files: &[PathBuf],
@@ -87,8 +87,8 @@ pub fn load(
     Ok(Read { volume, notes, facts })
 }
 
-/// Groups slices by series, in the stable order that `--series` counts: by number, then UID. Localizers stand apart
-/// from the slices that they were taken for.
+/// Groups slices by series, in the stable order that `--series` counts: by number, then UID. Localizers are kept
+/// separate from the slices they were taken for.
 fn into_series(slices: impl Iterator<Item = Slice>) -> Vec<Vec<Slice>> {
     let mut map: BTreeMap<(i64, String, bool), Vec<Slice>> = BTreeMap::new();
     for s in slices {
@@ -130,21 +130,21 @@ fn choose(input: &Path, series: &[Vec<Slice>], asked: Option<usize>, notes: &mut
     }
 }
 
-/// The series in words, for messages.
+/// Describes the series, for messages.
 fn words(series: &[Vec<Slice>]) -> String {
     (1..).zip(series).map(|(n, s)| in_words(n, s)).collect::<Vec<_>>().join(", ")
 }
 
-/// A series in words.
+/// Describes one series.
 fn in_words(number: usize, slices: &[Slice]) -> String {
     let f = &slices[0].file;
     let kind = if slices[0].localizer { " localizer" } else { "" };
     let words = format!("{number} = {}{kind}, {} slices of {}×{}", slices[0].modality, slices.len(), f.cols, f.rows);
-    // What stands between the parts of a message.
+    // The semicolon separates the parts of a message.
     words.replace(';', ",")
 }
 
-/// The series as `info` lists them.
+/// Returns the series as `info` lists them.
 fn list(series: &[Vec<Slice>], chosen: usize) -> Value {
     let one = |(k, s): (usize, &Vec<Slice>)| {
         json!({
@@ -219,7 +219,7 @@ fn volume(input: &Path, stack: Stack, notes: &mut Vec<String>, progress: &Progre
     Ok(Volume::new(stack.grid, even))
 }
 
-/// A slice at `slot` by linear interpolation between its neighbours.
+/// Interpolates a slice at `slot` linearly between its neighbours.
 fn interpolate(slots: &[f64], data: &[i16], slot: f64, out: &mut [i16]) {
     let n = out.len();
     let above = slots.partition_point(|s| *s < slot).min(slots.len() - 1);

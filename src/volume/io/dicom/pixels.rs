@@ -1,4 +1,4 @@
-//! Pixel data to HU: uncompressed, or by a decoder behind a [fence](crate::fence).
+//! Conversion of pixel data to HU: uncompressed, or by a decoder whose [panics](crate::panics) are caught.
 
 use std::borrow::Cow;
 use std::io::{Read, Seek, SeekFrom};
@@ -18,15 +18,15 @@ use crate::volume::AIR_HU;
 use crate::volume::io::raw::{ByteOrder, to_hu};
 use crate::volume::io::source;
 
-/// Decoded data of fewer bytes than this is harmless, whatever the header declares.
+/// Decoded data smaller than this is harmless, whatever the header declares, bytes.
 const HARMLESS: usize = 1 << 20;
-/// The most that a compressed slice may unpack to, as a multiple of its size: far above what scans reach, since even
-/// an empty slice has a code for each of its blocks.
+/// Maximum expansion of a compressed slice, as a multiple of its size. It is far above what scans reach, since even an
+/// empty slice has a code for each of its blocks.
 const MOST_EXPANSION: usize = 2000;
-/// The most tiles that a JPEG 2000 image may be cut into.
+/// Maximum number of tiles in a JPEG 2000 image.
 const MOST_TILES: u64 = 4096;
 
-/// How a transfer syntax packs pixels.
+/// Pixel compression of a transfer syntax.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Codec {
     Native(ByteOrder),
@@ -62,18 +62,18 @@ fn codec(path: &Path, syntax: &str) -> Result<Codec> {
     ))
 }
 
-/// Refuses transfer syntaxes without a decoder, before any memory is spent.
+/// Rejects transfer syntaxes without a decoder, before any memory is allocated.
 ///
 /// # Errors
-/// Status 3 naming the transfer syntax.
+/// Returns status 3 with the transfer syntax.
 pub fn check_syntax(file: &FileHead) -> Result<()> {
     codec(&file.path, &file.syntax).map(drop)
 }
 
-/// Refuses a compressed file that is too small for what it declares, before memory for that is taken.
+/// Rejects a compressed file that is too small for its declared size, before that memory is allocated.
 ///
 /// # Errors
-/// Status 3 naming both sizes.
+/// Returns status 3 with both sizes.
 pub fn check_expansion(file: &FileHead) -> Result<()> {
     let (_, len) = source::open(&file.path)?;
     let frame = u64::from(file.rows) * u64::from(file.cols) * u64::from(file.bits.allocated / 8);
@@ -85,17 +85,17 @@ pub fn check_expansion(file: &FileHead) -> Result<()> {
     Ok(())
 }
 
-/// A slice and where its HU go.
+/// A slice and the destination of its HU.
 type Target<'a> = (&'a Slice, &'a mut [i16]);
 
-/// Decodes `slices`, one after the other, into `out`. Returns how many voxels were padding.
+/// Decodes `slices` in order into `out` and returns how many voxels were padding.
 ///
 /// # Errors
-/// Status 3 when pixel data is damaged; status 4 when cancelled. Of several damaged slices the first is named.
+/// Returns status 3 if pixel data is damaged, status 4 if cancelled. If several slices are damaged, the first is named.
 pub fn decode(slices: &[Slice], out: &mut [i16], progress: &Progress) -> Result<usize> {
     let first = &slices[0].file;
     let voxels = usize::from(first.rows) * usize::from(first.cols);
-    // The frames of one file stand together, so that the file is read once.
+    // Group the frames of one file, so that it is read once.
     let mut groups: Vec<(Arc<FileHead>, Vec<Target>)> = Vec::new();
     for (slice, target) in slices.iter().zip(out.chunks_mut(voxels)) {
         match groups.last_mut() {
@@ -128,7 +128,7 @@ fn decode_file(file: &FileHead, frames: Vec<Target>, progress: &Progress) -> Res
             let (_, len) = source::open(path)?;
             let bytes = read(path, 0, usize::try_from(len).unwrap_or(usize::MAX))?;
             let body = match codec {
-                // The inflated bytes are what the place refers to.
+                // The pixel position refers to the inflated bytes.
                 Codec::Native(_) => dataset::parse(&bytes).map_err(|e| fault(path, e))?.1,
                 _ => Cow::Borrowed(&bytes[..]),
             };
@@ -176,7 +176,7 @@ fn read(path: &Path, begin: u64, length: usize) -> Result<Vec<u8>> {
     if bytes.len() < length { Err(fault(path, Fault::Short)) } else { Ok(bytes) }
 }
 
-/// The compressed bytes of one frame.
+/// Returns the compressed bytes of one frame.
 fn frame_of<'a>(file: &FileHead, parts: &[&'a [u8]], frame: u32) -> Result<Cow<'a, [u8]>> {
     match parts {
         [] => Err(fault(&file.path, Fault::Bad("has no pixel data".to_owned()))),
@@ -191,7 +191,7 @@ fn frame_of<'a>(file: &FileHead, parts: &[&'a [u8]], frame: u32) -> Result<Cow<'
     }
 }
 
-/// Little-endian samples of one frame from its compressed bytes.
+/// Decompresses one frame to little-endian samples.
 fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Vec<u8>> {
     let path = file.path.as_path();
     let damaged = |why: String| Error::file(path, format!("its pixel data {why}"), "copy or export it again");
@@ -200,7 +200,7 @@ fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Vec<u8>> {
     if size > HARMLESS.max(packed.len().saturating_mul(MOST_EXPANSION)) {
         return Err(damaged(format!("is {} bytes, which cannot hold {size}", packed.len())));
     }
-    // The code stream has a size of its own, by which a decoder allocates.
+    // The code stream declares its own size, and the decoder allocates by that.
     if codec != Codec::Rle {
         let wanted = (u32::from(file.cols), u32::from(file.rows));
         let coded =
@@ -209,7 +209,7 @@ fn unpack(file: &FileHead, codec: Codec, packed: &[u8]) -> Result<Vec<u8>> {
             let (x, y) = coded.size;
             return Err(damaged(format!("is coded as {x}×{y} where the header has {}×{}", wanted.0, wanted.1)));
         }
-        // JPEG's decoder gives a byte or two for each sample as the code stream has it, whatever the header says.
+        // The JPEG decoder returns one or two bytes per sample as in the code stream, whatever the header says.
         if codec == Codec::Jpeg && (coded.bits > 8) != (file.bits.allocated > 8) {
             let why = format!("is coded in {} bits where the header allocates {}", coded.bits, file.bits.allocated);
             return Err(damaged(why));
@@ -237,8 +237,8 @@ fn by_jpegls(file: &FileHead, packed: &[u8]) -> std::result::Result<Vec<u8>, Str
     })
 }
 
-/// Decodes by dicom-pixeldata, which takes a whole object: one is made of the frame and of what decoders ask for, so
-/// that nothing else of the file reaches them.
+/// Decodes with dicom-pixeldata, which needs a whole object. The object is built from the frame and the attributes that
+/// decoders read, so nothing else of the file reaches them.
 fn by_registry(file: &FileHead, packed: &[u8]) -> std::result::Result<Vec<u8>, String> {
     let object = minimal_object(file, packed);
     let object = dicom_object::from_reader(&object[..]).map_err(|e| e.to_string())?;
@@ -246,7 +246,7 @@ fn by_registry(file: &FileHead, packed: &[u8]) -> std::result::Result<Vec<u8>, S
     Ok(decoded.data().to_vec())
 }
 
-/// What is at the bottom of a chain of errors: the reason, not who passed it on.
+/// Returns the text of the innermost error of a chain: the cause, not the layers that passed it on.
 fn innermost(e: &dyn std::error::Error) -> String {
     let mut e = e;
     while let Some(source) = e.source() {
@@ -255,7 +255,7 @@ fn innermost(e: &dyn std::error::Error) -> String {
     e.to_string()
 }
 
-/// A DICOM file of one grey frame in one fragment, with what a decoder needs.
+/// Builds a DICOM file of one grey frame in one fragment, with the attributes that a decoder needs.
 fn minimal_object(file: &FileHead, packed: &[u8]) -> Vec<u8> {
     let mut out = vec![0; 128];
     out.extend(b"DICM");
@@ -269,7 +269,7 @@ fn minimal_object(file: &FileHead, packed: &[u8]) -> Vec<u8> {
         e
     };
     let mut meta = b"\x02\0\x01\0OB\0\0\x02\0\0\0\0\x01".to_vec();
-    // Secondary capture; instance and implementation are placeholders of the UUID-derived root.
+    // Secondary capture; instance and implementation are placeholders under the UUID-derived root.
     for (element, uid) in
         [(2, "1.2.840.10008.5.1.4.1.1.7"), (3, "2.25.1"), (0x10, file.syntax.as_str()), (0x12, "2.25.2")]
     {
@@ -308,11 +308,11 @@ fn minimal_object(file: &FileHead, packed: &[u8]) -> Vec<u8> {
     out
 }
 
-/// What a code stream of one component declares.
+/// The declarations of a single-component code stream.
 struct Coded {
     /// Width and height.
     size: (u32, u32),
-    /// Bits of a sample.
+    /// Bits per sample.
     bits: u8,
 }
 
@@ -320,7 +320,7 @@ fn coded(codec: Codec, packed: &[u8]) -> Option<Coded> {
     let short = |at: usize| Some(u16::from_be_bytes(packed.get(at..at + 2)?.try_into().ok()?));
     let long = |at: usize| Some(u32::from_be_bytes(packed.get(at..at + 4)?.try_into().ok()?));
     if codec == Codec::Jpeg2000 {
-        // The code stream may stand in boxes; its first two markers are SOC and SIZ (T.800, annex A).
+        // The code stream may be inside boxes; its first two markers are SOC and SIZ (T.800, annex A).
         let head = &packed[..packed.len().min(4096)];
         let siz = head.windows(4).position(|w| w == [0xFF, 0x4F, 0xFF, 0x51])? + 4;
         let field = |k: usize| long(siz + 4 + 4 * k);
@@ -351,7 +351,7 @@ fn coded(codec: Codec, packed: &[u8]) -> Option<Coded> {
     }
 }
 
-/// Stored samples to HU; returns how many were padding.
+/// Converts stored samples to HU and returns how many were padding.
 fn to_hus(slice: &Slice, bytes: &[u8], order: ByteOrder, out: &mut [i16]) -> usize {
     let file = &slice.file;
     let bits = file.bits;
@@ -359,7 +359,8 @@ fn to_hus(slice: &Slice, bytes: &[u8], order: ByteOrder, out: &mut [i16]) -> usi
     let unused = 32 - u32::from(bits.stored);
     let mut padding = 0;
     let mut put = |o: &mut i16, raw: u32| {
-        // The value to the top of the word and back: cuts what lies above it (overlays) and extends the sign.
+        // Shift the value to the top of the word and back. This removes the bits above it (overlays) and extends the
+        // sign.
         let top = (raw >> shift) << unused;
         let value = if bits.signed { (top as i32) >> unused } else { (top >> unused) as i32 };
         let padded = file.padding.is_some_and(|(low, high)| (low..=high).contains(&value));
@@ -378,10 +379,10 @@ fn to_hus(slice: &Slice, bytes: &[u8], order: ByteOrder, out: &mut [i16]) -> usi
     padding
 }
 
-/// Whether two slices hold the same stored pixels, byte for byte.
+/// True if two slices store the same pixels, byte for byte.
 ///
 /// # Errors
-/// When one cannot be read.
+/// Returns an error if one cannot be read.
 pub fn same_pixels(a: &Slice, b: &Slice) -> Result<bool> {
     if a.file.syntax != b.file.syntax || a.file.frames > 1 || b.file.frames > 1 {
         return Ok(false);

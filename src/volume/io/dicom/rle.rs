@@ -1,12 +1,12 @@
-//! RLE Lossless (PS3.5, annex G), written here because the count of segments in a frame's header must not be believed.
+//! RLE Lossless (PS3.5, annex G). Implemented here because the segment count in a frame's header cannot be trusted.
 
-/// Bytes of the header: the number of segments, then the offset of each of at most 15.
+/// Size of the header, bytes: the number of segments, then the offset of each of at most 15.
 const HEADER: usize = 64;
 
-/// Unpacks a frame of `voxels` samples of one or two bytes; what comes out is little-endian.
+/// Unpacks a frame of `voxels` samples of one or two bytes to little-endian.
 ///
 /// # Errors
-/// A few words about what is wrong with the packed bytes.
+/// Returns a short description if the packed bytes are invalid.
 pub fn unpack(packed: &[u8], voxels: usize, sample: usize) -> Result<Vec<u8>, String> {
     let word = |k: usize| {
         let bytes: Option<[u8; 4]> = packed.get(4 * k..4 * k + 4).and_then(|b| b.try_into().ok());
@@ -26,7 +26,8 @@ pub fn unpack(packed: &[u8], voxels: usize, sample: usize) -> Result<Vec<u8>, St
     Ok(out)
 }
 
-/// PackBits: a length byte n, then n + 1 literal bytes, or (n < 0) one byte 1 − n times; −128 is nothing.
+/// Expands PackBits: a length byte n, then n + 1 literal bytes, or (n < 0) one byte repeated 1 − n times; −128 is a
+/// no-op.
 fn expand<'a>(packed: &[u8], mut out: impl ExactSizeIterator<Item = &'a mut u8>) -> Result<(), String> {
     let mut packed = packed.iter();
     while out.len() > 0 {

@@ -1,4 +1,4 @@
-//! One slice of a series, as its header describes it.
+//! One slice of a series, as described by its header.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -41,53 +41,53 @@ const PLANE_ORIENTATION: Tag = (0x0020, 0x9116);
 const PIXEL_MEASURES: Tag = (0x0028, 0x9110);
 const TRANSFORMATION: Tag = (0x0028, 0x9145);
 
-/// The header of a file is looked for in its first bytes before the whole file is read.
+/// Number of bytes read first when looking for the header, before the whole file is read.
 const FIRST_BYTES: u64 = 1 << 16;
-/// More rows or columns than any scanner has.
+/// Maximum number of rows or columns; more than any scanner has.
 const LONGEST_SIDE: u16 = 16384;
 
-/// How stored bits make a value.
+/// Layout of the stored bits of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bits {
     /// Bits of a sample in the file: 8 or 16.
     pub allocated: u16,
     /// Bits that hold the value.
     pub stored: u16,
-    /// The highest of them.
+    /// The highest stored bit.
     pub high: u16,
-    /// Whether the value is signed.
+    /// True if the value is signed.
     pub signed: bool,
 }
 
-/// What all frames of a file share.
+/// Properties shared by all frames of a file.
 #[derive(Clone, Debug)]
 pub struct FileHead {
     /// The file.
     pub path: PathBuf,
     /// UID of the transfer syntax.
     pub syntax: String,
-    /// Where the pixel data lies.
+    /// Position of the pixel data.
     pub pixels: PixelPlace,
     /// Number of frames.
     pub frames: u32,
-    /// Rows and columns.
+    /// Number of rows.
     pub rows: u16,
-    /// Columns.
+    /// Number of columns.
     pub cols: u16,
-    /// Bits of a sample.
+    /// Bit layout of a sample.
     pub bits: Bits,
-    /// Lowest and highest stored value that stands for padding.
+    /// Lowest and highest stored values that mean padding.
     pub padding: Option<(i32, i32)>,
-    /// Whether low values are shown bright; the values themselves mean the same.
+    /// True if low values are displayed bright. The meaning of the values is the same.
     pub inverted: bool,
 }
 
 /// One slice: a file, or one frame of it.
 #[derive(Clone, Debug)]
 pub struct Slice {
-    /// The file it is in.
+    /// The file that contains the slice.
     pub file: Arc<FileHead>,
-    /// Which frame of the file.
+    /// Index of the frame in the file.
     pub frame: u32,
     /// UID of its series.
     pub series: String,
@@ -97,28 +97,29 @@ pub struct Slice {
     pub modality: String,
     /// HFS, FFP, …
     pub patient_position: Option<String>,
-    /// Whether it is a localizer (a scout view) among the slices.
+    /// True if it is a localizer (a scout view) among the slices.
     pub localizer: bool,
-    /// World direction of rising column index, and of rising row index.
+    /// World directions of increasing column index and of increasing row index.
     pub axes: Option<[DVec3; 2]>,
     /// World position of the first pixel's centre, mm LPS.
     pub position: Option<DVec3>,
-    /// Distance of columns, of rows, mm.
+    /// Distance between columns and between rows, mm.
     pub spacing: Option<[f64; 2]>,
-    /// Distance to the next slice or thickness, mm, as far as the header tells.
+    /// Distance to the next slice, or thickness, mm, if the header gives one.
     pub depth: Option<f64>,
-    /// HU for each stored unit.
+    /// HU per stored unit.
     pub slope: f64,
     /// HU of a stored zero.
     pub intercept: f64,
-    /// Why it cannot be used; that matters only if its series is chosen (a report in colours lies beside many a scan).
+    /// The reason the slice is unusable. It only matters if its series is chosen: many scans come with a colour report.
     pub fault: Option<Error>,
 }
 
-/// The slices of a file: none if it is DICOM without an image. One with a `fault` stands for what cannot be used.
+/// Reads the slices of a file. The result is empty for DICOM without an image. A slice with a `fault` stands for an
+/// unusable one.
 ///
 /// # Errors
-/// Status 3 where not even its series can be told.
+/// Returns status 3 if not even the series can be determined.
 pub fn read(path: &Path) -> Result<Vec<Slice>> {
     let (_, len) = source::open(path)?;
     let bad = |why: String| Error::file(path, why, "export it again");
@@ -126,7 +127,7 @@ pub fn read(path: &Path) -> Result<Vec<Slice>> {
     let (set, room) = loop {
         match dataset::parse(&bytes) {
             Ok((set, body)) => {
-                // Past the bytes at hand the file goes on, unless the body was inflated.
+                // The file continues beyond the bytes read so far, unless the body was inflated.
                 let room = if matches!(body, std::borrow::Cow::Owned(_)) { body.len() as u64 } else { len };
                 break (set, room);
             }
@@ -158,7 +159,7 @@ fn slices(path: &Path, set: &DataSet, room: u64) -> Vec<Slice> {
     let by_class = root.text(SOP_CLASS).filter(|c| ct.contains(&c.as_str())).map(|_| "CT".to_owned());
     let base = Slice {
         frame: 0,
-        // Anonymised files may have lost it; those without one are taken for one series.
+        // Anonymised files may have lost the UID; files without one are treated as one series.
         series: root.text(SERIES_UID).unwrap_or_default(),
         series_number: root.decimal(SERIES_NUMBER).map(|n| n as i64),
         modality: root.text(MODALITY).or(by_class).unwrap_or_else(|| "unknown".to_owned()),
@@ -181,7 +182,8 @@ fn slices(path: &Path, set: &DataSet, room: u64) -> Vec<Slice> {
 }
 
 impl Slice {
-    /// One frame: what it says itself wins over what all frames share, and that over the top of the data set.
+    /// Returns one frame. Its own attributes override those shared by all frames, which override those of the top-level
+    /// data set.
     fn frame(&self, path: &Path, root: &Item, frame: u32) -> Result<Self> {
         let mut slice = Self { frame, ..self.clone() };
         slice.fill(path, root)?;
@@ -203,7 +205,7 @@ impl Slice {
         Ok(slice)
     }
 
-    /// Takes over what an item says about place and values.
+    /// Applies an item's attributes of position and values.
     fn fill(&mut self, path: &Path, item: &Item) -> Result<()> {
         let numbers = |tag: Tag, name: &str, n: usize| match item.text(tag) {
             None => Ok(None),
@@ -230,7 +232,7 @@ impl Slice {
         }
         if let Some(s) = numbers(PIXEL_SPACING, "PixelSpacing", 2)? {
             super::super::frame::check_spacing(path, "PixelSpacing", &s)?;
-            // The attribute names the distance of rows first.
+            // The attribute gives the distance between rows first.
             self.spacing = Some([s[1], s[0]]);
         }
         let depth = item.decimal(BETWEEN).or_else(|| item.decimal(THICKNESS));
@@ -253,7 +255,7 @@ fn wrong(path: &Path, name: &str, value: &str, wanted: &str) -> Error {
     Error::file(path, format!("{name} is {value:?}, not {wanted}"), "export it again")
 }
 
-/// What is known of a file that cannot be used.
+/// Returns the known properties of a file that cannot be used.
 fn unusable(path: &Path, set: &DataSet, pixels: PixelPlace) -> FileHead {
     FileHead {
         path: path.to_owned(),

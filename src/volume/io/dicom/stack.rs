@@ -1,4 +1,4 @@
-//! From slices to a regular stack: sorting, duplicates, gaps, a tilted gantry.
+//! From slices to a regular stack: sorting, duplicates, gaps, tilted gantry.
 
 use std::path::Path;
 
@@ -10,35 +10,35 @@ use crate::error::{Error, Result};
 use crate::volume::Grid;
 use crate::volume::io::frame;
 
-/// Slices nearer than this lie at the same place, mm.
+/// Slices closer than this are at the same position, mm.
 const SAME_PLACE: f64 = 1e-3;
-/// How far slices may lie beside the line through the first and the last, mm.
+/// Maximum sideways offset of slices from the line through the first and the last, mm.
 const SIDEWAYS: f64 = 0.5;
-/// How far a slice may be from its place in a regular stack: a share of the spacing, and what rounding of the written
-/// positions to a tenth of a millimetre can do.
+/// Maximum deviation of a slice from its position in a regular stack: a fraction of the spacing, and the effect of
+/// rounding written positions to a tenth of a millimetre.
 const UNEVEN: (f64, f64) = (0.1, 0.06);
 
-/// Slices that are missing between two that are there.
+/// Missing slices between two that exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gap {
-    /// Index of the last slice before the gap, among those that are there, from 0.
+    /// Index of the last slice before the gap, among the existing ones, from 0.
     pub after: usize,
-    /// How many are missing.
+    /// Number of missing slices.
     pub missing: usize,
 }
 
-/// Slices in order, and the regular grid that they lie on or can be resampled to.
+/// Sorted slices and the regular grid that they are on or can be resampled to.
 #[derive(Debug)]
 pub struct Stack {
-    /// From the first to the last along the normal.
+    /// Slices from first to last along the normal.
     pub slices: Vec<Slice>,
-    /// The grid, missing slices included.
+    /// The grid, including missing slices.
     pub grid: Grid,
-    /// Where each slice lies on the grid's third axis; whole numbers unless spacing is uneven.
+    /// Position of each slice on the grid's third axis; whole numbers unless spacing is uneven.
     pub slots: Vec<f64>,
     /// Missing slices.
     pub gaps: Vec<Gap>,
-    /// The smallest and largest distance of neighbours where spacing is uneven, mm.
+    /// Smallest and largest distance between neighbours if spacing is uneven, mm.
     pub uneven: Option<(f64, f64)>,
     /// Notes for the user.
     pub notes: Vec<String>,
@@ -47,7 +47,7 @@ pub struct Stack {
 /// Sorts slices of one series and finds their grid.
 ///
 /// # Errors
-/// Status 3 where slices disagree in size, orientation or spacing, lie at the same place, or have no place.
+/// Returns status 3 if slices disagree in size, orientation or spacing, share a position, or have none.
 pub fn stack(input: &Path, mut slices: Vec<Slice>) -> Result<Stack> {
     let mut notes = Vec::new();
     agree(&slices)?;
@@ -78,7 +78,7 @@ pub fn stack(input: &Path, mut slices: Vec<Slice>) -> Result<Stack> {
     let (from, to) = (place(&slices[0]), place(&slices[slices.len() - 1]));
     let step = (to - from) / last_slot;
     for (s, slot) in slices.iter().zip(&layout.slots) {
-        // Along the step uneven spacing is allowed here; beside it nothing is.
+        // Along the step, uneven spacing is allowed here; no offset is allowed beside it.
         let off = place(s) - (from + step * *slot);
         let beside = off - off.dot(normal) / step.dot(normal) * step;
         if beside.length() > SIDEWAYS {
@@ -107,7 +107,7 @@ fn untold(s: &Slice, name: &str) -> Error {
 fn in_plane(input: &Path, s: &Slice, notes: &mut Vec<String>) -> Result<[f64; 2]> {
     match s.spacing {
         Some(spacing) => Ok(spacing),
-        // What is no CT (info takes any modality) may be a projection without a spacing in the patient.
+        // A non-CT (`info` accepts any modality) may be a projection without a spacing in the patient.
         None if s.modality != "CT" => {
             notes.push("has no PixelSpacing: 1 mm is assumed".to_owned());
             Ok([1.0; 2])
@@ -116,7 +116,7 @@ fn in_plane(input: &Path, s: &Slice, notes: &mut Vec<String>) -> Result<[f64; 2]
     }
 }
 
-/// Refuses slices that cannot be of one volume.
+/// Rejects slices that cannot belong to one volume.
 fn agree(slices: &[Slice]) -> Result<()> {
     let a = &slices[0];
     for b in slices {
@@ -166,7 +166,7 @@ fn single(slice: Slice, spacing: [f64; 2], mut notes: Vec<String>) -> Result<Sta
     Ok(Stack { slices: vec![slice], grid, slots: vec![0.0], gaps: Vec::new(), uneven: None, notes })
 }
 
-/// Drops copies of a slice; refuses different slices at the same place.
+/// Drops duplicate slices; rejects different slices at the same position.
 fn without_duplicates(slices: Vec<Slice>, normal: DVec3, notes: &mut Vec<String>) -> Result<Vec<Slice>> {
     let mut out: Vec<Slice> = Vec::with_capacity(slices.len());
     for s in slices {
@@ -196,12 +196,12 @@ struct Layout {
     uneven: Option<(f64, f64)>,
 }
 
-/// Places on a regular grid for slices at `along` (mm, rising).
+/// Finds positions on a regular grid for slices at `along` (mm, ascending).
 fn layout(input: &Path, along: &[f64]) -> Result<Layout> {
     let distances: Vec<f64> = along.windows(2).map(|w| w[1] - w[0]).collect();
     let mut sorted = distances.clone();
     sorted.sort_by(f64::total_cmp);
-    // The lower median: the usual distance, even where nearly half the neighbours have a gap between them.
+    // The lower median gives the usual distance even if nearly half the neighbours have a gap between them.
     let usual = sorted[(sorted.len() - 1) / 2];
     let steps: Vec<f64> = distances.iter().map(|d| (d / usual).round().max(1.0)).collect();
     let total: f64 = steps.iter().sum();
@@ -224,7 +224,7 @@ fn layout(input: &Path, along: &[f64]) -> Result<Layout> {
         .collect();
     let spacing = (along[along.len() - 1] - along[0]) / total;
     let room = |shares: f64| UNEVEN.0 * spacing + (shares * UNEVEN.1).min(0.4 * spacing);
-    // Each slice near its place, and each distance near what it should be (two roundings may add up there).
+    // Each slice must be near its position, and each distance near its nominal value (two roundings may add up there).
     let placed = along.iter().zip(&slots).all(|(t, slot)| (t - along[0] - slot * spacing).abs() <= room(1.0));
     let spaced = distances.iter().zip(&steps).all(|(d, s)| (d - s * spacing).abs() <= room(2.0));
     let regular = placed && spaced;
