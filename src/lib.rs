@@ -139,9 +139,9 @@ pub mod volume;
 #[path = "../systems/mod.rs"]
 pub mod systems;
 
-/// The library that the window's panels are drawn with.
+/// The GUI library of the window's panels.
 #[cfg(feature = "window")]
 pub use egui;
-/// Panels: what the window shows, each in a file of its own.
+/// Panels: the parts of the window, each in its own file.
 #[cfg(feature = "window")]
 pub use host::window::panels as panel;

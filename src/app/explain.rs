@@ -18,7 +18,7 @@ pub struct Built {
     pub part: Cow<'static, str>,
     /// Size in bytes.
     pub bytes: usize,
-    /// What needs it.
+    /// The part of the flight that needs it.
     pub needed_by: &'static str,
 }
 

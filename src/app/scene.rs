@@ -23,7 +23,7 @@ use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Plugins, Sl
 use crate::systems;
 use crate::systems::present::{Presenters, Waiting};
 
-/// What steers the camera.
+/// The source of the camera's motion.
 #[derive(Clone, Debug)]
 pub enum Steering {
     /// Nothing: the camera does not move.
@@ -48,7 +48,7 @@ pub enum Steering {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// What steers the camera.
+    /// The source of the camera's motion.
     pub steering: Steering,
     /// Every guide that the flight can be switched to, with its settings: the built-in ones and those that a program adds.
     pub guides: Guides,

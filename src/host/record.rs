@@ -1,4 +1,4 @@
-//! Recordings: numbered PNGs, a GIF, or an MP4 through an `ffmpeg` on the path.
+//! Recordings: numbered PNGs, a GIF, or an MP4 through an `ffmpeg` on the `PATH`.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
