@@ -155,7 +155,6 @@ impl Scan {
 
     /// Returns the volume and lumen for a flight whose guide treats tagged fluid as gas. If fluid joins the main segment to
     /// others, they are drained, so that they are flown as one. Otherwise returns those of the scan itself.
-    /// others, so that they are flown as one, and the scan's own where it joins none.
     fn drained(&mut self) -> Result<(PreparedVolume, Arc<Lumen>)> {
         let found = self.lumen()?;
         let main = found.main_segment().map(|n| &found.segments[n]);

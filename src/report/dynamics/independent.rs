@@ -27,7 +27,6 @@ enum Solver {
 ///
 /// # Errors
 /// Returns an error if the solver gives up.
-/// When the solver gives up.
 fn solve(
     solver: Solver,
     body: &Body,

@@ -131,7 +131,6 @@ pub trait Panel {
     /// Lays itself out in the remaining area of `ui`. Called whenever something that it shows may have changed: 30 times per
     /// second during a flight, and after operator input at rest. A panel that panics is not called again, and the window shows
     /// the error in its place.
-    /// window says so in its place.
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests);
 }
 
