@@ -1,29 +1,29 @@
-//! The program's one type of error: what failed, why, and what the user can do, with the exit status that follows.
+//! The program's error type: what failed, why, a hint for the user, and the exit status.
 //!
 //! # Exit statuses
 //!
 //! | status | meaning |
 //! |---|---|
-//! | 0 | done; also when `--seconds` of a flight are over, when the window was closed, and when the reader of standard output went away |
-//! | 1 | [`Kind::Fault`]: a fault of the program's own, a panic among them |
-//! | 2 | [`Kind::Usage`]: wrong usage: unknown or contradictory arguments, settings out of range, a scene that makes no sense, a command that this build leaves out |
-//! | 3 | [`Kind::Input`]: an input cannot be read or used: missing, damaged, truncated, of an unsupported format or modality, with missing slices, too large for the memory |
-//! | 4 | [`Kind::Incomplete`]: the flight or path cannot be completed: nothing to fly through, a point outside the lumen, a flight that calls the operator without a window, or an interruption (Ctrl-C). Log, statistics and recording are there, whole, up to that point |
-//! | 5 | [`Kind::Output`]: an output cannot be written: no permission, a full disk, a missing folder, no `ffmpeg` for a video |
+//! | 0 | success, including when the time of `--seconds` is over, the window is closed, or the reader of standard output closes it |
+//! | 1 | [`Kind::Fault`]: internal error, including a panic |
+//! | 2 | [`Kind::Usage`]: invalid usage: unknown or contradictory arguments, settings out of range, an inconsistent scene, a command that is not part of this build |
+//! | 3 | [`Kind::Input`]: an input cannot be read or used: missing, damaged, truncated, unsupported format or modality, missing slices, too large for the memory |
+//! | 4 | [`Kind::Incomplete`]: the flight or path cannot be completed: nothing to fly through, a point outside the lumen, a flight that calls the operator without a window, or an interruption (Ctrl-C). Log, statistics and recording are written and complete up to that point |
+//! | 5 | [`Kind::Output`]: an output cannot be written: no permission, disk full, missing folder, no `ffmpeg` for a video |
 //!
-//! Every failure prints exactly one line to standard error: `error: WHAT: WHY; REMEDY`. Notes and progress come before
-//! it. Output files appear whole or not at all (see [`crate::output`]).
+//! Every failure prints exactly one line to standard error: `error: WHAT: WHY; HINT`. Notes and progress come before it. Output
+//! files are written completely or not at all (see [`crate::output`]).
 
 use std::path::Path;
 
-/// The kind of a failure; its number is the exit status of the program, see the [module](self).
+/// The kind of a failure. Its number is the exit status of the program, see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// 1: a fault of the program's own.
+    /// 1: an internal error.
     Fault = 1,
-    /// 2: wrong usage.
+    /// 2: invalid usage.
     Usage = 2,
-    /// 3: the input cannot be read or used.
+    /// 3: an input cannot be read or used.
     Input = 3,
     /// 4: the flight or path cannot be completed, or it was interrupted.
     Incomplete = 4,
@@ -31,7 +31,7 @@ pub enum Kind {
     Output = 5,
 }
 
-/// A failure, printed as `WHAT: WHY; REMEDY` on one line.
+/// A failure, printed as `WHAT: WHY; HINT` on one line.
 ///
 /// ```
 /// use colvis::error::Error;
@@ -43,15 +43,15 @@ pub enum Kind {
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("{}: {}; {}", one_line(.what), one_line(.why), one_line(.hint))]
 pub struct Error {
-    /// The exit status this failure stands for.
+    /// The kind of failure, which determines the exit status.
     pub kind: Kind,
     /// What failed, usually a file or an option.
     pub what: String,
-    /// Why it failed, with the value that was wrong.
+    /// Why it failed, with the offending value.
     pub why: String,
-    /// What the user can do about it, as a request.
+    /// What the user can do about it, in the imperative.
     pub hint: String,
-    /// Where an input holds several scans: each in words, in the order that `--series` counts from 1.
+    /// If an input holds several scans: a description of each, in the order in which `--series` counts them, from 1.
     pub choices: Vec<String>,
 }
 
@@ -59,27 +59,27 @@ pub struct Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// A failure of the given kind.
+    /// Creates a failure of the given kind.
     pub fn new(kind: Kind, what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
         Self { kind, what: what.into(), why: why.into(), hint: hint.into(), choices: Vec::new() }
     }
 
-    /// A fault of the program's own: status 1.
+    /// An internal error: status 1.
     pub fn fault(what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::new(Kind::Fault, what, why, hint)
     }
 
-    /// Wrong usage: status 2.
+    /// Invalid usage: status 2.
     pub fn usage(what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::new(Kind::Usage, what, why, hint)
     }
 
-    /// The input cannot be read or used: status 3.
+    /// An input cannot be read or used: status 3.
     pub fn input(what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::new(Kind::Input, what, why, hint)
     }
 
-    /// [`Error::input`] about a file.
+    /// Same as [`Error::input`], for a file.
     pub fn file(path: &Path, why: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::input(path.display().to_string(), why, hint)
     }
@@ -100,7 +100,8 @@ impl Error {
     }
 }
 
-/// Error texts may contain file names and messages of other programs; a line break in them must not make a second line.
+/// Replaces control characters by spaces. File names and messages of other programs may contain line breaks, which must not start
+/// a second line.
 fn one_line(s: &str) -> String {
     s.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

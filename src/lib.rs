@@ -1,7 +1,7 @@
-//! colvis: flying through the inside of the body, on a processor alone.
+//! colvis: real-time virtual colonoscopy on the CPU.
 //!
-//! Who may use whom, from the bottom up: each module those of the lines above its own in this table. A test reads it from
-//! here.
+//! The table lists the modules in layers, from the bottom up. A module may use only the modules of the lines above its own.
+//! A test reads the table from here.
 //!
 //! ```text layers
 //! error, math, memory
@@ -18,14 +18,14 @@
 //! cli
 //! ```
 //!
-//! Everything up to `render` is plain functions and data that know no entity-component-system. `components` holds what
-//! the entities carry, `schedule` the order of the systems and what a guide says of itself, `systems` (the folder beside
-//! `src`) one file for each scheduled system, `app` scans, scenes and flights, `host` what drives a flight: a window, or
-//! nobody. `ARCHITECTURE.md` tells the way of a scan and of a pose through them, and where to add what.
+//! Everything up to `render` is plain functions and data, independent of the entity-component-system. `components` holds the data
+//! that entities carry. `schedule` defines the order of the systems and the interface of guides. `systems` (the folder beside
+//! `src`) has one file for each scheduled system. `app` contains scans, scenes and flights. `host` drives a flight, in a window
+//! or headless. `ARCHITECTURE.md` follows a scan and a pose through these modules, and lists where to add what.
 //!
-//! A flight in ten lines is the example of [`app::Scan`]; the program itself is [`cli::Program`].
+//! [`app::Scan`] has an example of a flight in ten lines. The program itself is [`cli::Program`].
 //!
-//! How far the wall is from a place, along a ray and to any side:
+//! To find the distance to the wall, along a ray and in any direction:
 //!
 //! ```
 //! use std::sync::Arc;
@@ -47,67 +47,69 @@
 //! # Ok::<(), String>(())
 //! ```
 //!
-//! Frames and units: *world* is the patient's frame, millimetres, LPS (x to the patient's left, y to posterior,
-//! z to superior). *Voxel* coordinates are fractional indices; an integer index is a voxel's centre. Values are
-//! Hounsfield units.
+//! Frames and units: *world* is the patient's frame in millimetres, LPS (x to the patient's left, y to posterior, z to superior).
+//! *Voxel* coordinates are fractional indices; an integer index is a voxel's centre. Values are in Hounsfield units.
 //!
 //! # Glossary
 //!
 //! The colon and its scan:
 //!
 //! - **Lumen**: the inside of the colon, gas and tagged fluid: [`fields::lumen`].
-//! - **Segment**: a connected piece of the lumen's gas. Fluid or a collapsed stretch parts one from the next.
-//! - **Tagged fluid**: fluid that a contrast agent makes bright, so that it can be told from tissue.
+//! - **Segment**: a connected piece of the lumen's gas. Fluid or a collapsed stretch separates one segment from the next.
+//! - **Tagged fluid**: fluid that a contrast agent brightens, so that it can be distinguished from tissue.
 //! - **Haustra**: the pouches of the colon between its folds. **Taeniae**: the three bands of muscle along it.
-//! - **Residue**: what is left in a cleaned colon. A **bridge** is a thin strand of it across the lumen.
+//! - **Residue**: material left in a cleaned colon. A **bridge** is a thin strand of it across the lumen.
 //! - **Centerline**: the line through the middle of the lumen from one end to the other: [`fields::centerline`].
-//! - **Wall**: where the interpolated value crosses the middle of the opacity ramp, −650 HU unless told otherwise.
-//! - **Wall distance**, D_s: how far a place is from the wall, as a field over the lumen: [`fields::distance`].
-//! - **Target distance**, D_t: how far it is to the goal along the lumen: [`fields::target`].
-//! - **Clearance**: the exact distance from one place to the wall, found among the voxels around it, never told too large:
+//! - **Wall**: the surface where the interpolated value crosses the middle of the opacity ramp, −650 HU by default.
+//! - **Wall distance**, D_s: the distance of a point to the wall, as a field over the lumen: [`fields::distance`].
+//! - **Target distance**, D_t: the distance of a point to the goal along the lumen: [`fields::target`].
+//! - **Clearance**: the exact distance from one point to the wall, computed from the voxels around it and never overestimated:
 //!   [`fields::ClearanceFinder`].
-//! - **Phantom**: a synthetic colon whose truth is known: [`phantom`].
+//! - **Phantom**: a synthetic colon with known ground truth: [`phantom`].
 //!
 //! The flight:
 //!
-//! - **Guide**: who steers, a navigation method: [`schedule::Guide`].
-//! - **Tentacles**: sensory rays to all sides that tell a guide how far the wall is: [`dynamics::tentacles`].
-//! - **Mines**: points laid behind the camera that push it on, so that it does not turn back: [`dynamics::mines`].
+//! - **Guide**: a steering (navigation) method: [`schedule::Guide`].
+//! - **Tentacles**: sensory rays in all directions that report the distance to the wall to a guide: [`dynamics::tentacles`].
+//! - **Mines**: points laid behind the camera that push it forward, so that it does not turn back: [`dynamics::mines`].
 //! - **Potential**: the paper's V(x). The wall repels, the target attracts: [`dynamics::potential`].
-//! - **Scene**: what a flight is made of, as a list of plugins and their settings: [`app::Scene`].
-//! - **FlightRequest**: which ends were asked for. **Plan**: start and goal that come of it: [`app::FlightRequest`], [`app::Plan`].
-//! - **Way**: the line that is flown, and in a guide the direction in which it goes on. A **route** is a way that is planned
-//!   ahead, with its speeds: [`dynamics::Route`].
-//! - **Trail**: where the camera has been.
+//! - **Scene**: the list of plugins that make up a flight, with their settings: [`app::Scene`].
+//! - **FlightRequest**: the requested ends of a flight. **Plan**: the start and goal derived from them: [`app::FlightRequest`],
+//!   [`app::Plan`].
+//! - **Path**: the line that the camera flies. A **route** is a path planned in advance, with its speeds: [`dynamics::Route`].
+//!   Inside a guide, the **way** is the direction in which the lumen continues.
+//! - **Trail**: the past positions of the camera.
 //! - **Perforation**: passing through the wall. No step can: [`dynamics::advance()`].
-//! - **Clamp**: what cuts a step back to what the clearance allows.
-//! - **Trap**: a place in which a flight gets nowhere, such as a blind end or a local minimum: [`dynamics::trap`].
-//! - **Rescue**: what is done about it, before the operator is called: [`dynamics::rescue`].
+//! - **Clamp**: shortens a step to the length that the clearance allows.
+//! - **Trap**: a place where a flight makes no progress, such as a blind end or a local minimum: [`dynamics::trap`].
+//! - **Rescue**: the attempt to leave a trap before the operator is called: [`dynamics::rescue`].
 //! - **Operator**: the person at the window, or a recorded input in that person's place.
 //! - **Coverage**: the share of the wall that was seen: [`render::Coverage`].
 //!
 //! The picture:
 //!
-//! - **Transfer function**: from a value to an opacity: 0 up to one value, 1 from another on: [`render::TransferFunction`].
-//! - **Prepared volume**: a volume with its transfer function and what lets rays leap: [`render::PreparedVolume`].
-//! - **Leap**: a step of a ray over what is known to be empty. **Brick**: a cube of cells that is known to be so as one.
-//! - **Homogeneous-region flag**: a bit for each voxel that says that nothing changes around it.
-//! - **Early ray termination**: a ray ends when less light comes from beyond than the camera's sensitivity.
+//! - **Transfer function**: maps a value to an opacity, 0 up to one value and 1 from another on: [`render::TransferFunction`].
+//! - **Prepared volume**: a volume with its transfer function and the data structures that let rays leap:
+//!   [`render::PreparedVolume`].
+//! - **Leap**: a step of a ray over space that is known to be empty. **Brick**: a cube of cells that is known to be empty as a
+//!   unit.
+//! - **Homogeneous-region flag**: one bit per voxel, set if nothing changes around it.
+//! - **Early ray termination**: a ray ends when the light from beyond falls below the camera's sensitivity.
 //! - **Layer**, or surface hit: one of the surfaces that a ray meets one behind the other.
-//! - **Preset**: a renderer by its name: [`render::Preset`]. **Quality**: how detailed its pictures are: [`render::Quality`].
-//! - **Packet**: sixteen neighbouring rays that are traced as one.
-//! - **Adaptive image-plane sampling**: rays only through pixels of which those around do not tell enough.
-//! - **Reuse**: taking over from the last frame what is proven to hold in this one. **Key frame**: one that is made without:
-//!   [`render::reuse`].
-//! - **Reference**: brute force, which leaves nothing out; what pictures are measured against.
+//! - **Preset**: a named renderer: [`render::Preset`]. **Quality**: the level of detail of its pictures: [`render::Quality`].
+//! - **Packet**: sixteen neighbouring rays that are traced together.
+//! - **Adaptive image-plane sampling**: traces rays only through those pixels that cannot be derived from the pixels around them.
+//! - **Reuse**: takes over the parts of the last frame that provably hold in this one. **Key frame**: a frame rendered without
+//!   reuse: [`render::reuse`].
+//! - **Reference**: brute force without any shortcut. Pictures are measured against it.
 //! - **Work-precision** diagram: error against run time, a line for each method. The reports draw them: [`report`].
-//! - **Presenter**: where finished pictures go, a window or a recording: [`systems::present::Presenter`].
+//! - **Presenter**: receives finished pictures, for a window or a recording: [`systems::present::Presenter`].
 //! - **View**: an entity with an image of the scan: [`components::output::Picture`]. The flight's camera is one.
 //! - **Plug-in**: systems, entities and settings of another crate, for every flight of a program: [`schedule::Plugin`].
 //! - **Post-process**: a system that changes finished images, in the set [`schedule::FlightSystems::PostProcess`].
-//! - **Shader**: the colour of a point of the wall: [`render::Shader`].
-//! - **Overlay**: something that a window draws over its picture: [`app::Overlay`].
-//! - **Panel**: a part of the window with widgets or pictures of its own: `panel::Panel`.
+//! - **Shader**: computes the colour of a point of the wall: [`render::Shader`].
+//! - **Overlay**: a drawing that a window adds on top of its picture: [`app::Overlay`].
+//! - **Panel**: a part of the window with its own widgets or pictures: `panel::Panel`.
 
 pub mod app;
 pub mod cli;
@@ -137,9 +139,9 @@ pub mod volume;
 #[path = "../systems/mod.rs"]
 pub mod systems;
 
-/// The library that the window's panels are drawn with.
+/// The GUI library of the window's panels.
 #[cfg(feature = "window")]
 pub use egui;
-/// Panels: what the window shows, each in a file of its own.
+/// Panels: the parts of the window, each in its own file.
 #[cfg(feature = "window")]
 pub use host::window::panels as panel;

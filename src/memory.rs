@@ -1,6 +1,6 @@
-//! The program's own use of memory, as the system reports it.
+//! Memory usage of this process, as the system reports it.
 
-/// An entry of the process's status, bytes: `VmRSS`, the resident set, or `VmHWM`, its peak. None where the system does
+/// Returns an entry of the process status, in bytes: `VmRSS`, the resident set, or `VmHWM`, its peak. `None` if the system does
 /// not report it (only Linux does).
 pub fn resident_bytes(entry: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;

@@ -1,8 +1,8 @@
-//! A fence around other people's code that panics where it should fail (decoders on damaged data, a window system on a
-//! machine without its libraries): the panic becomes a value.
+//! Catches panics of other people's code that should return an error instead (decoders on damaged data, a window system on a
+//! machine without its libraries) and turns them into values.
 //!
-//! The process's panic hook belongs to the program, so that a fence leaves it alone: the hook is called for a fenced
-//! panic as for every other. A program that wants to hear nothing of these asks [`is_catching`] in its hook.
+//! The process's panic hook belongs to the program, so this module leaves it alone: the hook is called for a caught panic as for
+//! any other. A hook that should ignore caught panics checks [`is_catching`].
 
 use std::any::Any;
 use std::cell::Cell;
@@ -11,24 +11,24 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use crate::error::Error;
 
 thread_local! {
-    /// Number of fences around what this thread is doing.
+    /// Number of nested catches around the work of this thread.
     static FENCES: Cell<usize> = const { Cell::new(0) };
-    /// Where the last fenced panic of this thread happened, until it is asked for.
+    /// Location of the last caught panic of this thread, until it is read.
     static PLACE: Cell<Option<String>> = const { Cell::new(None) };
 }
 
-/// The work behind a fence panicked. What it said went to the panic hook.
+/// The work panicked and the panic was caught. Its message went to the panic hook.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("panicked")]
 pub struct Panicked;
 
 /// Runs `work` and catches its panic.
 ///
-/// What `work` leaves half done must not be used afterwards: give it nothing by reference that outlives it and can be
-/// broken.
+/// Anything that `work` leaves half done must not be used afterwards. Do not pass it references to data that outlives it and
+/// could be left inconsistent.
 ///
 /// # Errors
-/// [`Panicked`] where it panicked, also on another thread that passes its panics on to this one, as thread pools do.
+/// Returns [`Panicked`] if `work` panicked, also on another thread that passes its panics on to this one, as thread pools do.
 pub fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));
@@ -36,10 +36,11 @@ pub fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     result.map_err(|_| Panicked)
 }
 
-/// As [`catch_panic`]; what the panic said, on one line, and where it happened if the program's hook has [noted](note_place) it.
+/// Same as [`catch_panic`], but returns the panic's message on one line, with its location if the program's hook has
+/// [noted](note_place) it.
 ///
 /// # Errors
-/// That text.
+/// Returns that message if `work` panicked.
 pub fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));
@@ -47,33 +48,33 @@ pub fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     result.map_err(|payload| panic_text(&*payload))
 }
 
-/// Asks something of another crate's, named `what`, for a value: a panic is an error with that name.
+/// Calls code of another crate, named `what`, and turns a panic into an error with that name.
 ///
 /// # Errors
-/// What `ask` returns; status 1 when it panics.
+/// Returns the error of `ask`, or status 1 if it panics.
 pub fn ask_plugin<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
     catch(ask).unwrap_or_else(|why| Err(Error::fault(what(), format!("panicked: {why}"), "fix it, or do without it")))
 }
 
-/// What a panic said, on one line, and where it happened if that is known.
+/// Returns a panic's message on one line, with its location if known.
 pub fn panic_text(payload: &(dyn Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().copied().or(payload.downcast_ref::<String>().map(String::as_str));
     let at = PLACE.with(Cell::take).map_or_else(String::new, |place| format!(" ({place})"));
     format!("{}{at}", text.unwrap_or("no reason given")).replace(char::is_control, " ")
 }
 
-/// Notes where a fenced panic happens: for a panic hook.
+/// Notes the location of a caught panic. For use in a panic hook.
 pub fn note_place(place: String) {
     PLACE.with(|p| p.set(Some(place)));
 }
 
-/// Whether what this thread is doing is behind a fence, so that a panic on it will be caught: for a panic hook to ask.
-/// The threads of a pool that the work uses do not know of the fence.
+/// True if a panic on this thread will be caught. For use in a panic hook. The threads of a pool that the work uses do not know
+/// that they are inside a catch.
 pub fn is_catching() -> bool {
     FENCES.try_with(|f| f.get() > 0).unwrap_or(false)
 }
 
-/// Held by tests that exchange the panic hook of the whole process.
+/// Lock for tests that replace the panic hook of the whole process.
 #[cfg(test)]
 pub(crate) static HOOK: std::sync::Mutex<()> = std::sync::Mutex::new(());
 

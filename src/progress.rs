@@ -1,11 +1,11 @@
-//! Progress of a long piece of work, shared between the worker and the display, and the way to cancel it.
+//! Progress of a long-running job, shared between worker and display, with cancellation.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 
 use crate::error::{Error, Result};
 
-/// Progress of one job; cheap to update from any thread. A clone is of the same job.
+/// Progress of one job, cheap to update from any thread. A clone refers to the same job.
 ///
 /// ```
 /// use colvis::progress::Progress;
@@ -31,12 +31,12 @@ struct Job {
 }
 
 impl Progress {
-    /// A job that has not begun.
+    /// Creates a job that has not begun.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Begins a stage of `total` units (bytes, slices, …; 0 where it is not known), named as the user reads it.
+    /// Begins a stage of `total` units (bytes, slices, …; 0 if unknown). `name` is shown to the user.
     pub fn stage(&self, name: &str, total: u64) {
         *self.0.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner) = name.to_owned();
         self.0.done.store(0, Relaxed);
@@ -46,14 +46,16 @@ impl Progress {
     /// Counts `n` finished units.
     ///
     /// # Errors
-    /// When the job was cancelled: the worker gives up, leaving nothing half done.
+    /// Returns status 4 if the job was cancelled. The worker gives up and leaves nothing half done.
     pub fn advance(&self, n: u64) -> Result<()> {
         self.0.done.fetch_add(n, Relaxed);
         self.check()
     }
 
+    /// Checks for cancellation.
+    ///
     /// # Errors
-    /// When the job was cancelled.
+    /// Returns status 4 if the job was cancelled.
     pub fn check(&self) -> Result<()> {
         if self.is_cancelled() { Err(Error::cancelled(self.snapshot().0)) } else { Ok(()) }
     }
@@ -63,12 +65,12 @@ impl Progress {
         self.0.cancelled.store(true, Relaxed);
     }
 
-    /// Whether [`Progress::cancel`] was called.
+    /// True if [`Progress::cancel`] was called.
     pub fn is_cancelled(&self) -> bool {
         self.0.cancelled.load(Relaxed)
     }
 
-    /// Stage, units done, units in all (0 where it is not known).
+    /// Returns the stage, the units done, and the units in all (0 if unknown).
     pub fn snapshot(&self) -> (String, u64, u64) {
         let stage = self.0.stage.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
         (stage, self.0.done.load(Relaxed), self.0.total.load(Relaxed))

@@ -1,4 +1,4 @@
-//! What a program has to choose from: guides, renderers, cameras, overlays.
+//! The guides, renderers, cameras, shaders, overlays and plug-ins that a program offers.
 
 use crate::app::{Overlay, overlays};
 use crate::error::{Error, Result};
@@ -6,29 +6,29 @@ use crate::render::{CameraModel, Preset, ShaderModel, camera, presets, shaders};
 use crate::schedule::{Guide, Guides, Plugin, Plugins};
 use crate::systems;
 
-/// Everything that can be chosen by its name: what is built in, and whatever a program adds.
+/// Everything that can be selected by name: the built-in entries and those that a program adds.
 ///
-/// The command line, scene files, the window's keys and their help are read off this.
+/// The command line, scene files, the window's keys and the help texts are derived from it.
 #[derive(Clone, Debug)]
 pub struct Catalog {
-    /// Guides, by `--guide`.
+    /// Guides, selected by `--guide`.
     pub guides: Guides,
-    /// Renderers, by `--preset`.
+    /// Renderers, selected by `--preset`.
     pub presets: Vec<Preset>,
-    /// Cameras, by `--camera` and `[render] camera`.
+    /// Cameras, selected by `--camera` and `[render] camera`.
     pub cameras: Vec<CameraModel>,
-    /// Shaders, by `[render] shade`.
+    /// Shaders, selected by `[render] shade`.
     pub shaders: Vec<ShaderModel>,
-    /// Overlays of the window, on their keys.
+    /// Overlays of the window, toggled by their keys.
     pub overlays: Vec<Overlay>,
-    /// Plug-ins of every flight.
+    /// Plug-ins that take part in every flight.
     pub plugins: Plugins,
-    /// Guides that were added although there was one of their name.
+    /// Names of added guides that were taken already.
     twice: Vec<&'static str>,
 }
 
 impl Default for Catalog {
-    /// What is built in.
+    /// The built-in entries.
     fn default() -> Self {
         Self {
             guides: systems::guides(),
@@ -88,10 +88,10 @@ impl Catalog {
         self
     }
 
-    /// The renderer of that name.
+    /// Returns the renderer with that name.
     ///
     /// # Errors
-    /// Status 2 where there is none.
+    /// Returns status 2 if it does not exist.
     pub fn find_preset(&self, name: &str) -> Result<Preset> {
         self.presets
             .iter()
@@ -100,10 +100,10 @@ impl Catalog {
             .ok_or_else(|| no("preset", name, self.presets.iter().map(|p| p.name)))
     }
 
-    /// The camera of that name.
+    /// Returns the camera with that name.
     ///
     /// # Errors
-    /// Status 2 where there is none.
+    /// Returns status 2 if it does not exist.
     pub fn find_camera(&self, name: &str) -> Result<CameraModel> {
         self.cameras
             .iter()
@@ -113,33 +113,33 @@ impl Catalog {
     }
 }
 
-/// Tables and words of scene files that are no names.
+/// Tables and keywords of scene files that cannot be used as names.
 const RESERVED: [&str; 7] = ["plugins", "body", "mines", "watch", "render", "overlay", "none"];
 
 impl Catalog {
-    /// The shader of that name.
+    /// Returns the shader with that name.
     ///
     /// # Errors
-    /// Status 2 where there is none.
+    /// Returns status 2 if it does not exist.
     pub fn find_shader(&self, name: &str) -> Result<ShaderModel> {
         let found = self.shaders.iter().find(|s| s.name == name).copied();
         found.ok_or_else(|| no("shade", name, self.shaders.iter().map(|s| s.name)))
     }
 
-    /// The overlay of that name.
+    /// Returns the overlay with that name.
     ///
     /// # Errors
-    /// Status 2 where there is none.
+    /// Returns status 2 if it does not exist.
     pub fn find_overlay(&self, name: &str) -> Result<Overlay> {
         let found = self.overlays.iter().find(|o| o.name == name).copied();
         found.ok_or_else(|| no("overlay", name, self.overlays.iter().map(|o| o.name)))
     }
 
-    /// Checks that every name and every key stands for one thing. Guides, presets, cameras, shaders and plug-ins share their
-    /// names, as each may have a table in a scene file. Overlays have tables of their own.
+    /// Checks that every name and every key is unique. Guides, presets, cameras, shaders and plug-ins share one namespace, since
+    /// each may have a table in a scene file. Overlays have separate tables.
     ///
     /// # Errors
-    /// Status 2 for the first name or key that is taken twice, with both of its owners.
+    /// Returns status 2 for the first name or key that is taken twice, naming both owners.
     pub fn check(&self) -> Result<()> {
         let kinds = |kind, names: Vec<String>| names.into_iter().map(move |name| (name, kind)).collect::<Vec<_>>();
         let own = |names: &mut dyn Iterator<Item = &'static str>| names.map(str::to_owned).collect::<Vec<_>>();
@@ -168,8 +168,10 @@ impl Catalog {
     }
 }
 
+/// Checks that each name occurs once.
+///
 /// # Errors
-/// Status 2 for the first name that stands there twice.
+/// Returns status 2 for the first duplicate name.
 fn unique(names: &mut [(String, &str)]) -> Result<()> {
     for n in 0..names.len() {
         let (name, kind) = &names[n];
@@ -185,7 +187,7 @@ fn unique(names: &mut [(String, &str)]) -> Result<()> {
     Ok(())
 }
 
-/// Two want to have the same thing.
+/// Error: `first` and `second` claim the same name or key.
 pub(crate) fn taken(what: &str, first: &str, second: &str, thing: &str) -> Error {
     Error::usage(
         what,
@@ -194,7 +196,7 @@ pub(crate) fn taken(what: &str, first: &str, second: &str, thing: &str) -> Error
     )
 }
 
-/// There is no such thing.
+/// Error: nothing with that name exists.
 fn no<'a>(what: &str, name: &str, names: impl Iterator<Item = &'a str>) -> Error {
     let names: Vec<&str> = names.collect();
     Error::usage(what, format!("there is no {name:?}"), format!("choose one of {}", names.join(", ")))

@@ -1,4 +1,4 @@
-//! What a flight runs and builds, and what it leaves out and why.
+//! Explains a flight: what it runs and builds, what it leaves out, and why.
 
 use std::borrow::Cow;
 
@@ -11,14 +11,14 @@ use crate::fields::CenterlineMethod;
 use crate::render::{Leaping, MemoryPart};
 use crate::schedule::{LeftOut, PluginTime};
 
-/// Something that a flight keeps in memory.
+/// A data structure that a flight keeps in memory.
 #[derive(Clone, Debug, Serialize)]
 pub struct Built {
-    /// The part.
+    /// Name of the data structure.
     pub part: Cow<'static, str>,
-    /// Its size.
+    /// Size in bytes.
     pub bytes: usize,
-    /// Who needs it.
+    /// The part of the flight that needs it.
     pub needed_by: &'static str,
 }
 
@@ -28,7 +28,7 @@ impl Built {
     }
 }
 
-/// An explanation of a flight.
+/// The explanation of a flight.
 #[derive(Clone, Debug, Serialize)]
 pub struct Explanation {
     /// Systems of a simulation step, in the order they run.
@@ -37,17 +37,17 @@ pub struct Explanation {
     pub frame: Vec<String>,
     /// Plug-ins, in the order in which they were built.
     pub plugins: Vec<String>,
-    /// What plug-ins take, and guides of other crates, as far as the flight has run.
+    /// Run times of plug-ins and of guides of other crates, up to the current state of the flight.
     pub plugin_times: Vec<PluginTime>,
-    /// Components that entities carry; those of other crates with the crate's name.
+    /// Components of the entities. Those of other crates have the crate's name.
     pub components: Vec<String>,
-    /// What is in memory.
+    /// Data structures in memory.
     pub built: Vec<Built>,
-    /// What is not, and why.
+    /// Parts that are left out, and why.
     pub left_out: Vec<LeftOut>,
 }
 
-/// Explains a flight as it stands.
+/// Explains a flight in its current state.
 ///
 /// ```
 /// use colvis::app::explain::explain;
@@ -100,7 +100,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     if let (Some(picture), Some(renderer)) =
         (flight.camera::<Picture>(), flight.camera::<FrameCache>().and_then(FrameCache::renderer))
     {
-        // The flags are told above: everything that casts rays needs them.
+        // The flags are listed above, as everything that casts rays needs them.
         let own = renderer.parts().into_iter().filter(|p| !built.iter().any(|b| b.part == p.0.name()));
         let choices = picture.settings.choices;
         let needed_by = |part| match part {
@@ -138,7 +138,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     Explanation { step, frame, plugins, plugin_times, components: flight.app().components_in_use(), built, left_out }
 }
 
-/// Who needs the centerline, and which method found it.
+/// Names what needs the centerline, and the method that found it.
 fn planned_by(planner: CenterlineMethod) -> &'static str {
     match planner {
         CenterlineMethod::PenalisedPath => "the guide: its plan (planner penalised)",
@@ -149,7 +149,7 @@ fn planned_by(planner: CenterlineMethod) -> &'static str {
 }
 
 impl Explanation {
-    /// As a person reads it.
+    /// Formats the explanation for a person.
     pub fn text(&self) -> String {
         let mut s = String::from("runs in each simulation step:\n");
         let list = |s: &mut String, names: &[String]| {

@@ -1,4 +1,4 @@
-//! What guides need of the lumen, built when a guide asks for it and dropped when none does.
+//! Fields over the lumen that guides need. They are built when a guide requests them and dropped when no guide does.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -15,22 +15,22 @@ use crate::progress::Progress;
 use crate::schedule::Needs;
 use crate::volume::Volume;
 
-/// The fields of a flight, as far as they are built.
+/// The fields of a flight that are built so far.
 #[derive(Clone, Debug, Default)]
 pub struct Fields {
     walls: Option<Arc<WallDistance>>,
-    /// Gas that is no part of the lumen, where `walls` are of that.
+    /// Gas outside the lumen, if `walls` refer to that gas.
     gas: Option<Arc<Lumen>>,
-    /// With the place that was asked for: the field's own may have been moved into the lumen.
+    /// Together with the requested goal: the field may have moved its goal into the lumen.
     target: Option<(DVec3, Arc<TargetDistance>)>,
     route: Option<PlannedRoute>,
-    /// What was built, and how long each took, s.
+    /// Build times in the order of building, s.
     took: Vec<(&'static str, f64)>,
-    /// What there is to say to the user of what was built.
+    /// Notes to the user about what was built.
     notes: Vec<String>,
 }
 
-/// A way and the ends that it was planned for.
+/// A route and the ends that it was planned for.
 #[derive(Clone, Debug)]
 struct PlannedRoute {
     ends: [DVec3; 2],
@@ -38,7 +38,7 @@ struct PlannedRoute {
     route: Arc<Route>,
 }
 
-/// Where the way to the target is narrower than was asked.
+/// Formats the note that the path to the target is narrower than requested.
 fn narrower(kept_mm: f64, asked_mm: f64) -> String {
     let kept = match kept_mm {
         0.0 => "it is led through whatever is open".to_owned(),
@@ -50,7 +50,7 @@ fn narrower(kept_mm: f64, asked_mm: f64) -> String {
 }
 
 impl Fields {
-    /// Whether what is wanted is there for a plan.
+    /// True if everything in `wanted` is built for this plan.
     pub fn has(&self, wanted: Needs, plan: &Plan) -> bool {
         let ends = [plan.begin, plan.goal];
         let planned = self
@@ -61,27 +61,27 @@ impl Fields {
         (planned || !wanted.centerline) && (aimed || !wanted.distances)
     }
 
-    /// D_s, if it is built.
+    /// Returns the wall distance D_s, if it is built.
     pub fn walls(&self) -> Option<&Arc<WallDistance>> {
         self.walls.as_ref()
     }
 
-    /// D_t, if it is built.
+    /// Returns the target distance D_t, if it is built.
     pub fn target(&self) -> Option<&Arc<TargetDistance>> {
         self.target.as_ref().map(|t| &t.1)
     }
 
-    /// The planned way from the plan's one end to its goal, if it is built.
+    /// Returns the route planned from one end of the plan to its goal, if it is built.
     pub fn route(&self) -> Option<&Arc<Route>> {
         self.route.as_ref().map(|p| &p.route)
     }
 
-    /// How long what was built took, s, in the order it was built, since the last call.
+    /// Takes the build times since the last call, s, in the order of building.
     pub fn take_times(&mut self) -> Vec<(&'static str, f64)> {
         std::mem::take(&mut self.took)
     }
 
-    /// What there is to say to the user of what was built since the last call.
+    /// Takes the notes to the user since the last call.
     pub fn take_notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
     }
@@ -93,10 +93,10 @@ impl Fields {
         built
     }
 
-    /// Builds what is wanted and not there, for the plan as it is and a body of `radius_mm`, and drops what is not wanted.
+    /// Builds what is wanted and missing, for the current plan and a body of `radius_mm`, and drops what is not wanted.
     ///
     /// # Errors
-    /// Status 4 when there is no way between the plan's ends, or when interrupted.
+    /// Returns status 4 if there is no path between the plan's ends, or if interrupted.
     pub fn build(
         &mut self,
         wanted: Needs,
@@ -147,8 +147,8 @@ impl Fields {
                 self.route = Some(PlannedRoute { ends, planner, route: Arc::new(route) });
             }
             if wanted.distances && !aimed {
-                // Between the centres of two neighbours, along any axis, the wall may be nearer than at either by half
-                // their distance.
+                // Between the centres of two neighbours, along any axis, the wall may be nearer than at either centre by half the
+                // distance between them.
                 let clearance_mm = radius_mm + TOLERANCE_MM + 0.5 * volume.grid().spacing().max_element();
                 let body = BodyClearance { from: plan.begin, clearance_mm };
                 let target =

@@ -1,4 +1,4 @@
-//! How a scene's images are made.
+//! Settings of a scene's images.
 
 use serde::Deserialize;
 
@@ -11,24 +11,24 @@ use crate::render::{
     ShaderModel,
 };
 
-/// What a scene says about its images; the quality's own settings hold where it says nothing.
+/// A scene's settings for its images. The quality's own settings apply where the scene sets none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderSettings {
     /// The camera's sensitivity: a ray ends when less than this share of light comes from beyond, 0 to 1.
     pub sensitivity: Option<f32>,
-    /// Whether opacity is looked up by the regression's filtered density, as the paper has it, instead of by the
-    /// trilinear value.
+    /// True if opacity is looked up by the regression's filtered density, as in the paper, instead of by the trilinear value.
     pub filtered_density: bool,
-    /// Which of the paper's ideas are used in the place of the preset's own.
+    /// The paper's techniques that replace the preset's own.
     pub choices: Choices,
-    /// What the light at the camera does; none for the host's own: an endoscope's in a window, else the paper's headlight.
+    /// How the light at the camera behaves. `None` selects the host's own: an endoscope's in a window, otherwise the paper's
+    /// headlight.
     pub light: Option<Light>,
-    /// What the wall looks like.
+    /// Appearance of the wall.
     pub shader: ShaderModel,
 }
 
 impl RenderSettings {
-    /// A quality's settings with what the scene says in their place.
+    /// Applies the scene's settings to those of a quality.
     pub fn apply(&self, settings: Settings) -> Settings {
         Settings {
             sensitivity: self.sensitivity.unwrap_or(settings.sensitivity),
@@ -41,20 +41,20 @@ impl RenderSettings {
     }
 }
 
-/// How images are made.
+/// Size, camera and renderer of images.
 #[derive(Clone, Debug)]
 pub struct ImageSettings {
-    /// Pixels.
+    /// Width in pixels.
     pub width: usize,
-    /// Pixels.
+    /// Height in pixels.
     pub height: usize,
-    /// Which camera.
+    /// Camera model.
     pub camera: CameraModel,
     /// View angle over the shorter side, degrees.
     pub fov_degrees: f64,
     /// The renderer's settings.
     pub settings: Settings,
-    /// Which renderer; the command line's `--preset` wins over the scene file's.
+    /// Renderer. The command line's `--preset` takes precedence over the scene file.
     pub preset: Preset,
 }
 
@@ -67,8 +67,10 @@ impl Default for ImageSettings {
 }
 
 impl RenderSettings {
+    /// Checks the settings.
+    ///
     /// # Errors
-    /// Status 2 for a setting that makes no sense.
+    /// Returns status 2 for a setting out of range.
     pub fn check(&self) -> Result<()> {
         if let Some(s) = self.sensitivity.filter(|s| !(*s > 0.0 && *s < 1.0)) {
             let why = format!("is {s}");
@@ -80,14 +82,16 @@ impl RenderSettings {
 }
 
 impl ImageSettings {
-    /// A view with these settings.
+    /// Creates a view with these settings.
     pub fn picture(&self) -> Picture {
         let Self { width, height, camera, fov_degrees, settings, preset } = *self;
         Picture { camera, fov_degrees, settings, preset, ..Picture::new(width, height) }
     }
 
+    /// Checks that the preset supports the settings.
+    ///
     /// # Errors
-    /// Status 2 where the preset does not follow what is chosen.
+    /// Returns status 2 if it does not.
     pub fn check(&self) -> Result<()> {
         self.settings.choices.check()?;
         let preset = || format!("preset {}", self.preset.name);
@@ -98,7 +102,7 @@ impl ImageSettings {
     }
 }
 
-/// [`RenderSettings`] as they stand in a file.
+/// [`RenderSettings`] in the format of a scene file.
 #[derive(Deserialize, Default)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct RenderFile {
@@ -116,11 +120,11 @@ pub(super) struct RenderFile {
 }
 
 impl RenderFile {
-    /// The settings, and what images are like; preset, camera and shader are among those of `catalog`, with the settings that
-    /// `options` knows of their names.
+    /// Converts to the settings and the images' settings. Preset, camera and shader are looked up in `catalog`, and their
+    /// settings by name in `options`.
     ///
     /// # Errors
-    /// Status 2 where there is no such preset, camera or shader.
+    /// Returns status 2 if the preset, camera or shader does not exist.
     pub(super) fn settings(
         self,
         catalog: &Catalog,

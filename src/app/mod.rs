@@ -1,7 +1,7 @@
-//! Scans, scenes and flights: what a program uses that flies.
+//! Scans, scenes and flights: the interface for programs that fly.
 //!
-//! [`Scan`] opens a file and makes a [`FlightApp`] of it, whose plugins and settings a [`Scene`] lists. Whoever has the flight
-//! steps it, looks at it, and lets the operator act.
+//! [`Scan`] opens a file and makes a [`FlightApp`] of it, with the plugins and settings that a [`Scene`] lists. The owner of the
+//! flight steps it, renders its view, and passes on the operator's commands.
 
 pub mod catalog;
 pub mod explain;

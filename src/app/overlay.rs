@@ -1,4 +1,4 @@
-//! What a window draws over the picture of a flight.
+//! Overlays: drawings that a window adds to the picture of a flight.
 
 use std::time::Instant;
 
@@ -10,30 +10,31 @@ use crate::panics;
 use crate::render::{Options, View};
 use crate::schedule::book_time;
 
-/// Something that a window draws over its picture, on a key.
+/// A drawing that a window adds on top of its picture, toggled by a key.
 ///
-/// Recorded and rendered images carry no overlay. `examples/own_overlay.rs` is a whole one.
+/// Recorded and rendered images contain no overlays. `examples/own_overlay.rs` is a complete example.
 #[derive(Clone, Copy)]
 pub struct Overlay {
     /// Its name.
     pub name: &'static str,
-    /// What it shows, in a few words, for the help.
+    /// Short description of what it shows, for the help.
     pub summary: &'static str,
     /// The key that shows and hides it.
     pub key: Option<char>,
-    /// Whether it is shown from the beginning.
+    /// True if it is shown initially.
     pub shown: bool,
-    /// Draws it for the flight as it is, by its settings ([`Canvas::options`]). Called for each picture while it is shown, so it
-    /// should be quick.
+    /// Draws it for the current state of the flight, with its settings ([`Canvas::options`]). It is called for each picture while
+    /// the overlay is shown, so it should be fast.
     pub draw: fn(&FlightApp, &mut Canvas),
     /// Its settings: the table `[overlay.NAME]` of a scene file.
     pub options: Options,
-    /// Checks its settings, an error (wrong usage) if they make no sense: [`Options::none`] for an overlay without any.
+    /// Checks its settings and returns an error (invalid usage) if they are invalid. Use [`Options::none`] for an overlay without
+    /// settings.
     pub check: fn(Options) -> Result<()>,
 }
 
 impl Overlay {
-    /// An overlay that draws nothing, hidden, without a key and without settings: what others begin with.
+    /// An overlay that draws nothing, hidden, without a key and without settings. Use it as the base of others.
     pub const PLAIN: Self = Self {
         name: "",
         summary: "",
@@ -54,37 +55,37 @@ impl std::fmt::Debug for Overlay {
 /// Red, green, blue.
 pub type Colour = [u8; 3];
 
-/// A place in the picture, pixels from its top left corner.
+/// A position in the picture, in pixels from its top left corner.
 pub type Place2 = [f32; 2];
 
-/// Where a text stands beside its place.
+/// Alignment of a text relative to its position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Align {
-    /// The place is the middle of its left edge.
+    /// The position is the middle of its left edge.
     Left,
-    /// The place is its centre.
+    /// The position is its centre.
     #[default]
     Centre,
-    /// The place is the middle of its right edge.
+    /// The position is the middle of its right edge.
     Right,
 }
 
-/// Something drawn. Places and radii are in pixels; widths of lines and sizes of text in points, that is in pixels of a
-/// screen of the usual density.
+/// A drawing primitive. Positions and radii are in pixels. Widths of lines and sizes of text are in points, which equal pixels on
+/// a screen of the usual density.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mark {
     /// A straight line.
     Line {
-        /// From here.
+        /// Start.
         from: Place2,
-        /// To here.
+        /// End.
         to: Place2,
         /// Colour.
         colour: Colour,
-        /// Points.
+        /// Width, points.
         width: f32,
     },
-    /// A circle's outline, a point and a half wide.
+    /// A circle's outline, 1.5 points wide.
     Circle {
         /// Its centre.
         centre: Place2,
@@ -115,20 +116,20 @@ pub enum Mark {
     },
     /// A line of text.
     Text {
-        /// Its place.
+        /// Its position.
         at: Place2,
         /// The text.
         text: String,
         /// Colour.
         colour: Colour,
-        /// How it stands beside its place.
+        /// Alignment relative to its position.
         align: Align,
         /// Height of the font, points.
         size: f32,
     },
 }
 
-/// What overlays draw on: a list of marks in the picture's own pixels, and the camera's view to find them.
+/// The drawing surface of overlays: a list of marks in the picture's pixels, and the camera's view to project points to them.
 ///
 /// ```
 /// use colvis::app::Canvas;
@@ -148,41 +149,41 @@ pub enum Mark {
 pub struct Canvas {
     view: View,
     scale: f32,
-    /// Points.
+    /// Height covered by text at the picture's lower edge, points.
     foot: f32,
     marks: Vec<Mark>,
-    /// Settings of the overlay that draws.
+    /// Settings of the active overlay.
     options: Options,
-    /// How many rows of what overlays share are taken.
+    /// Number of rows taken of each thing that overlays share.
     taken: Vec<(&'static str, usize)>,
 }
 
-/// Width of a line where none is given, points.
+/// Default width of a line, points.
 const LINE: f32 = 1.5;
-/// Height of a text's font where none is given, points.
+/// Default height of a text's font, points.
 const TEXT: f32 = 14.0;
 
 impl Canvas {
-    /// Nothing drawn yet over the picture of `view`, on a screen of the usual density.
+    /// Creates an empty canvas over the picture of `view`, on a screen of the usual density.
     pub fn new(view: View) -> Self {
         Self::at_scale(view, 1.0)
     }
 
-    /// Nothing drawn yet over the picture of `view`, on a screen of `scale` pixels a point.
+    /// Creates an empty canvas over the picture of `view`, on a screen of `scale` pixels per point.
     pub fn at_scale(view: View, scale: f32) -> Self {
         Self { view, scale, foot: 0.0, marks: Vec::new(), options: Options::NONE, taken: Vec::new() }
     }
 
-    /// The same where text covers so many points of the picture's lower edge.
+    /// Sets the height at the picture's lower edge that is covered by text, points.
     #[must_use]
     pub fn with_foot(self, points: f32) -> Self {
         Self { foot: points, ..self }
     }
 
-    /// Lets an overlay draw. What it had drawn before it panicked is taken back.
+    /// Runs an overlay's drawing function. If it panics, its marks are removed.
     ///
     /// # Errors
-    /// Status 1 when it panics.
+    /// Returns status 1 if it panics.
     pub fn draw(&mut self, overlay: &Overlay, flight: &FlightApp) -> Result<()> {
         self.options = overlay.options;
         let (before, begun) = (self.marks.len(), Instant::now());
@@ -196,38 +197,38 @@ impl Canvas {
         })
     }
 
-    /// The settings of the overlay that draws.
+    /// Returns the settings of the active overlay.
     pub fn options(&self) -> Options {
         self.options
     }
 
-    /// Width and height, pixels.
+    /// Returns width and height, pixels.
     pub fn size(&self) -> Place2 {
         [self.view.width() as f32, self.view.height() as f32]
     }
 
-    /// Pixels a point: what is to look alike on every screen is so many times its size.
+    /// Returns the pixels per point. Multiply lengths in points by it for the same size on every screen.
     pub fn scale(&self) -> f32 {
         self.scale
     }
 
-    /// How much of the picture's lower edge is covered by text, pixels: a window has its figures there, a recording nothing. What
-    /// stands at the lower edge, such as a legend, belongs above it.
+    /// Returns the height at the picture's lower edge that is covered by text, pixels: the figures in a window, nothing in a
+    /// recording. Draw things at the lower edge, such as a legend, above it.
     pub fn foot(&self) -> f32 {
         self.foot * self.scale
     }
 
-    /// The view that is drawn over.
+    /// Returns the view under the canvas.
     pub fn view(&self) -> &View {
         &self.view
     }
 
-    /// Where a point (world, mm) is in the picture; none where the camera does not see it. What hides it is not asked.
+    /// Projects a point (world, mm) into the picture. `None` if it is outside the camera's view. Occlusion is not checked.
     pub fn find(&self, point: DVec3) -> Option<Place2> {
         self.view.project(point).map(|[x, y]| [x as f32, y as f32])
     }
 
-    /// Takes so many rows of something that several overlays share, by its name; how many were taken before.
+    /// Reserves `rows` rows of `what`, a thing that several overlays share. Returns the number of rows reserved before.
     pub fn take(&mut self, what: &'static str, rows: usize) -> usize {
         match self.taken.iter_mut().find(|t| t.0 == what) {
             Some((_, taken)) => std::mem::replace(taken, *taken + rows),
@@ -243,7 +244,7 @@ impl Canvas {
         self.stroke(from, to, LINE, colour);
     }
 
-    /// Draws a line of a width in points.
+    /// Draws a line with a width in points.
     pub fn stroke(&mut self, from: Place2, to: Place2, width: f32, colour: Colour) {
         self.marks.push(Mark::Line { from, to, colour, width });
     }
@@ -258,22 +259,22 @@ impl Canvas {
         self.marks.push(Mark::Disc { centre, radius, colour });
     }
 
-    /// Draws a filled rectangle that covers a share (0 to 1) of what is below.
+    /// Draws a filled rectangle. `opacity` is the share (0 to 1) that it covers of the picture below.
     pub fn panel(&mut self, low: Place2, high: Place2, colour: Colour, opacity: f32) {
         self.marks.push(Mark::Panel { low, high, colour, opacity });
     }
 
-    /// Writes a line of text, centred at a place.
+    /// Draws a line of text, centred at a position.
     pub fn text(&mut self, at: Place2, text: impl Into<String>, colour: Colour) {
         self.label(at, Align::Centre, TEXT, text, colour);
     }
 
-    /// Writes a line of text of a size in points beside a place.
+    /// Draws a line of text beside a position, with its font size in points.
     pub fn label(&mut self, at: Place2, align: Align, size: f32, text: impl Into<String>, colour: Colour) {
         self.marks.push(Mark::Text { at, text: text.into(), colour, align, size });
     }
 
-    /// What was drawn.
+    /// Returns the marks drawn.
     pub fn into_marks(self) -> Vec<Mark> {
         self.marks
     }

@@ -1,4 +1,4 @@
-//! From a lumen and the points that were asked for to a start and a goal.
+//! Plans a flight: derives start and goal from a lumen and the requested points.
 
 use std::sync::Arc;
 
@@ -14,25 +14,25 @@ use crate::math::lattice::nearest_first;
 use crate::progress::Progress;
 use crate::render::{PreparedVolume, first_crossing};
 
-/// A point outside the lumen is taken to it within this, mm.
+/// Largest distance by which a point outside the lumen is moved into it, mm.
 const SNAP_MM: f64 = 5.0;
-/// With `--to` the camera has arrived within this, mm.
+/// Distance from the goal at which the camera has arrived, with `--to`, mm.
 const ARRIVED_MM: f64 = 3.0;
-/// Rays that measure the surroundings of an end.
+/// Number of rays that measure the surroundings of an end.
 const PROBES: usize = 512;
 
-/// A place of the colon that was asked for.
+/// A requested place in the colon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// The rectal end.
     Rectum,
     /// The cecal end.
     Cecum,
-    /// World, mm.
+    /// A point, world mm.
     World(DVec3),
 }
 
-/// What was asked for.
+/// The requested ends of a flight.
 ///
 /// ```
 /// use colvis::app::{Place, Scan, Scene, FlightRequest};
@@ -48,43 +48,43 @@ pub struct FlightRequest {
     pub from: Option<Place>,
     /// Goal.
     pub to: Option<Place>,
-    /// Swap the ends.
+    /// Swaps the ends.
     pub reverse: bool,
 }
 
-/// A flight to be flown.
+/// A planned flight.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Where it starts, world mm.
     pub start: DVec3,
     /// Where it ends, world mm.
     pub goal: DVec3,
-    /// Arrived within this of the goal, mm.
+    /// Distance from the goal at which the flight has arrived, mm.
     pub within_mm: f64,
-    /// Where the way begins that is planned, world mm: the start that was asked for, or the lumen's other end.
+    /// Where the planned path begins, world mm: the requested start, or the lumen's other end.
     pub begin: DVec3,
-    /// The lumen's end that is not the goal, world mm.
+    /// The end of the lumen opposite the goal, world mm.
     pub other_end: DVec3,
-    /// Arrived within this of the other end, mm, for a flight that is turned round.
+    /// Distance from the other end at which a reversed flight has arrived, mm.
     pub other_within_mm: f64,
-    /// Coarse length of the segment, mm, for showing how far the flight has come.
+    /// Coarse length of the segment, mm, to display the progress of the flight.
     pub length_mm: f64,
-    /// The segment's number, where it is one of the lumen's.
+    /// Number of the segment, if it is one of the lumen's.
     pub segment: Option<usize>,
-    /// The gas of the flight, where it is no segment of the colon.
+    /// The gas of the flight, if it is not a segment of the colon.
     pub gas: Option<Arc<Lumen>>,
-    /// Where the goal asked for lies beyond the gas that this flight can reach: what to say at its end.
+    /// Message at the end of the flight, if the requested goal lies beyond the gas that it can reach.
     pub goal_missed: Option<String>,
-    /// The same of the other end, for a flight that is turned round.
+    /// The same for the other end, for a reversed flight.
     pub other_goal_missed: Option<String>,
-    /// What there is to say to the user.
+    /// Notes to the user.
     pub notes: Vec<String>,
 }
 
-/// Plans the flight that `wish` asks for. Without points it goes through the largest segment.
+/// Plans the requested flight. Without points it goes through the largest segment.
 ///
 /// # Errors
-/// Status 4 when there is no colon to fly, a point is outside the lumen, or the lumen is too narrow for the body.
+/// Returns status 4 if there is no colon to fly, a point is outside the lumen, or the lumen is too narrow for the body.
 pub fn plan(
     volume: &PreparedVolume,
     lumen: &Lumen,
@@ -98,7 +98,7 @@ pub fn plan(
         let mut own = None;
         let found = match found {
             Some(f) => f,
-            // Gas of any size that is no part of the colon as it was found: the operator wants to be there.
+            // Gas of any size outside the segmented colon: the operator requested this point.
             None => {
                 let gas = lumen::gas_at(volume.voxels(), from, progress)?.ok_or_else(|| outside("--from", from))?;
                 let (s, p) = gas.nearest_gas(from, SNAP_MM).ok_or_else(|| outside("--from", from))?;
@@ -108,7 +108,7 @@ pub fn plan(
             }
         };
         let (number, segment, gas) = found;
-        // The voxel's centre only where the point itself is not in gas.
+        // Take the voxel's centre only if the point itself is not in gas.
         let inside = f64::from(crate::render::value(volume, from)) < volume.transfer().iso();
         let at = if inside { from } else { gas };
         if !inside {
@@ -141,16 +141,16 @@ pub fn plan(
 /// An end of a segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SegmentEnd {
-    /// The one nearer to the rectum.
+    /// The end nearer to the rectum.
     Rectal,
-    /// The one nearer to the cecum.
+    /// The end nearer to the cecum.
     Cecal,
 }
 
 /// Plans the flight through one segment to one of its ends.
 ///
 /// # Errors
-/// Status 4 when the segment is too narrow for the body.
+/// Returns status 4 if the segment is too narrow for the body.
 pub fn through_segment(
     volume: &PreparedVolume,
     lumen: &Lumen,
@@ -169,11 +169,11 @@ pub fn through_segment(
 /// The gas that a flight goes through.
 #[derive(Clone, Copy)]
 struct FlownGas<'a> {
-    /// None where it is no segment of the colon.
+    /// `None` if it is not a segment of the colon.
     number: Option<usize>,
     segment: &'a Segment,
     lumen: &'a Lumen,
-    /// The gas of the flight, where it is no segment of the colon.
+    /// The gas of the flight, if it is not a segment of the colon.
     own: Option<&'a Lumen>,
 }
 
@@ -240,7 +240,7 @@ fn finish(
     })
 }
 
-/// The segment's end at which the flight starts (where no point is given) and the one at which it ends.
+/// Returns the segment's end at which the flight starts (if no point is given) and the end at which it ends.
 fn ends_of(segment: &Segment, request: &FlightRequest) -> (DVec3, DVec3) {
     let [rectal, cecal] = segment.ends;
     let end = |place| match place {
@@ -262,20 +262,20 @@ fn ends_of(segment: &Segment, request: &FlightRequest) -> (DVec3, DVec3) {
     if request.reverse { (last, first) } else { (first, last) }
 }
 
-/// Where another segment begins, for the operator to set out from.
+/// Describes where another segment begins, for the operator to start from.
 fn begins(lumen: &Lumen, number: Option<usize>) -> String {
     let segment = number.and_then(|n| lumen.segments.get(n));
     segment.map_or_else(String::new, |s| format!(", which reaches from {} to {}", triple(s.ends[0]), triple(s.ends[1])))
 }
 
-/// The nearest place within [`SNAP_MM`] at which the body fits, looked for on a lattice in order of distance.
+/// Returns the nearest point within [`SNAP_MM`] at which the body fits. Searches a lattice in order of distance.
 fn roomy(walls: &ClearanceFinder, at: DVec3, radius: f64) -> Option<DVec3> {
     const STEP: f64 = 0.5;
     nearest_first(SNAP_MM, STEP, IVec3::ONE).into_iter().map(|o| at + o).find(|&p| walls.at(p).mm > radius + 0.1)
 }
 
-/// How near to the centre of the ball at a lumen's end is arrived, mm: half the ball's radius (the shortest of many
-/// rays), for the end wall is then within one and a half radii.
+/// Returns the distance from the centre of the ball at a lumen's end at which a flight has arrived, mm: half the ball's radius
+/// (the shortest of many rays). The end wall is then within one and a half radii.
 fn end_reach(volume: &PreparedVolume, at: DVec3) -> f64 {
     let radius = directions(PROBES)
         .into_iter()
@@ -284,8 +284,8 @@ fn end_reach(volume: &PreparedVolume, at: DVec3) -> f64 {
     (0.5 * radius).max(1.0)
 }
 
-/// The first heading: towards a goal in plain sight, else the longest free direction. The view's up is the patient's
-/// front, so that fluid lies at the bottom of the image of a patient on the back.
+/// Returns the initial attitude. Forward points to the goal if that is in sight, otherwise along the longest free direction. Up
+/// is the patient's front, so that fluid is at the bottom of the image for a patient on the back.
 pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Attitude {
     let to = goal - start;
     let seen = to.length() > 1.0 && first_crossing(volume, start, to.normalize(), to.length()).is_none();
@@ -305,7 +305,7 @@ pub fn first_attitude(volume: &PreparedVolume, start: DVec3, goal: DVec3) -> Att
     Attitude::new(forward, DVec3::NEG_Y)
 }
 
-/// What is said where no colon was found, with what was.
+/// Creates the error that no colon was found, with what was found instead.
 pub fn no_colon(lumen: &Lumen) -> Error {
     let found = match lumen.largest().map(|s| &lumen.segments[s]) {
         None => "no gas in the body that looks like a colon's".to_owned(),
@@ -326,12 +326,12 @@ fn outside(option: &str, at: DVec3) -> Error {
     )
 }
 
-/// A point as it is typed on the command line.
+/// Formats a point as it is typed on the command line.
 pub fn triple(p: DVec3) -> String {
     format!("{:.1},{:.1},{:.1}", p.x, p.y, p.z)
 }
 
-/// The flight that a log has, from its first to its last place.
+/// Creates the plan of a log, from its first to its last position.
 pub fn as_logged(play: &Playback) -> Plan {
     let [start, goal] = play.ends();
     Plan {

@@ -1,4 +1,4 @@
-//! From a file to a flight: opens a scan, finds the colon in it, prepares what a scene asks for.
+//! Opens a scan, finds its colon, and prepares a flight for a scene.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ use crate::render::{PreparedVolume, Preset, TransferFunction};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
 
-/// A scan that can be flown through, with its colon once somebody has asked for it.
+/// A scan to fly through. Its colon is segmented on first use.
 ///
 /// ```
 /// use colvis::app::{Scan, Scene, FlightRequest};
@@ -45,42 +45,42 @@ pub struct Scan {
     progress: Arc<Progress>,
 }
 
-/// The scan with its tagged fluid as gas, for guides that want it so. It is derived once and kept for the next such flight; the
-/// scan itself stays as it was loaded.
+/// The scan with its tagged fluid turned to gas, for guides that need that. It is derived once and kept for further flights. The
+/// scan itself stays unchanged.
 #[derive(Clone, Debug)]
 struct Drained {
     volume: PreparedVolume,
     lumen: Arc<Lumen>,
-    /// What to tell the user of each flight through it.
+    /// Note to the user for each flight through it.
     note: Option<String>,
 }
 
-/// How a scan is opened.
+/// Options for opening a scan.
 #[derive(Clone, Debug, Default)]
 pub struct OpenOptions {
     /// How the file is read.
     pub load: LoadOptions,
-    /// What of it is wall.
+    /// Which values of it are wall.
     pub transfer: TransferFunction,
-    /// The renderer that the volume is made ready for.
+    /// The renderer that the volume is prepared for.
     pub preset: Preset,
-    /// Who is told how far the work has come, and can interrupt it.
+    /// Receives the progress, and can interrupt the work.
     pub progress: Arc<Progress>,
 }
 
 impl Scan {
-    /// Opens a scan with the usual options: NIfTI, MetaImage, NRRD, a DICOM file or folder.
+    /// Opens a scan with the default options: NIfTI, MetaImage, NRRD, a DICOM file or folder.
     ///
     /// # Errors
-    /// Status 3 when it cannot be read or used.
+    /// Returns status 3 if it cannot be read or used.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         Self::open_with(path, &OpenOptions::default())
     }
 
-    /// Opens a scan.
+    /// Opens a scan with the given options.
     ///
     /// # Errors
-    /// Status 2 for options that make no sense, 3 when it cannot be read or used, 4 when interrupted.
+    /// Returns status 2 for invalid options, 3 if the scan cannot be read or used, 4 if interrupted.
     pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Self> {
         let mut timings = Timings::default();
         let loaded = timings.time("load_s", || io::load(path.as_ref(), &options.load, &options.progress))?;
@@ -88,18 +88,18 @@ impl Scan {
         Ok(Self { notes: loaded.notes, ..scan })
     }
 
-    /// The embedded phantom: a small synthetic colon, another one for each seed.
+    /// Creates the embedded phantom: a small synthetic colon, a different one for each seed.
     ///
     /// # Errors
-    /// None but a fault of the program.
+    /// Returns an error only for an internal error of the program.
     pub fn phantom(seed: u64) -> Result<Self> {
         Self::phantom_with(seed, &OpenOptions::default())
     }
 
-    /// The embedded phantom.
+    /// Creates the embedded phantom with the given options.
     ///
     /// # Errors
-    /// Status 4 when interrupted.
+    /// Returns status 4 if interrupted.
     pub fn phantom_with(seed: u64, options: &OpenOptions) -> Result<Self> {
         let phantom = Phantom::new(&PhantomSettings::embedded(seed));
         let mut timings = Timings::default();
@@ -107,12 +107,12 @@ impl Scan {
         Ok(Self::made(volume, options, timings))
     }
 
-    /// A scan that is in memory already.
+    /// Creates a scan from a volume in memory.
     pub fn of(volume: Volume, options: &OpenOptions) -> Self {
         Self::made(volume, options, Timings::default())
     }
 
-    /// A scan that is ready for rays already.
+    /// Creates a scan from a prepared volume.
     pub fn prepared(volume: PreparedVolume, progress: Arc<Progress>) -> Self {
         Self { volume, lumen: None, drained: None, timings: Timings::default(), notes: Vec::new(), progress }
     }
@@ -125,25 +125,25 @@ impl Scan {
         Self { volume, lumen: None, drained: None, timings, notes: Vec::new(), progress }
     }
 
-    /// The volume, ready for rays.
+    /// Returns the prepared volume.
     pub fn volume(&self) -> &PreparedVolume {
         &self.volume
     }
 
-    /// How long each part of the preparation has taken until now.
+    /// Returns the time taken so far by each part of the preparation.
     pub fn timings(&self) -> &Timings {
         &self.timings
     }
 
-    /// Takes what there is to say to the user since the last call.
+    /// Takes the notes to the user since the last call.
     pub fn take_notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
     }
 
-    /// The colon's lumen; found at the first call.
+    /// Returns the colon's lumen, which the first call segments.
     ///
     /// # Errors
-    /// Status 4 for a volume of one voxel or one slice, or when interrupted.
+    /// Returns status 4 for a volume of one voxel or one slice, or if interrupted.
     pub fn lumen(&mut self) -> Result<Arc<Lumen>> {
         if let Some(lumen) = &self.lumen {
             return Ok(Arc::clone(lumen));
@@ -153,8 +153,8 @@ impl Scan {
         Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
     }
 
-    /// The volume and the lumen of a flight whose guide takes tagged fluid as gas: drained where fluid joins the main segment to
-    /// others, so that they are flown as one, and the scan's own where it joins none.
+    /// Returns the volume and lumen for a flight whose guide treats tagged fluid as gas. If fluid joins the main segment to
+    /// others, they are drained, so that they are flown as one. Otherwise returns those of the scan itself.
     fn drained(&mut self) -> Result<(PreparedVolume, Arc<Lumen>)> {
         let found = self.lumen()?;
         let main = found.main_segment().map(|n| &found.segments[n]);
@@ -187,10 +187,10 @@ impl Scan {
         Ok(Drained { volume, lumen: Arc::new(lumen), note })
     }
 
-    /// Start and goal of a flight, for a body of `radius_mm`.
+    /// Plans start and goal of a flight, for a body of `radius_mm`.
     ///
     /// # Errors
-    /// Status 4 when there is no colon to fly, a point lies outside the lumen, or the lumen is too narrow.
+    /// Returns status 4 if there is no colon to fly, a point is outside the lumen, or the lumen is too narrow.
     pub fn plan(&mut self, request: &FlightRequest, radius_mm: f64) -> Result<Plan> {
         let (volume, lumen) = (self.volume.clone(), self.lumen()?);
         self.plan_in(&volume, &lumen, request, radius_mm)
@@ -206,12 +206,12 @@ impl Scan {
         self.timings.time("plan_s", || plan::plan(volume, lumen, request, radius_mm, &self.progress))
     }
 
-    /// A flight at its start, with everything that the scene asks for. The scan stays as it is: what one flight needs changes
-    /// nothing for the next.
+    /// Creates a flight at its start, with everything that the scene needs. The scan itself stays unchanged, so one flight never
+    /// affects the next.
     ///
     /// # Errors
-    /// Status 2 for a scene that makes no sense, 3 for a log of another scan, 4 when there is no colon or no way between the
-    /// points, or when interrupted.
+    /// Returns status 2 for an invalid scene, 3 for a log of another scan, 4 if there is no colon or no path between the points,
+    /// or if interrupted.
     pub fn flight(&mut self, scene: Scene, request: &FlightRequest) -> Result<FlightApp> {
         let (volume, lumen, plan) = match scene.play() {
             Some(play) => {
@@ -230,7 +230,7 @@ impl Scan {
         self.fly(volume, lumen, plan, scene)
     }
 
-    /// A flight whose plan is known.
+    /// Creates a flight with a known plan.
     fn fly(&mut self, volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<FlightApp> {
         let begun = Instant::now();
         let mut flight = FlightApp::prepared(volume, lumen, plan, scene, Arc::clone(&self.progress))?;
@@ -243,8 +243,10 @@ impl Scan {
     }
 }
 
+/// Checks that the volume has more than one slice.
+///
 /// # Errors
-/// Status 4 for a volume of one voxel or one slice.
+/// Returns status 4 for a volume of one voxel or one slice.
 pub fn check_thick(volume: &Volume) -> Result<()> {
     let dims = volume.grid().dims();
     if dims.iter().any(|&d| d < 2) {
@@ -254,7 +256,7 @@ pub fn check_thick(volume: &Volume) -> Result<()> {
     Ok(())
 }
 
-/// A log can only be played in the scan that it was flown in, as far as that can be told.
+/// Checks that a log was recorded in this scan, as far as that can be determined. It can be played in no other.
 fn check_log(play: &Playback, volume: &PreparedVolume) -> Result<()> {
     let grid = volume.voxels().grid();
     let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));

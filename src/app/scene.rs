@@ -1,4 +1,4 @@
-//! A scene: who steers, which plugins take part, and their settings; from a file or from defaults.
+//! Scenes: the steering, the plugins that take part, and their settings, from a file or by default.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,18 +23,18 @@ use crate::schedule::{App, Guide, GuideEntry, Guides, Needs, Plugin, Plugins, Sl
 use crate::systems;
 use crate::systems::present::{Presenters, Waiting};
 
-/// Who steers.
+/// The source of the camera's motion.
 #[derive(Clone, Debug)]
 pub enum Steering {
-    /// Nobody: the camera stays where it is.
+    /// Nothing: the camera does not move.
     Nobody,
-    /// The guide of this name, one of [`Scene::guides`].
+    /// The guide with this name, one of [`Scene::guides`].
     Guide(&'static str),
-    /// A log that is flown again.
+    /// A recorded log that is replayed.
     Log(Playback),
 }
 
-/// What a flight is made of.
+/// The parts of a flight.
 ///
 /// ```
 /// use colvis::app::Scene;
@@ -48,32 +48,32 @@ pub enum Steering {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Who steers.
+    /// The source of the camera's motion.
     pub steering: Steering,
-    /// Every guide that the flight may be handed to, with its settings: those of this crate and whichever a program adds.
+    /// Every guide that the flight can be switched to, with its settings: the built-in ones and those that a program adds.
     pub guides: Guides,
     /// The camera's body.
     pub body: Body,
-    /// Mines behind the camera; they take part where the camera has tentacles.
+    /// Mines behind the camera. They take part only if the camera has tentacles.
     pub mines: Option<MineSettings>,
-    /// Notices when the flight gets nowhere.
+    /// Monitor that notices when the flight makes no progress.
     pub watch: Option<MonitorSettings>,
-    /// How images are traced.
+    /// How images are rendered.
     pub render: RenderSettings,
-    /// Whether images are traced: asked for by a window or a recording.
+    /// True if images are rendered, for a window or a recording.
     pub picture: bool,
-    /// What these images are like.
+    /// Size, camera and renderer of these images.
     pub image: ImageSettings,
-    /// Whether images go anywhere: into a window or a recording.
+    /// True if images are presented, in a window or a recording.
     pub presented: bool,
-    /// Whether steps are written down.
+    /// True if steps are logged.
     pub log: bool,
-    /// Whether an operator can take part: a window, or a recorded input.
+    /// True if an operator can take part: a window, or a recorded input.
     pub operator: bool,
-    /// What other crates add to the flight.
+    /// Plug-ins of other crates that take part in the flight.
     pub plugins: Plugins,
-    /// Settings of presets, cameras, shaders and overlays by their names, as a scene file has them. What is chosen elsewhere, as
-    /// on the command line, gets them from here.
+    /// Settings of presets, cameras, shaders and overlays by name, as in a scene file. They also apply to those that are selected
+    /// elsewhere, such as on the command line.
     pub options: SceneOptions,
 }
 
@@ -97,7 +97,7 @@ impl Default for Scene {
     }
 }
 
-/// Tables of settings by the names of what they belong to.
+/// Tables of settings, by the name of the part they belong to.
 #[derive(Clone, Debug, Default)]
 pub struct SceneOptions {
     named: BTreeMap<String, Options>,
@@ -105,19 +105,19 @@ pub struct SceneOptions {
 }
 
 impl SceneOptions {
-    /// Settings of the preset, camera or shader of that name.
+    /// Returns the settings of the preset, camera or shader with that name.
     pub fn of(&self, name: &str) -> Options {
         self.named.get(name).copied().unwrap_or_default()
     }
 
-    /// An overlay with its settings.
+    /// Returns an overlay with its settings.
     pub fn overlay(&self, overlay: Overlay) -> Overlay {
         Overlay { options: self.overlays.get(overlay.name).copied().unwrap_or(overlay.options), ..overlay }
     }
 }
 
-/// A scene as it stands in a file: a list of plugins, and settings for them. What is left over are tables of guides, presets,
-/// cameras, shaders and plug-ins, each under its name.
+/// The format of a scene file: a list of plugins, and their settings. The remaining tables belong to guides, presets, cameras,
+/// shaders and plug-ins, each under its name.
 #[derive(Deserialize)]
 struct SceneFile {
     plugins: Vec<String>,
@@ -137,31 +137,31 @@ struct SceneFile {
 }
 
 impl Scene {
-    /// The default scene steered by the guide of that name.
+    /// Creates the default scene, steered by the guide with that name.
     pub fn guided_by(name: &'static str) -> Self {
         Self { steering: Steering::Guide(name), ..Self::default() }
     }
 
-    /// The default scene steered by a guide with these settings, be it one of this crate or not.
+    /// Creates the default scene, steered by a guide with these settings, from this crate or another.
     pub fn steered_by<G: Guide>(guide: G) -> Self {
         let mut scene = Self::guided_by(G::NAME);
         scene.guides.set(guide);
         scene
     }
 
-    /// The scene with one more plug-in.
+    /// Adds a plug-in to the scene.
     ///
     /// # Errors
-    /// Status 2 when one of its name is there already.
+    /// Returns status 2 if there is already one with its name.
     pub fn plug(mut self, plugin: impl Plugin) -> Result<Self> {
         self.plugins.add(plugin)?;
         Ok(self)
     }
 
-    /// Reads a scene file, whose guides and renderer are among those of `catalog`.
+    /// Reads a scene file. Guides and renderers are looked up in `catalog`.
     ///
     /// # Errors
-    /// Status 3 when it cannot be read, status 2 when it is no scene or a setting in it makes no sense.
+    /// Returns status 3 if it cannot be read, and status 2 if it is not a scene or a setting in it is invalid.
     pub fn read(path: &Path, catalog: &Catalog) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(|e| {
             Error::file(path, format!("cannot be read ({})", crate::output::plain(&e)), "give a scene file")
@@ -170,11 +170,10 @@ impl Scene {
             .map_err(|e| Error::usage(path.display().to_string(), e.to_string(), "see assets/scenes"))
     }
 
-    /// Reads a scene from the text of its file; guides, presets, cameras, shaders, overlays and plug-ins are among those of
-    /// `catalog`.
+    /// Parses the text of a scene file. Guides, presets, cameras, shaders, overlays and plug-ins are looked up in `catalog`.
     ///
     /// # Errors
-    /// Status 2 when it is no scene or a setting in it makes no sense.
+    /// Returns status 2 if it is not a scene or a setting in it is invalid.
     pub fn parse(text: &str, catalog: &Catalog) -> Result<Self> {
         let hint = "name known plugins and settings";
         let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), hint))?;
@@ -218,8 +217,10 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Checks the scene.
+    ///
     /// # Errors
-    /// Status 2 for a setting that makes no sense, or a guide that there is not.
+    /// Returns status 2 for an invalid setting, or a guide that does not exist.
     pub fn check(&self) -> Result<()> {
         self.body.check()?;
         self.guides.check()?;
@@ -238,10 +239,10 @@ impl Scene {
         }
     }
 
-    /// The guide of that name.
+    /// Returns the guide with that name.
     ///
     /// # Errors
-    /// Status 2 where there is none.
+    /// Returns status 2 if it does not exist.
     pub fn find(&self, name: &str) -> Result<&GuideEntry> {
         self.guides.named(name).ok_or_else(|| {
             let names: Vec<&str> = self.guides.iter().map(|g| g.name).collect();
@@ -249,7 +250,7 @@ impl Scene {
         })
     }
 
-    /// The guide that steers; none where nobody does, or a log is played.
+    /// Returns the guide that steers; `None` if nothing steers or a log is played.
     pub fn guide(&self) -> Option<&GuideEntry> {
         match self.steering {
             Steering::Guide(name) => self.guides.named(name),
@@ -257,7 +258,7 @@ impl Scene {
         }
     }
 
-    /// The log that is flown again, if one is.
+    /// Returns the log that is played, if there is one.
     pub fn play(&self) -> Option<&Playback> {
         match &self.steering {
             Steering::Log(play) => Some(play),
@@ -265,7 +266,7 @@ impl Scene {
         }
     }
 
-    /// Who steers, as the operator reads it.
+    /// Returns the name of what steers, for display.
     pub fn guide_name(&self) -> &'static str {
         match self.steering {
             Steering::Nobody => "none",
@@ -274,33 +275,33 @@ impl Scene {
         }
     }
 
-    /// What has to be built for the guide.
+    /// Returns what has to be built for the guide.
     pub fn needs(&self) -> Needs {
         self.guide().map_or(Needs::NOTHING, |g| g.needs)
     }
 
-    /// Speed of the flight where nothing holds it up, mm/s; 0 where nothing moves the camera by itself.
+    /// Returns the unobstructed speed of the flight, mm/s; 0 if nothing moves the camera automatically.
     pub fn cruise_mm_s(&self) -> f64 {
         let cruise = self.guide().map(|g| catch(|| g.cruise_mm_s(&self.body)));
-        // What a guide cannot tell is as if nothing moved.
+        // A guide that cannot report its speed counts as not moving.
         cruise.and_then(std::result::Result::ok).filter(|mm_s| mm_s.is_finite() && *mm_s >= 0.0).unwrap_or(0.0)
     }
 
-    /// Whether anything moves the camera.
+    /// True if anything moves the camera.
     pub fn moves(&self) -> bool {
         !matches!(self.steering, Steering::Nobody)
     }
 
-    /// Whether a guide moves the camera by itself.
+    /// True if a guide moves the camera automatically.
     pub fn is_automatic(&self) -> bool {
         self.guide().is_some_and(|g| g.automatic)
     }
 
-    /// Adds the plugins of the scene to an application, whose scan holds already what the guide needs, and notes what it goes
-    /// without. `goal` is where the flight ends.
+    /// Adds the plugins of the scene to an application, whose scan already holds what the guide needs, and notes the parts it
+    /// does without. `goal` is where the flight ends.
     ///
     /// # Errors
-    /// When two plugins want the same slot, or a guide misses something.
+    /// Returns an error if two plugins claim the same slot, or a guide lacks something that it needs.
     pub fn plug_into(&self, app: &mut App, goal: Goal) -> Result<()> {
         app.world.insert_resource(GuideName(self.guide_name()));
         systems::clock::plugin(app)?;
@@ -329,12 +330,12 @@ impl Scene {
         Ok(())
     }
 
-    /// Adds what renders views and hands their pictures on as soon as there is a view, and somebody to hand them to.
+    /// Adds the systems that render and present views, as soon as there is a view and a presenter to receive it.
     ///
     /// # Errors
-    /// As [`Scene::plug_into`].
+    /// Returns the errors of [`Scene::plug_into`].
     pub fn plug_views(&self, app: &mut App) -> Result<()> {
-        // Asked before each frame.
+        // Called before each frame.
         if app.is_filled(Slot::Slices) {
             app.take_in("slices");
         } else if app.world.query::<&SliceView>().iter(&app.world).next().is_some() {
@@ -370,7 +371,7 @@ impl Scene {
         Ok(())
     }
 
-    /// The guide, or the log that takes its place, and what moves the body.
+    /// Adds the guide, or the log that replaces it, and the system that moves the body.
     fn plug_steering(&self, app: &mut App) -> Result<()> {
         match &self.steering {
             Steering::Nobody => {
@@ -403,7 +404,7 @@ impl Scene {
         Ok(())
     }
 
-    /// What looks after the flight.
+    /// Adds the systems that monitor the flight.
     fn plug_watch(&self, app: &mut App, goal: Goal) -> Result<()> {
         match self.watch.filter(|_| self.guide().is_some()) {
             Some(settings) => systems::watch::plug(app, settings, goal)?,
@@ -415,7 +416,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Says which fields are not built, and why.
+    /// Notes which fields are not built, and why.
     fn leave_out_fields(&self, app: &mut App) {
         let needs = self.needs();
         let feels = app.camera_get::<Tentacles>().is_some();
@@ -438,10 +439,11 @@ impl Scene {
     }
 }
 
-/// The settings in tables that are named after presets, cameras and shaders; those of guides and plug-ins go to these.
+/// Returns the settings in tables that are named after presets, cameras and shaders. Tables of guides and plug-ins are passed on
+/// to those.
 ///
 /// # Errors
-/// Status 2 for the name of nothing, and for settings that what is named does not have.
+/// Returns status 2 for an unknown name, and for settings that the named part does not have.
 fn named_options(
     tables: toml::Table,
     catalog: &Catalog,
@@ -475,10 +477,10 @@ fn named_options(
     Ok(named)
 }
 
-/// The settings in the tables of overlays.
+/// Returns the settings in the tables of overlays.
 ///
 /// # Errors
-/// Status 2 for an overlay that there is not, and for settings that it does not have.
+/// Returns status 2 for an unknown overlay, and for settings that it does not have.
 fn overlay_options(tables: toml::Table, catalog: &Catalog) -> Result<BTreeMap<String, Options>> {
     let mut overlays = BTreeMap::new();
     for (name, value) in tables {
@@ -513,7 +515,7 @@ mod tests {
         let choices = Choices { leap, gradients, key_frames: Some(7), low: Some(LowDetail::Third) };
         assert_eq!((s.render.choices, s.image.settings.choices, s.image.preset.name), (choices, choices, "colvis"));
         assert_eq!(s.render.apply(Settings::default()).choices, choices);
-        // What a preset refuses, it refuses wherever it was chosen.
+        // Settings that a preset does not support are refused wherever the preset was selected.
         let lean = Preset::named("lean").unwrap();
         let other = Scene { image: ImageSettings { preset: lean, ..s.image }, ..s };
         let refused = other.check().unwrap_err();

@@ -1,18 +1,18 @@
-//! How long the parts of a preparation took.
+//! Run times of the parts of a preparation.
 
 use std::time::Instant;
 
 use crate::error::Result;
 
-/// Wall clock of the parts of a preparation, s, disjoint, in the order they were done.
+/// Wall-clock times of the parts of a preparation, s. They do not overlap and are in the order of execution.
 #[derive(Clone, Debug, Default)]
 pub struct Timings(Vec<(&'static str, f64)>);
 
 impl Timings {
-    /// Does a part and keeps how long it took, under `name` (ends in `_s`).
+    /// Runs a part and keeps its time under `name` (which ends in `_s`).
     ///
     /// # Errors
-    /// What the part fails with.
+    /// Returns the error of the part.
     pub fn time<T>(&mut self, name: &'static str, part: impl FnOnce() -> Result<T>) -> Result<T> {
         let begun = Instant::now();
         let result = part();
@@ -20,12 +20,12 @@ impl Timings {
         result
     }
 
-    /// Keeps how long a part took that was done elsewhere, under `name`.
+    /// Adds the time, s, of a part that ran elsewhere, under `name`.
     pub fn add(&mut self, name: &'static str, seconds: f64) {
         self.0.push((name, seconds.max(0.0)));
     }
 
-    /// The parts with their seconds.
+    /// Returns the parts with their times, s.
     pub fn parts(&self) -> &[(&'static str, f64)] {
         &self.0
     }

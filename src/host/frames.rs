@@ -1,11 +1,11 @@
-//! What images took.
+//! Time and work of rendered images.
 
 use crate::render::Work;
 
-/// What a frame took.
+/// Time and work of one frame.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct FrameStats {
-    /// Milliseconds from the pose being known to the finished image.
+    /// Milliseconds from the known pose to the finished image.
     pub ms: f64,
     /// Rays cast.
     pub rays: u64,
@@ -16,7 +16,7 @@ pub struct FrameStats {
 }
 
 impl FrameStats {
-    /// Of an image that took `ms` milliseconds and this work.
+    /// Creates the statistics of an image from its time, ms, and its work.
     pub fn new(ms: f64, work: &Work) -> Self {
         Self { ms, rays: work.rays, samples: work.samples, reused: work.reused }
     }

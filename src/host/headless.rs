@@ -1,4 +1,4 @@
-//! Flies without a screen: the same schedules, as fast as they run.
+//! Headless flights: the same schedules as in a window, run as fast as possible.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,27 +16,27 @@ use crate::host::record::{Recorder, Recording};
 use crate::progress::Progress;
 use crate::systems::present;
 
-/// What a headless flight leaves behind.
+/// Outputs of a headless flight.
 #[derive(Clone, Debug, Default)]
 pub struct Outputs {
-    /// Where images go.
+    /// Destination of images.
     pub record: Option<String>,
-    /// Images a simulated second.
+    /// Images per simulated second.
     pub fps: f64,
-    /// Images a second when the recording is shown; as `fps` if none.
+    /// Playback rate of the recording, images per second; `fps` if `None`.
     pub shown_fps: Option<f64>,
-    /// Where steps are logged.
+    /// Destination of the log.
     pub log: Option<PathBuf>,
-    /// What is drawn over recorded images. Without the feature `window` nothing is.
+    /// Overlays drawn over recorded images. Without the feature `window` they are not drawn.
     pub overlays: Vec<Overlay>,
 }
 
-/// Flies until the flight has arrived, calls for the operator, or `seconds` of simulated time are over. The flight's
-/// state tells which. Beside what went wrong, the frames that were made until then.
+/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time are over. The state of the flight
+/// distinguishes these. Returns the frames rendered so far together with the result.
 ///
 /// # Errors
-/// Status 5 when an output cannot be written; status 4 when interrupted; what a replayed command is refused with. What was
-/// logged and recorded until then is there, whole.
+/// Returns status 5 if an output cannot be written, status 4 if interrupted, and the error of a replayed command that is refused.
+/// Log and recording are complete up to that point.
 pub fn fly(
     flight: &mut FlightApp,
     seconds: f64,
@@ -59,12 +59,12 @@ pub fn fly(
     let camera = flight.app().camera_id();
     let recording = present::take::<Recording>(flight.app_mut(), camera);
     let (frames, recorded) = recording.map_or((Vec::new(), Ok(())), Recording::finish);
-    // An interruption is told last: what could not be written is worse.
+    // An interruption is reported last, as an output that could not be written is more severe.
     let outcome = flown.and_then(|interrupted| recorded.map(|()| interrupted));
     (frames, outcome.and_then(|interrupted| if interrupted { Err(Error::cancelled("flight")) } else { Ok(()) }))
 }
 
-/// The recording that is asked for, of a flight that has pictures.
+/// Creates the requested recorder, if the flight has pictures.
 fn recorder(flight: &FlightApp, outputs: &Outputs) -> Result<Option<Recorder>> {
     let size = flight.camera::<Picture>().map(|p| (p.frame.width(), p.frame.height()));
     match (&outputs.record, size) {
@@ -73,7 +73,7 @@ fn recorder(flight: &FlightApp, outputs: &Outputs) -> Result<Option<Recorder>> {
     }
 }
 
-/// Flies, logs, and records at `fps` images a simulated second if there are any; whether it was interrupted. The log is whole
+/// Flies, logs, and records `fps` images per simulated second, if there are any. Returns true if interrupted. The log is complete
 /// in any case.
 fn fly_steps(
     flight: &mut FlightApp,
@@ -113,8 +113,8 @@ fn fly_steps(
     {
         flight.end_because(e);
     }
-    // However the flight ended, what it leaves is finished: first the log, as a recording may hang on another program.
-    // A step that failed was made and written down all the same.
+    // Finish the outputs however the flight ended: first the log, since a recording may hang on another program. A step that
+    // failed was nevertheless executed and logged.
     let logged = log.map_or(Ok(()), |mut l| l.add(flight.take_log()).and_then(|()| l.finish(flight.flight().state)));
     let last = fps.map_or(Ok(()), |_| record(flight, overlays));
     let interrupted = flown?;
@@ -122,22 +122,22 @@ fn fly_steps(
     Ok(interrupted)
 }
 
-/// About how many steps the whole way takes, by the guide's own cruise.
+/// Estimates the number of steps for the whole path from the guide's cruise speed.
 fn expected_steps(flight: &FlightApp) -> u64 {
     let Clock { hz, .. } = flight.clock();
     let cruise_mm_s = flight.scene().cruise_mm_s();
     if cruise_mm_s > 0.0 { (flight.plan().length_mm / cruise_mm_s * f64::from(hz) * 1.3) as u64 } else { u64::MAX }
 }
 
-/// The step before which image number `n` is due: counted, not summed up.
+/// Returns the step before which image number `n` is due. It is computed from `n`, not accumulated.
 fn due(n: u64, fps: f64, hz: f64) -> u64 {
     (n as f64 * hz / fps).round() as u64
 }
 
-/// Traces and records the image of the pose as it is now.
+/// Renders and records the image of the current pose.
 fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
     let camera = flight.app().camera_id();
-    // An overlay that panics costs its marks and not the image.
+    // An overlay that panics loses its marks, but the image is recorded.
     let (marks, drawn) = match marks(flight, overlays) {
         Ok(marks) => (marks, Ok(())),
         Err(e) => (Vec::new(), Err(e)),
@@ -152,7 +152,7 @@ fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
     }
 }
 
-/// What overlays draw over the next image.
+/// Returns the marks that overlays draw over the next image.
 fn marks(flight: &FlightApp, overlays: &[Overlay]) -> Result<Vec<Mark>> {
     let Some(view) = flight.view().filter(|_| !overlays.is_empty()) else { return Ok(Vec::new()) };
     #[cfg(feature = "window")]
@@ -164,11 +164,10 @@ fn marks(flight: &FlightApp, overlays: &[Overlay]) -> Result<Vec<Mark>> {
     Ok(canvas.into_marks())
 }
 
-/// What is said at the end of a flight, as the exit status wants it: nothing but `Ok` for a flight that arrived or whose
-/// time is over.
+/// Returns the outcome of a flight as an exit status: `Ok` for a flight that arrived or whose time is over.
 ///
 /// # Errors
-/// Status 4 where the operator was called, with the place and the reason.
+/// Returns status 4 if the operator was called, with the place and the reason.
 pub fn outcome(flight: &FlightApp) -> Result<()> {
     let f = flight.flight();
     if f.state != State::Operator {
@@ -181,7 +180,7 @@ pub fn outcome(flight: &FlightApp) -> Result<()> {
     ))
 }
 
-/// What is said of segments that were not flown: "2 more: 280 ml, 180 ml".
+/// Lists the segments that were not flown: "2 more: 280 ml, 180 ml".
 pub fn unflown_text(flight: &FlightApp) -> Option<String> {
     let rest = flight.unflown();
     if rest.is_empty() {

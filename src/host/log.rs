@@ -1,4 +1,4 @@
-//! Writes the steps of a flight down as it is flown.
+//! Writes the steps of a flight to a log file.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -8,20 +8,20 @@ use crate::components::output::LogLine;
 use crate::error::Result;
 use crate::output::{AtomicFile, cannot};
 
-/// A log under way. It appears when it is finished; one that could not be written does not.
+/// A log that is being written. The file appears when it is finished. If a line cannot be written, it does not appear.
 pub struct Log {
     path: PathBuf,
-    /// None once a line could not be written.
+    /// `None` after a line could not be written.
     file: Option<AtomicFile>,
-    /// The newest line: the last one carries the flight's final state, so it waits for the next.
+    /// The newest line. It is held back until the next one arrives, because the last line carries the flight's final state.
     last: Option<LogLine>,
 }
 
 impl Log {
-    /// Begins a log.
+    /// Starts a log.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
         Ok(Self { path: path.to_owned(), file: Some(AtomicFile::create(path)?), last: None })
     }
@@ -29,7 +29,7 @@ impl Log {
     /// Adds steps.
     ///
     /// # Errors
-    /// Status 5 when they cannot be written.
+    /// Returns status 5 if they cannot be written.
     pub fn add(&mut self, lines: Vec<LogLine>) -> Result<()> {
         for line in lines {
             if let Some(before) = self.last.replace(line) {
@@ -42,7 +42,7 @@ impl Log {
     /// Ends the log with the flight's final state.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn finish(mut self, state: State) -> Result<()> {
         if let Some(mut last) = self.last.take() {
             last.state = state;

@@ -1,4 +1,4 @@
-//! What drives a flight: nobody's screen, or a window.
+//! Hosts that drive a flight: headless, or in a window.
 
 pub mod frames;
 pub mod headless;

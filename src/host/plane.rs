@@ -1,4 +1,4 @@
-//! A flight through a drawing without a window: to a picture of the whole of it, or to a film.
+//! Flies through a drawing without a window and writes a picture of the whole flight, or a film.
 
 use std::path::Path;
 
@@ -10,28 +10,28 @@ use crate::plane::{Flight, State};
 use crate::progress::Progress;
 use crate::render::Frame;
 
-/// About how large the picture is, pixels.
+/// Approximate size of the picture, pixels.
 const SIZE: (usize, usize) = (800, 800);
-/// A film has a picture each so many steps, and shows so many a second: two and a half times as fast as it was flown.
+/// Steps per picture of a film. Together with the pictures per second this plays 2.5 times as fast as the flight.
 const STEPS: usize = 24;
 const FPS: f64 = 12.5;
-/// From so many pixels on, half as many pictures.
+/// Number of pixels beyond which a film has half as many pictures.
 const MANY_PIXELS: usize = 1 << 20;
 
-/// What is written.
+/// Kind of output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Film {
-    /// The last moment, with the whole way.
+    /// The last moment, with the whole path.
     Picture,
-    /// All of the flight.
+    /// The whole flight.
     Film,
 }
 
 impl Film {
-    /// What `out` asks for by its ending.
+    /// Selects the kind of output by the extension of `out`.
     ///
     /// # Errors
-    /// Status 2 for another than `.png` and `.gif`.
+    /// Returns status 2 for an extension other than `.png` and `.gif`.
     pub fn check(out: &Path) -> Result<Self> {
         match out.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
             Some("png") => Ok(Self::Picture),
@@ -44,10 +44,10 @@ impl Film {
     }
 }
 
-/// Flies until the flight is over and writes it to `out`. How it came out, the flight tells.
+/// Flies until the flight is over and writes it to `out`. The result of the flight is in `flight`.
 ///
 /// # Errors
-/// Status 2 for an ending that is none, 4 when interrupted, 5 when it cannot be written.
+/// Returns status 2 for an unknown extension, 4 if interrupted, 5 if the output cannot be written.
 pub fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Result<()> {
     let film = Film::check(out)?;
     let mut painter = Painter::new(flight);
@@ -77,7 +77,7 @@ pub fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Result<()> {
     match recorder {
         None => write_png(out, &frame),
         Some(mut r) => {
-            // The end stands still for a while.
+            // Hold the last picture for a while.
             for _ in 0..FPS as usize {
                 r.add(&frame)?;
             }

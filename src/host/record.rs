@@ -1,4 +1,4 @@
-//! Recordings: numbered PNGs, a GIF, or an MP4 through an `ffmpeg` on the path.
+//! Recordings: numbered PNGs, a GIF, or an MP4 through an `ffmpeg` on the `PATH`.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -17,10 +17,10 @@ use crate::output::{self, AtomicFile};
 use crate::render::Frame;
 use crate::systems::present::Presenter;
 
-/// Writes one image as PNG, whole or not at all.
+/// Writes one image as PNG, completely or not at all.
 ///
 /// # Errors
-/// Status 5 when it cannot be written.
+/// Returns status 5 if it cannot be written.
 pub fn write_png(path: &Path, frame: &Frame) -> Result<()> {
     output::write_whole(path, |w| {
         image::codecs::png::PngEncoder::new_with_quality(
@@ -38,10 +38,10 @@ pub fn write_png(path: &Path, frame: &Frame) -> Result<()> {
     })
 }
 
-/// Writes an 8-bit grey image, width and height in pixels, row 0 on top, as PNG, whole or not at all.
+/// Writes an 8-bit grey image as PNG, completely or not at all. Width and height are in pixels, row 0 is on top.
 ///
 /// # Errors
-/// Status 5 when it cannot be written.
+/// Returns status 5 if it cannot be written.
 pub fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -> Result<()> {
     output::write_whole(path, |w| {
         image::codecs::png::PngEncoder::new(w)
@@ -50,21 +50,21 @@ pub fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -
     })
 }
 
-/// A recording as a flight presents its pictures to it.
+/// The presenter to which a flight hands the pictures to record.
 pub struct Recording {
     recorder: Recorder,
     begun: Instant,
     frames: Vec<FrameStats>,
     outcome: Result<()>,
-    /// What overlays have drawn over the next picture.
+    /// Marks that overlays have drawn over the next picture.
     marks: Vec<Mark>,
-    /// What paints them, and the picture with them.
+    /// The painter of marks, and the picture with marks.
     #[cfg(feature = "window")]
     marked: Option<(crate::host::window::Marker, Frame)>,
 }
 
 impl Recording {
-    /// Nothing is recorded yet.
+    /// Creates a recording without pictures.
     pub fn new(recorder: Recorder) -> Self {
         Self {
             recorder,
@@ -77,13 +77,13 @@ impl Recording {
         }
     }
 
-    /// The pose of the next picture is known, and what lies over it: its time begins.
+    /// Starts the time of the next picture, with its marks. Call it when the pose is known.
     pub fn begin(&mut self, marks: Vec<Mark>) {
         self.marks = marks;
         self.begun = Instant::now();
     }
 
-    /// Keeps a picture, with the marks over it.
+    /// Records a picture with the marks over it.
     fn add(&mut self, picture: &Frame) -> Result<()> {
         #[cfg(feature = "window")]
         if !self.marks.is_empty() {
@@ -95,15 +95,15 @@ impl Recording {
         self.recorder.add(picture)
     }
 
-    /// What came of the pictures since the last call.
+    /// Takes the outcome of the pictures since the last call.
     ///
     /// # Errors
-    /// Status 5 when one could not be written.
+    /// Returns status 5 if one could not be written.
     pub fn take_outcome(&mut self) -> Result<()> {
         std::mem::replace(&mut self.outcome, Ok(()))
     }
 
-    /// Ends the recording; what the pictures took.
+    /// Ends the recording. Returns the statistics of the pictures and the outcome.
     pub fn finish(self) -> (Vec<FrameStats>, Result<()>) {
         let finished = self.outcome.and(self.recorder.finish());
         (self.frames, finished)
@@ -116,7 +116,7 @@ impl Presenter for Recording {
     }
 
     fn present(&mut self, picture: &Picture) {
-        // File output is none of the picture's time.
+        // File output does not count as the picture's time.
         let ms = self.begun.elapsed().as_secs_f64() * 1e3;
         if !picture.traced || self.outcome.is_err() {
             return;
@@ -128,26 +128,26 @@ impl Presenter for Recording {
     }
 }
 
-/// A recording under way.
+/// A recording that is being written.
 pub enum Recorder {
     /// `0000.png`, … in a folder.
     Folder {
         /// The folder.
         folder: PathBuf,
-        /// Images written.
+        /// Number of images written.
         count: usize,
     },
     /// An animated GIF.
     Gif {
-        /// The encoder over the file being written.
+        /// The encoder, which writes to `file`.
         encoder: Box<GifEncoder<Shared>>,
-        /// The same file, to finish it when the encoder has written its end.
+        /// The same file, to finish it after the encoder has written its end.
         file: Shared,
-        /// What the file will be called.
+        /// The final name of the file.
         path: PathBuf,
-        /// Images a second.
+        /// Images per second.
         fps: f64,
-        /// Images written.
+        /// Number of images written.
         count: u64,
     },
     /// A video encoded by another program.
@@ -156,16 +156,16 @@ pub enum Recorder {
         child: Child,
         /// The file it writes.
         file: AtomicFile,
-        /// What the file will be called.
+        /// The final name of the file.
         path: PathBuf,
     },
 }
 
 impl Recorder {
-    /// Begins a recording to `out` (ends in `/`, `.gif` or `.mp4`) of images of the given size, shown at `fps`.
+    /// Starts a recording to `out` (which ends in `/`, `.gif` or `.mp4`), with images of the given size, shown at `fps`.
     ///
     /// # Errors
-    /// Status 2 for another ending, status 5 when it cannot be written or there is no `ffmpeg`.
+    /// Returns status 2 for another extension, and status 5 if it cannot be written or there is no `ffmpeg`.
     pub fn create(out: &str, (width, height): (usize, usize), fps: f64) -> Result<Self> {
         let path = PathBuf::from(out);
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
@@ -195,7 +195,7 @@ impl Recorder {
         #[cfg(unix)]
         {
             use std::os::unix::process::CommandExt;
-            // Ctrl-C goes to the terminal's whole process group: the film is to end when its images do.
+            // Ctrl-C goes to the terminal's whole process group, but the film must not end before its images do.
             ffmpeg.process_group(0);
         }
         let child = ffmpeg
@@ -219,7 +219,7 @@ impl Recorder {
     /// Adds an image.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn add(&mut self, frame: &Frame) -> Result<()> {
         match self {
             Self::Folder { folder, count } => {
@@ -228,7 +228,7 @@ impl Recorder {
                 Ok(())
             }
             Self::Gif { encoder, path, fps, count, .. } => {
-                // A GIF counts hundredths of a second: what rounding takes from one image the next gets.
+                // A GIF counts hundredths of a second. The time that rounding takes from one image is given to the next.
                 let until = |n: u64| (n as f64 * 100.0 / *fps).round() as u32;
                 let delay = Delay::from_numer_denom_ms((until(*count + 1) - until(*count)) * 10, 1);
                 *count += 1;
@@ -245,14 +245,14 @@ impl Recorder {
         }
     }
 
-    /// Finishes the recording: only now does a GIF or a video get its name.
+    /// Finishes the recording. A GIF or a video gets its final name only now.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn finish(self) -> Result<()> {
         match self {
             Self::Folder { .. } => Ok(()),
-            // Without an image there is no film, and what has its name stays.
+            // Without images there is no film, and an existing file of that name stays.
             Self::Gif { count: 0, .. } => Ok(()),
             Self::Gif { encoder, file, path, .. } => {
                 // The encoder writes the file's end when it is dropped.
@@ -275,7 +275,7 @@ impl Recorder {
     }
 }
 
-/// A file that an encoder writes to and that somebody else finishes. A write that failed takes it away for good.
+/// A file that an encoder writes to and another owner finishes. A failed write removes it permanently.
 #[derive(Clone)]
 pub struct Shared(Arc<Mutex<Option<AtomicFile>>>);
 

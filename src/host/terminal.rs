@@ -1,4 +1,4 @@
-//! A progress bar on a terminal; nothing where standard error is none.
+//! A progress bar on a terminal. Shows nothing if standard error is not a terminal.
 
 use std::io::IsTerminal;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ pub struct Bar {
 }
 
 impl Bar {
-    /// Begins to show `progress`.
+    /// Starts to show `progress`.
     pub fn show(progress: &Arc<Progress>) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let thread = std::io::stderr().is_terminal().then(|| {
@@ -45,7 +45,7 @@ impl Drop for Bar {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);
         if let Some(t) = self.thread.take() {
-            // A panic of the bar is not the job's.
+            // A panic of the bar must not affect the job.
             let _ = t.join();
         }
     }

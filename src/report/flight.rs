@@ -1,4 +1,4 @@
-//! The poses that methods are compared at: along a real flight, and after sudden turns and jumps.
+//! Poses at which methods are compared: along a real flight, and after sudden turns and jumps.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -13,19 +13,19 @@ use crate::math::hash;
 use crate::progress::Progress;
 use crate::render::{PreparedVolume, View};
 
-/// Simulated seconds of a flight at the most.
+/// Maximum duration of a flight, simulated seconds.
 const SECONDS: f64 = 600.0;
-/// Frames a simulated second.
+/// Frames per simulated second.
 const FPS: f64 = 30.0;
 
-/// Where a camera stands and looks.
+/// Position and orientation of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// World mm.
+    /// Position, world mm.
     pub position: DVec3,
-    /// World.
+    /// Forward direction, world.
     pub forward: DVec3,
-    /// World.
+    /// Up direction, world.
     pub up: DVec3,
 }
 
@@ -35,41 +35,41 @@ impl Pose {
         Self { position, forward, up }
     }
 
-    /// A square view from here.
+    /// Returns a square view from this pose.
     ///
     /// # Errors
-    /// Never for a pose from a flight's log.
+    /// Never returns an error for a pose from a flight's log.
     pub fn view(&self, fov_degrees: f64, pixels: usize) -> Result<View> {
         View::new(self.position, self.forward, self.up, fov_degrees, pixels, pixels)
     }
 }
 
-/// A pose that is measured.
+/// A measured pose.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stop {
-    /// Whether the camera comes here by a jump or a sudden turn.
+    /// True if the camera reaches it by a jump or a sudden turn.
     pub jump: bool,
-    /// The frame that is measured.
+    /// The measured frame.
     pub pose: Pose,
-    /// The frames before it, oldest first: those of the flight; after a jump that of the pose before.
+    /// The preceding frames, oldest first: those of the flight, or, after a jump, the frame of the previous pose.
     pub lead: Vec<Pose>,
 }
 
-/// A flight that was flown.
+/// A completed flight.
 #[derive(Clone, Debug)]
 pub struct Flown {
-    /// Its log, a line for each step.
+    /// Its log, one line per step.
     pub log: Vec<LogLine>,
-    /// Steps a second.
+    /// Steps per second.
     pub hz: f64,
-    /// How it ended.
+    /// Its final state.
     pub state: State,
 }
 
-/// Flies through the largest segment of the colon in `space` as `colvis fly --headless` does.
+/// Flies through the largest segment of the colon in `volume`, like `colvis fly --headless`.
 ///
 /// # Errors
-/// Status 4 where there is no colon to fly, or when interrupted.
+/// Returns status 4 if there is no colon to fly, or if interrupted.
 pub fn fly(volume: &PreparedVolume, progress: &Progress) -> Result<Flown> {
     let scene = Scene { log: true, ..Scene::default() };
     let mut scan = Scan::prepared(volume.clone(), Arc::new(progress.clone()));
@@ -89,8 +89,8 @@ pub fn fly(volume: &PreparedVolume, progress: &Progress) -> Result<Flown> {
 }
 
 impl Flown {
-    /// `along` poses spread evenly over the flight, each after `lead` frames of it, and among them `jumps` to other
-    /// places of it, in an order and with turns that are random but always the same.
+    /// Returns `along` poses spread evenly over the flight, each after `lead` frames of it, with `jumps` jumps to other positions
+    /// among them. Their order and turns are random but reproducible.
     pub fn stops(&self, along: usize, jumps: usize, lead: usize) -> Vec<Stop> {
         let last = self.log.len() - 1;
         let at = |n: usize| Pose::of(&self.log[n.min(last)]);
@@ -113,15 +113,15 @@ impl Flown {
         stops
     }
 
-    /// `frames` poses of the flight, sixty a second from a quarter of it onwards, and whether the camera turned
-    /// suddenly to each: once in `every` frames it does, and looks there for half of them.
+    /// Returns `frames` poses of the flight, sixty per second from a quarter of it onwards, and whether the camera turned
+    /// suddenly to each. It turns once every `every` frames, and looks there for half of them.
     pub fn moving(&self, frames: usize, every: usize) -> Vec<(Pose, bool)> {
         let last = self.log.len() - 1;
         let step = (self.hz / 60.0).round().max(1.0) as usize;
         let every = every.max(2);
         (0..frames)
             .map(|n| {
-                // To and fro where the flight is shorter.
+                // Back and forth if the flight is shorter.
                 let way = (last / 4 + n * step) % (2 * last).max(1);
                 let pose = Pose::of(&self.log[if way > last { 2 * last - way } else { way }]);
                 let (turn, within) = (n / every, n % every);
@@ -135,7 +135,7 @@ impl Flown {
     }
 }
 
-/// Turned right round, aside, upwards or about the view, by the number; then by up to 20° more.
+/// Turns a pose right round, aside, upwards or about the view direction, depending on `n`, and by up to 20° more.
 fn turned(pose: Pose, n: usize, more: f64) -> Pose {
     let right = pose.forward.cross(pose.up).normalize_or(DVec3::X);
     let (axis, angle) = match n % 4 {
@@ -192,7 +192,7 @@ mod tests {
         assert_eq!(poses.iter().filter(|p| p.1).count(), 9);
         for w in poses.windows(2) {
             let turned = w[0].0.forward.angle_between(w[1].0.forward) > 0.5;
-            // Turned about the view itself, the camera looks where it did.
+            // After a roll about the view direction, the camera looks in the same direction.
             let rolled = w[0].0.up.angle_between(w[1].0.up) > 0.5;
             assert_eq!(turned || rolled, w[1].1);
             assert!((w[1].0.position - w[0].0.position).length() < 0.6);

@@ -1,17 +1,17 @@
-//! How far a picture is from another: SSIM, the share of displaced wall, and the map of the error.
+//! Image metrics: SSIM, the share of displaced wall, and the error map.
 
 use rayon::prelude::*;
 
 use crate::render::Frame;
 
-/// Side of SSIM's window, pixels.
+/// Side of the SSIM window, pixels.
 const WINDOW: usize = 11;
 /// Standard deviation of its Gaussian, pixels.
 const SIGMA: f64 = 1.5;
 
-/// The structural similarity of two pictures of the same size, the mean over all windows that fit (Wang, Bovik, Sheikh,
-/// Simoncelli 2004), on luminance: 11×11 Gaussian of 1.5 pixels, K₁ = 0.01, K₂ = 0.03, L = 255. 1 if they are equal. A
-/// picture narrower than the window has a window of its own width.
+/// Returns the structural similarity of two pictures of the same size, averaged over all windows that fit (Wang, Bovik, Sheikh,
+/// Simoncelli 2004). It uses luminance, an 11×11 Gaussian of 1.5 pixels, K₁ = 0.01, K₂ = 0.03 and L = 255. Equal pictures have
+/// the value 1. For a picture narrower than the window, the window has the picture's width.
 pub fn ssim(a: &Frame, b: &Frame) -> f64 {
     let (w, h) = (a.width(), a.height());
     let (x, y) = (luminance(a), luminance(b));
@@ -28,12 +28,12 @@ pub fn ssim(a: &Frame, b: &Frame) -> f64 {
     sum / mx.len() as f64
 }
 
-/// Luminance (ITU-R BT.601) of each pixel, 0 to 255.
+/// Returns the luminance (ITU-R BT.601) of each pixel, 0 to 255.
 fn luminance(f: &Frame) -> Vec<f64> {
     f.pixels().iter().map(|&[r, g, b]| 0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b)).collect()
 }
 
-/// The Gaussian's weighted mean over every window that lies within the picture.
+/// Returns the Gaussian-weighted mean over every window inside the picture.
 fn blurred(map: &[f64], w: usize, h: usize) -> Vec<f64> {
     let kernel = |side: usize| -> Vec<f64> {
         let n = WINDOW.min(side);
@@ -56,8 +56,8 @@ fn blurred(map: &[f64], w: usize, h: usize) -> Vec<f64> {
         .collect()
 }
 
-/// The share of pixels, 0 to 1, whose wall distance is off by more than `tolerance` mm; a wall where there is none, or
-/// none where there is one, is off.
+/// Returns the share of pixels, 0 to 1, whose wall distance differs by more than `tolerance` mm. A wall in only one of the two
+/// pictures counts as different.
 pub fn displaced(a: &[f32], b: &[f32], tolerance: f64) -> f64 {
     let off = |(a, b): (&f32, &f32)| match (a.is_finite(), b.is_finite()) {
         (true, true) => f64::from((a - b).abs()) > tolerance,
@@ -66,17 +66,17 @@ pub fn displaced(a: &[f32], b: &[f32], tolerance: f64) -> f64 {
     a.iter().zip(b).filter(|&p| off(p)).count() as f64 / a.len().max(1) as f64
 }
 
-/// The root mean square error that a PSNR stands for, grey levels.
+/// Converts a PSNR to the root mean square error, grey levels.
 pub fn rms(psnr: f64) -> f64 {
     255.0 * 10f64.powf(-psnr / 20.0)
 }
 
-/// Levels of error that are shown white.
+/// Error that is shown white, grey levels.
 pub const WHITE_ERROR: u8 = 64;
 
-/// Reference, method and error side by side as a PNG: the error is the greatest of the three colours', from black over
-/// blue and orange to white at [`WHITE_ERROR`] levels. Pictures wider than `side` are reduced: colours to their mean,
-/// the error to its greatest, so that no fault is averaged away.
+/// Encodes reference, method and error side by side as a PNG. The error is the largest of the three colours', from black over
+/// blue and orange to white at [`WHITE_ERROR`] levels. Pictures wider than `side` are reduced: colours to their mean, the error
+/// to its maximum, so that no error is averaged away.
 pub fn error_map(reference: &Frame, method: &Frame, side: usize) -> Vec<u8> {
     let (w, h) = (reference.width(), reference.height());
     let by = w.max(h).div_ceil(side.max(1)).max(1);
@@ -109,7 +109,7 @@ pub fn error_map(reference: &Frame, method: &Frame, side: usize) -> Vec<u8> {
     png(&out, full, ph)
 }
 
-/// Black, blue, orange, white.
+/// Returns the colour of an error: black, blue, orange, white.
 fn heat(error: u8) -> [u8; 3] {
     const STOPS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [40.0, 60.0, 200.0], [255.0, 150.0, 30.0], [255.0; 3]];
     let t = (f32::from(error) / f32::from(WHITE_ERROR)).min(1.0) * 3.0;
@@ -117,13 +117,13 @@ fn heat(error: u8) -> [u8; 3] {
     std::array::from_fn(|c| (STOPS[n][c] + (STOPS[n + 1][c] - STOPS[n][c]) * (t - n as f32)).round() as u8)
 }
 
-/// Red, green and blue bytes as a PNG.
+/// Encodes red, green and blue bytes as a PNG.
 fn png(rgb: &[u8], width: usize, height: usize) -> Vec<u8> {
     use image::ImageEncoder;
     use image::codecs::png::{CompressionType, FilterType, PngEncoder};
     let mut out = Vec::new();
     let encoder = PngEncoder::new_with_quality(&mut out, CompressionType::Best, FilterType::Adaptive);
-    // Writing to memory cannot fail, and the size is that of the bytes.
+    // Writing to memory cannot fail, and the size matches the bytes.
     let _ = encoder.write_image(rgb, width as u32, height as u32, image::ExtendedColorType::Rgb8);
     out
 }
@@ -148,7 +148,7 @@ mod tests {
 
     #[test]
     fn ssim_of_flat_pictures_is_its_formula() {
-        // Without variance only the luminance term is left.
+        // Without variance only the luminance term remains.
         for (a, b) in [(100.0, 100.0), (100.0, 120.0), (0.0, 255.0), (10.0, 200.0)] {
             let (fa, fb) = (frame(20, 15, |_, _| a), frame(20, 15, |_, _| b));
             let c1 = 6.5025;
@@ -159,8 +159,8 @@ mod tests {
 
     #[test]
     fn ssim_of_contrast_is_its_formula() {
-        // y = x/2 + m/2 about the window's mean m keeps the mean: only variances differ. A checkerboard's windows have
-        // the same mean and variance everywhere but for the Gaussian's last digits.
+        // y = x/2 + m/2 about the window's mean m preserves the mean, so only variances differ. A checkerboard's windows all have
+        // the same mean and variance, up to the Gaussian's last digits.
         let board =
             |contrast: f64| frame(64, 64, move |x, y| 128.0 + if (x + y) % 2 == 0 { contrast } else { -contrast });
         let (vx, vy) = (40.0f64 * 40.0, 20.0f64 * 20.0);
@@ -177,7 +177,7 @@ mod tests {
         let values: Vec<f64> = [2.0, 8.0, 30.0].iter().map(|&s| ssim(&clean, &noisy(s))).collect();
         assert!(values[0] < 1.0 && values[0] > values[1] && values[1] > values[2] && values[2] > 0.0, "{values:?}");
         assert!((ssim(&noisy(8.0), &clean) - values[1]).abs() < 1e-12);
-        // The paper's point: a shift of brightness hurts less than noise of the same error.
+        // The publication's point: a shift of brightness reduces SSIM less than noise of the same error.
         let shifted = frame(70, 50, |x, y| pattern(x, y) + 30.0);
         assert!(ssim(&clean, &shifted) > values[2] + 0.2);
         let tiny = frame(3, 1, |x, _| 40.0 * x as f64);

@@ -1,4 +1,4 @@
-//! The rendering methods that `report render` compares. A new method is one more line here.
+//! The rendering methods that `report render` compares. To add a method, add a line here.
 
 use crate::error::Result;
 use crate::render::flags::Flags;
@@ -18,9 +18,9 @@ use crate::surface::{Mesh, Rasteriser};
 pub struct RenderMethod {
     /// Its name in plots and tables.
     pub name: &'static str,
-    /// Methods of one family have one colour.
+    /// Family of the method. Methods of one family share a colour.
     pub family: &'static str,
-    /// Makes the renderer for a scan.
+    /// Creates the renderer for a scan.
     pub make: fn(&PreparedVolume) -> Result<Box<dyn Renderer>>,
     /// Its properties.
     pub traits: Traits,
@@ -29,20 +29,20 @@ pub struct RenderMethod {
 /// Properties of a method that the report takes into account.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traits {
-    /// It keeps something from one frame to the next.
+    /// It keeps data from one frame to the next.
     pub keeps: bool,
-    /// Its depth is its own, not that of the exact crossings.
+    /// It computes its own depth instead of the exact crossings.
     pub own_depth: bool,
-    /// It aims at another picture than the reference does: its difference is no error.
+    /// Its target picture differs from the reference's, so that its difference is not an error.
     pub other_picture: bool,
-    /// So slow that a quick report leaves it out.
+    /// It is so slow that a quick report omits it.
     pub slow: bool,
 }
 
 const PLAIN: Traits = Traits { keeps: false, own_depth: false, other_picture: false, slow: false };
 const OTHER: Traits = Traits { other_picture: true, ..PLAIN };
 
-/// The ray caster of a quality with steps of h · 2^`step_power` and some samples a pixel.
+/// Creates the ray caster of a quality with steps of h · 2^`step_power` and the given samples per pixel.
 fn direct(
     volume: &PreparedVolume,
     quality: Quality,
@@ -60,7 +60,7 @@ fn filtered(volume: &PreparedVolume) -> Result<Box<dyn Renderer>> {
 
 const KEEPS: Traits = Traits { keeps: true, ..PLAIN };
 
-/// Packets of rays with samples every h · 2^(`step_power` + 1).
+/// Creates a packet renderer with samples every h · 2^(`step_power` + 1).
 fn packets(volume: &PreparedVolume, step_power: i32, pixels: Pixels) -> Result<Box<dyn Renderer>> {
     Ok(Box::new(PacketRenderer::new(volume, Settings { step_power, ..Settings::default() }, pixels)))
 }
@@ -69,7 +69,7 @@ fn reusing<R: Rule + 'static>(volume: &PreparedVolume, refresh: Refresh) -> Resu
     Ok(Box::new(Reusing::<_, R>::new(WordStorage::new(volume), Settings::default(), refresh)))
 }
 
-/// The preset `default` with a scene's choices.
+/// Creates the preset `default` with a scene's choices.
 fn chosen(volume: &PreparedVolume, choices: Choices) -> Result<Box<dyn Renderer>> {
     let settings = Settings { choices, ..Settings::default() };
     Ok(renderer(volume, settings, presets::standard::PRESET, Reuse::Allowed))
@@ -82,7 +82,7 @@ fn lean(volume: &PreparedVolume) -> Result<Box<dyn Renderer>> {
     Ok(renderer(&volume, Settings::default(), presets::lean::PRESET, Reuse::Allowed))
 }
 
-/// The reference that all others are measured against.
+/// The reference for all other methods.
 pub const REFERENCE: RenderMethod = RenderMethod {
     name: "reference h/8",
     family: "nothing skipped",
@@ -127,28 +127,29 @@ pub const METHODS: &[RenderMethod] = &[
 /// The role of a preparation in the paper's claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// The homogeneous-region flag.
+    /// The homogeneous-region flags.
     Flag,
-    /// The distance to the wall for each voxel: the potential field.
+    /// The wall distance of each voxel: the potential field.
     Field,
-    /// Gradients and densities ahead of time.
+    /// Precomputed gradients and densities.
     Gradients,
-    /// The indirect method's surface.
+    /// The surface of the indirect method.
     Surface,
 }
 
-/// Something that is built from the voxels before the first frame.
+/// A data structure that is built from the voxels before the first frame.
 #[derive(Clone, Copy)]
 pub struct Preparation {
     /// Its name in tables.
     pub name: &'static str,
     /// Its role.
     pub role: Role,
-    /// Builds it and returns how many bytes it takes.
+    /// Builds it and returns its size in bytes.
     pub build: fn(&PreparedVolume) -> Result<usize>,
 }
 
-/// All preparations. One that the paper's claims compare with is one more line here; a claim without it is left out.
+/// All preparations. To add one that the paper's claims compare with, add a line here. A claim whose preparation is missing is
+/// omitted.
 #[rustfmt::skip]
 pub const PREPARATIONS: &[Preparation] = &[
     Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.voxels(), s.transfer()).bytes()) },

@@ -1,6 +1,6 @@
-//! Reports: what was measured, now and on this machine, as one HTML page with plots and the CSV of each beside it.
+//! Reports: measurements on this machine at this time, as one HTML page with plots and a CSV file for each.
 //!
-//! Timings are medians of frames that different methods render in turn, so that a busy machine slows all of them alike.
+//! Timings are medians of frames that different methods render in turn, so that load on the machine slows all methods alike.
 
 pub mod dynamics;
 pub mod fields;
@@ -16,22 +16,22 @@ pub mod scenes;
 pub mod table;
 pub mod trials;
 
-/// How much a report measures.
+/// Extent of a report's measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Less, in a small part of the time: to try a report, and for tests.
+    /// Fewer measurements in a fraction of the time, for a trial or a test.
     Quick,
-    /// All that the report's claims rest on.
+    /// All measurements on which the report's claims are based.
     Full,
 }
 
 impl Effort {
-    /// [`Effort::Quick`] where a quick report is asked for.
+    /// Returns [`Effort::Quick`] if `quick` is set.
     pub fn new(quick: bool) -> Self {
         if quick { Self::Quick } else { Self::Full }
     }
 
-    /// One of two values.
+    /// Selects one of two values.
     pub fn choose<T>(self, quick: T, full: T) -> T {
         match self {
             Self::Quick => quick,
@@ -40,7 +40,7 @@ impl Effort {
     }
 }
 
-/// The value below which the share `p` (0 to 1) of `values` lies: nearest rank; not-a-number where there are none.
+/// Returns the quantile `p` (0 to 1) of `values` by nearest rank; NaN if there are none.
 pub fn quantile(values: &[f64], p: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -48,12 +48,12 @@ pub fn quantile(values: &[f64], p: f64) -> f64 {
     sorted.get(rank - 1).or(sorted.last()).copied().unwrap_or(f64::NAN)
 }
 
-/// The middle of `values`, the lower of two.
+/// Returns the median of `values`, the lower one of an even number.
 pub fn median(values: &[f64]) -> f64 {
     quantile(values, 0.5)
 }
 
-/// The mean of `values`; not-a-number where there are none.
+/// Returns the mean of `values`; NaN if there are none.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }

@@ -1,4 +1,4 @@
-//! A report: one self-contained HTML page, and the CSV of each plot and table beside it.
+//! Report pages: one self-contained HTML page, and a CSV file for each plot and table beside it.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ text-align:left;vertical-align:top}th{background:#f4f4f4}td.n{text-align:right;f
 svg,img{max-width:100%;height:auto}figure{margin:1em 0}figcaption{font-size:13px;color:#555}\
 p.finding{background:#f2f7f2;border-left:4px solid #4a4;padding:.6em 1em}";
 
-/// A page in the making.
+/// A page under construction.
 pub struct Page {
     folder: PathBuf,
     title: String,
@@ -21,59 +21,59 @@ pub struct Page {
 }
 
 impl Page {
-    /// A page `report.html` in `folder`, which is made.
+    /// Creates a page `report.html` in `folder`, and the folder.
     ///
     /// # Errors
-    /// Status 5 when the folder cannot be made.
+    /// Returns status 5 if the folder cannot be created.
     pub fn new(folder: &Path, title: &str) -> Result<Self> {
         output::make_folder(folder)?;
         Ok(Self { folder: folder.to_owned(), title: title.to_owned(), body: String::new() })
     }
 
-    /// Begins a section.
+    /// Starts a section.
     pub fn section(&mut self, title: &str) {
         self.body.push_str(&format!("<h2>{}</h2>\n", escape(title)));
     }
 
-    /// A paragraph of plain text.
+    /// Adds a paragraph of plain text.
     pub fn text(&mut self, text: &str) {
         self.body.push_str(&format!("<p>{}</p>\n", escape(text)));
     }
 
-    /// What was found.
+    /// Adds a finding.
     pub fn finding(&mut self, text: &str) {
         self.body.push_str(&format!("<p class=finding>{}</p>\n", escape(text)));
     }
 
-    /// A table, and `name.csv` beside the page.
+    /// Adds a table, and writes `name.csv` beside the page.
     ///
     /// # Errors
-    /// Status 5 when the CSV cannot be written.
+    /// Returns status 5 if the CSV file cannot be written.
     pub fn table(&mut self, name: &str, table: &Table) -> Result<()> {
         self.body.push_str(&table.html());
         self.csv(name, table)
     }
 
-    /// A plot with what it shows in words; its numbers go to `name.csv`.
+    /// Adds a plot with a caption, and writes its numbers to `name.csv`.
     ///
     /// # Errors
-    /// Status 5 when the CSV cannot be written, status 1 when the plot cannot be drawn.
+    /// Returns status 5 if the CSV file cannot be written, status 1 if the plot cannot be drawn.
     pub fn plot(&mut self, name: &str, plot: &Plot, caption: &str) -> Result<()> {
         let figure = format!("<figure>\n{}\n<figcaption>{}</figcaption></figure>\n", plot.svg()?, escape(caption));
         self.body.push_str(&figure);
         self.csv(name, &plot.table())
     }
 
-    /// `name.csv` alone.
+    /// Writes only `name.csv`.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn csv(&self, name: &str, table: &Table) -> Result<()> {
         let path = self.folder.join(format!("{name}.csv"));
         output::write_whole(&path, |w| w.write_all(table.csv().as_bytes()))
     }
 
-    /// A PNG, embedded, under a line that opens it.
+    /// Embeds a PNG below a caption that opens it.
     pub fn picture(&mut self, png: &[u8], caption: &str) {
         let caption = escape(caption);
         self.body.push_str(&format!(
@@ -85,7 +85,7 @@ impl Page {
     /// Writes the page.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn finish(self) -> Result<()> {
         output::write_whole(&self.folder.join("report.html"), |w| {
             let title = escape(&self.title);
@@ -99,7 +99,7 @@ impl Page {
     }
 }
 
-/// Base64 (RFC 4648).
+/// Encodes as Base64 (RFC 4648).
 fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut out = String::with_capacity(bytes.len().div_ceil(3) * 4);

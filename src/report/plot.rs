@@ -1,4 +1,4 @@
-//! Work-precision plots: both axes logarithmic, the Pareto front marked, every point named.
+//! Work-precision plots: both axes are logarithmic, the Pareto front is marked, and every point has a name.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 const SIZE: (u32, u32) = (1000, 620);
 /// Pixels around the plotting area: left, right, top, bottom.
 const MARGIN: [i32; 4] = [84, 22, 78, 62];
-/// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
+/// Colours that people with any colour vision can distinguish (Okabe and Ito 2008).
 pub(super) const COLOURS: [RGBColor; 8] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -25,9 +25,9 @@ pub(super) const COLOURS: [RGBColor; 8] = [
 /// A measured point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
-    /// Across, above 0.
+    /// Horizontal coordinate, above 0.
     pub x: f64,
-    /// Upwards, above 0.
+    /// Vertical coordinate, above 0.
     pub y: f64,
     /// Its name in the plot and the CSV.
     pub name: String,
@@ -40,27 +40,27 @@ pub struct Series {
     pub name: String,
     /// Its points, in the order of a line through them.
     pub points: Vec<Point>,
-    /// Whether a line is drawn through them.
+    /// True if a line is drawn through them.
     pub line: bool,
 }
 
-/// A plot of y over x, less being better in both.
+/// A plot of y over x. Smaller values are better in both.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plot {
-    /// Above the plot.
+    /// Title above the plot.
     pub title: String,
-    /// What x is, with its unit.
+    /// Label of x, with its unit.
     pub x: String,
-    /// What y is, with its unit.
+    /// Label of y, with its unit.
     pub y: String,
-    /// Whether the front is marked.
+    /// True if the Pareto front is marked.
     pub front: bool,
-    /// What is shown. Points that a logarithm does not take are left out of the picture, not of the CSV.
+    /// The plotted series. Points that a logarithmic scale cannot show are omitted in the picture, but not in the CSV file.
     pub series: Vec<Series>,
 }
 
 impl Plot {
-    /// The points as a table: series, name, x, y, and whether none is better in both.
+    /// Returns the points as a table: series, name, x, y, and whether the point is on the Pareto front.
     pub fn table(&self) -> Table {
         let mut t = Table::new(&["series", "name", &self.x, &self.y, "on_front"]);
         let front = self.front();
@@ -80,7 +80,7 @@ impl Plot {
         each.filter(move |(_, p)| can(p.x) && can(p.y))
     }
 
-    /// The points that none betters in both, from left to right.
+    /// Returns the Pareto front (points that none surpasses in both), from left to right.
     fn front(&self) -> Vec<(f64, f64)> {
         let mut all: Vec<(f64, f64)> = self.shown().map(|(_, p)| (p.x, p.y)).collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -93,10 +93,10 @@ impl Plot {
         all
     }
 
-    /// The plot as an SVG element.
+    /// Returns the plot as an SVG element.
     ///
     /// # Errors
-    /// Status 1 when it cannot be drawn.
+    /// Returns status 1 if it cannot be drawn.
     pub fn svg(&self) -> Result<String> {
         let mut svg = String::new();
         self.draw(&mut svg).map_err(|e| Error::fault("plot", e, "report it"))?;
@@ -167,7 +167,7 @@ impl Plot {
         Ok(())
     }
 
-    /// Places the legend's entries in rows above the plot, that of the front at the end.
+    /// Places the legend's entries in rows above the plot, with that of the front last.
     fn legend(
         &self,
         mut put: impl FnMut(&str, (i32, i32), RGBColor) -> std::result::Result<(), String>,
@@ -186,10 +186,10 @@ impl Plot {
     }
 }
 
-/// Size of the points' names, pixels.
+/// Font size of the points' names, pixels.
 const LABEL: i32 = 14;
 
-/// About how wide a text is, pixels: the fonts are the reader's, so this is an estimate on the wide side.
+/// Returns the approximate width of a text, pixels. The fonts depend on the reader's system, so this is an upper estimate.
 fn width(s: &str, px: i32) -> i32 {
     s.chars().count() as i32 * px * 50 / 100
 }
@@ -198,7 +198,7 @@ fn around((x, y): (i32, i32), by: i32) -> [i32; 4] {
     [x - by, y - by, x + by, y + by]
 }
 
-/// A place for a point's name, nearby, where it covers nothing, and takes it. The nearest where there is none.
+/// Finds and reserves a position for a point's name, nearby, where it covers nothing. Falls back to the nearest position.
 fn free_place(name: &str, (x, y): (i32, i32), within: [i32; 4], taken: &mut Vec<[i32; 4]>) -> (i32, i32) {
     let (w, h) = (width(name, LABEL) / 2, LABEL / 2 + 1);
     let beside = w + 10;
@@ -230,7 +230,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// An axis with room for all `values` (above 0); one decade where there are none.
+    /// Creates an axis that covers all `values` (above 0); one decade if there are none.
     fn over(values: impl Iterator<Item = f64>, pixels: [i32; 2]) -> Self {
         let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
         if low > high {
@@ -245,8 +245,8 @@ impl Axis {
         self.pixels[0] + (t * f64::from(self.pixels[1] - self.pixels[0])).round() as i32
     }
 
-    /// Where lines are drawn, and whether they are labelled: 1, 2 and 5 of each decade, all where those are few,
-    /// decades alone where there are many.
+    /// Returns the positions of lines, and whether they have labels: 1, 2 and 5 of each decade, with all labels if there are few
+    /// lines, and with labels only at decades if there are many.
     fn ticks(&self) -> Vec<(f64, bool)> {
         let (first, last) = (self.low.log10().floor() as i32, self.high.log10().ceil() as i32);
         let wide = last - first > 5;
@@ -260,7 +260,7 @@ impl Axis {
     }
 }
 
-/// A tick's number as people write it.
+/// Formats a tick's number for people.
 fn number(v: f64) -> String {
     if !(1e-3..1e6).contains(&v) {
         return format!("{v:.0e}");

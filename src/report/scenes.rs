@@ -1,4 +1,4 @@
-//! `report scenes`: what each part that a scene leaves out saves, in bytes and milliseconds.
+//! `report scenes`: the bytes and milliseconds saved by each part that a scene leaves out.
 
 use std::hint::black_box;
 use std::path::Path;
@@ -22,16 +22,16 @@ use super::plot::{Plot, Point, Series};
 use super::table::{Cell, Table};
 use super::{Effort, median};
 
-/// Steps between two looks at the clock.
+/// Number of steps between two readings of the clock.
 const CHUNK: usize = 24;
-/// Pictures a second that the steps are compared with.
+/// Pictures per second that the steps are compared with.
 const FPS: f64 = 30.0;
-/// Bytes of a MiB.
+/// Bytes per MiB.
 const MIB: f64 = 1_048_576.0;
-/// The volume, which every scene has: the first of what is built.
+/// Index of the volume, which every scene has: the first entry of the built parts.
 const VOLUME: usize = 1;
 
-/// The scenes that are shipped, by their files' names.
+/// The shipped scenes, by their file names.
 const SHIPPED: [(&str, &str); 8] = [
     ("tentacles", include_str!("../../assets/scenes/tentacles.toml")),
     ("paper", include_str!("../../assets/scenes/paper.toml")),
@@ -43,7 +43,7 @@ const SHIPPED: [(&str, &str); 8] = [
     ("render", include_str!("../../assets/scenes/render.toml")),
 ];
 
-/// What can be left out of a scene that has everything.
+/// Removes a part from a scene that has everything.
 type LeaveOut = fn(&mut Scene);
 const PARTS: [(&str, LeaveOut); 6] = [
     ("picture", |s| s.picture = false),
@@ -54,7 +54,7 @@ const PARTS: [(&str, LeaveOut); 6] = [
     ("tentacles (flown by hand)", |s| s.steering = Steering::Guide("manual")),
 ];
 
-/// What the light at the camera may do beside the headlight.
+/// Alternatives to the headlight.
 const LIGHTS: [(&str, Light); 4] = [
     ("light falloff", Light { falloff: true, ..Light::HEADLIGHT }),
     ("light gloss", Light { gloss: true, ..Light::HEADLIGHT }),
@@ -62,7 +62,7 @@ const LIGHTS: [(&str, Light); 4] = [
     ("light endoscope", Light::ENDOSCOPE),
 ];
 
-/// A scene at work.
+/// A scene during the measurement.
 struct Running {
     name: String,
     flight: FlightApp,
@@ -70,7 +70,7 @@ struct Running {
     scene_ms: Vec<f64>,
     step_us: Vec<f64>,
     frame_ms: Vec<f64>,
-    /// Casting the tentacles alone.
+    /// Time to cast only the tentacles.
     sense_us: Vec<f64>,
     bytes: usize,
     systems: usize,
@@ -82,18 +82,19 @@ struct Cost {
     name: String,
     bytes: f64,
     step_us: f64,
-    /// None without a picture.
+    /// `None` without a picture.
     frame_ms: Option<f64>,
-    /// Number of tentacles, and what casting them takes; none without tentacles.
+    /// Number of tentacles, and the time to cast them; `None` without tentacles.
     sense: Option<(usize, f64)>,
     scene_ms: f64,
     systems: usize,
 }
 
-/// Measures and writes the report into `folder`, with the scene that has everything once more with `plugins`. Returns the findings, a sentence each.
+/// Measures and writes the report into `folder`. The scene that has everything is also measured with `plugins`. Returns the
+/// findings, one sentence each.
 ///
 /// # Errors
-/// Status 4 when the scan cannot be flown or when interrupted, 5 when a file cannot be written.
+/// Returns status 4 if the scan cannot be flown or if interrupted, 5 if a file cannot be written.
 pub fn report(
     volume: &PreparedVolume,
     plugins: &Plugins,
@@ -182,7 +183,7 @@ impl Running {
         })
     }
 
-    /// Some steps, and a frame where there is a picture.
+    /// Runs some steps, and renders a frame if there is a picture.
     fn round(&mut self) -> Result<()> {
         let begun = Instant::now();
         for _ in 0..CHUNK {
@@ -315,7 +316,8 @@ fn write(
     Ok(findings)
 }
 
-/// The paper's claim (section 3.2) that sensory rays cost nothing beside those of the picture, measured; none without either.
+/// Measures the paper's claim (section 3.2) that sensory rays cost nothing compared with those of the picture; `None` if either
+/// is missing.
 fn tentacles(full: &Cost, pixels: usize) -> Option<(Table, String)> {
     let ((count, sense_us), frame_ms) = (full.sense?, full.frame_ms?);
     let steps = f64::from(STEP_HZ) / FPS;
@@ -338,7 +340,7 @@ fn tentacles(full: &Cost, pixels: usize) -> Option<(Table, String)> {
     Some((t, finding))
 }
 
-/// The findings, in two sentences.
+/// Returns the findings, in two sentences.
 fn findings(full: &Cost, parts: &[&Cost]) -> Vec<String> {
     let saves = |c: &Cost| full.step_us - c.step_us;
     let part = |c: &Cost| c.name.trim_start_matches("without ").to_owned();

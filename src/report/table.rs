@@ -1,13 +1,13 @@
-//! Tables of numbers, as CSV and as HTML.
+//! Tables of numbers, in CSV and HTML format.
 
 use std::fmt::Write;
 
 /// A cell.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cell {
-    /// Words.
+    /// Text.
     Text(String),
-    /// A number; digits after the point where a person reads it.
+    /// A number, with the number of decimals for display.
     Number(f64, usize),
     /// Not measured.
     None,
@@ -31,7 +31,7 @@ impl From<Option<Cell>> for Cell {
     }
 }
 
-/// A table; units are part of the columns' names.
+/// A table. Units are part of the column names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Table {
     columns: Vec<String>,
@@ -39,23 +39,24 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table without rows.
+    /// Creates a table without rows.
     pub fn new(columns: &[&str]) -> Self {
         Self { columns: columns.iter().map(|&c| c.to_owned()).collect(), rows: Vec::new() }
     }
 
-    /// Adds a row, a cell for each column.
+    /// Adds a row with a cell for each column.
     pub fn row(&mut self, cells: Vec<Cell>) {
         debug_assert_eq!(cells.len(), self.columns.len());
         self.rows.push(cells);
     }
 
-    /// Whether it has no rows.
+    /// True if it has no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// Comma-separated (RFC 4180), numbers in full; `inf` is infinite, an empty field not measured.
+    /// Returns the table as comma-separated values (RFC 4180) with full precision. `inf` is infinite, an empty field was not
+    /// measured.
     pub fn csv(&self) -> String {
         let quote = |s: &str| {
             if s.contains([',', '"', '\n', '\r']) { format!("\"{}\"", s.replace('"', "\"\"")) } else { s.to_owned() }
@@ -76,7 +77,7 @@ impl Table {
         out
     }
 
-    /// As HTML.
+    /// Returns the table as HTML.
     pub fn html(&self) -> String {
         let mut out = String::from("<table><tr>");
         for c in &self.columns {
@@ -99,7 +100,7 @@ impl Table {
     }
 }
 
-/// Text escaped for HTML.
+/// Escapes text for HTML.
 pub fn escape(s: &str) -> String {
     s.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

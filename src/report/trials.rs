@@ -1,4 +1,4 @@
-//! Trial flights: the same course flown with different settings, and the results.
+//! Trial flights: the same course flown with different settings, with the results.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,44 +18,45 @@ use crate::render::{PreparedVolume, TransferFunction};
 use crate::report::Effort;
 use crate::volume::{Grid, Volume};
 
-/// A volume to fly through, from end to end.
+/// A volume to fly through from end to end.
 pub struct Course {
     /// The volume.
     pub volume: PreparedVolume,
-    /// Its colon.
+    /// Its lumen.
     pub lumen: Arc<Lumen>,
     /// Start and goal.
     pub plan: Plan,
-    /// Its ground truth, if it is a phantom.
+    /// Its ground truth, for a phantom.
     pub truth: Option<Truth>,
 }
 
 impl Course {
-    /// A course through a volume, from its rectal end to its cecal one.
+    /// Creates a course through a volume, from its rectal to its cecal end.
     ///
     /// # Errors
-    /// Status 4 where there is no colon to fly or when interrupted.
+    /// Returns status 4 if there is no colon to fly or if interrupted.
     pub fn new(volume: PreparedVolume, truth: Option<Truth>, progress: &Progress) -> Result<Self> {
         let mut scan = Scan::prepared(volume.clone(), Arc::new(progress.clone()));
         let plan = scan.plan(&FlightRequest::default(), Scene::default().body.radius_mm)?;
         Ok(Self { volume, lumen: scan.lumen()?, plan, truth })
     }
 
-    /// A course through a phantom.
+    /// Creates a course through a phantom.
     ///
     /// # Errors
-    /// As [`Course::new`].
+    /// Returns the errors of [`Course::new`].
     pub fn phantom(settings: &PhantomSettings, progress: &Progress) -> Result<Self> {
         let phantom = Phantom::new(settings);
         let volume = phantom.voxelise(&phantom.grid(), progress)?;
         Self::new(PreparedVolume::new(Arc::new(volume), TransferFunction::default()), Some(phantom.truth()), progress)
     }
 
-    /// A drawn lumen, 18 mm high, from its start to its goal: in voxels of 1 mm, so that four pixels make one.
+    /// Creates a course through a drawn lumen, 18 mm high, from its start to its goal. The voxels are 1 mm, so that four pixels
+    /// make one.
     ///
     /// # Errors
-    /// Status 2 where no start or goal is drawn, 3 where the drawing is no volume, 4 where nothing is open at the
-    /// start.
+    /// Returns status 2 if no start or goal is drawn, 3 if the drawing cannot be converted to a volume, 4 if there is no free
+    /// space at the start.
     pub fn drawn(drawing: &Drawing, progress: &Progress) -> Result<Self> {
         let unmarked = || Error::usage("drawing", "it has no start or no goal", "mark them in red and green");
         let (start, goal) = (drawing.start.ok_or_else(unmarked)?, drawing.goal.ok_or_else(unmarked)?);
@@ -99,20 +100,20 @@ impl Course {
         })
     }
 
-    /// How far each place of the lumen is from the goal, along the lumen.
+    /// Returns the distance of each point of the lumen from the goal, along the lumen.
     ///
     /// # Errors
-    /// Status 4 when interrupted.
+    /// Returns status 4 if interrupted.
     pub fn to_goal(&self, progress: &Progress) -> Result<TargetDistance> {
         let gas = self.plan.gas.as_deref().unwrap_or(&self.lumen);
         let walls = WallDistance::of_lumen(self.volume.voxels(), gas, Through::Gas, progress)?;
         TargetDistance::to(&Arc::new(walls), self.plan.goal, None, &[], progress)
     }
 
-    /// The same course the other way.
+    /// Returns the same course in the opposite direction.
     ///
     /// # Errors
-    /// Status 4 where there is no colon to fly.
+    /// Returns status 4 if there is no colon to fly.
     pub fn reversed(&self, progress: &Progress) -> Result<Self> {
         let request = FlightRequest { reverse: true, ..FlightRequest::default() };
         let plan = plan::plan(&self.volume, &self.lumen, &request, Scene::default().body.radius_mm, progress)?;
@@ -120,11 +121,10 @@ impl Course {
     }
 }
 
-/// The courses that small studies are flown on: small phantoms with folds, polyps and noise, six, or two for a quick
-/// report.
+/// Creates the courses of small studies: six small phantoms with folds, polyps and noise, or two for a quick report.
 ///
 /// # Errors
-/// As [`Course::new`].
+/// Returns the errors of [`Course::new`].
 pub fn small_phantoms(effort: Effort, progress: &Progress) -> Result<Vec<Course>> {
     let seeds = 1..=effort.choose(2, 6);
     seeds
@@ -137,30 +137,30 @@ pub fn small_phantoms(effort: Effort, progress: &Progress) -> Result<Vec<Course>
 /// The result of a flight.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    /// How it ended.
+    /// Final state.
     pub state: State,
-    /// Why the operator was called; empty otherwise.
+    /// Why the operator was called; empty if not called.
     pub reason: String,
-    /// Simulated seconds.
+    /// Duration, simulated seconds.
     pub seconds: f64,
-    /// Where the camera was, each tenth of a second, world mm.
+    /// Camera positions every tenth of a second, world mm.
     pub places: Vec<DVec3>,
     /// Distance flown, mm.
     pub length_mm: f64,
-    /// Places at which another way was looked for.
+    /// Number of places at which the flight searched for another direction.
     pub escapes: u32,
-    /// Least and mean clearance, mm.
+    /// Smallest and mean clearance, mm.
     pub clearance_mm: (f64, f64),
-    /// Mean distance from the true centerline as a share of the local radius; none where there is no truth.
+    /// Mean distance from the true centerline as a share of the local radius; `None` without ground truth.
     pub offset: Option<f64>,
     /// Root mean square of the jerk after the first second, mm/s³.
     pub jerk: f64,
-    /// Wall clock of a step, µs.
+    /// Wall-clock time of a step, µs.
     pub step_us: f64,
 }
 
 impl Trial {
-    /// Whether it arrived.
+    /// True if the flight arrived.
     pub fn arrived(&self) -> bool {
         self.state == State::Arrived
     }
@@ -169,7 +169,7 @@ impl Trial {
 /// Flies a course with a scene, for at most `seconds` simulated seconds.
 ///
 /// # Errors
-/// Status 2 for a scene that makes no sense.
+/// Returns status 2 for an invalid scene.
 pub fn fly(course: &Course, scene: &Scene, seconds: f64) -> Result<Trial> {
     let scene = Scene { log: true, ..scene.clone() };
     let (volume, lumen) = (course.volume.clone(), Arc::clone(&course.lumen));
@@ -204,7 +204,7 @@ pub fn fly(course: &Course, scene: &Scene, seconds: f64) -> Result<Trial> {
     })
 }
 
-/// Mean distance from the true centerline, each tenth of a second, as a share of the local radius.
+/// Returns the mean distance from the true centerline, sampled every tenth of a second, as a share of the local radius.
 fn offset(places: &[DVec3], truth: &Truth) -> f64 {
     let share = |p: &DVec3| {
         let d = |i: &usize| truth.centerline[*i].distance_squared(*p);
@@ -214,8 +214,8 @@ fn offset(places: &[DVec3], truth: &Truth) -> f64 {
     super::mean(&places.iter().step_by(12).map(share).collect::<Vec<_>>())
 }
 
-/// Root mean square of the third differences of the places over a twentieth of a second, after the first second: what
-/// is shorter is rounding, and the start is not chatter.
+/// Returns the root mean square of the third differences of the positions over a twentieth of a second, after the first second.
+/// Shorter intervals contain only rounding, and the start is not chatter.
 fn jerk(places: &[DVec3], dt: f64) -> f64 {
     const EVERY: usize = 6;
     let h = dt * EVERY as f64;

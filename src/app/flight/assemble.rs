@@ -1,4 +1,4 @@
-//! The flight's entities and schedules, for the scene as it is.
+//! Assembles a flight's entities and schedules for its scene.
 
 use std::sync::Arc;
 
@@ -18,12 +18,11 @@ use crate::error::Result;
 use crate::fields::ClearanceFinder;
 use crate::schedule::App;
 
-/// Logged clearances are exact up to 10 mm; what they are found by reaches a little farther, mm.
+/// Reach of the clearance search, mm. Logged clearances are exact up to 10 mm, so it is slightly larger.
 const CLEARANCE_MM: f64 = 11.0;
 
 impl FlightApp {
-    /// Builds the schedules and the components anew for the scene as it is now: what it needs is added, what it does
-    /// not need is removed.
+    /// Rebuilds the schedules and components for the current scene: adds what it needs and removes what it does not need.
     pub(super) fn rebuild(&mut self) -> Result<()> {
         self.fields.build(
             self.scene.needs(),
@@ -43,7 +42,7 @@ impl FlightApp {
         self.app.build()
     }
 
-    /// The scan with what is built of it.
+    /// Equips the scan entity with the data built for it.
     fn equip_scan(&mut self) {
         let mut scan = self.app.scan();
         if self.scene.moves() && !scan.contains::<Walls>() {
@@ -62,7 +61,7 @@ impl FlightApp {
         }
     }
 
-    /// Puts the camera at the start of the plan.
+    /// Places the camera at the start of the plan.
     pub(super) fn set_out(&mut self) {
         let attitude = match (self.scene.play(), self.camera::<Planned>()) {
             (Some(play), _) => play.now().attitude,
@@ -80,7 +79,7 @@ impl FlightApp {
         }
     }
 
-    /// Brings the body, if there is one, to rest at a place, heading along `forward`.
+    /// Puts the body, if there is one, to rest at a position (world mm), heading along `forward`.
     pub(super) fn rest(&mut self, position: DVec3, forward: DVec3) {
         let Some(clearance_mm) = self.app.scan_get::<Walls>().map(|w| w.0.at(position).mm) else { return };
         self.app.camera().insert((
@@ -92,7 +91,7 @@ impl FlightApp {
     }
 }
 
-/// What every camera of the scene has, whoever steers it.
+/// Adds the components that every camera of the scene has, independent of the steering.
 fn equip_camera(app: &mut App, scene: &Scene, plan: &Plan) {
     let moves = scene.moves();
     if scene.play().is_none() {

@@ -1,4 +1,4 @@
-//! What the operator changes about a flight: its guide, its end, its direction, the camera's place on the way.
+//! Operator commands on a flight: guide, end, direction, and the camera's position on the path.
 
 use super::FlightApp;
 use crate::app::plan::{self, Plan, SegmentEnd};
@@ -14,10 +14,10 @@ use crate::error::{Error, Result};
 use glam::DVec3;
 
 impl FlightApp {
-    /// Lets the operator act before the next step.
+    /// Applies a command of the operator before the next step.
     ///
     /// # Errors
-    /// When a command asks for something that there is not.
+    /// Returns an error if the command requests something that does not exist.
     pub fn act(&mut self, command: impl Into<Command>) -> Result<()> {
         let (tick, command) = (self.clock().tick, command.into());
         match &command {
@@ -28,7 +28,7 @@ impl FlightApp {
             }
             Command::Flight(command) => self.follow(command)?,
         }
-        // Only what was followed: a replay must not stop at what was refused.
+        // Only commands that succeeded: a replay must not stop at a refused one.
         if let Some(acted) = &mut self.acted {
             acted.push(TimedCommand { tick, command });
         }
@@ -86,7 +86,7 @@ impl FlightApp {
             &FlightCommand::ViewAngle(degrees) => {
                 let usual = self.scene.image.fov_degrees;
                 if let Some(mut picture) = self.camera_mut::<Picture>() {
-                    // What the flight began with may lie beyond what is offered.
+                    // The initial angle of the flight may lie outside the offered range.
                     let held = if degrees == usual { Some(usual) } else { picture.camera.clamp_fov(degrees) };
                     picture.fov_degrees = held.unwrap_or(picture.fov_degrees);
                 }
@@ -95,7 +95,7 @@ impl FlightApp {
         Ok(())
     }
 
-    /// A log goes its own way.
+    /// Refuses commands that a replayed log cannot follow.
     fn refuse_while_playing(&self, what: &str) -> Result<()> {
         if self.scene.play().is_some() {
             return Err(Error::usage(what, "the flight replays a log", "fly without --play"));
@@ -103,7 +103,8 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Builds the flight anew after a change; where that fails, for what it was before.
+    /// Rebuilds the flight after a change. If that fails, `back` undoes the change and the flight is rebuilt for its former
+    /// state.
     fn change(&mut self, back: impl FnOnce(&mut Self)) -> Result<()> {
         self.rebuild().or_else(|e| {
             back(self);
@@ -112,7 +113,7 @@ impl FlightApp {
         })
     }
 
-    /// Sets out anew with another plan.
+    /// Restarts the flight with another plan.
     fn set_out_on(&mut self, plan: Plan) -> Result<()> {
         self.note_flown();
         let before = std::mem::replace(&mut self.plan, plan);
@@ -121,7 +122,8 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Takes the camera to a place, looking so. A flight by plan goes on from the part of its way that is nearest.
+    /// Moves the camera to a position with a forward and an up direction. A flight by plan continues from the nearest part of its
+    /// path.
     fn go(&mut self, [to, forward, up]: [DVec3; 3]) -> Result<()> {
         self.refuse_while_playing("place")?;
         let looks = forward.is_finite() && up.is_finite() && forward.cross(up).length_squared() > 1e-12;
@@ -142,8 +144,8 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Takes the camera to a share (0 to 1) of the way: of the plan, of the log that is played, or without either of the
-    /// way that was flown.
+    /// Moves the camera to a share (0 to 1) of the path: of the plan, of the log that is played, or, without either, of the path
+    /// flown.
     fn seek(&mut self, share: f64) -> Result<()> {
         let share = if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 };
         if let Some(mut play) = self.camera_mut::<Playback>() {
@@ -177,7 +179,7 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Nothing that was counted or laid before a jump holds after it.
+    /// Clears everything that was counted or laid before a jump, as it no longer applies.
     fn set_free(&mut self) {
         if let Some(mut watch) = self.camera_mut::<Watch>() {
             watch.rescue.restart();
@@ -188,7 +190,7 @@ impl FlightApp {
         self.resume();
     }
 
-    /// Tells the trail that the camera was taken to a share of the way.
+    /// Records in the trail that the camera was moved to a share of the path.
     pub(super) fn jump(&mut self, share: f64) {
         if let Some(mut trail) = self.camera_mut::<Trail>() {
             trail.jump(share);
@@ -210,22 +212,22 @@ impl FlightApp {
         }
     }
 
-    /// Replays acts in the steps they were made in.
+    /// Replays commands in the steps in which they were given.
     pub fn replay(&mut self, timed_commands: Vec<TimedCommand>) {
         self.coming = timed_commands.into();
     }
 
-    /// Whether acts are still to be replayed.
+    /// True if commands are left to replay.
     pub fn is_replaying(&self) -> bool {
         !self.coming.is_empty()
     }
 
-    /// Keeps every act from here on.
+    /// Records every command from here on.
     pub fn record_acts(&mut self) {
         self.acted = Some(Vec::new());
     }
 
-    /// The acts kept since [`FlightApp::record_acts`].
+    /// Returns the commands recorded since [`FlightApp::record_acts`].
     pub fn timed_commands(&self) -> &[TimedCommand] {
         self.acted.as_deref().unwrap_or(&[])
     }

@@ -32,48 +32,48 @@ use crate::schedule::{App, note};
 use crate::systems;
 use crate::systems::present::{self, Presenter};
 
-/// A flight under way: what a host drives, the same for a window and headless.
+/// A running flight. A host drives it in the same manner in a window and headless.
 ///
-/// It is made by [`Scan::flight`](crate::app::Scan::flight), or from its parts by [`FlightApp::new`].
+/// Create it with [`Scan::flight`](crate::app::Scan::flight), or from its parts with [`FlightApp::new`].
 pub struct FlightApp {
     app: App,
     scene: Scene,
     volume: PreparedVolume,
     lumen: Arc<Lumen>,
     plan: Plan,
-    /// Commands still to come (a replay), by step.
+    /// Commands that are left to replay, by step.
     coming: VecDeque<TimedCommand>,
-    /// Every command that acted, for recording.
+    /// Commands that took effect, for recording.
     acted: Option<Vec<TimedCommand>>,
     fields: Fields,
     progress: Arc<Progress>,
-    /// The camera's last pose that was one.
+    /// The camera's last valid pose.
     sound: Option<Pose>,
-    /// The views, to be marked before each frame; kept, since to set a query up takes memory.
+    /// Query of the views that are marked before each frame. It is kept because creating a query allocates.
     pictures: Option<QueryState<&'static mut Picture>>,
     views: Option<ViewsToMark>,
 }
 
-/// What tells whether a view is finished.
+/// Components that determine whether a view is finished.
 type ViewsToMark =
     QueryState<(Entity, &'static mut Picture, &'static FrameCache, Option<&'static Pose>, Option<&'static Follows>)>;
 
-/// A camera farther from the origin than this is nowhere, mm.
+/// Largest valid distance of the camera from the origin, mm.
 const FARTHEST_MM: f64 = 1e9;
 
 impl FlightApp {
-    /// A flight at its start.
+    /// Creates a flight at its start.
     ///
     /// # Errors
-    /// When the scene is not consistent; status 4 where the guide plans and there is no way.
+    /// Returns an error if the scene is inconsistent, and status 4 if the guide plans and there is no path.
     pub fn new(volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<Self> {
         Self::prepared(volume, lumen, plan, scene, Arc::new(Progress::new()))
     }
 
-    /// [`FlightApp::new`], telling how far what the guide needs is built.
+    /// Same as [`FlightApp::new`], reporting the progress of building what the guide needs.
     ///
     /// # Errors
-    /// As above, and status 4 when interrupted.
+    /// Returns the errors of [`FlightApp::new`], and status 4 if interrupted.
     pub fn prepared(
         volume: PreparedVolume,
         lumen: Arc<Lumen>,
@@ -115,12 +115,12 @@ impl FlightApp {
         Ok(flight)
     }
 
-    /// Adds a view: an entity with a [`Picture`] and a place to look from, a [`Pose`] of its own or
-    /// [`Follows`], and whatever else it is to carry. It is rendered in each frame from now
-    /// on. A view that is spawned into the world is, too; this one has its renderer made ready at once.
+    /// Adds a view: an entity with a [`Picture`], a position to look from (its own [`Pose`] or [`Follows`]), and any other
+    /// components. It is rendered in every frame from now on. So is a view that is spawned into the world directly, but this
+    /// method also prepares the renderer at once.
     ///
     /// # Errors
-    /// Status 2 for a picture whose preset does not follow its settings, or that no camera can make.
+    /// Returns status 2 for a picture whose preset does not support its settings, or that no camera can render.
     pub fn add_view(&mut self, view: impl Bundle) -> Result<Entity> {
         let entity = self.app.world.spawn(view).id();
         let checked = self.check_view(entity).and_then(|()| self.plug_late());
@@ -138,14 +138,14 @@ impl FlightApp {
     /// Adds a slice: an entity with a [`SliceView`]. It is drawn in each frame that changes it.
     ///
     /// # Errors
-    /// As for any change of the schedule.
+    /// Returns the errors of any change of the schedule.
     pub fn add_slice(&mut self, slice: SliceView) -> Result<Entity> {
         let entity = self.app.world.spawn(slice).id();
         self.plug_late()?;
         Ok(entity)
     }
 
-    /// All slices.
+    /// Returns all slices.
     pub fn slices(&self) -> Vec<&SliceView> {
         let world = &self.app.world;
         let entities = world.archetypes().iter().flat_map(|a| a.entities().iter().map(|e| e.id()));
@@ -169,7 +169,7 @@ impl FlightApp {
         View::with_model(DVec3::ZERO, DVec3::Y, DVec3::Z, p.camera, p.fov_degrees, width, height).map(drop)
     }
 
-    /// Makes the renderers of views that have none yet, so that the first frame takes no longer than others.
+    /// Creates the renderers of views that have none yet, so that the first frame takes no longer than others.
     fn prepare_views(&mut self) -> Result<()> {
         let Self { app, volume, .. } = self;
         let mut views = app.world.query::<(&Picture, &mut FrameCache)>();
@@ -187,7 +187,7 @@ impl FlightApp {
         Ok(())
     }
 
-    /// The views beside the camera's own, in the order in which they are rendered, with what their renderers keep.
+    /// Returns the views other than the camera's, in rendering order, with their renderers' caches.
     pub fn other_views(&self) -> Vec<(&Picture, &FrameCache)> {
         let camera = self.app.camera_id();
         let world = &self.app.world;
@@ -201,7 +201,7 @@ impl FlightApp {
         views.into_iter().filter_map(|e| Some((world.get(e)?, world.get(e)?))).collect()
     }
 
-    /// Marks the views beside the camera's that would become better or other pictures if they were rendered now; whether
+    /// Marks the views other than the camera's whose picture would change or improve if they were rendered now. Returns true if
     /// there is one.
     pub fn mark_unfinished_views(&mut self) -> bool {
         let camera = self.app.camera_id();
@@ -215,7 +215,7 @@ impl FlightApp {
             }
             let pose = match follows {
                 Some(f) if f.whom.is_none_or(|e| e == camera) => Some(f.pose(&here)),
-                // Whom it follows may have moved: it is rendered.
+                // The followed entity may have moved, so the view is rendered.
                 Some(_) => None,
                 None => pose.copied(),
             };
@@ -231,31 +231,31 @@ impl FlightApp {
         any
     }
 
-    /// Hands a view's pictures to a presenter from now on: see [`Presenter`].
+    /// Sends a view's pictures to a presenter from now on: see [`Presenter`].
     ///
     /// # Errors
-    /// As for any change of the schedule.
+    /// Returns the errors of any change of the schedule.
     pub fn present_to(&mut self, view: Entity, presenter: impl Presenter) -> Result<()> {
         present::hand_to(&mut self.app, view, presenter);
         self.plug_late()
     }
 
-    /// Takes the presenter of the camera's pictures away, if it is a `P`.
+    /// Removes and returns the presenter of the camera's pictures, if it is a `P`.
     pub fn take_presenter<P: Presenter>(&mut self) -> Option<P> {
         let camera = self.app.camera_id();
         present::take(&mut self.app, camera)
     }
 
-    /// Adds what views and presenters that came later need.
+    /// Adds the systems needed by views and presenters that were added later.
     fn plug_late(&mut self) -> Result<()> {
         self.scene.plug_views(&mut self.app)?;
         if self.app.is_changed() { self.app.build() } else { Ok(()) }
     }
 
-    /// One simulation step, with the commands that are due.
+    /// Runs one simulation step, with the commands that are due.
     ///
     /// # Errors
-    /// When a command asks for something that there is not.
+    /// Returns an error if a command requests something that does not exist.
     pub fn step(&mut self) -> Result<()> {
         let tick = self.clock().tick;
         while self.coming.front().is_some_and(|a| a.tick <= tick) {
@@ -271,7 +271,7 @@ impl FlightApp {
         stepped
     }
 
-    /// Puts the camera back to where it last was, at rest, if a plug-in has written what is no place, no direction or no speed.
+    /// Moves the camera back to its last valid pose, at rest, if a plug-in has written an invalid position, direction or speed.
     fn keep_sound(&mut self) {
         let Some(pose) = self.camera::<Pose>().copied() else { return };
         let moving = [
@@ -303,10 +303,10 @@ impl FlightApp {
         self.rest(back.position, back.attitude.forward);
     }
 
-    /// Flies on by so many simulated seconds, or until the flight ends by itself.
+    /// Flies for a number of simulated seconds, or until the flight ends.
     ///
     /// # Errors
-    /// As [`FlightApp::step`].
+    /// Returns the errors of [`FlightApp::step`].
     pub fn fly(&mut self, seconds: f64) -> Result<State> {
         let steps = (seconds * f64::from(self.clock().hz)).round() as u64;
         for _ in 0..steps {
@@ -318,10 +318,10 @@ impl FlightApp {
         Ok(self.flight().state)
     }
 
-    /// Traces the pictures of all views as they are now, and presents them. Does nothing in a scene without a view.
+    /// Renders the pictures of all views in their current state and presents them. Does nothing in a scene without a view.
     ///
     /// # Errors
-    /// Status 1 when systems were added whose order is ambiguous.
+    /// Returns status 1 if systems were added whose order is ambiguous.
     pub fn frame(&mut self) -> Result<()> {
         let Self { app, pictures, .. } = self;
         let pictures = pictures.get_or_insert_with(|| app.world.query());
@@ -329,10 +329,10 @@ impl FlightApp {
         self.frame_of_due()
     }
 
-    /// As [`FlightApp::frame`], for those views alone that are due.
+    /// Same as [`FlightApp::frame`], but only for views that are due.
     ///
     /// # Errors
-    /// As there.
+    /// Returns the errors of [`FlightApp::frame`].
     pub fn frame_of_due(&mut self) -> Result<()> {
         self.plug_late()?;
         present::take_over(&mut self.app);
@@ -350,13 +350,13 @@ impl FlightApp {
         made
     }
 
-    /// Presents the camera's picture again as it was last traced: for something new that lies over it.
+    /// Presents the camera's last picture again without rendering it. Use it after an overlay has changed.
     pub fn present(&mut self) {
         let camera = self.app.camera_id();
         present::present_again(&mut self.app, camera);
     }
 
-    /// The view that its picture is of, from where the camera is now; none in a scene without a picture.
+    /// Returns the view of the camera's picture from its current pose; `None` in a scene without a picture.
     pub fn view(&self) -> Option<View> {
         let (pose, picture) = (self.pose(), self.camera::<Picture>()?);
         let Attitude { forward, up } = pose.attitude;
@@ -364,11 +364,11 @@ impl FlightApp {
         View::with_model(pose.position, forward, up, picture.camera, picture.fov_degrees, width, height).ok()
     }
 
-    /// What the camera sees now, in `width` × `height` pixels, whether or not the scene has a picture: at high quality, by the
-    /// scene's renderer.
+    /// Renders what the camera sees now in `width` × `height` pixels, at high quality, with the scene's renderer. Works also if
+    /// the scene has no picture.
     ///
     /// # Errors
-    /// Status 2 for an image without pixels, 1 when a renderer of another crate panics.
+    /// Returns status 2 for an image without pixels, and status 1 if a renderer of another crate panics.
     pub fn look(&self, width: usize, height: usize) -> Result<Frame> {
         let (pose, image) = (self.pose(), &self.scene.image);
         let Attitude { forward, up } = pose.attitude;
@@ -386,24 +386,24 @@ impl FlightApp {
         Ok(frame)
     }
 
-    /// Whether the guide that steers was switched off after a panic.
+    /// True if the active guide was switched off after a panic.
     pub fn is_guide_off(&self) -> bool {
         self.app.is_off(self.scene.guide_name())
     }
 
-    /// Takes what there is to say to the user of what was planned since the last call.
+    /// Takes the notes to the user about planning since the last call.
     pub fn take_notes(&mut self) -> Vec<String> {
         let mut notes = self.fields.take_notes();
         notes.extend(self.app.take_notes());
         notes
     }
 
-    /// Takes the steps written down since the last call.
+    /// Takes the log lines written since the last call.
     pub fn take_log(&mut self) -> Vec<LogLine> {
         self.app.world.get_resource_mut::<FlightLog>().map_or_else(Vec::new, |mut l| std::mem::take(&mut l.0))
     }
 
-    /// Ends the flight because of a fault.
+    /// Ends the flight because of an error.
     pub fn end_because(&mut self, fault: &Error) {
         self.end();
         if let Some(mut f) = self.camera_mut::<Flight>() {
@@ -420,7 +420,7 @@ impl FlightApp {
         }
     }
 
-    /// Segments of the lumen not flown to their end yet, with their gas in ml.
+    /// Returns the segments of the lumen that are not yet flown to their end, with their gas in ml.
     pub fn unflown(&self) -> Vec<(usize, f64)> {
         let flown = self.camera::<Flown>().map_or(&[][..], |f| &f.done);
         self.lumen
@@ -428,44 +428,44 @@ impl FlightApp {
             .iter()
             .enumerate()
             .filter(|(n, _)| !flown.contains(n))
-            // The one being flown is not "another one".
+            // The current segment is not "another one".
             .filter(|(n, _)| self.plan.segment != Some(*n))
             .map(|(n, s)| (n, s.ml))
             .collect()
     }
 
-    /// What the guide needed of the lumen.
+    /// Returns the fields over the lumen that the guide needed.
     pub fn fields(&self) -> &Fields {
         &self.fields
     }
 
-    /// Takes over fields that were built elsewhere for this flight; what does not fit its plan is built anew.
+    /// Adopts fields that were built elsewhere for this flight. Fields that do not fit its plan are rebuilt.
     pub fn adopt(&mut self, fields: Fields) {
         self.fields = fields;
     }
 
-    /// How long fields took that were built since the last call, s.
+    /// Takes the build times of fields since the last call, s.
     pub fn take_field_times(&mut self) -> Vec<(&'static str, f64)> {
         self.fields.take_times()
     }
 
-    /// The views of the flight from its beginning on, each 2 mm, and how far along the way they lie.
+    /// Returns the flight's past views, one every 2 mm from its beginning, with their positions along the path.
     pub fn trail(&self) -> Option<&Trail> {
         self.camera()
     }
 
-    /// Share of the wall of the gas flown through that was seen: see [`crate::render::coverage()`]. None where that gas is
-    /// not known.
+    /// Returns the share of the wall seen, in the gas flown through: see [`crate::render::coverage()`]. `None` if that gas is not
+    /// known.
     ///
     /// # Errors
-    /// Status 4 when interrupted.
+    /// Returns status 4 if interrupted.
     pub fn coverage(&self, fov_degrees: f64) -> Result<Option<Coverage>> {
         let places = self.trail().map_or(&[][..], Trail::views);
         let mut gas = self.plan.gas.clone().unwrap_or_else(|| Arc::clone(&self.lumen));
         if gas.segments.is_empty()
             && let Some(first) = places.first()
         {
-            // A log that was played: the colon was not asked for until now.
+            // A played log: the colon has not been segmented until now.
             gas = Arc::new(lumen::find(self.volume.voxels(), &self.progress)?);
             if gas.segment_at(first.0).is_none()
                 && let Some(there) = lumen::gas_at(self.volume.voxels(), first.0, &self.progress)?
@@ -480,23 +480,24 @@ impl FlightApp {
         Ok((!walls.is_empty()).then(|| coverage(&self.volume, &walls, places, fov_degrees)))
     }
 
-    /// A component of the camera.
+    /// Returns a component of the camera.
     pub fn camera<T: Component>(&self) -> Option<&T> {
         self.app.camera_get()
     }
 
-    /// A component of the camera, to change it: a window resizes its picture, say.
+    /// Returns a component of the camera for modification, for example to resize its picture.
     pub fn camera_mut<T: Component<Mutability = bevy_ecs::component::Mutable>>(&mut self) -> Option<Mut<'_, T>> {
         self.app.camera_get_mut()
     }
 
-    /// The camera's pose.
+    /// Returns the camera's pose.
     pub fn pose(&self) -> Pose {
         let here = Pose { position: self.plan.start, attitude: Attitude::new(DVec3::Y, DVec3::Z) };
         self.camera().copied().unwrap_or(here)
     }
 
-    /// Puts the camera somewhere (a flight taken up where it was left); refused where the body does not fit.
+    /// Moves the camera to a pose (world mm), for example to resume a flight. Returns false, without moving it, if the body does
+    /// not fit there.
     pub fn place(&mut self, position: DVec3, forward: DVec3, up: DVec3) -> bool {
         let fits = self.app.scan_get::<Walls>().map_or(0.0, |w| w.0.at(position).mm);
         if fits <= self.scene.body.radius_mm + TOLERANCE_MM {
@@ -508,35 +509,35 @@ impl FlightApp {
         true
     }
 
-    /// Share of the way behind the camera, 0 to 1, and the way's length, mm: by the plan or the log that is played, or coarsely by the
-    /// way flown.
+    /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that
+    /// is played, or, coarsely, to the path flown.
     pub fn progress(&self) -> (f64, f64) {
         let Some(trail) = self.trail() else { return (0.0, 0.0) };
         (self.camera::<Playback>().map_or(trail.share(), Playback::share), trail.length_mm())
     }
 
-    /// Says how far along the way the camera stands, mm: for a flight that goes on from where another was left.
+    /// Sets how far along the path the camera is, mm. Use it to continue an earlier flight.
     pub fn stands_at(&mut self, along_mm: f64) {
         let share = along_mm / self.plan.length_mm;
         self.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
     }
 
-    /// How the flight stands.
+    /// Returns the state of the flight.
     pub fn flight(&self) -> Flight {
         self.camera().cloned().unwrap_or_default()
     }
 
-    /// Simulated time.
+    /// Returns the simulated time.
     pub fn clock(&self) -> Clock {
         *self.app.world.resource::<Clock>()
     }
 
-    /// The plan.
+    /// Returns the plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// Whether the flight goes to its segment's rectal end.
+    /// True if the flight goes to its segment's rectal end.
     pub fn is_reversed(&self) -> bool {
         self.plan.segment.and_then(|n| self.lumen.segments.get(n)).is_some_and(|s| {
             let [rectal, cecal] = s.ends;
@@ -544,32 +545,32 @@ impl FlightApp {
         })
     }
 
-    /// The scene.
+    /// Returns the scene.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// The colon.
+    /// Returns the colon's lumen.
     pub fn lumen(&self) -> &Lumen {
         &self.lumen
     }
 
-    /// The colon, to be shared.
+    /// Returns the colon's lumen for sharing.
     pub fn shared_lumen(&self) -> Arc<Lumen> {
         Arc::clone(&self.lumen)
     }
 
-    /// The volume made ready for rays.
+    /// Returns the prepared volume.
     pub fn volume(&self) -> &PreparedVolume {
         &self.volume
     }
 
-    /// The world and its schedules, for explanations.
+    /// Returns the world and its schedules, for explanations.
     pub fn app(&self) -> &App {
         &self.app
     }
 
-    /// The same, for a host that hands its presenter to it.
+    /// Returns the world and its schedules for modification, for a host that adds its presenter.
     pub fn app_mut(&mut self) -> &mut App {
         &mut self.app
     }

@@ -1,7 +1,7 @@
-//! The forces on the camera (paper, figure 4): what pushes, pulls and holds it back, and what comes of all of it.
+//! The forces on the camera (paper, figure 4): those that push, pull and slow it, and their sum.
 //!
-//! They act at the eye. In the picture they are drawn on a cross in its middle, some way ahead, so that the part across the view
-//! is seen as it is and the part along it foreshortened; in the views of the surroundings they begin at the camera.
+//! They act at the eye. In the picture they are drawn on a cross in its middle, some distance ahead: components across the view
+//! appear at full length, components along it are foreshortened. In the views of the surroundings they begin at the camera.
 
 use glam::DVec3;
 
@@ -29,17 +29,18 @@ pub const OVERLAY: Overlay = Overlay {
 /// Length of an arrow in the views of the surroundings, and in the picture, mm for each mm/s².
 const MM_A_FORCE: f64 = 0.16;
 const IN_PICTURE: f64 = 0.12;
-/// The arrows in the picture begin at the distance at which that spans twice so much, and no nearer, mm.
+/// Smallest distance of the arrows' origin in the picture, mm. They begin at the distance at which this length spans twice as
+/// much.
 const AHEAD_MM: f64 = 30.0;
-/// An arrow in the picture is no longer than this, mm: it must not reach behind the camera.
+/// Longest arrow in the picture, mm: it must not reach behind the camera.
 const LONGEST_MM: f64 = 26.0;
-/// Weaker ones than this are not drawn, mm/s².
+/// Weaker forces than this are not drawn, mm/s².
 const WEAK: f64 = 2.0;
 
-/// Something that acts on the camera.
+/// A force on the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Force {
-    /// What it is.
+    /// Its name.
     pub name: &'static str,
     /// The letter at its arrow.
     pub letter: &'static str,
@@ -48,7 +49,7 @@ pub struct Force {
     colour: Colour,
 }
 
-/// All that acts on a flight's camera now, and last their sum. Nothing where nothing moves it, or a log does.
+/// Returns all forces that act on a flight's camera now, with their sum last. Empty if nothing moves the camera, or a log does.
 pub fn forces(flight: &FlightApp) -> Vec<Force> {
     if !flight.scene().moves() || flight.scene().play().is_some() {
         return Vec::new();
@@ -72,7 +73,7 @@ pub fn forces(flight: &FlightApp) -> Vec<Force> {
     all
 }
 
-/// What the wall and the target exert by a potential, world mm/s²; as the step of the body has it.
+/// Returns the accelerations by the wall and the target of a potential, world mm/s², as in the step of the body.
 fn by_field(flight: &FlightApp, hand: Option<&Hand>) -> [DVec3; 2] {
     let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
     let Some(field) = flight.camera::<PotentialField>().filter(|_| !stopped) else { return [DVec3::ZERO; 2] };
@@ -136,7 +137,7 @@ fn strong(all: &[Force]) -> impl Iterator<Item = &Force> {
     all.iter().filter(|f| f.acceleration.length() >= WEAK)
 }
 
-/// The letter of a force beyond its tip; none at an arrow that points at the eye.
+/// Draws the letter of a force beyond its tip; nothing at an arrow that points at the eye.
 fn letter(canvas: &mut Canvas, from: Place2, tip: Place2, force: &Force) {
     let pt = canvas.scale();
     let [x, y] = [tip[0] - from[0], tip[1] - from[1]];

@@ -1,5 +1,5 @@
-//! The mines: where they lie in the picture, filled where they are in sight and hollow behind a wall; and behind the camera,
-//! in the views of the surroundings.
+//! The mines: in the picture, filled if visible and hollow if behind a wall. Mines behind the camera appear in the views of the
+//! surroundings.
 
 use super::surroundings::surroundings;
 use super::{EDGE, GREY, SMALL, WHITE, YELLOW, dot, legend_row, legend_text, ring};
@@ -18,7 +18,7 @@ pub const OVERLAY: Overlay = Overlay {
     ..Overlay::PLAIN
 };
 
-/// A mine is drawn as large as a ball of this radius would be seen, mm.
+/// A mine is drawn at the apparent size of a ball of this radius, mm.
 const RADIUS_MM: f64 = 1.2;
 
 fn draw(flight: &FlightApp, canvas: &mut Canvas) {
@@ -33,7 +33,7 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
     let right = flight.pose().attitude.right();
     let panes = surroundings(flight, canvas);
     let mut pushing = 0;
-    // From the last one to the first, as the way leads back.
+    // From the last mine to the first, back along the path.
     let mut last = at;
     for mine in field.mines.iter().collect::<Vec<_>>().into_iter().rev() {
         let distance = at.distance(mine);
@@ -69,7 +69,7 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
     }
 }
 
-/// A disc with a cross where it can be seen, else a ring with one.
+/// Draws a disc with a cross if the mine is visible, otherwise a ring with a cross.
 fn marker(canvas: &mut Canvas, at: Place2, radius: f32, in_sight: bool) {
     let ink = if in_sight { EDGE } else { YELLOW };
     if in_sight {

@@ -1,11 +1,12 @@
-//! The overlays of this crate: what the camera feels and what acts on it, drawn over the picture (paper, figures 4 and 5).
+//! Built-in overlays: the camera's tentacles, and the mines and forces that act on it, drawn over the picture (paper, figures 4
+//! and 5).
 //!
-//! Each is one file, with its entry in [`BUILT_IN`]. All of them are hidden at first, and nothing is computed for one that is
-//! hidden. What a picture cannot show, since it begins at the eye or lies behind the camera, is drawn in two small views of
-//! the surroundings ([`surroundings`]), which they share.
+//! Each is one file, with its entry in [`BUILT_IN`]. All are hidden at first, and nothing is computed for a hidden one. What a
+//! picture cannot show, because it begins at the eye or is behind the camera, is drawn in two small views of the surroundings
+//! ([`surroundings`]), which the overlays share.
 //!
-//! Colours are near those of Okabe and Ito (*Color Universal Design*, 2008), which the colour-blind tell apart, and none is near
-//! the wall's own pink; nothing is told by colour alone.
+//! The colours are close to those of Okabe and Ito (*Color Universal Design*, 2008), which colour-blind people can distinguish.
+//! None is close to the pink of the wall, and no information is conveyed by colour alone.
 
 pub mod forces;
 pub mod mines;
@@ -15,10 +16,10 @@ pub mod tentacles;
 use crate::app::Overlay;
 use crate::app::overlay::{Align, Canvas, Colour, Place2};
 
-/// Every overlay of this crate.
+/// All overlays of this crate.
 pub const BUILT_IN: [Overlay; 3] = [tentacles::OVERLAY, mines::OVERLAY, forces::OVERLAY];
 
-/// Around what is drawn over the picture, so that it stands out on every ground.
+/// Outline of the marks, so that they stand out on every background.
 const EDGE: Colour = [0, 0, 0];
 const WHITE: Colour = [240, 240, 240];
 const GREY: Colour = [170, 176, 184];
@@ -29,19 +30,19 @@ const YELLOW: Colour = [240, 228, 66];
 const VERMILION: Colour = [240, 110, 30];
 const VIOLET: Colour = [186, 150, 255];
 
-/// From the picture's edge, points.
+/// Distance from the picture's edge, points.
 const MARGIN: f32 = 10.0;
 /// Height of the legend's text and of its rows, points.
 const SMALL: f32 = 12.0;
 const ROW: f32 = 17.0;
 
-/// A disc that stands out on every ground.
+/// Draws a disc that stands out on every background.
 fn dot(canvas: &mut Canvas, at: Place2, radius: f32, colour: Colour) {
     canvas.disc(at, radius + canvas.scale(), EDGE);
     canvas.disc(at, radius, colour);
 }
 
-/// A ring that stands out on every ground.
+/// Draws a ring that stands out on every background.
 fn ring(canvas: &mut Canvas, at: Place2, radius: f32, colour: Colour) {
     for beside in [-1.0, 1.0] {
         canvas.circle(at, radius + beside * canvas.scale(), EDGE);
@@ -49,7 +50,7 @@ fn ring(canvas: &mut Canvas, at: Place2, radius: f32, colour: Colour) {
     canvas.circle(at, radius, colour);
 }
 
-/// An arrow that stands out on every ground; a point where it has no length.
+/// Draws an arrow that stands out on every background; a point if its length is zero.
 fn arrow(canvas: &mut Canvas, from: Place2, to: Place2, colour: Colour) {
     let pt = canvas.scale();
     let [x, y] = [to[0] - from[0], to[1] - from[1]];
@@ -68,13 +69,13 @@ fn arrow(canvas: &mut Canvas, from: Place2, to: Place2, colour: Colour) {
     }
 }
 
-/// The lower edge of what is free for legends and views, pixels.
+/// Returns the lower edge of the area that is free for legends and views, pixels.
 fn bottom(canvas: &Canvas) -> f32 {
     canvas.size()[1] - canvas.foot().max(MARGIN * canvas.scale())
 }
 
-/// The next row of the legend, which grows upwards from the picture's lower left corner: the left end of its middle line, on
-/// a backing. None where the picture has no room for it.
+/// Adds a row to the legend, which grows upwards from the picture's lower left corner, and draws its background. Returns the left
+/// end of the row's middle line; `None` if the picture has no room for it.
 fn legend_row(canvas: &mut Canvas) -> Option<Place2> {
     let pt = canvas.scale();
     let [width, height] = canvas.size();
@@ -90,7 +91,7 @@ fn legend_row(canvas: &mut Canvas) -> Option<Place2> {
     Some([left + 8.0 * pt, 0.5 * (low + high)])
 }
 
-/// Writes into a row of the legend, so many points from its left end.
+/// Writes into a row of the legend, `right` points from its left end.
 fn legend_text(canvas: &mut Canvas, row: Place2, right: f32, text: impl Into<String>, colour: Colour) {
     let at = [row[0] + right * canvas.scale(), row[1]];
     canvas.label(at, Align::Left, SMALL, text, colour);

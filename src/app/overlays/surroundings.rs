@@ -1,4 +1,4 @@
-//! Two small views of what is around the camera, from its right side and from above: orthographic, they turn with the
+//! Two small views of the camera's surroundings, from its right side and from above. They are orthographic and turn with the
 //! camera, which flies to the right in both.
 
 use glam::DVec3;
@@ -9,18 +9,18 @@ use crate::app::FlightApp;
 use crate::app::overlay::{Align, Canvas, Colour, Place2};
 use crate::render::first_crossing;
 
-/// What a view spans from left to right, mm; it is two thirds as high.
+/// Width that a view shows, mm; its height is two thirds of that.
 const SPAN_MM: f64 = 110.0;
-/// Where the camera is in it, as a share of its width: there is more to see behind than before it.
+/// Position of the camera in it, as a share of its width. More is visible behind the camera than in front of it.
 const CAMERA: f32 = 0.6;
-/// Widest view, points.
+/// Largest width of a view, points.
 const WIDEST: f32 = 250.0;
-/// Narrower ones tell nothing, points.
+/// Smallest useful width of a view, points.
 const NARROWEST: f32 = 90.0;
-/// The wall is looked for in so many directions, so far, mm.
+/// Number of rays that look for the wall, and their length, mm.
 const RAYS: usize = 240;
 const REACH_MM: f64 = 100.0;
-/// Neighbouring places of the wall are joined where their distances from the camera differ by less than this share.
+/// Neighbouring points of the wall are joined if their distances from the camera differ by less than this share.
 const JOINED: f64 = 0.25;
 /// Height of the title above a view, points.
 const TITLE: f32 = 17.0;
@@ -35,40 +35,40 @@ pub struct Pane {
     low: Place2,
     high: Place2,
     camera: Place2,
-    /// Pixels a mm.
+    /// Pixels per mm.
     per_mm: f64,
-    /// The camera's place, world mm.
+    /// The camera's position, world mm.
     at: DVec3,
-    /// The view's right and up, world, of unit length.
+    /// The view's right and up directions, world, unit vectors.
     axes: [DVec3; 2],
 }
 
 impl Pane {
-    /// Where a place (world, mm) is in the view; it may lie beyond its edges.
+    /// Projects a point (world, mm) into the view. The result may be outside its edges.
     pub fn find(&self, place: DVec3) -> Place2 {
         let away = (place - self.at) * self.per_mm;
         [self.camera[0] + away.dot(self.axes[0]) as f32, self.camera[1] - away.dot(self.axes[1]) as f32]
     }
 
-    /// Whether a point of the picture is in the view.
+    /// True if a point of the picture is in the view.
     pub fn holds(&self, [x, y]: Place2) -> bool {
         (self.low[0]..=self.high[0]).contains(&x) && (self.low[1]..=self.high[1]).contains(&y)
     }
 
-    /// By how much a unit direction (world) leaves the view's plane, 0 to 1.
+    /// Returns the component of a unit direction (world) perpendicular to the view's plane, 0 to 1.
     pub fn leaves(&self, direction: DVec3) -> f64 {
         direction.dot(self.axes[0].cross(self.axes[1])).abs()
     }
 
-    /// Draws the part of a line (pixels) that is in the view; whether all of it is.
+    /// Draws the part of a line (pixels) that is in the view. Returns true if all of it is.
     pub fn stroke(&self, canvas: &mut Canvas, from: Place2, to: Place2, width: f32, colour: Colour) -> bool {
         let Some([a, b]) = self.clip(from, to) else { return false };
         canvas.stroke(a, b, width, colour);
         b == to && a == from
     }
 
-    /// Draws an arrow from the camera along `way` (world, mm); one that is longer than the view has no head. Its tip, if that
-    /// is in the view.
+    /// Draws an arrow from the camera along `direction` (world, mm). An arrow that leaves the view has no head. Returns its tip,
+    /// if that is in the view.
     pub fn arrow(&self, canvas: &mut Canvas, direction: DVec3, colour: Colour) -> Option<Place2> {
         let tip = self.find(self.at + direction);
         if self.holds(tip) {
@@ -81,7 +81,7 @@ impl Pane {
         None
     }
 
-    /// The part of a line that is in the view (Liang and Barsky, *A new concept and method for line clipping*, 1984).
+    /// Returns the part of a line that is in the view (Liang and Barsky, *A new concept and method for line clipping*, 1984).
     fn clip(&self, from: Place2, to: Place2) -> Option<[Place2; 2]> {
         let (mut enters, mut leaves) = (0f32, 1f32);
         for a in 0..2 {
@@ -103,7 +103,7 @@ impl Pane {
         (enters <= leaves).then(|| [place(enters, from), place(leaves, to)])
     }
 
-    /// The wall where the view's plane through the camera meets it, as far as it can be seen from there.
+    /// Draws the intersection of the wall with the view's plane through the camera, as far as it is visible from the camera.
     fn outline(&self, flight: &FlightApp, canvas: &mut Canvas) {
         let step = std::f64::consts::TAU / RAYS as f64;
         let lengths: Vec<Option<(f64, DVec3)>> = (0..RAYS)
@@ -126,8 +126,8 @@ impl Pane {
     }
 }
 
-/// The two views in the picture's lower right corner, from the camera's right side and from above, with wall, camera and scale
-/// drawn in them by whoever asks first. None where the picture has no room for them.
+/// Returns the two views in the picture's lower right corner, from the camera's right side and from above. The first call draws
+/// the wall, the camera and the scale in them. `None` if the picture has no room for them.
 pub fn surroundings(flight: &FlightApp, canvas: &mut Canvas) -> Option<[Pane; 2]> {
     let pt = canvas.scale();
     let [width, height] = canvas.size();
@@ -167,7 +167,7 @@ pub fn surroundings(flight: &FlightApp, canvas: &mut Canvas) -> Option<[Pane; 2]
     Some(panes)
 }
 
-/// In the title's right half.
+/// Draws the scale bar in the right half of the title.
 fn scale_bar(pane: &Pane, canvas: &mut Canvas) {
     let pt = canvas.scale();
     let middle = pane.low[1] - 0.5 * TITLE * pt;

@@ -1,8 +1,8 @@
-//! The tentacles: where each of them meets the wall, and how far away that is.
+//! The tentacles: where each of them meets the wall, and at which distance.
 //!
-//! A tentacle begins at the eye, so in the picture it is a point: the place of the wall that it touches, drawn the larger the
-//! nearer. Nothing can hide that place, since the ray that found it went there. As lines they are seen in the views of the
-//! surroundings.
+//! A tentacle begins at the eye, so in the picture it is a point: the point of the wall that it touches, drawn larger the nearer
+//! it is. Nothing can hide that point, since the ray that found it went there. The views of the surroundings show tentacles as
+//! lines.
 
 use super::surroundings::surroundings;
 use super::{GREY, ORANGE, SKY, WHITE, dot, legend_row, legend_text, ring};
@@ -20,14 +20,14 @@ pub const OVERLAY: Overlay = Overlay {
     ..Overlay::PLAIN
 };
 
-/// Tentacles of this length and longer have the colour of far ones, mm.
+/// Tentacles of at least this length have the colour of far ones, mm.
 const FAR_MM: f64 = 60.0;
-/// Of this length they are white, mm.
+/// Length at which tentacles are white, mm.
 const MIDDLE_MM: f64 = 25.0;
 /// Tentacles that leave a view's plane by more than this (as a sine) are not drawn in it.
 const LEAVES: f64 = 0.25;
 
-/// Orange near, white between, blue far.
+/// Returns the colour of a length: orange near, white between, blue far.
 fn colour(length: f64) -> Colour {
     let (from, to, share) = if length < MIDDLE_MM {
         (ORANGE, WHITE, length / MIDDLE_MM)

@@ -1,5 +1,5 @@
-//! The table of actions: what the operator can do in a window, with which keys, and when. Keys, the help, menus, buttons and their
-//! tooltips are read off it.
+//! The table of actions: what the operator can do in a window, with which keys, and when. Keys, help, menus, buttons and tooltips
+//! are generated from it.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -13,81 +13,81 @@ use crate::app::Overlay;
 use crate::error::{Error, Result};
 use crate::schedule::Guides;
 
-/// Something that the operator can do.
+/// An action of the operator.
 #[derive(Clone, Debug)]
 pub struct Action {
     /// Its name in the settings file.
     pub id: Cow<'static, str>,
-    /// What it does, in a few words: for a button's tooltip.
+    /// Short description, for a button's tooltip.
     pub text: Cow<'static, str>,
-    /// The row of the help that it stands in, with others of the same row.
+    /// Its row in the help, shared with other actions.
     row: Cow<'static, str>,
     /// Its keys.
     keys: Vec<Chord>,
-    /// The same keys as they come with Shift: one that went down as `,` may go up as `<`.
+    /// The same keys with Shift: a key pressed as `,` may be released as `<`.
     shifted: Vec<Chord>,
-    /// What the mouse does for it.
+    /// The mouse gesture for it.
     gesture: &'static str,
-    /// Whether it goes on while its key is held.
+    /// True if it repeats while its key is held.
     pub repeats: bool,
-    /// Why it is not possible now, if it is not: its button is grey then.
+    /// Checks whether it is possible now. If not, its button is grey and shows the reason.
     pub possible: Possible,
     /// What it does.
     pub effect: Effect,
 }
 
-/// What an action does.
+/// The effect of an action.
 #[derive(Clone, Copy, Debug)]
 pub enum Effect {
-    /// Steers for as long as the key is held.
+    /// Steers while the key is held.
     Hold(Hold),
     /// Changes the flight, or how it is shown.
     Once(fn(&mut FlightController, ActionContext)),
-    /// Hands over to the guide of this name.
+    /// Switches to the guide with this name.
     HandTo(&'static str),
-    /// Shows or hides the overlay of this number.
+    /// Shows or hides the overlay with this number.
     Overlay(usize),
-    /// Something that the window does, whatever it shows.
+    /// A request to the window itself, independent of its content.
     Window(WindowRequest),
-    /// Nothing by a key: the mouse alone does it.
+    /// None by a key: it is a mouse gesture only.
     Gesture,
 }
 
-/// When and where an action happens.
+/// Context of an action: the size of the picture and the time.
 #[derive(Clone, Copy, Debug)]
 pub struct ActionContext {
     /// Size of the flight's picture, pixels.
     pub window: (usize, usize),
-    /// Now.
+    /// Current time.
     pub now: Instant,
 }
 
-/// What is asked of the window itself.
+/// A request to the window itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WindowRequest {
-    /// Fill the screen, or not.
+    /// Toggle full screen.
     Fullscreen,
-    /// End the program.
+    /// Quit the program.
     Quit,
-    /// Show the scans that can be opened, or hide them.
+    /// Show or hide the list of scans to open.
     Open,
-    /// Show the layout of this number.
+    /// Show the layout with this number.
     Layout(usize),
-    /// Show or hide the panel of this number.
+    /// Show or hide the panel with this number.
     Panel(usize),
 }
 
-/// Keys by the actions' ids, as a settings file has them.
+/// Keys by the actions' ids, as in a settings file.
 pub type KeySettings = BTreeMap<String, Vec<String>>;
 
-/// Whether something can be done now; the error says why not.
+/// Checks whether an action is possible now. The error states why not.
 pub type Possible = fn(&FlightController) -> std::result::Result<(), &'static str>;
 
 fn always(_: &FlightController) -> std::result::Result<(), &'static str> {
     Ok(())
 }
 
-/// A log that is played goes its own way.
+/// Refuses actions that a replayed log cannot follow.
 fn flies_itself(c: &FlightController) -> std::result::Result<(), &'static str> {
     if c.flight().scene().play().is_some() { Err("a log is played") } else { Ok(()) }
 }
@@ -134,7 +134,7 @@ const fn once(
     Row { id, text, row: text, keys, effect: Effect::Once(effect), ..ROW }
 }
 
-/// Every action but those of guides and overlays, in the order of the help. Keys are set apart by spaces.
+/// Every action except those of guides and overlays, in the order of the help. Keys are separated by spaces.
 const TABLE: &[Row] = &[
     once("pause", "pause, resume", "Space", FlightController::switch_pause),
     hold("forward", "fly forward", "fly forward, back", "W Up", Hold::Forward),
@@ -225,9 +225,9 @@ const TABLE: &[Row] = &[
     Row { effect: Effect::Window(WindowRequest::Quit), ..once("quit", "quit", "Q Esc", |_, _| {}) },
 ];
 
-/// Keys of the windows of greys.
+/// Row of the help for the keys of grey-level windows.
 const WINDOW_ROW: &str = "window: colon, soft tissue, bone, lung";
-/// Keys of thick slices.
+/// Row of the help for the keys of thick slices.
 const SLAB_ROW: &str = "slices: slab thickness, projection";
 
 const fn greys(
@@ -239,15 +239,15 @@ const fn greys(
     Row { row: WINDOW_ROW, possible: shows_slices, ..once(id, text, keys, effect) }
 }
 
-/// The guides and overlays have rows of their own after this action's.
+/// The rows of guides and overlays follow this action's row.
 const OWN_AFTER: &str = "guide";
-/// Layouts and panels have theirs after this one's.
+/// The rows of layouts and panels follow this action's row.
 const LAYOUTS_AFTER: &str = "fullscreen";
 
-/// The row of the help that all layouts stand in.
+/// The row of the help that lists all layouts.
 const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path";
 
-/// The menus: actions by their ids. An id that ends in `-` stands for all that begin so.
+/// The menus: actions by their ids. An id that ends in `-` includes all ids with that prefix.
 pub const MENUS: &[(&str, &[&str])] = &[
     ("File", &["open", "screenshot", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
@@ -279,18 +279,18 @@ impl From<&Row> for Action {
 }
 
 impl Action {
-    /// Its first key, for a menu.
+    /// Returns its first key, for a menu.
     pub fn key_text(&self) -> String {
         self.keys.first().map(Chord::to_string).unwrap_or_default()
     }
 
-    /// What it does, as a menu or a button says it.
+    /// Returns its description, for a menu or a button.
     pub fn title(&self) -> String {
         let mut letters = self.text.chars();
         letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
     }
 
-    /// Whose it is, for messages.
+    /// Names the owner of the action, for messages.
     fn owner(&self) -> String {
         match self.effect {
             Effect::HandTo(guide) => format!("guide {guide}"),
@@ -305,10 +305,10 @@ impl Action {
 pub struct Actions(Vec<Action>);
 
 impl Actions {
-    /// Those of the window, of `guides`, `overlays` and `panels`, with the keys of a settings file in the place of their own.
+    /// Creates the actions of the window and of `guides`, `overlays` and `panels`. Keys in `settings` replace the default ones.
     ///
     /// # Errors
-    /// Status 2 where two actions have one key or one name, or a setting names no action or no key.
+    /// Returns status 2 if two actions have the same key or name, or if a setting refers to an unknown action or key.
     pub fn new(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry], settings: &KeySettings) -> Result<Self> {
         let own = |id: String, text: String, row: String, key: Option<char>, effect: Effect| Action {
             id: id.into(),
@@ -362,8 +362,10 @@ impl Actions {
         Ok(actions)
     }
 
+    /// Checks that each key has one action.
+    ///
     /// # Errors
-    /// Status 2 for the first key that two actions have.
+    /// Returns status 2 for the first key that two actions share.
     fn check(&self) -> Result<()> {
         let owned: Vec<(&Chord, &Action)> =
             self.0.iter().flat_map(|a| a.keys.iter().chain(&a.shifted).map(move |k| (k, a))).collect();
@@ -381,22 +383,22 @@ impl Actions {
         Ok(())
     }
 
-    /// The action of a key.
+    /// Returns the action of a key.
     pub fn of_key(&self, key: &Chord) -> Option<&Action> {
         self.0.iter().find(|a| a.keys.contains(key) || a.shifted.contains(key))
     }
 
-    /// The actions that a menu's entry stands for.
+    /// Returns the actions of a menu entry.
     pub fn of_menu<'a>(&'a self, entry: &'a str) -> impl Iterator<Item = &'a Action> {
         self.0.iter().filter(move |a| if entry.ends_with('-') { a.id.starts_with(entry) } else { a.id == entry })
     }
 
-    /// The action of that name.
+    /// Returns the action with that name.
     pub fn named(&self, id: &str) -> Option<&Action> {
         self.0.iter().find(|a| a.id == id)
     }
 
-    /// All keys with what they do, a row for each thing to be done, in the order of the table.
+    /// Returns all keys with their descriptions, a row for each task, in the order of the table.
     pub fn help(&self) -> Vec<(String, String)> {
         let mut rows: Vec<(&str, Vec<&Action>)> = Vec::new();
         for action in &self.0 {

@@ -1,4 +1,4 @@
-//! The flight as the window flies it: steps in real time, images when something has changed, the operator's commands.
+//! Controls a flight in a window: steps in real time, images when something has changed, and operator commands.
 
 mod pointing;
 
@@ -42,67 +42,67 @@ use crate::host::headless;
 use crate::render::Frame;
 use crate::systems::present;
 
-/// Steps between two images at the most: a slower machine flies slower.
+/// Maximum number of steps between two images. A slower machine flies slower.
 const STEPS: u32 = 10;
-/// A resting camera is left alone after so many steps without motion.
+/// Number of steps without motion after which a resting camera is no longer stepped.
 const QUIET_STEPS: u32 = 40;
-/// Slower than this is rest, mm/s: what is left is a long drift away from the wall.
+/// Speeds below this count as rest, mm/s: the remaining motion is a slow drift away from the wall.
 const REST_MM_S: f64 = 0.3;
-/// A message stays so long.
+/// Duration of a message.
 const MESSAGE: Duration = Duration::from_millis(2500);
-/// A message about a plug-in that has panicked stays so long.
+/// Duration of a message about a plug-in that has panicked.
 const FAULT_MESSAGE: Duration = Duration::from_secs(12);
-/// One press of a key, or one notch of the wheel, changes the speed by this factor.
+/// Factor of the speed for one key press or one notch of the wheel.
 const FASTER: f64 = 1.15;
-/// The same for the view angle.
+/// The same factor for the view angle.
 const NARROWER: f64 = 1.0 / 1.1;
 
-/// A flight with its operator.
+/// Controls a flight for the operator.
 pub struct FlightController {
     flight: FlightApp,
     accumulator: Accumulator,
     start: Instant,
-    /// Until when the flight was simulated; none after a rest.
+    /// Time up to which the flight is simulated; `None` after a rest.
     simulated: Option<Instant>,
     quiet: u32,
     held: HeldKeys,
     sent: ([f64; 3], [f64; 3]),
     look: [f64; 2],
-    /// Degrees clockwise that the mouse has rolled the view since the last step.
+    /// Mouse roll of the view since the last step, degrees clockwise.
     roll: f64,
     notches: f64,
-    /// Notches by which the view angle is to get narrower before the next step.
+    /// Notches by which the view angle narrows before the next step.
     zoom: f64,
     slices: Slices,
     measures: Measures,
-    /// Where the camera is being taken.
+    /// The animated move of the camera to a place.
     travel: Option<Travel>,
     view_renderer: ViewRenderer,
     figures: Figures,
     message: Option<(String, Instant)>,
-    /// Faults that were printed.
+    /// Errors that have been printed.
     reported: BTreeSet<String>,
     help: bool,
-    /// What is being built for a guide that is to take over.
+    /// Fields that are being built for a guide before it takes over.
     planning: Option<FieldJob>,
-    /// The guide that has the flight back when the operator gives it.
+    /// The guide that resumes when the operator releases control.
     last_guide: &'static str,
     overlays: Overlays,
     actions: Rc<Actions>,
-    /// Pixels a point of the window.
+    /// Pixels per point of the window.
     scale: f32,
-    /// Whether there is something new to say although the flight rests.
+    /// True if there is something new to show although the flight rests.
     attention: bool,
 }
 
 impl FlightController {
-    /// The operator of `flight`.
+    /// Creates the controller of `flight`.
     ///
-    /// The numbers of overlays in `actions` are their places in `overlays`. `wake` is called from another thread when an image is
-    /// ready to be saved.
+    /// The numbers of overlays in `actions` are their indices in `overlays`. `wake` is called from another thread when an image
+    /// is ready to be saved.
     ///
     /// # Errors
-    /// Status 1 when the system gives no threads.
+    /// Returns status 1 if the system cannot start threads.
     pub fn new(flight: FlightApp, wake: WakeUp, overlays: Vec<Overlay>, actions: Rc<Actions>) -> Result<Self> {
         let now = Instant::now();
         let view_renderer = ViewRenderer::new(flight.volume().clone(), wake)?;
@@ -138,47 +138,47 @@ impl FlightController {
         })
     }
 
-    /// The flight.
+    /// Returns the flight.
     pub fn flight(&self) -> &FlightApp {
         &self.flight
     }
 
-    /// The flight, for taking its log.
+    /// Returns the flight for modification, for example to take its log.
     pub fn flight_mut(&mut self) -> &mut FlightApp {
         &mut self.flight
     }
 
-    /// Learns how many pixels of the window are a point.
+    /// Sets the pixels per point of the window.
     pub fn scaled(&mut self, scale: f32) {
         self.scale = scale;
     }
 
-    /// What the images took.
+    /// Returns the statistics of the images.
     pub fn frames(&self) -> &[FrameStats] {
         self.view_renderer.frames()
     }
 
-    /// How large and how frequent the pictures of a moving camera were.
+    /// Returns the statistics of the size and rate of pictures while the camera moved.
     pub fn moving(&self) -> Option<Moving> {
         self.view_renderer.moving()
     }
 
-    /// Learns what presentations take, ms.
+    /// Records the time of a presentation, ms.
     pub fn presented(&mut self, ms: f64) {
         self.view_renderer.presented(ms);
     }
 
-    /// The image as it was last traced.
+    /// Returns the last rendered image.
     #[cfg(test)]
     pub fn image(&self) -> Option<&Frame> {
         self.view_renderer.image(&self.flight)
     }
 
-    /// Traces the picture that is due, and presents it; with none due, presents the last one again. What came of the presentation, if
-    /// there is a window that was [prepared](Framebuffer::prepare) for it.
+    /// Renders the picture that is due and presents it. If none is due, presents the last one again. Returns the result of the
+    /// presentation if a window was [prepared](Framebuffer::prepare) for it.
     ///
     /// # Errors
-    /// Status 1 when a frame cannot be made or shown.
+    /// Returns status 1 if a frame cannot be rendered or shown.
     pub fn show(&mut self, due: Option<Due>) -> Result<Option<PresentResult>> {
         match &due {
             Some(_) => {
@@ -197,16 +197,16 @@ impl FlightController {
         Ok(presented)
     }
 
-    /// The window's framebuffer, if there is one.
+    /// Returns the window's framebuffer, if there is one.
     pub fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
         let camera = self.flight.app().camera_id();
         present::presenter(self.flight.app_mut(), camera)
     }
 
-    /// Goes on after a plug-in has panicked: says so, and does without it.
+    /// Recovers from a panic of a plug-in: reports it and continues without the plug-in.
     ///
     /// # Errors
-    /// Any other error.
+    /// Returns any other error.
     fn recover(&mut self, e: Error, now: Instant) -> Result<()> {
         if e.kind != Kind::Fault {
             return Err(e);
@@ -223,7 +223,7 @@ impl FlightController {
 
     fn report_fault(&mut self, e: &Error, now: Instant) {
         let text = format!("{}: {}; continuing without it", e.what, e.why);
-        // What fails in every step is printed once.
+        // An error that recurs in every step is printed once.
         if self.reported.insert(text.clone()) {
             eprintln!("note: {text}");
         }
@@ -232,18 +232,18 @@ impl FlightController {
         self.quiet = 0;
     }
 
-    /// Says something for a moment.
+    /// Shows a message for a moment.
     pub fn say(&mut self, text: impl Into<String>, now: Instant) {
         self.message = Some((text.into(), now + MESSAGE));
         self.attention = true;
     }
 
-    /// Whether nothing will change until the operator does something.
+    /// True if nothing will change until the operator acts.
     pub fn rests(&self) -> bool {
         self.quiet >= QUIET_STEPS
     }
 
-    /// When something is to be done although the flight rests: a finer image, a message to be taken away.
+    /// Returns when work is due although the flight rests, such as a finer image or the end of a message.
     pub fn next(&self) -> Option<Instant> {
         let message = self.message.as_ref().map(|m| m.1);
         let attention = self.attention.then_some(self.start);
@@ -252,10 +252,10 @@ impl FlightController {
         [finer, message, self.figures.next(), attention, planned].into_iter().flatten().min()
     }
 
-    /// Sends the flight a command; whether it was followed. One that cannot be is said, and changes nothing.
+    /// Sends a command to the flight. Returns true if it succeeded. A refused command is reported and changes nothing.
     fn act(&mut self, command: impl Into<Command>, now: Instant) -> bool {
         self.quiet = 0;
-        // Whatever the operator does comes before where the camera is being taken.
+        // Any operator command interrupts an animated move.
         self.travel = None;
         let followed = self.flight.act(command);
         if let Err(e) = &followed {
@@ -264,7 +264,7 @@ impl FlightController {
         followed.is_ok()
     }
 
-    /// Keys go down or up: what `change` makes of them.
+    /// Applies `change` to the held keys and sends the resulting push and turn.
     pub fn steer(&mut self, change: impl FnOnce(&mut HeldKeys) -> bool, now: Instant) {
         if !change(&mut self.held) {
             return;
@@ -279,7 +279,7 @@ impl FlightController {
         self.sent = (push, turn);
     }
 
-    /// Effect what a panel asks of the flight.
+    /// Executes a panel's request to the flight.
     pub fn follow(&mut self, request: FlightInput, at: ActionContext) {
         match request {
             FlightInput::Look([right, down]) => self.drag((right, down), at.window),
@@ -296,7 +296,7 @@ impl FlightController {
         }
     }
 
-    /// The mouse was dragged by so many pixels to the right and downwards in a window of the given size.
+    /// Turns the view by a mouse drag, in pixels to the right and downwards, in a window of the given size.
     pub fn drag(&mut self, (right, down): (f64, f64), window: (usize, usize)) {
         let fov = self.flight.camera::<Picture>().map_or(90.0, |p| p.fov_degrees);
         let degrees = fov / window.0.min(window.1).max(1) as f64;
@@ -305,14 +305,14 @@ impl FlightController {
         self.quiet = 0;
     }
 
-    /// The mouse was dragged by so many pixels to the right to roll the view, in a window of the given size: half a turn
-    /// over its shorter side.
+    /// Rolls the view by a mouse drag, in pixels to the right, in a window of the given size. A drag over its shorter side is
+    /// half a turn.
     pub fn roll(&mut self, right: f64, window: (usize, usize)) {
         self.roll += right * 180.0 / window.0.min(window.1).max(1) as f64;
         self.quiet = 0;
     }
 
-    /// Makes the view angle narrower by so many notches, before the next step; wider by negative ones.
+    /// Narrows the view angle by a number of notches before the next step. Negative notches widen it.
     pub fn zoom(&mut self, notches: f64) {
         self.zoom += notches;
         self.quiet = 0;
@@ -327,7 +327,7 @@ impl FlightController {
         self.figures.touch();
     }
 
-    /// Changes the speed by so many notches, before the next step.
+    /// Changes the speed by a number of notches before the next step.
     pub fn change_speed_by(&mut self, notches: f64) {
         self.notches += notches;
         self.quiet = 0;
@@ -344,8 +344,8 @@ impl FlightController {
         self.flight.camera().copied().unwrap_or_default()
     }
 
-    /// Effect what an action stands for, or says why not. What it holds is for [`FlightController::steer`], and what concerns the window alone
-    /// for the window.
+    /// Performs an action, or reports why it is not possible. Held keys are handled by [`FlightController::steer`], and requests
+    /// to the window by the window.
     pub fn perform(&mut self, action: &Action, at: ActionContext) {
         if let Err(why) = (action.possible)(self) {
             self.say(format!("{}: not while {why}", action.text), at.now);
@@ -361,7 +361,7 @@ impl FlightController {
         self.figures.touch();
     }
 
-    /// Stops, or goes on.
+    /// Pauses or resumes the flight.
     pub fn switch_pause(&mut self, at: ActionContext) {
         let paused = !self.hand().paused;
         if !paused {
@@ -370,7 +370,7 @@ impl FlightController {
         self.act(HandCommand::Pause(paused), at.now);
     }
 
-    /// Hands over to the operator, or back to the last guide.
+    /// Switches to manual control, or back to the last guide.
     pub fn switch_guide(&mut self, at: ActionContext) {
         let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
         let next = if self.is_by_hand() { Some(self.last_guide) } else { by_hand };
@@ -379,7 +379,7 @@ impl FlightController {
         }
     }
 
-    /// Sets the view angle back to what the flight began with.
+    /// Resets the view angle to its initial value.
     pub fn usual_angle(&mut self, at: ActionContext) {
         self.change_angle(self.flight.scene().image.fov_degrees, at.now);
     }
@@ -391,7 +391,7 @@ impl FlightController {
         }
     }
 
-    /// Sets out from the other end.
+    /// Restarts from the other end.
     pub fn other_end(&mut self, at: ActionContext) {
         self.act(FlightCommand::OtherEnd, at.now);
     }
@@ -406,12 +406,12 @@ impl FlightController {
         self.say("saving the image", at.now);
     }
 
-    /// Shows or hides the keys.
+    /// Shows or hides the list of keys.
     pub fn switch_help(&mut self, _: ActionContext) {
         self.help = !self.help;
     }
 
-    /// Hands the flight over to a guide. What it needs of the lumen is built beside the flight, which goes on meanwhile.
+    /// Switches to a guide. The fields that it needs are built in the background while the flight continues.
     fn hand_over(&mut self, guide: &'static str, now: Instant) {
         self.planning = None;
         let begun = self.flight.scene().guides.named(guide).and_then(|g| FieldJob::begin(&self.flight, g));
@@ -435,12 +435,12 @@ impl FlightController {
         }
     }
 
-    /// Whether the operator has the flight and no guide moves the camera.
+    /// True if the operator flies manually and no guide moves the camera.
     fn is_by_hand(&self) -> bool {
         self.flight.scene().guide().is_some_and(|g| !g.automatic)
     }
 
-    /// Takes over what was built for a guide, if it is there.
+    /// Adopts the fields built for a guide, once they are complete.
     fn take_planned(&mut self, now: Instant) {
         let Some((guide, built)) = self.planning.as_mut().and_then(FieldJob::take) else { return };
         self.planning = None;
@@ -453,7 +453,7 @@ impl FlightController {
         }
     }
 
-    /// Goes to a share of the way, 0 to 1.
+    /// Jumps to a share of the path, 0 to 1.
     pub fn seek(&mut self, share: f64, now: Instant) {
         self.quiet = 0;
         self.travel = None;
@@ -464,24 +464,24 @@ impl FlightController {
         self.figures.touch();
     }
 
-    /// Changes between high and low detail.
+    /// Switches between high and low detail.
     pub fn switch_detail(&mut self, ActionContext { now, .. }: ActionContext) {
         if let Some(quality) = self.view_renderer.switch_detail(&mut self.flight) {
             self.say(format!("detail: {}", detail(quality)), now);
         }
     }
 
-    /// Changes between the endoscope's light and the headlight.
+    /// Switches between the endoscope's light and the headlight.
     pub fn switch_light(&mut self, ActionContext { now, .. }: ActionContext) {
         if let Some(light) = self.view_renderer.switch_light(&mut self.flight) {
             self.say(format!("light: {}", light.name()), now);
         }
     }
 
-    /// Flies the next segment that was not flown yet, or else the next of all.
+    /// Flies the next segment that is not yet flown. If there is none, flies the next segment of all.
     pub fn next_segment(&mut self, ActionContext { now, .. }: ActionContext) {
         let count = self.flight.lumen().segments.len();
-        // The next that was not flown, or where there is none the next of all.
+        // The next segment that is not yet flown, otherwise the next of all.
         let here = self.flight.plan().segment.map_or(0, |n| n + 1);
         let unflown = self.flight.unflown();
         let next = unflown.iter().find(|s| s.0 >= here).or(unflown.first()).map_or(here % count.max(1), |s| s.0);
@@ -502,7 +502,7 @@ impl FlightController {
             Ok(path) => {
                 let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
                 let pose = screenshot::pose_json(&traced.request.pose, traced.request.fov_degrees);
-                // Who reads the poses may have gone; the picture is there.
+                // The reader of the poses may have closed standard output, but the picture is saved.
                 let _ = writeln!(std::io::stdout(), "{pose}");
                 self.say(format!("saved {name}"), now);
             }
@@ -510,7 +510,7 @@ impl FlightController {
         }
     }
 
-    /// Saves the screenshots that are still being traced, at the end.
+    /// Saves the screenshots that are still being rendered, at the end.
     pub fn save_the_rest(&mut self) {
         for traced in self.view_renderer.all_to_save() {
             self.save(&traced, Instant::now());
@@ -520,7 +520,7 @@ impl FlightController {
     /// Simulates up to `now`.
     ///
     /// # Errors
-    /// When a replayed command asks for something that there is not.
+    /// Returns an error if a replayed command requests something that does not exist.
     pub fn advance(&mut self, now: Instant) -> Result<()> {
         self.take_planned(now);
         for note in self.flight.take_notes() {
@@ -537,7 +537,7 @@ impl FlightController {
         if self.zoom != 0.0 {
             let zoom = std::mem::take(&mut self.zoom);
             let degrees = self.flight.camera::<Picture>().map_or(90.0, |p| p.fov_degrees);
-            // Tenths, so that as many notches there and back end where they began.
+            // Round to tenths, so that the same number of notches there and back ends at the initial angle.
             self.change_angle((degrees * NARROWER.powf(zoom) * 10.0).round() / 10.0, now);
         }
         if self.notches != 0.0 {
@@ -560,7 +560,7 @@ impl FlightController {
         Ok(())
     }
 
-    /// Follows a step: whether the flight has come to rest.
+    /// Updates the rest state after a step.
     fn watch(&mut self) {
         let flight = self.flight.flight();
         let hand = self.hand();
@@ -571,10 +571,11 @@ impl FlightController {
         self.quiet = if left_alone && still && !self.flight.is_replaying() { self.quiet.saturating_add(1) } else { 0 };
     }
 
-    /// Prepares the next frame for a picture of the given size, and these slices beside it; none if what is shown cannot become better.
+    /// Prepares the next frame for a picture of the given size, with these slices beside it. `None` if the shown picture cannot
+    /// become better.
     ///
     /// # Errors
-    /// Status 1 when an image cannot be made: an internal error.
+    /// Returns status 1 if an image cannot be rendered, which is an internal error.
     pub fn prepare(
         &mut self,
         window: (usize, usize),
@@ -595,7 +596,7 @@ impl FlightController {
         }
     }
 
-    /// What there is to say now.
+    /// Returns the state of the flight for display.
     pub fn hud(&mut self, now: Instant) -> HudState {
         if self.message.as_ref().is_some_and(|m| now >= m.1) {
             self.message = None;
@@ -635,7 +636,7 @@ impl FlightController {
                 .iter()
                 .map(|m| (m * 1000.0).round() as u32)
                 .collect(),
-            // The length is coarse: digits that it does not have are not shown.
+            // The length is approximate, so it is rounded to its significant digits.
             place: format!("{:.0} of about {:.0} mm", (along / 10.0).round() * 10.0, (length / 10.0).round() * 10.0),
             message: self.message.as_ref().map(|m| m.0.clone()),
             help: if self.help { self.actions.help() } else { Vec::new() },
@@ -658,8 +659,8 @@ impl FlightController {
     }
 }
 
-/// A number of at most nine decimals: as text it has so few digits that every reader finds the same one again, and a recorded hand
-/// is repeated bit for bit.
+/// Rounds a number to at most nine decimals. Its text is then so short that every reader parses the same value, and recorded
+/// operator input is repeated bit for bit.
 fn recordable(x: f64) -> f64 {
     (x * 1e9).round() / 1e9
 }

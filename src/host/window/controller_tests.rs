@@ -22,12 +22,12 @@ pub fn flight(guide: &'static str) -> FlightApp {
     flight_from(guide, DVec3::new(16.0, 8.0, 16.0))
 }
 
-/// The same with another end that it can be turned round to.
+/// The same flight with another end, for turning round.
 fn flight_from(guide: &'static str, other_end: DVec3) -> FlightApp {
     flight_with(guide, other_end, |_| {})
 }
 
-/// The same with a scene that is changed.
+/// The same flight with a modified scene.
 fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut Scene)) -> FlightApp {
     let grid = Grid::new([32, 80, 32], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
     let gas = |n: usize| {
@@ -58,31 +58,31 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
     FlightApp::new(PreparedVolume::new(volume, TransferFunction::default()), lumen, plan, scene).unwrap()
 }
 
-/// The operator of such a flight.
+/// The controller of such a flight.
 pub fn controller(guide: &'static str) -> FlightController {
     cockpit_of(flight(guide), 0.0, Vec::new())
 }
 
-/// How far along its way a flight is, whole mm.
+/// Returns the position of a flight along its path, whole mm.
 fn along_mm(c: &FlightController) -> i64 {
     let (share, length_mm) = c.flight().progress();
     (share * length_mm).round() as i64
 }
 
-/// The operator of `flight`, at `along_mm` of its way.
+/// Creates the controller of `flight`, at `along_mm` of its path.
 fn cockpit_of(mut flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> FlightController {
     flight.stands_at(along_mm);
     let actions = Actions::new(&flight.scene().guides, &overlays, &[], &KeySettings::new()).unwrap();
     FlightController::new(flight, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
 }
 
-/// Effect the action of that name.
+/// Performs the action with that name.
 fn perform(c: &mut FlightController, action: &str, now: Instant) {
     let actions = Rc::clone(&c.actions);
     c.perform(actions.named(action).unwrap(), ActionContext { window: WINDOW, now });
 }
 
-/// Traces the picture that is due, if one is; whether one was.
+/// Renders the picture that is due. Returns true if there is one.
 fn trace(c: &mut FlightController, now: Instant) -> bool {
     let due = c.prepare(WINDOW, &[], now).unwrap();
     let any = due.is_some();
@@ -92,7 +92,7 @@ fn trace(c: &mut FlightController, now: Instant) -> bool {
     any
 }
 
-/// Flies on for `frames` pictures; how many of them were new.
+/// Flies for `frames` pictures. Returns the number of new ones.
 fn fly(c: &mut FlightController, now: &mut Instant, frames: usize) -> usize {
     let mut new = 0;
     for _ in 0..frames {
@@ -123,11 +123,11 @@ fn a_still_scene_is_refined_and_then_left_alone() {
     let (ticks, frames) = (c.flight().clock().tick, c.frames().len());
     assert_eq!(fly(&mut c, &mut now, 50), 0);
     assert_eq!((c.flight().clock().tick, c.frames().len()), (ticks, frames), "neither simulated nor traced");
-    // A word about something wakes it up to say it, and nothing is traced for that.
+    // A message wakes the flight for display, but no picture is rendered for it.
     perform(&mut c, "help", now);
     assert!(c.next().is_some_and(|t| t <= now) && !c.hud(now).help.is_empty());
     assert_eq!(fly(&mut c, &mut now, 1), 0);
-    // A look does move the picture.
+    // Looking around does change the picture.
     c.drag((9.0, 0.0), WINDOW);
     assert!(fly(&mut c, &mut now, 3) > 0);
 }
@@ -154,7 +154,7 @@ fn aided_flight_starts_by_itself_and_stops_for_the_operator() {
     fly(&mut c, &mut now, 150);
     assert!(c.rests());
     assert_eq!(c.hud(now).state, "paused");
-    // The hand wins over the pause, and never goes through the wall.
+    // Operator input overrides the pause, and never passes through the wall.
     c.steer(|h| h.press(Hold::Forward), now);
     fly(&mut c, &mut now, 250);
     let at = c.flight().pose().position;
@@ -243,7 +243,7 @@ fn another_view_angle_is_another_picture() {
     assert!(narrow != usual);
     now += Duration::from_secs(1);
     assert!(c.hud(now).figures.iter().any(|f| f.ends_with("view 74.4°")), "{:?}", c.hud(now).figures);
-    // A screenshot that still waits for a better picture is of the angle that was seen.
+    // A screenshot that still waits for a better picture keeps the angle that was seen.
     perform(&mut c, "wider", now);
     fly(&mut c, &mut now, 1);
     assert!(c.view_renderer.is_refining(&c.flight));
@@ -273,7 +273,7 @@ fn keys_and_mouse_roll_the_view() {
         assert!(now.forward.distance(before.forward) < 1e-6);
         before.up.cross(now.up).dot(before.forward).atan2(before.up.dot(now.up)).to_degrees()
     };
-    // Half a turn over the window's shorter side.
+    // A drag over the window's shorter side is half a turn.
     c.roll(WINDOW.1 as f64 / 6.0, WINDOW);
     assert!(fly(&mut c, &mut now, 2) > 0);
     assert!((rolled(&c) - 30.0).abs() < 1e-6, "{}", rolled(&c));
@@ -285,7 +285,7 @@ fn keys_and_mouse_roll_the_view() {
     assert!(c.rests());
 }
 
-/// Neither drawn nor computed, until its key is pressed.
+/// Neither drawn nor computed until its key is pressed.
 #[test]
 fn an_overlay_costs_nothing_while_it_is_hidden() {
     use std::sync::atomic::{AtomicUsize, Ordering};
@@ -344,7 +344,7 @@ impl crate::render::Renderer for Unfinished {
     }
 }
 
-/// A window says what has panicked, in its place, and lives on: by hand, with the default's pictures.
+/// The window reports what has panicked and survives: with manual steering and the default renderer's pictures.
 #[test]
 fn a_window_outlives_what_is_plugged_into_it() {
     use crate::schedule::{App, FlightSystems};
@@ -385,7 +385,7 @@ fn a_window_outlives_what_is_plugged_into_it() {
             reported += &c.hud(now).message.unwrap_or_default();
         }
         assert!(reported.contains(who) && reported.contains(why), "{who}: {reported}");
-        // It goes on: pictures come, and the hand moves the camera.
+        // The flight continues: pictures are rendered, and operator input moves the camera.
         let at = c.flight().pose().position;
         c.steer(|hands| hands.press(Hold::Forward), now);
         assert!(fly(&mut c, &mut now, 40) > 30, "{who}");
@@ -412,10 +412,10 @@ fn a_slow_plugin_is_among_the_figures() {
     assert!(figures.iter().any(|f| f.starts_with("plug-in sleeper takes ")), "{figures:?}");
 }
 
-/// The slices of a reading layout, in these tests' size.
+/// The slices of a reading layout, in the size of these tests.
 const SLICES: [(Orientation, [usize; 2]); 2] = [(Orientation::Axial, [64, 64]), (Orientation::Across, [64, 64])];
 
-/// Traces a picture with slices beside it.
+/// Renders a picture with slices beside it.
 fn trace_with_slices(c: &mut FlightController, now: Instant) {
     let due = c.prepare(WINDOW, &SLICES, now).unwrap();
     c.show(due).unwrap();
@@ -440,12 +440,12 @@ fn a_click_in_a_slice_stops_the_flight_and_takes_the_camera_along_where_it_fits(
     trace_with_slices(&mut c, now);
     let through = c.slices().view(c.flight(), Orientation::Across).unwrap().shown().unwrap();
     assert!(through.pixel(gas).1.abs() < 1e-9, "the slices go through it");
-    // The flight goes on, and the slices with it.
+    // The flight continues, and the slices follow.
     perform(&mut c, "pause", now);
     assert_eq!(c.slices().cursor(), None);
     fly(&mut c, &mut now, 20);
     assert!(at(&c).y > gas.y + 1.0);
-    // What the operator did is kept as any other command.
+    // Operator commands are recorded like any other command.
     let commands = serde_json::to_string(c.flight().timed_commands()).unwrap();
     assert!(commands.contains("\"go\""), "{commands}");
     assert_eq!(
@@ -467,9 +467,9 @@ fn distances_are_measured_on_the_wall_and_in_slices() {
     c.follow(FlightInput::Click([WINDOW.0 as f64 - 4.0, middle]), at);
     let made = c.measures().list()[0];
     assert!((made.mm() - 20.0).abs() < 0.6, "from wall to wall of a tube of 20 mm: {}", made.text());
-    // The camera is half a millimetre beside the middle.
+    // The camera is half a millimetre off the middle.
     assert!((made.from.y - made.to.y).abs() < 1.5 && made.from.x < made.to.x);
-    // Mixed: from the wall to a place of a slice.
+    // Mixed: from the wall to a point of a slice.
     c.follow(FlightInput::Click([4.0, middle]), at);
     c.slice(SliceInput::Click(made.from + DVec3::Y * 3.0), now);
     assert!((c.measures().list()[1].mm() - 3.0).abs() < 1e-6);

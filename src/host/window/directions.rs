@@ -1,14 +1,14 @@
-//! Where the patient's left, front and head are in the view.
+//! Directions of the patient (left, front, head) in the view.
 
 use glam::DVec3;
 
 use crate::dynamics::Attitude;
 
-/// An axis counts if the direction has at least this much of it: less than 67.5° off.
+/// An axis counts if the direction's component along it is at least this: less than 67.5° off.
 const COUNTS: f64 = 0.382_683_432_365_089_8;
 
-/// The letters of a world direction (LPS): `L`eft and `R`ight, `P`osterior and `A`nterior, `S`uperior and `I`nferior of
-/// the patient, what it mostly points to first, as on radiological images.
+/// Returns the letters of a world direction (LPS): `L`eft and `R`ight, `P`osterior and `A`nterior, `S`uperior and `I`nferior of
+/// the patient. The largest component comes first, as on radiological images.
 pub fn letters(direction: DVec3) -> String {
     let mut parts: Vec<(f64, char)> = [(direction.x, 'L', 'R'), (direction.y, 'P', 'A'), (direction.z, 'S', 'I')]
         .into_iter()
@@ -35,7 +35,7 @@ pub struct Directions {
 }
 
 impl Directions {
-    /// Of a view from `attitude`, world.
+    /// Returns the directions for a view from `attitude`, world.
     pub fn of(attitude: &Attitude) -> Self {
         let right = attitude.right();
         Self {
@@ -59,13 +59,13 @@ mod tests {
 
     #[test]
     fn views_a_radiologist_knows() {
-        // From the feet, the patient's front on top: an axial slice; the patient's left is on the right.
+        // From the feet, the patient's front on top: an axial slice. The patient's left is on the right.
         assert_eq!(of(DVec3::Z, DVec3::NEG_Y), ["R", "L", "A", "P", "S"]);
         // From the front, head on top: a coronal slice.
         assert_eq!(of(DVec3::Y, DVec3::Z), ["R", "L", "S", "I", "P"]);
-        // From the patient's left, head on top: a sagittal slice; the front is on the left.
+        // From the patient's left, head on top: a sagittal slice. The front is on the left.
         assert_eq!(of(DVec3::NEG_X, DVec3::Z), ["A", "P", "S", "I", "R"]);
-        // Down from the head, the front on top: mirrored to the first.
+        // Down from the head, the front on top: mirrored compared with the first.
         assert_eq!(of(DVec3::NEG_Z, DVec3::NEG_Y), ["L", "R", "A", "P", "I"]);
     }
 

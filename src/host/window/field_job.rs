@@ -1,4 +1,4 @@
-//! What a guide needs of the lumen, built on a thread of its own while the flight goes on.
+//! Builds the fields that a guide needs on a separate thread while the flight continues.
 
 use std::sync::Arc;
 
@@ -9,14 +9,14 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::schedule::GuideEntry;
 
-/// Fields under way.
+/// Fields that are being built.
 pub struct FieldJob {
     guide: &'static str,
     job: Job<Fields>,
 }
 
 impl FieldJob {
-    /// Begins to build what `guide` needs for the flight as it is; none where it needs nothing that is not there.
+    /// Starts to build what `guide` needs for the current flight; `None` if nothing is missing.
     pub fn begin(flight: &FlightApp, guide: &GuideEntry) -> Option<Result<Self>> {
         let (wanted, guide) = (guide.needs, guide.name);
         let mut fields = flight.fields().clone();
@@ -28,12 +28,12 @@ impl FieldJob {
         let build = move |progress: &Arc<Progress>| {
             fields.build(wanted, &volume, &lumen, &plan, radius_mm, progress).map(|()| fields)
         };
-        // Nobody is to be woken: the flight goes on meanwhile, and asks before each frame.
+        // No wake-up is needed: the flight continues meanwhile and polls before each frame.
         let job = Job::start("planning", &Arc::new(Progress::new()), build, || {});
         Some(job.map(|job| Self { guide, job }))
     }
 
-    /// What was built, and for whom, when it is there.
+    /// Returns the fields and the guide that they are for, once they are built.
     pub fn take(&mut self) -> Option<(&'static str, Result<Fields>)> {
         Some((self.guide, self.job.take()?))
     }

@@ -1,4 +1,4 @@
-//! Frame time, speed and clearance, averaged over a moment and changing seldom enough to be read.
+//! Frame time, speed and clearance, averaged over a moment and updated at a readable rate.
 
 use std::time::{Duration, Instant};
 
@@ -10,43 +10,44 @@ use crate::components::output::Picture;
 use crate::render::Quality;
 use crate::schedule::PluginTime;
 
-/// Figures change so often at the most.
+/// Minimum time between two updates of the figures.
 const READ_EVERY: Duration = Duration::from_millis(250);
 
-/// Figures of a flight as they are shown.
+/// The displayed figures of a flight.
 #[derive(Clone, Debug)]
 pub struct Figures {
     since: Instant,
-    /// Images counted already.
+    /// Number of images counted already.
     counted: usize,
     lines: Vec<String>,
-    /// Place along the way, per mille.
+    /// Position along the path, per mille.
     per_mille: u32,
     stale: bool,
 }
 
 impl Figures {
-    /// None yet.
+    /// Creates figures without values.
     pub fn new(now: Instant) -> Self {
         Self { since: now, counted: 0, lines: vec![String::new(); 4], per_mille: 0, stale: true }
     }
 
-    /// Something has changed.
+    /// Marks the figures as changed.
     pub fn touch(&mut self) {
         self.stale = true;
     }
 
-    /// When they are to be read again; none if nothing has changed.
+    /// Returns when they should be read again; `None` if nothing has changed.
     pub fn next(&self) -> Option<Instant> {
         self.stale.then_some(self.since + READ_EVERY)
     }
 
-    /// Place along the way when the figures were read, per mille: like them it changes seldom, for each change is painted.
+    /// Returns the position along the path when the figures were read, per mille. It changes as rarely as they do, since each
+    /// change is painted.
     pub fn per_mille(&self) -> u32 {
         self.per_mille
     }
 
-    /// The figures, one a line, read anew if it is time.
+    /// Returns the figures, one per line. Updates them if it is time.
     pub fn read(&mut self, flight: &FlightApp, view_renderer: &ViewRenderer, now: Instant) -> &[String] {
         self.stale |= view_renderer.frames().len() > self.counted;
         let elapsed = now.saturating_duration_since(self.since);
@@ -60,7 +61,7 @@ impl Figures {
             let fps = count / elapsed.as_secs_f64().max(1e-3);
             let detail = view_renderer.detail(flight);
             let (width, height) = detail.map_or((0, 0), |d| d.size);
-            // A rate tells nothing of a picture that stands still.
+            // A rate is meaningless for a still picture.
             let rate = detail.and_then(refined).unwrap_or_else(|| format!("{fps:.0} fps"));
             self.lines[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");
         }
@@ -86,12 +87,12 @@ impl Figures {
     }
 }
 
-/// A view angle as it is shown: "74.4°".
+/// Formats a view angle: "74.4°".
 pub fn angle(degrees: f64) -> String {
     format!("{}°", (degrees * 10.0).round() / 10.0)
 }
 
-/// The name of a detail.
+/// Returns the name of a level of detail.
 pub fn detail(quality: Quality) -> &'static str {
     match quality {
         Quality::High => "high",

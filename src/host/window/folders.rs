@@ -1,4 +1,4 @@
-//! The platform's folders for what the window keeps, and small files in them.
+//! The platform's folders for files that the window keeps, and reading and writing of small files in them.
 
 use std::path::{Path, PathBuf};
 
@@ -8,25 +8,25 @@ use serde::de::DeserializeOwned;
 use crate::error::{Error, Result};
 use crate::output;
 
-/// No file of ours is larger, bytes.
+/// Maximum size of the program's files, bytes.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// What a folder is for.
+/// Purpose of a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Folder {
-    /// What the user has written.
+    /// Files that the user has written.
     Configuration,
-    /// What the program remembers.
+    /// State that the program remembers.
     State,
 }
 
 impl Folder {
-    /// A file of colvis in it; none on a system that names no such folder.
+    /// Returns the path of a colvis file in it; `None` on a system that defines no such folder.
     pub fn file(self, name: impl AsRef<Path>) -> Option<PathBuf> {
         self.of(|name| std::env::var_os(name).map(PathBuf::from)).map(|f| f.join("colvis").join(name))
     }
 
-    /// The folder, from the environment. A relative path in it is to be ignored.
+    /// Determines the folder from the environment. A relative path there must be ignored.
     fn of(self, variable: impl Fn(&str) -> Option<PathBuf>) -> Option<PathBuf> {
         let absolute = |name: &str| variable(name).filter(|p| p.is_absolute());
         let (windows, xdg, home) = match self {
@@ -41,10 +41,10 @@ impl Folder {
     }
 }
 
-/// Reads a small file; none where there is none. `mend` is what an error says is to be done.
+/// Reads a small file; `None` if it does not exist. `hint` becomes the hint of an error.
 ///
 /// # Errors
-/// Status 3 where it cannot be read, or is too large to be one of ours.
+/// Returns status 3 if it cannot be read, or is larger than the program's files can be.
 pub fn read(path: &Path, hint: &str) -> Result<Option<Vec<u8>>> {
     let bad = |why: String| Error::file(path, why, hint);
     match std::fs::metadata(path) {
@@ -57,19 +57,19 @@ pub fn read(path: &Path, hint: &str) -> Result<Option<Vec<u8>>> {
     std::fs::read(path).map(Some).map_err(|e| bad(format!("cannot be read ({e})")))
 }
 
-/// What is kept as JSON.
+/// Data stored as JSON.
 pub trait Kept: Serialize + DeserializeOwned {
-    /// The present form.
+    /// The current version of the format.
     const VERSION: u32;
 
-    /// The form that it was written in.
+    /// Returns the version of the format that it was written in.
     fn version(&self) -> u32;
 }
 
-/// Reads what was kept in a file; none where there is none. `mend` is what an error says is to be done.
+/// Reads stored data from a file; `None` if it does not exist. `hint` becomes the hint of an error.
 ///
 /// # Errors
-/// Status 3 where it cannot be read, is damaged or is of another version.
+/// Returns status 3 if it cannot be read, is damaged or has another version.
 pub fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
     let Some(bytes) = read(path, hint)? else { return Ok(None) };
     let bad = |why: String| Error::file(path, why, hint);
@@ -81,10 +81,10 @@ pub fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
     }
 }
 
-/// Writes it, and the folder that it is in.
+/// Writes the data to a file, and creates its folder.
 ///
 /// # Errors
-/// Status 5 when it cannot be written; what was kept before is as it was.
+/// Returns status 5 if it cannot be written. An existing file stays unchanged.
 pub fn keep<T: Kept>(path: &Path, kept: &T) -> Result<()> {
     if let Some(folder) = path.parent() {
         output::make_folder(folder)?;

@@ -1,4 +1,4 @@
-//! The window's framebuffer: where a flight's pictures are presented, with what there is to say over them.
+//! The window's framebuffer, which presents a flight's pictures with the interface over them.
 
 use std::num::NonZeroU32;
 use std::rc::Rc;
@@ -22,26 +22,26 @@ use crate::systems::present::Presenter;
 pub struct Framebuffer {
     screen: Screen,
     painter: Painter,
-    /// Where the next picture that is presented lies, and since when it is waited for; none while nothing is to be shown.
+    /// Position of the next picture to be presented, and the time since when it is awaited; `None` while nothing has to be shown.
     next: Option<(Places, Instant)>,
-    /// The slices as they were last handed over.
+    /// The slices as they were last received.
     slices: Vec<(Entity, Frame)>,
     presented: Option<Result<PresentResult>>,
 }
 
-/// Where pictures lie in the window: their left upper corners, pixels.
+/// Positions of pictures in the window: their upper left corners, pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
-    /// The flight's; none where it is not shown.
+    /// Position of the flight's picture; `None` if it is not shown.
     pub flight: Option<(usize, usize)>,
-    /// The slices'.
+    /// Positions of the slices.
     pub slices: Vec<(Entity, (usize, usize))>,
 }
 
-/// What came of a presentation.
+/// Result of a presentation.
 #[derive(Clone, Copy, Debug)]
 pub struct PresentResult {
-    /// Whether what was to lie over the picture does; else it comes with one of the next.
+    /// True if the latest layout is over the picture. Otherwise it follows with one of the next pictures.
     pub settled: bool,
     /// From the finished picture to the presented one, ms.
     pub ms: f64,
@@ -50,10 +50,10 @@ pub struct PresentResult {
 }
 
 impl Framebuffer {
-    /// Opens a window and asks for its first picture.
+    /// Opens a window and requests its first picture.
     ///
     /// # Errors
-    /// Status 1 when the system gives none.
+    /// Returns status 1 if the system cannot open one.
     pub fn open(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Self> {
         Ok(Self {
             screen: Screen::open(events, attributes)?,
@@ -64,34 +64,34 @@ impl Framebuffer {
         })
     }
 
-    /// Forgets the slices: they were another scan's.
+    /// Removes the slices, which belong to a closed scan.
     pub fn forget_slices(&mut self) {
         self.slices.clear();
     }
 
-    /// The window.
+    /// Returns the window.
     pub fn window(&self) -> Rc<Window> {
         Rc::clone(&self.screen.window)
     }
 
-    /// Has `layout` over the picture that is presented next. Each layout is to be given here or to [`Framebuffer::show_alone`], in
-    /// their order.
+    /// Sets the layout over the next presented picture. Pass every layout, in order, to this method or to
+    /// [`Framebuffer::show_alone`].
     pub fn prepare(&mut self, layout: &Arc<Layout>, places: Places) {
         self.painter.prepare(layout);
         self.slices.retain(|s| places.slices.iter().any(|p| p.0 == s.0));
         self.next = Some((places, Instant::now()));
     }
 
-    /// Shows a layout with no picture below.
+    /// Shows a layout without pictures below.
     ///
     /// # Errors
-    /// Status 1 when the window system refuses.
+    /// Returns status 1 if the window system refuses.
     pub fn show_alone(&mut self, layout: &Arc<Layout>) -> Result<PresentResult> {
         self.painter.prepare(layout);
         self.show(&[])
     }
 
-    /// What came of the last presentation; none if there was none.
+    /// Takes the result of the last presentation; `None` if there was none.
     pub fn take_presented(&mut self) -> Option<Result<PresentResult>> {
         self.presented.take()
     }
@@ -125,7 +125,7 @@ impl Presenter for Framebuffer {
     fn present(&mut self, picture: &Picture) {
         if let Some((places, since)) = self.next.take() {
             let traced_ms = since.elapsed().as_secs_f64() * 1e3;
-            // Away while it is shown: what shows it needs the rest.
+            // Taken out while shown, since the presentation borrows the rest of `self`.
             let slices = std::mem::take(&mut self.slices);
             let flight = places.flight.map(|at| Placed { at, frame: &picture.frame });
             let mut placed: Vec<Placed<'_>> = flight.into_iter().collect();

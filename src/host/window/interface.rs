@@ -1,7 +1,7 @@
-//! The interface: what lies over and beside the flight's picture, laid out by egui on the event loop's thread.
+//! The user interface over and beside the flight's picture, laid out by egui on the event loop's thread.
 //!
-//! A layout is made only when something that it shows may have changed, and is rasterised only if it has. It does not
-//! depend on a window: the caller passes egui's events, and tests make them up.
+//! A layout is computed only if something that it shows may have changed, and is rasterised only if it differs. The interface
+//! does not depend on a window: the caller passes egui's events, and tests create them.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -9,34 +9,34 @@ use std::time::{Duration, Instant};
 use egui::epaint::{ClippedShape, Primitive, TessellationOptions, Tessellator};
 use egui::{ClippedPrimitive, Context, PlatformOutput, Pos2, RawInput, Rect, TexturesDelta, Ui, Vec2, ViewportId};
 
-/// Pixels of a window, and how many of them the system counts as a point.
+/// Size of a window in pixels, with the system's scale factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowSize {
     /// Width and height.
     pub pixels: (usize, usize),
-    /// Pixels a point.
+    /// Pixels per point.
     pub scale: f32,
 }
 
 impl WindowSize {
-    /// How much smaller than usual the interface is, for it to leave some of a small window free.
+    /// Returns the zoom of the interface. It is reduced in a small window to leave some of it free.
     fn zoom(self) -> f32 {
         let [width, height] = [self.pixels.0, self.pixels.1].map(|p| p as f32 / self.scale);
         (width / 420.0).min(height / 300.0).clamp(0.7, 1.0)
     }
 
-    /// Pixels that the interface counts as a point.
+    /// Returns the pixels per point of the interface.
     pub fn pixels_a_point(self) -> f32 {
         self.scale * self.zoom()
     }
 
-    /// The window in the interface's points.
+    /// Returns the window's area in points of the interface.
     pub fn area(self) -> Rect {
         let (width, height) = self.pixels;
         Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / self.pixels_a_point())
     }
 
-    /// A rectangle of the interface in pixels: left, top, width, height.
+    /// Converts a rectangle of the interface to pixels: left, top, width, height.
     pub fn in_pixels(self, at: Rect) -> [usize; 4] {
         let edge = |x: f32, most: usize| ((x * self.pixels_a_point()).round().max(0.0) as usize).min(most);
         let (width, height) = self.pixels;
@@ -49,29 +49,30 @@ impl WindowSize {
 /// A layout, ready to be rasterised.
 #[derive(Clone)]
 pub struct Layout {
-    /// Another number for each layout that looks different.
+    /// Changes with each layout that looks different.
     pub serial: u64,
-    /// The window that it is for.
+    /// The size of its window.
     pub size: WindowSize,
     /// What is drawn, in points.
     shapes: Vec<ClippedShape>,
-    /// What has changed of the textures since the layout before.
+    /// Changes of the textures since the previous layout.
     pub textures: TexturesDelta,
-    /// Where pictures lie below it. Between two layouts with the same ones, the older one may be shown a little longer.
+    /// Positions of the pictures below it. Between two layouts with the same positions, the older one may be shown a little
+    /// longer.
     pub pictures: Vec<Rect>,
     tessellation: TessellationOptions,
     font_texture: [usize; 2],
 }
 
 impl Layout {
-    /// Whether this layout may be shown in the place of `newer` until that one is ready.
+    /// True if this layout may be shown instead of `newer` until that one is ready.
     pub fn may_stand_in_for(&self, newer: &Self) -> bool {
         self.size == newer.size && !self.pictures.is_empty() && self.pictures == newer.pictures
     }
 
-    /// Its triangles.
+    /// Returns its triangles.
     pub fn tessellate(&self) -> Vec<ClippedPrimitive> {
-        // Not egui's own function: it would keep the event loop from laying out the next one meanwhile.
+        // egui's own function would prevent the event loop from laying out the next one meanwhile.
         let scale = self.size.pixels_a_point();
         let mut all = Tessellator::new(scale, self.tessellation, self.font_texture, Vec::new())
             .tessellate_shapes(self.shapes.clone());
@@ -80,11 +81,11 @@ impl Layout {
     }
 }
 
-/// Lays out.
+/// Computes layouts.
 pub struct Interface {
     egui: Context,
     layout: Option<Arc<Layout>>,
-    /// When it wants to be laid out again: for a tooltip, say.
+    /// When it needs another layout, for example for a tooltip.
     next: Option<Instant>,
 }
 
@@ -95,43 +96,44 @@ impl Default for Interface {
 }
 
 impl Interface {
-    /// Nothing is laid out yet.
+    /// Creates an interface without a layout.
     pub fn new() -> Self {
         let egui = Context::default();
         egui.set_theme(egui::Theme::Dark);
         egui.options_mut(|o| {
-            // Its keys for that are the view angle's here.
+            // egui's zoom keys change the view angle here.
             o.zoom_with_keyboard = false;
-            // Nothing is asked of an action twice.
+            // One pass only, so that no action is requested twice.
             o.max_passes = std::num::NonZeroUsize::MIN;
         });
         egui.all_styles_mut(|style| {
-            // A picture that is rasterised on a processor does not fade.
+            // A picture rasterised on the CPU does not fade.
             style.animation_time = 0.0;
-            // A divider is grabbed where it lies, and what lies beside it is the panels'.
+            // Dividers are grabbed exactly; the area beside them belongs to the panels.
             style.interaction.resize_grab_radius_side = 2.0;
-            // As legible as what lies over the pictures.
+            // As legible as text over the pictures.
             style.visuals.override_text_color = Some(super::overlay::INK);
         });
         Self { egui, layout: None, next: None }
     }
 
-    /// egui's state.
+    /// Returns egui's state.
     pub fn egui(&self) -> &Context {
         &self.egui
     }
 
-    /// The last layout.
+    /// Returns the last layout.
     pub fn layout(&self) -> Option<&Arc<Layout>> {
         self.layout.as_ref()
     }
 
-    /// When it is to be laid out again although nothing has happened.
+    /// Returns when to lay out again even without events.
     pub fn next(&self) -> Option<Instant> {
         self.next
     }
 
-    /// Lays out what `draw` shows in a window of `size` after `input`. `draw` returns where pictures lie below it.
+    /// Lays out the content drawn by `draw` in a window of `size` after `input`. `draw` returns the positions of the pictures
+    /// below it.
     ///
     /// A window without pixels has no layout.
     pub fn lay_out(
@@ -146,7 +148,7 @@ impl Interface {
         }
         let mut textures = TexturesDelta::default();
         if self.egui.zoom_factor() != size.zoom() {
-            // egui takes a new factor over from the pass before; that one is to have had this window's size.
+            // egui takes a new factor over from the previous pass, which must have had this window's size.
             self.egui.set_zoom_factor(size.zoom());
             let mut empty = RawInput { screen_rect: Some(size.area()), ..RawInput::default() };
             empty.viewports.entry(ViewportId::ROOT).or_default().native_pixels_per_point = Some(size.scale);

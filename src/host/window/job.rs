@@ -1,4 +1,4 @@
-//! Work beside the window: on another thread, with a progress that can be shown, and cancelled when nobody wants it any more.
+//! Background jobs: run work on another thread with progress, and cancel it when its result is no longer needed.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -10,20 +10,20 @@ use crate::error::{Error, Result};
 use crate::panics;
 use crate::progress::Progress;
 
-/// Work that was begun and whose result has not been taken yet. To drop it cancels it.
+/// A job whose result has not been taken yet. Dropping it cancels the work.
 pub struct Job<T> {
     name: &'static str,
     progress: Arc<Progress>,
-    /// None once the result was taken.
+    /// `None` after the result was taken.
     result: Option<Receiver<Result<T>>>,
 }
 
 impl<T: Send + 'static> Job<T> {
-    /// Begins on a thread of its own, named `name`. `wake` is called there when the result is there to be taken, whatever came of
-    /// it.
+    /// Starts a job on a new thread named `name`. `wake` is called on that thread when the result is available, whether or not
+    /// the work succeeded.
     ///
     /// # Errors
-    /// Status 1 when the system gives no thread.
+    /// Returns status 1 if the system cannot start a thread.
     pub fn start(
         name: &'static str,
         progress: &Arc<Progress>,
@@ -36,7 +36,7 @@ impl<T: Send + 'static> Job<T> {
         Ok(job)
     }
 
-    /// As [`Job::start`], in a pool.
+    /// Same as [`Job::start`], in a thread pool.
     pub fn start_in(
         pool: &ThreadPool,
         name: &'static str,
@@ -49,7 +49,7 @@ impl<T: Send + 'static> Job<T> {
         job
     }
 
-    /// A job, and what another thread is to run.
+    /// Creates a job, and the closure that another thread must run.
     fn new(
         name: &'static str,
         progress: &Arc<Progress>,
@@ -62,22 +62,22 @@ impl<T: Send + 'static> Job<T> {
             // In a pool it may have been cancelled before its turn.
             let worked = panics::catch(|| shared.check().and_then(|()| work(&shared)));
             let panicked = |why| Err(Error::fault(name, format!("panicked: {why}"), "report it"));
-            // Whoever began it may have dropped it.
+            // The owner may have dropped the job.
             let _ = done.send(worked.unwrap_or_else(panicked));
             wake();
         };
         (Self { name, progress: Arc::clone(progress), result: Some(result) }, run)
     }
 
-    /// How far it has come.
+    /// Returns the progress of the job.
     pub fn progress(&self) -> &Progress {
         &self.progress
     }
 
-    /// The result, once, as soon as it is there. Effect not wait.
+    /// Takes the result once it is available, without waiting.
     ///
     /// # Errors
-    /// Those of the work; status 1 when it panicked.
+    /// Returns the error of the work, or status 1 if it panicked.
     pub fn take(&mut self) -> Option<Result<T>> {
         let result = match self.result.as_ref()?.try_recv() {
             Ok(result) => result,
@@ -88,15 +88,15 @@ impl<T: Send + 'static> Job<T> {
         Some(result)
     }
 
-    /// The result; waits for it.
+    /// Waits for the result and returns it.
     ///
     /// # Errors
-    /// As [`Job::take`].
+    /// Returns the errors of [`Job::take`].
     pub fn wait(mut self) -> Result<T> {
         self.result.take().and_then(|result| result.recv().ok()).unwrap_or_else(|| Err(self.lost()))
     }
 
-    /// The pool went away before the job's turn, or the result was taken before.
+    /// The error if the pool was dropped before the job's turn, or the result was taken before.
     fn lost(&self) -> Error {
         Error::fault(self.name, "there is no result", "report it")
     }
@@ -119,7 +119,7 @@ mod tests {
 
     const SOON: Duration = Duration::from_secs(10);
 
-    /// A job on a thread and one in a pool, each with what its wake-up sends to.
+    /// Starts a job on a thread and one in a pool, each with the receiver of its wake-up.
     fn begun(work: fn(&Progress) -> Result<u32>) -> [(Job<u32>, Receiver<()>); 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         [false, true].map(|pooled| {
@@ -182,7 +182,7 @@ mod tests {
             woken.recv_timeout(SOON).unwrap();
             assert!(progress.is_cancelled());
         }
-        // Nothing is begun that was cancelled before.
+        // A job that was cancelled before does not start.
         let progress = Arc::new(Progress::new());
         progress.cancel();
         let job = Job::start("job", &progress, |_| -> Result<()> { unreachable!("it was cancelled") }, || {}).unwrap();
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_panic_is_a_fault_of_the_program() {
-        // Others exchange the hook that a panic calls.
+        // Other tests replace the panic hook.
         let _hook = panics::HOOK.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         for (mut job, woken) in begun(|_| panic!("no such voxel")) {
             woken.recv_timeout(SOON).unwrap();

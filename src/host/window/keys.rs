@@ -1,4 +1,4 @@
-//! Keys, as the tables of actions name them, and those that are held down.
+//! Keys as named in the tables of actions, and the keys currently held.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,15 +7,15 @@ use winit::keyboard::{Key, NamedKey};
 
 use crate::error::{Error, Result};
 
-/// A key, with Ctrl (on a Mac also Command) or without. Letters stand for both of their cases.
+/// A key with or without Ctrl (on a Mac also Command). Letters stand for both of their cases.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Chord {
     control: bool,
-    /// A character in lower case, or a name of [`NAMES`].
+    /// A lower-case character, or a name of [`NAMES`].
     key: String,
 }
 
-/// Keys that are no characters, by the names that settings and help have for them.
+/// Keys other than characters, by their names in settings and help.
 const NAMES: [(&str, NamedKey); 21] = [
     ("Space", NamedKey::Space),
     ("Up", NamedKey::ArrowUp),
@@ -41,19 +41,19 @@ const NAMES: [(&str, NamedKey); 21] = [
 ];
 
 impl Chord {
-    /// The key of a character, without Ctrl.
+    /// Returns the key of a character, without Ctrl.
     pub fn character(key: char) -> Self {
         let key = if key == ' ' { "Space".to_owned() } else { key.to_lowercase().to_string() };
         Self { control: false, key }
     }
 
-    /// The same key without Ctrl.
+    /// Returns the same key without Ctrl.
     #[must_use]
     pub fn plain(&self) -> Self {
         Self { control: false, key: self.key.clone() }
     }
 
-    /// A key of the window system; none for keys that no action can have.
+    /// Converts a key of the window system; `None` for keys that no action can have.
     pub fn of(key: &Key, control: bool) -> Option<Self> {
         let key = match key {
             Key::Named(named) => NAMES.iter().find(|n| n.1 == *named)?.0.to_owned(),
@@ -68,7 +68,7 @@ impl Chord {
 impl FromStr for Chord {
     type Err = Error;
 
-    /// Reads `"W"`, `"Esc"`, `"Ctrl+0"`.
+    /// Parses `"W"`, `"Esc"`, `"Ctrl+0"`.
     fn from_str(text: &str) -> Result<Self> {
         let (control, key) = text.strip_prefix("Ctrl+").map_or((false, text), |key| (true, key));
         let named = NAMES.iter().find(|n| n.0.eq_ignore_ascii_case(key)).map(|n| n.0.to_owned());
@@ -91,20 +91,20 @@ impl fmt::Display for Chord {
     }
 }
 
-/// What a held key steers.
+/// The motion that a held key causes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Hold {
-    /// Along the view.
+    /// Moves along the view.
     Forward,
-    /// Against the view.
+    /// Moves against the view.
     Back,
-    /// To the left, sideways.
+    /// Moves to the left, sideways.
     Left,
-    /// To the right, sideways.
+    /// Moves to the right, sideways.
     Right,
-    /// Upwards.
+    /// Moves upwards.
     Up,
-    /// Downwards.
+    /// Moves downwards.
     Down,
     /// Turns the view to the left.
     TurnLeft,
@@ -120,12 +120,12 @@ pub enum Hold {
     RollRight,
 }
 
-/// The keys that are held down.
+/// The keys that are currently held.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HeldKeys(Vec<Hold>);
 
 impl HeldKeys {
-    /// A key goes down; whether that is news (a held key repeats).
+    /// Presses a key. Returns true if it was not held before (a held key repeats).
     pub fn press(&mut self, hold: Hold) -> bool {
         let new = !self.0.contains(&hold);
         if new {
@@ -134,14 +134,14 @@ impl HeldKeys {
         new
     }
 
-    /// A key goes up; whether it was down.
+    /// Releases a key. Returns true if it was held.
     pub fn release(&mut self, hold: Hold) -> bool {
         let before = self.0.len();
         self.0.retain(|h| *h != hold);
         self.0.len() != before
     }
 
-    /// All keys go up; whether any was down.
+    /// Releases all keys. Returns true if any was held.
     pub fn let_go(&mut self) -> bool {
         let any = !self.0.is_empty();
         self.0.clear();
@@ -152,12 +152,12 @@ impl HeldKeys {
         f64::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)))
     }
 
-    /// The push that they ask for: right, up, forward.
+    /// Returns the push of the held keys: right, up, forward.
     pub fn push(&self) -> [f64; 3] {
         [self.axis(Hold::Right, Hold::Left), self.axis(Hold::Up, Hold::Down), self.axis(Hold::Forward, Hold::Back)]
     }
 
-    /// The turn that they ask for: to the right, upwards, clockwise.
+    /// Returns the turn of the held keys: to the right, upwards, clockwise.
     pub fn turn(&self) -> [f64; 3] {
         [
             self.axis(Hold::TurnRight, Hold::TurnLeft),

@@ -1,4 +1,4 @@
-//! A picture that lies over another: the few pixels that are not clear, ready to be blended.
+//! A sparse picture over another: only the pixels that are not transparent, ready for blending.
 
 use std::ops::Range;
 
@@ -6,32 +6,32 @@ use rayon::prelude::*;
 
 use crate::render::Frame;
 
-/// Rows of a task.
+/// Rows per task.
 const ROWS: usize = 32;
 
-/// A pixel as a window's painter makes it: blue, green, red, multiplied by the fourth, alpha.
+/// A pixel in the format of the window's painter: blue, green and red, multiplied by alpha, then alpha.
 pub type Bgra = [u8; 4];
 
-/// Pixels side by side.
+/// A horizontal run of pixels.
 #[derive(Clone, Debug)]
 struct Run {
-    /// Where they are in their row.
+    /// Columns in their row.
     columns: Range<usize>,
-    /// Where they are in [`Layer::pixels`].
+    /// Index of the first pixel in [`Layer::pixels`].
     first: usize,
 }
 
-/// The pixels of a layer that are not clear.
+/// The pixels of a layer that are not transparent.
 #[derive(Clone, Debug, Default)]
 pub struct Layer {
-    /// For each row, its runs.
+    /// Runs of each row.
     rows: Vec<Vec<Run>>,
     /// `0xAARRGGBB`, colours multiplied by alpha.
     pixels: Vec<u32>,
 }
 
 impl Layer {
-    /// What is not clear of a canvas of `width` pixels a row.
+    /// Extracts the pixels of a canvas that are not transparent. The canvas has `width` pixels per row.
     pub fn of(canvas: &[Bgra], width: usize) -> Self {
         let mut layer = Self::default();
         for row in canvas.chunks_exact(width.max(1)) {
@@ -40,7 +40,7 @@ impl Layer {
             while let Some(start) = row[x..].iter().position(|p| *p != [0; 4]).map(|n| x + n) {
                 let end = row[start..].iter().position(|p| *p == [0; 4]).map_or(row.len(), |n| start + n);
                 runs.push(Run { columns: start..end, first: layer.pixels.len() });
-                // No colour above alpha, so that no sum of two overflows.
+                // Limit colours to alpha, so that no sum of two overflows.
                 layer.pixels.extend(
                     row[start..end].iter().map(|&[b, g, r, a]| u32::from_le_bytes([b.min(a), g.min(a), r.min(a), a])),
                 );
@@ -51,7 +51,7 @@ impl Layer {
         layer
     }
 
-    /// Lays it over a picture.
+    /// Blends it over a picture.
     pub fn cover_frame(&self, picture: &mut Frame) {
         let width = picture.width().max(1);
         let rows = picture.buffers().0.chunks_exact_mut(width);
@@ -67,11 +67,11 @@ impl Layer {
         }
     }
 
-    /// Lays it over row `y` of a picture of `0x00RRGGBB`.
+    /// Blends it over row `y` of a picture of `0x00RRGGBB`.
     fn cover(&self, y: usize, out: &mut [u32]) {
         for run in self.rows.get(y).into_iter().flatten() {
             let over = &self.pixels[run.first..][..run.columns.len()];
-            // A layer that is wider is cut off.
+            // A wider layer is cut off.
             for (out, &over) in out.iter_mut().skip(run.columns.start).zip(over) {
                 *out = blend(*out, over);
             }
@@ -79,7 +79,7 @@ impl Layer {
     }
 }
 
-/// `over + under · (1 − alpha)`, two colours at a time.
+/// Computes `over + under · (1 − alpha)`, two colours at a time.
 #[inline(always)]
 fn blend(under: u32, over: u32) -> u32 {
     const TWO: u32 = 0x00ff_00ff;
@@ -93,24 +93,24 @@ fn blend(under: u32, over: u32) -> u32 {
     (over & 0x00ff_ffff) + red_blue + ((green & 0xff) << 8)
 }
 
-/// A picture in a window.
+/// A picture placed in a window.
 #[derive(Clone, Copy)]
 pub struct Placed<'a> {
-    /// Its left upper corner, pixels.
+    /// Its upper left corner, pixels.
     pub at: (usize, usize),
     /// The picture.
     pub frame: &'a Frame,
 }
 
 impl Placed<'_> {
-    /// Its row `y` of the window; none beside it.
+    /// Returns its pixels in row `y` of the window; `None` if it does not cover that row.
     fn row(&self, y: usize) -> Option<&[[u8; 3]]> {
         let row = y.checked_sub(self.at.1).filter(|&r| r < self.frame.height())?;
         self.frame.pixels().get(row * self.frame.width()..(row + 1) * self.frame.width())
     }
 }
 
-/// Fills `out`, `0x00RRGGBB` and `width` pixels a row, with the `pictures`, black beside them, and the layer over them.
+/// Fills `out`, `0x00RRGGBB` and `width` pixels per row, with the `pictures`, black around them, and blends the layer over them.
 pub fn compose(pictures: &[Placed<'_>], layer: &Layer, out: &mut [u32], width: usize) {
     if width == 0 {
         return;
@@ -132,7 +132,7 @@ pub fn compose(pictures: &[Placed<'_>], layer: &Layer, out: &mut [u32], width: u
     });
 }
 
-/// Red, green and blue to `0x00RRGGBB`: four pixels are twelve bytes, read as words.
+/// Converts red, green and blue to `0x00RRGGBB`. Four pixels are twelve bytes, read as words.
 fn copy(pixels: &[[u8; 3]], out: &mut [u32]) {
     let (four, rest) = pixels.as_chunks::<4>();
     let (out_four, out_rest) = out.as_chunks_mut::<4>();

@@ -1,4 +1,4 @@
-//! Gets a flight ready on another thread while the window is there.
+//! Prepares a flight on another thread while the window is open.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -11,59 +11,60 @@ use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
 
-/// A flight that can set out.
+/// A flight that is ready to start.
 pub struct Ready {
     /// The flight.
     pub flight: FlightApp,
-    /// The file of the scan's session; none on a system that names no folder for it.
+    /// The file of the scan's session; `None` on a system that defines no folder for it.
     pub(super) session: Option<PathBuf>,
 }
 
-/// Where the session of a scan is kept.
+/// Location of a scan's session.
 pub struct SessionFile(Option<PathBuf>);
 
 impl SessionFile {
-    /// What is to be known of `volume` later, when the flight may have a copy of it whose fluid is taken as free.
+    /// Determines the session file of `volume`. Call it with the scan as loaded, since the flight may use a copy whose fluid
+    /// counts as free.
     pub fn of(volume: &Volume) -> Self {
         Self(session::file(volume))
     }
 
-    /// The scan's flight.
+    /// Combines the session file with the scan's flight.
     pub fn ready(self, flight: FlightApp) -> Ready {
         Ready { flight, session: self.0 }
     }
 }
 
-/// What makes a flight.
+/// A function that creates a flight.
 pub type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<Ready> + Send>;
 
-/// A flight being made ready.
+/// A flight that is being prepared.
 pub struct Loading(Job<Ready>);
 
 impl Loading {
-    /// Begins; `done` is called on the other thread when it is over, whatever came of it.
+    /// Starts the preparation. `done` is called on the other thread when it is over, whether or not it succeeded.
     ///
     /// # Errors
-    /// Status 1 when the system gives no thread.
+    /// Returns status 1 if the system cannot start a thread.
     pub fn start(prepare: Prepare, progress: &Arc<Progress>, done: impl FnOnce() + Send + 'static) -> Result<Self> {
         Job::start("loading", progress, prepare, done).map(Self)
     }
 
-    /// What came of it, once, as soon as it is over. Effect not wait.
+    /// Takes the result once it is available, without waiting.
     ///
     /// # Errors
-    /// What the preparation fails with; status 1 when it panicked.
+    /// Returns the error of the preparation, or status 1 if it panicked.
     pub fn take(&mut self) -> Option<Result<Ready>> {
         self.0.take()
     }
 
-    /// What came of it; waits if it is not over.
+    /// Waits for the result and returns it.
     #[cfg(test)]
     pub fn finish(self) -> Result<Ready> {
         self.0.wait()
     }
 
-    /// What to show meanwhile.
+    /// Returns what to show meanwhile.
     pub fn content(&self) -> Content {
         let (stage, done, total) = self.0.progress().snapshot();
         let share = (total > 0).then(|| (done.min(total) as f64 / total as f64 * 1000.0).round() / 1000.0);

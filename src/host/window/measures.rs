@@ -1,4 +1,4 @@
-//! Distances that were measured: pairs of places, kept for the next time that the scan is open.
+//! Measured distances: pairs of points, stored for the next time that the scan is opened.
 
 use std::path::{Path, PathBuf};
 
@@ -8,16 +8,16 @@ use serde::{Deserialize, Serialize};
 use super::folders;
 use crate::error::{Error, Result};
 
-/// The present form of the file.
+/// The current version of the file format.
 const VERSION: u32 = 1;
-/// What comes of a file that is none.
+/// Consequence of an invalid file, for messages.
 const MEND: &str = "it is left as it is, and nothing is kept";
-/// No more than so many are kept.
+/// Maximum number of stored measures.
 const MOST: usize = 500;
-/// So many changes can be undone.
+/// Maximum number of changes that can be undone.
 const UNDONE: usize = 100;
 
-/// A distance between two places.
+/// A distance between two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measure {
     /// World, mm.
@@ -27,23 +27,23 @@ pub struct Measure {
 }
 
 impl Measure {
-    /// How long it is, mm.
+    /// Returns its length, mm.
     pub fn mm(self) -> f64 {
         self.from.distance(self.to)
     }
 
-    /// Its length as it is shown.
+    /// Returns its length as displayed.
     pub fn text(self) -> String {
         format!("{:.1} mm", self.mm())
     }
 }
 
-/// The file's form.
+/// The file format.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Kept {
     version: u32,
-    /// World, mm: the ends of each.
+    /// The ends of each, world mm.
     measures: Vec<[[f64; 3]; 2]>,
 }
 
@@ -55,21 +55,22 @@ impl folders::Kept for Kept {
     }
 }
 
-/// What was measured in a scan.
+/// The measures of a scan.
 #[derive(Debug, Default)]
 pub struct Measures {
     list: Vec<Measure>,
-    /// Whether clicks measure.
+    /// True if clicks measure.
     on: bool,
-    /// The end that was clicked first, while the other one is to come.
+    /// The first clicked end, until the second one is clicked.
     begun: Option<DVec3>,
     before: Vec<Vec<Measure>>,
-    /// Where they are kept; none where they are not.
+    /// The file for them; `None` if they are not stored.
     file: Option<PathBuf>,
 }
 
 impl Measures {
-    /// Those that were kept in a file, and what is wrong with it: then there are none, and it is not written.
+    /// Reads the measures stored in a file, with the error if the file is invalid. In that case there are none and the file is
+    /// not overwritten.
     pub fn open(file: Option<PathBuf>) -> (Self, Option<Error>) {
         let read = file.as_deref().map_or(Ok(Vec::new()), read);
         match read {
@@ -78,30 +79,30 @@ impl Measures {
         }
     }
 
-    /// All, in the order in which they were made.
+    /// Returns all measures, in the order in which they were made.
     pub fn list(&self) -> &[Measure] {
         &self.list
     }
 
-    /// The end that was clicked first, while the other one is to come.
+    /// Returns the first clicked end, until the second one is clicked.
     pub fn begun(&self) -> Option<DVec3> {
         self.begun
     }
 
-    /// Whether clicks measure.
+    /// True if clicks measure.
     pub fn is_on(&self) -> bool {
         self.on
     }
 
-    /// Has clicks measure, or not. An end without another is forgotten.
+    /// Switches measuring by clicks on or off. An incomplete measure is discarded.
     pub fn switch(&mut self) {
         (self.on, self.begun) = (!self.on, None);
     }
 
-    /// A click while clicks measure: the first end, or the second, with the measure that it makes.
+    /// Handles a click while measuring: the first one sets an end, the second one completes and returns the measure.
     ///
     /// # Errors
-    /// Status 5 when it cannot be kept; it is there all the same, and what was kept before is as it was.
+    /// Returns status 5 if it cannot be stored. The measure exists nevertheless, and the existing file stays unchanged.
     pub fn click(&mut self, at: DVec3) -> Result<Option<Measure>> {
         let Some(from) = self.begun.take().filter(|_| at.is_finite()) else {
             self.begun = Some(at).filter(|a| a.is_finite());
@@ -116,10 +117,10 @@ impl Measures {
         Ok(Some(made))
     }
 
-    /// Takes one away, by its number.
+    /// Deletes a measure by its number.
     ///
     /// # Errors
-    /// As for a click.
+    /// Returns the errors of [`Measures::click`].
     pub fn delete(&mut self, number: usize) -> Result<()> {
         if number < self.list.len() {
             self.change(|list| {
@@ -129,18 +130,18 @@ impl Measures {
         Ok(())
     }
 
-    /// Takes the last one away.
+    /// Deletes the last measure.
     ///
     /// # Errors
-    /// As for a click.
+    /// Returns the errors of [`Measures::click`].
     pub fn delete_last(&mut self) -> Result<()> {
         self.delete(self.list.len().wrapping_sub(1))
     }
 
-    /// Takes the last change back, or forgets an end without another.
+    /// Undoes the last change, or discards an incomplete measure.
     ///
     /// # Errors
-    /// As for a click.
+    /// Returns the errors of [`Measures::click`].
     pub fn undo(&mut self) -> Result<()> {
         if self.begun.take().is_some() {
             return Ok(());
@@ -214,7 +215,7 @@ mod tests {
             m.click(DVec3::X).unwrap();
             assert_eq!((m.list().len(), std::fs::read_to_string(&path).unwrap().as_str()), (1, text));
         }
-        // A folder that is a file: it cannot be kept, and it is measured all the same.
+        // The folder is a file: the measure cannot be stored, but it exists.
         let (mut m, _) = Measures::open(Some(path.join("below").join("m.json")));
         m.file = Some(path.join("below").join("m.json"));
         m.click(DVec3::ZERO).unwrap();

@@ -1,8 +1,7 @@
-//! The interactive window: a picture of the flight, the operator's keys and mouse, and what there is to say.
+//! The interactive window: a picture of the flight, keyboard and mouse input, and the interface around them.
 //!
-//! Nothing else in the program knows of winit, softbuffer or egui. The flight is the same [`FlightApp`] that flies without
-//! a window: what the operator does reaches it as [commands](crate::components::input::Command), so that it can be kept
-//! and repeated.
+//! No other part of the program depends on winit, softbuffer or egui. The flight is the same [`FlightApp`] that flies without a
+//! window. Operator input reaches it as [commands](crate::components::input::Command), so that it can be recorded and replayed.
 
 mod actions;
 mod controller;
@@ -58,24 +57,25 @@ use settings::Settings;
 use shell::{Shell, Wake};
 pub use workspace::slices_of;
 
-/// All keys of the window with what they do, in the order in which its help shows them, as they are without a settings file.
+/// Returns all default keys of the window with their descriptions, in the order of its help. The user's settings file is not
+/// applied.
 ///
 /// # Errors
-/// Status 2 where two actions have one key.
+/// Returns status 2 if two actions share a key.
 pub fn key_help(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<Vec<(String, String)>> {
     Ok(Actions::new(guides, overlays, panels, &KeySettings::new())?.help())
 }
 
-/// The user's settings of the window, where there is a folder for them.
+/// Returns the path of the user's window settings, if the system defines a folder for them.
 pub fn settings_file() -> Option<PathBuf> {
     settings::file()
 }
 
-/// The actions of a window with the keys that the user's settings file has for them. Where it is damaged, or its keys collide, a line
-/// says so, and the window has the keys that it comes with.
+/// Creates the actions of a window with the keys of the user's settings file. If that is damaged or its keys collide, prints a
+/// note and uses the default keys.
 ///
 /// # Errors
-/// Status 2 where two actions have one key without any settings.
+/// Returns status 2 if two actions share a key without any settings.
 fn actions(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<(Actions, Option<Error>)> {
     let usual = Actions::new(guides, overlays, panels, &KeySettings::new())?;
     let Some(file) = settings::file() else { return Ok((usual, None)) };
@@ -91,13 +91,13 @@ fn actions(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Resu
     })
 }
 
-/// How often an interrupt is looked for.
+/// Time between two checks for an interrupt.
 const INTERRUPT: Duration = Duration::from_millis(50);
 
-/// Called with a flight, what its images took, and how they were shown.
+/// Called with a flight, the statistics of its images, and how they were shown.
 pub type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats], &Shown) -> Result<()>>;
 
-/// How a window showed its pictures, for the stats; parts that did not happen are left out.
+/// How a window showed its pictures, for the statistics. Parts that did not happen are omitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Shown {
     /// From the finished image to the presented one.
@@ -108,50 +108,50 @@ pub struct Shown {
     pub moving: Option<Moving>,
 }
 
-/// A scan that a window is to show.
+/// A scan to open in a window.
 pub struct Opening {
-    /// Where it is; none for the embedded phantom.
+    /// Path of the scan; `None` for the embedded phantom.
     pub input: Option<PathBuf>,
-    /// Makes the flight; called on another thread while the window shows how far it has come.
+    /// Creates the flight. Called on another thread while the window shows the progress.
     pub prepare: Prepare,
-    /// Called when the scan is closed, after the log was written.
+    /// Called when the scan is closed, after the log has been written.
     pub finish: Finish,
-    /// What is taken up from the last time that this scan was open.
+    /// State to restore from the last time that this scan was open.
     pub resume: Resume,
-    /// Where steps are logged.
+    /// Destination of the log.
     pub log: Option<PathBuf>,
-    /// The window closes after so many simulated seconds.
+    /// Simulated seconds after which the window closes.
     pub seconds: Option<f64>,
 }
 
-/// What a window is to show.
+/// Content and configuration of a window.
 pub struct Launch {
-    /// The scan that it opens with.
+    /// The scan to open first.
     pub first: Opening,
-    /// Opens another one; of a folder that holds several series, the one of this number.
+    /// Opens another scan. The number selects a series in a folder that holds several.
     pub open: Box<dyn Fn(PathBuf, Option<usize>) -> Result<Opening>>,
-    /// Size of the window in pixels; a usual one if none.
+    /// Size of the window in pixels; a default size if `None`.
     pub size: Option<(usize, usize)>,
-    /// What can be drawn over the picture.
+    /// Overlays available for the picture.
     pub overlays: Vec<Overlay>,
-    /// The guides that can be handed over to: those of the flight's scene.
+    /// Guides that the operator can switch to: those of the flight's scene.
     pub guides: Guides,
-    /// The panels that can be shown.
+    /// Available panels.
     pub panels: Vec<PanelEntry>,
-    /// The layout of the panels; the last one if none.
+    /// Layout of the panels; the last used one if `None`.
     pub layout: Option<String>,
 }
 
-/// What is taken up from the last time that a scan was open.
+/// State to restore from the last time that a scan was open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resume {
-    /// Place, speed and guide.
+    /// Position, speed and guide.
     Everything,
-    /// Place and speed: the guide was chosen on the command line.
+    /// Position and speed: the guide was selected on the command line.
     Place,
-    /// Nothing, but the place is kept for the next time.
+    /// Nothing, but the position is stored for the next time.
     Nothing,
-    /// Nothing, and nothing is kept either: a flight that repeats another, or that is to be repeated.
+    /// Nothing, and nothing is stored: a flight that repeats another, or that will be repeated.
     Never,
 }
 
@@ -159,8 +159,8 @@ pub enum Resume {
 pub struct Display(EventLoop<Wake>);
 
 impl Display {
-    /// The display of this session; none where there is none, or where it cannot be used. To be asked for once, on the
-    /// program's first thread.
+    /// Opens the display of this session; `None` if there is none or it cannot be used. Call it once, on the program's first
+    /// thread.
     pub fn open() -> Option<Self> {
         let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
         if cfg!(all(unix, not(target_os = "macos")))
@@ -168,8 +168,8 @@ impl Display {
         {
             return None;
         }
-        // Where a system library or an extension of the X server is missing, winit panics instead of failing. There is
-        // no display to use then, and the flight goes on without one.
+        // If a system library or an extension of the X server is missing, winit panics instead of returning an error. No display
+        // is available then, and the flight continues without one.
         catch_panic(|| EventLoop::with_user_event().build().ok()).ok().flatten().map(Self)
     }
 }
@@ -177,23 +177,23 @@ impl Display {
 /// Opens a window and flies until it is closed.
 ///
 /// # Errors
-/// What the preparation, the outputs or `finish` fail with; status 4 when interrupted or cancelled while loading. Outputs
-/// are whole in any case.
+/// Returns the error of the preparation, the outputs or `finish`, and status 4 if interrupted or cancelled while loading. Outputs
+/// are complete in any case.
 pub fn run(display: Display, launch: Launch, progress: &Arc<Progress>) -> Result<()> {
     let proxy = display.0.create_proxy();
     let (interrupted, wake) = (Arc::clone(progress), proxy.clone());
-    // The event loop sleeps while nothing happens, so somebody else has to look. The thread ends with the program.
+    // The event loop sleeps while nothing happens, so a separate thread checks. It ends with the program.
     let watcher = std::thread::Builder::new().name("interrupt".to_owned()).spawn(move || {
         while !interrupted.is_cancelled() {
             std::thread::sleep(INTERRUPT);
         }
-        // There is nobody to wake when the window is gone.
+        // The window may be closed, and then nothing has to be woken.
         let _ = wake.send_event(Wake::Interrupted);
     });
     watcher.map_err(|e| Error::fault("window", e.to_string(), "close other programs"))?;
     let mut shell = Shell::new(launch, proxy)?;
     let looped = display.0.run_app(&mut shell);
-    // Logs and the like first: they are to be whole even if the display went away.
+    // Logs and other outputs first: they must be complete even if the display disconnected.
     shell.end()?;
     looped.map_err(|e| Error::fault("window", e.to_string(), "use --headless"))
 }

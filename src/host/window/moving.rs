@@ -1,43 +1,43 @@
-//! How large and how frequent the pictures of a moving camera are.
+//! Statistics of the size and rate of pictures while the camera moves.
 
 use std::collections::VecDeque;
 use std::time::Instant;
 
 use serde::Serialize;
 
-/// So many are remembered: an hour of sixty a second.
+/// Maximum number of samples: an hour at sixty per second.
 const KEPT: usize = 216_000;
 
-/// Pictures of a moving camera in a window.
+/// Statistics of pictures of a moving camera in a window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Moving {
     /// Number of pictures.
     pub pictures: usize,
-    /// Side of the traced picture relative to the window's.
+    /// Side of the rendered picture relative to the window's.
     pub side: Side,
-    /// From one picture to the next, ms.
+    /// Time from one picture to the next, ms.
     pub interval_ms: Interval,
 }
 
-/// Sides relative to the window's, 0 to 1.
+/// Relative sides of pictures, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Side {
-    /// Half of the pictures are at least as large.
+    /// Half of the pictures are at least this large.
     pub median: f64,
-    /// All but one in a hundred are at least as large.
+    /// 99 % of the pictures are at least this large.
     pub p01: f64,
 }
 
 /// Times between pictures, ms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Interval {
-    /// Half of the pictures came no later.
+    /// Half of the intervals are at most this long.
     pub median: f64,
-    /// All but one in a hundred came no later.
+    /// 99 % of the intervals are at most this long.
     pub p99: f64,
 }
 
-/// Collects them.
+/// Collects the samples.
 #[derive(Clone, Debug, Default)]
 pub struct MovingPictures {
     sides: VecDeque<f32>,
@@ -46,7 +46,7 @@ pub struct MovingPictures {
 }
 
 impl MovingPictures {
-    /// A picture of this relative side was finished.
+    /// Adds a finished picture with its relative side.
     pub fn took(&mut self, side: f64, now: Instant) {
         let keep = |all: &mut VecDeque<f32>, value: f64| {
             if all.len() == KEPT {
@@ -60,12 +60,12 @@ impl MovingPictures {
         }
     }
 
-    /// The camera rests: the time until it moves on is no interval.
+    /// Interrupts the intervals: the time at rest is not one.
     pub fn rest(&mut self) {
         self.last = None;
     }
 
-    /// All of them; none if there was no interval.
+    /// Returns the statistics; `None` if there was no interval.
     pub fn summary(&self) -> Option<Moving> {
         let sorted = |all: &VecDeque<f32>| {
             let mut sorted: Vec<f32> = all.iter().copied().collect();

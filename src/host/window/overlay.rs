@@ -1,13 +1,13 @@
-//! What a window says over its image, and how it is laid out.
+//! Text and symbols that a window shows over its image, and their layout.
 
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Vec2, pos2, vec2};
 
 use super::directions::Directions;
 use crate::app::overlay::{Align, Colour, Mark, Place2};
 
-/// One short line of help, shown always.
+/// A short line of help, always shown.
 const SHORT_HELP: &str = "H keys   Space pause   W A S D steer   drag to look   R turn round   Q quit";
-/// Shown always.
+/// Always shown.
 pub const DISCLAIMER: &str = "Research software. Not for diagnosis.";
 const MARGIN: f32 = 10.0;
 /// Size of text, points.
@@ -15,26 +15,26 @@ pub const TEXT: f32 = 14.0;
 const LABEL: f32 = 20.0;
 /// Colour of text.
 pub const INK: Color32 = Color32::from_rgb(240, 240, 240);
-/// Colour of text of less weight.
+/// Colour of secondary text.
 pub const SOFT: Color32 = Color32::from_rgb(190, 196, 204);
-/// Colour of what stands out.
+/// Colour of highlights.
 pub const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
 const BACKING: Color32 = Color32::from_black_alpha(165);
 
-/// How urgent a state is.
+/// The urgency of a state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Severity {
-    /// All goes by itself.
+    /// The flight runs automatically.
     #[default]
     Normal,
-    /// The operator has stopped or taken over.
+    /// The operator has paused it or taken control.
     Notice,
-    /// Something is to be done.
+    /// The operator has to act.
     Alert,
 }
 
 impl Severity {
-    /// Its colour.
+    /// Returns its colour.
     pub fn colour(self) -> Color32 {
         match self {
             Self::Normal => Color32::from_rgb(120, 220, 140),
@@ -44,17 +44,17 @@ impl Severity {
     }
 }
 
-/// What a window shows.
+/// Content of a window.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Content {
     /// The scan is being read.
     Loading {
-        /// What is being done.
+        /// The current stage.
         stage: String,
-        /// 0 to 1; none where it is not known.
+        /// Share done, 0 to 1; `None` if unknown.
         share: Option<f64>,
     },
-    /// It could not be read.
+    /// The scan could not be read.
     Failed {
         /// Why it cannot be flown.
         text: String,
@@ -63,43 +63,43 @@ pub enum Content {
     Flight(Box<HudState>),
 }
 
-/// What is known of a flight at a moment, as it is shown.
+/// The state of a flight for display.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HudState {
-    /// How the flight stands.
+    /// The state of the flight in words.
     pub state: String,
-    /// How urgent that is.
+    /// Urgency of the state.
     pub severity: Severity,
-    /// More about it: why help is called for, what is left to fly.
+    /// More about the state: why the operator is called, what is left to fly.
     pub more: Vec<String>,
-    /// Frame time, speed, clearance and the like, one a line.
+    /// Frame time, speed, clearance and other figures, one per line.
     pub figures: Vec<String>,
     /// The patient's directions.
     pub directions: Directions,
-    /// Place along the way, per mille.
+    /// Position along the path, per mille.
     pub per_mille: u32,
-    /// The same in words.
+    /// Position in words.
     pub place: String,
-    /// Where the guide called for the operator, per mille of the way.
+    /// Positions where the guide called the operator, per mille of the path.
     pub marks: Vec<u32>,
-    /// Something that just happened.
+    /// Message about a recent event.
     pub message: Option<String>,
-    /// All keys with what they do, while they are listed.
+    /// All keys with their descriptions, while they are listed.
     pub help: Vec<(String, String)>,
-    /// What overlays have drawn.
+    /// Marks drawn by overlays.
     pub marks_drawn: Vec<Mark>,
 }
 
-/// Where the bar for the way is, in an area given in points.
+/// Returns the rectangle of the path's progress bar, in an area given in points.
 fn track(area: Rect) -> Rect {
     let inner = area.shrink(MARGIN);
     Rect::from_min_size(pos2(inner.min.x, area.max.y - 14.0), vec2(inner.width(), 8.0))
 }
 
-/// The share of the way, 0 to 1, that a point on its bar stands for; none beside the bar.
+/// Returns the share of the path, 0 to 1, for a point on its bar; `None` off the bar.
 pub fn on_bar(area: Rect, at: Pos2) -> Option<f64> {
     let track = track(area);
-    // Thin as it is, a click need not be that exact.
+    // The bar is thin, so a click may be slightly off.
     track.expand(5.0).contains(at).then(|| f64::from(((at.x - track.min.x) / track.width()).clamp(0.0, 1.0)))
 }
 
@@ -107,7 +107,7 @@ fn font(size: f32) -> FontId {
     FontId::proportional(size)
 }
 
-/// Draws text; where it lies.
+/// Draws text and returns its rectangle.
 pub fn text(p: &Painter, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) -> Rect {
     p.text(at, align, text, font(size), colour)
 }
@@ -118,7 +118,7 @@ fn bar(p: &Painter, rect: Rect, share: f64) {
     p.rect_filled(Rect::from_min_size(rect.min, vec2(width, rect.height())), 3.0, ACCENT);
 }
 
-/// Lines in a box: the corner `at` of the box is the one that `align` names.
+/// Draws lines in a box. `at` is the corner of the box that `align` names.
 fn lines(p: &Painter, at: Pos2, align: Align2, wrap: f32, list: &[(&str, f32, Color32)]) -> Rect {
     let pad = vec2(8.0, 6.0);
     let galleys: Vec<_> =
@@ -136,7 +136,7 @@ fn lines(p: &Painter, at: Pos2, align: Align2, wrap: f32, list: &[(&str, f32, Co
     rect
 }
 
-/// How far the loading has come, over an area given in points.
+/// Draws the progress of loading over an area given in points.
 pub fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
     let centre = area.center();
     let stage = if stage.is_empty() { "starting" } else { stage };
@@ -152,13 +152,13 @@ pub fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
     text(p, area.center_bottom() - vec2(0.0, MARGIN), Align2::CENTER_BOTTOM, DISCLAIMER, TEXT, SOFT);
 }
 
-/// Places of marks are held within so many pixels: what lies farther out is in no window.
+/// Positions of marks are clamped to this distance, pixels: anything farther out is in no window.
 const FAR_PIXELS: f32 = 1e5;
-/// A mark's text is held to these sizes, points, and to so many characters.
+/// Limits of a mark's font size, points, and of its number of characters.
 const TEXT_SIZES: [f32; 2] = [4.0, 96.0];
 const LONGEST_TEXT: usize = 400;
 
-/// A mark whose numbers can be painted, whatever an overlay has given; none where a place is no number.
+/// Returns a mark with values that can be painted, whatever an overlay has supplied; `None` if a coordinate is not a number.
 fn sanitized(mark: &Mark) -> Option<Mark> {
     let place =
         |[x, y]: Place2| (x.is_finite() && y.is_finite()).then(|| [x, y].map(|c| c.clamp(-FAR_PIXELS, FAR_PIXELS)));
@@ -186,7 +186,7 @@ fn sanitized(mark: &Mark) -> Option<Mark> {
     })
 }
 
-/// What overlays have drawn, in pixels of a picture that lies over an area given in points.
+/// Draws the marks of overlays, given in pixels of a picture that covers an area given in points.
 pub fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
     let scale = p.ctx().pixels_per_point();
     let at = |[x, y]: Place2| area.min + vec2(x, y) / scale;
@@ -219,13 +219,13 @@ pub fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
     }
 }
 
-/// What there is to say of a flight, over its picture in an area given in points.
+/// Draws the state of a flight over its picture, in an area given in points.
 pub fn flight(p: &Painter, area: Rect, r: &HudState) {
     marks(p, area, &r.marks_drawn);
     let inner = area.shrink(MARGIN);
-    // A small window shows the bar and the directions first, and leaves out what takes room.
+    // A small window shows the bar and the directions first, and omits large parts.
     let roomy = inner.width() > 380.0 && inner.height() > 260.0;
-    // The foot: the keys, the line that must not be missing, and a bar for the way.
+    // The foot: the keys, the mandatory disclaimer, and the path's progress bar.
     let row = p.layout_no_wrap(DISCLAIMER.to_owned(), font(TEXT), SOFT).size();
     let fits_beside = inner.width() > row.x * 2.0;
     let rows = 1.0 + f32::from(u8::from(roomy)) + f32::from(u8::from(!fits_beside));
@@ -259,7 +259,7 @@ pub fn flight(p: &Painter, area: Rect, r: &HudState) {
         lines(p, inner.min, Align2::LEFT_TOP, (inner.width() * if roomy { 0.42 } else { 0.6 }).min(340.0), &head);
 
     let d = &r.directions;
-    // Beside the panel and above the foot, so that no label lies under either.
+    // Beside the panel and above the foot, so that neither covers a label.
     let middle = pos2(area.center().x, (area.min.y + foot) * 0.5);
     let left_y = middle.y.max(panel.max.y + LABEL);
     label(p, pos2(inner.min.x, left_y), Align2::LEFT_CENTER, &d.left);
@@ -285,7 +285,7 @@ pub fn flight(p: &Painter, area: Rect, r: &HudState) {
     }
 }
 
-/// Draws a direction's letters.
+/// Draws the letters of a direction.
 pub fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
     if name.is_empty() {
         return;
@@ -298,7 +298,7 @@ pub fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
 
 fn help(p: &Painter, area: Rect, list: &[(String, String)]) {
     let rows = list.len() as f32;
-    // As large as fits: all keys are shown in the smallest window.
+    // As large as fits, so that all keys are visible in the smallest window.
     let size = (area.height() / (rows * 1.6)).min((area.width() - 40.0) / 30.0).clamp(6.0, 16.0);
     let row = size * 1.35;
     let column = |keys: bool| {

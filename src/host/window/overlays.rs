@@ -1,14 +1,14 @@
-//! The overlays that a window has, and which of them are shown.
+//! The overlays of a window, and which of them are shown.
 
 use crate::app::overlay::{Canvas, Mark};
 use crate::app::{FlightApp, Overlay};
 use crate::error::Error;
 
-/// Height of the bar and the lines of text that [`flight`](super::overlay::flight) lays over the picture's lower edge, points: that of
-/// a narrow window, where they are highest, so that overlays do not jump as its size changes.
+/// Height of the bar and the text lines that [`flight`](super::overlay::flight) draws over the picture's lower edge, points. This
+/// is the height in a narrow window, where it is largest, so that overlays do not jump as the window's size changes.
 const FOOT: f32 = 80.0;
 
-/// Overlays, each shown or not.
+/// Overlays and their visibility.
 #[derive(Clone, Debug, Default)]
 pub struct Overlays {
     all: Vec<Overlay>,
@@ -16,21 +16,21 @@ pub struct Overlays {
 }
 
 impl Overlays {
-    /// As each says whether it is shown from the beginning.
+    /// Creates the list with the initial visibility of each overlay.
     pub fn new(all: Vec<Overlay>) -> Self {
         let shown = all.iter().map(|o| o.shown).collect();
         Self { all, shown }
     }
 
-    /// Shows or hides one, by its number.
+    /// Shows or hides an overlay by its number.
     pub fn switch(&mut self, number: usize) {
         if let Some(shown) = self.shown.get_mut(number) {
             *shown = !*shown;
         }
     }
 
-    /// What those draw that are shown, on a screen of `scale` pixels a point. Where none is, nothing is done. One that panics is
-    /// hidden, and told of.
+    /// Returns the marks of the visible overlays, on a screen of `scale` pixels per point. Does nothing if none is visible. An
+    /// overlay that panics is hidden, and its error returned.
     pub fn draw(&mut self, flight: &FlightApp, scale: f32) -> (Vec<Mark>, Option<Error>) {
         let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return (Vec::new(), None) };
         let mut canvas = Canvas::at_scale(view, scale).with_foot(FOOT);
@@ -53,7 +53,7 @@ mod tests {
     use crate::host::window::directions::Directions;
     use crate::host::window::overlay::{self, HudState, Severity};
 
-    /// Height of what lies over the whole lower edge of a picture without marks, points.
+    /// Returns the height that text covers across the whole lower edge of a picture without marks, points.
     fn foot(size: Vec2) -> f32 {
         let hud = HudState {
             state: String::new(),

@@ -1,7 +1,7 @@
-//! Puts a window's picture together: the image below, text and shapes over it at the window's own resolution.
+//! Composes a window's picture: the image below, text and shapes over it at the window's resolution.
 //!
-//! To lay text out and paint it takes several times as long as everything else that shows a picture, so a thread of its own
-//! does it: while the figures of a flight change, the picture goes on below the last ones until the new ones are there.
+//! Laying out and painting text takes several times as long as all other work of showing a picture, so a separate thread does it.
+//! While the figures of a flight change, pictures are shown below the last figures until the new ones are ready.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -17,24 +17,24 @@ use crate::app::overlay::Mark;
 use crate::error::{Error, Result};
 use crate::render::Frame;
 
-/// A layout to be rasterised, with what has changed of the textures since the one rasterised before.
+/// A layout to be rasterised, with the changes of the textures since the previous one.
 struct Request {
     layout: Arc<Layout>,
     textures: TexturesDelta,
 }
 
-/// Puts pictures together.
+/// Composes pictures.
 pub struct Painter {
     requests: Sender<Request>,
     done: Receiver<(Arc<Layout>, Layer)>,
-    /// The layout that is to be shown.
+    /// The layout that should be shown.
     wanted: Option<Arc<Layout>>,
-    /// Textures of layouts that were not sent, in their order: of one that is skipped, too, later ones need them.
+    /// Texture changes of layouts that were not sent, in order. Later layouts need them even if one is skipped.
     textures: TexturesDelta,
-    /// What is being rasterised.
+    /// The layout that is being rasterised.
     under_way: Option<Arc<Layout>>,
     layer: Layer,
-    /// What the layer shows.
+    /// The layout in `layer`.
     shown: Option<Arc<Layout>>,
 }
 
@@ -43,10 +43,10 @@ fn is(layout: Option<&Arc<Layout>>, wanted: &Layout) -> bool {
 }
 
 impl Painter {
-    /// Nothing is laid out yet.
+    /// Creates a painter without a layout.
     ///
     /// # Errors
-    /// When the system has no thread to give.
+    /// Returns an error if the system cannot start a thread.
     pub fn new() -> Result<Self> {
         let (requests, todo) = channel::<Request>();
         let (finished, done) = channel();
@@ -65,7 +65,7 @@ impl Painter {
         Ok(Self { requests, done, wanted: None, textures, under_way: None, layer, shown: None })
     }
 
-    /// Has a layout over the next picture. Each is to be given here, in their order, also if it is never painted.
+    /// Sets the layout over the next picture. Pass every layout, in order, even if it is never painted.
     pub fn prepare(&mut self, layout: &Arc<Layout>) {
         if !is(self.wanted.as_ref(), layout) {
             self.textures.append(layout.textures.clone());
@@ -73,11 +73,11 @@ impl Painter {
         }
     }
 
-    /// Fills `surface`, `size` pixels of `0x00RRGGBB`, with the `pictures`, black beside them, and the layout over them.
-    /// Nothing is done for a surface of another size.
+    /// Fills `surface`, `size` pixels of `0x00RRGGBB`, with the `pictures`, black around them, and the layout over them. Does
+    /// nothing for a surface of another size.
     ///
-    /// Returns whether it is the layout that was prepared last that lies over them, and not one before: then it is to be painted
-    /// again.
+    /// Returns true if the last prepared layout is over the pictures. If false, it is an earlier one, and the picture must be
+    /// painted again.
     pub fn paint(&mut self, size: (usize, usize), pictures: &[Placed<'_>], surface: &mut [u32]) -> bool {
         if surface.is_empty() || surface.len() != size.0 * size.1 {
             return true;
@@ -87,7 +87,7 @@ impl Painter {
             return true;
         };
         if wanted.size.pixels != size {
-            // The window has another size by now, and gets a layout of it with the next picture.
+            // The window has a different size by now, and gets a layout for it with the next picture.
             compose(pictures, &Layer::default(), surface, size.0);
             return false;
         }
@@ -96,7 +96,7 @@ impl Painter {
             while !is(self.shown.as_ref(), &wanted) && self.request(&wanted) && self.take(true) {}
         }
         compose(pictures, &self.layer, surface, size.0);
-        // Only now, so that both do not want the same cores at once.
+        // Only now, so that both do not compete for the same cores.
         let settled = is(self.shown.as_ref(), &wanted);
         if !settled {
             self.request(&wanted);
@@ -104,7 +104,7 @@ impl Painter {
         settled
     }
 
-    /// Has it rasterised, once what is at work is done. Whether there is anything at work.
+    /// Requests rasterisation, unless one is in progress. Returns true if one is in progress afterwards.
     fn request(&mut self, wanted: &Arc<Layout>) -> bool {
         if self.under_way.is_none() {
             let request = Request { layout: Arc::clone(wanted), textures: std::mem::take(&mut self.textures) };
@@ -115,7 +115,7 @@ impl Painter {
         self.under_way.is_some()
     }
 
-    /// Takes what was rasterised, if it is done; waits for it if it is to. Whether there was something to take.
+    /// Takes the rasterised layer if it is complete, or waits for it if `wait` is set. Returns true if one was taken.
     fn take(&mut self, wait: bool) -> bool {
         if self.under_way.is_none() {
             return false;
@@ -129,7 +129,7 @@ impl Painter {
     }
 }
 
-/// Paints marks of overlays into pictures, one after the other, on the caller's thread.
+/// Paints marks of overlays into pictures, one after another, on the caller's thread.
 pub struct Marker {
     interface: Interface,
     artist: Artist,
@@ -171,12 +171,12 @@ pub struct Artist {
 }
 
 impl Artist {
-    /// It has painted nothing yet.
+    /// Creates an artist that has painted nothing yet.
     pub fn new() -> Self {
         Self { raster: EguiSoftwareRender::new(ColorFieldOrder::Bgra), canvas: Vec::new() }
     }
 
-    /// Rasterises a layout, with what has changed of the textures since the one before.
+    /// Rasterises a layout, with the changes of the textures since the previous one.
     pub fn paint(&mut self, layout: &Layout, textures: &TexturesDelta) -> Layer {
         let (width, height) = layout.size.pixels;
         let shapes = layout.tessellate();
@@ -188,7 +188,7 @@ impl Artist {
     }
 }
 
-/// Pixels a point of the interface in a window of so many pixels, of which the system counts `scale` as a point.
+/// Returns the pixels per point of the interface in a window of `pixels` with the system's scale factor `scale`.
 pub fn pixels_a_point(pixels: (usize, usize), scale: f32) -> f32 {
     WindowSize { pixels, scale }.pixels_a_point()
 }
@@ -210,7 +210,7 @@ mod tests {
             Self { interface: Interface::new(), painter: Painter::new().unwrap() }
         }
 
-        /// Lays `text` out, with a picture below or none.
+        /// Lays out `text`, with or without a picture below.
         fn lay_out(&mut self, pixels: (usize, usize), scale: f32, text: &str, picture: bool) {
             let size = WindowSize { pixels, scale };
             self.interface.lay_out(RawInput::default(), size, Instant::now(), |ui| {
@@ -256,7 +256,7 @@ mod tests {
         p.lay_out(size, 1.0, "1", true);
         assert!(p.painter.paint(size, &[], &mut out), "there is nothing to show in its place");
         let first = out.clone();
-        // Letters that were not used before, and layouts that are skipped while another is rasterised.
+        // New letters, and layouts that are skipped while another is rasterised.
         for text in ["2", "345", "6789 and more", "88888 XYZ"] {
             p.lay_out(size, 1.0, text, true);
             p.painter.paint(size, &[], &mut out);
@@ -287,8 +287,8 @@ mod tests {
         assert_eq!(other, [7; 5], "a surface of another size is left alone");
     }
 
-    /// What a picture of 1024² costs besides the ray caster, with the same overlay and with another each time; run it by
-    /// name to see.
+    /// Cost of a picture of 1024² besides the ray caster, with the same overlay and with a different one each time. Run it by
+    /// name to see the figures.
     #[test]
     fn presenting_is_cheap_beside_rendering() {
         let (mut p, frame) = (Both::new(), Frame::new(1024, 1024));

@@ -1,7 +1,7 @@
 //! The window of the 2D program: the picture of a flight through a drawing, and a few keys.
 //!
-//! Space pauses, R starts anew, a click starts there, T M V S show and hide tentacles, mines, the potential and the way
-//! flown, Q quits.
+//! Space pauses, R restarts, and a click restarts at that point. T, M, V and S show and hide tentacles, mines, the potential and
+//! the path flown. Q quits.
 
 use std::num::NonZeroU32;
 use std::sync::Arc;
@@ -29,9 +29,9 @@ use crate::render::Frame;
 
 /// Time between two pictures.
 const PERIOD: Duration = Duration::from_millis(16);
-/// Steps that one picture may make up for.
+/// Maximum number of steps to catch up per picture.
 const MOST_STEPS: u32 = 12;
-/// Around the picture, `0x00RRGGBB`.
+/// Colour around the picture, `0x00RRGGBB`.
 const MARGIN: u32 = 0x0018_161a;
 
 struct Shell {
@@ -42,7 +42,7 @@ struct Shell {
     paused: bool,
     time: Accumulator,
     last: Instant,
-    /// Where the picture lies in the window: left, top, pixels a pixel of the drawing.
+    /// Position of the picture in the window: left, top, and window pixels per pixel of the drawing.
     place: (usize, usize, usize),
     cursor: PhysicalPosition<f64>,
     screen: Option<Screen>,
@@ -54,7 +54,7 @@ struct Shell {
 /// Opens a window and flies until it is closed.
 ///
 /// # Errors
-/// Status 1 when the window fails, 4 when interrupted.
+/// Returns status 1 if the window fails, 4 if interrupted.
 pub fn run(display: Display, flight: Flight, progress: &Arc<Progress>) -> Result<()> {
     let painter = Painter::new(&flight);
     let mut shell = Shell {
@@ -94,7 +94,7 @@ impl Shell {
         }
     }
 
-    /// Starts anew where the cursor is.
+    /// Restarts at the cursor.
     fn click(&mut self) {
         let (left, top, scale) = self.place;
         let mm = |x: f64, edge: usize| (x - edge as f64) / scale as f64 * MM_PER_PIXEL;
@@ -104,7 +104,7 @@ impl Shell {
         }
     }
 
-    /// Flies on to now and shows the picture.
+    /// Simulates up to now and shows the picture.
     fn picture(&mut self) -> Result<()> {
         let now = Instant::now();
         let steps = self.time.take(now - self.last, HZ, MOST_STEPS);
@@ -161,7 +161,7 @@ impl Shell {
     }
 }
 
-/// What there is to say of a flight.
+/// Returns the window title for the state of a flight.
 fn title(flight: &Flight, paused: bool) -> String {
     let state = match (flight.state(), paused) {
         (State::Arrived, _) => "arrived".to_owned(),

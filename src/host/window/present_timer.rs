@@ -1,22 +1,22 @@
-//! How long finished images take to the screen.
+//! Time from finished images to the screen.
 
 use std::collections::VecDeque;
 
 use serde::Serialize;
 
-/// So many are remembered: an hour of sixty a second.
+/// Maximum number of samples: an hour at sixty per second.
 const KEPT: usize = 216_000;
 
-/// From the finished image to the presented one, ms: the overlay, the copy and the call to the window system.
+/// Time from the finished image to the presented one, ms: the overlay, the copy and the call to the window system.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PresentMs {
-    /// Half of them took no longer.
+    /// Half of the presentations took at most this time.
     pub median: f64,
-    /// All but one in a hundred took no longer.
+    /// 99 % of the presentations took at most this time.
     pub p99: f64,
 }
 
-/// Measures presentations.
+/// Collects the times of presentations.
 #[derive(Clone, Debug, Default)]
 pub struct PresentTimer {
     all: VecDeque<f32>,
@@ -24,7 +24,7 @@ pub struct PresentTimer {
 }
 
 impl PresentTimer {
-    /// One took `ms`.
+    /// Adds a presentation that took `ms`.
     pub fn took(&mut self, ms: f64) {
         if self.all.len() == KEPT {
             self.all.pop_front();
@@ -33,12 +33,12 @@ impl PresentTimer {
         self.usual = Some(self.usual.map_or(ms, |u| u + (ms - u) * 0.1));
     }
 
-    /// What one takes of late, ms; 0 if there was none.
+    /// Returns the recent time of a presentation, ms; 0 if there was none.
     pub fn usual_ms(&self) -> f64 {
         self.usual.unwrap_or(0.0)
     }
 
-    /// What they took; none if there was none.
+    /// Returns the statistics; `None` if there was no presentation.
     pub fn summary(&self) -> Option<PresentMs> {
         let mut sorted: Vec<f32> = self.all.iter().copied().collect();
         sorted.sort_by(f32::total_cmp);

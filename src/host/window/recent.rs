@@ -1,4 +1,4 @@
-//! The scans that were open lately.
+//! The list of recently opened scans.
 
 use std::path::{Path, PathBuf};
 
@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 use super::folders::{self, Folder};
 use crate::error::{Error, Result};
 
-/// The present form of the file.
+/// The current version of the file format.
 const VERSION: u32 = 1;
-/// What comes of a file that is none.
+/// Consequence of an invalid file, for messages.
 const MEND: &str = "it is left as it is, and nothing is kept";
-/// So many are kept.
+/// Maximum number of scans in the list.
 const MOST: usize = 12;
 
 #[derive(Serialize, Deserialize)]
@@ -29,21 +29,22 @@ impl folders::Kept for Kept {
     }
 }
 
-/// The scans that were open lately, the last one first.
+/// Recently opened scans, the last one first.
 #[derive(Debug, Default)]
 pub struct Recent {
     scans: Vec<PathBuf>,
-    /// Where they are kept; none where they are not.
+    /// The file of the list; `None` if it is not stored.
     file: Option<PathBuf>,
 }
 
 impl Recent {
-    /// Where they are kept; none on a system that names no folder for it.
+    /// Returns the default file of the list; `None` on a system that defines no folder for it.
     pub fn usual_file() -> Option<PathBuf> {
         Folder::State.file("recent.json")
     }
 
-    /// Those that were kept in a file, and what is wrong with it: then there are none, and it is not written.
+    /// Reads the list stored in a file, with the error if the file is invalid. In that case the list is empty and the file is not
+    /// overwritten.
     pub fn open(file: Option<PathBuf>) -> (Self, Option<Error>) {
         match file.as_deref().map_or(Ok(Vec::new()), read) {
             Ok(scans) => (Self { scans, file }, None),
@@ -51,15 +52,15 @@ impl Recent {
         }
     }
 
-    /// All of them.
+    /// Returns all scans of the list.
     pub fn scans(&self) -> &[PathBuf] {
         &self.scans
     }
 
-    /// One was opened.
+    /// Adds an opened scan.
     ///
     /// # Errors
-    /// Status 5 when that cannot be kept.
+    /// Returns status 5 if the list cannot be stored.
     pub fn opened(&mut self, scan: &Path) -> Result<()> {
         let scan = std::path::absolute(scan).unwrap_or_else(|_| scan.to_owned());
         self.scans.retain(|s| *s != scan);

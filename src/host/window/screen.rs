@@ -1,4 +1,4 @@
-//! A window and what is painted on it.
+//! A window with its pixel surface.
 
 use std::rc::Rc;
 
@@ -17,10 +17,10 @@ pub struct Screen {
 }
 
 impl Screen {
-    /// Opens a window and asks for its first picture.
+    /// Opens a window and requests its first picture.
     ///
     /// # Errors
-    /// Status 1 when the system gives none.
+    /// Returns status 1 if the system cannot open one.
     pub fn open(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Self> {
         let made = events.create_window(attributes).map_err(|e| e.to_string()).and_then(|window| {
             let window = Rc::new(window);

@@ -1,4 +1,4 @@
-//! Saves the image of a pose, without anything over it.
+//! Saves the image of a pose, without overlays.
 
 use std::path::{Path, PathBuf};
 
@@ -9,13 +9,13 @@ use crate::error::{Error, Result};
 use crate::host::record::write_png;
 use crate::render::Frame;
 
-/// So many screenshots find a name in one folder.
+/// Maximum number of screenshot names in one folder.
 const NAMES: u32 = 10_000;
 
-/// Saves an image in `folder` under a name that is free, which is returned.
+/// Saves an image in `folder` under an unused name. Returns its path.
 ///
 /// # Errors
-/// Status 5 when it cannot be written, or no name is left.
+/// Returns status 5 if it cannot be written, or no name is left.
 pub fn save(frame: &Frame, folder: &Path) -> Result<PathBuf> {
     let path = free_name(folder)?;
     write_png(&path, frame)?;
@@ -29,7 +29,7 @@ fn free_name(folder: &Path) -> Result<PathBuf> {
         .ok_or_else(|| Error::output(folder, "is full of screenshots", "move them elsewhere"))
 }
 
-/// A pose as `render --poses` takes it, on one line.
+/// Formats a pose on one line, as input for `render --poses`.
 pub fn pose_json(pose: &Pose, fov_degrees: f64) -> String {
     let one = json!({
         "position": pose.position.to_array(),

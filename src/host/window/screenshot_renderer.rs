@@ -1,4 +1,4 @@
-//! Traces screenshots of a moving camera besides the flight: the operator does not want to wait for them.
+//! Renders screenshots of a moving camera in the background, so that the flight does not wait for them.
 
 use std::sync::Arc;
 
@@ -13,14 +13,14 @@ use crate::panics;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Frame, PreparedVolume, Preset, Reuse, Settings, View, renderer};
 
-/// An image to be saved.
+/// A request for an image to be saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PictureRequest {
-    /// Where the camera stands and how it looks.
+    /// Pose of the camera.
     pub pose: Pose,
-    /// Pixels.
+    /// Width and height, pixels.
     pub size: (usize, usize),
-    /// Through which camera.
+    /// Camera model.
     pub camera: CameraModel,
     /// View angle over the shorter side, degrees.
     pub fov_degrees: f64,
@@ -31,8 +31,8 @@ pub struct PictureRequest {
 }
 
 impl PictureRequest {
-    /// The image of a flight's camera as it is now, in a size of at least a pixel: whole, whatever detail the flight itself
-    /// can afford.
+    /// Creates a request for the current image of a flight's camera. `width` and `height` must be at least one pixel. The image
+    /// has full detail, whatever detail the flight itself can afford.
     pub fn of(flight: &FlightApp, (width, height): (usize, usize)) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
         let settings = Settings { adaptive: false, ..picture.settings };
@@ -54,32 +54,32 @@ impl PictureRequest {
     }
 }
 
-/// A traced image.
+/// A rendered image.
 pub struct Traced {
-    /// What was asked for.
+    /// The request.
     pub request: PictureRequest,
     /// The image.
     pub frame: Frame,
 }
 
-/// A [`ScreenshotRenderer`]'s thread calls this after each image.
+/// Called by the thread of a [`ScreenshotRenderer`] after each image.
 pub type WakeUp = Arc<dyn Fn() + Send + Sync>;
 
-/// Traces images in the background.
+/// Renders images in the background.
 pub struct ScreenshotRenderer {
-    /// Threads of their own: in the common pool, images would have to wait for a plan that is being made.
+    /// A separate thread pool: in the common one, images would wait for a route that is being planned.
     pool: ThreadPool,
     volume: PreparedVolume,
     wake: WakeUp,
-    /// In the order in which they were begun.
+    /// In the order in which they were started.
     jobs: Vec<Job<Traced>>,
 }
 
 impl ScreenshotRenderer {
-    /// Traces in `space`, and calls `wake` when an image is there.
+    /// Creates a renderer for `volume`. It calls `wake` when an image is ready.
     ///
     /// # Errors
-    /// Status 1 when the system gives no threads.
+    /// Returns status 1 if the system cannot start threads.
     pub fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
         let pool = ThreadPoolBuilder::new()
             .num_threads(rayon::current_num_threads())
@@ -89,21 +89,21 @@ impl ScreenshotRenderer {
         Ok(Self { pool, volume, wake, jobs: Vec::new() })
     }
 
-    /// Begins an image.
+    /// Starts to render an image.
     pub fn begin(&mut self, request: PictureRequest) {
         let (volume, wake) = (self.volume.clone(), Arc::clone(&self.wake));
         let trace = move |_: &Arc<Progress>| request.trace(&volume);
         self.jobs.push(Job::start_in(&self.pool, "screenshot", &Arc::new(Progress::new()), trace, move || wake()));
     }
 
-    /// An image that has become ready since the last call.
+    /// Takes an image that has been finished since the last call.
     pub fn take(&mut self) -> Option<Result<Traced>> {
         let (n, traced) = self.jobs.iter_mut().enumerate().find_map(|(n, job)| Some((n, job.take()?)))?;
         self.jobs.remove(n);
         Some(traced)
     }
 
-    /// Waits for the next image if one is still to come.
+    /// Waits for the next image if one is pending.
     pub fn wait(&mut self) -> Option<Result<Traced>> {
         (!self.jobs.is_empty()).then(|| self.jobs.remove(0).wait())
     }

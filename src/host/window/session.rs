@@ -1,7 +1,7 @@
-//! Where a flight was left, so that a scan opened again goes on from there.
+//! Sessions: the last state of a flight, so that a scan that is opened again continues from there.
 //!
-//! A session is a small JSON file in the platform's folder for such things. Its name is a hash of the scan's grid and
-//! voxels; neither it nor what it holds says whose scan it is.
+//! A session is a small JSON file in the platform's folder for application state. Its name is a hash of the scan's grid and
+//! voxels. Neither the name nor the contents identify the patient.
 
 use std::path::{Path, PathBuf};
 
@@ -18,14 +18,14 @@ use crate::math::hash;
 use crate::output;
 use crate::volume::Volume;
 
-/// So many voxels, evenly spread, stand for all.
+/// Number of evenly spread voxels that represent the whole volume in the hash.
 const SAMPLED: usize = 1 << 16;
-/// The present form of the file.
+/// The current version of the file format.
 const VERSION: u32 = 1;
-/// What comes of a file that is none.
+/// Consequence of an invalid file, for messages.
 const MEND: &str = "it is left alone; the flight starts anew";
 
-/// Where a flight was left.
+/// The last state of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Session {
@@ -38,13 +38,13 @@ pub struct Session {
     up: [f64; 3],
     /// Segment of the lumen.
     segment: usize,
-    /// Whether it was flown towards its rectal end.
+    /// True if it was flown towards its rectal end.
     reversed: bool,
-    /// Who steered.
+    /// Name of the guide.
     guide: String,
     /// Multiple of the cruise speed.
     speed: f64,
-    /// Place along the way, mm.
+    /// Position along the path, mm.
     along_mm: f64,
 }
 
@@ -57,7 +57,7 @@ impl folders::Kept for Session {
 }
 
 impl Session {
-    /// Of a flight that is on its way; one that has arrived, or that flies outside the colon, is not taken up again.
+    /// Captures the state of an unfinished flight. A flight that has arrived, or that flies outside the colon, is not resumed.
     pub fn of(flight: &FlightApp) -> Option<Self> {
         let (share, length_mm) = flight.progress();
         let segment = flight.plan().segment?;
@@ -78,16 +78,17 @@ impl Session {
         })
     }
 
-    /// Takes a flight that has just begun to where this one was left, with [`Resume::Everything`] also to who steered it. Returns the
-    /// place along the way, mm; none if the camera cannot be there (another `--wall`, say): then it starts anew.
+    /// Restores this state in a flight that has just begun, with [`Resume::Everything`] including the guide. Returns the position
+    /// along the path, mm; `None` if the camera cannot be there (for example with another `--wall`), in which case the flight
+    /// starts from its beginning.
     ///
     /// # Errors
-    /// When the flight refuses a segment or guide: it is at its start then, as it began.
+    /// Returns an error if the flight refuses a segment or guide. It is then in its initial state.
     pub fn resume(&self, flight: &mut FlightApp, what: Resume) -> Result<Option<f64>> {
         let (start, segment, reversed) = (flight.pose(), flight.plan().segment, flight.is_reversed());
         let taken = self.follow(flight, what);
         if taken.is_err() {
-            // Back to what the flight was able to be just now; the refusal is what there is to tell.
+            // Return to the flight's previous state, which was valid. Only the refusal is reported.
             if let Some(n) = segment.filter(|_| flight.plan().segment != segment) {
                 let _ = flight.act(FlightCommand::Segment(n));
             }
@@ -104,7 +105,7 @@ impl Session {
         if !flight.place(position, forward, up) {
             return Ok(None);
         }
-        // The segments of a scan whose fluid was taken as free are counted otherwise: the place tells which one it is.
+        // Segments are numbered differently in a scan whose fluid counts as free, so the position determines the segment.
         let segment = flight.lumen().segment_at(position).unwrap_or(self.segment);
         if flight.plan().segment != Some(segment) {
             flight.act(FlightCommand::Segment(segment))?;
@@ -116,24 +117,24 @@ impl Session {
             flight.act(FlightCommand::Guide(self.guide.clone()))?;
         }
         flight.act(HandCommand::Speed(self.speed))?;
-        // Another segment sets out from its end.
+        // Another segment starts at its end.
         flight.place(position, forward, up);
         flight.stands_at(self.along_mm);
         Ok(Some(self.along_mm))
     }
 
-    /// Reads a session; none where there is none.
+    /// Reads a session; `None` if the file does not exist.
     ///
     /// # Errors
-    /// Status 3 where there is a file that is none.
+    /// Returns status 3 if the file is invalid.
     pub fn read(path: &Path) -> Result<Option<Self>> {
         folders::read_kept(path, MEND)
     }
 
-    /// Writes the session of a flight, or removes the one that there was where the flight has none.
+    /// Writes the session of a flight. If the flight has none, removes an existing session.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn keep(session: Option<&Self>, path: &Path) -> Result<()> {
         let Some(session) = session else {
             return match std::fs::remove_file(path) {
@@ -145,18 +146,18 @@ impl Session {
     }
 }
 
-/// The file for the sessions of a scan, as it was loaded; none on a system that names no folder for it.
+/// Returns the session file of a scan as loaded; `None` on a system that defines no folder for it.
 pub fn file(volume: &Volume) -> Option<PathBuf> {
     Folder::State.file(Path::new("sessions").join(format!("{:016x}.json", key(volume))))
 }
 
-/// A hash of the grid and of voxels spread over the volume.
+/// Computes a hash of the grid and of voxels spread over the volume.
 fn key(volume: &Volume) -> u64 {
     let (grid, data) = (volume.grid(), volume.data());
     let [nx, ny, nz] = grid.dims().map(|d| d as u64);
     let geometry = grid.to_world().to_cols_array().map(f64::to_bits);
     let stride = data.len().div_ceil(SAMPLED).max(1);
-    // Each number is mixed with all before it.
+    // Each number is mixed with all previous ones.
     let mut key = 0;
     for n in [nx, ny, nz].into_iter().chain(geometry).chain(data.iter().step_by(stride).map(|&v| v as u64)) {
         key = hash::bits(key, n);
@@ -206,7 +207,7 @@ mod tests {
         assert!(e.why.contains("none"), "{e}");
         assert_eq!((flight.pose(), flight.scene().guide_name()), (start, "tentacles"));
         flight.step().unwrap();
-        // Without that guide it is taken up, and what is no place for a camera is not.
+        // Without that guide the rest is resumed; an invalid camera position is not.
         let mut flight = tube();
         assert_eq!(inside.resume(&mut flight, Resume::Place).unwrap(), Some(310.5));
         assert_eq!(flight.pose().position, DVec3::new(16.0, 40.0, 16.0));

@@ -15,12 +15,12 @@ use super::actions::KeySettings;
 use super::folders::{self, Folder};
 use crate::error::{Error, Result};
 
-/// The present form of the file.
+/// The current version of the file format.
 const VERSION: u32 = 1;
-/// What is to be done about a file that is none.
+/// Hint for an invalid file.
 const MEND: &str = "fix it or move it away; the defaults are taken until then";
 
-/// What a user has chosen.
+/// The user's settings.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
@@ -31,10 +31,10 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Reads the file; none where there is none.
+    /// Reads the file; `None` if it does not exist.
     ///
     /// # Errors
-    /// Status 3 when it cannot be read, is damaged or is of another version. It is left as it is.
+    /// Returns status 3 if it cannot be read, is damaged or has another version. The file stays unchanged.
     pub fn read(path: &Path) -> Result<Option<Self>> {
         let wrong = |why: String| Error::file(path, why, MEND);
         let Some(bytes) = folders::read(path, MEND)? else { return Ok(None) };
@@ -51,7 +51,7 @@ impl Settings {
     }
 }
 
-/// The settings file; none on a system that names no folder for it.
+/// Returns the path of the settings file; `None` on a system that defines no folder for it.
 pub fn file() -> Option<PathBuf> {
     Folder::Configuration.file("settings.toml")
 }

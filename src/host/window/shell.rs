@@ -1,4 +1,4 @@
-//! The window itself: the system's events in, pictures out.
+//! The window's event loop: receives the system's events and shows pictures.
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -39,19 +39,19 @@ use crate::render::adaptive::FRAME;
 
 /// Time between two pictures while loading.
 const LOADING: Duration = Duration::from_millis(60);
-/// Time between two layouts of panels that show a flight that goes on.
+/// Minimum time between two layouts of panels that show a moving flight.
 const LAYOUTS: Duration = Duration::from_millis(30);
-/// Size of a window where none is asked for, in points.
+/// Default size of a window, points.
 const USUAL: LogicalSize<f64> = LogicalSize::new(1024.0, 768.0);
 
-/// What wakes the event loop from other threads.
+/// Events from other threads that wake the event loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wake {
-    /// The loading is over.
+    /// Loading has ended.
     Loaded,
     /// An image is ready to be saved.
     Saveable,
-    /// The user has interrupted the program.
+    /// The user interrupted the program.
     Interrupted,
 }
 
@@ -63,34 +63,34 @@ enum Stage {
     Over,
 }
 
-/// The program as the system's event loop knows it.
+/// The program as an application of the event loop.
 pub struct Shell {
     stage: Stage,
     window: Option<Rc<Window>>,
-    /// The window's pixels, until there is a flight that presents its pictures there.
+    /// The window's pixels, until a flight presents its pictures there.
     framebuffer: Option<Framebuffer>,
-    /// What the layout shows, and the window that it is for: laid out again when it differs.
+    /// The content and window size of the last layout. A new layout is needed if they differ.
     laid_out: Option<(Content, WindowSize)>,
     laid_out_at: Option<Instant>,
     interface: Interface,
-    /// The window's events for the interface.
+    /// Converts window events for the interface.
     input: Option<egui_winit::State>,
-    /// Whether something has happened that the interface may answer.
+    /// True if an event has occurred that the interface may react to.
     touched: bool,
     workspace: Workspace,
-    /// Where the flight's picture lies in the window, pixels: left, top, width, height.
+    /// Rectangle of the flight's picture in the window, pixels: left, top, width, height.
     flight_at: [usize; 4],
-    /// The same of the slices.
+    /// The same for the slices.
     slices_at: Vec<(Orientation, [usize; 4])>,
-    /// The layout that is shown, by its number.
+    /// Serial number of the displayed layout.
     painted: Option<u64>,
-    /// Whether what lies over the picture is what is to.
+    /// True if the latest layout is over the picture.
     settled: bool,
-    /// When the next picture is due at the earliest.
+    /// Earliest time of the next picture.
     due: Instant,
-    /// When the last picture was to be begun.
+    /// Scheduled start of the last picture.
     beat: Instant,
-    /// Whether the program itself asked for the next picture.
+    /// True if the program itself requested the next picture.
     asked: bool,
     modifiers: ModifiersState,
     log_path: Option<PathBuf>,
@@ -99,16 +99,16 @@ pub struct Shell {
     size: Option<(usize, usize)>,
     resume: Resume,
     session: Option<PathBuf>,
-    /// The file that the scan's session would have: its name is the scan's own.
+    /// The session file of the scan. Its name identifies the scan.
     scan: Option<PathBuf>,
     finish: Option<Finish>,
-    /// The scan that is open, or that is being opened; none for the embedded phantom.
+    /// The scan that is open or being opened; `None` for the embedded phantom.
     opening: Option<PathBuf>,
     open: Box<dyn Fn(PathBuf, Option<usize>) -> Result<Opening>>,
-    /// Whether it is the scan that the window was opened with.
+    /// True if this is the scan that the window was opened with.
     is_first: bool,
     recent: Recent,
-    /// For a window whose scan could not be opened.
+    /// Shown in a window whose scan could not be opened.
     file_list: FileList,
     proxy: EventLoopProxy<Wake>,
     progress: Arc<Progress>,
@@ -116,16 +116,16 @@ pub struct Shell {
     presented: PresentTimer,
     overlays: Vec<Overlay>,
     actions: Rc<Actions>,
-    /// What is wrong with the settings file.
+    /// The error in the settings file.
     unsettled: Option<Error>,
     outcome: Result<()>,
 }
 
 impl Shell {
-    /// Begins to load.
+    /// Starts to load the first scan.
     ///
     /// # Errors
-    /// Status 1 when the system gives no thread.
+    /// Returns status 1 if the system cannot start a thread.
     pub fn new(launch: Launch, proxy: EventLoopProxy<Wake>) -> Result<Self> {
         let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels)?;
         let (workspace, unread) = Workspace::new(&launch.panels, launch.layout.as_deref(), Workspace::usual_file());
@@ -139,12 +139,12 @@ impl Shell {
         }
         let unsettled = unsettled.or(unlisted);
         let first = launch.first;
-        // A scan that is closed while it is loaded is cancelled, and the program is not.
+        // Closing a scan while it loads cancels the loading, not the program.
         let progress = Arc::new(Progress::new());
         let loading = load(first.prepare, &progress, &proxy)?;
         let waker = proxy.clone();
         let saveable: WakeUp = Arc::new(move || {
-            // There is nobody to wake when the window is gone.
+            // The window may be closed, and then nothing has to be woken.
             let _ = waker.send_event(Wake::Saveable);
         });
         Ok(Self {
@@ -189,16 +189,16 @@ impl Shell {
         })
     }
 
-    /// Writes what the flight leaves behind, once the window is closed.
+    /// Writes the outputs of the flight after the window is closed.
     ///
     /// # Errors
-    /// The first of what went wrong.
+    /// Returns the first error.
     pub fn end(mut self) -> Result<()> {
         if let Err(e) = self.workspace.keep() {
             eprintln!("note: the layout was not saved: {e}");
         }
         let unopened = match &self.stage {
-            // What was opened in the window was told there.
+            // Errors of scans opened in the window were shown there.
             Stage::Failed(e) if self.is_first => Err(e.clone()),
             Stage::Loading(_) if self.is_first => Err(Error::cancelled("loading")),
             Stage::Failed(_) | Stage::Loading(_) | Stage::Flying(_) | Stage::Over => Ok(()),
@@ -207,10 +207,10 @@ impl Shell {
         self.outcome.and(unopened).and(closed)
     }
 
-    /// Closes the scan that is open, and writes what its flight leaves behind.
+    /// Closes the open scan and writes the outputs of its flight.
     ///
     /// # Errors
-    /// The first of what went wrong.
+    /// Returns the first error.
     fn close(&mut self) -> Result<()> {
         let stage = std::mem::replace(&mut self.stage, Stage::Over);
         match stage {
@@ -229,7 +229,7 @@ impl Shell {
                 let finished = self.finish.take().map_or(Ok(()), |f| f(flight, controller.frames(), &shown));
                 logged.and(finished)
             }
-            // Closed while loading: the worker gives up by itself, and leaves nothing behind.
+            // Closed while loading: the worker stops without leaving anything behind.
             Stage::Loading(_) | Stage::Failed(_) | Stage::Over => {
                 self.progress.cancel();
                 Ok(())
@@ -237,7 +237,7 @@ impl Shell {
         }
     }
 
-    /// Opens another scan in the place of the one that is open.
+    /// Opens another scan instead of the open one.
     fn open_scan(&mut self, path: PathBuf, series: Option<usize>, events: &ActiveEventLoop) {
         let opening = match (self.open)(path, series) {
             Ok(opening) => opening,
@@ -255,7 +255,7 @@ impl Shell {
             eprintln!("{e}");
             self.outcome = std::mem::replace(&mut self.outcome, Ok(())).and(Err(e));
         }
-        // One that is cancelled stays so.
+        // A cancelled progress stays cancelled.
         self.progress = Arc::new(Progress::new());
         match load(opening.prepare, &self.progress, &self.proxy) {
             Ok(loading) => self.stage = Stage::Loading(loading),
@@ -286,7 +286,7 @@ impl Shell {
         events.exit();
     }
 
-    /// The window's size; no pixels where there is no window.
+    /// Returns the window's size; zero pixels if there is no window.
     fn window_size(&self) -> WindowSize {
         self.window.as_ref().map_or(WindowSize { pixels: (0, 0), scale: 1.0 }, |window| {
             let size = window.inner_size();
@@ -294,15 +294,15 @@ impl Shell {
         })
     }
 
-    /// Now, in the flight's picture.
+    /// Returns the context of an action: the size of the flight's picture, at time `now`.
     fn moment(&self, now: Instant) -> ActionContext {
         ActionContext { window: (self.flight_at[2], self.flight_at[3]), now }
     }
 
-    /// The loading is over: takes off, or shows why not.
+    /// Handles the end of loading: starts the flight, or shows the error.
     fn take_off(&mut self) -> Result<()> {
         let Stage::Loading(loading) = &mut self.stage else { return Ok(()) };
-        // What woke the window may be the end of a loading that was given up for this one.
+        // The wake-up may come from an earlier loading that was cancelled for this one.
         let Some(loaded) = loading.take() else { return Ok(()) };
         self.stage = Stage::Over;
         let Ready { mut flight, session } = match loaded {
@@ -315,7 +315,7 @@ impl Shell {
         };
         self.log = self.log_path.as_deref().map(Log::create).transpose()?;
         self.scan.clone_from(&session);
-        // A camera that nobody steers leaves no place behind that another flight could go on from.
+        // Without a guide there is no position from which another flight could continue.
         if self.resume != Resume::Never && flight.scene().guide().is_some() {
             self.session = session;
         }
@@ -326,7 +326,7 @@ impl Shell {
             }),
             _ => None,
         };
-        // What cannot be taken up must not keep the scan from being opened.
+        // A session that cannot be restored must not prevent the scan from opening.
         let along = left.and_then(|left| {
             left.resume(&mut flight, self.resume).unwrap_or_else(|e| {
                 eprintln!("note: the flight does not resume where you left it: {e}");
@@ -364,17 +364,17 @@ impl Shell {
     fn key(&mut self, event: &KeyEvent, events: &ActiveEventLoop) {
         let now = Instant::now();
         let pressed = event.state == ElementState::Pressed;
-        // A button that was reached by Tab has its keys for itself, and an open menu the one that closes it.
+        // A button focused by Tab receives its keys, and an open menu the key that closes it.
         let egui = self.interface.egui();
         let widget = egui.egui_wants_keyboard_input() || egui::Popup::is_any_open(egui);
         if pressed && (egui.text_edit_focused() || widget && matches!(event.logical_key, Key::Named(_))) {
             return;
         }
-        // Ctrl-C and the like are not ours.
+        // Ctrl-C and similar combinations are not handled here.
         let other = self.modifiers.intersects(ModifiersState::ALT | ModifiersState::SUPER) && !self.controls();
         let Some(chord) = Chord::of(&event.logical_key, self.controls()) else { return };
         let actions = Rc::clone(&self.actions);
-        // A key that goes up is let go of in any case, whatever is held beside it.
+        // A released key is always let go, whatever modifiers are held.
         let action = actions.of_key(&chord).or_else(|| actions.of_key(&chord.plain()).filter(|_| !pressed));
         let Some(action) = action.filter(|_| !pressed || !other) else { return };
         let once = pressed && (action.repeats || !event.repeat);
@@ -387,7 +387,7 @@ impl Shell {
         }
     }
 
-    /// Whether Ctrl is held (on a Mac also Command): with it the wheel changes the view angle.
+    /// True if Ctrl is held (on a Mac also Command). With it the wheel changes the view angle.
     fn controls(&self) -> bool {
         let control = if cfg!(target_os = "macos") { ModifiersState::SUPER } else { ModifiersState::empty() };
         self.modifiers.intersects(ModifiersState::CONTROL | control) && !self.modifiers.alt_key()
@@ -402,14 +402,14 @@ impl Shell {
 
     fn ask_for_picture(&mut self) {
         self.asked = true;
-        // A window that is hidden may never be drawn: it must not be asked again at once.
+        // A hidden window may never be drawn, so it must not be asked again immediately.
         self.due = Instant::now() + FRAME;
         if let Some(window) = &self.window {
             window.request_redraw();
         }
     }
 
-    /// Lays the interface out where something that it shows may have changed, and follows what is asked for in it.
+    /// Updates the layout if something that it shows may have changed, and executes its requests.
     fn lay_out(&mut self, now: Instant, events: &ActiveEventLoop) {
         let size = self.window_size();
         let content = match &mut self.stage {
@@ -425,7 +425,7 @@ impl Shell {
             Stage::Flying(c) => c.has_marks() || self.workspace.shows_more_than_the_flight(),
             Stage::Loading(_) | Stage::Failed(_) | Stage::Over => false,
         };
-        // What moves by itself is laid out half as often as pictures are shown: to rasterise it takes the time of a small picture.
+        // A moving flight is laid out half as often as pictures are shown: rasterising takes as long as a small picture.
         let more = more && self.laid_out_at.is_none_or(|t| now.saturating_duration_since(t) >= LAYOUTS);
         let touched = std::mem::take(&mut self.touched) || more || self.interface.next().is_some_and(|t| t <= now);
         if !touched && self.laid_out.as_ref().is_some_and(|l| l.0 == content && l.1 == size) {
@@ -479,7 +479,7 @@ impl Shell {
         }
     }
 
-    /// Effect an action once.
+    /// Performs an action once.
     fn run(&mut self, action: &Action, now: Instant, events: &ActiveEventLoop) {
         let moment = self.moment(now);
         match (action.effect, &mut self.stage) {
@@ -500,7 +500,7 @@ impl Shell {
         self.touched = true;
     }
 
-    /// Flies on to now, and shows the picture if it differs from the one that is shown, or if `anew`.
+    /// Simulates up to now. Shows the picture if it differs from the displayed one, or if `anew` is set.
     fn picture(&mut self, anew: bool, events: &ActiveEventLoop) -> Result<()> {
         let now = Instant::now();
         self.lay_out(now, events);
@@ -515,20 +515,20 @@ impl Shell {
                 }
                 let slices: Vec<_> = self.slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
                 due = controller.prepare((width, height), &slices, now)?;
-                // What lies over slices tells of them as they were when it was laid out: at rest nothing else lays it out again.
+                // The text over slices describes them at the time of the layout. At rest, nothing else triggers a new layout.
                 self.touched |= due.is_some() && !slices.is_empty() && controller.rests();
             }
             Stage::Loading(_) | Stage::Failed(_) => {}
             Stage::Over => return Ok(()),
         }
         let period = if matches!(self.stage, Stage::Loading(_)) { LOADING } else { FRAME };
-        // A picture that begins a little late does not put off those after it.
+        // A picture that starts slightly late does not delay those after it.
         let beat = self.beat + period;
         self.beat = if now.saturating_duration_since(beat) < period / 2 { beat.min(now) } else { now };
         self.due = self.beat + period;
         let (pixels, Some(layout)) = (self.window_size().pixels, self.interface.layout()) else { return Ok(()) };
         if pixels.0 == 0 || pixels.1 == 0 {
-            // Minimised: the flight goes on, there is nothing to paint on.
+            // Minimised: the flight continues, but there is nothing to paint on.
             return Ok(());
         }
         if due.is_none() && !anew && self.painted == Some(layout.serial) {
@@ -556,7 +556,7 @@ impl Shell {
         Ok(())
     }
 
-    /// Whether the flight's time is over.
+    /// True if the flight's time is over.
     fn time_is_over(&mut self) -> bool {
         match (&mut self.stage, self.seconds) {
             (Stage::Flying(c), Some(s)) if c.flight().clock().seconds() >= s => {
@@ -567,9 +567,9 @@ impl Shell {
         }
     }
 
-    /// When there is something to do next without the operator; none to sleep until they do something.
+    /// Returns when work is due without operator input; `None` to sleep until the next input.
     fn next(&self) -> Option<Instant> {
-        // Whatever is shown, the interface answers what was done in it, and shows its tooltips when they are due.
+        // Whatever is shown, the interface reacts to input, and shows its tooltips when they are due.
         let touched = (self.touched && !matches!(self.stage, Stage::Over)).then_some(self.due);
         let interface = self.interface.next().into_iter().chain(touched).min();
         let stage = match &self.stage {
@@ -582,16 +582,16 @@ impl Shell {
     }
 }
 
-/// Begins to load a scan.
+/// Starts to load a scan.
 fn load(prepare: Prepare, progress: &Arc<Progress>, proxy: &EventLoopProxy<Wake>) -> Result<Loading> {
     let done = proxy.clone();
     Loading::start(prepare, progress, move || {
-        // There is nobody to wake when the window is gone.
+        // The window may be closed, and then nothing has to be woken.
         let _ = done.send_event(Wake::Loaded);
     })
 }
 
-/// The painter of what lies below all panels.
+/// Returns the painter of the layer below all panels.
 fn background(ui: &egui::Ui) -> egui::Painter {
     ui.ctx().layer_painter(LayerId::background())
 }
@@ -641,7 +641,7 @@ impl ApplicationHandler<Wake> for Shell {
                 match self.stage {
                     Stage::Flying(_) => self.fail(Error::cancelled("flight"), events),
                     Stage::Loading(_) => self.fail(Error::cancelled("loading"), events),
-                    // Why it could not be opened is what there is to tell.
+                    // The reason why it could not be opened takes precedence.
                     Stage::Failed(_) | Stage::Over => events.exit(),
                 }
             }
@@ -658,7 +658,7 @@ impl ApplicationHandler<Wake> for Shell {
         match event {
             WindowEvent::CloseRequested => self.quit(events),
             WindowEvent::RedrawRequested => {
-                // Where the system asks, the window was covered and has lost its picture.
+                // If the system requests a redraw, the window was covered and has lost its picture.
                 let anew = !std::mem::take(&mut self.asked);
                 if let Err(e) = self.picture(anew, events) {
                     self.fail(e, events);

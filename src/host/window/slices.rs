@@ -1,4 +1,4 @@
-//! The slices of a window: which are there, what they go through, and how they are windowed.
+//! The slices of a window: which are shown, their positions, and their grey-level window.
 
 use std::collections::BTreeMap;
 
@@ -11,45 +11,45 @@ use crate::components::slices::{Orientation, SliceView, ZOOMS};
 use crate::error::Result;
 use crate::render::slice::{Slab, SlabKind, Windowing};
 
-/// The camera leaves a place that was pointed at behind once it has moved so far, mm: the slices follow the flight again.
+/// Distance that the camera moves before the slices leave a place pointed at and follow the flight again, mm.
 const LEAVES_MM: f64 = 2.0;
-/// Pixels of a drag that double the width of the window of greys.
+/// Pixels of a drag that double the width of the grey-level window.
 const DOUBLES: f64 = 150.0;
-/// The window of greys is held to these widths, HU.
+/// Limits of the width of the grey-level window, HU.
 const WIDTHS: [f64; 2] = [1.0, 8000.0];
-/// The level is held to these, HU.
+/// Limits of its level, HU.
 const LEVELS: [f64; 2] = [-2000.0, 6000.0];
-/// Slabs that a key goes through, mm.
+/// Slab thicknesses that a key steps through, mm.
 const SLABS_MM: [f64; 5] = [0.0, 3.0, 5.0, 10.0, 20.0];
-/// Samples that a thick slab takes in a frame while it moves: some ms of two cores.
+/// Maximum samples per frame of a thick slab while it moves: some ms of two cores.
 const SAMPLES: usize = 1 << 20;
-/// A notch of the wheel magnifies by this factor.
+/// Magnification per notch of the wheel.
 const CLOSER: f64 = 1.15;
 
 /// The slices of a window.
 #[derive(Debug, Default)]
 pub struct Slices {
     entities: BTreeMap<Orientation, Entity>,
-    /// A place that was pointed at, and where the camera was then; none while the slices follow the flight.
+    /// The place pointed at and the camera's position at that time; `None` while the slices follow the flight.
     cursor: Option<(DVec3, DVec3)>,
     windowing: Windowing,
     slab: Slab,
-    /// Parts of a notch that were scrolled in the slice that was scrolled last.
+    /// Fraction of a notch scrolled so far, in the slice that was scrolled last.
     scrolled: Option<(Orientation, f64)>,
 }
 
 impl Slices {
-    /// The entity of a slice that is shown.
+    /// Returns the entity of a slice that is shown.
     pub fn entity(&self, orientation: Orientation) -> Option<Entity> {
         self.entities.get(&orientation).copied()
     }
 
-    /// A slice that is shown.
+    /// Returns a slice that is shown.
     pub fn view<'a>(&self, flight: &'a FlightApp, orientation: Orientation) -> Option<&'a SliceView> {
         flight.app().world.get(self.entity(orientation)?)
     }
 
-    /// A place that was pointed at, world mm; none while everything follows the flight.
+    /// Returns the place pointed at, world mm; `None` while everything follows the flight.
     pub fn cursor(&self) -> Option<DVec3> {
         self.cursor.map(|c| c.0)
     }
@@ -66,11 +66,11 @@ impl Slices {
         self.cursor = None;
     }
 
-    /// Has these slices and no others, in these sizes, as they are to be in the next frame. A camera that is `held` still drifts to
-    /// rest, and leaves no place behind. Whether one is not drawn yet.
+    /// Shows exactly these slices, in these sizes, with their state for the next frame. A camera that is `held` may still drift
+    /// to rest; it does not leave the place pointed at. Returns true if one is not drawn yet.
     ///
     /// # Errors
-    /// As for any change of the schedule.
+    /// Returns the errors of any change of the schedule.
     pub fn show(&mut self, flight: &mut FlightApp, wanted: &[(Orientation, [usize; 2])], held: bool) -> Result<bool> {
         let pose = flight.pose();
         if let Some((_, from)) = self.cursor.as_mut().filter(|_| held) {
@@ -104,7 +104,7 @@ impl Slices {
         Ok(stale)
     }
 
-    /// Effect what a panel asks for.
+    /// Executes a panel's request.
     pub fn ask(&mut self, flight: &mut FlightApp, request: SliceInput) {
         match request {
             SliceInput::Click(place) | SliceInput::Point(place) => self.point(flight, place),
@@ -130,21 +130,21 @@ impl Slices {
         }
     }
 
-    /// Goes on by so many layers of the scan.
+    /// Scrolls by a number of layers of the scan.
     fn scroll(&mut self, flight: &FlightApp, orientation: Orientation, notches: f64) {
         let Some(view) = self.view(flight, orientation) else { return };
         let grid = flight.volume().voxels().grid();
-        // As it is to be, not as it was last drawn: several notches may come between two pictures.
+        // Use the requested state, not the last drawn one: several notches may arrive between two pictures.
         let mut view = view.without_image();
         view.place = self.cursor();
         let slice = view.slice(grid, &flight.pose());
         let normal = slice.frame.normal();
-        // As far as a voxel reaches along the normal.
+        // Voxels per mm along the normal.
         let voxels = grid.to_voxel().transform_vector3(normal).length().max(1e-9);
         let place = self.cursor().unwrap_or(flight.pose().position);
-        // From the layer that is shown: a place between two would be rounded to one of them twice.
+        // Start at the displayed layer: a place between two layers would be rounded to one of them twice.
         let layer = place + normal * (slice.centre - place).dot(normal);
-        // A smooth scroll comes in parts of a notch.
+        // Smooth scrolling arrives in fractions of a notch.
         let (scrolled, left) = self.scrolled.filter(|s| s.0 == orientation).unwrap_or((orientation, 0.0));
         let notches = left + notches;
         self.scrolled = Some((scrolled, notches - notches.trunc()));
@@ -153,14 +153,14 @@ impl Slices {
         }
     }
 
-    /// Sets the window of greys; one that is none changes nothing.
+    /// Sets the grey-level window, level and width in HU. Invalid values change nothing.
     pub fn window(&mut self, level: f64, width: f64) {
         if let Ok(windowing) = Windowing::new(level, width) {
             self.windowing = windowing;
         }
     }
 
-    /// As at the beginning: window, slab, magnification and part of the body.
+    /// Resets window, slab, magnification and pan.
     pub fn reset(&mut self, flight: &mut FlightApp) {
         (self.windowing, self.slab) = (Windowing::default(), Slab::default());
         for orientation in Orientation::ALL {
@@ -168,13 +168,13 @@ impl Slices {
         }
     }
 
-    /// The next thickness.
+    /// Switches to the next thickness.
     pub fn next_slab(&mut self) {
         let next = SLABS_MM.into_iter().find(|mm| *mm > self.slab.mm()).unwrap_or(0.0);
         self.slab = Slab::new(next, self.slab.kind()).unwrap_or_default();
     }
 
-    /// The next of mean, greatest and least.
+    /// Switches to the next of mean, maximum and minimum.
     pub fn next_slab_kind(&mut self) {
         let kind = match self.slab.kind() {
             SlabKind::Mean => SlabKind::Max,

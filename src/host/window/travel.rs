@@ -1,4 +1,4 @@
-//! Takes the camera to a place that it is to look at.
+//! Animated moves of the camera to a place that it should look at.
 
 use std::time::{Duration, Instant};
 
@@ -7,12 +7,12 @@ use glam::DVec3;
 use crate::components::camera::Pose;
 use crate::dynamics::Attitude;
 
-/// A place is looked at from so far, mm: a haustrum fills the picture.
+/// Viewing distance, mm: a haustrum fills the picture.
 const GOOD_MM: f64 = 25.0;
-/// It takes so long.
+/// Duration of the move.
 const TAKES: Duration = Duration::from_millis(700);
 
-/// A way of the camera straight towards what it is to look at.
+/// A straight move of the camera towards the place to look at.
 #[derive(Clone, Copy, Debug)]
 pub struct Travel {
     from: Pose,
@@ -24,7 +24,8 @@ pub struct Travel {
 }
 
 impl Travel {
-    /// From a pose to look at a place (world, mm) from a good distance. One that is nearer stays where it is, and turns.
+    /// Creates a move from a pose to a good viewing distance of a place (world, mm). A camera that is nearer stays there and
+    /// turns.
     pub fn to_look_at(from: Pose, place: DVec3, now: Instant) -> Self {
         let direction = place - from.position;
         let forward = direction.try_normalize().unwrap_or(from.attitude.forward);
@@ -32,7 +33,7 @@ impl Travel {
         Self { from, to, forward, begun: now }
     }
 
-    /// The pose at a time, and whether the way is over. Slow at both ends: 3 t² − 2 t³.
+    /// Returns the pose at a time, and true if the move is over. The easing is slow at both ends: 3 t² − 2 t³.
     pub fn at(&self, now: Instant) -> (Pose, bool) {
         let t = (now.saturating_duration_since(self.begun).as_secs_f64() / TAKES.as_secs_f64()).min(1.0);
         let share = t * t * (3.0 - 2.0 * t);

@@ -1,5 +1,5 @@
-//! The image of a flight for a window: as detailed as the frame time allows while it moves, refined when it stands still,
-//! and never traced again when it is as good as it gets.
+//! Renders a flight's image for a window. It has as much detail as the frame time allows while the camera moves, is refined at
+//! rest, and is not rendered again once it is complete.
 
 use std::time::Instant;
 
@@ -15,10 +15,10 @@ use crate::render::adaptive::{SAMPLES, cost, cost_shown};
 use crate::render::{CameraModel, Detail, Frame, Light, PreparedVolume, Quality, Settings};
 use crate::schedule::note;
 
-/// Closer than this is the same place, mm.
+/// Positions closer than this count as equal, mm.
 const SAME_MM: f64 = 1e-3;
 
-/// What an image was made of: nothing has to be traced again as long as it is the same.
+/// The inputs of an image. While they stay the same, nothing has to be rendered again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shown {
     pose: Pose,
@@ -30,35 +30,35 @@ struct Shown {
 }
 
 impl Shown {
-    /// What the flight's picture would show now in a window; none in a scene without one.
+    /// Returns the inputs of the flight's picture in a window now; `None` in a scene without a picture.
     fn now(flight: &FlightApp, window: (usize, usize)) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
         let (fov_degrees, camera, quality) = (picture.fov_degrees, picture.camera, picture.settings.quality);
         Some(Self { pose: flight.pose(), fov_degrees, camera, window, quality })
     }
 
-    /// Whether both are the same picture, as far as one can see.
+    /// True if both describe the same picture, up to invisible differences.
     fn is(&self, other: &Self) -> bool {
         self.window == other.window && self.quality == other.quality && self.sees_as(other)
     }
 
-    /// Whether both are of the same view, in whatever size and detail.
+    /// True if both have the same view, whatever their size and detail.
     fn sees_as(&self, other: &Self) -> bool {
         (self.fov_degrees, self.camera) == (other.fov_degrees, other.camera) && same(&self.pose, &other.pose)
     }
 }
 
-/// A frame that is to be traced.
+/// A frame to be rendered.
 pub struct Due {
     now: Shown,
-    /// Whether it refines the image that is shown.
+    /// True if it refines the displayed image.
     rest: bool,
-    /// Whether the image stays as it is: something beside it has changed.
+    /// True if the image stays unchanged because something beside it has changed.
     stays: bool,
     begun: Instant,
 }
 
-/// What the operator sees.
+/// Renders the operator's view.
 pub struct ViewRenderer {
     budget: FrameBudget,
     shown: Option<Shown>,
@@ -66,19 +66,19 @@ pub struct ViewRenderer {
     frames: Vec<FrameStats>,
     moving: MovingPictures,
     to_save: Vec<Traced>,
-    /// The image under way is to be saved when it is as good as it gets.
+    /// The current image will be saved once it is complete.
     waiting: Option<PictureRequest>,
-    /// What presentations take, ms.
+    /// Time of presentations, ms.
     present_ms: f64,
-    /// Whether no picture of the flight is shown: then it is not made better.
+    /// True if no picture of the flight is shown, so that it is not refined.
     hidden: bool,
 }
 
 impl ViewRenderer {
-    /// No image yet. `wake` is called from another thread when one is ready to be saved.
+    /// Creates a renderer without an image. `wake` is called from another thread when an image is ready to be saved.
     ///
     /// # Errors
-    /// Status 1 when the system gives no threads.
+    /// Returns status 1 if the system cannot start threads.
     pub fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
         Ok(Self {
             budget: FrameBudget::default(),
@@ -93,41 +93,41 @@ impl ViewRenderer {
         })
     }
 
-    /// What the images took.
+    /// Returns the statistics of the images.
     pub fn frames(&self) -> &[FrameStats] {
         &self.frames
     }
 
-    /// How large and how frequent the pictures of a moving camera were.
+    /// Returns the statistics of the size and rate of pictures while the camera moved.
     pub fn moving(&self) -> Option<Moving> {
         self.moving.summary()
     }
 
-    /// Learns what presentations take, ms.
+    /// Records the time of a presentation, ms.
     pub fn presented(&mut self, ms: f64) {
         self.present_ms = ms;
     }
 
-    /// The image as it was last traced.
+    /// Returns the last rendered image.
     pub fn image<'a>(&self, flight: &'a FlightApp) -> Option<&'a Frame> {
         self.shown?;
         flight.camera::<Picture>().map(|p| &p.frame)
     }
 
-    /// How detailed the image is.
+    /// Returns the detail of the image.
     pub fn detail(&self, flight: &FlightApp) -> Option<Detail> {
         self.shown?;
         flight.camera::<FrameCache>()?.renderer()?.detail()
     }
 
-    /// Whether a still image is to be made better, or anew with other settings.
+    /// True if a still image will be refined, or rendered again with other settings.
     pub fn is_refining(&self, flight: &FlightApp) -> bool {
         let made = flight.camera::<FrameCache>().zip(flight.camera::<Picture>());
         !self.hidden && self.shown.is_some() && made.is_some_and(|(cache, picture)| cache.is_unfinished(picture))
     }
 
-    /// Has the image of a window of the given size saved: what is shown when it is as good as it gets, or if the camera
-    /// moves on before, one of its own.
+    /// Requests that the image of a window of the given size is saved: the displayed one once it is complete, or, if the camera
+    /// moves on before that, a separately rendered one.
     pub fn order_to_save(&mut self, flight: &FlightApp, window: (usize, usize)) {
         let Some(request) = PictureRequest::of(flight, window) else { return };
         let here = self.shown.zip(Shown::now(flight, window)).is_some_and(|(shown, now)| shown.is(&now));
@@ -137,12 +137,12 @@ impl ViewRenderer {
         }
     }
 
-    /// Images that are ready to be saved.
+    /// Takes the images that are ready to be saved.
     pub fn take_to_save(&mut self) -> Vec<Traced> {
         std::mem::take(&mut self.to_save)
     }
 
-    /// Images to be saved, waiting for those under way.
+    /// Takes all images to be saved, and waits for those in progress.
     pub fn all_to_save(&mut self) -> Vec<Traced> {
         if let Some(request) = self.waiting.take() {
             self.screenshots.begin(request);
@@ -153,7 +153,7 @@ impl ViewRenderer {
         self.take_to_save()
     }
 
-    /// Changes between high and low detail; the new one.
+    /// Switches between high and low detail. Returns the new one.
     pub fn switch_detail(&mut self, flight: &mut FlightApp) -> Option<Quality> {
         let scene = flight.scene().render;
         let mut picture = flight.camera_mut::<Picture>()?;
@@ -164,7 +164,7 @@ impl ViewRenderer {
         Some(quality)
     }
 
-    /// Changes between the headlight and an endoscope's light; the new one.
+    /// Switches between the headlight and an endoscope's light. Returns the new one.
     pub fn switch_light(&mut self, flight: &mut FlightApp) -> Option<Light> {
         let mut picture = flight.camera_mut::<Picture>()?;
         let light = &mut picture.settings.light;
@@ -172,11 +172,11 @@ impl ViewRenderer {
         Some(*light)
     }
 
-    /// Prepares the next frame for a window of the given size. None if there is nothing to trace: the image shown is of the
-    /// same view and as good as it gets, and nothing is to be drawn `beside` it.
+    /// Prepares the next frame for a window of the given size. `None` if there is nothing to render: the displayed image has the
+    /// same view and is complete, and nothing has to be drawn `beside` it.
     ///
     /// # Errors
-    /// Status 1 when an image that was to be saved could not be made: an internal error.
+    /// Returns status 1 if an image to be saved could not be rendered, which is an internal error.
     pub fn prepare(&mut self, flight: &mut FlightApp, window: (usize, usize), beside: bool) -> Result<Option<Due>> {
         while let Some(traced) = self.screenshots.take() {
             match traced {
@@ -198,14 +198,14 @@ impl ViewRenderer {
         self.save_waiting(flight, &now, rest);
         let budget = self.budget.next(rest, self.present_ms, window.0 * window.1);
         if let Some(mut picture) = flight.camera_mut::<Picture>() {
-            // With the others, whether or not it can become better: a post-process may draw one into the other.
+            // Rendered with the others, whether or not it can become better: a post-process may draw one into the other.
             (picture.due, picture.budget) = (true, Some(budget));
             picture.frame.resize(window.0, window.1);
         }
         Ok(Some(Due { now, rest, stays: false, begun: Instant::now() }))
     }
 
-    /// Learns that the frame that was prepared is there, and what it took, ms; the time since it was prepared if none.
+    /// Records that the prepared frame is finished, with its time, ms. If `None`, the time since it was prepared is used.
     pub fn traced(&mut self, flight: &FlightApp, due: &Due, ms: Option<f64>) {
         if due.stays {
             return;
@@ -229,7 +229,7 @@ impl ViewRenderer {
         }
     }
 
-    /// Sees to an image that waits to be saved, while the camera is at rest or has moved on.
+    /// Saves or starts a waiting screenshot, depending on whether the camera is at rest or has moved on.
     fn save_waiting(&mut self, flight: &FlightApp, now: &Shown, rest: bool) {
         let Some(request) = self.waiting else { return };
         if !rest && self.shown.is_some_and(|s| !s.sees_as(now)) {
@@ -243,17 +243,17 @@ impl ViewRenderer {
     }
 }
 
-/// The detail of a flight's images.
+/// Returns the quality of a flight's images.
 pub fn quality_of(flight: &FlightApp) -> Option<Quality> {
     flight.camera::<Picture>().map(|p| p.settings.quality)
 }
 
-/// How far an image is refined, as it is shown: "9 of 16 samples".
+/// Formats how far an image is refined: "9 of 16 samples".
 pub fn refined(detail: Detail) -> Option<String> {
     (detail.samples > 0).then(|| format!("{} of {SAMPLES} samples", detail.samples.min(SAMPLES)))
 }
 
-/// Whether two poses make the same image, as far as one can see.
+/// True if two poses make the same image, up to invisible differences.
 fn same(a: &Pose, b: &Pose) -> bool {
     let near = |a: glam::DVec3, b: glam::DVec3, by: f64| a.distance(b) < by;
     near(a.position, b.position, SAME_MM)

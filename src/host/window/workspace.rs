@@ -1,4 +1,4 @@
-//! The workspace: which panels are shown, and where. A layout is a row of tiles with dividers between them that can be dragged.
+//! The workspace: which panels are shown, and where. A layout is a row of tiles with draggable dividers between them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,27 +15,27 @@ use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 use crate::panics;
 
-/// The present form of the file of layouts.
+/// The current version of the file of layouts.
 const VERSION: u32 = 1;
-/// What comes of a file of layouts that is none.
+/// Consequence of an invalid file of layouts, for messages.
 const MEND: &str = "it is left as it is; the panels are where they are at first";
-/// Shares of a divided tile are held to these when they are read: no tile is without pixels.
+/// Limits of a tile's share when read from a file, so that every tile has pixels.
 const SHARES: [f32; 2] = [0.02, 50.0];
-/// The share that panels take which are shown beside a layout's own.
+/// Share of panels that are shown beside those of a layout.
 const SIDE: f32 = 0.3;
 
 /// The layout of a window that is opened for the first time.
 const FIRST: &str = "reading";
 
-/// A layout that the window comes with.
+/// A built-in layout.
 pub struct LayoutEntry {
     /// Its name, for `--layout` and the settings file.
     pub name: &'static str,
-    /// What it shows, for menus.
+    /// Description for menus.
     pub text: &'static str,
-    /// Its key, as the table of actions has it.
+    /// Its key, as in the table of actions.
     pub key: &'static str,
-    /// Whether there is a bar of menus above it.
+    /// True if there is a menu bar above it.
     menus: bool,
     /// Its tiles.
     tiles: Split,
@@ -107,7 +107,7 @@ impl Split {
     }
 }
 
-/// The slices that a layout shows as it comes, by its name; none of one that there is not.
+/// Returns the slices that a layout shows by default, by its name. Empty if the layout does not exist.
 pub fn slices_of(layout: &str) -> Vec<Orientation> {
     let Some(entry) = LAYOUTS.iter().find(|l| l.name == layout) else { return Vec::new() };
     let panels = [
@@ -130,10 +130,10 @@ fn linear(
     tiles.insert_container(container)
 }
 
-/// A layout as it is now.
+/// The current state of a layout.
 struct Arrangement {
     tree: Tree<String>,
-    /// Beside the layout's own panels: the others, and the tile that holds them.
+    /// Beside the layout's panels: the tile that holds the others, and these.
     side: (TileId, Vec<TileId>),
 }
 
@@ -150,7 +150,7 @@ impl Arrangement {
         let root = linear(&mut tiles, LinearDir::Horizontal, |_| vec![(1.0 - SIDE, own), (SIDE, side)]);
         let mut made = Self { tree: Tree::new(entry.name, root, tiles), side: (side, ids) };
         for (id, name) in made.side.1.clone().into_iter().zip(&others) {
-            // A layout of slices alone is not to have the flight beside it.
+            // A layout that consists only of slices should not have the flight beside it.
             let shown = panels.iter().any(|p| p.entry.name == *name && p.entry.shown && *name != "flight");
             made.tree.set_visible(id, shown);
         }
@@ -158,7 +158,7 @@ impl Arrangement {
         made
     }
 
-    /// The side is there while it shows something.
+    /// Shows the side if it has a visible panel, otherwise hides it.
     fn settle(&mut self) {
         let any = self.side.1.iter().any(|id| self.tree.is_visible(*id));
         self.tree.set_visible(self.side.0, any);
@@ -181,7 +181,7 @@ impl Arrangement {
         }
     }
 
-    /// The shares of all that is divided, from the outermost to the innermost, each with its name; the names say where it lies.
+    /// Returns the shares of all divided tiles, from the outermost to the innermost. Their names encode their positions.
     fn shares(&self) -> BTreeMap<String, f32> {
         let mut all = BTreeMap::new();
         self.walk(&mut |place, container, child| {
@@ -190,7 +190,7 @@ impl Arrangement {
         all
     }
 
-    /// Calls `each` with every divided tile's place, its container and its child.
+    /// Calls `each` for every divided tile with its position name, its container and its child.
     fn walk(&self, each: &mut impl FnMut(String, &egui_tiles::Linear, TileId)) {
         let mut left: Vec<(String, TileId)> = self.tree.root().map(|r| (String::new(), r)).into_iter().collect();
         while let Some((place, id)) = left.pop() {
@@ -204,7 +204,7 @@ impl Arrangement {
         }
     }
 
-    /// Takes shares over that were kept; those that belong to no tile any more are left out.
+    /// Restores stored shares. Those of tiles that no longer exist are ignored.
     fn take(&mut self, kept: &BTreeMap<String, f32>) {
         let mut wanted = Vec::new();
         self.walk(&mut |place, _, child| wanted.extend(kept.get(&place).map(|s| (child, *s))));
@@ -220,15 +220,15 @@ impl Arrangement {
     }
 }
 
-/// What is kept of the workspace for the next time.
+/// The stored state of the workspace.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Kept {
     version: u32,
     layout: String,
-    /// For each layout, where its dividers are.
+    /// Positions of the dividers in each layout.
     shares: BTreeMap<String, BTreeMap<String, f32>>,
-    /// For each layout, which of the panels beside its own are shown. One that is not named was not known then.
+    /// Visibility of the panels beside those of each layout. Panels that are not named did not exist then.
     beside: BTreeMap<String, BTreeMap<String, bool>>,
 }
 
@@ -244,7 +244,7 @@ impl folders::Kept for Kept {
 struct Shown {
     entry: PanelEntry,
     panel: Box<dyn Panel>,
-    /// Why it is not laid out any more.
+    /// Why it is no longer laid out.
     fault: Option<String>,
 }
 
@@ -253,13 +253,13 @@ pub struct Workspace {
     panels: Vec<Shown>,
     layout: usize,
     layouts: Vec<Arrangement>,
-    /// Where it is kept; none where it is not.
+    /// The file of the workspace; `None` if it is not stored.
     file: Option<PathBuf>,
 }
 
 impl Workspace {
-    /// With these panels, in the layout `wanted`, else as it was left the last time. What is wrong with what was
-    /// kept is told: everything is where it is at first then, and nothing is kept.
+    /// Creates a workspace with these panels, in the layout `wanted` or else the last used one. Also returns the error if the
+    /// stored state is invalid. In that case everything has its initial position and nothing is stored.
     pub fn new(entries: &[PanelEntry], wanted: Option<&str>, file: Option<PathBuf>) -> (Self, Option<Error>) {
         let make = |e: &PanelEntry| Shown { entry: *e, panel: (e.make)(), fault: None };
         let panels: Vec<Shown> = entries.iter().map(make).collect();
@@ -294,10 +294,10 @@ impl Workspace {
         Ok(())
     }
 
-    /// Keeps it for the next time.
+    /// Stores the workspace for the next time.
     ///
     /// # Errors
-    /// Status 5 when it cannot be written.
+    /// Returns status 5 if it cannot be written.
     pub fn keep(&self) -> Result<()> {
         let Some(path) = &self.file else { return Ok(()) };
         let all = || LAYOUTS.iter().zip(&self.layouts);
@@ -314,12 +314,12 @@ impl Workspace {
         folders::keep(path, &kept)
     }
 
-    /// Where it is kept; none on a system that names no folder for it.
+    /// Returns the default file of the workspace; `None` on a system that defines no folder for it.
     pub fn usual_file() -> Option<PathBuf> {
         Folder::State.file(Path::new("layout.json"))
     }
 
-    /// Shows another layout, by its number.
+    /// Switches to another layout, by its number.
     pub fn choose(&mut self, layout: usize) {
         self.layout = layout.min(LAYOUTS.len() - 1);
     }
@@ -336,12 +336,13 @@ impl Workspace {
         }
     }
 
-    /// Whether a panel besides the flight's is shown: they may show anything of the flight, and are laid out again while it goes on.
+    /// True if a panel other than the flight's is shown. Such panels may show any part of the flight, so they are laid out again
+    /// while it moves.
     pub fn shows_more_than_the_flight(&self) -> bool {
         self.panels.iter().any(|p| p.entry.name != "flight" && self.layouts[self.layout].is_shown(p.entry.name))
     }
 
-    /// Lays everything out.
+    /// Lays out all panels.
     pub fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
         if LAYOUTS[self.layout].menus {
             egui::Panel::top("menus").show_inside(ui, |ui| self.menus(context, ui, requests));
@@ -370,7 +371,7 @@ impl Workspace {
                 ui.separator();
                 let r = context.hud;
                 ui.label(RichText::new(&r.state).color(r.severity.colour()));
-                // Where the flight is not shown its messages are not, either.
+                // If the flight is not shown, its messages need another place.
                 if let Some(message) = r.message.as_ref().filter(|_| !self.layouts[self.layout].is_shown("flight")) {
                     ui.separator();
                     ui.label(message);
@@ -379,7 +380,7 @@ impl Workspace {
         });
     }
 
-    /// Whether what an action switches is on.
+    /// True if the state that an action toggles is on.
     fn is_on(&self, effect: Effect) -> bool {
         match effect {
             Effect::Window(WindowRequest::Layout(n)) => n == self.layout,
@@ -391,7 +392,7 @@ impl Workspace {
     }
 }
 
-/// Lays panels out in their tiles.
+/// Lays out panels in their tiles.
 struct Tiling<'a, 'b> {
     panels: &'a mut [Shown],
     context: &'a Context<'b>,
@@ -409,7 +410,7 @@ impl Behavior<String> for Tiling<'_, '_> {
             reported(ui, rect, shown.entry.title, why);
             return UiResponse::None;
         }
-        // In a child of its own, so that what a panel leaves behind when it panics is not the others'.
+        // A separate child, so that state left behind by a panicking panel does not affect the others.
         let mut own =
             ui.new_child(UiBuilder::new().max_rect(if shown.entry.picture { rect } else { rect.shrink(8.0) }));
         own.set_clip_rect(rect.intersect(ui.clip_rect()));
@@ -442,12 +443,12 @@ impl Behavior<String> for Tiling<'_, '_> {
     }
 
     fn simplification_options(&self) -> SimplificationOptions {
-        // The tiles stay as the layout has them, so that dividers are found again.
+        // Keep the tiles as in the layout, so that dividers are found again.
         SimplificationOptions::OFF
     }
 }
 
-/// Says in a panel's place why it is not there.
+/// Shows the error of a panel in its place.
 fn reported(ui: &mut Ui, rect: egui::Rect, title: &str, why: &str) {
     let layout = egui::Layout::top_down(Align::Min);
     ui.scope_builder(UiBuilder::new().max_rect(rect.shrink(8.0)).layout(layout), |ui| {
@@ -502,11 +503,11 @@ mod tests {
         assert_eq!(second.layout, LAYOUTS.len() - 1);
         assert_eq!((second.layouts[0].shares()["0"], second.layouts[0].shares()["1"]), (0.9, SIDE));
         assert!(second.layouts[0].is_shown("own"));
-        // What is asked for wins.
+        // The requested layout takes precedence.
         assert_eq!(Workspace::new(&entries(), Some("flight"), Some(path)).0.layout, 0);
     }
 
-    /// A panel that fails with its third picture.
+    /// A panel that panics at its third picture.
     struct Fails(u32);
 
     impl Panel for Fails {
@@ -519,7 +520,7 @@ mod tests {
         }
     }
 
-    /// Lays a workspace out after some events; what was asked for.
+    /// Lays out a workspace after some events. Returns the requests.
     fn lay_out(
         w: &mut Workspace,
         interface: &mut Interface,
@@ -555,7 +556,7 @@ mod tests {
             assert!(a.width() > 150.0 && a.height() > 150.0, "{a:?}");
             assert!(places[..n].iter().all(|b| !a.shrink(1.0).intersects(*b)), "they lie side by side");
         }
-        // The slices are drawn, and a click in one is a place of the world.
+        // The slices are drawn, and a click in one is a point of the world.
         let size = |r: &egui::Rect| [r.width() as usize, r.height() as usize];
         let slices: Vec<_> = shown.slices_at().iter().map(|(o, r)| (*o, size(r))).collect();
         let due = controller.prepare((100, 100), &slices, std::time::Instant::now()).unwrap();
@@ -567,7 +568,7 @@ mod tests {
         let [Request::Slice(SliceInput::Click(place))] = asked.take()[..] else { panic!("a click in the slice") };
         let offset = f64::from(axial.center().x - axial.min.x) - slice.pixel(place).0[0];
         assert!(offset.abs() < 1e-3 && slice.pixel(place).1.abs() < 1e-9);
-        // A drag in the flight looks around.
+        // A drag in the flight's picture looks around.
         lay_out(&mut w, &mut interface, &controller, press(axial.center(), false));
         let mut events = press(flight.center(), true);
         events.push(egui::Event::PointerMoved(flight.center() + egui::vec2(30.0, 0.0)));
@@ -608,12 +609,12 @@ mod tests {
             made.keep().unwrap();
             assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
         }
-        // Layouts and panels that there are not any more are no fault.
+        // Layouts and panels that no longer exist are not an error.
         let old =
             "{\"version\": 1, \"layout\": \"x\", \"shares\": {\"x\": {}}, \"beside\": {\"flight\": {\"gone\": true}}}";
         std::fs::write(&path, old).unwrap();
         assert!(workspace(&path).1.is_none());
-        // A panel that was not there then is shown if it is at first.
+        // A panel that did not exist then is shown if it is shown initially.
         let new = PanelEntry { name: "new", shown: true, ..PanelEntry::NONE };
         let (made, _) = Workspace::new(&[entries(), vec![new]].concat(), None, Some(path));
         assert!(made.layouts[0].is_shown("new") && !made.layouts[0].is_shown("own"));

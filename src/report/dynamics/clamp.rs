@@ -22,20 +22,20 @@ use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
 use crate::report::{Effort, median, quantile};
 
-/// How long the flights are, s.
+/// Duration of a flight, s.
 const SECONDS: f64 = 2.0;
 
-/// Whether a flight is stopped at the wall.
+/// Selects whether the clamp stops a flight at the wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Clamp {
     On,
     Off,
 }
 
-/// The study.
+/// Runs the study.
 ///
 /// # Errors
-/// Those of the whole report.
+/// Returns the errors of the whole report.
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     page.text(
@@ -77,7 +77,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     )])
 }
 
-/// Where a flight ends, and how deep it was in the wall, mm.
+/// Returns the final state of a flight, and its largest penetration of the wall, mm.
 fn fly(method: &dyn Stepper, push: DVec3, h: f64, clamp: Clamp) -> (RigidBodyState, f64) {
     let body = Body::default();
     let force = PotentialForce { push, ..forces(100.0) };
@@ -98,7 +98,7 @@ fn depth(tube: &Tube, at: DVec3) -> f64 {
     (tube.across(at).length() + Body::default().radius_mm - tube.radius).max(0.0)
 }
 
-/// Time of the clamp in the middle of a phantom's lumen and against its wall, µs.
+/// Measures the time of the clamp in the middle of a phantom's lumen and against its wall, µs.
 fn clamp_times(effort: Effort, progress: &Progress) -> Result<[f64; 2]> {
     let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let truth = phantom.truth();
@@ -114,7 +114,7 @@ fn clamp_times(effort: Effort, progress: &Progress) -> Result<[f64; 2]> {
                 begun.elapsed().as_secs_f64() * 1e6
             })
             .collect();
-        // A busy machine only adds time.
+        // Load on the machine only adds time.
         quantile(&times, 0.25).min(median(&times))
     };
     let touching = |p: DVec3| advance(&walls, p, DVec3::new(0.0, 1.0, 0.3) * 100.0, 1.5).position;

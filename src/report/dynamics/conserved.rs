@@ -1,4 +1,4 @@
-//! Conservation without drag: energy in a well, momentum and angular momentum without forces.
+//! Conservation without drag: energy in a well; momentum and angular momentum without forces.
 
 use glam::DVec3;
 
@@ -15,10 +15,10 @@ use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 
-/// The study.
+/// Runs the study.
 ///
 /// # Errors
-/// Those of the whole report.
+/// Returns the errors of the whole report.
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let seconds = effort.choose(5.0, 30.0);
@@ -75,7 +75,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     )])
 }
 
-/// Relative error of the energy at the end.
+/// Returns the relative error of the energy at the end.
 fn energy_drift(method: &dyn Stepper, h: f64, seconds: f64) -> f64 {
     let body = Body { drag_per_s: 0.0, ..Body::default() };
     let force = PotentialForce { target: None, ..forces(1e4) };
@@ -94,7 +94,8 @@ fn energy_drift(method: &dyn Stepper, h: f64, seconds: f64) -> f64 {
     energy(&m) / begun - 1.0
 }
 
-/// Momentum, angular momentum, energy of rotation (shares) and orientation (rad) of a free cylinder.
+/// Returns the drift of momentum, angular momentum and rotational energy (shares) and of the orientation (rad) of a free
+/// cylinder.
 fn free_drift(method: &dyn Stepper, radius: f64, length: f64) -> [f64; 4] {
     let (cylinder_radius_mm, cylinder_length_mm) = (Some(radius), Some(length));
     let body = Body { drag_per_s: 0.0, cylinder_radius_mm, cylinder_length_mm, ..Body::default() };

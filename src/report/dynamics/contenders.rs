@@ -1,11 +1,11 @@
-//! The methods that are compared.
+//! The integration methods that are compared.
 
 use crate::dynamics::integrators::{
     BackwardEuler, Control, DormandPrince, ExplicitEuler, ExponentialEuler, ImplicitMidpoint, Integrator, Phase, Rk4,
     Rosenbrock, RosenbrockAdaptive, SemiImplicitEuler, StepCost, Stepper, System,
 };
 
-/// A method of fixed steps. A new one is one more line.
+/// Methods with a fixed step. To add one, add a line here.
 pub const FIXED: [(&str, &dyn Stepper); 8] = [
     ("explicit Euler", &ExplicitEuler),
     ("semi-implicit Euler", &SemiImplicitEuler),
@@ -17,7 +17,7 @@ pub const FIXED: [(&str, &dyn Stepper); 8] = [
     ("Dormand–Prince 5(4), fixed", &Fifth),
 ];
 
-/// The name in the report of what a scene file calls an integrator.
+/// Returns the report's name for an integrator of a scene file.
 pub fn label(integrator: Integrator) -> &'static str {
     let number = match integrator {
         Integrator::ExplicitEuler => 0,
@@ -32,7 +32,7 @@ pub fn label(integrator: Integrator) -> &'static str {
     FIXED[number].0
 }
 
-/// Makes an adaptive method with its tolerance.
+/// Creates an adaptive method with its tolerance.
 type Make = fn(Control) -> Box<dyn Stepper>;
 
 /// The adaptive methods.
@@ -41,7 +41,7 @@ pub const ADAPTIVE: [(&str, Make); 2] = [
     ("Rosenbrock ROS34PW2, adaptive", |c| Box::new(RosenbrockAdaptive(c))),
 ];
 
-/// Dormand and Prince's fifth order without control.
+/// The fifth-order method of Dormand and Prince without step control.
 pub struct Fifth;
 
 impl Stepper for Fifth {

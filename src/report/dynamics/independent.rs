@@ -1,5 +1,5 @@
-//! Solutions by an independent solver (diffsol), in coordinates that the integrators do not use: thirteen numbers, the
-//! quaternion among them, `q′ = ½ ω q`. They hold the report's own [reference](super::reference) to what it claims.
+//! Solutions by an independent solver (diffsol), in coordinates that the integrators do not use: thirteen numbers, including the
+//! quaternion, `q′ = ½ ω q`. They verify the accuracy that the report's [reference](super::reference) claims.
 
 use diffsol::{
     DiffsolError, NalgebraLU, NalgebraMat, OdeBuilder, OdeEquations, OdeSolverMethod, OdeSolverStopReason, Vector,
@@ -11,22 +11,22 @@ use super::reference;
 use crate::dynamics::rigid::{angle, free};
 use crate::dynamics::{Body, Forces, RigidBodyState, Turning};
 
-/// Numbers of a state.
+/// Number of components of a state.
 const N: usize = 13;
 
-/// Which of diffsol's solvers.
+/// The solver of diffsol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Solver {
-    /// Backward differentiation formulas of variable order, implicit.
+    /// Implicit backward differentiation formulas of variable order.
     Bdf,
-    /// Tsitouras' explicit Runge–Kutta pair 5(4), to hold the other against.
+    /// Tsitouras' explicit Runge–Kutta pair 5(4), to cross-check the other.
     Tsit45,
 }
 
-/// The motion after each of `times` (s, rising).
+/// Returns the motion after each of `times` (s, ascending).
 ///
 /// # Errors
-/// When the solver gives up.
+/// Returns an error if the solver gives up.
 fn solve(
     solver: Solver,
     body: &Body,
@@ -38,7 +38,7 @@ fn solve(
     let rate = |y: &[f64], out: &mut [f64]| {
         let m = unpack(y);
         let inertia = body.inertia();
-        // Without normalising: the derivative must be that of a smooth function of all four.
+        // Without normalising: the derivative must be that of a smooth function of all four components.
         let axis = (m.orientation * (1.0 / m.orientation.length())) * DVec3::Z;
         let turn = inertia.rate(m.angular, axis);
         let unit = m.orientation * (1.0 / m.orientation.length());
@@ -55,7 +55,7 @@ fn solve(
         );
     };
     let by_state = |y: &[f64], v: &[f64], out: &mut [f64]| {
-        // The derivative along v; Newton's iteration needs no more than a good one.
+        // The derivative along v. A good approximation is sufficient for Newton's iteration.
         let size = v.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         if size == 0.0 {
             out.fill(0.0);
@@ -86,7 +86,7 @@ fn solve(
     }
 }
 
-/// Runs a solver to each of `times`.
+/// Runs a solver to each of `times`, s.
 fn reach<'a, E>(mut solver: impl OdeSolverMethod<'a, E>, times: &[f64]) -> Result<Vec<RigidBodyState>, DiffsolError>
 where
     E: OdeEquations<T = f64> + 'a,
@@ -116,7 +116,7 @@ fn unpack(y: &[f64]) -> RigidBodyState {
     }
 }
 
-/// Against a motion that is known: a spinning cylinder that falls in its drag.
+/// Against a known motion: a spinning cylinder that falls against its drag.
 #[test]
 fn two_solvers_find_the_exact_motion() {
     let body = Body { drag_per_s: 2.0, ..Body::default() };
@@ -139,7 +139,7 @@ fn two_solvers_find_the_exact_motion() {
     }
 }
 
-/// The report's reference against both solvers, on the flights that it is the reference of.
+/// Compares the report's reference with both solvers, on the flights for which the report uses it.
 #[test]
 fn the_reference_is_as_accurate_as_it_claims() {
     let body = Body::default();

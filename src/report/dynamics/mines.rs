@@ -1,5 +1,5 @@
-//! How the number of mines, their spacing and their reach change which flights arrive, and what mines are worth where the lumen
-//! is no plain tube.
+//! How the number of mines, their spacing and their reach affect which flights arrive, and the benefit of mines where the lumen
+//! is not a plain tube.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -17,16 +17,16 @@ use crate::report::table::{Cell, Table};
 use crate::report::trials::{self, Course};
 use crate::report::{Effort, mean};
 
-/// The settings that are tried, one change at a time from the defaults.
+/// The tested settings, varied one at a time from the defaults.
 const KEPT: [usize; 7] = [0, 1, 4, 8, 12, 50, 1000];
 const SPACING_MM: [f64; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 const REACH_MM: [f64; 6] = [5.0, 10.0, 15.0, 25.0, 50.0, 100.0];
-/// Numbers of mines whose worth is measured in drawings.
+/// Numbers of mines whose benefit is measured in drawings.
 const WORTH: [usize; 3] = [0, 12, 50];
-/// Simulated seconds of a flight at the most.
+/// Maximum duration of a flight, simulated seconds.
 const SECONDS: f64 = 120.0;
 
-/// The results of one choice of mines.
+/// Results for one choice of mines.
 #[derive(Clone, Debug, PartialEq)]
 struct Laid {
     /// The choice.
@@ -35,16 +35,16 @@ struct Laid {
     changed: &'static str,
     /// Share of the flights that arrive.
     arrived: f64,
-    /// Mean number of places at which a flight looked for another way.
+    /// Mean number of places at which a flight searched for another direction.
     escapes: f64,
-    /// Mean time of those that arrive, s.
+    /// Mean time of the flights that arrive, s.
     seconds: f64,
 }
 
-/// The study.
+/// Runs the study.
 ///
 /// # Errors
-/// Those of the whole report.
+/// Returns the errors of the whole report.
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let courses = trials::small_phantoms(effort, progress)?;
@@ -75,8 +75,8 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     Ok(findings)
 }
 
-/// What mines are worth where the lumen is no plain tube: flights through drawings, from many places around the start, with
-/// none and with ever more of them.
+/// Measures the benefit of mines where the lumen is not a plain tube: flights through drawings, from many points around the
+/// start, without mines and with increasing numbers of them.
 fn worth(effort: Effort, page: &mut Page, progress: &Progress) -> Result<String> {
     page.text(&format!(
         "Flights through drawings by tentacles, each from {} places up to 3 mm from its start, with so many mines kept: how many \
@@ -122,19 +122,20 @@ fn worth(effort: Effort, page: &mut Page, progress: &Progress) -> Result<String>
     })
 }
 
-/// The length of the trail that is mined, mm.
+/// Returns the length of the trail covered by mines, mm.
 fn trail_mm(settings: &MineSettings) -> f64 {
     settings.kept as f64 * settings.spacing_mm
 }
 
-/// The ways (mm) of flights through a drawing from places around its start; none of those that do not arrive.
+/// Returns the path lengths (mm) of flights through a drawing from points around its start; `None` for flights that do not
+/// arrive.
 fn arrivals(drawing: &Drawing, kept: usize, effort: Effort) -> Result<Vec<Option<f64>>> {
     let settings =
         PlaneSettings { mines: Some(MineSettings { kept, ..MineSettings::default() }), ..PlaneSettings::default() };
     let starts = effort.choose(4, 12);
     let fly = |n: usize| {
         let mut flight = Flight::new(drawing.clone(), settings.clone())?;
-        // A sunflower: evenly over a disc of 3 mm.
+        // A sunflower pattern: evenly over a disc of 3 mm.
         let (radius, angle) = (3.0 * (n as f64 / f64::from(starts)).sqrt(), 2.399_963 * n as f64);
         flight.start_at(flight.plan().start + DVec3::new(angle.cos(), angle.sin(), 0.0) * radius)?;
         while flight.state() == State::Flying {
@@ -145,7 +146,7 @@ fn arrivals(drawing: &Drawing, kept: usize, effort: Effort) -> Result<Vec<Option
     (0..starts as usize).into_par_iter().map(fly).collect()
 }
 
-/// Flies the courses with each choice, for a quick report with every third.
+/// Flies the courses with each choice; a quick report uses every third.
 fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Vec<Laid>> {
     let d = MineSettings::default();
     let choices: Vec<(&str, MineSettings)> = (KEPT.map(|kept| ("number", MineSettings { kept, ..d })).into_iter())
@@ -173,7 +174,7 @@ fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Ve
         .collect()
 }
 
-/// The results as a table.
+/// Formats the results as a table.
 fn table(laid: &[Laid]) -> Table {
     let mut table = Table::new(&[
         "changed",
@@ -203,7 +204,7 @@ mod tests {
     use super::*;
     use crate::plane::shipped;
 
-    /// Where mines earn their keep: a strand across the view, and a wide pouch whose way on lies beside its entrance.
+    /// Mines are decisive at a strand across the view, and in a wide pouch whose exit is beside its entrance.
     #[test]
     fn mines_decide_at_strands_and_in_pouches() {
         let share = |name: &str, kept| {

@@ -1,5 +1,5 @@
-//! `report dynamics`: integrators of the rigid body, error against time; where they are stable; what they conserve;
-//! what the clamp to free space costs; how many tentacles and mines are needed. One study a file.
+//! `report dynamics`: compares integrators of the rigid body (error against time, stability, conservation), and measures the cost
+//! of the clamp to free space and the number of tentacles and mines required. Each study has its own file.
 
 mod clamp;
 mod conserved;
@@ -24,18 +24,18 @@ use crate::render::PreparedVolume;
 use super::Effort;
 use super::page::Page;
 
-/// What is measured.
+/// The subject of the studies.
 struct Subject {
-    /// How much of it.
+    /// How much to measure.
     effort: Effort,
-    /// A scan to fly, by its title.
+    /// A scan to fly, with its title.
     scan: Option<(String, PreparedVolume)>,
 }
 
-/// One study: measures, writes its part of the page, and returns what it found, a sentence each.
+/// A study. It measures, writes its part of the page, and returns its findings, one sentence each.
 type Study = fn(&Subject, &mut Page, &Progress) -> Result<Vec<String>>;
 
-/// The studies in their order on the page. Another one is one more line here.
+/// The studies in their order on the page. To add one, add a line here.
 const STUDIES: [(&str, Study); 8] = [
     ("error against time", precision::study),
     ("stability", stability::study),
@@ -47,11 +47,11 @@ const STUDIES: [(&str, Study); 8] = [
     ("repulsion alone", repulsion::study),
 ];
 
-/// Measures, with flights through a scan (by its title) where there is one, and writes the report into `folder`. Returns the
-/// findings, a sentence each.
+/// Runs all studies, with flights through a scan (and its title) if there is one, and writes the report into `folder`. Returns
+/// the findings, one sentence each.
 ///
 /// # Errors
-/// Status 4 when interrupted or when a scan holds no colon, 5 when a file cannot be written.
+/// Returns status 4 if interrupted or if a scan contains no colon, 5 if a file cannot be written.
 pub fn report(
     effort: Effort,
     scan: Option<(String, PreparedVolume)>,

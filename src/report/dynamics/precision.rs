@@ -1,4 +1,4 @@
-//! Error in place and orientation against a reference solution, over time and over evaluations; the order measured.
+//! Errors in position and orientation against a reference solution, over time and over evaluations, and the measured order.
 
 use std::time::Instant;
 
@@ -19,16 +19,16 @@ use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 
-/// How long the flight is, s.
+/// Duration of the flight, s.
 pub(super) const SECONDS: f64 = 2.0;
 /// Outer step of the adaptive methods, s.
 const OUTER: f64 = 0.25;
-/// Below these, mm and rad, an error may be that of the reference.
+/// Errors below these, mm and rad, may be those of the reference.
 const FLOOR: [f64; 2] = [2.0 * reference::ACCURACY[0], reference::ACCURACY[1]];
-/// Above this, mm or rad, the order says nothing.
+/// Errors above this, mm or rad, do not indicate the order.
 const CEILING: f64 = 0.2;
 
-/// A flight that is measured.
+/// A measured flight.
 pub(super) struct Case {
     pub(super) name: &'static str,
     pub(super) wall_energy: f64,
@@ -39,22 +39,22 @@ pub(super) const CASES: [Case; 3] = [
     Case { name: "middle wall", wall_energy: 1e4 },
     Case { name: "stiff wall", wall_energy: 1e6 },
 ];
-/// The case whose orders are held against theory: neither so soft that a few steps are exact to the last digit, nor so
-/// stiff that low orders never come to their own.
+/// The case whose orders are compared with theory. It is neither so soft that a few steps are exact to the last digit, nor so
+/// stiff that low orders never reach their asymptotic regime.
 const MIDDLE: usize = 1;
 
-/// The tube of all flights, its kink rounded over a voxel.
+/// The tube of all flights. Its kink is rounded over a voxel.
 pub(super) const TUBE: Tube = Tube { radius: 15.0, bend: 50.0, rounding: 0.7 };
-/// The remaining way in it.
+/// The remaining path length in it.
 pub(super) const WAY: RemainingLength = RemainingLength { tube: TUBE, end: 3.0 };
 
-/// The force of a case. Its reach spans the tube, so that all derivatives exist everywhere on the way.
+/// Returns the force of a case. Its reach spans the tube, so that all derivatives exist everywhere on the path.
 pub(super) fn forces(wall_energy: f64) -> PotentialForce<'static> {
     let potential = Potential { wall_energy, reach_mm: 20.0, ..Potential::default() };
     PotentialForce { potential, wall: Some(&TUBE), target: Some(&WAY), push: DVec3::ZERO }
 }
 
-/// Where the flights begin: off the axis, moving, and with a slow tumble.
+/// Returns the initial state of the flights: off the axis, moving, and slowly tumbling.
 pub(super) fn start(body: &Body) -> RigidBodyState {
     let position = TUBE.place(0.0, 1.0, -0.6);
     let q = orientation(Attitude::new(DVec3::Z, DVec3::Y));
@@ -62,8 +62,8 @@ pub(super) fn start(body: &Body) -> RigidBodyState {
     RigidBodyState { position, momentum: DVec3::new(-2.0, 3.0, 20.0) * body.mass_g, orientation: q, angular }
 }
 
-/// What turns the view on the flights: by so much that the turn is far from linear, else a high order would not be
-/// seen.
+/// Returns the rotation of the view during the flights. It is large enough to be far from linear, otherwise high orders would not
+/// be visible.
 pub(super) fn turning() -> Turning {
     Turning::towards(DVec3::new(0.5, 0.3, -0.8), 0.45, 1.8)
 }
@@ -85,10 +85,10 @@ struct Run {
     cut_short: bool,
 }
 
-/// The study.
+/// Runs the study.
 ///
 /// # Errors
-/// Those of the whole report.
+/// Returns the errors of the whole report.
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let body = Body::default();
@@ -150,19 +150,19 @@ fn measure(case: usize, method: &dyn Stepper, h: f64, steps: u32, truth: &RigidB
     }
 }
 
-/// Distance in mm and angle in rad.
+/// Returns the distance in mm and the angle in rad.
 pub(super) fn errors(a: &RigidBodyState, b: &RigidBodyState) -> [f64; 2] {
     [a.position.distance(b.position), angle(a.orientation, b.orientation)]
 }
 
-/// The order seen between successive halvings, from the finest pair that the reference resolves.
+/// Returns the order measured between successive halvings, from the finest pair that the reference resolves.
 fn measured_order(runs: &[&Run], floor: f64, error: impl Fn(&Run) -> f64) -> Option<f64> {
     let pairs = runs.windows(2).rev();
     let resolved = |r: &Run| error(r) > floor && error(r) < CEILING;
     pairs.filter(|p| resolved(p[0]) && resolved(p[1])).map(|p| (error(p[0]) / error(p[1])).log2()).next()
 }
 
-/// Writes plots and tables, and returns what was found.
+/// Writes plots and tables. Returns the findings.
 fn write(runs: &[Run], page: &mut Page) -> Result<Vec<String>> {
     let [mm, rad] = reference::ACCURACY;
     page.text(&format!(
@@ -182,7 +182,7 @@ fn write(runs: &[Run], page: &mut Page) -> Result<Vec<String>> {
     Ok(std::iter::once(orders).chain(default_finding(runs)).collect())
 }
 
-/// The plots of one case: errors over time and over evaluations.
+/// Writes the plots of one case: errors over time and over evaluations.
 fn plot(runs: &[Run], number: usize, case: &Case, page: &mut Page) -> Result<()> {
     const TIME: &str = "time of the flight / µs";
     const POSITION: &str = "error in position / mm";
@@ -200,7 +200,7 @@ fn plot(runs: &[Run], number: usize, case: &Case, page: &mut Page) -> Result<()>
                 .iter()
                 .filter(|r| r.case == number && r.method == name && up(r) < 1e3)
                 .enumerate()
-                // Every fourth is named, the others would only hide each other.
+                // Only every fourth point has a label, as more labels would overlap.
                 .map(|(n, r)| Point {
                     x: across(r),
                     y: up(r).max(1e-12),
@@ -222,7 +222,7 @@ fn plot(runs: &[Run], number: usize, case: &Case, page: &mut Page) -> Result<()>
     Ok(())
 }
 
-/// The table of measured orders; says how far they are from theory.
+/// Writes the table of measured orders. Returns their deviation from theory.
 fn write_orders(runs: &[Run], page: &mut Page) -> Result<String> {
     let mut t = Table::new(&["wall", "method", "theory", "order in position", "order in orientation"]);
     let mut worst = (0.0f64, String::new());
@@ -258,7 +258,7 @@ fn write_orders(runs: &[Run], page: &mut Page) -> Result<String> {
     ))
 }
 
-/// The table of all flights.
+/// Writes the table of all flights.
 fn write_runs(runs: &[Run], page: &mut Page) -> Result<()> {
     let mut t = Table::new(&[
         "wall",
@@ -285,7 +285,7 @@ fn write_runs(runs: &[Run], page: &mut Page) -> Result<()> {
     page.table("precision", &t)
 }
 
-/// At a flight's step: which method errs how much for which time, and why the default is what it is.
+/// Summarises the error and time of each method at a flight's step, and the reason for the default.
 fn default_finding(runs: &[Run]) -> Vec<String> {
     let near = |r: &Run| (r.setting / STEP_S).ln().abs();
     let at = |case: usize, name: &str| {

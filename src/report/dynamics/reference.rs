@@ -1,24 +1,24 @@
-//! The reference solution: the fifth order of Dormand and Prince in steps so small that only rounding is left.
+//! The reference solution: the fifth-order method of Dormand and Prince with steps so small that only rounding errors remain.
 //!
-//! It shares coordinates and code with what is measured against it. Tests hold it against two solvers of diffsol, which
-//! share neither: to [`ACCURACY`] against Tsitouras' explicit pair at a tolerance of 1e-13, to 2e-9 mm and 2e-10 rad
-//! against BDF at 1e-11, which is as near as those two come to each other.
+//! It shares coordinates and code with the methods that are measured against it. Tests compare it with two solvers of diffsol,
+//! which share neither: to [`ACCURACY`] with Tsitouras' explicit pair at a tolerance of 1e-13, and to 2e-9 mm and 2e-10 rad with
+//! BDF at 1e-11, which is also the difference between those two.
 
 use super::contenders::Fifth;
 use crate::dynamics::step::integrate;
 use crate::dynamics::{Body, Forces, RigidBodyState, Turning};
 
-/// Steps of the reference a second. With half and with twice as many the error against diffsol stays below 1e-12; not
-/// one of the steps that are measured, which would meet the reference exactly.
+/// Steps of the reference per second. With half or twice as many, the error against diffsol stays below 1e-12. It is none of the
+/// measured step sizes, since such a method would match the reference exactly.
 pub const STEPS_PER_SECOND: u32 = 24_000;
-/// What the reference is held to, mm and rad. Measured: 6e-13 and 8e-14 at the worst of the three walls.
+/// Required accuracy of the reference, mm and rad. Measured: 6e-13 and 8e-14 for the worst of the three walls.
 pub const ACCURACY: [f64; 2] = [1e-11, 1e-12];
 
-/// The same for the orientation. It does not depend on the wall, and its steps of this size are exact to 1e-15 rad; with more of
-/// them, rounding adds up to some 6e-14 rad, which shows in the finest errors that orders are read off.
+/// Steps per second for the orientation. It does not depend on the wall, and steps of this size are exact to 1e-15 rad. With more
+/// steps, rounding accumulates to about 6e-14 rad, which affects the smallest errors from which orders are derived.
 const TURNS_PER_SECOND: u32 = 1000;
 
-/// The state `seconds` after `start`.
+/// Returns the state `seconds` after `start`.
 pub fn solve(
     body: &Body,
     start: &RigidBodyState,

@@ -1,4 +1,4 @@
-//! How far repulsion alone brings a flight (paper, section 3.2), beside the default and the default without mines.
+//! How far repulsion alone takes a flight (paper, section 3.2), compared with the default and with the default without mines.
 
 use glam::DVec3;
 
@@ -17,27 +17,27 @@ use crate::report::table::{Cell, Table};
 use crate::report::trials::{self, Course, Trial};
 use crate::report::{Effort, mean};
 
-/// The scene that is flown, as it is shipped.
+/// The shipped scene that is flown.
 const PAPER: &str = include_str!("../../../assets/scenes/paper.toml");
-/// Simulated seconds of a flight at the most: the paper's own takes its time in wide places.
+/// Maximum duration of a flight, simulated seconds. The paper's scene is slow in wide places.
 const SECONDS: f64 = 300.0;
-/// Drawings of a quick report.
+/// Drawings in a quick report.
 const QUICK: [&str; 3] = ["bends", "bridge", "pocket"];
 
-/// Flights of one course.
+/// Flights through one course.
 struct Flown {
     kind: &'static str,
     course: String,
     scene: &'static str,
-    /// The furthest that it came, as a share of the way to the goal along the lumen.
+    /// The furthest progress, as a share of the path to the goal along the lumen.
     reached: f64,
     trial: Trial,
 }
 
-/// The study.
+/// Runs the study.
 ///
 /// # Errors
-/// Those of the whole report.
+/// Returns the errors of the whole report.
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let paper = Scene::parse(PAPER, &crate::app::Catalog::default())?;
     let (t, m) = (paper.guides.get::<TentacleSettings>(), paper.mines.unwrap_or_default());
@@ -79,7 +79,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     Ok(kinds.iter().filter_map(|kind| finding(kind, &all, &scenes.each_ref().map(|s| s.0))).collect())
 }
 
-/// What is flown: small phantoms and one of full size, the scan, each both ways, and the drawings.
+/// Returns the courses: small phantoms, one of full size and the scan, each in both directions, and the drawings.
 fn courses(subject: &Subject, progress: &Progress) -> Result<Vec<(&'static str, String, Course)>> {
     let mut there = Vec::new();
     for (n, course) in trials::small_phantoms(subject.effort, progress)?.into_iter().enumerate() {
@@ -105,7 +105,7 @@ fn courses(subject: &Subject, progress: &Progress) -> Result<Vec<(&'static str, 
     Ok(all)
 }
 
-/// The furthest that a flight came, as a share of the way from its start.
+/// Returns the furthest progress of a flight, as a share of the path from its start.
 fn reached(trial: &Trial, start: DVec3, to_goal: &TargetDistance) -> f64 {
     let left = |p: DVec3| to_goal.sample(p).map_or(f64::INFINITY, |s| s.mm);
     let least = trial.places.iter().map(|p| left(*p)).fold(f64::INFINITY, f64::min);
@@ -149,7 +149,7 @@ fn table(all: &[Flown]) -> Table {
     table
 }
 
-/// What the flights of one kind come to; none where there are none.
+/// Summarises the flights of one kind; `None` if there are none.
 fn finding(kind: &str, all: &[Flown], scenes: &[&str]) -> Option<String> {
     let reported = |scene: &&str| {
         let of: Vec<&Flown> = all.iter().filter(|f| f.kind == kind && f.scene == *scene).collect();
@@ -165,7 +165,7 @@ fn finding(kind: &str, all: &[Flown], scenes: &[&str]) -> Option<String> {
 mod tests {
     use super::*;
 
-    /// A phantom is flown to its end by nothing but repulsion, and without mines nothing moves.
+    /// Repulsion alone flies a phantom to its end. Without mines nothing moves.
     #[test]
     fn repulsion_alone_flies_a_phantom() {
         let progress = Progress::new();
@@ -175,7 +175,7 @@ mod tests {
         assert!(trial.arrived(), "{}", trial.reason);
         let to_goal = course.to_goal(&progress).unwrap();
         assert_eq!(reached(&trial, course.plan.start, &to_goal), 1.0);
-        // A mine that pushes nothing drives nothing.
+        // Mines without push provide no propulsion.
         let idle = Scene { mines: paper.mines.map(|m| MineSettings { push: 0.0, ..m }), watch: None, ..paper };
         let trial = trials::fly(&course, &idle, 10.0).unwrap();
         assert!(reached(&trial, course.plan.start, &to_goal) < 0.05, "the wall alone moves nothing far");

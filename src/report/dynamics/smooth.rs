@@ -15,15 +15,15 @@ use crate::progress::Progress;
 use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
 
-/// The flight's step, s, its length in steps, and how many of the last of them are looked at.
+/// Step of the flight, s, its length in steps, and the number of final steps that are evaluated.
 const STEP: f64 = STEP_S;
 const STEPS: usize = 6 * STEP_HZ as usize;
 const LOOKED_AT: usize = STEPS / 2;
 
-/// The study.
+/// Runs the study.
 ///
 /// # Errors
-/// Those of the whole report.
+/// Returns the errors of the whole report.
 pub fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     page.text(&format!(
         "Six seconds along the axis in steps of 1/{STEP_HZ} s, with a wall that reaches beyond the axis (p = 20 mm in a tube of \
@@ -63,7 +63,7 @@ pub fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<St
     )])
 }
 
-/// Lateral jerk, mm/s³, and offset, mm.
+/// Returns lateral jerk, mm/s³, and offset, mm.
 fn fly(method: &dyn Stepper, rounding: f64, wall_energy: f64) -> [f64; 2] {
     let tube = Tube { rounding, ..TUBE };
     let remaining = RemainingLength { tube, end: 8.0 };
@@ -76,7 +76,7 @@ fn fly(method: &dyn Stepper, rounding: f64, wall_energy: f64) -> [f64; 2] {
     for n in 0..STEPS {
         m = integrate(method, &body, &m, &force, &Turning::FREE, STEP).0;
         if n >= STEPS - LOOKED_AT {
-            // In the tube's own frame, where a steady flight is at rest.
+            // In the tube's frame, where a steady flight is at rest.
             let a = tube.across(m.position);
             let out = DVec3::new(m.position.x, 0.0, m.position.z).normalize_or(DVec3::X);
             across.push(DVec3::new(a.dot(out), a.y, 0.0));

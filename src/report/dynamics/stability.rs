@@ -1,4 +1,4 @@
-//! The largest stable step, with the clamp to free space off: as the wall gets stiffer, and as the camera gets nearer.
+//! The largest stable step without the clamp to free space, for stiffer walls and for a camera nearer to the wall.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -16,17 +16,17 @@ use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 
-/// The longest step that is tried, s.
+/// Longest tested step, s.
 const LONGEST: f64 = 10.0;
-/// Halvings of it that are tried.
+/// Number of halvings tested.
 const HALVINGS: i32 = 34;
-/// A deviation that has grown by more than this is one of an unstable step.
+/// Growth of a deviation above which a step counts as unstable.
 const GROWN: f64 = 1.5;
 
-/// The study.
+/// Runs the study.
 ///
 /// # Errors
-/// Those of the whole report.
+/// Returns the errors of the whole report.
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let steps = effort.choose(150, 500);
@@ -54,7 +54,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
         (0..=effort.choose(6, 12)).map(|k| 5.0 * 10f64.powf(-3.25 * f64::from(k) / effort.choose(6.0, 12.0))).collect();
     let near = map(&clearances, steps, |&c| {
         let wall = PotentialForce { target: None, ..forces(100.0) };
-        // At the outer side of the bend, where the wall is hollow in both directions.
+        // At the outer side of the bend, where the wall is concave in both directions.
         let at = TUBE.place(0.0, TUBE.radius - c, 0.0);
         (PotentialForce { push: -wall.force(at), ..wall }, at, 0.01 * c)
     });
@@ -88,7 +88,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     )])
 }
 
-/// For each method and each value of a parameter the largest stable step, s; 0 where none is.
+/// Returns the largest stable step, s, for each method and each value of a parameter; 0 if no step is stable.
 fn map<F>(values: &[f64], steps: u32, case: F) -> Vec<Vec<f64>>
 where
     F: Fn(&f64) -> (PotentialForce<'static>, DVec3, f64) + Sync,
@@ -99,7 +99,7 @@ where
             .map(|value| {
                 let (force, at, deviation) = case(value);
                 let stable = |h: f64| is_stable(method, &force, at, deviation, h, steps);
-                // From short to long, until the first that is not.
+                // From short to long, up to the first unstable step.
                 let all = (0..=HALVINGS).rev().map(|k| LONGEST * 0.5f64.powi(k));
                 all.take_while(|&h| stable(h)).last().unwrap_or(0.0)
             })
@@ -114,7 +114,7 @@ fn is_stable(method: &dyn Stepper, force: &dyn Forces, at: DVec3, deviation: f64
     let mut m = RigidBodyState::at_rest(moved, Attitude::new(DVec3::Z, DVec3::Y));
     (0..steps).all(|_| {
         m = translate(method, &body, &m, force, h).0;
-        // Along the tube it is free to go.
+        // Motion along the tube is free.
         let off = m.position - at;
         off.x.hypot(off.y) <= GROWN * deviation
     })

@@ -1,4 +1,4 @@
-//! How many tentacles are needed: sensed against exact clearance, flights that arrive, and the time of a step.
+//! The number of tentacles required: sensed against exact clearance, flights that arrive, and the time of a step.
 
 use glam::DVec3;
 
@@ -16,37 +16,37 @@ use crate::report::table::{Cell, Table};
 use crate::report::trials::{self, Course};
 use crate::report::{Effort, mean, median, quantile};
 
-/// The numbers of tentacles, and those of a quick report.
+/// Numbers of tentacles, in a full and in a quick report.
 const COUNTS: [usize; 11] = [3, 4, 6, 8, 16, 32, 64, 128, 256, 512, 1024];
 const QUICK: [usize; 5] = [3, 8, 32, 128, 1024];
-/// Number of sample places on each course.
+/// Number of sample points on each course.
 const PLACES: u64 = 200;
-/// How far exact clearances are looked for, mm: wider than any half of the lumen.
+/// Search radius of exact clearances, mm. It exceeds any half width of the lumen.
 const EXACT_MM: f64 = 40.0;
-/// Simulated seconds of a flight at the most.
+/// Maximum duration of a flight, simulated seconds.
 const SECONDS: f64 = 120.0;
 
-/// The results of one number of tentacles.
+/// Results for one number of tentacles.
 #[derive(Clone, Debug, PartialEq)]
 struct Sensed {
     /// Number of tentacles.
     count: usize,
-    /// Sensed less exact distance to the wall, mm: median and 95th percentile. Never negative: a ray cannot be shorter.
+    /// Sensed minus exact distance to the wall, mm: median and 95th percentile. Never negative, since a ray cannot be shorter.
     error_mm: (f64, f64),
     /// Angle between the shortest tentacle and the direction to the nearest wall, degrees: median.
     angle_degrees: f64,
     /// Share of the flights that arrive.
     arrived: f64,
-    /// Mean distance from the centerline of those, as a share of the local radius.
+    /// Mean distance of the arriving flights from the centerline, as a share of the local radius.
     offset: f64,
-    /// Wall clock of a step, µs.
+    /// Wall-clock time of a step, µs.
     step_us: f64,
 }
 
-/// The study.
+/// Runs the study.
 ///
 /// # Errors
-/// Those of the whole report.
+/// Returns the errors of the whole report.
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let courses = trials::small_phantoms(effort, progress)?;
@@ -73,8 +73,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     Ok(vec![at.map_or_else(|| needed.clone(), |s| format!("{needed} The default's {}.", reported(s)))])
 }
 
-/// Measures [`COUNTS`] tentacles (for a quick report [`QUICK`]) on phantoms, whose places are drawn around the true
-/// centerline.
+/// Measures [`COUNTS`] tentacles ([`QUICK`] in a quick report) on phantoms, at points drawn around the true centerline.
 fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Vec<Sensed>> {
     let measure = |&count: &usize| {
         let (mut errors, mut angles) = (Vec::new(), Vec::new());
@@ -98,7 +97,7 @@ fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Ve
     COUNTS.iter().filter(|c| effort == Effort::Full || QUICK.contains(c)).map(measure).collect()
 }
 
-/// Compares what tentacles sense with the exact clearance at places around the centerline.
+/// Compares the distances sensed by tentacles with the exact clearance at points around the centerline.
 fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<f64>) {
     let Some(truth) = &course.truth else { return };
     let finder = ClearanceFinder::new(course.volume.shared_voxels(), course.volume.transfer().iso() as f32, EXACT_MM);
@@ -121,7 +120,7 @@ fn sense(course: &Course, count: usize, errors: &mut Vec<f64>, angles: &mut Vec<
     }
 }
 
-/// The results as a table.
+/// Formats the results as a table.
 fn table(sensed: &[Sensed]) -> Table {
     let mut table = Table::new(&[
         "tentacles",
@@ -146,7 +145,7 @@ fn table(sensed: &[Sensed]) -> Table {
     table
 }
 
-/// Error of the sensed distance against the time of a step.
+/// Plots the error of the sensed distance against the time of a step.
 fn plot(sensed: &[Sensed]) -> Plot {
     let series = |name: &str, value: &dyn Fn(&Sensed) -> f64| Series {
         name: name.to_owned(),

@@ -1,34 +1,35 @@
-//! The bent tube of the studies: distances, gradients and Hessians are known exactly.
+//! The bent tube of the studies. Its distances, gradients and Hessians are known exactly.
 
 use glam::{DMat3, DVec3};
 
 use crate::fields::{Clearance, Clearances, Distance, Sample};
 
-/// A tube of radius `radius` mm about a circle of radius `bend` mm in the plane y = 0, flown towards growing angles.
+/// A tube of radius `radius` mm around a circle of radius `bend` mm in the plane y = 0, flown towards increasing angles.
 #[derive(Clone, Copy, Debug)]
 pub struct Tube {
     /// Radius of the lumen, mm.
     pub radius: f64,
     /// Radius of its axis, mm.
     pub bend: f64,
-    /// Over so much the kink of `D_s` on the axis is rounded, mm: `D_s = r + ε − √(d² + ε²)`, as a field on a grid
-    /// rounds it over its spacing. 0 for the kink itself.
+    /// Width over which the kink of `D_s` on the axis is rounded, mm: `D_s = r + ε − √(d² + ε²)`. A field on a grid rounds it in
+    /// this manner over its spacing. 0 keeps the kink.
     pub rounding: f64,
 }
 
 impl Tube {
-    /// Place on the axis at the angle `phi`, rad, moved by `out` mm away from the circle's centre and `up` along y.
+    /// Returns the point (mm) on the axis at the angle `phi`, rad, moved by `out` mm away from the circle's centre and by `up` mm
+    /// along y.
     pub fn place(&self, phi: f64, out: f64, up: f64) -> DVec3 {
         let (s, c) = phi.sin_cos();
         DVec3::new(c * (self.bend + out), up, s * (self.bend + out))
     }
 
-    /// Unit direction of the axis next to a place.
+    /// Returns the unit direction of the axis next to a point.
     pub fn along(&self, at: DVec3) -> DVec3 {
         DVec3::new(-at.z, 0.0, at.x).normalize_or(DVec3::Z)
     }
 
-    /// From the axis to a place, mm, at right angles to the axis.
+    /// Returns the vector from the axis to a point, mm, perpendicular to the axis.
     pub fn across(&self, at: DVec3) -> DVec3 {
         let out = DVec3::new(at.x, 0.0, at.z).normalize_or(DVec3::X);
         at - out * self.bend
@@ -39,7 +40,7 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// `D_s`.
+/// The wall distance `D_s`.
 impl Distance for Tube {
     fn sample(&self, at: DVec3) -> Option<Sample> {
         let rho = at.x.hypot(at.z);
@@ -56,7 +57,7 @@ impl Distance for Tube {
     }
 }
 
-/// `D_t` in the tube: the way left along the axis to the angle `end`.
+/// The target distance `D_t` in the tube: the remaining path along the axis to the angle `end`.
 #[derive(Clone, Copy, Debug)]
 pub struct RemainingLength {
     /// The tube.

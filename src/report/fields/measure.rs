@@ -1,4 +1,4 @@
-//! The measurements on one volume.
+//! Measurements on one volume.
 
 use std::time::Instant;
 
@@ -16,27 +16,27 @@ use crate::progress::Progress;
 use crate::report::{mean, quantile};
 use crate::volume::Volume;
 
-/// The distances, the exact one first.
+/// The distance methods, the exact one first.
 pub(super) const DISTANCES: [&str; 3] = ["exact", "chamfer", "chessboard"];
-/// Voxels at which distances are held against the analytic wall.
+/// Number of voxels at which distances are compared with the analytic wall.
 const PROBES: usize = 4000;
-/// The analytic wall is compared with within this, mm: it is of first order.
+/// Largest distance from the analytic wall for the comparison, mm, as that wall is of first order.
 const WALL_MM: f64 = 2.0;
 
-/// One distance in one volume.
+/// Results of one distance method in one volume.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DistanceLine {
     pub method: &'static str,
     pub seconds: f64,
     pub megabytes: Option<f64>,
-    /// Against the exact one, over the lumen.
+    /// Compared with the exact distance, over the lumen.
     pub mean_mm: f64,
     pub max_mm: f64,
     /// Mean error against the analytic wall near it.
     pub wall_mm: Option<f64>,
 }
 
-/// One centerline in one volume.
+/// Results of one centerline method in one volume.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LineLine {
     pub method: &'static str,
@@ -49,21 +49,21 @@ pub(super) struct LineLine {
     pub least_radius_mm: f64,
 }
 
-/// All of one volume.
+/// All results for one volume.
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
     pub title: String,
-    /// Its name in plots.
+    /// Short name in plots.
     pub short: String,
     pub volume_bytes: usize,
-    /// Lumen and wall distance, as they are kept.
+    /// Size of lumen and wall distance in memory.
     pub field_bytes: usize,
     pub lumen_s: f64,
     pub distances: Vec<DistanceLine>,
     pub lines: Vec<LineLine>,
 }
 
-/// Measures every method on a volume; with the phantom that it is of, against its truth.
+/// Measures every method on a volume, and compares it with the ground truth if `phantom` is given.
 pub(super) fn measure(
     title: &str,
     volume: &Volume,
@@ -75,7 +75,7 @@ pub(super) fn measure(
     let Some(largest) = lumen.largest() else {
         return Err(Error::incomplete(title, "no gas of a colon was found in it", "report on another scan"));
     };
-    // What is made first pays for the memory; it is made once for nothing.
+    // The first allocation pays for the memory, so it is done once without timing.
     drop(WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress)?);
     let (walls, seconds, megabytes) = timed(|| WallDistance::of_lumen(volume, &lumen, Through::GasAndFluid, progress));
     let walls = walls?;
@@ -144,7 +144,7 @@ fn line_of(
     }
 }
 
-/// Distance of a point from a line, mm.
+/// Returns the distance of a point from a line, mm.
 fn off(p: DVec3, line: &[DVec3]) -> f64 {
     let part = |w: &[DVec3]| {
         let direction = w[1] - w[0];
@@ -154,7 +154,7 @@ fn off(p: DVec3, line: &[DVec3]) -> f64 {
     line.windows(2).map(part).fold(f64::INFINITY, f64::min)
 }
 
-/// Voxels of the lumen near the wall (their numbers), and their distance to the analytic wall, mm.
+/// Returns voxels of the lumen near the wall (their indices) with their distance to the analytic wall, mm.
 fn probes(walls: &WallDistance, phantom: &Phantom) -> Vec<(usize, f64)> {
     let count = walls.values().len();
     (0..)
@@ -167,9 +167,9 @@ fn probes(walls: &WallDistance, phantom: &Phantom) -> Vec<(usize, f64)> {
         .collect()
 }
 
-/// Does a piece of work; how long it took, and how much memory it had at once (MB), where the system tells (Linux).
+/// Runs `work`. Returns its result, its time in seconds, and its peak memory (MB) if the system reports it (Linux).
 fn timed<T>(work: impl FnOnce() -> T) -> (T, f64, Option<f64>) {
-    // This sets the most that was resident back to what is resident.
+    // This resets the peak of resident memory to the current value.
     let is_reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
     let before = resident_bytes("VmRSS").filter(|_| is_reset);
     let begun = Instant::now();

@@ -1,4 +1,4 @@
-//! `report fields`: distances to the wall and centerlines, error against time and memory.
+//! `report fields`: wall distances and centerlines, error against time and memory.
 
 mod measure;
 
@@ -16,21 +16,21 @@ use super::table::{Cell, Table};
 use super::{Effort, mean};
 use measure::{DistanceLine, LineLine, Measured};
 
-/// Ways to find a centerline, as the report names them.
+/// Centerline methods, with their names in the report.
 const METHODS: [(CenterlineMethod, &str); 4] = [
     (CenterlineMethod::PenalisedPath, "penalised path"),
     (CenterlineMethod::PeelOnion, "peel onion"),
     (CenterlineMethod::Roadmap, "roadmap"),
     (CenterlineMethod::Cells, "cell decomposition"),
 ];
-/// Phantoms of the whole report.
+/// Number of phantoms in a full report.
 const SEEDS: u64 = 3;
 
-/// Measures on phantoms (and a scan, by its title) and writes the report into `folder`. Returns the findings, a
-/// sentence each.
+/// Measures on phantoms (and on a scan, with its title) and writes the report into `folder`. Returns the findings, one sentence
+/// each.
 ///
 /// # Errors
-/// Status 4 when interrupted or when a scan holds no colon, 5 when a file cannot be written.
+/// Returns status 4 if interrupted or if a scan contains no colon, 5 if a file cannot be written.
 pub fn report(
     effort: Effort,
     seed: u64,
@@ -83,7 +83,7 @@ fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     Ok(findings)
 }
 
-/// A plot of error over time with a series for each method.
+/// Plots error over time with a series for each method.
 fn plot<L>(
     title: &str,
     all: &[Measured],
@@ -176,7 +176,7 @@ fn preparation_table(all: &[Measured]) -> Table {
     t
 }
 
-/// The findings, in two sentences.
+/// Returns the findings, in two sentences.
 fn findings(all: &[Measured]) -> Vec<String> {
     let phantoms: Vec<&Measured> = all.iter().filter(|m| m.lines.iter().all(|l| l.mean_mm.is_some())).collect();
     let over = |f: &dyn Fn(&Measured) -> f64| mean(&phantoms.iter().map(|m| f(m)).collect::<Vec<_>>());

@@ -1,15 +1,15 @@
-//! Ways to estimate a gradient between voxels.
+//! Estimators of the gradient between voxels.
 
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::render::regression::{Block, Regression, Weighting, block, central_differences};
 use crate::volume::Volume;
 
-/// An estimate of the gradient at voxel coordinates, HU/mm along the index axes.
+/// Estimates the gradient at voxel coordinates, in HU/mm along the index axes.
 pub trait Estimate: Sync {
-    /// At one place.
+    /// Estimates at one point.
     fn at(&self, volume: &Volume, voxel: DVec3) -> Vec3;
-    /// At many, without a call through a table for each.
+    /// Estimates at many points, with one virtual call for all of them.
     fn all(&self, volume: &Volume, voxels: &[DVec3], out: &mut dyn FnMut(Vec3));
 }
 
@@ -17,15 +17,15 @@ pub trait Estimate: Sync {
 pub struct Estimator {
     /// Its name.
     pub name: &'static str,
-    /// Whether gradients are computed ahead of time.
+    /// True if gradients are precomputed.
     pub stored: bool,
-    /// Memory for each voxel.
+    /// Memory per voxel, bytes.
     pub bytes: usize,
-    /// Makes it ready for a volume.
+    /// Prepares it for a volume.
     pub make: fn(&Volume) -> Box<dyn Estimate>,
 }
 
-/// All of them.
+/// All estimators.
 pub const ESTIMATORS: [Estimator; 6] = [
     Estimator {
         name: "4D regression 1/d²",
@@ -56,7 +56,7 @@ pub const ESTIMATORS: [Estimator; 6] = [
     Estimator { name: "stored, 16 bits", stored: true, bytes: 6, make: |v| Box::new(Stored::<i16>::new(v)) },
 ];
 
-/// What looks at the 4×4×4 voxels around a place.
+/// An estimator from the 4×4×4 voxels around a point.
 struct Around<F>(F);
 
 impl<F: Fn(&Block, Vec3) -> Vec3 + Sync> Around<F> {
@@ -85,8 +85,8 @@ fn regression(volume: &Volume, weighting: Weighting) -> Box<dyn Estimate> {
     Box::new(Around(move |b: &Block, t| regression.fit(b, t).gradient))
 }
 
-/// Sobel's operator in three dimensions (differences along one axis, 1-2-1 along the others) at the eight voxels around
-/// a place, interpolated.
+/// Sobel's operator in three dimensions (differences along one axis, 1-2-1 along the others) at the eight voxels around a point,
+/// interpolated.
 fn sobel(block: &Block, t: Vec3, spacing: Vec3) -> Vec3 {
     let smooth = |t: f32| 0.25 * Vec4::new(1.0 - t, 2.0 - t, 1.0 + t, t);
     let slope = |t: f32, h: f32| Vec4::new(t - 1.0, -t, 1.0 - t, t) / (2.0 * h);
@@ -102,7 +102,7 @@ fn sobel(block: &Block, t: Vec3, spacing: Vec3) -> Vec3 {
     g
 }
 
-/// A signed number of few bits.
+/// A signed integer of few bits.
 trait Bits: Copy + Send + Sync + 'static {
     const MOST: f32;
     fn new(v: f32) -> Self;
@@ -129,7 +129,8 @@ impl Bits for i16 {
     }
 }
 
-/// The regression (1/d²) at every voxel, each component in a few bits of the volume's steepest, interpolated.
+/// The regression (1/d²) at every voxel, interpolated. Each component is stored in few bits, relative to the steepest gradient of
+/// the volume.
 struct Stored<B> {
     scale: f32,
     gradients: Vec<[B; 3]>,
@@ -194,13 +195,13 @@ mod tests {
             for e in &ESTIMATORS {
                 let estimate = (e.make)(&volume);
                 let got = estimate.at(&volume, DVec3::new(4.3, 3.8, 4.5)).as_dvec3();
-                // Stored numbers share one scale, which air at the border makes coarse.
+                // Stored values share one scale, which air at the border makes coarse.
                 let within = if e.bytes == 3 { 9.0 } else { 1.5 };
                 assert!((got - g).length() < within, "{}: {got}", e.name);
                 let mut all = Vec::new();
                 estimate.all(&volume, &[DVec3::new(4.3, 3.8, 4.5)], &mut |g| all.push(g.as_dvec3()));
                 assert_eq!(all, [got]);
-                // Outside, at the corner, in a flat volume: finite.
+                // Finite outside, at the corner, and in a flat volume.
                 assert!(estimate.at(&volume, DVec3::splat(-3.5)).is_finite());
                 assert!(estimate.at(&volume, DVec3::splat(8.0)).is_finite());
             }

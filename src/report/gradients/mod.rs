@@ -1,4 +1,4 @@
-//! `report gradients`: estimators of the gradient against analytic ones, error against time.
+//! `report gradients`: compares gradient estimators with analytic gradients, error against time.
 
 mod estimators;
 mod signals;
@@ -22,11 +22,11 @@ use super::{Effort, mean, median};
 use estimators::{ESTIMATORS, Estimator};
 use signals::Signal;
 
-/// Standard deviations of the noise, HU; the second is that of the phantom.
+/// Standard deviations of the noise, HU. The second is that of the phantom.
 const NOISE_HU: [f64; 4] = [0.0, 22.0, 30.0, 100.0];
-/// Spacings as multiples of the least one.
+/// Spacings as multiples of the smallest one.
 const SHAPES: [(&str, DVec3); 2] = [("cubic voxels", DVec3::ONE), ("voxels 1:1:3", DVec3::new(1.0, 1.0, 3.0))];
-/// Rounds of timing.
+/// Number of timing rounds.
 const ROUNDS: usize = 9;
 
 /// A line of the report.
@@ -40,10 +40,10 @@ struct Line {
     degrees: f64,
 }
 
-/// Measures and writes the report into `folder`. Returns the findings, a sentence each.
+/// Measures and writes the report into `folder`. Returns the findings, one sentence each.
 ///
 /// # Errors
-/// Status 4 when interrupted, 5 when a file cannot be written.
+/// Returns status 4 if interrupted, 5 if a file cannot be written.
 pub fn report(effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
     let count = effort.choose(4_000, 40_000);
     progress.stage("estimating gradients", (SHAPES.len() * NOISE_HU.len()) as u64);
@@ -71,25 +71,25 @@ pub fn report(effort: Effort, folder: &Path, progress: &Progress) -> Result<Vec<
     write(&lines, &times, folder)
 }
 
-/// Noise belongs to its voxel, not to the order of anything.
+/// Adds noise with the standard deviation `hu`. The noise depends on the voxel, not on the order of computation.
 fn with_noise(volume: &Volume, hu: f64) -> Volume {
     let noisy = |(n, v): (usize, &i16)| (f64::from(*v) + hu * hash::normal(11, n as u64)).round() as i16;
     Volume::new(volume.grid().clone(), volume.data().iter().enumerate().map(noisy).collect())
 }
 
-/// Mean angle between estimate and truth.
+/// Returns the mean angle between estimate and truth, degrees.
 fn degrees(estimator: &Estimator, volume: &Volume, points: &[(DVec3, DVec3)]) -> f64 {
     let estimate = (estimator.make)(volume);
     let angle = |&(p, truth): &(DVec3, DVec3)| {
         let g = estimate.at(volume, volume.grid().voxel(p)).as_dvec3();
-        // An estimate without direction is as wrong as can be on average.
+        // An estimate without direction counts as the mean error of random directions.
         if g.length() > 0.0 { g.angle_between(truth).to_degrees() } else { 90.0 }
     };
     // Collected in order, so that the sum does not depend on the threads.
     mean(&points.par_iter().map(angle).collect::<Vec<_>>())
 }
 
-/// Time of one gradient for each estimator, on one thread, in turns.
+/// Returns the time of one gradient for each estimator, ns, measured in turns on one thread.
 fn nanoseconds(signal: &Signal, points: &[(DVec3, DVec3)]) -> Vec<f64> {
     let made: Vec<_> = ESTIMATORS.iter().map(|e| (e.make)(&signal.volume)).collect();
     let voxels: Vec<DVec3> = points.iter().map(|p| signal.volume.grid().voxel(p.0)).collect();
@@ -158,12 +158,12 @@ fn write(lines: &[Line], times: &[Vec<f64>], folder: &Path) -> Result<Vec<String
     Ok(findings)
 }
 
-/// Mean error of an estimator over the lines that are meant.
+/// Returns the mean error of an estimator over the selected lines.
 fn over(lines: &[Line], estimator: &str, meant: impl Fn(&Line) -> bool) -> f64 {
     mean(&lines.iter().filter(|l| l.estimator == estimator && meant(l)).map(|l| l.degrees).collect::<Vec<_>>())
 }
 
-/// The findings, in two sentences.
+/// Returns the findings, in two sentences.
 fn findings(lines: &[Line], ns: &dyn Fn(&Line) -> f64) -> Vec<String> {
     let scanner = |l: &Line| l.wall && l.noise == NOISE_HU[1] && l.shape == SHAPES[0].0;
     let error = |e: &Estimator| over(lines, e.name, scanner);

@@ -1,4 +1,4 @@
-//! Signals whose gradient is known at every point.
+//! Test signals whose gradient is known at every point.
 
 use std::f64::consts::{PI, SQRT_2, TAU};
 
@@ -14,41 +14,41 @@ use crate::volume::{Grid, Volume};
 const SIDE: usize = 64;
 /// Radius of tube and sphere, mm (and voxels of the finest axis).
 const RADIUS: f64 = 20.0;
-/// Half the width of the Marschner–Lobb signal, mm: 41 voxels across, as its authors have it.
+/// Half the width of the Marschner–Lobb signal, mm: 41 voxels across, as in its authors' publication.
 const HALF: f64 = 20.0;
 /// Frequency and amplitude of the Marschner–Lobb signal.
 const FREQUENCY: f64 = 6.0;
 const ALPHA: f64 = 0.25;
 
-/// A point and the unit gradient there, both world.
+/// A point and its unit gradient, both world.
 type Known = (DVec3, DVec3);
 
 /// A sampled signal.
 pub struct Signal {
     /// Its name.
     pub name: &'static str,
-    /// Whether it is a wall of the kind that a colon has.
+    /// True if it resembles the wall of a colon.
     pub wall: bool,
     /// Its noise-free samples.
     pub volume: Volume,
-    /// A random point of it by number; none where the number gives none.
+    /// Returns a random point of the signal by number; `None` if that number yields none.
     known: Box<dyn Fn(u64) -> Option<Known> + Sync>,
 }
 
 impl Signal {
-    /// `count` points.
+    /// Returns `count` points.
     pub fn points(&self, count: usize) -> Vec<Known> {
-        // Every signal takes at least one in ten.
+        // Every signal accepts at least one number in ten.
         (0..20 * count as u64).filter_map(|n| (self.known)(n)).take(count).collect()
     }
 }
 
-/// All signals, sampled with voxels of the given shape (the least spacing being 1).
+/// Creates all signals, sampled with voxels of the given shape (with a smallest spacing of 1).
 pub fn all(shape: DVec3, progress: &Progress) -> Result<Vec<Signal>> {
     Ok(vec![tube(shape), sphere(shape), phantom_wall(shape, progress)?, marschner_lobb(shape)])
 }
 
-/// A grid about the world's origin, a little off it so that nothing lies on a voxel.
+/// Creates a grid around the world's origin, slightly shifted so that the origin is not on a voxel.
 fn grid(shape: DVec3) -> Grid {
     let dims = shape.to_array().map(|s| (SIDE as f64 / s).round() as usize);
     let last = DVec3::from_array(dims.map(|n| n as f64 - 1.0));
@@ -64,12 +64,12 @@ fn sampled(shape: DVec3, value: impl Fn(DVec3) -> f64) -> Volume {
     Volume::new(grid, data)
 }
 
-/// An edge of 1000 HU, blurred by 1 mm, `d` mm outside the wall.
+/// Returns the value of an edge of 1000 HU, blurred by 1 mm, `d` mm outside the wall.
 fn edge(d: f64) -> f64 {
     -500.0 + 500.0 * erf(d / SQRT_2)
 }
 
-/// The error function by its series, to 10⁻⁷ and better.
+/// The error function by its series, accurate to at least 10⁻⁷.
 fn erf(x: f64) -> f64 {
     if x.abs() > 4.0 {
         return x.signum();
@@ -82,12 +82,12 @@ fn erf(x: f64) -> f64 {
     sum * 2.0 / PI.sqrt()
 }
 
-/// A random point of the cube −1 … 1.
+/// Returns a random point of the cube −1 … 1.
 fn cube(n: u64) -> DVec3 {
     DVec3::from_array([0, 1, 2].map(|k| 2.0 * hash::uniform(n, k) - 1.0))
 }
 
-/// A random direction; none for points outside the ball.
+/// Returns a random direction; `None` for points outside the ball.
 fn direction(n: u64) -> Option<DVec3> {
     Some(cube(n)).filter(|p| p.length() < 1.0 && p.length() > 0.01).map(DVec3::normalize)
 }
@@ -116,7 +116,7 @@ fn sphere(shape: DVec3) -> Signal {
     }
 }
 
-/// The Marschner–Lobb signal (1994) of −1000 to 0 HU: value, and gradient in HU/mm.
+/// Returns the Marschner–Lobb signal (1994) from −1000 to 0 HU: value, and gradient in HU/mm.
 fn ml(p: DVec3) -> (f64, DVec3) {
     let q = p / HALF;
     let r = q.truncate().length();
@@ -141,7 +141,7 @@ fn marschner_lobb(shape: DVec3) -> Signal {
     }
 }
 
-/// A piece of the phantom's folded wall, noise-free, with voxels of the given shape and the small phantom's resolution.
+/// Creates a piece of the phantom's folded wall without noise, with voxels of the given shape and the small phantom's resolution.
 fn phantom_wall(shape: DVec3, progress: &Progress) -> Result<Signal> {
     let settings =
         phantom::PhantomSettings { size: phantom::Size::Small, noise: false, ..phantom::PhantomSettings::default() };
@@ -156,7 +156,7 @@ fn phantom_wall(shape: DVec3, progress: &Progress) -> Result<Signal> {
     let volume = phantom.voxelise(&grid, progress)?;
     let known = move |n| {
         let out = direction(n)?;
-        // The first crossing on the way out, then its place by halving.
+        // The first crossing from the centre outwards, refined by bisection.
         let wall = |t: f64| phantom.wall(centre + out * t);
         let step = (1..100).map(|k| 0.25 * f64::from(k)).find(|&t| wall(t) > 0.0)?;
         let (mut low, mut high) = (step - 0.25, step);

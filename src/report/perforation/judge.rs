@@ -1,8 +1,8 @@
-//! The judge of perforations: it decides by the voxels alone, and not by the finder that the step relies on.
+//! The judge of perforations. It uses only the voxels, not the clearance finder that the step relies on.
 //!
-//! The wall is sampled: in each cell whose corners lie on both sides of iso, the points of a lattice at which the
-//! trilinear value reaches iso. A way that comes nearer than the radius to any of them has perforated, as they are
-//! points of the wall for certain; and a way whose own points reach iso has gone through it.
+//! It samples the wall: in each cell whose corners are on both sides of iso, the points of a lattice at which the trilinear value
+//! reaches iso. These are certainly points of the wall, so a path that comes nearer than the radius to any of them has
+//! perforated. A path whose own points reach iso has gone through the wall.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -11,15 +11,15 @@ use glam::DVec3;
 
 use crate::volume::Volume;
 
-/// Distance between the points of the wall, mm, and of a way, mm.
+/// Distance between sample points of the wall, and between those of a path, mm.
 const LATTICE_MM: f64 = 0.25;
 const ALONG_MM: f64 = 0.04;
-/// Distance between the points of the wall when it is looked at closely, mm.
+/// Distance between sample points of the wall for a close check, mm.
 pub const CLOSE_MM: f64 = 0.03;
 /// Size of a bin, mm.
 const BIN_MM: f64 = 1.0;
 
-/// The wall of a volume as points.
+/// The wall of a volume as sample points.
 pub struct Judge {
     volume: Arc<Volume>,
     iso: f64,
@@ -67,7 +67,7 @@ impl Judge {
         i + self.bins[0] * (j + self.bins[1] * k)
     }
 
-    /// Whether the trilinear value at a world point reaches iso; outside the volume it does.
+    /// True if the trilinear value at a world point reaches iso, or if the point is outside the volume.
     pub fn in_wall(&self, at: DVec3) -> bool {
         let grid = self.volume.grid();
         let u = grid.voxel(at);
@@ -75,7 +75,8 @@ impl Judge {
         !(u.cmpge(DVec3::splat(-1e-9)).all() && u.cmple(last + 1e-9).all()) || value(&self.volume, u) >= self.iso
     }
 
-    /// Least distance from a straight way to the wall, mm, as far as `reach` mm; the border of the volume is a wall.
+    /// Returns the smallest distance from a straight path to the wall, mm, up to `reach` mm. The border of the volume counts as
+    /// wall.
     pub fn clearance(&self, from: DVec3, to: DVec3, reach: f64) -> f64 {
         let mut least = reach.min(self.to_border(from)).min(self.to_border(to));
         let parts = (from.distance(to) / 2.0).ceil().clamp(1.0, 1e4) as u32;
@@ -96,7 +97,7 @@ impl Judge {
         least
     }
 
-    /// [`Judge::clearance`] of one place, from a lattice as fine as [`CLOSE_MM`]: slow.
+    /// Same as [`Judge::clearance`] for one point, from a lattice as fine as [`CLOSE_MM`]. Slow.
     pub fn closely(&self, at: DVec3, reach: f64) -> f64 {
         let mut least = reach.min(self.to_border(at));
         let grid = self.volume.grid();
@@ -114,7 +115,7 @@ impl Judge {
         least
     }
 
-    /// Whether a way that begins in gas, or has come to it, goes into the wall.
+    /// True if a path that begins in gas, or has reached it, enters the wall.
     pub fn crosses(&self, from: DVec3, to: DVec3) -> bool {
         let parts = (from.distance(to) / ALONG_MM).ceil().clamp(1.0, 1e5) as u32;
         let mut free = false;
@@ -141,7 +142,7 @@ fn to_segment(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     p.distance(a + along * t)
 }
 
-/// Trilinear value at a voxel place within the volume.
+/// Returns the trilinear value at a voxel position inside the volume.
 fn value(volume: &Volume, u: DVec3) -> f64 {
     let last = DVec3::from_array(volume.grid().dims().map(|n| (n as f64 - 2.0).max(0.0)));
     let base = u.floor().clamp(DVec3::ZERO, last);
@@ -163,7 +164,7 @@ fn wall(volume: &Volume, iso: f64) -> Vec<DVec3> {
     points
 }
 
-/// Tells the points of the wall, world mm, on a lattice in a box of cells.
+/// Reports the points of the wall, world mm, on a lattice in a box of cells.
 fn sample_wall(volume: &Volume, iso: f64, cells: [Range<usize>; 3], lattice_mm: f64, mut point: impl FnMut(DVec3)) {
     let grid = volume.grid();
     let fine = (grid.spacing() / lattice_mm).to_array().map(|n| (n.ceil() as usize).clamp(1, 400));
@@ -201,7 +202,7 @@ mod tests {
     fn a_way_through_the_wall_is_told_from_one_beside_it() {
         let grid =
             Grid::new([21, 21, 21], DVec3::new(1.0, 0.5, 1.0), DVec3::new(-3.0, 2.0, 0.0), DMat3::IDENTITY).unwrap();
-        // A wall of one voxel at x = 7 mm.
+        // A wall one voxel thick at x = 7 mm.
         let data = (0..grid.len()).map(|n| if n % 21 == 10 { 40 } else { -1000 }).collect();
         let judge = Judge::new(Arc::new(Volume::new(grid, data)), -650.0);
         let at = |x: f64| DVec3::new(x, 7.0, 10.0);
@@ -211,7 +212,7 @@ mod tests {
         assert!(
             judge.crosses(at(5.0), at(9.0)) && !judge.crosses(at(2.0), at(6.2)) && !judge.crosses(at(7.0), at(9.0))
         );
-        // Iso is reached 0.663 mm before the voxel; the lattice is a quarter of it.
+        // Iso is reached 0.663 mm before the voxel. The lattice spacing is a quarter of a voxel.
         let c = judge.clearance(at(3.0), at(4.0), 5.0);
         assert!((c - 2.34).abs() < 0.26, "{c}");
         let close = judge.closely(at(4.0), 5.0);

@@ -1,4 +1,4 @@
-//! `report perforation`: random forces, steps, bodies, methods and places; how often the wall was crossed.
+//! `report perforation`: random forces, steps, bodies, methods and places, and the number of times the wall was crossed.
 
 mod judge;
 mod places;
@@ -20,15 +20,15 @@ use crate::fields::ClearanceFinder;
 use crate::progress::Progress;
 use judge::Judge;
 
-/// The wall, HU: the middle of the default ramp.
+/// Value of the wall, HU: the middle of the default ramp.
 const ISO: f32 = -650.0;
-/// How far the step sees, mm.
+/// Search radius of clearances in a step, mm.
 const LIMIT_MM: f64 = 4.0;
 
-/// All places, ready for walks, with their names.
+/// Creates all places, ready for walks, with their names.
 ///
 /// # Errors
-/// Status 4 when interrupted.
+/// Returns status 4 if interrupted.
 pub fn grounds(seed: u64, progress: &Progress) -> Result<Vec<(String, Ground)>> {
     let places = places::all(seed, progress)?;
     Ok(places
@@ -50,23 +50,23 @@ pub fn grounds(seed: u64, progress: &Progress) -> Result<Vec<(String, Ground)>> 
         .collect())
 }
 
-/// The results, for each place and each method.
+/// Results for each place and each method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
     /// By place.
     pub places: Vec<(String, Tally)>,
     /// By method.
     pub methods: Vec<(&'static str, Tally)>,
-    /// All together.
+    /// Total.
     pub all: Tally,
-    /// Each step that perforated, with the number of its place and its method.
+    /// Each step that perforated, with the index of its place and its method.
     pub failures: Vec<(usize, Integrator, Failure)>,
 }
 
-/// Makes `steps` steps, the same for the same seed and for any number of threads.
+/// Executes `steps` steps. They are the same for the same seed and for any number of threads.
 ///
 /// # Errors
-/// Status 4 when interrupted.
+/// Returns status 4 if interrupted.
 pub fn run(steps: u64, seed: u64, progress: &Progress) -> Result<Outcome> {
     let grounds = grounds(seed, progress)?;
     let walks = steps.div_ceil(walk::STEPS);
@@ -93,10 +93,10 @@ pub fn run(steps: u64, seed: u64, progress: &Progress) -> Result<Outcome> {
     })
 }
 
-/// Measures and writes the report into `folder`. Returns the findings, a sentence each.
+/// Measures and writes the report into `folder`. Returns the findings, one sentence each.
 ///
 /// # Errors
-/// Status 4 when interrupted, 5 when a file cannot be written.
+/// Returns status 4 if interrupted, 5 if a file cannot be written.
 pub fn report(steps: u64, seed: u64, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
     let outcome = run(steps, seed, progress)?;
     let mut page = Page::new(folder, "colvis: steps at random against the wall")?;

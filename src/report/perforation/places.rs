@@ -1,4 +1,4 @@
-//! Where the camera is thrown about: small volumes with walls of every kind.
+//! Test volumes for perforation: small, with walls of every kind.
 
 use std::sync::Arc;
 
@@ -11,20 +11,20 @@ use crate::volume::{Grid, Volume};
 
 /// A volume with a name.
 pub struct Place {
-    /// As the report has it.
+    /// Name in the report.
     pub name: String,
     /// The volume.
     pub volume: Arc<Volume>,
 }
 
-/// Gas and tissue of the synthetic ones, HU.
+/// Values of gas and tissue in the synthetic volumes, HU.
 const GAS: i16 = -1000;
 const TISSUE: i16 = 40;
 
-/// All places: parts of phantoms of several seeds and spacings, tubes, the narrowest lumen, lumens that touch, noise.
+/// Creates all places: parts of phantoms of several seeds and spacings, tubes, the narrowest lumen, lumens that touch, noise.
 ///
 /// # Errors
-/// Status 4 when interrupted.
+/// Returns status 4 if interrupted.
 pub fn all(seed: u64, progress: &Progress) -> Result<Vec<Place>> {
     let mut places = Vec::new();
     let spacings = [DVec3::splat(0.9), DVec3::new(0.7, 0.7, 1.0), DVec3::new(0.3, 0.3, 10.0)];
@@ -57,7 +57,7 @@ pub fn all(seed: u64, progress: &Progress) -> Result<Vec<Place>> {
     add("tube as wide as the camera", 30.0, DVec3::splat(0.8), &|p| tube(p, 2.2))?;
     add("lumen one voxel wide", 16.0, DVec3::ONE, &|p| p.x.abs() < 0.5 && p.y.abs() < 0.5)?;
     add("lumen one voxel wide, 4 mm voxels", 40.0, DVec3::splat(4.0), &|p| p.x.abs() < 2.0 && p.y.abs() < 2.0)?;
-    // The wall between them is one voxel, and none at all where they touch.
+    // The wall between them is one voxel thick, and absent where they touch.
     let two = |gap: f64| move |p: DVec3| (p.x.abs() - 4.0 - gap + (p.z / 9.0).cos() * 0.5).hypot(p.y) < 4.0;
     add("two lumens that touch", 30.0, DVec3::splat(0.7), &two(0.3))?;
     add("two lumens, a voxel between", 30.0, DVec3::splat(0.5), &|p| {
@@ -70,7 +70,7 @@ pub fn all(seed: u64, progress: &Progress) -> Result<Vec<Place>> {
     Ok(places)
 }
 
-/// A grid over a cube of `size` mm.
+/// Creates a grid over a cube of `size` mm.
 fn cube(size: f64, spacing: DVec3, middle: DVec3, direction: DMat3) -> Result<Grid> {
     let dims = spacing.to_array().map(|s| (size / s).ceil() as usize | 1);
     let half = DVec3::from_array(dims.map(|n| (n - 1) as f64 / 2.0)) * spacing;
@@ -78,7 +78,7 @@ fn cube(size: f64, spacing: DVec3, middle: DVec3, direction: DMat3) -> Result<Gr
     grid.map_err(|why| Error::fault("grid", why, "report it"))
 }
 
-/// The world places of a grid's voxels, in their order.
+/// Returns the world positions of a grid's voxels, in order.
 fn voxels(grid: &Grid) -> impl Iterator<Item = DVec3> + '_ {
     let [nx, ny, _] = grid.dims();
     (0..grid.len()).map(move |n| grid.world(DVec3::new((n % nx) as f64, (n / nx % ny) as f64, (n / nx / ny) as f64)))

@@ -1,4 +1,4 @@
-//! A walk: one body with random properties, thrown about in one place by random forces in random steps.
+//! A walk: one body with random properties, moved about in one place by random forces in random steps.
 
 use glam::{DMat3, DVec3};
 
@@ -12,16 +12,16 @@ use crate::math::hash;
 
 /// Steps of a walk.
 pub const STEPS: u64 = 50;
-/// A way that begins too near to the wall may seem to rise by the tolerance of clearances; and as much again for the
-/// points of the sampled wall.
+/// Uncertainty of the change in clearance along a path that begins too near to the wall, mm: the tolerance of clearances, and the
+/// same amount for the points of the sampled wall.
 const TOLD_MM: f64 = 2.0 * crate::fields::clearance::TOLERANCE_MM;
 
-/// Counts of what happened in walks.
+/// Counts of events in walks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// Steps made.
+    /// Number of steps.
     pub steps: u64,
-    /// Steps whose way came nearer to the wall than the radius, or through the wall.
+    /// Steps whose path came nearer to the wall than the radius, or went through it.
     pub perforations: u64,
     /// Steps after which the state was not finite.
     pub broken: u64,
@@ -33,19 +33,19 @@ pub struct Tally {
     pub stuck: u64,
     /// Steps that a wall stopped.
     pub blocked: u64,
-    /// Most evaluations in one step.
+    /// Largest number of evaluations in one step.
     pub most_rates: u32,
-    /// Least of what was left to the wall beyond the radius, mm, in walks that began free.
+    /// Smallest remaining distance to the wall beyond the radius, mm, in steps that began free.
     pub margin_mm: f64,
 }
 
 impl Tally {
-    /// No steps.
+    /// Creates a tally of no steps.
     pub fn none() -> Self {
         Self { margin_mm: f64::INFINITY, ..Self::default() }
     }
 
-    /// One step of `body`, and how it was judged.
+    /// Counts one step of `body` with its judgement.
     fn of(reported: &Step, body: &Body, judged: Result<f64, Fault>) -> Self {
         Self {
             steps: 1,
@@ -62,7 +62,7 @@ impl Tally {
         }
     }
 
-    /// The sum of both.
+    /// Returns the sum of both.
     pub fn and(self, o: Self) -> Self {
         Self {
             steps: self.steps + o.steps,
@@ -81,33 +81,33 @@ impl Tally {
 /// A step that perforated.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Failure {
-    /// Number of the walk, which with the seed and `STEPS` repeats it.
+    /// Number of the walk. Together with the seed and `STEPS` it reproduces the walk.
     pub walk: u64,
-    /// Number of the step in it.
+    /// Number of the step in the walk.
     pub step: u64,
-    /// Where the step began, world mm.
+    /// Start of the step, world mm.
     pub from: DVec3,
     /// Radius of the body, mm.
     pub radius_mm: f64,
-    /// How it perforated.
+    /// Kind of perforation.
     pub what: Fault,
 }
 
-/// How a step can perforate.
+/// Kinds of perforation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// Its way has a gap.
+    /// Its path has a gap.
     Gap,
     /// Its centre went from gas into the wall.
     Crossed,
     /// It came nearer to the wall than its radius.
     Near,
-    /// It had been too near, and came nearer.
+    /// It was already too near, and came nearer.
     Nearer,
 }
 
 impl Fault {
-    /// For the reader of a report.
+    /// Returns the description for a report.
     pub fn name(self) -> &'static str {
         match self {
             Self::Gap => "left its way",
@@ -118,14 +118,14 @@ impl Fault {
     }
 }
 
-/// More evaluations than this in one step count as a hang: four times what any method's own bounds allow.
+/// Number of evaluations in one step above which it counts as a hang: four times what any method's own bounds allow.
 pub const HANG: u32 = 100_000;
 
-/// A place that is ready for walks.
+/// A place prepared for walks.
 pub struct Ground {
-    /// Its walls, as the step knows them.
+    /// Its walls, as used by the step.
     pub walls: ClearanceFinder,
-    /// Its walls, as the judge knows them.
+    /// Its walls, as used by the judge.
     pub judge: Judge,
     /// The lower corner of the box in which walks begin, world mm: a little larger than the volume.
     pub from: DVec3,
@@ -133,7 +133,7 @@ pub struct Ground {
     pub to: DVec3,
 }
 
-/// `D_s` from the finder: its gradient points away from the nearest wall, its Hessian is left out.
+/// `D_s` from the finder. Its gradient points away from the nearest wall; its Hessian is omitted.
 struct Nearest<'a>(&'a ClearanceFinder);
 
 impl Distance for Nearest<'_> {
@@ -143,7 +143,7 @@ impl Distance for Nearest<'_> {
     }
 }
 
-/// A force that grows away from a place, in either sense: `F = f + s (x − x₀)`.
+/// A force that changes linearly with the distance from a point, in either sense: `F = f + s (x − x₀)`.
 struct Slanted {
     force: DVec3,
     slope: f64,
@@ -160,7 +160,7 @@ impl Forces for Slanted {
     }
 }
 
-/// Random numbers of one walk, one after the other: the walk's number says where in the stream of its seed they begin.
+/// Sequence of random numbers of one walk. The walk's number determines where it begins in the stream of its seed.
 struct Draw {
     seed: u64,
     count: u64,
@@ -171,28 +171,28 @@ impl Draw {
         Self { seed, count: walk.wrapping_mul(1 << 20) }
     }
 
-    /// From 0 to 1.
+    /// Returns a number from 0 to 1.
     fn uniform(&mut self) -> f64 {
         self.count += 1;
         hash::uniform(self.seed, self.count)
     }
 
-    /// In the cube from −1 to 1.
+    /// Returns a point in the cube from −1 to 1.
     fn vector(&mut self) -> DVec3 {
         DVec3::new(self.uniform(), self.uniform(), self.uniform()) * 2.0 - 1.0
     }
 
-    /// A coordinate of a [`Draw::vector`], from −1 to 1.
+    /// Returns a coordinate of a [`Draw::vector`], from −1 to 1.
     fn signed(&mut self) -> f64 {
         self.vector().x
     }
 
-    /// From `10^low` to `10^high`, each decade as often.
+    /// Returns a number from `10^low` to `10^high`, with each decade equally likely.
     fn decade(&mut self, low: f64, high: f64) -> f64 {
         decade(self.signed() * 0.5 + 0.5, low, high)
     }
 
-    /// A body of any size, mass, drag and shape, and its method.
+    /// Returns a body of any size, mass, drag and shape, with its method.
     fn body(&mut self) -> Body {
         let (integrator, _) = Integrator::ALL[((self.uniform() * 8.0) as usize).min(7)];
         let radius_mm = [1.5, 1.5, 0.5, 0.1, 0.0][((self.uniform() * 5.0) as usize).min(4)];
@@ -208,8 +208,8 @@ impl Draw {
         }
     }
 
-    /// Where a walk begins. Most begin where the body fits, if one of a few tries finds such a place; the others
-    /// anywhere, some of them on the wall.
+    /// Returns the start of a walk, world mm. Most walks start where the body fits, if one of a few attempts finds such a point.
+    /// The others start anywhere, some of them on the wall.
     fn place(&mut self, ground: &Ground, radius_mm: f64) -> DVec3 {
         let middle = (ground.from + ground.to) * 0.5;
         let mut at = middle + self.vector() * (ground.to - ground.from) * 0.5;
@@ -222,14 +222,14 @@ impl Draw {
             }
         }
         if self.signed() < -0.9 {
-            // At distance 0 exactly: where the way to the nearest wall ends.
+            // At distance 0 exactly: the nearest point of the wall.
             let c = ground.walls.at(at);
             at += c.toward * (c.mm + crate::fields::clearance::TOLERANCE_MM);
         }
         at
     }
 
-    /// The state in which a body begins at `at`: at rest, spinning.
+    /// Returns the initial state of a body at `at`: at rest, spinning.
     fn start(&mut self, body: &Body, at: DVec3) -> RigidBodyState {
         let mut m = RigidBodyState::at_rest(at, Attitude::new(self.vector(), self.vector()));
         m.orientation = orientation(m.attitude());
@@ -237,7 +237,7 @@ impl Draw {
         m
     }
 
-    /// What acts in one step.
+    /// Returns the load of one step.
     fn load(&mut self) -> Load {
         Load {
             dt: self.decade(-6.0, 1.0),
@@ -253,26 +253,25 @@ impl Draw {
     }
 }
 
-/// The share `u` (0 to 1) of the way from `10^low` to `10^high`, by decades.
+/// Interpolates from `10^low` to `10^high` on a logarithmic scale by the share `u` (0 to 1).
 fn decade(u: f64, low: f64, high: f64) -> f64 {
     10f64.powf(low + u * (high - low))
 }
 
-/// What acts on a body in one step.
+/// The load on a body in one step.
 struct Load {
     /// The step, s.
     dt: f64,
     /// Force, g·mm/s².
     push: DVec3,
-    /// How the force grows with the place, g/s²; where no potential acts.
+    /// Linear change of the force with the position, g/s². Used if no potential acts.
     slope: f64,
     /// Strength of the potential's wall, g·mm²/s².
     wall_energy: f64,
     turning: Turning,
 }
 
-/// Makes the walk number `walk` of `seed`, of `steps` steps: by which method, what happened, and each step that
-/// perforated.
+/// Runs walk number `walk` of `seed`, with `steps` steps. Returns its method, its tally, and each step that perforated.
 pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, Tally, Vec<Failure>) {
     let mut draw = Draw::new(seed, walk);
     let body = draw.body();
@@ -281,7 +280,7 @@ pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, T
     let at = draw.place(ground, body.radius_mm);
     let mut m = draw.start(&body, at);
     let nearest = Nearest(&ground.walls);
-    // The finder is slow as a field, so few walks feel the potential, and those with little to evaluate.
+    // The finder is slow as a field, so only few walks have a potential, and only with methods that need few evaluations.
     let felt = draw.signed() < -0.8 && !matches!(integrator, Integrator::DormandPrince);
     let (mut tally, mut failures) = (Tally::none(), Vec::new());
     for step in 0..steps {
@@ -307,7 +306,7 @@ pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, T
     (integrator, tally, failures)
 }
 
-/// [`judge`] of a step made in `pieces`, which must lead to where it ended.
+/// Same as [`judge`] for a step made in `pieces`, which must lead to its final position.
 fn judge_step(
     ground: &Ground,
     body: &Body,
@@ -321,16 +320,17 @@ fn judge_step(
     if arrived { judged } else { Err(Fault::Gap) }
 }
 
-/// Where a step begins.
+/// State of a body at the beginning of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Begun {
     /// Where the body fits.
     Free,
-    /// In the wall, or nearer to it than the body's radius.
+    /// In the wall, or nearer to it than the radius of the body.
     TooNear,
 }
 
-/// What the way of a step left beyond the radius, mm; infinite for one that began too near; or how it perforated.
+/// Returns the distance that the path of a step left beyond the radius, mm (infinite for a step that began too near), or how it
+/// perforated.
 fn judge(
     ground: &Ground,
     before: &RigidBodyState,
@@ -350,9 +350,8 @@ fn judge(
         }
         at = b;
         if begun_at == Begun::TooNear {
-            // Only what raises the clearance; a way out of the wall begins at 0.
-            // The sampled wall can seem further away from the beginning than it is, so a suspicion is looked at
-            // closely.
+            // The path may only raise the clearance; one out of the wall begins at 0. The sampled wall may seem further away from
+            // the beginning than it is, so a suspected perforation is checked closely.
             let there = ground.judge.clearance(b, b, radius);
             if there < begun - TOLD_MM && there < ground.judge.closely(before.position, radius) - TOLD_MM {
                 return Err(Fault::Nearer);
@@ -373,7 +372,7 @@ mod tests {
     use super::*;
     use crate::report::perforation::grounds;
 
-    /// The judge must see what a step without the clamp does.
+    /// The judge must detect what a step without the clamp does.
     #[test]
     fn a_step_without_walls_is_caught() {
         let grounds = grounds(1, &crate::progress::Progress::new()).unwrap();
@@ -386,7 +385,7 @@ mod tests {
         assert_eq!(judged(&[(at, at + DVec3::Y * 7.0)]), Err(Fault::Near));
         assert_eq!(judged(&[(at, at + DVec3::Y * 30.0)]), Err(Fault::Crossed));
         assert_eq!(judged(&[(at + DVec3::X, at)]), Err(Fault::Gap));
-        // From too near to the wall: nearer is a fault, and less near is none.
+        // From too near to the wall: moving nearer is a perforation, moving away is not.
         let m = RigidBodyState { position: at + DVec3::Y * 7.0, ..m };
         let left = |by: f64| judge(ground, &m, &[(m.position, m.position + DVec3::Y * by)], 1.5, Begun::TooNear);
         assert_eq!(left(0.3), Err(Fault::Nearer));

@@ -1,4 +1,4 @@
-//! The paper's claims by name, each with what was measured. A claim whose methods are not there is not told.
+//! The paper's claims by name, each with a measurement. A claim whose methods are missing is omitted.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -19,45 +19,45 @@ use super::recount::{Recount, recount};
 use super::worth::Variant;
 use super::{Extent, Measured};
 
-/// Poses at which frames are counted and timed for a claim, at the most.
+/// Maximum number of poses at which frames are counted and timed for a claim.
 const FRAMES: usize = 3;
-/// Side of a picture that the paper's seconds are compared with.
+/// Side of the picture that is compared with the paper's times, pixels.
 const PAPER_PIXELS: usize = 512;
-/// How often a preparation is built, at the most, and how long at the most, s.
+/// Maximum number of builds of a preparation, and their maximum total time, s.
 const BUILDS: usize = 5;
 const SECONDS: f64 = 4.0;
 
-/// What a preparation cost.
+/// Cost of a preparation.
 #[derive(Clone, Debug)]
 pub struct Cost {
-    /// The preparation.
+    /// Name of the preparation.
     pub name: &'static str,
-    /// What it stands for.
+    /// Its role.
     pub role: Role,
     /// Median time to build, s.
     pub seconds: f64,
-    /// Its memory.
+    /// Its memory, bytes.
     pub bytes: usize,
 }
 
-/// A claim of the paper's section 2.2 beside what was measured.
+/// A claim of the paper's section 2.2, with the measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Claim {
-    /// What the paper says.
+    /// The paper's statement.
     pub paper: &'static str,
-    /// What was measured.
+    /// The measurement.
     pub measured: String,
 }
 
 /// The costs and the claims.
 pub struct Claims {
-    /// What each preparation cost.
+    /// Cost of each preparation.
     pub costs: Vec<Cost>,
     /// Each claim that was measured.
     pub claims: Vec<Claim>,
 }
 
-/// Builds the preparations in turn, and tells what follows from them and from the frames.
+/// Builds the preparations in turn, and derives the claims from them and from the frames.
 pub fn claims(
     volume: &PreparedVolume,
     measured: &[Measured],
@@ -99,7 +99,7 @@ fn costs(volume: &PreparedVolume, preparations: &[Preparation], progress: &Progr
     Ok(each.map(|((p, t), bytes)| Cost { name: p.name, role: p.role, seconds: median(&t), bytes }).collect())
 }
 
-/// The share of voxels that lie near a wall: those whose neighbourhood is not all of one class.
+/// Returns the share of voxels near a wall, whose neighbourhood is not all of one class.
 fn near_wall(volume: &PreparedVolume) -> f64 {
     let [nx, ny, nz] = volume.voxels().grid().dims();
     let row = |j: usize, k: usize| (0..nx).filter(|&i| !volume.flags().homogeneous(volume.voxels(), i, j, k)).count();
@@ -137,12 +137,12 @@ fn recalculation(r: Recount, pixels: usize) -> Option<Claim> {
     })
 }
 
-/// Samples of the byte volume in fixed point and in floats, at places all over it, in turn.
+/// Compares samples of the byte volume in fixed point and in floats, at points all over it, in turn.
 fn fixed_point(volume: &PreparedVolume) -> Claim {
     let bytes = ByteVolume::new(volume, 1);
     let sampler = ByteTrilinear::new(volume, &bytes);
     let dims = Vec3::from_array(volume.voxels().grid().dims().map(|n| n as f32));
-    // Runs of places as rays have them: memory is not what is compared.
+    // Runs of neighbouring points, as along rays, since memory access is not to be compared.
     let place = |n: u64| Vec3::from_array(std::array::from_fn(|a| hash::uniform(n, a as u64) as f32)) * dims;
     let places: Vec<Vec3> =
         (0..4000).flat_map(|n| (0..16).map(move |k| (place(n) + 0.4 * k as f32).min(dims))).collect();
@@ -166,8 +166,8 @@ fn fixed_point(volume: &PreparedVolume) -> Claim {
     }
 }
 
-/// The paper's seconds for a frame, and those it wants: the first frame without anything that spares work, the others as parts of
-/// a flight.
+/// Compares frame times with those that the paper states and aims at: the first frame without any acceleration, the others as
+/// parts of a flight.
 fn frame_time(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Option<Claim>> {
     if stops.is_empty() {
         return Ok(None);

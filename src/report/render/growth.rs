@@ -1,4 +1,4 @@
-//! How the default renderer's time grows with the volume, and what threads and SIMD levels change.
+//! How the default renderer's time grows with the volume, and the effect of threads and SIMD levels.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -17,18 +17,18 @@ use crate::volume::{Grid, Volume};
 
 use super::Extent;
 
-/// So many times a preparation is timed.
+/// Number of times that a preparation is timed.
 const BUILDS: usize = 3;
 
-/// One way to run the same renderer.
+/// One configuration of the same renderer.
 pub struct Row {
-    /// What is different about it.
+    /// Name of the configuration.
     pub name: String,
-    /// Voxels of its volume.
+    /// Number of voxels of its volume.
     pub voxels: usize,
-    /// Time to make the volume ready for rays, s.
+    /// Time to prepare the volume for rays, s.
     pub prepare_s: f64,
-    /// Memory beside the voxels.
+    /// Memory in addition to the voxels, bytes.
     pub bytes: usize,
     /// Time of each frame, ms.
     pub ms: Vec<f64>,
@@ -36,35 +36,35 @@ pub struct Row {
     pub rays: u64,
     /// See `rays`.
     pub samples: u64,
-    /// The greatest difference of a pixel from the first row's, grey levels.
+    /// Largest difference of a pixel from the first row's, grey levels.
     pub off: u8,
 }
 
 impl Row {
-    /// Median frame, ms.
+    /// Returns the median frame time, ms.
     pub fn median(&self) -> f64 {
         median(&self.ms)
     }
 
-    /// The frame that one in a hundred exceeds, ms.
+    /// Returns the 99th percentile of the frame time, ms.
     pub fn p99(&self) -> f64 {
         quantile(&self.ms, 0.99)
     }
 }
 
-/// What was measured.
+/// Results of the measurement.
 pub struct Growth {
-    /// The volume with more and more voxels.
+    /// Volumes with increasing numbers of voxels.
     pub volumes: Vec<Row>,
     /// Numbers of threads.
     pub threads: Vec<Row>,
     /// SIMD levels.
     pub levels: Vec<Row>,
-    /// Whether the flight's log is the same for every number of threads.
+    /// True if the flight's log is the same for every number of threads.
     pub same_log: bool,
 }
 
-/// Measures at the poses of `stops`, rendered in turn by all.
+/// Measures at the poses of `stops`, rendered by all configurations in turn.
 pub fn growth(
     volume: &PreparedVolume,
     flown: &Flown,
@@ -164,7 +164,7 @@ impl Runner {
     }
 }
 
-/// Lets all render each pose in turn, after the frame of the flight before it.
+/// Renders each pose with all configurations in turn, after the preceding frame of the flight.
 fn race(mut runners: Vec<Runner>, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Vec<Row>> {
     progress.stage("measuring", stops.len() as u64);
     let side = extent.pixels * 2;
@@ -196,10 +196,10 @@ fn race(mut runners: Vec<Runner>, stops: &[Stop], extent: &Extent, progress: &Pr
     Ok(runners.into_iter().map(finish).collect())
 }
 
-/// The same body in `side`³ voxels, by trilinear interpolation.
+/// Resamples the same body to `side`³ voxels by trilinear interpolation.
 ///
 /// # Errors
-/// When so many voxels cannot be addressed or held.
+/// Returns an error if that many voxels cannot be addressed or allocated.
 fn resample(voxels: &Volume, side: usize) -> Result<Volume> {
     let grid = voxels.grid();
     let dims = grid.dims();
@@ -211,7 +211,7 @@ fn resample(voxels: &Volume, side: usize) -> Result<Volume> {
     let mut data = Vec::new();
     data.try_reserve_exact(new.len()).map_err(|e| too_large(e.to_string()))?;
     data.resize(new.len(), 0i16);
-    // Voxels before and behind, and the weight of the one behind.
+    // The voxels before and behind, and the weight of the one behind.
     let between = |axis: usize| -> Vec<(usize, usize, f32)> {
         let at = |n: usize| n as f64 * ratio[axis];
         let split = |u: f64| {
@@ -258,7 +258,7 @@ mod tests {
         }
         let last = fine.grid().world(DVec3::splat(16.0));
         assert!(last.distance(DVec3::new(3.0 + 4.0, -2.0 + 6.0, 1.0 + 8.0)) < 1e-9);
-        // A single slice has nothing between.
+        // A single slice has no neighbour to interpolate with.
         let flat = Grid::new([4, 4, 1], DVec3::ONE, DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
         assert!(resample(&Volume::new(flat, vec![7; 16]), 8).is_err());
     }

@@ -1,4 +1,4 @@
-//! Renders the same poses with every method in turn and compares.
+//! Renders the same poses with every method in turn and compares the results.
 
 use std::time::Instant;
 
@@ -11,30 +11,30 @@ use crate::report::methods::{REFERENCE, RenderMethod};
 
 use super::Extent;
 
-/// A wall is displaced when it is off by more than this share of the smallest spacing.
+/// A wall counts as displaced if its distance differs by more than this share of the smallest spacing.
 const TOLERANCE: f64 = 0.25;
-/// A method slower than this (ms) is not warmed up before each frame: what a warm cache saves is lost in it.
+/// Frame time, ms, above which a method is not warmed up before each frame, since the effect of a warm cache is negligible then.
 const SLOW_MS: f64 = 300.0;
 
-/// How far a frame is from the reference.
+/// Error of a frame against the reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
-    /// Number of the pose.
+    /// Index of the pose.
     pub stop: usize,
-    /// Whether the camera jumped there.
+    /// True if the camera jumped there.
     pub jump: bool,
-    /// dB.
+    /// PSNR, dB.
     pub psnr: f64,
-    /// Structural similarity, 1 at best.
+    /// Structural similarity; 1 is best.
     pub ssim: f64,
-    /// Share of pixels whose wall is displaced, for methods whose depth is their own.
+    /// Share of pixels whose wall is displaced, for methods that compute their own depth.
     pub displaced: Option<f64>,
-    /// Samples a ray.
+    /// Samples per ray.
     pub samples: f64,
-    /// ms.
+    /// Frame time, ms.
     pub ms: f64,
-    /// For methods that keep something: PSNR of this frame against one of a fresh renderer (the error of reuse), and of
-    /// the fresh one against the reference (the error of sampling).
+    /// For methods that keep data: PSNR of this frame against one of a fresh renderer (the error of reuse), and of the fresh one
+    /// against the reference (the error of sampling).
     pub reuse: Option<[f64; 2]>,
 }
 
@@ -42,46 +42,46 @@ pub struct Fault {
 pub struct Measured {
     /// The method.
     pub method: RenderMethod,
-    /// Time to make it ready, beside the flags, s.
+    /// Preparation time in addition to the flags, s.
     pub prepare_s: f64,
-    /// Memory at the end, beside the voxels.
+    /// Memory at the end in addition to the voxels, bytes.
     pub bytes: usize,
     /// Times of all frames within the flight, after a warm-up, ms.
     pub ms: Vec<f64>,
     /// Times of the frames after a jump, ms.
     pub jump_ms: Vec<f64>,
-    /// A line for each pose.
+    /// Errors at each pose.
     pub faults: Vec<Fault>,
-    /// The worst frame's pose, the reference there, and the frame.
+    /// The worst frame: its pose, the reference, and the frame.
     pub worst: Option<(usize, Frame, Frame)>,
 }
 
 impl Measured {
-    /// PSNR of every frame.
+    /// Returns the PSNR of every frame, dB.
     pub fn psnr(&self) -> Vec<f64> {
         self.faults.iter().map(|f| f.psnr).collect()
     }
 
-    /// The least PSNR, dB.
+    /// Returns the smallest PSNR, dB.
     pub fn worst_psnr(&self) -> f64 {
         self.psnr().into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// Root mean square error over all frames, grey levels.
+    /// Returns the root mean square error over all frames, grey levels.
     pub fn rms(&self) -> f64 {
         let square = |f: &Fault| rms(f.psnr).powi(2);
         (self.faults.iter().map(square).sum::<f64>() / self.faults.len() as f64).sqrt()
     }
 }
 
-/// A method at work.
+/// A method during the measurement.
 struct Running<'a> {
     renderer: Box<dyn Renderer>,
     volume: &'a PreparedVolume,
     measured: Measured,
 }
 
-/// Measures `methods`, and the reference as the first of the result.
+/// Measures `methods`. The first result is the reference.
 pub fn measure(
     volume: &PreparedVolume,
     methods: &[RenderMethod],
@@ -100,7 +100,7 @@ pub fn measure(
     for (n, stop) in stops.iter().enumerate() {
         let truth = reference.truth(n, stop, extent)?;
         progress.advance(1)?;
-        // Another one begins each time, so that none is always after the same.
+        // A different method starts each time, so that none always follows the same one.
         for k in 0..running.len() {
             let k = (k + n) % running.len();
             running[k].visit(n, stop, extent, &truth)?;
@@ -133,12 +133,12 @@ impl<'a> Running<'a> {
         Ok(Self { renderer, volume, measured })
     }
 
-    /// The reference's picture and depth of a pose, timed without depth.
+    /// Renders the reference's picture and depth at a pose. The time excludes depth.
     fn truth(&mut self, n: usize, stop: &Stop, extent: &Extent) -> Result<Frame> {
         let view = stop.pose.view(extent.fov_degrees, extent.pixels)?;
         let mut frame = Frame::new(extent.pixels, extent.pixels);
         let (ms, work) = timed(self.renderer.as_mut(), &view, &mut frame);
-        // The crossings are exact whatever the picture's quality, so a quick picture tells them.
+        // The crossings are exact at any picture quality, so a fast picture provides them.
         let mut truth = Frame::with_depth(extent.pixels, extent.pixels);
         let quick = crate::render::Settings { step_power: 1, ..crate::render::Settings::default() };
         crate::render::render(self.volume, &view, &quick, &mut truth);
@@ -147,7 +147,7 @@ impl<'a> Running<'a> {
         Ok(truth)
     }
 
-    /// Renders a pose as the next frames of a flight and compares the last.
+    /// Renders a pose and the frames of the flight that lead to it, and compares the last frame.
     fn visit(&mut self, n: usize, stop: &Stop, extent: &Extent, truth: &Frame) -> Result<()> {
         let traits = self.measured.method.traits;
         let mut frame = Frame::new(extent.pixels, extent.pixels);
@@ -155,13 +155,13 @@ impl<'a> Running<'a> {
         if traits.keeps {
             for (k, pose) in stop.lead.iter().enumerate() {
                 let (ms, _) = timed(self.renderer.as_mut(), &pose.view(extent.fov_degrees, extent.pixels)?, &mut frame);
-                // The first comes after a jump.
+                // The first frame follows a jump.
                 if k > 0 {
                     self.measured.ms.push(ms);
                 }
             }
         } else if self.measured.faults.last().is_none_or(|f| f.ms < SLOW_MS) {
-            // Not the pose itself: a cache would know all of it.
+            // Not the pose itself, since a cache would then contain all of it.
             let before = stop.lead.last().unwrap_or(&stop.pose).view(extent.fov_degrees, extent.pixels)?;
             self.renderer.render(&before, &mut frame);
         }
@@ -178,8 +178,8 @@ impl<'a> Running<'a> {
         Ok(())
     }
 
-    /// The share of displaced walls, for methods with a depth of their own. None of these keeps anything from one frame
-    /// to the next, so that a frame for the depth alone changes no other.
+    /// Returns the share of displaced walls, for methods that compute their own depth. None of these keeps data between frames,
+    /// so an extra frame for the depth does not affect others.
     fn displaced(&mut self, extent: &Extent, view: &View, truth: &Frame) -> Option<f64> {
         if !self.measured.method.traits.own_depth {
             return None;

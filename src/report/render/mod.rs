@@ -1,4 +1,4 @@
-//! `report render`: each method's error against its time, and the paper's claims by name.
+//! `report render`: error of each method against its time, and the paper's claims by name.
 
 mod claims;
 mod growth;
@@ -23,41 +23,41 @@ use super::{Effort, flight};
 
 pub use measure::{Fault, Measured};
 
-/// A scan that is reported on.
+/// A scan in the report.
 pub struct Subject {
-    /// Begins the names of its files.
+    /// Prefix of its file names.
     pub name: String,
-    /// As a person reads it.
+    /// Title for people.
     pub title: String,
     /// The scan.
     pub volume: PreparedVolume,
 }
 
-/// How much is measured.
+/// Extent of the measurements.
 #[derive(Clone, Copy, Debug)]
 pub struct Extent {
-    /// Pixels along each side.
+    /// Side of the pictures, pixels.
     pub pixels: usize,
     /// View angle, degrees.
     pub fov_degrees: f64,
-    /// Poses along the flight.
+    /// Number of poses along the flight.
     pub along: usize,
-    /// Jumps and sudden turns among them.
+    /// Number of jumps and sudden turns among them.
     pub jumps: usize,
-    /// Frames of the flight before each pose, for methods that keep something between frames.
+    /// Number of preceding frames of the flight for each pose, for methods that keep data between frames.
     pub lead: usize,
-    /// Sides of the cubes of voxels that the first subject is resampled to.
+    /// Sides of the voxel cubes that the first subject is resampled to.
     pub sides: &'static [usize],
-    /// Frames in motion by the clock, and how often the camera stands still among them.
+    /// Number of frames in motion in real time, and how often the camera stops among them.
     pub moving: usize,
     /// See `moving`.
     pub stops: usize,
-    /// Whether slow methods are left out.
+    /// Decides whether slow methods are left out.
     pub effort: Effort,
 }
 
 impl Extent {
-    /// The whole report, or what fits a minute.
+    /// Returns the extent of a full report, or of one that takes about a minute.
     pub fn new(effort: Effort, fov_degrees: f64) -> Self {
         if effort == Effort::Quick {
             Self {
@@ -87,10 +87,10 @@ impl Extent {
     }
 }
 
-/// Measures every method in every subject and writes the report into `folder`. Returns the findings, a sentence each.
+/// Measures every method in every subject and writes the report into `folder`. Returns the findings, one sentence each.
 ///
 /// # Errors
-/// Status 4 where a subject cannot be flown or when interrupted, 5 when a file cannot be written.
+/// Returns status 4 if a subject cannot be flown or if interrupted, 5 if a file cannot be written.
 pub fn report(subjects: &[Subject], extent: &Extent, folder: &Path, progress: &Progress) -> Result<Vec<String>> {
     let methods: Vec<RenderMethod> =
         METHODS.iter().copied().filter(|m| !(extent.effort == Effort::Quick && m.traits.slow)).collect();

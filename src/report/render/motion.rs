@@ -1,5 +1,5 @@
-//! Detail that follows the need, by the clock as a window has it: how many pictures of a flight with sudden turns keep
-//! the frame's time, and how long a picture takes to become as good as the reference when the camera stands still.
+//! Adaptive detail in real time, as in a window: how many pictures of a flight with sudden turns meet the frame time, and how
+//! long a picture takes to reach the reference's quality when the camera stops.
 
 use std::time::Instant;
 
@@ -12,37 +12,37 @@ use crate::report::{median, quantile};
 
 use super::Extent;
 
-/// What showing a picture is taken to cost, ms.
+/// Assumed cost of showing a picture, ms.
 const PRESENT_MS: f64 = 2.0;
-/// The camera turns suddenly once in so many frames.
+/// Number of frames between two sudden turns of the camera.
 const TURN_EVERY: usize = 40;
-/// A refinement that takes more pictures than this is given up.
+/// Maximum number of pictures of a refinement.
 const PICTURES: usize = 5000;
 
-/// What was measured.
+/// Results of the measurement.
 pub struct AdaptiveMeasurement {
     /// Times of the pictures in motion, ms.
     pub ms: Vec<f64>,
-    /// Sudden turns among them.
+    /// Number of sudden turns among them.
     pub turns: usize,
-    /// Share of a moving picture's pixels that were traced before it was stretched, median.
+    /// Share of a moving picture's pixels that were traced before upscaling, median.
     pub traced: f64,
-    /// Time from standing still to the best picture, s.
+    /// Time from the stop to the best picture, s.
     pub refined_s: Vec<f64>,
-    /// Slowest picture while refining, ms.
+    /// Slowest picture during refinement, ms.
     pub refining_ms: f64,
-    /// PSNR of the first best picture against the reference with as many samples, dB.
+    /// PSNR of the first best picture against the reference with the same number of samples, dB.
     pub refined_db: f64,
 }
 
 impl AdaptiveMeasurement {
-    /// Share of the pictures in motion that took longer than a frame.
+    /// Returns the share of pictures in motion that took longer than a frame.
     pub fn late(&self) -> f64 {
         let frame = FRAME.as_secs_f64() * 1e3;
         self.ms.iter().filter(|&&ms| ms > frame).count() as f64 / self.ms.len() as f64
     }
 
-    /// In a sentence.
+    /// Returns the finding as a sentence.
     pub fn finding(&self, pixels: usize) -> String {
         format!(
             "Adaptive detail at {pixels}² with a frame of {:.1} ms: {:.2} % of {} pictures with {} sudden turns took longer (median \
@@ -62,7 +62,7 @@ impl AdaptiveMeasurement {
     }
 }
 
-/// Flies `extent.moving` frames of the flight, sixty a second, with sudden turns, and stops now and then.
+/// Flies `extent.moving` frames of the flight, sixty per second, with sudden turns and occasional stops.
 pub fn motion(
     volume: &PreparedVolume,
     flown: &Flown,
@@ -118,8 +118,8 @@ pub fn motion(
     Ok(m)
 }
 
-/// What a picture is refined to, by rays one after the other that skip what is empty: the report tells how far these,
-/// `high h/8`, are from brute force.
+/// Renders the target of a refinement with single rays that skip empty space. The report states the error of this method, `high
+/// h/8`, against brute force.
 fn reference(volume: &PreparedVolume, view: &View, settings: Settings) -> Frame {
     let settings = Settings { samples_per_pixel: SAMPLES, ..Adaptive::fine(settings).unwrap_or(settings) };
     let mut frame = Frame::default();
@@ -127,7 +127,7 @@ fn reference(volume: &PreparedVolume, view: &View, settings: Settings) -> Frame 
     frame
 }
 
-/// What the camera does while a picture is made.
+/// State of the camera while a picture is rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Camera {
     Moving,
@@ -141,7 +141,7 @@ struct Eye {
 }
 
 impl Eye {
-    /// One picture as the window makes it; its time, ms.
+    /// Renders one picture as in the window. Returns its time, ms.
     fn picture(&mut self, view: &View, camera: Camera) -> f64 {
         let rest = camera == Camera::Resting;
         let pixels = view.width() * view.height();

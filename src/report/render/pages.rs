@@ -1,4 +1,4 @@
-//! The report's words, tables and plots.
+//! The text, tables and plots of the report.
 
 use crate::error::Result;
 use crate::report::image::{WHITE_ERROR, error_map, rms};
@@ -15,7 +15,7 @@ use super::{Extent, Measured, Subject};
 /// Longest side of a picture in an error map, pixels.
 const PANEL: usize = 256;
 
-/// What is shown and how it was measured.
+/// Writes the introduction: what is shown and how it was measured.
 pub fn introduction(page: &mut Page, extent: &Extent) {
     page.text(&format!(
         "Frames of {0} × {0} pixels, {1} threads, {2} poses along a headless flight and {3} after jumps and sudden turns \
@@ -42,7 +42,7 @@ pub fn introduction(page: &mut Page, extent: &Extent) {
     );
 }
 
-/// A subject's section. Returns its finding.
+/// Writes the section of a subject. Returns its finding.
 pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Claims) -> Result<Vec<String>> {
     let volume = s.volume.voxels();
     let dims = volume.grid().dims();
@@ -97,7 +97,7 @@ pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Cla
     Ok(findings.into_iter().filter(|f| !f.is_empty()).collect())
 }
 
-/// Detail that follows the need. Returns the finding.
+/// Writes the section on adaptive detail. Returns the finding.
 pub fn motion(page: &mut Page, s: &Subject, m: &AdaptiveMeasurement, extent: &Extent) -> Result<String> {
     let finding = format!("{}: {}", s.title, m.finding(2 * extent.pixels));
     page.section(&format!("{}: detail that follows the need", s.title));
@@ -111,7 +111,7 @@ pub fn motion(page: &mut Page, s: &Subject, m: &AdaptiveMeasurement, extent: &Ex
     Ok(finding)
 }
 
-/// How time grows with voxels, threads and SIMD levels. Returns the finding.
+/// Writes how time grows with voxels, threads and SIMD levels. Returns the finding.
 pub fn growth(page: &mut Page, s: &Subject, g: &Growth, extent: &Extent) -> Result<String> {
     let side = 2 * extent.pixels;
     page.section(&format!("{}: voxels, threads, SIMD levels", s.title));
@@ -153,7 +153,7 @@ fn rows_of(what: &str, rows: &[Row], side: usize) -> Table {
     let first = rows.first().map_or(f64::NAN, Row::median);
     for r in rows {
         let pixels = (r.ms.len() * side * side) as f64;
-        // Volumes of other voxels hold other pictures.
+        // Volumes with different voxels have different pictures.
         let off = if what == "voxels" { Cell::None } else { number(f64::from(r.off), 0) };
         t.row(vec![
             r.name.as_str().into(),
@@ -183,7 +183,7 @@ fn all<T>(m: &Measured, f: impl Fn(&super::Fault) -> T) -> Vec<T> {
     m.faults.iter().map(f).collect()
 }
 
-/// Share of displaced walls over all frames; none where depth is not the method's own.
+/// Returns the share of displaced walls over all frames; `None` if the method does not compute its own depth.
 fn displaced(m: &Measured) -> Option<f64> {
     let shares: Vec<f64> = m.faults.iter().filter_map(|f| f.displaced).collect();
     (!shares.is_empty()).then(|| mean(&shares))
@@ -280,7 +280,7 @@ fn preparations(s: &Subject, claims: &Claims) -> Table {
     t
 }
 
-/// The plots: name, plot, caption.
+/// Returns the plots: name, plot, caption.
 fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'static str)> {
     let compared: Vec<&Measured> = measured.iter().filter(|m| !m.method.traits.other_picture).collect();
     let plot = |what: &str, x: &str, y: &str, at: &dyn Fn(&Measured) -> (f64, f64)| {
@@ -341,7 +341,7 @@ fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'stati
     all
 }
 
-/// Which method is the fastest that is good enough, in numbers.
+/// Returns the fastest method of sufficient quality, in numbers.
 fn finding(s: &Subject, measured: &[Measured]) -> String {
     let Some(reference) = measured.first() else { return String::new() };
     let compared = || measured.iter().skip(1).filter(|m| !m.method.traits.other_picture);
@@ -373,7 +373,7 @@ fn finding(s: &Subject, measured: &[Measured]) -> String {
     }
 }
 
-/// How the surface does.
+/// Returns the finding on the surface method.
 fn indirect(s: &Subject, measured: &[Measured]) -> String {
     let Some(m) = measured.iter().find(|m| m.method.family == "indirect") else { return String::new() };
     let faster = |a: &&Measured, b: &&Measured| median(&a.ms).total_cmp(&median(&b.ms));

@@ -1,5 +1,5 @@
-//! How often the regression at a voxel is computed anew within a frame (the paper's section 2.2: "at least a double
-//! recalculation of most variables is performed during rendering of an entire frame").
+//! How often the regression at a voxel is recomputed within a frame (the paper's section 2.2: "at least a double recalculation of
+//! most variables is performed during rendering of an entire frame").
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -18,26 +18,26 @@ use crate::report::flight::Stop;
 
 use super::Extent;
 
-/// Regressions of frames.
+/// Counts of regressions in frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Recount {
-    /// Voxels whose regression was asked for, over all frames.
+    /// Voxels whose regression was requested, over all frames.
     pub voxels: u64,
-    /// Those of them that were asked for again in the same frame.
+    /// Those of them that were requested again in the same frame.
     pub again: u64,
-    /// Computed where nothing is kept.
+    /// Number of computations without any cache.
     pub computed: u64,
-    /// Computed with a cache for each frame.
+    /// Number of computations with a cache for each frame.
     pub cached: u64,
 }
 
-/// Counts the regressions at voxels that are asked of a sampler.
+/// Counts the requests for regressions at voxels from a sampler.
 struct Counting<'a, S> {
     plain: S,
     counts: &'a Counts,
 }
 
-/// A bit for each voxel that was asked for, and for each that was so again.
+/// A bit for each voxel that was requested, and for each that was requested again.
 struct Counts {
     dims: [usize; 3],
     once: Vec<AtomicU64>,
@@ -47,7 +47,7 @@ struct Counts {
 
 impl Counts {
     fn new(volume: &PreparedVolume) -> Self {
-        // Voxels are counted from −1: those beside the volume have regressions too.
+        // Voxels are counted from −1, since those beside the volume have regressions too.
         let dims = volume.voxels().grid().dims().map(|n| n + 2);
         let bits = || (0..dims.iter().product::<usize>().div_ceil(64)).map(|_| AtomicU64::new(0)).collect();
         Self { dims, once: bits(), again: bits(), all: AtomicU64::new(0) }
@@ -63,7 +63,7 @@ impl Counts {
         }
     }
 
-    /// Distinct voxels, those of them that were asked for again, and how often all were.
+    /// Returns the number of distinct voxels, of those requested again, and of all requests.
     fn finish(self) -> [u64; 3] {
         let ones = |words: Vec<AtomicU64>| words.into_iter().map(|w| u64::from(w.into_inner().count_ones())).sum();
         [ones(self.once), ones(self.again), self.all.into_inner()]
@@ -97,10 +97,10 @@ impl<S: VoxelSampler> VoxelSampler for Counting<'_, S> {
     }
 }
 
-/// Counts in the pictures of `stops`, each made from scratch by the samples of the preset `colvis`.
+/// Counts in the pictures of `stops`, each rendered from scratch with the samples of the preset `colvis`.
 ///
 /// # Errors
-/// For a pose that is none.
+/// Returns an error for an invalid pose.
 pub fn recount(volume: &PreparedVolume, stops: &[Stop], extent: &Extent) -> Result<Recount> {
     let bytes = ByteVolume::new(volume, 2);
     let mut sum = Recount::default();

@@ -13,7 +13,7 @@ use crate::report::flight::{Pose, Stop};
 use crate::report::methods::{REFERENCE, Traits};
 use crate::volume::{Grid, Volume};
 
-/// Shows the frame before the one asked for: the worst that reuse can do.
+/// Shows the frame before the requested one: the worst case of reuse.
 struct Late(Direct, Option<Frame>);
 
 impl Renderer for Late {
@@ -81,13 +81,13 @@ fn the_reference_has_no_error_and_a_finer_step_has_less() {
     assert!(reference.faults.iter().all(|f| f.psnr == f64::INFINITY && (f.ssim - 1.0).abs() < 1e-12));
     assert!(reference.worst.is_none() && reference.rms() == 0.0);
     assert!(of("brute h/16").rms() < of("brute h/4").rms() && of("brute h/4").rms() < of("brute h").rms());
-    // The flags leave out nothing that is seen; the early end of a ray is all that tells them apart.
+    // The flags omit nothing visible, so only early ray termination makes a difference.
     assert!((of("high h").rms() - of("brute h").rms()).abs() < 0.5);
     assert!(of("high h").faults[0].samples < of("brute h").faults[0].samples);
     assert!(of("low h").worst_psnr() < of("high h/2").worst_psnr());
     for m in &all {
         let keeps = m.method.traits.keeps;
-        // What keeps something flies up to the stop, too, and its reuse is told apart.
+        // Methods that keep data also fly to the stop, and their reuse is evaluated separately.
         assert_eq!((m.ms.len(), m.jump_ms.len(), m.faults.len()), (1 + usize::from(keeps), 1, 2), "{}", m.method.name);
         assert!(m.faults.iter().all(|f| f.ms > 0.0 && f.ssim <= 1.0 && f.reuse.is_some() == keeps));
         assert_eq!(m.faults[0].displaced.is_some(), m.method.traits.own_depth, "{}", m.method.name);
@@ -110,7 +110,7 @@ fn reuse_is_told_apart_from_sampling() {
         assert!(reuse < 35.0 && f.psnr < 35.0, "the last frame is not this one: {reuse} {}", f.psnr);
         assert!((sampling - p.psnr).abs() < 1e-9, "a fresh renderer has the error of sampling alone");
     }
-    // It is named by the claims, with a method of its family that keeps nothing.
+    // The claims name it, together with a method of its family that keeps nothing.
     let claims = claims::claims(&tube(), &all, &[], &EXTENT, &Progress::new()).unwrap();
     assert!(claims.claims.iter().any(|c| c.paper.contains("reuse") && c.measured.contains("late takes")));
 }
@@ -118,19 +118,19 @@ fn reuse_is_told_apart_from_sampling() {
 #[test]
 fn claims_without_their_methods_are_not_told() {
     let claims = claims::claims(&tube(), &[], &[], &EXTENT, &Progress::new()).unwrap();
-    // Four follow from what is built alone; those of frames need a method's, or frames.
+    // Four claims follow from the preparations alone. Those about frames need a method's results, or frames.
     assert_eq!(claims.claims.len(), 4, "{:?}", claims.claims);
     assert!(claims.claims.iter().any(|c| c.measured.contains("% of the voxels")));
     assert!(!claims.claims.iter().any(|c| c.paper.contains("reuse")));
     assert!(claims.costs.iter().all(|c| c.seconds > 0.0 && c.bytes > 0));
 }
 
-/// What a cache spares is counted, and what nothing spares is the worst.
+/// Recalculations with a cache are counted; those without one are the worst case.
 #[test]
 fn recalculations_are_counted() {
     let r = recount::recount(&tube(), &stops()[..1], &EXTENT).unwrap();
     assert!(r.voxels > 100 && r.again <= r.voxels && r.computed >= 2 * r.voxels, "{r:?}");
-    // No two of so few voxels share an entry, unless two threads compute one at once.
+    // With so few voxels no two share an entry, unless two threads compute one at the same time.
     assert!(r.cached >= r.voxels && r.cached < r.voxels + r.voxels / 50, "{r:?}");
     let claims = claims::claims(&tube(), &[], &stops(), &EXTENT, &Progress::new()).unwrap().claims;
     let of = |paper: &str| claims.iter().find(|c| c.paper.contains(paper)).unwrap().measured.clone();

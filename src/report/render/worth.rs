@@ -1,4 +1,4 @@
-//! What each idea of the paper's section 2.2 is worth: the preset `colvis` with it and without it, rendered in turn.
+//! The benefit of each idea of the paper's section 2.2: the preset `colvis` with and without it, rendered in turn.
 
 use std::time::Instant;
 
@@ -18,34 +18,34 @@ use crate::report::table::{Cell, Table};
 
 use super::{Extent, Subject};
 
-/// A way to render, the preset `colvis` but for one thing.
+/// A variant of the preset `colvis` that differs in one respect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
-    /// The preset as it is.
+    /// The unchanged preset.
     Whole,
-    /// Rays go on behind the wall.
+    /// Rays continue behind the wall.
     NoSensitivity,
-    /// By the nearest voxel.
+    /// Samples the nearest voxel.
     Low,
-    /// Classified by the trilinear value.
+    /// Classifies by the trilinear value.
     ByValue,
-    /// The 16-bit voxels.
+    /// Uses the 16-bit voxels.
     Words,
-    /// Leaps so.
+    /// Uses another method of leaping.
     Leap(Leaping),
-    /// Fits come from there.
+    /// Uses another source of gradients.
     Gradients(GradientSource),
-    /// Every picture from scratch.
+    /// Renders every picture from scratch.
     NoReuse,
-    /// No picture but the first from scratch.
+    /// Renders only the first picture from scratch.
     NoKeyFrames,
-    /// Nothing is skipped, kept or reused, and eight regressions are computed for each sample.
+    /// Skips, keeps and reuses nothing, and computes eight regressions for each sample.
     Unaccelerated,
 }
 
-/// An idea, and what it is compared with.
+/// An idea, and the variants that are compared.
 struct Idea {
-    /// In the paper's words.
+    /// Name in the paper's words.
     name: &'static str,
     file: &'static str,
     setting: &'static str,
@@ -72,7 +72,7 @@ const IDEAS: &[Idea] = &[
 ];
 
 impl Variant {
-    /// Its renderer.
+    /// Creates its renderer.
     pub fn renderer(self, volume: &PreparedVolume) -> Box<dyn Renderer> {
         let make = |settings: Settings, reuse| renderer(volume, settings, colvis::PRESET, reuse);
         let chosen = |choices| make(Settings { choices, ..Settings::default() }, Reuse::Allowed);
@@ -103,28 +103,28 @@ impl Variant {
         }
     }
 
-    /// Whether frames take so long that few of them must do.
+    /// True if frames take so long that only few are rendered.
     fn is_slow(self) -> bool {
         matches!(self, Self::NoSensitivity | Self::Leap(Leaping::None) | Self::Unaccelerated)
     }
 }
 
-/// What a variant took.
+/// Measurements of a variant.
 pub struct Taken {
-    /// Which one.
+    /// The variant.
     pub variant: Variant,
     renderer: Box<dyn Renderer>,
     /// Time of each frame, ms.
     pub ms: Vec<f64>,
-    /// Rays and samples of them all.
+    /// Rays and samples of all frames.
     pub work: Work,
-    /// Memory at the end beside the 16-bit voxels.
+    /// Memory at the end in addition to the 16-bit voxels, bytes.
     pub bytes: usize,
-    /// Against brute force with the same classification as the preset's, dB, the least.
+    /// Smallest PSNR against brute force with the same classification as the preset's, dB.
     pub worst_psnr: f64,
 }
 
-/// Renders the stops that are part of the flight, and some frames before each, by every variant in turn.
+/// Renders the stops that are part of the flight, and some frames before each, with every variant in turn.
 pub fn measure(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Vec<Taken>> {
     let mut all: Vec<Taken> = Vec::new();
     for variant in IDEAS.iter().flat_map(|idea| [idea.with, idea.without]) {
@@ -146,7 +146,7 @@ pub fn measure(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progres
         for k in 0..all.len() {
             let count = all.len();
             let taken = &mut all[(k + n) % count];
-            // The first comes after a jump: it is there for the next ones.
+            // The first frame follows a jump and only prepares the next ones.
             let most = if taken.variant.is_slow() { 1 } else { stop.lead.len() };
             let lead = &stop.lead[stop.lead.len() - most.min(stop.lead.len())..];
             for (m, pose) in lead.iter().chain([&stop.pose]).enumerate() {
@@ -166,7 +166,7 @@ pub fn measure(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progres
     Ok(all)
 }
 
-/// What each idea of the paper is worth.
+/// Writes the section on the benefit of each idea of the paper.
 pub fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> Result<()> {
     page.section(&format!("{}: what each idea of the paper's section 2.2 is worth", s.title));
     page.text(&format!(
@@ -177,7 +177,7 @@ pub fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> R
     page.table(&format!("{}-worth", s.name), &table(taken, s.volume.voxels().bytes()))
 }
 
-/// The table: a row for each idea.
+/// Returns the table, with a row for each idea.
 pub fn table(taken: &[Taken], volume: usize) -> Table {
     let mut t = Table::new(&[
         "idea",

@@ -1,4 +1,4 @@
-//! What is pointed at: one place that all views show, distances, and where the camera is taken.
+//! Pointing: the place that all views show, measures, and animated moves of the camera.
 
 use std::time::Instant;
 
@@ -18,16 +18,16 @@ use crate::host::window::travel::Travel;
 use crate::render::first_crossing;
 
 impl FlightController {
-    /// The slices that are shown.
+    /// Returns the slices that are shown.
     pub fn slices(&self) -> &Slices {
         &self.slices
     }
 
-    /// Effect what a panel asks of the slices. Pointing at a place stops a flight that goes by itself.
+    /// Executes a panel's request to the slices. Pointing at a place pauses a flight that moves automatically.
     pub fn slice(&mut self, request: SliceInput, now: Instant) {
         let points = match request {
             SliceInput::Click(place) if self.measures.is_on() => return self.measure(place, now),
-            // A drag that began with an end of a measure.
+            // A drag that began at an end of a measure.
             SliceInput::Point(_) if self.measures.is_on() => return,
             SliceInput::Click(place) | SliceInput::Point(place) => Some(place),
             SliceInput::Scroll(..) => None,
@@ -39,7 +39,7 @@ impl FlightController {
         };
         self.stop(now);
         self.slices.ask(&mut self.flight, request);
-        // Where the camera can be it goes along.
+        // If the camera fits there, it moves along.
         if let Some(place) = points.filter(|_| self.flight.scene().play().is_none()) {
             self.go(place, now);
         }
@@ -47,7 +47,7 @@ impl FlightController {
         self.quiet = 0;
     }
 
-    /// Takes the camera to a place of the lumen where it fits, in another segment too; anywhere else it stays.
+    /// Moves the camera to a place in the lumen (world mm) if it fits there, even in another segment. Otherwise it stays.
     fn go(&mut self, place: DVec3, now: Instant) {
         let Some(segment) = self.flight.lumen().segment_at(place) else { return };
         let other = self.flight.plan().segment.is_some_and(|s| s != segment);
@@ -61,34 +61,35 @@ impl FlightController {
         if self.flight.act(go_to(pose)).is_ok() {
             self.travel = None;
         }
-        // Where the camera came along is no place that it left.
+        // The camera moved along, so it has not left the place.
         self.slices.point(&self.flight, place);
     }
 
-    /// Whether something is drawn in the picture that is no part of what it says.
+    /// True if marks are drawn in the picture that the state for display does not contain.
     pub fn has_marks(&self) -> bool {
         let measures = !self.measures.list().is_empty() || self.measures.begun().is_some();
         measures || self.slices.cursor().is_some()
     }
 
-    /// Stops a flight that goes by itself, also one that has arrived or calls: where the camera is taken it stays.
+    /// Pauses a flight that moves automatically, even if it has arrived or calls the operator, so that the camera stays where it
+    /// is moved to.
     fn stop(&mut self, now: Instant) {
         if !self.is_by_hand() && !self.hand().paused && self.flight.scene().play().is_none() {
             self.act(HandCommand::Pause(true), now);
         }
     }
 
-    /// What was measured.
+    /// Returns the measures.
     pub fn measures(&self) -> &Measures {
         &self.measures
     }
 
-    /// Takes up what was measured the last time that this scan was open.
+    /// Restores the measures from the last time that this scan was open.
     pub fn set_measures(&mut self, measures: Measures) {
         self.measures = measures;
     }
 
-    /// Has clicks measure, or not.
+    /// Switches measuring by clicks on or off.
     pub fn switch_measuring(&mut self, at: ActionContext) {
         self.measures.switch();
         if self.measures.is_on() {
@@ -97,13 +98,13 @@ impl FlightController {
         }
     }
 
-    /// Takes the last change of what was measured back.
+    /// Undoes the last change of the measures.
     pub fn undo_measure(&mut self, at: ActionContext) {
         let kept = self.measures.undo();
         self.report_kept(kept, at.now);
     }
 
-    /// Takes the last measure away.
+    /// Deletes the last measure.
     pub fn delete_last_measure(&mut self, at: ActionContext) {
         let kept = self.measures.delete_last();
         self.report_kept(kept, at.now);
@@ -119,14 +120,14 @@ impl FlightController {
         }
     }
 
-    /// Says that a measure is there for now alone.
+    /// Reports that a measure could not be saved and is kept for this session only.
     pub(super) fn report_kept(&mut self, kept: Result<()>, now: Instant) {
         if let Err(e) = kept {
             self.say(format!("not saved: {}: {}", e.what, e.why), now);
         }
     }
 
-    /// The place of the wall that is seen at a point of the picture, pixels.
+    /// Returns the visible point of the wall at a pixel of the picture.
     fn seen(&self, [x, y]: [f64; 2]) -> Option<DVec3> {
         let view = self.flight.camera::<Picture>()?.view.as_ref()?;
         let ray = view.ray_at(x, y)?;
@@ -134,7 +135,7 @@ impl FlightController {
         Some(ray.origin + ray.direction * mm)
     }
 
-    /// A click on the wall: an end of a measure, or the place that all views show.
+    /// Handles a click on the wall: it sets an end of a measure, or the place that all views show.
     pub(super) fn click(&mut self, at: [f64; 2], now: Instant) {
         let Some(place) = self.seen(at) else { return };
         if self.measures.is_on() {
@@ -146,7 +147,7 @@ impl FlightController {
         self.quiet = 0;
     }
 
-    /// Flies to a place of the wall that is seen, and looks at it.
+    /// Flies towards a visible point of the wall and looks at it.
     pub(super) fn look_at(&mut self, at: [f64; 2], now: Instant) {
         let Some(place) = self.seen(at).filter(|_| self.flight.scene().play().is_none()) else { return };
         self.stop(now);
@@ -155,38 +156,38 @@ impl FlightController {
         self.quiet = 0;
     }
 
-    /// Takes the camera on to where it is being taken.
+    /// Advances the animated move of the camera.
     pub(super) fn go_on(&mut self, now: Instant) {
         let Some(travel) = &self.travel else { return };
         let (pose, over) = travel.at(now);
-        // Where it does not fit it stays: it looks from as near as it comes.
+        // If it does not fit, it stops at the last position that did and looks from there.
         if self.flight.act(go_to(pose)).is_err() || over {
             self.travel = None;
         }
         self.quiet = 0;
     }
 
-    /// Sets the window of greys: its level and width, HU.
+    /// Sets the grey-level window: level and width, HU.
     pub fn window(&mut self, level: f64, width: f64) {
         self.slices.window(level, width);
     }
 
-    /// The slices as they were at the beginning.
+    /// Resets the slices.
     pub fn reset_slices(&mut self, _: ActionContext) {
         self.slices.reset(&mut self.flight);
     }
 
-    /// Thicker slices, and after the thickest one the plane alone.
+    /// Switches to the next slab thickness; the plane alone follows the thickest slab.
     pub fn next_slab(&mut self, _: ActionContext) {
         self.slices.next_slab();
     }
 
-    /// The mean, the greatest or the least of a thick slice.
+    /// Switches the projection of a thick slice: mean, maximum or minimum.
     pub fn next_slab_kind(&mut self, _: ActionContext) {
         self.slices.next_slab_kind();
     }
 
-    /// Whether a slice is shown.
+    /// True if a slice is shown.
     pub fn shows_slices(&self) -> bool {
         Orientation::ALL.iter().any(|o| self.slices.entity(*o).is_some())
     }

@@ -1,4 +1,4 @@
-//! The flight: its picture with what there is to say over it, and the mouse that looks around in it.
+//! The flight panel: the picture with its text overlays, and mouse control of the view.
 
 use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, vec2};
 use glam::DVec3;
@@ -18,15 +18,15 @@ pub const PANEL: PanelEntry = PanelEntry {
     ..PanelEntry::NONE
 };
 
-/// A button that goes up within so many points of where it went down, and within so many seconds, is a click.
+/// Largest distance, points, and longest time, s, between press and release of a click.
 const CLICK: f32 = 4.0;
 const PRESS_S: f64 = 0.5;
-/// Two clicks within so many seconds are a double click.
+/// Longest time between the two clicks of a double click, s.
 const TWICE_S: f64 = 0.45;
-/// A place is seen if the wall is no nearer than so many mm before it.
+/// A place is visible if the wall is at most this far in front of it, mm.
 const SEEN_MM: f64 = 1.0;
 
-/// What a mouse does that is dragged.
+/// Effect of a mouse drag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Drag {
     /// Looks around.
@@ -40,7 +40,7 @@ enum Drag {
 pub struct FlightPanel {
     drag: Option<Drag>,
     pointer: Option<Pos2>,
-    /// Where and when the button went down, while it has not moved away.
+    /// Position and time of the press, while the pointer has not moved away.
     pressed: Option<(Pos2, f64)>,
     /// The last click.
     clicked: Option<(Pos2, f64)>,
@@ -49,7 +49,7 @@ pub struct FlightPanel {
 impl Panel for FlightPanel {
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
         let rect = ui.available_rect_before_wrap();
-        // Not to be reached by Tab: its keys are the flight's.
+        // Tab must not reach it: its keys belong to the flight.
         ui.allocate_rect(rect, Sense::CLICK | Sense::DRAG);
         self.mouse(ui, rect, requests);
         requests.show_flight(rect);
@@ -60,16 +60,16 @@ impl Panel for FlightPanel {
 }
 
 impl FlightPanel {
-    /// Event by event: a button may go down and up again between two layouts.
+    /// Processes event by event, since a button may be pressed and released between two layouts.
     fn mouse(&mut self, ui: &Ui, rect: Rect, requests: &mut Requests) {
         let scale = f64::from(ui.pixels_per_point());
         let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
         let (events, time, down) = ui.input(|i| (i.events.clone(), i.time, i.pointer.any_down()));
         if !down && !events.iter().any(|e| matches!(e, Event::PointerButton { .. })) {
-            // The button went up while this panel was not shown.
+            // The button was released while this panel was not shown.
             (self.drag, self.pressed) = (None, None);
         }
-        // A press beside an open menu closes it, and does nothing else.
+        // A press outside an open menu closes it, and does nothing else.
         let menu = egui::Popup::is_any_open(ui.ctx());
         for event in events {
             match event {
@@ -118,7 +118,7 @@ impl FlightPanel {
     }
 }
 
-/// The place that was pointed at, and what was measured, where they are seen in the picture.
+/// Draws the place pointed at and the measures where they are visible in the picture.
 fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
     let cursor = context.cursor();
     if cursor.is_none() && context.measures().list().is_empty() && context.measures().begun().is_none() {

@@ -1,4 +1,4 @@
-//! The distances that were measured, and how they lie in other panels.
+//! The measures panel: a list of measured distances, and their drawing in other panels.
 
 use egui::{Align2, Color32, Painter, Pos2, ScrollArea, Stroke, Ui};
 use glam::DVec3;
@@ -10,7 +10,8 @@ use crate::host::window::overlay::{INK, SOFT, TEXT, text};
 pub const PANEL: PanelEntry =
     PanelEntry { name: "measures", title: "Distances", make: || Box::new(MeasuresPanel), ..PanelEntry::NONE };
 
-/// Colour of measures: told apart from the crosshair's yellow and the camera's blue also without red or green.
+/// Colour of measures. It is distinguishable from the crosshair's yellow and the camera's blue, even without perception of red or
+/// green.
 const COLOUR: Color32 = Color32::from_rgb(255, 255, 255);
 
 struct MeasuresPanel;
@@ -46,7 +47,7 @@ impl Panel for MeasuresPanel {
     }
 }
 
-/// Draws the measures into a view, where `find` says where a place is seen in it, if it is.
+/// Draws the measures into a view. `find` returns the position of a point (world, mm) in the view, if it is visible.
 pub fn draw(context: &Context<'_>, p: &Painter, find: impl Fn(DVec3) -> Option<Pos2>) {
     let measures = context.measures();
     for (n, m) in measures.list().iter().enumerate() {

@@ -1,6 +1,6 @@
-//! Panels: what the window shows, each in a file of its own.
+//! Panels: the parts of the window, each in its own file.
 //!
-//! A panel reads the flight and writes only through [`Requests`], which are followed once all panels are laid out.
+//! A panel reads the flight and writes only through [`Requests`], which are executed after all panels are laid out.
 
 pub mod flight;
 pub mod measures;
@@ -21,29 +21,29 @@ use super::overlay::HudState;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView};
 
-/// The panels that every window has.
+/// The panels of every window.
 pub const BUILT_IN: &[PanelEntry] =
     &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS, measures::PANEL, open::PANEL];
 
-/// A panel, as a window makes it.
+/// The entry of a panel, from which a window creates it.
 #[derive(Clone, Copy, Debug)]
 pub struct PanelEntry {
-    /// Its name, in the settings file and in messages.
+    /// Its name in the settings file and in messages.
     pub name: &'static str,
-    /// What stands above it, and in the menu.
+    /// Its title, also in the menu.
     pub title: &'static str,
     /// The key that shows and hides it.
     pub key: Option<char>,
-    /// Whether it is shown from the beginning, in a layout that it is no part of.
+    /// True if it is shown initially in layouts that do not contain it.
     pub shown: bool,
-    /// Whether it draws on all of its place itself; else it has a background and its title.
+    /// True if it draws on its whole area. Otherwise it has a background and its title.
     pub picture: bool,
-    /// Makes it, once for each window.
+    /// Creates it, once for each window.
     pub make: fn() -> Box<dyn Panel>,
 }
 
 impl PanelEntry {
-    /// One that shows nothing, to be filled in.
+    /// An entry that shows nothing. Use it as the base of others.
     pub const NONE: Self =
         Self { name: "", title: "", key: None, shown: false, picture: false, make: || Box::new(Empty) };
 }
@@ -54,10 +54,10 @@ impl Panel for Empty {
     fn ui(&mut self, _: &Context<'_>, _: &mut Ui, _: &mut Requests) {}
 }
 
-/// Pixels of a smooth scroll that count as a notch of the wheel.
+/// Pixels of smooth scrolling that count as one notch of the wheel.
 const NOTCH: f32 = 40.0;
 
-/// The notches that a wheel was turned by, away from who turns it, on a screen of `scale` pixels a point.
+/// Returns the notches of a wheel movement, away from the user, on a screen of `scale` pixels per point.
 fn notches(unit: MouseWheelUnit, delta: Vec2, scale: f32) -> f64 {
     f64::from(match unit {
         MouseWheelUnit::Line | MouseWheelUnit::Page => delta.y,
@@ -65,15 +65,15 @@ fn notches(unit: MouseWheelUnit, delta: Vec2, scale: f32) -> f64 {
     })
 }
 
-/// What a panel reads.
+/// Read access of a panel.
 pub struct Context<'a> {
     /// The flight.
     pub flight: &'a FlightApp,
     pub(super) controller: &'a FlightController,
     pub(super) actions: &'a Actions,
-    /// The scans that were open lately, the last one first.
+    /// Recently opened scans, the last one first.
     pub(super) recent: &'a [PathBuf],
-    /// The flight in words.
+    /// The state of the flight for display.
     pub(super) hud: &'a HudState,
 }
 
@@ -87,33 +87,33 @@ impl<'a> Context<'a> {
         Self { flight: controller.flight(), controller, actions, recent, hud }
     }
 
-    /// The place that all views show, world mm: one that was pointed at, or where the camera is.
+    /// Returns the place that all views show, world mm: the place pointed at, or the camera's position.
     pub fn place(&self) -> DVec3 {
         self.cursor().unwrap_or(self.flight.pose().position)
     }
 
-    /// A place that was pointed at, world mm; none while everything follows the flight.
+    /// Returns the place pointed at, world mm; `None` while everything follows the flight.
     pub fn cursor(&self) -> Option<DVec3> {
         self.controller.slices().cursor()
     }
 
-    /// What was measured.
+    /// Returns the measures.
     pub(super) fn measures(&self) -> &'a Measures {
         self.controller.measures()
     }
 
-    /// A slice that is shown.
+    /// Returns a slice that is shown.
     pub(super) fn slice(&self, orientation: Orientation) -> Option<&'a SliceView> {
         self.controller.slices().view(self.flight, orientation)
     }
 
-    /// Why an action cannot be done now; none if it can.
+    /// Returns why an action is not possible now; `None` if it is possible.
     pub(super) fn why_not(&self, action: &Action) -> Option<&'static str> {
         (action.possible)(self.controller).err()
     }
 
-    /// A button for an action of the window, by its id, with its text and key as a tooltip; grey while it is not possible.
-    /// Nothing where there is no such action.
+    /// Adds a button for an action of the window, by its id, with its text and key as a tooltip. It is grey while the action is
+    /// not possible. Does nothing if the action does not exist.
     pub fn button(&self, ui: &mut Ui, text: &str, id: &str, requests: &mut Requests) {
         let Some(action) = self.actions.named(id) else { return };
         let why_not = self.why_not(action);
@@ -126,15 +126,15 @@ impl<'a> Context<'a> {
     }
 }
 
-/// Something in the window that others can add to.
+/// A part of the window that plug-ins can add.
 pub trait Panel {
-    /// Lays it out in what is left of `ui`. Called whenever something that it shows may have changed: while the flight goes on 30 times a
-    /// second, at rest after the operator has done something. One that panics is not called again: the
-    /// window says so in its place.
+    /// Lays itself out in the remaining area of `ui`. Called whenever something that it shows may have changed: 30 times per
+    /// second during a flight, and after operator input at rest. A panel that panics is not called again, and the window shows
+    /// the error in its place.
     fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests);
 }
 
-/// What panels ask for.
+/// Requests of panels.
 #[derive(Debug, Default)]
 pub struct Requests {
     list: Vec<Request>,
@@ -142,119 +142,119 @@ pub struct Requests {
     slices_at: Vec<(Orientation, Rect)>,
 }
 
-/// One of them.
+/// A single request.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// Something of the flight.
+    /// A request to the flight.
     Flight(FlightInput),
-    /// Something of the slices.
+    /// A request to the slices.
     Slice(SliceInput),
-    /// An action of the window, by its id.
+    /// Perform an action of the window, by its id.
     Action(String),
-    /// Open another scan; of a folder that holds several series, this one.
+    /// Open another scan. The number selects a series in a folder that holds several.
     Open(PathBuf, Option<usize>),
 }
 
-/// What is asked of the slices.
+/// A request to the slices.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SliceInput {
     /// A click at a place, world mm.
     Click(DVec3),
     /// Point at a place, world mm.
     Point(DVec3),
-    /// Go on by so many layers, towards who looks.
+    /// Scroll by a number of layers, towards the viewer.
     Scroll(Orientation, f64),
-    /// Move the image by so many mm to the right and downwards.
+    /// Move the image to the right and downwards, mm.
     Pan(Orientation, [f64; 2]),
-    /// Magnify by so many notches of the wheel.
+    /// Magnify by a number of wheel notches.
     Zoom(Orientation, f64),
-    /// Window: the image was dragged by so many pixels to the right, which widens it, and upwards, which raises it.
+    /// Adjust the grey-level window by a drag in pixels: to the right widens it, upwards raises it.
     Window([f64; 2]),
 }
 
-/// What is asked of the flight.
+/// A request to the flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FlightInput {
-    /// Look around: the view was dragged by so many pixels to the right and downwards.
+    /// Look around by a drag to the right and downwards, pixels.
     Look([f64; 2]),
-    /// Roll: the view was dragged by so many pixels to the right.
+    /// Roll by a drag to the right, pixels.
     Roll(f64),
-    /// Make the view angle narrower by so many notches of the wheel.
+    /// Narrow the view angle by a number of wheel notches.
     Zoom(f64),
-    /// Fly faster by so many notches of the wheel.
+    /// Fly faster by a number of wheel notches.
     Speed(f64),
-    /// Go to a share of the way.
+    /// Jump to a share of the path.
     Seek(f64),
-    /// A click on what is seen at a point of the picture, pixels.
+    /// A click on a pixel of the picture.
     Click([f64; 2]),
-    /// Fly to what is seen at a point of the picture, pixels, and look at it.
+    /// Fly towards the point seen at a pixel of the picture, and look at it.
     LookAt([f64; 2]),
-    /// Take a measure away, by its number.
+    /// Delete a measure, by its number.
     DeleteMeasure(usize),
 }
 
 impl Requests {
-    /// Asks for something.
+    /// Adds a request.
     pub(super) fn ask(&mut self, request: Request) {
         self.list.push(request);
     }
 
-    /// Asks something of the flight.
+    /// Adds a request to the flight.
     pub(super) fn fly(&mut self, request: FlightInput) {
         self.ask(Request::Flight(request));
     }
 
-    /// Asks something of the slices.
+    /// Adds a request to the slices.
     pub(super) fn slice(&mut self, request: SliceInput) {
         self.ask(Request::Slice(request));
     }
 
-    /// Opens another scan in the place of this one.
+    /// Opens another scan instead of this one.
     pub fn open(&mut self, scan: PathBuf) {
         self.ask(Request::Open(scan, None));
     }
 
-    /// Points at a place, world mm: all views show it until the flight goes on.
+    /// Points at a place, world mm. All views show it until the flight continues.
     pub fn point(&mut self, place: DVec3) {
         self.slice(SliceInput::Point(place));
     }
 
-    /// Takes a measure away, by its number.
+    /// Deletes a measure, by its number.
     pub(super) fn delete_measure(&mut self, number: usize) {
         self.fly(FlightInput::DeleteMeasure(number));
     }
 
-    /// Has a slice below the interface, as the flight's picture.
+    /// Shows a slice below the interface, like the flight's picture, in a rectangle in points.
     pub(super) fn show_slice(&mut self, orientation: Orientation, at: Rect) {
         self.slices_at.push((orientation, at));
     }
 
-    /// Where slices lie, points.
+    /// Returns the rectangles of slices, points.
     pub(super) fn slices_at(&self) -> &[(Orientation, Rect)] {
         &self.slices_at
     }
 
-    /// Effect an action of the window, by its id in the settings file: `"pause"`, `"reverse"`. One that there is not is nothing.
+    /// Performs an action of the window, by its id in the settings file: `"pause"`, `"reverse"`. An unknown id does nothing.
     pub fn action(&mut self, id: &str) {
         self.ask(Request::Action(id.to_owned()));
     }
 
-    /// Goes to a share of the way, 0 to 1.
+    /// Jumps to a share of the path, 0 to 1.
     pub fn seek(&mut self, share: f64) {
         self.fly(FlightInput::Seek(share));
     }
 
-    /// Has the flight's picture below the interface, in a rectangle in points that nothing opaque is drawn in.
+    /// Shows the flight's picture below the interface, in a rectangle in points. Draw nothing opaque there.
     pub fn show_flight(&mut self, at: Rect) {
         self.flight_at = Some(at);
     }
 
-    /// Where the flight's picture lies, points.
+    /// Returns the rectangle of the flight's picture, points.
     pub(super) fn flight_at(&self) -> Option<Rect> {
         self.flight_at
     }
 
-    /// All in their order.
+    /// Takes all requests, in order.
     pub(super) fn take(&mut self) -> Vec<Request> {
         std::mem::take(&mut self.list)
     }

@@ -1,4 +1,4 @@
-//! Opens another scan: one that was open lately, or one from a folder.
+//! Opens another scan: a recent one, or one from a folder.
 
 use std::path::{Path, PathBuf};
 
@@ -11,17 +11,17 @@ use crate::host::window::overlay::SOFT;
 pub const PANEL: PanelEntry =
     PanelEntry { name: "open", title: "Open a scan", make: || Box::<FileList>::default(), ..PanelEntry::NONE };
 
-/// How the names of files end that can be opened.
+/// File name extensions of scans that can be opened.
 const ENDINGS: [&str; 9] = [".nii", ".nii.gz", ".mhd", ".mha", ".nrrd", ".nhdr", ".dcm", ".ima", ".dicom"];
-/// No more entries of a folder are listed.
+/// Maximum number of listed entries of a folder.
 const MOST: usize = 2000;
-/// What stands above the reason why a scan cannot be flown.
+/// Title above the reason why a scan cannot be flown.
 const CANNOT: &str = "This scan cannot be flown.";
 
-/// What is in a folder.
+/// The contents of a folder.
 #[derive(Debug, Default, PartialEq)]
 pub struct Listing {
-    /// Folders in it.
+    /// Its subfolders.
     pub folders: Vec<PathBuf>,
     /// Files that can be opened.
     pub scans: Vec<PathBuf>,
@@ -61,19 +61,19 @@ fn name(path: &Path) -> String {
 #[derive(Debug, Default)]
 pub struct FileList {
     folder: Option<PathBuf>,
-    /// Read once, not with every picture.
+    /// Read once, not for every picture.
     listing: Option<Listing>,
 }
 
 impl FileList {
-    /// One of a folder whose listing is known.
+    /// Creates a list for a folder with a known listing.
     #[cfg(test)]
     pub fn of(folder: impl Into<PathBuf>, listing: Listing) -> Self {
         Self { folder: Some(folder.into()), listing: Some(listing) }
     }
 
-    /// Lays out what a window shows in the place of a flight whose scan, `opening`, could not be opened: why not, which of its
-    /// `series` may be chosen, and other scans. What was chosen.
+    /// Lays out the content that a window shows instead of a flight if the scan `opening` could not be opened: the reason, the
+    /// `series` to choose from, and other scans. Returns the choice.
     pub fn instead(
         &mut self,
         why: &str,
@@ -104,7 +104,7 @@ impl FileList {
         chosen
     }
 
-    /// Lays the list out; the scan that was chosen, if one was.
+    /// Lays out the list. Returns the chosen scan, if there is one.
     pub fn ui(&mut self, recent: &[PathBuf], ui: &mut Ui) -> Option<PathBuf> {
         let mut chosen = None;
         let folder = self.folder.get_or_insert_with(|| {

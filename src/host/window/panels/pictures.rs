@@ -1,7 +1,7 @@
 //! Golden pictures of the panels and layouts: laid out, clicked and rasterised as in a window, without one.
 //!
-//! `COLVIS_REPLACE=1 cargo test --release --lib panels::pictures` writes `tests/panels/*.png` anew, where a change is meant: look at
-//! them before they are committed. Every panel of [`BUILT_IN`] has one.
+//! After an intended change, `COLVIS_REPLACE=1 cargo test --release --lib panels::pictures` rewrites `tests/panels/*.png`. Look
+//! at the pictures before you commit them. Every panel of [`BUILT_IN`] has one.
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -25,12 +25,12 @@ use crate::host::window::painter::Artist;
 use crate::host::window::workspace::{LAYOUTS, Workspace};
 use crate::render::{Frame, Light};
 
-/// A pixel differs if one of its colours does by more than this, and a picture if more pixels do than these: another processor may
-/// round an edge another way, and the smallest letter has more pixels.
+/// A pixel differs if one of its colours differs by more than the first number, and a picture if more pixels differ than the
+/// second. Another processor may round an edge differently, and even the smallest letter has more pixels than that.
 const COLOUR: u8 = 24;
 const PIXELS: usize = 4;
 
-/// A flight through the phantom, in a window of this size.
+/// A flight through the phantom, in a window of the given size.
 struct Stage {
     controller: FlightController,
     actions: Rc<Actions>,
@@ -76,7 +76,7 @@ impl Stage {
             draw(&context, ui, &mut requests);
             Vec::new()
         });
-        // Rasterised each time: what has changed of a texture is told once.
+        // Rasterise each time, as a change of a texture is reported only once.
         let layout = self.interface.layout().unwrap();
         let layer = self.artist.paint(layout, &layout.textures);
         let (width, height) = self.size.pixels;
@@ -102,7 +102,7 @@ impl Stage {
         (picture, requests)
     }
 
-    /// What is shown once all pictures are made.
+    /// Returns the window's picture once all images are complete.
     fn picture(&mut self, mut draw: impl FnMut(&Context<'_>, &mut Ui, &mut Requests)) -> Frame {
         for _ in 0..2 {
             let (_, requests) = self.lay_out(Vec::new(), &mut draw);
@@ -110,7 +110,7 @@ impl Stage {
             let [.., width, height] = requests.flight_at().map_or([0; 4], |at| size(&at));
             let slices: Vec<_> =
                 requests.slices_at().iter().map(|(o, at)| (*o, size(at))).map(|(o, [.., w, h])| (o, [w, h])).collect();
-            // At rest: every picture is as good as it gets.
+            // At rest, render until every picture has its final quality.
             while let Some(due) = self.controller.prepare((width, height), &slices, Instant::now()).unwrap() {
                 self.controller.show(Some(due)).unwrap();
             }
@@ -118,24 +118,24 @@ impl Stage {
         self.lay_out(Vec::new(), &mut draw).0
     }
 
-    /// What is shown of a layout.
+    /// Returns the picture of a layout.
     fn layout(&mut self, name: &str) -> Frame {
         let mut workspace = Workspace::new(BUILT_IN, Some(name), None).0;
         self.picture(|context, ui, requests| workspace.ui(context, ui, requests))
     }
 
-    /// What is shown of a panel that has the window for itself.
+    /// Returns the picture of a panel that fills the window.
     fn panel(&mut self, panel: &mut dyn Panel) -> Frame {
         self.picture(|context, ui, requests| panel.ui(context, ui, requests))
     }
 
-    /// Effect the action of that name.
+    /// Performs the action with that name.
     fn perform(&mut self, action: &str) {
         let at = ActionContext { window: (0, 0), now: Instant::now() };
         self.controller.perform(self.actions.named(action).unwrap(), at);
     }
 
-    /// Clicks on a place of the world, as in a slice.
+    /// Clicks on a point of the world, as in a slice.
     fn click(&mut self, place: DVec3) {
         self.controller.slice(SliceInput::Click(place), Instant::now());
     }
@@ -149,7 +149,7 @@ fn write(path: &Path, picture: &Frame) {
     std::fs::write(path, png).unwrap();
 }
 
-/// Holds a picture against the one that is kept, or keeps it.
+/// Compares a picture with the stored one, or stores it.
 fn hold(name: &str, picture: &Frame) {
     let path = Path::new("tests/panels").join(format!("{name}.png"));
     if std::env::var_os("COLVIS_REPLACE").is_some() {
@@ -174,11 +174,11 @@ fn every_panel_looks_as_it_did() {
     let mut stage = Stage::new((440, 320), 1.0);
     let start = stage.controller.flight().pose().position;
     for entry in BUILT_IN {
-        // What is listed is another on each machine.
+        // The listed files differ between machines.
         let mut panel = if entry.name == "open" { Box::new(scans()) } else { (entry.make)() };
         hold(entry.name, &stage.panel(&mut *panel));
     }
-    // Two distances, and one that is begun.
+    // Two distances, and one that is incomplete.
     stage.perform("measure");
     for x in [0.0, 12.0, 4.0, 4.0, -3.0] {
         stage.click(start + DVec3::new(x, 0.5 * x, 0.0));
@@ -188,7 +188,7 @@ fn every_panel_looks_as_it_did() {
     }
 }
 
-/// A folder as it may be listed.
+/// An example listing of a folder.
 fn scans() -> FileList {
     let list = |names: &[&str]| names.iter().map(|n| Path::new("/scans").join(n)).collect();
     let scans = list(&["abdomen.nii", "prone.nii.gz"]);
@@ -207,7 +207,7 @@ fn every_layout_looks_as_it_did() {
 
 #[test]
 fn what_is_small_or_dense_looks_as_it_did() {
-    // Pixels of half the size, and a window that is as small as it gets.
+    // Pixels of half the size, and a window of the minimum size.
     hold("dense", &Stage::new((1280, 800), 2.0).layout("reading"));
     let mut small = Stage::new((320, 240), 1.0);
     (small.hud.severity, small.hud.state) = (Severity::Alert, "operator needed".to_owned());

@@ -1,7 +1,7 @@
-//! Slices: cross-sections that follow the flight, or a place that was pointed at.
+//! Slice panels: cross-sections that follow the flight or a place pointed at.
 //!
-//! A click points at a place, a right drag windows, a middle drag (or Shift and a drag) moves the image, the wheel goes through the
-//! layers, and with Ctrl magnifies.
+//! A click points at a place. A right drag adjusts the grey-level window. A middle drag (or Shift and a drag) moves the image.
+//! The wheel scrolls through the layers, and with Ctrl it magnifies.
 
 use egui::{Align2, Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
 use glam::DVec3;
@@ -44,11 +44,11 @@ pub const ACROSS: PanelEntry = PanelEntry {
     ..PanelEntry::NONE
 };
 
-/// The camera is drawn while it is within so many mm of the plane.
+/// The camera is drawn within this distance of the plane, mm.
 const NEAR_MM: f64 = 12.0;
-/// Ends of measures are drawn while they are within so many mm of the plane.
+/// Ends of measures are drawn within this distance of the plane, mm.
 const NEAR_PLANE_MM: f64 = 2.0;
-/// Half the side of the gap in the middle of the crosshair, points.
+/// Half the side of the gap at the centre of the crosshair, points.
 const GAP: f32 = 9.0;
 const MARGIN: f32 = 6.0;
 /// Lengths of scale bars, mm.
@@ -58,7 +58,7 @@ fn panel(orientation: Orientation) -> Box<dyn Panel> {
     Box::new(SlicePanel { orientation, drag: None, pointer: None })
 }
 
-/// What a mouse does that is dragged.
+/// Effect of a mouse drag.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Drag {
     Point,
@@ -77,7 +77,7 @@ struct SlicePanel {
 struct Placed {
     slice: Slice,
     rect: Rect,
-    /// Pixels a point.
+    /// Pixels per point.
     scale: f32,
 }
 
@@ -87,7 +87,7 @@ impl Placed {
         self.slice.world([f64::from(pixel.x), f64::from(pixel.y)])
     }
 
-    /// A place of the world in the window, and how far before the plane, mm.
+    /// Projects a point (world, mm) into the window. Also returns its signed distance in front of the plane, mm.
     fn point(&self, world: DVec3) -> (Pos2, f64) {
         let ([x, y], before) = self.slice.pixel(world);
         (self.rect.min + vec2(x as f32, y as f32) / self.scale, before)
@@ -111,7 +111,7 @@ impl Panel for SlicePanel {
 impl SlicePanel {
     fn mouse(&mut self, ui: &Ui, rect: Rect, placed: Option<Placed>, requests: &mut Requests) {
         let here = |at: Pos2| rect.contains(at) && ui.ctx().layer_id_at(at).is_none_or(|l| l == ui.layer_id());
-        // A press beside an open menu closes it, and does nothing else.
+        // A press outside an open menu closes it, and does nothing else.
         let menu = egui::Popup::is_any_open(ui.ctx());
         let scale = ui.pixels_per_point();
         let point = |at: Pos2, requests: &mut Requests| {
@@ -121,7 +121,7 @@ impl SlicePanel {
         };
         let (events, down) = ui.input(|i| (i.events.clone(), i.pointer.any_down()));
         if !down && !events.iter().any(|e| matches!(e, Event::PointerButton { .. })) {
-            // The button went up while this panel was not shown.
+            // The button was released while this panel was not shown.
             self.drag = None;
         }
         for event in events {
@@ -181,7 +181,7 @@ impl SlicePanel {
         label(p, inner.left_center(), Align2::LEFT_CENTER, &edges[0]);
         label(p, inner.right_center(), Align2::RIGHT_CENTER, &edges[1]);
         label(p, inner.center_top(), Align2::CENTER_TOP, &edges[2]);
-        // Above the scale bar where that reaches to the middle.
+        // Above the scale bar if that extends to the middle.
         let up = if inner.width() < 320.0 { 26.0 } else { 0.0 };
         label(p, inner.center_bottom() - vec2(0.0, up), Align2::CENTER_BOTTOM, &edges[3]);
         words(p, inner.left_top(), Align2::LEFT_TOP, self.orientation.name(), INK);
@@ -195,7 +195,7 @@ impl SlicePanel {
             let greys = format!("W {:.0}  L {:.0}", windowing.width(), windowing.level());
             words(p, inner.right_top(), Align2::RIGHT_TOP, &greys, SOFT);
             if slab.mm() > 0.0 {
-                // Beside the letter, and below its row in a narrow image.
+                // Beside the letter, or below its row in a narrow image.
                 let below = inner.right_top() + vec2(0.0, 22.0);
                 words(p, below, Align2::RIGHT_TOP, &format!("{kind} of {:.0} mm", slab.mm()), SOFT);
             }
@@ -210,7 +210,7 @@ impl SlicePanel {
     }
 }
 
-/// HU, voxel and place under the pointer.
+/// Formats value (HU), voxel and position under the pointer.
 fn readout(context: &Context<'_>, view: &SliceView, placed: Placed, at: Pos2) -> String {
     let world = placed.world(at);
     let grid = context.flight.volume().voxels().grid();
@@ -225,7 +225,7 @@ fn readout(context: &Context<'_>, view: &SliceView, placed: Placed, at: Pos2) ->
     format!("{hu:.0} HU  voxel {:.0}, {:.0}, {:.0}\n{place}", voxel.x, voxel.y, voxel.z)
 }
 
-/// Text that is legible on any grey.
+/// Draws text that is legible on any grey.
 fn words(p: &Painter, at: Pos2, align: Align2, words: &str, colour: Color32) {
     if words.is_empty() {
         return;
@@ -249,7 +249,8 @@ fn crosshair(p: &Painter, placed: Placed, at: Pos2) {
     }
 }
 
-/// The camera: a dot, and an arrow as far as it looks along the plane. Farther from the plane it is smaller, and then hidden.
+/// Draws the camera: a dot, and an arrow for the component of its view direction in the plane. It becomes smaller with the
+/// distance from the plane, and is finally hidden.
 fn camera(context: &Context<'_>, p: &Painter, placed: Placed) {
     let pose = context.flight.pose();
     let (at, before) = placed.point(pose.position);
@@ -270,7 +271,7 @@ fn camera(context: &Context<'_>, p: &Painter, placed: Placed) {
     p.circle_stroke(at, 4.5 * size, Stroke::new(1.0, Color32::BLACK));
 }
 
-/// The longest round length that a quarter of the image holds.
+/// Draws the longest round length that fits in a quarter of the image.
 fn scale_bar(p: &Painter, inner: Rect, placed: Placed) {
     let points = |mm: f64| (mm / placed.slice.mm_per_pixel) as f32 / placed.scale;
     let Some(mm) = BARS.into_iter().rfind(|mm| points(*mm) <= inner.width() * 0.25) else { return };
