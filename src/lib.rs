@@ -5,7 +5,7 @@
 //!
 //! ```text layers
 //! error, math, memory
-//! fence
+//! panics
 //! output, progress
 //! volume
 //! fields, phantom

@@ -4,10 +4,10 @@
 //!
 //! ```toml
 //! [render]
-//! leap = "voxel"        # none, flag, brick, voxel: how rays pass over what is empty
+//! leap = "voxel"        # none, flag, brick, voxel: how rays skip empty space
 //! gradients = "stored"  # none, eight, cached, stored: where regressions come from
-//! key_frames = 10       # reuse by the paper's rule, every so manyth picture from scratch
-//! low = "nearest"       # nearest, third: what low detail is
+//! key_frames = 10       # reuse by the paper's rule, every Nth picture from scratch
+//! low = "nearest"       # nearest, third: how quality low renders
 //! ```
 //!
 //! A key that is left out keeps the preset's default. The preset `colvis` supports all of them. Packets of rays, which

@@ -211,10 +211,7 @@ const TABLE: &[Row] = &[
         possible: shows_slices,
         ..once("slab-kind", "projection of a slab: mean, maximum, minimum", "Ctrl+6", FlightController::next_slab_kind)
     },
-    Row {
-        possible: shows_slices,
-        ..once("slices-reset", "slices: reset", "Ctrl+9", FlightController::reset_slices)
-    },
+    Row { possible: shows_slices, ..once("slices-reset", "slices: reset", "Ctrl+9", FlightController::reset_slices) },
     Row { effect: Effect::Window(WindowRequest::Open), ..once("open", "open another scan", "Ctrl+O", |_, _| {}) },
     once("measure", "measure a distance with two clicks, stop measuring", "C", FlightController::switch_measuring),
     once("undo", "undo the last change to distances", "Ctrl+Z", FlightController::undo_measure),

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 /// The current version of the file format.
 const VERSION: u32 = 1;
 /// Consequence of an invalid file, for messages.
-const MEND: &str = "it is left as it is, and nothing is kept";
+const HINT: &str = "it is left as it is, and nothing is kept";
 /// Maximum number of stored measures.
 const MOST: usize = 500;
 /// Maximum number of changes that can be undone.
@@ -167,7 +167,7 @@ impl Measures {
 }
 
 fn read(path: &Path) -> Result<Vec<Measure>> {
-    let kept: Option<Kept> = folders::read_kept(path, MEND)?;
+    let kept: Option<Kept> = folders::read_kept(path, HINT)?;
     let measures = kept.into_iter().flat_map(|k| k.measures).map(|m| m.map(DVec3::from_array));
     Ok(measures.take(MOST).map(|[from, to]| Measure { from, to }).collect())
 }

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// The current version of the file format.
 const VERSION: u32 = 1;
 /// Consequence of an invalid file, for messages.
-const MEND: &str = "it is left as it is, and nothing is kept";
+const HINT: &str = "it is left as it is, and nothing is kept";
 /// Maximum number of scans in the list.
 const MOST: usize = 12;
 
@@ -72,7 +72,7 @@ impl Recent {
 }
 
 fn read(path: &Path) -> Result<Vec<PathBuf>> {
-    let kept: Option<Kept> = folders::read_kept(path, MEND)?;
+    let kept: Option<Kept> = folders::read_kept(path, HINT)?;
     Ok(kept.into_iter().flat_map(|k| k.scans).take(MOST).collect())
 }
 

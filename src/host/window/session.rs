@@ -23,7 +23,7 @@ const SAMPLED: usize = 1 << 16;
 /// The current version of the file format.
 const VERSION: u32 = 1;
 /// Consequence of an invalid file, for messages.
-const MEND: &str = "it is left alone; the flight starts anew";
+const HINT: &str = "it is left alone; the flight starts anew";
 
 /// The last state of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -128,7 +128,7 @@ impl Session {
     /// # Errors
     /// Returns status 3 if the file is invalid.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        folders::read_kept(path, MEND)
+        folders::read_kept(path, HINT)
     }
 
     /// Writes the session of a flight. If the flight has none, removes an existing session.

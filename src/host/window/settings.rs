@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 /// The current version of the file format.
 const VERSION: u32 = 1;
 /// Hint for an invalid file.
-const MEND: &str = "fix it or move it away; the defaults are taken until then";
+const HINT: &str = "fix it or move it away; the defaults are taken until then";
 
 /// The user's settings.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
@@ -36,8 +36,8 @@ impl Settings {
     /// # Errors
     /// Returns status 3 if it cannot be read, is damaged or has another version. The file stays unchanged.
     pub fn read(path: &Path) -> Result<Option<Self>> {
-        let wrong = |why: String| Error::file(path, why, MEND);
-        let Some(bytes) = folders::read(path, MEND)? else { return Ok(None) };
+        let wrong = |why: String| Error::file(path, why, HINT);
+        let Some(bytes) = folders::read(path, HINT)? else { return Ok(None) };
         let text = String::from_utf8(bytes).map_err(|e| wrong(e.to_string()))?;
         let settings: Self = toml::from_str(&text).map_err(|e| {
             let line = e.span().map_or(0, |s| text[..s.start.min(text.len())].matches('\n').count() + 1);

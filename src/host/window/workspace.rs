@@ -18,7 +18,7 @@ use crate::panics;
 /// The current version of the file of layouts.
 const VERSION: u32 = 1;
 /// Consequence of an invalid file of layouts, for messages.
-const MEND: &str = "it is left as it is; the panels are where they are at first";
+const HINT: &str = "it is left as it is; the panels are where they are at first";
 /// Limits of a tile's share when read from a file, so that every tile has pixels.
 const SHARES: [f32; 2] = [0.02, 50.0];
 /// Share of panels that are shown beside those of a layout.
@@ -278,7 +278,7 @@ impl Workspace {
 
     fn resume(&mut self) -> Result<()> {
         let Some(path) = &self.file else { return Ok(()) };
-        let Some(kept) = folders::read_kept::<Kept>(path, MEND)? else { return Ok(()) };
+        let Some(kept) = folders::read_kept::<Kept>(path, HINT)? else { return Ok(()) };
         for (entry, layout) in LAYOUTS.iter().zip(&mut self.layouts) {
             if let Some(shares) = kept.shares.get(entry.name) {
                 layout.take(shares);

@@ -14,7 +14,7 @@ use crate::math::hash;
 pub const STEPS: u64 = 50;
 /// Uncertainty of the change in clearance along a path that begins too near to the wall, mm: the tolerance of clearances, and the
 /// same amount for the points of the sampled wall.
-const TOLD_MM: f64 = 2.0 * crate::fields::clearance::TOLERANCE_MM;
+const REPORTED_MM: f64 = 2.0 * crate::fields::clearance::TOLERANCE_MM;
 
 /// Counts of events in walks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -353,7 +353,7 @@ fn judge(
             // The path may only raise the clearance; one out of the wall begins at 0. The sampled wall may seem further away from
             // the beginning than it is, so a suspected perforation is checked closely.
             let there = ground.judge.clearance(b, b, radius);
-            if there < begun - TOLD_MM && there < ground.judge.closely(before.position, radius) - TOLD_MM {
+            if there < begun - REPORTED_MM && there < ground.judge.closely(before.position, radius) - REPORTED_MM {
                 return Err(Fault::Nearer);
             }
         } else {
