@@ -79,7 +79,7 @@ fn settings(path: &Path) -> Result<PlaneSettings> {
         return refuse(why, "give a scene with the plugin tentacles, such as assets/scenes/tentacles.toml");
     }
     if scene.picture {
-        return refuse("has a [render] table, but a drawing is not rendered".to_owned(), "leave that plugin out");
+        return refuse("has the plugin render, but a drawing is not rendered".to_owned(), "leave that plugin out");
     }
     let table: toml::Table =
         text.parse().map_err(|e: toml::de::Error| Error::usage(what(), e.message().to_owned(), "see assets/scenes"))?;

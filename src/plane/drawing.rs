@@ -200,9 +200,9 @@ mod tests {
             (grey(9, 9, 0), "no lumen"),
             (grey(9, 9, 255), "no wall"),
             (grey(4097, 3, 255), "more than 4096"),
-            (b"GIF89a".to_vec(), "no PNG"),
-            (Vec::new(), "no PNG"),
-            (grey(9, 9, 0)[..40].to_vec(), "no PNG"),
+            (b"GIF89a".to_vec(), "not a readable PNG"),
+            (Vec::new(), "not a readable PNG"),
+            (grey(9, 9, 0)[..40].to_vec(), "not a readable PNG"),
         ] {
             let e = Drawing::decode("d.png", &bytes).unwrap_err();
             assert!(e.to_string().contains(why) && e.kind as i32 == 3, "{e}");

@@ -233,8 +233,7 @@ fn write(
     let Some(full) = whole.iter().find(|c| c.name == "everything") else { return Ok(Vec::new()) };
     let mut page = Page::new(folder, "colvis: what leaving out saves")?;
     page.text(&format!(
-        "The same flight with different scenes, in turns: the median of a simulation step and, where there is a picture, of a \
-         frame of {pixels} × {pixels} pixels. Bytes are what explain tells, beside the volume of {:.1} MiB. \
+        "The same flight with different scenes, in turns: the median time of a simulation step and, with a picture, of a frame of {pixels} × {pixels} pixels. Bytes are those that `explain` reports, in addition to the volume of {:.1} MiB. \
          \"everything\" is the default flight with a picture, a log and an operator.",
         volume as f64 / MIB
     ));
@@ -290,9 +289,7 @@ fn write(
         ]);
     }
     page.table("parts", &t)?;
-    page.text(
-        "What a part saves is a difference of two medians: one near 0 is within their scatter and may be negative.",
-    );
+    page.text("Savings are differences of two medians: values near 0 are within their scatter and may be negative.");
     let points = |all: &[&Cost]| {
         all.iter().map(|c| Point { x: c.bytes / MIB, y: c.step_us, name: c.name.clone() }).collect::<Vec<_>>()
     };
@@ -347,17 +344,17 @@ fn findings(full: &Cost, parts: &[&Cost]) -> Vec<String> {
     let Some(step) = parts.iter().max_by(|a, b| saves(a).total_cmp(&saves(b))) else { return Vec::new() };
     let Some(memory) = parts.iter().min_by(|a, b| a.bytes.total_cmp(&b.bytes)) else { return Vec::new() };
     let picture = full.frame_ms.map_or_else(String::new, |ms| {
-        format!("A scene without a picture spares {ms:.1} ms a frame, {:.0} steps' worth. ", 1e3 * ms / full.step_us)
+        format!("A scene without a picture saves {ms:.1} ms a frame, as much as {:.0} steps. ", 1e3 * ms / full.step_us)
     });
     vec![
         format!(
-            "Of {:.0} µs that a step of everything takes, leaving out {} saves the most, {:.0} µs.",
+            "A step of the whole scene takes {:.0} µs; leaving out {} saves most, {:.0} µs.",
             full.step_us,
             part(step),
             saves(step)
         ),
         format!(
-            "{picture}The most memory, {:.1} of {:.1} MiB, is saved by leaving out {}.",
+            "{picture}Most memory, {:.1} of {:.1} MiB, is saved by leaving out {}.",
             (full.bytes - memory.bytes) / MIB,
             full.bytes / MIB,
             part(memory)

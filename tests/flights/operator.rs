@@ -205,7 +205,7 @@ fn a_log_that_is_played_is_looked_around_in() {
     let logged = plan::as_logged(&play);
     let scene = Scene { steering: Steering::Log(play), ..scene("tentacles") };
     let mut f = FlightApp::new(volume, none, logged, scene).unwrap();
-    assert!(f.act(FlightCommand::Reverse).unwrap_err().to_string().contains("a log that is played"));
+    assert!(f.act(FlightCommand::Reverse).unwrap_err().to_string().contains("replays a log"));
     let mut turned = 0.0;
     for paused in [false, true] {
         f.act(HandCommand::Pause(paused)).unwrap();

@@ -229,7 +229,7 @@ fn what_cannot_be_drawn_or_written_is_told() {
         (grey("wall.png", 64, 64, 0), "no lumen"),
         (grey("lumen.png", 64, 64, 255), "no wall"),
         (grey("large.png", 16_384, 16_384, 255), "more than 4096"),
-        (at("text.png"), "no PNG"),
+        (at("text.png"), "not a readable PNG"),
         (at("absent.png"), "cannot be read"),
         (at(""), "cannot be read"),
     ] {
@@ -302,7 +302,7 @@ fn a_scene_that_no_drawing_can_be_flown_by_is_refused() {
         (format!("{all}[mines]\nspacing_mm = 0"), "mines.spacing_mm"),
         (format!("{all}[warp]\nspeed = 9"), "warp"),
         ("plugins = [\"tentacles\", \"warp\"]".to_owned(), "warp"),
-        ("plugins = [\"tentacles\", \"render\"]".to_owned(), "no picture to render"),
+        ("plugins = [\"tentacles\", \"render\"]".to_owned(), "is not rendered"),
         ("plugins = []".to_owned(), "names no guide"),
         ("plugins".to_owned(), "s.toml"),
     ] {

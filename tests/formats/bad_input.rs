@@ -230,7 +230,7 @@ fn dicom() {
     let mut changed = at(1.0);
     changed.pixels[0] = 7;
     series("twice", &[at(0.0), at(1.0), changed]);
-    refused(dir.path(), &["info", "twice"], 3, "duplicates the place");
+    refused(dir.path(), &["info", "twice"], 3, "has the position of");
     series("sizes", &[at(0.0), Slice { rows: 6, cols: 4, ..at(1.0) }]);
     refused(dir.path(), &["info", "sizes"], 3, "its size");
     series("far", &[at(0.0), at(1.0), at(2.0), at(30000.0)]);

@@ -137,7 +137,7 @@ fn frames_of_an_enhanced_image_are_slices() {
     assert_eq!(deflated.data(), reference.data());
     let mut fewer = Slice::enhanced();
     fewer.places.pop();
-    assert!(refusal(&[fewer]).contains("without a place for each"));
+    assert!(refusal(&[fewer]).contains("no position for each"));
 }
 
 #[test]
@@ -217,7 +217,7 @@ fn duplicates() {
     assert!(loaded.notes[0].contains("duplicates"), "{:?}", loaded.notes);
     slices[12].pixels[0] += 1;
     let why = refusal(&slices);
-    assert!(why.contains("4.dcm") && why.contains("12.dcm") && why.contains("duplicates the place"), "{why}");
+    assert!(why.contains("4.dcm") && why.contains("12.dcm") && why.contains("has the position of"), "{why}");
 }
 
 #[test]

@@ -39,9 +39,8 @@ enum Clamp {
 pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     page.text(
-        "Two flights of two seconds, each against itself in steps of 1/7680 s. Free: that of the soft wall above, which \
-         touches nothing. Pushed: the operator pushes towards the wall so hard that without the clamp the camera would be \
-         outside, and the camera slides along it. The clamp is reported exact distances.",
+        "Two flights of two seconds, each compared with itself in steps of 1/7680 s. Free: that of the soft wall above, which \
+         touches nothing. Pushed: the operator pushes so hard towards the wall that the camera would leave without the clamp; it slides along the wall. The clamp uses exact distances.",
     );
     let mut t = Table::new(&[
         "method",
@@ -71,8 +70,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     page.table("clamp", &t)?;
     let [free_us, touching_us] = clamp_times(effort, progress)?;
     Ok(vec![format!(
-        "In free flight the clamp adds at most {added:.0e} mm to any method's error at any of these steps, as a step \
-         within the free distance is taken whole; it takes {free_us:.0} µs a step in mid-lumen of a phantom and \
+        "In free flight the clamp adds at most {added:.0e} mm to any method's error at any of these steps, because a step within the free distance is taken whole; it takes {free_us:.0} µs a step in mid-lumen of a phantom and \
          {touching_us:.0} µs while pushed against its wall (medians, exact clearances of the voxels around the body)."
     )])
 }

@@ -23,8 +23,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     let effort = subject.effort;
     let seconds = effort.choose(5.0, 30.0);
     page.text(&format!(
-        "Without drag and without a target the body swings across the tube for {seconds} s; the error of its energy at \
-         the end is reported as a share of what it began with, above that of rest on the axis."
+        "Without drag and without a target the body swings across the tube for {seconds} s; the energy error at the end is relative to the initial energy above rest on the axis."
     ));
     let mut series = Vec::new();
     let mut at_flight = Vec::new();
@@ -49,7 +48,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
         front: false,
         series,
     };
-    page.plot("energy", &plot, "Less is better. Methods that left the tube are not drawn there.")?;
+    page.plot("energy", &plot, "Lower is better. Methods that left the tube are not drawn.")?;
     let mut t =
         Table::new(&["method", "body", "momentum", "angular momentum", "energy of rotation", "orientation / rad"]);
     let mut worst = 0.0f64;
@@ -63,13 +62,12 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
         progress.check()?;
     }
     page.text(&format!(
-        "Without forces, 1000 steps of 1/{STEP_HZ} s with a spin of 1e4 rad/s: shares of momenta and energy that were lost or \
-         won, and the angle to the exact motion.",
+        "Without forces, 1000 steps of 1/{STEP_HZ} s with a spin of 1e4 rad/s: relative change of momenta and energy, and the angle to the exact motion.",
     ));
     page.table("free-motion", &t)?;
     let reported: Vec<String> = at_flight.iter().map(|(name, d)| format!("{name} {d:+.0e}")).collect();
     Ok(vec![format!(
-        "Without drag the energy is off after {seconds} s in steps of 1/{STEP_HZ} s by a share of: {}. Without forces momentum \
+        "Without drag the relative energy error after {seconds} s in steps of 1/{STEP_HZ} s is: {}. Without forces momentum \
          and angular momentum stay within {worst:.0e} in every method, at a spin of 1e4 rad/s.",
         reported.join(", ")
     )])

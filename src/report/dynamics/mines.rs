@@ -51,9 +51,8 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     let laid = measure(&courses, effort, progress)?;
     let d = MineSettings::default();
     page.text(&format!(
-        "The same {} phantoms with other mines, one thing changed at a time from the default: {} mines, {} mm apart, that reach \
-         {} mm. A flight without mines still keeps to its heading; what mines add is that it does not turn back where the lumen \
-         looks shorter ahead than behind.",
+        "The same {} phantoms with other mines; one parameter at a time differs from the default: {} mines, {} mm apart, that reach \
+         {} mm. A flight without mines still keeps its heading; mines prevent it from turning back where the lumen looks shorter ahead than behind.",
         courses.len(),
         d.kept,
         d.spacing_mm,
@@ -79,10 +78,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
 /// start, without mines and with increasing numbers of them.
 fn worth(effort: Effort, page: &mut Page, progress: &Progress) -> Result<String> {
     page.text(&format!(
-        "Flights through drawings by tentacles, each from {} places up to 3 mm from its start, with so many mines kept: how many \
-         arrive, and how long their way is. A tube needs none. Beside a strand they decide for a side; in a wide pouch, whose way \
-         on lies beside its entrance, those of the default are too few: their trail of {:.0} mm is shorter than the way once round \
-         it, so that the camera flies there again.",
+        "Flights through drawings by tentacles, each from {} places up to 3 mm from its start, by number of mines kept: how many arrive, and the length of their path. A tube needs no mines. At a strand they select a side. In a wide pouch, whose exit lies beside its entrance, the default has too few: their trail of {:.0} mm is shorter than one round, so the camera flies the same circle again.",
         effort.choose(4, 12),
         trail_mm(&MineSettings::default()),
     ));

@@ -62,9 +62,8 @@ pub fn report(
     let mut page = Page::new(folder, "colvis: integrators of the rigid body, error against time")?;
     page.text(
         "The camera is a cylinder of 1 g in a sphere of 1.5 mm, with a drag of 6/s. It flies a bent tube whose distances \
-         to the wall and to the target, with their gradients and Hessians, are known exactly, under the paper's potential \
-         V = C_t D_t + C_s (p/D_s − 1)², and turns its view towards the way ahead. Translation and rotation are solved by \
-         the same method. Times are of one thread, the least of some rounds, as a busy machine only adds.",
+         to the wall and to the target, with their gradients and Hessians, are known exactly, under the paper's potential V = C_t D_t + C_s (p/D_s − 1)², and turns its view along the path ahead. Translation and rotation are solved by \
+         the same method. Times are for one thread, the minimum of several rounds, because a busy machine only adds time.",
     );
     let mut findings = Vec::new();
     progress.stage("measuring integrators", STUDIES.len() as u64);

@@ -217,7 +217,7 @@ fn plot(runs: &[Run], number: usize, case: &Case, page: &mut Page) -> Result<()>
             series: series.collect(),
         };
         let file = format!("{}-{file}", case.name.replace(' ', "-"));
-        page.plot(&file, &plot, "Named by step or tolerance; the grey band is the front that none betters in both.")?;
+        page.plot(&file, &plot, "Labels give the step or tolerance; the grey band marks the Pareto front.")?;
     }
     Ok(())
 }
@@ -310,7 +310,7 @@ fn default_finding(runs: &[Run]) -> Vec<String> {
     )];
     if let (Some((name, mine)), Some((other, euler))) = (mine, euler) {
         findings.push(format!(
-            "The default is {name}: linearly implicit, it is stable at every step tried however stiff the wall, without an iteration that could fail, in {:.1} µs a step. At 1/{STEP_HZ} s it errs by {} mm where {other}, which only damps harder, errs by {}, and no explicit method is stable for every wall.",
+            "The default is {name}: it is linearly implicit, stable at every step tried however stiff the wall, has no iteration that could fail, and takes {:.1} µs a step. At 1/{STEP_HZ} s its error is {} mm; that of {other}, which only damps harder, is {}. No explicit method is stable for every wall.",
             micro(mine[0]),
             error(mine[1]),
             error(euler[1]),

@@ -43,12 +43,9 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     let (t, m) = (paper.guides.get::<TentacleSettings>(), paper.mines.unwrap_or_default());
     let d = MineSettings::default();
     page.text(&format!(
-        "\"Repulsion alone\" is the scene assets/scenes/paper.toml: no thrust, no cruise speed, no goal that draws. The wall \
-         repels within {} mm with {} mm/s² (C_s = {} mm²/s²), as {} tentacles feel it, and the last {} mines, {} mm apart, push \
-         with {} mm/s² each, within {} mm. Drag alone limits the speed. The default thrusts along the way that its tentacles find \
-         open and keeps {} mines; the third is the same with none. The watch is on in all three: in a trap it tells the camera \
-         to set off another way, which where mines drive is one more mine behind it. Reached is the furthest place, as a share of \
-         the way along the lumen. Drawings are flown in three dimensions, 18 mm high.",
+        "\"Repulsion alone\" is the scene assets/scenes/paper.toml: no thrust, no cruise speed, no attraction by a visible goal. The wall \
+         repels within {} mm with {} mm/s² (C_s = {} mm²/s²), as sensed by {} tentacles, and the last {} mines, {} mm apart, push \
+         with {} mm/s² each, within {} mm. Drag alone limits the speed. The default thrusts along the direction that its tentacles find open and keeps {} mines; the third is the same without mines. The watch is on in all three: in a trap it sends the camera another way; where mines drive, it does so with one more mine behind the camera. \"Reached\" is the farthest place, as a share of the length along the lumen. Drawings are flown in three dimensions, 18 mm high.",
         t.wall_mm,
         t.wall_push,
         t.wall_push * t.wall_mm,
@@ -155,7 +152,7 @@ fn finding(kind: &str, all: &[Flown], scenes: &[&str]) -> Option<String> {
         let of: Vec<&Flown> = all.iter().filter(|f| f.kind == kind && f.scene == *scene).collect();
         let arrived = of.iter().filter(|f| f.trial.arrived()).count();
         let reached = mean(&of.iter().map(|f| 100.0 * f.reached).collect::<Vec<_>>());
-        format!("{scene} {arrived} of {} arrive, {reached:.0} % of the way reached", of.len())
+        format!("{scene} {arrived} of {} arrive, {reached:.0} % of the path reached", of.len())
     };
     let any = all.iter().any(|f| f.kind == kind);
     any.then(|| format!("Flights of {kind}: {}.", scenes.iter().map(reported).collect::<Vec<_>>().join("; ")))

@@ -26,10 +26,8 @@ const LOOKED_AT: usize = STEPS / 2;
 /// Returns the errors of the whole report.
 pub fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     page.text(&format!(
-        "Six seconds along the axis in steps of 1/{STEP_HZ} s, with a wall that reaches beyond the axis (p = 20 mm in a tube of \
-         15 mm), so that its force turns round on the kink of D_s. Lateral jerk is the root mean square of the third \
-         difference of the place across the tube over the last three seconds; offset is the mean distance from the axis. \
-         The kink is rounded over nothing, over a tenth, and over a whole voxel of 0.7 mm, as interpolation rounds it.",
+        "Six seconds along the axis in steps of 1/{STEP_HZ} s, with a wall that acts beyond the axis (p = 20 mm in a tube of 15 mm), so that its force reverses at the kink of D_s. Lateral jerk is the root mean square of the third difference of the position across the tube over the last three seconds; offset is the mean distance from the axis. \
+         The kink is sharp, rounded over a tenth of a voxel of 0.7 mm, or over a whole voxel, as interpolation does.",
     ));
     let mut t = Table::new(&["method", "rounding / mm", "C_s / g·mm²/s²", "lateral jerk / mm/s³", "offset / mm"]);
     let mut worst = Vec::new();
@@ -56,7 +54,7 @@ pub fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<St
     let default = Integrator::default();
     let [jerk, _] = fly(default.stepper(), TUBE.rounding, 1e2);
     Ok(vec![format!(
-        "Lateral jerk in steady flight over the kink of the centerline, the worst of six, in mm/s³: {}; the default, {}, \
+        "Lateral jerk in steady flight over the kink of the centerline, the largest of six, in mm/s³: {}; the default, {}, \
          has {jerk:.3} on a field rounded over a voxel.",
         reported.join(", "),
         default.name()

@@ -31,10 +31,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     let effort = subject.effort;
     let steps = effort.choose(150, 500);
     page.text(&format!(
-        "A body in balance is moved a little, and the step counts as stable where the deviation never grows by more than \
-         {GROWN} times in {steps} steps. Nothing keeps it from the wall but the potential. Steps up to {LONGEST} s are \
-         tried by halves, so that the edge is known to a factor of two; implicit methods that reach the top are stable \
-         for every step."
+        "A body in equilibrium is displaced slightly. The step counts as stable if the deviation never grows more than {GROWN} times in {steps} steps. Only the potential keeps it from the wall. Steps up to {LONGEST} s are tried in factors of two; implicit methods that reach the maximum are stable at every step."
     ));
     let constants: Vec<f64> = (-3..=9).map(|d| 10f64.powi(d)).collect();
     let stiff = map(&constants, steps, |&c_s| {
@@ -133,7 +130,7 @@ fn draw(page: &mut Page, file: &str, title: &str, x: &str, values: &[f64], map: 
         front: false,
         series: series.collect(),
     };
-    page.plot(file, &plot, "Higher is better. Steps below the shortest one tried are left out.")?;
+    page.plot(file, &plot, "Higher is better. Steps shorter than the shortest one tried are not shown.")?;
     let names: Vec<&str> = std::iter::once(x).chain(FIXED.iter().map(|f| f.0)).collect();
     let mut t = Table::new(&names);
     for (n, &value) in values.iter().enumerate() {

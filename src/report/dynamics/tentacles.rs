@@ -52,8 +52,7 @@ pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<
     let courses = trials::small_phantoms(effort, progress)?;
     let sensed = measure(&courses, effort, progress)?;
     page.text(&format!(
-        "Flights of {} small phantoms (folds, polyps, noise) with so many tentacles, and what the shortest of them tells at \
-         places all over the lumen beside the exact clearance: D_s is never sensed too short, and its error falls with the \
+        "Flights of {} small phantoms (folds, polyps, noise) by number of tentacles, and the shortest tentacle at places throughout the lumen compared with the exact clearance: D_s is never sensed too short, and its error falls with the \
          angle between two tentacles. A step is the whole simulation step, the exact clearances of the body included.",
         courses.len()
     ));

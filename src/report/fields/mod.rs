@@ -56,8 +56,7 @@ fn write(all: &[Measured], folder: &Path) -> Result<Vec<String>> {
     page.text(
         "Phantoms with folds, polyps and noise; the truth of a centerline is the tube's axis, that of a distance the \
          analytic wall within 2 mm of it. A line's error is the distance of its points from the truth, between its ends. \
-         Memory is what the resident memory rose above what it was before, where the system tells. Each is measured \
-         once, in turn, in a process that has done the same before.",
+         Memory is the increase of resident memory, on systems that report it. Each method is measured once, in turn, in a process that has run it before.",
     );
     let findings = findings(all);
     for f in &findings {
@@ -189,12 +188,11 @@ fn findings(all: &[Measured]) -> Vec<String> {
     let distance = |n: usize, f: &dyn Fn(&DistanceLine) -> f64| over(&|m| f(&m.distances[n]));
     vec![
         format!(
-            "The centerline by {} has the least error, {:.2} mm in the mean in {:.2} s; next is {} with {:.2} mm in {:.2} s.",
+            "The centerline by {} has the smallest mean error, {:.2} mm in {:.2} s; next is {} with {:.2} mm in {:.2} s.",
             METHODS[best].1, error[best], time[best], METHODS[next].1, error[next], time[next]
         ),
         format!(
-            "The exact distance takes {:.2} s and is {:.3} mm off at the wall, where {} ({:.2} s) is {:.3} mm and {} ({:.2} s) \
-             {:.3} mm off; farther in these two are wrong by up to {:.1} and {:.1} mm.",
+            "The exact distance takes {:.2} s with a mean error of {:.3} mm at the wall. There {} ({:.2} s) has {:.3} mm and {} ({:.2} s) {:.3} mm; farther inside their errors reach {:.1} and {:.1} mm.",
             distance(0, &|d| d.seconds),
             distance(0, &|d| d.wall_mm.unwrap_or(f64::NAN)),
             measure::DISTANCES[1],

@@ -113,7 +113,7 @@ fn write(lines: &[Line], times: &[Vec<f64>], folder: &Path) -> Result<Vec<String
     let mut page = Page::new(folder, "colvis: gradient estimators, error against time")?;
     page.text(
         "Mean angle between the estimated and the analytic gradient at points between voxels, all estimators interpolated \
-         trilinearly; times are of one gradient on one thread, the median of rounds in turn. Walls: a tube and a sphere \
+         trilinearly; times are for one gradient on one thread, the median of alternating rounds. Walls: a tube and a sphere \
          of radius 20 voxels with an edge of 1000 HU blurred by one voxel, and the folded wall of the phantom. The \
          Marschner–Lobb signal is the test of sampling near its limit (41 voxels across, 1000 HU).",
     );
@@ -143,7 +143,7 @@ fn write(lines: &[Line], times: &[Vec<f64>], folder: &Path) -> Result<Vec<String
                 series: series.collect(),
             };
             let file = format!("{}-{}", if wall { "walls" } else { "marschner-lobb" }, ["cubic", "1-1-3"][number]);
-            page.plot(&file, &plot, "Each line is one estimator, from noise-free at its lower end upwards.")?;
+            page.plot(&file, &plot, "Each line is one estimator; its lower end is noise-free.")?;
         }
     }
     let mut t = Table::new(&["signal", "voxels", "noise / HU", "estimator", "mean error / degrees", "time / ns"]);
@@ -177,8 +177,7 @@ fn findings(lines: &[Line], ns: &dyn Fn(&Line) -> f64) -> Vec<String> {
     let sharp = direct().min_by(|a, b| clean(a).total_cmp(&clean(b))).unwrap_or(best);
     vec![
         format!(
-            "On walls with a scanner's noise ({:.0} HU, cubic voxels) the least error is that of {}, {:.2}° in {:.0} ns; \
-             the quickest, {}, takes {:.0} ns and has {:.2}°, and on the noise-free Marschner–Lobb signal {} is nearest.",
+            "On walls with a scanner's noise ({:.0} HU, cubic voxels) {} has the smallest error, {:.2}° in {:.0} ns; the fastest, {}, takes {:.0} ns with {:.2}°. On the noise-free Marschner–Lobb signal {} is most accurate.",
             NOISE_HU[1],
             best.name,
             error(best),

@@ -103,16 +103,12 @@ pub fn report(steps: u64, seed: u64, folder: &Path, progress: &Progress) -> Resu
     page.text(&format!(
         "{steps} steps in walks of {}, seed {seed}: forces from 1e-3 to 1e9 g·mm/s² and their slopes, steps from 1e-6 to \
          10 s, masses from 1e-6 to 1e6 g, C_s from 1e-9 to 1e9, spins to 1e4 rad/s, needles to discs, radii from 0 to 1.5 mm, \
-         each with one of all integrators. Walks begin where the camera fits, in the wall, at distance 0, and outside. A \
-         step has perforated when the way it swept comes nearer than the radius to any of the wall's points, which are \
-         sampled from the voxels every quarter of a millimetre and not by the finder that the step relies on, when any \
-         point of its way goes from gas into the wall, or when a body that was too near came nearer.",
+         each with one of all integrators. Walks begin where the camera fits, in the wall, at distance 0, and outside. A step has perforated if its swept path comes closer than the radius to any point of the wall (sampled from the voxels every quarter of a millimetre, not by the clearance finder that the step relies on), if any point of the path goes from gas into the wall, or if a body that was too close came closer.",
         walk::STEPS
     ));
     let a = outcome.all;
     let finding = format!(
-        "{} perforations, {} steps with a result that is not finite, {} hangs in {} steps; {} steps were stopped by a wall, \
-         {} began too near to it, and {} of those found no way out. No step took more than {} evaluations.",
+        "{} perforations, {} steps with a non-finite result, {} hangs in {} steps; {} steps were stopped by a wall, {} began too close to it, and {} of those found no way out. No step took more than {} evaluations.",
         a.perforations, a.broken, a.hangs, a.steps, a.blocked, a.too_near, a.stuck, a.most_rates
     );
     page.finding(&finding);

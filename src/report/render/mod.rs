@@ -114,7 +114,7 @@ pub fn report(subjects: &[Subject], extent: &Extent, folder: &Path, progress: &P
             findings.push(pages::growth(&mut page, s, &grown, extent)?);
         }
         if flown.state != State::Arrived {
-            page.text("The flight did not arrive; the poses lie on the part of the way that was flown.");
+            page.text("The flight did not arrive; the poses lie on the part of the path that was flown.");
         }
     }
     page.finish()?;

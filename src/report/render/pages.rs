@@ -19,9 +19,7 @@ const PANEL: usize = 256;
 pub fn introduction(page: &mut Page, extent: &Extent) {
     page.text(&format!(
         "Frames of {0} × {0} pixels, {1} threads, {2} poses along a headless flight and {3} after jumps and sudden turns \
-         among them. All methods render a pose in turn before the next one comes; one that keeps something between \
-         frames first renders the {4} frames of the flight before it. Times are without depth and after a warm-up; p99 of \
-         fewer than a hundred frames is the slowest of them. Errors are against the reference: rays with steps of an \
+         among them. All methods render a pose in turn before the next one comes; a method that keeps data between frames first renders the {4} preceding frames of the flight. Times are without depth and after a warm-up; with fewer than a hundred frames, p99 is the slowest. Errors are against the reference: rays with steps of an \
          eighth of the smallest spacing (h), nothing skipped.",
         extent.pixels,
         rayon::current_num_threads(),
@@ -31,13 +29,12 @@ pub fn introduction(page: &mut Page, extent: &Extent) {
     ));
     if extent.effort == Effort::Full {
         page.text(
-            "How far the reference itself is from rays without a step is about what \"brute h/16\", with half its step, differs \
+            "The reference's own distance from rays with infinitely small steps is about how far \"brute h/16\", with half its step, differs \
              from it.",
         );
     }
     page.text(
-        "Filtered density classifies by the regression's D as the paper does, and more samples a pixel smooth edges: both aim \
-         at another picture than the reference, so their difference is no error, and they stand in the tables alone. Wall \
+        "Filtered density classifies by the regression's D as the paper does, and more samples a pixel smooth edges: both target a different image than the reference, so their difference is not an error, and they appear in the tables only. Wall \
          distance is compared for methods whose depth is their own; all others take the exact crossings.",
     );
 }
@@ -70,8 +67,7 @@ pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Cla
     let kept = reuse(measured);
     if !kept.is_empty() {
         page.text(
-            "The error of reuse apart from that of sampling: each frame against one that a fresh renderer makes of the same \
-             pose, and the fresh one against the reference.",
+            "The error of reuse, separate from that of sampling: each frame against a fresh renderer's frame of the same pose, and the fresh frame against the reference.",
         );
         page.table(&name("reuse"), &kept)?;
     }
@@ -84,7 +80,7 @@ pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Cla
     page.table(&name("preparations"), &preparations(s, claims))?;
     page.section(&format!("{}: worst frames", s.title));
     page.text(&format!(
-        "Reference, method, and the greatest of the three colours' errors: black 0, white {WHITE_ERROR} levels and more. The CSV \
+        "Reference, method, and the largest error of the three colours: black is 0, white is {WHITE_ERROR} levels or more. The CSV \
          {}.csv has every frame.",
         name("frames")
     ));
@@ -116,8 +112,7 @@ pub fn growth(page: &mut Page, s: &Subject, g: &Growth, extent: &Extent) -> Resu
     let side = 2 * extent.pixels;
     page.section(&format!("{}: voxels, threads, SIMD levels", s.title));
     page.text(&format!(
-        "The default renderer, {side} × {side} pixels, the same views. The body is resampled to cubes of voxels; being made \
-         ready (flags and bricks) is one pass over them. Differences of pictures are from the first row's, grey levels."
+        "The default renderer, {side} × {side} pixels, the same views. The body is resampled to cubic grids; preparation (flags and bricks) is one pass over the voxels. Differences are grey levels from the first row's images."
     ));
     let (least, most) = (g.volumes.first(), g.volumes.last());
     let ratio = least.zip(most).map_or(f64::NAN, |(a, b)| b.median() / a.median());
@@ -312,7 +307,7 @@ fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'stati
                 "RMS error, worst frame / grey levels",
                 &|m| (quantile(&m.ms, 0.99), rms(m.worst_psnr())),
             ),
-            "The frame with the least PSNR of each method, poses after jumps included.",
+            "Each method's frame with the lowest PSNR, including poses after jumps.",
         ),
         (
             "ssim",
@@ -326,7 +321,7 @@ fn plots(s: &Subject, measured: &[Measured]) -> Vec<(&'static str, Plot, &'stati
             plot("memory against time", time, "memory beside the voxels / 16-bit volume", &|m| {
                 (median(&m.ms), m.bytes as f64 / volume)
             }),
-            "Methods without memory of their own are not on the plot. The flags are counted for every ray caster.",
+            "Methods without memory of their own are not in the plot. The flags count for every ray caster.",
         ),
     ];
     if compared.iter().any(|m| displaced(m).is_some()) {

@@ -170,8 +170,7 @@ pub fn measure(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progres
 pub fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> Result<()> {
     page.section(&format!("{}: what each idea of the paper's section 2.2 is worth", s.title));
     page.text(&format!(
-        "The preset colvis at {0} × {0} pixels with an idea and without it, all rendered in turn along the flight. PSNR is against          brute force by the filtered density of the 16-bit voxels. Headlight and regression are in all of them: report \
-         gradients tells the regression's error beside others; SIMD levels are below.",
+        "The preset colvis at {0} × {0} pixels with and without each idea, rendered in turn along the flight. PSNR is against          brute force by the filtered density of the 16-bit voxels. All variants use headlight and regression; `report gradients` compares the regression's error with others; SIMD levels are below.",
         extent.pixels
     ));
     page.table(&format!("{}-worth", s.name), &table(taken, s.volume.voxels().bytes()))
