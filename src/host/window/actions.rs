@@ -446,7 +446,7 @@ mod tests {
         for entry in MENUS.iter().flat_map(|m| m.1) {
             assert!(all.of_menu(entry).count() > 0, "{entry}");
         }
-        assert_eq!(all.named("pause").unwrap().title(), "Stop and look around, go on");
+        assert_eq!(all.named("pause").unwrap().title(), "Pause, resume");
     }
 
     #[test]

@@ -240,10 +240,10 @@ mod tests {
             distances: (0..3).map(distance).collect(),
             lines: (0..4).map(|n| line(n, 1.0 + n as f64)).collect(),
         };
-        assert!(findings(&[m.clone()])[0].contains("by penalised path has the least error, 1.00 mm"));
+        assert!(findings(&[m.clone()])[0].contains("by penalised path has the smallest mean error, 1.00 mm"));
         m.lines[2].mean_mm = Some(0.25);
         let found = findings(&[m.clone()]);
-        assert!(found[0].contains("by roadmap has the least error, 0.25 mm") && found[0].contains("next is penalised"));
+        assert!(found[0].contains("by roadmap has the smallest mean error, 0.25 mm") && found[0].contains("next is penalised"));
         // A scan without a truth changes nothing.
         let scan = Measured { lines: m.lines.iter().map(|l| LineLine { mean_mm: None, ..*l }).collect(), ..m.clone() };
         assert_eq!(findings(&[m, scan]), found);

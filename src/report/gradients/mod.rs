@@ -216,8 +216,8 @@ mod tests {
         };
         let mut lines: Vec<Line> = ESTIMATORS.iter().enumerate().map(|(n, e)| line(e.name, 1.0 + n as f64)).collect();
         let ns = |l: &Line| 10.0 + l.degrees;
-        assert!(findings(&lines, &ns)[0].contains(&format!("that of {}", ESTIMATORS[0].name)));
+        assert!(findings(&lines, &ns)[0].contains(&format!("{} has the smallest error", ESTIMATORS[0].name)));
         lines[2].degrees = 0.25;
-        assert!(findings(&lines, &ns)[0].contains(&format!("that of {}, 0.25°", ESTIMATORS[2].name)));
+        assert!(findings(&lines, &ns)[0].contains(&format!("{} has the smallest error, 0.25°", ESTIMATORS[2].name)));
     }
 }
