@@ -410,7 +410,9 @@ mod tests {
         let f = findings(&cost("everything", 100.0, 100.0), &[&a, &b]);
         assert!(f[0].contains("leaving out a saves most, 60 µs"), "{}", f[0]);
         assert!(
-            f[1].contains("5.0 ms a frame, as much as 50 steps") && f[1].contains("50.0 of 100.0 MiB") && f[1].ends_with("out b.")
+            f[1].contains("5.0 ms a frame, as much as 50 steps")
+                && f[1].contains("50.0 of 100.0 MiB")
+                && f[1].ends_with("out b.")
         );
     }
 }

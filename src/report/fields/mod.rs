@@ -243,7 +243,10 @@ mod tests {
         assert!(findings(&[m.clone()])[0].contains("by penalised path has the smallest mean error, 1.00 mm"));
         m.lines[2].mean_mm = Some(0.25);
         let found = findings(&[m.clone()]);
-        assert!(found[0].contains("by roadmap has the smallest mean error, 0.25 mm") && found[0].contains("next is penalised"));
+        assert!(
+            found[0].contains("by roadmap has the smallest mean error, 0.25 mm")
+                && found[0].contains("next is penalised")
+        );
         // A scan without a truth changes nothing.
         let scan = Measured { lines: m.lines.iter().map(|l| LineLine { mean_mm: None, ..*l }).collect(), ..m.clone() };
         assert_eq!(findings(&[m, scan]), found);
