@@ -100,15 +100,51 @@ impl Error {
     }
 }
 
+/// Messages show at most this many characters of a name or a reason, and this many digits of a number.
+const MOST_CHARACTERS: usize = 600;
+const MOST_DIGITS: usize = 24;
+
 /// Replaces control characters by spaces. File names and messages of other programs may contain line breaks, which must not start
-/// a second line.
+/// a second line. Numbers of hundreds of digits are written with an exponent, and endless names lose their middle.
 fn one_line(s: &str) -> String {
-    s.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+    let mut line = String::with_capacity(s.len().min(2 * MOST_CHARACTERS));
+    let mut digits = String::new();
+    for c in s.chars().chain(['\n']) {
+        if c.is_ascii_digit() {
+            digits.push(c);
+            continue;
+        }
+        if digits.len() > MOST_DIGITS {
+            line.push_str(&format!("{}.{}e{}", &digits[..1], &digits[1..4], digits.len() - 1));
+        } else {
+            line.push_str(&digits);
+        }
+        digits.clear();
+        line.push(if c.is_control() { ' ' } else { c });
+    }
+    line.pop();
+    let count = line.chars().count();
+    if count <= MOST_CHARACTERS {
+        return line;
+    }
+    let part = MOST_CHARACTERS / 2;
+    let (head, tail) = (line.chars().take(part), line.chars().skip(count - part));
+    head.chain(['…']).chain(tail).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn endless_numbers_and_names_are_shortened() {
+        let e = Error::usage("--seconds", format!("{} is not above 0", -1e308), "give seconds");
+        assert_eq!(e.to_string(), "--seconds: -1.000e308 is not above 0; give seconds");
+        let e = Error::usage("dims", "123456789012345678901234 voxels, 0.1234 mm", "é".repeat(5000));
+        assert!(e.to_string().starts_with("dims: 123456789012345678901234 voxels, 0.1234 mm; éé"));
+        assert_eq!(e.to_string().chars().filter(|c| *c == 'é').count(), MOST_CHARACTERS);
+        assert_eq!(Error::usage("", "7", "x\u{7}y").to_string(), ": 7; x y");
+    }
 
     #[test]
     fn a_failure_is_one_line() {

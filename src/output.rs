@@ -12,13 +12,20 @@ use crate::error::{Error, Kind, Result};
 
 pub use npy::{write_npy, write_npy_head, write_npy_values};
 
+/// Writes a line to standard error. A standard error that is closed or full is ignored: it must not end the program or change its
+/// exit status, as `eprintln!` would.
+pub fn to_stderr(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
 /// A file that appears only when it is complete.
 ///
 /// Data goes to a temporary file beside the target. [`AtomicFile::finish`] renames it; dropping it earlier removes it.
 /// Temporary files that killed programs left in the folder are removed first.
 ///
 /// Symbolic links are followed. A target that exists and is not a regular file, or that is reached through `/dev` or
-/// `/proc` (`/dev/stdout`), is written to directly and never replaced. A replaced file keeps its permissions.
+/// `/proc` (`/dev/stdout`), is written to directly and never replaced: a file behind it is appended to, as `>>` does. A replaced file
+/// keeps its permissions.
 pub struct AtomicFile {
     path: PathBuf,
     sink: BufWriter<Sink>,
@@ -88,9 +95,9 @@ impl AtomicFile {
         let path = &std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
         let sink = match &existing {
             Ok(m) if m.is_dir() => return Err(Error::output(path, "is a folder", "name a file")),
-            Ok(m) if !m.is_file() || special => {
-                Sink::Direct(File::options().write(true).open(&absolute).map_err(|e| cannot(path, &e))?)
-            }
+            Ok(m) if !m.is_file() || special => Sink::Direct(
+                File::options().append(m.is_file()).write(true).open(&absolute).map_err(|e| cannot(path, &e))?,
+            ),
             _ => {
                 let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
                 leftover::remove_once(folder);

@@ -139,7 +139,7 @@ impl Catalog {
     /// each may have a table in a scene file. Overlays have separate tables.
     ///
     /// # Errors
-    /// Returns status 2 for the first name or key that is taken twice, naming both owners.
+    /// Returns status 2 for the first name or key that is used twice, naming both owners.
     pub fn check(&self) -> Result<()> {
         let kinds = |kind, names: Vec<String>| names.into_iter().map(move |name| (name, kind)).collect::<Vec<_>>();
         let own = |names: &mut dyn Iterator<Item = &'static str>| names.map(str::to_owned).collect::<Vec<_>>();

@@ -11,10 +11,11 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand,
 
 pub use crate::cli::values::{Pair, Point, Size, Triple};
 
-use crate::cli::values::{count, number, plane, slab};
+use crate::cli::values::{count, number, plane, slab, threads};
 use crate::cli::{Program, unbuilt};
 use crate::error::Error;
 use crate::fields::CenterlineMethod;
+use crate::output;
 use crate::render::slice::{Slab, SlicePlane};
 
 /// Virtual colonoscopy: flies a camera through the colon of a CT scan. Research software, not for diagnosis.
@@ -36,7 +37,7 @@ pub struct Args {
 #[derive(ClapArgs, Clone, Debug, Default)]
 pub struct Global {
     /// Number of threads [default: all cores]
-    #[arg(long, global = true, value_name = "N", value_parser = count)]
+    #[arg(long, global = true, value_name = "N", value_parser = threads)]
     pub threads: Option<usize>,
     /// HU at which the wall starts to be opaque, and at which it is fully opaque
     #[arg(long, global = true, value_name = "LO,HI", allow_hyphen_values = true)]
@@ -572,9 +573,8 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
         ParseError::NotBuilt(error) => return failed(error),
     };
     if matches!(e.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
-        // A closed pipe (`colvis --help | head -1`) is no failure.
-        let _ = e.print();
-        return ExitCode::SUCCESS;
+        let printed = super::print(|out| write!(out, "{}", e.render()).and_then(|()| out.flush()));
+        return printed.map_or_else(|e| failed(&e), |()| ExitCode::SUCCESS);
     }
     if let Some(error) = unbuilt::refusal(e) {
         return failed(&error);
@@ -591,7 +591,7 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
 }
 
 fn failed(error: &Error) -> ExitCode {
-    eprintln!("error: {error}");
+    output::to_stderr(format_args!("error: {error}"));
     ExitCode::from(error.kind as u8)
 }
 

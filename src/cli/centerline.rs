@@ -171,6 +171,9 @@ fn plan(
             End::At(p)
         }
     };
+    if args.from.zip(args.to).is_some_and(|(from, to)| same(from, to)) {
+        return Err(Error::incomplete("centerline", "start and goal coincide", "give --from and --to that are apart"));
+    }
     let method = args.method.unwrap_or_default();
     let line = |from: End, to: End| centerline::by(method, walls, from, to, guesses, progress);
     match (args.from, args.to) {
@@ -181,6 +184,14 @@ fn plan(
         // From a place to the end that is farther along the lumen, and the other way round.
         (Some(from), None) => farther(ends.map(|e| line(end(from), End::Tip(e)))),
         (None, Some(to)) => farther(ends.map(|e| line(End::Tip(e), end(to)))),
+    }
+}
+
+/// True if both are the same end, or places within 3 mm.
+fn same(a: Point, b: Point) -> bool {
+    match (a, b) {
+        (Point::World(a), Point::World(b)) => a.distance(b) < 3.0,
+        _ => a == b,
     }
 }
 

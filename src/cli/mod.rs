@@ -183,7 +183,7 @@ impl Program {
     /// Like [`Program::run`], with these arguments; the first is the program's name.
     pub fn run_from<T: Into<OsString>>(self, args: impl IntoIterator<Item = T>) -> ExitCode {
         let reported = |e: &Error| {
-            eprintln!("error: {e}");
+            output::to_stderr(format_args!("error: {e}"));
             ExitCode::from(e.kind as u8)
         };
         if let Err(e) = self.check() {
@@ -284,10 +284,10 @@ fn on_interrupt(progress: &Arc<Progress>) -> Result<()> {
             output::remove_temporary();
             if std::io::stderr().is_terminal() {
                 // A progress bar may stand on the line.
-                eprintln!();
+                output::to_stderr(format_args!(""));
             }
             let e = Error::cancelled("colvis");
-            eprintln!("error: {e}");
+            output::to_stderr(format_args!("error: {e}"));
             std::process::exit(e.kind as i32);
         }
         progress.cancel();
@@ -359,11 +359,13 @@ fn gather_threads(threads: Option<usize>) -> Result<()> {
         };
     }
     let fault = |e: ThreadPoolBuildError| Error::fault("--threads", e.to_string(), "use fewer threads");
-    if let Some(n) = threads {
+    // rayon takes any number from its environment variable, however long it takes to start as many.
+    let asked = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse::<usize>().ok());
+    let number = threads.or(asked.filter(|n| *n > values::MOST_THREADS).map(|_| values::MOST_THREADS));
+    if let Some(n) = number {
         ThreadPoolBuilder::new().num_threads(n).build_global().map_err(fault)?;
     }
-    let pool =
-        ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).use_current_thread().build().map_err(fault)?;
+    let pool = ThreadPoolBuilder::new().num_threads(number.unwrap_or(0)).use_current_thread().build().map_err(fault)?;
     *gathered = Some((threads, pool));
     Ok(())
 }

@@ -16,6 +16,7 @@ use crate::volume::io;
 pub fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.truth).map(PathBuf::as_path).collect();
     output::check_targets(&[], &outputs)?;
+    io::check_ending(&args.out)?;
     let has = |feature| args.with.contains(&feature);
     let phantom = Phantom::new(&PhantomSettings {
         size: match args.size {

@@ -56,7 +56,7 @@ pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     // Nobody named this file: it must not take the drawing's place.
     output::check_apart(&named, &[Path::new(FALLBACK)])
         .map_err(|e| Error::usage("no display", e.to_string(), "add --headless --out F.png"))?;
-    eprintln!("no display: flying headless, see {FALLBACK}");
+    output::to_stderr(format_args!("no display: flying headless, see {FALLBACK}"));
     fly(flight, Path::new(FALLBACK), progress)
 }
 
@@ -110,8 +110,10 @@ fn fly(mut flight: Flight, out: &Path, progress: &Progress) -> Result<()> {
     let at = pair(flight.position());
     let (length, seconds) = (flight.length_mm(), flight.seconds());
     match flight.state() {
-        State::Arrived => eprintln!("arrived at {at} after {length:.0} mm in {seconds:.1} s"),
-        State::Ended => eprintln!("the time is over at {at} after {length:.0} mm in {seconds:.1} s"),
+        State::Arrived => output::to_stderr(format_args!("arrived at {at} after {length:.0} mm in {seconds:.1} s")),
+        State::Ended => {
+            output::to_stderr(format_args!("the time is over at {at} after {length:.0} mm in {seconds:.1} s"))
+        }
         State::Flying | State::Operator => {}
     }
     flight.outcome()

@@ -12,6 +12,7 @@ use crate::cli::args::{Global, QualityName};
 use crate::error::{Error, Result};
 use crate::fields::{Lumen, lumen};
 use crate::memory::resident_bytes;
+use crate::output;
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
 use crate::render::packets::simd_level;
@@ -56,7 +57,7 @@ fn checked_options(global: &Global) -> Result<LoadOptions> {
         return Err(Error::usage("--hu", format!("{},{} is not within ±32767 HU", h.0, h.1), "give black,white"));
     }
     if let Some(s) = global.spacing.map(|s| s.0).filter(|s| s.min_element() < 1e-6 || s.max_element() > 1e6) {
-        return Err(Error::usage("--spacing", format!("spacing {s} mm is out of range"), "give three sizes in mm"));
+        return Err(Error::usage("--spacing", format!("{s} mm is out of range"), "give three sizes in mm"));
     }
     Ok(load_options(global))
 }
@@ -66,7 +67,12 @@ fn checked_options(global: &Global) -> Result<LoadOptions> {
 /// # Errors
 /// Returns status 2 if it is invalid.
 pub fn transfer(global: &Global) -> Result<TransferFunction> {
-    global.wall.map_or(Ok(TransferFunction::default()), |p| TransferFunction::new(p.0 as f32, p.1 as f32))
+    let Some(p) = global.wall else { return Ok(TransferFunction::default()) };
+    if p.0.abs().max(p.1.abs()) > 32767.0 {
+        let hint = "give LO,HI in HU with LO below HI, such as -800,-500";
+        return Err(Error::usage("--wall", format!("{},{} is not within ±32767 HU", p.0, p.1), hint));
+    }
+    TransferFunction::new(p.0 as f32, p.1 as f32)
 }
 
 /// The view angle of `--fov`, degrees, checked against the camera's limits.
@@ -179,11 +185,14 @@ fn report_unused(path: &Path, volume: &Volume, global: &Global) {
     if global.hu.is_some() && path.is_file() {
         say("--hu is ignored: the scan holds HU");
     }
+    if global.series.is_some() && path.is_file() && !io::is_dicom(path) {
+        say("--series is ignored: the scan is not DICOM");
+    }
 }
 
 /// Prints a note for the user.
 pub fn say(note: &str) {
-    eprintln!("note: {}", note.replace(char::is_control, " "));
+    output::to_stderr(format_args!("note: {}", note.replace(char::is_control, " ")));
 }
 
 /// The head of every stats file.

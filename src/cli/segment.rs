@@ -57,6 +57,7 @@ struct Mark {
 pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
     output::check_targets(&[&args.input], &outputs)?;
+    io::check_ending(&args.out)?;
     let mut timings = Timings::default();
     let volume = timings.time("load_s", || prepare::load(&args.input, global, progress))?;
     let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;

@@ -87,6 +87,9 @@ fn numbers<const N: usize>(s: &str) -> Result<[f64; N], String> {
     if parts.next().is_some() { Err(format!("needs {N} numbers, no more")) } else { Ok(out) }
 }
 
+/// More threads than this take longer to start than they save.
+pub const MOST_THREADS: usize = 256;
+
 /// A finite number.
 pub fn number(s: &str) -> Result<f64, String> {
     numbers(s).map(|[n]| n)
@@ -116,6 +119,12 @@ pub fn slab(s: &str) -> Result<Slab, String> {
         other => return Err(format!("{other:?} is not mean, max or min")),
     };
     Slab::new(number(mm)?, kind)
+}
+
+/// A number of threads, from 1 to [`MOST_THREADS`].
+pub fn threads(s: &str) -> Result<usize, String> {
+    let valid = s.parse().ok().filter(|n| (1..=MOST_THREADS).contains(n));
+    valid.ok_or_else(|| format!("must be a whole number from 1 to {MOST_THREADS}"))
 }
 
 /// A count from 1 to 4096.

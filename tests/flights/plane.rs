@@ -313,9 +313,9 @@ fn a_scene_that_no_drawing_can_be_flown_by_is_refused() {
     for (name, refused) in [
         ("tentacles", None),
         ("tentacles-without-mines", None),
-        ("path", Some("steered by path")),
-        ("potential", Some("steered by potential")),
-        ("manual", Some("steered by manual")),
+        ("path", Some("uses the guide path")),
+        ("potential", Some("uses the guide potential")),
+        ("manual", Some("uses the guide manual")),
         ("render", Some("names no guide")),
     ] {
         let text = std::fs::read_to_string(format!("assets/scenes/{name}.toml")).unwrap();

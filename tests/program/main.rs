@@ -4,6 +4,7 @@ mod centerline;
 mod command_line;
 mod commands;
 mod examples;
+mod extremes;
 mod layers;
 mod leftovers;
 mod paper_table;

@@ -49,10 +49,10 @@ pub fn run(program: &Program, args: &FlyArgs, global: &Global, progress: &Arc<Pr
         if let Some(display) = crate::host::window::Display::open() {
             return window::fly(program, args, global, progress, display);
         }
-        eprintln!("no display: flying headless");
+        output::to_stderr(format_args!("no display: flying headless"));
     }
     #[cfg(not(feature = "window"))]
-    eprintln!("built without a window: flying headless");
+    output::to_stderr(format_args!("built without a window: flying headless"));
     let mut args = args.clone();
     if args.record.is_none() && args.log.is_none() {
         args.record = Some(SHORT_FILM.to_owned());
@@ -352,7 +352,7 @@ fn fly_with(
     flown.and(left)?;
     report(&flight);
     if short {
-        eprintln!("see {SHORT_FILM} and {SHORT_LOG}");
+        output::to_stderr(format_args!("see {SHORT_FILM} and {SHORT_LOG}"));
     }
     headless::outcome(&flight)
 }
@@ -362,12 +362,14 @@ fn report(flight: &FlightApp) {
     let f = flight.flight();
     let s = flight.clock().seconds();
     match f.state {
-        State::Arrived => eprintln!("arrived at {} after {:.0} mm in {s:.1} s", triple(f.place), f.length_mm),
-        State::Ended => eprintln!("time is over after {:.0} mm in {s:.1} s", f.length_mm),
+        State::Arrived => {
+            output::to_stderr(format_args!("arrived at {} after {:.0} mm in {s:.1} s", triple(f.place), f.length_mm))
+        }
+        State::Ended => output::to_stderr(format_args!("time is over after {:.0} mm in {s:.1} s", f.length_mm)),
         State::Flying | State::Operator => {}
     }
     if let Some(text) = headless::unflown_text(flight) {
-        eprintln!("{text}");
+        output::to_stderr(format_args!("{text}"));
     }
 }
 

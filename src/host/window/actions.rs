@@ -89,7 +89,7 @@ fn always(_: &FlightController) -> std::result::Result<(), &'static str> {
 
 /// Refuses actions that a replayed log cannot follow.
 fn flies_itself(c: &FlightController) -> std::result::Result<(), &'static str> {
-    if c.flight().scene().play().is_some() { Err("a log is played") } else { Ok(()) }
+    if c.flight().scene().play().is_some() { Err("a log is replayed") } else { Ok(()) }
 }
 
 fn shows_slices(c: &FlightController) -> std::result::Result<(), &'static str> {
@@ -373,7 +373,7 @@ impl Actions {
         }
         for (n, (key, action)) in owned.iter().enumerate() {
             if let Some((_, other)) = owned[..n].iter().find(|o| o.0 == *key) {
-                let why = format!("is taken twice: by {} and by {}", other.owner(), action.owner());
+                let why = format!("is used twice: by {} and by {}", other.owner(), action.owner());
                 return Err(Error::usage(format!("key {key}"), why, "give one another key"));
             }
         }

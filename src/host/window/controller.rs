@@ -38,6 +38,7 @@ use crate::components::trail::Trail;
 use crate::error::{Error, Kind, Result};
 use crate::host::frames::FrameStats;
 use crate::host::headless;
+use crate::output;
 #[cfg(test)]
 use crate::render::Frame;
 use crate::systems::present;
@@ -225,7 +226,7 @@ impl FlightController {
         let text = format!("{}: {}; continuing without it", e.what, e.why);
         // An error that recurs in every step is printed once.
         if self.reported.insert(text.clone()) {
-            eprintln!("note: {text}");
+            output::to_stderr(format_args!("note: {text}"));
         }
         self.message = Some((text, now + FAULT_MESSAGE));
         self.attention = true;

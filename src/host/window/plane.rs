@@ -19,6 +19,7 @@ use super::screen::Screen;
 use super::{Display, Wake};
 use crate::components::clock::Accumulator;
 use crate::error::{Error, Result};
+use crate::output;
 use crate::plane::drawing::MM_PER_PIXEL;
 use crate::plane::flight::HZ;
 use crate::plane::picture::{Painter, Show};
@@ -100,7 +101,7 @@ impl Shell {
         let mm = |x: f64, edge: usize| (x - edge as f64) / scale as f64 * MM_PER_PIXEL;
         let at = DVec3::new(mm(self.cursor.x, left), mm(self.cursor.y, top), 0.0);
         if let Err(e) = self.flight.start_at(at) {
-            eprintln!("note: {e}");
+            output::to_stderr(format_args!("note: {e}"));
         }
     }
 

@@ -34,6 +34,7 @@ use crate::app::Overlay;
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
 use crate::host::log::Log;
+use crate::output;
 use crate::progress::Progress;
 use crate::render::adaptive::FRAME;
 
@@ -130,12 +131,12 @@ impl Shell {
         let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels)?;
         let (workspace, unread) = Workspace::new(&launch.panels, launch.layout.as_deref(), Workspace::usual_file());
         for e in unsettled.iter().chain(&unread) {
-            eprintln!("note: {e}");
+            output::to_stderr(format_args!("note: {e}"));
         }
         let unsettled = unsettled.or(unread);
         let (recent, unlisted) = Recent::open(Recent::usual_file());
         if let Some(e) = &unlisted {
-            eprintln!("note: {e}");
+            output::to_stderr(format_args!("note: {e}"));
         }
         let unsettled = unsettled.or(unlisted);
         let first = launch.first;
@@ -195,7 +196,7 @@ impl Shell {
     /// Returns the first error.
     pub fn end(mut self) -> Result<()> {
         if let Err(e) = self.workspace.keep() {
-            eprintln!("note: the layout was not saved: {e}");
+            output::to_stderr(format_args!("note: the layout was not saved: {e}"));
         }
         let unopened = match &self.stage {
             // Errors of scans opened in the window were shown there.
@@ -222,7 +223,7 @@ impl Shell {
                 if let Some(path) = self.session.take() {
                     let session = Session::of(flight);
                     if let Err(e) = Session::keep(session.as_ref(), &path) {
-                        eprintln!("note: the position of this flight was not saved: {e}");
+                        output::to_stderr(format_args!("note: the position of this flight was not saved: {e}"));
                     }
                 }
                 let shown = Shown { present_ms: self.presented.summary(), moving: controller.moving() };
@@ -245,14 +246,14 @@ impl Shell {
                 match &mut self.stage {
                     Stage::Flying(c) => c.say(e.to_string(), Instant::now()),
                     Stage::Failed(shown) => *shown = e,
-                    Stage::Loading(_) | Stage::Over => eprintln!("note: {e}"),
+                    Stage::Loading(_) | Stage::Over => output::to_stderr(format_args!("note: {e}")),
                 }
                 self.touched = true;
                 return;
             }
         };
         if let Err(e) = self.close() {
-            eprintln!("{e}");
+            output::to_stderr(format_args!("{e}"));
             self.outcome = std::mem::replace(&mut self.outcome, Ok(())).and(Err(e));
         }
         // A cancelled progress stays cancelled.
@@ -321,7 +322,7 @@ impl Shell {
         }
         let left = match (&self.session, self.resume) {
             (Some(path), Resume::Everything | Resume::Place) => Session::read(path).unwrap_or_else(|e| {
-                eprintln!("note: {e}");
+                output::to_stderr(format_args!("note: {e}"));
                 None
             }),
             _ => None,
@@ -329,7 +330,7 @@ impl Shell {
         // A session that cannot be restored must not prevent the scan from opening.
         let along = left.and_then(|left| {
             left.resume(&mut flight, self.resume).unwrap_or_else(|e| {
-                eprintln!("note: the flight does not resume where you left it: {e}");
+                output::to_stderr(format_args!("note: the flight does not resume where you left it: {e}"));
                 None
             })
         });
@@ -341,7 +342,7 @@ impl Shell {
         if let Some(scan) = &self.opening
             && let Err(e) = self.recent.opened(scan)
         {
-            eprintln!("note: the list of recent scans was not saved: {e}");
+            output::to_stderr(format_args!("note: the list of recent scans was not saved: {e}"));
         }
         let mut controller =
             FlightController::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
@@ -349,7 +350,7 @@ impl Shell {
         let (measures, unread) = Measures::open(file.and_then(|f| Folder::State.file(f)));
         controller.set_measures(measures);
         if let Some(e) = &unread {
-            eprintln!("note: {e}");
+            output::to_stderr(format_args!("note: {e}"));
         }
         self.unsettled = self.unsettled.take().or(unread);
         if let Some(e) = self.unsettled.take() {

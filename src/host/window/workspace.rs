@@ -13,6 +13,7 @@ use super::overlay::{DISCLAIMER, SOFT, Severity};
 use super::panels::{Context, Panel, PanelEntry, Request, Requests, slices};
 use crate::components::slices::Orientation;
 use crate::error::{Error, Result};
+use crate::output;
 use crate::panics;
 
 /// The current version of the file of layouts.
@@ -423,7 +424,7 @@ impl Behavior<String> for Tiling<'_, '_> {
             shown.panel.ui(context, &mut own, requests);
         });
         if let Err(why) = laid_out {
-            eprintln!("note: panel {} panicked: {why}; it is hidden", shown.entry.name);
+            output::to_stderr(format_args!("note: panel {} panicked: {why}; it is hidden", shown.entry.name));
             reported(ui, rect, shown.entry.title, &why);
             shown.fault = Some(why);
         }

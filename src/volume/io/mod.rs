@@ -213,6 +213,22 @@ pub fn save(path: &Path, volume: &Volume, progress: &Progress) -> Result<()> {
     write::write(path, volume.grid(), write::Voxels::Scan(volume.data()), progress)
 }
 
+/// Checks that a file's ending names a format that can be written, before any work is done.
+///
+/// # Errors
+/// Returns status 2 if it does not.
+pub fn check_ending(path: &Path) -> Result<()> {
+    write::format(path).map(drop)
+}
+
+/// True if a file begins as DICOM does.
+pub fn is_dicom(path: &Path) -> bool {
+    use std::io::Read;
+    let mut head = Vec::new();
+    let read = std::fs::File::open(path).and_then(|f| f.take(132).read_to_end(&mut head));
+    read.is_ok() && folder::is_dicom(&head)
+}
+
 /// Writes a label mask (one byte per voxel, x fastest) on `grid`. The file extension selects the format.
 ///
 /// # Errors

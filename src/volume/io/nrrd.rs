@@ -140,7 +140,7 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
     let sizes: Vec<usize> = some(value)
         .filter(|v: &Vec<usize>| v.len() == count)
         .ok_or_else(|| bad(path, "sizes", value, &format!("{count} whole numbers")))?;
-    let to_lps = volume(f, notes)?;
+    let to_lps = space_to_lps(f, notes)?;
     let steps = match f.get(&["space directions"]) {
         None => vec![None; count],
         Some((key, value)) => {
@@ -201,7 +201,7 @@ fn grid(f: &Fields, notes: &mut Vec<String>) -> Result<Grid> {
 }
 
 /// Returns the matrix from the file's space to LPS.
-fn volume(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
+fn space_to_lps(f: &Fields, notes: &mut Vec<String>) -> Result<DMat3> {
     let flip = |x: f64, y: f64| DMat3::from_diagonal(DVec3::new(x, y, 1.0));
     let Some((key, value)) = f.get(&["space"]) else {
         match f.get(&["space dimension"]) {
@@ -328,7 +328,7 @@ pub fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> String {
     let _ = write!(
         h,
         "NRRD0004\ntype: {}\ndimension: 3\nspace: left-posterior-superior\nsizes: {x} {y} {z}\n\
-         volume directions: {} {} {}\nkinds: domain domain domain\nendian: little\nencoding: gzip\nspace origin: {}\n",
+         space directions: {} {} {}\nkinds: domain domain domain\nendian: little\nencoding: gzip\nspace origin: {}\n",
         match kind {
             VoxelKind::Scan => "int16",
             VoxelKind::Labels => "uint8",

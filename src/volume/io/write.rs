@@ -58,7 +58,7 @@ impl Voxels<'_> {
     }
 }
 
-enum Format {
+pub(super) enum Format {
     Nifti { gzip: bool },
     Mha,
     Mhd,
@@ -66,7 +66,7 @@ enum Format {
     Nhdr,
 }
 
-fn format(path: &Path) -> Result<Format> {
+pub(super) fn format(path: &Path) -> Result<Format> {
     let name = path.file_name().map(|n| n.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let known = [
         (".nii.gz", Format::Nifti { gzip: true }),
