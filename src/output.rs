@@ -178,7 +178,13 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
 /// # Errors
 /// Returns status 5 if the folder cannot be created.
 pub fn make_folder(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|e| cannot(path, &e))
+    std::fs::create_dir_all(path).map_err(|e| match path.ancestors().find(|p| p.exists()) {
+        Some(file) if !file.is_dir() => {
+            let why = format!("cannot be made a folder: {} is a file", file.display());
+            Error::output(path, why, "name another folder, or move the file away")
+        }
+        _ => cannot(path, &e),
+    })
 }
 
 /// Converts an `io::Error` to an output error about `path`. An [`Error`] wrapped inside is returned unchanged.
@@ -233,6 +239,10 @@ pub fn check_targets(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
 pub fn check_folders(outputs: &[&Path]) -> Result<()> {
     let is_missing = |p: &&&Path| place(p).parent().is_some_and(|f| !f.is_dir());
     outputs.iter().find(is_missing).map_or(Ok(()), |path| {
+        if place(path).parent().is_some_and(Path::exists) {
+            let why = "cannot be written (what should be its folder is a file)";
+            return Err(Error::output(path, why, "name another folder"));
+        }
         Err(Error::output(path, "cannot be written (its folder does not exist)", "make the folder first"))
     })
 }
@@ -304,6 +314,12 @@ mod tests {
         assert_eq!(check(&[&at("scan")]), Err(Kind::Usage));
         assert_eq!(check(&[&at("a"), &at("a")]), Err(Kind::Usage));
         assert_eq!(check(&[&at("none/a")]), Err(Kind::Output));
+        let in_file = check_targets(&[], &[&at("scan/a")]).unwrap_err().to_string();
+        assert!(in_file.contains("is a file"), "{in_file}");
+        for folder in [at("scan"), at("scan/deep/er")] {
+            let e = make_folder(&folder).unwrap_err().to_string();
+            assert!(e.contains("scan is a file"), "{e}");
+        }
         let apart = |i: &Path, o: &Path| check_apart(&[i], &[o]).map_err(|e| e.kind);
         assert_eq!(apart(dir.path(), &dir.path().join("")), Err(Kind::Usage), "the same folder, with a slash");
         assert_eq!(apart(dir.path(), &at("none/of/it/")), Ok(()));

@@ -15,7 +15,7 @@ pub struct Manual {}
 
 impl Guide for Manual {
     const NAME: &'static str = "manual";
-    const SUMMARY: &'static str = "by hand";
+    const SUMMARY: &'static str = "operator input only";
     const KEY: Option<char> = Some('4');
     const AUTOMATIC: bool = false;
 

@@ -33,7 +33,7 @@ pub struct PathFollower {
 
 impl Guide for PathSettings {
     const NAME: &'static str = "path";
-    const SUMMARY: &'static str = "planned along the centerline";
+    const SUMMARY: &'static str = "follows the centerline";
     const KEY: Option<char> = Some('3');
     const NEEDS: Needs = Needs { centerline: true, fluid_as_gas: true, ..Needs::NOTHING };
 

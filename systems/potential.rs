@@ -34,7 +34,7 @@ pub struct YieldingPotential {
 
 impl Guide for Potential {
     const NAME: &'static str = "potential";
-    const SUMMARY: &'static str = "drawn to the end, pushed off the wall";
+    const SUMMARY: &'static str = "the wall repels, the goal attracts";
     const KEY: Option<char> = Some('2');
     const NEEDS: Needs = Needs { distances: true, fluid_as_gas: true, ..Needs::NOTHING };
 

@@ -16,7 +16,7 @@ use crate::systems::sense;
 
 impl Guide for TentacleSettings {
     const NAME: &'static str = "tentacles";
-    const SUMMARY: &'static str = "steers by sensory rays along the walls";
+    const SUMMARY: &'static str = "sensory rays keep off the wall and find the path ahead";
     const KEY: Option<char> = Some('1');
 
     fn check(&self) -> Result<()> {

@@ -244,7 +244,7 @@ pub struct SegmentArgs {
     /// Output mask: 0 outside, 1 gas, 2 tagged fluid
     #[arg(long, value_name = "MASK")]
     pub out: PathBuf,
-    /// More labels: other (3: certainly not colon, such as lungs and outside air) and wall (4: the colon's wall)
+    /// Labels to add
     #[arg(long, value_enum, value_delimiter = ',', value_name = "LABEL,...")]
     pub labels: Vec<LabelName>,
     /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
@@ -288,7 +288,7 @@ pub struct CenterlineArgs {
     #[arg(long, value_name = "F")]
     pub out: PathBuf,
     /// Method: penalised (default; keeps away from walls, then moves to the axis), peel-onion (peels from the wall inwards),
-    /// roadmap (along inscribed balls; takes minutes on a whole scan) or cell-decomposition (from cell to cell)
+    /// roadmap (along inscribed balls; takes minutes on a whole scan) or cell-decomposition (through free cells)
     #[arg(long, value_name = "METHOD", value_parser = methods())]
     pub method: Option<CenterlineMethod>,
     /// Start: rectum, cecum, or X,Y,Z in mm LPS
@@ -470,7 +470,7 @@ fn choices(
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum QualityName {
-    /// Trilinear.
+    /// Full resolution, trilinear sampling.
     High,
     /// A third of the resolution, enlarged; with the presets colvis and lean, or `low = "nearest"` in a scene, nearest voxel.
     Low,
@@ -484,9 +484,9 @@ pub enum QualityName {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 #[value(rename_all = "lower")]
 pub enum LabelName {
-    /// Certainly not colon: 3.
+    /// 3: certainly not colon, such as lungs and outside air.
     Other,
-    /// The colon's wall: 4.
+    /// 4: the colon's wall.
     Wall,
 }
 

@@ -114,7 +114,7 @@ fn files() {
         ("sform-nan.nii", nifti(|n| n.srow[0][3] = f64::NAN), "origin"),
         ("quaternion.nii", nifti(|n| { n.sform_code = 0; n.qform_code = 1; n.quatern = [1.0, 1.0, 1.0]; }), "is not a rotation"),
         ("quaternion-nan.nii", nifti(|n| { n.qform_code = 1; n.quatern[0] = f64::NAN; }), "is not a rotation"),
-        ("units.nii", nifti(|n| n.units = 5), "no unit of length"),
+        ("units.nii", nifti(|n| n.units = 5), "is not a unit of length"),
         ("inter.nii", nifti(|n| { n.slope = 1.0; n.inter = f64::INFINITY; }), "scl_inter is inf"),
         ("pair.nii", nifti(|n| n.magic = b"ni1\0"), "does not exist"),
         // MetaImage.

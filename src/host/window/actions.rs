@@ -344,7 +344,7 @@ impl Actions {
         for (id, keys) in settings {
             let action = all.iter_mut().find(|a| a.id == *id);
             let Some(action) = action.filter(|a| !matches!(a.effect, Effect::Gesture)) else {
-                let why = format!("there is no {id:?}");
+                let why = format!("there is no action {id:?}");
                 return Err(Error::usage(
                     "keys: action",
                     why,

@@ -11,7 +11,7 @@ use crate::render::options::Options;
 /// A pinhole camera: straight lines stay straight.
 pub const MODEL: CameraModel = CameraModel {
     name: "perspective",
-    summary: "A pinhole camera: straight lines stay straight, the view angle is below 180°",
+    summary: "pinhole: straight lines stay straight; view angle below 180°",
     options: Options::NONE,
     make: |fov_degrees, _, options| {
         options.none()?;

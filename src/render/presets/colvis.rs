@@ -33,7 +33,7 @@ use crate::render::single::{by_frames, stretched};
 /// with key frames.
 pub const PRESET: Preset = Preset {
     name: "colvis",
-    summary: "The paper's own combination: 7 + 1 bits a voxel, reuse with key frames",
+    summary: "the paper's combination: 7 + 1 bits per voxel, reuse with key frames",
     memory: "a byte for each voxel, a gradient cache, and the last frame's empty distances",
     preparation: Preparation::Flags,
     takes: choices::all,

@@ -13,7 +13,7 @@ use crate::render::single::{stretched, words};
 /// The renderer with the least memory: bricks to leap by, no flag for each voxel, nothing kept between frames.
 pub const PRESET: Preset = Preset {
     name: "lean",
-    summary: "The least memory: bricks to leap by, nothing kept between frames",
+    summary: "least memory: one ray at a time, nothing kept between frames",
     memory: "a byte for each brick",
     preparation: Preparation::BricksOnly,
     takes,

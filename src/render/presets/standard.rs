@@ -15,7 +15,7 @@ use crate::render::{Frame, PreparedVolume, View, Work};
 /// The best available renderer: packets of rays, with a third of the resolution at low quality.
 pub const PRESET: Preset = Preset {
     name: "default",
-    summary: "The best there is: packets of rays",
+    summary: "fastest: packets of sixteen rays",
     memory: "a bit for each cell, distances of bricks and a gradient cache",
     preparation: Preparation::Flags,
     takes: choices::all,
