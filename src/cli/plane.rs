@@ -112,7 +112,7 @@ fn fly(mut flight: Flight, out: &Path, progress: &Progress) -> Result<()> {
     match flight.state() {
         State::Arrived => output::to_stderr(format_args!("arrived at {at} after {length:.0} mm in {seconds:.1} s")),
         State::Ended => {
-            output::to_stderr(format_args!("the time is over at {at} after {length:.0} mm in {seconds:.1} s"))
+            output::to_stderr(format_args!("the time is over at {at} after {length:.0} mm in {seconds:.1} s"));
         }
         State::Flying | State::Operator => {}
     }

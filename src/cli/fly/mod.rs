@@ -363,7 +363,7 @@ fn report(flight: &FlightApp) {
     let s = flight.clock().seconds();
     match f.state {
         State::Arrived => {
-            output::to_stderr(format_args!("arrived at {} after {:.0} mm in {s:.1} s", triple(f.place), f.length_mm))
+            output::to_stderr(format_args!("arrived at {} after {:.0} mm in {s:.1} s", triple(f.place), f.length_mm));
         }
         State::Ended => output::to_stderr(format_args!("time is over after {:.0} mm in {s:.1} s", f.length_mm)),
         State::Flying | State::Operator => {}
