@@ -30,7 +30,9 @@ pub fn make_slices(
 ) {
     let (Some(pose), Some(scan)) = (cameras.iter().next(), scans.iter().next()) else { return };
     let volume = scan.0.voxels();
-    let mut waiting = Vec::new();
+    // The first of the waiting slices, and the first after the last turn.
+    let (mut first, mut after): (Option<Entity>, Option<Entity>) = (None, None);
+    let earlier = |a: Option<Entity>, b: Entity| Some(a.map_or(b, |a| a.min(b)));
     for (entity, mut slice) in &mut slices {
         if !slice.may_wait() {
             slice.make(volume, pose);
@@ -38,12 +40,13 @@ pub fn make_slices(
         }
         slice.wait();
         if slice.is_stale(volume.grid(), pose) {
-            waiting.push(entity);
+            first = earlier(first, entity);
+            if last.is_some_and(|l| entity > l) {
+                after = earlier(after, entity);
+            }
         }
     }
-    // The next one after the last, or the first.
-    let next = waiting.iter().filter(|e| last.is_some_and(|l| **e > l)).min().or(waiting.iter().min());
-    if let Some((entity, mut slice)) = next.and_then(|e| slices.get_mut(*e).ok()) {
+    if let Some((entity, mut slice)) = after.or(first).and_then(|e| slices.get_mut(e).ok()) {
         *last = Some(entity);
         slice.make(volume, pose);
     }
