@@ -100,9 +100,12 @@ impl Error {
     }
 }
 
-/// Messages show at most this many characters of a name or a reason, and this many digits of a number.
+/// Messages show at most this many characters of a name or a reason.
 const MOST_CHARACTERS: usize = 600;
-const MOST_DIGITS: usize = 24;
+/// Longer runs of digits are a number such as 1e308, not part of a file's name.
+const MOST_DIGITS: usize = 60;
+/// Digits shown of a fraction that is as long.
+const DECIMALS: usize = 8;
 
 /// Replaces control characters by spaces. File names and messages of other programs may contain line breaks, which must not start
 /// a second line. Numbers of hundreds of digits are written with an exponent, and endless names lose their middle.
@@ -114,10 +117,13 @@ fn one_line(s: &str) -> String {
             digits.push(c);
             continue;
         }
-        if digits.len() > MOST_DIGITS {
-            line.push_str(&format!("{}.{}e{}", &digits[..1], &digits[1..4], digits.len() - 1));
-        } else {
+        if digits.len() <= MOST_DIGITS {
             line.push_str(&digits);
+        } else if line.ends_with('.') {
+            line.push_str(&digits[..DECIMALS]);
+            line.push('…');
+        } else {
+            line.push_str(&format!("{}.{}e{}", &digits[..1], &digits[1..4], digits.len() - 1));
         }
         digits.clear();
         line.push(if c.is_control() { ' ' } else { c });
@@ -143,6 +149,10 @@ mod tests {
         let e = Error::usage("dims", "123456789012345678901234 voxels, 0.1234 mm", "é".repeat(5000));
         assert!(e.to_string().starts_with("dims: 123456789012345678901234 voxels, 0.1234 mm; éé"));
         assert_eq!(e.to_string().chars().filter(|c| *c == 'é').count(), MOST_CHARACTERS);
+        let e = Error::usage("--seconds", format!("{} and {}", 1e-300, 1.5e99), "ok");
+        assert_eq!(e.to_string(), "--seconds: 0.00000000… and 1.500e99; ok");
+        let name = format!("{}.nii", "7".repeat(50));
+        assert!(Error::file(Path::new(&name), "a", "b").to_string().starts_with(&name), "a name stays itself");
         assert_eq!(Error::usage("", "7", "x\u{7}y").to_string(), ": 7; x y");
     }
 

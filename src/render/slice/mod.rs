@@ -69,6 +69,7 @@ impl Slice {
     /// corner.
     ///
     /// Values are linear between the centres of the larger pixels.
+    // The enlarger of pictures works on colours; these are HU, which the pointer reads.
     pub fn enlarge(&self, values: &[f32], factor: usize, size: [usize; 2], out: &mut Vec<f32>) {
         out.resize(size[0] * size[1], 0.0);
         let [width, height] = self.size;
