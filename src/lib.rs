@@ -8,7 +8,7 @@
 //! panics
 //! output, progress
 //! volume
-//! fields, phantom
+//! fields, phantom, space
 //! dynamics
 //! render
 //! components, schedule, surface
@@ -30,7 +30,7 @@
 //! ```
 //! use std::sync::Arc;
 //! use colvis::fields::ClearanceFinder;
-//! use colvis::render::{PreparedVolume, TransferFunction, first_crossing};
+//! use colvis::space::{PreparedVolume, TransferFunction, first_crossing};
 //! use colvis::volume::{Grid, Volume};
 //! use glam::{DMat3, DVec3};
 //!
@@ -38,9 +38,9 @@
 //! let grid = Grid::new([21, 21, 21], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY)?;
 //! let data = (0..grid.len()).map(|n| if n % 21 < 10 { -1000 } else { 50 }).collect();
 //! let volume = Arc::new(Volume::new(grid, data));
-//! let space = PreparedVolume::new(Arc::clone(&volume), TransferFunction::default());
+//! let prepared = PreparedVolume::new(Arc::clone(&volume), TransferFunction::default());
 //! let eye = DVec3::new(5.0, 10.0, 10.0);
-//! let ahead = first_crossing(&space, eye, DVec3::X, 100.0).expect("a wall");
+//! let ahead = first_crossing(&prepared, eye, DVec3::X, 100.0).expect("a wall");
 //! assert!((ahead - 4.333).abs() < 0.001, "−650 HU lies a third of the way from −1000 to 50");
 //! let clearance = ClearanceFinder::new(volume, -650.0, 12.0).at(eye);
 //! assert!(clearance.mm <= ahead && clearance.mm > ahead - 0.1 && clearance.toward.x > 0.99);
@@ -88,9 +88,9 @@
 //!
 //! The picture:
 //!
-//! - **Transfer function**: maps a value to an opacity, 0 up to one value and 1 from another on: [`render::TransferFunction`].
+//! - **Transfer function**: maps a value to an opacity, 0 up to one value and 1 from another on: [`space::TransferFunction`].
 //! - **Prepared volume**: a volume with its transfer function and the data structures that let rays leap:
-//!   [`render::PreparedVolume`].
+//!   [`space::PreparedVolume`].
 //! - **Leap**: a step of a ray over space that is known to be empty. **Brick**: a cube of cells that is known to be empty as a
 //!   unit.
 //! - **Homogeneous-region flag**: one bit per voxel, set if nothing changes around it.
@@ -128,6 +128,7 @@ pub mod progress;
 pub mod render;
 pub mod report;
 pub mod schedule;
+pub mod space;
 pub mod surface;
 pub mod volume;
 

@@ -9,8 +9,9 @@ use crate::components::output::{Follows, FrameCache, Picture};
 use crate::components::scan::Scan;
 use crate::error::Result;
 use crate::panics;
-use crate::render::{CameraModel, Options, PreparedVolume, Preset, ShaderModel, View, camera, presets, shaders};
+use crate::render::{CameraModel, Options, Preset, ShaderModel, View, camera, presets, shaders};
 use crate::schedule::{App, FlightSystems, Main, Phase, Slot, book_time, note, report_fault};
+use crate::space::PreparedVolume;
 
 /// Adds the ray caster to the renderer slot.
 ///

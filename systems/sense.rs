@@ -9,8 +9,8 @@ use crate::components::guide::Tentacles;
 use crate::components::scan::Scan;
 use crate::dynamics::tentacles::TentacleSettings;
 use crate::error::Result;
-use crate::render::{PreparedVolume, first_crossing};
 use crate::schedule::{App, FlightSystems, Main};
+use crate::space::{PreparedVolume, first_crossing};
 
 /// Gives the camera tentacles, for any guide that uses them.
 ///

@@ -61,7 +61,7 @@ mod tests {
     use super::*;
     use crate::components::slices::Orientation;
     use crate::dynamics::Attitude;
-    use crate::render::{PreparedVolume, TransferFunction};
+    use crate::space::{PreparedVolume, TransferFunction};
     use crate::volume::{Grid, Volume};
 
     #[test]

@@ -10,8 +10,8 @@ use crate::components::scan::Scan;
 use crate::dynamics::tentacles::{TentacleSettings, approach, steer};
 use crate::dynamics::{self};
 use crate::error::Result;
-use crate::render::first_crossing;
 use crate::schedule::{App, FlightSystems, Guide, Main};
+use crate::space::first_crossing;
 use crate::systems::sense;
 
 impl Guide for TentacleSettings {

@@ -12,7 +12,7 @@ use crate::fields::ClearanceFinder;
 use crate::fields::lumen::{self, Lumen, Segment};
 use crate::math::lattice::nearest_first;
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, first_crossing};
+use crate::space::{PreparedVolume, first_crossing};
 
 /// Largest distance by which a point outside the lumen is moved into it, mm.
 const SNAP_MM: f64 = 5.0;
@@ -109,7 +109,7 @@ pub fn plan(
         };
         let (number, segment, gas) = found;
         // Take the voxel's centre only if the point itself is not in gas.
-        let inside = f64::from(crate::render::value(volume, from)) < volume.transfer().iso();
+        let inside = f64::from(crate::space::value(volume, from)) < volume.transfer().iso();
         let at = if inside { from } else { gas };
         if !inside {
             notes.push(format!("--from {} lies outside the lumen; moved to {}", triple(from), triple(gas)));
@@ -196,7 +196,7 @@ fn finish(
             let nearest = in_own.into_iter().chain(in_colon).min_by(|a, b| far(a).total_cmp(&far(b)));
             let (s, p) = nearest.ok_or_else(|| outside("--to", to))?;
             if s == number {
-                let inside = f64::from(crate::render::value(volume, to)) < volume.transfer().iso();
+                let inside = f64::from(crate::space::value(volume, to)) < volume.transfer().iso();
                 if !inside {
                     notes.push(format!("--to {} lies outside the lumen; moved to {}", triple(to), triple(p)));
                 }

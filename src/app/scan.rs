@@ -14,7 +14,8 @@ use crate::error::{Error, Result};
 use crate::fields::{Lumen, drain, lumen};
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, Preset, TransferFunction};
+use crate::render::Preset;
+use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
 

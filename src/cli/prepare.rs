@@ -16,7 +16,8 @@ use crate::output;
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
 use crate::render::packets::simd_level;
-use crate::render::{CameraModel, Preset, Quality, Settings, TransferFunction};
+use crate::render::{CameraModel, Preset, Quality, Settings};
+use crate::space::TransferFunction;
 use crate::volume::Volume;
 use crate::volume::io::{self, LoadOptions};
 

@@ -12,9 +12,10 @@ use crate::host::terminal::Bar;
 use crate::output;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
-use crate::render::{CameraModel, PreparedVolume};
+use crate::render::CameraModel;
 use crate::report::render::{Extent, Subject};
 use crate::report::{Effort, dynamics, fields, gradients, perforation, render, scenes};
+use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
 /// The reports, with their names.

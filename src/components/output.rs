@@ -9,9 +9,8 @@ use serde::{Deserialize, Serialize};
 use crate::components::camera::Pose;
 use crate::components::flight::State;
 use crate::render::adaptive::Budget;
-use crate::render::{
-    CameraModel, Frame, PreparedVolume, Preset, Renderer, Reuse, Settings, TransferFunction, View, Work, renderer,
-};
+use crate::render::{CameraModel, Frame, Preset, Renderer, Reuse, Settings, View, Work, renderer};
+use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::Volume;
 
 /// One simulation step, as a line of the log.

@@ -6,7 +6,7 @@ use bevy_ecs::prelude::*;
 
 use crate::dynamics::Route;
 use crate::fields::{ClearanceFinder, TargetDistance, WallDistance};
-use crate::render::PreparedVolume;
+use crate::space::PreparedVolume;
 
 /// The prepared volume, which every system that senses or renders queries.
 #[derive(Component, Clone)]

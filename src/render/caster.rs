@@ -15,14 +15,14 @@ use super::classify::{ByDensity, ByValue, Classifier};
 use super::frame::{Frame, Work};
 use super::light::{Light, Lighting};
 use super::march::{Ray, Step};
-use super::prepared_volume::PreparedVolume;
 use super::quality::{Classification, Quality, Settings};
-use super::ray::first_crossing;
 use super::sampler::{Nearest, Sampler, Trilinear};
 use super::shaders::headlight::Headlight;
 use super::shaders::{Shader, SurfacePoint, shown};
 use super::skip::{Everything, Leap, Skipper};
 use super::transfer::Ramp;
+use crate::space::PreparedVolume;
+use crate::space::first_crossing;
 
 /// Rows of a task and of a tile.
 pub(super) const TILE_ROWS: usize = 16;

@@ -5,7 +5,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math::hash;
-use crate::render::{TransferFunction, psnr};
+use crate::render::psnr;
+use crate::space::TransferFunction;
 use crate::volume::{Grid, Volume};
 
 fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {

@@ -9,9 +9,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::camera::{Camera, Perspective};
-use super::{PreparedVolume, first_crossing};
 use crate::dynamics::Attitude;
 use crate::fields::lumen::WallPlace;
+use crate::space::{PreparedVolume, first_crossing};
 
 /// The largest distance at which a wall point counts as seen, mm.
 pub const REACH_MM: f64 = 100.0;
@@ -106,7 +106,7 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
-    use crate::render::TransferFunction;
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// A tube of radius 10 mm along z, from 0 to 100 mm, closed at both ends. At z = 50 a pocket of radius 4 mm extends

@@ -2,7 +2,8 @@
 
 use super::memory::MemoryPart;
 use super::renderer::Renderer;
-use super::{Frame, PreparedVolume, Settings, View, Work, caster};
+use super::{Frame, Settings, View, Work, caster};
+use crate::space::PreparedVolume;
 
 /// The ray caster of [`caster::render`] as a renderer. It keeps nothing between frames.
 pub struct Direct {

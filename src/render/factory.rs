@@ -3,10 +3,10 @@
 use super::adaptive::Adaptive;
 use super::checked::Checked;
 use super::direct::Direct;
-use super::prepared_volume::PreparedVolume;
 use super::preset::{Preset, Reuse};
 use super::quality::{Quality, Settings};
 use super::renderer::Renderer;
+use crate::space::PreparedVolume;
 
 /// Creates the renderer that `preset` and `settings` select for `volume`.
 ///

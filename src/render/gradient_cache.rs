@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::Vec3;
 
 use super::gradient_store::DensityScale;
-use super::prepared_volume::PreparedVolume;
 use super::regression::Fit;
+use crate::space::PreparedVolume;
 
 /// Entries, as a power of two: 4 MiB.
 const CACHE_BITS: u32 = 19;
@@ -120,7 +120,7 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::TransferFunction;
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     #[test]

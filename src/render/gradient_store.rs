@@ -12,10 +12,10 @@ use rayon::prelude::*;
 use super::choices::GradientSource;
 use super::gradient_cache::{self, GradientCache};
 use super::memory::MemoryPart;
-use super::prepared_volume::PreparedVolume;
 use super::regression::Fit;
 use super::sampler::{Sampler, VoxelSampler, nearest, split};
-use super::transfer::TransferFunction;
+use crate::space::PreparedVolume;
+use crate::space::TransferFunction;
 
 /// Edge of the bricks that are stored or left out, voxels.
 const EDGE: usize = 4;

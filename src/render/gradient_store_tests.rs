@@ -9,7 +9,8 @@ use crate::render::caster::{ImageRequest, render};
 use crate::render::classify::{ByDensity, ByValue};
 use crate::render::sampler::Trilinear;
 use crate::render::skip::Leap;
-use crate::render::{Classification, Frame, Settings, TransferFunction, View, psnr};
+use crate::render::{Classification, Frame, Settings, View, psnr};
+use crate::space::TransferFunction;
 use crate::volume::{Grid, Volume};
 
 fn cavity(n: usize, noise: f64) -> PreparedVolume {

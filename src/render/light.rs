@@ -15,8 +15,8 @@ use glam::{DMat3, Vec3};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
-use super::prepared_volume::PreparedVolume;
 use super::shaders::headlight::{AMBIENT, DIFFUSE};
+use crate::space::PreparedVolume;
 
 /// The effects of the light at the camera. With none it is the paper's headlight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -148,7 +148,8 @@ mod tests {
     use super::*;
     use crate::phantom::{Phantom, PhantomSettings, Size};
     use crate::progress::Progress;
-    use crate::render::{Frame, Preset, Quality, Reuse, Settings, TransferFunction, View, presets, psnr, renderer};
+    use crate::render::{Frame, Preset, Quality, Reuse, Settings, View, presets, psnr, renderer};
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     #[derive(Deserialize)]

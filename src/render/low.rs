@@ -9,7 +9,8 @@ use super::enlarge::Enlarger;
 use super::memory::MemoryPart;
 use super::packets::{PacketRenderer, Pixels};
 use super::renderer::Renderer;
-use super::{Frame, PreparedVolume, Settings, View, Work};
+use super::{Frame, Settings, View, Work};
+use crate::space::PreparedVolume;
 
 /// The factor between the sides of the picture and of the traced picture.
 const PART: usize = 3;

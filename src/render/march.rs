@@ -8,8 +8,8 @@
 
 use glam::{DVec3, Vec3};
 
-use super::prepared_volume::PreparedVolume;
-use super::ray::clip;
+use crate::space::PreparedVolume;
+use crate::space::ray::clip;
 
 /// The maximum number of samples of a ray. If h is so small relative to the volume that a ray would need more, steps
 /// grow.

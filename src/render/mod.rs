@@ -2,8 +2,8 @@
 //!
 //! A ray caster consists of independent parts, chosen at compile time. A [`Sampler`](sampler::Sampler) evaluates the
 //! volume at a point, a [`Skipper`](skip::Skipper) selects the samples that can be left out, and a [`Shader`] colours
-//! the wall. [`caster`] combines them along each [`Ray`](march::Ray). Separately from pictures, [`ray`] finds exactly
-//! where a ray meets the wall.
+//! the wall. [`caster`] combines them along each [`Ray`](march::Ray). Separately from pictures, [`space`](crate::space) finds
+//! exactly where a ray meets the wall.
 //!
 //! There are two extension points. A [`Preset`] makes a [`Renderer`] ([`presets`] has those of this crate), and a
 //! [`Camera`] defines the rays of its image ([`camera`]).
@@ -20,7 +20,6 @@ pub mod coverage;
 pub mod direct;
 pub mod enlarge;
 pub mod factory;
-pub mod flags;
 pub mod frame;
 pub mod gradient_cache;
 pub mod gradient_store;
@@ -31,11 +30,9 @@ pub mod march;
 pub mod memory;
 pub mod options;
 pub mod packets;
-pub mod prepared_volume;
 pub mod preset;
 pub mod presets;
 pub mod quality;
-pub mod ray;
 pub mod regression;
 pub mod renderer;
 pub mod reuse;
@@ -51,6 +48,7 @@ mod extremes_tests;
 #[cfg(test)]
 mod tissue_tests;
 
+pub use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
 pub use caster::render;
 pub use choices::{Choices, GradientSource, Leaping, LowDetail};
@@ -61,10 +59,7 @@ pub use frame::{Frame, Work, psnr};
 pub use light::Light;
 pub use memory::MemoryPart;
 pub use options::Options;
-pub use prepared_volume::PreparedVolume;
 pub use preset::{Preparation, Preset, Reuse};
 pub use quality::{Classification, Quality, Settings};
-pub use ray::{first_crossing, first_crossing_counted, value};
 pub use renderer::{Detail, Renderer};
 pub use shaders::{Shader, ShaderModel, SurfacePoint};
-pub use transfer::TransferFunction;

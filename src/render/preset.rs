@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use super::TransferFunction;
 use super::choices::Choices;
 use super::options::Options;
-use super::prepared_volume::PreparedVolume;
 use super::quality::Settings;
 use super::renderer::Renderer;
 use crate::error::Result;
+use crate::space::PreparedVolume;
+use crate::space::TransferFunction;
 use crate::volume::Volume;
 
 /// A named renderer.

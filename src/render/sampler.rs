@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 use crate::volume::AIR_HU;
 
 use super::march::round;
-use super::prepared_volume::PreparedVolume;
 use super::regression::{Fit, Regression, Weighting, block};
+use crate::space::PreparedVolume;
 
 /// Evaluates the volume between voxels. Positions are grown voxel coordinates (see [`super::march`]).
 pub trait Sampler: Sync {
@@ -230,7 +230,8 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::{TransferFunction, ray};
+    use crate::space::TransferFunction;
+    use crate::space::ray;
     use crate::volume::{Grid, Volume};
 
     #[test]

@@ -15,7 +15,8 @@ use super::reuse::paper::Trace;
 use super::reuse::{Plain, Refresh, Reusing, VoxelStorage, WordStorage};
 use super::sampler::{Trilinear, VoxelSampler};
 use super::skip::Skipper;
-use super::{Frame, PreparedVolume, Work};
+use super::{Frame, Work};
+use crate::space::PreparedVolume;
 
 /// The leaping method and the regression source for the rays of a storage.
 pub struct Accelerations {

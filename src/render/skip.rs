@@ -2,10 +2,10 @@
 
 use glam::{Vec3, Vec3A};
 
-use super::flags::{BRICK_SHIFT, Flags};
 use super::march::Ray;
-use super::prepared_volume::PreparedVolume;
 use super::sampler::nearest;
+use crate::space::PreparedVolume;
+use crate::space::flags::{BRICK_SHIFT, Flags};
 
 /// Leaps over samples whose opacity is 0.
 ///

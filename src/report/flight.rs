@@ -11,7 +11,8 @@ use crate::components::output::LogLine;
 use crate::error::{Error, Result};
 use crate::math::hash;
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, View};
+use crate::render::View;
+use crate::space::PreparedVolume;
 
 /// Maximum duration of a flight, simulated seconds.
 const SECONDS: f64 = 600.0;

@@ -1,16 +1,16 @@
 //! The rendering methods that `report render` compares. To add a method, add a line here.
 
 use crate::error::Result;
-use crate::render::flags::Flags;
 use crate::render::gradient_store::{GradientVolume, Stored};
 use crate::render::leap::VoxelWalls;
 use crate::render::packets::{PacketRenderer, Pixels};
 use crate::render::reuse::{Refresh, Reusing, Rule, WordStorage};
 use crate::render::sampler::Trilinear;
 use crate::render::{
-    Choices, Classification, Direct, GradientSource, Leaping, PreparedVolume, Quality, Renderer, Reuse, Settings,
-    presets, renderer,
+    Choices, Classification, Direct, GradientSource, Leaping, Quality, Renderer, Reuse, Settings, presets, renderer,
 };
+use crate::space::PreparedVolume;
+use crate::space::flags::Flags;
 use crate::surface::{Mesh, Rasteriser};
 
 /// A rendering method.

@@ -12,9 +12,10 @@ use crate::dynamics::STEP_HZ;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::progress::Progress;
-use crate::render::flags::Flags;
-use crate::render::{Light, PreparedVolume, Settings};
+use crate::render::{Light, Settings};
 use crate::schedule::Plugins;
+use crate::space::PreparedVolume;
+use crate::space::flags::Flags;
 use crate::systems::sense;
 
 use super::page::Page;

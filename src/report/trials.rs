@@ -14,8 +14,8 @@ use crate::fields::{Lumen, TargetDistance, Through, WallDistance, lumen};
 use crate::phantom::{Phantom, PhantomSettings, Size, Truth};
 use crate::plane::drawing::Drawing;
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, TransferFunction};
 use crate::report::Effort;
+use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 /// A volume to fly through from end to end.

@@ -8,9 +8,9 @@ use super::mesh::{Block, Mesh, Normal};
 use super::signs::{Numbers, Signs};
 use crate::error::{Error, Result};
 use crate::fields::voxels::each_bit;
-use crate::render::PreparedVolume;
 use crate::render::regression::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
+use crate::space::PreparedVolume;
 use crate::volume::{Grid, Volume};
 
 /// Cells along a block's edge. It must divide 64.

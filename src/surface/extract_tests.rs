@@ -5,7 +5,7 @@ use glam::{DMat3, DVec3, Vec3};
 
 use super::Mesh;
 use crate::math::hash;
-use crate::render::{PreparedVolume, TransferFunction, value};
+use crate::space::{PreparedVolume, TransferFunction, value};
 use crate::volume::{Grid, Volume};
 
 fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 
 use crate::error::Result;
-use crate::render::PreparedVolume;
+use crate::space::PreparedVolume;
 
 /// A group of neighbouring triangles: those of 4×4×4 cells, with a bounding ball.
 #[derive(Clone, Copy, Debug, PartialEq)]

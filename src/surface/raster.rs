@@ -17,7 +17,8 @@ use crate::render::regression::to_world;
 use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
 use crate::render::transfer::Palette;
-use crate::render::{CameraRay, Frame, MemoryPart, PreparedVolume, Renderer, Settings, View, Work, render, value};
+use crate::render::{CameraRay, Frame, MemoryPart, Renderer, Settings, View, Work, render};
+use crate::space::{PreparedVolume, value};
 
 /// The near plane, as a share of the smallest spacing.
 const NEAR: f64 = 0.02;

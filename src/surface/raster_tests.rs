@@ -4,7 +4,8 @@ use glam::{DMat3, DVec3};
 
 use super::{Mesh, Rasteriser};
 use crate::math::hash;
-use crate::render::{Frame, PreparedVolume, Renderer, Settings, TransferFunction, View, psnr, render};
+use crate::render::{Frame, Renderer, Settings, View, psnr, render};
+use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 /// A tube of gas along z with a bulge, in tissue with an edge three voxels wide.

@@ -20,9 +20,10 @@ use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
 use colvis::render::packets::{PacketRenderer, Pixels};
 use colvis::render::{
-    Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, psnr, renderer, value,
+    Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, psnr, renderer,
 };
 use colvis::report::flight::{self, Pose};
+use colvis::space::value;
 use colvis::volume::io::{self, LoadOptions};
 use colvis::volume::{Grid, Volume};
 use glam::DVec3;

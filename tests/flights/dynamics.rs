@@ -7,7 +7,7 @@ use colvis::components::flight::State;
 use colvis::components::input::HandCommand;
 use colvis::dynamics::Integrator;
 use colvis::phantom::{PhantomSettings, Size, Truth};
-use colvis::render::value;
+use colvis::space::value;
 use colvis::volume::Volume;
 use glam::DVec3;
 

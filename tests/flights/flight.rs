@@ -10,7 +10,7 @@ use colvis::dynamics::tentacles::TentacleSettings;
 use colvis::fields::lumen;
 use colvis::phantom::{PhantomSettings, Size};
 use colvis::progress::Progress;
-use colvis::render::{PreparedVolume, TransferFunction, value};
+use colvis::space::{PreparedVolume, TransferFunction, value};
 use colvis::volume::{Grid, Volume};
 use glam::{DMat3, DVec3};
 

@@ -11,7 +11,7 @@ use colvis::components::input::{FlightCommand, HandCommand, TimedCommand};
 use colvis::components::output::LogLine;
 use colvis::math::hash;
 use colvis::phantom::{PhantomSettings, Size};
-use colvis::render::value;
+use colvis::space::value;
 use glam::DVec3;
 
 use crate::support::flights::{flight, fly, jerk, judge};

@@ -27,8 +27,9 @@ use crate::fields::clearance::TOLERANCE_MM;
 use crate::fields::{Lumen, lumen};
 use crate::panics;
 use crate::progress::Progress;
-use crate::render::{Coverage, Frame, PreparedVolume, Reuse, Settings, View, coverage, renderer};
+use crate::render::{Coverage, Frame, Reuse, Settings, View, coverage, renderer};
 use crate::schedule::{App, note};
+use crate::space::PreparedVolume;
 use crate::systems;
 use crate::systems::present::{self, Presenter};
 

@@ -6,7 +6,7 @@ use super::{EDGE, GREY, SMALL, WHITE, YELLOW, dot, legend_row, legend_text, ring
 use crate::app::overlay::{Align, Canvas, Place2};
 use crate::app::{FlightApp, Overlay};
 use crate::components::guide::MineField;
-use crate::render::first_crossing;
+use crate::space::first_crossing;
 
 /// The overlay.
 pub const OVERLAY: Overlay = Overlay {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{EDGE, GREY, MARGIN, SMALL, WHITE, arrow, bottom};
 use crate::app::FlightApp;
 use crate::app::overlay::{Align, Canvas, Colour, Place2};
-use crate::render::first_crossing;
+use crate::space::first_crossing;
 
 /// Width that a view shows, mm; its height is two thirds of that.
 const SPAN_MM: f64 = 110.0;

@@ -10,7 +10,8 @@ use crate::host::window::actions::KeySettings;
 use crate::host::window::keys::Hold;
 use crate::host::window::panels::{FlightInput, SliceInput};
 use crate::progress::Progress;
-use crate::render::{PreparedVolume, Preset, Quality, Settings, TransferFunction};
+use crate::render::{Preset, Quality, Settings};
+use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::{Grid, Volume};
 
 const WINDOW: (usize, usize) = (96, 72);

@@ -11,7 +11,8 @@ use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::panics;
 use crate::progress::Progress;
-use crate::render::{CameraModel, Frame, PreparedVolume, Preset, Reuse, Settings, View, renderer};
+use crate::render::{CameraModel, Frame, Preset, Reuse, Settings, View, renderer};
+use crate::space::PreparedVolume;
 
 /// A request for an image to be saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,7 +114,8 @@ impl ScreenshotRenderer {
 mod tests {
     use super::*;
     use crate::dynamics::Attitude;
-    use crate::render::{CameraModel, Quality, TransferFunction};
+    use crate::render::{CameraModel, Quality};
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
     use glam::{DMat3, DVec3};
 

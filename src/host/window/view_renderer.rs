@@ -12,8 +12,9 @@ use crate::error::Result;
 use crate::host::frames::FrameStats;
 use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost, cost_shown};
-use crate::render::{CameraModel, Detail, Frame, Light, PreparedVolume, Quality, Settings};
+use crate::render::{CameraModel, Detail, Frame, Light, Quality, Settings};
 use crate::schedule::note;
+use crate::space::PreparedVolume;
 
 /// Positions closer than this count as equal, mm.
 const SAME_MM: f64 = 1e-3;

@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-use crate::render::ray::first_crossing;
-use crate::render::{CameraRay, PreparedVolume, View};
+use crate::render::{CameraRay, View};
+use crate::space::PreparedVolume;
+use crate::space::first_crossing;
 
 /// Number of tracked points along each side of the picture.
 const SIDE: usize = 5;
@@ -71,7 +72,7 @@ mod tests {
     use glam::{DMat3, DQuat};
 
     use super::*;
-    use crate::render::TransferFunction;
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// A wall at x = 50 mm.

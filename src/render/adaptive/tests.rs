@@ -5,7 +5,8 @@ use glam::{DQuat, DVec3};
 use super::*;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
-use crate::render::{Direct, Preset, Reuse, TransferFunction, presets, psnr, renderer};
+use crate::render::{Direct, Preset, Reuse, presets, psnr, renderer};
+use crate::space::TransferFunction;
 
 const SIDE: usize = 96;
 

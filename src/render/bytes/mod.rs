@@ -6,7 +6,7 @@
 //! Within it, the error of a value is at most half a code ([`ByteVolume::error_hu`]). No empty voxel gets a code that
 //! is not empty.
 //!
-//! The flag is stored in the voxel's own byte, as in the paper, and not in the [`flags`](super::flags) of the 16-bit
+//! The flag is stored in the voxel's own byte, as in the paper, and not in the [`flags`](crate::space::flags) of the 16-bit
 //! volume. One read returns value and flag, which is what this preset is meant to measure.
 
 pub mod sampler;
@@ -22,11 +22,11 @@ use super::caster::ImageRequest;
 use super::choices::{GradientSource, Leaping};
 use super::leap::chosen::ChosenRadius;
 use super::memory::MemoryPart;
-use super::prepared_volume::PreparedVolume;
 use super::quality::{Quality, Settings};
 use super::reuse::VoxelStorage;
 use super::single::Accelerations;
 use super::{Frame, View, Work};
+use crate::space::PreparedVolume;
 
 pub use sampler::{ByteNearest, ByteTrilinear};
 pub use skip::{ByteLeap, ByteSurroundings};

@@ -2,9 +2,9 @@
 
 use glam::{Vec3, Vec4};
 
-use crate::render::prepared_volume::PreparedVolume;
 use crate::render::regression::{Block, Fit, Regression};
 use crate::render::sampler::{Sampler, VoxelSampler, nearest, regression, split};
+use crate::space::PreparedVolume;
 
 use super::{ByteVolume, CODE, EMPTY, FLAG, OPAQUE, unit};
 

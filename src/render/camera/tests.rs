@@ -12,9 +12,9 @@ use crate::phantom::{Phantom, PhantomSettings as Colon, Size};
 use crate::progress::Progress;
 use crate::render::adaptive::{Adaptive, Budget, SAMPLES};
 use crate::render::{
-    Classification, Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction,
-    first_crossing, presets, psnr, renderer,
+    Classification, Direct, Frame, Preset, Quality, Renderer, Reuse, Settings, presets, psnr, renderer,
 };
+use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 
 /// An equidistant fisheye: the angle from the axis grows with the distance from the middle, and ends at the shorter
 /// side.

@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use crate::render::march::Ray;
-use crate::render::prepared_volume::PreparedVolume;
 use crate::render::skip::{Skipper, is_empty_voxel};
+use crate::space::PreparedVolume;
 
 use super::chessboard::{FAR, Outside, chessboard};
 use super::{EDGE, EmptyRadius};

@@ -5,8 +5,8 @@ use glam::Vec3;
 use crate::render::choices::Leaping;
 use crate::render::march::Ray;
 use crate::render::memory::MemoryPart;
-use crate::render::prepared_volume::PreparedVolume;
 use crate::render::skip::Skipper;
+use crate::space::PreparedVolume;
 
 use super::{BrickLeap, BrickWalls, EmptyRadius, Surroundings, VoxelLeap, VoxelWalls};
 

@@ -1,7 +1,7 @@
 //! Leaping by the distance to the wall (the paper's potential-field assisted method), per voxel and per brick. Also
 //! provides the empty distance around a position, which frame-to-frame reuse is proven by.
 //!
-//! The distances are made from the [`flags`](super::flags) and stored in addition to them. They exist only for
+//! The distances are made from the [`flags`](crate::space::flags) and stored in addition to them. They exist only for
 //! renderers that leap or prove reuse by them; all others are spared the memory.
 
 pub mod bricks;
@@ -11,9 +11,9 @@ pub mod voxels;
 
 use glam::Vec3;
 
-use super::flags::BRICK_SHIFT;
-use super::prepared_volume::PreparedVolume;
 use super::skip::is_empty_voxel;
+use crate::space::PreparedVolume;
+use crate::space::flags::BRICK_SHIFT;
 
 pub use bricks::{BrickLeap, BrickWalls};
 pub use chosen::Leaper;

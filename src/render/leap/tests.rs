@@ -11,7 +11,8 @@ use crate::render::caster::ImageRequest;
 use crate::render::classify::{ByDensity, ByValue};
 use crate::render::sampler::Trilinear;
 use crate::render::skip::Everything;
-use crate::render::{Frame, Settings, TransferFunction, View};
+use crate::render::{Frame, Settings, View};
+use crate::space::TransferFunction;
 use crate::volume::{Grid, Volume};
 
 fn specks(dims: [usize; 3], spacing: DVec3, wall: TransferFunction, seed: u64, share: f64) -> PreparedVolume {

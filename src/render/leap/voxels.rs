@@ -4,9 +4,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::render::march::Ray;
-use crate::render::prepared_volume::PreparedVolume;
 use crate::render::sampler::nearest;
 use crate::render::skip::Skipper;
+use crate::space::PreparedVolume;
 use crate::volume::AIR_HU;
 
 use super::chessboard::{FAR, Outside, chessboard};

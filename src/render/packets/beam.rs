@@ -148,7 +148,7 @@ mod tests {
 
     use super::*;
     use crate::math::hash;
-    use crate::render::transfer::TransferFunction;
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// The occupancy of an empty volume in which the given voxels are set.

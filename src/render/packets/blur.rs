@@ -4,7 +4,7 @@ use std::array::from_fn;
 
 use rayon::prelude::*;
 
-use crate::render::transfer::TransferFunction;
+use crate::space::TransferFunction;
 use crate::volume::Volume;
 
 /// The wall's rise from air to tissue, HU.

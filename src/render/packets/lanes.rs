@@ -269,7 +269,7 @@ mod tests {
     use super::*;
     use crate::math::hash;
     use crate::render::packets::levels;
-    use crate::render::transfer::TransferFunction;
+    use crate::space::TransferFunction;
     use crate::volume::Grid;
 
     proptest! {

@@ -392,7 +392,8 @@ mod tests {
     use crate::math::hash;
     use crate::render::packets::levels;
     use crate::render::packets::occupancy::Occupancy;
-    use crate::render::{PreparedVolume, Quality, Settings, TransferFunction, View};
+    use crate::render::{Quality, Settings, View};
+    use crate::space::{PreparedVolume, TransferFunction};
     use crate::volume::{Grid, Volume};
 
     /// On a rotated grid of stretched voxels both methods give the world gradient, in the wanted rays and in no others.

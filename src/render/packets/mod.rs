@@ -203,8 +203,9 @@ mod tests {
     use super::*;
     use crate::phantom::{Phantom, PhantomSettings as Colon, Size};
     use crate::progress::Progress;
+    use crate::render::Quality;
     use crate::render::renderer::SQUARE;
-    use crate::render::{Quality, TransferFunction};
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// Asserts that pictures are the same to the bit with and without the knowledge of empty cells. Returns the number

@@ -15,9 +15,9 @@
 
 use rayon::prelude::*;
 
-use crate::render::flags::above;
 use crate::render::leap::chessboard::{FAR, Outside, chessboard};
-use crate::render::transfer::TransferFunction;
+use crate::space::TransferFunction;
+use crate::space::flags::above;
 use crate::volume::{AIR_HU, Volume};
 
 /// Cells along a brick's edge, as a power of two.

@@ -39,12 +39,12 @@ use super::sampling::SIDE;
 use crate::render::camera::{Origins, View};
 use crate::render::light::Light;
 use crate::render::march::Step;
-use crate::render::prepared_volume::PreparedVolume;
 use crate::render::quality::Settings;
 use crate::render::regression::{Regression, Weighting, to_world};
 use crate::render::sampler::{Sampler, Trilinear};
 use crate::render::shaders::Shader;
 use crate::render::transfer::{FOOT, PALETTE_HU};
+use crate::space::PreparedVolume;
 
 /// A ray runs along the wall where its value changes by less than this over a path of h, the smallest spacing, HU. A
 /// ray that goes straight through the wall has one layer: its brightness hardly depends on how the wall turns.
@@ -544,7 +544,8 @@ mod tests {
 
     use super::super::levels;
     use super::*;
-    use crate::render::{Quality, TransferFunction};
+    use crate::render::Quality;
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// Steps of two voxels meet walls of one voxel or more wherever the steps end. Without a sample in the middle they

@@ -18,7 +18,6 @@
 //!
 //! `colvis report render` measures the benefit of each.
 
-use crate::render::PreparedVolume;
 use crate::render::bytes::{ByteStorage, ByteVolume};
 use crate::render::choices::{self, GradientSource, Leaping, LowDetail};
 use crate::render::low::Low;
@@ -27,6 +26,7 @@ use crate::render::preset::{Preparation, Preset, Reuse};
 use crate::render::quality::{Classification, Quality, Settings};
 use crate::render::renderer::Renderer;
 use crate::render::single::{by_frames, stretched};
+use crate::space::PreparedVolume;
 
 /// The paper's renderer: 7 + 1 bits a voxel, classification by filtered density, the homogeneous-region flag, the
 /// nearest voxel at low detail and trilinear at high, a gradient cache, and frame-to-frame reuse by the paper's rule

@@ -1,7 +1,6 @@
 //! `lean`: the least memory.
 
 use crate::error::{Error, Result};
-use crate::render::PreparedVolume;
 use crate::render::choices::{Choices, GradientSource, Leaping, LowDetail};
 use crate::render::low::Low;
 use crate::render::options::Options;
@@ -9,6 +8,7 @@ use crate::render::preset::{Preparation, Preset, Reuse};
 use crate::render::quality::{Quality, Settings};
 use crate::render::renderer::Renderer;
 use crate::render::single::{stretched, words};
+use crate::space::PreparedVolume;
 
 /// The renderer with the least memory: bricks to leap by, no flag for each voxel, nothing kept between frames.
 pub const PRESET: Preset = Preset {

@@ -10,7 +10,8 @@ use crate::render::preset::{Preparation, Preset, Reuse};
 use crate::render::quality::{Classification, Quality, Settings};
 use crate::render::renderer::Renderer;
 use crate::render::single::{stretched, words};
-use crate::render::{Frame, PreparedVolume, View, Work};
+use crate::render::{Frame, View, Work};
+use crate::space::PreparedVolume;
 
 /// The best available renderer: packets of rays, with a third of the resolution at low quality.
 pub const PRESET: Preset = Preset {

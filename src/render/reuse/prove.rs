@@ -9,7 +9,7 @@ use super::known::BEYOND;
 use crate::render::View;
 use crate::render::leap::{EmptyRadius, SLACK};
 use crate::render::march::Ray;
-use crate::render::prepared_volume::PreparedVolume;
+use crate::space::PreparedVolume;
 
 /// The least that a step must gain, voxels.
 const GAIN: f32 = 0.1;

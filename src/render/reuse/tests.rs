@@ -5,8 +5,9 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math::hash;
+use crate::render::Quality;
 use crate::render::caster::render;
-use crate::render::{Quality, TransferFunction};
+use crate::space::TransferFunction;
 use crate::volume::{Grid, Volume};
 
 /// Every method of reuse, for the same volume.

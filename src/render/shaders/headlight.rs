@@ -6,9 +6,9 @@ use glam::{Mat3, Vec3};
 
 use super::{Shader, ShaderModel, SurfacePoint};
 use crate::render::options::Options;
-use crate::render::prepared_volume::PreparedVolume;
 use crate::render::regression::to_world;
 use crate::render::transfer::Palette;
+use crate::space::PreparedVolume;
 
 /// The paper's headlight.
 pub const MODEL: ShaderModel = ShaderModel {
@@ -94,7 +94,7 @@ mod tests {
     use glam::{DMat3, DVec3, Quat};
 
     use super::*;
-    use crate::render::TransferFunction;
+    use crate::space::TransferFunction;
     use crate::volume::{Grid, Volume};
 
     /// Between a wall seen head on and one seen edge on, brightness is linear in gradient · ray, however long the

@@ -19,7 +19,7 @@ use std::path::Path;
 
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::render::PreparedVolume;
+use crate::space::PreparedVolume;
 
 use super::Effort;
 use super::page::Page;

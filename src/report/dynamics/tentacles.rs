@@ -9,12 +9,12 @@ use crate::error::Result;
 use crate::fields::ClearanceFinder;
 use crate::math::hash;
 use crate::progress::Progress;
-use crate::render::first_crossing;
 use crate::report::page::Page;
 use crate::report::plot::{Plot, Point, Series};
 use crate::report::table::{Cell, Table};
 use crate::report::trials::{self, Course};
 use crate::report::{Effort, mean, median, quantile};
+use crate::space::first_crossing;
 
 /// Numbers of tentacles, in a full and in a quick report.
 const COUNTS: [usize; 11] = [3, 4, 6, 8, 16, 32, 64, 128, 256, 512, 1024];

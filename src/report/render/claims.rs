@@ -10,10 +10,11 @@ use crate::math::hash;
 use crate::progress::Progress;
 use crate::render::bytes::{ByteTrilinear, ByteVolume};
 use crate::render::sampler::Sampler;
-use crate::render::{Frame, PreparedVolume, Preset, Reuse, Settings, renderer};
+use crate::render::{Frame, Preset, Reuse, Settings, renderer};
 use crate::report::flight::Stop;
 use crate::report::methods::{PREPARATIONS, Preparation, Role};
 use crate::report::{mean, median};
+use crate::space::PreparedVolume;
 
 use super::recount::{Recount, recount};
 use super::worth::Variant;

@@ -10,9 +10,10 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 use crate::render::packets::{self, PacketRenderer, Pixels};
-use crate::render::{Frame, PreparedVolume, Renderer, Settings};
+use crate::render::{Frame, Renderer, Settings};
 use crate::report::flight::{self, Flown, Stop};
 use crate::report::{median, quantile};
+use crate::space::PreparedVolume;
 use crate::volume::{Grid, Volume};
 
 use super::Extent;

@@ -4,10 +4,11 @@ use std::time::Instant;
 
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::render::{Frame, PreparedVolume, Renderer, View, Work, psnr};
+use crate::render::{Frame, Renderer, View, Work, psnr};
 use crate::report::flight::Stop;
 use crate::report::image::{displaced, rms, ssim};
 use crate::report::methods::{REFERENCE, RenderMethod};
+use crate::space::PreparedVolume;
 
 use super::Extent;
 

@@ -15,7 +15,7 @@ use std::path::Path;
 use crate::components::flight::State;
 use crate::error::Result;
 use crate::progress::Progress;
-use crate::render::PreparedVolume;
+use crate::space::PreparedVolume;
 
 use super::methods::{METHODS, RenderMethod};
 use super::page::Page;

@@ -6,9 +6,10 @@ use std::time::Instant;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::adaptive::{Adaptive, FRAME, FrameBudget, SAMPLES, cost_shown};
-use crate::render::{Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, View, psnr, renderer};
+use crate::render::{Direct, Frame, Preset, Quality, Renderer, Reuse, Settings, View, psnr, renderer};
 use crate::report::flight::Flown;
 use crate::report::{median, quantile};
+use crate::space::PreparedVolume;
 
 use super::Extent;
 

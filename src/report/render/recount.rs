@@ -13,8 +13,9 @@ use crate::render::classify::ByDensity;
 use crate::render::gradient_store::{FitSampler, Fits};
 use crate::render::regression::Fit;
 use crate::render::sampler::{Sampler, VoxelSampler};
-use crate::render::{Classification, Frame, GradientSource, PreparedVolume, Settings, View};
+use crate::render::{Classification, Frame, GradientSource, Settings, View};
 use crate::report::flight::Stop;
+use crate::space::PreparedVolume;
 
 use super::Extent;
 

@@ -5,12 +5,11 @@ use glam::{DMat3, DVec3};
 use super::worth::Variant;
 use super::*;
 use crate::error::Result as Outcome;
-use crate::render::{
-    Direct, Frame, GradientSource, Leaping, MemoryPart, Renderer, Settings, TransferFunction, View, Work,
-};
+use crate::render::{Direct, Frame, GradientSource, Leaping, MemoryPart, Renderer, Settings, View, Work};
 use crate::report::Effort;
 use crate::report::flight::{Pose, Stop};
 use crate::report::methods::{REFERENCE, Traits};
+use crate::space::TransferFunction;
 use crate::volume::{Grid, Volume};
 
 /// Shows the frame before the requested one: the worst case of reuse.

@@ -8,13 +8,14 @@ use crate::render::bytes::{ByteStorage, ByteVolume};
 use crate::render::presets::{colvis, standard};
 use crate::render::single::by_frames;
 use crate::render::{
-    Choices, Classification, Direct, Frame, GradientSource, Leaping, PreparedVolume, Quality, Renderer, Reuse,
-    Settings, Work, psnr, renderer,
+    Choices, Classification, Direct, Frame, GradientSource, Leaping, Quality, Renderer, Reuse, Settings, Work, psnr,
+    renderer,
 };
 use crate::report::flight::Stop;
 use crate::report::median;
 use crate::report::page::Page;
 use crate::report::table::{Cell, Table};
+use crate::space::PreparedVolume;
 
 use super::{Extent, Subject};
 

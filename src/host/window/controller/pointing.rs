@@ -15,7 +15,7 @@ use crate::host::window::measures::Measures;
 use crate::host::window::panels::SliceInput;
 use crate::host::window::slices::Slices;
 use crate::host::window::travel::Travel;
-use crate::render::first_crossing;
+use crate::space::first_crossing;
 
 impl FlightController {
     /// Returns the slices that are shown.

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::{Context, FlightInput, Panel, PanelEntry, Requests, measures, notches};
 use crate::components::output::Picture;
 use crate::host::window::overlay::{self, Severity};
-use crate::render::first_crossing;
+use crate::space::first_crossing;
 
 /// Its entry in the table.
 pub const PANEL: PanelEntry = PanelEntry {

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::math::hash;
-use crate::render::TransferFunction;
+use crate::space::TransferFunction;
 use crate::volume::Grid;
 
 fn volume(dims: [usize; 3], spacing: DVec3, direction: DMat3, f: impl Fn(DVec3) -> f64) -> PreparedVolume {

@@ -10,7 +10,7 @@
 //! both trilinear values and regressions over 3×3×3 neighbourhoods.
 //!
 //! These bricks of 8³ serve single rays, which check the voxel's own flag between them. Packets have separate bricks of
-//! 4³ ([`packets`](super::packets)), since sixteen rays at once can afford neither the wider margin nor a check of single
+//! 4³ ([`packets`](crate::render::packets)), since sixteen rays at once can afford neither the wider margin nor a check of single
 //! voxels.
 
 use rayon::prelude::*;
@@ -237,7 +237,7 @@ fn slice_masks(volume: &Volume, c: Classes, k: usize, words: usize, rows: &mut [
 }
 
 /// Writes a bit for each value of a row, set if the value is above `lo`. Words beyond the row become 0.
-pub(super) fn above(row: &[i16], lo: i16, words: &mut [u64]) {
+pub(crate) fn above(row: &[i16], lo: i16, words: &mut [u64]) {
     words.fill(0);
     for (values, word) in row.chunks(64).zip(words) {
         *word = mask(values, |v| v > lo);
