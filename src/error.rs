@@ -15,6 +15,7 @@
 //! files are written completely or not at all (see [`crate::output`]).
 
 use std::path::Path;
+use std::sync::Arc;
 
 /// The kind of a failure. Its number is the exit status of the program, see the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,9 +52,15 @@ pub struct Error {
     pub why: String,
     /// What the user can do about it, in the imperative.
     pub hint: String,
+    /// The error that caused this one, if there is one. `why` contains its message.
+    #[source]
+    pub source: Option<Cause>,
     /// If an input holds several scans: a description of each, in the order in which `--series` counts them, from 1.
     pub choices: Vec<String>,
 }
+
+/// An error of another library, as the cause of an [`Error`].
+pub type Cause = Arc<dyn std::error::Error + Send + Sync>;
 
 /// The result of anything that can fail.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -61,7 +68,13 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// Creates a failure of the given kind.
     pub fn new(kind: Kind, what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self { kind, what: what.into(), why: why.into(), hint: hint.into(), choices: Vec::new() }
+        Self { kind, what: what.into(), why: why.into(), hint: hint.into(), source: None, choices: Vec::new() }
+    }
+
+    /// Adds the error that caused this one.
+    #[must_use]
+    pub fn caused_by(self, cause: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self { source: Some(Arc::new(cause)), ..self }
     }
 
     /// An internal error: status 1.
@@ -154,6 +167,20 @@ mod tests {
         let name = format!("{}.nii", "7".repeat(50));
         assert!(Error::file(Path::new(&name), "a", "b").to_string().starts_with(&name), "a name stays itself");
         assert_eq!(Error::usage("", "7", "x\u{7}y").to_string(), ": 7; x y");
+    }
+
+    #[test]
+    fn the_chain_of_causes_is_kept_beside_the_line() {
+        let cause = std::io::Error::new(std::io::ErrorKind::InvalidData, "bad\nchecksum".parse::<f64>().unwrap_err());
+        let e = Error::file(Path::new("a.nii"), "is damaged", "copy it again").caused_by(cause);
+        let chain: Vec<String> =
+            std::iter::successors(std::error::Error::source(&e), |e| e.source()).map(ToString::to_string).collect();
+        assert_eq!(chain, ["invalid float literal"], "an io::Error is as its content");
+        let io = std::error::Error::source(&e).and_then(|s| s.downcast_ref::<std::io::Error>());
+        assert_eq!(io.unwrap().kind(), std::io::ErrorKind::InvalidData);
+        let told = Error { what: "b.nii".to_owned(), ..e.clone() };
+        assert!(std::error::Error::source(&told).is_some(), "an error that is told again keeps its cause");
+        assert_eq!(e.to_string(), "a.nii: is damaged; copy it again");
     }
 
     #[test]

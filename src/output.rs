@@ -101,7 +101,7 @@ impl AtomicFile {
         let sink = match &existing {
             Ok(m) if m.is_dir() => return Err(Error::output(path, "is a folder", "name a file")),
             Ok(m) if !m.is_file() || special => Sink::Direct(
-                File::options().append(m.is_file()).write(true).open(&absolute).map_err(|e| cannot(path, &e))?,
+                File::options().append(m.is_file()).write(true).open(&absolute).map_err(|e| cannot(path, e))?,
             ),
             _ => {
                 let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -116,7 +116,7 @@ impl AtomicFile {
                         _builder.permissions(std::fs::Permissions::from_mode(mode));
                     }
                 });
-                let file = file.map_err(|e| cannot(path, &e))?;
+                let file = file.map_err(|e| cannot(path, e))?;
                 let listed = Listed::new(&file);
                 Sink::Temporary(file, listed)
             }
@@ -137,10 +137,10 @@ impl AtomicFile {
     /// # Errors
     /// Returns status 5 if the last bytes cannot be written or the file cannot be renamed.
     pub fn finish(mut self) -> Result<()> {
-        self.sink.flush().map_err(|e| cannot(&self.path, &e))?;
+        self.sink.flush().map_err(|e| cannot(&self.path, e))?;
         // `into_parts` cannot lose data: the buffer was flushed above.
         match self.sink.into_parts().0 {
-            Sink::Temporary(f, _listed) => f.persist(&self.path).map(drop).map_err(|e| cannot(&self.path, &e.error)),
+            Sink::Temporary(f, _listed) => f.persist(&self.path).map(drop).map_err(|e| cannot(&self.path, e.error)),
             Sink::Direct(_) => Ok(()),
         }
     }
@@ -163,7 +163,7 @@ impl Write for AtomicFile {
 /// that error is returned instead.
 pub fn write_whole(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let mut file = AtomicFile::create(path)?;
-    fill(&mut file).map_err(|e| cannot(path, &e))?;
+    fill(&mut file).map_err(|e| cannot(path, e))?;
     file.finish()
 }
 
@@ -188,12 +188,12 @@ pub fn make_folder(path: &Path) -> Result<()> {
             let why = format!("cannot be made a folder: {} is a file", file.display());
             Error::output(path, why, "name another folder, or move the file away")
         }
-        _ => cannot(path, &e),
+        _ => cannot(path, e),
     })
 }
 
 /// Converts an `io::Error` to an output error about `path`. An [`Error`] wrapped inside is returned unchanged.
-pub fn cannot(path: &Path, e: &io::Error) -> Error {
+pub fn cannot(path: &Path, e: io::Error) -> Error {
     if let Some(own) = e.get_ref().and_then(|inner| inner.downcast_ref::<Error>()) {
         return own.clone();
     }
@@ -203,7 +203,17 @@ pub fn cannot(path: &Path, e: &io::Error) -> Error {
         io::ErrorKind::StorageFull => "free some space, or choose another disk",
         _ => "choose another place",
     };
-    Error::new(Kind::Output, path.display().to_string(), format!("cannot be written ({})", plain(e)), hint)
+    let why = format!("cannot be written ({})", plain(&e));
+    Error::new(Kind::Output, path.display().to_string(), why, hint).caused_by(e)
+}
+
+/// Reads a small text file whole: a scene, a list of poses.
+///
+/// # Errors
+/// Returns status 3, with `hint`, if it cannot be read.
+pub fn read_text(path: &Path, hint: &str) -> Result<String> {
+    std::fs::read_to_string(path)
+        .map_err(|e| Error::file(path, format!("cannot be read ({})", plain(&e)), hint).caused_by(e))
 }
 
 /// True if a path leads through the system's device folders. `/dev/shm` does not count: it holds ordinary files.

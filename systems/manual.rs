@@ -6,7 +6,7 @@ use crate::components::guide::GuideThrust;
 use crate::dynamics::Body;
 use crate::dynamics::hand::PUSH_MM_S;
 use crate::error::Result;
-use crate::schedule::{App, FlightSystems, Guide};
+use crate::schedule::{App, FlightSystems, Guide, Main};
 
 /// The settings of the manual guide. It has none.
 #[derive(Clone, Copy, Debug, Default, serde::Deserialize)]
@@ -31,8 +31,6 @@ impl Guide for Manual {
 }
 
 /// Clears the thrust left by a previous guide.
-pub fn let_drift(mut guides: Query<&mut GuideThrust>) {
-    for mut guide in &mut guides {
-        *guide = GuideThrust::default();
-    }
+pub fn let_drift(mut guide: Single<&mut GuideThrust, With<Main>>) {
+    **guide = GuideThrust::default();
 }

@@ -2,11 +2,12 @@
 //! with its view.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryData;
 use glam::DVec3;
 
 use crate::components::camera::{Acceleration, AngularMomentum, Body, Contact, Heading, Pose, Velocity};
 use crate::components::clock::Clock;
-use crate::components::flight::{Flight, State};
+use crate::components::flight::{Flight, SetOff, State};
 use crate::components::guide::{GuideThrust, MinePush, PotentialField};
 use crate::components::input::Hand;
 use crate::components::output::GuideName;
@@ -30,7 +31,15 @@ const STILL_RAD_S: f64 = 1e-6;
 pub fn plugin(app: &mut App) -> Result<()> {
     app.add_systems(FlightSystems::Sum, sum_forces);
     app.add_systems(FlightSystems::Integrate, move_body);
+    app.observe(take_heading);
     Ok(())
+}
+
+/// Takes the new heading of a flight that sets off again.
+pub fn take_heading(off: On<SetOff>, mut cameras: Query<&mut Heading>) {
+    if let (Some(to), Ok(mut heading)) = (off.heading, cameras.get_mut(off.entity)) {
+        heading.0 = to;
+    }
 }
 
 /// The accelerations that act on the body, world mm/s². Drag, a potential and wall contact are not included.
@@ -58,8 +67,7 @@ impl Acting {
 /// Operator input replaces the guide's thrust and the mines, which fade out and in gradually.
 pub fn acting(flight: &Flight, hand: Option<&Hand>, guide: Option<&GuideThrust>, mines: Option<&MinePush>) -> Acting {
     let mut acting = Acting { hand: hand.map_or(DVec3::ZERO, |h| h.acceleration), ..Acting::default() };
-    // Paused to look around: drag alone brings the body to rest, and nothing moves it after that.
-    let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
+    let stopped = hand.is_some_and(Hand::is_stopped);
     let Some(guide) = guide.filter(|_| !stopped) else { return acting };
     acting.wall = guide.wall;
     if guide.exact {
@@ -97,21 +105,38 @@ pub fn sum_forces(
     };
 }
 
+/// The body that moves, and what moves it.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct MovingBody {
+    pose: &'static mut Pose,
+    velocity: &'static mut Velocity,
+    spin: &'static mut AngularMomentum,
+    heading: &'static mut Heading,
+    contact: &'static mut Contact,
+    flight: &'static mut Flight,
+    acceleration: &'static Acceleration,
+    body: &'static Body,
+    guide: Option<&'static GuideThrust>,
+    field: Option<&'static PotentialField>,
+    hand: Option<&'static Hand>,
+}
+
 /// Advances the rigid body by one step, limited to free space.
-pub fn move_body(
-    clock: Res<Clock>,
-    walls: Single<&Walls, With<Main>>,
-    camera: Single<
-        (
-            (&mut Pose, &mut Velocity, &mut AngularMomentum, &mut Heading, &mut Contact, &mut Flight),
-            (&Acceleration, &Body),
-            (Option<&GuideThrust>, Option<&PotentialField>, Option<&Hand>),
-        ),
-        With<Main>,
-    >,
-) {
-    let (moving, (acceleration, body), (guide, field, hand)) = camera.into_inner();
-    let (mut pose, mut velocity, mut spin, mut heading, mut contact, mut flight) = moving;
+pub fn move_body(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: Single<MovingBody, With<Main>>) {
+    let MovingBodyItem {
+        mut pose,
+        mut velocity,
+        mut spin,
+        mut heading,
+        mut contact,
+        mut flight,
+        acceleration,
+        body,
+        guide,
+        field,
+        hand,
+    } = camera.into_inner();
     let (body, dt) = (&body.0, clock.dt());
     let before = RigidBodyState {
         position: pose.position,
@@ -119,7 +144,7 @@ pub fn move_body(
         orientation: orientation(pose.attitude),
         angular: spin.0,
     };
-    let guided = flight.state == State::Flying && !hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
+    let guided = flight.state == State::Flying && !hand.is_some_and(|h| h.is_in_control(clock.tick));
     let looking = hand.is_some_and(|h| clock.tick < h.looking_until);
     let turning = match guide.filter(|g| guided && !looking && g.look_direction != DVec3::ZERO) {
         // Look where the guide sees the lumen open, blended with a little of the direction of motion, so that the view
@@ -132,7 +157,7 @@ pub fn move_body(
         None => Turning::by_hand(hand.map_or(DVec3::ZERO, |h| h.turning), HAND_TURN_PER_S),
     };
     let push = acceleration.0 * body.mass_g;
-    let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
+    let stopped = hand.is_some_and(Hand::is_stopped);
     let method = body.integrator.stepper();
     let moved = match field.filter(|_| !stopped) {
         Some(f) => {

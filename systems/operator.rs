@@ -5,8 +5,7 @@ use glam::{DVec2, DVec3};
 
 use crate::components::camera::{Body, Heading, Pose};
 use crate::components::clock::Clock;
-use crate::components::flight::{Flight, State, Watch};
-use crate::components::guide::MineField;
+use crate::components::flight::{Flight, State, TakenOver};
 use crate::components::input::{Hand, HandCommand, Inbox};
 use crate::dynamics::hand;
 use crate::error::Result;
@@ -22,6 +21,7 @@ pub fn plugin(app: &mut App) -> Result<()> {
     app.world.init_resource::<Inbox>();
     app.camera().insert_if_new(Hand::default());
     app.add_systems(FlightSystems::Input, take_commands);
+    app.observe(resume_flight);
     Ok(())
 }
 
@@ -29,12 +29,10 @@ pub fn plugin(app: &mut App) -> Result<()> {
 pub fn take_commands(
     clock: Res<Clock>,
     mut inbox: ResMut<Inbox>,
-    camera: Single<
-        (&mut Hand, &mut Pose, &mut Heading, &mut Flight, &Body, Option<&mut Watch>, Option<&mut MineField>),
-        With<Main>,
-    >,
+    camera: Single<(Entity, &mut Hand, &mut Pose, &mut Heading, &Flight, &Body), With<Main>>,
+    mut commands: Commands,
 ) {
-    let (mut operator, mut pose, mut heading, mut flight, body, mut watch, mut mines) = camera.into_inner();
+    let (entity, mut operator, mut pose, mut heading, flight, body) = camera.into_inner();
     let after = |seconds: f64| clock.tick + (seconds * f64::from(clock.hz)).ceil() as u64;
     let unit = |v: [f64; 3]| DVec3::from_array(v.map(|x| if x.is_finite() { x.clamp(-1.0, 1.0) } else { 0.0 }));
     let mut touched = false;
@@ -81,19 +79,19 @@ pub fn take_commands(
         // The guide resumes from where the operator releases control, in the direction of the push.
         heading.0 = push.normalize_or_zero();
     }
-    let away = operator.paused || clock.tick < operator.on_until || flight.state != State::Flying;
+    let away = operator.is_in_control(clock.tick) || flight.state != State::Flying;
     operator.guided = if away { hand::let_go } else { hand::take_up }(operator.guided, clock.dt());
     if touched {
-        // Operator input is not circling, and mines laid on the way there must not block it.
-        if let Some(w) = watch.as_mut() {
-            w.rescue.restart();
-        }
-        if let Some(m) = mines.as_mut() {
-            m.mines.clear();
-        }
-        if flight.state == State::Operator {
-            flight.state = State::Flying;
-            flight.reason.clear();
-        }
+        commands.trigger(TakenOver { entity });
+    }
+}
+
+/// Resumes a flight that had called the operator.
+pub fn resume_flight(taken: On<TakenOver>, mut cameras: Query<&mut Flight>) {
+    if let Ok(mut flight) = cameras.get_mut(taken.entity)
+        && flight.state == State::Operator
+    {
+        flight.state = State::Flying;
+        flight.reason.clear();
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryData;
 use glam::DVec3;
 
 use crate::components::camera::{Body, Pose, Velocity};
@@ -11,9 +12,9 @@ use crate::components::flight::{Flight, HelpCall, State};
 use crate::components::guide::{GuideThrust, Planned};
 use crate::components::input::Hand;
 use crate::components::scan::{Centerline, Walls};
+use crate::dynamics;
 use crate::dynamics::route::follower::RouteFollower;
 use crate::dynamics::route::profile::PathSettings;
-use crate::dynamics::{self};
 use crate::error::{Error, Result};
 use crate::schedule::{App, FlightSystems, Guide, Main, Needs};
 
@@ -63,18 +64,26 @@ impl Guide for PathSettings {
     }
 }
 
+/// The camera that a plan steers.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct FollowingBody {
+    pose: &'static Pose,
+    velocity: &'static Velocity,
+    body: &'static Body,
+    flight: &'static Flight,
+    planned: &'static mut Planned,
+    follower: &'static mut PathFollower,
+    guide: &'static mut GuideThrust,
+    hand: Option<&'static Hand>,
+}
+
 /// Commands the acceleration that the plan requires.
 ///
 /// After an interruption, the plan is joined again at its nearest reachable position.
-pub fn guide_by_plan(
-    clock: Res<Clock>,
-    walls: Single<&Walls, With<Main>>,
-    camera: Single<
-        (&Pose, &Velocity, &Body, &Flight, &mut Planned, &mut PathFollower, &mut GuideThrust, Option<&Hand>),
-        With<Main>,
-    >,
-) {
-    let (pose, velocity, body, flight, mut planned, mut held, mut guide, hand) = camera.into_inner();
+pub fn guide_by_plan(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: Single<FollowingBody, With<Main>>) {
+    let FollowingBodyItem { pose, velocity, body, flight, mut planned, follower: mut held, mut guide, hand } =
+        camera.into_inner();
     let Planned { route, s_mm, jumps, .. } = &mut *planned;
     if held.jumps != *jumps {
         (held.follower, held.velocity_before, held.last, held.jumps) = (None, None, DVec3::ZERO, *jumps);
@@ -84,7 +93,7 @@ pub fn guide_by_plan(
     *velocity_before = Some(velocity.0);
     let limit = settings.cruise_mm_s * body.0.drag_per_s.max(1.0);
     *guide = GuideThrust { limit, exact: true, ..GuideThrust::default() };
-    let away = hand.is_some_and(|h| h.paused || clock.tick < h.on_until);
+    let away = hand.is_some_and(|h| h.is_in_control(clock.tick));
     if away || flight.state != State::Flying {
         *follower = None;
         *s_mm = route.nearest_reachable(&walls.0, pose.position);

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::components::camera::{Body, Pose};
 use crate::components::clock::Clock;
-use crate::components::flight::{Flight, HelpCall, Watch};
+use crate::components::flight::{Flight, HelpAnswered, HelpCall};
 use crate::components::guide::{Field, GuideThrust, PotentialField};
 use crate::components::scan::{TargetDistances, WallDistances};
 use crate::dynamics::potential::ahead;
@@ -80,9 +80,10 @@ pub fn guide_by_potential(
 /// D_t has no local minima, so the wall causes any local minimum of V. The step still cannot perforate.
 pub fn yield_to_trap(
     clock: Res<Clock>,
-    camera: Single<(&mut YieldingPotential, &mut HelpCall, Option<&mut Watch>, &mut Flight), With<Main>>,
+    camera: Single<(Entity, &mut YieldingPotential, &mut HelpCall, &mut Flight), With<Main>>,
+    mut commands: Commands,
 ) {
-    let (mut settings, mut call, watch, mut flight) = camera.into_inner();
+    let (entity, mut settings, mut call, mut flight) = camera.into_inner();
     if call.0.is_none() || settings.yields >= YIELDS {
         return;
     }
@@ -90,7 +91,5 @@ pub fn yield_to_trap(
     settings.yields += 1;
     settings.yields_until = clock.tick + (YIELD_S * f64::from(clock.hz)) as u64;
     flight.escapes += 1;
-    if let Some(mut watch) = watch {
-        watch.rescue.restart();
-    }
+    commands.trigger(HelpAnswered { entity });
 }

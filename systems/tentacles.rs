@@ -2,13 +2,14 @@
 //! turning back.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryData;
 
 use crate::components::camera::{Body, Heading, Pose};
 use crate::components::flight::{Goal, Watch};
 use crate::components::guide::{GuideThrust, MineField, Tentacles};
 use crate::components::scan::Scan;
+use crate::dynamics;
 use crate::dynamics::tentacles::{TentacleSettings, approach, steer};
-use crate::dynamics::{self};
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Guide, Main};
 use crate::space::first_crossing;
@@ -34,15 +35,23 @@ impl Guide for TentacleSettings {
     }
 }
 
+/// The camera that tentacles steer.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct TentacleGuide {
+    pose: &'static Pose,
+    heading: &'static Heading,
+    body: &'static Body,
+    tentacles: &'static Tentacles,
+    guide: &'static mut GuideThrust,
+    mines: Option<&'static MineField>,
+    goal: Option<&'static Goal>,
+    watch: Option<&'static Watch>,
+}
+
 /// Chooses the direction from the tentacle readings.
-pub fn guide_by_tentacles(
-    scan: Single<&Scan, With<Main>>,
-    camera: Single<
-        (&Pose, &Heading, &Body, &Tentacles, &mut GuideThrust, Option<&MineField>, Option<&Goal>, Option<&Watch>),
-        With<Main>,
-    >,
-) {
-    let (pose, heading, body, tentacles, mut guide, mines, goal, watch) = camera.into_inner();
+pub fn guide_by_tentacles(scan: Single<&Scan, With<Main>>, camera: Single<TentacleGuide, With<Main>>) {
+    let TentacleGuideItem { pose, heading, body, tentacles, mut guide, mines, goal, watch } = camera.into_inner();
     let mines = mines.map(|m| (&m.mines, &m.settings));
     // While the guide looks for another direction, its whole trail is forbidden ground, not only the last few mines.
     let trail = watch.map_or((&[][..], 0.0), |w| w.rescue.forbidden());

@@ -2,15 +2,15 @@
 //! operator.
 
 use bevy_ecs::prelude::*;
+use bevy_ecs::query::QueryData;
 
 use crate::components::camera::{Body, Contact, Heading, Pose};
 use crate::components::clock::Clock;
-use crate::components::flight::{Flight, Goal, Help, HelpCall, State, Watch};
-use crate::components::guide::{Automatic, MineField, Tentacles};
+use crate::components::flight::{Flight, Goal, Help, HelpAnswered, HelpCall, SetOff, State, TakenOver, Watch};
+use crate::components::guide::{Automatic, Tentacles};
 use crate::components::input::Hand;
 use crate::dynamics::monitor::MonitorSettings;
 use crate::dynamics::rescue::{Rescue, RescueAction};
-use crate::dynamics::tentacles::Drive;
 use crate::dynamics::trap::TentacleReading;
 use crate::error::Result;
 use crate::schedule::{App, FlightSystems, Main};
@@ -28,32 +28,58 @@ pub fn plug(app: &mut App, settings: MonitorSettings, goal: Goal) -> Result<()> 
     app.equip((Watch { settings, rescue: Rescue::default() }, HelpCall::default(), goal));
     app.add_systems(FlightSystems::Watch, watch_flight);
     app.add_systems(FlightSystems::Call, call_operator.before(super::arrival::note_arrival));
+    app.observe(restart_after_input).observe(restart_after_help);
     Ok(())
 }
 
+/// Starts over after operator input, which is no circling.
+pub fn restart_after_input(taken: On<TakenOver>, mut cameras: Query<&mut Watch>) {
+    if let Ok(mut watch) = cameras.get_mut(taken.entity) {
+        watch.rescue.restart();
+    }
+}
+
+/// Starts over after a guide has helped itself.
+pub fn restart_after_help(answered: On<HelpAnswered>, mut cameras: Query<&mut Watch>) {
+    if let Ok(mut watch) = cameras.get_mut(answered.entity) {
+        watch.rescue.restart();
+    }
+}
+
+/// The camera of a watched flight.
+#[derive(QueryData)]
+#[query_data(mutable)]
+pub struct WatchedFlight {
+    entity: Entity,
+    pose: &'static Pose,
+    body: &'static Body,
+    heading: &'static Heading,
+    contact: &'static Contact,
+    flight: &'static mut Flight,
+    watch: &'static mut Watch,
+    call: &'static mut HelpCall,
+    automatic: Has<Automatic>,
+    goal: Option<&'static Goal>,
+    hand: Option<&'static Hand>,
+    tentacles: Option<&'static Tentacles>,
+}
+
 /// Updates the state of the flight.
-pub fn watch_flight(
-    clock: Res<Clock>,
-    camera: Single<
-        (
-            &Pose,
-            &Body,
-            &Contact,
-            &mut Flight,
-            (&mut Watch, &mut HelpCall),
-            &mut Heading,
-            Has<Automatic>,
-            Option<&Goal>,
-            Option<&Hand>,
-            Option<&Tentacles>,
-            Option<&mut MineField>,
-        ),
-        With<Main>,
-    >,
-) {
-    let (pose, body, contact, mut flight, watching, mut heading, automatic, goal, hand, tentacles, mut mines) =
-        camera.into_inner();
-    let (mut watch, mut call) = watching;
+pub fn watch_flight(clock: Res<Clock>, camera: Single<WatchedFlight, With<Main>>, mut commands: Commands) {
+    let WatchedFlightItem {
+        entity,
+        pose,
+        body,
+        heading,
+        contact,
+        mut flight,
+        mut watch,
+        mut call,
+        automatic,
+        goal,
+        hand,
+        tentacles,
+    } = camera.into_inner();
     if flight.state != State::Flying {
         return;
     }
@@ -72,7 +98,7 @@ pub fn watch_flight(
         return;
     }
     // There is nothing to watch without a guide that moves the camera, or while the operator has control.
-    if !automatic || hand.is_some_and(|h| h.paused || clock.tick < h.on_until) {
+    if !automatic || hand.is_some_and(|h| h.is_in_control(clock.tick)) {
         watch.rescue.restart();
         return;
     }
@@ -92,20 +118,8 @@ pub fn watch_flight(
     flight.escapes += rescue.escapes() - before.1;
     match order {
         RescueAction::GoOn => {}
-        RescueAction::SetOff { heading: to, clear_mines } => {
-            if let Some(to) = to {
-                heading.0 = to;
-            }
-            if let Some(m) = mines.as_mut() {
-                let MineField { settings, mines } = &mut **m;
-                if clear_mines {
-                    mines.clear();
-                }
-                // A heading alone moves nothing if mines drive.
-                if let (Some(to), true) = (to, tentacles.is_some_and(|t| t.settings.drive == Drive::Mines)) {
-                    mines.lay_behind(pose.position, to, settings);
-                }
-            }
+        RescueAction::SetOff { heading, clear_mines } => {
+            commands.trigger(SetOff { entity, heading, clear_mines });
         }
         RescueAction::Call { trap, place } => {
             call.0 = Some(Help { reason: trap.text().to_owned(), place });

@@ -60,7 +60,7 @@ pub struct Explanation {
 /// # Ok::<(), colvis::error::Error>(())
 /// ```
 pub fn explain(flight: &FlightApp) -> Explanation {
-    let [step, frame] = flight.app().systems();
+    let [step, frame] = flight.app().inspect().systems();
     let volume = flight.volume();
     let part = Built::new;
     let mut built = vec![
@@ -96,7 +96,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     if slices > 0 {
         built.push(part("slices", slices, "the panels that show them"));
     }
-    let mut left_out = flight.app().left_out().to_vec();
+    let mut left_out = flight.app().inspect().left_out().to_vec();
     if let (Some(picture), Some(renderer)) =
         (flight.camera::<Picture>(), flight.camera::<FrameCache>().and_then(FrameCache::renderer))
     {
@@ -133,9 +133,17 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         let why = "the preset lean does without: rays leap from brick to brick".to_owned();
         left_out.push(LeftOut { part: "a flag for each voxel", why });
     }
-    let plugins = flight.app().plugged().to_vec();
-    let plugin_times = flight.app().plugin_times();
-    Explanation { step, frame, plugins, plugin_times, components: flight.app().components_in_use(), built, left_out }
+    let plugins = flight.app().inspect().plugged().to_vec();
+    let plugin_times = flight.app().inspect().plugin_times();
+    Explanation {
+        step,
+        frame,
+        plugins,
+        plugin_times,
+        components: flight.app().inspect().components_in_use(),
+        built,
+        left_out,
+    }
 }
 
 /// Names what needs the centerline, and the method that found it.

@@ -52,12 +52,12 @@ fn narrower(kept_mm: f64, asked_mm: f64) -> String {
 impl Fields {
     /// True if everything in `wanted` is built for this plan.
     pub fn has(&self, wanted: Needs, plan: &Plan) -> bool {
-        let ends = [plan.begin, plan.goal];
+        let ends = [plan.begin, plan.goal().at];
         let planned = self
             .route
             .as_ref()
             .is_some_and(|r| r.planner == wanted.planner && (r.ends == ends || r.ends == [ends[1], ends[0]]));
-        let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal);
+        let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal().at);
         (planned || !wanted.centerline) && (aimed || !wanted.distances)
     }
 
@@ -118,7 +118,7 @@ impl Fields {
         if !wanted.distances {
             self.target = None;
         }
-        let ends = [plan.begin, plan.goal];
+        let ends = [plan.begin, plan.goal().at];
         let planner = wanted.planner;
         let known = self.route.as_ref().filter(|r| wanted.centerline && r.planner == planner).map(|r| r.ends);
         let planned = match known {
@@ -128,7 +128,7 @@ impl Fields {
             }
             _ => None,
         };
-        let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal);
+        let aimed = self.target.as_ref().is_some_and(|t| t.0 == plan.goal().at);
         let missing = (wanted.centerline && planned.is_none()) || (wanted.distances && !aimed);
         self.route = planned;
         if missing && self.walls.is_none() {
@@ -152,11 +152,11 @@ impl Fields {
                 let clearance_mm = radius_mm + TOLERANCE_MM + 0.5 * volume.grid().spacing().max_element();
                 let body = BodyClearance { from: plan.begin, clearance_mm };
                 let target =
-                    self.timed("target_s", || TargetDistance::to(&walls, plan.goal, Some(body), &[], progress))?;
+                    self.timed("target_s", || TargetDistance::to(&walls, plan.goal().at, Some(body), &[], progress))?;
                 if target.clearance_mm() < clearance_mm {
                     self.notes.push(narrower(target.clearance_mm(), clearance_mm));
                 }
-                self.target = Some((plan.goal, Arc::new(target)));
+                self.target = Some((plan.goal().at, Arc::new(target)));
             }
         }
         if !wanted.distances {

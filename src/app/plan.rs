@@ -52,33 +52,65 @@ pub struct FlightRequest {
     pub reverse: bool,
 }
 
+/// An end that a flight can go to.
+#[derive(Clone, Debug)]
+pub struct PlanEnd {
+    /// Position, world mm.
+    pub at: DVec3,
+    /// Distance from it at which the flight has arrived, mm.
+    pub within_mm: f64,
+    /// Message on arrival, if the requested end lies beyond the gas that the flight can reach.
+    pub missed: Option<String>,
+}
+
+impl PlanEnd {
+    /// Creates an end that was requested as such.
+    pub fn new(at: DVec3, within_mm: f64) -> Self {
+        Self { at, within_mm, missed: None }
+    }
+}
+
 /// A planned flight.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// Where it starts, world mm.
     pub start: DVec3,
-    /// Where it ends, world mm.
-    pub goal: DVec3,
-    /// Distance from the goal at which the flight has arrived, mm.
-    pub within_mm: f64,
     /// Where the planned path begins, world mm: the requested start, or the lumen's other end.
     pub begin: DVec3,
-    /// The end of the lumen opposite the goal, world mm.
-    pub other_end: DVec3,
-    /// Distance from the other end at which a reversed flight has arrived, mm.
-    pub other_within_mm: f64,
+    /// The lumen's other end, and the goal. A reversed flight swaps them.
+    pub ends: [PlanEnd; 2],
     /// Coarse length of the segment, mm, to display the progress of the flight.
     pub length_mm: f64,
     /// Number of the segment, if it is one of the lumen's.
     pub segment: Option<usize>,
     /// The gas of the flight, if it is not a segment of the colon.
     pub gas: Option<Arc<Lumen>>,
-    /// Message at the end of the flight, if the requested goal lies beyond the gas that it can reach.
-    pub goal_missed: Option<String>,
-    /// The same for the other end, for a reversed flight.
-    pub other_goal_missed: Option<String>,
     /// Notes to the user.
     pub notes: Vec<String>,
+}
+
+impl Plan {
+    /// Creates a plan for gas that is no segment of a colon, from `start` to `goal` (world mm), of a coarse length (mm).
+    pub fn between(start: DVec3, goal: DVec3, length_mm: f64) -> Self {
+        let ends = [start, goal].map(|at| PlanEnd::new(at, ARRIVED_MM));
+        Self { start, begin: start, ends, length_mm, segment: None, gas: None, notes: Vec::new() }
+    }
+
+    /// Returns where the flight goes.
+    pub fn goal(&self) -> &PlanEnd {
+        &self.ends[1]
+    }
+
+    /// Returns the end of the lumen opposite the goal.
+    pub fn other_end(&self) -> &PlanEnd {
+        &self.ends[0]
+    }
+
+    /// Turns the flight round.
+    pub fn reverse(&mut self) {
+        self.begin = self.goal().at;
+        self.ends.swap(0, 1);
+    }
 }
 
 /// Plans the requested flight. Without points it goes through the largest segment.
@@ -187,7 +219,7 @@ fn finish(
 ) -> Result<Plan> {
     let walls = ClearanceFinder::new(volume.shared_voxels(), volume.transfer().iso() as f32, SNAP_MM + radius_mm + 1.0);
     let (first, last) = ends_of(segment, request);
-    let mut goal_missed = None;
+    let mut missed = None;
     let (goal, within_mm) = match request.to {
         Some(Place::World(to)) => {
             let in_own = own.and_then(|gas| gas.nearest_gas(to, SNAP_MM)).map(|(_, p)| (None, p));
@@ -202,7 +234,7 @@ fn finish(
                 }
                 (if inside { to } else { p }, ARRIVED_MM)
             } else {
-                goal_missed = Some(format!("--to {} lies in another gas segment{}", triple(to), begins(lumen, s)));
+                missed = Some(format!("--to {} lies in another gas segment{}", triple(to), begins(lumen, s)));
                 (last, end_reach(volume, last))
             }
         }
@@ -211,9 +243,9 @@ fn finish(
     let other = |end: &str, next| format!("the {end} lies in another gas segment{}", begins(lumen, Some(next)));
     match (request.to, number) {
         (Some(Place::Cecum), Some(n)) if lumen.ordered && n + 1 < lumen.segments.len() => {
-            goal_missed = Some(other("cecum", n + 1));
+            missed = Some(other("cecum", n + 1));
         }
-        (Some(Place::Rectum), Some(n)) if lumen.ordered && n > 0 => goal_missed = Some(other("rectum", n - 1)),
+        (Some(Place::Rectum), Some(n)) if lumen.ordered && n > 0 => missed = Some(other("rectum", n - 1)),
         _ => {}
     }
     let wanted = from.unwrap_or(first);
@@ -224,18 +256,14 @@ fn finish(
             "choose another start with --from X,Y,Z",
         )
     })?;
+    let goal = PlanEnd { at: goal, within_mm, missed };
     Ok(Plan {
         start,
-        goal,
-        within_mm,
         begin: if from.is_some() { start } else { first },
-        other_end: first,
-        other_within_mm: end_reach(volume, first),
+        ends: [PlanEnd::new(first, end_reach(volume, first)), goal],
         length_mm: segment.length_mm,
         segment: number,
         gas: None,
-        goal_missed,
-        other_goal_missed: None,
         notes,
     })
 }
@@ -334,18 +362,5 @@ pub fn triple(p: DVec3) -> String {
 /// Creates the plan of a log, from its first to its last position.
 pub fn as_logged(play: &Playback) -> Plan {
     let [start, goal] = play.ends();
-    Plan {
-        start,
-        goal,
-        within_mm: ARRIVED_MM,
-        begin: start,
-        other_end: start,
-        other_within_mm: ARRIVED_MM,
-        length_mm: play.length_mm(),
-        segment: None,
-        gas: None,
-        goal_missed: None,
-        other_goal_missed: None,
-        notes: Vec::new(),
-    }
+    Plan::between(start, goal, play.length_mm())
 }

@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use glam::DVec3;
 
+use crate::app::fields::Fields;
 use crate::app::plan::{self, FlightRequest, Plan};
 use crate::app::timings::Timings;
 use crate::app::{FlightApp, Scene};
@@ -233,13 +234,16 @@ impl Scan {
 
     /// Creates a flight with a known plan.
     fn fly(&mut self, volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<FlightApp> {
-        let begun = Instant::now();
-        let mut flight = FlightApp::prepared(volume, lumen, plan, scene, Arc::clone(&self.progress))?;
+        scene.check()?;
+        let mut fields = Fields::default();
+        let (voxels, radius_mm) = (volume.voxels(), scene.body.radius_mm);
+        fields.build(scene.needs(), voxels, &lumen, &plan, radius_mm, &self.progress)?;
+        self.notes.extend(fields.take_notes());
+        fields.take_times().into_iter().for_each(|(name, seconds)| self.timings.add(name, seconds));
+        let progress = Arc::clone(&self.progress);
+        let create = || FlightApp::with_fields(volume, lumen, plan, scene, fields, progress);
+        let mut flight = self.timings.time("scene_s", create)?;
         self.notes.extend(flight.take_notes());
-        let fields = flight.take_field_times();
-        let spent: f64 = fields.iter().map(|f| f.1).sum();
-        fields.into_iter().for_each(|(name, seconds)| self.timings.add(name, seconds));
-        self.timings.add("scene_s", begun.elapsed().as_secs_f64() - spent);
         Ok(flight)
     }
 }

@@ -39,7 +39,7 @@ pub fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Ar
         flight.frame()?;
         flight.frame()?;
     }
-    if !flight.app().plugin_times().is_empty() {
+    if !flight.app().inspect().plugin_times().is_empty() {
         // What plug-ins take is told by how it was.
         flight.fly(TRIAL_S)?;
         flight.frame()?;

@@ -292,7 +292,7 @@ fn on_interrupt(progress: &Arc<Progress>) -> Result<()> {
         }
         progress.cancel();
     })
-    .map_err(|e| Error::fault("interrupt handler", e.to_string(), "run it again"))
+    .map_err(|e| Error::fault("interrupt handler", e.to_string(), "run it again").caused_by(e))
 }
 
 fn run(program: &Program, args: Args) -> Result<()> {
@@ -358,7 +358,7 @@ fn gather_threads(threads: Option<usize>) -> Result<()> {
             _ => Ok(()),
         };
     }
-    let fault = |e: ThreadPoolBuildError| Error::fault("--threads", e.to_string(), "use fewer threads");
+    let fault = |e: ThreadPoolBuildError| Error::fault("--threads", e.to_string(), "use fewer threads").caused_by(e);
     // rayon takes any number from its environment variable, however long it takes to start as many.
     let asked = std::env::var("RAYON_NUM_THREADS").ok().and_then(|n| n.parse::<usize>().ok());
     let number = threads.or(asked.filter(|n| *n > values::MOST_THREADS).map(|_| values::MOST_THREADS));

@@ -65,8 +65,7 @@ pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
 /// # Errors
 /// Returns status 3 if it cannot be read, 2 if it is not a scene or not one for a drawing.
 fn settings(path: &Path) -> Result<PlaneSettings> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), "give a scene file"))?;
+    let text = output::read_text(path, "give a scene file")?;
     let what = || path.display().to_string();
     let scene = Scene::parse(&text, &crate::app::Catalog::default())
         .map_err(|e| Error::usage(what(), e.to_string(), "see assets/scenes"))?;

@@ -109,9 +109,8 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
 
 fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
     let hint = r#"give {"fov_degrees": 90, "poses": [{"position": […], "forward": […], "up": […]}, …]}"#;
-    let text =
-        std::fs::read(path).map_err(|e| Error::file(path, format!("cannot be read ({})", output::plain(&e)), hint))?;
-    let poses: Poses = serde_json::from_slice(&text).map_err(|e| Error::file(path, e.to_string(), hint))?;
+    let text = output::read_text(path, hint)?;
+    let poses: Poses = serde_json::from_str(&text).map_err(|e| Error::file(path, e.to_string(), hint).caused_by(e))?;
     if let Some(fov) = poses.fov_degrees {
         camera.camera(fov, 1.0).map_err(|e| Error::file(path, format!("fov_degrees: {}", e.why), hint))?;
     }

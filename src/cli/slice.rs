@@ -78,7 +78,7 @@ pub fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()>
                 grey.extend(hu.iter().map(|hu| windowing.grey(*hu)));
                 Ok(())
             })
-            .map_err(|e| output::cannot(&args.out, &e))?;
+            .map_err(|e| output::cannot(&args.out, e))?;
             write_grey_png(&args.out, &grey, slice.size)
         }
         Format::Npy => output::write_whole(&args.out, |w| {

@@ -87,6 +87,33 @@ pub struct Help {
     pub place: DVec3,
 }
 
+/// The operator has taken over, or has moved the camera: what was counted or laid on the way so far no longer applies.
+///
+/// Each system observes it for its own components.
+#[derive(EntityEvent, Clone, Copy, Debug)]
+pub struct TakenOver {
+    /// The camera.
+    pub entity: Entity,
+}
+
+/// A guide has answered a call for help itself. The flight goes on, and its progress is judged from here.
+#[derive(EntityEvent, Clone, Copy, Debug)]
+pub struct HelpAnswered {
+    /// The camera.
+    pub entity: Entity,
+}
+
+/// The flight sets off again, to leave a trap.
+#[derive(EntityEvent, Clone, Copy, Debug)]
+pub struct SetOff {
+    /// The camera.
+    pub entity: Entity,
+    /// The new unit heading, world; `None` keeps the current one.
+    pub heading: Option<DVec3>,
+    /// True if the mines are cleared, so that they cannot hold the camera.
+    pub clear_mines: bool,
+}
+
 /// Detects a flight that makes no progress.
 #[derive(Component, Clone, Debug)]
 #[require(HelpCall)]

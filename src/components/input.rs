@@ -238,6 +238,16 @@ impl Default for Hand {
 }
 
 impl Hand {
+    /// Returns true while the operator has control or has paused the flight.
+    pub fn is_in_control(&self, tick: u64) -> bool {
+        self.paused || tick < self.on_until
+    }
+
+    /// Returns true if the flight is paused and not pushed: drag alone brings the body to rest.
+    pub fn is_stopped(&self) -> bool {
+        self.paused && self.push == DVec3::ZERO
+    }
+
     /// Returns the factor on the guide's thrust: the operator's speed, eased in and out when control changes.
     pub fn pace(&self) -> f64 {
         self.speed * self.share()

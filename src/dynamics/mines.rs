@@ -66,11 +66,37 @@ pub struct Mines {
 }
 
 impl Mines {
+    /// Lays the mines of one step. Where mines `alone` drive the camera, the first one is laid at once, behind the `heading`.
+    pub fn lay(&mut self, camera: DVec3, heading: DVec3, alone: bool, settings: &MineSettings) {
+        if self.is_empty() && alone {
+            self.lay_behind(camera, heading, settings);
+        }
+        self.follow(camera, settings);
+    }
+
+    /// Lets the camera set off again, along a new heading if there is one. Where mines `alone` drive the camera, the heading
+    /// takes effect through a mine behind it.
+    pub fn set_off(
+        &mut self,
+        camera: DVec3,
+        heading: Option<DVec3>,
+        clear: bool,
+        alone: bool,
+        settings: &MineSettings,
+    ) {
+        if clear {
+            self.clear();
+        }
+        if let Some(heading) = heading.filter(|_| alone) {
+            self.lay_behind(camera, heading, settings);
+        }
+    }
+
     /// Follows the camera (world mm) and lays a mine at its position every `spacing_mm`.
     pub fn follow(&mut self, camera: DVec3, settings: &MineSettings) {
         match self.last {
             None => self.last = Some(camera),
-            Some(last) if last.distance(camera) >= settings.spacing_mm => self.lay(last, camera, settings),
+            Some(last) if last.distance(camera) >= settings.spacing_mm => self.put(last, camera, settings),
             Some(_) => {}
         }
     }
@@ -78,11 +104,11 @@ impl Mines {
     /// Lays a mine directly behind a camera (world mm) that sets off along the unit `heading`: the first mine of a flight
     /// driven by mines alone, or one that sends it in another direction.
     pub fn lay_behind(&mut self, camera: DVec3, heading: DVec3, settings: &MineSettings) {
-        self.lay(camera - heading * (0.5 * settings.spacing_mm).min(BEHIND_MM), camera, settings);
+        self.put(camera - heading * (0.5 * settings.spacing_mm).min(BEHIND_MM), camera, settings);
     }
 
     /// Lays a mine at `place`. The next one follows once the camera is `spacing_mm` away from its position now.
-    fn lay(&mut self, place: DVec3, camera: DVec3, settings: &MineSettings) {
+    fn put(&mut self, place: DVec3, camera: DVec3, settings: &MineSettings) {
         self.points.push_back(place);
         self.last = Some(camera);
         while self.points.len() > settings.kept {

@@ -56,7 +56,7 @@ impl Log {
         let written = serde_json::to_writer(&mut *file, line).map_err(std::io::Error::from);
         written.and_then(|()| file.write_all(b"\n")).map_err(|e| {
             self.file = None;
-            cannot(&self.path, &e)
+            cannot(&self.path, e)
         })
     }
 }

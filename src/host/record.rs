@@ -177,7 +177,7 @@ impl Recorder {
             Some("gif") => {
                 let file = Shared(Arc::new(Mutex::new(Some(AtomicFile::create(&path)?))));
                 let mut encoder = GifEncoder::new_with_speed(file.clone(), 10);
-                encoder.set_repeat(Repeat::Infinite).map_err(|e| failed(&path, &e))?;
+                encoder.set_repeat(Repeat::Infinite).map_err(|e| failed(&path, e))?;
                 Ok(Self::Gif { encoder: Box::new(encoder), file, path, fps, count: 0 })
             }
             Some("mp4") => Self::video(path, (width, height), fps),
@@ -235,13 +235,13 @@ impl Recorder {
                 let rgba = frame.pixels().iter().flat_map(|p| [p[0], p[1], p[2], 255]).collect();
                 let image = image::RgbaImage::from_raw(frame.width() as u32, frame.height() as u32, rgba)
                     .ok_or_else(|| Error::fault("recording", "image of the wrong size", "report it"))?;
-                encoder.encode_frame(image::Frame::from_parts(image, 0, 0, delay)).map_err(|e| failed(path, &e))
+                encoder.encode_frame(image::Frame::from_parts(image, 0, 0, delay)).map_err(|e| failed(path, e))
             }
             Self::Video { child, path, .. } => child
                 .stdin
                 .as_mut()
                 .map_or(Ok(()), |pipe| pipe.write_all(frame.pixels().as_flattened()))
-                .map_err(|e| output::cannot(path, &e)),
+                .map_err(|e| output::cannot(path, e)),
         }
     }
 
@@ -265,7 +265,7 @@ impl Recorder {
             }
             Self::Video { mut child, file, path } => {
                 drop(child.stdin.take());
-                let done = child.wait().map_err(|e| output::cannot(&path, &e))?;
+                let done = child.wait().map_err(|e| output::cannot(&path, e))?;
                 if !done.success() {
                     return Err(Error::output(&path, format!("ffmpeg failed ({done})"), "record a .gif or a folder/"));
                 }
@@ -301,9 +301,9 @@ impl Write for Shared {
     }
 }
 
-fn failed(path: &Path, e: &image::ImageError) -> Error {
+fn failed(path: &Path, e: image::ImageError) -> Error {
     match e {
         image::ImageError::IoError(e) => output::cannot(path, e),
-        e => Error::output(path, e.to_string(), "choose another place"),
+        e => Error::output(path, e.to_string(), "choose another place").caused_by(e),
     }
 }

@@ -65,7 +65,7 @@ impl Drawing {
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|e| {
             let why = format!("cannot be read ({})", crate::output::plain(&e));
-            Error::file(path, why, format!("give a PNG, or one of {}", super::shipped::names()))
+            Error::file(path, why, format!("give a PNG, or one of {}", super::shipped::names())).caused_by(e)
         })?;
         Self::decode(&path.display().to_string(), &bytes)
     }
@@ -75,15 +75,16 @@ impl Drawing {
     /// # Errors
     /// Returns status 3 as [`Drawing::read`] does.
     pub fn decode(what: &str, bytes: &[u8]) -> Result<Self> {
-        let broken = |e: &ImageError| Error::input(what, format!("is not a readable PNG ({e})"), "give a PNG");
+        let broken =
+            |e: ImageError| Error::input(what, format!("is not a readable PNG ({e})"), "give a PNG").caused_by(e);
         // The size is in the header: an image that is too large is refused before any of it is unpacked.
         let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
-        let (width, height) = reader().into_dimensions().map_err(|e| broken(&e))?;
+        let (width, height) = reader().into_dimensions().map_err(broken)?;
         let size = (width as usize, height as usize);
         if width > MOST_PIXELS || height > MOST_PIXELS || width < 3 || height < 3 {
             return Self::new(what, size, Vec::new());
         }
-        let image = reader().decode().map_err(|e| broken(&e))?;
+        let image = reader().decode().map_err(broken)?;
         Self::from_image(what, &image)
     }
 

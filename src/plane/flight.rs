@@ -183,10 +183,7 @@ impl Flight {
         }
         let mut push = DVec3::ZERO;
         if let Some(m) = &mines {
-            if self.mines.is_empty() && tentacles.drive == Drive::Mines {
-                self.mines.lay_behind(at, self.heading, m);
-            }
-            self.mines.follow(at, m);
+            self.mines.lay(at, self.heading, tentacles.drive == Drive::Mines, m);
             push = self.mines.push(at, m);
         }
         let force = ((thrust + push).clamp_length_max(limit) + s.wall) * body.mass_g;
@@ -218,13 +215,9 @@ impl Flight {
             RescueAction::GoOn => {}
             RescueAction::SetOff { heading, clear_mines } => {
                 self.heading = heading.unwrap_or(self.heading);
-                if clear_mines {
-                    self.mines.clear();
-                }
-                if let (Some(to), Some(m), Drive::Mines) =
-                    (heading, &self.settings.mines, self.settings.tentacles.drive)
-                {
-                    self.mines.lay_behind(at, to, m);
+                if let Some(m) = &self.settings.mines {
+                    let alone = self.settings.tentacles.drive == Drive::Mines;
+                    self.mines.set_off(at, heading, clear_mines, alone, m);
                 }
             }
             RescueAction::Call { trap, place } => {

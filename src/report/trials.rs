@@ -78,20 +78,8 @@ impl Course {
         let nothing = || Error::incomplete("drawing", "nothing is open at its start", "start within the lumen");
         let lumen = Arc::new(lumen::gas_at(&volume, start, progress)?.ok_or_else(nothing)?);
         let elsewhere = DVec3::splat(1e4);
-        let plan = Plan {
-            start,
-            goal,
-            within_mm: 3.0,
-            begin: elsewhere,
-            other_end: elsewhere,
-            other_within_mm: 1.0,
-            length_mm: 300.0,
-            segment: None,
-            gas: None,
-            goal_missed: None,
-            other_goal_missed: None,
-            notes: Vec::new(),
-        };
+        let mut plan = Plan { begin: elsewhere, ..Plan::between(start, goal, 300.0) };
+        plan.ends[0].at = elsewhere;
         Ok(Self {
             volume: PreparedVolume::new(Arc::new(volume), TransferFunction::default()),
             lumen,
@@ -107,7 +95,7 @@ impl Course {
     pub fn to_goal(&self, progress: &Progress) -> Result<TargetDistance> {
         let gas = self.plan.gas.as_deref().unwrap_or(&self.lumen);
         let walls = WallDistance::of_lumen(self.volume.voxels(), gas, Through::Gas, progress)?;
-        TargetDistance::to(&Arc::new(walls), self.plan.goal, None, &[], progress)
+        TargetDistance::to(&Arc::new(walls), self.plan.goal().at, None, &[], progress)
     }
 
     /// Returns the same course in the opposite direction.

@@ -3,17 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use bevy_ecs::component::ComponentId;
 use bevy_ecs::error::FallbackErrorHandler;
+use bevy_ecs::observer::IntoObserver;
 use bevy_ecs::prelude::*;
-use bevy_ecs::query::Access;
 use bevy_ecs::schedule::{
     InternedSystemSet, LogLevel, ScheduleBuildSettings, ScheduleCleanupPolicy, ScheduleConfigs, ScheduleError,
     ScheduleLabel,
 };
-use bevy_ecs::system::{ScheduleSystem, SystemAccess};
+use bevy_ecs::system::ScheduleSystem;
 
-use super::ledger::{self, Fault, Ledger, PluginTime};
+use super::inspect::Inspector;
+use super::ledger::{self, Fault, Ledger};
 use super::{FlightSystems, Phase, Plugin};
 use crate::error::{Error, Result};
 use crate::panics;
@@ -89,24 +89,26 @@ pub struct App {
     pub world: World,
     scan: Entity,
     camera: Entity,
-    step: Schedule,
-    frame: Schedule,
+    pub(super) step: Schedule,
+    pub(super) frame: Schedule,
     filled: Vec<Filled>,
-    left_out: Vec<LeftOut>,
+    pub(super) left_out: Vec<LeftOut>,
     /// Functions that remove the current scene's equipment from the camera.
     strip: Vec<fn(&mut EntityWorldMut)>,
+    /// The current scene's observers.
+    observers: Vec<Entity>,
     /// The current owner of newly added systems and components.
     owner: Owner,
     /// The account that newly added systems are booked to, if there is one.
     account: Option<usize>,
     /// Records which system runs and for how long; `None` if no account is kept.
-    ledger: Option<Arc<Ledger>>,
+    pub(super) ledger: Option<Arc<Ledger>>,
     post_processes: u32,
-    plugged: Vec<String>,
+    pub(super) plugged: Vec<String>,
     /// The owner of each system, by the system's full name.
     owners: BTreeMap<String, usize>,
     /// Time that renderers, overlays and presenters of other crates take per frame, ms.
-    makers: BTreeMap<String, f64>,
+    pub(super) makers: BTreeMap<String, f64>,
     said: BTreeSet<(String, String)>,
     notes: Vec<String>,
 }
@@ -149,6 +151,7 @@ impl App {
             filled: Vec::new(),
             left_out: Vec::new(),
             strip: Vec::new(),
+            observers: Vec::new(),
             owner: Owner::Plugin,
             account: None,
             ledger: None,
@@ -168,7 +171,7 @@ impl App {
     ///
     /// # Errors
     /// Returns the error of `plug`, and status 1 if the schedules were left in a state that cannot be built.
-    pub fn set_scene(&mut self, plug: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
+    pub(crate) fn set_scene(&mut self, plug: impl FnOnce(&mut Self) -> Result<()>) -> Result<()> {
         for schedule in [&mut self.step, &mut self.frame] {
             remove_scene(schedule, &mut self.world)?;
         }
@@ -177,6 +180,9 @@ impl App {
         let strip = std::mem::take(&mut self.strip);
         let mut camera = self.camera();
         strip.into_iter().for_each(|take_off| take_off(&mut camera));
+        for observer in self.observers.drain(..) {
+            self.world.despawn(observer);
+        }
         self.owner = Owner::Scene;
         let plugged = plug(self);
         self.owner = Owner::Plugin;
@@ -187,7 +193,7 @@ impl App {
     ///
     /// # Errors
     /// Returns the error of the plug-in, and status 2 if a plug-in of that name already exists.
-    pub fn plug(&mut self, plugin: &dyn Plugin) -> Result<()> {
+    pub(crate) fn plug(&mut self, plugin: &dyn Plugin) -> Result<()> {
         let name = plugin.name().into_owned();
         if self.plugged.contains(&name) {
             let why = "is plugged in already";
@@ -203,7 +209,7 @@ impl App {
     /// Starts to record the owner and the run time of each system added from now on.
     ///
     /// Use it for flights with plug-ins or guides of other crates. Without it, systems have no run conditions.
-    pub fn keep_account(&mut self) {
+    pub(crate) fn keep_account(&mut self) {
         self.ledger.get_or_insert_default();
     }
 
@@ -211,7 +217,7 @@ impl App {
     ///
     /// # Errors
     /// Returns the error of `add`, and status 1 if it panics.
-    pub fn on_account<R>(&mut self, name: &str, add: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
+    pub(crate) fn on_account<R>(&mut self, name: &str, add: impl FnOnce(&mut Self) -> Result<R>) -> Result<R> {
         let before = std::mem::replace(&mut self.account, self.ledger.as_ref().map(|l| l.open(name)));
         let added = panics::catch(|| add(self));
         self.account = before;
@@ -220,21 +226,8 @@ impl App {
         })
     }
 
-    /// Returns true if the systems of `name` were switched off after a panic.
-    pub fn is_off(&self, name: &str) -> bool {
-        self.ledger.as_ref().is_some_and(|l| l.is_off(name))
-    }
-
-    /// Returns the run times of plug-ins, and of guides, renderers, overlays and presenters of other crates.
-    pub fn plugin_times(&self) -> Vec<PluginTime> {
-        let mut times = self.ledger.as_ref().map_or_else(Vec::new, |l| l.times());
-        let makers = self.makers.iter();
-        times.extend(makers.map(|(name, ms)| PluginTime { name: name.clone(), step_ms: 0.0, frame_ms: *ms }));
-        times
-    }
-
     /// Takes the messages about plug-ins to show to the user since the last call.
-    pub fn take_notes(&mut self) -> Vec<String> {
+    pub(crate) fn take_notes(&mut self) -> Vec<String> {
         self.collect_notes();
         std::mem::take(&mut self.notes)
     }
@@ -245,11 +238,6 @@ impl App {
                 self.notes.push(format!("{} {}", note.0, note.1));
             }
         }
-    }
-
-    /// Returns the names of the plug-ins, in the order in which they were built.
-    pub fn plugged(&self) -> &[String] {
-        &self.plugged
     }
 
     /// Returns the scan entity: the volume and data derived from it.
@@ -287,6 +275,11 @@ impl App {
         self.world.get_mut(self.camera)
     }
 
+    /// Returns what the schedules contain and what they have done, for explanations.
+    pub fn inspect(&self) -> Inspector<'_> {
+        Inspector(self)
+    }
+
     /// Adds components to the camera.
     ///
     /// Components of a scene, for example those of its guide, are removed when the scene changes. Those of a plug-in
@@ -298,6 +291,18 @@ impl App {
             });
         }
         self.camera().insert(components);
+        self
+    }
+
+    /// Adds an observer: a system that runs whenever its event is triggered.
+    ///
+    /// An event of a step is observed before the next [set](FlightSystems) begins. Observers of a scene are removed when the
+    /// scene changes. Those of a plug-in stay.
+    pub fn observe<M>(&mut self, observer: impl IntoObserver<M>) -> &mut Self {
+        let observer = self.world.add_observer(observer).id();
+        if self.owner == Owner::Scene {
+            self.observers.push(observer);
+        }
         self
     }
 
@@ -394,28 +399,23 @@ impl App {
     }
 
     /// Returns true if there are post-processes.
-    pub fn has_post_processes(&self) -> bool {
+    pub(crate) fn has_post_processes(&self) -> bool {
         self.post_processes > 0
     }
 
     /// Returns true if a slot is filled.
-    pub fn is_filled(&self, slot: Slot) -> bool {
+    pub(crate) fn is_filled(&self, slot: Slot) -> bool {
         self.filled.iter().any(|f| f.slot == slot)
     }
 
     /// Records that a part was left out, for `explain`.
-    pub fn leave_out(&mut self, part: &'static str, why: impl Into<String>) {
+    pub(crate) fn leave_out(&mut self, part: &'static str, why: impl Into<String>) {
         self.left_out.push(LeftOut { part, why: why.into() });
     }
 
     /// Removes a part from the record of parts left out.
-    pub fn take_in(&mut self, part: &str) {
+    pub(crate) fn take_in(&mut self, part: &str) {
         self.left_out.retain(|l| l.part != part);
-    }
-
-    /// Returns the parts that were left out.
-    pub fn left_out(&self) -> &[LeftOut] {
-        &self.left_out
     }
 
     /// Builds both schedules.
@@ -431,7 +431,7 @@ impl App {
     }
 
     /// Returns true if systems were added or removed since the schedules were [built](App::build).
-    pub fn is_changed(&self) -> bool {
+    pub(crate) fn is_changed(&self) -> bool {
         self.step.is_changed() || self.frame.is_changed()
     }
 
@@ -514,84 +514,6 @@ impl App {
             }
         }
     }
-
-    /// Returns the names of the systems that run in a step and in a frame, in the order of the built schedules.
-    pub fn systems(&self) -> [Vec<String>; 2] {
-        [&self.step, &self.frame].map(|s| {
-            s.systems().map_or_else(
-                |_| Vec::new(),
-                |list| {
-                    list.map(|(_, s)| s.name().to_string())
-                        .filter(|n| !n.contains("ApplyDeferred"))
-                        .map(|n| short(&n))
-                        .collect()
-                },
-            )
-        })
-    }
-
-    /// Returns the names, as in [`App::systems`], of the systems that read or write the component `T`.
-    pub fn systems_that_query<T: Component>(&self) -> Vec<String> {
-        let names = self.systems_by(|access, id| access.has_read(id), self.world.component_id::<T>());
-        names.iter().map(|n| short(n)).collect()
-    }
-
-    /// Returns the names of the systems of other crates that write the component `T`.
-    pub fn own_systems_that_write<T: Component>(&self) -> Vec<String> {
-        let names = self.systems_by(|access, id| access.has_write(id), self.world.component_id::<T>());
-        let own =
-            names.iter().filter(|n| !n.trim_start_matches('<').starts_with("colvis::") && !n.contains("ApplyDeferred"));
-        own.map(|n| short(n)).collect()
-    }
-
-    /// Returns the full names of the systems with a given access to a component. Exclusive systems have every access.
-    fn systems_by(&self, has: fn(&Access, ComponentId) -> bool, id: Option<ComponentId>) -> Vec<String> {
-        let Some(id) = id else { return Vec::new() };
-        let of = |s: &Schedule| -> Vec<String> {
-            let has = |a: &SystemAccess| match a {
-                SystemAccess::Shared(set) => has(set.combined_access(), id),
-                SystemAccess::Exclusive => true,
-                SystemAccess::None => false,
-            };
-            let Ok(list) = s.systems_with_access() else { return Vec::new() };
-            list.filter(|(_, s)| has(s.access())).map(|(_, s)| s.system().name().to_string()).collect()
-        };
-        [of(&self.step), of(&self.frame)].concat()
-    }
-
-    /// Returns the names of all components on any entity, sorted: those that are really in memory.
-    ///
-    /// A component of this crate has its short name. A component of another crate is prefixed with the crate's name:
-    /// `own_view::Rear`.
-    pub fn components_in_use(&self) -> Vec<String> {
-        let mut names: Vec<String> = self
-            .world
-            .archetypes()
-            .iter()
-            .filter(|a| !a.is_empty())
-            .flat_map(|a| a.components().iter().copied())
-            .filter_map(|id| self.world.components().get_name(id))
-            .map(|n| component_name(&n.to_string()))
-            // Drop the bookkeeping of every world.
-            .filter(|n| {
-                !["IsResource", "Schedules", "DefaultQueryFilters", "FallbackErrorHandler"]
-                    .map(|k| format!("bevy_ecs::{k}"))
-                    .contains(n)
-            })
-            .collect();
-        // This crate's components come first, then those of each other crate together.
-        names.sort_by_key(|n| (n.contains("::"), n.clone()));
-        names.dedup();
-        names
-    }
-}
-
-/// Returns the short name of a component, prefixed with its crate if that is another one.
-fn component_name(name: &str) -> String {
-    let path = name.split('<').next().unwrap_or(name);
-    let krate = path.split("::").next().unwrap_or(path);
-    let last = path.rsplit("::").next().unwrap_or(path);
-    if krate == "colvis" { last.to_owned() } else { format!("{krate}::{last}") }
 }
 
 /// Creates a schedule whose sets run one after the other.
@@ -641,7 +563,7 @@ fn remove_scene(schedule: &mut Schedule, world: &mut World) -> Result<()> {
 ///
 /// A generic system also has the bare name of its type argument. A system of another crate has its whole path, or the
 /// name of the type if it was added as a closure by the type's `build`.
-fn short(name: &str) -> String {
+pub(super) fn short(name: &str) -> String {
     let name = &name.replace("::{{closure}}", "");
     if let Some((ty, rest)) = name.strip_prefix('<').and_then(|n| n.split_once('>')) {
         return format!("{}{rest}", ty.split(" as ").next().unwrap_or(ty));
@@ -690,8 +612,8 @@ mod tests {
         app.step().unwrap();
         let n = app.world.query::<&Number>().single(&app.world).unwrap().0;
         assert_eq!(n, 4, "added first, doubled then");
-        assert_eq!(app.systems()[0].len(), 2);
-        assert!(app.components_in_use().contains(&"Number".to_owned()));
+        assert_eq!(app.inspect().systems()[0].len(), 2);
+        assert!(app.inspect().components_in_use().contains(&"Number".to_owned()));
     }
 
     #[test]
@@ -725,11 +647,11 @@ mod tests {
             .unwrap();
             app.build().unwrap();
             app.step().unwrap();
-            names.push(app.systems()[0].len());
+            names.push(app.inspect().systems()[0].len());
         }
         let runs = app.world.query::<&Number>().iter(&app.world).map(|n| n.0).collect::<Vec<_>>();
         assert_eq!((names, runs), (vec![2, 2, 2], vec![6, 6]), "three runs, doubled after the last");
-        assert_eq!(app.plugged(), ["counts"]);
+        assert_eq!(app.inspect().plugged(), ["counts"]);
         // A scene that cannot be built leaves the way back open.
         app.set_scene(|app| {
             app.add_systems(FlightSystems::Trail, double);
@@ -746,6 +668,37 @@ mod tests {
         app.build().unwrap();
         app.step().unwrap();
         assert_eq!(app.camera_get::<Number>().map(|n| n.0), Some(8));
+    }
+
+    #[derive(Event)]
+    struct Reset;
+
+    fn reset(_: On<Reset>, mut numbers: Query<&mut Number>) {
+        numbers.iter_mut().for_each(|mut n| n.0 = 0);
+    }
+
+    #[test]
+    fn an_event_is_observed_before_the_next_set_and_by_its_own_scene_only() {
+        let mut app = App::new();
+        app.world.spawn(Number(5));
+        let number = |app: &mut App| app.world.query::<&Number>().single(&app.world).unwrap().0;
+        for (observes, expected) in [(true, 1), (false, 3), (true, 1)] {
+            app.set_scene(|app| {
+                if observes {
+                    app.observe(reset);
+                }
+                app.add_systems(
+                    FlightSystems::Input,
+                    (double, |mut commands: Commands| commands.trigger(Reset)).chain(),
+                );
+                app.add_systems(FlightSystems::Sense, add);
+                Ok(())
+            })
+            .unwrap();
+            app.build().unwrap();
+            app.step().unwrap();
+            assert_eq!(number(&mut app), expected, "{observes}");
+        }
     }
 
     #[test]
@@ -775,12 +728,6 @@ mod tests {
         app.world.spawn(Number(1));
         app.step().unwrap();
         assert_eq!(app.world.query::<&Number>().single(&app.world).unwrap().0, -6, "(1 + 1 - 5) * 2");
-    }
-
-    #[test]
-    fn components_of_other_crates_are_listed_with_the_crate() {
-        assert_eq!(component_name("colvis::components::camera::Pose"), "Pose");
-        assert_eq!(component_name("own_view::rear::Rear<colvis::x::Y>"), "own_view::Rear");
     }
 
     #[test]

@@ -78,7 +78,8 @@ pub trait Guide: Clone + Debug + Default + DeserializeOwned + Send + Sync + 'sta
     fn plug(&self, app: &mut App) -> Result<()>;
 }
 
-/// A [`Guide`] of any type.
+/// A [`Guide`] of any type. [`Guide`] itself has constants and a [`Default`], by which guides are written in few lines, but no
+/// trait object.
 trait AnyGuide: Debug + Send + Sync {
     fn needs(&self) -> Needs;
     fn check(&self) -> Result<()>;

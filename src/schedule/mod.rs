@@ -8,12 +8,14 @@
 
 mod app;
 mod guide;
+mod inspect;
 mod ledger;
 mod plugin;
 mod sets;
 
 pub use app::{App, LeftOut, Main, Slot};
 pub use guide::{Guide, GuideEntry, Guides, Needs};
+pub use inspect::Inspector;
 pub use ledger::{PluginTime, book_time, note, report_fault};
 pub use plugin::{Plugin, Plugins};
 pub use sets::{FlightSystems, Phase};

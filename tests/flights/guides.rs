@@ -42,7 +42,7 @@ fn automatic_flights_hold_the_papers_conditions() {
                 let request = FlightRequest { reverse, ..FlightRequest::default() };
                 let mut f = flight(volume.clone(), scene(guide), &request);
                 let log = fly(&mut f, 180.0);
-                let (state, goal) = (f.flight(), f.plan().goal);
+                let (state, goal) = (f.flight(), f.plan().goal().at);
                 assert_eq!(state.state, State::Arrived, "{guide:?} {seed}: {}", state.reason);
                 // 1: in every two seconds it gets nearer to the end, measured along the truth's centerline.
                 let along = |l: &LogLine| {
@@ -53,7 +53,7 @@ fn automatic_flights_hold_the_papers_conditions() {
                 for w in log.windows(240).step_by(120) {
                     assert!((along(&w[239]) - along(&w[0])) * sense > 0.0, "{guide:?} at {} s", w[0].t);
                 }
-                assert!(place(&log[log.len() - 1]).distance(goal) <= f.plan().within_mm);
+                assert!(place(&log[log.len() - 1]).distance(goal) <= f.plan().goal().within_mm);
                 assert!(log.iter().all(|l| value(f.volume(), place(l)) < -650.0), "inside the lumen");
                 // 3: near the centerline.
                 let course = judge(&log, &truth);

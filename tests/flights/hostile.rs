@@ -55,20 +55,9 @@ fn tube() -> (PreparedVolume, Arc<Lumen>) {
 }
 
 fn set_out(scene: Scene) -> Result<FlightApp> {
-    let plan = Plan {
-        start: DVec3::new(16.0, 14.0, 16.0),
-        goal: DVec3::new(16.0, 70.0, 16.0),
-        within_mm: 3.0,
-        begin: DVec3::new(16.0, 8.0, 16.0),
-        other_end: DVec3::new(16.0, 8.0, 16.0),
-        other_within_mm: 3.0,
-        length_mm: 60.0,
-        segment: None,
-        gas: None,
-        goal_missed: None,
-        other_goal_missed: None,
-        notes: Vec::new(),
-    };
+    let [start, goal, end] = [14.0, 70.0, 8.0].map(|y| DVec3::new(16.0, y, 16.0));
+    let mut plan = Plan { begin: end, ..Plan::between(start, goal, 60.0) };
+    plan.ends[0].at = end;
     let (volume, lumen) = tube();
     FlightApp::new(volume, lumen, plan, scene)
 }
@@ -607,8 +596,8 @@ fn one_that_panics_is_switched_off_and_the_others_go_on() {
     let faults: Vec<String> = (0..60).filter_map(|_| flight.step().err()).map(|e| e.to_string()).collect();
     assert!(faults.len() == 1 && faults[0].contains("bad plug-in"), "{faults:?}");
     assert_eq!(flight.app().world.resource::<Count>().0, 60);
-    assert!(flight.app().is_off("bad plug-in") && flight.flight().state == State::Flying);
-    let times = flight.app().plugin_times();
+    assert!(flight.app().inspect().is_off("bad plug-in") && flight.flight().state == State::Flying);
+    let times = flight.app().inspect().plugin_times();
     assert_eq!(times.iter().map(|t| t.name.as_str()).collect::<Vec<_>>(), ["bad plug-in", "counts"]);
 }
 
@@ -625,7 +614,7 @@ fn a_slow_plugin_is_named_with_its_milliseconds() {
     let scene = Scene::default().plug(("sleeper", sleeps)).unwrap().plug(("quick", quick)).unwrap();
     let mut flight = set_out(scene).unwrap();
     flight.fly(0.1).unwrap();
-    let times = flight.app().plugin_times();
+    let times = flight.app().inspect().plugin_times();
     assert!(times[0].is_slow() && times[0].step_ms >= 4.0, "{times:?}");
     assert!(times[1].step_ms < times[0].step_ms, "{times:?}");
     let told = colvis::app::explain::explain(&flight).text();
@@ -659,7 +648,7 @@ fn a_slow_renderer_and_a_slow_presenter_are_named_with_their_milliseconds() {
     let camera = flight.app().camera_id();
     flight.present_to(camera, Sleepy).unwrap();
     flight.frame().unwrap();
-    let times = flight.app().plugin_times();
+    let times = flight.app().inspect().plugin_times();
     for name in ["preset sleepy", "presenter sleepy"] {
         assert!(times.iter().any(|t| t.name == name && t.is_slow() && t.frame_ms >= 5.0), "{times:?}");
     }

@@ -46,7 +46,7 @@ fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
     let (volume, mut lumen, mut plan) = small();
     let again = lumen.segments[0].clone();
     lumen.segments.push(again);
-    plan.goal_missed = Some("the cecum lies elsewhere".to_owned());
+    plan.ends[1].missed = Some("the cecum lies elsewhere".to_owned());
     let lumen = Arc::new(lumen);
     for goal_missed in [true, false] {
         let (volume, lumen, plan) = (volume.clone(), Arc::clone(&lumen), plan.clone());
@@ -62,7 +62,7 @@ fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
             fly(&mut f, 20.0);
             assert_eq!(f.flight().state, State::Arrived, "{}", f.flight().reason);
             f.act(FlightCommand::Reverse).unwrap();
-            assert!(f.plan().goal_missed.is_some());
+            assert!(f.plan().goal().missed.is_some());
         }
         f.act(FlightCommand::Seek(0.5)).unwrap();
         f.act(FlightCommand::Segment(1)).unwrap();
@@ -176,9 +176,9 @@ fn a_goal_in_tissue_is_refused_in_gas_of_any_kind() {
     let plan = |to: DVec3| between(&volume, &colon, to);
     let inside = DVec3::new(50.3, 21.0, 19.0);
     let p = plan(inside).unwrap();
-    assert!(p.gas.is_some() && p.goal == inside && p.notes.is_empty(), "{:?}", p.notes);
+    assert!(p.gas.is_some() && p.goal().at == inside && p.notes.is_empty(), "{:?}", p.notes);
     let p = plan(DVec3::new(62.0, 20.0, 20.0)).unwrap();
-    assert!(gas(p.goal) && p.notes.len() == 1 && p.goal_missed.is_none(), "{:?} {:?}", p.goal, p.notes);
+    assert!(gas(p.goal().at) && p.notes.len() == 1 && p.goal().missed.is_none(), "{:?} {:?}", p.goal().at, p.notes);
     for to in [DVec3::new(70.0, 20.0, 20.0), DVec3::new(30.0, 35.0, 20.0), DVec3::splat(1e4), DVec3::NAN] {
         let e = plan(to).unwrap_err();
         assert!(e.kind as i32 == 4 && e.to_string().contains("--to"), "{to}: {e}");

@@ -74,7 +74,7 @@ fn a_plugin_is_built_once_and_counts_through_every_change() {
     }
     let world = &mut flight.app_mut().world;
     assert_eq!((world.resource::<Counted>().0, world.query::<&Name>().single(world).unwrap().as_str()), (240, "240"));
-    assert_eq!(flight.app().plugged(), ["StepCounter"]);
+    assert_eq!(flight.app().inspect().plugged(), ["StepCounter"]);
     let told = explain(&flight);
     assert_eq!(told.plugins, ["StepCounter"]);
     assert!(told.step.iter().any(|s| s.contains("StepCounter")), "{:?}", told.step);

@@ -269,7 +269,7 @@ fn the_volume_is_a_component_that_systems_query() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
     let scene = Scene { picture: true, ..Scene::default() };
     let flight = flight(volume, scene, &FlightRequest::default());
-    let querying = flight.app().systems_that_query::<Scan>();
+    let querying = flight.app().inspect().systems_that_query::<Scan>();
     for system in ["raycast::cast_pictures", "sense::cast_tentacles", "tentacles::guide_by_tentacles"] {
         assert!(querying.iter().any(|s| s == system), "{system} is not among {querying:?}");
     }

@@ -49,7 +49,7 @@ fn colon() -> (PreparedVolume, View) {
     let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
     let mut scan = Scan::prepared(volume.clone(), Arc::default());
     let plan = scan.plan(&FlightRequest::default(), 1.5).unwrap();
-    let view = View::new(plan.start, plan.goal - plan.start, glam::DVec3::Z, 90.0, 160, 120).unwrap();
+    let view = View::new(plan.start, plan.goal().at - plan.start, glam::DVec3::Z, 90.0, 160, 120).unwrap();
     (volume, view)
 }
 

@@ -23,23 +23,24 @@ const CLEARANCE_MM: f64 = 11.0;
 
 impl FlightApp {
     /// Rebuilds the schedules and components for the current scene: adds what it needs and removes what it does not need.
+    ///
+    /// The fields that it needs are built.
     pub(super) fn rebuild(&mut self) -> Result<()> {
-        self.fields.build(
-            self.scene.needs(),
-            self.volume.voxels(),
-            &self.lumen,
-            &self.plan,
-            self.scene.body.radius_mm,
-            &self.progress,
-        )?;
         self.equip_scan();
-        let goal = Goal { at: self.plan.goal, within_mm: self.plan.within_mm, other_end: self.plan.other_end };
+        let [other, goal] = &self.plan.ends;
+        let goal = Goal { at: goal.at, within_mm: goal.within_mm, other_end: other.at };
         let Self { app, scene, plan, .. } = self;
         app.set_scene(|app| {
             equip_camera(app, scene, plan);
             scene.plug_into(app, goal)
         })?;
         self.app.build()
+    }
+
+    /// Builds the fields that the current scene needs for the current plan, and drops the others.
+    pub(super) fn build_fields(&mut self) -> Result<()> {
+        let Self { scene, volume, lumen, plan, progress, .. } = self;
+        self.fields.build(scene.needs(), volume.voxels(), lumen, plan, scene.body.radius_mm, progress)
     }
 
     /// Equips the scan entity with the data built for it.
@@ -69,7 +70,7 @@ impl FlightApp {
                 let s = route.nearest(self.plan.start).first().copied().unwrap_or(0.0);
                 Attitude::new(route.look(s, *look_ahead_mm), route.up(s))
             }
-            (None, None) => plan::first_attitude(&self.volume, self.plan.start, self.plan.goal),
+            (None, None) => plan::first_attitude(&self.volume, self.plan.start, self.plan.goal().at),
         };
         let (position, length_mm) = (self.plan.start, self.plan.length_mm);
         self.app.camera().insert((Pose { position, attitude }, Flight::default()));
@@ -104,7 +105,7 @@ fn equip_camera(app: &mut App, scene: &Scene, plan: &Plan) {
     if moves {
         camera.insert_if_new((Body(scene.body), GuideThrust::default()));
     }
-    camera.insert(GoalMissed(plan.goal_missed.clone()));
+    camera.insert(GoalMissed(plan.goal().missed.clone()));
     if let Some(mut flown) = camera.get_mut::<Flown>() {
         flown.segment = plan.segment;
     }

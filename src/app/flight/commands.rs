@@ -4,8 +4,8 @@ use super::FlightApp;
 use crate::app::plan::{self, Plan, SegmentEnd};
 use crate::app::scene::Steering;
 use crate::components::camera::{Heading, Pose};
-use crate::components::flight::{Flight, Flown, State, Watch};
-use crate::components::guide::{MineField, Planned};
+use crate::components::flight::{Flight, Flown, State, TakenOver};
+use crate::components::guide::Planned;
 use crate::components::input::{Command, FlightCommand, Inbox, TimedCommand};
 use crate::components::output::Picture;
 use crate::components::play::Playback;
@@ -47,11 +47,7 @@ impl FlightApp {
             FlightCommand::Reverse => {
                 self.refuse_while_playing("reverse")?;
                 let before = self.plan.clone();
-                let plan = &mut self.plan;
-                plan.begin = plan.goal;
-                std::mem::swap(&mut plan.goal, &mut plan.other_end);
-                std::mem::swap(&mut plan.within_mm, &mut plan.other_within_mm);
-                std::mem::swap(&mut plan.goal_missed, &mut plan.other_goal_missed);
+                self.plan.reverse();
                 self.change(|flight| flight.plan = before)?;
                 if let Some(mut trail) = self.camera_mut::<Trail>() {
                     trail.turn_round();
@@ -106,8 +102,9 @@ impl FlightApp {
     /// Rebuilds the flight after a change. If that fails, `back` undoes the change and the flight is rebuilt for its former
     /// state.
     fn change(&mut self, back: impl FnOnce(&mut Self)) -> Result<()> {
-        self.rebuild().or_else(|e| {
+        self.build_fields().and_then(|()| self.rebuild()).or_else(|e| {
             back(self);
+            self.build_fields()?;
             self.rebuild()?;
             Err(e)
         })
@@ -179,14 +176,10 @@ impl FlightApp {
         Ok(())
     }
 
-    /// Clears everything that was counted or laid before a jump, as it no longer applies.
+    /// Resumes the flight from where the operator has put the camera.
     fn set_free(&mut self) {
-        if let Some(mut watch) = self.camera_mut::<Watch>() {
-            watch.rescue.restart();
-        }
-        if let Some(mut mines) = self.camera_mut::<MineField>() {
-            mines.mines.clear();
-        }
+        let entity = self.app.camera_id();
+        self.app.world.trigger(TakenOver { entity });
         self.resume();
     }
 
@@ -218,7 +211,7 @@ impl FlightApp {
     }
 
     /// True if commands are left to replay.
-    pub fn is_replaying(&self) -> bool {
+    pub(crate) fn is_replaying(&self) -> bool {
         !self.coming.is_empty()
     }
 

@@ -63,23 +63,28 @@ type ViewsToMark =
 const FARTHEST_MM: f64 = 1e9;
 
 impl FlightApp {
-    /// Creates a flight at its start.
+    /// Creates a flight at its start, and builds the fields that its guide needs.
     ///
     /// # Errors
     /// Returns an error if the scene is inconsistent, and status 4 if the guide plans and there is no path.
     pub fn new(volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<Self> {
-        Self::prepared(volume, lumen, plan, scene, Arc::new(Progress::new()))
+        scene.check()?;
+        let (mut fields, progress) = (Fields::default(), Arc::new(Progress::new()));
+        fields.build(scene.needs(), volume.voxels(), &lumen, &plan, scene.body.radius_mm, &progress)?;
+        Self::with_fields(volume, lumen, plan, scene, fields, progress)
     }
 
-    /// Same as [`FlightApp::new`], reporting the progress of building what the guide needs.
+    /// Creates a flight at its start with fields that are [built](Fields::build) for its plan. `progress` reports the building
+    /// of those that a later change of guide, direction or segment needs.
     ///
     /// # Errors
-    /// Returns the errors of [`FlightApp::new`], and status 4 if interrupted.
-    pub fn prepared(
+    /// Returns an error if the scene is inconsistent or a field that its guide needs is missing.
+    pub(crate) fn with_fields(
         volume: PreparedVolume,
         lumen: Arc<Lumen>,
         plan: Plan,
         scene: Scene,
+        fields: Fields,
         progress: Arc<Progress>,
     ) -> Result<Self> {
         scene.check()?;
@@ -104,7 +109,7 @@ impl FlightApp {
             plan,
             coming: VecDeque::new(),
             acted: None,
-            fields: Fields::default(),
+            fields,
             progress,
             sound: None,
             pictures: None,
@@ -147,7 +152,7 @@ impl FlightApp {
     }
 
     /// Returns all slices.
-    pub fn slices(&self) -> Vec<&SliceView> {
+    pub(crate) fn slices(&self) -> Vec<&SliceView> {
         let world = &self.app.world;
         let entities = world.archetypes().iter().flat_map(|a| a.entities().iter().map(|e| e.id()));
         entities.filter_map(|e| world.get::<SliceView>(e)).collect()
@@ -204,7 +209,7 @@ impl FlightApp {
 
     /// Marks the views other than the camera's whose picture would change or improve if they were rendered now. Returns true if
     /// there is one.
-    pub fn mark_unfinished_views(&mut self) -> bool {
+    pub(crate) fn mark_unfinished_views(&mut self) -> bool {
         let camera = self.app.camera_id();
         let here = self.pose();
         let mut any = false;
@@ -288,17 +293,17 @@ impl FlightApp {
             return;
         }
         let writers = [
-            self.app.own_systems_that_write::<Pose>(),
-            self.app.own_systems_that_write::<Velocity>(),
-            self.app.own_systems_that_write::<AngularMomentum>(),
-            self.app.own_systems_that_write::<Heading>(),
+            self.app.inspect().own_systems_that_write::<Pose>(),
+            self.app.inspect().own_systems_that_write::<Velocity>(),
+            self.app.inspect().own_systems_that_write::<AngularMomentum>(),
+            self.app.inspect().own_systems_that_write::<Heading>(),
         ]
         .concat();
         let who = if writers.is_empty() { "a system".to_owned() } else { writers.join(" or ") };
         note(who, "wrote an invalid position, direction or speed: the camera was put back, at rest");
         let back = self.sound.unwrap_or(Pose {
             position: self.plan.start,
-            attitude: plan::first_attitude(&self.volume, self.plan.start, self.plan.goal),
+            attitude: plan::first_attitude(&self.volume, self.plan.start, self.plan.goal().at),
         });
         self.app.camera().insert(back);
         self.rest(back.position, back.attitude.forward);
@@ -345,7 +350,7 @@ impl FlightApp {
             resized |= std::mem::take(&mut picture.resized);
         }
         if resized {
-            let who = self.app.own_systems_that_write::<Picture>().join(" or ");
+            let who = self.app.inspect().own_systems_that_write::<Picture>().join(" or ");
             note(if who.is_empty() { "a post-process" } else { &who }, "has resized a picture: it keeps its size");
         }
         made
@@ -388,8 +393,8 @@ impl FlightApp {
     }
 
     /// True if the active guide was switched off after a panic.
-    pub fn is_guide_off(&self) -> bool {
-        self.app.is_off(self.scene.guide_name())
+    pub(crate) fn is_guide_off(&self) -> bool {
+        self.app.inspect().is_off(self.scene.guide_name())
     }
 
     /// Takes the notes to the user about planning since the last call.
@@ -405,7 +410,7 @@ impl FlightApp {
     }
 
     /// Ends the flight because of an error.
-    pub fn end_because(&mut self, fault: &Error) {
+    pub(crate) fn end_because(&mut self, fault: &Error) {
         self.end();
         if let Some(mut f) = self.camera_mut::<Flight>() {
             f.reason = format!("{}: {}", fault.what, fault.why);
@@ -413,7 +418,7 @@ impl FlightApp {
     }
 
     /// Ends the flight because its time is over.
-    pub fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         if let Some(mut f) = self.camera_mut::<Flight>()
             && f.state == State::Flying
         {
@@ -441,7 +446,7 @@ impl FlightApp {
     }
 
     /// Adopts fields that were built elsewhere for this flight. Fields that do not fit its plan are rebuilt.
-    pub fn adopt(&mut self, fields: Fields) {
+    pub(crate) fn adopt(&mut self, fields: Fields) {
         self.fields = fields;
     }
 
@@ -518,7 +523,7 @@ impl FlightApp {
     }
 
     /// Sets how far along the path the camera is, mm. Use it to continue an earlier flight.
-    pub fn stands_at(&mut self, along_mm: f64) {
+    pub(crate) fn stands_at(&mut self, along_mm: f64) {
         let share = along_mm / self.plan.length_mm;
         self.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
     }
@@ -542,7 +547,7 @@ impl FlightApp {
     pub fn is_reversed(&self) -> bool {
         self.plan.segment.and_then(|n| self.lumen.segments.get(n)).is_some_and(|s| {
             let [rectal, cecal] = s.ends;
-            self.plan.goal.distance(rectal) < self.plan.goal.distance(cecal)
+            self.plan.goal().at.distance(rectal) < self.plan.goal().at.distance(cecal)
         })
     }
 
@@ -557,7 +562,7 @@ impl FlightApp {
     }
 
     /// Returns the colon's lumen for sharing.
-    pub fn shared_lumen(&self) -> Arc<Lumen> {
+    pub(crate) fn shared_lumen(&self) -> Arc<Lumen> {
         Arc::clone(&self.lumen)
     }
 

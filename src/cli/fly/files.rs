@@ -20,14 +20,16 @@ pub fn read_log(path: &Path, rate: f64, direction: Direction) -> Result<Playback
 
 /// Reads a file with one JSON value per line; skips empty lines.
 fn read_lines<T: DeserializeOwned>(path: &Path, hint: &str) -> Result<Vec<T>> {
-    let unread = |e: std::io::Error| Error::file(path, format!("cannot be read ({})", output::plain(&e)), hint);
+    let unread =
+        |e: std::io::Error| Error::file(path, format!("cannot be read ({})", output::plain(&e)), hint).caused_by(e);
     let file = std::fs::File::open(path).map_err(unread)?;
     let mut values = Vec::new();
     for (n, line) in std::io::BufReader::new(file).lines().enumerate() {
         let line = line.map_err(unread)?;
         if !line.trim().is_empty() {
             let value = serde_json::from_str(&line);
-            values.push(value.map_err(|e| Error::file(path, format!("line {}: {e}", n + 1), hint))?);
+            let invalid = |e| Error::file(path, format!("line {}: {e}", n + 1), hint).caused_by(e);
+            values.push(value.map_err(invalid)?);
         }
     }
     Ok(values)

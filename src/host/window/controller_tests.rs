@@ -38,20 +38,9 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
     let data = (0..32 * 80 * 32).map(|n| if gas(n) { -1000 } else { 40 }).collect();
     let volume = Arc::new(Volume::new(grid, data));
     let lumen = Arc::new(lumen::find(&volume, &Progress::new()).unwrap());
-    let plan = Plan {
-        start: DVec3::new(16.0, 14.0, 16.0),
-        goal: DVec3::new(16.0, 70.0, 16.0),
-        within_mm: 3.0,
-        begin: DVec3::new(16.0, 8.0, 16.0),
-        other_end,
-        other_within_mm: 3.0,
-        length_mm: 60.0,
-        segment: None,
-        gas: None,
-        goal_missed: None,
-        other_goal_missed: None,
-        notes: Vec::new(),
-    };
+    let [start, goal, end] = [14.0, 70.0, 8.0].map(|y| DVec3::new(16.0, y, 16.0));
+    let mut plan = Plan { begin: end, ..Plan::between(start, goal, 60.0) };
+    plan.ends[0].at = other_end;
     let settings = Settings { adaptive: true, ..Settings::new(Quality::High) };
     let image = ImageSettings { width: 8, height: 8, settings, ..ImageSettings::default() };
     let mut scene = Scene { picture: true, image, operator: true, ..Scene::guided_by(guide) };
@@ -187,14 +176,14 @@ fn what_there_is_not_is_said_and_changes_nothing() {
 fn it_flies_back_only_where_there_is_a_way_back() {
     let (far, now) = (DVec3::new(-500.0, 8.0, 16.0), Instant::now());
     let mut c = cockpit_of(flight_from("path", far), 20.0, Vec::new());
-    let goal = c.flight().plan().goal;
+    let goal = c.flight().plan().goal().at;
     perform(&mut c, "reverse", now);
     assert!(c.hud(now).message.is_some_and(|m| m != "flying back"));
-    assert_eq!((c.flight().plan().goal, along_mm(&c)), (goal, 20));
+    assert_eq!((c.flight().plan().goal().at, along_mm(&c)), (goal, 20));
     let mut c = cockpit_of(flight("path"), 20.0, Vec::new());
     perform(&mut c, "reverse", now);
     assert_eq!(c.hud(now).message.as_deref(), Some("flying back"));
-    assert_ne!((c.flight().plan().goal, along_mm(&c)), (goal, 20));
+    assert_ne!((c.flight().plan().goal().at, along_mm(&c)), (goal, 20));
 }
 
 #[test]

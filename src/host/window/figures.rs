@@ -80,7 +80,7 @@ impl Figures {
         let other = flight.camera::<Picture>().map(|p| p.fov_degrees).filter(|&d| d != usual);
         let view = other.map_or_else(String::new, |d| format!(", view {}", angle(d)));
         self.lines.truncate(4);
-        let slow = flight.app().plugin_times().into_iter().filter(PluginTime::is_slow);
+        let slow = flight.app().inspect().plugin_times().into_iter().filter(PluginTime::is_slow);
         self.lines.extend(slow.map(|p| p.text()));
         self.lines[3] = format!("guide {}, detail {}{view}", flight.scene().guide_name(), detail(quality));
         &self.lines

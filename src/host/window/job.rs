@@ -32,7 +32,7 @@ impl<T: Send + 'static> Job<T> {
     ) -> Result<Self> {
         let (job, run) = Self::new(name, progress, work, wake);
         let thread = thread::Builder::new().name(name.to_owned()).spawn(run);
-        thread.map_err(|e| Error::fault(name, e.to_string(), "close other programs"))?;
+        thread.map_err(|e| Error::fault(name, e.to_string(), "close other programs").caused_by(e))?;
         Ok(job)
     }
 

@@ -86,7 +86,7 @@ impl ScreenshotRenderer {
             .num_threads(rayon::current_num_threads())
             .thread_name(|n| format!("screenshot {n}"))
             .build()
-            .map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads"))?;
+            .map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
         Ok(Self { pool, volume, wake, jobs: Vec::new() })
     }
 

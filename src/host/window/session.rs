@@ -138,7 +138,7 @@ impl Session {
     pub fn keep(session: Option<&Self>, path: &Path) -> Result<()> {
         let Some(session) = session else {
             return match std::fs::remove_file(path) {
-                Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(output::cannot(path, &e)),
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(output::cannot(path, e)),
                 _ => Ok(()),
             };
         };

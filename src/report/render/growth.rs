@@ -103,7 +103,7 @@ pub fn growth(
 
 fn pool(threads: usize) -> Result<ThreadPool> {
     let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    built.map_err(|e| Error::fault("threads", e.to_string(), "try fewer"))
+    built.map_err(|e| Error::fault("threads", e.to_string(), "try fewer").caused_by(e))
 }
 
 struct Runner {

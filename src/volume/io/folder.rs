@@ -33,7 +33,7 @@ pub fn open(path: &Path, progress: &Progress) -> Result<Folder> {
         progress.advance(1)?;
         let mut head = Vec::new();
         let (opened, _) = source::open(file)?;
-        opened.take(132).read_to_end(&mut head).map_err(|e| source::unreadable(file, &e))?;
+        opened.take(132).read_to_end(&mut head).map_err(|e| source::unreadable(file, e))?;
         if is_dicom(&head) {
             dicom.push(file.clone());
         } else if super::png::recognises(&head) && file.parent() == Some(path) {
@@ -68,7 +68,7 @@ pub fn is_dicom(head: &[u8]) -> bool {
 
 fn collect(path: &Path, depth: usize, files: &mut Vec<PathBuf>, progress: &Progress) -> Result<()> {
     progress.check()?;
-    let fail = |e: std::io::Error| source::unreadable(path, &e);
+    let fail = |e: std::io::Error| source::unreadable(path, e);
     let mut entries = std::fs::read_dir(path).map_err(fail)?.collect::<std::io::Result<Vec<_>>>().map_err(fail)?;
     entries.sort_by(|a, b| {
         natural(&a.file_name().to_string_lossy(), &b.file_name().to_string_lossy())

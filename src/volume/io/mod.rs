@@ -130,7 +130,7 @@ fn read(
 }
 
 fn detect(path: &Path, progress: &Progress) -> Result<Format> {
-    let meta = std::fs::metadata(path).map_err(|e| source::unreadable(path, &e))?;
+    let meta = std::fs::metadata(path).map_err(|e| source::unreadable(path, e))?;
     if meta.is_dir() {
         return Ok(match folder::open(path, progress)? {
             folder::Folder::Dicom(files) => Format::Dicom(files),

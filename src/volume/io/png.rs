@@ -70,13 +70,13 @@ pub fn load(
     Ok((Volume::new(grid, data), notes))
 }
 
-fn damaged(path: &Path, e: &image::ImageError) -> Error {
-    if let image::ImageError::IoError(io) = e
-        && io.kind() != std::io::ErrorKind::UnexpectedEof
-    {
-        return source::unreadable(path, io);
+fn damaged(path: &Path, e: image::ImageError) -> Error {
+    match e {
+        image::ImageError::IoError(io) if io.kind() != std::io::ErrorKind::UnexpectedEof => {
+            source::unreadable(path, io)
+        }
+        e => Error::file(path, format!("is a damaged PNG ({e})"), "export it again").caused_by(e),
     }
-    Error::file(path, format!("is a damaged PNG ({e})"), "export it again")
 }
 
 fn decoder(path: &Path) -> Result<PngDecoder<BufReader<std::fs::File>>> {
@@ -84,7 +84,7 @@ fn decoder(path: &Path) -> Result<PngDecoder<BufReader<std::fs::File>>> {
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(LONGEST_SIDE);
     limits.max_image_height = Some(LONGEST_SIDE);
-    PngDecoder::with_limits(BufReader::new(file), limits).map_err(|e| damaged(path, &e))
+    PngDecoder::with_limits(BufReader::new(file), limits).map_err(|e| damaged(path, e))
 }
 
 /// Returns the width, the height, and true if samples have 16 bits.
@@ -111,7 +111,7 @@ fn decode(path: &Path, wanted: (u32, u32), out: &mut [i16]) -> Result<bool> {
     if d.total_bytes() > len.saturating_mul(1040) {
         return Err(Error::file(path, format!("is too small for {}×{}", found.0, found.1), "export it again"));
     }
-    let image = DynamicImage::from_decoder(d).map_err(|e| damaged(path, &e))?;
+    let image = DynamicImage::from_decoder(d).map_err(|e| damaged(path, e))?;
     let mut put = |values: &mut dyn Iterator<Item = u16>| {
         out.iter_mut().zip(values).for_each(|(o, v)| *o = (i32::from(v) - 32768) as i16);
     };

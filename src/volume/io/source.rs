@@ -50,19 +50,19 @@ pub struct Section {
 /// Returns status 3 if the file is missing, a folder, a device, or not readable.
 pub fn open(path: &Path) -> Result<(File, u64)> {
     // Check before opening: opening a pipe without a writer would block forever.
-    let meta = std::fs::metadata(path).map_err(|e| unreadable(path, &e))?;
+    let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
     if meta.is_dir() {
         return Err(Error::file(path, "is a folder where a file is expected", "name a file"));
     }
     if !meta.is_file() {
         return Err(Error::file(path, "is no regular file", "give a file"));
     }
-    let file = File::open(path).map_err(|e| unreadable(path, &e))?;
+    let file = File::open(path).map_err(|e| unreadable(path, e))?;
     Ok((file, meta.len()))
 }
 
 /// Converts an `io::Error` from reading `path` to an error.
-pub fn unreadable(path: &Path, e: &io::Error) -> Error {
+pub fn unreadable(path: &Path, e: io::Error) -> Error {
     if let Some(own) = e.get_ref().and_then(|inner| inner.downcast_ref::<Error>()) {
         return own.clone();
     }
@@ -75,7 +75,7 @@ pub fn unreadable(path: &Path, e: &io::Error) -> Error {
         }
         _ => (format!("cannot be read ({e})"), "check the file and its disk"),
     };
-    Error::file(path, why, hint)
+    Error::file(path, why, hint).caused_by(e)
 }
 
 /// Reads at most `limit` bytes from the start of a file, decompressed if it is gzip.
@@ -85,14 +85,14 @@ pub fn unreadable(path: &Path, e: &io::Error) -> Error {
 pub fn head(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let (file, len) = open(path)?;
     let mut reader = BufReader::new(file);
-    let gzip = reader.fill_buf().map_err(|e| unreadable(path, &e))?.starts_with(&[0x1f, 0x8b]);
+    let gzip = reader.fill_buf().map_err(|e| unreadable(path, e))?.starts_with(&[0x1f, 0x8b]);
     let mut bytes = Vec::new();
     if gzip {
         GzDecoder::new(reader).take(limit).read_to_end(&mut bytes)
     } else {
         reader.take(limit.min(len)).read_to_end(&mut bytes)
     }
-    .map_err(|e| unreadable(path, &e))?;
+    .map_err(|e| unreadable(path, e))?;
     Ok(bytes)
 }
 
@@ -100,7 +100,7 @@ pub fn head(path: &Path, limit: u64) -> Result<Vec<u8>> {
 pub fn is_gzip(path: &Path) -> Result<bool> {
     let (file, _) = open(path)?;
     let mut magic = Vec::new();
-    file.take(2).read_to_end(&mut magic).map_err(|e| unreadable(path, &e))?;
+    file.take(2).read_to_end(&mut magic).map_err(|e| unreadable(path, e))?;
     Ok(magic == [0x1f, 0x8b])
 }
 
@@ -173,7 +173,7 @@ impl Section {
             )
         })?;
         check_memory(path, count)?;
-        file.seek(SeekFrom::Start(self.offset)).map_err(|e| unreadable(path, &e))?;
+        file.seek(SeekFrom::Start(self.offset)).map_err(|e| unreadable(path, e))?;
         progress.stage("reading", room.min(if self.packing == Packing::Raw { needed } else { room }));
         let counted = BufReader::with_capacity(1 << 18, Counted { file, progress });
         match self.packing {
@@ -181,7 +181,7 @@ impl Section {
             Packing::Gzip => self.fill(Gunzip::new(counted), count, encoding, Size::Declared, progress),
             Packing::Zlib => {
                 let mut counted = counted;
-                let first = counted.fill_buf().map_err(|e| unreadable(path, &e))?;
+                let first = counted.fill_buf().map_err(|e| unreadable(path, e))?;
                 if first.starts_with(&[0x1f, 0x8b]) {
                     self.fill(Gunzip::new(counted), count, encoding, Size::Declared, progress)
                 } else {
@@ -232,7 +232,7 @@ impl Section {
             let mut data = Vec::new();
             let mut strange = 0;
             for chunk in full {
-                let chunk = chunk.map_err(|e| unreadable(path, &e))?;
+                let chunk = chunk.map_err(|e| unreadable(path, e))?;
                 progress.check()?;
                 let from = data.len();
                 let to = from + chunk.len() / voxel;
@@ -276,7 +276,7 @@ impl Section {
         while data.len() < count {
             token.clear();
             // Numbers are short; a longer run without a separator is not a number.
-            let got = token_into(&mut source, &mut token, 64).map_err(|e| unreadable(path, &e))?;
+            let got = token_into(&mut source, &mut token, 64).map_err(|e| unreadable(path, e))?;
             if !got {
                 return Err(Error::file(
                     path,

@@ -42,7 +42,7 @@ pub fn data_file(header: &Path, name: &str) -> Result<PathBuf> {
     if name.is_empty() {
         return Err(Error::file(header, "names no data file", "name the data file in the header"));
     }
-    let real = header.canonicalize().map_err(|e| super::source::unreadable(header, &e))?;
+    let real = header.canonicalize().map_err(|e| super::source::unreadable(header, e))?;
     let folder = real.parent().ok_or_else(outside)?;
     let named = Path::new(name);
     let leaves = named.is_absolute() || named.components().any(|c| c == std::path::Component::ParentDir);

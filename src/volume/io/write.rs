@@ -155,7 +155,7 @@ impl Fail {
     fn about(self, path: &Path) -> Error {
         match self {
             Self::Own(e) => e,
-            Self::Io(e) => cannot(path, &e),
+            Self::Io(e) => cannot(path, e),
         }
     }
 }
@@ -176,7 +176,7 @@ fn two(
     let mut first = AtomicFile::create(data)?;
     let mut second = AtomicFile::create(path)?;
     fill(&mut first).map_err(|e| e.about(data))?;
-    second.write_all(header).map_err(|e| cannot(path, &e))?;
+    second.write_all(header).map_err(|e| cannot(path, e))?;
     first.finish()?;
     second.finish()
 }

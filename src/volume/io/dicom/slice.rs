@@ -143,7 +143,7 @@ fn head(path: &Path, bytes: u64) -> Result<Vec<u8>> {
     use std::io::Read;
     let (file, _) = source::open(path)?;
     let mut out = Vec::new();
-    file.take(bytes).read_to_end(&mut out).map_err(|e| source::unreadable(path, &e))?;
+    file.take(bytes).read_to_end(&mut out).map_err(|e| source::unreadable(path, e))?;
     Ok(out)
 }
 
