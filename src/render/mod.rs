@@ -52,7 +52,7 @@ mod extremes_tests;
 mod tissue_tests;
 
 pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
-pub use caster::render;
+pub use caster::{depths, render};
 pub use choices::{Choices, GradientSource, Leaping, LowDetail};
 pub use coverage::{Coverage, coverage};
 pub use direct::Direct;
