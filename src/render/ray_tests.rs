@@ -230,7 +230,7 @@ fn a_bundle_changes_no_distance() {
             hits += u32::from(bundle.free > 0.0 && alone.is_some());
         }
     }
-    assert!(hits > 5000, "{hits}");
+    assert!(hits > 500, "{hits} rays of bundles that knew something");
     // Rays of several points are walked one by one.
     let rays = [DVec3::ZERO, DVec3::X].map(|origin| CameraRay { origin, direction: DVec3::X });
     assert_eq!(Bundle::new(&s, rays.iter()).free, 0.0);
