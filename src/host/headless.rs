@@ -31,8 +31,8 @@ pub struct Outputs {
     pub overlays: Vec<Overlay>,
 }
 
-/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time (at least one step) are over. The state of the flight
-/// distinguishes these. Returns the frames rendered so far together with the result.
+/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time (at least one step) are over. The state of
+/// the flight distinguishes these. Returns the frames rendered so far together with the result.
 ///
 /// # Errors
 /// Returns status 5 if an output cannot be written, status 4 if interrupted, and the error of a replayed command that is refused.
