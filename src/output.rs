@@ -48,9 +48,15 @@ static TEMPORARY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 struct Listed(PathBuf);
 
 impl Listed {
-    fn new(file: &tempfile::NamedTempFile) -> Self {
-        temporary().push(file.path().to_owned());
-        Self(file.path().to_owned())
+    /// Lists the file that `create` creates. No file exists that is not listed, not even for a moment.
+    fn create(
+        create: impl FnOnce() -> io::Result<tempfile::NamedTempFile>,
+    ) -> io::Result<(tempfile::NamedTempFile, Self)> {
+        let mut listed = temporary();
+        let file = create()?;
+        let path = file.path().to_owned();
+        listed.push(path.clone());
+        Ok((file, Self(path)))
     }
 }
 
@@ -65,11 +71,15 @@ fn temporary() -> MutexGuard<'static, Vec<PathBuf>> {
 }
 
 /// Removes all files being written. Call it before the process exits without running destructors.
-pub fn remove_temporary() {
-    for path in temporary().iter() {
+///
+/// The process can create no more of them: other threads that try, or that finish one, wait for its exit.
+pub fn abandon_temporary() {
+    let listed = temporary();
+    for path in listed.iter() {
         // It may just have been renamed.
         let _ = std::fs::remove_file(path);
     }
+    std::mem::forget(listed);
 }
 
 impl Write for Sink {
@@ -106,7 +116,7 @@ impl AtomicFile {
             _ => {
                 let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
                 leftover::remove_once(folder);
-                let file = leftover::locked(folder, |_builder| {
+                let set_up = |_builder: &mut tempfile::Builder<'_, '_>| {
                     #[cfg(unix)]
                     {
                         use std::os::unix::fs::PermissionsExt;
@@ -115,9 +125,9 @@ impl AtomicFile {
                         let mode = existing.as_ref().map_or(0o666, |m| m.permissions().mode() & 0o777);
                         _builder.permissions(std::fs::Permissions::from_mode(mode));
                     }
-                });
-                let file = file.map_err(|e| cannot(path, e))?;
-                let listed = Listed::new(&file);
+                };
+                let file = Listed::create(|| leftover::locked(folder, set_up));
+                let (file, listed) = file.map_err(|e| cannot(path, e))?;
                 Sink::Temporary(file, listed)
             }
         };
@@ -183,7 +193,9 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
 /// # Errors
 /// Returns status 5 if the folder cannot be created.
 pub fn make_folder(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|e| match path.ancestors().find(|p| p.exists()) {
+    // A slash at the end would hide a file.
+    let bare: PathBuf = path.components().collect();
+    std::fs::create_dir_all(path).map_err(|e| match bare.ancestors().find(|p| p.exists()) {
         Some(file) if !file.is_dir() => {
             let why = format!("cannot be made a folder: {} is a file", file.display());
             Error::output(path, why, "name another folder, or move the file away")
@@ -254,7 +266,7 @@ pub fn check_targets(inputs: &[&Path], outputs: &[&Path]) -> Result<()> {
 pub fn check_folders(outputs: &[&Path]) -> Result<()> {
     let is_missing = |p: &&&Path| place(p).parent().is_some_and(|f| !f.is_dir());
     outputs.iter().find(is_missing).map_or(Ok(()), |path| {
-        if place(path).parent().is_some_and(Path::exists) {
+        if place(path).ancestors().skip(1).find(|p| p.exists()).is_some_and(|p| !p.is_dir()) {
             let why = "cannot be written (what should be its folder is a file)";
             return Err(Error::output(path, why, "name another folder"));
         }
@@ -331,7 +343,8 @@ mod tests {
         assert_eq!(check(&[&at("none/a")]), Err(Kind::Output));
         let in_file = check_targets(&[], &[&at("scan/a")]).unwrap_err().to_string();
         assert!(in_file.contains("is a file"), "{in_file}");
-        for folder in [at("scan"), at("scan/deep/er")] {
+        assert_eq!(check_targets(&[], &[&at("scan/deep/er")]).unwrap_err().to_string().matches("is a file").count(), 1);
+        for folder in [at("scan"), at("scan/"), at("scan/deep/er")] {
             let e = make_folder(&folder).unwrap_err().to_string();
             assert!(e.contains("scan is a file"), "{e}");
         }

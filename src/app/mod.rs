@@ -8,6 +8,7 @@ pub mod explain;
 pub mod fields;
 pub mod flight;
 mod images;
+mod lines;
 pub mod overlay;
 pub mod overlays;
 pub mod plan;

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use crate::app::images::{ImageSettings, RenderFile, RenderSettings};
-use crate::app::{Catalog, Overlay};
+use crate::app::{Catalog, Overlay, lines};
 use crate::components::flight::Goal;
 use crate::components::guide::Tentacles;
 use crate::components::output::{GuideName, Picture};
@@ -175,8 +175,12 @@ impl Scene {
     /// # Errors
     /// Returns status 2 if it is not a scene or a setting in it is invalid.
     pub fn parse(text: &str, catalog: &Catalog) -> Result<Self> {
+        let file = toml::from_str(text).map_err(|e| lines::unread(text, &e, "name known plugins and settings"))?;
+        Self::of_file(file, catalog).map_err(|e| lines::with_line(text, e))
+    }
+
+    fn of_file(file: SceneFile, catalog: &Catalog) -> Result<Self> {
         let hint = "name known plugins and settings";
-        let file: SceneFile = toml::from_str(text).map_err(|e| Error::usage("scene", e.message().to_owned(), hint))?;
         let (mut guides, mut plugins) = (catalog.guides.clone(), catalog.plugins.clone());
         let options = SceneOptions {
             named: named_options(file.named, catalog, &mut guides, &mut plugins)?,
@@ -521,6 +525,24 @@ mod tests {
         let refused = other.check().unwrap_err();
         assert!(refused.to_string().contains("the preset lean keeps nothing for each voxel"), "{refused}");
         assert!(parse("plugins = []\n[render]\npreset = \"lean\"\nleap = \"brick\"\ngradients = \"eight\"").is_ok());
+    }
+
+    #[test]
+    fn an_error_names_the_setting_and_its_line() {
+        for (text, told) in [
+            ("plugins = []\n[body]\nmass_g = \"much\"", "line 3: body.mass_g: invalid type"),
+            ("plugins = []\n\n[tentacles]\nlength_mm = 9\ncount = \"many\"", "line 5: tentacles.count: invalid type"),
+            ("plugins = []\n[tentacles]\ncount = 64\ncounts = 20", "line 4: [tentacles]: unknown field `counts`"),
+            ("plugins = []\n[body]\nmass_g = 0", "line 3: body.mass_g: "),
+            ("plugins = []\nbody.mass_g = true", "line 2: body.mass_g: invalid type"),
+            ("plugins = 3", "line 1: plugins: invalid type"),
+            ("plugins = []\n[render]\nkey_frames = -3", "line 3: render.key_frames: "),
+            ("plugins = []\n[render", "line 2: scene: "),
+            ("[body]\nmass_g = 3.0", "scene: missing field `plugins`"),
+        ] {
+            let e = parse(text).unwrap_err().to_string();
+            assert!(e.starts_with(told), "{text:?}: {e}");
+        }
     }
 
     #[test]

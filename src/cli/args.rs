@@ -11,7 +11,7 @@ use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand,
 
 pub use crate::cli::values::{Pair, Point, Size, Triple};
 
-use crate::cli::values::{count, number, plane, slab, threads};
+use crate::cli::values::{count, number, plane, seed, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
 use crate::error::Error;
 use crate::fields::CenterlineMethod;
@@ -37,7 +37,7 @@ pub struct Args {
 #[derive(ClapArgs, Clone, Debug, Default)]
 pub struct Global {
     /// Number of threads [default: all cores]
-    #[arg(long, global = true, value_name = "N", value_parser = threads)]
+    #[arg(long, global = true, value_name = "N", value_parser = threads, allow_negative_numbers = true)]
     pub threads: Option<usize>,
     /// HU at which the wall starts to be opaque, and at which it is fully opaque
     #[arg(long, global = true, value_name = "LO,HI", allow_hyphen_values = true)]
@@ -49,7 +49,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "LO,HI", allow_hyphen_values = true)]
     pub hu: Option<Pair>,
     /// Number of the DICOM series to open, if a folder has several
-    #[arg(long, global = true, value_name = "N", value_parser = count)]
+    #[arg(long, global = true, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub series: Option<usize>,
     /// Interpolate missing DICOM slices instead of refusing the series
     #[arg(long, global = true)]
@@ -61,7 +61,7 @@ pub struct Global {
     #[arg(long, global = true, value_name = "MODEL")]
     pub camera: Option<String>,
     /// Random seed of the phantom
-    #[arg(long, global = true, value_name = "N")]
+    #[arg(long, global = true, value_name = "N", value_parser = seed, allow_negative_numbers = true)]
     pub seed: Option<u64>,
 }
 
@@ -127,7 +127,7 @@ pub struct FlyArgs {
     #[arg(long, value_name = "F", allow_hyphen_values = true)]
     pub fps: Option<f64>,
     /// Image size in pixels [default: 1024x1024]
-    #[arg(long, value_name = "WxH")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<Size>,
     /// Image quality [default: high]
     #[arg(long, value_enum)]
@@ -157,7 +157,7 @@ pub struct FlyArgs {
     #[arg(long, value_name = "LOG")]
     pub play: Option<PathBuf>,
     /// Speed of --play relative to the original flight
-    #[arg(long, value_name = "R", requires = "play", allow_hyphen_values = true)]
+    #[arg(long, value_name = "R", allow_hyphen_values = true)]
     pub rate: Option<f64>,
     /// Scene file with plugins and settings
     #[arg(long, value_name = "S.toml")]
@@ -183,7 +183,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Image size in pixels [default: 1024x1024]
-    #[arg(long, value_name = "WxH")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<Size>,
     /// Image quality [default: high]
     #[arg(long, value_enum)]
@@ -192,7 +192,7 @@ pub struct RenderArgs {
     #[arg(long, value_name = "PRESET")]
     pub preset: Option<String>,
     /// Samples per pixel
-    #[arg(long, value_name = "N", value_parser = count)]
+    #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub samples: Option<usize>,
     /// Render every frame from scratch, without reuse of the frame before
     #[arg(long)]
@@ -220,7 +220,7 @@ pub struct SliceArgs {
     #[arg(long, value_name = "F")]
     pub out: PathBuf,
     /// Image size in pixels [default: 512x512]
-    #[arg(long, value_name = "WxH")]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
     pub size: Option<Size>,
     /// Pixel size in mm [default: the scan's smallest spacing]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
@@ -370,7 +370,7 @@ pub struct ReportArgs {
     #[arg(long, value_name = "F")]
     pub scan: Option<PathBuf>,
     /// Number of steps in the perforation test
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = steps, allow_negative_numbers = true)]
     pub steps: Option<u64>,
 }
 
@@ -590,7 +590,8 @@ pub fn refuse(refused: &ParseError) -> ExitCode {
     failed(&Error::usage("command line", why.strip_prefix("error: ").unwrap_or(&why), "see colvis --help"))
 }
 
-fn failed(error: &Error) -> ExitCode {
+/// Prints a failure and returns its exit status.
+pub(super) fn failed(error: &Error) -> ExitCode {
     output::to_stderr(format_args!("error: {error}"));
     ExitCode::from(error.kind as u8)
 }

@@ -22,7 +22,7 @@ use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::panic::{self, AssertUnwindSafe, PanicHookInfo, catch_unwind};
 use std::process::ExitCode;
-use std::sync::{Arc, Mutex, Once, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, Once, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
@@ -182,18 +182,14 @@ impl Program {
 
     /// Like [`Program::run`], with these arguments; the first is the program's name.
     pub fn run_from<T: Into<OsString>>(self, args: impl IntoIterator<Item = T>) -> ExitCode {
-        let reported = |e: &Error| {
-            output::to_stderr(format_args!("error: {e}"));
-            ExitCode::from(e.kind as u8)
-        };
         if let Err(e) = self.check() {
-            return reported(&e);
+            return args::failed(&e);
         }
         let args = match self.parse(args) {
             Ok(args) => args,
             Err(e) => return args::refuse(&e),
         };
-        guarded(|| run(&self, args)).map_or_else(|e| reported(&e), |()| ExitCode::SUCCESS)
+        end(&guarded(|| run(&self, args)))
     }
 
     /// Reads a command line; the first argument is the program's name.
@@ -267,21 +263,50 @@ fn panicked(panic: &(dyn Any + Send), place: Option<&str>) -> Error {
     Error::fault("colvis", format!("{}{at}", text.unwrap_or("panicked")), "report it, with the command")
 }
 
-/// Progress of the current run; an interrupt cancels it.
-static UNDER_WAY: Mutex<Option<Arc<Progress>>> = Mutex::new(None);
+/// The current or last run.
+static UNDER_WAY: Mutex<Option<UnderWay>> = Mutex::new(None);
+
+/// A run that an interrupt cancels.
+struct UnderWay {
+    progress: Arc<Progress>,
+    /// The exit status, once the run is over.
+    ended: Option<u8>,
+}
+
+fn under_way() -> MutexGuard<'static, Option<UnderWay>> {
+    UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Ends the current run: prints its failure and returns its exit status.
+///
+/// An interrupt that ends the program prints a line of its own, and holds the lock from then on. So only one of the two prints.
+fn end(outcome: &Result<()>) -> ExitCode {
+    let mut run = under_way();
+    let status = outcome.as_ref().map_or_else(|e| e.kind as u8, |()| 0);
+    if let Err(e) = outcome {
+        output::to_stderr(format_args!("error: {e}"));
+    }
+    if let Some(run) = &mut *run {
+        run.ended = Some(status);
+    }
+    ExitCode::from(status)
+}
 
 /// Makes interrupts cancel `progress` instead of an earlier run's.
 fn on_interrupt(progress: &Arc<Progress>) -> Result<()> {
-    let run = || UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner);
-    let first = run().replace(Arc::clone(progress)).is_none();
+    let first = under_way().replace(UnderWay { progress: Arc::clone(progress), ended: None }).is_none();
     if !first {
         return Ok(());
     }
     ctrlc::set_handler(move || {
-        let Some(progress) = run().clone() else { return };
+        let run = under_way();
+        let Some(UnderWay { progress, ended }) = &*run else { return };
+        if let Some(status) = ended {
+            std::process::exit(i32::from(*status));
+        }
         // The second Ctrl-C ends at once: files are whole or absent in any case.
         if progress.is_cancelled() {
-            output::remove_temporary();
+            output::abandon_temporary();
             if std::io::stderr().is_terminal() {
                 // A progress bar may stand on the line.
                 output::to_stderr(format_args!(""));

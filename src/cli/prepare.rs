@@ -177,6 +177,11 @@ pub fn lumen_from(volume: &Volume, from: Option<DVec3>, timings: &mut Timings, p
     })
 }
 
+/// The failure of a command that found no colon in a scan.
+pub fn no_lumen(hint: &str) -> Error {
+    Error::incomplete("volume", "no gas of a colon was found in it", hint)
+}
+
 /// Prints which options had no effect.
 fn report_unused(path: &Path, volume: &Volume, global: &Global) {
     let own = volume.grid().spacing();

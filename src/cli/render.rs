@@ -19,7 +19,7 @@ use crate::host::terminal::Bar;
 use crate::output;
 use crate::panics;
 use crate::progress::Progress;
-use crate::render::{CameraModel, Frame, Preset, Reuse, View, renderer};
+use crate::render::{CameraModel, Frame, Preset, Reuse, View, depths, renderer};
 
 /// A list of poses for `--poses`. Unknown fields are ignored.
 #[derive(Deserialize)]
@@ -73,13 +73,16 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
     let mut timings = scan.timings().clone();
     let reuse = if args.no_reuse { Reuse::Never } else { Reuse::Allowed };
     let mut renderer = timings.time("renderer_s", || Ok(renderer(scan.volume(), settings, preset, reuse)))?;
-    let mut frame =
-        if args.depth { Frame::with_depth(size.width, size.height) } else { Frame::new(size.width, size.height) };
+    let mut frame = Frame::new(size.width, size.height);
+    let mut depth = vec![0.0; if args.depth { size.width * size.height } else { 0 }];
     let mut frames = Vec::with_capacity(views.len());
     progress.stage("rendering", views.len() as u64);
     let mut complaints = BTreeSet::new();
     let mut one = |n: usize, view: &View| {
         let begun = Instant::now();
+        if args.depth {
+            depths(scan.volume(), view, &mut depth, progress)?;
+        }
         let work = panics::catch(|| renderer.render(view, &mut frame)).map_err(|why| {
             let what = format!("preset {}", preset.name);
             Error::fault(what, format!("panicked at pose {n}: {why}"), "fix it, or choose another preset")
@@ -87,12 +90,13 @@ pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc
         if let Some((who, what)) = renderer.complaint().filter(|c| complaints.insert(c.clone())) {
             say(&format!("{who} {what}"));
         }
+        progress.check()?;
         let ms = begun.elapsed().as_secs_f64() * 1e3;
         frames.push(FrameStats { ms, rays: work.rays, samples: work.samples, reused: work.reused });
         write_png(&args.out.join(format!("{n:04}.png")), &frame)?;
-        if let Some(depth) = frame.depth() {
+        if args.depth {
             // mm, row 0 on top.
-            output::write_npy(&args.out.join(format!("{n:04}.npy")), depth, &[size.height, size.width])?;
+            output::write_npy(&args.out.join(format!("{n:04}.npy")), &depth, &[size.height, size.width])?;
         }
         progress.advance(1)
     };

@@ -52,8 +52,8 @@ struct Mark {
 /// Runs the command.
 ///
 /// # Errors
-/// Returns status 3 if the input cannot be read, 4 if it is too flat to have an interior or if interrupted, 5 if an output cannot
-/// be written.
+/// Returns status 3 if the input cannot be read, 4 if it is too flat to have an interior, has no gas of a colon (mask and stats
+/// are written) or if interrupted, 5 if an output cannot be written.
 pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
     output::check_targets(&[&args.input], &outputs)?;
@@ -107,7 +107,7 @@ pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<(
         }
         output::write_json(path, &stats)?;
     }
-    Ok(())
+    if lumen.segments.is_empty() { Err(prepare::no_lumen("give --from and a point in the colon")) } else { Ok(()) }
 }
 
 fn not_colon(others: &lumen::Others) -> Vec<NotColon> {

@@ -46,12 +46,7 @@ pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<(
     } else {
         let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
         if lumen.segments.is_empty() {
-            let why = "no gas of a colon was found in it";
-            return Err(Error::incomplete(
-                "volume",
-                why,
-                "give --from and a point in the colon, or a mask of the lumen",
-            ));
+            return Err(prepare::no_lumen("give --from and a point in the colon, or a mask of the lumen"));
         }
         let mesh = timings
             .time("surface_s", || LumenMesh::new(&Interior::of_lumen(&volume, &lumen, iso, progress)?, progress))?;

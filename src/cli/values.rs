@@ -68,12 +68,9 @@ impl FromStr for Size {
 
     fn from_str(s: &str) -> Result<Self, String> {
         let (w, h) = s.split_once(['x', 'X']).ok_or("is not WxH")?;
-        let side = |t: &str| t.trim().parse::<usize>().map_err(|e| format!("{t:?}: {e}"));
-        let (width, height) = (side(w)?, side(h)?);
-        if !(1..=16384).contains(&width) || !(1..=16384).contains(&height) {
-            return Err("a side must be 1 to 16384 pixels".to_owned());
-        }
-        Ok(Self { width, height })
+        let side = |t: &str| t.trim().parse().ok().filter(|n| (1..=16384).contains(n));
+        let sides = side(w).zip(side(h)).map(|(width, height)| Self { width, height });
+        sides.ok_or_else(|| "a side must be a whole number from 1 to 16384 pixels".to_owned())
     }
 }
 
@@ -130,4 +127,14 @@ pub fn threads(s: &str) -> Result<usize, String> {
 /// A count from 1 to 4096.
 pub fn count(s: &str) -> Result<usize, String> {
     s.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "must be a whole number from 1 to 4096".to_owned())
+}
+
+/// A number of steps, 1 or more.
+pub fn steps(s: &str) -> Result<u64, String> {
+    s.parse().ok().filter(|n| *n > 0).ok_or_else(|| "must be a whole number, 1 or more".to_owned())
+}
+
+/// A random seed, 0 or more.
+pub fn seed(s: &str) -> Result<u64, String> {
+    s.parse().map_err(|_| format!("must be a whole number from 0 to {}", u64::MAX))
 }

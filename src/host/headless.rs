@@ -31,8 +31,8 @@ pub struct Outputs {
     pub overlays: Vec<Overlay>,
 }
 
-/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time are over. The state of the flight
-/// distinguishes these. Returns the frames rendered so far together with the result.
+/// Flies until the flight arrives, calls the operator, or `seconds` of simulated time (at least one step) are over. The state of
+/// the flight distinguishes these. Returns the frames rendered so far together with the result.
 ///
 /// # Errors
 /// Returns status 5 if an output cannot be written, status 4 if interrupted, and the error of a replayed command that is refused.
@@ -84,7 +84,8 @@ fn fly_steps(
     progress: &Arc<Progress>,
 ) -> Result<bool> {
     let hz = f64::from(flight.clock().hz);
-    let steps = (seconds * hz).round().min(1e15) as u64;
+    // However short, a flight has a step, and its log a line.
+    let steps = (seconds * hz).round().clamp(1.0, 1e15) as u64;
     progress.stage("flying", steps.min(expected_steps(flight).max(1)));
     let mut images = 0;
     let mut fly = || {

@@ -21,13 +21,17 @@ use super::shaders::headlight::Headlight;
 use super::shaders::{Shader, SurfacePoint, shown};
 use super::skip::{Everything, Leap, Skipper};
 use super::transfer::Ramp;
+use crate::error::Result;
+use crate::progress::Progress;
 use crate::space::PreparedVolume;
-use crate::space::first_crossing;
+use crate::space::ray::Bundle;
 
 /// Rows of a task and of a tile.
 pub(super) const TILE_ROWS: usize = 16;
 /// Columns of a tile: neighbouring rays visit the same voxels while they are in the cache.
 const TILE_COLUMNS: usize = 32;
+/// Side of the squares of pixels whose depths are found together.
+const BUNDLE: usize = 8;
 
 /// Renders `view` of `volume` into `frame`, resizing it if needed, on all of rayon's threads.
 ///
@@ -119,11 +123,9 @@ impl ImageRequest<'_> {
             samples_per_pixel: settings.samples_per_pixel.max(1),
         };
         frame.resize(view.width(), view.height());
-        let (pixels, depth) = frame.buffers();
+        fill_depth(volume, view, frame);
+        let pixels = frame.buffers().0;
         let band = TILE_ROWS * view.width();
-        if let Some(depth) = depth {
-            depths(volume, view, depth);
-        }
         let bands = pixels.par_chunks_mut(band).zip(kept.par_chunks_mut(band)).enumerate().map(|(n, (band, kept))| {
             let mut work = Work::default();
             tiles(view.width(), n, band, kept, |x, y, out, kept| *out = caster.pixel(x, y, kept, &mut work));
@@ -133,15 +135,38 @@ impl ImageRequest<'_> {
     }
 }
 
-/// Fills `depth` with the exact distance to the wall for every pixel of `view`, mm.
-pub(super) fn depths(volume: &PreparedVolume, view: &View, depth: &mut [f32]) {
-    let band = TILE_ROWS * view.width();
-    depth.par_chunks_mut(band).enumerate().for_each(|(n, band)| {
-        tiles(view.width(), n, band, &mut vec![(); band.len()], |x, y, out, ()| {
-            let hit = view.ray(x, y).and_then(|r| first_crossing(volume, r.origin, r.direction, f64::INFINITY));
-            *out = hit.map_or(f32::INFINITY, |t| t as f32);
-        });
-    });
+/// Fills `depth` with the exact distance to the wall for every pixel of `view`, mm, row by row: infinite where there is
+/// no wall. `depth` has as many entries as the view has pixels.
+///
+/// # Errors
+/// Returns status 4 if cancelled.
+pub fn depths(volume: &PreparedVolume, view: &View, depth: &mut [f32], progress: &Progress) -> Result<()> {
+    let width = view.width();
+    depth.par_chunks_mut(BUNDLE * width).enumerate().try_for_each(|(n, band)| {
+        progress.check()?;
+        let rows = band.len() / width;
+        let mut rays = Vec::with_capacity(BUNDLE * BUNDLE);
+        for left in (0..width).step_by(BUNDLE) {
+            let columns = left..(left + BUNDLE).min(width);
+            let pixels = || (0..rows).flat_map(|y| columns.clone().map(move |x| (x, y)));
+            rays.clear();
+            rays.extend(pixels().map(|(x, y)| view.ray(x, n * BUNDLE + y).map(|r| (r.origin, r.direction))));
+            let bundle = Bundle::new(volume, rays.iter().flatten().copied());
+            for ((x, y), ray) in pixels().zip(&rays) {
+                let hit = ray.and_then(|ray| bundle.first_crossing(ray));
+                band[y * width + x] = hit.map_or(f32::INFINITY, |t| t as f32);
+            }
+        }
+        Ok(())
+    })
+}
+
+/// Fills the frame's depth, if it has any.
+pub(super) fn fill_depth(volume: &PreparedVolume, view: &View, frame: &mut Frame) {
+    if let Some(depth) = frame.buffers().1 {
+        // Nobody cancels it.
+        let _ = depths(volume, view, depth, &Progress::new());
+    }
 }
 
 /// Calls `each` for every pixel of the `n`-th band of rows and its entry in `beside`, tile by tile.

@@ -4,7 +4,7 @@
 //! than high detail, and still better than the nearest voxel for each pixel, which is the paper's low detail
 //! ([`sampler::Nearest`](super::sampler::Nearest)).
 
-use super::caster::depths;
+use super::caster::fill_depth;
 use super::enlarge::Enlarger;
 use super::memory::MemoryPart;
 use super::packets::{PacketRenderer, Pixels};
@@ -43,9 +43,7 @@ impl Renderer for Low {
         let [width, height] = [view.width(), view.height()].map(|side| side.div_ceil(PART));
         let work = self.renderer.render(&view.resized(width, height), &mut self.small);
         self.enlarger.enlarge(&self.small, frame);
-        if let Some(depth) = frame.buffers().1 {
-            depths(&self.volume, view, depth);
-        }
+        fill_depth(&self.volume, view, frame);
         work
     }
 

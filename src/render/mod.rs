@@ -50,7 +50,7 @@ mod tissue_tests;
 
 pub use crate::space::{PreparedVolume, TransferFunction, first_crossing};
 pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
-pub use caster::render;
+pub use caster::{depths, render};
 pub use choices::{Choices, GradientSource, Leaping, LowDetail};
 pub use coverage::{Coverage, coverage};
 pub use direct::Direct;

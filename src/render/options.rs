@@ -64,9 +64,7 @@ impl Options {
     /// Returns status 2 if there is a setting that the type does not have.
     pub fn read<T: DeserializeOwned>(self, name: &str) -> Result<T> {
         let table = self.0.cloned().unwrap_or_default();
-        table.try_into().map_err(|e: toml::de::Error| {
-            Error::usage(format!("[{name}]"), e.message().to_owned(), "name settings that it has")
-        })
+        table.try_into().map_err(|e| unread(name, &e))
     }
 
     /// Rejects any setting. For types that have none.
@@ -78,6 +76,16 @@ impl Options {
         #[serde(deny_unknown_fields)]
         struct Nothing {}
         self.read::<Nothing>("settings").map(|Nothing {}| ())
+    }
+}
+
+/// Returns the error for a table that could not be read, or for one of its settings.
+pub(crate) fn unread(table: &str, e: &toml::de::Error) -> Error {
+    // The error has the key in its text alone: "…\nin `count`\n".
+    let text = e.to_string();
+    match text.trim_end().strip_suffix('`').and_then(|t| t.rsplit_once("\nin `")) {
+        Some((_, key)) => Error::usage(format!("{table}.{key}"), e.message().to_owned(), "give another value"),
+        None => Error::usage(format!("[{table}]"), e.message().to_owned(), "name settings that it has"),
     }
 }
 

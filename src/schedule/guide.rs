@@ -8,8 +8,9 @@ use serde::de::DeserializeOwned;
 
 use super::App;
 use crate::dynamics::Body;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::fields::centerline::CenterlineMethod;
+use crate::render::options::unread;
 
 /// The data to derive from the lumen before a guide can fly.
 ///
@@ -207,9 +208,7 @@ impl Guides {
     /// Returns status 2 if the guide does not have one of the settings.
     pub fn read(&mut self, name: &str, settings: toml::Table) -> Result<bool> {
         let Some(entry) = self.0.iter_mut().find(|g| g.name == name) else { return Ok(false) };
-        let read = entry.settings.read(settings);
-        entry.settings =
-            read.map_err(|e| Error::usage(format!("[{name}]"), e.message().to_owned(), "name settings that it has"))?;
+        entry.settings = entry.settings.read(settings).map_err(|e| unread(name, &e))?;
         entry.needs = entry.settings.needs();
         Ok(true)
     }
@@ -226,6 +225,7 @@ impl Guides {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
 
     #[derive(Clone, Debug, Default, serde::Deserialize)]
     #[serde(default, deny_unknown_fields)]

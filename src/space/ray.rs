@@ -57,8 +57,7 @@ pub fn first_crossing_counted(
     cells: &mut u64,
 ) -> Option<f64> {
     let grid = volume.voxels().grid();
-    // Normalise twice, so that neither denormal nor huge components lose the direction.
-    let direction = (direction / direction.abs().max_element()).normalize_or_zero();
+    let direction = unit(direction);
     if !origin.is_finite() || direction == DVec3::ZERO || max_mm.is_nan() || max_mm < 0.0 {
         return None;
     }
@@ -75,7 +74,129 @@ pub fn first_crossing_counted(
     // Start at the box's border, so that a distant camera costs no precision inside.
     let start = grid.voxel(origin + direction * enter);
     let walk = Walk::new(volume, start, grid.to_voxel().transform_vector3(direction));
-    walk.run(end - enter, cells).map(|t| enter + t)
+    walk.run(0.0, end - enter, cells).map(|t| enter + t)
+}
+
+/// Rays from one point that lie close together, such as those of neighbouring pixels.
+///
+/// How far none of them meets the wall is found once for all, by the box around them, step by step. From there on each
+/// ray walks by itself. So its distance is exactly that of [`first_crossing`].
+pub(crate) struct Bundle<'a> {
+    volume: &'a PreparedVolume,
+    /// Voxel coordinates of the point.
+    from: DVec3,
+    /// Up to this distance no ray meets the wall, mm; 0 if that is not known.
+    free: f64,
+}
+
+/// Steps that a bundle leaps at once where all bricks are empty.
+const LEAP: f64 = 8.0;
+/// The most voxels in the box around one step of a bundle. In a larger box some ray is likely to be in the wall.
+const MOST_VOXELS: i64 = 512;
+/// How much larger than the rays' own a bundle's box is, voxels. This is far above their rounding.
+const AROUND: f64 = 1e-6;
+
+impl<'a> Bundle<'a> {
+    /// Creates the bundle of some rays, each an origin (world mm) and a unit direction.
+    pub(crate) fn new(volume: &'a PreparedVolume, rays: impl Iterator<Item = (DVec3, DVec3)>) -> Self {
+        let grid = volume.voxels().grid();
+        let mut rays = rays.peekable();
+        let origin = rays.peek().map_or(DVec3::NAN, |r| r.0);
+        let mut bundle = Self { volume, from: grid.voxel(origin), free: 0.0 };
+        let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for (from, direction) in rays {
+            if from != origin {
+                return bundle;
+            }
+            let along = grid.to_voxel().transform_vector3(direction);
+            (least, most) = (least.min(along), most.max(along));
+        }
+        let end = DVec3::from_array(grid.dims().map(|n| n as f64));
+        let inside = bundle.from.cmpge(DVec3::NEG_ONE).all() && bundle.from.cmple(end).all();
+        if inside && least.is_finite() && most.is_finite() {
+            bundle.free = bundle.free(least, most);
+        }
+        bundle
+    }
+
+    /// Returns the distance along one of the rays to the wall: [`first_crossing`] without a limit.
+    pub(crate) fn first_crossing(&self, (origin, direction): (DVec3, DVec3)) -> Option<f64> {
+        if self.free == 0.0 {
+            return first_crossing(self.volume, origin, direction, f64::INFINITY);
+        }
+        let grid = self.volume.voxels().grid();
+        let along = grid.to_voxel().transform_vector3(unit(direction));
+        let (_, exit) = clip(grid.dims(), self.from, along)?;
+        if self.free >= exit { None } else { Walk::new(self.volume, self.from, along).run(self.free, exit, &mut 0) }
+    }
+
+    /// Returns how far no ray meets the wall, mm, if all move by `least` to `most`, voxels/mm.
+    fn free(&self, least: DVec3, most: DVec3) -> f64 {
+        let wall = self.volume.transfer().iso().ceil() as i16;
+        let step = 1.0 / least.abs().max(most.abs()).max_element();
+        // The first and last cells of all rays between two distances.
+        let cells = |t: f64, until: f64| {
+            let first = self.from + (least * t).min(least * until) - AROUND;
+            let last = self.from + (most * t).max(most * until) + AROUND;
+            (first.floor().as_i64vec3().to_array(), last.floor().as_i64vec3().to_array())
+        };
+        let ends = self.volume.voxels().grid().dims().map(|n| n as i64 - 1);
+        let left = |first: [i64; 3], last: [i64; 3]| (0..3).any(|a| last[a] < -1 || first[a] > ends[a]);
+        let mut t = 0.0;
+        if wall <= AIR_HU {
+            return t;
+        }
+        loop {
+            let (first, last) = cells(t, t + LEAP * step);
+            if left(first, last) {
+                return t;
+            }
+            if self.empty_bricks(first, last) {
+                t += LEAP * step;
+                continue;
+            }
+            let (first, last) = cells(t, t + step);
+            if left(first, last) || !self.is_below(wall, first, last) {
+                return t;
+            }
+            t += step;
+        }
+    }
+
+    /// True if the bricks of the cells `first` to `last` are few, and empty.
+    fn empty_bricks(&self, first: [i64; 3], last: [i64; 3]) -> bool {
+        let flags = self.volume.flags();
+        let bricks = flags.bricks().map(|n| n as i64);
+        let range = |a: usize| {
+            let brick = |cell: i64| ((cell + 1) >> BRICK_SHIFT).clamp(0, bricks[a] - 1);
+            brick(first[a])..=brick(last[a])
+        };
+        let few = (0..3).all(|a| last[a] - first[a] <= 4 << BRICK_SHIFT);
+        few && range(2).all(|z| {
+            range(1).all(|y| range(0).all(|x| flags.empty_brick((x + bricks[0] * (y + bricks[1] * z)) as isize)))
+        })
+    }
+
+    /// True if the corners of the cells `first` to `last` are few, and below the wall. Those outside the volume are air.
+    fn is_below(&self, wall: i16, first: [i64; 3], last: [i64; 3]) -> bool {
+        let grid = self.volume.voxels().grid();
+        let (data, dims) = (self.volume.voxels().data(), grid.dims());
+        let [x, y, z] = from_fn(|a| first[a].max(0) as usize..((last[a] + 2).max(0) as usize).min(dims[a]));
+        let few = (0..3).map(|a| last[a] - first[a] + 2).product::<i64>() <= MOST_VOXELS;
+        few && z.into_iter().all(|z| {
+            y.clone().all(|y| {
+                let row = grid.index(0, y, z);
+                x.is_empty() || data[row + x.start..row + x.end].iter().all(|&v| v < wall)
+            })
+        })
+    }
+}
+
+/// Returns a direction of unit length, or zero if it has none.
+#[inline(always)]
+fn unit(direction: DVec3) -> DVec3 {
+    // Normalise twice, so that neither denormal nor huge components lose the direction.
+    (direction / direction.abs().max_element()).normalize_or_zero()
 }
 
 /// Components slower than this (voxels/mm) count as zero: even 10⁹ mm of path would move by less than a millionth of a
@@ -122,13 +243,14 @@ impl<'a> Walk<'a> {
         Self { volume, iso, wall: iso.ceil() as i16, from, along, inverse: along.recip(), last, step }
     }
 
-    /// Returns the distance to the first crossing within `end`.
+    /// Returns the distance to the first crossing between `begin` and `end`; none is before.
     ///
     /// Each iteration advances by at least one cell and none moves back, so there are at most as many iterations as the
     /// three axes have cells.
-    fn run(&self, end: f64, cells: &mut u64) -> Option<f64> {
-        let mut cell: [i64; 3] = from_fn(|a| (self.from[a].floor() as i64).clamp(-1, self.last[a]));
-        let mut t = 0.0;
+    fn run(&self, begin: f64, end: f64, cells: &mut u64) -> Option<f64> {
+        let first = (self.from + self.along * begin).floor();
+        let mut cell: [i64; 3] = from_fn(|a| (first[a] as i64).clamp(-1, self.last[a]));
+        let mut t = begin;
         let mut planes = self.planes(&cell, &cell);
         let bricks = self.volume.flags().bricks().map(|n| n as i64);
         loop {

@@ -197,3 +197,41 @@ fn a_sphere_lies_where_it_is() {
     }
     assert!(cells > 2000 && cells < 2000 * 120, "{cells}");
 }
+
+/// A bundle's rays have the same distances to the bit, however wide it is and wherever it begins.
+#[test]
+fn a_bundle_changes_no_distance() {
+    let turn = DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.1);
+    let spacing = DVec3::new(0.7, 0.9, 1.6);
+    // A winding tunnel with a rough wall and specks in its gas.
+    let s = volume([60, 50, 40], spacing, turn, |p| {
+        let n = (p.x + 60.0 * (p.y + 50.0 * p.z)) as u64;
+        let axis = DVec3::new(30.0 + 12.0 * (p.z * 0.15).sin(), 25.0 + 8.0 * (p.z * 0.1).cos(), p.z);
+        let depth = (p - axis).length() - 11.0 + 2.0 * hash::uniform(n, 0);
+        if hash::uniform(n, 1) < 1e-4 { 200.0 } else { (depth * 400.0 - 700.0).clamp(-1000.0, 60.0) }
+    });
+    let air = volume([9; 3], DVec3::ONE, DMat3::IDENTITY, |_| -1000.0);
+    let mut hits = 0;
+    for n in 0..600 {
+        let u = |k| hash::uniform(n, k);
+        let v = |k| DVec3::new(u(k), u(k + 1), u(k + 2));
+        let s = if n % 20 == 0 { &air } else { &s };
+        let size = DVec3::from_array(s.voxels().grid().dims().map(|n| n as f64));
+        // Also from outside, and from within the wall.
+        let origin = s.voxels().grid().world(size * (v(0) * 1.2 - 0.1));
+        let (middle, wide) = (v(3) - 0.5, 10f64.powf(-5.0 + 5.0 * u(6)));
+        let direction =
+            |k: u64| if n % 3 == 0 { DVec3::AXES[n as usize % 3] } else { middle } + (v(10 + k) - 0.5) * wide;
+        let rays: Vec<_> = (0..40).map(|k| (origin, direction(3 * k).normalize())).collect();
+        let bundle = Bundle::new(s, rays.iter().copied());
+        for &ray in &rays {
+            let alone = first_crossing(s, origin, ray.1, f64::INFINITY);
+            assert_eq!(bundle.first_crossing(ray), alone, "{n}: {ray:?}");
+            hits += u32::from(bundle.free > 0.0 && alone.is_some());
+        }
+    }
+    assert!(hits > 500, "{hits} rays of bundles that knew something");
+    // Rays of several points are walked one by one.
+    let rays = [DVec3::ZERO, DVec3::X].map(|origin| (origin, DVec3::X));
+    assert_eq!(Bundle::new(&s, rays.into_iter()).free, 0.0);
+}

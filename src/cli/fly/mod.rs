@@ -74,6 +74,9 @@ pub fn check(args: &FlyArgs) -> Result<()> {
             return Err(Error::usage(name, format!("{v} is not above 0"), "give a positive number"));
         }
     }
+    if args.rate.is_some() && args.play.is_none() {
+        return Err(Error::usage("--rate", "needs --play and a log", "add them, or leave --rate out"));
+    }
     let film = args.record.as_ref().is_some_and(|r| r.to_lowercase().ends_with(".gif"));
     if film && args.fps.is_some_and(|f| f > 50.0) {
         return Err(Error::usage("--fps", "a GIF shows at most 50 images a second", "record a folder/ or an .mp4"));

@@ -16,7 +16,7 @@ mod flow;
 mod level;
 mod still;
 
-use super::caster::depths;
+use super::caster::fill_depth;
 use super::enlarge::Enlarger;
 use super::memory::MemoryPart;
 use super::quality::{Quality, Settings};
@@ -147,9 +147,7 @@ impl Renderer for Adaptive {
             Some((flow, _)) => self.in_motion(view, flow, frame),
             None => self.in_motion(view, f64::INFINITY, frame),
         };
-        if let Some(depth) = frame.buffers().1 {
-            depths(&self.volume, view, depth);
-        }
+        fill_depth(&self.volume, view, frame);
         work
     }
 

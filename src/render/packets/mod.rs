@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fearless_simd::Level;
 
-use super::caster::depths;
+use super::caster::fill_depth;
 use super::direct::Direct;
 use super::memory::MemoryPart;
 use super::renderer::Renderer;
@@ -155,10 +155,8 @@ impl Renderer for PacketRenderer {
             return self.direct.render(view, frame);
         };
         frame.resize(view.width(), view.height());
-        let (pixels, depth) = frame.buffers();
-        if let Some(depth) = depth {
-            depths(&self.volume, view, depth);
-        }
+        fill_depth(&self.volume, view, frame);
+        let pixels = frame.buffers().0;
         match self.pixels {
             Pixels::Needed => picture::needed(&mut self.samples, &rays, view, pixels, &self.cells, self.level),
             Pixels::All => picture::pixels_of(&rays, view, pixels, &self.cells, self.level),
