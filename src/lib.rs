@@ -100,7 +100,7 @@
 //! - **Packet**: sixteen neighbouring rays that are traced together.
 //! - **Adaptive image-plane sampling**: traces rays only through those pixels that cannot be derived from the pixels around them.
 //! - **Reuse**: takes over the parts of the last frame that provably hold in this one. **Key frame**: a frame rendered without
-//!   reuse: [`render::reuse`].
+//!   reuse: [`render::Reuse`].
 //! - **Reference**: brute force without any shortcut. Pictures are measured against it.
 //! - **Work-precision** diagram: error against run time, a line for each method. The reports draw them: [`report`].
 //! - **Presenter**: receives finished pictures, for a window or a recording: [`systems::present::Presenter`].

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use colvis::math::hash;
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
-use colvis::render::regression::{Regression, Weighting, block, central_differences, to_world};
+use colvis::render::internals::{Regression, Weighting, block, central_differences, to_world};
 use colvis::render::{Frame, PreparedVolume, Quality, TransferFunction, View, render};
 use colvis::volume::{Volume, io};
 use glam::DVec3;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use colvis::phantom::{Phantom, PhantomSettings as Colon, Size};
 use colvis::progress::Progress;
-use colvis::render::packets::{PacketRenderer, Pixels};
+use colvis::render::internals::{PacketRenderer, Pixels};
 use colvis::render::{
     Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, psnr, renderer,
 };

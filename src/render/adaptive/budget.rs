@@ -26,7 +26,7 @@ const SHOWING: u64 = 1;
 /// Time per sample before any was measured, ns: that of two present-day cores.
 const FIRST_NS: f64 = 2.2;
 
-/// The cost that a picture may have, in samples ([`cost`](super::cost)).
+/// The cost that a picture may have, in samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
     /// A picture is as fine as this allows.

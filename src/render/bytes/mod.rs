@@ -3,8 +3,8 @@
 //!
 //! The 128 codes cover the values that matter: `lo` of the wall's ramp is code 32 and `hi` is code 74, so a code stands
 //! for (hi − lo)/42 HU, 7.1 HU by default, from −1028 to −122 HU. Values outside this range get the nearest code.
-//! Within it, the error of a value is at most half a code ([`ByteVolume::error_hu`]). No empty voxel gets a code that
-//! is not empty.
+//! Within it, the error of a value is at most half a code. No empty voxel gets a code that is not
+//! empty.
 //!
 //! The flag is stored in the voxel's own byte, as in the paper, and not in the [`flags`](crate::space::flags) of the 16-bit
 //! volume. One read returns value and flag, which is what this preset is meant to measure.
@@ -124,11 +124,6 @@ impl ByteVolume {
         let [nx, ny, nz] = self.grid.dims();
         let [i, j, k] = [i, j, k].map(|c| c.wrapping_sub(1) as usize);
         if i < nx && j < ny && k < nz { self.data[i + nx * (j + ny * k)] } else { self.air }
-    }
-
-    /// Returns the largest error of a value between −1028 and −122 HU (by default), HU.
-    pub fn error_hu(&self) -> f32 {
-        0.5 * unit(self.wall)
     }
 
     /// Returns the memory taken, bytes.

@@ -228,11 +228,6 @@ impl Bounds {
         self.mm[x / BLOCK + self.blocks * (y / BLOCK)]
     }
 
-    /// Returns the memory taken, bytes.
-    pub fn bytes(&self) -> usize {
-        size_of_val(self.mm.as_slice())
-    }
-
     /// Returns its memory for reuse.
     pub fn into_mm(self) -> Vec<f32> {
         self.mm
