@@ -47,7 +47,7 @@ impl Format {
 /// # Errors
 /// Returns status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if there is no lumen or no
 /// path through it, or if interrupted, 5 if an output cannot be written.
-pub fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
+pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
     let (input, is_mask) = match (&args.input, &args.mask) {
         (Some(_), Some(mask)) => {

@@ -13,7 +13,7 @@ use crate::volume::io;
 ///
 /// # Errors
 /// Returns status 2 for an unknown ending, 4 if cancelled, 5 if an output cannot be written.
-pub fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
+pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.truth).map(PathBuf::as_path).collect();
     output::check_targets(&[], &outputs)?;
     io::check_ending(&args.out)?;

@@ -54,7 +54,7 @@ struct Mark {
 /// # Errors
 /// Returns status 3 if the input cannot be read, 4 if it is too flat to have an interior or if interrupted, 5 if an output cannot
 /// be written.
-pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
+pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
     let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
     output::check_targets(&[&args.input], &outputs)?;
     io::check_ending(&args.out)?;

@@ -19,7 +19,7 @@ use crate::volume::Volume;
 /// # Errors
 /// Returns status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if it has no lumen or if
 /// interrupted, 5 if an output cannot be written.
-pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<()> {
+pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<()> {
     MeshFormat::of(&args.out)?;
     let iso = prepare::transfer(global)?.iso();
     let (input, is_mask) = match (&args.input, &args.mask) {

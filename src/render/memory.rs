@@ -3,7 +3,7 @@
 /// A part of the memory that a renderer keeps beside the 16-bit voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MemoryPart {
-    /// The homogeneous-region flags and bricks of the prepared volume ([`flags`](crate::space::flags)).
+    /// The homogeneous-region flags and bricks of the prepared volume (`flags`).
     Flags,
     /// The paper's volume of 7 + 1 bits a voxel.
     ByteVolume,

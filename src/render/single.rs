@@ -70,7 +70,7 @@ impl Accelerations {
 }
 
 /// Creates a renderer of the 16-bit voxels with the choices of `settings`.
-pub fn words(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
+pub(crate) fn words(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<dyn Renderer> {
     let choices = settings.choices;
     if !choices.need_single_rays() {
         return Box::new(Direct::new(volume, settings));
@@ -85,7 +85,7 @@ pub fn words(volume: &PreparedVolume, settings: Settings, reuse: Reuse) -> Box<d
 }
 
 /// Creates a renderer of independent pictures, or one that follows the paper's rule with regular key frames.
-pub fn by_frames<S: VoxelStorage + 'static>(
+pub(crate) fn by_frames<S: VoxelStorage + 'static>(
     storage: S,
     settings: Settings,
     key_frames: Option<u32>,
@@ -98,6 +98,6 @@ pub fn by_frames<S: VoxelStorage + 'static>(
 
 /// Returns the settings for tracing a picture that low detail stretches: high detail, with steps of half a voxel at the
 /// most, since longer ones save little and cost much quality.
-pub fn stretched(settings: Settings) -> Settings {
+pub(crate) fn stretched(settings: Settings) -> Settings {
     Settings { quality: Quality::High, step_power: settings.step_power.min(-1), ..settings }
 }

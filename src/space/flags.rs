@@ -20,7 +20,7 @@ use crate::volume::{AIR_HU, Volume};
 use super::transfer::TransferFunction;
 
 /// Cells along a brick's edge, as a power of two.
-pub const BRICK_SHIFT: u32 = 3;
+pub(crate) const BRICK_SHIFT: u32 = 3;
 /// Slices flagged by one task, which also reads one more on either side.
 const SLAB: usize = 16;
 

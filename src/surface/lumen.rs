@@ -84,7 +84,7 @@ impl LumenMesh {
 
 impl Slider {
     /// Returns its position, an offset in mm. `steps` are the vectors along the grid's edges.
-    pub fn place(&self, steps: &[Vec3; 3]) -> Vec3 {
+    pub(crate) fn place(&self, steps: &[Vec3; 3]) -> Vec3 {
         self.base + self.t * steps[usize::from(self.axis)]
     }
 }

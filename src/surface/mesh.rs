@@ -83,14 +83,14 @@ impl Mesh {
 
 /// A unit vector in four bytes, by the octahedral map (Cigolle et al. 2014), accurate to 0.003°.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Normal([i16; 2]);
+pub(crate) struct Normal([i16; 2]);
 
 impl Normal {
     /// No direction.
-    pub const NONE: Self = Self([i16::MIN; 2]);
+    pub(crate) const NONE: Self = Self([i16::MIN; 2]);
 
     /// Encodes the direction of `v`, or [`Normal::NONE`] if it has none.
-    pub fn new(v: Vec3) -> Self {
+    pub(crate) fn new(v: Vec3) -> Self {
         let sum = v.abs().element_sum();
         if !(sum > 0.0 && sum.is_finite()) {
             return Self::NONE;
@@ -102,7 +102,7 @@ impl Normal {
 
     /// Returns the unit vector, or zero for [`Normal::NONE`].
     #[inline]
-    pub fn vector(self) -> Vec3 {
+    pub(crate) fn vector(self) -> Vec3 {
         if self == Self::NONE {
             return Vec3::ZERO;
         }

@@ -32,9 +32,9 @@ use rayon::prelude::*;
 
 #[path = "../support"]
 mod support {
-    pub mod failed;
-    pub mod panels;
-    pub mod poses;
+    pub(crate) mod failed;
+    pub(crate) mod panels;
+    pub(crate) mod poses;
 }
 
 use support::panels::panels;

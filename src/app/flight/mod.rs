@@ -441,7 +441,7 @@ impl FlightApp {
     }
 
     /// Adopts fields that were built elsewhere for this flight. Fields that do not fit its plan are rebuilt.
-    pub fn adopt(&mut self, fields: Fields) {
+    pub(crate) fn adopt(&mut self, fields: Fields) {
         self.fields = fields;
     }
 

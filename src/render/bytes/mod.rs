@@ -9,8 +9,8 @@
 //! The flag is stored in the voxel's own byte, as in the paper, and not in the [`flags`](crate::space::flags) of the 16-bit
 //! volume. One read returns value and flag, which is what this preset is meant to measure.
 
-pub mod sampler;
-pub mod skip;
+pub(crate) mod sampler;
+pub(crate) mod skip;
 
 use rayon::prelude::*;
 
@@ -29,12 +29,12 @@ use super::{Frame, View, Work};
 use crate::space::PreparedVolume;
 
 pub use sampler::{ByteNearest, ByteTrilinear};
-pub use skip::{ByteLeap, ByteSurroundings};
+pub(crate) use skip::{ByteLeap, ByteSurroundings};
 
 /// The greatest empty code: that of the ramp's `lo`.
-pub const EMPTY: u8 = 32;
+pub(crate) const EMPTY: u8 = 32;
 /// The least opaque code: that of the ramp's `hi`.
-pub const OPAQUE: u8 = 74;
+pub(crate) const OPAQUE: u8 = 74;
 /// The bit that marks a voxel's surroundings as homogeneous.
 const FLAG: u8 = 0x80;
 /// The bits of the value.
@@ -154,7 +154,7 @@ fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [
 }
 
 /// Renders pictures from the volume of 7 + 1 bits. The 16-bit voxels are used only for a picture's depth.
-pub struct ByteStorage {
+pub(crate) struct ByteStorage {
     volume: PreparedVolume,
     bytes: ByteVolume,
     accelerations: Accelerations,
@@ -165,7 +165,7 @@ impl ByteStorage {
     ///
     /// Some leaping methods need distances. These are computed from the 16-bit voxels: whatever is empty there is also
     /// empty here.
-    pub fn new(volume: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
+    pub(crate) fn new(volume: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
         let accelerations = Accelerations::new(volume, &ByteTrilinear::new(volume, &bytes), leap, gradients);
         Self { volume: volume.clone(), bytes, accelerations }
     }

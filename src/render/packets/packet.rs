@@ -64,7 +64,7 @@ const FAR: f64 = 1e4;
 const STILL: f32 = 1e-9;
 
 /// The state that all rays of a picture share.
-pub struct Rays<'a> {
+pub(crate) struct Rays<'a> {
     pub(super) volume: &'a PreparedVolume,
     pub(super) voxels: Voxels<'a>,
     occupancy: &'a Occupancy,
@@ -108,7 +108,7 @@ pub struct Rays<'a> {
 }
 
 /// A light other than the headlight, for packets.
-pub struct PacketLighting {
+pub(crate) struct PacketLighting {
     pub light: Light,
     /// The rows of the matrix that turns world directions into voxels.
     pub to_voxel: [Vec3; 3],
@@ -116,7 +116,7 @@ pub struct PacketLighting {
 
 /// The result of sixteen rays.
 #[derive(Clone, Copy, Default)]
-pub struct PacketResult {
+pub(crate) struct PacketResult {
     /// Brightness, weighted by the light that passed through, 0 to 1.
     pub bright: [f32; 16],
     /// Brightness × HU above the palette's first.
@@ -156,7 +156,7 @@ impl<'a> Rays<'a> {
     /// Returns `None` if this caster cannot render the view. It needs at least two voxels along each axis, no more
     /// voxels and pieces of their bits than an `i32` can count, a camera within ten thousand voxels, and rays that all
     /// start at the camera.
-    pub fn new(
+    pub(crate) fn new(
         volume: &'a PreparedVolume,
         occupancy: &'a Occupancy,
         waves: f32,
@@ -218,17 +218,17 @@ impl<'a> Rays<'a> {
 
     /// Returns the colours of the most recent packet if a custom shader has set them.
     #[inline(always)]
-    pub fn colours<'c>(&self, cells: &'c Cells) -> Option<&'c Colours> {
+    pub(crate) fn colours<'c>(&self, cells: &'c Cells) -> Option<&'c Colours> {
         self.shader.map(|_| &cells.colours)
     }
 
     /// Returns by how much unit directions of neighbouring pixels differ at most; `None` if unknown.
-    pub fn pixel_turn(&self) -> Option<f32> {
+    pub(crate) fn pixel_turn(&self) -> Option<f32> {
         self.directions.pixel_turn()
     }
 
     /// Returns the length of a step, voxels of the smallest spacing.
-    pub fn step(&self) -> f32 {
+    pub(crate) fn step(&self) -> f32 {
         2f32.powi(self.power)
     }
 
@@ -237,7 +237,7 @@ impl<'a> Rays<'a> {
     ///
     /// The rays must meet nothing before `from` steps.
     #[inline(always)]
-    pub fn packet<S: Simd>(
+    pub(crate) fn packet<S: Simd>(
         &self,
         simd: S,
         [x, y]: [usize; 2],
@@ -251,7 +251,7 @@ impl<'a> Rays<'a> {
     /// Casts rays through the centres of pixels; `pixel` returns the pixel of each lane. The rays must meet nothing
     /// before `from` steps.
     #[inline(always)]
-    pub fn cast<S: Simd>(
+    pub(crate) fn cast<S: Simd>(
         &self,
         simd: S,
         pixel: impl Fn(usize) -> [usize; 2],
@@ -463,7 +463,7 @@ impl<'a> Rays<'a> {
     /// The rectangle has `size` pixels and its top left corner at (`x`, `y`). Its rays must be known to meet nothing
     /// before `from` steps.
     #[inline(never)]
-    pub fn start<S: Simd>(&self, simd: S, [x, y]: [f32; 2], size: [f32; 2], from: f32) -> f32 {
+    pub(crate) fn start<S: Simd>(&self, simd: S, [x, y]: [f32; 2], size: [f32; 2], from: f32) -> f32 {
         simd.vectorize(
             #[inline(always)]
             || {

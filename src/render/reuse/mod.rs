@@ -8,9 +8,9 @@
 //! Rays leave out only samples of opacity 0, and all samples stay at the same positions. A picture is therefore the
 //! same bit for bit with and without reuse.
 
-pub mod known;
-pub mod paper;
-pub mod prove;
+pub(crate) mod known;
+pub(crate) mod paper;
+pub(crate) mod prove;
 
 use glam::{DVec3, Vec3};
 
@@ -82,14 +82,14 @@ pub trait VoxelStorage: Send + Sync {
 }
 
 /// Renders every picture independently.
-pub struct Plain<S> {
+pub(crate) struct Plain<S> {
     storage: S,
     settings: Settings,
 }
 
 impl<S: VoxelStorage> Plain<S> {
     /// Renders `storage` with `settings`.
-    pub fn new(storage: S, settings: Settings) -> Self {
+    pub(crate) fn new(storage: S, settings: Settings) -> Self {
         Self { storage, settings }
     }
 }
