@@ -18,6 +18,7 @@ thread_local! {
 }
 
 /// The work panicked and the panic was caught. Its message went to the panic hook.
+#[cfg(any(test, feature = "window", feature = "dicom"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("panicked")]
 pub(crate) struct Panicked;
@@ -29,6 +30,7 @@ pub(crate) struct Panicked;
 ///
 /// # Errors
 /// Returns [`Panicked`] if `work` panicked, also on another thread that passes its panics on to this one, as thread pools do.
+#[cfg(any(test, feature = "window", feature = "dicom"))]
 pub(crate) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));

@@ -51,6 +51,7 @@ fn narrower(kept_mm: f64, asked_mm: f64) -> String {
 
 impl Fields {
     /// True if everything in `wanted` is built for this plan.
+    #[cfg(feature = "window")]
     pub(crate) fn has(&self, wanted: Needs, plan: &Plan) -> bool {
         let ends = [plan.begin, plan.goal];
         let planned = self

@@ -112,6 +112,7 @@ impl FrameBudget {
     }
 
     /// Forgets the times per sample, because the quality of the pictures has changed.
+    #[cfg(feature = "window")]
     pub(crate) fn forget(&mut self) {
         *self = Self::default();
     }
