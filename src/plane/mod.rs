@@ -7,6 +7,7 @@
 //! ([`crate::dynamics::tentacles::circle`]) and walls are pixels ([`walls::Walls`]).
 
 pub mod drawing;
+mod files;
 pub mod flight;
 pub(crate) mod picture;
 pub(crate) mod plan;

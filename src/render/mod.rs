@@ -7,6 +7,7 @@
 //! There are two extension points. A [`Preset`] makes a [`Renderer`] ([`presets`] has those of this crate), and a
 //! [`Camera`] defines the rays of its image ([`camera`]).
 
+mod accelerations;
 pub(crate) mod adaptive;
 pub(crate) mod begin;
 pub(crate) mod bytes;
@@ -16,6 +17,7 @@ mod checked;
 pub mod choices;
 pub(crate) mod classify;
 mod coverage;
+mod density_scale;
 mod direct;
 mod enlarge;
 mod factory;
@@ -68,6 +70,7 @@ pub use shaders::{Shader, ShaderModel, SurfacePoint};
 /// change at any time.
 #[doc(hidden)]
 pub mod internals {
+    pub use super::accelerations::Accelerations;
     pub use super::begin::{Begin, FromScratch};
     pub use super::bytes::{ByteNearest, ByteTrilinear, ByteVolume};
     pub use super::caster::ImageRequest;
@@ -83,6 +86,5 @@ pub mod internals {
     pub use super::reuse::paper::Trace;
     pub use super::reuse::{Refresh, Reusing, Rule, VoxelStorage, WordStorage};
     pub use super::sampler::{Nearest, Sampler, Trilinear, VoxelSampler};
-    pub use super::single::Accelerations;
     pub use super::skip::{Bricks, Everything, Leap, Skipper};
 }

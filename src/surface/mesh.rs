@@ -2,9 +2,6 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::error::Result;
-use crate::space::PreparedVolume;
-
 /// A group of neighbouring triangles: those of 4×4×4 cells, with a bounding ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
@@ -32,15 +29,6 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Extracts the wall of `volume` by marching cubes on all of rayon's threads. The result is the same for every
-    /// number of threads.
-    ///
-    /// # Errors
-    /// Returns status 4 if there are more vertices than 32 bits can count.
-    pub fn new(volume: &PreparedVolume) -> Result<Self> {
-        super::extract::extract(volume)
-    }
-
     /// Returns the origin of [`Mesh::places`] and of the blocks, world mm.
     pub fn origin(&self) -> DVec3 {
         self.origin

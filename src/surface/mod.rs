@@ -22,6 +22,7 @@ mod raster;
 mod raster_tests;
 mod relax;
 mod signs;
+mod slider;
 mod tile;
 mod write;
 

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use crate::volume::{AIR_HU, Grid};
 
 use super::TransferFunction;
+use super::accelerations::Accelerations;
 use super::begin::Begin;
 use super::caster::ImageRequest;
 use super::choices::{GradientSource, Leaping};
@@ -24,7 +25,6 @@ use super::leap::chosen::ChosenRadius;
 use super::memory::MemoryPart;
 use super::quality::{Quality, Settings};
 use super::reuse::VoxelStorage;
-use super::single::Accelerations;
 use super::{Frame, View, Work};
 use crate::space::PreparedVolume;
 

@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::cells::{Cells, Colours};
 use super::directions::{Directions, split};
 use super::fit::gradients;
-use super::packet::{PacketLighting, Rays};
+use super::rays::{PacketLighting, Rays};
 use crate::render::light::{CONTACT, CONTACT_MM, EXPOSURE, GLOSS, GLOSS_DOUBLINGS, HALF_MM, Light};
 use crate::render::sampler::is_homogeneous;
 use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
@@ -26,27 +26,6 @@ use crate::render::transfer::PALETTE_HU;
 /// If sixteen rays are in more cells than this, the regression is computed for each ray. On AVX-512 that pays off from
 /// four cells on, on AVX2 from eight; a single number is used so that every SIMD level gives the same bits.
 const MANY: usize = 8;
-/// Limit for a layer's share of the light times how far back it is, steps. The error of a layer's light scales with its
-/// share and grows with its length.
-const LONG: f32 = 0.1;
-/// A layer is shaded when its mean position is this many steps back, whatever its share.
-const FAR: f32 = 4.0;
-
-/// Returns the limits for how far back, in steps, a layer's mean position may be before another layer begins: one for
-/// the distance times the layer's share of the light, and one for the distance alone.
-///
-/// Steps are 2^`power` times as long as those of a flight; over `waves` of these the wall's gradient turns little.
-/// Shorter steps mean that less error is wanted, too: layers are then a quarter of a flight's step.
-pub(crate) fn steps(waves: f32, power: i32) -> [f32; 2] {
-    let step = 2f32.powi(power);
-    if power < 0 {
-        let fine = (0.25 / step).min(1.0);
-        [LONG * fine, FAR * fine]
-    } else {
-        [LONG * (waves / step).max(1.0), FAR]
-    }
-}
-
 /// The medium that a camera is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Medium {

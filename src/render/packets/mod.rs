@@ -11,6 +11,7 @@ mod occupancy;
 mod packet;
 mod paint;
 mod picture;
+mod rays;
 mod refine;
 mod sampling;
 mod subdivided;
@@ -27,7 +28,7 @@ use super::shaders::Shader;
 use super::{Frame, PreparedVolume, Settings, View, Work};
 use cells::Cells;
 use occupancy::Occupancy;
-use packet::Rays;
+use rays::Rays;
 pub(crate) use sampling::BLOCK;
 use sampling::ImageSamples;
 

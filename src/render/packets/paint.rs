@@ -3,8 +3,7 @@
 use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 
 use super::cells::Colours;
-use super::packet::PacketResult;
-use super::sampling::SIDE;
+use super::rays::{PacketResult, SIDE};
 use crate::render::Work;
 use crate::render::renderer::SQUARE;
 use crate::render::transfer::{PALETTE, PALETTE_HU};

@@ -7,10 +7,10 @@ use fearless_simd::Level;
 use rayon::prelude::*;
 
 use super::cells::Cells;
-use super::packet::Rays;
 use super::paint::Canvas;
+use super::rays::{Rays, SIDE};
 use super::refine::Band;
-use super::sampling::{BLOCK, ImageSamples, LANES, SIDE};
+use super::sampling::{BLOCK, ImageSamples, LANES};
 use crate::render::renderer::SQUARE;
 use crate::render::{View, Work};
 

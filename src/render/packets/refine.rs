@@ -8,8 +8,8 @@ use std::array::from_fn;
 use fearless_simd::Simd;
 
 use super::cells::Cells;
-use super::packet::Rays;
 use super::paint::Canvas;
+use super::rays::Rays;
 use super::sampling::{Block, Point, WEIGHTS};
 use super::subdivided::{MIDDLES, SUBDIVIDED_WEIGHTS, Subdivided};
 use crate::render::Work;

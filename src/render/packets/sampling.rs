@@ -18,12 +18,10 @@
 use fearless_simd::{Simd, f32x16, prelude::*};
 use rayon::prelude::*;
 
-use super::packet::PacketResult;
+use super::rays::{PacketResult, SIDE};
 
 /// Side of a block, pixels.
 pub(crate) const BLOCK: usize = 4;
-/// Side of a packet, rays.
-pub(crate) const SIDE: usize = 4;
 /// Number of blocks judged at once.
 pub(crate) const LANES: usize = 16;
 /// How much the centre may differ from the corners' mean: brightness, 0 to 1.

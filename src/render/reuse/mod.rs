@@ -14,6 +14,7 @@ pub(crate) mod prove;
 
 use glam::{DVec3, Vec3};
 
+use super::accelerations::Accelerations;
 use super::begin::{Begin, FromScratch};
 use super::caster::ImageRequest;
 use super::classify::{ByDensity, ByValue, Classifier};
@@ -24,7 +25,6 @@ use super::memory::MemoryPart;
 use super::quality::{Classification, Quality, Settings};
 use super::renderer::Renderer;
 use super::sampler::{Nearest, Trilinear};
-use super::single::Accelerations;
 use super::skip::Leap;
 use super::{Frame, View, Work};
 use crate::space::PreparedVolume;
