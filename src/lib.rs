@@ -61,8 +61,8 @@
 //! - **Residue**: material left in a cleaned colon. A **bridge** is a thin strand of it across the lumen.
 //! - **Centerline**: the line through the middle of the lumen from one end to the other: [`fields::centerline`].
 //! - **Wall**: the surface where the interpolated value crosses the middle of the opacity ramp, −650 HU by default.
-//! - **Wall distance**, D_s: the distance of a point to the wall, as a field over the lumen: [`fields::distance`].
-//! - **Target distance**, D_t: the distance of a point to the goal along the lumen: [`fields::target`].
+//! - **Wall distance**, D_s: the distance of a point to the wall, as a field over the lumen: [`fields::WallDistance`].
+//! - **Target distance**, D_t: the distance of a point to the goal along the lumen: [`fields::TargetDistance`].
 //! - **Clearance**: the exact distance from one point to the wall, computed from the voxels around it and never overestimated:
 //!   [`fields::ClearanceFinder`].
 //! - **Phantom**: a synthetic colon with known ground truth: [`phantom`].
@@ -100,7 +100,7 @@
 //! - **Packet**: sixteen neighbouring rays that are traced together.
 //! - **Adaptive image-plane sampling**: traces rays only through those pixels that cannot be derived from the pixels around them.
 //! - **Reuse**: takes over the parts of the last frame that provably hold in this one. **Key frame**: a frame rendered without
-//!   reuse: [`render::reuse`].
+//!   reuse: [`render::Reuse`].
 //! - **Reference**: brute force without any shortcut. Pictures are measured against it.
 //! - **Work-precision** diagram: error against run time, a line for each method. The reports draw them: [`report`].
 //! - **Presenter**: receives finished pictures, for a window or a recording: [`systems::present::Presenter`].
@@ -119,9 +119,9 @@ pub mod error;
 pub mod fields;
 pub mod host;
 pub mod math;
-pub mod memory;
+pub(crate) mod memory;
 pub mod output;
-pub mod panics;
+pub(crate) mod panics;
 pub mod phantom;
 pub mod plane;
 pub mod progress;

@@ -18,9 +18,10 @@ thread_local! {
 }
 
 /// The work panicked and the panic was caught. Its message went to the panic hook.
+#[cfg(any(test, feature = "window", feature = "dicom"))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("panicked")]
-pub struct Panicked;
+pub(crate) struct Panicked;
 
 /// Runs `work` and catches its panic.
 ///
@@ -29,7 +30,8 @@ pub struct Panicked;
 ///
 /// # Errors
 /// Returns [`Panicked`] if `work` panicked, also on another thread that passes its panics on to this one, as thread pools do.
-pub fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
+#[cfg(any(test, feature = "window", feature = "dicom"))]
+pub(crate) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));
     FENCES.with(|f| f.set(f.get() - 1));
@@ -41,7 +43,7 @@ pub fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
 ///
 /// # Errors
 /// Returns that message if `work` panicked.
-pub fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+pub(crate) fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     FENCES.with(|f| f.set(f.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(work));
     FENCES.with(|f| f.set(f.get() - 1));
@@ -52,25 +54,25 @@ pub fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 ///
 /// # Errors
 /// Returns the error of `ask`, or status 1 if it panics.
-pub fn ask_plugin<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+pub(crate) fn ask_plugin<T>(what: impl FnOnce() -> String, ask: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
     catch(ask).unwrap_or_else(|why| Err(Error::fault(what(), format!("panicked: {why}"), "fix it, or do without it")))
 }
 
 /// Returns a panic's message on one line, with its location if known.
-pub fn panic_text(payload: &(dyn Any + Send)) -> String {
+pub(crate) fn panic_text(payload: &(dyn Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().copied().or(payload.downcast_ref::<String>().map(String::as_str));
     let at = PLACE.with(Cell::take).map_or_else(String::new, |place| format!(" ({place})"));
     format!("{}{at}", text.unwrap_or("no reason given")).replace(char::is_control, " ")
 }
 
 /// Notes the location of a caught panic. For use in a panic hook.
-pub fn note_place(place: String) {
+pub(crate) fn note_place(place: String) {
     PLACE.with(|p| p.set(Some(place)));
 }
 
 /// True if a panic on this thread will be caught. For use in a panic hook. The threads of a pool that the work uses do not know
 /// that they are inside a catch.
-pub fn is_catching() -> bool {
+pub(crate) fn is_catching() -> bool {
     FENCES.try_with(|f| f.get() > 0).unwrap_or(false)
 }
 

@@ -51,7 +51,8 @@ fn narrower(kept_mm: f64, asked_mm: f64) -> String {
 
 impl Fields {
     /// True if everything in `wanted` is built for this plan.
-    pub fn has(&self, wanted: Needs, plan: &Plan) -> bool {
+    #[cfg(feature = "window")]
+    pub(crate) fn has(&self, wanted: Needs, plan: &Plan) -> bool {
         let ends = [plan.begin, plan.goal().at];
         let planned = self
             .route
@@ -77,12 +78,12 @@ impl Fields {
     }
 
     /// Takes the build times since the last call, s, in the order of building.
-    pub fn take_times(&mut self) -> Vec<(&'static str, f64)> {
+    pub(crate) fn take_times(&mut self) -> Vec<(&'static str, f64)> {
         std::mem::take(&mut self.took)
     }
 
     /// Takes the notes to the user since the last call.
-    pub fn take_notes(&mut self) -> Vec<String> {
+    pub(crate) fn take_notes(&mut self) -> Vec<String> {
         std::mem::take(&mut self.notes)
     }
 
@@ -97,7 +98,7 @@ impl Fields {
     ///
     /// # Errors
     /// Returns status 4 if there is no path between the plan's ends, or if interrupted.
-    pub fn build(
+    pub(crate) fn build(
         &mut self,
         wanted: Needs,
         volume: &Volume,

@@ -3,24 +3,25 @@
 //! [`Scan`] opens a file and makes a [`FlightApp`] of it, with the plugins and settings that a [`Scene`] lists. The owner of the
 //! flight steps it, renders its view, and passes on the operator's commands.
 
-pub mod catalog;
+pub(crate) mod catalog;
 pub mod explain;
-pub mod fields;
-pub mod flight;
+pub(crate) mod fields;
+pub(crate) mod flight;
 mod images;
 mod lines;
 pub mod overlay;
 pub mod overlays;
 pub mod plan;
-pub mod scan;
-pub mod scene;
-pub mod timings;
+pub(crate) mod scan;
+pub(crate) mod scene;
+mod timings;
 
 pub use catalog::Catalog;
+pub use fields::Fields;
 pub use flight::FlightApp;
 pub use images::{ImageSettings, RenderSettings};
 pub use overlay::{Canvas, Overlay};
 pub use plan::{FlightRequest, Place, Plan};
 pub use scan::{OpenOptions, Scan};
-pub use scene::{Scene, Steering};
+pub use scene::{Scene, SceneOptions, Steering};
 pub use timings::Timings;

@@ -252,7 +252,7 @@ impl Scan {
 ///
 /// # Errors
 /// Returns status 4 for a volume of one voxel or one slice.
-pub fn check_thick(volume: &Volume) -> Result<()> {
+pub(crate) fn check_thick(volume: &Volume) -> Result<()> {
     let dims = volume.grid().dims();
     if dims.iter().any(|&d| d < 2) {
         let why = format!("has {}×{}×{} voxels: a single slice has no lumen", dims[0], dims[1], dims[2]);

@@ -1,6 +1,6 @@
 //! `colvis centerline`.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -47,19 +47,10 @@ impl Format {
 /// # Errors
 /// Returns status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if there is no lumen or no
 /// path through it, or if interrupted, 5 if an output cannot be written.
-pub fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
+pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
-    let (input, is_mask) = match (&args.input, &args.mask) {
-        (Some(_), Some(mask)) => {
-            let why = "is given beside an input";
-            return Err(Error::usage(format!("--mask {}", mask.display()), why, "give one of the two"));
-        }
-        (Some(path), None) => (path, false),
-        (None, Some(path)) => (path, true),
-        (None, None) => return Err(Error::usage("centerline", "has no input", "give a scan, or --mask and a mask")),
-    };
-    let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
-    output::check_targets(&[input], &outputs)?;
+    let (input, is_mask) = prepare::scan_or_mask("centerline", args.input.as_deref(), args.mask.as_deref())?;
+    prepare::check_files(Some(input), &args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
     let volume = timings.time("load_s", || prepare::load(input, global, progress))?;
     check_thick(&volume)?;

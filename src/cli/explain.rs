@@ -21,7 +21,7 @@ const SLICE: [usize; 2] = [400, 300];
 ///
 /// # Errors
 /// As `fly`'s preparation.
-pub fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+pub(crate) fn run(program: &Program, args: &ExplainArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     fly::check(&args.fly)?;
     let windowed = !args.fly.headless && cfg!(feature = "window");
     let screen = if windowed { fly::Screen::Window } else { fly::Screen::None };

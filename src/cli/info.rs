@@ -10,7 +10,7 @@ use crate::volume::io::{self, LoadOptions};
 ///
 /// # Errors
 /// Status 3 when the input cannot be read, 5 when standard output cannot be written.
-pub fn run(args: &InfoArgs, global: &Global, progress: &Progress) -> Result<()> {
+pub(crate) fn run(args: &InfoArgs, global: &Global, progress: &Progress) -> Result<()> {
     let options = LoadOptions { allow_gaps: true, ..prepare::load_options(global) };
     let (value, notes) = io::inspect(&args.input, &options, progress)?;
     notes.iter().for_each(|note| prepare::say(note));

@@ -73,7 +73,7 @@ pub(super) struct OwnCommand {
 }
 
 impl OwnCommand {
-    pub fn new<A: clap::Args>(
+    pub(crate) fn new<A: clap::Args>(
         name: &'static str,
         summary: &'static str,
         run: impl Fn(&A, &Session<'_>) -> Result<()> + Send + Sync + 'static,
@@ -87,11 +87,11 @@ impl OwnCommand {
     }
 
     /// The command for the command line.
-    pub fn line(&self) -> clap::Command {
+    pub(crate) fn line(&self) -> clap::Command {
         (self.augment)(clap::Command::new(self.name)).about(self.summary)
     }
 
-    pub fn run(&self, matches: &ArgMatches, session: &Session<'_>) -> Result<()> {
+    pub(crate) fn run(&self, matches: &ArgMatches, session: &Session<'_>) -> Result<()> {
         (self.run)(matches, session)
     }
 }

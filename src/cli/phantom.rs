@@ -1,8 +1,7 @@
 //! `colvis phantom`.
 
-use std::path::{Path, PathBuf};
-
 use crate::cli::args::{Global, PhantomArgs, PhantomFeature, PhantomSize};
+use crate::cli::prepare;
 use crate::error::Result;
 use crate::output;
 use crate::phantom::{Phantom, PhantomSettings, Size};
@@ -13,9 +12,8 @@ use crate::volume::io;
 ///
 /// # Errors
 /// Returns status 2 for an unknown ending, 4 if cancelled, 5 if an output cannot be written.
-pub fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
-    let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.truth).map(PathBuf::as_path).collect();
-    output::check_targets(&[], &outputs)?;
+pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
+    prepare::check_files(None, &args.out, args.truth.as_deref())?;
     io::check_ending(&args.out)?;
     let has = |feature| args.with.contains(&feature);
     let phantom = Phantom::new(&PhantomSettings {

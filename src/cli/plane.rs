@@ -27,7 +27,7 @@ const FALLBACK: &str = "plane.png";
 /// # Errors
 /// Returns status 2 for invalid arguments, 3 for an unusable drawing, 4 if the flight calls the operator, 5 if the picture cannot be
 /// written.
-pub fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
+pub(crate) fn run(args: &PlaneArgs, progress: &Arc<Progress>) -> Result<()> {
     let named: Vec<&Path> = args.lumen.iter().chain(&args.scene).map(PathBuf::as_path).collect();
     if let Some(out) = &args.out {
         headless::Film::check(out)?;

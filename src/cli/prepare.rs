@@ -25,7 +25,7 @@ use crate::volume::io::{self, LoadOptions};
 ///
 /// # Errors
 /// Status 2.
-pub fn check(program: &Program, global: &Global, scene: Option<&Path>) -> Result<()> {
+pub(crate) fn check(program: &Program, global: &Global, scene: Option<&Path>) -> Result<()> {
     transfer(global)?;
     checked_options(global)?;
     let named = camera(program, global, CameraModel::default())?;
@@ -37,7 +37,7 @@ pub fn check(program: &Program, global: &Global, scene: Option<&Path>) -> Result
 }
 
 /// Options for reading an input.
-pub fn load_options(global: &Global) -> LoadOptions {
+pub(crate) fn load_options(global: &Global) -> LoadOptions {
     LoadOptions {
         spacing: global.spacing.map(|s| s.0),
         hu: global.hu.map(|p| (p.0, p.1)),
@@ -67,7 +67,7 @@ fn checked_options(global: &Global) -> Result<LoadOptions> {
 ///
 /// # Errors
 /// Returns status 2 if it is invalid.
-pub fn transfer(global: &Global) -> Result<TransferFunction> {
+pub(crate) fn transfer(global: &Global) -> Result<TransferFunction> {
     let Some(p) = global.wall else { return Ok(TransferFunction::default()) };
     if p.0.abs().max(p.1.abs()) > 32767.0 {
         let hint = "give LO,HI in HU with LO below HI, such as -800,-500";
@@ -80,14 +80,14 @@ pub fn transfer(global: &Global) -> Result<TransferFunction> {
 ///
 /// # Errors
 /// Returns status 2 if it exceeds them.
-pub fn fov(global: &Global, camera: CameraModel) -> Result<f64> {
+pub(crate) fn fov(global: &Global, camera: CameraModel) -> Result<f64> {
     let fov = global.fov.unwrap_or(90.0);
     camera.camera(fov, 1.0).map_err(|e| Error::usage("--fov", e.why, "give an angle such as 90"))?;
     Ok(fov)
 }
 
 /// The renderer's settings for a quality on the command line.
-pub fn quality(name: Option<QualityName>) -> Settings {
+pub(crate) fn quality(name: Option<QualityName>) -> Settings {
     match name.unwrap_or(QualityName::High) {
         QualityName::High => Settings::new(Quality::High),
         QualityName::Low => Settings::new(Quality::Low),
@@ -100,7 +100,7 @@ pub fn quality(name: Option<QualityName>) -> Settings {
 ///
 /// # Errors
 /// Returns status 2 for an unknown name.
-pub fn preset(program: &Program, named: Option<&str>, scene: Preset) -> Result<Preset> {
+pub(crate) fn preset(program: &Program, named: Option<&str>, scene: Preset) -> Result<Preset> {
     named.map_or(Ok(scene), |name| program.catalog.find_preset(name))
 }
 
@@ -108,7 +108,7 @@ pub fn preset(program: &Program, named: Option<&str>, scene: Preset) -> Result<P
 ///
 /// # Errors
 /// Returns status 2 for an unknown name.
-pub fn camera(program: &Program, global: &Global, scene: CameraModel) -> Result<CameraModel> {
+pub(crate) fn camera(program: &Program, global: &Global, scene: CameraModel) -> Result<CameraModel> {
     global.camera.as_deref().map_or(Ok(scene), |name| program.catalog.find_camera(name))
 }
 
@@ -116,7 +116,7 @@ pub fn camera(program: &Program, global: &Global, scene: CameraModel) -> Result<
 ///
 /// # Errors
 /// Returns status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
-pub fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<Scan> {
+pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Arc<Progress>) -> Result<Scan> {
     let options = OpenOptions {
         load: checked_options(global)?,
         transfer: transfer(global)?,
@@ -134,7 +134,7 @@ pub fn open(input: Option<&Path>, global: &Global, preset: Preset, progress: &Ar
 ///
 /// # Errors
 /// As [`open`].
-pub fn load(input: &Path, global: &Global, progress: &Progress) -> Result<Volume> {
+pub(crate) fn load(input: &Path, global: &Global, progress: &Progress) -> Result<Volume> {
     let loaded = io::load(input, &checked_options(global)?, progress)?;
     report_unused(input, &loaded.volume, global);
     loaded.notes.iter().for_each(|note| say(note));
@@ -145,7 +145,7 @@ pub fn load(input: &Path, global: &Global, progress: &Progress) -> Result<Volume
 ///
 /// # Errors
 /// As [`open`].
-pub fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &Progress) -> Result<Volume> {
+pub(crate) fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &Progress) -> Result<Volume> {
     input.map_or_else(
         || {
             let phantom = Phantom::new(&PhantomSettings::embedded(global.seed.unwrap_or(1)));
@@ -159,7 +159,7 @@ pub fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &Progres
 ///
 /// # Errors
 /// Returns status 4 for a volume of one voxel or one slice, or if interrupted.
-pub fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
+pub(crate) fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
     check_thick(volume)?;
     timings.time("lumen_s", || lumen::find(volume, progress))
 }
@@ -168,7 +168,12 @@ pub fn lumen(volume: &Volume, timings: &mut Timings, progress: &Progress) -> Res
 ///
 /// # Errors
 /// As [`lumen`](fn@lumen), and status 4 if there is no gas at the point.
-pub fn lumen_from(volume: &Volume, from: Option<DVec3>, timings: &mut Timings, progress: &Progress) -> Result<Lumen> {
+pub(crate) fn lumen_from(
+    volume: &Volume,
+    from: Option<DVec3>,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<Lumen> {
     let Some(p) = from else { return lumen(volume, timings, progress) };
     check_thick(volume)?;
     timings.time("lumen_s", || lumen::gas_at(volume, p, progress))?.ok_or_else(|| {
@@ -178,8 +183,38 @@ pub fn lumen_from(volume: &Volume, from: Option<DVec3>, timings: &mut Timings, p
 }
 
 /// The failure of a command that found no colon in a scan.
-pub fn no_lumen(hint: &str) -> Error {
+pub(crate) fn no_lumen(hint: &str) -> Error {
     Error::incomplete("volume", "no gas of a colon was found in it", hint)
+}
+
+/// Rejects outputs of a command that would overwrite its input or each other, or whose folder is missing, before any work is done.
+///
+/// # Errors
+/// Returns status 2 if two paths are the same, status 5 if a folder is missing.
+pub(crate) fn check_files(input: Option<&Path>, out: &Path, beside: Option<&Path>) -> Result<()> {
+    let inputs: Vec<&Path> = input.into_iter().collect();
+    let outputs: Vec<&Path> = std::iter::once(out).chain(beside).collect();
+    output::check_targets(&inputs, &outputs)
+}
+
+/// Returns the file of a command that takes either a scan or the mask of a lumen, and true if it is the mask.
+///
+/// # Errors
+/// Returns status 2 unless exactly one is given.
+pub(crate) fn scan_or_mask<'a>(
+    command: &str,
+    scan: Option<&'a Path>,
+    mask: Option<&'a Path>,
+) -> Result<(&'a Path, bool)> {
+    match (scan, mask) {
+        (Some(_), Some(mask)) => {
+            let why = "is given beside an input";
+            Err(Error::usage(format!("--mask {}", mask.display()), why, "give one of the two"))
+        }
+        (Some(path), None) => Ok((path, false)),
+        (None, Some(path)) => Ok((path, true)),
+        (None, None) => Err(Error::usage(command, "has no input", "give a scan, or --mask and a mask")),
+    }
 }
 
 /// Prints which options had no effect.
@@ -197,12 +232,12 @@ fn report_unused(path: &Path, volume: &Volume, global: &Global) {
 }
 
 /// Prints a note for the user.
-pub fn say(note: &str) {
+pub(crate) fn say(note: &str) {
     output::to_stderr(format_args!("note: {}", note.replace(char::is_control, " ")));
 }
 
 /// The head of every stats file.
-pub fn stats_head(timings: &Timings) -> Map<String, Value> {
+pub(crate) fn stats_head(timings: &Timings) -> Map<String, Value> {
     let mut m = Map::new();
     m.insert("threads".to_owned(), json!(rayon::current_num_threads()));
     m.insert("simd".to_owned(), json!(simd_level()));

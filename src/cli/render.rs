@@ -39,7 +39,7 @@ struct Pose {
 ///
 /// # Errors
 /// Returns status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be written.
-pub fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     if args.no_reuse && args.quality == Some(QualityName::Adaptive) {
         let why = "with --quality adaptive each picture goes on from the one before";
         return Err(Error::usage("--no-reuse", why, "leave one of them out"));

@@ -32,7 +32,7 @@ const ALL: [(ReportSubject, &str); 6] = [
 ///
 /// # Errors
 /// Returns status 2 for invalid options, 3 for an unusable input, 4 if interrupted, 5 if an output cannot be written.
-pub fn run(program: &Program, args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+pub(crate) fn run(program: &Program, args: &ReportArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     prepare::transfer(global)?;
     prepare::fov(global, CameraModel::default())?;
     if let Some(scan) = args.scan.as_deref().filter(|s| !s.exists()) {

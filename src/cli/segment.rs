@@ -1,7 +1,5 @@
 //! `colvis segment`.
 
-use std::path::{Path, PathBuf};
-
 use glam::DVec3;
 use serde::Serialize;
 use serde_json::json;
@@ -54,9 +52,8 @@ struct Mark {
 /// # Errors
 /// Returns status 3 if the input cannot be read, 4 if it is too flat to have an interior, has no gas of a colon (mask and stats
 /// are written) or if interrupted, 5 if an output cannot be written.
-pub fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
-    let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
-    output::check_targets(&[&args.input], &outputs)?;
+pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> Result<()> {
+    prepare::check_files(Some(&args.input), &args.out, args.stats.as_deref())?;
     io::check_ending(&args.out)?;
     let mut timings = Timings::default();
     let volume = timings.time("load_s", || prepare::load(&args.input, global, progress))?;

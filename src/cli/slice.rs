@@ -1,7 +1,7 @@
 //! `colvis slice`.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::cli::args::{Global, Size, SliceArgs};
 use crate::cli::prepare;
@@ -42,7 +42,7 @@ impl Format {
 /// # Errors
 /// Returns status 2 for invalid options, 3 if the input cannot be read, 4 if the point is outside the scan or if interrupted, 5 if
 /// the picture cannot be written.
-pub fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()> {
+pub(crate) fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()> {
     let format = Format::of(&args.out)?;
     let usage = |option: &'static str, hint: &'static str| move |why: String| Error::usage(option, why, hint);
     let frame =
@@ -54,8 +54,7 @@ pub fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Result<()>
         let why = format!("pixel size {s} mm is out of range");
         return Err(Error::usage("--mm-per-pixel", why, "give a size in mm such as 0.5"));
     }
-    let input: Vec<&Path> = args.input.iter().map(PathBuf::as_path).collect();
-    output::check_targets(&input, &[&args.out])?;
+    prepare::check_files(args.input.as_deref(), &args.out, None)?;
     let volume = prepare::load_or_phantom(args.input.as_deref(), global, progress)?;
     let size = args.size.unwrap_or(Size { width: 512, height: 512 });
     let slice = Slice {

@@ -1,7 +1,5 @@
 //! `colvis surface`.
 
-use std::path::{Path, PathBuf};
-
 use serde_json::{Value, json};
 
 use crate::app::Timings;
@@ -19,23 +17,14 @@ use crate::volume::Volume;
 /// # Errors
 /// Returns status 2 for an unknown ending or an input beside a mask, 3 if the input cannot be read, 4 if it has no lumen or if
 /// interrupted, 5 if an output cannot be written.
-pub fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<()> {
+pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> Result<()> {
     MeshFormat::of(&args.out)?;
     let iso = prepare::transfer(global)?.iso();
-    let (input, is_mask) = match (&args.input, &args.mask) {
-        (Some(_), Some(mask)) => {
-            let why = "is given beside an input";
-            return Err(Error::usage(format!("--mask {}", mask.display()), why, "give one of the two"));
-        }
-        (Some(path), None) => (path, false),
-        (None, Some(path)) => (path, true),
-        (None, None) => return Err(Error::usage("surface", "has no input", "give a scan, or --mask and a mask")),
-    };
+    let (input, is_mask) = prepare::scan_or_mask("surface", args.input.as_deref(), args.mask.as_deref())?;
     if is_mask && args.from.is_some() {
         return Err(Error::usage("--from", "a mask holds nothing but lumen", "leave it out, or give a scan"));
     }
-    let outputs: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
-    output::check_targets(&[input], &outputs)?;
+    prepare::check_files(Some(input), &args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
     let volume = timings.time("load_s", || prepare::load(input, global, progress))?;
     let (mesh, scan) = if is_mask {

@@ -85,15 +85,15 @@ fn numbers<const N: usize>(s: &str) -> Result<[f64; N], String> {
 }
 
 /// More threads than this take longer to start than they save.
-pub const MOST_THREADS: usize = 256;
+pub(crate) const MOST_THREADS: usize = 256;
 
 /// A finite number.
-pub fn number(s: &str) -> Result<f64, String> {
+pub(crate) fn number(s: &str) -> Result<f64, String> {
     numbers(s).map(|[n]| n)
 }
 
 /// The plane of a slice: a name, or the normal `NX,NY,NZ`.
-pub fn plane(s: &str) -> Result<SlicePlane, String> {
+pub(crate) fn plane(s: &str) -> Result<SlicePlane, String> {
     let plane = match s.to_ascii_lowercase().as_str() {
         "axial" => SlicePlane::Axial,
         "coronal" => SlicePlane::Coronal,
@@ -107,7 +107,7 @@ pub fn plane(s: &str) -> Result<SlicePlane, String> {
 }
 
 /// A slab, `MM,mean|max|min`.
-pub fn slab(s: &str) -> Result<Slab, String> {
+pub(crate) fn slab(s: &str) -> Result<Slab, String> {
     let (mm, kind) = s.split_once(',').ok_or("is not MM,mean|max|min")?;
     let kind = match kind.trim().to_ascii_lowercase().as_str() {
         "mean" => SlabKind::Mean,
@@ -119,22 +119,22 @@ pub fn slab(s: &str) -> Result<Slab, String> {
 }
 
 /// A number of threads, from 1 to [`MOST_THREADS`].
-pub fn threads(s: &str) -> Result<usize, String> {
+pub(crate) fn threads(s: &str) -> Result<usize, String> {
     let valid = s.parse().ok().filter(|n| (1..=MOST_THREADS).contains(n));
     valid.ok_or_else(|| format!("must be a whole number from 1 to {MOST_THREADS}"))
 }
 
 /// A count from 1 to 4096.
-pub fn count(s: &str) -> Result<usize, String> {
+pub(crate) fn count(s: &str) -> Result<usize, String> {
     s.parse().ok().filter(|n| (1..=4096).contains(n)).ok_or_else(|| "must be a whole number from 1 to 4096".to_owned())
 }
 
 /// A number of steps, 1 or more.
-pub fn steps(s: &str) -> Result<u64, String> {
+pub(crate) fn steps(s: &str) -> Result<u64, String> {
     s.parse().ok().filter(|n| *n > 0).ok_or_else(|| "must be a whole number, 1 or more".to_owned())
 }
 
 /// A random seed, 0 or more.
-pub fn seed(s: &str) -> Result<u64, String> {
+pub(crate) fn seed(s: &str) -> Result<u64, String> {
     s.parse().map_err(|_| format!("must be a whole number from 0 to {}", u64::MAX))
 }

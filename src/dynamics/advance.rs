@@ -49,7 +49,7 @@ pub fn advance(walls: &impl Clearances, position: DVec3, displacement: DVec3, ra
 }
 
 /// Does the same as [`advance()`] and calls `piece` with the start and end of each straight piece of the path.
-pub fn sweep(
+pub(crate) fn sweep(
     walls: &impl Clearances,
     position: DVec3,
     displacement: DVec3,

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 #[serde(default, deny_unknown_fields)]
 pub struct Body {
     /// Radius of the sphere that must not touch the wall, mm. It encloses the cylinder in every orientation.
-    /// [`advance`](mod@crate::dynamics::advance) explains why contact is tested with the sphere.
+    /// The module `dynamics::advance` explains why contact is tested with the sphere.
     pub radius_mm: f64,
     /// Mass, g. Only the ratio of force to mass matters; forces are in g·mm/s².
     pub mass_g: f64,

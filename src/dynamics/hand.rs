@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::Attitude;
 
 /// Speed that a full push holds against the drag, mm/s. Faster than the guide's cruise speed, so operator input wins.
-pub const PUSH_MM_S: f64 = 45.0;
+pub(crate) const PUSH_MM_S: f64 = 45.0;
 /// Least speed multiple that a push is scaled by, so that a slow flight can still be steered.
 const LEAST_SPEED: f64 = 0.3;
 /// Angular rate of a full turn, rad/s.
@@ -21,12 +21,12 @@ const LET_GO_S: f64 = 0.15;
 const TAKE_UP_S: f64 = 0.8;
 
 /// Returns a push in the world, given its components along the view's right, up and forward axes, each −1 to 1.
-pub fn push_direction(view: &Attitude, push: DVec3) -> DVec3 {
+pub(crate) fn push_direction(view: &Attitude, push: DVec3) -> DVec3 {
     view.right() * push.x + view.up * push.y + view.forward * push.z
 }
 
 /// Returns the angular velocity (world rad/s) for a turn: yaw to the right, pitch upwards, roll clockwise, each −1 to 1.
-pub fn turning(view: &Attitude, turn: DVec3) -> DVec3 {
+pub(crate) fn turning(view: &Attitude, turn: DVec3) -> DVec3 {
     let turn = turn * TURN_RATE;
     view.right() * turn.y - view.up * turn.x + view.forward * turn.z
 }
@@ -35,25 +35,25 @@ pub fn turning(view: &Attitude, turn: DVec3) -> DVec3 {
 ///
 /// `before` approaches the value that `push` (see [`push_direction`]) asks for, exponentially. A full push settles at 45
 /// mm/s times `speed`, the operator's multiple of the cruise speed, against a drag of `drag_per_s`.
-pub fn push_acceleration(before: DVec3, push: DVec3, drag_per_s: f64, speed: f64, dt: f64) -> DVec3 {
+pub(crate) fn push_acceleration(before: DVec3, push: DVec3, drag_per_s: f64, speed: f64, dt: f64) -> DVec3 {
     let asked = push * (PUSH_MM_S * drag_per_s * speed.max(LEAST_SPEED));
     let after = asked + (before - asked) * (-dt / PUSH_S).exp();
     if asked == DVec3::ZERO && after.length() < NO_PUSH { DVec3::ZERO } else { after }
 }
 
 /// Returns the guide's part of the control, 0 to 1, after another `dt` seconds of operator input; 0 after 0.15 s.
-pub fn let_go(guided: f64, dt: f64) -> f64 {
+pub(crate) fn let_go(guided: f64, dt: f64) -> f64 {
     (guided + -dt / LET_GO_S).clamp(0.0, 1.0)
 }
 
 /// Returns the guide's part of the control, 0 to 1, `dt` seconds later while it takes control again; 1 after 0.8 s.
-pub fn take_up(guided: f64, dt: f64) -> f64 {
+pub(crate) fn take_up(guided: f64, dt: f64) -> f64 {
     (guided + dt / TAKE_UP_S).clamp(0.0, 1.0)
 }
 
 /// Returns the share of its thrust, 0 to 1, that a guide with the part `guided` of the control may use: eased in and out
 /// (smoothstep).
-pub fn share(guided: f64) -> f64 {
+pub(crate) fn share(guided: f64) -> f64 {
     let g = guided.clamp(0.0, 1.0);
     g * g * (3.0 - 2.0 * g)
 }

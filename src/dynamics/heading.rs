@@ -8,7 +8,7 @@ const HEADING_S: f64 = 0.25;
 const LEAST_MM_S: f64 = 2.0;
 
 /// Returns the unit heading after `dt` seconds at `velocity` (world mm/s).
-pub fn follow_velocity(heading: DVec3, velocity: DVec3, dt: f64) -> DVec3 {
+pub(crate) fn follow_velocity(heading: DVec3, velocity: DVec3, dt: f64) -> DVec3 {
     if velocity.length() <= LEAST_MM_S {
         return heading;
     }

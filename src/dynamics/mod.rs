@@ -3,21 +3,21 @@
 //! Equation of motion (paper, section 3.1.1): `P′(t) = −∇V(x) − k_t P(t) + F_user(t)`, with `P = m v`. In *tentacles and
 //! mines* (section 3.2), the forces of the sensory rays and the mines replace `−∇V`.
 
-pub mod advance;
-pub mod attitude;
-pub mod body;
-pub mod forces;
-pub mod hand;
-pub mod heading;
-pub mod integrators;
+pub(crate) mod advance;
+mod attitude;
+mod body;
+mod forces;
+pub(crate) mod hand;
+pub(crate) mod heading;
+pub(crate) mod integrators;
 pub mod mines;
 pub mod monitor;
 pub mod potential;
 pub mod rescue;
-pub mod rigid;
+pub(crate) mod rigid;
 pub mod route;
-pub mod settings;
-pub mod step;
+mod settings;
+pub(crate) mod step;
 pub mod tentacles;
 pub mod trap;
 
@@ -32,6 +32,6 @@ pub use body::Body;
 pub use forces::{Forces, PotentialForce};
 pub use integrators::Integrator;
 pub use potential::Potential;
-pub use rigid::{RigidBodyState, Turning};
+pub use rigid::{Inertia, RigidBodyState, Turning};
 pub use route::Route;
-pub use step::{Step, step};
+pub(crate) use step::step;

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 ///
 /// # Errors
 /// Returns status 2 (invalid arguments) if the value is not a finite number above 0.
-pub fn positive(name: &str, value: f64) -> Result<()> {
+pub(crate) fn positive(name: &str, value: f64) -> Result<()> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { refuse(name, value, "above 0") }
 }
 
@@ -14,7 +14,7 @@ pub fn positive(name: &str, value: f64) -> Result<()> {
 ///
 /// # Errors
 /// Returns status 2 (invalid arguments) if the value is not a finite number of at least 0.
-pub fn not_negative(name: &str, value: f64) -> Result<()> {
+pub(crate) fn not_negative(name: &str, value: f64) -> Result<()> {
     if value.is_finite() && value >= 0.0 { Ok(()) } else { refuse(name, value, "of at least 0") }
 }
 

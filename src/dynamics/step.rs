@@ -13,7 +13,7 @@ use crate::fields::Clearances;
 
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub(crate) struct Step {
     /// New state of the body.
     pub motion: RigidBodyState,
     /// Result of the move along the displacement, limited by the wall.
@@ -27,7 +27,7 @@ pub struct Step {
 /// The displacement goes through [`super::advance()`] regardless of what the method returns, so perforation is impossible
 /// by construction. The momentum into the wall is lost (inelastic). If a method overflows, the body stays where it is, at
 /// rest. A `dt` that is not positive and finite does not move it.
-pub fn step(
+pub(crate) fn step(
     method: &dyn Stepper,
     body: &Body,
     motion: &RigidBodyState,
@@ -41,7 +41,7 @@ pub fn step(
 
 /// Does the same as [`step()`] and calls `piece` with the start and end of each straight piece of the path (world mm).
 #[expect(clippy::too_many_arguments, reason = "those of `step`, and the callback")]
-pub fn step_reporting(
+pub(crate) fn step_reporting(
     method: &dyn Stepper,
     body: &Body,
     motion: &RigidBodyState,
@@ -64,7 +64,7 @@ pub fn step_reporting(
 }
 
 /// Steps without walls, for measurements.
-pub fn integrate(
+pub(crate) fn integrate(
     method: &dyn Stepper,
     body: &Body,
     motion: &RigidBodyState,
@@ -84,7 +84,7 @@ pub fn integrate(
 }
 
 /// Moves the centre of mass.
-pub fn translate(
+pub(crate) fn translate(
     method: &dyn Stepper,
     body: &Body,
     motion: &RigidBodyState,
@@ -100,7 +100,7 @@ pub fn translate(
 }
 
 /// Turns the body.
-pub fn turn(
+pub(crate) fn turn(
     method: &dyn Stepper,
     body: &Body,
     motion: &RigidBodyState,

@@ -16,12 +16,12 @@ use crate::volume::Volume;
 use crate::volume::cell::Cell;
 
 /// Maximum amount by which [`Clearance::mm`] is below the true distance, mm.
-pub const TOLERANCE_MM: f64 = 0.05;
+pub(crate) const TOLERANCE_MM: f64 = 0.05;
 
 /// Distance to the nearest wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearance {
-    /// Distance, mm: never more than the true distance, and at most [`TOLERANCE_MM`] less if it is below the search
+    /// Distance, mm: never more than the true distance, and at most `TOLERANCE_MM` less if it is below the search
     /// limit. It is 0 in tissue and outside the volume.
     pub mm: f64,
     /// Unit world vector towards the nearest wall; zero if none was found within the limit, or in the wall.

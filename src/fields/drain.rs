@@ -9,7 +9,7 @@ const GAS: i16 = -1000;
 
 /// Returns the volume with gas in place of the lumen's tagged fluid. The blurred layer between gas and fluid counts as
 /// fluid, so no film remains between them. The wall under the fluid is unchanged.
-pub fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
+pub(crate) fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
     let grid = volume.grid();
     let mut data = volume.data().to_vec();
     for (j, k, r) in lumen.fluid().iter() {
@@ -21,7 +21,7 @@ pub fn drained(volume: &Volume, lumen: &Lumen) -> Volume {
 
 /// Keeps the ends of the original segments in a drained scan, if their order from rectum to cecum was known. The
 /// drained fluid may lead on into bowel beyond them, which is not flown.
-pub fn keep_ends(drained: &mut Lumen, before: &Lumen) {
+pub(crate) fn keep_ends(drained: &mut Lumen, before: &Lumen) {
     if !before.ordered {
         return;
     }

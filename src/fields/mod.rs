@@ -2,15 +2,15 @@
 //! Each is computed only when a scene needs it.
 
 pub mod centerline;
-pub mod clearance;
-pub mod distance;
-pub mod drain;
+pub(crate) mod clearance;
+pub(crate) mod distance;
+pub(crate) mod drain;
 pub mod lumen;
 mod neighbours;
-pub mod sample;
-pub mod target;
+mod sample;
+mod target;
 pub mod voxels;
-pub mod wall;
+pub(crate) mod wall;
 
 pub use centerline::{Centerline, CenterlineMethod};
 pub use clearance::{Clearance, ClearanceFinder, Clearances};

@@ -35,7 +35,7 @@ struct Tree {
 
 impl Neighbours {
     /// Creates the neighbours of `count` nodes from pairs in both directions, in any order, with or without duplicates.
-    pub fn new(count: usize, mut pairs: Vec<(u32, u32)>) -> Self {
+    pub(crate) fn new(count: usize, mut pairs: Vec<(u32, u32)>) -> Self {
         pairs.par_sort_unstable();
         pairs.dedup();
         let mut first = vec![0; count + 1];
@@ -49,13 +49,13 @@ impl Neighbours {
     }
 
     /// Returns the neighbours of a node, ascending.
-    pub fn of(&self, n: u32) -> &[u32] {
+    pub(crate) fn of(&self, n: u32) -> &[u32] {
         &self.nodes[self.first[n as usize] as usize..self.first[n as usize + 1] as usize]
     }
 
     /// Returns the least-cost paths from `start` to all nodes, or as far as `to`. A path costs its length times
     /// `weight`; `step` is the distance between two nodes, mm.
-    pub fn ways(
+    pub(crate) fn ways(
         &self,
         start: u32,
         to: Option<u32>,
@@ -72,7 +72,7 @@ impl Neighbours {
     }
 
     /// Returns the least cost of a path to each node from any of the starts `from` (nodes with their initial costs).
-    pub fn costs(&self, from: &[(u32, f64)], cost: impl Fn(u32, u32) -> f64) -> Vec<f64> {
+    pub(crate) fn costs(&self, from: &[(u32, f64)], cost: impl Fn(u32, u32) -> f64) -> Vec<f64> {
         self.dijkstra(from, None, cost).cost
     }
 

@@ -17,7 +17,7 @@ use crate::volume::Volume;
 use crate::volume::cell::Cell;
 
 /// Thickness where it cannot be measured, mm.
-pub const DEFAULT_MM: f64 = 3.0;
+pub(crate) const DEFAULT_MM: f64 = 3.0;
 /// Soft tissue farther than this from the lumen is not the wall alone, mm.
 const REACH_MM: f64 = 6.0;
 /// Soft tissue is brighter than this, HU: half-way from fat to muscle …
@@ -31,7 +31,7 @@ const FALL_HU: f64 = 60.0;
 
 /// The colon's wall.
 #[derive(Clone, Debug)]
-pub struct Wall {
+pub(crate) struct Wall {
     /// Voxels of the wall, as linear indices (x fastest), ascending.
     pub voxels: Vec<usize>,
     /// Volume, ml.
@@ -44,7 +44,7 @@ pub struct Wall {
 
 /// Thickness of the wall.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Thickness {
+pub(crate) struct Thickness {
     /// Mean, mm.
     pub mean_mm: f64,
     /// Median, mm.
@@ -65,7 +65,7 @@ struct Ending {
 ///
 /// # Errors
 /// Returns status 4 when interrupted, status 3 if there are more voxels than can be numbered.
-pub fn around(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Wall> {
+pub(crate) fn around(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Wall> {
     progress.stage("finding the wall", 0);
     let walls = WallDistance::around_lumen(volume, lumen, REACH_MM, progress)?;
     let [nx, ny, nz] = volume.grid().dims();

@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::output::{AtomicFile, cannot};
 
 /// A log that is being written. The file appears when it is finished. If a line cannot be written, it does not appear.
-pub struct Log {
+pub(crate) struct Log {
     path: PathBuf,
     /// `None` after a line could not be written.
     file: Option<AtomicFile>,
@@ -22,7 +22,7 @@ impl Log {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
-    pub fn create(path: &Path) -> Result<Self> {
+    pub(crate) fn create(path: &Path) -> Result<Self> {
         Ok(Self { path: path.to_owned(), file: Some(AtomicFile::create(path)?), last: None })
     }
 
@@ -30,7 +30,7 @@ impl Log {
     ///
     /// # Errors
     /// Returns status 5 if they cannot be written.
-    pub fn add(&mut self, lines: Vec<LogLine>) -> Result<()> {
+    pub(crate) fn add(&mut self, lines: Vec<LogLine>) -> Result<()> {
         for line in lines {
             if let Some(before) = self.last.replace(line) {
                 self.write(&before)?;
@@ -43,7 +43,7 @@ impl Log {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
-    pub fn finish(mut self, state: State) -> Result<()> {
+    pub(crate) fn finish(mut self, state: State) -> Result<()> {
         if let Some(mut last) = self.last.take() {
             last.state = state;
             self.write(&last)?;

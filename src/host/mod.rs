@@ -1,10 +1,12 @@
 //! Hosts that drive a flight: headless, or in a window.
 
-pub mod frames;
+pub(crate) mod frames;
 pub mod headless;
-pub mod log;
-pub mod plane;
-pub mod record;
-pub mod terminal;
+pub(crate) mod log;
+pub(crate) mod plane;
+pub(crate) mod record;
+pub(crate) mod terminal;
 #[cfg(feature = "window")]
-pub mod window;
+pub(crate) mod window;
+
+pub use frames::FrameStats;

@@ -20,7 +20,7 @@ const MANY_PIXELS: usize = 1 << 20;
 
 /// Kind of output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Film {
+pub(crate) enum Film {
     /// The last moment, with the whole path.
     Picture,
     /// The whole flight.
@@ -32,7 +32,7 @@ impl Film {
     ///
     /// # Errors
     /// Returns status 2 for an extension other than `.png` and `.gif`.
-    pub fn check(out: &Path) -> Result<Self> {
+    pub(crate) fn check(out: &Path) -> Result<Self> {
         match out.extension().map(|e| e.to_string_lossy().to_lowercase()).as_deref() {
             Some("png") => Ok(Self::Picture),
             Some("gif") => Ok(Self::Film),
@@ -48,7 +48,7 @@ impl Film {
 ///
 /// # Errors
 /// Returns status 2 for an unknown extension, 4 if interrupted, 5 if the output cannot be written.
-pub fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Result<()> {
+pub(crate) fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Result<()> {
     let film = Film::check(out)?;
     let mut painter = Painter::new(flight);
     let scale = Painter::scale_for(flight, SIZE);

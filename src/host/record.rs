@@ -21,7 +21,7 @@ use crate::systems::present::Presenter;
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written.
-pub fn write_png(path: &Path, frame: &Frame) -> Result<()> {
+pub(crate) fn write_png(path: &Path, frame: &Frame) -> Result<()> {
     output::write_whole(path, |w| {
         image::codecs::png::PngEncoder::new_with_quality(
             w,
@@ -42,7 +42,7 @@ pub fn write_png(path: &Path, frame: &Frame) -> Result<()> {
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written.
-pub fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -> Result<()> {
+pub(crate) fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -> Result<()> {
     output::write_whole(path, |w| {
         image::codecs::png::PngEncoder::new(w)
             .write_image(pixels, width as u32, height as u32, ExtendedColorType::L8)
@@ -51,7 +51,7 @@ pub fn write_grey_png(path: &Path, pixels: &[u8], [width, height]: [usize; 2]) -
 }
 
 /// The presenter to which a flight hands the pictures to record.
-pub struct Recording {
+pub(crate) struct Recording {
     recorder: Recorder,
     begun: Instant,
     frames: Vec<FrameStats>,
@@ -65,7 +65,7 @@ pub struct Recording {
 
 impl Recording {
     /// Creates a recording without pictures.
-    pub fn new(recorder: Recorder) -> Self {
+    pub(crate) fn new(recorder: Recorder) -> Self {
         Self {
             recorder,
             begun: Instant::now(),
@@ -78,7 +78,7 @@ impl Recording {
     }
 
     /// Starts the time of the next picture, with its marks. Call it when the pose is known.
-    pub fn begin(&mut self, marks: Vec<Mark>) {
+    pub(crate) fn begin(&mut self, marks: Vec<Mark>) {
         self.marks = marks;
         self.begun = Instant::now();
     }
@@ -99,12 +99,12 @@ impl Recording {
     ///
     /// # Errors
     /// Returns status 5 if one could not be written.
-    pub fn take_outcome(&mut self) -> Result<()> {
+    pub(crate) fn take_outcome(&mut self) -> Result<()> {
         std::mem::replace(&mut self.outcome, Ok(()))
     }
 
     /// Ends the recording. Returns the statistics of the pictures and the outcome.
-    pub fn finish(self) -> (Vec<FrameStats>, Result<()>) {
+    pub(crate) fn finish(self) -> (Vec<FrameStats>, Result<()>) {
         let finished = self.outcome.and(self.recorder.finish());
         (self.frames, finished)
     }
@@ -129,7 +129,7 @@ impl Presenter for Recording {
 }
 
 /// A recording that is being written.
-pub enum Recorder {
+pub(crate) enum Recorder {
     /// `0000.png`, … in a folder.
     Folder {
         /// The folder.
@@ -166,7 +166,7 @@ impl Recorder {
     ///
     /// # Errors
     /// Returns status 2 for another extension, and status 5 if it cannot be written or there is no `ffmpeg`.
-    pub fn create(out: &str, (width, height): (usize, usize), fps: f64) -> Result<Self> {
+    pub(crate) fn create(out: &str, (width, height): (usize, usize), fps: f64) -> Result<Self> {
         let path = PathBuf::from(out);
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         if out.ends_with('/') {
@@ -220,7 +220,7 @@ impl Recorder {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
-    pub fn add(&mut self, frame: &Frame) -> Result<()> {
+    pub(crate) fn add(&mut self, frame: &Frame) -> Result<()> {
         match self {
             Self::Folder { folder, count } => {
                 write_png(&folder.join(format!("{count:04}.png")), frame)?;
@@ -249,7 +249,7 @@ impl Recorder {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
-    pub fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         match self {
             Self::Folder { .. } => Ok(()),
             // Without images there is no film, and an existing file of that name stays.
@@ -277,7 +277,7 @@ impl Recorder {
 
 /// A file that an encoder writes to and another owner finishes. A failed write removes it permanently.
 #[derive(Clone)]
-pub struct Shared(Arc<Mutex<Option<AtomicFile>>>);
+pub(crate) struct Shared(Arc<Mutex<Option<AtomicFile>>>);
 
 impl Shared {
     fn with<T>(&self, f: impl FnOnce(&mut AtomicFile) -> std::io::Result<T>) -> std::io::Result<T> {

@@ -11,14 +11,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::progress::Progress;
 
 /// Shows a job's progress until dropped.
-pub struct Bar {
+pub(crate) struct Bar {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Bar {
     /// Starts to show `progress`.
-    pub fn show(progress: &Arc<Progress>) -> Self {
+    pub(crate) fn show(progress: &Arc<Progress>) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let thread = std::io::stderr().is_terminal().then(|| {
             let (stop, progress) = (Arc::clone(&stop), Arc::clone(progress));

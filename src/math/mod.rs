@@ -1,6 +1,6 @@
 //! Small mathematical helpers shared by several modules.
 
-pub mod cubic;
+pub(crate) mod cubic;
 pub mod hash;
-pub mod lattice;
-pub mod reflection;
+pub(crate) mod lattice;
+pub(crate) mod reflection;

@@ -74,7 +74,7 @@ impl Paint {
 
 /// The parts of the body that reach into a region.
 #[derive(Clone, Copy, Debug)]
-pub struct Near {
+pub(crate) struct Near {
     /// One bit for each organ.
     organs: u32,
     lungs: bool,
@@ -87,7 +87,7 @@ impl Near {
 
 /// The body at a given scale, with edges blurred over a few tenths of a millimetre.
 #[derive(Clone, Debug)]
-pub struct Body {
+pub(crate) struct Body {
     scale: f64,
     sigma: f64,
     seed: u64,
@@ -95,7 +95,7 @@ pub struct Body {
 
 /// A value and the distance over which it stays constant.
 #[derive(Clone, Copy, Debug)]
-pub struct Sample {
+pub(crate) struct Sample {
     /// HU.
     pub hu: f64,
     /// Radius within which the value is constant, mm; 0 if unknown.
@@ -104,28 +104,28 @@ pub struct Sample {
 
 impl Body {
     /// Creates a body of `scale` (1 is an adult) with edges of `sigma` mm.
-    pub fn new(scale: f64, sigma: f64, seed: u64) -> Self {
+    pub(crate) fn new(scale: f64, sigma: f64, seed: u64) -> Self {
         Self { scale, sigma, seed }
     }
 
     /// Returns the value at `p` (world, mm) without the colon, HU.
-    pub fn value(&self, p: DVec3) -> f64 {
+    pub(crate) fn value(&self, p: DVec3) -> f64 {
         self.paint(p, Near::ALL).hu
     }
 
     /// Same as [`Body::value`], restricted to the parts in `near`.
-    pub fn value_among(&self, p: DVec3, near: Near) -> f64 {
+    pub(crate) fn value_among(&self, p: DVec3, near: Near) -> f64 {
         self.paint(p, near).hu
     }
 
     /// Returns the value at `p` (world, mm) and the distance over which it stays constant.
-    pub fn sample(&self, p: DVec3) -> Sample {
+    pub(crate) fn sample(&self, p: DVec3) -> Sample {
         let paint = self.paint(p, Near::ALL);
         Sample { hu: paint.hu, constant_mm: paint.free.max(0.0) }
     }
 
     /// Returns the parts that positions within `reach` mm of `centre` depend on.
-    pub fn near(&self, centre: DVec3, reach: f64) -> Near {
+    pub(crate) fn near(&self, centre: DVec3, reach: f64) -> Near {
         let (o, more) = (centre / self.scale, (reach + 2.0 * self.sigma) / self.scale);
         let touches = |organ: &Organ, more: f64| organ.depth(o) > -more;
         let organs = (0..ORGANS.len()).filter(|&i| touches(&ORGANS[i], more)).fold(0, |bits, i| bits | 1 << i);

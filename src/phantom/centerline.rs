@@ -70,7 +70,7 @@ const STATIONS: [Station; 29] = [
 
 /// Quantities that vary slowly along the axis.
 #[derive(Clone, Copy, Debug)]
-pub struct Profile {
+pub(crate) struct Profile {
     /// Mean radius, mm, and its derivative in s.
     pub radius: (f64, f64),
     /// Triangularity (a fraction of the radius) and its derivative in s.
@@ -88,7 +88,7 @@ pub struct Centerline {
 
 /// A point of the axis that is locally nearest to a position.
 #[derive(Clone, Copy, Debug)]
-pub struct FootPoint {
+pub(crate) struct FootPoint {
     /// Arc length, mm.
     pub s: f64,
     /// Vector from the axis to the position, world mm.
@@ -121,7 +121,7 @@ impl Frame {
     }
 
     /// Returns the angle φ of a direction.
-    pub fn angle(&self, direction: DVec3) -> f64 {
+    pub(crate) fn angle(&self, direction: DVec3) -> f64 {
         direction.dot(self.binormal).atan2(direction.dot(self.normal))
     }
 }
@@ -129,7 +129,7 @@ impl Frame {
 impl Centerline {
     /// Creates the axis of an anatomy of `scale` (1 is an adult). `radius` maps an adult's radius to this anatomy's.
     /// Control points move at random by up to `jitter` mm (in the adult).
-    pub fn new(scale: f64, radius: impl Fn(f64) -> f64, jitter: f64, seed: u64) -> Self {
+    pub(crate) fn new(scale: f64, radius: impl Fn(f64) -> f64, jitter: f64, seed: u64) -> Self {
         let draw = |i: usize, k: u64| 2.0 * hash::uniform(seed, 16 * i as u64 + k) - 1.0;
         let places: Vec<DVec3> = (STATIONS.iter().enumerate())
             .map(|(i, s)| (DVec3::from_array(s.at) + jitter * DVec3::new(draw(i, 0), draw(i, 1), draw(i, 2))) * scale)
@@ -171,36 +171,36 @@ impl Centerline {
     }
 
     /// Returns the curve's knots, world mm.
-    pub fn knots(&self) -> &[DVec3] {
+    pub(crate) fn knots(&self) -> &[DVec3] {
         self.curve.points()
     }
 
     /// Returns the arc length between knots, mm.
-    pub fn knot_step(&self) -> f64 {
+    pub(crate) fn knot_step(&self) -> f64 {
         self.curve.step()
     }
 
     /// Returns the mean radius and triangularity at s.
     #[inline]
-    pub fn profile(&self, s: f64) -> Profile {
+    pub(crate) fn profile(&self, s: f64) -> Profile {
         let j = self.profile.jet(s);
         Profile { radius: (j.at.x, j.d1.x), triangle: (j.at.y, j.d1.y) }
     }
 
     /// Returns the fold spacing at s, relative to the usual one.
-    pub fn fold_spacing(&self, s: f64) -> f64 {
+    pub(crate) fn fold_spacing(&self, s: f64) -> f64 {
         self.profile.jet(s).at.z
     }
 
     /// Returns the curvature at s, 1/mm.
-    pub fn curvature(&self, s: f64) -> f64 {
+    pub(crate) fn curvature(&self, s: f64) -> f64 {
         let j = self.curve.jet(s);
         j.d1.cross(j.d2).length() / j.d1.length().powi(3)
     }
 
     /// Returns the angle φ of a foot point's offset.
     #[inline]
-    pub fn angle(&self, foot: &FootPoint) -> f64 {
+    pub(crate) fn angle(&self, foot: &FootPoint) -> f64 {
         let n = self.normals.jet(foot.s).at;
         // The vectors' lengths do not matter; only the tangential part of the normal has to be removed.
         let normal = n - foot.tangent * n.dot(foot.tangent);
@@ -218,7 +218,7 @@ impl Centerline {
     }
 
     /// Collects the runs of knots that are within `more` mm plus their own entry in `reach` of `centre`.
-    pub fn runs_near(&self, centre: DVec3, more: f64, reach: &[f64], out: &mut Vec<Range<usize>>) {
+    pub(crate) fn runs_near(&self, centre: DVec3, more: f64, reach: &[f64], out: &mut Vec<Range<usize>>) {
         out.clear();
         for (i, c) in self.knots().iter().enumerate() {
             let r = more + reach[i];
@@ -234,7 +234,7 @@ impl Centerline {
     /// Calls `found` with the foot points of `p`: one for each knot of `run` that is nearer than both its neighbours
     /// and within its entry in `reach`, mm.
     #[inline]
-    pub fn feet(&self, p: DVec3, run: Range<usize>, reach: &[f64], mut found: impl FnMut(FootPoint)) {
+    pub(crate) fn feet(&self, p: DVec3, run: Range<usize>, reach: &[f64], mut found: impl FnMut(FootPoint)) {
         let knots = self.knots();
         let far = |i: usize| knots.get(i).map_or(f64::INFINITY, |c| (p - *c).length_squared());
         let mut before = if run.start > 0 { far(run.start - 1) } else { f64::INFINITY };

@@ -8,7 +8,7 @@ use super::shape::{Attached, Bridge, Fold, Polyp, Shape};
 use crate::math::hash;
 
 /// Minimum distance of folds and polyps from the axis, mm. A fillet between two of them may reduce it by 0.9 mm.
-pub const CHANNEL_MM: f64 = 6.0;
+pub(crate) const CHANNEL_MM: f64 = 6.0;
 
 /// A separate stream of random numbers.
 struct Stream {
@@ -28,7 +28,7 @@ impl Stream {
 }
 
 /// Builds the wall around `axis` with the features that the settings enable.
-pub fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
+pub(crate) fn shape(axis: Centerline, settings: &PhantomSettings) -> Shape {
     let seed = settings.seed;
     let taenia = Stream::new(seed, 0).within(0.0, TAU);
     let rows = [0, 1, 2].map(|row| constrictions(&axis, seed, row));
@@ -86,7 +86,7 @@ fn place_folds(shape: &Shape, seed: u64) -> Vec<Fold> {
 }
 
 /// Returns a polyp on the plain wall at arc length `s` (mm) and angle `phi`. Its centre is 0.35 radii inside the lumen.
-pub fn sessile(shape: &Shape, s: f64, phi: f64, diameter_mm: f64) -> Attached<Polyp> {
+pub(crate) fn sessile(shape: &Shape, s: f64, phi: f64, diameter_mm: f64) -> Attached<Polyp> {
     let frame = shape.axis.frame(s);
     let rho = shape.radius(s, phi) - 0.175 * diameter_mm;
     Attached { s, what: Polyp { position: frame.at + frame.direction(phi) * rho, diameter_mm } }
@@ -156,7 +156,7 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
 
 /// A pool of tagged fluid: a stretch of colon filled up to a horizontal level, with the patient supine (back down).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pool {
+pub(crate) struct Pool {
     /// Start, mm of arc length.
     pub from: f64,
     /// End, mm of arc length. At both ends the whole lumen is above the level, or the colon is closed.
@@ -167,7 +167,7 @@ pub struct Pool {
 
 /// Returns the pools of a colon. Each low point of the back wall holds fluid, up to the lowest saddle and at most 36 %
 /// of the lumen's height.
-pub fn pools(shape: &Shape) -> Vec<Pool> {
+pub(crate) fn pools(shape: &Shape) -> Vec<Pool> {
     const STEP: f64 = 1.0;
     let count = (shape.axis.length() / STEP) as usize + 1;
     let s = |i: usize| (i as f64 * STEP).min(shape.axis.length());

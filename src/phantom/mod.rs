@@ -1,15 +1,15 @@
 //! A synthetic colon whose value, gradient and anatomy are known at every point.
 //!
-//! The lumen is a tube around a smooth axis ([`centerline`]). Haustra, taeniae, semilunar folds, polyps and bridges
-//! shape its wall ([`shape`], placed by [`features`]). The abdomen surrounds it ([`body`]). Every edge is blurred like
+//! The lumen is a tube around a smooth axis (`centerline`). Haustra, taeniae, semilunar folds, polyps and bridges
+//! shape its wall (`shape`, placed by `features`). The abdomen surrounds it (`body`). Every edge is blurred like
 //! a scanner's, by a normal distribution. The wall is where the value is −650 HU against gas.
 
-pub mod body;
-pub mod centerline;
-pub mod features;
-pub mod profile;
-pub mod shape;
-pub mod spline;
+pub(crate) mod body;
+mod centerline;
+mod features;
+pub(crate) mod profile;
+mod shape;
+mod spline;
 #[cfg(test)]
 mod tests;
 mod truth;
@@ -25,11 +25,12 @@ use crate::math::hash;
 use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 use body::Body;
-use centerline::{Centerline, FootPoint};
+use centerline::FootPoint;
 use features::Pool;
 use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, smooth_min, smooth_step, tissue_share};
 use shape::{Attached, DEEP, Distances, Shape};
 
+pub use centerline::{Centerline, Frame};
 pub use shape::Polyp;
 pub use truth::{TruePolyp, Truth};
 
@@ -173,19 +174,9 @@ impl Phantom {
         &self.settings
     }
 
-    /// Returns the colon's shape.
-    pub fn shape(&self) -> &Shape {
-        &self.shape
-    }
-
-    /// Returns the pools of fluid.
-    pub fn pools(&self) -> &[Pool] {
-        &self.pools
-    }
-
-    /// Returns the standard deviation of the scanner's blur, mm.
-    pub fn sigma(&self) -> f64 {
-        self.sigma
+    /// Returns the axis of the colon, from rectum to cecum.
+    pub fn axis(&self) -> &Centerline {
+        &self.shape.axis
     }
 
     /// Returns a polyp of `diameter_mm` for [`Phantom::with_polyps`]. It is on the wall, `s` mm from the rectal end, on

@@ -12,9 +12,9 @@ use super::centerline::{Centerline, FootPoint};
 use super::profile::smooth_max;
 
 /// Saturation of distances in the lumen, mm. Nothing depends on a wall farther away, so features beyond it are skipped.
-pub const REACH: f64 = 8.0;
+pub(crate) const REACH: f64 = 8.0;
 /// Saturation of distances in the tissue, mm.
-pub const DEEP: f64 = 6.0;
+pub(crate) const DEEP: f64 = 6.0;
 
 /// Arc length within which features can matter, mm. It is larger than [`REACH`] because arcs on the inside of a bend
 /// are longer than distances.
@@ -30,7 +30,7 @@ const FILLET: [f64; 3] = [3.0, 1.0, 0.8];
 
 /// A semilunar fold: a curved plate on the wall between two taeniae.
 #[derive(Clone, Debug)]
-pub struct Fold {
+pub(crate) struct Fold {
     /// Arc length at the middle, mm.
     pub s: f64,
     /// Angle of the middle.
@@ -60,7 +60,7 @@ pub struct Polyp {
 
 /// A strand of tissue across the lumen.
 #[derive(Clone, Copy, Debug)]
-pub struct Bridge {
+pub(crate) struct Bridge {
     /// One end, world mm.
     pub from: DVec3,
     /// The other end.
@@ -71,7 +71,7 @@ pub struct Bridge {
 
 /// A feature and its arc length on the axis. The arc length keeps it from changing the lumen of another loop.
 #[derive(Clone, Copy, Debug)]
-pub struct Attached<T> {
+pub(crate) struct Attached<T> {
     /// Arc length, mm.
     pub s: f64,
     /// The feature.
@@ -80,7 +80,7 @@ pub struct Attached<T> {
 
 /// Signed distances of one position to the colon.
 #[derive(Clone, Copy, Debug)]
-pub struct Distances {
+pub(crate) struct Distances {
     /// Distance to the wall with all its features, mm; negative in the lumen.
     pub wall: f64,
     /// Distance to the plain wall without folds, polyps and bridges, mm.
@@ -92,7 +92,7 @@ pub struct Distances {
 
 /// The lumen's shape around its axis.
 #[derive(Clone, Debug)]
-pub struct Shape {
+pub(crate) struct Shape {
     /// The axis.
     pub axis: Centerline,
     /// Angle of the first taenia; the others are 120° and 240° away.
@@ -117,12 +117,12 @@ struct Radius {
 
 impl Shape {
     /// Returns the largest radius of the plain wall near s, mm.
-    pub fn largest_radius(&self, s: f64) -> f64 {
+    pub(crate) fn largest_radius(&self, s: f64) -> f64 {
         largest(&self.axis, s)
     }
 
     /// Returns the radius of the plain wall at arc length `s` and angle `phi`, mm.
-    pub fn radius(&self, s: f64, phi: f64) -> f64 {
+    pub(crate) fn radius(&self, s: f64, phi: f64) -> f64 {
         self.plain(s, phi).at
     }
 
@@ -152,7 +152,7 @@ impl Shape {
     }
 
     /// Returns the distances of `p` to the part of the colon around one of its foot points.
-    pub fn distances(&self, p: DVec3, foot: &FootPoint) -> Distances {
+    pub(crate) fn distances(&self, p: DVec3, foot: &FootPoint) -> Distances {
         let near = self.axis.profile(foot.s).radius.0;
         let phi = self.axis.angle(foot);
         let r = self.plain(foot.s, phi);
@@ -238,7 +238,7 @@ impl Fold {
     }
 
     /// Returns the fold's height at angle `phi`, mm; negative beyond its ends, where it is buried in the wall.
-    pub fn height(&self, phi: f64) -> f64 {
+    pub(crate) fn height(&self, phi: f64) -> f64 {
         let u = self.off_middle(phi) / self.half_width;
         self.depth * (1.0 - u * u)
     }
@@ -286,7 +286,7 @@ impl Bridge {
 }
 
 /// Returns the largest radius of the plain wall near s, mm.
-pub fn largest(axis: &Centerline, s: f64) -> f64 {
+pub(crate) fn largest(axis: &Centerline, s: f64) -> f64 {
     axis.profile(s).radius.0 * (1.0 + BULGE)
 }
 

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 /// Continuation beyond the ends of a B-spline's control points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Beyond {
+pub(crate) enum Beyond {
     /// Reflects the curve through its end point: no curvature there. Use it for positions.
     PointReflection,
     /// Mirrors the curve: no slope there. Use it for quantities along a curve.
@@ -15,7 +15,7 @@ pub enum Beyond {
 /// Evaluates a uniform cubic B-spline at `u` spans from the first control point; `u` runs from 0 to `points.len() - 1`.
 ///
 /// With [`Beyond::PointReflection`] the curve starts at the first and ends at the last control point.
-pub fn b_spline(points: &[DVec3], u: f64, ends: Beyond) -> DVec3 {
+pub(crate) fn b_spline(points: &[DVec3], u: f64, ends: Beyond) -> DVec3 {
     let last = points.len() - 1;
     let at = |i: isize| {
         let beyond = |end: DVec3, inner: DVec3| match ends {
@@ -39,7 +39,7 @@ pub fn b_spline(points: &[DVec3], u: f64, ends: Beyond) -> DVec3 {
 
 /// A C2 cubic spline through given points on uniform knots, in Hermite form.
 #[derive(Clone, Debug)]
-pub struct Spline {
+pub(crate) struct Spline {
     step: f64,
     points: Vec<DVec3>,
     slopes: Vec<DVec3>,
@@ -47,7 +47,7 @@ pub struct Spline {
 
 /// A spline's value with its first and second derivative.
 #[derive(Clone, Copy, Debug)]
-pub struct Jet {
+pub(crate) struct Jet {
     /// Value.
     pub at: DVec3,
     /// First derivative.
@@ -61,7 +61,7 @@ impl Spline {
     ///
     /// The inner slopes make the second derivative continuous: m₋ + 4m + m₊ = 3(p₊ − p₋)/step. Thomas's algorithm
     /// solves this tridiagonal system.
-    pub fn new(step: f64, points: Vec<DVec3>, first: DVec3, last: DVec3) -> Self {
+    pub(crate) fn new(step: f64, points: Vec<DVec3>, first: DVec3, last: DVec3) -> Self {
         let n = points.len();
         let mut slopes = vec![DVec3::ZERO; n];
         let mut upper = vec![0.0; n];
@@ -81,23 +81,23 @@ impl Spline {
     }
 
     /// Returns the interpolated points.
-    pub fn points(&self) -> &[DVec3] {
+    pub(crate) fn points(&self) -> &[DVec3] {
         &self.points
     }
 
     /// Returns the knot distance in the parameter.
-    pub fn step(&self) -> f64 {
+    pub(crate) fn step(&self) -> f64 {
         self.step
     }
 
     /// Returns the parameter of the last knot.
-    pub fn end(&self) -> f64 {
+    pub(crate) fn end(&self) -> f64 {
         self.step * (self.points.len() - 1) as f64
     }
 
     /// Returns the value and derivatives at `s`, clamped to the knots' range.
     #[inline]
-    pub fn jet(&self, s: f64) -> Jet {
+    pub(crate) fn jet(&self, s: f64) -> Jet {
         let x = (s / self.step).clamp(0.0, (self.points.len() - 1) as f64);
         let i = (x as usize).min(self.points.len() - 2);
         let t = x - i as f64;

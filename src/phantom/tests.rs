@@ -238,8 +238,8 @@ fn one_polyp_can_be_put_on_a_side() {
 fn fluid_lies_behind_a_horizontal_level_and_is_closed_in() {
     for size in [Size::Small, Size::Standard] {
         let phantom = quiet(size);
-        assert!(!phantom.pools().is_empty());
-        for pool in phantom.pools() {
+        assert!(!phantom.pools.is_empty());
+        for pool in &phantom.pools {
             let (mut fluid, mut gas) = (0, 0);
             for n in 0..40_000 {
                 let p = place(&phantom, n, 30.0);

@@ -65,7 +65,7 @@ impl Drawing {
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|e| {
             let why = format!("cannot be read ({})", crate::output::plain(&e));
-            Error::file(path, why, format!("give a PNG, or one of {}", super::shipped::names())).caused_by(e)
+            Error::file(path, why, format!("give a PNG, or one of {}", super::files::names())).caused_by(e)
         })?;
         Self::decode(&path.display().to_string(), &bytes)
     }

@@ -7,13 +7,15 @@
 //! ([`crate::dynamics::tentacles::circle`]) and walls are pixels ([`walls::Walls`]).
 
 pub mod drawing;
+mod files;
 pub mod flight;
-pub mod picture;
-pub mod plan;
-pub mod potential;
+pub(crate) mod picture;
+pub(crate) mod plan;
+pub(crate) mod potential;
 pub mod shipped;
-pub mod walls;
+mod walls;
 
 pub use drawing::Drawing;
 pub use flight::{Flight, PlaneSettings, State};
+pub use plan::Plan;
 pub use walls::Walls;

@@ -9,7 +9,7 @@ use crate::render::Frame;
 
 /// The parts of a flight to draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Show {
+pub(crate) struct Show {
     /// Tentacles at the camera's position.
     pub tentacles: bool,
     /// Mines and their reach.
@@ -46,7 +46,7 @@ const FIRST_LINE: f32 = 15.0;
 const LEVELS: f32 = 6.0;
 
 /// Draws flights through one drawing.
-pub struct Painter {
+pub(crate) struct Painter {
     potential: Potential,
     /// The contour level of each pixel.
     levels: Vec<i8>,
@@ -54,19 +54,19 @@ pub struct Painter {
 
 impl Painter {
     /// Creates a painter for a flight's drawing.
-    pub fn new(flight: &Flight) -> Self {
+    pub(crate) fn new(flight: &Flight) -> Self {
         let potential = Potential::new(flight.walls(), flight.settings());
         Self { potential, levels: Vec::new() }
     }
 
     /// Returns the whole number of picture pixels per drawing pixel that best fits `width` × `height`, at least 1.
-    pub fn scale_for(flight: &Flight, (width, height): (usize, usize)) -> usize {
+    pub(crate) fn scale_for(flight: &Flight, (width, height): (usize, usize)) -> usize {
         let drawing = flight.walls().drawing();
         (width / drawing.width()).min(height / drawing.height()).max(1)
     }
 
     /// Draws the current state of a flight, with `scale` picture pixels per pixel of the drawing.
-    pub fn paint(&mut self, flight: &Flight, show: Show, scale: usize, frame: &mut Frame) {
+    pub(crate) fn paint(&mut self, flight: &Flight, show: Show, scale: usize, frame: &mut Frame) {
         let drawing = flight.walls().drawing();
         let (w, h) = (drawing.width(), drawing.height());
         frame.resize(w * scale, h * scale);

@@ -36,7 +36,7 @@ pub struct Plan {
 ///
 /// # Errors
 /// Returns status 4 if the body fits nowhere, or not at the start.
-pub fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
+pub(crate) fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
     let drawing = walls.drawing();
     let mut notes = Vec::new();
     // A search range no larger than the body needs keeps the sweeps fast.
@@ -77,7 +77,7 @@ pub fn plan(walls: &Walls, radius_mm: f64) -> Result<Plan> {
 ///
 /// # Errors
 /// Returns status 4 if there is none.
-pub fn start_at(walls: &Walls, at: DVec3, radius_mm: f64) -> Result<DVec3> {
+pub(crate) fn start_at(walls: &Walls, at: DVec3, radius_mm: f64) -> Result<DVec3> {
     let fits = |p: DVec3| walls.clearance(p).mm > radius_mm + ROOM_MM;
     roomy(at, &fits, &mut Vec::new()).ok_or_else(|| {
         Error::incomplete(
@@ -138,6 +138,6 @@ fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> O
 }
 
 /// Formats a position in the drawing as text.
-pub fn pair(p: DVec3) -> String {
+pub(crate) fn pair(p: DVec3) -> String {
     format!("{:.1},{:.1}", p.x, p.y)
 }

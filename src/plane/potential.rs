@@ -13,7 +13,7 @@ use crate::fields::Clearances;
 
 /// The potential at the centre of each pixel, mm²/s² (an acceleration times a distance); infinite in the wall.
 #[derive(Clone, Debug)]
-pub struct Potential {
+pub(crate) struct Potential {
     width: usize,
     wall: Vec<f32>,
     now: Vec<f32>,
@@ -21,7 +21,7 @@ pub struct Potential {
 
 impl Potential {
     /// Computes the wall's part, which stays constant.
-    pub fn new(walls: &Walls, settings: &PlaneSettings) -> Self {
+    pub(crate) fn new(walls: &Walls, settings: &PlaneSettings) -> Self {
         let (w, h) = (walls.drawing().width(), walls.drawing().height());
         let (p, strength) = (settings.tentacles.wall_mm, settings.tentacles.wall_push);
         // Beyond `p` the potential is 0, so there is no need to search further.
@@ -35,7 +35,7 @@ impl Potential {
     }
 
     /// Returns the potential with the current mines added.
-    pub fn with_mines(&mut self, mines: Option<(&Mines, &MineSettings)>) -> &[f32] {
+    pub(crate) fn with_mines(&mut self, mines: Option<(&Mines, &MineSettings)>) -> &[f32] {
         self.now.copy_from_slice(&self.wall);
         let Some((mines, s)) = mines else { return &self.now };
         let height = self.wall.len() / self.width;

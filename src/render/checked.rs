@@ -6,7 +6,7 @@ use super::renderer::{Detail, Renderer};
 use super::{Frame, Settings, View, Work};
 
 /// Forwards every call to a renderer and enforces the requested frame size.
-pub struct Checked {
+pub(crate) struct Checked {
     name: &'static str,
     inner: Box<dyn Renderer>,
     complaint: Option<String>,
@@ -14,7 +14,7 @@ pub struct Checked {
 
 impl Checked {
     /// Wraps the renderer of the preset `name`.
-    pub fn new(name: &'static str, inner: Box<dyn Renderer>) -> Self {
+    pub(crate) fn new(name: &'static str, inner: Box<dyn Renderer>) -> Self {
         Self { name, inner, complaint: None }
     }
 

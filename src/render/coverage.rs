@@ -14,7 +14,7 @@ use crate::fields::lumen::WallPlace;
 use crate::space::{PreparedVolume, first_crossing};
 
 /// The largest distance at which a wall point counts as seen, mm.
-pub const REACH_MM: f64 = 100.0;
+pub(crate) const REACH_MM: f64 = 100.0;
 
 /// The share of a wall's area that was seen, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -51,7 +51,7 @@ pub fn coverage(
 /// Returns the share of `wall` that is seen from `views` in the square image of `camera`.
 ///
 /// Each view is a world position (mm) and an attitude. All rays of the camera must start at its position.
-pub fn coverage_by(
+pub(crate) fn coverage_by(
     volume: &PreparedVolume,
     wall: &[WallPlace],
     views: &[(DVec3, Attitude)],

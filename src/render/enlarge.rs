@@ -59,7 +59,7 @@ fn mix(a: u8, b: u8, share: u16) -> u8 {
 
 /// Stretches pictures and keeps its working memory from one to the next.
 #[derive(Clone, Debug, Default)]
-pub struct Enlarger {
+pub(crate) struct Enlarger {
     columns: Vec<Between>,
     bands: Vec<Band>,
 }
@@ -134,7 +134,7 @@ impl Band {
 
 impl Enlarger {
     /// Returns the memory in use, bytes.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         let band =
             |b: &Band| size_of_val(b.row.as_slice()) + b.wide.iter().map(|w| size_of_val(w.as_slice())).sum::<usize>();
         size_of_val(self.columns.as_slice()) + self.bands.iter().map(band).sum::<usize>()
@@ -145,7 +145,7 @@ impl Enlarger {
     ///
     /// Each row is stretched horizontally once for all the rows around it, so a coarse picture costs little more than
     /// writing the result.
-    pub fn enlarge(&mut self, small: &Frame, out: &mut Frame) {
+    pub(crate) fn enlarge(&mut self, small: &Frame, out: &mut Frame) {
         let (width, height, w, h) = (out.width(), out.height(), small.width(), small.height());
         if width == 0 || height == 0 || w == 0 || h == 0 {
             return;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::Vec3;
 
-use super::gradient_store::DensityScale;
+use super::density_scale::DensityScale;
 use super::regression::Fit;
 use crate::space::PreparedVolume;
 

@@ -74,17 +74,17 @@ impl<'de> Deserialize<'de> for Light {
 }
 
 /// Brightness near the camera with falloff.
-pub const EXPOSURE: f32 = 1.2;
+pub(crate) const EXPOSURE: f32 = 1.2;
 /// The distance at which half of the light arrives, mm.
-pub const HALF_MM: f32 = 55.0;
+pub(crate) const HALF_MM: f32 = 55.0;
 /// The brightness of the highlight.
-pub const GLOSS: f32 = 0.4;
+pub(crate) const GLOSS: f32 = 0.4;
 /// The highlight's exponent is 2 to this power.
-pub const GLOSS_DOUBLINGS: u32 = 6;
+pub(crate) const GLOSS_DOUBLINGS: u32 = 6;
 /// Distance before the wall at which another wall is detected, mm.
-pub const CONTACT_MM: f32 = 3.0;
+pub(crate) const CONTACT_MM: f32 = 3.0;
 /// The share by which a near wall darkens the surface.
-pub const CONTACT: f32 = 0.5;
+pub(crate) const CONTACT: f32 = 0.5;
 
 /// Returns the share of the camera's light that arrives at `distance_mm`.
 #[inline(always)]
@@ -95,7 +95,7 @@ fn arriving(distance_mm: f32) -> f32 {
 
 /// A [`Light`] with the volume data that it needs.
 #[derive(Clone, Copy, Debug)]
-pub struct Lighting {
+pub(crate) struct Lighting {
     light: Light,
     /// Transforms world to voxel directions.
     to_voxel: DMat3,
@@ -105,7 +105,7 @@ pub struct Lighting {
 
 impl Lighting {
     /// Prepares `light` for `volume`.
-    pub fn new(light: Light, volume: &PreparedVolume) -> Self {
+    pub(crate) fn new(light: Light, volume: &PreparedVolume) -> Self {
         let wall = volume.transfer();
         let to_voxel = volume.voxels().grid().to_voxel().matrix3;
         Self { light, to_voxel, lo: wall.lo(), scale: 1.0 / (wall.hi() - wall.lo()) }
@@ -116,7 +116,7 @@ impl Lighting {
     /// `gradient` (world) is 0 in a homogeneous region. `value` returns the HU at an offset from the point, given in
     /// voxels.
     #[inline(always)]
-    pub fn brightness(&self, facing: f32, distance_mm: f32, gradient: Vec3, value: impl Fn(Vec3) -> f32) -> f32 {
+    pub(crate) fn brightness(&self, facing: f32, distance_mm: f32, gradient: Vec3, value: impl Fn(Vec3) -> f32) -> f32 {
         let Light { falloff, gloss, contact } = self.light;
         let mut bright = AMBIENT + DIFFUSE * facing;
         let arriving = if falloff { arriving(distance_mm) } else { 1.0 };
@@ -215,7 +215,7 @@ mod tests {
         let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
         let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
         let volume = PreparedVolume::new(Arc::new(volume), TransferFunction::default());
-        let axis = &phantom.shape().axis;
+        let axis = phantom.axis();
         let mut worst = f64::INFINITY;
         for share in [0.15, 0.4, 0.62, 0.9] {
             let lumen = axis.frame(axis.length() * share);

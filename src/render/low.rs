@@ -16,7 +16,7 @@ use crate::space::PreparedVolume;
 const PART: usize = 3;
 
 /// Renders at a fraction of the resolution and stretches the picture.
-pub struct Low {
+pub(crate) struct Low {
     volume: PreparedVolume,
     renderer: Box<dyn Renderer>,
     small: Frame,
@@ -26,13 +26,13 @@ pub struct Low {
 impl Low {
     /// Renders `volume` with packets of rays and `settings`, with steps of half a voxel at the most: longer steps save
     /// little and cost much quality.
-    pub fn new(volume: &PreparedVolume, settings: Settings) -> Self {
+    pub(crate) fn new(volume: &PreparedVolume, settings: Settings) -> Self {
         let settings = Settings { step_power: settings.step_power.min(-1), ..settings };
         Self::around(volume, Box::new(PacketRenderer::new(volume, settings, Pixels::Needed)))
     }
 
     /// Stretches the pictures of `volume` that `renderer` makes.
-    pub fn around(volume: &PreparedVolume, renderer: Box<dyn Renderer>) -> Self {
+    pub(crate) fn around(volume: &PreparedVolume, renderer: Box<dyn Renderer>) -> Self {
         Self { volume: volume.clone(), renderer, small: Frame::default(), enlarger: Enlarger::default() }
     }
 }

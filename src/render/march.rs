@@ -68,7 +68,7 @@ pub struct Ray {
 /// It uses the fact that the bits of a float near 2²³ count in ones. This is much cheaper than a cast, which must
 /// handle values out of range.
 #[inline(always)]
-pub fn round(q: Vec3) -> [i32; 3] {
+pub(crate) fn round(q: Vec3) -> [i32; 3] {
     const SHIFT: f32 = (1 << 23) as f32;
     (q + SHIFT).to_array().map(|c| (c.to_bits() & 0x7F_FFFF) as i32)
 }

@@ -3,11 +3,11 @@
 /// A part of the memory that a renderer keeps beside the 16-bit voxels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MemoryPart {
-    /// The homogeneous-region flags and bricks of the prepared volume ([`flags`](crate::space::flags)).
+    /// The homogeneous-region flags and bricks of the prepared volume (`flags`).
     Flags,
-    /// The paper's volume of 7 + 1 bits a voxel ([`bytes`](super::bytes)).
+    /// The paper's volume of 7 + 1 bits a voxel.
     ByteVolume,
-    /// Which cells may be visible, and how far bricks are from the next such cell ([`packets`](super::packets)).
+    /// Which cells may be visible, and how far bricks are from the next such cell.
     Occupancy,
     /// Gradients cached from one frame to the next.
     GradientCache,
@@ -17,9 +17,9 @@ pub enum MemoryPart {
     VoxelDistances,
     /// The distance to the wall for each brick.
     BrickDistances,
-    /// The space that the last picture proved empty ([`reuse`](super::reuse)).
+    /// The space that the last picture proved empty.
     FrameCache,
-    /// The rays of adaptive image-plane sampling ([`packets`](super::packets)).
+    /// The rays of adaptive image-plane sampling.
     SampledRays,
     /// A picture at a fraction of the resolution, to be stretched.
     SmallPicture,

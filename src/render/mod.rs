@@ -1,47 +1,48 @@
 //! Ray casting in a scan: distances to the wall, and pictures of it (the paper's section 2.2).
 //!
-//! A ray caster consists of independent parts, chosen at compile time. A [`Sampler`](sampler::Sampler) evaluates the
-//! volume at a point, a [`Skipper`](skip::Skipper) selects the samples that can be left out, and a [`Shader`] colours
-//! the wall. [`caster`] combines them along each [`Ray`](march::Ray). Separately from pictures, [`space`](crate::space) finds
-//! exactly where a ray meets the wall.
+//! A ray caster consists of independent parts, chosen at compile time. A `Sampler` evaluates the volume at a point, a
+//! `Skipper` selects the samples that can be left out, and a [`Shader`] colours the wall. `caster` combines them along
+//! each `Ray`. Separately from pictures, [`space`](crate::space) finds exactly where a ray meets the wall.
 //!
 //! There are two extension points. A [`Preset`] makes a [`Renderer`] ([`presets`] has those of this crate), and a
 //! [`Camera`] defines the rays of its image ([`camera`]).
 
-pub mod adaptive;
-pub mod begin;
-pub mod bytes;
+mod accelerations;
+pub(crate) mod adaptive;
+pub(crate) mod begin;
+pub(crate) mod bytes;
 pub mod camera;
-pub mod caster;
-pub mod checked;
+pub(crate) mod caster;
+mod checked;
 pub mod choices;
-pub mod classify;
-pub mod coverage;
-pub mod direct;
-pub mod enlarge;
-pub mod factory;
-pub mod frame;
-pub mod gradient_cache;
-pub mod gradient_store;
-pub mod leap;
-pub mod light;
-pub mod low;
-pub mod march;
-pub mod memory;
-pub mod options;
-pub mod packets;
-pub mod preset;
+pub(crate) mod classify;
+mod coverage;
+mod density_scale;
+mod direct;
+mod enlarge;
+mod factory;
+mod frame;
+mod gradient_cache;
+pub(crate) mod gradient_store;
+pub(crate) mod leap;
+mod light;
+mod low;
+mod march;
+mod memory;
+pub(crate) mod options;
+pub(crate) mod packets;
+mod preset;
 pub mod presets;
-pub mod quality;
-pub mod regression;
-pub mod renderer;
-pub mod reuse;
-pub mod sampler;
+mod quality;
+pub(crate) mod regression;
+pub(crate) mod renderer;
+pub(crate) mod reuse;
+pub(crate) mod sampler;
 pub mod shaders;
-pub mod single;
-pub mod skip;
+pub(crate) mod single;
+mod skip;
 pub mod slice;
-pub mod transfer;
+pub(crate) mod transfer;
 
 #[cfg(test)]
 mod extremes_tests;
@@ -49,6 +50,7 @@ mod extremes_tests;
 mod tissue_tests;
 
 pub use crate::space::{PreparedVolume, TransferFunction, first_crossing};
+pub use adaptive::Budget;
 pub use camera::{Camera, CameraModel, CameraRay, Origins, View};
 pub use caster::{depths, render};
 pub use choices::{Choices, GradientSource, Leaping, LowDetail};
@@ -61,5 +63,28 @@ pub use memory::MemoryPart;
 pub use options::Options;
 pub use preset::{Preparation, Preset, Reuse};
 pub use quality::{Classification, Quality, Settings};
-pub use renderer::{Detail, Renderer};
+pub use renderer::{Detail, Renderer, SQUARE};
 pub use shaders::{Shader, ShaderModel, SurfacePoint};
+
+/// Parts of the ray caster for this crate's benches and integration tests, with the types in their signatures. They may
+/// change at any time.
+#[doc(hidden)]
+pub mod internals {
+    pub use super::accelerations::Accelerations;
+    pub use super::begin::{Begin, FromScratch};
+    pub use super::bytes::{ByteNearest, ByteTrilinear, ByteVolume};
+    pub use super::caster::ImageRequest;
+    pub use super::classify::{ByDensity, ByValue, Classifier};
+    pub use super::gradient_cache::GradientCache;
+    pub use super::gradient_store::{FitSampler, Fits, GradientVolume, Stored};
+    pub use super::leap::chosen::{ChosenLeap, ChosenRadius, ChosenWalk};
+    pub use super::leap::{BrickLeap, BrickWalls, EmptyRadius, Leaper, Surroundings, VoxelLeap, VoxelWalls};
+    pub use super::march::{Ray, Step};
+    pub use super::packets::{PacketRenderer, Pixels, levels};
+    pub use super::regression::{Fit, Regression, Weighting, block, central_differences, to_world};
+    pub use super::reuse::known::{Empty, Known, Reprojection};
+    pub use super::reuse::paper::Trace;
+    pub use super::reuse::{Refresh, Reusing, Rule, VoxelStorage, WordStorage};
+    pub use super::sampler::{Nearest, Sampler, Trilinear, VoxelSampler};
+    pub use super::skip::{Bricks, Everything, Leap, Skipper};
+}

@@ -44,7 +44,7 @@ pub struct Settings {
     /// Rays per pixel, at least 1.
     pub samples_per_pixel: u32,
     /// True if the detail adapts: coarser while the camera moves fast or pictures cost too much, and up to the
-    /// reference at rest ([`adaptive`](super::adaptive)).
+    /// reference at rest.
     pub adaptive: bool,
     /// Choices that replace the preset's defaults.
     pub choices: Choices,

@@ -39,7 +39,7 @@ pub struct Fit {
 }
 
 /// Rows of four voxels along x: `[z][y]`.
-pub type Block = [[Vec4; 4]; 4];
+pub(crate) type Block = [[Vec4; 4]; 4];
 
 /// The regression coefficients for one grid.
 #[derive(Clone, Copy, Debug)]

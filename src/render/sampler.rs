@@ -9,7 +9,7 @@ use super::march::round;
 use super::regression::{Fit, Regression, Weighting, block};
 use crate::space::PreparedVolume;
 
-/// Evaluates the volume between voxels. Positions are grown voxel coordinates (see [`super::march`]).
+/// Evaluates the volume between voxels. Positions are grown voxel coordinates: voxel coordinates plus one.
 pub trait Sampler: Sync {
     /// Returns the HU at `q`.
     fn value(&self, q: Vec3) -> f32;
@@ -89,11 +89,6 @@ impl<'a> Trilinear<'a> {
     /// Creates a sampler of `volume`.
     pub fn new(volume: &'a PreparedVolume) -> Self {
         Self { volume, regression: regression(volume) }
-    }
-
-    /// Returns the sampled volume.
-    pub fn volume(&self) -> &'a PreparedVolume {
-        self.volume
     }
 }
 

@@ -13,7 +13,7 @@ pub(super) const FOOT: f32 = 0.01;
 /// The ramp's opacity a applies to a path of h, the smallest spacing; over Δs it is 1 − (1 − a)^(Δs/h). Steps are h ·
 /// 2^p for a whole p, so the power consists of a few square roots or squares: exact, and the same on every machine.
 #[derive(Clone, Copy, Debug)]
-pub struct Ramp {
+pub(crate) struct Ramp {
     foot: f32,
     lo: f32,
     scale: f32,
@@ -22,13 +22,13 @@ pub struct Ramp {
 
 impl Ramp {
     /// Creates the ramp of `wall` for steps of h · 2^`power`.
-    pub fn new(wall: TransferFunction, power: i32) -> Self {
+    pub(crate) fn new(wall: TransferFunction, power: i32) -> Self {
         Self { foot: wall.lo() + FOOT, lo: wall.lo(), scale: 1.0 / (wall.hi() - wall.lo()), power }
     }
 
     /// Returns the opacity, 0 to 1, of a step at a point of value `hu`.
     #[inline(always)]
-    pub fn opacity(&self, hu: f32) -> f32 {
+    pub(crate) fn opacity(&self, hu: f32) -> f32 {
         if hu <= self.foot {
             return 0.0;
         }
@@ -48,7 +48,7 @@ impl Ramp {
 /// It is a warm tone like that of mucosa, a little paler where the tissue is denser. As in the paper, no display curve
 /// is applied.
 #[derive(Clone, Copy, Debug)]
-pub struct Palette {
+pub(crate) struct Palette {
     /// The colour at and below the first value of [`PALETTE_HU`].
     base: Vec3,
     /// The change of the colour per HU above it.
@@ -56,9 +56,9 @@ pub struct Palette {
 }
 
 /// The values between which the colour changes, HU.
-pub const PALETTE_HU: [f32; 2] = [-1000.0, 100.0];
+pub(crate) const PALETTE_HU: [f32; 2] = [-1000.0, 100.0];
 /// The colours at these values.
-pub const PALETTE: [[f32; 3]; 2] = [[0.90, 0.50, 0.40], [0.95, 0.60, 0.50]];
+pub(crate) const PALETTE: [[f32; 3]; 2] = [[0.90, 0.50, 0.40], [0.95, 0.60, 0.50]];
 
 impl Default for Palette {
     fn default() -> Self {
@@ -70,7 +70,7 @@ impl Default for Palette {
 impl Palette {
     /// Returns the colour at a value, HU.
     #[inline(always)]
-    pub fn colour(&self, hu: f32) -> Vec3 {
+    pub(crate) fn colour(&self, hu: f32) -> Vec3 {
         self.base + self.slope * (hu.clamp(PALETTE_HU[0], PALETTE_HU[1]) - PALETTE_HU[0])
     }
 }

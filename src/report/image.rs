@@ -12,7 +12,7 @@ const SIGMA: f64 = 1.5;
 /// Returns the structural similarity of two pictures of the same size, averaged over all windows that fit (Wang, Bovik, Sheikh,
 /// Simoncelli 2004). It uses luminance, an 11×11 Gaussian of 1.5 pixels, K₁ = 0.01, K₂ = 0.03 and L = 255. Equal pictures have
 /// the value 1. For a picture narrower than the window, the window has the picture's width.
-pub fn ssim(a: &Frame, b: &Frame) -> f64 {
+pub(crate) fn ssim(a: &Frame, b: &Frame) -> f64 {
     let (w, h) = (a.width(), a.height());
     let (x, y) = (luminance(a), luminance(b));
     let product = |p: &[f64], q: &[f64]| -> Vec<f64> { p.iter().zip(q).map(|(p, q)| p * q).collect() };
@@ -58,7 +58,7 @@ fn blurred(map: &[f64], w: usize, h: usize) -> Vec<f64> {
 
 /// Returns the share of pixels, 0 to 1, whose wall distance differs by more than `tolerance` mm. A wall in only one of the two
 /// pictures counts as different.
-pub fn displaced(a: &[f32], b: &[f32], tolerance: f64) -> f64 {
+pub(crate) fn displaced(a: &[f32], b: &[f32], tolerance: f64) -> f64 {
     let off = |(a, b): (&f32, &f32)| match (a.is_finite(), b.is_finite()) {
         (true, true) => f64::from((a - b).abs()) > tolerance,
         (a, b) => a != b,
@@ -67,17 +67,17 @@ pub fn displaced(a: &[f32], b: &[f32], tolerance: f64) -> f64 {
 }
 
 /// Converts a PSNR to the root mean square error, grey levels.
-pub fn rms(psnr: f64) -> f64 {
+pub(crate) fn rms(psnr: f64) -> f64 {
     255.0 * 10f64.powf(-psnr / 20.0)
 }
 
 /// Error that is shown white, grey levels.
-pub const WHITE_ERROR: u8 = 64;
+pub(crate) const WHITE_ERROR: u8 = 64;
 
 /// Encodes reference, method and error side by side as a PNG. The error is the largest of the three colours', from black over
 /// blue and orange to white at [`WHITE_ERROR`] levels. Pictures wider than `side` are reduced: colours to their mean, the error
 /// to its maximum, so that no error is averaged away.
-pub fn error_map(reference: &Frame, method: &Frame, side: usize) -> Vec<u8> {
+pub(crate) fn error_map(reference: &Frame, method: &Frame, side: usize) -> Vec<u8> {
     let (w, h) = (reference.width(), reference.height());
     let by = w.max(h).div_ceil(side.max(1)).max(1);
     let (pw, ph) = (w.div_ceil(by), h.div_ceil(by));

@@ -15,7 +15,7 @@ use crate::surface::{Mesh, Rasteriser};
 
 /// A rendering method.
 #[derive(Clone, Copy)]
-pub struct RenderMethod {
+pub(crate) struct RenderMethod {
     /// Its name in plots and tables.
     pub name: &'static str,
     /// Family of the method. Methods of one family share a colour.
@@ -28,7 +28,7 @@ pub struct RenderMethod {
 
 /// Properties of a method that the report takes into account.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Traits {
+pub(crate) struct Traits {
     /// It keeps data from one frame to the next.
     pub keeps: bool,
     /// It computes its own depth instead of the exact crossings.
@@ -83,7 +83,7 @@ fn lean(volume: &PreparedVolume) -> Result<Box<dyn Renderer>> {
 }
 
 /// The reference for all other methods.
-pub const REFERENCE: RenderMethod = RenderMethod {
+pub(crate) const REFERENCE: RenderMethod = RenderMethod {
     name: "reference h/8",
     family: "nothing skipped",
     make: |s| direct(s, Quality::Reference, -3, 1),
@@ -92,7 +92,7 @@ pub const REFERENCE: RenderMethod = RenderMethod {
 
 /// All methods.
 #[rustfmt::skip]
-pub const METHODS: &[RenderMethod] = &[
+pub(crate) const METHODS: &[RenderMethod] = &[
     RenderMethod { name: "brute h/16", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -4, 1), traits: Traits { slow: true, ..PLAIN } },
     RenderMethod { name: "brute h/4", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -2, 1), traits: PLAIN },
     RenderMethod { name: "brute h/2", family: "nothing skipped", make: |s| direct(s, Quality::Reference, -1, 1), traits: PLAIN },
@@ -126,7 +126,7 @@ pub const METHODS: &[RenderMethod] = &[
 
 /// The role of a preparation in the paper's claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
+pub(crate) enum Role {
     /// The homogeneous-region flags.
     Flag,
     /// The wall distance of each voxel: the potential field.
@@ -139,7 +139,7 @@ pub enum Role {
 
 /// A data structure that is built from the voxels before the first frame.
 #[derive(Clone, Copy)]
-pub struct Preparation {
+pub(crate) struct Preparation {
     /// Its name in tables.
     pub name: &'static str,
     /// Its role.
@@ -151,7 +151,7 @@ pub struct Preparation {
 /// All preparations. To add one that the paper's claims compare with, add a line here. A claim whose preparation is missing is
 /// omitted.
 #[rustfmt::skip]
-pub const PREPARATIONS: &[Preparation] = &[
+pub(crate) const PREPARATIONS: &[Preparation] = &[
     Preparation { name: "homogeneous-region flags", role: Role::Flag, build: |s| Ok(Flags::new(s.voxels(), s.transfer()).bytes()) },
     Preparation { name: "wall distance per voxel", role: Role::Field, build: |s| Ok(VoxelWalls::new(s).bytes()) },
     Preparation { name: "gradients near the wall", role: Role::Gradients, build: |s| Ok(GradientVolume::new(&Trilinear::new(s), s, Stored::NearWall).bytes()) },

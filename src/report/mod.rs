@@ -2,18 +2,18 @@
 //!
 //! Timings are medians of frames that different methods render in turn, so that load on the machine slows all methods alike.
 
-pub mod dynamics;
-pub mod fields;
+pub(crate) mod dynamics;
+pub(crate) mod fields;
 pub mod flight;
-pub mod gradients;
-pub mod image;
-pub mod methods;
-pub mod page;
+pub(crate) mod gradients;
+mod image;
+mod methods;
+mod page;
 pub mod perforation;
-pub mod plot;
+mod plot;
 pub mod render;
-pub mod scenes;
-pub mod table;
+pub(crate) mod scenes;
+mod table;
 pub mod trials;
 
 /// Extent of a report's measurements.

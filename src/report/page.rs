@@ -14,7 +14,7 @@ svg,img{max-width:100%;height:auto}figure{margin:1em 0}figcaption{font-size:13px
 p.finding{background:#f2f7f2;border-left:4px solid #4a4;padding:.6em 1em}";
 
 /// A page under construction.
-pub struct Page {
+pub(crate) struct Page {
     folder: PathBuf,
     title: String,
     body: String,
@@ -25,23 +25,23 @@ impl Page {
     ///
     /// # Errors
     /// Returns status 5 if the folder cannot be created.
-    pub fn new(folder: &Path, title: &str) -> Result<Self> {
+    pub(crate) fn new(folder: &Path, title: &str) -> Result<Self> {
         output::make_folder(folder)?;
         Ok(Self { folder: folder.to_owned(), title: title.to_owned(), body: String::new() })
     }
 
     /// Starts a section.
-    pub fn section(&mut self, title: &str) {
+    pub(crate) fn section(&mut self, title: &str) {
         self.body.push_str(&format!("<h2>{}</h2>\n", escape(title)));
     }
 
     /// Adds a paragraph of plain text.
-    pub fn text(&mut self, text: &str) {
+    pub(crate) fn text(&mut self, text: &str) {
         self.body.push_str(&format!("<p>{}</p>\n", escape(text)));
     }
 
     /// Adds a finding.
-    pub fn finding(&mut self, text: &str) {
+    pub(crate) fn finding(&mut self, text: &str) {
         self.body.push_str(&format!("<p class=finding>{}</p>\n", escape(text)));
     }
 
@@ -49,7 +49,7 @@ impl Page {
     ///
     /// # Errors
     /// Returns status 5 if the CSV file cannot be written.
-    pub fn table(&mut self, name: &str, table: &Table) -> Result<()> {
+    pub(crate) fn table(&mut self, name: &str, table: &Table) -> Result<()> {
         self.body.push_str(&table.html());
         self.csv(name, table)
     }
@@ -58,7 +58,7 @@ impl Page {
     ///
     /// # Errors
     /// Returns status 5 if the CSV file cannot be written, status 1 if the plot cannot be drawn.
-    pub fn plot(&mut self, name: &str, plot: &Plot, caption: &str) -> Result<()> {
+    pub(crate) fn plot(&mut self, name: &str, plot: &Plot, caption: &str) -> Result<()> {
         let figure = format!("<figure>\n{}\n<figcaption>{}</figcaption></figure>\n", plot.svg()?, escape(caption));
         self.body.push_str(&figure);
         self.csv(name, &plot.table())
@@ -68,13 +68,13 @@ impl Page {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
-    pub fn csv(&self, name: &str, table: &Table) -> Result<()> {
+    pub(crate) fn csv(&self, name: &str, table: &Table) -> Result<()> {
         let path = self.folder.join(format!("{name}.csv"));
         output::write_whole(&path, |w| w.write_all(table.csv().as_bytes()))
     }
 
     /// Embeds a PNG below a caption that opens it.
-    pub fn picture(&mut self, png: &[u8], caption: &str) {
+    pub(crate) fn picture(&mut self, png: &[u8], caption: &str) {
         let caption = escape(caption);
         self.body.push_str(&format!(
             "<details><summary>{caption}</summary><img alt=\"{caption}\" src=\"data:image/png;base64,{}\"></details>\n",
@@ -86,7 +86,7 @@ impl Page {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
-    pub fn finish(self) -> Result<()> {
+    pub(crate) fn finish(self) -> Result<()> {
         output::write_whole(&self.folder.join("report.html"), |w| {
             let title = escape(&self.title);
             write!(

@@ -24,7 +24,7 @@ pub(super) const COLOURS: [RGBColor; 8] = [
 
 /// A measured point.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Point {
+pub(crate) struct Point {
     /// Horizontal coordinate, above 0.
     pub x: f64,
     /// Vertical coordinate, above 0.
@@ -35,7 +35,7 @@ pub struct Point {
 
 /// Points of one colour.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Series {
+pub(crate) struct Series {
     /// Its name in the legend and the CSV.
     pub name: String,
     /// Its points, in the order of a line through them.
@@ -46,7 +46,7 @@ pub struct Series {
 
 /// A plot of y over x. Smaller values are better in both.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Plot {
+pub(crate) struct Plot {
     /// Title above the plot.
     pub title: String,
     /// Label of x, with its unit.
@@ -61,7 +61,7 @@ pub struct Plot {
 
 impl Plot {
     /// Returns the points as a table: series, name, x, y, and whether the point is on the Pareto front.
-    pub fn table(&self) -> Table {
+    pub(crate) fn table(&self) -> Table {
         let mut t = Table::new(&["series", "name", &self.x, &self.y, "on_front"]);
         let front = self.front();
         for s in &self.series {
@@ -97,7 +97,7 @@ impl Plot {
     ///
     /// # Errors
     /// Returns status 1 if it cannot be drawn.
-    pub fn svg(&self) -> Result<String> {
+    pub(crate) fn svg(&self) -> Result<String> {
         let mut svg = String::new();
         self.draw(&mut svg).map_err(|e| Error::fault("plot", e, "report it"))?;
         Ok(svg)

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 /// A cell.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Cell {
+pub(crate) enum Cell {
     /// Text.
     Text(String),
     /// A number, with the number of decimals for display.
@@ -33,31 +33,31 @@ impl From<Option<Cell>> for Cell {
 
 /// A table. Units are part of the column names.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Table {
+pub(crate) struct Table {
     columns: Vec<String>,
     rows: Vec<Vec<Cell>>,
 }
 
 impl Table {
     /// Creates a table without rows.
-    pub fn new(columns: &[&str]) -> Self {
+    pub(crate) fn new(columns: &[&str]) -> Self {
         Self { columns: columns.iter().map(|&c| c.to_owned()).collect(), rows: Vec::new() }
     }
 
     /// Adds a row with a cell for each column.
-    pub fn row(&mut self, cells: Vec<Cell>) {
+    pub(crate) fn row(&mut self, cells: Vec<Cell>) {
         debug_assert_eq!(cells.len(), self.columns.len());
         self.rows.push(cells);
     }
 
     /// True if it has no rows.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
     /// Returns the table as comma-separated values (RFC 4180) with full precision. `inf` is infinite, an empty field was not
     /// measured.
-    pub fn csv(&self) -> String {
+    pub(crate) fn csv(&self) -> String {
         let quote = |s: &str| {
             if s.contains([',', '"', '\n', '\r']) { format!("\"{}\"", s.replace('"', "\"\"")) } else { s.to_owned() }
         };
@@ -78,7 +78,7 @@ impl Table {
     }
 
     /// Returns the table as HTML.
-    pub fn html(&self) -> String {
+    pub(crate) fn html(&self) -> String {
         let mut out = String::from("<table><tr>");
         for c in &self.columns {
             let _ = write!(out, "<th>{}</th>", escape(c));
@@ -101,7 +101,7 @@ impl Table {
 }
 
 /// Escapes text for HTML.
-pub fn escape(s: &str) -> String {
+pub(crate) fn escape(s: &str) -> String {
     s.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -142,7 +142,7 @@ impl Ledger {
     }
 
     /// Opens an account for an owner, or returns the existing one.
-    pub fn open(&self, name: &str) -> usize {
+    pub(crate) fn open(&self, name: &str) -> usize {
         let mut book = self.book();
         if let Some(n) = book.accounts.iter().position(|a| a.name == name) {
             book.accounts[n].off = false;
@@ -153,7 +153,7 @@ impl Ledger {
     }
 
     /// Records that a system of `owner` (`None` for this crate) is about to run. Returns false if it must not.
-    pub fn begin(&self, owner: Option<usize>) -> bool {
+    pub(crate) fn begin(&self, owner: Option<usize>) -> bool {
         let mut book = self.book();
         book.close();
         let Some(owner) = owner else { return true };
@@ -165,7 +165,7 @@ impl Ledger {
     }
 
     /// Ends a phase after all its systems have run.
-    pub fn finish(&self, phase: Phase) {
+    pub(crate) fn finish(&self, phase: Phase) {
         let mut book = self.book();
         book.close();
         for account in &mut book.accounts {
@@ -176,7 +176,7 @@ impl Ledger {
     }
 
     /// Switches an owner's systems off. Returns its name, and true if they were on.
-    pub fn switch_off(&self, owner: usize) -> Option<(String, bool)> {
+    pub(crate) fn switch_off(&self, owner: usize) -> Option<(String, bool)> {
         let mut book = self.book();
         let account = book.accounts.get_mut(owner)?;
         let on = !std::mem::replace(&mut account.off, true);
@@ -184,17 +184,17 @@ impl Ledger {
     }
 
     /// Returns the number of owners.
-    pub fn owners(&self) -> usize {
+    pub(crate) fn owners(&self) -> usize {
         self.book().accounts.len()
     }
 
     /// Returns true if an owner's systems are switched off.
-    pub fn is_off(&self, name: &str) -> bool {
+    pub(crate) fn is_off(&self, name: &str) -> bool {
         self.book().accounts.iter().any(|a| a.off && a.name == name)
     }
 
     /// Returns the run times of all owners.
-    pub fn times(&self) -> Vec<PluginTime> {
+    pub(crate) fn times(&self) -> Vec<PluginTime> {
         let time = |a: &Account| {
             let [step_ms, frame_ms] = a.usual.map(|u| u.unwrap_or(0.0));
             PluginTime { name: a.name.clone(), step_ms, frame_ms }

@@ -10,7 +10,7 @@
 //! both trilinear values and regressions over 3×3×3 neighbourhoods.
 //!
 //! These bricks of 8³ serve single rays, which check the voxel's own flag between them. Packets have separate bricks of
-//! 4³ ([`packets`](crate::render::packets)), since sixteen rays at once can afford neither the wider margin nor a check of single
+//! 4³ (`render::packets`), since sixteen rays at once can afford neither the wider margin nor a check of single
 //! voxels.
 
 use rayon::prelude::*;
@@ -20,7 +20,7 @@ use crate::volume::{AIR_HU, Volume};
 use super::transfer::TransferFunction;
 
 /// Cells along a brick's edge, as a power of two.
-pub const BRICK_SHIFT: u32 = 3;
+pub(crate) const BRICK_SHIFT: u32 = 3;
 /// Slices flagged by one task, which also reads one more on either side.
 const SLAB: usize = 16;
 

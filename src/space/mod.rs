@@ -3,7 +3,7 @@
 //! Guides, tentacles and plans ask these questions as pictures do. [`ClearanceFinder`](crate::fields::ClearanceFinder)
 //! answers the other one: how far the wall is in any direction.
 
-pub mod flags;
+pub(crate) mod flags;
 mod prepared_volume;
 pub(crate) mod ray;
 mod transfer;

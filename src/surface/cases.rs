@@ -32,7 +32,7 @@ fn edge(c: u8, d: u8) -> u8 {
 }
 
 /// Returns the axis of edge `e` and the coordinates of its lower corner.
-pub fn place(e: u8) -> (usize, [usize; 3]) {
+pub(crate) fn place(e: u8) -> (usize, [usize; 3]) {
     let a = usize::from(e / 4);
     let mut low = [0; 3];
     low[(a + 1) % 3] = usize::from(e & 1);
@@ -58,7 +58,7 @@ fn clashes(e: u8, f: u8) -> bool {
 
 /// Returns the ambiguous faces (bit f: face f) of a cell with the given `solid` corners: those whose corners alternate
 /// around the face, so that two interpretations are possible.
-pub fn ambiguous_faces(solid: u8) -> u8 {
+pub(crate) fn ambiguous_faces(solid: u8) -> u8 {
     let is = |c: u8| solid >> c & 1 == 1;
     let alternates = |f: &[u8; 4]| is(f[0]) == is(f[2]) && is(f[1]) == is(f[3]) && is(f[0]) != is(f[1]);
     FACES.iter().enumerate().fold(0, |set, (n, f)| set | u8::from(alternates(f)) << n)
@@ -68,7 +68,7 @@ pub fn ambiguous_faces(solid: u8) -> u8 {
 /// function is solid.
 ///
 /// `above` is the difference between each corner of the cell and the wall.
-pub fn is_joined(face: usize, above: &[f64; 8]) -> bool {
+pub(crate) fn is_joined(face: usize, above: &[f64; 8]) -> bool {
     let [a, b, c, d] = FACES[face].map(|c| above[usize::from(c)]);
     // The saddle's value is (ac − bd) / (a + c − b − d), and the divisor has the sign of a.
     let (mut high, mut low) = (a * c, b * d);
@@ -157,7 +157,7 @@ static CASES: LazyLock<Cases> = LazyLock::new(|| {
 ///
 /// Each triangle has three edges, counter-clockwise as seen from the gas in right-handed coordinates. `joined` is set
 /// for each ambiguous face whose solid corners are joined.
-pub fn triangles(solid: u8, joined: u8) -> &'static [[u8; 3]] {
+pub(crate) fn triangles(solid: u8, joined: u8) -> &'static [[u8; 3]] {
     let cases = &*CASES;
     let (first, last) = cases.ranges[64 * usize::from(solid) + usize::from(joined & ambiguous_faces(solid))];
     &cases.triangles[first as usize..last as usize]

@@ -6,14 +6,14 @@
 use glam::Vec3;
 
 /// Subpixels per pixel.
-pub const SUB: i64 = 256;
+pub(crate) const SUB: i64 = 256;
 /// Screen positions are kept within this many pixels of the screen's corner, so that products of differences fit 64
 /// bits.
 const FAR_OFF: f32 = (1 << 21) as f32;
 
 /// The projection from camera coordinates (x to the right, y down, z ahead, mm) to screen positions.
 #[derive(Clone, Copy, Debug)]
-pub struct Screen {
+pub(crate) struct Screen {
     /// Pixels per unit of x / z.
     pub focal: f32,
     /// The middle of the screen, pixels.
@@ -24,7 +24,7 @@ pub struct Screen {
 
 /// A corner on the screen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Corner {
+pub(crate) struct Corner {
     /// Position in subpixels.
     pub at: [i64; 2],
     /// 1 / z, which is linear over the screen.
@@ -46,7 +46,7 @@ impl Screen {
 
     /// Clips a triangle (camera coordinates) at the near plane and returns the number of corners: nothing, a triangle
     /// or a quadrilateral.
-    pub fn clip(&self, triangle: [Vec3; 3], out: &mut [Corner; 4]) -> usize {
+    pub(crate) fn clip(&self, triangle: [Vec3; 3], out: &mut [Corner; 4]) -> usize {
         let is_front = |p: Vec3| p.z >= self.near;
         if triangle.iter().all(|&p| is_front(p)) {
             for (o, p) in out.iter_mut().zip(triangle) {

@@ -16,16 +16,22 @@ use crate::volume::{Grid, Volume};
 /// Cells along a block's edge. It must divide 64.
 const BLOCK: usize = 4;
 
-/// See [`Mesh::new`].
-pub(super) fn extract(volume: &PreparedVolume) -> Result<Mesh> {
-    let (voxels, iso) = (volume.voxels(), volume.transfer().iso());
-    let signs = Signs::new(voxels, iso);
-    let numbers = Numbers::new(&signs);
-    check_count(&numbers)?;
-    let (places, normals) = vertices(volume, &signs, &numbers);
-    let above = |v| value(voxels, v) - iso;
-    let (triangles, blocks) = triangles(voxels.grid(), above, &signs, &numbers, &places);
-    Ok(Mesh { origin: voxels.grid().origin(), places, normals, triangles, blocks })
+impl Mesh {
+    /// Extracts the wall of `volume` by marching cubes on all of rayon's threads. The result is the same for every
+    /// number of threads.
+    ///
+    /// # Errors
+    /// Returns status 4 if there are more vertices than 32 bits can count.
+    pub fn new(volume: &PreparedVolume) -> Result<Self> {
+        let (voxels, iso) = (volume.voxels(), volume.transfer().iso());
+        let signs = Signs::new(voxels, iso);
+        let numbers = Numbers::new(&signs);
+        check_count(&numbers)?;
+        let (places, normals) = vertices(volume, &signs, &numbers);
+        let above = |v| value(voxels, v) - iso;
+        let (triangles, blocks) = triangles(voxels.grid(), above, &signs, &numbers, &places);
+        Ok(Self { origin: voxels.grid().origin(), places, normals, triangles, blocks })
+    }
 }
 
 /// Checks that all triangles can be numbered.

@@ -11,13 +11,10 @@ use rayon::prelude::*;
 use super::extract::{check_count, each_crossed, triangles};
 use super::relax::relax;
 use super::signs::{Numbers, Signs};
+use super::slider::{KEEP_OFF, Slider};
 use crate::error::Result;
 use crate::fields::lumen::Interior;
 use crate::progress::Progress;
-
-/// Vertices keep this share of their edge's length from its ends. Two vertices on edges that meet in a voxel therefore
-/// never coincide, and no triangle degenerates to a line or a point.
-pub(super) const KEEP_OFF: f32 = 0.02;
 
 /// A closed surface. Every side has one triangle on either side, and the triangles around a vertex form one fan.
 ///
@@ -27,19 +24,6 @@ pub struct LumenMesh {
     pub(super) origin: DVec3,
     pub(super) places: Vec<Vec3>,
     pub(super) triangles: Vec<[u32; 3]>,
-}
-
-/// A vertex whose position is being determined: on the grid's edge from `base`, at the share `t` along `axis`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Slider {
-    /// Offset of the edge's lower voxel, mm.
-    pub base: Vec3,
-    /// Axis of the edge.
-    pub axis: u8,
-    /// True if the values do not determine the position.
-    pub free: bool,
-    /// Position along the edge, as a share of its length.
-    pub t: f32,
 }
 
 impl LumenMesh {
@@ -79,13 +63,6 @@ impl LumenMesh {
     /// of the lumen, into the tissue.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
-    }
-}
-
-impl Slider {
-    /// Returns its position, an offset in mm. `steps` are the vectors along the grid's edges.
-    pub fn place(&self, steps: &[Vec3; 3]) -> Vec3 {
-        self.base + self.t * steps[usize::from(self.axis)]
     }
 }
 

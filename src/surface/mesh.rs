@@ -2,9 +2,6 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::error::Result;
-use crate::space::PreparedVolume;
-
 /// A group of neighbouring triangles: those of 4×4×4 cells, with a bounding ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Block {
@@ -32,15 +29,6 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Extracts the wall of `volume` by marching cubes on all of rayon's threads. The result is the same for every
-    /// number of threads.
-    ///
-    /// # Errors
-    /// Returns status 4 if there are more vertices than 32 bits can count.
-    pub fn new(volume: &PreparedVolume) -> Result<Self> {
-        super::extract::extract(volume)
-    }
-
     /// Returns the origin of [`Mesh::places`] and of the blocks, world mm.
     pub fn origin(&self) -> DVec3 {
         self.origin
@@ -83,14 +71,14 @@ impl Mesh {
 
 /// A unit vector in four bytes, by the octahedral map (Cigolle et al. 2014), accurate to 0.003°.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Normal([i16; 2]);
+pub(crate) struct Normal([i16; 2]);
 
 impl Normal {
     /// No direction.
-    pub const NONE: Self = Self([i16::MIN; 2]);
+    pub(crate) const NONE: Self = Self([i16::MIN; 2]);
 
     /// Encodes the direction of `v`, or [`Normal::NONE`] if it has none.
-    pub fn new(v: Vec3) -> Self {
+    pub(crate) fn new(v: Vec3) -> Self {
         let sum = v.abs().element_sum();
         if !(sum > 0.0 && sum.is_finite()) {
             return Self::NONE;
@@ -102,7 +90,7 @@ impl Normal {
 
     /// Returns the unit vector, or zero for [`Normal::NONE`].
     #[inline]
-    pub fn vector(self) -> Vec3 {
+    pub(crate) fn vector(self) -> Vec3 {
         if self == Self::NONE {
             return Vec3::ZERO;
         }

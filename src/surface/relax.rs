@@ -8,7 +8,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::lumen::{KEEP_OFF, Slider};
+use super::slider::{KEEP_OFF, Slider};
 use crate::error::Result;
 use crate::progress::Progress;
 

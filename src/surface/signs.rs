@@ -21,7 +21,7 @@ pub(super) struct Signs {
 
 impl Signs {
     /// Marks the voxels of at least `iso` HU as solid.
-    pub fn new(volume: &Volume, iso: f64) -> Self {
+    pub(crate) fn new(volume: &Volume, iso: f64) -> Self {
         let [nx, ny, nz] = volume.grid().dims();
         let dims = [nx + 2, ny + 2, nz + 2];
         let words = dims[0].div_ceil(64);
@@ -47,7 +47,7 @@ impl Signs {
     }
 
     /// Marks the voxels of a set as solid, and nothing beyond its grid.
-    pub fn of_set(set: &VoxelSet) -> Self {
+    pub(crate) fn of_set(set: &VoxelSet) -> Self {
         let [nx, ny, nz] = set.dims();
         let dims = [nx + 2, ny + 2, nz + 2];
         let words = dims[0].div_ceil(64);
@@ -67,7 +67,7 @@ impl Signs {
     }
 
     /// Returns the number of words in a row.
-    pub fn words(&self) -> usize {
+    pub(crate) fn words(&self) -> usize {
         self.words
     }
 
@@ -89,7 +89,7 @@ impl Signs {
     }
 
     /// Returns the edges along `axis` from the voxels of word `w` of row (`y`, `z`) that the wall crosses.
-    pub fn crossed(&self, axis: usize, y: usize, z: usize, w: usize) -> u64 {
+    pub(crate) fn crossed(&self, axis: usize, y: usize, z: usize, w: usize) -> u64 {
         let here = self.row(y, z)[w];
         match axis {
             0 => (here ^ self.ahead(y, z, w)) & self.inner(w),
@@ -101,7 +101,7 @@ impl Signs {
 
     /// Returns the cells from the voxels of word `w` of row (`y`, `z`) whose corners are not all equal. `y` and `z`
     /// must have a next row.
-    pub fn mixed(&self, y: usize, z: usize, w: usize) -> u64 {
+    pub(crate) fn mixed(&self, y: usize, z: usize, w: usize) -> u64 {
         let rows = [(y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1)];
         let (mut any, mut all) = (0, u64::MAX);
         for (y, z) in rows {
@@ -113,7 +113,7 @@ impl Signs {
     }
 
     /// Returns the solid corners of the cell at a grown voxel, bit c for corner c.
-    pub fn corners(&self, x: usize, y: usize, z: usize) -> u8 {
+    pub(crate) fn corners(&self, x: usize, y: usize, z: usize) -> u8 {
         let pair = |y: usize, z: usize| {
             let row = self.row(y, z);
             let bit = |x: usize| (row[x / 64] >> (x % 64) & 1) as u8;
@@ -133,7 +133,7 @@ pub(super) struct Numbers {
 
 impl Numbers {
     /// Counts the crossed edges.
-    pub fn new(signs: &Signs) -> Self {
+    pub(crate) fn new(signs: &Signs) -> Self {
         let words = signs.words();
         let rows = signs.dims[1] * signs.dims[2];
         let mut before = vec![0u32; rows * 3 * words];
@@ -154,17 +154,17 @@ impl Numbers {
     }
 
     /// Returns the number of vertices.
-    pub fn total(&self) -> u64 {
+    pub(crate) fn total(&self) -> u64 {
         self.rows.last().copied().unwrap_or(0)
     }
 
     /// Returns the number of vertices before plane `z`.
-    pub fn before_plane(&self, signs: &Signs, z: usize) -> usize {
+    pub(crate) fn before_plane(&self, signs: &Signs, z: usize) -> usize {
         self.rows[3 * signs.dims[1] * z] as usize
     }
 
     /// Returns the number of the vertex on the crossed edge along `axis` from a grown voxel.
-    pub fn of(&self, signs: &Signs, axis: usize, [x, y, z]: [usize; 3]) -> u32 {
+    pub(crate) fn of(&self, signs: &Signs, axis: usize, [x, y, z]: [usize; 3]) -> u32 {
         let row = 3 * (y + signs.dims[1] * z) + axis;
         let (w, bit) = (x / 64, x % 64);
         let within = signs.crossed(axis, y, z, w) & ((1 << bit) - 1);

@@ -6,12 +6,12 @@
 use super::clip::{Corner, SUB};
 
 /// Pixels along a tile's edge.
-pub const TILE: usize = 64;
+pub(crate) const TILE: usize = 64;
 /// No triangle.
-pub const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// The nearest triangle of each pixel of a tile, row by row.
-pub struct Tile {
+pub(crate) struct Tile {
     /// The screen pixel in the tile's corner.
     left: i64,
     top: i64,
@@ -27,7 +27,7 @@ pub struct Tile {
 
 impl Tile {
     /// Creates a tile without triangles, with its corner at the pixel (`left`, `top`) and `size` pixels on the screen.
-    pub fn new(left: usize, top: usize, size: [usize; 2]) -> Self {
+    pub(crate) fn new(left: usize, top: usize, size: [usize; 2]) -> Self {
         let size = size.map(|n| n.min(TILE));
         Self {
             left: left as i64,
@@ -41,12 +41,12 @@ impl Tile {
     }
 
     /// Returns the nearest triangle in a pixel of the tile.
-    pub fn triangle(&self, x: usize, y: usize) -> u32 {
+    pub(crate) fn triangle(&self, x: usize, y: usize) -> u32 {
         self.triangle[y * TILE + x]
     }
 
     /// Returns the distance (z, mm) beyond which nothing is visible. It is infinite while a pixel has no triangle.
-    pub fn farthest(&self) -> f32 {
+    pub(crate) fn farthest(&self) -> f32 {
         if self.open > 0 {
             return f32::INFINITY;
         }
@@ -55,7 +55,7 @@ impl Tile {
     }
 
     /// Draws the convex polygon of the first `n` corners of triangle `id`. Returns true if a pixel has changed.
-    pub fn draw(&mut self, corners: &[Corner; 4], n: usize, id: u32) -> bool {
+    pub(crate) fn draw(&mut self, corners: &[Corner; 4], n: usize, id: u32) -> bool {
         let mut changed = false;
         for k in 2..n {
             changed |= self.fill([corners[0], corners[k - 1], corners[k]], id);

@@ -1,6 +1,6 @@
 //! A scan: Hounsfield units on a regular grid, and the grid's position in the patient.
 
-pub mod cell;
+pub(crate) mod cell;
 mod grid;
 pub mod io;
 

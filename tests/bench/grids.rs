@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
-use colvis::render::packets::{PacketRenderer, Pixels};
+use colvis::render::internals::{PacketRenderer, Pixels};
 use colvis::render::{
     Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, psnr, renderer,
 };
@@ -32,9 +32,9 @@ use rayon::prelude::*;
 
 #[path = "../support"]
 mod support {
-    pub mod failed;
-    pub mod panels;
-    pub mod poses;
+    pub(crate) mod failed;
+    pub(crate) mod panels;
+    pub(crate) mod poses;
 }
 
 use support::panels::panels;

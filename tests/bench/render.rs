@@ -11,16 +11,11 @@ use std::sync::Arc;
 use colvis::math::hash;
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
-use colvis::render::begin::FromScratch;
-use colvis::render::bytes::{ByteNearest, ByteTrilinear, ByteVolume};
-use colvis::render::caster::ImageRequest;
-use colvis::render::classify::{ByDensity, ByValue};
-use colvis::render::gradient_store::{FitSampler, Fits};
-use colvis::render::leap::{BrickLeap, BrickWalls, VoxelLeap, VoxelWalls};
-use colvis::render::reuse::paper::Trace;
-use colvis::render::reuse::{Refresh, Reusing, WordStorage};
-use colvis::render::sampler::{Nearest, Sampler, Trilinear};
-use colvis::render::skip::{Everything, Leap};
+use colvis::render::internals::{
+    BrickLeap, BrickWalls, ByDensity, ByValue, ByteNearest, ByteTrilinear, ByteVolume, Everything, FitSampler, Fits,
+    FromScratch, ImageRequest, Leap, Nearest, Refresh, Reusing, Sampler, Trace, Trilinear, VoxelLeap, VoxelWalls,
+    WordStorage,
+};
 use colvis::render::{
     Frame, GradientSource, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, presets,
     renderer,

@@ -19,12 +19,12 @@ mod traps;
 
 #[path = "../support"]
 mod support {
-    pub mod failed;
-    pub mod flights;
-    pub mod logs;
-    pub mod phantom;
-    pub mod program;
-    pub mod run;
-    pub mod scans;
-    pub mod skips;
+    pub(crate) mod failed;
+    pub(crate) mod flights;
+    pub(crate) mod logs;
+    pub(crate) mod phantom;
+    pub(crate) mod program;
+    pub(crate) mod run;
+    pub(crate) mod scans;
+    pub(crate) mod skips;
 }

@@ -4,7 +4,7 @@ use colvis::plane::drawing::MM_PER_PIXEL;
 use image::{Rgb, RgbImage};
 
 /// A drawing in progress. Positions and lengths are in mm.
-pub struct Canvas {
+pub(crate) struct Canvas {
     image: RgbImage,
 }
 
@@ -67,7 +67,7 @@ fn arc(centre: (f64, f64), radius: impl Fn(f64) -> f64, from: f64, to: f64) -> V
 }
 
 /// Draws the lumen with that name.
-pub fn draw(name: &str) -> RgbImage {
+pub(crate) fn draw(name: &str) -> RgbImage {
     match name {
         "straight" => {
             Canvas::new(180.0, 60.0).lumen(&[(16.0, 30.0), (164.0, 30.0)], 10.0).between((18.0, 30.0), (160.0, 30.0))

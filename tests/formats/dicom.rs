@@ -10,7 +10,7 @@ use glam::DVec3;
 
 impl Slice {
     /// Returns the HU of the slice.
-    pub fn hu(&self) -> Vec<i16> {
+    pub(crate) fn hu(&self) -> Vec<i16> {
         self.pixels.iter().map(|p| *p as i16 - 1024).collect()
     }
 }

@@ -11,15 +11,15 @@ mod surface;
 #[path = "../support"]
 mod support {
     #[cfg(feature = "dicom")]
-    pub mod dicom;
+    pub(crate) mod dicom;
     #[cfg(feature = "dicom")]
-    pub mod enhanced;
-    pub mod nifti;
-    pub mod packing;
-    pub mod reading;
-    pub mod scans;
+    pub(crate) mod enhanced;
+    pub(crate) mod nifti;
+    pub(crate) mod packing;
+    pub(crate) mod reading;
+    pub(crate) mod scans;
     #[cfg(feature = "dicom")]
-    pub mod series;
-    pub mod skips;
-    pub mod volumes;
+    pub(crate) mod series;
+    pub(crate) mod skips;
+    pub(crate) mod volumes;
 }

@@ -26,15 +26,15 @@ use support::volumes::ramp;
 #[path = "../support"]
 mod support {
     #[cfg(feature = "dicom")]
-    pub mod dicom;
+    pub(crate) mod dicom;
     #[cfg(feature = "dicom")]
-    pub mod enhanced;
-    pub mod nifti;
-    pub mod packing;
-    pub mod reading;
-    pub mod scans;
-    pub mod skips;
-    pub mod volumes;
+    pub(crate) mod enhanced;
+    pub(crate) mod nifti;
+    pub(crate) mod packing;
+    pub(crate) mod reading;
+    pub(crate) mod scans;
+    pub(crate) mod skips;
+    pub(crate) mod volumes;
 }
 
 /// The system allocator with a counter.

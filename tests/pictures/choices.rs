@@ -21,7 +21,7 @@ fn volume() -> PreparedVolume {
 /// A flight of a few frames, 1 mm apart.
 fn views() -> Vec<View> {
     let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
-    let axis = &phantom.shape().axis;
+    let axis = phantom.axis();
     let at = |n: usize| {
         let frame = axis.frame(axis.length() * 0.4 + n as f64);
         View::new(frame.at, frame.tangent, frame.normal, 90.0, SIDE, SIDE).unwrap()

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use colvis::math::hash;
 use colvis::phantom::{Phantom, PhantomSettings, Size};
 use colvis::progress::Progress;
-use colvis::render::regression::{Regression, Weighting, block, central_differences, to_world};
+use colvis::render::internals::{Regression, Weighting, block, central_differences, to_world};
 use colvis::render::{Frame, PreparedVolume, Quality, TransferFunction, View, render};
 use colvis::volume::{Volume, io};
 use glam::DVec3;
@@ -39,7 +39,7 @@ struct Pose {
 
 fn pose(phantom: &Phantom, n: u64) -> Pose {
     let u = |k| hash::uniform(0xDE97, 8 * n + k);
-    let axis = &phantom.shape().axis;
+    let axis = phantom.axis();
     let frame = axis.frame(axis.length() * (0.08 + 0.12 * n as f64));
     let position = frame.at + frame.direction(6.3 * u(0)) * (4.0 * u(1));
     let turn = frame.direction(6.3 * u(2)) * (1.2 * u(3));
@@ -167,7 +167,7 @@ fn angular_errors(phantom: &Phantom, volume: &Volume) -> [f64; 3] {
     let grid = volume.grid();
     let turn = to_world(volume).as_dmat3();
     let regressions = [Weighting::InverseSquare, Weighting::Inverse].map(|w| Regression::new(grid.spacing(), w));
-    let axis = &phantom.shape().axis;
+    let axis = phantom.axis();
     let place = |n: u64| {
         let u = |k| hash::uniform(0x0A51, 4 * n + k);
         let frame = axis.frame(axis.length() * (0.02 + 0.96 * u(0)));

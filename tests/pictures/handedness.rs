@@ -49,7 +49,7 @@ impl Body {
             ..PhantomSettings::default()
         };
         let bare = Phantom::new(&settings);
-        let axis = &bare.shape().axis;
+        let axis = bare.axis();
         let upright = |s: f64| (-4..=4).map(|k| axis.frame(s + 7.0 * f64::from(k)).tangent.z.abs()).fold(1.0, f64::min);
         let places = (40..axis.length() as i32 - 40).map(f64::from);
         let s = places.max_by(|a, b| upright(*a).total_cmp(&upright(*b))).unwrap();
@@ -86,7 +86,7 @@ impl Body {
     }
 
     fn eye(&self, backwards: bool) -> Eye {
-        let axis = &self.phantom.shape().axis;
+        let axis = self.phantom.axis();
         let from = axis.frame(if backwards { self.s + BEFORE } else { self.s - BEFORE });
         let forward = if backwards { -from.tangent } else { from.tangent };
         Eye { position: from.at, forward }

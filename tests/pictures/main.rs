@@ -11,12 +11,12 @@ mod shaders;
 #[path = "../support"]
 mod support {
     #[cfg(feature = "dicom")]
-    pub mod dicom;
-    pub mod failed;
-    pub mod nifti;
-    pub mod panels;
-    pub mod program;
-    pub mod reading;
+    pub(crate) mod dicom;
+    pub(crate) mod failed;
+    pub(crate) mod nifti;
+    pub(crate) mod panels;
+    pub(crate) mod program;
+    pub(crate) mod reading;
     #[cfg(feature = "dicom")]
-    pub mod series;
+    pub(crate) mod series;
 }

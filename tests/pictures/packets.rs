@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use colvis::phantom::{Phantom, PhantomSettings as Colon, Size};
 use colvis::progress::Progress;
-use colvis::render::packets::{PacketRenderer, Pixels};
+use colvis::render::internals::{PacketRenderer, Pixels};
 use colvis::render::{
     Direct, Frame, PreparedVolume, Preset, Quality, Renderer, Reuse, Settings, TransferFunction, View, psnr, renderer,
 };
@@ -22,7 +22,7 @@ fn volume() -> PreparedVolume {
 /// Views along the axis, then in an order that jumps from end to end, looking back at each.
 fn views() -> Vec<View> {
     let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
-    let axis = &phantom.shape().axis;
+    let axis = phantom.axis();
     let at = |n: usize| {
         let frame = axis.frame(axis.length() * (n as f64 + 0.5) / 8.0);
         let forward = if n.is_multiple_of(2) { frame.tangent } else { -frame.tangent };

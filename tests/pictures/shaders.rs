@@ -120,7 +120,7 @@ fn what_is_no_colour_is_black() {
 #[test]
 fn a_shader_is_the_same_on_every_level_and_number_of_threads() {
     use colvis::render::Renderer;
-    use colvis::render::packets::{PacketRenderer, Pixels, levels};
+    use colvis::render::internals::{PacketRenderer, Pixels, levels};
     let (volume, view) = colon();
     let settings = Settings { shader: model("distance", distance), ..Settings::new(Quality::High) };
     let mut all = Vec::new();

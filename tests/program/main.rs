@@ -16,9 +16,9 @@ mod slice;
 
 #[path = "../support"]
 mod support {
-    pub mod phantom;
-    pub mod program;
-    pub mod run;
-    pub mod scans;
-    pub mod skips;
+    pub(crate) mod phantom;
+    pub(crate) mod program;
+    pub(crate) mod run;
+    pub(crate) mod scans;
+    pub(crate) mod skips;
 }

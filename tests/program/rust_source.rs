@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// A source file.
-pub struct SourceFile {
+pub(crate) struct SourceFile {
     pub path: PathBuf,
     /// The module path from the crate's root.
     pub module: Vec<String>,
@@ -13,21 +13,21 @@ pub struct SourceFile {
 }
 
 /// A used path, from the crate's root.
-pub struct Use {
+pub(crate) struct Use {
     pub path: Vec<String>,
     pub line: usize,
 }
 
 impl SourceFile {
     /// Reads a module's file.
-    pub fn read(path: &Path, module: Vec<String>) -> Self {
+    pub(crate) fn read(path: &Path, module: Vec<String>) -> Self {
         let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         let code = without_tests(&without_literals(&text));
         Self { path: path.to_owned(), module, text, code }
     }
 
     /// Returns the modules that the file declares in separate files, with those files.
-    pub fn modules(&self) -> Vec<(String, PathBuf)> {
+    pub(crate) fn modules(&self) -> Vec<(String, PathBuf)> {
         let tokens = tokens(&self.code);
         let folder = self.path.parent().unwrap();
         let is_folder = ["mod", "lib", "main"].iter().any(|n| self.path.file_stem().unwrap() == *n);
@@ -172,7 +172,7 @@ fn tokens(code: &str) -> Vec<(usize, &str)> {
 }
 
 /// Returns every path in a file that begins with `crate` or `super`, from the crate's root.
-pub fn uses(file: &SourceFile) -> Vec<Use> {
+pub(crate) fn uses(file: &SourceFile) -> Vec<Use> {
     let tokens = tokens(&file.code);
     // The inline modules of this file, each with its brace depth.
     let (mut module, mut open, mut depth) = (file.module.clone(), Vec::new(), 0);

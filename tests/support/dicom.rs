@@ -1,16 +1,16 @@
 //! DICOM files built byte by byte, so that every attribute can be wrong.
 
-pub const EXPLICIT: &str = "1.2.840.10008.1.2.1";
-pub const IMPLICIT: &str = "1.2.840.10008.1.2";
-pub const BIG: &str = "1.2.840.10008.1.2.2";
-pub const DEFLATED: &str = "1.2.840.10008.1.2.1.99";
-pub const RLE: &str = "1.2.840.10008.1.2.5";
-pub const JPEG_LOSSLESS: &str = "1.2.840.10008.1.2.4.70";
-pub const JPEG_LS: &str = "1.2.840.10008.1.2.4.80";
+pub(crate) const EXPLICIT: &str = "1.2.840.10008.1.2.1";
+pub(crate) const IMPLICIT: &str = "1.2.840.10008.1.2";
+pub(crate) const BIG: &str = "1.2.840.10008.1.2.2";
+pub(crate) const DEFLATED: &str = "1.2.840.10008.1.2.1.99";
+pub(crate) const RLE: &str = "1.2.840.10008.1.2.5";
+pub(crate) const JPEG_LOSSLESS: &str = "1.2.840.10008.1.2.4.70";
+pub(crate) const JPEG_LS: &str = "1.2.840.10008.1.2.4.80";
 
 /// One CT slice.
 #[derive(Clone)]
-pub struct Slice {
+pub(crate) struct Slice {
     pub syntax: &'static str,
     pub series: String,
     pub series_number: i32,
@@ -44,7 +44,7 @@ pub struct Slice {
 
 impl Slice {
     /// Creates a 6×4 slice at `z` whose stored values are 1000 + 24 z + index. HU are 1024 less.
-    pub fn at(z: f64) -> Self {
+    pub(crate) fn at(z: f64) -> Self {
         Self {
             syntax: EXPLICIT,
             series: "1.2.3.4".to_owned(),
@@ -75,7 +75,7 @@ impl Slice {
     }
 
     /// Returns the bytes of the file.
-    pub fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         let big = self.syntax == BIG;
         let explicit = self.syntax != IMPLICIT;
         let mut body = Writer { out: Vec::new(), big, explicit };

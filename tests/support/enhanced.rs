@@ -4,7 +4,7 @@ use super::dicom::Slice;
 
 impl Slice {
     /// Creates an enhanced image with twelve frames, from top to bottom.
-    pub fn enhanced() -> Self {
+    pub(crate) fn enhanced() -> Self {
         let frames = || (0..12).rev().map(|k| Self::at(2.5 * f64::from(k)));
         Self {
             position: None,

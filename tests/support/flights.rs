@@ -8,12 +8,12 @@ use colvis::volume::Volume;
 use glam::DVec3;
 
 /// Creates a flight through a volume.
-pub fn flight(volume: Volume, scene: Scene, request: &FlightRequest) -> FlightApp {
+pub(crate) fn flight(volume: Volume, scene: Scene, request: &FlightRequest) -> FlightApp {
     Scan::of(volume, &OpenOptions::default()).flight(scene, request).expect("a flight")
 }
 
 /// Flies until the flight ends or `seconds` have passed. The scene must have a log.
-pub fn fly(flight: &mut FlightApp, seconds: f64) -> Vec<LogLine> {
+pub(crate) fn fly(flight: &mut FlightApp, seconds: f64) -> Vec<LogLine> {
     let mut log = Vec::new();
     for _ in 0..(seconds * 120.0) as usize {
         flight.step().expect("a step");
@@ -27,7 +27,7 @@ pub fn fly(flight: &mut FlightApp, seconds: f64) -> Vec<LogLine> {
 
 /// How closely a flight followed a true centerline.
 #[derive(Debug)]
-pub struct Course {
+pub(crate) struct Course {
     /// Share of the centerline's length that was passed inside the lumen.
     pub passed: f64,
     /// Mean distance from the centerline, as a share of the local radius.
@@ -37,7 +37,7 @@ pub struct Course {
 }
 
 /// Compares a flight with the truth.
-pub fn judge(log: &[LogLine], truth: &Truth) -> Course {
+pub(crate) fn judge(log: &[LogLine], truth: &Truth) -> Course {
     let line: Vec<DVec3> = truth.centerline.clone();
     let radius = &truth.radius_mm;
     let places: Vec<DVec3> = log.iter().map(|l| DVec3::from_array(l.position)).collect();
@@ -69,7 +69,7 @@ pub fn judge(log: &[LogLine], truth: &Truth) -> Course {
 }
 
 /// Returns the greatest jerk (mm/s³) of the velocities in some lines of a log, by differences over its steps.
-pub fn jerk(lines: &[LogLine]) -> f64 {
+pub(crate) fn jerk(lines: &[LogLine]) -> f64 {
     let v: Vec<DVec3> = lines.iter().map(|l| DVec3::from_array(l.velocity)).collect();
     v.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).length() * 120.0 * 120.0).fold(0.0, f64::max)
 }

@@ -2,7 +2,7 @@
 
 /// A NIfTI-1 file whose fields can all be changed.
 #[derive(Clone)]
-pub struct Nifti {
+pub(crate) struct Nifti {
     pub big: bool,
     pub version: u8,
     pub dim: [i64; 8],
@@ -25,7 +25,7 @@ pub struct Nifti {
 
 impl Nifti {
     /// Creates 4×3×2 `i16` voxels 0, 1, 2, …, with an sform only.
-    pub fn small() -> Self {
+    pub(crate) fn small() -> Self {
         Self {
             big: false,
             version: 1,
@@ -48,14 +48,14 @@ impl Nifti {
     }
 
     /// Returns the bytes of the file.
-    pub fn bytes(&self) -> Vec<u8> {
+    pub(crate) fn bytes(&self) -> Vec<u8> {
         let mut out = self.header();
         out.extend(&self.data);
         out
     }
 
     /// Returns the header, up to `vox_offset` if that is plausible.
-    pub fn header(&self) -> Vec<u8> {
+    pub(crate) fn header(&self) -> Vec<u8> {
         let one = self.version == 1;
         let mut h = vec![0u8; if one { 352 } else { 544 }];
         let big = self.big;

@@ -12,7 +12,7 @@ const GAP: u32 = 4;
 /// Saves a picture of three panels (expected, actual, and the amplified difference) and returns its location.
 ///
 /// The difference is white where only one of the two pictures has a pixel.
-pub fn panels(name: &str, expected: &RgbImage, got: &RgbImage) -> String {
+pub(crate) fn panels(name: &str, expected: &RgbImage, got: &RgbImage) -> String {
     let path = keep(name, &side_by_side(expected, got));
     format!("expected, got and the difference {AMPLIFIED} times as large: {}", path.display())
 }

@@ -5,7 +5,7 @@ use colvis::progress::Progress;
 use colvis::volume::Volume;
 
 /// Creates a phantom with its truth.
-pub fn phantom(settings: &PhantomSettings) -> (Volume, Truth) {
+pub(crate) fn phantom(settings: &PhantomSettings) -> (Volume, Truth) {
     let phantom = Phantom::new(settings);
     let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).expect("not cancelled");
     let truth = phantom.truth();

@@ -12,7 +12,7 @@ const CLOSE: [f64; 2] = [1.0, 2.0];
 
 /// Returns `count` poses. Half of them are spread evenly over the flight. Of the rest, a third each are in its
 /// narrowest bends, close to the wall, and turned to look elsewhere.
-pub fn hard(flown: &Flown, volume: &PreparedVolume, count: usize) -> Vec<(&'static str, Pose)> {
+pub(crate) fn hard(flown: &Flown, volume: &PreparedVolume, count: usize) -> Vec<(&'static str, Pose)> {
     let last = flown.log.len() - 1;
     let third = count / 6;
     let even = count - 3 * third;

@@ -3,6 +3,6 @@
 use std::process::Command;
 
 /// Returns a command that runs the program under test.
-pub fn colvis() -> Command {
+pub(crate) fn colvis() -> Command {
     Command::new(env!("CARGO_BIN_EXE_colvis"))
 }

@@ -6,6 +6,6 @@ use colvis::progress::Progress;
 use colvis::volume::io::{self, LoadOptions, Loaded};
 
 /// Loads a scan with default options.
-pub fn load(path: &Path) -> colvis::error::Result<Loaded> {
+pub(crate) fn load(path: &Path) -> colvis::error::Result<Loaded> {
     io::load(path, &LoadOptions::default(), &Progress::new())
 }

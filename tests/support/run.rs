@@ -5,7 +5,7 @@ use std::process::Output;
 use super::program::colvis;
 
 /// Runs the program and returns its output, which is printed if the exit status is not as expected.
-pub fn run(args: &[&str], status: i32) -> Output {
+pub(crate) fn run(args: &[&str], status: i32) -> Output {
     let out = colvis().args(args).output().expect("the program can be run");
     let said = String::from_utf8_lossy(&out.stderr).into_owned();
     assert_eq!(out.status.code(), Some(status), "colvis {args:?} said: {said}");

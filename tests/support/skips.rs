@@ -8,7 +8,7 @@ use std::panic::Location;
 /// If the environment variable `COLVIS_SKIPS` is set, a line is appended to the file that it names. With
 /// `COLVIS_NO_SKIP` set, a skip is a failure: `all` of them, or with `all-but-data,peers` all except the named parts.
 #[track_caller]
-pub fn skip(part: &str, why: &str) {
+pub(crate) fn skip(part: &str, why: &str) {
     let thread = std::thread::current();
     // On a single thread tests have no names; the location identifies them.
     let test = thread.name().filter(|n| *n != "main").unwrap_or("a test");

@@ -19,11 +19,11 @@ use support::skips::skip;
 
 #[path = "../support"]
 mod support {
-    pub mod failed;
-    pub mod logs;
-    pub mod panels;
-    pub mod program;
-    pub mod skips;
+    pub(crate) mod failed;
+    pub(crate) mod logs;
+    pub(crate) mod panels;
+    pub(crate) mod program;
+    pub(crate) mod skips;
 }
 
 const SIZE: (u32, u32) = (640, 480);

@@ -446,6 +446,7 @@ impl FlightApp {
     }
 
     /// Adopts fields that were built elsewhere for this flight. Fields that do not fit its plan are rebuilt.
+    #[cfg(feature = "window")]
     pub(crate) fn adopt(&mut self, fields: Fields) {
         self.fields = fields;
     }

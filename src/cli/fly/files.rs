@@ -12,7 +12,7 @@ use crate::error::{Error, Kind, Result};
 use crate::output;
 
 /// Reads a flight's log for replay: one [`LogLine`] per line.
-pub fn read_log(path: &Path, rate: f64, direction: Direction) -> Result<Playback> {
+pub(crate) fn read_log(path: &Path, rate: f64, direction: Direction) -> Result<Playback> {
     let hint = "give a log that --log wrote";
     let bad = |e: Error| if e.kind == Kind::Usage { e } else { Error::file(path, e.why, hint) };
     Playback::new(read_lines::<LogLine>(path, hint)?, rate, direction).map_err(bad)
@@ -36,7 +36,7 @@ fn read_lines<T: DeserializeOwned>(path: &Path, hint: &str) -> Result<Vec<T>> {
 }
 
 /// Reads recorded operator input: one [`TimedCommand`] per line.
-pub fn read_commands(path: &Path) -> Result<Vec<TimedCommand>> {
+pub(crate) fn read_commands(path: &Path) -> Result<Vec<TimedCommand>> {
     let hint = "give a file that --record-input wrote";
     let commands: Vec<TimedCommand> = read_lines(path, hint)?;
     match commands.windows(2).position(|w| w[0].tick > w[1].tick) {
@@ -49,7 +49,7 @@ pub fn read_commands(path: &Path) -> Result<Vec<TimedCommand>> {
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written.
-pub fn write_commands(path: &Path, commands: &[TimedCommand]) -> Result<()> {
+pub(crate) fn write_commands(path: &Path, commands: &[TimedCommand]) -> Result<()> {
     output::write_whole(path, |w| {
         for act in commands {
             serde_json::to_writer(&mut *w, act)?;

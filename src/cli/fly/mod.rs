@@ -38,7 +38,7 @@ const SHORT_FOLDER: &str = "flight";
 /// # Errors
 /// Returns status 2 for invalid options, 3 for an unusable input, 4 if the flight cannot be completed, 5 if an output cannot be
 /// written.
-pub fn run(program: &Program, args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
+pub(crate) fn run(program: &Program, args: &FlyArgs, global: &Global, progress: &Arc<Progress>) -> Result<()> {
     check(args)?;
     check_files(args)?;
     if args.headless {
@@ -68,7 +68,7 @@ pub fn run(program: &Program, args: &FlyArgs, global: &Global, progress: &Arc<Pr
 ///
 /// # Errors
 /// Status 2.
-pub fn check(args: &FlyArgs) -> Result<()> {
+pub(crate) fn check(args: &FlyArgs) -> Result<()> {
     for (name, value) in [("--seconds", args.seconds), ("--fps", args.fps), ("--rate", args.rate)] {
         if let Some(v) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
             return Err(Error::usage(name, format!("{v} is not above 0"), "give a positive number"));
@@ -124,7 +124,7 @@ fn check_apart(args: &FlyArgs) -> Result<()> {
 
 /// Where a flight is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Screen {
+pub(crate) enum Screen {
     /// In a window.
     Window,
     /// Not shown; its pictures may be recorded.
@@ -135,7 +135,7 @@ pub enum Screen {
 ///
 /// # Errors
 /// Returns status 2 for an invalid scene.
-pub fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen) -> Result<Scene> {
+pub(crate) fn scene(program: &Program, args: &FlyArgs, global: &Global, screen: Screen) -> Result<Scene> {
     let mut scene = match args.scene.as_deref() {
         Some(file) => Scene::read(file, &program.catalog)?,
         None => {
@@ -185,7 +185,7 @@ fn overlays(program: &Program, args: &FlyArgs, scene: &Scene) -> Result<Vec<Over
 }
 
 /// Start and goal of the arguments.
-pub fn request(args: &FlyArgs) -> FlightRequest {
+pub(crate) fn request(args: &FlyArgs) -> FlightRequest {
     let place = |p: Point| match p {
         Point::Rectum => Place::Rectum,
         Point::Cecum => Place::Cecum,
@@ -231,7 +231,7 @@ fn image_settings(
 ///
 /// # Errors
 /// Returns status 2 for invalid options, 3 if it cannot be read, 4 if interrupted.
-pub fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progress>) -> Result<Scan> {
+pub(crate) fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progress>) -> Result<Scan> {
     prepare::open(args.input.as_deref(), global, scene.image.preset, progress)
 }
 
@@ -239,7 +239,7 @@ pub fn open(args: &FlyArgs, global: &Global, scene: &Scene, progress: &Arc<Progr
 ///
 /// # Errors
 /// As [`Scan::flight`].
-pub fn flight(args: &FlyArgs, scan: &mut Scan, scene: Scene) -> Result<FlightApp> {
+pub(crate) fn flight(args: &FlyArgs, scan: &mut Scan, scene: Scene) -> Result<FlightApp> {
     let made = scan.flight(scene, &request(args));
     scan.take_notes().iter().for_each(|note| say(note));
     made

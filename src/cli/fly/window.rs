@@ -20,7 +20,7 @@ use crate::progress::Progress;
 use crate::render::CameraModel;
 
 /// Flies in a window.
-pub fn fly(
+pub(crate) fn fly(
     program: &Program,
     args: &FlyArgs,
     global: &Global,

@@ -4,7 +4,7 @@ use super::{ExponentialEuler, Phase, StepCost, Stepper, System};
 
 /// Controls the parts (substeps) that a step is divided into.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Control {
+pub(crate) struct Control {
     /// Error allowed per part: mm or rad, and mm/s or rad/s. Relative to the speed above 1 mm/s or rad/s.
     pub tolerance: f64,
     /// Maximum number of parts per step, including rejected ones. [`ExponentialEuler`] takes the remainder in one step.

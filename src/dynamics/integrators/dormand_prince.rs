@@ -6,7 +6,7 @@ use super::{Control, Counted, Phase, StepCost, Stepper, System};
 ///
 /// The fifth-order solution is kept, and its difference from the fourth-order one is the error estimate. Stable for parts
 /// of about `1/ω`, a size that the error control finds automatically.
-pub struct DormandPrince(pub Control);
+pub(crate) struct DormandPrince(pub Control);
 
 const C: [f64; 7] = [0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
 const A: [[f64; 6]; 7] = [
@@ -37,7 +37,7 @@ impl DormandPrince {
     }
 
     /// Computes one fifth-order part without error control, to measure the order.
-    pub fn fixed(system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
+    pub(crate) fn fixed(system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
         cost.parts += 1;
         let mut f = Counted::new(system, cost);
         let first = f.rate(0.0, y);

@@ -6,7 +6,7 @@ use super::{Counted, Phase, StepCost, Stepper, System};
 ///
 /// Gains energy in every well: for `x″ = −ω² x − k x′` it is stable only for `h < k/ω²` (if `k < 2ω`), so never without
 /// drag.
-pub struct ExplicitEuler;
+pub(crate) struct ExplicitEuler;
 
 impl Stepper for ExplicitEuler {
     fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {
@@ -23,7 +23,7 @@ impl Stepper for ExplicitEuler {
 ///
 /// Symplectic without drag, so the energy oscillates but does not drift. Stable for `h < 2/ω`; with drag for `h < (√(k² +
 /// 4ω²) − k)/ω²`, which falls to `2/k`.
-pub struct SemiImplicitEuler;
+pub(crate) struct SemiImplicitEuler;
 
 impl Stepper for SemiImplicitEuler {
     fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {

@@ -8,7 +8,7 @@ use super::{Counted, Phase, StepCost, Stepper, System};
 /// φ₂ N)`, where `φ₁(x) = (1 − e⁻ˣ)/x` and `φ₂ = (1 − φ₁)/x` (Hochbruck and Ostermann, *Exponential integrators*, Acta
 /// Numerica 2010). Order 1 if the force varies with position, exact if it does not. Stable in the drag for every `h`, as
 /// `e^(−k h)` never leaves [0, 1]; in a well only for steps of about `1/ω` and less.
-pub struct ExponentialEuler;
+pub(crate) struct ExponentialEuler;
 
 impl Stepper for ExponentialEuler {
     fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {

@@ -27,19 +27,19 @@ mod rosenbrock;
 
 use serde::{Deserialize, Serialize};
 
-pub use control::Control;
-pub use dormand_prince::DormandPrince;
-pub use euler::{ExplicitEuler, SemiImplicitEuler};
-pub use exponential::ExponentialEuler;
-pub use newton::{BackwardEuler, ImplicitMidpoint};
-pub use phase::{Blocks, Phase};
-pub use rk4::Rk4;
-pub use rosenbrock::{Rosenbrock, RosenbrockAdaptive};
+pub(crate) use control::Control;
+pub(crate) use dormand_prince::DormandPrince;
+pub(crate) use euler::{ExplicitEuler, SemiImplicitEuler};
+pub(crate) use exponential::ExponentialEuler;
+pub(crate) use newton::{BackwardEuler, ImplicitMidpoint};
+pub(crate) use phase::{Blocks, Phase};
+pub(crate) use rk4::Rk4;
+pub(crate) use rosenbrock::{Rosenbrock, RosenbrockAdaptive};
 
 use glam::DMat3;
 
 /// `u′, w′` as a function of time and state, with its derivatives. Time is 0 at the start of the step.
-pub trait System {
+pub(crate) trait System {
     /// Returns `(u′, w′)` at time `t` s.
     fn rate(&self, t: f64, y: Phase) -> Phase;
 
@@ -61,7 +61,7 @@ pub trait System {
 
 /// The cost of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct StepCost {
+pub(crate) struct StepCost {
     /// Number of evaluations of the force or torque.
     pub rates: u32,
     /// Number of evaluations of its derivative.
@@ -74,7 +74,7 @@ pub struct StepCost {
 
 impl StepCost {
     /// Adds the cost of another step.
-    pub fn add(&mut self, other: Self) {
+    pub(crate) fn add(&mut self, other: Self) {
         self.rates += other.rates;
         self.jacobians += other.jacobians;
         self.parts += other.parts;
@@ -83,7 +83,7 @@ impl StepCost {
 }
 
 /// A one-step method: advances a system by one step.
-pub trait Stepper: Sync {
+pub(crate) trait Stepper: Sync {
     /// Returns the state `h` s after `y`.
     ///
     /// Always terminates, after a bounded number of evaluations. The caller checks for overflow ([`Phase::is_finite`]).
@@ -152,7 +152,7 @@ impl Integrator {
     ];
 
     /// Returns the method with its settings for a flight.
-    pub fn stepper(self) -> &'static dyn Stepper {
+    pub(crate) fn stepper(self) -> &'static dyn Stepper {
         const FLIGHT: DormandPrince = DormandPrince(Control { tolerance: 1e-4, most_parts: 256 });
         match self {
             Self::ExplicitEuler => &ExplicitEuler,

@@ -12,13 +12,13 @@ const DEPTH: u32 = 4;
 
 /// `y₁ = y₀ + h f(y₁)`. Order 1, L-stable: motion that a step does not resolve is damped out, in the drag and at the wall
 /// alike.
-pub struct BackwardEuler;
+pub(crate) struct BackwardEuler;
 
 /// `y₁ = y₀ + h f((y₀ + y₁)/2)`. Order 2, A-stable, symplectic.
 ///
 /// Without drag the energy of a smooth well does not drift (Hairer, Lubich and Wanner, *Geometric Numerical Integration*,
 /// VI.4). Motion that it does not resolve oscillates undamped.
-pub struct ImplicitMidpoint;
+pub(crate) struct ImplicitMidpoint;
 
 impl Stepper for BackwardEuler {
     fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 
 /// A position (or angle) and a momentum, or their rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Phase {
+pub(crate) struct Phase {
     /// mm or rad.
     pub u: DVec3,
     /// g·mm/s or g·mm²/s.
@@ -15,13 +15,13 @@ pub struct Phase {
 
 impl Phase {
     /// Returns true if all components are finite.
-    pub fn is_finite(&self) -> bool {
+    pub(crate) fn is_finite(&self) -> bool {
         self.u.is_finite() && self.w.is_finite()
     }
 
     /// Returns the norm used to measure errors: the larger of `|u|` and `|B w|` times one second, where `B` is the
     /// mobility.
-    pub fn norm(&self, mobility: DMat3) -> f64 {
+    pub(crate) fn norm(&self, mobility: DMat3) -> f64 {
         let (u, w) = (self.u.length(), (mobility * self.w).length());
         // `max` would drop a NaN.
         if u.is_nan() || w.is_nan() { f64::NAN } else { u.max(w) }
@@ -51,7 +51,7 @@ impl Mul<f64> for Phase {
 
 /// The derivative of a rate with respect to the state, in blocks: `uw` is `∂u′/∂w`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blocks {
+pub(crate) struct Blocks {
     /// `∂u′/∂u`.
     pub uu: DMat3,
     /// `∂u′/∂w`.
@@ -64,14 +64,14 @@ pub struct Blocks {
 
 impl Blocks {
     /// Returns the product of this matrix and a state.
-    pub fn apply(&self, y: Phase) -> Phase {
+    pub(crate) fn apply(&self, y: Phase) -> Phase {
         Phase { u: self.uu * y.u + self.uw * y.w, w: self.wu * y.u + self.ww * y.w }
     }
 
     /// Decomposes `I − g J` for solving. Returns `None` if it is singular or not finite.
     ///
     /// `w` is scaled by the magnitude of the mobility, so masses of 10⁻⁶ g and 10⁶ g are solved equally well.
-    pub fn shifted(&self, g: f64) -> Option<Solver> {
+    pub(crate) fn shifted(&self, g: f64) -> Option<Solver> {
         let scale = self.uw.to_cols_array().iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let scale = if scale > 1e-300 && scale.is_finite() { scale } else { 1.0 };
         let mut a = [[0.0; 6]; 6];
@@ -90,7 +90,7 @@ impl Blocks {
 
 /// A 6×6 matrix, decomposed by Gaussian elimination with row scaling and partial pivoting.
 #[derive(Clone, Copy, Debug)]
-pub struct Solver {
+pub(crate) struct Solver {
     lu: [[f64; 6]; 6],
     rows: [usize; 6],
     weight: [f64; 6],
@@ -130,7 +130,7 @@ impl Solver {
     }
 
     /// Returns the solution for a right-hand side.
-    pub fn solve(&self, b: Phase) -> Phase {
+    pub(crate) fn solve(&self, b: Phase) -> Phase {
         let w = b.w * self.scale;
         let given = [b.u.x, b.u.y, b.u.z, w.x, w.y, w.z];
         let mut x: [f64; 6] = std::array::from_fn(|r| given[self.rows[r]] * self.weight[self.rows[r]]);

@@ -5,7 +5,7 @@ use super::{Counted, Phase, StepCost, Stepper, System};
 /// `y₁ = y₀ + h/6 (k₁ + 2 k₂ + 2 k₃ + k₄)`. Order 4.
 ///
 /// Stable for `h < 2.83/ω` in a well and for `h < 2.79/k` in the drag.
-pub struct Rk4;
+pub(crate) struct Rk4;
 
 impl Stepper for Rk4 {
     fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {

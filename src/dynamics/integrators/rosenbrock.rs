@@ -13,10 +13,10 @@ use super::{Control, Counted, ExponentialEuler, Phase, StepCost, Stepper, System
 /// ```
 ///
 /// where `J` and `f_t` are taken at the start. Stable for every step.
-pub struct Rosenbrock;
+pub(crate) struct Rosenbrock;
 
 /// The same method, in parts sized by the embedded method.
-pub struct RosenbrockAdaptive(pub Control);
+pub(crate) struct RosenbrockAdaptive(pub Control);
 
 const GAMMA: f64 = 4.358_665_215_084_59e-1;
 const A: [[f64; 3]; 4] = [

@@ -10,10 +10,10 @@
 //! In the world frame `L′` has no gyroscopic term; it is contained in `ω = J(q)⁻¹ L`. The free motion of a cylinder is
 //! known exactly ([`free`]), so a fast spin costs no stability ([`rotation`]).
 
-pub mod free;
-pub mod rotation;
-pub mod translation;
-pub mod turning;
+pub(crate) mod free;
+pub(crate) mod rotation;
+pub(crate) mod translation;
+pub(crate) mod turning;
 
 pub use turning::Turning;
 
@@ -55,19 +55,19 @@ impl RigidBodyState {
 }
 
 /// Returns the unit quaternion that takes the body's axes (x left, y up, z forward) to a view frame.
-pub fn orientation(attitude: Attitude) -> DQuat {
+pub(crate) fn orientation(attitude: Attitude) -> DQuat {
     let frame = DMat3::from_cols(-attitude.right(), attitude.up, attitude.forward);
     DQuat::from_mat3(&frame).normalize()
 }
 
 /// Normalises `q`; the identity if `q` has no direction.
-pub fn unit(q: DQuat) -> DQuat {
+pub(crate) fn unit(q: DQuat) -> DQuat {
     let length = q.length();
     if length.is_finite() && length > 1e-150 { q / length } else { DQuat::IDENTITY }
 }
 
 /// Returns the angle between two orientations, rad, 0 to π. Exact for small angles too; the lengths do not matter.
-pub fn angle(a: DQuat, b: DQuat) -> f64 {
+pub(crate) fn angle(a: DQuat, b: DQuat) -> f64 {
     let turn = a * b.conjugate();
     // Both signs of a quaternion are the same rotation. The sine resolves small angles, the cosine does not.
     2.0 * turn.xyz().length().atan2(turn.w.abs())

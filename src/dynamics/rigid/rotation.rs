@@ -25,7 +25,7 @@ use crate::dynamics::integrators::{Blocks, Phase, System};
 const FAR: f64 = 6.0;
 
 /// `u = θ` (rad) and `w` (g·mm²/s) as above, over one step.
-pub struct Rotation<'a> {
+pub(crate) struct Rotation<'a> {
     /// `T`.
     pub turning: &'a Turning,
     /// `J`.
@@ -40,12 +40,12 @@ pub struct Rotation<'a> {
 
 impl<'a> Rotation<'a> {
     /// Creates the rotation that starts at `start`.
-    pub fn new(turning: &'a Turning, inertia: Inertia, start: DQuat, angular: DVec3) -> Self {
+    pub(crate) fn new(turning: &'a Turning, inertia: Inertia, start: DQuat, angular: DVec3) -> Self {
         Self { turning, inertia, start, angular, beside: Cell::new(0) }
     }
 
     /// Returns the orientation and the angular momentum at time `t` for a state of the system.
-    pub fn read(&self, t: f64, y: Phase) -> (DQuat, DVec3) {
+    pub(crate) fn read(&self, t: f64, y: Phase) -> (DQuat, DVec3) {
         let free = free::turn(self.start, self.angular, &self.inertia, self.turning.drag, t);
         (unit(exp(y.u) * free), self.angular * (-self.turning.drag * t).exp() + y.w)
     }

@@ -6,7 +6,7 @@ use crate::dynamics::forces::Forces;
 use crate::dynamics::integrators::{Blocks, Phase, System};
 
 /// `u = x − x₀` (mm), `w = P` (g·mm/s): `u′ = w/m`, `w′ = F(x₀ + u) − k w`.
-pub struct Translation<'a> {
+pub(crate) struct Translation<'a> {
     /// `F` and its derivative.
     pub forces: &'a dyn Forces,
     /// `x₀`: the start of the step, world mm. Small differences are not lost next to large coordinates.

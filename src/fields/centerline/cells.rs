@@ -105,7 +105,7 @@ pub(in crate::fields) struct Cells {
 
 impl Cells {
     /// Decomposes the lumen of `walls`.
-    pub fn of(walls: &WallDistance, progress: &Progress) -> Result<Self> {
+    pub(crate) fn of(walls: &WallDistance, progress: &Progress) -> Result<Self> {
         let grid = walls.grid();
         let shape = Shape::of(grid.spacing());
         let dims: [usize; 3] = std::array::from_fn(|a| grid.dims()[a].div_ceil(shape.side[a]));
@@ -161,17 +161,17 @@ impl Cells {
     }
 
     /// Returns the nodes that share a face with node `n`.
-    pub fn neighbours(&self, n: u32) -> &[u32] {
+    pub(crate) fn neighbours(&self, n: u32) -> &[u32] {
         self.neighbours.of(n)
     }
 
     /// Returns the position of a node's widest voxel, world, mm.
-    pub fn place(&self, n: u32) -> DVec3 {
+    pub(crate) fn place(&self, n: u32) -> DVec3 {
         self.places[n as usize]
     }
 
     /// Returns the node that contains a voxel of the lumen.
-    pub fn node_at(&self, voxel: [i64; 3]) -> Option<u32> {
+    pub(crate) fn node_at(&self, voxel: [i64; 3]) -> Option<u32> {
         let corner: [i32; 3] =
             std::array::from_fn(|a| voxel[a] as i32 / self.shape.side[a] as i32 * self.shape.side[a] as i32);
         if (0..3).any(|a| voxel[a] < 0 || corner[a] as usize / self.shape.side[a] >= self.dims[a]) {
@@ -199,7 +199,7 @@ impl Cells {
 
     /// Returns the least-cost paths from `start` to all nodes, or as far as `to`. A path costs its length times
     /// `weight` of the two nodes' mean clearance (mm).
-    pub fn ways(&self, start: u32, to: Option<u32>, weight: impl Fn(f64) -> f64) -> Ways {
+    pub(crate) fn ways(&self, start: u32, to: Option<u32>, weight: impl Fn(f64) -> f64) -> Ways {
         let step = |a: u32, b: u32| self.places[a as usize].distance(self.places[b as usize]);
         let mean = |a: u32, b: u32| 0.5 * (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance);
         self.neighbours.ways(start, to, step, |a, b| weight(mean(a, b)))
@@ -207,7 +207,7 @@ impl Cells {
 
     /// Returns the nodes on the path from the start of `ways` to `to`, each touching the previous one, or the start
     /// alone if there is no path.
-    pub fn way(&self, ways: &Ways, to: u32) -> Vec<u32> {
+    pub(crate) fn way(&self, ways: &Ways, to: u32) -> Vec<u32> {
         let mut out = vec![to];
         let mut n = to;
         while ways.before[n as usize] != n {
@@ -226,7 +226,7 @@ impl Cells {
     }
 
     /// Returns a 6-connected path of voxels from `from` to `to` that stays inside the given sequence of touching nodes.
-    pub fn voxels(&self, way: &[u32], from: [i64; 3], to: [i64; 3]) -> Vec<[i64; 3]> {
+    pub(crate) fn voxels(&self, way: &[u32], from: [i64; 3], to: [i64; 3]) -> Vec<[i64; 3]> {
         let mut out = vec![from];
         let mut at = from;
         for (n, pair) in way.windows(2).enumerate() {
@@ -346,13 +346,13 @@ impl Cells {
     }
 
     /// Returns the smallest node of a node's connected piece, which identifies the piece.
-    pub fn piece(&self, n: u32) -> u32 {
+    pub(crate) fn piece(&self, n: u32) -> u32 {
         self.connected(n, &mut vec![false; self.nodes.len()])[0]
     }
 
     /// Returns the nodes of the connected piece with the most voxels, the first one if several are equal. Empty if
     /// there is no lumen.
-    pub fn largest_piece(&self) -> Vec<u32> {
+    pub(crate) fn largest_piece(&self) -> Vec<u32> {
         let mut seen = vec![false; self.nodes.len()];
         let mut best = (0, Vec::new());
         for n in 0..self.nodes.len() as u32 {

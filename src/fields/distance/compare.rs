@@ -9,7 +9,7 @@ use crate::fields::WallDistance;
 
 /// An approximate distance measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Cheap {
+pub(crate) enum Cheap {
     /// Steps to the 26 neighbours at their Euclidean lengths.
     Chamfer,
     /// The maximum of the steps along each axis.
@@ -17,7 +17,7 @@ pub enum Cheap {
 }
 
 /// Returns the distances (mm) of the voxels in the set of `walls`, in its order; 0 for those outside the lumen.
-pub fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
+pub(crate) fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
     let set = walls.set();
     let spacing = walls.grid().spacing();
     let unit = spacing.min_element();

@@ -30,7 +30,7 @@ pub(super) struct Envelope {
 
 impl Envelope {
     /// Replaces the heights h(q) of a run by min over p of h(p) + (s·(q − p))², with `square` = s² (mm²).
-    pub fn lower(&mut self, square: f32) {
+    pub(crate) fn lower(&mut self, square: f32) {
         let Self { heights, parabolas, inverse } = self;
         let known = inverse.len();
         inverse.extend((known..heights.len()).map(|n| 1.0 / n as f32));

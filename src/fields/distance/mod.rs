@@ -16,7 +16,7 @@
 //! On a sheared grid (a tilted gantry stored as such), distances are measured along the axes as if they were orthogonal
 //! and scaled by their least stretch: a lower bound of the distance.
 
-pub mod compare;
+pub(crate) mod compare;
 mod envelope;
 pub(in crate::fields) mod spline;
 #[cfg(test)]

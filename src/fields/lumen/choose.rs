@@ -53,7 +53,7 @@ pub(super) enum Kind {
 
 impl Kind {
     /// Returns its name and the reason; `None` if unsure.
-    pub fn reported(self) -> Option<(&'static str, &'static str)> {
+    pub(crate) fn reported(self) -> Option<(&'static str, &'static str)> {
         match self {
             Self::Unsure => None,
             Self::Outside => Some(("outside", "it reaches a lateral face of the scan")),

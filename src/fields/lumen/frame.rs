@@ -12,12 +12,12 @@ pub(super) struct AxisDirection {
 }
 
 impl AxisDirection {
-    pub fn back(self) -> Self {
+    pub(crate) fn back(self) -> Self {
         Self { sign: -self.sign, ..self }
     }
 
     /// Returns the step of one voxel in this direction.
-    pub fn step(self) -> [i64; 3] {
+    pub(crate) fn step(self) -> [i64; 3] {
         let mut s = [0; 3];
         s[self.axis] = self.sign;
         s
@@ -34,7 +34,7 @@ pub(super) struct Frame {
 
 impl Frame {
     /// Matches index axes to world axes for the best overall agreement, however the grid is stored.
-    pub fn of(grid: &Grid) -> Self {
+    pub(crate) fn of(grid: &Grid) -> Self {
         let d = grid.direction();
         let toward = |axis: usize, world: usize| d.col(axis)[world];
         const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];

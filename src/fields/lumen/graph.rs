@@ -85,7 +85,7 @@ impl Slice {
 
 impl Graph {
     /// Creates the map of labelled gas, in which runs of different labels never touch.
-    pub fn of(grid: &Grid, rows: &Rows, progress: &Progress) -> Result<Self> {
+    pub(crate) fn of(grid: &Grid, rows: &Rows, progress: &Progress) -> Result<Self> {
         let side: [usize; 3] = std::array::from_fn(|a| ((CELL_MM / grid.spacing()[a]).ceil() as usize).max(1));
         let [_, ny, nz] = rows.dims();
         let count = nz.div_ceil(side[2]);
@@ -139,7 +139,7 @@ impl Graph {
         }
     }
 
-    pub fn neighbours(&self, n: u32) -> &[u32] {
+    pub(crate) fn neighbours(&self, n: u32) -> &[u32] {
         self.neighbours.of(n)
     }
 
@@ -149,12 +149,12 @@ impl Graph {
     }
 
     /// Returns the nodes of a label.
-    pub fn of_label(&self, label: u32) -> impl Iterator<Item = u32> + '_ {
+    pub(crate) fn of_label(&self, label: u32) -> impl Iterator<Item = u32> + '_ {
         (0..self.nodes.len() as u32).filter(move |&n| self.nodes[n as usize].label == label)
     }
 
     /// Returns the paths from `start` that keep away from walls.
-    pub fn ways(&self, start: u32) -> Ways {
+    pub(crate) fn ways(&self, start: u32) -> Ways {
         let weight = |a: u32, b: u32| {
             let clear = (self.nodes[a as usize].clearance + self.nodes[b as usize].clearance) / 2.0;
             1.0 + (NARROW_MM / clear.max(0.5)).powi(2)

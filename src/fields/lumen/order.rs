@@ -33,7 +33,7 @@ pub(super) struct Body {
 
 impl Body {
     /// Measures the tissue on every eighth voxel of every eighth row.
-    pub fn of(volume: &Volume, lowest: f64) -> Self {
+    pub(crate) fn of(volume: &Volume, lowest: f64) -> Self {
         let grid: &Grid = volume.grid();
         let [nx, ny, nz] = grid.dims();
         // At least about 16 samples along each axis, so that a small volume is measured too.

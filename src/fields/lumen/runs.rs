@@ -23,11 +23,11 @@ pub(in crate::fields) struct Run {
 }
 
 impl Run {
-    pub fn len(self) -> u32 {
+    pub(crate) fn len(self) -> u32 {
         self.end - self.start
     }
 
-    pub fn range(self) -> Range<usize> {
+    pub(crate) fn range(self) -> Range<usize> {
         self.start as usize..self.end as usize
     }
 }
@@ -46,7 +46,7 @@ impl Rows {
     ///
     /// # Errors
     /// Returns an error if there are too many runs to number with 32 bits.
-    pub fn from_slices(dims: [usize; 3], slices: Vec<(Vec<u32>, Vec<Run>)>) -> Result<Self> {
+    pub(crate) fn from_slices(dims: [usize; 3], slices: Vec<(Vec<u32>, Vec<Run>)>) -> Result<Self> {
         let mut rows = Self::without_rows(dims);
         slices.into_iter().try_for_each(|s| rows.append(s))?;
         Ok(rows)
@@ -57,7 +57,10 @@ impl Rows {
     ///
     /// # Errors
     /// Same as [`Rows::from_slices`], and the first error of `slice`.
-    pub fn gather(dims: [usize; 3], slice: impl Fn(usize) -> Result<(Vec<u32>, Vec<Run>)> + Sync) -> Result<Self> {
+    pub(crate) fn gather(
+        dims: [usize; 3],
+        slice: impl Fn(usize) -> Result<(Vec<u32>, Vec<Run>)> + Sync,
+    ) -> Result<Self> {
         let mut rows = Self::without_rows(dims);
         for first in (0..dims[2]).step_by(SLICES) {
             let batch = (first..(first + SLICES).min(dims[2])).into_par_iter().map(&slice);
@@ -87,34 +90,34 @@ impl Rows {
         Ok(())
     }
 
-    pub fn dims(&self) -> [usize; 3] {
+    pub(crate) fn dims(&self) -> [usize; 3] {
         self.dims
     }
 
     /// Returns the runs of row (j, k).
-    pub fn row(&self, j: usize, k: usize) -> &[Run] {
+    pub(crate) fn row(&self, j: usize, k: usize) -> &[Run] {
         &self.runs[self.row_range(j, k)]
     }
 
     /// Returns the range of row (j, k) among all runs.
-    pub fn row_range(&self, j: usize, k: usize) -> Range<usize> {
+    pub(crate) fn row_range(&self, j: usize, k: usize) -> Range<usize> {
         let r = j + self.dims[1] * k;
         self.offsets[r] as usize..self.offsets[r + 1] as usize
     }
 
-    pub fn runs(&self) -> &[Run] {
+    pub(crate) fn runs(&self) -> &[Run] {
         &self.runs
     }
 
     /// Returns all runs with their row: (j, k, run).
-    pub fn iter(&self) -> impl Iterator<Item = (usize, usize, Run)> + '_ {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (usize, usize, Run)> + '_ {
         (0..self.dims[2])
             .flat_map(move |k| (0..self.dims[1]).map(move |j| (j, k)))
             .flat_map(move |(j, k)| self.row(j, k).iter().map(move |&r| (j, k, r)))
     }
 
     /// Returns the run that contains voxel (i, j, k); `None` outside the grid.
-    pub fn find(&self, i: i64, j: i64, k: i64) -> Option<Run> {
+    pub(crate) fn find(&self, i: i64, j: i64, k: i64) -> Option<Run> {
         let [nx, ny, nz] = self.dims;
         if (i as u64) >= nx as u64 || (j as u64) >= ny as u64 || (k as u64) >= nz as u64 {
             return None;
@@ -157,12 +160,12 @@ impl Rows {
     }
 
     /// Keeps the runs whose label `keep` maps to a new one, relabelled; drops the others.
-    pub fn select(&self, keep: impl Fn(u32) -> Option<u32>) -> Self {
+    pub(crate) fn select(&self, keep: impl Fn(u32) -> Option<u32>) -> Self {
         self.pick(|_, r| keep(r.label))
     }
 
     /// Keeps the runs that `keep`, given a run's number and the run, maps to a new label.
-    pub fn pick(&self, keep: impl Fn(usize, Run) -> Option<u32>) -> Self {
+    pub(crate) fn pick(&self, keep: impl Fn(usize, Run) -> Option<u32>) -> Self {
         let mut out = Self { dims: self.dims, offsets: Vec::with_capacity(self.offsets.len()), runs: Vec::new() };
         out.offsets.push(0);
         for row in self.offsets.windows(2) {
@@ -179,7 +182,7 @@ impl Rows {
 
     /// Returns the 26-connected component of every run, and the number of components. The runs of each row must be
     /// separate.
-    pub fn components_by_corners(&self) -> (Vec<u32>, usize) {
+    pub(crate) fn components_by_corners(&self) -> (Vec<u32>, usize) {
         let [_, ny, nz] = self.dims;
         let mut sets = Sets::new(self.runs.len());
         for (j, k) in (0..nz).flat_map(|k| (0..ny).map(move |j| (j, k))) {
@@ -196,7 +199,7 @@ impl Rows {
     }
 
     /// Returns the size in memory, bytes.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         self.offsets.capacity() * size_of::<u32>() + self.runs.capacity() * size_of::<Run>()
     }
 }
@@ -212,11 +215,11 @@ pub(super) struct Sets {
 }
 
 impl Sets {
-    pub fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         Self { parent: (0..n as u32).collect() }
     }
 
-    pub fn find(&mut self, mut a: u32) -> u32 {
+    pub(crate) fn find(&mut self, mut a: u32) -> u32 {
         while self.parent[a as usize] != a {
             let up = self.parent[self.parent[a as usize] as usize];
             self.parent[a as usize] = up;
@@ -225,7 +228,7 @@ impl Sets {
         a
     }
 
-    pub fn join(&mut self, a: u32, b: u32) {
+    pub(crate) fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.find(a), self.find(b));
         if a != b {
             self.parent[a.max(b) as usize] = a.min(b);
@@ -233,7 +236,7 @@ impl Sets {
     }
 
     /// Returns the set of every member, numbered from 0 in the order of first members, and the number of sets.
-    pub fn numbered(mut self) -> (Vec<u32>, usize) {
+    pub(crate) fn numbered(mut self) -> (Vec<u32>, usize) {
         let mut count = 0;
         for a in 0..self.parent.len() {
             // A root is smaller than its members, so it was numbered before them; until then it is its own parent.

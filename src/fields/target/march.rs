@@ -16,7 +16,7 @@ const RISE: f32 = 1.5;
 type Front = (u32, [i32; 3]);
 
 /// The marching front.
-pub struct March<'a> {
+pub(crate) struct March<'a> {
     walls: &'a WallDistance,
     /// Distances in the order of the walls' set, mm; infinite where the front did not arrive.
     pub values: Vec<f32>,
@@ -34,7 +34,7 @@ pub struct March<'a> {
 }
 
 impl<'a> March<'a> {
-    pub fn new(walls: &'a WallDistance, clearance: f64, open: &'a [DVec3]) -> Self {
+    pub(crate) fn new(walls: &'a WallDistance, clearance: f64, open: &'a [DVec3]) -> Self {
         let count = walls.set().len();
         Self {
             walls,
@@ -59,7 +59,7 @@ impl<'a> March<'a> {
 
     /// Continues across collapsed stretches if a guess leads from reached voxels to others. Returns the guesses used,
     /// each starting on the target's side.
-    pub fn bridge(&mut self, guesses: &[[DVec3; 2]], progress: &Progress) -> Result<Vec<[DVec3; 2]>> {
+    pub(crate) fn bridge(&mut self, guesses: &[[DVec3; 2]], progress: &Progress) -> Result<Vec<[DVec3; 2]>> {
         let mut guessed = Vec::new();
         let mut left: Vec<[DVec3; 2]> = guesses.to_vec();
         // Each pass uses one of the remaining guesses, so the loop ends.
@@ -77,7 +77,7 @@ impl<'a> March<'a> {
 
     /// Extends the distance to every voxel of the lumen that the front did not reach: the value of the nearest reached
     /// voxel plus [`RISE`] times the path from it.
-    pub fn extend(&mut self, progress: &Progress) -> Result<()> {
+    pub(crate) fn extend(&mut self, progress: &Progress) -> Result<()> {
         let mut away = March::new(self.walls, 0.0, &[]);
         self.walls.set().for_each(|n, voxel| {
             if self.done[n] {
@@ -95,7 +95,7 @@ impl<'a> March<'a> {
     }
 
     /// Starts with the ball inscribed at `target` (world, mm), which is in `voxel`.
-    pub fn ball(&mut self, voxel: [i64; 3], target: DVec3) {
+    pub(crate) fn ball(&mut self, voxel: [i64; 3], target: DVec3) {
         self.seed(voxel, self.walls.world(voxel).distance(target) as f32);
         let radius = f64::from(self.walls.at(voxel).unwrap_or(0.0)) - self.walls.grid().spacing().length();
         let reach = self.walls.grid().spacing().to_array().map(|s| (radius / s).floor() as i64);
@@ -131,7 +131,7 @@ impl<'a> March<'a> {
         }
     }
 
-    pub fn run(&mut self, progress: &Progress) -> Result<()> {
+    pub(crate) fn run(&mut self, progress: &Progress) -> Result<()> {
         let mut steps = 0u64;
         while self.next < self.buckets.len() {
             // Voxels that arrive in this bucket meanwhile are processed in the next round.
@@ -218,7 +218,7 @@ impl<'a> March<'a> {
         voxel.and_then(|v| self.walls.set().number(v)).map_or(f32::INFINITY, |n| self.values[n])
     }
 
-    pub fn reaches(&self, world: DVec3) -> bool {
+    pub(crate) fn reaches(&self, world: DVec3) -> bool {
         self.value(world).is_finite()
     }
 }

@@ -15,7 +15,7 @@ use crate::schedule::Guides;
 
 /// An action of the operator.
 #[derive(Clone, Debug)]
-pub struct Action {
+pub(crate) struct Action {
     /// Its name in the settings file.
     pub id: Cow<'static, str>,
     /// Short description, for a button's tooltip.
@@ -38,7 +38,7 @@ pub struct Action {
 
 /// The effect of an action.
 #[derive(Clone, Copy, Debug)]
-pub enum Effect {
+pub(crate) enum Effect {
     /// Steers while the key is held.
     Hold(Hold),
     /// Changes the flight, or how it is shown.
@@ -55,7 +55,7 @@ pub enum Effect {
 
 /// Context of an action: the size of the picture and the time.
 #[derive(Clone, Copy, Debug)]
-pub struct ActionContext {
+pub(crate) struct ActionContext {
     /// Size of the flight's picture, pixels.
     pub window: (usize, usize),
     /// Current time.
@@ -64,7 +64,7 @@ pub struct ActionContext {
 
 /// A request to the window itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WindowRequest {
+pub(crate) enum WindowRequest {
     /// Toggle full screen.
     Fullscreen,
     /// Quit the program.
@@ -78,10 +78,10 @@ pub enum WindowRequest {
 }
 
 /// Keys by the actions' ids, as in a settings file.
-pub type KeySettings = BTreeMap<String, Vec<String>>;
+pub(crate) type KeySettings = BTreeMap<String, Vec<String>>;
 
 /// Checks whether an action is possible now. The error states why not.
-pub type Possible = fn(&FlightController) -> std::result::Result<(), &'static str>;
+pub(crate) type Possible = fn(&FlightController) -> std::result::Result<(), &'static str>;
 
 fn always(_: &FlightController) -> std::result::Result<(), &'static str> {
     Ok(())
@@ -245,7 +245,7 @@ const LAYOUTS_AFTER: &str = "fullscreen";
 const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path";
 
 /// The menus: actions by their ids. An id that ends in `-` includes all ids with that prefix.
-pub const MENUS: &[(&str, &[&str])] = &[
+pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("File", &["open", "screenshot", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
     ("View", &["detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
@@ -277,12 +277,12 @@ impl From<&Row> for Action {
 
 impl Action {
     /// Returns its first key, for a menu.
-    pub fn key_text(&self) -> String {
+    pub(crate) fn key_text(&self) -> String {
         self.keys.first().map(Chord::to_string).unwrap_or_default()
     }
 
     /// Returns its description, for a menu or a button.
-    pub fn title(&self) -> String {
+    pub(crate) fn title(&self) -> String {
         let mut letters = self.text.chars();
         letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
     }
@@ -299,14 +299,19 @@ impl Action {
 
 /// All actions of a window.
 #[derive(Clone, Debug)]
-pub struct Actions(Vec<Action>);
+pub(crate) struct Actions(Vec<Action>);
 
 impl Actions {
     /// Creates the actions of the window and of `guides`, `overlays` and `panels`. Keys in `settings` replace the default ones.
     ///
     /// # Errors
     /// Returns status 2 if two actions have the same key or name, or if a setting refers to an unknown action or key.
-    pub fn new(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry], settings: &KeySettings) -> Result<Self> {
+    pub(crate) fn new(
+        guides: &Guides,
+        overlays: &[Overlay],
+        panels: &[PanelEntry],
+        settings: &KeySettings,
+    ) -> Result<Self> {
         let own = |id: String, text: String, row: String, key: Option<char>, effect: Effect| Action {
             id: id.into(),
             text: text.into(),
@@ -381,22 +386,22 @@ impl Actions {
     }
 
     /// Returns the action of a key.
-    pub fn of_key(&self, key: &Chord) -> Option<&Action> {
+    pub(crate) fn of_key(&self, key: &Chord) -> Option<&Action> {
         self.0.iter().find(|a| a.keys.contains(key) || a.shifted.contains(key))
     }
 
     /// Returns the actions of a menu entry.
-    pub fn of_menu<'a>(&'a self, entry: &'a str) -> impl Iterator<Item = &'a Action> {
+    pub(crate) fn of_menu<'a>(&'a self, entry: &'a str) -> impl Iterator<Item = &'a Action> {
         self.0.iter().filter(move |a| if entry.ends_with('-') { a.id.starts_with(entry) } else { a.id == entry })
     }
 
     /// Returns the action with that name.
-    pub fn named(&self, id: &str) -> Option<&Action> {
+    pub(crate) fn named(&self, id: &str) -> Option<&Action> {
         self.0.iter().find(|a| a.id == id)
     }
 
     /// Returns all keys with their descriptions, a row for each task, in the order of the table.
-    pub fn help(&self) -> Vec<(String, String)> {
+    pub(crate) fn help(&self) -> Vec<(String, String)> {
         let mut rows: Vec<(&str, Vec<&Action>)> = Vec::new();
         for action in &self.0 {
             match rows.iter_mut().find(|r| r.0 == action.row) {

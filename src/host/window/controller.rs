@@ -59,7 +59,7 @@ const FASTER: f64 = 1.15;
 const NARROWER: f64 = 1.0 / 1.1;
 
 /// Controls a flight for the operator.
-pub struct FlightController {
+pub(crate) struct FlightController {
     flight: FlightApp,
     accumulator: Accumulator,
     start: Instant,
@@ -104,7 +104,7 @@ impl FlightController {
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
-    pub fn new(flight: FlightApp, wake: WakeUp, overlays: Vec<Overlay>, actions: Rc<Actions>) -> Result<Self> {
+    pub(crate) fn new(flight: FlightApp, wake: WakeUp, overlays: Vec<Overlay>, actions: Rc<Actions>) -> Result<Self> {
         let now = Instant::now();
         let view_renderer = ViewRenderer::new(flight.volume().clone(), wake)?;
         let scene = flight.scene();
@@ -140,38 +140,38 @@ impl FlightController {
     }
 
     /// Returns the flight.
-    pub fn flight(&self) -> &FlightApp {
+    pub(crate) fn flight(&self) -> &FlightApp {
         &self.flight
     }
 
     /// Returns the flight for modification, for example to take its log.
-    pub fn flight_mut(&mut self) -> &mut FlightApp {
+    pub(crate) fn flight_mut(&mut self) -> &mut FlightApp {
         &mut self.flight
     }
 
     /// Sets the pixels per point of the window.
-    pub fn scaled(&mut self, scale: f32) {
+    pub(crate) fn scaled(&mut self, scale: f32) {
         self.scale = scale;
     }
 
     /// Returns the statistics of the images.
-    pub fn frames(&self) -> &[FrameStats] {
+    pub(crate) fn frames(&self) -> &[FrameStats] {
         self.view_renderer.frames()
     }
 
     /// Returns the statistics of the size and rate of pictures while the camera moved.
-    pub fn moving(&self) -> Option<Moving> {
+    pub(crate) fn moving(&self) -> Option<Moving> {
         self.view_renderer.moving()
     }
 
     /// Records the time of a presentation, ms.
-    pub fn presented(&mut self, ms: f64) {
+    pub(crate) fn presented(&mut self, ms: f64) {
         self.view_renderer.presented(ms);
     }
 
     /// Returns the last rendered image.
     #[cfg(test)]
-    pub fn image(&self) -> Option<&Frame> {
+    pub(crate) fn image(&self) -> Option<&Frame> {
         self.view_renderer.image(&self.flight)
     }
 
@@ -180,7 +180,7 @@ impl FlightController {
     ///
     /// # Errors
     /// Returns status 1 if a frame cannot be rendered or shown.
-    pub fn show(&mut self, due: Option<Due>) -> Result<Option<PresentResult>> {
+    pub(crate) fn show(&mut self, due: Option<Due>) -> Result<Option<PresentResult>> {
         match &due {
             Some(_) => {
                 if let Err(e) = self.flight.frame_of_due() {
@@ -199,7 +199,7 @@ impl FlightController {
     }
 
     /// Returns the window's framebuffer, if there is one.
-    pub fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
+    pub(crate) fn framebuffer(&mut self) -> Option<Mut<'_, Framebuffer>> {
         let camera = self.flight.app().camera_id();
         present::presenter(self.flight.app_mut(), camera)
     }
@@ -234,18 +234,18 @@ impl FlightController {
     }
 
     /// Shows a message for a moment.
-    pub fn say(&mut self, text: impl Into<String>, now: Instant) {
+    pub(crate) fn say(&mut self, text: impl Into<String>, now: Instant) {
         self.message = Some((text.into(), now + MESSAGE));
         self.attention = true;
     }
 
     /// True if nothing will change until the operator acts.
-    pub fn rests(&self) -> bool {
+    pub(crate) fn rests(&self) -> bool {
         self.quiet >= QUIET_STEPS
     }
 
     /// Returns when work is due although the flight rests, such as a finer image or the end of a message.
-    pub fn next(&self) -> Option<Instant> {
+    pub(crate) fn next(&self) -> Option<Instant> {
         let message = self.message.as_ref().map(|m| m.1);
         let attention = self.attention.then_some(self.start);
         let finer = self.view_renderer.is_refining(&self.flight).then_some(self.start);
@@ -266,7 +266,7 @@ impl FlightController {
     }
 
     /// Applies `change` to the held keys and sends the resulting push and turn.
-    pub fn steer(&mut self, change: impl FnOnce(&mut HeldKeys) -> bool, now: Instant) {
+    pub(crate) fn steer(&mut self, change: impl FnOnce(&mut HeldKeys) -> bool, now: Instant) {
         if !change(&mut self.held) {
             return;
         }
@@ -281,7 +281,7 @@ impl FlightController {
     }
 
     /// Executes a panel's request to the flight.
-    pub fn follow(&mut self, request: FlightInput, at: ActionContext) {
+    pub(crate) fn follow(&mut self, request: FlightInput, at: ActionContext) {
         match request {
             FlightInput::Look([right, down]) => self.drag((right, down), at.window),
             FlightInput::Roll(right) => self.roll(right, at.window),
@@ -298,7 +298,7 @@ impl FlightController {
     }
 
     /// Turns the view by a mouse drag, in pixels to the right and downwards, in a window of the given size.
-    pub fn drag(&mut self, (right, down): (f64, f64), window: (usize, usize)) {
+    pub(crate) fn drag(&mut self, (right, down): (f64, f64), window: (usize, usize)) {
         let fov = self.flight.camera::<Picture>().map_or(90.0, |p| p.fov_degrees);
         let degrees = fov / window.0.min(window.1).max(1) as f64;
         self.look[0] += right * degrees;
@@ -308,13 +308,13 @@ impl FlightController {
 
     /// Rolls the view by a mouse drag, in pixels to the right, in a window of the given size. A drag over its shorter side is
     /// half a turn.
-    pub fn roll(&mut self, right: f64, window: (usize, usize)) {
+    pub(crate) fn roll(&mut self, right: f64, window: (usize, usize)) {
         self.roll += right * 180.0 / window.0.min(window.1).max(1) as f64;
         self.quiet = 0;
     }
 
     /// Narrows the view angle by a number of notches before the next step. Negative notches widen it.
-    pub fn zoom(&mut self, notches: f64) {
+    pub(crate) fn zoom(&mut self, notches: f64) {
         self.zoom += notches;
         self.quiet = 0;
     }
@@ -329,7 +329,7 @@ impl FlightController {
     }
 
     /// Changes the speed by a number of notches before the next step.
-    pub fn change_speed_by(&mut self, notches: f64) {
+    pub(crate) fn change_speed_by(&mut self, notches: f64) {
         self.notches += notches;
         self.quiet = 0;
     }
@@ -347,7 +347,7 @@ impl FlightController {
 
     /// Performs an action, or reports why it is not possible. Held keys are handled by [`FlightController::steer`], and requests
     /// to the window by the window.
-    pub fn perform(&mut self, action: &Action, at: ActionContext) {
+    pub(crate) fn perform(&mut self, action: &Action, at: ActionContext) {
         if let Err(why) = (action.possible)(self) {
             self.say(format!("{}: not while {why}", action.text), at.now);
             return;
@@ -363,7 +363,7 @@ impl FlightController {
     }
 
     /// Pauses or resumes the flight.
-    pub fn switch_pause(&mut self, at: ActionContext) {
+    pub(crate) fn switch_pause(&mut self, at: ActionContext) {
         let paused = !self.hand().paused;
         if !paused {
             self.slices.follow();
@@ -372,7 +372,7 @@ impl FlightController {
     }
 
     /// Switches to manual control, or back to the last guide.
-    pub fn switch_guide(&mut self, at: ActionContext) {
+    pub(crate) fn switch_guide(&mut self, at: ActionContext) {
         let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
         let next = if self.is_by_hand() { Some(self.last_guide) } else { by_hand };
         if let Some(next) = next {
@@ -381,24 +381,24 @@ impl FlightController {
     }
 
     /// Resets the view angle to its initial value.
-    pub fn usual_angle(&mut self, at: ActionContext) {
+    pub(crate) fn usual_angle(&mut self, at: ActionContext) {
         self.change_angle(self.flight.scene().image.fov_degrees, at.now);
     }
 
     /// Turns round and flies back.
-    pub fn reverse(&mut self, at: ActionContext) {
+    pub(crate) fn reverse(&mut self, at: ActionContext) {
         if self.act(FlightCommand::Reverse, at.now) {
             self.say("flying back", at.now);
         }
     }
 
     /// Restarts from the other end.
-    pub fn other_end(&mut self, at: ActionContext) {
+    pub(crate) fn other_end(&mut self, at: ActionContext) {
         self.act(FlightCommand::OtherEnd, at.now);
     }
 
     /// Saves the image.
-    pub fn take_screenshot(&mut self, at: ActionContext) {
+    pub(crate) fn take_screenshot(&mut self, at: ActionContext) {
         if at.window.0 == 0 || at.window.1 == 0 {
             self.say("the flight is not shown", at.now);
             return;
@@ -408,7 +408,7 @@ impl FlightController {
     }
 
     /// Shows or hides the list of keys.
-    pub fn switch_help(&mut self, _: ActionContext) {
+    pub(crate) fn switch_help(&mut self, _: ActionContext) {
         self.help = !self.help;
     }
 
@@ -455,7 +455,7 @@ impl FlightController {
     }
 
     /// Jumps to a share of the path, 0 to 1.
-    pub fn seek(&mut self, share: f64, now: Instant) {
+    pub(crate) fn seek(&mut self, share: f64, now: Instant) {
         self.quiet = 0;
         self.travel = None;
         match self.flight.act(FlightCommand::Seek(share)) {
@@ -466,21 +466,21 @@ impl FlightController {
     }
 
     /// Switches between high and low detail.
-    pub fn switch_detail(&mut self, ActionContext { now, .. }: ActionContext) {
+    pub(crate) fn switch_detail(&mut self, ActionContext { now, .. }: ActionContext) {
         if let Some(quality) = self.view_renderer.switch_detail(&mut self.flight) {
             self.say(format!("detail: {}", detail(quality)), now);
         }
     }
 
     /// Switches between the endoscope's light and the headlight.
-    pub fn switch_light(&mut self, ActionContext { now, .. }: ActionContext) {
+    pub(crate) fn switch_light(&mut self, ActionContext { now, .. }: ActionContext) {
         if let Some(light) = self.view_renderer.switch_light(&mut self.flight) {
             self.say(format!("light: {}", light.name()), now);
         }
     }
 
     /// Flies the next segment that is not yet flown. If there is none, flies the next segment of all.
-    pub fn next_segment(&mut self, ActionContext { now, .. }: ActionContext) {
+    pub(crate) fn next_segment(&mut self, ActionContext { now, .. }: ActionContext) {
         let count = self.flight.lumen().segments.len();
         // The next segment that is not yet flown, otherwise the next of all.
         let here = self.flight.plan().segment.map_or(0, |n| n + 1);
@@ -512,7 +512,7 @@ impl FlightController {
     }
 
     /// Saves the screenshots that are still being rendered, at the end.
-    pub fn save_the_rest(&mut self) {
+    pub(crate) fn save_the_rest(&mut self) {
         for traced in self.view_renderer.all_to_save() {
             self.save(&traced, Instant::now());
         }
@@ -522,7 +522,7 @@ impl FlightController {
     ///
     /// # Errors
     /// Returns an error if a replayed command requests something that does not exist.
-    pub fn advance(&mut self, now: Instant) -> Result<()> {
+    pub(crate) fn advance(&mut self, now: Instant) -> Result<()> {
         self.take_planned(now);
         for note in self.flight.take_notes() {
             self.say(note, now);
@@ -577,7 +577,7 @@ impl FlightController {
     ///
     /// # Errors
     /// Returns status 1 if an image cannot be rendered, which is an internal error.
-    pub fn prepare(
+    pub(crate) fn prepare(
         &mut self,
         window: (usize, usize),
         slices: &[(Orientation, [usize; 2])],
@@ -598,7 +598,7 @@ impl FlightController {
     }
 
     /// Returns the state of the flight for display.
-    pub fn hud(&mut self, now: Instant) -> HudState {
+    pub(crate) fn hud(&mut self, now: Instant) -> HudState {
         if self.message.as_ref().is_some_and(|m| now >= m.1) {
             self.message = None;
         }
@@ -668,4 +668,4 @@ fn recordable(x: f64) -> f64 {
 
 #[cfg(test)]
 #[path = "controller_tests.rs"]
-pub mod tests;
+pub(crate) mod tests;

@@ -19,7 +19,7 @@ const WINDOW: (usize, usize) = (96, 72);
 const FRAME: Duration = Duration::from_millis(20);
 
 /// A flight along y through a square tube of 20 mm.
-pub fn flight(guide: &'static str) -> FlightApp {
+pub(crate) fn flight(guide: &'static str) -> FlightApp {
     flight_from(guide, DVec3::new(16.0, 8.0, 16.0))
 }
 
@@ -49,7 +49,7 @@ fn flight_with(guide: &'static str, other_end: DVec3, change: impl FnOnce(&mut S
 }
 
 /// The controller of such a flight.
-pub fn controller(guide: &'static str) -> FlightController {
+pub(crate) fn controller(guide: &'static str) -> FlightController {
     cockpit_of(flight(guide), 0.0, Vec::new())
 }
 

@@ -9,7 +9,7 @@ const COUNTS: f64 = 0.382_683_432_365_089_8;
 
 /// Returns the letters of a world direction (LPS): `L`eft and `R`ight, `P`osterior and `A`nterior, `S`uperior and `I`nferior of
 /// the patient. The largest component comes first, as on radiological images.
-pub fn letters(direction: DVec3) -> String {
+pub(crate) fn letters(direction: DVec3) -> String {
     let mut parts: Vec<(f64, char)> = [(direction.x, 'L', 'R'), (direction.y, 'P', 'A'), (direction.z, 'S', 'I')]
         .into_iter()
         .map(|(c, plus, minus)| (c.abs(), if c > 0.0 { plus } else { minus }))
@@ -21,7 +21,7 @@ pub fn letters(direction: DVec3) -> String {
 
 /// The patient's directions at the edges of a view.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Directions {
+pub(crate) struct Directions {
     /// At the left edge.
     pub left: String,
     /// At the right edge.
@@ -36,7 +36,7 @@ pub struct Directions {
 
 impl Directions {
     /// Returns the directions for a view from `attitude`, world.
-    pub fn of(attitude: &Attitude) -> Self {
+    pub(crate) fn of(attitude: &Attitude) -> Self {
         let right = attitude.right();
         Self {
             left: letters(-right),

@@ -10,14 +10,14 @@ use crate::progress::Progress;
 use crate::schedule::GuideEntry;
 
 /// Fields that are being built.
-pub struct FieldJob {
+pub(crate) struct FieldJob {
     guide: &'static str,
     job: Job<Fields>,
 }
 
 impl FieldJob {
     /// Starts to build what `guide` needs for the current flight; `None` if nothing is missing.
-    pub fn begin(flight: &FlightApp, guide: &GuideEntry) -> Option<Result<Self>> {
+    pub(crate) fn begin(flight: &FlightApp, guide: &GuideEntry) -> Option<Result<Self>> {
         let (wanted, guide) = (guide.needs, guide.name);
         let mut fields = flight.fields().clone();
         if fields.has(wanted, flight.plan()) || flight.scene().play().is_some() {
@@ -34,7 +34,7 @@ impl FieldJob {
     }
 
     /// Returns the fields and the guide that they are for, once they are built.
-    pub fn take(&mut self) -> Option<(&'static str, Result<Fields>)> {
+    pub(crate) fn take(&mut self) -> Option<(&'static str, Result<Fields>)> {
         Some((self.guide, self.job.take()?))
     }
 }

@@ -15,7 +15,7 @@ const READ_EVERY: Duration = Duration::from_millis(250);
 
 /// The displayed figures of a flight.
 #[derive(Clone, Debug)]
-pub struct Figures {
+pub(crate) struct Figures {
     since: Instant,
     /// Number of images counted already.
     counted: usize,
@@ -27,28 +27,28 @@ pub struct Figures {
 
 impl Figures {
     /// Creates figures without values.
-    pub fn new(now: Instant) -> Self {
+    pub(crate) fn new(now: Instant) -> Self {
         Self { since: now, counted: 0, lines: vec![String::new(); 4], per_mille: 0, stale: true }
     }
 
     /// Marks the figures as changed.
-    pub fn touch(&mut self) {
+    pub(crate) fn touch(&mut self) {
         self.stale = true;
     }
 
     /// Returns when they should be read again; `None` if nothing has changed.
-    pub fn next(&self) -> Option<Instant> {
+    pub(crate) fn next(&self) -> Option<Instant> {
         self.stale.then_some(self.since + READ_EVERY)
     }
 
     /// Returns the position along the path when the figures were read, per mille. It changes as rarely as they do, since each
     /// change is painted.
-    pub fn per_mille(&self) -> u32 {
+    pub(crate) fn per_mille(&self) -> u32 {
         self.per_mille
     }
 
     /// Returns the figures, one per line. Updates them if it is time.
-    pub fn read(&mut self, flight: &FlightApp, view_renderer: &ViewRenderer, now: Instant) -> &[String] {
+    pub(crate) fn read(&mut self, flight: &FlightApp, view_renderer: &ViewRenderer, now: Instant) -> &[String] {
         self.stale |= view_renderer.frames().len() > self.counted;
         let elapsed = now.saturating_duration_since(self.since);
         if !self.stale || (elapsed < READ_EVERY && !self.lines[0].is_empty()) {
@@ -88,12 +88,12 @@ impl Figures {
 }
 
 /// Formats a view angle: "74.4°".
-pub fn angle(degrees: f64) -> String {
+pub(crate) fn angle(degrees: f64) -> String {
     format!("{}°", (degrees * 10.0).round() / 10.0)
 }
 
 /// Returns the name of a level of detail.
-pub fn detail(quality: Quality) -> &'static str {
+pub(crate) fn detail(quality: Quality) -> &'static str {
     match quality {
         Quality::High => "high",
         Quality::Low => "low",

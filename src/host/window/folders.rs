@@ -13,7 +13,7 @@ const MOST_BYTES: u64 = 1 << 20;
 
 /// Purpose of a folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Folder {
+pub(crate) enum Folder {
     /// Files that the user has written.
     Configuration,
     /// State that the program remembers.
@@ -22,7 +22,7 @@ pub enum Folder {
 
 impl Folder {
     /// Returns the path of a colvis file in it; `None` on a system that defines no such folder.
-    pub fn file(self, name: impl AsRef<Path>) -> Option<PathBuf> {
+    pub(crate) fn file(self, name: impl AsRef<Path>) -> Option<PathBuf> {
         self.of(|name| std::env::var_os(name).map(PathBuf::from)).map(|f| f.join("colvis").join(name))
     }
 
@@ -45,7 +45,7 @@ impl Folder {
 ///
 /// # Errors
 /// Returns status 3 if it cannot be read, or is larger than the program's files can be.
-pub fn read(path: &Path, hint: &str) -> Result<Option<Vec<u8>>> {
+pub(crate) fn read(path: &Path, hint: &str) -> Result<Option<Vec<u8>>> {
     let bad = |why: String| Error::file(path, why, hint);
     match std::fs::metadata(path) {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
@@ -58,7 +58,7 @@ pub fn read(path: &Path, hint: &str) -> Result<Option<Vec<u8>>> {
 }
 
 /// Data stored as JSON.
-pub trait Kept: Serialize + DeserializeOwned {
+pub(crate) trait Kept: Serialize + DeserializeOwned {
     /// The current version of the format.
     const VERSION: u32;
 
@@ -70,7 +70,7 @@ pub trait Kept: Serialize + DeserializeOwned {
 ///
 /// # Errors
 /// Returns status 3 if it cannot be read, is damaged or has another version.
-pub fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
+pub(crate) fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
     let Some(bytes) = read(path, hint)? else { return Ok(None) };
     let bad = |why: String| Error::file(path, why, hint);
     let kept: T = serde_json::from_slice(&bytes).map_err(|e| bad(e.to_string()))?;
@@ -85,7 +85,7 @@ pub fn read_kept<T: Kept>(path: &Path, hint: &str) -> Result<Option<T>> {
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written. An existing file stays unchanged.
-pub fn keep<T: Kept>(path: &Path, kept: &T) -> Result<()> {
+pub(crate) fn keep<T: Kept>(path: &Path, kept: &T) -> Result<()> {
     if let Some(folder) = path.parent() {
         output::make_folder(folder)?;
     }

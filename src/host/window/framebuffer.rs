@@ -19,7 +19,7 @@ use crate::render::Frame;
 use crate::systems::present::Presenter;
 
 /// A window's pixels.
-pub struct Framebuffer {
+pub(crate) struct Framebuffer {
     screen: Screen,
     painter: Painter,
     /// Position of the next picture to be presented, and the time since when it is awaited; `None` while nothing has to be shown.
@@ -31,7 +31,7 @@ pub struct Framebuffer {
 
 /// Positions of pictures in the window: their upper left corners, pixels.
 #[derive(Clone, Debug, Default)]
-pub struct Places {
+pub(crate) struct Places {
     /// Position of the flight's picture; `None` if it is not shown.
     pub flight: Option<(usize, usize)>,
     /// Positions of the slices.
@@ -40,7 +40,7 @@ pub struct Places {
 
 /// Result of a presentation.
 #[derive(Clone, Copy, Debug)]
-pub struct PresentResult {
+pub(crate) struct PresentResult {
     /// True if the latest layout is over the picture. Otherwise it follows with one of the next pictures.
     pub settled: bool,
     /// From the finished picture to the presented one, ms.
@@ -54,7 +54,7 @@ impl Framebuffer {
     ///
     /// # Errors
     /// Returns status 1 if the system cannot open one.
-    pub fn open(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Self> {
+    pub(crate) fn open(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Self> {
         Ok(Self {
             screen: Screen::open(events, attributes)?,
             painter: Painter::new()?,
@@ -65,18 +65,18 @@ impl Framebuffer {
     }
 
     /// Removes the slices, which belong to a closed scan.
-    pub fn forget_slices(&mut self) {
+    pub(crate) fn forget_slices(&mut self) {
         self.slices.clear();
     }
 
     /// Returns the window.
-    pub fn window(&self) -> Rc<Window> {
+    pub(crate) fn window(&self) -> Rc<Window> {
         Rc::clone(&self.screen.window)
     }
 
     /// Sets the layout over the next presented picture. Pass every layout, in order, to this method or to
     /// [`Framebuffer::show_alone`].
-    pub fn prepare(&mut self, layout: &Arc<Layout>, places: Places) {
+    pub(crate) fn prepare(&mut self, layout: &Arc<Layout>, places: Places) {
         self.painter.prepare(layout);
         self.slices.retain(|s| places.slices.iter().any(|p| p.0 == s.0));
         self.next = Some((places, Instant::now()));
@@ -86,13 +86,13 @@ impl Framebuffer {
     ///
     /// # Errors
     /// Returns status 1 if the window system refuses.
-    pub fn show_alone(&mut self, layout: &Arc<Layout>) -> Result<PresentResult> {
+    pub(crate) fn show_alone(&mut self, layout: &Arc<Layout>) -> Result<PresentResult> {
         self.painter.prepare(layout);
         self.show(&[])
     }
 
     /// Takes the result of the last presentation; `None` if there was none.
-    pub fn take_presented(&mut self) -> Option<Result<PresentResult>> {
+    pub(crate) fn take_presented(&mut self) -> Option<Result<PresentResult>> {
         self.presented.take()
     }
 

@@ -11,7 +11,7 @@ use egui::{ClippedPrimitive, Context, PlatformOutput, Pos2, RawInput, Rect, Text
 
 /// Size of a window in pixels, with the system's scale factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WindowSize {
+pub(crate) struct WindowSize {
     /// Width and height.
     pub pixels: (usize, usize),
     /// Pixels per point.
@@ -26,18 +26,18 @@ impl WindowSize {
     }
 
     /// Returns the pixels per point of the interface.
-    pub fn pixels_a_point(self) -> f32 {
+    pub(crate) fn pixels_a_point(self) -> f32 {
         self.scale * self.zoom()
     }
 
     /// Returns the window's area in points of the interface.
-    pub fn area(self) -> Rect {
+    pub(crate) fn area(self) -> Rect {
         let (width, height) = self.pixels;
         Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / self.pixels_a_point())
     }
 
     /// Converts a rectangle of the interface to pixels: left, top, width, height.
-    pub fn in_pixels(self, at: Rect) -> [usize; 4] {
+    pub(crate) fn in_pixels(self, at: Rect) -> [usize; 4] {
         let edge = |x: f32, most: usize| ((x * self.pixels_a_point()).round().max(0.0) as usize).min(most);
         let (width, height) = self.pixels;
         let [left, right] = [at.min.x, at.max.x].map(|x| edge(x, width));
@@ -48,7 +48,7 @@ impl WindowSize {
 
 /// A layout, ready to be rasterised.
 #[derive(Clone)]
-pub struct Layout {
+pub(crate) struct Layout {
     /// Changes with each layout that looks different.
     pub serial: u64,
     /// The size of its window.
@@ -66,12 +66,12 @@ pub struct Layout {
 
 impl Layout {
     /// True if this layout may be shown instead of `newer` until that one is ready.
-    pub fn may_stand_in_for(&self, newer: &Self) -> bool {
+    pub(crate) fn may_stand_in_for(&self, newer: &Self) -> bool {
         self.size == newer.size && !self.pictures.is_empty() && self.pictures == newer.pictures
     }
 
     /// Returns its triangles.
-    pub fn tessellate(&self) -> Vec<ClippedPrimitive> {
+    pub(crate) fn tessellate(&self) -> Vec<ClippedPrimitive> {
         // egui's own function would prevent the event loop from laying out the next one meanwhile.
         let scale = self.size.pixels_a_point();
         let mut all = Tessellator::new(scale, self.tessellation, self.font_texture, Vec::new())
@@ -82,7 +82,7 @@ impl Layout {
 }
 
 /// Computes layouts.
-pub struct Interface {
+pub(crate) struct Interface {
     egui: Context,
     layout: Option<Arc<Layout>>,
     /// When it needs another layout, for example for a tooltip.
@@ -97,7 +97,7 @@ impl Default for Interface {
 
 impl Interface {
     /// Creates an interface without a layout.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let egui = Context::default();
         egui.set_theme(egui::Theme::Dark);
         egui.options_mut(|o| {
@@ -118,17 +118,17 @@ impl Interface {
     }
 
     /// Returns egui's state.
-    pub fn egui(&self) -> &Context {
+    pub(crate) fn egui(&self) -> &Context {
         &self.egui
     }
 
     /// Returns the last layout.
-    pub fn layout(&self) -> Option<&Arc<Layout>> {
+    pub(crate) fn layout(&self) -> Option<&Arc<Layout>> {
         self.layout.as_ref()
     }
 
     /// Returns when to lay out again even without events.
-    pub fn next(&self) -> Option<Instant> {
+    pub(crate) fn next(&self) -> Option<Instant> {
         self.next
     }
 
@@ -136,7 +136,7 @@ impl Interface {
     /// below it.
     ///
     /// A window without pixels has no layout.
-    pub fn lay_out(
+    pub(crate) fn lay_out(
         &mut self,
         mut input: RawInput,
         size: WindowSize,

@@ -11,7 +11,7 @@ use crate::panics;
 use crate::progress::Progress;
 
 /// A job whose result has not been taken yet. Dropping it cancels the work.
-pub struct Job<T> {
+pub(crate) struct Job<T> {
     name: &'static str,
     progress: Arc<Progress>,
     /// `None` after the result was taken.
@@ -24,7 +24,7 @@ impl<T: Send + 'static> Job<T> {
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start a thread.
-    pub fn start(
+    pub(crate) fn start(
         name: &'static str,
         progress: &Arc<Progress>,
         work: impl FnOnce(&Arc<Progress>) -> Result<T> + Send + 'static,
@@ -37,7 +37,7 @@ impl<T: Send + 'static> Job<T> {
     }
 
     /// Same as [`Job::start`], in a thread pool.
-    pub fn start_in(
+    pub(crate) fn start_in(
         pool: &ThreadPool,
         name: &'static str,
         progress: &Arc<Progress>,
@@ -70,7 +70,7 @@ impl<T: Send + 'static> Job<T> {
     }
 
     /// Returns the progress of the job.
-    pub fn progress(&self) -> &Progress {
+    pub(crate) fn progress(&self) -> &Progress {
         &self.progress
     }
 
@@ -78,7 +78,7 @@ impl<T: Send + 'static> Job<T> {
     ///
     /// # Errors
     /// Returns the error of the work, or status 1 if it panicked.
-    pub fn take(&mut self) -> Option<Result<T>> {
+    pub(crate) fn take(&mut self) -> Option<Result<T>> {
         let result = match self.result.as_ref()?.try_recv() {
             Ok(result) => result,
             Err(TryRecvError::Empty) => return None,
@@ -92,7 +92,7 @@ impl<T: Send + 'static> Job<T> {
     ///
     /// # Errors
     /// Returns the errors of [`Job::take`].
-    pub fn wait(mut self) -> Result<T> {
+    pub(crate) fn wait(mut self) -> Result<T> {
         self.result.take().and_then(|result| result.recv().ok()).unwrap_or_else(|| Err(self.lost()))
     }
 

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 
 /// A key with or without Ctrl (on a Mac also Command). Letters stand for both of their cases.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Chord {
+pub(crate) struct Chord {
     control: bool,
     /// A lower-case character, or a name of [`NAMES`].
     key: String,
@@ -42,19 +42,19 @@ const NAMES: [(&str, NamedKey); 21] = [
 
 impl Chord {
     /// Returns the key of a character, without Ctrl.
-    pub fn character(key: char) -> Self {
+    pub(crate) fn character(key: char) -> Self {
         let key = if key == ' ' { "Space".to_owned() } else { key.to_lowercase().to_string() };
         Self { control: false, key }
     }
 
     /// Returns the same key without Ctrl.
     #[must_use]
-    pub fn plain(&self) -> Self {
+    pub(crate) fn plain(&self) -> Self {
         Self { control: false, key: self.key.clone() }
     }
 
     /// Converts a key of the window system; `None` for keys that no action can have.
-    pub fn of(key: &Key, control: bool) -> Option<Self> {
+    pub(crate) fn of(key: &Key, control: bool) -> Option<Self> {
         let key = match key {
             Key::Named(named) => NAMES.iter().find(|n| n.1 == *named)?.0.to_owned(),
             Key::Character(text) if text.as_str() == " " => "Space".to_owned(),
@@ -93,7 +93,7 @@ impl fmt::Display for Chord {
 
 /// The motion that a held key causes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Hold {
+pub(crate) enum Hold {
     /// Moves along the view.
     Forward,
     /// Moves against the view.
@@ -122,11 +122,11 @@ pub enum Hold {
 
 /// The keys that are currently held.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct HeldKeys(Vec<Hold>);
+pub(crate) struct HeldKeys(Vec<Hold>);
 
 impl HeldKeys {
     /// Presses a key. Returns true if it was not held before (a held key repeats).
-    pub fn press(&mut self, hold: Hold) -> bool {
+    pub(crate) fn press(&mut self, hold: Hold) -> bool {
         let new = !self.0.contains(&hold);
         if new {
             self.0.push(hold);
@@ -135,14 +135,14 @@ impl HeldKeys {
     }
 
     /// Releases a key. Returns true if it was held.
-    pub fn release(&mut self, hold: Hold) -> bool {
+    pub(crate) fn release(&mut self, hold: Hold) -> bool {
         let before = self.0.len();
         self.0.retain(|h| *h != hold);
         self.0.len() != before
     }
 
     /// Releases all keys. Returns true if any was held.
-    pub fn let_go(&mut self) -> bool {
+    pub(crate) fn let_go(&mut self) -> bool {
         let any = !self.0.is_empty();
         self.0.clear();
         any
@@ -153,12 +153,12 @@ impl HeldKeys {
     }
 
     /// Returns the push of the held keys: right, up, forward.
-    pub fn push(&self) -> [f64; 3] {
+    pub(crate) fn push(&self) -> [f64; 3] {
         [self.axis(Hold::Right, Hold::Left), self.axis(Hold::Up, Hold::Down), self.axis(Hold::Forward, Hold::Back)]
     }
 
     /// Returns the turn of the held keys: to the right, upwards, clockwise.
-    pub fn turn(&self) -> [f64; 3] {
+    pub(crate) fn turn(&self) -> [f64; 3] {
         [
             self.axis(Hold::TurnRight, Hold::TurnLeft),
             self.axis(Hold::TurnUp, Hold::TurnDown),

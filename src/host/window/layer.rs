@@ -10,7 +10,7 @@ use crate::render::Frame;
 const ROWS: usize = 32;
 
 /// A pixel in the format of the window's painter: blue, green and red, multiplied by alpha, then alpha.
-pub type Bgra = [u8; 4];
+pub(crate) type Bgra = [u8; 4];
 
 /// A horizontal run of pixels.
 #[derive(Clone, Debug)]
@@ -23,7 +23,7 @@ struct Run {
 
 /// The pixels of a layer that are not transparent.
 #[derive(Clone, Debug, Default)]
-pub struct Layer {
+pub(crate) struct Layer {
     /// Runs of each row.
     rows: Vec<Vec<Run>>,
     /// `0xAARRGGBB`, colours multiplied by alpha.
@@ -32,7 +32,7 @@ pub struct Layer {
 
 impl Layer {
     /// Extracts the pixels of a canvas that are not transparent. The canvas has `width` pixels per row.
-    pub fn of(canvas: &[Bgra], width: usize) -> Self {
+    pub(crate) fn of(canvas: &[Bgra], width: usize) -> Self {
         let mut layer = Self::default();
         for row in canvas.chunks_exact(width.max(1)) {
             let mut runs: Vec<Run> = Vec::new();
@@ -52,7 +52,7 @@ impl Layer {
     }
 
     /// Blends it over a picture.
-    pub fn cover_frame(&self, picture: &mut Frame) {
+    pub(crate) fn cover_frame(&self, picture: &mut Frame) {
         let width = picture.width().max(1);
         let rows = picture.buffers().0.chunks_exact_mut(width);
         for (pixels, runs) in rows.zip(&self.rows) {
@@ -95,7 +95,7 @@ fn blend(under: u32, over: u32) -> u32 {
 
 /// A picture placed in a window.
 #[derive(Clone, Copy)]
-pub struct Placed<'a> {
+pub(crate) struct Placed<'a> {
     /// Its upper left corner, pixels.
     pub at: (usize, usize),
     /// The picture.
@@ -111,7 +111,7 @@ impl Placed<'_> {
 }
 
 /// Fills `out`, `0x00RRGGBB` and `width` pixels per row, with the `pictures`, black around them, and blends the layer over them.
-pub fn compose(pictures: &[Placed<'_>], layer: &Layer, out: &mut [u32], width: usize) {
+pub(crate) fn compose(pictures: &[Placed<'_>], layer: &Layer, out: &mut [u32], width: usize) {
     if width == 0 {
         return;
     }

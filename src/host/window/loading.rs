@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 
 /// A flight that is ready to start.
-pub struct Ready {
+pub(crate) struct Ready {
     /// The flight.
     pub flight: FlightApp,
     /// The file of the scan's session; `None` on a system that defines no folder for it.
@@ -20,33 +20,37 @@ pub struct Ready {
 }
 
 /// Location of a scan's session.
-pub struct SessionFile(Option<PathBuf>);
+pub(crate) struct SessionFile(Option<PathBuf>);
 
 impl SessionFile {
     /// Determines the session file of `volume`. Call it with the scan as loaded, since the flight may use a copy whose fluid
     /// counts as free.
-    pub fn of(volume: &Volume) -> Self {
+    pub(crate) fn of(volume: &Volume) -> Self {
         Self(session::file(volume))
     }
 
     /// Combines the session file with the scan's flight.
-    pub fn ready(self, flight: FlightApp) -> Ready {
+    pub(crate) fn ready(self, flight: FlightApp) -> Ready {
         Ready { flight, session: self.0 }
     }
 }
 
 /// A function that creates a flight.
-pub type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<Ready> + Send>;
+pub(crate) type Prepare = Box<dyn FnOnce(&Arc<Progress>) -> Result<Ready> + Send>;
 
 /// A flight that is being prepared.
-pub struct Loading(Job<Ready>);
+pub(crate) struct Loading(Job<Ready>);
 
 impl Loading {
     /// Starts the preparation. `done` is called on the other thread when it is over, whether or not it succeeded.
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start a thread.
-    pub fn start(prepare: Prepare, progress: &Arc<Progress>, done: impl FnOnce() + Send + 'static) -> Result<Self> {
+    pub(crate) fn start(
+        prepare: Prepare,
+        progress: &Arc<Progress>,
+        done: impl FnOnce() + Send + 'static,
+    ) -> Result<Self> {
         Job::start("loading", progress, prepare, done).map(Self)
     }
 
@@ -54,18 +58,18 @@ impl Loading {
     ///
     /// # Errors
     /// Returns the error of the preparation, or status 1 if it panicked.
-    pub fn take(&mut self) -> Option<Result<Ready>> {
+    pub(crate) fn take(&mut self) -> Option<Result<Ready>> {
         self.0.take()
     }
 
     /// Waits for the result and returns it.
     #[cfg(test)]
-    pub fn finish(self) -> Result<Ready> {
+    pub(crate) fn finish(self) -> Result<Ready> {
         self.0.wait()
     }
 
     /// Returns what to show meanwhile.
-    pub fn content(&self) -> Content {
+    pub(crate) fn content(&self) -> Content {
         let (stage, done, total) = self.0.progress().snapshot();
         let share = (total > 0).then(|| (done.min(total) as f64 / total as f64 * 1000.0).round() / 1000.0);
         Content::Loading { stage, share }

@@ -19,7 +19,7 @@ const UNDONE: usize = 100;
 
 /// A distance between two points.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measure {
+pub(crate) struct Measure {
     /// World, mm.
     pub from: DVec3,
     /// World, mm.
@@ -28,12 +28,12 @@ pub struct Measure {
 
 impl Measure {
     /// Returns its length, mm.
-    pub fn mm(self) -> f64 {
+    pub(crate) fn mm(self) -> f64 {
         self.from.distance(self.to)
     }
 
     /// Returns its length as displayed.
-    pub fn text(self) -> String {
+    pub(crate) fn text(self) -> String {
         format!("{:.1} mm", self.mm())
     }
 }
@@ -57,7 +57,7 @@ impl folders::Kept for Kept {
 
 /// The measures of a scan.
 #[derive(Debug, Default)]
-pub struct Measures {
+pub(crate) struct Measures {
     list: Vec<Measure>,
     /// True if clicks measure.
     on: bool,
@@ -71,7 +71,7 @@ pub struct Measures {
 impl Measures {
     /// Reads the measures stored in a file, with the error if the file is invalid. In that case there are none and the file is
     /// not overwritten.
-    pub fn open(file: Option<PathBuf>) -> (Self, Option<Error>) {
+    pub(crate) fn open(file: Option<PathBuf>) -> (Self, Option<Error>) {
         let read = file.as_deref().map_or(Ok(Vec::new()), read);
         match read {
             Ok(list) => (Self { list, file, ..Self::default() }, None),
@@ -80,22 +80,22 @@ impl Measures {
     }
 
     /// Returns all measures, in the order in which they were made.
-    pub fn list(&self) -> &[Measure] {
+    pub(crate) fn list(&self) -> &[Measure] {
         &self.list
     }
 
     /// Returns the first clicked end, until the second one is clicked.
-    pub fn begun(&self) -> Option<DVec3> {
+    pub(crate) fn begun(&self) -> Option<DVec3> {
         self.begun
     }
 
     /// True if clicks measure.
-    pub fn is_on(&self) -> bool {
+    pub(crate) fn is_on(&self) -> bool {
         self.on
     }
 
     /// Switches measuring by clicks on or off. An incomplete measure is discarded.
-    pub fn switch(&mut self) {
+    pub(crate) fn switch(&mut self) {
         (self.on, self.begun) = (!self.on, None);
     }
 
@@ -103,7 +103,7 @@ impl Measures {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be stored. The measure exists nevertheless, and the existing file stays unchanged.
-    pub fn click(&mut self, at: DVec3) -> Result<Option<Measure>> {
+    pub(crate) fn click(&mut self, at: DVec3) -> Result<Option<Measure>> {
         let Some(from) = self.begun.take().filter(|_| at.is_finite()) else {
             self.begun = Some(at).filter(|a| a.is_finite());
             return Ok(None);
@@ -121,7 +121,7 @@ impl Measures {
     ///
     /// # Errors
     /// Returns the errors of [`Measures::click`].
-    pub fn delete(&mut self, number: usize) -> Result<()> {
+    pub(crate) fn delete(&mut self, number: usize) -> Result<()> {
         if number < self.list.len() {
             self.change(|list| {
                 list.remove(number);
@@ -134,7 +134,7 @@ impl Measures {
     ///
     /// # Errors
     /// Returns the errors of [`Measures::click`].
-    pub fn delete_last(&mut self) -> Result<()> {
+    pub(crate) fn delete_last(&mut self) -> Result<()> {
         self.delete(self.list.len().wrapping_sub(1))
     }
 
@@ -142,7 +142,7 @@ impl Measures {
     ///
     /// # Errors
     /// Returns the errors of [`Measures::click`].
-    pub fn undo(&mut self) -> Result<()> {
+    pub(crate) fn undo(&mut self) -> Result<()> {
         if self.begun.take().is_some() {
             return Ok(());
         }

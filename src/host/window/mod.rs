@@ -21,7 +21,7 @@ mod overlay;
 mod overlays;
 mod painter;
 pub mod panels;
-pub mod plane;
+pub(crate) mod plane;
 mod present_timer;
 mod recent;
 mod screen;
@@ -48,26 +48,26 @@ use crate::panics::catch_panic;
 use crate::progress::Progress;
 use crate::schedule::Guides;
 use actions::{Actions, KeySettings};
-pub use loading::{Prepare, Ready, SessionFile};
-pub use moving::{Interval, Moving, Side};
-pub use painter::{Marker, pixels_a_point};
+pub(crate) use loading::{Prepare, SessionFile};
+pub(crate) use moving::Moving;
+pub(crate) use painter::{Marker, pixels_a_point};
 use panels::PanelEntry;
-pub use present_timer::PresentMs;
+pub(crate) use present_timer::PresentMs;
 use settings::Settings;
 use shell::{Shell, Wake};
-pub use workspace::slices_of;
+pub(crate) use workspace::slices_of;
 
 /// Returns all default keys of the window with their descriptions, in the order of its help. The user's settings file is not
 /// applied.
 ///
 /// # Errors
 /// Returns status 2 if two actions share a key.
-pub fn key_help(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<Vec<(String, String)>> {
+pub(crate) fn key_help(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Result<Vec<(String, String)>> {
     Ok(Actions::new(guides, overlays, panels, &KeySettings::new())?.help())
 }
 
 /// Returns the path of the user's window settings, if the system defines a folder for them.
-pub fn settings_file() -> Option<PathBuf> {
+pub(crate) fn settings_file() -> Option<PathBuf> {
     settings::file()
 }
 
@@ -95,11 +95,11 @@ fn actions(guides: &Guides, overlays: &[Overlay], panels: &[PanelEntry]) -> Resu
 const INTERRUPT: Duration = Duration::from_millis(50);
 
 /// Called with a flight, the statistics of its images, and how they were shown.
-pub type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats], &Shown) -> Result<()>>;
+pub(crate) type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats], &Shown) -> Result<()>>;
 
 /// How a window showed its pictures, for the statistics. Parts that did not happen are omitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Shown {
+pub(crate) struct Shown {
     /// From the finished image to the presented one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub present_ms: Option<PresentMs>,
@@ -109,7 +109,7 @@ pub struct Shown {
 }
 
 /// A scan to open in a window.
-pub struct Opening {
+pub(crate) struct Opening {
     /// Path of the scan; `None` for the embedded phantom.
     pub input: Option<PathBuf>,
     /// Creates the flight. Called on another thread while the window shows the progress.
@@ -125,7 +125,7 @@ pub struct Opening {
 }
 
 /// Content and configuration of a window.
-pub struct Launch {
+pub(crate) struct Launch {
     /// The scan to open first.
     pub first: Opening,
     /// Opens another scan. The number selects a series in a folder that holds several.
@@ -144,7 +144,7 @@ pub struct Launch {
 
 /// State to restore from the last time that a scan was open.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Resume {
+pub(crate) enum Resume {
     /// Position, speed and guide.
     Everything,
     /// Position and speed: the guide was selected on the command line.
@@ -156,12 +156,12 @@ pub enum Resume {
 }
 
 /// A display on which a window can be opened.
-pub struct Display(EventLoop<Wake>);
+pub(crate) struct Display(EventLoop<Wake>);
 
 impl Display {
     /// Opens the display of this session; `None` if there is none or it cannot be used. Call it once, on the program's first
     /// thread.
-    pub fn open() -> Option<Self> {
+    pub(crate) fn open() -> Option<Self> {
         let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
         if cfg!(all(unix, not(target_os = "macos")))
             && !["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"].map(set).contains(&true)
@@ -179,7 +179,7 @@ impl Display {
 /// # Errors
 /// Returns the error of the preparation, the outputs or `finish`, and status 4 if interrupted or cancelled while loading. Outputs
 /// are complete in any case.
-pub fn run(display: Display, launch: Launch, progress: &Arc<Progress>) -> Result<()> {
+pub(crate) fn run(display: Display, launch: Launch, progress: &Arc<Progress>) -> Result<()> {
     let proxy = display.0.create_proxy();
     let (interrupted, wake) = (Arc::clone(progress), proxy.clone());
     // The event loop sleeps while nothing happens, so a separate thread checks. It ends with the program.

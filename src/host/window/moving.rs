@@ -10,7 +10,7 @@ const KEPT: usize = 216_000;
 
 /// Statistics of pictures of a moving camera in a window.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Moving {
+pub(crate) struct Moving {
     /// Number of pictures.
     pub pictures: usize,
     /// Side of the rendered picture relative to the window's.
@@ -21,7 +21,7 @@ pub struct Moving {
 
 /// Relative sides of pictures, 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Side {
+pub(crate) struct Side {
     /// Half of the pictures are at least this large.
     pub median: f64,
     /// 99 % of the pictures are at least this large.
@@ -30,7 +30,7 @@ pub struct Side {
 
 /// Times between pictures, ms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Interval {
+pub(crate) struct Interval {
     /// Half of the intervals are at most this long.
     pub median: f64,
     /// 99 % of the intervals are at most this long.
@@ -39,7 +39,7 @@ pub struct Interval {
 
 /// Collects the samples.
 #[derive(Clone, Debug, Default)]
-pub struct MovingPictures {
+pub(crate) struct MovingPictures {
     sides: VecDeque<f32>,
     intervals: VecDeque<f32>,
     last: Option<Instant>,
@@ -47,7 +47,7 @@ pub struct MovingPictures {
 
 impl MovingPictures {
     /// Adds a finished picture with its relative side.
-    pub fn took(&mut self, side: f64, now: Instant) {
+    pub(crate) fn took(&mut self, side: f64, now: Instant) {
         let keep = |all: &mut VecDeque<f32>, value: f64| {
             if all.len() == KEPT {
                 all.pop_front();
@@ -61,12 +61,12 @@ impl MovingPictures {
     }
 
     /// Interrupts the intervals: the time at rest is not one.
-    pub fn rest(&mut self) {
+    pub(crate) fn rest(&mut self) {
         self.last = None;
     }
 
     /// Returns the statistics; `None` if there was no interval.
-    pub fn summary(&self) -> Option<Moving> {
+    pub(crate) fn summary(&self) -> Option<Moving> {
         let sorted = |all: &VecDeque<f32>| {
             let mut sorted: Vec<f32> = all.iter().copied().collect();
             sorted.sort_by(f32::total_cmp);

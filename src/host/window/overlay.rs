@@ -8,22 +8,22 @@ use crate::app::overlay::{Align, Colour, Mark, Place2};
 /// A short line of help, always shown.
 const SHORT_HELP: &str = "H keys   Space pause   W A S D steer   drag to look   R turn round   Q quit";
 /// Always shown.
-pub const DISCLAIMER: &str = "Research software. Not for diagnosis.";
+pub(crate) const DISCLAIMER: &str = "Research software. Not for diagnosis.";
 const MARGIN: f32 = 10.0;
 /// Size of text, points.
-pub const TEXT: f32 = 14.0;
+pub(crate) const TEXT: f32 = 14.0;
 const LABEL: f32 = 20.0;
 /// Colour of text.
-pub const INK: Color32 = Color32::from_rgb(240, 240, 240);
+pub(crate) const INK: Color32 = Color32::from_rgb(240, 240, 240);
 /// Colour of secondary text.
-pub const SOFT: Color32 = Color32::from_rgb(190, 196, 204);
+pub(crate) const SOFT: Color32 = Color32::from_rgb(190, 196, 204);
 /// Colour of highlights.
-pub const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
+pub(crate) const ACCENT: Color32 = Color32::from_rgb(96, 190, 255);
 const BACKING: Color32 = Color32::from_black_alpha(165);
 
 /// The urgency of a state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Severity {
+pub(crate) enum Severity {
     /// The flight runs automatically.
     #[default]
     Normal,
@@ -35,7 +35,7 @@ pub enum Severity {
 
 impl Severity {
     /// Returns its colour.
-    pub fn colour(self) -> Color32 {
+    pub(crate) fn colour(self) -> Color32 {
         match self {
             Self::Normal => Color32::from_rgb(120, 220, 140),
             Self::Notice => Color32::from_rgb(255, 214, 102),
@@ -46,7 +46,7 @@ impl Severity {
 
 /// Content of a window.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Content {
+pub(crate) enum Content {
     /// The scan is being read.
     Loading {
         /// The current stage.
@@ -65,7 +65,7 @@ pub enum Content {
 
 /// The state of a flight for display.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct HudState {
+pub(crate) struct HudState {
     /// The state of the flight in words.
     pub state: String,
     /// Urgency of the state.
@@ -97,7 +97,7 @@ fn track(area: Rect) -> Rect {
 }
 
 /// Returns the share of the path, 0 to 1, for a point on its bar; `None` off the bar.
-pub fn on_bar(area: Rect, at: Pos2) -> Option<f64> {
+pub(crate) fn on_bar(area: Rect, at: Pos2) -> Option<f64> {
     let track = track(area);
     // The bar is thin, so a click may be slightly off.
     track.expand(5.0).contains(at).then(|| f64::from(((at.x - track.min.x) / track.width()).clamp(0.0, 1.0)))
@@ -108,7 +108,7 @@ fn font(size: f32) -> FontId {
 }
 
 /// Draws text and returns its rectangle.
-pub fn text(p: &Painter, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) -> Rect {
+pub(crate) fn text(p: &Painter, at: Pos2, align: Align2, text: &str, size: f32, colour: Color32) -> Rect {
     p.text(at, align, text, font(size), colour)
 }
 
@@ -137,7 +137,7 @@ fn lines(p: &Painter, at: Pos2, align: Align2, wrap: f32, list: &[(&str, f32, Co
 }
 
 /// Draws the progress of loading over an area given in points.
-pub fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
+pub(crate) fn loading(p: &Painter, area: Rect, stage: &str, share: Option<f64>) {
     let centre = area.center();
     let stage = if stage.is_empty() { "starting" } else { stage };
     let percent = share.map_or_else(String::new, |s| format!("   {:.0} %", s * 100.0));
@@ -187,7 +187,7 @@ fn sanitized(mark: &Mark) -> Option<Mark> {
 }
 
 /// Draws the marks of overlays, given in pixels of a picture that covers an area given in points.
-pub fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
+pub(crate) fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
     let scale = p.ctx().pixels_per_point();
     let at = |[x, y]: Place2| area.min + vec2(x, y) / scale;
     let ink = |[r, g, b]: Colour| Color32::from_rgb(r, g, b);
@@ -220,7 +220,7 @@ pub fn marks(p: &Painter, area: Rect, marks: &[Mark]) {
 }
 
 /// Draws the state of a flight over its picture, in an area given in points.
-pub fn flight(p: &Painter, area: Rect, r: &HudState) {
+pub(crate) fn flight(p: &Painter, area: Rect, r: &HudState) {
     marks(p, area, &r.marks_drawn);
     let inner = area.shrink(MARGIN);
     // A small window shows the bar and the directions first, and omits large parts.
@@ -286,7 +286,7 @@ pub fn flight(p: &Painter, area: Rect, r: &HudState) {
 }
 
 /// Draws the letters of a direction.
-pub fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
+pub(crate) fn label(p: &Painter, at: Pos2, align: Align2, name: &str) {
     if name.is_empty() {
         return;
     }

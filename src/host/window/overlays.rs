@@ -10,20 +10,20 @@ const FOOT: f32 = 80.0;
 
 /// Overlays and their visibility.
 #[derive(Clone, Debug, Default)]
-pub struct Overlays {
+pub(crate) struct Overlays {
     all: Vec<Overlay>,
     shown: Vec<bool>,
 }
 
 impl Overlays {
     /// Creates the list with the initial visibility of each overlay.
-    pub fn new(all: Vec<Overlay>) -> Self {
+    pub(crate) fn new(all: Vec<Overlay>) -> Self {
         let shown = all.iter().map(|o| o.shown).collect();
         Self { all, shown }
     }
 
     /// Shows or hides an overlay by its number.
-    pub fn switch(&mut self, number: usize) {
+    pub(crate) fn switch(&mut self, number: usize) {
         if let Some(shown) = self.shown.get_mut(number) {
             *shown = !*shown;
         }
@@ -31,7 +31,7 @@ impl Overlays {
 
     /// Returns the marks of the visible overlays, on a screen of `scale` pixels per point. Does nothing if none is visible. An
     /// overlay that panics is hidden, and its error returned.
-    pub fn draw(&mut self, flight: &FlightApp, scale: f32) -> (Vec<Mark>, Option<Error>) {
+    pub(crate) fn draw(&mut self, flight: &FlightApp, scale: f32) -> (Vec<Mark>, Option<Error>) {
         let Some(view) = flight.view().filter(|_| self.shown.contains(&true)) else { return (Vec::new(), None) };
         let mut canvas = Canvas::at_scale(view, scale).with_foot(FOOT);
         let mut fault = None;

@@ -24,7 +24,7 @@ struct Request {
 }
 
 /// Composes pictures.
-pub struct Painter {
+pub(crate) struct Painter {
     requests: Sender<Request>,
     done: Receiver<(Arc<Layout>, Layer)>,
     /// The layout that should be shown.
@@ -47,7 +47,7 @@ impl Painter {
     ///
     /// # Errors
     /// Returns an error if the system cannot start a thread.
-    pub fn new() -> Result<Self> {
+    pub(crate) fn new() -> Result<Self> {
         let (requests, todo) = channel::<Request>();
         let (finished, done) = channel();
         let work = move || {
@@ -66,7 +66,7 @@ impl Painter {
     }
 
     /// Sets the layout over the next picture. Pass every layout, in order, even if it is never painted.
-    pub fn prepare(&mut self, layout: &Arc<Layout>) {
+    pub(crate) fn prepare(&mut self, layout: &Arc<Layout>) {
         if !is(self.wanted.as_ref(), layout) {
             self.textures.append(layout.textures.clone());
             self.wanted = Some(Arc::clone(layout));
@@ -78,7 +78,7 @@ impl Painter {
     ///
     /// Returns true if the last prepared layout is over the pictures. If false, it is an earlier one, and the picture must be
     /// painted again.
-    pub fn paint(&mut self, size: (usize, usize), pictures: &[Placed<'_>], surface: &mut [u32]) -> bool {
+    pub(crate) fn paint(&mut self, size: (usize, usize), pictures: &[Placed<'_>], surface: &mut [u32]) -> bool {
         if surface.is_empty() || surface.len() != size.0 * size.1 {
             return true;
         }
@@ -130,7 +130,7 @@ impl Painter {
 }
 
 /// Paints marks of overlays into pictures, one after another, on the caller's thread.
-pub struct Marker {
+pub(crate) struct Marker {
     interface: Interface,
     artist: Artist,
 }
@@ -143,7 +143,7 @@ impl Default for Marker {
 
 impl Marker {
     /// Paints `marks` over a picture.
-    pub fn paint(&mut self, marks: &[Mark], picture: &mut Frame) {
+    pub(crate) fn paint(&mut self, marks: &[Mark], picture: &mut Frame) {
         let pixels = (picture.width(), picture.height());
         if marks.is_empty() {
             return;
@@ -165,19 +165,19 @@ impl Marker {
 }
 
 /// Rasterises layouts.
-pub struct Artist {
+pub(crate) struct Artist {
     raster: EguiSoftwareRender,
     canvas: Vec<Bgra>,
 }
 
 impl Artist {
     /// Creates an artist that has painted nothing yet.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { raster: EguiSoftwareRender::new(ColorFieldOrder::Bgra), canvas: Vec::new() }
     }
 
     /// Rasterises a layout, with the changes of the textures since the previous one.
-    pub fn paint(&mut self, layout: &Layout, textures: &TexturesDelta) -> Layer {
+    pub(crate) fn paint(&mut self, layout: &Layout, textures: &TexturesDelta) -> Layer {
         let (width, height) = layout.size.pixels;
         let shapes = layout.tessellate();
         self.raster.render_to_canvas(width, height, &shapes, textures, layout.size.pixels_a_point());
@@ -189,7 +189,7 @@ impl Artist {
 }
 
 /// Returns the pixels per point of the interface in a window of `pixels` with the system's scale factor `scale`.
-pub fn pixels_a_point(pixels: (usize, usize), scale: f32) -> f32 {
+pub(crate) fn pixels_a_point(pixels: (usize, usize), scale: f32) -> f32 {
     WindowSize { pixels, scale }.pixels_a_point()
 }
 

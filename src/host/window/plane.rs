@@ -56,7 +56,7 @@ struct Shell {
 ///
 /// # Errors
 /// Returns status 1 if the window fails, 4 if interrupted.
-pub fn run(display: Display, flight: Flight, progress: &Arc<Progress>) -> Result<()> {
+pub(crate) fn run(display: Display, flight: Flight, progress: &Arc<Progress>) -> Result<()> {
     let painter = Painter::new(&flight);
     let mut shell = Shell {
         flight,

@@ -9,7 +9,7 @@ const KEPT: usize = 216_000;
 
 /// Time from the finished image to the presented one, ms: the overlay, the copy and the call to the window system.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct PresentMs {
+pub(crate) struct PresentMs {
     /// Half of the presentations took at most this time.
     pub median: f64,
     /// 99 % of the presentations took at most this time.
@@ -18,14 +18,14 @@ pub struct PresentMs {
 
 /// Collects the times of presentations.
 #[derive(Clone, Debug, Default)]
-pub struct PresentTimer {
+pub(crate) struct PresentTimer {
     all: VecDeque<f32>,
     usual: Option<f64>,
 }
 
 impl PresentTimer {
     /// Adds a presentation that took `ms`.
-    pub fn took(&mut self, ms: f64) {
+    pub(crate) fn took(&mut self, ms: f64) {
         if self.all.len() == KEPT {
             self.all.pop_front();
         }
@@ -34,12 +34,12 @@ impl PresentTimer {
     }
 
     /// Returns the recent time of a presentation, ms; 0 if there was none.
-    pub fn usual_ms(&self) -> f64 {
+    pub(crate) fn usual_ms(&self) -> f64 {
         self.usual.unwrap_or(0.0)
     }
 
     /// Returns the statistics; `None` if there was no presentation.
-    pub fn summary(&self) -> Option<PresentMs> {
+    pub(crate) fn summary(&self) -> Option<PresentMs> {
         let mut sorted: Vec<f32> = self.all.iter().copied().collect();
         sorted.sort_by(f32::total_cmp);
         let at = |share: f64| sorted.get(((sorted.len() - 1) as f64 * share).ceil() as usize).map(|&ms| f64::from(ms));

@@ -31,7 +31,7 @@ impl folders::Kept for Kept {
 
 /// Recently opened scans, the last one first.
 #[derive(Debug, Default)]
-pub struct Recent {
+pub(crate) struct Recent {
     scans: Vec<PathBuf>,
     /// The file of the list; `None` if it is not stored.
     file: Option<PathBuf>,
@@ -39,13 +39,13 @@ pub struct Recent {
 
 impl Recent {
     /// Returns the default file of the list; `None` on a system that defines no folder for it.
-    pub fn usual_file() -> Option<PathBuf> {
+    pub(crate) fn usual_file() -> Option<PathBuf> {
         Folder::State.file("recent.json")
     }
 
     /// Reads the list stored in a file, with the error if the file is invalid. In that case the list is empty and the file is not
     /// overwritten.
-    pub fn open(file: Option<PathBuf>) -> (Self, Option<Error>) {
+    pub(crate) fn open(file: Option<PathBuf>) -> (Self, Option<Error>) {
         match file.as_deref().map_or(Ok(Vec::new()), read) {
             Ok(scans) => (Self { scans, file }, None),
             Err(e) => (Self::default(), Some(e)),
@@ -53,7 +53,7 @@ impl Recent {
     }
 
     /// Returns all scans of the list.
-    pub fn scans(&self) -> &[PathBuf] {
+    pub(crate) fn scans(&self) -> &[PathBuf] {
         &self.scans
     }
 
@@ -61,7 +61,7 @@ impl Recent {
     ///
     /// # Errors
     /// Returns status 5 if the list cannot be stored.
-    pub fn opened(&mut self, scan: &Path) -> Result<()> {
+    pub(crate) fn opened(&mut self, scan: &Path) -> Result<()> {
         let scan = std::path::absolute(scan).unwrap_or_else(|_| scan.to_owned());
         self.scans.retain(|s| *s != scan);
         self.scans.insert(0, scan);

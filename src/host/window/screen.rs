@@ -9,7 +9,7 @@ use winit::window::{Window, WindowAttributes};
 use crate::error::{Error, Result};
 
 /// An open window with its surface.
-pub struct Screen {
+pub(crate) struct Screen {
     /// The window.
     pub window: Rc<Window>,
     /// Its pixels.
@@ -21,7 +21,7 @@ impl Screen {
     ///
     /// # Errors
     /// Returns status 1 if the system cannot open one.
-    pub fn open(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Self> {
+    pub(crate) fn open(events: &ActiveEventLoop, attributes: WindowAttributes) -> Result<Self> {
         let made = events.create_window(attributes).map_err(|e| e.to_string()).and_then(|window| {
             let window = Rc::new(window);
             let context = Context::new(events.owned_display_handle()).map_err(|e| e.to_string())?;

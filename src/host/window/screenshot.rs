@@ -16,7 +16,7 @@ const NAMES: u32 = 10_000;
 ///
 /// # Errors
 /// Returns status 5 if it cannot be written, or no name is left.
-pub fn save(frame: &Frame, folder: &Path) -> Result<PathBuf> {
+pub(crate) fn save(frame: &Frame, folder: &Path) -> Result<PathBuf> {
     let path = free_name(folder)?;
     write_png(&path, frame)?;
     Ok(path)
@@ -30,7 +30,7 @@ fn free_name(folder: &Path) -> Result<PathBuf> {
 }
 
 /// Formats a pose on one line, as input for `render --poses`.
-pub fn pose_json(pose: &Pose, fov_degrees: f64) -> String {
+pub(crate) fn pose_json(pose: &Pose, fov_degrees: f64) -> String {
     let one = json!({
         "position": pose.position.to_array(),
         "forward": pose.attitude.forward.to_array(),

@@ -16,7 +16,7 @@ use crate::space::PreparedVolume;
 
 /// A request for an image to be saved.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PictureRequest {
+pub(crate) struct PictureRequest {
     /// Pose of the camera.
     pub pose: Pose,
     /// Width and height, pixels.
@@ -34,7 +34,7 @@ pub struct PictureRequest {
 impl PictureRequest {
     /// Creates a request for the current image of a flight's camera. `width` and `height` must be at least one pixel. The image
     /// has full detail, whatever detail the flight itself can afford.
-    pub fn of(flight: &FlightApp, (width, height): (usize, usize)) -> Option<Self> {
+    pub(crate) fn of(flight: &FlightApp, (width, height): (usize, usize)) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
         let settings = Settings { adaptive: false, ..picture.settings };
         let (camera, fov_degrees, preset) = (picture.camera, picture.fov_degrees, picture.preset);
@@ -56,7 +56,7 @@ impl PictureRequest {
 }
 
 /// A rendered image.
-pub struct Traced {
+pub(crate) struct Traced {
     /// The request.
     pub request: PictureRequest,
     /// The image.
@@ -64,10 +64,10 @@ pub struct Traced {
 }
 
 /// Called by the thread of a [`ScreenshotRenderer`] after each image.
-pub type WakeUp = Arc<dyn Fn() + Send + Sync>;
+pub(crate) type WakeUp = Arc<dyn Fn() + Send + Sync>;
 
 /// Renders images in the background.
-pub struct ScreenshotRenderer {
+pub(crate) struct ScreenshotRenderer {
     /// A separate thread pool: in the common one, images would wait for a route that is being planned.
     pool: ThreadPool,
     volume: PreparedVolume,
@@ -81,7 +81,7 @@ impl ScreenshotRenderer {
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
-    pub fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
+    pub(crate) fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
         let pool = ThreadPoolBuilder::new()
             .num_threads(rayon::current_num_threads())
             .thread_name(|n| format!("screenshot {n}"))
@@ -91,21 +91,21 @@ impl ScreenshotRenderer {
     }
 
     /// Starts to render an image.
-    pub fn begin(&mut self, request: PictureRequest) {
+    pub(crate) fn begin(&mut self, request: PictureRequest) {
         let (volume, wake) = (self.volume.clone(), Arc::clone(&self.wake));
         let trace = move |_: &Arc<Progress>| request.trace(&volume);
         self.jobs.push(Job::start_in(&self.pool, "screenshot", &Arc::new(Progress::new()), trace, move || wake()));
     }
 
     /// Takes an image that has been finished since the last call.
-    pub fn take(&mut self) -> Option<Result<Traced>> {
+    pub(crate) fn take(&mut self) -> Option<Result<Traced>> {
         let (n, traced) = self.jobs.iter_mut().enumerate().find_map(|(n, job)| Some((n, job.take()?)))?;
         self.jobs.remove(n);
         Some(traced)
     }
 
     /// Waits for the next image if one is pending.
-    pub fn wait(&mut self) -> Option<Result<Traced>> {
+    pub(crate) fn wait(&mut self) -> Option<Result<Traced>> {
         (!self.jobs.is_empty()).then(|| self.jobs.remove(0).wait())
     }
 }

@@ -28,7 +28,7 @@ const HINT: &str = "it is left alone; the flight starts anew";
 /// The last state of a flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Session {
+pub(crate) struct Session {
     version: u32,
     /// World, mm.
     position: [f64; 3],
@@ -58,7 +58,7 @@ impl folders::Kept for Session {
 
 impl Session {
     /// Captures the state of an unfinished flight. A flight that has arrived, or that flies outside the colon, is not resumed.
-    pub fn of(flight: &FlightApp) -> Option<Self> {
+    pub(crate) fn of(flight: &FlightApp) -> Option<Self> {
         let (share, length_mm) = flight.progress();
         let segment = flight.plan().segment?;
         if flight.flight().state == State::Arrived {
@@ -84,7 +84,7 @@ impl Session {
     ///
     /// # Errors
     /// Returns an error if the flight refuses a segment or guide. It is then in its initial state.
-    pub fn resume(&self, flight: &mut FlightApp, what: Resume) -> Result<Option<f64>> {
+    pub(crate) fn resume(&self, flight: &mut FlightApp, what: Resume) -> Result<Option<f64>> {
         let (start, segment, reversed) = (flight.pose(), flight.plan().segment, flight.is_reversed());
         let taken = self.follow(flight, what);
         if taken.is_err() {
@@ -127,7 +127,7 @@ impl Session {
     ///
     /// # Errors
     /// Returns status 3 if the file is invalid.
-    pub fn read(path: &Path) -> Result<Option<Self>> {
+    pub(crate) fn read(path: &Path) -> Result<Option<Self>> {
         folders::read_kept(path, HINT)
     }
 
@@ -135,7 +135,7 @@ impl Session {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
-    pub fn keep(session: Option<&Self>, path: &Path) -> Result<()> {
+    pub(crate) fn keep(session: Option<&Self>, path: &Path) -> Result<()> {
         let Some(session) = session else {
             return match std::fs::remove_file(path) {
                 Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(output::cannot(path, e)),
@@ -147,7 +147,7 @@ impl Session {
 }
 
 /// Returns the session file of a scan as loaded; `None` on a system that defines no folder for it.
-pub fn file(volume: &Volume) -> Option<PathBuf> {
+pub(crate) fn file(volume: &Volume) -> Option<PathBuf> {
     Folder::State.file(Path::new("sessions").join(format!("{:016x}.json", key(volume))))
 }
 

@@ -23,7 +23,7 @@ const HINT: &str = "fix it or move it away; the defaults are taken until then";
 /// The user's settings.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Settings {
+pub(crate) struct Settings {
     version: u32,
     /// Keys by actions.
     #[serde(default)]
@@ -35,7 +35,7 @@ impl Settings {
     ///
     /// # Errors
     /// Returns status 3 if it cannot be read, is damaged or has another version. The file stays unchanged.
-    pub fn read(path: &Path) -> Result<Option<Self>> {
+    pub(crate) fn read(path: &Path) -> Result<Option<Self>> {
         let wrong = |why: String| Error::file(path, why, HINT);
         let Some(bytes) = folders::read(path, HINT)? else { return Ok(None) };
         let text = String::from_utf8(bytes).map_err(|e| wrong(e.to_string()))?;
@@ -52,7 +52,7 @@ impl Settings {
 }
 
 /// Returns the path of the settings file; `None` on a system that defines no folder for it.
-pub fn file() -> Option<PathBuf> {
+pub(crate) fn file() -> Option<PathBuf> {
     Folder::Configuration.file("settings.toml")
 }
 

@@ -47,7 +47,7 @@ const USUAL: LogicalSize<f64> = LogicalSize::new(1024.0, 768.0);
 
 /// Events from other threads that wake the event loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wake {
+pub(crate) enum Wake {
     /// Loading has ended.
     Loaded,
     /// An image is ready to be saved.
@@ -65,7 +65,7 @@ enum Stage {
 }
 
 /// The program as an application of the event loop.
-pub struct Shell {
+pub(crate) struct Shell {
     stage: Stage,
     window: Option<Rc<Window>>,
     /// The window's pixels, until a flight presents its pictures there.
@@ -127,7 +127,7 @@ impl Shell {
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start a thread.
-    pub fn new(launch: Launch, proxy: EventLoopProxy<Wake>) -> Result<Self> {
+    pub(crate) fn new(launch: Launch, proxy: EventLoopProxy<Wake>) -> Result<Self> {
         let (actions, unsettled) = super::actions(&launch.guides, &launch.overlays, &launch.panels)?;
         let (workspace, unread) = Workspace::new(&launch.panels, launch.layout.as_deref(), Workspace::usual_file());
         for e in unsettled.iter().chain(&unread) {
@@ -194,7 +194,7 @@ impl Shell {
     ///
     /// # Errors
     /// Returns the first error.
-    pub fn end(mut self) -> Result<()> {
+    pub(crate) fn end(mut self) -> Result<()> {
         if let Err(e) = self.workspace.keep() {
             output::to_stderr(format_args!("note: the layout was not saved: {e}"));
         }

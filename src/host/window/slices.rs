@@ -28,7 +28,7 @@ const CLOSER: f64 = 1.15;
 
 /// The slices of a window.
 #[derive(Debug, Default)]
-pub struct Slices {
+pub(crate) struct Slices {
     entities: BTreeMap<Orientation, Entity>,
     /// The place pointed at and the camera's position at that time; `None` while the slices follow the flight.
     cursor: Option<(DVec3, DVec3)>,
@@ -40,29 +40,29 @@ pub struct Slices {
 
 impl Slices {
     /// Returns the entity of a slice that is shown.
-    pub fn entity(&self, orientation: Orientation) -> Option<Entity> {
+    pub(crate) fn entity(&self, orientation: Orientation) -> Option<Entity> {
         self.entities.get(&orientation).copied()
     }
 
     /// Returns a slice that is shown.
-    pub fn view<'a>(&self, flight: &'a FlightApp, orientation: Orientation) -> Option<&'a SliceView> {
+    pub(crate) fn view<'a>(&self, flight: &'a FlightApp, orientation: Orientation) -> Option<&'a SliceView> {
         flight.app().world.get(self.entity(orientation)?)
     }
 
     /// Returns the place pointed at, world mm; `None` while everything follows the flight.
-    pub fn cursor(&self) -> Option<DVec3> {
+    pub(crate) fn cursor(&self) -> Option<DVec3> {
         self.cursor.map(|c| c.0)
     }
 
     /// Points at a place, world mm.
-    pub fn point(&mut self, flight: &FlightApp, place: DVec3) {
+    pub(crate) fn point(&mut self, flight: &FlightApp, place: DVec3) {
         if place.is_finite() {
             self.cursor = Some((place, flight.pose().position));
         }
     }
 
     /// Follows the flight again.
-    pub fn follow(&mut self) {
+    pub(crate) fn follow(&mut self) {
         self.cursor = None;
     }
 
@@ -71,7 +71,12 @@ impl Slices {
     ///
     /// # Errors
     /// Returns the errors of any change of the schedule.
-    pub fn show(&mut self, flight: &mut FlightApp, wanted: &[(Orientation, [usize; 2])], held: bool) -> Result<bool> {
+    pub(crate) fn show(
+        &mut self,
+        flight: &mut FlightApp,
+        wanted: &[(Orientation, [usize; 2])],
+        held: bool,
+    ) -> Result<bool> {
         let pose = flight.pose();
         if let Some((_, from)) = self.cursor.as_mut().filter(|_| held) {
             *from = pose.position;
@@ -105,7 +110,7 @@ impl Slices {
     }
 
     /// Executes a panel's request.
-    pub fn ask(&mut self, flight: &mut FlightApp, request: SliceInput) {
+    pub(crate) fn ask(&mut self, flight: &mut FlightApp, request: SliceInput) {
         match request {
             SliceInput::Click(place) | SliceInput::Point(place) => self.point(flight, place),
             SliceInput::Scroll(orientation, notches) => self.scroll(flight, orientation, notches),
@@ -154,14 +159,14 @@ impl Slices {
     }
 
     /// Sets the grey-level window, level and width in HU. Invalid values change nothing.
-    pub fn window(&mut self, level: f64, width: f64) {
+    pub(crate) fn window(&mut self, level: f64, width: f64) {
         if let Ok(windowing) = Windowing::new(level, width) {
             self.windowing = windowing;
         }
     }
 
     /// Resets window, slab, magnification and pan.
-    pub fn reset(&mut self, flight: &mut FlightApp) {
+    pub(crate) fn reset(&mut self, flight: &mut FlightApp) {
         (self.windowing, self.slab) = (Windowing::default(), Slab::default());
         for orientation in Orientation::ALL {
             self.change(flight, orientation, |view| (view.pan_mm, view.zoom) = ([0.0; 2], 1.0));
@@ -169,13 +174,13 @@ impl Slices {
     }
 
     /// Switches to the next thickness.
-    pub fn next_slab(&mut self) {
+    pub(crate) fn next_slab(&mut self) {
         let next = SLABS_MM.into_iter().find(|mm| *mm > self.slab.mm()).unwrap_or(0.0);
         self.slab = Slab::new(next, self.slab.kind()).unwrap_or_default();
     }
 
     /// Switches to the next of mean, maximum and minimum.
-    pub fn next_slab_kind(&mut self) {
+    pub(crate) fn next_slab_kind(&mut self) {
         let kind = match self.slab.kind() {
             SlabKind::Mean => SlabKind::Max,
             SlabKind::Max => SlabKind::Min,

@@ -14,7 +14,7 @@ const TAKES: Duration = Duration::from_millis(700);
 
 /// A straight move of the camera towards the place to look at.
 #[derive(Clone, Copy, Debug)]
-pub struct Travel {
+pub(crate) struct Travel {
     from: Pose,
     /// World, mm.
     to: DVec3,
@@ -26,7 +26,7 @@ pub struct Travel {
 impl Travel {
     /// Creates a move from a pose to a good viewing distance of a place (world, mm). A camera that is nearer stays there and
     /// turns.
-    pub fn to_look_at(from: Pose, place: DVec3, now: Instant) -> Self {
+    pub(crate) fn to_look_at(from: Pose, place: DVec3, now: Instant) -> Self {
         let direction = place - from.position;
         let forward = direction.try_normalize().unwrap_or(from.attitude.forward);
         let to = from.position + forward * (direction.length() - GOOD_MM).max(0.0);
@@ -34,7 +34,7 @@ impl Travel {
     }
 
     /// Returns the pose at a time, and true if the move is over. The easing is slow at both ends: 3 t² − 2 t³.
-    pub fn at(&self, now: Instant) -> (Pose, bool) {
+    pub(crate) fn at(&self, now: Instant) -> (Pose, bool) {
         let t = (now.saturating_duration_since(self.begun).as_secs_f64() / TAKES.as_secs_f64()).min(1.0);
         let share = t * t * (3.0 - 2.0 * t);
         let position = self.from.position.lerp(self.to, share);

@@ -50,7 +50,7 @@ impl Shown {
 }
 
 /// A frame to be rendered.
-pub struct Due {
+pub(crate) struct Due {
     now: Shown,
     /// True if it refines the displayed image.
     rest: bool,
@@ -60,7 +60,7 @@ pub struct Due {
 }
 
 /// Renders the operator's view.
-pub struct ViewRenderer {
+pub(crate) struct ViewRenderer {
     budget: FrameBudget,
     shown: Option<Shown>,
     screenshots: ScreenshotRenderer,
@@ -80,7 +80,7 @@ impl ViewRenderer {
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
-    pub fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
+    pub(crate) fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
         Ok(Self {
             budget: FrameBudget::default(),
             shown: None,
@@ -95,41 +95,41 @@ impl ViewRenderer {
     }
 
     /// Returns the statistics of the images.
-    pub fn frames(&self) -> &[FrameStats] {
+    pub(crate) fn frames(&self) -> &[FrameStats] {
         &self.frames
     }
 
     /// Returns the statistics of the size and rate of pictures while the camera moved.
-    pub fn moving(&self) -> Option<Moving> {
+    pub(crate) fn moving(&self) -> Option<Moving> {
         self.moving.summary()
     }
 
     /// Records the time of a presentation, ms.
-    pub fn presented(&mut self, ms: f64) {
+    pub(crate) fn presented(&mut self, ms: f64) {
         self.present_ms = ms;
     }
 
     /// Returns the last rendered image.
-    pub fn image<'a>(&self, flight: &'a FlightApp) -> Option<&'a Frame> {
+    pub(crate) fn image<'a>(&self, flight: &'a FlightApp) -> Option<&'a Frame> {
         self.shown?;
         flight.camera::<Picture>().map(|p| &p.frame)
     }
 
     /// Returns the detail of the image.
-    pub fn detail(&self, flight: &FlightApp) -> Option<Detail> {
+    pub(crate) fn detail(&self, flight: &FlightApp) -> Option<Detail> {
         self.shown?;
         flight.camera::<FrameCache>()?.renderer()?.detail()
     }
 
     /// True if a still image will be refined, or rendered again with other settings.
-    pub fn is_refining(&self, flight: &FlightApp) -> bool {
+    pub(crate) fn is_refining(&self, flight: &FlightApp) -> bool {
         let made = flight.camera::<FrameCache>().zip(flight.camera::<Picture>());
         !self.hidden && self.shown.is_some() && made.is_some_and(|(cache, picture)| cache.is_unfinished(picture))
     }
 
     /// Requests that the image of a window of the given size is saved: the displayed one once it is complete, or, if the camera
     /// moves on before that, a separately rendered one.
-    pub fn order_to_save(&mut self, flight: &FlightApp, window: (usize, usize)) {
+    pub(crate) fn order_to_save(&mut self, flight: &FlightApp, window: (usize, usize)) {
         let Some(request) = PictureRequest::of(flight, window) else { return };
         let here = self.shown.zip(Shown::now(flight, window)).is_some_and(|(shown, now)| shown.is(&now));
         match self.image(flight).filter(|_| here && !self.is_refining(flight)) {
@@ -139,12 +139,12 @@ impl ViewRenderer {
     }
 
     /// Takes the images that are ready to be saved.
-    pub fn take_to_save(&mut self) -> Vec<Traced> {
+    pub(crate) fn take_to_save(&mut self) -> Vec<Traced> {
         std::mem::take(&mut self.to_save)
     }
 
     /// Takes all images to be saved, and waits for those in progress.
-    pub fn all_to_save(&mut self) -> Vec<Traced> {
+    pub(crate) fn all_to_save(&mut self) -> Vec<Traced> {
         if let Some(request) = self.waiting.take() {
             self.screenshots.begin(request);
         }
@@ -155,7 +155,7 @@ impl ViewRenderer {
     }
 
     /// Switches between high and low detail. Returns the new one.
-    pub fn switch_detail(&mut self, flight: &mut FlightApp) -> Option<Quality> {
+    pub(crate) fn switch_detail(&mut self, flight: &mut FlightApp) -> Option<Quality> {
         let scene = flight.scene().render;
         let mut picture = flight.camera_mut::<Picture>()?;
         let quality = if picture.settings.quality == Quality::Low { Quality::High } else { Quality::Low };
@@ -166,7 +166,7 @@ impl ViewRenderer {
     }
 
     /// Switches between the headlight and an endoscope's light. Returns the new one.
-    pub fn switch_light(&mut self, flight: &mut FlightApp) -> Option<Light> {
+    pub(crate) fn switch_light(&mut self, flight: &mut FlightApp) -> Option<Light> {
         let mut picture = flight.camera_mut::<Picture>()?;
         let light = &mut picture.settings.light;
         *light = if *light == Light::HEADLIGHT { Light::ENDOSCOPE } else { Light::HEADLIGHT };
@@ -178,7 +178,12 @@ impl ViewRenderer {
     ///
     /// # Errors
     /// Returns status 1 if an image to be saved could not be rendered, which is an internal error.
-    pub fn prepare(&mut self, flight: &mut FlightApp, window: (usize, usize), beside: bool) -> Result<Option<Due>> {
+    pub(crate) fn prepare(
+        &mut self,
+        flight: &mut FlightApp,
+        window: (usize, usize),
+        beside: bool,
+    ) -> Result<Option<Due>> {
         while let Some(traced) = self.screenshots.take() {
             match traced {
                 Ok(traced) => self.to_save.push(traced),
@@ -207,7 +212,7 @@ impl ViewRenderer {
     }
 
     /// Records that the prepared frame is finished, with its time, ms. If `None`, the time since it was prepared is used.
-    pub fn traced(&mut self, flight: &FlightApp, due: &Due, ms: Option<f64>) {
+    pub(crate) fn traced(&mut self, flight: &FlightApp, due: &Due, ms: Option<f64>) {
         if due.stays {
             return;
         }
@@ -245,12 +250,12 @@ impl ViewRenderer {
 }
 
 /// Returns the quality of a flight's images.
-pub fn quality_of(flight: &FlightApp) -> Option<Quality> {
+pub(crate) fn quality_of(flight: &FlightApp) -> Option<Quality> {
     flight.camera::<Picture>().map(|p| p.settings.quality)
 }
 
 /// Formats how far an image is refined: "9 of 16 samples".
-pub fn refined(detail: Detail) -> Option<String> {
+pub(crate) fn refined(detail: Detail) -> Option<String> {
     (detail.samples > 0).then(|| format!("{} of {SAMPLES} samples", detail.samples.min(SAMPLES)))
 }
 

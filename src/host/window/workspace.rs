@@ -29,7 +29,7 @@ const SIDE: f32 = 0.3;
 const FIRST: &str = "reading";
 
 /// A built-in layout.
-pub struct LayoutEntry {
+pub(crate) struct LayoutEntry {
     /// Its name, for `--layout` and the settings file.
     pub name: &'static str,
     /// Description for menus.
@@ -53,7 +53,7 @@ enum Split {
 }
 
 /// All layouts, in the order of the menus.
-pub const LAYOUTS: &[LayoutEntry] = &[
+pub(crate) const LAYOUTS: &[LayoutEntry] = &[
     LayoutEntry { name: "flight", text: "flight alone", key: "F2", menus: false, tiles: Split::Panel("flight") },
     LayoutEntry {
         name: "reading",
@@ -109,7 +109,7 @@ impl Split {
 }
 
 /// Returns the slices that a layout shows by default, by its name. Empty if the layout does not exist.
-pub fn slices_of(layout: &str) -> Vec<Orientation> {
+pub(crate) fn slices_of(layout: &str) -> Vec<Orientation> {
     let Some(entry) = LAYOUTS.iter().find(|l| l.name == layout) else { return Vec::new() };
     let panels = [
         (slices::AXIAL, Orientation::Axial),
@@ -250,7 +250,7 @@ struct Shown {
 }
 
 /// The panels of a window.
-pub struct Workspace {
+pub(crate) struct Workspace {
     panels: Vec<Shown>,
     layout: usize,
     layouts: Vec<Arrangement>,
@@ -261,7 +261,7 @@ pub struct Workspace {
 impl Workspace {
     /// Creates a workspace with these panels, in the layout `wanted` or else the last used one. Also returns the error if the
     /// stored state is invalid. In that case everything has its initial position and nothing is stored.
-    pub fn new(entries: &[PanelEntry], wanted: Option<&str>, file: Option<PathBuf>) -> (Self, Option<Error>) {
+    pub(crate) fn new(entries: &[PanelEntry], wanted: Option<&str>, file: Option<PathBuf>) -> (Self, Option<Error>) {
         let make = |e: &PanelEntry| Shown { entry: *e, panel: (e.make)(), fault: None };
         let panels: Vec<Shown> = entries.iter().map(make).collect();
         let layouts = LAYOUTS.iter().map(|l| Arrangement::new(l, &panels)).collect();
@@ -299,7 +299,7 @@ impl Workspace {
     ///
     /// # Errors
     /// Returns status 5 if it cannot be written.
-    pub fn keep(&self) -> Result<()> {
+    pub(crate) fn keep(&self) -> Result<()> {
         let Some(path) = &self.file else { return Ok(()) };
         let all = || LAYOUTS.iter().zip(&self.layouts);
         let beside = |entry: &LayoutEntry, layout: &Arrangement| {
@@ -316,22 +316,22 @@ impl Workspace {
     }
 
     /// Returns the default file of the workspace; `None` on a system that defines no folder for it.
-    pub fn usual_file() -> Option<PathBuf> {
+    pub(crate) fn usual_file() -> Option<PathBuf> {
         Folder::State.file(Path::new("layout.json"))
     }
 
     /// Switches to another layout, by its number.
-    pub fn choose(&mut self, layout: usize) {
+    pub(crate) fn choose(&mut self, layout: usize) {
         self.layout = layout.min(LAYOUTS.len() - 1);
     }
 
     /// Shows or hides a panel, by its name.
-    pub fn switch_named(&mut self, name: &str) {
+    pub(crate) fn switch_named(&mut self, name: &str) {
         self.layouts[self.layout].switch(name);
     }
 
     /// Shows or hides a panel, by its number.
-    pub fn switch(&mut self, panel: usize) {
+    pub(crate) fn switch(&mut self, panel: usize) {
         if let Some(p) = self.panels.get(panel) {
             self.layouts[self.layout].switch(p.entry.name);
         }
@@ -339,12 +339,12 @@ impl Workspace {
 
     /// True if a panel other than the flight's is shown. Such panels may show any part of the flight, so they are laid out again
     /// while it moves.
-    pub fn shows_more_than_the_flight(&self) -> bool {
+    pub(crate) fn shows_more_than_the_flight(&self) -> bool {
         self.panels.iter().any(|p| p.entry.name != "flight" && self.layouts[self.layout].is_shown(p.entry.name))
     }
 
     /// Lays out all panels.
-    pub fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
+    pub(crate) fn ui(&mut self, context: &Context<'_>, ui: &mut Ui, requests: &mut Requests) {
         if LAYOUTS[self.layout].menus {
             egui::Panel::top("menus").show_inside(ui, |ui| self.menus(context, ui, requests));
         }

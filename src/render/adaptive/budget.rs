@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 /// Time from one picture to the next, at sixty a second.
-pub const FRAME: Duration = Duration::from_micros(16_667);
+pub(crate) const FRAME: Duration = Duration::from_micros(16_667);
 /// On a machine that is busy with other tasks, the rate drops to half before pictures become coarser than half their
 /// side.
 const SLOW_FRAME: Duration = FRAME.saturating_mul(2);
@@ -26,7 +26,7 @@ const SHOWING: u64 = 1;
 /// Time per sample before any was measured, ns: that of two present-day cores.
 const FIRST_NS: f64 = 2.2;
 
-/// The cost that a picture may have, in samples ([`cost`](super::cost)).
+/// The cost that a picture may have, in samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Budget {
     /// A picture is as fine as this allows.
@@ -78,7 +78,7 @@ impl SampleTime {
 
 /// Turns time into samples, using measured times per sample.
 #[derive(Clone, Debug, Default)]
-pub struct FrameBudget {
+pub(crate) struct FrameBudget {
     moving: SampleTime,
     refined: SampleTime,
 }
@@ -88,7 +88,7 @@ impl FrameBudget {
     ///
     /// The picture has `pixels` pixels, and its presentation will take `present_ms` milliseconds. `rest` is true for a
     /// picture that is being refined.
-    pub fn next(&self, rest: bool, present_ms: f64, pixels: usize) -> Budget {
+    pub(crate) fn next(&self, rest: bool, present_ms: f64, pixels: usize) -> Budget {
         let time = if rest { &self.refined } else { &self.moving };
         let ms = |frame: Duration| frame.as_secs_f64() * 1e3;
         let planned = (ms(FRAME) * PLANNED - present_ms).max(ms(FRAME) * LEAST);
@@ -102,7 +102,7 @@ impl FrameBudget {
     }
 
     /// Records that a picture of `pixels` pixels, whose tracing cost `samples`, took `ms` milliseconds.
-    pub fn took(&mut self, rest: bool, samples: u64, pixels: usize, ms: f64) {
+    pub(crate) fn took(&mut self, rest: bool, samples: u64, pixels: usize, ms: f64) {
         if samples == 0 || !(ms.is_finite() && ms >= 0.0) {
             return;
         }
@@ -112,7 +112,8 @@ impl FrameBudget {
     }
 
     /// Forgets the times per sample, because the quality of the pictures has changed.
-    pub fn forget(&mut self) {
+    #[cfg(feature = "window")]
+    pub(crate) fn forget(&mut self) {
         *self = Self::default();
     }
 }

@@ -13,7 +13,7 @@ const FAR_MM: f64 = 1e6;
 
 /// A few points of the wall that a view shows, to be found again in the next view.
 #[derive(Clone, Debug)]
-pub struct Probes {
+pub(crate) struct Probes {
     view: View,
     /// Positions in the world, mm, and in the picture, pixels.
     points: Vec<(DVec3, [f64; 2])>,
@@ -21,7 +21,7 @@ pub struct Probes {
 
 impl Probes {
     /// Tracks what `view` shows of `volume`: one exact ray for each of 25 points at which the camera shows anything.
-    pub fn new(volume: &PreparedVolume, view: &View) -> Self {
+    pub(crate) fn new(volume: &PreparedVolume, view: &View) -> Self {
         let place = |n: usize, length: usize| (n as f64 + 0.5) / SIDE as f64 * length as f64;
         let point = |n: usize| {
             let at = [place(n % SIDE, view.width()), place(n / SIDE, view.height())];
@@ -33,7 +33,7 @@ impl Probes {
     }
 
     /// Returns the view in which the points were seen.
-    pub fn view(&self) -> &View {
+    pub(crate) fn view(&self) -> &View {
         &self.view
     }
 
@@ -41,7 +41,7 @@ impl Probes {
     /// farther.
     ///
     /// The flow is infinite (a cut) if the points are out of sight, or if the picture has another size or camera.
-    pub fn flow(&self, to: &View) -> f64 {
+    pub(crate) fn flow(&self, to: &View) -> f64 {
         if *to == self.view {
             return 0.0;
         }

@@ -17,7 +17,7 @@ const HALF: usize = 2;
 const SLACK: [f64; LEVELS.len()] = [1.0, 1.3, 1.0, 1.0, 1.0, 1.0, 1.0];
 /// Cost of a pixel that is stretched from a coarser picture, in samples. If it were left out, a coarse picture, which
 /// is mostly stretching, would make samples look slow and stay coarse.
-pub const STRETCHED: f64 = 0.75;
+pub(crate) const STRETCHED: f64 = 0.75;
 /// A finer level must be predicted to stay below these shares of the budget and of the motion, so that the choice does
 /// not flicker.
 const HEADROOM: f64 = 0.9;
@@ -60,7 +60,7 @@ impl Cost {
 
 /// Chooses levels from the cost of earlier pictures. It uses no clock: the budget is in samples.
 #[derive(Clone, Debug)]
-pub struct Governor {
+pub(crate) struct Governor {
     level: usize,
     last: Cost,
     dearest: Cost,
@@ -96,7 +96,7 @@ impl Governor {
     ///
     /// The picture is shown in `width` × `height` pixels, moves by `flow` pixels (infinite for a cut) and may cost
     /// `budget`.
-    pub fn next(&mut self, (width, height): (usize, usize), flow: f64, budget: Budget) -> (usize, usize) {
+    pub(crate) fn next(&mut self, (width, height): (usize, usize), flow: f64, budget: Budget) -> (usize, usize) {
         let at_half = budget.at_half as f64;
         let allowed = |level| if level == THREE_QUARTERS { budget.lasting as f64 } else { budget.samples as f64 };
         let pixels = (width * height) as f64;
@@ -142,7 +142,7 @@ impl Governor {
     }
 
     /// Records the cost of the picture, shown in `pixels` pixels.
-    pub fn took(&mut self, samples: u64, pixels: usize) {
+    pub(crate) fn took(&mut self, samples: u64, pixels: usize) {
         if pixels == 0 {
             return;
         }

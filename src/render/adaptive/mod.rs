@@ -26,31 +26,32 @@ use flow::Probes;
 use level::Governor;
 use still::{Means, Still};
 
-pub use budget::{Budget, FRAME, FrameBudget};
-pub use still::SAMPLES;
+pub use budget::Budget;
+pub(crate) use budget::{FRAME, FrameBudget};
+pub(crate) use still::SAMPLES;
 
 /// Default budget of a picture, in samples: what two present-day cores take in a sixtieth of a second.
-pub const BUDGET: Budget = Budget::strict(5_000_000);
+pub(crate) const BUDGET: Budget = Budget::strict(5_000_000);
 /// Cost of a ray in samples, besides those it takes: to be set up, shaded and shown.
 const RAY: u64 = 8;
 /// A picture that has moved by no more pixels than this since it was begun is at rest.
 const REST: f64 = 0.5;
 
 /// Returns the cost of a picture, in samples.
-pub fn cost(work: &Work) -> u64 {
+pub(crate) fn cost(work: &Work) -> u64 {
     work.samples.saturating_add(work.rays.saturating_mul(RAY))
 }
 
 /// Returns the cost of a picture of `shown` pixels, in samples, including stretching. `detail` is what its renderer
 /// reports.
-pub fn cost_shown(work: &Work, detail: Option<Detail>, shown: (usize, usize)) -> u64 {
+pub(crate) fn cost_shown(work: &Work, detail: Option<Detail>, shown: (usize, usize)) -> u64 {
     let stretched = detail.is_some_and(|d| d.size != shown);
     let pixels = (shown.0 * shown.1) as f64;
     cost(work).saturating_add(if stretched { (pixels * level::STRETCHED) as u64 } else { 0 })
 }
 
 /// Adapts the detail with two renderers of the same volume.
-pub struct Adaptive {
+pub(crate) struct Adaptive {
     volume: PreparedVolume,
     moving: Box<dyn Renderer>,
     /// Renders samples of the reference; `None` for a quality that does not ask for it.
@@ -70,7 +71,7 @@ pub struct Adaptive {
 
 impl Adaptive {
     /// Creates a renderer that uses `moving` in motion, and at rest `fine`, which takes one sample a pixel.
-    pub fn new(volume: &PreparedVolume, moving: Box<dyn Renderer>, fine: Option<Box<dyn Renderer>>) -> Self {
+    pub(crate) fn new(volume: &PreparedVolume, moving: Box<dyn Renderer>, fine: Option<Box<dyn Renderer>>) -> Self {
         Self {
             volume: volume.clone(),
             moving,
@@ -89,7 +90,7 @@ impl Adaptive {
 
     /// Returns the settings of [`Adaptive`]'s finest samples for pictures with `settings`; `None` if those are not
     /// refined.
-    pub fn fine(settings: Settings) -> Option<Settings> {
+    pub(crate) fn fine(settings: Settings) -> Option<Settings> {
         let Settings { sensitivity, step_power, .. } = Settings::new(Quality::Reference);
         let fine = Settings {
             quality: Quality::High,

@@ -9,7 +9,7 @@ use crate::render::renderer::{Renderer, SQUARE};
 use crate::render::{Frame, View, Work};
 
 /// Samples a pixel of the finished picture.
-pub const SAMPLES: u32 = 16;
+pub(crate) const SAMPLES: u32 = 16;
 /// Strips of a pass have a multiple of this many rows, which is also a multiple of a block's.
 const ROWS: usize = 4 * BLOCK;
 /// Number of passes that sample every pixel. The later ones continue where these have differed: samples that are alike
@@ -25,7 +25,7 @@ const MARGIN: f64 = 1.15;
 
 /// A picture that is being refined, pass by pass and strip by strip.
 #[derive(Default)]
-pub struct Still {
+pub(crate) struct Still {
     /// The picture to be shown.
     shown: Frame,
     /// Sum of each pixel's samples.
@@ -44,7 +44,7 @@ pub struct Still {
 }
 
 /// The renderers that refine a picture.
-pub struct Means<'a> {
+pub(crate) struct Means<'a> {
     /// Renders the sharp picture.
     pub sharp: &'a mut (dyn Renderer + 'static),
     /// Renders one of the reference's samples; `None` if the picture is finished when it is sharp.
@@ -60,35 +60,35 @@ impl Means<'_> {
 
 impl Still {
     /// Starts with `picture`. `sharp` is true if all of its pixels were traced.
-    pub fn begin(&mut self, picture: &Frame, sharp: bool) {
+    pub(crate) fn begin(&mut self, picture: &Frame, sharp: bool) {
         self.shown.show(picture);
         (self.pass, self.row) = (u32::from(sharp), 0);
     }
 
     /// Returns the current picture.
-    pub fn shown(&self) -> &Frame {
+    pub(crate) fn shown(&self) -> &Frame {
         &self.shown
     }
 
     /// Returns the number of reference samples that each pixel has.
-    pub fn samples(&self) -> u32 {
+    pub(crate) fn samples(&self) -> u32 {
         self.pass.saturating_sub(1)
     }
 
     /// True if every pixel was traced.
-    pub fn is_sharp(&self) -> bool {
+    pub(crate) fn is_sharp(&self) -> bool {
         self.pass > 0
     }
 
     /// True if the picture is finished after `passes` that each take one sample a pixel.
-    pub fn is_done(&self, passes: u32) -> bool {
+    pub(crate) fn is_done(&self, passes: u32) -> bool {
         self.pass > passes
     }
 
     /// Continues the picture of `view` with `budget` samples, or with one strip if that takes more.
     ///
     /// A sharp picture from a stretching renderer is one strip, since its rays are few.
-    pub fn go_on(&mut self, view: &View, mut means: Means<'_>, budget: u64) -> Work {
+    pub(crate) fn go_on(&mut self, view: &View, mut means: Means<'_>, budget: u64) -> Work {
         let mut all = Work::default();
         let mut expected = self.cost.unwrap_or(FIRST);
         let passes = means.passes();
@@ -185,7 +185,7 @@ impl Still {
     }
 
     /// Returns the memory taken, bytes.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         let pixels = |f: &Frame| f.pixels().len() * 3;
         pixels(&self.shown)
             + pixels(&self.strip)

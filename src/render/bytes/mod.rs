@@ -3,20 +3,21 @@
 //!
 //! The 128 codes cover the values that matter: `lo` of the wall's ramp is code 32 and `hi` is code 74, so a code stands
 //! for (hi − lo)/42 HU, 7.1 HU by default, from −1028 to −122 HU. Values outside this range get the nearest code.
-//! Within it, the error of a value is at most half a code ([`ByteVolume::error_hu`]). No empty voxel gets a code that
-//! is not empty.
+//! Within it, the error of a value is at most half a code. No empty voxel gets a code that is not
+//! empty.
 //!
 //! The flag is stored in the voxel's own byte, as in the paper, and not in the [`flags`](crate::space::flags) of the 16-bit
 //! volume. One read returns value and flag, which is what this preset is meant to measure.
 
-pub mod sampler;
-pub mod skip;
+pub(crate) mod sampler;
+pub(crate) mod skip;
 
 use rayon::prelude::*;
 
 use crate::volume::{AIR_HU, Grid};
 
 use super::TransferFunction;
+use super::accelerations::Accelerations;
 use super::begin::Begin;
 use super::caster::ImageRequest;
 use super::choices::{GradientSource, Leaping};
@@ -24,17 +25,16 @@ use super::leap::chosen::ChosenRadius;
 use super::memory::MemoryPart;
 use super::quality::{Quality, Settings};
 use super::reuse::VoxelStorage;
-use super::single::Accelerations;
 use super::{Frame, View, Work};
 use crate::space::PreparedVolume;
 
 pub use sampler::{ByteNearest, ByteTrilinear};
-pub use skip::{ByteLeap, ByteSurroundings};
+pub(crate) use skip::{ByteLeap, ByteSurroundings};
 
 /// The greatest empty code: that of the ramp's `lo`.
-pub const EMPTY: u8 = 32;
+pub(crate) const EMPTY: u8 = 32;
 /// The least opaque code: that of the ramp's `hi`.
-pub const OPAQUE: u8 = 74;
+pub(crate) const OPAQUE: u8 = 74;
 /// The bit that marks a voxel's surroundings as homogeneous.
 const FLAG: u8 = 0x80;
 /// The bits of the value.
@@ -126,11 +126,6 @@ impl ByteVolume {
         if i < nx && j < ny && k < nz { self.data[i + nx * (j + ny * k)] } else { self.air }
     }
 
-    /// Returns the largest error of a value between −1028 and −122 HU (by default), HU.
-    pub fn error_hu(&self) -> f32 {
-        0.5 * unit(self.wall)
-    }
-
     /// Returns the memory taken, bytes.
     pub fn bytes(&self) -> usize {
         self.data.len()
@@ -159,7 +154,7 @@ fn and_within_slice(slice: &[u8], nx: usize, reach: usize, air: u8, rows: &mut [
 }
 
 /// Renders pictures from the volume of 7 + 1 bits. The 16-bit voxels are used only for a picture's depth.
-pub struct ByteStorage {
+pub(crate) struct ByteStorage {
     volume: PreparedVolume,
     bytes: ByteVolume,
     accelerations: Accelerations,
@@ -170,7 +165,7 @@ impl ByteStorage {
     ///
     /// Some leaping methods need distances. These are computed from the 16-bit voxels: whatever is empty there is also
     /// empty here.
-    pub fn new(volume: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
+    pub(crate) fn new(volume: &PreparedVolume, bytes: ByteVolume, leap: Leaping, gradients: GradientSource) -> Self {
         let accelerations = Accelerations::new(volume, &ByteTrilinear::new(volume, &bytes), leap, gradients);
         Self { volume: volume.clone(), bytes, accelerations }
     }

@@ -19,13 +19,13 @@ impl ByteVolume {
 }
 
 /// Leaps over voxels that are flagged and empty. The flags must reach as far as the samples' classifier.
-pub struct ByteLeap<'a> {
+pub(crate) struct ByteLeap<'a> {
     bytes: &'a ByteVolume,
 }
 
 impl<'a> ByteLeap<'a> {
     /// Leaps by the flags of `bytes`.
-    pub fn new(bytes: &'a ByteVolume) -> Self {
+    pub(crate) fn new(bytes: &'a ByteVolume) -> Self {
         Self { bytes }
     }
 }
@@ -47,7 +47,7 @@ impl Skipper for ByteLeap<'_> {
 }
 
 /// The clearance known from the flags.
-pub struct ByteSurroundings<'a> {
+pub(crate) struct ByteSurroundings<'a> {
     /// The volume with its flags.
     pub bytes: &'a ByteVolume,
 }

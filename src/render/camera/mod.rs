@@ -4,13 +4,13 @@
 //! through these two. A camera model of this crate is therefore one file here and a line in [`BUILT_IN`]; one from
 //! outside is passed to [`View::with_camera`].
 
-pub mod model;
+mod model;
 pub mod perspective;
-pub mod view;
+mod view;
 
-pub use model::{Camera, CameraModel, CameraRay, Origins};
+pub use model::{AnyCamera, Camera, CameraModel, CameraRay, Origins};
 pub use perspective::Perspective;
-pub use view::View;
+pub use view::{MAX_SIDE, View};
 
 /// Every camera model of this crate.
 pub const BUILT_IN: [CameraModel; 1] = [perspective::MODEL];

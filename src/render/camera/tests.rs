@@ -110,7 +110,7 @@ fn volume(preset: Preset) -> PreparedVolume {
 /// On the colon's axis.
 fn view(camera: &Arc<dyn Camera>, share: f64) -> View {
     let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
-    let axis = &phantom.shape().axis;
+    let axis = phantom.axis();
     let lumen = axis.frame(axis.length() * share);
     View::with_camera(lumen.at, lumen.tangent, lumen.normal, Arc::clone(camera), 144, 128).unwrap()
 }

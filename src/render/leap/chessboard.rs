@@ -9,11 +9,11 @@
 use rayon::prelude::*;
 
 /// Initial value of an unmarked cell.
-pub const FAR: u8 = u8::MAX;
+pub(crate) const FAR: u8 = u8::MAX;
 
 /// The surroundings of the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outside {
+pub(crate) enum Outside {
     /// Marked cells.
     Marked,
     /// Nothing.
@@ -23,7 +23,7 @@ pub enum Outside {
 /// Replaces each cell by its chessboard distance to the nearest cell that is 0, or to the `outside` if that is marked.
 ///
 /// Cells must be 0 or [`FAR`], x fastest.
-pub fn chessboard(cells: &mut [u8], dims: [usize; 3], outside: Outside) {
+pub(crate) fn chessboard(cells: &mut [u8], dims: [usize; 3], outside: Outside) {
     let [nx, ny, nz] = dims;
     let plane = nx * ny;
     if outside == Outside::Marked {

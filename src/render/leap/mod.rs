@@ -4,10 +4,10 @@
 //! The distances are made from the [`flags`](crate::space::flags) and stored in addition to them. They exist only for
 //! renderers that leap or prove reuse by them; all others are spared the memory.
 
-pub mod bricks;
-pub mod chessboard;
-pub mod chosen;
-pub mod voxels;
+pub(crate) mod bricks;
+pub(crate) mod chessboard;
+pub(crate) mod chosen;
+pub(crate) mod voxels;
 
 use glam::Vec3;
 
@@ -20,7 +20,7 @@ pub use chosen::Leaper;
 pub use voxels::{VoxelLeap, VoxelWalls};
 
 /// Positions are computed in f32, so reported clearances are this much less than the known ones, voxels.
-pub const SLACK: f32 = 0.01;
+pub(crate) const SLACK: f32 = 0.01;
 
 /// A source of distances from a position to the wall.
 pub trait EmptyRadius: Sync {

@@ -14,7 +14,7 @@ const MOST_BRICKS: i32 = 3;
 /// At any `k` the rays' positions are within a box too, and this box leaps as a whole. It moves from empty brick to empty
 /// brick (after Amanatides and Woo 1987, with the box's leading faces in place of a point). Where bricks are not empty,
 /// it advances by one cell length at a time.
-pub struct Beam {
+pub(crate) struct Beam {
     origin: Vec3A,
     /// Corners of the box of steps, voxels.
     bottom: Vec3A,
@@ -33,7 +33,7 @@ impl Beam {
     /// Creates the bundle from `origin` (grown voxel coordinates) of the rays whose steps (voxels) lie between `low`
     /// and `high`.
     #[inline(always)]
-    pub fn new(origin: Vec3, low: Vec3, high: Vec3) -> Self {
+    pub(crate) fn new(origin: Vec3, low: Vec3, high: Vec3) -> Self {
         let (bottom, top) = (Vec3A::from(low), Vec3A::from(high));
         let steepest = bottom.abs().max(top.abs()).max_element().max(1e-9);
         Self {
@@ -78,7 +78,7 @@ impl Beam {
     ///
     /// The result is early by about a thousandth of a voxel. Nothing is known outside the grown volume.
     #[inline(always)]
-    pub fn next(&self, occupancy: &Occupancy, k: f32, end: f32) -> f32 {
+    pub(crate) fn next(&self, occupancy: &Occupancy, k: f32, end: f32) -> f32 {
         let next = self.leap(occupancy, k, end);
         // Twice, to cover the rounding of a border's position.
         if next < end { (next - 2.0 * self.nudge(next)).max(k) } else { end }

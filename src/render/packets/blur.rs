@@ -16,14 +16,14 @@ const ROWS: [usize; 2] = [64, 27];
 /// mm; a CT has less.
 const SHARP: f32 = 2.1;
 /// The longest waves that are made use of, in the unit of [`waves`].
-pub const LONGEST: f32 = 2.0;
+pub(crate) const LONGEST: f32 = 2.0;
 /// The width of a class of differences between neighbouring voxels, HU, and the number of classes.
 const CLASS: [usize; 2] = [4, 512];
 
 /// Returns the length of the finest waves in the scan, in units of twice the smallest spacing.
 ///
 /// 1 means that the wall is as sharp as voxels can show.
-pub fn waves(volume: &Volume, wall: TransferFunction) -> f32 {
+pub(crate) fn waves(volume: &Volume, wall: TransferFunction) -> f32 {
     (blur(volume, wall) / SHARP).clamp(1.0, LONGEST)
 }
 

@@ -18,10 +18,10 @@ const SIZE: usize = 1 << 13;
 
 /// World gradient (HU/mm) in a cell, as the coefficients of a trilinear polynomial of the position within it: k₀ + k₁u
 /// + k₂v + k₃w + k₄uv + k₅uw + k₆vw + k₇uvw for each component.
-pub type Corners = [[f32; 8]; 3];
+pub(crate) type Corners = [[f32; 8]; 3];
 
 /// A direct-mapped cache. Earlier lookups affect only the time a lookup takes, never its result.
-pub struct Cells {
+pub(crate) struct Cells {
     keys: Vec<i32>,
     corners: Vec<Corners>,
     /// Red, green and blue that a custom shader has given to the rays of the current packet.
@@ -29,7 +29,7 @@ pub struct Cells {
 }
 
 /// Red, green and blue of sixteen rays.
-pub type Colours = [[f32; 16]; 3];
+pub(crate) type Colours = [[f32; 16]; 3];
 
 impl Default for Cells {
     fn default() -> Self {
@@ -40,7 +40,7 @@ impl Default for Cells {
 impl Cells {
     /// Returns the gradient in the cell `key`, whose position (counted from cell −1) is `cell`.
     #[inline(always)]
-    pub fn get(&mut self, source: &Source, key: i32, cell: [i32; 3]) -> &Corners {
+    pub(crate) fn get(&mut self, source: &Source, key: i32, cell: [i32; 3]) -> &Corners {
         // Neighbours along each axis map to different slots.
         let at = (cell[0] & 31 | (cell[1] & 15) << 5 | (cell[2] & 15) << 9) as usize % SIZE;
         if self.keys[at] != key {
@@ -51,13 +51,13 @@ impl Cells {
     }
 
     /// Returns the memory taken, bytes.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         self.keys.len() * size_of::<i32>() + self.corners.len() * size_of::<Corners>()
     }
 }
 
 /// The source of gradients: a volume and its regression.
-pub struct Source<'a> {
+pub(crate) struct Source<'a> {
     volume: &'a Volume,
     regression: Regression,
     to_world: Mat3,
@@ -65,19 +65,19 @@ pub struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// Uses the regressions of `volume`, turned into world gradients by `to_world`.
-    pub fn new(volume: &'a Volume, regression: Regression, to_world: Mat3) -> Self {
+    pub(crate) fn new(volume: &'a Volume, regression: Regression, to_world: Mat3) -> Self {
         Self { volume, regression, to_world }
     }
 
     /// The regression.
     #[inline(always)]
-    pub fn regression(&self) -> &Regression {
+    pub(crate) fn regression(&self) -> &Regression {
         &self.regression
     }
 
     /// Returns the rows of the matrix that turns changes along the index axes into a world gradient.
     #[inline(always)]
-    pub fn to_world(&self) -> [Vec3; 3] {
+    pub(crate) fn to_world(&self) -> [Vec3; 3] {
         [0, 1, 2].map(|n| self.to_world.row(n))
     }
 

@@ -9,7 +9,7 @@ use super::beam::Beam;
 use crate::render::camera::View;
 
 /// How directions are found.
-pub enum DirectionSource {
+pub(crate) enum DirectionSource {
     /// From a plane at distance 1 in front of a perspective camera.
     Perspective {
         /// The step along the viewing axis, and its change along the picture's right and up directions, voxels.
@@ -31,7 +31,7 @@ pub enum DirectionSource {
 }
 
 /// The directions of sixteen rays.
-pub struct Directions<S: Simd> {
+pub(crate) struct Directions<S: Simd> {
     /// A step along each axis, voxels.
     pub along: [f32x16<S>; 3],
     /// World directions, of unit length.
@@ -43,21 +43,21 @@ pub struct Directions<S: Simd> {
 impl<S: Simd> Directions<S> {
     /// Returns the rays' positions `k` steps from `origin`.
     #[inline(always)]
-    pub fn at(&self, origin: Vec3, k: f32) -> [f32x16<S>; 3] {
+    pub(crate) fn at(&self, origin: Vec3, k: f32) -> [f32x16<S>; 3] {
         let [x, y, z] = self.along;
         [x * k + origin.x, y * k + origin.y, z * k + origin.z]
     }
 
     /// Like [`Directions::at`], but each ray has its own `k`.
     #[inline(always)]
-    pub fn at_each(&self, origin: Vec3, k: f32x16<S>) -> [f32x16<S>; 3] {
+    pub(crate) fn at_each(&self, origin: Vec3, k: f32x16<S>) -> [f32x16<S>; 3] {
         let [x, y, z] = self.along;
         [x * k + origin.x, y * k + origin.y, z * k + origin.z]
     }
 
     /// Returns the bundle of these rays and of all whose steps differ from theirs by up to `margin`, voxels.
     #[inline(always)]
-    pub fn beam(&self, origin: Vec3, margin: f32) -> Beam {
+    pub(crate) fn beam(&self, origin: Vec3, margin: f32) -> Beam {
         let [x, y, z] = self.along;
         let low = Vec3::new(x.reduce_min(), y.reduce_min(), z.reduce_min());
         let high = Vec3::new(x.reduce_max(), y.reduce_max(), z.reduce_max());
@@ -68,7 +68,7 @@ impl<S: Simd> Directions<S> {
 impl DirectionSource {
     /// Creates the source for `view`. `to_step` turns world directions into steps in voxels; `step` holds the steps for
     /// forward, right and up.
-    pub fn new(view: &View, to_step: DMat3, step: [Vec3; 3]) -> Self {
+    pub(crate) fn new(view: &View, to_step: DMat3, step: [Vec3; 3]) -> Self {
         match view.pixel() {
             Some(pixel) => Self::Perspective {
                 step,
@@ -83,7 +83,7 @@ impl DirectionSource {
     }
 
     /// Returns by how much unit directions of neighbouring pixels differ at most; `None` if unknown.
-    pub fn pixel_turn(&self) -> Option<f32> {
+    pub(crate) fn pixel_turn(&self) -> Option<f32> {
         match self {
             Self::Perspective { pixel, .. } => Some(*pixel),
             Self::Any { turn, .. } => *turn,
@@ -95,7 +95,7 @@ impl DirectionSource {
     ///
     /// The sixteen rays form rows that reach to the rectangle's edges, with `apart` pixels between neighbours.
     #[inline(always)]
-    pub fn margin<S: Simd>(&self, ray: &Directions<S>, apart: [f32; 2]) -> Option<f32> {
+    pub(crate) fn margin<S: Simd>(&self, ray: &Directions<S>, apart: [f32; 2]) -> Option<f32> {
         match self {
             // Between two rays at an angle δ, a direction bulges by δ²/8 at most, along two axes of the picture.
             Self::Perspective { pixel, .. } => {
@@ -112,7 +112,7 @@ impl DirectionSource {
 
     /// Returns the rays through the points (`x`, `y`) of the picture, pixels.
     #[inline(always)]
-    pub fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Directions<S> {
+    pub(crate) fn lanes<S: Simd>(&self, simd: S, x: f32x16<S>, y: f32x16<S>) -> Directions<S> {
         let (step, world, pixel, centre) = match self {
             Self::Perspective { step, world, pixel, centre } => (*step, *world, *pixel, *centre),
             Self::Any { view, to_step, .. } => {
@@ -160,7 +160,7 @@ fn each<S: Simd>(simd: S, view: &View, to_step: DMat3, [x, y]: [[f32; 16]; 2]) -
 
 /// Splits positions into cells (counted from cell −1) and positions within them, 0 to 1.
 #[inline(always)]
-pub fn split<S: Simd>(q: [f32x16<S>; 3]) -> ([i32x16<S>; 3], [f32x16<S>; 3]) {
+pub(crate) fn split<S: Simd>(q: [f32x16<S>; 3]) -> ([i32x16<S>; 3], [f32x16<S>; 3]) {
     // Not with `map`: closures do not inherit the level's instructions.
     let floor = [q[0].floor(), q[1].floor(), q[2].floor()];
     let place = [q[0] - floor[0], q[1] - floor[1], q[2] - floor[2]];

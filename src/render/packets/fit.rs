@@ -12,7 +12,12 @@ use crate::render::regression::{Regression, parts};
 
 /// Returns the gradients along the index axes (HU/mm) at the positions `t` in the blocks' inner cells.
 #[inline(always)]
-pub fn gradients<S: Simd>(simd: S, regression: &Regression, blocks: &Blocks<S>, t: [f32x16<S>; 3]) -> [f32x16<S>; 3] {
+pub(crate) fn gradients<S: Simd>(
+    simd: S,
+    regression: &Regression,
+    blocks: &Blocks<S>,
+    t: [f32x16<S>; 3],
+) -> [f32x16<S>; 3] {
     let Regression { a, b, c: of_c, .. } = regression;
     let zero = f32x16::splat(simd, 0.0);
     let [tx, ty, tz] = t;

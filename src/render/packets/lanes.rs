@@ -22,7 +22,7 @@ const _: () =
     assert!(size_of::<Line<u64, 8>>() == 2 * PIECES as usize && size_of::<Line<u8, 64>>() == 2 * PIECES as usize);
 
 /// Voxels whose pairs can be gathered: at least two along each axis and no more than an `i32` can count.
-pub struct Voxels<'a> {
+pub(crate) struct Voxels<'a> {
     data: &'a [i16],
     /// For each axis, the last cell with all corners in the volume: voxels − 1. The first is 1.
     last: [i32; 3],
@@ -31,7 +31,7 @@ pub struct Voxels<'a> {
 }
 
 /// Eight corners of a cell for each lane, as pairs along x: at (y, z) = (0, 0), (1, 0), (0, 1), (1, 1).
-pub type Corners<S> = [i32x16<S>; 4];
+pub(crate) type Corners<S> = [i32x16<S>; 4];
 
 /// The scale of the weights in [`interpolate`]. They are integers so that one instruction weights a pair.
 const ONE: f32 = (1 << 14) as f32;
@@ -39,7 +39,7 @@ const ONE: f32 = (1 << 14) as f32;
 impl<'a> Voxels<'a> {
     /// Returns the voxels of `volume`; `None` if an axis has fewer than two of them, or if there are more than an `i32`
     /// can count.
-    pub fn new(volume: &'a Volume) -> Option<Self> {
+    pub(crate) fn new(volume: &'a Volume) -> Option<Self> {
         let dims = volume.grid().dims();
         let data = volume.data();
         let fits = i32::try_from(data.len()).is_ok() && dims.iter().product::<usize>() == data.len();
@@ -49,7 +49,7 @@ impl<'a> Voxels<'a> {
 
     /// Returns, for each axis, the last cell that is wholly within the volume. The first is 1.
     #[inline(always)]
-    pub fn last(&self) -> [i32; 3] {
+    pub(crate) fn last(&self) -> [i32; 3] {
         self.last
     }
 
@@ -58,7 +58,7 @@ impl<'a> Voxels<'a> {
     /// A cell outside the volume is replaced by the nearest one within. Unwanted lanes get the first cell: rays that
     /// have ended would otherwise keep reading memory that is not in the processor's cache.
     #[inline(always)]
-    pub fn corners<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Corners<S> {
+    pub(crate) fn corners<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Corners<S> {
         let [x, y, z] = g;
         let [nx, ny, nz] = self.last;
         let (x, y, z) = (x.max(1).min(nx) - 1, y.max(1).min(ny) - 1, z.max(1).min(nz) - 1);
@@ -78,7 +78,7 @@ impl<'a> Voxels<'a> {
 }
 
 /// For each lane, the position of a 4×4×4 block of voxels that is wholly within the volume.
-pub struct Blocks<'a, S: Simd> {
+pub(crate) struct Blocks<'a, S: Simd> {
     voxels: &'a Voxels<'a>,
     first: i32x16<S>,
 }
@@ -87,7 +87,7 @@ impl<'a> Voxels<'a> {
     /// Returns the blocks around the cells `g` (counted from cell −1) of the lanes in `wanted`; `None` if one of them
     /// leaves the volume. Other lanes get the volume's first block.
     #[inline(always)]
-    pub fn blocks<S: Simd>(&'a self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Option<Blocks<'a, S>> {
+    pub(crate) fn blocks<S: Simd>(&'a self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> Option<Blocks<'a, S>> {
         let [x, y, z] = g;
         let [nx, ny, nz] = self.last;
         if nx.min(ny).min(nz) < 3 {
@@ -104,7 +104,7 @@ impl<'a> Voxels<'a> {
 impl<S: Simd> Blocks<'_, S> {
     /// Returns the four voxels of the block's row (`y`, `z`), HU. Both indices are from 0 to 3.
     #[inline(always)]
-    pub fn row(&self, simd: S, [y, z]: [usize; 2]) -> [f32x16<S>; 4] {
+    pub(crate) fn row(&self, simd: S, [y, z]: [usize; 2]) -> [f32x16<S>; 4] {
         let Voxels { data, row, slice, .. } = *self.voxels;
         let at = self.first + ((y as i32 & 3) * row + (z as i32 & 3) * slice);
         let at = at.as_array();
@@ -127,7 +127,7 @@ impl<S: Simd> Blocks<'_, S> {
 
 /// An [`Occupancy`] that sixteen rays look up at once, each at its own cell. A cell outside the volume is replaced by
 /// the nearest one within.
-pub struct OccupancyLanes<'a> {
+pub(crate) struct OccupancyLanes<'a> {
     /// The last cell of each axis.
     last: [i32; 3],
     bits: &'a [Line<u64, 8>],
@@ -142,7 +142,7 @@ const PIECES: i32 = 32;
 
 impl<'a> OccupancyLanes<'a> {
     /// Wraps `occupancy`; `None` if it has more 16-bit pieces than an `i32` can count.
-    pub fn new(occupancy: &'a Occupancy) -> Option<Self> {
+    pub(crate) fn new(occupancy: &'a Occupancy) -> Option<Self> {
         let (bits, distances) = (occupancy.bit_cubes(), occupancy.distance_cubes());
         let bricks = occupancy.bricks();
         // Cubes with sides of 2 and of 4 bricks.
@@ -162,13 +162,13 @@ impl<'a> OccupancyLanes<'a> {
 
     /// True if the bit of one of the cells `g` of the lanes in `wanted` is set.
     #[inline(always)]
-    pub fn any<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> bool {
+    pub(crate) fn any<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> bool {
         (wanted & self.set(simd, g)).any_true()
     }
 
     /// Returns the lanes whose cells `g` have their bit set.
     #[inline(always)]
-    pub fn set<S: Simd>(&self, simd: S, g: [i32x16<S>; 3]) -> mask32x16<S> {
+    pub(crate) fn set<S: Simd>(&self, simd: S, g: [i32x16<S>; 3]) -> mask32x16<S> {
         let [x, y, z] = self.within(g);
         let line = (x >> 3) + (y >> 3) * self.bit_cubes[0] + (z >> 3) * self.bit_cubes[1];
         // A brick has four pieces, one for each layer; two layers are loaded.
@@ -183,7 +183,7 @@ impl<'a> OccupancyLanes<'a> {
 
     /// Returns the least distance of the bricks around the cells `g` of the lanes in `wanted`, bricks.
     #[inline(always)]
-    pub fn nearest<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> i32 {
+    pub(crate) fn nearest<S: Simd>(&self, simd: S, g: [i32x16<S>; 3], wanted: mask32x16<S>) -> i32 {
         let [x, y, z] = self.within(g);
         let line = (x >> 4) + (y >> 4) * self.distance_cubes[0] + (z >> 4) * self.distance_cubes[1];
         // A row of four distances is two pieces.
@@ -203,7 +203,7 @@ impl<'a> OccupancyLanes<'a> {
 
 /// Returns trilinear values within the cells, at the positions `t` (0 to 1 along each axis), HU.
 #[inline(always)]
-pub fn interpolate<S: Simd>(simd: S, corners: Corners<S>, t: [f32x16<S>; 3]) -> f32x16<S> {
+pub(crate) fn interpolate<S: Simd>(simd: S, corners: Corners<S>, t: [f32x16<S>; 3]) -> f32x16<S> {
     // The pair's weights as two 16-bit halves of one number: 1 − t below, t above.
     let tx: i32x16<S> = (t[0] * ONE + 0.5).to_int();
     let weights: i16x32<S> = ((tx << 16) + (i32x16::splat(simd, ONE as i32) - tx)).bitcast();

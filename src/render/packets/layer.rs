@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::cells::{Cells, Colours};
 use super::directions::{Directions, split};
 use super::fit::gradients;
-use super::packet::{PacketLighting, Rays};
+use super::rays::{PacketLighting, Rays};
 use crate::render::light::{CONTACT, CONTACT_MM, EXPOSURE, GLOSS, GLOSS_DOUBLINGS, HALF_MM, Light};
 use crate::render::sampler::is_homogeneous;
 use crate::render::shaders::headlight::{AMBIENT, DIFFUSE};
@@ -26,30 +26,9 @@ use crate::render::transfer::PALETTE_HU;
 /// If sixteen rays are in more cells than this, the regression is computed for each ray. On AVX-512 that pays off from
 /// four cells on, on AVX2 from eight; a single number is used so that every SIMD level gives the same bits.
 const MANY: usize = 8;
-/// Limit for a layer's share of the light times how far back it is, steps. The error of a layer's light scales with its
-/// share and grows with its length.
-const LONG: f32 = 0.1;
-/// A layer is shaded when its mean position is this many steps back, whatever its share.
-const FAR: f32 = 4.0;
-
-/// Returns the limits for how far back, in steps, a layer's mean position may be before another layer begins: one for
-/// the distance times the layer's share of the light, and one for the distance alone.
-///
-/// Steps are 2^`power` times as long as those of a flight; over `waves` of these the wall's gradient turns little.
-/// Shorter steps mean that less error is wanted, too: layers are then a quarter of a flight's step.
-pub fn steps(waves: f32, power: i32) -> [f32; 2] {
-    let step = 2f32.powi(power);
-    if power < 0 {
-        let fine = (0.25 / step).min(1.0);
-        [LONG * fine, FAR * fine]
-    } else {
-        [LONG * (waves / step).max(1.0), FAR]
-    }
-}
-
 /// The medium that a camera is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Medium {
+pub(crate) enum Medium {
     /// Air: rays see nothing of it.
     Air,
     /// Visible matter: the camera is within the wall.
@@ -59,7 +38,7 @@ pub enum Medium {
 /// The part of the wall that sixteen rays meet: its weight, and the weight times position (steps) and times value (HU
 /// above the palette's first).
 #[derive(Clone, Copy)]
-pub struct Layer<S: Simd> {
+pub(crate) struct Layer<S: Simd> {
     pub weight: f32x16<S>,
     pub place: f32x16<S>,
     pub value: f32x16<S>,
@@ -68,14 +47,14 @@ pub struct Layer<S: Simd> {
 impl<S: Simd> Layer<S> {
     /// Returns an empty layer.
     #[inline(always)]
-    pub fn none(simd: S) -> Self {
+    pub(crate) fn none(simd: S) -> Self {
         let zero = f32x16::splat(simd, 0.0);
         Self { weight: zero, place: zero, value: zero }
     }
 
     /// Returns the rays that have something.
     #[inline(always)]
-    pub fn any(&self) -> mask32x16<S> {
+    pub(crate) fn any(&self) -> mask32x16<S> {
         self.weight.simd_gt(0.0)
     }
 
@@ -96,7 +75,7 @@ impl<S: Simd> Layer<S> {
 }
 
 /// Sums accumulated by sixteen rays. Weights are shares of the light that reaches the camera.
-pub struct Sums<S: Simd> {
+pub(crate) struct Sums<S: Simd> {
     pub bright: f32x16<S>,
     pub tone: f32x16<S>,
     pub depth: f32x16<S>,
@@ -117,7 +96,7 @@ pub struct Sums<S: Simd> {
 impl<S: Simd> Sums<S> {
     /// Creates empty sums.
     #[inline(always)]
-    pub fn new(simd: S) -> Self {
+    pub(crate) fn new(simd: S) -> Self {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
         let none = Layer::none(simd);
         Self {
@@ -135,7 +114,7 @@ impl<S: Simd> Sums<S> {
 
     /// Makes the layers of the rays in `mask` wait to be shaded. None of these rays may have a waiting layer.
     #[inline(always)]
-    pub fn end(&mut self, simd: S, mask: mask32x16<S>) {
+    pub(crate) fn end(&mut self, simd: S, mask: mask32x16<S>) {
         let ended = self.layer.take(simd, mask);
         self.depth += ended.place;
         self.waiting.weight += ended.weight;
@@ -145,7 +124,7 @@ impl<S: Simd> Sums<S> {
 
     /// Counts the layers of the rays in `mask`, which have ended: others begin.
     #[inline(always)]
-    pub fn count(&mut self, simd: S, mask: mask32x16<S>) {
+    pub(crate) fn count(&mut self, simd: S, mask: mask32x16<S>) {
         let (zero, one) = (f32x16::splat(simd, 0.0), f32x16::splat(simd, 1.0));
         let first = mask & self.layers.simd_lt(0.5);
         self.front = [first.select(one - self.through, self.front[0]), first.select(self.depth, self.front[1])];
@@ -168,7 +147,7 @@ impl Rays<'_> {
     /// Ends the layers of the rays in `mask`. If one of these rays already has a waiting layer, the waiting layers are
     /// shaded first.
     #[inline(always)]
-    pub fn end<S: Simd>(
+    pub(crate) fn end<S: Simd>(
         &self,
         simd: S,
         ray: &Directions<S>,
@@ -185,7 +164,14 @@ impl Rays<'_> {
 
     /// Shades the waiting layers.
     #[inline(never)]
-    pub fn shade<S: Simd>(&self, simd: S, ray: &Directions<S>, light: &mut Sums<S>, cells: &mut Cells, camera: Medium) {
+    pub(crate) fn shade<S: Simd>(
+        &self,
+        simd: S,
+        ray: &Directions<S>,
+        light: &mut Sums<S>,
+        cells: &mut Cells,
+        camera: Medium,
+    ) {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -267,7 +253,7 @@ impl Rays<'_> {
 
     /// Darkens rays whose wall has another wall close in front of it.
     #[inline(never)]
-    pub fn darken<S: Simd>(&self, simd: S, ray: &Directions<S>, light: &mut Sums<S>, lighting: &PacketLighting) {
+    pub(crate) fn darken<S: Simd>(&self, simd: S, ray: &Directions<S>, light: &mut Sums<S>, lighting: &PacketLighting) {
         simd.vectorize(
             #[inline(always)]
             || {

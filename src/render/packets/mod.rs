@@ -11,6 +11,7 @@ mod occupancy;
 mod packet;
 mod paint;
 mod picture;
+mod rays;
 mod refine;
 mod sampling;
 mod subdivided;
@@ -27,12 +28,12 @@ use super::shaders::Shader;
 use super::{Frame, PreparedVolume, Settings, View, Work};
 use cells::Cells;
 use occupancy::Occupancy;
-use packet::Rays;
-pub use sampling::BLOCK;
+use rays::Rays;
+pub(crate) use sampling::BLOCK;
 use sampling::ImageSamples;
 
 /// Returns the name of the SIMD level that ray packets use on this machine.
-pub fn simd_level() -> &'static str {
+pub(crate) fn simd_level() -> &'static str {
     name(Level::new())
 }
 
@@ -262,7 +263,7 @@ mod tests {
             TransferFunction::default(),
         );
         let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
-        let lumen = phantom.shape().axis.frame(phantom.shape().axis.length() * 0.4);
+        let lumen = phantom.axis().frame(phantom.axis().length() * 0.4);
         let settings = Settings { step_power: -2, ..Settings::new(Quality::High) };
         for (_, level) in levels() {
             let mut fast = PacketRenderer::with_level(&volume, settings, Pixels::All, level);
@@ -291,7 +292,7 @@ mod tests {
             TransferFunction::default(),
         );
         let phantom = Phantom::new(&Colon { size: Size::Small, ..Colon::default() });
-        let axis = &phantom.shape().axis;
+        let axis = phantom.axis();
         let views = [0, 1, 2, 3].map(|n| {
             let lumen = axis.frame(axis.length() * (n as f64 + 0.5) / 4.0);
             // The last one looks from outside.

@@ -21,14 +21,14 @@ use crate::space::flags::above;
 use crate::volume::{AIR_HU, Volume};
 
 /// Cells along a brick's edge, as a power of two.
-pub const BRICK_SHIFT: u32 = 2;
+pub(crate) const BRICK_SHIFT: u32 = 2;
 /// Layers of bricks that one task fills.
 const SLAB: usize = 4;
 
 /// The entries of the bricks of a cube, in one cache line. The cube's side is a power of two.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub struct Line<T, const N: usize>([T; N]);
+pub(crate) struct Line<T, const N: usize>([T; N]);
 
 /// Positions of bricks in a list of [`Line`]s, each a cube of `1 << SHIFT` bricks a side.
 #[derive(Clone, Copy, Debug)]
@@ -61,7 +61,7 @@ impl<const SHIFT: u32> Lines<SHIFT> {
 
 /// The bits of all cells, and the distances of all bricks.
 #[derive(Clone, Debug)]
-pub struct Occupancy {
+pub(crate) struct Occupancy {
     /// Bricks along each axis.
     bricks: [usize; 3],
     /// Bit `x + 4·y + 16·z` of a brick is that of its cell (x, y, z).
@@ -74,7 +74,7 @@ pub struct Occupancy {
 
 impl Occupancy {
     /// Finds the cells of `volume` with a corner above `wall`'s foot. Runs in parallel, in time linear in the voxels.
-    pub fn new(volume: &Volume, wall: TransferFunction) -> Self {
+    pub(crate) fn new(volume: &Volume, wall: TransferFunction) -> Self {
         let lo = wall.lo().floor() as i16;
         let dims = volume.grid().dims();
         let bricks = dims.map(|n| (n + 1).div_ceil(1 << BRICK_SHIFT));
@@ -114,32 +114,32 @@ impl Occupancy {
     }
 
     /// Returns the number of bricks along each axis.
-    pub fn bricks(&self) -> [usize; 3] {
+    pub(crate) fn bricks(&self) -> [usize; 3] {
         self.bricks
     }
 
     /// Returns the bits of all bricks: cubes of 2×2×2 bricks. Cubes, and bricks within a cube, are ordered with x
     /// fastest.
-    pub fn bit_cubes(&self) -> &[Line<u64, 8>] {
+    pub(crate) fn bit_cubes(&self) -> &[Line<u64, 8>] {
         &self.bits
     }
 
     /// Returns the distances of all bricks: cubes of 4×4×4 bricks. Cubes, and bricks within a cube, are ordered with x
     /// fastest.
-    pub fn distance_cubes(&self) -> &[Line<u8, 64>] {
+    pub(crate) fn distance_cubes(&self) -> &[Line<u8, 64>] {
         &self.distance
     }
 
     /// Returns the bits of the brick `b`.
     #[inline(always)]
-    pub fn bits(&self, b: [usize; 3]) -> u64 {
+    pub(crate) fn bits(&self, b: [usize; 3]) -> u64 {
         let (line, n) = self.bit_lines.at(b);
         self.bits.get(line).map_or(u64::MAX, |l| l.0[n & 7])
     }
 
     /// True if a bit is set between the cells `first` and `last`, both included. Both must be within the bricks.
     #[inline(always)]
-    pub fn any(&self, first: [i32; 3], last: [i32; 3]) -> bool {
+    pub(crate) fn any(&self, first: [i32; 3], last: [i32; 3]) -> bool {
         // Along each axis: the bricks, and the cells within one of them, as the bits that a whole brick has there.
         let bricks = |a: usize| first[a] >> BRICK_SHIFT..=last[a] >> BRICK_SHIFT;
         let cells = |a: usize, brick: i32| {
@@ -164,14 +164,14 @@ impl Occupancy {
 
     /// Returns the distance of the brick `b`, bricks.
     #[inline(always)]
-    pub fn distance(&self, b: [i32; 3]) -> u8 {
+    pub(crate) fn distance(&self, b: [i32; 3]) -> u8 {
         let (line, n) = self.distance_lines.at(b.map(|c| c as usize));
         self.distance.get(line).map_or(0, |l| l.0[n & 63])
     }
 
     /// Returns the least distance of the bricks from `first` to `last`, both included, bricks.
     #[inline(always)]
-    pub fn nearest(&self, first: [i32; 3], last: [i32; 3]) -> u8 {
+    pub(crate) fn nearest(&self, first: [i32; 3], last: [i32; 3]) -> u8 {
         let mut least = FAR;
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
@@ -184,7 +184,7 @@ impl Occupancy {
     }
 
     /// Returns the memory taken, bytes.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.bits.as_slice()) + size_of_val(self.distance.as_slice())
     }
 }

@@ -14,7 +14,7 @@
 //!
 //! **Light.** A ray's light from one layer of the wall is computed at the layer's mean position and mean value
 //! ([`layer`](super::layer)). A layer ends where a step adds nothing, where values begin to fall, as behind the middle
-//! of a thin fold, or when it gets long ([`layer::steps`]). Length matters where a ray runs along the wall and the wall
+//! of a thin fold, or when it gets long ([`Rays::layer`]). Length matters where a ray runs along the wall and the wall
 //! turns beneath it. Close to the camera, rays run along the wall in whole regions of the picture, and steps are half
 //! as long.
 //!
@@ -27,217 +27,25 @@
 use std::array::from_fn;
 
 use fearless_simd::{Simd, f32x16, mask32x16, prelude::*};
-use glam::{DVec3, IVec3, Vec3};
 
-use super::blur;
-use super::cells::{Cells, Colours, Source};
-use super::directions::{DirectionSource, Directions, split};
-use super::lanes::{OccupancyLanes, Voxels, interpolate};
-use super::layer::{self, Layer, Medium, Sums};
-use super::occupancy::{BRICK_SHIFT, Occupancy};
-use super::sampling::SIDE;
-use crate::render::camera::{Origins, View};
-use crate::render::light::Light;
-use crate::render::march::Step;
-use crate::render::quality::Settings;
-use crate::render::regression::{Regression, Weighting, to_world};
-use crate::render::sampler::{Sampler, Trilinear};
-use crate::render::shaders::Shader;
-use crate::render::transfer::{FOOT, PALETTE_HU};
-use crate::space::PreparedVolume;
+use super::cells::{Cells, Colours};
+use super::directions::{Directions, split};
+use super::layer::{Layer, Medium, Sums};
+use super::occupancy::BRICK_SHIFT;
+use super::rays::{PacketResult, Rays, SIDE, STILL};
+use crate::render::transfer::PALETTE_HU;
 
-/// A ray runs along the wall where its value changes by less than this over a path of h, the smallest spacing, HU. A
-/// ray that goes straight through the wall has one layer: its brightness hardly depends on how the wall turns.
-const STEEP: f32 = 200.0;
-/// A camera is close to the wall if something of the wall is within about this many voxels of the smallest spacing.
-const NEAR: f64 = 2.0;
 /// After this many empty steps in a row, the distances of the rays' bricks are looked up; near a wall this is not
 /// worthwhile. After a leap, and where nothing was known before, they are looked up at once.
 const PATIENCE: f32 = 8.0;
-/// Rounding errors that a leap must allow for, voxels: over the longest leap that a distance allows, and for each voxel
-/// from the first one to the ray's position.
-const ROUNDING: [f32; 2] = [2e-3, 4e-7];
-/// A camera with a larger grown voxel coordinate than this is rendered in double precision.
-const FAR: f64 = 1e4;
-/// A step that moves less than this along an axis does not move along it, voxels: a million steps add up to a
-/// thousandth.
-const STILL: f32 = 1e-9;
 
-/// The state that all rays of a picture share.
-pub struct Rays<'a> {
-    pub(super) volume: &'a PreparedVolume,
-    pub(super) voxels: Voxels<'a>,
-    occupancy: &'a Occupancy,
-    lookup: OccupancyLanes<'a>,
-    pub(super) source: Source<'a>,
-    scalar: Trilinear<'a>,
-    /// The camera's position, grown voxel coordinates.
-    pub(super) origin: Vec3,
-    /// The rays' directions.
-    pub(super) directions: DirectionSource,
-    /// The most that a step moves along an axis of the volume, voxels.
-    longest: f32,
-    /// How much a leap is shortened to allow for rounding, voxels.
-    rounding: f32,
-    /// Far corner of the grown volume.
-    border: Vec3,
-    foot: f32,
-    pub(super) lo: f32,
-    iso: f32,
-    pub(super) scale: f32,
-    /// A step is h · 2^`power`, which determines how often the opacity is halved.
-    power: i32,
-    sensitivity: f32,
-    /// A layer is shaded, and another begins, in two cases. Its mean position's distance back, in steps, times its
-    /// share of the light exceeds the first number while the ray runs along the wall; or the distance exceeds the
-    /// second number.
-    layer: [f32; 2],
-    /// The most that a value changes over a step where a ray runs along the wall, HU: see [`STEEP`].
-    steep: f32,
-    /// True if steps are twice as long as requested.
-    smooth: bool,
-    limit: f32,
-    /// The camera's position, world, mm.
-    pub(super) camera: DVec3,
-    /// Length of a step, mm.
-    pub(super) step_mm: f32,
-    /// Effects of the light at the camera, in addition to the headlight.
-    pub(super) lighting: Option<PacketLighting>,
-    /// The shader that takes the headlight's place.
-    pub(super) shader: Option<&'a dyn Shader>,
-}
-
-/// A light other than the headlight, for packets.
-pub struct PacketLighting {
-    pub light: Light,
-    /// The rows of the matrix that turns world directions into voxels.
-    pub to_voxel: [Vec3; 3],
-}
-
-/// The result of sixteen rays.
-#[derive(Clone, Copy, Default)]
-pub struct PacketResult {
-    /// Brightness, weighted by the light that passed through, 0 to 1.
-    pub bright: [f32; 16],
-    /// Brightness × HU above the palette's first.
-    pub tone: [f32; 16],
-    /// Share of light that would still come from beyond; NaN where the camera shows nothing.
-    pub through: [f32; 16],
-    /// Mean position of the visible matter, steps from the camera, weighted like the light (not divided by the weight).
-    pub depth: [f32; 16],
-    /// Number of layers that ended before another began.
-    pub layers: [f32; 16],
-    /// For the first of several layers: its share of the light, and that share times its position; 0 if there is only
-    /// one.
-    pub front: [[f32; 16]; 2],
-    /// Number of samples taken.
-    pub samples: u32,
-}
-
-/// True if something of the wall is within about [`NEAR`] of the camera, which is in `cell`.
-///
-/// The voxels themselves are read, so that pictures do not depend on what is known to be empty.
-fn is_near(volume: &PreparedVolume, cell: IVec3) -> bool {
-    let (voxels, foot) = (volume.voxels(), volume.transfer().lo() + FOOT);
-    let grid = voxels.grid();
-    let reach = (NEAR * grid.min_spacing() / grid.spacing()).ceil().as_ivec3();
-    // Cell g is between the voxels g − 1 and g.
-    let (first, last) = (cell - 1 - reach, cell + reach);
-    let range = |a: usize| first[a].max(0)..=last[a].min(grid.dims()[a] as i32 - 1);
-    range(2).any(|z| {
-        range(1)
-            .any(|y| range(0).any(|x| f32::from(voxels.data()[grid.index(x as usize, y as usize, z as usize)]) > foot))
-    })
-}
-
-impl<'a> Rays<'a> {
-    /// Prepares the rays of `view` in a scan with the given [`waves`](super::blur::waves).
-    ///
-    /// Returns `None` if this caster cannot render the view. It needs at least two voxels along each axis, no more
-    /// voxels and pieces of their bits than an `i32` can count, a camera within ten thousand voxels, and rays that all
-    /// start at the camera.
-    pub fn new(
-        volume: &'a PreparedVolume,
-        occupancy: &'a Occupancy,
-        waves: f32,
-        view: &View,
-        settings: &Settings,
-        shader: Option<&'a dyn Shader>,
-    ) -> Option<Self> {
-        let samples = volume.voxels();
-        let grid = samples.grid();
-        let voxels = Voxels::new(samples)?;
-        let origin = grid.voxel(view.position()) + DVec3::ONE;
-        if origin.abs().max_element() > FAR || view.camera().origins() != Origins::One {
-            return None;
-        }
-        let smooth = waves >= blur::LONGEST;
-        // Half as many samples: values between them are known well enough, except where rays run along a close wall.
-        // Callers that request shorter steps already have them.
-        let near = settings.step_power >= -1 && is_near(volume, origin.floor().as_ivec3());
-        let power = settings.step_power + 1 - i32::from(near);
-        let step = Step::new(volume, power + i32::from(smooth));
-        let per_step = [view.forward(), view.right(), view.up()]
-            .map(|d| (grid.to_voxel().transform_vector3(d) * step.mm).as_vec3());
-        let wall = volume.transfer();
-        let border = Vec3::from_array(grid.dims().map(|n| (n + 1) as f32));
-        // All directions are of unit length in the camera's orthonormal frame, so this also holds where the volume's
-        // axes are not at right angles.
-        let longest = per_step.iter().map(|&s| s * s).sum::<Vec3>().max_element().sqrt();
-        Some(Self {
-            volume,
-            voxels,
-            occupancy,
-            lookup: OccupancyLanes::new(occupancy)?,
-            source: Source::new(samples, Regression::new(grid.spacing(), Weighting::InverseSquare), to_world(samples)),
-            scalar: Trilinear::new(volume),
-            origin: origin.as_vec3(),
-            directions: DirectionSource::new(view, grid.to_voxel().matrix3 * step.mm, per_step),
-            longest: longest.max(STILL),
-            rounding: ROUNDING[0] + ROUNDING[1] * border.max_element().max(FAR as f32),
-            border,
-            foot: wall.lo() + FOOT,
-            lo: wall.lo(),
-            iso: wall.iso() as f32,
-            scale: 1.0 / (wall.hi() - wall.lo()),
-            power: step.power,
-            sensitivity: settings.sensitivity,
-            layer: layer::steps(if smooth { waves * 0.5 } else { waves }, power),
-            steep: STEEP * 2f32.powi(step.power),
-            smooth,
-            limit: (1 << 22) as f32,
-            camera: view.position(),
-            step_mm: step.mm as f32,
-            lighting: (settings.light != Light::HEADLIGHT).then(|| PacketLighting {
-                light: settings.light,
-                to_voxel: [0, 1, 2].map(|n| grid.to_voxel().matrix3.row(n).as_vec3()),
-            }),
-            shader,
-        })
-    }
-
-    /// Returns the colours of the most recent packet if a custom shader has set them.
-    #[inline(always)]
-    pub fn colours<'c>(&self, cells: &'c Cells) -> Option<&'c Colours> {
-        self.shader.map(|_| &cells.colours)
-    }
-
-    /// Returns by how much unit directions of neighbouring pixels differ at most; `None` if unknown.
-    pub fn pixel_turn(&self) -> Option<f32> {
-        self.directions.pixel_turn()
-    }
-
-    /// Returns the length of a step, voxels of the smallest spacing.
-    pub fn step(&self) -> f32 {
-        2f32.powi(self.power)
-    }
-
+impl Rays<'_> {
     /// Casts a packet of rays `apart` pixels from each other, row by row, the first through the centre of pixel (`x`,
     /// `y`).
     ///
     /// The rays must meet nothing before `from` steps.
     #[inline(always)]
-    pub fn packet<S: Simd>(
+    pub(crate) fn packet<S: Simd>(
         &self,
         simd: S,
         [x, y]: [usize; 2],
@@ -251,7 +59,7 @@ impl<'a> Rays<'a> {
     /// Casts rays through the centres of pixels; `pixel` returns the pixel of each lane. The rays must meet nothing
     /// before `from` steps.
     #[inline(always)]
-    pub fn cast<S: Simd>(
+    pub(crate) fn cast<S: Simd>(
         &self,
         simd: S,
         pixel: impl Fn(usize) -> [usize; 2],
@@ -463,7 +271,7 @@ impl<'a> Rays<'a> {
     /// The rectangle has `size` pixels and its top left corner at (`x`, `y`). Its rays must be known to meet nothing
     /// before `from` steps.
     #[inline(never)]
-    pub fn start<S: Simd>(&self, simd: S, [x, y]: [f32; 2], size: [f32; 2], from: f32) -> f32 {
+    pub(crate) fn start<S: Simd>(&self, simd: S, [x, y]: [f32; 2], size: [f32; 2], from: f32) -> f32 {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -482,34 +290,6 @@ impl<'a> Rays<'a> {
     #[inline(always)]
     fn value<S: Simd>(&self, simd: S, ray: &Directions<S>, k: f32, wanted: mask32x16<S>) -> f32x16<S> {
         self.value_at(simd, ray.at(self.origin, k), wanted)
-    }
-
-    /// Returns the trilinear HU at the positions `q` of the lanes in `wanted`; other lanes are arbitrary.
-    #[inline(always)]
-    pub(super) fn value_at<S: Simd>(&self, simd: S, q: [f32x16<S>; 3], wanted: mask32x16<S>) -> f32x16<S> {
-        let (cell, t) = split(q);
-        let value = interpolate(simd, self.voxels.corners(simd, cell, wanted), t);
-        let last = self.voxels.last();
-        let low = cell[0].min(cell[1]).min(cell[2]).simd_lt(1);
-        let beyond = cell[0].simd_gt(last[0]) | cell[1].simd_gt(last[1]) | cell[2].simd_gt(last[2]);
-        let outside = wanted & (low | beyond);
-        if outside.any_true() {
-            return self.at_border(simd, value, q, outside.to_bitmask());
-        }
-        value
-    }
-
-    /// Returns values at and beyond the volume's border, one by one.
-    #[inline(never)]
-    fn at_border<S: Simd>(&self, simd: S, value: f32x16<S>, q: [f32x16<S>; 3], mut lanes: u64) -> f32x16<S> {
-        let mut all = value.to_array();
-        while lanes != 0 {
-            let n = lanes.trailing_zeros() as usize;
-            lanes &= lanes - 1;
-            let q = Vec3::new(q[0][n], q[1][n], q[2][n]);
-            all[n] = self.scalar.value(q.clamp(Vec3::ZERO, self.border));
-        }
-        all.simd_into(simd)
     }
 
     /// Returns the share of light that a quarter of a step at the value `hu` lets through.
@@ -540,12 +320,13 @@ impl<'a> Rays<'a> {
 mod tests {
     use std::sync::Arc;
 
-    use glam::DMat3;
+    use glam::{DMat3, DVec3};
 
-    use super::super::levels;
+    use super::super::{blur, levels};
     use super::*;
-    use crate::render::Quality;
-    use crate::space::TransferFunction;
+    use crate::render::packets::occupancy::Occupancy;
+    use crate::render::{Quality, Settings, View};
+    use crate::space::{PreparedVolume, TransferFunction};
     use crate::volume::{Grid, Volume};
 
     /// Steps of two voxels meet walls of one voxel or more wherever the steps end. Without a sample in the middle they

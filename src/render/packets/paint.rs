@@ -3,14 +3,13 @@
 use fearless_simd::{Simd, f32x16, i32x16, prelude::*};
 
 use super::cells::Colours;
-use super::packet::PacketResult;
-use super::sampling::SIDE;
+use super::rays::{PacketResult, SIDE};
 use crate::render::Work;
 use crate::render::renderer::SQUARE;
 use crate::render::transfer::{PALETTE, PALETTE_HU};
 
 /// The rows of a picture that are being filled.
-pub struct Canvas<'a> {
+pub(crate) struct Canvas<'a> {
     pixels: &'a mut [[u8; 3]],
     width: usize,
     /// Index of the first row in the picture.
@@ -19,18 +18,24 @@ pub struct Canvas<'a> {
 
 impl<'a> Canvas<'a> {
     /// Wraps the rows from `top` on of a picture that is `width` pixels wide.
-    pub fn new(pixels: &'a mut [[u8; 3]], width: usize, top: usize) -> Self {
+    pub(crate) fn new(pixels: &'a mut [[u8; 3]], width: usize, top: usize) -> Self {
         Self { pixels, width, top }
     }
 
     /// True if the canvas holds the pixel (`x`, `y`) of the picture.
-    pub fn holds(&self, [x, y]: [usize; 2]) -> bool {
+    pub(crate) fn holds(&self, [x, y]: [usize; 2]) -> bool {
         x < self.width && y >= self.top && (y - self.top) * self.width < self.pixels.len()
     }
 
     /// Fills the pixels of a packet whose rays are one pixel apart, the first through `at`.
     #[inline(never)]
-    pub fn packet<S: Simd>(&mut self, simd: S, light: &PacketResult, own: Option<&Colours>, at: [usize; 2]) -> Work {
+    pub(crate) fn packet<S: Simd>(
+        &mut self,
+        simd: S,
+        light: &PacketResult,
+        own: Option<&Colours>,
+        at: [usize; 2],
+    ) -> Work {
         simd.vectorize(
             #[inline(always)]
             || self.block(&packed(simd, light, own), at),
@@ -42,7 +47,7 @@ impl<'a> Canvas<'a> {
 
     /// Fills squares of [`SQUARE`] × [`SQUARE`] pixels with a packet's rays in turn.
     #[inline(never)]
-    pub fn squares<S: Simd>(
+    pub(crate) fn squares<S: Simd>(
         &mut self,
         simd: S,
         light: &PacketResult,
@@ -65,7 +70,7 @@ impl<'a> Canvas<'a> {
 
     /// Fills the block from pixel `at` on with weighted sums of the rays' `light`, brightness and tone.
     #[inline(never)]
-    pub fn blend<S: Simd, const N: usize>(
+    pub(crate) fn blend<S: Simd, const N: usize>(
         &mut self,
         simd: S,
         light: [[f32; 2]; N],

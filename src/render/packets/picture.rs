@@ -7,10 +7,10 @@ use fearless_simd::Level;
 use rayon::prelude::*;
 
 use super::cells::Cells;
-use super::packet::Rays;
 use super::paint::Canvas;
+use super::rays::{Rays, SIDE};
 use super::refine::Band;
-use super::sampling::{BLOCK, ImageSamples, LANES, SIDE};
+use super::sampling::{BLOCK, ImageSamples, LANES};
 use crate::render::renderer::SQUARE;
 use crate::render::{View, Work};
 
@@ -52,7 +52,13 @@ fn with_cells<T>(all: &[Mutex<Cells>], part: impl FnOnce(&mut Cells) -> T) -> T 
 }
 
 /// Casts a ray for every pixel.
-pub fn pixels_of(rays: &Rays<'_>, view: &View, pixels: &mut [[u8; 3]], cells: &[Mutex<Cells>], level: Level) -> Work {
+pub(crate) fn pixels_of(
+    rays: &Rays<'_>,
+    view: &View,
+    pixels: &mut [[u8; 3]],
+    cells: &[Mutex<Cells>],
+    level: Level,
+) -> Work {
     let width = view.width();
     let bands = pixels.par_chunks_mut(width * SIDE).enumerate().map(|(n, band)| {
         with_cells(cells, |cells| {
@@ -71,7 +77,7 @@ pub fn pixels_of(rays: &Rays<'_>, view: &View, pixels: &mut [[u8; 3]], cells: &[
 }
 
 /// Casts a ray for every pixel of the `wanted` squares, row by row of squares.
-pub fn squares_of(
+pub(crate) fn squares_of(
     rays: &Rays<'_>,
     view: &View,
     pixels: &mut [[u8; 3]],
@@ -112,7 +118,7 @@ pub fn squares_of(
 ///
 /// Casts a ray for every pixel if it is unknown how far apart neighbouring rays are, or how a shader colours what lies
 /// between them.
-pub fn needed(
+pub(crate) fn needed(
     samples: &mut ImageSamples,
     rays: &Rays<'_>,
     view: &View,

@@ -8,8 +8,8 @@ use std::array::from_fn;
 use fearless_simd::Simd;
 
 use super::cells::Cells;
-use super::packet::Rays;
 use super::paint::Canvas;
+use super::rays::Rays;
 use super::sampling::{Block, Point, WEIGHTS};
 use super::subdivided::{MIDDLES, SUBDIVIDED_WEIGHTS, Subdivided};
 use crate::render::Work;
@@ -19,7 +19,7 @@ use crate::render::renderer::SQUARE;
 const GROUP: usize = 4;
 
 /// Some rows of a picture's blocks that are being filled.
-pub struct Band<'a, 'b> {
+pub(crate) struct Band<'a, 'b> {
     rays: &'a Rays<'b>,
     cells: &'a mut Cells,
     canvas: Canvas<'a>,
@@ -70,26 +70,26 @@ impl<T: Copy + Default> Waiting<T> {
 
 impl<'a, 'b> Band<'a, 'b> {
     /// Creates a band that casts `rays` for the pixels of `canvas`.
-    pub fn new(rays: &'a Rays<'b>, cells: &'a mut Cells, canvas: Canvas<'a>) -> Self {
+    pub(crate) fn new(rays: &'a Rays<'b>, cells: &'a mut Cells, canvas: Canvas<'a>) -> Self {
         Self { rays, cells, canvas, blocks: Waiting::default(), squares: Waiting::default(), work: Work::default() }
     }
 
     /// Fills a smooth block whose top left corner is at pixel `at`.
     #[inline(always)]
-    pub fn smooth<S: Simd>(&mut self, simd: S, block: &Block, at: [usize; 2]) {
+    pub(crate) fn smooth<S: Simd>(&mut self, simd: S, block: &Block, at: [usize; 2]) {
         self.canvas.blend(simd, block.points().map(|p| [p.bright, p.tone]), &WEIGHTS, at);
     }
 
     /// Casts a ray for every pixel of a block. The rays must meet nothing before `start` steps.
     #[inline(always)]
-    pub fn rough<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
+    pub(crate) fn rough<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
         let light = self.rays.packet(simd, at, 1, start, self.cells);
         self.work = self.work + self.canvas.packet(simd, &light, self.rays.colours(self.cells), at);
     }
 
     /// Queues a block for subdivision.
     #[inline(always)]
-    pub fn coarse<S: Simd>(&mut self, simd: S, block: Block, at: [usize; 2], start: f32) {
+    pub(crate) fn coarse<S: Simd>(&mut self, simd: S, block: Block, at: [usize; 2], start: f32) {
         if self.blocks.push(Coarse { block, at, start }, start) {
             self.subdivide(simd);
         }
@@ -97,14 +97,14 @@ impl<'a, 'b> Band<'a, 'b> {
 
     /// Queues a square of pixels to be traced with a ray each. The rays must meet nothing before `start` steps.
     #[inline(always)]
-    pub fn square<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
+    pub(crate) fn square<S: Simd>(&mut self, simd: S, at: [usize; 2], start: f32) {
         if self.squares.push(at, start) {
             self.trace(simd);
         }
     }
 
     /// Fills everything that still waits. Returns the work of the whole band.
-    pub fn finish<S: Simd>(&mut self, simd: S) -> Work {
+    pub(crate) fn finish<S: Simd>(&mut self, simd: S) -> Work {
         if self.blocks.len > 0 {
             self.subdivide(simd);
         }

@@ -18,22 +18,20 @@
 use fearless_simd::{Simd, f32x16, prelude::*};
 use rayon::prelude::*;
 
-use super::packet::PacketResult;
+use super::rays::{PacketResult, SIDE};
 
 /// Side of a block, pixels.
-pub const BLOCK: usize = 4;
-/// Side of a packet, rays.
-pub const SIDE: usize = 4;
+pub(crate) const BLOCK: usize = 4;
 /// Number of blocks judged at once.
-pub const LANES: usize = 16;
+pub(crate) const LANES: usize = 16;
 /// How much the centre may differ from the corners' mean: brightness, 0 to 1.
 const BRIGHTNESS: f32 = 0.027;
 /// The most that brightness may change over a block.
-pub const CONTRAST: f32 = 0.5;
+pub(crate) const CONTRAST: f32 = 0.5;
 /// How much the centre's depth may differ, voxels (the smallest spacing).
 const DEPTH: f32 = 0.25;
 /// The most that depth may change over a block, voxels.
-pub const SLOPE: f32 = 3.0;
+pub(crate) const SLOPE: f32 = 3.0;
 /// The largest side of a block, voxels: 2√2, at which the rays of corners and centres are 2 voxels apart.
 const LARGEST: f32 = 2.83;
 /// A ray has ended in the wall when no more than this share of light comes from beyond.
@@ -46,7 +44,7 @@ const FIELDS: usize = 4;
 
 /// The result of one ray.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Point {
+pub(crate) struct Point {
     /// 1 / depth at which the ray ended, 1 / voxels of the smallest spacing; 0 if it met nothing; NaN unless it ended
     /// in the wall in its first or second layer, or met nothing.
     pub near: f32,
@@ -61,7 +59,7 @@ pub struct Point {
 impl Point {
     /// Returns the results of a packet whose steps are `step` voxels of the smallest spacing long.
     #[inline(always)]
-    pub fn all<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [Self; 16] {
+    pub(crate) fn all<S: Simd>(simd: S, light: &PacketResult, step: f32) -> [Self; 16] {
         let [near, front] = nearness(simd, light, step);
         std::array::from_fn(|n| Self { near: near[n], front: front[n], bright: light.bright[n], tone: light.tone[n] })
     }
@@ -108,7 +106,7 @@ impl Points {
 
 /// The rays through the corners and the centres of a picture's blocks.
 #[derive(Default)]
-pub struct ImageSamples {
+pub(crate) struct ImageSamples {
     /// Corners in a row of blocks, rounded up to a whole packet.
     stride: usize,
     corners: Points,
@@ -118,7 +116,7 @@ pub struct ImageSamples {
 }
 
 /// Four rows of packets that are being filled.
-pub struct Rows<'a> {
+pub(crate) struct Rows<'a> {
     stride: usize,
     corners: &'a mut [f32],
     centres: &'a mut [f32],
@@ -127,7 +125,7 @@ pub struct Rows<'a> {
 
 impl ImageSamples {
     /// Makes room for a picture.
-    pub fn resize(&mut self, [width, height]: [usize; 2]) {
+    pub(crate) fn resize(&mut self, [width, height]: [usize; 2]) {
         self.stride = (width.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
         let rows = (height.div_ceil(BLOCK) + 1).next_multiple_of(SIDE);
         for points in [&mut self.corners, &mut self.centres] {
@@ -138,7 +136,7 @@ impl ImageSamples {
     }
 
     /// Returns its rows of packets, from top to bottom.
-    pub fn rows(&mut self) -> impl IndexedParallelIterator<Item = Rows<'_>> {
+    pub(crate) fn rows(&mut self) -> impl IndexedParallelIterator<Item = Rows<'_>> {
         let stride = self.stride;
         let length = FIELDS * stride * SIDE;
         let whole = self.starts.len() / (stride / SIDE) * length;
@@ -155,7 +153,7 @@ impl ImageSamples {
 
     /// Returns the block (`x`, `y`).
     #[inline(always)]
-    pub fn block(&self, [x, y]: [usize; 2]) -> Block {
+    pub(crate) fn block(&self, [x, y]: [usize; 2]) -> Block {
         let corner = |x, y| self.corners.get(self.stride, [x, y]);
         let corners = [corner(x, y), corner(x + 1, y), corner(x, y + 1), corner(x + 1, y + 1)];
         Block { corners, centre: self.centres.get(self.stride, [x, y]) }
@@ -163,13 +161,13 @@ impl ImageSamples {
 
     /// Returns the number of steps for which no ray through the block (`x`, `y`) meets anything.
     #[inline(always)]
-    pub fn start(&self, [x, y]: [usize; 2]) -> f32 {
+    pub(crate) fn start(&self, [x, y]: [usize; 2]) -> f32 {
         self.starts[y / SIDE * (self.stride / SIDE) + x / SIDE]
     }
 
     /// Judges [`LANES`] blocks in a row from (`x`, `y`) on. `side` is the side of a block at distance 1.
     #[inline(never)]
-    pub fn judge<S: Simd>(&self, simd: S, at: [usize; 2], side: f32) -> Verdict {
+    pub(crate) fn judge<S: Simd>(&self, simd: S, at: [usize; 2], side: f32) -> Verdict {
         simd.vectorize(
             #[inline(always)]
             || self.judge_lanes(simd, at, side),
@@ -206,7 +204,7 @@ impl ImageSamples {
     }
 
     /// Returns the memory taken, bytes.
-    pub fn bytes(&self) -> usize {
+    pub(crate) fn bytes(&self) -> usize {
         size_of::<f32>() * (self.corners.values.len() + self.centres.values.len() + self.starts.len())
     }
 }
@@ -251,7 +249,7 @@ impl<S: Simd> Five<S> {
 
 impl Rows<'_> {
     /// Returns the number of packets in the rows.
-    pub fn packets(&self) -> usize {
+    pub(crate) fn packets(&self) -> usize {
         self.starts.len()
     }
 
@@ -259,7 +257,14 @@ impl Rows<'_> {
     ///
     /// Their steps are `step` voxels of the smallest spacing long, and they meet nothing before `start` steps.
     #[inline(never)]
-    pub fn keep<S: Simd>(&mut self, simd: S, n: usize, [corners, centres]: [&PacketResult; 2], step: f32, start: f32) {
+    pub(crate) fn keep<S: Simd>(
+        &mut self,
+        simd: S,
+        n: usize,
+        [corners, centres]: [&PacketResult; 2],
+        step: f32,
+        start: f32,
+    ) {
         simd.vectorize(
             #[inline(always)]
             || {
@@ -280,7 +285,7 @@ impl Rows<'_> {
 
 /// The verdicts on some blocks, a bit for each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Verdict {
+pub(crate) struct Verdict {
     /// Blocks whose pixels may be interpolated.
     pub smooth: u16,
     /// Blocks that are worth subdividing.
@@ -289,7 +294,7 @@ pub struct Verdict {
 
 /// The rays of a block: the corners (left to right, then top to bottom) and the centre.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Block {
+pub(crate) struct Block {
     /// Corners.
     pub corners: [Point; 4],
     /// Centre.
@@ -299,7 +304,7 @@ pub struct Block {
 impl Block {
     /// Returns all its rays.
     #[inline(always)]
-    pub fn points(&self) -> [Point; 5] {
+    pub(crate) fn points(&self) -> [Point; 5] {
         let [a, b, c, d] = self.corners;
         [a, b, c, d, self.centre]
     }
@@ -307,7 +312,7 @@ impl Block {
 
 /// Weights of a block's rays (corners, then centre) in each of its pixels, row by row: bilinear between the corners,
 /// plus a tent over the centre for its difference from their mean.
-pub static WEIGHTS: [[f32; BLOCK * BLOCK]; 5] = weights();
+pub(crate) static WEIGHTS: [[f32; BLOCK * BLOCK]; 5] = weights();
 
 const fn weights() -> [[f32; BLOCK * BLOCK]; 5] {
     let mut all = [[0.0; BLOCK * BLOCK]; 5];

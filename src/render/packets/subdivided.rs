@@ -8,10 +8,10 @@ use super::sampling::{BLOCK, Block, CONTRAST, Point, SLOPE};
 const BEND: [f32; 2] = [0.192, 1.2];
 
 /// Positions of the middles of a block's sides, pixels from its top left corner: top, left, right and bottom.
-pub const MIDDLES: [[usize; 2]; 4] = [[BLOCK / 2, 0], [0, BLOCK / 2], [BLOCK, BLOCK / 2], [BLOCK / 2, BLOCK]];
+pub(crate) const MIDDLES: [[usize; 2]; 4] = [[BLOCK / 2, 0], [0, BLOCK / 2], [BLOCK, BLOCK / 2], [BLOCK / 2, BLOCK]];
 
 /// A block with additional rays through the middles of its sides.
-pub struct Subdivided {
+pub(crate) struct Subdivided {
     /// Corners and centre.
     pub block: Block,
     /// The rays of [`MIDDLES`].
@@ -21,14 +21,14 @@ pub struct Subdivided {
 impl Subdivided {
     /// Returns its rays row by row.
     #[inline(always)]
-    pub fn points(&self) -> [Point; 9] {
+    pub(crate) fn points(&self) -> [Point; 9] {
         let ([a, b, c, d], [top, left, right, bottom]) = (self.block.corners, self.middles);
         [a, top, b, left, self.block.centre, right, c, bottom, d]
     }
 
     /// Returns which of the four quarters (left to right, then top to bottom) may be interpolated between their
     /// corners.
-    pub fn smooth(&self) -> [bool; 4] {
+    pub(crate) fn smooth(&self) -> [bool; 4] {
         let p = self.points();
         let straight = |first: usize, stride: usize| is_straight([p[first], p[first + stride], p[first + 2 * stride]]);
         let (rows, columns) = ([0, 3, 6].map(|n| straight(n, 1)), [0, 1, 2].map(|n| straight(n, 3)));
@@ -75,7 +75,7 @@ fn ends([a, b, c, d]: [f32; 4]) -> [f32; 2] {
 
 /// Weights of a subdivided block's rays ([`Subdivided::points`]) in each of its pixels, row by row: bilinear in each
 /// quarter.
-pub static SUBDIVIDED_WEIGHTS: [[f32; BLOCK * BLOCK]; 9] = subdivided_weights();
+pub(crate) static SUBDIVIDED_WEIGHTS: [[f32; BLOCK * BLOCK]; 9] = subdivided_weights();
 
 const fn subdivided_weights() -> [[f32; BLOCK * BLOCK]; 9] {
     let mut all = [[0.0; BLOCK * BLOCK]; 9];

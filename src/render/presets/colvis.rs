@@ -1,20 +1,20 @@
 //! `colvis`: the paper's own renderer, with everything of its section 2.2.
 //!
-//! | idea of section 2.2 | file | setting |
+//! | idea of section 2.2 | part of `src/render` | setting |
 //! |---|---|---|
-//! | L and A front to back, to the end at the camera's sensitivity | [`caster`](crate::render::caster) | `[render] sensitivity` |
+//! | L and A front to back, to the end at the camera's sensitivity | `caster` | `[render] sensitivity` |
 //! | headlight, simplified Phong | [`headlight`](crate::render::shaders::headlight) | `[render] shade`, default |
-//! | gradient and filtered density by 4D linear regression | [`regression`](crate::render::regression) | always |
-//! | … between the eight nearest voxels: high detail | [`sampler`](crate::render::bytes::sampler) | `--quality high` |
-//! | … the nearest voxel's: low detail | [`sampler`](crate::render::bytes::sampler) | `--quality low`, `[render] low` |
-//! | tissue in homogeneous surroundings has a gradient towards the camera | [`sampler`](crate::render::sampler) | always |
-//! | 7 + 1 bits a voxel with a homogeneous-region flag | [`bytes`](crate::render::bytes) | `[render] leap = "flag"`, default |
-//! | the potential field to leap by | [`leap::voxels`](crate::render::leap::voxels) | `[render] leap = "voxel"` |
-//! | frame-level gradient cache | [`gradient_cache`](crate::render::gradient_cache) | `[render] gradients = "cached"`, default |
-//! | precomputed gradients and densities | [`gradient_store`](crate::render::gradient_store) | `[render] gradients = "stored"` |
-//! | fixed point | [`ByteTrilinear::value`](crate::render::bytes::ByteTrilinear) | where values, not densities, are classified |
-//! | frame-to-frame reuse: forwards, backwards, rotation | [`reuse::paper`](crate::render::reuse::paper) | without `--no-reuse` |
-//! | every Nth frame from scratch | [`reuse`](crate::render::reuse) | `[render] key_frames`, 10 |
+//! | gradient and filtered density by 4D linear regression | `regression` | always |
+//! | … between the eight nearest voxels: high detail | `bytes::sampler` | `--quality high` |
+//! | … the nearest voxel's: low detail | `bytes::sampler` | `--quality low`, `[render] low` |
+//! | tissue in homogeneous surroundings has a gradient towards the camera | `sampler` | always |
+//! | 7 + 1 bits a voxel with a homogeneous-region flag | `bytes` | `[render] leap = "flag"`, default |
+//! | the potential field to leap by | `leap::voxels` | `[render] leap = "voxel"` |
+//! | frame-level gradient cache | `gradient_cache` | `[render] gradients = "cached"`, default |
+//! | precomputed gradients and densities | `gradient_store` | `[render] gradients = "stored"` |
+//! | fixed point | `bytes::sampler` | where values, not densities, are classified |
+//! | frame-to-frame reuse: forwards, backwards, rotation | `reuse::paper` | without `--no-reuse` |
+//! | every Nth frame from scratch | `reuse` | `[render] key_frames`, 10 |
 //!
 //! `colvis report render` measures the benefit of each.
 

@@ -18,9 +18,9 @@ use crate::render::View;
 /// Edge of the blocks of pixels whose least distances are stored besides the pixels', and of the blocks bounded first.
 const COARSE: usize = 16;
 /// Edge of the blocks of pixels that are bounded together in the end.
-pub const BLOCK: usize = 4;
+pub(crate) const BLOCK: usize = 4;
 /// How far beyond its edges a pixel is proven to be empty, pixels: far more than the rounding of f64.
-pub const BEYOND: f64 = 1e-3;
+pub(crate) const BEYOND: f64 = 1e-3;
 /// Boxes of more coarse blocks than this are not searched.
 const MOST: usize = 400;
 
@@ -181,7 +181,7 @@ impl Reprojection {
 }
 
 /// How far blocks of a new picture are known to be empty from an old one.
-pub struct Bounds {
+pub(crate) struct Bounds {
     blocks: usize,
     mm: Vec<f32>,
 }
@@ -191,7 +191,7 @@ impl Bounds {
     /// be empty.
     ///
     /// Coarse blocks selected by `skip` keep the bound `free`.
-    pub fn new<K: Empty + Sync>(
+    pub(crate) fn new<K: Empty + Sync>(
         known: &Known<K>,
         motion: &Reprojection,
         free: f64,
@@ -224,17 +224,12 @@ impl Bounds {
 
     /// Returns the bound of pixel (`x`, `y`), mm.
     #[inline(always)]
-    pub fn at(&self, x: usize, y: usize) -> f32 {
+    pub(crate) fn at(&self, x: usize, y: usize) -> f32 {
         self.mm[x / BLOCK + self.blocks * (y / BLOCK)]
     }
 
-    /// Returns the memory taken, bytes.
-    pub fn bytes(&self) -> usize {
-        size_of_val(self.mm.as_slice())
-    }
-
     /// Returns its memory for reuse.
-    pub fn into_mm(self) -> Vec<f32> {
+    pub(crate) fn into_mm(self) -> Vec<f32> {
         self.mm
     }
 }

@@ -8,12 +8,13 @@
 //! Rays leave out only samples of opacity 0, and all samples stay at the same positions. A picture is therefore the
 //! same bit for bit with and without reuse.
 
-pub mod known;
-pub mod paper;
-pub mod prove;
+pub(crate) mod known;
+pub(crate) mod paper;
+pub(crate) mod prove;
 
 use glam::{DVec3, Vec3};
 
+use super::accelerations::Accelerations;
 use super::begin::{Begin, FromScratch};
 use super::caster::ImageRequest;
 use super::classify::{ByDensity, ByValue, Classifier};
@@ -24,7 +25,6 @@ use super::memory::MemoryPart;
 use super::quality::{Classification, Quality, Settings};
 use super::renderer::Renderer;
 use super::sampler::{Nearest, Trilinear};
-use super::single::Accelerations;
 use super::skip::Leap;
 use super::{Frame, View, Work};
 use crate::space::PreparedVolume;
@@ -82,14 +82,14 @@ pub trait VoxelStorage: Send + Sync {
 }
 
 /// Renders every picture independently.
-pub struct Plain<S> {
+pub(crate) struct Plain<S> {
     storage: S,
     settings: Settings,
 }
 
 impl<S: VoxelStorage> Plain<S> {
     /// Renders `storage` with `settings`.
-    pub fn new(storage: S, settings: Settings) -> Self {
+    pub(crate) fn new(storage: S, settings: Settings) -> Self {
         Self { storage, settings }
     }
 }

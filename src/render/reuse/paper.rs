@@ -15,7 +15,7 @@ use super::known::{Empty, Known, Reprojection};
 use crate::render::march::Ray;
 
 /// Number of samples before the guessed wall that are traced again.
-pub const NEAR_SAMPLES: f32 = 4.0;
+pub(crate) const NEAR_SAMPLES: f32 = 4.0;
 
 /// The record of a pixel for the paper's rule and its proof.
 #[derive(Clone, Copy, Debug, Default)]
@@ -34,7 +34,7 @@ impl Empty for Trace {
 
 /// Returns the distance at which the paper's rule would let a `ray` through pixel (`x`, `y`) start, mm; 0 if the old
 /// picture does not show its direction.
-pub fn guess(known: &Known<Trace>, motion: &Reprojection, x: usize, y: usize, ray: &Ray) -> f32 {
+pub(crate) fn guess(known: &Known<Trace>, motion: &Reprojection, x: usize, y: usize, ray: &Ray) -> f32 {
     let direction = motion.direction(x as f64 + 0.5, y as f64 + 0.5);
     if direction.x <= 0.0 {
         return 0.0;

@@ -16,7 +16,7 @@ const GAIN: f32 = 0.1;
 
 /// The parameters of a walk along a pyramid, besides the ray.
 #[derive(Clone, Copy, Debug)]
-pub struct Pyramid {
+pub(crate) struct Pyramid {
     /// Distance in mm that moves a position by at most one voxel along every axis.
     pub mm_per_voxel: f32,
     /// A sample depends on voxels nearer than this, voxels.
@@ -29,7 +29,7 @@ impl Pyramid {
     /// Prepares walks for pixels of `view` with `samples_per_pixel` rays each; `None` unless the camera is perspective.
     ///
     /// Samples depend on `reach` voxels of `volume`.
-    pub fn new(volume: &PreparedVolume, view: &View, samples_per_pixel: u32, reach: f32) -> Option<Self> {
+    pub(crate) fn new(volume: &PreparedVolume, view: &View, samples_per_pixel: u32, reach: f32) -> Option<Self> {
         let across = if samples_per_pixel > 1 { 2f64.sqrt() } else { 0.5f64.sqrt() };
         let spread = (view.pixel()? * (across + 3.0 * BEYOND)) as f32;
         Some(Self { mm_per_voxel: mm_per_voxel(volume) as f32, reach, spread })
@@ -39,7 +39,7 @@ impl Pyramid {
     ///
     /// `cos` is the cosine of the angle between the ray and the view. The pyramid must be empty up to `from` mm.
     #[inline(always)]
-    pub fn empty_mm<C: EmptyRadius>(&self, clear: &C, ray: &Ray, cos: f32, from: f32) -> f32 {
+    pub(crate) fn empty_mm<C: EmptyRadius>(&self, clear: &C, ray: &Ray, cos: f32, from: f32) -> f32 {
         let end = ray.mm(ray.count);
         // Directions are the plane's points at distance 1, scaled to unit length: at least as near to each other.
         let spread = self.spread / (1.0 / cos - self.spread).max(1.0);
@@ -68,7 +68,7 @@ impl Pyramid {
 }
 
 /// Returns the distance in mm that moves a position by at most one voxel along every axis.
-pub fn mm_per_voxel(volume: &PreparedVolume) -> f64 {
+pub(crate) fn mm_per_voxel(volume: &PreparedVolume) -> f64 {
     let m = volume.voxels().grid().to_voxel().matrix3.transpose();
     let fastest = m.x_axis.length().max(m.y_axis.length()).max(m.z_axis.length());
     // Rounded down by more than the error of f32.

@@ -36,7 +36,7 @@ enum Clamp {
 ///
 /// # Errors
 /// Returns the errors of the whole report.
-pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     page.text(
         "Two flights of two seconds, each compared with itself in steps of 1/7680 s. Free: that of the soft wall above, which \

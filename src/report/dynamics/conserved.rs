@@ -19,7 +19,7 @@ use crate::report::table::{Cell, Table};
 ///
 /// # Errors
 /// Returns the errors of the whole report.
-pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let seconds = effort.choose(5.0, 30.0);
     page.text(&format!(

@@ -6,7 +6,7 @@ use crate::dynamics::integrators::{
 };
 
 /// Methods with a fixed step. To add one, add a line here.
-pub const FIXED: [(&str, &dyn Stepper); 8] = [
+pub(crate) const FIXED: [(&str, &dyn Stepper); 8] = [
     ("explicit Euler", &ExplicitEuler),
     ("semi-implicit Euler", &SemiImplicitEuler),
     ("exponential Euler", &ExponentialEuler),
@@ -18,7 +18,7 @@ pub const FIXED: [(&str, &dyn Stepper); 8] = [
 ];
 
 /// Returns the report's name for an integrator of a scene file.
-pub fn label(integrator: Integrator) -> &'static str {
+pub(crate) fn label(integrator: Integrator) -> &'static str {
     let number = match integrator {
         Integrator::ExplicitEuler => 0,
         Integrator::SemiImplicitEuler => 1,
@@ -36,13 +36,13 @@ pub fn label(integrator: Integrator) -> &'static str {
 type Make = fn(Control) -> Box<dyn Stepper>;
 
 /// The adaptive methods.
-pub const ADAPTIVE: [(&str, Make); 2] = [
+pub(crate) const ADAPTIVE: [(&str, Make); 2] = [
     ("Dormand–Prince 5(4), adaptive", |c| Box::new(DormandPrince(c))),
     ("Rosenbrock ROS34PW2, adaptive", |c| Box::new(RosenbrockAdaptive(c))),
 ];
 
 /// The fifth-order method of Dormand and Prince without step control.
-pub struct Fifth;
+pub(crate) struct Fifth;
 
 impl Stepper for Fifth {
     fn step(&self, system: &dyn System, y: Phase, h: f64, cost: &mut StepCost) -> Phase {

@@ -45,7 +45,7 @@ struct Laid {
 ///
 /// # Errors
 /// Returns the errors of the whole report.
-pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let courses = trials::small_phantoms(effort, progress)?;
     let laid = measure(&courses, effort, progress)?;

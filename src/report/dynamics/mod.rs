@@ -52,7 +52,7 @@ const STUDIES: [(&str, Study); 8] = [
 ///
 /// # Errors
 /// Returns status 4 if interrupted or if a scan contains no colon, 5 if a file cannot be written.
-pub fn report(
+pub(crate) fn report(
     effort: Effort,
     scan: Option<(String, PreparedVolume)>,
     folder: &Path,

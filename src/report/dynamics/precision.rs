@@ -89,7 +89,7 @@ struct Run {
 ///
 /// # Errors
 /// Returns the errors of the whole report.
-pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let body = Body::default();
     let (begun, turn) = (start(&body), turning());

@@ -10,16 +10,16 @@ use crate::dynamics::{Body, Forces, RigidBodyState, Turning};
 
 /// Steps of the reference per second. With half or twice as many, the error against diffsol stays below 1e-12. It is none of the
 /// measured step sizes, since such a method would match the reference exactly.
-pub const STEPS_PER_SECOND: u32 = 24_000;
+pub(crate) const STEPS_PER_SECOND: u32 = 24_000;
 /// Required accuracy of the reference, mm and rad. Measured: 6e-13 and 8e-14 for the worst of the three walls.
-pub const ACCURACY: [f64; 2] = [1e-11, 1e-12];
+pub(crate) const ACCURACY: [f64; 2] = [1e-11, 1e-12];
 
 /// Steps per second for the orientation. It does not depend on the wall, and steps of this size are exact to 1e-15 rad. With more
 /// steps, rounding accumulates to about 6e-14 rad, which affects the smallest errors from which orders are derived.
 const TURNS_PER_SECOND: u32 = 1000;
 
 /// Returns the state `seconds` after `start`.
-pub fn solve(
+pub(crate) fn solve(
     body: &Body,
     start: &RigidBodyState,
     forces: &dyn Forces,

@@ -38,7 +38,7 @@ struct Flown {
 ///
 /// # Errors
 /// Returns the errors of the whole report.
-pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let paper = Scene::parse(PAPER, &crate::app::Catalog::default())?;
     let (t, m) = (paper.guides.get::<TentacleSettings>(), paper.mines.unwrap_or_default());
     let d = MineSettings::default();

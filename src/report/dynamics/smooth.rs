@@ -24,7 +24,7 @@ const LOOKED_AT: usize = STEPS / 2;
 ///
 /// # Errors
 /// Returns the errors of the whole report.
-pub fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub(crate) fn study(_: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     page.text(&format!(
         "Six seconds along the axis in steps of 1/{STEP_HZ} s, with a wall that acts beyond the axis (p = 20 mm in a tube of 15 mm), so that its force reverses at the kink of D_s. Lateral jerk is the root mean square of the third difference of the position across the tube over the last three seconds; offset is the mean distance from the axis. \
          The kink is sharp, rounded over a tenth of a voxel of 0.7 mm, or over a whole voxel, as interpolation does.",

@@ -27,7 +27,7 @@ const GROWN: f64 = 1.5;
 ///
 /// # Errors
 /// Returns the errors of the whole report.
-pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let steps = effort.choose(150, 500);
     page.text(&format!(

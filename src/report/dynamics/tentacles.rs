@@ -47,7 +47,7 @@ struct Sensed {
 ///
 /// # Errors
 /// Returns the errors of the whole report.
-pub fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
+pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> Result<Vec<String>> {
     let effort = subject.effort;
     let courses = trials::small_phantoms(effort, progress)?;
     let sensed = measure(&courses, effort, progress)?;

@@ -6,7 +6,7 @@ use crate::fields::{Clearance, Clearances, Distance, Sample};
 
 /// A tube of radius `radius` mm around a circle of radius `bend` mm in the plane y = 0, flown towards increasing angles.
 #[derive(Clone, Copy, Debug)]
-pub struct Tube {
+pub(crate) struct Tube {
     /// Radius of the lumen, mm.
     pub radius: f64,
     /// Radius of its axis, mm.
@@ -19,18 +19,18 @@ pub struct Tube {
 impl Tube {
     /// Returns the point (mm) on the axis at the angle `phi`, rad, moved by `out` mm away from the circle's centre and by `up` mm
     /// along y.
-    pub fn place(&self, phi: f64, out: f64, up: f64) -> DVec3 {
+    pub(crate) fn place(&self, phi: f64, out: f64, up: f64) -> DVec3 {
         let (s, c) = phi.sin_cos();
         DVec3::new(c * (self.bend + out), up, s * (self.bend + out))
     }
 
     /// Returns the unit direction of the axis next to a point.
-    pub fn along(&self, at: DVec3) -> DVec3 {
+    pub(crate) fn along(&self, at: DVec3) -> DVec3 {
         DVec3::new(-at.z, 0.0, at.x).normalize_or(DVec3::Z)
     }
 
     /// Returns the vector from the axis to a point, mm, perpendicular to the axis.
-    pub fn across(&self, at: DVec3) -> DVec3 {
+    pub(crate) fn across(&self, at: DVec3) -> DVec3 {
         let out = DVec3::new(at.x, 0.0, at.z).normalize_or(DVec3::X);
         at - out * self.bend
     }
@@ -59,7 +59,7 @@ impl Distance for Tube {
 
 /// The target distance `D_t` in the tube: the remaining path along the axis to the angle `end`.
 #[derive(Clone, Copy, Debug)]
-pub struct RemainingLength {
+pub(crate) struct RemainingLength {
     /// The tube.
     pub tube: Tube,
     /// The target's angle, rad.

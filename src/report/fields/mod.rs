@@ -31,7 +31,7 @@ const SEEDS: u64 = 3;
 ///
 /// # Errors
 /// Returns status 4 if interrupted or if a scan contains no colon, 5 if a file cannot be written.
-pub fn report(
+pub(crate) fn report(
     effort: Effort,
     seed: u64,
     scan: Option<(String, Volume)>,

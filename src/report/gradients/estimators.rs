@@ -6,7 +6,7 @@ use crate::render::regression::{Block, Regression, Weighting, block, central_dif
 use crate::volume::Volume;
 
 /// Estimates the gradient at voxel coordinates, in HU/mm along the index axes.
-pub trait Estimate: Sync {
+pub(crate) trait Estimate: Sync {
     /// Estimates at one point.
     fn at(&self, volume: &Volume, voxel: DVec3) -> Vec3;
     /// Estimates at many points, with one virtual call for all of them.
@@ -14,7 +14,7 @@ pub trait Estimate: Sync {
 }
 
 /// An estimator.
-pub struct Estimator {
+pub(crate) struct Estimator {
     /// Its name.
     pub name: &'static str,
     /// True if gradients are precomputed.
@@ -26,7 +26,7 @@ pub struct Estimator {
 }
 
 /// All estimators.
-pub const ESTIMATORS: [Estimator; 6] = [
+pub(crate) const ESTIMATORS: [Estimator; 6] = [
     Estimator {
         name: "4D regression 1/d²",
         stored: false,

@@ -24,7 +24,7 @@ const ALPHA: f64 = 0.25;
 type Known = (DVec3, DVec3);
 
 /// A sampled signal.
-pub struct Signal {
+pub(crate) struct Signal {
     /// Its name.
     pub name: &'static str,
     /// True if it resembles the wall of a colon.
@@ -37,14 +37,14 @@ pub struct Signal {
 
 impl Signal {
     /// Returns `count` points.
-    pub fn points(&self, count: usize) -> Vec<Known> {
+    pub(crate) fn points(&self, count: usize) -> Vec<Known> {
         // Every signal accepts at least one number in ten.
         (0..20 * count as u64).filter_map(|n| (self.known)(n)).take(count).collect()
     }
 }
 
 /// Creates all signals, sampled with voxels of the given shape (with a smallest spacing of 1).
-pub fn all(shape: DVec3, progress: &Progress) -> Result<Vec<Signal>> {
+pub(crate) fn all(shape: DVec3, progress: &Progress) -> Result<Vec<Signal>> {
     Ok(vec![tube(shape), sphere(shape), phantom_wall(shape, progress)?, marschner_lobb(shape)])
 }
 

@@ -15,12 +15,12 @@ use crate::volume::Volume;
 const LATTICE_MM: f64 = 0.25;
 const ALONG_MM: f64 = 0.04;
 /// Distance between sample points of the wall for a close check, mm.
-pub const CLOSE_MM: f64 = 0.03;
+pub(crate) const CLOSE_MM: f64 = 0.03;
 /// Size of a bin, mm.
 const BIN_MM: f64 = 1.0;
 
 /// The wall of a volume as sample points.
-pub struct Judge {
+pub(crate) struct Judge {
     volume: Arc<Volume>,
     iso: f64,
     low: DVec3,
@@ -32,7 +32,7 @@ pub struct Judge {
 
 impl Judge {
     /// Samples the wall at `iso` HU.
-    pub fn new(volume: Arc<Volume>, iso: f64) -> Self {
+    pub(crate) fn new(volume: Arc<Volume>, iso: f64) -> Self {
         let points = wall(&volume, iso);
         let grid = volume.grid();
         let corners = |f: fn(DVec3, DVec3) -> DVec3| {
@@ -68,7 +68,7 @@ impl Judge {
     }
 
     /// True if the trilinear value at a world point reaches iso, or if the point is outside the volume.
-    pub fn in_wall(&self, at: DVec3) -> bool {
+    pub(crate) fn in_wall(&self, at: DVec3) -> bool {
         let grid = self.volume.grid();
         let u = grid.voxel(at);
         let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
@@ -77,7 +77,7 @@ impl Judge {
 
     /// Returns the smallest distance from a straight path to the wall, mm, up to `reach` mm. The border of the volume counts as
     /// wall.
-    pub fn clearance(&self, from: DVec3, to: DVec3, reach: f64) -> f64 {
+    pub(crate) fn clearance(&self, from: DVec3, to: DVec3, reach: f64) -> f64 {
         let mut least = reach.min(self.to_border(from)).min(self.to_border(to));
         let parts = (from.distance(to) / 2.0).ceil().clamp(1.0, 1e4) as u32;
         for part in 0..parts {
@@ -98,7 +98,7 @@ impl Judge {
     }
 
     /// Same as [`Judge::clearance`] for one point, from a lattice as fine as [`CLOSE_MM`]. Slow.
-    pub fn closely(&self, at: DVec3, reach: f64) -> f64 {
+    pub(crate) fn closely(&self, at: DVec3, reach: f64) -> f64 {
         let mut least = reach.min(self.to_border(at));
         let grid = self.volume.grid();
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -116,7 +116,7 @@ impl Judge {
     }
 
     /// True if a path that begins in gas, or has reached it, enters the wall.
-    pub fn crosses(&self, from: DVec3, to: DVec3) -> bool {
+    pub(crate) fn crosses(&self, from: DVec3, to: DVec3) -> bool {
         let parts = (from.distance(to) / ALONG_MM).ceil().clamp(1.0, 1e5) as u32;
         let mut free = false;
         (0..=parts).any(|n| {

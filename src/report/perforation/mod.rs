@@ -10,7 +10,8 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-pub use walk::{Failure, Fault, Ground, Tally};
+use walk::Ground;
+pub use walk::{Failure, Fault, Tally};
 
 use super::page::Page;
 use super::table::{Cell, Table};
@@ -29,7 +30,7 @@ const LIMIT_MM: f64 = 4.0;
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
-pub fn grounds(seed: u64, progress: &Progress) -> Result<Vec<(String, Ground)>> {
+pub(crate) fn grounds(seed: u64, progress: &Progress) -> Result<Vec<(String, Ground)>> {
     let places = places::all(seed, progress)?;
     Ok(places
         .into_par_iter()

@@ -10,7 +10,7 @@ use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
 /// A volume with a name.
-pub struct Place {
+pub(crate) struct Place {
     /// Name in the report.
     pub name: String,
     /// The volume.
@@ -25,7 +25,7 @@ const TISSUE: i16 = 40;
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
-pub fn all(seed: u64, progress: &Progress) -> Result<Vec<Place>> {
+pub(crate) fn all(seed: u64, progress: &Progress) -> Result<Vec<Place>> {
     let mut places = Vec::new();
     let spacings = [DVec3::splat(0.9), DVec3::new(0.7, 0.7, 1.0), DVec3::new(0.3, 0.3, 10.0)];
     for (n, spacing) in spacings.into_iter().cycle().take(6).enumerate() {

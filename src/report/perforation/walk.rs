@@ -11,7 +11,7 @@ use crate::fields::{Clearance, ClearanceFinder, Clearances, Distance, Sample};
 use crate::math::hash;
 
 /// Steps of a walk.
-pub const STEPS: u64 = 50;
+pub(crate) const STEPS: u64 = 50;
 /// Uncertainty of the change in clearance along a path that begins too near to the wall, mm: the tolerance of clearances, and the
 /// same amount for the points of the sampled wall.
 const REPORTED_MM: f64 = 2.0 * crate::fields::clearance::TOLERANCE_MM;
@@ -119,10 +119,10 @@ impl Fault {
 }
 
 /// Number of evaluations in one step above which it counts as a hang: four times what any method's own bounds allow.
-pub const HANG: u32 = 100_000;
+pub(crate) const HANG: u32 = 100_000;
 
 /// A place prepared for walks.
-pub struct Ground {
+pub(crate) struct Ground {
     /// Its walls, as used by the step.
     pub walls: ClearanceFinder,
     /// Its walls, as used by the judge.
@@ -272,7 +272,7 @@ struct Load {
 }
 
 /// Runs walk number `walk` of `seed`, with `steps` steps. Returns its method, its tally, and each step that perforated.
-pub fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, Tally, Vec<Failure>) {
+pub(crate) fn walk(ground: &Ground, seed: u64, walk: u64, steps: u64) -> (Integrator, Tally, Vec<Failure>) {
     let mut draw = Draw::new(seed, walk);
     let body = draw.body();
     debug_assert!(body.check().is_ok(), "{body:?}");

@@ -30,7 +30,7 @@ const SECONDS: f64 = 4.0;
 
 /// Cost of a preparation.
 #[derive(Clone, Debug)]
-pub struct Cost {
+pub(crate) struct Cost {
     /// Name of the preparation.
     pub name: &'static str,
     /// Its role.
@@ -43,7 +43,7 @@ pub struct Cost {
 
 /// A claim of the paper's section 2.2, with the measurement.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Claim {
+pub(crate) struct Claim {
     /// The paper's statement.
     pub paper: &'static str,
     /// The measurement.
@@ -51,7 +51,7 @@ pub struct Claim {
 }
 
 /// The costs and the claims.
-pub struct Claims {
+pub(crate) struct Claims {
     /// Cost of each preparation.
     pub costs: Vec<Cost>,
     /// Each claim that was measured.
@@ -59,7 +59,7 @@ pub struct Claims {
 }
 
 /// Builds the preparations in turn, and derives the claims from them and from the frames.
-pub fn claims(
+pub(crate) fn claims(
     volume: &PreparedVolume,
     measured: &[Measured],
     stops: &[Stop],

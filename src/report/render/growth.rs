@@ -22,7 +22,7 @@ use super::Extent;
 const BUILDS: usize = 3;
 
 /// One configuration of the same renderer.
-pub struct Row {
+pub(crate) struct Row {
     /// Name of the configuration.
     pub name: String,
     /// Number of voxels of its volume.
@@ -43,18 +43,18 @@ pub struct Row {
 
 impl Row {
     /// Returns the median frame time, ms.
-    pub fn median(&self) -> f64 {
+    pub(crate) fn median(&self) -> f64 {
         median(&self.ms)
     }
 
     /// Returns the 99th percentile of the frame time, ms.
-    pub fn p99(&self) -> f64 {
+    pub(crate) fn p99(&self) -> f64 {
         quantile(&self.ms, 0.99)
     }
 }
 
 /// Results of the measurement.
-pub struct Growth {
+pub(crate) struct Growth {
     /// Volumes with increasing numbers of voxels.
     pub volumes: Vec<Row>,
     /// Numbers of threads.
@@ -66,7 +66,7 @@ pub struct Growth {
 }
 
 /// Measures at the poses of `stops`, rendered by all configurations in turn.
-pub fn growth(
+pub(crate) fn growth(
     volume: &PreparedVolume,
     flown: &Flown,
     stops: &[Stop],

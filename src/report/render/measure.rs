@@ -19,7 +19,7 @@ const SLOW_MS: f64 = 300.0;
 
 /// Error of a frame against the reference.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Fault {
+pub(crate) struct Fault {
     /// Index of the pose.
     pub stop: usize,
     /// True if the camera jumped there.
@@ -40,7 +40,7 @@ pub struct Fault {
 }
 
 /// A method's measurements.
-pub struct Measured {
+pub(crate) struct Measured {
     /// The method.
     pub method: RenderMethod,
     /// Preparation time in addition to the flags, s.
@@ -59,17 +59,17 @@ pub struct Measured {
 
 impl Measured {
     /// Returns the PSNR of every frame, dB.
-    pub fn psnr(&self) -> Vec<f64> {
+    pub(crate) fn psnr(&self) -> Vec<f64> {
         self.faults.iter().map(|f| f.psnr).collect()
     }
 
     /// Returns the smallest PSNR, dB.
-    pub fn worst_psnr(&self) -> f64 {
+    pub(crate) fn worst_psnr(&self) -> f64 {
         self.psnr().into_iter().fold(f64::INFINITY, f64::min)
     }
 
     /// Returns the root mean square error over all frames, grey levels.
-    pub fn rms(&self) -> f64 {
+    pub(crate) fn rms(&self) -> f64 {
         let square = |f: &Fault| rms(f.psnr).powi(2);
         (self.faults.iter().map(square).sum::<f64>() / self.faults.len() as f64).sqrt()
     }
@@ -83,7 +83,7 @@ struct Running<'a> {
 }
 
 /// Measures `methods`. The first result is the reference.
-pub fn measure(
+pub(crate) fn measure(
     volume: &PreparedVolume,
     methods: &[RenderMethod],
     stops: &[Stop],

@@ -21,7 +21,7 @@ use super::methods::{METHODS, RenderMethod};
 use super::page::Page;
 use super::{Effort, flight};
 
-pub use measure::{Fault, Measured};
+use measure::{Fault, Measured};
 
 /// A scan in the report.
 pub struct Subject {

@@ -21,7 +21,7 @@ const TURN_EVERY: usize = 40;
 const PICTURES: usize = 5000;
 
 /// Results of the measurement.
-pub struct AdaptiveMeasurement {
+pub(crate) struct AdaptiveMeasurement {
     /// Times of the pictures in motion, ms.
     pub ms: Vec<f64>,
     /// Number of sudden turns among them.
@@ -38,13 +38,13 @@ pub struct AdaptiveMeasurement {
 
 impl AdaptiveMeasurement {
     /// Returns the share of pictures in motion that took longer than a frame.
-    pub fn late(&self) -> f64 {
+    pub(crate) fn late(&self) -> f64 {
         let frame = FRAME.as_secs_f64() * 1e3;
         self.ms.iter().filter(|&&ms| ms > frame).count() as f64 / self.ms.len() as f64
     }
 
     /// Returns the finding as a sentence.
-    pub fn finding(&self, pixels: usize) -> String {
+    pub(crate) fn finding(&self, pixels: usize) -> String {
         format!(
             "Adaptive detail at {pixels}² with a frame of {:.1} ms: {:.2} % of {} pictures with {} sudden turns took longer (median \
              {:.1} ms, p99 {:.1} ms, {:.0} % of the pixels traced); standing still, the reference with 16 samples a pixel is reached in \
@@ -64,7 +64,7 @@ impl AdaptiveMeasurement {
 }
 
 /// Flies `extent.moving` frames of the flight, sixty per second, with sudden turns and occasional stops.
-pub fn motion(
+pub(crate) fn motion(
     volume: &PreparedVolume,
     flown: &Flown,
     extent: &Extent,

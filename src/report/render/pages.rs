@@ -16,7 +16,7 @@ use super::{Extent, Measured, Subject};
 const PANEL: usize = 256;
 
 /// Writes the introduction: what is shown and how it was measured.
-pub fn introduction(page: &mut Page, extent: &Extent) {
+pub(crate) fn introduction(page: &mut Page, extent: &Extent) {
     page.text(&format!(
         "Frames of {0} × {0} pixels, {1} threads, {2} poses along a headless flight and {3} after jumps and sudden turns \
          among them. All methods render a pose in turn before the next one comes; a method that keeps data between frames first renders the {4} preceding frames of the flight. Times are without depth and after a warm-up; with fewer than a hundred frames, p99 is the slowest. Errors are against the reference: rays with steps of an \
@@ -40,7 +40,7 @@ pub fn introduction(page: &mut Page, extent: &Extent) {
 }
 
 /// Writes the section of a subject. Returns its finding.
-pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Claims) -> Result<Vec<String>> {
+pub(crate) fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Claims) -> Result<Vec<String>> {
     let volume = s.volume.voxels();
     let dims = volume.grid().dims();
     page.section(&s.title);
@@ -94,7 +94,7 @@ pub fn subject(page: &mut Page, s: &Subject, measured: &[Measured], claims: &Cla
 }
 
 /// Writes the section on adaptive detail. Returns the finding.
-pub fn motion(page: &mut Page, s: &Subject, m: &AdaptiveMeasurement, extent: &Extent) -> Result<String> {
+pub(crate) fn motion(page: &mut Page, s: &Subject, m: &AdaptiveMeasurement, extent: &Extent) -> Result<String> {
     let finding = format!("{}: {}", s.title, m.finding(2 * extent.pixels));
     page.section(&format!("{}: detail that follows the need", s.title));
     page.finding(&finding);
@@ -108,7 +108,7 @@ pub fn motion(page: &mut Page, s: &Subject, m: &AdaptiveMeasurement, extent: &Ex
 }
 
 /// Writes how time grows with voxels, threads and SIMD levels. Returns the finding.
-pub fn growth(page: &mut Page, s: &Subject, g: &Growth, extent: &Extent) -> Result<String> {
+pub(crate) fn growth(page: &mut Page, s: &Subject, g: &Growth, extent: &Extent) -> Result<String> {
     let side = 2 * extent.pixels;
     page.section(&format!("{}: voxels, threads, SIMD levels", s.title));
     page.text(&format!(

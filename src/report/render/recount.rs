@@ -21,7 +21,7 @@ use super::Extent;
 
 /// Counts of regressions in frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Recount {
+pub(crate) struct Recount {
     /// Voxels whose regression was requested, over all frames.
     pub voxels: u64,
     /// Those of them that were requested again in the same frame.
@@ -102,7 +102,7 @@ impl<S: VoxelSampler> VoxelSampler for Counting<'_, S> {
 ///
 /// # Errors
 /// Returns an error for an invalid pose.
-pub fn recount(volume: &PreparedVolume, stops: &[Stop], extent: &Extent) -> Result<Recount> {
+pub(crate) fn recount(volume: &PreparedVolume, stops: &[Stop], extent: &Extent) -> Result<Recount> {
     let bytes = ByteVolume::new(volume, 2);
     let mut sum = Recount::default();
     for stop in stops {

@@ -21,7 +21,7 @@ use super::{Extent, Subject};
 
 /// A variant of the preset `colvis` that differs in one respect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Variant {
+pub(crate) enum Variant {
     /// The unchanged preset.
     Whole,
     /// Rays continue behind the wall.
@@ -74,7 +74,7 @@ const IDEAS: &[Idea] = &[
 
 impl Variant {
     /// Creates its renderer.
-    pub fn renderer(self, volume: &PreparedVolume) -> Box<dyn Renderer> {
+    pub(crate) fn renderer(self, volume: &PreparedVolume) -> Box<dyn Renderer> {
         let make = |settings: Settings, reuse| renderer(volume, settings, colvis::PRESET, reuse);
         let chosen = |choices| make(Settings { choices, ..Settings::default() }, Reuse::Allowed);
         let nothing = Choices::default();
@@ -111,7 +111,7 @@ impl Variant {
 }
 
 /// Measurements of a variant.
-pub struct Taken {
+pub(crate) struct Taken {
     /// The variant.
     pub variant: Variant,
     renderer: Box<dyn Renderer>,
@@ -126,7 +126,12 @@ pub struct Taken {
 }
 
 /// Renders the stops that are part of the flight, and some frames before each, with every variant in turn.
-pub fn measure(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progress: &Progress) -> Result<Vec<Taken>> {
+pub(crate) fn measure(
+    volume: &PreparedVolume,
+    stops: &[Stop],
+    extent: &Extent,
+    progress: &Progress,
+) -> Result<Vec<Taken>> {
     let mut all: Vec<Taken> = Vec::new();
     for variant in IDEAS.iter().flat_map(|idea| [idea.with, idea.without]) {
         if all.iter().all(|t| t.variant != variant) {
@@ -168,7 +173,7 @@ pub fn measure(volume: &PreparedVolume, stops: &[Stop], extent: &Extent, progres
 }
 
 /// Writes the section on the benefit of each idea of the paper.
-pub fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> Result<()> {
+pub(crate) fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> Result<()> {
     page.section(&format!("{}: what each idea of the paper's section 2.2 is worth", s.title));
     page.text(&format!(
         "The preset colvis at {0} × {0} pixels with and without each idea, rendered in turn along the flight. PSNR is against          brute force by the filtered density of the 16-bit voxels. All variants use headlight and regression; `report gradients` compares the regression's error with others; SIMD levels are below.",
@@ -178,7 +183,7 @@ pub fn tell(page: &mut Page, s: &Subject, taken: &[Taken], extent: &Extent) -> R
 }
 
 /// Returns the table, with a row for each idea.
-pub fn table(taken: &[Taken], volume: usize) -> Table {
+pub(crate) fn table(taken: &[Taken], volume: usize) -> Table {
     let mut t = Table::new(&[
         "idea",
         "src/render/",

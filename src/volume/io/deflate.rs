@@ -11,13 +11,13 @@ use rayon::prelude::*;
 use crate::progress::Progress;
 
 /// Uncompressed bytes of one block, large enough that restarting costs almost no compression.
-pub const BLOCK: usize = 1 << 20;
+pub(crate) const BLOCK: usize = 1 << 20;
 
 /// Gzips `prefix` followed by `blocks` blocks made by `make`. `progress` advances by uncompressed bytes.
 ///
 /// # Errors
 /// Returns the sink's error, or the cancellation (wrapped).
-pub fn gzip(
+pub(crate) fn gzip(
     sink: &mut dyn Write,
     prefix: &[u8],
     blocks: usize,

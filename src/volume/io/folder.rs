@@ -13,7 +13,7 @@ const DEEPEST: usize = 8;
 const MOST_FILES: usize = 200_000;
 
 /// The contents of a folder, in natural order of names.
-pub enum Folder {
+pub(crate) enum Folder {
     /// DICOM files, including those in subfolders.
     Dicom(Vec<PathBuf>),
     /// PNG slices directly in the folder.
@@ -24,7 +24,7 @@ pub enum Folder {
 ///
 /// # Errors
 /// Returns status 3 if the folder is empty, unreadable or contains neither kind.
-pub fn open(path: &Path, progress: &Progress) -> Result<Folder> {
+pub(crate) fn open(path: &Path, progress: &Progress) -> Result<Folder> {
     progress.stage("looking into the folder", 0);
     let mut files = Vec::new();
     collect(path, DEEPEST, &mut files, progress)?;
@@ -62,7 +62,7 @@ pub fn open(path: &Path, progress: &Progress) -> Result<Folder> {
 }
 
 /// True if the bytes are the start of a DICOM file (with the 128-byte preamble, or directly with its meta group).
-pub fn is_dicom(head: &[u8]) -> bool {
+pub(crate) fn is_dicom(head: &[u8]) -> bool {
     head.get(128..132) == Some(b"DICM") || head.starts_with(b"\x02\0\0\0UL")
 }
 

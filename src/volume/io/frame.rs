@@ -8,13 +8,13 @@ use crate::error::{Error, Result};
 use crate::volume::Grid;
 
 /// Converts NIfTI's and NRRD's RAS to LPS and back by negating x and y.
-pub const RAS_LPS: DMat3 = DMat3::from_cols_array(&[-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]);
+pub(crate) const RAS_LPS: DMat3 = DMat3::from_cols_array(&[-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]);
 
 /// Builds a grid from three steps (the world vectors from a voxel to its neighbours along each index axis, mm LPS).
 ///
 /// # Errors
 /// Returns status 3 with the reason if the grid is impossible.
-pub fn from_steps(path: &Path, dims: [usize; 3], steps: DMat3, origin: DVec3) -> Result<Grid> {
+pub(crate) fn from_steps(path: &Path, dims: [usize; 3], steps: DMat3, origin: DVec3) -> Result<Grid> {
     let spacing = DVec3::new(steps.x_axis.length(), steps.y_axis.length(), steps.z_axis.length());
     grid(path, dims, spacing, origin, steps)
 }
@@ -23,7 +23,7 @@ pub fn from_steps(path: &Path, dims: [usize; 3], steps: DMat3, origin: DVec3) ->
 ///
 /// # Errors
 /// Returns status 3 with the reason if the grid is impossible.
-pub fn grid(path: &Path, dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Grid> {
+pub(crate) fn grid(path: &Path, dims: [usize; 3], spacing: DVec3, origin: DVec3, direction: DMat3) -> Result<Grid> {
     Grid::new(dims, spacing, origin, direction).map_err(|why| Error::file(path, why, "correct the header"))
 }
 
@@ -31,7 +31,7 @@ pub fn grid(path: &Path, dims: [usize; 3], spacing: DVec3, origin: DVec3, direct
 ///
 /// # Errors
 /// Returns status 3 with the field and its value.
-pub fn check_spacing(path: &Path, field: &str, spacing: &[f64]) -> Result<()> {
+pub(crate) fn check_spacing(path: &Path, field: &str, spacing: &[f64]) -> Result<()> {
     match spacing.iter().find(|s| !(s.is_finite() && **s > 0.0)) {
         Some(s) => Err(Error::file(
             path,
@@ -43,7 +43,7 @@ pub fn check_spacing(path: &Path, field: &str, spacing: &[f64]) -> Result<()> {
 }
 
 /// True if the columns are orthonormal, within the precision of single-precision headers.
-pub fn is_orthonormal(m: &DMat3) -> bool {
+pub(crate) fn is_orthonormal(m: &DMat3) -> bool {
     let t = m.transpose() * *m;
     (t - DMat3::IDENTITY).to_cols_array().iter().all(|x| x.abs() < 1e-4)
 }

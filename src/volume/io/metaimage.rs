@@ -18,7 +18,7 @@ use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
 /// True if the bytes are the start of a MetaImage header.
-pub fn recognises(head: &[u8]) -> bool {
+pub(crate) fn recognises(head: &[u8]) -> bool {
     let first = head.split(|b| *b == b'\n').find(|l| !l.trim_ascii().is_empty()).unwrap_or_default();
     let key = first.split(|b| *b == b'=').next().unwrap_or_default().trim_ascii();
     first.contains(&b'=') && [&b"ObjectType"[..], b"NDims", b"Comment", b"ObjectSubType"].contains(&key)
@@ -82,7 +82,7 @@ fn tags<'a>(path: &'a Path, head: &[u8]) -> Result<Tags<'a>> {
 ///
 /// # Errors
 /// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
-pub fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
+pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
     let head = source::head(path, text::MAX_HEADER)?;
     let tags = tags(path, &head)?;
     let axes = axes(&tags)?;
@@ -224,7 +224,7 @@ fn section(t: &Tags, grid: &Grid, encoding: &Encoding) -> Result<Section> {
 }
 
 /// Returns the header for `grid` with voxels of `kind` and the data in `data_file` (`LOCAL`: after the header).
-pub fn header(grid: &Grid, kind: VoxelKind, data_file: &str) -> String {
+pub(crate) fn header(grid: &Grid, kind: VoxelKind, data_file: &str) -> String {
     let d = grid.direction().to_cols_array().map(|x| x.to_string()).join(" ");
     let (o, s, [x, y, z]) = (grid.origin(), grid.spacing(), grid.dims());
     let mut h = String::new();

@@ -16,7 +16,7 @@ use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
 /// Number of bytes needed to recognise a header of either version.
-pub const HEAD: usize = 540;
+pub(crate) const HEAD: usize = 540;
 
 /// The header's contents, independent of the version.
 struct Header {
@@ -28,7 +28,7 @@ struct Header {
 }
 
 /// True if the bytes are the start of a NIfTI file, or look like its predecessor, so that the error can name it.
-pub fn recognises(head: &[u8]) -> bool {
+pub(crate) fn recognises(head: &[u8]) -> bool {
     version(head).is_some()
 }
 
@@ -48,7 +48,7 @@ fn version(head: &[u8]) -> Option<(u8, ByteOrder)> {
 ///
 /// # Errors
 /// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
-pub fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
+pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
     let head = source::head(path, HEAD as u64)?;
     let header = parse(path, &head)?;
     let data_path = if header.pair { image_of(path)? } else { path.to_owned() };
@@ -360,7 +360,7 @@ fn rotation(path: &Path, c: &Common) -> Result<DMat3> {
 ///
 /// # Errors
 /// Returns a short description if NIfTI-1 cannot represent the grid.
-pub fn header(grid: &Grid, kind: VoxelKind) -> std::result::Result<Vec<u8>, String> {
+pub(crate) fn header(grid: &Grid, kind: VoxelKind) -> std::result::Result<Vec<u8>, String> {
     let mut h = vec![0u8; 352];
     let mut put = |offset: usize, bytes: &[u8]| h[offset..offset + bytes.len()].copy_from_slice(bytes);
     put(0, &348i32.to_le_bytes());

@@ -14,7 +14,7 @@ const SOFT_TISSUE: f64 = 40.0;
 const BINS: usize = 256;
 
 /// Maps black (0) and white (65535) linearly.
-pub fn linear(data: &mut [i16], black: f64, white: f64) {
+pub(crate) fn linear(data: &mut [i16], black: f64, white: f64) {
     map(data, |grey| black + (white - black) * grey / 65535.0);
 }
 
@@ -25,7 +25,7 @@ fn map(data: &mut [i16], hu: impl Fn(f64) -> f64) {
 
 /// Finds air (the darkest large mode) and soft tissue (the largest mode well above it), stretches the contrast between
 /// them to their HU, and returns a note about it.
-pub fn by_histogram(data: &mut [i16]) -> String {
+pub(crate) fn by_histogram(data: &mut [i16]) -> String {
     let (air, tissue, note) = match landmarks(data) {
         Some((air, tissue)) => {
             let said = format!(

@@ -18,7 +18,7 @@ use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 
 /// True if the bytes are the start of a NRRD file.
-pub fn recognises(head: &[u8]) -> bool {
+pub(crate) fn recognises(head: &[u8]) -> bool {
     head.starts_with(b"NRRD")
 }
 
@@ -70,7 +70,7 @@ fn fields<'a>(path: &'a Path, head: &[u8]) -> Result<Fields<'a>> {
 ///
 /// # Errors
 /// Returns status 3 if the header is invalid or the data does not match it, status 4 if cancelled.
-pub fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
+pub(crate) fn load(path: &Path, progress: &Progress) -> Result<(Volume, Vec<String>)> {
     let head = source::head(path, text::MAX_HEADER)?;
     let fields = fields(path, &head)?;
     let mut notes = Vec::new();
@@ -319,7 +319,7 @@ fn after_lines(path: &Path, begin: u64, lines: u64) -> Result<u64> {
 }
 
 /// Returns the header for `grid` with gzipped voxels of `kind`, in `data_file` or (`None`) after the header.
-pub fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> String {
+pub(crate) fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> String {
     let [x, y, z] = grid.dims();
     let steps = grid.direction() * DMat3::from_diagonal(grid.spacing());
     let v = |v: DVec3| format!("({},{},{})", v.x, v.y, v.z);

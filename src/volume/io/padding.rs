@@ -12,7 +12,7 @@ const NO_TISSUE_HU: i16 = -1500;
 ///
 /// Padding is a single value of at most −1500 HU. It fills at least three quarters of the corners of all slices (a
 /// round field of view leaves the corners empty), in slices that also contain something else.
-pub fn to_air(volume: Volume, notes: &mut Vec<String>) -> Volume {
+pub(crate) fn to_air(volume: Volume, notes: &mut Vec<String>) -> Volume {
     let [nx, ny, nz] = volume.grid.dims();
     if nx < 8 || ny < 8 {
         return volume;

@@ -17,7 +17,7 @@ use crate::volume::Volume;
 const LONGEST_SIDE: u32 = 16384;
 
 /// True if the bytes are the start of a PNG file.
-pub fn recognises(head: &[u8]) -> bool {
+pub(crate) fn recognises(head: &[u8]) -> bool {
     head.starts_with(b"\x89PNG\r\n\x1a\n")
 }
 
@@ -25,7 +25,7 @@ pub fn recognises(head: &[u8]) -> bool {
 ///
 /// # Errors
 /// Returns status 3 if slices differ or are damaged, or if no spacing is given; status 4 if cancelled.
-pub fn load(
+pub(crate) fn load(
     input: &Path,
     files: &[PathBuf],
     options: &LoadOptions,

@@ -6,7 +6,7 @@ use crate::volume::AIR_HU;
 
 /// The type of one stored voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Element {
+pub(crate) enum Element {
     U8,
     I8,
     U16,
@@ -21,7 +21,7 @@ pub enum Element {
 
 impl Element {
     /// Returns the size of one voxel, bytes.
-    pub fn size(self) -> usize {
+    pub(crate) fn size(self) -> usize {
         match self {
             Self::U8 | Self::I8 => 1,
             Self::U16 | Self::I16 => 2,
@@ -33,7 +33,7 @@ impl Element {
 
 /// Byte order of a number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ByteOrder {
+pub(crate) enum ByteOrder {
     /// Least significant byte first.
     #[default]
     Little,
@@ -43,7 +43,7 @@ pub enum ByteOrder {
 
 /// Conversion of stored voxels to HU: `HU = slope · stored + intercept`.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Encoding {
+pub(crate) struct Encoding {
     /// Type of a stored voxel.
     pub element: Element,
     /// Order of its bytes.
@@ -59,13 +59,13 @@ const PIECE: usize = 1 << 16;
 
 impl Encoding {
     /// Returns the encoding of voxels that are stored as HU.
-    pub fn plain(element: Element, order: ByteOrder) -> Self {
+    pub(crate) fn plain(element: Element, order: ByteOrder) -> Self {
         Self { element, order, slope: 1.0, intercept: 0.0 }
     }
 
     /// Converts voxels until `out` is full and returns how many were not finite. Values are rounded to the nearest HU
     /// (halves away from zero) and clamped to `i16`; values that are not finite become [`AIR_HU`].
-    pub fn convert(&self, bytes: &[u8], out: &mut [i16]) -> usize {
+    pub(crate) fn convert(&self, bytes: &[u8], out: &mut [i16]) -> usize {
         let size = self.element.size();
         // Copying two-byte integers is as fast as memory; only other conversions are worth distributing.
         let cheap = size <= 2 && self.is_identity();
@@ -127,7 +127,7 @@ impl Encoding {
 
 /// Returns the nearest `i16` HU, or [`AIR_HU`] for values that are not finite.
 #[inline]
-pub fn to_hu(hu: f64) -> i16 {
+pub(crate) fn to_hu(hu: f64) -> i16 {
     // A float-to-integer cast saturates, which is the clamp.
     if hu.is_finite() { (hu + 0.5f64.copysign(hu)) as i16 } else { AIR_HU }
 }

@@ -20,7 +20,7 @@ const FIRST_GROWTH: usize = 8 << 20;
 
 /// How voxels are packed in their file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Packing {
+pub(crate) enum Packing {
     /// Not packed.
     Raw,
     /// gzip, one or several members.
@@ -33,7 +33,7 @@ pub enum Packing {
 
 /// The section of a file that contains voxels.
 #[derive(Clone, Debug)]
-pub struct Section {
+pub(crate) struct Section {
     /// The file.
     pub path: PathBuf,
     /// Start of the section, bytes.
@@ -48,7 +48,7 @@ pub struct Section {
 ///
 /// # Errors
 /// Returns status 3 if the file is missing, a folder, a device, or not readable.
-pub fn open(path: &Path) -> Result<(File, u64)> {
+pub(crate) fn open(path: &Path) -> Result<(File, u64)> {
     // Check before opening: opening a pipe without a writer would block forever.
     let meta = std::fs::metadata(path).map_err(|e| unreadable(path, e))?;
     if meta.is_dir() {
@@ -62,7 +62,7 @@ pub fn open(path: &Path) -> Result<(File, u64)> {
 }
 
 /// Converts an `io::Error` from reading `path` to an error.
-pub fn unreadable(path: &Path, e: io::Error) -> Error {
+pub(crate) fn unreadable(path: &Path, e: io::Error) -> Error {
     if let Some(own) = e.get_ref().and_then(|inner| inner.downcast_ref::<Error>()) {
         return own.clone();
     }
@@ -82,7 +82,7 @@ pub fn unreadable(path: &Path, e: io::Error) -> Error {
 ///
 /// # Errors
 /// Same as [`open`]; also if gzip data is damaged.
-pub fn head(path: &Path, limit: u64) -> Result<Vec<u8>> {
+pub(crate) fn head(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let (file, len) = open(path)?;
     let mut reader = BufReader::new(file);
     let gzip = reader.fill_buf().map_err(|e| unreadable(path, e))?.starts_with(&[0x1f, 0x8b]);
@@ -97,7 +97,7 @@ pub fn head(path: &Path, limit: u64) -> Result<Vec<u8>> {
 }
 
 /// True if the file starts like gzip.
-pub fn is_gzip(path: &Path) -> Result<bool> {
+pub(crate) fn is_gzip(path: &Path) -> Result<bool> {
     let (file, _) = open(path)?;
     let mut magic = Vec::new();
     file.take(2).read_to_end(&mut magic).map_err(|e| unreadable(path, e))?;
@@ -108,7 +108,7 @@ pub fn is_gzip(path: &Path) -> Result<bool> {
 ///
 /// # Errors
 /// Returns status 3 with both sizes.
-pub fn check_memory(path: &Path, count: usize) -> Result<()> {
+pub(crate) fn check_memory(path: &Path, count: usize) -> Result<()> {
     let needed = 2 * count as u64;
     let free = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
         let line = text.lines().find(|l| l.starts_with("MemAvailable:"))?;
@@ -128,7 +128,7 @@ pub fn check_memory(path: &Path, count: usize) -> Result<()> {
 ///
 /// # Errors
 /// Returns status 3 if the memory cannot be allocated.
-pub fn reserve(path: &Path, values: &mut Vec<i16>, extra: usize) -> Result<()> {
+pub(crate) fn reserve(path: &Path, values: &mut Vec<i16>, extra: usize) -> Result<()> {
     values.try_reserve_exact(extra).map_err(|_| {
         Error::file(path, format!("needs {} bytes of memory", 2 * (values.len() + extra)), "crop or resample it first")
     })
@@ -151,7 +151,7 @@ impl Section {
     ///
     /// # Errors
     /// Returns status 3 if the data is damaged or shorter than declared, status 4 if cancelled.
-    pub fn read(&self, count: usize, encoding: &Encoding, progress: &Progress) -> Result<(Vec<i16>, usize)> {
+    pub(crate) fn read(&self, count: usize, encoding: &Encoding, progress: &Progress) -> Result<(Vec<i16>, usize)> {
         let (mut file, len) = open(&self.path)?;
         let path = self.path.as_path();
         let room = len.saturating_sub(self.offset);

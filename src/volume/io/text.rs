@@ -6,20 +6,20 @@ use std::str::FromStr;
 use crate::error::{Error, Result};
 
 /// Maximum length of a text header, bytes. Some writers store whole protocols in it.
-pub const MAX_HEADER: u64 = 1 << 20;
+pub(crate) const MAX_HEADER: u64 = 1 << 20;
 
 /// Parses exactly `N` numbers (or other values) separated by white space.
-pub fn exactly<T: FromStr + Copy, const N: usize>(value: &str) -> Option<[T; N]> {
+pub(crate) fn exactly<T: FromStr + Copy, const N: usize>(value: &str) -> Option<[T; N]> {
     some(value)?.try_into().ok()
 }
 
 /// Parses all numbers of a line.
-pub fn some<T: FromStr>(value: &str) -> Option<Vec<T>> {
+pub(crate) fn some<T: FromStr>(value: &str) -> Option<Vec<T>> {
     value.split_whitespace().map(|t| t.parse().ok()).collect()
 }
 
 /// Returns the error for an invalid header field.
-pub fn bad(path: &Path, key: &str, value: &str, wanted: &str) -> Error {
+pub(crate) fn bad(path: &Path, key: &str, value: &str, wanted: &str) -> Error {
     // A damaged header can contain kilobytes in one line.
     let value: String = value.chars().take(60).collect();
     Error::file(path, format!("{key} is {value:?}, not {wanted}"), "correct the header")
@@ -29,7 +29,7 @@ pub fn bad(path: &Path, key: &str, value: &str, wanted: &str) -> Error {
 ///
 /// # Errors
 /// Returns status 3 if the file is missing or elsewhere, by an absolute path, by `..` or behind a link.
-pub fn data_file(header: &Path, name: &str) -> Result<PathBuf> {
+pub(crate) fn data_file(header: &Path, name: &str) -> Result<PathBuf> {
     let outside = || {
         Error::file(
             header,
@@ -59,7 +59,7 @@ pub fn data_file(header: &Path, name: &str) -> Result<PathBuf> {
 ///
 /// # Errors
 /// Returns status 3 if a dimension is zero or the product cannot be addressed.
-pub fn voxel_count(path: &Path, dims: [usize; 3]) -> Result<usize> {
+pub(crate) fn voxel_count(path: &Path, dims: [usize; 3]) -> Result<usize> {
     if dims.contains(&0) {
         return Err(Error::file(path, format!("has no voxels (dims {dims:?})"), "correct the header"));
     }

@@ -13,7 +13,7 @@ use crate::volume::Grid;
 
 /// The voxels to write.
 #[derive(Clone, Copy)]
-pub enum Voxels<'a> {
+pub(crate) enum Voxels<'a> {
     /// HU.
     Scan(&'a [i16]),
     /// Mask labels.
@@ -22,7 +22,7 @@ pub enum Voxels<'a> {
 
 /// The meaning of the voxels, which determines how they are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum VoxelKind {
+pub(crate) enum VoxelKind {
     /// HU, as `i16`.
     Scan,
     /// Mask labels, as `u8`.
@@ -93,7 +93,7 @@ pub(super) fn format(path: &Path) -> Result<Format> {
 ///
 /// # Errors
 /// Returns status 2 for an unknown extension, status 4 if cancelled, status 5 if the file cannot be written.
-pub fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progress) -> Result<()> {
+pub(crate) fn write(path: &Path, grid: &Grid, voxels: Voxels, progress: &Progress) -> Result<()> {
     let format = format(path)?;
     let kind = voxels.kind();
     progress.stage("writing", voxels.bytes() as u64);

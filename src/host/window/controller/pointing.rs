@@ -19,12 +19,12 @@ use crate::space::first_crossing;
 
 impl FlightController {
     /// Returns the slices that are shown.
-    pub fn slices(&self) -> &Slices {
+    pub(crate) fn slices(&self) -> &Slices {
         &self.slices
     }
 
     /// Executes a panel's request to the slices. Pointing at a place pauses a flight that moves automatically.
-    pub fn slice(&mut self, request: SliceInput, now: Instant) {
+    pub(crate) fn slice(&mut self, request: SliceInput, now: Instant) {
         let points = match request {
             SliceInput::Click(place) if self.measures.is_on() => return self.measure(place, now),
             // A drag that began at an end of a measure.
@@ -66,7 +66,7 @@ impl FlightController {
     }
 
     /// True if marks are drawn in the picture that the state for display does not contain.
-    pub fn has_marks(&self) -> bool {
+    pub(crate) fn has_marks(&self) -> bool {
         let measures = !self.measures.list().is_empty() || self.measures.begun().is_some();
         measures || self.slices.cursor().is_some()
     }
@@ -80,17 +80,17 @@ impl FlightController {
     }
 
     /// Returns the measures.
-    pub fn measures(&self) -> &Measures {
+    pub(crate) fn measures(&self) -> &Measures {
         &self.measures
     }
 
     /// Restores the measures from the last time that this scan was open.
-    pub fn set_measures(&mut self, measures: Measures) {
+    pub(crate) fn set_measures(&mut self, measures: Measures) {
         self.measures = measures;
     }
 
     /// Switches measuring by clicks on or off.
-    pub fn switch_measuring(&mut self, at: ActionContext) {
+    pub(crate) fn switch_measuring(&mut self, at: ActionContext) {
         self.measures.switch();
         if self.measures.is_on() {
             self.stop(at.now);
@@ -99,13 +99,13 @@ impl FlightController {
     }
 
     /// Undoes the last change of the measures.
-    pub fn undo_measure(&mut self, at: ActionContext) {
+    pub(crate) fn undo_measure(&mut self, at: ActionContext) {
         let kept = self.measures.undo();
         self.report_kept(kept, at.now);
     }
 
     /// Deletes the last measure.
-    pub fn delete_last_measure(&mut self, at: ActionContext) {
+    pub(crate) fn delete_last_measure(&mut self, at: ActionContext) {
         let kept = self.measures.delete_last();
         self.report_kept(kept, at.now);
     }
@@ -168,27 +168,27 @@ impl FlightController {
     }
 
     /// Sets the grey-level window: level and width, HU.
-    pub fn window(&mut self, level: f64, width: f64) {
+    pub(crate) fn window(&mut self, level: f64, width: f64) {
         self.slices.window(level, width);
     }
 
     /// Resets the slices.
-    pub fn reset_slices(&mut self, _: ActionContext) {
+    pub(crate) fn reset_slices(&mut self, _: ActionContext) {
         self.slices.reset(&mut self.flight);
     }
 
     /// Switches to the next slab thickness; the plane alone follows the thickest slab.
-    pub fn next_slab(&mut self, _: ActionContext) {
+    pub(crate) fn next_slab(&mut self, _: ActionContext) {
         self.slices.next_slab();
     }
 
     /// Switches the projection of a thick slice: mean, maximum or minimum.
-    pub fn next_slab_kind(&mut self, _: ActionContext) {
+    pub(crate) fn next_slab_kind(&mut self, _: ActionContext) {
         self.slices.next_slab_kind();
     }
 
     /// True if a slice is shown.
-    pub fn shows_slices(&self) -> bool {
+    pub(crate) fn shows_slices(&self) -> bool {
         Orientation::ALL.iter().any(|o| self.slices.entity(*o).is_some())
     }
 }

@@ -10,7 +10,7 @@ use std::io::Read;
 use crate::volume::io::raw::ByteOrder;
 
 /// Group and element.
-pub type Tag = (u16, u16);
+pub(crate) type Tag = (u16, u16);
 
 const PIXEL_DATA: Tag = (0x7FE0, 0x0010);
 const ITEM: Tag = (0xFFFE, 0xE000);
@@ -28,7 +28,7 @@ const MOST_UNPACKED: u64 = 1 << 30;
 
 /// The reason a parse failed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Fault {
+pub(crate) enum Fault {
     /// The bytes end inside an element. Reading more of the file may help.
     Short,
     /// The data is damaged.
@@ -44,7 +44,7 @@ struct Form {
 
 /// One item: plain values and nested sequences.
 #[derive(Clone, Debug, Default)]
-pub struct Item {
+pub(crate) struct Item {
     values: BTreeMap<Tag, Vec<u8>>,
     sequences: BTreeMap<Tag, Vec<Item>>,
     order: ByteOrder,
@@ -52,7 +52,7 @@ pub struct Item {
 
 impl Item {
     /// Returns the text of an element without padding; `None` if absent or empty.
-    pub fn text(&self, tag: Tag) -> Option<String> {
+    pub(crate) fn text(&self, tag: Tag) -> Option<String> {
         let bytes = self.values.get(&tag)?;
         let text = String::from_utf8_lossy(bytes);
         let text = text.trim_matches(['\0', ' ']);
@@ -60,17 +60,17 @@ impl Item {
     }
 
     /// Returns the numbers of a decimal or integer string.
-    pub fn decimals(&self, tag: Tag) -> Option<Vec<f64>> {
+    pub(crate) fn decimals(&self, tag: Tag) -> Option<Vec<f64>> {
         self.text(tag)?.split('\\').map(|t| t.trim().parse().ok()).collect()
     }
 
     /// Returns the first number of a decimal or integer string.
-    pub fn decimal(&self, tag: Tag) -> Option<f64> {
+    pub(crate) fn decimal(&self, tag: Tag) -> Option<f64> {
         self.decimals(tag)?.first().copied()
     }
 
     /// Returns an unsigned short.
-    pub fn short(&self, tag: Tag) -> Option<u16> {
+    pub(crate) fn short(&self, tag: Tag) -> Option<u16> {
         let b: [u8; 2] = self.values.get(&tag)?.get(..2)?.try_into().ok()?;
         Some(match self.order {
             ByteOrder::Little => u16::from_le_bytes(b),
@@ -79,14 +79,14 @@ impl Item {
     }
 
     /// Returns the items of a sequence.
-    pub fn items(&self, tag: Tag) -> &[Item] {
+    pub(crate) fn items(&self, tag: Tag) -> &[Item] {
         self.sequences.get(&tag).map_or(&[], Vec::as_slice)
     }
 }
 
 /// Position of pixel data in the (inflated) bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PixelPlace {
+pub(crate) struct PixelPlace {
     /// Offset of the first byte.
     pub offset: usize,
     /// Length in bytes; `None` for encapsulated fragments.
@@ -95,7 +95,7 @@ pub struct PixelPlace {
 
 /// The elements of a file up to its pixel data.
 #[derive(Clone, Debug)]
-pub struct DataSet {
+pub(crate) struct DataSet {
     /// The data set itself.
     pub root: Item,
     /// UID of the transfer syntax.
@@ -109,7 +109,7 @@ pub struct DataSet {
 ///
 /// # Errors
 /// Returns [`Fault::Short`] if `bytes` end inside an element, [`Fault::Bad`] if they are damaged.
-pub fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
+pub(crate) fn parse(bytes: &[u8]) -> Result<(DataSet, Cow<'_, [u8]>), Fault> {
     let start = if bytes.get(128..132) == Some(b"DICM") { 132 } else { 0 };
     let mut meta = Walk { bytes, at: start, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
     let mut head = Item::default();
@@ -296,7 +296,7 @@ impl<'a> Walk<'a> {
 ///
 /// # Errors
 /// Returns [`Fault::Short`] if the data ends inside a fragment.
-pub fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault> {
+pub(crate) fn fragments(bytes: &[u8], offset: usize) -> Result<Vec<&[u8]>, Fault> {
     let mut walk = Walk { bytes, at: offset, form: Form { explicit: true, order: ByteOrder::Little }, pixels: None };
     let mut out = Vec::new();
     loop {

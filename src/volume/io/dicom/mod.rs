@@ -23,7 +23,7 @@ use crate::progress::Progress;
 use crate::volume::Volume;
 
 /// A scan, its notes, and the DICOM facts that `info` adds to those of every format.
-pub struct Read {
+pub(crate) struct Read {
     /// The scan.
     pub volume: Volume,
     /// Warnings.
@@ -39,7 +39,7 @@ const FEW_SLICES: usize = 10;
 ///
 /// # Errors
 /// Returns status 3 if no series can be chosen, or if it is incomplete or unreadable; status 4 if cancelled.
-pub fn load(
+pub(crate) fn load(
     input: &Path,
     files: &[PathBuf],
     options: &LoadOptions,

@@ -66,7 +66,7 @@ fn codec(path: &Path, syntax: &str) -> Result<Codec> {
 ///
 /// # Errors
 /// Returns status 3 with the transfer syntax.
-pub fn check_syntax(file: &FileHead) -> Result<()> {
+pub(crate) fn check_syntax(file: &FileHead) -> Result<()> {
     codec(&file.path, &file.syntax).map(drop)
 }
 
@@ -74,7 +74,7 @@ pub fn check_syntax(file: &FileHead) -> Result<()> {
 ///
 /// # Errors
 /// Returns status 3 with both sizes.
-pub fn check_expansion(file: &FileHead) -> Result<()> {
+pub(crate) fn check_expansion(file: &FileHead) -> Result<()> {
     let (_, len) = source::open(&file.path)?;
     let frame = u64::from(file.rows) * u64::from(file.cols) * u64::from(file.bits.allocated / 8);
     let most = (HARMLESS as u64).max(len.saturating_mul(MOST_EXPANSION as u64));
@@ -92,7 +92,7 @@ type Target<'a> = (&'a Slice, &'a mut [i16]);
 ///
 /// # Errors
 /// Returns status 3 if pixel data is damaged, status 4 if cancelled. If several slices are damaged, the first is named.
-pub fn decode(slices: &[Slice], out: &mut [i16], progress: &Progress) -> Result<usize> {
+pub(crate) fn decode(slices: &[Slice], out: &mut [i16], progress: &Progress) -> Result<usize> {
     let first = &slices[0].file;
     let voxels = usize::from(first.rows) * usize::from(first.cols);
     // Group the frames of one file, so that it is read once.
@@ -383,7 +383,7 @@ fn to_hus(slice: &Slice, bytes: &[u8], order: ByteOrder, out: &mut [i16]) -> usi
 ///
 /// # Errors
 /// Returns an error if one cannot be read.
-pub fn same_pixels(a: &Slice, b: &Slice) -> Result<bool> {
+pub(crate) fn same_pixels(a: &Slice, b: &Slice) -> Result<bool> {
     if a.file.syntax != b.file.syntax || a.file.frames > 1 || b.file.frames > 1 {
         return Ok(false);
     }

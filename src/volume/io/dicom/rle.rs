@@ -7,7 +7,7 @@ const HEADER: usize = 64;
 ///
 /// # Errors
 /// Returns a short description if the packed bytes are invalid.
-pub fn unpack(packed: &[u8], voxels: usize, sample: usize) -> Result<Vec<u8>, String> {
+pub(crate) fn unpack(packed: &[u8], voxels: usize, sample: usize) -> Result<Vec<u8>, String> {
     let word = |k: usize| {
         let bytes: Option<[u8; 4]> = packed.get(4 * k..4 * k + 4).and_then(|b| b.try_into().ok());
         bytes.map(|b| u32::from_le_bytes(b) as usize).ok_or("has no header")

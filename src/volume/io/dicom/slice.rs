@@ -48,7 +48,7 @@ const LONGEST_SIDE: u16 = 16384;
 
 /// Layout of the stored bits of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bits {
+pub(crate) struct Bits {
     /// Bits of a sample in the file: 8 or 16.
     pub allocated: u16,
     /// Bits that hold the value.
@@ -61,7 +61,7 @@ pub struct Bits {
 
 /// Properties shared by all frames of a file.
 #[derive(Clone, Debug)]
-pub struct FileHead {
+pub(crate) struct FileHead {
     /// The file.
     pub path: PathBuf,
     /// UID of the transfer syntax.
@@ -84,7 +84,7 @@ pub struct FileHead {
 
 /// One slice: a file, or one frame of it.
 #[derive(Clone, Debug)]
-pub struct Slice {
+pub(crate) struct Slice {
     /// The file that contains the slice.
     pub file: Arc<FileHead>,
     /// Index of the frame in the file.
@@ -120,7 +120,7 @@ pub struct Slice {
 ///
 /// # Errors
 /// Returns status 3 if not even the series can be determined.
-pub fn read(path: &Path) -> Result<Vec<Slice>> {
+pub(crate) fn read(path: &Path) -> Result<Vec<Slice>> {
     let (_, len) = source::open(path)?;
     let bad = |why: String| Error::file(path, why, "export it again");
     let mut bytes = head(path, FIRST_BYTES.min(len))?;

@@ -20,7 +20,7 @@ const UNEVEN: (f64, f64) = (0.1, 0.06);
 
 /// Missing slices between two that exist.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Gap {
+pub(crate) struct Gap {
     /// Index of the last slice before the gap, among the existing ones, from 0.
     pub after: usize,
     /// Number of missing slices.
@@ -29,7 +29,7 @@ pub struct Gap {
 
 /// Sorted slices and the regular grid that they are on or can be resampled to.
 #[derive(Debug)]
-pub struct Stack {
+pub(crate) struct Stack {
     /// Slices from first to last along the normal.
     pub slices: Vec<Slice>,
     /// The grid, including missing slices.
@@ -48,7 +48,7 @@ pub struct Stack {
 ///
 /// # Errors
 /// Returns status 3 if slices disagree in size, orientation or spacing, share a position, or have none.
-pub fn stack(input: &Path, mut slices: Vec<Slice>) -> Result<Stack> {
+pub(crate) fn stack(input: &Path, mut slices: Vec<Slice>) -> Result<Stack> {
     let mut notes = Vec::new();
     agree(&slices)?;
     let first = slices[0].clone();
