@@ -185,6 +185,6 @@ fn no_colon_to_fly() {
     assert!(String::from_utf8_lossy(&out.stderr).contains("no colon found to fly through"));
     let dir = tempfile::tempdir().unwrap();
     let mask = dir.path().join("m.nii.gz");
-    run(&["segment", scan.to_str().unwrap(), "--out", mask.to_str().unwrap()], 4);
+    run(&["segment", scan.to_str().unwrap(), "--out", mask.to_str().unwrap()], 0);
     assert!(mask.exists(), "segment still writes what there is");
 }
