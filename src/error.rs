@@ -14,6 +14,7 @@
 //! Every failure prints exactly one line to standard error: `error: WHAT: WHY; HINT`. Notes and progress come before it. Output
 //! files are written completely or not at all (see [`crate::output`]).
 
+use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -41,8 +42,7 @@ pub enum Kind {
 /// assert_eq!(e.to_string(), "--fov: 0 is not between 0 and 180; give an angle such as 90");
 /// assert_eq!(e.kind as u8, 2, "the exit status");
 /// ```
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("{}: {}; {}", one_line(.what), one_line(.why), one_line(.hint))]
+#[derive(Clone, Debug)]
 pub struct Error {
     /// The kind of failure, which determines the exit status.
     pub kind: Kind,
@@ -53,8 +53,7 @@ pub struct Error {
     /// What the user can do about it, in the imperative.
     pub hint: String,
     /// The error that caused this one, if there is one. `why` contains its message.
-    #[source]
-    pub source: Option<Cause>,
+    pub cause: Option<Cause>,
     /// If an input holds several scans: a description of each, in the order in which `--series` counts them, from 1.
     pub choices: Vec<String>,
 }
@@ -68,13 +67,13 @@ pub type Result<T> = std::result::Result<T, Error>;
 impl Error {
     /// Creates a failure of the given kind.
     pub fn new(kind: Kind, what: impl Into<String>, why: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self { kind, what: what.into(), why: why.into(), hint: hint.into(), source: None, choices: Vec::new() }
+        Self { kind, what: what.into(), why: why.into(), hint: hint.into(), cause: None, choices: Vec::new() }
     }
 
     /// Adds the error that caused this one.
     #[must_use]
     pub fn caused_by(self, cause: impl std::error::Error + Send + Sync + 'static) -> Self {
-        Self { source: Some(Arc::new(cause)), ..self }
+        Self { cause: Some(Arc::new(cause)), ..self }
     }
 
     /// An internal error: status 1.
@@ -110,6 +109,18 @@ impl Error {
     /// The user asked to stop (Ctrl-C, or the window's cancel key): status 4.
     pub fn cancelled(what: impl Into<String>) -> Self {
         Self::incomplete(what, "interrupted", "run it again to finish")
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}; {}", one_line(&self.what), one_line(&self.why), one_line(&self.hint))
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.cause.as_deref().map(|cause| cause as _)
     }
 }
 

@@ -19,8 +19,7 @@ thread_local! {
 
 /// The work panicked and the panic was caught. Its message went to the panic hook.
 #[cfg(any(test, feature = "window", feature = "dicom"))]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("panicked")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Panicked;
 
 /// Runs `work` and catches its panic.

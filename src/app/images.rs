@@ -5,13 +5,14 @@ use serde::Deserialize;
 use crate::app::Catalog;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::panics::ask_plugin;
 use crate::render::{
     CameraModel, Choices, Classification, GradientSource, Leaping, Light, LowDetail, Options, Preset, Settings,
     ShaderModel,
 };
 
 /// A scene's settings for its images. The quality's own settings apply where the scene sets none.
+///
+/// They are kept beside the [`Settings`] of the current quality, because they apply to each quality that is switched to.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RenderSettings {
     /// The camera's sensitivity: a ray ends when less than this share of light comes from beyond, 0 to 1.
@@ -93,11 +94,7 @@ impl ImageSettings {
     /// # Errors
     /// Returns status 2 if it does not.
     pub fn check(&self) -> Result<()> {
-        self.settings.choices.check()?;
-        let preset = || format!("preset {}", self.preset.name);
-        ask_plugin(preset, || (self.preset.takes)(&self.settings.choices))?;
-        ask_plugin(preset, || (self.preset.check)(self.settings.options))?;
-        self.settings.shader.check()?;
+        self.preset.supports(&self.settings)?;
         self.camera.camera(self.fov_degrees, 1.0).map(drop)
     }
 }

@@ -22,6 +22,7 @@ mod direct;
 mod enlarge;
 mod factory;
 mod frame;
+mod gather;
 mod gradient_cache;
 pub(crate) mod gradient_store;
 pub(crate) mod leap;

@@ -7,6 +7,7 @@ use super::options::Options;
 use super::quality::Settings;
 use super::renderer::Renderer;
 use crate::error::Result;
+use crate::panics::ask_plugin;
 use crate::space::PreparedVolume;
 use crate::space::TransferFunction;
 use crate::volume::Volume;
@@ -37,6 +38,20 @@ pub struct Preset {
     /// Creates the renderer of a volume that was prepared accordingly, at high or low quality. A custom preset also
     /// receives the quality `reference`.
     pub make: fn(&PreparedVolume, Settings, Reuse) -> Box<dyn Renderer>,
+}
+
+impl Preset {
+    /// Checks that the preset supports the settings, and that these are in range.
+    ///
+    /// # Errors
+    /// Returns status 2 if one is not, and status 1 if a preset of another crate panics.
+    pub fn supports(&self, settings: &Settings) -> Result<()> {
+        settings.choices.check()?;
+        let preset = || format!("preset {}", self.name);
+        ask_plugin(preset, || (self.takes)(&settings.choices))?;
+        ask_plugin(preset, || (self.check)(settings.options))?;
+        settings.shader.check()
+    }
 }
 
 impl PartialEq for Preset {

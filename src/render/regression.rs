@@ -18,6 +18,7 @@ use std::ops::{Add, Mul, Sub};
 
 use glam::{DVec3, Mat3, Vec3, Vec4};
 
+use super::gather::Voxels;
 use crate::volume::Volume;
 
 /// The weight that the regression gives a neighbour at the distance d (mm).
@@ -123,28 +124,7 @@ pub(super) fn parts<V: Copy + Add<Output = V> + Sub<Output = V> + Mul<T, Output 
 /// Returns the 4×4×4 voxels from `first` on, with air outside the volume.
 #[inline(always)]
 pub fn block(volume: &Volume, first: [i32; 3]) -> Block {
-    let dims = volume.grid().dims();
-    let inside = |a: usize| first[a] >= 0 && first[a] as usize + 4 <= dims[a];
-    if inside(0) && inside(1) && inside(2) {
-        let n = volume.grid().index(first[0] as usize, first[1] as usize, first[2] as usize);
-        let (row, slice) = (dims[0], dims[0] * dims[1]);
-        let data = volume.data();
-        // Use loops, not closures: inside a ray's loop the optimiser may give up on closures.
-        let mut all = [[Vec4::ZERO; 4]; 4];
-        for (z, plane) in all.iter_mut().enumerate() {
-            for (y, four) in plane.iter_mut().enumerate() {
-                let at = n + z * slice + y * row;
-                if let Some(v) = data[at..at + 4].first_chunk::<4>() {
-                    *four = Vec4::from_array(v.map(f32::from));
-                }
-            }
-        }
-        all
-    } else {
-        let [i, j, k] = first.map(i64::from);
-        let at = |x, y, z| f32::from(volume.get(i + x, j + y as i64, k + z as i64));
-        std::array::from_fn(|z| std::array::from_fn(|y| Vec4::new(at(0, y, z), at(1, y, z), at(2, y, z), at(3, y, z))))
-    }
+    Voxels::of(volume).block(first.map(|c| c + 1), f32::from)
 }
 
 /// Returns central differences at voxels, interpolated to the point `t` of the block's inner cell, HU/mm along the

@@ -3,8 +3,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::volume::AIR_HU;
-
+use super::gather::Voxels;
 use super::march::round;
 use super::regression::{Fit, Regression, Weighting, block};
 use crate::space::PreparedVolume;
@@ -122,7 +121,7 @@ impl Sampler for Trilinear<'_> {
     #[inline(always)]
     fn value(&self, q: Vec3) -> f32 {
         let (cell, t) = split(q);
-        let [a, b, c, d, e, f, g, h] = corners(self.volume, cell);
+        let [a, b, c, d, e, f, g, h] = Voxels::of(self.volume.voxels()).corners(cell);
         let mix = |a: i16, b: i16, t: f32| {
             let a = f32::from(a);
             a + (f32::from(b) - a) * t
@@ -161,11 +160,7 @@ impl VoxelSampler for Trilinear<'_> {
 impl Sampler for Nearest<'_> {
     #[inline(always)]
     fn value(&self, q: Vec3) -> f32 {
-        let voxels = self.volume.voxels();
-        let dims = voxels.grid().dims();
-        let [i, j, k] = nearest(q).map(|c| c.wrapping_sub(1) as usize);
-        let inside = i < dims[0] && j < dims[1] && k < dims[2];
-        f32::from(if inside { voxels.data()[voxels.grid().index(i, j, k)] } else { AIR_HU })
+        f32::from(Voxels::of(self.volume.voxels()).get(nearest(q)))
     }
 
     #[inline(always)]
@@ -190,30 +185,6 @@ impl VoxelSampler for Nearest<'_> {
 
     fn densities(&self) -> [f32; 2] {
         densities(self.volume)
-    }
-}
-
-/// Returns the corners of a cell counted from cell −1: x fastest, then y, then z, with air outside the volume.
-#[inline(always)]
-fn corners(volume: &PreparedVolume, cell: [i32; 3]) -> [i16; 8] {
-    let voxels = volume.voxels();
-    let dims = voxels.grid().dims();
-    let inside = |a: usize| cell[a] >= 1 && (cell[a] as usize) < dims[a];
-    if inside(0) && inside(1) && inside(2) {
-        let [i, j, k] = cell.map(|c| c as usize - 1);
-        let n = voxels.grid().index(i, j, k);
-        let (row, slice) = (dims[0], dims[0] * dims[1]);
-        let data = voxels.data();
-        let pair = |n: usize| data[n..n + 2].first_chunk().copied().unwrap_or([AIR_HU; 2]);
-        let ([a, b], [c, d]) = (pair(n), pair(n + row));
-        let ([e, f], [g, h]) = (pair(n + slice), pair(n + slice + row));
-        [a, b, c, d, e, f, g, h]
-    } else {
-        let [i, j, k] = cell.map(|c| i64::from(c) - 1);
-        std::array::from_fn(|n| {
-            let n = n as i64;
-            voxels.get(i + (n & 1), j + (n >> 1 & 1), k + (n >> 2))
-        })
     }
 }
 

@@ -3,6 +3,7 @@
 mod choices;
 mod depth;
 mod frames;
+mod golden;
 mod grids;
 mod handedness;
 mod packets;

@@ -166,11 +166,7 @@ impl FlightApp {
         if !world.entity(entity).contains::<Pose>() && !world.entity(entity).contains::<Follows>() {
             return Err(Error::usage("view", "has no place to look from", "give it a Pose, or Follows"));
         }
-        p.settings.choices.check()?;
-        let preset = || format!("preset {}", p.preset.name);
-        panics::ask_plugin(preset, || (p.preset.takes)(&p.settings.choices))?;
-        panics::ask_plugin(preset, || (p.preset.check)(p.settings.options))?;
-        p.settings.shader.check()?;
+        p.preset.supports(&p.settings)?;
         let (width, height) = (p.frame.width(), p.frame.height());
         View::with_model(DVec3::ZERO, DVec3::Y, DVec3::Z, p.camera, p.fov_degrees, width, height).map(drop)
     }

@@ -21,6 +21,7 @@ use super::accelerations::Accelerations;
 use super::begin::Begin;
 use super::caster::ImageRequest;
 use super::choices::{GradientSource, Leaping};
+use super::gather::Voxels;
 use super::leap::chosen::ChosenRadius;
 use super::memory::MemoryPart;
 use super::quality::{Quality, Settings};
@@ -118,12 +119,16 @@ impl ByteVolume {
         }
     }
 
+    /// Returns the bytes, with air outside.
+    #[inline(always)]
+    fn voxels(&self) -> Voxels<'_, u8> {
+        Voxels { grid: &self.grid, data: &self.data, outside: self.air }
+    }
+
     /// Returns the byte of a voxel counted from voxel −1; air outside.
     #[inline(always)]
-    fn get(&self, [i, j, k]: [i32; 3]) -> u8 {
-        let [nx, ny, nz] = self.grid.dims();
-        let [i, j, k] = [i, j, k].map(|c| c.wrapping_sub(1) as usize);
-        if i < nx && j < ny && k < nz { self.data[i + nx * (j + ny * k)] } else { self.air }
+    fn get(&self, v: [i32; 3]) -> u8 {
+        self.voxels().get(v)
     }
 
     /// Returns the memory taken, bytes.

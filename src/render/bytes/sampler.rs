@@ -1,6 +1,6 @@
 //! Samples the volume of 7 + 1 bits: the nearest voxel, or interpolation between eight voxels in fixed point.
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 use crate::render::regression::{Block, Fit, Regression};
 use crate::render::sampler::{Sampler, VoxelSampler, nearest, regression, split};
@@ -70,50 +70,13 @@ impl<'a> ByteNearest<'a> {
 /// Returns the codes at the corners of a cell counted from cell −1: x fastest, then y, then z.
 #[inline(always)]
 fn corners(bytes: &ByteVolume, cell: [i32; 3]) -> [u8; 8] {
-    let dims = bytes.grid.dims();
-    let inside = |a: usize| cell[a] >= 1 && (cell[a] as usize) < dims[a];
-    let all = if inside(0) && inside(1) && inside(2) {
-        let [i, j, k] = cell.map(|c| c as usize - 1);
-        let n = bytes.grid.index(i, j, k);
-        let (row, slice) = (dims[0], dims[0] * dims[1]);
-        let pair = |n: usize| bytes.data[n..n + 2].first_chunk().copied().unwrap_or([bytes.air; 2]);
-        let ([a, b], [c, d]) = (pair(n), pair(n + row));
-        let ([e, f], [g, h]) = (pair(n + slice), pair(n + slice + row));
-        [a, b, c, d, e, f, g, h]
-    } else {
-        std::array::from_fn(|n| {
-            let n = n as i32;
-            bytes.get([cell[0] + (n & 1), cell[1] + (n >> 1 & 1), cell[2] + (n >> 2)])
-        })
-    };
-    all.map(|v| v & CODE)
+    bytes.voxels().corners(cell).map(|v| v & CODE)
 }
 
-/// Returns the codes of 4×4×4 voxels from `first` on, counted from voxel 0.
+/// Returns the codes of 4×4×4 voxels from `first` on, counted from voxel −1.
 #[inline(always)]
 fn block(bytes: &ByteVolume, first: [i32; 3]) -> Block {
-    let dims = bytes.grid.dims();
-    let inside = |a: usize| first[a] >= 0 && first[a] as usize + 4 <= dims[a];
-    let codes = |v: [u8; 4]| Vec4::from_array(v.map(|v| f32::from(v & CODE)));
-    if inside(0) && inside(1) && inside(2) {
-        let n = bytes.grid.index(first[0] as usize, first[1] as usize, first[2] as usize);
-        let (row, slice) = (dims[0], dims[0] * dims[1]);
-        let mut all = [[Vec4::ZERO; 4]; 4];
-        for (z, plane) in all.iter_mut().enumerate() {
-            for (y, four) in plane.iter_mut().enumerate() {
-                let at = n + z * slice + y * row;
-                if let Some(v) = bytes.data[at..at + 4].first_chunk() {
-                    *four = codes(*v);
-                }
-            }
-        }
-        all
-    } else {
-        let [i, j, k] = first.map(|c| c + 1);
-        let row =
-            |y: usize, z: usize| codes(std::array::from_fn(|x| bytes.get([i + x as i32, j + y as i32, k + z as i32])));
-        std::array::from_fn(|z| std::array::from_fn(|y| row(y, z)))
-    }
+    bytes.voxels().block(first, |v| f32::from(v & CODE))
 }
 
 /// True if the voxel nearest to `q` is opaque and flagged as homogeneous.
@@ -143,7 +106,7 @@ impl Sampler for ByteTrilinear<'_> {
     #[inline(never)]
     fn fit(&self, q: Vec3) -> Fit {
         let (cell, t) = split(q);
-        self.decode.fit(self.regression.fit(&block(self.bytes, cell.map(|c| c - 2)), t))
+        self.decode.fit(self.regression.fit(&block(self.bytes, cell.map(|c| c - 1)), t))
     }
 
     #[inline(always)]
@@ -157,7 +120,7 @@ impl VoxelSampler for ByteTrilinear<'_> {
 
     #[inline(never)]
     fn fit_at(&self, v: [i32; 3]) -> Fit {
-        self.decode.fit(self.regression.fit(&block(self.bytes, v.map(|c| c - 2)), Vec3::ZERO))
+        self.decode.fit(self.regression.fit(&block(self.bytes, v.map(|c| c - 1)), Vec3::ZERO))
     }
 
     fn densities(&self) -> [f32; 2] {
@@ -174,7 +137,7 @@ impl Sampler for ByteNearest<'_> {
     // A separate function: inside the loop of a ray, the optimiser gives up on it.
     #[inline(never)]
     fn fit(&self, q: Vec3) -> Fit {
-        self.decode.fit(self.regression.fit(&block(self.bytes, nearest(q).map(|c| c - 2)), Vec3::ZERO))
+        self.decode.fit(self.regression.fit(&block(self.bytes, nearest(q).map(|c| c - 1)), Vec3::ZERO))
     }
 
     #[inline(always)]
@@ -188,7 +151,7 @@ impl VoxelSampler for ByteNearest<'_> {
 
     #[inline(never)]
     fn fit_at(&self, v: [i32; 3]) -> Fit {
-        self.decode.fit(self.regression.fit(&block(self.bytes, v.map(|c| c - 2)), Vec3::ZERO))
+        self.decode.fit(self.regression.fit(&block(self.bytes, v.map(|c| c - 1)), Vec3::ZERO))
     }
 
     fn densities(&self) -> [f32; 2] {
