@@ -1,49 +1,62 @@
-//! A deterministic test of one system: build a world with only what the system touches, step it, and check the results.
-//!
-//! `cargo test --release --example test_one_system`
+//! A system, and its headless test in a world with known distances: `cargo test --example test_one_system`, or run it.
 
 use bevy_ecs::prelude::*;
-use colvis::components::camera::Pose;
-use colvis::components::clock::Clock;
-use colvis::components::guide::{MineField, MinePush};
-use colvis::dynamics::Attitude;
-use colvis::dynamics::mines::MineSettings;
+use colvis::components::camera::{Pose, Velocity};
+use colvis::components::scan::Walls;
 use colvis::error::Result;
-use colvis::schedule::{App, FlightSystems};
-use colvis::systems::{clock, mines};
+use colvis::schedule::{App, FlightSystems, Main};
+use colvis::testing::{Room, TestApp, digest};
 use glam::DVec3;
 
-/// Stands in for `motion`: moves the camera by a millimetre a step.
-fn move_on(mut pose: Single<&mut Pose>) {
-    pose.position.x += 1.0;
+/// The system under test: warns while the camera would reach the wall within half a second.
+#[derive(Component, Default, Debug, PartialEq)]
+struct Warning {
+    on: bool,
+    /// How often it has come on.
+    times: u32,
 }
 
-/// Number of mines after `steps` steps, and the push they exert.
-fn laid(steps: usize) -> Result<(usize, DVec3)> {
-    let mut app = App::new();
-    app.camera().insert(Pose { position: DVec3::ZERO, attitude: Attitude::new(DVec3::X, DVec3::Z) });
-    mines::plug(&mut app, MineSettings { kept: 4, spacing_mm: 8.0, ..MineSettings::default() })?;
-    clock::plugin(&mut app)?;
-    app.add_systems(FlightSystems::Integrate, move_on);
-    app.build()?;
-    for _ in 0..steps {
-        app.step()?;
+fn plug(app: &mut App) {
+    app.equip(Warning::default()).add_systems(FlightSystems::Watch, warn);
+}
+
+fn warn(walls: Single<&Walls, With<Main>>, camera: Single<(&Pose, &Velocity, &mut Warning), With<Main>>) {
+    let (pose, velocity, mut warning) = camera.into_inner();
+    let on = walls.0.at(pose.position).mm < 0.5 * velocity.0.length();
+    warning.times += u32::from(on && !warning.on);
+    warning.on = on;
+}
+
+/// Steps towards the wall and away again. Returns when the warning was on, and a digest of all positions.
+fn there_and_back() -> Result<(Vec<bool>, u64)> {
+    let room = Room::new([20, 60, 20]);
+    let mut test = TestApp::new(&room);
+    plug(&mut test.app);
+    test.app.equip(Velocity(DVec3::Y * 10.0));
+    let mut on = Vec::new();
+    let places = [20.0, 6.0, 4.0, 4.0, 8.0].map(|gap| room.centre().with_y(room.size_mm().y - gap));
+    for place in places {
+        test.place(place);
+        test.steps(1)?;
+        on.push(test.get::<Warning>().on);
     }
-    assert_eq!(app.world.resource::<Clock>().tick, steps as u64);
-    let count = app.camera_get::<MineField>().map_or(0, |m| m.mines.len());
-    Ok((count, app.camera_get::<MinePush>().map_or(DVec3::ZERO, |p| p.0)))
-}
-
-fn main() -> Result<()> {
-    let (count, push) = laid(100)?;
-    println!("{count} mines, which push by {push} mm/s²");
-    Ok(())
+    assert_eq!(test.get::<Warning>().times, 1, "it came on once");
+    Ok((on, digest(places.iter().flat_map(|p| p.to_array()))))
 }
 
 #[test]
-fn the_last_few_mines_push_on() {
-    let (count, push) = laid(100).unwrap();
-    assert_eq!(count, 4, "the last few are kept");
-    assert!(push.x > 0.0 && push.y == 0.0 && push.z == 0.0, "forward: {push}");
-    assert_eq!(laid(100).unwrap(), (count, push), "the same again");
+fn it_warns_within_half_a_second_of_the_wall() {
+    let (on, _) = there_and_back().unwrap();
+    assert_eq!(on, [false, false, true, true, false], "10 mm/s for half a second are 5 mm");
+}
+
+#[test]
+fn it_is_the_same_each_time() {
+    assert_eq!(there_and_back().unwrap(), there_and_back().unwrap());
+}
+
+fn main() -> Result<()> {
+    let (on, digest) = there_and_back()?;
+    println!("warned in steps {on:?}; the positions have the digest {digest:016x}");
+    Ok(())
 }

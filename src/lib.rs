@@ -13,7 +13,7 @@
 //! render
 //! components, schedule, surface
 //! systems
-//! app, plane
+//! app, plane, testing
 //! host, report
 //! cli
 //! ```
@@ -130,6 +130,7 @@ pub mod report;
 pub mod schedule;
 pub mod space;
 pub mod surface;
+pub mod testing;
 pub mod volume;
 
 #[expect(
