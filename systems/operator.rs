@@ -95,3 +95,7 @@ pub fn resume_flight(taken: On<TakenOver>, mut cameras: Query<&mut Flight>) {
         flight.reason.clear();
     }
 }
+
+#[cfg(test)]
+#[path = "operator_tests.rs"]
+mod tests;

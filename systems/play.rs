@@ -52,3 +52,7 @@ pub fn follow_log(
         flight.place = now.position;
     }
 }
+
+#[cfg(test)]
+#[path = "play_tests.rs"]
+mod tests;

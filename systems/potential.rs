@@ -93,3 +93,7 @@ pub fn yield_to_trap(
     flight.escapes += 1;
     commands.trigger(HelpAnswered { entity });
 }
+
+#[cfg(test)]
+#[path = "potential_tests.rs"]
+mod tests;

@@ -136,3 +136,7 @@ pub fn call_operator(camera: Single<(&mut Flight, &mut HelpCall), With<Main>>) {
         flight.place = help.place;
     }
 }
+
+#[cfg(test)]
+#[path = "watch_tests.rs"]
+mod tests;
