@@ -144,3 +144,167 @@ fn presents(presenter: &mut dyn Presenter, picture: &Picture) -> bool {
     }
     presented.inspect_err(|why| report_fault(format!("presenter {}", presenter.name()), why.as_str())).is_ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use bevy_ecs::world::World;
+
+    use super::*;
+    use crate::components::slices::Orientation;
+    use crate::testing::{Room, TestApp};
+
+    type Shown = Arc<Mutex<Vec<(&'static str, bool, usize)>>>;
+
+    /// Notes whether each picture was traced, and its width. Panics at pictures of width 13.
+    struct Notes(&'static str, Shown);
+
+    impl Presenter for Notes {
+        fn name(&self) -> &'static str {
+            self.0
+        }
+
+        fn present(&mut self, picture: &Picture) {
+            assert_ne!(picture.frame.width(), 13, "unlucky");
+            self.1.lock().unwrap().push((self.0, picture.traced, picture.frame.width()));
+        }
+
+        fn beside(&mut self, _: Entity, frame: &Frame) {
+            assert_ne!(frame.width(), 13, "unlucky slice");
+            self.1.lock().unwrap().push(("slice", true, frame.width()));
+        }
+    }
+
+    struct Another;
+
+    impl Presenter for Another {
+        fn name(&self) -> &'static str {
+            "another"
+        }
+
+        fn present(&mut self, _: &Picture) {}
+    }
+
+    /// A world in which pictures are presented, with the camera's and another one.
+    fn test() -> (TestApp, [Entity; 2], Shown) {
+        let mut test = TestApp::new(&Room::new([4; 3]));
+        plugin(&mut test.app).unwrap();
+        assert!(plugin(&mut test.app).is_err(), "pictures are passed on by one system");
+        test.app.equip(Picture::new(8, 6));
+        let other = test.app.world.spawn(Picture::new(10, 6)).id();
+        let views = [test.app.camera_id(), other];
+        (test, views, Shown::default())
+    }
+
+    fn taken(shown: &Shown) -> Vec<(&'static str, bool, usize)> {
+        std::mem::take(&mut *shown.lock().unwrap())
+    }
+
+    #[test]
+    fn every_presenter_gets_its_own_picture_in_every_frame() {
+        let (mut test, [camera, other], shown) = test();
+        test.frame().unwrap();
+        hand_to(&mut test.app, other, Notes("late", shown.clone()));
+        hand_to(&mut test.app, camera, Notes("first", shown.clone()));
+        test.get_mut::<Picture>().traced = true;
+        test.frame().unwrap();
+        assert_eq!(taken(&shown), [("first", true, 8), ("late", false, 10)], "in the order of the entities");
+        test.get_mut::<Picture>().traced = false;
+        test.frame().unwrap();
+        assert_eq!(taken(&shown), [("first", false, 8), ("late", false, 10)], "even if nothing was traced");
+        // Another one for the same view takes the place of the first.
+        hand_to(&mut test.app, camera, Notes("second", shown.clone()));
+        test.frame().unwrap();
+        assert_eq!(taken(&shown), [("second", false, 8), ("late", false, 10)]);
+        // A view whose entity has no picture for a while is presented again when it has.
+        test.app.world.entity_mut(other).remove::<Picture>();
+        test.frame().unwrap();
+        test.app.world.entity_mut(other).insert(Picture::new(11, 6));
+        test.frame().unwrap();
+        assert_eq!(taken(&shown), [("second", false, 8), ("second", false, 8), ("late", false, 11)]);
+    }
+
+    #[test]
+    fn a_picture_is_presented_again_without_a_frame() {
+        let (mut test, [camera, other], shown) = test();
+        present_again(&mut test.app, camera);
+        for view in [camera, other] {
+            hand_to(&mut test.app, view, Notes("notes", shown.clone()));
+        }
+        present_again(&mut test.app, other);
+        assert_eq!(taken(&shown), [("notes", false, 10)], "and only that of the view");
+        assert!(test.get::<Picture>().due, "nothing was traced");
+        test.frame().unwrap();
+        assert_eq!(taken(&shown).len(), 2, "all are still there");
+    }
+
+    #[test]
+    fn one_that_panics_is_named_and_dropped_and_the_others_go_on() {
+        let (mut test, [camera, other], shown) = test();
+        hand_to(&mut test.app, camera, Notes("poor", shown.clone()));
+        hand_to(&mut test.app, other, Notes("fine", shown.clone()));
+        test.get_mut::<Picture>().frame.resize(13, 6);
+        let e = test.frame().unwrap_err();
+        assert!(e.what == "presenter poor" && e.why.contains("unlucky"), "{e}");
+        assert_eq!(taken(&shown), [("fine", false, 10)]);
+        test.get_mut::<Picture>().frame.resize(8, 6);
+        test.frame().unwrap();
+        assert_eq!(taken(&shown), [("fine", false, 10)], "it is not asked again");
+        // Outside a frame it is the same.
+        test.app.world.get_mut::<Picture>(other).unwrap().frame.resize(13, 6);
+        present_again(&mut test.app, other);
+        assert!(test.app.outcome().unwrap_err().what.contains("presenter fine"));
+        present_again(&mut test.app, other);
+        test.app.outcome().unwrap();
+    }
+
+    #[test]
+    fn a_slice_that_was_drawn_goes_to_every_presenter_before_the_pictures() {
+        let (mut test, [camera, other], shown) = test();
+        hand_to(&mut test.app, camera, Notes("notes", shown.clone()));
+        hand_to(&mut test.app, other, Another);
+        let slice = test.app.world.spawn(SliceView::new(Orientation::Axial, [5, 5])).id();
+        let drawn = |world: &mut World, made: bool, width: usize| {
+            let mut s = world.get_mut::<SliceView>(slice).unwrap();
+            s.made = made;
+            s.frame.resize(width, 5);
+        };
+        for (made, expected) in
+            [(true, vec![("slice", true, 5), ("notes", false, 8)]), (false, vec![("notes", false, 8)])]
+        {
+            drawn(&mut test.app.world, made, 5);
+            test.frame().unwrap();
+            assert_eq!(taken(&shown), expected);
+        }
+        drawn(&mut test.app.world, true, 13);
+        let e = test.frame().unwrap_err();
+        assert!(e.what == "presenter notes" && e.why.contains("unlucky slice"), "{e}");
+        assert!(taken(&shown).is_empty(), "it does not get the picture either");
+        assert!(presenter::<Another>(&mut test.app, other).is_some(), "the other one is still there");
+    }
+
+    #[test]
+    fn presenters_are_found_and_taken_by_their_view_and_type() {
+        let (mut test, [camera, other], shown) = test();
+        assert!(take::<Notes>(&mut test.app, camera).is_none());
+        hand_to(&mut test.app, camera, Notes("notes", shown.clone()));
+        hand_to(&mut test.app, other, Another);
+        assert_eq!(presenter::<Notes>(&mut test.app, camera).unwrap().0, "notes");
+        assert!(
+            presenter::<Another>(&mut test.app, camera).is_none() && presenter::<Notes>(&mut test.app, other).is_none()
+        );
+        assert!(take::<Another>(&mut test.app, camera).is_none(), "it is of another type, and stays");
+        assert_eq!(take::<Notes>(&mut test.app, camera).unwrap().0, "notes");
+        assert!(take::<Notes>(&mut test.app, camera).is_none() && take::<Another>(&mut test.app, other).is_some());
+        // One of a plug-in waits until it is taken over, and replaces what was there.
+        hand_to(&mut test.app, camera, Another);
+        plug(&mut test.app, camera, Notes("waits", shown.clone()));
+        test.frame().unwrap();
+        assert!(taken(&shown).is_empty());
+        take_over(&mut test.app);
+        take_over(&mut test.app);
+        test.frame().unwrap();
+        assert_eq!(taken(&shown), [("waits", false, 8)]);
+    }
+}

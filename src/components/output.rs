@@ -82,7 +82,8 @@ pub struct Picture {
     pub view: Option<View>,
     /// Work done for the last image.
     pub work: Work,
-    /// True if the next frame must trace this view. A view that has changed is traced in any case.
+    /// True if the next frame must trace this view. A view that has changed, or whose settings, preset or scan have, is
+    /// traced in any case.
     pub due: bool,
     /// True if this frame has traced the view.
     pub traced: bool,
@@ -166,6 +167,14 @@ struct Kept {
 }
 
 impl FrameCache {
+    /// Returns true if the existing renderer is that of `scan` with these settings.
+    pub fn is_renderer_for(&self, scan: &PreparedVolume, settings: Settings, preset: Preset) -> bool {
+        self.kept.as_ref().is_some_and(|k| {
+            (k.settings, k.preset, k.transfer) == (settings, preset, scan.transfer())
+                && std::ptr::eq(&*k.volume, scan.voxels())
+        })
+    }
+
     /// Returns the renderer of `scan` with these settings: the existing one, or a new one if anything has changed.
     pub fn renderer_for(
         &mut self,
@@ -173,11 +182,7 @@ impl FrameCache {
         settings: Settings,
         preset: Preset,
     ) -> &mut (dyn Renderer + 'static) {
-        let fits = |k: &Kept| {
-            (k.settings, k.preset, k.transfer) == (settings, preset, scan.transfer())
-                && std::ptr::eq(&*k.volume, scan.voxels())
-        };
-        if !self.kept.as_ref().is_some_and(fits) {
+        if !self.is_renderer_for(scan, settings, preset) {
             // Drop the old one first: both at once would double the memory.
             self.kept = None;
         }

@@ -258,4 +258,94 @@ mod tests {
         fly(&mut t, 99.0, 140.0, &mut flown);
         assert!((t.at(0.6).unwrap().0.x - 120.0).abs() < 2.1);
     }
+
+    fn look(degrees: f64) -> Attitude {
+        Attitude::new(DVec3::new(degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0), DVec3::Z)
+    }
+
+    #[test]
+    fn a_view_is_recorded_every_two_millimetres_or_ten_degrees() {
+        let mut t = Trail::default();
+        t.set_out(100.0);
+        let mut kept = |x: f64, look: Attitude| {
+            t.follow((DVec3::X * x, look), 0.0, None);
+            t.views().len()
+        };
+        assert_eq!([0.0, 0.0, 1.99, 2.0, 3.99, 4.0].map(|x| kept(x, LOOK)), [1, 1, 1, 2, 2, 3]);
+        // The next is measured from the last one recorded, not from the last step.
+        assert_eq!([9.9, 10.1, 15.0, 20.2].map(|a| kept(4.0, look(a))), [3, 4, 4, 5]);
+        let roll = |degrees: f64| {
+            let (s, c) = degrees.to_radians().sin_cos();
+            let forward = look(20.2).forward;
+            Attitude { forward, up: DVec3::Z * c + forward.cross(DVec3::Z) * s }
+        };
+        assert_eq!([9.9, 10.1].map(|a| kept(4.0, roll(a))), [5, 6], "a roll is a turn too");
+    }
+
+    #[test]
+    fn a_share_is_between_0_and_1_and_0_of_no_path() {
+        let mut t = Trail::default();
+        t.set_out(10.0);
+        let mut share = |flown: f64, planned: Option<(f64, f64)>| {
+            t.follow((DVec3::ZERO, LOOK), flown, planned);
+            t.share()
+        };
+        assert_eq!(share(4.0, None), 0.4);
+        assert_eq!(share(2.0, None), 0.4, "a flight's length that starts anew does not take it back");
+        assert_eq!(share(3.0, None), 0.5);
+        assert_eq!(share(90.0, None), 1.0);
+        assert_eq!(share(90.0, Some((-1.0, 20.0))), 0.0);
+        assert_eq!(share(90.0, Some((21.0, 20.0))), 1.0);
+        assert_eq!(share(90.0, Some((5.0, 0.0))), 0.0);
+        t.set_out(-3.0);
+        t.follow((DVec3::ZERO, LOOK), 5.0, None);
+        assert_eq!((t.length_mm(), t.share()), (0.0, 0.0));
+    }
+
+    #[test]
+    fn a_path_set_out_on_counts_from_its_own_start() {
+        let mut t = Trail::default();
+        t.set_out(100.0);
+        fly(&mut t, 0.0, 30.0, &mut 0.0);
+        t.call();
+        let seen = t.views().len();
+        t.set_out(50.0);
+        assert_eq!((t.share(), t.length_mm(), t.views().len()), (0.0, 50.0, seen));
+        assert!(t.calls().is_empty());
+        // The flight's length starts anew, and so does what is counted.
+        t.follow((DVec3::Y * 5.0, LOOK), 5.0, None);
+        assert!((t.share() - 0.1).abs() < 1e-12);
+        assert_eq!(t.share_near(DVec3::ZERO), 0.0, "the first view of this path, not one of the former");
+        assert_eq!(t.at(0.0).map(|v| v.0), Some(DVec3::Y * 5.0));
+    }
+
+    #[test]
+    fn after_a_jump_the_first_view_is_recorded_however_near_and_begins_a_leg() {
+        let (mut t, mut flown) = (Trail::default(), 0.0);
+        t.set_out(100.0);
+        fly(&mut t, 0.0, 10.0, &mut flown);
+        let seen = t.views().len();
+        t.jump(0.5);
+        assert_eq!(t.share(), 0.5);
+        assert!(t.at(0.3).is_none(), "nothing connects the two places, even before the next step");
+        assert!((t.at(0.05).unwrap().0.x - 5.0).abs() < 1.2);
+        t.follow((DVec3::X * 10.0, LOOK), flown + 1.0, None);
+        assert_eq!(t.views().len(), seen + 1);
+        t.follow((DVec3::X * 10.1, LOOK), flown + 2.0, None);
+        assert_eq!(t.views().len(), seen + 1, "only the first");
+        assert!((t.share() - 0.52).abs() < 1e-12);
+        assert!(t.at(0.3).is_none() && t.at(0.49).is_none() && t.at(0.5).is_some());
+    }
+
+    #[test]
+    fn calls_farther_apart_than_a_hundredth_are_two() {
+        let mut t = Trail::default();
+        t.set_out(100.0);
+        for (share, calls) in [(0.5, 1), (0.509, 1), (0.491, 1), (0.511, 2), (0.489, 3)] {
+            t.jump(share);
+            t.call();
+            assert_eq!(t.calls().len(), calls, "{share}");
+        }
+        assert_eq!(t.calls(), [0.5, 0.511, 0.489]);
+    }
 }

@@ -92,7 +92,7 @@ impl Mines {
         }
     }
 
-    /// Follows the camera (world mm) and lays a mine at its position every `spacing_mm`.
+    /// Follows the camera (world mm). Every `spacing_mm` it lays a mine where the camera was at the last one, or at the first call.
     pub fn follow(&mut self, camera: DVec3, settings: &MineSettings) {
         match self.last {
             None => self.last = Some(camera),

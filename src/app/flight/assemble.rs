@@ -73,7 +73,9 @@ impl FlightApp {
             (None, None) => plan::first_attitude(&self.volume, self.plan.start, self.plan.goal().at),
         };
         let (position, length_mm) = (self.plan.start, self.plan.length_mm);
-        self.app.camera().insert((Pose { position, attitude }, Flight::default()));
+        let pose = Pose { position, attitude };
+        self.sound = Some(pose);
+        self.app.camera().insert((pose, Flight::default()));
         self.rest(position, attitude.forward);
         if let Some(mut trail) = self.camera_mut::<Trail>() {
             trail.set_out(length_mm);

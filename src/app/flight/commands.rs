@@ -58,6 +58,7 @@ impl FlightApp {
                 self.resume();
             }
             FlightCommand::Segment(number) => {
+                self.refuse_while_playing("segment")?;
                 let plan = plan::through_segment(
                     &self.volume,
                     &self.lumen,
@@ -68,6 +69,7 @@ impl FlightApp {
                 self.set_out_on(plan)?;
             }
             FlightCommand::OtherEnd => {
+                self.refuse_while_playing("other end")?;
                 let number = self
                     .plan
                     .segment

@@ -415,10 +415,11 @@ impl FlightApp {
 
     /// Ends the flight because its time is over.
     pub(crate) fn end(&mut self) {
+        let place = self.pose().position;
         if let Some(mut f) = self.camera_mut::<Flight>()
             && f.state == State::Flying
         {
-            f.state = State::Ended;
+            (f.state, f.place) = (State::Ended, place);
         }
     }
 
@@ -507,7 +508,9 @@ impl FlightApp {
             return false;
         }
         let attitude = Attitude::new(forward, up);
-        self.app.camera().insert(Pose { position, attitude });
+        let pose = Pose { position, attitude };
+        self.sound = Some(pose);
+        self.app.camera().insert(pose);
         self.rest(position, attitude.forward);
         true
     }
