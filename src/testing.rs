@@ -28,7 +28,8 @@
 //!     test.place(room.centre() + DVec3::X * away);
 //!     test.steps(1)?;
 //! }
-//! assert!((test.get::<Narrowest>().0 - 3.0).abs() < 1e-3, "7 mm from the centre of a room 20 mm wide");
+//! // 7 mm from the centre of a room 20 mm wide. The clearance finder stays up to 0.05 mm below the exact distance.
+//! assert!((2.94..=3.0).contains(&test.get::<Narrowest>().0));
 //! # Ok::<(), colvis::error::Error>(())
 //! ```
 
@@ -215,6 +216,7 @@ pub fn digest(numbers: impl IntoIterator<Item = f64>) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fields::clearance::TOLERANCE_MM;
     use crate::math::hash;
     use crate::space::first_crossing;
 
@@ -236,7 +238,9 @@ mod tests {
             }
             let clearance = walls.at(at).mm;
             let exact = room.clearance_mm(at);
-            assert!(exact > REACH_MM - 1.0 || (clearance - exact).abs() < 1e-3, "{at}: {clearance}, {exact}");
+            let below = exact - clearance;
+            let is_bound = (-1e-3..=TOLERANCE_MM + 1e-3).contains(&below);
+            assert!(exact > REACH_MM - 1.0 || is_bound, "{at}: {clearance}, {exact}");
         }
         assert_eq!(room.clearance_mm(DVec3::splat(-1.0)), 0.0);
         assert_eq!(room.distance_mm(DVec3::splat(-1.0), DVec3::X), 0.0);

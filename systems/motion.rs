@@ -184,3 +184,7 @@ pub fn move_body(clock: Res<Clock>, walls: Single<&Walls, With<Main>>, camera: S
     };
     heading.0 = follow_velocity(heading.0, velocity.0, dt);
 }
+
+#[cfg(test)]
+#[path = "motion_tests.rs"]
+mod tests;

@@ -128,3 +128,7 @@ pub fn report_narrow_place(camera: Single<(&Body, &Planned, &mut HelpCall), With
         help.reason = narrow;
     }
 }
+
+#[cfg(test)]
+#[path = "path_tests.rs"]
+mod tests;
