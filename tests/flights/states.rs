@@ -251,7 +251,7 @@ fn left(event: Change, stage: Stage, before: &All, after: &All, f: &FlightApp, f
     let placed =
         All { heading: forward, velocity: DVec3::ZERO, jumps: before.jumps.map(|n| n + 1), ..taken(free.clone()) };
     // Help that was called for has come.
-    let answered = if stage == Stage::Called { free.clone() } else { stays.clone() };
+    let answered = if stage == Stage::Called { free } else { stays.clone() };
     match event {
         Guide => anew,
         Reverse => All {
@@ -471,8 +471,8 @@ fn settings_that_change_in_flight_make_the_pictures_of_a_fresh_flight() {
     }
     // The renderer stays, and may go on from what it has seen.
     all.push((usual.clone(), true));
-    all.push((ImageSettings { width: 20, height: 28, ..usual.clone() }, false));
-    all.push((ImageSettings { fov_degrees: 50.0, ..usual.clone() }, false));
+    all.push((ImageSettings { width: 20, height: 28, ..usual }, false));
+    all.push((ImageSettings { fov_degrees: 50.0, ..usual }, false));
     all.push((usual, false));
     for (image, same) in all {
         for _ in 0..6 {
