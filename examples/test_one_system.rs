@@ -21,7 +21,7 @@ fn plug(app: &mut App) {
 }
 
 fn warn(walls: Single<&Walls, With<Main>>, camera: Single<(&Pose, &Velocity, &mut Warning), With<Main>>) {
-    let (pose, velocity, mut warning) = camera.into_inner();
+    let (walls, (pose, velocity, mut warning)) = (walls.into_inner(), camera.into_inner());
     let on = walls.0.at(pose.position).mm < 0.5 * velocity.0.length();
     warning.times += u32::from(on && !warning.on);
     warning.on = on;

@@ -15,6 +15,7 @@ mod plane_drawings;
 mod plugins;
 mod scan;
 mod scenes;
+mod states;
 mod traps;
 
 #[path = "../support"]

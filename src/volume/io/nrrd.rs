@@ -305,11 +305,11 @@ fn after_lines(path: &Path, begin: u64, lines: u64) -> Result<u64> {
     use std::io::{BufRead, BufReader, Seek, SeekFrom};
     let (mut file, _) = source::open(path)?;
     let fail = |e: std::io::Error| source::unreadable(path, e);
-    file.seek(SeekFrom::Start(begin)).map_err(|e| fail(e))?;
+    file.seek(SeekFrom::Start(begin)).map_err(&fail)?;
     let mut reader = BufReader::new(file);
     let mut at = begin;
     for _ in 0..lines {
-        let n = reader.skip_until(b'\n').map_err(|e| fail(e))?;
+        let n = reader.skip_until(b'\n').map_err(&fail)?;
         if n == 0 {
             return Err(Error::file(path, format!("ends within the {lines} lines to skip"), "correct the header"));
         }

@@ -170,9 +170,9 @@ fn read(path: &Path, begin: u64, length: usize) -> Result<Vec<u8>> {
     if len.saturating_sub(begin) < length as u64 {
         return Err(fault(path, Fault::Short));
     }
-    file.seek(SeekFrom::Start(begin)).map_err(|e| fail(e))?;
+    file.seek(SeekFrom::Start(begin)).map_err(&fail)?;
     let mut bytes = Vec::with_capacity(length);
-    file.take(length as u64).read_to_end(&mut bytes).map_err(|e| fail(e))?;
+    file.take(length as u64).read_to_end(&mut bytes).map_err(fail)?;
     if bytes.len() < length { Err(fault(path, Fault::Short)) } else { Ok(bytes) }
 }
 
