@@ -213,7 +213,7 @@ impl FlightApp {
     }
 
     /// True if commands are left to replay.
-    pub(crate) fn is_replaying(&self) -> bool {
+    pub fn is_replaying(&self) -> bool {
         !self.coming.is_empty()
     }
 

@@ -205,7 +205,7 @@ impl FlightApp {
 
     /// Marks the views other than the camera's whose picture would change or improve if they were rendered now. Returns true if
     /// there is one.
-    pub(crate) fn mark_unfinished_views(&mut self) -> bool {
+    pub fn mark_unfinished_views(&mut self) -> bool {
         let camera = self.app.camera_id();
         let here = self.pose();
         let mut any = false;
@@ -389,7 +389,7 @@ impl FlightApp {
     }
 
     /// True if the active guide was switched off after a panic.
-    pub(crate) fn is_guide_off(&self) -> bool {
+    pub fn is_guide_off(&self) -> bool {
         self.app.inspect().is_off(self.scene.guide_name())
     }
 
@@ -523,7 +523,7 @@ impl FlightApp {
     }
 
     /// Sets how far along the path the camera is, mm. Use it to continue an earlier flight.
-    pub(crate) fn stands_at(&mut self, along_mm: f64) {
+    pub fn stands_at(&mut self, along_mm: f64) {
         let share = along_mm / self.plan.length_mm;
         self.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
     }
@@ -562,7 +562,7 @@ impl FlightApp {
     }
 
     /// Returns the colon's lumen for sharing.
-    pub(crate) fn shared_lumen(&self) -> Arc<Lumen> {
+    pub fn shared_lumen(&self) -> Arc<Lumen> {
         Arc::clone(&self.lumen)
     }
 
