@@ -42,8 +42,9 @@ pub fn take_commands(
             HandCommand::Turn(t) => operator.turn = unit(t),
             HandCommand::Look([right, up]) if right.is_finite() && up.is_finite() => {
                 let (axis_up, axis_right) = (pose.attitude.up, pose.attitude.right());
-                pose.attitude.rotate(axis_up, -right.to_radians());
+                // Upwards first: about the axis that is already turned to the side, it would roll the view.
                 pose.attitude.rotate(axis_right, up.to_radians());
+                pose.attitude.rotate(axis_up, -right.to_radians());
                 operator.looking_until = after(LOOK_S);
                 operator.turned_until = operator.looking_until;
             }

@@ -176,6 +176,8 @@ fn a_look_is_in_degrees_to_the_right_and_upwards() {
         ([-90.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
         ([0.0, 30.0], [0.0, c, s], [0.0, -s, c]),
         ([0.0, -30.0], [0.0, c, -s], [0.0, s, c]),
+        // Both at once: as high over the horizon as upwards alone, and not rolled.
+        ([90.0, 30.0], [c, 0.0, s], [-s, 0.0, c]),
     ] {
         let mut test = camera();
         test.steps(5).unwrap();

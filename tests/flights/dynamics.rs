@@ -11,7 +11,7 @@ use colvis::space::value;
 use colvis::volume::Volume;
 use glam::DVec3;
 
-use crate::support::flights::{flight, fly};
+use crate::support::flights::{flight, fly, scan};
 use crate::support::phantom::phantom;
 
 fn small() -> (Volume, Truth) {
@@ -91,14 +91,14 @@ fn the_hand_turns_and_pushes_in_six_degrees_of_freedom() {
 
 #[test]
 fn every_integrator_flies_by_its_name_in_a_scene() {
-    let (volume, _) = small();
+    let mut scan = scan(small().0);
     for (integrator, name) in Integrator::ALL {
         let text = format!(
             "plugins = [\"tentacles\", \"mines\"]\n[body]\nintegrator = \"{name}\"\ncylinder_length_mm = 0.5\nmass_g = 1e-3\n"
         );
         let scene = Scene { log: true, ..Scene::parse(&text, &colvis::app::Catalog::default()).unwrap() };
         assert_eq!(scene.body.integrator, integrator);
-        let mut f = flight(volume.clone(), scene, &FlightRequest::default());
+        let mut f = scan.flight(scene, &FlightRequest::default()).unwrap();
         let log = fly(&mut f, 5.0);
         assert!(f.flight().length_mm > 80.0, "{name}: {:?}", f.flight());
         assert!(log.iter().all(|l| l.clearance_mm >= 1.5), "{name}");

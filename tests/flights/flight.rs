@@ -14,7 +14,7 @@ use colvis::space::{PreparedVolume, TransferFunction, value};
 use colvis::volume::{Grid, Volume};
 use glam::{DMat3, DVec3};
 
-use crate::support::flights::{flight, fly, judge};
+use crate::support::flights::{flight, fly, judge, scan};
 use crate::support::logs::read_log;
 use crate::support::phantom::phantom;
 use crate::support::run::run;
@@ -69,13 +69,14 @@ fn with_fluid_and_bridges() {
 fn the_wrong_way_first_then_turned_round() {
     let settings = PhantomSettings { size: Size::Small, ..PhantomSettings::default() };
     let (volume, truth) = phantom(&settings);
+    let mut scan = scan(volume);
     // From many places along the path to both ends: at some point the longest free direction is the wrong one.
     let mut turned = 0;
     for part in 1..6 {
         let from = truth.centerline[truth.centerline.len() * part / 6];
         for to in [Place::Rectum, Place::Cecum] {
             let request = FlightRequest { from: Some(Place::World(from)), to: Some(to), reverse: false };
-            let mut flight = flight(volume.clone(), logged(), &request);
+            let mut flight = scan.flight(logged(), &request).unwrap();
             fly(&mut flight, 200.0);
             let f = flight.flight();
             assert_eq!(f.state, State::Arrived, "from {from} to {to:?}: {}", f.reason);
@@ -99,10 +100,11 @@ fn a_goal_is_reached_within_three_millimetres() {
 #[test]
 fn few_tentacles_are_as_safe_as_many() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    let mut scan = scan(volume);
     for count in [3, 8, 64, 300] {
         let mut scene = logged();
         scene.guides.edit::<TentacleSettings>(|t| t.count = count);
-        let mut flight = flight(volume.clone(), scene, &FlightRequest::default());
+        let mut flight = scan.flight(scene, &FlightRequest::default()).unwrap();
         let log = fly(&mut flight, 60.0);
         let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
         assert!(least >= 1.5, "{count} tentacles: {least}");
@@ -119,10 +121,11 @@ fn few_tentacles_are_as_safe_as_many() {
 #[test]
 fn no_mines_and_ten_thousand_are_as_safe_as_twelve() {
     let (volume, _) = phantom(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    let mut scan = scan(volume);
     for (kept, spacing_mm, seconds) in [(0, 8.0, 60.0), (1, 8.0, 60.0), (10_000, 0.1, 12.0)] {
         let mut scene = logged();
         scene.mines = Some(MineSettings { kept, spacing_mm, ..MineSettings::default() });
-        let mut flight = flight(volume.clone(), scene, &FlightRequest::default());
+        let mut flight = scan.flight(scene, &FlightRequest::default()).unwrap();
         let log = fly(&mut flight, seconds);
         let least = log.iter().map(|l| l.clearance_mm).fold(f64::INFINITY, f64::min);
         assert!(least >= 1.5, "{kept} mines: {least}");

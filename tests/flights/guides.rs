@@ -14,7 +14,7 @@ use colvis::phantom::{PhantomSettings, Size};
 use colvis::space::value;
 use glam::DVec3;
 
-use crate::support::flights::{flight, fly, jerk, judge};
+use crate::support::flights::{flight, fly, jerk, judge, scan};
 use crate::support::logs::{place, read_log};
 use crate::support::phantom::phantom;
 use crate::support::run::run;
@@ -37,10 +37,11 @@ fn small(seed: u64) -> PhantomSettings {
 fn automatic_flights_hold_the_papers_conditions() {
     for seed in [1, 2] {
         let (volume, truth) = phantom(&small(seed));
+        let mut scan = scan(volume.clone());
         for guide in GUIDES {
             for reverse in [false, true] {
                 let request = FlightRequest { reverse, ..FlightRequest::default() };
-                let mut f = flight(volume.clone(), scene(guide), &request);
+                let mut f = scan.flight(scene(guide), &request).unwrap();
                 let log = fly(&mut f, 180.0);
                 let (state, goal) = (f.flight(), f.plan().goal().at);
                 assert_eq!(state.state, State::Arrived, "{guide:?} {seed}: {}", state.reason);
@@ -76,9 +77,9 @@ fn automatic_flights_hold_the_papers_conditions() {
 /// there and still arrives.
 #[test]
 fn the_operator_may_intervene_at_any_time() {
-    let (volume, _) = phantom(&small(1));
+    let mut scan = scan(phantom(&small(1)).0);
     for guide in ["path", "potential", "tentacles"] {
-        let mut f = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &FlightRequest::default());
+        let mut f = scan.flight(Scene { operator: true, ..scene(guide) }, &FlightRequest::default()).unwrap();
         let mut timed_commands = Vec::new();
         for n in 0..6u64 {
             let u = |k| hash::uniform(31, 8 * n + k) * 2.0 - 1.0;
@@ -91,7 +92,7 @@ fn the_operator_may_intervene_at_any_time() {
         assert_eq!(f.flight().state, State::Arrived, "{guide:?}: {}", f.flight().reason);
         assert!(log.iter().all(|l| l.clearance_mm >= RADIUS_MM));
         // Operator input acts at once: within a second the camera is not where it would otherwise be.
-        let mut alone = flight(volume.clone(), Scene { operator: true, ..scene(guide) }, &FlightRequest::default());
+        let mut alone = scan.flight(Scene { operator: true, ..scene(guide) }, &FlightRequest::default()).unwrap();
         let free = fly(&mut alone, 4.0);
         assert!(place(&free[320]).distance(place(&log[320])) > 13.0, "{guide:?}");
     }

@@ -7,9 +7,14 @@ use colvis::phantom::Truth;
 use colvis::volume::Volume;
 use glam::DVec3;
 
+/// Creates a scan for several flights, which share its flags and its lumen.
+pub(crate) fn scan(volume: Volume) -> Scan {
+    Scan::of(volume, &OpenOptions::default())
+}
+
 /// Creates a flight through a volume.
 pub(crate) fn flight(volume: Volume, scene: Scene, request: &FlightRequest) -> FlightApp {
-    Scan::of(volume, &OpenOptions::default()).flight(scene, request).expect("a flight")
+    scan(volume).flight(scene, request).expect("a flight")
 }
 
 /// Flies until the flight ends or `seconds` have passed. The scene must have a log.
