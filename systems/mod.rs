@@ -1,7 +1,7 @@
 //! All scheduled systems, one file each.
 //!
 //! Each file holds the functions that are scheduled, and the code that adds them to their sets together with the
-//! components they need.
+//! components they need. Its tests are at its end, or in `NAME_tests.rs` beside it.
 //!
 //! | file | set | what it does |
 //! |---|---|---|
