@@ -16,7 +16,7 @@ const FLOWN: Overlay = Overlay {
 /// Draws the part of the camera's trail that is in view, and the distance flown as text.
 fn draw_way_flown(flight: &FlightApp, canvas: &mut Canvas) {
     let green = [120, 220, 140];
-    let places = flight.trail().map_or(&[][..], |t| t.views()).iter().map(|v| canvas.find(v.0));
+    let places = flight.survey().trail().map_or(&[][..], |t| t.views()).iter().map(|v| canvas.find(v.0));
     let places: Vec<_> = places.collect();
     for two in places.windows(2) {
         if let (Some(from), Some(to)) = (two[0], two[1]) {

@@ -4,7 +4,8 @@ use std::borrow::Cow;
 
 use serde::Serialize;
 
-use crate::app::FlightApp;
+use crate::app::flight::views;
+use crate::app::{FlightApp, Setup};
 use crate::components::guide::{MineField, Tentacles};
 use crate::components::output::{FrameCache, Picture};
 use crate::fields::CenterlineMethod;
@@ -61,11 +62,11 @@ pub struct Explanation {
 /// ```
 pub fn explain(flight: &FlightApp) -> Explanation {
     let [step, frame] = flight.app().inspect().systems();
-    let volume = flight.volume();
+    let Setup { volume, lumen, scene, fields, .. } = flight.setup();
     let part = Built::new;
     let mut built = vec![
         part("volume (16 bit)", volume.voxels().bytes(), "everything"),
-        part("lumen (runs)", flight.lumen().bytes(), "start and end of the flight"),
+        part("lumen (runs)", lumen.bytes(), "start and end of the flight"),
         part("homogeneous-region flags", volume.bytes(), "rays: the first heading, tentacles, images"),
     ];
     if let Some(t) = flight.camera::<Tentacles>() {
@@ -74,7 +75,6 @@ pub fn explain(flight: &FlightApp) -> Explanation {
     if let Some(m) = flight.camera::<MineField>() {
         built.push(part("mines", m.settings.kept * size_of::<glam::DVec3>(), "the guide"));
     }
-    let fields = flight.fields();
     if let Some(w) = fields.walls() {
         built.push(part("wall distance field", w.bytes(), "the guide: D_s, and D_t lies on it"));
     }
@@ -82,7 +82,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         built.push(part("target distance field", t.bytes(), "the guide: D_t"));
     }
     if let Some(r) = fields.route() {
-        built.push(part("centerline", r.bytes(), planned_by(flight.scene().needs().planner)));
+        built.push(part("centerline", r.bytes(), planned_by(scene.needs().planner)));
     }
     let pixels = |p: &Picture| p.frame.width() * p.frame.height() * size_of::<[u8; 3]>();
     if let Some(p) = flight.camera::<Picture>() {
@@ -92,7 +92,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         let bytes = pixels(view) + cache.renderer().map_or(0, |r| r.bytes().saturating_sub(volume.bytes()));
         built.push(Built { part: format!("view {}", n + 2).into(), bytes, needed_by: "a plug-in" });
     }
-    let slices: usize = flight.slices().iter().map(|s| s.bytes()).sum();
+    let slices: usize = views::slices(flight.app()).iter().map(|s| s.bytes()).sum();
     if slices > 0 {
         built.push(part("slices", slices, "the panels that show them"));
     }
@@ -116,7 +116,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         let reported = |(part, bytes): (MemoryPart, usize)| Built::new(part.name(), bytes, needed_by(part));
         built.extend(own.map(reported).collect::<Vec<_>>());
     }
-    let pictures = flight.camera::<Picture>().is_some() && flight.scene().picture;
+    let pictures = flight.camera::<Picture>().is_some() && scene.picture;
     let other = |why| if pictures { why } else { "there is no picture" };
     for (part, why) in [
         ("frame cache", other("only the preset colvis or [render] key_frames keeps bounds from frame to frame")),

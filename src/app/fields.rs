@@ -77,6 +77,11 @@ impl Fields {
         self.route.as_ref().map(|p| &p.route)
     }
 
+    /// Returns the build times that nobody has taken yet, s, in the order of building.
+    pub fn times(&self) -> &[(&'static str, f64)] {
+        &self.took
+    }
+
     /// Takes the build times since the last call, s, in the order of building.
     pub(crate) fn take_times(&mut self) -> Vec<(&'static str, f64)> {
         std::mem::take(&mut self.took)

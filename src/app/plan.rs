@@ -39,7 +39,7 @@ pub enum Place {
 ///
 /// let wish = FlightRequest { from: Some(Place::Cecum), ..FlightRequest::default() }; // and on to the other end
 /// let flight = Scan::phantom(1)?.flight(Scene::default(), &wish)?;
-/// assert!(flight.is_reversed() && flight.plan().length_mm > 300.0);
+/// assert!(flight.setup().is_reversed() && flight.setup().plan.length_mm > 300.0);
 /// # Ok::<(), colvis::error::Error>(())
 /// ```
 #[derive(Clone, Copy, Debug, Default)]

@@ -9,7 +9,7 @@ use glam::DVec3;
 use crate::app::fields::Fields;
 use crate::app::plan::{self, FlightRequest, Plan};
 use crate::app::timings::Timings;
-use crate::app::{FlightApp, Scene};
+use crate::app::{FlightApp, Scene, Setup};
 use crate::components::play::Playback;
 use crate::error::{Error, Result};
 use crate::fields::{Lumen, drain, lumen};
@@ -235,13 +235,12 @@ impl Scan {
     /// Creates a flight with a known plan.
     fn fly(&mut self, volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<FlightApp> {
         scene.check()?;
-        let mut fields = Fields::default();
-        let (voxels, radius_mm) = (volume.voxels(), scene.body.radius_mm);
-        fields.build(scene.needs(), voxels, &lumen, &plan, radius_mm, &self.progress)?;
-        self.notes.extend(fields.take_notes());
-        fields.take_times().into_iter().for_each(|(name, seconds)| self.timings.add(name, seconds));
+        let mut setup = Setup { volume, lumen, plan, scene, fields: Fields::default() };
+        setup.build_fields(&self.progress)?;
+        self.notes.extend(setup.fields.take_notes());
+        setup.fields.take_times().into_iter().for_each(|(name, seconds)| self.timings.add(name, seconds));
         let progress = Arc::clone(&self.progress);
-        let create = || FlightApp::with_fields(volume, lumen, plan, scene, fields, progress);
+        let create = || FlightApp::with_fields(setup, progress);
         let mut flight = self.timings.time("scene_s", create)?;
         self.notes.extend(flight.take_notes());
         Ok(flight)

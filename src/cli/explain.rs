@@ -31,7 +31,7 @@ pub(crate) fn run(program: &Program, args: &ExplainArgs, global: &Global, progre
     #[cfg(feature = "window")]
     if let Some(layout) = args.fly.layout.as_deref().filter(|_| windowed) {
         for orientation in crate::host::window::slices_of(layout) {
-            flight.add_slice(SliceView::new(orientation, SLICE))?;
+            flight.views().add_slice(SliceView::new(orientation, SLICE))?;
         }
     }
     if flight.camera::<FrameCache>().is_some() {

@@ -46,7 +46,7 @@ pub struct GuideName(pub &'static str);
 /// frame.
 ///
 /// The camera has one in a scene with a window or a recording. Add more with
-/// [`FlightApp::add_view`](crate::app::FlightApp::add_view), or spawn them. An entity with a view needs a viewpoint: its
+/// [`Views::add`](crate::app::Views::add), or spawn them. An entity with a view needs a viewpoint: its
 /// own [`Pose`], or [`Follows`].
 ///
 /// ```
@@ -54,7 +54,7 @@ pub struct GuideName(pub &'static str);
 /// use colvis::components::output::{Follows, Picture};
 ///
 /// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
-/// let rear = flight.add_view((Picture::new(160, 120), Follows::rear()))?;
+/// let rear = flight.views().add((Picture::new(160, 120), Follows::rear()))?;
 /// flight.fly(1.0)?;
 /// flight.frame()?;
 /// let picture = flight.app().world.get::<Picture>(rear).expect("it was just added");

@@ -60,7 +60,7 @@ impl Orientation {
 /// use colvis::components::slices::{Orientation, SliceView};
 ///
 /// let mut flight = Scan::phantom(1)?.flight(Scene::default(), &FlightRequest::default())?;
-/// let axial = flight.add_slice(SliceView::new(Orientation::Axial, [160, 120]))?;
+/// let axial = flight.views().add_slice(SliceView::new(Orientation::Axial, [160, 120]))?;
 /// flight.frame()?;
 /// let view = flight.app().world.get::<SliceView>(axial).expect("it was just added");
 /// assert!(view.frame.pixels().iter().any(|p| p[0] > 100), "tissue");

@@ -51,7 +51,7 @@ pub fn fly(
     let fps = recorder.as_ref().map(|_| outputs.fps);
     if let Some(recorder) = recorder {
         let camera = flight.app().camera_id();
-        if let Err(e) = flight.present_to(camera, Recording::new(recorder)) {
+        if let Err(e) = flight.views().present_to(camera, Recording::new(recorder)) {
             return (Vec::new(), Err(e));
         }
     }
@@ -126,8 +126,12 @@ fn fly_steps(
 /// Estimates the number of steps for the whole path from the guide's cruise speed.
 fn expected_steps(flight: &FlightApp) -> u64 {
     let Clock { hz, .. } = flight.clock();
-    let cruise_mm_s = flight.scene().cruise_mm_s();
-    if cruise_mm_s > 0.0 { (flight.plan().length_mm / cruise_mm_s * f64::from(hz) * 1.3) as u64 } else { u64::MAX }
+    let cruise_mm_s = flight.setup().scene.cruise_mm_s();
+    if cruise_mm_s > 0.0 {
+        (flight.setup().plan.length_mm / cruise_mm_s * f64::from(hz) * 1.3) as u64
+    } else {
+        u64::MAX
+    }
 }
 
 /// Returns the step before which image number `n` is due. It is computed from `n`, not accumulated.
@@ -183,7 +187,7 @@ pub fn outcome(flight: &FlightApp) -> Result<()> {
 
 /// Lists the segments that were not flown: "2 more: 280 ml, 180 ml".
 pub fn unflown_text(flight: &FlightApp) -> Option<String> {
-    let rest = flight.unflown();
+    let rest = flight.survey().unflown();
     if rest.is_empty() {
         return None;
     }

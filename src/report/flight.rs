@@ -76,7 +76,7 @@ pub fn fly(volume: &PreparedVolume, progress: &Progress) -> Result<Flown> {
     let mut scan = Scan::prepared(volume.clone(), Arc::new(progress.clone()));
     let mut flight = scan.flight(scene, &FlightRequest::default())?;
     let hz = f64::from(flight.clock().hz);
-    progress.stage("flying", (flight.plan().length_mm / flight.scene().cruise_mm_s() * hz * 1.3) as u64);
+    progress.stage("flying", (flight.setup().plan.length_mm / flight.setup().scene.cruise_mm_s() * hz * 1.3) as u64);
     let mut log = Vec::new();
     while flight.flight().state == State::Flying && flight.clock().seconds() < SECONDS {
         flight.step()?;

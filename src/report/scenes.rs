@@ -194,7 +194,7 @@ impl Running {
         drop(self.flight.take_log());
         if let Some(t) = self.flight.app().camera_get::<Tentacles>() {
             let mut lengths = vec![0.0; t.directions.len()];
-            let (volume, at) = (self.flight.volume(), self.flight.pose().position);
+            let (volume, at) = (&self.flight.setup().volume, self.flight.pose().position);
             let begun = Instant::now();
             for _ in 0..CHUNK {
                 sense::cast(volume, at, &t.directions, t.settings.reach_mm, black_box(&mut lengths));

@@ -98,15 +98,15 @@ fn a_wild_operator_is_repeated_and_never_perforates() {
     let scene = Scene { log: true, operator: true, ..Scene::default() };
     let logs = [0, 1].map(|_| {
         let mut f = flight(volume.clone(), scene.clone(), &FlightRequest::default());
-        f.record_acts();
-        f.replay(timed_commands.clone());
+        f.commands.start();
+        f.commands.replay(timed_commands.clone());
         let mut log = Vec::new();
         // Continue even after the guide has called for help or has arrived.
         for _ in 0..3600 {
             f.step().unwrap();
             log.append(&mut f.take_log());
         }
-        assert!(f.timed_commands().len() > 250, "the operator acted");
+        assert!(f.commands.recorded().len() > 250, "the operator acted");
         log
     });
     assert_eq!(logs[0], logs[1]);

@@ -35,7 +35,7 @@ fn a_camera_in_the_wall_calls_the_operator() {
         (0..6).all(|n| {
             let mut d = DVec3::ZERO;
             d[n / 2] = if n % 2 == 0 { 2.0 } else { -2.0 };
-            value(f.volume(), p + d) > -300.0 && value(f.volume(), p) > -300.0
+            value(&f.setup().volume, p + d) > -300.0 && value(&f.setup().volume, p) > -300.0
         })
     };
     let inside = (0..400).map(|n| axis + DVec3::X * 0.2 * f64::from(n)).find(|&p| solid(p)).expect("tissue");

@@ -43,7 +43,7 @@ fn automatic_flights_hold_the_papers_conditions() {
                 let request = FlightRequest { reverse, ..FlightRequest::default() };
                 let mut f = scan.flight(scene(guide), &request).unwrap();
                 let log = fly(&mut f, 180.0);
-                let (state, goal) = (f.flight(), f.plan().goal().at);
+                let (state, goal) = (f.flight(), f.setup().plan.goal().at);
                 assert_eq!(state.state, State::Arrived, "{guide:?} {seed}: {}", state.reason);
                 // 1: in every two seconds it gets nearer to the end, measured along the truth's centerline.
                 let along = |l: &LogLine| {
@@ -54,8 +54,8 @@ fn automatic_flights_hold_the_papers_conditions() {
                 for w in log.windows(240).step_by(120) {
                     assert!((along(&w[239]) - along(&w[0])) * sense > 0.0, "{guide:?} at {} s", w[0].t);
                 }
-                assert!(place(&log[log.len() - 1]).distance(goal) <= f.plan().goal().within_mm);
-                assert!(log.iter().all(|l| value(f.volume(), place(l)) < -650.0), "inside the lumen");
+                assert!(place(&log[log.len() - 1]).distance(goal) <= f.setup().plan.goal().within_mm);
+                assert!(log.iter().all(|l| value(&f.setup().volume, place(l)) < -650.0), "inside the lumen");
                 // 3: near the centerline.
                 let course = judge(&log, &truth);
                 println!(
@@ -87,7 +87,7 @@ fn the_operator_may_intervene_at_any_time() {
             timed_commands.push(TimedCommand { tick, command: HandCommand::Push([u(0), u(1), u(2)]).into() });
             timed_commands.push(TimedCommand { tick: tick + 120, command: HandCommand::Push([0.0; 3]).into() });
         }
-        f.replay(timed_commands.clone());
+        f.commands.replay(timed_commands.clone());
         let log = fly(&mut f, 240.0);
         assert_eq!(f.flight().state, State::Arrived, "{guide:?}: {}", f.flight().reason);
         assert!(log.iter().all(|l| l.clearance_mm >= RADIUS_MM));
@@ -129,19 +129,23 @@ fn guides_change_in_flight_and_their_fields_come_and_go() {
     let mut f = flight(volume, Scene { operator: true, ..scene("tentacles") }, &FlightRequest::default());
     let go = |f: &mut colvis::app::FlightApp, steps: usize| (0..steps).for_each(|_| f.step().unwrap());
     go(&mut f, 240);
-    assert!(f.fields().walls().is_none() && f.fields().route().is_none());
+    assert!(f.setup().fields.walls().is_none() && f.setup().fields.route().is_none());
     f.act(FlightCommand::Guide("path".to_owned())).unwrap();
-    assert!(f.camera::<Planned>().is_some() && f.fields().walls().is_none(), "the centerline alone is kept");
-    let times = f.take_field_times();
+    assert!(f.camera::<Planned>().is_some() && f.setup().fields.walls().is_none(), "the centerline alone is kept");
+    let times = f.setup().fields.times();
     assert!(times.iter().any(|t| t.0 == "centerline_s") && times.iter().any(|t| t.0 == "distance_s"));
     go(&mut f, 360);
     let before = f.camera::<Planned>().unwrap().s_mm;
     f.act(FlightCommand::Guide("potential".to_owned())).unwrap();
     assert!(f.camera::<Planned>().is_none() && f.camera::<PotentialField>().is_some());
-    assert!(f.fields().route().is_none() && f.fields().target().is_some());
+    assert!(f.setup().fields.route().is_none() && f.setup().fields.target().is_some());
     go(&mut f, 360);
     f.act(FlightCommand::Guide("manual".to_owned())).unwrap();
-    assert!(f.fields().walls().is_none() && f.fields().target().is_none() && f.camera::<PotentialField>().is_none());
+    assert!(
+        f.setup().fields.walls().is_none()
+            && f.setup().fields.target().is_none()
+            && f.camera::<PotentialField>().is_none()
+    );
     go(&mut f, 60);
     f.act(FlightCommand::Guide("path".to_owned())).unwrap();
     go(&mut f, 240);

@@ -572,12 +572,12 @@ impl Presenter for Deaf {
 fn a_presenter_that_panics_is_told_by_its_name_and_not_asked_again() {
     let mut flight = set_out(recorded(images_by_all().remove(0))).unwrap();
     let camera = flight.app().camera_id();
-    flight.present_to(camera, Deaf).unwrap();
+    flight.views().present_to(camera, Deaf).unwrap();
     let e = flight.frame().unwrap_err().to_string();
     assert!(e.contains("presenter deaf") && e.contains("presented badly"), "{e}");
     flight.frame().unwrap();
-    flight.present_to(camera, Deaf).unwrap();
-    flight.present();
+    flight.views().present_to(camera, Deaf).unwrap();
+    flight.views().present_again();
     assert!(flight.app_mut().outcome().is_err());
 }
 
@@ -646,7 +646,7 @@ fn a_slow_renderer_and_a_slow_presenter_are_named_with_their_milliseconds() {
     let preset = Preset { name: "sleepy", make: |_, _, _| Box::new(Sleepy), ..standard::PRESET };
     let mut flight = set_out(recorded(ImageSettings { preset, ..images_by_all().remove(0) })).unwrap();
     let camera = flight.app().camera_id();
-    flight.present_to(camera, Sleepy).unwrap();
+    flight.views().present_to(camera, Sleepy).unwrap();
     flight.frame().unwrap();
     let times = flight.app().inspect().plugin_times();
     for name in ["preset sleepy", "presenter sleepy"] {

@@ -62,11 +62,11 @@ fn a_flight_turned_round_arrives_and_its_segment_counts_as_flown() {
             fly(&mut f, 20.0);
             assert_eq!(f.flight().state, State::Arrived, "{}", f.flight().reason);
             f.act(FlightCommand::Reverse).unwrap();
-            assert!(f.plan().goal().missed.is_some());
+            assert!(f.setup().plan.goal().missed.is_some());
         }
         f.act(FlightCommand::Seek(0.5)).unwrap();
         f.act(FlightCommand::Segment(1)).unwrap();
-        assert!(f.unflown().is_empty(), "{goal_missed}: {:?}", f.unflown());
+        assert!(f.survey().unflown().is_empty(), "{goal_missed}: {:?}", f.survey().unflown());
     }
 }
 

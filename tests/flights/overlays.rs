@@ -101,7 +101,7 @@ fn mines_are_filled_in_sight_and_hollow_behind_a_wall() {
         let rings =
             marks.iter().filter(|m| matches!(m, Mark::Circle { centre, .. } if is_at(centre, mine, &f))).count();
         let distance = at.distance(mine);
-        let hidden = first_crossing(f.volume(), at, (mine - at) / distance, distance).is_some();
+        let hidden = first_crossing(&f.setup().volume, at, (mine - at) / distance, distance).is_some();
         assert_eq!((discs > 0, rings > 0), (!hidden, hidden), "{distance} mm away");
         filled += usize::from(!hidden);
         hollow += usize::from(hidden);
@@ -132,7 +132,7 @@ fn the_forces_drawn_are_those_that_move_the_body() {
             assert_eq!(sum.name, "sum");
             let told: DVec3 = all[..all.len() - 1].iter().map(|f| f.acceleration).sum();
             assert!(told.distance(sum.acceleration) < 1e-9);
-            let drag = f.scene().body.drag_per_s;
+            let drag = f.setup().scene.body.drag_per_s;
             let expected = sum.acceleration + (after - before) * (0.5 * drag);
             let change = (after - before) * 120.0;
             // Within a step a potential changes with the place, and a touched wall stops motion into it.

@@ -156,13 +156,13 @@ fn it_has_fields_settings_and_its_place_among_the_guides() {
     std::fs::write(&file, "plugins = [\"planner\"]\n[planner]\ncruise_mm_s = -1").unwrap();
     assert!(Scene::read(&file, &catalog).is_err());
     let mut flight = flight(volume, scene, &FlightRequest::default());
-    assert!(flight.fields().walls().is_none() && flight.fields().target().is_none());
+    assert!(flight.setup().fields.walls().is_none() && flight.setup().fields.target().is_none());
     flight.act(FlightCommand::Guide("planner".to_owned())).unwrap();
-    assert!(flight.fields().walls().is_some() && flight.fields().route().is_some());
+    assert!(flight.setup().fields.walls().is_some() && flight.setup().fields.route().is_some());
     let told = explain(&flight);
     assert!(told.built.iter().any(|b| b.part == "target distance field"));
     flight.fly(5.0).unwrap();
-    assert!(flight.flight().length_mm > 50.0 && flight.scene().guide_name() == "planner");
+    assert!(flight.flight().length_mm > 50.0 && flight.setup().scene.guide_name() == "planner");
     flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
-    assert!(flight.fields().walls().is_none() && flight.fields().target().is_none());
+    assert!(flight.setup().fields.walls().is_none() && flight.setup().fields.target().is_none());
 }

@@ -93,7 +93,7 @@ fn every_entity_with_a_picture_is_a_view() {
     let mut alone = small(seen());
     let mut flight = small(seen());
     let camera = flight.app().camera_id();
-    let rear = flight.add_view((Picture::new(48, 32), Follows::rear())).unwrap();
+    let rear = flight.views().add((Picture::new(48, 32), Follows::rear())).unwrap();
     let spawned = flight.app_mut().world.spawn((Picture::new(40, 40), Follows::default())).id();
     let pose = flight.pose();
     let fixed = flight.app_mut().world.spawn((Picture::new(40, 40), pose)).id();
@@ -135,7 +135,7 @@ fn a_view_can_be_added_to_a_flight_without_pictures() {
         let view = (Picture::new(32, 32), Follows::default());
         let view = match spawned {
             true => flight.app_mut().world.spawn(view).id(),
-            false => flight.add_view(view).unwrap(),
+            false => flight.views().add(view).unwrap(),
         };
         flight.frame().unwrap();
         assert!(picture(&flight, view).traced);
@@ -151,10 +151,10 @@ fn what_is_no_view_is_refused() {
     let mut flight = small(Scene::default());
     let bad = Picture { fov_degrees: 400.0, ..Picture::new(32, 32) };
     for said in [
-        flight.add_view(Follows::default()),
-        flight.add_view(Picture::new(32, 32)),
-        flight.add_view((bad, Follows::default())),
-        flight.add_view((Picture::new(0, 32), Follows::default())),
+        flight.views().add(Follows::default()),
+        flight.views().add(Picture::new(32, 32)),
+        flight.views().add((bad, Follows::default())),
+        flight.views().add((Picture::new(0, 32), Follows::default())),
     ] {
         assert_eq!(said.unwrap_err().kind as u8, 2);
     }
@@ -184,14 +184,14 @@ impl Presenter for Kept {
 fn each_view_has_its_presenter() {
     let mut flight = small(seen());
     let camera = flight.app().camera_id();
-    let rear = flight.add_view((Picture::new(48, 32), Follows::rear())).unwrap();
+    let rear = flight.views().add((Picture::new(48, 32), Follows::rear())).unwrap();
     for view in [camera, rear] {
-        flight.present_to(view, Kept::default()).unwrap();
+        flight.views().present_to(view, Kept::default()).unwrap();
     }
     flight.frame().unwrap();
     flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     flight.frame().unwrap();
-    flight.present();
+    flight.views().present_again();
     let kept = [camera, rear].map(|view| present::take::<Kept>(flight.app_mut(), view).unwrap().0);
     assert_eq!(kept[0], [(96, true); 3], "presented again, as it was traced");
     assert_eq!(kept[1], [(48, true); 2]);
@@ -342,7 +342,7 @@ fn a_plugin_gives_a_view_its_presenter_on_whichever_thread_it_is_built() {
     flight.act(FlightCommand::Guide("manual".to_owned())).unwrap();
     flight.frame().unwrap();
     let camera = flight.app().camera_id();
-    flight.present_to(camera, Kept::default()).unwrap();
+    flight.views().present_to(camera, Kept::default()).unwrap();
     flight.frame().unwrap();
     let app = flight.app_mut();
     let views: Vec<Entity> = app.world.query_filtered::<Entity, With<Follows>>().iter(&app.world).collect();
@@ -363,10 +363,10 @@ fn a_view_that_aim_moves_is_traced_where_it_is_now() {
     };
     let mut flight = small(seen().plug(aims).unwrap());
     let pose = flight.pose();
-    let view = flight.add_view((Picture::new(32, 24), pose)).unwrap();
+    let view = flight.views().add((Picture::new(32, 24), pose)).unwrap();
     for n in 1..4 {
         // As in a window, which does not know what the set will do.
-        flight.frame_of_due().unwrap();
+        flight.views().render_due().unwrap();
         let seen = picture(&flight, view);
         assert!(seen.traced && seen.view.as_ref().unwrap().position().x == pose.position.x + 0.5 * f64::from(n));
     }
@@ -387,7 +387,7 @@ fn a_view_that_panics_goes_on_with_what_this_crate_has_and_the_others_do_not_min
     let bad = Preset { name: "bad", make: |_, _, _| Box::new(Bad), ..Preset::default() };
     let mut flight = small(seen());
     flight.camera_mut::<Picture>().unwrap().preset = Preset::named("colvis").unwrap();
-    let rear = flight.add_view((Picture { preset: bad, ..Picture::new(32, 24) }, Follows::rear())).unwrap();
+    let rear = flight.views().add((Picture { preset: bad, ..Picture::new(32, 24) }, Follows::rear())).unwrap();
     let e = flight.frame().unwrap_err().to_string();
     assert!(e.contains("preset bad") && e.contains("rendered badly"), "{e}");
     flight.frame().unwrap();

@@ -63,13 +63,13 @@ fn voxels_are_shared_and_drained_once() {
     let mut scan = parted();
     let own = scan.volume().shared_voxels();
     let plain = begun(&mut scan, "tentacles");
-    assert!(Arc::ptr_eq(&plain.volume().shared_voxels(), &own));
-    let [first, second] = ["path", "potential"].map(|guide| begun(&mut scan, guide).volume().shared_voxels());
+    assert!(Arc::ptr_eq(&plain.setup().volume.shared_voxels(), &own));
+    let [first, second] = ["path", "potential"].map(|guide| begun(&mut scan, guide).setup().volume.shared_voxels());
     assert!(Arc::ptr_eq(&first, &second) && !Arc::ptr_eq(&first, &own));
     let times = |part: &str| scan.timings().parts().iter().filter(|p| p.0 == part).count();
     assert_eq!((times("lumen_s"), times("drain_s"), times("joined_lumen_s")), (1, 1, 1));
     // If fluid joins nothing, there is nothing to drain.
     let mut dry = Scan::phantom(1).unwrap();
     let own = dry.volume().shared_voxels();
-    assert!(Arc::ptr_eq(&begun(&mut dry, "path").volume().shared_voxels(), &own));
+    assert!(Arc::ptr_eq(&begun(&mut dry, "path").setup().volume.shared_voxels(), &own));
 }

@@ -95,7 +95,7 @@ struct All {
 
 fn all(f: &FlightApp) -> All {
     let Flight { state, reason, place, length_mm, turns, escapes } = f.flight();
-    let (trail, rescue) = (f.trail().unwrap(), &f.camera::<Watch>().unwrap().rescue);
+    let (trail, rescue) = (f.survey().trail().unwrap(), &f.camera::<Watch>().unwrap().rescue);
     All {
         state,
         reason,
@@ -294,10 +294,10 @@ fn check_place(event: Change, guide: &str, before: &All, from: Pose, f: &FlightA
     match event {
         Guide | Reverse | ViewAngle => assert_eq!(pose, from, "{name}"),
         Segment | OtherEnd => {
-            assert_eq!(pose.position, f.plan().start, "{name}");
+            assert_eq!(pose.position, f.setup().plan.start, "{name}");
             // The segment's cecal end, and the end where the flight had set out.
-            let goal = f.plan().goal().at.y;
-            let ends = f.lumen().segments[0].ends;
+            let goal = f.setup().plan.goal().at.y;
+            let ends = f.setup().lumen.segments[0].ends;
             let to = if event == Segment { ends[1].y } else { 14.0 };
             near(goal, to, 12.0);
         }
@@ -484,7 +484,7 @@ fn settings_that_change_in_flight_make_the_pictures_of_a_fresh_flight() {
         (picture.preset, picture.settings) = (image.preset, image.settings);
         picture.frame.resize(image.width, image.height);
         // Without being asked for: what has changed is traced.
-        f.frame_of_due().unwrap();
+        f.views().render_due().unwrap();
         let picture = f.camera::<Picture>().unwrap();
         let fresh = fresh_picture(image.clone(), &f.pose());
         assert!(picture.frame == fresh || !same && psnr(&picture.frame, &fresh) > 45.0, "{image:?}");

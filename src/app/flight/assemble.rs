@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::FlightApp;
+use super::{FlightApp, Setup};
 use crate::app::plan::{self, Plan};
 use crate::app::scene::Scene;
 use crate::components::camera::{AngularMomentum, Body, Contact, Heading, Pose, Velocity};
@@ -27,9 +27,9 @@ impl FlightApp {
     /// The fields that it needs are built.
     pub(super) fn rebuild(&mut self) -> Result<()> {
         self.equip_scan();
-        let [other, goal] = &self.plan.ends;
+        let [other, goal] = &self.setup.plan.ends;
         let goal = Goal { at: goal.at, within_mm: goal.within_mm, other_end: other.at };
-        let Self { app, scene, plan, .. } = self;
+        let Self { app, setup: Setup { scene, plan, .. }, .. } = self;
         app.set_scene(|app| {
             equip_camera(app, scene, plan);
             scene.plug_into(app, goal)
@@ -37,42 +37,36 @@ impl FlightApp {
         self.app.build()
     }
 
-    /// Builds the fields that the current scene needs for the current plan, and drops the others.
-    pub(super) fn build_fields(&mut self) -> Result<()> {
-        let Self { scene, volume, lumen, plan, progress, .. } = self;
-        self.fields.build(scene.needs(), volume.voxels(), lumen, plan, scene.body.radius_mm, progress)
-    }
-
     /// Equips the scan entity with the data built for it.
     fn equip_scan(&mut self) {
         let mut scan = self.app.scan();
-        if self.scene.moves() && !scan.contains::<Walls>() {
-            let iso = self.volume.transfer().iso() as f32;
-            scan.insert(Walls(ClearanceFinder::new(self.volume.shared_voxels(), iso, CLEARANCE_MM)));
+        if self.setup.scene.moves() && !scan.contains::<Walls>() {
+            let iso = self.setup.volume.transfer().iso() as f32;
+            scan.insert(Walls(ClearanceFinder::new(self.setup.volume.shared_voxels(), iso, CLEARANCE_MM)));
         }
         scan.remove::<(WallDistances, TargetDistances, Centerline)>();
-        if let (Some(walls), true) = (self.fields.walls(), self.scene.needs().distances) {
+        if let (Some(walls), true) = (self.setup.fields.walls(), self.setup.scene.needs().distances) {
             scan.insert(WallDistances(Arc::clone(walls)));
         }
-        if let Some(target) = self.fields.target() {
+        if let Some(target) = self.setup.fields.target() {
             scan.insert(TargetDistances(Arc::clone(target)));
         }
-        if let Some(route) = self.fields.route() {
+        if let Some(route) = self.setup.fields.route() {
             scan.insert(Centerline(Arc::clone(route)));
         }
     }
 
     /// Places the camera at the start of the plan.
     pub(super) fn set_out(&mut self) {
-        let attitude = match (self.scene.play(), self.camera::<Planned>()) {
+        let attitude = match (self.setup.scene.play(), self.camera::<Planned>()) {
             (Some(play), _) => play.now().attitude,
             (None, Some(Planned { route, look_ahead_mm, .. })) => {
-                let s = route.nearest(self.plan.start).first().copied().unwrap_or(0.0);
+                let s = route.nearest(self.setup.plan.start).first().copied().unwrap_or(0.0);
                 Attitude::new(route.look(s, *look_ahead_mm), route.up(s))
             }
-            (None, None) => plan::first_attitude(&self.volume, self.plan.start, self.plan.goal().at),
+            (None, None) => plan::first_attitude(&self.setup.volume, self.setup.plan.start, self.setup.plan.goal().at),
         };
-        let (position, length_mm) = (self.plan.start, self.plan.length_mm);
+        let (position, length_mm) = (self.setup.plan.start, self.setup.plan.length_mm);
         let pose = Pose { position, attitude };
         self.sound = Some(pose);
         self.app.camera().insert((pose, Flight::default()));

@@ -1,4 +1,6 @@
-//! Operator commands on a flight: guide, end, direction, and the camera's position on the path.
+//! Operator commands on a flight: guide, end, direction, and the camera's position on the path; their record.
+
+use std::collections::VecDeque;
 
 use super::FlightApp;
 use crate::app::plan::{self, Plan, SegmentEnd};
@@ -29,26 +31,24 @@ impl FlightApp {
             Command::Flight(command) => self.follow(command)?,
         }
         // Only commands that succeeded: a replay must not stop at a refused one.
-        if let Some(acted) = &mut self.acted {
-            acted.push(TimedCommand { tick, command });
-        }
+        self.commands.record(TimedCommand { tick, command });
         Ok(())
     }
 
     fn follow(&mut self, command: &FlightCommand) -> Result<()> {
         match command {
             FlightCommand::Guide(name) => {
-                let guide = self.scene.find(name)?.name;
+                let guide = self.setup.scene.find(name)?.name;
                 self.refuse_while_playing("guide")?;
-                let before = std::mem::replace(&mut self.scene.steering, Steering::Guide(guide));
-                self.change(|flight| flight.scene.steering = before)?;
+                let before = std::mem::replace(&mut self.setup.scene.steering, Steering::Guide(guide));
+                self.change(|flight| flight.setup.scene.steering = before)?;
                 self.resume();
             }
             FlightCommand::Reverse => {
                 self.refuse_while_playing("reverse")?;
-                let before = self.plan.clone();
-                self.plan.reverse();
-                self.change(|flight| flight.plan = before)?;
+                let before = self.setup.plan.clone();
+                self.setup.plan.reverse();
+                self.change(|flight| flight.setup.plan = before)?;
                 if let Some(mut trail) = self.camera_mut::<Trail>() {
                     trail.turn_round();
                 }
@@ -60,29 +60,30 @@ impl FlightApp {
             FlightCommand::Segment(number) => {
                 self.refuse_while_playing("segment")?;
                 let plan = plan::through_segment(
-                    &self.volume,
-                    &self.lumen,
+                    &self.setup.volume,
+                    &self.setup.lumen,
                     *number,
                     SegmentEnd::Cecal,
-                    self.scene.body.radius_mm,
+                    self.setup.scene.body.radius_mm,
                 )?;
                 self.set_out_on(plan)?;
             }
             FlightCommand::OtherEnd => {
                 self.refuse_while_playing("other end")?;
                 let number = self
+                    .setup
                     .plan
                     .segment
                     .ok_or_else(|| Error::incomplete("other end", "not known of this gas", "turn round instead"))?;
-                let other = if self.is_reversed() { SegmentEnd::Cecal } else { SegmentEnd::Rectal };
-                let radius = self.scene.body.radius_mm;
-                let plan = plan::through_segment(&self.volume, &self.lumen, number, other, radius)?;
+                let other = if self.setup.is_reversed() { SegmentEnd::Cecal } else { SegmentEnd::Rectal };
+                let radius = self.setup.scene.body.radius_mm;
+                let plan = plan::through_segment(&self.setup.volume, &self.setup.lumen, number, other, radius)?;
                 self.set_out_on(plan)?;
             }
             FlightCommand::Seek(share) => self.seek(*share)?,
             FlightCommand::Go { to, forward, up } => self.go([*to, *forward, *up].map(DVec3::from_array))?,
             &FlightCommand::ViewAngle(degrees) => {
-                let usual = self.scene.image.fov_degrees;
+                let usual = self.setup.scene.image.fov_degrees;
                 if let Some(mut picture) = self.camera_mut::<Picture>() {
                     // The initial angle of the flight may lie outside the offered range.
                     let held = if degrees == usual { Some(usual) } else { picture.camera.clamp_fov(degrees) };
@@ -95,7 +96,7 @@ impl FlightApp {
 
     /// Refuses commands that a replayed log cannot follow.
     fn refuse_while_playing(&self, what: &str) -> Result<()> {
-        if self.scene.play().is_some() {
+        if self.setup.scene.play().is_some() {
             return Err(Error::usage(what, "the flight replays a log", "fly without --play"));
         }
         Ok(())
@@ -104,9 +105,9 @@ impl FlightApp {
     /// Rebuilds the flight after a change. If that fails, `back` undoes the change and the flight is rebuilt for its former
     /// state.
     fn change(&mut self, back: impl FnOnce(&mut Self)) -> Result<()> {
-        self.build_fields().and_then(|()| self.rebuild()).or_else(|e| {
+        self.setup.build_fields(&self.progress).and_then(|()| self.rebuild()).or_else(|e| {
             back(self);
-            self.build_fields()?;
+            self.setup.build_fields(&self.progress)?;
             self.rebuild()?;
             Err(e)
         })
@@ -115,8 +116,8 @@ impl FlightApp {
     /// Restarts the flight with another plan.
     fn set_out_on(&mut self, plan: Plan) -> Result<()> {
         self.note_flown();
-        let before = std::mem::replace(&mut self.plan, plan);
-        self.change(|flight| flight.plan = before)?;
+        let before = std::mem::replace(&mut self.setup.plan, plan);
+        self.change(|flight| flight.setup.plan = before)?;
         self.set_out();
         Ok(())
     }
@@ -136,7 +137,7 @@ impl FlightApp {
                 let share = s / length;
                 self.jump(share);
             }
-        } else if let Some(share) = self.trail().map(|t| t.share_near(to)) {
+        } else if let Some(share) = self.survey().trail().map(|t| t.share_near(to)) {
             self.jump(share);
         }
         self.set_free();
@@ -161,7 +162,7 @@ impl FlightApp {
                 (route.place(s), route.look(s, *look_ahead_mm), route.up(s))
             }
             None => {
-                let at = self.trail().and_then(|t| t.at(share)).ok_or_else(|| {
+                let at = self.survey().trail().and_then(|t| t.at(share)).ok_or_else(|| {
                     Error::incomplete("way", "not flown yet, and no planned route", "change the guide to path (G)")
                 })?;
                 (at.0, at.1.forward, at.1.up)
@@ -206,10 +207,21 @@ impl FlightApp {
             flown.note(state);
         }
     }
+}
 
+/// The commands of a flight: those that took effect, and those that are left to replay.
+#[derive(Default)]
+pub struct CommandRecord {
+    /// Commands left to replay, by step.
+    coming: VecDeque<TimedCommand>,
+    /// Commands that took effect, once they are recorded.
+    done: Option<Vec<TimedCommand>>,
+}
+
+impl CommandRecord {
     /// Replays commands in the steps in which they were given.
-    pub fn replay(&mut self, timed_commands: Vec<TimedCommand>) {
-        self.coming = timed_commands.into();
+    pub fn replay(&mut self, commands: Vec<TimedCommand>) {
+        self.coming = commands.into();
     }
 
     /// True if commands are left to replay.
@@ -218,12 +230,23 @@ impl FlightApp {
     }
 
     /// Records every command from here on.
-    pub fn record_acts(&mut self) {
-        self.acted = Some(Vec::new());
+    pub fn start(&mut self) {
+        self.done = Some(Vec::new());
     }
 
-    /// Returns the commands recorded since [`FlightApp::record_acts`].
-    pub fn timed_commands(&self) -> &[TimedCommand] {
-        self.acted.as_deref().unwrap_or(&[])
+    /// Returns the commands recorded since [`CommandRecord::start`].
+    pub fn recorded(&self) -> &[TimedCommand] {
+        self.done.as_deref().unwrap_or(&[])
+    }
+
+    fn record(&mut self, command: TimedCommand) {
+        if let Some(done) = &mut self.done {
+            done.push(command);
+        }
+    }
+
+    /// Removes and returns the next command to replay if it is due at this step.
+    pub(super) fn next_due(&mut self, tick: u64) -> Option<Command> {
+        self.coming.pop_front_if(|c| c.tick <= tick).map(|c| c.command)
     }
 }

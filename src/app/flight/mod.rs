@@ -2,8 +2,9 @@
 
 mod assemble;
 mod commands;
+mod survey;
+pub(crate) mod views;
 
-use std::collections::VecDeque;
 use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
@@ -15,49 +16,67 @@ use crate::app::scene::Scene;
 use crate::components::camera::{AngularMomentum, Heading, Pose, Velocity};
 use crate::components::clock::Clock;
 use crate::components::flight::{Flight, Flown, State};
-use crate::components::input::TimedCommand;
-use crate::components::output::{FlightLog, Follows, FrameCache, LogLine, Picture};
-use crate::components::play::Playback;
+use crate::components::output::{FlightLog, FrameCache, LogLine, Picture};
 use crate::components::scan::{Scan, Walls};
-use crate::components::slices::SliceView;
 use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
+use crate::fields::Lumen;
 use crate::fields::clearance::TOLERANCE_MM;
-use crate::fields::{Lumen, lumen};
 use crate::panics;
 use crate::progress::Progress;
-use crate::render::{Coverage, Frame, Reuse, Settings, View, coverage, renderer};
+use crate::render::{Frame, Reuse, Settings, View, renderer};
 use crate::schedule::{App, note};
 use crate::space::PreparedVolume;
 use crate::systems;
-use crate::systems::present::{self, Presenter};
+
+pub use commands::CommandRecord;
+pub use survey::Survey;
+pub use views::Views;
 
 /// A running flight. A host drives it in the same manner in a window and headless.
 ///
 /// Create it with [`Scan::flight`](crate::app::Scan::flight), or from its parts with [`FlightApp::new`].
 pub struct FlightApp {
     app: App,
-    scene: Scene,
-    volume: PreparedVolume,
-    lumen: Arc<Lumen>,
-    plan: Plan,
-    /// Commands that are left to replay, by step.
-    coming: VecDeque<TimedCommand>,
-    /// Commands that took effect, for recording.
-    acted: Option<Vec<TimedCommand>>,
-    fields: Fields,
+    setup: Setup,
+    /// The commands that took effect, and those that are left to replay.
+    pub commands: CommandRecord,
     progress: Arc<Progress>,
     /// The camera's last valid pose.
     sound: Option<Pose>,
-    /// Query of the views that are marked before each frame. It is kept because creating a query allocates.
-    pictures: Option<QueryState<&'static mut Picture>>,
-    views: Option<ViewsToMark>,
+    queries: views::Queries,
 }
 
-/// Components that determine whether a view is finished.
-type ViewsToMark =
-    QueryState<(Entity, &'static mut Picture, &'static FrameCache, Option<&'static Pose>, Option<&'static Follows>)>;
+/// What a flight flies through, where, and how.
+pub struct Setup {
+    /// The scan, prepared for rendering.
+    pub volume: PreparedVolume,
+    /// The colon's lumen.
+    pub lumen: Arc<Lumen>,
+    /// The start, the goal and the segment between them.
+    pub plan: Plan,
+    /// The guide and all other choices.
+    pub scene: Scene,
+    /// The fields over the lumen that the guide needs.
+    pub fields: Fields,
+}
+
+impl Setup {
+    /// True if the flight goes to its segment's rectal end.
+    pub fn is_reversed(&self) -> bool {
+        self.plan.segment.and_then(|n| self.lumen.segments.get(n)).is_some_and(|s| {
+            let [rectal, cecal] = s.ends;
+            self.plan.goal().at.distance(rectal) < self.plan.goal().at.distance(cecal)
+        })
+    }
+
+    /// Builds the fields that the scene needs for the plan, and drops the others.
+    pub(crate) fn build_fields(&mut self, progress: &Progress) -> Result<()> {
+        let Self { volume, lumen, plan, scene, fields } = self;
+        fields.build(scene.needs(), volume.voxels(), lumen, plan, scene.body.radius_mm, progress)
+    }
+}
 
 /// Largest valid distance of the camera from the origin, mm.
 const FARTHEST_MM: f64 = 1e9;
@@ -69,9 +88,10 @@ impl FlightApp {
     /// Returns an error if the scene is inconsistent, and status 4 if the guide plans and there is no path.
     pub fn new(volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<Self> {
         scene.check()?;
-        let (mut fields, progress) = (Fields::default(), Arc::new(Progress::new()));
-        fields.build(scene.needs(), volume.voxels(), &lumen, &plan, scene.body.radius_mm, &progress)?;
-        Self::with_fields(volume, lumen, plan, scene, fields, progress)
+        let mut setup = Setup { volume, lumen, plan, scene, fields: Fields::default() };
+        let progress = Arc::new(Progress::new());
+        setup.build_fields(&progress)?;
+        Self::with_fields(setup, progress)
     }
 
     /// Creates a flight at its start with fields that are [built](Fields::build) for its plan. `progress` reports the building
@@ -79,14 +99,8 @@ impl FlightApp {
     ///
     /// # Errors
     /// Returns an error if the scene is inconsistent or a field that its guide needs is missing.
-    pub(crate) fn with_fields(
-        volume: PreparedVolume,
-        lumen: Arc<Lumen>,
-        plan: Plan,
-        scene: Scene,
-        fields: Fields,
-        progress: Arc<Progress>,
-    ) -> Result<Self> {
+    pub(crate) fn with_fields(setup: Setup, progress: Arc<Progress>) -> Result<Self> {
+        let Setup { volume, scene, .. } = &setup;
         scene.check()?;
         let mut app = App::new();
         app.scan().insert(Scan(volume.clone()));
@@ -101,157 +115,12 @@ impl FlightApp {
         for plugin in scene.plugins.iter() {
             app.plug(plugin)?;
         }
-        let mut flight = Self {
-            app,
-            scene,
-            volume,
-            lumen,
-            plan,
-            coming: VecDeque::new(),
-            acted: None,
-            fields,
-            progress,
-            sound: None,
-            pictures: None,
-            views: None,
-        };
+        let commands = CommandRecord::default();
+        let mut flight = Self { app, setup, commands, progress, sound: None, queries: views::Queries::default() };
         flight.rebuild()?;
-        flight.prepare_views()?;
+        flight.views().prepare()?;
         flight.set_out();
         Ok(flight)
-    }
-
-    /// Adds a view: an entity with a [`Picture`], a position to look from (its own [`Pose`] or [`Follows`]), and any other
-    /// components. It is rendered in every frame from now on. So is a view that is spawned into the world directly, but this
-    /// method also prepares the renderer at once.
-    ///
-    /// # Errors
-    /// Returns status 2 for a picture whose preset does not support its settings, or that no camera can render.
-    pub fn add_view(&mut self, view: impl Bundle) -> Result<Entity> {
-        let entity = self.app.world.spawn(view).id();
-        let checked = self.check_view(entity).and_then(|()| self.plug_late());
-        if let Err(e) = checked {
-            self.app.world.despawn(entity);
-            return Err(e);
-        }
-        if let Err(e) = self.prepare_views() {
-            self.app.world.despawn(entity);
-            return Err(e);
-        }
-        Ok(entity)
-    }
-
-    /// Adds a slice: an entity with a [`SliceView`]. It is drawn in each frame that changes it.
-    ///
-    /// # Errors
-    /// Returns the errors of any change of the schedule.
-    pub fn add_slice(&mut self, slice: SliceView) -> Result<Entity> {
-        let entity = self.app.world.spawn(slice).id();
-        self.plug_late()?;
-        Ok(entity)
-    }
-
-    /// Returns all slices.
-    pub(crate) fn slices(&self) -> Vec<&SliceView> {
-        let world = &self.app.world;
-        let entities = world.archetypes().iter().flat_map(|a| a.entities().iter().map(|e| e.id()));
-        entities.filter_map(|e| world.get::<SliceView>(e)).collect()
-    }
-
-    fn check_view(&self, entity: Entity) -> Result<()> {
-        let world = &self.app.world;
-        let Some(p) = world.get::<Picture>(entity) else {
-            return Err(Error::usage("view", "has no Picture", "spawn it with Picture::new(width, height)"));
-        };
-        if !world.entity(entity).contains::<Pose>() && !world.entity(entity).contains::<Follows>() {
-            return Err(Error::usage("view", "has no place to look from", "give it a Pose, or Follows"));
-        }
-        p.preset.supports(&p.settings)?;
-        let (width, height) = (p.frame.width(), p.frame.height());
-        View::with_model(DVec3::ZERO, DVec3::Y, DVec3::Z, p.camera, p.fov_degrees, width, height).map(drop)
-    }
-
-    /// Creates the renderers of views that have none yet, so that the first frame takes no longer than others.
-    fn prepare_views(&mut self) -> Result<()> {
-        let Self { app, volume, .. } = self;
-        let mut views = app.world.query::<(&Picture, &mut FrameCache)>();
-        for (picture, mut cache) in views.iter_mut(&mut app.world) {
-            if picture.scan.is_none() {
-                panics::ask_plugin(
-                    || format!("preset {}", picture.preset.name),
-                    || {
-                        cache.renderer_for(volume, picture.settings, picture.preset);
-                        Ok(())
-                    },
-                )?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Returns the views other than the camera's, in rendering order, with their renderers' caches.
-    pub fn other_views(&self) -> Vec<(&Picture, &FrameCache)> {
-        let camera = self.app.camera_id();
-        let world = &self.app.world;
-        let mut views: Vec<_> = world
-            .archetypes()
-            .iter()
-            .flat_map(|a| a.entities().iter().map(|e| e.id()))
-            .filter(|&e| e != camera && world.entity(e).contains::<Picture>())
-            .collect();
-        views.sort_unstable_by_key(|e| e.index_u32());
-        views.into_iter().filter_map(|e| Some((world.get(e)?, world.get(e)?))).collect()
-    }
-
-    /// Marks the views other than the camera's whose picture would change or improve if they were rendered now. Returns true if
-    /// there is one.
-    pub fn mark_unfinished_views(&mut self) -> bool {
-        let camera = self.app.camera_id();
-        let here = self.pose();
-        let mut any = false;
-        let Self { app, views, .. } = self;
-        let views = views.get_or_insert_with(|| app.world.query());
-        for (entity, mut picture, cache, pose, follows) in views.iter_mut(&mut app.world) {
-            if entity == camera {
-                continue;
-            }
-            let pose = match follows {
-                Some(f) if f.whom.is_none_or(|e| e == camera) => Some(f.pose(&here)),
-                // The followed entity may have moved, so the view is rendered.
-                Some(_) => None,
-                None => pose.copied(),
-            };
-            let same = pose.zip(picture.view.as_ref()).is_some_and(|(pose, view)| {
-                let (width, height) = (picture.frame.width(), picture.frame.height());
-                let Attitude { forward, up } = pose.attitude;
-                View::with_model(pose.position, forward, up, picture.camera, picture.fov_degrees, width, height)
-                    .is_ok_and(|now| now == *view)
-            });
-            picture.due |= !same || cache.is_unfinished(&picture);
-            any |= picture.due;
-        }
-        any
-    }
-
-    /// Sends a view's pictures to a presenter from now on: see [`Presenter`].
-    ///
-    /// # Errors
-    /// Returns the errors of any change of the schedule.
-    pub fn present_to(&mut self, view: Entity, presenter: impl Presenter) -> Result<()> {
-        present::hand_to(&mut self.app, view, presenter);
-        self.plug_late()
-    }
-
-    /// Removes and returns the presenter of the camera's pictures, if it is a `P`.
-    pub fn take_presenter<P: Presenter>(&mut self) -> Option<P> {
-        let camera = self.app.camera_id();
-        present::take(&mut self.app, camera)
-    }
-
-    /// Adds the systems needed by views and presenters that were added later.
-    fn plug_late(&mut self) -> Result<()> {
-        self.scene.plug_views(&mut self.app)?;
-        if self.app.is_changed() { self.app.build() } else { Ok(()) }
     }
 
     /// Runs one simulation step, with the commands that are due.
@@ -260,10 +129,8 @@ impl FlightApp {
     /// Returns an error if a command requests something that does not exist.
     pub fn step(&mut self) -> Result<()> {
         let tick = self.clock().tick;
-        while self.coming.front().is_some_and(|a| a.tick <= tick) {
-            if let Some(act) = self.coming.pop_front() {
-                self.act(act.command)?;
-            }
+        while let Some(command) = self.commands.next_due(tick) {
+            self.act(command)?;
         }
         if self.app.is_changed() {
             self.app.build()?;
@@ -298,8 +165,8 @@ impl FlightApp {
         let who = if writers.is_empty() { "a system".to_owned() } else { writers.join(" or ") };
         note(who, "wrote an invalid position, direction or speed: the camera was put back, at rest");
         let back = self.sound.unwrap_or(Pose {
-            position: self.plan.start,
-            attitude: plan::first_attitude(&self.volume, self.plan.start, self.plan.goal().at),
+            position: self.setup.plan.start,
+            attitude: plan::first_attitude(&self.setup.volume, self.setup.plan.start, self.setup.plan.goal().at),
         });
         self.app.camera().insert(back);
         self.rest(back.position, back.attitude.forward);
@@ -325,37 +192,9 @@ impl FlightApp {
     /// # Errors
     /// Returns status 1 if systems were added whose order is ambiguous.
     pub fn frame(&mut self) -> Result<()> {
-        let Self { app, pictures, .. } = self;
-        let pictures = pictures.get_or_insert_with(|| app.world.query());
-        pictures.iter_mut(&mut app.world).for_each(|mut p| p.due = true);
-        self.frame_of_due()
-    }
-
-    /// Same as [`FlightApp::frame`], but only for views that are due.
-    ///
-    /// # Errors
-    /// Returns the errors of [`FlightApp::frame`].
-    pub fn frame_of_due(&mut self) -> Result<()> {
-        self.plug_late()?;
-        present::take_over(&mut self.app);
-        let made = self.app.frame();
-        let Self { app, pictures, .. } = self;
-        let pictures = pictures.get_or_insert_with(|| app.world.query());
-        let mut resized = false;
-        for mut picture in pictures.iter_mut(&mut app.world) {
-            resized |= std::mem::take(&mut picture.resized);
-        }
-        if resized {
-            let who = self.app.inspect().own_systems_that_write::<Picture>().join(" or ");
-            note(if who.is_empty() { "a post-process" } else { &who }, "has resized a picture: it keeps its size");
-        }
-        made
-    }
-
-    /// Presents the camera's last picture again without rendering it. Use it after an overlay has changed.
-    pub fn present(&mut self) {
-        let camera = self.app.camera_id();
-        present::present_again(&mut self.app, camera);
+        let mut views = self.views();
+        views.mark_all();
+        views.render_due()
     }
 
     /// Returns the view of the camera's picture from its current pose; `None` in a scene without a picture.
@@ -372,14 +211,14 @@ impl FlightApp {
     /// # Errors
     /// Returns status 2 for an image without pixels, and status 1 if a renderer of another crate panics.
     pub fn look(&self, width: usize, height: usize) -> Result<Frame> {
-        let (pose, image) = (self.pose(), &self.scene.image);
+        let (pose, image) = (self.pose(), &self.setup.scene.image);
         let Attitude { forward, up } = pose.attitude;
         let fov_degrees = self.camera::<Picture>().map_or(image.fov_degrees, |p| p.fov_degrees);
         let view = View::with_model(pose.position, forward, up, image.camera, fov_degrees, width, height)?;
         let settings = Settings { adaptive: false, ..image.settings };
         let mut frame = Frame::new(width, height);
         let traced = panics::catch(|| {
-            renderer(&self.volume, settings, image.preset, Reuse::Never).render(&view, &mut frame);
+            renderer(&self.setup.volume, settings, image.preset, Reuse::Never).render(&view, &mut frame);
         });
         traced.map_err(|why| {
             let what = format!("preset {}", image.preset.name);
@@ -390,12 +229,12 @@ impl FlightApp {
 
     /// True if the active guide was switched off after a panic.
     pub fn is_guide_off(&self) -> bool {
-        self.app.inspect().is_off(self.scene.guide_name())
+        self.app.inspect().is_off(self.setup.scene.guide_name())
     }
 
     /// Takes the notes to the user about planning since the last call.
     pub fn take_notes(&mut self) -> Vec<String> {
-        let mut notes = self.fields.take_notes();
+        let mut notes = self.setup.fields.take_notes();
         notes.extend(self.app.take_notes());
         notes
     }
@@ -423,65 +262,10 @@ impl FlightApp {
         }
     }
 
-    /// Returns the segments of the lumen that are not yet flown to their end, with their gas in ml.
-    pub fn unflown(&self) -> Vec<(usize, f64)> {
-        let flown = self.camera::<Flown>().map_or(&[][..], |f| &f.done);
-        self.lumen
-            .segments
-            .iter()
-            .enumerate()
-            .filter(|(n, _)| !flown.contains(n))
-            // The current segment is not "another one".
-            .filter(|(n, _)| self.plan.segment != Some(*n))
-            .map(|(n, s)| (n, s.ml))
-            .collect()
-    }
-
-    /// Returns the fields over the lumen that the guide needed.
-    pub fn fields(&self) -> &Fields {
-        &self.fields
-    }
-
     /// Adopts fields that were built elsewhere for this flight. Fields that do not fit its plan are rebuilt.
     #[cfg(feature = "window")]
     pub(crate) fn adopt(&mut self, fields: Fields) {
-        self.fields = fields;
-    }
-
-    /// Takes the build times of fields since the last call, s.
-    pub fn take_field_times(&mut self) -> Vec<(&'static str, f64)> {
-        self.fields.take_times()
-    }
-
-    /// Returns the flight's past views, one every 2 mm from its beginning, with their positions along the path.
-    pub fn trail(&self) -> Option<&Trail> {
-        self.camera()
-    }
-
-    /// Returns the share of the wall seen, in the gas flown through: see [`crate::render::coverage()`]. `None` if that gas is not
-    /// known.
-    ///
-    /// # Errors
-    /// Returns status 4 if interrupted.
-    pub fn coverage(&self, fov_degrees: f64) -> Result<Option<Coverage>> {
-        let places = self.trail().map_or(&[][..], Trail::views);
-        let mut gas = self.plan.gas.clone().unwrap_or_else(|| Arc::clone(&self.lumen));
-        if gas.segments.is_empty()
-            && let Some(first) = places.first()
-        {
-            // A played log: the colon has not been segmented until now.
-            gas = Arc::new(lumen::find(self.volume.voxels(), &self.progress)?);
-            if gas.segment_at(first.0).is_none()
-                && let Some(there) = lumen::gas_at(self.volume.voxels(), first.0, &self.progress)?
-            {
-                gas = Arc::new(there);
-            }
-        }
-        let mut flown: Vec<usize> = places.iter().filter_map(|p| gas.segment_at(p.0)).collect();
-        flown.sort_unstable();
-        flown.dedup();
-        let walls = gas.wall_places(&flown);
-        Ok((!walls.is_empty()).then(|| coverage(&self.volume, &walls, places, fov_degrees)))
+        self.setup.fields = fields;
     }
 
     /// Returns a component of the camera.
@@ -496,7 +280,7 @@ impl FlightApp {
 
     /// Returns the camera's pose.
     pub fn pose(&self) -> Pose {
-        let here = Pose { position: self.plan.start, attitude: Attitude::new(DVec3::Y, DVec3::Z) };
+        let here = Pose { position: self.setup.plan.start, attitude: Attitude::new(DVec3::Y, DVec3::Z) };
         self.camera().copied().unwrap_or(here)
     }
 
@@ -504,7 +288,7 @@ impl FlightApp {
     /// not fit there.
     pub fn place(&mut self, position: DVec3, forward: DVec3, up: DVec3) -> bool {
         let fits = self.app.scan_get::<Walls>().map_or(0.0, |w| w.0.at(position).mm);
-        if fits <= self.scene.body.radius_mm + TOLERANCE_MM {
+        if fits <= self.setup.scene.body.radius_mm + TOLERANCE_MM {
             return false;
         }
         let attitude = Attitude::new(forward, up);
@@ -515,16 +299,9 @@ impl FlightApp {
         true
     }
 
-    /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that
-    /// is played, or, coarsely, to the path flown.
-    pub fn progress(&self) -> (f64, f64) {
-        let Some(trail) = self.trail() else { return (0.0, 0.0) };
-        (self.camera::<Playback>().map_or(trail.share(), Playback::share), trail.length_mm())
-    }
-
     /// Sets how far along the path the camera is, mm. Use it to continue an earlier flight.
     pub fn stands_at(&mut self, along_mm: f64) {
-        let share = along_mm / self.plan.length_mm;
+        let share = along_mm / self.setup.plan.length_mm;
         self.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
     }
 
@@ -538,37 +315,24 @@ impl FlightApp {
         *self.app.world.resource::<Clock>()
     }
 
-    /// Returns the plan.
-    pub fn plan(&self) -> &Plan {
-        &self.plan
+    /// Returns what the flight was made from.
+    pub fn setup(&self) -> &Setup {
+        &self.setup
     }
 
-    /// True if the flight goes to its segment's rectal end.
-    pub fn is_reversed(&self) -> bool {
-        self.plan.segment.and_then(|n| self.lumen.segments.get(n)).is_some_and(|s| {
-            let [rectal, cecal] = s.ends;
-            self.plan.goal().at.distance(rectal) < self.plan.goal().at.distance(cecal)
-        })
+    /// Returns what the flight has covered until now.
+    pub fn survey(&self) -> Survey<'_> {
+        Survey { flight: self }
     }
 
-    /// Returns the scene.
-    pub fn scene(&self) -> &Scene {
-        &self.scene
+    /// Returns the views other than the camera's, in rendering order, with their renderers' caches.
+    pub fn other_views(&self) -> Vec<(&Picture, &FrameCache)> {
+        views::others(&self.app)
     }
 
-    /// Returns the colon's lumen.
-    pub fn lumen(&self) -> &Lumen {
-        &self.lumen
-    }
-
-    /// Returns the colon's lumen for sharing.
-    pub fn shared_lumen(&self) -> Arc<Lumen> {
-        Arc::clone(&self.lumen)
-    }
-
-    /// Returns the prepared volume.
-    pub fn volume(&self) -> &PreparedVolume {
-        &self.volume
+    /// Returns the views, to add and to render them.
+    pub fn views(&mut self) -> Views<'_> {
+        Views { flight: self }
     }
 
     /// Returns the world and its schedules, for explanations.

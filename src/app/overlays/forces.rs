@@ -51,10 +51,10 @@ pub struct Force {
 
 /// Returns all forces that act on a flight's camera now, with their sum last. Empty if nothing moves the camera, or a log does.
 pub fn forces(flight: &FlightApp) -> Vec<Force> {
-    if !flight.scene().moves() || flight.scene().play().is_some() {
+    if !flight.setup().scene.moves() || flight.setup().scene.play().is_some() {
         return Vec::new();
     }
-    let body = flight.scene().body;
+    let body = flight.setup().scene.body;
     let (hand, guide) = (flight.camera::<Hand>(), flight.camera::<GuideThrust>());
     let timed_commands = acting(&flight.flight(), hand, guide, flight.camera::<MinePush>());
     let [field_wall, field_target] = by_field(flight, hand);
@@ -77,7 +77,7 @@ pub fn forces(flight: &FlightApp) -> Vec<Force> {
 fn by_field(flight: &FlightApp, hand: Option<&Hand>) -> [DVec3; 2] {
     let stopped = hand.is_some_and(|h| h.paused && h.push == DVec3::ZERO);
     let Some(field) = flight.camera::<PotentialField>().filter(|_| !stopped) else { return [DVec3::ZERO; 2] };
-    let (at, mass) = (flight.pose().position, flight.scene().body.mass_g);
+    let (at, mass) = (flight.pose().position, flight.setup().scene.body.mass_g);
     let pace = if flight.flight().state == State::Flying { hand.map_or(1.0, Hand::pace) } else { 0.0 };
     let target = field.target.as_ref().filter(|_| pace > 0.0).and_then(|t| t.sample(at));
     let pull = Potential { target_force: field.potential.target_force * pace, ..field.potential };

@@ -112,7 +112,7 @@ impl Pane {
             .map(|n| {
                 let (sine, cosine) = (step * n as f64).sin_cos();
                 let direction = self.axes[0] * cosine + self.axes[1] * sine;
-                let length = first_crossing(flight.volume(), self.at, direction, REACH_MM)?;
+                let length = first_crossing(&flight.setup().volume, self.at, direction, REACH_MM)?;
                 Some((length, self.at + direction * length))
             })
             .collect();

@@ -41,7 +41,13 @@ fn colour(length: f64) -> Colour {
 fn draw(flight: &FlightApp, canvas: &mut Canvas) {
     let Some(t) = flight.camera::<Tentacles>() else {
         if let Some(row) = legend_row(canvas) {
-            legend_text(canvas, row, 0.0, format!("the guide {} has no tentacles", flight.scene().guide_name()), GREY);
+            legend_text(
+                canvas,
+                row,
+                0.0,
+                format!("the guide {} has no tentacles", flight.setup().scene.guide_name()),
+                GREY,
+            );
         }
         return;
     };

@@ -251,7 +251,7 @@ fn leave(args: &FlyArgs, flight: &FlightApp, stats: &serde_json::Value) -> Resul
         output::write_json(path, stats)?;
     }
     if let Some(path) = &args.record_input {
-        write_commands(path, flight.timed_commands())?;
+        write_commands(path, flight.commands.recorded())?;
     }
     Ok(())
 }
@@ -325,17 +325,17 @@ fn fly_with(
         }
     };
     let short = extent == Extent::Short;
-    if !flight.scene().moves() {
+    if !flight.setup().scene.moves() {
         say("nothing in the scene moves the camera, so it stays in place");
     }
     if short {
         output::make_folder(Path::new(SHORT_FOLDER))?;
     }
     if let Some(commands) = commands {
-        flight.replay(commands);
+        flight.commands.replay(commands);
     }
     if args.record_input.is_some() {
-        flight.record_acts();
+        flight.commands.start();
     }
     // One image each half second of the way, shown at twelve a second, is a short film of the whole.
     let outputs = Outputs {
@@ -346,7 +346,7 @@ fn fly_with(
         overlays,
     };
     // A log is played to its end, however slowly.
-    let most = flight.scene().play().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
+    let most = flight.setup().scene.play().map_or(HEADLESS_SECONDS, |p| p.takes_s() + 1.0);
     let (frames, flown) = headless::fly(&mut flight, args.seconds.unwrap_or(most), &outputs, progress);
     flight.take_notes().iter().for_each(|note| say(note));
     let stats = stats(&flight, &timings, &frames, view.filter(|_| flown.is_ok()));
@@ -394,13 +394,14 @@ fn stats(
     m.insert("turns".to_owned(), json!(f.turns));
     m.insert("escapes".to_owned(), json!(f.escapes));
     let unflown: Vec<_> = flight
+        .survey()
         .unflown()
         .into_iter()
-        .map(|(n, ml)| json!({ "ml": ml, "ends_mm": flight.lumen().segments[n].ends }))
+        .map(|(n, ml)| json!({ "ml": ml, "ends_mm": flight.setup().lumen.segments[n].ends }))
         .collect();
     m.insert("unflown".to_owned(), json!(unflown));
     if let Some(fov) = fov_degrees {
-        let seen = flight.coverage(fov)?;
+        let seen = flight.survey().coverage(fov)?;
         m.insert("coverage".to_owned(), json!(seen.map(|c| c.one_way)));
         m.insert("coverage_both_ways".to_owned(), json!(seen.map(|c| c.both_ways)));
     }

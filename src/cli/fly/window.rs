@@ -91,10 +91,10 @@ fn opening(
         *kept.lock().unwrap_or_else(PoisonError::into_inner) = scan.timings().clone();
         let mut flight = made?;
         if let Some(commands) = commands {
-            flight.replay(commands);
+            flight.commands.replay(commands);
         }
         if args.record_input.is_some() {
-            flight.record_acts();
+            flight.commands.start();
         }
         Ok(session.ready(flight))
     });

@@ -106,8 +106,8 @@ impl FlightController {
     /// Returns status 1 if the system cannot start threads.
     pub(crate) fn new(flight: FlightApp, wake: WakeUp, overlays: Vec<Overlay>, actions: Rc<Actions>) -> Result<Self> {
         let now = Instant::now();
-        let view_renderer = ViewRenderer::new(flight.volume().clone(), wake)?;
-        let scene = flight.scene();
+        let view_renderer = ViewRenderer::new(flight.setup().volume.clone(), wake)?;
+        let scene = &flight.setup().scene;
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
         let last_guide = automatic.map_or("", |g| g.name);
         Ok(Self {
@@ -183,11 +183,11 @@ impl FlightController {
     pub(crate) fn show(&mut self, due: Option<Due>) -> Result<Option<PresentResult>> {
         match &due {
             Some(_) => {
-                if let Err(e) = self.flight.frame_of_due() {
+                if let Err(e) = self.flight.views().render_due() {
                     self.recover(e, Instant::now())?;
                 }
             }
-            None => self.flight.present(),
+            None => self.flight.views().present_again(),
         }
         let presented = self.framebuffer().and_then(|mut f| f.take_presented()).transpose()?;
         if let Some(due) = due {
@@ -214,7 +214,7 @@ impl FlightController {
         }
         self.report_fault(&e, now);
         if self.flight.is_guide_off() {
-            let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
+            let by_hand = self.flight.setup().scene.guides.iter().find(|g| !g.automatic).map(|g| g.name);
             if let Some(by_hand) = by_hand {
                 self.flight.act(FlightCommand::Guide(by_hand.to_owned()))?;
             }
@@ -322,7 +322,7 @@ impl FlightController {
     fn change_angle(&mut self, degrees: f64, now: Instant) {
         self.act(FlightCommand::ViewAngle(degrees), now);
         let Some(degrees) = self.flight.camera::<Picture>().map(|p| p.fov_degrees) else { return };
-        let usual = self.flight.scene().image.fov_degrees;
+        let usual = self.flight.setup().scene.image.fov_degrees;
         let back = if degrees == usual { "" } else { " (0 sets it back)" };
         self.say(format!("view angle {}{back}", angle(degrees)), now);
         self.figures.touch();
@@ -337,7 +337,7 @@ impl FlightController {
     fn change_speed(&mut self, notches: f64, now: Instant) {
         let speed = (self.hand().speed * FASTER.powf(notches)).clamp(0.1, 5.0);
         self.act(HandCommand::Speed(recordable(speed)), now);
-        let cruise = self.flight.scene().cruise_mm_s() * speed;
+        let cruise = self.flight.setup().scene.cruise_mm_s() * speed;
         self.say(format!("cruise {cruise:.0} mm/s"), now);
     }
 
@@ -373,7 +373,7 @@ impl FlightController {
 
     /// Switches to manual control, or back to the last guide.
     pub(crate) fn switch_guide(&mut self, at: ActionContext) {
-        let by_hand = self.flight.scene().guides.iter().find(|g| !g.automatic).map(|g| g.name);
+        let by_hand = self.flight.setup().scene.guides.iter().find(|g| !g.automatic).map(|g| g.name);
         let next = if self.is_by_hand() { Some(self.last_guide) } else { by_hand };
         if let Some(next) = next {
             self.hand_over(next, at.now);
@@ -382,7 +382,7 @@ impl FlightController {
 
     /// Resets the view angle to its initial value.
     pub(crate) fn usual_angle(&mut self, at: ActionContext) {
-        self.change_angle(self.flight.scene().image.fov_degrees, at.now);
+        self.change_angle(self.flight.setup().scene.image.fov_degrees, at.now);
     }
 
     /// Turns round and flies back.
@@ -415,7 +415,7 @@ impl FlightController {
     /// Switches to a guide. The fields that it needs are built in the background while the flight continues.
     fn hand_over(&mut self, guide: &'static str, now: Instant) {
         self.planning = None;
-        let begun = self.flight.scene().guides.named(guide).and_then(|g| FieldJob::begin(&self.flight, g));
+        let begun = self.flight.setup().scene.guides.named(guide).and_then(|g| FieldJob::begin(&self.flight, g));
         match begun {
             Some(Ok(planning)) => {
                 self.planning = Some(planning);
@@ -428,8 +428,8 @@ impl FlightController {
 
     fn change_guide(&mut self, guide: &'static str, now: Instant) {
         self.act(FlightCommand::Guide(guide.to_owned()), now);
-        if self.flight.scene().guide_name() == guide {
-            if self.flight.scene().is_automatic() {
+        if self.flight.setup().scene.guide_name() == guide {
+            if self.flight.setup().scene.is_automatic() {
                 self.last_guide = guide;
             }
             self.say(format!("guide: {guide}"), now);
@@ -438,7 +438,7 @@ impl FlightController {
 
     /// True if the operator flies manually and no guide moves the camera.
     fn is_by_hand(&self) -> bool {
-        self.flight.scene().guide().is_some_and(|g| !g.automatic)
+        self.flight.setup().scene.guide().is_some_and(|g| !g.automatic)
     }
 
     /// Adopts the fields built for a guide, once they are complete.
@@ -481,18 +481,18 @@ impl FlightController {
 
     /// Flies the next segment that is not yet flown. If there is none, flies the next segment of all.
     pub(crate) fn next_segment(&mut self, ActionContext { now, .. }: ActionContext) {
-        let count = self.flight.lumen().segments.len();
+        let count = self.flight.setup().lumen.segments.len();
         // The next segment that is not yet flown, otherwise the next of all.
-        let here = self.flight.plan().segment.map_or(0, |n| n + 1);
-        let unflown = self.flight.unflown();
+        let here = self.flight.setup().plan.segment.map_or(0, |n| n + 1);
+        let unflown = self.flight.survey().unflown();
         let next = unflown.iter().find(|s| s.0 >= here).or(unflown.first()).map_or(here % count.max(1), |s| s.0);
-        if count == 0 || self.flight.plan().segment == Some(next) {
+        if count == 0 || self.flight.setup().plan.segment == Some(next) {
             self.say("there is no other segment", now);
             return;
         }
         self.act(FlightCommand::Segment(next), now);
-        let ml = self.flight.lumen().segments[next].ml;
-        if self.flight.plan().segment == Some(next) {
+        let ml = self.flight.setup().lumen.segments[next].ml;
+        if self.flight.setup().plan.segment == Some(next) {
             self.say(format!("segment {} of {count}: {ml:.0} ml", next + 1), now);
         }
     }
@@ -569,7 +569,8 @@ impl FlightController {
         let still = self.flight.camera::<Velocity>().is_none_or(|v| v.0.length() < REST_MM_S)
             && hand.push == DVec3::ZERO
             && hand.turn == DVec3::ZERO;
-        self.quiet = if left_alone && still && !self.flight.is_replaying() { self.quiet.saturating_add(1) } else { 0 };
+        self.quiet =
+            if left_alone && still && !self.flight.commands.is_replaying() { self.quiet.saturating_add(1) } else { 0 };
     }
 
     /// Prepares the next frame for a picture of the given size, with these slices beside it. `None` if the shown picture cannot
@@ -617,7 +618,7 @@ impl FlightController {
             }
             State::Flying | State::Ended => {}
         }
-        let (share, length) = self.flight.progress();
+        let (share, length) = self.flight.survey().progress();
         let along = share * length;
         let (marks_drawn, fault) = self.overlays.draw(&self.flight, self.scale);
         if let Some(e) = fault {
@@ -632,6 +633,7 @@ impl FlightController {
             per_mille: self.figures.per_mille(),
             marks: self
                 .flight
+                .survey()
                 .trail()
                 .map_or(&[][..], Trail::calls)
                 .iter()
@@ -652,7 +654,7 @@ impl FlightController {
             State::Ended => ("time is over", Severity::Normal),
             State::Flying if self.hand().paused => ("paused", Severity::Notice),
             State::Flying if self.is_by_hand() => ("manual", Severity::Notice),
-            State::Flying if self.flight.scene().play().is_some() => ("replaying a log", Severity::Normal),
+            State::Flying if self.flight.setup().scene.play().is_some() => ("replaying a log", Severity::Normal),
             State::Flying if self.flight.clock().tick < self.hand().on_until => ("manual input", Severity::Notice),
             State::Flying => ("flying", Severity::Normal),
         };

@@ -55,14 +55,14 @@ pub(crate) fn controller(guide: &'static str) -> FlightController {
 
 /// Returns the position of a flight along its path, whole mm.
 fn along_mm(c: &FlightController) -> i64 {
-    let (share, length_mm) = c.flight().progress();
+    let (share, length_mm) = c.flight().survey().progress();
     (share * length_mm).round() as i64
 }
 
 /// Creates the controller of `flight`, at `along_mm` of its path.
 fn cockpit_of(mut flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> FlightController {
     flight.stands_at(along_mm);
-    let actions = Actions::new(&flight.scene().guides, &overlays, &[], &KeySettings::new()).unwrap();
+    let actions = Actions::new(&flight.setup().scene.guides, &overlays, &[], &KeySettings::new()).unwrap();
     FlightController::new(flight, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
 }
 
@@ -176,14 +176,14 @@ fn what_there_is_not_is_said_and_changes_nothing() {
 fn it_flies_back_only_where_there_is_a_way_back() {
     let (far, now) = (DVec3::new(-500.0, 8.0, 16.0), Instant::now());
     let mut c = cockpit_of(flight_from("path", far), 20.0, Vec::new());
-    let goal = c.flight().plan().goal().at;
+    let goal = c.flight().setup().plan.goal().at;
     perform(&mut c, "reverse", now);
     assert!(c.hud(now).message.is_some_and(|m| m != "flying back"));
-    assert_eq!((c.flight().plan().goal().at, along_mm(&c)), (goal, 20));
+    assert_eq!((c.flight().setup().plan.goal().at, along_mm(&c)), (goal, 20));
     let mut c = cockpit_of(flight("path"), 20.0, Vec::new());
     perform(&mut c, "reverse", now);
     assert_eq!(c.hud(now).message.as_deref(), Some("flying back"));
-    assert_ne!((c.flight().plan().goal().at, along_mm(&c)), (goal, 20));
+    assert_ne!((c.flight().setup().plan.goal().at, along_mm(&c)), (goal, 20));
 }
 
 #[test]
@@ -383,7 +383,7 @@ fn a_window_outlives_what_is_plugged_into_it() {
         assert!(c.flight().pose().position.distance(at) > 5.0, "{who}");
         assert!(c.image().unwrap().pixels().iter().any(|p| p[0] > 60), "{who}");
         let by_hand = who == "plug-in panicking";
-        assert_eq!(c.flight().scene().guide_name(), if by_hand { "manual" } else { "tentacles" });
+        assert_eq!(c.flight().setup().scene.guide_name(), if by_hand { "manual" } else { "tentacles" });
     }
 }
 
@@ -414,7 +414,7 @@ fn trace_with_slices(c: &mut FlightController, now: Instant) {
 #[test]
 fn a_click_in_a_slice_stops_the_flight_and_takes_the_camera_along_where_it_fits() {
     let (mut c, mut now) = (controller("tentacles"), Instant::now());
-    c.flight_mut().record_acts();
+    c.flight_mut().commands.start();
     fly(&mut c, &mut now, 10);
     trace_with_slices(&mut c, now);
     let view = c.slices().view(c.flight(), Orientation::Axial).unwrap();
@@ -436,11 +436,11 @@ fn a_click_in_a_slice_stops_the_flight_and_takes_the_camera_along_where_it_fits(
     fly(&mut c, &mut now, 20);
     assert!(at(&c).y > gas.y + 1.0);
     // Operator commands are recorded like any other command.
-    let commands = serde_json::to_string(c.flight().timed_commands()).unwrap();
+    let commands = serde_json::to_string(c.flight().commands.recorded()).unwrap();
     assert!(commands.contains("\"go\""), "{commands}");
     assert_eq!(
         serde_json::from_str::<Vec<crate::components::input::TimedCommand>>(&commands).unwrap(),
-        c.flight().timed_commands()
+        c.flight().commands.recorded()
     );
 }
 

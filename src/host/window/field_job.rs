@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::job::Job;
-use crate::app::FlightApp;
 use crate::app::fields::Fields;
+use crate::app::{FlightApp, Setup};
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::schedule::GuideEntry;
@@ -19,12 +19,12 @@ impl FieldJob {
     /// Starts to build what `guide` needs for the current flight; `None` if nothing is missing.
     pub(crate) fn begin(flight: &FlightApp, guide: &GuideEntry) -> Option<Result<Self>> {
         let (wanted, guide) = (guide.needs, guide.name);
-        let mut fields = flight.fields().clone();
-        if fields.has(wanted, flight.plan()) || flight.scene().play().is_some() {
+        let Setup { volume, lumen, plan, scene, fields } = flight.setup();
+        if fields.has(wanted, plan) || scene.play().is_some() {
             return None;
         }
-        let (volume, lumen, plan) = (flight.volume().shared_voxels(), flight.shared_lumen(), flight.plan().clone());
-        let radius_mm = flight.scene().body.radius_mm;
+        let (volume, lumen, plan) = (volume.shared_voxels(), Arc::clone(lumen), plan.clone());
+        let (mut fields, radius_mm) = (fields.clone(), scene.body.radius_mm);
         let build = move |progress: &Arc<Progress>| {
             fields.build(wanted, &volume, &lumen, &plan, radius_mm, progress).map(|()| fields)
         };

@@ -65,24 +65,24 @@ impl Figures {
             let rate = detail.and_then(refined).unwrap_or_else(|| format!("{fps:.0} fps"));
             self.lines[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");
         }
-        self.per_mille = (flight.progress().0 * 1000.0).round() as u32;
+        self.per_mille = (flight.survey().progress().0 * 1000.0).round() as u32;
         (self.counted, self.since, self.stale) = (view_renderer.frames().len(), now, false);
         let hand: Hand = flight.camera().copied().unwrap_or_default();
         let speed = flight.camera::<Velocity>().map_or(0.0, |v| v.0.length());
-        let cruise = flight.scene().cruise_mm_s() * hand.speed;
+        let cruise = flight.setup().scene.cruise_mm_s() * hand.speed;
         self.lines[1] = format!("speed {speed:.0} mm/s (cruise {cruise:.0})");
         let clearance = flight.camera::<Contact>().map_or(0.0, |c| c.clearance_mm);
         // Beyond the finder's reach a clearance is a lower bound.
         let bound = if clearance > 10.0 { "over 10".to_owned() } else { format!("{clearance:.1}") };
         self.lines[2] = format!("clearance {bound} mm");
         let quality = quality_of(flight).unwrap_or_default();
-        let usual = flight.scene().image.fov_degrees;
+        let usual = flight.setup().scene.image.fov_degrees;
         let other = flight.camera::<Picture>().map(|p| p.fov_degrees).filter(|&d| d != usual);
         let view = other.map_or_else(String::new, |d| format!(", view {}", angle(d)));
         self.lines.truncate(4);
         let slow = flight.app().inspect().plugin_times().into_iter().filter(PluginTime::is_slow);
         self.lines.extend(slow.map(|p| p.text()));
-        self.lines[3] = format!("guide {}, detail {}{view}", flight.scene().guide_name(), detail(quality));
+        self.lines[3] = format!("guide {}, detail {}{view}", flight.setup().scene.guide_name(), detail(quality));
         &self.lines
     }
 }

@@ -59,8 +59,8 @@ impl folders::Kept for Session {
 impl Session {
     /// Captures the state of an unfinished flight. A flight that has arrived, or that flies outside the colon, is not resumed.
     pub(crate) fn of(flight: &FlightApp) -> Option<Self> {
-        let (share, length_mm) = flight.progress();
-        let segment = flight.plan().segment?;
+        let (share, length_mm) = flight.survey().progress();
+        let segment = flight.setup().plan.segment?;
         if flight.flight().state == State::Arrived {
             return None;
         }
@@ -71,8 +71,8 @@ impl Session {
             forward: pose.attitude.forward.to_array(),
             up: pose.attitude.up.to_array(),
             segment,
-            reversed: flight.is_reversed(),
-            guide: flight.scene().guide_name().to_owned(),
+            reversed: flight.setup().is_reversed(),
+            guide: flight.setup().scene.guide_name().to_owned(),
             speed: flight.camera::<Hand>().map_or(1.0, |h| h.speed),
             along_mm: share * length_mm,
         })
@@ -85,14 +85,14 @@ impl Session {
     /// # Errors
     /// Returns an error if the flight refuses a segment or guide. It is then in its initial state.
     pub(crate) fn resume(&self, flight: &mut FlightApp, what: Resume) -> Result<Option<f64>> {
-        let (start, segment, reversed) = (flight.pose(), flight.plan().segment, flight.is_reversed());
+        let (start, segment, reversed) = (flight.pose(), flight.setup().plan.segment, flight.setup().is_reversed());
         let taken = self.follow(flight, what);
         if taken.is_err() {
             // Return to the flight's previous state, which was valid. Only the refusal is reported.
-            if let Some(n) = segment.filter(|_| flight.plan().segment != segment) {
+            if let Some(n) = segment.filter(|_| flight.setup().plan.segment != segment) {
                 let _ = flight.act(FlightCommand::Segment(n));
             }
-            if flight.is_reversed() != reversed {
+            if flight.setup().is_reversed() != reversed {
                 let _ = flight.act(FlightCommand::Reverse);
             }
             flight.place(start.position, start.attitude.forward, start.attitude.up);
@@ -106,14 +106,14 @@ impl Session {
             return Ok(None);
         }
         // Segments are numbered differently in a scan whose fluid counts as free, so the position determines the segment.
-        let segment = flight.lumen().segment_at(position).unwrap_or(self.segment);
-        if flight.plan().segment != Some(segment) {
+        let segment = flight.setup().lumen.segment_at(position).unwrap_or(self.segment);
+        if flight.setup().plan.segment != Some(segment) {
             flight.act(FlightCommand::Segment(segment))?;
         }
-        if flight.is_reversed() != self.reversed {
+        if flight.setup().is_reversed() != self.reversed {
             flight.act(FlightCommand::Reverse)?;
         }
-        if what == Resume::Everything && flight.scene().guide_name() != self.guide {
+        if what == Resume::Everything && flight.setup().scene.guide_name() != self.guide {
             flight.act(FlightCommand::Guide(self.guide.clone()))?;
         }
         flight.act(HandCommand::Speed(self.speed))?;
@@ -205,7 +205,7 @@ mod tests {
         let mut flight = tube();
         let e = inside.resume(&mut flight, Resume::Everything).unwrap_err();
         assert!(e.why.contains("none"), "{e}");
-        assert_eq!((flight.pose(), flight.scene().guide_name()), (start, "tentacles"));
+        assert_eq!((flight.pose(), flight.setup().scene.guide_name()), (start, "tentacles"));
         flight.step().unwrap();
         // Without that guide the rest is resumed; an invalid camera position is not.
         let mut flight = tube();

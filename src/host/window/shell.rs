@@ -217,7 +217,7 @@ impl Shell {
         match stage {
             Stage::Flying(mut controller) => {
                 controller.save_the_rest();
-                self.framebuffer = controller.flight_mut().take_presenter();
+                self.framebuffer = controller.flight_mut().views().take_presenter();
                 let flight = controller.flight();
                 let logged = self.log.take().map_or(Ok(()), |l| l.finish(flight.flight().state));
                 if let Some(path) = self.session.take() {
@@ -317,7 +317,7 @@ impl Shell {
         self.log = self.log_path.as_deref().map(Log::create).transpose()?;
         self.scan.clone_from(&session);
         // Without a guide there is no position from which another flight could continue.
-        if self.resume != Resume::Never && flight.scene().guide().is_some() {
+        if self.resume != Resume::Never && flight.setup().scene.guide().is_some() {
             self.session = session;
         }
         let left = match (&self.session, self.resume) {
@@ -336,7 +336,7 @@ impl Shell {
         });
         if let Some(framebuffer) = self.framebuffer.take() {
             let camera = flight.app().camera_id();
-            flight.present_to(camera, framebuffer)?;
+            flight.views().present_to(camera, framebuffer)?;
         }
         let overlays = self.overlays.clone();
         if let Some(scan) = &self.opening
@@ -617,7 +617,7 @@ impl ApplicationHandler<Wake> for Shell {
                 match &mut self.stage {
                     Stage::Flying(c) => {
                         let camera = c.flight().app().camera_id();
-                        if let Err(e) = c.flight_mut().present_to(camera, framebuffer) {
+                        if let Err(e) = c.flight_mut().views().present_to(camera, framebuffer) {
                             self.fail(e, events);
                         }
                     }

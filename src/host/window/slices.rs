@@ -93,12 +93,12 @@ impl Slices {
             if !self.entities.contains_key(orientation) {
                 let mut view = SliceView::new(*orientation, *size);
                 view.budget = Some(SAMPLES);
-                let entity = flight.add_slice(view)?;
+                let entity = flight.views().add_slice(view)?;
                 self.entities.insert(*orientation, entity);
             }
         }
         let (mut stale, place) = (false, self.cursor());
-        let grid = flight.volume().voxels().grid().clone();
+        let grid = flight.setup().volume.voxels().grid().clone();
         for (orientation, size) in wanted {
             let world = &mut flight.app_mut().world;
             let view = self.entities.get(orientation).and_then(|e| world.get_mut::<SliceView>(*e));
@@ -138,7 +138,7 @@ impl Slices {
     /// Scrolls by a number of layers of the scan.
     fn scroll(&mut self, flight: &FlightApp, orientation: Orientation, notches: f64) {
         let Some(view) = self.view(flight, orientation) else { return };
-        let grid = flight.volume().voxels().grid();
+        let grid = flight.setup().volume.voxels().grid();
         // Use the requested state, not the last drawn one: several notches may arrive between two pictures.
         let mut view = view.without_image();
         view.place = self.cursor();

@@ -156,7 +156,7 @@ impl ViewRenderer {
 
     /// Switches between high and low detail. Returns the new one.
     pub(crate) fn switch_detail(&mut self, flight: &mut FlightApp) -> Option<Quality> {
-        let scene = flight.scene().render;
+        let scene = flight.setup().scene.render;
         let mut picture = flight.camera_mut::<Picture>()?;
         let quality = if picture.settings.quality == Quality::Low { Quality::High } else { Quality::Low };
         let Settings { adaptive, options, light, .. } = picture.settings;
@@ -197,7 +197,7 @@ impl ViewRenderer {
         }
         let rest = self.shown.is_some_and(|s| s.is(&now));
         let done = rest && !self.is_refining(flight);
-        let others = flight.mark_unfinished_views();
+        let others = flight.views().mark_unfinished();
         if done && !others {
             return Ok(beside.then(|| Due { now, rest, stays: true, begun: Instant::now() }));
         }

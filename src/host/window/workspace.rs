@@ -528,7 +528,8 @@ mod tests {
         controller: &FlightController,
         events: Vec<egui::Event>,
     ) -> Requests {
-        let actions = Actions::new(&controller.flight().scene().guides, &[], &entries(), &KeySettings::new()).unwrap();
+        let actions =
+            Actions::new(&controller.flight().setup().scene.guides, &[], &entries(), &KeySettings::new()).unwrap();
         let hud = crate::host::window::overlay::HudState::default();
         let size = WindowSize { pixels: (1000, 700), scale: 1.0 };
         let input = egui::RawInput { events, ..egui::RawInput::default() };

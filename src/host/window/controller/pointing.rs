@@ -40,7 +40,7 @@ impl FlightController {
         self.stop(now);
         self.slices.ask(&mut self.flight, request);
         // If the camera fits there, it moves along.
-        if let Some(place) = points.filter(|_| self.flight.scene().play().is_none()) {
+        if let Some(place) = points.filter(|_| self.flight.setup().scene.play().is_none()) {
             self.go(place, now);
         }
         self.attention = true;
@@ -49,13 +49,13 @@ impl FlightController {
 
     /// Moves the camera to a place in the lumen (world mm) if it fits there, even in another segment. Otherwise it stays.
     fn go(&mut self, place: DVec3, now: Instant) {
-        let Some(segment) = self.flight.lumen().segment_at(place) else { return };
-        let other = self.flight.plan().segment.is_some_and(|s| s != segment);
+        let Some(segment) = self.flight.setup().lumen.segment_at(place) else { return };
+        let other = self.flight.setup().plan.segment.is_some_and(|s| s != segment);
         if other && !self.act(FlightCommand::Segment(segment), now) {
             return;
         }
         if other {
-            self.say(format!("segment {} of {}", segment + 1, self.flight.lumen().segments.len()), now);
+            self.say(format!("segment {} of {}", segment + 1, self.flight.setup().lumen.segments.len()), now);
         }
         let pose = Pose { position: place, ..self.flight.pose() };
         if self.flight.act(go_to(pose)).is_ok() {
@@ -74,7 +74,7 @@ impl FlightController {
     /// Pauses a flight that moves automatically, even if it has arrived or calls the operator, so that the camera stays where it
     /// is moved to.
     fn stop(&mut self, now: Instant) {
-        if !self.is_by_hand() && !self.hand().paused && self.flight.scene().play().is_none() {
+        if !self.is_by_hand() && !self.hand().paused && self.flight.setup().scene.play().is_none() {
             self.act(HandCommand::Pause(true), now);
         }
     }
@@ -131,7 +131,7 @@ impl FlightController {
     fn seen(&self, [x, y]: [f64; 2]) -> Option<DVec3> {
         let view = self.flight.camera::<Picture>()?.view.as_ref()?;
         let ray = view.ray_at(x, y)?;
-        let mm = first_crossing(self.flight.volume(), ray.origin, ray.direction, f64::INFINITY)?;
+        let mm = first_crossing(&self.flight.setup().volume, ray.origin, ray.direction, f64::INFINITY)?;
         Some(ray.origin + ray.direction * mm)
     }
 
@@ -149,7 +149,7 @@ impl FlightController {
 
     /// Flies towards a visible point of the wall and looks at it.
     pub(super) fn look_at(&mut self, at: [f64; 2], now: Instant) {
-        let Some(place) = self.seen(at).filter(|_| self.flight.scene().play().is_none()) else { return };
+        let Some(place) = self.seen(at).filter(|_| self.flight.setup().scene.play().is_none()) else { return };
         self.stop(now);
         self.slices.point(&self.flight, place);
         self.travel = Some(Travel::to_look_at(self.flight.pose(), place, now));

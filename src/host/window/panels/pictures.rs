@@ -46,7 +46,8 @@ impl Stage {
         let mut scene = Scene { picture: true, operator: true, ..Scene::guided_by("tentacles") };
         scene.image.settings.light = Light::ENDOSCOPE;
         let flight = Scan::phantom(1).and_then(|mut scan| scan.flight(scene, &FlightRequest::default())).unwrap();
-        let actions = Actions::new(&flight.scene().guides, &[], BUILT_IN, &KeySettings::new()).map(Rc::new).unwrap();
+        let actions =
+            Actions::new(&flight.setup().scene.guides, &[], BUILT_IN, &KeySettings::new()).map(Rc::new).unwrap();
         let hud = HudState {
             state: "flying".to_owned(),
             severity: Severity::Normal,

@@ -213,7 +213,7 @@ impl SlicePanel {
 /// Formats value (HU), voxel and position under the pointer.
 fn readout(context: &Context<'_>, view: &SliceView, placed: Placed, at: Pos2) -> String {
     let world = placed.world(at);
-    let grid = context.flight.volume().voxels().grid();
+    let grid = context.flight.setup().volume.voxels().grid();
     let pixel = (at - placed.rect.min) * placed.scale;
     let hu = view.hu_at([pixel.x, pixel.y].map(|c| c.max(0.0) as usize)).unwrap_or(f32::NAN);
     let voxel = grid.voxel(world).round();

@@ -1,0 +1,67 @@
+//! What a flight has covered: its path, its share of the plan, the segments left, and the wall seen.
+
+use std::sync::Arc;
+
+use super::{FlightApp, Setup};
+use crate::components::flight::Flown;
+use crate::components::play::Playback;
+use crate::components::trail::Trail;
+use crate::error::Result;
+use crate::fields::lumen;
+use crate::render::{Coverage, coverage};
+
+/// What a flight has covered until now, from [`FlightApp::survey`].
+#[derive(Clone, Copy)]
+pub struct Survey<'a> {
+    pub(super) flight: &'a FlightApp,
+}
+
+impl<'a> Survey<'a> {
+    /// Returns the segments of the lumen that are not yet flown to their end, with their gas in ml.
+    pub fn unflown(self) -> Vec<(usize, f64)> {
+        let flown = self.flight.camera::<Flown>().map_or(&[][..], |f| &f.done);
+        let Setup { lumen, plan, .. } = &self.flight.setup;
+        // The current segment is not "another one".
+        let is_left = |n: &usize| !flown.contains(n) && plan.segment != Some(*n);
+        lumen.segments.iter().map(|s| s.ml).enumerate().filter(|(n, _)| is_left(n)).collect()
+    }
+
+    /// Returns the flight's past views, one every 2 mm from its beginning, with their positions along the path.
+    pub fn trail(self) -> Option<&'a Trail> {
+        self.flight.camera()
+    }
+
+    /// Returns the share of the wall seen, in the gas flown through: see [`crate::render::coverage()`]. `None` if that gas is not
+    /// known.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn coverage(self, fov_degrees: f64) -> Result<Option<Coverage>> {
+        let places = self.trail().map_or(&[][..], Trail::views);
+        let FlightApp { setup: Setup { volume, lumen, plan, .. }, progress, .. } = self.flight;
+        let mut gas = plan.gas.clone().unwrap_or_else(|| Arc::clone(lumen));
+        if gas.segments.is_empty()
+            && let Some(first) = places.first()
+        {
+            // A played log: the colon has not been segmented until now.
+            gas = Arc::new(lumen::find(volume.voxels(), progress)?);
+            if gas.segment_at(first.0).is_none()
+                && let Some(there) = lumen::gas_at(volume.voxels(), first.0, progress)?
+            {
+                gas = Arc::new(there);
+            }
+        }
+        let mut flown: Vec<usize> = places.iter().filter_map(|p| gas.segment_at(p.0)).collect();
+        flown.sort_unstable();
+        flown.dedup();
+        let walls = gas.wall_places(&flown);
+        Ok((!walls.is_empty()).then(|| coverage(volume, &walls, places, fov_degrees)))
+    }
+
+    /// Returns the share of the path behind the camera, 0 to 1, and the path's length, mm. They refer to the plan or the log that
+    /// is played, or, coarsely, to the path flown.
+    pub fn progress(self) -> (f64, f64) {
+        let Some(trail) = self.trail() else { return (0.0, 0.0) };
+        (self.flight.camera::<Playback>().map_or(trail.share(), Playback::share), trail.length_mm())
+    }
+}
