@@ -1,4 +1,8 @@
 //! Passes finished pictures to a presenter: the window's framebuffer or a recording.
+//!
+//! A window's surface must stay on its thread, but a flight is prepared on another one while the window already responds. So
+//! presenters are set by the thread that runs frames ([`hand_to`], [`take`]), and those of plug-ins wait for it ([`plug`],
+//! [`take_over`]).
 
 use std::any::Any;
 use std::sync::{Mutex, PoisonError};

@@ -9,7 +9,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{Args as ClapArgs, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
-pub use crate::cli::values::{Pair, Point, Size, Triple};
+pub use crate::cli::values::{Pair, Point, Triple};
+pub use crate::render::ImageSize;
 
 use crate::cli::values::{count, number, plane, seed, slab, steps, threads};
 use crate::cli::{Program, unbuilt};
@@ -128,7 +129,7 @@ pub struct FlyArgs {
     pub fps: Option<f64>,
     /// Image size in pixels [default: 1024x1024]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
-    pub size: Option<Size>,
+    pub size: Option<ImageSize>,
     /// Image quality [default: high]
     #[arg(long, value_enum)]
     pub quality: Option<QualityName>,
@@ -184,7 +185,7 @@ pub struct RenderArgs {
     pub out: PathBuf,
     /// Image size in pixels [default: 1024x1024]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
-    pub size: Option<Size>,
+    pub size: Option<ImageSize>,
     /// Image quality [default: high]
     #[arg(long, value_enum)]
     pub quality: Option<QualityName>,
@@ -221,7 +222,7 @@ pub struct SliceArgs {
     pub out: PathBuf,
     /// Image size in pixels [default: 512x512]
     #[arg(long, value_name = "WxH", allow_hyphen_values = true)]
-    pub size: Option<Size>,
+    pub size: Option<ImageSize>,
     /// Pixel size in mm [default: the scan's smallest spacing]
     #[arg(long, value_name = "S", value_parser = number, allow_hyphen_values = true)]
     pub mm_per_pixel: Option<f64>,

@@ -9,7 +9,7 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::json;
 
-use crate::cli::args::{Global, QualityName, RenderArgs, Size};
+use crate::cli::args::{Global, ImageSize, QualityName, RenderArgs};
 use crate::cli::prepare::say;
 use crate::cli::{Program, prepare};
 use crate::error::{Error, Result};
@@ -55,7 +55,7 @@ pub(crate) fn run(program: &Program, args: &RenderArgs, global: &Global, progres
         Some(_) => prepare::fov(global, camera)?,
         None => poses.fov_degrees.unwrap_or(90.0),
     };
-    let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
+    let size = args.size.unwrap_or(ImageSize { width: 1024, height: 1024 });
     let views: Vec<View> = poses
         .poses
         .iter()

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::Path;
 
-use crate::cli::args::{Global, Size, SliceArgs};
+use crate::cli::args::{Global, ImageSize, SliceArgs};
 use crate::cli::prepare;
 use crate::error::{Error, Result};
 use crate::host::record::write_grey_png;
@@ -56,7 +56,7 @@ pub(crate) fn run(args: &SliceArgs, global: &Global, progress: &Progress) -> Res
     }
     prepare::check_files(args.input.as_deref(), &args.out, None)?;
     let volume = prepare::load_or_phantom(args.input.as_deref(), global, progress)?;
-    let size = args.size.unwrap_or(Size { width: 512, height: 512 });
+    let size = args.size.unwrap_or(ImageSize { width: 512, height: 512 });
     let slice = Slice {
         centre: args.at.0,
         frame,

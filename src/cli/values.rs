@@ -54,26 +54,6 @@ impl FromStr for Triple {
     }
 }
 
-/// Image size in pixels, `WxH`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Pixels across.
-    pub width: usize,
-    /// Pixels down.
-    pub height: usize,
-}
-
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(s: &str) -> Result<Self, String> {
-        let (w, h) = s.split_once(['x', 'X']).ok_or("is not WxH")?;
-        let side = |t: &str| t.trim().parse().ok().filter(|n| (1..=16384).contains(n));
-        let sides = side(w).zip(side(h)).map(|(width, height)| Self { width, height });
-        sides.ok_or_else(|| "a side must be a whole number from 1 to 16384 pixels".to_owned())
-    }
-}
-
 fn numbers<const N: usize>(s: &str) -> Result<[f64; N], String> {
     let mut out = [0.0; N];
     let mut parts = s.split(',');

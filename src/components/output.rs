@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::components::camera::Pose;
 use crate::components::flight::State;
 use crate::render::adaptive::Budget;
-use crate::render::{CameraModel, Frame, Preset, Renderer, Reuse, Settings, View, Work, renderer};
+use crate::render::{CameraModel, Frame, ImageSize, Preset, Renderer, Reuse, Settings, View, Work, renderer};
 use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::Volume;
 
@@ -113,9 +113,9 @@ impl Picture {
     /// Restores the image to the size that it was traced in.
     pub fn keep_size(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.traced) else { return };
-        let size = (view.width(), view.height());
-        if (self.frame.width(), self.frame.height()) != size {
-            self.frame.resize(size.0, size.1);
+        let size = ImageSize::new(view.width(), view.height());
+        if self.frame.size() != size {
+            self.frame.resize(size.width, size.height);
             self.resized = true;
         }
     }

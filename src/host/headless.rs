@@ -66,7 +66,7 @@ pub fn fly(
 
 /// Creates the requested recorder, if the flight has pictures.
 fn recorder(flight: &FlightApp, outputs: &Outputs) -> Result<Option<Recorder>> {
-    let size = flight.camera::<Picture>().map(|p| (p.frame.width(), p.frame.height()));
+    let size = flight.camera::<Picture>().map(|p| p.frame.size());
     match (&outputs.record, size) {
         (Some(out), Some(size)) => Recorder::create(out, size, outputs.shown_fps.unwrap_or(outputs.fps)).map(Some),
         _ => Ok(None),
@@ -161,7 +161,7 @@ fn record(flight: &mut FlightApp, overlays: &[Overlay]) -> Result<()> {
 fn marks(flight: &FlightApp, overlays: &[Overlay]) -> Result<Vec<Mark>> {
     let Some(view) = flight.view().filter(|_| !overlays.is_empty()) else { return Ok(Vec::new()) };
     #[cfg(feature = "window")]
-    let scale = crate::host::window::pixels_a_point((view.width(), view.height()), 1.0);
+    let scale = crate::host::window::pixels_a_point(crate::render::ImageSize::new(view.width(), view.height()), 1.0);
     #[cfg(not(feature = "window"))]
     let scale = 1.0;
     let mut canvas = Canvas::at_scale(view, scale);

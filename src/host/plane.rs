@@ -8,10 +8,10 @@ use crate::plane::flight::HZ;
 use crate::plane::picture::{Painter, Show};
 use crate::plane::{Flight, State};
 use crate::progress::Progress;
-use crate::render::Frame;
+use crate::render::{Frame, ImageSize};
 
 /// Approximate size of the picture, pixels.
-const SIZE: (usize, usize) = (800, 800);
+const SIZE: ImageSize = ImageSize::new(800, 800);
 /// Steps per picture of a film. Together with the pictures per second this plays 2.5 times as fast as the flight.
 const STEPS: usize = 24;
 const FPS: f64 = 12.5;
@@ -54,13 +54,13 @@ pub(crate) fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Resul
     let scale = Painter::scale_for(flight, SIZE);
     let mut frame = Frame::default();
     let drawing = flight.walls().drawing();
-    let size = (drawing.width() * scale, drawing.height() * scale);
+    let size = ImageSize::new(drawing.width() * scale, drawing.height() * scale);
     let mut recorder = match film {
         Film::Picture => None,
         Film::Film => Some(Recorder::create(&out.to_string_lossy(), size, FPS)?),
     };
     // A film of a large drawing has fewer pictures.
-    let every = STEPS * (size.0 * size.1).div_ceil(MANY_PIXELS);
+    let every = STEPS * size.pixels().div_ceil(MANY_PIXELS);
     let mut steps = 0;
     while flight.state() == State::Flying {
         if let Some(r) = recorder.as_mut().filter(|_| steps % every == 0) {

@@ -14,7 +14,7 @@ use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
 use crate::output::{self, AtomicFile};
-use crate::render::Frame;
+use crate::render::{Frame, ImageSize};
 use crate::systems::present::Presenter;
 
 /// Writes one image as PNG, completely or not at all.
@@ -166,7 +166,7 @@ impl Recorder {
     ///
     /// # Errors
     /// Returns status 2 for another extension, and status 5 if it cannot be written or there is no `ffmpeg`.
-    pub(crate) fn create(out: &str, (width, height): (usize, usize), fps: f64) -> Result<Self> {
+    pub(crate) fn create(out: &str, ImageSize { width, height }: ImageSize, fps: f64) -> Result<Self> {
         let path = PathBuf::from(out);
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
         if out.ends_with('/') {
@@ -180,7 +180,7 @@ impl Recorder {
                 encoder.set_repeat(Repeat::Infinite).map_err(|e| failed(&path, e))?;
                 Ok(Self::Gif { encoder: Box::new(encoder), file, path, fps, count: 0 })
             }
-            Some("mp4") => Self::video(path, (width, height), fps),
+            Some("mp4") => Self::video(path, ImageSize { width, height }, fps),
             _ => Err(Error::usage(
                 format!("--record {out}"),
                 "ends neither in / nor in .gif nor in .mp4",
@@ -189,7 +189,7 @@ impl Recorder {
         }
     }
 
-    fn video(path: PathBuf, (width, height): (usize, usize), fps: f64) -> Result<Self> {
+    fn video(path: PathBuf, ImageSize { width, height }: ImageSize, fps: f64) -> Result<Self> {
         let file = AtomicFile::create(&path)?;
         let mut ffmpeg = std::process::Command::new("ffmpeg");
         #[cfg(unix)]

@@ -7,6 +7,7 @@ use glam::DVec3;
 use image::{DynamicImage, ImageError, ImageFormat, ImageReader};
 
 use crate::error::{Error, Result};
+use crate::render::ImageSize;
 
 /// Scale of a drawing: length of a pixel's side, mm.
 pub const MM_PER_PIXEL: f64 = 0.5;
@@ -35,7 +36,7 @@ impl Drawing {
     /// # Errors
     /// Returns status 3 if the drawing is too small or too large, has the wrong number of pixels, or has no lumen or no
     /// wall.
-    pub fn new(what: &str, (width, height): (usize, usize), lumen: Vec<bool>) -> Result<Self> {
+    pub fn new(what: &str, ImageSize { width, height }: ImageSize, lumen: Vec<bool>) -> Result<Self> {
         let refuse = |why: String, hint: &str| Err(Error::input(what, why, hint));
         if width < 3 || height < 3 {
             return refuse(format!("is {width}x{height} pixels, too small for a lumen"), "draw at least 3x3 pixels");
@@ -80,7 +81,7 @@ impl Drawing {
         // The size is in the header: an image that is too large is refused before any of it is unpacked.
         let reader = || ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
         let (width, height) = reader().into_dimensions().map_err(broken)?;
-        let size = (width as usize, height as usize);
+        let size = ImageSize::new(width as usize, height as usize);
         if width > MOST_PIXELS || height > MOST_PIXELS || width < 3 || height < 3 {
             return Self::new(what, size, Vec::new());
         }
@@ -90,7 +91,7 @@ impl Drawing {
 
     fn from_image(what: &str, image: &DynamicImage) -> Result<Self> {
         let rgba = image.to_rgba8();
-        let size = (rgba.width() as usize, rgba.height() as usize);
+        let size = ImageSize::new(rgba.width() as usize, rgba.height() as usize);
         let (mut red, mut green) = (Mark::default(), Mark::default());
         let lumen = rgba
             .enumerate_pixels()

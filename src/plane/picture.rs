@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::drawing::MM_PER_PIXEL;
 use super::flight::{Flight, State};
 use super::potential::Potential;
-use crate::render::Frame;
+use crate::render::{Frame, ImageSize};
 
 /// The parts of a flight to draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,10 +59,10 @@ impl Painter {
         Self { potential, levels: Vec::new() }
     }
 
-    /// Returns the whole number of picture pixels per drawing pixel that best fits `width` × `height`, at least 1.
-    pub(crate) fn scale_for(flight: &Flight, (width, height): (usize, usize)) -> usize {
+    /// Returns the whole number of picture pixels per drawing pixel that best fits `size`, at least 1.
+    pub(crate) fn scale_for(flight: &Flight, size: ImageSize) -> usize {
         let drawing = flight.walls().drawing();
-        (width / drawing.width()).min(height / drawing.height()).max(1)
+        (size.width / drawing.width()).min(size.height / drawing.height()).max(1)
     }
 
     /// Draws the current state of a flight, with `scale` picture pixels per pixel of the drawing.

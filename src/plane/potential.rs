@@ -57,6 +57,7 @@ impl Potential {
 
 #[cfg(test)]
 mod tests {
+    use crate::render::ImageSize;
     use glam::DVec3;
 
     use super::super::drawing::Drawing;
@@ -65,7 +66,7 @@ mod tests {
     #[test]
     fn walls_and_mines_add_up() {
         let lumen: Vec<bool> = (0..6400).map(|n| (10..70).contains(&(n / 80))).collect();
-        let walls = Walls::new(Drawing::new("d", (80, 80), lumen).unwrap(), 50.0);
+        let walls = Walls::new(Drawing::new("d", ImageSize::new(80, 80), lumen).unwrap(), 50.0);
         let settings = PlaneSettings::default();
         let mut v = Potential::new(&walls, &settings);
         let middle = 40 + 80 * 40;

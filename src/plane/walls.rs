@@ -148,12 +148,13 @@ impl Clearances for Walls {
 
 #[cfg(test)]
 mod tests {
+    use crate::render::ImageSize;
     use proptest::prelude::*;
 
     use super::*;
 
     fn drawn(lumen: &[bool], w: usize) -> Walls {
-        Walls::new(Drawing::new("d", (w, lumen.len() / w), lumen.to_vec()).unwrap(), 30.0)
+        Walls::new(Drawing::new("d", ImageSize::new(w, lumen.len() / w), lumen.to_vec()).unwrap(), 30.0)
     }
 
     #[test]

@@ -1,5 +1,52 @@
 //! Rendered pictures and counts of the work they took.
 
+use std::fmt;
+use std::str::FromStr;
+
+/// The size of an image, pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ImageSize {
+    /// Pixels across.
+    pub width: usize,
+    /// Pixels down.
+    pub height: usize,
+}
+
+impl ImageSize {
+    /// Creates a size.
+    pub const fn new(width: usize, height: usize) -> Self {
+        Self { width, height }
+    }
+
+    /// Returns the number of pixels.
+    pub const fn pixels(self) -> usize {
+        self.width * self.height
+    }
+
+    /// Returns the shorter side.
+    pub fn shorter(self) -> usize {
+        self.width.min(self.height)
+    }
+}
+
+impl fmt::Display for ImageSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+/// Reads `WxH`.
+impl FromStr for ImageSize {
+    type Err = String;
+
+    fn from_str(s: &str) -> Result<Self, String> {
+        let (w, h) = s.split_once(['x', 'X']).ok_or("is not WxH")?;
+        let side = |t: &str| t.trim().parse().ok().filter(|n| (1..=16384).contains(n));
+        let sides = side(w).zip(side(h)).map(|(width, height)| Self { width, height });
+        sides.ok_or_else(|| "a side must be a whole number from 1 to 16384 pixels".to_owned())
+    }
+}
+
 /// A rendered picture, row 0 on top. Reuse it: rendering into a frame of the right size does not allocate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
@@ -28,6 +75,11 @@ impl Frame {
     /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.height
+    }
+
+    /// Returns the size.
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.width, self.height)
     }
 
     /// Returns red, green and blue of each pixel, row by row.

@@ -58,7 +58,7 @@ pub use choices::{Choices, GradientSource, Leaping, LowDetail};
 pub use coverage::{Coverage, coverage};
 pub use direct::Direct;
 pub use factory::renderer;
-pub use frame::{Frame, Work, psnr};
+pub use frame::{Frame, ImageSize, Work, psnr};
 pub use light::Light;
 pub use memory::MemoryPart;
 pub use options::Options;

@@ -3,6 +3,7 @@
 use super::adaptive::Budget;
 use super::memory::MemoryPart;
 use super::{Frame, Settings, View, Work};
+use crate::render::frame::ImageSize;
 
 /// Side of the pixel squares that [`Renderer::render_squares`] traces, pixels.
 pub const SQUARE: usize = 2;
@@ -73,7 +74,7 @@ pub trait Renderer: Send + Sync {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Detail {
     /// Traced pixels, before the picture was stretched.
-    pub size: (usize, usize),
+    pub size: ImageSize,
     /// Reference-quality samples per pixel.
     pub samples: u32,
     /// True if rendering the same view again would not improve it.

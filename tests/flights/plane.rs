@@ -9,6 +9,7 @@ use colvis::plane::drawing::{Drawing, MM_PER_PIXEL};
 use colvis::plane::flight::HZ;
 use colvis::plane::shipped::{DRAWINGS, named};
 use colvis::plane::{Flight, PlaneSettings, State};
+use colvis::render::ImageSize;
 use glam::DVec3;
 
 use crate::support::run::run;
@@ -122,7 +123,7 @@ fn the_drawings_are_what_the_generator_draws() {
 fn corridor(half: i64) -> Drawing {
     let (w, h) = (240, 80);
     let inside = |n: usize| (8..232).contains(&(n % w)) && ((n / w) as i64 - 40).abs() <= half;
-    let mut d = Drawing::new("corridor", (w, h), (0..w * h).map(inside).collect()).unwrap();
+    let mut d = Drawing::new("corridor", ImageSize::new(w, h), (0..w * h).map(inside).collect()).unwrap();
     d.start = Some(DVec3::new(10.0, 20.25, 0.0));
     d.goal = Some(DVec3::new(112.0, 20.25, 0.0));
     d
@@ -189,7 +190,7 @@ fn anything_drawn_is_survived() {
             let (x, y) = ((n % w) as f64 / w as f64, (n / w) as f64 / h as f64);
             blobs.iter().any(|b| (x - b[0]).hypot(y - b[1]) < 0.05 + 0.12 * b[2])
         });
-        let Ok(drawing) = Drawing::new("blobs", (w, h), lumen.collect()) else { continue };
+        let Ok(drawing) = Drawing::new("blobs", ImageSize::new(w, h), lumen.collect()) else { continue };
         let settings = PlaneSettings { seconds: 40.0, ..PlaneSettings::default() };
         let twice = [(); 2].map(|()| fly(drawing.clone(), settings.clone()).flight);
         assert_eq!(digest(twice[0].places()), digest(twice[1].places()));

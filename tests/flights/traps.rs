@@ -12,6 +12,7 @@ use colvis::error::Result;
 use colvis::plane::drawing::Drawing;
 use colvis::plane::shipped::{DRAWINGS, named};
 use colvis::progress::Progress;
+use colvis::render::ImageSize;
 use colvis::report::trials::Course;
 use colvis::schedule::{App, FlightSystems, Guide};
 use colvis::systems::sense;
@@ -107,7 +108,7 @@ fn dithering_between_two_lumens_is_told_in_three_dimensions() {
         let stem = (-52.0..0.0).contains(&x) && y.abs() <= 7.0;
         stem || (-4.0..32.0).contains(&x) && (y.abs() - x.max(0.0)).abs() <= 8.0
     };
-    let mut wye = Drawing::new("wye", (w, h), (0..w * h).map(inside).collect()).unwrap();
+    let mut wye = Drawing::new("wye", ImageSize::new(w, h), (0..w * h).map(inside).collect()).unwrap();
     (wye.start, wye.goal) = (Some(DVec3::new(12.0, 40.25, 0.0)), Some(DVec3::new(89.0, 11.0, 0.0)));
     for feels in [false, true] {
         let mut flight = through(&wye, Scene { log: true, ..Scene::steered_by(Torn { feels }) });

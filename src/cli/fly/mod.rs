@@ -12,7 +12,7 @@ use serde_json::json;
 use crate::app::plan::triple;
 use crate::app::{Catalog, FlightApp, FlightRequest, ImageSettings, Overlay, Place, Scan, Scene, Steering, Timings};
 use crate::cli::Program;
-use crate::cli::args::{FlyArgs, Global, Point, Size};
+use crate::cli::args::{FlyArgs, Global, ImageSize, Point};
 use crate::cli::prepare::{self, say};
 use crate::components::flight::State;
 use crate::components::play::Direction;
@@ -205,7 +205,7 @@ fn image_settings(
     scene: &Scene,
     screen: Screen,
 ) -> Result<ImageSettings> {
-    let size = args.size.unwrap_or(Size { width: 1024, height: 1024 });
+    let size = args.size.unwrap_or(ImageSize { width: 1024, height: 1024 });
     let quality = prepare::quality(args.quality);
     let camera = prepare::camera(program, global, scene.image.camera)?;
     let camera = CameraModel { options: scene.options.of(camera.name), ..camera };

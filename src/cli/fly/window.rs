@@ -60,7 +60,7 @@ pub(crate) fn fly(
     let launch = window::Launch {
         first,
         open: Box::new(open),
-        size: args.size.map(|s| (s.width, s.height)),
+        size: args.size,
         overlays,
         guides,
         panels: program.all_panels(),

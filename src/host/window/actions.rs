@@ -11,6 +11,7 @@ use super::panels::PanelEntry;
 use super::workspace::LAYOUTS;
 use crate::app::Overlay;
 use crate::error::{Error, Result};
+use crate::render::ImageSize;
 use crate::schedule::Guides;
 
 /// An action of the operator.
@@ -57,7 +58,7 @@ pub(crate) enum Effect {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ActionContext {
     /// Size of the flight's picture, pixels.
-    pub window: (usize, usize),
+    pub window: ImageSize,
     /// Current time.
     pub now: Instant,
 }

@@ -41,6 +41,7 @@ use crate::host::headless;
 use crate::output;
 #[cfg(test)]
 use crate::render::Frame;
+use crate::render::ImageSize;
 use crate::systems::present;
 
 /// Maximum number of steps between two images. A slower machine flies slower.
@@ -68,12 +69,7 @@ pub(crate) struct FlightController {
     quiet: u32,
     held: HeldKeys,
     sent: ([f64; 3], [f64; 3]),
-    look: [f64; 2],
-    /// Mouse roll of the view since the last step, degrees clockwise.
-    roll: f64,
-    notches: f64,
-    /// Notches by which the view angle narrows before the next step.
-    zoom: f64,
+    moved: Moved,
     slices: Slices,
     measures: Measures,
     /// The animated move of the camera to a place.
@@ -94,6 +90,20 @@ pub(crate) struct FlightController {
     scale: f32,
     /// True if there is something new to show although the flight rests.
     attention: bool,
+}
+
+/// Mouse and wheel movements since the last step. Each sum becomes one command, because a mouse reports far more often than the
+/// flight steps, and each command is recorded.
+#[derive(Default)]
+struct Moved {
+    /// Look to the right and upwards, degrees.
+    look: [f64; 2],
+    /// Roll, degrees clockwise.
+    roll: f64,
+    /// Notches by which the view angle narrows.
+    zoom: f64,
+    /// Notches by which the flight becomes faster.
+    speed: f64,
 }
 
 impl FlightController {
@@ -118,10 +128,7 @@ impl FlightController {
             quiet: 0,
             held: HeldKeys::default(),
             sent: Default::default(),
-            look: [0.0; 2],
-            roll: 0.0,
-            notches: 0.0,
-            zoom: 0.0,
+            moved: Moved::default(),
             slices: Slices::default(),
             measures: Measures::default(),
             travel: None,
@@ -298,24 +305,24 @@ impl FlightController {
     }
 
     /// Turns the view by a mouse drag, in pixels to the right and downwards, in a window of the given size.
-    pub(crate) fn drag(&mut self, (right, down): (f64, f64), window: (usize, usize)) {
+    pub(crate) fn drag(&mut self, (right, down): (f64, f64), window: ImageSize) {
         let fov = self.flight.camera::<Picture>().map_or(90.0, |p| p.fov_degrees);
-        let degrees = fov / window.0.min(window.1).max(1) as f64;
-        self.look[0] += right * degrees;
-        self.look[1] -= down * degrees;
+        let degrees = fov / window.shorter().max(1) as f64;
+        self.moved.look[0] += right * degrees;
+        self.moved.look[1] -= down * degrees;
         self.quiet = 0;
     }
 
     /// Rolls the view by a mouse drag, in pixels to the right, in a window of the given size. A drag over its shorter side is
     /// half a turn.
-    pub(crate) fn roll(&mut self, right: f64, window: (usize, usize)) {
-        self.roll += right * 180.0 / window.0.min(window.1).max(1) as f64;
+    pub(crate) fn roll(&mut self, right: f64, window: ImageSize) {
+        self.moved.roll += right * 180.0 / window.shorter().max(1) as f64;
         self.quiet = 0;
     }
 
     /// Narrows the view angle by a number of notches before the next step. Negative notches widen it.
     pub(crate) fn zoom(&mut self, notches: f64) {
-        self.zoom += notches;
+        self.moved.zoom += notches;
         self.quiet = 0;
     }
 
@@ -330,7 +337,7 @@ impl FlightController {
 
     /// Changes the speed by a number of notches before the next step.
     pub(crate) fn change_speed_by(&mut self, notches: f64) {
-        self.notches += notches;
+        self.moved.speed += notches;
         self.quiet = 0;
     }
 
@@ -399,7 +406,7 @@ impl FlightController {
 
     /// Saves the image.
     pub(crate) fn take_screenshot(&mut self, at: ActionContext) {
-        if at.window.0 == 0 || at.window.1 == 0 {
+        if at.window.pixels() == 0 {
             self.say("the flight is not shown", at.now);
             return;
         }
@@ -527,23 +534,20 @@ impl FlightController {
         for note in self.flight.take_notes() {
             self.say(note, now);
         }
-        if self.look != [0.0; 2] {
-            let look = std::mem::take(&mut self.look);
+        let Moved { look, roll, zoom, speed } = std::mem::take(&mut self.moved);
+        if look != [0.0; 2] {
             self.act(HandCommand::Look(look.map(recordable)), now);
         }
-        if self.roll != 0.0 {
-            let roll = std::mem::take(&mut self.roll);
+        if roll != 0.0 {
             self.act(HandCommand::Roll(recordable(roll)), now);
         }
-        if self.zoom != 0.0 {
-            let zoom = std::mem::take(&mut self.zoom);
+        if zoom != 0.0 {
             let degrees = self.flight.camera::<Picture>().map_or(90.0, |p| p.fov_degrees);
             // Round to tenths, so that the same number of notches there and back ends at the initial angle.
             self.change_angle((degrees * NARROWER.powf(zoom) * 10.0).round() / 10.0, now);
         }
-        if self.notches != 0.0 {
-            let notches = std::mem::take(&mut self.notches);
-            self.change_speed(notches, now);
+        if speed != 0.0 {
+            self.change_speed(speed, now);
         }
         self.go_on(now);
         if self.rests() {
@@ -580,7 +584,7 @@ impl FlightController {
     /// Returns status 1 if an image cannot be rendered, which is an internal error.
     pub(crate) fn prepare(
         &mut self,
-        window: (usize, usize),
+        window: ImageSize,
         slices: &[(Orientation, [usize; 2])],
         now: Instant,
     ) -> Result<Option<Due>> {

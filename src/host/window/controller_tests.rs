@@ -10,11 +10,11 @@ use crate::host::window::actions::KeySettings;
 use crate::host::window::keys::Hold;
 use crate::host::window::panels::{FlightInput, SliceInput};
 use crate::progress::Progress;
-use crate::render::{Preset, Quality, Settings};
+use crate::render::{ImageSize, Preset, Quality, Settings};
 use crate::space::{PreparedVolume, TransferFunction};
 use crate::volume::{Grid, Volume};
 
-const WINDOW: (usize, usize) = (96, 72);
+const WINDOW: ImageSize = ImageSize::new(96, 72);
 /// Time between two pictures.
 const FRAME: Duration = Duration::from_millis(20);
 
@@ -106,7 +106,7 @@ fn a_still_scene_is_refined_and_then_left_alone() {
         assert!(begun.elapsed() < Duration::from_secs(60));
     }
     let image = c.image().unwrap();
-    assert_eq!((image.width(), image.height()), WINDOW);
+    assert_eq!(image.size(), WINDOW);
     assert_eq!(c.view_renderer.detail(&c.flight).unwrap().samples, crate::render::adaptive::SAMPLES);
     c.hud(now + Duration::from_secs(1));
     assert_eq!(c.next(), None, "nothing to wake up for");
@@ -208,7 +208,7 @@ fn a_screenshot_is_what_is_shown_or_what_was_seen() {
     look_from(&mut c, 2.0);
     let saved = c.view_renderer.all_to_save();
     assert_eq!(saved.len(), 1);
-    assert_eq!((saved[0].request.pose, saved[0].frame.width(), saved[0].frame.height()), (pose, WINDOW.0, WINDOW.1));
+    assert_eq!((saved[0].request.pose, saved[0].frame.size()), (pose, WINDOW));
 }
 
 #[test]
@@ -264,7 +264,7 @@ fn keys_and_mouse_roll_the_view() {
         before.up.cross(now.up).dot(before.forward).atan2(before.up.dot(now.up)).to_degrees()
     };
     // A drag over the window's shorter side is half a turn.
-    c.roll(WINDOW.1 as f64 / 6.0, WINDOW);
+    c.roll(WINDOW.height as f64 / 6.0, WINDOW);
     assert!(fly(&mut c, &mut now, 2) > 0);
     assert!((rolled(&c) - 30.0).abs() < 1e-6, "{}", rolled(&c));
     c.steer(|h| h.press(Hold::RollLeft), now);
@@ -451,10 +451,10 @@ fn distances_are_measured_on_the_wall_and_in_slices() {
     trace(&mut c, now);
     perform(&mut c, "measure", now);
     let at = ActionContext { window: WINDOW, now };
-    let middle = WINDOW.1 as f64 / 2.0;
+    let middle = WINDOW.height as f64 / 2.0;
     c.follow(FlightInput::Click([4.0, middle]), at);
     assert!(c.measures().begun().is_some());
-    c.follow(FlightInput::Click([WINDOW.0 as f64 - 4.0, middle]), at);
+    c.follow(FlightInput::Click([WINDOW.width as f64 - 4.0, middle]), at);
     let made = c.measures().list()[0];
     assert!((made.mm() - 20.0).abs() < 0.6, "from wall to wall of a tube of 20 mm: {}", made.text());
     // The camera is half a millimetre off the middle.
@@ -501,14 +501,17 @@ fn a_hidden_flight_is_not_made_better_and_not_saved() {
     perform(&mut c, "light", now);
     assert!(c.next().is_some_and(|t| t <= now), "another light is another picture");
     c.hud(now);
-    let due = c.prepare((0, 0), &SLICES, now).unwrap();
+    let due = c.prepare(ImageSize::new(0, 0), &SLICES, now).unwrap();
     c.show(due).unwrap();
     now += MESSAGE * 2;
     c.hud(now);
-    assert!(c.prepare((0, 0), &SLICES, now).unwrap().is_none(), "the slices are drawn, and the flight is not seen");
+    assert!(
+        c.prepare(ImageSize::new(0, 0), &SLICES, now).unwrap().is_none(),
+        "the slices are drawn, and the flight is not seen"
+    );
     let rests = |t: Instant| t > now;
     assert!(c.next().is_none_or(rests), "nothing is due");
-    c.take_screenshot(ActionContext { window: (0, 0), now });
+    c.take_screenshot(ActionContext { window: ImageSize::new(0, 0), now });
     assert_eq!(c.hud(now).message.as_deref(), Some("the flight is not shown"));
 }
 

@@ -7,7 +7,7 @@ use crate::app::FlightApp;
 use crate::components::camera::{Contact, Velocity};
 use crate::components::input::Hand;
 use crate::components::output::Picture;
-use crate::render::Quality;
+use crate::render::{ImageSize, Quality};
 use crate::schedule::PluginTime;
 
 /// Minimum time between two updates of the figures.
@@ -60,7 +60,7 @@ impl Figures {
             let ms = new.iter().map(|f| f.ms).sum::<f64>() / count;
             let fps = count / elapsed.as_secs_f64().max(1e-3);
             let detail = view_renderer.detail(flight);
-            let (width, height) = detail.map_or((0, 0), |d| d.size);
+            let ImageSize { width, height } = detail.map_or(ImageSize::default(), |d| d.size);
             // A rate is meaningless for a still picture.
             let rate = detail.and_then(refined).unwrap_or_else(|| format!("{fps:.0} fps"));
             self.lines[0] = format!("{ms:.0} ms, {rate} ({width}x{height})");

@@ -15,7 +15,7 @@ use super::painter::Painter;
 use super::screen::Screen;
 use crate::components::output::Picture;
 use crate::error::{Error, Result};
-use crate::render::Frame;
+use crate::render::{Frame, ImageSize};
 use crate::systems::present::Presenter;
 
 /// A window's pixels.
@@ -106,7 +106,7 @@ impl Framebuffer {
         let mut show = || {
             self.screen.surface.resize(width, height)?;
             let mut buffer = self.screen.surface.buffer_mut()?;
-            let pixels = (size.width as usize, size.height as usize);
+            let pixels = ImageSize::new(size.width as usize, size.height as usize);
             let settled = self.painter.paint(pixels, pictures, &mut buffer);
             self.screen.window.pre_present_notify();
             buffer.present().map(|()| settled)

@@ -3,6 +3,7 @@
 //! A layout is computed only if something that it shows may have changed, and is rasterised only if it differs. The interface
 //! does not depend on a window: the caller passes egui's events, and tests create them.
 
+use crate::render::ImageSize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -13,7 +14,7 @@ use egui::{ClippedPrimitive, Context, PlatformOutput, Pos2, RawInput, Rect, Text
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct WindowSize {
     /// Width and height.
-    pub pixels: (usize, usize),
+    pub pixels: ImageSize,
     /// Pixels per point.
     pub scale: f32,
 }
@@ -21,7 +22,7 @@ pub(crate) struct WindowSize {
 impl WindowSize {
     /// Returns the zoom of the interface. It is reduced in a small window to leave some of it free.
     fn zoom(self) -> f32 {
-        let [width, height] = [self.pixels.0, self.pixels.1].map(|p| p as f32 / self.scale);
+        let [width, height] = [self.pixels.width, self.pixels.height].map(|p| p as f32 / self.scale);
         (width / 420.0).min(height / 300.0).clamp(0.7, 1.0)
     }
 
@@ -32,14 +33,14 @@ impl WindowSize {
 
     /// Returns the window's area in points of the interface.
     pub(crate) fn area(self) -> Rect {
-        let (width, height) = self.pixels;
+        let ImageSize { width, height } = self.pixels;
         Rect::from_min_size(Pos2::ZERO, Vec2::new(width as f32, height as f32) / self.pixels_a_point())
     }
 
     /// Converts a rectangle of the interface to pixels: left, top, width, height.
     pub(crate) fn in_pixels(self, at: Rect) -> [usize; 4] {
         let edge = |x: f32, most: usize| ((x * self.pixels_a_point()).round().max(0.0) as usize).min(most);
-        let (width, height) = self.pixels;
+        let ImageSize { width, height } = self.pixels;
         let [left, right] = [at.min.x, at.max.x].map(|x| edge(x, width));
         let [top, bottom] = [at.min.y, at.max.y].map(|y| edge(y, height));
         [left, top, right.saturating_sub(left), bottom.saturating_sub(top)]
@@ -143,7 +144,7 @@ impl Interface {
         now: Instant,
         mut draw: impl FnMut(&mut Ui) -> Vec<Rect>,
     ) -> PlatformOutput {
-        if size.pixels.0 == 0 || size.pixels.1 == 0 {
+        if size.pixels.pixels() == 0 {
             return PlatformOutput::default();
         }
         let mut textures = TexturesDelta::default();

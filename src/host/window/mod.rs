@@ -46,6 +46,7 @@ use crate::error::{Error, Result};
 use crate::host::frames::FrameStats;
 use crate::panics::catch_panic;
 use crate::progress::Progress;
+use crate::render::ImageSize;
 use crate::schedule::Guides;
 use actions::{Actions, KeySettings};
 pub(crate) use loading::{Prepare, SessionFile};
@@ -131,7 +132,7 @@ pub(crate) struct Launch {
     /// Opens another scan. The number selects a series in a folder that holds several.
     pub open: Box<dyn Fn(PathBuf, Option<usize>) -> Result<Opening>>,
     /// Size of the window in pixels; a default size if `None`.
-    pub size: Option<(usize, usize)>,
+    pub size: Option<ImageSize>,
     /// Overlays available for the picture.
     pub overlays: Vec<Overlay>,
     /// Guides that the operator can switch to: those of the flight's scene.

@@ -15,7 +15,7 @@ use super::layer::{Bgra, Layer, Placed, compose};
 use super::overlay;
 use crate::app::overlay::Mark;
 use crate::error::{Error, Result};
-use crate::render::Frame;
+use crate::render::{Frame, ImageSize};
 
 /// A layout to be rasterised, with the changes of the textures since the previous one.
 struct Request {
@@ -78,24 +78,24 @@ impl Painter {
     ///
     /// Returns true if the last prepared layout is over the pictures. If false, it is an earlier one, and the picture must be
     /// painted again.
-    pub(crate) fn paint(&mut self, size: (usize, usize), pictures: &[Placed<'_>], surface: &mut [u32]) -> bool {
-        if surface.is_empty() || surface.len() != size.0 * size.1 {
+    pub(crate) fn paint(&mut self, size: ImageSize, pictures: &[Placed<'_>], surface: &mut [u32]) -> bool {
+        if surface.is_empty() || surface.len() != size.pixels() {
             return true;
         }
         let Some(wanted) = self.wanted.clone() else {
-            compose(pictures, &Layer::default(), surface, size.0);
+            compose(pictures, &Layer::default(), surface, size.width);
             return true;
         };
         if wanted.size.pixels != size {
             // The window has a different size by now, and gets a layout for it with the next picture.
-            compose(pictures, &Layer::default(), surface, size.0);
+            compose(pictures, &Layer::default(), surface, size.width);
             return false;
         }
         self.take(false);
         if !self.shown.as_ref().is_some_and(|s| s.may_stand_in_for(&wanted)) {
             while !is(self.shown.as_ref(), &wanted) && self.request(&wanted) && self.take(true) {}
         }
-        compose(pictures, &self.layer, surface, size.0);
+        compose(pictures, &self.layer, surface, size.width);
         // Only now, so that both do not compete for the same cores.
         let settled = is(self.shown.as_ref(), &wanted);
         if !settled {
@@ -144,7 +144,7 @@ impl Default for Marker {
 impl Marker {
     /// Paints `marks` over a picture.
     pub(crate) fn paint(&mut self, marks: &[Mark], picture: &mut Frame) {
-        let pixels = (picture.width(), picture.height());
+        let pixels = picture.size();
         if marks.is_empty() {
             return;
         }
@@ -178,7 +178,7 @@ impl Artist {
 
     /// Rasterises a layout, with the changes of the textures since the previous one.
     pub(crate) fn paint(&mut self, layout: &Layout, textures: &TexturesDelta) -> Layer {
-        let (width, height) = layout.size.pixels;
+        let ImageSize { width, height } = layout.size.pixels;
         let shapes = layout.tessellate();
         self.raster.render_to_canvas(width, height, &shapes, textures, layout.size.pixels_a_point());
         self.canvas.clear();
@@ -189,7 +189,7 @@ impl Artist {
 }
 
 /// Returns the pixels per point of the interface in a window of `pixels` with the system's scale factor `scale`.
-pub(crate) fn pixels_a_point(pixels: (usize, usize), scale: f32) -> f32 {
+pub(crate) fn pixels_a_point(pixels: ImageSize, scale: f32) -> f32 {
     WindowSize { pixels, scale }.pixels_a_point()
 }
 
@@ -211,7 +211,7 @@ mod tests {
         }
 
         /// Lays out `text`, with or without a picture below.
-        fn lay_out(&mut self, pixels: (usize, usize), scale: f32, text: &str, picture: bool) {
+        fn lay_out(&mut self, pixels: ImageSize, scale: f32, text: &str, picture: bool) {
             let size = WindowSize { pixels, scale };
             self.interface.lay_out(RawInput::default(), size, Instant::now(), |ui| {
                 let area = ui.ctx().content_rect();
@@ -223,9 +223,9 @@ mod tests {
             }
         }
 
-        fn painted(&mut self, pixels: (usize, usize), scale: f32, text: &str) -> Vec<u32> {
+        fn painted(&mut self, pixels: ImageSize, scale: f32, text: &str) -> Vec<u32> {
             self.lay_out(pixels, scale, text, false);
-            let mut out = vec![7; pixels.0 * pixels.1];
+            let mut out = vec![7; pixels.pixels()];
             assert!(self.painter.paint(pixels, &[], &mut out));
             out
         }
@@ -234,25 +234,28 @@ mod tests {
     #[test]
     fn text_is_painted_at_every_scale_and_changes_with_its_content() {
         let mut p = Both::new();
-        for (size, scale) in [((640, 480), 1.0), ((1280, 960), 2.0), ((333, 217), 1.25)] {
+        for (size, scale) in
+            [(ImageSize::new(640, 480), 1.0), (ImageSize::new(1280, 960), 2.0), (ImageSize::new(333, 217), 1.25)]
+        {
             let first = p.painted(size, scale, "scan.nii: wrong magic");
-            assert!(first.iter().filter(|&&c| c > 0x0060_6060).count() > 200, "{size:?}: no text");
-            assert_ne!(p.painted(size, scale, "no such file"), first, "{size:?}: another text");
-            assert!(p.painted(size, scale, "scan.nii: wrong magic") == first, "{size:?}: the same again");
+            assert!(first.iter().filter(|&&c| c > 0x0060_6060).count() > 200, "{size}: no text");
+            assert_ne!(p.painted(size, scale, "no such file"), first, "{size}: another text");
+            assert!(p.painted(size, scale, "scan.nii: wrong magic") == first, "{size}: the same again");
         }
     }
 
     #[test]
     fn text_in_a_small_window_is_as_large_at_first_as_later() {
         let mut p = Both::new();
-        let first = p.painted((200, 150), 1.0, "a");
-        assert!(p.painted((200, 150), 1.0, "b") != first && p.painted((200, 150), 1.0, "a") == first);
+        let small = ImageSize::new(200, 150);
+        let first = p.painted(small, 1.0, "a");
+        assert!(p.painted(small, 1.0, "b") != first && p.painted(small, 1.0, "a") == first);
     }
 
     #[test]
     fn figures_may_come_later_than_the_picture_but_do_come() {
         let mut p = Both::new();
-        let (size, mut out) = ((320, 240), vec![7; 320 * 240]);
+        let (size, mut out) = (ImageSize::new(320, 240), vec![7; 320 * 240]);
         p.lay_out(size, 1.0, "1", true);
         assert!(p.painter.paint(size, &[], &mut out), "there is nothing to show in its place");
         let first = out.clone();
@@ -279,11 +282,11 @@ mod tests {
     #[test]
     fn a_window_without_pixels_is_no_fault() {
         let mut p = Both::new();
-        for (size, scale) in [((0, 480), 1.0), ((1, 1), 1.0), ((3, 2), 3.0)] {
+        for (size, scale) in [(ImageSize::new(0, 480), 1.0), (ImageSize::new(1, 1), 1.0), (ImageSize::new(3, 2), 3.0)] {
             p.painted(size, scale, "x");
         }
         let mut other = vec![7; 5];
-        p.painter.paint((3, 2), &[], &mut other);
+        p.painter.paint(ImageSize::new(3, 2), &[], &mut other);
         assert_eq!(other, [7; 5], "a surface of another size is left alone");
     }
 
@@ -297,9 +300,9 @@ mod tests {
         for n in 0..60 {
             let kind = usize::from(n % 3 == 0);
             let begun = Instant::now();
-            p.lay_out((1024, 1024), 1.0, &format!("picture {}", n / 3), false);
+            p.lay_out(ImageSize::new(1024, 1024), 1.0, &format!("picture {}", n / 3), false);
             let laid_out = begun.elapsed().as_secs_f64() * 1e3;
-            p.painter.paint((1024, 1024), &[Placed { at: (0, 0), frame: &frame }], &mut surface);
+            p.painter.paint(ImageSize::new(1024, 1024), &[Placed { at: (0, 0), frame: &frame }], &mut surface);
             best[kind] = best[kind].min(begun.elapsed().as_secs_f64() * 1e3);
             best[2] = best[2].min(laid_out);
         }

@@ -26,7 +26,7 @@ use crate::plane::picture::{Painter, Show};
 use crate::plane::plan::pair;
 use crate::plane::{Flight, State};
 use crate::progress::Progress;
-use crate::render::Frame;
+use crate::render::{Frame, ImageSize};
 
 /// Time between two pictures.
 const PERIOD: Duration = Duration::from_millis(16);
@@ -120,7 +120,7 @@ impl Shell {
             return Ok(());
         };
         let (w, h) = (size.width as usize, size.height as usize);
-        let scale = Painter::scale_for(&self.flight, (w, h));
+        let scale = Painter::scale_for(&self.flight, ImageSize::new(w, h));
         self.painter.paint(&self.flight, self.show, scale, &mut self.frame);
         let (fw, fh) = (self.frame.width(), self.frame.height());
         self.place = (w.saturating_sub(fw) / 2, h.saturating_sub(fh) / 2, scale);

@@ -11,7 +11,7 @@ use crate::components::output::Picture;
 use crate::error::{Error, Result};
 use crate::panics;
 use crate::progress::Progress;
-use crate::render::{CameraModel, Frame, Preset, Reuse, Settings, View, renderer};
+use crate::render::{CameraModel, Frame, ImageSize, Preset, Reuse, Settings, View, renderer};
 use crate::space::PreparedVolume;
 
 /// A request for an image to be saved.
@@ -20,7 +20,7 @@ pub(crate) struct PictureRequest {
     /// Pose of the camera.
     pub pose: Pose,
     /// Width and height, pixels.
-    pub size: (usize, usize),
+    pub size: ImageSize,
     /// Camera model.
     pub camera: CameraModel,
     /// View angle over the shorter side, degrees.
@@ -34,15 +34,16 @@ pub(crate) struct PictureRequest {
 impl PictureRequest {
     /// Creates a request for the current image of a flight's camera. `width` and `height` must be at least one pixel. The image
     /// has full detail, whatever detail the flight itself can afford.
-    pub(crate) fn of(flight: &FlightApp, (width, height): (usize, usize)) -> Option<Self> {
+    pub(crate) fn of(flight: &FlightApp, size: ImageSize) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
         let settings = Settings { adaptive: false, ..picture.settings };
         let (camera, fov_degrees, preset) = (picture.camera, picture.fov_degrees, picture.preset);
-        Some(Self { pose: flight.pose(), size: (width.max(1), height.max(1)), camera, fov_degrees, settings, preset })
+        let size = ImageSize::new(size.width.max(1), size.height.max(1));
+        Some(Self { pose: flight.pose(), size, camera, fov_degrees, settings, preset })
     }
 
     fn trace(&self, volume: &PreparedVolume) -> Result<Traced> {
-        let (a, (width, height)) = (self.pose.attitude, self.size);
+        let (a, ImageSize { width, height }) = (self.pose.attitude, self.size);
         let view = View::with_model(self.pose.position, a.forward, a.up, self.camera, self.fov_degrees, width, height)?;
         let mut frame = Frame::new(width, height);
         let traced = panics::catch(|| {
@@ -126,7 +127,7 @@ mod tests {
         let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
         let request = PictureRequest {
             pose: Pose { position: DVec3::splat(8.0), attitude: Attitude::new(DVec3::NEG_X, DVec3::Z) },
-            size: (30, 20),
+            size: ImageSize::new(30, 20),
             camera: CameraModel::default(),
             fov_degrees: 90.0,
             settings: Settings::new(Quality::High),

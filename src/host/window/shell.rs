@@ -36,6 +36,7 @@ use crate::error::{Error, Result};
 use crate::host::log::Log;
 use crate::output;
 use crate::progress::Progress;
+use crate::render::ImageSize;
 use crate::render::adaptive::FRAME;
 
 /// Time between two pictures while loading.
@@ -97,7 +98,7 @@ pub(crate) struct Shell {
     log_path: Option<PathBuf>,
     log: Option<Log>,
     seconds: Option<f64>,
-    size: Option<(usize, usize)>,
+    size: Option<ImageSize>,
     resume: Resume,
     session: Option<PathBuf>,
     /// The session file of the scan. Its name identifies the scan.
@@ -289,15 +290,18 @@ impl Shell {
 
     /// Returns the window's size; zero pixels if there is no window.
     fn window_size(&self) -> WindowSize {
-        self.window.as_ref().map_or(WindowSize { pixels: (0, 0), scale: 1.0 }, |window| {
+        self.window.as_ref().map_or(WindowSize { pixels: ImageSize::default(), scale: 1.0 }, |window| {
             let size = window.inner_size();
-            WindowSize { pixels: (size.width as usize, size.height as usize), scale: window.scale_factor() as f32 }
+            WindowSize {
+                pixels: ImageSize::new(size.width as usize, size.height as usize),
+                scale: window.scale_factor() as f32,
+            }
         })
     }
 
     /// Returns the context of an action: the size of the flight's picture, at time `now`.
     fn moment(&self, now: Instant) -> ActionContext {
-        ActionContext { window: (self.flight_at[2], self.flight_at[3]), now }
+        ActionContext { window: ImageSize::new(self.flight_at[2], self.flight_at[3]), now }
     }
 
     /// Handles the end of loading: starts the flight, or shows the error.
@@ -515,7 +519,7 @@ impl Shell {
                     log.add(controller.flight_mut().take_log())?;
                 }
                 let slices: Vec<_> = self.slices_at.iter().map(|(o, [.., w, h])| (*o, [*w, *h])).collect();
-                due = controller.prepare((width, height), &slices, now)?;
+                due = controller.prepare(ImageSize::new(width, height), &slices, now)?;
                 // The text over slices describes them at the time of the layout. At rest, nothing else triggers a new layout.
                 self.touched |= due.is_some() && !slices.is_empty() && controller.rests();
             }
@@ -528,7 +532,7 @@ impl Shell {
         self.beat = if now.saturating_duration_since(beat) < period / 2 { beat.min(now) } else { now };
         self.due = self.beat + period;
         let (pixels, Some(layout)) = (self.window_size().pixels, self.interface.layout()) else { return Ok(()) };
-        if pixels.0 == 0 || pixels.1 == 0 {
+        if pixels.pixels() == 0 {
             // Minimised: the flight continues, but there is nothing to paint on.
             return Ok(());
         }
@@ -602,7 +606,8 @@ impl ApplicationHandler<Wake> for Shell {
         if self.window.is_some() {
             return;
         }
-        let size = self.size.map_or(Size::Logical(USUAL), |(w, h)| PhysicalSize::new(w as u32, h as u32).into());
+        let size =
+            self.size.map_or(Size::Logical(USUAL), |s| PhysicalSize::new(s.width as u32, s.height as u32).into());
         let attributes = Window::default_attributes()
             .with_title("colvis")
             .with_inner_size(size)

@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::host::frames::FrameStats;
 use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost, cost_shown};
-use crate::render::{CameraModel, Detail, Frame, Light, Quality, Settings};
+use crate::render::{CameraModel, Detail, Frame, ImageSize, Light, Quality, Settings};
 use crate::schedule::note;
 use crate::space::PreparedVolume;
 
@@ -26,13 +26,13 @@ struct Shown {
     /// View angle, degrees.
     fov_degrees: f64,
     camera: CameraModel,
-    window: (usize, usize),
+    window: ImageSize,
     quality: Quality,
 }
 
 impl Shown {
     /// Returns the inputs of the flight's picture in a window now; `None` in a scene without a picture.
-    fn now(flight: &FlightApp, window: (usize, usize)) -> Option<Self> {
+    fn now(flight: &FlightApp, window: ImageSize) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
         let (fov_degrees, camera, quality) = (picture.fov_degrees, picture.camera, picture.settings.quality);
         Some(Self { pose: flight.pose(), fov_degrees, camera, window, quality })
@@ -129,7 +129,7 @@ impl ViewRenderer {
 
     /// Requests that the image of a window of the given size is saved: the displayed one once it is complete, or, if the camera
     /// moves on before that, a separately rendered one.
-    pub(crate) fn order_to_save(&mut self, flight: &FlightApp, window: (usize, usize)) {
+    pub(crate) fn order_to_save(&mut self, flight: &FlightApp, window: ImageSize) {
         let Some(request) = PictureRequest::of(flight, window) else { return };
         let here = self.shown.zip(Shown::now(flight, window)).is_some_and(|(shown, now)| shown.is(&now));
         match self.image(flight).filter(|_| here && !self.is_refining(flight)) {
@@ -178,12 +178,7 @@ impl ViewRenderer {
     ///
     /// # Errors
     /// Returns status 1 if an image to be saved could not be rendered, which is an internal error.
-    pub(crate) fn prepare(
-        &mut self,
-        flight: &mut FlightApp,
-        window: (usize, usize),
-        beside: bool,
-    ) -> Result<Option<Due>> {
+    pub(crate) fn prepare(&mut self, flight: &mut FlightApp, window: ImageSize, beside: bool) -> Result<Option<Due>> {
         while let Some(traced) = self.screenshots.take() {
             match traced {
                 Ok(traced) => self.to_save.push(traced),
@@ -191,7 +186,7 @@ impl ViewRenderer {
             }
         }
         let Some(now) = Shown::now(flight, window) else { return Ok(None) };
-        self.hidden = window.0 == 0 || window.1 == 0;
+        self.hidden = window.pixels() == 0;
         if self.hidden {
             return Ok(beside.then(|| Due { now, rest: false, stays: true, begun: Instant::now() }));
         }
@@ -202,11 +197,11 @@ impl ViewRenderer {
             return Ok(beside.then(|| Due { now, rest, stays: true, begun: Instant::now() }));
         }
         self.save_waiting(flight, &now, rest);
-        let budget = self.budget.next(rest, self.present_ms, window.0 * window.1);
+        let budget = self.budget.next(rest, self.present_ms, window.pixels());
         if let Some(mut picture) = flight.camera_mut::<Picture>() {
             // Rendered with the others, whether or not it can become better: a post-process may draw one into the other.
             (picture.due, picture.budget) = (true, Some(budget));
-            picture.frame.resize(window.0, window.1);
+            picture.frame.resize(window.width, window.height);
         }
         Ok(Some(Due { now, rest, stays: false, begun: Instant::now() }))
     }
@@ -221,7 +216,7 @@ impl ViewRenderer {
             if cost(&w) > 0 {
                 let detail = flight.camera::<FrameCache>().and_then(|c| c.renderer()?.detail());
                 let cost = cost_shown(&w, detail, due.now.window);
-                self.budget.took(due.rest, cost, due.now.window.0 * due.now.window.1, ms);
+                self.budget.took(due.rest, cost, due.now.window.pixels(), ms);
             }
             self.frames.push(FrameStats::new(ms, &w));
         }
@@ -230,8 +225,8 @@ impl ViewRenderer {
             self.save_waiting(flight, &due.now, true);
         } else {
             self.shown = Some(due.now);
-            let traced = self.detail(flight).map_or(due.now.window.0, |d| d.size.0);
-            self.moving.took(traced as f64 / due.now.window.0.max(1) as f64, Instant::now());
+            let traced = self.detail(flight).map_or(due.now.window.width, |d| d.size.width);
+            self.moving.took(traced as f64 / due.now.window.width.max(1) as f64, Instant::now());
         }
     }
 

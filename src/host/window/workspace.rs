@@ -465,6 +465,7 @@ mod tests {
     use crate::host::window::controller::FlightController;
     use crate::host::window::interface::{Interface, WindowSize};
     use crate::host::window::panels::{FlightInput, SliceInput};
+    use crate::render::ImageSize;
 
     struct Nothing;
 
@@ -531,7 +532,7 @@ mod tests {
         let actions =
             Actions::new(&controller.flight().setup().scene.guides, &[], &entries(), &KeySettings::new()).unwrap();
         let hud = crate::host::window::overlay::HudState::default();
-        let size = WindowSize { pixels: (1000, 700), scale: 1.0 };
+        let size = WindowSize { pixels: ImageSize::new(1000, 700), scale: 1.0 };
         let input = egui::RawInput { events, ..egui::RawInput::default() };
         let mut requests = Requests::default();
         interface.lay_out(input, size, std::time::Instant::now(), |ui| {
@@ -561,7 +562,7 @@ mod tests {
         // The slices are drawn, and a click in one is a point of the world.
         let size = |r: &egui::Rect| [r.width() as usize, r.height() as usize];
         let slices: Vec<_> = shown.slices_at().iter().map(|(o, r)| (*o, size(r))).collect();
-        let due = controller.prepare((100, 100), &slices, std::time::Instant::now()).unwrap();
+        let due = controller.prepare(ImageSize::new(100, 100), &slices, std::time::Instant::now()).unwrap();
         controller.show(due).unwrap();
         let (orientation, axial) = shown.slices_at()[0];
         lay_out(&mut w, &mut interface, &controller, Vec::new());

@@ -1,6 +1,7 @@
 //! Chooses how many rays the next picture gets: as many as its budget allows and its motion lets the eye see.
 
 use super::budget::Budget;
+use crate::render::frame::ImageSize;
 
 /// Sides of the traced picture relative to the shown one, as fractions, fine to coarse.
 const LEVELS: [(usize, usize); 7] = [(1, 1), (3, 4), (1, 2), (3, 8), (1, 4), (1, 6), (1, 8)];
@@ -94,13 +95,13 @@ fn stretched(level: usize) -> f64 {
 impl Governor {
     /// Returns the size in pixels at which the next picture is traced.
     ///
-    /// The picture is shown in `width` × `height` pixels, moves by `flow` pixels (infinite for a cut) and may cost
+    /// The picture is shown in `size`, moves by `flow` pixels (infinite for a cut) and may cost
     /// `budget`.
-    pub(crate) fn next(&mut self, (width, height): (usize, usize), flow: f64, budget: Budget) -> (usize, usize) {
+    pub(crate) fn next(&mut self, size: ImageSize, flow: f64, budget: Budget) -> ImageSize {
         let at_half = budget.at_half as f64;
         let allowed = |level| if level == THREE_QUARTERS { budget.lasting as f64 } else { budget.samples as f64 };
-        let pixels = (width * height) as f64;
-        let strange = (flow / (NEW * width.min(height) as f64)).clamp(0.0, 1.0);
+        let pixels = size.pixels() as f64;
+        let strange = (flow / (NEW * size.shorter() as f64)).clamp(0.0, 1.0);
         let margin = MARGIN[0] + (MARGIN[1] - MARGIN[0]) * strange;
         let cost = |level: usize| {
             let (last, dearest) = (self.last.at(side(level)), self.dearest.at(side(level)));
@@ -138,7 +139,7 @@ impl Governor {
         self.level = level;
         let (n, d) = LEVELS[level];
         let scaled = |s: usize| (s * n).div_ceil(d).max(1);
-        (scaled(width), scaled(height))
+        ImageSize::new(scaled(size.width), scaled(size.height))
     }
 
     /// Records the cost of the picture, shown in `pixels` pixels.
@@ -158,16 +159,16 @@ impl Governor {
 mod tests {
     use super::*;
 
-    const SHOWN: (usize, usize) = (1024, 768);
+    const SHOWN: ImageSize = ImageSize::new(1024, 768);
     const PIXELS: usize = 1024 * 768;
 
     /// Simulates pictures that take `density` samples a traced pixel.
-    fn fly(g: &mut Governor, pictures: usize, flow: f64, density: f64, budget: u64) -> Vec<(usize, usize)> {
+    fn fly(g: &mut Governor, pictures: usize, flow: f64, density: f64, budget: u64) -> Vec<ImageSize> {
         let mut sizes = Vec::new();
         for _ in 0..pictures {
-            let (w, h) = g.next(SHOWN, flow, Budget::strict(budget));
-            g.took((density * (w * h) as f64) as u64, PIXELS);
-            sizes.push((w, h));
+            let size = g.next(SHOWN, flow, Budget::strict(budget));
+            g.took((density * size.pixels() as f64) as u64, PIXELS);
+            sizes.push(size);
         }
         sizes
     }
@@ -177,22 +178,31 @@ mod tests {
         let mut g = Governor::default();
         assert_eq!(fly(&mut g, 40, 2.0, 4.0, 5_000_000).last(), Some(&SHOWN), "what can be afforded is traced");
         let sizes = fly(&mut g, 60, 2.0, 30.0, 5_000_000);
-        assert!(sizes[1..].iter().all(|s| 30 * s.0 * s.1 <= 5_000_000), "{sizes:?}");
+        assert!(sizes[1..].iter().all(|s| 30 * s.pixels() <= 5_000_000), "{sizes:?}");
         let last = sizes[59];
-        assert!(30 * last.0 * last.1 > 1_000_000, "{last:?}");
+        assert!(30 * last.pixels() > 1_000_000, "{last:?}");
         assert_eq!(fly(&mut g, 60, 2.0, 4.0, 5_000_000).last(), Some(&SHOWN));
-        assert_eq!(fly(&mut g, 9, 2.0, 1e9, 1).last(), Some(&(128, 96)), "there is an end to it");
+        assert_eq!(fly(&mut g, 9, 2.0, 1e9, 1).last(), Some(&ImageSize::new(128, 96)), "there is an end to it");
     }
 
     #[test]
     fn detail_goes_at_once_and_comes_back_in_steps() {
         let mut g = Governor::default();
         fly(&mut g, 20, 2.0, 1.0, 5_000_000);
-        assert_eq!(fly(&mut g, 1, 300.0, 1.0, 5_000_000), [(256, 192)], "a sudden turn");
+        assert_eq!(fly(&mut g, 1, 300.0, 1.0, 5_000_000), [ImageSize::new(256, 192)], "a sudden turn");
         let mut sizes = fly(&mut g, 30, 2.0, 1.0, 5_000_000);
-        assert_eq!(sizes[0], (256, 192), "no haste afterwards");
+        assert_eq!(sizes[0], ImageSize::new(256, 192), "no haste afterwards");
         sizes.dedup();
-        assert_eq!(sizes, [(256, 192), (384, 288), (512, 384), (768, 576), (1024, 768)]);
+        assert_eq!(
+            sizes,
+            [
+                ImageSize::new(256, 192),
+                ImageSize::new(384, 288),
+                ImageSize::new(512, 384),
+                ImageSize::new(768, 576),
+                ImageSize::new(1024, 768)
+            ]
+        );
         assert_eq!(fly(&mut g, 1, f64::INFINITY, 1.0, 50_000_000), [SHOWN], "a cut is no motion");
     }
 
@@ -200,12 +210,16 @@ mod tests {
     fn a_busy_machine_leaves_half_the_side_and_a_slow_one_less() {
         let mut g = Governor::default();
         let busy = Budget { samples: 300_000, lasting: 300_000, at_half: 5_000_000 };
-        for (budget, last) in [(busy, (512, 384)), (Budget::strict(300_000), (128, 96)), (busy, (512, 384))] {
+        for (budget, last) in [
+            (busy, ImageSize::new(512, 384)),
+            (Budget::strict(300_000), ImageSize::new(128, 96)),
+            (busy, ImageSize::new(512, 384)),
+        ] {
             let mut sizes = Vec::new();
             for _ in 0..60 {
-                let (w, h) = g.next(SHOWN, 2.0, budget);
-                g.took(8 * (w * h) as u64, PIXELS);
-                sizes.push((w, h));
+                let size = g.next(SHOWN, 2.0, budget);
+                g.took(8 * size.pixels() as u64, PIXELS);
+                sizes.push(size);
             }
             assert_eq!(sizes[59], last);
         }
@@ -225,9 +239,9 @@ mod tests {
         // expensive.
         for n in 0..300 {
             let samples = if n % 10 < 3 { 3_000_000 } else { 6_000_000 };
-            let (w, h) = g.next(SHOWN, 2.0, Budget { samples, lasting: 6_000_000, at_half: 12_000_000 });
-            g.took(10 * (w * h) as u64, PIXELS);
-            assert!(n < 30 || (w, h) == (768, 576), "{n}: {w}");
+            let size = g.next(SHOWN, 2.0, Budget { samples, lasting: 6_000_000, at_half: 12_000_000 });
+            g.took(10 * size.pixels() as u64, PIXELS);
+            assert!(n < 30 || size == ImageSize::new(768, 576), "{n}: {size}");
         }
     }
 
@@ -238,9 +252,9 @@ mod tests {
         for n in 0..300 {
             // Close to where both the motion and the cost of a finer level begin to allow it.
             let noise = if n % 2 == 0 { 0.93 } else { 1.07 };
-            let (w, h) = g.next(SHOWN, SHARP * noise, Budget::strict(8_000_000));
-            g.took((14.0 * noise * (w * h) as f64) as u64, PIXELS);
-            sizes.extend((n > 40).then_some((w, h)));
+            let size = g.next(SHOWN, SHARP * noise, Budget::strict(8_000_000));
+            g.took((14.0 * noise * size.pixels() as f64) as u64, PIXELS);
+            sizes.extend((n > 40).then_some(size));
         }
         sizes.dedup();
         assert_eq!(sizes.len(), 1, "{sizes:?}");
@@ -265,9 +279,9 @@ mod tests {
     #[test]
     fn nothing_and_nonsense_are_no_fault() {
         let mut g = Governor::default();
-        assert_eq!(g.next((0, 0), f64::NAN, Budget::strict(0)), (1, 1));
+        assert_eq!(g.next(ImageSize::default(), f64::NAN, Budget::strict(0)), ImageSize::new(1, 1));
         g.took(u64::MAX, 0);
         g.took(0, 1);
-        assert!(g.next((7, 1), 0.0, Budget::strict(u64::MAX)).1 == 1);
+        assert!(g.next(ImageSize::new(7, 1), 0.0, Budget::strict(u64::MAX)).height == 1);
     }
 }

@@ -22,6 +22,7 @@ use super::memory::MemoryPart;
 use super::quality::{Quality, Settings};
 use super::renderer::{Detail, Renderer};
 use super::{Frame, PreparedVolume, View, Work};
+use crate::render::frame::ImageSize;
 use flow::Probes;
 use level::Governor;
 use still::{Means, Still};
@@ -44,9 +45,9 @@ pub(crate) fn cost(work: &Work) -> u64 {
 
 /// Returns the cost of a picture of `shown` pixels, in samples, including stretching. `detail` is what its renderer
 /// reports.
-pub(crate) fn cost_shown(work: &Work, detail: Option<Detail>, shown: (usize, usize)) -> u64 {
+pub(crate) fn cost_shown(work: &Work, detail: Option<Detail>, shown: ImageSize) -> u64 {
     let stretched = detail.is_some_and(|d| d.size != shown);
-    let pixels = (shown.0 * shown.1) as f64;
+    let pixels = shown.pixels() as f64;
     cost(work).saturating_add(if stretched { (pixels * level::STRETCHED) as u64 } else { 0 })
 }
 
@@ -66,7 +67,7 @@ pub(crate) struct Adaptive {
     resting: bool,
     /// The last picture of a moving camera. A camera that stops starts from it.
     last: Frame,
-    traced: (usize, usize),
+    traced: ImageSize,
 }
 
 impl Adaptive {
@@ -84,7 +85,7 @@ impl Adaptive {
             still: Still::default(),
             resting: false,
             last: Frame::default(),
-            traced: (0, 0),
+            traced: ImageSize::new(0, 0),
         }
     }
 
@@ -105,26 +106,25 @@ impl Adaptive {
 
     fn in_motion(&mut self, view: &View, flow: f64, frame: &mut Frame) -> Work {
         self.resting = false;
-        let size = (view.width(), view.height());
-        let (width, height) = self.governor.next(size, flow, self.budget);
-        self.traced = (width, height);
+        let size = ImageSize::new(view.width(), view.height());
+        self.traced = self.governor.next(size, flow, self.budget);
         let work = if self.traced == size {
             // Not into `frame`: the caller handles its depth.
             self.moving.render(view, &mut self.last)
         } else {
-            let work = self.moving.render(&view.resized(width, height), &mut self.small);
+            let work = self.moving.render(&view.resized(self.traced.width, self.traced.height), &mut self.small);
             self.last.resize(view.width(), view.height());
             self.enlarger.enlarge(&self.small, &mut self.last);
             work
         };
-        self.governor.took(cost(&work), size.0 * size.1);
+        self.governor.took(cost(&work), size.pixels());
         self.probes = Some(Probes::new(&self.volume, view));
         frame.show(&self.last);
         work
     }
 
     fn at_rest(&mut self, view: &View, frame: &mut Frame) -> Work {
-        let size = (view.width(), view.height());
+        let size = ImageSize::new(view.width(), view.height());
         if !self.resting {
             self.resting = true;
             self.still.begin(&self.last, self.traced == size);

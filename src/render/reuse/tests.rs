@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use crate::render::frame::ImageSize;
 use glam::{DMat3, DQuat};
 use proptest::prelude::*;
 
@@ -48,14 +49,14 @@ struct Shoot {
     at: [f64; 3],
     turn: [f64; 3],
     fov: f64,
-    size: (usize, usize),
+    size: ImageSize,
 }
 
 fn view(volume: &PreparedVolume, s: Shoot) -> View {
     let grid = volume.voxels().grid();
     let at = DVec3::from_array(std::array::from_fn(|a| s.at[a] * grid.dims()[a] as f64));
     let q = DQuat::from_euler(glam::EulerRot::ZYX, s.turn[0], s.turn[1], s.turn[2]);
-    View::new(grid.world(at), q * DVec3::Z, q * DVec3::Y, s.fov, s.size.0, s.size.1).unwrap()
+    View::new(grid.world(at), q * DVec3::Z, q * DVec3::Y, s.fov, s.size.width, s.size.height).unwrap()
 }
 
 /// Renders the views in order with every method and compares each with an independently rendered picture. Returns the
@@ -83,7 +84,7 @@ fn shoot() -> impl Strategy<Value = Shoot> {
     let fov = prop_oneof![4 => Just(90.0), 1 => Just(1.0), 1 => Just(170.0), 1 => 5.0..150.0f64];
     let size = prop_oneof![3 => Just((40, 24)), 1 => Just((17, 33)), 1 => Just((1, 1)), 1 => Just((64, 64))];
     (prop::array::uniform3(-0.2..1.2f64), prop::array::uniform3(-3.2..3.2f64), fov, size)
-        .prop_map(|(at, turn, fov, size)| Shoot { at, turn, fov, size })
+        .prop_map(|(at, turn, fov, size)| Shoot { at, turn, fov, size: ImageSize::new(size.0, size.1) })
 }
 
 /// The change from one view to the next: mostly a small step of any kind, or a cut.
@@ -137,7 +138,7 @@ proptest! {
 #[test]
 fn flights_of_every_kind_reuse_and_are_right() {
     let s = lumen([90, 90, 160], DVec3::new(0.7, 0.7, 1.0), (-800.0, -500.0), 3, 0.0);
-    let first = Shoot { at: [0.5, 0.5, 0.15], turn: [0.4, 0.1, -0.3], fov: 90.0, size: (120, 100) };
+    let first = Shoot { at: [0.5, 0.5, 0.15], turn: [0.4, 0.1, -0.3], fov: 90.0, size: ImageSize::new(120, 100) };
     // In voxels and radians per picture.
     let kinds: [(&str, [f64; 3], [f64; 3], f64); 8] = [
         ("still", [0.0; 3], [0.0; 3], 0.9),
@@ -177,7 +178,7 @@ fn flights_of_every_kind_reuse_and_are_right() {
 #[test]
 fn unusual_places_are_right() {
     let s = lumen([60, 60, 80], DVec3::ONE, (-800.0, -500.0), 1, 0.001);
-    let at = |at: [f64; 3]| Shoot { at, turn: [0.1, 0.2, 0.3], fov: 90.0, size: (40, 40) };
+    let at = |at: [f64; 3]| Shoot { at, turn: [0.1, 0.2, 0.3], fov: 90.0, size: ImageSize::new(40, 40) };
     let mut views = Vec::new();
     for place in
         [[0.02, 0.02, 0.5], [0.5, 0.12, 0.5], [0.5, 0.5, -0.3], [-20.0, 0.5, 0.5], [0.5, 0.5, 0.0], [0.5, 0.5, 0.999]]
@@ -199,8 +200,15 @@ fn reuse_looks_at_no_more_samples() {
     let mut renderer = Reusing::<_, f32>::new(WordStorage::new(&s), settings, Refresh::Staggered(1000));
     let mut frame = Frame::default();
     for n in 0..5 {
-        let v =
-            view(&s, Shoot { at: [0.5, 0.5, 0.2 + 0.005 * f64::from(n)], turn: [0.0; 3], fov: 90.0, size: (64, 64) });
+        let v = view(
+            &s,
+            Shoot {
+                at: [0.5, 0.5, 0.2 + 0.005 * f64::from(n)],
+                turn: [0.0; 3],
+                fov: 90.0,
+                size: ImageSize::new(64, 64),
+            },
+        );
         let (work, alone) = (renderer.render(&v, &mut frame), render(&s, &v, &settings, &mut Frame::default()));
         // Flags are met at other positions if a ray starts elsewhere.
         assert!(work.samples * 50 <= alone.samples * 51, "{work:?} {alone:?}");
@@ -219,7 +227,10 @@ fn the_papers_rule_is_counted_when_it_misleads() {
         // Sideways past a fold: its edge covers what was seen behind it.
         let at = [0.4 + 0.01 * f64::from(n), 0.5, 0.2];
         total = total
-            + renderer.render(&view(&s, Shoot { at, turn: [0.4, 0.0, 0.0], fov: 90.0, size: (96, 96) }), &mut frame);
+            + renderer.render(
+                &view(&s, Shoot { at, turn: [0.4, 0.0, 0.0], fov: 90.0, size: ImageSize::new(96, 96) }),
+                &mut frame,
+            );
     }
     println!("{} of {} rays misled", total.misled, total.rays);
     assert!(total.misled > 0 && total.misled < total.rays / 2);

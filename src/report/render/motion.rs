@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::render::adaptive::{Adaptive, FRAME, FrameBudget, SAMPLES, cost_shown};
-use crate::render::{Direct, Frame, Preset, Quality, Renderer, Reuse, Settings, View, psnr, renderer};
+use crate::render::{Direct, Frame, ImageSize, Preset, Quality, Renderer, Reuse, Settings, View, psnr, renderer};
 use crate::report::flight::Flown;
 use crate::report::{median, quantile};
 use crate::space::PreparedVolume;
@@ -95,7 +95,7 @@ pub(crate) fn motion(
         m.ms.push(eye.picture(&view, Camera::Moving));
         m.turns += usize::from(*turned);
         if let Some(d) = eye.renderer.detail() {
-            traced.push((d.size.0 * d.size.1) as f64 / (side * side) as f64);
+            traced.push(d.size.pixels() as f64 / (side * side) as f64);
         }
         if (n + 1).is_multiple_of(stop_every) {
             let begun = Instant::now();
@@ -150,7 +150,7 @@ impl Eye {
         let begun = Instant::now();
         let work = self.renderer.render(view, &mut self.frame);
         let ms = begun.elapsed().as_secs_f64() * 1e3;
-        let cost = cost_shown(&work, self.renderer.detail(), (view.width(), view.height()));
+        let cost = cost_shown(&work, self.renderer.detail(), ImageSize::new(view.width(), view.height()));
         self.budget.took(rest, cost, pixels, ms);
         ms
     }

@@ -23,7 +23,7 @@ use crate::host::window::layer::{Placed, compose};
 use crate::host::window::overlay::{self, Severity};
 use crate::host::window::painter::Artist;
 use crate::host::window::workspace::{LAYOUTS, Workspace};
-use crate::render::{Frame, Light};
+use crate::render::{Frame, ImageSize, Light};
 
 /// A pixel differs if one of its colours differs by more than the first number, and a picture if more pixels differ than the
 /// second. Another processor may round an edge differently, and even the smallest letter has more pixels than that.
@@ -42,7 +42,7 @@ struct Stage {
 }
 
 impl Stage {
-    fn new(pixels: (usize, usize), scale: f32) -> Self {
+    fn new(pixels: ImageSize, scale: f32) -> Self {
         let mut scene = Scene { picture: true, operator: true, ..Scene::guided_by("tentacles") };
         scene.image.settings.light = Light::ENDOSCOPE;
         let flight = Scan::phantom(1).and_then(|mut scan| scan.flight(scene, &FlightRequest::default())).unwrap();
@@ -80,7 +80,7 @@ impl Stage {
         // Rasterise each time, as a change of a texture is reported only once.
         let layout = self.interface.layout().unwrap();
         let layer = self.artist.paint(layout, &layout.textures);
-        let (width, height) = self.size.pixels;
+        let ImageSize { width, height } = self.size.pixels;
         let world = &self.controller.flight().app().world;
         let slices = requests.slices_at().iter().filter_map(|(orientation, at)| {
             let view = world.get::<SliceView>(self.controller.slices().entity(*orientation)?)?;
@@ -112,7 +112,9 @@ impl Stage {
             let slices: Vec<_> =
                 requests.slices_at().iter().map(|(o, at)| (*o, size(at))).map(|(o, [.., w, h])| (o, [w, h])).collect();
             // At rest, render until every picture has its final quality.
-            while let Some(due) = self.controller.prepare((width, height), &slices, Instant::now()).unwrap() {
+            while let Some(due) =
+                self.controller.prepare(ImageSize::new(width, height), &slices, Instant::now()).unwrap()
+            {
                 self.controller.show(Some(due)).unwrap();
             }
         }
@@ -132,7 +134,7 @@ impl Stage {
 
     /// Performs the action with that name.
     fn perform(&mut self, action: &str) {
-        let at = ActionContext { window: (0, 0), now: Instant::now() };
+        let at = ActionContext { window: ImageSize::new(0, 0), now: Instant::now() };
         self.controller.perform(self.actions.named(action).unwrap(), at);
     }
 
@@ -172,7 +174,7 @@ fn hold(name: &str, picture: &Frame) {
 
 #[test]
 fn every_panel_looks_as_it_did() {
-    let mut stage = Stage::new((440, 320), 1.0);
+    let mut stage = Stage::new(ImageSize::new(440, 320), 1.0);
     let start = stage.controller.flight().pose().position;
     for entry in BUILT_IN {
         // The listed files differ between machines.
@@ -198,7 +200,7 @@ fn scans() -> FileList {
 
 #[test]
 fn every_layout_looks_as_it_did() {
-    let mut stage = Stage::new((880, 560), 1.0);
+    let mut stage = Stage::new(ImageSize::new(880, 560), 1.0);
     for layout in LAYOUTS {
         hold(&format!("layout-{}", layout.name), &stage.layout(layout.name));
     }
@@ -209,15 +211,15 @@ fn every_layout_looks_as_it_did() {
 #[test]
 fn what_is_small_or_dense_looks_as_it_did() {
     // Pixels of half the size, and a window of the minimum size.
-    hold("dense", &Stage::new((1280, 800), 2.0).layout("reading"));
-    let mut small = Stage::new((320, 240), 1.0);
+    hold("dense", &Stage::new(ImageSize::new(1280, 800), 2.0).layout("reading"));
+    let mut small = Stage::new(ImageSize::new(320, 240), 1.0);
     (small.hud.severity, small.hud.state) = (Severity::Alert, "operator needed".to_owned());
     hold("small", &small.layout("flight"));
 }
 
 #[test]
 fn what_is_under_the_pointer_is_told_beside_letters_and_scale_bar() {
-    let mut stage = Stage::new((260, 240), 1.0);
+    let mut stage = Stage::new(ImageSize::new(260, 240), 1.0);
     let mut panel = (slices::CORONAL.make)();
     stage.panel(&mut *panel);
     stage.perform("slab");
@@ -228,7 +230,7 @@ fn what_is_under_the_pointer_is_told_beside_letters_and_scale_bar() {
 
 #[test]
 fn loading_and_a_scan_that_cannot_be_flown_look_as_they_did() {
-    let mut stage = Stage::new((640, 420), 1.0);
+    let mut stage = Stage::new(ImageSize::new(640, 420), 1.0);
     let loading = |_: &Context<'_>, ui: &mut Ui, _: &mut Requests| {
         let area = ui.ctx().content_rect();
         overlay::loading(&ui.ctx().layer_painter(egui::LayerId::background()), area, "reading", Some(0.4));
