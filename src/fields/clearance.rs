@@ -7,7 +7,7 @@
 //! below iso is itself a point of the wall. Branch and bound over the cells between voxels, and inside them over halved
 //! boxes, therefore bounds the distance as tightly as required; here within [`TOLERANCE_MM`].
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use glam::{DMat3, DVec3};
 
@@ -69,6 +69,18 @@ pub struct ClearanceFinder {
     shrink: f64,
     /// Rows of cells (offsets in y and z from the point's cell), ordered by least distance, mm².
     rows: Vec<(f64, i32, i32)>,
+    last: Last,
+}
+
+/// The last point searched from, with its clearance. A body's step starts where the last one ended, so every other search
+/// would find the same again.
+#[derive(Debug, Default)]
+struct Last(Mutex<Option<(DVec3, Clearance)>>);
+
+impl Clone for Last {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 impl ClearanceFinder {
@@ -88,7 +100,7 @@ impl ClearanceFinder {
             .filter(|r| r.0 < limit * limit)
             .collect();
         rows.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-        Self { shrink: smallest_singular_value(axes), volume, iso, limit, spacing, axes, rows }
+        Self { shrink: smallest_singular_value(axes), volume, iso, limit, spacing, axes, rows, last: Last::default() }
     }
 
     /// Returns the search limit, mm.
@@ -103,6 +115,19 @@ impl ClearanceFinder {
 
     /// Returns the clearance of a world point (mm). NaN counts as outside.
     pub fn at(&self, world: DVec3) -> Clearance {
+        // Another thread may be using it; the search then gives the same.
+        let known = self.last.0.try_lock().ok().and_then(|last| *last);
+        if let Some((_, clearance)) = known.filter(|(at, _)| *at == world) {
+            return clearance;
+        }
+        let clearance = self.search(world);
+        if let Ok(mut last) = self.last.0.try_lock() {
+            *last = Some((world, clearance));
+        }
+        clearance
+    }
+
+    fn search(&self, world: DVec3) -> Clearance {
         let none = Clearance { mm: 0.0, toward: DVec3::ZERO };
         let dims = self.volume.grid().dims();
         let last = DVec3::new(dims[0] as f64 - 1.0, dims[1] as f64 - 1.0, dims[2] as f64 - 1.0);
@@ -111,7 +136,8 @@ impl ClearanceFinder {
             return none;
         }
         // From here on, all coordinates are in mm along the voxel axes, relative to the point.
-        let mut best = Best { mm2: self.limit * self.limit, at: DVec3::ZERO };
+        let mm2 = self.limit * self.limit;
+        let mut best = Best { mm2, mm: mm2.sqrt(), at: DVec3::ZERO };
         for axis in 0..3 {
             let mut unit = DVec3::ZERO;
             unit[axis] = self.spacing[axis];
@@ -139,11 +165,10 @@ impl ClearanceFinder {
         if best.mm2 == 0.0 {
             return none;
         }
-        let mm = best.mm2.sqrt();
         let found = best.at != DVec3::ZERO;
         let slack = if found { TOLERANCE_MM } else { 0.0 };
         let toward = (self.axes * best.at).normalize_or_zero();
-        Clearance { mm: (mm - slack).max(0.0) * self.shrink, toward }
+        Clearance { mm: (best.mm - slack).max(0.0) * self.shrink, toward }
     }
 
     /// Searches one row of cells for walls nearer than `best`. `y`, `z`: offset of the row's low corner, mm; `off`:
@@ -180,14 +205,16 @@ impl ClearanceFinder {
 /// The nearest wall point found so far, as an offset in mm along the voxel axes.
 struct Best {
     mm2: f64,
+    mm: f64,
     at: DVec3,
 }
 
 impl Best {
+    #[inline]
     fn offer(&mut self, at: DVec3) {
-        let d = at.length_squared();
-        if d < self.mm2 {
-            *self = Self { mm2: d, at };
+        let mm2 = at.length_squared();
+        if mm2 < self.mm2 {
+            *self = Self { mm2, mm: mm2.sqrt(), at };
         }
     }
 }
@@ -212,28 +239,42 @@ fn refine(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
         }
     }
     // Slightly below the tolerance, so that this bound plus rounding stays within it.
-    if near + 0.9 * TOLERANCE_MM >= best.mm2.sqrt() {
+    if near + 0.9 * TOLERANCE_MM >= best.mm {
         return;
     }
     let extent = hi - lo;
-    let axis = if extent.x >= extent.y && extent.x >= extent.z { 0 } else { usize::from(extent.z > extent.y) + 1 };
-    let bit = 1 << axis;
-    let mut middle = *v;
-    for c in 0..8 {
-        middle[c] = 0.5 * (v[c & !bit] + v[c | bit]);
+    if extent.x >= extent.y && extent.x >= extent.z {
+        halve::<0>(v, iso, lo, hi, best);
+    } else if extent.z > extent.y {
+        halve::<2>(v, iso, lo, hi, best);
+    } else {
+        halve::<1>(v, iso, lo, hi, best);
     }
-    let cut = 0.5 * (lo[axis] + hi[axis]);
+}
+
+/// Refines both halves of the box, cut across an axis.
+#[inline(always)]
+fn halve<const AXIS: usize>(v: &[f64; 8], iso: f64, lo: DVec3, hi: DVec3, best: &mut Best) {
+    let bit = 1 << AXIS;
+    let middle: [f64; 8] = std::array::from_fn(|c| 0.5 * (v[c & !bit] + v[c | bit]));
+    let cut = 0.5 * (lo[AXIS] + hi[AXIS]);
     let half = |upper: bool| {
         let values = std::array::from_fn(|c| if (c & bit != 0) == upper { v[c] } else { middle[c] });
         let (mut a, mut b) = (lo, hi);
-        *(if upper { &mut a[axis] } else { &mut b[axis] }) = cut;
+        *(if upper { &mut a[AXIS] } else { &mut b[AXIS] }) = cut;
         (values, a, b)
     };
     // The half on the point's side comes first: it tightens the bound for the other.
-    let upper_first = cut < 0.0;
-    for upper in [upper_first, !upper_first] {
+    let mut refine_half = |upper: bool| {
         let (values, a, b) = half(upper);
         refine(&values, iso, a, b, best);
+    };
+    if cut < 0.0 {
+        refine_half(true);
+        refine_half(false);
+    } else {
+        refine_half(false);
+        refine_half(true);
     }
 }
 
@@ -394,6 +435,10 @@ mod tests {
             let c = f.at(p);
             let diagonal = (spacing * (4.0 / f64::from(n))).length();
             prop_assert!(c.mm <= brute + 1e-9, "{} above {brute}", c.mm);
+            let elsewhere = f.at(p * 0.9);
+            prop_assert!(c == f.at(p) && c == f.at(p), "the same when asked again, after another point too");
+            let fresh = ClearanceFinder::new(Arc::clone(&v), -650.0, 12.0);
+            prop_assert!(elsewhere == fresh.at(p * 0.9), "the same from a finder that remembers nothing");
             // A segment enters the wall where its finely sampled values do.
             let q = DVec3::new(z, x, y);
             let (begin, way) = (DVec3::new(x, y, z), q - DVec3::new(x, y, z));

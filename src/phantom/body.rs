@@ -148,9 +148,12 @@ impl Body {
             paint.free = paint.free.min(-skin - edge);
             return paint;
         }
-        paint.over(skin, 15.0);
-        paint.over(skin - 2.0, FAT);
-        paint.over(skin - 13.0 * scale, 55.0);
+        // Where the innermost layer is complete, it hides the layers outside it.
+        if skin - 22.0 * scale < edge {
+            paint.over(skin, 15.0);
+            paint.over(skin - 2.0, FAT);
+            paint.over(skin - 13.0 * scale, 55.0);
+        }
         paint.over(skin - 22.0 * scale, FAT);
         let mut left = near.organs;
         while left != 0 {

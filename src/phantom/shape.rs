@@ -8,7 +8,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::centerline::{Centerline, FootPoint};
+use super::centerline::{Centerline, FootPoint, Profile};
 use super::profile::smooth_max;
 
 /// Saturation of distances in the lumen, mm. Nothing depends on a wall farther away, so features beyond it are skipped.
@@ -123,11 +123,11 @@ impl Shape {
 
     /// Returns the radius of the plain wall at arc length `s` and angle `phi`, mm.
     pub(crate) fn radius(&self, s: f64, phi: f64) -> f64 {
-        self.plain(s, phi).at
+        self.plain(s, &self.axis.profile(s), phi).at
     }
 
-    fn plain(&self, s: f64, phi: f64) -> Radius {
-        let p = self.axis.profile(s);
+    /// Returns the radius at arc length `s`, where the axis has the profile `p`, and at angle `phi`.
+    fn plain(&self, s: f64, p: &Profile, phi: f64) -> Radius {
         let (r, r_s) = p.radius;
         let (tri, tri_s) = p.triangle;
         let theta = phi - self.taenia;
@@ -153,9 +153,10 @@ impl Shape {
 
     /// Returns the distances of `p` to the part of the colon around one of its foot points.
     pub(crate) fn distances(&self, p: DVec3, foot: &FootPoint) -> Distances {
-        let near = self.axis.profile(foot.s).radius.0;
+        let profile = self.axis.profile(foot.s);
+        let near = profile.radius.0;
         let phi = self.axis.angle(foot);
-        let r = self.plain(foot.s, phi);
+        let r = self.plain(foot.s, &profile, phi);
         // Near the axis the angle is ill-defined, but nothing depends on the distance there.
         let arm = foot.rho.max(0.3 * near);
         let (by_s, by_phi) = (r.by_s / foot.stretch, r.by_phi / arm);
@@ -326,7 +327,7 @@ mod tests {
             bridges: Vec::new(),
         };
         for (s, phi) in [(3.0, 1.0), (100.0, 0.31), (432.1, 2.2), (800.0, -2.0), (end - 5.0, 0.7)] {
-            let (r, h) = (shape.plain(s, phi), 1e-5);
+            let (r, h) = (shape.plain(s, &shape.axis.profile(s), phi), 1e-5);
             let by_s = (shape.radius(s + h, phi) - shape.radius(s - h, phi)) / (2.0 * h);
             let by_phi = (shape.radius(s, phi + h) - shape.radius(s, phi - h)) / (2.0 * h);
             assert!((r.by_s - by_s).abs() < 1e-6 && (r.by_phi - by_phi).abs() < 1e-5, "at {s}, {phi}");

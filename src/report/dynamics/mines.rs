@@ -23,8 +23,9 @@ const SPACING_MM: [f64; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 const REACH_MM: [f64; 6] = [5.0, 10.0, 15.0, 25.0, 50.0, 100.0];
 /// Numbers of mines whose benefit is measured in drawings.
 const WORTH: [usize; 3] = [0, 12, 50];
-/// Maximum duration of a flight, simulated seconds.
-const SECONDS: f64 = 120.0;
+/// Maximum duration of a flight in a quick and in a full report, simulated seconds. No flight of a
+/// quick report arrives later.
+const SECONDS: [f64; 2] = [60.0, 120.0];
 
 /// Results for one choice of mines.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,7 +52,7 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
     let laid = measure(&courses, effort, progress)?;
     let d = MineSettings::default();
     page.text(&format!(
-        "The same {} phantoms with other mines; one parameter at a time differs from the default: {} mines, {} mm apart, that reach \
+        "The same small phantoms ({}) with other mines; one parameter at a time differs from the default: {} mines, {} mm apart, that reach \
          {} mm. A flight without mines still keeps its heading; mines prevent it from turning back where the lumen looks shorter ahead than behind.",
         courses.len(),
         d.kept,
@@ -149,9 +150,10 @@ fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Ve
         .chain(SPACING_MM.map(|spacing_mm| ("spacing", MineSettings { spacing_mm, ..d })))
         .chain(REACH_MM.map(|reach_mm| ("reach", MineSettings { reach_mm, ..d })))
         .collect();
+    let seconds = effort.choose(SECONDS[0], SECONDS[1]);
     let measure = |(changed, settings): (&'static str, MineSettings)| {
         let scene = Scene { mines: Some(settings), ..Scene::default() };
-        let flown = courses.iter().map(|c| trials::fly(c, &scene, SECONDS)).collect::<Result<Vec<_>>>()?;
+        let flown = courses.iter().map(|c| trials::fly(c, &scene, seconds)).collect::<Result<Vec<_>>>()?;
         progress.check()?;
         let arrived: Vec<f64> = flown.iter().filter(|t| t.arrived()).map(|t| t.seconds).collect();
         Ok(Laid {
@@ -163,7 +165,7 @@ fn measure(courses: &[Course], effort: Effort, progress: &Progress) -> Result<Ve
         })
     };
     choices
-        .into_iter()
+        .into_par_iter()
         .enumerate()
         .filter(|(n, _)| effort == Effort::Full || n % 3 == 0)
         .map(|c| measure(c.1))

@@ -1,6 +1,7 @@
 //! How far repulsion alone takes a flight (paper, section 3.2), compared with the default and with the default without mines.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::Subject;
 use crate::app::Scene;
@@ -64,12 +65,13 @@ pub(crate) fn study(subject: &Subject, page: &mut Page, progress: &Progress) -> 
     let mut all = Vec::new();
     for (kind, name, course) in courses(subject, progress)? {
         let to_goal = course.to_goal(progress)?;
-        for (scene_name, scene) in &scenes {
+        let flown = scenes.par_iter().map(|(scene_name, scene)| {
             let trial = trials::fly(&course, scene, SECONDS)?;
             let reached = reached(&trial, course.plan.start, &to_goal);
-            all.push(Flown { kind, course: name.clone(), scene: scene_name, reached, trial });
             progress.check()?;
-        }
+            Ok(Flown { kind, course: name.clone(), scene: scene_name, reached, trial })
+        });
+        all.extend(flown.collect::<Result<Vec<_>>>()?);
     }
     page.table("repulsion", &table(&all))?;
     let kinds = ["phantoms", "scan", "drawings"];
@@ -166,7 +168,8 @@ mod tests {
     #[test]
     fn repulsion_alone_flies_a_phantom() {
         let progress = Progress::new();
-        let course = trials::small_phantoms(Effort::Quick, &progress).unwrap().remove(1);
+        let settings = PhantomSettings { size: Size::Small, seed: 2, ..PhantomSettings::default() };
+        let course = Course::phantom(&settings, &progress).unwrap();
         let paper = Scene::parse(PAPER, &crate::app::Catalog::default()).unwrap();
         let trial = trials::fly(&course, &paper, 120.0).unwrap();
         assert!(trial.arrived(), "{}", trial.reason);
