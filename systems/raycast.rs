@@ -161,7 +161,7 @@ mod tests {
     use crate::dynamics::Attitude;
     use crate::render::camera::perspective;
     use crate::render::presets::standard;
-    use crate::render::{Frame, Light, MemoryPart, Quality, Renderer, Reuse, Settings, Work, renderer};
+    use crate::render::{Budget, Frame, Light, MemoryPart, Quality, Renderer, Reuse, Settings, Work, renderer};
     use crate::testing::{Room, TestApp};
 
     const SIZE: (usize, usize) = (24, 16);
@@ -299,6 +299,58 @@ mod tests {
     const PAINTER: Preset = Preset { name: "painter", make: |_, _, _| Box::new(Painter), ..standard::PRESET };
     const NO_CAMERA: CameraModel =
         CameraModel { name: "broken", make: |_, _, _| panic!("no film"), ..perspective::MODEL };
+
+    /// Reports its budget as its work, and complains of narrow views. A picture takes it at least 2 ms.
+    struct Careful(u64);
+
+    impl Renderer for Careful {
+        fn render(&mut self, _: &View, _: &mut Frame) -> Work {
+            std::thread::sleep(std::time::Duration::from_millis(2));
+            Work { samples: self.0, ..Work::default() }
+        }
+
+        fn set_budget(&mut self, budget: Budget) {
+            self.0 = budget.samples;
+        }
+
+        fn complaint(&mut self) -> Option<(String, String)> {
+            (self.0 == 7).then(|| ("preset careful".to_owned(), "cannot do with seven samples".to_owned()))
+        }
+
+        fn parts(&self) -> Vec<(MemoryPart, usize)> {
+            Vec::new()
+        }
+    }
+
+    const CAREFUL: Preset = Preset { name: "careful", make: |_, _, _| Box::new(Careful(1)), ..standard::PRESET };
+
+    #[test]
+    fn a_renderer_gets_its_budget_and_its_complaints_and_time_are_noted() {
+        let mut test = test();
+        assert!(traced(&mut test));
+        let time = |test: &TestApp| test.app.inspect().plugin_times().into_iter().find(|t| t.name == "preset careful");
+        assert!(time(&test).is_none(), "the built-in preset is not a plug-in");
+        test.get_mut::<Picture>().preset = CAREFUL;
+        assert!(traced(&mut test));
+        assert_eq!(test.get::<Picture>().work.samples, 1, "without a budget it keeps its own");
+        assert!(test.app.take_notes().is_empty());
+        for samples in [900, 7] {
+            test.get_mut::<Picture>().budget = Some(Budget::strict(samples));
+            test.get_mut::<Picture>().due = true;
+            assert!(traced(&mut test));
+            assert_eq!(test.get::<Picture>().work.samples, samples);
+        }
+        assert_eq!(test.app.take_notes(), ["preset careful cannot do with seven samples"]);
+        let booked = time(&test).unwrap();
+        assert!(booked.frame_ms >= 2.0 && booked.step_ms == 0.0, "{booked:?}");
+        // What it is for: a preset that slows a flight down is named.
+        test.get_mut::<Picture>().settings.shader = ShaderModel { name: "odd", ..ShaderModel::default() };
+        assert_eq!(own_makers(test.get()), Some("preset careful or shader odd".to_owned()));
+        test.get_mut::<Picture>().preset = Preset::default();
+        assert_eq!(makers(test.get()), "shader odd");
+        test.get_mut::<Picture>().settings.shader = ShaderModel::default();
+        assert_eq!((own_makers(test.get()), makers(test.get())), (None, "preset default".to_owned()));
+    }
 
     #[test]
     fn a_renderer_that_panics_is_reported_and_the_next_picture_is_complete() {

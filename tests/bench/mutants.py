@@ -138,6 +138,12 @@ class Worker(threading.Thread):
         if not self.tree.exists():
             subprocess.run([*git, "worktree", "prune"], check=True)
             subprocess.run([*git, "worktree", "add", "--quiet", "--detach", str(self.tree), "HEAD"], check=True)
+            # The dependencies need not be built again. Cargo never changes a library in place.
+            for folder in ("deps", "build", ".fingerprint"):
+                built = ROOT / "target/release" / folder
+                if built.exists():
+                    link = shutil.copy2 if folder == ".fingerprint" else os.link
+                    shutil.copytree(built, self.tree / "target/release" / folder, copy_function=link)
         head = subprocess.run([*git, "rev-parse", "HEAD"], check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
         subprocess.run(["git", "checkout", "--quiet", "--force", "--detach", head], cwd=self.tree, check=True)
 
