@@ -97,7 +97,7 @@ fn through_scan(
     progress: &Progress,
 ) -> Result<Centerline> {
     let mut lumen = prepare::lumen(volume, timings, progress)?;
-    if let Some(Point::World(p)) = args.from.or(args.to).filter(|_| args.from.is_some() || args.to.is_some()) {
+    if let Some(Point::World(p)) = args.from.or(args.to) {
         // A point chooses the gas it lies in, also where that is none of the colon found.
         if lumen.nearest_gas(p, SNAP_MM).is_none() && !lumen.is_fluid(p) {
             let found = timings.time("lumen_at_s", || lumen::gas_at(volume, p, progress))?;
@@ -231,4 +231,82 @@ fn markups(line: &Centerline) -> Value {
             "measurements": [],
         }],
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::fields::lumen::Segment;
+    use crate::volume::Grid;
+
+    fn lumen(segments: &[(f64, &[usize])], ordered: bool) -> Lumen {
+        let segment = |(n, (ml, joined_to)): (usize, &(f64, &[usize]))| Segment {
+            ml: *ml,
+            fluid_ml: 0.0,
+            bounds_mm: [DVec3::ZERO; 2],
+            ends: [DVec3::X * n as f64, DVec3::Y * n as f64],
+            joined_to: joined_to.to_vec(),
+            length_mm: 100.0,
+        };
+        let grid = Grid::new([4; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let mut lumen = Lumen::none(&grid);
+        (lumen.segments, lumen.ordered) = (segments.iter().enumerate().map(segment).collect(), ordered);
+        lumen
+    }
+
+    #[test]
+    fn an_ending_names_the_format_and_is_no_name() {
+        for (name, format) in [
+            ("a.json", Format::Json),
+            ("A.JSON", Format::Json),
+            ("a.csv", Format::Csv),
+            ("b/a.mrk.json", Format::Markups),
+            (".mrk.json", Format::Json),
+        ] {
+            assert_eq!(Format::of(Path::new(name)).unwrap(), format, "{name}");
+        }
+        for name in [".json", ".csv", "a", "a.txt", "json", "a.json/", ""].map(Path::new) {
+            let format = Format::of(name);
+            assert!(format.is_err() || name == Path::new("a.json/"), "{name:?}: {format:?}");
+        }
+    }
+
+    #[test]
+    fn the_line_runs_through_the_largest_segment_and_what_fluid_joins_to_it() {
+        let ends = |n: [usize; 2]| [DVec3::X * n[0] as f64, DVec3::Y * n[1] as f64];
+        // 0 | 1 - 2 - 3 | 4; the largest is 2.
+        let chain: [(f64, &[usize]); 5] = [(5.0, &[]), (9.0, &[2]), (30.0, &[1, 3]), (8.0, &[2]), (20.0, &[])];
+        assert_eq!(joined(&lumen(&chain, true)), ends([1, 3]));
+        assert_eq!(joined(&lumen(&chain, false)), ends([2, 2]), "without an order, the largest alone");
+        assert_eq!(joined(&lumen(&[(3.0, &[1]), (2.0, &[0])], true)), ends([0, 1]));
+        assert_eq!(joined(&lumen(&[(3.0, &[]), (2.0, &[])], true)), ends([0, 0]));
+        assert_eq!(joined(&lumen(&[], true)), [DVec3::ZERO; 2]);
+        assert_eq!(outermost(&lumen(&chain, true), 0..5), ends([0, 4]));
+        assert_eq!(outermost(&lumen(&chain, false), 0..5), ends([2, 2]));
+    }
+
+    #[test]
+    fn ends_coincide_within_three_millimetres() {
+        let at = |x: f64| Point::World(DVec3::new(x, -4.0, 7.0));
+        assert!(same(at(1.0), at(3.9)) && !same(at(1.0), at(4.0)));
+        assert!(
+            same(Point::Cecum, Point::Cecum) && !same(Point::Cecum, Point::Rectum) && !same(Point::Rectum, at(0.0))
+        );
+    }
+
+    #[test]
+    fn the_longer_line_is_taken_or_the_only_one() {
+        let line = |length_mm: f64| {
+            Ok(Centerline { points: vec![DVec3::ZERO], radius_mm: vec![0.0], length_mm, guessed: Vec::new() })
+        };
+        let no = || Err(Error::incomplete("centerline", "no way", "none"));
+        let length = |lines| farther(lines).map(|l| l.length_mm);
+        assert_eq!(length([line(3.0), line(5.0)]).unwrap(), 5.0);
+        assert_eq!(length([line(5.0), line(3.0)]).unwrap(), 5.0);
+        assert_eq!(length([no(), line(3.0)]).unwrap(), 3.0);
+        assert_eq!(length([line(2.0), no()]).unwrap(), 2.0);
+        assert!(length([no(), no()]).is_err());
+    }
 }

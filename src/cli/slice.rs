@@ -106,3 +106,17 @@ fn bands(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ending_names_the_format() {
+        assert!(matches!(Format::of(Path::new("a.PNG")), Ok(Format::Png)));
+        assert!(matches!(Format::of(Path::new("a.png.npy")), Ok(Format::Npy)));
+        for name in ["a", "a.jpg", ".png", ""] {
+            assert!(Format::of(Path::new(name)).is_err(), "{name}");
+        }
+    }
+}

@@ -118,3 +118,74 @@ pub(crate) fn steps(s: &str) -> Result<u64, String> {
 pub(crate) fn seed(s: &str) -> Result<u64, String> {
     s.parse().map_err(|_| format!("must be a whole number from 0 to {}", u64::MAX))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::ImageSize;
+
+    #[test]
+    fn numbers_are_as_many_as_asked_and_finite() {
+        assert_eq!("1,-2.5".parse(), Ok(Pair(1.0, -2.5)));
+        assert_eq!(" 1e2 , 0,-3".parse(), Ok(Triple(DVec3::new(100.0, 0.0, -3.0))));
+        assert_eq!(number("0.25"), Ok(0.25));
+        for wrong in ["", "1", "1,2,3", "1,", "x,1", "NaN,1", "1,inf"] {
+            assert!(wrong.parse::<Pair>().is_err(), "{wrong}");
+        }
+        assert_eq!("1,2,3,4".parse::<Triple>(), Err("needs 3 numbers, no more".to_owned()));
+        assert_eq!("1,2".parse::<Triple>(), Err("needs 3 numbers".to_owned()));
+        assert_eq!("1,2,z".parse::<Triple>(), Err("\"z\" is not a finite number".to_owned()));
+    }
+
+    #[test]
+    fn points_are_named_or_given() {
+        assert_eq!(("Rectum".parse(), "CECUM".parse()), (Ok(Point::Rectum), Ok(Point::Cecum)));
+        assert_eq!("1,2,3".parse(), Ok(Point::World(DVec3::new(1.0, 2.0, 3.0))));
+        let why = "colon".parse::<Point>().unwrap_err();
+        assert!(why.starts_with("is not rectum, cecum or X,Y,Z: "), "{why}");
+    }
+
+    #[test]
+    fn planes_have_names_or_a_normal() {
+        for (text, named) in
+            [("axial", SlicePlane::Axial), ("Coronal", SlicePlane::Coronal), ("SAGITTAL", SlicePlane::Sagittal)]
+        {
+            assert_eq!(plane(text), Ok(named));
+        }
+        assert_eq!(plane("1,0,2"), Ok(SlicePlane::Oblique(DVec3::new(1.0, 0.0, 2.0))));
+        assert!(plane("0,0,0").is_err(), "no direction");
+        assert!(plane("oblique").unwrap_err().starts_with("is not axial, coronal, sagittal or NX,NY,NZ: "));
+    }
+
+    #[test]
+    fn slabs_have_a_thickness_and_a_kind() {
+        for (text, kind) in [("5,mean", SlabKind::Mean), ("5, MAX", SlabKind::Max), ("5,min", SlabKind::Min)] {
+            assert_eq!(slab(text), Slab::new(5.0, kind));
+        }
+        for wrong in ["5", "5,median", "x,max", "-1,mean"] {
+            assert!(slab(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn counts_have_their_limits() {
+        assert_eq!((threads("1"), threads("256")), (Ok(1), Ok(256)));
+        assert_eq!((count("1"), count("4096")), (Ok(1), Ok(4096)));
+        assert_eq!((steps("1"), steps("18446744073709551615")), (Ok(1), Ok(u64::MAX)));
+        assert_eq!((seed("0"), seed("7")), (Ok(0), Ok(7)));
+        assert!(["0", "257", "-1", "1.5", ""].iter().all(|s| threads(s).is_err()));
+        assert!(["0", "4097", "x"].iter().all(|s| count(s).is_err()));
+        assert!(steps("0").is_err() && seed("-1").is_err());
+    }
+
+    #[test]
+    fn sizes_are_two_sides() {
+        assert_eq!("640x480".parse(), Ok(ImageSize::new(640, 480)));
+        assert_eq!("1X16384".parse(), Ok(ImageSize::new(1, 16384)));
+        for wrong in ["", "640", "0x5", "5x0", "5x16385", "-5x5", "5x5x5", "axb"] {
+            assert!(wrong.parse::<ImageSize>().is_err(), "{wrong}");
+        }
+        let size = ImageSize::new(3, 7);
+        assert_eq!((size.pixels(), size.shorter(), size.to_string().as_str()), (21, 3, "3x7"));
+    }
+}

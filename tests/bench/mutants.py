@@ -6,8 +6,8 @@
 
 Draws --count mutants of `src` and `systems` (settings: .cargo/mutants.toml) with --seed, from each folder in proportion to the
 square root of its number of mutants, or all from one --folder. Each job works on a copy of the last commit, in a worktree below
-`target/mutants`, with a target folder of its own, so that builds are incremental and the checkout stays as it is. Each mutant meets
-the tests in this order, until one fails:
+`target/mutants`, with a target folder of its own, so that builds are incremental and the checkout stays as it is. The tests run in
+three stages; a mutant that one stage has noticed does not meet the next:
 
 1. unit:        the unit tests of its folder
 2. integration: all other tests, without those that compare a whole flight or picture with a stored one
@@ -15,9 +15,11 @@ the tests in this order, until one fails:
 
 A mutant that does not compile is replaced by the next one drawn. A test that exceeds its time has noticed the mutant. Results are
 appended to OUT/results.jsonl, where a run that was interrupted continues, and OUT/survivors.txt and OUT/table.md are written from
-them at the end. About a minute a mutant on two cores, five if only digests or nothing notices it.
+them at the end. On two cores a mutant takes about a minute in the first stage and five in the second.
 
---list prints the sample and runs nothing. --table OUT... prints one table of several runs.
+--stage  ends after this stage
+--list   prints the sample and runs nothing
+--table  prints one table of several runs
 """
 
 import argparse
@@ -64,6 +66,7 @@ def arguments():
     p.add_argument("--count", type=int, default=100)
     p.add_argument("--folder", choices=sorted({f for name in FOLDERS for f in name.split(", ")}))
     p.add_argument("--jobs", type=int, default=2)
+    p.add_argument("--stage", choices=STAGES, default=STAGES[-1])
     p.add_argument("--list", action="store_true")
     p.add_argument("--table", nargs="+", type=pathlib.Path, metavar="OUT")
     a = p.parse_args()
@@ -114,15 +117,15 @@ def sample(mutants, seed, count, folder):
 
 
 def tests_of(stage, folder):
-    """Returns the arguments of `cargo test` for a stage."""
+    """Returns the test binaries of a stage, and the names of its tests."""
     modules = [re.sub(r"^src/", "", p).removesuffix(".rs").replace("/", "::") for p in FOLDERS[folder]]
     if stage == "unit":
-        return ["--lib", "--", *(f"{m}::" for m in modules), *(f"--skip={d}" for d in DIGESTS)]
+        return ["--lib"], [*(f"{m}::" for m in modules), *(f"--skip={d}" for d in DIGESTS)]
     binaries = ["formats", "flights", "pictures", "program"] + (["window"] if folder == "host" else [])
     chosen = ["--lib"] + [f"--test={b}" for b in binaries]
     if stage == "integration":
-        return [*chosen, "--", *(f"--skip={d}" for d in DIGESTS)]
-    return ["--lib", "--test=flights", "--test=pictures", "--", *DIGESTS]
+        return chosen, [f"--skip={d}" for d in DIGESTS]
+    return ["--lib", "--test=flights", "--test=pictures"], DIGESTS
 
 
 class Worker(threading.Thread):
@@ -150,26 +153,20 @@ class Worker(threading.Thread):
     def run(self):
         self.prepare()
         while (taken := self.queue()) is not None:
-            folder, mutant = taken
-            noticed, by = "missed", ""
-            for stage in STAGES:
-                outcome, by = self.stage(stage, folder, mutant)
-                if outcome == "unviable":
-                    noticed = outcome
-                    break
-                if outcome != "missed":
-                    noticed = stage
-                    break
-            self.write({"folder": folder, "mutant": mutant["name"], "noticed": noticed, "by": by}, folder)
+            stage, folder, mutant = taken
+            outcome, by = self.stage(stage, mutant, folder)
+            self.write({"folder": folder, "mutant": mutant["name"], "stage": stage, "outcome": outcome, "by": by})
 
-    def stage(self, stage, folder, mutant):
-        """Runs a stage's tests. Returns the outcome, and the first test that failed."""
+    def stage(self, stage, mutant, folder):
+        """Runs a stage's tests. Returns "noticed", "missed" or "unviable", and the first test that failed."""
         shutil.rmtree(self.logs, ignore_errors=True)
         self.logs.mkdir(parents=True)
         environment = dict(os.environ, CARGO_INCREMENTAL="1", CARGO_TARGET_DIR=str(self.tree / "target"))
         environment.setdefault("COLVIS_TEST_DATA", str(ROOT.parent / "shared/data"))
+        binaries, names = tests_of(stage, folder)
         command = ["cargo", "mutants", "--in-place", "--baseline=skip", f"--timeout={TIMEOUT[stage]}", "--build-timeout=900",
-                   "--shard", mutant["shard"], "--output", str(self.logs), "--", *tests_of(stage, folder)]
+                   "--shard", mutant["shard"], "--output", str(self.logs),
+                   *(f"--cargo-arg={b}" for b in binaries), "--", "--", *names]
         with open(self.out / "cargo-mutants.log", "ab") as log:
             subprocess.run(command, cwd=self.tree, env=environment, stdout=log, stderr=log)
         outcomes = json.loads((self.logs / "mutants.out/outcomes.json").read_text())["outcomes"]
@@ -179,63 +176,95 @@ class Worker(threading.Thread):
         if summary == "Unviable":
             return "unviable", ""
         if summary == "Timeout":
-            return stage, "time"
+            return "noticed", "time"
         if summary == "MissedMutant":
             return "missed", ""
         text = (self.logs / "mutants.out" / outcomes[0]["log_path"]).read_text(errors="replace")
         failed = re.search(r"^test (\S+) (?:- should panic )?\.\.\. FAILED", text, re.M)
-        return stage, failed.group(1) if failed else "a binary that ended"
+        return "noticed", failed.group(1) if failed else "a binary that ended"
 
 
-def results(out):
+def lines_of(out):
     path = out / "results.jsonl"
     return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
-def run(a):
-    a.out.mkdir(parents=True, exist_ok=True)
-    if subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "src", "systems"], cwd=ROOT).returncode:
-        sys.exit("src or systems differ from the last commit: commit them first")
-    drawn = sample(all_mutants(), a.seed, a.count, a.folder)
-    done = results(a.out)
-    known = {r["mutant"] for r in done}
-    counted = collections.Counter(r["folder"] for r in done if r["noticed"] != "unviable")
-    waiting = {name: [m for m in order if m["name"] not in known] for name, (_, order) in drawn.items()}
-    lock = threading.Lock()
+def results(out):
+    """Returns (folder, the stage that noticed it or "missed") of each mutant that is settled."""
+    settled = {}
+    for line in lines_of(out):
+        if line["outcome"] == "noticed":
+            settled[line["mutant"]] = (line["folder"], line["stage"])
+        elif line["outcome"] == "missed" and line["stage"] == STAGES[-1]:
+            settled[line["mutant"]] = (line["folder"], "missed")
+    return settled
 
-    def queue():
-        with lock:
-            for name in sorted(drawn, key=lambda n: -(drawn[n][0] - counted[n])):
-                if counted[name] < drawn[name][0] and waiting[name]:
-                    counted[name] += 1
-                    return name, waiting[name].pop(0)
+
+class Plan:
+    """Which mutant meets which tests next."""
+
+    def __init__(self, a):
+        self.drawn = sample(all_mutants(), a.seed, a.count, a.folder)
+        self.stages = STAGES[: STAGES.index(a.stage) + 1]
+        self.out, self.lock = a.out, threading.Condition()
+        self.done = {(line["mutant"], line["stage"]): line["outcome"] for line in lines_of(a.out)}
+        self.taken = set()
+
+    def chosen(self):
+        """Returns the sample: those drawn first, without those that do not compile."""
+        for name, (wanted, order) in self.drawn.items():
+            viable = (m for m in order if self.done.get((m["name"], STAGES[0])) != "unviable")
+            yield from ((name, m) for m, _ in zip(viable, range(wanted)))
+
+    def next(self):
+        with self.lock:
+            for stage in self.stages:
+                while True:
+                    waits = False
+                    for folder, m in self.chosen():
+                        key, before = (m["name"], stage), STAGES[: STAGES.index(stage)]
+                        if key in self.done or any(self.done.get((m["name"], b)) != "missed" for b in before):
+                            continue
+                        if key not in self.taken:
+                            self.taken.add(key)
+                            return stage, folder, m
+                        waits = True
+                    if not waits:
+                        break
+                    # Another worker may find that a mutant does not compile or goes on to the next stage.
+                    self.lock.wait()
         return None
 
-    def write(result, folder):
-        with lock:
-            if result["noticed"] == "unviable":
-                counted[folder] -= 1
-            with open(a.out / "results.jsonl", "a") as f:
-                f.write(json.dumps(result) + "\n")
-            print(f"{result['noticed']:12} {result['mutant']}  {result['by']}", flush=True)
+    def write(self, line):
+        with self.lock:
+            self.done[line["mutant"], line["stage"]] = line["outcome"]
+            with open(self.out / "results.jsonl", "a") as f:
+                f.write(json.dumps(line) + "\n")
+            print(f"{line['stage']:12} {line['outcome']:8} {line['mutant']}  {line['by']}", flush=True)
+            self.lock.notify_all()
 
-    workers = [Worker(n, queue, a.out, write) for n in range(a.jobs)]
+
+def run(a):
+    if subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "src", "systems"], cwd=ROOT).returncode:
+        sys.exit("src or systems differ from the last commit: commit them first")
+    a.out.mkdir(parents=True, exist_ok=True)
+    plan = Plan(a)
+    workers = [Worker(n, plan.next, a.out, plan.write) for n in range(a.jobs)]
     for w in workers:
         w.start()
     for w in workers:
         w.join()
-    (a.out / "table.md").write_text(table([a.out]))
-    missed = [r["mutant"] for r in results(a.out) if r["noticed"] == "missed"]
+    missed = [line["mutant"] for line in lines_of(a.out) if line["stage"] == a.stage and line["outcome"] == "missed"]
     (a.out / "survivors.txt").write_text("".join(f"{m}\n" for m in missed))
+    (a.out / "table.md").write_text(table([a.out]))
     print((a.out / "table.md").read_text())
 
 
 def table(outs):
     rows = collections.defaultdict(collections.Counter)
     for out in outs:
-        for r in results(out):
-            if r["noticed"] != "unviable":
-                rows[r["folder"]][r["noticed"]] += 1
+        for folder, noticed in results(out).values():
+            rows[folder][noticed] += 1
     lines = ["| folder | mutants | by a unit test | by another test | by a digest alone | not noticed | noticed |",
              "|---|---|---|---|---|---|---|"]
 

@@ -10,7 +10,7 @@ use colvis::components::camera::{Heading, Pose, Velocity};
 use colvis::components::flight::{Flight, Flown, State, Watch};
 use colvis::components::guide::{MineField, Planned};
 use colvis::components::input::{Command, FlightCommand, Hand, HandCommand};
-use colvis::components::output::{LogLine, Picture};
+use colvis::components::output::{Follows, LogLine, Picture};
 use colvis::components::play::{Direction, Playback};
 use colvis::components::trail::Trail;
 use colvis::dynamics::mines::MineSettings;
@@ -549,4 +549,50 @@ fn a_camera_that_is_lost_after_a_jump_is_put_back_where_it_had_jumped_to() {
         f.step().unwrap();
         assert_eq!(f.pose(), there, "{event:?}");
     }
+}
+
+/// A window asks before each frame which of the views beside its own would change.
+#[test]
+fn views_are_marked_that_would_change_and_no_others() {
+    let mut f = set_out(scene("manual"));
+    let camera = f.app().camera_id();
+    let sharp = || {
+        let mut picture = Picture::new(12, 8);
+        picture.settings.adaptive = false;
+        picture
+    };
+    let here = f.pose();
+    let still = f.views().add((sharp(), here)).unwrap();
+    let rear = f.views().add((sharp(), Follows { whom: Some(camera), ..Follows::rear() })).unwrap();
+    let unnamed = f.views().add((sharp(), Follows::rear())).unwrap();
+    let of_other = f.views().add((sharp(), Follows { whom: Some(still), ..Follows::rear() })).unwrap();
+    let views = [still, rear, unnamed, of_other];
+    let due = |f: &FlightApp, e: Entity| f.app().world.get::<Picture>(e).unwrap().due;
+    /// Marks, checks which are marked, and renders them.
+    fn marks(f: &mut FlightApp, views: [Entity; 4], expected: [bool; 4], what: &str) {
+        assert_eq!(f.views().mark_unfinished(), expected.contains(&true), "{what}");
+        let marked = views.map(|e| f.app().world.get::<Picture>(e).unwrap().due);
+        assert_eq!(marked, expected, "{what}");
+        f.views().render_due().unwrap();
+    }
+    f.frame().unwrap();
+    // What another entity does is not known here, so whatever follows it is rendered again.
+    marks(&mut f, views, [false, false, false, true], "nothing has changed");
+    assert!(f.place(THERE, DVec3::Y, DVec3::Z));
+    marks(&mut f, views, [false, true, true, true], "the camera has moved");
+    assert!(f.place(THERE, DVec3::X, DVec3::Z));
+    marks(&mut f, views, [false, true, true, true], "the camera has turned");
+    assert!(!due(&f, camera), "the camera's own is marked by the window");
+    f.app_mut().world.get_mut::<Pose>(still).unwrap().position.x += 1.0;
+    marks(&mut f, views, [true, false, false, true], "a view has moved");
+    f.app_mut().world.get_mut::<Picture>(rear).unwrap().fov_degrees = 60.0;
+    marks(&mut f, views, [false, true, false, true], "a view's angle has changed");
+    f.app_mut().world.get_mut::<Picture>(unnamed).unwrap().settings = Settings::new(Quality::Low);
+    marks(&mut f, views, [false, false, true, true], "a view's quality has changed");
+    f.app_mut().world.get_mut::<Picture>(still).unwrap().preset = Preset::named("lean").unwrap();
+    marks(&mut f, views, [true, false, false, true], "a view's preset has changed");
+    f.app_mut().world.get_mut::<Picture>(still).unwrap().frame.resize(9, 9);
+    marks(&mut f, views, [true, false, false, true], "a view's size has changed");
+    f.app_mut().world.entity_mut(of_other).despawn();
+    assert!(!f.views().mark_unfinished(), "nothing is left to do");
 }
