@@ -161,7 +161,9 @@ mod tests {
     use crate::dynamics::Attitude;
     use crate::render::camera::perspective;
     use crate::render::presets::standard;
-    use crate::render::{Budget, Frame, Light, MemoryPart, Quality, Renderer, Reuse, Settings, Work, renderer};
+    use crate::render::{
+        Budget, Frame, ImageSize, Light, MemoryPart, Quality, Renderer, Reuse, Settings, Work, renderer,
+    };
     use crate::testing::{Room, TestApp};
 
     const SIZE: (usize, usize) = (24, 16);
@@ -300,21 +302,21 @@ mod tests {
     const NO_CAMERA: CameraModel =
         CameraModel { name: "broken", make: |_, _, _| panic!("no film"), ..perspective::MODEL };
 
-    /// Reports its budget as its work, and complains of narrow views. A picture takes it at least 2 ms.
+    /// Reports its budget as its work, and with a budget of 7 samples makes a picture of another size. A picture takes it at
+    /// least 2 ms.
     struct Careful(u64);
 
     impl Renderer for Careful {
-        fn render(&mut self, _: &View, _: &mut Frame) -> Work {
+        fn render(&mut self, _: &View, frame: &mut Frame) -> Work {
             std::thread::sleep(std::time::Duration::from_millis(2));
+            if self.0 == 7 {
+                frame.resize(3, 5);
+            }
             Work { samples: self.0, ..Work::default() }
         }
 
         fn set_budget(&mut self, budget: Budget) {
             self.0 = budget.samples;
-        }
-
-        fn complaint(&mut self) -> Option<(String, String)> {
-            (self.0 == 7).then(|| ("preset careful".to_owned(), "cannot do with seven samples".to_owned()))
         }
 
         fn parts(&self) -> Vec<(MemoryPart, usize)> {
@@ -340,7 +342,12 @@ mod tests {
             assert!(traced(&mut test));
             assert_eq!(test.get::<Picture>().work.samples, samples);
         }
-        assert_eq!(test.app.take_notes(), ["preset careful cannot do with seven samples"]);
+        assert_eq!(
+            test.app.take_notes(),
+            ["preset careful made a frame of 3x5 pixels where 24x16 were asked for"],
+            "and it has its size"
+        );
+        assert_eq!(test.get::<Picture>().frame.size(), ImageSize::new(SIZE.0, SIZE.1));
         let booked = time(&test).unwrap();
         assert!(booked.frame_ms >= 2.0 && booked.step_ms == 0.0, "{booked:?}");
         // What it is for: a preset that slows a flight down is named.

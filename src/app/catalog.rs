@@ -201,3 +201,89 @@ fn no<'a>(what: &str, name: &str, names: impl Iterator<Item = &'a str>) -> Error
     let names: Vec<&str> = names.collect();
     Error::usage(what, format!("there is no {name:?}"), format!("choose one of {}", names.join(", ")))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dynamics::Body;
+    use crate::schedule::App;
+
+    #[derive(Clone, Debug, Default, serde::Deserialize, PartialEq)]
+    struct Own;
+
+    impl Guide for Own {
+        const NAME: &'static str = "own";
+        const SUMMARY: &'static str = "does nothing";
+        const KEY: Option<char> = Some('X');
+
+        fn cruise_mm_s(&self, _: &Body) -> f64 {
+            0.0
+        }
+
+        fn plug(&self, _: &mut App) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    /// A catalog with an entry of each kind, all with names of their own.
+    fn full() -> Catalog {
+        Catalog::default()
+            .guide::<Own>()
+            .preset(Preset { name: "own preset", ..Preset::default() })
+            .camera(CameraModel { name: "own camera", ..CameraModel::default() })
+            .shader(ShaderModel { name: "own shader", ..ShaderModel::default() })
+            .overlay(Overlay { name: "own overlay", key: Some('y'), ..overlays::BUILT_IN[0] })
+            .plugin(|_: &mut App| Ok(()))
+    }
+
+    #[test]
+    fn what_is_added_is_found_beside_what_is_built_in() {
+        let (own, built_in) = (full(), Catalog::default());
+        assert!(own.guides.named("own").is_some() && own.guides.iter().count() == built_in.guides.iter().count() + 1);
+        assert_eq!(own.plugins.iter().count(), 1);
+        assert_eq!(own.find_preset("own preset").unwrap().name, "own preset");
+        assert_eq!(own.find_camera("own camera").unwrap().name, "own camera");
+        assert_eq!(own.find_shader("own shader").unwrap().name, "own shader");
+        assert_eq!(own.find_overlay("own overlay").unwrap().name, "own overlay");
+        for catalog in [&own, &built_in] {
+            assert!(presets::BUILT_IN.iter().all(|p| catalog.find_preset(p.name).unwrap() == *p));
+            assert!(camera::BUILT_IN.iter().all(|c| catalog.find_camera(c.name).unwrap() == *c));
+            assert!(shaders::BUILT_IN.iter().all(|s| catalog.find_shader(s.name).unwrap() == *s));
+            assert!(overlays::BUILT_IN.iter().all(|o| catalog.find_overlay(o.name).unwrap().name == o.name));
+            catalog.check().unwrap();
+        }
+        for refused in [
+            built_in.find_preset("own preset").map(drop),
+            built_in.find_camera("own camera").map(drop),
+            built_in.find_shader("own shader").map(drop),
+            built_in.find_overlay("own overlay").map(drop),
+        ] {
+            let e = refused.unwrap_err().to_string();
+            assert!(e.contains("there is no \"own") && e.contains("choose one of "), "{e}");
+        }
+    }
+
+    #[test]
+    fn names_and_keys_are_unique() {
+        let preset = |name| Preset { name, ..Preset::default() };
+        let overlay = |name, key| Overlay { name, key, ..overlays::BUILT_IN[0] };
+        for (what, catalog) in [
+            ("guide", Catalog::default().guide::<Own>().guide::<Own>()),
+            ("built in", Catalog::default().preset(preset("default"))),
+            ("another kind's", full().preset(preset("own"))),
+            ("a camera's", full().preset(preset("own camera"))),
+            ("a shader's", full().preset(preset("own shader"))),
+            ("a table's", Catalog::default().preset(preset("render"))),
+            ("a log's", Catalog::default().preset(preset("play"))),
+            ("none", Catalog::default().preset(preset(""))),
+            ("overlay", full().overlay(overlay("own overlay", None))),
+            ("overlay's key", full().overlay(overlay("other", Some('Y')))),
+            ("guide's key", full().overlay(overlay("other", Some('x')))),
+        ] {
+            assert!(catalog.check().is_err(), "{what}");
+        }
+        full().overlay(overlay("own", None)).check().unwrap();
+        let e = full().overlay(overlay("other", Some('x'))).check().unwrap_err().to_string();
+        assert!(e.contains("key \"X\": is used twice: by guide own and by overlay other"), "{e}");
+    }
+}

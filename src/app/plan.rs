@@ -364,3 +364,104 @@ pub fn as_logged(play: &Playback) -> Plan {
     let [start, goal] = play.ends();
     Plan::between(start, goal, play.length_mm())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Room;
+
+    const RECTAL: DVec3 = DVec3::new(10.0, 8.0, 10.0);
+    const CECAL: DVec3 = DVec3::new(10.0, 70.0, 10.0);
+
+    /// A segment of a colon in a room of 20 × 80 × 20 mm, shifted to the side by its number.
+    fn segment(number: usize, ml: f64) -> Segment {
+        let aside = DVec3::X * number as f64;
+        let ends = [RECTAL + aside, CECAL + aside];
+        Segment { ml, fluid_ml: 0.0, bounds_mm: ends, ends, joined_to: Vec::new(), length_mm: 300.0 }
+    }
+
+    /// Three segments, of which the middle one is the largest.
+    fn three(ordered: bool) -> (PreparedVolume, Lumen) {
+        let volume = Room::new([20, 80, 20]).scan();
+        let mut lumen = Lumen::none(volume.voxels().grid());
+        (lumen.segments, lumen.ordered) = (vec![segment(0, 30.0), segment(1, 50.0), segment(2, 40.0)], ordered);
+        (volume, lumen)
+    }
+
+    fn request(from: Option<Place>, to: Option<Place>, reverse: bool) -> FlightRequest {
+        FlightRequest { from, to, reverse }
+    }
+
+    #[test]
+    fn a_flight_begins_and_ends_where_it_is_asked_to() {
+        use Place::{Cecum, Rectum, World};
+        let s = segment(0, 30.0);
+        let near = |y: f64| Some(World(DVec3::new(10.0, y, 10.0)));
+        for (from, to, expected) in [
+            (None, None, (RECTAL, CECAL)),
+            (Some(Rectum), None, (RECTAL, CECAL)),
+            (Some(Cecum), None, (CECAL, RECTAL)),
+            (None, Some(Rectum), (CECAL, RECTAL)),
+            (None, Some(Cecum), (RECTAL, CECAL)),
+            (Some(Rectum), Some(Cecum), (RECTAL, CECAL)),
+            (Some(Cecum), Some(Rectum), (CECAL, RECTAL)),
+            (None, near(12.0), (CECAL, RECTAL)),
+            (None, near(60.0), (RECTAL, CECAL)),
+            (Some(Cecum), near(60.0), (CECAL, RECTAL)),
+            (near(12.0), near(12.0), (RECTAL, CECAL)),
+            (near(12.0), Some(Rectum), (CECAL, RECTAL)),
+        ] {
+            assert_eq!(ends_of(&s, &request(from, to, false)), expected, "{from:?} {to:?}");
+            assert_eq!(ends_of(&s, &request(from, to, true)), (expected.1, expected.0), "back: {from:?} {to:?}");
+        }
+    }
+
+    #[test]
+    fn a_named_end_chooses_its_segment_and_says_what_it_cannot_reach() {
+        use Place::{Cecum, Rectum};
+        let (volume, lumen) = three(true);
+        let plan = |lumen: &Lumen, from, to| {
+            let plan = plan(&volume, lumen, &request(from, to, false), 1.5, &Progress::new()).unwrap();
+            (plan.segment.unwrap(), plan.goal().missed.clone())
+        };
+        assert_eq!(plan(&lumen, None, None), (1, None), "the largest");
+        assert_eq!(plan(&lumen, Some(Rectum), None), (0, None));
+        assert_eq!(plan(&lumen, Some(Cecum), None), (2, None));
+        assert_eq!(plan(&lumen, None, Some(Rectum)), (0, None));
+        assert_eq!(plan(&lumen, None, Some(Cecum)), (2, None));
+        let (segment, missed) = plan(&lumen, Some(Rectum), Some(Cecum));
+        let next = "the cecum lies in another gas segment, which reaches from 11.0,8.0,10.0 to 11.0,70.0,10.0";
+        assert_eq!((segment, missed.as_deref()), (0, Some(next)));
+        let (segment, missed) = plan(&lumen, Some(Cecum), Some(Rectum));
+        let next = "the rectum lies in another gas segment, which reaches from 11.0,8.0,10.0 to 11.0,70.0,10.0";
+        assert_eq!((segment, missed.as_deref()), (2, Some(next)));
+        // Without an order, nobody knows which segment the ends are in.
+        let (_, lumen) = three(false);
+        for (from, to) in [(Some(Rectum), Some(Cecum)), (Some(Cecum), Some(Rectum)), (None, Some(Cecum))] {
+            assert_eq!(plan(&lumen, from, to), (1, None), "{from:?} {to:?}");
+        }
+    }
+
+    #[test]
+    fn a_segment_is_flown_to_either_end() {
+        let (volume, lumen) = three(true);
+        let through = |number, to| through_segment(&volume, &lumen, number, to, 1.5);
+        let plan = through(2, SegmentEnd::Cecal).unwrap();
+        let aside = DVec3::X * 2.0;
+        assert_eq!((plan.segment, plan.length_mm, plan.begin), (Some(2), 300.0, RECTAL + aside));
+        assert_eq!((plan.other_end().at, plan.goal().at), (RECTAL + aside, CECAL + aside));
+        // Half the distance to the nearest wall.
+        assert!((plan.goal().within_mm - 0.5 * 8.0).abs() < 0.3, "{}", plan.goal().within_mm);
+        let back = through(2, SegmentEnd::Rectal).unwrap();
+        assert_eq!((back.other_end().at, back.goal().at), (CECAL + aside, RECTAL + aside));
+        assert_eq!(through(3, SegmentEnd::Cecal).unwrap_err().kind, crate::error::Kind::Incomplete);
+        let narrow = through_segment(&volume, &lumen, 0, SegmentEnd::Cecal, 12.0).unwrap_err();
+        assert!(narrow.why.contains("narrower than the camera (12 mm)"), "{narrow}");
+        let mut turned = plan.clone();
+        turned.reverse();
+        assert_eq!(
+            (turned.begin, turned.goal().at, turned.other_end().at),
+            (CECAL + aside, RECTAL + aside, CECAL + aside)
+        );
+    }
+}

@@ -3,7 +3,7 @@
 use super::adaptive::Budget;
 use super::memory::MemoryPart;
 use super::renderer::{Detail, Renderer};
-use super::{Frame, Settings, View, Work};
+use super::{Frame, ImageSize, Settings, View, Work};
 
 /// Forwards every call to a renderer and enforces the requested frame size.
 pub(crate) struct Checked {
@@ -19,12 +19,10 @@ impl Checked {
     }
 
     fn check(&mut self, view: &View, frame: &mut Frame) {
-        let (made, asked) = ((frame.width(), frame.height()), (view.width(), view.height()));
+        let (made, asked) = (frame.size(), ImageSize::new(view.width(), view.height()));
         if made != asked {
-            let what =
-                format!("made a frame of {}x{} pixels where {}x{} were asked for", made.0, made.1, asked.0, asked.1);
-            self.complaint.get_or_insert(what);
-            frame.resize(asked.0, asked.1);
+            self.complaint.get_or_insert(format!("made a frame of {made} pixels where {asked} were asked for"));
+            frame.resize(asked.width, asked.height);
         }
     }
 }

@@ -6,7 +6,7 @@
 
 Draws --count mutants of `src` and `systems` (settings: .cargo/mutants.toml) with --seed, from each folder in proportion to the
 square root of its number of mutants, or all from one --folder. Each job works on a copy of the last commit, in a worktree below
-`target/mutants`, with a target folder of its own, so that builds are incremental and the checkout stays as it is. The tests run in
+`target/mutation`, with a target folder of its own, so that builds are incremental and the checkout stays as it is. The tests run in
 three stages; a mutant that one stage has noticed does not meet the next:
 
 1. unit:        the unit tests of its folder
@@ -36,7 +36,7 @@ import sys
 import threading
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-WORK = ROOT / "target/mutants"
+WORK = ROOT / "target/mutation"
 
 # Folders of the table: the paths that belong to each.
 FOLDERS = {
@@ -143,10 +143,10 @@ class Worker(threading.Thread):
             subprocess.run([*git, "worktree", "add", "--quiet", "--detach", str(self.tree), "HEAD"], check=True)
             # The dependencies need not be built again. Cargo never changes a library in place.
             for folder in ("deps", "build", ".fingerprint"):
-                built = ROOT / "target/release" / folder
+                built = ROOT / "target/quick" / folder
                 if built.exists():
                     link = shutil.copy2 if folder == ".fingerprint" else os.link
-                    shutil.copytree(built, self.tree / "target/release" / folder, copy_function=link)
+                    shutil.copytree(built, self.tree / "target/quick" / folder, copy_function=link)
         head = subprocess.run([*git, "rev-parse", "HEAD"], check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
         subprocess.run(["git", "checkout", "--quiet", "--force", "--detach", head], cwd=self.tree, check=True)
 
