@@ -457,7 +457,7 @@ mod tests {
         assert_eq!(through(3, SegmentEnd::Cecal).unwrap_err().kind, crate::error::Kind::Incomplete);
         let narrow = through_segment(&volume, &lumen, 0, SegmentEnd::Cecal, 12.0).unwrap_err();
         assert!(narrow.why.contains("narrower than the camera (12 mm)"), "{narrow}");
-        let mut turned = plan.clone();
+        let mut turned = plan;
         turned.reverse();
         assert_eq!(
             (turned.begin, turned.goal().at, turned.other_end().at),
