@@ -619,6 +619,16 @@ mod tests {
         assert!(a.global.wall == Some(Pair(-900.0, -400.0)));
         let a = parse("colvis --threads 2 scan.nii --headless");
         assert!(a.command.is_none() && a.fly.headless && a.global.threads == Some(2));
+        let moved = |line: &str| {
+            let args = command_first(line.split(' ').map(OsString::from).collect(), &Args::command());
+            args.iter().map(|a| a.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(moved("colvis --threads 1 info v.nii"), "colvis info --threads 1 v.nii");
+        for as_it_is in
+            ["colvis", "colvis info v.nii", "colvis --threads 2 scan.nii", "colvis --threads 2", "colvis --threads"]
+        {
+            assert_eq!(moved(as_it_is), as_it_is);
+        }
     }
 
     #[test]

@@ -396,4 +396,22 @@ mod tests {
         let all = orders(|t| DVec3::X * 30.0 * t.min(3.0), 5.0, None, Some(end));
         assert!(matches!(all[0].1, RescueAction::SetOff { clear_mines: true, .. }), "{all:?}");
     }
+
+    #[test]
+    fn the_operator_clears_everything_but_that_it_has_turned_round() {
+        let (monitor, end) = (MonitorSettings::default(), DVec3::X * 95.0);
+        let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::NEG_X];
+        let lengths = [80.0, 10.0, 10.0, 90.0];
+        let reading = TentacleReading { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
+        let mut r = Rescue::default();
+        for n in 0..600 {
+            let at = DVec3::X * 30.0 * (f64::from(n) / 120.0).min(3.0);
+            r.follow(at, 1.0 / 120.0, Some(&reading), Some(end), &monitor);
+        }
+        let turns = r.turns();
+        assert!(turns > 0 && !r.monitor().trail().is_empty());
+        r.restart();
+        assert_eq!((r.turns(), r.escapes(), r.is_escaping(), r.trap()), (turns, 0, false, None));
+        assert!(r.monitor().trail().is_empty() && r.forbidden().0.is_empty());
+    }
 }
