@@ -109,12 +109,12 @@ impl Course {
     }
 }
 
-/// Creates the courses of small studies: six small phantoms with folds, polyps and noise, or one for a quick report.
+/// Creates the courses of small studies: six small phantoms with folds, polyps and noise, or two for a quick report.
 ///
 /// # Errors
 /// Returns the errors of [`Course::new`].
 pub fn small_phantoms(effort: Effort, progress: &Progress) -> Result<Vec<Course>> {
-    let seeds = 1..=effort.choose(1, 6);
+    let seeds = 1..=effort.choose(2, 6);
     seeds
         .map(|seed| {
             Course::phantom(&PhantomSettings { size: Size::Small, seed, ..PhantomSettings::default() }, progress)
