@@ -36,7 +36,10 @@ pub use views::Views;
 
 /// A running flight. A host drives it in the same manner in a window and headless.
 ///
-/// Create it with [`Scan::flight`](crate::app::Scan::flight), or from its parts with [`FlightApp::new`].
+/// Create it with [`Scan::flight`](crate::app::Scan::flight), or from its parts with [`FlightApp::new`]. What concerns views, what
+/// has been covered, the setup and the commands is found on [`Views`], [`Survey`], [`Setup`] and [`CommandRecord`]. What remains
+/// here drives the flight and reads its camera. Shortcuts such as [`pose`](FlightApp::pose) and [`clock`](FlightApp::clock) for
+/// components and resources stay, because nearly every host, test and example reads them.
 pub struct FlightApp {
     app: App,
     setup: Setup,
@@ -227,11 +230,6 @@ impl FlightApp {
         Ok(frame)
     }
 
-    /// True if the active guide was switched off after a panic.
-    pub fn is_guide_off(&self) -> bool {
-        self.app.inspect().is_off(self.setup.scene.guide_name())
-    }
-
     /// Takes the notes to the user about planning since the last call.
     pub fn take_notes(&mut self) -> Vec<String> {
         let mut notes = self.setup.fields.take_notes();
@@ -300,7 +298,8 @@ impl FlightApp {
     }
 
     /// Sets how far along the path the camera is, mm. Use it to continue an earlier flight.
-    pub fn stands_at(&mut self, along_mm: f64) {
+    #[cfg(feature = "window")]
+    pub(crate) fn stands_at(&mut self, along_mm: f64) {
         let share = along_mm / self.setup.plan.length_mm;
         self.jump(if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 });
     }

@@ -220,7 +220,8 @@ impl FlightController {
             return Err(e);
         }
         self.report_fault(&e, now);
-        if self.flight.is_guide_off() {
+        let guide = self.flight.setup().scene.guide_name();
+        if self.flight.app().inspect().is_off(guide) {
             let by_hand = self.flight.setup().scene.guides.iter().find(|g| !g.automatic).map(|g| g.name);
             if let Some(by_hand) = by_hand {
                 self.flight.act(FlightCommand::Guide(by_hand.to_owned()))?;
