@@ -1,42 +1,54 @@
 #!/usr/bin/env python3
-"""Measures how many faults the tests notice: changes the program at drawn places with `cargo mutants`, and runs the tests.
+"""Measures how many faults the tests notice: changes the program at drawn places as `cargo mutants` would, and runs the tests.
 
     cargo install --locked cargo-mutants
-    python3 tests/bench/mutants.py --out OUT/ [--seed 1] [--count 100] [--folder render] [--jobs 2] [--list]
+    python3 tests/bench/mutants.py --out OUT/ [--seed 1 2 3] [--count 100] [--folder render] [--jobs 2] [--list]
 
-Draws --count mutants of `src` and `systems` (settings: .cargo/mutants.toml) with --seed, from each folder in proportion to the
-square root of its number of mutants, or all from one --folder. Each job works on a copy of the last commit, in a worktree below
-`target/mutation`, with a target folder of its own, so that builds are incremental and the checkout stays as it is. The tests run in
-three stages; a mutant that one stage has noticed does not meet the next:
+Draws --count mutants of `src` and `systems` (settings: .cargo/mutants.toml) with each --seed, from each folder in proportion to the
+square root of its number of mutants, or all from one --folder. All of them are built once into one program (see switches.py) in a copy
+of the last commit below `target/mutation`, so the checkout stays as it is. Those that do not compile are replaced by the next ones
+drawn. Each test runs once alone, to find which mutants' functions it calls. A mutant then meets only the tests that call its function,
+one after the other, the quickest first, until one fails or exceeds its time, in three stages:
 
-1. unit:        the unit tests of its folder
+1. unit:        the library's unit tests
 2. integration: all other tests, without those that compare a whole flight or picture with a stored one
 3. digest:      those
 
-A mutant that does not compile is replaced by the next one drawn. A test that exceeds its time has noticed the mutant. Results are
-appended to OUT/results.jsonl, where a run that was interrupted continues, and OUT/survivors.txt and OUT/table.md are written from
-them at the end. On two cores a mutant takes about a minute in the first stage and five in the second.
+The tests of the window take part for mutants of `host`. Results are appended to OUT/results.jsonl, where a run that was interrupted
+continues, and OUT/survivors.txt and OUT/table.md are written from them at the end. Survivors that are known to change nothing are
+listed with the reason in tests/bench/equivalent.txt. On two cores, building and the first run of all tests take half an hour, and a
+hundred mutants about as long.
 
---stage  ends after this stage
---list   prints the sample and runs nothing
---table  prints one table of several runs
+--faults FILE  also faults written by hand, one JSON object a line ("file", "before", "after", "why"), where `before` occurs once
+               in the file, within a function
+--stage        ends after this stage
+--list         prints the sample and runs nothing
+--table OUT…   prints one table of several runs
 """
 
 import argparse
 import collections
+import datetime
 import json
 import math
 import os
 import pathlib
+import queue
 import random
 import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import threading
+import time
+
+import switches
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-WORK = ROOT / "target/mutation"
+TREE = ROOT / "target/mutation/tree"
+EQUIVALENT = ROOT / "tests/bench/equivalent.txt"
 
 # Folders of the table: the paths that belong to each.
 FOLDERS = {
@@ -55,16 +67,17 @@ FOLDERS = {
 # Tests that compare a whole flight or picture with a stored one.
 DIGESTS = ["digests", "golden", "pictures::"]
 STAGES = ["unit", "integration", "digest"]
-# Longest run of a stage's tests, seconds, with as many jobs as cores.
-TIMEOUT = {"unit": 240, "integration": 1500, "digest": 400}
+# A process of the tests may not use more, bytes: some faults ask for memory without end.
+MEMORY = 8 << 30
 
 
 def arguments():
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     p.add_argument("--out", type=pathlib.Path)
-    p.add_argument("--seed", type=int, default=1)
+    p.add_argument("--seed", type=int, nargs="+", default=[1])
     p.add_argument("--count", type=int, default=100)
     p.add_argument("--folder", choices=sorted({f for name in FOLDERS for f in name.split(", ")}))
+    p.add_argument("--faults", type=pathlib.Path)
     p.add_argument("--jobs", type=int, default=2)
     p.add_argument("--stage", choices=STAGES, default=STAGES[-1])
     p.add_argument("--list", action="store_true")
@@ -75,32 +88,54 @@ def arguments():
     return a
 
 
-def path_of(mutant):
-    return os.path.normpath(mutant["file"]) if not mutant["file"].startswith("src/../") else mutant["file"][len("src/../"):]
+# --- The sample.
 
-
-def folder_of(mutant):
-    path = path_of(mutant)
-    for name, paths in FOLDERS.items():
-        if any(path.startswith(p) for p in paths):
-            return name
-    return "app, schedule"
+def folder_of(path):
+    return next((name for name, paths in FOLDERS.items() if any(path.startswith(p) for p in paths)), "app, schedule")
 
 
 def all_mutants():
     listed = subprocess.run(["cargo", "mutants", "--list", "--json"], cwd=ROOT, check=True, stdout=subprocess.PIPE)
     mutants = json.loads(listed.stdout)
-    for n, mutant in enumerate(mutants):
-        # One shard for each mutant selects it. (`--re` also selects each field that can be left out of a struct.)
-        mutant["shard"] = f"{n}/{len(mutants)}"
-    return mutants
+    for m in mutants:
+        m["file"] = os.path.normpath(m["file"].removeprefix("src/../"))
+        m["folder"] = folder_of(m["file"])
+    texts = {m["file"]: (ROOT / m["file"]).read_text() for m in mutants}
+    switchable = [m for m in mutants if switches.place_of(texts[m["file"]], m)]
+    print(f"{len(mutants)} mutants, {len(mutants) - len(switchable)} of them cannot be switched", file=sys.stderr)
+    return switchable
+
+
+def hand_made(path, mutants):
+    """Returns the faults of a file in the form of `cargo mutants`. Their functions are those of the mutants around them."""
+    functions = collections.defaultdict(list)
+    for m in mutants:
+        functions[m["file"]].append(m["function"])
+    faults = []
+    for line in path.read_text().splitlines():
+        fault = json.loads(line)
+        text = (ROOT / fault["file"]).read_text()
+        if text.count(fault["before"]) != 1:
+            sys.exit(f"{fault['file']}: occurs {text.count(fault['before'])} times: {fault['before']}")
+        begin = text.index(fault["before"])
+        place = lambda at: {"line": text.count("\n", 0, at) + 1, "column": at - (text.rfind("\n", 0, at) + 1) + 1}
+        fault["span"] = {"start": place(begin), "end": place(begin + len(fault["before"]))}
+        line = fault["span"]["start"]["line"]
+        around = [f for f in functions[fault["file"]] if f["span"]["start"]["line"] <= line <= f["span"]["end"]["line"]]
+        fault |= {"function": around[0] if around else None, "replacement": fault["after"], "folder": folder_of(fault["file"]),
+                  "name": f"{fault['file']}:{line}: {fault['why']}", "by_hand": True}
+        if switches.place_of(text, fault):
+            faults.append(fault)
+        else:
+            print("cannot be switched:", fault["name"])
+    return faults
 
 
 def sample(mutants, seed, count, folder):
     """Returns, for each folder, the number of mutants wanted and all its mutants in the order in which they are drawn."""
     groups = collections.defaultdict(list)
     for m in mutants:
-        groups[folder_of(m)].append(m)
+        groups[m["folder"]].append(m)
     if folder:
         groups = {name: group for name, group in groups.items() if folder in name.split(", ")}
     total = sum(math.sqrt(len(g)) for g in groups.values())
@@ -116,72 +151,204 @@ def sample(mutants, seed, count, folder):
     return drawn
 
 
-def tests_of(stage, folder):
-    """Returns the test binaries of a stage, and the names of its tests."""
-    modules = [re.sub(r"^src/", "", p).removesuffix(".rs").replace("/", "::") for p in FOLDERS[folder]]
-    if stage == "unit":
-        return ["--lib"], [*(f"{m}::" for m in modules), *(f"--skip={d}" for d in DIGESTS)]
-    binaries = ["formats", "flights", "pictures", "program"] + (["window"] if folder == "host" else [])
-    chosen = ["--lib"] + [f"--test={b}" for b in binaries]
-    if stage == "integration":
-        return chosen, [f"--skip={d}" for d in DIGESTS]
-    return ["--lib", "--test=flights", "--test=pictures"], DIGESTS
+def candidates(a):
+    """Returns lists of mutants in the order in which they are drawn, each with the number wanted of it."""
+    mutants = all_mutants()
+    lists = [drawn for seed in a.seed for drawn in sample(mutants, seed, a.count, a.folder).values()]
+    if a.faults:
+        faults = hand_made(a.faults, mutants)
+        lists.append((len(faults), faults))
+    return lists
 
 
-class Worker(threading.Thread):
-    """Runs mutants on a copy of the last commit."""
+# --- Building.
 
-    def __init__(self, number, queue, out, write):
-        super().__init__()
-        self.tree = WORK / f"tree-{number}"
-        self.queue, self.out, self.write, self.logs = queue, out, write, out / f"logs-{number}"
+def git(*args):
+    return subprocess.run(["git", "-C", str(ROOT), *args], check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
 
-    def prepare(self):
-        git = ["git", "-C", str(ROOT)]
-        if not self.tree.exists():
-            subprocess.run([*git, "worktree", "prune"], check=True)
-            subprocess.run([*git, "worktree", "add", "--quiet", "--detach", str(self.tree), "HEAD"], check=True)
-            # The dependencies need not be built again. Cargo never changes a library in place.
-            for folder in ("deps", "build", ".fingerprint"):
-                built = ROOT / "target/quick" / folder
-                if built.exists():
-                    link = shutil.copy2 if folder == ".fingerprint" else os.link
-                    shutil.copytree(built, self.tree / "target/quick" / folder, copy_function=link)
-        head = subprocess.run([*git, "rev-parse", "HEAD"], check=True, stdout=subprocess.PIPE, text=True).stdout.strip()
-        subprocess.run(["git", "checkout", "--quiet", "--force", "--detach", head], cwd=self.tree, check=True)
 
-    def run(self):
-        self.prepare()
-        while (taken := self.queue()) is not None:
-            stage, folder, mutant = taken
-            outcome, by = self.stage(stage, mutant, folder)
-            self.write({"folder": folder, "mutant": mutant["name"], "stage": stage, "outcome": outcome, "by": by})
+def copy_of_the_last_commit():
+    head = git("rev-parse", "HEAD")
+    if not TREE.exists():
+        git("worktree", "prune")
+        git("worktree", "add", "--quiet", "--detach", str(TREE), head)
+        # The dependencies need not be built again. Cargo never changes a library in place.
+        for folder in ("deps", "build", ".fingerprint"):
+            built = ROOT / "target/release" / folder
+            if built.exists():
+                link = shutil.copy2 if folder == ".fingerprint" else os.link
+                shutil.copytree(built, TREE / "target/release" / folder, copy_function=link)
+    subprocess.run(["git", "checkout", "--quiet", "--force", "--detach", head], cwd=TREE, check=True)
+    return head
 
-    def stage(self, stage, mutant, folder):
-        """Runs a stage's tests. Returns "noticed", "missed" or "unviable", and the first test that failed."""
-        shutil.rmtree(self.logs, ignore_errors=True)
-        self.logs.mkdir(parents=True)
-        environment = dict(os.environ, CARGO_INCREMENTAL="1", CARGO_TARGET_DIR=str(self.tree / "target"))
-        environment.setdefault("COLVIS_TEST_DATA", str(ROOT.parent / "shared/data"))
-        binaries, names = tests_of(stage, folder)
-        command = ["cargo", "mutants", "--in-place", "--baseline=skip", f"--timeout={TIMEOUT[stage]}", "--build-timeout=900",
-                   "--shard", mutant["shard"], "--output", str(self.logs),
-                   *(f"--cargo-arg={b}" for b in binaries), "--", "--", *names]
-        with open(self.out / "cargo-mutants.log", "ab") as log:
-            subprocess.run(command, cwd=self.tree, env=environment, stdout=log, stderr=log)
-        outcomes = json.loads((self.logs / "mutants.out/outcomes.json").read_text())["outcomes"]
-        if not outcomes:
-            return "unviable", "not found"
-        summary = outcomes[0]["summary"]
-        if summary == "Unviable":
-            return "unviable", ""
-        if summary == "Timeout":
-            return "noticed", "time"
-        if summary == "MissedMutant":
-            return "missed", ""
-        text = (self.logs / "mutants.out" / outcomes[0]["log_path"]).read_text(errors="replace")
-        failed = re.search(r"^test (\S+) (?:- should panic )?\.\.\. FAILED", text, re.M)
-        return "noticed", failed.group(1) if failed else "a binary that ended"
+
+def environment(**more):
+    peers = ROOT / "target/peers/bin/python"
+    env = dict(os.environ, CARGO_INCREMENTAL="1", CARGO_TARGET_DIR=str(TREE / "target"), **more)
+    env.setdefault("COLVIS_TEST_DATA", str(ROOT.parent / "shared/data"))
+    if peers.exists():
+        env.setdefault("COLVIS_PEERS", str(peers))
+    return env
+
+
+def write_tree(mutants):
+    """Writes the files with their mutants, by number, and returns the lines of each one's body, by file."""
+    by_file = collections.defaultdict(dict)
+    for number, m in mutants.items():
+        by_file[m["file"]][number] = m
+    lines = {}
+    changed = subprocess.run(["git", "diff", "--name-only"], cwd=TREE, check=True, stdout=subprocess.PIPE, text=True).stdout.split()
+    for file in set(changed) - set(by_file) - {"src/lib.rs"}:
+        write(TREE / file, (ROOT / file).read_text())
+    for file, own in by_file.items():
+        text, lines[file] = switches.switched((ROOT / file).read_text(), own)
+        write(TREE / file, text)
+    size = max(mutants, default=0) + 1
+    # The module's attributes follow the crate's documentation.
+    head = re.match(r"(?://!.*\n|\s*\n)*", (TREE / "src/lib.rs").read_text() if "src/lib.rs" in lines else (ROOT / "src/lib.rs").read_text())
+    text = head.string[: head.end()] + switches.ALLOW + head.string[head.end():] + switches.MODULE % (size, size)
+    write(TREE / "src/lib.rs", text)
+    return lines
+
+
+def write(path, text):
+    # Cargo builds again what has a newer time.
+    if path.read_text() != text:
+        path.write_text(text)
+
+
+def compile_errors(command):
+    """Runs cargo. Returns its success, the places of errors (file, line), and the programs built."""
+    run = subprocess.run(["cargo", *command, "--release", "--locked", "--message-format=json"], cwd=TREE, env=environment(),
+                         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    places, programs, texts = [], [], []
+    for line in run.stdout.splitlines():
+        message = json.loads(line)
+        if message["reason"] == "compiler-artifact" and message["profile"]["test"] and message["executable"]:
+            programs.append((message["target"]["name"], message["executable"]))
+        if message["reason"] == "compiler-message" and message["message"]["level"] == "error":
+            spans = message["message"]["spans"]
+            places.extend((s["file_name"], s["line_start"]) for s in spans)
+            texts.append(message["message"]["rendered"])
+    return run.returncode == 0, places, programs, "\n".join(texts) or run.stderr
+
+
+def build(lists):
+    """Chooses the first mutants of each list that compile, and builds them. Returns them by number, and the test programs."""
+    unviable, numbers = set(), {}
+
+    def chosen(spare):
+        for wanted, order in lists:
+            viable = (m for m in order if m["name"] not in unviable)
+            yield from (m for m, _ in zip(viable, range(wanted + (wanted // 2 + 2 if spare else 0))))
+
+    for spare in (True, False):
+        while True:
+            mutants = {numbers.setdefault(m["name"], len(numbers) + 1): m for m in chosen(spare)}
+            lines = write_tree(mutants)
+            fine, places, _, text = compile_errors(["check", "--lib"])
+            if fine:
+                break
+            found = {n for file, line in places for n, (first, last) in lines.get(os.path.normpath(file.removeprefix("src/../")), {}).items()
+                     if first <= line <= last}
+            if not found:
+                sys.exit(f"an error outside of the mutants:\n{text}")
+            print(f"{len(mutants)} mutants, {len(found)} of them do not compile", flush=True)
+            unviable.update(mutants[n]["name"] for n in found)
+    fine, _, programs, text = compile_errors(["test", "--no-run"])
+    if not fine:
+        sys.exit(text)
+    return mutants, dict(programs)
+
+
+# --- Running.
+
+def limits():
+    os.setsid()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
+def run_test(program, name, seconds, **env):
+    """Runs one test. Returns "passed", "failed" or "time", and its seconds."""
+    start = time.monotonic()
+    process = subprocess.Popen([program, "--exact", name], cwd=TREE, env=environment(**env), stdin=subprocess.DEVNULL,
+                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=limits)
+    try:
+        outcome = "passed" if process.wait(seconds) == 0 else "failed"
+    except subprocess.TimeoutExpired:
+        outcome = "time"
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        pass
+    process.wait()
+    return outcome, time.monotonic() - start
+
+
+def in_parallel(jobs, work, items):
+    waiting = queue.SimpleQueue()
+    for item in items:
+        waiting.put(item)
+
+    def worker():
+        while True:
+            try:
+                item = waiting.get_nowait()
+            except queue.Empty:
+                return
+            work(item)
+
+    threads = [threading.Thread(target=worker) for _ in range(jobs)]
+    for t in threads:
+        t.start()
+    for t in threads:
+        t.join()
+
+
+def record(programs, out, jobs):
+    """Runs each test once. Returns (program, test, seconds, numbers reached) of those that pass."""
+    listed = []
+    for name, program in programs.items():
+        run = subprocess.run([program, "--list", "--format", "terse"], cwd=TREE, stdout=subprocess.PIPE, check=True, text=True)
+        listed.extend((name, t.removesuffix(": test")) for t in run.stdout.splitlines() if t.endswith(": test"))
+    tests, lock = [], threading.Lock()
+
+    def work(item):
+        name, test = item
+        reached = out / f"reached-{threading.get_ident()}"
+        reached.unlink(missing_ok=True)
+        outcome, seconds = run_test(programs[name], test, 600, COLVIS_MUTANT="record", COLVIS_REACHED=str(reached))
+        numbers = sorted(set(map(int, reached.read_text().split()))) if reached.exists() else []
+        reached.unlink(missing_ok=True)
+        with lock:
+            if outcome == "passed":
+                tests.append((name, test, seconds, numbers))
+            else:
+                print(f"left out, because it fails without a fault: {name} {test}", flush=True)
+
+    in_parallel(jobs, work, listed)
+    return sorted(tests, key=lambda t: t[2])
+
+
+def stage_of(program, test):
+    if any(d in test for d in DIGESTS):
+        return "digest"
+    return "unit" if program == "colvis" else "integration"
+
+
+def first_to_notice(number, mutant, plan, limit):
+    """Returns the stage and the test that notice a mutant first, and the seconds that took; "missed" if none does."""
+    start = time.monotonic()
+    for s in STAGES[: STAGES.index(limit) + 1]:
+        for program, test, seconds, reached in plan["tests"]:
+            if stage_of(program, test) != s or number not in reached:
+                continue
+            if program == "window" and mutant["folder"] != "host":
+                continue
+            outcome, _ = run_test(plan["programs"][program], test, 10 * seconds + 20, COLVIS_MUTANT=str(number))
+            if outcome != "passed":
+                return s, test + (" (time)" if outcome == "time" else ""), time.monotonic() - start
+    return "missed", "", time.monotonic() - start
 
 
 def lines_of(out):
@@ -189,93 +356,81 @@ def lines_of(out):
     return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
 
 
-def results(out):
-    """Returns (folder, the stage that noticed it or "missed") of each mutant that is settled."""
-    settled = {}
-    for line in lines_of(out):
-        if line["outcome"] == "noticed":
-            settled[line["mutant"]] = (line["folder"], line["stage"])
-        elif line["outcome"] == "missed" and line["stage"] == STAGES[-1]:
-            settled[line["mutant"]] = (line["folder"], "missed")
-    return settled
-
-
-class Plan:
-    """Which mutant meets which tests next."""
-
-    def __init__(self, a):
-        self.drawn = sample(all_mutants(), a.seed, a.count, a.folder)
-        self.stages = STAGES[: STAGES.index(a.stage) + 1]
-        self.out, self.lock = a.out, threading.Condition()
-        self.done = {(line["mutant"], line["stage"]): line["outcome"] for line in lines_of(a.out)}
-        self.taken = set()
-
-    def chosen(self):
-        """Returns the sample: those drawn first, without those that do not compile."""
-        for name, (wanted, order) in self.drawn.items():
-            viable = (m for m in order if self.done.get((m["name"], STAGES[0])) != "unviable")
-            yield from ((name, m) for m, _ in zip(viable, range(wanted)))
-
-    def next(self):
-        with self.lock:
-            for stage in self.stages:
-                while True:
-                    waits = False
-                    for folder, m in self.chosen():
-                        key, before = (m["name"], stage), STAGES[: STAGES.index(stage)]
-                        if key in self.done or any(self.done.get((m["name"], b)) != "missed" for b in before):
-                            continue
-                        if key not in self.taken:
-                            self.taken.add(key)
-                            return stage, folder, m
-                        waits = True
-                    if not waits:
-                        break
-                    # Another worker may find that a mutant does not compile or goes on to the next stage.
-                    self.lock.wait()
-        return None
-
-    def write(self, line):
-        with self.lock:
-            self.done[line["mutant"], line["stage"]] = line["outcome"]
-            with open(self.out / "results.jsonl", "a") as f:
-                f.write(json.dumps(line) + "\n")
-            print(f"{line['stage']:12} {line['outcome']:8} {line['mutant']}  {line['by']}", flush=True)
-            self.lock.notify_all()
+def plan_of(a):
+    """Builds the sample and finds which test reaches which mutant, or reads what an earlier run found."""
+    path = a.out / "plan.json"
+    if path.exists():
+        return json.loads(path.read_text())
+    if subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "src", "systems", "tests", ":!tests/bench"], cwd=ROOT).returncode:
+        sys.exit("src, systems or tests differ from the last commit: commit them first")
+    commit = copy_of_the_last_commit()
+    mutants, programs = build(candidates(a))
+    for m in mutants.values():
+        m["source"] = (ROOT / m["file"]).read_text().splitlines()[m["span"]["start"]["line"] - 1].strip()
+    tests = record(programs, a.out, a.jobs)
+    plan = {"commit": commit, "date": f"{datetime.date.today()}", "seeds": a.seed, "count": a.count, "by_hand": a.faults is not None,
+            "mutants": mutants, "programs": programs, "tests": tests}
+    path.write_text(json.dumps(plan))
+    return json.loads(path.read_text())
 
 
 def run(a):
-    if subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "src", "systems"], cwd=ROOT).returncode:
-        sys.exit("src or systems differ from the last commit: commit them first")
     a.out.mkdir(parents=True, exist_ok=True)
-    plan = Plan(a)
-    workers = [Worker(n, plan.next, a.out, plan.write) for n in range(a.jobs)]
-    for w in workers:
-        w.start()
-    for w in workers:
-        w.join()
-    missed = [line["mutant"] for line in lines_of(a.out) if line["stage"] == a.stage and line["outcome"] == "missed"]
-    (a.out / "survivors.txt").write_text("".join(f"{m}\n" for m in missed))
+    plan, lock = plan_of(a), threading.Lock()
+    for t in plan["tests"]:
+        t[3] = set(t[3])
+    done = {line["mutant"] for line in lines_of(a.out)}
+
+    def work(item):
+        number, m = item
+        stage, by, seconds = first_to_notice(int(number), m, plan, a.stage)
+        reached = sum(int(number) in t[3] for t in plan["tests"])
+        line = {"folder": m["folder"], "mutant": m["name"], "by_hand": m.get("by_hand", False), "noticed": stage, "by": by,
+                "reached_by": reached, "seconds": round(seconds), "source": m["source"]}
+        with lock:
+            with open(a.out / "results.jsonl", "a") as f:
+                f.write(json.dumps(line) + "\n")
+            print(f"{stage:12} {m['name']}  {by}", flush=True)
+
+    in_parallel(a.jobs, work, [(n, m) for n, m in plan["mutants"].items() if m["name"] not in done])
+    (a.out / "survivors.txt").write_text("".join(f"{key(line)} | \n" for line in lines_of(a.out) if line["noticed"] == "missed"))
     (a.out / "table.md").write_text(table([a.out]))
     print((a.out / "table.md").read_text())
 
 
+# --- The table.
+
+def key(line):
+    """What names a mutant when the lines of its file have moved."""
+    return re.sub(r":\d+(:\d+)?:", ":", line["mutant"], count=1) + " | " + line["source"]
+
+
 def table(outs):
+    """Returns a table of the drawn mutants and, if there are any, one of the faults by hand."""
+    found = [line for out in outs for line in lines_of(out)]
+    drawn, by_hand = ([line for line in found if line["by_hand"] == hand] for hand in (False, True))
+    return "\n".join(rows_of(lines, name) for lines, name in ((drawn, "mutants"), (by_hand, "faults by hand")) if lines)
+
+
+def rows_of(found, name):
+    reasons = EQUIVALENT.read_text().splitlines() if EQUIVALENT.exists() else []
+    equivalent = {line.rpartition(" | ")[0] for line in reasons}
     rows = collections.defaultdict(collections.Counter)
-    for out in outs:
-        for folder, noticed in results(out).values():
-            rows[folder][noticed] += 1
-    lines = ["| folder | mutants | by a unit test | by another test | by a digest alone | not noticed | noticed |",
-             "|---|---|---|---|---|---|---|"]
+    for line in found:
+        same = line["noticed"] == "missed" and key(line) in equivalent
+        rows[line["folder"]]["same" if same else line["noticed"]] += 1
+    lines = [f"| folder | {name} | by a unit test | by another test | by a digest alone | not noticed | that change nothing | noticed |",
+             "|---|---|---|---|---|---|---|---|"]
 
     def row(name, n):
         count = sum(n.values())
-        noticed = 100 * (count - n["missed"]) / count if count else 0
-        lines.append(f"| {name} | {count} | {n['unit']} | {n['integration']} | {n['digest']} | {n['missed']} | {noticed:.0f} % |")
+        real = count - n["same"]
+        noticed = 100 * (real - n["missed"]) / real if real else 100
+        lines.append(f"| {name} | {count} | {n['unit']} | {n['integration']} | {n['digest']} | {n['missed']} | {n['same']} | {noticed:.0f} % |")
 
-    for name in FOLDERS:
-        if name in rows:
-            row(name, rows[name])
+    for folder in FOLDERS:
+        if folder in rows:
+            row(folder, rows[folder])
     row("all", sum(rows.values(), collections.Counter()))
     return "\n".join(lines) + "\n"
 
@@ -285,9 +440,9 @@ def main():
     if a.table:
         print(table(a.table), end="")
     elif a.list:
-        for name, (wanted, order) in sample(all_mutants(), a.seed, a.count, a.folder).items():
+        for wanted, order in candidates(a):
             for m in order[:wanted]:
-                print(f"{name:14} {m['name']}")
+                print(f"{m['folder']:14} {m['name']}")
     else:
         run(a)
 

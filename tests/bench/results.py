@@ -3,8 +3,8 @@
 
     cargo build --release
     python3 tests/bench/results.py [--scan SCAN] [--vtk "COMMAND"] [--fields-peer "COMMAND"] [--display "COMMAND"]
-                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation]
-                                   [--quick] [--check N] [--colvis BINARY] [--keep FOLDER] [--out RESULTS.md]
+                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation,faults]
+                                   [--mutants FOLDER] [--quick] [--check N] [--colvis BINARY] [--keep FOLDER] [--out RESULTS.md]
 
 This script builds nothing. It runs the program (`--colvis`, else the environment variable COLVIS, else target/release/colvis)
 and the scripts frames.py, flights.py and fields.py in the same folder. Each table on the page follows the command that made it.
@@ -15,6 +15,7 @@ cores, --quick some minutes. Leave the machine otherwise idle during the run.
 --vtk          compares frames with another renderer; the command takes `SCAN POSES --size N --threads N`, see frames.py
 --fields-peer  compares lumen, distance and centerline with another program: `SCAN --seed X Y Z --threads N`, see fields.py
 --display      provides the window's screen, such as `xvfb-run -a -s "-screen 0 1280x1280x24"`; not needed if DISPLAY is set
+--mutants      shows what mutants.py has found in this folder; its run takes hours and is a run of its own
 --check        also compares every Nth pose of the frames with brute force (needs NumPy and SimpleITK)
 --keep         keeps the phantoms, the reports and the scripts' JSON in a folder
 
@@ -55,6 +56,7 @@ def arguments():
     p.add_argument("--vtk")
     p.add_argument("--fields-peer")
     p.add_argument("--display")
+    p.add_argument("--mutants", metavar="FOLDER", type=os.path.abspath)
     p.add_argument("--parts", default=",".join(PARTS))
     p.add_argument("--quick", action="store_true")
     p.add_argument("--check", type=int, default=0)
@@ -422,6 +424,22 @@ def perforation(b):
     return lines + ["### By method", table(*read("methods")), "### By place", table(*read("places"))]
 
 
+def faults(b):
+    if not b.args.mutants:
+        raise Missing("a folder written by mutants.py, named by `--mutants`")
+    with open(os.path.join(b.args.mutants, "plan.json"), encoding="utf-8") as f:
+        plan = json.load(f)
+    yield command_block(f"python3 tests/bench/mutants.py --out OUT/ --seed {' '.join(map(str, plan['seeds']))} --count {plan['count']}"
+                        + (" --faults FAULTS" if plan["by_hand"] else ""))
+    yield (f"Faults were put into the program at drawn places, one at a time (begun {plan['date']}, commit {plan['commit'][:7]}). "
+           "A fault is noticed by the first test that fails. Those that change nothing are listed with a reason in "
+           "`tests/bench/equivalent.txt`.")
+    done = subprocess.run([sys.executable, str(HERE / "mutants.py"), "--table", b.args.mutants], stdout=subprocess.PIPE, text=True)
+    if done.returncode:
+        raise Failed("mutants.py --table ended with an error")
+    yield done.stdout.strip()
+
+
 PARTS = {
     "frames": ("Frames of a flight", frames),
     "window": ("In a window", window),
@@ -432,6 +450,7 @@ PARTS = {
     "scenes": ("Savings from omitted parts", scenes),
     "dynamics": ("Dynamics", dynamics),
     "perforation": ("Random steps against the wall", perforation),
+    "faults": ("Faults that the tests notice", faults),
 }
 
 BY_TESTS = """## Bounds held by tests
