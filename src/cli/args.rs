@@ -318,6 +318,12 @@ pub struct PhantomArgs {
     /// Features to include
     #[arg(long, value_enum, value_delimiter = ',', default_value = "folds,polyps,noise")]
     pub with: Vec<PhantomFeature>,
+    /// The patient's position: fluid runs to the side that is down
+    #[arg(long, value_enum, default_value = "supine")]
+    pub position: PhantomPosition,
+    /// Also write the same colon without tag and stool
+    #[arg(long, value_name = "F.nii.gz")]
+    pub twin: Option<PathBuf>,
 }
 
 /// `info`'s arguments.
@@ -513,10 +519,34 @@ pub enum PhantomFeature {
     Polyps,
     /// Tagged fluid with a horizontal level.
     Fluid,
+    /// Tagged fluid, some of it deep, with thin folds and polyps in it.
+    Pools,
+    /// Films of tag on the wall.
+    Films,
+    /// Tagged stool with bubbles.
+    Stool,
+    /// Tag from 200 to 1200 HU, layered and patchy.
+    Inhomogeneous,
+    /// Tissue beside tag appears brighter.
+    Pseudo,
     /// Thin strands across the lumen.
     Bridges,
     /// Scanner noise.
     Noise,
+}
+
+/// Positions of a phantom's patient.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+#[value(rename_all = "lower")]
+pub enum PhantomPosition {
+    /// On the back.
+    Supine,
+    /// On the belly.
+    Prone,
+    /// On the left side.
+    Left,
+    /// On the right side.
+    Right,
 }
 
 /// Subjects of a report.

@@ -1,10 +1,11 @@
 //! `colvis phantom`.
 
-use crate::cli::args::{Global, PhantomArgs, PhantomFeature, PhantomSize};
-use crate::cli::prepare;
+use std::path::PathBuf;
+
+use crate::cli::args::{Global, PhantomArgs, PhantomFeature, PhantomPosition, PhantomSize};
 use crate::error::Result;
 use crate::output;
-use crate::phantom::{Phantom, PhantomSettings, Size};
+use crate::phantom::{Phantom, PhantomSettings, Position, Size};
 use crate::progress::Progress;
 use crate::volume::io;
 
@@ -13,8 +14,9 @@ use crate::volume::io;
 /// # Errors
 /// Returns status 2 for an unknown ending, 4 if cancelled, 5 if an output cannot be written.
 pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> Result<()> {
-    prepare::check_files(None, &args.out, args.truth.as_deref())?;
-    io::check_ending(&args.out)?;
+    let volumes = || std::iter::once(&args.out).chain(&args.twin).map(PathBuf::as_path);
+    output::check_targets(&[], &volumes().chain(args.truth.as_deref()).collect::<Vec<_>>())?;
+    volumes().try_for_each(io::check_ending)?;
     let has = |feature| args.with.contains(&feature);
     let phantom = Phantom::new(&PhantomSettings {
         size: match args.size {
@@ -25,6 +27,17 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
         folds: has(PhantomFeature::Folds),
         polyps: has(PhantomFeature::Polyps),
         fluid: has(PhantomFeature::Fluid),
+        pools: has(PhantomFeature::Pools),
+        films: has(PhantomFeature::Films),
+        stool: has(PhantomFeature::Stool),
+        inhomogeneous: has(PhantomFeature::Inhomogeneous),
+        pseudo: has(PhantomFeature::Pseudo),
+        position: match args.position {
+            PhantomPosition::Supine => Position::Supine,
+            PhantomPosition::Prone => Position::Prone,
+            PhantomPosition::Left => Position::Left,
+            PhantomPosition::Right => Position::Right,
+        },
         bridges: has(PhantomFeature::Bridges),
         noise: has(PhantomFeature::Noise),
         seed: global.seed.unwrap_or(1),
@@ -33,6 +46,10 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
     let truth = args.truth.as_ref().map(|path| (path, phantom.truth()));
     progress.check()?;
     io::save(&args.out, &volume, progress)?;
+    drop(volume);
+    if let Some(path) = &args.twin {
+        io::save(path, &phantom.twin().voxelise(&phantom.grid(), progress)?, progress)?;
+    }
     match truth {
         Some((path, truth)) => output::write_json(path, &truth),
         None => Ok(()),

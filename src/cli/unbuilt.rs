@@ -11,13 +11,18 @@ const COMMANDS: [&str; 7] = ["cleanse", "unfold", "measure", "candidates", "matc
 /// Planned options of built commands.
 const OPTIONS: [&str; 6] = ["--cleanse", "--second", "--coverage-mesh", "--review", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
-const VALUES: [(&str, &str); 6] = [
+const VALUES: [(&str, &str); 11] = [
     ("--camera", "fisheye"),
     ("--camera", "panorama"),
     ("<SUBJECT>", "cleansing"),
     ("<SUBJECT>", "coverage"),
     ("<SUBJECT>", "unfold"),
     ("<SUBJECT>", "candidates"),
+    ("--with", "decoys"),
+    ("--with", "ileum"),
+    ("--with", "stomach"),
+    ("--with", "lungs"),
+    ("--with", "collapsed"),
 ];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path

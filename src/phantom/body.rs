@@ -213,7 +213,7 @@ impl Organ {
 }
 
 /// Returns C2 value noise in [0, 1) on the unit lattice.
-fn lattice(seed: u64, p: DVec3) -> f64 {
+pub(crate) fn lattice(seed: u64, p: DVec3) -> f64 {
     let cell = p.floor();
     let t = p - cell;
     let w = t * t * t * (t * (t * 6.0 - DVec3::splat(15.0)) + DVec3::splat(10.0));

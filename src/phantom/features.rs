@@ -2,8 +2,11 @@
 
 use std::f64::consts::TAU;
 
+use glam::DVec3;
+
 use super::PhantomSettings;
 use super::centerline::Centerline;
+use super::profile::SHIFT;
 use super::shape::{Attached, Bridge, Fold, Polyp, Shape};
 use crate::math::hash;
 
@@ -11,17 +14,17 @@ use crate::math::hash;
 pub(crate) const CHANNEL_MM: f64 = 6.0;
 
 /// A separate stream of random numbers.
-struct Stream {
+pub(crate) struct Stream {
     seed: u64,
     next: u64,
 }
 
 impl Stream {
-    fn new(seed: u64, stream: u64) -> Self {
+    pub(crate) fn new(seed: u64, stream: u64) -> Self {
         Self { seed: hash::bits(seed, 0xC010_0000 + stream), next: 0 }
     }
 
-    fn within(&mut self, lo: f64, hi: f64) -> f64 {
+    pub(crate) fn within(&mut self, lo: f64, hi: f64) -> f64 {
         self.next += 1;
         lo + (hi - lo) * hash::uniform(self.seed, self.next)
     }
@@ -78,7 +81,7 @@ fn place_folds(shape: &Shape, seed: u64) -> Vec<Fold> {
             let thickness = draw.within(2.6, 3.2);
             let lean = 0.15 * radius;
             let (slant, bow) = (draw.within(-lean, lean), draw.within(-lean, lean));
-            folds.push(Fold { s, phi, half_width, depth: deep, thickness, radius, slant, bow });
+            folds.push(Fold { s, phi, half_width, depth: deep, thickness, radius, slant, bow, sheet: false });
         }
     }
     folds.sort_by(|a, b| a.s.total_cmp(&b.s));
@@ -125,6 +128,34 @@ fn place_polyps(shape: &Shape, seed: u64) -> Vec<Attached<Polyp>> {
         .collect()
 }
 
+/// Sharp thickness of the folds placed under fluid, mm.
+const SHEET_MM: f64 = 2.0;
+
+/// Adds what is hard to see under fluid to each pool: a thin fold, and a polyp of 6 to 10 mm, both where the fluid is deep.
+pub(crate) fn submerge(shape: &mut Shape, pools: &[Pool], down: DVec3, sigma: f64, seed: u64) {
+    let mut draw = Stream::new(seed, 48);
+    for pool in pools {
+        let middle = 0.5 * (pool.from + pool.to);
+        let deep = |s: f64| shape.axis.frame(s).at.dot(down) + shape.axis.profile(s).radius.0 - pool.level;
+        let candidates = (-10..=10).map(|i| middle + 0.04 * f64::from(i) * (pool.to - pool.from));
+        let deepest = candidates.max_by(|&a, &b| deep(a).total_cmp(&deep(b))).unwrap_or(middle);
+        let (s, radius) = (deepest, shape.axis.profile(deepest).radius.0);
+        let phi = shape.axis.frame(s).angle(down) + draw.within(-0.2, 0.2);
+        let depth = (0.8 * deep(s)).clamp(3.0, 8.0).min(radius - CHANNEL_MM);
+        // From edge to edge of the tissue it is thinner than between the wall's iso-values.
+        let thickness = SHEET_MM - 2.0 * SHIFT * sigma;
+        let half_width = draw.within(35f64, 45.0).to_radians();
+        shape.folds.push(Fold { s, phi, half_width, depth, thickness, radius, slant: 0.0, bow: 0.0, sheet: true });
+        let s = s + if s > middle { -12.0 } else { 12.0 };
+        let diameter = draw.within(6.0, 10.0).min((shape.radius(s, phi) - CHANNEL_MM) / 0.675);
+        let polyp = sessile(shape, s, shape.axis.frame(s).angle(down), diameter);
+        if deep(s) > diameter {
+            shape.polyps.push(polyp);
+        }
+    }
+    shape.folds.sort_by(|a, b| a.s.total_cmp(&b.s));
+}
+
 fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
     let mut draw = Stream::new(seed, 24);
     let end = shape.axis.length();
@@ -154,28 +185,30 @@ fn place_bridges(shape: &Shape, seed: u64) -> Vec<Attached<Bridge>> {
         .collect()
 }
 
-/// A pool of tagged fluid: a stretch of colon filled up to a horizontal level, with the patient supine (back down).
+/// A pool of tagged fluid: a stretch of colon filled up to a horizontal level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pool {
     /// Start, mm of arc length.
     pub from: f64,
     /// End, mm of arc length. At both ends the whole lumen is above the level, or the colon is closed.
     pub to: f64,
-    /// World y of the surface, mm; fluid is posterior of it.
+    /// Depth of the surface along the direction of gravity, world mm; fluid is deeper.
     pub level: f64,
 }
 
-/// Returns the pools of a colon. Each low point of the back wall holds fluid, up to the lowest saddle and at most 36 %
-/// of the lumen's height.
-pub(crate) fn pools(shape: &Shape) -> Vec<Pool> {
+/// Share of the lumen's height up to which fluid stands at most.
+pub(crate) const FLUID_SHARE: f64 = 0.36;
+
+/// Returns the pools of a colon with gravity along the unit vector `down`. Each low point holds fluid, up to the lowest saddle and
+/// at most a share of the lumen's height, which `share` returns for one pool after another.
+pub(crate) fn pools(shape: &Shape, down: DVec3, mut share: impl FnMut() -> f64) -> Vec<Pool> {
     const STEP: f64 = 1.0;
     let count = (shape.axis.length() / STEP) as usize + 1;
     let s = |i: usize| (i as f64 * STEP).min(shape.axis.length());
     // The lowest and highest positions that the lumen can reach at each arc length, and where fluid can be.
     let place: Vec<(f64, f64)> =
-        (0..count).map(|i| (shape.axis.frame(s(i)).at.y, shape.largest_radius(s(i)))).collect();
+        (0..count).map(|i| (shape.axis.frame(s(i)).at.dot(down), shape.largest_radius(s(i)))).collect();
     let bottom = |i: usize| place[i].0 + place[i].1;
-    let highest = |i: usize| place[i].0 + place[i].1 * (1.0 - 2.0 * 0.36);
     // Margin at the ends, mm; blur does not reach beyond it.
     let margin = 4.0;
     let mut order: Vec<usize> = (0..count)
@@ -184,8 +217,10 @@ pub(crate) fn pools(shape: &Shape) -> Vec<Pool> {
     order.sort_by(|&a, &b| bottom(b).total_cmp(&bottom(a)).then(a.cmp(&b)));
     let mut pools: Vec<Pool> = Vec::new();
     for lowest in order {
+        let share = share();
+        let highest = |i: usize| place[i].0 + place[i].1 * (1.0 - 2.0 * share);
         let mut level = highest(lowest);
-        // Raising y lowers the surface, which only shrinks the stretch, so the loop terminates.
+        // A greater depth lowers the surface, which only shrinks the stretch, so the loop terminates.
         let (from, to) = loop {
             let mut from = lowest;
             while from > 0 && bottom(from) > level - margin {

@@ -10,6 +10,7 @@ mod features;
 pub(crate) mod profile;
 mod shape;
 mod spline;
+mod tag;
 #[cfg(test)]
 mod tests;
 mod truth;
@@ -26,9 +27,10 @@ use crate::progress::Progress;
 use crate::volume::{Grid, Volume};
 use body::Body;
 use centerline::FootPoint;
-use features::Pool;
-use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, smooth_min, smooth_step, tissue_share};
+use features::{FLUID_SHARE, Pool, Stream};
+use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, sheet_share, smooth_min, smooth_step, tissue_share};
 use shape::{Attached, DEEP, Distances, Shape};
+use tag::{Kinds, Seen, Tag};
 
 pub use centerline::{Centerline, Frame};
 pub use shape::Polyp;
@@ -52,6 +54,49 @@ pub enum Size {
     Large,
 }
 
+/// The patient's position on the table. Fluid runs to the side that is down.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Position {
+    /// On the back.
+    #[default]
+    Supine,
+    /// On the belly.
+    Prone,
+    /// On the left side.
+    Left,
+    /// On the right side.
+    Right,
+}
+
+impl Position {
+    /// Returns the direction of gravity, LPS.
+    pub fn down(self) -> DVec3 {
+        match self {
+            Self::Supine => DVec3::Y,
+            Self::Prone => DVec3::NEG_Y,
+            Self::Left => DVec3::X,
+            Self::Right => DVec3::NEG_X,
+        }
+    }
+}
+
+/// What the scanner makes of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scanner {
+    /// Standard deviation of the blur, mm; `None` for about 0.65 of a voxel of the phantom's size.
+    pub blur_mm: Option<f64>,
+    /// Standard deviation of the noise, HU, if the settings enable it.
+    pub noise_hu: f64,
+    /// HU of all tag; `None` as placed: 450, or from 200 to 1200 if inhomogeneous.
+    pub tag_hu: Option<f64>,
+}
+
+impl Default for Scanner {
+    fn default() -> Self {
+        Self { blur_mm: None, noise_hu: NOISE_HU, tag_hu: None }
+    }
+}
+
 /// Selects the features of a phantom.
 ///
 /// ```
@@ -71,8 +116,20 @@ pub struct PhantomSettings {
     pub folds: bool,
     /// Sessile polyps.
     pub polyps: bool,
-    /// Pools of tagged fluid with a horizontal level.
+    /// Pools of tagged fluid with a horizontal level, filled to a third at most.
     pub fluid: bool,
+    /// Pools of tagged fluid, some nearly full, with thin folds and polyps under the fluid.
+    pub pools: bool,
+    /// Films of tag on the wall.
+    pub films: bool,
+    /// Tagged stool that clings to the wall and holds bubbles.
+    pub stool: bool,
+    /// Tag from 200 to 1200 HU, layered and patchy, not 450 HU everywhere.
+    pub inhomogeneous: bool,
+    /// Pseudo-enhancement: tissue beside tag appears brighter.
+    pub pseudo: bool,
+    /// The patient's position.
+    pub position: Position,
     /// Thin strands of tissue across the lumen.
     pub bridges: bool,
     /// Voxel noise of [`NOISE_HU`].
@@ -90,7 +147,21 @@ impl PhantomSettings {
 
 impl Default for PhantomSettings {
     fn default() -> Self {
-        Self { size: Size::Standard, folds: true, polyps: true, fluid: false, bridges: false, noise: true, seed: 1 }
+        Self {
+            size: Size::Standard,
+            folds: true,
+            polyps: true,
+            fluid: false,
+            pools: false,
+            films: false,
+            stool: false,
+            inhomogeneous: false,
+            pseudo: false,
+            position: Position::Supine,
+            bridges: false,
+            noise: true,
+            seed: 1,
+        }
     }
 }
 
@@ -100,16 +171,25 @@ pub struct Phantom {
     settings: PhantomSettings,
     shape: Shape,
     body: Body,
+    /// Pools of the feature `fluid`.
     pools: Vec<Pool>,
+    /// The other kinds of tag.
+    tag: Option<Tag>,
     /// For each knot of the axis, the distance within which positions depend on it, mm.
     reach: Vec<f64>,
     sigma: f64,
+    noise_hu: f64,
     noise_seed: u64,
 }
 
 impl Phantom {
     /// Creates the phantom described by `settings`.
     pub fn new(settings: &PhantomSettings) -> Self {
+        Self::scanned(settings, Scanner::default())
+    }
+
+    /// Creates the phantom described by `settings` as a scanner sees it.
+    pub fn scanned(settings: &PhantomSettings, scanner: Scanner) -> Self {
         let small = settings.size == Size::Small;
         let scale = if small { 0.58 } else { 1.0 };
         let radius = |r: f64| if small { 4.5 + 0.48 * r } else { r };
@@ -119,21 +199,44 @@ impl Phantom {
             .map(|jitter| Centerline::new(scale, radius, jitter, hash::bits(settings.seed, 0xA715)))
             .find(has_room)
             .unwrap_or_else(|| Centerline::new(scale, radius, 0.0, 0));
-        let shape = features::shape(axis, settings);
+        let mut shape = features::shape(axis, settings);
         // About 0.65 of a voxel.
-        let sigma = match settings.size {
+        let sigma = scanner.blur_mm.unwrap_or(match settings.size {
             Size::Small => 0.58,
             Size::Standard => 0.5,
             Size::Large => 0.26,
-        };
-        let pools = if settings.fluid { features::pools(&shape) } else { Vec::new() };
+        });
+        let (seed, down) = (settings.seed, settings.position.down());
+        let mut pools = if settings.fluid { features::pools(&shape, down, || FLUID_SHARE) } else { Vec::new() };
+        let mut tag = None;
+        if settings.pools || settings.films || settings.stool {
+            if settings.pools {
+                // From a quarter to nearly the whole height.
+                let mut draw = Stream::new(seed, 32);
+                pools = features::pools(&shape, down, || 0.25 + 0.65 * draw.within(0.0, 1.0).powi(2));
+                features::submerge(&mut shape, &pools, down, sigma, seed);
+            }
+            let PhantomSettings { films, stool, inhomogeneous, pseudo, position, .. } = *settings;
+            let mut own = Tag::new(&shape, &pools, Kinds { films, stool, inhomogeneous, pseudo }, position, seed);
+            if let Some(hu) = scanner.tag_hu {
+                own.set_hu(hu);
+            }
+            tag = Some(own);
+            pools = Vec::new();
+        }
         // A position whose foot point is half a knot away is slightly farther from the knot than from the foot point.
         let reach = (0..shape.axis.knots().len())
             .map(|i| shape.largest_radius(i as f64 * shape.axis.knot_step()) + DEEP + 1.5)
             .collect();
-        let seed = settings.seed;
         let body = Body::new(scale, sigma, hash::bits(seed, 0xB0D7));
-        Self { settings: *settings, shape, body, pools, reach, sigma, noise_seed: hash::bits(seed, 0x4015E) }
+        let noise_seed = hash::bits(seed, 0x4015E);
+        Self { settings: *settings, shape, body, pools, tag, reach, sigma, noise_hu: scanner.noise_hu, noise_seed }
+    }
+
+    /// Returns the same colon without tag, with the same noise.
+    #[must_use]
+    pub fn twin(&self) -> Self {
+        Self { pools: Vec::new(), tag: None, ..self.clone() }
     }
 
     /// Creates the same body with exactly the given polyps, which come from [`Phantom::polyp_at`] or are placed
@@ -240,14 +343,14 @@ impl Phantom {
     /// Returns a position's distances and the arc length of the loop that it is deepest in, given the relevant runs of
     /// knots. Where two loops are close, a smooth minimum joins their lumens, which does not move either wall.
     fn distances_among(&self, p: DVec3, runs: &[Range<usize>]) -> (Distances, f64) {
-        let mut all = Distances { wall: DEEP, plain: DEEP, normal: DVec3::ZERO };
+        let mut all = Distances { wall: DEEP, plain: DEEP, normal: DVec3::ZERO, thickness: f64::INFINITY };
         let (mut deepest, mut s) = (f64::INFINITY, 0.0);
         for run in runs {
             self.shape.axis.feet(p, run.clone(), &self.reach, |foot| {
                 let d = self.shape.distances(p, &foot);
                 if d.wall < deepest {
                     (deepest, s) = (d.wall, foot.s);
-                    all.normal = d.normal;
+                    (all.normal, all.thickness) = (d.normal, d.thickness);
                 }
                 all.wall = smooth_min(all.wall, d.wall, LOOP_BLEND);
                 all.plain = all.plain.min(d.plain);
@@ -259,8 +362,17 @@ impl Phantom {
     /// Returns the value at a position, given the relevant runs of knots and the body's value there.
     fn value_among(&self, p: DVec3, runs: &[Range<usize>], body: impl Fn(DVec3) -> f64) -> f64 {
         let (d, s) = self.distances_among(p, runs);
-        let tissue = tissue_share(d.wall, self.sigma);
-        let inside = if tissue < 1.0 { self.content(p, s) } else { GAS };
+        let tissue = if d.thickness.is_finite() {
+            sheet_share(d.wall, d.thickness, self.sigma)
+        } else {
+            tissue_share(d.wall, self.sigma)
+        };
+        let seen = self.tag.as_ref().map(|t| t.seen(p, s, &d, self.sigma));
+        let inside = match seen {
+            _ if tissue >= 1.0 => GAS,
+            Some(Seen { tag, hu, .. }) => mix(GAS, hu, tag),
+            None => self.content(p, s),
+        };
         if tissue <= 0.0 {
             return inside;
         }
@@ -273,13 +385,13 @@ impl Phantom {
         } else {
             TISSUE
         };
-        mix(inside, outside, tissue)
+        mix(inside, outside + seen.map_or(0.0, |s| s.pseudo_hu), tissue)
     }
 
     /// Returns the value of gas, or of fluid below the level of the pool at arc length `s`.
     fn content(&self, p: DVec3, s: f64) -> f64 {
         match self.pools.iter().find(|pool| (pool.from..=pool.to).contains(&s)) {
-            Some(pool) => mix(GAS, FLUID, normal_cdf((p.y - pool.level) / self.sigma)),
+            Some(pool) => mix(GAS, FLUID, normal_cdf((p.dot(self.settings.position.down()) - pool.level) / self.sigma)),
             None => GAS,
         }
     }

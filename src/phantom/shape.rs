@@ -9,7 +9,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::centerline::{Centerline, FootPoint, Profile};
-use super::profile::smooth_max;
+use super::profile::{smooth_max, smooth_step};
 
 /// Saturation of distances in the lumen, mm. Nothing depends on a wall farther away, so features beyond it are skipped.
 pub(crate) const REACH: f64 = 8.0;
@@ -47,6 +47,8 @@ pub(crate) struct Fold {
     pub slant: f64,
     /// Bow of the line, mm; see [`Fold::slant`].
     pub bow: f64,
+    /// It is so thin that each side's blur reaches the other one.
+    pub sheet: bool,
 }
 
 /// A sessile polyp: a ball on the wall.
@@ -88,6 +90,8 @@ pub(crate) struct Distances {
     /// Unit normal of the wall, into the tissue, in closed form: exact on the plain wall, polyps and bridges, and to
     /// first order in the fillets (a few degrees).
     pub normal: DVec3,
+    /// Thickness of the tissue behind the wall, mm, in a thin fold; infinite elsewhere.
+    pub thickness: f64,
 }
 
 /// The lumen's shape around its axis.
@@ -164,17 +168,22 @@ impl Shape {
         let plain = (foot.rho - r.at) / steep;
         let outward = foot.offset / foot.rho.max(1e-9);
         if plain >= DEEP {
-            return Distances { wall: DEEP, plain: DEEP, normal: outward };
+            return Distances { wall: DEEP, plain: DEEP, normal: outward, thickness: f64::INFINITY };
         }
         let here = Here { foot, phi, arm, outward, along: foot.tangent, around: foot.tangent.cross(outward) };
         let normal = (outward - here.along * by_s - here.around * by_phi) / steep;
         let mut surface = Surface { d: plain, normal };
+        let mut thickness = f64::INFINITY;
         // A fold does not reach deeper into the tissue than its own thickness.
         let folds = if plain < 5.0 { &self.folds[..] } else { &[] };
         let first = folds.partition_point(|f| f.s < foot.s - WINDOW);
         for fold in folds[first..].iter().take_while(|f| f.s <= foot.s + WINDOW) {
             if let Some(other) = fold.surface(&here) {
-                surface = surface.join(other, FILLET[0]);
+                if fold.sheet && other.d > surface.d {
+                    // At its root it becomes the wall.
+                    thickness = fold.thickness + DEEP * smooth_step(-1.5, 0.5, plain);
+                }
+                surface = surface.join(other, if fold.sheet { FILLET[1] } else { FILLET[0] });
             }
         }
         for polyp in self.polyps.iter().filter(|a| (a.s - foot.s).abs() < WINDOW) {
@@ -183,7 +192,7 @@ impl Shape {
         for bridge in self.bridges.iter().filter(|a| (a.s - foot.s).abs() < WINDOW) {
             surface = surface.join(bridge.what.surface(p), FILLET[2]);
         }
-        Distances { wall: surface.d.clamp(-REACH, DEEP), plain, normal: surface.normal }
+        Distances { wall: surface.d.clamp(-REACH, DEEP), plain, normal: surface.normal, thickness }
     }
 }
 

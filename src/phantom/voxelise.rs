@@ -83,7 +83,7 @@ impl Phantom {
 
     /// Returns a voxel's noise, HU.
     fn noise(&self, index: u64) -> f64 {
-        if self.settings.noise { super::NOISE_HU * hash::normal(self.noise_seed, index) } else { 0.0 }
+        if self.settings.noise { self.noise_hu * hash::normal(self.noise_seed, index) } else { 0.0 }
     }
 }
 

@@ -8,7 +8,7 @@ Draws --count mutants of `src` and `systems` (settings: .cargo/mutants.toml) wit
 square root of its number of mutants, or all from one --folder. All of them are built once into one program (see switches.py) in a copy
 of the last commit below `target/mutation`, so the checkout stays as it is. Those that do not compile are replaced by the next ones
 drawn. Each test runs once alone, to find which mutants' functions it calls. A mutant then meets only the tests that call its function,
-one after the other, the quickest first, until one fails or exceeds its time, in three stages:
+one after the other, those of its own file and quick ones first, until one fails or exceeds its time, in three stages:
 
 1. unit:        the library's unit tests
 2. integration: all other tests, without those that compare a whole flight or picture with a stored one
@@ -22,6 +22,7 @@ hundred mutants about as long.
 --faults FILE  also faults written by hand, one JSON object a line ("file", "before", "after", "why"), where `before` occurs once
                in the file, within a function
 --stage        ends after this stage
+--seconds      how long a mutant meets the tests of a stage at most; without it, all of them
 --list         prints the sample and runs nothing
 --table OUT…   prints one table of several runs
 """
@@ -80,6 +81,7 @@ def arguments():
     p.add_argument("--faults", type=pathlib.Path)
     p.add_argument("--jobs", type=int, default=2)
     p.add_argument("--stage", choices=STAGES, default=STAGES[-1])
+    p.add_argument("--seconds", type=float, default=math.inf)
     p.add_argument("--list", action="store_true")
     p.add_argument("--table", nargs="+", type=pathlib.Path, metavar="OUT")
     a = p.parse_args()
@@ -336,12 +338,16 @@ def stage_of(program, test):
     return "unit" if program == "colvis" else "integration"
 
 
-def first_to_notice(number, mutant, plan, limit):
+def first_to_notice(number, mutant, plan, stages, most):
     """Returns the stage and the test that notice a mutant first, and the seconds that took; "missed" if none does."""
     start = time.monotonic()
-    for s in STAGES[: STAGES.index(limit) + 1]:
-        for program, test, seconds, reached in plan["tests"]:
-            if stage_of(program, test) != s or number not in reached:
+    module = re.sub(r"^src/|(/mod)?\.rs$", "", mutant["file"]).replace("/", "::") + "::"
+    # First those of its own file, that are quick, and that reach little else.
+    worth = lambda t: (t[2] + 0.02) * len(t[3]) / (20 if t[1].startswith(module) else 1)
+    for s in stages:
+        end = time.monotonic() + most
+        for program, test, seconds, reached in sorted(plan["tests"], key=worth):
+            if stage_of(program, test) != s or number not in reached or time.monotonic() > end:
                 continue
             if program == "window" and mutant["folder"] != "host":
                 continue
@@ -353,7 +359,9 @@ def first_to_notice(number, mutant, plan, limit):
 
 def lines_of(out):
     path = out / "results.jsonl"
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    lines = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    # A later stage's line replaces an earlier one's.
+    return list({line["mutant"]: line for line in lines}.values())
 
 
 def plan_of(a):
@@ -379,20 +387,22 @@ def run(a):
     plan, lock = plan_of(a), threading.Lock()
     for t in plan["tests"]:
         t[3] = set(t[3])
-    done = {line["mutant"] for line in lines_of(a.out)}
+    # The last stage that each mutant has met; those that were noticed need no other.
+    done = {line["mutant"]: STAGES.index(line["stage"] if line["noticed"] == "missed" else STAGES[-1]) for line in lines_of(a.out)}
 
     def work(item):
         number, m = item
-        stage, by, seconds = first_to_notice(int(number), m, plan, a.stage)
+        stages = STAGES[done.get(m["name"], -1) + 1 : STAGES.index(a.stage) + 1]
+        stage, by, seconds = first_to_notice(int(number), m, plan, stages, a.seconds)
         reached = sum(int(number) in t[3] for t in plan["tests"])
-        line = {"folder": m["folder"], "mutant": m["name"], "by_hand": m.get("by_hand", False), "noticed": stage, "by": by,
+        line = {"folder": m["folder"], "mutant": m["name"], "by_hand": m.get("by_hand", False), "noticed": stage, "by": by, "stage": a.stage,
                 "reached_by": reached, "seconds": round(seconds), "source": m["source"]}
         with lock:
             with open(a.out / "results.jsonl", "a") as f:
                 f.write(json.dumps(line) + "\n")
             print(f"{stage:12} {m['name']}  {by}", flush=True)
 
-    in_parallel(a.jobs, work, [(n, m) for n, m in plan["mutants"].items() if m["name"] not in done])
+    in_parallel(a.jobs, work, [(n, m) for n, m in plan["mutants"].items() if done.get(m["name"], -1) < STAGES.index(a.stage)])
     (a.out / "survivors.txt").write_text("".join(f"{key(line)} | \n" for line in lines_of(a.out) if line["noticed"] == "missed"))
     (a.out / "table.md").write_text(table([a.out]))
     print((a.out / "table.md").read_text())

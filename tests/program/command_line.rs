@@ -5,6 +5,9 @@ use std::process::Command;
 #[cfg(unix)]
 use std::time::Duration;
 
+use colvis::progress::Progress;
+use colvis::volume::io::{self, LoadOptions};
+
 use crate::support::program::colvis;
 use crate::support::run::run;
 use crate::support::skips::skip;
@@ -111,6 +114,30 @@ fn outputs_that_cannot_be_written_are_status_5() {
 fn points_outside_the_lumen() {
     run(&["fly", "--headless", "--from", "9999,0,0"], 4);
     run(&["fly", "--headless", "--to", "9999,0,0"], 4);
+}
+
+/// A colon with tag, and its twin without. In each position fluid lies elsewhere.
+#[test]
+fn a_phantom_with_tag_and_its_twin() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let with = "folds,polyps,noise,pools,films,stool,inhomogeneous,pseudo";
+    let args = ["phantom", "--size", "small", "--with", with, "--out"];
+    let twin = at("twin.nii.gz");
+    let load = |name: &str| io::load(at(name).as_ref(), &LoadOptions::default(), &Progress::new()).unwrap().volume;
+    let mut bright = Vec::new();
+    for position in ["supine", "prone"] {
+        run(&[&args[..], &[&at("v.nii.gz"), "--twin", &twin, "--position", position]].concat(), 0);
+        let (v, t) = (load("v.nii.gz"), load("twin.nii.gz"));
+        assert_eq!(v.grid(), t.grid());
+        let tagged = v.data().iter().zip(t.data()).filter(|(v, t)| **v > **t + 500).count();
+        assert!(tagged > v.data().len() / 500, "{tagged}");
+        bright.push(v);
+    }
+    assert_ne!(bright[0].data(), bright[1].data());
+    run(&[&args[..], &[&at("v.nii.gz"), "--twin", &at("v.nii.gz")]].concat(), 2);
+    run(&[&args[..], &[&at("v.nii.gz"), "--twin", &at("twin.txt")]].concat(), 2);
+    run(&[&args[..], &[&at("v.nii.gz"), "--twin", &at("none/twin.nii")]].concat(), 5);
 }
 
 #[test]

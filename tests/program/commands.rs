@@ -19,7 +19,7 @@ const COMMANDS: [(&str, &str); 21] = [
     ("segment", "--out --stats --labels --from"),
     ("surface", "--mask --out --stats --from"),
     ("centerline", "--mask --out --method --from --to --stats"),
-    ("phantom", "--out --truth --size --with"),
+    ("phantom", "--out --truth --size --with --position --twin"),
     ("info", ""),
     ("explain", "--json --guide --from --scene --coverage"),
     ("plane", "--headless --out"),
@@ -36,7 +36,7 @@ const COMMANDS: [(&str, &str); 21] = [
 ];
 
 /// Options with a fixed set of values. A `!` marks what is not built.
-const VALUES: [(&[&str], &str); 12] = [
+const VALUES: [(&[&str], &str); 13] = [
     (&["fly", "--guide"], "tentacles potential path manual"),
     (&["fly", "--quality"], "high low adaptive reference"),
     (&["fly", "--preset"], "default colvis lean"),
@@ -47,7 +47,11 @@ const VALUES: [(&[&str], &str); 12] = [
     (&["segment", "--labels"], "other wall"),
     (&["centerline", "--method"], "penalised peel roadmap cells"),
     (&["phantom", "--size"], "small standard large"),
-    (&["phantom", "--with"], "folds polyps fluid bridges noise"),
+    (&["phantom", "--position"], "supine prone left right"),
+    (
+        &["phantom", "--with"],
+        "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo !decoys !ileum !stomach !lungs !collapsed",
+    ),
     (&["report"], "render gradients scenes dynamics fields perforation all !cleansing !coverage !unfold !candidates"),
 ];
 
