@@ -1,6 +1,7 @@
 use super::*;
-use crate::components::flight::Help;
+use crate::components::flight::{Goal, Help};
 use crate::dynamics::Route;
+use crate::dynamics::monitor::MonitorSettings;
 use crate::testing::{Room, TestApp};
 
 /// A straight route along +y in the middle of a long room, from 10 to 110 mm, with 9 mm to the walls.
@@ -288,6 +289,24 @@ fn a_narrow_place_soon_ahead_is_named_in_the_reason() {
         let help = test.get::<HelpCall>().0.clone();
         assert_eq!(help, Some(Help { reason: reason.to_owned(), place: DVec3::X }), "at {s}, radius {radius_mm}");
     }
+}
+
+/// The watch passes a call on to the operator in the same step, after its reason was replaced.
+#[test]
+fn the_operator_is_told_of_the_narrow_place() {
+    let line: Vec<_> = (10..=110).map(|y| DVec3::new(10.0, f64::from(y), 10.0)).collect();
+    let clearance: Vec<_> = (0..=100).map(|s| if (60..=62).contains(&s) { 1.25 } else { 9.0 }).collect();
+    let mut test = following(PathSettings::default(), Arc::new(Route::along(&line, &clearance, DVec3::Z).unwrap()));
+    let goal = Goal { at: on_route(1000.0), within_mm: 5.0, other_end: on_route(-1000.0) };
+    super::super::watch::plug(&mut test.app, MonitorSettings::default(), goal).unwrap();
+    test.app.equip(Hand { paused: true, ..Hand::default() });
+    test.place(on_route(50.0));
+    test.steps(1).unwrap();
+    test.get_mut::<HelpCall>().0 = Some(Help { reason: "stuck".to_owned(), place: DVec3::X });
+    test.steps(1).unwrap();
+    let flight = test.get::<Flight>();
+    assert_eq!(flight.state, State::Operator);
+    assert_eq!(flight.reason, "the path ahead narrows to 2.5 mm across; the camera needs 3.0 mm");
 }
 
 #[test]

@@ -421,4 +421,45 @@ mod tests {
             assert_eq!(view.hu.len(), size[0] * size[1]);
         }
     }
+
+    #[test]
+    fn orientations_have_the_names_that_readers_use() {
+        assert_eq!(Orientation::ALL.map(Orientation::name), ["axial", "coronal", "sagittal", "across the path"]);
+    }
+
+    /// Another thickness or projection makes other values at once, and a refinement under way does not come back.
+    #[test]
+    fn another_slab_begins_anew() {
+        let volume = scan();
+        let here = pose(volume.grid().world(DVec3::new(10.0, 15.0, 20.0)));
+        let thick = Slab::new(6.0, SlabKind::Max).unwrap();
+        let at_once = |slab| {
+            let mut view = SliceView { slab, ..SliceView::new(Orientation::Sagittal, [70, 50]) };
+            view.make(&volume, &here);
+            view.hu
+        };
+        let mut view = SliceView { slab: thick, ..SliceView::new(Orientation::Sagittal, [70, 50]) };
+        view.make(&volume, &here);
+        assert!(view.hu == at_once(thick));
+        for slab in
+            [Slab::new(6.0, SlabKind::Min).unwrap(), Slab::new(3.0, SlabKind::Min).unwrap(), Slab::default(), thick]
+        {
+            view.slab = slab;
+            assert!(view.is_stale(volume.grid(), &here));
+            view.make(&volume, &here);
+            assert!(view.made && view.hu == at_once(slab), "{slab:?}");
+        }
+        assert!(at_once(thick) != at_once(Slab::default()));
+        // Thin again in the middle of a refinement.
+        view.budget = Some(20_000);
+        view.slab = Slab::new(10.0, SlabKind::Mean).unwrap();
+        view.make(&volume, &here);
+        view.make(&volume, &here);
+        assert!(view.rows.is_some_and(|rows| rows > 0));
+        view.slab = Slab::default();
+        for _ in 0..60 {
+            view.make(&volume, &here);
+        }
+        assert!(!view.is_stale(volume.grid(), &here) && view.hu == at_once(Slab::default()));
+    }
 }

@@ -173,4 +173,14 @@ mod tests {
             assert!(widest <= body.gap_mm() + 1e-9 && widest > 0.5 * body.gap_mm(), "{widest} {}", body.gap_mm());
         }
     }
+
+    /// A cylinder of mass m, radius r and length l: m r²/2 about its axis, m (3 r² + l²)/12 across it.
+    #[test]
+    fn the_moments_of_inertia_are_those_of_its_cylinder() {
+        let (cylinder_radius_mm, cylinder_length_mm) = (Some(0.9), Some(2.0));
+        let body = Body { mass_g: 3.0, cylinder_radius_mm, cylinder_length_mm, ..Body::default() };
+        let j = body.inertia();
+        assert!((j.axial - 3.0 * 0.81 / 2.0).abs() < 1e-12, "{j:?}");
+        assert!((j.transverse - 3.0 * (3.0 * 0.81 + 4.0) / 12.0).abs() < 1e-12, "{j:?}");
+    }
 }

@@ -278,4 +278,24 @@ mod tests {
             prop_assert_eq!(fly(|t| DVec3::Y * speed * t, 8.0), None);
         }
     }
+
+    /// After an alarm that is forgiven, as much ground as before must be flown again until the next one.
+    #[test]
+    fn what_is_forgiven_counts_anew() {
+        let settings = MonitorSettings::default();
+        let circle = |t: f64| DVec3::new(20.0 * (1.5 * t).cos(), 20.0 * (1.5 * t).sin(), 0.0);
+        let back = |t: f64| DVec3::X * 30.0 * (6.0 - (t - 6.0).abs());
+        for path in [&circle as &dyn Fn(f64) -> DVec3, &back] {
+            let (mut m, mut alarms) = (Monitor::default(), Vec::new());
+            for n in 0..(10.5 / DT) as usize {
+                if m.follow(path(n as f64 * DT), DT, &settings).is_some() {
+                    alarms.push(m.way_mm());
+                    m.forgive();
+                }
+            }
+            assert!(alarms.len() > 1, "{alarms:?}");
+            assert!(alarms.windows(2).all(|w| w[1] - w[0] > settings.revisited_mm - 1.0), "{alarms:?}");
+            assert!(!m.trail().is_empty(), "the trail stays");
+        }
+    }
 }

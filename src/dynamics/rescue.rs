@@ -414,4 +414,30 @@ mod tests {
         assert_eq!((r.turns(), r.escapes(), r.is_escaping(), r.trap()), (turns, 0, false, None));
         assert!(r.monitor().trail().is_empty() && r.forbidden().0.is_empty());
     }
+
+    /// A neck seen from a circle counts if it is in front now, or if it was seen nearby and the circle is a small one.
+    #[test]
+    fn a_neck_counts_where_it_is_and_near_where_it_was() {
+        let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z, DVec3::NEG_X];
+        let reading = |lengths| TentacleReading { directions: &directions, lengths, heading: DVec3::X, radius_mm: 1.5 };
+        let closed = reading(&[8.0, 10.0, 10.0, 10.0, 10.0, 90.0]);
+        let open = reading(&[80.0, 10.0, 10.0, 10.0, 10.0, 90.0]);
+        assert!(closed.kind() == Trap::BlindEnd && open.kind() != Trap::BlindEnd);
+        let circling = |radius: f64| {
+            let w = 30.0 / radius;
+            let mut r = Rescue::default();
+            (0..(20.0 / DT) as usize).find_map(|n| {
+                let t = n as f64 * DT;
+                let at = DVec3::new(radius * (w * t).cos(), radius * (w * t).sin(), 0.0);
+                // A blind end was seen on the first millimetres.
+                let seen = if t < 0.3 { &closed } else { &open };
+                match r.follow(at, DT, Some(seen), None, &MonitorSettings::default()) {
+                    RescueAction::SetOff { clear_mines, .. } => Some(clear_mines),
+                    _ => None,
+                }
+            })
+        };
+        assert_eq!(circling(14.0), Some(true), "a small circle that passes it again");
+        assert_eq!(circling(45.0), Some(false), "a large one goes round something");
+    }
 }

@@ -54,3 +54,32 @@ impl MemoryPart {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::MemoryPart::*;
+
+    #[test]
+    fn each_part_has_its_own_name() {
+        let parts = [
+            Flags,
+            ByteVolume,
+            Occupancy,
+            GradientCache,
+            StoredGradients,
+            VoxelDistances,
+            BrickDistances,
+            FrameCache,
+            SampledRays,
+            SmallPicture,
+            RefinementRays,
+            RefinementPictures,
+            Mesh,
+            Other("own"),
+        ];
+        let names: std::collections::BTreeSet<_> = parts.iter().map(|p| p.name()).collect();
+        assert_eq!(names.len(), parts.len());
+        assert!(VoxelDistances.name().contains("voxel") && BrickDistances.name().contains("brick"));
+        assert_eq!(Other("own").name(), "own");
+    }
+}

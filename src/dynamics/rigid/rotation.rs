@@ -142,4 +142,19 @@ mod tests {
             assert!(f.u.length() < 1e-9 && f.w == DVec3::ZERO, "{f:?}");
         }
     }
+
+    /// Against differences over a hundred times the interval.
+    #[test]
+    fn the_rate_changes_with_time_as_the_free_motion_does() {
+        let turning = Turning { drag: 0.8, ..Turning::FREE };
+        let r = Rotation::new(&turning, Inertia::cylinder(1.0, 1.0, 3.0), DQuat::IDENTITY, DVec3::new(2.0, -1.0, 0.5));
+        let y = Phase { u: DVec3::new(0.3, -0.2, 0.4), w: DVec3::new(0.5, 0.1, -0.7) };
+        for t in [0.2, 1.0] {
+            let h = 1e-3;
+            let wide = (r.rate(t + h, y) - r.rate(t - h, y)) * (0.5 / h);
+            let rate = r.time_rate(t, y, 1.0);
+            assert!((rate.u - wide.u).length() < 1e-5 && (rate.w - wide.w).length() < 1e-5, "{rate:?}, not {wide:?}");
+            assert!(rate.u.length() > 1e-2, "{rate:?}");
+        }
+    }
 }

@@ -267,4 +267,21 @@ mod tests {
             }
         }
     }
+
+    /// A quintic from the speed w takes 4 w/T: at 30 mm/s² and 15 mm/s it takes 2 s.
+    #[test]
+    fn joining_takes_as_long_as_the_offset_and_the_speed_need() {
+        let (route, set) = (route(), PathSettings::default());
+        let join = |off: DVec3, velocity: DVec3| {
+            let state = [route.place(100.0) + off, velocity, DVec3::ZERO];
+            RouteFollower::join(&route, 100.0, state, 1.0, &set).join_s
+        };
+        let along = route.tangent(100.0);
+        let across = along.cross(DVec3::Y).normalize();
+        assert!((join(DVec3::ZERO, along * 20.0 + across * 9.0) - 1.2).abs() < 0.05);
+        assert!((join(DVec3::ZERO, along * 20.0 + across * 50.0) - 2.0).abs() < 1e-9, "at most 2 s for a speed");
+        assert!((join(across * 40.0, along * 20.0) - (5.8f64 * 40.0 / 30.0).sqrt()).abs() < 0.3);
+        assert!((join(across * 900.0, along * 20.0) - 4.0).abs() < 1e-9, "and 4 s for an offset");
+        assert!((join(DVec3::ZERO, along * 20.0) - JOIN_S).abs() < 1e-9);
+    }
 }

@@ -270,6 +270,14 @@ mod tests {
         assert!((short.at(9.0).s - route.length_mm()).abs() < 1e-9);
         let at_end = Profile::new(&route, 1e9, 1.0, &set);
         assert!((at_end.at(1.0).s - route.length_mm()).abs() < 1e-9 && at_end.at(0.0).v.is_finite());
+        // The narrow place is passed as slowly wherever the plan begins, and the straight part before it as fast.
+        let narrow = 300.0 + 12.0 * std::f64::consts::PI;
+        for from in [40.0, 150.0, 250.0] {
+            let p = Profile::new(&route, from, 0.0, &set);
+            let v = |s: f64| (0..).map(|n| p.at(f64::from(n) * 0.01)).find(|m| m.s >= s).unwrap().v;
+            assert!((v(narrow) - 10.0).abs() < 2.0, "{} from {from}", v(narrow));
+            assert!(from > 100.0 || v(130.0) > 29.0, "{} from {from}", v(130.0));
+        }
     }
 
     #[test]

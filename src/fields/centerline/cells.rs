@@ -367,3 +367,22 @@ impl Cells {
         best.1
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cell_has_64_voxels_and_is_nearly_a_cube() {
+        for (spacing, side) in [
+            (DVec3::ONE, [4, 4, 4]),
+            (DVec3::new(0.5, 1.0, 2.0), [8, 4, 2]),
+            (DVec3::new(2.0, 0.5, 1.0), [2, 8, 4]),
+            (DVec3::new(1.0, 2.0, 0.5), [4, 2, 8]),
+            (DVec3::new(0.7, 0.7, 1.0), [4, 4, 4]),
+            (DVec3::new(0.7, 0.7, 3.0), [8, 8, 1]),
+        ] {
+            assert_eq!(Shape::of(spacing).side, side, "{spacing}");
+        }
+    }
+}

@@ -217,6 +217,22 @@ impl Tables {
 mod tests {
     use super::*;
 
+    /// In a box with a pillar in the way, the path is as short as steps across faces allow.
+    #[test]
+    fn the_way_through_what_is_left_is_the_shortest() {
+        let spacing = glam::DVec3::ONE;
+        let walls = WallDistance::drawn([12, 12, 12], spacing, |p| {
+            p.min_element() > 0.5 && p.max_element() < 10.5 && !((p.x - 5.0).abs() < 1.5 && (p.y - 5.0).abs() < 1.5)
+        });
+        let left = Left::of(&walls);
+        for (start, goal) in [([1, 1, 1], [10, 10, 10]), ([1, 1, 1], [10, 1, 1]), ([2, 9, 3], [9, 2, 8])] {
+            let path = way(&walls, &left, start, goal).unwrap();
+            let least: i64 = (0..3).map(|a| i64::abs(start[a] - goal[a])).sum();
+            assert_eq!(path.len() as i64, least + 1, "{start:?} to {goal:?}");
+            assert_eq!((path[0], path[path.len() - 1]), (start, goal));
+        }
+    }
+
     /// Checks against the definition, by counting pieces with a plain flood fill.
     #[test]
     fn simple_voxels_are_those_of_the_definition() {

@@ -148,6 +148,11 @@ fn collapsed_stretches_are_marked_guesses() {
             [&guesses[..], &more].map(|g| between(&walls, End::At(at(from)), End::At(at(to)), g, &p).unwrap());
         assert_eq!(line, with_more);
     }
+    // From one piece to the one before or after it.
+    for (from, to) in [(60.0, 5.0), (5.0, 60.0), (110.0, 60.0), (60.0, 110.0)] {
+        let line = between(&walls, End::At(at(from)), End::At(at(to)), &guesses, &p).unwrap();
+        assert_eq!(line.guessed.len(), 1, "{from} to {to}");
+    }
     // Within one piece nothing is guessed.
     let line = between(&walls, End::At(at(50.0)), End::At(at(60.0)), &guesses, &p).unwrap();
     assert!(line.guessed.is_empty());
@@ -222,4 +227,51 @@ fn resampling_and_tightening_keep_a_line_free() {
             assert!(r.windows(2).all(|w| is_free(&walls, w[0], w[1])), "walk {walk}, step {step}");
         }
     }
+}
+
+/// On a straight line, points of the resampled one are `step` apart; the last part may be shorter.
+#[test]
+fn a_resampled_line_has_even_steps() {
+    let walls = WallDistance::drawn([60, 9, 9], DVec3::ONE, |p| p.y > 0.5 && p.y < 7.5 && p.z > 0.5 && p.z < 7.5);
+    for spaced in [0.25, 0.7, 1.9] {
+        let line: Vec<DVec3> =
+            (0..=(40.0 / spaced) as usize).map(|n| DVec3::new(5.0 + spaced * n as f64, 4.0, 4.0)).collect();
+        let step = 3.0;
+        let out = resampled(&walls, &line, step);
+        let lengths: Vec<f64> = out.windows(2).map(|w| w[0].distance(w[1])).collect();
+        let (last, others) = lengths.split_last().unwrap();
+        assert!(others.iter().all(|l| (l - step).abs() < 1e-6) && *last <= step + 1e-6, "{spaced}: {lengths:?}");
+    }
+}
+
+/// Tightening straightens a line, and leans it towards the middle of the lumen and nowhere else.
+#[test]
+fn a_tightened_line_moves_to_the_middle() {
+    let walls = WallDistance::drawn([60, 21, 21], DVec3::ONE, |p| (p.y - 10.0).hypot(p.z - 10.0) < 7.0);
+    let off = |p: &DVec3| (p.y - 10.0).hypot(p.z - 10.0);
+    let line: Vec<DVec3> = (5..55).map(|x| DVec3::new(f64::from(x), 10.0, 10.0)).collect();
+    let mut stays = line.clone();
+    tightened(&walls, &mut stays, 20, 0.5);
+    assert!(stays.iter().all(|p| off(p) < 0.2), "on the axis it stays there");
+    // The ends are off the axis, and stay.
+    let mut moves: Vec<DVec3> = line.iter().map(|p| *p + DVec3::new(0.0, 3.0, 0.0)).collect();
+    let ends = [moves[0], moves[49]];
+    tightened(&walls, &mut moves, 60, 0.5);
+    assert_eq!([moves[0], moves[49]], ends);
+    assert!(off(&moves[25]) < 1.0, "{}", moves[25]);
+    let mut straight = line.clone();
+    straight[20] += DVec3::Z * 3.0;
+    tightened(&walls, &mut straight, 40, 0.0);
+    assert!(off(&straight[20]) < 0.8 && off(&straight[20]) > 0.0);
+}
+
+/// Cells hold 64 voxels, in the shape that is nearest to a cube, and equal pieces are told apart by their order.
+#[test]
+fn cells_are_nearly_cubes_and_the_first_of_equal_pieces_is_the_largest() {
+    use super::cells::Cells;
+    let walls =
+        WallDistance::drawn([40, 8, 8], DVec3::ONE, |p| (2.0..10.0).contains(&p.x) || (22.0..30.0).contains(&p.x));
+    let cells = Cells::of(&walls, &Progress::new()).unwrap();
+    let piece = cells.largest_piece();
+    assert!(piece.contains(&cells.node_at([4, 4, 4]).unwrap()) && !piece.contains(&cells.node_at([25, 4, 4]).unwrap()));
 }

@@ -69,3 +69,39 @@ pub(crate) fn distances(walls: &WallDistance, kind: Cheap) -> Vec<f32> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// In a long tube of 9 × 9 voxels, the nearest wall is across; in a box it is the nearest of six.
+    #[test]
+    fn distances_of_boxes_are_known() {
+        for spacing in [DVec3::ONE, DVec3::new(0.5, 1.0, 2.0)] {
+            for long in 0..3 {
+                // Nine voxels within, 41 along one axis, wall on all sides.
+                let mut size = [9usize; 3];
+                size[long] = 41;
+                let dims = size.map(|n| n + 2);
+                let inside =
+                    |p: DVec3| (0..3).all(|a| p[a] > 0.5 * spacing[a] && p[a] < (size[a] as f64 + 0.5) * spacing[a]);
+                let walls = WallDistance::drawn(dims, spacing, inside);
+                for kind in [Cheap::Chamfer, Cheap::Chessboard] {
+                    let found = distances(&walls, kind);
+                    walls.set().for_each(|n, v| {
+                        if walls.values()[n] < 0.0 {
+                            return;
+                        }
+                        let unit = if kind == Cheap::Chamfer { spacing } else { DVec3::splat(spacing.min_element()) };
+                        // Half a voxel and whole ones to the nearer of the two walls across each axis.
+                        let to_wall = |a: usize| (v[a].min(size[a] + 1 - v[a]) as f64 - 0.5) * unit[a];
+                        let want = to_wall(0).min(to_wall(1)).min(to_wall(2));
+                        assert!((f64::from(found[n]) - want).abs() < 1e-5, "{kind:?} {spacing} {v:?}: {}", found[n]);
+                    });
+                }
+            }
+        }
+    }
+}

@@ -219,3 +219,24 @@ fn any_number_of_threads_gives_the_same() {
     };
     assert_eq!(once(1), once(3));
 }
+
+/// The nearest voxel of the lumen is found in every direction, as far as asked and no farther.
+#[test]
+fn the_nearest_voxel_is_within_reach_on_every_side() {
+    let spacing = DVec3::new(0.5, 1.0, 2.0);
+    let walls = WallDistance::drawn([21, 21, 21], spacing, |p| p == DVec3::splat(10.0) * spacing);
+    let middle = walls.world([10; 3]);
+    assert_eq!(walls.nearest(middle, 0.0), Some([10; 3]));
+    for a in 0..3 {
+        for sign in [-1.0, 1.0] {
+            let at = middle + DVec3::AXES[a] * (sign * 4.0 * spacing[a]);
+            let far = 4.0 * spacing[a];
+            assert_eq!(walls.nearest(at, far + 1e-9), Some([10; 3]), "axis {a}, {sign}");
+            assert_eq!(walls.nearest(at, far - 1e-6), None, "axis {a}, {sign}");
+        }
+    }
+    // Of several, the nearest.
+    let walls = WallDistance::drawn([21, 21, 21], DVec3::ONE, |p| p.x > 12.5 && p.y > 9.5 && p.z > 9.5);
+    assert_eq!(walls.nearest(DVec3::new(8.2, 11.1, 14.9), 9.0), Some([13, 11, 15]));
+    assert_eq!(walls.nearest(DVec3::splat(f64::NAN), 9.0), None);
+}

@@ -262,3 +262,83 @@ fn is_walled(volume: &Volume, from: &[i64; 3], step: [f64; 3], step_mm: f64) -> 
     }
     false
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+    use crate::volume::Grid;
+
+    /// A volume of air with tissue where `is_tissue` says, for positions in mm from the middle.
+    fn volume(spacing: f64, is_tissue: impl Fn(DVec3) -> bool) -> Volume {
+        let side = (80.0 / spacing) as usize + 1;
+        let dims = [side, side, 3];
+        let grid = Grid::new(dims, DVec3::splat(spacing), DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let middle = DVec3::new((side / 2) as f64, (side / 2) as f64, 1.0);
+        let at = |n: usize| DVec3::new((n % side) as f64, (n / side % side) as f64, (n / side / side) as f64) - middle;
+        let hu = |n: usize| if is_tissue(at(n) * spacing) { 40 } else { -1000 };
+        Volume::new(grid.clone(), (0..grid.len()).map(hu).collect())
+    }
+
+    fn enclosed(spacing: f64, is_tissue: impl Fn(DVec3) -> bool) -> bool {
+        let volume = volume(spacing, is_tissue);
+        let middle = (volume.grid().dims()[0] / 2) as i64;
+        is_enclosed(&volume, Frame::of(volume.grid()), &[[middle, middle, 1]])
+    }
+
+    /// Around gas there is tissue in seven of eight directions at least, 6 mm of it or up to the border, however fine the
+    /// voxels are.
+    #[test]
+    fn gas_in_a_body_is_enclosed_and_gas_in_a_thin_shell_is_not() {
+        for spacing in [0.5, 0.7, 1.0, 2.0] {
+            let ring = |thick: f64| move |p: DVec3| (10.0..10.0 + thick).contains(&p.length());
+            assert!(enclosed(spacing, ring(10.0)), "{spacing}");
+            assert!(!enclosed(spacing, ring(4.0)), "{spacing}");
+            assert!(enclosed(spacing, |p: DVec3| p.length() > 36.0), "up to the border, {spacing}");
+            assert!(!enclosed(spacing, |_| false));
+        }
+    }
+
+    /// One direction may be open, two may not, wherever they are.
+    #[test]
+    fn a_body_may_be_open_on_one_side() {
+        let towards = |p: DVec3, n: usize| {
+            let angle = p.y.atan2(p.x) - n as f64 * std::f64::consts::FRAC_PI_4;
+            angle.sin().atan2(angle.cos()).abs() < 0.3
+        };
+        for a in 0..8 {
+            assert!(enclosed(1.0, |p| p.length() > 10.0 && p.length() < 30.0 && !towards(p, a)), "{a}");
+            for b in 0..a {
+                assert!(
+                    !enclosed(1.0, |p| p.length() > 10.0 && p.length() < 30.0 && !towards(p, a) && !towards(p, b)),
+                    "{a}, {b}"
+                );
+            }
+        }
+    }
+
+    /// Probes are voxels of their component, evenly through it, in components smaller and larger than their number.
+    #[test]
+    fn probes_are_spread_over_their_component() {
+        for (length, rows) in [(3u32, 2usize), (40, 4), (40, 30), (41, 37), (8, 20)] {
+            let run = |start, label| Run { start, end: start + length, label };
+            let lengths = vec![2u32; rows];
+            let runs = (0..rows).flat_map(|j| [run(j as u32, 0), run(100 + j as u32, 1)]).collect();
+            let rows_of = Rows::from_slices([200, rows, 1], vec![(lengths, runs)]).unwrap();
+            let probes = sample(&rows_of, &[1], 2);
+            let probes = &probes[0];
+            assert_eq!(probes.len(), PROBES);
+            let number = |p: &[i64; 3]| {
+                let i = p[0] - 100 - p[1];
+                assert!((0..i64::from(length)).contains(&i), "{p:?} is no voxel of it");
+                p[1] * i64::from(length) + i
+            };
+            let all = rows as i64 * i64::from(length);
+            for (n, p) in probes.iter().enumerate() {
+                let even = (2 * n as i64 + 1) * all / (2 * PROBES as i64);
+                assert_eq!(number(p), even, "{length} × {rows}, probe {n}");
+            }
+        }
+    }
+}

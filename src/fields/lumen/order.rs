@@ -147,3 +147,40 @@ fn is_colon(links: &[Link], chain: &[(usize, bool)], body: &Body) -> bool {
         && gaps.iter().all(|&g| g <= WIDEST_GAP_MM)
         && length >= LEAST_COLON_MM
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+
+    /// A body around the origin from -200 to 200 mm, with gas down to -150.
+    const BODY: Body = Body { centre: DVec3::ZERO, span: [-200.0, 200.0], lowest: -150.0 };
+
+    fn trusted(rectum: DVec3, cecum: DVec3, length_mm: f64) -> bool {
+        let links = [Link { ends: [rectum, cecum], length_mm, joined_to: Vec::new() }];
+        is_colon(&links, &[(0, false)], &BODY)
+    }
+
+    #[test]
+    fn a_chain_from_rectum_to_cecum_is_told_by_its_ends() {
+        let (rectum, cecum) = (DVec3::new(0.0, 60.0, -150.0), DVec3::new(-60.0, 0.0, -60.0));
+        assert!(trusted(rectum, cecum, 1500.0));
+        assert!(trusted(rectum + DVec3::X * RECTUM_ASIDE_MM, cecum, 1500.0), "a little aside");
+        assert!(!trusted(rectum + DVec3::X * (RECTUM_ASIDE_MM + 1.0), cecum, 1500.0), "far aside");
+        assert!(!trusted(rectum - DVec3::X * (RECTUM_ASIDE_MM + 1.0), cecum, 1500.0));
+        assert!(trusted(rectum + DVec3::Y * 40.0, cecum, 1500.0), "far behind the middle");
+        assert!(!trusted(rectum, cecum - DVec3::Z * 100.0, 1500.0), "the cecum is not below the rectum");
+        assert!(!trusted(DVec3::new(0.0, 60.0, -30.0), cecum + DVec3::Z * 90.0, 1500.0), "too high");
+        assert!(!trusted(rectum, DVec3::new(-CECUM_RIGHT_MM + 1.0, 0.0, -60.0), 1500.0), "not on the right");
+        assert!(!trusted(rectum, cecum, LEAST_COLON_MM - 1.0) && trusted(rectum, cecum, LEAST_COLON_MM));
+    }
+
+    #[test]
+    fn without_tissue_the_bodys_middle_is_the_grids() {
+        let grid =
+            Grid::new([5, 8, 12], DVec3::new(1.0, 2.0, 3.0), DVec3::new(-7.0, 3.0, 11.0), DMat3::IDENTITY).unwrap();
+        let volume = Volume::new(grid.clone(), vec![-1000; grid.len()]);
+        assert_eq!(Body::of(&volume, 0.0).centre, DVec3::new(-7.0 + 2.0, 3.0 + 7.0, 11.0 + 16.5));
+    }
+}

@@ -192,6 +192,8 @@ mod tests {
         assert_eq!(fly(&mut g, 1, 300.0, 1.0, 5_000_000), [ImageSize::new(256, 192)], "a sudden turn");
         let mut sizes = fly(&mut g, 30, 2.0, 1.0, 5_000_000);
         assert_eq!(sizes[0], ImageSize::new(256, 192), "no haste afterwards");
+        let each = |width: usize| sizes.iter().filter(|s| s.width == width).count();
+        assert!([384, 512, 768].map(each).iter().all(|&n| n >= PATIENCE as usize), "a few pictures of each: {sizes:?}");
         sizes.dedup();
         assert_eq!(
             sizes,

@@ -63,3 +63,21 @@ impl Camera for Perspective {
         Some(self.tangent)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Half a view angle of 60° has a tangent of 1/√3: how fast directions turn per unit of the image, at most.
+    #[test]
+    fn its_tangent_and_its_fastest_turn_are_that_of_half_the_angle() {
+        for (degrees, tangent) in [(60.0, 3f64.sqrt().recip()), (90.0, 1.0), (120.0, 3f64.sqrt())] {
+            let camera = Perspective::new(degrees).unwrap();
+            for found in [camera.tangent(), camera.most_turn()] {
+                assert!((found.unwrap() - tangent).abs() < 1e-12, "{degrees}°");
+            }
+            let turn = |x: f64| camera.ray(DVec2::new(x, 0.0)).unwrap().direction;
+            assert!((turn(-1e-6).angle_between(turn(1e-6)) / 2e-6 - tangent).abs() < 1e-3, "{degrees}°");
+        }
+    }
+}

@@ -253,3 +253,24 @@ impl<'a> Rays<'a> {
         all.simd_into(simd)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Longer steps allow no more than the scan's smoothness does, shorter ones a quarter of a flight's step.
+    #[test]
+    fn layers_are_as_deep_as_the_steps_allow() {
+        for (waves, power, long, far) in [
+            (1.0, 0, LAYER_LONG, LAYER_FAR),
+            (4.0, 0, 4.0 * LAYER_LONG, LAYER_FAR),
+            (4.0, 1, 2.0 * LAYER_LONG, LAYER_FAR),
+            (1.0, 1, LAYER_LONG, LAYER_FAR),
+            (1.0, -1, 0.5 * LAYER_LONG, 0.5 * LAYER_FAR),
+            (1.0, -2, LAYER_LONG, LAYER_FAR),
+            (1.0, -3, LAYER_LONG, LAYER_FAR),
+        ] {
+            assert_eq!(layer_steps(waves, power), [long, far], "{waves} {power}");
+        }
+    }
+}

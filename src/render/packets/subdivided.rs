@@ -126,6 +126,10 @@ mod tests {
             let cut = subdivide(move |x, y| Point { near: 0.05, front: front(x, y), bright: 0.5, ..Point::default() });
             assert_eq!(cut.smooth(), [true, false, false, false], "{other}");
         }
+        // What twists is straight along every side.
+        let twisted = |c: f32| subdivide(move |x, y| Point { near: 0.05, bright: c * x * y, ..Point::default() });
+        assert_eq!(twisted(0.8 * BEND[0] / 4.0).smooth(), [true; 4]);
+        assert_eq!(twisted(1.2 * BEND[0] / 4.0).smooth(), [false; 4]);
     }
 
     proptest! {
