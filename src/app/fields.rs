@@ -171,3 +171,49 @@ impl Fields {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::fields::{Distance, lumen};
+    use crate::volume::Grid;
+
+    /// Two rooms of 18 × 32 × 16 mm, side by side along x, without a way from one to the other.
+    fn two_rooms() -> Volume {
+        let dims = [52, 40, 24];
+        let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let gas = |n: usize| {
+            let (i, j, k) = (n % 52, n / 52 % 40, n / (52 * 40));
+            ((4..22).contains(&i) || (30..48).contains(&i)) && (4..36).contains(&j) && (4..20).contains(&k)
+        };
+        let data = (0..grid.len()).map(|n| if gas(n) { -1000 } else { 40 }).collect();
+        Volume::new(grid, data)
+    }
+
+    #[test]
+    fn the_fields_follow_the_plan_into_another_gas() {
+        let (volume, progress) = (two_rooms(), Progress::new());
+        let [first, second] = [13.0, 39.0].map(|x| [10.0, 30.0].map(|y| DVec3::new(x, y, 12.0)));
+        let gas = |at: DVec3| lumen::gas_at(&volume, at, &progress).unwrap().unwrap();
+        // From gas beside the colon to the colon, and back.
+        let (beside, colon) = (Arc::new(gas(first[0])), gas(second[0]));
+        let along = |[from, to]: [DVec3; 2]| Plan::between(from, to, 20.0);
+        let outside = Plan { gas: Some(Arc::clone(&beside)), ..along(first) };
+        let wanted = Needs { distances: true, centerline: true, ..Needs::NOTHING };
+        let mut fields = Fields::default();
+        for (plan, here, there) in
+            [(&outside, first, second), (&along(second), second, first), (&outside, first, second)]
+        {
+            fields.build(wanted, &volume, &colon, plan, 1.5, &progress).unwrap();
+            let walls = fields.walls().unwrap();
+            let is_inside = |at: DVec3| walls.is_inside(walls.voxel(at));
+            assert!(here.into_iter().all(is_inside) && !there.into_iter().any(is_inside));
+            let target = fields.target().unwrap();
+            assert!(target.sample(here[0]).is_some() && target.sample(there[0]).is_none());
+        }
+        fields.build(Needs::NOTHING, &volume, &colon, &outside, 1.5, &progress).unwrap();
+        assert!(fields.walls().is_none() && fields.target().is_none());
+    }
+}

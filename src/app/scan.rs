@@ -276,3 +276,25 @@ fn check_log(play: &Playback, volume: &PreparedVolume) -> Result<()> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::volume::Grid;
+
+    #[test]
+    fn a_scan_of_a_single_slice_is_refused() {
+        let volume = |dims: [usize; 3]| {
+            let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+            Volume::new(grid, vec![0; dims.iter().product()])
+        };
+        check_thick(&volume([2, 2, 2])).unwrap();
+        for dims in [[1, 1, 1], [9, 7, 1], [9, 1, 7], [1, 9, 7]] {
+            let e = check_thick(&volume(dims)).unwrap_err();
+            let [x, y, z] = dims;
+            assert!(e.kind as u8 == 4 && e.why.contains(&format!("{x}×{y}×{z} voxels")), "{e}");
+        }
+    }
+}

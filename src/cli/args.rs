@@ -565,6 +565,8 @@ pub enum ReportSubject {
     Fields,
     /// Random steps against the wall.
     Perforation,
+    /// The wall under tag.
+    Cleansing,
     /// All of them.
     All,
 }

@@ -410,23 +410,98 @@ mod tests {
     use super::*;
     use crate::panics;
 
-    #[test]
-    fn a_fenced_panic_is_not_the_one_reported() {
-        let _hook = panics::HOOK.lock().unwrap_or_else(PoisonError::into_inner);
+    /// Runs `work` with the program's panic hook on this thread. The panics of other tests are none of the program's.
+    fn hooked<T>(work: impl FnOnce() -> T) -> T {
         let usual = Arc::new(panic::take_hook());
         let mine = std::thread::current().id();
         let (note, others) = (noting(Box::new(|_| {})), Arc::clone(&usual));
         panic::set_hook(Box::new(
             move |info| if std::thread::current().id() == mine { note(info) } else { others(info) },
         ));
-        let place = || PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let caught = panics::catch_panic(|| panic!("a decoder's"));
-        let after_fence = place();
-        let escaped = catch_unwind(|| panic!("the program's"));
+        let outcome = work();
         panic::set_hook(Box::new(move |info| usual(info)));
+        outcome
+    }
+
+    fn forget_panics() {
+        *PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+
+    #[test]
+    fn a_fenced_panic_is_not_the_one_reported() {
+        let _hook = panics::HOOK.lock().unwrap_or_else(PoisonError::into_inner);
+        forget_panics();
+        let place = || PANICKED_AT.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let (caught, after_fence, escaped) = hooked(|| {
+            let caught = panics::catch_panic(|| panic!("a decoder's"));
+            (caught, place(), catch_unwind(|| panic!("the program's")))
+        });
         assert!(caught == Err::<(), _>(panics::Panicked) && escaped.is_err());
         assert_eq!(after_fence, None);
         assert!(place().is_some_and(|p| p.contains(file!())), "{:?}", place());
+        forget_panics();
+    }
+
+    #[test]
+    fn each_run_reports_the_place_of_its_own_panic() {
+        let _hook = panics::HOOK.lock().unwrap_or_else(PoisonError::into_inner);
+        // The first run in a process replaces the panic hook.
+        let before = panic::take_hook();
+        guarded(|| Ok(())).unwrap();
+        panic::set_hook(before);
+        let mut lines = [0; 2];
+        let [first, second] = hooked(|| {
+            let first = guarded(|| {
+                lines[0] = line!() + 1;
+                panic!("the first")
+            });
+            let second = guarded(|| {
+                lines[1] = line!() + 1;
+                let _ = catch_unwind(|| panic!("its cause"));
+                panic!("the second")
+            });
+            [first, second].map(|outcome| outcome.unwrap_err().why)
+        });
+        let is = |why: &str, text: &str, line: u32| why.starts_with(text) && why.contains(&format!(":{line}:"));
+        assert!(is(&first, "the first", lines[0]), "{first}");
+        assert!(is(&second, "the second", lines[1]), "{second}: the place of the run's first panic");
+        forget_panics();
+    }
+
+    #[test]
+    fn what_is_added_stays_beside_what_was_added_before() {
+        let overlay = Overlay { name: "own overlay", ..Overlay::PLAIN };
+        let program = Program::default()
+            .overlay(overlay)
+            .preset(Preset { name: "own preset", ..Preset::default() })
+            .camera(CameraModel { name: "own camera", ..CameraModel::default() })
+            .shader(ShaderModel { name: "own shader", ..ShaderModel::default() })
+            .plugin(("own plug-in", |_: &mut crate::schedule::App| Ok(())));
+        program.check().unwrap();
+        let catalog = &program.catalog;
+        assert_eq!(catalog.find_overlay("own overlay").unwrap().name, "own overlay");
+        assert_eq!(catalog.find_preset("own preset").unwrap().name, "own preset");
+        assert_eq!(catalog.find_camera("own camera").unwrap().name, "own camera");
+        assert_eq!(catalog.find_shader("own shader").unwrap().name, "own shader");
+        assert_eq!(catalog.plugins.iter().map(|p| p.name()).collect::<Vec<_>>(), ["own plug-in"]);
+    }
+
+    #[cfg(feature = "window")]
+    #[test]
+    fn a_key_of_the_window_is_refused_to_overlays_and_panels_of_a_program() {
+        let overlay = |key| Program::default().overlay(Overlay { name: "own", key, ..Overlay::PLAIN });
+        let panel = |key| Program::default().panel(PanelEntry { name: "own", title: "Own", key, ..PanelEntry::NONE });
+        // W flies forward.
+        for program in [
+            overlay(Some('w')),
+            panel(Some('w')),
+            overlay(Some('y')).panel(PanelEntry { name: "other", key: Some('Y'), ..PanelEntry::NONE }),
+        ] {
+            let e = program.check().unwrap_err();
+            assert!(e.kind as u8 == 2, "{e}");
+        }
+        overlay(None).check().unwrap();
+        panel(None).check().unwrap();
     }
 
     #[test]

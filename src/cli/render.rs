@@ -120,3 +120,47 @@ fn read(path: &Path, camera: CameraModel) -> Result<Poses> {
     }
     Ok(poses)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::args::Command;
+    use crate::testing::Room;
+    use crate::volume::io;
+
+    #[test]
+    fn pictures_depths_and_times_are_written_for_every_pose() {
+        let dir = tempfile::tempdir().unwrap();
+        let [scan, poses, out, stats] =
+            ["room.nii", "poses.json", "out", "stats.json"].map(|n| dir.path().join(n).to_string_lossy().into_owned());
+        let room = Room::new([20, 40, 20]);
+        io::save(Path::new(&scan), room.scan().voxels(), &Progress::new()).unwrap();
+        let pose = |y: f64| json!({"position": [10.0, y, 10.0], "forward": [0.0, 1.0, 0.0], "up": [0.0, 0.0, 1.0]});
+        output::write_json(Path::new(&poses), &json!({"poses": [pose(20.0), pose(30.0)]})).unwrap();
+        let line = [
+            "colvis", "render", &scan, "--poses", &poses, "--out", &out, "--size", "9x5", "--depth", "--stats", &stats,
+        ];
+        let program = Program::default();
+        let args = program.parse(line).unwrap();
+        let Some(Command::Render(render)) = args.command else { panic!("{:?}", args.command) };
+        let begun = Instant::now();
+        run(&program, &render, &args.global, &Arc::new(Progress::new())).unwrap();
+        let took_ms = begun.elapsed().as_secs_f64() * 1e3;
+        for (name, to_the_wall) in [("0000", 20.0), ("0001", 10.0)] {
+            let picture = image::open(dir.path().join(format!("out/{name}.png"))).unwrap();
+            assert_eq!((picture.width(), picture.height()), (9, 5));
+            let npy = std::fs::read(dir.path().join(format!("out/{name}.npy"))).unwrap();
+            let (head, values) = npy.split_at(npy.len() - 9 * 5 * 4);
+            assert!(String::from_utf8_lossy(head).contains("(5, 9)"));
+            let depth = f32::from_le_bytes(values[4 * (2 * 9 + 4)..][..4].try_into().unwrap());
+            assert!((depth - to_the_wall).abs() < 0.5, "{depth} mm in the middle");
+        }
+        let stats: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&stats).unwrap()).unwrap();
+        let frames = stats["frames"].as_array().unwrap();
+        let ms: Vec<f64> = frames.iter().map(|f| f["ms"].as_f64().unwrap()).collect();
+        assert!(
+            ms.len() == 2 && ms.iter().all(|ms| *ms > 0.0) && ms.iter().sum::<f64>() < took_ms,
+            "{ms:?} in {took_ms} ms"
+        );
+    }
+}

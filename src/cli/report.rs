@@ -14,18 +14,19 @@ use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::CameraModel;
 use crate::report::render::{Extent, Subject};
-use crate::report::{Effort, dynamics, fields, gradients, perforation, render, scenes};
+use crate::report::{Effort, cleansing, dynamics, fields, gradients, perforation, render, scenes};
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
 /// The reports, with their names.
-const ALL: [(ReportSubject, &str); 6] = [
+const ALL: [(ReportSubject, &str); 7] = [
     (ReportSubject::Render, "render"),
     (ReportSubject::Gradients, "gradients"),
     (ReportSubject::Scenes, "scenes"),
     (ReportSubject::Dynamics, "dynamics"),
     (ReportSubject::Fields, "fields"),
     (ReportSubject::Perforation, "perforation"),
+    (ReportSubject::Cleansing, "cleansing"),
 ];
 
 /// Runs the command.
@@ -78,6 +79,9 @@ fn one(
         ReportSubject::Perforation => {
             let steps = args.steps.unwrap_or(if args.quick { 20_000 } else { 1_000_000 });
             perforation::report(steps, global.seed.unwrap_or(1), folder, progress)
+        }
+        ReportSubject::Cleansing => {
+            cleansing::report(Effort::new(args.quick), global.seed.unwrap_or(1), folder, progress)
         }
         ReportSubject::Fields => {
             let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;

@@ -64,3 +64,22 @@ pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> R
 fn of_mask(mask: &Volume, progress: &Progress) -> Result<LumenMesh> {
     LumenMesh::new(&Interior::of_mask(mask)?, progress)
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+    use crate::volume::Grid;
+
+    #[test]
+    fn the_surface_of_a_mask_encloses_its_voxels() {
+        let grid = Grid::new([14; 3], DVec3::splat(2.0), DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let is_set = |n: usize| [n % 14, n / 14 % 14, n / 196].iter().all(|i| (3..11).contains(i));
+        let mask = Volume::new(grid, (0..14 * 14 * 14).map(|n| i16::from(is_set(n))).collect());
+        let measures = Measures::of(&of_mask(&mask, &Progress::new()).unwrap());
+        // 8³ voxels of 8 mm³ are 4.1 ml, and smoothing takes corners and edges off.
+        assert!((3.0..4.3).contains(&measures.volume_ml), "{} ml", measures.volume_ml);
+        assert_eq!((measures.components, measures.boundary_edges), (1, 0));
+    }
+}

@@ -11,10 +11,9 @@ const COMMANDS: [&str; 7] = ["cleanse", "unfold", "measure", "candidates", "matc
 /// Planned options of built commands.
 const OPTIONS: [&str; 6] = ["--cleanse", "--second", "--coverage-mesh", "--review", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
-const VALUES: [(&str, &str); 11] = [
+const VALUES: [(&str, &str); 10] = [
     ("--camera", "fisheye"),
     ("--camera", "panorama"),
-    ("<SUBJECT>", "cleansing"),
     ("<SUBJECT>", "coverage"),
     ("<SUBJECT>", "unfold"),
     ("<SUBJECT>", "candidates"),

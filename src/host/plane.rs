@@ -85,3 +85,38 @@ pub(crate) fn fly(flight: &mut Flight, out: &Path, progress: &Progress) -> Resul
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use image::AnimationDecoder;
+    use image::codecs::gif::GifDecoder;
+
+    use super::*;
+    use crate::plane::{Drawing, PlaneSettings};
+
+    /// A flight of a quarter of a second through a corridor of 248 × 18 mm.
+    fn flight() -> Flight {
+        let lumen = (0..500 * 40).map(|n| (2..498).contains(&(n % 500)) && (2..38).contains(&(n / 500))).collect();
+        let mut drawing = Drawing::new("corridor", ImageSize::new(500, 40), lumen).unwrap();
+        (drawing.start, drawing.goal) = (Some(DVec3::new(20.0, 10.0, 0.0)), Some(DVec3::new(230.0, 10.0, 0.0)));
+        Flight::new(drawing, PlaneSettings { seconds: 0.25, ..PlaneSettings::default() }).unwrap()
+    }
+
+    #[test]
+    fn a_film_shows_the_flight_and_holds_its_end_and_a_picture_is_the_end() {
+        let dir = tempfile::tempdir().unwrap();
+        let [film, picture] = ["a.gif", "a.png"].map(|n| dir.path().join(n));
+        let mut flown = flight();
+        fly(&mut flown, &film, &Progress::new()).unwrap();
+        assert_eq!((flown.state(), flown.places().len()), (State::Ended, 31), "0.25 s are 30 steps");
+        let file = std::io::BufReader::new(std::fs::File::open(&film).unwrap());
+        let frames = GifDecoder::new(file).unwrap().into_frames().collect_frames().unwrap();
+        // Steps 0 and 24, then the end for a second.
+        assert_eq!(frames.len(), 2 + 12);
+        assert!(frames[0].buffer() != frames[1].buffer() && frames[1].buffer() != frames[2].buffer());
+        assert!(frames[2].buffer() == frames[13].buffer());
+        fly(&mut flight(), &picture, &Progress::new()).unwrap();
+        assert_eq!(image::image_dimensions(&picture).unwrap(), (500, 40));
+    }
+}

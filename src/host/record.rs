@@ -307,3 +307,85 @@ fn failed(path: &Path, e: image::ImageError) -> Error {
         e => Error::output(path, e.to_string(), "choose another place").caused_by(e),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use image::AnimationDecoder;
+    use image::codecs::gif::GifDecoder;
+
+    use super::*;
+
+    fn plain(colour: [u8; 3]) -> Frame {
+        let mut frame = Frame::new(12, 8);
+        frame.buffers().0.fill(colour);
+        frame
+    }
+
+    const COLOURS: [[u8; 3]; 3] = [[250, 0, 0], [0, 250, 0], [0, 0, 250]];
+
+    #[test]
+    fn every_image_of_a_folder_has_a_file_of_its_own() {
+        let dir = tempfile::tempdir().unwrap();
+        let film = dir.path().join("film");
+        let mut recorder = Recorder::create(&format!("{}/", film.display()), ImageSize::new(12, 8), 30.0).unwrap();
+        COLOURS.iter().for_each(|c| recorder.add(&plain(*c)).unwrap());
+        recorder.finish().unwrap();
+        for (name, colour) in ["0000.png", "0001.png", "0002.png"].into_iter().zip(COLOURS) {
+            assert_eq!(image::open(film.join(name)).unwrap().into_rgb8().get_pixel(5, 5).0, colour, "{name}");
+        }
+        assert_eq!(std::fs::read_dir(&film).unwrap().count(), 3);
+    }
+
+    #[test]
+    fn a_gif_keeps_the_time_although_it_counts_hundredths() {
+        let dir = tempfile::tempdir().unwrap();
+        let film = dir.path().join("film.gif");
+        let mut recorder = Recorder::create(&film.to_string_lossy(), ImageSize::new(12, 8), 30.0).unwrap();
+        COLOURS.iter().for_each(|c| recorder.add(&plain(*c)).unwrap());
+        assert!(!film.exists(), "not before it is whole");
+        recorder.finish().unwrap();
+        let file = std::io::BufReader::new(std::fs::File::open(&film).unwrap());
+        let frames = GifDecoder::new(file).unwrap().into_frames().collect_frames().unwrap();
+        // The images begin after 3.3, 6.7 and 10 hundredths of a second.
+        let delays: Vec<_> = frames.iter().map(|f| f.delay().numer_denom_ms()).collect();
+        assert_eq!(delays, [(30, 1), (40, 1), (30, 1)]);
+        for (frame, colour) in frames.iter().zip(COLOURS) {
+            assert!(frame.buffer().get_pixel(5, 5).0.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 8), "{colour:?}");
+        }
+    }
+
+    #[test]
+    fn without_an_image_there_is_no_film() {
+        let dir = tempfile::tempdir().unwrap();
+        let film = dir.path().join("film.gif");
+        Recorder::create(&film.to_string_lossy(), ImageSize::new(12, 8), 30.0).unwrap().finish().unwrap();
+        assert!(!film.exists());
+    }
+
+    #[cfg(feature = "window")]
+    #[test]
+    fn marks_are_recorded_over_their_picture_only() {
+        let dir = tempfile::tempdir().unwrap();
+        let size = ImageSize::new(60, 40);
+        let film = dir.path().join("film");
+        let mut recording = Recording::new(Recorder::create(&format!("{}/", film.display()), size, 30.0).unwrap());
+        let mut picture = Picture::new(size.width, size.height);
+        picture.frame.buffers().0.fill([0, 0, 90]);
+        picture.traced = true;
+        let disc = Mark::Disc { centre: [20.0, 15.0], radius: 8.0, colour: [240, 20, 10] };
+        recording.begin(vec![disc]);
+        recording.present(&picture);
+        recording.begin(Vec::new());
+        recording.present(&picture);
+        let (frames, outcome) = recording.finish();
+        outcome.unwrap();
+        assert_eq!(frames.len(), 2);
+        let is = |name: &str, x: u32, y: u32, colour: [u8; 3]| {
+            let seen = image::open(film.join(name)).unwrap().into_rgb8().get_pixel(x, y).0;
+            assert!(seen.iter().zip(colour).all(|(a, b)| a.abs_diff(b) < 4), "{name} {x} {y}: {seen:?}");
+        };
+        is("0000.png", 20, 15, [240, 20, 10]);
+        is("0000.png", 50, 30, [0, 0, 90]);
+        is("0001.png", 20, 15, [0, 0, 90]);
+    }
+}

@@ -257,4 +257,28 @@ mod tests {
         assert!((-900.0..-800.0).contains(&mean), "mean {mean}");
         assert!((55.0..90.0).contains(&sd), "sd {sd}");
     }
+
+    #[test]
+    fn the_table_is_as_thick_as_the_body_is_large() {
+        for scale in [1.0, 0.58] {
+            let body = Body::new(scale, 0.1, 1);
+            // Its middle is 141 mm behind that of an adult, and it is 10 mm thick.
+            let at = |y: f64| body.value(DVec3::new(0.0, (CENTRE.y + 141.0 + y) * scale, 0.0));
+            for y in [-4.0, 0.0, 4.0] {
+                assert!((at(y) + 720.0).abs() < 1e-9, "{scale}, {y}: {}", at(y));
+            }
+            assert_eq!([at(-6.0), at(6.0)], [GAS, GAS], "{scale}");
+        }
+    }
+
+    #[test]
+    fn a_vertebra_is_marrow_in_a_dense_shell_however_little_is_looked_at() {
+        let body = Body::new(1.0, 0.1, 1);
+        // At z = 10 there is no disc, and the shell is 2.5 mm thick: x / 1.2 from 23 − 1.3 · 2.5 to 23 mm.
+        for (x, hu) in [(0.0, 190.0), (22.0, 190.0), (25.65, 430.0)] {
+            let p = DVec3::new(x, 84.0, 10.0);
+            assert!((body.value(p) - hu).abs() < 1e-9, "{x}: {}", body.value(p));
+            assert_eq!(body.value_among(p, body.near(p, 0.1)), body.value(p), "{x}");
+        }
+    }
 }

@@ -34,6 +34,7 @@ use tag::{Kinds, Seen, Tag};
 
 pub use centerline::{Centerline, Frame};
 pub use shape::Polyp;
+pub use tag::Beside;
 pub use truth::{TruePolyp, Truth};
 
 /// Standard deviation of the noise, HU.
@@ -163,6 +164,17 @@ impl Default for PhantomSettings {
             seed: 1,
         }
     }
+}
+
+/// The wall near a position.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WallPlace {
+    /// Signed distance to it, mm, as of [`Phantom::wall`].
+    pub mm: f64,
+    /// What is beside it, if the position is on it.
+    pub beside: Beside,
+    /// True on a fold that is so thin that a scanner does not see all of its tissue.
+    pub is_thin_fold: bool,
 }
 
 /// The analytic phantom.
@@ -318,6 +330,25 @@ impl Phantom {
     /// lumen is narrow.
     pub fn wall(&self, world: DVec3) -> f64 {
         self.distances_among(world, &[self.all_knots()]).0.wall
+    }
+
+    /// Returns the signed distance to the wall without folds, polyps and bridges, mm, as of [`Phantom::wall`].
+    pub fn plain_wall(&self, world: DVec3) -> f64 {
+        let mut runs = Vec::new();
+        self.runs_near(world, 0.1, &mut runs);
+        self.distances_among(world, &runs).0.plain
+    }
+
+    /// Returns the wall near a position (world); `None` where there is none within 6 mm and it is not in the lumen.
+    pub fn wall_at(&self, world: DVec3) -> Option<WallPlace> {
+        let mut runs = Vec::new();
+        self.runs_near(world, 0.1, &mut runs);
+        if runs.is_empty() {
+            return None;
+        }
+        let (d, s) = self.distances_among(world, &runs);
+        let beside = self.tag.as_ref().map_or(Beside::Gas, |t| t.beside(world, s, &d));
+        (d.wall < DEEP).then_some(WallPlace { mm: d.wall, beside, is_thin_fold: d.thickness.is_finite() })
     }
 
     /// Returns the point of the axis nearest to a position, or `None` out of reach of the colon.

@@ -125,6 +125,7 @@ mod tests {
         let points: Vec<DVec3> =
             (0..12).map(|i| DVec3::new(f64::from(i * i % 7), f64::from(i % 3), f64::from(i))).collect();
         let s = Spline::new(1.5, points.clone(), DVec3::X, DVec3::Y);
+        assert_eq!(s.end(), 16.5, "eleven steps between twelve points");
         for (i, p) in points.iter().enumerate() {
             let x = 1.5 * i as f64;
             assert!((s.jet(x).at - *p).length() < 1e-12);

@@ -71,6 +71,30 @@ pub(crate) struct Seen {
     pub pseudo_hu: f64,
 }
 
+/// What is beside a place on the wall.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Beside {
+    /// Gas, and no tag within 5 mm.
+    Gas,
+    /// Gas, with tag within 5 mm.
+    Near,
+    /// A level of fluid, within 2 mm along the wall.
+    Rim,
+    /// Fluid.
+    Fluid,
+    /// A film of tag.
+    Film,
+    /// Stool.
+    Stool,
+}
+
+/// Along the wall a level is no farther than this, mm.
+const RIM_MM: f64 = 2.0;
+/// Tag is no farther than this, mm.
+const NEAR_MM: f64 = 5.0;
+/// A film of this thickness is one, mm.
+const FILM_MM: f64 = 0.15;
+
 /// One body of tag: how far inside its boundary a position is (mm), in which direction that grows, and its HU.
 struct Body {
     inside: f64,
@@ -156,6 +180,40 @@ impl Tag {
         seen.tag = 1.0 - free;
         seen.hu = if weight > 0.0 { sum / weight } else { FLUID };
         seen
+    }
+}
+
+impl Tag {
+    /// Returns what is beside a place on the wall (world), with arc length `s` and distances `d`.
+    pub(crate) fn beside(&self, p: DVec3, s: f64, d: &Distances) -> Beside {
+        let mut nearest = f64::INFINITY;
+        for lump in self.stool.iter().filter(|l| (l.s - s).abs() < 3.0 * l.reach_mm + NEAR_MM) {
+            let away = -lump.body(p).inside;
+            if away < 1.0 {
+                return Beside::Stool;
+            }
+            nearest = nearest.min(away);
+        }
+        if let Some((pool, _)) = self.pools.iter().find(|(pool, _)| (pool.from..=pool.to).contains(&s)) {
+            let below = p.dot(self.down) - pool.level;
+            // Along the wall a level is farther away than below the place.
+            let steep = (1.0 - d.normal.dot(self.down).powi(2)).max(0.0).sqrt().max(0.1);
+            if below.abs() / steep <= RIM_MM {
+                return Beside::Rim;
+            }
+            if below > 0.0 {
+                return Beside::Fluid;
+            }
+            nearest = nearest.min(-below);
+        }
+        for film in self.films.iter().filter(|f| (f.s - s).abs() < 3.0 * f.radius_mm + NEAR_MM) {
+            let off = p.distance(film.centre) / film.radius_mm;
+            if off < 1.0 && film.thickness_mm * (1.0 - off * off).powi(2) > FILM_MM {
+                return Beside::Film;
+            }
+            nearest = nearest.min((off - 1.0) * film.radius_mm);
+        }
+        if nearest <= NEAR_MM { Beside::Near } else { Beside::Gas }
     }
 }
 

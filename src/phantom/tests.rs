@@ -300,3 +300,13 @@ fn the_wall_has_no_jumps() {
         }
     }
 }
+
+#[test]
+fn every_grid_is_centred_on_the_body() {
+    for size in [Size::Small, Size::Standard, Size::Large] {
+        let grid = make(size, 1).grid();
+        let [nx, ny, nz] = grid.dims();
+        let last = grid.world(DVec3::new(nx as f64 - 1.0, ny as f64 - 1.0, nz as f64 - 1.0));
+        assert!((grid.origin() + last).length() < 1e-9, "{size:?}: {} to {last}", grid.origin());
+    }
+}

@@ -210,4 +210,24 @@ mod tests {
             assert!(e.to_string().contains(why) && e.kind as i32 == 3, "{e}");
         }
     }
+
+    #[test]
+    fn colours_count_by_their_brightness() {
+        // 299 · 255 + 587 · 150 = 164 295 for the orange; 587 · 150 + 114 · 255 = 117 120 for the blue; 128 000 is bright.
+        let (orange, blue) = (Rgba([255, 150, 0, 255]), Rgba([0, 150, 255, 255]));
+        let image = ImageBuffer::from_fn(4, 3, |i, _| if i < 2 { orange } else { blue });
+        let d = Drawing::decode("d", &png(&image)).unwrap();
+        assert_eq!(d.lumen()[..4], [true, true, false, false]);
+        assert!(d.start.is_none() && d.goal.is_none());
+    }
+
+    #[test]
+    fn a_drawing_may_be_4096_pixels_long() {
+        for (w, h) in [(MOST_PIXELS, 3), (3, MOST_PIXELS)] {
+            let image =
+                ImageBuffer::from_fn(w, h, |i, j| Rgba(if i == 1 && j == 1 { [255; 4] } else { [0, 0, 0, 255] }));
+            let d = Drawing::decode("d", &png(&image)).unwrap();
+            assert_eq!((d.width(), d.height(), d.is_lumen(1, 1)), (w as usize, h as usize, true));
+        }
+    }
 }

@@ -308,3 +308,39 @@ impl Flight {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::ImageSize;
+
+    /// A corridor of 96 × 12 mm, with its goal at the right end.
+    fn corridor() -> Drawing {
+        let (w, h) = (200, 32);
+        let lumen = (0..w * h).map(|n| (4..196).contains(&(n % w)) && (4..28).contains(&(n / w))).collect();
+        let mut drawing = Drawing::new("d", ImageSize::new(w, h), lumen).unwrap();
+        drawing.start = Some(DVec3::new(10.0, 7.0, 0.0));
+        drawing.goal = Some(DVec3::new(94.0, 8.0, 0.0));
+        drawing
+    }
+
+    #[test]
+    fn a_restarted_flight_repeats_the_first_one() {
+        let mut flight = Flight::new(corridor(), PlaneSettings::default()).unwrap();
+        let fly = |flight: &mut Flight| {
+            assert_eq!((flight.mines().len(), flight.length_mm(), flight.seconds()), (0, 0.0, 0.0));
+            for _ in 0..2000 {
+                if flight.mines().len() < 2 {
+                    flight.step();
+                }
+            }
+            assert_eq!(flight.mines().len(), 2, "{:?}", flight.state());
+            flight.places().to_vec()
+        };
+        let first = fly(&mut flight);
+        flight.restart();
+        assert_eq!(fly(&mut flight), first, "nothing of the first flight is left");
+        flight.start_at(first[0]).unwrap();
+        assert_eq!(fly(&mut flight), first, "as if a click had put it there");
+    }
+}

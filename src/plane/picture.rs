@@ -220,3 +220,121 @@ impl Pen<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plane::PlaneSettings;
+    use crate::plane::drawing::Drawing;
+    use crate::plane::shipped::named;
+
+    const BARE: Show = Show { tentacles: false, mines: false, potential: false, trajectory: false };
+    const RED: Colour = [255, 0, 0];
+
+    /// A drawing of `w` × `h` pixels with a start and a goal, mm.
+    fn drawn(w: usize, h: usize, inside: impl Fn(usize, usize) -> bool, start: DVec3, goal: DVec3) -> Drawing {
+        let lumen = (0..w * h).map(|n| inside(n % w, n / w)).collect();
+        let mut drawing = Drawing::new("d", ImageSize::new(w, h), lumen).unwrap();
+        (drawing.start, drawing.goal) = (Some(start), Some(goal));
+        drawing
+    }
+
+    /// Draws on a black picture of 70 × 30 pixels, two a millimetre.
+    fn on_black(draw: impl Fn(&mut Pen<'_>)) -> Frame {
+        let mut frame = Frame::new(70, 30);
+        draw(&mut Pen { frame: &mut frame, per_mm: 2.0 });
+        frame
+    }
+
+    fn red(frame: &Frame, x: usize, y: usize) -> u8 {
+        frame.pixels()[x + frame.width() * y][0]
+    }
+
+    #[test]
+    fn contour_lines_lie_at_fourfold_potentials() {
+        let levels = [0.0, 14.9, 15.0, 59.0, 60.0, 239.0, 240.0, f32::INFINITY].map(level);
+        assert_eq!(levels, [0, 0, 1, 1, 2, 2, 3, 100]);
+    }
+
+    #[test]
+    fn a_disc_is_where_it_is_put_and_as_large() {
+        let frame = on_black(|pen| pen.disc(DVec3::new(10.0, 5.0, 0.0), 2.0, RED));
+        // The centre is (20, 10) and the radius 4 pixels. The rim is blended over one pixel.
+        for y in 0..30 {
+            for x in 0..70 {
+                let d = (x as f64 + 0.5 - 20.0).hypot(y as f64 + 0.5 - 10.0);
+                assert_eq!(red(&frame, x, y), (255.0 * (4.5 - d).clamp(0.0, 1.0)).round() as u8, "{x}, {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_line_reaches_from_end_to_end_and_covers_no_pixel_twice() {
+        // From pixel (4, 10) to (56, 10), drawn in three pieces, half a pixel to either side, with round ends.
+        let (a, b) = (DVec3::new(2.0, 5.0, 0.0), DVec3::new(28.0, 5.0, 0.0));
+        let frame = on_black(|pen| pen.line(a, b, 0.25, RED, 0.5));
+        for y in 0..30 {
+            for x in 0..70 {
+                let px = x as f64 + 0.5;
+                let d = (px - px.clamp(4.0, 56.0)).hypot(y as f64 + 0.5 - 10.0);
+                assert_eq!(red(&frame, x, y), (255.0 * 0.5 * (1.0 - d).max(0.0)).round() as u8, "{x}, {y}");
+            }
+        }
+        assert_eq!([20, 21, 22, 38, 39].map(|x| red(&frame, x, 9)), [64; 5], "a quarter, at the joints too");
+        assert_eq!([3, 56].map(|x| red(&frame, x, 10)), [37; 2], "both ends are round");
+    }
+
+    #[test]
+    fn every_pixel_of_the_drawing_becomes_a_square() {
+        let inside = |i, j| (4..76).contains(&i) && (4..20).contains(&j);
+        let (start, goal) = (DVec3::new(6.0, 6.0, 0.0), DVec3::new(34.0, 6.0, 0.0));
+        let flight = Flight::new(drawn(80, 24, inside, start, goal), PlaneSettings::default()).unwrap();
+        let mut frame = Frame::default();
+        Painter::new(&flight).paint(&flight, BARE, 3, &mut frame);
+        assert_eq!((frame.width(), frame.height()), (240, 72));
+        for (n, &pixel) in frame.pixels().iter().enumerate() {
+            let (i, j) = (n % 240 / 3, n / 240 / 3);
+            // Start, camera and goal lie at both ends of the lumen.
+            if !inside(i, j) {
+                assert_eq!(pixel, WALL, "{i}, {j}");
+            } else if (32..56).contains(&i) {
+                assert_eq!(pixel, LUMEN, "{i}, {j}");
+            }
+        }
+    }
+
+    #[test]
+    fn contour_lines_do_not_go_on_at_the_other_border() {
+        // One mine near the right border and walls that do not repel: three lines around the mine.
+        let (start, goal) = (DVec3::new(74.0, 8.0, 0.0), DVec3::new(74.0, 36.0, 0.0));
+        let mut settings = PlaneSettings::default();
+        settings.tentacles.wall_push = 0.0;
+        let mut flight = Flight::new(drawn(160, 80, |i, j| i + j > 0, start, goal), settings).unwrap();
+        for _ in 0..2000 {
+            if flight.mines().is_empty() {
+                flight.step();
+            }
+        }
+        assert_eq!(flight.mines().iter().collect::<Vec<_>>(), [start]);
+        let mut frame = Frame::default();
+        let show = Show { mines: true, potential: true, ..BARE };
+        Painter::new(&flight).paint(&flight, show, 1, &mut frame);
+        let lines = (0..80).filter(|j| frame.pixels()[159 + 160 * j] == LINE).count();
+        assert!((1..=4).contains(&lines), "{lines} pixels of the right border are on a line");
+    }
+
+    #[test]
+    fn a_cross_marks_the_place_where_the_operator_is_called() {
+        let mut flight = Flight::new(named("neck").unwrap().unwrap(), PlaneSettings::default()).unwrap();
+        while flight.state() == State::Flying {
+            flight.step();
+        }
+        let place = flight.call().unwrap().place;
+        let mut frame = Frame::default();
+        Painter::new(&flight).paint(&flight, BARE, 1, &mut frame);
+        for d in [[0.0, 0.0], [3.0, 3.0], [3.0, -3.0], [-3.0, 3.0], [-3.0, -3.0]] {
+            let (x, y) = (((place.x + d[0]) / MM_PER_PIXEL) as usize, ((place.y + d[1]) / MM_PER_PIXEL) as usize);
+            assert_eq!(frame.pixels()[x + frame.width() * y], CALLED, "{d:?} mm from the middle");
+        }
+    }
+}

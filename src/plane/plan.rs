@@ -141,3 +141,54 @@ fn roomy(at: DVec3, fits: &impl Fn(DVec3) -> bool, notes: &mut Vec<String>) -> O
 pub(crate) fn pair(p: DVec3) -> String {
     format!("{:.1},{:.1}", p.x, p.y)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Kind;
+    use crate::plane::drawing::Drawing;
+    use crate::render::ImageSize;
+
+    /// A drawing of `w` × `h` pixels, lumen where `inside` is true.
+    fn drawn(w: usize, h: usize, inside: impl Fn(usize, usize) -> bool) -> Drawing {
+        Drawing::new("d", ImageSize::new(w, h), (0..w * h).map(|n| inside(n % w, n / w)).collect()).unwrap()
+    }
+
+    /// A corridor from 1 to 49 mm along x and from 2 to 8 mm along y.
+    fn corridor() -> Drawing {
+        drawn(100, 20, |i, j| (2..98).contains(&i) && (4..16).contains(&j))
+    }
+
+    #[test]
+    fn a_start_close_to_a_wall_moves_away_and_one_without_room_is_refused() {
+        // The room spans 1 to 19 mm. On the right a slit, too narrow for a camera of 2 mm.
+        let room =
+            |i, j| (2..38).contains(&i) && (2..38).contains(&j) || (38..80).contains(&i) && (18..21).contains(&j);
+        let walls = Walls::new(drawn(90, 40, room), 40.0);
+        let free = DVec3::new(6.0, 10.0, 0.0);
+        assert_eq!(start_at(&walls, free, 2.0).unwrap(), free);
+        // 0.3 mm from the wall. Steps of half a millimetre lead to 2.3 mm.
+        let moved = start_at(&walls, DVec3::new(1.3, 10.0, 0.0), 2.0).unwrap();
+        assert!(moved.distance(DVec3::new(3.3, 10.0, 0.0)) < 1e-9, "{moved}");
+        for at in [DVec3::new(35.0, 9.75, 0.0), DVec3::new(35.0, 2.0, 0.0)] {
+            assert_eq!(start_at(&walls, at, 2.0).unwrap_err().kind, Kind::Incomplete, "{at}");
+        }
+    }
+
+    #[test]
+    fn a_missing_goal_is_the_place_farthest_from_the_start() {
+        let mut drawing = corridor();
+        // Nearer to the right end.
+        drawing.start = Some(DVec3::new(30.0, 5.0, 0.0));
+        let plan = plan(&Walls::new(drawing, 40.0), 1.0).unwrap();
+        assert_eq!(plan.start, DVec3::new(30.0, 5.0, 0.0));
+        assert_eq!(plan.goal, DVec3::new(2.25, 3.25, 0.0), "the farthest corner with room for the camera");
+        assert_eq!(plan.within_mm, ARRIVED_MM);
+    }
+
+    #[test]
+    fn without_marks_the_flight_leads_from_end_to_end() {
+        let plan = plan(&Walls::new(corridor(), 40.0), 1.0).unwrap();
+        assert!((plan.start.x - plan.goal.x).abs() > 45.0, "{plan:?}");
+    }
+}

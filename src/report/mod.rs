@@ -2,6 +2,7 @@
 //!
 //! Timings are medians of frames that different methods render in turn, so that load on the machine slows all methods alike.
 
+pub(crate) mod cleansing;
 pub(crate) mod dynamics;
 pub(crate) mod fields;
 pub mod flight;
@@ -15,6 +16,10 @@ pub mod render;
 pub(crate) mod scenes;
 mod table;
 pub mod trials;
+
+use std::time::Instant;
+
+use crate::memory::resident_bytes;
 
 /// Extent of a report's measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +61,18 @@ pub fn median(values: &[f64]) -> f64 {
 /// Returns the mean of `values`; NaN if there are none.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Runs `work`. Returns its result, its time in seconds, and its peak memory (MB) if the system reports it (Linux).
+pub(crate) fn timed<T>(work: impl FnOnce() -> T) -> (T, f64, Option<f64>) {
+    // This resets the peak of resident memory to the current value.
+    let is_reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
+    let before = resident_bytes("VmRSS").filter(|_| is_reset);
+    let begun = Instant::now();
+    let out = work();
+    let seconds = begun.elapsed().as_secs_f64();
+    let megabytes = before.and_then(|b| Some(resident_bytes("VmHWM")?.saturating_sub(b) as f64 / 1e6));
+    (out, seconds, megabytes)
 }
 
 #[cfg(test)]

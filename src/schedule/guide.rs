@@ -231,6 +231,7 @@ mod tests {
     #[serde(default, deny_unknown_fields)]
     struct Drift {
         speed: f64,
+        lag: f64,
     }
 
     impl Guide for Drift {
@@ -260,7 +261,17 @@ mod tests {
         assert!(!guides.read("warp", table("")).unwrap() && guides.named("warp").is_none());
         guides.edit::<Drift>(|d| d.speed = -1.0);
         assert!(guides.check().is_err());
-        guides.set(Drift { speed: 3.0 });
+        guides.set(Drift { speed: 3.0, lag: 0.0 });
         assert_eq!((guides.get::<Drift>().speed, guides.iter().count()), (3.0, 1));
+    }
+
+    #[test]
+    fn changing_one_setting_keeps_the_others() {
+        let mut guides = Guides::default().with::<Drift>();
+        guides.read("drift", "speed = 7.0\nlag = 2.0".parse().unwrap()).unwrap();
+        guides.edit::<Drift>(|d| d.lag = 5.0);
+        guides.edit::<Drift>(|d| d.lag += 1.0);
+        let drift = guides.get::<Drift>();
+        assert_eq!((drift.speed, drift.lag), (7.0, 6.0));
     }
 }

@@ -211,3 +211,28 @@ pub(super) fn fault_error(name: Option<String>, fault: &Fault) -> Error {
     };
     Error::fault(what, fault.why.clone(), "fix it, or fly without it")
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    #[test]
+    fn a_plugin_that_was_slow_once_is_not_slow_for_ever() {
+        let ledger = Ledger::default();
+        let owner = ledger.open("snow");
+        assert!(ledger.begin(Some(owner)));
+        std::thread::sleep(Duration::from_millis(2));
+        ledger.finish(Phase::Step);
+        let first = ledger.times()[0].clone();
+        assert!(first.step_ms >= 2.0 && first.frame_ms == 0.0 && first.is_slow(), "{first:?}");
+        // Steps and frames in which it does nothing.
+        for _ in 0..100 {
+            ledger.finish(Phase::Step);
+            ledger.finish(Phase::Frame);
+        }
+        let later = ledger.times()[0].clone();
+        assert!(later.step_ms < 1e-3 * first.step_ms && later.frame_ms == 0.0, "{later:?}");
+    }
+}

@@ -182,4 +182,51 @@ mod tests {
         assert_eq!(plugins.iter().map(|p| p.name()).collect::<Vec<_>>(), ["Rear", "named", closure, "pair"]);
         assert!(plugins.add(("named", |_: &mut App| Ok(()))).unwrap_err().to_string().contains("named"));
     }
+
+    /// A plug-in with one setting.
+    #[derive(Clone, Debug, Default, serde::Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    struct Snow {
+        flakes: u32,
+    }
+
+    impl Plugin for Snow {
+        fn with_options(&self, options: Options) -> Result<Option<Arc<dyn Plugin>>> {
+            let snow: Self = options.read("snow")?;
+            if snow.flakes > 100 {
+                return Err(Error::usage("flakes", "are too many", "give at most 100"));
+            }
+            Ok(Some(Arc::new(snow)))
+        }
+
+        fn name(&self) -> Cow<'static, str> {
+            format!("snow of {}", self.flakes).into()
+        }
+
+        fn build(&self, _: &mut App) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_setting_that_a_plugin_has_not_is_refused_and_changes_nothing() {
+        let options = |text: &str| Options::new(text.parse().unwrap());
+        let mut plugins = Plugins::default();
+        plugins.add(Snow { flakes: 3 }).unwrap();
+        plugins.add(named).unwrap();
+        let names = |plugins: &Plugins| plugins.iter().map(|p| p.name().into_owned()).collect::<Vec<_>>();
+        for (plugin, wrong, word) in [
+            ("snow of 3", "flaks = 9", "flaks"),
+            ("snow of 3", "flakes = 101", "[snow of 3] flakes"),
+            ("named", "flakes = 9", "[named]"),
+        ] {
+            let e = plugins.configure(plugin, options(wrong)).unwrap_err();
+            assert!(e.kind as u8 == 2 && e.to_string().contains(word), "{wrong}: {e}");
+        }
+        assert_eq!(names(&plugins), ["snow of 3", "named"]);
+        assert!(!plugins.configure("rain", options("flakes = 9")).unwrap(), "there is no such plug-in");
+        assert!(plugins.configure("named", Options::NONE).unwrap());
+        assert!(plugins.configure("snow of 3", options("flakes = 9")).unwrap());
+        assert_eq!(names(&plugins), ["snow of 9", "named"]);
+    }
 }

@@ -60,3 +60,37 @@ impl PreparedVolume {
         self.flags.bytes()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+    use crate::space::first_crossing;
+    use crate::volume::Grid;
+
+    #[test]
+    fn other_voxels_get_flags_of_their_own() {
+        let grid = Grid::new([24; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let scan = |hu: i16| {
+            let data = (0..grid.len()).map(|n| if n % 24 < 12 { -1000 } else { hu }).collect();
+            Arc::new(Volume::new(grid.clone(), data))
+        };
+        let (air, tissue) = (scan(-1000), scan(40));
+        let prepare: [fn(Arc<Volume>, TransferFunction) -> PreparedVolume; 2] =
+            [PreparedVolume::new, PreparedVolume::lean];
+        for prepare in prepare {
+            let empty = prepare(Arc::clone(&air), TransferFunction::default());
+            let filled = empty.with_voxels(Arc::clone(&tissue));
+            assert_eq!(filled.flags().has_bits(), empty.flags().has_bits(), "prepared in the same way");
+            // From −1000 at voxel 11 to 40 HU at voxel 12.
+            let hit = first_crossing(&filled, DVec3::new(2.0, 12.0, 12.0), DVec3::X, 30.0).unwrap();
+            assert!((hit - (9.0 + 350.0 / 1040.0)).abs() < 1e-9, "{hit}");
+            let drained = filled.with_voxels(Arc::clone(&air));
+            assert!(drained.flags().homogeneous(drained.voxels(), 11, 12, 12), "no tissue is left beside it");
+            assert!(!filled.flags().homogeneous(filled.voxels(), 11, 12, 12));
+            let all = |v: &PreparedVolume| (0..64).all(|n| v.flags().empty_brick(n));
+            assert!(all(&drained) && !all(&filled), "rays leap over all of it again");
+        }
+    }
+}

@@ -235,3 +235,38 @@ fn a_bundle_changes_no_distance() {
     let rays = [DVec3::ZERO, DVec3::X].map(|origin| (origin, DVec3::X));
     assert_eq!(Bundle::new(&s, rays.into_iter()).free, 0.0);
 }
+
+#[test]
+fn a_ray_enters_and_leaves_where_the_volume_does() {
+    // Four voxels an axis, grown by one: from −1 to 4.
+    let at = |x: f64, y: f64, along: DVec3| clip([4; 3], DVec3::new(x, y, 1.0), along);
+    assert_eq!(at(1.0, 1.0, DVec3::X), Some((0.0, 3.0)));
+    assert_eq!(at(-3.0, 1.0, DVec3::X), Some((2.0, 7.0)));
+    assert_eq!(at(6.0, 1.0, DVec3::NEG_X * 0.5), Some((4.0, 14.0)));
+    assert_eq!(at(6.0, 1.0, DVec3::X), None, "the volume is behind");
+    for y in [-5.0, -1.5, 4.5, 9.0] {
+        assert_eq!(at(1.0, y, DVec3::X), None, "the ray passes beside it at {y}");
+    }
+    for y in [-1.0, 4.0] {
+        assert_eq!(at(1.0, y, DVec3::X), Some((0.0, 3.0)), "its border belongs to it");
+    }
+}
+
+/// Voxels are longer than a millimetre, so that steps are too.
+#[test]
+fn a_bundle_in_a_coarse_volume_leaps_over_no_wall() {
+    let s = volume([60, 20, 20], DVec3::splat(3.0), DMat3::IDENTITY, |p| if p.x < 41.0 { -1000.0 } else { 40.0 });
+    for n in 0..60 {
+        let x = 1.5 + 0.6 * f64::from(n);
+        let origin = s.voxels().grid().world(DVec3::new(x, 9.5, 9.5));
+        let rays = [DVec3::X, DVec3::new(1.0, 0.01, 0.0), DVec3::new(1.0, 0.0, -0.01)].map(|d| (origin, d.normalize()));
+        let bundle = Bundle::new(&s, rays.into_iter());
+        // From −1000 at voxel 40 to 40 HU at voxel 41.
+        let wall = 3.0 * (40.0 + 350.0 / 1040.0 - x);
+        let hit = bundle.first_crossing(rays[0]).unwrap();
+        assert!((hit - wall).abs() < 1e-9, "from {x}: {hit} instead of {wall}");
+        for ray in rays {
+            assert_eq!(bundle.first_crossing(ray), first_crossing(&s, ray.0, ray.1, f64::INFINITY), "from {x}");
+        }
+    }
+}

@@ -69,3 +69,26 @@ fn boundary_edges(mesh: &LumenMesh) -> usize {
     };
     sides().filter(|&(a, b)| times(a, b) != 1 || times(b, a) != 1).count()
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn a_tetrahedron_has_its_area_and_volume() {
+        // Three sides of 3, 4 and 5 mm meet at right angles, away from the origin.
+        let corner = Vec3::new(10.0, 20.0, 30.0);
+        let places = [Vec3::ZERO, Vec3::X * 3.0, Vec3::Y * 4.0, Vec3::Z * 5.0].map(|p| corner + p).to_vec();
+        let triangles = vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        let mut mesh = LumenMesh { origin: DVec3::splat(1e4), places, triangles };
+        let m = Measures::of(&mesh);
+        assert_eq!((m.triangles, m.vertices, m.components, m.boundary_edges), (4, 4, 1, 0));
+        // 3 · 4 / 2 + 3 · 5 / 2 + 4 · 5 / 2, and half the length of (20, 15, 12).
+        assert!((m.area_mm2 - (23.5 + 0.5 * 769f64.sqrt())).abs() < 1e-9, "{}", m.area_mm2);
+        assert!((m.volume_ml - 0.01).abs() < 1e-12, "{}: 3 · 4 · 5 / 6 mm³", m.volume_ml);
+        mesh.triangles.pop();
+        assert_eq!(Measures::of(&mesh).boundary_edges, 3, "open where a triangle is missing");
+    }
+}

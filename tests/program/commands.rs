@@ -52,7 +52,7 @@ const VALUES: [(&[&str], &str); 13] = [
         &["phantom", "--with"],
         "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo !decoys !ileum !stomach !lungs !collapsed",
     ),
-    (&["report"], "render gradients scenes dynamics fields perforation all !cleansing !coverage !unfold !candidates"),
+    (&["report"], "render gradients scenes dynamics fields perforation cleansing all !coverage !unfold !candidates"),
 ];
 
 fn told(args: &[&str]) -> String {

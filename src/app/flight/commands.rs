@@ -250,3 +250,30 @@ impl CommandRecord {
         self.coming.pop_front_if(|c| c.tick <= tick).map(|c| c.command)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::app::Scene;
+    use crate::fields::lumen;
+    use crate::progress::Progress;
+    use crate::testing::Room;
+
+    #[test]
+    fn a_planned_flight_goes_on_from_the_part_of_its_path_that_is_nearest() {
+        let volume = Room::new([20, 60, 20]).scan();
+        let [start, goal] = [10.0, 50.0].map(|y| DVec3::new(10.0, y, 10.0));
+        let lumen = lumen::gas_at(volume.voxels(), start, &Progress::new()).unwrap().unwrap();
+        let plan = Plan::between(start, goal, 40.0);
+        let mut flight = FlightApp::new(volume, Arc::new(lumen), plan, Scene::guided_by("path")).unwrap();
+        // Three quarters of the way, a little beside it.
+        let to = [12.0, 40.0, 10.0];
+        flight.act(FlightCommand::Go { to, forward: [0.0, 1.0, 0.0], up: [0.0, 0.0, 1.0] }).unwrap();
+        assert_eq!(flight.pose().position.to_array(), to);
+        let (share, _) = flight.survey().progress();
+        assert!((share - 0.75).abs() < 0.05, "{share}");
+        assert_eq!(flight.flight().state, State::Flying);
+    }
+}

@@ -344,3 +344,30 @@ impl FlightApp {
         &mut self.app
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fields::lumen::Segment;
+    use crate::testing::Room;
+
+    #[test]
+    fn a_flight_is_reversed_if_its_goal_is_nearer_to_the_rectal_end() {
+        let volume = Room::new([10, 40, 10]).scan();
+        let [rectal, cecal] = [5.0, 35.0].map(|y| DVec3::new(5.0, y, 5.0));
+        let reversed = |ends: [DVec3; 2], goal: DVec3, segment: Option<usize>| {
+            let mut lumen = Lumen::none(volume.voxels().grid());
+            let bounds_mm = [DVec3::ZERO; 2];
+            lumen.segments =
+                vec![Segment { ml: 4.0, fluid_ml: 0.0, bounds_mm, ends, joined_to: Vec::new(), length_mm: 30.0 }];
+            let plan = Plan { segment, ..Plan::between(ends[0], goal, 30.0) };
+            let (lumen, scene, fields) = (Arc::new(lumen), Scene::default(), Fields::default());
+            Setup { volume: volume.clone(), lumen, plan, scene, fields }.is_reversed()
+        };
+        let ends = [rectal, cecal];
+        assert!(reversed(ends, rectal, Some(0)) && reversed(ends, DVec3::new(5.0, 19.0, 5.0), Some(0)));
+        assert!(!reversed(ends, cecal, Some(0)) && !reversed(ends, DVec3::new(5.0, 21.0, 5.0), Some(0)));
+        assert!(!reversed([rectal; 2], rectal, Some(0)), "a bubble whose ends coincide");
+        assert!(!reversed(ends, rectal, None), "gas that is no segment");
+    }
+}

@@ -65,3 +65,37 @@ impl<'a> Survey<'a> {
         (self.flight.camera::<Playback>().map_or(trail.share(), Playback::share), trail.length_mm())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::app::{Plan, Scene};
+    use crate::fields::Lumen;
+    use crate::fields::lumen::Segment;
+    use crate::testing::Room;
+
+    #[test]
+    fn what_is_left_is_neither_flown_nor_being_flown() {
+        let room = Room::new([20, 40, 20]);
+        let volume = room.scan();
+        let mut lumen = Lumen::none(volume.voxels().grid());
+        let segment = |ml: f64| Segment {
+            ml,
+            fluid_ml: 0.0,
+            bounds_mm: [DVec3::ZERO, room.size_mm()],
+            ends: [DVec3::ONE; 2],
+            joined_to: Vec::new(),
+            length_mm: 30.0,
+        };
+        lumen.segments = [50.0, 40.0, 30.0, 20.0].map(segment).to_vec();
+        let plan = Plan { segment: Some(1), ..Plan::between(room.centre(), room.centre() + DVec3::Y * 15.0, 15.0) };
+        let mut flight = FlightApp::new(volume, Arc::new(lumen), plan, Scene::guided_by("manual")).unwrap();
+        assert_eq!(flight.survey().unflown(), [(0, 50.0), (2, 30.0), (3, 20.0)]);
+        flight.camera_mut::<Flown>().unwrap().done.push(2);
+        assert_eq!(flight.survey().unflown(), [(0, 50.0), (3, 20.0)]);
+        flight.camera_mut::<Flown>().unwrap().done.extend([0, 3]);
+        assert!(flight.survey().unflown().is_empty());
+    }
+}

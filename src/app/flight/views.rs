@@ -191,3 +191,37 @@ pub(crate) fn slices(app: &App) -> Vec<&SliceView> {
 fn entities(app: &App) -> impl Iterator<Item = Entity> {
     app.world.archetypes().iter().flat_map(|a| a.entities().iter().map(|e| e.id()))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+
+    use super::*;
+    use crate::app::{ImageSettings, Plan, Scene};
+    use crate::fields::Lumen;
+    use crate::testing::Room;
+
+    #[test]
+    fn a_frame_traces_every_view_even_if_nothing_has_changed() {
+        let room = Room::new([10, 30, 10]);
+        let volume = room.scan();
+        let lumen = Arc::new(Lumen::none(volume.voxels().grid()));
+        let image = ImageSettings { width: 12, height: 8, ..ImageSettings::default() };
+        let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
+        let plan = Plan::between(room.centre(), room.centre() + DVec3::Y * 10.0, 10.0);
+        let mut flight = FlightApp::new(volume, lumen, plan, scene).unwrap();
+        let rear = flight.views().add((Picture::new(8, 8), Follows::rear())).unwrap();
+        let traced = |flight: &FlightApp| {
+            let rear = flight.app().world.get::<Picture>(rear).unwrap().traced;
+            [flight.camera::<Picture>().unwrap().traced, rear]
+        };
+        for _ in 0..2 {
+            flight.frame().unwrap();
+            assert_eq!(traced(&flight), [true; 2]);
+        }
+        flight.views().render_due().unwrap();
+        assert_eq!(traced(&flight), [false; 2], "nothing is due");
+    }
+}

@@ -149,3 +149,36 @@ fn letter(canvas: &mut Canvas, from: Place2, tip: Place2, force: &Force) {
     canvas.label([at[0] + pt, at[1] + pt], Align::Centre, SMALL, force.letter, EDGE);
     canvas.label(at, Align::Centre, SMALL, force.letter, force.colour);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::Scene;
+    use crate::app::overlay::Mark;
+    use crate::app::overlays::tests::{drawn, flight_in_a_room};
+
+    #[test]
+    fn the_legend_lists_every_force_with_its_size_in_a_column() {
+        let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        flight.step().unwrap();
+        let all = forces(&flight);
+        assert_eq!(all.iter().map(|f| f.letter).collect::<String>(), "WMGHDS");
+        let marks = drawn(&OVERLAY, &flight, [1600, 800], 2.0);
+        let sizes: Vec<_> = marks
+            .iter()
+            .filter_map(|m| match m {
+                Mark::Text { at, text, align: Align::Right, .. } if text.ends_with(" mm/s²") => {
+                    Some((*at, text.as_str()))
+                }
+                _ => None,
+            })
+            .collect();
+        // At two pixels a point, rows are 34 pixels high, and the last force is the lowest. The column ends 190 points right of
+        // a row's beginning, which is 36 pixels from the picture's edge.
+        assert_eq!(sizes.len(), all.len());
+        for (n, (force, (at, text))) in all.iter().rev().zip(sizes).enumerate() {
+            assert_eq!(at, [36.0 + 380.0, 763.0 - 34.0 * n as f32], "{}", force.name);
+            assert_eq!(text, format!("{:.0} mm/s²", force.acceleration.length()), "{}", force.name);
+        }
+    }
+}

@@ -81,3 +81,31 @@ fn marker(canvas: &mut Canvas, at: Place2, radius: f32, in_sight: bool) {
     canvas.stroke([at[0] - arm, at[1] - arm], [at[0] + arm, at[1] + arm], 1.4, ink);
     canvas.stroke([at[0] - arm, at[1] + arm], [at[0] + arm, at[1] - arm], 1.4, ink);
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::app::Scene;
+    use crate::app::overlays::tests::{drawn, flight_in_a_room, texts};
+    use crate::dynamics::mines::MineSettings;
+
+    #[test]
+    fn the_legend_counts_the_mines_and_those_that_push() {
+        let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        let at = flight.pose().position;
+        let mut field = flight.camera_mut::<MineField>().unwrap();
+        let settings = MineSettings { kept: 12, spacing_mm: 8.0, reach_mm: 25.0, push: 60.0 };
+        field.settings = settings;
+        field.mines.clear();
+        // A mine is laid 3 mm behind the position: 40, 26, 24 and 10 mm from the camera.
+        for behind in [37.0, 23.0, 21.0, 7.0] {
+            field.mines.lay_behind(at - DVec3::Y * behind, DVec3::Y, &settings);
+        }
+        let marks = drawn(&OVERLAY, &flight, [800, 600], 1.0);
+        assert!(texts(&marks).contains(&"4 of 12, 2 push"), "{:?}", texts(&marks));
+        let without = flight_in_a_room(Scene { mines: None, ..Scene::guided_by("tentacles") });
+        assert_eq!(texts(&drawn(&OVERLAY, &without, [800, 600], 1.0)), ["no mines take part in this flight"]);
+    }
+}

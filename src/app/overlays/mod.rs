@@ -96,3 +96,79 @@ fn legend_text(canvas: &mut Canvas, row: Place2, right: f32, text: impl Into<Str
     let at = [row[0] + right * canvas.scale(), row[1]];
     canvas.label(at, Align::Left, SMALL, text, colour);
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+
+    use super::*;
+    use crate::app::overlay::Mark;
+    use crate::app::{FlightApp, Plan, Scene};
+    use crate::fields::Lumen;
+    use crate::render::View;
+    use crate::testing::Room;
+
+    /// Returns a flight along +y through a room of 20 × 80 × 20 mm, 60 mm from its beginning.
+    pub(super) fn flight_in_a_room(scene: Scene) -> FlightApp {
+        let volume = Room::new([20, 80, 20]).scan();
+        let lumen = Arc::new(Lumen::none(volume.voxels().grid()));
+        let [start, goal] = [60.0, 75.0].map(|y| DVec3::new(10.0, y, 10.0));
+        FlightApp::new(volume, lumen, Plan::between(start, goal, 15.0), scene).unwrap()
+    }
+
+    /// Returns what an overlay draws over a picture of the flight, on a screen of `scale` pixels per point.
+    pub(super) fn drawn(overlay: &Overlay, flight: &FlightApp, [width, height]: [usize; 2], scale: f32) -> Vec<Mark> {
+        let pose = flight.pose();
+        let view = View::new(pose.position, pose.attitude.forward, pose.attitude.up, 90.0, width, height).unwrap();
+        let mut canvas = Canvas::at_scale(view, scale);
+        canvas.draw(overlay, flight).unwrap();
+        canvas.into_marks()
+    }
+
+    /// Returns the texts among marks.
+    pub(super) fn texts(marks: &[Mark]) -> Vec<&str> {
+        marks.iter().filter_map(|m| if let Mark::Text { text, .. } = m { Some(text.as_str()) } else { None }).collect()
+    }
+
+    fn canvas([width, height]: [usize; 2], scale: f32) -> Canvas {
+        Canvas::at_scale(View::new(DVec3::ZERO, DVec3::Y, DVec3::Z, 90.0, width, height).unwrap(), scale)
+    }
+
+    #[test]
+    fn a_dot_lies_over_its_edge() {
+        let mut canvas = canvas([200, 100], 2.0);
+        dot(&mut canvas, [50.0, 40.0], 6.0, ORANGE);
+        let disc = |radius, colour| Mark::Disc { centre: [50.0, 40.0], radius, colour };
+        assert_eq!(canvas.into_marks(), [disc(8.0, EDGE), disc(6.0, ORANGE)], "the last one is on top");
+    }
+
+    #[test]
+    fn the_legend_grows_upwards_and_is_as_wide_as_half_the_picture_allows() {
+        let panel = |row: Option<Place2>, canvas: Canvas| match (row, canvas.into_marks().pop()) {
+            (Some(at), Some(Mark::Panel { low, high, .. })) => Some((at, low, high)),
+            (None, None) => None,
+            other => panic!("{other:?}"),
+        };
+        // At two pixels a point the lower edge is at 780 and a row 34 pixels high. Half the width less 96 pixels is 704, but
+        // a row has at most 620.
+        let mut wide = canvas([1600, 800], 2.0);
+        let first = legend_row(&mut wide);
+        assert_eq!(panel(first, wide.clone()), Some(([36.0, 763.0], [20.0, 746.0], [640.0, 780.0])));
+        let second = legend_row(&mut wide);
+        assert_eq!(panel(second, wide), Some(([36.0, 729.0], [20.0, 712.0], [640.0, 746.0])));
+        // 800 / 2 - 96 = 304 pixels.
+        let mut narrow = canvas([800, 800], 2.0);
+        let row = legend_row(&mut narrow);
+        assert_eq!(panel(row, narrow), Some(([36.0, 763.0], [20.0, 746.0], [324.0, 780.0])));
+        // 600 / 2 - 96 = 204 pixels are less than the 240 that a row needs.
+        let mut too_narrow = canvas([600, 800], 2.0);
+        let row = legend_row(&mut too_narrow);
+        assert_eq!(panel(row, too_narrow), None);
+        // The upper half of a picture stays free.
+        let mut low = canvas([1600, 80], 2.0);
+        let rows = [legend_row(&mut low), legend_row(&mut low)];
+        assert_eq!(rows, [None, None], "60 - 34 pixels are above the middle");
+    }
+}

@@ -106,10 +106,27 @@ fn legend(t: &Tentacles, canvas: &mut Canvas) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::app::Scene;
+    use crate::app::overlay::Mark;
+    use crate::app::overlays::tests::{drawn, flight_in_a_room, texts};
 
     #[test]
     fn near_is_orange_and_far_is_blue() {
         assert_eq!((colour(0.0), colour(MIDDLE_MM), colour(FAR_MM)), (ORANGE, WHITE, SKY));
         assert_eq!(colour(1e9), SKY);
+    }
+
+    #[test]
+    fn tentacles_are_counted_and_drawn_where_they_touch() {
+        let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        flight.step().unwrap();
+        let count = flight.camera::<Tentacles>().unwrap().lengths.len();
+        let marks = drawn(&OVERLAY, &flight, [800, 600], 1.0);
+        let count = format!("{count} tentacles, from ");
+        assert!(texts(&marks).iter().any(|t| t.starts_with(&count)), "{:?}", texts(&marks));
+        // The legend has a dot of two discs. The others are tips of tentacles.
+        assert!(marks.iter().filter(|m| matches!(m, Mark::Disc { .. })).count() > 2);
+        let without = drawn(&OVERLAY, &flight_in_a_room(Scene::guided_by("manual")), [800, 600], 1.0);
+        assert_eq!(texts(&without), ["the guide manual has no tentacles"]);
     }
 }

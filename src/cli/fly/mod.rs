@@ -407,3 +407,111 @@ fn stats(
     }
     Ok(m.into())
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::app::Plan;
+    use crate::components::output::LogLine;
+    use crate::fields::lumen;
+    use crate::testing::Room;
+    use crate::volume::io;
+
+    /// Reads the arguments of `colvis`.
+    fn parsed(arguments: &[&str]) -> (FlyArgs, Global) {
+        let args = Program::default().parse(["colvis"].iter().chain(arguments).copied()).unwrap();
+        (args.fly, args.global)
+    }
+
+    #[test]
+    fn only_a_gif_is_limited_to_fifty_images_a_second() {
+        let refused = |arguments: &[&str]| check(&parsed(arguments).0).err().map(|e| e.what);
+        for allowed in [
+            &["--record", "a.gif"][..],
+            &["--record", "a.GIF", "--fps", "50"],
+            &["--record", "a.mp4", "--fps", "60"],
+            &["--record", "gif/", "--fps", "120"],
+            &["--fps", "60"],
+        ] {
+            assert_eq!(refused(allowed), None, "{allowed:?}");
+        }
+        for wrong in [
+            &["--record", "a.gif", "--fps", "51"][..],
+            &["--record", "a.GIF", "--fps", "60"],
+            &["--record", "gif/", "--fps", "121"],
+            &["--fps", "0"],
+        ] {
+            assert_eq!(refused(wrong).as_deref(), Some("--fps"), "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn a_window_adapts_its_detail_and_a_recording_only_if_asked() {
+        let settings = |arguments: &[&str], screen| {
+            let (args, global) = parsed(arguments);
+            scene(&Program::default(), &args, &global, screen).unwrap().image.settings
+        };
+        let of_a_window = |arguments| settings(arguments, Screen::Window);
+        let of_a_film = |quality| settings(&["--record", "a.gif", "--quality", quality], Screen::None);
+        for arguments in [&[][..], &["--quality", "high"], &["--quality", "low"], &["--quality", "adaptive"]] {
+            let settings = of_a_window(arguments);
+            assert!(settings.adaptive && settings.light == Light::ENDOSCOPE, "{arguments:?}");
+        }
+        for (quality, adaptive) in [("high", false), ("low", false), ("adaptive", true)] {
+            let settings = of_a_film(quality);
+            assert!(settings.adaptive == adaptive && settings.light == Light::HEADLIGHT, "{quality}");
+        }
+    }
+
+    #[test]
+    fn a_log_is_played_to_its_end_however_slowly() {
+        let dir = tempfile::tempdir().unwrap();
+        let [scan, log, stats] =
+            ["room.nii", "log.jsonl", "stats.json"].map(|n| dir.path().join(n).to_string_lossy().into_owned());
+        io::save(Path::new(&scan), Room::new([20, 40, 20]).scan().voxels(), &Progress::new()).unwrap();
+        let line = |n: u32| LogLine {
+            t: f64::from(n),
+            position: [10.0, 10.0 + 2.0 * f64::from(n), 10.0],
+            forward: [0.0, 1.0, 0.0],
+            up: [0.0, 0.0, 1.0],
+            velocity: [0.0, 2.0, 0.0],
+            clearance_mm: 10.0,
+            state: if n == 3 { State::Arrived } else { State::Flying },
+            guide: "manual".to_owned(),
+        };
+        let lines: Vec<String> = (0..=3).map(|n| serde_json::to_string(&line(n)).unwrap()).collect();
+        std::fs::write(&log, lines.join("\n")).unwrap();
+        // Three seconds at half and at twice the speed.
+        for (rate, seconds) in [("0.5", 6.0), ("2", 1.5)] {
+            let (args, global) = parsed(&[&scan, "--headless", "--play", &log, "--rate", rate, "--stats", &stats]);
+            run(&Program::default(), &args, &global, &Arc::new(Progress::new())).unwrap();
+            let flown: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&stats).unwrap()).unwrap();
+            assert_eq!(flown["state"], json!(State::Arrived), "{rate}");
+            assert!((flown["place_mm"][1].as_f64().unwrap() - 16.0).abs() < 1e-6, "{rate}: {flown}");
+            assert!((flown["seconds"].as_f64().unwrap() - seconds).abs() < 0.05, "{rate}: {flown}");
+        }
+    }
+
+    #[test]
+    fn the_coverage_in_the_stats_is_that_of_the_view_angle() {
+        let volume = Room::new([20, 60, 20]).scan();
+        let [start, goal] = [10.0, 50.0].map(|y| DVec3::new(10.0, y, 10.0));
+        let lumen = lumen::gas_at(volume.voxels(), start, &Progress::new()).unwrap().unwrap();
+        let plan = Plan::between(start, goal, 40.0);
+        let mut flight = FlightApp::new(volume, Arc::new(lumen), plan, Scene::default()).unwrap();
+        flight.fly(0.2).unwrap();
+        let covered = |degrees: f64| {
+            let stats = stats(&flight, &Timings::default(), &[], Some(degrees)).unwrap();
+            [&stats["coverage"], &stats["coverage_both_ways"]].map(|c| c.as_f64().unwrap())
+        };
+        let [ahead, both_ways] = covered(90.0);
+        // At 45° to the axis, the view meets the walls 10 mm ahead: it sees 40 of 60 mm of them, and the end. Both ways, it sees
+        // the other end, too.
+        assert!((0.5..0.8).contains(&ahead) && both_ways > ahead, "{ahead} {both_ways}");
+        assert!(covered(2.0)[0] < 0.05, "hardly more than the middle of the end");
+        let without = stats(&flight, &Timings::default(), &[], None).unwrap();
+        assert!(without.get("coverage").is_none());
+    }
+}

@@ -259,7 +259,7 @@ fn a_tightened_line_moves_to_the_middle() {
     tightened(&walls, &mut moves, 60, 0.5);
     assert_eq!([moves[0], moves[49]], ends);
     assert!(off(&moves[25]) < 1.0, "{}", moves[25]);
-    let mut straight = line.clone();
+    let mut straight = line;
     straight[20] += DVec3::Z * 3.0;
     tightened(&walls, &mut straight, 40, 0.0);
     assert!(off(&straight[20]) < 0.8 && off(&straight[20]) > 0.0);

@@ -531,3 +531,86 @@ fn slices_are_scrolled_by_every_notch_and_by_parts_of_one() {
     }
     assert_eq!(layer(&c), Some(from - 1.0));
 }
+
+#[test]
+fn a_screenshot_that_waits_for_a_finer_picture_is_saved_at_the_end() {
+    let (mut c, mut now) = (controller("manual"), Instant::now());
+    fly(&mut c, &mut now, 1);
+    assert!(c.view_renderer.is_refining(&c.flight));
+    let pose = c.flight().pose();
+    c.view_renderer.order_to_save(&c.flight, WINDOW);
+    assert!(c.view_renderer.take_to_save().is_empty(), "it may become better");
+    let saved = c.view_renderer.all_to_save();
+    assert_eq!(saved.len(), 1);
+    assert_eq!((saved[0].request.pose, saved[0].frame.size()), (pose, WINDOW));
+    assert!(c.view_renderer.all_to_save().is_empty(), "once");
+}
+
+#[test]
+fn another_detail_keeps_the_light() {
+    let (mut c, now) = (controller("manual"), Instant::now());
+    let settings = |c: &FlightController| c.flight().camera::<Picture>().unwrap().settings;
+    for action in ["detail", "light", "detail", "detail", "light", "detail"] {
+        let before = settings(&c);
+        perform(&mut c, action, now);
+        let after = settings(&c);
+        assert_eq!(before.light != after.light, action == "light", "{action}");
+        assert_eq!(before.quality != after.quality, action == "detail", "{action}");
+        assert_eq!((before.adaptive, before.options), (after.adaptive, after.options), "{action}");
+    }
+}
+
+#[test]
+fn the_view_angle_that_is_told_is_the_one_that_is_shown() {
+    let (mut c, mut now) = (controller("manual"), Instant::now());
+    c.zoom(-1e3);
+    fly(&mut c, &mut now, 1);
+    assert_eq!(c.hud(now).message.as_deref(), Some("view angle 170° (0 sets it back)"));
+    c.zoom(1e3);
+    fly(&mut c, &mut now, 1);
+    assert_eq!(c.hud(now).message.as_deref(), Some("view angle 1° (0 sets it back)"));
+    perform(&mut c, "usual-angle", now);
+    assert_eq!(c.hud(now).message.as_deref(), Some("view angle 90°"));
+    // Without a picture there is no angle.
+    let other_end = DVec3::new(16.0, 8.0, 16.0);
+    let mut c = cockpit_of(flight_with("manual", other_end, |s| s.picture = false), 0.0, Vec::new());
+    c.zoom(1.0);
+    c.advance(now).unwrap();
+    assert!(c.message.is_none(), "{:?}", c.message);
+}
+
+#[test]
+fn the_guide_that_was_chosen_last_steers() {
+    let (mut c, mut now) = (controller("tentacles"), Instant::now());
+    let guide = |c: &FlightController| c.flight().setup().scene.guide_name();
+    c.hand_over("path", now);
+    assert!(c.planning.is_some() && c.hud(now).message.is_some_and(|m| m.contains("preparing the guide path")));
+    c.hand_over("manual", now);
+    // What is prepared for the first one is of no use any more.
+    assert!(c.planning.is_none());
+    fly(&mut c, &mut now, 3);
+    assert_eq!(guide(&c), "manual");
+    c.hand_over("path", now);
+    while c.planning.is_some() {
+        std::thread::sleep(Duration::from_millis(1));
+        fly(&mut c, &mut now, 1);
+    }
+    assert_eq!(guide(&c), "path");
+}
+
+#[test]
+fn a_drag_turns_the_view_to_the_right_and_downwards() {
+    let before = controller("manual").flight().pose().attitude;
+    let looks_after = |drag: (f64, f64)| {
+        let (mut c, mut now) = (controller("manual"), Instant::now());
+        c.drag(drag, WINDOW);
+        fly(&mut c, &mut now, 2);
+        let forward = c.flight().pose().attitude.forward;
+        [forward.dot(before.right()), forward.dot(before.up)].map(|sine| sine.asin().to_degrees())
+    };
+    // The shorter side of 72 pixels is the view angle of 90°.
+    for (drag, [right, up]) in [((8.0, 0.0), [10.0, 0.0]), ((0.0, 8.0), [0.0, -10.0]), ((0.0, -4.0), [0.0, 5.0])] {
+        let looks = looks_after(drag);
+        assert!((looks[0] - right).abs() < 0.1 && (looks[1] - up).abs() < 0.1, "{drag:?}: {looks:?}");
+    }
+}

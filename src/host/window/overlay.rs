@@ -318,3 +318,81 @@ fn help(p: &Painter, area: Rect, list: &[(String, String)]) {
         p.text(pos2(x + keys + gap, y), Align2::LEFT_TOP, what, font(size), INK);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use egui::{Context, LayerId, RawInput, Shape};
+
+    use super::*;
+
+    /// Returns what is drawn over a picture of 800 × 600 points.
+    fn drawn(hud: &HudState) -> Vec<Shape> {
+        let area = Rect::from_min_size(Pos2::ZERO, vec2(800.0, 600.0));
+        let input = RawInput { screen_rect: Some(area), ..RawInput::default() };
+        let output = Context::default().run_ui(input, |ui| {
+            flight(&ui.ctx().layer_painter(LayerId::background()), area, hud);
+        });
+        output.shapes.into_iter().map(|s| s.shape).collect()
+    }
+
+    /// Returns the rectangle of a text.
+    fn of_text(shapes: &[Shape], text: &str) -> Rect {
+        let at = shapes.iter().find_map(|s| match s {
+            Shape::Text(t) if t.galley.text() == text => Some(Rect::from_min_size(t.pos, t.galley.size())),
+            _ => None,
+        });
+        at.unwrap_or_else(|| panic!("no text {text}"))
+    }
+
+    #[test]
+    fn the_bar_shows_the_camera_and_the_calls_along_the_path() {
+        let shapes = drawn(&HudState { per_mille: 250, marks: vec![500, 1000], ..HudState::default() });
+        let places = |colour: Color32, size: Vec2| -> Vec<Pos2> {
+            let rects = shapes.iter().filter_map(|s| if let Shape::Rect(r) = s { Some(r) } else { None });
+            let alike = rects.filter(|r| r.fill == colour && (r.rect.size() - size).length() < 0.01);
+            alike.map(|r| pos2(r.rect.center().x.round(), r.rect.center().y.round())).collect()
+        };
+        // The bar extends from 10 to 790, 8 points high, 6 above the lower edge.
+        assert_eq!(places(INK, vec2(4.0, 12.0)), [pos2(205.0, 590.0)]);
+        assert_eq!(places(Severity::Alert.colour(), vec2(4.0, 12.0)), [pos2(400.0, 590.0), pos2(790.0, 590.0)]);
+        assert_eq!(places(ACCENT, vec2(195.0, 8.0)).len(), 1);
+    }
+
+    #[test]
+    fn the_state_is_listed_in_the_corner_line_by_line() {
+        let hud = HudState {
+            state: "flying".to_owned(),
+            more: vec!["on the way".to_owned()],
+            figures: vec!["20 mm/s".to_owned()],
+            ..HudState::default()
+        };
+        let shapes = drawn(&hud);
+        let [state, more, figures] = ["flying", "on the way", "20 mm/s"].map(|t| of_text(&shapes, t));
+        assert_eq!(state.min, pos2(18.0, 16.0), "8 and 6 points inside the box, which is 10 from the corner");
+        for (line, above) in [(more, state), (figures, more)] {
+            assert!((line.min - above.left_bottom()).length() < 1.0, "{line} below {above}");
+        }
+    }
+
+    #[test]
+    fn directions_are_in_the_middle_of_the_edges() {
+        let [left, right, top, bottom, ahead] = ["R", "L", "A", "P", "S"].map(str::to_owned);
+        let directions = Directions { left, right, top, bottom, ahead };
+        let shapes = drawn(&HudState { directions, ..HudState::default() });
+        // The foot covers the whole width of the lower edge.
+        let spans = |s: &Shape| match s {
+            Shape::Rect(r) if r.rect.width() == 800.0 && r.rect.max.y == 600.0 => Some(r.rect.min.y),
+            _ => None,
+        };
+        let foot = shapes.iter().find_map(spans).expect("a foot");
+        let [left, right, top, bottom] = ["R", "L", "A", "P"].map(|t| of_text(&shapes, t));
+        for side in [left, right] {
+            assert!((side.center().y - 0.5 * foot).abs() < 4.0, "{side} above {foot}");
+        }
+        assert!(left.max.x < 40.0 && right.min.x > 760.0, "{left} {right}");
+        for end in [top, bottom] {
+            assert!((end.center().x - 400.0).abs() < 1.0, "{end}");
+        }
+        assert!(top.max.y < 50.0 && (foot - 40.0..foot).contains(&bottom.max.y), "{top} {bottom}");
+    }
+}

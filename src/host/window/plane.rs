@@ -216,3 +216,71 @@ impl ApplicationHandler<Wake> for Shell {
         events.set_control_flow(ControlFlow::WaitUntil(Instant::now() + PERIOD));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plane::{Drawing, PlaneSettings};
+
+    /// The window, not yet open, of a flight through a corridor of 78 × 18 mm.
+    fn shell() -> Shell {
+        let lumen = (0..160 * 40).map(|n| (2..158).contains(&(n % 160)) && (2..38).contains(&(n / 160))).collect();
+        let mut drawing = Drawing::new("corridor", ImageSize::new(160, 40), lumen).unwrap();
+        (drawing.start, drawing.goal) = (Some(DVec3::new(15.0, 10.0, 0.0)), Some(DVec3::new(70.0, 10.0, 0.0)));
+        let flight = Flight::new(drawing, PlaneSettings::default()).unwrap();
+        Shell {
+            painter: Painter::new(&flight),
+            flight,
+            show: Show::default(),
+            frame: Frame::default(),
+            paused: false,
+            time: Accumulator::default(),
+            last: Instant::now(),
+            place: (0, 0, 1),
+            cursor: PhysicalPosition::default(),
+            screen: None,
+            outcome: Ok(()),
+            progress: Arc::new(Progress::new()),
+            title: String::new(),
+        }
+    }
+
+    #[test]
+    fn a_click_restarts_where_it_points() {
+        let mut shell = shell();
+        // Two window pixels are a pixel of the drawing, half a millimetre.
+        shell.place = (100, 8, 2);
+        shell.cursor = PhysicalPosition::new(100.0 + 4.0 * 40.0, 8.0 + 4.0 * 12.0);
+        shell.flight.step();
+        shell.click();
+        assert_eq!(shell.flight.places(), [DVec3::new(40.0, 12.0, 0.0)]);
+        // Beside the drawing nothing happens.
+        shell.cursor = PhysicalPosition::new(20.0, 30.0);
+        shell.click();
+        assert_eq!(shell.flight.position(), DVec3::new(40.0, 12.0, 0.0));
+    }
+
+    #[test]
+    fn time_goes_by_unless_the_flight_is_paused() {
+        let mut shell = shell();
+        let mut picture_after = |ms: u64, paused: bool| {
+            (shell.last, shell.paused) = (shell.last.checked_sub(Duration::from_millis(ms)).unwrap(), paused);
+            shell.picture().unwrap();
+            shell.flight.places().len() - 1
+        };
+        assert_eq!(picture_after(10_000, false), MOST_STEPS as usize, "a slow machine flies slower");
+        assert_eq!(picture_after(10_000, true), MOST_STEPS as usize);
+        assert_eq!(picture_after(10_000, false), 2 * MOST_STEPS as usize);
+    }
+
+    #[test]
+    fn the_title_says_what_the_flight_does() {
+        let mut shell = shell();
+        assert!(title(&shell.flight, false).starts_with("colvis plane: flying ("));
+        assert!(title(&shell.flight, true).starts_with("colvis plane: paused ("));
+        while shell.flight.state() == State::Flying {
+            shell.flight.step();
+        }
+        assert!(title(&shell.flight, false).starts_with("colvis plane: arrived ("));
+    }
+}

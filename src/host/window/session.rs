@@ -243,4 +243,37 @@ mod tests {
         assert_ne!(key(&volume(0.0, 5)), key(&volume(0.0, -5)));
         assert_ne!(key(&volume(0.0, 5)), key(&volume(1.0, 5)));
     }
+
+    #[test]
+    fn an_unfinished_flight_is_kept_with_its_place_on_the_path() {
+        let mut flight = crate::host::window::controller::tests::flight("tentacles");
+        assert_eq!(Session::of(&flight), None, "outside the colon's segments");
+        flight.act(FlightCommand::Segment(0)).unwrap();
+        let length_mm = flight.setup().plan.length_mm;
+        assert!(length_mm > 30.0, "{length_mm}");
+        flight.stands_at(0.25 * length_mm);
+        let kept = Session::of(&flight).unwrap();
+        assert!((kept.along_mm - 0.25 * length_mm).abs() < 1e-9, "{} of {length_mm} mm", kept.along_mm);
+        assert_eq!((kept.position, kept.segment), (flight.pose().position.to_array(), 0));
+        assert_eq!((kept.guide.as_str(), kept.speed, kept.reversed), ("tentacles", 1.0, false));
+        // It stands there in another flight, too.
+        let mut other = crate::host::window::controller::tests::flight("tentacles");
+        kept.resume(&mut other, Resume::Everything).unwrap();
+        let again = Session::of(&other).unwrap();
+        assert_eq!((again.position, again.segment, again.along_mm), (kept.position, kept.segment, kept.along_mm));
+    }
+
+    #[test]
+    fn a_scan_has_a_file_of_its_own() {
+        let volume = |hu: i16| {
+            let grid = Grid::new([4; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+            Volume::new(grid, vec![hu; 64])
+        };
+        // A system may define no folder for it.
+        let Some(path) = file(&volume(1)) else { return };
+        assert!(path.parent().unwrap().ends_with("sessions"), "{}", path.display());
+        assert_eq!(path.extension().unwrap(), "json");
+        assert_eq!(file(&volume(1)), Some(path.clone()));
+        assert_ne!(file(&volume(2)), Some(path));
+    }
 }

@@ -1,7 +1,5 @@
 //! Measurements on one volume.
 
-use std::time::Instant;
-
 use glam::DVec3;
 
 use super::METHODS;
@@ -10,10 +8,9 @@ use crate::fields::centerline::{self, Centerline, End};
 use crate::fields::distance::compare::{self, Cheap};
 use crate::fields::{Through, WallDistance, lumen};
 use crate::math::hash;
-use crate::memory::resident_bytes;
 use crate::phantom::Phantom;
 use crate::progress::Progress;
-use crate::report::{mean, quantile};
+use crate::report::{mean, quantile, timed};
 use crate::volume::Volume;
 
 /// The distance methods, the exact one first.
@@ -165,16 +162,4 @@ fn probes(walls: &WallDistance, phantom: &Phantom) -> Vec<(usize, f64)> {
         .filter(|p| (0.0..WALL_MM).contains(&p.1))
         .take(PROBES)
         .collect()
-}
-
-/// Runs `work`. Returns its result, its time in seconds, and its peak memory (MB) if the system reports it (Linux).
-fn timed<T>(work: impl FnOnce() -> T) -> (T, f64, Option<f64>) {
-    // This resets the peak of resident memory to the current value.
-    let is_reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
-    let before = resident_bytes("VmRSS").filter(|_| is_reset);
-    let begun = Instant::now();
-    let out = work();
-    let seconds = begun.elapsed().as_secs_f64();
-    let megabytes = before.and_then(|b| Some(resident_bytes("VmHWM")?.saturating_sub(b) as f64 / 1e6));
-    (out, seconds, megabytes)
 }

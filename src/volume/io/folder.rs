@@ -118,12 +118,31 @@ fn natural(a: &str, b: &str) -> std::cmp::Ordering {
 
 #[cfg(test)]
 mod tests {
-    use super::natural;
+    use super::*;
 
     #[test]
     fn numbers_count_by_value() {
         let mut names = ["s10.png", "s2.png", "s010a.png", "a.png", "s1.png", "s99999999999999999999999.png"];
         names.sort_by(|a, b| natural(a, b));
         assert_eq!(names, ["a.png", "s1.png", "s2.png", "s10.png", "s010a.png", "s99999999999999999999999.png"]);
+    }
+
+    #[test]
+    fn a_preview_among_dicom_slices_is_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            path
+        };
+        let png = b"\x89PNG\r\n\x1a\n";
+        let pictures = ["p2.png", "p10.png"].map(|name| write(name, png));
+        write("notes.txt", b"of the scan");
+        let open = || open(folder.path(), &Progress::new()).unwrap();
+        assert!(matches!(open(), Folder::Png(files) if files == pictures));
+        let mut slice = vec![0; 128];
+        slice.extend(b"DICM");
+        let slice = write("slice", &slice);
+        assert!(matches!(open(), Folder::Dicom(files) if files == [slice]));
     }
 }

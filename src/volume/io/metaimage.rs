@@ -247,3 +247,53 @@ pub(crate) fn header(grid: &Grid, kind: VoxelKind, data_file: &str) -> String {
     );
     h
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A header of an image that lies a quarter turn about z, with more lines.
+    fn turned(lines: &str) -> String {
+        format!(
+            "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementSpacing = 2 1 1\nOffset = 10 20 30\n\
+             TransformMatrix = 0 1 0 -1 0 0 0 0 1\nElementType = MET_SHORT\n{lines}ElementDataFile = LOCAL\n"
+        )
+    }
+
+    #[test]
+    fn the_matrix_lists_the_directions_of_the_axes() {
+        let text = turned("");
+        let grid = grid(&tags(Path::new("x"), text.as_bytes()).unwrap(), 3, &mut Vec::new()).unwrap();
+        assert_eq!(grid.world(DVec3::X), DVec3::new(10.0, 22.0, 30.0), "the first axis runs along y");
+        assert_eq!(grid.world(DVec3::Y), DVec3::new(9.0, 20.0, 30.0), "the second one runs against x");
+        assert_eq!(grid.world(DVec3::Z), DVec3::new(10.0, 20.0, 31.0));
+    }
+
+    #[test]
+    fn a_header_size_says_where_the_voxels_begin() {
+        let offset = |lines: &str| {
+            let text = turned(lines);
+            let tags = tags(Path::new("x"), text.as_bytes())?;
+            let section = section(&tags, &grid(&tags, 3, &mut Vec::new())?, &encoding(&tags)?)?;
+            Ok::<_, Error>((section.offset, text.len() as u64))
+        };
+        for lines in ["", "HeaderSize = 0\n"] {
+            let (offset, end) = offset(lines).unwrap();
+            assert_eq!(offset, end, "right after the header");
+        }
+        assert_eq!(offset("HeaderSize = 700\n").unwrap().0, 700);
+        for lines in ["HeaderSize = -5\n", "HeaderSize = x\n"] {
+            assert!(offset(lines).unwrap_err().to_string().contains("HeaderSize"), "{lines}");
+        }
+    }
+
+    #[test]
+    fn a_header_begins_with_one_of_its_own_keys() {
+        for head in ["ObjectType = Image\n", "\n  NDims=3\n", "Comment = a scan\nNDims = 3\n"] {
+            assert!(recognises(head.as_bytes()), "{head:?}");
+        }
+        for head in ["", "colour = red\nNDims = 3\n", "ObjectType\nNDims = 3\n", "NDims: 3\n"] {
+            assert!(!recognises(head.as_bytes()), "{head:?}");
+        }
+    }
+}

@@ -240,3 +240,19 @@ pub fn save_mask(path: &Path, grid: &Grid, mask: &[u8], progress: &Progress) -> 
     }
     write::write(path, grid, write::Voxels::Labels(mask), progress)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Kind;
+
+    #[test]
+    fn an_unknown_ending_is_refused_before_any_work() {
+        for name in ["a.nii", "a.nii.gz", "a.mhd", "a.mha", "a.nrrd", "a.nhdr"] {
+            assert!(check_ending(Path::new(name)).is_ok(), "{name}");
+        }
+        for name in ["a.dcm", "a.nii.zip", "nii", ""] {
+            assert_eq!(check_ending(Path::new(name)).unwrap_err().kind, Kind::Usage, "{name}");
+        }
+    }
+}

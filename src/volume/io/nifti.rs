@@ -412,3 +412,7 @@ pub(crate) fn header(grid: &Grid, kind: VoxelKind) -> std::result::Result<Vec<u8
     put(344, b"n+1\0");
     Ok(h)
 }
+
+#[cfg(test)]
+#[path = "nifti_tests.rs"]
+mod tests;

@@ -346,3 +346,35 @@ pub(crate) fn header(grid: &Grid, kind: VoxelKind, data_file: Option<&str>) -> S
     }
     h
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the grid of a header with these sizes and space directions.
+    fn grid_of(sizes: &str, directions: &str) -> Result<Grid> {
+        let count = sizes.split(' ').count();
+        let head = format!(
+            "NRRD0004\ntype: short\ndimension: {count}\nsizes: {sizes}\nspace: left-posterior-superior\n\
+             space directions: {directions}\nendian: little\nencoding: raw\n\n"
+        );
+        grid(&fields(Path::new("x"), head.as_bytes())?, &mut Vec::new())
+    }
+
+    #[test]
+    fn frames_and_colours_are_refused() {
+        let (x, y, z) = ("(1,0,0)", "(0,2,0)", "(0,0,3)");
+        let whole = grid_of("4 3 2", &format!("{x} {y} {z}")).unwrap();
+        assert_eq!((whole.dims(), whole.spacing()), ([4, 3, 2], DVec3::new(1.0, 2.0, 3.0)));
+        // A list of one frame holds one volume.
+        assert_eq!(grid_of("1 4 3 2", &format!("none {x} {y} {z}")).unwrap(), whole);
+        for (sizes, directions) in [
+            ("4 3 2 5", format!("{x} {y} {z} none")),
+            ("3 4 3 2", format!("none {x} {y} {z}")),
+            ("3 4 2", format!("none {x} {y}")),
+        ] {
+            let e = grid_of(sizes, &directions).unwrap_err();
+            assert!(e.to_string().contains("several frames"), "{sizes}: {e}");
+        }
+    }
+}

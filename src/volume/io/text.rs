@@ -68,3 +68,36 @@ pub(crate) fn voxel_count(path: &Path, dims: [usize; 3]) -> Result<usize> {
         .filter(|&n| n <= isize::MAX as usize / 8)
         .ok_or_else(|| Error::file(path, format!("dims {dims:?} overflow"), "correct the header"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_header_names_data_in_its_own_folder_only() {
+        let outer = tempfile::tempdir().unwrap();
+        let path = |name: &str| outer.path().join(name);
+        std::fs::create_dir_all(path("scan/deep")).unwrap();
+        for name in ["scan/a.mhd", "scan/a.raw", "scan/deep/b.raw", "other.raw"] {
+            std::fs::write(path(name), b"x").unwrap();
+        }
+        let find = |name: &str| data_file(&path("scan/a.mhd"), name);
+        assert_eq!(find("a.raw").unwrap(), path("scan/a.raw").canonicalize().unwrap());
+        assert_eq!(find("deep/b.raw").unwrap(), path("scan/deep/b.raw").canonicalize().unwrap());
+        let refused = |name: &str, why: &str| {
+            let e = find(name).unwrap_err();
+            assert!(e.to_string().contains(why), "{name}: {e}");
+        };
+        let absolute = path("other.raw").canonicalize().unwrap();
+        for name in ["../other.raw", "deep/../../other.raw", "../missing.raw", absolute.to_str().unwrap(), "."] {
+            refused(name, "outside");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(path("other.raw"), path("scan/link.raw")).unwrap();
+            refused("link.raw", "outside");
+        }
+        refused("b.raw", "does not exist");
+        refused("", "names no data file");
+    }
+}

@@ -76,3 +76,51 @@ fn mark(p: &Painter, at: Pos2) {
         p.circle_stroke(at, 4.0, Stroke::new(width, colour));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Instant;
+
+    use egui::{LayerId, RawInput, Rect, Shape, pos2, vec2};
+
+    use super::*;
+    use crate::host::window::actions::{ActionContext, Actions, KeySettings};
+    use crate::host::window::controller::tests::controller;
+    use crate::host::window::overlay::HudState;
+    use crate::host::window::panels::SliceInput;
+    use crate::render::ImageSize;
+
+    #[test]
+    fn measures_are_drawn_between_the_ends_that_are_visible() {
+        let (mut c, now) = (controller("manual"), Instant::now());
+        let actions = Actions::new(&c.flight().setup().scene.guides, &[], &[], &KeySettings::new()).unwrap();
+        let at = ActionContext { window: ImageSize::new(0, 0), now };
+        c.perform(actions.named("measure").unwrap(), at);
+        // A distance of 5 mm in view, one with an end behind it, and one that is begun.
+        for place in [[40.0, 50.0, 1.0], [43.0, 54.0, 1.0], [80.0, 50.0, 1.0], [80.0, 60.0, 9.0], [120.0, 70.0, 1.0]] {
+            c.slice(SliceInput::Click(DVec3::from_array(place)), now);
+        }
+        let hud = HudState::default();
+        let context = Context::new(&c, &actions, &[], &hud);
+        let area = Rect::from_min_size(Pos2::ZERO, vec2(200.0, 100.0));
+        let input = RawInput { screen_rect: Some(area), ..RawInput::default() };
+        let output = egui::Context::default().run_ui(input, |ui| {
+            let p = ui.ctx().layer_painter(LayerId::background());
+            draw(&context, &p, |place| (place.z < 5.0).then(|| pos2(place.x as f32, place.y as f32)));
+        });
+        let (mut lines, mut texts, mut rings) = (Vec::new(), Vec::new(), Vec::new());
+        for shape in output.shapes {
+            match shape.shape {
+                Shape::LineSegment { points, stroke } => lines.push((points, stroke.color)),
+                Shape::Text(text) => texts.push(text.galley.text().to_owned()),
+                Shape::Circle(ring) => rings.push((ring.center, ring.stroke.color)),
+                _ => {}
+            }
+        }
+        let ends = [pos2(40.0, 50.0), pos2(43.0, 54.0)];
+        assert_eq!(lines, [(ends, Color32::BLACK), (ends, COLOUR)]);
+        assert_eq!(texts, ["1: 5.0 mm"]);
+        let marked = [ends[0], ends[1], pos2(80.0, 50.0), pos2(120.0, 70.0)];
+        assert_eq!(rings, marked.map(|at| [(at, Color32::BLACK), (at, COLOUR)]).concat());
+    }
+}

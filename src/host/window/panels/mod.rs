@@ -259,3 +259,27 @@ impl Requests {
         std::mem::take(&mut self.list)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn requests_are_taken_once_and_in_their_order() {
+        let mut requests = Requests::default();
+        requests.seek(0.25);
+        requests.open(PathBuf::from("scan.nii"));
+        requests.point(DVec3::X);
+        requests.action("pause");
+        requests.delete_measure(3);
+        let expected = [
+            Request::Flight(FlightInput::Seek(0.25)),
+            Request::Open(PathBuf::from("scan.nii"), None),
+            Request::Slice(SliceInput::Point(DVec3::X)),
+            Request::Action("pause".to_owned()),
+            Request::Flight(FlightInput::DeleteMeasure(3)),
+        ];
+        assert_eq!(requests.take(), expected);
+        assert!(requests.take().is_empty());
+    }
+}

@@ -286,3 +286,29 @@ fn scale_bar(p: &Painter, inner: Rect, placed: Placed) {
     }
     text(p, pos2(right.x, right.y - 6.0), Align2::RIGHT_BOTTOM, &format!("{mm:.0} mm"), TEXT, INK);
 }
+
+#[cfg(test)]
+mod tests {
+    use egui::{LayerId, RawInput, Shape};
+
+    use super::*;
+
+    #[test]
+    fn words_lie_on_a_dark_ground() {
+        let area = Rect::from_min_size(Pos2::ZERO, vec2(300.0, 200.0));
+        let drawn = |text: &str| {
+            let input = RawInput { screen_rect: Some(area), ..RawInput::default() };
+            let output = egui::Context::default().run_ui(input, |ui| {
+                let p = ui.ctx().layer_painter(LayerId::background());
+                words(&p, pos2(290.0, 10.0), Align2::RIGHT_TOP, text, SOFT);
+            });
+            output.shapes.into_iter().map(|s| s.shape).filter(|s| *s != Shape::Noop).collect::<Vec<_>>()
+        };
+        let [Shape::Rect(ground), Shape::Text(text)] = &drawn("W 400  L 40")[..] else { panic!("not two shapes") };
+        assert_eq!(text.galley.text(), "W 400  L 40");
+        let at = Rect::from_min_size(text.pos, text.galley.size());
+        assert!((at.right_top() - pos2(290.0, 10.0)).length() < 1.0, "{at}");
+        assert!(ground.rect.contains_rect(at) && ground.fill == Color32::from_black_alpha(130), "{}", ground.rect);
+        assert!(drawn("").is_empty());
+    }
+}

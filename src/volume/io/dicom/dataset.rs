@@ -366,4 +366,44 @@ mod tests {
         }
         assert!(matches!(parse(&file("1.2.840.10008.1.2.1", &body)), Err(Fault::Bad(_))));
     }
+
+    /// A sequence of unknown representation is in implicit form, and what follows it is not (PS3.5, 6.2.2).
+    #[test]
+    fn an_unknown_sequence_leaves_the_explicit_form_as_it_was() {
+        let mut body = b"\x08\0\x40\x11UN\0\0\xff\xff\xff\xff\xfe\xff\x00\xe0\x0a\0\0\0".to_vec();
+        body.extend(b"\x28\0\x10\0\x02\0\0\0\x07\0\xfe\xff\xdd\xe0\0\0\0\0");
+        body.extend(b"\x28\0\x11\0US\x02\0\x09\0");
+        body.extend(b"\xe0\x7f\x10\0OW\0\0\x02\0\0\0ab");
+        let bytes = file("1.2.840.10008.1.2.1", &body);
+        let (set, _) = parse(&bytes).unwrap();
+        assert_eq!(set.root.items((0x0008, 0x1140))[0].short((0x0028, 0x0010)), Some(7));
+        assert_eq!(set.root.short((0x0028, 0x0011)), Some(9));
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+    }
+
+    #[test]
+    fn the_implicit_form_tells_values_from_sequences_by_their_bytes() {
+        let mut body = b"\x28\0\x11\0\x02\0\0\0\x09\0\x08\0\x40\x11\x12\0\0\0".to_vec();
+        body.extend(b"\xfe\xff\x00\xe0\x0a\0\0\0\x28\0\x10\0\x02\0\0\0\x07\0");
+        body.extend(b"\x18\0\x50\0\x0a\0\0\x000.62500000\xe0\x7f\x10\0\x02\0\0\0ab");
+        let bytes = file("1.2.840.10008.1.2", &body);
+        let (set, _) = parse(&bytes).unwrap();
+        assert_eq!(set.root.short((0x0028, 0x0011)), Some(9));
+        assert_eq!(set.root.items((0x0008, 0x1140))[0].short((0x0028, 0x0010)), Some(7));
+        assert_eq!(set.root.decimal((0x0018, 0x0050)), Some(0.625), "ten bytes that do not begin as an item does");
+        assert_eq!(set.pixels, Some(PixelPlace { offset: bytes.len() - 2, length: Some(2) }));
+    }
+
+    #[test]
+    fn a_decimal_is_the_first_number_of_a_value() {
+        let mut body = b"\x18\0\x50\0DS\x04\x002.5 \x20\0\x11\0IS\x02\0x ".to_vec();
+        body.extend(b"\x28\0\x30\0DS\x08\x000.7\\0.8 ");
+        let bytes = file("1.2.840.10008.1.2.1", &body);
+        let root = parse(&bytes).unwrap().0.root;
+        assert_eq!(root.decimal((0x0018, 0x0050)), Some(2.5));
+        assert_eq!(root.decimal((0x0028, 0x0030)), Some(0.7));
+        assert_eq!(root.decimals((0x0028, 0x0030)), Some(vec![0.7, 0.8]));
+        assert_eq!(root.decimal((0x0020, 0x0011)), None, "no number");
+        assert_eq!(root.decimal((0x0018, 0x0088)), None, "not there");
+    }
 }

@@ -231,3 +231,30 @@ fn interpolate(slots: &[f64], data: &[i16], slot: f64, out: &mut [i16]) {
         *o = super::raw::to_hu(f64::from(*a) * (1.0 - t) + f64::from(*b) * t);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_gaps_are_summed_up_to_the_last() {
+        let gaps: Vec<Gap> = (1..=9).map(|k| Gap { after: 10 * k, missing: k }).collect();
+        assert_eq!(gaps_in_words(&gaps).unwrap(), "45 in 9 places, the first 1 after slice 10");
+        assert_eq!(gaps_in_words(&gaps[..2]).unwrap(), "1 after slice 10, 2 after slice 20");
+        assert!(gaps_in_words(&gaps[..8]).unwrap().ends_with("8 after slice 80"));
+        assert_eq!(gaps_in_words(&[]), None);
+    }
+
+    #[test]
+    fn a_missing_slice_lies_between_its_neighbours() {
+        // Slices of two voxels, at 0, 1 and 5.
+        let (slots, data) = ([0.0, 1.0, 5.0], [-1000, 0, -500, 100, 300, 900]);
+        let at = |slot: f64| {
+            let mut out = [0; 2];
+            interpolate(&slots, &data, slot, &mut out);
+            out
+        };
+        assert_eq!([at(0.0), at(1.0), at(5.0)], [[-1000, 0], [-500, 100], [300, 900]]);
+        assert_eq!([at(0.5), at(2.0), at(3.0)], [[-750, 50], [-300, 300], [-100, 500]]);
+    }
+}

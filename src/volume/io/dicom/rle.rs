@@ -76,6 +76,9 @@ mod tests {
         assert!(unpack(&good, 5, 1).is_ok());
         assert!(unpack(&good, 6, 1).is_err(), "too few");
         assert!(unpack(&good, 5, 2).is_err(), "one segment for two bytes");
+        let short = frame(&[&[0xFD, 1], &[0xFC, 2]]);
+        assert!(unpack(&short, 4, 2).is_ok());
+        assert!(unpack(&short, 5, 2).is_err(), "a segment ends where the next one begins");
         let mut many = good.clone();
         many[..4].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(unpack(&many, 5, 1).is_err());

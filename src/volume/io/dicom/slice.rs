@@ -341,3 +341,38 @@ fn file_head(path: &Path, set: &DataSet, pixels: PixelPlace, room: u64) -> Resul
         inverted: photometric == "MONOCHROME1",
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A CT slice of 2 rows and 3 columns.
+    fn file(allocated: u16, bytes: u32) -> Vec<u8> {
+        let mut f = vec![0; 128];
+        f.extend(b"DICM\x02\0\x10\0UI\x14\x001.2.840.10008.1.2.1\0\x08\0\x60\0CS\x02\0CT");
+        f.extend(b"\x28\0\x10\0US\x02\0\x02\0\x28\0\x11\0US\x02\0\x03\0\x28\0\x00\x01US\x02\0");
+        f.extend(allocated.to_le_bytes());
+        f.extend(b"\xe0\x7f\x10\0OW\0\0");
+        f.extend(bytes.to_le_bytes());
+        f.resize(f.len() + bytes as usize, 0);
+        f
+    }
+
+    #[test]
+    fn pixel_data_is_whole_if_every_voxel_has_its_bytes() {
+        for (allocated, needed) in [(8, 6), (16, 12)] {
+            let read = |bytes: u32, missing: u64| {
+                let file = file(allocated, bytes);
+                let (set, _) = dataset::parse(&file).unwrap();
+                let slices = slices(Path::new("x"), &set, file.len() as u64 - missing);
+                assert_eq!((slices.len(), slices[0].file.rows, slices[0].file.cols), (1, 2, 3));
+                slices[0].fault.as_ref().map(Error::to_string)
+            };
+            assert_eq!(read(needed, 0), None, "{allocated} bits");
+            assert_eq!(read(needed + 2, 0), None, "{allocated} bits, padded");
+            for cut in [read(needed - 2, 0), read(needed, 1)] {
+                assert!(cut.is_some_and(|e| e.contains("ends early")), "{allocated} bits");
+            }
+        }
+    }
+}

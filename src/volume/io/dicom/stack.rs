@@ -268,6 +268,11 @@ mod tests {
     fn uneven_spacing_is_found() {
         let l = lay(&[0.0, 1.0, 2.0, 3.3, 4.3, 5.3]);
         assert!(l.uneven.is_some());
+        // Six slices, usually 2 mm apart, over 10.6 mm: five steps of 2.12 mm.
+        let l = lay(&[10.0, 12.0, 14.0, 16.6, 18.6, 20.6]);
+        let expected = [0.0, 2.0, 4.0, 6.6, 8.6, 10.6].map(|t| t / 2.12);
+        assert!(l.slots.iter().zip(expected).all(|(slot, e)| (slot - e).abs() < 1e-9), "{:?}", l.slots);
+        assert!(l.uneven.is_some_and(|(least, most)| (least - 2.0).abs() < 1e-9 && (most - 2.6).abs() < 1e-9));
         assert!(layout(Path::new("x"), &[0.0, 1.0, 2.0, 1e6]).is_err());
     }
 }
