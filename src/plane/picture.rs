@@ -215,7 +215,7 @@ impl Pen<'_> {
             self.cover(p.min(q) - reach, p.max(q) + reach, colour, |x| {
                 let t = if length2 > 0.0 { (x - a).dot(along) / length2 } else { 0.0 };
                 let mine = (n == 0 || t >= s) && (last || t < e);
-                if mine { share * (r + 0.5 - near(x)) } else { 0.0 }
+                if mine { share * (r + 0.5 - near(x)).min(1.0) } else { 0.0 }
             });
         }
     }

@@ -21,7 +21,7 @@ hundred mutants about as long.
 
 --faults FILE  also faults written by hand, one JSON object a line ("file", "before", "after", "why"), where `before` occurs once
                in the file, within a function
---stage        ends after this stage
+--stage        ends after this stage; `unit` builds the unit tests only, and then OUT cannot be used for the others
 --seconds      how long a mutant meets the tests of a stage at most; without it, all of them
 --list         prints the sample and runs nothing
 --table OUT…   prints one table of several runs
@@ -235,7 +235,7 @@ def compile_errors(command):
     return run.returncode == 0, places, programs, "\n".join(texts) or run.stderr
 
 
-def build(lists):
+def build(lists, stage):
     """Chooses the first mutants of each list that compile, and builds them. Returns them by number, and the test programs."""
     unviable, numbers = set(), {}
 
@@ -257,7 +257,7 @@ def build(lists):
                 sys.exit(f"an error outside of the mutants:\n{text}")
             print(f"{len(mutants)} mutants, {len(found)} of them do not compile", flush=True)
             unviable.update(mutants[n]["name"] for n in found)
-    fine, _, programs, text = compile_errors(["test", "--no-run"])
+    fine, _, programs, text = compile_errors(["test", "--no-run", *(["--lib"] if stage == "unit" else [])])
     if not fine:
         sys.exit(text)
     return mutants, dict(programs)
@@ -372,7 +372,7 @@ def plan_of(a):
     if subprocess.run(["git", "diff", "--quiet", "HEAD", "--", "src", "systems", "tests", ":!tests/bench"], cwd=ROOT).returncode:
         sys.exit("src, systems or tests differ from the last commit: commit them first")
     commit = copy_of_the_last_commit()
-    mutants, programs = build(candidates(a))
+    mutants, programs = build(candidates(a), a.stage)
     for m in mutants.values():
         m["source"] = (ROOT / m["file"]).read_text().splitlines()[m["span"]["start"]["line"] - 1].strip()
     tests = record(programs, a.out, a.jobs)
