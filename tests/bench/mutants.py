@@ -117,7 +117,7 @@ def hand_made(path, mutants):
     for line in path.read_text().splitlines():
         fault = json.loads(line)
         # A test may have the same line.
-        text = (ROOT / fault["file"]).read_text().partition("#[cfg(test)]\nmod tests")[0]
+        text = (ROOT / fault["file"]).read_text().partition("#[cfg(test)]\nmod tests {")[0]
         if text.count(fault["before"]) != 1:
             sys.exit(f"{fault['file']}: occurs {text.count(fault['before'])} times: {fault['before']}")
         begin = text.index(fault["before"])
