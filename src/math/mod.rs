@@ -3,4 +3,5 @@
 pub(crate) mod cubic;
 pub mod hash;
 pub(crate) mod lattice;
+pub(crate) mod normal;
 pub(crate) mod reflection;

@@ -3,7 +3,8 @@
 
     cargo build --release
     python3 tests/bench/results.py [--scan SCAN] [--vtk "COMMAND"] [--fields-peer "COMMAND"] [--display "COMMAND"]
-                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation,faults]
+                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation,cleansing,
+                                   faults]
                                    [--mutants FOLDER] [--quick] [--check N] [--colvis BINARY] [--keep FOLDER] [--out RESULTS.md]
 
 This script builds nothing. It runs the program (`--colvis`, else the environment variable COLVIS, else target/release/colvis)
@@ -440,6 +441,11 @@ def faults(b):
     yield done.stdout.strip()
 
 
+def cleansing(b):
+    read, said, command = b.report("cleansing")
+    return [command_block(command), findings(said), "### By method", table(*read("methods")), "### By part of the wall", table(*read("parts"))]
+
+
 PARTS = {
     "frames": ("Frames of a flight", frames),
     "window": ("In a window", window),
@@ -450,6 +456,7 @@ PARTS = {
     "scenes": ("Savings from omitted parts", scenes),
     "dynamics": ("Dynamics", dynamics),
     "perforation": ("Random steps against the wall", perforation),
+    "cleansing": ("The wall under tag", cleansing),
     "faults": ("Faults that the tests notice", faults),
 }
 

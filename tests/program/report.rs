@@ -216,6 +216,29 @@ fn perforations_are_reported() {
 }
 
 #[test]
+fn cleansing_is_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("c");
+    let said = run(&["report", "cleansing", "--quick", "--out", out.to_str().unwrap()], 0);
+    page(&out, 0);
+    let (_, parts) = csv(&out.join("parts.csv"));
+    // Position, normal and missing of a method on a part of the wall.
+    let errors = |method: &str, part: &str| {
+        let row = parts.iter().find(|r| r[1] == method && r[2] == part).unwrap_or_else(|| panic!("{method}, {part}"));
+        [4, 6, 8].map(|n| row[n].parse::<f64>().unwrap_or(f64::NAN))
+    };
+    let [mm, degrees, missing] = errors("none", "dry");
+    assert!(mm < 0.06 && degrees < 3.0 && missing == 0.0, "the measure itself: {mm} mm, {degrees}°, {missing} %");
+    assert_eq!(errors("none", "under fluid")[2], 100.0, "without cleansing there is no wall under fluid");
+    let [mm, degrees, missing] = errors("blanked", "under fluid");
+    assert!(mm < 0.5 && degrees < 15.0 && missing < 1.0, "{mm} mm, {degrees}°, {missing} %");
+    assert_eq!(errors("blanked", "dry"), errors("none", "dry"), "dry walls stay");
+    let (columns, methods) = csv(&out.join("methods.csv"));
+    assert!(columns.len() == 7 && methods.len() == 3);
+    assert!(String::from_utf8_lossy(&said.stdout).contains("blanked: under fluid"));
+}
+
+#[test]
 fn what_no_report_can_do() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("r");

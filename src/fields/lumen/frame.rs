@@ -4,7 +4,7 @@ use crate::volume::Grid;
 
 /// An index axis with a direction along it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct AxisDirection {
+pub(in crate::fields) struct AxisDirection {
     /// 0, 1 or 2: i, j or k.
     pub axis: usize,
     /// 1 if the index increases in this direction, −1 if it decreases.
@@ -26,7 +26,7 @@ impl AxisDirection {
 
 /// The index directions closest to the patient's axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Frame {
+pub(in crate::fields) struct Frame {
     pub left: AxisDirection,
     pub posterior: AxisDirection,
     pub superior: AxisDirection,

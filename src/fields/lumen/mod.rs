@@ -8,7 +8,7 @@
 mod choose;
 mod ends;
 mod fluid;
-mod frame;
+pub(in crate::fields) mod frame;
 mod graph;
 mod grow;
 mod interior;

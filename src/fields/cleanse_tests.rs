@@ -1,0 +1,108 @@
+use glam::DMat3;
+
+use super::*;
+use crate::fields::lumen;
+use crate::math::hash;
+use crate::progress::Progress;
+use crate::volume::Grid;
+
+const SIGMA: f64 = 0.6;
+
+/// A capsule of gas of 14 mm radius along z in tissue, 140 mm long, with tag below a level: (scan, the same without tag). `flip` turns
+/// it upside down.
+fn capsule(tag: f64, level: f64, noise: f64, flip: bool) -> (Volume, Volume) {
+    let dims = [72, 72, 200];
+    let grid = Grid::new(dims, DVec3::splat(0.8), DVec3::new(-28.4, -28.4, -79.6), DMat3::IDENTITY).unwrap();
+    let make = |tag: f64| {
+        let value = |n: usize| {
+            let v = [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]].map(|c| c as f64);
+            let p = grid.world(DVec3::from_array(v));
+            let axis = DVec3::new(0.0, 0.0, p.z.clamp(-56.0, 56.0));
+            let tissue = normal::cdf((p.distance(axis) - 14.0) / SIGMA);
+            let y = if flip { -p.y } else { p.y };
+            let inside = -1000.0 + (tag + 1000.0) * normal::cdf((y - level) / SIGMA);
+            (40.0 * tissue + inside * (1.0 - tissue) + noise * hash::normal(5, n as u64)).round() as i16
+        };
+        Volume::new(grid.clone(), (0..grid.len()).map(value).collect())
+    };
+    (make(tag), make(-1000.0))
+}
+
+fn cleanse(scan: &Volume) -> Cleansed {
+    let lumen = lumen::find(scan, &Progress::new()).unwrap();
+    cleansed(scan, &lumen)
+}
+
+/// Returns mean and largest difference of two volumes over the voxels that a scan and its clean twin differ in.
+fn difference(scan: &Volume, clean: &Volume, made: &Volume) -> (f64, f64) {
+    let changed = (0..scan.data().len()).filter(|&n| (scan.data()[n] - clean.data()[n]).abs() > 60);
+    let off: Vec<f64> = changed.map(|n| f64::from(made.data()[n] - clean.data()[n]).abs()).collect();
+    (off.iter().sum::<f64>() / off.len() as f64, off.iter().fold(0.0, |a, b| b.max(a)))
+}
+
+#[test]
+fn the_wall_comes_back_under_fluid_of_any_brightness_on_either_side() {
+    for (tag, level, flip) in [(450.0, 2.0, false), (250.0, -3.0, false), (1000.0, 5.0, true)] {
+        let (scan, clean) = capsule(tag, level, 0.0, flip);
+        let made = cleanse(&scan);
+        assert_eq!(made.pools.len(), 1);
+        let pool = made.pools[0];
+        assert!((pool.tag_hu - tag).abs() < 0.05 * tag, "{pool:?}");
+        let down = if flip { -1.0 } else { 1.0 };
+        assert!((pool.level[0].y * down - level).abs() < 0.15 && pool.level[1] == DVec3::Y * -down, "{pool:?}");
+        let (mean, most) = difference(&scan, &clean, &made.volume);
+        println!("{tag} HU: {mean:.1} HU off in the mean, at most {most:.0}");
+        assert!(mean < 12.0 && most < 200.0, "{tag}: {mean} {most}");
+    }
+}
+
+#[test]
+fn the_blur_of_a_scan_is_found_with_and_without_noise_and_tag() {
+    for (noise, level) in [(0.0, 0.0), (22.0, 2.0), (22.0, 0.0), (5.0, -4.0)] {
+        let (scan, _) = capsule(450.0, level, noise, false);
+        let found = blur_mm(&scan, &lumen::find(&scan, &Progress::new()).unwrap());
+        assert!((found - SIGMA).abs() < 0.1, "{found} mm with noise {noise}");
+    }
+}
+
+#[test]
+fn noise_under_fluid_is_no_more_than_beside_it() {
+    let (scan, clean) = capsule(450.0, 0.0, 22.0, false);
+    let made = cleanse(&scan).volume;
+    let spread = |wet: bool| {
+        let own = (0..scan.data().len()).filter(|&n| {
+            let p = scan.grid().world(DVec3::from_array([n % 72, n / 72 % 72, n / 72 / 72].map(|c| c as f64)));
+            // Around the wall, off the level.
+            (p.truncate().length() - 14.0).abs() < 0.8 && p.z.abs() < 50.0 && if wet { p.y > 4.0 } else { p.y < -4.0 }
+        });
+        let truth = capsule_truth(scan.grid());
+        let off: Vec<f64> = own.map(|n| f64::from(made.data()[n]) - truth[n]).collect();
+        (off.iter().map(|d| d * d).sum::<f64>() / off.len() as f64).sqrt()
+    };
+    let (wet, dry) = (spread(true), spread(false));
+    println!("noise of {wet:.1} HU under fluid, {dry:.1} beside it");
+    assert!(wet < 1.2 * dry, "{wet} {dry}");
+    assert!(difference(&scan, &clean, &made).0 < 30.0);
+}
+
+/// The capsule without tag and noise.
+fn capsule_truth(grid: &Grid) -> Vec<f64> {
+    let (_, clean) = capsule(450.0, 0.0, 0.0, false);
+    assert_eq!(clean.grid(), grid);
+    clean.data().iter().map(|&hu| f64::from(hu)).collect()
+}
+
+#[test]
+fn what_is_far_from_tag_keeps_its_value_and_a_clean_scan_all_of_them() {
+    let (scan, clean) = capsule(450.0, 3.0, 22.0, false);
+    let made = cleanse(&scan).volume;
+    for n in 0..scan.data().len() {
+        let [_, y, _] = [n % 72, n / 72 % 72, n / 72 / 72];
+        // The level is at 3 mm, which is row 39.
+        if y < 32 {
+            assert_eq!(made.data()[n], scan.data()[n]);
+        }
+    }
+    let same = cleanse(&clean);
+    assert!(same.pools.is_empty() && same.volume.data() == clean.data());
+}
