@@ -246,3 +246,19 @@ pub(crate) fn stats_head(timings: &Timings) -> Map<String, Value> {
     m.insert("prepare".to_owned(), Value::Object(parts.collect::<Map<_, _>>()));
     m
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::values::Pair;
+
+    #[test]
+    fn greys_are_of_values_that_a_scan_can_hold() {
+        let checked = |lo, hi| checked_options(&Global { hu: Some(Pair(lo, hi)), ..Global::default() });
+        assert_eq!(checked(-1000.0, 3000.0).unwrap().hu, Some((-1000.0, 3000.0)));
+        assert!(checked(-32767.0, 32767.0).is_ok());
+        for (lo, hi) in [(-32768.0, 0.0), (0.0, 1e9), (-1e300, 1e300), (5.0, 5.0), (5.0, -5.0)] {
+            assert!(checked(lo, hi).is_err_and(|e| e.to_string().starts_with("--hu")), "{lo},{hi}");
+        }
+    }
+}

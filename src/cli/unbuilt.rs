@@ -66,3 +66,22 @@ pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
     };
     Some(Error::usage(what, "is not built yet", "see colvis --help, or that of the command"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn planned_commands_are_known_and_refused_where_a_command_stands() {
+        let line = |words: &[&str]| words.iter().map(OsString::from).collect::<Vec<_>>();
+        for command in COMMANDS {
+            assert!(is_command(command));
+            let told = check_command(&line(&["colvis", command]), 1).unwrap_err().to_string();
+            assert!(told.contains("not built") && told.contains(&format!("./{command}")), "{told}");
+            assert!(check_command(&line(&["colvis", "fly", command]), 1).is_ok(), "an input of that name");
+        }
+        for command in ["fly", "segment", "", "./cleanse"] {
+            assert!(!is_command(command) && check_command(&line(&["colvis", command]), 1).is_ok());
+        }
+    }
+}

@@ -192,4 +192,31 @@ mod tests {
         assert!(advance(&walls, inside, DVec3::splat(1e9), 1.5).position.is_finite());
         assert_eq!(advance(&walls, axis, DVec3::NAN, 1.5).position, axis);
     }
+
+    /// A plane wall: the clearance is known.
+    struct Plane;
+
+    impl Clearances for Plane {
+        fn clearance(&self, at: DVec3) -> Clearance {
+            Clearance { mm: (10.0 - at.x).max(0.0), toward: DVec3::X }
+        }
+
+        fn enters(&self, _: DVec3, to: DVec3) -> bool {
+            to.x >= 10.0
+        }
+    }
+
+    /// Along a plane wall the body slides as far as it was to go along it, and is blocked only by motion into it.
+    #[test]
+    fn a_body_slides_along_a_plane_by_the_rest_of_its_way() {
+        let touching = DVec3::new(10.0 - 1.5 - TOLERANCE_MM, 0.0, 0.0);
+        let a = advance(&Plane, touching, DVec3::new(0.3, 0.4, 0.0), 1.5);
+        assert!((a.position.y - 0.4).abs() < 1e-3 && (a.position.x - touching.x).abs() < 0.05, "{}", a.position);
+        assert_eq!(a.blocked, Some(DVec3::X));
+        let along = advance(&Plane, touching, DVec3::new(0.0, 0.4, 0.0), 1.5);
+        assert!((along.position.y - 0.4).abs() < 1e-3, "{}", along.position);
+        assert_eq!(along.blocked, None, "what goes along the wall is not blocked by it");
+        let away = advance(&Plane, touching, DVec3::new(-3.0, 0.0, 0.0), 1.5);
+        assert!((away.position.x - touching.x + 3.0).abs() < 0.1 && away.blocked.is_none(), "{}", away.position);
+    }
 }

@@ -241,3 +241,69 @@ fn pseudo_enhancement_is_beside_tag_only() {
     let mean = gains.iter().sum::<f64>() / gains.len() as f64;
     assert!(gains.len() > 20 && dry > 20 && (8.0..40.0).contains(&mean), "{mean} of {}, {dry}", gains.len());
 }
+
+/// What is beside a place follows from what was put there.
+#[test]
+fn the_wall_knows_what_is_beside_it() {
+    let p = phantom(TAGGED);
+    let at_wall = |s: f64, phi: f64| {
+        let frame = p.axis().frame(s);
+        let mut at = frame.at + frame.direction(phi) * p.shape.radius(s, phi);
+        for _ in 0..4 {
+            let (d, _) = p.distances_among(at, &[p.all_knots()]);
+            at -= d.normal * d.wall;
+        }
+        at
+    };
+    let mut seen = std::collections::BTreeMap::new();
+    for n in 0..3000u64 {
+        let at = at_wall(p.axis().length() * hash::uniform(1, n), TAU * hash::uniform(2, n));
+        let Some(wall) = p.wall_at(at).filter(|w| w.mm.abs() < 0.01) else { continue };
+        *seen.entry(wall.beside).or_insert(0) += 1;
+        let (d, s) = p.distances_among(at, &[p.all_knots()]);
+        let content = tag(&p)
+            .seen(at - d.normal * 1.5, s, &p.distances_among(at - d.normal * 1.5, &[p.all_knots()]).0, p.sigma)
+            .tag;
+        match wall.beside {
+            Beside::Gas => {
+                assert!(content < 0.01, "{content}");
+                // Nor is there any tag around it.
+                for side in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z] {
+                    let near = at - d.normal * 1.5 + side * 2.0;
+                    assert!(p.wall(near) > -1.0 || p.value(near) < -800.0, "{}", p.value(near));
+                }
+            }
+            Beside::Fluid => assert!(content > 0.3 || p.wall(at - d.normal * 1.5) > -1.0, "{content}"),
+            _ => {}
+        }
+    }
+    for (beside, least) in [
+        (Beside::Gas, 800),
+        (Beside::Near, 100),
+        (Beside::Rim, 30),
+        (Beside::Fluid, 100),
+        (Beside::Film, 30),
+        (Beside::Stool, 3),
+    ] {
+        assert!(seen.get(&beside).is_some_and(|&n| n >= least), "{beside:?}: {seen:?}");
+    }
+    for lump in &tag(&p).stool {
+        let frame = p.axis().frame(lump.s);
+        let at = at_wall(lump.s, frame.angle(lump.centre - frame.at));
+        assert_eq!(p.wall_at(at).unwrap().beside, Beside::Stool, "behind the middle of a lump");
+    }
+    assert!(p.wall_at(DVec3::splat(1e4)).is_none());
+}
+
+/// Films and lumps are spread from end to end.
+#[test]
+fn tag_is_spread_over_the_colon() {
+    let p = phantom(TAGGED);
+    let end = p.axis().length();
+    let places =
+        |s: Vec<f64>| (s.iter().copied().fold(f64::INFINITY, f64::min), s.iter().copied().fold(0.0, f64::max), s.len());
+    let films = places(tag(&p).films.iter().map(|f| f.s).collect());
+    let stool = places(tag(&p).stool.iter().map(|l| l.s).collect());
+    assert!(films.0 < 0.12 * end && films.1 > 0.88 * end && films.2 >= 12, "{films:?}");
+    assert!(stool.0 < 0.25 * end && stool.1 > 0.75 * end && stool.1 < end && stool.2 >= 5, "{stool:?}");
+}

@@ -310,3 +310,20 @@ fn every_grid_is_centred_on_the_body() {
         assert!((grid.origin() + last).length() < 1e-9, "{size:?}: {} to {last}", grid.origin());
     }
 }
+
+/// Between the taeniae and along the colon the wall bulges by more than a tenth of its radius, but not at the caps.
+#[test]
+fn haustra_bulge_between_taeniae() {
+    let phantom = Phantom::new(&PhantomSettings { size: Size::Small, ..PhantomSettings::default() });
+    let shape = &phantom.shape;
+    let spread = |s: f64| {
+        let radii = (0..72).map(|n| shape.radius(s, f64::from(n) * std::f64::consts::TAU / 72.0));
+        let (lo, hi) = radii.fold((f64::INFINITY, 0.0f64), |(l, h), r| (l.min(r), h.max(r)));
+        (hi - lo) / hi
+    };
+    let end = shape.axis.length();
+    for share in [0.2, 0.4, 0.6, 0.8] {
+        assert!(spread(share * end) > 0.1, "{}", spread(share * end));
+    }
+    assert!(spread(0.0) < 1e-9 && spread(end) < 1e-9);
+}

@@ -108,4 +108,33 @@ mod tests {
         let without = flight_in_a_room(Scene { mines: None, ..Scene::guided_by("tentacles") });
         assert_eq!(texts(&drawn(&OVERLAY, &without, [800, 600], 1.0)), ["no mines take part in this flight"]);
     }
+
+    /// A mine far behind, seen by a camera that looks back.
+    #[test]
+    fn a_mine_in_sight_is_as_large_as_it_appears() {
+        let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        let at = flight.pose().position;
+        let settings = flight.camera::<MineField>().unwrap().settings;
+        let mut field = flight.camera_mut::<MineField>().unwrap();
+        field.mines.clear();
+        field.mines.lay_behind(at - DVec3::Y * 32.0, DVec3::Y, &settings);
+        let mine = flight.camera::<MineField>().unwrap().mines.iter().next().unwrap();
+        assert!(flight.place(at, DVec3::NEG_Y, DVec3::Z));
+        let marks = drawn(&OVERLAY, &flight, [800, 600], 1.0);
+        // 300 pixels are the tangent of 45°.
+        let wanted = (300.0 * RADIUS_MM / at.distance(mine)) as f32;
+        let middle = |c: &[f32; 2]| (c[0] - 400.0).abs() < 1.0 && (c[1] - 300.0).abs() < 1.0;
+        let radii: Vec<f32> = marks
+            .iter()
+            .filter_map(|m| {
+                if let crate::app::overlay::Mark::Disc { centre, radius, .. } = m {
+                    middle(centre).then_some(*radius)
+                } else {
+                    None
+                }
+            })
+            .collect();
+        assert!(wanted > 4.0 && wanted < 16.0, "{wanted}");
+        assert!(radii.iter().any(|r| (r - wanted).abs() < 1.6), "{radii:?}, not {wanted}");
+    }
 }

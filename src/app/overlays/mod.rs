@@ -171,4 +171,25 @@ mod tests {
         let rows = [legend_row(&mut low), legend_row(&mut low)];
         assert_eq!(rows, [None, None], "60 - 34 pixels are above the middle");
     }
+
+    #[test]
+    fn an_arrow_has_a_head_at_its_tip_and_is_a_dot_if_it_is_short() {
+        let drawn = |to: Place2| {
+            let mut canvas = canvas([200, 100], 1.0);
+            arrow(&mut canvas, [50.0, 40.0], to, ORANGE);
+            canvas.into_marks()
+        };
+        for to in [[51.9, 40.0], [50.0, 40.0], [50.0, 38.5]] {
+            assert!(drawn(to).iter().all(|m| matches!(m, Mark::Disc { .. })), "{to:?}");
+        }
+        let marks = drawn([70.0, 40.0]);
+        let ends: Vec<_> = marks
+            .iter()
+            .filter_map(|m| if let Mark::Line { from, to, .. } = m { Some((*from, *to)) } else { None })
+            .collect();
+        // The shaft and both sides of the head, 8 points long, each on its edge.
+        assert_eq!(ends.len(), 6);
+        assert_eq!(ends[3], ([50.0, 40.0], [70.0, 40.0]));
+        assert_eq!([ends[4], ends[5]], [([62.0, 36.0], [70.0, 40.0]), ([62.0, 44.0], [70.0, 40.0])]);
+    }
 }

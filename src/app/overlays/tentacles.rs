@@ -129,4 +129,29 @@ mod tests {
         let without = drawn(&OVERLAY, &flight_in_a_room(Scene::guided_by("manual")), [800, 600], 1.0);
         assert_eq!(texts(&without), ["the guide manual has no tentacles"]);
     }
+
+    /// A tip beyond the picture's edge by more than its mark is not drawn, on each side.
+    #[test]
+    fn tips_outside_the_picture_are_left_out() {
+        let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        flight.step().unwrap();
+        let discs = |size: [usize; 2]| -> Vec<[f32; 2]> {
+            let marks = drawn(&OVERLAY, &flight, size, 2.0);
+            marks.iter().filter_map(|m| if let Mark::Disc { centre, .. } = m { Some(*centre) } else { None }).collect()
+        };
+        for size in [[800, 600], [400, 600], [800, 300]] {
+            let all = discs(size);
+            assert!(!all.is_empty());
+            let [w, h] = size.map(|n| n as f32);
+            for c in &all {
+                assert!(c[0] >= -18.0 && c[0] <= w + 18.0 && c[1] >= -18.0 && c[1] <= h + 18.0, "{c:?} in {size:?}");
+            }
+            // Some are beyond the edge by less than that, and some near it within.
+            let near = |x: f32, edge: f32| (x - edge).abs() < 60.0;
+            assert!(
+                all.iter().any(|c| near(c[0], 0.0) || near(c[0], w) || near(c[1], 0.0) || near(c[1], h)),
+                "{size:?}"
+            );
+        }
+    }
 }

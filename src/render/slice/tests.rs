@@ -283,3 +283,25 @@ fn runs_agree_with_single_samples() {
         assert!(at_border || (hu - alone[0]).abs() < 1e-3, "{n}: {hu} and {}", alone[0]);
     }
 }
+
+/// A line that enters the scan through a corner is outside before it, in every direction.
+#[test]
+fn a_line_through_a_corner_is_in_the_scan_from_there_on() {
+    let grid = Grid::new([12; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let volume = Volume::new(grid.clone(), vec![500; grid.len()]);
+    for sign in [-1.0, 1.0] {
+        for normal in [DVec3::new(1.0, 1.0, -2.0), DVec3::new(1.0, -1.0, 0.0), DVec3::new(-2.0, 1.0, 1.0)] {
+            let frame = SlicePlane::Oblique(normal * sign).frame().unwrap();
+            let slice = Slice { centre: DVec3::splat(5.5), frame, mm_per_pixel: 0.7, size: [48, 48] };
+            let mut out = Vec::new();
+            slice.fill(&volume, &mut out);
+            for (n, hu) in out.iter().enumerate() {
+                let v = slice.world([(n % 48) as f64 + 0.5, (n / 48) as f64 + 0.5]);
+                let beyond = (v - DVec3::splat(5.5)).abs().max_element() - 6.0;
+                if beyond.abs() > 1e-3 {
+                    assert_eq!(*hu, if beyond < 0.0 { 500.0 } else { -1024.0 }, "{normal} {v}");
+                }
+            }
+        }
+    }
+}
