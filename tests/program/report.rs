@@ -234,7 +234,7 @@ fn cleansing_is_reported() {
     assert!(mm < 0.5 && degrees < 15.0 && missing < 1.0, "{mm} mm, {degrees}°, {missing} %");
     assert_eq!(errors("blanked", "dry"), errors("none", "dry"), "dry walls stay");
     let (columns, methods) = csv(&out.join("methods.csv"));
-    assert!(columns.len() == 7 && methods.len() == 3);
+    assert!(columns.len() == 7 && methods.len() == 4);
     assert!(String::from_utf8_lossy(&said.stdout).contains("blanked: under fluid"));
 }
 

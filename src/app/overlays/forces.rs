@@ -181,4 +181,27 @@ mod tests {
             assert_eq!(text, format!("{:.0} mm/s²", force.acceleration.length()), "{}", force.name);
         }
     }
+
+    /// The point that the arrows start at is a cross of 10 points.
+    #[test]
+    fn a_cross_marks_where_the_forces_act() {
+        use crate::app::overlay::Mark;
+        let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        flight.step().unwrap();
+        let marks = drawn(&OVERLAY, &flight, [800, 600], 1.0);
+        let lines: Vec<_> = marks
+            .iter()
+            .filter_map(|m| if let Mark::Line { from, to, .. } = m { Some((*from, *to)) } else { None })
+            .collect();
+        let level = lines.iter().find(|(f, t)| f[1] == t[1] && (t[0] - f[0] - 10.0).abs() < 1e-3);
+        let (from, to) = level.expect("a line of 10 points across");
+        let middle = [0.5 * (from[0] + to[0]), from[1]];
+        let upright = lines.iter().any(|(f, t)| {
+            f[0] == middle[0]
+                && t[0] == middle[0]
+                && (f[1] - middle[1] + 5.0).abs() < 1e-3
+                && (t[1] - middle[1] - 5.0).abs() < 1e-3
+        });
+        assert!(upright, "and one upright through its middle: {lines:?}");
+    }
 }

@@ -137,4 +137,30 @@ mod tests {
         assert!(wanted > 4.0 && wanted < 16.0, "{wanted}");
         assert!(radii.iter().any(|r| (r - wanted).abs() < 1.6), "{radii:?}, not {wanted}");
     }
+
+    #[test]
+    fn a_near_mine_has_the_largest_mark_at_any_density() {
+        let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        let at = flight.pose().position;
+        let settings = flight.camera::<MineField>().unwrap().settings;
+        let mut field = flight.camera_mut::<MineField>().unwrap();
+        field.mines.clear();
+        field.mines.lay_behind(at - DVec3::Y * 3.0, DVec3::Y, &settings);
+        assert!(flight.place(at, DVec3::NEG_Y, DVec3::Z));
+        for scale in [1.0, 2.0] {
+            let marks = drawn(&OVERLAY, &flight, [800, 600], scale);
+            let discs = marks.iter().filter_map(|m| {
+                if let crate::app::overlay::Mark::Disc { centre, radius, .. } = m {
+                    Some((*centre, *radius))
+                } else {
+                    None
+                }
+            });
+            let most = discs
+                .filter(|(c, _)| (c[0] - 400.0).abs() < 2.0 && (c[1] - 300.0).abs() < 2.0)
+                .map(|d| d.1)
+                .fold(0.0, f32::max);
+            assert!((most - 16.0 * scale).abs() <= 2.0 * scale, "{most} pixels at {scale}");
+        }
+    }
 }

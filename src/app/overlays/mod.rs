@@ -192,4 +192,35 @@ mod tests {
         assert_eq!(ends[3], ([50.0, 40.0], [70.0, 40.0]));
         assert_eq!([ends[4], ends[5]], [([62.0, 36.0], [70.0, 40.0]), ([62.0, 44.0], [70.0, 40.0])]);
     }
+
+    #[test]
+    fn a_ring_has_an_edge_within_and_around_it() {
+        let mut canvas = canvas([200, 100], 2.0);
+        ring(&mut canvas, [50.0, 40.0], 10.0, ORANGE);
+        let circle = |radius, colour| Mark::Circle { centre: [50.0, 40.0], radius, colour };
+        assert_eq!(canvas.into_marks(), [circle(8.0, EDGE), circle(12.0, EDGE), circle(10.0, ORANGE)]);
+    }
+
+    #[test]
+    fn the_camera_stands_in_the_middle_of_the_height_of_its_surroundings() {
+        let flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        let at = flight.pose().position;
+        let pose = flight.pose();
+        let view = View::new(at, pose.attitude.forward, pose.attitude.up, 90.0, 800, 600).unwrap();
+        let mut canvas = Canvas::at_scale(view, 1.0);
+        let panes = surroundings::surroundings(&flight, &mut canvas).unwrap();
+        let panels: Vec<_> = canvas
+            .into_marks()
+            .into_iter()
+            .filter_map(|m| if let Mark::Panel { low, high, .. } = m { Some((low, high)) } else { None })
+            .collect();
+        for (pane, (low, high)) in panes.iter().zip(panels) {
+            let [x, y] = pane.find(at);
+            // The title is above the view.
+            let top = low[1] + 17.0;
+            assert!((y - 0.5 * (top + high[1])).abs() < 1.0, "{y} between {top} and {}", high[1]);
+            assert!(x > low[0] && x < high[0], "{x}");
+            assert!(pane.holds(pane.find(at + pose.attitude.forward * 5.0)));
+        }
+    }
 }

@@ -514,4 +514,23 @@ mod tests {
         let without = stats(&flight, &Timings::default(), &[], None).unwrap();
         assert!(without.get("coverage").is_none());
     }
+
+    #[test]
+    fn the_ends_of_a_flight_are_those_of_the_arguments() {
+        let asked = |arguments: &[&str]| request(&parsed(arguments).0);
+        let to = asked(&["--from", "1,2,-3", "--to", "cecum"]);
+        assert!(matches!(to.from, Some(Place::World(w)) if w == DVec3::new(1.0, 2.0, -3.0)));
+        assert!(matches!(to.to, Some(Place::Cecum)) && !to.reverse);
+        let back = asked(&["--from", "rectum", "--reverse"]);
+        assert!(matches!(back.from, Some(Place::Rectum)) && back.to.is_none() && back.reverse);
+    }
+
+    #[test]
+    fn outputs_must_not_overwrite_an_input_or_each_other() {
+        let refused = |arguments: &[&str]| check_apart(&parsed(arguments).0).is_err();
+        assert!(refused(&["--log", "a.jsonl", "--stats", "a.jsonl"]));
+        assert!(refused(&["scan.nii", "--log", "scan.nii"]));
+        assert!(refused(&["--play", "a.jsonl", "--log", "a.jsonl"]));
+        assert!(!refused(&["scan.nii", "--log", "a.jsonl", "--stats", "b.json", "--record", "c.gif"]));
+    }
 }

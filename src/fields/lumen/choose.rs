@@ -341,4 +341,12 @@ mod tests {
             }
         }
     }
+
+    #[test]
+    fn what_is_no_colon_is_named_with_its_reason() {
+        assert_eq!(Kind::Unsure.reported(), None);
+        let named = [Kind::Outside, Kind::Around, Kind::Lung].map(|k| k.reported().unwrap());
+        assert_eq!(named.map(|n| n.0), ["outside", "around", "lung"]);
+        assert!(named.iter().all(|n| n.1.len() > 10));
+    }
 }

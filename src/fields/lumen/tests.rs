@@ -401,3 +401,15 @@ fn the_phantom_is_one_lumen_from_rectum_to_cecum() {
         assert!((length - truth.length_mm).abs() < 0.1 * truth.length_mm, "{length} is not {} mm", truth.length_mm);
     }
 }
+
+/// The faces of all wall places together are those of the lumen's voxels, however many voxels are looked at.
+#[test]
+fn the_places_of_the_wall_have_its_area() {
+    for spacing in [0.5, 1.0] {
+        let tube = |p: DVec3| if p.x.abs() < 10.0 && p.y.abs() < 8.0 && p.z.abs() < 40.0 { GAS } else { TISSUE };
+        let lumen = found(&scan(&grid_around(DVec3::new(50.0, 50.0, 110.0), DVec3::splat(spacing)), tube));
+        let area: f64 = lumen.wall_places(&[0]).iter().map(|p| p.mm2).sum();
+        let truth = 2.0 * (20.0 * 16.0 + 20.0 * 80.0 + 16.0 * 80.0);
+        assert!((area / truth - 1.0).abs() < 0.05, "{area} mm², not {truth}");
+    }
+}

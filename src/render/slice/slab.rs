@@ -135,3 +135,19 @@ impl Samples {
         found.simd_eq(none).select(line::air(simd), found)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slab_is_as_thick_as_it_was_made_and_of_its_kind() {
+        for kind in [SlabKind::Mean, SlabKind::Max, SlabKind::Min] {
+            let slab = Slab::new(7.5, kind).unwrap();
+            assert_eq!((slab.mm(), slab.kind()), (7.5, kind));
+        }
+        for bad in [-0.1, MAX_SLAB_MM + 0.1, f64::NAN] {
+            assert!(Slab::new(bad, SlabKind::Mean).is_err(), "{bad}");
+        }
+    }
+}

@@ -179,16 +179,18 @@ fn parts_table(all: &[Measured]) -> Table {
         "95 % / degrees",
         "missing / %",
     ]);
+    // Without a single wall there is no error of it.
+    let number = |value: f64, digits| Cell::from(value.is_finite().then_some(Cell::Number(value, digits)));
     for m in all {
         for o in &m.outcomes {
             for (part, e) in &o.parts {
                 let names: [Cell; 3] = [m.title.as_str().into(), o.method.into(), part.name().into()];
                 let numbers = [
                     Cell::Number(e.places as f64, 0),
-                    Cell::Number(e.mean_mm, 3),
-                    Cell::Number(e.p95_mm, 3),
-                    Cell::Number(e.mean_degrees, 1),
-                    Cell::Number(e.p95_degrees, 1),
+                    number(e.mean_mm, 3),
+                    number(e.p95_mm, 3),
+                    number(e.mean_degrees, 1),
+                    number(e.p95_degrees, 1),
                     Cell::Number(100.0 * e.missing, 2),
                 ];
                 t.row(names.into_iter().chain(numbers).collect());
