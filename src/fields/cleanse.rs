@@ -311,7 +311,7 @@ fn blur(area: &Box3, values: &mut [f32], sigma: [f64; 3]) {
             for m in 0..count {
                 let mut sum = bell[0] * line[m];
                 for (d, b) in bell.iter().enumerate().skip(1) {
-                    // Mirrored at the ends.
+                    // Beyond the ends their values go on.
                     let (l, h) = (m.saturating_sub(d), (m + d).min(count - 1));
                     sum += b * (line[l] + line[h]);
                 }

@@ -88,7 +88,7 @@ pub struct Scanner {
     pub blur_mm: Option<f64>,
     /// Standard deviation of the noise, HU, if the settings enable it.
     pub noise_hu: f64,
-    /// HU of all tag; `None` as placed: 450, or from 200 to 1200 if inhomogeneous.
+    /// HU of all tag, about which inhomogeneous tag varies; `None` as placed: 450, or from 200 to 1200 if inhomogeneous.
     pub tag_hu: Option<f64>,
 }
 

@@ -181,9 +181,7 @@ impl Tag {
         seen.hu = if weight > 0.0 { sum / weight } else { FLUID };
         seen
     }
-}
 
-impl Tag {
     /// Returns what is beside a place on the wall (world), with arc length `s` and distances `d`.
     pub(crate) fn beside(&self, p: DVec3, s: f64, d: &Distances) -> Beside {
         let mut nearest = f64::INFINITY;
