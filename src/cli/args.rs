@@ -61,6 +61,9 @@ pub struct Global {
     /// Camera model [default: perspective]
     #[arg(long, global = true, value_name = "MODEL")]
     pub camera: Option<String>,
+    /// Take tagged fluid and stool out of the scan, as `colvis cleanse` does
+    #[arg(long, global = true)]
+    pub cleanse: bool,
     /// Random seed of the phantom
     #[arg(long, global = true, value_name = "N", value_parser = seed, allow_negative_numbers = true)]
     pub seed: Option<u64>,
@@ -79,6 +82,8 @@ pub enum Command {
     Segment(SegmentArgs),
     /// Write the surface of the colon's lumen as a closed mesh
     Surface(SurfaceArgs),
+    /// Write the scan without the colon's tagged fluid and stool
+    Cleanse(CleanseArgs),
     /// Write the colon's centerline
     Centerline(CenterlineArgs),
     /// Write a synthetic colon and its ground truth
@@ -252,6 +257,22 @@ pub struct SegmentArgs {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<Triple>,
     /// Write volumes and bounds as JSON
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
+/// `cleanse`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct CleanseArgs {
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
+    pub input: PathBuf,
+    /// Output scan
+    #[arg(long, value_name = "SCAN")]
+    pub out: PathBuf,
+    /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub from: Option<Triple>,
+    /// Write volumes, pools and what was not taken as JSON
     #[arg(long, value_name = "F.json")]
     pub stats: Option<PathBuf>,
 }

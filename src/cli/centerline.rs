@@ -238,8 +238,10 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+    use crate::cli::Program;
+    use crate::cli::args::Command;
     use crate::fields::lumen::Segment;
-    use crate::volume::Grid;
+    use crate::volume::{Grid, io};
 
     fn lumen(segments: &[(f64, &[usize])], ordered: bool) -> Lumen {
         let segment = |(n, (ml, joined_to)): (usize, &(f64, &[usize]))| Segment {
@@ -308,5 +310,42 @@ mod tests {
         assert_eq!(length([no(), line(3.0)]).unwrap(), 3.0);
         assert_eq!(length([line(2.0), no()]).unwrap(), 2.0);
         assert!(length([no(), no()]).is_err());
+    }
+
+    #[test]
+    fn a_curve_for_slicer_has_the_points_of_the_line_in_its_frame() {
+        let points = vec![DVec3::new(1.0, -2.0, 3.5), DVec3::new(4.0, 5.0, -6.0)];
+        let line = Centerline { points, radius_mm: vec![2.0; 2], length_mm: 12.1, guessed: Vec::new() };
+        let file = markups(&line);
+        let curve = &file["markups"][0];
+        assert_eq!([&curve["type"], &curve["coordinateSystem"], &curve["coordinateUnits"]], ["Curve", "LPS", "mm"]);
+        let controls = curve["controlPoints"].as_array().unwrap();
+        let placed: Vec<_> = controls.iter().map(|c| (&c["id"], &c["position"])).collect();
+        assert_eq!(placed, [(&json!("1"), &json!([1.0, -2.0, 3.5])), (&json!("2"), &json!([4.0, 5.0, -6.0]))]);
+    }
+
+    #[test]
+    fn the_line_through_a_mask_is_written_in_a_known_format() {
+        let dir = tempfile::tempdir().unwrap();
+        let [mask, out, unknown] =
+            ["mask.nii", "line.json", "line.txt"].map(|n| dir.path().join(n).to_string_lossy().into_owned());
+        // A tube along z of 5 × 5 mm, 26 mm long.
+        let grid = Grid::new([9, 9, 30], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let is_lumen = |n: usize| [n % 9, n / 9 % 9].iter().all(|i| (2..7).contains(i)) && (2..28).contains(&(n / 81));
+        let voxels: Vec<u8> = (0..grid.len()).map(|n| u8::from(is_lumen(n))).collect();
+        io::save_mask(Path::new(&mask), &grid, &voxels, &Progress::new()).unwrap();
+        let run_to = |out: &str| {
+            let args = Program::default().parse(["colvis", "centerline", "--mask", &mask, "--out", out]).unwrap();
+            let Some(Command::Centerline(centerline)) = args.command else { panic!("{:?}", args.command) };
+            run(&centerline, &args.global, &Progress::new())
+        };
+        run_to(&out).unwrap();
+        let line: Value = serde_json::from_str(&std::fs::read_to_string(&out).unwrap()).unwrap();
+        let length_mm = line["length_mm"].as_f64().unwrap();
+        assert!((15.0..26.0).contains(&length_mm), "between the last balls in the tube: {length_mm} mm");
+        let points: Vec<DVec3> = serde_json::from_value(line["points"].clone()).unwrap();
+        assert!(points.iter().all(|p| (p.x - 4.0).abs() < 1.0 && (p.y - 4.0).abs() < 1.0), "{points:?}");
+        let e = run_to(&unknown).unwrap_err();
+        assert!(e.what.ends_with("line.txt") && !Path::new(&unknown).exists(), "{e}");
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod args;
 mod centerline;
+mod cleanse;
 mod explain;
 mod fly;
 mod info;
@@ -340,6 +341,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
             | Command::Slice(_)
             | Command::Segment(_)
             | Command::Surface(_)
+            | Command::Cleanse(_)
             | Command::Centerline(_),
         ) => Some(Bar::show(&progress)),
         _ => None,
@@ -350,6 +352,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Slice(a)) => slice::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
         Some(Command::Surface(a)) => surface::run(&a, &global, &progress),
+        Some(Command::Cleanse(a)) => cleanse::run(&a, &global, &progress),
         Some(Command::Fly(a)) => fly::run(program, &a, &global, &progress),
         Some(Command::Render(a)) => render::run(program, &a, &global, &progress),
         Some(Command::Explain(a)) => explain::run(program, &a, &global, &progress),

@@ -67,10 +67,14 @@ fn of_mask(mask: &Volume, progress: &Progress) -> Result<LumenMesh> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use glam::{DMat3, DVec3};
 
     use super::*;
-    use crate::volume::Grid;
+    use crate::cli::Program;
+    use crate::cli::args::Command;
+    use crate::volume::{Grid, io};
 
     #[test]
     fn the_surface_of_a_mask_encloses_its_voxels() {
@@ -81,5 +85,26 @@ mod tests {
         // 8³ voxels of 8 mm³ are 4.1 ml, and smoothing takes corners and edges off.
         assert!((3.0..4.3).contains(&measures.volume_ml), "{} ml", measures.volume_ml);
         assert_eq!((measures.components, measures.boundary_edges), (1, 0));
+    }
+
+    /// A point chooses gas in a scan. In a mask there is nothing to choose.
+    #[test]
+    fn a_mask_needs_no_point_and_takes_none() {
+        let dir = tempfile::tempdir().unwrap();
+        let [mask, out] = ["mask.nii", "mesh.ply"].map(|n| dir.path().join(n).to_string_lossy().into_owned());
+        let grid = Grid::new([8; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let is_set = |n: usize| [n % 8, n / 8 % 8, n / 64].iter().all(|i| (2..6).contains(i));
+        let voxels: Vec<u8> = (0..grid.len()).map(|n| u8::from(is_set(n))).collect();
+        io::save_mask(Path::new(&mask), &grid, &voxels, &Progress::new()).unwrap();
+        let run_with = |more: &[&str]| {
+            let line = [&["colvis", "surface", "--mask", &mask, "--out", &out][..], more].concat();
+            let args = Program::default().parse(line).unwrap();
+            let Some(Command::Surface(surface)) = args.command else { panic!("{:?}", args.command) };
+            run(&surface, &args.global, &Progress::new())
+        };
+        let refused = run_with(&["--from", "4,4,4"]).unwrap_err();
+        assert!(refused.what == "--from" && !Path::new(&out).exists(), "{refused}");
+        run_with(&[]).unwrap();
+        assert!(Path::new(&out).exists());
     }
 }

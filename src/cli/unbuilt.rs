@@ -7,9 +7,9 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use crate::error::Error;
 
 /// Planned commands.
-const COMMANDS: [&str; 7] = ["cleanse", "unfold", "measure", "candidates", "match", "dataset", "batch"];
+const COMMANDS: [&str; 6] = ["unfold", "measure", "candidates", "match", "dataset", "batch"];
 /// Planned options of built commands.
-const OPTIONS: [&str; 6] = ["--cleanse", "--second", "--coverage-mesh", "--review", "--normals", "--truth"];
+const OPTIONS: [&str; 5] = ["--second", "--coverage-mesh", "--review", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
 const VALUES: [(&str, &str); 10] = [
     ("--camera", "fisheye"),
@@ -25,7 +25,7 @@ const VALUES: [(&str, &str); 10] = [
 ];
 
 /// Refuses a command that is not built yet; `place` is the command's position in the line. An input with such a name needs a path
-/// (`./cleanse`) or an explicit command (`fly cleanse`).
+/// (`./unfold`) or an explicit command (`fly unfold`).
 ///
 /// # Errors
 /// Status 2.
@@ -70,6 +70,8 @@ pub(super) fn refusal(e: &clap::Error) -> Option<Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cli::Program;
+    use crate::cli::args::ParseError;
 
     #[test]
     fn planned_commands_are_known_and_refused_where_a_command_stands() {
@@ -80,8 +82,28 @@ mod tests {
             assert!(told.contains("not built") && told.contains(&format!("./{command}")), "{told}");
             assert!(check_command(&line(&["colvis", "fly", command]), 1).is_ok(), "an input of that name");
         }
-        for command in ["fly", "segment", "", "./cleanse"] {
+        for command in ["fly", "segment", "", "./unfold"] {
             assert!(!is_command(command) && check_command(&line(&["colvis", command]), 1).is_ok());
+        }
+    }
+
+    #[test]
+    fn planned_options_and_values_are_told_from_unknown_ones() {
+        let refused = |words: &[&str]| match Program::default().parse(words.iter().copied()) {
+            Err(ParseError::Line(e)) => refusal(&e).map(|e| (e.what, e.why)),
+            other => panic!("{other:?}"),
+        };
+        for (words, what) in [
+            (&["colvis", "fly", "--review"][..], "--review"),
+            (&["colvis", "--second", "x"], "--second"),
+            (&["colvis", "--camera", "fisheye"], "--camera fisheye"),
+            (&["colvis", "report", "coverage", "--out", "x"], "report coverage"),
+        ] {
+            assert_eq!(refused(words), Some((what.to_owned(), "is not built yet".to_owned())), "{words:?}");
+        }
+        for words in [&["colvis", "fly", "--warp"][..], &["colvis", "--camera", "warp"], &["colvis", "report", "warp"]]
+        {
+            assert_eq!(refused(words), None, "{words:?}");
         }
     }
 }

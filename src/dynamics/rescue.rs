@@ -440,4 +440,64 @@ mod tests {
         assert_eq!(circling(14.0), Some(true), "a small circle that passes it again");
         assert_eq!(circling(45.0), Some(false), "a large one goes round something");
     }
+
+    /// A return flight follows its own trail, which is no stall. It ends at the start, or where the camera gets stuck.
+    #[test]
+    fn a_return_flight_may_follow_its_trail_but_not_get_stuck() {
+        let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z, DVec3::NEG_X];
+        let lengths = [8.0, 10.0, 10.0, 10.0, 10.0, 90.0];
+        let reading = TentacleReading { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
+        // Flies 90 mm into a blind end, and back to `least` mm from its start. Returns where the operator is called.
+        let called = |least: f64| {
+            let (mut r, mut x, mut back) = (Rescue::default(), 0.0f64, false);
+            (0..(15.0 / DT) as usize).find_map(|_| {
+                x = if back { (x - 30.0 * DT).max(least) } else { (x + 30.0 * DT).min(90.0) };
+                match r.follow(DVec3::X * x, DT, Some(&reading), None, &MonitorSettings::default()) {
+                    RescueAction::SetOff { .. } => {
+                        back = true;
+                        None
+                    }
+                    RescueAction::Call { trap, .. } => Some((x, trap)),
+                    RescueAction::GoOn => None,
+                }
+            })
+        };
+        let (x, trap) = called(0.0).unwrap();
+        assert!((x - START_MM).abs() < 1.0 && trap == Trap::BlindEnd, "{trap:?} at {x}");
+        assert_eq!(called(45.0), Some((45.0, Trap::BlindEnd)));
+    }
+
+    /// A return flight that finds no new ground calls the operator after two and a half times the length flown before
+    /// it, and 100 mm more.
+    #[test]
+    fn a_return_flight_is_given_up_after_some_length() {
+        let directions = [DVec3::X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z, DVec3::NEG_X];
+        let lengths = [8.0, 10.0, 10.0, 10.0, 10.0, 90.0];
+        let reading = TentacleReading { directions: &directions, lengths: &lengths, heading: DVec3::X, radius_mm: 1.5 };
+        // With these, nothing else stops a flight that sways over its own trail.
+        let blind = MonitorSettings { least_progress_mm: 0.0, revisited_mm: 1e6, ..MonitorSettings::default() };
+        let (mut r, mut x, mut speed, mut flown) = (Rescue::default(), 0.0f64, 30.0f64, 0.0f64);
+        let mut came = None;
+        let called = (0..(30.0 / DT) as usize).find_map(|_| {
+            let next = (x + speed * DT).min(90.0);
+            flown += (next - x).abs();
+            x = next;
+            if came.is_some() && x < 30.0 {
+                speed = 30.0;
+            } else if came.is_some() && x > 80.0 {
+                speed = -30.0;
+            }
+            let settings = if came.is_some() { blind } else { MonitorSettings::default() };
+            match r.follow(DVec3::X * x, DT, Some(&reading), None, &settings) {
+                RescueAction::SetOff { .. } => {
+                    (came, speed) = (Some(flown), -30.0);
+                    None
+                }
+                RescueAction::Call { .. } => Some(flown),
+                RescueAction::GoOn => None,
+            }
+        });
+        let expected = 2.5 * came.unwrap() + 100.0;
+        assert!(called.is_some_and(|mm| (mm - expected).abs() < 2.0), "after {called:?} mm instead of {expected}");
+    }
 }

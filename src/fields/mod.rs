@@ -2,7 +2,7 @@
 //! Each is computed only when a scene needs it.
 
 pub mod centerline;
-pub(crate) mod cleanse;
+pub mod cleanse;
 pub(crate) mod clearance;
 pub(crate) mod distance;
 pub(crate) mod drain;

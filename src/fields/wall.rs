@@ -255,4 +255,22 @@ mod tests {
         assert_eq!(end(-1000.0, &[(0.2, 50.0)]), None, "liver");
         assert_eq!(end(-1000.0, &[(4.0, 50.0)]), None, "an edge that is none");
     }
+
+    /// Around a box, the lumen is straight across the nearest face, whatever the voxels' shape.
+    #[test]
+    fn the_lumen_is_inwards_of_its_wall() {
+        for spacing in [DVec3::ONE, DVec3::new(0.6, 0.9, 1.4)] {
+            let middle = spacing * 10.0;
+            let walls = WallDistance::drawn([21; 3], spacing, |p| ((p - middle) / spacing).abs().max_element() < 4.5);
+            for a in 0..3 {
+                for side in [-1i64, 1] {
+                    let mut voxel = [10i64; 3];
+                    voxel[a] += 5 * side;
+                    let expected = DVec3::AXES[a] * -(side as f64);
+                    let found = inwards(&walls, voxel).unwrap();
+                    assert!(found.distance(expected) < 1e-3, "{spacing}, {voxel:?}: {found}");
+                }
+            }
+        }
+    }
 }

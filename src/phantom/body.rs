@@ -281,4 +281,15 @@ mod tests {
             assert_eq!(body.value_among(p, body.near(p, 0.1)), body.value(p), "{x}");
         }
     }
+
+    #[test]
+    fn an_organ_is_near_as_far_as_its_blur_reaches() {
+        for sigma in [0.5, 4.0] {
+            let body = Body::new(1.0, sigma, 1);
+            // Beside the left kidney, in fat. Its half axis to this side is 26 mm, and its shortest one 24 mm.
+            let p = DVec3::new(58.0 + 26.0 * (1.0 + 1.75 * sigma / 24.0), 60.0, 70.0);
+            assert!(body.value(p) > FAT + 1.0, "some of the kidney is seen: {}", body.value(p));
+            assert_eq!(body.value_among(p, body.near(p, 0.0)), body.value(p), "blurred by {sigma} mm");
+        }
+    }
 }

@@ -346,4 +346,23 @@ mod tests {
             assert!((best.s - s).abs() < 1e-6, "{} for {s}", best.s);
         }
     }
+
+    /// The outermost knots have one neighbour each, so the search starts at the knot, up to half a step from the foot.
+    #[test]
+    fn feet_are_found_up_to_both_ends() {
+        let c = axis();
+        let reach = vec![40.0; c.knots().len()];
+        let end = c.length();
+        for s in [0.0, 0.5, 1.5, end - 1.5, end - 0.5, end] {
+            let f = c.frame(s);
+            let p = f.at + f.direction(1.0) * 8.0;
+            let mut nearest = (f64::INFINITY, f64::NAN);
+            c.feet(p, 0..c.knots().len(), &reach, |foot| {
+                if foot.rho < nearest.0 {
+                    nearest = (foot.rho, foot.s);
+                }
+            });
+            assert!((nearest.1 - s).abs() < 1e-6, "{} for {s} of {end}", nearest.1);
+        }
+    }
 }

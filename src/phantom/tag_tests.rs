@@ -307,3 +307,66 @@ fn tag_is_spread_over_the_colon() {
     assert!(films.0 < 0.12 * end && films.1 > 0.88 * end && films.2 >= 12, "{films:?}");
     assert!(stool.0 < 0.25 * end && stool.1 > 0.75 * end && stool.1 < end && stool.2 >= 5, "{stool:?}");
 }
+
+/// It is looked for at 21 places of the middle four fifths of a pool.
+#[test]
+fn a_thin_fold_stands_where_its_pool_is_deepest() {
+    for seed in [1, 2] {
+        let p = phantom(PhantomSettings { films: false, stool: false, seed, ..TAGGED });
+        for (pool, _) in &tag(&p).pools {
+            let deep = |s: f64| p.axis().frame(s).at.y + p.axis().profile(s).radius.0 - pool.level;
+            let own = p.shape.folds.iter().filter(|f| f.sheet && (pool.from..=pool.to).contains(&f.s));
+            let places: Vec<f64> = own.map(|f| f.s).collect();
+            let [fold] = places[..] else { panic!("{places:?} in {pool:?}") };
+            for i in 0..=20 {
+                let s = mix(pool.from, pool.to, 0.1 + 0.04 * f64::from(i));
+                assert!(deep(fold) >= deep(s) - 1e-9, "seed {seed}: {} mm at {fold}, {} at {s}", deep(fold), deep(s));
+            }
+        }
+    }
+}
+
+/// A film of 10 mm is too thin to count near its edge. Tag is near up to 5 mm beyond the edge.
+#[test]
+fn the_wall_around_a_film_is_near_tag() {
+    let film = Film { s: 100.0, centre: DVec3::ZERO, radius_mm: 10.0, thickness_mm: 1.0, hu: FLUID };
+    let films = vec![film];
+    let tag = Tag { down: DVec3::Y, pools: Vec::new(), films, stool: Vec::new(), inhomogeneous: None, pseudo: false };
+    let d = Distances { wall: 0.0, plain: 0.0, normal: DVec3::Y, thickness: f64::INFINITY };
+    for (mm, beside) in [
+        (0.0, Beside::Film),
+        (5.0, Beside::Film),
+        (9.5, Beside::Near),
+        (12.0, Beside::Near),
+        (14.9, Beside::Near),
+        (15.1, Beside::Gas),
+    ] {
+        assert_eq!(tag.beside(DVec3::X * mm, 100.0, &d), beside, "{mm} mm from the middle");
+    }
+}
+
+#[test]
+fn a_lump_grows_towards_its_balls_and_away_from_its_bubbles() {
+    let (balls, bubbles) = (vec![(DVec3::ZERO, 5.0)], vec![(2.0 * DVec3::X, 1.0)]);
+    let lump = Stool { s: 0.0, centre: DVec3::ZERO, reach_mm: 5.0, balls, bubbles, hu: FLUID };
+    for (at, inside, grows) in [
+        (4.0 * DVec3::Y, 1.0, DVec3::NEG_Y),
+        (7.0 * DVec3::Z, -2.0, DVec3::NEG_Z),
+        // Between the bubble's surface and that of the ball, nearer to the bubble's.
+        (3.4 * DVec3::X, 0.4, DVec3::X),
+    ] {
+        let body = lump.body(at);
+        assert!((body.inside - inside).abs() < 1e-9, "{at}: {} mm", body.inside);
+        assert!((body.grows - grows).length() < 1e-9, "{at}: {}", body.grows);
+    }
+}
+
+#[test]
+fn patches_vary_by_a_fifth_about_one() {
+    let at = |n: u64| 400.0 * DVec3::new(hash::uniform(1, n), hash::uniform(2, n), hash::uniform(3, n));
+    let factors: Vec<f64> = (0..2000).map(|n| patchy(7, at(n))).collect();
+    let (least, most) = factors.iter().fold((f64::INFINITY, 0.0f64), |(l, m), f| (l.min(*f), m.max(*f)));
+    let mean = factors.iter().sum::<f64>() / factors.len() as f64;
+    assert!((mean - 1.0).abs() < 0.02, "{mean}");
+    assert!((0.8..0.9).contains(&least) && (1.1..1.2).contains(&most), "{least} to {most}");
+}

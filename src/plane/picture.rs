@@ -269,6 +269,19 @@ mod tests {
     }
 
     #[test]
+    fn a_circle_is_round_on_every_side() {
+        let frame = on_black(|pen| pen.circle(DVec3::new(10.0, 6.0, 0.0), 3.0, RED, 0.8));
+        // The centre is (20, 12) and the radius 6 pixels. The line fades out 1.2 pixels to either side.
+        for y in 0..30 {
+            for x in 0..70 {
+                let off = ((x as f64 + 0.5 - 20.0).hypot(y as f64 + 0.5 - 12.0) - 6.0).abs();
+                let share = 0.8 * (1.2 - off).clamp(0.0, 1.0);
+                assert_eq!(red(&frame, x, y), (255.0 * share).round() as u8, "{x}, {y}");
+            }
+        }
+    }
+
+    #[test]
     fn a_line_reaches_from_end_to_end_and_covers_no_pixel_twice() {
         // From pixel (4, 10) to (56, 10), drawn in three pieces, half a pixel to either side, with round ends.
         let (a, b) = (DVec3::new(2.0, 5.0, 0.0), DVec3::new(28.0, 5.0, 0.0));

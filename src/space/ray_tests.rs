@@ -178,6 +178,27 @@ fn what_is_no_ray_has_no_crossing() {
     }
 }
 
+/// The wall around the origin is no crossing either.
+#[test]
+fn what_is_no_ray_has_no_crossing_within_the_wall() {
+    let tissue = volume([4; 3], DVec3::ONE, DMat3::IDENTITY, |_| 40.0);
+    let c = tissue.voxels().grid().world(DVec3::splat(1.5));
+    assert_eq!(first_crossing(&tissue, c, DVec3::X, 9.0), Some(0.0));
+    for direction in [DVec3::ZERO, DVec3::NAN, DVec3::INFINITY] {
+        assert_eq!(first_crossing(&tissue, c, direction, 9.0), None, "{direction}");
+    }
+    for max_mm in [-1.0, f64::NEG_INFINITY, f64::NAN] {
+        assert_eq!(first_crossing(&tissue, c, DVec3::X, max_mm), None, "{max_mm}");
+    }
+    // Here even the air outside is wall.
+    let all = TransferFunction::new(-1100.0, -1080.0).unwrap();
+    let all = PreparedVolume::new(Arc::new(tissue.voxels().clone()), all);
+    assert_eq!(first_crossing(&all, DVec3::splat(-1e3), DVec3::X, 9.0), Some(0.0));
+    for origin in [DVec3::NAN, DVec3::INFINITY, DVec3::NEG_INFINITY] {
+        assert_eq!(first_crossing(&all, origin, DVec3::X, 9.0), None, "{origin}");
+    }
+}
+
 #[test]
 fn a_sphere_lies_where_it_is() {
     let r = 20.0;
@@ -269,4 +290,25 @@ fn a_bundle_in_a_coarse_volume_leaps_over_no_wall() {
             assert_eq!(bundle.first_crossing(ray), first_crossing(&s, ray.0, ray.1, f64::INFINITY), "from {x}");
         }
     }
+}
+
+/// A ray passes many voxels that are much shorter than a millimetre in each step that a bundle leaps.
+#[test]
+fn a_bundle_in_a_fine_volume_leaps_over_no_sheet() {
+    let s = volume([64, 20, 20], DVec3::splat(0.1), DMat3::IDENTITY, |p| if p.x == 25.0 { 1000.0 } else { -1000.0 });
+    let mut hits = 0;
+    for n in 0..120 {
+        let x = 0.25 + 0.5 * f64::from(n);
+        let origin = s.voxels().grid().world(DVec3::new(x, 9.5, 9.5));
+        for forward in [DVec3::X, DVec3::NEG_X] {
+            let rays = [DVec3::ZERO, DVec3::Y * 0.01, DVec3::Z * -0.01].map(|d| (origin, (forward + d).normalize()));
+            let bundle = Bundle::new(&s, rays.into_iter());
+            for ray in rays {
+                let alone = first_crossing(&s, ray.0, ray.1, f64::INFINITY);
+                assert_eq!(bundle.first_crossing(ray), alone, "from {x} along {forward}");
+                hits += u32::from(alone.is_some());
+            }
+        }
+    }
+    assert!(hits > 300, "{hits}");
 }

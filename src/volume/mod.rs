@@ -46,6 +46,11 @@ impl Volume {
         &self.data
     }
 
+    /// Returns all values to be changed. The grid stays.
+    pub(crate) fn data_mut(&mut self) -> &mut [i16] {
+        &mut self.data
+    }
+
     /// Returns the size of the values in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.data.as_slice())

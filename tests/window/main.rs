@@ -229,6 +229,13 @@ fn a_flight_in_a_window() {
         |shot| panels("window saved picture", &middle(&image), &middle(shot)),
     );
 
+    // At rest, the list of keys is shown over the picture, and the picture again.
+    let dark = |i: &RgbImage| share(&middle(i), |p| p.iter().all(|&c| c < 30));
+    screen.key("h");
+    screen.shot_when("the list of keys", |i| dark(i) > dark(&image) + 0.4);
+    screen.key("h");
+    screen.shot_when("the picture without the list", |i| middle(i) == middle(&image));
+
     // By hand, forwards, then back with the guide.
     screen.key("g");
     screen.key("space");
@@ -385,16 +392,21 @@ fn slices_beside_the_flight() {
     assert_eq!(fs::read_to_string(&kept).unwrap(), "{}");
 }
 
+/// Writes a scan of 512 voxels of tissue, of which the file holds the first `held`.
+fn write_tissue(path: &Path, held: usize) {
+    let head = "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n\
+                BinaryDataByteOrderMSB = False\nElementDataFile = LOCAL\n";
+    let voxels = std::iter::repeat_n(40i16.to_le_bytes(), held).flatten();
+    fs::write(path, head.bytes().chain(voxels).collect::<Vec<u8>>()).unwrap();
+}
+
 /// A scan that cannot be flown is shown, and the reason is the same as without a window.
 #[test]
 fn a_scan_without_a_way_leaves_an_empty_log_and_the_reason() {
     let Some(screen) = Screen::open() else { return };
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let head = "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n\
-                BinaryDataByteOrderMSB = False\nElementDataFile = LOCAL\n";
-    let voxels = std::iter::repeat_n(40i16.to_le_bytes(), 512).flatten();
-    fs::write(folder.join("s.mha"), head.bytes().chain(voxels).collect::<Vec<u8>>()).unwrap();
+    write_tissue(&folder.join("s.mha"), 512);
     let args = ["fly", "s.mha", "--size", "640x480", "--log", "f.jsonl", "--stats", "stats.json"];
     let mut told = 0;
     // The text no longer changes after the failure.
@@ -409,6 +421,44 @@ fn a_scan_without_a_way_leaves_an_empty_log_and_the_reason() {
     assert_eq!(fs::read(folder.join("f.jsonl")).unwrap(), b"");
     let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
     assert!(stats["state"] == "operator" && err.contains(stats["reason"].as_str().unwrap()), "{stats}");
+}
+
+/// The exit status is about the scan of the command line, not about one that was chosen in the window.
+#[test]
+fn a_scan_chosen_in_the_window_fails_there_alone() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write_tissue(&folder.join("s.mha"), 512);
+    write_tissue(&folder.join("t.mha"), 256);
+    // Two lines below the title say why it cannot be flown.
+    let why = |i: &RgbImage| image::imageops::crop_imm(i, 40, 48, 560, 30).to_image();
+    let says_why = |i: &RgbImage| share(&why(i), |p| p.iter().all(|&c| c > 150)) > 0.03;
+    let mut window = screen.open_window(folder, &["fly", "s.mha", "--size", "640x480"], says_why);
+    // The last file of the folder is the lowest button. It ends early.
+    let first = screen.shot();
+    let button = first.enumerate_pixels().filter(|(_, _, p)| p.0 == [60; 3]).max_by_key(|(_, y, _)| *y);
+    let (x, y, _) = button.expect("a list of files");
+    screen.tool("xdotool", &["mousemove", &(x - 4).to_string(), &(y - 8).to_string(), "click", "1"]);
+    screen.shot_when("another reason", |i| says_why(i) && why(i) != why(&first));
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.is_empty(), "{status}: {err}");
+}
+
+/// The log of a short flight is written when the window is closed.
+#[test]
+fn a_full_disk_is_told_when_the_window_is_closed() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut window = screen.fly(folder, "/dev/full");
+    screen.key("q");
+    assert_eq!(window.wait().code(), Some(5));
+    let (_, err) = window.output();
+    assert!(err.starts_with("error: /dev/full: ") && err.lines().count() == 1, "{err}");
+    assert!(folder.join("stats.json").exists(), "the other outputs are written");
 }
 
 /// The recorded input, which pushes into the wall, gives the same log in the window and headless, and never a
@@ -551,6 +601,12 @@ fn a_drawn_lumen_in_a_window() {
     let mut before = None;
     let paused = screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now));
     assert!(feelers(&paused) > 0.002, "tentacles: {}", feelers(&paused));
+    let mines = |i: &RgbImage| share(i, |p| p == [200, 30, 40]);
+    assert!(mines(&paused) > 0.0);
+    screen.key("m");
+    screen.shot_when("no mines", |i| mines(i) == 0.0);
+    screen.key("m");
+    screen.shot_when("the mines again", |i| *i == paused);
     screen.key("t");
     screen.shot_when("no tentacles", |i| feelers(i) < feelers(&paused) / 2.0);
     screen.key("s");

@@ -154,4 +154,28 @@ mod tests {
             );
         }
     }
+
+    /// A mark reaches at most 9 points from its tip, which are 18 pixels on this screen.
+    #[test]
+    fn a_tip_beside_the_picture_is_drawn_while_its_mark_reaches_in() {
+        let mut flight = flight_in_a_room(Scene::guided_by("tentacles"));
+        let attitude = flight.pose().attitude;
+        let mut is_drawn = |x: f64, y: f64| {
+            // 300 pixels are the tangent of 45°.
+            let aside = attitude.right() * ((x - 400.0) / 300.0) - attitude.up * ((y - 300.0) / 300.0);
+            let mut tentacles = flight.camera_mut::<Tentacles>().unwrap();
+            tentacles.directions = vec![(attitude.forward + aside).normalize()];
+            tentacles.lengths = vec![20.0];
+            let marks = drawn(&OVERLAY, &flight, [800, 600], 2.0);
+            marks.iter().any(|m| {
+                matches!(m, Mark::Disc { centre, .. }
+                    if (f64::from(centre[0]) - x).abs() < 0.5 && (f64::from(centre[1]) - y).abs() < 0.5)
+            })
+        };
+        for (beside, expected) in [(-8.0, true), (14.0, true), (22.0, false)] {
+            for (x, y) in [(-beside, 300.0), (800.0 + beside, 300.0), (400.0, -beside), (400.0, 600.0 + beside)] {
+                assert_eq!(is_drawn(x, y), expected, "{x}, {y}");
+            }
+        }
+    }
 }

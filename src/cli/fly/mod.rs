@@ -416,6 +416,8 @@ mod tests {
     use crate::app::Plan;
     use crate::components::output::LogLine;
     use crate::fields::lumen;
+    use crate::render::presets::standard;
+    use crate::render::{Options, Preset};
     use crate::testing::Room;
     use crate::volume::io;
 
@@ -462,6 +464,21 @@ mod tests {
         for (quality, adaptive) in [("high", false), ("low", false), ("adaptive", true)] {
             let settings = of_a_film(quality);
             assert!(settings.adaptive == adaptive && settings.light == Light::HEADLIGHT, "{quality}");
+        }
+    }
+
+    #[test]
+    fn the_settings_of_a_preset_in_a_scene_file_reach_its_pictures() {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("scene.toml").to_string_lossy().into_owned();
+        std::fs::write(&file, "plugins = [\"render\"]\n[render]\npreset = \"tinted\"\n[tinted]\nred = 7\n").unwrap();
+        let tinted = Preset { name: "tinted", check: |_| Ok(()), ..standard::PRESET };
+        let program = Program::default().preset(tinted);
+        let (args, global) = parsed(&["--scene", &file]);
+        for screen in [Screen::Window, Screen::None] {
+            let image = scene(&program, &args, &global, screen).unwrap().image;
+            assert_eq!(image.preset.name, "tinted");
+            assert_eq!(image.settings.options, Options::new("red = 7".parse().unwrap()), "{screen:?}");
         }
     }
 

@@ -280,6 +280,28 @@ mod tests {
         }
     }
 
+    /// With nearly unlimited acceleration the speed is that of each place, along the whole of a narrow stretch and
+    /// nowhere else.
+    #[test]
+    fn a_narrow_stretch_is_slow_from_its_beginning_to_its_end() {
+        let line: Vec<DVec3> = (0..=100).map(|n| DVec3::X * f64::from(n)).collect();
+        let clearance: Vec<f64> = (0..=100).map(|n| if (50..=60).contains(&n) { 3.0 } else { 14.0 }).collect();
+        let route = Route::along(&line, &clearance, DVec3::Z).unwrap();
+        let set = PathSettings { acceleration_mm_s2: 1e4, jerk_mm_s3: 1e8, ..PathSettings::default() };
+        let p = Profile::new(&route, 0.0, 0.0, &set);
+        let [mut slow, mut fast] = [0, 0];
+        for m in &p.moments {
+            if (50.2..59.8).contains(&m.s) {
+                assert!((m.v - 10.0).abs() < 0.5, "{m:?}");
+                slow += 1;
+            } else if (2.0..48.8).contains(&m.s) || (61.2..98.0).contains(&m.s) {
+                assert!((m.v - 30.0).abs() < 0.5, "{m:?}");
+                fast += 1;
+            }
+        }
+        assert!(slow > 100 && fast > 300, "{slow} {fast}");
+    }
+
     #[test]
     fn nonsense_is_refused() {
         let good = PathSettings::default();

@@ -371,6 +371,7 @@ impl Cells {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::hash::uniform;
 
     #[test]
     fn a_cell_has_64_voxels_and_is_nearly_a_cube() {
@@ -383,6 +384,25 @@ mod tests {
             (DVec3::new(0.7, 0.7, 3.0), [8, 8, 1]),
         ] {
             assert_eq!(Shape::of(spacing).side, side, "{spacing}");
+        }
+    }
+
+    /// A set of a cell's voxels grows by those that share a face with one of them, and keeps all it has.
+    #[test]
+    fn a_set_grows_by_the_voxels_beside_it() {
+        for spacing in [DVec3::ONE, DVec3::new(0.5, 1.0, 2.0), DVec3::new(0.7, 0.7, 3.0)] {
+            let shape = Shape::of(spacing);
+            let apart = |a: usize, b: usize| {
+                let (a, b) = (shape.offset(a), shape.offset(b));
+                (0..3).map(|x| (a[x] - b[x]).abs()).sum::<i64>()
+            };
+            for seed in 0..50 {
+                let members: Vec<usize> = (0..64usize).filter(|&b| uniform(seed, b as u64) < 0.2).collect();
+                let set = members.iter().fold(0u64, |m, &b| m | 1 << b);
+                let beside = (0..64usize).filter(|&b| members.iter().any(|&m| apart(m, b) <= 1));
+                let expected = beside.fold(0u64, |m, b| m | 1 << b);
+                assert_eq!(shape.grown(set), expected, "{spacing}: {set:#x}");
+            }
         }
     }
 }

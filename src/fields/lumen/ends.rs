@@ -175,3 +175,31 @@ pub(super) fn nearest(
     }
     best
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::fields::lumen::runs::Run;
+
+    /// A single voxel is found from every side, within the grid and beyond it, as far as asked and no farther.
+    #[test]
+    fn the_nearest_voxel_is_found_within_the_given_distance() {
+        let grid = Grid::new([9; 3], DVec3::new(0.5, 1.0, 2.0), DVec3::new(-3.0, 5.0, 7.0), DMat3::IDENTITY).unwrap();
+        let slice = |k: usize| {
+            let lengths: Vec<u32> = (0..9).map(|j| u32::from(j == 4 && k == 4)).collect();
+            (lengths, vec![Run { start: 4, end: 5, label: 6 }; usize::from(k == 4)])
+        };
+        let rows = Rows::from_slices([9; 3], (0..9).map(slice).collect()).unwrap();
+        let voxel = grid.world(DVec3::splat(4.0));
+        for side in [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z] {
+            for mm in [0.4, 1.0, 3.0, 12.0] {
+                let at = voxel + side * mm;
+                assert_eq!(nearest(&grid, &rows, at, mm + 1e-6, |_| true), Some((6, voxel)), "{mm} mm along {side}");
+                assert_eq!(nearest(&grid, &rows, at, mm - 1e-6, |_| true), None, "{mm} mm along {side}");
+                assert_eq!(nearest(&grid, &rows, at, mm + 1e-6, |label| label != 6), None, "another label");
+            }
+        }
+    }
+}

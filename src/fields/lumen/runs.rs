@@ -448,4 +448,14 @@ mod tests {
         progress.cancel();
         assert!(components_below(&volume([2, 2, 2], vec![-1000; 8]), -800, &progress).is_err());
     }
+
+    #[test]
+    fn the_size_in_memory_is_that_of_rows_and_runs() {
+        // Two runs in each of six rows.
+        let v = volume([4, 3, 2], (0..24).map(|n| if n % 2 == 0 { -1000 } else { 0 }).collect());
+        let (rows, _) = components_below(&v, -800, &Progress::new()).unwrap();
+        assert_eq!(rows.runs().len(), 12);
+        // Four bytes for the start of each row and for the end of all, three numbers of four bytes for each run.
+        assert_eq!(rows.bytes(), 7 * 4 + 12 * 12);
+    }
 }

@@ -143,3 +143,44 @@ fn leads_where_the_body_fits() {
     let (d, there, _) = way(false, 2.5);
     assert!(there && d.clearance_mm() < 1.3, "through the slit, as there is no other way");
 }
+
+/// Where nothing leads to the body's start, no clearance is kept, and only the target's own piece has a distance.
+#[test]
+fn a_start_out_of_reach_leaves_the_distance_of_the_targets_piece() {
+    let w = walls([60, 11, 11], DVec3::ONE, |p| (p.y - 5.0).hypot(p.z - 5.0) < 4.0 && !(25.0..33.0).contains(&p.x));
+    let (target, from) = (DVec3::new(3.0, 5.0, 5.0), DVec3::new(50.0, 5.0, 5.0));
+    for clearance_mm in [0.0, 2.0] {
+        let body = Some(BodyClearance { from, clearance_mm });
+        let d = TargetDistance::to(&w, target, body, &[], &Progress::new()).unwrap();
+        assert_eq!(d.clearance_mm(), 0.0);
+        assert!((f64::from(d.at([20, 5, 5]).unwrap()) - 17.0).abs() < 1.0);
+        assert_eq!(d.at([50, 5, 5]), None);
+    }
+}
+
+/// Where the front does not arrive, a voxel has the distance of the nearest one that it reached, plus half as much
+/// again as the path from there. Of two that are equally near, the one farther along the axis counts.
+#[test]
+fn what_is_not_reached_continues_the_distance_of_the_nearest_reached_voxel() {
+    // A channel too narrow for the body, open around two positions 18 mm apart.
+    let w = WallDistance::drawn([30, 3, 3], DVec3::ONE, |p| p.y == 1.0 && p.z == 1.0);
+    let open = [DVec3::new(3.0, 1.0, 1.0), DVec3::new(21.0, 1.0, 1.0)];
+    let mut march = March::new(&w, 2.0, &open);
+    march.ball([3, 1, 1], open[0]);
+    march.run(&Progress::new()).unwrap();
+    assert_eq!(march.bridge(&[open], &Progress::new()).unwrap(), [open]);
+    march.extend(&Progress::new()).unwrap();
+    for x in 0..30i64 {
+        let n = w.set().number([x, 1, 1]).unwrap();
+        let x = x as f64;
+        let expected = match x {
+            ..=8.0 => (x - 3.0).abs(),
+            ..=11.0 => 5.0 + 1.5 * (x - 8.0),
+            // Voxel 12 is four voxels from both voxel 8 and voxel 16.
+            ..16.0 => 23.0 + 1.5 * (16.0 - x),
+            ..=26.0 => 18.0 + (x - 21.0).abs(),
+            _ => 23.0 + 1.5 * (x - 26.0),
+        };
+        assert!((f64::from(march.values[n]) - expected).abs() < 1e-4, "{x}: {}, not {expected}", march.values[n]);
+    }
+}

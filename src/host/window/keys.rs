@@ -194,6 +194,13 @@ mod tests {
     }
 
     #[test]
+    fn the_space_bar_is_one_key_whether_a_name_or_a_character() {
+        let named = Chord::of(&Key::Named(NamedKey::Space), false);
+        assert_eq!(named, "Space".parse().ok());
+        assert_eq!(Chord::of(&Key::Character(" ".into()), false), named);
+    }
+
+    #[test]
     fn held_keys_add_up_and_opposites_cancel() {
         let mut h = HeldKeys::default();
         assert!(h.press(Hold::Forward) && !h.press(Hold::Forward));

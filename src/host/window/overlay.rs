@@ -395,4 +395,14 @@ mod tests {
         }
         assert!(top.max.y < 50.0 && (foot - 40.0..foot).contains(&bottom.max.y), "{top} {bottom}");
     }
+
+    #[test]
+    fn a_long_help_is_small_enough_for_the_picture() {
+        let help: Vec<_> = (0..60).map(|n| (format!("key {n}"), format!("what it does {n}"))).collect();
+        let shapes = drawn(&HudState { help: help.clone(), ..HudState::default() });
+        for text in help.iter().flat_map(|(key, what)| [key, what]) {
+            let at = of_text(&shapes, text);
+            assert!(at.min.x >= 0.0 && at.max.x <= 800.0 && at.min.y >= 0.0 && at.max.y <= 600.0, "{text}: {at}");
+        }
+    }
 }

@@ -1,12 +1,13 @@
 use std::sync::Arc;
 
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 
 use super::*;
 use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::{Direct, Preset, Reuse, presets, psnr, renderer};
 use crate::space::TransferFunction;
+use crate::volume::{Grid, Volume};
 
 const SIDE: usize = 96;
 
@@ -179,4 +180,28 @@ fn low_detail_is_cheaper_and_rests_when_it_is_sharp() {
     assert_ne!(r.render(&v, &mut frame), Work::default());
     assert!(r.detail().unwrap().best);
     assert_eq!(r.render(&v, &mut frame), Work::default());
+}
+
+/// The pictures kept are the coarse one, the last one of a moving camera, what stretching needs, and those of a camera
+/// at rest.
+#[test]
+fn the_memory_includes_every_picture() {
+    let grid = Grid::new([16; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+    let data = (0..grid.len()).map(|n| if n % 16 < 12 { -1000 } else { 0 }).collect();
+    let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+    let mut r = Adaptive::new(&volume, Box::new(Direct::new(&volume, Settings::default())), None);
+    r.set_budget(Budget::strict(1));
+    let counted = |r: &Adaptive| {
+        let pictures = r.parts().into_iter().filter(|p| p.0 == MemoryPart::RefinementPictures);
+        pictures.map(|p| p.1).sum::<usize>()
+    };
+    let v = View::new(DVec3::splat(6.0), DVec3::X, DVec3::Z, 90.0, 64, 48).unwrap();
+    let mut frame = Frame::default();
+    r.render(&v, &mut frame);
+    // Traced at an eighth of the side; three bytes a pixel.
+    let moving = 3 * (8 * 6 + 64 * 48) + r.enlarger.bytes();
+    assert_eq!((counted(&r), r.still.bytes()), (moving, 0));
+    r.render(&v, &mut frame);
+    assert!(r.still.bytes() >= 3 * 64 * 48 && r.enlarger.bytes() > 0);
+    assert_eq!(counted(&r), moving + r.still.bytes());
 }

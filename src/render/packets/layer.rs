@@ -426,20 +426,24 @@ mod tests {
         }
     }
 
-    /// Whether a ray's layers are shaded one by one or two at once, each adds its own light at its own position: the
-    /// gradient turns by more than a right angle between them.
-    #[test]
-    fn layers_that_wait_are_not_lost() {
+    /// A scan whose gradient is 40 HU/mm for each mm from the middle; the middle and the spacing, mm.
+    fn bowl() -> (PreparedVolume, DVec3, DVec3) {
         let spacing = DVec3::new(0.7, 0.9, 1.6);
         let grid = Grid::new([20, 18, 16], spacing, DVec3::ZERO, DMat3::IDENTITY).unwrap();
-        // The gradient is 40 HU/mm for each mm from the middle.
         let middle = DVec3::new(9.0, 8.0, 7.0) * spacing;
         let value = |n: usize| {
             let [x, y, z] = [n % 20, n / 20 % 18, n / 360].map(|c| c as f64);
             (20.0 * (DVec3::new(x, y, z) * spacing).distance_squared(middle)).round() as i16
         };
         let data = (0..20 * 18 * 16).map(value).collect();
-        let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+        (PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default()), middle, spacing)
+    }
+
+    /// Whether a ray's layers are shaded one by one or two at once, each adds its own light at its own position: the
+    /// gradient turns by more than a right angle between them.
+    #[test]
+    fn layers_that_wait_are_not_lost() {
+        let (volume, middle, spacing) = bowl();
         let occupancy = Occupancy::new(volume.voxels(), volume.transfer());
         let camera = middle + DVec3::new(-1.2, 1.0, 0.8);
         let view = View::new(camera, DVec3::X, DVec3::Z, 40.0, 64, 64).unwrap();
@@ -475,6 +479,46 @@ mod tests {
                 }
             }
             assert!(!(light.waiting.any() | light.layer.any()).any_true());
+        });
+    }
+
+    /// Lights other than the headlight use the sum of the layers' normals into the gas, weighted by their shares of the
+    /// light. A ray without a layer adds nothing.
+    #[test]
+    fn normals_are_weighted_like_the_light() {
+        let (volume, middle, spacing) = bowl();
+        let occupancy = Occupancy::new(volume.voxels(), volume.transfer());
+        let camera = middle + DVec3::new(-1.2, 1.0, 0.8);
+        let view = View::new(camera, DVec3::X, DVec3::Z, 40.0, 64, 64).unwrap();
+        let settings = Settings { light: Light::ENDOSCOPE, ..Settings::new(Quality::High) };
+        let rays = Rays::new(&volume, &occupancy, 1.0, &view, &settings, None).unwrap();
+        fearless_simd::dispatch!(levels()[0].1, simd => {
+            let number: [f32; 16] = std::array::from_fn(|n| n as f32);
+            let number = f32x16::load_array_ref(simd, &number);
+            let ray = rays.directions.lanes(simd, number * 4.0, number * 2.0 + 7.0);
+            let mut light = Sums::new(simd);
+            let mut cells = Cells::default();
+            // All rays meet the nearer layer, and the first eight of them another one.
+            for (share, place, rays_met) in [(0.5f32, 1.0f32, 16.0f32), (0.2, 4.0, 8.0)] {
+                let met = number.simd_lt(rays_met);
+                let zero = f32x16::splat(simd, 0.0);
+                light.layer.weight += met.select(f32x16::splat(simd, share), zero);
+                light.layer.place += met.select(f32x16::splat(simd, share * place), zero);
+                light.layer.value += met.select(f32x16::splat(simd, share * 100.0), zero);
+                rays.end(simd, &ray, met, &mut light, &mut cells, Medium::Air);
+                rays.shade(simd, &ray, &mut light, &mut cells, Medium::Air);
+            }
+            let normal = light.normal.map(|n| n.to_array());
+            for n in 0..16 {
+                let direction = DVec3::from_array([0, 1, 2].map(|a| f64::from(ray.world[a][n])));
+                let inwards = |place: f64| {
+                    let place = camera + direction * place * f64::from(rays.step()) * spacing.min_element();
+                    (middle - place).normalize()
+                };
+                let expected = inwards(1.0) * 0.5 + if n < 8 { inwards(4.0) * 0.2 } else { DVec3::ZERO };
+                let found = DVec3::from_array(normal.map(|a| f64::from(a[n])));
+                assert!(found.distance(expected) < 0.02, "lane {n}: {found}, not {expected}");
+            }
         });
     }
 }

@@ -349,4 +349,25 @@ mod tests {
             }
         }
     }
+
+    /// A renderer that refines takes half as many samples along its rays as one that takes steps of the given length.
+    #[test]
+    fn refining_takes_half_as_many_samples() {
+        let grid = Grid::new([48; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        // A round room whose wall becomes opaque over seven voxels.
+        let value = |n: usize| {
+            let [x, y, z] = [n % 48, n / 48 % 48, n / 2304].map(|c| c as f64);
+            (40.0 * ((DVec3::new(x, y, z) - 23.5).length() - 10.0) - 800.0).clamp(-1000.0, 0.0) as i16
+        };
+        let data = (0..grid.len()).map(value).collect();
+        let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+        let view = View::new(DVec3::splat(23.5), DVec3::X, DVec3::Z, 90.0, 24, 24).unwrap();
+        let settings = Settings::new(Quality::Reference);
+        let mut all = PacketRenderer::new(&volume, settings, Pixels::All);
+        let mut fewer = all.refining(settings).unwrap();
+        let [all, fewer] = [all.render(&view, &mut Frame::default()), fewer.render(&view, &mut Frame::default())];
+        assert_eq!(all.rays, fewer.rays);
+        let share = fewer.samples as f64 / all.samples as f64;
+        assert!((0.4..0.8).contains(&share), "{} samples instead of {}", fewer.samples, all.samples);
+    }
 }

@@ -366,4 +366,38 @@ mod tests {
             }
         }
     }
+
+    /// Within the wall, values between two samples lie on the parabola through them and the sample before. With one
+    /// sample per voxel, a scan that is a parabola along the rays gives exactly its own values.
+    #[test]
+    fn values_between_samples_are_those_of_a_parabola() {
+        let parabola = |x: f64| -700.0 - 20.0 * (x - 30.0) * (x - 31.0);
+        let grid = Grid::new([64, 48, 48], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let value = |n: usize| match n % 64 {
+            x @ 28..=33 => parabola(x as f64) as i16,
+            _ => -1000,
+        };
+        let data = (0..grid.len()).map(value).collect();
+        let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
+        let occupancy = Occupancy::new(volume.voxels(), volume.transfer());
+        // So narrow that all rays run along x.
+        let view = View::new(DVec3::new(4.0, 24.0, 23.0), DVec3::X, DVec3::Z, 0.1, 16, 16).unwrap();
+        let rays = Rays::new(&volume, &occupancy, 1.0, &view, &Settings::new(Quality::High), None).unwrap();
+        assert_eq!(rays.step(), 1.0);
+        let mut cells = Cells::default();
+        let found = fearless_simd::dispatch!(levels()[0].1, simd => rays.packet(simd, [0, 0], 4, 0.0, &mut cells));
+        // The quarter steps from the last sample before the wall on. In the first step, values are linear.
+        let mut expected = 1.0;
+        for quarter in 0..20 {
+            let x = 28.125 + 0.25 * f64::from(quarter);
+            let hu =
+                if x < 29.0 { parabola(28.0) + (parabola(29.0) - parabola(28.0)) * (x - 28.0) } else { parabola(x) };
+            let opacity = ((hu + 800.0) / 300.0).clamp(0.0, 1.0);
+            expected *= (1.0 - opacity).powf(0.25);
+        }
+        assert!((0.2..0.4).contains(&expected), "the wall is seen, and is no mere edge: {expected}");
+        for (n, through) in found.through.into_iter().enumerate() {
+            assert!((f64::from(through) - expected).abs() < 1e-3, "ray {n}: {through}, not {expected}");
+        }
+    }
 }

@@ -149,3 +149,28 @@ pub(super) fn lanes<S: Simd>(simd: S, bits: u64) -> mask32x16<S> {
 pub(super) fn air<S: Simd>(simd: S) -> f32x16<S> {
     f32x16::splat(simd, f32::from(AIR_HU))
 }
+
+#[cfg(test)]
+mod tests {
+    use fearless_simd::Level;
+    use glam::DMat3;
+
+    use super::*;
+    use crate::volume::Grid;
+
+    /// Lines along the diagonal enter and leave the scan through its corners, on all axes at once.
+    #[test]
+    fn a_line_from_corner_to_corner_is_in_the_scan_between_them() {
+        let grid = Grid::new([12; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let volume = Volume::new(grid.clone(), vec![500; grid.len()]);
+        let scan = Sampler::new(&volume);
+        for start in -20..32 {
+            for step in [-1, 1] {
+                let (from, along) = (DVec3::splat(f64::from(start)), DVec3::splat(f64::from(step)));
+                let inside = fearless_simd::dispatch!(Level::new(), simd => scan.sixteen(simd, from, along).1);
+                let expected: u64 = (0..16).map(|i| u64::from((0..12).contains(&(start + step * i))) << i).sum();
+                assert_eq!(inside, expected, "from {start} in steps of {step}");
+            }
+        }
+    }
+}

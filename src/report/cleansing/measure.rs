@@ -10,6 +10,7 @@ use super::methods::Method;
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::phantom::{Beside, Phantom, TruePolyp};
+use crate::progress::Progress;
 use crate::render::regression::{Regression, Weighting, block};
 use crate::report::{mean, quantile, timed};
 use crate::space::ray::trilinear;
@@ -154,9 +155,10 @@ impl Subject {
     /// Cleanses the scan and measures the result.
     ///
     /// # Errors
-    /// Returns an error if the wall has too many places to number.
-    pub(super) fn measure(&self, method: &Method) -> Result<Outcome> {
-        let (clean, seconds, megabytes) = timed(|| (method.apply)(&self.scan, &self.lumen));
+    /// Returns status 4 if interrupted, or an error if the wall has too many places to number.
+    pub(super) fn measure(&self, method: &Method, progress: &Progress) -> Result<Outcome> {
+        let (clean, seconds, megabytes) = timed(|| (method.apply)(&self.scan, &self.lumen, progress));
+        let clean = clean?;
         let found: Vec<(Part, Option<(f64, f64)>)> =
             self.places.par_iter().map(|p| (p.part, found_at(&clean, p))).collect();
         let mut parts = BTreeMap::new();

@@ -20,15 +20,18 @@ pub(super) struct Method {
     /// Its name.
     pub name: &'static str,
     /// Returns the scan without tag. The lumen is that of the scan.
-    pub apply: fn(&Arc<Volume>, &Lumen) -> Arc<Volume>,
+    pub apply: fn(&Arc<Volume>, &Lumen, &Progress) -> Result<Arc<Volume>>,
 }
 
 /// All methods.
 pub(super) const METHODS: [Method; 4] = [
-    Method { name: "none", apply: |scan, _| Arc::clone(scan) },
-    Method { name: "blanked", apply: |scan, lumen| Arc::new(drain::drained(scan, lumen)) },
-    Method { name: "remapped", apply: |scan, lumen| Arc::new(remapped(scan, lumen)) },
-    Method { name: "cleansed", apply: |scan, lumen| Arc::new(cleanse::cleansed(scan, lumen).volume) },
+    Method { name: "none", apply: |scan, _, _| Ok(Arc::clone(scan)) },
+    Method { name: "blanked", apply: |scan, lumen, _| Ok(Arc::new(drain::drained(scan, lumen))) },
+    Method { name: "remapped", apply: |scan, lumen, _| Ok(Arc::new(remapped(scan, lumen))) },
+    Method {
+        name: "cleansed",
+        apply: |scan, lumen, progress| Ok(Arc::new(cleanse::cleanse(scan, lumen, progress)?.changes.applied(scan))),
+    },
 ];
 
 /// Returns the lumen of a scan.
@@ -102,7 +105,7 @@ mod tests {
         let lumen = lumen_of(&scan, &Progress::new()).unwrap();
         assert!(lumen.fluid_ml() > 20.0);
         for method in &METHODS[1..] {
-            let clean = (method.apply)(&scan, &lumen);
+            let clean = (method.apply)(&scan, &lumen, &Progress::new()).unwrap();
             assert!(clean.get(30, 45, 30) < -990, "{}", method.name);
             assert_eq!(clean.get(30, 15, 30), -1000, "{}", method.name);
             // Far from the fluid nothing changes.

@@ -123,7 +123,7 @@ fn measured(
     drop(clean);
     let mut outcomes = Vec::new();
     for method in &METHODS {
-        outcomes.push(subject.measure(method)?);
+        outcomes.push(subject.measure(method, progress)?);
         progress.check()?;
     }
     Ok(Measured { factor, title, polyps: subject.polyps(), outcomes })

@@ -36,3 +36,30 @@ fn a_pixdim_that_differs_from_the_sform_by_a_hundredth_is_noted() {
         }
     }
 }
+
+/// Without an sform the spacing is that of the header's pixdim, in the second version too, and the sign of the first
+/// one turns the third axis round.
+#[test]
+fn a_header_of_the_second_version_has_the_spacing_of_its_pixdim() {
+    for qfac in [1.0, -1.0] {
+        let mut head = vec![0u8; 540];
+        let mut put = |offset: usize, bytes: &[u8]| head[offset..offset + bytes.len()].copy_from_slice(bytes);
+        put(0, &540i32.to_le_bytes());
+        put(4, b"n+2\0\r\n\x1a\n");
+        // 16-bit numbers.
+        put(12, &4i16.to_le_bytes());
+        put(14, &16i16.to_le_bytes());
+        for (k, n) in [3i64, 4, 3, 2, 1, 1, 1, 1].into_iter().enumerate() {
+            put(16 + 8 * k, &n.to_le_bytes());
+        }
+        for (k, mm) in [qfac, 0.7f64, 0.8, 2.5].into_iter().enumerate() {
+            put(104 + 8 * k, &mm.to_le_bytes());
+        }
+        // A qform whose rotation is none, and millimetres.
+        put(344, &1i32.to_le_bytes());
+        put(500, &2i32.to_le_bytes());
+        let grid = parse(Path::new("x"), &head).unwrap().grid;
+        assert_eq!((grid.dims(), grid.spacing()), ([4, 3, 2], DVec3::new(0.7, 0.8, 2.5)));
+        assert!((grid.direction().z_axis - DVec3::Z * qfac).length() < 1e-12, "{}", grid.direction());
+    }
+}

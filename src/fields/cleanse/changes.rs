@@ -1,0 +1,120 @@
+//! Values that differ from those of a scan, as runs of voxels.
+
+use std::ops::Range;
+
+use crate::volume::Volume;
+
+/// Other values for some voxels of a volume. It takes the memory of these values and of their runs, never that of the volume.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// First voxel of each run (linear index) and the position of its first value; ascending and separate.
+    runs: Vec<(usize, usize)>,
+    /// HU.
+    values: Vec<i16>,
+}
+
+impl Changes {
+    /// Gathers changes given as (linear index, HU) in ascending order; of several for one voxel the first counts.
+    pub(super) fn from_sorted(changed: impl Iterator<Item = (usize, i16)>) -> Self {
+        let mut out = Self::default();
+        let mut next = None;
+        for (n, hu) in changed {
+            match next {
+                Some(next) if n < next => continue,
+                Some(next) if n == next => {}
+                _ => out.runs.push((n, out.values.len())),
+            }
+            out.values.push(hu);
+            next = Some(n + 1);
+        }
+        out.runs.shrink_to_fit();
+        out.values.shrink_to_fit();
+        out
+    }
+
+    /// Returns the number of voxels.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// True if nothing differs.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// Returns each run of voxels (linear indices) with its values, HU.
+    pub fn runs(&self) -> impl Iterator<Item = (Range<usize>, &[i16])> + '_ {
+        let ends = self.runs.iter().skip(1).map(|r| r.1).chain([self.values.len()]);
+        self.runs.iter().zip(ends).map(|(&(first, at), end)| (first..first + end - at, &self.values[at..end]))
+    }
+
+    /// Returns each run of voxels with its values, to be changed.
+    pub(super) fn runs_mut(&mut self) -> impl Iterator<Item = (Range<usize>, &mut [i16])> + '_ {
+        let mut rest = self.values.as_mut_slice();
+        let total = rest.len();
+        let ends: Vec<usize> = self.runs.iter().skip(1).map(|r| r.1).chain([total]).collect();
+        self.runs.iter().zip(ends).map(move |(&(first, at), end)| {
+            let (own, after) = std::mem::take(&mut rest).split_at_mut(end - at);
+            rest = after;
+            (first..first + own.len(), own)
+        })
+    }
+
+    /// Returns the volume with these values in place of its own.
+    ///
+    /// # Panics
+    /// Panics if a voxel is not in the volume.
+    pub fn applied(&self, volume: &Volume) -> Volume {
+        let mut data = volume.data().to_vec();
+        for (voxels, values) in self.runs() {
+            data[voxels].copy_from_slice(values);
+        }
+        Volume::new(volume.grid().clone(), data)
+    }
+
+    /// Exchanges these values and those of the volume, in place. Doing it twice restores both.
+    ///
+    /// # Panics
+    /// Panics if a voxel is not in the volume.
+    pub fn exchange(&mut self, volume: &mut Volume) {
+        let data = volume.data_mut();
+        for (voxels, values) in self.runs_mut() {
+            data[voxels].swap_with_slice(values);
+        }
+    }
+
+    /// Returns the size in memory, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.runs.as_slice()) + size_of_val(self.values.as_slice())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+    use crate::volume::Grid;
+
+    #[test]
+    fn changes_are_applied_and_exchanged_and_exchanged_back() {
+        let grid = Grid::new([4, 2, 2], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let mut volume = Volume::new(grid, (0..16).collect());
+        let before = volume.clone();
+        let mut changes =
+            Changes::from_sorted([(1, 100), (2, 200), (2, 999), (7, 300), (8, 400), (15, 500)].into_iter());
+        let runs: Vec<_> = changes.runs().map(|(r, v)| (r, v.to_vec())).collect();
+        assert_eq!(runs, [(1..3, vec![100, 200]), (7..9, vec![300, 400]), (15..16, vec![500])]);
+        assert_eq!((changes.len(), changes.is_empty()), (5, false));
+        let expected = [0, 100, 200, 3, 4, 5, 6, 300, 400, 9, 10, 11, 12, 13, 14, 500];
+        assert_eq!(changes.applied(&volume).data(), expected);
+        assert_eq!(volume, before);
+        changes.exchange(&mut volume);
+        assert_eq!(volume.data(), expected);
+        assert_eq!(changes.applied(&volume).data(), before.data());
+        changes.exchange(&mut volume);
+        assert_eq!(volume, before);
+        assert!(Changes::default().is_empty() && Changes::default().applied(&volume) == volume);
+        assert_eq!(changes.bytes(), 3 * 16 + 5 * 2);
+    }
+}

@@ -1,0 +1,492 @@
+//! Pools: fluid under a level, which is a plane.
+//!
+//! What the lumen alone would show is known everywhere: `M = A + (F − A)·Φ(depth/σ)`, with gas `A` and the tag's local level `F`. A
+//! voxel then shows `v = T p + M (1 − p)`, exact where the level meets the wall at a right angle (a corner of three materials)
+//! and everywhere else near it. The tissue's share is estimated by least squares over a small Gaussian neighbourhood,
+//!
+//! ```text
+//! p = Σ G (T − M)(v − M) / Σ G (T − M)²
+//! ```
+//!
+//! so that it comes from below and above the thin layer where a mixture of gas and tag looks like tissue (`M ≈ T`), and noise
+//! that the lower contrast to tag would amplify is averaged. The neighbourhood's own blur is then taken off: an edge of width
+//! `√(σ² + s²)` gets the width σ by `Φ(√(1 + s²/σ²) Φ⁻¹(p))`, exact on planes. The cleansed value is `A + (T − A) p`.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+
+use super::block::{Block, Bricks, CellMeans, Mask, Phi};
+use super::{GAS, Left, Scanner, TISSUE, step};
+use crate::error::Result;
+use crate::fields::Lumen;
+use crate::fields::lumen::frame::{AxisDirection, Frame};
+use crate::math::normal;
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// Standard deviation of the neighbourhood, mm.
+const NEIGHBOURHOOD_MM: f64 = 0.6;
+/// How far from fluid values are replaced, mm.
+const REACH_MM: f64 = 3.5;
+/// The least contrast of tag, HU.
+const CONTRAST: f32 = 100.0;
+/// Values of tissue beside tag, brightened by it or not, HU.
+const TISSUES: std::ops::RangeInclusive<f32> = -20.0..=220.0;
+/// Values of gas, HU.
+const GASES: std::ops::RangeInclusive<f32> = -1100.0..=-820.0;
+/// No margin of a block is wider, voxels, so that its rows are words.
+const MARGIN: usize = (Mask::ROW - 32) / 2;
+/// Noise and texture, HU: what is brighter than tissue by no more may be tissue.
+const TEXTURE: f32 = 80.0;
+/// Deviation at which a column is none of a level's, mm.
+const LEVEL_MM: f64 = 0.7;
+/// How much a level holds to the grid's axis: the spread (voxels²) at which half of its slope is taken for true.
+const HOLD: f64 = 4.0;
+
+/// A pool that was taken out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CleansedPool {
+    /// Volume of the fluid, ml.
+    pub ml: f64,
+    /// Mean HU of its tag.
+    pub tag_hu: f64,
+    /// A point of its level and the unit normal, upwards; world.
+    pub level: [DVec3; 2],
+}
+
+/// A pool's runs, (j, k, range of i), and which of all runs of fluid they are.
+pub(super) struct Fluid {
+    pub label: u32,
+    pub runs: Vec<(usize, usize, Range<usize>)>,
+}
+
+/// What is known of a pool.
+struct Pool {
+    label: u32,
+    down: AxisDirection,
+    /// Depth below the level, voxels along `down`, as a plane over the voxel's indices.
+    depth: DVec3,
+    above: f64,
+    /// Blur across the level, mm.
+    blur_mm: f64,
+    gas: CellMeans,
+    tag: CellMeans,
+    tissue: CellMeans,
+}
+
+/// Why a pool was not taken out.
+const FAINT: &str = "hardly brighter than tissue";
+const NO_LEVEL: &str = "no level under gas";
+
+/// The pools of a scan: which were taken out and the new values, by voxel and ascending within each part; and those that were not,
+/// with their volume, ml.
+pub(super) struct Pools {
+    pub taken: Vec<CleansedPool>,
+    pub changed: Vec<Vec<(usize, i16)>>,
+    pub left: Vec<Left>,
+}
+
+/// Takes out all pools.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub(super) fn cleanse(
+    volume: &Volume,
+    lumen: &Lumen,
+    labels: &[u32],
+    fluids: &[Fluid],
+    scanner: &Scanner,
+    progress: &Progress,
+) -> Result<Pools> {
+    let bricks = Bricks::of(volume.grid());
+    let mut out = Pools { taken: Vec::new(), changed: Vec::new(), left: Vec::new() };
+    let known = fluids.par_iter().map(|f| survey(volume, lumen, labels, f, &bricks, scanner, progress));
+    let mut work = Vec::new();
+    let mut pools = Vec::new();
+    for (fluid, known) in fluids.iter().zip(known.collect::<Result<Vec<_>>>()?) {
+        match known {
+            Ok((pool, found)) => {
+                work.extend(bricks.around(&fluid.runs, reach(volume)).into_iter().map(|b| (b, pools.len())));
+                pools.push(pool);
+                out.taken.push(found);
+            }
+            Err(left) => out.left.push(left),
+        }
+    }
+    // Pools of one brick are together, so that where two overlap the darker value is taken, which is that without either.
+    work.sort_unstable();
+    let groups: Vec<&[(usize, usize)]> = work.chunk_by(|a, b| a.0 == b.0).collect();
+    let sharpened = Sharpened::new(scanner.blur_mm, NEIGHBOURHOOD_MM);
+    let shared = Shared { volume, lumen, labels, bricks, phi: Phi::new(), sharpened };
+    let together = |group: &[(usize, usize)]| {
+        progress.check()?;
+        if let [(brick, pool)] = group {
+            return Ok(shared.within(&pools[*pool], *brick));
+        }
+        let mut values: BTreeMap<usize, i16> = BTreeMap::new();
+        for (brick, pool) in group {
+            for (n, hu) in shared.within(&pools[*pool], *brick) {
+                values.entry(n).and_modify(|v| *v = hu.min(*v)).or_insert(hu);
+            }
+        }
+        Ok(values.into_iter().collect())
+    };
+    out.changed = groups.par_iter().map(|group| together(group)).collect::<Result<_>>()?;
+    Ok(out)
+}
+
+/// How far from fluid values are replaced, voxels.
+fn reach(volume: &Volume) -> [usize; 3] {
+    (REACH_MM / volume.grid().spacing()).ceil().to_array().map(|r| (r as usize).min(MARGIN))
+}
+
+/// The top of a column of fluid: its voxel, and the values along it from four voxels above to six below, HU.
+type Column = ([i64; 3], [f32; 11]);
+
+/// What is added up over a brick.
+#[derive(Default)]
+struct Sums {
+    /// By cell: sum and count of gas, of pure tag, and of tissue beside it.
+    gas: BTreeMap<[usize; 3], [f64; 2]>,
+    tag: BTreeMap<[usize; 3], [f64; 2]>,
+    tissue: BTreeMap<[usize; 3], [f64; 2]>,
+    brightest: f32,
+    columns: Vec<Column>,
+}
+
+type Survey = std::result::Result<(Pool, CleansedPool), Left>;
+
+/// Finds the level of a pool and how bright it is.
+fn survey(
+    volume: &Volume,
+    lumen: &Lumen,
+    labels: &[u32],
+    fluid: &Fluid,
+    bricks: &Bricks,
+    scanner: &Scanner,
+    progress: &Progress,
+) -> Result<Survey> {
+    let grid = volume.grid();
+    let voxels: usize = fluid.runs.iter().map(|r| r.2.len()).sum();
+    let ml = voxels as f64 * grid.voxel_ml();
+    let Some(down) = downwards(lumen, Frame::of(grid), &fluid.runs) else { return Ok(Err(Left { ml, why: NO_LEVEL })) };
+    let inner = (1.6 * scanner.blur_mm / grid.spacing()).ceil().to_array().map(|n| (n as usize).clamp(1, 6));
+    let away = (2.2 * scanner.blur_mm / grid.spacing()).ceil().to_array().map(|n| (n as usize).clamp(1, 6));
+    let reach = reach(volume);
+    let sums: Vec<Sums> = bricks
+        .around(&fluid.runs, reach)
+        .par_iter()
+        .map(|&brick| {
+            progress.check()?;
+            let wide = bricks.block(brick, reach.map(|r| r.max(6)));
+            let mask = wide.mask(lumen.fluid(), |n| labels[n] == fluid.label);
+            Ok(survey_brick(volume, &wide, &mask, down, bricks, [inner, away, reach]))
+        })
+        .collect::<Result<_>>()?;
+    let mut all = Sums { brightest: f32::NEG_INFINITY, ..Sums::default() };
+    for s in sums {
+        for (to, from) in [(&mut all.gas, s.gas), (&mut all.tag, s.tag), (&mut all.tissue, s.tissue)] {
+            // A cell is in one brick.
+            to.extend(from);
+        }
+        all.brightest = all.brightest.max(s.brightest);
+        all.columns.extend(s.columns);
+    }
+    let total = |sums: &BTreeMap<[usize; 3], [f64; 2]>| sums.values().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
+    let [sum, count] = total(&all.tag);
+    let mean = if count >= 8.0 { sum / count } else { f64::from(all.brightest) };
+    if mean < f64::from(TISSUE + CONTRAST) {
+        return Ok(Err(Left { ml, why: FAINT }));
+    }
+    let [sum, count] = total(&all.gas);
+    // Beside dense fluid gas is brighter than elsewhere.
+    let gas = (sum + f64::from(GAS)) / (count + 1.0);
+    let Some(level) = level(&all.columns, down, [gas as f32, mean as f32], grid.spacing()) else {
+        return Ok(Err(Left { ml, why: NO_LEVEL }));
+    };
+    let cells = |sums: &BTreeMap<[usize; 3], [f64; 2]>| -> Vec<([usize; 3], f64, f64)> {
+        sums.iter().map(|(cell, [sum, count])| (*cell, *sum, *count)).collect()
+    };
+    let pool = Pool {
+        label: fluid.label,
+        down,
+        depth: level.normal,
+        above: level.offset,
+        blur_mm: level.blur_mm.unwrap_or(scanner.blur_mm),
+        gas: CellMeans::new(bricks, &cells(&all.gas), gas, 4.0),
+        tag: CellMeans::new(bricks, &cells(&all.tag), mean, 1e-3),
+        tissue: CellMeans::new(bricks, &cells(&all.tissue), f64::from(TISSUE), 4.0),
+    };
+    // A point of the level in the middle of the pool.
+    let n = fluid.runs.len() as f64;
+    let middle = fluid.runs.iter().fold(DVec3::ZERO, |sum, (j, k, r)| {
+        sum + DVec3::new(0.5 * (r.start + r.end - 1) as f64, *j as f64, *k as f64) / n
+    });
+    let mut at = middle;
+    at[down.axis] -= (pool.depth.dot(middle) - pool.above) / pool.depth[down.axis];
+    // The gradient of the depth, in the world, points down.
+    let gradient = grid.direction() * (pool.depth / grid.spacing());
+    let found = CleansedPool { ml, tag_hu: mean, level: [grid.world(at), -gradient.normalize()] };
+    Ok(Ok((pool, found)))
+}
+
+fn survey_brick(
+    volume: &Volume,
+    block: &Block,
+    mask: &Mask,
+    down: AxisDirection,
+    bricks: &Bricks,
+    [inner, away, reach]: [[usize; 3]; 3],
+) -> Sums {
+    let hu = block.load(volume);
+    let mut out = Sums { brightest: f32::NEG_INFINITY, ..Sums::default() };
+    let pure = mask.eroded(inner);
+    let (beside, near) = (mask.dilated(away), mask.dilated(reach));
+    let strides = block.strides();
+    let step = strides[down.axis] as i64 * down.sign;
+    // The values do not change by much to any side.
+    let is_even = |n: usize| (0..3).all(|a| (hu[n - strides[a]] - hu[n + strides[a]]).abs() < 120.0);
+    block.each_own(|n, v| {
+        if !near.has(n) {
+            return;
+        }
+        let add = |sums: fn(&mut Sums) -> &mut BTreeMap<[usize; 3], [f64; 2]>, out: &mut Sums| {
+            let cell = [0, 1, 2].map(|a| v[a] as usize / bricks.cell[a]);
+            let s = sums(out).entry(cell).or_default();
+            *s = [s[0] + f64::from(hu[n]), s[1] + 1.0];
+        };
+        if mask.has(n) {
+            out.brightest = out.brightest.max(hu[n]);
+            if !mask.has((n as i64 - step) as usize) {
+                out.columns.push((v, std::array::from_fn(|m| hu[(n as i64 + (m as i64 - 4) * step) as usize])));
+            }
+        }
+        if pure.has(n) {
+            add(|s| &mut s.tag, &mut out);
+        } else if !beside.has(n) && is_even(n) {
+            // Out of the reach of the tag's blur.
+            if TISSUES.contains(&hu[n]) {
+                add(|s| &mut s.tissue, &mut out);
+            } else if GASES.contains(&hu[n]) {
+                add(|s| &mut s.gas, &mut out);
+            }
+        }
+    });
+    out
+}
+
+/// Returns the direction in which gravity pulls: away from the gas above the fluid.
+fn downwards(lumen: &Lumen, frame: Frame, runs: &[(usize, usize, Range<usize>)]) -> Option<AxisDirection> {
+    let above = |down: AxisDirection| {
+        let step = down.step().map(|s| -3 * s);
+        let is_gas = |i: usize, j: usize, k: usize| {
+            lumen.gas().find(i as i64 + step[0], j as i64 + step[1], k as i64 + step[2]).is_some()
+        };
+        runs.iter().map(|(j, k, r)| r.clone().filter(|&i| is_gas(i, *j, *k)).count()).sum::<usize>()
+    };
+    let [a, b] = [frame.posterior, frame.posterior.back()].map(|d| (above(d), d));
+    let (count, down) = if a.0 >= b.0 { a } else { b };
+    (count > 0).then_some(down)
+}
+
+/// A level.
+struct Level {
+    /// The depth below it is `normal · voxel − offset`, in voxels along `down`.
+    normal: DVec3,
+    offset: f64,
+    /// Blur across it, mm, if it is steep enough to tell.
+    blur_mm: Option<f64>,
+}
+
+/// Fits a plane by least squares to where columns pass half-way from gas to fluid, with gas above and fluid below; columns off the
+/// plane are left out. The blur is the median over what two voxels beside the plane tell: `spacing / (Φ⁻¹(share) − Φ⁻¹(share))`.
+fn level(columns: &[Column], down: AxisDirection, [gas, tag]: [f32; 2], spacing: DVec3) -> Option<Level> {
+    let half = 0.5 * (gas + tag);
+    let mut found: Vec<([f64; 2], f64)> = Vec::new();
+    let mut blurs: Vec<f64> = Vec::new();
+    let [b, c] = [(down.axis + 1) % 3, (down.axis + 2) % 3];
+    for (voxel, hu) in columns {
+        let Some(m) = (3..8).find(|&m| hu[m] < half && hu[m + 1] >= half) else { continue };
+        if hu[m - 2] > gas + 150.0 || hu[m + 3] < 0.7 * tag {
+            continue;
+        }
+        let [t, u] = [m, m + 1].map(|m| {
+            let share = f64::from((hu[m] - hu[m - 3]) / (hu[m + 3] - hu[m - 3]));
+            normal::quantile(share.clamp(1e-3, 1.0 - 1e-3))
+        });
+        if t > -2.0 && u < 2.0 {
+            blurs.push(spacing[down.axis] / (u - t).max(1e-3));
+        }
+        // On the edge's own curve, not on a chord of it.
+        let share = if u > t { (-t / (u - t)).clamp(0.0, 1.0) } else { 0.5 };
+        let at = (voxel[down.axis] * down.sign) as f64 + m as f64 - 4.0 + share;
+        found.push(([voxel[b] as f64, voxel[c] as f64], at));
+    }
+    if found.len() < 6 {
+        return None;
+    }
+    let mut sorted: Vec<f64> = found.iter().map(|f| f.1).collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let most = LEVEL_MM / spacing[down.axis];
+    let middle = found.iter().fold([0.0; 2], |s, f| [s[0] + f.0[0], s[1] + f.0[1]]).map(|s| s / found.len() as f64);
+    let (mut offset, mut slope) = (sorted[sorted.len() / 2], [0.0; 2]);
+    for _ in 0..3 {
+        let plane = |p: &[f64; 2]| offset + slope[0] * (p[0] - middle[0]) + slope[1] * (p[1] - middle[1]);
+        // At first a slope is not known: the columns near the middle of a sloped level are within the bounds.
+        let near: Vec<_> = found.iter().filter(|(p, at)| (at - plane(p)).abs() < most).collect();
+        if near.len() < 6 {
+            break;
+        }
+        let (mut a, mut right) = (DMat3::ZERO, DVec3::ZERO);
+        for (p, at) in &near {
+            let x = DVec3::new(1.0, p[0] - middle[0], p[1] - middle[1]);
+            a += DMat3::from_cols(x * x.x, x * x.y, x * x.z);
+            right += x * *at;
+        }
+        // A level a few voxels wide keeps to the axis.
+        let hold = HOLD * near.len() as f64;
+        a += DMat3::from_diagonal(DVec3::new(0.0, hold, hold));
+        if a.determinant().abs() < 1e-9 {
+            break;
+        }
+        let fit = a.inverse() * right;
+        (offset, slope) = (fit.x, [fit.y, fit.z]);
+    }
+    let mut normal = DVec3::ZERO;
+    normal[down.axis] = down.sign as f64;
+    normal[b] = -slope[0];
+    normal[c] = -slope[1];
+    blurs.sort_unstable_by(f64::total_cmp);
+    let blur_mm = (blurs.len() >= 20).then(|| blurs[blurs.len() / 2].clamp(0.3 * spacing[down.axis], 3.0));
+    Some(Level { normal, offset: offset - slope[0] * middle[0] - slope[1] * middle[1], blur_mm })
+}
+
+/// What all bricks share.
+struct Shared<'a> {
+    volume: &'a Volume,
+    lumen: &'a Lumen,
+    labels: &'a [u32],
+    bricks: Bricks,
+    phi: Phi,
+    sharpened: Sharpened,
+}
+
+impl Shared<'_> {
+    /// Returns the new values of one brick around one pool.
+    fn within(&self, pool: &Pool, brick: usize) -> Vec<(usize, i16)> {
+        let grid = self.volume.grid();
+        let spacing = grid.spacing();
+        let wide = self.bricks.block(brick, reach(self.volume));
+        let mask = wide.mask(self.lumen.fluid(), |n| self.labels[n] == pool.label);
+        let s = [0, 1, 2].map(|a| NEIGHBOURHOOD_MM / spacing[a]);
+        let block = self.bricks.block(brick, s.map(|s| ((3.0 * s).ceil() as usize).min(MARGIN)));
+        let hu = block.load(self.volume);
+        let per_sigma = (spacing[pool.down.axis] / pool.blur_mm) as f32;
+        // The depth along a row is linear.
+        let depth_at =
+            |v: [i64; 3]| (pool.depth.dot(DVec3::from_array(v.map(|c| c as f64))) - pool.above) as f32 * per_sigma;
+        let slope = pool.depth.x as f32 * per_sigma;
+        let nx = block.dims[0];
+        let mut product = vec![0f32; block.len()];
+        let mut square = vec![0f32; block.len()];
+        let mut mixed = vec![0f32; block.len()];
+        let mut own = vec![0f32; block.len()];
+        let mut dark = vec![0f32; block.len()];
+        let mut tag = vec![0f32; nx];
+        let mut is_pure = true;
+        for from in (0..block.len()).step_by(nx) {
+            let v = block.voxel(from);
+            let row = from..from + nx;
+            pool.gas.row(v, &mut dark[row.clone()]);
+            pool.tissue.row(v, &mut own[row.clone()]);
+            pool.tag.row(v, &mut tag);
+            let depth = depth_at(v);
+            for (x, n) in row.enumerate() {
+                let tag = tag[x].max(TISSUE + CONTRAST);
+                own[n] = own[n].clamp(TISSUE - 20.0, TISSUE + 150.0).min(tag - 0.5 * CONTRAST);
+                let depth = depth + slope * x as f32;
+                mixed[n] = dark[n] + (tag - dark[n]) * self.phi.at(depth)[0];
+                let contrast = own[n] - mixed[n];
+                product[n] = contrast * (hu[n] - mixed[n]);
+                square[n] = contrast * contrast;
+                is_pure &= depth > 4.0 && hu[n] > 0.5 * (own[n] + tag);
+            }
+        }
+        let mut changed = Vec::new();
+        let index = |v: [i64; 3]| grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
+        // Nothing but fluid, far below its level.
+        if is_pure {
+            let near = mask.dilated(reach(self.volume));
+            block.each_own(|n, v| {
+                if near.has(block.index_in(&wide, n)) {
+                    changed.push((index(v), dark[n].round() as i16));
+                }
+            });
+            return changed;
+        }
+        let near = self.downhill(&wide, &mask);
+        block.blur(&mut product, s);
+        block.blur(&mut square, s);
+        block.each_own(|n, v| {
+            // Above the blur of the level the scan is as it should be.
+            let ours = step(-3.5, -2.0, depth_at(v));
+            if ours == 0.0 || !near.has(block.index_in(&wide, n)) {
+                return;
+            }
+            let p = self.sharpened.at(product[n] / square[n].max(1.0));
+            let clean = dark[n] + (TISSUE - dark[n]) * p;
+            // Tissue keeps its own texture.
+            let rest = hu[n] - (own[n] * p + mixed[n] * (1.0 - p));
+            let clean = clean + rest * step(0.9, 1.0, p);
+            changed.push((index(v), (hu[n] + (clean - hu[n]) * ours).round() as i16));
+        });
+        changed
+    }
+
+    /// Returns what lies around fluid: the voxels within reach to which values never rise on the way, but for texture. What rises
+    /// again behind the wall is other bowel.
+    fn downhill(&self, block: &Block, mask: &Mask) -> Mask {
+        let hu = block.load(self.volume);
+        let within = mask.dilated(reach(self.volume));
+        let mut near = mask.clone();
+        let mut open = Vec::new();
+        mask.each(|n| open.push(n));
+        let strides = block.strides();
+        while let Some(n) = open.pop() {
+            for a in 0..3 {
+                let at = n / strides[a] % block.dims[a];
+                let neighbours = [(at > 0).then(|| n - strides[a]), (at + 1 < block.dims[a]).then(|| n + strides[a])];
+                for m in neighbours.into_iter().flatten() {
+                    if !near.has(m) && within.has(m) && hu[m] <= (hu[n] + 0.5 * TEXTURE).max(TISSUE + TEXTURE) {
+                        near.set(m);
+                        open.push(m);
+                    }
+                }
+            }
+        }
+        near
+    }
+}
+
+/// A table of `Φ(√(1 + s²/σ²) Φ⁻¹(p))`.
+struct Sharpened(Vec<f32>);
+
+impl Sharpened {
+    const STEPS: usize = 1024;
+
+    fn new(sigma: f64, neighbourhood: f64) -> Self {
+        let factor = (1.0 + (neighbourhood / sigma).powi(2)).sqrt();
+        let at = |n: usize| normal::cdf(factor * normal::quantile(n as f64 / Self::STEPS as f64)) as f32;
+        Self((0..=Self::STEPS).map(at).collect())
+    }
+
+    fn at(&self, p: f32) -> f32 {
+        let x = p.clamp(0.0, 1.0) * Self::STEPS as f32;
+        let n = (x as usize).min(Self::STEPS - 1);
+        let t = x - n as f32;
+        self.0[n] + (self.0[n + 1] - self.0[n]) * t
+    }
+}
