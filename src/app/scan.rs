@@ -12,7 +12,8 @@ use crate::app::timings::Timings;
 use crate::app::{FlightApp, Scene, Setup};
 use crate::components::play::Playback;
 use crate::error::{Error, Result};
-use crate::fields::{Lumen, drain, lumen};
+use crate::fields::cleanse::{self, Cleansed};
+use crate::fields::{Lumen, lumen};
 use crate::phantom::{Phantom, PhantomSettings};
 use crate::progress::Progress;
 use crate::render::Preset;
@@ -41,20 +42,22 @@ use crate::volume::io::{self, LoadOptions};
 pub struct Scan {
     volume: PreparedVolume,
     lumen: Option<Arc<Lumen>>,
-    drained: Option<Drained>,
+    without_tag: Option<WithoutTag>,
+    /// What was taken out of this scan itself.
+    cleansed: Option<Arc<Cleansed>>,
     timings: Timings,
     notes: Vec<String>,
     progress: Arc<Progress>,
 }
 
-/// The scan with its tagged fluid turned to gas, for guides that need that. It is derived once and kept for further flights. The
-/// scan itself stays unchanged.
+/// The scan without tagged fluid and stool, for guides that need that. It is derived once and kept for further flights. The scan
+/// itself stays unchanged.
 #[derive(Clone, Debug)]
-struct Drained {
+struct WithoutTag {
     volume: PreparedVolume,
     lumen: Arc<Lumen>,
-    /// Note to the user for each flight through it.
-    note: Option<String>,
+    /// Notes to the user for each flight through it.
+    notes: Vec<String>,
 }
 
 /// Options for opening a scan.
@@ -66,6 +69,8 @@ pub struct OpenOptions {
     pub transfer: TransferFunction,
     /// The renderer that the volume is prepared for.
     pub preset: Preset,
+    /// Takes tagged fluid and stool out of it, as [`Scan::cleanse`] does.
+    pub cleanse: bool,
     /// Receives the progress, and can interrupt the work.
     pub progress: Arc<Progress>,
 }
@@ -86,8 +91,9 @@ impl Scan {
     pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Self> {
         let mut timings = Timings::default();
         let loaded = timings.time("load_s", || io::load(path.as_ref(), &options.load, &options.progress))?;
-        let scan = Self::made(loaded.volume, options, timings);
-        Ok(Self { notes: loaded.notes, ..scan })
+        let mut scan = Self::made(loaded.volume, options, timings)?;
+        scan.notes.splice(0..0, loaded.notes);
+        Ok(scan)
     }
 
     /// Creates the embedded phantom: a small synthetic colon, a different one for each seed.
@@ -106,25 +112,36 @@ impl Scan {
         let phantom = Phantom::new(&PhantomSettings::embedded(seed));
         let mut timings = Timings::default();
         let volume = timings.time("load_s", || phantom.voxelise(&phantom.grid(), &options.progress))?;
-        Ok(Self::made(volume, options, timings))
+        Self::made(volume, options, timings)
     }
 
     /// Creates a scan from a volume in memory.
-    pub fn of(volume: Volume, options: &OpenOptions) -> Self {
+    ///
+    /// # Errors
+    /// Returns status 4 if it is to be cleansed and has one slice, or if interrupted.
+    pub fn of(volume: Volume, options: &OpenOptions) -> Result<Self> {
         Self::made(volume, options, Timings::default())
     }
 
     /// Creates a scan from a prepared volume.
     pub fn prepared(volume: PreparedVolume, progress: Arc<Progress>) -> Self {
-        Self { volume, lumen: None, drained: None, timings: Timings::default(), notes: Vec::new(), progress }
+        Self::ready(volume, Timings::default(), progress)
     }
 
-    fn made(volume: Volume, options: &OpenOptions, mut timings: Timings) -> Self {
+    fn ready(volume: PreparedVolume, timings: Timings, progress: Arc<Progress>) -> Self {
+        Self { volume, lumen: None, without_tag: None, cleansed: None, timings, notes: Vec::new(), progress }
+    }
+
+    fn made(volume: Volume, options: &OpenOptions, mut timings: Timings) -> Result<Self> {
         let begun = Instant::now();
         let volume = options.preset.preparation.prepare(Arc::new(volume), options.transfer);
         timings.add("flags_s", begun.elapsed().as_secs_f64());
-        let progress = Arc::clone(&options.progress);
-        Self { volume, lumen: None, drained: None, timings, notes: Vec::new(), progress }
+        let mut scan = Self::ready(volume, timings, Arc::clone(&options.progress));
+        if options.cleanse {
+            let taken = scan.cleanse()?;
+            scan.notes.push(taken.to_string());
+        }
+        Ok(scan)
     }
 
     /// Returns the prepared volume.
@@ -155,38 +172,77 @@ impl Scan {
         Ok(Arc::clone(self.lumen.insert(Arc::new(found))))
     }
 
-    /// Returns the volume and lumen for a flight whose guide treats tagged fluid as gas. If fluid joins the main segment to
-    /// others, they are drained, so that they are flown as one. Otherwise returns those of the scan itself.
-    fn drained(&mut self) -> Result<(PreparedVolume, Arc<Lumen>)> {
-        let found = self.lumen()?;
-        let main = found.main_segment().map(|n| &found.segments[n]);
-        if main.is_none_or(|s| s.joined_to.is_empty()) {
-            return Ok((self.volume.clone(), found));
+    /// Takes tagged fluid and stool out of this scan, in place if nothing shares its voxels: from now on, this is the scan. A scan
+    /// without tag stays as it is. Returns what was taken; its changes hold the values that the scan had.
+    ///
+    /// # Errors
+    /// Returns status 4 for a volume of one voxel or one slice, or if interrupted; the scan is then unchanged.
+    pub fn cleanse(&mut self) -> Result<Arc<Cleansed>> {
+        if let Some(cleansed) = &self.cleansed {
+            return Ok(Arc::clone(cleansed));
         }
-        let drained = match &self.drained {
-            Some(drained) => drained,
-            None => {
-                let drained = self.drain(&found)?;
-                self.drained.insert(drained)
-            }
-        };
-        self.notes.extend(drained.note.clone());
-        Ok((drained.volume.clone(), Arc::clone(&drained.lumen)))
+        let found = self.lumen()?;
+        let mut cleansed = self.take_tag(&found)?;
+        if !cleansed.changes.is_empty() {
+            self.change(&mut cleansed);
+            self.lumen = Some(self.lumen_without_tag(&self.volume.clone(), &found)?);
+            self.without_tag = None;
+        }
+        Ok(Arc::clone(self.cleansed.insert(Arc::new(cleansed))))
     }
 
-    fn drain(&mut self, found: &Lumen) -> Result<Drained> {
+    fn take_tag(&mut self, found: &Lumen) -> Result<Cleansed> {
+        let volume = self.volume.clone();
+        self.timings.time("cleanse_s", || cleanse::cleanse(volume.voxels(), found, &self.progress))
+    }
+
+    /// Exchanges the values of what was cleansed, and prepares the volume again.
+    fn change(&mut self, cleansed: &mut Cleansed) {
         let begun = Instant::now();
-        let volume = self.volume.with_voxels(Arc::new(drain::drained(self.volume.voxels(), found)));
-        self.timings.add("drain_s", begun.elapsed().as_secs_f64());
-        let mut lumen = self.timings.time("joined_lumen_s", || lumen::find(volume.voxels(), &self.progress))?;
-        drain::keep_ends(&mut lumen, found);
-        let [before, now] = [found.segments.len(), lumen.segments.len()];
-        let note = (now < before).then(|| {
-            format!(
-                "tagged fluid joins segments of gas: it counts as free and is shown as gas ({before} segments become {now})"
-            )
-        });
-        Ok(Drained { volume, lumen: Arc::new(lumen), note })
+        self.volume.change(|volume| cleansed.changes.exchange(volume));
+        self.timings.add("cleansed_flags_s", begun.elapsed().as_secs_f64());
+    }
+
+    fn lumen_without_tag(&mut self, volume: &PreparedVolume, before: &Lumen) -> Result<Arc<Lumen>> {
+        let found = self.timings.time("cleansed_lumen_s", || lumen::find(volume.voxels(), &self.progress));
+        let mut lumen = found?;
+        cleanse::keep_ends(&mut lumen, before);
+        Ok(Arc::new(lumen))
+    }
+
+    /// Returns the volume and lumen for a flight whose guide flies through tagged fluid: those without tag.
+    fn without_tag(&mut self) -> Result<(PreparedVolume, Arc<Lumen>)> {
+        let found = self.lumen()?;
+        if self.cleansed.is_some() {
+            return Ok((self.volume.clone(), found));
+        }
+        if self.without_tag.is_none() {
+            let mut other = Self::ready(self.volume.clone(), Timings::default(), Arc::clone(&self.progress));
+            other.lumen = Some(Arc::clone(&found));
+            let cleansed = other.cleanse()?;
+            let lumen = other.lumen()?;
+            other.timings.parts().iter().for_each(|&(name, seconds)| self.timings.add(name, seconds));
+            let notes = through_fluid(&cleansed, &found, &lumen);
+            self.without_tag = Some(WithoutTag { volume: other.volume, lumen, notes });
+        }
+        let Some(made) = &self.without_tag else { return Ok((self.volume.clone(), found)) };
+        self.notes.extend(made.notes.iter().cloned());
+        Ok((made.volume.clone(), Arc::clone(&made.lumen)))
+    }
+
+    /// Takes the tag out in place for a scene whose guide flies through it: the scan as it was is needed no more.
+    ///
+    /// # Errors
+    /// As [`Scan::cleanse`].
+    pub(crate) fn cleanse_for(&mut self, scene: &Scene) -> Result<()> {
+        if self.cleansed.is_some() || scene.play().is_some() || !scene.needs().fluid_as_gas {
+            return Ok(());
+        }
+        let before = self.lumen()?;
+        let cleansed = self.cleanse()?;
+        let now = self.lumen()?;
+        self.notes.extend(through_fluid(&cleansed, &before, &now));
+        Ok(())
     }
 
     /// Plans start and goal of a flight, for a body of `radius_mm`.
@@ -222,8 +278,9 @@ impl Scan {
                 (self.volume.clone(), Arc::new(lumen), plan::as_logged(play))
             }
             None => {
-                let drains = scene.needs().fluid_as_gas;
-                let (volume, lumen) = if drains { self.drained()? } else { (self.volume.clone(), self.lumen()?) };
+                let through_fluid = scene.needs().fluid_as_gas;
+                let (volume, lumen) =
+                    if through_fluid { self.without_tag()? } else { (self.volume.clone(), self.lumen()?) };
                 let plan = self.plan_in(&volume, &lumen, request, scene.body.radius_mm)?;
                 (volume, lumen, plan)
             }
@@ -245,6 +302,19 @@ impl Scan {
         self.notes.extend(flight.take_notes());
         Ok(flight)
     }
+}
+
+/// Notes on a flight through what was cleansed.
+fn through_fluid(cleansed: &Cleansed, before: &Lumen, now: &Lumen) -> Vec<String> {
+    if cleansed.changes.is_empty() {
+        return Vec::new();
+    }
+    let mut notes = vec![format!("the guide flies through tagged fluid: {cleansed}")];
+    let [before, now] = [before, now].map(|l| l.segments.len());
+    if now < before {
+        notes.push(format!("{before} segments of gas become {now}"));
+    }
+    notes
 }
 
 /// Checks that the volume has more than one slice.

@@ -52,7 +52,8 @@ pub(crate) fn run(args: &CenterlineArgs, global: &Global, progress: &Progress) -
     let (input, is_mask) = prepare::scan_or_mask("centerline", args.input.as_deref(), args.mask.as_deref())?;
     prepare::check_files(Some(input), &args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
-    let volume = timings.time("load_s", || prepare::load(input, global, progress))?;
+    let read = if is_mask { prepare::load_mask } else { prepare::load };
+    let volume = read(input, global, &mut timings, progress)?;
     check_thick(&volume)?;
     let line = if is_mask {
         let walls = timings.time("distance_s", || WallDistance::of_mask(&volume, progress))?;

@@ -39,7 +39,7 @@ pub(crate) fn run(args: &CleanseArgs, global: &Global, progress: &Progress) -> R
     let mut timings = Timings::default();
     // Not twice.
     let global = Global { cleanse: false, ..global.clone() };
-    let mut volume = timings.time("load_s", || prepare::load(&args.input, &global, progress))?;
+    let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
     if lumen.segments.is_empty() {
         return Err(prepare::no_lumen("give --from and a point in the colon"));

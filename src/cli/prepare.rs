@@ -10,7 +10,7 @@ use crate::app::{OpenOptions, Scan, Timings};
 use crate::cli::Program;
 use crate::cli::args::{Global, QualityName};
 use crate::error::{Error, Result};
-use crate::fields::{Lumen, lumen};
+use crate::fields::{Lumen, cleanse, lumen};
 use crate::memory::resident_bytes;
 use crate::output;
 use crate::phantom::{Phantom, PhantomSettings};
@@ -121,6 +121,7 @@ pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progre
         load: checked_options(global)?,
         transfer: transfer(global)?,
         preset,
+        cleanse: global.cleanse,
         progress: Arc::clone(progress),
     };
     let Some(path) = input else { return Scan::phantom_with(global.seed.unwrap_or(1), &options) };
@@ -130,28 +131,48 @@ pub(crate) fn open(input: Option<&Path>, global: &Global, preset: Preset, progre
     Ok(scan)
 }
 
-/// Reads the input without preparing it, and prints notes about it.
+/// Reads the input without preparing it, takes its tag out if that is asked for, and prints notes about it.
+///
+/// # Errors
+/// As [`open`], and status 4 if it is to be cleansed and has one slice.
+pub(crate) fn load(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
+    let options = checked_options(global)?;
+    let loaded = timings.time("load_s", || io::load(input, &options, progress))?;
+    report_unused(input, &loaded.volume, global);
+    loaded.notes.iter().for_each(|note| say(note));
+    let mut volume = loaded.volume;
+    if global.cleanse {
+        let found = lumen(&volume, timings, progress)?;
+        let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(&volume, &found, progress))?;
+        drop(found);
+        say(&cleansed.to_string());
+        cleansed.changes.exchange(&mut volume);
+    }
+    Ok(volume)
+}
+
+/// Like [`load`], for a mask, which has no tag.
 ///
 /// # Errors
 /// As [`open`].
-pub(crate) fn load(input: &Path, global: &Global, progress: &Progress) -> Result<Volume> {
-    let loaded = io::load(input, &checked_options(global)?, progress)?;
-    report_unused(input, &loaded.volume, global);
-    loaded.notes.iter().for_each(|note| say(note));
-    Ok(loaded.volume)
+pub(crate) fn load_mask(input: &Path, global: &Global, timings: &mut Timings, progress: &Progress) -> Result<Volume> {
+    if global.cleanse {
+        say("--cleanse is ignored: a mask has no HU");
+    }
+    load(input, &Global { cleanse: false, ..global.clone() }, timings, progress)
 }
 
 /// Like [`load`]; without an input it makes the embedded phantom.
 ///
 /// # Errors
-/// As [`open`].
+/// As [`load`].
 pub(crate) fn load_or_phantom(input: Option<&Path>, global: &Global, progress: &Progress) -> Result<Volume> {
     input.map_or_else(
         || {
             let phantom = Phantom::new(&PhantomSettings::embedded(global.seed.unwrap_or(1)));
             phantom.voxelise(&phantom.grid(), progress)
         },
-        |path| load(path, global, progress),
+        |path| load(path, global, &mut Timings::default(), progress),
     )
 }
 
@@ -242,7 +263,9 @@ pub(crate) fn stats_head(timings: &Timings) -> Map<String, Value> {
     m.insert("threads".to_owned(), json!(rayon::current_num_threads()));
     m.insert("simd".to_owned(), json!(simd_level()));
     m.insert("peak_rss_bytes".to_owned(), json!(resident_bytes("VmHWM").unwrap_or(0)));
-    let parts = timings.parts().iter().map(|&(n, s)| (n.to_owned(), json!(s)));
+    // What was done twice counts twice.
+    let total = |name: &str| timings.parts().iter().filter(|p| p.0 == name).map(|p| p.1).sum::<f64>();
+    let parts = timings.parts().iter().map(|&(n, _)| (n.to_owned(), json!(total(n))));
     m.insert("prepare".to_owned(), Value::Object(parts.collect::<Map<_, _>>()));
     m
 }

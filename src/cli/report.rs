@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::app::Timings;
 use crate::app::scan::check_thick;
 use crate::cli::Program;
 use crate::cli::args::{Global, ReportArgs, ReportSubject};
@@ -96,7 +97,7 @@ fn one(
 
 /// A scan with its title.
 fn scan(path: &Path, global: &Global, progress: &Progress) -> Result<(String, Volume)> {
-    let volume = prepare::load(path, global, progress)?;
+    let volume = prepare::load(path, global, &mut Timings::default(), progress)?;
     check_thick(&volume)?;
     Ok((title(path), volume))
 }
@@ -114,7 +115,7 @@ fn subjects(args: &ReportArgs, global: &Global, progress: &Progress) -> Result<V
         vec![Subject { name: "phantom".to_owned(), title: named, volume: phantom(args.quick, global, progress)? }];
     match &args.scan {
         Some(scan) => {
-            let volume = prepare::load(scan, global, progress)?;
+            let volume = prepare::load(scan, global, &mut Timings::default(), progress)?;
             check_thick(&volume)?;
             let volume = PreparedVolume::new(Arc::new(volume), prepare::transfer(global)?);
             subjects.push(Subject { name: "scan".to_owned(), title: title(scan), volume });

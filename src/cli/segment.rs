@@ -56,7 +56,7 @@ pub(crate) fn run(args: &SegmentArgs, global: &Global, progress: &Progress) -> R
     prepare::check_files(Some(&args.input), &args.out, args.stats.as_deref())?;
     io::check_ending(&args.out)?;
     let mut timings = Timings::default();
-    let volume = timings.time("load_s", || prepare::load(&args.input, global, progress))?;
+    let volume = prepare::load(&args.input, global, &mut timings, progress)?;
     let lumen = prepare::lumen_from(&volume, args.from.map(|p| p.0), &mut timings, progress)?;
     // Bridges and islands are only told in the stats.
     let residue = match &args.stats {

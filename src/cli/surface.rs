@@ -26,7 +26,8 @@ pub(crate) fn run(args: &SurfaceArgs, global: &Global, progress: &Progress) -> R
     }
     prepare::check_files(Some(input), &args.out, args.stats.as_deref())?;
     let mut timings = Timings::default();
-    let volume = timings.time("load_s", || prepare::load(input, global, progress))?;
+    let read = if is_mask { prepare::load_mask } else { prepare::load };
+    let volume = read(input, global, &mut timings, progress)?;
     let (mesh, scan) = if is_mask {
         if global.wall.is_some() {
             say("--wall is ignored: a mask has no HU");

@@ -5,7 +5,6 @@ pub mod centerline;
 pub mod cleanse;
 pub(crate) mod clearance;
 pub(crate) mod distance;
-pub(crate) mod drain;
 pub mod lumen;
 mod neighbours;
 mod sample;

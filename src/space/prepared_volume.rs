@@ -35,6 +35,13 @@ impl PreparedVolume {
         if self.flags.has_bits() { Self::new(volume, self.transfer) } else { Self::lean(volume, self.transfer) }
     }
 
+    /// Changes the voxels: in place if nobody shares them, else in a copy of their own.
+    pub(crate) fn change(&mut self, change: impl FnOnce(&mut Volume)) {
+        change(Arc::make_mut(&mut self.volume));
+        let voxels = Arc::clone(&self.volume);
+        self.flags = self.with_voxels(voxels).flags;
+    }
+
     /// Returns the voxels with shared ownership.
     pub fn shared_voxels(&self) -> Arc<Volume> {
         Arc::clone(&self.volume)
@@ -86,6 +93,16 @@ mod tests {
             // From −1000 at voxel 11 to 40 HU at voxel 12.
             let hit = first_crossing(&filled, DVec3::new(2.0, 12.0, 12.0), DVec3::X, 30.0).unwrap();
             assert!((hit - (9.0 + 350.0 / 1040.0)).abs() < 1e-9, "{hit}");
+            let mut own = filled.clone();
+            own.change(|volume| volume.data_mut().fill(-1000));
+            assert_eq!((filled.voxels().get(20, 0, 0), own.voxels().get(20, 0, 0)), (40, -1000), "a copy is changed");
+            assert!((0..64).all(|n| own.flags().empty_brick(n)) && own.flags().has_bits() == filled.flags().has_bits());
+            let place = own.voxels().data().as_ptr();
+            own.change(|volume| volume.data_mut()[0] = 40);
+            assert!(
+                own.voxels().data().as_ptr() == place && !own.flags().empty_brick(0),
+                "in place, if it is not shared"
+            );
             let drained = filled.with_voxels(Arc::clone(&air));
             assert!(drained.flags().homogeneous(drained.voxels(), 11, 12, 12), "no tissue is left beside it");
             assert!(!filled.flags().homogeneous(filled.voxels(), 11, 12, 12));

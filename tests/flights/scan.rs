@@ -27,7 +27,7 @@ fn parted() -> Scan {
     let grid = Grid::new(dims, spacing, origin, DMat3::IDENTITY).unwrap();
     let at = |n: usize| grid.world(DVec3::new((n % nx) as f64, (n / nx % ny) as f64, (n / nx / ny) as f64));
     let data = (0..grid.len()).map(|n| basin(at(n))).collect();
-    Scan::of(Volume::new(grid, data), &OpenOptions::default())
+    Scan::of(Volume::new(grid, data), &OpenOptions::default()).unwrap()
 }
 
 fn begun(scan: &mut Scan, guide: &'static str) -> FlightApp {
@@ -52,14 +52,14 @@ fn a_guide_that_drains_fluid_leaves_the_scan_as_it_was() {
         for n in order {
             assert!(flown(&mut scan, guides[n]) == fresh[n], "{} in the order {order:?}", guides[n]);
             let notes = scan.take_notes().join("\n");
-            assert_eq!(notes.contains("tagged fluid joins segments of gas"), n == 0, "{notes}");
+            assert_eq!(notes.contains("flies through tagged fluid"), n == 0, "{notes}");
         }
         assert!(scan.volume().voxels().data() == voxels && Arc::ptr_eq(&scan.lumen().unwrap(), &lumen));
     }
 }
 
 #[test]
-fn voxels_are_shared_and_drained_once() {
+fn voxels_are_shared_and_cleansed_once() {
     let mut scan = parted();
     let own = scan.volume().shared_voxels();
     let plain = begun(&mut scan, "tentacles");
@@ -67,8 +67,8 @@ fn voxels_are_shared_and_drained_once() {
     let [first, second] = ["path", "potential"].map(|guide| begun(&mut scan, guide).setup().volume.shared_voxels());
     assert!(Arc::ptr_eq(&first, &second) && !Arc::ptr_eq(&first, &own));
     let times = |part: &str| scan.timings().parts().iter().filter(|p| p.0 == part).count();
-    assert_eq!((times("lumen_s"), times("drain_s"), times("joined_lumen_s")), (1, 1, 1));
-    // If fluid joins nothing, there is nothing to drain.
+    assert_eq!((times("lumen_s"), times("cleanse_s"), times("cleansed_lumen_s")), (1, 1, 1));
+    // Without tag there is nothing to take out.
     let mut dry = Scan::phantom(1).unwrap();
     let own = dry.volume().shared_voxels();
     assert!(Arc::ptr_eq(&begun(&mut dry, "path").setup().volume.shared_voxels(), &own));

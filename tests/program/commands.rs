@@ -7,8 +7,8 @@ use crate::support::program::colvis;
 use crate::support::run::run;
 
 /// Each command with its options. A `!` marks what is not built.
-const COMMANDS: [(&str, &str); 21] = [
-    ("", "--threads --wall --spacing --hu --series --allow-gaps --fov --camera --seed !--cleanse"),
+const COMMANDS: [(&str, &str); 20] = [
+    ("", "--threads --wall --spacing --hu --series --allow-gaps --fov --camera --seed --cleanse"),
     (
         "fly",
         "--headless --guide --from --to --reverse --seconds --fps --size --quality --preset --record --log --stats \
@@ -24,14 +24,13 @@ const COMMANDS: [(&str, &str); 21] = [
     ("explain", "--json --guide --from --scene --coverage"),
     ("plane", "--headless --out"),
     ("report", "--out --scan --quick --steps !--truth"),
-    ("!cleanse", ""),
+    ("cleanse", "--out --from --stats"),
     ("!unfold", ""),
     ("!measure", ""),
     ("!candidates", ""),
     ("!match", ""),
     ("!dataset", ""),
     ("!batch", ""),
-    ("!cleanse scan.nii.gz --out c.nii.gz", ""),
     ("!batch list.csv --out b/ --do segment --shard 1/2", ""),
 ];
 
@@ -118,12 +117,12 @@ fn values_are_there_or_told_as_not_built() {
 #[test]
 fn a_scan_named_as_a_command_is_opened_by_its_path() {
     let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("cleanse"), "no scan").unwrap();
+    std::fs::write(dir.path().join("unfold"), "no scan").unwrap();
     for (args, status) in [
-        (&["cleanse", "--headless"][..], 2),
-        (&["./cleanse", "--headless"], 3),
-        (&["fly", "cleanse", "--headless"], 3),
-        (&["explain", "cleanse", "--headless"], 3),
+        (&["unfold", "--headless"][..], 2),
+        (&["./unfold", "--headless"], 3),
+        (&["fly", "unfold", "--headless"], 3),
+        (&["explain", "unfold", "--headless"], 3),
     ] {
         let out = colvis().args(args).current_dir(dir.path()).output().unwrap();
         let said = String::from_utf8_lossy(&out.stderr);

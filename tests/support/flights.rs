@@ -9,7 +9,7 @@ use glam::DVec3;
 
 /// Creates a scan for several flights, which share its flags and its lumen.
 pub(crate) fn scan(volume: Volume) -> Scan {
-    Scan::of(volume, &OpenOptions::default())
+    Scan::of(volume, &OpenOptions::default()).unwrap()
 }
 
 /// Creates a flight through a volume.

@@ -308,7 +308,7 @@ fn fly_with(
     let bar = Bar::show(progress);
     let mut timings = Timings::default();
     let made = open(args, global, &scene, progress).and_then(|mut scan| {
-        let made = flight(args, &mut scan, scene);
+        let made = scan.cleanse_for(&scene).and_then(|()| flight(args, &mut scan, scene));
         timings = scan.timings().clone();
         made
     });

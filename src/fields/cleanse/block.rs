@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::Vec3;
 
 use crate::fields::lumen::runs::Rows;
 use crate::fields::voxels::each_bit;
@@ -232,6 +232,26 @@ impl Mask {
         self.rows[n / nx] >> (n % nx) & 1 == 1
     }
 
+    /// True if it holds all voxels of the block.
+    pub(super) fn is_full(&self) -> bool {
+        self.rows.iter().all(|&row| row == bits(self.block.dims[0]))
+    }
+
+    /// True if it is empty.
+    pub(super) fn is_empty(&self) -> bool {
+        self.rows.iter().all(|row| *row == 0)
+    }
+
+    /// Keeps the voxels that `is_one` accepts, given their index in the block.
+    pub(super) fn keep(&mut self, is_one: impl Fn(usize) -> bool) {
+        let nx = self.block.dims[0];
+        for (at, row) in self.rows.iter_mut().enumerate() {
+            let mut kept = 0;
+            each_bit(*row, |x| kept |= u64::from(is_one(at * nx + x)) << x);
+            *row = kept;
+        }
+    }
+
     /// Adds the voxel at an index of the block.
     pub(super) fn set(&mut self, n: usize) {
         let nx = self.block.dims[0];
@@ -288,7 +308,7 @@ fn bell(sigma: f64) -> Vec<f32> {
 pub(super) struct CellMeans {
     first: [i64; 3],
     dims: [usize; 3],
-    cell: DVec3,
+    cell: Vec3,
     values: Vec<f32>,
 }
 
@@ -309,17 +329,17 @@ impl CellMeans {
         block.blur(&mut sum, [0.8; 3]);
         block.blur(&mut count, [0.8; 3]);
         let values = sum.iter().zip(&count).map(|(s, c)| usual as f32 + s / (c + weight as f32)).collect();
-        let cell = DVec3::from_array(bricks.cell.map(|c| c as f64));
+        let cell = Vec3::from_array(bricks.cell.map(|c| c as f32));
         Self { first: low, dims: block.dims, cell, values }
     }
 
     /// Writes the values along a row of voxels that begins at `voxel`.
     pub(super) fn row(&self, voxel: [i64; 3], out: &mut [f32]) {
         let place = |a: usize, v: i64| {
-            let last = self.dims[a] as f64 - 1.0;
-            let p = ((v as f64 + 0.5) / self.cell[a] - 0.5 - self.first[a] as f64).clamp(0.0, last);
-            let low = p.floor().min((last - 1.0).max(0.0));
-            (low as usize, (p - low) as f32)
+            let last = self.dims[a] - 1;
+            let p = ((v as f32 + 0.5) / self.cell[a] - 0.5 - self.first[a] as f32).clamp(0.0, last as f32);
+            let low = (p as usize).min(last.saturating_sub(1));
+            (low, p - low as f32)
         };
         let [nx, ny, nz] = self.dims;
         let ((y, ty), (z, tz)) = (place(1, voxel[1]), place(2, voxel[2]));
@@ -370,7 +390,7 @@ impl Phi {
 
 #[cfg(test)]
 mod tests {
-    use glam::DMat3;
+    use glam::{DMat3, DVec3};
 
     use super::*;
     use crate::math::hash;

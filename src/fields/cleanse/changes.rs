@@ -32,6 +32,39 @@ impl Changes {
         out
     }
 
+    /// Joins changes of separate voxels.
+    pub(super) fn joined(parts: &[Self]) -> Self {
+        let mut runs: Vec<(Range<usize>, &[i16])> = parts.iter().flat_map(Self::runs).collect();
+        runs.sort_unstable_by_key(|r| r.0.start);
+        let total = runs.iter().map(|r| r.1.len()).sum();
+        let mut out = Self { runs: Vec::new(), values: Vec::with_capacity(total) };
+        let mut next = usize::MAX;
+        for (voxels, values) in runs {
+            if voxels.start != next {
+                out.runs.push((voxels.start, out.values.len()));
+            }
+            out.values.extend_from_slice(values);
+            next = voxels.end;
+        }
+        out.runs.shrink_to_fit();
+        out
+    }
+
+    /// Returns these changes and those of `other` where there are none of these.
+    pub(super) fn over(&self, other: &Self) -> Self {
+        let (mut own, mut below) = (self.each().peekable(), other.each().peekable());
+        Self::from_sorted(std::iter::from_fn(|| match (own.peek(), below.peek()) {
+            (Some(a), Some(b)) if b.0 < a.0 => below.next(),
+            (None, _) => below.next(),
+            _ => own.next(),
+        }))
+    }
+
+    /// Returns each voxel (linear index) with its value, HU.
+    pub(super) fn each(&self) -> impl Iterator<Item = (usize, i16)> + '_ {
+        self.runs().flat_map(|(voxels, values)| voxels.zip(values.iter().copied()))
+    }
+
     /// Returns the number of voxels.
     pub fn len(&self) -> usize {
         self.values.len()
@@ -48,8 +81,18 @@ impl Changes {
         self.runs.iter().zip(ends).map(|(&(first, at), end)| (first..first + end - at, &self.values[at..end]))
     }
 
+    /// Sets the values of ranges of voxels, ascending, each within one run.
+    pub(super) fn set(&mut self, ranges: &[Range<usize>], hu: i16) {
+        let mut ranges = ranges.iter().peekable();
+        for (voxels, values) in self.runs_mut() {
+            while let Some(range) = ranges.next_if(|r| r.start < voxels.end) {
+                values[range.start - voxels.start..range.end - voxels.start].fill(hu);
+            }
+        }
+    }
+
     /// Returns each run of voxels with its values, to be changed.
-    pub(super) fn runs_mut(&mut self) -> impl Iterator<Item = (Range<usize>, &mut [i16])> + '_ {
+    fn runs_mut(&mut self) -> impl Iterator<Item = (Range<usize>, &mut [i16])> + '_ {
         let mut rest = self.values.as_mut_slice();
         let total = rest.len();
         let ends: Vec<usize> = self.runs.iter().skip(1).map(|r| r.1).chain([total]).collect();
@@ -116,5 +159,19 @@ mod tests {
         assert_eq!(volume, before);
         assert!(Changes::default().is_empty() && Changes::default().applied(&volume) == volume);
         assert_eq!(changes.bytes(), 3 * 16 + 5 * 2);
+    }
+
+    #[test]
+    fn changes_are_joined_and_laid_over_others() {
+        let of = |list: &[(usize, i16)]| Changes::from_sorted(list.iter().copied());
+        let parts = [of(&[(8, 1), (9, 2)]), of(&[(2, 3), (20, 4)]), Changes::default(), of(&[(3, 5), (10, 6)])];
+        let joined = Changes::joined(&parts);
+        assert_eq!(joined, of(&[(2, 3), (3, 5), (8, 1), (9, 2), (10, 6), (20, 4)]));
+        assert_eq!(joined.runs().count(), 3);
+        let over = of(&[(1, 70), (3, 71), (21, 72)]).over(&joined);
+        assert_eq!(over, of(&[(1, 70), (2, 3), (3, 71), (8, 1), (9, 2), (10, 6), (20, 4), (21, 72)]));
+        assert_eq!(over.runs().count(), 3);
+        assert_eq!(Changes::default().over(&joined), joined);
+        assert_eq!(joined.over(&Changes::default()), joined);
     }
 }

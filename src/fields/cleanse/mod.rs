@@ -5,12 +5,17 @@
 
 mod block;
 mod changes;
+mod islands;
+mod layer;
 mod pool;
+mod pools;
+mod residue;
 mod scanner;
 
 use std::fmt;
 
 use super::Lumen;
+use super::lumen::Segment;
 use crate::error::Result;
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -69,6 +74,8 @@ impl fmt::Display for Cleansed {
 struct Scanner {
     /// Standard deviation of its blur, mm.
     blur_mm: f64,
+    /// Its gas, HU.
+    gas_hu: f32,
 }
 
 /// Takes the tag out of a lumen.
@@ -76,26 +83,70 @@ struct Scanner {
 /// # Errors
 /// Returns status 4 if interrupted.
 pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
-    let (labels, count) = lumen.fluid().components_by_corners();
-    if count == 0 {
-        return Ok(Cleansed::default());
+    let split = pools::split(volume.grid(), lumen);
+    let mut fluids: Vec<pool::Fluid> = Vec::new();
+    let mut unknown = 0;
+    if let Some(split) = &split {
+        fluids.extend((0..split.count as u32).map(|label| pool::Fluid { label, runs: Vec::new() }));
+        for ((j, k, r), label) in lumen.fluid().iter().zip(&split.labels) {
+            match label {
+                Some(label) => fluids[*label as usize].runs.push((j, k, r.range())),
+                None => unknown += r.len(),
+            }
+        }
     }
-    let mut fluids: Vec<pool::Fluid> = (0..count as u32).map(|label| pool::Fluid { label, runs: Vec::new() }).collect();
-    for ((j, k, r), &label) in lumen.fluid().iter().zip(&labels) {
-        fluids[label as usize].runs.push((j, k, r.range()));
+    let scanner = Scanner { blur_mm: scanner::blur_mm(volume, lumen), gas_hu: scanner::gas_hu(volume, lumen) };
+    let mut pools = match &split {
+        Some(split) => pool::cleanse(volume, lumen, split, &fluids, &scanner, progress)?,
+        None => pool::Pools::default(),
+    };
+    if unknown > 0 {
+        pools.left.push(Left { ml: f64::from(unknown) * volume.grid().voxel_ml(), why: pool::NO_LEVEL });
     }
-    let scanner = Scanner { blur_mm: scanner::blur_mm(volume, lumen) };
-    let pools = pool::cleanse(volume, lumen, &labels, &fluids, &scanner, progress)?;
-    let mut changed = pools.changed.concat();
-    changed.sort_unstable_by_key(|c| c.0);
+    let mut taken = residue::Bits::new(volume.grid().len());
+    let (parts, under): (Vec<Changes>, Vec<_>) = pools.changed.into_iter().map(|p| (p.changes, p.under)).unzip();
+    under.into_iter().flatten().for_each(|run| taken.fill(run));
+    let residue = residue::cleanse(volume, lumen, &taken, &scanner, progress)?;
+    let mut changes = Changes::joined(&residue.changed).over(&Changes::joined(&parts));
+    drop((parts, residue.changed));
+    islands::clear(volume, &mut changes, taken);
+    let ml: f64 = pools.taken.iter().map(|p| p.ml).sum();
     Ok(Cleansed {
-        changes: Changes::from_sorted(changed.into_iter()),
-        replaced_ml: pools.taken.iter().map(|p| p.ml).sum(),
+        changes,
+        replaced_ml: ml + residue.ml,
         pools: pools.taken,
-        residue_ml: 0.0,
-        left: pools.left,
+        residue_ml: residue.ml,
+        left: summed(pools.left.into_iter().chain(residue.left)),
         blur_mm: scanner.blur_mm,
     })
+}
+
+/// Adds up what was left for the same reason.
+fn summed(left: impl Iterator<Item = Left>) -> Vec<Left> {
+    let mut out: Vec<Left> = Vec::new();
+    for one in left {
+        match out.iter_mut().find(|l| l.why == one.why) {
+            Some(known) => known.ml += one.ml,
+            None => out.push(one),
+        }
+    }
+    out
+}
+
+/// Keeps the ends of a scan's segments in the lumen without tag, if their order from rectum to cecum was known. Where the fluid was,
+/// the lumen may lead on into bowel beyond them, which is not flown.
+pub(crate) fn keep_ends(cleansed: &mut Lumen, before: &Lumen) {
+    if !before.ordered {
+        return;
+    }
+    for n in 0..cleansed.segments.len() {
+        let holds = |s: &&Segment| s.ends.iter().all(|&e| cleansed.segment_at(e) == Some(n));
+        let mut joined = before.segments.iter().filter(holds);
+        if let Some(first) = joined.next() {
+            let last = joined.next_back().unwrap_or(first);
+            cleansed.segments[n].ends = [first.ends[0], last.ends[1]];
+        }
+    }
 }
 
 /// Returns the cubic step from 0 at `lo` to 1 at `hi`.

@@ -19,10 +19,12 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::block::{Block, Bricks, CellMeans, Mask, Phi};
+use super::changes::Changes;
+use super::pools::Split;
 use super::{GAS, Left, Scanner, TISSUE, step};
 use crate::error::Result;
 use crate::fields::Lumen;
-use crate::fields::lumen::frame::{AxisDirection, Frame};
+use crate::fields::lumen::frame::AxisDirection;
 use crate::math::normal;
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -43,6 +45,12 @@ const MARGIN: usize = (Mask::ROW - 32) / 2;
 const TEXTURE: f32 = 80.0;
 /// Deviation at which a column is none of a level's, mm.
 const LEVEL_MM: f64 = 0.7;
+/// What is bright above this depth, σ, is not explained by the level: fluid that climbs the wall, or a film.
+const UNDER: f32 = -0.5;
+/// Fluid this far above a level, σ, is none that climbs the wall.
+const RAISED: f32 = 2.5;
+/// Below this depth, σ, all that is bright is the pool's.
+const SURELY_UNDER: f32 = 2.0;
 /// How much a level holds to the grid's axis: the spread (voxels²) at which half of its slope is taken for true.
 const HOLD: f64 = 4.0;
 
@@ -57,19 +65,25 @@ pub struct CleansedPool {
     pub level: [DVec3; 2],
 }
 
-/// A pool's runs, (j, k, range of i), and which of all runs of fluid they are.
+/// A run of voxels: j, k and the range of i.
+pub(super) type Place = (usize, usize, Range<usize>);
+
+/// A pool's runs, and which of all runs of fluid they are.
 pub(super) struct Fluid {
     pub label: u32,
-    pub runs: Vec<(usize, usize, Range<usize>)>,
+    pub runs: Vec<Place>,
 }
 
 /// What is known of a pool.
+#[derive(Clone)]
 struct Pool {
     label: u32,
     down: AxisDirection,
     /// Depth below the level, voxels along `down`, as a plane over the voxel's indices.
     depth: DVec3,
     above: f64,
+    /// Only what fluid there is above the level, away from gas: in a bend without gas it rises as in a siphon, and has no level.
+    is_siphon: bool,
     /// Blur across the level, mm.
     blur_mm: f64,
     gas: CellMeans,
@@ -79,14 +93,22 @@ struct Pool {
 
 /// Why a pool was not taken out.
 const FAINT: &str = "hardly brighter than tissue";
-const NO_LEVEL: &str = "no level under gas";
+pub(super) const NO_LEVEL: &str = "no level under gas";
 
-/// The pools of a scan: which were taken out and the new values, by voxel and ascending within each part; and those that were not,
-/// with their volume, ml.
+/// The pools of a scan: which were taken out the new values, and what was left.
+#[derive(Default)]
 pub(super) struct Pools {
     pub taken: Vec<CleansedPool>,
-    pub changed: Vec<Vec<(usize, i16)>>,
+    pub changed: Vec<Part>,
     pub left: Vec<Left>,
+}
+
+/// The new values of a brick.
+#[derive(Default)]
+pub(super) struct Part {
+    pub changes: Changes,
+    /// The voxels among them that are under a level (linear indices): whatever is bright there is the pool's.
+    pub under: Vec<Range<usize>>,
 }
 
 /// Takes out all pools.
@@ -96,21 +118,27 @@ pub(super) struct Pools {
 pub(super) fn cleanse(
     volume: &Volume,
     lumen: &Lumen,
-    labels: &[u32],
+    split: &Split,
     fluids: &[Fluid],
     scanner: &Scanner,
     progress: &Progress,
 ) -> Result<Pools> {
     let bricks = Bricks::of(volume.grid());
     let mut out = Pools { taken: Vec::new(), changed: Vec::new(), left: Vec::new() };
-    let known = fluids.par_iter().map(|f| survey(volume, lumen, labels, f, &bricks, scanner, progress));
+    let known = fluids.par_iter().map(|f| survey(volume, lumen, split, f, &bricks, scanner, progress));
     let mut work = Vec::new();
     let mut pools = Vec::new();
     for (fluid, known) in fluids.iter().zip(known.collect::<Result<Vec<_>>>()?) {
         match known {
             Ok((pool, found)) => {
                 work.extend(bricks.around(&fluid.runs, reach(volume)).into_iter().map(|b| (b, pools.len())));
+                let raised = raised(&pool, &fluid.runs, volume.grid().spacing());
+                let siphon = (!raised.is_empty()).then(|| Pool { is_siphon: true, ..pool.clone() });
                 pools.push(pool);
+                if let Some(siphon) = siphon {
+                    work.extend(bricks.around(&raised, reach(volume)).into_iter().map(|b| (b, pools.len())));
+                    pools.push(siphon);
+                }
                 out.taken.push(found);
             }
             Err(left) => out.left.push(left),
@@ -120,22 +148,35 @@ pub(super) fn cleanse(
     work.sort_unstable();
     let groups: Vec<&[(usize, usize)]> = work.chunk_by(|a, b| a.0 == b.0).collect();
     let sharpened = Sharpened::new(scanner.blur_mm, NEIGHBOURHOOD_MM);
-    let shared = Shared { volume, lumen, labels, bricks, phi: Phi::new(), sharpened };
+    let shared = Shared { volume, lumen, split, bricks, phi: Phi::new(), sharpened };
     let together = |group: &[(usize, usize)]| {
         progress.check()?;
         if let [(brick, pool)] = group {
             return Ok(shared.within(&pools[*pool], *brick));
         }
         let mut values: BTreeMap<usize, i16> = BTreeMap::new();
+        let mut under = Vec::new();
         for (brick, pool) in group {
-            for (n, hu) in shared.within(&pools[*pool], *brick) {
+            let mut part = shared.within(&pools[*pool], *brick);
+            for (n, hu) in part.changes.each() {
                 values.entry(n).and_modify(|v| *v = hu.min(*v)).or_insert(hu);
             }
+            under.append(&mut part.under);
         }
-        Ok(values.into_iter().collect())
+        Ok(Part { changes: Changes::from_sorted(values.into_iter()), under })
     };
     out.changed = groups.par_iter().map(|group| together(group)).collect::<Result<_>>()?;
     Ok(out)
+}
+
+/// Returns the runs of a pool's fluid that are above its level at one end.
+fn raised(pool: &Pool, runs: &[Place], spacing: DVec3) -> Vec<Place> {
+    let per_sigma = spacing[pool.down.axis] / pool.blur_mm;
+    let depth = |i: usize, j: usize, k: usize| {
+        (pool.depth.dot(DVec3::new(i as f64, j as f64, k as f64)) - pool.above) * per_sigma
+    };
+    let is_raised = |(j, k, r): &&Place| depth(r.start, *j, *k).min(depth(r.end - 1, *j, *k)) < -f64::from(RAISED);
+    runs.iter().filter(is_raised).cloned().collect()
 }
 
 /// How far from fluid values are replaced, voxels.
@@ -163,7 +204,7 @@ type Survey = std::result::Result<(Pool, CleansedPool), Left>;
 fn survey(
     volume: &Volume,
     lumen: &Lumen,
-    labels: &[u32],
+    split: &Split,
     fluid: &Fluid,
     bricks: &Bricks,
     scanner: &Scanner,
@@ -172,7 +213,7 @@ fn survey(
     let grid = volume.grid();
     let voxels: usize = fluid.runs.iter().map(|r| r.2.len()).sum();
     let ml = voxels as f64 * grid.voxel_ml();
-    let Some(down) = downwards(lumen, Frame::of(grid), &fluid.runs) else { return Ok(Err(Left { ml, why: NO_LEVEL })) };
+    let down = split.down;
     let inner = (1.6 * scanner.blur_mm / grid.spacing()).ceil().to_array().map(|n| (n as usize).clamp(1, 6));
     let away = (2.2 * scanner.blur_mm / grid.spacing()).ceil().to_array().map(|n| (n as usize).clamp(1, 6));
     let reach = reach(volume);
@@ -182,7 +223,7 @@ fn survey(
         .map(|&brick| {
             progress.check()?;
             let wide = bricks.block(brick, reach.map(|r| r.max(6)));
-            let mask = wide.mask(lumen.fluid(), |n| labels[n] == fluid.label);
+            let mask = wide.mask(lumen.fluid(), |n| split.labels[n] == Some(fluid.label));
             Ok(survey_brick(volume, &wide, &mask, down, bricks, [inner, away, reach]))
         })
         .collect::<Result<_>>()?;
@@ -215,6 +256,7 @@ fn survey(
         down,
         depth: level.normal,
         above: level.offset,
+        is_siphon: false,
         blur_mm: level.blur_mm.unwrap_or(scanner.blur_mm),
         gas: CellMeans::new(bricks, &cells(&all.gas), gas, 4.0),
         tag: CellMeans::new(bricks, &cells(&all.tag), mean, 1e-3),
@@ -276,20 +318,6 @@ fn survey_brick(
         }
     });
     out
-}
-
-/// Returns the direction in which gravity pulls: away from the gas above the fluid.
-fn downwards(lumen: &Lumen, frame: Frame, runs: &[(usize, usize, Range<usize>)]) -> Option<AxisDirection> {
-    let above = |down: AxisDirection| {
-        let step = down.step().map(|s| -3 * s);
-        let is_gas = |i: usize, j: usize, k: usize| {
-            lumen.gas().find(i as i64 + step[0], j as i64 + step[1], k as i64 + step[2]).is_some()
-        };
-        runs.iter().map(|(j, k, r)| r.clone().filter(|&i| is_gas(i, *j, *k)).count()).sum::<usize>()
-    };
-    let [a, b] = [frame.posterior, frame.posterior.back()].map(|d| (above(d), d));
-    let (count, down) = if a.0 >= b.0 { a } else { b };
-    (count > 0).then_some(down)
 }
 
 /// A level.
@@ -368,7 +396,7 @@ fn level(columns: &[Column], down: AxisDirection, [gas, tag]: [f32; 2], spacing:
 struct Shared<'a> {
     volume: &'a Volume,
     lumen: &'a Lumen,
-    labels: &'a [u32],
+    split: &'a Split,
     bricks: Bricks,
     phi: Phi,
     sharpened: Sharpened,
@@ -376,27 +404,56 @@ struct Shared<'a> {
 
 impl Shared<'_> {
     /// Returns the new values of one brick around one pool.
-    fn within(&self, pool: &Pool, brick: usize) -> Vec<(usize, i16)> {
+    fn within(&self, pool: &Pool, brick: usize) -> Part {
         let grid = self.volume.grid();
         let spacing = grid.spacing();
-        let wide = self.bricks.block(brick, reach(self.volume));
-        let mask = wide.mask(self.lumen.fluid(), |n| self.labels[n] == pool.label);
+        let wide = self.bricks.block(brick, reach(self.volume).map(|r| (2 * r).min(MARGIN)));
+        let mut mask = wide.mask(self.lumen.fluid(), |n| self.split.labels[n] == Some(pool.label));
         let s = [0, 1, 2].map(|a| NEIGHBOURHOOD_MM / spacing[a]);
         let block = self.bricks.block(brick, s.map(|s| ((3.0 * s).ceil() as usize).min(MARGIN)));
-        let hu = block.load(self.volume);
         let per_sigma = (spacing[pool.down.axis] / pool.blur_mm) as f32;
         // The depth along a row is linear.
         let depth_at =
             |v: [i64; 3]| (pool.depth.dot(DVec3::from_array(v.map(|c| c as f64))) - pool.above) as f32 * per_sigma;
-        let slope = pool.depth.x as f32 * per_sigma;
+        let slope = if pool.is_siphon { 0.0 } else { pool.depth.x as f32 * per_sigma };
         let nx = block.dims[0];
+        let mut changed: Vec<(usize, i16)> = Vec::new();
+        let mut under: Vec<Range<usize>> = Vec::new();
+        let mut note = |n: usize| match under.last_mut() {
+            Some(run) if run.end == n => run.end += 1,
+            _ => under.push(n..n + 1),
+        };
+        let index = |v: [i64; 3]| grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
+        if pool.is_siphon {
+            let gas = wide.mask(self.lumen.gas(), |_| true).dilated([4; 3]);
+            mask.keep(|n| depth_at(wide.voxel(n)) < -RAISED && !gas.has(n));
+            if mask.is_empty() {
+                return Part::default();
+            }
+        }
+        let depth_at = |v: [i64; 3]| if pool.is_siphon { f32::INFINITY } else { depth_at(v) };
+        // Nothing but fluid, far below its level.
+        let top = block.voxel(if pool.down.sign > 0 { 0 } else { block.len() - 1 });
+        if mask.is_full() && depth_at(top) > 5.0 {
+            let mut dark = vec![0f32; wide.dims[0]];
+            let mut row = [i64::MIN; 2];
+            wide.each_own(|n, v| {
+                if row != [v[1], v[2]] {
+                    pool.gas.row(wide.voxel(n - n % wide.dims[0]), &mut dark);
+                    row = [v[1], v[2]];
+                }
+                changed.push((index(v), dark[n % wide.dims[0]].round() as i16));
+                note(index(v));
+            });
+            return Part { changes: Changes::from_sorted(changed.into_iter()), under };
+        }
+        let hu = block.load(self.volume);
         let mut product = vec![0f32; block.len()];
         let mut square = vec![0f32; block.len()];
         let mut mixed = vec![0f32; block.len()];
         let mut own = vec![0f32; block.len()];
         let mut dark = vec![0f32; block.len()];
         let mut tag = vec![0f32; nx];
-        let mut is_pure = true;
         for from in (0..block.len()).step_by(nx) {
             let v = block.voxel(from);
             let row = from..from + nx;
@@ -412,27 +469,15 @@ impl Shared<'_> {
                 let contrast = own[n] - mixed[n];
                 product[n] = contrast * (hu[n] - mixed[n]);
                 square[n] = contrast * contrast;
-                is_pure &= depth > 4.0 && hu[n] > 0.5 * (own[n] + tag);
             }
-        }
-        let mut changed = Vec::new();
-        let index = |v: [i64; 3]| grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
-        // Nothing but fluid, far below its level.
-        if is_pure {
-            let near = mask.dilated(reach(self.volume));
-            block.each_own(|n, v| {
-                if near.has(block.index_in(&wide, n)) {
-                    changed.push((index(v), dark[n].round() as i16));
-                }
-            });
-            return changed;
         }
         let near = self.downhill(&wide, &mask);
         block.blur(&mut product, s);
         block.blur(&mut square, s);
         block.each_own(|n, v| {
             // Above the blur of the level the scan is as it should be.
-            let ours = step(-3.5, -2.0, depth_at(v));
+            let depth = depth_at(v);
+            let ours = step(-3.5, -2.0, depth);
             if ours == 0.0 || !near.has(block.index_in(&wide, n)) {
                 return;
             }
@@ -442,12 +487,16 @@ impl Shared<'_> {
             let rest = hu[n] - (own[n] * p + mixed[n] * (1.0 - p));
             let clean = clean + rest * step(0.9, 1.0, p);
             changed.push((index(v), (hu[n] + (clean - hu[n]) * ours).round() as i16));
+            let explained = hu[n] < own[n].max(mixed[n]) + TEXTURE;
+            if depth > UNDER && (explained || depth > SURELY_UNDER) {
+                note(index(v));
+            }
         });
-        changed
+        Part { changes: Changes::from_sorted(changed.into_iter()), under }
     }
 
     /// Returns what lies around fluid: the voxels within reach to which values never rise on the way, but for texture. What rises
-    /// again behind the wall is other bowel.
+    /// again behind the wall is other bowel. No way is longer than the block's margin, so that it is the same in every brick.
     fn downhill(&self, block: &Block, mask: &Mask) -> Mask {
         let hu = block.load(self.volume);
         let within = mask.dilated(reach(self.volume));
@@ -455,18 +504,37 @@ impl Shared<'_> {
         let mut open = Vec::new();
         mask.each(|n| open.push(n));
         let strides = block.strides();
-        while let Some(n) = open.pop() {
-            for a in 0..3 {
-                let at = n / strides[a] % block.dims[a];
-                let neighbours = [(at > 0).then(|| n - strides[a]), (at + 1 < block.dims[a]).then(|| n + strides[a])];
-                for m in neighbours.into_iter().flatten() {
-                    if !near.has(m) && within.has(m) && hu[m] <= (hu[n] + 0.5 * TEXTURE).max(TISSUE + TEXTURE) {
-                        near.set(m);
-                        open.push(m);
+        let longest = block.margin.into_iter().min().unwrap_or(0);
+        for _ in 0..longest {
+            let mut next = Vec::new();
+            for n in open {
+                for a in 0..3 {
+                    let at = n / strides[a] % block.dims[a];
+                    let [low, high] =
+                        [(at > 0).then(|| n - strides[a]), (at + 1 < block.dims[a]).then(|| n + strides[a])];
+                    for m in low.into_iter().chain(high) {
+                        if !near.has(m) && within.has(m) && hu[m] <= (hu[n] + 0.5 * TEXTURE).max(TISSUE + TEXTURE) {
+                            near.set(m);
+                            next.push(m);
+                        }
                     }
                 }
             }
+            open = next;
         }
+        // A voxel that noise brightens is none of another bowel.
+        let mut alone = Vec::new();
+        within.each(|n| {
+            let count = |n: usize, a: usize| {
+                let at = n / strides[a] % block.dims[a];
+                usize::from(at > 0 && near.has(n - strides[a]))
+                    + usize::from(at + 1 < block.dims[a] && near.has(n + strides[a]))
+            };
+            if !near.has(n) && (0..3).map(|a| count(n, a)).sum::<usize>() >= 5 {
+                alone.push(n);
+            }
+        });
+        alone.into_iter().for_each(|n| near.set(n));
         near
     }
 }

@@ -14,6 +14,18 @@ const LEAST: usize = 100;
 /// No more places than this are looked at.
 const MOST: usize = 60_000;
 
+/// Returns the mean of the lumen's gas, away from walls, HU.
+pub(super) fn gas_hu(volume: &Volume, lumen: &Lumen) -> f32 {
+    let (mut sum, mut count) = (0.0, 0);
+    let every = (lumen.gas().runs().len() / MOST).max(1);
+    for (j, k, r) in lumen.gas().iter().step_by(every).filter(|(_, _, r)| r.len() > 8) {
+        sum += f64::from(volume.get(i64::from(r.start + r.len() / 2), j as i64, k as i64));
+        count += 1;
+    }
+    // Of a lumen of no width nothing is known.
+    ((sum + f64::from(GAS)) / f64::from(count + 1)).clamp(-1050.0, -800.0) as f32
+}
+
 /// Estimates the scanner's blur, mm, from walls against gas. Where an edge has passed the share `p`, its slope is
 /// `(T − A) φ(Φ⁻¹(p)) / σ`; differences over `±h` add `h²/3` to σ². Returns the median over such voxels.
 pub(super) fn blur_mm(volume: &Volume, lumen: &Lumen) -> f64 {

@@ -128,7 +128,7 @@ impl Rows {
     }
 
     /// Calls `visit` for the voxels one step in `axis_direction` from the given run of row (j, k) that are in no run.
-    pub(super) fn beyond(
+    pub(crate) fn beyond(
         &self,
         r: Run,
         j: usize,
@@ -210,7 +210,7 @@ fn too_many() -> Error {
 
 /// Union-find whose roots are the smallest members, so that the result does not depend on the order of operations.
 #[derive(Debug, Default)]
-pub(super) struct Sets {
+pub(in crate::fields) struct Sets {
     parent: Vec<u32>,
 }
 
@@ -253,7 +253,7 @@ impl Sets {
 }
 
 /// Calls `f(a, b)` for the indices of every two runs of rows `a` and `b` that share an x.
-pub(super) fn touching(a: &[Run], b: &[Run], f: impl FnMut(usize, usize)) {
+pub(in crate::fields) fn touching(a: &[Run], b: &[Run], f: impl FnMut(usize, usize)) {
     near(a, b, 0, f);
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::fields::{Lumen, cleanse, drain, lumen};
+use crate::fields::{Lumen, cleanse, lumen};
 use crate::progress::Progress;
 use crate::volume::Volume;
 
@@ -26,7 +26,7 @@ pub(super) struct Method {
 /// All methods.
 pub(super) const METHODS: [Method; 4] = [
     Method { name: "none", apply: |scan, _, _| Ok(Arc::clone(scan)) },
-    Method { name: "blanked", apply: |scan, lumen, _| Ok(Arc::new(drain::drained(scan, lumen))) },
+    Method { name: "blanked", apply: |scan, lumen, _| Ok(Arc::new(blanked(scan, lumen))) },
     Method { name: "remapped", apply: |scan, lumen, _| Ok(Arc::new(remapped(scan, lumen))) },
     Method {
         name: "cleansed",
@@ -40,6 +40,17 @@ pub(super) const METHODS: [Method; 4] = [
 /// Returns status 4 if interrupted.
 pub(super) fn lumen_of(scan: &Volume, progress: &Progress) -> Result<Lumen> {
     lumen::find(scan, progress)
+}
+
+/// Fills the fluid's voxels with gas, and the blurred layer between gas and fluid.
+fn blanked(scan: &Volume, lumen: &Lumen) -> Volume {
+    let mut data = scan.data().to_vec();
+    for (hu, mark) in data.iter_mut().zip(lumen.mask()) {
+        if mark == FLUID {
+            *hu = GAS as i16;
+        }
+    }
+    Volume::new(scan.grid().clone(), data)
 }
 
 /// Maps values between tissue and the tag's mean linearly to those between tissue and gas, in and around the fluid. Darker ones in

@@ -1,0 +1,133 @@
+//! Which fluid belongs to which level.
+//!
+//! Fluid that hangs together may have several levels: gas above each part has a pressure of its own, as in a siphon. Each level is
+//! a set of adjacent tops of columns under gas, and fluid belongs to the level from which the way to it is shortest.
+
+use std::collections::VecDeque;
+
+use crate::fields::Lumen;
+use crate::fields::lumen::frame::{AxisDirection, Frame};
+use crate::fields::lumen::runs::{Rows, Sets, touching};
+use crate::volume::Grid;
+
+/// Gas is at most this many voxels above the top of fluid: the lumen leaves out what is blurred.
+const GAP: i64 = 3;
+/// A level has at least so many columns.
+const COLUMNS: usize = 12;
+
+/// Fluid by level.
+#[derive(Debug)]
+pub(super) struct Split {
+    /// Direction in which gravity pulls.
+    pub down: AxisDirection,
+    /// The level of each run of fluid; `None` where none is reached.
+    pub labels: Vec<Option<u32>>,
+    /// Number of levels.
+    pub count: usize,
+}
+
+/// Finds all levels, and the fluid of each. Returns `None` if there is no gas above any fluid.
+pub(super) fn split(grid: &Grid, lumen: &Lumen) -> Option<Split> {
+    let fluid = lumen.fluid();
+    let down = downwards(lumen, Frame::of(grid))?;
+    let step = down.step();
+    let [b, c] = [(down.axis + 1) % 3, (down.axis + 2) % 3];
+    // Tops of columns: (across, across, height) and the run.
+    let mut tops: Vec<([i64; 3], u32)> = Vec::new();
+    for (n, (j, k, r)) in fluid.iter().enumerate() {
+        for i in r.range() {
+            let at = |m: i64| [i as i64 - m * step[0], j as i64 - m * step[1], k as i64 - m * step[2]];
+            let [x, y, z] = at(1);
+            if fluid.find(x, y, z).is_some() {
+                continue;
+            }
+            let is_gas = |m: i64| {
+                let [x, y, z] = at(m);
+                lumen.gas().find(x, y, z).is_some()
+            };
+            if (1..=GAP).any(is_gas) {
+                let v = at(0);
+                tops.push(([v[b], v[c], v[down.axis]], n as u32));
+            }
+        }
+    }
+    tops.sort_unstable();
+    let mut sets = Sets::new(tops.len());
+    for (n, ([x, y, height], _)) in tops.iter().enumerate() {
+        for (dx, dy) in [(0, 1), (1, -1), (1, 0), (1, 1)] {
+            let from = tops.partition_point(|t| t.0 < [x + dx, y + dy, height - 1]);
+            for m in from..tops.len() {
+                if tops[m].0 > [x + dx, y + dy, height + 1] {
+                    break;
+                }
+                sets.join(n as u32, m as u32);
+            }
+        }
+    }
+    let (of, groups) = sets.numbered();
+    let mut sizes = vec![0usize; groups];
+    of.iter().for_each(|&g| sizes[g as usize] += 1);
+    let mut numbers = vec![None; groups];
+    let mut count = 0;
+    for (number, _) in numbers.iter_mut().zip(&sizes).filter(|(_, size)| **size >= COLUMNS) {
+        *number = Some(count as u32);
+        count += 1;
+    }
+    let mut labels = vec![None; fluid.runs().len()];
+    let mut open = VecDeque::new();
+    for ((_, run), group) in tops.iter().zip(of) {
+        let label = &mut labels[*run as usize];
+        if let (Some(level), None) = (numbers[group as usize], &label) {
+            *label = Some(level);
+            open.push_back(*run);
+        }
+    }
+    let beside = neighbours(fluid);
+    while let Some(run) = open.pop_front() {
+        for &next in &beside[run as usize] {
+            if labels[next as usize].is_none() {
+                labels[next as usize] = labels[run as usize];
+                open.push_back(next);
+            }
+        }
+    }
+    Some(Split { down, labels, count })
+}
+
+/// Returns the runs that share a face with each run.
+fn neighbours(rows: &Rows) -> Vec<Vec<u32>> {
+    let [_, ny, nz] = rows.dims();
+    let mut beside = vec![Vec::new(); rows.runs().len()];
+    for (j, k) in (0..nz).flat_map(|k| (0..ny).map(move |j| (j, k))) {
+        let here = rows.row_range(j, k);
+        for (j, k) in [(j > 0).then(|| (j - 1, k)), (k > 0).then(|| (j, k - 1))].into_iter().flatten() {
+            let other = rows.row_range(j, k);
+            touching(&rows.runs()[other.clone()], &rows.runs()[here.clone()], |a, b| {
+                let (a, b) = (other.start + a, here.start + b);
+                beside[a].push(b as u32);
+                beside[b].push(a as u32);
+            });
+        }
+        for n in here.clone().skip(1) {
+            if rows.runs()[n - 1].end == rows.runs()[n].start {
+                beside[n - 1].push(n as u32);
+                beside[n].push(n as u32 - 1);
+            }
+        }
+    }
+    beside
+}
+
+/// Returns the direction in which gravity pulls: away from the gas above the fluid.
+fn downwards(lumen: &Lumen, frame: Frame) -> Option<AxisDirection> {
+    let above = |down: AxisDirection| {
+        let step = down.step().map(|s| -GAP * s);
+        let is_gas = |i: usize, j: usize, k: usize| {
+            lumen.gas().find(i as i64 + step[0], j as i64 + step[1], k as i64 + step[2]).is_some()
+        };
+        lumen.fluid().iter().map(|(j, k, r)| r.range().filter(|&i| is_gas(i, j, k)).count()).sum::<usize>()
+    };
+    let [a, b] = [frame.posterior, frame.posterior.back()].map(|d| (above(d), d));
+    let (count, down) = if a.0 >= b.0 { a } else { b };
+    (count > 0).then_some(down)
+}

@@ -1,0 +1,380 @@
+//! Films and stool: tag that clings to the wall above any level.
+//!
+//! It is what is bright, begins right at the colon's gas without tissue between, and does not go on into bone or other bowel. Around it
+//! each voxel is seen along the normal of the gas, and [`layer`](super::layer) tells where gas ends and tissue begins there.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::block::{Block, Bricks, CellMeans, Mask};
+use super::changes::Changes;
+use super::layer::{self, Fitter, Materials, SAMPLES};
+use super::{Left, Scanner, TISSUE, step};
+use crate::error::Result;
+use crate::fields::Lumen;
+use crate::fields::lumen::frame::AxisDirection;
+use crate::fields::lumen::runs::{Rows, Run};
+use crate::progress::Progress;
+use crate::volume::Volume;
+
+/// Nothing darker is taken for tag, HU: above muscle, organs and most vessels.
+const BRIGHT: i16 = 180;
+/// Tag begins at most this many σ from gas: farther away a wall would be between them.
+const EDGE: f64 = 3.4;
+/// It reaches at most this far from there, mm.
+const FAR_MM: f64 = 18.0;
+/// A piece with more of its voxels this far is something else that touches the colon.
+const FAR_SHARE: f64 = 0.1;
+/// Volume of the largest piece, ml, and of the smallest, mm³: anything less is noise.
+const MOST_ML: f64 = 20.0;
+const LEAST_MM3: f64 = 4.0;
+/// The brightest fifth of a piece is brighter than this in the mean, HU: walls with contrast agent, and noise, are not.
+const SURE_HU: f64 = 250.0;
+/// A fainter piece is tag, too, if this share of its voxels is inside: noise is never as solid.
+const SOLID_SHARE: f64 = 0.02;
+/// How far from it values are replaced, mm.
+const REACH_MM: f64 = 3.2;
+/// Standard deviation of the blur of the field whose gradient is the normal, mm.
+const NORMAL_MM: f64 = 0.7;
+/// A layer thinner than the first is left as it is, one thicker than the second is taken out, σ.
+const THIN: [f32; 2] = [0.12, 0.4];
+/// No margin of a block is wider, voxels, so that its rows are words.
+const MARGIN: usize = (Mask::ROW - 32) / 2;
+
+/// A bit for each voxel of a grid.
+#[derive(Clone, Debug)]
+pub(super) struct Bits(Vec<u64>);
+
+impl Bits {
+    pub(super) fn new(count: usize) -> Self {
+        Self(vec![0; count.div_ceil(64)])
+    }
+
+    pub(super) fn has(&self, n: usize) -> bool {
+        self.0[n / 64] >> (n % 64) & 1 == 1
+    }
+
+    /// Adds a voxel; returns false if it was there.
+    pub(super) fn add(&mut self, n: usize) -> bool {
+        let (word, bit) = (&mut self.0[n / 64], 1 << (n % 64));
+        let is_new = *word & bit == 0;
+        *word |= bit;
+        is_new
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.0.fill(0);
+    }
+
+    pub(super) fn fill(&mut self, voxels: Range<usize>) {
+        for n in voxels {
+            self.0[n / 64] |= 1 << (n % 64);
+        }
+    }
+}
+
+/// The films and the stool of a scan.
+pub(super) struct Residue {
+    /// Their volume, ml.
+    pub ml: f64,
+    /// New values, brick by brick.
+    pub changed: Vec<Changes>,
+    pub left: Vec<Left>,
+}
+
+/// Takes out films and stool. Voxels of `taken` belong to pools.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub(super) fn cleanse(
+    volume: &Volume,
+    lumen: &Lumen,
+    taken: &Bits,
+    scanner: &Scanner,
+    progress: &Progress,
+) -> Result<Residue> {
+    let mut out = Residue { ml: 0.0, changed: Vec::new(), left: Vec::new() };
+    let seeds = seeds(volume, lumen, taken, scanner, progress)?;
+    if seeds.is_empty() {
+        return Ok(out);
+    }
+    let grid = volume.grid();
+    let voxels = pieces(volume, taken, &seeds, &mut out.left, progress)?;
+    if voxels.is_empty() {
+        return Ok(out);
+    }
+    out.ml = voxels.len() as f64 * grid.voxel_ml();
+    let bricks = Bricks::of(grid);
+    let tag = brightness(volume, &voxels, &bricks);
+    let rows = rows(grid.dims(), &voxels)?;
+    let runs: Vec<_> = rows.iter().map(|(j, k, r)| (j, k, r.range())).collect();
+    let reach = (REACH_MM / grid.spacing()).ceil().to_array().map(|r| (r as usize).min(MARGIN));
+    let work = bricks.around(&runs, reach);
+    let shared =
+        Shared { volume, rows, bricks, tag, reach, sigma: scanner.blur_mm, gas: scanner.gas_hu, fitter: Fitter::new() };
+    out.changed = work
+        .par_iter()
+        .map(|&brick| {
+            progress.check()?;
+            Ok(shared.within(brick, taken))
+        })
+        .collect::<Result<_>>()?;
+    Ok(out)
+}
+
+/// Returns bright voxels right beyond gas (linear indices), ascending.
+fn seeds(volume: &Volume, lumen: &Lumen, taken: &Bits, scanner: &Scanner, progress: &Progress) -> Result<Vec<usize>> {
+    let grid = volume.grid();
+    let [_, ny, nz] = grid.dims();
+    let gas = lumen.gas();
+    let directions = [0, 1, 2].map(|axis| [-1, 1].map(|sign| AxisDirection { axis, sign }));
+    let found: Vec<Vec<usize>> = (0..nz)
+        .into_par_iter()
+        .map(|k| {
+            progress.check()?;
+            let mut out = Vec::new();
+            for j in 0..ny {
+                for &run in gas.row(j, k) {
+                    for direction in directions.as_flattened() {
+                        let far = (EDGE * scanner.blur_mm / grid.spacing()[direction.axis]).ceil().max(2.0) as i64;
+                        let step = direction.step();
+                        gas.beyond(run, j, k, *direction, |at| {
+                            let mut before = i16::MIN;
+                            for m in 0..far {
+                                let [i, j, k] = [0, 1, 2].map(|a| at[a] + m * step[a]);
+                                let hu = volume.get(i, j, k);
+                                // Values only rise from gas to tag.
+                                if hu < before {
+                                    return;
+                                }
+                                if hu > BRIGHT {
+                                    let n = grid.index(i as usize, j as usize, k as usize);
+                                    if !taken.has(n) {
+                                        out.push(n);
+                                    }
+                                    return;
+                                }
+                                before = hu.saturating_sub(30);
+                            }
+                        });
+                    }
+                }
+            }
+            Ok(out)
+        })
+        .collect::<Result<_>>()?;
+    let mut all = found.concat();
+    all.sort_unstable();
+    all.dedup();
+    Ok(all)
+}
+
+/// Returns the voxels of all pieces that are tag (linear indices), ascending.
+fn pieces(
+    volume: &Volume,
+    taken: &Bits,
+    seeds: &[usize],
+    left: &mut Vec<Left>,
+    progress: &Progress,
+) -> Result<Vec<usize>> {
+    let grid = volume.grid();
+    let (dims, spacing) = (grid.dims(), grid.spacing());
+    let strides = [1, dims[0], dims[0] * dims[1]];
+    let most = (MOST_ML / grid.voxel_ml()) as usize;
+    let mut is_seed = Bits::new(grid.len());
+    seeds.iter().for_each(|&n| is_seed.fill(n..n + 1));
+    let mut seen = Bits::new(grid.len());
+    let mut out = Vec::new();
+    let (mut leads_on, mut large, mut faint) = (0, 0, 0);
+    for &seed in seeds {
+        if !seen.add(seed) {
+            continue;
+        }
+        progress.check()?;
+        // All of one piece, each voxel with its way from the nearest seed.
+        let mut piece = vec![seed];
+        let mut open = VecDeque::from([(seed, 0.0)]);
+        let mut far = 0;
+        while let Some((n, way)) = open.pop_front() {
+            let at = [n % dims[0], n / dims[0] % dims[1], n / strides[2]];
+            for a in 0..3 {
+                for m in [(at[a] > 0).then(|| n - strides[a]), (at[a] + 1 < dims[a]).then(|| n + strides[a])] {
+                    let Some(m) = m.filter(|&m| volume.data()[m] > BRIGHT && !taken.has(m)) else { continue };
+                    let way = if is_seed.has(m) { 0.0 } else { way + spacing[a] };
+                    if way > FAR_MM {
+                        far += 1;
+                    } else if seen.add(m) {
+                        piece.push(m);
+                        if way == 0.0 { open.push_front((m, way)) } else { open.push_back((m, way)) }
+                    }
+                }
+            }
+            if piece.len() > 20 * most {
+                break;
+            }
+        }
+        if piece.len() > most {
+            large += piece.len();
+        } else if far as f64 > FAR_SHARE * piece.len() as f64 {
+            leads_on += piece.len();
+        } else if piece.len() as f64 * 1e3 * grid.voxel_ml() >= LEAST_MM3 {
+            let mut hu: Vec<i16> = piece.iter().map(|&n| volume.data()[n]).collect();
+            hu.sort_unstable();
+            let fifth = &hu[hu.len() * 4 / 5..];
+            let is_sure = fifth.iter().map(|&h| f64::from(h)).sum::<f64>() > SURE_HU * fifth.len() as f64;
+            let is_inner = |&&n: &&usize| {
+                let at = [n % dims[0], n / dims[0] % dims[1], n / strides[2]];
+                (0..3).all(|a| at[a] > 0 && at[a] + 1 < dims[a] && seen.has(n - strides[a]) && seen.has(n + strides[a]))
+            };
+            if is_sure || piece.iter().filter(is_inner).count() as f64 > SOLID_SHARE * piece.len() as f64 {
+                out.append(&mut piece);
+            } else {
+                faint += piece.len();
+            }
+        }
+    }
+    for (count, why) in [
+        (leads_on, "bright, and leads on beyond the wall"),
+        (large, "bright, and too large for residue"),
+        (faint, "hardly brighter than a wall with contrast agent"),
+    ] {
+        if count > 0 {
+            left.push(Left { ml: count as f64 * grid.voxel_ml(), why });
+        }
+    }
+    out.sort_unstable();
+    Ok(out)
+}
+
+/// Returns the voxels as rows of runs.
+fn rows(dims: [usize; 3], voxels: &[usize]) -> Result<Rows> {
+    let mut slices: Vec<(Vec<u32>, Vec<Run>)> = vec![(vec![0; dims[1]], Vec::new()); dims[2]];
+    for &n in voxels {
+        let [i, j, k] = [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]].map(|c| c as u32);
+        let (lengths, runs) = &mut slices[k as usize];
+        match runs.last_mut() {
+            Some(run) if run.end == i && lengths[j as usize] > 0 => run.end += 1,
+            _ => {
+                lengths[j as usize] += 1;
+                runs.push(Run { start: i, end: i + 1, label: 0 });
+            }
+        }
+    }
+    Rows::from_slices(dims, slices)
+}
+
+/// Returns how bright pure tag is around each place: the brightest within a cell or beside it.
+fn brightness(volume: &Volume, voxels: &[usize], bricks: &Bricks) -> CellMeans {
+    let dims = volume.grid().dims();
+    let mut most: BTreeMap<[usize; 3], f64> = BTreeMap::new();
+    for &n in voxels {
+        let at = [n % dims[0], n / dims[0] % dims[1], n / dims[0] / dims[1]];
+        let cell = [0, 1, 2].map(|a| at[a] / bricks.cell[a]);
+        let hu = f64::from(volume.data()[n]);
+        most.entry(cell).and_modify(|m| *m = hu.max(*m)).or_insert(hu);
+    }
+    let around = |cell: &[usize; 3]| {
+        let near = |a: usize| cell[a].saturating_sub(1)..=cell[a] + 1;
+        let mut brightest = f64::from(BRIGHT);
+        for z in near(2) {
+            for y in near(1) {
+                for (_, hu) in
+                    most.range([*near(0).start(), y, z]..=[*near(0).end(), y, z]).filter(|c| c.0[1..] == [y, z])
+                {
+                    brightest = brightest.max(*hu);
+                }
+            }
+        }
+        brightest
+    };
+    let sums: Vec<_> = most.keys().map(|cell| (*cell, around(cell), 1.0)).collect();
+    let mean = sums.iter().map(|s| s.1).sum::<f64>() / sums.len().max(1) as f64;
+    CellMeans::new(bricks, &sums, mean, 1e-3)
+}
+
+/// What all bricks share.
+struct Shared<'a> {
+    volume: &'a Volume,
+    rows: Rows,
+    bricks: Bricks,
+    tag: CellMeans,
+    reach: [usize; 3],
+    /// Blur of the scan, mm, and HU of its gas.
+    sigma: f64,
+    gas: f32,
+    fitter: Fitter,
+}
+
+impl Shared<'_> {
+    /// Returns the new values of one brick.
+    fn within(&self, brick: usize, taken: &Bits) -> Changes {
+        let grid = self.volume.grid();
+        let spacing = grid.spacing();
+        let line = layer::place(SAMPLES - 1).max(-layer::place(0)) as f64 * self.sigma;
+        let margin = (line.max(3.0 * NORMAL_MM + spacing.max_element()) / spacing + 1.0).ceil();
+        let margin = [0, 1, 2].map(|a| (margin[a] as usize).clamp(self.reach[a], MARGIN));
+        let block = self.bricks.block(brick, margin);
+        let near = block.mask(&self.rows, |_| true).dilated(self.reach);
+        let hu = block.load(self.volume);
+        let mut tag = vec![0f32; block.len()];
+        let mut field = vec![0f32; block.len()];
+        for from in (0..block.len()).step_by(block.dims[0]) {
+            self.tag.row(block.voxel(from), &mut tag[from..from + block.dims[0]]);
+        }
+        // Rises from gas to anything else, and, less so, from tag to tissue.
+        for ((field, hu), tag) in field.iter_mut().zip(&hu).zip(&tag) {
+            let (low, high) = (hu.clamp(self.gas, TISSUE), hu.clamp(TISSUE, *tag));
+            *field = 3.0 * low / (TISSUE - self.gas) - high / (tag - TISSUE).max(1.0);
+        }
+        block.blur(&mut field, [0, 1, 2].map(|a| NORMAL_MM / spacing[a]));
+        let strides = block.strides();
+        let per_voxel = (self.sigma / spacing).as_vec3();
+        let mut changed = Vec::new();
+        block.each_own(|n, v| {
+            if !near.has(n) {
+                return;
+            }
+            let index = grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
+            if taken.has(index) {
+                return;
+            }
+            let slope = DVec3::from_array(
+                [0, 1, 2].map(|a| f64::from(field[n + strides[a]] - field[n - strides[a]]) / (2.0 * spacing[a])),
+            );
+            // What stays as it is, too: it may turn out to hang together with nothing.
+            let Some(normal) = slope.try_normalize() else { return changed.push((index, hu[n] as i16)) };
+            let direction = normal.as_vec3() * per_voxel;
+            let at = Vec3::from_array([0, 1, 2].map(|a| (v[a] - block.first[a]) as f32));
+            let line = std::array::from_fn(|m| trilinear(&block, &hu, at + direction * layer::place(m)));
+            let materials = Materials { gas: self.gas, tag: tag[n].max(TISSUE + 100.0), tissue: TISSUE };
+            let found = self.fitter.fit(&line, materials);
+            let thick = step(THIN[0], THIN[1], found.wall - found.gas_end);
+            // Gas alone, or a bare wall.
+            if thick == 0.0 || found.gas_end > 3.0 {
+                return changed.push((index, hu[n] as i16));
+            }
+            let p = self.fitter.phi.at(-found.wall)[0];
+            let gas_free = self.fitter.phi.at(-found.gas_end)[0];
+            let model = self.gas + (materials.tag - self.gas) * gas_free + (TISSUE - materials.tag) * p;
+            let clean = self.gas + (TISSUE - self.gas) * p + (hu[n] - model) * step(0.9, 1.0, p);
+            changed.push((index, (hu[n] + (clean - hu[n]) * thick).round() as i16));
+        });
+        Changes::from_sorted(changed.into_iter())
+    }
+}
+
+/// Returns the value of a block at a position in its voxels.
+fn trilinear(block: &Block, values: &[f32], at: Vec3) -> f32 {
+    let last = Vec3::from_array(block.dims.map(|d| d as f32 - 1.001));
+    let at = at.clamp(Vec3::ZERO, last);
+    let low = at.to_array().map(|c| c as usize);
+    let t = at - Vec3::from_array(low.map(|c| c as f32));
+    let [_, sy, sz] = block.strides();
+    let n = low[0] + sy * low[1] + sz * low[2];
+    let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
+    let row = |n: usize| mix(values[n], values[n + 1], t.x);
+    mix(mix(row(n), row(n + sy), t.y), mix(row(n + sz), row(n + sz + sy), t.y), t.z)
+}
