@@ -178,11 +178,16 @@ impl Scan {
     /// # Errors
     /// Returns status 4 for a volume of one voxel or one slice, or if interrupted; the scan is then unchanged.
     pub fn cleanse(&mut self) -> Result<Arc<Cleansed>> {
+        self.cleanse_with(|_, _, _| ())
+    }
+
+    fn cleanse_with(&mut self, adjust: fn(&mut Cleansed, &Volume, &Lumen)) -> Result<Arc<Cleansed>> {
         if let Some(cleansed) = &self.cleansed {
             return Ok(Arc::clone(cleansed));
         }
         let found = self.lumen()?;
         let mut cleansed = self.take_tag(&found)?;
+        adjust(&mut cleansed, self.volume.voxels(), &found);
         if !cleansed.changes.is_empty() {
             self.change(&mut cleansed);
             self.lumen = Some(self.lumen_without_tag(&self.volume.clone(), &found)?);
@@ -219,7 +224,7 @@ impl Scan {
         if self.without_tag.is_none() {
             let mut other = Self::ready(self.volume.clone(), Timings::default(), Arc::clone(&self.progress));
             other.lumen = Some(Arc::clone(&found));
-            let cleansed = other.cleanse()?;
+            let cleansed = other.cleanse_with(Cleansed::keep_ways)?;
             let lumen = other.lumen()?;
             other.timings.parts().iter().for_each(|&(name, seconds)| self.timings.add(name, seconds));
             let notes = through_fluid(&cleansed, &found, &lumen);
@@ -239,7 +244,7 @@ impl Scan {
             return Ok(());
         }
         let before = self.lumen()?;
-        let cleansed = self.cleanse()?;
+        let cleansed = self.cleanse_with(Cleansed::keep_ways)?;
         let now = self.lumen()?;
         self.notes.extend(through_fluid(&cleansed, &before, &now));
         Ok(())

@@ -584,4 +584,15 @@ mod tests {
             assert!(parse(bad).is_err(), "{bad}");
         }
     }
+
+    #[test]
+    fn mines_that_drive_the_camera_are_kept() {
+        let kept = |n: usize| {
+            let text = "plugins = [\"tentacles\", \"mines\"]\n[tentacles]\ndrive = \"mines\"";
+            parse(&format!("{text}\n[mines]\nkept = {n}"))
+        };
+        assert!(kept(1).is_ok());
+        let e = kept(0).unwrap_err().to_string();
+        assert!(e.contains("nothing would move the camera"), "{e}");
+    }
 }

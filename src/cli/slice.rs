@@ -109,7 +109,11 @@ fn bands(
 
 #[cfg(test)]
 mod tests {
+    use glam::{DMat3, DVec3};
+
     use super::*;
+    use crate::render::slice::SlicePlane;
+    use crate::volume::Grid;
 
     #[test]
     fn an_ending_names_the_format() {
@@ -117,6 +121,29 @@ mod tests {
         assert!(matches!(Format::of(Path::new("a.png.npy")), Ok(Format::Npy)));
         for name in ["a", "a.jpg", ".png", ""] {
             assert!(Format::of(Path::new(name)).is_err(), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_bands_of_a_slice_are_the_whole_of_it_once() {
+        let grid = Grid::new([4; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let volume = Volume::new(grid, (0i16..64).map(|n| 10 * n).collect());
+        for height in [1, BAND - 1, BAND, BAND + 1, 2 * BAND, 3 * BAND - 7] {
+            let slice = Slice {
+                centre: DVec3::splat(1.5),
+                frame: SlicePlane::Coronal.frame().unwrap(),
+                mm_per_pixel: 3.0 / height as f64,
+                size: [5, height],
+            };
+            let (mut whole, mut taken) = (Vec::new(), Vec::new());
+            slice.fill(&volume, &mut whole);
+            let take = |hu: &[f32]| {
+                taken.extend_from_slice(hu);
+                Ok(())
+            };
+            bands(&slice, &volume, Slab::default(), &Progress::new(), take).unwrap();
+            assert_eq!(taken.len(), 5 * height);
+            assert!(taken == whole, "{height} rows");
         }
     }
 }

@@ -214,6 +214,7 @@ impl FrameCache {
 mod tests {
     use super::*;
     use crate::dynamics::Attitude;
+    use crate::testing::Room;
 
     #[test]
     fn a_view_turns_and_stands_off_as_it_is_told() {
@@ -231,5 +232,24 @@ mod tests {
         let off = Follows { offset_mm: DVec3::new(1.0, 10.0, 100.0), ..Follows::default() }.pose(&camera);
         near(off.position - camera.position, DVec3::new(1.0, 100.0, 10.0));
         assert_eq!(off.attitude, camera.attitude);
+    }
+
+    #[test]
+    fn a_picture_is_that_of_the_walls_present_thresholds() {
+        let room = Room::new([10, 30, 10]);
+        let scan = room.scan();
+        let other = PreparedVolume::new(scan.shared_voxels(), TransferFunction::new(-990.0, -900.0).unwrap());
+        let view = View::new(room.centre(), DVec3::new(0.3, 1.0, 0.2), DVec3::Z, 90.0, 16, 12).unwrap();
+        let render = |cache: &mut FrameCache, scan: &PreparedVolume| {
+            let mut frame = Frame::with_depth(16, 12);
+            cache.renderer_for(scan, Settings::default(), Preset::default()).render(&view, &mut frame);
+            frame
+        };
+        let mut cache = FrameCache::default();
+        let before = render(&mut cache, &scan);
+        let after = render(&mut cache, &other);
+        assert!(after == render(&mut FrameCache::default(), &other), "as by a renderer that knows no other");
+        assert!(after != before, "the wall is elsewhere");
+        assert!(render(&mut cache, &scan) == before);
     }
 }

@@ -219,4 +219,34 @@ mod tests {
         let away = advance(&Plane, touching, DVec3::new(-3.0, 0.0, 0.0), 1.5);
         assert!((away.position.x - touching.x + 3.0).abs() < 0.1 && away.blocked.is_none(), "{}", away.position);
     }
+
+    /// Two walls without thickness, across x and across y, with gas on all sides.
+    struct Sheets;
+
+    impl Clearances for Sheets {
+        fn clearance(&self, at: DVec3) -> Clearance {
+            let [x, y] = [10.0 - at.x, 10.0 - at.y];
+            let (off, axis) = if x.abs() < y.abs() { (x, DVec3::X) } else { (y, DVec3::Y) };
+            Clearance { mm: off.abs(), toward: axis * off.signum() }
+        }
+
+        fn enters(&self, from: DVec3, to: DVec3) -> bool {
+            (from.x < 10.0) != (to.x < 10.0) || (from.y < 10.0) != (to.y < 10.0)
+        }
+    }
+
+    /// Beyond the sheet across x there is more room. A body too close to both does not creep there.
+    #[test]
+    fn a_body_does_not_creep_through_a_wall_thinner_than_its_move() {
+        let start = DVec3::new(9.95, 9.96, 0.0);
+        for push in [DVec3::new(0.2, 0.0, 0.0), DVec3::new(3.0, 0.1, 0.0), DVec3::new(0.2, 0.2, 0.1)] {
+            let mut at = start;
+            for _ in 0..20 {
+                at = advance(&Sheets, at, push, 1.5).position;
+                assert!(at.x < 10.0 && at.y < 10.0, "pushed by {push}: {at}");
+            }
+        }
+        let away = advance(&Sheets, start, DVec3::new(-0.3, -0.3, 0.0), 1.5);
+        assert!(away.position.x < 9.9 && away.position.y < 9.9, "{}", away.position);
+    }
 }

@@ -406,6 +406,18 @@ mod tests {
         assert!((c.mm - 0.409).abs() <= TOLERANCE_MM && c.toward == DVec3::Z, "{c:?}");
     }
 
+    /// One voxel of exactly the wall's value in gas.
+    #[test]
+    fn a_wall_that_only_just_reaches_its_value_is_met() {
+        let wall = DVec3::new(5.0, 13.0, 17.0);
+        let v = volume([20; 3], DVec3::ONE, |p| if p == wall { -650.0 } else { -1000.0 });
+        let f = ClearanceFinder::new(v, -650.0, 12.0);
+        for from in [DVec3::Z, DVec3::NEG_X, DVec3::Y] {
+            let c = f.at(wall + 3.0 * from);
+            assert!((c.mm - 3.0).abs() <= TOLERANCE_MM + 1e-9 && c.toward.dot(from) < -0.999, "{from}: {c:?}");
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         /// Compares with a fine lattice of points of the trilinear field: never above the truth, and close below it.

@@ -273,4 +273,29 @@ mod tests {
             }
         }
     }
+
+    /// A wall may be 6 mm thick, and not thicker.
+    #[test]
+    fn tissue_is_measured_up_to_the_walls_greatest_thickness() {
+        let measured = |mm: f64| through_tissue(layers(-1000.0, &[(0.0, 45.0), (mm, -100.0)]), 0.35);
+        let (mm, how) = measured(5.8).unwrap();
+        assert!((mm - 5.8).abs() < 0.4 && how == End::Fall, "{mm}");
+        assert_eq!(measured(7.5), None);
+    }
+
+    /// Three voxels of tissue between two lumens are the wall of both. Before gas that is no lumen they are one wall.
+    #[test]
+    fn tissue_between_two_lumens_counts_by_half_for_each() {
+        let is_gas = |p: DVec3| p.x < 9.5 || p.x > 12.5;
+        let ending_of = |walls: &WallDistance| {
+            let grid = walls.grid();
+            let hu = |n: usize| if is_gas(DVec3::X * (n % 24) as f64) { -1000 } else { 45 };
+            let volume = Volume::new(grid.clone(), (0..grid.len()).map(hu).collect());
+            ending(&volume, walls, [10, 4, 4], 0.5).unwrap()
+        };
+        let one = ending_of(&WallDistance::drawn([24, 9, 9], DVec3::ONE, |p| p.x < 9.5));
+        let two = ending_of(&WallDistance::drawn([24, 9, 9], DVec3::ONE, is_gas));
+        assert!((one.at_mm - 3.0).abs() < 1.0 && one.thick_mm == one.at_mm, "{one:?}");
+        assert!(two.at_mm == one.at_mm && two.thick_mm == 0.5 * one.thick_mm, "{two:?}");
+    }
 }

@@ -194,3 +194,40 @@ pub fn unflown_text(flight: &FlightApp) -> Option<String> {
     let list: Vec<String> = rest.iter().map(|(_, ml)| format!("{ml:.0} ml")).collect();
     Some(format!("{} more: {}", rest.len(), list.join(", ")))
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use image::AnimationDecoder;
+    use image::codecs::gif::GifDecoder;
+
+    use super::*;
+    use crate::app::{ImageSettings, Plan, Scene};
+    use crate::fields::Lumen;
+    use crate::testing::Room;
+
+    #[test]
+    fn a_film_is_shown_at_the_rate_that_it_is_given() {
+        let dir = tempfile::tempdir().unwrap();
+        let film = dir.path().join("film.gif");
+        let room = Room::new([10, 30, 10]);
+        // Four images a second, unless it is to be shown at another rate.
+        for (shown_fps, ms) in [(None, 250), (Some(12.5), 80)] {
+            let volume = room.scan();
+            let lumen = Arc::new(Lumen::none(volume.voxels().grid()));
+            let image = ImageSettings { width: 12, height: 8, ..ImageSettings::default() };
+            let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
+            let plan = Plan::between(room.centre(), room.centre() + DVec3::Y * 10.0, 10.0);
+            let mut flight = FlightApp::new(volume, lumen, plan, scene).unwrap();
+            let record = Some(film.to_string_lossy().into_owned());
+            let outputs = Outputs { record, fps: 4.0, shown_fps, ..Outputs::default() };
+            let (frames, flown) = fly(&mut flight, 0.5, &outputs, &Arc::new(Progress::new()));
+            flown.unwrap();
+            let file = std::io::BufReader::new(std::fs::File::open(&film).unwrap());
+            let images = GifDecoder::new(file).unwrap().into_frames().collect_frames().unwrap();
+            // At the beginning, after a quarter of a second, and at the end.
+            assert_eq!((images.len(), frames.len()), (3, 3));
+            assert!(images.iter().all(|i| i.delay().numer_denom_ms() == (ms, 1)), "{shown_fps:?}");
+        }
+    }
+}

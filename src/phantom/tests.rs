@@ -327,3 +327,31 @@ fn haustra_bulge_between_taeniae() {
     }
     assert!(spread(0.0) < 1e-9 && spread(end) < 1e-9);
 }
+
+/// In LPS, +x is the patient's left and +y posterior: fluid lies on that side of the axis on which the patient lies.
+#[test]
+fn fluid_is_on_the_side_that_the_patient_lies_on() {
+    for (position, down) in [
+        (Position::Supine, DVec3::Y),
+        (Position::Prone, DVec3::NEG_Y),
+        (Position::Left, DVec3::X),
+        (Position::Right, DVec3::NEG_X),
+    ] {
+        let settings = PhantomSettings { size: Size::Small, fluid: true, position, ..PhantomSettings::default() };
+        let phantom = Phantom::new(&settings);
+        let axis = phantom.axis();
+        let [mut below, mut above] = [0, 0];
+        for pool in &phantom.pools {
+            for n in 0..20 {
+                let s = pool.from + (pool.to - pool.from) * f64::from(n) / 19.0;
+                for share in [0.3, 0.5, 0.7, 0.85] {
+                    let away = down * (share * axis.profile(s).radius.0);
+                    let is_fluid = |at: DVec3| phantom.wall(at) < -1.5 && phantom.value(at) > 200.0;
+                    below += usize::from(is_fluid(axis.frame(s).at + away));
+                    above += usize::from(is_fluid(axis.frame(s).at - away));
+                }
+            }
+        }
+        assert!(below > 4 * above, "{position:?}: {below} below, {above} above");
+    }
+}

@@ -191,4 +191,16 @@ mod tests {
         let plan = plan(&Walls::new(corridor(), 40.0), 1.0).unwrap();
         assert!((plan.start.x - plan.goal.x).abs() > 45.0, "{plan:?}");
     }
+
+    /// The only room is farther to the right than the drawing is high.
+    #[test]
+    fn room_is_found_everywhere_in_a_wide_drawing() {
+        for w in [60, 100] {
+            let room = |i: usize, j: usize| (w - 38..w - 2).contains(&i) && (2..18).contains(&j);
+            let plan = plan(&Walls::new(drawn(w, 20, room), 40.0), 1.0).unwrap();
+            let x = (w - 38) as f64 * MM_PER_PIXEL;
+            assert!(plan.start.x > x && plan.goal.x > x, "{plan:?}");
+            assert!((plan.start.x - plan.goal.x).abs() > 14.0, "{plan:?}");
+        }
+    }
 }

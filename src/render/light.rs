@@ -239,4 +239,14 @@ mod tests {
         }
         assert!(worst > 40.0, "{worst} dB");
     }
+
+    #[test]
+    fn a_light_is_named_as_it_is_written() {
+        for light in [Light::HEADLIGHT, Light::ENDOSCOPE] {
+            let text = format!("light = {:?}", light.name());
+            assert_eq!(toml::from_str::<File>(&text).map(|f| f.light), Ok(light), "{text}");
+        }
+        let parts = Light { gloss: false, ..Light::ENDOSCOPE };
+        assert_eq!(parts.name(), "parts of the endoscope's");
+    }
 }

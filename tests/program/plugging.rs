@@ -1,5 +1,6 @@
 //! Plug-ins of another program are available by name. Names and keys that are taken are refused, naming both owners.
 
+use std::process::ExitCode;
 use std::sync::Arc;
 
 use colvis::app::{Catalog, FlightRequest, Overlay, Scan, Scene};
@@ -255,4 +256,22 @@ fn no_quality_replaces_an_own_preset() {
             assert_eq!(grey, 19_200, "{quality:?} {adaptive}, frame {n}");
         }
     }
+}
+
+#[test]
+fn a_view_angle_beyond_the_usual_is_explained_for_a_camera_of_the_scene() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("scene.toml").to_string_lossy().into_owned();
+    let text = "plugins = [\"render\"]\n[render]\ncamera = \"narrow\"\n[narrow]\nnumber = 0.5\n";
+    std::fs::write(&file, text).unwrap();
+    let status = |scene: &[&str]| {
+        let args = ["colvis", "explain", "no-such.nii", "--headless", "--fov", "190"];
+        Program::default().camera(NARROW).run_from(args.iter().chain(scene).copied())
+    };
+    // The first run in a process replaces the panic hook.
+    let hook = std::panic::take_hook();
+    let outcomes = [status(&["--scene", &file]), status(&[])];
+    std::panic::set_hook(hook);
+    // Half of 190° suits the camera, so that only the scan is missing.
+    assert_eq!(outcomes, [ExitCode::from(3), ExitCode::from(2)]);
 }

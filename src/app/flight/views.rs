@@ -203,15 +203,20 @@ mod tests {
     use crate::fields::Lumen;
     use crate::testing::Room;
 
-    #[test]
-    fn a_frame_traces_every_view_even_if_nothing_has_changed() {
+    /// A flight through a room, with small pictures.
+    fn flight() -> FlightApp {
         let room = Room::new([10, 30, 10]);
         let volume = room.scan();
         let lumen = Arc::new(Lumen::none(volume.voxels().grid()));
         let image = ImageSettings { width: 12, height: 8, ..ImageSettings::default() };
         let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
         let plan = Plan::between(room.centre(), room.centre() + DVec3::Y * 10.0, 10.0);
-        let mut flight = FlightApp::new(volume, lumen, plan, scene).unwrap();
+        FlightApp::new(volume, lumen, plan, scene).unwrap()
+    }
+
+    #[test]
+    fn a_frame_traces_every_view_even_if_nothing_has_changed() {
+        let mut flight = flight();
         let rear = flight.views().add((Picture::new(8, 8), Follows::rear())).unwrap();
         let traced = |flight: &FlightApp| {
             let rear = flight.app().world.get::<Picture>(rear).unwrap().traced;
@@ -223,5 +228,18 @@ mod tests {
         }
         flight.views().render_due().unwrap();
         assert_eq!(traced(&flight), [false; 2], "nothing is due");
+    }
+
+    #[test]
+    fn one_unfinished_view_is_enough_whichever_it_is() {
+        let mut flight = flight();
+        let views = [(); 3].map(|()| flight.views().add((Picture::new(8, 8), Follows::rear())).unwrap());
+        flight.frame().unwrap();
+        for view in views {
+            assert!(!flight.views().mark_unfinished(), "all are finished");
+            flight.app_mut().world.get_mut::<Picture>(view).unwrap().fov_degrees = 60.0;
+            assert!(flight.views().mark_unfinished(), "{view:?}");
+            flight.views().render_due().unwrap();
+        }
     }
 }

@@ -200,6 +200,13 @@ mod tests {
         assert_eq!(pane.clip([60.0, 0.0], [60.0, 200.0]), Some([[60.0, 20.0], [60.0, 80.0]]));
         assert_eq!(pane.clip([0.0, 0.0], [200.0, 10.0]), None);
         assert_eq!(pane.clip([0.0, 30.0], [5.0, 90.0]), None);
+        // Beside it on each side, straight down or across.
+        for x in [0.0, 120.0] {
+            assert_eq!(pane.clip([x, 0.0], [x, 200.0]), None, "{x}");
+        }
+        for y in [10.0, 90.0] {
+            assert_eq!(pane.clip([200.0, y], [0.0, y]), None, "{y}");
+        }
         assert!((pane.leaves(DVec3::Y) - 1.0).abs() < 1e-12 && pane.leaves(DVec3::X) < 1e-12);
     }
 }

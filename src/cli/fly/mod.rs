@@ -550,4 +550,16 @@ mod tests {
         assert!(refused(&["--play", "a.jsonl", "--log", "a.jsonl"]));
         assert!(!refused(&["scan.nii", "--log", "a.jsonl", "--stats", "b.json", "--record", "c.gif"]));
     }
+
+    #[cfg(feature = "window")]
+    #[test]
+    fn the_overlays_that_are_asked_for_are_shown_and_no_others() {
+        let shown = |arguments: &[&str]| {
+            let all = overlays(&Program::default(), &parsed(arguments).0, &Scene::default()).unwrap();
+            all.into_iter().filter(|o| o.shown).map(|o| o.name).collect::<Vec<_>>()
+        };
+        assert!(shown(&[]).is_empty());
+        assert_eq!(shown(&["--overlay", "mines"]), ["mines"]);
+        assert_eq!(shown(&["--overlay", "tentacles", "--overlay", "forces"]), ["tentacles", "forces"]);
+    }
 }

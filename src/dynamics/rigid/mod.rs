@@ -151,4 +151,20 @@ mod tests {
         assert_eq!(unit(DQuat::from_xyzw(0.0, 0.0, 0.0, 0.0)), DQuat::IDENTITY);
         assert_eq!(unit(DQuat::from_xyzw(f64::NAN, 0.0, 0.0, 1.0)), DQuat::IDENTITY);
     }
+
+    #[test]
+    fn a_state_is_finite_only_if_all_of_it_is() {
+        let sound = RigidBodyState::at_rest(DVec3::ONE, Attitude::new(DVec3::X, DVec3::Z));
+        assert!(sound.is_finite());
+        for bad in [f64::NAN, f64::INFINITY] {
+            for broken in [
+                RigidBodyState { position: DVec3::X * bad, ..sound },
+                RigidBodyState { momentum: DVec3::Y * bad, ..sound },
+                RigidBodyState { orientation: DQuat::from_xyzw(0.0, 0.0, bad, 1.0), ..sound },
+                RigidBodyState { angular: DVec3::new(0.0, 0.0, bad), ..sound },
+            ] {
+                assert!(!broken.is_finite(), "{broken:?}");
+            }
+        }
+    }
 }

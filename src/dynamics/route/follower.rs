@@ -284,4 +284,19 @@ mod tests {
         assert!((join(across * 900.0, along * 20.0) - 4.0).abs() < 1e-9, "and 4 s for an offset");
         assert!((join(DVec3::ZERO, along * 20.0) - JOIN_S).abs() < 1e-9);
     }
+
+    /// What already flies along the route as fast as planned goes on like that, at any multiple of the plan's speed.
+    #[test]
+    fn a_body_at_the_planned_speed_keeps_it() {
+        let line: Vec<_> = (0..400).map(|n| DVec3::Z * f64::from(n)).collect();
+        let route = Route::along(&line, &[15.0; 400], DVec3::Y).unwrap();
+        let set = PathSettings::default();
+        for rate in [0.5, 1.0, 2.0] {
+            let start = (route.place(100.0), DVec3::Z * (rate * set.cruise_mm_s));
+            let mut follower = RouteFollower::join(&route, 100.0, [start.0, start.1, DVec3::ZERO], rate, &set);
+            let (_, speeds) = fly(&mut follower, &route, start, rate, 1.0);
+            let off = speeds.iter().map(|v| v.distance(start.1)).fold(0.0, f64::max);
+            assert!(off < 0.5, "{off} mm/s at {rate}");
+        }
+    }
 }

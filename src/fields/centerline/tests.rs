@@ -275,3 +275,32 @@ fn cells_are_nearly_cubes_and_the_first_of_equal_pieces_is_the_largest() {
     let piece = cells.largest_piece();
     assert!(piece.contains(&cells.node_at([4, 4, 4]).unwrap()) && !piece.contains(&cells.node_at([25, 4, 4]).unwrap()));
 }
+
+#[test]
+fn a_method_is_named_as_scene_files_write_it() {
+    for method in CenterlineMethod::ALL {
+        assert_eq!(serde_json::to_value(method).unwrap(), method.name());
+    }
+}
+
+/// An end beside the lumen is moved to the nearest voxel of it; one in the lumen stays.
+#[test]
+fn a_line_begins_in_the_lumen_although_its_end_was_given_beside_it() {
+    let walls = WallDistance::drawn([40, 13, 13], DVec3::ONE, |p| {
+        (p.y - 6.0).hypot(p.z - 6.0) < 4.5 && p.x > 1.5 && p.x < 37.5
+    });
+    let (beside, within) = (DVec3::new(8.0, 11.8, 6.0), DVec3::new(30.2, 6.1, 5.9));
+    for method in METHODS {
+        for swapped in [false, true] {
+            let (from, to) = if swapped { (within, beside) } else { (beside, within) };
+            let line = by(method, &walls, End::At(from), End::At(to), &[], &Progress::new()).unwrap();
+            holds_together(&walls, &line);
+            let mut ends = [line.points[0], line.points[line.points.len() - 1]];
+            if swapped {
+                ends.reverse();
+            }
+            assert!(ends[0].distance(DVec3::new(8.0, 10.0, 6.0)) < 1e-9, "{method:?}: {}", ends[0]);
+            assert!(ends[1].distance(within) < 1e-9, "{method:?}: {}", ends[1]);
+        }
+    }
+}

@@ -27,6 +27,11 @@ pub use pool::CleansedPool;
 const GAS: f32 = -1000.0;
 const TISSUE: f32 = 40.0;
 
+/// Wall begins here, HU, and these are surely gas and surely wall.
+const WALL_HU: i16 = -650;
+const FREE_HU: i16 = -690;
+const SOLID_HU: i16 = -610;
+
 /// A scan's colon without tag.
 #[derive(Clone, Debug, Default)]
 pub struct Cleansed {
@@ -107,8 +112,9 @@ pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cl
     let (parts, under): (Vec<Changes>, Vec<_>) = pools.changed.into_iter().map(|p| (p.changes, p.under)).unzip();
     under.into_iter().flatten().for_each(|run| taken.fill(run));
     let residue = residue::cleanse(volume, lumen, &taken, &scanner, progress)?;
-    let mut changes = Changes::joined(&residue.changed).over(&Changes::joined(&parts));
-    drop((parts, residue.changed));
+    let below = Changes::joined(&parts).over(&Changes::joined(&residue.looked_at));
+    let mut changes = Changes::joined(&residue.changed).over(&below);
+    drop((parts, below, residue.changed, residue.looked_at));
     islands::clear(volume, &mut changes, taken);
     let ml: f64 = pools.taken.iter().map(|p| p.ml).sum();
     Ok(Cleansed {
@@ -119,6 +125,35 @@ pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cl
         left: summed(pools.left.into_iter().chain(residue.left)),
         blur_mm: scanner.blur_mm,
     })
+}
+
+impl Cleansed {
+    /// Keeps every wall and every way of a scan: fluid becomes gas throughout, and whatever else was no gas stays wall, where the values
+    /// of the wall under fluid are those that were found. A wall thinner than the scanner's blur may have none of its brightness
+    /// left between gas and fluid: what is shown may then have a hole there, and what is flown may not.
+    pub(crate) fn keep_ways(&mut self, volume: &Volume, lumen: &Lumen) {
+        let grid = volume.grid();
+        let mut fluid = residue::Bits::new(grid.len());
+        let mut all = Vec::new();
+        for (j, k, r) in lumen.fluid().iter() {
+            let row = grid.index(0, j, k);
+            fluid.fill(row + r.start as usize..row + r.end as usize);
+            all.push((row + r.start as usize, r.len() as usize));
+        }
+        let kept = self.changes.each().map(|(n, hu)| {
+            let hu = if fluid.has(n) {
+                hu.min(FREE_HU)
+            } else if volume.data()[n] > WALL_HU {
+                hu.max(SOLID_HU)
+            } else {
+                hu
+            };
+            (n, hu)
+        });
+        let kept = Changes::from_sorted(kept);
+        let gas = Changes::from_sorted(all.into_iter().flat_map(|(n, count)| (n..n + count).map(|n| (n, GAS as i16))));
+        self.changes = kept.over(&gas);
+    }
 }
 
 /// Adds up what was left for the same reason.

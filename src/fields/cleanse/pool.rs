@@ -46,7 +46,11 @@ const TEXTURE: f32 = 80.0;
 /// Deviation at which a column is none of a level's, mm.
 const LEVEL_MM: f64 = 0.7;
 /// What is bright above this depth, σ, is not explained by the level: fluid that climbs the wall, or a film.
-const UNDER: f32 = -0.5;
+const UNDER: f32 = -1.0;
+/// A level lies at most this much higher than its plane, σ.
+const WAVE: f32 = 0.7;
+/// Fewer voxels of nothing but tag do not say how bright it is.
+const PURE: f64 = 60.0;
 /// Fluid this far above a level, σ, is none that climbs the wall.
 const RAISED: f32 = 2.5;
 /// Below this depth, σ, all that is bright is the pool's.
@@ -88,6 +92,8 @@ struct Pool {
     blur_mm: f64,
     gas: CellMeans,
     tag: CellMeans,
+    /// Number of voxels of nothing but tag.
+    pure: f64,
     tissue: CellMeans,
 }
 
@@ -126,23 +132,39 @@ pub(super) fn cleanse(
     let bricks = Bricks::of(volume.grid());
     let mut out = Pools { taken: Vec::new(), changed: Vec::new(), left: Vec::new() };
     let known = fluids.par_iter().map(|f| survey(volume, lumen, split, f, &bricks, scanner, progress));
+    let mut found = Vec::new();
+    for known in known.collect::<Result<Vec<_>>>()? {
+        match known {
+            Ok(known) => found.push(Some(known)),
+            Err(left) => {
+                out.left.push(left);
+                found.push(None);
+            }
+        }
+    }
+    // In a narrow pool no voxel is nothing but tag: it is as bright as the others, as far as it shows.
+    let sure = || found.iter().flatten().filter(|(pool, _)| pool.pure >= PURE);
+    let all = sure().map(|(_, found)| found.ml).sum::<f64>();
+    let usual = sure().map(|(_, found)| found.ml * found.tag_hu).sum::<f64>() / all;
+    if all > 0.0 {
+        for (pool, found) in found.iter_mut().flatten().filter(|(pool, _)| pool.pure < PURE) {
+            found.tag_hu = found.tag_hu.min(usual);
+            pool.tag = CellMeans::new(&bricks, &[], found.tag_hu, 1.0);
+        }
+    }
     let mut work = Vec::new();
     let mut pools = Vec::new();
-    for (fluid, known) in fluids.iter().zip(known.collect::<Result<Vec<_>>>()?) {
-        match known {
-            Ok((pool, found)) => {
-                work.extend(bricks.around(&fluid.runs, reach(volume)).into_iter().map(|b| (b, pools.len())));
-                let raised = raised(&pool, &fluid.runs, volume.grid().spacing());
-                let siphon = (!raised.is_empty()).then(|| Pool { is_siphon: true, ..pool.clone() });
-                pools.push(pool);
-                if let Some(siphon) = siphon {
-                    work.extend(bricks.around(&raised, reach(volume)).into_iter().map(|b| (b, pools.len())));
-                    pools.push(siphon);
-                }
-                out.taken.push(found);
-            }
-            Err(left) => out.left.push(left),
+    for (fluid, found) in fluids.iter().zip(found) {
+        let Some((pool, found)) = found else { continue };
+        work.extend(bricks.around(&fluid.runs, reach(volume)).into_iter().map(|b| (b, pools.len())));
+        let raised = raised(&pool, &fluid.runs, volume.grid().spacing());
+        let siphon = (!raised.is_empty()).then(|| Pool { is_siphon: true, ..pool.clone() });
+        pools.push(pool);
+        if let Some(siphon) = siphon {
+            work.extend(bricks.around(&raised, reach(volume)).into_iter().map(|b| (b, pools.len())));
+            pools.push(siphon);
         }
+        out.taken.push(found);
     }
     // Pools of one brick are together, so that where two overlap the darker value is taken, which is that without either.
     work.sort_unstable();
@@ -238,6 +260,7 @@ fn survey(
     }
     let total = |sums: &BTreeMap<[usize; 3], [f64; 2]>| sums.values().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
     let [sum, count] = total(&all.tag);
+    let count_pure = count;
     let mean = if count >= 8.0 { sum / count } else { f64::from(all.brightest) };
     if mean < f64::from(TISSUE + CONTRAST) {
         return Ok(Err(Left { ml, why: FAINT }));
@@ -260,6 +283,7 @@ fn survey(
         blur_mm: level.blur_mm.unwrap_or(scanner.blur_mm),
         gas: CellMeans::new(bricks, &cells(&all.gas), gas, 4.0),
         tag: CellMeans::new(bricks, &cells(&all.tag), mean, 1e-3),
+        pure: count_pure,
         tissue: CellMeans::new(bricks, &cells(&all.tissue), f64::from(TISSUE), 4.0),
     };
     // A point of the level in the middle of the pool.
@@ -453,16 +477,17 @@ impl Shared<'_> {
         let mut mixed = vec![0f32; block.len()];
         let mut own = vec![0f32; block.len()];
         let mut dark = vec![0f32; block.len()];
-        let mut tag = vec![0f32; nx];
+        let mut tag_hu = vec![0f32; block.len()];
         for from in (0..block.len()).step_by(nx) {
             let v = block.voxel(from);
             let row = from..from + nx;
             pool.gas.row(v, &mut dark[row.clone()]);
             pool.tissue.row(v, &mut own[row.clone()]);
-            pool.tag.row(v, &mut tag);
+            pool.tag.row(v, &mut tag_hu[row.clone()]);
             let depth = depth_at(v);
             for (x, n) in row.enumerate() {
-                let tag = tag[x].max(TISSUE + CONTRAST);
+                let tag = tag_hu[n].max(TISSUE + CONTRAST);
+                tag_hu[n] = tag;
                 own[n] = own[n].clamp(TISSUE - 20.0, TISSUE + 150.0).min(tag - 0.5 * CONTRAST);
                 let depth = depth + slope * x as f32;
                 mixed[n] = dark[n] + (tag - dark[n]) * self.phi.at(depth)[0];
@@ -487,7 +512,9 @@ impl Shared<'_> {
             let rest = hu[n] - (own[n] * p + mixed[n] * (1.0 - p));
             let clean = clean + rest * step(0.9, 1.0, p);
             changed.push((index(v), (hu[n] + (clean - hu[n]) * ours).round() as i16));
-            let explained = hu[n] < own[n].max(mixed[n]) + TEXTURE;
+            // By a level that may lie a little higher here.
+            let higher = dark[n] + (tag_hu[n] - dark[n]) * self.phi.at(depth + WAVE)[0];
+            let explained = hu[n] < own[n].max(higher) + TEXTURE;
             if depth > UNDER && (explained || depth > SURELY_UNDER) {
                 note(index(v));
             }
@@ -508,10 +535,9 @@ impl Shared<'_> {
         for _ in 0..longest {
             let mut next = Vec::new();
             for n in open {
-                for a in 0..3 {
-                    let at = n / strides[a] % block.dims[a];
-                    let [low, high] =
-                        [(at > 0).then(|| n - strides[a]), (at + 1 < block.dims[a]).then(|| n + strides[a])];
+                for (stride, count) in strides.into_iter().zip(block.dims) {
+                    let at = n / stride % count;
+                    let [low, high] = [(at > 0).then(|| n - stride), (at + 1 < count).then(|| n + stride)];
                     for m in low.into_iter().chain(high) {
                         if !near.has(m) && within.has(m) && hu[m] <= (hu[n] + 0.5 * TEXTURE).max(TISSUE + TEXTURE) {
                             near.set(m);

@@ -56,10 +56,8 @@ pub(super) fn split(grid: &Grid, lumen: &Lumen) -> Option<Split> {
     for (n, ([x, y, height], _)) in tops.iter().enumerate() {
         for (dx, dy) in [(0, 1), (1, -1), (1, 0), (1, 1)] {
             let from = tops.partition_point(|t| t.0 < [x + dx, y + dy, height - 1]);
-            for m in from..tops.len() {
-                if tops[m].0 > [x + dx, y + dy, height + 1] {
-                    break;
-                }
+            let last = [x + dx, y + dy, height + 1];
+            for (m, _) in tops.iter().enumerate().skip(from).take_while(|t| t.1.0 <= last) {
                 sets.join(n as u32, m as u32);
             }
         }

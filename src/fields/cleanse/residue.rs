@@ -16,6 +16,7 @@ use super::{Left, Scanner, TISSUE, step};
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::AxisDirection;
+use crate::fields::lumen::residue::LINES;
 use crate::fields::lumen::runs::{Rows, Run};
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -35,12 +36,30 @@ const LEAST_MM3: f64 = 4.0;
 const SURE_HU: f64 = 250.0;
 /// A fainter piece is tag, too, if this share of its voxels is inside: noise is never as solid.
 const SOLID_SHARE: f64 = 0.02;
-/// How far from it values are replaced, mm.
+/// How far from it values are looked at, mm, and how far they are replaced: an edge of tag is never wider.
 const REACH_MM: f64 = 3.2;
+const CLOSE_MM: f64 = 1.35;
 /// Standard deviation of the blur of the field whose gradient is the normal, mm.
 const NORMAL_MM: f64 = 0.7;
 /// A layer thinner than the first is left as it is, one thicker than the second is taken out, σ.
 const THIN: [f32; 2] = [0.12, 0.4];
+/// Root mean square of what a layer does not explain, as a share of the tag's contrast and HU: beyond it a fit is unsure.
+const UNSURE: f32 = 0.12;
+const UNSURE_HU: f32 = 60.0;
+/// What is brighter than tissue by more is tag, however unsure, HU.
+const BRIGHTER: f32 = 160.0;
+/// Values of gas, HU.
+const GAS_LEAST: f32 = -1010.0;
+const GAS_MOST: f32 = -820.0;
+/// Tag is clearly brighter than tissue by this share of its contrast, and HU.
+const CLEAR: f32 = 0.3;
+const CLEAR_HU: f32 = 110.0;
+/// Darker than this is no tissue, but an edge of gas, HU.
+const DARK: f32 = -150.0;
+/// What is thinner between gas and gas of the colon may be a wall with a film on it, mm.
+const SLAB_MM: f64 = 4.0;
+/// What lies in tag within this of it to both sides is a bubble or its skin, mm.
+const GAP_MM: f64 = 1.5;
 /// No margin of a block is wider, voxels, so that its rows are words.
 const MARGIN: usize = (Mask::ROW - 32) / 2;
 
@@ -77,11 +96,13 @@ impl Bits {
 }
 
 /// The films and the stool of a scan.
+#[derive(Default)]
 pub(super) struct Residue {
     /// Their volume, ml.
     pub ml: f64,
-    /// New values, brick by brick.
+    /// New values, brick by brick, and the values of what was looked at and left.
     pub changed: Vec<Changes>,
+    pub looked_at: Vec<Changes>,
     pub left: Vec<Left>,
 }
 
@@ -96,7 +117,7 @@ pub(super) fn cleanse(
     scanner: &Scanner,
     progress: &Progress,
 ) -> Result<Residue> {
-    let mut out = Residue { ml: 0.0, changed: Vec::new(), left: Vec::new() };
+    let mut out = Residue::default();
     let seeds = seeds(volume, lumen, taken, scanner, progress)?;
     if seeds.is_empty() {
         return Ok(out);
@@ -113,15 +134,27 @@ pub(super) fn cleanse(
     let runs: Vec<_> = rows.iter().map(|(j, k, r)| (j, k, r.range())).collect();
     let reach = (REACH_MM / grid.spacing()).ceil().to_array().map(|r| (r as usize).min(MARGIN));
     let work = bricks.around(&runs, reach);
-    let shared =
-        Shared { volume, rows, bricks, tag, reach, sigma: scanner.blur_mm, gas: scanner.gas_hu, fitter: Fitter::new() };
-    out.changed = work
-        .par_iter()
-        .map(|&brick| {
-            progress.check()?;
-            Ok(shared.within(brick, taken))
-        })
-        .collect::<Result<_>>()?;
+    let close = (CLOSE_MM / grid.spacing()).round().to_array().map(|r| (r as usize).clamp(1, MARGIN));
+    let gap = (GAP_MM / grid.spacing()).round().to_array().map(|r| (r as usize).min(MARGIN / 2));
+    let shared = Shared {
+        volume,
+        rows,
+        lumen,
+        lines: LINES.map(|step| Line::new(step, grid.spacing())).to_vec(),
+        bricks,
+        tag,
+        reach,
+        gap,
+        close,
+        sigma: scanner.blur_mm,
+        gas: scanner.gas_hu,
+        fitter: Fitter::new(),
+    };
+    let parts = work.par_iter().map(|&brick| {
+        progress.check()?;
+        Ok(shared.within(brick, taken))
+    });
+    (out.changed, out.looked_at) = parts.collect::<Result<Vec<_>>>()?.into_iter().unzip();
     Ok(out)
 }
 
@@ -218,7 +251,7 @@ fn pieces(
         }
         if piece.len() > most {
             large += piece.len();
-        } else if far as f64 > FAR_SHARE * piece.len() as f64 {
+        } else if f64::from(far) > FAR_SHARE * piece.len() as f64 {
             leads_on += piece.len();
         } else if piece.len() as f64 * 1e3 * grid.voxel_ml() >= LEAST_MM3 {
             let mut hu: Vec<i16> = piece.iter().map(|&n| volume.data()[n]).collect();
@@ -299,9 +332,13 @@ fn brightness(volume: &Volume, voxels: &[usize], bricks: &Bricks) -> CellMeans {
 struct Shared<'a> {
     volume: &'a Volume,
     rows: Rows,
+    lumen: &'a Lumen,
+    lines: Vec<Line>,
     bricks: Bricks,
     tag: CellMeans,
     reach: [usize; 3],
+    gap: [usize; 3],
+    close: [usize; 3],
     /// Blur of the scan, mm, and HU of its gas.
     sigma: f64,
     gas: f32,
@@ -309,21 +346,27 @@ struct Shared<'a> {
 }
 
 impl Shared<'_> {
-    /// Returns the new values of one brick.
-    fn within(&self, brick: usize, taken: &Bits) -> Changes {
+    /// Returns the new values of one brick, and the values of what was looked at and left.
+    fn within(&self, brick: usize, taken: &Bits) -> (Changes, Changes) {
         let grid = self.volume.grid();
         let spacing = grid.spacing();
-        let line = layer::place(SAMPLES - 1).max(-layer::place(0)) as f64 * self.sigma;
+        let line = f64::from(layer::place(SAMPLES - 1).max(-layer::place(0))) * self.sigma;
         let margin = (line.max(3.0 * NORMAL_MM + spacing.max_element()) / spacing + 1.0).ceil();
         let margin = [0, 1, 2].map(|a| (margin[a] as usize).clamp(self.reach[a], MARGIN));
         let block = self.bricks.block(brick, margin);
-        let near = block.mask(&self.rows, |_| true).dilated(self.reach);
+        let piece = block.mask(&self.rows, |_| true);
+        let near = piece.dilated(self.reach);
+        let enclosed = piece.dilated(self.gap).eroded(self.gap);
         let hu = block.load(self.volume);
         let mut tag = vec![0f32; block.len()];
         let mut field = vec![0f32; block.len()];
         for from in (0..block.len()).step_by(block.dims[0]) {
             self.tag.row(block.voxel(from), &mut tag[from..from + block.dims[0]]);
         }
+        // Only what is clearly tag is taken, with its edges: one of tissue is steep, one of gas half as steep.
+        let mut clear = piece;
+        clear.keep(|n| hu[n] > TISSUE + (CLEAR * (tag[n] - TISSUE)).max(CLEAR_HU));
+        let (beside, around) = (clear.dilated([1; 3]), clear.dilated(self.close));
         // Rises from gas to anything else, and, less so, from tag to tissue.
         for ((field, hu), tag) in field.iter_mut().zip(&hu).zip(&tag) {
             let (low, high) = (hu.clamp(self.gas, TISSUE), hu.clamp(TISSUE, *tag));
@@ -332,7 +375,20 @@ impl Shared<'_> {
         block.blur(&mut field, [0, 1, 2].map(|a| NORMAL_MM / spacing[a]));
         let strides = block.strides();
         let per_voxel = (self.sigma / spacing).as_vec3();
-        let mut changed = Vec::new();
+        let gas = block.mask(self.lumen.gas(), |_| true);
+        // Gas of the colon on both sides, a little apart.
+        let is_slab = |n: usize| {
+            self.lines.iter().any(|line| {
+                let side = |sign: isize| {
+                    let steps = 1..line.steps.min(line.within(&block, n));
+                    steps
+                        .into_iter()
+                        .find(|&m| gas.has((n as isize + sign * m as isize * line.offset(&strides)) as usize))
+                };
+                side(1).zip(side(-1)).is_some_and(|(a, b)| (a + b) as f64 * line.mm < SLAB_MM)
+            })
+        };
+        let (mut changed, mut looked_at) = (Vec::new(), Vec::new());
         block.each_own(|n, v| {
             if !near.has(n) {
                 return;
@@ -341,28 +397,81 @@ impl Shared<'_> {
             if taken.has(index) {
                 return;
             }
+            // A thin wall with a film on it stays whole.
+            if is_slab(n) {
+                return looked_at.push((index, hu[n] as i16));
+            }
             let slope = DVec3::from_array(
                 [0, 1, 2].map(|a| f64::from(field[n + strides[a]] - field[n - strides[a]]) / (2.0 * spacing[a])),
             );
-            // What stays as it is, too: it may turn out to hang together with nothing.
-            let Some(normal) = slope.try_normalize() else { return changed.push((index, hu[n] as i16)) };
+            // What is left may turn out to hang together with nothing.
+            let is_close = if hu[n] > DARK { beside.has(n) } else { around.has(n) };
+            let Some(normal) = slope.try_normalize().filter(|_| is_close) else {
+                return looked_at.push((index, hu[n] as i16));
+            };
             let direction = normal.as_vec3() * per_voxel;
             let at = Vec3::from_array([0, 1, 2].map(|a| (v[a] - block.first[a]) as f32));
-            let line = std::array::from_fn(|m| trilinear(&block, &hu, at + direction * layer::place(m)));
-            let materials = Materials { gas: self.gas, tag: tag[n].max(TISSUE + 100.0), tissue: TISSUE };
-            let found = self.fitter.fit(&line, materials);
-            let thick = step(THIN[0], THIN[1], found.wall - found.gas_end);
+            let line: [f32; SAMPLES] =
+                std::array::from_fn(|m| trilinear(&block, &hu, at + direction * layer::place(m)));
+            // Beside dense tag gas is brighter than elsewhere.
+            let darkest = line.iter().copied().fold(f32::INFINITY, f32::min);
+            let gas = if darkest < GAS_MOST { darkest.max(GAS_LEAST) } else { self.gas };
+            let materials = Materials { gas, tag: tag[n].max(TISSUE + 100.0), tissue: TISSUE };
+            let found = self.fitter.fit(&line, materials, enclosed.has(n));
+            // What is no layer is left where it may be tissue.
+            let unsure = found.rest / (UNSURE * (materials.tag - TISSUE)).max(UNSURE_HU);
+            let sure = if enclosed.has(n) { 1.0 } else { 1.0 - step(1.0, 1.5, unsure) };
+            // What is clearly brighter than tissue is a mixture of both at least.
+            if sure < 1.0 && hu[n] > TISSUE + BRIGHTER {
+                let p = ((materials.tag - hu[n]) / (materials.tag - TISSUE)).clamp(0.0, 1.0);
+                let clean = (gas + (TISSUE - gas) * p).round() as i16;
+                return changed.push((index, clean));
+            }
+            let own = step(THIN[0], THIN[1], found.wall - found.gas_end) * sure;
             // Gas alone, or a bare wall.
-            if thick == 0.0 || found.gas_end > 3.0 {
-                return changed.push((index, hu[n] as i16));
+            if own == 0.0 || found.gas_end > 3.0 {
+                return looked_at.push((index, hu[n] as i16));
             }
             let p = self.fitter.phi.at(-found.wall)[0];
             let gas_free = self.fitter.phi.at(-found.gas_end)[0];
-            let model = self.gas + (materials.tag - self.gas) * gas_free + (TISSUE - materials.tag) * p;
-            let clean = self.gas + (TISSUE - self.gas) * p + (hu[n] - model) * step(0.9, 1.0, p);
-            changed.push((index, (hu[n] + (clean - hu[n]) * thick).round() as i16));
+            let model = gas + (found.tag - gas) * gas_free + (TISSUE - found.tag) * p;
+            let clean = gas + (TISSUE - gas) * p + (hu[n] - model) * step(0.9, 1.0, p);
+            let to = if own > 0.5 { &mut changed } else { &mut looked_at };
+            to.push((index, (hu[n] + (clean - hu[n]) * own).round() as i16));
         });
-        Changes::from_sorted(changed.into_iter())
+        (Changes::from_sorted(changed.into_iter()), Changes::from_sorted(looked_at.into_iter()))
+    }
+}
+
+/// A line through a voxel and its neighbours.
+#[derive(Clone, Copy)]
+struct Line {
+    step: [i64; 3],
+    /// Length of a step, mm.
+    mm: f64,
+    /// So many steps are more than a slab is thick.
+    steps: usize,
+}
+
+impl Line {
+    fn new(step: [i64; 3], spacing: DVec3) -> Self {
+        let mm = (DVec3::from_array(step.map(|s| s as f64)) * spacing).length();
+        Self { step, mm, steps: (SLAB_MM / mm).ceil() as usize + 1 }
+    }
+
+    /// Returns the distance of two neighbours on it in a block with these strides.
+    fn offset(&self, strides: &[usize; 3]) -> isize {
+        (0..3).map(|a| self.step[a] as isize * strides[a] as isize).sum()
+    }
+
+    /// Returns the number of steps to either side of a voxel that stay within a block, plus one.
+    fn within(&self, block: &Block, n: usize) -> usize {
+        let strides = block.strides();
+        let room = |a: usize| {
+            let at = n / strides[a] % block.dims[a];
+            at.min(block.dims[a] - 1 - at) + 1
+        };
+        (0..3).filter(|&a| self.step[a] != 0).map(room).min().unwrap_or(1)
     }
 }
 

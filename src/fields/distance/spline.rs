@@ -178,4 +178,20 @@ mod tests {
         }
         assert_eq!(sample(&grid, grid.world(DVec3::splat(4.0)), |_| None), None);
     }
+
+    /// A voxel reaches half its size beyond its centre, on every side of the grid.
+    #[test]
+    fn the_spline_ends_at_the_edges_of_the_outermost_voxels() {
+        let grid = oblique();
+        let last = DVec3::from_array(grid.dims().map(|n| n as f64 - 1.0));
+        for a in 0..3 {
+            for (inside, u) in [(true, -0.49), (false, -0.51), (true, last[a] + 0.49), (false, last[a] + 0.51)] {
+                let mut at = DVec3::splat(4.0);
+                at[a] = u;
+                let found = sample(&grid, grid.world(at), |_| Some(1.0));
+                assert_eq!(found.is_some(), inside, "{at}");
+                assert!(found.is_none_or(|s| (s.mm - 1.0).abs() < 1e-9), "{at}");
+            }
+        }
+    }
 }

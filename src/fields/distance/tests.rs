@@ -240,3 +240,20 @@ fn the_nearest_voxel_is_within_reach_on_every_side() {
     assert_eq!(walls.nearest(DVec3::new(8.2, 11.1, 14.9), 9.0), Some([13, 11, 15]));
     assert_eq!(walls.nearest(DVec3::splat(f64::NAN), 9.0), None);
 }
+
+/// In a box 11 mm wide: in a scan, the bound is less than the distance by the diagonal of a voxel.
+#[test]
+fn a_clearance_is_the_distance_less_a_voxels_diagonal_in_a_scan() {
+    let middle = DVec3::splat(10.0);
+    let is_gas = |p: DVec3| (p - middle).abs().max_element() < 5.5;
+    let scan = volume(Grid::new([21; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap(), |p| {
+        if is_gas(p) { -1000.0 } else { -300.0 }
+    });
+    let (mask, scan) = (WallDistance::drawn([21; 3], DVec3::ONE, is_gas), of_gas(&scan));
+    for x in [0.0, 2.0, 3.0] {
+        let (at, far) = (middle + DVec3::X * x, 5.5 - x);
+        let [in_mask, in_scan] = [&mask, &scan].map(|w| w.clearance(at).mm);
+        assert!((in_mask - far).abs() < 1e-4, "{x}: {in_mask}");
+        assert!((in_scan - (far - 3f64.sqrt())).abs() < 1e-4, "{x}: {in_scan}");
+    }
+}

@@ -152,3 +152,32 @@ fn tags(volume: &Volume, fluid: &Rows) -> Vec<f64> {
 fn too_many() -> Error {
     Error::input("volume", "holds more lumen than can be numbered", "crop or resample it")
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+
+    use super::super::runs::Run;
+    use super::*;
+
+    /// Four voxels of gas, four of fluid and two of tissue in a row.
+    #[test]
+    fn the_wall_of_fluid_is_half_way_between_fluid_and_tissue() {
+        for tag in [400i16, 900] {
+            let grid = Grid::new([10, 1, 1], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+            let data = [[-1000; 4], [tag; 4]].concat().into_iter().chain([60; 2]).collect();
+            let volume = Volume::new(grid.clone(), data);
+            let rows = |start: u32, end: u32| {
+                let run = Run { start, end, label: 0 };
+                Rows::from_slices(grid.dims(), vec![(vec![1], vec![run])]).unwrap()
+            };
+            let (gas, fluid) = (rows(0, 4), rows(4, 8));
+            let lumen = Lumen { segments: Vec::new(), ordered: false, grid: grid.clone(), gas, fluid };
+            let interior = Interior::of_lumen(&volume, &lumen, -650.0, &Progress::new()).unwrap();
+            assert_eq!(interior.set().len(), 8);
+            assert_eq!(interior.crossing([7, 0, 0], [8, 0, 0]), Some(0.5), "{tag} HU");
+            assert_eq!(interior.above([7, 0, 0]), 0.5 * (f64::from(tag) - 60.0));
+            assert_eq!(interior.above([2, 0, 0]), 350.0);
+        }
+    }
+}

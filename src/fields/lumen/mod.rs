@@ -14,7 +14,7 @@ mod grow;
 mod interior;
 mod order;
 mod others;
-mod residue;
+pub(in crate::fields) mod residue;
 pub(in crate::fields) mod runs;
 mod surface;
 #[cfg(test)]

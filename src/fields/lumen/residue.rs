@@ -35,7 +35,7 @@ const ISLAND_LEAST_ML: f64 = 0.002;
 const ISLAND_MOST_ML: f64 = 10.0;
 
 /// The thirteen lines through a voxel and its neighbours, one direction of each.
-const LINES: [[i64; 3]; 13] = [
+pub(in crate::fields) const LINES: [[i64; 3]; 13] = [
     [1, 0, 0],
     [0, 1, 0],
     [0, 0, 1],

@@ -184,3 +184,13 @@ fn what_is_not_reached_continues_the_distance_of_the_nearest_reached_voxel() {
         assert!((f64::from(march.values[n]) - expected).abs() < 1e-4, "{x}: {}, not {expected}", march.values[n]);
     }
 }
+
+/// Every voxel of the lumen counts once, however many there are.
+#[test]
+fn the_progress_ends_at_the_number_of_voxels() {
+    let w = walls([42; 3], DVec3::ONE, |_| true);
+    let progress = Progress::new();
+    TargetDistance::to(&w, DVec3::ONE, None, &[], &progress).unwrap();
+    let (_, done, all) = progress.snapshot();
+    assert_eq!((done, all), (42 * 42 * 42, 42 * 42 * 42));
+}

@@ -280,6 +280,18 @@ mod tests {
     }
 
     #[test]
+    fn characters_of_layouts_that_are_never_painted_are_painted_later() {
+        let mut p = Both::new();
+        let size = ImageSize::new(320, 240);
+        for text in ["scan 1", "345 KLM", "xyz"] {
+            p.lay_out(size, 1.0, text, false);
+        }
+        for text in ["scan 345", "KLM xyz"] {
+            assert!(p.painted(size, 1.0, text) == Both::new().painted(size, 1.0, text), "{text}");
+        }
+    }
+
+    #[test]
     fn a_window_without_pixels_is_no_fault() {
         let mut p = Both::new();
         for (size, scale) in [(ImageSize::new(0, 480), 1.0), (ImageSize::new(1, 1), 1.0), (ImageSize::new(3, 2), 3.0)] {

@@ -168,6 +168,7 @@ fn key(volume: &Volume) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::components::flight::Flight;
     use crate::volume::Grid;
     use glam::DMat3;
 
@@ -275,5 +276,14 @@ mod tests {
         assert_eq!(path.extension().unwrap(), "json");
         assert_eq!(file(&volume(1)), Some(path.clone()));
         assert_ne!(file(&volume(2)), Some(path));
+    }
+
+    #[test]
+    fn a_flight_that_has_arrived_is_not_kept() {
+        let mut flight = crate::host::window::controller::tests::flight("tentacles");
+        flight.act(FlightCommand::Segment(0)).unwrap();
+        assert!(Session::of(&flight).is_some());
+        flight.camera_mut::<Flight>().unwrap().state = State::Arrived;
+        assert_eq!(Session::of(&flight), None);
     }
 }

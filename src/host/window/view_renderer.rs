@@ -261,3 +261,45 @@ fn same(a: &Pose, b: &Pose) -> bool {
         && near(a.attitude.forward, b.attitude.forward, 1e-5)
         && near(a.attitude.up, b.attitude.up, 1e-5)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DVec3;
+
+    use super::*;
+    use crate::app::{ImageSettings, Plan, Scene};
+    use crate::fields::Lumen;
+    use crate::testing::Room;
+
+    #[test]
+    fn a_picture_is_rendered_again_when_the_camera_moves_turns_or_rolls() {
+        let room = Room::new([10, 30, 10]);
+        let volume = room.scan();
+        let lumen = Arc::new(Lumen::none(volume.voxels().grid()));
+        let window = ImageSize::new(12, 8);
+        let settings = Settings { adaptive: false, ..Settings::default() };
+        let image = ImageSettings { width: window.width, height: window.height, settings, ..ImageSettings::default() };
+        let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
+        let plan = Plan::between(room.centre(), room.centre() + DVec3::Y * 10.0, 10.0);
+        let mut flight = FlightApp::new(volume.clone(), lumen, plan, scene).unwrap();
+        let mut renderer = ViewRenderer::new(volume, Arc::new(|| {})).unwrap();
+        let mut renders = |position: DVec3, forward: DVec3, up: DVec3| {
+            assert!(flight.place(position, forward, up));
+            let due = renderer.prepare(&mut flight, window, false).unwrap();
+            if let Some(due) = &due {
+                flight.views().render_due().unwrap();
+                renderer.traced(&flight, due, Some(1.0));
+            }
+            due.is_some()
+        };
+        let here = room.centre();
+        assert!(renders(here, DVec3::Y, DVec3::Z), "the first one");
+        assert!(!renders(here, DVec3::Y, DVec3::Z), "the same");
+        assert!(renders(here, DVec3::Y, DVec3::new(0.01, 0.0, 1.0)), "rolled");
+        assert!(renders(here, DVec3::X, DVec3::Z), "turned");
+        assert!(renders(here + DVec3::X, DVec3::X, DVec3::Z), "moved");
+        assert!(!renders(here + DVec3::X, DVec3::X, DVec3::Z), "the same");
+    }
+}

@@ -286,4 +286,27 @@ mod tests {
         g.took(0, 1);
         assert!(g.next(ImageSize::new(7, 1), 0.0, Budget::strict(u64::MAX)).height == 1);
     }
+
+    /// A costly place is remembered although a turn has shown it in a quarter of the side only: after a cut, the picture
+    /// keeps its budget at once.
+    #[test]
+    fn a_costly_place_is_remembered_from_a_coarse_picture() {
+        const BUDGET: u64 = 5_000_000;
+        let mut g = Governor::default();
+        // Renders a picture of a place that costs so many samples a pixel in full. Returns its size and samples.
+        let mut picture = |flow: f64, full: f64| {
+            let size = g.next(SHOWN, flow, Budget::strict(BUDGET));
+            let side = size.width as f64 / SHOWN.width as f64;
+            let samples = (full * (CONSTANT + (1.0 - CONSTANT) * side * side) * PIXELS as f64) as u64;
+            g.took(samples, PIXELS);
+            (size, samples)
+        };
+        for _ in 0..5 {
+            assert_eq!(picture(300.0, 7.4).0, ImageSize::new(256, 192), "in a turn");
+        }
+        let calm = (0..40).fold(ImageSize::default(), |_, _| picture(2.0, 1.0).0);
+        assert_eq!(calm, SHOWN, "a cheap place is traced in full");
+        let (size, samples) = picture(f64::INFINITY, 7.4);
+        assert!(samples <= BUDGET, "{samples} samples at {size}");
+    }
 }

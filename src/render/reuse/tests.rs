@@ -235,3 +235,19 @@ fn the_papers_rule_is_counted_when_it_misleads() {
     println!("{} of {} rays misled", total.misled, total.rays);
     assert!(total.misled > 0 && total.misled < total.rays / 2);
 }
+
+/// No ray is misled by a method that guesses nothing, whatever the rays hit.
+#[test]
+fn what_guesses_nothing_misleads_no_ray() {
+    let s = lumen([40, 40, 60], DVec3::ONE, (-800.0, -500.0), 3, 0.0);
+    let mut renderer = Reusing::<_, f32>::new(WordStorage::new(&s), Settings::default(), Refresh::Staggered(1000));
+    let mut frame = Frame::default();
+    let mut total = Work::default();
+    for n in 0..4 {
+        let at = [0.5, 0.5, 0.3 + 0.005 * f64::from(n)];
+        let shoot = Shoot { at, turn: [0.4, 0.1, 0.0], fov: 90.0, size: ImageSize::new(48, 48) };
+        total = total + renderer.render(&view(&s, shoot), &mut frame);
+    }
+    assert!(total.reused > 0 && frame.pixels().iter().any(|p| p[0] > 40), "{total:?}");
+    assert_eq!(total.misled, 0);
+}

@@ -24,13 +24,21 @@ pub(super) struct Method {
 }
 
 /// All methods.
-pub(super) const METHODS: [Method; 4] = [
+pub(super) const METHODS: [Method; 5] = [
     Method { name: "none", apply: |scan, _, _| Ok(Arc::clone(scan)) },
     Method { name: "blanked", apply: |scan, lumen, _| Ok(Arc::new(blanked(scan, lumen))) },
     Method { name: "remapped", apply: |scan, lumen, _| Ok(Arc::new(remapped(scan, lumen))) },
     Method {
         name: "cleansed",
         apply: |scan, lumen, progress| Ok(Arc::new(cleanse::cleanse(scan, lumen, progress)?.changes.applied(scan))),
+    },
+    Method {
+        name: "as flown",
+        apply: |scan, lumen, progress| {
+            let mut cleansed = cleanse::cleanse(scan, lumen, progress)?;
+            cleansed.keep_ways(scan, lumen);
+            Ok(Arc::new(cleansed.changes.applied(scan)))
+        },
     },
 ];
 

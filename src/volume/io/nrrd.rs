@@ -377,4 +377,19 @@ mod tests {
             assert!(e.to_string().contains("several frames"), "{sizes}: {e}");
         }
     }
+
+    #[test]
+    fn the_spacing_and_the_origin_are_in_the_unit_of_the_space() {
+        for (unit, mm) in [("mm", 1.0), ("cm", 10.0), ("m", 1000.0), ("um", 0.001)] {
+            let head = format!(
+                "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\nspace: right-anterior-superior\n\
+                 space units: \"{unit}\" \"{unit}\" \"{unit}\"\nspace directions: (1,0,0) (0,2,0) (0,0,3)\n\
+                 space origin: (10,-20,30)\nendian: little\nencoding: raw\n\n"
+            );
+            let read = grid(&fields(Path::new("x"), head.as_bytes()).unwrap(), &mut Vec::new()).unwrap();
+            let (spacing, origin) = (DVec3::new(1.0, 2.0, 3.0) * mm, DVec3::new(-10.0, 20.0, 30.0) * mm);
+            assert!(read.spacing().abs_diff_eq(spacing, 1e-9 * mm), "{unit}: {}", read.spacing());
+            assert!(read.origin().abs_diff_eq(origin, 1e-9 * mm), "{unit}: {}", read.origin());
+        }
+    }
 }
