@@ -1,7 +1,11 @@
 //! Electronic cleansing: the scan with the colon's tagged fluid replaced by gas and the wall beneath restored.
 //!
-//! A voxel holds three materials: tissue, and gas or tag in the lumen. [`pool`] takes out fluid under a level. What changes is kept
-//! as [`Changes`]: the scan stays as it is, or exchanges its values with them.
+//! A voxel holds three materials: tissue, and gas or tag in the lumen. Pools of fluid have a level that is a plane, which tells what gas
+//! and tag alone would show; the rest of a voxel is tissue (`pool`). Films and stool are layers on the wall (`residue`, `layer`); what
+//! cannot be told from a thin wall stays. What changes is kept as [`Changes`]: the scan stays as it is, or exchanges its values with
+//! them. Values farther than 5 mm from what was taken stay as they are.
+//!
+//! No value depends on the number of threads: the scan is worked on in bricks, each by itself.
 
 mod block;
 mod changes;

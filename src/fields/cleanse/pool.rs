@@ -31,8 +31,8 @@ use crate::volume::Volume;
 
 /// Standard deviation of the neighbourhood, mm.
 const NEIGHBOURHOOD_MM: f64 = 0.6;
-/// How far from fluid values are replaced, mm.
-const REACH_MM: f64 = 3.5;
+/// How far from fluid values are replaced along each axis, mm: less than 5 mm along a diagonal.
+const REACH_MM: f64 = 2.85;
 /// The least contrast of tag, HU.
 const CONTRAST: f32 = 100.0;
 /// Values of tissue beside tag, brightened by it or not, HU.
@@ -203,7 +203,7 @@ fn raised(pool: &Pool, runs: &[Place], spacing: DVec3) -> Vec<Place> {
 
 /// How far from fluid values are replaced, voxels.
 fn reach(volume: &Volume) -> [usize; 3] {
-    (REACH_MM / volume.grid().spacing()).ceil().to_array().map(|r| (r as usize).min(MARGIN))
+    (REACH_MM / volume.grid().spacing()).floor().to_array().map(|r| (r as usize).clamp(1, MARGIN))
 }
 
 /// The top of a column of fluid: its voxel, and the values along it from four voxels above to six below, HU.

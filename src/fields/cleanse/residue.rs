@@ -36,8 +36,8 @@ const LEAST_MM3: f64 = 4.0;
 const SURE_HU: f64 = 250.0;
 /// A fainter piece is tag, too, if this share of its voxels is inside: noise is never as solid.
 const SOLID_SHARE: f64 = 0.02;
-/// How far from it values are looked at, mm, and how far they are replaced: an edge of tag is never wider.
-const REACH_MM: f64 = 3.2;
+/// How far from it values are looked at along each axis, mm (less than 5 mm along a diagonal), and how far they are replaced: an edge of tag is never wider.
+const REACH_MM: f64 = 2.85;
 const CLOSE_MM: f64 = 1.35;
 /// Standard deviation of the blur of the field whose gradient is the normal, mm.
 const NORMAL_MM: f64 = 0.7;
@@ -132,7 +132,7 @@ pub(super) fn cleanse(
     let tag = brightness(volume, &voxels, &bricks);
     let rows = rows(grid.dims(), &voxels)?;
     let runs: Vec<_> = rows.iter().map(|(j, k, r)| (j, k, r.range())).collect();
-    let reach = (REACH_MM / grid.spacing()).ceil().to_array().map(|r| (r as usize).min(MARGIN));
+    let reach = (REACH_MM / grid.spacing()).floor().to_array().map(|r| (r as usize).clamp(1, MARGIN));
     let work = bricks.around(&runs, reach);
     let close = (CLOSE_MM / grid.spacing()).round().to_array().map(|r| (r as usize).clamp(1, MARGIN));
     let gap = (GAP_MM / grid.spacing()).round().to_array().map(|r| (r as usize).min(MARGIN / 2));
