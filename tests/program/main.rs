@@ -1,6 +1,7 @@
 //! The whole program: its command line, its reports, and its module dependencies.
 
 mod centerline;
+mod cleanse;
 mod command_line;
 mod commands;
 mod examples;
