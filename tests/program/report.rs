@@ -233,8 +233,14 @@ fn cleansing_is_reported() {
     let [mm, degrees, missing] = errors("blanked", "under fluid");
     assert!(mm < 0.5 && degrees < 15.0 && missing < 1.0, "{mm} mm, {degrees}°, {missing} %");
     assert_eq!(errors("blanked", "dry"), errors("none", "dry"), "dry walls stay");
+    for (method, most) in [("cleansed", [0.15, 5.0, 1.0]), ("as flown", [0.25, 6.0, 1.0])] {
+        let found = errors(method, "under fluid");
+        assert!(found.iter().zip(most).all(|(f, most)| *f < most), "{method}: {found:?}");
+        let [mm, degrees, _] = errors(method, "rim of a level");
+        assert!(mm < 0.25 && degrees < 10.0, "{method} at rims: {mm} mm, {degrees}°");
+    }
     let (columns, methods) = csv(&out.join("methods.csv"));
-    assert!(columns.len() == 7 && methods.len() == 4);
+    assert!(columns.len() == 7 && methods.len() == 5);
     assert!(String::from_utf8_lossy(&said.stdout).contains("blanked: under fluid"));
 }
 
