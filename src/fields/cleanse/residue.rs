@@ -34,7 +34,8 @@ const MOST_ML: f64 = 20.0;
 const LEAST_MM3: f64 = 4.0;
 /// The brightest fifth of a piece is brighter than this in the mean, HU: walls with contrast agent, and noise, are not.
 const SURE_HU: f64 = 250.0;
-/// A fainter piece is tag, too, if this share of its voxels is inside: noise is never as solid.
+/// A fainter piece is tag, too, above this, if this share of its voxels is inside: noise is never as solid.
+const LIKELY_HU: f64 = 222.0;
 const SOLID_SHARE: f64 = 0.02;
 /// How far from it values are looked at along each axis, mm (less than 5 mm along a diagonal), and how far they are replaced: an edge of tag is never wider.
 const REACH_MM: f64 = 2.85;
@@ -257,12 +258,13 @@ fn pieces(
             let mut hu: Vec<i16> = piece.iter().map(|&n| volume.data()[n]).collect();
             hu.sort_unstable();
             let fifth = &hu[hu.len() * 4 / 5..];
-            let is_sure = fifth.iter().map(|&h| f64::from(h)).sum::<f64>() > SURE_HU * fifth.len() as f64;
+            let brightest = fifth.iter().map(|&h| f64::from(h)).sum::<f64>() / fifth.len() as f64;
             let is_inner = |&&n: &&usize| {
                 let at = [n % dims[0], n / dims[0] % dims[1], n / strides[2]];
                 (0..3).all(|a| at[a] > 0 && at[a] + 1 < dims[a] && seen.has(n - strides[a]) && seen.has(n + strides[a]))
             };
-            if is_sure || piece.iter().filter(is_inner).count() as f64 > SOLID_SHARE * piece.len() as f64 {
+            let is_solid = || piece.iter().filter(is_inner).count() as f64 > SOLID_SHARE * piece.len() as f64;
+            if brightest > SURE_HU || brightest > LIKELY_HU && is_solid() {
                 out.append(&mut piece);
             } else {
                 faint += piece.len();
