@@ -19,7 +19,8 @@ continues, and OUT/survivors.txt and OUT/table.md are written from them at the e
 listed with the reason in tests/bench/equivalent.txt. On two cores, building and the first run of all tests take half an hour, and a
 hundred mutants about as long.
 
---faults FILE  also faults written by hand, one JSON object a line ("file", "before", "after", "why"), where `before` occurs once
+--faults FILE… also faults written by hand, one JSON object a line ("file", "before", "after", "why"), where `before` occurs
+               once
                in the file, within a function; tests/bench/faults.jsonl and faults2.jsonl
                hold some by somebody who had not seen the tests
 --stage        ends after this stage; `unit` builds the unit tests only, and then OUT cannot be used for the others
@@ -79,7 +80,7 @@ def arguments():
     p.add_argument("--seed", type=int, nargs="+", default=[1])
     p.add_argument("--count", type=int, default=100)
     p.add_argument("--folder", choices=sorted({f for name in FOLDERS for f in name.split(", ")}))
-    p.add_argument("--faults", type=pathlib.Path)
+    p.add_argument("--faults", type=pathlib.Path, nargs="+")
     p.add_argument("--jobs", type=int, default=2)
     p.add_argument("--stage", choices=STAGES, default=STAGES[-1])
     p.add_argument("--seconds", type=float, default=math.inf)
@@ -161,7 +162,7 @@ def candidates(a):
     mutants = all_mutants()
     lists = [drawn for seed in a.seed for drawn in sample(mutants, seed, a.count, a.folder).values()]
     if a.faults:
-        faults = hand_made(a.faults, mutants)
+        faults = [fault for path in a.faults for fault in hand_made(path, mutants)]
         lists.append((len(faults), faults))
     return lists
 

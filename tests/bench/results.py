@@ -431,7 +431,7 @@ def faults(b):
     with open(os.path.join(b.args.mutants, "plan.json"), encoding="utf-8") as f:
         plan = json.load(f)
     yield command_block(f"python3 tests/bench/mutants.py --out OUT/ --seed {' '.join(map(str, plan['seeds']))} --count {plan['count']}"
-                        + (" --faults tests/bench/faults.jsonl" if plan["by_hand"] else "") + ("" if plan["stage"] == "digest" else f" --stage {plan['stage']}"))
+                        + (" --faults tests/bench/faults.jsonl tests/bench/faults2.jsonl" if plan["by_hand"] else "") + ("" if plan["stage"] == "digest" else f" --stage {plan['stage']}"))
     yield (f"Faults were put into the program at drawn places, one at a time (begun {plan['date']}, commit {plan['commit'][:7]}). "
            "A fault is noticed by the first test that fails"
            + (", here of the unit tests alone" if plan["stage"] == "unit" else "") + ". Those that change nothing are listed with a reason in "
