@@ -20,9 +20,8 @@ listed with the reason in tests/bench/equivalent.txt. On two cores, building and
 hundred mutants about as long.
 
 --faults FILE… also faults written by hand, one JSON object a line ("file", "before", "after", "why"), where `before` occurs
-               once
-               in the file, within a function; tests/bench/faults.jsonl and faults2.jsonl
-               hold some by somebody who had not seen the tests
+               once in the file, within a function; tests/bench/faults.jsonl and faults2.jsonl hold some by somebody who had
+               not seen the tests
 --stage        ends after this stage; `unit` builds the unit tests only, and then OUT cannot be used for the others
 --seconds      how long a mutant meets the tests of a stage at most; without it, all of them
 --list         prints the sample and runs nothing
