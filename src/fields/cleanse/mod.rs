@@ -157,6 +157,12 @@ impl Cleansed {
         let kept = Changes::from_sorted(kept);
         let gas = Changes::from_sorted(all.into_iter().flat_map(|(n, count)| (n..n + count).map(|n| (n, GAS as i16))));
         self.changes = kept.over(&gas);
+        // What is told is what the flight sees: all fluid is gone, and what clings to the wall counts as wall.
+        self.left.retain(|l| l.why != pool::NO_LEVEL && l.why != pool::FAINT);
+        if self.residue_ml > 0.0 {
+            self.left.push(Left { ml: self.residue_ml, why: "films and stool, which count as wall in a flight" });
+        }
+        (self.replaced_ml, self.residue_ml) = (lumen.fluid_ml(), 0.0);
     }
 }
 

@@ -98,10 +98,10 @@ struct Pool {
 }
 
 /// Why a pool was not taken out.
-const FAINT: &str = "hardly brighter than tissue";
+pub(super) const FAINT: &str = "hardly brighter than tissue";
 pub(super) const NO_LEVEL: &str = "no level under gas";
 
-/// The pools of a scan: which were taken out the new values, and what was left.
+/// The pools of a scan: which were taken out, the new values, and what was left.
 #[derive(Default)]
 pub(super) struct Pools {
     pub taken: Vec<CleansedPool>,

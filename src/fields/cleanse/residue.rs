@@ -37,7 +37,8 @@ const SURE_HU: f64 = 250.0;
 /// A fainter piece is tag, too, above this, if this share of its voxels is inside: noise is never as solid.
 const LIKELY_HU: f64 = 222.0;
 const SOLID_SHARE: f64 = 0.02;
-/// How far from it values are looked at along each axis, mm (less than 5 mm along a diagonal), and how far they are replaced: an edge of tag is never wider.
+/// How far from it values are looked at along each axis, mm (less than 5 mm along a diagonal), and how far they are replaced: an edge
+/// of tag is never wider.
 const REACH_MM: f64 = 2.85;
 const CLOSE_MM: f64 = 1.35;
 /// Standard deviation of the blur of the field whose gradient is the normal, mm.
