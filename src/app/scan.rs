@@ -178,27 +178,23 @@ impl Scan {
     /// # Errors
     /// Returns status 4 for a volume of one voxel or one slice, or if interrupted; the scan is then unchanged.
     pub fn cleanse(&mut self) -> Result<Arc<Cleansed>> {
-        self.cleanse_with(|_, _, _| ())
+        self.cleanse_with(cleanse::cleanse)
     }
 
-    fn cleanse_with(&mut self, adjust: fn(&mut Cleansed, &Volume, &Lumen)) -> Result<Arc<Cleansed>> {
+    fn cleanse_with(&mut self, method: fn(&Volume, &Lumen, &Progress) -> Result<Cleansed>) -> Result<Arc<Cleansed>> {
         if let Some(cleansed) = &self.cleansed {
             return Ok(Arc::clone(cleansed));
         }
         let found = self.lumen()?;
-        let mut cleansed = self.take_tag(&found)?;
-        adjust(&mut cleansed, self.volume.voxels(), &found);
+        let volume = self.volume.clone();
+        let mut cleansed = self.timings.time("cleanse_s", || method(volume.voxels(), &found, &self.progress))?;
+        drop(volume);
         if !cleansed.changes.is_empty() {
             self.change(&mut cleansed);
             self.lumen = Some(self.lumen_without_tag(&self.volume.clone(), &found)?);
             self.without_tag = None;
         }
         Ok(Arc::clone(self.cleansed.insert(Arc::new(cleansed))))
-    }
-
-    fn take_tag(&mut self, found: &Lumen) -> Result<Cleansed> {
-        let volume = self.volume.clone();
-        self.timings.time("cleanse_s", || cleanse::cleanse(volume.voxels(), found, &self.progress))
     }
 
     /// Exchanges the values of what was cleansed, and prepares the volume again.
@@ -224,7 +220,7 @@ impl Scan {
         if self.without_tag.is_none() {
             let mut other = Self::ready(self.volume.clone(), Timings::default(), Arc::clone(&self.progress));
             other.lumen = Some(Arc::clone(&found));
-            let cleansed = other.cleanse_with(Cleansed::keep_ways)?;
+            let cleansed = other.cleanse_with(cleanse::to_fly)?;
             let lumen = other.lumen()?;
             other.timings.parts().iter().for_each(|&(name, seconds)| self.timings.add(name, seconds));
             let notes = through_fluid(&cleansed, &found, &lumen);
@@ -244,7 +240,7 @@ impl Scan {
             return Ok(());
         }
         let before = self.lumen()?;
-        let cleansed = self.cleanse_with(Cleansed::keep_ways)?;
+        let cleansed = self.cleanse_with(cleanse::to_fly)?;
         let now = self.lumen()?;
         self.notes.extend(through_fluid(&cleansed, &before, &now));
         Ok(())
@@ -314,7 +310,7 @@ fn through_fluid(cleansed: &Cleansed, before: &Lumen, now: &Lumen) -> Vec<String
     if cleansed.changes.is_empty() {
         return Vec::new();
     }
-    let mut notes = vec![format!("the guide flies through tagged fluid: {cleansed}")];
+    let mut notes = vec![format!("the guide flies through tagged fluid, and films and stool are wall: {cleansed}")];
     let [before, now] = [before, now].map(|l| l.segments.len());
     if now < before {
         notes.push(format!("{before} segments of gas become {now}"));

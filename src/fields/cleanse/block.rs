@@ -114,12 +114,31 @@ impl Block {
         }
     }
 
-    /// Returns the index in a wider box of the same brick of an index in this one.
-    pub(super) fn index_in(&self, wider: &Self, n: usize) -> usize {
-        let [nx, ny, _] = self.dims;
-        let at = [n % nx, n / nx % ny, n / nx / ny];
-        let more = |a: usize| at[a] + wider.margin[a] - self.margin[a];
-        more(0) + wider.dims[0] * (more(1) + wider.dims[1] * more(2))
+    /// Returns the index of a voxel of this box.
+    pub(super) fn index(&self, voxel: [i64; 3]) -> usize {
+        let [x, y, z] = [0, 1, 2].map(|a| (voxel[a] - self.first[a]) as usize);
+        x + self.dims[0] * (y + self.dims[1] * z)
+    }
+
+    /// Returns which rows of this box are within `reach` rows, along y and z, of one that holds a voxel of `mask`, which is of a box of
+    /// the same brick.
+    pub(super) fn rows_around(&self, mask: &Mask, reach: [usize; 3]) -> Vec<bool> {
+        let [_, ny, nz] = self.dims;
+        let other = mask.block;
+        let mut near = vec![false; ny * nz];
+        let around = |at: usize, a: usize| {
+            let at = (at + self.margin[a]) as i64 - other.margin[a] as i64;
+            let reach = reach[a] as i64;
+            (at - reach).clamp(0, self.dims[a] as i64) as usize..(at + reach + 1).clamp(0, self.dims[a] as i64) as usize
+        };
+        for (n, _) in mask.rows.iter().enumerate().filter(|(_, row)| **row != 0) {
+            for z in around(n / other.dims[1], 2) {
+                for y in around(n % other.dims[1], 1) {
+                    near[y + ny * z] = true;
+                }
+            }
+        }
+        near
     }
 
     /// Returns the values of the scan, HU. Beyond the scan its outermost values go on.
@@ -265,6 +284,19 @@ impl Mask {
         }
     }
 
+    /// Calls `visit` with the index in the block and the voxel for each voxel of the set in the brick itself.
+    pub(super) fn each_own(&self, mut visit: impl FnMut(usize, [i64; 3])) {
+        let Block { first, dims, margin } = self.block;
+        let own = bits(dims[0] - margin[0]) & !bits(margin[0]);
+        for z in margin[2]..dims[2] - margin[2] {
+            for y in margin[1]..dims[1] - margin[1] {
+                let row = y + dims[1] * z;
+                let at = [first[0], first[1] + y as i64, first[2] + z as i64];
+                each_bit(self.rows[row] & own, |x| visit(row * dims[0] + x, [at[0] + x as i64, at[1], at[2]]));
+            }
+        }
+    }
+
     /// Returns the voxels within a box of half sides `reach` of one of the set.
     pub(super) fn dilated(&self, reach: [usize; 3]) -> Self {
         let [nx, ny, nz] = self.block.dims;
@@ -349,13 +381,20 @@ impl CellMeans {
             let [near, far] = lines.map(|l| mix(self.values[l[0] + x], self.values[l[1] + x], ty));
             mix(near, far, tz)
         };
-        let mut known = (usize::MAX, 0.0, 0.0);
-        for (n, out) in out.iter_mut().enumerate() {
-            let (x, t) = place(0, voxel[0] + n as i64);
-            if x != known.0 {
-                known = (x, line(x), line((x + 1).min(nx - 1)));
+        let last = (nx - 1) as f32;
+        let begin = (voxel[0] as f32 + 0.5) / self.cell[0] - 0.5 - self.first[0] as f32;
+        let mut from = 0;
+        while from < out.len() {
+            // All voxels between two cells' middles at once.
+            let (x, _) = place(0, voxel[0] + from as i64);
+            let until = if x + 2 < nx { ((x + 1) as f32 - begin) * self.cell[0] } else { f32::INFINITY };
+            let until = (until.ceil() as usize).clamp(from + 1, out.len());
+            let (low, high) = (line(x), line((x + 1).min(nx - 1)));
+            for (n, out) in out[from..until].iter_mut().enumerate() {
+                let p = begin + (from + n) as f32 / self.cell[0];
+                *out = mix(low, high, p.clamp(0.0, last) - x as f32);
             }
-            *out = mix(known.1, known.2, t);
+            from = until;
         }
     }
 }
@@ -459,12 +498,16 @@ mod tests {
                 let [i, j, k] = [0, 1, 2].map(|a| v[a].clamp(0, grid.dims()[a] as i64 - 1));
                 assert_eq!(*value, f32::from(volume.get(i, j, k)));
             }
-            let inner = bricks.block(brick, [1, 0, 0]);
             block.each_own(|n, [i, j, k]| {
-                assert_eq!(block.voxel(n), [i, j, k]);
+                assert_eq!((block.voxel(n), block.index([i, j, k])), ([i, j, k], n));
                 seen[grid.index(i as usize, j as usize, k as usize)] += 1;
             });
-            inner.each_own(|n, v| assert_eq!(block.voxel(inner.index_in(&block, n)), v));
+            let mut mask = Mask { block, rows: vec![0; block.dims[1] * block.dims[2]] };
+            (0..block.len()).filter(|n| n % 3 == brick % 3).for_each(|n| mask.set(n));
+            let (mut own, mut of_mask) = (Vec::new(), Vec::new());
+            block.each_own(|n, v| own.extend((n % 3 == brick % 3).then_some((n, v))));
+            mask.each_own(|n, v| of_mask.push((n, v)));
+            assert_eq!(of_mask, own);
         }
         assert!(seen.iter().all(|&s| s == 1), "each voxel is in one brick");
         assert_eq!(bricks.around(&[(7, 8, 15..17)], [0; 3]), [9, 10]);

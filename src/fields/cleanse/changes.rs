@@ -38,26 +38,48 @@ impl Changes {
         runs.sort_unstable_by_key(|r| r.0.start);
         let total = runs.iter().map(|r| r.1.len()).sum();
         let mut out = Self { runs: Vec::new(), values: Vec::with_capacity(total) };
-        let mut next = usize::MAX;
-        for (voxels, values) in runs {
-            if voxels.start != next {
-                out.runs.push((voxels.start, out.values.len()));
-            }
-            out.values.extend_from_slice(values);
-            next = voxels.end;
-        }
+        runs.into_iter().for_each(|(voxels, values)| out.push(voxels.start, values));
         out.runs.shrink_to_fit();
         out
     }
 
     /// Returns these changes and those of `other` where there are none of these.
     pub(super) fn over(&self, other: &Self) -> Self {
-        let (mut own, mut below) = (self.each().peekable(), other.each().peekable());
-        Self::from_sorted(std::iter::from_fn(|| match (own.peek(), below.peek()) {
-            (Some(a), Some(b)) if b.0 < a.0 => below.next(),
-            (None, _) => below.next(),
-            _ => own.next(),
-        }))
+        let mut own = self.runs().peekable();
+        let mut out = Self { runs: Vec::new(), values: Vec::with_capacity(self.len() + other.len()) };
+        for (below, values) in other.runs() {
+            let mut from = below.start;
+            while let Some((voxels, _)) = own.peek().filter(|(voxels, _)| voxels.start < below.end) {
+                let (start, end) = (voxels.start.clamp(from, below.end), voxels.end);
+                out.push(from, &values[from - below.start..start - below.start]);
+                if end > below.end {
+                    // It may lie over further runs.
+                    from = below.end;
+                    break;
+                }
+                if let Some((voxels, values)) = own.next() {
+                    out.push(voxels.start, values);
+                    from = from.max(voxels.end);
+                }
+            }
+            out.push(from, &values[from - below.start..]);
+        }
+        own.for_each(|(voxels, values)| out.push(voxels.start, values));
+        out.runs.shrink_to_fit();
+        out.values.shrink_to_fit();
+        out
+    }
+
+    /// Appends values from `first` on, which is beyond all others.
+    fn push(&mut self, first: usize, values: &[i16]) {
+        if values.is_empty() {
+            return;
+        }
+        let end = self.runs.last().map(|&(start, at)| start + self.values.len() - at);
+        if end != Some(first) {
+            self.runs.push((first, self.values.len()));
+        }
+        self.values.extend_from_slice(values);
     }
 
     /// Returns each voxel (linear index) with its value, HU.
@@ -79,6 +101,13 @@ impl Changes {
     pub fn runs(&self) -> impl Iterator<Item = (Range<usize>, &[i16])> + '_ {
         let ends = self.runs.iter().skip(1).map(|r| r.1).chain([self.values.len()]);
         self.runs.iter().zip(ends).map(|(&(first, at), end)| (first..first + end - at, &self.values[at..end]))
+    }
+
+    /// Replaces each value, given its voxel (linear index) and itself.
+    pub(super) fn adjust(&mut self, value: impl Fn(usize, i16) -> i16) {
+        for (voxels, values) in self.runs_mut() {
+            values.iter_mut().zip(voxels).for_each(|(hu, n)| *hu = value(n, *hu));
+        }
     }
 
     /// Sets the values of ranges of voxels, ascending, each within one run.
@@ -134,9 +163,12 @@ impl Changes {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use glam::{DMat3, DVec3};
 
     use super::*;
+    use crate::math::hash;
     use crate::volume::Grid;
 
     #[test]
@@ -173,5 +205,22 @@ mod tests {
         assert_eq!(over.runs().count(), 3);
         assert_eq!(Changes::default().over(&joined), joined);
         assert_eq!(joined.over(&Changes::default()), joined);
+    }
+
+    #[test]
+    fn changes_over_others_are_those_of_each_voxel() {
+        for seed in 0..200 {
+            let of = |part: u64| -> Vec<(usize, i16)> {
+                let is_in = |n: usize| hash::bits(seed, (n as u64 / (1 + seed % 5)) * 2 + part).is_multiple_of(3);
+                (0..60).filter(|&n| is_in(n)).map(|n| (n, (100 * part) as i16 + n as i16)).collect()
+            };
+            let (own, below) = (of(0), of(1));
+            let expected: BTreeMap<usize, i16> = below.iter().chain(&own).copied().collect();
+            let [own, below] = [own, below].map(|list| Changes::from_sorted(list.into_iter()));
+            assert_eq!(own.over(&below), Changes::from_sorted(expected.into_iter()), "{seed}");
+            let mut doubled = own.clone();
+            doubled.adjust(|n, hu| hu + n as i16);
+            assert!(doubled.each().eq(own.each().map(|(n, hu)| (n, hu + n as i16))));
+        }
     }
 }

@@ -3,7 +3,9 @@
 use super::GAS;
 use super::changes::Changes;
 use super::residue::Bits;
+use crate::error::Result;
 use crate::fields::lumen::runs::{Run, Sets, touching};
+use crate::progress::Progress;
 use crate::volume::Volume;
 
 /// Brighter than this is no gas, HU.
@@ -12,7 +14,10 @@ const TISSUE_HU: i16 = -700;
 const MOST_MM3: f64 = 60.0;
 
 /// Turns pieces of what is left that hang together with nothing else into gas. `bits` are overwritten.
-pub(super) fn clear(volume: &Volume, changes: &mut Changes, mut bits: Bits) {
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub(super) fn clear(volume: &Volume, changes: &mut Changes, mut bits: Bits, progress: &Progress) -> Result<()> {
     let grid = volume.grid();
     let [nx, ny, nz] = grid.dims();
     bits.clear();
@@ -48,6 +53,7 @@ pub(super) fn clear(volume: &Volume, changes: &mut Changes, mut bits: Bits) {
     let is_tissue = |n: usize| !bits.has(n) && volume.data()[n] > TISSUE_HU;
     let find = |row: usize| rows.binary_search_by_key(&row, |r| r.0).ok().map(|at| rows[at].1.as_slice());
     for (row, runs) in &rows {
+        progress.check()?;
         let (j, k) = (row % ny, row / ny);
         for run in runs {
             let (start, end) = (run.start as usize, run.end as usize);
@@ -86,4 +92,5 @@ pub(super) fn clear(volume: &Volume, changes: &mut Changes, mut bits: Bits) {
     });
     let crumbs: Vec<_> = crumbs.collect();
     changes.set(&crumbs, GAS as i16);
+    Ok(())
 }

@@ -17,6 +17,7 @@ mod residue;
 mod scanner;
 
 use std::fmt;
+use std::ops::Range;
 
 use super::Lumen;
 use super::lumen::Segment;
@@ -92,7 +93,60 @@ struct Scanner {
 /// # Errors
 /// Returns status 4 if interrupted.
 pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
-    let split = pools::split(volume.grid(), lumen);
+    let (mut made, parts, under, scanner) = pools_of(volume, lumen, progress)?;
+    let mut taken = residue::Bits::new(volume.grid().len());
+    under.into_iter().flatten().for_each(|run| taken.fill(run));
+    let residue = residue::cleanse(volume, lumen, &taken, &scanner, progress)?;
+    let below = Changes::joined(&parts).over(&Changes::joined(&residue.looked_at));
+    made.changes = Changes::joined(&residue.changed).over(&below);
+    drop((parts, below, residue.changed, residue.looked_at));
+    islands::clear(volume, &mut made.changes, taken, progress)?;
+    made.replaced_ml += residue.ml;
+    made.residue_ml = residue.ml;
+    made.left = summed(made.left.into_iter().chain(residue.left));
+    Ok(made)
+}
+
+/// Takes only pools out of a lumen, and keeps every wall and every way of the scan: fluid becomes gas throughout, and whatever else was
+/// no gas stays wall, with the values that were found where it lies under fluid. A wall thinner than the scanner's blur may have none
+/// of its brightness left between gas and fluid: what is shown may then have a hole there, and what is flown may not.
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub(crate) fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
+    let (mut made, parts, _, _) = pools_of(volume, lumen, progress)?;
+    let grid = volume.grid();
+    let mut fluid = residue::Bits::new(grid.len());
+    let mut all = Vec::new();
+    for (j, k, r) in lumen.fluid().iter() {
+        let row = grid.index(0, j, k);
+        fluid.fill(row + r.start as usize..row + r.end as usize);
+        all.push((row + r.start as usize, r.len() as usize));
+    }
+    made.changes = Changes::joined(&parts);
+    drop(parts);
+    made.changes.adjust(|n, hu| {
+        if fluid.has(n) {
+            hu.min(FREE_HU)
+        } else if volume.data()[n] > WALL_HU {
+            hu.max(SOLID_HU)
+        } else {
+            hu
+        }
+    });
+    let gas = Changes::from_sorted(all.into_iter().flat_map(|(n, count)| (n..n + count).map(|n| (n, GAS as i16))));
+    made.changes = made.changes.over(&gas);
+    // What is told is what the flight sees: all fluid is gone.
+    made.left.retain(|l| l.why != pool::NO_LEVEL && l.why != pool::FAINT);
+    made.replaced_ml = lumen.fluid_ml();
+    Ok(made)
+}
+
+/// Takes the pools out: what is known then, the new values of each brick, the voxels under levels, and the scanner.
+type PoolsTaken = (Cleansed, Vec<Changes>, Vec<Vec<Range<usize>>>, Scanner);
+
+fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<PoolsTaken> {
+    let split = pools::split(volume.grid(), lumen, progress)?;
     let mut fluids: Vec<pool::Fluid> = Vec::new();
     let mut unknown = 0;
     if let Some(split) = &split {
@@ -105,65 +159,23 @@ pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cl
         }
     }
     let scanner = Scanner { blur_mm: scanner::blur_mm(volume, lumen), gas_hu: scanner::gas_hu(volume, lumen) };
-    let mut pools = match &split {
+    let pools = match &split {
         Some(split) => pool::cleanse(volume, lumen, split, &fluids, &scanner, progress)?,
         None => pool::Pools::default(),
     };
+    let mut left = pools.left;
     if unknown > 0 {
-        pools.left.push(Left { ml: f64::from(unknown) * volume.grid().voxel_ml(), why: pool::NO_LEVEL });
+        left.push(Left { ml: f64::from(unknown) * volume.grid().voxel_ml(), why: pool::NO_LEVEL });
     }
-    let mut taken = residue::Bits::new(volume.grid().len());
-    let (parts, under): (Vec<Changes>, Vec<_>) = pools.changed.into_iter().map(|p| (p.changes, p.under)).unzip();
-    under.into_iter().flatten().for_each(|run| taken.fill(run));
-    let residue = residue::cleanse(volume, lumen, &taken, &scanner, progress)?;
-    let below = Changes::joined(&parts).over(&Changes::joined(&residue.looked_at));
-    let mut changes = Changes::joined(&residue.changed).over(&below);
-    drop((parts, below, residue.changed, residue.looked_at));
-    islands::clear(volume, &mut changes, taken);
-    let ml: f64 = pools.taken.iter().map(|p| p.ml).sum();
-    Ok(Cleansed {
-        changes,
-        replaced_ml: ml + residue.ml,
+    let made = Cleansed {
+        replaced_ml: pools.taken.iter().map(|p| p.ml).sum(),
         pools: pools.taken,
-        residue_ml: residue.ml,
-        left: summed(pools.left.into_iter().chain(residue.left)),
+        left: summed(left.into_iter()),
         blur_mm: scanner.blur_mm,
-    })
-}
-
-impl Cleansed {
-    /// Keeps every wall and every way of a scan: fluid becomes gas throughout, and whatever else was no gas stays wall, where the values
-    /// of the wall under fluid are those that were found. A wall thinner than the scanner's blur may have none of its brightness
-    /// left between gas and fluid: what is shown may then have a hole there, and what is flown may not.
-    pub(crate) fn keep_ways(&mut self, volume: &Volume, lumen: &Lumen) {
-        let grid = volume.grid();
-        let mut fluid = residue::Bits::new(grid.len());
-        let mut all = Vec::new();
-        for (j, k, r) in lumen.fluid().iter() {
-            let row = grid.index(0, j, k);
-            fluid.fill(row + r.start as usize..row + r.end as usize);
-            all.push((row + r.start as usize, r.len() as usize));
-        }
-        let kept = self.changes.each().map(|(n, hu)| {
-            let hu = if fluid.has(n) {
-                hu.min(FREE_HU)
-            } else if volume.data()[n] > WALL_HU {
-                hu.max(SOLID_HU)
-            } else {
-                hu
-            };
-            (n, hu)
-        });
-        let kept = Changes::from_sorted(kept);
-        let gas = Changes::from_sorted(all.into_iter().flat_map(|(n, count)| (n..n + count).map(|n| (n, GAS as i16))));
-        self.changes = kept.over(&gas);
-        // What is told is what the flight sees: all fluid is gone, and what clings to the wall counts as wall.
-        self.left.retain(|l| l.why != pool::NO_LEVEL && l.why != pool::FAINT);
-        if self.residue_ml > 0.0 {
-            self.left.push(Left { ml: self.residue_ml, why: "films and stool, which count as wall in a flight" });
-        }
-        (self.replaced_ml, self.residue_ml) = (lumen.fluid_ml(), 0.0);
-    }
+        ..Cleansed::default()
+    };
+    let (parts, under) = pools.changed.into_iter().map(|p| (p.changes, p.under)).unzip();
+    Ok((made, parts, under, scanner))
 }
 
 /// Adds up what was left for the same reason.

@@ -315,10 +315,7 @@ fn survey_brick(
     let step = strides[down.axis] as i64 * down.sign;
     // The values do not change by much to any side.
     let is_even = |n: usize| (0..3).all(|a| (hu[n - strides[a]] - hu[n + strides[a]]).abs() < 120.0);
-    block.each_own(|n, v| {
-        if !near.has(n) {
-            return;
-        }
+    near.each_own(|n, v| {
         let add = |sums: fn(&mut Sums) -> &mut BTreeMap<[usize; 3], [f64; 2]>, out: &mut Sums| {
             let cell = [0, 1, 2].map(|a| v[a] as usize / bricks.cell[a]);
             let s = sums(out).entry(cell).or_default();
@@ -478,7 +475,10 @@ impl Shared<'_> {
         let mut own = vec![0f32; block.len()];
         let mut dark = vec![0f32; block.len()];
         let mut tag_hu = vec![0f32; block.len()];
-        for from in (0..block.len()).step_by(nx) {
+        let near = self.downhill(&wide, &mask);
+        // Rows whose neighbourhoods hold nothing that is asked for stay empty.
+        let needed = block.rows_around(&near, s.map(|s| (3.0 * s).ceil() as usize));
+        for from in (0..block.len()).step_by(nx).filter(|from| needed[from / nx]) {
             let v = block.voxel(from);
             let row = from..from + nx;
             pool.gas.row(v, &mut dark[row.clone()]);
@@ -496,16 +496,16 @@ impl Shared<'_> {
                 square[n] = contrast * contrast;
             }
         }
-        let near = self.downhill(&wide, &mask);
         block.blur(&mut product, s);
         block.blur(&mut square, s);
-        block.each_own(|n, v| {
+        near.each_own(|_, v| {
             // Above the blur of the level the scan is as it should be.
             let depth = depth_at(v);
             let ours = step(-3.5, -2.0, depth);
-            if ours == 0.0 || !near.has(block.index_in(&wide, n)) {
+            if ours == 0.0 {
                 return;
             }
+            let n = block.index(v);
             let p = self.sharpened.at(product[n] / square[n].max(1.0));
             let clean = dark[n] + (TISSUE - dark[n]) * p;
             // Tissue keeps its own texture.

@@ -5,9 +5,11 @@
 
 use std::collections::VecDeque;
 
+use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::{AxisDirection, Frame};
 use crate::fields::lumen::runs::{Rows, Sets, touching};
+use crate::progress::Progress;
 use crate::volume::Grid;
 
 /// Gas is at most this many voxels above the top of fluid: the lumen leaves out what is blurred.
@@ -27,14 +29,18 @@ pub(super) struct Split {
 }
 
 /// Finds all levels, and the fluid of each. Returns `None` if there is no gas above any fluid.
-pub(super) fn split(grid: &Grid, lumen: &Lumen) -> Option<Split> {
+///
+/// # Errors
+/// Returns status 4 if interrupted.
+pub(super) fn split(grid: &Grid, lumen: &Lumen, progress: &Progress) -> Result<Option<Split>> {
     let fluid = lumen.fluid();
-    let down = downwards(lumen, Frame::of(grid))?;
+    let Some(down) = downwards(lumen, Frame::of(grid)) else { return Ok(None) };
     let step = down.step();
     let [b, c] = [(down.axis + 1) % 3, (down.axis + 2) % 3];
     // Tops of columns: (across, across, height) and the run.
     let mut tops: Vec<([i64; 3], u32)> = Vec::new();
     for (n, (j, k, r)) in fluid.iter().enumerate() {
+        progress.check()?;
         for i in r.range() {
             let at = |m: i64| [i as i64 - m * step[0], j as i64 - m * step[1], k as i64 - m * step[2]];
             let [x, y, z] = at(1);
@@ -52,6 +58,7 @@ pub(super) fn split(grid: &Grid, lumen: &Lumen) -> Option<Split> {
         }
     }
     tops.sort_unstable();
+    progress.check()?;
     let mut sets = Sets::new(tops.len());
     for (n, ([x, y, height], _)) in tops.iter().enumerate() {
         for (dx, dy) in [(0, 1), (1, -1), (1, 0), (1, 1)] {
@@ -89,7 +96,7 @@ pub(super) fn split(grid: &Grid, lumen: &Lumen) -> Option<Split> {
             }
         }
     }
-    Some(Split { down, labels, count })
+    Ok(Some(Split { down, labels, count }))
 }
 
 /// Returns the runs that share a face with each run.

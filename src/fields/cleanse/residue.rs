@@ -392,10 +392,7 @@ impl Shared<'_> {
             })
         };
         let (mut changed, mut looked_at) = (Vec::new(), Vec::new());
-        block.each_own(|n, v| {
-            if !near.has(n) {
-                return;
-            }
+        near.each_own(|n, v| {
             let index = grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
             if taken.has(index) {
                 return;

@@ -12,7 +12,7 @@ const BRIGHT: f64 = 150.0;
 /// Fewer places than this say nothing.
 const LEAST: usize = 100;
 /// No more places than this are looked at.
-const MOST: usize = 60_000;
+const MOST: usize = 8_000;
 
 /// Returns the mean of the lumen's gas, away from walls, HU.
 pub(super) fn gas_hu(volume: &Volume, lumen: &Lumen) -> f32 {

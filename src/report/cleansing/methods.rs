@@ -34,11 +34,7 @@ pub(super) const METHODS: [Method; 5] = [
     },
     Method {
         name: "as flown",
-        apply: |scan, lumen, progress| {
-            let mut cleansed = cleanse::cleanse(scan, lumen, progress)?;
-            cleansed.keep_ways(scan, lumen);
-            Ok(Arc::new(cleansed.changes.applied(scan)))
-        },
+        apply: |scan, lumen, progress| Ok(Arc::new(cleanse::to_fly(scan, lumen, progress)?.changes.applied(scan))),
     },
 ];
 
