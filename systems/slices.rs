@@ -20,22 +20,25 @@ pub fn plugin(app: &mut App) -> Result<()> {
 
 /// Draws the slices that have changed: all slices without a budget, and one of those with a budget.
 ///
-/// Slices follow the flight's camera and show the scan that is flown through. `last` is the slice that was drawn in the
+/// Slices follow the flight's camera and show the scan that is flown through, under their patches. `last` is the slice that was drawn in the
 /// previous turn.
 pub fn make_slices(
     mut last: Local<Option<Entity>>,
     cameras: Query<&Pose, With<Main>>,
     scans: Query<&Scan, With<Main>>,
+    patches: Query<&Scan, Without<Main>>,
     mut slices: Query<(Entity, &mut SliceView)>,
 ) {
     let (Some(pose), Some(scan)) = (cameras.iter().next(), scans.iter().next()) else { return };
     let volume = scan.0.voxels();
+    let patch_of = |slice: &SliceView| slice.patch.and_then(|e| patches.get(e).ok()).map(|scan| scan.0.voxels());
     // The first of the waiting slices, and the first after the last turn.
     let (mut first, mut after): (Option<Entity>, Option<Entity>) = (None, None);
     let earlier = |a: Option<Entity>, b: Entity| Some(a.map_or(b, |a| a.min(b)));
     for (entity, mut slice) in &mut slices {
         if !slice.may_wait() {
-            slice.make(volume, pose);
+            let patch = patch_of(&slice);
+            slice.make(volume, patch, pose);
             continue;
         }
         slice.wait();
@@ -48,7 +51,8 @@ pub fn make_slices(
     }
     if let Some((entity, mut slice)) = after.or(first).and_then(|e| slices.get_mut(e).ok()) {
         *last = Some(entity);
-        slice.make(volume, pose);
+        let patch = patch_of(&slice);
+        slice.make(volume, patch, pose);
     }
 }
 

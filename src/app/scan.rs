@@ -56,6 +56,7 @@ pub struct Scan {
 struct WithoutTag {
     volume: PreparedVolume,
     lumen: Arc<Lumen>,
+    cleansed: Arc<Cleansed>,
     /// Notes to the user for each flight through it.
     notes: Vec<String>,
 }
@@ -212,10 +213,10 @@ impl Scan {
     }
 
     /// Returns the volume and lumen for a flight whose guide flies through tagged fluid: those without tag.
-    fn without_tag(&mut self) -> Result<(PreparedVolume, Arc<Lumen>)> {
+    fn without_tag(&mut self) -> Result<Flown> {
         let found = self.lumen()?;
         if self.cleansed.is_some() {
-            return Ok((self.volume.clone(), found));
+            return Ok((self.volume.clone(), found, self.cleansed.clone()));
         }
         if self.without_tag.is_none() {
             let mut other = Self::ready(self.volume.clone(), Timings::default(), Arc::clone(&self.progress));
@@ -224,11 +225,11 @@ impl Scan {
             let lumen = other.lumen()?;
             other.timings.parts().iter().for_each(|&(name, seconds)| self.timings.add(name, seconds));
             let notes = through_fluid(&cleansed, &found, &lumen);
-            self.without_tag = Some(WithoutTag { volume: other.volume, lumen, notes });
+            self.without_tag = Some(WithoutTag { volume: other.volume, lumen, cleansed, notes });
         }
-        let Some(made) = &self.without_tag else { return Ok((self.volume.clone(), found)) };
+        let Some(made) = &self.without_tag else { return Ok((self.volume.clone(), found, None)) };
         self.notes.extend(made.notes.iter().cloned());
-        Ok((made.volume.clone(), Arc::clone(&made.lumen)))
+        Ok((made.volume.clone(), Arc::clone(&made.lumen), Some(Arc::clone(&made.cleansed))))
     }
 
     /// Takes the tag out in place for a scene whose guide flies through it: the scan as it was is needed no more.
@@ -272,28 +273,29 @@ impl Scan {
     /// Returns status 2 for an invalid scene, 3 for a log of another scan, 4 if there is no colon or no path between the points,
     /// or if interrupted.
     pub fn flight(&mut self, scene: Scene, request: &FlightRequest) -> Result<FlightApp> {
-        let (volume, lumen, plan) = match scene.play() {
+        let ((volume, lumen, cleansed), plan) = match scene.play() {
             Some(play) => {
                 check_log(play, &self.volume)?;
                 let lumen = Lumen::none(self.volume.voxels().grid());
-                (self.volume.clone(), Arc::new(lumen), plan::as_logged(play))
+                ((self.volume.clone(), Arc::new(lumen), self.cleansed.clone()), plan::as_logged(play))
             }
             None => {
-                let through_fluid = scene.needs().fluid_as_gas;
-                let (volume, lumen) =
-                    if through_fluid { self.without_tag()? } else { (self.volume.clone(), self.lumen()?) };
-                let plan = self.plan_in(&volume, &lumen, request, scene.body.radius_mm)?;
-                (volume, lumen, plan)
+                let flown = match scene.needs().fluid_as_gas {
+                    true => self.without_tag()?,
+                    false => (self.volume.clone(), self.lumen()?, self.cleansed.clone()),
+                };
+                let plan = self.plan_in(&flown.0, &flown.1, request, scene.body.radius_mm)?;
+                (flown, plan)
             }
         };
         self.notes.extend(plan.notes.iter().cloned());
-        self.fly(volume, lumen, plan, scene)
+        let fields = Fields::default();
+        self.fly(Setup { volume, lumen, plan, scene, fields, cleansed })
     }
 
-    /// Creates a flight with a known plan.
-    fn fly(&mut self, volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<FlightApp> {
-        scene.check()?;
-        let mut setup = Setup { volume, lumen, plan, scene, fields: Fields::default() };
+    /// Creates a flight from its parts, with the fields that it needs.
+    fn fly(&mut self, mut setup: Setup) -> Result<FlightApp> {
+        setup.scene.check()?;
         setup.build_fields(&self.progress)?;
         self.notes.extend(setup.fields.take_notes());
         setup.fields.take_times().into_iter().for_each(|(name, seconds)| self.timings.add(name, seconds));
@@ -304,6 +306,9 @@ impl Scan {
         Ok(flight)
     }
 }
+
+/// What is flown: the volume, its lumen, and what was taken out of it.
+type Flown = (PreparedVolume, Arc<Lumen>, Option<Arc<Cleansed>>);
 
 /// Notes on a flight through what was cleansed.
 fn through_fluid(cleansed: &Cleansed, before: &Lumen, now: &Lumen) -> Vec<String> {

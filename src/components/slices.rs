@@ -80,6 +80,8 @@ pub struct SliceView {
     pub windowing: Windowing,
     /// Thickness and projection.
     pub slab: Slab,
+    /// The entity whose [`Scan`](super::scan::Scan) lies over that which is flown through: a box of its voxels with other values.
+    pub patch: Option<Entity>,
     /// Width and height, pixels.
     pub size: [usize; 2],
     /// Maximum samples of the scan per frame; `None` for no limit.
@@ -94,11 +96,18 @@ pub struct SliceView {
     /// HU values of the image, row by row.
     hu: Vec<f32>,
     grey: Vec<u8>,
-    /// The slice, slab and greys of the current image.
-    shown: Option<(Slice, Slab, Windowing)>,
+    /// The slice, slab, greys and patch of the current image.
+    shown: Option<(Slice, Slab, Windowing, Option<Entity>)>,
     /// While the image has larger pixels: the values of the fine image, and the number of its rows done so far.
     finer: Vec<f32>,
     rows: Option<usize>,
+}
+
+/// A scan, and what lies over it.
+#[derive(Clone, Copy)]
+struct Patched<'a> {
+    volume: &'a Volume,
+    patch: Option<&'a Volume>,
 }
 
 /// Extent of a slice across the path, mm.
@@ -118,6 +127,7 @@ impl SliceView {
             zoom: 1.0,
             windowing: Windowing::default(),
             slab: Slab::default(),
+            patch: None,
             size,
             budget: None,
             frame: Frame::default(),
@@ -138,6 +148,7 @@ impl SliceView {
             zoom: self.zoom,
             windowing: self.windowing,
             slab: self.slab,
+            patch: self.patch,
             budget: self.budget,
             ..Self::new(self.orientation, self.size)
         }
@@ -192,19 +203,20 @@ impl SliceView {
 
     /// Returns true if the image is out of date or not yet refined.
     pub fn is_stale(&self, grid: &Grid, pose: &Pose) -> bool {
-        self.rows.is_some() || self.shown != Some((self.slice(grid, pose), self.slab, self.windowing))
+        self.rows.is_some() || self.shown != Some((self.slice(grid, pose), self.slab, self.windowing, self.patch))
     }
 
-    /// Draws the image if it is stale.
-    pub fn make(&mut self, volume: &Volume, pose: &Pose) {
-        let wanted = (self.slice(volume.grid(), pose), self.slab, self.windowing);
+    /// Draws the image if it is stale. `patch` is the volume of [`SliceView::patch`].
+    pub fn make(&mut self, volume: &Volume, patch: Option<&Volume>, pose: &Pose) {
+        let wanted = (self.slice(volume.grid(), pose), self.slab, self.windowing, self.patch);
         let (slice, slab) = (wanted.0, wanted.1);
+        let scan = Patched { volume, patch };
         self.made = self.shown != Some(wanted);
         // New grey levels need no new values.
-        if self.shown.is_none_or(|s| (s.0, s.1) != (slice, slab)) {
-            self.fill(volume, slice, slab);
+        if self.shown.is_none_or(|s| (s.0, s.1, s.3) != (slice, slab, self.patch)) {
+            self.fill(scan, slice, slab);
         } else if let Some(rows) = self.rows {
-            self.made |= self.refine(volume, slice, slab, rows);
+            self.made |= self.refine(scan, slice, slab, rows);
         }
         if !self.made {
             return;
@@ -223,28 +235,36 @@ impl SliceView {
 
     /// Fills the image with the values of another plane: at full resolution, or with larger pixels if that takes too many
     /// samples.
-    fn fill(&mut self, volume: &Volume, slice: Slice, slab: Slab) {
-        let samples = slice.size[0] * slice.size[1] * slab.samples_a_pixel(volume.grid());
+    fn fill(&mut self, scan: Patched<'_>, slice: Slice, slab: Slab) {
+        let samples = slice.size[0] * slice.size[1] * slab.samples_a_pixel(scan.volume.grid());
         let most = self.budget.filter(|_| slab.mm() > 0.0);
         let too_many = most.map_or(0, |most| samples / most.max(1));
         // The least whole number whose square is large enough.
         let larger = (1..COARSEST).find(|n| n * n > too_many).unwrap_or(COARSEST);
         self.rows = (larger > 1).then_some(0);
         if larger == 1 {
-            return slice.fill_slab(volume, slab, &mut self.hu);
+            self.hu.resize(slice.size[0] * slice.size[1], 0.0);
+            return slice.fill_rows_patched(scan.volume, scan.patch, slab, 0, &mut self.hu);
         }
         let coarse = slice.with_larger_pixels(larger);
-        coarse.fill_slab(volume, slab, &mut self.finer);
+        self.finer.resize(coarse.size[0] * coarse.size[1], 0.0);
+        coarse.fill_rows_patched(scan.volume, scan.patch, slab, 0, &mut self.finer);
         coarse.enlarge(&self.finer, larger, slice.size, &mut self.hu);
     }
 
     /// Computes more rows of the fine image. Returns true once the last row is done.
-    fn refine(&mut self, volume: &Volume, slice: Slice, slab: Slab, rows: usize) -> bool {
+    fn refine(&mut self, scan: Patched<'_>, slice: Slice, slab: Slab, rows: usize) -> bool {
         let [width, height] = slice.size;
-        let a_row = (width * slab.samples_a_pixel(volume.grid())).max(1);
+        let a_row = (width * slab.samples_a_pixel(scan.volume.grid())).max(1);
         let more = self.budget.map_or(height, |most| most / a_row).max(1).min(height - rows);
         self.finer.resize(width * height, 0.0);
-        slice.fill_rows(volume, slab, rows, &mut self.finer[rows * width..(rows + more) * width]);
+        slice.fill_rows_patched(
+            scan.volume,
+            scan.patch,
+            slab,
+            rows,
+            &mut self.finer[rows * width..(rows + more) * width],
+        );
         let done = rows + more == height;
         self.rows = (!done).then_some(rows + more);
         if done {
@@ -306,14 +326,14 @@ mod tests {
     fn axis_slices_follow_by_layers_and_keep_their_part_of_the_body() {
         let (volume, mut view) = (scan(), SliceView::new(Orientation::Axial, [64, 48]));
         let here = volume.grid().world(DVec3::new(3.0, 4.0, 10.2));
-        view.make(&volume, &pose(here));
+        view.make(&volume, None, &pose(here));
         assert!(
             view.made
                 && (view.shown().unwrap().centre.z - volume.grid().world(DVec3::new(0.0, 0.0, 10.0)).z).abs() < 1e-12
         );
-        view.make(&volume, &pose(here + DVec3::new(1.0, 2.0, 0.1)));
+        view.make(&volume, None, &pose(here + DVec3::new(1.0, 2.0, 0.1)));
         assert!(!view.made, "the same layer");
-        view.make(&volume, &pose(here + DVec3::Z));
+        view.make(&volume, None, &pose(here + DVec3::Z));
         assert!(view.made);
         // The image maps the position back to itself.
         let slice = view.shown().unwrap();
@@ -325,11 +345,11 @@ mod tests {
     fn the_slice_across_the_way_is_seen_as_the_camera_sees_it() {
         let (volume, mut view) = (scan(), SliceView::new(Orientation::Across, [50, 50]));
         let here = pose(volume.grid().world(DVec3::new(10.0, 15.0, 20.0)));
-        view.make(&volume, &here);
+        view.make(&volume, None, &here);
         let frame = view.shown().unwrap().frame;
         assert_eq!((frame.right(), frame.down(), frame.normal()), (DVec3::X, DVec3::NEG_Z, DVec3::NEG_Y));
         assert_eq!(view.shown().unwrap().centre, here.position);
-        view.make(&volume, &pose(here.position + DVec3::X * 0.01));
+        view.make(&volume, None, &pose(here.position + DVec3::X * 0.01));
         assert!(view.made);
     }
 
@@ -337,11 +357,11 @@ mod tests {
     fn another_window_of_greys_shows_the_same_values() {
         let (volume, mut view) = (scan(), SliceView::new(Orientation::Coronal, [40, 30]));
         let here = pose(volume.grid().world(DVec3::splat(9.0)));
-        view.make(&volume, &here);
+        view.make(&volume, None, &here);
         let (hu, first) = (view.hu.clone(), view.frame.clone());
         view.windowing = Windowing::new(-900.0, 200.0).unwrap();
         assert!(view.is_stale(volume.grid(), &here));
-        view.make(&volume, &here);
+        view.make(&volume, None, &here);
         assert!(view.made && view.hu == hu && view.frame != first && !view.is_stale(volume.grid(), &here));
         assert_eq!(view.hu_at([40, 0]), None);
         assert!(view.hu_at([20, 15]).is_some_and(|hu| hu > -1001.0));
@@ -357,10 +377,10 @@ mod tests {
         for orientation in Orientation::ALL {
             for size in [[70, 50], [71, 53], [1, 1], [90, 70]] {
                 let mut at_once = SliceView { slab, zoom: 3.0, ..SliceView::new(orientation, size) };
-                at_once.make(&volume, &here);
+                at_once.make(&volume, None, &here);
                 assert!(at_once.rows.is_none());
                 let mut view = SliceView { budget: Some(20_000), ..at_once.without_image() };
-                view.make(&volume, &here);
+                view.make(&volume, None, &here);
                 assert!(view.made && view.shown() == at_once.shown() && view.hu.len() == at_once.hu.len());
                 // Mirrored, shifted or black, it would be farther off: the values range from -1000 to -60.
                 let off = view.hu.iter().zip(&at_once.hu);
@@ -370,7 +390,7 @@ mod tests {
                 let (coarse, mut frames) = (view.rows.is_some(), 0);
                 assert_eq!(coarse, size[0] * size[1] > 300);
                 while view.is_stale(volume.grid(), &here) {
-                    view.make(&volume, &here);
+                    view.make(&volume, None, &here);
                     frames += 1;
                     assert!(frames < 60);
                     assert_eq!(view.made, view.rows.is_none(), "it is shown when it is whole");
@@ -387,20 +407,20 @@ mod tests {
         let at = |x: f64| pose(volume.grid().world(DVec3::new(x, 15.0, 20.0)));
         let slab = Slab::new(10.0, SlabKind::Max).unwrap();
         let mut view = SliceView { slab, budget: Some(20_000), ..SliceView::new(Orientation::Sagittal, [70, 50]) };
-        view.make(&volume, &at(10.0));
-        view.make(&volume, &at(10.0));
+        view.make(&volume, None, &at(10.0));
+        view.make(&volume, None, &at(10.0));
         assert!(view.rows.is_some_and(|rows| rows > 0) && !view.made);
         view.windowing = Windowing::new(-900.0, 200.0).unwrap();
-        view.make(&volume, &at(10.0));
+        view.make(&volume, None, &at(10.0));
         assert!(view.made, "other greys at once");
-        view.make(&volume, &at(4.0));
+        view.make(&volume, None, &at(4.0));
         assert_eq!((view.rows, view.made), (Some(0), true));
         while view.is_stale(volume.grid(), &at(4.0)) {
-            view.make(&volume, &at(4.0));
+            view.make(&volume, None, &at(4.0));
         }
         let mut at_once =
             SliceView { slab, windowing: view.windowing, ..SliceView::new(Orientation::Sagittal, [70, 50]) };
-        at_once.make(&volume, &at(4.0));
+        at_once.make(&volume, None, &at(4.0));
         assert!(view.frame == at_once.frame);
     }
 
@@ -413,11 +433,11 @@ mod tests {
             (DVec3::ZERO, 0.0, -1e300, [1, 1]),
         ] {
             (view.place, view.zoom, view.pan_mm, view.size) = (Some(place), zoom, [pan; 2], size);
-            view.make(&volume, &pose(DVec3::ZERO));
+            view.make(&volume, None, &pose(DVec3::ZERO));
             assert_eq!(view.hu.len(), size[0] * size[1]);
             (view.budget, view.slab) = (Some(0), Slab::new(1.0, SlabKind::Min).unwrap());
-            view.make(&volume, &pose(DVec3::ZERO));
-            view.make(&volume, &pose(DVec3::ZERO));
+            view.make(&volume, None, &pose(DVec3::ZERO));
+            view.make(&volume, None, &pose(DVec3::ZERO));
             assert_eq!(view.hu.len(), size[0] * size[1]);
         }
     }
@@ -435,30 +455,30 @@ mod tests {
         let thick = Slab::new(6.0, SlabKind::Max).unwrap();
         let at_once = |slab| {
             let mut view = SliceView { slab, ..SliceView::new(Orientation::Sagittal, [70, 50]) };
-            view.make(&volume, &here);
+            view.make(&volume, None, &here);
             view.hu
         };
         let mut view = SliceView { slab: thick, ..SliceView::new(Orientation::Sagittal, [70, 50]) };
-        view.make(&volume, &here);
+        view.make(&volume, None, &here);
         assert!(view.hu == at_once(thick));
         for slab in
             [Slab::new(6.0, SlabKind::Min).unwrap(), Slab::new(3.0, SlabKind::Min).unwrap(), Slab::default(), thick]
         {
             view.slab = slab;
             assert!(view.is_stale(volume.grid(), &here));
-            view.make(&volume, &here);
+            view.make(&volume, None, &here);
             assert!(view.made && view.hu == at_once(slab), "{slab:?}");
         }
         assert!(at_once(thick) != at_once(Slab::default()));
         // Thin again in the middle of a refinement.
         view.budget = Some(20_000);
         view.slab = Slab::new(10.0, SlabKind::Mean).unwrap();
-        view.make(&volume, &here);
-        view.make(&volume, &here);
+        view.make(&volume, None, &here);
+        view.make(&volume, None, &here);
         assert!(view.rows.is_some_and(|rows| rows > 0));
         view.slab = Slab::default();
         for _ in 0..60 {
-            view.make(&volume, &here);
+            view.make(&volume, None, &here);
         }
         assert!(!view.is_stale(volume.grid(), &here) && view.hu == at_once(Slab::default()));
     }

@@ -62,6 +62,17 @@ impl Grid {
         Ok(Self { dims, spacing, origin, direction, to_world, to_voxel })
     }
 
+    /// Returns the grid of a box of its voxels: `dims` voxels from `first` on.
+    ///
+    /// # Panics
+    /// Panics if the box is empty or reaches beyond the grid.
+    pub fn part(&self, first: [usize; 3], dims: [usize; 3]) -> Self {
+        assert!((0..3).all(|a| dims[a] > 0 && first[a] + dims[a] <= self.dims[a]), "a part must be within its grid");
+        let origin = self.world(DVec3::from_array(first.map(|n| n as f64)));
+        let to_world = DAffine3::from_mat3_translation(self.to_world.matrix3, origin);
+        Self { dims, origin, to_world, to_voxel: to_world.inverse(), ..self.clone() }
+    }
+
     /// Returns the number of voxels along each index axis.
     pub fn dims(&self) -> [usize; 3] {
         self.dims

@@ -22,6 +22,7 @@ use crate::components::trail::Trail;
 use crate::dynamics::Attitude;
 use crate::error::{Error, Result};
 use crate::fields::Lumen;
+use crate::fields::cleanse::Cleansed;
 use crate::fields::clearance::TOLERANCE_MM;
 use crate::panics;
 use crate::progress::Progress;
@@ -63,6 +64,8 @@ pub struct Setup {
     pub scene: Scene,
     /// The fields over the lumen that the guide needs.
     pub fields: Fields,
+    /// What was taken out of the scan for this flight: its changes hold the values that the scan had. `None` if it is flown as it is.
+    pub cleansed: Option<Arc<Cleansed>>,
 }
 
 impl Setup {
@@ -76,7 +79,7 @@ impl Setup {
 
     /// Builds the fields that the scene needs for the plan, and drops the others.
     pub(crate) fn build_fields(&mut self, progress: &Progress) -> Result<()> {
-        let Self { volume, lumen, plan, scene, fields } = self;
+        let Self { volume, lumen, plan, scene, fields, .. } = self;
         fields.build(scene.needs(), volume.voxels(), lumen, plan, scene.body.radius_mm, progress)
     }
 }
@@ -91,7 +94,7 @@ impl FlightApp {
     /// Returns an error if the scene is inconsistent, and status 4 if the guide plans and there is no path.
     pub fn new(volume: PreparedVolume, lumen: Arc<Lumen>, plan: Plan, scene: Scene) -> Result<Self> {
         scene.check()?;
-        let mut setup = Setup { volume, lumen, plan, scene, fields: Fields::default() };
+        let mut setup = Setup { volume, lumen, plan, scene, fields: Fields::default(), cleansed: None };
         let progress = Arc::new(Progress::new());
         setup.build_fields(&progress)?;
         Self::with_fields(setup, progress)
@@ -319,6 +322,12 @@ impl FlightApp {
         &self.setup
     }
 
+    /// Returns the scan that the camera's picture shows: that which is flown through, or another one.
+    pub fn shown_scan(&self) -> &PreparedVolume {
+        let other = self.camera::<Picture>().and_then(|p| self.app.world.get::<Scan>(p.scan?));
+        other.map_or(&self.setup.volume, |scan| &scan.0)
+    }
+
     /// Returns what the flight has covered until now.
     pub fn survey(&self) -> Survey<'_> {
         Survey { flight: self }
@@ -362,7 +371,7 @@ mod tests {
                 vec![Segment { ml: 4.0, fluid_ml: 0.0, bounds_mm, ends, joined_to: Vec::new(), length_mm: 30.0 }];
             let plan = Plan { segment, ..Plan::between(ends[0], goal, 30.0) };
             let (lumen, scene, fields) = (Arc::new(lumen), Scene::default(), Fields::default());
-            Setup { volume: volume.clone(), lumen, plan, scene, fields }.is_reversed()
+            Setup { volume: volume.clone(), lumen, plan, scene, fields, cleansed: None }.is_reversed()
         };
         let ends = [rectal, cecal];
         assert!(reversed(ends, rectal, Some(0)) && reversed(ends, DVec3::new(5.0, 19.0, 5.0), Some(0)));

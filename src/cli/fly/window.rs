@@ -87,7 +87,7 @@ fn opening(
         let args = &prepare_args;
         let mut scan = open(args, &prepare_global, &scene, progress)?;
         let session = window::SessionFile::of(scan.volume().voxels());
-        let made = flight(args, &mut scan, scene);
+        let made = scan.cleanse_for(&scene).and_then(|()| flight(args, &mut scan, scene));
         *kept.lock().unwrap_or_else(PoisonError::into_inner) = scan.timings().clone();
         let mut flight = made?;
         if let Some(commands) = commands {

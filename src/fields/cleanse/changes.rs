@@ -32,6 +32,12 @@ impl Changes {
         out
     }
 
+    /// Changes given as (linear index, HU) in ascending order, for tests.
+    #[cfg(test)]
+    pub(crate) fn of(changed: impl IntoIterator<Item = (usize, i16)>) -> Self {
+        Self::from_sorted(changed.into_iter())
+    }
+
     /// Joins changes of separate voxels.
     pub(super) fn joined(parts: &[Self]) -> Self {
         let mut runs: Vec<(Range<usize>, &[i16])> = parts.iter().flat_map(Self::runs).collect();
@@ -144,6 +150,42 @@ impl Changes {
         Volume::new(volume.grid().clone(), data)
     }
 
+    /// Returns a box of the volume with these values in place of its own: the voxels from `low` to `high`, both within. Its grid is part
+    /// of the volume's.
+    ///
+    /// # Panics
+    /// Panics if the box reaches beyond the volume.
+    pub fn applied_to_box(&self, volume: &Volume, low: [usize; 3], high: [usize; 3]) -> Volume {
+        let grid = volume.grid();
+        let [nx, ny, _] = grid.dims();
+        let dims = [0, 1, 2].map(|a| high[a] + 1 - low[a]);
+        let mut data = Vec::with_capacity(dims.iter().product());
+        for k in low[2]..=high[2] {
+            for j in low[1]..=high[1] {
+                let row = grid.index(0, j, k);
+                data.extend_from_slice(&volume.data()[row + low[0]..=row + high[0]]);
+            }
+        }
+        for (voxels, values) in self.runs() {
+            // A run may go on in the next row.
+            let mut from = voxels.start;
+            while from < voxels.end {
+                let (row, i) = (from / nx, from % nx);
+                let end = voxels.end.min((row + 1) * nx);
+                let (j, k) = (row % ny, row / ny);
+                let within = (low[1]..=high[1]).contains(&j) && (low[2]..=high[2]).contains(&k);
+                let (first, last) = (i.max(low[0]), (end - row * nx).min(high[0] + 1));
+                if within && first < last {
+                    let to = first - low[0] + dims[0] * (j - low[1] + dims[1] * (k - low[2]));
+                    let at = row * nx + first - voxels.start;
+                    data[to..to + last - first].copy_from_slice(&values[at..at + last - first]);
+                }
+                from = end;
+            }
+        }
+        Volume::new(grid.part(low, dims), data)
+    }
+
     /// Exchanges these values and those of the volume, in place. Doing it twice restores both.
     ///
     /// # Panics
@@ -222,5 +264,26 @@ mod tests {
             doubled.adjust(|n, hu| hu + n as i16);
             assert!(doubled.each().eq(own.each().map(|(n, hu)| (n, hu + n as i16))));
         }
+    }
+
+    #[test]
+    fn a_box_of_a_volume_is_changed_as_the_whole_is() {
+        let turn = DMat3::from_rotation_z(0.3);
+        let grid = Grid::new([7, 5, 4], DVec3::new(0.7, 0.8, 1.1), DVec3::new(3.0, -2.0, 9.0), turn).unwrap();
+        let volume = Volume::new(grid.clone(), (0..140).collect());
+        let changes = Changes::from_sorted((20..100).filter(|n| n % 9 != 0).map(|n| (n, 1000 + n as i16)));
+        let (low, high) = ([1, 0, 1], [5, 3, 3]);
+        let (part, whole) = (changes.applied_to_box(&volume, low, high), changes.applied(&volume));
+        assert_eq!(part.grid().dims(), [5, 4, 3]);
+        for n in 0..part.data().len() {
+            let at = [n % 5, n / 5 % 4, n / 20];
+            let [i, j, k] = [0, 1, 2].map(|a| at[a] + low[a]);
+            assert_eq!(part.data()[n], whole.data()[grid.index(i, j, k)]);
+            let [here, there] = [(part.grid(), at), (&grid, [i, j, k])]
+                .map(|(grid, v)| grid.world(DVec3::from_array(v.map(|c| c as f64))));
+            assert!(here.distance(there) < 1e-9);
+        }
+        let all = changes.applied_to_box(&volume, [0; 3], [6, 4, 3]);
+        assert_eq!(all.data(), whole.data());
     }
 }

@@ -93,6 +93,10 @@ fn flies_itself(c: &FlightController) -> std::result::Result<(), &'static str> {
     if c.flight().setup().scene.play().is_some() { Err("a log is replayed") } else { Ok(()) }
 }
 
+fn has_both_scans(c: &FlightController) -> std::result::Result<(), &'static str> {
+    c.cleansing().may_switch()
+}
+
 fn shows_slices(c: &FlightController) -> std::result::Result<(), &'static str> {
     if c.shows_slices() { Ok(()) } else { Err("no slice is shown") }
 }
@@ -198,6 +202,7 @@ const TABLE: &[Row] = &[
     },
     once("detail", "detail: high or low", "L", FlightController::switch_detail),
     once("light", "light: endoscope or headlight", "I", FlightController::switch_light),
+    Row { possible: has_both_scans, ..once("tag", "tag: taken out, or as scanned", "X", FlightController::switch_tag) },
     greys("window-colon", "window for the colon", "Ctrl+1", |c, _| c.window(0.0, 2000.0)),
     greys("window-soft", "window for soft tissue", "Ctrl+2", |c, _| c.window(40.0, 400.0)),
     greys("window-bone", "window for bone", "Ctrl+3", |c, _| c.window(300.0, 1500.0)),
@@ -249,7 +254,7 @@ const LAYOUT_ROW: &str = "panels: flight alone, reading, slices, across the path
 pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("File", &["open", "screenshot", "quit"]),
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
-    ("View", &["detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
+    ("View", &["tag", "detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
     ("Slices", &["window-", "slab", "slab-kind", "slices-reset"]),
     ("Measure", &["measure", "undo", "delete-last"]),
     ("Panels", &["layout-", "panel-"]),

@@ -6,12 +6,14 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bevy_ecs::change_detection::Mut;
 use glam::DVec3;
 
 use super::actions::{Action, ActionContext, Actions, Effect};
+use super::cleansing::Cleansing;
 use super::directions::Directions;
 use super::field_job::FieldJob;
 use super::figures::{Figures, angle, detail};
@@ -82,6 +84,9 @@ pub(crate) struct FlightController {
     help: bool,
     /// Fields that are being built for a guide before it takes over.
     planning: Option<FieldJob>,
+    /// The scan without tag, beside the one as it is.
+    cleansing: Cleansing,
+    wake: WakeUp,
     /// The guide that resumes when the operator releases control.
     last_guide: &'static str,
     overlays: Overlays,
@@ -116,7 +121,7 @@ impl FlightController {
     /// Returns status 1 if the system cannot start threads.
     pub(crate) fn new(flight: FlightApp, wake: WakeUp, overlays: Vec<Overlay>, actions: Rc<Actions>) -> Result<Self> {
         let now = Instant::now();
-        let view_renderer = ViewRenderer::new(flight.setup().volume.clone(), wake)?;
+        let view_renderer = ViewRenderer::new(Arc::clone(&wake))?;
         let scene = &flight.setup().scene;
         let automatic = scene.guide().into_iter().chain(scene.guides.iter()).find(|g| g.automatic);
         let last_guide = automatic.map_or("", |g| g.name);
@@ -138,6 +143,8 @@ impl FlightController {
             reported: BTreeSet::new(),
             help: false,
             planning: None,
+            cleansing: Cleansing::new(),
+            wake,
             last_guide,
             overlays: Overlays::new(overlays),
             actions,
@@ -258,7 +265,8 @@ impl FlightController {
         let attention = self.attention.then_some(self.start);
         let finer = self.view_renderer.is_refining(&self.flight).then_some(self.start);
         let planned = self.planning.is_some().then_some(self.start);
-        [finer, message, self.figures.next(), attention, planned].into_iter().flatten().min()
+        let uncleansed = (self.cleansing.is_waiting() && !self.view_renderer.frames().is_empty()).then_some(self.start);
+        [finer, message, self.figures.next(), attention, planned, uncleansed].into_iter().flatten().min()
     }
 
     /// Sends a command to the flight. Returns true if it succeeded. A refused command is reported and changes nothing.
@@ -462,6 +470,43 @@ impl FlightController {
         }
     }
 
+    /// Starts to look for the scan without tag once there is a picture, and adopts it once it is found.
+    fn take_cleansed(&mut self, now: Instant) {
+        let begun = match self.view_renderer.frames() {
+            [] => Ok(()),
+            _ => self.cleansing.begin(&self.flight, &self.wake),
+        };
+        match begun.and_then(|()| self.cleansing.take(&mut self.flight)) {
+            Ok(Some(what)) => {
+                output::to_stderr(format_args!("note: {what}"));
+                let key = self.actions.named("tag").map_or_else(String::new, Action::key_text);
+                self.say(format!("{what} ({key} shows the scan as it is)"), now);
+                self.figures.touch();
+            }
+            Ok(None) => {}
+            Err(e) => self.say(format!("{}: {}", e.what, e.why), now),
+        }
+        self.slices.patch(self.cleansing.other(&self.flight));
+    }
+
+    /// Returns what is known of the scan without tag.
+    pub(crate) fn cleansing(&self) -> &Cleansing {
+        &self.cleansing
+    }
+
+    /// Switches between the scan without tag and the scan as it is.
+    pub(crate) fn switch_tag(&mut self, ActionContext { now, .. }: ActionContext) {
+        match self.cleansing.may_switch() {
+            Ok(()) => {
+                let shown = self.cleansing.switch(&mut self.flight);
+                self.slices.patch(self.cleansing.other(&self.flight));
+                self.say(shown, now);
+                self.quiet = 0;
+            }
+            Err(why) => self.say(why, now),
+        }
+    }
+
     /// Jumps to a share of the path, 0 to 1.
     pub(crate) fn seek(&mut self, share: f64, now: Instant) {
         self.quiet = 0;
@@ -532,6 +577,7 @@ impl FlightController {
     /// Returns an error if a replayed command requests something that does not exist.
     pub(crate) fn advance(&mut self, now: Instant) -> Result<()> {
         self.take_planned(now);
+        self.take_cleansed(now);
         for note in self.flight.take_notes() {
             self.say(note, now);
         }
@@ -608,7 +654,8 @@ impl FlightController {
         if self.message.as_ref().is_some_and(|m| now >= m.1) {
             self.message = None;
         }
-        let figures = self.figures.read(&self.flight, &self.view_renderer, now).to_vec();
+        let mut figures = self.figures.read(&self.flight, &self.view_renderer, now).to_vec();
+        figures.extend(Some(self.cleansing.shown()).filter(|s| !s.is_empty()).map(str::to_owned));
         self.attention = false;
         let flight = self.flight.flight();
         let (state, severity) = self.state(&flight.state);

@@ -60,20 +60,20 @@ fn along_mm(c: &FlightController) -> i64 {
 }
 
 /// Creates the controller of `flight`, at `along_mm` of its path.
-fn cockpit_of(mut flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> FlightController {
+pub(crate) fn cockpit_of(mut flight: FlightApp, along_mm: f64, overlays: Vec<Overlay>) -> FlightController {
     flight.stands_at(along_mm);
     let actions = Actions::new(&flight.setup().scene.guides, &overlays, &[], &KeySettings::new()).unwrap();
     FlightController::new(flight, Arc::new(|| {}), overlays, Rc::new(actions)).unwrap()
 }
 
 /// Performs the action with that name.
-fn perform(c: &mut FlightController, action: &str, now: Instant) {
+pub(crate) fn perform(c: &mut FlightController, action: &str, now: Instant) {
     let actions = Rc::clone(&c.actions);
     c.perform(actions.named(action).unwrap(), ActionContext { window: WINDOW, now });
 }
 
 /// Renders the picture that is due. Returns true if there is one.
-fn trace(c: &mut FlightController, now: Instant) -> bool {
+pub(crate) fn trace(c: &mut FlightController, now: Instant) -> bool {
     let due = c.prepare(WINDOW, &[], now).unwrap();
     let any = due.is_some();
     if any {

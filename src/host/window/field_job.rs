@@ -19,7 +19,7 @@ impl FieldJob {
     /// Starts to build what `guide` needs for the current flight; `None` if nothing is missing.
     pub(crate) fn begin(flight: &FlightApp, guide: &GuideEntry) -> Option<Result<Self>> {
         let (wanted, guide) = (guide.needs, guide.name);
-        let Setup { volume, lumen, plan, scene, fields } = flight.setup();
+        let Setup { volume, lumen, plan, scene, fields, .. } = flight.setup();
         if fields.has(wanted, plan) || scene.play().is_some() {
             return None;
         }

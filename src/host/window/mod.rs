@@ -4,6 +4,7 @@
 //! window. Operator input reaches it as [commands](crate::components::input::Command), so that it can be recorded and replayed.
 
 mod actions;
+mod cleansing;
 mod controller;
 mod directions;
 mod field_job;
@@ -99,7 +100,7 @@ const INTERRUPT: Duration = Duration::from_millis(50);
 pub(crate) type Finish = Box<dyn FnOnce(&FlightApp, &[FrameStats], &Shown) -> Result<()>>;
 
 /// How a window showed its pictures, for the statistics. Parts that did not happen are omitted.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub(crate) struct Shown {
     /// From the finished image to the presented one.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -107,6 +108,9 @@ pub(crate) struct Shown {
     /// Pictures while the camera moved.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub moving: Option<Moving>,
+    /// The scan without tag beside the one as it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cleansing: Option<cleansing::Took>,
 }
 
 /// A scan to open in a window.

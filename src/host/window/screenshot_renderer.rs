@@ -15,8 +15,10 @@ use crate::render::{CameraModel, Frame, ImageSize, Preset, Reuse, Settings, View
 use crate::space::PreparedVolume;
 
 /// A request for an image to be saved.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub(crate) struct PictureRequest {
+    /// The scan to render.
+    pub scan: PreparedVolume,
     /// Pose of the camera.
     pub pose: Pose,
     /// Width and height, pixels.
@@ -39,20 +41,21 @@ impl PictureRequest {
         let settings = Settings { adaptive: false, ..picture.settings };
         let (camera, fov_degrees, preset) = (picture.camera, picture.fov_degrees, picture.preset);
         let size = ImageSize::new(size.width.max(1), size.height.max(1));
-        Some(Self { pose: flight.pose(), size, camera, fov_degrees, settings, preset })
+        let (scan, pose) = (flight.shown_scan().clone(), flight.pose());
+        Some(Self { scan, pose, size, camera, fov_degrees, settings, preset })
     }
 
-    fn trace(&self, volume: &PreparedVolume) -> Result<Traced> {
+    fn trace(self) -> Result<Traced> {
         let (a, ImageSize { width, height }) = (self.pose.attitude, self.size);
         let view = View::with_model(self.pose.position, a.forward, a.up, self.camera, self.fov_degrees, width, height)?;
         let mut frame = Frame::new(width, height);
         let traced = panics::catch(|| {
-            renderer(volume, self.settings, self.preset, Reuse::Never).render(&view, &mut frame);
+            renderer(&self.scan, self.settings, self.preset, Reuse::Never).render(&view, &mut frame);
         });
         traced.map_err(|why| {
             Error::fault(format!("preset {}", self.preset.name), format!("panicked: {why}"), "choose another preset")
         })?;
-        Ok(Traced { request: *self, frame })
+        Ok(Traced { request: self, frame })
     }
 }
 
@@ -71,30 +74,29 @@ pub(crate) type WakeUp = Arc<dyn Fn() + Send + Sync>;
 pub(crate) struct ScreenshotRenderer {
     /// A separate thread pool: in the common one, images would wait for a route that is being planned.
     pool: ThreadPool,
-    volume: PreparedVolume,
     wake: WakeUp,
     /// In the order in which they were started.
     jobs: Vec<Job<Traced>>,
 }
 
 impl ScreenshotRenderer {
-    /// Creates a renderer for `volume`. It calls `wake` when an image is ready.
+    /// Creates a renderer. It calls `wake` when an image is ready.
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
-    pub(crate) fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
+    pub(crate) fn new(wake: WakeUp) -> Result<Self> {
         let pool = ThreadPoolBuilder::new()
             .num_threads(rayon::current_num_threads())
             .thread_name(|n| format!("screenshot {n}"))
             .build()
             .map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
-        Ok(Self { pool, volume, wake, jobs: Vec::new() })
+        Ok(Self { pool, wake, jobs: Vec::new() })
     }
 
     /// Starts to render an image.
     pub(crate) fn begin(&mut self, request: PictureRequest) {
-        let (volume, wake) = (self.volume.clone(), Arc::clone(&self.wake));
-        let trace = move |_: &Arc<Progress>| request.trace(&volume);
+        let wake = Arc::clone(&self.wake);
+        let trace = move |_: &Arc<Progress>| request.trace();
         self.jobs.push(Job::start_in(&self.pool, "screenshot", &Arc::new(Progress::new()), trace, move || wake()));
     }
 
@@ -126,6 +128,7 @@ mod tests {
         let data = (0..16 * 16 * 16).map(|n| if n % 16 < 4 { 100 } else { -1000 }).collect();
         let volume = PreparedVolume::new(Arc::new(Volume::new(grid, data)), TransferFunction::default());
         let request = PictureRequest {
+            scan: volume,
             pose: Pose { position: DVec3::splat(8.0), attitude: Attitude::new(DVec3::NEG_X, DVec3::Z) },
             size: ImageSize::new(30, 20),
             camera: CameraModel::default(),
@@ -133,11 +136,11 @@ mod tests {
             settings: Settings::new(Quality::High),
             preset: Preset::default(),
         };
-        let mut screenshots = ScreenshotRenderer::new(volume.clone(), Arc::new(|| {})).unwrap();
+        let mut screenshots = ScreenshotRenderer::new(Arc::new(|| {})).unwrap();
         assert!(screenshots.wait().is_none(), "nothing was asked for");
-        screenshots.begin(request);
+        screenshots.begin(request.clone());
         let traced = screenshots.wait().unwrap().unwrap();
-        assert_eq!(traced.frame, request.trace(&volume).unwrap().frame);
+        assert_eq!(traced.frame, request.trace().unwrap().frame);
         assert!(traced.frame.pixels().iter().any(|p| p[0] > 60));
         assert!(screenshots.take().is_none() && screenshots.wait().is_none());
     }

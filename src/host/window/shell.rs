@@ -227,7 +227,11 @@ impl Shell {
                         output::to_stderr(format_args!("note: the position of this flight was not saved: {e}"));
                     }
                 }
-                let shown = Shown { present_ms: self.presented.summary(), moving: controller.moving() };
+                let shown = Shown {
+                    present_ms: self.presented.summary(),
+                    moving: controller.moving(),
+                    cleansing: controller.cleansing().took(),
+                };
                 let finished = self.finish.take().map_or(Ok(()), |f| f(flight, controller.frames(), &shown));
                 logged.and(finished)
             }

@@ -34,6 +34,8 @@ pub(crate) struct Slices {
     cursor: Option<(DVec3, DVec3)>,
     windowing: Windowing,
     slab: Slab,
+    /// What lies over the scan that is flown through.
+    patch: Option<Entity>,
     /// Fraction of a notch scrolled so far, in the slice that was scrolled last.
     scrolled: Option<(Orientation, f64)>,
 }
@@ -64,6 +66,11 @@ impl Slices {
     /// Follows the flight again.
     pub(crate) fn follow(&mut self) {
         self.cursor = None;
+    }
+
+    /// Lays another scan's box over that which is flown through.
+    pub(crate) fn patch(&mut self, patch: Option<Entity>) {
+        self.patch = patch;
     }
 
     /// Shows exactly these slices, in these sizes, with their state for the next frame. A camera that is `held` may still drift
@@ -103,7 +110,8 @@ impl Slices {
             let world = &mut flight.app_mut().world;
             let view = self.entities.get(orientation).and_then(|e| world.get_mut::<SliceView>(*e));
             let Some(mut view) = view else { continue };
-            (view.size, view.place, view.windowing, view.slab) = (*size, place, self.windowing, self.slab);
+            (view.size, view.place, view.windowing) = (*size, place, self.windowing);
+            (view.slab, view.patch) = (self.slab, self.patch);
             stale |= view.is_stale(&grid, &pose);
         }
         Ok(stale)

@@ -3,6 +3,8 @@
 
 use std::time::Instant;
 
+use bevy_ecs::prelude::Entity;
+
 use super::moving::{Moving, MovingPictures};
 use super::screenshot_renderer::{PictureRequest, ScreenshotRenderer, Traced, WakeUp};
 use crate::app::FlightApp;
@@ -14,7 +16,6 @@ use crate::render::adaptive::FrameBudget;
 use crate::render::adaptive::{SAMPLES, cost, cost_shown};
 use crate::render::{CameraModel, Detail, Frame, ImageSize, Light, Quality, Settings};
 use crate::schedule::note;
-use crate::space::PreparedVolume;
 
 /// Positions closer than this count as equal, mm.
 const SAME_MM: f64 = 1e-3;
@@ -26,6 +27,8 @@ struct Shown {
     /// View angle, degrees.
     fov_degrees: f64,
     camera: CameraModel,
+    /// The scan, if it is not that which is flown through.
+    scan: Option<Entity>,
     window: ImageSize,
     quality: Quality,
 }
@@ -34,8 +37,8 @@ impl Shown {
     /// Returns the inputs of the flight's picture in a window now; `None` in a scene without a picture.
     fn now(flight: &FlightApp, window: ImageSize) -> Option<Self> {
         let picture = flight.camera::<Picture>()?;
-        let (fov_degrees, camera, quality) = (picture.fov_degrees, picture.camera, picture.settings.quality);
-        Some(Self { pose: flight.pose(), fov_degrees, camera, window, quality })
+        let Picture { fov_degrees, camera, scan, .. } = *picture;
+        Some(Self { pose: flight.pose(), fov_degrees, camera, scan, window, quality: picture.settings.quality })
     }
 
     /// True if both describe the same picture, up to invisible differences.
@@ -45,7 +48,8 @@ impl Shown {
 
     /// True if both have the same view, whatever their size and detail.
     fn sees_as(&self, other: &Self) -> bool {
-        (self.fov_degrees, self.camera) == (other.fov_degrees, other.camera) && same(&self.pose, &other.pose)
+        (self.fov_degrees, self.camera, self.scan) == (other.fov_degrees, other.camera, other.scan)
+            && same(&self.pose, &other.pose)
     }
 }
 
@@ -80,11 +84,11 @@ impl ViewRenderer {
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
-    pub(crate) fn new(volume: PreparedVolume, wake: WakeUp) -> Result<Self> {
+    pub(crate) fn new(wake: WakeUp) -> Result<Self> {
         Ok(Self {
             budget: FrameBudget::default(),
             shown: None,
-            screenshots: ScreenshotRenderer::new(volume, wake)?,
+            screenshots: ScreenshotRenderer::new(wake)?,
             frames: Vec::new(),
             moving: MovingPictures::default(),
             to_save: Vec::new(),
@@ -232,15 +236,14 @@ impl ViewRenderer {
 
     /// Saves or starts a waiting screenshot, depending on whether the camera is at rest or has moved on.
     fn save_waiting(&mut self, flight: &FlightApp, now: &Shown, rest: bool) {
-        let Some(request) = self.waiting else { return };
+        let Some(request) = self.waiting.take() else { return };
         if !rest && self.shown.is_some_and(|s| !s.sees_as(now)) {
             self.screenshots.begin(request);
         } else if let Some(frame) = self.image(flight).filter(|_| rest && !self.is_refining(flight)) {
             self.to_save.push(Traced { request, frame: frame.clone() });
         } else {
-            return;
+            self.waiting = Some(request);
         }
-        self.waiting = None;
     }
 }
 
@@ -283,8 +286,8 @@ mod tests {
         let image = ImageSettings { width: window.width, height: window.height, settings, ..ImageSettings::default() };
         let scene = Scene { picture: true, image, ..Scene::guided_by("manual") };
         let plan = Plan::between(room.centre(), room.centre() + DVec3::Y * 10.0, 10.0);
-        let mut flight = FlightApp::new(volume.clone(), lumen, plan, scene).unwrap();
-        let mut renderer = ViewRenderer::new(volume, Arc::new(|| {})).unwrap();
+        let mut flight = FlightApp::new(volume, lumen, plan, scene).unwrap();
+        let mut renderer = ViewRenderer::new(Arc::new(|| {})).unwrap();
         let mut renders = |position: DVec3, forward: DVec3, up: DVec3| {
             assert!(flight.place(position, forward, up));
             let due = renderer.prepare(&mut flight, window, false).unwrap();

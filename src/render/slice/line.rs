@@ -23,26 +23,56 @@ pub(super) struct Sampler<'a> {
     voxels: Option<Voxels<'a>>,
     /// Voxels along each axis.
     dims: [f64; 3],
+    /// A position is in it from the first on, and below the second.
+    bounds: [[f64; 2]; 3],
+    /// What lies over a box of its voxels, and the first voxel of that.
+    patch: Option<(Box<Self>, DVec3)>,
 }
 
 impl<'a> Sampler<'a> {
     pub(super) fn new(volume: &'a Volume) -> Self {
-        Self { volume, voxels: Voxels::new(volume), dims: volume.grid().dims().map(|n| n as f64) }
+        let dims = volume.grid().dims().map(|n| n as f64);
+        Self { volume, voxels: Voxels::new(volume), dims, bounds: dims.map(|d| [-0.5, d - 0.5]), patch: None }
+    }
+
+    /// Lays other values over a box of its voxels: `patch` is on the same grid, with fewer voxels. Between the box and the voxels beside
+    /// it the values are those of the scan.
+    pub(super) fn with_patch(mut self, patch: &'a Volume) -> Self {
+        let first = self.volume.grid().voxel(patch.grid().origin()).round();
+        let mut over = Self::new(patch);
+        for a in 0..3 {
+            let (low, end) = (first[a], first[a] + over.dims[a]);
+            over.bounds[a] = [
+                if low <= 0.0 { -0.5 } else { 0.0 },
+                if end >= self.dims[a] { over.dims[a] - 0.5 } else { over.dims[a] - 1.0 },
+            ];
+        }
+        self.patch = Some((Box::new(over), first));
+        self
     }
 
     /// Returns the HU at the positions `start + step · i`, i from 0 to 15, in voxel coordinates, and a bit for each
     /// that is in the scan. Values outside the scan are arbitrary but finite.
     #[inline(always)]
     pub(super) fn sixteen<S: Simd>(&self, simd: S, start: DVec3, step: DVec3) -> (f32x16<S>, u64) {
+        let (hu, inside) = self.own(simd, start, step);
+        let Some((patch, first)) = &self.patch else { return (hu, inside) };
+        let (over, covered) = patch.own(simd, start - *first, step);
+        (lanes(simd, covered).select(over, hu), inside)
+    }
+
+    /// As [`Sampler::sixteen`], without what lies over it.
+    #[inline(always)]
+    fn own<S: Simd>(&self, simd: S, start: DVec3, step: DVec3) -> (f32x16<S>, u64) {
         let last = start + step * (LANES - 1) as f64;
         // The two ends decide for the whole line.
         let mut within = true;
         for a in 0..3 {
-            let end = self.dims[a] - 0.5;
-            if (start[a] < -0.5 && last[a] < -0.5) || (start[a] >= end && last[a] >= end) {
+            let [begin, end] = self.bounds[a];
+            if (start[a] < begin && last[a] < begin) || (start[a] >= end && last[a] >= end) {
                 return (f32x16::splat(simd, 0.0), 0);
             }
-            within &= start[a] >= -0.5 && start[a] < end && last[a] >= -0.5 && last[a] < end;
+            within &= start[a] >= begin && start[a] < end && last[a] >= begin && last[a] < end;
         }
         let inside = if within { ALL } else { self.inside(start, step) };
         // False for NaN.
@@ -59,7 +89,7 @@ impl<'a> Sampler<'a> {
         let is_in = |i: usize| {
             let at = start + step * i as f64;
             // False for NaN.
-            (0..3).all(|a| at[a] >= -0.5 && at[a] < self.dims[a] - 0.5)
+            (0..3).all(|a| at[a] >= self.bounds[a][0] && at[a] < self.bounds[a][1])
         };
         (0..LANES).map(|i| u64::from(is_in(i)) << i).sum()
     }

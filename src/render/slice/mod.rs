@@ -113,17 +113,42 @@ impl Slice {
     ///
     /// Use this for an image too large to hold in memory or to compute in one go.
     pub fn fill_rows(&self, volume: &Volume, slab: Slab, first: usize, rows: &mut [f32]) {
-        self.fill_rows_on(Level::new(), volume, slab, first, rows);
+        self.fill_rows_on(Level::new(), volume, None, slab, first, rows);
     }
 
-    /// Like [`fill_rows`](Self::fill_rows), on a given SIMD level. All levels give the same bytes.
-    fn fill_rows_on(&self, level: Level, volume: &Volume, slab: Slab, first: usize, rows: &mut [f32]) {
+    /// Like [`fill_rows`](Self::fill_rows), with other values for a box of the scan's voxels: `patch` is on the scan's grid, with fewer
+    /// voxels.
+    pub fn fill_rows_patched(
+        &self,
+        volume: &Volume,
+        patch: Option<&Volume>,
+        slab: Slab,
+        first: usize,
+        rows: &mut [f32],
+    ) {
+        self.fill_rows_on(Level::new(), volume, patch, slab, first, rows);
+    }
+
+    /// Like [`fill_rows_patched`](Self::fill_rows_patched), on a given SIMD level. All levels give the same bytes.
+    fn fill_rows_on(
+        &self,
+        level: Level,
+        volume: &Volume,
+        patch: Option<&Volume>,
+        slab: Slab,
+        first: usize,
+        rows: &mut [f32],
+    ) {
         let width = self.size[0];
         if width == 0 {
             return;
         }
         let grid = volume.grid();
         let scan = Sampler::new(volume);
+        let scan = match patch {
+            Some(patch) => scan.with_patch(patch),
+            None => scan,
+        };
         let samples = slab.samples(grid, self.frame.normal());
         let step = grid.to_voxel().transform_vector3(self.frame.right() * self.mm_per_pixel);
         rows.par_chunks_mut(width).enumerate().for_each(|(y, row)| {

@@ -220,8 +220,49 @@ fn threads_and_parts_change_nothing() {
         }
         assert!(rows.iter().map(|hu| hu.to_bits()).eq(one.iter().copied()));
         for (name, level) in crate::render::packets::levels() {
-            slice.fill_rows_on(level, &volume, slab, 0, &mut rows);
+            slice.fill_rows_on(level, &volume, None, slab, 0, &mut rows);
             assert!(rows.iter().map(|hu| hu.to_bits()).eq(one.iter().copied()), "{name}");
+        }
+    }
+}
+
+/// Where a patch lies over the scan, slices and slabs show its values, and between it and the rest those of the scan: as one volume with
+/// both shows them.
+#[test]
+fn a_patch_is_seen_as_one_volume_with_it_is() {
+    let turn = DMat3::from_rotation_y(0.7) * DMat3::from_rotation_x(-0.2);
+    let (scan, centre) = volume_of(turn, |d| 400.0 * (d.x * 0.9).sin() + 300.0 * (d.y * 1.3).cos() - 20.0 * d.z);
+    let [nx, ny, nz] = scan.grid().dims();
+    // Only the inner voxels of the box differ. One box is in the middle, one reaches to a corner.
+    for (low, high) in [([3, 4, 2], [nx - 4, ny - 3, nz - 5]), ([0, 0, 0], [nx - 1, ny / 2, nz / 2])] {
+        let is_inner = |v: [usize; 3]| {
+            (0..3).all(|a| (v[a] > low[a] || low[a] == 0) && (v[a] < high[a] || high[a] + 1 == scan.grid().dims()[a]))
+        };
+        let value = |n: usize| {
+            let hu = scan.data()[n];
+            if is_inner([n % nx, n / nx % ny, n / nx / ny]) { hu / 2 - 300 } else { hu }
+        };
+        let whole = Volume::new(scan.grid().clone(), (0..scan.data().len()).map(value).collect());
+        let dims = [0, 1, 2].map(|a| high[a] + 1 - low[a]);
+        let mut data = Vec::new();
+        for (z, y) in (low[2]..=high[2]).flat_map(|z| (low[1]..=high[1]).map(move |y| (z, y))) {
+            data.extend((low[0]..=high[0]).map(|x| whole.data()[scan.grid().index(x, y, z)]));
+        }
+        let patch = Volume::new(scan.grid().part(low, dims), data);
+        let oblique = SlicePlane::Oblique(DVec3::new(0.3, 0.8, -0.6));
+        for plane in [SlicePlane::Axial, SlicePlane::Sagittal, oblique] {
+            let slice = Slice { centre, frame: plane.frame().unwrap(), mm_per_pixel: 0.21, size: [150, 120] };
+            for slab in
+                [Slab::default(), Slab::new(6.0, SlabKind::Mean).unwrap(), Slab::new(6.0, SlabKind::Min).unwrap()]
+            {
+                let [mut patched, mut expected, mut raw] = [(); 3].map(|()| vec![0.0; 150 * 120]);
+                slice.fill_rows_patched(&scan, Some(&patch), slab, 0, &mut patched);
+                slice.fill_rows(&whole, slab, 0, &mut expected);
+                slice.fill_rows(&scan, slab, 0, &mut raw);
+                let off = patched.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+                assert!(off < 0.2, "{plane:?} {slab:?}: {off} HU");
+                assert!(raw.iter().zip(&expected).any(|(a, b)| (a - b).abs() > 50.0), "there is a difference to see");
+            }
         }
     }
 }

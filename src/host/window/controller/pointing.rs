@@ -131,7 +131,7 @@ impl FlightController {
     fn seen(&self, [x, y]: [f64; 2]) -> Option<DVec3> {
         let view = self.flight.camera::<Picture>()?.view.as_ref()?;
         let ray = view.ray_at(x, y)?;
-        let mm = first_crossing(&self.flight.setup().volume, ray.origin, ray.direction, f64::INFINITY)?;
+        let mm = first_crossing(self.flight.shown_scan(), ray.origin, ray.direction, f64::INFINITY)?;
         Some(ray.origin + ray.direction * mm)
     }
 

@@ -125,7 +125,7 @@ fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
         return;
     }
     let Some(view) = context.flight.camera::<Picture>().and_then(|picture| picture.view.as_ref()) else { return };
-    let (volume, scale) = (&context.flight.setup().volume, p.pixels_per_point());
+    let (volume, scale) = (context.flight.shown_scan(), p.pixels_per_point());
     let find = |place: DVec3| {
         let [x, y] = view.project(place)?;
         let ray = view.ray_at(x, y)?;

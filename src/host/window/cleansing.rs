@@ -1,0 +1,365 @@
+//! The scan without tag beside the scan as it is: found while the flight goes on, and shown at a key.
+//!
+//! The flight keeps the walls that it set out with. Only a box around the colon is kept a second time.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use bevy_ecs::prelude::Entity;
+use glam::DVec3;
+use serde::Serialize;
+
+use super::job::Job;
+use super::screenshot_renderer::WakeUp;
+use crate::app::{FlightApp, Setup};
+use crate::components::output::Picture;
+use crate::components::scan::Scan;
+use crate::error::Result;
+use crate::fields::Lumen;
+use crate::fields::cleanse::{self, Changes, Cleansed};
+use crate::progress::Progress;
+use crate::space::PreparedVolume;
+use crate::volume::Volume;
+
+/// How far beyond the lumen the box reaches, mm: farther than rays see into its wall, and slabs are thick.
+const BEYOND_MM: f64 = 12.0;
+
+/// What a window knows of the scan without tag.
+pub(crate) struct Cleansing {
+    stage: Stage,
+    /// True if the scan is shown without tag as soon as that is known.
+    is_wanted: bool,
+    took: Option<Took>,
+}
+
+/// What finding the scan without tag took, for the statistics.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Took {
+    /// What was taken out.
+    pub text: String,
+    /// From the first picture of the flight until both scans were at hand, s.
+    pub seconds: f64,
+    /// Size in memory of the values that were changed, and of the box that is kept, bytes.
+    pub changed_bytes: usize,
+    pub box_bytes: usize,
+}
+
+enum Stage {
+    /// The first picture comes first.
+    Waiting,
+    Working(Job<Found>, Instant),
+    /// Both scans are at hand: the one that is flown through, and this one.
+    Both(Entity),
+    /// There is only one, and why.
+    One(&'static str),
+}
+
+/// The other scan, and what was taken out.
+struct Found {
+    other: Option<PreparedVolume>,
+    cleansed: Arc<Cleansed>,
+}
+
+impl Cleansing {
+    pub(crate) fn new() -> Self {
+        Self { stage: Stage::Waiting, is_wanted: true, took: None }
+    }
+
+    /// Starts the work unless it has been started. `wake` is called from another thread when it is done.
+    ///
+    /// # Errors
+    /// Returns status 1 if the system cannot start a thread.
+    pub(crate) fn begin(&mut self, flight: &FlightApp, wake: &WakeUp) -> Result<()> {
+        if !matches!(self.stage, Stage::Waiting) {
+            return Ok(());
+        }
+        let Setup { volume, lumen, scene, cleansed, .. } = flight.setup();
+        if scene.play().is_some() || lumen.segments.is_empty() {
+            self.stage = Stage::One("there is no colon to look for tag in");
+            return Ok(());
+        }
+        let (volume, lumen, known) = (volume.clone(), Arc::clone(lumen), cleansed.clone());
+        let work = move |progress: &Arc<Progress>| {
+            let cleansed = match known {
+                // Its changes hold the values that the scan had.
+                Some(known) => known,
+                None => Arc::new(cleanse::cleanse(volume.voxels(), &lumen, progress)?),
+            };
+            let other = (!cleansed.changes.is_empty()).then(|| {
+                let part = boxed(volume.voxels(), &lumen, &cleansed.changes);
+                volume.with_voxels(Arc::new(part))
+            });
+            Ok(Found { other, cleansed })
+        };
+        let wake = Arc::clone(wake);
+        let job = Job::start("cleansing", &Arc::new(Progress::new()), work, move || wake());
+        match job {
+            Ok(job) => self.stage = Stage::Working(job, Instant::now()),
+            Err(e) => {
+                self.stage = Stage::One("it failed");
+                return Err(e);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes what was found, once it is there, and returns what to tell the operator.
+    ///
+    /// # Errors
+    /// Returns the error of the work, or status 1 if it panicked.
+    pub(crate) fn take(&mut self, flight: &mut FlightApp) -> Result<Option<String>> {
+        let Stage::Working(job, begun) = &mut self.stage else { return Ok(None) };
+        let Some(found) = job.take() else { return Ok(None) };
+        let begun = *begun;
+        self.stage = Stage::One("it failed");
+        let Found { other, cleansed } = found?;
+        let Some(other) = other else {
+            self.stage = Stage::One("there is no tag in the colon");
+            return Ok(None);
+        };
+        self.took = Some(Took {
+            text: cleansed.to_string(),
+            seconds: begun.elapsed().as_secs_f64(),
+            changed_bytes: cleansed.changes.bytes(),
+            box_bytes: other.voxels().bytes() + other.bytes(),
+        });
+        self.stage = Stage::Both(flight.app_mut().world.spawn(Scan(other)).id());
+        self.show(flight);
+        // A flight through the fluid has said so already.
+        Ok((!is_flown_without_tag(flight)).then(|| cleansed.to_string()))
+    }
+
+    /// True if the work has not been started.
+    pub(crate) fn is_waiting(&self) -> bool {
+        matches!(self.stage, Stage::Waiting)
+    }
+
+    /// Checks whether there is a choice. The error states why not.
+    pub(crate) fn may_switch(&self) -> std::result::Result<(), &'static str> {
+        match self.stage {
+            Stage::Both(_) => Ok(()),
+            Stage::Waiting | Stage::Working(..) => Err("the scan without tag is being found"),
+            Stage::One(why) => Err(why),
+        }
+    }
+
+    /// Switches between both scans. Returns what is shown now.
+    pub(crate) fn switch(&mut self, flight: &mut FlightApp) -> &'static str {
+        self.is_wanted = !self.is_wanted;
+        self.show(flight);
+        self.text()
+    }
+
+    /// Returns what is shown; empty if there is no choice.
+    pub(crate) fn shown(&self) -> &'static str {
+        if matches!(self.stage, Stage::Both(_)) { self.text() } else { "" }
+    }
+
+    fn text(&self) -> &'static str {
+        if self.is_wanted { "tag taken out" } else { "as scanned, with tag" }
+    }
+
+    /// Returns the entity of the scan that is shown, if it is not that which is flown through.
+    pub(crate) fn other(&self, flight: &FlightApp) -> Option<Entity> {
+        match self.stage {
+            Stage::Both(other) => (self.is_wanted != is_flown_without_tag(flight)).then_some(other),
+            _ => None,
+        }
+    }
+
+    /// Returns what finding it took, once it is there.
+    pub(crate) fn took(&self) -> Option<Took> {
+        self.took.clone()
+    }
+
+    fn show(&self, flight: &mut FlightApp) {
+        let other = self.other(flight);
+        if let Some(mut picture) = flight.camera_mut::<Picture>() {
+            picture.scan = other;
+        }
+    }
+}
+
+fn is_flown_without_tag(flight: &FlightApp) -> bool {
+    flight.setup().cleansed.as_ref().is_some_and(|c| !c.changes.is_empty())
+}
+
+/// Returns the part of the volume around the lumen and around all changes, with these.
+fn boxed(volume: &Volume, lumen: &Lumen, changes: &Changes) -> Volume {
+    let grid = volume.grid();
+    let [nx, ny, _] = grid.dims();
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let mut add = |voxel: DVec3| (low, high) = (low.min(voxel), high.max(voxel));
+    for [a, b] in lumen.segments.iter().map(|s| s.bounds_mm) {
+        // The corners of a box in the world may be any in the grid.
+        (0..8).for_each(|n| add(grid.voxel(DVec3::select(glam::BVec3::new(n & 1 > 0, n & 2 > 0, n & 4 > 0), a, b))));
+    }
+    for (voxels, _) in changes.runs() {
+        let row = voxels.start / nx;
+        // A run may go on in the next row.
+        let last = (voxels.end - 1) / nx;
+        let ends = if row == last { [voxels.start % nx, (voxels.end - 1) % nx] } else { [0, nx - 1] };
+        for (i, row) in ends.into_iter().zip([row, last]) {
+            add(DVec3::new(i as f64, (row % ny) as f64, (row / ny) as f64));
+        }
+    }
+    let beyond = BEYOND_MM / grid.spacing();
+    let last = DVec3::from_array(grid.dims().map(|d| (d - 1) as f64));
+    let [low, high] = [(low - beyond).floor(), (high + beyond).ceil()]
+        .map(|v| v.clamp(DVec3::ZERO, last).to_array().map(|c| c as usize));
+    changes.applied_to_box(volume, low, high)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::thread;
+    use std::time::Duration;
+
+    use glam::DMat3;
+
+    use super::*;
+    use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scene};
+    use crate::components::slices::{Orientation, SliceView};
+    use crate::fields::lumen;
+    use crate::host::window::controller::FlightController;
+    use crate::host::window::controller::tests::{cockpit_of, perform, trace};
+    use crate::phantom::{Phantom, PhantomSettings};
+    use crate::render::{ImageSize, Settings};
+    use crate::volume::Grid;
+
+    /// A flight through the phantom once both scans are at hand, or it is known that there is one.
+    fn flown(guide: &'static str, fluid: bool) -> FlightController {
+        let phantom = Phantom::new(&PhantomSettings { fluid, ..PhantomSettings::embedded(1) });
+        let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+        let mut scan = crate::app::Scan::of(volume, &OpenOptions::default()).unwrap();
+        let settings = Settings { adaptive: false, ..Settings::default() };
+        let image = ImageSettings { width: 96, height: 72, settings, ..ImageSettings::default() };
+        let scene = Scene { picture: true, image, ..Scene::guided_by(guide) };
+        let mut c = cockpit_of(scan.flight(scene, &FlightRequest::default()).unwrap(), 0.0, Vec::new());
+        // Nothing moves while it waits.
+        let now = Instant::now();
+        assert_eq!(c.cleansing().may_switch(), Err("the scan without tag is being found"));
+        c.advance(now).unwrap();
+        assert!(c.cleansing().is_waiting(), "the first picture comes first");
+        trace(&mut c, now);
+        let begun = Instant::now();
+        while c.cleansing().is_waiting() || matches!(c.cleansing().stage, Stage::Working(..)) {
+            assert!(begun.elapsed() < Duration::from_secs(60));
+            c.advance(now).unwrap();
+            thread::sleep(Duration::from_millis(1));
+        }
+        c
+    }
+
+    fn picture_of(c: &mut FlightController) -> Vec<[u8; 3]> {
+        c.flight_mut().camera_mut::<Picture>().unwrap().due = true;
+        trace(c, Instant::now());
+        c.flight().camera::<Picture>().unwrap().frame.pixels().to_vec()
+    }
+
+    #[test]
+    fn one_key_changes_between_the_scan_and_that_without_tag_in_pictures_and_slices() {
+        let mut c = flown("tentacles", true);
+        let now = Instant::now();
+        let pose = c.flight().pose();
+        let took = c.cleansing().took().unwrap();
+        assert!(took.text.contains("of tag out of the colon") && took.changed_bytes > 0 && took.seconds > 0.0);
+        assert!(took.box_bytes < c.flight().setup().volume.voxels().bytes() * 2);
+        let hud = c.hud(now);
+        assert!(hud.figures.iter().any(|f| f == "tag taken out"), "{:?}", hud.figures);
+        assert!(hud.message.unwrap().contains("(X shows the scan as it is)"));
+        // Where fluid is, slices show gas.
+        let lumen = Arc::clone(&c.flight().setup().lumen);
+        let grid = c.flight().setup().volume.voxels().grid().clone();
+        let fluid = lumen.mask().iter().enumerate().filter(|m| *m.1 == 2).map(|m| m.0).collect::<Vec<_>>();
+        let deep = fluid[fluid.len() / 2];
+        let [nx, ny, _] = grid.dims();
+        let place = grid.world(DVec3::from_array([deep % nx, deep / nx % ny, deep / nx / ny].map(|v| v as f64)));
+        let slice = |c: &mut FlightController| {
+            c.slice(crate::host::window::panels::SliceInput::Point(place), now);
+            let due = c.prepare(ImageSize::new(96, 72), &[(Orientation::Axial, [80, 60])], now).unwrap();
+            c.show(due).unwrap();
+            let entity = c.slices().entity(Orientation::Axial).unwrap();
+            let view = c.flight().app().world.get::<SliceView>(entity).unwrap();
+            let [x, y] = view.shown().unwrap().pixel(place).0.map(|p| p as usize);
+            view.hu_at([x, y]).unwrap()
+        };
+        assert!(slice(&mut c) < -800.0, "gas");
+        let shown = c.flight().shown_scan().clone();
+        let clean = picture_of(&mut c);
+        perform(&mut c, "tag", now);
+        assert!(slice(&mut c) > 100.0, "tag");
+        assert!(std::ptr::eq(c.flight().shown_scan(), &c.flight().setup().volume) && shown.voxels().bytes() > 0);
+        assert!(c.hud(now).figures.iter().any(|f| f.starts_with("as scanned")));
+        picture_of(&mut c);
+        perform(&mut c, "tag", now);
+        assert!(slice(&mut c) < -800.0 && picture_of(&mut c) == clean);
+        assert!(c.flight().pose().position.distance(pose.position) < 60.0);
+        // The walls that the flight knows are those that it set out with.
+        assert!(c.flight().setup().cleansed.is_none());
+    }
+
+    #[test]
+    fn a_flight_through_fluid_shows_what_it_flies_and_the_scan_at_the_key() {
+        let mut c = flown("path", true);
+        let now = Instant::now();
+        assert!(c.flight().setup().cleansed.is_some() && c.cleansing().other(c.flight()).is_none());
+        assert_eq!(c.cleansing().shown(), "tag taken out");
+        perform(&mut c, "tag", now);
+        let grid = c.flight().setup().volume.voxels().grid();
+        let raw = c.flight().shown_scan().voxels();
+        let shift = grid.voxel(raw.grid().origin()).round().to_array().map(|v| v as usize);
+        let cleansed = c.flight().setup().cleansed.clone().unwrap();
+        let mut tag = 0;
+        for (voxels, values) in cleansed.changes.runs() {
+            for (n, hu) in voxels.zip(values) {
+                let [nx, ny, _] = grid.dims();
+                let at = [n % nx, n / nx % ny, n / nx / ny];
+                let [i, j, k] = [0, 1, 2].map(|a| at[a] as i64 - shift[a] as i64);
+                assert_eq!(raw.get(i, j, k), *hu, "every value that was changed is as it was");
+                tag += usize::from(*hu > 200);
+            }
+        }
+        assert!(tag > 100);
+    }
+
+    #[test]
+    fn a_scan_without_tag_has_nothing_to_switch() {
+        let mut c = flown("tentacles", false);
+        assert_eq!(c.cleansing().may_switch(), Err("there is no tag in the colon"));
+        assert!(c.cleansing().took().is_none() && c.cleansing().shown().is_empty());
+        perform(&mut c, "tag", Instant::now());
+        assert!(c.flight().camera::<Picture>().unwrap().scan.is_none());
+    }
+
+    #[test]
+    fn the_box_holds_the_lumen_and_every_change() {
+        let turn = DMat3::from_rotation_z(0.4);
+        let grid = Grid::new([60, 50, 90], DVec3::new(1.0, 1.2, 0.8), DVec3::splat(-20.0), turn).unwrap();
+        // A bubble of gas in tissue, and a change far from it.
+        let value = |n: usize| {
+            let v = DVec3::from_array([n % 60, n / 60 % 50, n / 3000].map(|c| c as f64));
+            if v.distance(DVec3::new(30.0, 25.0, 30.0)) < 8.0 { -1000 } else { 40 }
+        };
+        let volume = Volume::new(grid.clone(), (0..grid.len()).map(value).collect());
+        let inside = grid.world(DVec3::new(30.0, 25.0, 30.0));
+        let lumen = lumen::gas_at(&volume, inside, &Progress::new()).unwrap().unwrap();
+        let far = grid.index(59, 20, 70);
+        let changes = Changes::of([(far, 7), (far + 1, 8)]);
+        let part = boxed(&volume, &lumen, &changes);
+        let shift = grid.voxel(part.grid().origin()).round().to_array().map(|c| c as usize);
+        let get = |i: usize, j: usize, k: usize| {
+            part.get(i as i64 - shift[0] as i64, j as i64 - shift[1] as i64, k as i64 - shift[2] as i64)
+        };
+        assert_eq!([get(59, 20, 70), get(0, 21, 70)], [7, 8]);
+        let end = [0, 1, 2].map(|a| shift[a] + part.grid().dims()[a]);
+        assert!(shift[2] <= 8 && end[2] == 86 && end[0] == 60 && shift[0] == 0, "{shift:?} {end:?}");
+        assert!(part.data().len() < grid.len());
+        for n in 0..grid.len() {
+            let v = [n % 60, n / 60 % 50, n / 3000];
+            if volume.data()[n] < 0 {
+                assert_eq!(get(v[0], v[1], v[2]), -1000, "{v:?}");
+            }
+        }
+    }
+}
