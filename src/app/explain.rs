@@ -29,6 +29,15 @@ impl Built {
     }
 }
 
+/// What was taken out of a scan.
+#[derive(Clone, Debug, Serialize)]
+pub struct Taken {
+    /// What it was, and what was left.
+    pub text: String,
+    /// How long that took, s, with finding the lumen once more; `None` if nobody has told.
+    pub seconds: Option<f64>,
+}
+
 /// The explanation of a flight.
 #[derive(Clone, Debug, Serialize)]
 pub struct Explanation {
@@ -42,6 +51,8 @@ pub struct Explanation {
     pub plugin_times: Vec<PluginTime>,
     /// Components of the entities. Those of other crates have the crate's name.
     pub components: Vec<String>,
+    /// What was taken out of the scan that is flown; `None` if it is flown as it is.
+    pub cleansed: Option<Taken>,
     /// Data structures in memory.
     pub built: Vec<Built>,
     /// Parts that are left out, and why.
@@ -62,13 +73,17 @@ pub struct Explanation {
 /// ```
 pub fn explain(flight: &FlightApp) -> Explanation {
     let [step, frame] = flight.app().inspect().systems();
-    let Setup { volume, lumen, scene, fields, .. } = flight.setup();
+    let Setup { volume, lumen, scene, fields, cleansed, .. } = flight.setup();
+    let cleansed = cleansed.as_ref().filter(|c| !c.changes.is_empty());
     let part = Built::new;
     let mut built = vec![
         part("volume (16 bit)", volume.voxels().bytes(), "everything"),
         part("lumen (runs)", lumen.bytes(), "start and end of the flight"),
         part("homogeneous-region flags", volume.bytes(), "rays: the first heading, tentacles, images"),
     ];
+    if let Some(c) = cleansed {
+        built.push(part("values before cleansing", c.changes.bytes(), "a window, to show the scan as it was"));
+    }
     if let Some(t) = flight.camera::<Tentacles>() {
         built.push(part("tentacles", t.bytes(), "the guide"));
     }
@@ -129,6 +144,17 @@ pub fn explain(flight: &FlightApp) -> Explanation {
             left_out.push(LeftOut { part, why: why.to_owned() });
         }
     }
+    if cleansed.is_none() {
+        let why = match (&flight.setup().cleansed, scene.play()) {
+            (Some(_), _) => "there is no tag in the colon",
+            (None, Some(_)) => "a log is played",
+            (None, None) if scene.operator && scene.picture => {
+                "the guide does not fly through fluid; the window looks for tag after its first picture, and shows the scan without it"
+            }
+            (None, None) => "the guide does not fly through fluid; --cleanse takes it out all the same",
+        };
+        left_out.push(LeftOut { part: "cleansing", why: why.to_owned() });
+    }
     if !volume.flags().has_bits() {
         let why = "the preset lean does without: rays leap from brick to brick".to_owned();
         left_out.push(LeftOut { part: "a flag for each voxel", why });
@@ -141,6 +167,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         plugins,
         plugin_times,
         components: flight.app().inspect().components_in_use(),
+        cleansed: cleansed.map(|c| Taken { text: c.to_string(), seconds: None }),
         built,
         left_out,
     }
@@ -184,6 +211,10 @@ impl Explanation {
         for of_crate in self.components.chunk_by(|a, b| crate_of(a) == crate_of(b)) {
             let names: Vec<&str> = of_crate.iter().map(|n| n.rsplit("::").next().unwrap_or(n)).collect();
             s.push_str(&format!("  {}: {}\n", crate_of(&of_crate[0]), names.join(", ")));
+        }
+        if let Some(Taken { text, seconds }) = &self.cleansed {
+            let in_s = seconds.map_or_else(String::new, |s| format!(", in {s:.2} s"));
+            s.push_str(&format!("cleansed:\n  {text}{in_s}\n"));
         }
         let width = |parts: &mut dyn Iterator<Item = &str>| parts.map(str::len).max().unwrap_or(0);
         s.push_str("in memory:\n");

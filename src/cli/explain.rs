@@ -27,6 +27,7 @@ pub(crate) fn run(program: &Program, args: &ExplainArgs, global: &Global, progre
     let screen = if windowed { fly::Screen::Window } else { fly::Screen::None };
     let scene = fly::scene(program, &args.fly, global, screen)?;
     let mut scan = fly::open(&args.fly, global, &scene, progress)?;
+    scan.cleanse_for(&scene)?;
     let mut flight = fly::flight(&args.fly, &mut scan, scene)?;
     #[cfg(feature = "window")]
     if let Some(layout) = args.fly.layout.as_deref().filter(|_| windowed) {
@@ -44,7 +45,12 @@ pub(crate) fn run(program: &Program, args: &ExplainArgs, global: &Global, progre
         flight.fly(TRIAL_S)?;
         flight.frame()?;
     }
-    let explanation = explain(&flight);
+    let mut explanation = explain(&flight);
+    if let Some(taken) = &mut explanation.cleansed {
+        let parts = ["cleanse_s", "cleansed_flags_s", "cleansed_lumen_s"];
+        let seconds = scan.timings().parts().iter().filter(|p| parts.contains(&p.0)).map(|p| p.1).sum();
+        taken.seconds = Some(seconds);
+    }
     let text = if args.json {
         serde_json::to_string_pretty(&explanation).map_err(|e| Error::fault("explain", e.to_string(), "report it"))?
     } else {

@@ -98,3 +98,29 @@ fn commands_take_the_scan_as_cleanse_writes_it() {
     let out = run(&[&flight[..], &["--log", text(&log)]].concat(), 0);
     assert!(String::from_utf8_lossy(&out.stderr).contains("ml of tag out of the colon") && log.exists());
 }
+
+#[test]
+fn explain_tells_what_was_cleansed_and_why_nothing_was() {
+    let dir = tempfile::tempdir().unwrap();
+    let [scan, twin] = phantom(dir.path(), "folds,pools");
+    let told = |input: &Path, guide: &str, more: &[&str]| {
+        let out = run(&[&["explain", text(input), "--guide", guide, "--headless", "--json"], more].concat(), 0);
+        serde_json::from_slice::<Value>(&out.stdout).unwrap()
+    };
+    let left_out = |told: &Value| {
+        let parts = told["left_out"].as_array().unwrap();
+        parts.iter().find(|p| p["part"] == "cleansing").map(|p| p["why"].as_str().unwrap().to_owned())
+    };
+    for (guide, more) in [("path", &[][..]), ("tentacles", &["--cleanse"])] {
+        let flown = told(&scan, guide, more);
+        assert!(flown["cleansed"]["text"].as_str().unwrap().contains("of tag out of the colon"), "{flown}");
+        assert!(flown["cleansed"]["seconds"].as_f64().unwrap() > 0.0 && left_out(&flown).is_none());
+        let kept = flown["built"].as_array().unwrap().iter().find(|p| p["part"] == "values before cleansing").unwrap();
+        assert!(kept["bytes"].as_u64().unwrap() > 10_000);
+    }
+    let plain = told(&scan, "tentacles", &[]);
+    assert!(plain["cleansed"].is_null() && left_out(&plain).unwrap().contains("does not fly through fluid"));
+    assert!(left_out(&told(&twin, "path", &[])).unwrap().contains("no tag"));
+    let printed = run(&["explain", text(&scan), "--guide", "path", "--headless"], 0);
+    assert!(String::from_utf8_lossy(&printed.stdout).contains("cleansed:\n  took "));
+}

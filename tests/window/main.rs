@@ -392,6 +392,44 @@ fn slices_beside_the_flight() {
     assert_eq!(fs::read_to_string(&kept).unwrap(), "{}");
 }
 
+/// Tag is taken out while the flight goes on, and one key brings it back.
+#[test]
+fn a_scan_with_tag_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let made = colvis()
+        .args(["phantom", "--out", "scan.nii", "--size", "small", "--with", "folds,pools,noise", "--seed", "2"])
+        .current_dir(folder)
+        .status();
+    assert!(made.unwrap().success());
+    let size = format!("{}x{}", SIZE.0, SIZE.1);
+    let right = |i: &RgbImage| image::imageops::crop_imm(i, 380, 40, 250, 400).to_image();
+    // Tag of 470 HU is brighter than tissue, and so are letters.
+    let tag = |i: &RgbImage| share(&right(i), |[r, g, b]| r == g && g == b && (175..215).contains(&r));
+    let args =
+        ["fly", "scan.nii", "--guide", "manual", "--size", &size, "--stats", "stats.json", "--layout", "reading"];
+    let grey = |[r, g, b]: [u8; 3]| r == g && g == b && r > 90 && r < 200;
+    let mut window = screen.open_window(folder, &args, |i| share(&right(i), grey) > 0.2);
+    let still = || {
+        let mut before = None;
+        screen.shot_when("a still image", |now| before.replace(now.clone()).is_some_and(|b| b == *now))
+    };
+    // Until it is known what is tag, and the message is gone.
+    std::thread::sleep(Duration::from_secs(4));
+    let clean = still();
+    screen.key("x");
+    let scanned = screen.shot_when("the scan as it is", |i| tag(i) > tag(&clean) + 0.01);
+    screen.key("x");
+    screen.shot_when("the scan without tag", |i| tag(i) < 0.5 * (tag(&clean) + tag(&scanned)));
+    screen.key("q");
+    let status = window.wait();
+    let (_, err) = window.output();
+    assert!(status.success() && err.contains("of tag out of the colon") && err.lines().count() == 1, "{status}: {err}");
+    let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
+    assert!(stats["cleansing"]["box_bytes"].as_u64().unwrap() > 0, "{stats}");
+}
+
 /// Writes a scan of 512 voxels of tissue, of which the file holds the first `held`.
 fn write_tissue(path: &Path, held: usize) {
     let head = "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n\

@@ -146,6 +146,7 @@ pub(crate) fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Res
 type PoolsTaken = (Cleansed, Vec<Changes>, Vec<Vec<Range<usize>>>, Scanner);
 
 fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<PoolsTaken> {
+    progress.check()?;
     let split = pools::split(volume.grid(), lumen, progress)?;
     let mut fluids: Vec<pool::Fluid> = Vec::new();
     let mut unknown = 0;
@@ -157,6 +158,8 @@ fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Pools
                 None => unknown += r.len(),
             }
         }
+        // Another level may be nearer to all of its fluid.
+        fluids.retain(|f| !f.runs.is_empty());
     }
     let scanner = Scanner { blur_mm: scanner::blur_mm(volume, lumen), gas_hu: scanner::gas_hu(volume, lumen) };
     let pools = match &split {
@@ -212,5 +215,7 @@ fn step(lo: f32, hi: f32, x: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
+#[cfg(test)]
+mod hostile_tests;
 #[cfg(test)]
 mod tests;

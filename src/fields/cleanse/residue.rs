@@ -165,6 +165,9 @@ fn seeds(volume: &Volume, lumen: &Lumen, taken: &Bits, scanner: &Scanner, progre
     let grid = volume.grid();
     let [_, ny, nz] = grid.dims();
     let gas = lumen.gas();
+    if gas.runs().is_empty() {
+        return Ok(Vec::new());
+    }
     let directions = [0, 1, 2].map(|axis| [-1, 1].map(|sign| AxisDirection { axis, sign }));
     let found: Vec<Vec<usize>> = (0..nz)
         .into_par_iter()
