@@ -17,7 +17,6 @@ mod residue;
 mod scanner;
 
 use std::fmt;
-use std::ops::Range;
 
 use super::Lumen;
 use super::lumen::Segment;
@@ -93,13 +92,17 @@ struct Scanner {
 /// # Errors
 /// Returns status 4 if interrupted.
 pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
-    let (mut made, parts, under, scanner) = pools_of(volume, lumen, progress)?;
+    let (mut made, pools, scanner) = pools_of(volume, lumen, progress)?;
+    // Whatever is bright where a pool was is the pool's.
     let mut taken = residue::Bits::new(volume.grid().len());
-    under.into_iter().flatten().for_each(|run| taken.fill(run));
-    let residue = residue::cleanse(volume, lumen, &taken, &scanner, progress)?;
-    let below = Changes::joined(&parts).over(&Changes::joined(&residue.looked_at));
+    pools.runs().for_each(|(voxels, _)| taken.fill(voxels));
+    let ml: f64 = made.pools.iter().map(|p| p.ml).sum();
+    let usual = made.pools.iter().map(|p| p.ml * p.tag_hu).sum::<f64>() / ml;
+    let usual = if ml > 0.0 { usual } else { f64::INFINITY };
+    let residue = residue::cleanse(volume, lumen, &taken, usual, &scanner, progress)?;
+    let below = pools.over(&Changes::joined(&residue.looked_at));
     made.changes = Changes::joined(&residue.changed).over(&below);
-    drop((parts, below, residue.changed, residue.looked_at));
+    drop((pools, below, residue.changed, residue.looked_at));
     islands::clear(volume, &mut made.changes, taken, progress)?;
     made.replaced_ml += residue.ml;
     made.residue_ml = residue.ml;
@@ -114,7 +117,7 @@ pub fn cleanse(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cl
 /// # Errors
 /// Returns status 4 if interrupted.
 pub(crate) fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Cleansed> {
-    let (mut made, parts, _, _) = pools_of(volume, lumen, progress)?;
+    let (mut made, pools, _) = pools_of(volume, lumen, progress)?;
     let grid = volume.grid();
     let mut fluid = residue::Bits::new(grid.len());
     let mut all = Vec::new();
@@ -123,8 +126,7 @@ pub(crate) fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Res
         fluid.fill(row + r.start as usize..row + r.end as usize);
         all.push((row + r.start as usize, r.len() as usize));
     }
-    made.changes = Changes::joined(&parts);
-    drop(parts);
+    made.changes = pools;
     made.changes.adjust(|n, hu| {
         if fluid.has(n) {
             hu.min(FREE_HU)
@@ -142,10 +144,8 @@ pub(crate) fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Res
     Ok(made)
 }
 
-/// Takes the pools out: what is known then, the new values of each brick, the voxels under levels, and the scanner.
-type PoolsTaken = (Cleansed, Vec<Changes>, Vec<Vec<Range<usize>>>, Scanner);
-
-fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<PoolsTaken> {
+/// Takes the pools out. Returns what is known then, the new values, and the scanner.
+fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<(Cleansed, Changes, Scanner)> {
     progress.check()?;
     let split = pools::split(volume.grid(), lumen, progress)?;
     let mut fluids: Vec<pool::Fluid> = Vec::new();
@@ -177,8 +177,7 @@ fn pools_of(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Result<Pools
         blur_mm: scanner.blur_mm,
         ..Cleansed::default()
     };
-    let (parts, under) = pools.changed.into_iter().map(|p| (p.changes, p.under)).unzip();
-    Ok((made, parts, under, scanner))
+    Ok((made, Changes::joined(&pools.changed), scanner))
 }
 
 /// Adds up what was left for the same reason.

@@ -45,16 +45,10 @@ const MARGIN: usize = (Mask::ROW - 32) / 2;
 const TEXTURE: f32 = 80.0;
 /// Deviation at which a column is none of a level's, mm.
 const LEVEL_MM: f64 = 0.7;
-/// What is bright above this depth, σ, is not explained by the level: fluid that climbs the wall, or a film.
-const UNDER: f32 = -1.0;
-/// A level lies at most this much higher than its plane, σ.
-const WAVE: f32 = 0.7;
 /// Fewer voxels of nothing but tag do not say how bright it is.
 const PURE: f64 = 60.0;
 /// Fluid this far above a level, σ, is none that climbs the wall.
 const RAISED: f32 = 2.5;
-/// Below this depth, σ, all that is bright is the pool's.
-const SURELY_UNDER: f32 = 2.0;
 /// How much a level holds to the grid's axis: the spread (voxels²) at which half of its slope is taken for true.
 const HOLD: f64 = 4.0;
 
@@ -105,16 +99,8 @@ pub(super) const NO_LEVEL: &str = "no level under gas";
 #[derive(Default)]
 pub(super) struct Pools {
     pub taken: Vec<CleansedPool>,
-    pub changed: Vec<Part>,
+    pub changed: Vec<Changes>,
     pub left: Vec<Left>,
-}
-
-/// The new values of a brick.
-#[derive(Default)]
-pub(super) struct Part {
-    pub changes: Changes,
-    /// The voxels among them that are under a level (linear indices): whatever is bright there is the pool's.
-    pub under: Vec<Range<usize>>,
 }
 
 /// Takes out all pools.
@@ -177,15 +163,12 @@ pub(super) fn cleanse(
             return Ok(shared.within(&pools[*pool], *brick));
         }
         let mut values: BTreeMap<usize, i16> = BTreeMap::new();
-        let mut under = Vec::new();
         for (brick, pool) in group {
-            let mut part = shared.within(&pools[*pool], *brick);
-            for (n, hu) in part.changes.each() {
+            for (n, hu) in shared.within(&pools[*pool], *brick).each() {
                 values.entry(n).and_modify(|v| *v = hu.min(*v)).or_insert(hu);
             }
-            under.append(&mut part.under);
         }
-        Ok(Part { changes: Changes::from_sorted(values.into_iter()), under })
+        Ok(Changes::from_sorted(values.into_iter()))
     };
     out.changed = groups.par_iter().map(|group| together(group)).collect::<Result<_>>()?;
     Ok(out)
@@ -425,7 +408,7 @@ struct Shared<'a> {
 
 impl Shared<'_> {
     /// Returns the new values of one brick around one pool.
-    fn within(&self, pool: &Pool, brick: usize) -> Part {
+    fn within(&self, pool: &Pool, brick: usize) -> Changes {
         let grid = self.volume.grid();
         let spacing = grid.spacing();
         let wide = self.bricks.block(brick, reach(self.volume).map(|r| (2 * r).min(MARGIN)));
@@ -439,17 +422,12 @@ impl Shared<'_> {
         let slope = if pool.is_siphon { 0.0 } else { pool.depth.x as f32 * per_sigma };
         let nx = block.dims[0];
         let mut changed: Vec<(usize, i16)> = Vec::new();
-        let mut under: Vec<Range<usize>> = Vec::new();
-        let mut note = |n: usize| match under.last_mut() {
-            Some(run) if run.end == n => run.end += 1,
-            _ => under.push(n..n + 1),
-        };
         let index = |v: [i64; 3]| grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
         if pool.is_siphon {
             let gas = wide.mask(self.lumen.gas(), |_| true).dilated([4; 3]);
             mask.keep(|n| depth_at(wide.voxel(n)) < -RAISED && !gas.has(n));
             if mask.is_empty() {
-                return Part::default();
+                return Changes::default();
             }
         }
         let depth_at = |v: [i64; 3]| if pool.is_siphon { f32::INFINITY } else { depth_at(v) };
@@ -464,9 +442,8 @@ impl Shared<'_> {
                     row = [v[1], v[2]];
                 }
                 changed.push((index(v), dark[n % wide.dims[0]].round() as i16));
-                note(index(v));
             });
-            return Part { changes: Changes::from_sorted(changed.into_iter()), under };
+            return Changes::from_sorted(changed.into_iter());
         }
         let hu = block.load(self.volume);
         let mut product = vec![0f32; block.len()];
@@ -512,14 +489,8 @@ impl Shared<'_> {
             let rest = hu[n] - (own[n] * p + mixed[n] * (1.0 - p));
             let clean = clean + rest * step(0.9, 1.0, p);
             changed.push((index(v), (hu[n] + (clean - hu[n]) * ours).round() as i16));
-            // By a level that may lie a little higher here.
-            let higher = dark[n] + (tag_hu[n] - dark[n]) * self.phi.at(depth + WAVE)[0];
-            let explained = hu[n] < own[n].max(higher) + TEXTURE;
-            if depth > UNDER && (explained || depth > SURELY_UNDER) {
-                note(index(v));
-            }
         });
-        Part { changes: Changes::from_sorted(changed.into_iter()), under }
+        Changes::from_sorted(changed.into_iter())
     }
 
     /// Returns what lies around fluid: the voxels within reach to which values never rise on the way, but for texture. What rises

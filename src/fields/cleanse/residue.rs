@@ -48,8 +48,12 @@ const THIN: [f32; 2] = [0.12, 0.4];
 /// Root mean square of what a layer does not explain, as a share of the tag's contrast and HU: beyond it a fit is unsure.
 const UNSURE: f32 = 0.12;
 const UNSURE_HU: f32 = 60.0;
-/// What is brighter than tissue by more is tag, however unsure, HU.
-const BRIGHTER: f32 = 160.0;
+/// What is brighter than tissue by less than the first may be tissue, by more than the second it is tag, however unsure, HU.
+const BRIGHTER: [f32; 2] = [100.0, 300.0];
+/// Where nothing is as bright as this share of the tag in pools, it is wall with contrast agent, or brightened by tag beside it; and in a
+/// scan without pools, HU.
+const LIKE_POOLS: f64 = 0.6;
+const LIKE_TAG: f64 = 280.0;
 /// Values of gas, HU.
 const GAS_LEAST: f32 = -1010.0;
 const GAS_MOST: f32 = -820.0;
@@ -62,6 +66,8 @@ const DARK: f32 = -150.0;
 const SLAB_MM: f64 = 4.0;
 /// What lies in tag within this of it to both sides is a bubble or its skin, mm.
 const GAP_MM: f64 = 1.5;
+/// Why it was left.
+const FAINT: &str = "hardly brighter than a wall with contrast agent";
 /// No margin of a block is wider, voxels, so that its rows are words.
 const MARGIN: usize = (Mask::ROW - 32) / 2;
 
@@ -108,7 +114,7 @@ pub(super) struct Residue {
     pub left: Vec<Left>,
 }
 
-/// Takes out films and stool. Voxels of `taken` belong to pools.
+/// Takes out films and stool. Voxels of `taken` belong to pools, whose tag is as bright as `usual`, HU; infinite if there are none.
 ///
 /// # Errors
 /// Returns status 4 if interrupted.
@@ -116,6 +122,7 @@ pub(super) fn cleanse(
     volume: &Volume,
     lumen: &Lumen,
     taken: &Bits,
+    usual: f64,
     scanner: &Scanner,
     progress: &Progress,
 ) -> Result<Residue> {
@@ -125,13 +132,24 @@ pub(super) fn cleanse(
         return Ok(out);
     }
     let grid = volume.grid();
-    let voxels = pieces(volume, taken, &seeds, &mut out.left, progress)?;
+    let mut voxels = pieces(volume, taken, &seeds, &mut out.left, progress)?;
+    let bricks = Bricks::of(grid);
+    let tag = brightness(volume, &voxels, &bricks);
+    let least = if usual.is_finite() { LIKE_POOLS * usual } else { LIKE_TAG };
+    let [nx, ny, _] = grid.dims();
+    let all = voxels.len();
+    voxels.retain(|n| {
+        let mut here = [0.0];
+        tag.row([n % nx, n / nx % ny, n / nx / ny].map(|c| c as i64), &mut here);
+        f64::from(here[0]) > least
+    });
+    if voxels.len() < all {
+        out.left.push(Left { ml: (all - voxels.len()) as f64 * grid.voxel_ml(), why: FAINT });
+    }
     if voxels.is_empty() {
         return Ok(out);
     }
     out.ml = voxels.len() as f64 * grid.voxel_ml();
-    let bricks = Bricks::of(grid);
-    let tag = brightness(volume, &voxels, &bricks);
     let rows = rows(grid.dims(), &voxels)?;
     let runs: Vec<_> = rows.iter().map(|(j, k, r)| (j, k, r.range())).collect();
     let reach = (REACH_MM / grid.spacing()).floor().to_array().map(|r| (r as usize).clamp(1, MARGIN));
@@ -278,7 +296,7 @@ fn pieces(
     for (count, why) in [
         (leads_on, "bright, and leads on beyond the wall"),
         (large, "bright, and too large for residue"),
-        (faint, "hardly brighter than a wall with contrast agent"),
+        (faint, FAINT),
     ] {
         if count > 0 {
             left.push(Left { ml: count as f64 * grid.voxel_ml(), why });
@@ -425,22 +443,20 @@ impl Shared<'_> {
             let unsure = found.rest / (UNSURE * (materials.tag - TISSUE)).max(UNSURE_HU);
             let sure = if enclosed.has(n) { 1.0 } else { 1.0 - step(1.0, 1.5, unsure) };
             // What is clearly brighter than tissue is a mixture of both at least.
-            if sure < 1.0 && hu[n] > TISSUE + BRIGHTER {
-                let p = ((materials.tag - hu[n]) / (materials.tag - TISSUE)).clamp(0.0, 1.0);
-                let clean = (gas + (TISSUE - gas) * p).round() as i16;
-                return changed.push((index, clean));
-            }
+            let bright = step(BRIGHTER[0], BRIGHTER[1], hu[n] - TISSUE) * (1.0 - sure);
+            let share = ((materials.tag - hu[n]) / (materials.tag - TISSUE)).clamp(0.0, 1.0);
+            let mixture = gas + (TISSUE - gas) * share;
             let own = step(THIN[0], THIN[1], found.wall - found.gas_end) * sure;
             // Gas alone, or a bare wall.
-            if own == 0.0 || found.gas_end > 3.0 {
+            if bright == 0.0 && (own == 0.0 || found.gas_end > 3.0) {
                 return looked_at.push((index, hu[n] as i16));
             }
             let p = self.fitter.phi.at(-found.wall)[0];
             let gas_free = self.fitter.phi.at(-found.gas_end)[0];
             let model = gas + (found.tag - gas) * gas_free + (TISSUE - found.tag) * p;
             let clean = gas + (TISSUE - gas) * p + (hu[n] - model) * step(0.9, 1.0, p);
-            let to = if own > 0.5 { &mut changed } else { &mut looked_at };
-            to.push((index, (hu[n] + (clean - hu[n]) * own).round() as i16));
+            let to = if own + bright > 0.5 { &mut changed } else { &mut looked_at };
+            to.push((index, (hu[n] + (clean - hu[n]) * own + (mixture - hu[n]) * bright).round() as i16));
         });
         (Changes::from_sorted(changed.into_iter()), Changes::from_sorted(looked_at.into_iter()))
     }
