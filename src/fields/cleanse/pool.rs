@@ -485,8 +485,8 @@ impl Shared<'_> {
             let n = block.index(v);
             let p = self.sharpened.at(product[n] / square[n].max(1.0));
             let clean = dark[n] + (TISSUE - dark[n]) * p;
-            // Tissue keeps its own texture.
-            let rest = hu[n] - (own[n] * p + mixed[n] * (1.0 - p));
+            // Tissue keeps its own texture. What is brighter is fluid that climbs the wall.
+            let rest = (hu[n] - (own[n] * p + mixed[n] * (1.0 - p))).min(TEXTURE);
             let clean = clean + rest * step(0.9, 1.0, p);
             changed.push((index(v), (hu[n] + (clean - hu[n]) * ours).round() as i16));
         });
