@@ -82,7 +82,11 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         part("homogeneous-region flags", volume.bytes(), "rays: the first heading, tentacles, images"),
     ];
     if let Some(c) = cleansed {
-        built.push(part("values before cleansing", c.changes.bytes(), "a window, to show the scan as it was"));
+        built.push(part(
+            "values before cleansing",
+            c.changes.bytes(),
+            "the flight through fluid: a window shows the scan as it was",
+        ));
     }
     if let Some(t) = flight.camera::<Tentacles>() {
         built.push(part("tentacles", t.bytes(), "the guide"));
@@ -148,6 +152,7 @@ pub fn explain(flight: &FlightApp) -> Explanation {
         let why = match (&flight.setup().cleansed, scene.play()) {
             (Some(_), _) => "there is no tag in the colon",
             (None, Some(_)) => "a log is played",
+            (None, None) if scene.needs().fluid_as_gas => "the flight was made from a volume as it is",
             (None, None) if scene.operator && scene.picture => {
                 "the guide does not fly through fluid; the window looks for tag after its first picture, and shows the scan without it"
             }

@@ -50,7 +50,7 @@ pub struct Scan {
     progress: Arc<Progress>,
 }
 
-/// The scan without tagged fluid and stool, for guides that need that. It is derived once and kept for further flights. The scan
+/// The scan without pools of tagged fluid, for guides that need that. It is derived once and kept for further flights. The scan
 /// itself stays unchanged.
 #[derive(Clone, Debug)]
 struct WithoutTag {
@@ -192,7 +192,13 @@ impl Scan {
         drop(volume);
         if !cleansed.changes.is_empty() {
             self.change(&mut cleansed);
-            self.lumen = Some(self.lumen_without_tag(&self.volume.clone(), &found)?);
+            match self.lumen_without_tag(&self.volume.clone(), &found) {
+                Ok(lumen) => self.lumen = Some(lumen),
+                Err(e) => {
+                    self.change(&mut cleansed);
+                    return Err(e);
+                }
+            }
             self.without_tag = None;
         }
         Ok(Arc::clone(self.cleansed.insert(Arc::new(cleansed))))

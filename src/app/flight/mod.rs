@@ -212,7 +212,7 @@ impl FlightApp {
     }
 
     /// Renders what the camera sees now in `width` × `height` pixels, at high quality, with the scene's renderer. Works also if
-    /// the scene has no picture.
+    /// the scene has no picture. It is the scan that is flown through, whatever the window shows.
     ///
     /// # Errors
     /// Returns status 2 for an image without pixels, and status 1 if a renderer of another crate panics.

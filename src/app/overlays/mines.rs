@@ -39,7 +39,7 @@ fn draw(flight: &FlightApp, canvas: &mut Canvas) {
         let distance = at.distance(mine);
         pushing += usize::from(distance < field.settings.reach_mm);
         let direction = (mine - at).normalize_or_zero();
-        let in_sight = first_crossing(&flight.setup().volume, at, direction, distance).is_none();
+        let in_sight = first_crossing(flight.shown_scan(), at, direction, distance).is_none();
         if let (Some(place), Some(edge)) = (canvas.find(mine), canvas.find(mine + right * RADIUS_MM)) {
             let radius = (edge[0] - place[0]).hypot(edge[1] - place[1]).clamp(4.0 * pt, 16.0 * pt);
             marker(canvas, place, radius, in_sight);

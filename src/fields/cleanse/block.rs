@@ -277,6 +277,11 @@ impl Mask {
         self.rows[n / nx] |= 1 << (n % nx);
     }
 
+    /// Adds the voxels of another set of the same block.
+    pub(super) fn add(&mut self, other: &Self) {
+        self.rows.iter_mut().zip(&other.rows).for_each(|(row, more)| *row |= more);
+    }
+
     /// Calls `visit` with the index in the block of each voxel.
     pub(super) fn each(&self, mut visit: impl FnMut(usize)) {
         for (row, &word) in self.rows.iter().enumerate() {

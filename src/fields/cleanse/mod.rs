@@ -15,6 +15,7 @@ mod pool;
 mod pools;
 mod residue;
 mod scanner;
+mod slab;
 
 use std::fmt;
 
@@ -39,7 +40,7 @@ const SOLID_HU: i16 = -610;
 /// A scan's colon without tag.
 #[derive(Clone, Debug, Default)]
 pub struct Cleansed {
-    /// The values that differ from the scan's.
+    /// The values around what was taken out; some are as they were.
     pub changes: Changes,
     /// The pools that were taken out.
     pub pools: Vec<CleansedPool>,
@@ -133,13 +134,13 @@ pub(crate) fn to_fly(volume: &Volume, lumen: &Lumen, progress: &Progress) -> Res
         } else if volume.data()[n] > WALL_HU {
             hu.max(SOLID_HU)
         } else {
-            hu
+            hu.min(WALL_HU)
         }
     });
     let gas = Changes::from_sorted(all.into_iter().flat_map(|(n, count)| (n..n + count).map(|n| (n, GAS as i16))));
     made.changes = made.changes.over(&gas);
     // What is told is what the flight sees: all fluid is gone.
-    made.left.retain(|l| l.why != pool::NO_LEVEL && l.why != pool::FAINT);
+    made.left.clear();
     made.replaced_ml = lumen.fluid_ml();
     Ok(made)
 }

@@ -21,7 +21,8 @@ use rayon::prelude::*;
 use super::block::{Block, Bricks, CellMeans, Mask, Phi};
 use super::changes::Changes;
 use super::pools::Split;
-use super::{GAS, Left, Scanner, TISSUE, step};
+use super::slab::Slabs;
+use super::{GAS, Left, SOLID_HU, Scanner, TISSUE, WALL_HU, step};
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::AxisDirection;
@@ -43,6 +44,10 @@ const GASES: std::ops::RangeInclusive<f32> = -1100.0..=-820.0;
 const MARGIN: usize = (Mask::ROW - 32) / 2;
 /// Noise and texture, HU: what is brighter than tissue by no more may be tissue.
 const TEXTURE: f32 = 80.0;
+/// A wall between one part of the lumen and another that is thinner than this stays wall, mm: between fluid and gas it may have none of
+/// its brightness left. So it is below this depth, σ; at a level, gas and fluid are the lumen's two sides everywhere.
+const SLAB_MM: f64 = 3.0;
+const DEEP: f32 = 3.5;
 /// Deviation at which a column is none of a level's, mm.
 const LEVEL_MM: f64 = 0.7;
 /// Fewer voxels of nothing but tag do not say how bright it is.
@@ -66,7 +71,7 @@ pub struct CleansedPool {
 /// A run of voxels: j, k and the range of i.
 pub(super) type Place = (usize, usize, Range<usize>);
 
-/// A pool's runs, and which of all runs of fluid they are.
+/// A pool's runs, and the number of its level.
 pub(super) struct Fluid {
     pub label: u32,
     pub runs: Vec<Place>,
@@ -156,7 +161,8 @@ pub(super) fn cleanse(
     work.sort_unstable();
     let groups: Vec<&[(usize, usize)]> = work.chunk_by(|a, b| a.0 == b.0).collect();
     let sharpened = Sharpened::new(scanner.blur_mm, NEIGHBOURHOOD_MM);
-    let shared = Shared { volume, lumen, split, bricks, phi: Phi::new(), sharpened };
+    let slabs = Slabs::new(volume.grid().spacing(), SLAB_MM);
+    let shared = Shared { volume, lumen, split, bricks, phi: Phi::new(), sharpened, slabs };
     let together = |group: &[(usize, usize)]| {
         progress.check()?;
         if let [(brick, pool)] = group {
@@ -404,6 +410,7 @@ struct Shared<'a> {
     bricks: Bricks,
     phi: Phi,
     sharpened: Sharpened,
+    slabs: Slabs,
 }
 
 impl Shared<'_> {
@@ -451,7 +458,7 @@ impl Shared<'_> {
         let mut mixed = vec![0f32; block.len()];
         let mut own = vec![0f32; block.len()];
         let mut dark = vec![0f32; block.len()];
-        let mut tag_hu = vec![0f32; block.len()];
+        let mut tag_hu = vec![0f32; nx];
         let near = self.downhill(&wide, &mask);
         // Rows whose neighbourhoods hold nothing that is asked for stay empty.
         let needed = block.rows_around(&near, s.map(|s| (3.0 * s).ceil() as usize));
@@ -460,11 +467,10 @@ impl Shared<'_> {
             let row = from..from + nx;
             pool.gas.row(v, &mut dark[row.clone()]);
             pool.tissue.row(v, &mut own[row.clone()]);
-            pool.tag.row(v, &mut tag_hu[row.clone()]);
+            pool.tag.row(v, &mut tag_hu);
             let depth = depth_at(v);
             for (x, n) in row.enumerate() {
-                let tag = tag_hu[n].max(TISSUE + CONTRAST);
-                tag_hu[n] = tag;
+                let tag = tag_hu[x].max(TISSUE + CONTRAST);
                 own[n] = own[n].clamp(TISSUE - 20.0, TISSUE + 150.0).min(tag - 0.5 * CONTRAST);
                 let depth = depth + slope * x as f32;
                 mixed[n] = dark[n] + (tag - dark[n]) * self.phi.at(depth)[0];
@@ -475,7 +481,9 @@ impl Shared<'_> {
         }
         block.blur(&mut product, s);
         block.blur(&mut square, s);
-        near.each_own(|_, v| {
+        let mut open = wide.mask(self.lumen.fluid(), |_| true);
+        open.add(&wide.mask(self.lumen.gas(), |_| true));
+        near.each_own(|at, v| {
             // Above the blur of the level the scan is as it should be.
             let depth = depth_at(v);
             let ours = step(-3.5, -2.0, depth);
@@ -488,7 +496,10 @@ impl Shared<'_> {
             // Tissue keeps its own texture. What is brighter is fluid that climbs the wall.
             let rest = (hu[n] - (own[n] * p + mixed[n] * (1.0 - p))).min(TEXTURE);
             let clean = clean + rest * step(0.9, 1.0, p);
-            changed.push((index(v), (hu[n] + (clean - hu[n]) * ours).round() as i16));
+            let clean = (hu[n] + (clean - hu[n]) * ours).round() as i16;
+            let was_wall = depth > DEEP && hu[n] > f32::from(WALL_HU) && !open.has(at);
+            let is_thin = was_wall && clean < SOLID_HU && self.slabs.is_within(&wide, &open, at);
+            changed.push((index(v), if is_thin { SOLID_HU } else { clean }));
         });
         Changes::from_sorted(changed.into_iter())
     }

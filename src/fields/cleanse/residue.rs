@@ -12,11 +12,11 @@ use rayon::prelude::*;
 use super::block::{Block, Bricks, CellMeans, Mask};
 use super::changes::Changes;
 use super::layer::{self, Fitter, Materials, SAMPLES};
+use super::slab::Slabs;
 use super::{Left, Scanner, TISSUE, step};
 use crate::error::Result;
 use crate::fields::Lumen;
 use crate::fields::lumen::frame::AxisDirection;
-use crate::fields::lumen::residue::LINES;
 use crate::fields::lumen::runs::{Rows, Run};
 use crate::progress::Progress;
 use crate::volume::Volume;
@@ -63,7 +63,7 @@ const CLEAR_HU: f32 = 110.0;
 /// Darker than this is no tissue, but an edge of gas, HU.
 const DARK: f32 = -150.0;
 /// What is thinner between gas and gas of the colon may be a wall with a film on it, mm.
-const SLAB_MM: f64 = 4.0;
+const SLAB_MM: f64 = 7.0;
 /// What lies in tag within this of it to both sides is a bubble or its skin, mm.
 const GAP_MM: f64 = 1.5;
 /// Why it was left.
@@ -160,7 +160,7 @@ pub(super) fn cleanse(
         volume,
         rows,
         lumen,
-        lines: LINES.map(|step| Line::new(step, grid.spacing())).to_vec(),
+        slabs: Slabs::new(grid.spacing(), SLAB_MM),
         bricks,
         tag,
         reach,
@@ -357,7 +357,7 @@ struct Shared<'a> {
     volume: &'a Volume,
     rows: Rows,
     lumen: &'a Lumen,
-    lines: Vec<Line>,
+    slabs: Slabs,
     bricks: Bricks,
     tag: CellMeans,
     reach: [usize; 3],
@@ -400,18 +400,6 @@ impl Shared<'_> {
         let strides = block.strides();
         let per_voxel = (self.sigma / spacing).as_vec3();
         let gas = block.mask(self.lumen.gas(), |_| true);
-        // Gas of the colon on both sides, a little apart.
-        let is_slab = |n: usize| {
-            self.lines.iter().any(|line| {
-                let side = |sign: isize| {
-                    let steps = 1..line.steps.min(line.within(&block, n));
-                    steps
-                        .into_iter()
-                        .find(|&m| gas.has((n as isize + sign * m as isize * line.offset(&strides)) as usize))
-                };
-                side(1).zip(side(-1)).is_some_and(|(a, b)| (a + b) as f64 * line.mm < SLAB_MM)
-            })
-        };
         let (mut changed, mut looked_at) = (Vec::new(), Vec::new());
         near.each_own(|n, v| {
             let index = grid.index(v[0] as usize, v[1] as usize, v[2] as usize);
@@ -419,7 +407,7 @@ impl Shared<'_> {
                 return;
             }
             // A thin wall with a film on it stays whole.
-            if is_slab(n) {
+            if self.slabs.is_within(&block, &gas, n) {
                 return looked_at.push((index, hu[n] as i16));
             }
             let slope = DVec3::from_array(
@@ -459,38 +447,6 @@ impl Shared<'_> {
             to.push((index, (hu[n] + (clean - hu[n]) * own + (mixture - hu[n]) * bright).round() as i16));
         });
         (Changes::from_sorted(changed.into_iter()), Changes::from_sorted(looked_at.into_iter()))
-    }
-}
-
-/// A line through a voxel and its neighbours.
-#[derive(Clone, Copy)]
-struct Line {
-    step: [i64; 3],
-    /// Length of a step, mm.
-    mm: f64,
-    /// So many steps are more than a slab is thick.
-    steps: usize,
-}
-
-impl Line {
-    fn new(step: [i64; 3], spacing: DVec3) -> Self {
-        let mm = (DVec3::from_array(step.map(|s| s as f64)) * spacing).length();
-        Self { step, mm, steps: (SLAB_MM / mm).ceil() as usize + 1 }
-    }
-
-    /// Returns the distance of two neighbours on it in a block with these strides.
-    fn offset(&self, strides: &[usize; 3]) -> isize {
-        (0..3).map(|a| self.step[a] as isize * strides[a] as isize).sum()
-    }
-
-    /// Returns the number of steps to either side of a voxel that stay within a block, plus one.
-    fn within(&self, block: &Block, n: usize) -> usize {
-        let strides = block.strides();
-        let room = |a: usize| {
-            let at = n / strides[a] % block.dims[a];
-            at.min(block.dims[a] - 1 - at) + 1
-        };
-        (0..3).filter(|&a| self.step[a] != 0).map(room).min().unwrap_or(1)
     }
 }
 

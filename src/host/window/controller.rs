@@ -86,6 +86,8 @@ pub(crate) struct FlightController {
     planning: Option<FieldJob>,
     /// The scan without tag, beside the one as it is.
     cleansing: Cleansing,
+    /// True once anything of the flight was shown.
+    has_shown: bool,
     wake: WakeUp,
     /// The guide that resumes when the operator releases control.
     last_guide: &'static str,
@@ -115,7 +117,7 @@ impl FlightController {
     /// Creates the controller of `flight`.
     ///
     /// The numbers of overlays in `actions` are their indices in `overlays`. `wake` is called from another thread when an image
-    /// is ready to be saved.
+    /// is ready to be saved, or the scan without tag was found.
     ///
     /// # Errors
     /// Returns status 1 if the system cannot start threads.
@@ -144,6 +146,7 @@ impl FlightController {
             help: false,
             planning: None,
             cleansing: Cleansing::new(),
+            has_shown: false,
             wake,
             last_guide,
             overlays: Overlays::new(overlays),
@@ -204,6 +207,7 @@ impl FlightController {
             None => self.flight.views().present_again(),
         }
         let presented = self.framebuffer().and_then(|mut f| f.take_presented()).transpose()?;
+        self.has_shown = true;
         if let Some(due) = due {
             self.view_renderer.traced(&self.flight, &due, presented.map(|p| p.traced_ms));
             self.save_traced(Instant::now());
@@ -265,7 +269,7 @@ impl FlightController {
         let attention = self.attention.then_some(self.start);
         let finer = self.view_renderer.is_refining(&self.flight).then_some(self.start);
         let planned = self.planning.is_some().then_some(self.start);
-        let uncleansed = (self.cleansing.is_waiting() && !self.view_renderer.frames().is_empty()).then_some(self.start);
+        let uncleansed = (self.cleansing.is_waiting() && self.has_shown).then_some(self.start);
         [finer, message, self.figures.next(), attention, planned, uncleansed].into_iter().flatten().min()
     }
 
@@ -472,15 +476,16 @@ impl FlightController {
 
     /// Starts to look for the scan without tag once there is a picture, and adopts it once it is found.
     fn take_cleansed(&mut self, now: Instant) {
-        let begun = match self.view_renderer.frames() {
-            [] => Ok(()),
-            _ => self.cleansing.begin(&self.flight, &self.wake),
-        };
+        let begun = if self.has_shown { self.cleansing.begin(&self.flight, &self.wake) } else { Ok(()) };
         match begun.and_then(|()| self.cleansing.take(&mut self.flight)) {
             Ok(Some(what)) => {
-                output::to_stderr(format_args!("note: {what}"));
-                let key = self.actions.named("tag").map_or_else(String::new, Action::key_text);
-                self.say(format!("{what} ({key} shows the scan as it is)"), now);
+                if !what.is_empty() {
+                    output::to_stderr(format_args!("note: {what}"));
+                    let key = self.actions.named("tag").map(Action::key_text).filter(|k| !k.is_empty());
+                    let how = key.map_or_else(String::new, |k| format!(" ({k} shows the scan as it is)"));
+                    self.say(format!("{what}{how}"), now);
+                }
+                self.attention = true;
                 self.figures.touch();
             }
             Ok(None) => {}
@@ -496,15 +501,10 @@ impl FlightController {
 
     /// Switches between the scan without tag and the scan as it is.
     pub(crate) fn switch_tag(&mut self, ActionContext { now, .. }: ActionContext) {
-        match self.cleansing.may_switch() {
-            Ok(()) => {
-                let shown = self.cleansing.switch(&mut self.flight);
-                self.slices.patch(self.cleansing.other(&self.flight));
-                self.say(shown, now);
-                self.quiet = 0;
-            }
-            Err(why) => self.say(why, now),
-        }
+        let shown = self.cleansing.switch(&mut self.flight);
+        self.slices.patch(self.cleansing.other(&self.flight));
+        self.say(shown, now);
+        self.quiet = 0;
     }
 
     /// Jumps to a share of the path, 0 to 1.

@@ -67,7 +67,7 @@ pub(crate) struct Traced {
     pub frame: Frame,
 }
 
-/// Called by the thread of a [`ScreenshotRenderer`] after each image.
+/// Called by another thread when its work is done: by that of a [`ScreenshotRenderer`] after each image.
 pub(crate) type WakeUp = Arc<dyn Fn() + Send + Sync>;
 
 /// Renders images in the background.

@@ -51,7 +51,7 @@ const USUAL: LogicalSize<f64> = LogicalSize::new(1024.0, 768.0);
 pub(crate) enum Wake {
     /// Loading has ended.
     Loaded,
-    /// An image is ready to be saved.
+    /// An image is ready to be saved, or the scan without tag was found.
     Saveable,
     /// The user interrupted the program.
     Interrupted,
