@@ -12,6 +12,7 @@
 //! dynamics
 //! render
 //! components, schedule, surface
+//! polyps
 //! systems
 //! app, plane, testing
 //! host, report
@@ -66,6 +67,9 @@
 //! - **Clearance**: the exact distance from one point to the wall, computed from the voxels around it and never overestimated:
 //!   [`fields::ClearanceFinder`].
 //! - **Phantom**: a synthetic colon with known ground truth: [`phantom`].
+//!
+//! - **Polyp candidate**: a place of the wall that looks like a polyp: [`polyps`]. A **detector** finds them. A **cap** is a part of
+//!   the wall that bulges into the lumen in every direction.
 //!
 //! The flight:
 //!
@@ -124,6 +128,7 @@ pub mod output;
 pub(crate) mod panics;
 pub mod phantom;
 pub mod plane;
+pub mod polyps;
 pub mod progress;
 pub mod render;
 pub mod report;

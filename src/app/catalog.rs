@@ -1,7 +1,8 @@
-//! The guides, renderers, cameras, shaders, overlays and plug-ins that a program offers.
+//! The guides, renderers, cameras, shaders, overlays, detectors and plug-ins that a program offers.
 
 use crate::app::{Overlay, overlays};
 use crate::error::{Error, Result};
+use crate::polyps::{Detector, detectors};
 use crate::render::{CameraModel, Preset, ShaderModel, camera, presets, shaders};
 use crate::schedule::{Guide, Guides, Plugin, Plugins};
 use crate::systems;
@@ -21,6 +22,8 @@ pub struct Catalog {
     pub shaders: Vec<ShaderModel>,
     /// Overlays of the window, toggled by their keys.
     pub overlays: Vec<Overlay>,
+    /// Detectors of polyps, selected by `candidates --detector`.
+    pub detectors: Vec<Detector>,
     /// Plug-ins that take part in every flight.
     pub plugins: Plugins,
     /// Names of added guides that were taken already.
@@ -36,6 +39,7 @@ impl Default for Catalog {
             cameras: camera::BUILT_IN.to_vec(),
             shaders: shaders::BUILT_IN.to_vec(),
             overlays: overlays::BUILT_IN.to_vec(),
+            detectors: detectors::BUILT_IN.to_vec(),
             plugins: Plugins::default(),
             twice: Vec::new(),
         }
@@ -78,6 +82,13 @@ impl Catalog {
     #[must_use]
     pub fn overlay(mut self, overlay: Overlay) -> Self {
         self.overlays.push(overlay);
+        self
+    }
+
+    /// Adds a detector.
+    #[must_use]
+    pub fn detector(mut self, detector: Detector) -> Self {
+        self.detectors.push(detector);
         self
     }
 
@@ -135,8 +146,17 @@ impl Catalog {
         found.ok_or_else(|| no("overlay", name, self.overlays.iter().map(|o| o.name)))
     }
 
+    /// Returns the detector with that name.
+    ///
+    /// # Errors
+    /// Returns status 2 if it does not exist.
+    pub fn find_detector(&self, name: &str) -> Result<Detector> {
+        let found = self.detectors.iter().find(|d| d.name == name).copied();
+        found.ok_or_else(|| no("detector", name, self.detectors.iter().map(|d| d.name)))
+    }
+
     /// Checks that every name and every key is unique. Guides, presets, cameras, shaders and plug-ins share one namespace, since
-    /// each may have a table in a scene file. Overlays have separate tables.
+    /// each may have a table in a scene file. Overlays have separate tables, and detectors none.
     ///
     /// # Errors
     /// Returns status 2 for the first name or key that is used twice, naming both owners.
@@ -155,6 +175,7 @@ impl Catalog {
         .concat();
         unique(&mut names)?;
         unique(&mut kinds("overlay", own(&mut self.overlays.iter().map(|o| o.name))))?;
+        unique(&mut kinds("detector", own(&mut self.detectors.iter().map(|d| d.name))))?;
         let lower = |key: char| key.to_lowercase().to_string();
         let guides = self.guides.iter().filter_map(|g| Some((lower(g.key?), format!("guide {}", g.name))));
         let overlays = self.overlays.iter().filter_map(|o| Some((lower(o.key?), format!("overlay {}", o.name))));

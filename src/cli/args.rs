@@ -86,6 +86,8 @@ pub enum Command {
     Cleanse(CleanseArgs),
     /// Write the colon's centerline
     Centerline(CenterlineArgs),
+    /// List the places of the wall that look like polyps
+    Candidates(CandidatesArgs),
     /// Write a synthetic colon and its ground truth
     Phantom(PhantomArgs),
     /// Print an input's size, spacing, orientation and header as JSON
@@ -324,6 +326,28 @@ pub struct CenterlineArgs {
     pub stats: Option<PathBuf>,
 }
 
+/// `candidates`' arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct CandidatesArgs {
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
+    pub input: PathBuf,
+    /// Output list, JSON, the best first
+    #[arg(long, value_name = "C.json")]
+    pub out: PathBuf,
+    /// At most this many
+    #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
+    pub max: Option<usize>,
+    /// Method [default: shape]
+    #[arg(long, value_name = "DETECTOR")]
+    pub detector: Option<String>,
+    /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub from: Option<Triple>,
+    /// Write times and memory as JSON
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
 /// `phantom`'s arguments.
 #[derive(ClapArgs, Clone, Debug)]
 pub struct PhantomArgs {
@@ -453,6 +477,7 @@ fn command(program: &Program) -> clap::Command {
     let guides: Vec<_> = catalog.guides.iter().map(|g| (g.name, g.summary)).collect();
     let presets: Vec<_> = catalog.presets.iter().map(|p| (p.name, p.summary)).collect();
     let cameras: Vec<_> = catalog.cameras.iter().map(|c| (c.name, c.summary)).collect();
+    let detectors: Vec<_> = catalog.detectors.iter().map(|d| (d.name, d.summary)).collect();
     let renders = |c| choices(c, "preset", "Renderer", &presets);
     let flies = |c| choices(renders(c), "guide", "Steering method", &guides);
     let window = |c: clap::Command| c.after_help(keys(program));
@@ -461,6 +486,7 @@ fn command(program: &Program) -> clap::Command {
         .mut_subcommand("fly", |c| window(flies(c)))
         .mut_subcommand("explain", flies)
         .mut_subcommand("render", renders)
+        .mut_subcommand("candidates", |c| choices(c, "detector", "Method", &detectors))
 }
 
 /// The window's keys for the help; empty in builds without a window.

@@ -1,6 +1,7 @@
 //! The command line: arguments to calls, results to files and exit status.
 
 pub mod args;
+mod candidates;
 mod centerline;
 mod cleanse;
 mod explain;
@@ -34,6 +35,7 @@ use crate::host::terminal::Bar;
 use crate::host::window::panels::PanelEntry;
 use crate::output;
 use crate::panics::{is_catching, note_place};
+use crate::polyps::Detector;
 use crate::progress::Progress;
 use crate::render::{CameraModel, Preset, ShaderModel};
 use crate::schedule::{Guide, Plugin};
@@ -68,6 +70,7 @@ pub use own::Session;
 /// | [`shader`](Self::shader) | shading of the wall | `[render] shade` |
 /// | [`overlay`](Self::overlay) | marks over the picture | its key, `fly --overlay` |
 /// | `panel` | a part of the window | its key, the menu |
+/// | [`detector`](Self::detector) | a method that finds polyps | `candidates --detector`, `report candidates` |
 /// | [`plugin`](Self::plugin) | systems, views, post-processes | every flight |
 /// | [`command`](Self::command) | a command | its name |
 ///
@@ -110,6 +113,12 @@ impl Program {
     #[must_use]
     pub fn overlay(self, overlay: Overlay) -> Self {
         Self { catalog: self.catalog.overlay(overlay), ..self }
+    }
+
+    /// Adds a detector of polyps: to `candidates --detector`, and to `report candidates`, which measures it beside the others.
+    #[must_use]
+    pub fn detector(self, detector: Detector) -> Self {
+        Self { catalog: self.catalog.detector(detector), ..self }
     }
 
     /// Adds a panel to the window: to its menu, with the key that shows and hides it and its row of help.
@@ -340,6 +349,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
             | Command::Phantom(_)
             | Command::Slice(_)
             | Command::Segment(_)
+            | Command::Candidates(_)
             | Command::Surface(_)
             | Command::Cleanse(_)
             | Command::Centerline(_),
@@ -351,6 +361,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Phantom(a)) => phantom::run(&a, &global, &progress),
         Some(Command::Slice(a)) => slice::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
+        Some(Command::Candidates(a)) => candidates::run(program, &a, &global, &progress),
         Some(Command::Surface(a)) => surface::run(&a, &global, &progress),
         Some(Command::Cleanse(a)) => cleanse::run(&a, &global, &progress),
         Some(Command::Fly(a)) => fly::run(program, &a, &global, &progress),

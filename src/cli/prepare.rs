@@ -203,6 +203,37 @@ pub(crate) fn lumen_from(
     })
 }
 
+/// The colon in a scan without its tag, which is taken out of `volume`; with a point (world, mm) the gas there. Says what was taken.
+///
+/// # Errors
+/// As [`lumen_from`], and status 4 if there is no colon.
+pub(crate) fn cleansed_lumen(
+    volume: &mut Volume,
+    from: Option<DVec3>,
+    timings: &mut Timings,
+    progress: &Progress,
+) -> Result<Lumen> {
+    let found = lumen_from(volume, from, timings, progress)?;
+    if found.segments.is_empty() {
+        return Err(no_lumen("give --from and a point in the colon"));
+    }
+    let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(volume, &found, progress))?;
+    if cleansed.changes.is_empty() {
+        return Ok(found);
+    }
+    say(&cleansed.to_string());
+    cleansed.changes.exchange(volume);
+    drop(cleansed);
+    let again = || match from {
+        Some(p) => lumen::gas_at(volume, p, progress),
+        None => lumen::find(volume, progress).map(Some),
+    };
+    // Where there was gas there is gas still.
+    let Some(mut lumen) = timings.time("cleansed_lumen_s", again)? else { return Ok(found) };
+    cleanse::keep_ends(&mut lumen, &found);
+    Ok(lumen)
+}
+
 /// The failure of a command that found no colon in a scan.
 pub(crate) fn no_lumen(hint: &str) -> Error {
     Error::incomplete("volume", "no gas of a colon was found in it", hint)

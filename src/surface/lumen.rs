@@ -59,6 +59,11 @@ impl LumenMesh {
         self.origin + self.places[vertex as usize].as_dvec3()
     }
 
+    /// Takes the mesh apart: its origin, its vertices as offsets from there, mm, and its triangles.
+    pub(crate) fn into_parts(self) -> (DVec3, Vec<Vec3>, Vec<[u32; 3]>) {
+        (self.origin, self.places, self.triangles)
+    }
+
     /// Returns the triangles, three vertices each, counter-clockwise as seen from outside the lumen. Normals point out
     /// of the lumen, into the tissue.
     pub fn triangles(&self) -> &[[u32; 3]] {

@@ -5,6 +5,7 @@
 //! are recognised by position and texture (see `choose`). Everything is stored as runs along the index x axis, so no
 //! field of the volume's size is created.
 
+mod along;
 mod choose;
 mod ends;
 mod fluid;
@@ -31,6 +32,7 @@ use graph::Graph;
 use order::{Body, Link};
 use runs::Rows;
 
+pub use along::Along;
 pub use interior::Interior;
 pub use others::{Other, Others, not_colon};
 pub use residue::{Remnant, Residue, residue};

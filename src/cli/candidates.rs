@@ -1,0 +1,80 @@
+//! `colvis candidates`.
+
+use std::collections::BTreeMap;
+
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::json;
+
+use crate::app::Timings;
+use crate::cli::Program;
+use crate::cli::args::{CandidatesArgs, Global};
+use crate::cli::prepare;
+use crate::error::Result;
+use crate::fields::lumen::Along;
+use crate::output;
+use crate::polyps::{self, Candidate, Colon, FEATURES, Wall, detectors};
+use crate::progress::Progress;
+
+/// A candidate in the list. Places are world, mm LPS.
+#[derive(Serialize)]
+struct Entry {
+    rank: usize,
+    score: f64,
+    position: DVec3,
+    diameter_mm: Option<f64>,
+    height_mm: Option<f64>,
+    volume_mm3: Option<f64>,
+    along_mm: Option<f64>,
+    segment: Option<usize>,
+    features: BTreeMap<&'static str, f64>,
+}
+
+impl Entry {
+    fn new(rank: usize, candidate: &Candidate, along: &Along) -> Self {
+        let lesion = candidate.lesion.as_ref();
+        let place = along.of(candidate.position);
+        Self {
+            rank,
+            score: candidate.score,
+            position: candidate.position,
+            diameter_mm: lesion.map(|l| l.diameter_mm),
+            height_mm: lesion.map(|l| l.height_mm),
+            volume_mm3: lesion.map(|l| l.volume_mm3),
+            along_mm: place.map(|p| p.1),
+            segment: place.map(|p| p.0),
+            features: lesion.map_or_else(BTreeMap::new, |l| FEATURES.into_iter().zip(l.features).collect()),
+        }
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Returns status 2 for an unknown detector, 3 if the input cannot be read, 4 if it has no gas of a colon or if interrupted, 5 if an
+/// output cannot be written.
+pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, progress: &Progress) -> Result<()> {
+    let detector = program.catalog.find_detector(args.detector.as_deref().unwrap_or(detectors::BUILT_IN[0].name))?;
+    let iso = prepare::transfer(global)?.iso();
+    prepare::check_files(Some(&args.input), &args.out, args.stats.as_deref())?;
+    let mut timings = Timings::default();
+    // Not twice.
+    let global = Global { cleanse: false, ..global.clone() };
+    let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
+    let lumen = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
+    let along = timings.time("along_s", || Along::new(&lumen, progress))?;
+    let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, iso, progress))?;
+    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
+    let mut found = timings.time("candidates_s", || polyps::find(&detector, &colon, progress))?;
+    found.truncate(args.max.unwrap_or(usize::MAX));
+    let entries: Vec<Entry> = found.iter().enumerate().map(|(n, c)| Entry::new(n + 1, c, &along)).collect();
+    output::write_json(&args.out, &json!({ "candidates": entries }))?;
+    if let Some(path) = &args.stats {
+        let mut stats = prepare::stats_head(&timings);
+        for (name, value) in [("candidates", json!(entries.len())), ("wall_bytes", json!(wall.bytes()))] {
+            stats.insert(name.to_owned(), value);
+        }
+        output::write_json(path, &stats)?;
+    }
+    Ok(())
+}

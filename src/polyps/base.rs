@@ -1,0 +1,203 @@
+//! The surroundings of a cap: how far its body reaches, and the wall that it replaces.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use glam::{DVec3, Vec3};
+
+use super::Wall;
+use super::fit::solve;
+
+/// Farthest way along the wall from the cap that is looked at, mm.
+const FAR_MM: f32 = 15.0;
+/// Width of the rings around a cap, mm.
+const RING_MM: f32 = 1.0;
+/// Share of the first ring that is counted: the cap's own vertices have the part next to it.
+const FIRST: f32 = 0.7;
+/// Width of the wall from which the wall beneath is continued, mm.
+const AROUND_MM: f32 = 3.0;
+/// It begins this far from the body, mm.
+const APART_MM: f32 = 1.0;
+/// A body ends at most this far beyond its narrowest ring, mm: the fillet.
+const FILLET_MM: f32 = 1.5;
+/// Half the usual curvature of a wall, 1/mm: that of a tube of 20 mm, seen from inside. How firmly it is expected, mm⁴: the squared
+/// deviation of the surroundings from any such surface (0.3 mm, independent six times) over that of the curvature (0.01/mm).
+const USUAL: f64 = 0.0125;
+const FLAT: f64 = 30.0;
+/// A ring that is this much longer than the narrowest one is beyond the body.
+const WIDER: f32 = 1.4;
+/// A ring that is longer than the one before by no more than this is as long.
+const ALIKE: f32 = 1.15;
+/// A narrowest ring farther than this from the cap is a stalk, mm.
+const STALK_MM: f32 = 1.5;
+
+/// Memory for one cap after the other.
+#[derive(Debug)]
+pub(crate) struct Scratch {
+    /// Way along the wall from the cap, mm; infinite where it was not looked at.
+    mm: Vec<f32>,
+    touched: Vec<u32>,
+}
+
+impl Scratch {
+    pub(crate) fn new(wall: &Wall) -> Self {
+        Self { mm: vec![f32::INFINITY; wall.len()], touched: Vec::new() }
+    }
+
+    /// Returns the way along the wall from the cap, mm.
+    pub(crate) fn mm(&self, v: u32) -> f32 {
+        self.mm[v as usize]
+    }
+
+    /// Measures the ways from `cap` along the edges of the wall (Dijkstra 1959), up to `far`. Returns the vertices in the
+    /// order of their distance; those of the cap are at 0.
+    fn spread(&mut self, wall: &Wall, cap: &[u32], far: f32) -> Vec<(f32, u32)> {
+        for v in self.touched.drain(..) {
+            self.mm[v as usize] = f32::INFINITY;
+        }
+        let mut heap = BinaryHeap::new();
+        for &v in cap {
+            self.mm[v as usize] = 0.0;
+            self.touched.push(v);
+            heap.push(Reverse((0u32, v)));
+        }
+        let mut order = Vec::new();
+        // Distances are positive: their bits are in the same order.
+        while let Some(Reverse((bits, v))) = heap.pop() {
+            let mm = f32::from_bits(bits);
+            if mm > self.mm[v as usize] {
+                continue;
+            }
+            order.push((mm, v));
+            for &n in wall.beside(v) {
+                let next = mm + wall.place(n).distance(wall.place(v));
+                if next < self.mm[n as usize] && next <= far {
+                    if self.mm[n as usize].is_infinite() {
+                        self.touched.push(n);
+                    }
+                    self.mm[n as usize] = next;
+                    heap.push(Reverse((next.to_bits(), n)));
+                }
+            }
+        }
+        order
+    }
+}
+
+/// What a cap stands on.
+#[derive(Clone, Debug)]
+pub(crate) struct Base {
+    /// Vertices of the body, and how far along the wall it reaches beyond the cap, mm.
+    pub body: Vec<u32>,
+    pub reach_mm: f32,
+    /// Length of the stalk, mm; 0 without one.
+    pub stalk_mm: f32,
+    /// Unit vector from the wall to the lumen.
+    pub axis: DVec3,
+    /// Root mean square of the surroundings' distance from the continued wall, mm.
+    pub rms: f64,
+    origin: DVec3,
+    u: DVec3,
+    w: DVec3,
+    q: [f64; 6],
+}
+
+impl Base {
+    /// Looks at the surroundings of a cap. Returns `None` if there are none.
+    pub(crate) fn of(wall: &Wall, cap: &[u32], scratch: &mut Scratch) -> Option<Self> {
+        let order = scratch.spread(wall, cap, FAR_MM + APART_MM + AROUND_MM);
+        let mut rings = [0f32; (FAR_MM / RING_MM) as usize];
+        for &(mm, v) in &order {
+            if let Some(ring) = rings.get_mut((mm / RING_MM) as usize).filter(|_| mm > 0.0) {
+                *ring += wall.area(v);
+            }
+        }
+        rings[0] /= FIRST;
+        let (mut narrow, mut end) = (0, rings.len());
+        for n in 0..rings.len() {
+            if rings[n] < rings[narrow] {
+                narrow = n;
+            }
+            if rings[n] > WIDER * rings[narrow] && rings[n] > 0.0 {
+                end = n;
+                break;
+            }
+        }
+        // A stalk is as narrow along its whole length.
+        while narrow + 1 < end && rings[narrow + 1] <= ALIKE * rings[narrow] {
+            narrow += 1;
+        }
+        let narrow_mm = narrow as f32 * RING_MM;
+        let reach_mm = (end as f32 * RING_MM).min(narrow_mm + FILLET_MM);
+        let stalk_mm = if narrow_mm > STALK_MM { narrow_mm } else { 0.0 };
+        let body: Vec<u32> = order.iter().filter(|o| o.0 <= reach_mm).map(|o| o.1).collect();
+        let from = reach_mm + APART_MM;
+        let around: Vec<u32> = order.iter().filter(|o| o.0 > from && o.0 <= from + AROUND_MM).map(|o| o.1).collect();
+        let normal: Vec3 = around.iter().map(|&v| wall.normal(v) * wall.area(v)).sum();
+        let area_mm2: f32 = around.iter().map(|&v| wall.area(v)).sum();
+        let axis = normal.as_dvec3().normalize_or_zero();
+        if axis == DVec3::ZERO || area_mm2 <= 0.0 {
+            return None;
+        }
+        let (u, w) = axis.any_orthonormal_pair();
+        let at = |v: u32| wall.place(v).as_dvec3();
+        let origin = around.iter().map(|&v| at(v) * f64::from(wall.area(v))).sum::<DVec3>() / f64::from(area_mm2);
+        let mut base = Self { body, reach_mm, stalk_mm, axis, rms: 0.0, origin, u, w, q: [0.0; 6] };
+        let points: Vec<(DVec3, f64)> = around.iter().map(|&v| (at(v), f64::from(wall.area(v)))).collect();
+        base.continue_wall(&points);
+        Some(base)
+    }
+
+    /// Fits z = q₀ + q₁x + q₂y + q₃x² + q₄xy + q₅y² to the surroundings, three times with Cauchy's weights, so that a fold
+    /// beside counts less than the wall.
+    fn continue_wall(&mut self, points: &[(DVec3, f64)]) {
+        let area: f64 = points.iter().map(|p| p.1).sum();
+        for round in 0..4 {
+            let (mut matrix, mut side) = ([[0.0; 6]; 6], [0.0; 6]);
+            for (p, a) in points {
+                let (row, z) = self.row(*p);
+                let off = if round == 0 { 0.0 } else { z - dot(&self.q, &row) };
+                let weight = a / area / (1.0 + (off / 0.5).powi(2));
+                for i in 0..6 {
+                    for j in 0..6 {
+                        matrix[i][j] += weight * row[i] * row[j];
+                    }
+                    side[i] += weight * row[i] * z;
+                }
+            }
+            // A ring of wall says little of how it is curved in the middle; the colon's usual curvature does.
+            for n in [3, 5] {
+                matrix[n][n] += FLAT;
+                side[n] += FLAT * USUAL;
+            }
+            matrix[4][4] += FLAT;
+            for (n, row) in matrix.iter_mut().enumerate() {
+                row[n] += 1e-9;
+            }
+            if let Some(q) = solve(matrix, side) {
+                self.q = q;
+            }
+        }
+        let off = |p: DVec3| {
+            let (row, z) = self.row(p);
+            z - dot(&self.q, &row)
+        };
+        self.rms = (points.iter().map(|(p, a)| a * off(*p).powi(2)).sum::<f64>() / area).sqrt();
+    }
+
+    fn row(&self, p: DVec3) -> ([f64; 6], f64) {
+        let d = p - self.origin;
+        let (x, y) = (d.dot(self.u), d.dot(self.w));
+        ([1.0, x, y, x * x, x * y, y * y], d.dot(self.axis))
+    }
+
+    /// Returns the height of a place (offset as of [`Wall::place`]) over the continued wall, along the axis, mm.
+    pub(crate) fn height(&self, p: DVec3) -> f64 {
+        let (row, z) = self.row(p);
+        z - dot(&self.q, &row)
+    }
+}
+
+fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}

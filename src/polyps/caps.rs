@@ -1,0 +1,85 @@
+//! Caps: parts of the wall that bulge into the lumen in every direction, one around each peak of the smaller curvature.
+//!
+//! The smaller principal curvature k2 is flooded from its peaks downwards (a watershed). Two floods that meet become one
+//! if they meet at more than [`MERGE`] of the lower peak: a dent that shallow is noise or the shape of one body. So a cap
+//! does not depend on where a search starts.
+
+use super::Wall;
+
+/// Two caps that meet at more than this share of the lower one's peak are one.
+const MERGE: f32 = 0.6;
+/// Flooding stops here, 1/mm: flatter than a ball of 200 mm.
+const FLOOR: f32 = 0.005;
+/// No cap.
+const NONE: u32 = u32::MAX;
+
+/// A cap.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cap {
+    /// The vertex with the largest k2.
+    pub peak: u32,
+    /// k2 there, 1/mm.
+    pub k2: f32,
+    /// Its area, mm².
+    pub area: f32,
+    /// Its vertices, in their order.
+    pub vertices: Vec<u32>,
+}
+
+/// Returns the caps of a wall whose peak is at least `least` (1/mm) and whose area is at least `area` (mm²), by the number
+/// of their peaks' vertices.
+pub fn caps(wall: &Wall, least: f32, area: f32) -> Vec<Cap> {
+    let k2 = |v: u32| wall.curvatures(v)[1];
+    let mut order: Vec<u32> = (0..wall.len() as u32).filter(|&v| k2(v) > FLOOR).collect();
+    order.sort_unstable_by(|&a, &b| k2(b).total_cmp(&k2(a)).then(a.cmp(&b)));
+    // The flood that each vertex belongs to, and which flood that one has become a part of.
+    let mut label = vec![NONE; wall.len()];
+    let (mut into, mut peaks): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
+    for &v in &order {
+        let mut best = NONE;
+        for &n in wall.beside(v) {
+            if label[n as usize] == NONE {
+                continue;
+            }
+            let root = root(&mut into, label[n as usize]);
+            if best == NONE {
+                best = root;
+            } else if root != best {
+                // Peaks come in falling order, so the lower number is the higher peak.
+                let (high, low) = (best.min(root), best.max(root));
+                if k2(v) > MERGE * k2(peaks[low as usize]) {
+                    into[low as usize] = high;
+                }
+                best = high;
+            }
+        }
+        if best == NONE {
+            best = into.len() as u32;
+            into.push(best);
+            peaks.push(v);
+        }
+        label[v as usize] = best;
+    }
+    let mut own: Vec<Cap> =
+        peaks.iter().map(|&peak| Cap { peak, k2: k2(peak), area: 0.0, vertices: Vec::new() }).collect();
+    for v in 0..wall.len() as u32 {
+        if label[v as usize] != NONE {
+            let cap = &mut own[root(&mut into, label[v as usize]) as usize];
+            cap.area += wall.area(v);
+            cap.vertices.push(v);
+        }
+    }
+    own.retain(|c| c.k2 >= least && c.area >= area && !c.vertices.is_empty());
+    own.sort_unstable_by_key(|c| c.peak);
+    own
+}
+
+/// Returns the flood that `n` is part of now, and shortens the way there.
+fn root(into: &mut [u32], mut n: u32) -> u32 {
+    while into[n as usize] != n {
+        let next = into[n as usize];
+        into[n as usize] = into[next as usize];
+        n = next;
+    }
+    n
+}

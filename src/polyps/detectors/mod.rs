@@ -1,0 +1,9 @@
+//! Detectors: each is one file and a line in [`BUILT_IN`].
+
+mod curvature;
+mod shape;
+
+use super::Detector;
+
+/// Every detector of this crate; the first is the default.
+pub const BUILT_IN: [Detector; 2] = [shape::DETECTOR, curvature::DETECTOR];

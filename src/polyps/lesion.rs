@@ -1,0 +1,243 @@
+//! A lesion's measures and features, from the cap that it is and the wall around it.
+
+use glam::DVec3;
+
+use super::Wall;
+use super::base::{Base, Scratch};
+use super::caps::Cap;
+use super::fit::Ellipsoid;
+use crate::space::ray::trilinear;
+use crate::volume::Volume;
+
+/// Points of a cap whose k2 is below this share of its peak are its edge, and none of the head.
+const HEAD: f32 = 0.3;
+/// Directions in which a head is measured.
+const DIRECTIONS: usize = 400;
+/// A head emerges from the wall this far below its cap, whose edge is rounded off, mm.
+const EMERGES_MM: f64 = 1.2;
+/// The inside begins this far below the surface, mm.
+const INSIDE_MM: f64 = 1.4;
+
+/// What was measured of a lesion. Positions are world, mm LPS.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lesion {
+    /// The highest place over the wall.
+    pub position: DVec3,
+    /// Unit vector from the wall into the lumen.
+    pub axis: DVec3,
+    /// Largest diameter without a stalk, mm, and its two ends.
+    pub diameter_mm: f64,
+    /// Ends of that diameter.
+    pub ends: [DVec3; 2],
+    /// Greatest height over the wall that it replaces, mm.
+    pub height_mm: f64,
+    /// Volume over that wall, mm³.
+    pub volume_mm3: f64,
+    /// Features that a score may be made of, in the order of [`FEATURES`].
+    pub features: [f64; FEATURES.len()],
+}
+
+/// Names of the features.
+pub const FEATURES: [&str; 20] = [
+    "cap_area_mm2",
+    "k2_peak",
+    "k2_mean",
+    "k1_mean",
+    "shape_index",
+    "facing",
+    "roundness",
+    "radius_mm",
+    "fit_rms_mm",
+    "elongation",
+    "sphericity",
+    "height_mm",
+    "diameter_mm",
+    "volume_mm3",
+    "stalk_mm",
+    "wall_rms_mm",
+    "hu_mean",
+    "hu_sd",
+    "hu_min",
+    "hu_max",
+];
+
+impl Lesion {
+    /// Measures the lesion that a cap belongs to. Returns `None` if there is no wall around it or no ellipsoid fits.
+    pub(crate) fn of(wall: &Wall, cap: &Cap, volume: &Volume, scratch: &mut Scratch) -> Option<Self> {
+        let base = Base::of(wall, &cap.vertices, scratch)?;
+        let head: Vec<u32> = cap.vertices.iter().copied().filter(|&v| wall.curvatures(v)[1] >= HEAD * cap.k2).collect();
+        let points: Vec<(DVec3, f64)> =
+            head.iter().map(|&v| (wall.place(v).as_dvec3(), f64::from(wall.area(v)))).collect();
+        let shape = Ellipsoid::fit(&points)?;
+        let (diameter_mm, ends) = widest(&shape, &base, lowest(wall, cap, base.axis) - EMERGES_MM)?;
+        let top = |v: &u32| base.height(wall.place(*v).as_dvec3());
+        let highest = base.body.iter().copied().max_by(|a, b| top(a).total_cmp(&top(b)).then(b.cmp(a)))?;
+        let height_mm = top(&highest);
+        let volume_mm3 = raised(wall, &base, scratch);
+
+        let area = f64::from(cap.area).max(1e-9);
+        let mean =
+            |f: &dyn Fn(u32) -> f64| cap.vertices.iter().map(|&v| f64::from(wall.area(v)) * f(v)).sum::<f64>() / area;
+        let normal = cap.vertices.iter().map(|&v| wall.normal(v) * wall.area(v)).sum::<glam::Vec3>().as_dvec3() / area;
+        let facing = normal.length();
+        let [least, most] = spread(wall, cap, normal.normalize_or_zero());
+        let hu = inside(wall, &head, &shape, volume);
+        let (long, short) = in_plane(&shape, base.axis);
+        let features = [
+            area,
+            f64::from(cap.k2),
+            mean(&|v| f64::from(wall.curvatures(v)[1])),
+            mean(&|v| f64::from(wall.curvatures(v)[0])),
+            mean(&|v| f64::from(wall.shape_index(v))),
+            facing,
+            least / most.max(1e-9),
+            shape.radius(),
+            shape.rms,
+            long / short.max(1e-9),
+            height_mm / diameter_mm.max(1e-9),
+            height_mm,
+            diameter_mm,
+            volume_mm3,
+            f64::from(base.stalk_mm),
+            base.rms,
+            hu.mean,
+            hu.sd,
+            hu.min,
+            hu.max,
+        ];
+        let position = wall.world(highest);
+        let out = Self {
+            position,
+            axis: base.axis,
+            diameter_mm,
+            ends: ends.map(|e| wall.origin() + e),
+            height_mm,
+            volume_mm3,
+            features,
+        };
+        out.features.iter().all(|f| f.is_finite()).then_some(out)
+    }
+
+    /// Returns a feature by its name; NaN if there is none.
+    pub fn feature(&self, name: &str) -> f64 {
+        FEATURES.iter().position(|f| *f == name).map_or(f64::NAN, |n| self.features[n])
+    }
+}
+
+/// Returns the unit directions of a Fibonacci lattice on the sphere.
+fn directions(count: usize) -> impl Iterator<Item = DVec3> {
+    let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    (0..count).map(move |n| {
+        let z = 1.0 - (2.0 * n as f64 + 1.0) / count as f64;
+        let (sin, cos) = (golden * n as f64).sin_cos();
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        DVec3::new(r * cos, r * sin, z)
+    })
+}
+
+/// Returns how far along `axis` a cap begins, mm: all but a twentieth of its area is farther.
+fn lowest(wall: &Wall, cap: &Cap, axis: DVec3) -> f64 {
+    let mut along: Vec<(f64, f64)> =
+        cap.vertices.iter().map(|&v| (wall.place(v).as_dvec3().dot(axis), f64::from(wall.area(v)))).collect();
+    along.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut left = 0.05 * f64::from(cap.area);
+    let first = along.iter().find(|a| {
+        left -= a.1;
+        left <= 0.0
+    });
+    first.map_or(0.0, |a| a.0)
+}
+
+/// Returns the largest distance between two points of an ellipsoid, mm, and the points: those over the wall, and those that are
+/// farther than `from` along the axis, which hold where a fold hides the wall.
+fn widest(shape: &Ellipsoid, base: &Base, from: f64) -> Option<(f64, [DVec3; 2])> {
+    let points: Vec<DVec3> = directions(DIRECTIONS)
+        .map(|d| shape.point(d))
+        .filter(|p| base.height(*p) >= 0.0 || p.dot(base.axis) >= from)
+        .collect();
+    let mut best: Option<(f64, [DVec3; 2])> = None;
+    for direction in directions(DIRECTIONS / 2) {
+        let along = |p: &DVec3| p.dot(direction);
+        let least = points.iter().copied().min_by(|a, b| along(a).total_cmp(&along(b)))?;
+        let most = points.iter().copied().max_by(|a, b| along(a).total_cmp(&along(b)))?;
+        let mm = least.distance(most);
+        if best.is_none_or(|b| mm > b.0) {
+            best = Some((mm, [least, most]));
+        }
+    }
+    best
+}
+
+/// Returns the half axes of the ellipse in which a plane across `axis` through the centre cuts an ellipsoid, the longer one
+/// first, mm.
+fn in_plane(shape: &Ellipsoid, axis: DVec3) -> (f64, f64) {
+    let (u, w) = axis.any_orthonormal_pair();
+    let m = shape.s * shape.s;
+    let (a, b, c) = (u.dot(m * u), u.dot(m * w), w.dot(m * w));
+    let (half, off) = (0.5 * (a + c), (0.25 * (a - c).powi(2) + b * b).sqrt());
+    ((half - off).max(1e-9).sqrt().recip(), (half + off).max(1e-9).sqrt().recip())
+}
+
+/// Returns the volume between a body's surface and the wall beneath, mm³.
+fn raised(wall: &Wall, base: &Base, scratch: &Scratch) -> f64 {
+    let in_body = |v: u32| scratch.mm(v) <= base.reach_mm;
+    let mut sum = 0.0;
+    for &v in &base.body {
+        // Each triangle is counted at its first vertex.
+        for [a, b] in wall.around(v).filter(|&[a, b]| v < a && v < b && in_body(a) && in_body(b)) {
+            let [own, a, b] = [v, a, b].map(|n| wall.place(n).as_dvec3());
+            let across = 0.5 * (b - own).cross(a - own).dot(base.axis);
+            sum += across * (base.height(own) + base.height(a) + base.height(b)) / 3.0;
+        }
+    }
+    sum.max(0.0)
+}
+
+/// Returns the smaller and the larger mean square of a cap's normals across the axis: equal on a ball, the smaller one near 0
+/// on a ridge.
+fn spread(wall: &Wall, cap: &Cap, axis: DVec3) -> [f64; 2] {
+    if axis == DVec3::ZERO {
+        return [0.0, 1.0];
+    }
+    let (u, w) = axis.any_orthonormal_pair();
+    let (mut a, mut b, mut c) = (0.0, 0.0, 0.0);
+    for &v in &cap.vertices {
+        let n = wall.normal(v).as_dvec3();
+        let (x, y, area) = (n.dot(u), n.dot(w), f64::from(wall.area(v)));
+        a += area * x * x;
+        b += area * x * y;
+        c += area * y * y;
+    }
+    let (half, off) = (0.5 * (a + c), (0.25 * (a - c).powi(2) + b * b).sqrt());
+    [(half - off).max(0.0), half + off]
+}
+
+/// HU inside a lesion.
+struct Inside {
+    mean: f64,
+    sd: f64,
+    min: f64,
+    max: f64,
+}
+
+/// Returns the HU below a head's surface, up to its centre.
+fn inside(wall: &Wall, head: &[u32], shape: &Ellipsoid, volume: &Volume) -> Inside {
+    let deepest = (shape.radius()).clamp(INSIDE_MM + 0.1, 6.0);
+    let (mut count, mut sum, mut square) = (0.0, 0.0, 0.0);
+    let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
+    for &v in head {
+        let inwards = -wall.normal(v).as_dvec3();
+        let mut mm = INSIDE_MM;
+        while mm <= deepest {
+            let hu = trilinear(volume, volume.grid().voxel(wall.world(v) + inwards * mm));
+            (count, sum, square) = (count + 1.0, sum + hu, square + hu * hu);
+            (min, max) = (min.min(hu), max.max(hu));
+            mm += 1.0;
+        }
+    }
+    if count == 0.0 {
+        return Inside { mean: 0.0, sd: 0.0, min: 0.0, max: 0.0 };
+    }
+    let mean: f64 = sum / count;
+    Inside { mean, sd: (square / count - mean * mean).max(0.0).sqrt(), min, max }
+}

@@ -1,0 +1,198 @@
+//! Bodies of known shape on a wall of known shape.
+
+use glam::{DMat3, DVec3};
+
+use super::base::Scratch;
+use super::*;
+use crate::fields::lumen;
+use crate::math::{hash, normal};
+use crate::volume::Grid;
+
+/// A scan of a body: `d` is the distance into the tissue, mm; the blur is 0.6 mm, and −650 HU lies at d = 0.
+fn scan(size: DVec3, spacing: DVec3, noise_hu: f64, d: impl Fn(DVec3) -> f64) -> Volume {
+    let dims = (size / spacing).ceil().to_array().map(|n| n as usize);
+    let grid = Grid::new(dims, spacing, -0.5 * size, DMat3::IDENTITY).unwrap();
+    let hu = |n: usize| {
+        let [i, j, k] = [n % dims[0], n / dims[0] % dims[1], n / (dims[0] * dims[1])].map(|x| x as f64);
+        let share = normal::cdf(d(grid.world(DVec3::new(i, j, k))) / 0.6 - 0.4219);
+        (-1000.0 + 1040.0 * share + noise_hu * hash::normal(7, n as u64)).round() as i16
+    };
+    let data = (0..grid.len()).map(hu).collect();
+    Volume::new(grid, data)
+}
+
+/// The wall of the gas at a place.
+fn wall_at(volume: &Volume, gas: DVec3) -> (Lumen, Wall) {
+    let progress = Progress::new();
+    let lumen = lumen::gas_at(volume, gas, &progress).unwrap().expect("gas");
+    let wall = Wall::new(volume, &lumen, -650.0, &progress).unwrap();
+    (lumen, wall)
+}
+
+/// A closed room of 40 × 40 × 30 mm with a floor at z = 0 and what stands on it.
+fn room(body: impl Fn(DVec3) -> f64) -> impl Fn(DVec3) -> f64 {
+    move |p| {
+        let wall = (p.x.abs() - 20.0).max(p.y.abs() - 20.0).max(-p.z).max(p.z - 30.0);
+        wall.max(body(p))
+    }
+}
+
+const ROOM: DVec3 = DVec3::new(48.0, 48.0, 70.0);
+
+fn ball(at: DVec3, radius: f64) -> impl Fn(DVec3) -> f64 {
+    move |p| radius - p.distance(at)
+}
+
+#[test]
+fn a_ball_has_the_curvature_of_its_radius_and_finer_voxels_measure_it_better() {
+    for radius in [3.0, 6.0, 10.0] {
+        let mut errors = Vec::new();
+        for h in [1.0, 0.5] {
+            // A ball of tissue that floats in gas; islands stay where they touch nothing, so a thin rod holds it.
+            let at = DVec3::new(0.0, 0.0, 15.0);
+            let rod = |p: DVec3| 1.5 - p.truncate().length().max(p.z - 15.0);
+            let volume = scan(ROOM, DVec3::splat(h), 0.0, room(move |p| ball(at, radius)(p).max(rod(p))));
+            let (_, wall) = wall_at(&volume, DVec3::new(15.0, 15.0, 15.0));
+            let upper = |v: &u32| wall.world(*v).z > at.z && wall.world(*v).distance(at) < radius + 1.0;
+            let on: Vec<u32> = (0..wall.len() as u32).filter(upper).collect();
+            let area: f64 = on.iter().map(|&v| f64::from(wall.area(v))).sum();
+            let error = |v: u32| {
+                let [a, b] = wall.curvatures(v).map(f64::from);
+                f64::from(wall.area(v)) * (0.5 * (a + b) * radius - 1.0).powi(2)
+            };
+            errors.push((on.iter().map(|&v| error(v)).sum::<f64>() / area).sqrt());
+            let index = on.iter().map(|&v| f64::from(wall.area(v) * wall.shape_index(v))).sum::<f64>() / area;
+            assert!(index > 0.9, "a cap: {index}");
+        }
+        assert!(errors[0] < 0.12 && errors[1] < 0.05, "radius {radius}: {errors:?}");
+        assert!(errors[1] < 0.6 * errors[0], "radius {radius}: {errors:?}");
+    }
+}
+
+#[test]
+fn a_ridge_is_curved_one_way_and_a_pit_the_other_way() {
+    let ridge = |p: DVec3| 4.0 - p.y.hypot(p.z);
+    let volume = scan(ROOM, DVec3::splat(0.8), 0.0, room(ridge));
+    let (_, wall) = wall_at(&volume, DVec3::new(0.0, 10.0, 15.0));
+    let crest = wall.nearest(DVec3::new(1.0, 0.0, 4.0), 1.0).unwrap();
+    let [k1, k2] = wall.curvatures(crest);
+    assert!((k1 - 0.25).abs() < 0.02 && k2.abs() < 0.01, "{k1}, {k2}");
+    assert!((wall.shape_index(crest) - 0.75).abs() < 0.03 && (wall.curvedness(crest) - 0.177).abs() < 0.02);
+    assert!(wall.normal(crest).z > 0.99, "into the lumen");
+    // A corner of the room is a pit.
+    let corner = wall.nearest(DVec3::new(20.0, 20.0, 30.0), 2.0).unwrap();
+    assert!(wall.shape_index(corner) < 0.15, "{}", wall.shape_index(corner));
+    let ceiling = wall.nearest(DVec3::new(0.0, 0.0, 30.0), 1.0).unwrap();
+    assert!(wall.curvedness(ceiling) < 0.01);
+    assert_eq!(wall.nearest(DVec3::new(0.0, 0.0, 15.0), 3.0), None);
+}
+
+/// The cap nearest to a place, measured.
+fn measured(volume: &Volume, wall: &Wall, at: DVec3) -> Lesion {
+    let all = caps(wall, 0.02, 3.0);
+    let away = |c: &Cap| wall.world(c.peak).distance(at);
+    let cap = all.iter().min_by(|a, b| away(a).total_cmp(&away(b))).expect("a cap");
+    Lesion::of(wall, cap, volume, &mut Scratch::new(wall)).expect("a lesion")
+}
+
+#[test]
+fn a_ball_on_a_floor_has_its_diameter_height_and_volume() {
+    for (diameter, lift, noise) in [(6.0, 1.0, 0.0), (6.0, 1.0, 22.0), (10.0, 1.5, 22.0), (16.0, 3.0, 22.0)] {
+        let radius = 0.5 * diameter;
+        let at = DVec3::new(0.4, -0.3, lift);
+        let volume = scan(ROOM, DVec3::new(0.7, 0.7, 1.0), noise, room(ball(at, radius)));
+        let (_, wall) = wall_at(&volume, DVec3::new(15.0, 15.0, 15.0));
+        let found = measured(&volume, &wall, at + DVec3::Z * radius);
+        let (height, cap) = (radius + lift, radius - lift);
+        let spherical = std::f64::consts::PI * (4.0 * radius.powi(3) - cap * cap * (3.0 * radius - cap)) / 3.0;
+        let told = format!("{diameter} mm, {noise} HU: {found:?}");
+        assert!((found.diameter_mm - diameter).abs() < 0.45, "{told}");
+        assert!((found.height_mm - height).abs() < 0.4, "{height}: {told}");
+        assert!((found.volume_mm3 / spherical - 1.0).abs() < 0.15, "{spherical}: {told}");
+        assert!(found.axis.z > 0.98 && (found.ends[0].distance(found.ends[1]) - found.diameter_mm).abs() < 1e-9);
+        assert!((found.feature("hu_mean") - 40.0).abs() < 45.0, "{told}");
+        assert!(found.feature("no such").is_nan());
+    }
+}
+
+#[test]
+fn a_head_on_a_stalk_is_measured_without_it() {
+    let head = DVec3::new(0.0, 0.0, 10.0);
+    let stalk = |p: DVec3| 1.5 - p.truncate().length().max(p.z - 10.0);
+    let volume = scan(ROOM, DVec3::new(0.7, 0.7, 1.0), 22.0, room(move |p| ball(head, 4.0)(p).max(stalk(p))));
+    let (_, wall) = wall_at(&volume, DVec3::new(15.0, 15.0, 15.0));
+    let found = measured(&volume, &wall, head + DVec3::Z * 4.0);
+    assert!((found.diameter_mm - 8.0).abs() < 0.4, "{found:?}");
+    assert!((found.height_mm - 14.0).abs() < 0.6 && found.feature("stalk_mm") > 2.0, "{found:?}");
+}
+
+#[test]
+fn detectors_find_balls_and_no_ridge_and_the_order_is_theirs() {
+    let balls = [(DVec3::new(-10.0, -8.0, 1.5), 4.0), (DVec3::new(9.0, 10.0, 1.0), 3.0)];
+    let body = move |p: DVec3| {
+        let ridge = 3.0 - p.y.hypot(p.z);
+        balls.iter().fold(ridge, |d, &(at, r)| d.max(ball(at, r)(p)))
+    };
+    let volume = scan(ROOM, DVec3::new(0.7, 0.7, 1.0), 22.0, room(body));
+    let (lumen, wall) = wall_at(&volume, DVec3::new(15.0, 0.0, 15.0));
+    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
+    for detector in &detectors::BUILT_IN {
+        let found = find(detector, &colon, &Progress::new()).unwrap();
+        assert!(found.windows(2).all(|w| w[0].score >= w[1].score), "{}", detector.name);
+        for (at, radius) in balls {
+            let rank = found.iter().position(|c| c.position.distance(at) < radius + 2.0);
+            assert!(rank.is_some_and(|r| r < 2), "{}: {rank:?} of {}", detector.name, found.len());
+        }
+        let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        assert_eq!(one.install(|| find(detector, &colon, &Progress::new()).unwrap()), found, "{}", detector.name);
+    }
+}
+
+#[test]
+fn what_a_detector_returns_is_put_in_order_and_one_is_left_for_each_place() {
+    fn odd(_: &Colon<'_>, _: &Progress) -> Result<Vec<Candidate>> {
+        let at = |x: f64, score| Candidate::new(DVec3::new(x, 0.0, 0.0), score);
+        Ok(vec![at(0.0, 1.0), at(3.0, 2.0), at(20.0, f64::NAN), at(f64::NAN, 9.0), at(40.0, 1.0), at(30.0, 1.0)])
+    }
+    fn broken(_: &Colon<'_>, _: &Progress) -> Result<Vec<Candidate>> {
+        panic!("a bug")
+    }
+    let volume = scan(DVec3::splat(8.0), DVec3::ONE, 0.0, |p| p.length() - 3.0);
+    let (lumen, wall) = (Lumen::none(volume.grid()), Wall::default());
+    let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
+    let detector = |find| Detector { name: "own", summary: "", find };
+    let found = find(&detector(odd), &colon, &Progress::new()).unwrap();
+    let places: Vec<(f64, f64)> = found.iter().map(|c| (c.position.x, c.score)).collect();
+    assert_eq!(places, [(3.0, 2.0), (30.0, 1.0), (40.0, 1.0)]);
+    let e = find(&detector(broken), &colon, &Progress::new()).unwrap_err().to_string();
+    assert!(e.contains("detector own") && e.contains("a bug"), "{e}");
+    for detector in &detectors::BUILT_IN {
+        assert_eq!(find(detector, &colon, &Progress::new()).unwrap(), [], "no wall, no candidate: {}", detector.name);
+    }
+}
+
+#[test]
+fn an_ellipsoid_is_found_from_a_part_of_it_and_nothing_from_nothing() {
+    use super::fit::Ellipsoid;
+    let half = DVec3::new(3.0, 4.0, 5.0);
+    let turn = DMat3::from_rotation_y(0.4);
+    let cap = |n: u64| {
+        let u = |k| hash::uniform(3, 4 * n + k);
+        let (z, phi) = (u(0), std::f64::consts::TAU * u(1));
+        let r = (1.0f64 - z * z).sqrt();
+        (turn * (half * DVec3::new(r * phi.cos(), r * phi.sin(), z)) + DVec3::new(7.0, 8.0, 9.0), 0.3)
+    };
+    let points: Vec<(DVec3, f64)> = (0..600).map(cap).collect();
+    let fit = Ellipsoid::fit(&points).unwrap();
+    assert!(fit.rms < 0.02 && fit.centre.distance(DVec3::new(7.0, 8.0, 9.0)) < 0.3, "{fit:?}");
+    let along = |d: DVec3| 2.0 / (fit.s * d).length();
+    for n in 0..3 {
+        let d = turn.col(n);
+        assert!((along(d) - 2.0 * half[n]).abs() < 0.3, "{n}: {}", along(d));
+    }
+    assert!(fit.distance(fit.centre + turn.x_axis * 4.0) > 0.7 && fit.distance(fit.centre) < 0.0);
+    let flat: Vec<(DVec3, f64)> = points.iter().map(|p| (DVec3::new(p.0.x, p.0.y, 1.0), 1.0)).collect();
+    for none in [&points[..3], &flat, &[], &vec![(DVec3::NAN, 1.0); 9], &vec![(DVec3::ONE, 1.0); 9]] {
+        assert_eq!(Ellipsoid::fit(none), None);
+    }
+}

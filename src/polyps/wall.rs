@@ -1,0 +1,283 @@
+//! The colon's wall as a smooth surface: positions between voxels, normals and principal curvatures.
+//!
+//! Vertices lie where the interpolated value crosses the wall's. Their normals n are those of the triangles around them,
+//! smoothed along the surface by a Gaussian of [`SMOOTH_MM`], so that no smoothing reaches across a thin fold. The shape
+//! operator S of a vertex is the symmetric 2×2 matrix that best maps the steps e to its neighbours, in the tangent plane,
+//! to the change of the normal: Σ a |S e − Δn|² is least, with a the area of the neighbour (the discrete form of
+//! dn = S dx; Rusinkiewicz 2004 solves the same equation for each triangle). Its eigenvalues are the principal curvatures.
+//!
+//! The steps are between positions smoothed by the same weights as the normals. Any mean of points of a sphere or a cylinder
+//! and the mean of their normals are related by the same S as the points, so that S is exact there, however uneven the mesh
+//! is. Elsewhere the error is of the second order in the smoothing and in the length of a step.
+
+use std::ops::Range;
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::fields::Lumen;
+use crate::fields::lumen::Interior;
+use crate::progress::Progress;
+use crate::surface::LumenMesh;
+use crate::volume::Volume;
+
+/// Standard deviation of the smoothing of normals along the surface, mm.
+pub const SMOOTH_MM: f64 = 1.0;
+/// Maximum number of smoothing steps; a scan with finer voxels is smoothed less.
+const MOST_STEPS: usize = 40;
+/// Vertices that a sum is split by, so that it does not depend on the threads.
+const CHUNK: usize = 4096;
+
+/// The wall of a lumen. Vertices are numbered from 0; neighbours share an edge.
+#[derive(Clone, Debug, Default)]
+pub struct Wall {
+    origin: DVec3,
+    places: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    areas: Vec<f32>,
+    curvatures: Vec<[f32; 2]>,
+    /// Where the corners of each vertex begin.
+    begins: Vec<u32>,
+    /// The next vertex of the triangle of each corner, and the one after it.
+    beside: Vec<u32>,
+    beyond: Vec<u32>,
+}
+
+impl Wall {
+    /// Extracts the wall of `lumen` at `iso` HU and computes its curvatures.
+    ///
+    /// # Errors
+    /// Returns status 4 if there are more vertices than 32 bits can count, or if interrupted.
+    pub fn new(volume: &Volume, lumen: &Lumen, iso: f64, progress: &Progress) -> Result<Self> {
+        let mesh = LumenMesh::new(&Interior::of_lumen(volume, lumen, iso, progress)?, progress)?;
+        let (mesh, _) = mesh.without_islands();
+        Self::of_mesh(mesh, progress)
+    }
+
+    /// Computes the curvatures of a closed surface whose normals point out of the lumen.
+    ///
+    /// # Errors
+    /// Returns status 4 if interrupted.
+    pub fn of_mesh(mesh: LumenMesh, progress: &Progress) -> Result<Self> {
+        progress.stage("measuring the wall", 0);
+        let (origin, places, triangles) = mesh.into_parts();
+        let (normals, areas) = facing(&places, &triangles);
+        let [begins, beside, beyond] = corners(places.len(), &triangles);
+        drop(triangles);
+        let mut wall = Self { origin, places, normals, areas, begins, beside, beyond, ..Self::default() };
+        progress.check()?;
+        // Not of unit length: a mean of normals is shorter, as a mean of positions is nearer to the middle.
+        let mut smooth = wall.places.iter().copied().zip(wall.normals.iter().copied()).collect::<Vec<_>>();
+        let mut next = Vec::new();
+        for _ in 0..wall.smoothing_steps() {
+            (0..wall.len()).into_par_iter().map(|v| wall.mean(v as u32, &smooth)).collect_into_vec(&mut next);
+            std::mem::swap(&mut smooth, &mut next);
+            progress.check()?;
+        }
+        drop(next);
+        wall.normals.par_iter_mut().zip(&smooth).for_each(|(n, s)| *n = s.1.normalize_or_zero());
+        wall.curvatures = (0..wall.len() as u32).into_par_iter().map(|v| wall.curvatures_at(v, &smooth)).collect();
+        progress.check()?;
+        Ok(wall)
+    }
+
+    /// Returns the number of vertices.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// True if there is no wall.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Returns a vertex' position, world mm LPS.
+    pub fn world(&self, vertex: u32) -> DVec3 {
+        self.origin + self.places[vertex as usize].as_dvec3()
+    }
+
+    /// Returns a vertex' position as an offset from an origin near the scan, mm in world directions.
+    pub(crate) fn place(&self, vertex: u32) -> Vec3 {
+        self.places[vertex as usize]
+    }
+
+    /// Returns the origin of [`Wall::place`], world mm LPS.
+    pub(crate) fn origin(&self) -> DVec3 {
+        self.origin
+    }
+
+    /// Returns the unit normal at a vertex, into the lumen; zero where the surface has none.
+    pub fn normal(&self, vertex: u32) -> Vec3 {
+        self.normals[vertex as usize]
+    }
+
+    /// Returns a vertex' share of the surface, mm².
+    pub fn area(&self, vertex: u32) -> f32 {
+        self.areas[vertex as usize]
+    }
+
+    /// Returns the principal curvatures at a vertex, 1/mm, the larger one first. They are positive where the wall bulges
+    /// into the lumen: both are 1/R on a ball of tissue of radius R.
+    pub fn curvatures(&self, vertex: u32) -> [f32; 2] {
+        self.curvatures[vertex as usize]
+    }
+
+    /// Returns the shape index at a vertex: 1 on a cap, ¾ on a ridge, ½ on a saddle, 0 in a cup (Koenderink and van Doorn
+    /// 1992, scaled as by Yoshida and Näppi 2001); ½ on a plane.
+    pub fn shape_index(&self, vertex: u32) -> f32 {
+        let [k1, k2] = self.curvatures(vertex);
+        // atan2 is right also where both are equal.
+        if k1 == 0.0 && k2 == 0.0 { 0.5 } else { 0.5 + (k1 + k2).atan2(k1 - k2) / std::f32::consts::PI }
+    }
+
+    /// Returns the curvedness at a vertex, √((k1² + k2²)/2), 1/mm.
+    pub fn curvedness(&self, vertex: u32) -> f32 {
+        let [k1, k2] = self.curvatures(vertex);
+        (0.5 * (k1 * k1 + k2 * k2)).sqrt()
+    }
+
+    /// Returns the vertices that share an edge with a vertex.
+    pub fn beside(&self, vertex: u32) -> &[u32] {
+        &self.beside[self.corners(vertex)]
+    }
+
+    /// Returns the triangles around a vertex, by their other two vertices, counter-clockwise as seen from the tissue.
+    pub fn around(&self, vertex: u32) -> impl Iterator<Item = [u32; 2]> {
+        let own = self.corners(vertex);
+        self.beside[own.clone()].iter().zip(&self.beyond[own]).map(|(&a, &b)| [a, b])
+    }
+
+    fn corners(&self, vertex: u32) -> Range<usize> {
+        self.begins[vertex as usize] as usize..self.begins[vertex as usize + 1] as usize
+    }
+
+    /// Returns the vertex nearest to a position (world, mm) within a distance.
+    pub fn nearest(&self, world: DVec3, within_mm: f64) -> Option<u32> {
+        let at = (world - self.origin).as_vec3();
+        let most = (within_mm * within_mm) as f32;
+        let near = |(n, p): (usize, &Vec3)| (p.distance_squared(at), n as u32);
+        let least = |a: (f32, u32), b: (f32, u32)| if (b.0, b.1) < (a.0, a.1) { b } else { a };
+        let (square, vertex) = self.places.par_iter().enumerate().map(near).reduce(|| (f32::INFINITY, u32::MAX), least);
+        (square <= most).then_some(vertex)
+    }
+
+    /// Returns the size in memory, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.places.as_slice())
+            + size_of_val(self.normals.as_slice())
+            + size_of_val(self.areas.as_slice())
+            + size_of_val(self.curvatures.as_slice())
+            + size_of_val(self.begins.as_slice())
+            + size_of_val(self.beside.as_slice())
+            + size_of_val(self.beyond.as_slice())
+    }
+
+    /// Returns the number of steps of [`Wall::mean`] that make a Gaussian of [`SMOOTH_MM`].
+    fn smoothing_steps(&self) -> usize {
+        // Variance of one step along one axis of the surface, as a mean over the surface.
+        let spread = |v: u32| {
+            let own = self.area(v);
+            let (mut sum, mut weight) = (0.0, own);
+            for &n in self.beside(v) {
+                sum += self.area(n) * self.place(n).distance_squared(self.place(v));
+                weight += self.area(n);
+            }
+            if weight > 0.0 { [f64::from(own * 0.5 * sum / weight), f64::from(own)] } else { [0.0; 2] }
+        };
+        let vertices: Vec<u32> = (0..self.len() as u32).collect();
+        let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
+        let parts: Vec<[f64; 2]> =
+            vertices.par_chunks(CHUNK).map(|part| part.iter().map(|&v| spread(v)).fold([0.0; 2], add)).collect();
+        let [sum, area] = parts.into_iter().fold([0.0; 2], add);
+        if sum > 0.0 { ((SMOOTH_MM * SMOOTH_MM * area / sum).round() as usize).clamp(1, MOST_STEPS) } else { 0 }
+    }
+
+    /// Returns the means of the positions and normals of a vertex and those beside it, weighted by area.
+    fn mean(&self, v: u32, of: &[(Vec3, Vec3)]) -> (Vec3, Vec3) {
+        let (mut place, mut normal, mut area) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+        for &n in self.beside(v).iter().chain([&v]) {
+            let own = self.area(n);
+            place += own * of[n as usize].0;
+            normal += own * of[n as usize].1;
+            area += own;
+        }
+        if area > 0.0 { (place / area, normal / area) } else { of[v as usize] }
+    }
+
+    fn curvatures_at(&self, v: u32, smooth: &[(Vec3, Vec3)]) -> [f32; 2] {
+        let normal = self.normal(v);
+        if normal == Vec3::ZERO {
+            return [0.0; 2];
+        }
+        let (u, w) = normal.any_orthonormal_pair();
+        let (mut sxx, mut sxy, mut syy) = (0f32, 0f32, 0f32);
+        let (mut a, mut b, mut c) = (0f32, 0f32, 0f32);
+        for &n in self.beside(v) {
+            let [own, other] = [v, n].map(|n| smooth[n as usize]);
+            let (step, change, area) = (other.0 - own.0, other.1 - own.1, self.area(n));
+            let (x, y) = (step.dot(u), step.dot(w));
+            let (dx, dy) = (change.dot(u), change.dot(w));
+            sxx += area * x * x;
+            sxy += area * x * y;
+            syy += area * y * y;
+            a += area * x * dx;
+            b += area * (y * dx + x * dy);
+            c += area * y * dy;
+        }
+        // [sxx sxy 0; sxy sxx+syy sxy; 0 sxy syy] · [p q r] = [a b c], the normal equations of S = [p q; q r].
+        let trace = sxx + syy;
+        let det = trace * (sxx * syy - sxy * sxy);
+        // The neighbours are on one line.
+        if det.abs() < 1e-4 * trace * trace * trace || !det.is_finite() {
+            return [0.0; 2];
+        }
+        let q = sxx * syy * b - sxy * (syy * a + sxx * c);
+        let q = q / det;
+        let (p, r) = ((a - sxy * q) / sxx.max(f32::MIN_POSITIVE), (c - sxy * q) / syy.max(f32::MIN_POSITIVE));
+        let (half, off) = (0.5 * (p + r), (0.25 * (p - r) * (p - r) + q * q).sqrt());
+        let both = [half + off, half - off];
+        if both.iter().all(|k| k.is_finite()) { both } else { [0.0; 2] }
+    }
+}
+
+/// Returns the normals of vertices, into the lumen and weighted by the triangles' areas, and each vertex' third of the
+/// area of its triangles.
+fn facing(places: &[Vec3], triangles: &[[u32; 3]]) -> (Vec<Vec3>, Vec<f32>) {
+    let mut normals = vec![Vec3::ZERO; places.len()];
+    let mut areas = vec![0f32; places.len()];
+    for t in triangles {
+        let [a, b, c] = t.map(|v| places[v as usize]);
+        // Counter-clockwise as seen from the tissue.
+        let normal = 0.5 * (c - a).cross(b - a);
+        let third = normal.length() / 3.0;
+        for &v in t {
+            normals[v as usize] += normal;
+            areas[v as usize] += third;
+        }
+    }
+    normals.par_iter_mut().for_each(|n| *n = n.normalize_or_zero());
+    (normals, areas)
+}
+
+/// Returns where the corners of each vertex begin, and the other two vertices of the triangle of each. On a closed surface,
+/// each vertex beside another follows it in exactly one triangle.
+fn corners(vertices: usize, triangles: &[[u32; 3]]) -> [Vec<u32>; 3] {
+    let mut begins = vec![0u32; vertices + 1];
+    for &v in triangles.as_flattened() {
+        begins[v as usize + 1] += 1;
+    }
+    for n in 1..begins.len() {
+        begins[n] += begins[n - 1];
+    }
+    let mut next = begins.clone();
+    let (mut beside, mut beyond) = (vec![0u32; 3 * triangles.len()], vec![0u32; 3 * triangles.len()]);
+    for &[a, b, c] in triangles {
+        for [v, one, other] in [[a, b, c], [b, c, a], [c, a, b]] {
+            let at = next[v as usize] as usize;
+            (beside[at], beyond[at]) = (one, other);
+            next[v as usize] += 1;
+        }
+    }
+    [begins, beside, beyond]
+}
