@@ -578,6 +578,10 @@ pub enum PhantomFeature {
     Pseudo,
     /// Thin strands across the lumen.
     Bridges,
+    /// Polyps of every shape and site: sessile, stalked and flat, on the wall, on folds and between them.
+    Lesions,
+    /// What is no polyp and misleads detectors: odd folds, the ileocecal valve, a rectal tube, untagged stool.
+    Decoys,
     /// Scanner noise.
     Noise,
 }

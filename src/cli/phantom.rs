@@ -39,6 +39,8 @@ pub(crate) fn run(args: &PhantomArgs, global: &Global, progress: &Progress) -> R
             PhantomPosition::Right => Position::Right,
         },
         bridges: has(PhantomFeature::Bridges),
+        lesions: has(PhantomFeature::Lesions),
+        decoys: has(PhantomFeature::Decoys),
         noise: has(PhantomFeature::Noise),
         seed: global.seed.unwrap_or(1),
     });

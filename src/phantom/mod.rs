@@ -6,9 +6,21 @@
 
 pub(crate) mod body;
 mod centerline;
+mod decoy_placing;
+#[cfg(test)]
+mod decoy_tests;
+mod decoys;
 mod features;
+mod ground;
+mod growth;
+#[cfg(test)]
+mod lesion_tests;
+mod lesions;
+mod placing;
 pub(crate) mod profile;
+mod settings;
 mod shape;
+mod solid;
 mod spline;
 mod tag;
 #[cfg(test)]
@@ -28,143 +40,21 @@ use crate::volume::{Grid, Volume};
 use body::Body;
 use centerline::FootPoint;
 use features::{FLUID_SHARE, Pool, Stream};
+use ground::Taken;
 use profile::{FAT, FLUID, GAS, TISSUE, mix, normal_cdf, sheet_share, smooth_min, smooth_step, tissue_share};
 use shape::{Attached, DEEP, Distances, Shape};
 use tag::{Kinds, Seen, Tag};
 
 pub use centerline::{Centerline, Frame};
+pub use decoys::{DecoyKind, TrueDecoy};
+pub use lesions::{PolypShape, PolypSite};
+pub use settings::{NOISE_HU, PhantomSettings, Position, Scanner, Size};
 pub use shape::Polyp;
 pub use tag::Beside;
 pub use truth::{TruePolyp, Truth};
 
-/// Standard deviation of the noise, HU.
-pub const NOISE_HU: f64 = 22.0;
-
 /// Distance within which two loops' walls blend, mm; smaller than the tissue between them.
 const LOOP_BLEND: f64 = 2.0;
-
-/// Size of a phantom.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Size {
-    /// A colon of about 0.7 m on about ten million voxels of 0.9 mm.
-    Small,
-    /// An adult colon on 512×512×400 voxels of 0.7×0.7×1.0 mm.
-    #[default]
-    Standard,
-    /// The adult colon on 1024×1024×800 voxels of half the spacing.
-    Large,
-}
-
-/// The patient's position on the table. Fluid runs to the side that is down.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Position {
-    /// On the back.
-    #[default]
-    Supine,
-    /// On the belly.
-    Prone,
-    /// On the left side.
-    Left,
-    /// On the right side.
-    Right,
-}
-
-impl Position {
-    /// Returns the direction of gravity, LPS.
-    pub fn down(self) -> DVec3 {
-        match self {
-            Self::Supine => DVec3::Y,
-            Self::Prone => DVec3::NEG_Y,
-            Self::Left => DVec3::X,
-            Self::Right => DVec3::NEG_X,
-        }
-    }
-}
-
-/// What the scanner makes of a body.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scanner {
-    /// Standard deviation of the blur, mm; `None` for about 0.65 of a voxel of the phantom's size.
-    pub blur_mm: Option<f64>,
-    /// Standard deviation of the noise, HU, if the settings enable it.
-    pub noise_hu: f64,
-    /// HU of all tag, about which inhomogeneous tag varies; `None` as placed: 450, or from 200 to 1200 if inhomogeneous.
-    pub tag_hu: Option<f64>,
-}
-
-impl Default for Scanner {
-    fn default() -> Self {
-        Self { blur_mm: None, noise_hu: NOISE_HU, tag_hu: None }
-    }
-}
-
-/// Selects the features of a phantom.
-///
-/// ```
-/// use colvis::phantom::{Phantom, PhantomSettings, Size};
-///
-/// let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed: 3, ..PhantomSettings::default() });
-/// let truth = phantom.truth();
-/// let inside = truth.centerline[truth.centerline.len() / 2];
-/// assert!(phantom.value(inside) < -900.0, "gas, HU");
-/// assert!(truth.length_mm > 500.0 && !truth.polyps.is_empty());
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PhantomSettings {
-    /// Size of the phantom.
-    pub size: Size,
-    /// Semilunar folds.
-    pub folds: bool,
-    /// Sessile polyps.
-    pub polyps: bool,
-    /// Pools of tagged fluid with a horizontal level, filled to a third at most.
-    pub fluid: bool,
-    /// Pools of tagged fluid, some nearly full, with thin folds and polyps under the fluid.
-    pub pools: bool,
-    /// Films of tag on the wall.
-    pub films: bool,
-    /// Tagged stool that clings to the wall and holds bubbles.
-    pub stool: bool,
-    /// Tag from 200 to 1200 HU, layered and patchy, not 450 HU everywhere.
-    pub inhomogeneous: bool,
-    /// Pseudo-enhancement: tissue beside tag appears brighter.
-    pub pseudo: bool,
-    /// The patient's position.
-    pub position: Position,
-    /// Thin strands of tissue across the lumen.
-    pub bridges: bool,
-    /// Voxel noise of [`NOISE_HU`].
-    pub noise: bool,
-    /// Seed of the anatomy. Each seed gives a different colon.
-    pub seed: u64,
-}
-
-impl PhantomSettings {
-    /// Settings of the embedded phantom, for commands without an input: small, and different for each seed.
-    pub fn embedded(seed: u64) -> Self {
-        Self { size: Size::Small, seed, ..Self::default() }
-    }
-}
-
-impl Default for PhantomSettings {
-    fn default() -> Self {
-        Self {
-            size: Size::Standard,
-            folds: true,
-            polyps: true,
-            fluid: false,
-            pools: false,
-            films: false,
-            stool: false,
-            inhomogeneous: false,
-            pseudo: false,
-            position: Position::Supine,
-            bridges: false,
-            noise: true,
-            seed: 1,
-        }
-    }
-}
 
 /// The wall near a position.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -235,6 +125,9 @@ impl Phantom {
             }
             tag = Some(own);
             pools = Vec::new();
+        }
+        if settings.lesions || settings.decoys {
+            grow(&mut shape, settings, tag.as_ref(), &pools);
         }
         // A position whose foot point is half a knot away is slightly farther from the knot than from the foot point.
         let reach = (0..shape.axis.knots().len())
@@ -404,17 +297,20 @@ impl Phantom {
             Some(Seen { tag, hu, .. }) => mix(GAS, hu, tag),
             None => self.content(p, s),
         };
+        let enclosed = || self.shape.decoys_near(s).map(|d| d.enclosed_gas(p)).fold(0.0, f64::max);
+        let inside = if inside > GAS { mix(inside, GAS, enclosed()) } else { inside };
         if tissue <= 0.0 {
             return inside;
         }
+        let solid = self.shape.decoys_near(s).fold(TISSUE, |hu, d| d.material(p, hu));
         // The wall is about 3 mm thick; mesenteric fat fades into the surrounding body.
         let layer = smooth_step(2.0, 4.0, d.plain);
         let outside = if layer > 0.0 {
             let body = body(p);
             let fat = mix(FAT, body, smooth_step(4.0, DEEP, d.plain));
-            mix(TISSUE, fat, layer)
+            mix(solid, fat, layer)
         } else {
-            TISSUE
+            solid
         };
         mix(inside, outside + seen.map_or(0.0, |s| s.pseudo_hu), tissue)
     }
@@ -425,6 +321,24 @@ impl Phantom {
             Some(pool) => mix(GAS, FLUID, normal_cdf((p.dot(self.settings.position.down()) - pool.level) / self.sigma)),
             None => GAS,
         }
+    }
+}
+
+/// Adds lesions and decoys to a colon with these polyps, tag and pools, away from each other.
+fn grow(shape: &mut Shape, settings: &PhantomSettings, tag: Option<&Tag>, pools: &[Pool]) {
+    let (seed, down) = (settings.seed, settings.position.down());
+    let mut taken = Taken::default();
+    taken.take(shape.polyps.iter().map(|a| (a.what.position, 0.5 * a.what.diameter_mm)));
+    taken.take(decoy_placing::reserved(shape, seed));
+    if let Some(tag) = tag {
+        taken.take(tag.lumps().map(|lump| (lump.position, 0.5 * lump.diameter_mm)));
+    }
+    if settings.lesions {
+        let pools = tag.map_or_else(|| pools.to_vec(), Tag::pools);
+        shape.lesions = placing::place(shape, &pools, down, &mut taken, seed);
+    }
+    if settings.decoys {
+        decoy_placing::place(shape, down, &mut taken, seed);
     }
 }
 

@@ -9,7 +9,10 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::centerline::{Centerline, FootPoint, Profile};
-use super::profile::{smooth_max, smooth_step};
+use super::decoys::Decoy;
+use super::lesions::Lesion;
+use super::profile::smooth_step;
+use super::solid::Surface;
 
 /// Saturation of distances in the lumen, mm. Nothing depends on a wall farther away, so features beyond it are skipped.
 pub(crate) const REACH: f64 = 8.0;
@@ -109,6 +112,10 @@ pub(crate) struct Shape {
     pub polyps: Vec<Attached<Polyp>>,
     /// Thin strands.
     pub bridges: Vec<Attached<Bridge>>,
+    /// Polyps of every shape and site.
+    pub lesions: Vec<Attached<Lesion>>,
+    /// What is no polyp and looks like one.
+    pub decoys: Vec<Decoy>,
 }
 
 /// A radius with its partial derivatives in arc length and angle.
@@ -157,6 +164,40 @@ impl Shape {
 
     /// Returns the distances of `p` to the part of the colon around one of its foot points.
     pub(crate) fn distances(&self, p: DVec3, foot: &FootPoint) -> Distances {
+        let (here, plain, normal) = self.here(foot);
+        if plain >= DEEP {
+            return Distances { wall: DEEP, plain: DEEP, normal: here.outward, thickness: f64::INFINITY };
+        }
+        let (surface, thickness) = self.among(p, &here, Surface { d: plain, normal });
+        Distances { wall: surface.d.clamp(-REACH, DEEP), plain, normal: surface.normal, thickness }
+    }
+
+    /// Returns the surface at `p`, which has this foot point, without saturation.
+    pub(crate) fn surface(&self, p: DVec3, foot: &FootPoint) -> Surface {
+        let (here, plain, normal) = self.here(foot);
+        self.among(p, &here, Surface { d: plain, normal }).0
+    }
+
+    /// Returns the decoys that change the wall at arc length `s`.
+    pub(crate) fn decoys_near(&self, s: f64) -> impl Iterator<Item = &Decoy> {
+        self.decoys.iter().filter(move |d| (d.s - s).abs() < d.span_mm)
+    }
+
+    /// Returns the signed distance to the faces of the folds alone, mm; −∞ if none is within [`REACH`].
+    pub(crate) fn to_folds(&self, foot: &FootPoint) -> f64 {
+        let (here, ..) = self.here(foot);
+        let near = self.folds.iter().filter(|f| (f.s - foot.s).abs() <= WINDOW);
+        near.filter_map(|f| f.surface(&here)).map(|s| s.d).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// Returns the signed distance to the plain wall and the folds, mm, without fillets between them. Far from both, a fillet's
+    /// distance may be too long.
+    pub(crate) fn to_wall(&self, foot: &FootPoint) -> f64 {
+        self.here(foot).1.max(self.to_folds(foot))
+    }
+
+    /// Returns a foot point's position in the tube's coordinates, the distance to the plain wall and its normal.
+    fn here<'a>(&self, foot: &'a FootPoint) -> (Here<'a>, f64, DVec3) {
         let profile = self.axis.profile(foot.s);
         let near = profile.radius.0;
         let phi = self.axis.angle(foot);
@@ -167,18 +208,21 @@ impl Shape {
         let steep = (1.0 + by_s * by_s + by_phi * by_phi).sqrt();
         let plain = (foot.rho - r.at) / steep;
         let outward = foot.offset / foot.rho.max(1e-9);
-        if plain >= DEEP {
-            return Distances { wall: DEEP, plain: DEEP, normal: outward, thickness: f64::INFINITY };
-        }
         let here = Here { foot, phi, arm, outward, along: foot.tangent, around: foot.tangent.cross(outward) };
         let normal = (outward - here.along * by_s - here.around * by_phi) / steep;
-        let mut surface = Surface { d: plain, normal };
+        (here, plain, normal)
+    }
+
+    /// Returns the surface of the plain wall with everything that grows on it, and the thickness of a thin fold.
+    fn among(&self, p: DVec3, here: &Here<'_>, wall: Surface) -> (Surface, f64) {
+        let (foot, plain) = (here.foot, wall.d);
+        let mut surface = wall;
         let mut thickness = f64::INFINITY;
         // A fold does not reach deeper into the tissue than its own thickness.
         let folds = if plain < 5.0 { &self.folds[..] } else { &[] };
         let first = folds.partition_point(|f| f.s < foot.s - WINDOW);
         for fold in folds[first..].iter().take_while(|f| f.s <= foot.s + WINDOW) {
-            if let Some(other) = fold.surface(&here) {
+            if let Some(other) = fold.surface(here) {
                 if fold.sheet && other.d > surface.d {
                     // At its root it becomes the wall.
                     thickness = fold.thickness + DEEP * smooth_step(-1.5, 0.5, plain);
@@ -192,7 +236,21 @@ impl Shape {
         for bridge in self.bridges.iter().filter(|a| (a.s - foot.s).abs() < WINDOW) {
             surface = surface.join(bridge.what.surface(p), FILLET[2]);
         }
-        Distances { wall: surface.d.clamp(-REACH, DEEP), plain, normal: surface.normal, thickness }
+        for lesion in self.lesions.iter().filter(|a| (a.s - foot.s).abs() < WINDOW) {
+            let grown = lesion.what.grow_on(surface, p);
+            if grown.d > surface.d {
+                thickness = f64::INFINITY;
+            }
+            surface = grown;
+        }
+        for decoy in self.decoys_near(foot.s) {
+            let grown = decoy.grow_on(surface, p);
+            if grown.d > surface.d {
+                thickness = f64::INFINITY;
+            }
+            surface = grown;
+        }
+        (surface, thickness)
     }
 }
 
@@ -208,38 +266,6 @@ struct Here<'a> {
     around: DVec3,
 }
 
-/// A signed distance (mm, positive in tissue) and its gradient, a unit vector, both to first order.
-#[derive(Clone, Copy)]
-struct Surface {
-    d: f64,
-    normal: DVec3,
-}
-
-impl Surface {
-    /// Returns the surface of a ball of tissue.
-    fn about(centre: DVec3, radius: f64, p: DVec3) -> Self {
-        let away = p - centre;
-        let length = away.length();
-        Self { d: radius - length, normal: -away / length.max(1e-9) }
-    }
-
-    /// Joins two bodies of tissue with a fillet of `k` mm ([`smooth_max`]). The result is divided by its gradient's
-    /// length so that it stays a distance within the fillet.
-    fn join(self, other: Self, k: f64) -> Self {
-        let h = (k - (self.d - other.d).abs()).max(0.0);
-        let share = h / (2.0 * k);
-        let (near, far) = if self.d >= other.d { (self, other) } else { (other, self) };
-        if h <= 0.0 {
-            return near;
-        }
-        let gradient = near.normal * (1.0 - share) + far.normal * share;
-        // Faces that meet at a right angle need the largest correction. In an undercut the distance may be too short,
-        // never too long.
-        let length = gradient.length().max(0.7);
-        Self { d: smooth_max(self.d, other.d, k) / length, normal: gradient / length }
-    }
-}
-
 impl Fold {
     /// Returns the angle from the fold's middle, within ±π.
     fn off_middle(&self, phi: f64) -> f64 {
@@ -251,6 +277,12 @@ impl Fold {
     pub(crate) fn height(&self, phi: f64) -> f64 {
         let u = self.off_middle(phi) / self.half_width;
         self.depth * (1.0 - u * u)
+    }
+
+    /// Returns the arc length of the fold's line at angle `phi`, mm.
+    pub(crate) fn line(&self, phi: f64) -> f64 {
+        let (sin, cos) = self.off_middle(phi).sin_cos();
+        self.s + self.slant * sin + self.bow * (1.0 - cos)
     }
 
     /// Returns the fold's surface, or `None` if it is more than [`REACH`] away.
@@ -334,6 +366,8 @@ mod tests {
             folds: Vec::new(),
             polyps: Vec::new(),
             bridges: Vec::new(),
+            lesions: Vec::new(),
+            decoys: Vec::new(),
         };
         for (s, phi) in [(3.0, 1.0), (100.0, 0.31), (432.1, 2.2), (800.0, -2.0), (end - 5.0, 0.7)] {
             let (r, h) = (shape.plain(s, &shape.axis.profile(s), phi), 1e-5);

@@ -10,6 +10,8 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use super::Position;
+use super::decoy_placing::{centre_of, extent};
+use super::decoys::{DecoyKind, TrueDecoy};
 use super::features::{Pool, Stream};
 use super::profile::{FLUID, SHIFT, TISSUE, mix, normal_cdf, normal_cdf_2, smooth_max, smooth_min, smooth_step};
 use super::shape::{DEEP, Distances, Shape};
@@ -123,6 +125,20 @@ impl Tag {
         let stool = if kinds.stool { place_stool(shape, position.down(), seed, &mut hu) } else { Vec::new() };
         let inhomogeneous = kinds.inhomogeneous.then(|| hash::bits(seed, 0x7A6));
         Self { down: position.down(), pools, films, stool, inhomogeneous, pseudo: kinds.pseudo }
+    }
+
+    /// Returns the pools.
+    pub(crate) fn pools(&self) -> Vec<Pool> {
+        self.pools.iter().map(|(pool, _)| *pool).collect()
+    }
+
+    /// Returns the lumps of stool.
+    pub(crate) fn lumps(&self) -> impl Iterator<Item = TrueDecoy> + '_ {
+        self.stool.iter().map(|lump| TrueDecoy {
+            kind: DecoyKind::TaggedStool,
+            position: centre_of(&lump.balls),
+            diameter_mm: extent(&lump.balls),
+        })
     }
 
     /// Gives all tag the same HU.

@@ -5,8 +5,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Phantom;
+use super::decoys::TrueDecoy;
+use super::lesions::{PolypShape, PolypSite};
 use super::profile::WALL_HU;
-use super::shape::{DEEP, Polyp};
+use super::shape::DEEP;
 
 /// The ground truth of a phantom.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,23 +24,35 @@ pub struct Truth {
     pub lumen_ml: f64,
     /// The polyps, in the order of the centerline.
     pub polyps: Vec<TruePolyp>,
+    /// The decoys, in the order of the centerline; tagged stool last.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub decoys: Vec<TrueDecoy>,
     /// The wall's iso-value, HU.
     pub wall_hu: i32,
 }
 
 /// A polyp of the ground truth.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TruePolyp {
-    /// Centre of the ball, world mm LPS.
+    /// Centre of the head, world mm LPS. A flat polyp's is above the centre of its base by half its height.
     pub position: DVec3,
-    /// Diameter of the ball, mm.
+    /// Largest diameter of the head without a stalk, mm; of a flat polyp, the largest width of its base.
     pub diameter_mm: f64,
-}
-
-impl From<Polyp> for TruePolyp {
-    fn from(p: Polyp) -> Self {
-        Self { position: p.position, diameter_mm: p.diameter_mm }
-    }
+    /// Shape.
+    #[serde(default)]
+    pub shape: PolypShape,
+    /// What it grows on.
+    #[serde(default)]
+    pub site: PolypSite,
+    /// True if most of its surface is under fluid.
+    #[serde(default)]
+    pub submerged: bool,
+    /// Greatest height above the wall or fold as it would be without the polyp, mm.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height_mm: Option<f64>,
+    /// Volume of the tissue that it adds on the lumen's side, mm³.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume_mm3: Option<f64>,
 }
 
 impl Phantom {
@@ -52,16 +66,19 @@ impl Phantom {
             radius_mm: (0..=count).map(|i| axis.profile(s(i)).radius.0).collect(),
             length_mm: axis.length(),
             lumen_ml: self.lumen_ml(),
-            polyps: self.polyps(),
+            polyps: self.measured_polyps(),
+            decoys: self.decoys(),
             wall_hu: WALL_HU as i32,
         }
     }
 
-    /// Returns the polyps, in the order of the centerline.
-    pub fn polyps(&self) -> Vec<TruePolyp> {
-        let mut polyps = self.shape.polyps.clone();
-        polyps.sort_by(|a, b| a.s.total_cmp(&b.s));
-        polyps.iter().map(|p| p.what.into()).collect()
+    /// Returns the decoys, in the order of the centerline; tagged stool last.
+    pub fn decoys(&self) -> Vec<TrueDecoy> {
+        if !self.settings.decoys {
+            return Vec::new();
+        }
+        let own = self.shape.decoys.iter().map(|d| d.truth);
+        own.chain(self.tag.iter().flat_map(|tag| tag.lumps())).collect()
     }
 
     /// Returns the volume within the wall, ml. It sums cells of 0.9 mm; a cell on the wall counts by the fraction that

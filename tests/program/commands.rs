@@ -49,7 +49,7 @@ const VALUES: [(&[&str], &str); 13] = [
     (&["phantom", "--position"], "supine prone left right"),
     (
         &["phantom", "--with"],
-        "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo !decoys !ileum !stomach !lungs !collapsed",
+        "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo lesions decoys !ileum !stomach !lungs !collapsed",
     ),
     (&["report"], "render gradients scenes dynamics fields perforation cleansing all !coverage !unfold !candidates"),
 ];

@@ -1,0 +1,135 @@
+//! What a phantom is made of: its size, features and position, and the scanner that sees it.
+
+use glam::DVec3;
+
+/// Standard deviation of the noise, HU.
+pub const NOISE_HU: f64 = 22.0;
+
+/// Size of a phantom.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Size {
+    /// A colon of about 0.7 m on about ten million voxels of 0.9 mm.
+    Small,
+    /// An adult colon on 512×512×400 voxels of 0.7×0.7×1.0 mm.
+    #[default]
+    Standard,
+    /// The adult colon on 1024×1024×800 voxels of half the spacing.
+    Large,
+}
+
+/// The patient's position on the table. Fluid runs to the side that is down.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Position {
+    /// On the back.
+    #[default]
+    Supine,
+    /// On the belly.
+    Prone,
+    /// On the left side.
+    Left,
+    /// On the right side.
+    Right,
+}
+
+impl Position {
+    /// Returns the direction of gravity, LPS.
+    pub fn down(self) -> DVec3 {
+        match self {
+            Self::Supine => DVec3::Y,
+            Self::Prone => DVec3::NEG_Y,
+            Self::Left => DVec3::X,
+            Self::Right => DVec3::NEG_X,
+        }
+    }
+}
+
+/// What the scanner makes of a body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scanner {
+    /// Standard deviation of the blur, mm; `None` for about 0.65 of a voxel of the phantom's size.
+    pub blur_mm: Option<f64>,
+    /// Standard deviation of the noise, HU, if the settings enable it.
+    pub noise_hu: f64,
+    /// HU of all tag, about which inhomogeneous tag varies; `None` as placed: 450, or from 200 to 1200 if inhomogeneous.
+    pub tag_hu: Option<f64>,
+}
+
+impl Default for Scanner {
+    fn default() -> Self {
+        Self { blur_mm: None, noise_hu: NOISE_HU, tag_hu: None }
+    }
+}
+
+/// Selects the features of a phantom.
+///
+/// ```
+/// use colvis::phantom::{Phantom, PhantomSettings, Size};
+///
+/// let phantom = Phantom::new(&PhantomSettings { size: Size::Small, seed: 3, ..PhantomSettings::default() });
+/// let truth = phantom.truth();
+/// let inside = truth.centerline[truth.centerline.len() / 2];
+/// assert!(phantom.value(inside) < -900.0, "gas, HU");
+/// assert!(truth.length_mm > 500.0 && !truth.polyps.is_empty());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PhantomSettings {
+    /// Size of the phantom.
+    pub size: Size,
+    /// Semilunar folds.
+    pub folds: bool,
+    /// Sessile polyps.
+    pub polyps: bool,
+    /// Pools of tagged fluid with a horizontal level, filled to a third at most.
+    pub fluid: bool,
+    /// Pools of tagged fluid, some nearly full, with thin folds and polyps under the fluid.
+    pub pools: bool,
+    /// Films of tag on the wall.
+    pub films: bool,
+    /// Tagged stool that clings to the wall and holds bubbles.
+    pub stool: bool,
+    /// Tag from 200 to 1200 HU, layered and patchy, not 450 HU everywhere.
+    pub inhomogeneous: bool,
+    /// Pseudo-enhancement: tissue beside tag appears brighter.
+    pub pseudo: bool,
+    /// The patient's position.
+    pub position: Position,
+    /// Thin strands of tissue across the lumen.
+    pub bridges: bool,
+    /// Polyps of every shape and site, about one each 75 mm of the colon, with their ground truth.
+    pub lesions: bool,
+    /// What is no polyp and misleads detectors: folds that look like one, the ileocecal valve, a rectal tube, untagged stool.
+    pub decoys: bool,
+    /// Voxel noise of [`NOISE_HU`].
+    pub noise: bool,
+    /// Seed of the anatomy. Each seed gives a different colon.
+    pub seed: u64,
+}
+
+impl PhantomSettings {
+    /// Settings of the embedded phantom, for commands without an input: small, and different for each seed.
+    pub fn embedded(seed: u64) -> Self {
+        Self { size: Size::Small, seed, ..Self::default() }
+    }
+}
+
+impl Default for PhantomSettings {
+    fn default() -> Self {
+        Self {
+            size: Size::Standard,
+            folds: true,
+            polyps: true,
+            fluid: false,
+            pools: false,
+            films: false,
+            stool: false,
+            inhomogeneous: false,
+            pseudo: false,
+            position: Position::Supine,
+            bridges: false,
+            lesions: false,
+            decoys: false,
+            noise: true,
+            seed: 1,
+        }
+    }
+}
