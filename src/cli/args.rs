@@ -418,9 +418,12 @@ pub struct ReportArgs {
     /// Smaller inputs and fewer repetitions: under a minute
     #[arg(long)]
     pub quick: bool,
-    /// Scan to measure in addition to the phantom (`render`, `fields`)
+    /// Scan to measure in addition to the phantom (`render`, `fields`, `candidates`)
     #[arg(long, value_name = "F")]
     pub scan: Option<PathBuf>,
+    /// Truth of --scan: its polyps, as JSON (`candidates`)
+    #[arg(long, value_name = "T.json")]
+    pub truth: Option<PathBuf>,
     /// Number of steps in the perforation test
     #[arg(long, value_name = "N", value_parser = steps, allow_negative_numbers = true)]
     pub steps: Option<u64>,
@@ -618,6 +621,8 @@ pub enum ReportSubject {
     Perforation,
     /// The wall under tag.
     Cleansing,
+    /// Detectors of polyps.
+    Candidates,
     /// All of them.
     All,
 }

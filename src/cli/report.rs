@@ -15,12 +15,12 @@ use crate::phantom::{self, Phantom};
 use crate::progress::Progress;
 use crate::render::CameraModel;
 use crate::report::render::{Extent, Subject};
-use crate::report::{Effort, cleansing, dynamics, fields, gradients, perforation, render, scenes};
+use crate::report::{Effort, candidates, cleansing, dynamics, fields, gradients, perforation, render, scenes};
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
 /// The reports, with their names.
-const ALL: [(ReportSubject, &str); 7] = [
+const ALL: [(ReportSubject, &str); 8] = [
     (ReportSubject::Render, "render"),
     (ReportSubject::Gradients, "gradients"),
     (ReportSubject::Scenes, "scenes"),
@@ -28,6 +28,7 @@ const ALL: [(ReportSubject, &str); 7] = [
     (ReportSubject::Fields, "fields"),
     (ReportSubject::Perforation, "perforation"),
     (ReportSubject::Cleansing, "cleansing"),
+    (ReportSubject::Candidates, "candidates"),
 ];
 
 /// Runs the command.
@@ -39,6 +40,9 @@ pub(crate) fn run(program: &Program, args: &ReportArgs, global: &Global, progres
     prepare::fov(global, CameraModel::default())?;
     if let Some(scan) = args.scan.as_deref().filter(|s| !s.exists()) {
         return Err(Error::file(scan, "does not exist", "check the name"));
+    }
+    if args.truth.is_some() && args.scan.is_none() {
+        return Err(Error::usage("--truth", "has no scan that it is the truth of", "give --scan, too"));
     }
     output::make_folder(&args.out)?;
     let findings = {
@@ -83,6 +87,18 @@ fn one(
         }
         ReportSubject::Cleansing => {
             cleansing::report(Effort::new(args.quick), global.seed.unwrap_or(1), folder, progress)
+        }
+        ReportSubject::Candidates => {
+            let truth = args.truth.as_deref().map(candidates::read_truth).transpose()?;
+            let own = match args.scan.as_deref().zip(truth) {
+                Some((path, (polyps, decoys))) => {
+                    let (title, volume) = scan(path, global, progress)?;
+                    Some(candidates::Own { title, volume, polyps, decoys })
+                }
+                None => None,
+            };
+            let detectors = &program.catalog.detectors;
+            candidates::report(Effort::new(args.quick), global.seed.unwrap_or(1), detectors, own, folder, progress)
         }
         ReportSubject::Fields => {
             let scan = args.scan.as_deref().map(|s| scan(s, global, progress)).transpose()?;

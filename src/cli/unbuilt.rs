@@ -11,12 +11,11 @@ const COMMANDS: [&str; 5] = ["unfold", "measure", "match", "dataset", "batch"];
 /// Planned options of built commands.
 const OPTIONS: [&str; 5] = ["--second", "--coverage-mesh", "--review", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.
-const VALUES: [(&str, &str); 9] = [
+const VALUES: [(&str, &str); 8] = [
     ("--camera", "fisheye"),
     ("--camera", "panorama"),
     ("<SUBJECT>", "coverage"),
     ("<SUBJECT>", "unfold"),
-    ("<SUBJECT>", "candidates"),
     ("--with", "ileum"),
     ("--with", "stomach"),
     ("--with", "lungs"),

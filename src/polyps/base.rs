@@ -31,6 +31,12 @@ const ALIKE: f32 = 1.15;
 /// A narrowest ring farther than this from the cap is a stalk, mm.
 const STALK_MM: f32 = 1.5;
 
+/// True on the edge of a fold: sharp one way, and straight the other way.
+fn is_edge(wall: &Wall, v: u32) -> bool {
+    let [k1, k2] = wall.curvatures(v);
+    k1 > 0.25 && k2.abs() < 0.2 * k1
+}
+
 /// Memory for one cap after the other.
 #[derive(Debug)]
 pub(crate) struct Scratch {
@@ -90,6 +96,8 @@ pub(crate) struct Base {
     /// Vertices of the body, and how far along the wall it reaches beyond the cap, mm.
     pub body: Vec<u32>,
     pub reach_mm: f32,
+    /// Way along the wall from the body to the nearest fold's edge, mm; at most [`FAR_MM`].
+    pub fold_mm: f32,
     /// Length of the stalk, mm; 0 without one.
     pub stalk_mm: f32,
     /// Unit vector from the wall to the lumen.
@@ -131,6 +139,8 @@ impl Base {
         let reach_mm = (end as f32 * RING_MM).min(narrow_mm + FILLET_MM);
         let stalk_mm = if narrow_mm > STALK_MM { narrow_mm } else { 0.0 };
         let body: Vec<u32> = order.iter().filter(|o| o.0 <= reach_mm).map(|o| o.1).collect();
+        let fold = order.iter().find(|o| o.0 > reach_mm && is_edge(wall, o.1));
+        let fold_mm = fold.map_or(FAR_MM, |o| (o.0 - reach_mm).min(FAR_MM));
         let from = reach_mm + APART_MM;
         let around: Vec<u32> = order.iter().filter(|o| o.0 > from && o.0 <= from + AROUND_MM).map(|o| o.1).collect();
         let normal: Vec3 = around.iter().map(|&v| wall.normal(v) * wall.area(v)).sum();
@@ -142,7 +152,7 @@ impl Base {
         let (u, w) = axis.any_orthonormal_pair();
         let at = |v: u32| wall.place(v).as_dvec3();
         let origin = around.iter().map(|&v| at(v) * f64::from(wall.area(v))).sum::<DVec3>() / f64::from(area_mm2);
-        let mut base = Self { body, reach_mm, stalk_mm, axis, rms: 0.0, origin, u, w, q: [0.0; 6] };
+        let mut base = Self { body, reach_mm, fold_mm, stalk_mm, axis, rms: 0.0, origin, u, w, q: [0.0; 6] };
         let points: Vec<(DVec3, f64)> = around.iter().map(|&v| (at(v), f64::from(wall.area(v)))).collect();
         base.continue_wall(&points);
         Some(base)

@@ -11,6 +11,8 @@ use crate::volume::Volume;
 
 /// Points of a cap whose k2 is below this share of its peak are its edge, and none of the head.
 const HEAD: f32 = 0.3;
+/// A cap with less roundness or a lower shape index is a ridge. A flat lesion may come near.
+const RIDGE: [f64; 2] = [0.02, 0.8];
 /// Directions in which a head is measured.
 const DIRECTIONS: usize = 400;
 /// A head emerges from the wall this far below its cap, whose edge is rounded off, mm.
@@ -37,8 +39,13 @@ pub struct Lesion {
     pub features: [f64; FEATURES.len()],
 }
 
+/// Darker than this inside is gas; between the two fat, brighter than the last tag, HU.
+const AIR_HU: f64 = -200.0;
+const FAT_HU: f64 = -35.0;
+const TAG_HU: f64 = 150.0;
+
 /// Names of the features.
-pub const FEATURES: [&str; 20] = [
+pub const FEATURES: [&str; 25] = [
     "cap_area_mm2",
     "k2_peak",
     "k2_mean",
@@ -59,11 +66,29 @@ pub const FEATURES: [&str; 20] = [
     "hu_sd",
     "hu_min",
     "hu_max",
+    "share_air",
+    "share_fat",
+    "share_tag",
+    "normal_overlap",
+    "fold_mm",
 ];
 
 impl Lesion {
-    /// Measures the lesion that a cap belongs to. Returns `None` if there is no wall around it or no ellipsoid fits.
+    /// Measures the lesion that a cap belongs to. Returns `None` for a ridge, or if there is no wall around it or no
+    /// ellipsoid fits.
     pub(crate) fn of(wall: &Wall, cap: &Cap, volume: &Volume, scratch: &mut Scratch) -> Option<Self> {
+        if cap.vertices.is_empty() {
+            return None;
+        }
+        let area = f64::from(cap.area).max(1e-9);
+        let mean =
+            |f: &dyn Fn(u32) -> f64| cap.vertices.iter().map(|&v| f64::from(wall.area(v)) * f(v)).sum::<f64>() / area;
+        let normal = cap.vertices.iter().map(|&v| wall.normal(v) * wall.area(v)).sum::<glam::Vec3>().as_dvec3() / area;
+        let [least, most] = spread(wall, cap, normal.normalize_or_zero());
+        let (roundness, shape_index) = (least / most.max(1e-9), mean(&|v| f64::from(wall.shape_index(v))));
+        if roundness < RIDGE[0] || shape_index < RIDGE[1] {
+            return None;
+        }
         let base = Base::of(wall, &cap.vertices, scratch)?;
         let head: Vec<u32> = cap.vertices.iter().copied().filter(|&v| wall.curvatures(v)[1] >= HEAD * cap.k2).collect();
         let points: Vec<(DVec3, f64)> =
@@ -75,12 +100,6 @@ impl Lesion {
         let height_mm = top(&highest);
         let volume_mm3 = raised(wall, &base, scratch);
 
-        let area = f64::from(cap.area).max(1e-9);
-        let mean =
-            |f: &dyn Fn(u32) -> f64| cap.vertices.iter().map(|&v| f64::from(wall.area(v)) * f(v)).sum::<f64>() / area;
-        let normal = cap.vertices.iter().map(|&v| wall.normal(v) * wall.area(v)).sum::<glam::Vec3>().as_dvec3() / area;
-        let facing = normal.length();
-        let [least, most] = spread(wall, cap, normal.normalize_or_zero());
         let hu = inside(wall, &head, &shape, volume);
         let (long, short) = in_plane(&shape, base.axis);
         let features = [
@@ -88,9 +107,9 @@ impl Lesion {
             f64::from(cap.k2),
             mean(&|v| f64::from(wall.curvatures(v)[1])),
             mean(&|v| f64::from(wall.curvatures(v)[0])),
-            mean(&|v| f64::from(wall.shape_index(v))),
-            facing,
-            least / most.max(1e-9),
+            shape_index,
+            normal.length(),
+            roundness,
             shape.radius(),
             shape.rms,
             long / short.max(1e-9),
@@ -104,6 +123,11 @@ impl Lesion {
             hu.sd,
             hu.min,
             hu.max,
+            hu.air,
+            hu.fat,
+            hu.tag,
+            overlap(wall, cap, &shape),
+            f64::from(base.fold_mm),
         ];
         let position = wall.world(highest);
         let out = Self {
@@ -212,18 +236,33 @@ fn spread(wall: &Wall, cap: &Cap, axis: DVec3) -> [f64; 2] {
     [(half - off).max(0.0), half + off]
 }
 
+/// Returns the share of the ellipsoid's surface that a cap covers, each place weighted by how well its normal points away from the
+/// centre: the overlap of the normals there.
+fn overlap(wall: &Wall, cap: &Cap, shape: &Ellipsoid) -> f64 {
+    let at = |v: &u32| {
+        let away = (wall.place(*v).as_dvec3() - shape.centre).normalize_or_zero();
+        f64::from(wall.area(*v)) * wall.normal(*v).as_dvec3().dot(away).max(0.0).powi(2)
+    };
+    cap.vertices.iter().map(at).sum::<f64>() / (4.0 * std::f64::consts::PI * shape.radius().powi(2))
+}
+
 /// HU inside a lesion.
 struct Inside {
     mean: f64,
     sd: f64,
     min: f64,
     max: f64,
+    /// Shares of gas, fat and tag.
+    air: f64,
+    fat: f64,
+    tag: f64,
 }
 
 /// Returns the HU below a head's surface, up to its centre.
 fn inside(wall: &Wall, head: &[u32], shape: &Ellipsoid, volume: &Volume) -> Inside {
     let deepest = (shape.radius()).clamp(INSIDE_MM + 0.1, 6.0);
     let (mut count, mut sum, mut square) = (0.0, 0.0, 0.0);
+    let (mut air, mut fat, mut tag) = (0.0, 0.0, 0.0);
     let (mut min, mut max) = (f64::INFINITY, f64::NEG_INFINITY);
     for &v in head {
         let inwards = -wall.normal(v).as_dvec3();
@@ -232,12 +271,16 @@ fn inside(wall: &Wall, head: &[u32], shape: &Ellipsoid, volume: &Volume) -> Insi
             let hu = trilinear(volume, volume.grid().voxel(wall.world(v) + inwards * mm));
             (count, sum, square) = (count + 1.0, sum + hu, square + hu * hu);
             (min, max) = (min.min(hu), max.max(hu));
+            air += f64::from(u8::from(hu < AIR_HU));
+            fat += f64::from(u8::from((AIR_HU..FAT_HU).contains(&hu)));
+            tag += f64::from(u8::from(hu > TAG_HU));
             mm += 1.0;
         }
     }
     if count == 0.0 {
-        return Inside { mean: 0.0, sd: 0.0, min: 0.0, max: 0.0 };
+        return Inside { mean: 0.0, sd: 0.0, min: 0.0, max: 0.0, air: 0.0, fat: 0.0, tag: 0.0 };
     }
     let mean: f64 = sum / count;
-    Inside { mean, sd: (square / count - mean * mean).max(0.0).sqrt(), min, max }
+    let sd = (square / count - mean * mean).max(0.0).sqrt();
+    Inside { mean, sd, min, max, air: air / count, fat: fat / count, tag: tag / count }
 }

@@ -8,6 +8,7 @@ mod caps;
 pub mod detectors;
 mod fit;
 mod lesion;
+mod score;
 mod wall;
 
 use glam::DVec3;
@@ -20,6 +21,7 @@ use crate::volume::Volume;
 
 pub use caps::{Cap, caps};
 pub use lesion::{FEATURES, Lesion};
+pub use score::{TERMS, Term, score, terms};
 pub use wall::{SMOOTH_MM, Wall};
 
 /// Candidates nearer to a better one than this are the same place, mm.

@@ -2,6 +2,7 @@
 //!
 //! Timings are medians of frames that different methods render in turn, so that load on the machine slows all methods alike.
 
+pub(crate) mod candidates;
 pub(crate) mod cleansing;
 pub(crate) mod dynamics;
 pub(crate) mod fields;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::polyps::base::Scratch;
-use crate::polyps::{Candidate, Colon, Detector, Lesion, caps};
+use crate::polyps::{Candidate, Colon, Detector, Lesion, caps, score};
 use crate::progress::Progress;
 
 /// The detector.
@@ -27,8 +27,4 @@ fn find(colon: &Colon<'_>, progress: &Progress) -> Result<Vec<Candidate>> {
         all.par_iter().with_min_len(64).map_init(|| Scratch::new(colon.wall), candidate).collect();
     progress.check()?;
     Ok(found.into_iter().flatten().collect())
-}
-
-fn score(lesion: &Lesion) -> f64 {
-    lesion.feature("height_mm")
 }

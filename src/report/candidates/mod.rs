@@ -1,0 +1,243 @@
+//! `report candidates`: how many polyps detectors find, against how many false positives, and how well lesions are measured.
+
+mod froc;
+mod pages;
+
+use std::path::Path;
+
+use glam::{DMat3, DVec3};
+use serde::Deserialize;
+
+use super::{Effort, timed};
+use crate::error::{Error, Result};
+use crate::fields::{cleanse, lumen};
+use crate::phantom::{Phantom, PhantomSettings, Scanner, Size, TrueDecoy, TruePolyp};
+use crate::polyps::{self, Colon, Detector, Wall};
+use crate::progress::Progress;
+use crate::space::TransferFunction;
+use crate::volume::{Grid, Volume};
+use froc::Trial;
+
+/// The first seed of the phantoms that are measured. All constants of the detectors were chosen on seeds 1 to 40.
+const HELD_APART: u64 = 1001;
+
+/// How phantoms are scanned, as usual or with one factor changed.
+#[derive(Clone, Copy, Debug)]
+struct Scan {
+    scanner: Scanner,
+    /// Distance of the slices, mm.
+    slice_mm: Option<f64>,
+    tagged: bool,
+}
+
+impl Default for Scan {
+    fn default() -> Self {
+        Self { scanner: Scanner::default(), slice_mm: None, tagged: true }
+    }
+}
+
+/// One factor of a scan that is changed, the others as usual.
+struct Factor {
+    name: &'static str,
+    unit: &'static str,
+    values: &'static [f64],
+    set: fn(&mut Scan, f64),
+}
+
+const FACTORS: [Factor; 3] = [
+    Factor { name: "noise", unit: "HU", values: &[12.0, 22.0, 50.0], set: |s, v| s.scanner.noise_hu = v },
+    Factor { name: "slices", unit: "mm", values: &[0.6, 1.0, 2.0, 3.0], set: |s, v| s.slice_mm = Some(v) },
+    Factor {
+        name: "tag",
+        unit: "HU",
+        values: &[0.0, 250.0, 450.0, 1000.0],
+        set: |s, v| (s.tagged, s.scanner.tag_hu) = (v > 0.0, Some(v).filter(|v| *v > 0.0)),
+    },
+];
+
+/// What a detector found in some scans.
+struct Measured {
+    detector: &'static str,
+    /// Mean time beyond lumen and cleansing, s, and the largest memory, MB.
+    seconds: f64,
+    megabytes: Option<f64>,
+    trials: Vec<Trial>,
+}
+
+/// The scans of one value of a factor.
+struct Step {
+    name: &'static str,
+    value: f64,
+    unit: &'static str,
+    measured: Vec<Measured>,
+}
+
+/// A scan of the user's with its truth.
+pub(crate) struct Own {
+    pub title: String,
+    pub volume: Volume,
+    pub polyps: Vec<TruePolyp>,
+    pub decoys: Vec<TrueDecoy>,
+}
+
+/// A truth file, as far as it is needed.
+#[derive(Deserialize)]
+struct TruthFile {
+    polyps: Vec<TruePolyp>,
+    #[serde(default)]
+    decoys: Vec<TrueDecoy>,
+}
+
+/// Reads the polyps and decoys of a truth file: what `colvis phantom --truth` writes, or `{"polyps": [{"position", "diameter_mm"}]}`.
+///
+/// # Errors
+/// Returns status 3 if it cannot be read, is no such file, or has a polyp without a place or size.
+pub(crate) fn read_truth(path: &Path) -> Result<(Vec<TruePolyp>, Vec<TrueDecoy>)> {
+    let hint =
+        "give what `colvis phantom --truth` writes, or {\"polyps\": [{\"position\": [x, y, z], \"diameter_mm\": d}]}";
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Error::file(path, format!("cannot be read: {e}"), "give a file that can").caused_by(e))?;
+    let truth: TruthFile =
+        serde_json::from_str(&text).map_err(|e| Error::file(path, format!("is no list of polyps: {e}"), hint))?;
+    let sound = |p: DVec3, d: f64| p.is_finite() && d.is_finite() && d > 0.0;
+    if let Some(n) = truth.polyps.iter().position(|p| !sound(p.position, p.diameter_mm)) {
+        return Err(Error::file(path, format!("its polyp {} has no place or no size", n + 1), hint));
+    }
+    if let Some(n) = truth.decoys.iter().position(|d| !sound(d.position, d.diameter_mm)) {
+        return Err(Error::file(path, format!("its decoy {} has no place or no size", n + 1), hint));
+    }
+    Ok((truth.polyps, truth.decoys))
+}
+
+/// Measures detectors on phantoms, and on a scan with its truth, and writes the report into `folder`. Returns the findings, one
+/// sentence each.
+///
+/// # Errors
+/// Returns status 4 if interrupted, 5 if a file cannot be written, or a detector's error.
+pub(crate) fn report(
+    effort: Effort,
+    seed: u64,
+    detectors: &[Detector],
+    own: Option<Own>,
+    folder: &Path,
+    progress: &Progress,
+) -> Result<Vec<String>> {
+    let size = effort.choose(Size::Small, Size::Standard);
+    let first = HELD_APART - 1 + seed;
+    let usual = measured(size, first..first + effort.choose(2, 24), &Scan::default(), detectors, progress)?;
+    let mut steps = Vec::new();
+    for factor in &FACTORS {
+        for &value in effort.choose(&factor.values[..0], factor.values) {
+            let mut scan = Scan::default();
+            (factor.set)(&mut scan, value);
+            let measured = measured(size, first..first + 4, &scan, detectors, progress)?;
+            steps.push(Step { name: factor.name, value, unit: factor.unit, measured });
+        }
+    }
+    let own = own.map(|own| {
+        let title = own.title.clone();
+        let found = trials_of(own.volume, own.polyps, own.decoys, detectors, progress)?;
+        Ok::<_, Error>((title, collected(detectors, vec![found])))
+    });
+    pages::write(&usual, &steps, own.transpose()?.as_ref(), first, folder)
+}
+
+/// What one detector took, and found.
+struct Run {
+    seconds: f64,
+    megabytes: Option<f64>,
+    trial: Trial,
+}
+
+fn collected(detectors: &[Detector], runs: Vec<Vec<Run>>) -> Vec<Measured> {
+    let mut out: Vec<Measured> = detectors
+        .iter()
+        .map(|d| Measured { detector: d.name, seconds: 0.0, megabytes: None, trials: Vec::new() })
+        .collect();
+    let count = runs.len() as f64;
+    for run in runs {
+        for (m, r) in out.iter_mut().zip(run) {
+            m.seconds += r.seconds / count;
+            m.megabytes = [m.megabytes, r.megabytes].into_iter().flatten().reduce(f64::max);
+            m.trials.push(r.trial);
+        }
+    }
+    out
+}
+
+fn measured(
+    size: Size,
+    seeds: std::ops::Range<u64>,
+    scan: &Scan,
+    detectors: &[Detector],
+    progress: &Progress,
+) -> Result<Vec<Measured>> {
+    let mut runs = Vec::new();
+    for seed in seeds {
+        let (lesions, decoys, t) = (true, true, scan.tagged);
+        let (pools, films, stool, inhomogeneous, pseudo) = (t, t, t, t && scan.scanner.tag_hu.is_none(), t);
+        let polyps = false;
+        let settings = PhantomSettings {
+            size,
+            seed,
+            polyps,
+            lesions,
+            decoys,
+            pools,
+            films,
+            stool,
+            inhomogeneous,
+            pseudo,
+            ..PhantomSettings::default()
+        };
+        let phantom = Phantom::scanned(&settings, scan.scanner);
+        let grid = match scan.slice_mm {
+            None => phantom.grid(),
+            Some(mm) => with_slices(&phantom.grid(), mm)?,
+        };
+        let volume = phantom.voxelise(&grid, progress)?;
+        let truth = phantom.truth();
+        drop(phantom);
+        runs.push(trials_of(volume, truth.polyps, truth.decoys, detectors, progress)?);
+        progress.check()?;
+    }
+    Ok(collected(detectors, runs))
+}
+
+/// Cleanses a scan and runs the detectors on it.
+fn trials_of(
+    mut volume: Volume,
+    polyps: Vec<TruePolyp>,
+    decoys: Vec<TrueDecoy>,
+    detectors: &[Detector],
+    progress: &Progress,
+) -> Result<Vec<Run>> {
+    let mut found = lumen::find(&volume, progress)?;
+    let mut cleansed = cleanse::cleanse(&volume, &found, progress)?;
+    if !cleansed.changes.is_empty() {
+        cleansed.changes.exchange(&mut volume);
+        found = lumen::find(&volume, progress)?;
+    }
+    drop(cleansed);
+    let run = |detector: &Detector| {
+        let work = || {
+            let wall = Wall::new(&volume, &found, TransferFunction::default().iso(), progress)?;
+            polyps::find(detector, &Colon { volume: &volume, lumen: &found, wall: &wall }, progress)
+        };
+        let (candidates, seconds, megabytes) = timed(work);
+        let trial = Trial::new(polyps.clone(), decoys.clone(), candidates?);
+        Ok(Run { seconds, megabytes, trial })
+    };
+    detectors.iter().map(run).collect()
+}
+
+/// Returns a grid of the same extent with other slices.
+fn with_slices(grid: &Grid, mm: f64) -> Result<Grid> {
+    let [nx, ny, nz] = grid.dims();
+    let spacing = grid.spacing();
+    let dims = [nx, ny, ((nz as f64 * spacing.z / mm).round() as usize).max(2)];
+    let spacing = spacing.with_z(mm);
+    let last = DVec3::from_array(dims.map(|n| n as f64 - 1.0));
+    Grid::new(dims, spacing, -0.5 * last * spacing, DMat3::IDENTITY)
+        .map_err(|e| Error::fault("report candidates", e, "report it"))
+}

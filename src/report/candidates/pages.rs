@@ -1,0 +1,360 @@
+//! The page of `report candidates`.
+
+use std::path::Path;
+
+use super::froc::{Is, Share, Trial, false_positives, threshold};
+use super::{FACTORS, Measured, Step};
+use crate::error::Result;
+use crate::phantom::{DecoyKind, PolypShape, PolypSite, TruePolyp};
+use crate::polyps::FEATURES;
+use crate::report::page::Page;
+use crate::report::plot::{Plot, Point, Series};
+use crate::report::table::{Cell, Table};
+use crate::report::{mean, quantile};
+
+/// False positives a scan at which the tables tell the sensitivity.
+const RATES: [f64; 5] = [0.5, 1.0, 2.0, 4.0, 8.0];
+/// The rate at which all else is told.
+const RATE: f64 = 2.0;
+
+/// A group of polyps.
+type Group = (String, Box<dyn Fn(&TruePolyp) -> bool>);
+
+const SHAPES: [(PolypShape, &str); 3] =
+    [(PolypShape::Sessile, "sessile"), (PolypShape::Stalked, "stalked"), (PolypShape::Flat, "flat")];
+const SITES: [(PolypSite, &str); 3] =
+    [(PolypSite::Wall, "on walls"), (PolypSite::Fold, "on folds"), (PolypSite::Between, "between folds")];
+const SIZES: [(f64, f64, &str); 3] =
+    [(3.0, 6.0, "3-5 mm"), (6.0, 10.0, "6-9 mm"), (10.0, f64::INFINITY, "10 mm and more")];
+const KINDS: [(DecoyKind, &str); 6] = [
+    (DecoyKind::FoldTip, "fold tip"),
+    (DecoyKind::FoldJunction, "junction of folds"),
+    (DecoyKind::Valve, "ileocecal valve"),
+    (DecoyKind::Tube, "rectal tube and balloon"),
+    (DecoyKind::Stool, "untagged stool"),
+    (DecoyKind::TaggedStool, "tagged stool"),
+];
+
+/// True for a sessile or stalked polyp of 6 mm and more: what a detector must find.
+fn is_due(p: &TruePolyp) -> bool {
+    p.diameter_mm >= 6.0 && p.shape != PolypShape::Flat
+}
+
+fn groups() -> Vec<Group> {
+    let mut out: Vec<Group> = vec![("sessile and stalked, 6 mm and more".to_owned(), Box::new(is_due))];
+    for (site, name) in SITES {
+        out.push((format!("… {name}"), Box::new(move |p| is_due(p) && p.site == site)));
+    }
+    out.push(("… submerged".to_owned(), Box::new(|p| is_due(p) && p.submerged)));
+    for (shape, name) in SHAPES {
+        for (least, most, size) in SIZES {
+            let of = move |p: &TruePolyp| p.shape == shape && (least..most).contains(&p.diameter_mm);
+            out.push((format!("{name}, {size}"), Box::new(of)));
+        }
+    }
+    out
+}
+
+/// Writes the page. Returns the findings.
+pub(super) fn write(
+    usual: &[Measured],
+    steps: &[Step],
+    own: Option<&(String, Vec<Measured>)>,
+    first: u64,
+    folder: &Path,
+) -> Result<Vec<String>> {
+    let mut page = Page::new(folder, "colvis: candidates, polyps found against false positives")?;
+    page.text(&format!(
+        "Phantoms with folds, lesions of every shape and site, decoys, pools, films, stool, pseudo-enhancement and noise. Their seeds, \
+         {first} and on, were held apart: every constant of the detectors was chosen on seeds 1 to 40. A candidate within 3 mm of a \
+         lesion's surface is a hit; every other candidate, on a decoy or not, is a false positive. Hits of lesions of any size and shape \
+         are no false positives. Intervals are Wilson's, 95 %. No scan of a patient is among the phantoms: the figures say nothing about \
+         patients.",
+    ));
+    let findings = findings(usual);
+    for f in &findings {
+        page.finding(f);
+    }
+    page.section("Sensitivity against false positives");
+    page.plot(
+        "froc",
+        &curves(usual),
+        "Sessile and stalked polyps of 6 mm and more. Lower and farther left is better.",
+    )?;
+    page.table("sensitivity", &sensitivity(usual))?;
+    page.section("Measures");
+    page.table("measures", &measures(usual))?;
+    page.section("Decoys");
+    page.table("decoys", &decoys(usual))?;
+    page.table("features", &features(usual))?;
+    for factor in FACTORS.iter().filter(|f| steps.iter().any(|s| s.name == f.name)) {
+        page.section(&format!("Against {}", factor.name));
+        page.table(&format!("by-{}", factor.name), &by_factor(steps, factor.name))?;
+    }
+    if let Some((title, measured)) = own {
+        page.section(title);
+        page.table("own", &sensitivity(measured))?;
+        page.table("own-measures", &measures(measured))?;
+    }
+    page.section("Every candidate");
+    page.csv("candidates", &every(usual))?;
+    page.text("candidates.csv lists each candidate with its features and what it is.");
+    page.finish()?;
+    Ok(findings)
+}
+
+fn curves(all: &[Measured]) -> Plot {
+    let series = all.iter().map(|m| {
+        let count = Share::at(&m.trials, 0.0, is_due).of.max(1) as f64;
+        let rates = (0..40).map(|n| 0.125 * 1.19f64.powi(n));
+        let point = |rate: f64| {
+            let score = threshold(&m.trials, rate);
+            let missed = 1.0 - Share::at(&m.trials, score, is_due).value();
+            // A logarithmic axis has no 0: half a polyp.
+            Point { x: rate, y: 100.0 * missed.max(0.5 / count), name: String::new() }
+        };
+        Series { name: m.detector.to_owned(), points: rates.map(point).collect(), line: true }
+    });
+    Plot {
+        title: "Missed polyps against false positives".to_owned(),
+        x: "false positives a scan".to_owned(),
+        y: "missed / %".to_owned(),
+        front: false,
+        series: series.collect(),
+    }
+}
+
+fn number(value: f64, digits: usize) -> Cell {
+    Cell::from(value.is_finite().then_some(Cell::Number(value, digits)))
+}
+
+fn sensitivity(all: &[Measured]) -> Table {
+    let rates: Vec<String> = RATES.iter().map(|r| format!("{r} a scan / %")).collect();
+    let mut columns = vec!["detector", "polyps", "number"];
+    columns.extend(rates.iter().map(String::as_str));
+    columns.extend(["at 2: from / %", "to / %", "at any score / %"]);
+    let mut t = Table::new(&columns);
+    for m in all {
+        for (name, group) in groups() {
+            let at = |rate: f64| Share::at(&m.trials, threshold(&m.trials, rate), &group);
+            let [low, high] = at(RATE).interval();
+            let mut row: Vec<Cell> = vec![m.detector.into(), name.into(), Cell::Number(at(RATE).of as f64, 0)];
+            row.extend(RATES.iter().map(|&r| number(100.0 * at(r).value(), 1)));
+            row.extend([low, high].map(|x| number(100.0 * x, 1)));
+            row.push(number(100.0 * Share::at(&m.trials, f64::NEG_INFINITY, &group).value(), 1));
+            t.row(row);
+        }
+    }
+    t
+}
+
+/// The errors of a measure of the found polyps of a group: measured minus true.
+fn errors(
+    m: &Measured,
+    group: impl Fn(&TruePolyp) -> bool,
+    of: impl Fn(&TruePolyp, &crate::polyps::Lesion) -> Option<f64>,
+) -> Vec<f64> {
+    let each = |t: &Trial| -> Vec<f64> {
+        let polyps = t.polyps.iter().enumerate().filter(|p| group(p.1));
+        polyps.filter_map(|(n, p)| of(p, t.best(n)?.lesion.as_ref()?)).collect()
+    };
+    m.trials.iter().flat_map(each).collect()
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let middle = mean(values);
+    (values.iter().map(|v| (v - middle).powi(2)).sum::<f64>() / (values.len() as f64 - 1.0)).sqrt()
+}
+
+fn measures(all: &[Measured]) -> Table {
+    let mut t = Table::new(&[
+        "detector",
+        "polyps",
+        "measured",
+        "diameter: bias / mm",
+        "SD / mm",
+        "95 % within / mm",
+        "worst / mm",
+        "height: bias / mm",
+        "SD / mm",
+        "volume: median error / %",
+        "95 % within / %",
+    ]);
+    for m in all {
+        for (name, group) in groups() {
+            let diameter = errors(m, &group, |p, l| Some(l.diameter_mm - p.diameter_mm));
+            if diameter.is_empty() {
+                continue;
+            }
+            let height = errors(m, &group, |p, l| Some(l.height_mm - p.height_mm?));
+            let volume = errors(m, &group, |p, l| Some(100.0 * (l.volume_mm3 / p.volume_mm3? - 1.0)));
+            let size = |v: &[f64]| v.iter().map(|x| x.abs()).collect::<Vec<_>>();
+            let worst = diameter.iter().copied().fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a });
+            t.row(vec![
+                m.detector.into(),
+                name.into(),
+                Cell::Number(diameter.len() as f64, 0),
+                number(mean(&diameter), 2),
+                number(deviation(&diameter), 2),
+                number(quantile(&size(&diameter), 0.95), 2),
+                number(worst, 2),
+                number(mean(&height), 2),
+                number(deviation(&height), 2),
+                number(quantile(&volume, 0.5), 1),
+                number(quantile(&size(&volume), 0.95), 1),
+            ]);
+        }
+    }
+    t
+}
+
+fn decoys(all: &[Measured]) -> Table {
+    let mut t = Table::new(&["detector", "decoy", "number", "taken for a polyp at 2 a scan", "candidate at any score"]);
+    for m in all {
+        let score = threshold(&m.trials, RATE);
+        for (kind, name) in KINDS {
+            let (mut of, mut taken, mut any) = (0, 0, 0);
+            for trial in &m.trials {
+                for (n, _) in trial.decoys.iter().enumerate().filter(|d| d.1.kind == kind) {
+                    of += 1;
+                    taken += usize::from(trial.decoy(n).is_some_and(|c| c.score >= score));
+                    any += usize::from(trial.decoy(n).is_some());
+                }
+            }
+            let numbers = [of, taken, any].map(|n| Cell::Number(n as f64, 0));
+            t.row([m.detector.into(), name.into()].into_iter().chain(numbers).collect());
+        }
+        let others = |is: &Is| *is == Is::Other;
+        let other = m.trials.iter().flat_map(|t| &t.found).filter(|f| others(&f.1));
+        let taken = other.clone().filter(|f| f.0.score >= score).count();
+        let numbers = [Cell::None, Cell::Number(taken as f64, 0), Cell::Number(other.count() as f64, 0)];
+        t.row([m.detector.into(), "wall, no decoy".into()].into_iter().chain(numbers).collect());
+    }
+    t
+}
+
+/// The median of each feature, for polyps and each kind of decoy: what tells them apart.
+fn features(all: &[Measured]) -> Table {
+    let mut columns = vec!["detector", "candidates on"];
+    columns.extend(FEATURES);
+    let mut t = Table::new(&columns);
+    for m in all {
+        let mut row = |name: &str, lesions: Vec<&crate::polyps::Lesion>| {
+            if lesions.is_empty() {
+                return;
+            }
+            let median = |n: usize| quantile(&lesions.iter().map(|l| l.features[n]).collect::<Vec<_>>(), 0.5);
+            let medians = (0..FEATURES.len()).map(|n| number(median(n), 3));
+            t.row([m.detector.into(), name.into()].into_iter().chain(medians).collect());
+        };
+        let best = m.trials.iter().flat_map(|t| (0..t.polyps.len()).filter_map(|n| t.best(n)?.lesion.as_ref()));
+        row("polyps", best.collect());
+        for (kind, name) in KINDS {
+            let of = |t: &'_ Trial| -> Vec<usize> {
+                t.decoys.iter().enumerate().filter(|d| d.1.kind == kind).map(|d| d.0).collect()
+            };
+            let found = m
+                .trials
+                .iter()
+                .flat_map(|t| of(t).into_iter().filter_map(|n| t.decoy(n)?.lesion.as_ref()).collect::<Vec<_>>());
+            row(name, found.collect());
+        }
+    }
+    t
+}
+
+fn by_factor(steps: &[Step], name: &str) -> Table {
+    let mut t = Table::new(&[
+        "value",
+        "detector",
+        "number",
+        "found at 2 a scan / %",
+        "from / %",
+        "to / %",
+        "3-5 mm / %",
+        "flat / %",
+        "false positives with the usual score",
+        "time / s",
+    ]);
+    for step in steps.iter().filter(|s| s.name == name) {
+        for m in &step.measured {
+            let score = threshold(&m.trials, RATE);
+            let due = Share::at(&m.trials, score, is_due);
+            let [low, high] = due.interval();
+            let small = Share::at(&m.trials, score, |p| p.diameter_mm < 6.0 && p.shape != PolypShape::Flat);
+            let flat = Share::at(&m.trials, score, |p| p.shape == PolypShape::Flat);
+            t.row(vec![
+                format!("{} {}", step.value, step.unit).into(),
+                m.detector.into(),
+                Cell::Number(due.of as f64, 0),
+                number(100.0 * due.value(), 1),
+                number(100.0 * low, 1),
+                number(100.0 * high, 1),
+                number(100.0 * small.value(), 1),
+                number(100.0 * flat.value(), 1),
+                number(false_positives(&m.trials, 0.5), 2),
+                number(m.seconds, 2),
+            ]);
+        }
+    }
+    t
+}
+
+fn every(all: &[Measured]) -> Table {
+    let mut columns = vec!["detector", "scan", "score", "is", "number", "x", "y", "z"];
+    columns.extend(FEATURES);
+    let mut t = Table::new(&columns);
+    for m in all {
+        for (scan, trial) in m.trials.iter().enumerate() {
+            for (c, is) in &trial.found {
+                let (what, number): (&str, Cell) = match is {
+                    Is::Polyp(n) => ("polyp", Cell::Number(*n as f64, 0)),
+                    Is::Decoy(n) => {
+                        let kind = trial.decoys[*n].kind;
+                        (KINDS.iter().find(|k| k.0 == kind).map_or("", |k| k.1), Cell::Number(*n as f64, 0))
+                    }
+                    Is::Other => ("other", Cell::None),
+                };
+                let mut row = vec![
+                    m.detector.into(),
+                    Cell::Number(scan as f64, 0),
+                    Cell::Number(c.score, 4),
+                    what.into(),
+                    number,
+                ];
+                row.extend(c.position.to_array().map(|x| Cell::Number(x, 2)));
+                match &c.lesion {
+                    Some(l) => row.extend(l.features.map(|f| Cell::Number(f, 4))),
+                    None => row.extend(FEATURES.map(|_| Cell::None)),
+                }
+                t.row(row);
+            }
+        }
+    }
+    t
+}
+
+fn findings(all: &[Measured]) -> Vec<String> {
+    let line = |m: &Measured| {
+        let score = threshold(&m.trials, RATE);
+        let due = Share::at(&m.trials, score, is_due);
+        let [low, high] = due.interval().map(|x| 100.0 * x);
+        let diameter = errors(m, is_due, |p, l| Some(l.diameter_mm - p.diameter_mm));
+        let size = if diameter.is_empty() {
+            String::new()
+        } else {
+            format!(" Their diameters: bias {:.2} mm, SD {:.2} mm.", mean(&diameter), deviation(&diameter))
+        };
+        format!(
+            "{}: {} of {} sessile and stalked polyps of 6 mm and more ({:.1} %; {low:.1} to {high:.1}) at {:.2} false positives a scan, in \
+             {:.2} s.{size}",
+            m.detector,
+            due.found,
+            due.of,
+            100.0 * due.value(),
+            false_positives(&m.trials, score),
+            m.seconds,
+        )
+    };
+    all.iter().map(line).collect()
+}
