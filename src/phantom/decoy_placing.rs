@@ -9,6 +9,10 @@ use super::shape::{Fold, Shape};
 use super::solid::{Ellipsoid, Plate};
 use crate::math::hash;
 
+/// Length of the tube that is within the rectum's end wall, mm.
+const IN_WALL_MM: f64 = 5.5;
+/// Thickness of the balloon's skin, mm. A thinner one would have holes between voxels of 1 mm.
+const SKIN_MM: f64 = 1.5;
 /// Number of places tried for a decoy.
 const TRIES: usize = 300;
 
@@ -47,8 +51,8 @@ pub(crate) fn place(shape: &mut Shape, down: DVec3, taken: &mut Taken, seed: u64
     decoys.extend((0..TRIES).find_map(|_| bulge(&ground, &mut draw, taken)));
     decoys.extend(valve(&ground));
     let tube = tube(shape, seed);
-    let length = tube.from.distance(tube.to);
-    let truth = TrueDecoy { kind: DecoyKind::Tube, position: 0.5 * (tube.from + tube.to), diameter_mm: length };
+    let entry = tube.from + (tube.to - tube.from).normalize() * IN_WALL_MM;
+    let truth = at(DecoyKind::Tube, 0.5 * (entry + tube.to), entry.distance(tube.to));
     decoys.push(Decoy { truth, s: 0.0, span_mm: 70.0, body: Body::Tube(tube) });
     for i in 0..if adult { 4 } else { 2 } {
         decoys.extend((0..TRIES).find_map(|_| stool(&ground, down, &mut draw, taken, hash::bits(seed, 0x5700 + i))));
@@ -94,8 +98,8 @@ fn junction(
     let meets = draw.within(0.0, 1.0) < 0.5;
     let half_width = draw.within(38f64, 48.0).to_radians();
     let phi = if meets { old.phi + 0.75 * half_width } else { old.phi };
-    let first = Fold { slant: side * lean, bow: 0.0, ..old.clone() };
-    let mut second = Fold { half_width, phi, slant: -side * lean, depth: 0.9 * old.depth, ..first.clone() };
+    let first = Fold { slant: side * lean, bow: 0.0, ..old };
+    let mut second = Fold { half_width, phi, slant: -side * lean, depth: 0.9 * old.depth, ..first };
     let crossing = if meets { old.phi + 0.15 * half_width } else { old.phi };
     second.s += first.line(crossing) - second.line(crossing);
     let (a, b) = (along_edge(shape, &first), along_edge(shape, &second));
@@ -209,7 +213,7 @@ fn tube(shape: &Shape, seed: u64) -> Tube {
     let wall = draw.within(1.5, 2.0);
     let length = draw.within(35.0, 55.0) * scale;
     // The wall that the tube enters through, and where its tip is.
-    let entry = frame.at + (posterior * 0.5 - frame.tangent * 0.866) * radius;
+    let entry = frame.at + (posterior * 0.25 - frame.tangent * 0.968) * radius;
     let tip = |s: f64| {
         let f = axis.frame(s);
         f.at + f.direction(f.angle(DVec3::Y)) * (axis.profile(s).radius.0 - outer - 2.5)
@@ -218,12 +222,22 @@ fn tube(shape: &Shape, seed: u64) -> Tube {
     let to = tip(s);
     let along = (to - entry).normalize();
     let balloon_radius = 0.5 * draw.within(22.0, 28.0) * scale;
-    // It touches the end wall, and leaves a passage in front.
-    let centre = entry + along * (0.85 * balloon_radius);
-    let most = radius - balloon_radius;
-    let off = centre - frame.at;
-    let centre = if off.length() > most { frame.at + off.normalize() * (most + 0.4) } else { centre };
-    Tube { from: entry - along * 5.5, to, radius: outer - 0.5 * wall, wall, balloon: (centre, balloon_radius, 1.2) }
+    // It touches the wall, and leaves a passage in front.
+    let room = |centre: DVec3| {
+        let places = (0..40).map(f64::from);
+        places.map(|s| axis.profile(s).radius.0 - centre.distance(axis.frame(s).at)).fold(f64::NEG_INFINITY, f64::max)
+    };
+    let along_tube = (0..40).map(|i| entry + along * (balloon_radius * (0.85 + 0.02 * f64::from(i))));
+    let best = along_tube.clone().max_by(|a, b| room(*a).total_cmp(&room(*b)));
+    let first = along_tube.clone().find(|c| room(*c) >= balloon_radius - 0.6);
+    let centre = first.or(best).unwrap_or(entry);
+    Tube {
+        from: entry - along * IN_WALL_MM,
+        to,
+        radius: outer - 0.5 * wall,
+        wall,
+        balloon: (centre, balloon_radius, SKIN_MM),
+    }
 }
 
 /// Returns a lump of stool on the wall.
@@ -245,7 +259,9 @@ fn stool(ground: &Ground<'_>, down: DVec3, draw: &mut Stream, taken: &mut Taken,
     let middle = spot.at + spot.up * (0.45 * scale);
     let placed = |(c, r): (DVec3, f64)| (middle + c * scale, r * scale);
     let balls: Vec<_> = balls.map(placed).to_vec();
-    let bubbles: Vec<_> = inner.map(placed).map(|(c, r)| (c, (0.8 * r).clamp(0.6, 1.6))).to_vec();
+    let count = (diameter / 3.5) as usize;
+    let bubbles: Vec<_> =
+        inner.map(placed).into_iter().take(count.max(1)).map(|(c, r)| (c, (0.7 * r).clamp(0.6, 1.6))).collect();
     let ball = (centre_of(&balls), 0.5 * diameter);
     if diameter < 5.0 || !taken.has_room_for(&[ball]) {
         return None;

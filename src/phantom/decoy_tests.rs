@@ -61,7 +61,8 @@ fn materials_have_their_hu() {
                     assert!(seen > 85, "{seen}");
                     let within = Ellipsoid::ball(centre, radius - skin - 2.0);
                     let gas = within.points(100).filter(|p| phantom.value(*p) < -900.0).count();
-                    assert!(gas > 60, "{gas}");
+                    // In a small colon the tube takes much of it.
+                    assert!(gas > 40, "{gas}");
                 }
                 Body::Stool(lump) => {
                     let values: Vec<f64> = Ellipsoid::ball(decoy.truth.position, 0.35 * decoy.truth.diameter_mm)

@@ -117,10 +117,8 @@ impl Which {
     /// Returns the polyp's greatest height above the surface without it, mm.
     fn height_mm(self, shape: &Shape, without: &Ground<'_>) -> Option<f64> {
         let head = self.head(shape);
-        if let Self::Lesion(i) = self {
-            if shape.lesions[i].what.shape == PolypShape::Flat {
-                return Some(head.radii.z);
-            }
+        if matches!(self, Self::Lesion(i) if shape.lesions[i].what.shape == PolypShape::Flat) {
+            return Some(head.radii.z);
         }
         let s = self.extent(shape).0;
         let heights = head.points(POINTS).filter_map(|p| without.foot(p, s)).map(|foot| -without.shape.to_wall(&foot));

@@ -82,14 +82,13 @@ fn wishes(length: f64, has_pools: bool, seed: u64) -> Vec<Wish> {
     }
     for i in 0..count {
         let fits = |w: &Wish| w.diameter_mm <= ON_FOLD_MM;
-        if all[i].site == Fold && !fits(&all[i]) {
-            if let Some(j) = (0..count).find(|&j| all[j].site != Fold && fits(&all[j])) {
-                (all[i].site, all[j].site) = (all[j].site, Fold);
-            }
+        let other = (0..count).find(|&j| all[j].site != Fold && fits(&all[j]));
+        if let Some(j) = other.filter(|_| all[i].site == Fold && !fits(&all[i])) {
+            (all[i].site, all[j].site) = (all[j].site, Fold);
         }
     }
     if has_pools {
-        all.iter_mut().filter(|w| w.shape != Flat).step_by(3).for_each(|w| w.under = true);
+        all.iter_mut().filter(|w| w.shape != Flat).step_by(4).for_each(|w| w.under = true);
     }
     all.sort_by(|a, b| b.diameter_mm.total_cmp(&a.diameter_mm));
     all
@@ -186,7 +185,7 @@ impl Place<'_> {
         let fits = taken.has_room_for(&lesion.balls())
             && self.leaves_a_way(&lesion, &spot)
             && self.is_as_wished(&lesion, &spot, wish)
-            && (!wish.under || self.is_under(&lesion, &spot));
+            && (wish.shape == PolypShape::Flat || wish.under == self.is_under(&lesion, &spot));
         fits.then_some(Attached { s: spot.s, what: lesion })
     }
 
