@@ -1,5 +1,6 @@
 //! The whole program: its command line, its reports, and its module dependencies.
 
+mod candidates;
 mod centerline;
 mod cleanse;
 mod command_line;

@@ -1,0 +1,132 @@
+//! `colvis candidates` and its report: phantoms against their truth, the same list on any number of threads, exit statuses.
+
+use std::path::Path;
+
+use colvis::phantom::TruePolyp;
+use glam::DVec3;
+use serde_json::Value;
+
+use crate::support::run::run;
+
+fn json(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn position(entry: &Value) -> DVec3 {
+    serde_json::from_value(entry["position"].clone()).unwrap()
+}
+
+#[test]
+fn polyps_of_a_phantom_come_first_and_the_list_is_the_same_on_any_number_of_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let [scan, truth, out] = ["p.nii.gz", "t.json", "c.json"].map(at);
+    let with = "folds,lesions,decoys,pools,noise";
+    let size = ["--size", "small", "--with", with, "--seed", "3"];
+    run(&[&["phantom", "--out", &scan, "--truth", &truth][..], &size].concat(), 0);
+    let stats = at("s.json");
+    run(&["candidates", &scan, "--out", &out, "--stats", &stats, "--threads", "1"], 0);
+    let list = json(Path::new(&out));
+    let found = list["candidates"].as_array().unwrap();
+    let polyps: Vec<TruePolyp> = serde_json::from_value(json(Path::new(&truth))["polyps"].clone()).unwrap();
+    let near = |p: &TruePolyp, c: &Value| position(c).distance(p.position) < 0.5 * p.diameter_mm + 3.0;
+    for p in polyps.iter().filter(|p| p.diameter_mm >= 6.0 && format!("{:?}", p.shape) != "Flat") {
+        let rank = found.iter().position(|c| near(p, c));
+        assert!(rank.is_some_and(|r| r < polyps.len() + 2), "{rank:?} for {p:?}");
+        let hit = &found[rank.unwrap()];
+        assert!((hit["diameter_mm"].as_f64().unwrap() - p.diameter_mm).abs() < 1.5, "{hit} for {p:?}");
+    }
+    for (n, c) in found.iter().enumerate() {
+        assert_eq!(c["rank"].as_u64(), Some(n as u64 + 1));
+        let score = c["score"].as_f64().unwrap();
+        assert!((0.0..=1.0).contains(&score) && c["along_mm"].as_f64().is_some_and(|mm| mm >= 0.0), "{c}");
+        assert!(["height_mm", "volume_mm3"].iter().all(|f| c[f].as_f64().is_some()) && c["segment"] == 0, "{c}");
+        assert!(c["features"].as_object().unwrap().values().all(|f| f.as_f64().is_some()), "{c}");
+    }
+    let told = json(Path::new(&stats));
+    assert_eq!(told["candidates"].as_u64(), Some(found.len() as u64));
+    assert!(["wall_s", "candidates_s", "cleanse_s"].iter().all(|p| told["prepare"][p].as_f64().is_some()), "{told}");
+
+    let two = at("two.json");
+    run(&["candidates", &scan, "--out", &two, "--threads", "2", "--detector", "shape"], 0);
+    assert!(std::fs::read(&two).unwrap() == std::fs::read(&out).unwrap());
+    run(&["candidates", &scan, "--out", &two, "--max", "3"], 0);
+    assert_eq!(json(Path::new(&two))["candidates"].as_array().unwrap()[..], found[..3]);
+    run(&["candidates", &scan, "--out", &two, "--detector", "curvature"], 0);
+    let baseline = json(Path::new(&two));
+    assert!(baseline["candidates"][0]["diameter_mm"].is_null(), "the baseline measures nothing");
+
+    let said = run(&["candidates", &scan, "--out", &two, "--detector", "nose"], 2);
+    let said = String::from_utf8_lossy(&said.stderr).into_owned();
+    assert!(said.contains("shape") && said.contains("curvature"), "{said}");
+    run(&["candidates", &scan, "--out", &two, "--from", "900,0,0"], 4);
+    run(&["candidates", &at("no.nii.gz"), "--out", &two], 3);
+    run(&["candidates", &scan, "--out", &at("no/folder.json")], 5);
+}
+
+#[test]
+fn a_scan_without_a_wall_has_no_candidates_and_says_why() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    use colvis::volume::{Grid, Volume, io};
+    for (name, hu, dims) in [("air", -1000i16, [40, 40, 40]), ("water", 0, [40, 40, 40]), ("thin", 0, [40, 40, 1])] {
+        let grid = Grid::new(dims, DVec3::ONE, DVec3::ZERO, glam::DMat3::IDENTITY).unwrap();
+        let volume = Volume::new(grid.clone(), vec![hu; grid.len()]);
+        let scan = at(&format!("{name}.nii.gz"));
+        io::save(Path::new(&scan), &volume, &colvis::progress::Progress::new()).unwrap();
+        let out = at("c.json");
+        run(&["candidates", &scan, "--out", &out], 4);
+        assert!(!Path::new(&out).exists(), "{name}");
+    }
+}
+
+#[test]
+fn a_truth_that_is_none_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (scan, truth, out) = (at("p.nii.gz"), at("t.json"), at("r"));
+    run(&["phantom", "--size", "small", "--out", &scan], 0);
+    let report = |status| run(&["report", "candidates", "--quick", "--out", &out, "--scan", &scan, "--truth", &truth], status);
+    report(3);
+    for text in [
+        "",
+        "{",
+        "[]",
+        "{}",
+        "{\"polyps\": 3}",
+        "{\"polyps\": [{\"position\": [1, 2]}]}",
+        "{\"polyps\": [{\"position\": [1, 2, 3]}]}",
+        "{\"polyps\": [{\"position\": [1, 2, 3], \"diameter_mm\": -1}]}",
+        "{\"polyps\": [{\"position\": [1, 2, 1e999], \"diameter_mm\": 5}]}",
+        "{\"polyps\": [], \"decoys\": [{\"kind\": \"cheese\", \"position\": [1, 2, 3], \"diameter_mm\": 5}]}",
+    ] {
+        std::fs::write(&truth, text).unwrap();
+        report(3);
+    }
+    run(&["report", "candidates", "--quick", "--out", &out, "--truth", &truth], 2);
+}
+
+#[test]
+fn detectors_are_reported() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let (scan, truth, out) = (at("p.nii.gz"), at("t.json"), at("r"));
+    run(&["phantom", "--size", "small", "--out", &scan], 0);
+    // Some other program's truth: places and sizes alone.
+    std::fs::write(&truth, "{\"polyps\": [{\"position\": [0, 0, 0], \"diameter_mm\": 5}]}").unwrap();
+    let said = run(&["report", "candidates", "--quick", "--out", &out, "--scan", &scan, "--truth", &truth], 0);
+    let said = String::from_utf8_lossy(&said.stdout).into_owned();
+    let found: Vec<&str> = said.lines().filter(|l| l.contains("sessile and stalked")).collect();
+    assert_eq!(found.len(), 2, "{said}");
+    let html = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
+    assert!(html.contains("p.nii.gz") && html.contains("<svg") && !html.contains("NaN"));
+    let rows = |name: &str| {
+        let text = std::fs::read_to_string(Path::new(&out).join(name)).unwrap();
+        text.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>()).collect::<Vec<_>>()
+    };
+    let own = rows("own.csv");
+    assert!(own.iter().any(|r| r[0] == "shape" && r[1].starts_with("sessile") && r[2] == "1"), "{own:?}");
+    let kinds = rows("decoys.csv");
+    assert!(kinds.iter().any(|r| r[1] == "ileocecal valve" && r[2] == "2"), "{kinds:?}");
+    assert!(rows("candidates.csv").len() > 50 && rows("froc.csv").len() > 40);
+}
