@@ -45,7 +45,7 @@ const FAT_HU: f64 = -35.0;
 const TAG_HU: f64 = 150.0;
 
 /// Names of the features.
-pub const FEATURES: [&str; 25] = [
+pub const FEATURES: [&str; 26] = [
     "cap_area_mm2",
     "k2_peak",
     "k2_mean",
@@ -71,6 +71,7 @@ pub const FEATURES: [&str; 25] = [
     "share_tag",
     "normal_overlap",
     "fold_mm",
+    "extent_mm",
 ];
 
 impl Lesion {
@@ -94,7 +95,11 @@ impl Lesion {
         let points: Vec<(DVec3, f64)> =
             head.iter().map(|&v| (wall.place(v).as_dvec3(), f64::from(wall.area(v)))).collect();
         let shape = Ellipsoid::fit(&points)?;
-        let (diameter_mm, ends) = widest(&shape, &base, lowest(wall, cap, base.axis) - EMERGES_MM)?;
+        let all: Vec<DVec3> = cap.vertices.iter().map(|&v| wall.place(v).as_dvec3()).collect();
+        let extent = farthest(&all).map_or(0.0, |f| f.0);
+        let overlap = overlap(wall, cap, &shape);
+        let found = widest(&shape, &base, lowest(wall, cap, base.axis) - EMERGES_MM)?;
+        let (diameter_mm, ends) = bounded(found, extent, overlap);
         let top = |v: &u32| base.height(wall.place(*v).as_dvec3());
         let highest = base.body.iter().copied().max_by(|a, b| top(a).total_cmp(&top(b)).then(b.cmp(a)))?;
         let height_mm = top(&highest);
@@ -126,8 +131,9 @@ impl Lesion {
             hu.air,
             hu.fat,
             hu.tag,
-            overlap(wall, cap, &shape),
+            overlap,
             f64::from(base.fold_mm),
+            extent,
         ];
         let position = wall.world(highest);
         let out = Self {
@@ -179,6 +185,24 @@ fn widest(shape: &Ellipsoid, base: &Base, from: f64) -> Option<(f64, [DVec3; 2])
         .map(|d| shape.point(d))
         .filter(|p| base.height(*p) >= 0.0 || p.dot(base.axis) >= from)
         .collect();
+    farthest(&points)
+}
+
+/// Shortens a diameter to what a cap of this extent can belong to: hardly more than the extent if the cap is most of a ball
+/// (`overlap`), up to twice as much if it is the top of something flat. A small cap does not determine its ellipsoid well.
+fn bounded((mm, ends): (f64, [DVec3; 2]), extent: f64, overlap: f64) -> (f64, [DVec3; 2]) {
+    let part = |lo: f64, hi: f64| ((overlap - lo) / (hi - lo)).clamp(0.0, 1.0);
+    let times = 2.0 - 0.65 * part(0.05, 0.35) - 0.29 * part(0.35, 0.6);
+    let most = times * extent + 0.3;
+    if mm <= most {
+        return (mm, ends);
+    }
+    let middle = 0.5 * (ends[0] + ends[1]);
+    (most, ends.map(|e| middle + (e - middle) * (most / mm)))
+}
+
+/// Returns the largest distance between two points, mm, and the points.
+fn farthest(points: &[DVec3]) -> Option<(f64, [DVec3; 2])> {
     let mut best: Option<(f64, [DVec3; 2])> = None;
     for direction in directions(DIRECTIONS / 2) {
         let along = |p: &DVec3| p.dot(direction);

@@ -30,12 +30,15 @@ fn polyps_of_a_phantom_come_first_and_the_list_is_the_same_on_any_number_of_thre
     let found = list["candidates"].as_array().unwrap();
     let polyps: Vec<TruePolyp> = serde_json::from_value(json(Path::new(&truth))["polyps"].clone()).unwrap();
     let near = |p: &TruePolyp, c: &Value| position(c).distance(p.position) < 0.5 * p.diameter_mm + 3.0;
+    let mut errors = Vec::new();
     for p in polyps.iter().filter(|p| p.diameter_mm >= 6.0 && format!("{:?}", p.shape) != "Flat") {
         let rank = found.iter().position(|c| near(p, c));
         assert!(rank.is_some_and(|r| r < polyps.len() + 2), "{rank:?} for {p:?}");
         let hit = &found[rank.unwrap()];
-        assert!((hit["diameter_mm"].as_f64().unwrap() - p.diameter_mm).abs() < 1.5, "{hit} for {p:?}");
+        errors.push((hit["diameter_mm"].as_f64().unwrap() - p.diameter_mm).abs());
     }
+    errors.sort_by(f64::total_cmp);
+    assert!(errors.len() >= 4 && errors[errors.len() / 2] < 0.6, "with voxels of 0.9 mm: {errors:?}");
     for (n, c) in found.iter().enumerate() {
         assert_eq!(c["rank"].as_u64(), Some(n as u64 + 1));
         let score = c["score"].as_f64().unwrap();
@@ -86,7 +89,8 @@ fn a_truth_that_is_none_is_refused() {
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let (scan, truth, out) = (at("p.nii.gz"), at("t.json"), at("r"));
     run(&["phantom", "--size", "small", "--out", &scan], 0);
-    let report = |status| run(&["report", "candidates", "--quick", "--out", &out, "--scan", &scan, "--truth", &truth], status);
+    let report =
+        |status| run(&["report", "candidates", "--quick", "--out", &out, "--scan", &scan, "--truth", &truth], status);
     report(3);
     for text in [
         "",
@@ -125,7 +129,7 @@ fn detectors_are_reported() {
         text.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>()).collect::<Vec<_>>()
     };
     let own = rows("own.csv");
-    assert!(own.iter().any(|r| r[0] == "shape" && r[1].starts_with("sessile") && r[2] == "1"), "{own:?}");
+    assert!(own.iter().any(|r| r[0] == "shape" && r[1] == "sessile 3-5 mm" && r[2] == "1"), "{own:?}");
     let kinds = rows("decoys.csv");
     assert!(kinds.iter().any(|r| r[1] == "ileocecal valve" && r[2] == "2"), "{kinds:?}");
     assert!(rows("candidates.csv").len() > 50 && rows("froc.csv").len() > 40);

@@ -102,7 +102,7 @@ impl Share {
         let (n, p) = (self.of as f64, self.value());
         let middle = (p + Z * Z / (2.0 * n)) / (1.0 + Z * Z / n);
         let half = Z / (1.0 + Z * Z / n) * (p * (1.0 - p) / n + Z * Z / (4.0 * n * n)).sqrt();
-        [middle - half, middle + half]
+        [(middle - half).max(0.0), (middle + half).min(1.0)]
     }
 }
 

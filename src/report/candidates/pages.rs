@@ -24,8 +24,7 @@ const SHAPES: [(PolypShape, &str); 3] =
     [(PolypShape::Sessile, "sessile"), (PolypShape::Stalked, "stalked"), (PolypShape::Flat, "flat")];
 const SITES: [(PolypSite, &str); 3] =
     [(PolypSite::Wall, "on walls"), (PolypSite::Fold, "on folds"), (PolypSite::Between, "between folds")];
-const SIZES: [(f64, f64, &str); 3] =
-    [(3.0, 6.0, "3-5 mm"), (6.0, 10.0, "6-9 mm"), (10.0, f64::INFINITY, "10 mm and more")];
+const SIZES: [(f64, f64, &str); 3] = [(3.0, 6.0, "3-5 mm"), (6.0, 10.0, "6-9 mm"), (10.0, f64::INFINITY, "from 10 mm")];
 const KINDS: [(DecoyKind, &str); 6] = [
     (DecoyKind::FoldTip, "fold tip"),
     (DecoyKind::FoldJunction, "junction of folds"),
@@ -41,7 +40,7 @@ fn is_due(p: &TruePolyp) -> bool {
 }
 
 fn groups() -> Vec<Group> {
-    let mut out: Vec<Group> = vec![("sessile and stalked, 6 mm and more".to_owned(), Box::new(is_due))];
+    let mut out: Vec<Group> = vec![("sessile and stalked from 6 mm".to_owned(), Box::new(is_due))];
     for (site, name) in SITES {
         out.push((format!("… {name}"), Box::new(move |p| is_due(p) && p.site == site)));
     }
@@ -49,7 +48,7 @@ fn groups() -> Vec<Group> {
     for (shape, name) in SHAPES {
         for (least, most, size) in SIZES {
             let of = move |p: &TruePolyp| p.shape == shape && (least..most).contains(&p.diameter_mm);
-            out.push((format!("{name}, {size}"), Box::new(of)));
+            out.push((format!("{name} {size}"), Box::new(of)));
         }
     }
     out
@@ -76,11 +75,7 @@ pub(super) fn write(
         page.finding(f);
     }
     page.section("Sensitivity against false positives");
-    page.plot(
-        "froc",
-        &curves(usual),
-        "Sessile and stalked polyps of 6 mm and more. Lower and farther left is better.",
-    )?;
+    page.plot("froc", &curves(usual), "Sessile and stalked polyps from 6 mm. Lower and farther left is better.")?;
     page.table("sensitivity", &sensitivity(usual))?;
     page.section("Measures");
     page.table("measures", &measures(usual))?;
@@ -346,7 +341,7 @@ fn findings(all: &[Measured]) -> Vec<String> {
             format!(" Their diameters: bias {:.2} mm, SD {:.2} mm.", mean(&diameter), deviation(&diameter))
         };
         format!(
-            "{}: {} of {} sessile and stalked polyps of 6 mm and more ({:.1} %; {low:.1} to {high:.1}) at {:.2} false positives a scan, in \
+            "{}: {} of {} sessile and stalked polyps from 6 mm ({:.1} %; {low:.1} to {high:.1}) at {:.2} false positives a scan, in \
              {:.2} s.{size}",
             m.detector,
             due.found,
