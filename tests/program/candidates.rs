@@ -86,7 +86,8 @@ fn a_truth_that_is_none_is_refused() {
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
     let (scan, truth, out) = (at("p.nii.gz"), at("t.json"), at("r"));
     run(&["phantom", "--size", "small", "--out", &scan], 0);
-    let report = |status| run(&["report", "candidates", "--quick", "--out", &out, "--scan", &scan, "--truth", &truth], status);
+    let report =
+        |status| run(&["report", "candidates", "--quick", "--out", &out, "--scan", &scan, "--truth", &truth], status);
     report(3);
     for text in [
         "",
