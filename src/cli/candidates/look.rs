@@ -191,3 +191,82 @@ impl Looks {
             .find(|p| self.clearances.at(p.eye).mm >= CLEAR_MM)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::space::TransferFunction;
+    use crate::volume::{Grid, Volume};
+
+    const RADIUS_MM: f64 = 4.0;
+
+    /// A room of gas, x and y from 5 to 55 mm and z from 5 mm to `top`, with a ball on the middle of its floor.
+    fn room(top: f64) -> PreparedVolume {
+        let grid = Grid::new([60; 3], DVec3::ONE, DVec3::ZERO, DMat3::IDENTITY).unwrap();
+        let hu = |n: usize| {
+            let p = grid.world(DVec3::new((n % 60) as f64, (n / 60 % 60) as f64, (n / 3600) as f64));
+            let is_gas = (p - 30.0).truncate().abs().max_element() < 25.0 && p.z > 5.0 && p.z < top;
+            if is_gas && p.distance(DVec3::new(30.0, 30.0, 7.0)) > RADIUS_MM { -1000 } else { 40 }
+        };
+        let volume = Volume::new(grid.clone(), (0..grid.len()).map(hu).collect());
+        PreparedVolume::new(Arc::new(volume), TransferFunction::default())
+    }
+
+    fn ball() -> Subject {
+        Subject {
+            middle: DVec3::new(30.0, 30.0, 8.0),
+            position: DVec3::new(30.0, 30.0, 7.0 + RADIUS_MM),
+            axis: DVec3::Z,
+            long: DVec3::X,
+            radius_mm: RADIUS_MM,
+        }
+    }
+
+    #[test]
+    fn the_camera_is_in_the_gas_and_sees_the_candidate_in_the_middle() {
+        for (top, tilt) in [(55.0, Some(30.0)), (28.0, None), (19.0, None)] {
+            let volume = room(top);
+            let subject = ball();
+            let (view, scale) = Looks::new(&volume).view(&subject).unwrap();
+            let eye = view.position();
+            assert!(ClearanceFinder::new(volume.shared_voxels(), -650.0, 5.0).at(eye).mm >= CLEAR_MM, "{top}: {eye}");
+            let [x, y] = view.project(subject.middle).unwrap();
+            assert!((x - 160.0).abs() < 1e-6 && (y - 160.0).abs() < 1e-6, "{top}: {x} {y}");
+            // Nothing but the ball is in between.
+            let mm = first_crossing(&volume, eye, view.forward(), 100.0).unwrap();
+            let hit = eye + view.forward() * mm;
+            assert!((hit.distance(DVec3::new(30.0, 30.0, 7.0)) - RADIUS_MM).abs() < 1.0, "{top}: {hit}");
+            let off = (eye - subject.position).angle_between(subject.axis).to_degrees();
+            assert!(tilt.is_none_or(|t| f64::abs(off - t) < 3.0), "{top}: {off}°");
+            let beside = view.project(subject.middle + view.right()).unwrap();
+            assert!((beside[0] - 160.0 - scale).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_place_without_room_has_a_view_all_the_same() {
+        let volume = room(14.0);
+        assert!(Looks::new(&volume).view(&ball()).is_ok());
+        let nowhere = Subject { position: DVec3::new(2.0, 2.0, 2.0), middle: DVec3::new(2.0, 2.0, 2.0), ..ball() };
+        assert!(Looks::new(&volume).view(&nowhere).is_ok());
+    }
+
+    #[test]
+    fn slices_hold_the_axis_with_the_lumen_on_top_and_the_patients_left_on_the_right() {
+        for (axis, long) in [(DVec3::Z, DVec3::X), (DVec3::Y, DVec3::NEG_Z), (DVec3::NEG_X, DVec3::Y)] {
+            let subject = Subject { axis, long, ..ball() };
+            let [axial, across, along] = subject.slices();
+            assert_eq!(axial.frame.edges(), ["R", "L", "A", "P"]);
+            for (slice, normal) in [(across, long), (along, axis.cross(long))] {
+                let (down, right) = (slice.frame.down(), slice.frame.right());
+                assert!((down + axis).length() < 1e-12 && leftwards(right) > 0.0);
+                assert!((slice.frame.normal().dot(normal).abs() - 1.0).abs() < 1e-12);
+                // Not mirrored.
+                assert!((right.cross(down) + slice.frame.normal()).length() < 1e-12);
+                assert_eq!(slice.pixel(subject.middle), ([120.0; 2], 0.0));
+            }
+        }
+    }
+}

@@ -275,4 +275,34 @@ mod tests {
         let list: serde_json::Value = serde_json::from_str(list).unwrap();
         assert_eq!(list["scan"], scan);
     }
+
+    #[test]
+    fn a_page_tells_how_much_of_the_list_it_shows() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("index.html");
+        let entry = |rank| Entry {
+            rank,
+            score: 0.5,
+            position: glam::DVec3::splat(rank as f64),
+            diameter_mm: None,
+            height_mm: None,
+            volume_mm3: None,
+            along_mm: Some(12.0),
+            segment: Some(1),
+            features: std::collections::BTreeMap::new(),
+        };
+        let all = [1, 2, 3].map(entry);
+        let page = |count: usize, is_ordered| {
+            let card = |entry| Card { entry, lesion: None, pictures: vec![Picture::view(format!("{count}.png"), 5.0)] };
+            let cards: Vec<Card<'_>> = all.iter().take(count).map(card).collect();
+            Page { scan: "s.nii", is_ordered, all: &all, cards: &cards }.write(&path).unwrap();
+            std::fs::read_to_string(&path).unwrap()
+        };
+        let html = page(2, true);
+        assert!(html.contains("The list has 3 candidates; this page shows the best 2."));
+        assert!(html.contains("segment 1, 12 mm from the rectum<") && html.matches("src=\"2.png\"").count() == 2);
+        assert!(page(3, false).contains("<p>3 candidates, the best first.</p>"));
+        assert!(!page(3, false).contains("from the rectum"));
+        assert!(page(0, true).contains("Nothing of the wall"));
+    }
 }
