@@ -337,6 +337,9 @@ pub struct CandidatesArgs {
     /// At most this many
     #[arg(long, value_name = "N", value_parser = count, allow_negative_numbers = true)]
     pub max: Option<usize>,
+    /// Also write pictures of the best 200 and a page that shows them, index.html
+    #[arg(long, value_name = "DIR/")]
+    pub gallery: Option<PathBuf>,
     /// Method [default: shape]
     #[arg(long, value_name = "DETECTOR")]
     pub detector: Option<String>,

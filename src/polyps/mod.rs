@@ -2,7 +2,9 @@
 //!
 //! A [`Detector`] looks at a [`Colon`] and returns [`Candidate`]s. Those of this crate are in [`detectors::BUILT_IN`]; a program
 //! may add its own with `Program::detector`. [`find`] runs one and leaves the best candidate of each place, measured.
+//! [`answers`] holds what a reader says of them.
 
+pub mod answers;
 pub(crate) mod base;
 mod caps;
 pub mod detectors;

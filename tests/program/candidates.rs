@@ -68,6 +68,62 @@ fn polyps_of_a_phantom_come_first_and_the_list_is_the_same_on_any_number_of_thre
 }
 
 #[test]
+fn a_gallery_shows_each_candidate_and_is_the_same_on_any_number_of_threads() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let [scan, out, folder] = ["p & <q>.nii.gz", "c.json", "g/"].map(at);
+    run(&["phantom", "--out", &scan, "--size", "small", "--with", "folds,lesions,decoys,noise", "--seed", "3"], 0);
+    run(&["candidates", &scan, "--out", &out, "--gallery", &folder, "--max", "12", "--threads", "1"], 0);
+    let list = json(Path::new(&out));
+    let found = list["candidates"].as_array().unwrap();
+    let html = std::fs::read_to_string(Path::new(&folder).join("index.html")).unwrap();
+    assert!(found.len() == 12 && html.matches("<article").count() == 12 && html.contains("12 candidates"));
+    assert!(html.contains("not a diagnosis") && html.contains("p &amp; &lt;q&gt;.nii.gz"));
+    for outside in ["http:", "https:", "src=\"/", "<link", "@import", "url(", "NaN"] {
+        assert!(!html.contains(outside), "{outside}");
+    }
+    let data = html.split("id=\"list\">").nth(1).and_then(|t| t.split("</script>").next()).unwrap();
+    let data: Value = serde_json::from_str(data).unwrap();
+    assert_eq!(data["scan"], "p & <q>.nii.gz");
+    for (n, c) in found.iter().enumerate() {
+        assert!(data["candidates"][n]["position"] == c["position"] && data["candidates"][n]["rank"] == c["rank"]);
+        let card = html.split(&format!("id=\"c{}\"", n + 1)).nth(1).and_then(|t| t.split("</article>").next()).unwrap();
+        let told = format!("diameter {:.1} mm", c["diameter_mm"].as_f64().unwrap());
+        assert!(card.contains(&told) && card.contains("fold_mm") && card.matches("data-answer").count() == 3, "{card}");
+        for (kind, side) in [("view", 320), ("axial", 240), ("across", 240), ("along", 240)] {
+            let name = format!("{:04}-{kind}.png", n + 1);
+            assert!(card.contains(&format!("src=\"{name}\"")), "{name}");
+            let picture = image::open(Path::new(&folder).join(&name)).unwrap().into_luma8();
+            assert_eq!((picture.width(), picture.height()), (side, side), "{name}");
+            // Neither black nor all of one shade: gas and wall, or lit and dark parts of the wall.
+            let [least, most] = [picture.pixels().map(|p| p.0[0]).min(), picture.pixels().map(|p| p.0[0]).max()];
+            assert!(most > Some(90) && most.unwrap() - least.unwrap() > 40, "{name}: {least:?} to {most:?}");
+        }
+    }
+    let files = |folder: &str| {
+        let mut all: Vec<_> = std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().path()).collect();
+        all.sort();
+        all.iter().map(|f| (f.file_name().unwrap().to_owned(), std::fs::read(f).unwrap())).collect::<Vec<_>>()
+    };
+    let (first, again) = (files(&folder), at("deep/again"));
+    assert_eq!(first.len(), 4 * 12 + 1);
+    run(&["candidates", &scan, "--out", &out, "--gallery", &again, "--max", "12", "--threads", "2"], 0);
+    assert!(files(&again) == first);
+
+    // A detector that measures nothing has pictures, too, and a shorter list replaces a longer one.
+    let inside = at("g/c.json");
+    run(&["candidates", &scan, "--out", &inside, "--gallery", &folder, "--max", "3", "--detector", "curvature"], 0);
+    let html = std::fs::read_to_string(Path::new(&folder).join("index.html")).unwrap();
+    assert!(html.matches("<article").count() == 3 && !html.contains("diameter") && !html.contains("class=\"terms\""));
+
+    run(&["candidates", &scan, "--out", &out, "--gallery", &scan], 2);
+    run(&["candidates", &scan, "--out", &out, "--gallery", &out], 2);
+    run(&["candidates", &scan, "--out", &at("g/index.html"), "--gallery", &folder], 2);
+    run(&["candidates", &scan, "--out", &at("d.json"), "--gallery", &at("p & <q>.nii.gz/g")], 5);
+    assert!(!Path::new(&at("d.json")).exists());
+}
+
+#[test]
 fn a_scan_without_a_wall_has_no_candidates_and_says_why() {
     let dir = tempfile::tempdir().unwrap();
     let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();

@@ -1,6 +1,11 @@
 //! `colvis candidates`.
 
+mod gallery;
+mod look;
+mod page;
+
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use serde::Serialize;
@@ -55,20 +60,25 @@ impl Entry {
 /// output cannot be written.
 pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, progress: &Progress) -> Result<()> {
     let detector = program.catalog.find_detector(args.detector.as_deref().unwrap_or(detectors::BUILT_IN[0].name))?;
-    let iso = prepare::transfer(global)?.iso();
-    prepare::check_files(Some(&args.input), &args.out, args.stats.as_deref())?;
+    let transfer = prepare::transfer(global)?;
+    check_outputs(args)?;
     let mut timings = Timings::default();
     // Not twice.
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let lumen = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
     let along = timings.time("along_s", || Along::new(&lumen, progress))?;
-    let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, iso, progress))?;
+    let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, transfer.iso(), progress))?;
     let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
     let mut found = timings.time("candidates_s", || polyps::find(&detector, &colon, progress))?;
     found.truncate(args.max.unwrap_or(usize::MAX));
     let entries: Vec<Entry> = found.iter().enumerate().map(|(n, c)| Entry::new(n + 1, c, &along)).collect();
     output::write_json(&args.out, &json!({ "candidates": entries }))?;
+    if let Some(folder) = &args.gallery {
+        let name = args.input.file_name().map_or_else(|| "scan".to_owned(), |n| n.to_string_lossy().into_owned());
+        let scene = gallery::Scene { volume, transfer, wall: &wall, scan: name, is_ordered: lumen.ordered };
+        timings.time("gallery_s", || gallery::write(folder, scene, &found, &entries, progress))?;
+    }
     if let Some(path) = &args.stats {
         let mut stats = prepare::stats_head(&timings);
         for (name, value) in [("candidates", json!(entries.len())), ("wall_bytes", json!(wall.bytes()))] {
@@ -77,4 +87,17 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
         output::write_json(path, &stats)?;
     }
     Ok(())
+}
+
+/// Rejects outputs that would overwrite the input or each other, and makes the gallery's folder.
+///
+/// # Errors
+/// Returns status 2 if two paths are the same, status 5 if a folder is missing or cannot be made.
+fn check_outputs(args: &CandidatesArgs) -> Result<()> {
+    let files: Vec<&Path> = std::iter::once(&args.out).chain(&args.stats).map(PathBuf::as_path).collect();
+    let Some(folder) = &args.gallery else { return output::check_targets(&[&args.input], &files) };
+    let page = folder.join(gallery::PAGE);
+    output::check_apart(&[&args.input], &[&files[..], &[folder, &page]].concat())?;
+    output::make_folder(folder)?;
+    output::check_folders(&files)
 }
