@@ -88,6 +88,8 @@ pub enum Command {
     Centerline(CenterlineArgs),
     /// List the places of the wall that look like polyps
     Candidates(CandidatesArgs),
+    /// Measure the lesion at a point of the wall
+    Measure(MeasureArgs),
     /// Write a synthetic colon and its ground truth
     Phantom(PhantomArgs),
     /// Print an input's size, spacing, orientation and header as JSON
@@ -343,6 +345,25 @@ pub struct CandidatesArgs {
     /// Method [default: shape]
     #[arg(long, value_name = "DETECTOR")]
     pub detector: Option<String>,
+    /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub from: Option<Triple>,
+    /// Write times and memory as JSON
+    #[arg(long, value_name = "F.json")]
+    pub stats: Option<PathBuf>,
+}
+
+/// `measure`'s arguments.
+#[derive(ClapArgs, Clone, Debug)]
+pub struct MeasureArgs {
+    /// Scan: NIfTI, MetaImage, NRRD, DICOM, or a folder of PNG slices
+    pub input: PathBuf,
+    /// Point of the wall, mm LPS
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub at: Triple,
+    /// Write the measures as JSON instead of printing them
+    #[arg(long, value_name = "F.json")]
+    pub out: Option<PathBuf>,
     /// Treat the gas at this point (mm LPS) as colon, whatever it looks like
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub from: Option<Triple>,

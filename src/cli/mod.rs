@@ -7,6 +7,7 @@ mod cleanse;
 mod explain;
 mod fly;
 mod info;
+mod measure;
 mod own;
 mod phantom;
 mod plane;
@@ -350,6 +351,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
             | Command::Slice(_)
             | Command::Segment(_)
             | Command::Candidates(_)
+            | Command::Measure(_)
             | Command::Surface(_)
             | Command::Cleanse(_)
             | Command::Centerline(_),
@@ -361,6 +363,7 @@ fn run(program: &Program, args: Args) -> Result<()> {
         Some(Command::Phantom(a)) => phantom::run(&a, &global, &progress),
         Some(Command::Slice(a)) => slice::run(&a, &global, &progress),
         Some(Command::Segment(a)) => segment::run(&a, &global, &progress),
+        Some(Command::Measure(a)) => measure::run(&a, &global, &progress),
         Some(Command::Candidates(a)) => candidates::run(program, &a, &global, &progress),
         Some(Command::Surface(a)) => surface::run(&a, &global, &progress),
         Some(Command::Cleanse(a)) => cleanse::run(&a, &global, &progress),

@@ -10,7 +10,8 @@ use crate::app::{OpenOptions, Scan, Timings};
 use crate::cli::Program;
 use crate::cli::args::{Global, QualityName};
 use crate::error::{Error, Result};
-use crate::fields::{Lumen, cleanse, lumen};
+use crate::fields::cleanse::{self, Cleansed};
+use crate::fields::{Lumen, lumen};
 use crate::memory::resident_bytes;
 use crate::output;
 use crate::phantom::{Phantom, PhantomSettings};
@@ -203,7 +204,8 @@ pub(crate) fn lumen_from(
     })
 }
 
-/// The colon in a scan without its tag, which is taken out of `volume`; with a point (world, mm) the gas there. Says what was taken.
+/// The colon in a scan without its tag, which is taken out of `volume`, and what was taken, with the values that the scan had;
+/// with a point (world, mm) the gas there. Says what was taken.
 ///
 /// # Errors
 /// As [`lumen_from`], and status 4 if there is no colon.
@@ -212,26 +214,25 @@ pub(crate) fn cleansed_lumen(
     from: Option<DVec3>,
     timings: &mut Timings,
     progress: &Progress,
-) -> Result<Lumen> {
+) -> Result<(Lumen, Option<Cleansed>)> {
     let found = lumen_from(volume, from, timings, progress)?;
     if found.segments.is_empty() {
         return Err(no_lumen("give --from and a point in the colon"));
     }
     let mut cleansed = timings.time("cleanse_s", || cleanse::cleanse(volume, &found, progress))?;
     if cleansed.changes.is_empty() {
-        return Ok(found);
+        return Ok((found, None));
     }
     say(&cleansed.to_string());
     cleansed.changes.exchange(volume);
-    drop(cleansed);
     let again = || match from {
         Some(p) => lumen::gas_at(volume, p, progress),
         None => lumen::find(volume, progress).map(Some),
     };
     // Where there was gas there is gas still.
-    let Some(mut lumen) = timings.time("cleansed_lumen_s", again)? else { return Ok(found) };
+    let Some(mut lumen) = timings.time("cleansed_lumen_s", again)? else { return Ok((found, Some(cleansed))) };
     cleanse::keep_ends(&mut lumen, &found);
-    Ok(lumen)
+    Ok((lumen, Some(cleansed)))
 }
 
 /// The failure of a command that found no colon in a scan.

@@ -7,7 +7,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use crate::error::Error;
 
 /// Planned commands.
-const COMMANDS: [&str; 5] = ["unfold", "measure", "match", "dataset", "batch"];
+const COMMANDS: [&str; 4] = ["unfold", "match", "dataset", "batch"];
 /// Planned options of built commands.
 const OPTIONS: [&str; 5] = ["--second", "--coverage-mesh", "--review", "--normals", "--truth"];
 /// Planned values of built options, and of the argument `<SUBJECT>`.

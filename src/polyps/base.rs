@@ -57,7 +57,7 @@ impl Scratch {
 
     /// Measures the ways from `cap` along the edges of the wall (Dijkstra 1959), up to `far`. Returns the vertices in the
     /// order of their distance; those of the cap are at 0.
-    fn spread(&mut self, wall: &Wall, cap: &[u32], far: f32) -> Vec<(f32, u32)> {
+    pub(crate) fn spread(&mut self, wall: &Wall, cap: &[u32], far: f32) -> Vec<(f32, u32)> {
         for v in self.touched.drain(..) {
             self.mm[v as usize] = f32::INFINITY;
         }

@@ -29,8 +29,13 @@ pub struct Cap {
 /// Returns the caps of a wall whose peak is at least `least` (1/mm) and whose area is at least `area` (mm²), by the number
 /// of their peaks' vertices.
 pub fn caps(wall: &Wall, least: f32, area: f32) -> Vec<Cap> {
+    caps_among(wall, 0..wall.len() as u32, least, area)
+}
+
+/// Like [`caps`], of a part of the wall, given by its vertices in their order.
+pub(crate) fn caps_among(wall: &Wall, part: impl Iterator<Item = u32> + Clone, least: f32, area: f32) -> Vec<Cap> {
     let k2 = |v: u32| wall.curvatures(v)[1];
-    let mut order: Vec<u32> = (0..wall.len() as u32).filter(|&v| k2(v) > FLOOR).collect();
+    let mut order: Vec<u32> = part.clone().filter(|&v| k2(v) > FLOOR).collect();
     order.sort_unstable_by(|&a, &b| k2(b).total_cmp(&k2(a)).then(a.cmp(&b)));
     // The flood that each vertex belongs to, and which flood that one has become a part of.
     let mut label = vec![NONE; wall.len()];
@@ -62,7 +67,7 @@ pub fn caps(wall: &Wall, least: f32, area: f32) -> Vec<Cap> {
     }
     let mut own: Vec<Cap> =
         peaks.iter().map(|&peak| Cap { peak, k2: k2(peak), area: 0.0, vertices: Vec::new() }).collect();
-    for v in 0..wall.len() as u32 {
+    for v in part {
         if label[v as usize] != NONE {
             let cap = &mut own[root(&mut into, label[v as usize]) as usize];
             cap.area += wall.area(v);

@@ -78,6 +78,15 @@ impl Lesion {
     /// Measures the lesion that a cap belongs to. Returns `None` for a ridge, or if there is no wall around it or no
     /// ellipsoid fits.
     pub(crate) fn of(wall: &Wall, cap: &Cap, volume: &Volume, scratch: &mut Scratch) -> Option<Self> {
+        Self::shaped(wall, cap, volume, scratch, RIDGE)
+    }
+
+    /// Like [`Lesion::of`], also for a ridge.
+    pub(crate) fn of_any(wall: &Wall, cap: &Cap, volume: &Volume, scratch: &mut Scratch) -> Option<Self> {
+        Self::shaped(wall, cap, volume, scratch, [0.0; 2])
+    }
+
+    fn shaped(wall: &Wall, cap: &Cap, volume: &Volume, scratch: &mut Scratch, ridge: [f64; 2]) -> Option<Self> {
         if cap.vertices.is_empty() {
             return None;
         }
@@ -87,7 +96,7 @@ impl Lesion {
         let normal = cap.vertices.iter().map(|&v| wall.normal(v) * wall.area(v)).sum::<glam::Vec3>().as_dvec3() / area;
         let [least, most] = spread(wall, cap, normal.normalize_or_zero());
         let (roundness, shape_index) = (least / most.max(1e-9), mean(&|v| f64::from(wall.shape_index(v))));
-        if roundness < RIDGE[0] || shape_index < RIDGE[1] {
+        if roundness < ridge[0] || shape_index < ridge[1] {
             return None;
         }
         let base = Base::of(wall, &cap.vertices, scratch)?;

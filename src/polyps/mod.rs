@@ -10,6 +10,7 @@ mod caps;
 pub mod detectors;
 mod fit;
 mod lesion;
+mod measure;
 mod score;
 mod wall;
 
@@ -23,6 +24,7 @@ use crate::volume::Volume;
 
 pub use caps::{Cap, caps};
 pub use lesion::{FEATURES, Lesion};
+pub use measure::{Form, Measurement, measure};
 pub use score::{TERMS, Term, score, terms};
 pub use wall::{SMOOTH_MM, Wall};
 

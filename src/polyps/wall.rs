@@ -39,9 +39,9 @@ pub struct Wall {
     curvatures: Vec<[f32; 2]>,
     /// Where the corners of each vertex begin.
     begins: Vec<u32>,
-    /// The next vertex of the triangle of each corner, and the one after it.
+    /// The vertices beside each vertex, in their order around it, counter-clockwise as seen from the tissue. Two that follow each
+    /// other, and the last and the first, form a triangle with it.
     beside: Vec<u32>,
-    beyond: Vec<u32>,
 }
 
 impl Wall {
@@ -63,21 +63,27 @@ impl Wall {
         progress.stage("measuring the wall", 0);
         let (origin, places, triangles) = mesh.into_parts();
         let (normals, areas) = facing(&places, &triangles);
-        let [begins, beside, beyond] = corners(places.len(), &triangles);
-        drop(triangles);
-        let mut wall = Self { origin, places, normals, areas, begins, beside, beyond, ..Self::default() };
+        let (begins, beside) = fans(places.len(), triangles);
+        let mut wall = Self { origin, places, normals, areas, begins, beside, ..Self::default() };
         progress.check()?;
+        let steps = wall.smoothing_steps();
+        let mut spare = vec![Vec3::ZERO; wall.len()];
+        let mut places = wall.places.clone();
         // Not of unit length: a mean of normals is shorter, as a mean of positions is nearer to the middle.
-        let mut smooth = wall.places.iter().copied().zip(wall.normals.iter().copied()).collect::<Vec<_>>();
-        let mut next = Vec::new();
-        for _ in 0..wall.smoothing_steps() {
-            (0..wall.len()).into_par_iter().map(|v| wall.mean(v as u32, &smooth)).collect_into_vec(&mut next);
-            std::mem::swap(&mut smooth, &mut next);
-            progress.check()?;
+        let mut normals = std::mem::take(&mut wall.normals);
+        for values in [&mut places, &mut normals] {
+            for _ in 0..steps {
+                wall.means(values, &mut spare);
+                std::mem::swap(values, &mut spare);
+                progress.check()?;
+            }
         }
-        drop(next);
-        wall.normals.par_iter_mut().zip(&smooth).for_each(|(n, s)| *n = s.1.normalize_or_zero());
-        wall.curvatures = (0..wall.len() as u32).into_par_iter().map(|v| wall.curvatures_at(v, &smooth)).collect();
+        drop(spare);
+        let curvatures = |v: usize| wall.curvatures_at(v as u32, &places, &normals);
+        wall.curvatures = (0..wall.len()).into_par_iter().map(curvatures).collect();
+        drop(places);
+        normals.par_iter_mut().for_each(|n| *n = n.normalize_or_zero());
+        wall.normals = normals;
         progress.check()?;
         Ok(wall)
     }
@@ -144,8 +150,8 @@ impl Wall {
 
     /// Returns the triangles around a vertex, by their other two vertices, counter-clockwise as seen from the tissue.
     pub fn around(&self, vertex: u32) -> impl Iterator<Item = [u32; 2]> {
-        let own = self.corners(vertex);
-        self.beside[own.clone()].iter().zip(&self.beyond[own]).map(|(&a, &b)| [a, b])
+        let beside = self.beside(vertex);
+        (0..beside.len()).map(|n| [beside[n], beside[(n + 1) % beside.len()]])
     }
 
     fn corners(&self, vertex: u32) -> Range<usize> {
@@ -170,10 +176,9 @@ impl Wall {
             + size_of_val(self.curvatures.as_slice())
             + size_of_val(self.begins.as_slice())
             + size_of_val(self.beside.as_slice())
-            + size_of_val(self.beyond.as_slice())
     }
 
-    /// Returns the number of steps of [`Wall::mean`] that make a Gaussian of [`SMOOTH_MM`].
+    /// Returns the number of steps of [`Wall::means`] that make a Gaussian of [`SMOOTH_MM`].
     fn smoothing_steps(&self) -> usize {
         // Variance of one step along one axis of the surface, as a mean over the surface.
         let spread = |v: u32| {
@@ -193,20 +198,22 @@ impl Wall {
         if sum > 0.0 { ((SMOOTH_MM * SMOOTH_MM * area / sum).round() as usize).clamp(1, MOST_STEPS) } else { 0 }
     }
 
-    /// Returns the means of the positions and normals of a vertex and those beside it, weighted by area.
-    fn mean(&self, v: u32, of: &[(Vec3, Vec3)]) -> (Vec3, Vec3) {
-        let (mut place, mut normal, mut area) = (Vec3::ZERO, Vec3::ZERO, 0.0);
-        for &n in self.beside(v).iter().chain([&v]) {
-            let own = self.area(n);
-            place += own * of[n as usize].0;
-            normal += own * of[n as usize].1;
-            area += own;
-        }
-        if area > 0.0 { (place / area, normal / area) } else { of[v as usize] }
+    /// Writes the means of the values of each vertex and those beside it, weighted by area, into `means`.
+    fn means(&self, values: &[Vec3], means: &mut [Vec3]) {
+        means.par_iter_mut().enumerate().for_each(|(v, mean)| {
+            let v = v as u32;
+            let (mut sum, mut area) = (values[v as usize] * self.area(v), self.area(v));
+            for &n in self.beside(v) {
+                sum += values[n as usize] * self.area(n);
+                area += self.area(n);
+            }
+            *mean = if area > 0.0 { sum / area } else { values[v as usize] };
+        });
     }
 
-    fn curvatures_at(&self, v: u32, smooth: &[(Vec3, Vec3)]) -> [f32; 2] {
-        let normal = self.normal(v);
+    fn curvatures_at(&self, v: u32, places: &[Vec3], normals: &[Vec3]) -> [f32; 2] {
+        let (own, change) = (places[v as usize], normals[v as usize]);
+        let normal = change.normalize_or_zero();
         if normal == Vec3::ZERO {
             return [0.0; 2];
         }
@@ -214,8 +221,7 @@ impl Wall {
         let (mut sxx, mut sxy, mut syy) = (0f32, 0f32, 0f32);
         let (mut a, mut b, mut c) = (0f32, 0f32, 0f32);
         for &n in self.beside(v) {
-            let [own, other] = [v, n].map(|n| smooth[n as usize]);
-            let (step, change, area) = (other.0 - own.0, other.1 - own.1, self.area(n));
+            let (step, change, area) = (places[n as usize] - own, normals[n as usize] - change, self.area(n));
             let (x, y) = (step.dot(u), step.dot(w));
             let (dx, dy) = (change.dot(u), change.dot(w));
             sxx += area * x * x;
@@ -260,9 +266,9 @@ fn facing(places: &[Vec3], triangles: &[[u32; 3]]) -> (Vec<Vec3>, Vec<f32>) {
     (normals, areas)
 }
 
-/// Returns where the corners of each vertex begin, and the other two vertices of the triangle of each. On a closed surface,
-/// each vertex beside another follows it in exactly one triangle.
-fn corners(vertices: usize, triangles: &[[u32; 3]]) -> [Vec<u32>; 3] {
+/// Returns where the neighbours of each vertex begin, and the neighbours in their order around it. On a closed surface the triangles
+/// around a vertex form one fan.
+fn fans(vertices: usize, triangles: Vec<[u32; 3]>) -> (Vec<u32>, Vec<u32>) {
     let mut begins = vec![0u32; vertices + 1];
     for &v in triangles.as_flattened() {
         begins[v as usize + 1] += 1;
@@ -271,13 +277,26 @@ fn corners(vertices: usize, triangles: &[[u32; 3]]) -> [Vec<u32>; 3] {
         begins[n] += begins[n - 1];
     }
     let mut next = begins.clone();
-    let (mut beside, mut beyond) = (vec![0u32; 3 * triangles.len()], vec![0u32; 3 * triangles.len()]);
-    for &[a, b, c] in triangles {
-        for [v, one, other] in [[a, b, c], [b, c, a], [c, a, b]] {
-            let at = next[v as usize] as usize;
-            (beside[at], beyond[at]) = (one, other);
+    let mut sides = vec![[0u32; 2]; 3 * triangles.len()];
+    for &[a, b, c] in &triangles {
+        for (v, side) in [(a, [b, c]), (b, [c, a]), (c, [a, b])] {
+            sides[next[v as usize] as usize] = side;
             next[v as usize] += 1;
         }
     }
-    [begins, beside, beyond]
+    drop((triangles, next));
+    // Each side begins where the one before ends.
+    for fan in begins.windows(2) {
+        let fan = &mut sides[fan[0] as usize..fan[1] as usize];
+        for n in 1..fan.len() {
+            let end = fan[n - 1][1];
+            if let Some(follows) = fan[n..].iter().position(|s| s[0] == end) {
+                fan.swap(n, n + follows);
+            }
+        }
+    }
+    let mut beside: Vec<u32> = sides.into_iter().map(|s| s[0]).collect();
+    // It may have taken over the memory of the sides.
+    beside.shrink_to_fit();
+    (begins, beside)
 }

@@ -13,6 +13,8 @@ use crate::render::sampler::{Sampler, Trilinear};
 use crate::space::PreparedVolume;
 use crate::volume::{Grid, Volume};
 
+/// Rows of blocks made at a time. All at once would be in memory twice.
+const ROWS: usize = 1024;
 /// Cells along a block's edge. It must divide 64.
 const BLOCK: usize = 4;
 
@@ -111,32 +113,33 @@ pub(super) fn triangles(
     let blocks = cells.map(|n| n.div_ceil(BLOCK));
     // A mirrored grid reverses every triangle.
     let mirrored = grid.direction().determinant() < 0.0;
-    let rows: Vec<(Vec<[u32; 3]>, Vec<Block>)> = (0..blocks[1] * blocks[2])
-        .into_par_iter()
-        .map(|row| {
-            let first = [0, row % blocks[1] * BLOCK, row / blocks[1] * BLOCK];
-            let mut triangles = Vec::new();
-            let mut found = Vec::new();
-            for bx in 0..blocks[0] {
-                let begun = triangles.len();
-                let corner = [bx * BLOCK, first[1], first[2]];
-                block(&above, signs, numbers, corner, mirrored, &mut triangles);
-                if triangles.len() > begun {
-                    let (centre, radius) = ball(&triangles[begun..], places);
-                    let count = (triangles.len() - begun) as u32;
-                    found.push(Block { centre, radius, first: begun as u32, count });
-                }
+    let row = |row: usize| {
+        let first = [0, row % blocks[1] * BLOCK, row / blocks[1] * BLOCK];
+        let (mut triangles, mut found): (Vec<[u32; 3]>, Vec<Block>) = Default::default();
+        for bx in 0..blocks[0] {
+            let begun = triangles.len();
+            let corner = [bx * BLOCK, first[1], first[2]];
+            block(&above, signs, numbers, corner, mirrored, &mut triangles);
+            if triangles.len() > begun {
+                let (centre, radius) = ball(&triangles[begun..], places);
+                let count = (triangles.len() - begun) as u32;
+                found.push(Block { centre, radius, first: begun as u32, count });
             }
-            (triangles, found)
-        })
-        .collect();
-    let mut all = Vec::with_capacity(rows.iter().map(|r| r.0.len()).sum());
-    let mut all_blocks = Vec::with_capacity(rows.iter().map(|r| r.1.len()).sum());
-    for (triangles, blocks) in rows {
-        let before = all.len() as u32;
-        all.extend(triangles);
-        all_blocks.extend(blocks.into_iter().map(|b| Block { first: b.first + before, ..b }));
+        }
+        (triangles, found)
+    };
+    let (mut all, mut all_blocks): (Vec<[u32; 3]>, Vec<Block>) = Default::default();
+    let count = blocks[1] * blocks[2];
+    for some in (0..count).step_by(ROWS) {
+        let rows: Vec<_> = (some..(some + ROWS).min(count)).into_par_iter().map(row).collect();
+        for (triangles, blocks) in rows {
+            let before = all.len() as u32;
+            all.extend(triangles);
+            all_blocks.extend(blocks.into_iter().map(|b| Block { first: b.first + before, ..b }));
+        }
     }
+    all.shrink_to_fit();
+    all_blocks.shrink_to_fit();
     (all, all_blocks)
 }
 

@@ -66,7 +66,7 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     // Not twice.
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
-    let lumen = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
+    let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
     let along = timings.time("along_s", || Along::new(&lumen, progress))?;
     let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, transfer.iso(), progress))?;
     let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };

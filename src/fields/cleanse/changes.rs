@@ -93,6 +93,14 @@ impl Changes {
         self.runs().flat_map(|(voxels, values)| voxels.zip(values.iter().copied()))
     }
 
+    /// Returns the value of a voxel (linear index), HU, if there is one.
+    pub fn get(&self, voxel: usize) -> Option<i16> {
+        let run = self.runs.partition_point(|r| r.0 <= voxel).checked_sub(1)?;
+        let (first, at) = self.runs[run];
+        let end = self.runs.get(run + 1).map_or(self.values.len(), |next| next.1);
+        self.values[at..end].get(voxel - first).copied()
+    }
+
     /// Returns the number of voxels.
     pub fn len(&self) -> usize {
         self.values.len()

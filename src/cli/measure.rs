@@ -1,0 +1,85 @@
+//! `colvis measure`.
+
+use glam::DVec3;
+use serde::Serialize;
+use serde_json::json;
+
+use crate::app::Timings;
+use crate::cli::args::{Global, MeasureArgs};
+use crate::cli::prepare;
+use crate::error::Result;
+use crate::output;
+use crate::polyps::{self, Form, Measurement, Wall};
+use crate::progress::Progress;
+
+/// A voxel whose value changed by more than this when the tag was taken out was restored, HU.
+const RESTORED_HU: i32 = 60;
+
+/// A measurement as written. Places are world, mm LPS.
+#[derive(Serialize)]
+struct Written {
+    position: DVec3,
+    diameter_mm: f64,
+    ends: [DVec3; 2],
+    height_mm: f64,
+    volume_mm3: f64,
+    shape: Form,
+    /// Mean and standard deviation inside, HU.
+    hu: [f64; 2],
+    confidence: f64,
+    #[serde(skip_serializing_if = "String::is_empty")]
+    why: String,
+}
+
+impl From<&Measurement> for Written {
+    fn from(m: &Measurement) -> Self {
+        let l = &m.lesion;
+        Self {
+            position: l.position,
+            diameter_mm: l.diameter_mm,
+            ends: l.ends,
+            height_mm: l.height_mm,
+            volume_mm3: l.volume_mm3,
+            shape: m.form,
+            hu: [l.feature("hu_mean"), l.feature("hu_sd")],
+            confidence: m.confidence,
+            why: m.why.join("; "),
+        }
+    }
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Returns status 3 if the input cannot be read, 4 if it has no gas of a colon, if nothing bulges at the place or if interrupted, 5 if an
+/// output cannot be written.
+pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> Result<()> {
+    let iso = prepare::transfer(global)?.iso();
+    let outputs: Vec<_> = args.out.iter().chain(&args.stats).map(std::path::PathBuf::as_path).collect();
+    output::check_targets(&[&args.input], &outputs)?;
+    let mut timings = Timings::default();
+    // Not twice.
+    let global = Global { cleanse: false, ..global.clone() };
+    let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
+    let (lumen, cleansed) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
+    let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, iso, progress))?;
+    let is_restored = |p: DVec3| {
+        let grid = volume.grid();
+        let [i, j, k] = grid.voxel(p).round().to_array().map(|x| x as i64);
+        let dims = grid.dims().map(|n| n as i64);
+        let inside = (0..dims[0]).contains(&i) && (0..dims[1]).contains(&j) && (0..dims[2]).contains(&k);
+        let voxel = || grid.index(i as usize, j as usize, k as usize);
+        let before = || cleansed.as_ref()?.changes.get(voxel());
+        inside && before().is_some_and(|hu| (i32::from(hu) - i32::from(volume.data()[voxel()])).abs() > RESTORED_HU)
+    };
+    let measured = timings.time("measure_s", || polyps::measure(&wall, &volume, args.at.0, is_restored))?;
+    let written = Written::from(&measured);
+    match &args.out {
+        Some(path) => output::write_json(path, &written)?,
+        None => super::print(|out| writeln!(out, "{:#}", json!(written)))?,
+    }
+    if let Some(path) = &args.stats {
+        output::write_json(path, &prepare::stats_head(&timings))?;
+    }
+    Ok(())
+}
