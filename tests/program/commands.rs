@@ -23,11 +23,11 @@ const COMMANDS: [(&str, &str); 20] = [
     ("info", ""),
     ("explain", "--json --guide --from --scene --coverage"),
     ("plane", "--headless --out"),
-    ("report", "--out --scan --quick --steps !--truth"),
+    ("report", "--out --scan --quick --steps --truth"),
     ("cleanse", "--out --from --stats"),
     ("!unfold", ""),
-    ("!measure", ""),
-    ("!candidates", ""),
+    ("measure", "--at --out --from --stats"),
+    ("candidates", "--out --gallery --max --detector --from --stats"),
     ("!match", ""),
     ("!dataset", ""),
     ("!batch", ""),
@@ -51,7 +51,7 @@ const VALUES: [(&[&str], &str); 13] = [
         &["phantom", "--with"],
         "folds polyps fluid bridges noise pools films stool inhomogeneous pseudo lesions decoys !ileum !stomach !lungs !collapsed",
     ),
-    (&["report"], "render gradients scenes dynamics fields perforation cleansing all !coverage !unfold !candidates"),
+    (&["report"], "render gradients scenes dynamics fields perforation cleansing candidates all !coverage !unfold"),
 ];
 
 fn told(args: &[&str]) -> String {

@@ -134,12 +134,14 @@ pub(crate) fn report(
             steps.push(Step { name: factor.name, value, unit: factor.unit, measured });
         }
     }
-    let own = own.map(|own| {
-        let title = own.title.clone();
-        let found = trials_of(own.volume, own.polyps, own.decoys, detectors, progress)?;
-        Ok::<_, Error>((title, collected(detectors, vec![found])))
-    });
-    pages::write(&usual, &steps, own.transpose()?.as_ref(), first, folder)
+    let own = match own {
+        Some(Own { title, volume, polyps, decoys }) => {
+            let found = trials_of(volume, &polyps, &decoys, detectors, progress)?;
+            Some((title, collected(detectors, vec![found])))
+        }
+        None => None,
+    };
+    pages::write(&usual, &steps, own.as_ref(), first, folder)
 }
 
 /// What one detector took, and found.
@@ -198,7 +200,7 @@ fn measured(
         let volume = phantom.voxelise(&grid, progress)?;
         let truth = phantom.truth();
         drop(phantom);
-        runs.push(trials_of(volume, truth.polyps, truth.decoys, detectors, progress)?);
+        runs.push(trials_of(volume, &truth.polyps, &truth.decoys, detectors, progress)?);
         progress.check()?;
     }
     Ok(collected(detectors, runs))
@@ -207,8 +209,8 @@ fn measured(
 /// Cleanses a scan and runs the detectors on it.
 fn trials_of(
     mut volume: Volume,
-    polyps: Vec<TruePolyp>,
-    decoys: Vec<TrueDecoy>,
+    polyps: &[TruePolyp],
+    decoys: &[TrueDecoy],
     detectors: &[Detector],
     progress: &Progress,
 ) -> Result<Vec<Run>> {
@@ -225,7 +227,7 @@ fn trials_of(
             polyps::find(detector, &Colon { volume: &volume, lumen: &found, wall: &wall }, progress)
         };
         let (candidates, seconds, megabytes) = timed(work);
-        let trial = Trial::new(polyps.clone(), decoys.clone(), candidates?);
+        let trial = Trial::new(polyps.to_vec(), decoys.to_vec(), candidates?);
         Ok(Run { seconds, megabytes, trial })
     };
     detectors.iter().map(run).collect()
