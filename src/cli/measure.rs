@@ -62,6 +62,7 @@ pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> R
     let global = Global { cleanse: false, ..global.clone() };
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let (lumen, cleansed) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
+    let restored = cleansed.map(|c| c.changes);
     let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, iso, progress))?;
     let is_restored = |p: DVec3| {
         let grid = volume.grid();
@@ -69,7 +70,7 @@ pub(crate) fn run(args: &MeasureArgs, global: &Global, progress: &Progress) -> R
         let dims = grid.dims().map(|n| n as i64);
         let inside = (0..dims[0]).contains(&i) && (0..dims[1]).contains(&j) && (0..dims[2]).contains(&k);
         let voxel = || grid.index(i as usize, j as usize, k as usize);
-        let before = || cleansed.as_ref()?.changes.get(voxel());
+        let before = || restored.as_ref()?.get(voxel());
         inside && before().is_some_and(|hu| (i32::from(hu) - i32::from(volume.data()[voxel()])).abs() > RESTORED_HU)
     };
     let measured = timings.time("measure_s", || polyps::measure(&wall, &volume, args.at.0, is_restored))?;

@@ -235,6 +235,14 @@ pub(crate) fn cleansed_lumen(
     Ok((lumen, Some(cleansed)))
 }
 
+/// A scan and its lumen without what is farther than `beyond_mm` from the lumen, in less memory.
+pub(crate) fn around(volume: Volume, lumen: Lumen, beyond_mm: f64) -> (Volume, Lumen) {
+    match lumen.around(beyond_mm) {
+        Some((first, dims)) => (volume.into_part(first, dims), lumen.into_part(first, dims)),
+        None => (volume, lumen),
+    }
+}
+
 /// The failure of a command that found no colon in a scan.
 pub(crate) fn no_lumen(hint: &str) -> Error {
     Error::incomplete("volume", "no gas of a colon was found in it", hint)

@@ -100,5 +100,8 @@ fn sliders(interior: &Interior<'_>, signs: &Signs, numbers: &Numbers) -> Vec<Sli
             out
         })
         .collect();
-    planes.concat()
+    let mut all = Vec::with_capacity(numbers.total() as usize);
+    // One after the other, so that they are not in memory twice.
+    planes.into_iter().for_each(|plane| all.extend(plane));
+    all
 }

@@ -51,6 +51,27 @@ impl Volume {
         &mut self.data
     }
 
+    /// Keeps only a box: `dims` voxels from `first` on. It moves its values within the memory that it has, and returns the rest.
+    ///
+    /// # Panics
+    /// Panics if the box is empty or reaches beyond the grid.
+    #[must_use]
+    pub fn into_part(mut self, first: [usize; 3], dims: [usize; 3]) -> Self {
+        let part = self.grid.part(first, dims);
+        let mut to = 0;
+        for k in first[2]..first[2] + dims[2] {
+            for j in first[1]..first[1] + dims[1] {
+                // A row never moves up.
+                let from = self.grid.index(first[0], j, k);
+                self.data.copy_within(from..from + dims[0], to);
+                to += dims[0];
+            }
+        }
+        self.data.truncate(to);
+        self.data.shrink_to_fit();
+        Self { grid: part, data: self.data }
+    }
+
     /// Returns the size of the values in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(self.data.as_slice())
@@ -64,6 +85,30 @@ impl Volume {
             self.data[i as usize + nx * (j as usize + ny * k as usize)]
         } else {
             AIR_HU
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+
+    #[test]
+    fn a_part_has_the_values_of_the_whole_at_its_places() {
+        let grid =
+            Grid::new([7, 6, 5], DVec3::new(0.5, 1.0, 2.0), DVec3::new(-3.0, 4.0, 9.0), DMat3::IDENTITY).unwrap();
+        let whole = Volume::new(grid.clone(), (0..grid.len() as i16).collect());
+        for (first, dims) in [([0; 3], [7, 6, 5]), ([1, 2, 3], [4, 3, 2]), ([6, 5, 4], [1, 1, 1])] {
+            let part = whole.clone().into_part(first, dims);
+            assert_eq!((part.grid().dims(), part.data().len()), (dims, dims.iter().product()));
+            for n in 0..part.data().len() {
+                let v =
+                    DVec3::new((n % dims[0]) as f64, (n / dims[0] % dims[1]) as f64, (n / dims[0] / dims[1]) as f64);
+                let there = grid.voxel(part.grid().world(v)).round().to_array().map(|x| x as i64);
+                assert_eq!(part.data()[n], whole.get(there[0], there[1], there[2]));
+            }
         }
     }
 }

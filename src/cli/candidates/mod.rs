@@ -53,6 +53,10 @@ impl Entry {
     }
 }
 
+/// How far beyond the lumen the scan is kept, mm: for the wall and what is inside of it, and for pictures.
+const WALL_MM: f64 = 15.0;
+const PICTURE_MM: f64 = 50.0;
+
 /// Runs the command.
 ///
 /// # Errors
@@ -68,6 +72,8 @@ pub(crate) fn run(program: &Program, args: &CandidatesArgs, global: &Global, pro
     let mut volume = prepare::load(&args.input, &global, &mut timings, progress)?;
     let (lumen, _) = prepare::cleansed_lumen(&mut volume, args.from.map(|p| p.0), &mut timings, progress)?;
     let along = timings.time("along_s", || Along::new(&lumen, progress))?;
+    let beyond = if args.gallery.is_some() { PICTURE_MM } else { WALL_MM };
+    let (volume, lumen) = prepare::around(volume, lumen, beyond);
     let wall = timings.time("wall_s", || Wall::new(&volume, &lumen, transfer.iso(), progress))?;
     let colon = Colon { volume: &volume, lumen: &lumen, wall: &wall };
     let mut found = timings.time("candidates_s", || polyps::find(&detector, &colon, progress))?;

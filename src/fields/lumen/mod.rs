@@ -248,6 +248,32 @@ impl Lumen {
         out
     }
 
+    /// Returns the first voxel and the size of a box around the lumen that reaches `beyond_mm` farther, within the grid; `None` without
+    /// a lumen.
+    pub fn around(&self, beyond_mm: f64) -> Option<([usize; 3], [usize; 3])> {
+        let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
+        for (j, k, r) in self.gas.iter().chain(self.fluid.iter()) {
+            let (first, last) = ([r.start as usize, j, k], [r.end as usize - 1, j, k]);
+            low = std::array::from_fn(|a| low[a].min(first[a]));
+            high = std::array::from_fn(|a| high[a].max(last[a]));
+        }
+        let dims = self.grid.dims();
+        let more = self.grid.spacing().to_array().map(|mm| (beyond_mm / mm).ceil() as usize);
+        let first: [usize; 3] = std::array::from_fn(|a| low[a].saturating_sub(more[a]));
+        let size = std::array::from_fn(|a| (high[a] + more[a] + 1).min(dims[a]) - first[a].min(dims[a]));
+        (low[0] != usize::MAX).then_some((first, size))
+    }
+
+    /// Returns the lumen in a box of its scan: `dims` voxels from `first` on. Its segments keep their measures.
+    ///
+    /// # Panics
+    /// Panics if the box is empty or reaches beyond the grid.
+    #[must_use]
+    pub fn into_part(self, first: [usize; 3], dims: [usize; 3]) -> Self {
+        let [gas, fluid] = [&self.gas, &self.fluid].map(|rows| rows.part(first, dims));
+        Self { grid: self.grid.part(first, dims), gas, fluid, ..self }
+    }
+
     /// Returns the grid of the scan in which the lumen was found.
     pub fn grid(&self) -> &Grid {
         &self.grid

@@ -127,6 +127,25 @@ impl Rows {
         row.get(at).copied().filter(|r| i64::from(r.start) <= i)
     }
 
+    /// Keeps only a box, `dims` voxels from `first` on, with its own numbers of voxels.
+    pub(crate) fn part(&self, first: [usize; 3], dims: [usize; 3]) -> Self {
+        let mut out = Self::without_rows(dims);
+        let (low, high) = (first[0] as u32, (first[0] + dims[0]) as u32);
+        for k in first[2]..first[2] + dims[2] {
+            for j in first[1]..first[1] + dims[1] {
+                let within = self.row(j, k).iter().filter(|r| r.end > low && r.start < high);
+                out.runs.extend(within.map(|r| Run {
+                    start: r.start.max(low) - low,
+                    end: r.end.min(high) - low,
+                    label: r.label,
+                }));
+                out.offsets.push(out.runs.len() as u32);
+            }
+        }
+        out.runs.shrink_to_fit();
+        out
+    }
+
     /// Calls `visit` for the voxels one step in `axis_direction` from the given run of row (j, k) that are in no run.
     pub(crate) fn beyond(
         &self,
