@@ -196,3 +196,45 @@ fn an_ellipsoid_is_found_from_a_part_of_it_and_nothing_from_nothing() {
         assert_eq!(Ellipsoid::fit(none), None);
     }
 }
+
+#[test]
+fn twenty_clicks_around_a_polyp_measure_the_same_lesion() {
+    let (at, radius) = (DVec3::new(1.4, -2.3, 1.5), 4.0);
+    let body = move |p: DVec3| {
+        // A fold beside it.
+        let fold = 1.5 - (p.x - 9.0).hypot((p.z - 5.0).max(0.0));
+        ball(at, radius)(p).max(fold)
+    };
+    let volume = scan(ROOM, DVec3::new(0.7, 0.7, 1.0), 22.0, room(body));
+    let (_, wall) = wall_at(&volume, DVec3::new(-15.0, 15.0, 15.0));
+    let clicks = (0..20u64).map(|n| {
+        let u = |k| hash::uniform(11, 4 * n + k);
+        let (z, phi) = (0.2 + 0.8 * u(0), std::f64::consts::TAU * u(1));
+        let r = (1.0f64 - z * z).sqrt();
+        at + radius * DVec3::new(r * phi.cos(), r * phi.sin(), z) + DVec3::splat(u(2) - 0.5)
+    });
+    let found: Vec<Measurement> = clicks.map(|c| measure(&wall, &volume, c, |_| false).unwrap()).collect();
+    for m in &found {
+        assert!((m.lesion.diameter_mm - 8.0).abs() < 0.5 && m.form == Form::Sessile, "{m:?}");
+        assert!((m.lesion.diameter_mm - found[0].lesion.diameter_mm).abs() < 0.3, "{m:?}");
+        assert!(m.confidence > 0.7 && m.why.is_empty(), "{m:?}");
+    }
+    // Also from its foot, and on the fold with a reason.
+    let foot = measure(&wall, &volume, DVec3::new(1.4, 2.8, 0.0), |_| true).unwrap();
+    assert!((foot.lesion.diameter_mm - 8.0).abs() < 0.5 && foot.confidence < found[0].confidence, "{foot:?}");
+    if let Ok(fold) = measure(&wall, &volume, DVec3::new(9.0, 12.0, 6.5), |_| false) {
+        assert!(fold.confidence < 0.5 && fold.why.iter().any(|w| w.contains("fold") || w.contains("flat")), "{fold:?}");
+    }
+    for (place, why) in [
+        (DVec3::new(-10.0, 0.0, 15.0), "no wall"),
+        (DVec3::new(900.0, 0.0, 15.0), "no wall"),
+        (DVec3::new(-15.0, -15.0, 30.0), "does not bulge"),
+    ] {
+        let e = measure(&wall, &volume, place, |_| false).map(|m| m.lesion.height_mm);
+        match e {
+            Err(e) => assert!(e.kind as i32 == 4 && e.to_string().contains(why), "{e}"),
+            Ok(height) => assert!(why == "does not bulge" && height < 0.2, "{height} at {place}"),
+        }
+    }
+    assert!(measure(&Wall::default(), &volume, at, |_| false).is_err());
+}

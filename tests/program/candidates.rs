@@ -190,3 +190,38 @@ fn detectors_are_reported() {
     assert!(kinds.iter().any(|r| r[1] == "ileocecal valve" && r[2] == "2"), "{kinds:?}");
     assert!(rows("candidates.csv").len() > 50 && rows("froc.csv").len() > 40);
 }
+
+#[test]
+fn a_lesion_is_measured_where_it_is_pointed_at_and_nowhere_else() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let [scan, truth, out] = ["p.nii.gz", "t.json", "m.json"].map(at);
+    run(&["phantom", "--out", &scan, "--truth", &truth, "--size", "small", "--seed", "2"], 0);
+    let polyps: Vec<TruePolyp> = serde_json::from_value(json(Path::new(&truth))["polyps"].clone()).unwrap();
+    let largest = polyps.iter().max_by(|a, b| a.diameter_mm.total_cmp(&b.diameter_mm)).unwrap();
+    let point = |p: DVec3| format!("--at={},{},{}", p.x, p.y, p.z);
+    run(&["measure", &scan, &point(largest.position), "--out", &out], 4);
+    // The centre of a large polyp is no place of the wall, its top is.
+    let list = at("c.json");
+    run(&["candidates", &scan, "--out", &list], 0);
+    let found = json(Path::new(&list));
+    let near = |c: &&Value| position(c).distance(largest.position) < 0.5 * largest.diameter_mm + 1.0;
+    let top = position(found["candidates"].as_array().unwrap().iter().find(near).expect("the largest polyp"));
+    let said = run(&["measure", &scan, &point(top), "--threads", "1"], 0);
+    let said: Value = serde_json::from_slice(&said.stdout).unwrap();
+    run(&["measure", &scan, &point(top), "--out", &out, "--threads", "2"], 0);
+    assert_eq!(json(Path::new(&out)), said);
+    assert!((said["diameter_mm"].as_f64().unwrap() - largest.diameter_mm).abs() < 1.0, "{said} for {largest:?}");
+    let ends: [DVec3; 2] = serde_json::from_value(said["ends"].clone()).unwrap();
+    assert!((ends[0].distance(ends[1]) - said["diameter_mm"].as_f64().unwrap()).abs() < 1e-6);
+    assert!((0.0..=1.0).contains(&said["confidence"].as_f64().unwrap()), "{said}");
+    assert!(said["height_mm"].as_f64().unwrap() > 1.0 && said["volume_mm3"].as_f64().unwrap() > 1.0, "{said}");
+    // In mid-air, outside the scan, no number.
+    let truth = json(Path::new(&truth));
+    let axis: Vec<DVec3> = serde_json::from_value(truth["centerline"].clone()).unwrap();
+    run(&["measure", &scan, &point(axis[axis.len() / 2])], 4);
+    run(&["measure", &scan, "--at=1e9,0,0"], 4);
+    run(&["measure", &scan, "--at=1,2"], 2);
+    run(&["measure", &scan, "--at=nan,0,0"], 2);
+    run(&["measure", &at("none.nii"), "--at=0,0,0"], 3);
+}
