@@ -3,7 +3,7 @@
 
     cargo build --release
     python3 tests/bench/results.py [--scan SCAN] [--vtk "COMMAND"] [--fields-peer "COMMAND"] [--display "COMMAND"]
-                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation,cleansing,
+                                   [--parts frames,window,flights,fields,render,gradients,scenes,dynamics,perforation,cleansing,candidates,
                                    faults]
                                    [--mutants FOLDER] [--quick] [--check N] [--colvis BINARY] [--keep FOLDER] [--out RESULTS.md]
 
@@ -447,6 +447,14 @@ def cleansing(b):
     return [command_block(command), findings(said), "### By method", table(*read("methods")), "### By part of the wall", table(*read("parts"))]
 
 
+def candidates(b):
+    read, said, command = b.report("candidates")
+    parts = [command_block(command), findings(said)]
+    for title, name in [("Sensitivity", "sensitivity"), ("Measures", "measures"), ("Decoys", "decoys")]:
+        parts += [f"### {title}", table(*read(name))]
+    return parts
+
+
 PARTS = {
     "frames": ("Frames of a flight", frames),
     "window": ("In a window", window),
@@ -458,6 +466,7 @@ PARTS = {
     "dynamics": ("Dynamics", dynamics),
     "perforation": ("Random steps against the wall", perforation),
     "cleansing": ("The wall under tag", cleansing),
+    "candidates": ("Candidates: polyps found against false positives", candidates),
     "faults": ("Faults that the tests notice", faults),
 }
 

@@ -45,6 +45,7 @@ fn groups() -> Vec<Group> {
         out.push((format!("… {name}"), Box::new(move |p| is_due(p) && p.site == site)));
     }
     out.push(("… submerged".to_owned(), Box::new(|p| is_due(p) && p.submerged)));
+    out.push(("… not submerged".to_owned(), Box::new(|p| is_due(p) && !p.submerged)));
     for (shape, name) in SHAPES {
         for (least, most, size) in SIZES {
             let of = move |p: &TruePolyp| p.shape == shape && (least..most).contains(&p.diameter_mm);
@@ -168,6 +169,7 @@ fn measures(all: &[Measured]) -> Table {
         "measured",
         "diameter: bias / mm",
         "SD / mm",
+        "68 % within / mm",
         "95 % within / mm",
         "worst / mm",
         "height: bias / mm",
@@ -191,6 +193,7 @@ fn measures(all: &[Measured]) -> Table {
                 Cell::Number(diameter.len() as f64, 0),
                 number(mean(&diameter), 2),
                 number(deviation(&diameter), 2),
+                number(quantile(&size(&diameter), 0.68), 2),
                 number(quantile(&size(&diameter), 0.95), 2),
                 number(worst, 2),
                 number(mean(&height), 2),
