@@ -9,6 +9,7 @@ pub(crate) mod base;
 mod caps;
 pub mod detectors;
 mod fit;
+mod flow;
 mod lesion;
 mod measure;
 mod score;

@@ -238,3 +238,30 @@ fn twenty_clicks_around_a_polyp_measure_the_same_lesion() {
     }
     assert!(measure(&Wall::default(), &volume, at, |_| false).is_err());
 }
+
+#[test]
+fn the_flow_sinks_what_bulges_and_leaves_ridges() {
+    let balls = [(DVec3::new(-10.0, -8.0, 0.0), 4.0), (DVec3::new(9.0, 9.0, 1.0), 3.0)];
+    let body = move |p: DVec3| {
+        let ridge = 3.0 - p.y.hypot(p.z);
+        balls.iter().fold(ridge, |d, &(at, r)| d.max(ball(at, r)(p)))
+    };
+    let mut errors = Vec::new();
+    for h in [1.0, 0.5] {
+        let volume = scan(ROOM, DVec3::splat(h), if h < 1.0 { 0.0 } else { 22.0 }, room(body));
+        let (_, wall) = wall_at(&volume, DVec3::new(15.0, 0.0, 15.0));
+        let sunk = flow::protrusions(&wall, &Progress::new()).unwrap();
+        assert!(sunk.iter().all(|mm| mm.is_finite() && *mm >= 0.0));
+        let at = |place: DVec3| f64::from(sunk[wall.nearest(place, 2.0).unwrap() as usize]);
+        for (place, radius) in balls {
+            let top = place + DVec3::Z * radius;
+            let height = radius + place.z;
+            // It hangs on the rim where k2 vanishes.
+            assert!((0.5 * height..height + 0.3).contains(&at(top)), "{h}: {} of {height}", at(top));
+            errors.push(height - at(top));
+        }
+        assert!(at(DVec3::new(12.0, 0.0, 3.0)) < 0.15, "{h}: the ridge stays: {}", at(DVec3::new(12.0, 0.0, 3.0)));
+        assert!(at(DVec3::new(15.0, -15.0, 0.0)) < 0.1, "{h}: the floor stays");
+    }
+    assert!(flow::protrusions(&Wall::default(), &Progress::new()).unwrap().is_empty());
+}

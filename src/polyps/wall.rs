@@ -178,6 +178,16 @@ impl Wall {
             + size_of_val(self.beside.as_slice())
     }
 
+    /// Returns the positions, as of [`Wall::place`], smoothed along the surface by [`SMOOTH_MM`].
+    pub(crate) fn smooth_places(&self) -> Vec<Vec3> {
+        let (mut places, mut spare) = (self.places.clone(), vec![Vec3::ZERO; self.len()]);
+        for _ in 0..self.smoothing_steps() {
+            self.means(&places, &mut spare);
+            std::mem::swap(&mut places, &mut spare);
+        }
+        places
+    }
+
     /// Returns the number of steps of [`Wall::means`] that make a Gaussian of [`SMOOTH_MM`].
     fn smoothing_steps(&self) -> usize {
         // Variance of one step along one axis of the surface, as a mean over the surface.
@@ -211,7 +221,8 @@ impl Wall {
         });
     }
 
-    fn curvatures_at(&self, v: u32, places: &[Vec3], normals: &[Vec3]) -> [f32; 2] {
+    /// Returns the principal curvatures of a vertex, for other positions and normals than its own.
+    pub(super) fn curvatures_at(&self, v: u32, places: &[Vec3], normals: &[Vec3]) -> [f32; 2] {
         let (own, change) = (places[v as usize], normals[v as usize]);
         let normal = change.normalize_or_zero();
         if normal == Vec3::ZERO {

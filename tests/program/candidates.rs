@@ -177,7 +177,7 @@ fn detectors_are_reported() {
     let said = run(&["report", "candidates", "--quick", "--out", &out, "--scan", &scan, "--truth", &truth], 0);
     let said = String::from_utf8_lossy(&said.stdout).into_owned();
     let found: Vec<&str> = said.lines().filter(|l| l.contains("sessile and stalked")).collect();
-    assert_eq!(found.len(), 2, "{said}");
+    assert_eq!(found.len(), 3, "{said}");
     let html = std::fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
     assert!(html.contains("p.nii.gz") && html.contains("<svg") && !html.contains("NaN"));
     let rows = |name: &str| {
