@@ -1,6 +1,6 @@
 //! Adds a panel to colvis: the distance to the wall over the last seconds.
 //!
-//! `cargo run --release --example own_panel` (key J)
+//! `cargo run --release --example own_panel` (key Z)
 
 use std::collections::VecDeque;
 
@@ -47,7 +47,7 @@ fn main() -> std::process::ExitCode {
     let panel = PanelEntry {
         name: "wall_distance",
         title: "Distance to the wall",
-        key: Some('j'),
+        key: Some('z'),
         shown: true,
         make: || Box::<WallDistance>::default(),
         ..PanelEntry::NONE

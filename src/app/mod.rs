@@ -9,6 +9,7 @@ pub(crate) mod fields;
 pub(crate) mod flight;
 mod images;
 mod lines;
+pub(crate) mod look;
 pub mod overlay;
 pub mod overlays;
 pub mod plan;

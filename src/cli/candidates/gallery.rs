@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::Entry;
-use super::look::{Looks, SLICE, Subject, VIEW};
-use super::page::{Card, Page, Picture};
+use super::page::{Card, Page, Picture, VIEW};
+use crate::app::look::{Looks, SLICE, Subject};
 use crate::error::{Error, Result};
 use crate::host::record::{write_grey_png, write_png};
 use crate::output;
@@ -65,7 +65,7 @@ pub(super) fn write(
     for (candidate, entry) in found.iter().zip(entries).take(shown) {
         let subject = Subject::of(candidate, scene.wall);
         let name = |kind: &str| format!("{:04}-{kind}.png", entry.rank);
-        let (view, scale) = looks.view(&subject)?;
+        let (view, scale) = looks.view(&subject, VIEW)?;
         renderer.render(&view, &mut frame);
         let mut pictures = vec![Picture::view(name("view"), scale)];
         write_png(&folder.join(&pictures[0].file), &frame)?;

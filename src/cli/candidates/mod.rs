@@ -1,7 +1,6 @@
 //! `colvis candidates`.
 
 mod gallery;
-mod look;
 mod page;
 
 use std::collections::BTreeMap;

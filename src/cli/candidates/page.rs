@@ -6,7 +6,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::Entry;
-use super::look::{SLICE, SLICE_MM, VIEW};
+use crate::app::look::{SLICE, SLICE_MM};
 use crate::error::Result;
 use crate::math::hash;
 use crate::output;
@@ -15,6 +15,8 @@ use crate::render::slice::Slice;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
+/// Side of the view, pixels.
+pub(super) const VIEW: usize = 320;
 /// Length of the scale bars, mm.
 const BAR_MM: f64 = 10.0;
 /// Length of the marks, and their distance from what they point at and from the border, pixels.

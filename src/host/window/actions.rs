@@ -7,10 +7,11 @@ use std::time::Instant;
 
 use super::controller::FlightController;
 use super::keys::{Chord, Hold};
-use super::panels::PanelEntry;
+use super::panels::{AssistInput, PanelEntry};
 use super::workspace::LAYOUTS;
 use crate::app::Overlay;
 use crate::error::{Error, Result};
+use crate::polyps::answers::Answer;
 use crate::render::ImageSize;
 use crate::schedule::Guides;
 
@@ -95,6 +96,10 @@ fn flies_itself(c: &FlightController) -> std::result::Result<(), &'static str> {
 
 fn has_both_scans(c: &FlightController) -> std::result::Result<(), &'static str> {
     c.cleansing().may_switch()
+}
+
+fn has_list(c: &FlightController) -> std::result::Result<(), &'static str> {
+    c.may_read()
 }
 
 fn shows_slices(c: &FlightController) -> std::result::Result<(), &'static str> {
@@ -220,7 +225,38 @@ const TABLE: &[Row] = &[
     Row { possible: shows_slices, ..once("slices-reset", "slices: reset", "Ctrl+9", FlightController::reset_slices) },
     Row { effect: Effect::Window(WindowRequest::Open), ..once("open", "open another scan", "Ctrl+O", |_, _| {}) },
     once("measure", "measure a distance with two clicks, stop measuring", "C", FlightController::switch_measuring),
-    once("undo", "undo the last change to distances", "Ctrl+Z", FlightController::undo_measure),
+    Row {
+        row: STEP_ROW,
+        possible: has_list,
+        ..once("candidate-next", "next candidate", "Enter", |c, at| c.assist(AssistInput::Step(true), at.now))
+    },
+    Row {
+        row: STEP_ROW,
+        possible: has_list,
+        ..once("candidate-previous", "previous candidate", "Ctrl+Enter", |c, at| {
+            c.assist(AssistInput::Step(false), at.now);
+        })
+    },
+    answer("candidate-yes", "this candidate is a polyp", "Y", |c, at| {
+        c.assist(AssistInput::Answer(Answer::Yes), at.now)
+    }),
+    answer("candidate-no", "this candidate is no polyp", "O", |c, at| {
+        c.assist(AssistInput::Answer(Answer::No), at.now)
+    }),
+    answer("candidate-unsure", "unsure whether this is a polyp", "U", |c, at| {
+        c.assist(AssistInput::Answer(Answer::Unsure), at.now);
+    }),
+    Row {
+        possible: has_list,
+        ..once("candidate-marks", "mark the candidates in all views", "J", |c, at| c.assist(AssistInput::Mark, at.now))
+    },
+    Row {
+        possible: has_list,
+        ..once("measure-lesion", "measure a lesion with one click, stop measuring", "Ctrl+M", |c, at| {
+            c.assist(AssistInput::Measure, at.now);
+        })
+    },
+    once("undo", "undo the last change to distances or answers", "Ctrl+Z", FlightController::undo),
     once("delete-last", "delete the last distance", "Delete", FlightController::delete_last_measure),
     once("screenshot", "screenshot and its pose", "P F12", FlightController::take_screenshot),
     Row { effect: Effect::Window(WindowRequest::Fullscreen), ..once("fullscreen", "full screen", "F", |_, _| {}) },
@@ -232,6 +268,19 @@ const TABLE: &[Row] = &[
 const WINDOW_ROW: &str = "window: colon, soft tissue, bone, lung";
 /// Row of the help for the keys of thick slices.
 const SLAB_ROW: &str = "slices: slab thickness, projection";
+
+/// Row of the help for the keys of the candidates.
+const STEP_ROW: &str = "candidates: next, previous";
+const ANSWER_ROW: &str = "candidate: yes, no, unsure";
+
+const fn answer(
+    id: &'static str,
+    text: &'static str,
+    keys: &'static str,
+    effect: fn(&mut FlightController, ActionContext),
+) -> Row {
+    Row { row: ANSWER_ROW, possible: has_list, ..once(id, text, keys, effect) }
+}
 
 const fn greys(
     id: &'static str,
@@ -256,7 +305,8 @@ pub(crate) const MENUS: &[(&str, &[&str])] = &[
     ("Flight", &["pause", "guide", "guide-", "reverse", "next", "other-end", "faster", "slower"]),
     ("View", &["tag", "detail", "light", "narrower", "wider", "usual-angle", "overlay-", "fullscreen"]),
     ("Slices", &["window-", "slab", "slab-kind", "slices-reset"]),
-    ("Measure", &["measure", "undo", "delete-last"]),
+    ("Measure", &["measure", "undo", "delete-last", "measure-lesion"]),
+    ("Candidates", &["panel-candidates", "candidate-"]),
     ("Panels", &["layout-", "panel-"]),
     ("Help", &["help"]),
 ];

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use super::assistant::Tag;
 use super::job::Job;
 use super::screenshot_renderer::WakeUp;
 use crate::app::{FlightApp, Setup};
@@ -23,6 +24,8 @@ use crate::progress::Progress;
 use crate::space::PreparedVolume;
 use crate::volume::Volume;
 
+/// Why there is only one scan, if there is no tag.
+const NO_TAG: &str = "there is no tag in the colon";
 /// How far beyond the lumen the box reaches, mm: farther than rays see into its wall, and slabs are thick.
 const BEYOND_MM: f64 = 12.0;
 
@@ -127,7 +130,7 @@ impl Cleansing {
         self.stage = Stage::One("it failed");
         let Found { other, cleansed } = found?;
         let Some(other) = other else {
-            self.stage = Stage::One("there is no tag in the colon");
+            self.stage = Stage::One(NO_TAG);
             return Ok(Some(String::new()));
         };
         self.took = Some(Took {
@@ -145,6 +148,25 @@ impl Cleansing {
     /// True if the work has not been started.
     pub(crate) fn is_waiting(&self) -> bool {
         matches!(self.stage, Stage::Waiting)
+    }
+
+    /// True if the work has not ended.
+    pub(crate) fn is_under_way(&self) -> bool {
+        matches!(self.stage, Stage::Waiting | Stage::Working(..))
+    }
+
+    /// Returns what is known of the tag in the scan that is flown through.
+    pub(crate) fn tag(&self, flight: &FlightApp) -> Tag {
+        if let Some(cleansed) = &flight.setup().cleansed {
+            return Tag::Taken(Arc::clone(cleansed));
+        }
+        match self.stage {
+            Stage::One(NO_TAG) => Tag::Absent,
+            Stage::Both(other) => {
+                flight.app().world.get::<Scan>(other).map_or(Tag::Unknown, |scan| Tag::Beside(scan.0.clone()))
+            }
+            _ => Tag::Unknown,
+        }
     }
 
     /// Checks whether there is a choice. The error states why not.
@@ -203,7 +225,7 @@ fn is_flown_without_tag(flight: &FlightApp) -> bool {
 }
 
 /// Returns the part of the volume around the lumen and around all changes, with these.
-fn boxed(volume: &Volume, lumen: &Lumen, changes: &Changes) -> Volume {
+pub(crate) fn boxed(volume: &Volume, lumen: &Lumen, changes: &Changes) -> Volume {
     let grid = volume.grid();
     let [nx, ny, _] = grid.dims();
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);

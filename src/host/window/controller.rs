@@ -1,10 +1,11 @@
 //! Controls a flight in a window: steps in real time, images when something has changed, and operator commands.
 
+mod assisting;
 mod pointing;
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -13,6 +14,7 @@ use bevy_ecs::change_detection::Mut;
 use glam::DVec3;
 
 use super::actions::{Action, ActionContext, Actions, Effect};
+use super::assistant::Assistant;
 use super::cleansing::Cleansing;
 use super::directions::Directions;
 use super::field_job::FieldJob;
@@ -86,6 +88,12 @@ pub(crate) struct FlightController {
     planning: Option<FieldJob>,
     /// The scan without tag, beside the one as it is.
     cleansing: Cleansing,
+    /// Looks for polyps, once it was asked for.
+    assistant: Option<Box<Assistant>>,
+    /// The file of the answers to this scan's candidates.
+    answers_file: Option<PathBuf>,
+    /// True if the last change was an answer, and no distance.
+    has_answered: bool,
     /// True once anything of the flight was shown.
     has_shown: bool,
     wake: WakeUp,
@@ -146,6 +154,9 @@ impl FlightController {
             help: false,
             planning: None,
             cleansing: Cleansing::new(),
+            assistant: None,
+            answers_file: None,
+            has_answered: false,
             has_shown: false,
             wake,
             last_guide,
@@ -270,7 +281,8 @@ impl FlightController {
         let finer = self.view_renderer.is_refining(&self.flight).then_some(self.start);
         let planned = self.planning.is_some().then_some(self.start);
         let uncleansed = (self.cleansing.is_waiting() && self.has_shown).then_some(self.start);
-        [finer, message, self.figures.next(), attention, planned, uncleansed].into_iter().flatten().min()
+        let searched = self.assistant.as_ref().and_then(|a| a.next());
+        [finer, message, self.figures.next(), attention, planned, uncleansed, searched].into_iter().flatten().min()
     }
 
     /// Sends a command to the flight. Returns true if it succeeded. A refused command is reported and changes nothing.
@@ -578,6 +590,7 @@ impl FlightController {
     pub(crate) fn advance(&mut self, now: Instant) -> Result<()> {
         self.take_planned(now);
         self.take_cleansed(now);
+        self.take_found(now);
         for note in self.flight.take_notes() {
             self.say(note, now);
         }

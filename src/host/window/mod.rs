@@ -4,6 +4,7 @@
 //! window. Operator input reaches it as [commands](crate::components::input::Command), so that it can be recorded and replayed.
 
 mod actions;
+mod assistant;
 mod cleansing;
 mod controller;
 mod directions;
@@ -111,6 +112,9 @@ pub(crate) struct Shown {
     /// The scan without tag beside the one as it is.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cleansing: Option<cleansing::Took>,
+    /// The search for polyps.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub assistant: Option<assistant::Took>,
 }
 
 /// A scan to open in a window.

@@ -14,6 +14,7 @@ use winit::keyboard::{Key, ModifiersState};
 use winit::window::{Fullscreen, Window, WindowId};
 
 use super::actions::{Action, ActionContext, Actions, Effect, WindowRequest};
+use super::assistant::Assistant;
 use super::controller::FlightController;
 use super::folders::Folder;
 use super::framebuffer::{Framebuffer, Places};
@@ -231,6 +232,7 @@ impl Shell {
                     present_ms: self.presented.summary(),
                     moving: controller.moving(),
                     cleansing: controller.cleansing().took(),
+                    assistant: controller.assistant().and_then(Assistant::took),
                 };
                 let finished = self.finish.take().map_or(Ok(()), |f| f(flight, controller.frames(), &shown));
                 logged.and(finished)
@@ -243,8 +245,16 @@ impl Shell {
         }
     }
 
-    /// Opens another scan instead of the open one.
+    /// Opens another scan instead of the open one, or adds a file of answers to it.
     fn open_scan(&mut self, path: PathBuf, series: Option<usize>, events: &ActiveEventLoop) {
+        if let Stage::Flying(c) = &mut self.stage
+            && path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
+        {
+            // No scan: answers to the candidates of this one.
+            c.load_answers(&path, Instant::now());
+            self.touched = true;
+            return;
+        }
         let opening = match (self.open)(path, series) {
             Ok(opening) => opening,
             Err(e) => {
@@ -354,9 +364,11 @@ impl Shell {
         }
         let mut controller =
             FlightController::new(flight, Arc::clone(&self.saveable), overlays, Rc::clone(&self.actions))?;
-        let file = self.scan.as_deref().and_then(Path::file_name).map(|name| Path::new("measures").join(name));
-        let (measures, unread) = Measures::open(file.and_then(|f| Folder::State.file(f)));
+        let name = self.scan.as_deref().and_then(Path::file_name);
+        let file = |folder: &str| name.and_then(|name| Folder::State.file(Path::new(folder).join(name)));
+        let (measures, unread) = Measures::open(file("measures"));
         controller.set_measures(measures);
+        controller.set_answers_file(file("answers"));
         if let Some(e) = &unread {
             output::to_stderr(format_args!("note: {e}"));
         }
@@ -477,6 +489,11 @@ impl Shell {
                 Request::Slice(request) => {
                     if let Stage::Flying(controller) = &mut self.stage {
                         controller.slice(request, now);
+                    }
+                }
+                Request::Assist(request) => {
+                    if let Stage::Flying(controller) = &mut self.stage {
+                        controller.assist(request, now);
                     }
                 }
                 Request::Action(id) => {

@@ -12,7 +12,7 @@ use crate::components::slices::Orientation;
 use crate::error::Result;
 use crate::host::window::actions::ActionContext;
 use crate::host::window::measures::Measures;
-use crate::host::window::panels::SliceInput;
+use crate::host::window::panels::{AssistInput, SliceInput};
 use crate::host::window::slices::Slices;
 use crate::host::window::travel::Travel;
 use crate::space::first_crossing;
@@ -27,8 +27,9 @@ impl FlightController {
     pub(crate) fn slice(&mut self, request: SliceInput, now: Instant) {
         let points = match request {
             SliceInput::Click(place) if self.measures.is_on() => return self.measure(place, now),
-            // A drag that began at an end of a measure.
-            SliceInput::Point(_) if self.measures.is_on() => return,
+            SliceInput::Click(place) if self.measures_lesions() => return self.measure_lesion(place, now),
+            // A drag that began at a place that was measured.
+            SliceInput::Point(_) if self.measures.is_on() || self.measures_lesions() => return,
             SliceInput::Click(place) | SliceInput::Point(place) => Some(place),
             SliceInput::Scroll(..) => None,
             SliceInput::Pan(..) | SliceInput::Zoom(..) | SliceInput::Window(_) => {
@@ -68,12 +69,13 @@ impl FlightController {
     /// True if marks are drawn in the picture that the state for display does not contain.
     pub(crate) fn has_marks(&self) -> bool {
         let measures = !self.measures.list().is_empty() || self.measures.begun().is_some();
-        measures || self.slices.cursor().is_some()
+        let lesions = self.assistant().is_some_and(|a| a.is_marking || a.measured().is_some());
+        measures || lesions || self.slices.cursor().is_some()
     }
 
     /// Pauses a flight that moves automatically, even if it has arrived or calls the operator, so that the camera stays where it
     /// is moved to.
-    fn stop(&mut self, now: Instant) {
+    pub(super) fn stop(&mut self, now: Instant) {
         if !self.is_by_hand() && !self.hand().paused && self.flight.setup().scene.play().is_none() {
             self.act(HandCommand::Pause(true), now);
         }
@@ -93,13 +95,17 @@ impl FlightController {
     pub(crate) fn switch_measuring(&mut self, at: ActionContext) {
         self.measures.switch();
         if self.measures.is_on() {
+            self.leave_lesions();
             self.stop(at.now);
             self.say("click both ends, in the flight or in a slice", at.now);
         }
     }
 
-    /// Undoes the last change of the measures.
-    pub(crate) fn undo_measure(&mut self, at: ActionContext) {
+    /// Undoes the last change: of answers if one of those was the last, otherwise of the measures.
+    pub(crate) fn undo(&mut self, at: ActionContext) {
+        if self.has_answered && self.assistant().is_some_and(|a| a.reading().may_undo()) {
+            return self.assist(AssistInput::Undo, at.now);
+        }
         let kept = self.measures.undo();
         self.report_kept(kept, at.now);
     }
@@ -112,6 +118,7 @@ impl FlightController {
 
     fn measure(&mut self, place: DVec3, now: Instant) {
         self.attention = true;
+        self.has_answered = false;
         self.slices.point(&self.flight, place);
         match self.measures.click(place) {
             Ok(Some(made)) => self.say(made.text(), now),
@@ -140,6 +147,9 @@ impl FlightController {
         let Some(place) = self.seen(at) else { return };
         if self.measures.is_on() {
             return self.measure(place, now);
+        }
+        if self.measures_lesions() {
+            return self.measure_lesion(place, now);
         }
         self.stop(now);
         self.slices.point(&self.flight, place);
@@ -193,7 +203,7 @@ impl FlightController {
     }
 }
 
-fn go_to(pose: Pose) -> FlightCommand {
+pub(super) fn go_to(pose: Pose) -> FlightCommand {
     let [to, forward, up] =
         [pose.position, pose.attitude.forward, pose.attitude.up].map(|v| v.to_array().map(recordable));
     FlightCommand::Go { to, forward, up }

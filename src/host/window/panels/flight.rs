@@ -3,7 +3,8 @@
 use egui::{Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, vec2};
 use glam::DVec3;
 
-use super::{Context, FlightInput, Panel, PanelEntry, Requests, measures, notches};
+use super::candidates::Marking;
+use super::{Context, FlightInput, Panel, PanelEntry, Requests, candidates, measures, notches};
 use crate::components::output::Picture;
 use crate::host::window::overlay::{self, Severity};
 use crate::space::first_crossing;
@@ -121,11 +122,15 @@ impl FlightPanel {
 /// Draws the place pointed at and the measures where they are visible in the picture.
 fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
     let cursor = context.cursor();
-    if cursor.is_none() && context.measures().list().is_empty() && context.measures().begun().is_none() {
+    if !context.controller.has_marks() {
         return;
     }
     let Some(view) = context.flight.camera::<Picture>().and_then(|picture| picture.view.as_ref()) else { return };
     let (volume, scale) = (context.flight.shown_scan(), p.pixels_per_point());
+    let project = |place: DVec3| {
+        let [x, y] = view.project(place)?;
+        Some(rect.min + vec2(x as f32, y as f32) / scale)
+    };
     let find = |place: DVec3| {
         let [x, y] = view.project(place)?;
         let ray = view.ray_at(x, y)?;
@@ -136,6 +141,7 @@ fn marks(context: &Context<'_>, p: &Painter, rect: Rect) {
         (within && !hidden).then(|| rect.min + vec2(x as f32, y as f32) / scale)
     };
     measures::draw(context, p, find);
+    candidates::draw(context, p, &Marking { project: &project, find: &find });
     if let Some(at) = cursor.and_then(find) {
         for (colour, width) in [(Color32::BLACK, 3.5), (Severity::Notice.colour(), 1.5)] {
             p.circle_stroke(at, 7.0, Stroke::new(width, colour));

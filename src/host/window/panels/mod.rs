@@ -2,6 +2,7 @@
 //!
 //! A panel reads the flight and writes only through [`Requests`], which are executed after all panels are laid out.
 
+pub mod candidates;
 pub mod flight;
 pub mod measures;
 pub mod open;
@@ -15,15 +16,25 @@ use egui::{MouseWheelUnit, Rect, Ui, Vec2};
 use glam::DVec3;
 
 use super::actions::{Action, Actions};
+use super::assistant::Assistant;
 use super::controller::FlightController;
 use super::measures::Measures;
 use super::overlay::HudState;
 use crate::app::FlightApp;
 use crate::components::slices::{Orientation, SliceView};
+use crate::polyps::answers::Answer;
 
 /// The panels of every window.
-pub const BUILT_IN: &[PanelEntry] =
-    &[flight::PANEL, slices::AXIAL, slices::CORONAL, slices::SAGITTAL, slices::ACROSS, measures::PANEL, open::PANEL];
+pub const BUILT_IN: &[PanelEntry] = &[
+    flight::PANEL,
+    slices::AXIAL,
+    slices::CORONAL,
+    slices::SAGITTAL,
+    slices::ACROSS,
+    measures::PANEL,
+    candidates::PANEL,
+    open::PANEL,
+];
 
 /// The entry of a panel, from which a window creates it.
 #[derive(Clone, Copy, Debug)]
@@ -102,6 +113,11 @@ impl<'a> Context<'a> {
         self.controller.measures()
     }
 
+    /// Returns the assistant, once it was asked for.
+    pub(super) fn assistant(&self) -> Option<&'a Assistant> {
+        self.controller.assistant()
+    }
+
     /// Returns a slice that is shown.
     pub(super) fn slice(&self, orientation: Orientation) -> Option<&'a SliceView> {
         self.controller.slices().view(self.flight, orientation)
@@ -149,10 +165,39 @@ pub enum Request {
     Flight(FlightInput),
     /// A request to the slices.
     Slice(SliceInput),
+    /// A request to the assistant.
+    Assist(AssistInput),
     /// Perform an action of the window, by its id.
     Action(String),
     /// Open another scan. The number selects a series in a folder that holds several.
     Open(PathBuf, Option<usize>),
+}
+
+/// A request to the assistant.
+#[derive(Clone, Debug, PartialEq)]
+pub enum AssistInput {
+    /// Look for polyps, unless that is done or under way.
+    Begin,
+    /// Stop looking for polyps.
+    Cancel,
+    /// Show a candidate, by its number from 0.
+    Select(usize),
+    /// Show the next candidate, or with `false` the previous one.
+    Step(bool),
+    /// Answer whether the candidate that is shown is a polyp.
+    Answer(Answer),
+    /// Write the note of a candidate, by its number from 0.
+    Note(usize, String),
+    /// Undo the last change of answers and notes.
+    Undo,
+    /// Mark candidates in all views, or stop that.
+    Mark,
+    /// Measure lesions by clicks, or stop that.
+    Measure,
+    /// Forget the measured lesion.
+    Forget,
+    /// Add the answers of a file.
+    Load(PathBuf),
 }
 
 /// A request to the slices.
@@ -207,6 +252,11 @@ impl Requests {
     /// Adds a request to the slices.
     pub(super) fn slice(&mut self, request: SliceInput) {
         self.ask(Request::Slice(request));
+    }
+
+    /// Adds a request to the assistant.
+    pub(super) fn assist(&mut self, request: AssistInput) {
+        self.ask(Request::Assist(request));
     }
 
     /// Opens another scan instead of this one.

@@ -191,6 +191,40 @@ fn every_panel_looks_as_it_did() {
     }
 }
 
+#[test]
+fn candidates_look_as_they_did() {
+    let mut stage = Stage::new(ImageSize::new(640, 420), 1.0);
+    let mut panel = (candidates::PANEL.make)();
+    // The first picture of the flight comes before the search.
+    stage.panel(&mut *(flight::PANEL.make)());
+    let ask = |stage: &mut Stage, request| stage.controller.assist(request, Instant::now());
+    ask(&mut stage, AssistInput::Begin);
+    let begun = Instant::now();
+    while stage.controller.may_read().is_err() {
+        assert!(begun.elapsed() < std::time::Duration::from_secs(120));
+        stage.controller.advance(Instant::now()).unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    for request in [
+        AssistInput::Select(1),
+        AssistInput::Answer(Answer::No),
+        AssistInput::Step(false),
+        AssistInput::Answer(Answer::Yes),
+        AssistInput::Note(0, "on a fold".to_owned()),
+        AssistInput::Mark,
+    ] {
+        ask(&mut stage, request);
+    }
+    let place = stage.controller.assistant().unwrap().found().unwrap().list[0].candidate.position;
+    // From the next picture on.
+    stage.controller.advance(Instant::now()).unwrap();
+    hold("candidates-marked", &stage.panel(&mut *(flight::PANEL.make)()));
+    ask(&mut stage, AssistInput::Measure);
+    stage.click(place);
+    hold("candidates-list", &stage.panel(&mut *panel));
+    hold("candidates-measured", &stage.panel(&mut *(slices::AXIAL.make)()));
+}
+
 /// An example listing of a folder.
 fn scans() -> FileList {
     let list = |names: &[&str]| names.iter().map(|n| Path::new("/scans").join(n)).collect();

@@ -6,7 +6,8 @@
 use egui::{Align2, Color32, Event, Painter, PointerButton, Pos2, Rect, Sense, Stroke, Ui, Vec2, pos2, vec2};
 use glam::DVec3;
 
-use super::{Context, Panel, PanelEntry, Requests, SliceInput, measures, notches};
+use super::candidates::Marking;
+use super::{Context, Panel, PanelEntry, Requests, SliceInput, candidates, measures, notches};
 use crate::components::slices::{Orientation, SliceView};
 use crate::host::window::overlay::{ACCENT, INK, SOFT, Severity, TEXT, label, text};
 use crate::render::slice::{SlabKind, Slice};
@@ -173,10 +174,12 @@ impl SlicePanel {
         crosshair(p, placed, placed.point(context.place()).0);
         camera(context, p, placed);
         let near = (view.slab.mm() * 0.5).max(NEAR_PLANE_MM);
-        measures::draw(context, p, |place| {
+        let find = |place: DVec3| {
             let (at, before) = placed.point(place);
             (before.abs() <= near).then_some(at)
-        });
+        };
+        measures::draw(context, p, find);
+        candidates::draw(context, p, &Marking { project: &|place| Some(placed.point(place).0), find: &find });
         let edges = placed.slice.frame.edges();
         label(p, inner.left_center(), Align2::LEFT_CENTER, &edges[0]);
         label(p, inner.right_center(), Align2::RIGHT_CENTER, &edges[1]);

@@ -1,4 +1,4 @@
-//! From where a candidate is looked at: a camera in the lumen that sees it, and the planes of its slices.
+//! From where a polyp candidate is looked at: a camera in the lumen that sees it, and the planes of its slices.
 
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -12,11 +12,9 @@ use crate::render::View;
 use crate::render::slice::{PlaneFrame, Slice, SlicePlane};
 use crate::space::{PreparedVolume, first_crossing};
 
-/// Side of the view, pixels.
-pub(super) const VIEW: usize = 320;
 /// Side of a slice, pixels and mm.
-pub(super) const SLICE: usize = 240;
-pub(super) const SLICE_MM: f64 = 60.0;
+pub(crate) const SLICE: usize = 240;
+pub(crate) const SLICE_MM: f64 = 60.0;
 
 /// The camera's distance from the candidate if there is room, mm: this much and its diameter, within these.
 const STAND_BACK_MM: f64 = 13.0;
@@ -42,9 +40,9 @@ const FOV: [f64; 2] = [30.0, 110.0];
 const NEAR_MM: f64 = 15.0;
 
 /// A candidate as its pictures show it. World, mm LPS.
-pub(super) struct Subject {
+pub(crate) struct Subject {
     /// The middle of every picture.
-    pub(super) middle: DVec3,
+    pub(crate) middle: DVec3,
     /// Its place on the wall.
     position: DVec3,
     /// Unit vector into the lumen.
@@ -52,12 +50,12 @@ pub(super) struct Subject {
     /// Unit vector of its longest diameter, across the axis.
     long: DVec3,
     /// Radius of a circle around it, mm.
-    pub(super) radius_mm: f64,
+    pub(crate) radius_mm: f64,
 }
 
 impl Subject {
     /// Returns the subject of a candidate. One without measures is seen along the normal of the wall nearest to it.
-    pub(super) fn of(candidate: &Candidate, wall: &Wall) -> Self {
+    pub(crate) fn of(candidate: &Candidate, wall: &Wall) -> Self {
         let position = candidate.position;
         let unit = |v: DVec3| v.try_normalize().filter(|u| u.is_finite());
         let Some(lesion) = &candidate.lesion else {
@@ -78,7 +76,7 @@ impl Subject {
 
     /// Returns its slices: axial; along the axis and across the longest diameter; along both. The lumen is on top in the
     /// latter two, and the patient's left on the right as far as that can be.
-    pub(super) fn slices(&self) -> [Slice; 3] {
+    pub(crate) fn slices(&self) -> [Slice; 3] {
         let frame = |normal: DVec3| {
             let [one, other] = [normal, -normal].map(|forward| PlaneFrame::looking(forward, self.axis));
             if leftwards(one.right()) >= leftwards(other.right()) { one } else { other }
@@ -102,7 +100,7 @@ fn across(axis: DVec3) -> DVec3 {
 }
 
 /// Finds places for cameras in a scan.
-pub(super) struct Looks {
+pub(crate) struct Looks {
     volume: PreparedVolume,
     clearances: ClearanceFinder,
 }
@@ -119,25 +117,25 @@ struct Place {
 
 impl Looks {
     /// Prepares to look for places in the gas of `volume`.
-    pub(super) fn new(volume: &PreparedVolume) -> Self {
+    pub(crate) fn new(volume: &PreparedVolume) -> Self {
         let iso = volume.transfer().iso() as f32;
         let clearances = ClearanceFinder::new(Arc::clone(&volume.shared_voxels()), iso, 2.0 * CLEAR_MM);
         Self { volume: volume.clone(), clearances }
     }
 
-    /// Returns a view of the subject from the lumen, from its axis a little to the side on which there is most room, with superior
+    /// Returns a view of the subject, `side` pixels wide and high, from the lumen, from its axis a little to the side on which there is most room, with superior
     /// on top. Also returns the length of a mm at the subject, pixels.
     ///
     /// # Errors
     /// Returns status 2 if the subject is nowhere.
-    pub(super) fn view(&self, subject: &Subject) -> Result<(View, f64)> {
+    pub(crate) fn view(&self, subject: &Subject, side: usize) -> Result<(View, f64)> {
         let eye = self.eye(subject);
         let forward = subject.middle - eye;
         let mm = forward.length();
         let across_mm = ACROSS_MM.max(2.0 * subject.radius_mm * ACROSS_DIAMETERS);
         let fov = (2.0 * (0.5 * across_mm / mm).atan()).to_degrees().clamp(FOV[0], FOV[1]);
-        let view = View::new(eye, forward, DVec3::Z, fov, VIEW, VIEW)?;
-        let scale = VIEW as f64 / (2.0 * mm * (0.5 * fov).to_radians().tan());
+        let view = View::new(eye, forward, DVec3::Z, fov, side, side)?;
+        let scale = side as f64 / (2.0 * mm * (0.5 * fov).to_radians().tan());
         Ok((view, scale))
     }
 
@@ -229,7 +227,7 @@ mod tests {
         for (top, tilt) in [(55.0, Some(30.0)), (28.0, None), (19.0, None)] {
             let volume = room(top);
             let subject = ball();
-            let (view, scale) = Looks::new(&volume).view(&subject).unwrap();
+            let (view, scale) = Looks::new(&volume).view(&subject, 320).unwrap();
             let eye = view.position();
             assert!(ClearanceFinder::new(volume.shared_voxels(), -650.0, 5.0).at(eye).mm >= CLEAR_MM, "{top}: {eye}");
             let [x, y] = view.project(subject.middle).unwrap();
@@ -248,9 +246,9 @@ mod tests {
     #[test]
     fn a_place_without_room_has_a_view_all_the_same() {
         let volume = room(14.0);
-        assert!(Looks::new(&volume).view(&ball()).is_ok());
+        assert!(Looks::new(&volume).view(&ball(), 320).is_ok());
         let nowhere = Subject { position: DVec3::new(2.0, 2.0, 2.0), middle: DVec3::new(2.0, 2.0, 2.0), ..ball() };
-        assert!(Looks::new(&volume).view(&nowhere).is_ok());
+        assert!(Looks::new(&volume).view(&nowhere, 320).is_ok());
     }
 
     #[test]

@@ -1,0 +1,260 @@
+//! The assistant: looks for polyps while the flight goes on, and holds the list, the answers to it and measured lesions.
+//!
+//! Nothing is computed or kept before somebody asks for it.
+
+mod reading;
+mod search;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::DVec3;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use serde::Serialize;
+
+use super::cleansing::Cleansing;
+use super::job::Job;
+use super::screenshot_renderer::WakeUp;
+use crate::app::FlightApp;
+use crate::error::{Error, Result};
+use crate::polyps::Measurement;
+use crate::polyps::answers::Answers;
+use crate::progress::Progress;
+
+pub(crate) use reading::{Reading, Said};
+pub(crate) use search::{Entry, Found, SIDE, Tag};
+
+/// Time between two looks at the progress of a search.
+const LOOKS: Duration = Duration::from_millis(200);
+
+/// What the assistant does.
+enum Stage {
+    /// The scan without tag is being found.
+    Waiting,
+    /// The search, when it was begun, and its threads: in the common pool pictures would wait for it.
+    Searching(Job<Found>, Instant, #[expect(dead_code, reason = "it is kept while it works")] ThreadPool),
+    Ready(Arc<Found>),
+    /// There is no list, and why.
+    Failed(String),
+}
+
+/// What the assistant does, for display.
+pub(crate) enum State<'a> {
+    /// It works: at this stage, of which this share is done, 0 to 1.
+    Working(String, Option<f32>),
+    /// There is a list.
+    Ready(&'a Arc<Found>),
+    /// There is none, and why.
+    Failed(&'a str),
+}
+
+/// What a search took, for the statistics.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct Took {
+    /// Number of listed candidates.
+    pub candidates: usize,
+    /// From the begin of the search until the list was there, s.
+    pub seconds: f64,
+    /// Size in memory of what is kept of it, bytes.
+    pub bytes: usize,
+}
+
+/// A lesion that somebody pointed at.
+pub(crate) type Measured = std::result::Result<Measurement, String>;
+
+/// The assistant of a window, once it was asked for.
+pub(crate) struct Assistant {
+    stage: Stage,
+    reading: Reading,
+    /// The file of the answers; `None` if they are not stored.
+    file: Option<PathBuf>,
+    /// A file of answers to be added once there is a list.
+    wanted: Option<PathBuf>,
+    /// The last message about answers, in one line.
+    told: String,
+    /// True if the candidates are marked in all views.
+    pub(crate) is_marking: bool,
+    /// True if a click measures the lesion there.
+    pub(crate) is_measuring: bool,
+    measured: Option<Measured>,
+    took: Option<Took>,
+    /// When the progress was looked at.
+    looked: Instant,
+}
+
+impl Assistant {
+    /// Creates an assistant that searches as soon as possible, with the file of the scan's answers.
+    pub(crate) fn new(file: Option<PathBuf>, now: Instant) -> Self {
+        Self {
+            stage: Stage::Waiting,
+            reading: Reading::default(),
+            file,
+            wanted: None,
+            told: String::new(),
+            is_marking: false,
+            is_measuring: false,
+            measured: None,
+            took: None,
+            looked: now,
+        }
+    }
+
+    /// Goes on: begins the search once the scan without tag is known, and takes what was found. `wake` is called from another thread
+    /// when the search has ended. Returns true if there is something new to show.
+    pub(crate) fn advance(&mut self, flight: &FlightApp, cleansing: &Cleansing, wake: &WakeUp, now: Instant) -> bool {
+        match &mut self.stage {
+            Stage::Waiting if cleansing.is_under_way() => {
+                self.looked = now;
+                false
+            }
+            Stage::Waiting => {
+                self.stage = begin(flight, cleansing, wake, now).unwrap_or_else(|e| Stage::Failed(e.to_string()));
+                self.looked = now;
+                true
+            }
+            Stage::Searching(job, begun, _) => {
+                self.looked = now;
+                let Some(found) = job.take() else { return false };
+                let seconds = begun.elapsed().as_secs_f64();
+                match found {
+                    Ok(found) => self.take(found, seconds),
+                    Err(e) => self.stage = Stage::Failed(e.to_string()),
+                }
+                true
+            }
+            Stage::Ready(_) | Stage::Failed(_) => false,
+        }
+    }
+
+    fn take(&mut self, found: Found, seconds: f64) {
+        self.took = Some(Took { candidates: found.list.len(), seconds, bytes: found.bytes });
+        let places = found.list.iter().map(|e| e.candidate.position).collect();
+        let (reading, unread) = Reading::open(places, self.file.clone());
+        self.reading = reading;
+        self.told = unread.map_or_else(String::new, |e| format!("answers are not kept: {}: {}", e.what, e.why));
+        self.stage = Stage::Ready(Arc::new(found));
+        if let Some(path) = self.wanted.take() {
+            self.load(&path);
+        }
+    }
+
+    /// Returns when its progress has to be looked at.
+    pub(crate) fn next(&self) -> Option<Instant> {
+        matches!(self.stage, Stage::Waiting | Stage::Searching(..)).then_some(self.looked + LOOKS)
+    }
+
+    /// Returns what it does.
+    pub(crate) fn state(&self) -> State<'_> {
+        match &self.stage {
+            Stage::Waiting => State::Working("waiting for the scan without tag".to_owned(), None),
+            Stage::Searching(job, ..) => {
+                let (stage, done, all) = job.progress().snapshot();
+                State::Working(stage, (all > 0).then_some(done as f32 / all as f32))
+            }
+            Stage::Ready(found) => State::Ready(found),
+            Stage::Failed(why) => State::Failed(why),
+        }
+    }
+
+    /// Stops the search.
+    pub(crate) fn cancel(&mut self) {
+        if matches!(self.stage, Stage::Waiting | Stage::Searching(..)) {
+            self.stage = Stage::Failed("the search was cancelled".to_owned());
+        }
+    }
+
+    /// Searches again, after a failure.
+    pub(crate) fn retry(&mut self) {
+        if matches!(self.stage, Stage::Failed(_)) {
+            self.stage = Stage::Waiting;
+        }
+    }
+
+    /// Returns what was found.
+    pub(crate) fn found(&self) -> Option<&Arc<Found>> {
+        if let Stage::Ready(found) = &self.stage { Some(found) } else { None }
+    }
+
+    /// Returns the reading.
+    pub(crate) fn reading(&self) -> &Reading {
+        &self.reading
+    }
+
+    /// Returns the reading for changes.
+    pub(crate) fn reading_mut(&mut self) -> &mut Reading {
+        &mut self.reading
+    }
+
+    /// Returns the last message about answers; empty if there is none.
+    pub(crate) fn told(&self) -> &str {
+        &self.told
+    }
+
+    /// Returns what the search took, once it is over.
+    pub(crate) fn took(&self) -> Option<Took> {
+        self.took.clone()
+    }
+
+    /// Adds the answers of a file, now or once there is a list.
+    pub(crate) fn load(&mut self, path: &Path) {
+        if self.found().is_none() {
+            self.told = "the answers are added once there is a list".to_owned();
+            self.wanted = Some(path.to_owned());
+            return;
+        }
+        let merged = Answers::read(path).and_then(|answers| Ok((self.reading.merge(&answers)?, answers.answers.len())));
+        self.told = match merged {
+            Ok((own, all)) => format!("{own} of {all} answers belong to candidates of this list"),
+            Err(e) => format!("{}: {}", e.what, e.why),
+        };
+    }
+
+    /// Reports that answers could not be stored, or nothing.
+    pub(crate) fn report(&mut self, kept: Result<()>) {
+        self.told = kept.err().map_or_else(String::new, |e| format!("not saved: {}: {}", e.what, e.why));
+    }
+
+    /// Measures the lesion at a place of the wall (world, mm).
+    pub(crate) fn measure(&mut self, at: DVec3) -> &Measured {
+        let measured = match self.found() {
+            Some(found) => found.measure(at).map_err(|e| e.why),
+            None => Err("the wall is not known yet".to_owned()),
+        };
+        self.measured.insert(measured)
+    }
+
+    /// Returns the lesion that was measured last.
+    pub(crate) fn measured(&self) -> Option<&Measured> {
+        self.measured.as_ref()
+    }
+
+    /// Forgets the measured lesion.
+    pub(crate) fn forget_measured(&mut self) {
+        self.measured = None;
+    }
+}
+
+/// Begins the search on threads of its own.
+///
+/// # Errors
+/// Returns status 1 if the system cannot start threads.
+fn begin(flight: &FlightApp, cleansing: &Cleansing, wake: &WakeUp, now: Instant) -> Result<Stage> {
+    let pool =
+        ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).thread_name(|n| format!("assistant {n}"));
+    let pool = pool.build().map_err(|e| Error::fault("threads", e.to_string(), "use fewer --threads").caused_by(e))?;
+    let setup = flight.setup();
+    let input = search::Input {
+        volume: setup.volume.clone(),
+        lumen: Arc::clone(&setup.lumen),
+        tag: cleansing.tag(flight),
+        preset: setup.scene.image.preset,
+    };
+    let wake = Arc::clone(wake);
+    let work = move |progress: &Arc<Progress>| search::search(input, progress);
+    let job = Job::start_in(&pool, "assistant", &Arc::new(Progress::new()), work, move || wake());
+    Ok(Stage::Searching(job, now, pool))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,268 @@
+//! The search: finds candidates in a scan without tag, and keeps what shows and measures them. It runs on threads of its own.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::app::look::{Looks, Subject};
+use crate::components::camera::Pose;
+use crate::dynamics::Attitude;
+use crate::error::{Error, Result};
+use crate::fields::Lumen;
+use crate::fields::cleanse::{self, Cleansed};
+use crate::fields::lumen::{self, Along};
+use crate::host::window::cleansing::boxed;
+use crate::polyps::{self, Candidate, Colon, Measurement, Wall, detectors};
+use crate::progress::Progress;
+use crate::render::{Frame, Preset, Quality, Reuse, Settings, renderer};
+use crate::space::PreparedVolume;
+use crate::volume::Volume;
+
+/// Candidates with a lower score are not listed.
+const LEAST_SCORE: f64 = 0.2;
+/// Maximum number of listed candidates.
+const MOST: usize = 100;
+/// Side of a candidate's picture, pixels.
+pub(crate) const SIDE: usize = 160;
+/// A voxel whose value differs by more than this from the scanned one was restored, HU.
+const RESTORED_HU: i32 = 60;
+
+/// What the search looks at.
+pub(crate) struct Input {
+    /// The scan that is flown through.
+    pub(crate) volume: PreparedVolume,
+    /// Its lumen.
+    pub(crate) lumen: Arc<Lumen>,
+    /// What is known of its tag.
+    pub(crate) tag: Tag,
+    /// Renders the pictures.
+    pub(crate) preset: Preset,
+}
+
+/// What is known of a scan's tag.
+pub(crate) enum Tag {
+    /// There is none.
+    Absent,
+    /// It was taken out of the scan that is flown through. The changes hold the values that the scan had.
+    Taken(Arc<Cleansed>),
+    /// It is in the scan, and this is the part around the colon without it.
+    Beside(PreparedVolume),
+    /// Nothing.
+    Unknown,
+}
+
+/// The values that a scan had before its tag was taken out.
+enum Before {
+    Same,
+    Changes(Arc<Cleansed>),
+    Scan(Arc<Volume>),
+}
+
+/// A candidate in the list.
+pub(crate) struct Entry {
+    pub(crate) candidate: Candidate,
+    /// The lumen's segment, and how far along it is, mm.
+    pub(crate) along: Option<(usize, f64)>,
+    /// From where it is seen well in the scan without tag, world mm.
+    pub(crate) pose: Pose,
+    /// What is seen from there, [`SIDE`] pixels wide and high.
+    pub(crate) picture: Vec<[u8; 3]>,
+}
+
+/// What a search found.
+pub(crate) struct Found {
+    /// The candidates, the best first.
+    pub(crate) list: Vec<Entry>,
+    /// True if places are measured from the rectum; otherwise each segment is measured from its own end.
+    pub(crate) is_ordered: bool,
+    wall: Wall,
+    /// The scan without tag, or the part of it around the colon.
+    volume: Arc<Volume>,
+    before: Before,
+    /// Size in memory of what nothing else in the window holds, bytes.
+    pub(crate) bytes: usize,
+}
+
+/// A scan without tag.
+struct Clean {
+    volume: Arc<Volume>,
+    lumen: Arc<Lumen>,
+    before: Before,
+    /// The same around the colon, for pictures and measures.
+    around: PreparedVolume,
+    /// Bytes of that, if it was made here.
+    bytes: usize,
+}
+
+/// Looks for polyps.
+///
+/// # Errors
+/// Returns status 4 if there is no colon, or if cancelled.
+pub(crate) fn search(input: Input, progress: &Progress) -> Result<Found> {
+    if input.lumen.segments.is_empty() {
+        return Err(Error::incomplete("polyps", "no gas of a colon was found in the scan", "open a scan of a colon"));
+    }
+    let preset = input.preset;
+    let Clean { volume, lumen, before, around, bytes } = clean(input, progress)?;
+    let along = Along::new(&lumen, progress)?;
+    let wall = Wall::new(&volume, &lumen, around.transfer().iso(), progress)?;
+    let all = polyps::find(&detectors::BUILT_IN[0], &Colon { volume: &volume, lumen: &lumen, wall: &wall }, progress)?;
+    drop(volume);
+    let looks = Looks::new(&around);
+    let mut renderer = renderer(&around, Settings::new(Quality::High), preset, Reuse::Never);
+    let mut frame = Frame::new(SIDE, SIDE);
+    let listed = all.into_iter().filter(|c| c.score >= LEAST_SCORE).take(MOST);
+    let mut list = Vec::new();
+    progress.stage("rendering candidates", listed.size_hint().1.unwrap_or(0) as u64);
+    for candidate in listed {
+        let (view, _) = looks.view(&Subject::of(&candidate, &wall), SIDE)?;
+        renderer.render(&view, &mut frame);
+        let pose = Pose { position: view.position(), attitude: Attitude::new(view.forward(), view.up()) };
+        let along = along.of(candidate.position);
+        list.push(Entry { candidate, along, pose, picture: frame.pixels().to_vec() });
+        progress.advance(1)?;
+    }
+    let bytes = bytes + wall.bytes() + list.len() * (SIDE * SIDE * 3 + size_of::<Entry>());
+    let is_ordered = lumen.ordered;
+    Ok(Found { list, is_ordered, wall, volume: around.shared_voxels(), before, bytes })
+}
+
+/// Returns the scan without tag, and the lumen in it.
+fn clean(input: Input, progress: &Progress) -> Result<Clean> {
+    let Input { volume, lumen: known, tag, .. } = input;
+    let scanned = volume.shared_voxels();
+    let as_it_is = |before: Before, volume: PreparedVolume, lumen: Arc<Lumen>| Clean {
+        volume: volume.shared_voxels(),
+        lumen,
+        before,
+        around: volume,
+        bytes: 0,
+    };
+    let again = |volume: &Volume| -> Result<Arc<Lumen>> {
+        let mut found = lumen::find(volume, progress)?;
+        cleanse::keep_ends(&mut found, &known);
+        Ok(Arc::new(found))
+    };
+    match tag {
+        Tag::Absent => Ok(as_it_is(Before::Same, volume, Arc::clone(&known))),
+        Tag::Taken(cleansed) => Ok(as_it_is(Before::Changes(cleansed), volume, Arc::clone(&known))),
+        Tag::Beside(around) => {
+            let volume = Arc::new(laid_over(&scanned, around.voxels()));
+            let lumen = again(&volume)?;
+            Ok(Clean { volume, lumen, before: Before::Scan(scanned), around, bytes: 0 })
+        }
+        Tag::Unknown => {
+            let cleansed = cleanse::cleanse(&scanned, &known, progress)?;
+            if cleansed.changes.is_empty() {
+                return Ok(as_it_is(Before::Same, volume, Arc::clone(&known)));
+            }
+            let part = boxed(&scanned, &known, &cleansed.changes);
+            let around = volume.with_voxels(Arc::new(part));
+            let volume = Arc::new(cleansed.changes.applied(&scanned));
+            let lumen = again(&volume)?;
+            let bytes = around.voxels().bytes() + around.bytes();
+            Ok(Clean { volume, lumen, before: Before::Scan(scanned), around, bytes })
+        }
+    }
+}
+
+/// Returns a copy of a volume with a part of it, on the same grid, replaced.
+fn laid_over(whole: &Volume, part: &Volume) -> Volume {
+    let grid = whole.grid();
+    let shift = grid.voxel(part.grid().origin()).round().to_array().map(|v| v.max(0.0) as usize);
+    let (dims, [px, py, pz]) = (grid.dims(), part.grid().dims());
+    let mut data = whole.data().to_vec();
+    if (0..3).all(|a| shift[a] + part.grid().dims()[a] <= dims[a]) {
+        for (n, row) in part.data().chunks_exact(px).enumerate().take(py * pz) {
+            let at = grid.index(shift[0], shift[1] + n % py, shift[2] + n / py);
+            data[at..at + px].copy_from_slice(row);
+        }
+    }
+    Volume::new(grid.clone(), data)
+}
+
+impl Found {
+    /// Measures the lesion at a place of the wall (world, mm).
+    ///
+    /// # Errors
+    /// Returns status 4 if nothing bulges there.
+    pub(crate) fn measure(&self, at: DVec3) -> Result<Measurement> {
+        polyps::measure(&self.wall, &self.volume, at, |p| self.is_restored(p))
+    }
+
+    /// True if tag was taken out at a place (world, mm).
+    fn is_restored(&self, p: DVec3) -> bool {
+        let hu = |volume: &Volume| {
+            let [i, j, k] = volume.grid().voxel(p).round().to_array().map(|x| x as i64);
+            i32::from(volume.get(i, j, k))
+        };
+        let before = match &self.before {
+            Before::Same => return false,
+            Before::Scan(scan) => hu(scan),
+            Before::Changes(cleansed) => {
+                let grid = self.volume.grid();
+                let (dims, voxel) = (grid.dims(), grid.voxel(p).round().to_array());
+                if (0..3).any(|a| voxel[a] < 0.0 || voxel[a] >= dims[a] as f64) {
+                    return false;
+                }
+                let [i, j, k] = voxel.map(|x| x as usize);
+                let Some(hu) = cleansed.changes.get(grid.index(i, j, k)) else { return false };
+                i32::from(hu)
+            }
+        };
+        (before - hu(&self.volume)).abs() > RESTORED_HU
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use crate::phantom::{Phantom, PhantomSettings};
+    use crate::space::TransferFunction;
+    use crate::volume::Grid;
+
+    #[test]
+    fn a_part_is_laid_over_its_place_in_the_whole() {
+        let turn = DMat3::from_rotation_z(0.4);
+        let grid = Grid::new([6, 5, 4], DVec3::new(1.0, 1.2, 0.8), DVec3::splat(-20.0), turn).unwrap();
+        let whole = Volume::new(grid.clone(), (0..grid.len() as i16).collect());
+        let origin = grid.world(DVec3::new(2.0, 1.0, 1.0));
+        let part = Grid::new([3, 2, 2], grid.spacing(), origin, turn).unwrap();
+        let made = laid_over(&whole, &Volume::new(part, (1000..1012).collect()));
+        assert_eq!([made.get(2, 1, 1), made.get(4, 2, 2), made.get(3, 2, 1)], [1000, 1011, 1004]);
+        let changed = made.data().iter().zip(whole.data()).filter(|(a, b)| a != b).count();
+        assert_eq!(changed, 12);
+    }
+
+    /// Tag that is taken out here and tag that was taken out before give the same candidates.
+    #[test]
+    fn the_same_is_found_whoever_takes_the_tag_out() {
+        let progress = Progress::new();
+        let phantom = Phantom::new(&PhantomSettings { fluid: true, ..PhantomSettings::embedded(1) });
+        let scan = Arc::new(phantom.voxelise(&phantom.grid(), &progress).unwrap());
+        let lumen = Arc::new(lumen::find(&scan, &progress).unwrap());
+        let cleansed = cleanse::cleanse(&scan, &lumen, &progress).unwrap();
+        let volume = PreparedVolume::new(Arc::clone(&scan), TransferFunction::default());
+        let part = volume.with_voxels(Arc::new(boxed(&scan, &lumen, &cleansed.changes)));
+        let found = [Tag::Unknown, Tag::Beside(part)].map(|tag| {
+            let (volume, lumen) = (volume.clone(), Arc::clone(&lumen));
+            search(Input { volume, lumen, tag, preset: Preset::default() }, &progress).unwrap()
+        });
+        let places = |f: &Found| f.list.iter().map(|e| (e.candidate.position, e.candidate.score)).collect::<Vec<_>>();
+        assert!(!found[0].list.is_empty() && places(&found[0]) == places(&found[1]));
+        assert!(found[0].list.windows(2).all(|w| w[0].candidate.score >= w[1].candidate.score));
+        assert!(found[0].bytes > found[1].bytes, "the window holds the other part");
+        for entry in &found[0].list {
+            assert!(entry.candidate.score >= LEAST_SCORE && entry.picture.iter().any(|p| p[0] > 60));
+            let to = entry.candidate.position - entry.pose.position;
+            assert!(to.normalize().dot(entry.pose.attitude.forward) > 0.8, "it is in the middle");
+        }
+        // Candidates are measured where they were found.
+        let first = &found[0].list[0];
+        let measured = found[0].measure(first.candidate.position).unwrap();
+        assert!(measured.lesion.position.distance(first.candidate.position) < 5.0);
+        assert!(found[0].measure(DVec3::splat(1e4)).is_err());
+    }
+}

@@ -1,0 +1,131 @@
+//! The assistant of a window, in flights through phantoms.
+
+use std::thread;
+
+use super::*;
+use crate::app::{FlightRequest, ImageSettings, OpenOptions, Scan, Scene};
+use crate::host::window::controller::FlightController;
+use crate::host::window::controller::tests::{cockpit_of, perform, trace};
+use crate::host::window::panels::{AssistInput, SliceInput};
+use crate::phantom::{Phantom, PhantomSettings};
+use crate::polyps::answers::{Answer, Answered};
+use crate::render::Settings;
+
+/// A flight through a phantom that has shown its first picture.
+fn flown(fluid: bool) -> FlightController {
+    let phantom = Phantom::new(&PhantomSettings { fluid, ..PhantomSettings::embedded(1) });
+    let volume = phantom.voxelise(&phantom.grid(), &Progress::new()).unwrap();
+    let mut scan = Scan::of(volume, &OpenOptions::default()).unwrap();
+    let settings = Settings { adaptive: false, ..Settings::default() };
+    let image = ImageSettings { width: 96, height: 72, settings, ..ImageSettings::default() };
+    let scene = Scene { picture: true, operator: true, image, ..Scene::guided_by("tentacles") };
+    let mut c = cockpit_of(scan.flight(scene, &FlightRequest::default()).unwrap(), 0.0, Vec::new());
+    trace(&mut c, Instant::now());
+    c
+}
+
+fn until(c: &mut FlightController, wanted: impl Fn(&Assistant) -> bool) {
+    let begun = Instant::now();
+    while !c.assistant().is_some_and(&wanted) {
+        assert!(begun.elapsed() < Duration::from_secs(120));
+        c.advance(Instant::now()).unwrap();
+        thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn candidates_are_found_visited_and_answered_and_answers_survive() {
+    let dir = tempfile::tempdir().unwrap();
+    let (file, now) = (dir.path().join("answers").join("a.json"), Instant::now());
+    let mut c = flown(true);
+    c.set_answers_file(Some(file.clone()));
+    c.advance(now).unwrap();
+    assert!(c.assistant().is_none() && !file.exists(), "nobody has asked");
+    perform(&mut c, "candidate-next", now);
+    assert!(c.hud(now).message.is_some_and(|m| m.contains("K looks for polyps")));
+    c.assist(AssistInput::Begin, now);
+    assert!(c.next().is_some_and(|t| t <= now + LOOKS));
+    until(&mut c, |a| a.found().is_some());
+    let took = c.assistant().unwrap().took().unwrap();
+    let found = Arc::clone(c.assistant().unwrap().found().unwrap());
+    assert!(took.candidates == found.list.len() && took.seconds > 0.0 && took.bytes > 0);
+    assert!(found.list.len() > 1);
+    for n in [0, 1] {
+        perform(&mut c, "candidate-next", now);
+        let place = found.list[n].candidate.position;
+        assert_eq!((c.assistant().unwrap().reading().current(), c.slices().cursor()), (Some(n), Some(place)));
+        // The camera looks there from where it may be.
+        let pose = c.flight().pose();
+        let to = place - pose.position;
+        assert!(to.length() < 60.0 && to.normalize().dot(pose.attitude.forward) > 0.8, "{n}: {to}");
+        assert!(c.flight().setup().lumen.segment_at(pose.position).is_some());
+    }
+    c.advance(Instant::now() + Duration::from_millis(50)).unwrap();
+    assert_eq!(c.hud(now).state, "paused");
+    perform(&mut c, "candidate-unsure", now);
+    perform(&mut c, "candidate-previous", now);
+    perform(&mut c, "candidate-yes", now);
+    perform(&mut c, "candidate-no", now);
+    c.assist(AssistInput::Note(0, "a fold".to_owned()), now);
+    // Distances and answers are undone by one key, the last change first.
+    perform(&mut c, "undo", now);
+    perform(&mut c, "undo", now);
+    let kept = Answers::read(&file).unwrap();
+    let said: Vec<_> = kept.answers.iter().map(|a| (a.rank, a.answer, a.note.as_str())).collect();
+    assert_eq!(said, [(1, Some(Answer::Yes), ""), (2, Some(Answer::Unsure), "")]);
+    // Another window of the same scan has them.
+    let mut c = flown(true);
+    c.set_answers_file(Some(file));
+    c.assist(AssistInput::Begin, now);
+    until(&mut c, |a| a.found().is_some());
+    assert_eq!(c.assistant().unwrap().reading().answered(), 2);
+}
+
+#[test]
+fn a_click_measures_a_lesion_or_tells_why_not() {
+    let now = Instant::now();
+    let mut c = flown(false);
+    c.assist(AssistInput::Begin, now);
+    until(&mut c, |a| a.found().is_some());
+    perform(&mut c, "measure", now);
+    perform(&mut c, "measure-lesion", now);
+    assert!(!c.measures().is_on(), "a click measures one or the other");
+    let place = c.assistant().unwrap().found().unwrap().list[0].candidate.position;
+    c.slice(SliceInput::Click(place), now);
+    let a = c.assistant().unwrap();
+    let Some(Ok(m)) = a.measured() else { panic!("a lesion") };
+    assert!(m.lesion.position.distance(place) < 6.0 && c.has_marks());
+    assert!(c.slices().cursor().unwrap().distance(place) < 10.0);
+    c.slice(SliceInput::Click(place + DVec3::splat(500.0)), now);
+    let measured = c.assistant().unwrap().measured().cloned();
+    let Some(Err(why)) = measured else { panic!("nothing there") };
+    assert!(!why.contains('\n') && c.hud(now).message == Some(why));
+    perform(&mut c, "measure", now);
+    assert!(!c.assistant().unwrap().is_measuring && c.measures().is_on());
+}
+
+#[test]
+fn a_search_is_cancelled_and_begun_again_and_answers_wait_for_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("answers.json");
+    let now = Instant::now();
+    let mut c = flown(false);
+    c.assist(AssistInput::Begin, now);
+    until(&mut c, |a| matches!(a.stage, Stage::Searching(..)));
+    c.assist(AssistInput::Cancel, now);
+    let failed = |a: &Assistant| matches!(a.state(), State::Failed(why) if why.contains("cancelled"));
+    assert!(c.assistant().is_some_and(failed) && c.assistant().unwrap().next().is_none());
+    // What a damaged file lacks is told in one line, once there is a list.
+    std::fs::write(&path, "{").unwrap();
+    c.load_answers(&path, now);
+    c.assist(AssistInput::Begin, now);
+    until(&mut c, |a| a.found().is_some());
+    let told = c.assistant().unwrap().told().to_owned();
+    assert!(told.contains("answers.json") && !told.contains('\n'), "{told}");
+    let position = c.assistant().unwrap().found().unwrap().list[1].candidate.position + DVec3::splat(0.3);
+    let one = Answered { rank: 9, position, answer: Some(Answer::Yes), note: String::new() };
+    Answers { scan: String::new(), answers: vec![one] }.write(&path).unwrap();
+    c.load_answers(&path, now);
+    assert_eq!(c.assistant().unwrap().told(), "1 of 1 answers belong to candidates of this list");
+    assert_eq!(c.assistant().unwrap().reading().said(1).unwrap().answer, Some(Answer::Yes));
+}

@@ -1,0 +1,169 @@
+//! The assistant in a flight: its candidates are flown to, answered, and lesions measured at a click.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::FlightController;
+use super::pointing::go_to;
+use crate::components::camera::Pose;
+use crate::components::input::FlightCommand;
+use crate::host::window::assistant::{Assistant, Entry};
+use crate::host::window::panels::AssistInput;
+use crate::space::first_crossing;
+
+/// A camera that does not fit where a candidate is seen best backs off by steps of this, mm, for at most that far.
+const STEP_MM: f64 = 2.0;
+const BACK_MM: f64 = 60.0;
+
+impl FlightController {
+    /// Returns the assistant, once it was asked for.
+    pub(crate) fn assistant(&self) -> Option<&Assistant> {
+        self.assistant.as_deref()
+    }
+
+    /// Sets the file of the answers to this scan's candidates.
+    pub(crate) fn set_answers_file(&mut self, file: Option<PathBuf>) {
+        self.answers_file = file;
+    }
+
+    /// Lets the assistant go on.
+    pub(super) fn take_found(&mut self, now: Instant) {
+        let Some(assistant) = &mut self.assistant else { return };
+        if assistant.advance(&self.flight, &self.cleansing, &self.wake, now) {
+            self.attention = true;
+        }
+    }
+
+    /// Checks whether there is a list of candidates. The error states why not.
+    pub(crate) fn may_read(&self) -> Result<(), &'static str> {
+        match self.assistant() {
+            Some(a) if a.found().is_some() => Ok(()),
+            Some(_) => Err("there is no list of candidates yet"),
+            None => Err("there is no list of candidates (K looks for polyps)"),
+        }
+    }
+
+    /// Executes a request to the assistant.
+    pub(crate) fn assist(&mut self, request: AssistInput, now: Instant) {
+        self.attention = true;
+        self.has_answered |= matches!(request, AssistInput::Answer(_) | AssistInput::Note(..) | AssistInput::Load(_));
+        let file = &self.answers_file;
+        let assistant = self.assistant.get_or_insert_with(|| Box::new(Assistant::new(file.clone(), now)));
+        match request {
+            AssistInput::Begin => assistant.retry(),
+            AssistInput::Cancel => assistant.cancel(),
+            AssistInput::Select(n) => {
+                if assistant.reading_mut().select(n).is_some() {
+                    self.visit(n, now);
+                }
+            }
+            AssistInput::Step(forward) => {
+                if let Some(n) = assistant.reading_mut().step(forward) {
+                    self.visit(n, now);
+                }
+            }
+            AssistInput::Answer(answer) => {
+                if assistant.reading().current().is_none() {
+                    self.say("no candidate is chosen", now);
+                    return;
+                }
+                let kept = assistant.reading_mut().answer(answer);
+                assistant.report(kept);
+            }
+            AssistInput::Note(n, note) => {
+                let kept = assistant.reading_mut().note(n, note);
+                assistant.report(kept);
+            }
+            AssistInput::Undo => {
+                let kept = assistant.reading_mut().undo();
+                assistant.report(kept.map(drop));
+            }
+            AssistInput::Mark => assistant.is_marking = !assistant.is_marking,
+            AssistInput::Measure => {
+                assistant.is_measuring = !assistant.is_measuring;
+                if assistant.is_measuring {
+                    if self.measures.is_on() {
+                        self.measures.switch();
+                    }
+                    self.stop(now);
+                    self.say("click on a lesion, in the flight or in a slice", now);
+                }
+            }
+            AssistInput::Forget => assistant.forget_measured(),
+            AssistInput::Load(path) => assistant.load(&path),
+        }
+    }
+
+    /// Adds a file of answers, which begins the search for what they belong to.
+    pub(crate) fn load_answers(&mut self, path: &Path, now: Instant) {
+        self.assist(AssistInput::Load(path.to_owned()), now);
+        if let Some(told) = self.assistant().map(|a| a.told().to_owned()) {
+            self.say(told, now);
+        }
+    }
+
+    /// True if a click measures a lesion.
+    pub(super) fn measures_lesions(&self) -> bool {
+        self.assistant().is_some_and(|a| a.is_measuring)
+    }
+
+    /// Stops measuring lesions, because distances are measured.
+    pub(super) fn leave_lesions(&mut self) {
+        if let Some(assistant) = &mut self.assistant {
+            assistant.is_measuring = false;
+        }
+    }
+
+    /// Measures the lesion at a place of the wall, and points there.
+    pub(super) fn measure_lesion(&mut self, place: DVec3, now: Instant) {
+        let Some(assistant) = &mut self.assistant else { return };
+        let (at, told) = match assistant.measure(place) {
+            Ok(m) => {
+                let [a, b] = m.lesion.ends;
+                (a.midpoint(b), format!("{:.1} mm", m.lesion.diameter_mm))
+            }
+            Err(why) => (place, why.clone()),
+        };
+        self.slices.point(&self.flight, at);
+        self.say(told, now);
+        self.quiet = 0;
+    }
+
+    /// Shows a candidate in all views: the camera goes to where it is seen well, or as near as it fits.
+    fn visit(&mut self, n: usize, now: Instant) {
+        let Some(found) = self.assistant().and_then(|a| a.found()).map(Arc::clone) else { return };
+        let Some(entry) = found.list.get(n) else { return };
+        self.stop(now);
+        self.travel = None;
+        let place = entry.candidate.position;
+        if self.flight.setup().scene.play().is_none() && !self.go_to_see(entry, now) {
+            self.say("the camera does not fit where this candidate is seen", now);
+        }
+        // The camera has moved before the slices left for the place.
+        self.slices.point(&self.flight, place);
+        self.figures.touch();
+        self.quiet = 0;
+    }
+
+    /// Moves the camera to where an entry is seen well, or backwards from there. Returns false if it fits nowhere.
+    fn go_to_see(&mut self, entry: &Entry, now: Instant) -> bool {
+        let Pose { position, attitude } = entry.pose;
+        let back = -attitude.forward;
+        let free = first_crossing(self.flight.shown_scan(), position, back, BACK_MM).unwrap_or(BACK_MM);
+        let steps = (free / STEP_MM) as usize;
+        for at in (0..=steps).map(|n| position + back * (STEP_MM * n as f64)) {
+            let Some(segment) = self.flight.setup().lumen.segment_at(at) else { continue };
+            let other = self.flight.setup().plan.segment.is_some_and(|s| s != segment);
+            if other && !self.act(FlightCommand::Segment(segment), now) {
+                return false;
+            }
+            if self.flight.act(go_to(Pose { position: at, attitude })).is_ok() {
+                return true;
+            }
+        }
+        false
+    }
+}
