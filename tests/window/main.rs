@@ -430,6 +430,57 @@ fn a_scan_with_tag_in_a_window() {
     assert!(stats["cleansing"]["box_bytes"].as_u64().unwrap() > 0, "{stats}");
 }
 
+/// Candidates are looked for when their panel is shown; an answer is stored at once, and there when the scan is opened again.
+#[test]
+fn candidates_are_answered_in_a_window() {
+    let Some(screen) = Screen::open() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let right = |i: &RgbImage| image::imageops::crop_imm(i, 460, 60, 180, 400).to_image();
+    let pink = |i: &RgbImage| share(&right(i), |[r, g, b]| r > 60 && r > g + g / 4 && g >= b);
+    let chosen = |i: &RgbImage| share(&right(i), |p| p == [38, 62, 84]);
+    let lists = |i: &RgbImage| pink(i) > 0.1;
+    let quit = |mut window: Running| {
+        screen.key("q");
+        let status = window.wait();
+        assert!(status.success() && window.output().1.is_empty(), "{status}");
+        let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
+        stats["assistant"].clone()
+    };
+    // Without the panel there is neither a list nor a file.
+    let window = screen.fly(folder, "f.jsonl");
+    std::thread::sleep(Duration::from_secs(1));
+    assert!(quit(window).is_null());
+    let kept = folder.join("state/colvis/answers");
+    assert!(!kept.exists());
+    let mut window = screen.fly(folder, "f.jsonl");
+    screen.key("k");
+    let list = screen.shot_when("a list of candidates", lists);
+    assert!(chosen(&list) == 0.0);
+    screen.key("Return");
+    screen.shot_when("the first candidate", |i| chosen(i) > 0.01);
+    screen.key("y");
+    let answers = || {
+        let file = fs::read_dir(&kept).ok()?.next()?.ok()?.path();
+        fs::read_to_string(file).ok()
+    };
+    screen.shot_when("an answer", |_| answers().is_some_and(|a| a.contains("\"yes\"")));
+    // Nothing is left to be done at the end: the window may be killed.
+    window.0.kill().unwrap();
+    window.wait();
+    let text = answers().unwrap();
+    // The panel is shown from the beginning if it was shown at the end.
+    let window = screen.fly(folder, "f.jsonl");
+    screen.key("k");
+    screen.shot_when("the list again", lists);
+    screen.key("Return");
+    screen.shot_when("the first candidate again", |i| chosen(i) > 0.01);
+    screen.key("o");
+    screen.shot_when("another answer", |_| answers().is_some_and(|a| a == text.replace("\"yes\"", "\"no\"")));
+    let took = quit(window);
+    assert!(took["candidates"].as_u64().unwrap() > 0 && took["bytes"].as_u64().unwrap() > 0, "{took}");
+}
+
 /// Writes a scan of 512 voxels of tissue, of which the file holds the first `held`.
 fn write_tissue(path: &Path, held: usize) {
     let head = "ObjectType = Image\nNDims = 3\nDimSize = 8 8 8\nElementSpacing = 1 1 1\nElementType = MET_SHORT\n\

@@ -238,10 +238,10 @@ const TABLE: &[Row] = &[
         })
     },
     answer("candidate-yes", "this candidate is a polyp", "Y", |c, at| {
-        c.assist(AssistInput::Answer(Answer::Yes), at.now)
+        c.assist(AssistInput::Answer(Answer::Yes), at.now);
     }),
     answer("candidate-no", "this candidate is no polyp", "O", |c, at| {
-        c.assist(AssistInput::Answer(Answer::No), at.now)
+        c.assist(AssistInput::Answer(Answer::No), at.now);
     }),
     answer("candidate-unsure", "unsure whether this is a polyp", "U", |c, at| {
         c.assist(AssistInput::Answer(Answer::Unsure), at.now);

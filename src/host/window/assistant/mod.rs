@@ -19,7 +19,7 @@ use super::screenshot_renderer::WakeUp;
 use crate::app::FlightApp;
 use crate::error::{Error, Result};
 use crate::polyps::Measurement;
-use crate::polyps::answers::Answers;
+use crate::polyps::answers::{Answer, Answers};
 use crate::progress::Progress;
 
 pub(crate) use reading::{Reading, Said};
@@ -232,6 +232,15 @@ impl Assistant {
     /// Forgets the measured lesion.
     pub(crate) fn forget_measured(&mut self) {
         self.measured = None;
+    }
+}
+
+/// Returns an answer in a word.
+pub(crate) fn answer_text(answer: Answer) -> &'static str {
+    match answer {
+        Answer::Yes => "yes",
+        Answer::No => "no",
+        Answer::Unsure => "unsure",
     }
 }
 

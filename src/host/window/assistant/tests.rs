@@ -8,7 +8,7 @@ use crate::host::window::controller::FlightController;
 use crate::host::window::controller::tests::{cockpit_of, perform, trace};
 use crate::host::window::panels::{AssistInput, SliceInput};
 use crate::phantom::{Phantom, PhantomSettings};
-use crate::polyps::answers::{Answer, Answered};
+use crate::polyps::answers::Answered;
 use crate::render::Settings;
 
 /// A flight through a phantom that has shown its first picture.

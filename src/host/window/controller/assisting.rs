@@ -10,13 +10,23 @@ use super::FlightController;
 use super::pointing::go_to;
 use crate::components::camera::Pose;
 use crate::components::input::FlightCommand;
-use crate::host::window::assistant::{Assistant, Entry};
+use crate::components::scan::Walls;
+use crate::dynamics::Attitude;
+use crate::host::window::assistant::{Assistant, Entry, answer_text};
 use crate::host::window::panels::AssistInput;
 use crate::space::first_crossing;
 
-/// A camera that does not fit where a candidate is seen best backs off by steps of this, mm, for at most that far.
+/// Room between the camera's body and the wall, mm.
+const ROOM_MM: f64 = 0.1;
+/// A camera that does not fit where a candidate is seen best is sought in so many directions, at these distances and in such steps,
+/// mm, from this far before the candidate.
+const DIRECTIONS: usize = 400;
+const NEAR_MM: f64 = 4.0;
+const FAR_MM: f64 = 80.0;
 const STEP_MM: f64 = 2.0;
-const BACK_MM: f64 = 60.0;
+const BEFORE_MM: f64 = 1.0;
+/// The golden angle, radians.
+const GOLDEN: f64 = 2.399_963_229_728_653;
 
 impl FlightController {
     /// Returns the assistant, once it was asked for.
@@ -72,6 +82,8 @@ impl FlightController {
                 }
                 let kept = assistant.reading_mut().answer(answer);
                 assistant.report(kept);
+                let told = format!("this candidate: {}", answer_text(answer));
+                self.say(told, now);
             }
             AssistInput::Note(n, note) => {
                 let kept = assistant.reading_mut().note(n, note);
@@ -132,38 +144,61 @@ impl FlightController {
         self.quiet = 0;
     }
 
-    /// Shows a candidate in all views: the camera goes to where it is seen well, or as near as it fits.
+    /// Shows a candidate in all views: the camera goes to where it is seen well, or else to where it is seen at all.
     fn visit(&mut self, n: usize, now: Instant) {
         let Some(found) = self.assistant().and_then(|a| a.found()).map(Arc::clone) else { return };
         let Some(entry) = found.list.get(n) else { return };
         self.stop(now);
         self.travel = None;
-        let place = entry.candidate.position;
+        let mut told = format!("candidate {} of {}", n + 1, found.list.len());
         if self.flight.setup().scene.play().is_none() && !self.go_to_see(entry, now) {
-            self.say("the camera does not fit where this candidate is seen", now);
+            told.push_str(": the flight cannot go to where it is seen");
         }
+        self.say(told, now);
         // The camera has moved before the slices left for the place.
-        self.slices.point(&self.flight, place);
+        self.slices.point(&self.flight, entry.candidate.position);
         self.figures.touch();
         self.quiet = 0;
     }
 
-    /// Moves the camera to where an entry is seen well, or backwards from there. Returns false if it fits nowhere.
+    /// Moves the camera to where an entry is seen. Returns false if it fits nowhere.
     fn go_to_see(&mut self, entry: &Entry, now: Instant) -> bool {
-        let Pose { position, attitude } = entry.pose;
-        let back = -attitude.forward;
-        let free = first_crossing(self.flight.shown_scan(), position, back, BACK_MM).unwrap_or(BACK_MM);
-        let steps = (free / STEP_MM) as usize;
-        for at in (0..=steps).map(|n| position + back * (STEP_MM * n as f64)) {
-            let Some(segment) = self.flight.setup().lumen.segment_at(at) else { continue };
-            let other = self.flight.setup().plan.segment.is_some_and(|s| s != segment);
-            if other && !self.act(FlightCommand::Segment(segment), now) {
-                return false;
-            }
-            if self.flight.act(go_to(Pose { position: at, attitude })).is_ok() {
-                return true;
+        let Some((pose, segment)) = self.seen_from(entry) else { return false };
+        let other = self.flight.setup().plan.segment.is_some_and(|s| s != segment);
+        (!other || self.act(FlightCommand::Segment(segment), now)) && self.flight.act(go_to(pose)).is_ok()
+    }
+
+    /// Returns from where an entry is seen by a camera that fits there, and the segment of the lumen that it is in then. Where tag
+    /// was taken out there may be no room for the camera, and it looks across from where there is.
+    fn seen_from(&self, entry: &Entry) -> Option<(Pose, usize)> {
+        if let Some(segment) = self.fits(entry.pose.position) {
+            return Some((entry.pose, segment));
+        }
+        let place = entry.candidate.position;
+        let out = (entry.pose.position - place).try_normalize()?;
+        let start = place + out * BEFORE_MM;
+        let (u, w) = out.any_orthonormal_pair();
+        let mut best: Option<(f64, Pose, usize)> = None;
+        for n in 0..DIRECTIONS {
+            // Evenly over the half of a sphere, those near the preferred one first.
+            let (along, turn) = (1.0 - (n as f64 + 0.5) / DIRECTIONS as f64, GOLDEN * n as f64);
+            let direction = out * along + (u * turn.cos() + w * turn.sin()) * (1.0 - along * along).sqrt();
+            let free = first_crossing(self.flight.shown_scan(), start, direction, FAR_MM).unwrap_or(FAR_MM);
+            let reach = best.map_or(free, |b| b.0.min(free));
+            let ways = (1..).map(|n| n as f64 * STEP_MM).take_while(|mm| *mm < reach);
+            let fitting = |mm: f64| self.fits(start + direction * mm).map(|segment| (mm, segment));
+            if let Some((mm, segment)) = ways.filter(|mm| *mm >= NEAR_MM).find_map(fitting) {
+                let attitude = Attitude::new(-direction, entry.pose.attitude.up);
+                best = Some((mm, Pose { position: start + direction * mm, attitude }, segment));
             }
         }
-        false
+        best.map(|b| (b.1, b.2))
+    }
+
+    /// Returns the segment of the lumen at a place (world, mm) if the camera fits there.
+    fn fits(&self, at: DVec3) -> Option<usize> {
+        let radius = self.flight.setup().scene.body.radius_mm + ROOM_MM;
+        let segment = self.flight.setup().lumen.segment_at(at)?;
+        self.flight.app().scan_get::<Walls>().is_some_and(|w| w.0.at(at).mm > radius).then_some(segment)
     }
 }

@@ -8,7 +8,7 @@ use egui::{TextureHandle, TextureOptions, Ui, pos2, vec2};
 use glam::DVec3;
 
 use super::{AssistInput, Context, Panel, PanelEntry, Requests};
-use crate::host::window::assistant::{Assistant, Entry, Found, Measured, SIDE, Said, State};
+use crate::host::window::assistant::{Assistant, Entry, Found, Measured, SIDE, Said, State, answer_text};
 use crate::host::window::overlay::{ACCENT, INK, SOFT, Severity, TEXT, text};
 use crate::polyps::Form;
 use crate::polyps::answers::Answer;
@@ -230,7 +230,7 @@ fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_ordered: bool, said:
     let score = format!("score {:.2}", entry.candidate.score);
     let score = text(p, pos2(head.max.x + 8.0, head.max.y - 1.0), Align2::LEFT_BOTTOM, &score, TEXT, SOFT);
     if let Some(answer) = said.and_then(|s| s.answer) {
-        let (name, colour) = (name(answer), colour(Some(answer)));
+        let (name, colour) = (answer_text(answer), colour(Some(answer)));
         text(p, pos2(score.max.x + 10.0, score.max.y), Align2::LEFT_BOTTOM, name, TEXT, colour);
     }
     let mut y = head.max.y;
@@ -275,14 +275,6 @@ fn lesion(measured: &Measured, ui: &mut Ui, requests: &mut Requests) {
     ui.label(format!("{mean:.0} ± {sd:.0} HU inside; confidence {:.0} %", 100.0 * m.confidence));
     if !m.why.is_empty() {
         ui.label(RichText::new(m.why.join("; ")).color(SOFT));
-    }
-}
-
-fn name(answer: Answer) -> &'static str {
-    match answer {
-        Answer::Yes => "yes",
-        Answer::No => "no",
-        Answer::Unsure => "unsure",
     }
 }
 
