@@ -439,7 +439,8 @@ fn candidates_are_answered_in_a_window() {
     let right = |i: &RgbImage| image::imageops::crop_imm(i, 460, 60, 180, 400).to_image();
     let pink = |i: &RgbImage| share(&right(i), |[r, g, b]| r > 60 && r > g + g / 4 && g >= b);
     let chosen = |i: &RgbImage| share(&right(i), |p| p == [38, 62, 84]);
-    let lists = |i: &RgbImage| pink(i) > 0.1;
+    // Beside the flight, on the panel's ground.
+    let lists = |i: &RgbImage| pink(i) > 0.1 && share(&right(i), |p| p == [27; 3]) > 0.3;
     let quit = |mut window: Running| {
         screen.key("q");
         let status = window.wait();
@@ -469,7 +470,6 @@ fn candidates_are_answered_in_a_window() {
     window.0.kill().unwrap();
     window.wait();
     let text = answers().unwrap();
-    // The panel is shown from the beginning if it was shown at the end.
     let window = screen.fly(folder, "f.jsonl");
     screen.key("k");
     screen.shot_when("the list again", lists);

@@ -185,7 +185,7 @@ impl FlightController {
             let direction = out * along + (u * turn.cos() + w * turn.sin()) * (1.0 - along * along).sqrt();
             let free = first_crossing(self.flight.shown_scan(), start, direction, FAR_MM).unwrap_or(FAR_MM);
             let reach = best.map_or(free, |b| b.0.min(free));
-            let ways = (1..).map(|n| n as f64 * STEP_MM).take_while(|mm| *mm < reach);
+            let ways = (1u32..).map(|n| f64::from(n) * STEP_MM).take_while(|mm| *mm < reach);
             let fitting = |mm: f64| self.fits(start + direction * mm).map(|segment| (mm, segment));
             if let Some((mm, segment)) = ways.filter(|mm| *mm >= NEAR_MM).find_map(fitting) {
                 let attitude = Attitude::new(-direction, entry.pose.attitude.up);

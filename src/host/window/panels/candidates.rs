@@ -26,6 +26,8 @@ const CAUTION: &str = "A second reader's aid, measured on synthetic scans only: 
 /// Height of a row of the list, and of its picture, points.
 const ROW: f32 = 78.0;
 const PICTURE: f32 = 72.0;
+/// A narrower row has shorter lines, points.
+const NARROW: f32 = 270.0;
 /// Radius of a mark, points.
 const MARK: f32 = 9.0;
 /// Colour of a measured lesion's diameter. It differs from that of distances, of the crosshair and of the camera.
@@ -122,9 +124,9 @@ impl CandidatesPanel {
         ui.horizontal_wrapped(|ui| {
             context.button(ui, "Previous", "candidate-previous", requests);
             context.button(ui, "Next", "candidate-next", requests);
-            let at = current.map_or_else(|| format!("{all} candidates"), |n| format!("{} of {all}", n + 1));
-            ui.label(format!("{at}, {} answered", reading.answered()));
         });
+        let at = current.map_or_else(|| format!("{all} candidates"), |n| format!("{} of {all}", n + 1));
+        ui.label(format!("{at}, {} answered", reading.answered()));
         let said = current.and_then(|n| reading.said(n));
         ui.horizontal_wrapped(|ui| {
             for (answer, name) in [(Answer::Yes, "Yes"), (Answer::No, "No"), (Answer::Unsure, "Unsure")] {
@@ -202,10 +204,10 @@ impl CandidatesPanel {
                     Color32::WHITE,
                 );
                 let said = reading.said(n);
-                words(&p, image.right_top() + vec2(8.0, -1.0), n, entry, found.is_ordered, said);
-                if let Some(note) = said.map(|s| s.note.as_str()).filter(|n| !n.is_empty()) {
-                    row.clone().on_hover_text(note);
-                }
+                words(&p, image.right_top() + vec2(8.0, -1.0), n, entry, rect.width() < NARROW, said);
+                let row = row.on_hover_ui(|ui| {
+                    ui.label(tip(entry, found.is_ordered, said.map_or("", |s| &s.note)));
+                });
                 if row.clicked() {
                     requests.assist(AssistInput::Select(n));
                 }
@@ -224,29 +226,41 @@ impl CandidatesPanel {
     }
 }
 
-/// Draws what is known of a candidate, line by line.
-fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_ordered: bool, said: Option<&Said>) {
+/// Draws what is known of a candidate, line by line; in a narrow row one thing in each. The painter cuts off what is too long.
+fn words(p: &Painter, at: Pos2, n: usize, entry: &Entry, is_narrow: bool, said: Option<&Said>) {
     let head = text(p, at, Align2::LEFT_TOP, &format!("{}", n + 1), 17.0, INK);
-    let score = format!("score {:.2}", entry.candidate.score);
+    let score = format!("{}{:.2}", if is_narrow { "" } else { "score " }, entry.candidate.score);
     let score = text(p, pos2(head.max.x + 8.0, head.max.y - 1.0), Align2::LEFT_BOTTOM, &score, TEXT, SOFT);
     if let Some(answer) = said.and_then(|s| s.answer) {
         let (name, colour) = (answer_text(answer), colour(Some(answer)));
-        text(p, pos2(score.max.x + 10.0, score.max.y), Align2::LEFT_BOTTOM, name, TEXT, colour);
+        text(p, pos2(score.max.x + 8.0, score.max.y), Align2::LEFT_BOTTOM, name, TEXT, colour);
     }
     let mut y = head.max.y;
     let mut line =
         |words: &str, colour: Color32| y = text(p, pos2(at.x, y), Align2::LEFT_TOP, words, TEXT, colour).max.y;
     if let Some(l) = &entry.candidate.lesion {
-        line(&format!("{:.1} mm wide, {:.1} mm high", l.diameter_mm, l.height_mm), INK);
+        let sizes = [format!("{:.1} mm wide", l.diameter_mm), format!("{:.1} mm high", l.height_mm)];
+        if is_narrow {
+            sizes.iter().for_each(|size| line(size, INK));
+        } else {
+            line(&sizes.join(", "), INK);
+        }
     }
     if let Some((segment, mm)) = entry.along {
-        let from = if is_ordered { "from the rectum" } else { "from its end" };
-        line(&format!("segment {}, {mm:.0} mm {from}", segment + 1), SOFT);
+        let segment = if is_narrow { String::new() } else { format!("segment {}, ", segment + 1) };
+        line(&format!("{segment}at {mm:.0} mm"), SOFT);
     }
     if let Some(said) = said {
-        // The painter cuts it off at the row's right edge.
         line(&said.note, INK);
     }
+}
+
+/// Returns what is told of a row under the pointer.
+fn tip(entry: &Entry, is_ordered: bool, note: &str) -> String {
+    let from = if is_ordered { "from the rectum" } else { "from its end nearer to the rectum" };
+    let place = entry.along.map(|(segment, mm)| format!("segment {}, {mm:.0} mm {from}", segment + 1));
+    let lines = place.into_iter().chain((!note.is_empty()).then(|| note.to_owned()));
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// Lays out a measured lesion.
