@@ -448,13 +448,17 @@ fn candidates_are_answered_in_a_window() {
         let stats: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("stats.json")).unwrap()).unwrap();
         stats["assistant"].clone()
     };
+    // The server may still show a window that has ended, and the next one would not get the keyboard.
+    let gone = || screen.shot_when("an empty screen", |i| !shows(i));
     // Without the panel there is neither a list nor a file.
     let window = screen.fly(folder, "f.jsonl");
     std::thread::sleep(Duration::from_secs(1));
     assert!(quit(window).is_null());
+    gone();
     let kept = folder.join("state/colvis/answers");
     assert!(!kept.exists());
     let mut window = screen.fly(folder, "f.jsonl");
+    std::thread::sleep(Duration::from_secs(1));
     screen.key("k");
     let list = screen.shot_when("a list of candidates", lists);
     assert!(chosen(&list) == 0.0);
@@ -469,8 +473,10 @@ fn candidates_are_answered_in_a_window() {
     // Nothing is left to be done at the end: the window may be killed.
     window.0.kill().unwrap();
     window.wait();
+    gone();
     let text = answers().unwrap();
     let window = screen.fly(folder, "f.jsonl");
+    std::thread::sleep(Duration::from_secs(1));
     screen.key("k");
     screen.shot_when("the list again", lists);
     screen.key("Return");

@@ -699,6 +699,8 @@ impl ApplicationHandler<Wake> for Shell {
                 self.ask_for_picture();
             }
             WindowEvent::DroppedFile(path) => self.open_scan(path, None, events),
+            // A key that is held while the window gains the focus was pressed for another window.
+            WindowEvent::KeyboardInput { is_synthetic: true, event, .. } if event.state == ElementState::Pressed => {}
             WindowEvent::KeyboardInput { event, .. } => self.key(&event, events),
             WindowEvent::ModifiersChanged(m) => self.modifiers = m.state(),
             WindowEvent::Focused(false) => {
